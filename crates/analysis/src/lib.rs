@@ -1,0 +1,2 @@
+//! From touches to results: shift tables, sensitivity, classification.
+#![deny(clippy::disallowed_methods)]

@@ -1,0 +1,1 @@
+//! What each impedance analyzer must be told.

@@ -1,0 +1,1 @@
+//! Line and scatter charts as deterministic SVG text.

@@ -1,0 +1,162 @@
+//! What the bench is: its axes, its geometry and its limits.
+
+use crate::{Axis, ContactAngle, Deg, Direction, Mm, Position};
+
+/// Whether the probe is known to be away from the sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Clearance {
+    /// A read-back of the current move shows the probe at the clear position.
+    Clear,
+    /// The probe was lowered towards the sample and has not been shown clear since.
+    InContact,
+    /// Nothing is known, as after a start or a fault. Treated as contact.
+    Unknown,
+}
+
+impl Clearance {
+    /// The word in results and messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Clear => "clear",
+            Self::InContact => "in contact",
+            Self::Unknown => "unknown",
+        }
+    }
+}
+
+/// Where things are.
+///
+/// The linear stage carries the sensor; its position is the height of the probe tip and grows
+/// upwards. The rotary stage tilts the sample about a horizontal axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Geometry {
+    /// Linear position at which the tip touches the level sample.
+    pub surface: Position<Mm>,
+    /// How far that surface lies above the rotary axis (negative when below), in mm.
+    pub surface_above_pivot_mm: f64,
+    /// How far the probe stands beside the rotary axis, in mm, positive to the side that sinks at
+    /// positive angles.
+    pub probe_beside_pivot_mm: f64,
+    /// Radius of the spherical probe tip, in mm.
+    pub probe_radius_mm: f64,
+    /// Half the width of the largest sample, in mm: its edge rises when it is tilted.
+    pub sample_half_width_mm: f64,
+    /// By how much the surface of a sample may lie elsewhere than expected, in mm.
+    pub surface_tolerance_mm: f64,
+}
+
+impl Geometry {
+    /// The linear position at which the tip is expected to touch the tilted sample.
+    ///
+    /// A plane at distance d from the pivot, tilted by α, stands at the height (d − x sin α)/cos α
+    /// at the lateral offset x. A ball of radius R that touches it has its centre R/cos α above,
+    /// and its lowest point R below the centre.
+    pub fn surface_at(&self, direction: Direction, angle: ContactAngle) -> Position<Mm> {
+        let tilt = direction.rotary_position(angle).value().to_radians();
+        let (d, r) = (self.surface_above_pivot_mm, self.probe_radius_mm);
+        let height = (d + r - self.probe_beside_pivot_mm * tilt.sin()) / tilt.cos() - r;
+        self.surface.offset(height - d)
+    }
+
+    /// The highest point that any sample reaches when it is tilted by up to `tilt_degrees`.
+    pub fn highest_sample_point(&self, tilt_degrees: f64) -> Position<Mm> {
+        let d = self.surface_above_pivot_mm + self.surface_tolerance_mm;
+        let w = self.sample_half_width_mm;
+        // d cos α + w sin α is largest at atan(w/d), or at the end of the range.
+        let best = w.atan2(d).clamp(0.0, tilt_degrees.abs().to_radians());
+        let height = d * best.cos() + w * best.sin();
+        self.surface.offset(height - self.surface_above_pivot_mm)
+    }
+}
+
+/// How fast and how deep the probe may go.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MotionLimits {
+    /// Deepest indentation below the surface found, in mm.
+    pub max_indentation_mm: f64,
+    /// Speed with the probe clear, in mm/s.
+    pub travel_speed_mm_per_s: f64,
+    /// Speed while the surface is sought and in contact, in mm/s.
+    pub contact_speed_mm_per_s: f64,
+    /// Speed of the rotary stage, in °/s.
+    pub rotary_speed_deg_per_s: f64,
+}
+
+/// What the analyzer can be asked for on this bench.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AnalyzerRange {
+    /// Lowest and highest frequency, in Hz.
+    pub frequency_hz: (f64, f64),
+    /// Highest level, in V.
+    pub max_level_v: f64,
+}
+
+/// The bench as the protocol and the engine see it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bench {
+    /// The vertical stage that carries the sensor.
+    pub linear: Axis<Mm>,
+    /// The stage that tilts the sample.
+    pub rotary: Axis<Deg>,
+    /// Where things are.
+    pub geometry: Geometry,
+    /// How fast and how deep.
+    pub limits: MotionLimits,
+    /// What can be measured.
+    pub analyzer: AnalyzerRange,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn geometry() -> Geometry {
+        Geometry {
+            surface: Position::new(10.0),
+            surface_above_pivot_mm: 4.0,
+            probe_beside_pivot_mm: 0.3,
+            probe_radius_mm: 0.5,
+            sample_half_width_mm: 20.0,
+            surface_tolerance_mm: 0.0,
+        }
+    }
+
+    /// Touching is decided without the formula: the lowest ball centre whose distance to the
+    /// tilted plane is the radius, found by bisection.
+    fn touch_by_bisection(geometry: &Geometry, tilt: f64) -> f64 {
+        let (mut low, mut high) = (-50.0_f64, 50.0_f64);
+        for _ in 0..200 {
+            let centre = 0.5 * (low + high);
+            let distance = geometry.probe_beside_pivot_mm * tilt.sin() + centre * tilt.cos()
+                - geometry.surface_above_pivot_mm;
+            if distance < geometry.probe_radius_mm { low = centre } else { high = centre }
+        }
+        low - geometry.probe_radius_mm + geometry.surface.value() - geometry.surface_above_pivot_mm
+    }
+
+    #[test]
+    fn the_surface_is_where_the_ball_touches_the_tilted_plane() {
+        for degrees in [0.0, 15.0, 30.0, 45.0] {
+            for direction in Direction::ALL {
+                let angle = ContactAngle::new(degrees).unwrap();
+                let tilt = direction.rotary_position(angle).value().to_radians();
+                let expected = touch_by_bisection(&geometry(), tilt);
+                let found = geometry().surface_at(direction, angle).value();
+                assert!((found - expected).abs() < 1e-9, "{direction} {angle}: {found} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_highest_point_of_a_tilted_sample_is_not_always_at_the_end_of_the_range() {
+        let level = geometry().highest_sample_point(0.0).value();
+        assert!((level - 10.0).abs() < 1e-12);
+        let mut by_search = f64::MIN;
+        for step in 0..=4500 {
+            let tilt = (f64::from(step) / 100.0).to_radians();
+            by_search = by_search.max(6.0 + 4.0 * tilt.cos() + 20.0 * tilt.sin());
+        }
+        let found = geometry().highest_sample_point(45.0).value();
+        assert!((found - by_search).abs() < 1e-6, "{found} {by_search}");
+    }
+}

@@ -1,0 +1,156 @@
+//! What is asked of an impedance analyzer, and what it answers.
+
+use crate::RigTime;
+
+/// A frequency interval in Hz, with `min_hz` below `max_hz`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Window {
+    /// Lower end, Hz.
+    pub min_hz: f64,
+    /// Upper end, Hz.
+    pub max_hz: f64,
+}
+
+impl Window {
+    /// Whether `frequency_hz` lies inside.
+    pub fn contains(&self, frequency_hz: f64) -> bool {
+        self.min_hz <= frequency_hz && frequency_hz <= self.max_hz
+    }
+}
+
+/// The level of the drive signal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DriveLevel {
+    /// Open-circuit voltage as the instrument is programmed, V.
+    pub volt: f64,
+}
+
+/// One frequency to measure at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SweepPoint {
+    /// Frequency, Hz.
+    pub frequency_hz: f64,
+    /// How long to wait after the frequency is set, s.
+    pub settle_s: f64,
+    /// How many whole cycles to integrate.
+    pub cycles: u32,
+}
+
+impl SweepPoint {
+    /// Settling and integration together, s.
+    pub fn duration_s(&self) -> f64 {
+        self.settle_s + f64::from(self.cycles) / self.frequency_hz
+    }
+}
+
+/// How the points of a sweep are chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SweepMethod {
+    /// The planner chooses each next point from what is known so far.
+    Adaptive,
+    /// Evenly spaced points over the whole window.
+    Uniform {
+        /// How many.
+        points: u32,
+    },
+}
+
+/// A resonance to be found: where, how well, and at what cost.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SweepRequest {
+    /// Where to look.
+    pub window: Window,
+    /// How to choose the points.
+    pub method: SweepMethod,
+    /// The standard deviation asked for, Hz.
+    pub target_sigma_hz: f64,
+    /// The time allowed on the rig's clock, s.
+    pub time_limit_s: f64,
+    /// Whole cycles integrated at each point of a uniform sweep; the adaptive one starts with it.
+    pub cycles: u32,
+    /// Settling at each point of a uniform sweep, s.
+    pub settle_s: f64,
+    /// Level of the drive.
+    pub level: DriveLevel,
+}
+
+/// Why a sweep cannot be asked for.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum SweepRequestError {
+    /// The window is empty or not a range of positive numbers.
+    #[error("sweep window [{min_hz} Hz, {max_hz} Hz] is not a rising range of positive numbers")]
+    Window {
+        /// Lower end asked for, Hz.
+        min_hz: f64,
+        /// Upper end asked for, Hz.
+        max_hz: f64,
+    },
+    /// A quantity is outside its range.
+    #[error("sweep {what} = {found} is outside [{min}, {max}]")]
+    OutOfRange {
+        /// The key as it stands in a protocol.
+        what: &'static str,
+        /// The value asked for.
+        found: f64,
+        /// Smallest value allowed.
+        min: f64,
+        /// Largest value allowed.
+        max: f64,
+    },
+}
+
+impl SweepRequest {
+    /// Every reason for which this sweep cannot be run.
+    pub fn faults(&self) -> Vec<SweepRequestError> {
+        let mut faults = Vec::new();
+        let Window { min_hz, max_hz } = self.window;
+        if !(min_hz > 0.0 && max_hz > min_hz && max_hz.is_finite()) {
+            faults.push(SweepRequestError::Window { min_hz, max_hz });
+        }
+        let mut within = |what, found: f64, min: f64, max: f64| {
+            if !(min <= found && found <= max) {
+                faults.push(SweepRequestError::OutOfRange { what, found, min, max });
+            }
+        };
+        if let SweepMethod::Uniform { points } = self.method {
+            // Five circuit parameters need five points; two more leave something to judge by.
+            within("points", f64::from(points), 7.0, 10_001.0);
+        }
+        within("target_sigma_hz", self.target_sigma_hz, 1e-6, 100.0);
+        within("time_limit_s", self.time_limit_s, 0.01, 86_400.0);
+        within("cycles", f64::from(self.cycles), 1.0, 100_000.0);
+        within("settle_s", self.settle_s, 0.0, 60.0);
+        within("level_v", self.level.volt, 1e-3, 100.0);
+        faults
+    }
+}
+
+/// What the instrument said of a reading besides its value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ReadingFlag {
+    /// Nothing.
+    Normal,
+    /// The input was overloaded; the value is not to be used.
+    Overload,
+    /// The signal was too small for the range; the value is uncertain.
+    LowSignal,
+}
+
+/// One impedance reading.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reading {
+    /// Frequency at which the instrument says it measured, Hz.
+    pub frequency_hz: f64,
+    /// Series resistance, the real part of the impedance, ohm.
+    pub resistance_ohm: f64,
+    /// Series reactance, the imaginary part of the impedance, ohm.
+    pub reactance_ohm: f64,
+    /// When the frequency was set: settling starts here.
+    pub started: RigTime,
+    /// The settling that was waited for, s.
+    pub settle_s: f64,
+    /// The integration time, s.
+    pub integration_s: f64,
+    /// What the instrument said besides.
+    pub flag: ReadingFlag,
+}

@@ -1,0 +1,2 @@
+//! Protocol TOML in; a checked plan of addressable steps out.
+#![deny(clippy::disallowed_methods)]

@@ -1,0 +1,2 @@
+//! Impedance points in; resonance frequency with uncertainty, or a refusal with its reason, out.
+#![deny(clippy::disallowed_methods)]

@@ -1,0 +1,2 @@
+//! The `rigd` program.
+fn main() {}

@@ -1,0 +1,1 @@
+//! What each Modbus axis controller must be told; register maps are data.

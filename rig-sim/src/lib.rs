@@ -1,0 +1,1 @@
+//! Simulated instruments on the wire and the physical world behind them.
