@@ -1,0 +1,146 @@
+//! The checked plan: what the engine replays, step by step.
+
+use std::fmt;
+
+use rig_model::{ContactAngle, Direction, Orientation, SweepRequest};
+
+/// A protocol that this bench can run, laid out in order.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// Name of the protocol.
+    pub name: String,
+    /// Names of the samples; steps refer to them by index.
+    pub samples: Vec<String>,
+    /// What is done, in order.
+    pub steps: Vec<Step>,
+    /// How the surface is sought and how deep the probe goes.
+    pub touch: TouchSettings,
+    /// How resonance is measured with the probe clear.
+    pub no_load_sweep: SweepRequest,
+    /// How resonance is measured in contact.
+    pub contact_sweep: SweepRequest,
+    /// How the blind touches are to be classified, when there are any.
+    pub classes: Option<usize>,
+    /// The seed that chose every random order, angle and sample in it.
+    pub seed: u64,
+}
+
+/// One step, with an address that stays the same from run to run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Step {
+    /// The address.
+    pub id: StepId,
+    /// What is done.
+    pub action: Action,
+}
+
+/// The address of a step, such as `main/3/left/30/1`.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct StepId(pub String);
+
+impl fmt::Display for StepId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+/// What a step does.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Action {
+    /// A person is asked to do what the bench cannot.
+    Prompt(Prompt),
+    /// The no-load resonance is measured at a pose, with the probe clear.
+    NoLoad(Pose),
+    /// One touch, from clear to clear.
+    Touch(Touch),
+}
+
+/// What a person is asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Prompt {
+    /// Put this sample under the probe.
+    PlaceSample {
+        /// Index into [`Plan::samples`].
+        sample: usize,
+    },
+    /// Turn the sensor about its own axis.
+    TurnSensor {
+        /// How it must stand afterwards.
+        orientation: Orientation,
+    },
+}
+
+/// How the surface stands to the probe.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pose {
+    /// Which way the surface leans.
+    pub direction: Direction,
+    /// By how much.
+    pub angle: ContactAngle,
+}
+
+/// Which part of the protocol a touch belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Phase {
+    /// The grid of samples, directions and angles.
+    Main,
+    /// The random touches that are classified without their labels.
+    Blind,
+}
+
+impl Phase {
+    /// The word in step addresses and results.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Main => "main",
+            Self::Blind => "blind",
+        }
+    }
+}
+
+/// One touch of one sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Touch {
+    /// Which part of the protocol it belongs to.
+    pub phase: Phase,
+    /// Index into [`Plan::samples`]. In the blind phase the analysis is not told.
+    pub sample: usize,
+    /// How the surface stands.
+    pub pose: Pose,
+    /// Counts from 1: the repeat of this pose in the main phase, the trial in the blind phase.
+    pub repeat: u32,
+}
+
+/// How a touch is made.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TouchSettings {
+    /// Depth below the surface found, along the probe axis, in mm.
+    pub indentation_mm: f64,
+    /// Rest between the indentation and the sweep, so that the tissue relaxes, in s.
+    pub dwell_s: f64,
+    /// How the surface is sought.
+    pub approach: Approach,
+}
+
+/// How the surface is sought.
+///
+/// The probe goes down in steps. At each one the impedance at the no-load resonance is compared
+/// with that of the clear probe. After the first change it goes back above the last clear step and
+/// comes down again in finer steps, until the finest step brackets the surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Approach {
+    /// How far above the expected surface the search begins, in mm.
+    pub start_above_mm: f64,
+    /// How far below the expected surface it gives up, in mm.
+    pub give_up_below_mm: f64,
+    /// The first step, in mm.
+    pub coarse_step_mm: f64,
+    /// The last step, in mm: the surface is known to a uniform error of this width.
+    pub fine_step_mm: f64,
+    /// Relative change of impedance that counts as contact.
+    pub contact_threshold: f64,
+    /// Settling at each step, in s.
+    pub settle_s: f64,
+    /// Whole cycles integrated at each step.
+    pub cycles: u32,
+}
