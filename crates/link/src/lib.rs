@@ -1,1 +1,22 @@
 //! Owns a port: bytes, deadlines, drain, quarantine, and a transcript of the last frames.
+//!
+//! A [`Port`] is one serial line, one TCP connection or one pipe in memory; whoever has it is its
+//! only user. It knows time and bytes and no protocol: what an answer must look like is decided by
+//! the drivers above. All waiting is done on the runtime's clock, so that a simulated rig may run
+//! on a paused one.
+
+mod clock;
+mod error;
+mod line;
+mod port;
+mod stop;
+mod transcript;
+mod transport;
+
+pub use clock::Clock;
+pub use error::{LineError, OpenError};
+pub use line::{LineSettings, Parity, StopBits};
+pub use port::Port;
+pub use stop::StopSignal;
+pub use transcript::{Flow, Frame, Transcript};
+pub use transport::Transport;

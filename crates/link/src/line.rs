@@ -1,0 +1,99 @@
+//! How characters travel on a serial line, and how long they take.
+
+use std::{fmt, time::Duration};
+
+/// The parity bit of a character.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Parity {
+    /// No parity bit.
+    None,
+    /// The number of ones is even.
+    Even,
+    /// The number of ones is odd.
+    Odd,
+}
+
+/// The stop bits of a character.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StopBits {
+    /// One.
+    One,
+    /// Two.
+    Two,
+}
+
+/// The settings of a serial line. Characters have eight data bits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LineSettings {
+    /// Bits per second.
+    pub baud: u32,
+    /// The parity bit.
+    pub parity: Parity,
+    /// The stop bits.
+    pub stop_bits: StopBits,
+}
+
+impl LineSettings {
+    /// Eight data bits, no parity, one stop bit.
+    pub const fn eight_n_one(baud: u32) -> Self {
+        Self { baud, parity: Parity::None, stop_bits: StopBits::One }
+    }
+
+    /// Eight data bits, even parity, one stop bit: the setting that Modbus RTU demands of all
+    /// devices.
+    pub const fn eight_e_one(baud: u32) -> Self {
+        Self { baud, parity: Parity::Even, stop_bits: StopBits::One }
+    }
+
+    /// How long `bytes` characters occupy the line.
+    pub fn duration_of(&self, bytes: usize) -> Duration {
+        let parity = u32::from(self.parity != Parity::None);
+        let stop = if self.stop_bits == StopBits::Two { 2 } else { 1 };
+        let bits_per_character = 1 + 8 + parity + stop;
+        let seconds = f64::from(bits_per_character) / f64::from(self.baud.max(1));
+        Duration::from_secs_f64(seconds * bytes as f64)
+    }
+
+    /// The silence that separates two frames of Modbus RTU: 3.5 characters of 11 bits, and a fixed
+    /// time above 19200 baud.
+    ///
+    /// # Source
+    /// Modbus over Serial Line, Specification and Implementation Guide V1.02, page 13.
+    pub fn frame_silence(&self) -> Duration {
+        if self.baud > 19_200 {
+            return Duration::from_micros(1_750);
+        }
+        Duration::from_secs_f64(3.5 * 11.0 / f64::from(self.baud.max(1)))
+    }
+}
+
+impl fmt::Display for LineSettings {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let parity = match self.parity {
+            Parity::None => 'N',
+            Parity::Even => 'E',
+            Parity::Odd => 'O',
+        };
+        let stop = match self.stop_bits {
+            StopBits::One => 1,
+            StopBits::Two => 2,
+        };
+        write!(f, "{} 8{parity}{stop}", self.baud)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_those_of_the_modbus_guide() {
+        let micros = |duration: Duration| duration.as_micros();
+        assert_eq!(micros(LineSettings::eight_e_one(9_600).frame_silence()), 4_010);
+        assert_eq!(micros(LineSettings::eight_e_one(19_200).frame_silence()), 2_005);
+        assert_eq!(micros(LineSettings::eight_e_one(115_200).frame_silence()), 1_750);
+        assert_eq!(micros(LineSettings::eight_e_one(9_600).duration_of(8)), 9_166);
+        assert_eq!(micros(LineSettings::eight_n_one(9_600).duration_of(8)), 8_333);
+        assert_eq!(LineSettings::eight_e_one(115_200).to_string(), "115200 8E1");
+    }
+}
