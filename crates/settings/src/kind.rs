@@ -1,0 +1,267 @@
+//! The kinds of value that a key may hold.
+
+use std::fmt;
+
+use toml::{Spanned, de::DeValue};
+
+use crate::{
+    Place, Setting, Table,
+    shape::nearest,
+    source::Source,
+    wrong::{Bound, Limit, Subject, Wrong},
+};
+
+/// How a value is read. The kinds of this crate are all there are.
+pub trait Kind: sealed::Sealed {
+    /// What the value becomes.
+    type Value;
+
+    /// The value, or `None` after its faults were noted.
+    #[doc(hidden)]
+    fn read<'d>(&self, slot: &Slot<'d>, value: &'d Spanned<DeValue<'d>>) -> Option<Self::Value>;
+
+    /// What stands in for a value that is missing or faulty.
+    #[doc(hidden)]
+    fn placeholder(&self, slot: &Slot<'_>) -> Self::Value;
+}
+
+mod sealed {
+    pub trait Sealed {}
+    impl Sealed for super::Number {}
+    impl<T> Sealed for super::Whole<T> {}
+    impl Sealed for super::Flag {}
+    impl Sealed for super::Text {}
+    impl<T> Sealed for super::Choice<T> {}
+    impl<K> Sealed for super::List<K> {}
+    impl<F> Sealed for super::Section<F> {}
+}
+
+/// Where a value stands or should stand.
+#[doc(hidden)]
+#[derive(Debug, Clone)]
+pub struct Slot<'d> {
+    pub(crate) source: &'d Source<'d>,
+    /// Dotted name of the table that it would be, if it were one.
+    pub(crate) path: String,
+    pub(crate) key: &'static str,
+    pub(crate) is_item: bool,
+    pub(crate) place: Place,
+}
+
+impl Slot<'_> {
+    fn subject(&self, value: &Spanned<DeValue<'_>>) -> Subject {
+        let is_long = matches!(value.get_ref(), DeValue::Array(_) | DeValue::Table(_));
+        let written = (!is_long).then(|| self.source.written(value.span()).to_owned());
+        Subject { key: self.key, written, is_item: self.is_item }
+    }
+
+    fn refuse<T>(&self, wrong: &Wrong) -> Option<T> {
+        self.source.refuse(self.place, wrong);
+        None
+    }
+
+    fn expected<T>(&self, expected: &'static str, value: &Spanned<DeValue<'_>>) -> Option<T> {
+        self.refuse(&Wrong::kind(self.subject(value), expected, value.get_ref()))
+    }
+}
+
+/// A finite number, whole or not.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Number {
+    pub(crate) limits: [Option<Limit<f64>>; 2],
+}
+
+impl Kind for Number {
+    type Value = f64;
+
+    fn read<'d>(&self, slot: &Slot<'d>, value: &'d Spanned<DeValue<'d>>) -> Option<f64> {
+        let number = match value.get_ref() {
+            DeValue::Float(float) => float.as_str().parse().ok(),
+            DeValue::Integer(whole) => {
+                i128::from_str_radix(whole.as_str(), whole.radix()).ok().map(|whole| whole as f64)
+            }
+            _ => return slot.expected("a number", value),
+        };
+        let Some(number) = number.filter(|number: &f64| number.is_finite()) else {
+            return slot.refuse(&Wrong::NotFinite(slot.subject(value)));
+        };
+        let broken = self.limits.into_iter().flatten().find(|limit| !limit.allows(number));
+        match broken {
+            Some(limit) => slot.refuse(&Wrong::outside(slot.subject(value), limit)),
+            None => Some(number),
+        }
+    }
+
+    fn placeholder(&self, _: &Slot<'_>) -> f64 {
+        self.limits[0].map_or(0.0, |limit| limit.value)
+    }
+}
+
+/// A whole number.
+#[derive(Debug, Clone, Copy)]
+pub struct Whole<T> {
+    pub(crate) min: T,
+    pub(crate) max: T,
+}
+
+impl<T: Copy + fmt::Display + TryFrom<i128> + Into<i128>> Kind for Whole<T> {
+    type Value = T;
+
+    fn read<'d>(&self, slot: &Slot<'d>, value: &'d Spanned<DeValue<'d>>) -> Option<T> {
+        let DeValue::Integer(whole) = value.get_ref() else {
+            return slot.expected("a whole number", value);
+        };
+        // What does not fit is larger than any limit.
+        let whole = i128::from_str_radix(whole.as_str(), whole.radix()).unwrap_or(i128::MAX);
+        let (min, max) = (self.min.into(), self.max.into());
+        if whole < min {
+            let limit = Limit { bound: Bound::AtLeast, value: min };
+            return slot.refuse(&Wrong::outside(slot.subject(value), limit));
+        }
+        if whole > max {
+            let limit = Limit { bound: Bound::AtMost, value: max };
+            return slot.refuse(&Wrong::outside(slot.subject(value), limit));
+        }
+        T::try_from(whole).ok()
+    }
+
+    fn placeholder(&self, _: &Slot<'_>) -> T {
+        self.min
+    }
+}
+
+/// True or false.
+#[derive(Debug, Clone, Copy)]
+pub struct Flag;
+
+impl Kind for Flag {
+    type Value = bool;
+
+    fn read<'d>(&self, slot: &Slot<'d>, value: &'d Spanned<DeValue<'d>>) -> Option<bool> {
+        value.get_ref().as_bool().or_else(|| slot.expected("true or false", value))
+    }
+
+    fn placeholder(&self, _: &Slot<'_>) -> bool {
+        false
+    }
+}
+
+/// Text that is not empty.
+#[derive(Debug, Clone, Copy)]
+pub struct Text;
+
+impl Kind for Text {
+    type Value = String;
+
+    fn read<'d>(&self, slot: &Slot<'d>, value: &'d Spanned<DeValue<'d>>) -> Option<String> {
+        match value.get_ref().as_str() {
+            Some(text) if text.trim().is_empty() => {
+                slot.refuse(&Wrong::EmptyText(slot.subject(value)))
+            }
+            Some(text) => Some(text.to_owned()),
+            None => slot.expected("text", value),
+        }
+    }
+
+    fn placeholder(&self, _: &Slot<'_>) -> String {
+        String::new()
+    }
+}
+
+/// One of a few words.
+#[derive(Debug, Clone)]
+pub struct Choice<T> {
+    pub(crate) words: Vec<(&'static str, T)>,
+}
+
+impl<T: Clone> Kind for Choice<T> {
+    type Value = T;
+
+    fn read<'d>(&self, slot: &Slot<'d>, value: &'d Spanned<DeValue<'d>>) -> Option<T> {
+        let Some(text) = value.get_ref().as_str() else {
+            return slot.expected("text", value);
+        };
+        let chosen = self.words.iter().find(|(word, _)| *word == text);
+        if let Some((_, meaning)) = chosen {
+            return Some(meaning.clone());
+        }
+        let words: Vec<_> = self.words.iter().map(|(word, _)| *word).collect();
+        let meant = nearest(text, &words);
+        slot.refuse(&Wrong::NotAChoice { subject: slot.subject(value), words, meant })
+    }
+
+    fn placeholder(&self, _: &Slot<'_>) -> T {
+        self.words[0].1.clone()
+    }
+}
+
+/// A list that is not empty.
+#[derive(Debug, Clone)]
+pub struct List<K> {
+    pub(crate) items: K,
+}
+
+impl<K: Kind> Kind for List<K> {
+    type Value = Vec<Setting<K::Value>>;
+
+    fn read<'d>(&self, slot: &Slot<'d>, value: &'d Spanned<DeValue<'d>>) -> Option<Self::Value> {
+        let Some(items) = value.get_ref().as_array() else {
+            return slot.expected("a list", value);
+        };
+        if items.is_empty() {
+            return slot.refuse(&Wrong::EmptyList(slot.key));
+        }
+        let read_item = |item: &'d Spanned<DeValue<'d>>| {
+            let place = slot.source.place(item.span().start);
+            let path = format!("[{}]", slot.path);
+            let slot = Slot { path, is_item: true, place, ..slot.clone() };
+            slot.setting(&self.items, Some(item))
+        };
+        Some(items.iter().map(read_item).collect())
+    }
+
+    fn placeholder(&self, slot: &Slot<'_>) -> Self::Value {
+        // The keys of a section are learnt even when the file has none of it.
+        self.items.placeholder(&Slot { path: format!("[{}]", slot.path), ..slot.clone() });
+        Vec::new()
+    }
+}
+
+/// A table of its own.
+#[derive(Debug, Clone, Copy)]
+pub struct Section<F> {
+    pub(crate) reader: F,
+}
+
+impl<T, F: Fn(&mut Table<'_>) -> T> Kind for Section<F> {
+    type Value = T;
+
+    fn read<'d>(&self, slot: &Slot<'d>, value: &'d Spanned<DeValue<'d>>) -> Option<T> {
+        let Some(entries) = value.get_ref().as_table() else {
+            return slot.expected("a table", value);
+        };
+        Some(
+            Table::new(slot.source, slot.path.clone(), slot.place, Some(entries))
+                .read(&self.reader),
+        )
+    }
+
+    fn placeholder(&self, slot: &Slot<'_>) -> T {
+        Table::new(slot.source, slot.path.clone(), slot.place, None).read(&self.reader)
+    }
+}
+
+impl<'d> Slot<'d> {
+    /// Reads the value that stands here, or finds a placeholder for it.
+    pub(crate) fn setting<K: Kind>(
+        &self,
+        kind: &K,
+        value: Option<&'d Spanned<DeValue<'d>>>,
+    ) -> Setting<K::Value> {
+        let is_broken = self.source.is_broken(self.place);
+        let read = value.filter(|_| !is_broken).and_then(|value| kind.read(self, value));
+        let is_sound = read.is_some();
+        let value = read.unwrap_or_else(|| kind.placeholder(self));
+        Setting { value, place: self.place, key: self.key, is_item: self.is_item, is_sound }
+    }
+}

@@ -1,0 +1,223 @@
+//! What a person reads about a faulty file.
+
+use crate::{Complaint, Faults, Setting, Table, read};
+
+/// A reader that uses every kind of value.
+#[derive(Debug)]
+struct Touch {
+    name: String,
+    angles_deg: Setting<Vec<Setting<f64>>>,
+    window: (f64, f64),
+    points: Vec<(String, u32)>,
+    seed: Option<u64>,
+    order: char,
+    is_blind: bool,
+    speed_mm_per_s: f64,
+}
+
+fn touch(table: &mut Table<'_>) -> Touch {
+    Touch {
+        name: table.text("name").required().value,
+        angles_deg: table.number("angles_deg").range(0.0..=45.0).list().required(),
+        window: table.section("window", window).required().value,
+        points: table
+            .section("points", point)
+            .list()
+            .optional()
+            .map(|points| points.value.into_iter().map(|point| point.value).collect())
+            .unwrap_or_default(),
+        seed: table.whole("seed").optional().map(|seed| seed.value),
+        order: table.choice("order", [("listed", 'l'), ("random", 'r')]).or('l').value,
+        is_blind: table.flag("is_blind").or(false).value,
+        speed_mm_per_s: table.number("speed_mm_per_s").above(0.0).at_most(20.0).or(1.0).value,
+    }
+}
+
+#[derive(Debug, thiserror::Error)]
+#[error("max_hz = {max} is not above min_hz = {min}")]
+struct EmptyWindow {
+    min: f64,
+    max: f64,
+}
+
+impl Complaint for EmptyWindow {}
+
+fn window(table: &mut Table<'_>) -> (f64, f64) {
+    let min = table.number("min_hz").above(0.0).required();
+    let max = table.number("max_hz").above(0.0).required();
+    if let (Some(&min), Some(&max_hz)) = (min.sound(), max.sound())
+        && max_hz <= min
+    {
+        table.refuse(&max, &EmptyWindow { min, max: max_hz });
+    }
+    (min.value, max.value)
+}
+
+fn point(table: &mut Table<'_>) -> (String, u32) {
+    let name = table.text("name").required().value;
+    (name, table.count("cycles").range(1..=100).required().value)
+}
+
+#[track_caller]
+fn faults(text: &str) -> Faults {
+    read("touch.toml", text, touch).1
+}
+
+const GOOD: &str = r#"
+name = "five soft samples"
+angles_deg = [0, 15, 3e1, 45.0]
+seed = 0xFF
+order = "random"
+is_blind = true
+speed_mm_per_s = 0.5
+window = { min_hz = 125, max_hz = 1_60.5 }
+[[points]]
+name = "µ"
+cycles = 10
+"#;
+
+#[test]
+fn a_good_file_is_read_as_it_stands() {
+    let (touch, faults) = read("touch.toml", GOOD, touch);
+    let touch = faults.finish(touch).unwrap();
+    assert_eq!(touch.name, "five soft samples");
+    let angles: Vec<_> = touch.angles_deg.value.iter().map(|angle| angle.value).collect();
+    assert_eq!(angles, [0.0, 15.0, 30.0, 45.0]);
+    assert_eq!(touch.window, (125.0, 160.5));
+    assert_eq!(touch.points, [("µ".to_owned(), 10)]);
+    assert_eq!((touch.seed, touch.order, touch.is_blind), (Some(255), 'r', true));
+    assert_eq!(touch.speed_mm_per_s, 0.5);
+}
+
+#[test]
+fn every_value_remembers_where_it_stands() {
+    let (touch, _) = read("touch.toml", GOOD, touch);
+    let place = |setting: &Setting<f64>| (setting.place.line, setting.place.column);
+    let places: Vec<_> = touch.angles_deg.value.iter().map(place).collect();
+    assert_eq!(places, [(3, 15), (3, 18), (3, 22), (3, 27)]);
+    assert_eq!(touch.angles_deg.value[2].to_string(), "30 in angles_deg");
+}
+
+#[test]
+fn keys_that_may_be_left_out_need_not_be_there() {
+    let text = "name = \"a\"\nangles_deg = [0]\n[window]\nmin_hz = 1\nmax_hz = 2\n";
+    assert_eq!(faults(text).to_string(), "");
+}
+
+#[test]
+fn ten_faults_give_ten_messages() {
+    let text = r#"
+nam = "µ"
+angles_deg = [0, 15, "30", 50]
+order = "randm"
+is_blind = 1
+seed = -3
+speed_mm_per_s = 0
+depth = 7
+
+[window]
+min_hz = 200
+max_hz = 100
+cycles = 4
+
+[[points]]
+name = 3
+"#;
+    insta::assert_snapshot!(faults(text));
+}
+
+#[test]
+fn every_kind_of_value_is_refused_where_another_is_expected() {
+    let text = r#"
+name = ["a"]
+angles_deg = 30
+order = { random = true }
+is_blind = "yes"
+seed = 1.5
+speed_mm_per_s = inf
+window = [1, 2]
+points = "none"
+"#;
+    insta::assert_snapshot!(faults(text));
+}
+
+#[test]
+fn a_key_in_the_wrong_table_is_sent_home_and_not_missed_there() {
+    let text = "angles_deg = [0]\n[window]\nmin_hz = 1\nmax_hz = 2\nname = \"a\"\n";
+    insta::assert_snapshot!(
+        faults(text),
+        @"touch.toml:5:1: `name` is not a key in [window]; it belongs at the top of the file"
+    );
+}
+
+#[test]
+fn a_missing_table_is_one_fault() {
+    insta::assert_snapshot!(
+        faults("name = \"a\"\nangles_deg = []"),
+        @r"
+    touch.toml:1:1: `window` is missing at the top of the file
+    touch.toml:2:14: angles_deg is an empty list; give at least one, or leave the key out
+    "
+    );
+}
+
+#[test]
+fn a_misspelt_key_in_one_of_a_list_does_not_excuse_another() {
+    let text = r#"
+name = "a"
+angles_deg = [0]
+window = { min_hz = 1, max_hz = 2 }
+[[points]]
+nam = "b"
+cycles = 1
+[[points]]
+cycles = 1
+"#;
+    insta::assert_snapshot!(faults(text));
+}
+
+#[test]
+fn faulty_syntax_hides_only_its_own_lines() {
+    let text = r#"
+name = "a
+angles_deg = [0, 50]
+speed_mm_per_s = 0,5
+order = listed
+seed = 1
+seed = 2
+is_blind true
+[window]
+min_hz = 1.2.3
+max_hz = 0
+"#;
+    insta::assert_snapshot!(faults(text));
+}
+
+#[test]
+fn a_broken_header_does_not_bring_a_crowd_of_other_faults() {
+    let text = "name = \"a\"\nangles_deg = [0]\n[window\nmin_hz = 1\nmax_hz = 2\n";
+    insta::assert_snapshot!(
+        faults(text),
+        @"touch.toml:3:8: not TOML: unclosed table, expected `]`"
+    );
+}
+
+#[test]
+fn any_cut_of_a_file_is_refused_or_read_without_a_panic() {
+    for end in (0..GOOD.len()).filter(|&end| GOOD.is_char_boundary(end)) {
+        let (_, faults) = read("touch.toml", &GOOD[..end], touch);
+        for fault in &faults {
+            assert!(fault.place.line <= 12 && fault.place.column <= 43, "{fault}");
+        }
+    }
+}
+
+#[test]
+fn faults_stay_in_the_order_of_the_lines_when_a_later_check_adds_one() {
+    let (touch, mut faults) = read("touch.toml", GOOD, touch);
+    let complaint = |_: &f64| Some(EmptyWindow { min: 0.0, max: 0.0 });
+    touch.angles_deg.value[3].check(&mut faults, complaint);
+    touch.angles_deg.value[0].check(&mut faults, complaint);
+    let columns: Vec<_> = faults.iter().map(|fault| fault.place.column).collect();
+    assert_eq!(columns, [15, 27]);
+}

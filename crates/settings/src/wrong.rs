@@ -1,0 +1,161 @@
+//! What can be wrong with a single value.
+
+use std::fmt;
+
+use toml::de::DeValue;
+
+use crate::Complaint;
+
+/// The value that is complained about.
+#[derive(Debug)]
+pub(crate) struct Subject {
+    pub(crate) key: &'static str,
+    /// As it was written; lists and tables are too long to repeat.
+    pub(crate) written: Option<String>,
+    pub(crate) is_item: bool,
+}
+
+impl fmt::Display for Subject {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { key, written, is_item } = self;
+        match (written, is_item) {
+            (Some(written), true) => write!(f, "{written} in {key}"),
+            (Some(written), false) => write!(f, "{key} = {written}"),
+            (None, true) => write!(f, "each of {key}"),
+            (None, false) => f.write_str(key),
+        }
+    }
+}
+
+/// On which side of a limit a number must lie.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Bound {
+    /// At the limit or above.
+    AtLeast,
+    /// Above the limit.
+    Above,
+    /// At the limit or below.
+    AtMost,
+}
+
+/// A limit of a number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Limit<T> {
+    pub(crate) bound: Bound,
+    pub(crate) value: T,
+}
+
+impl<T: Copy + PartialOrd> Limit<T> {
+    pub(crate) fn at_least(value: T) -> Self {
+        Self { bound: Bound::AtLeast, value }
+    }
+
+    pub(crate) fn above(value: T) -> Self {
+        Self { bound: Bound::Above, value }
+    }
+
+    pub(crate) fn at_most(value: T) -> Self {
+        Self { bound: Bound::AtMost, value }
+    }
+
+    pub(crate) fn allows(&self, number: T) -> bool {
+        match self.bound {
+            Bound::AtLeast => number >= self.value,
+            Bound::Above => number > self.value,
+            Bound::AtMost => number <= self.value,
+        }
+    }
+}
+
+/// What is wrong with a value.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum Wrong {
+    #[error("{subject} must be {expected}, not {found}")]
+    Kind {
+        subject: Subject,
+        expected: &'static str,
+        found: &'static str,
+        suggestion: Option<String>,
+    },
+    #[error("{0} is not a finite number")]
+    NotFinite(Subject),
+    #[error("{subject} is {side} the limit of {limit}")]
+    Outside { subject: Subject, side: &'static str, limit: String, suggestion: String },
+    #[error("{0} is empty")]
+    EmptyText(Subject),
+    #[error("{0} is an empty list")]
+    EmptyList(&'static str),
+    #[error("{subject} is not one of {}", quoted(words))]
+    NotAChoice { subject: Subject, words: Vec<&'static str>, meant: Option<&'static str> },
+}
+
+impl Wrong {
+    /// A value of another type than the expected one.
+    pub(crate) fn kind(subject: Subject, expected: &'static str, value: &DeValue<'_>) -> Self {
+        let (found, suggestion) = match value {
+            DeValue::String(text) => {
+                let is_number = text.parse::<f64>().is_ok() && expected.contains("number");
+                ("text", is_number.then(|| "remove the quotes".to_owned()))
+            }
+            DeValue::Integer(_) => ("a whole number", None),
+            DeValue::Float(_) => ("a number with a fraction", None),
+            DeValue::Boolean(_) => ("true or false", None),
+            DeValue::Datetime(_) => ("a date", None),
+            DeValue::Array(_) => ("a list", None),
+            DeValue::Table(_) => ("a table", None),
+        };
+        let suggestion = match (expected, &subject.written) {
+            ("text", Some(written)) => Some(format!("write {written:?}")),
+            ("a list", Some(written)) => Some(format!("write [{written}]")),
+            _ => suggestion,
+        };
+        Self::Kind { subject, expected, found, suggestion }
+    }
+
+    /// A number on the wrong side of a limit.
+    pub(crate) fn outside<T: fmt::Display>(subject: Subject, limit: Limit<T>) -> Self {
+        let Limit { bound, value } = limit;
+        let (side, use_what) = match bound {
+            Bound::AtLeast => ("below", "at least"),
+            Bound::Above => ("not above", "more than"),
+            Bound::AtMost => ("above", "at most"),
+        };
+        let suggestion = format!("use {use_what} {value}");
+        let limit = format!("{value}{}", unit(subject.key));
+        Self::Outside { subject, side, limit, suggestion }
+    }
+}
+
+impl Complaint for Wrong {
+    fn suggestion(&self) -> Option<String> {
+        match self {
+            Self::Kind { suggestion, .. } => suggestion.clone(),
+            Self::Outside { suggestion, .. } => Some(suggestion.clone()),
+            Self::NotAChoice { meant, .. } => meant.map(|meant| format!("did you mean {meant:?}?")),
+            Self::EmptyList(_) => Some("give at least one, or leave the key out".into()),
+            Self::NotFinite(_) | Self::EmptyText(_) => None,
+        }
+    }
+}
+
+fn quoted(words: &[&str]) -> String {
+    let quoted: Vec<_> = words.iter().map(|word| format!("{word:?}")).collect();
+    quoted.join(", ")
+}
+
+/// The unit that the name of a key ends in, as it follows a number.
+fn unit(key: &str) -> &'static str {
+    // The longer endings first: `_mm_per_s` ends in `_s` too.
+    const UNITS: [(&str, &str); 9] = [
+        ("_mm_per_s", " mm/s"),
+        ("_deg_per_s", " °/s"),
+        ("_mm", " mm"),
+        ("_deg", "°"),
+        ("_hz", " Hz"),
+        ("_s", " s"),
+        ("_v", " V"),
+        ("_ohm", " ohm"),
+        ("_mpa", " MPa"),
+    ];
+    UNITS.iter().find(|(ending, _)| key.ends_with(ending)).map_or("", |(_, unit)| unit)
+}
