@@ -1,1 +1,39 @@
-//! Append-only journal of every run in SQLite, each record chained by its digest; queries and exports.
+//! Append-only journal of every run in SQLite, each record chained by its digest; queries and
+//! exports.
+//!
+//! One data directory holds one database, `rigd.db`, with one writer. [`Store`] is that writer:
+//! it begins runs and appends [`Record`]s to them. [`Reader`]s are separate connections, as many
+//! as wanted, also in other processes; they see what has been committed. What a run means is left
+//! to `rig-analysis`; when a record is written, and what happens when that fails, to `rigd`.
+//!
+//! A record is never changed. Its digest covers the digest before it, so that [`Reader::verify`]
+//! finds the first record that was lost or altered. The digest covers neither wall time nor the id
+//! of the run: two runs of the same protocol with the same seed have the same chain.
+
+mod digest;
+mod error;
+pub mod export;
+mod journal;
+mod lock;
+mod reader;
+mod record;
+mod run;
+mod schema;
+#[cfg(test)]
+mod tests;
+
+pub use digest::Digest;
+pub use error::StoreError;
+pub use journal::{Journal, Store};
+pub use reader::{Chain, Flaw, Reader, StoredRecord, Verdict};
+pub use record::{
+    Acknowledged, Action, Axis, BlackBox, Circuit, Classification, Clearance, Device, Direction,
+    Ending, Fault, Frame, Intent, Move, MoveReason, NoLoad, Operator, OperatorAction, Phase,
+    PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, Reading, ReadingFlag, Record, Results,
+    RunFinished, RunStarted, Sample, Sensitivity, Shift, Source, StateChanged, StepStarted,
+    Surface, Sweep, SweepPurpose, SweepVerdict, Touch, TouchSettings,
+};
+pub use run::{Run, RunId, RunKind, RunStatus};
+
+/// The version of the records and tables that this crate writes. A reader refuses a newer one.
+pub const FORMAT: u32 = 1;

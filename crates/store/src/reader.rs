@@ -1,0 +1,312 @@
+//! Readers.
+
+use std::{fmt, path::Path, str};
+
+use rusqlite::{Connection, Row, params};
+
+use crate::{Digest, Record, Run, RunId, RunKind, RunStatus, StoreError, schema};
+
+/// A connection that reads what has been committed. Each thread needs its own.
+#[derive(Debug)]
+pub struct Reader {
+    connection: Connection,
+}
+
+/// A record as it is stored.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StoredRecord {
+    /// The id of the event, rising over all runs of the data directory.
+    pub event: u64,
+    /// The run.
+    pub run: RunId,
+    /// Its number in the run, from 1.
+    pub seq: u64,
+    /// Microseconds since the rig was opened.
+    pub rig_us: u64,
+    /// The kind of record.
+    pub kind: String,
+    /// The record as JSON.
+    pub payload: String,
+    /// Its digest.
+    pub digest: Digest,
+}
+
+impl StoredRecord {
+    /// The record itself.
+    ///
+    /// # Errors
+    /// [`StoreError::Unreadable`].
+    pub fn record(&self) -> Result<Record, StoreError> {
+        serde_json::from_str(&self.payload).map_err(|source| StoreError::Unreadable {
+            run: self.run,
+            seq: self.seq,
+            source,
+        })
+    }
+}
+
+/// The records of a run up to the first flaw.
+#[derive(Debug)]
+pub struct Chain {
+    /// Records whose digests are right.
+    pub records: Vec<StoredRecord>,
+    /// Whether these are all.
+    pub verdict: Verdict,
+}
+
+/// Whether the chain of a run holds.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Verdict {
+    /// All records are there, as they were written.
+    Intact {
+        /// How many.
+        records: u64,
+        /// The digest of the last one.
+        digest: Digest,
+    },
+    /// They are not.
+    Broken {
+        /// The number of the first bad record in the run.
+        seq: u64,
+        /// What is wrong with it.
+        flaw: Flaw,
+    },
+}
+
+/// What is wrong with a record.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Flaw {
+    /// It is not there.
+    Missing,
+    /// It is not what was written.
+    Altered,
+    /// The database is damaged where it stands.
+    Unreadable {
+        /// What SQLite says.
+        reason: String,
+    },
+    /// It says that the run ended otherwise than the list of runs says.
+    EndDiffers,
+}
+
+impl fmt::Display for Flaw {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Missing => f.write_str("the record is missing"),
+            Self::Altered => f.write_str("the record is not what was written"),
+            Self::Unreadable { reason } => write!(f, "the record cannot be read: {reason}"),
+            Self::EndDiffers => f.write_str("the list of runs has another end of the run"),
+        }
+    }
+}
+
+impl Reader {
+    /// Opens the journal in `directory`.
+    ///
+    /// # Errors
+    /// [`StoreError::NoJournal`] where there is none, [`StoreError::Newer`], or what the system or
+    /// SQLite reports.
+    pub fn open(directory: &Path) -> Result<Self, StoreError> {
+        let path = schema::database(directory);
+        if !path.exists() {
+            return Err(StoreError::NoJournal { path: directory.to_path_buf() });
+        }
+        Ok(Self { connection: schema::open_to_read(&path)? })
+    }
+
+    /// All runs and sessions, the latest first.
+    ///
+    /// # Errors
+    /// What the system or SQLite reports.
+    pub fn runs(&self) -> Result<Vec<Run>, StoreError> {
+        let mut statement = self.connection.prepare_cached(&select_runs("ORDER BY key DESC"))?;
+        let runs = statement.query_map([], run_from)?;
+        Ok(runs.collect::<Result<_, _>>()?)
+    }
+
+    /// One run.
+    ///
+    /// # Errors
+    /// [`StoreError::NoSuchRun`], or what the system or SQLite reports.
+    pub fn run(&self, id: RunId) -> Result<Run, StoreError> {
+        let id = id.to_string();
+        let mut statement = self.connection.prepare_cached(&select_runs("WHERE id = ?1"))?;
+        let mut runs = statement.query_map([&id], run_from)?;
+        runs.next().ok_or(StoreError::NoSuchRun { wanted: id })?.map_err(Into::into)
+    }
+
+    /// The run that a person means: `latest`, an id, or enough of the beginning or the end of one.
+    ///
+    /// # Errors
+    /// [`StoreError::NoSuchRun`] or [`StoreError::Ambiguous`].
+    pub fn find(&self, wanted: &str) -> Result<Run, StoreError> {
+        let mut runs = self.runs()?;
+        if wanted == "latest" {
+            runs.retain(|run| run.kind == RunKind::Run);
+            runs.truncate(1);
+        } else {
+            runs.retain(|run| {
+                let id = run.id.to_string();
+                id.starts_with(wanted) || id.ends_with(wanted)
+            });
+        }
+        match runs.len() {
+            0 => Err(StoreError::NoSuchRun { wanted: wanted.to_owned() }),
+            1 => Ok(runs.remove(0)),
+            found => Err(StoreError::Ambiguous { wanted: wanted.to_owned(), found }),
+        }
+    }
+
+    /// All records of a run, each checked against its digest.
+    ///
+    /// # Errors
+    /// [`StoreError::Broken`] at the first flaw; [`Reader::chain`] gives what stands before it.
+    /// [`StoreError::NoSuchRun`], or what the system or SQLite reports.
+    pub fn records(&self, id: RunId) -> Result<Vec<StoredRecord>, StoreError> {
+        let Chain { records, verdict } = self.chain(id)?;
+        match verdict {
+            Verdict::Intact { .. } => Ok(records),
+            Verdict::Broken { seq, flaw } => Err(StoreError::Broken { run: id, seq, flaw }),
+        }
+    }
+
+    /// Checks the chain of a run.
+    ///
+    /// While the run goes on, records lost from its end cannot be noticed. Afterwards they can,
+    /// because its last record says that it is the last.
+    ///
+    /// # Errors
+    /// [`StoreError::NoSuchRun`], or what the system or SQLite reports about the list of runs.
+    pub fn verify(&self, id: RunId) -> Result<Verdict, StoreError> {
+        self.chain(id).map(|chain| chain.verdict)
+    }
+
+    /// The records of a run up to the first flaw, and what that is.
+    ///
+    /// # Errors
+    /// [`StoreError::NoSuchRun`], or what the system or SQLite reports about the list of runs.
+    pub fn chain(&self, id: RunId) -> Result<Chain, StoreError> {
+        let run = self.run(id)?;
+        let mut statement = self.connection.prepare_cached(&select_records(
+            "WHERE run = (SELECT key FROM runs WHERE id = ?1) ORDER BY seq",
+        ))?;
+        let mut rows = statement.query([id.to_string()])?;
+        let mut records = Vec::new();
+        let mut digest = Digest::START;
+        let verdict = loop {
+            let seq = records.len() as u64 + 1;
+            let broken = |flaw| Verdict::Broken { seq, flaw };
+            match rows.next() {
+                Ok(Some(row)) => match record_from(row, id) {
+                    Ok(record) if record.seq > seq => break broken(Flaw::Missing),
+                    Ok(record) if record.follows(digest, seq) => {
+                        digest = record.digest;
+                        records.push(record);
+                    }
+                    _ => break broken(Flaw::Altered),
+                },
+                Ok(None) => break end_of(&records, run.status, digest),
+                Err(error) => break broken(Flaw::Unreadable { reason: error.to_string() }),
+            }
+        };
+        Ok(Chain { records, verdict })
+    }
+
+    /// Up to `limit` records of all runs behind the event with this id, in order.
+    ///
+    /// # Errors
+    /// What the system or SQLite reports.
+    pub fn events_after(&self, event: u64, limit: u32) -> Result<Vec<StoredRecord>, StoreError> {
+        let mut statement = self.connection.prepare_cached(&select_records(
+            "WHERE records.id > ?1 ORDER BY records.id LIMIT ?2",
+        ))?;
+        let mut rows = statement.query(params![event.cast_signed(), limit])?;
+        let mut records = Vec::new();
+        while let Some(row) = rows.next()? {
+            let run: String = row.get(6)?;
+            records.push(record_from(row, run.parse()?)?);
+        }
+        Ok(records)
+    }
+}
+
+impl StoredRecord {
+    fn follows(&self, digest: Digest, seq: u64) -> bool {
+        self.seq == seq && self.digest == digest.next(seq, self.rig_us, &self.kind, &self.payload)
+    }
+}
+
+/// A run that has ended has a last record that says so, and the list of runs says the same.
+fn end_of(records: &[StoredRecord], status: RunStatus, digest: Digest) -> Verdict {
+    let count = records.len() as u64;
+    let end = records.last().and_then(|last| match last.record() {
+        Ok(Record::RunFinished(finished)) => Some(finished.status),
+        _ => None,
+    });
+    match (end, status) {
+        (None, RunStatus::Running) => Verdict::Intact { records: count, digest },
+        (Some(end), RunStatus::Ended(ending)) if end == ending => {
+            Verdict::Intact { records: count, digest }
+        }
+        (None, RunStatus::Ended(_)) => Verdict::Broken { seq: count + 1, flaw: Flaw::Missing },
+        (Some(_), _) => Verdict::Broken { seq: count, flaw: Flaw::EndDiffers },
+    }
+}
+
+fn select_runs(tail: &str) -> String {
+    format!(
+        "SELECT id, kind, name, started_at, finished_at, status,
+                unixepoch(finished_at, 'subsec') - unixepoch(started_at, 'subsec'),
+                (SELECT max(seq) FROM records WHERE run = key)
+         FROM runs {tail}"
+    )
+}
+
+fn run_from(row: &Row<'_>) -> rusqlite::Result<Run> {
+    let word = |column, known: fn(&str) -> Option<_>| parsed(row, column, known);
+    Ok(Run {
+        id: parsed(row, 0, |id| id.parse().ok())?,
+        kind: parsed(row, 1, RunKind::from_name)?,
+        name: row.get(2)?,
+        started_at: row.get(3)?,
+        finished_at: row.get(4)?,
+        status: word(5, RunStatus::from_name)?,
+        wall_s: row.get(6)?,
+        records: row.get::<_, Option<i64>>(7)?.unwrap_or(0).cast_unsigned(),
+    })
+}
+
+/// A column whose words are known.
+fn parsed<T>(
+    row: &Row<'_>,
+    column: usize,
+    known: impl FnOnce(&str) -> Option<T>,
+) -> rusqlite::Result<T> {
+    let value = row.get_ref(column)?;
+    let unknown = || {
+        let name = row.as_ref().column_name(column).unwrap_or("?").to_owned();
+        rusqlite::Error::InvalidColumnType(column, name, value.data_type())
+    };
+    known(value.as_str().map_err(|_| unknown())?).ok_or_else(unknown)
+}
+
+fn select_records(tail: &str) -> String {
+    format!(
+        "SELECT records.id, seq, rig_us, records.kind, payload, digest,
+                (SELECT id FROM runs WHERE key = run)
+         FROM records {tail}"
+    )
+}
+
+fn record_from(row: &Row<'_>, run: RunId) -> rusqlite::Result<StoredRecord> {
+    let whole = |column| row.get::<_, i64>(column).map(i64::cast_unsigned);
+    Ok(StoredRecord {
+        event: whole(0)?,
+        run,
+        seq: whole(1)?,
+        rig_us: whole(2)?,
+        kind: row.get(3)?,
+        payload: row.get(4)?,
+        digest: Digest::from_bytes(row.get(5)?),
+    })
+}

@@ -1,0 +1,187 @@
+//! What can be written into a journal.
+//!
+//! These types belong to the file format. They mirror the vocabulary of the rig without being it,
+//! so that a change of the code cannot silently change what old journals mean. Every quantity has
+//! its unit in its name; positions are in mm on the linear axis and in degrees on the rotary one.
+
+mod motion;
+mod person;
+mod result;
+mod start;
+mod sweep;
+
+use serde::{Deserialize, Serialize};
+
+pub use motion::{Axis, Intent, Move, MoveReason, Surface};
+pub use person::{Operator, OperatorAction, Prompt, PromptAnswered, PromptAsked};
+pub use result::{Classification, NoLoad, Results, Sensitivity, Shift};
+pub use start::{
+    Action, Device, Direction, Phase, PlanSize, Pose, RunStarted, Sample, Source, StepStarted,
+};
+pub use sweep::{
+    Circuit, Reading, ReadingFlag, Sweep, SweepPurpose, SweepVerdict, Touch, TouchSettings,
+};
+
+/// One record of a journal.
+///
+/// Its JSON holds the kind under `kind`, and only finite numbers: anything else is refused when it
+/// is appended.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum Record {
+    /// A run began: everything needed to repeat it.
+    RunStarted(RunStarted),
+    /// The rig went to the next step of the plan.
+    StepStarted(StepStarted),
+    /// A person was asked for something.
+    PromptAsked(PromptAsked),
+    /// They answered.
+    PromptAnswered(PromptAnswered),
+    /// An axis is about to be moved. On disk before the frame leaves when the probe may go down.
+    Intent(Intent),
+    /// An axis was moved and read back.
+    Moved(Move),
+    /// The surface of the sample was found.
+    SurfaceFound(Surface),
+    /// The impedance was measured over a range of frequencies.
+    Sweep(Sweep),
+    /// A touch gave its frequency shift.
+    TouchResult(Touch),
+    /// A person gave a command.
+    Operator(Operator),
+    /// Something failed; the rig is latched.
+    Fault(Fault),
+    /// The last frames on a port, as they were when a fault was seen.
+    BlackBox(BlackBox),
+    /// The fault was acknowledged; the rig may be used again.
+    Acknowledged(Acknowledged),
+    /// The rig changed its state.
+    StateChanged(StateChanged),
+    /// What the touches together say.
+    Result(Results),
+    /// The last record of every run.
+    RunFinished(RunFinished),
+}
+
+impl Record {
+    /// The word under which the record is stored.
+    pub const fn kind(&self) -> &'static str {
+        match self {
+            Self::RunStarted(_) => "run_started",
+            Self::StepStarted(_) => "step_started",
+            Self::PromptAsked(_) => "prompt_asked",
+            Self::PromptAnswered(_) => "prompt_answered",
+            Self::Intent(_) => "intent",
+            Self::Moved(_) => "moved",
+            Self::SurfaceFound(_) => "surface_found",
+            Self::Sweep(_) => "sweep",
+            Self::TouchResult(_) => "touch_result",
+            Self::Operator(_) => "operator",
+            Self::Fault(_) => "fault",
+            Self::BlackBox(_) => "black_box",
+            Self::Acknowledged(_) => "acknowledged",
+            Self::StateChanged(_) => "state_changed",
+            Self::Result(_) => "result",
+            Self::RunFinished(_) => "run_finished",
+        }
+    }
+}
+
+/// Whether the probe was known to be away from the sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Clearance {
+    /// Shown clear by a read-back.
+    Clear,
+    /// Lowered and not shown clear since.
+    InContact,
+    /// Nothing is known.
+    Unknown,
+}
+
+/// Why the rig is latched.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Fault {
+    /// The step in which it happened, in a run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub step: Option<String>,
+    /// What happened.
+    pub cause: String,
+    /// Where the probe is.
+    pub probe: Clearance,
+    /// What to do next.
+    pub hint: String,
+}
+
+/// The last frames on a port.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BlackBox {
+    /// Name of the port in the rig file.
+    pub port: String,
+    /// The frames, oldest first.
+    pub frames: Vec<Frame>,
+}
+
+/// Bytes that passed a port together.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Frame {
+    /// When, on the rig's clock, in µs.
+    pub rig_us: u64,
+    /// Whether they were sent to the device; otherwise they came from it.
+    pub is_sent: bool,
+    /// The bytes in hexadecimal.
+    pub hex: String,
+}
+
+/// The end of a latch.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Acknowledged {
+    /// Who acknowledged.
+    pub who: String,
+}
+
+/// A change of state.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StateChanged {
+    /// The new state, in the engine's word for it.
+    pub state: String,
+    /// Why, where that is not plain.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+}
+
+/// How a run ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ending {
+    /// Every step was done.
+    Completed,
+    /// A person ended it early.
+    Aborted,
+    /// A fault ended it.
+    Faulted,
+    /// The program ended during the run; this was found at the next start.
+    Interrupted,
+}
+
+impl Ending {
+    /// Every way.
+    pub const ALL: [Self; 4] = [Self::Completed, Self::Aborted, Self::Faulted, Self::Interrupted];
+
+    /// The word in results and messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Completed => "completed",
+            Self::Aborted => "aborted",
+            Self::Faulted => "faulted",
+            Self::Interrupted => "interrupted",
+        }
+    }
+}
+
+/// The end of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RunFinished {
+    /// How it ended.
+    pub status: Ending,
+}

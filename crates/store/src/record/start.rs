@@ -1,0 +1,161 @@
+//! The beginning of a run and of its steps.
+
+use serde::{Deserialize, Serialize};
+
+use super::Prompt;
+
+/// Everything needed to repeat a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunStarted {
+    /// Version of the program.
+    pub software: String,
+    /// The seed of every random choice.
+    pub seed: u64,
+    /// The protocol as it was read.
+    pub protocol: Source,
+    /// The rig as it was read.
+    pub rig: Source,
+    /// The scene behind a simulated rig.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scene: Option<Source>,
+    /// Who answered on the ports.
+    pub devices: Vec<Device>,
+    /// The samples, in the protocol's order.
+    pub samples: Vec<Sample>,
+    /// What there is to do.
+    pub plan: PlanSize,
+    /// Into how many classes the blind touches are sorted, when there are any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub classes: Option<u32>,
+}
+
+/// A file that was read.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Source {
+    /// The name that it gives itself.
+    pub name: String,
+    /// All of its text.
+    pub toml: String,
+}
+
+/// A device that answered.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Device {
+    /// What it is on the rig, such as `analyzer`.
+    pub role: String,
+    /// What it says that it is.
+    pub identity: String,
+}
+
+/// A sample.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Sample {
+    /// Its name.
+    pub name: String,
+    /// Its stiffness in MPa, where it is known by other means.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stiffness_mpa: Option<f64>,
+}
+
+/// The size of a plan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PlanSize {
+    /// Steps of every kind.
+    pub steps: u32,
+    /// Steps that touch a sample.
+    pub touches: u32,
+    /// Steps that ask a person for something.
+    pub prompts: u32,
+}
+
+/// Which way the surface leans.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Direction {
+    /// In the plane of bending, positive angle.
+    Front,
+    /// In the plane of bending, negative angle.
+    Back,
+    /// Across the plane of bending.
+    Left,
+}
+
+impl Direction {
+    /// The word in results and messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Front => "front",
+            Self::Back => "back",
+            Self::Left => "left",
+        }
+    }
+}
+
+/// How the surface stands to the probe.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Pose {
+    /// Which way it leans.
+    pub direction: Direction,
+    /// By how much, in degrees.
+    pub angle_deg: f64,
+}
+
+/// The part of the protocol.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Phase {
+    /// The grid of samples, directions and angles.
+    Main,
+    /// The random touches that are classified without their labels.
+    Blind,
+}
+
+impl Phase {
+    /// The word in results and messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Main => "main",
+            Self::Blind => "blind",
+        }
+    }
+}
+
+/// What a step does.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "action", rename_all = "snake_case")]
+pub enum Action {
+    /// A person is asked for something.
+    Prompt {
+        /// What.
+        prompt: Prompt,
+    },
+    /// The resonance is measured with the probe clear.
+    NoLoad {
+        /// How the surface stands.
+        pose: Pose,
+    },
+    /// One touch, from clear to clear.
+    Touch {
+        /// The part of the protocol.
+        phase: Phase,
+        /// Name of the sample.
+        sample: String,
+        /// How the surface stands.
+        pose: Pose,
+        /// Counts from 1.
+        repeat: u32,
+    },
+}
+
+/// The beginning of a step.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StepStarted {
+    /// Its address.
+    pub step: String,
+    /// Its place in the plan, from 1.
+    pub index: u32,
+    /// How many steps the plan has.
+    pub count: u32,
+    /// What it does.
+    pub action: Action,
+}

@@ -1,0 +1,176 @@
+//! Impedance measurements and the touches that they belong to.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Phase, Pose};
+
+/// What a sweep was for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SweepPurpose {
+    /// The reference with the probe clear.
+    NoLoad,
+    /// In contact.
+    Touch,
+    /// Asked for by itself.
+    Manual,
+}
+
+impl SweepPurpose {
+    /// The word in results and messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::NoLoad => "no_load",
+            Self::Touch => "touch",
+            Self::Manual => "manual",
+        }
+    }
+}
+
+/// What the instrument said of a reading besides its value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ReadingFlag {
+    /// Nothing.
+    #[default]
+    Normal,
+    /// The input was overloaded.
+    Overload,
+    /// The signal was small for the range.
+    LowSignal,
+}
+
+impl ReadingFlag {
+    /// The word in results and messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Normal => "normal",
+            Self::Overload => "overload",
+            Self::LowSignal => "low_signal",
+        }
+    }
+
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+    fn is_normal(&self) -> bool {
+        *self == Self::Normal
+    }
+}
+
+/// One impedance reading.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Reading {
+    /// Frequency, Hz.
+    pub frequency_hz: f64,
+    /// Real part of the impedance, ohm.
+    pub resistance_ohm: f64,
+    /// Imaginary part of the impedance, ohm.
+    pub reactance_ohm: f64,
+    /// When the frequency was set, on the rig's clock, s.
+    pub started_s: f64,
+    /// Settling before the integration, s.
+    pub settle_s: f64,
+    /// Integration, s.
+    pub integration_s: f64,
+    /// What the instrument said besides.
+    #[serde(default, skip_serializing_if = "ReadingFlag::is_normal")]
+    pub flag: ReadingFlag,
+}
+
+/// The equivalent circuit that was fitted.
+///
+/// Its admittance at ω = 2πf is `jωC₀ [(1 − j tan δ) + m / (1 − u² + j u/Q)]` with u = f/fᵣ.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Circuit {
+    /// Q of the motional branch.
+    pub quality_factor: f64,
+    /// C₀, F.
+    pub static_capacitance_f: f64,
+    /// m, the motional capacitance in units of C₀.
+    pub capacitance_ratio: f64,
+    /// tan δ of C₀.
+    pub loss_tangent: f64,
+}
+
+/// What was made of a sweep.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "verdict", rename_all = "snake_case")]
+pub enum SweepVerdict {
+    /// A resonance was found.
+    Accepted {
+        /// Series resonance, Hz.
+        resonance_hz: f64,
+        /// Its standard deviation, Hz.
+        sigma_hz: f64,
+        /// The circuit, when one was fitted.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        circuit: Option<Circuit>,
+    },
+    /// None that can be trusted.
+    Refused {
+        /// Why.
+        reason: String,
+    },
+}
+
+/// A sweep.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Sweep {
+    /// Its number in the run, from 1.
+    pub number: u64,
+    /// What it was for.
+    pub purpose: SweepPurpose,
+    /// The step in which it was taken, in a run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub step: Option<String>,
+    /// How the surface stood, where that is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pose: Option<Pose>,
+    /// Every reading, in the order in which it was taken.
+    pub readings: Vec<Reading>,
+    /// What was made of them.
+    pub verdict: SweepVerdict,
+}
+
+/// What identifies a touch.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TouchSettings {
+    /// The step.
+    pub step: String,
+    /// The part of the protocol.
+    pub phase: Phase,
+    /// Name of the sample.
+    pub sample: String,
+    /// How the surface stood.
+    pub pose: Pose,
+    /// Counts from 1.
+    pub repeat: u32,
+}
+
+/// The result of a touch.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Touch {
+    /// Which touch it was.
+    pub touch: TouchSettings,
+    /// Number of the sweep that gave the reference.
+    pub no_load_sweep: u64,
+    /// The reference, Hz.
+    pub no_load_hz: f64,
+    /// Its standard deviation, Hz.
+    pub no_load_sigma_hz: f64,
+    /// Number of the sweep in contact.
+    pub sweep: u64,
+    /// The resonance in contact, Hz.
+    pub resonance_hz: f64,
+    /// Its standard deviation, Hz.
+    pub sigma_hz: f64,
+    /// Resonance in contact less the reference, Hz.
+    pub shift_hz: f64,
+    /// Its standard deviation, Hz.
+    pub shift_sigma_hz: f64,
+    /// The surface found, as a position of the linear axis, mm.
+    pub surface_mm: f64,
+    /// Its standard deviation, mm.
+    pub surface_sigma_mm: f64,
+    /// Depth below it along the probe axis during the sweep, mm.
+    pub indentation_mm: f64,
+}

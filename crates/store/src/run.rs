@@ -1,0 +1,100 @@
+//! Runs and their ids.
+
+use std::{fmt, str::FromStr};
+
+use uuid::Uuid;
+
+use crate::{Ending, StoreError};
+
+/// The id of a run: a UUID whose first part is the time at which it was made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct RunId(Uuid);
+
+impl RunId {
+    pub(crate) fn now() -> Self {
+        Self(Uuid::now_v7())
+    }
+}
+
+impl fmt::Display for RunId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+impl FromStr for RunId {
+    type Err = StoreError;
+
+    fn from_str(text: &str) -> Result<Self, StoreError> {
+        let no_such_run = |_| StoreError::NoSuchRun { wanted: text.to_owned() };
+        Uuid::parse_str(text).map(Self).map_err(no_such_run)
+    }
+}
+
+/// What a journal is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RunKind {
+    /// A protocol.
+    Run,
+    /// What happens between runs: single sweeps, moves by hand, faults.
+    Session,
+}
+
+impl RunKind {
+    /// The word in the database, in results and in messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Run => "run",
+            Self::Session => "session",
+        }
+    }
+
+    pub(crate) fn from_name(name: &str) -> Option<Self> {
+        [Self::Run, Self::Session].into_iter().find(|kind| kind.name() == name)
+    }
+}
+
+/// Where a run stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RunStatus {
+    /// Not ended yet.
+    Running,
+    /// Ended.
+    Ended(Ending),
+}
+
+impl RunStatus {
+    /// The word in the database, in results and in messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Running => "running",
+            Self::Ended(ending) => ending.name(),
+        }
+    }
+
+    pub(crate) fn from_name(name: &str) -> Option<Self> {
+        let endings = Ending::ALL.into_iter().map(Self::Ended);
+        endings.chain([Self::Running]).find(|status| status.name() == name)
+    }
+}
+
+/// A run as it stands in the list of runs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Run {
+    /// Its id.
+    pub id: RunId,
+    /// What it is.
+    pub kind: RunKind,
+    /// Its name: that of the protocol, for a run.
+    pub name: String,
+    /// When it began: wall clock, UTC, RFC 3339 with milliseconds.
+    pub started_at: String,
+    /// When it ended, likewise.
+    pub finished_at: Option<String>,
+    /// From its beginning to its end by the wall clock, s.
+    pub wall_s: Option<f64>,
+    /// Where it stands.
+    pub status: RunStatus,
+    /// How many records it has.
+    pub records: u64,
+}

@@ -1,0 +1,74 @@
+//! The tables, and how a database is opened.
+
+use std::path::{Path, PathBuf};
+
+use rusqlite::{Connection, OpenFlags};
+
+use crate::{FORMAT, StoreError};
+
+/// `records.id` is the id of the event and never given twice; `(run, seq)` counts without gaps.
+const TABLES: &str = "
+CREATE TABLE runs (
+    key INTEGER PRIMARY KEY,
+    id TEXT NOT NULL UNIQUE,
+    kind TEXT NOT NULL,
+    name TEXT NOT NULL,
+    started_at TEXT NOT NULL,
+    finished_at TEXT,
+    status TEXT NOT NULL
+) STRICT;
+CREATE TABLE records (
+    id INTEGER PRIMARY KEY AUTOINCREMENT,
+    run INTEGER NOT NULL REFERENCES runs (key),
+    seq INTEGER NOT NULL,
+    rig_us INTEGER NOT NULL,
+    kind TEXT NOT NULL,
+    payload TEXT NOT NULL,
+    digest BLOB NOT NULL,
+    UNIQUE (run, seq)
+) STRICT;
+";
+
+/// The file of the database in a data directory.
+pub(crate) fn database(directory: &Path) -> PathBuf {
+    directory.join("rigd.db")
+}
+
+/// Opens the database to write, and makes its tables where they are missing.
+pub(crate) fn open_to_write(path: &Path) -> Result<Connection, StoreError> {
+    let mut connection = Connection::open(path)?;
+    connection.busy_timeout(BUSY)?;
+    // Readers go on while the writer appends, and a commit is one fsync of the log.
+    connection.pragma_update(None, "journal_mode", "WAL")?;
+    // Without FULL the last commits may be lost with the power.
+    connection.pragma_update(None, "synchronous", "FULL")?;
+    connection.pragma_update(None, "foreign_keys", true)?;
+    if check_format(&connection)? == 0 {
+        let transaction = connection.transaction()?;
+        transaction.execute_batch(TABLES)?;
+        transaction.pragma_update(None, "user_version", FORMAT)?;
+        transaction.commit()?;
+    }
+    Ok(connection)
+}
+
+/// Opens the database to read.
+///
+/// The file is opened for writing where that is allowed, because the log that a crash left behind
+/// can only be read in after it has been recovered.
+pub(crate) fn open_to_read(path: &Path) -> Result<Connection, StoreError> {
+    let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+    let connection = Connection::open_with_flags(path, flags)?;
+    connection.busy_timeout(BUSY)?;
+    connection.pragma_update(None, "query_only", true)?;
+    check_format(&connection)?;
+    Ok(connection)
+}
+
+/// Longer than any checkpoint takes.
+const BUSY: std::time::Duration = std::time::Duration::from_secs(10);
+
+fn check_format(connection: &Connection) -> Result<u32, StoreError> {
+    let found = connection.pragma_query_value(None, "user_version", |row| row.get(0))?;
+    if found > FORMAT { Err(StoreError::Newer { found, known: FORMAT }) } else { Ok(found) }
+}

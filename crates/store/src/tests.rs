@@ -1,0 +1,5 @@
+//! The journal from outside.
+
+mod damage;
+mod journal;
+mod sample;

@@ -1,0 +1,245 @@
+//! What the journal keeps, for whom it is visible when, and what it refuses.
+
+use super::sample::{Directory, append, records, run_started, sweep};
+use crate::{
+    Ending, Reader, Record, RunFinished, RunKind, RunStatus, Store, StoreError, SweepPurpose,
+    SweepVerdict, Verdict, export,
+};
+
+fn write_run(store: &Store) -> crate::RunId {
+    let mut journal = store.begin(RunKind::Run, "one touch").unwrap();
+    for (second, record) in (0..).zip(records()) {
+        append(&mut journal, second, &record);
+    }
+    journal.commit().unwrap();
+    journal.id()
+}
+
+#[test]
+fn records_are_read_back_as_they_were_written() {
+    let directory = Directory::new();
+    let store = Store::open(directory.path()).unwrap();
+    let id = write_run(&store);
+
+    let reader = Reader::open(directory.path()).unwrap();
+    let stored = reader.records(id).unwrap();
+    let read: Vec<Record> = stored.iter().map(|stored| stored.record().unwrap()).collect();
+    assert_eq!(read, records());
+    for ((seq, stored), record) in (1..).zip(&stored).zip(records()) {
+        assert_eq!((stored.seq, stored.rig_us), (seq, (seq - 1) * 1_000_000));
+        assert_eq!(stored.kind, record.kind());
+        // The word in the column and the word in the text are made apart.
+        assert!(stored.payload.starts_with(&format!("{{\"kind\":\"{}\"", stored.kind)));
+    }
+
+    let run = reader.run(id).unwrap();
+    assert_eq!(run.status, RunStatus::Ended(Ending::Faulted));
+    assert_eq!((run.name.as_str(), run.kind), ("one touch", RunKind::Run));
+    assert_eq!(run.records, records().len() as u64);
+    assert!((0.0..60.0).contains(&run.wall_s.unwrap()), "{run:?}");
+    assert!(run.started_at.len() == 24 && run.started_at.ends_with('Z'), "{run:?}");
+    assert_eq!(reader.runs().unwrap(), [run]);
+}
+
+#[test]
+fn readers_see_what_is_committed_and_nothing_else() {
+    let directory = Directory::new();
+    let store = Store::open(directory.path()).unwrap();
+    let reader = store.reader().unwrap();
+    let mut run = store.begin(RunKind::Run, "one touch").unwrap();
+    let mut session = store.begin(RunKind::Session, "bench").unwrap();
+    let first = append(&mut run, 0, &run_started());
+    let second = append(&mut session, 1, &sweep(1, SweepPurpose::Manual, 140.0));
+    assert_eq!(reader.events_after(0, 10).unwrap(), []);
+    // The journals of a store share one transaction.
+    run.commit().unwrap();
+    let third = append(&mut run, 2, &sweep(1, SweepPurpose::NoLoad, 140.0));
+    let seen = |after, limit| {
+        let events = reader.events_after(after, limit).unwrap();
+        events.iter().map(|event| (event.event, event.run, event.seq)).collect::<Vec<_>>()
+    };
+    assert_eq!(seen(0, 10), [(first, run.id(), 1), (second, session.id(), 1)]);
+    assert_eq!(seen(first, 10), [(second, session.id(), 1)]);
+    assert_eq!(seen(0, 1), [(first, run.id(), 1)]);
+    assert_eq!(seen(second, 10), []);
+    session.commit().unwrap();
+    assert_eq!(seen(second, 10), [(third, run.id(), 2)]);
+}
+
+#[test]
+fn a_directory_has_one_writer() {
+    let directory = Directory::new();
+    let store = Store::open(directory.path()).unwrap();
+    let refusal = Store::open(directory.path()).unwrap_err();
+    assert!(matches!(refusal, StoreError::InUse { .. }), "{refusal}");
+    drop(store);
+    Store::open(directory.path()).unwrap();
+}
+
+#[test]
+fn a_directory_without_a_journal_is_not_given_one_by_a_reader() {
+    let directory = Directory::new();
+    let refusal = Reader::open(directory.path()).unwrap_err();
+    assert!(matches!(refusal, StoreError::NoJournal { .. }), "{refusal}");
+    assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn a_newer_format_is_refused_by_writer_and_reader() {
+    let directory = Directory::new();
+    drop(Store::open(directory.path()).unwrap());
+    let database = rusqlite::Connection::open(directory.path().join("rigd.db")).unwrap();
+    database.pragma_update(None, "user_version", 2).unwrap();
+    let refusals =
+        [Store::open(directory.path()).unwrap_err(), Reader::open(directory.path()).unwrap_err()];
+    for refusal in refusals {
+        assert!(matches!(refusal, StoreError::Newer { found: 2, known: 1 }), "{refusal}");
+    }
+}
+
+#[test]
+fn nothing_follows_the_end_of_a_run() {
+    let directory = Directory::new();
+    let store = Store::open(directory.path()).unwrap();
+    let mut journal = store.begin(RunKind::Run, "one touch").unwrap();
+    append(&mut journal, 0, &Record::RunFinished(RunFinished { status: Ending::Completed }));
+    let refusal = journal.append(1, &run_started()).unwrap_err();
+    assert!(matches!(refusal, StoreError::Ended { kind: "run_started", .. }), "{refusal}");
+    journal.commit().unwrap();
+    assert_eq!(store.reader().unwrap().records(journal.id()).unwrap().len(), 1);
+}
+
+#[test]
+fn a_number_that_is_not_finite_is_refused_and_the_journal_goes_on() {
+    let directory = Directory::new();
+    let store = Store::open(directory.path()).unwrap();
+    let mut journal = store.begin(RunKind::Run, "one touch").unwrap();
+    for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        let refusal = journal.append(0, &sweep(1, SweepPurpose::Touch, value)).unwrap_err();
+        assert!(matches!(refusal, StoreError::Unwritable { kind: "sweep", .. }), "{refusal}");
+    }
+    append(&mut journal, 1, &sweep(1, SweepPurpose::Touch, f64::MIN_POSITIVE));
+    journal.commit().unwrap();
+    let stored = store.reader().unwrap().records(journal.id()).unwrap();
+    assert_eq!((stored.len(), stored[0].seq), (1, 1));
+}
+
+#[test]
+fn a_run_without_an_end_is_marked_when_the_journal_is_opened_again() {
+    let directory = Directory::new();
+    let store = Store::open(directory.path()).unwrap();
+    let ended = write_run(&store);
+    let mut journal = store.begin(RunKind::Run, "cut short").unwrap();
+    append(&mut journal, 7, &run_started());
+    journal.commit().unwrap();
+    // Never committed, so never acknowledged.
+    append(&mut journal, 8, &sweep(1, SweepPurpose::NoLoad, 140.0));
+    let (cut, reader) = (journal.id(), store.reader().unwrap());
+    assert_eq!(reader.run(cut).unwrap().status, RunStatus::Running);
+    drop((store, journal));
+
+    let store = Store::open(directory.path()).unwrap();
+    assert_eq!(store.interrupted(), [cut]);
+    assert_eq!(reader.run(cut).unwrap().status, RunStatus::Ended(Ending::Interrupted));
+    let stored = reader.records(cut).unwrap();
+    assert_eq!(stored.len(), 2);
+    assert_eq!(stored[1].rig_us, 7_000_000, "the rig's clock says no more than the last record");
+    let end = Record::RunFinished(RunFinished { status: Ending::Interrupted });
+    assert_eq!(stored[1].record().unwrap(), end);
+    assert_eq!(reader.run(ended).unwrap().status, RunStatus::Ended(Ending::Faulted));
+    drop(store);
+    assert_eq!(Store::open(directory.path()).unwrap().interrupted(), []);
+}
+
+#[test]
+fn a_run_is_found_by_as_much_of_its_id_as_is_needed() {
+    let directory = Directory::new();
+    let store = Store::open(directory.path()).unwrap();
+    let (first, last) = (write_run(&store), write_run(&store));
+    drop(store.begin(RunKind::Session, "bench").unwrap());
+    let reader = store.reader().unwrap();
+    assert_eq!(reader.find("latest").unwrap().id, last);
+    assert_eq!(reader.find(&first.to_string()).unwrap().id, first);
+    assert_eq!(reader.find(&first.to_string()[24..]).unwrap().id, first);
+    let refusal = reader.find(&first.to_string()[..4]).unwrap_err();
+    assert!(matches!(refusal, StoreError::Ambiguous { found: 2, .. }), "{refusal}");
+    let refusal = reader.find("no such run").unwrap_err();
+    assert!(matches!(refusal, StoreError::NoSuchRun { .. }), "{refusal}");
+}
+
+#[test]
+fn the_same_records_give_the_same_chain_and_the_same_exports() {
+    let written = || {
+        let directory = Directory::new();
+        let store = Store::open(directory.path()).unwrap();
+        let id = write_run(&store);
+        let reader = store.reader().unwrap();
+        let records = reader.records(id).unwrap();
+        let mut files = [const { Vec::new() }; 4];
+        let [jsonl, touches, sweeps, readings] = &mut files;
+        export::jsonl(&records, jsonl).unwrap();
+        export::touches_csv(&records, touches).unwrap();
+        export::sweeps_csv(&records, sweeps).unwrap();
+        export::readings_csv(&records, readings).unwrap();
+        for file in &files {
+            let text = str::from_utf8(file).unwrap();
+            assert!(!text.contains(&id.to_string()), "the id of the run is in {text}");
+        }
+        (reader.verify(id).unwrap(), files)
+    };
+    let (first, second) = (written(), written());
+    assert_eq!(first, second);
+    assert!(matches!(first.0, Verdict::Intact { records: 13, .. }), "{:?}", first.0);
+}
+
+#[test]
+fn tables_have_a_row_for_each_touch_sweep_and_reading() {
+    let directory = Directory::new();
+    let store = Store::open(directory.path()).unwrap();
+    let id = write_run(&store);
+    let records = store.reader().unwrap().records(id).unwrap();
+    let (mut touches, mut sweeps, mut readings) = (Vec::new(), Vec::new(), Vec::new());
+    export::touches_csv(&records, &mut touches).unwrap();
+    export::sweeps_csv(&records, &mut sweeps).unwrap();
+    export::readings_csv(&records, &mut readings).unwrap();
+    assert_eq!(
+        String::from_utf8(touches).unwrap(),
+        "step,phase,sample,direction,angle_deg,repeat,no_load_sweep,no_load_hz,no_load_sigma_hz,\
+         sweep,resonance_hz,sigma_hz,shift_hz,shift_sigma_hz,surface_mm,surface_sigma_mm,\
+         indentation_mm\n\
+         main/1/back/30/1,main,\"agar, \"\"soft\"\"\",back,30,1,1,140.4,0.01,2,158.3,0.02,\
+         17.900000000000006,0.022360679774997897,10.1,0.002886751345948129,0.5\n"
+    );
+    assert_eq!(
+        String::from_utf8(sweeps).unwrap(),
+        "sweep,purpose,step,direction,angle_deg,readings,verdict,resonance_hz,sigma_hz,\
+         quality_factor,static_capacitance_f,capacitance_ratio,loss_tangent,reason\n\
+         1,no_load,main/1/back/30/1,back,30,12,accepted,140.4,0.02,33,0.0000000274,0.08,0.018,\n\
+         2,touch,main/1/back/30/1,back,30,12,accepted,158.3,0.02,33,0.0000000274,0.08,0.018,\n"
+    );
+    let readings = String::from_utf8(readings).unwrap();
+    assert_eq!(readings.lines().count(), 1 + 2 * 12);
+    let columns = readings.lines().next().unwrap().split(',').count();
+    assert!(readings.lines().all(|line| line.split(',').count() == columns), "{readings}");
+    assert!(readings.contains("\n1,no_load,main/1/back/30/1,1,140.4,33333.333333333336,-40000,"));
+}
+
+#[test]
+fn a_refused_sweep_keeps_its_columns() {
+    let directory = Directory::new();
+    let store = Store::open(directory.path()).unwrap();
+    let mut journal = store.begin(RunKind::Session, "bench").unwrap();
+    let Record::Sweep(mut refused) = sweep(1, SweepPurpose::Manual, 140.0) else { unreachable!() };
+    refused.verdict = SweepVerdict::Refused { reason: "no resonance, none at all".to_owned() };
+    (refused.step, refused.pose) = (None, None);
+    append(&mut journal, 0, &Record::Sweep(refused));
+    journal.commit().unwrap();
+    let mut sweeps = Vec::new();
+    let records = store.reader().unwrap().records(journal.id()).unwrap();
+    export::sweeps_csv(&records, &mut sweeps).unwrap();
+    let sweeps = String::from_utf8(sweeps).unwrap();
+    let (header, row) = sweeps.split_once('\n').unwrap();
+    assert_eq!(row, "1,manual,,,,12,refused,,,,,,,\"no resonance, none at all\"\n");
+    // The comma in the reason is one more.
+    assert_eq!(row.matches(',').count(), header.matches(',').count() + 1);
+}

@@ -1,0 +1,168 @@
+//! Data directories and a small run for the tests.
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    sync::atomic::{AtomicU32, Ordering},
+};
+
+use crate::{
+    Action, Axis, Circuit, Clearance, Device, Direction, Ending, Fault, Intent, Journal, Move,
+    MoveReason, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, Reading, ReadingFlag,
+    Record, RunFinished, RunStarted, Sample, Source, StepStarted, Surface, Sweep, SweepPurpose,
+    SweepVerdict, Touch, TouchSettings,
+};
+
+/// A directory that is removed with the value.
+pub(super) struct Directory(PathBuf);
+
+impl Directory {
+    pub(super) fn new() -> Self {
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        let number = COUNT.fetch_add(1, Ordering::Relaxed);
+        let name = format!("rig-store-{}-{number}", std::process::id());
+        let path = std::env::temp_dir().join(name);
+        fs::create_dir_all(&path).unwrap();
+        Self(path)
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Drop for Directory {
+    fn drop(&mut self) {
+        _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+const POSE: Pose = Pose { direction: Direction::Back, angle_deg: 30.0 };
+
+/// Appends a record `seconds` after the rig was opened.
+#[track_caller]
+pub(super) fn append(journal: &mut Journal, seconds: u64, record: &Record) -> u64 {
+    journal.append(seconds * 1_000_000, record).unwrap()
+}
+
+/// A run of one touch. The last record ends it.
+pub(super) fn records() -> Vec<Record> {
+    let step = || "main/1/back/30/1".to_owned();
+    let place = Prompt::PlaceSample { sample: "agar, \"soft\"".to_owned() };
+    vec![
+        run_started(),
+        Record::StepStarted(StepStarted {
+            step: "prompt/1".to_owned(),
+            index: 1,
+            count: 2,
+            action: Action::Prompt { prompt: place.clone() },
+        }),
+        Record::PromptAsked(PromptAsked { step: "prompt/1".to_owned(), prompt: place }),
+        Record::PromptAnswered(PromptAnswered {
+            step: "prompt/1".to_owned(),
+            by: "the page".to_owned(),
+        }),
+        Record::StepStarted(StepStarted {
+            step: step(),
+            index: 2,
+            count: 2,
+            action: Action::Touch {
+                phase: Phase::Main,
+                sample: "agar, \"soft\"".to_owned(),
+                pose: POSE,
+                repeat: 1,
+            },
+        }),
+        sweep(1, SweepPurpose::NoLoad, 140.4),
+        Record::Intent(Intent {
+            what: MoveReason::Approach,
+            axis: Axis::LinearMm,
+            from: Some(40.0),
+            to: 10.125,
+            limit: Some(9.0),
+        }),
+        Record::Moved(Move { axis: Axis::LinearMm, target: 10.125, read_back: 10.1249 }),
+        Record::SurfaceFound(Surface {
+            step: step(),
+            pose: POSE,
+            position_mm: 10.1,
+            sigma_mm: 0.01 / 12.0_f64.sqrt(),
+            readings: 17,
+        }),
+        sweep(2, SweepPurpose::Touch, 158.3),
+        touch_result(),
+        Record::Fault(Fault {
+            step: Some(step()),
+            cause: "linear stage: no answer within 100 ms".to_owned(),
+            probe: Clearance::InContact,
+            hint: "check the cable of the linear stage".to_owned(),
+        }),
+        Record::RunFinished(RunFinished { status: Ending::Faulted }),
+    ]
+}
+
+fn touch_result() -> Record {
+    Record::TouchResult(Touch {
+        touch: TouchSettings {
+            step: "main/1/back/30/1".to_owned(),
+            phase: Phase::Main,
+            sample: "agar, \"soft\"".to_owned(),
+            pose: POSE,
+            repeat: 1,
+        },
+        no_load_sweep: 1,
+        no_load_hz: 140.4,
+        no_load_sigma_hz: 0.01,
+        sweep: 2,
+        resonance_hz: 158.3,
+        sigma_hz: 0.02,
+        shift_hz: 158.3 - 140.4,
+        shift_sigma_hz: 5e-4_f64.sqrt(),
+        surface_mm: 10.1,
+        surface_sigma_mm: 0.01 / 12.0_f64.sqrt(),
+        indentation_mm: 0.5,
+    })
+}
+
+pub(super) fn run_started() -> Record {
+    let source = |name: &str| Source { name: name.to_owned(), toml: format!("name = \"{name}\"") };
+    Record::RunStarted(RunStarted {
+        software: "rigd 0.1.0".to_owned(),
+        seed: u64::MAX,
+        protocol: source("one touch"),
+        rig: source("simulated"),
+        scene: Some(source("paper")),
+        devices: vec![Device { role: "analyzer".to_owned(), identity: "HIOKI,IM3536".to_owned() }],
+        samples: vec![Sample { name: "agar, \"soft\"".to_owned(), stiffness_mpa: Some(0.104) }],
+        plan: PlanSize { steps: 2, touches: 1, prompts: 1 },
+        classes: None,
+    })
+}
+
+pub(super) fn sweep(number: u64, purpose: SweepPurpose, resonance_hz: f64) -> Record {
+    let reading = |index: u32| Reading {
+        frequency_hz: resonance_hz + 0.1 * f64::from(index),
+        resistance_ohm: 1e5 / f64::from(index + 3),
+        reactance_ohm: -4e4 - f64::from(index).sqrt(),
+        started_s: 1.0 / 3.0 + f64::from(index),
+        settle_s: 0.05,
+        integration_s: 0.1,
+        flag: if index == 2 { ReadingFlag::LowSignal } else { ReadingFlag::Normal },
+    };
+    Record::Sweep(Sweep {
+        number,
+        purpose,
+        step: Some("main/1/back/30/1".to_owned()),
+        pose: Some(POSE),
+        readings: (0..12).map(reading).collect(),
+        verdict: SweepVerdict::Accepted {
+            resonance_hz,
+            sigma_hz: 0.02,
+            circuit: Some(Circuit {
+                quality_factor: 33.0,
+                static_capacitance_f: 27.4e-9,
+                capacitance_ratio: 0.08,
+                loss_tangent: 0.018,
+            }),
+        },
+    })
+}
