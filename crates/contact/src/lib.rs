@@ -1,2 +1,25 @@
 //! Forward models of the sensor and the tissue in tiers, their validity and their inverses.
+//!
+//! A [`Sensor`] touches a [`Tissue`] in a [`Contact`]; at rest this is a [`Load`], and near its
+//! resonance a [`Circuit`] that an impedance analyzer sees.
+
 #![deny(clippy::disallowed_methods)]
+
+mod circuit;
+mod contact;
+mod element;
+mod law;
+mod pose;
+mod section;
+mod sensor;
+mod sneddon;
+mod stage;
+mod tissue;
+
+pub use circuit::Circuit;
+pub use contact::{Contact, Depth, Friction, Load};
+pub use element::Element;
+pub use law::{ContactLaw, LawError, Spot};
+pub use pose::{Direction, Pose, PoseError};
+pub use sensor::{CoreMaterial, PiezoMaterial, Sensor, SensorDesign, SensorError};
+pub use tissue::{Tissue, TissueError};

@@ -1,0 +1,229 @@
+//! Tier E1: the bimorph as one cubic beam element with a tip mass, in closed form.
+//!
+//! Two motions in the plane of bending, deflection w and slope φ, make a quadratic in ω²; the
+//! twist θ, which a surface leaning sideways excites a little, is eliminated beforehand. Losses and
+//! the electrodes make the same quadratic complex, and its lower root the equivalent circuit.
+//!
+//! Left to the reference: how the beam's own inertia bends it (0.05 Hz of 140 Hz for the reference
+//! sensor), lateral bending (0.03 Hz of shift), and shear.
+
+use std::f64::consts::TAU;
+
+use num_complex::Complex64;
+
+use crate::{
+    Circuit, Contact, LawError, Load, Pose, Sensor, Tissue, pose::TipStiffness, section::Section,
+};
+
+/// A sensor as tier E1 sees it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Element {
+    section: Section,
+    stiffness: Pair,
+    mass: Pair,
+    twist_stiffness_n_m: f64,
+    twist_inertia_kg_m2: f64,
+    /// ω² of the free sensor, without losses.
+    free_rad2: f64,
+    /// Stiffness less ω² mass of the free sensor: singular.
+    balance: Pair,
+    /// Half-way products of the quadratic: mass determinant, and the mixed term of the free sensor.
+    mass_determinant: f64,
+    mixed: f64,
+}
+
+/// A symmetric matrix over (w, φ).
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Pair {
+    ww: f64,
+    wp: f64,
+    pp: f64,
+}
+
+impl Pair {
+    fn plus(self, factor: f64, other: Self) -> Self {
+        Self {
+            ww: self.ww + factor * other.ww,
+            wp: self.wp + factor * other.wp,
+            pp: self.pp + factor * other.pp,
+        }
+    }
+
+    fn determinant(self) -> f64 {
+        self.ww * self.pp - self.wp * self.wp
+    }
+
+    /// What is bilinear in det(A + x B): the factor of x.
+    fn mixed(self, other: Self) -> f64 {
+        self.ww * other.pp + self.pp * other.ww - 2.0 * self.wp * other.wp
+    }
+}
+
+impl Element {
+    /// The element of a sensor.
+    pub fn new(sensor: &Sensor) -> Self {
+        let section = *sensor.section();
+        let l = section.length_m;
+        let k = section.bending_n_m2 / l.powi(3);
+        let m = section.mass_kg_per_m * l / 420.0;
+        let stiffness = Pair { ww: 12.0 * k, wp: -6.0 * l * k, pp: 4.0 * l * l * k };
+        let mass = Pair {
+            ww: 156.0 * m + section.tip_mass_kg,
+            wp: -22.0 * l * m,
+            pp: 4.0 * l * l * m + section.tip_inertia_kg_m2,
+        };
+        let sum = stiffness.mixed(mass);
+        let mass_determinant = mass.determinant();
+        let discriminant = sum * sum - 4.0 * mass_determinant * stiffness.determinant();
+        let free_rad2 = 2.0 * stiffness.determinant() / (sum + discriminant.sqrt());
+        let balance = stiffness.plus(-free_rad2, mass);
+        Self {
+            section,
+            stiffness,
+            mass,
+            twist_stiffness_n_m: section.torsion_n_m2 / l,
+            twist_inertia_kg_m2: section.roll_kg_m * l / 3.0 + section.tip_inertia_kg_m2,
+            free_rad2,
+            balance,
+            mass_determinant,
+            mixed: balance.mixed(mass),
+        }
+    }
+
+    /// Series resonance of the sensor that touches nothing, without losses, Hz.
+    pub fn no_load_hz(&self) -> f64 {
+        self.free_rad2.sqrt() / TAU
+    }
+
+    /// The shift of the series resonance by a contact stiffness, without losses, Hz.
+    ///
+    /// Computed as a difference from the free sensor in exact arithmetic, so that it keeps its
+    /// relative accuracy down to the smallest stiffness.
+    pub fn shift_hz(&self, pose: &Pose, load: &Load) -> f64 {
+        let normal = load.normal_n_per_m;
+        if normal == 0.0 {
+            return 0.0;
+        }
+        let unit = TipStiffness::of(&self.section, pose, load.tangential_n_per_m / normal);
+        let mut rise = 0.0;
+        // The twist's inertia needs ω²; from the free sensor's a second pass leaves 1e-4 Hz.
+        let passes = if unit.wt == 0.0 && unit.pt == 0.0 { 1 } else { 2 };
+        for _ in 0..passes {
+            rise = self.rise_rad2(self.in_plane(&unit, normal, self.free_rad2 + rise));
+        }
+        rise / ((self.free_rad2 + rise).sqrt() + self.free_rad2.sqrt()) / TAU
+    }
+
+    /// The contact's stiffness over (w, φ) with the twist eliminated at ω².
+    fn in_plane(&self, unit: &TipStiffness, normal: f64, omega_rad2: f64) -> Pair {
+        let twist = self.twist_stiffness_n_m - omega_rad2 * self.twist_inertia_kg_m2;
+        let give = normal * normal / (twist + normal * unit.tt);
+        Pair {
+            ww: normal * unit.ww - give * unit.wt * unit.wt,
+            wp: normal * unit.wp - give * unit.wt * unit.pt,
+            pp: normal * unit.pp - give * unit.pt * unit.pt,
+        }
+    }
+
+    /// By how much the contact raises ω²: the small root of the quadratic around the free sensor.
+    fn rise_rad2(&self, contact: Pair) -> f64 {
+        let constant = self.balance.mixed(contact) + contact.determinant();
+        let sum = self.mixed + contact.mixed(self.mass);
+        let discriminant = sum * sum - 4.0 * self.mass_determinant * constant;
+        2.0 * constant / (sum + discriminant.sqrt())
+    }
+
+    /// The equivalent circuit of the free sensor.
+    pub fn free_circuit(&self) -> Circuit {
+        self.circuit_of(self.complex(|_| Complex64::ZERO))
+    }
+
+    /// The equivalent circuit in contact, with the losses of beam and tissue.
+    pub fn circuit(&self, pose: &Pose, load: &Load, tissue: &Tissue) -> Circuit {
+        let normal = load.normal_n_per_m;
+        if normal == 0.0 {
+            return self.free_circuit();
+        }
+        let unit = TipStiffness::of(&self.section, pose, load.tangential_n_per_m / normal);
+        let omega_rad2 = (TAU * (self.no_load_hz() + self.shift_hz(pose, load))).powi(2);
+        let complex = Complex64::new(normal, normal * tissue.loss());
+        let twist = Complex64::new(
+            self.twist_stiffness_n_m - omega_rad2 * self.twist_inertia_kg_m2,
+            self.twist_stiffness_n_m * self.section.beam_loss,
+        );
+        let give = complex * complex / (twist + complex * unit.tt);
+        self.circuit_of(self.complex(|part| match part {
+            Part::Ww => complex * unit.ww - give * unit.wt * unit.wt,
+            Part::Wp => complex * unit.wp - give * unit.wt * unit.pt,
+            Part::Pp => complex * unit.pp - give * unit.pt * unit.pt,
+        }))
+    }
+
+    /// The beam's lossy stiffness plus that of a contact, as (ww, wφ, φφ).
+    fn complex(&self, contact: impl Fn(Part) -> Complex64) -> [Complex64; 3] {
+        let lossy = Complex64::new(1.0, self.section.beam_loss);
+        [
+            lossy * self.stiffness.ww + contact(Part::Ww),
+            lossy * self.stiffness.wp + contact(Part::Wp),
+            lossy * self.stiffness.pp + contact(Part::Pp),
+        ]
+    }
+
+    /// The circuit of a lossy stiffness over (w, φ).
+    ///
+    /// The electrodes turn the end of the beam, so that the charge follows its slope: the
+    /// compliance H_φφ has a pole at either root of the quadratic. The lower one is the series
+    /// branch; the upper one is far away and adds to the capacitor.
+    fn circuit_of(&self, [ww, wp, pp]: [Complex64; 3]) -> Circuit {
+        let m = &self.mass;
+        let sum = ww * m.pp + pp * m.ww - 2.0 * wp * m.wp;
+        let constant = ww * pp - wp * wp;
+        let root = (sum * sum - 4.0 * self.mass_determinant * constant).sqrt();
+        let lower = 2.0 * constant / (sum + root);
+        let upper = (sum + root) / (2.0 * self.mass_determinant);
+        let residue = |pole: Complex64, other: Complex64| {
+            (ww - pole * m.ww) / (self.mass_determinant * (other - pole))
+        };
+        let transfer = self.section.moment_n_m_per_v.powi(2);
+        let series_f = (transfer * residue(lower, upper) / lower.re).re;
+        let rest_f = transfer * residue(upper, lower) / (upper - lower.re);
+        let capacitance_f = self.section.capacitance_f + rest_f.re;
+        Circuit {
+            series_resonance_hz: lower.re.sqrt() / TAU,
+            q: lower.re / lower.im,
+            capacitance_f,
+            capacitance_ratio: series_f / capacitance_f,
+            dielectric_loss: (self.section.capacitance_f * self.section.dielectric_loss
+                - rest_f.im)
+                / capacitance_f,
+        }
+    }
+}
+
+/// The entries of a symmetric matrix over (w, φ).
+#[derive(Clone, Copy)]
+enum Part {
+    Ww,
+    Wp,
+    Pp,
+}
+
+impl Sensor {
+    /// The equivalent circuit of the sensor that touches nothing, by tier E1.
+    pub fn free_circuit(&self) -> Circuit {
+        Element::new(self).free_circuit()
+    }
+
+    /// The equivalent circuit of the sensor in this contact, by tier E1; that of the free sensor,
+    /// exactly, at a depth of zero or less.
+    ///
+    /// # Errors
+    /// [`LawError`] when the depth lies outside the contact law, or is not a number.
+    pub fn circuit(&self, tissue: &Tissue, contact: &Contact) -> Result<Circuit, LawError> {
+        let load = self.load(tissue, contact)?;
+        Ok(Element::new(self).circuit(&contact.pose, &load, tissue))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,83 @@
+//! The balance between a stage that moves and a sensor that gives way.
+//!
+//! A move of the stage is not an indentation: the ball sinks in by d while the bimorph bends away
+//! by c F(d), with the compliance c of the ball along the surface's normal. The sum is the move
+//! along that normal. It is monotone in d, so that there is one balance. The contact is taken
+//! without friction while it settles, because a resting contact creeps; friction acts in vibration
+//! only.
+
+use crate::{ContactLaw, LawError, Spot};
+
+/// The contact at which ball and bimorph balance.
+///
+/// `move_rel` is the stage's move along the surface's normal in ball radii; `softness` is c E* R,
+/// the compliance of the ball relative to that of the tissue.
+///
+/// # Errors
+/// [`LawError::Depth`] when the balance lies beyond the law's validity.
+pub(crate) fn balance(law: ContactLaw, move_rel: f64, softness: f64) -> Result<Spot, LawError> {
+    let limit_rel = law.depth_limit_rel();
+    let refuse = |depth_rel| Err(LawError::Depth { law, depth_rel, limit_rel });
+    if move_rel.is_nan() || move_rel < 0.0 {
+        return refuse(move_rel);
+    }
+    let mut spot = law.at_valid(move_rel.min(limit_rel));
+    let mut excess = spot.depth_rel + softness * spot.force_rel - move_rel;
+    if excess < 0.0 {
+        return refuse(move_rel - softness * spot.force_rel);
+    }
+    // The excess is convex and rises, so that Newton from above comes down without overshoot. It
+    // shrinks a force-dominated depth to a third at each step at the worst.
+    for _ in 0..STEPS_MAX {
+        let step = excess / (1.0 + 2.0 * softness * spot.radius_rel);
+        spot = law.at_valid((spot.depth_rel - step).max(0.0));
+        if step <= STEP_TOLERANCE * spot.depth_rel {
+            break;
+        }
+        excess = spot.depth_rel + softness * spot.force_rel - move_rel;
+    }
+    Ok(spot)
+}
+
+/// Relative to the depth. Newton squares what is left of it.
+const STEP_TOLERANCE: f64 = 1e-9;
+/// Enough to come from a depth of two radii down to 1e-20.
+const STEPS_MAX: u32 = 60;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_balance_holds_from_the_softest_sensor_to_the_stiffest() {
+        for law in ContactLaw::ALL {
+            for exponent in -16..=6 {
+                let softness = 10.0_f64.powi(exponent);
+                for move_rel in [1e-9, 1e-4, 0.1, 0.5, 0.9] {
+                    let spot = balance(law, move_rel, softness).unwrap();
+                    let sum = spot.depth_rel + softness * spot.force_rel;
+                    assert!((sum / move_rel - 1.0).abs() < 1e-12, "{law:?} {softness} {move_rel}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn no_move_is_no_contact_and_a_stiff_sensor_indents_by_the_whole_move() {
+        assert_eq!(balance(ContactLaw::Sneddon, 0.0, 1.0), Ok(Spot::NONE));
+        let spot = balance(ContactLaw::Sneddon, 0.7, 0.0).unwrap();
+        assert_eq!(spot, ContactLaw::Sneddon.at(0.7).unwrap());
+    }
+
+    #[test]
+    fn a_move_beyond_the_law_is_taken_only_when_the_sensor_gives_way_enough() {
+        let law = ContactLaw::SneddonSeries;
+        assert!(balance(law, 1.1, 0.0).is_err());
+        assert!(balance(law, 1.1, 1.0).is_ok());
+        let limit = law.at(1.0).unwrap();
+        assert!(balance(law, 1.0 + 0.5 * limit.force_rel, 0.5).is_ok());
+        assert!(balance(law, 1.0 + 0.501 * limit.force_rel, 0.5).is_err());
+        assert!(balance(law, f64::NAN, 1.0).is_err());
+        assert!(balance(law, -1e-9, 1.0).is_err());
+    }
+}
