@@ -172,7 +172,7 @@ impl Element {
     /// The circuit of a lossy stiffness over (w, φ).
     ///
     /// The electrodes turn the end of the beam, so that the charge follows its slope: the
-    /// compliance H_φφ has a pole at either root of the quadratic. The lower one is the series
+    /// compliance of the slope has a pole at either root of the quadratic. The lower one is the series
     /// branch; the upper one is far away and adds to the capacitor.
     fn circuit_of(&self, [ww, wp, pp]: [Complex64; 3]) -> Circuit {
         let m = &self.mass;
