@@ -1,0 +1,152 @@
+//! The one owner of a line, and the handles through which it is used.
+
+use std::{sync::Arc, time::Duration};
+
+use rig_link::{Port, Transcript};
+use rig_model::RigTime;
+use tokio::sync::{mpsc, oneshot};
+
+use crate::{
+    BusError, LineFault, Reply, Request,
+    line::{Canary, Line, crc},
+};
+
+/// How long things on a bus may take.
+#[derive(Debug, Clone, Copy)]
+pub struct BusTiming {
+    /// How long a device may think before its answer begins; the time on the wire comes on top.
+    pub reply_within: Duration,
+    /// How long the line is only listened to after a fault. No answer may be later than this.
+    pub quarantine: Duration,
+    /// How often a request is sent at most.
+    pub attempts: u32,
+    /// How long a device may say that it is busy.
+    pub busy_within: Duration,
+    /// The pause before a busy device is asked again.
+    pub busy_pause: Duration,
+}
+
+impl Default for BusTiming {
+    fn default() -> Self {
+        Self {
+            // Drives answer within some milliseconds, USB adapters add up to 16.
+            reply_within: Duration::from_millis(100),
+            quarantine: Duration::from_millis(500),
+            attempts: 3,
+            busy_within: Duration::from_secs(2),
+            busy_pause: Duration::from_millis(20),
+        }
+    }
+}
+
+/// A way to use a line. All handles reach the same owner, which carries out one request at a time
+/// and each of them to its end, even when whoever asked is gone.
+#[derive(Debug, Clone)]
+pub struct BusHandle {
+    orders: mpsc::Sender<Order>,
+    name: Arc<str>,
+    clock: rig_link::Clock,
+    transcript: Transcript,
+}
+
+/// What the owner of the line can be told.
+#[derive(Debug)]
+enum Order {
+    Request { unit: u8, request: Request, answer: oneshot::Sender<Result<Reply, BusError>> },
+    Broadcast { frame: Vec<u8>, answer: oneshot::Sender<Result<(), BusError>> },
+    Canary { unit: u8, canary: Canary },
+}
+
+impl BusHandle {
+    /// Gives a port to a new owner, which lives until the last handle is dropped. Must be called
+    /// inside a tokio runtime.
+    pub fn open(port: Port, timing: BusTiming) -> Self {
+        let (orders, inbox) = mpsc::channel(16);
+        let handle = Self {
+            orders,
+            name: port.name().clone(),
+            clock: port.clock(),
+            transcript: port.transcript(),
+        };
+        tokio::spawn(own(Line::new(port, timing), inbox));
+        handle
+    }
+
+    /// The name of the port.
+    pub fn name(&self) -> &Arc<str> {
+        &self.name
+    }
+
+    /// The last frames of the line.
+    pub fn transcript(&self) -> Transcript {
+        self.transcript.clone()
+    }
+
+    /// The rig's time now.
+    pub fn now(&self) -> RigTime {
+        self.clock.now()
+    }
+
+    /// Asks one device, and takes no answer but that to this request.
+    ///
+    /// # Errors
+    /// [`BusError::Refused`] with the device's reason, [`BusError::Failed`] when no answer could
+    /// be used; then it is not known whether the device has heard the request.
+    pub async fn request(&self, unit: u8, request: Request) -> Result<Reply, BusError> {
+        let (answer, answered) = oneshot::channel();
+        self.send(Order::Request { unit, request, answer }).await?;
+        answered.await.map_err(|_| LineFault::Closed)?
+    }
+
+    /// Reads holding registers.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub async fn read(&self, unit: u8, address: u16, count: u16) -> Result<Vec<u16>, BusError> {
+        match self.request(unit, Request::ReadHolding { address, count }).await? {
+            Reply::Words(words) => Ok(words),
+            Reply::Bits(_) | Reply::Written => unreachable!("a read is answered by words"),
+        }
+    }
+
+    /// Writes one register of all devices on the line. None of them answers and none is waited
+    /// for, so that only a read of each device can tell whether it has heard.
+    ///
+    /// # Errors
+    /// [`BusError::Failed`] when the frame could not be sent.
+    pub async fn broadcast(&self, address: u16, value: u16) -> Result<(), BusError> {
+        let [a, b, c, d] = [address.to_be_bytes(), value.to_be_bytes()].concat()[..] else {
+            unreachable!("two words are four bytes")
+        };
+        let mut frame = vec![0, 6, a, b, c, d];
+        frame.extend(crc(&frame).to_le_bytes());
+        let (answer, answered) = oneshot::channel();
+        self.send(Order::Broadcast { frame, answer }).await?;
+        answered.await.map_err(|_| LineFault::Closed)?
+    }
+
+    /// Names registers of a device whose values are known. They are read after each fault, before
+    /// the device is believed again.
+    pub(crate) async fn set_canary(&self, unit: u8, canary: Canary) -> Result<(), BusError> {
+        self.send(Order::Canary { unit, canary }).await
+    }
+
+    async fn send(&self, order: Order) -> Result<(), BusError> {
+        self.orders.send(order).await.map_err(|_| LineFault::Closed.into())
+    }
+}
+
+async fn own(mut line: Line, mut inbox: mpsc::Receiver<Order>) {
+    while let Some(order) = inbox.recv().await {
+        // Whoever asked may be gone; the exchange was finished all the same.
+        match order {
+            Order::Request { unit, request, answer } => {
+                _ = answer.send(line.request(unit, &request).await);
+            }
+            Order::Broadcast { frame, answer } => {
+                _ = answer.send(line.broadcast(&frame).await);
+            }
+            Order::Canary { unit, canary } => line.set_canary(unit, canary),
+        }
+    }
+}

@@ -1,0 +1,272 @@
+//! What can go wrong with an axis: the device refused, or the line failed, or the axis is not
+//! where it should be.
+
+use std::{fmt, sync::Arc};
+
+use rig_link::LineError;
+use rig_model::{Position, Unit};
+
+use crate::{Alarm, Request};
+
+/// Why a device refused, by its own account.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Exception {
+    /// 1: it does not know the function.
+    IllegalFunction,
+    /// 2: it has no such address.
+    IllegalAddress,
+    /// 3: it does not take the value.
+    IllegalValue,
+    /// 4: it failed while it tried.
+    DeviceFailure,
+    /// 5: it has begun, and needs long.
+    Acknowledge,
+    /// 6: it is busy and has done nothing.
+    Busy,
+    /// Another code.
+    Other(u8),
+}
+
+impl Exception {
+    pub(crate) fn from_code(code: u8) -> Self {
+        match code {
+            1 => Self::IllegalFunction,
+            2 => Self::IllegalAddress,
+            3 => Self::IllegalValue,
+            4 => Self::DeviceFailure,
+            5 => Self::Acknowledge,
+            6 => Self::Busy,
+            other => Self::Other(other),
+        }
+    }
+}
+
+impl fmt::Display for Exception {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::IllegalFunction => f.write_str("illegal function (1)"),
+            Self::IllegalAddress => f.write_str("illegal address (2)"),
+            Self::IllegalValue => f.write_str("illegal value (3)"),
+            Self::DeviceFailure => f.write_str("device failure (4)"),
+            Self::Acknowledge => f.write_str("still at it (5)"),
+            Self::Busy => f.write_str("busy (6)"),
+            Self::Other(code) => write!(f, "exception {code}"),
+        }
+    }
+}
+
+/// The device understood and refused.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{port}: unit {unit} refused to {request}: {exception}")]
+pub struct Refusal {
+    /// Name of the port.
+    pub port: Arc<str>,
+    /// The device.
+    pub unit: u8,
+    /// What was asked.
+    pub request: Request,
+    /// What it said.
+    pub exception: Exception,
+}
+
+/// What the bytes looked like that came in place of an answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Symptom {
+    /// Nothing came.
+    Silence,
+    /// The request itself came back.
+    Echo,
+    /// The beginning of an answer came.
+    Truncated,
+    /// An answer came whose checksum is wrong.
+    Corrupted,
+    /// Another unit answered.
+    ForeignUnit(u8),
+    /// A sound answer came, but to another request.
+    OtherAnswer,
+    /// Nothing that looks like an answer came.
+    Garbage,
+}
+
+impl fmt::Display for Symptom {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Silence => f.write_str("no answer; is it powered, wired, and at this address?"),
+            Self::Echo => f.write_str("the request came back; does the adapter echo?"),
+            Self::Truncated => f.write_str("the answer broke off"),
+            Self::Corrupted => f.write_str("the checksum of the answer is wrong"),
+            Self::ForeignUnit(unit) => {
+                write!(f, "unit {unit} answered; is there a second master or a wrong address?")
+            }
+            Self::OtherAnswer => f.write_str("the answer belongs to another request"),
+            Self::Garbage => f.write_str("garbage came; do speed and parity match?"),
+        }
+    }
+}
+
+/// The line failed: whether the device has heard or done anything is not known.
+#[derive(Debug, Clone, thiserror::Error)]
+pub enum LineFault {
+    /// The port itself failed.
+    #[error(transparent)]
+    Port(#[from] LineError),
+    /// No answer could be used, in so many attempts.
+    #[error("{port}: unit {unit}: {request}: {symptom} ({attempts} attempts)")]
+    NoAnswer {
+        /// Name of the port.
+        port: Arc<str>,
+        /// The device.
+        unit: u8,
+        /// What was asked.
+        request: Request,
+        /// What was seen last.
+        symptom: Symptom,
+        /// How often it was tried.
+        attempts: u32,
+    },
+    /// After a fault, a register with a known value does not have it: the device was changed, or
+    /// restarted, or another one answers.
+    #[error(
+        "{port}: unit {unit}: {request}: not the values known, the device restarted or changed"
+    )]
+    Changed {
+        /// Name of the port.
+        port: Arc<str>,
+        /// The device.
+        unit: u8,
+        /// What was asked.
+        request: Request,
+    },
+    /// The task that owns the line has ended.
+    #[error("the owner of the line has ended")]
+    Closed,
+}
+
+/// A request on the bus was not carried out.
+#[derive(Debug, Clone, thiserror::Error)]
+pub enum BusError {
+    /// The device refused.
+    #[error(transparent)]
+    Refused(#[from] Refusal),
+    /// The line failed.
+    #[error(transparent)]
+    Failed(#[from] LineFault),
+}
+
+/// An axis did not do what it was asked.
+#[derive(Debug, Clone, thiserror::Error)]
+pub enum StageError<U: Unit> {
+    /// The bus failed or the drive refused.
+    #[error("{axis}")]
+    Bus {
+        /// Name of the axis.
+        axis: &'static str,
+        /// What happened.
+        #[source]
+        source: BusError,
+    },
+    /// Moved before [`Stage::identify`](crate::Stage::identify).
+    #[error("{axis}: not identified yet")]
+    NotIdentified {
+        /// Name of the axis.
+        axis: &'static str,
+    },
+    /// A speed that is not allowed.
+    #[error("{axis}: speed {asked} {}/s is outside (0, {max}]", U::SYMBOL)]
+    Speed {
+        /// Name of the axis.
+        axis: &'static str,
+        /// What was asked.
+        asked: f64,
+        /// The fastest allowed.
+        max: f64,
+    },
+    /// A position that the drive cannot count to.
+    #[error("{axis}: {wanted} is beyond what the drive can count")]
+    Uncountable {
+        /// Name of the axis.
+        axis: &'static str,
+        /// What was asked.
+        wanted: Position<U>,
+    },
+    /// The drive reports an alarm.
+    #[error("{axis}: alarm {alarm}, at {at}")]
+    Alarmed {
+        /// Name of the axis.
+        axis: &'static str,
+        /// What it reports.
+        alarm: Alarm,
+        /// Where it stands.
+        at: Position<U>,
+    },
+    /// The drive stands still and never took the target, without an alarm.
+    #[error("{axis}: the drive ignored the move to {wanted} and stands at {at}; {hint}")]
+    Ignored {
+        /// Name of the axis.
+        axis: &'static str,
+        /// What was asked.
+        wanted: Position<U>,
+        /// Where it stands.
+        at: Position<U>,
+        /// What usually causes it.
+        hint: &'static str,
+    },
+    /// The drive took the target and stands elsewhere.
+    #[error("{axis}: stands at {at}, {off:.4} {} from its target {wanted}", U::SYMBOL)]
+    NotThere {
+        /// Name of the axis.
+        axis: &'static str,
+        /// What was asked.
+        wanted: Position<U>,
+        /// Where it stands.
+        at: Position<U>,
+        /// How far off, in the unit `U`.
+        off: f64,
+    },
+    /// The stop that was asked for. The axis stands still.
+    #[error("{axis}: stopped at {at}")]
+    Stopped {
+        /// Name of the axis.
+        axis: &'static str,
+        /// Where it stands.
+        at: Position<U>,
+    },
+    /// It took too long and was stopped. The axis stands still.
+    #[error("{axis}: {doing} not finished after {seconds:.1} s, stopped at {at}")]
+    Overdue {
+        /// Name of the axis.
+        axis: &'static str,
+        /// What it was doing.
+        doing: &'static str,
+        /// How long it was waited for.
+        seconds: f64,
+        /// Where it stands.
+        at: Position<U>,
+    },
+    /// The stop was sent and the axis still reports motion.
+    #[error("{axis}: still moving {seconds:.1} s after the stop, at {at}")]
+    WillNotStop {
+        /// Name of the axis.
+        axis: &'static str,
+        /// How long it was waited for.
+        seconds: f64,
+        /// Where it is.
+        at: Position<U>,
+    },
+    /// An alarm that a reset did not clear.
+    #[error("{axis}: alarm {alarm} is still there after the reset")]
+    AlarmPersists {
+        /// Name of the axis.
+        axis: &'static str,
+        /// What it reports.
+        alarm: Alarm,
+    },
+    /// The drive ended its homing without knowing where it is.
+    #[error("{axis}: homing ended at {at} without success")]
+    NotHomed {
+        /// Name of the axis.
+        axis: &'static str,
+        /// Where it stands.
+        at: Position<U>,
+    },
+}

@@ -1,0 +1,120 @@
+//! One look at a drive, and what its registers say.
+
+use std::fmt;
+
+use rig_model::{Position, RigTime};
+
+use crate::{
+    RegisterMap, Reply, Request,
+    map::{Block, Field, Flag, Table, Width},
+};
+
+/// An alarm of a drive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Alarm {
+    /// The drive's code.
+    pub code: u16,
+    /// What its manual calls it.
+    pub name: &'static str,
+}
+
+impl fmt::Display for Alarm {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:#04x} ({})", self.code, self.name)
+    }
+}
+
+/// One look at a drive.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AxisStatus<U> {
+    /// When it was read.
+    pub at: RigTime,
+    /// Measured position.
+    pub position: Position<U>,
+    /// Where the drive says it is to be.
+    pub target: Position<U>,
+    /// Whether it moves.
+    pub is_moving: bool,
+    /// Whether it would take a move.
+    pub is_ready: bool,
+    /// Whether it knows where it is.
+    pub is_homed: bool,
+    /// What is wrong.
+    pub alarm: Option<Alarm>,
+}
+
+/// One look at a drive, in counts.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Look {
+    pub(crate) position: i32,
+    pub(crate) target: i32,
+    pub(crate) is_moving: bool,
+    pub(crate) is_ready: bool,
+    pub(crate) is_homed: bool,
+    pub(crate) alarm: Option<Alarm>,
+}
+
+impl Look {
+    /// Reads it out of the replies to the status blocks of a map.
+    pub(crate) fn new(map: &RegisterMap, replies: &[Reply]) -> Self {
+        let view = View { map, replies };
+        let code = view.word(map.alarm.block, map.alarm.address);
+        Self {
+            position: view.number(map.position),
+            target: view.number(map.target.field()),
+            is_moving: view.flag(map.moving),
+            is_ready: view.flag(map.ready),
+            is_homed: view.flag(map.homed),
+            alarm: alarm(map, code),
+        }
+    }
+}
+
+fn alarm(map: &RegisterMap, code: u16) -> Option<Alarm> {
+    let known = map.alarms.iter().find(|&&(known, _)| known == code);
+    (code != 0).then_some(Alarm { code, name: known.map_or("not in the manual", |known| known.1) })
+}
+
+/// The request that reads a block.
+pub(crate) fn read_request(block: Block) -> Request {
+    let Block { table, address, count } = block;
+    match table {
+        Table::Coil => Request::ReadCoils { address, count },
+        Table::DiscreteInput => Request::ReadDiscreteInputs { address, count },
+        Table::Holding => Request::ReadHolding { address, count },
+        Table::Input => Request::ReadInput { address, count },
+    }
+}
+
+/// The replies to the status blocks of a map.
+struct View<'a> {
+    map: &'a RegisterMap,
+    replies: &'a [Reply],
+}
+
+impl View<'_> {
+    fn word(&self, block: usize, address: u16) -> u16 {
+        let index = usize::from(address - self.map.status[block].address);
+        match &self.replies[block] {
+            Reply::Words(words) => words[index],
+            Reply::Bits(bits) => u16::from(bits[index]),
+            Reply::Written => unreachable!("a read is not answered by a write"),
+        }
+    }
+
+    fn number(&self, field: Field) -> i32 {
+        let first = self.word(field.block, field.address);
+        match field.width {
+            Width::U16 => i32::from(first),
+            Width::I32 => {
+                let [a, b] = first.to_be_bytes();
+                let [c, d] = self.word(field.block, field.address + 1).to_be_bytes();
+                i32::from_be_bytes([a, b, c, d])
+            }
+        }
+    }
+
+    fn flag(&self, flag: Flag) -> bool {
+        (self.word(flag.block, flag.address) >> flag.bit & 1 == 1) == flag.is_set_when
+    }
+}

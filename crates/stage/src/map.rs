@@ -1,0 +1,208 @@
+//! The schema of a register map: everything that differs between two makes of drive, as data.
+
+/// One of the four tables of a Modbus device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Table {
+    /// Bits that can be written.
+    Coil,
+    /// Bits that can only be read.
+    DiscreteInput,
+    /// Registers that can be written.
+    Holding,
+    /// Registers that can only be read.
+    Input,
+}
+
+/// Neighbouring addresses that are read in one request.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Block {
+    /// The table.
+    pub table: Table,
+    /// First address.
+    pub address: u16,
+    /// How many.
+    pub count: u16,
+}
+
+/// A number in a status block.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Field {
+    /// Index of the block.
+    pub block: usize,
+    /// Address of its first register.
+    pub address: u16,
+    /// How it is laid out.
+    pub width: Width,
+}
+
+/// How a number is laid out in registers. Two words come high word first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Width {
+    /// One register, unsigned.
+    U16,
+    /// Two registers, signed.
+    I32,
+}
+
+/// A bit in a status block.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Flag {
+    /// Index of the block.
+    pub block: usize,
+    /// The register, coil or input.
+    pub address: u16,
+    /// The bit of the register; zero for coils and inputs.
+    pub bit: u8,
+    /// The level that means yes.
+    pub is_set_when: bool,
+}
+
+/// One write of a command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Step {
+    /// Several registers in one request.
+    Registers {
+        /// First register.
+        address: u16,
+        /// What they become.
+        slots: &'static [Slot],
+    },
+    /// One register.
+    Register {
+        /// The register.
+        address: u16,
+        /// What it becomes.
+        value: u16,
+    },
+    /// One coil.
+    Coil {
+        /// The coil.
+        address: u16,
+        /// What it becomes.
+        is_on: bool,
+    },
+    /// The drive needs the level for so long before the next step.
+    Hold {
+        /// How long, in milliseconds.
+        ms: u16,
+    },
+}
+
+/// What stands in the registers of a command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Slot {
+    /// A constant in one register.
+    Word(u16),
+    /// A constant in two registers.
+    Long(i32),
+    /// A quantity of the move.
+    Of(Quantity, Width),
+}
+
+/// The quantities of a move, in the drive's own units.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// Where to.
+    Target,
+    /// How fast.
+    Speed,
+    /// How quickly up to speed.
+    Acceleration,
+    /// How quickly back to rest.
+    Deceleration,
+    /// The lower limit of position.
+    LimitMin,
+    /// The upper limit of position.
+    LimitMax,
+}
+
+/// The unit in which a drive takes its speed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SpeedUnit {
+    /// Counts per second.
+    CountsPerSecond,
+    /// Revolutions of the motor per minute.
+    RevolutionsPerMinute,
+}
+
+/// The unit in which a drive takes its acceleration.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AccelerationUnit {
+    /// Counts per second squared.
+    CountsPerSecond2,
+    /// Hundredths of the standard acceleration of free fall, of an axis in millimetres.
+    HundredthsOfG,
+    /// Milliseconds for a change of 1000 revolutions per minute.
+    MillisecondsPer1000Rpm,
+}
+
+/// How the drive tells which target it has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TargetReadBack {
+    /// The position that the drive commands its motor to; equal to the target after the move.
+    CommandPosition(Field),
+    /// The register to which the target was written.
+    Register(Field),
+}
+
+impl TargetReadBack {
+    pub(crate) const fn field(self) -> Field {
+        match self {
+            Self::CommandPosition(field) | Self::Register(field) => field,
+        }
+    }
+}
+
+/// The drive's own soft limits, kept against a host that has lost its mind.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DriveLimits {
+    /// Where they are. Their values are known once they were written, so that this block also
+    /// serves to recognise the drive after a fault; no status block has its length.
+    pub read: Block,
+    /// What is written there.
+    pub slots: &'static [Slot],
+}
+
+/// Everything that differs between two makes of drive.
+#[derive(Debug, Clone, Copy)]
+pub struct RegisterMap {
+    /// The name in configuration files.
+    pub name: &'static str,
+    /// What one look at the drive reads, in order. No two blocks of a map have the same length, so
+    /// that the answer to one is never taken for the answer to the other.
+    pub status: &'static [Block],
+    /// Measured position, counts.
+    pub position: Field,
+    /// The target, counts.
+    pub target: TargetReadBack,
+    /// Whether it moves.
+    pub moving: Flag,
+    /// Whether it would take a move.
+    pub ready: Flag,
+    /// Whether it knows where it is.
+    pub homed: Flag,
+    /// Alarm code, zero for none.
+    pub alarm: Field,
+    /// What the codes mean.
+    pub alarms: &'static [(u16, &'static str)],
+    /// Unit of speed.
+    pub speed: SpeedUnit,
+    /// Unit of acceleration.
+    pub acceleration: AccelerationUnit,
+    /// How long after its start a move may take to show, in milliseconds.
+    pub start_within_ms: u16,
+    /// Starts a move.
+    pub start: &'static [Step],
+    /// Starts homing.
+    pub home: &'static [Step],
+    /// Stops with deceleration, and keeps the axis from moving where the signal is a level.
+    pub stop: &'static [Step],
+    /// Takes the stop back once the axis stands still.
+    pub release_stop: &'static [Step],
+    /// Clears an alarm.
+    pub reset: &'static [Step],
+    /// The drive's own limits.
+    pub limits: DriveLimits,
+    /// What usually is the matter when the drive ignores a move.
+    pub ignored_hint: &'static str,
+}

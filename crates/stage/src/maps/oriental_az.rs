@@ -1,0 +1,103 @@
+//! Oriental Motor AZ series, for linear (EZS, EAS) and hollow rotary (DGII) stages.
+//!
+//! # Source
+//! Oriental Motor, AZ Series Function Edition, HM-60262-6E.
+
+use crate::map::{
+    AccelerationUnit, Block, DriveLimits, Field, Flag, Quantity, RegisterMap, Slot, SpeedUnit,
+    Step, Table, TargetReadBack, Width,
+};
+
+/// Driver output status and present alarm.
+const OUTPUTS: usize = 0;
+/// Command and feedback position, speeds, and direct input and output.
+const POSITIONS: usize = 1;
+
+/// Driver input command, lower word.
+const DRIVER_INPUT: u16 = 0x007D;
+const INPUT_HOME: u16 = 1 << 4;
+const INPUT_STOP: u16 = 1 << 5;
+const INPUT_NONE: u16 = 0;
+
+/// Oriental Motor AZ. A count is one step of the resolution set in the drive.
+pub const ORIENTAL_AZ: RegisterMap = RegisterMap {
+    name: "oriental-az",
+    status: &[
+        Block { table: Table::Holding, address: 0x007E, count: 4 },
+        Block { table: Table::Holding, address: 0x00C6, count: 16 },
+    ],
+    position: Field { block: POSITIONS, address: 0x00CC, width: Width::I32 },
+    target: TargetReadBack::CommandPosition(Field {
+        block: POSITIONS,
+        address: 0x00C6,
+        width: Width::I32,
+    }),
+    moving: Flag { block: OUTPUTS, address: 0x007F, bit: 13, is_set_when: true },
+    ready: Flag { block: OUTPUTS, address: 0x007F, bit: 5, is_set_when: true },
+    // Output 0 of the connector, to which HOME-END is assigned by default.
+    homed: Flag { block: POSITIONS, address: 0x00D4, bit: 0, is_set_when: true },
+    // The lower word; the upper one is always zero.
+    alarm: Field { block: OUTPUTS, address: 0x0081, width: Width::U16 },
+    alarms: &[
+        (0x10, "excessive position deviation"),
+        (0x20, "overcurrent"),
+        (0x21, "main circuit overheat"),
+        (0x22, "overvoltage"),
+        (0x25, "undervoltage"),
+        (0x26, "motor overheat"),
+        (0x28, "sensor error"),
+        (0x30, "overload"),
+        (0x31, "overspeed"),
+        (0x41, "EEPROM error"),
+        (0x42, "initial sensor error"),
+        (0x4A, "return-to-home incomplete"),
+        (0x60, "both limit sensors active"),
+        (0x61, "reverse limit sensor connection"),
+        (0x62, "return-to-home operation error"),
+        (0x66, "hardware overtravel"),
+        (0x67, "software overtravel"),
+        (0x68, "emergency stop"),
+        (0x70, "operation data error"),
+        (0x84, "RS-485 communication error"),
+        (0x85, "RS-485 communication timeout"),
+    ],
+    speed: SpeedUnit::CountsPerSecond,
+    // 0.001 kHz/s.
+    acceleration: AccelerationUnit::CountsPerSecond2,
+    start_within_ms: 100,
+    // Direct data operation: the trigger is the last of the same request.
+    start: &[Step::Registers {
+        address: 0x0058,
+        slots: &[
+            Slot::Long(0), // operation data number
+            Slot::Long(1), // absolute positioning
+            Slot::Of(Quantity::Target, Width::I32),
+            Slot::Of(Quantity::Speed, Width::I32),
+            Slot::Of(Quantity::Acceleration, Width::I32),
+            Slot::Of(Quantity::Deceleration, Width::I32),
+            Slot::Long(1000), // operating current, 0.1 %
+            Slot::Long(1),    // start when all of it has arrived
+        ],
+    }],
+    home: &[
+        Step::Register { address: DRIVER_INPUT, value: INPUT_HOME },
+        Step::Register { address: DRIVER_INPUT, value: INPUT_NONE },
+    ],
+    stop: &[Step::Register { address: DRIVER_INPUT, value: INPUT_STOP }],
+    release_stop: &[Step::Register { address: DRIVER_INPUT, value: INPUT_NONE }],
+    // On the edge from 0 to 1.
+    reset: &[
+        Step::Registers { address: 0x0180, slots: &[Slot::Long(0)] },
+        Step::Registers { address: 0x0180, slots: &[Slot::Long(1)] },
+        Step::Registers { address: 0x0180, slots: &[Slot::Long(0)] },
+    ],
+    limits: DriveLimits {
+        read: Block { table: Table::Holding, address: 0x0386, count: 6 },
+        slots: &[
+            Slot::Long(1), // decelerate to a stop
+            Slot::Of(Quantity::LimitMax, Width::I32),
+            Slot::Of(Quantity::LimitMin, Width::I32),
+        ],
+    },
+    ignored_hint: "is STOP, FREE or the motor power off, or another move not finished?",
+};
