@@ -27,11 +27,11 @@ pub use error::StoreError;
 pub use journal::{Journal, Store};
 pub use reader::{Chain, Flaw, Reader, StoredRecord, Verdict};
 pub use record::{
-    Acknowledged, Action, Axis, BlackBox, Circuit, Classification, Clearance, Device, Direction,
-    Ending, Fault, Frame, Intent, Move, MoveReason, NoLoad, Operator, OperatorAction, Phase,
-    PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, Reading, ReadingFlag, Record, Results,
-    RunFinished, RunStarted, Sample, Sensitivity, Shift, Source, StateChanged, StepStarted,
-    Surface, Sweep, SweepPurpose, SweepVerdict, Touch, TouchSettings,
+    Action, Axis, BlackBox, Circuit, Classification, Clearance, Device, Direction, Ending, Fault,
+    Frame, Intent, Move, MoveReason, NoLoad, Operator, Phase, PlanSize, Pose, Prompt,
+    PromptAnswered, PromptAsked, Reading, ReadingFlag, Record, Results, RunFinished, RunStarted,
+    Sample, Sensitivity, Shift, Source, StateChanged, StepStarted, Surface, SurfaceReading, Sweep,
+    SweepPurpose, SweepVerdict, Touch, TouchSettings,
 };
 pub use run::{Run, RunId, RunKind, RunStatus};
 

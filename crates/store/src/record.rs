@@ -12,8 +12,8 @@ mod sweep;
 
 use serde::{Deserialize, Serialize};
 
-pub use motion::{Axis, Intent, Move, MoveReason, Surface};
-pub use person::{Operator, OperatorAction, Prompt, PromptAnswered, PromptAsked};
+pub use motion::{Axis, Intent, Move, MoveReason, Surface, SurfaceReading};
+pub use person::{Operator, Prompt, PromptAnswered, PromptAsked};
 pub use result::{Classification, NoLoad, Results, Sensitivity, Shift};
 pub use start::{
     Action, Device, Direction, Phase, PlanSize, Pose, RunStarted, Sample, Source, StepStarted,
@@ -53,8 +53,6 @@ pub enum Record {
     Fault(Fault),
     /// The last frames on a port, as they were when a fault was seen.
     BlackBox(BlackBox),
-    /// The fault was acknowledged; the rig may be used again.
-    Acknowledged(Acknowledged),
     /// The rig changed its state.
     StateChanged(StateChanged),
     /// What the touches together say.
@@ -79,7 +77,6 @@ impl Record {
             Self::Operator(_) => "operator",
             Self::Fault(_) => "fault",
             Self::BlackBox(_) => "black_box",
-            Self::Acknowledged(_) => "acknowledged",
             Self::StateChanged(_) => "state_changed",
             Self::Result(_) => "result",
             Self::RunFinished(_) => "run_finished",
@@ -131,13 +128,6 @@ pub struct Frame {
     pub is_sent: bool,
     /// The bytes in hexadecimal.
     pub hex: String,
-}
-
-/// The end of a latch.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Acknowledged {
-    /// Who acknowledged.
-    pub who: String,
 }
 
 /// A change of state.

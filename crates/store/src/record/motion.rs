@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Pose;
+use super::{Pose, Reading};
 
 /// An axis, and the unit of its positions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -71,6 +71,15 @@ pub struct Surface {
     pub position_mm: f64,
     /// Its standard deviation, mm.
     pub sigma_mm: f64,
-    /// Impedance readings that it took.
-    pub readings: u32,
+    /// Every place that was tried, with its reading, in order.
+    pub trail: Vec<SurfaceReading>,
+}
+
+/// A place that was tried on the way to the surface.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SurfaceReading {
+    /// Position of the linear axis as read back, mm.
+    pub position_mm: f64,
+    /// The impedance there.
+    pub reading: Reading,
 }

@@ -36,35 +36,11 @@ pub struct PromptAnswered {
     pub by: String,
 }
 
-/// A command that a person or a program gave.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum OperatorAction {
-    /// Begin the run.
-    Start,
-    /// Wait at the next checkpoint.
-    Pause,
-    /// Go on.
-    Resume,
-    /// End the run: retract, then stop.
-    Abort,
-    /// Stop everything now.
-    StopAll,
-    /// Lift the probe to the clear position.
-    Retract,
-    /// Find the reference of an axis.
-    Home,
-    /// Move an axis.
-    Move,
-    /// Take a single sweep.
-    Measure,
-}
-
 /// A command and who gave it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Operator {
-    /// What was asked for.
-    pub action: OperatorAction,
+    /// The command in a word, such as `run`, `pause`, `stop` or `acknowledge`.
+    pub action: String,
     /// Who asked.
     pub who: String,
 }

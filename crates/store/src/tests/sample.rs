@@ -8,8 +8,8 @@ use std::{
 use crate::{
     Action, Axis, Circuit, Clearance, Device, Direction, Ending, Fault, Intent, Journal, Move,
     MoveReason, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, Reading, ReadingFlag,
-    Record, RunFinished, RunStarted, Sample, Source, StepStarted, Surface, Sweep, SweepPurpose,
-    SweepVerdict, Touch, TouchSettings,
+    Record, RunFinished, RunStarted, Sample, Source, StepStarted, Surface, SurfaceReading, Sweep,
+    SweepPurpose, SweepVerdict, Touch, TouchSettings,
 };
 
 /// A directory that is removed with the value.
@@ -86,7 +86,7 @@ pub(super) fn records() -> Vec<Record> {
             pose: POSE,
             position_mm: 10.1,
             sigma_mm: 0.01 / 12.0_f64.sqrt(),
-            readings: 17,
+            trail: vec![SurfaceReading { position_mm: 10.3, reading: reading(140.0, 0) }],
         }),
         sweep(2, SweepPurpose::Touch, 158.3),
         touch_result(),
@@ -138,8 +138,8 @@ pub(super) fn run_started() -> Record {
     })
 }
 
-pub(super) fn sweep(number: u64, purpose: SweepPurpose, resonance_hz: f64) -> Record {
-    let reading = |index: u32| Reading {
+fn reading(resonance_hz: f64, index: u32) -> Reading {
+    Reading {
         frequency_hz: resonance_hz + 0.1 * f64::from(index),
         resistance_ohm: 1e5 / f64::from(index + 3),
         reactance_ohm: -4e4 - f64::from(index).sqrt(),
@@ -147,7 +147,11 @@ pub(super) fn sweep(number: u64, purpose: SweepPurpose, resonance_hz: f64) -> Re
         settle_s: 0.05,
         integration_s: 0.1,
         flag: if index == 2 { ReadingFlag::LowSignal } else { ReadingFlag::Normal },
-    };
+    }
+}
+
+pub(super) fn sweep(number: u64, purpose: SweepPurpose, resonance_hz: f64) -> Record {
+    let reading = |index| reading(resonance_hz, index);
     Record::Sweep(Sweep {
         number,
         purpose,
