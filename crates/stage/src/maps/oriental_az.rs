@@ -8,9 +8,9 @@ use crate::map::{
     Step, Table, TargetReadBack, Width,
 };
 
-/// Driver output status and present alarm.
+/// Lower word of the driver output status, and the present alarm.
 const OUTPUTS: usize = 0;
-/// Command and feedback position, speeds, and direct input and output.
+/// The 32-bit counters of feedback and command position, which no wrap setting touches.
 const POSITIONS: usize = 1;
 
 /// Driver input command, lower word.
@@ -23,19 +23,19 @@ const INPUT_NONE: u16 = 0;
 pub const ORIENTAL_AZ: RegisterMap = RegisterMap {
     name: "oriental-az",
     status: &[
-        Block { table: Table::Holding, address: 0x007E, count: 4 },
-        Block { table: Table::Holding, address: 0x00C6, count: 16 },
+        Block { table: Table::Holding, address: 0x007F, count: 3 },
+        Block { table: Table::Holding, address: 0x0120, count: 4 },
     ],
-    position: Field { block: POSITIONS, address: 0x00CC, width: Width::I32 },
+    position: Field { block: POSITIONS, address: 0x0120, width: Width::I32 },
     target: TargetReadBack::CommandPosition(Field {
         block: POSITIONS,
-        address: 0x00C6,
+        address: 0x0122,
         width: Width::I32,
     }),
+    // MOVE, READY and HOME-END as the factory assigns them to the driver output.
     moving: Flag { block: OUTPUTS, address: 0x007F, bit: 13, is_set_when: true },
     ready: Flag { block: OUTPUTS, address: 0x007F, bit: 5, is_set_when: true },
-    // Output 0 of the connector, to which HOME-END is assigned by default.
-    homed: Flag { block: POSITIONS, address: 0x00D4, bit: 0, is_set_when: true },
+    homed: Flag { block: OUTPUTS, address: 0x007F, bit: 4, is_set_when: true },
     // The lower word; the upper one is always zero.
     alarm: Field { block: OUTPUTS, address: 0x0081, width: Width::U16 },
     alarms: &[

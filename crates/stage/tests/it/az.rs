@@ -155,11 +155,10 @@ impl State {
         self.registers[0x7F] =
             u16::from(is_moving) << 13 | u16::from(is_ready) << 5 | u16::from(self.alarm != 0) << 7;
         self.registers[0x81] = self.alarm;
-        for (address, value) in [(0xC6, command), (0xCC, measured)] {
+        for (address, value) in [(0x122, command), (0x120, measured)] {
             self.registers[address] = (value >> 16) as u16;
             self.registers[address + 1] = value as u16;
         }
-        self.registers[0xD4] = u16::from(self.is_homed);
     }
 
     fn act(&mut self, first: u16, last: u16) {
