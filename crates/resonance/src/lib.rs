@@ -1,2 +1,25 @@
-//! Impedance points in; resonance frequency with uncertainty, or a refusal with its reason, out.
+//! Impedance points in; resonance frequency with uncertainty, or a refusal with its reason, out; and
+//! which frequency to measure next.
+//!
+//! Resonance means the series resonance 1/(2π√(L1 C1)) of the Butterworth–Van Dyke circuit: it
+//! exists where the phase never crosses zero, which is the usual case in contact, and a change of
+//! damping does not move it.
+//!
+//! What a reading is, and how the analyzer is told, is left to others.
+
 #![deny(clippy::disallowed_methods)]
+
+mod circuit;
+mod dense;
+mod fit;
+mod kernel;
+mod lanes;
+mod planner;
+mod points;
+mod solve;
+mod verdict;
+
+pub use circuit::Circuit;
+pub use fit::{FitOptions, Fitter, NoisePrior, fit};
+pub use planner::{Next, Planner, Prior};
+pub use verdict::{Reason, Refusal, Resonance, Rung, Side, Verdict};

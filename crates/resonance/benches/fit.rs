@@ -1,0 +1,72 @@
+//! Microseconds per fit, from readings to verdict: `cargo bench -p rig-resonance`.
+//!
+//! Prints the median and the 99th percentile over calls on different noise.
+
+#![expect(clippy::print_stdout, reason = "printing is what it is for")]
+
+use std::{hint::black_box, time::Instant};
+
+use rand_core::Rng;
+use rand_pcg::Pcg64;
+use rig_model::{Reading, ReadingFlag, RigTime};
+use rig_resonance::{Circuit, FitOptions, Fitter, Verdict};
+
+const CALLS: usize = 20_000;
+const SWEEPS: usize = 64;
+
+fn main() {
+    println!("points loss median_us p99_us accepted");
+    for points in [21, 101, 401] {
+        for loss_tangent in [0.0, 0.02] {
+            let sweeps = sweeps(points, loss_tangent);
+            let options = FitOptions { always_loss: loss_tangent > 0.0, ..FitOptions::default() };
+            let mut fitter = Fitter::default();
+            let mut accepted = 0;
+            let mut micros: Vec<f64> = (0..CALLS)
+                .map(|call| {
+                    let readings = black_box(&sweeps[call % SWEEPS]);
+                    let start = Instant::now();
+                    let verdict = black_box(fitter.fit(readings, &options));
+                    let micros = start.elapsed().as_secs_f64() * 1e6;
+                    accepted += usize::from(matches!(verdict, Verdict::Accepted(_)));
+                    micros
+                })
+                .collect();
+            micros.sort_unstable_by(f64::total_cmp);
+            let (median, p99) = (micros[CALLS / 2], micros[CALLS * 99 / 100]);
+            println!("{points:6} {loss_tangent:4} {median:9.2} {p99:6.2} {accepted:8}");
+        }
+    }
+}
+
+/// Even sweeps over ±20 % with 0.5 % of noise.
+fn sweeps(points: usize, loss_tangent: f64) -> Vec<Vec<Reading>> {
+    let (q, c0_farad, c1_farad) = (30.0, 27e-9, 1.5e-9);
+    let circuit = Circuit { resonance_hz: 140.2, q, c0_farad, c1_farad, loss_tangent };
+    let mut random = Pcg64::new(1, 2);
+    let mut normal = move || {
+        // The sum of twelve even numbers is normal enough here.
+        (0..12).map(|_| random.next_u64() as f64 / 2_f64.powi(64)).sum::<f64>() - 6.0
+    };
+    let step = 56.0 / (points - 1) as f64;
+    (0..SWEEPS)
+        .map(|_| {
+            (0..points)
+                .map(|i| {
+                    let frequency_hz = 112.0 + step * i as f64;
+                    let impedance = circuit.impedance_ohm(frequency_hz);
+                    let (re, im) = (1.0 + 0.005 * normal(), 0.005 * normal());
+                    Reading {
+                        frequency_hz,
+                        resistance_ohm: impedance.re * re - impedance.im * im,
+                        reactance_ohm: impedance.re * im + impedance.im * re,
+                        started: RigTime::ZERO,
+                        settle_s: 0.5,
+                        integration_s: 10.0 / frequency_hz,
+                        flag: ReadingFlag::Normal,
+                    }
+                })
+                .collect()
+        })
+        .collect()
+}

@@ -1,0 +1,229 @@
+//! The loops over the readings: sums for the normal equations, and residuals.
+//!
+//! The model is written in a form in which nothing is nearly cancelled on a narrow window. With
+//! w = f/f₀, v = w² − 1 and p from [`Block`], the admittance over jωC₀(reference) is
+//!
+//! ```text
+//!   y = c − jg + κh,   h = 1/(ν − v + jαw)
+//!   ν = (fs/f₀)² − 1,  α = fs/(f₀Q),  κ = (C1/C₀)(fs/f₀)²,  c = C0/C₀,  g = c·tan δ
+//! ```
+//!
+//! The residual of a reading is p·y − 1 = Z(measured)/Z(model) − 1, the relative error of the
+//! reading, whose real and imaginary part are equally noisy. Every element of `JᵀJ` is a product of
+//! |p|² and powers of h, so that a reading costs one division and some sixty other operations.
+
+#![expect(
+    clippy::inline_always,
+    reason = "vector instructions are used only by what is inlined into the code compiled for them"
+)]
+
+use crate::{
+    lanes::Lanes,
+    points::{Block, Points},
+};
+
+/// How many parameters the circuit has.
+pub(crate) const PARAMETERS: usize = 5;
+
+/// The circuit in the units of [`Points`], in the order (ν, α, c, κ, g). Without dielectric loss
+/// only the first four take part.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Theta {
+    pub(crate) nu: f64,
+    pub(crate) alpha: f64,
+    pub(crate) c: f64,
+    pub(crate) kappa: f64,
+    pub(crate) g: f64,
+}
+
+/// The normal equations at some [`Theta`].
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Normal {
+    /// `JᵀWJ`.
+    pub(crate) matrix: [[f64; PARAMETERS]; PARAMETERS],
+    /// `JᵀWr`.
+    pub(crate) gradient: [f64; PARAMETERS],
+    /// `rᵀWr`.
+    pub(crate) cost: f64,
+}
+
+/// The sums of the linearised rational fit: unknowns (c, cν + κ, αc, ν, α).
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Rational {
+    pub(crate) matrix: [[f64; PARAMETERS]; PARAMETERS],
+    pub(crate) right: [f64; PARAMETERS],
+}
+
+/// The normal equations of the circuit.
+#[inline(always)]
+pub(crate) fn normal(blocks: &[Block], theta: &Theta) -> Normal {
+    let nu = Lanes::splat(theta.nu);
+    let alpha = Lanes::splat(theta.alpha);
+    let (c, kappa, g) = (Lanes::splat(theta.c), Lanes::splat(theta.kappa), Lanes::splat(theta.g));
+    let one = Lanes::splat(1.0);
+    let mut s = [Lanes::ZERO; 18];
+    for block in blocks {
+        let (d_re, d_im) = (nu - block.v, alpha * block.w);
+        let hh = one / (d_re * d_re + d_im * d_im);
+        let (h_re, h_im) = (d_re * hh, -(d_im * hh));
+        let (h2_re, h2_im) = (h_re * h_re - h_im * h_im, (h_re + h_re) * h_im);
+        let (y_re, y_im) = (c + kappa * h_re, kappa * h_im - g);
+        let r_re = block.p_re * y_re - block.p_im * y_im - one;
+        let r_im = block.p_re * y_im + block.p_im * y_re;
+        // e = W p* r.
+        let (wp_re, wp_im) = (block.weight * block.p_re, block.weight * block.p_im);
+        let e_re = wp_re * r_re + wp_im * r_im;
+        let e_im = wp_re * r_im - wp_im * r_re;
+        let pp = wp_re * block.p_re + wp_im * block.p_im;
+        let wpp = block.w * pp;
+        let pphh = pp * hh;
+        let wpphh = block.w * pphh;
+        s[0] += pp;
+        s[1] += pp * h_re;
+        s[2] += pp * h_im;
+        s[3] += pp * h2_re;
+        s[4] += pp * h2_im;
+        s[5] += wpp * h2_re;
+        s[6] += wpp * h2_im;
+        s[7] += pphh;
+        s[8] += pphh * h_re;
+        s[9] += wpphh * h_im;
+        s[10] += pphh * hh;
+        s[11] += wpphh * hh * block.w;
+        s[12] += e_re;
+        s[13] += e_im;
+        s[14] += h_re * e_re + h_im * e_im;
+        s[15] += h2_re * e_re + h2_im * e_im;
+        s[16] += block.w * (h2_re * e_im - h2_im * e_re);
+        s[17] += block.weight * (r_re * r_re + r_im * r_im);
+    }
+    assemble(&s.map(Lanes::sum), theta.kappa)
+}
+
+#[inline(always)]
+fn assemble(s: &[f64; 18], kappa: f64) -> Normal {
+    let k2 = kappa * kappa;
+    let (nu_c, nu_kappa, nu_g) = (-kappa * s[3], -kappa * s[8], kappa * s[4]);
+    let (alpha_c, alpha_kappa, alpha_g) = (kappa * s[6], kappa * s[9], kappa * s[5]);
+    Normal {
+        matrix: [
+            [k2 * s[10], 0.0, nu_c, nu_kappa, nu_g],
+            [0.0, k2 * s[11], alpha_c, alpha_kappa, alpha_g],
+            [nu_c, alpha_c, s[0], s[1], 0.0],
+            [nu_kappa, alpha_kappa, s[1], s[7], -s[2]],
+            [nu_g, alpha_g, 0.0, -s[2], s[0]],
+        ],
+        gradient: [-kappa * s[15], -kappa * s[16], s[12], s[14], -s[13]],
+        cost: s[17],
+    }
+}
+
+/// The sums of the rational fit, weighted with |h|² of an earlier estimate of (ν, α) where there is
+/// one: without that weight the readings near the resonance, which tell most, count least.
+#[inline(always)]
+pub(crate) fn rational(blocks: &[Block], earlier: Option<(f64, f64)>) -> Rational {
+    let one = Lanes::splat(1.0);
+    let mut s = [Lanes::ZERO; 13];
+    for block in blocks {
+        let (w, v, p_re, p_im) = (block.w, block.v, block.p_re, block.p_im);
+        let weight = match earlier {
+            None => block.weight,
+            Some((nu, alpha)) => {
+                let (d_re, d_im) = (Lanes::splat(nu) - v, Lanes::splat(alpha) * w);
+                block.weight * (one / (d_re * d_re + d_im * d_im))
+            }
+        };
+        let wv = weight * v;
+        let (wp_re, ww_im) = (weight * p_re, weight * w * p_im);
+        let pp = weight * (p_re * p_re + p_im * p_im);
+        let vpp = v * pp;
+        s[0] += weight;
+        s[1] += weight * w * w;
+        s[2] += wv;
+        s[3] += wp_re;
+        s[4] += wv * p_re;
+        s[5] += v * wv * p_re;
+        s[6] += ww_im;
+        s[7] += ww_im * v;
+        s[8] += wp_re * w * w;
+        s[9] += pp;
+        s[10] += vpp;
+        s[11] += vpp * v;
+        s[12] += pp * w * w;
+    }
+    let s = s.map(Lanes::sum);
+    Rational {
+        matrix: [
+            [s[11], -s[10], 0.0, s[4], s[7]],
+            [-s[10], s[9], 0.0, -s[3], -s[6]],
+            [0.0, 0.0, s[12], s[6], -s[8]],
+            [s[4], -s[3], s[6], s[0], 0.0],
+            [s[7], -s[6], -s[8], 0.0, s[1]],
+        ],
+        right: [s[5], -s[4], s[7], s[2], 0.0],
+    }
+}
+
+/// The residuals, and their relative size |r|² times weight.
+#[inline(always)]
+pub(crate) fn residuals(blocks: &[Block], theta: &Theta, into: &mut Vec<Residual>) -> Spread {
+    let nu = Lanes::splat(theta.nu);
+    let alpha = Lanes::splat(theta.alpha);
+    let (c, kappa, g) = (Lanes::splat(theta.c), Lanes::splat(theta.kappa), Lanes::splat(theta.g));
+    let one = Lanes::splat(1.0);
+    into.clear();
+    let (mut fourth, mut largest) = (Lanes::ZERO, Lanes::ZERO);
+    let (mut p_re, mut p_im, mut pp) = (Lanes::ZERO, Lanes::ZERO, Lanes::ZERO);
+    for block in blocks {
+        let (d_re, d_im) = (nu - block.v, alpha * block.w);
+        let hh = one / (d_re * d_re + d_im * d_im);
+        let (y_re, y_im) = (c + kappa * d_re * hh, -(kappa * d_im * hh) - g);
+        let re = block.p_re * y_re - block.p_im * y_im - one;
+        let im = block.p_re * y_im + block.p_im * y_re;
+        let size = block.weight * (re * re + im * im);
+        fourth += size * size;
+        largest = largest.max(size);
+        p_re += block.weight * block.p_re;
+        p_im += block.weight * block.p_im;
+        pp += block.weight * (block.p_re * block.p_re + block.p_im * block.p_im);
+        into.push(Residual { re, im, size });
+    }
+    Spread {
+        fourth: fourth.sum(),
+        largest: largest.0.into_iter().fold(0.0, f64::max),
+        capacitor: (p_re.sum().powi(2) + p_im.sum().powi(2)) / pp.sum(),
+    }
+}
+
+/// Four residuals.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Residual {
+    pub(crate) re: Lanes,
+    pub(crate) im: Lanes,
+    /// Weight times |r|².
+    pub(crate) size: Lanes,
+}
+
+/// How residuals spread.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Spread {
+    /// The sum of the squares of [`Residual::size`].
+    pub(crate) fourth: f64,
+    /// The largest [`Residual::size`].
+    pub(crate) largest: f64,
+    /// By how much the best capacitor with loss brings the cost below the sum of the weights.
+    pub(crate) capacitor: f64,
+}
+
+/// Runs a loop compiled for the instructions of this machine.
+#[inline(always)]
+pub(crate) fn on_this_machine<T>(work: impl FnOnce() -> T) -> T {
+    pulp::Arch::new().dispatch(work)
+}
+
+impl Points {
+    /// The cost of the best capacitor with loss.
+    pub(crate) fn capacitor_cost(&self, spread: &Spread) -> f64 {
+        self.total_weight - spread.capacitor
+    }
+}

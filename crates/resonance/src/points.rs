@@ -1,0 +1,134 @@
+//! Readings brought into the units and the layout that the fit works in.
+
+#![expect(
+    clippy::inline_always,
+    reason = "vector instructions are used only by what is inlined into the code compiled for them"
+)]
+
+use std::f64::consts::TAU;
+
+use rig_model::{Reading, ReadingFlag};
+
+use crate::lanes::{LANES, Lanes};
+
+/// Four readings in units of a reference frequency and a reference capacitance, which bring every
+/// quantity near 1.
+///
+/// With w = f/f₀ and the impedance ζ in units of 1/(2πf₀C₀), p = jwζ is the factor by which a
+/// capacitance has to be multiplied to become the ratio of the admittance to the one measured.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Block {
+    pub(crate) w: Lanes,
+    /// w² − 1: small numbers keep their digits.
+    pub(crate) v: Lanes,
+    pub(crate) p_re: Lanes,
+    pub(crate) p_im: Lanes,
+    /// How many times ten cycles were integrated; 0 in lanes without a reading.
+    pub(crate) weight: Lanes,
+}
+
+/// Why a reading can be left out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct NotFinite {
+    /// Its place among the readings.
+    pub(crate) index: usize,
+}
+
+/// The readings of a fit.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Points {
+    pub(crate) blocks: Vec<Block>,
+    /// How many readings there are.
+    pub(crate) count: usize,
+    /// How many were left out because the input was overloaded.
+    pub(crate) overloaded: usize,
+    pub(crate) reference_hz: f64,
+    pub(crate) reference_farad: f64,
+    pub(crate) lowest_hz: f64,
+    pub(crate) highest_hz: f64,
+    /// The sum of the weights.
+    pub(crate) total_weight: f64,
+}
+
+impl Points {
+    /// Takes the readings in. Keeps the memory of earlier ones.
+    ///
+    /// # Errors
+    /// A reading without overload whose frequency is not a positive number or whose impedance is
+    /// zero or not finite.
+    #[inline(always)]
+    pub(crate) fn load(&mut self, readings: &[Reading]) -> Result<(), NotFinite> {
+        self.scan(readings)?;
+        let inverse_hz = 1.0 / self.reference_hz;
+        let unit_siemens = TAU * self.reference_hz * self.reference_farad;
+        self.blocks.clear();
+        self.total_weight = 0.0;
+        let mut lane = 0;
+        for reading in readings.iter().filter(|reading| reading.flag != ReadingFlag::Overload) {
+            if lane == 0 {
+                self.blocks.push(Block::EMPTY);
+            }
+            let Some(block) = self.blocks.last_mut() else { break };
+            let w = reading.frequency_hz * inverse_hz;
+            let scale = unit_siemens * w;
+            let weight = weight(reading);
+            block.w.0[lane] = w;
+            block.v.0[lane] = (w - 1.0) * (w + 1.0);
+            block.p_re.0[lane] = -scale * reading.reactance_ohm;
+            block.p_im.0[lane] = scale * reading.resistance_ohm;
+            block.weight.0[lane] = weight;
+            self.total_weight += weight;
+            lane = (lane + 1) % LANES;
+        }
+        Ok(())
+    }
+
+    /// Finds the units, and what must not go into a fit.
+    #[inline(always)]
+    fn scan(&mut self, readings: &[Reading]) -> Result<(), NotFinite> {
+        let (mut lowest, mut highest) = (f64::INFINITY, 0.0_f64);
+        let (mut count, mut sum) = (0_usize, 0.0);
+        for (index, reading) in readings.iter().enumerate() {
+            if reading.flag == ReadingFlag::Overload {
+                continue;
+            }
+            let squared = reading.resistance_ohm.powi(2) + reading.reactance_ohm.powi(2);
+            let size = squared * reading.frequency_hz * reading.frequency_hz;
+            if !(reading.frequency_hz > 0.0 && size > 0.0 && size.is_finite()) {
+                return Err(NotFinite { index });
+            }
+            lowest = lowest.min(reading.frequency_hz);
+            highest = highest.max(reading.frequency_hz);
+            // The mean of 1/|Zf|² is led by the large admittances and hardly by an open contact.
+            sum += 1.0 / size;
+            count += 1;
+        }
+        self.count = count;
+        self.overloaded = readings.len() - count;
+        (self.lowest_hz, self.highest_hz) = (lowest, highest);
+        self.reference_hz = 0.5 * (lowest + highest);
+        self.reference_farad = (sum / count as f64).sqrt() / TAU;
+        Ok(())
+    }
+}
+
+/// How many times ten cycles were integrated; 1 where the time is not known.
+#[inline(always)]
+fn weight(reading: &Reading) -> f64 {
+    if reading.integration_s > 0.0 {
+        0.1 * reading.integration_s * reading.frequency_hz
+    } else {
+        1.0
+    }
+}
+
+impl Block {
+    /// Lanes without a reading: harmless numbers of weight 0.
+    const EMPTY: Self = Self {
+        w: Lanes::splat(1.0),
+        v: Lanes::ZERO,
+        p_re: Lanes::splat(1.0),
+        p_im: Lanes::ZERO,
+        weight: Lanes::ZERO,
+    };
+}

@@ -1,0 +1,216 @@
+//! What a fit says: a resonance with its uncertainty, or why there is none to report.
+
+use std::fmt;
+
+use rig_model::Window;
+
+use crate::Circuit;
+
+/// The outcome of a fit.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Verdict {
+    /// A resonance that can be relied on within its stated uncertainty.
+    Accepted(Resonance),
+    /// No number to rely on.
+    Refused(Refusal),
+}
+
+impl Verdict {
+    /// The resonance, when there is one to rely on.
+    pub fn accepted(&self) -> Option<&Resonance> {
+        match self {
+            Self::Accepted(resonance) => Some(resonance),
+            Self::Refused(_) => None,
+        }
+    }
+}
+
+/// A resonance as it was measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Resonance {
+    /// Series resonance 1/(2π√(L1 C1)), Hz.
+    pub resonance_hz: f64,
+    /// Standard deviation of `resonance_hz`, Hz. With few readings it is widened so that ±1.96 of
+    /// it is a 95 % interval although the noise, too, was only estimated.
+    pub sigma_hz: f64,
+    /// Quality of the series branch.
+    pub q: f64,
+    /// Static capacitance, F.
+    pub c0_farad: f64,
+    /// Effective coupling factor squared, C1/(C0 + C1).
+    pub k_eff_squared: f64,
+    /// Dielectric loss tangent; 0 where the model has none.
+    pub loss_tangent: f64,
+    /// Q·C1/C0.
+    pub figure_of_merit: f64,
+    /// Residuals against the noise known beforehand, per degree of freedom; against the scatter
+    /// between neighbouring readings where no noise was known.
+    pub chi_squared_per_dof: f64,
+    /// Standard deviation of the real and of the imaginary part of the relative error of a reading
+    /// of ten cycles.
+    pub noise_at_ten_cycles: f64,
+    /// How much model the readings asked for.
+    pub rung: Rung,
+    /// Readings used.
+    pub points: usize,
+    /// Covariance of (resonance in Hz, Q, C0 in F, C1 in F, loss tangent).
+    pub covariance: [[f64; 5]; 5],
+    /// Condition number of the correlation matrix of the free parameters: how near the readings
+    /// come to not telling the parameters apart.
+    pub condition: f64,
+}
+
+impl Resonance {
+    /// The circuit behind it.
+    pub fn circuit(&self) -> Circuit {
+        let c1_farad = self.c0_farad * self.k_eff_squared / (1.0 - self.k_eff_squared);
+        Circuit {
+            resonance_hz: self.resonance_hz,
+            q: self.q,
+            c0_farad: self.c0_farad,
+            c1_farad,
+            loss_tangent: self.loss_tangent,
+        }
+    }
+}
+
+/// How much model a fit used: no more than the readings ask for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Rung {
+    /// A capacitor with loss, and no resonance.
+    Capacitor,
+    /// The circuit of four elements.
+    Circuit,
+    /// … with dielectric loss.
+    Loss,
+}
+
+impl Rung {
+    /// The word in results and messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Capacitor => "capacitor",
+            Self::Circuit => "circuit",
+            Self::Loss => "dielectric loss",
+        }
+    }
+}
+
+/// A refused fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Refusal {
+    /// Why.
+    pub reason: Reason,
+    /// The best that could be made of the readings, as evidence; not to be used as a result.
+    pub estimate: Option<Resonance>,
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.reason)
+    }
+}
+
+/// The end of the window beyond which a resonance lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// Below its lower end.
+    Below,
+    /// Above its upper end.
+    Above,
+}
+
+impl fmt::Display for Side {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Below => "below",
+            Self::Above => "above",
+        })
+    }
+}
+
+/// Why there is no resonance to report.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum Reason {
+    /// A reading is not a finite impedance at a positive frequency.
+    #[error("reading {index} is not a finite impedance at a positive frequency")]
+    NotFinite {
+        /// Its place, from 0.
+        index: usize,
+    },
+    /// Too many readings were overloaded.
+    #[error("{overloaded} of {readings} readings were overloaded")]
+    Saturated {
+        /// Readings with overload.
+        overloaded: usize,
+        /// All readings.
+        readings: usize,
+    },
+    /// Too few readings for the number of unknowns.
+    #[error("{found} readings at different frequencies, at least {needed} are needed")]
+    TooFewPoints {
+        /// Readings that can be used.
+        found: usize,
+        /// Readings needed.
+        needed: usize,
+    },
+    /// A capacitor with loss explains the readings as well.
+    #[error(
+        "no resonance: twice the log-likelihood exceeds that of a capacitor by {found:.1}, at \
+         least {needed:.0} is needed"
+    )]
+    NoResonance {
+        /// Twice the difference of the log-likelihoods.
+        found: f64,
+        /// What chance does not reach.
+        needed: f64,
+    },
+    /// The resonance lies where nothing was measured.
+    #[error(
+        "resonance near {estimate_hz:.3} Hz lies {side} the window [{:.3} Hz, {:.3} Hz]",
+        window.min_hz, window.max_hz
+    )]
+    OutsideWindow {
+        /// On which side.
+        side: Side,
+        /// Where about, Hz.
+        estimate_hz: f64,
+        /// The window.
+        window: Window,
+    },
+    /// The uncertainty is not small against the linewidth, so that it is not to be trusted either.
+    #[error(
+        "too noisy: the standard deviation {sigma_hz:.3} Hz exceeds {limit_hz:.3} Hz, a tenth of \
+         the linewidth"
+    )]
+    TooNoisy {
+        /// The standard deviation, Hz.
+        sigma_hz: f64,
+        /// The largest that would do, Hz.
+        limit_hz: f64,
+    },
+    /// Too many readings are far from the rest.
+    #[error("{found} of {readings} readings are outliers, at most {allowed} can be left out")]
+    Outliers {
+        /// Outliers.
+        found: usize,
+        /// All readings.
+        readings: usize,
+        /// How many may be left out.
+        allowed: usize,
+    },
+    /// No best circuit was found.
+    #[error("the fit did not converge")]
+    NotConverged,
+    /// The readings do not follow the model, and no single cause was recognised.
+    #[error(
+        "the circuit does not describe the readings: chi² per degree of freedom is {found:.2}, at \
+         most {allowed:.2} is chance"
+    )]
+    Misfit {
+        /// chi² per degree of freedom.
+        found: f64,
+        /// What chance does not exceed.
+        allowed: f64,
+    },
+}

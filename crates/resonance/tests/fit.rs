@@ -1,0 +1,148 @@
+//! The fit against circuits that are known: accuracy, calibration, refusals.
+
+#[expect(dead_code, reason = "each test file uses its part")]
+mod support;
+
+use num_complex::Complex64;
+use rig_model::{Reading, ReadingFlag};
+use rig_resonance::{FitOptions, Reason, Rung, Side, Verdict, fit};
+use support::{Random, circuit, reading, sweep};
+
+const WINDOW: (f64, f64) = (112.0, 168.0);
+
+#[track_caller]
+fn check_refused(readings: &[Reading], is_expected: impl Fn(&Reason) -> bool) {
+    match fit(readings, &FitOptions::default()) {
+        Verdict::Refused(refusal) => assert!(is_expected(&refusal.reason), "{refusal:?}"),
+        Verdict::Accepted(found) => panic!("accepted: {found:?}"),
+    }
+}
+
+#[test]
+fn the_error_reaches_the_cramer_rao_bound_and_is_what_is_claimed() {
+    // √N/σ times the bound in Hz for 101 even points, four parameters.
+    let bounds = [
+        (10.0, 0.02, 79.56),
+        (10.0, 0.1, 18.85),
+        (30.0, 0.02, 16.39),
+        (30.0, 0.1, 7.20),
+        (100.0, 0.02, 4.34),
+        (100.0, 0.1, 3.61),
+    ];
+    let mut random = Random::new(1);
+    for (q, k_eff_squared, bound) in bounds {
+        for noise in [0.001, 0.005, 0.02] {
+            let trials = 400;
+            let (mut squared, mut scores) = (0.0, 0.0);
+            for _ in 0..trials {
+                let mut circuit = circuit(q, k_eff_squared);
+                circuit.resonance_hz += random.between(-0.56, 0.56);
+                let readings = sweep(WINDOW, 101, noise, &mut random, |f| circuit.impedance_ohm(f));
+                let verdict = fit(&readings, &FitOptions::default());
+                let Verdict::Accepted(found) = verdict else { panic!("Q {q}: {verdict:?}") };
+                let error = found.resonance_hz - circuit.resonance_hz;
+                squared += error * error;
+                scores += (error / found.sigma_hz).powi(2);
+            }
+            let ratio = (squared / f64::from(trials)).sqrt() / (noise * bound / 101_f64.sqrt());
+            let score = (scores / f64::from(trials)).sqrt();
+            // 400 trials know a standard deviation to 3.5 %; three of that.
+            assert!((0.89..1.11).contains(&ratio), "Q {q}, k² {k_eff_squared}, {noise}: {ratio}");
+            assert!((0.89..1.11).contains(&score), "Q {q}, k² {k_eff_squared}, {noise}: {score}");
+        }
+    }
+}
+
+#[test]
+fn every_parameter_comes_out_of_noiseless_readings() {
+    for loss_tangent in [0.0, 0.02] {
+        let mut circuit = circuit(30.0, 0.05);
+        circuit.loss_tangent = loss_tangent;
+        let readings = sweep(WINDOW, 21, 0.0, &mut Random::new(1), |f| circuit.impedance_ohm(f));
+        let verdict = fit(&readings, &FitOptions::default());
+        let Verdict::Accepted(found) = verdict else { panic!("{verdict:?}") };
+        let pairs = [
+            (found.resonance_hz, 140.0),
+            (found.q, 30.0),
+            (found.c0_farad, 27e-9),
+            (found.k_eff_squared, 0.05),
+            (found.loss_tangent + 1.0, loss_tangent + 1.0),
+        ];
+        for (found, expected) in pairs {
+            assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
+        }
+        let rung = if loss_tangent > 0.0 { Rung::Loss } else { Rung::Circuit };
+        assert_eq!(found.rung, rung);
+    }
+}
+
+#[test]
+fn the_order_of_the_readings_has_no_influence() {
+    let circuit = circuit(30.0, 0.05);
+    let mut readings = sweep(WINDOW, 40, 0.005, &mut Random::new(7), |f| circuit.impedance_ohm(f));
+    let forward = fit(&readings, &FitOptions::default());
+    readings.reverse();
+    let backward = fit(&readings, &FitOptions::default());
+    let (a, b) = (forward.accepted().unwrap(), backward.accepted().unwrap());
+    assert!((a.resonance_hz - b.resonance_hz).abs() < 1e-4 * a.sigma_hz, "{a:?} {b:?}");
+}
+
+#[test]
+fn outliers_are_left_out_and_too_many_refuse() {
+    let circuit = circuit(30.0, 0.05);
+    let mut random = Random::new(3);
+    let mut readings = sweep(WINDOW, 101, 0.005, &mut random, |f| circuit.impedance_ohm(f));
+    for (index, factor) in [(20, 1.3), (51, 0.4), (80, 2.0)] {
+        readings[index].resistance_ohm *= factor;
+        readings[index].reactance_ohm *= factor;
+    }
+    let verdict = fit(&readings, &FitOptions::default());
+    let found = verdict.accepted().unwrap();
+    assert_eq!(found.points, 98);
+    assert!((found.resonance_hz - 140.0).abs() < 4.0 * found.sigma_hz, "{found:?}");
+    for reading in readings.iter_mut().step_by(6) {
+        reading.resistance_ohm *= 1.5;
+        reading.reactance_ohm *= 0.7;
+    }
+    check_refused(&readings, |reason| matches!(reason, Reason::Outliers { .. }));
+}
+
+#[test]
+fn what_is_no_resonance_in_the_window_is_refused_with_its_reason() {
+    let mut random = Random::new(5);
+    let capacitor = |f: f64| Complex64::new(30.0, -1.0 / (std::f64::consts::TAU * f * 27e-9));
+    let empty = sweep(WINDOW, 101, 0.005, &mut random, capacitor);
+    check_refused(&empty, |reason| matches!(reason, Reason::NoResonance { .. }));
+    for (resonance_hz, side) in [(105.0, Side::Below), (175.0, Side::Above)] {
+        let mut circuit = circuit(30.0, 0.05);
+        circuit.resonance_hz = resonance_hz;
+        let beside = sweep(WINDOW, 101, 0.002, &mut random, |f| circuit.impedance_ohm(f));
+        check_refused(
+            &beside,
+            |reason| matches!(reason, Reason::OutsideWindow { side: found, .. } if *found == side),
+        );
+    }
+}
+
+#[test]
+fn readings_that_cannot_be_used_are_refused_with_their_reason() {
+    let circuit = circuit(30.0, 0.05);
+    let good = sweep(WINDOW, 20, 0.005, &mut Random::new(9), |f| circuit.impedance_ohm(f));
+    check_refused(&good[..6], |r| matches!(r, Reason::TooFewPoints { found: 6, needed: 7 }));
+    check_refused(&[], |r| matches!(r, Reason::TooFewPoints { found: 0, .. }));
+    for impedance in [f64::NAN, f64::INFINITY, 0.0] {
+        let mut bad = good.clone();
+        bad[4] = reading(130.0, Complex64::new(impedance, impedance));
+        check_refused(&bad, |r| *r == Reason::NotFinite { index: 4 });
+        bad[4].flag = ReadingFlag::Overload;
+        let verdict = fit(&bad, &FitOptions::default());
+        assert_eq!(verdict.accepted().unwrap().points, 19);
+    }
+    let mut bad = good;
+    bad[3].frequency_hz = -130.0;
+    check_refused(&bad, |r| *r == Reason::NotFinite { index: 3 });
+    for reading in &mut bad[3..] {
+        reading.flag = ReadingFlag::Overload;
+    }
+    check_refused(&bad, |r| *r == Reason::Saturated { overloaded: 17, readings: 20 });
+}
