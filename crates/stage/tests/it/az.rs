@@ -152,8 +152,10 @@ impl State {
         let command = self.motion.position();
         let measured = if is_moving { command } else { command - self.lost };
         let is_ready = !is_moving && self.alarm == 0;
-        self.registers[0x7F] =
-            u16::from(is_moving) << 13 | u16::from(is_ready) << 5 | u16::from(self.alarm != 0) << 7;
+        self.registers[0x7F] = u16::from(is_moving) << 13
+            | u16::from(self.alarm != 0) << 7
+            | u16::from(is_ready) << 5
+            | u16::from(self.is_homed) << 4;
         self.registers[0x81] = self.alarm;
         for (address, value) in [(0x122, command), (0x120, measured)] {
             self.registers[address] = (value >> 16) as u16;
