@@ -88,6 +88,11 @@ impl Faults {
         self.list.is_empty()
     }
 
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.list.len()
+    }
+
     /// The faults in the order of the lines.
     pub fn iter(&self) -> std::slice::Iter<'_, Fault> {
         self.list.iter()

@@ -1,0 +1,230 @@
+//! What a protocol is refused for, by itself and on a bench.
+
+use std::fmt::Display;
+
+use rig_model::{Bench, ContactAngle, Direction};
+use rig_settings::{Faults, Place, Setting};
+
+use crate::{
+    Pose, Protocol,
+    protocol::{self, ApproachKeys, Blind},
+    refusal::{DepthLimit, Refusal},
+    sweep::SweepKeys,
+};
+
+/// Names are parts of addresses and file names, and columns of tables.
+const MAX_NAME_CHARS: usize = 40;
+
+/// Checks that need no bench.
+pub(crate) fn by_itself(protocol: &Protocol, faults: &mut Faults) {
+    for sample in &protocol.samples {
+        sample.check(faults, |name| {
+            let is_fit = name.chars().count() <= MAX_NAME_CHARS
+                && name.trim() == name
+                && !name.contains(|c: char| c == '/' || c.is_control());
+            (!is_fit).then(|| Refusal::SampleName { name: name.clone() })
+        });
+    }
+    listed_twice(&protocol.samples, |name| format!("{name:?}"), faults);
+    listed_twice(&protocol.directions, |direction| format!("{:?}", direction.name()), faults);
+    listed_twice(&protocol.angles, |angle| angle.degrees().to_string(), faults);
+    approach(protocol, faults);
+    if let Some(blind) = &protocol.blind {
+        blind_phase(blind, protocol.samples.len(), faults);
+    }
+}
+
+fn listed_twice<T: PartialEq>(
+    list: &[Setting<T>],
+    written: impl Fn(&T) -> String,
+    faults: &mut Faults,
+) {
+    for (index, item) in list.iter().enumerate() {
+        let is_there = |earlier: &Setting<T>| earlier.sound() == Some(&item.value);
+        item.check(faults, |value| {
+            list[..index]
+                .iter()
+                .any(is_there)
+                .then(|| Refusal::ListedTwice { item: written(value), key: item.key })
+        });
+    }
+}
+
+fn approach(protocol: &Protocol, faults: &mut Faults) {
+    let keys = &protocol.approach;
+    if let (Some(&coarse), Some(&fine)) = (keys.coarse_step_mm.sound(), keys.fine_step_mm.sound())
+        && fine > coarse
+    {
+        faults.refuse(&keys.fine_step_mm, &Refusal::FineAboveCoarse { fine, coarse });
+    }
+    let Some(&indentation) = protocol.touch.indentation_mm.sound() else { return };
+    keys.coarse_step_mm.check(faults, |&coarse| {
+        (coarse > indentation).then_some(Refusal::CoarseAboveIndentation { coarse, indentation })
+    });
+}
+
+fn blind_phase(blind: &Blind, samples: usize, faults: &mut Faults) {
+    let Blind { trials, classes, min_angle_deg, max_angle_deg } = blind;
+    classes.check(faults, |&classes| {
+        // No samples are the placeholder of a faulty list.
+        (samples > 0 && classes as usize > samples)
+            .then_some(Refusal::MoreClassesThanSamples { classes, samples })
+    });
+    if let (Some(&trials_), Some(&classes)) = (trials.sound(), classes.sound())
+        && trials_ < classes
+    {
+        faults.refuse(trials, &Refusal::FewerTrialsThanClasses { trials: trials_, classes });
+    }
+    if let (Some(&min), Some(&max)) = (min_angle_deg.sound(), max_angle_deg.sound())
+        && blind.angles().is_empty()
+    {
+        faults.refuse(max_angle_deg, &Refusal::NoBlindAngle { min, max });
+    }
+}
+
+/// Checks against the bench.
+pub(crate) fn on_bench(protocol: &Protocol, bench: &Bench, faults: &mut Faults) {
+    depths(protocol, bench, faults);
+    sweep(&protocol.no_load_sweep, bench, faults);
+    sweep(&protocol.contact_sweep, bench, faults);
+    let tilts = tilts(protocol);
+    rotary(protocol, &tilts, bench, faults);
+    linear(protocol, &tilts, bench, faults);
+}
+
+/// Checks that the simulated rig has the samples.
+pub(crate) fn samples_are_known(protocol: &Protocol, known: &[String], faults: &mut Faults) {
+    for sample in &protocol.samples {
+        sample.check(faults, |name| {
+            let refusal = || Refusal::UnknownSample { name: name.clone(), known: known.to_vec() };
+            (!known.contains(name)).then(refusal)
+        });
+    }
+}
+
+fn depths(protocol: &Protocol, bench: &Bench, faults: &mut Faults) {
+    let own = protocol.max_indentation_mm().and_then(Setting::sound).copied();
+    let rig = bench.limits.max_indentation_mm;
+    let probe = 2.0 * bench.geometry.probe_radius_mm;
+    protocol.touch.indentation_mm.check(faults, |&found| {
+        // Only the strictest limit: keeping it keeps the others.
+        let whose = [(rig, DepthLimit::Rig), (probe, DepthLimit::Probe)];
+        let own = own.map(|own| (own, DepthLimit::Protocol));
+        let limits = own.into_iter().chain(whose);
+        let (limit, whose) = limits.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        (found > limit).then_some(Refusal::TooDeep { found, limit, whose })
+    });
+    let limit = bench.linear.tolerance();
+    protocol.approach.fine_step_mm.check(faults, |&found| {
+        (found < limit).then_some(Refusal::FinerThanStage { found, limit })
+    });
+}
+
+fn sweep(sweep: &SweepKeys, bench: &Bench, faults: &mut Faults) {
+    let (min, max) = bench.analyzer.frequency_hz;
+    for edge in [&sweep.min_hz, &sweep.max_hz] {
+        let key = edge.key;
+        edge.check(faults, |&found| {
+            let is_within = min <= found && found <= max;
+            (!is_within).then_some(Refusal::BeyondAnalyzer { key, found, min, max })
+        });
+    }
+    let limit = bench.analyzer.max_level_v;
+    sweep
+        .level_v
+        .check(faults, |&found| (found > limit).then_some(Refusal::LevelTooHigh { found, limit }));
+}
+
+/// An angle that limits what the protocol asks of the stages, and where it was written.
+struct Tilt {
+    angle: ContactAngle,
+    place: Place,
+    /// As messages name it.
+    subject: String,
+}
+
+fn tilts(protocol: &Protocol) -> Vec<Tilt> {
+    fn tilt<T: Display>(setting: &Setting<T>, angle: impl Fn(&T) -> ContactAngle) -> Option<Tilt> {
+        let (place, subject) = (setting.place, setting.to_string());
+        setting.sound().map(|value| Tilt { angle: angle(value), place, subject })
+    }
+    let listed = protocol.angles.iter().filter_map(|setting| tilt(setting, |angle| *angle));
+    let drawn = protocol.blind.iter().filter_map(|blind| {
+        tilt(&blind.max_angle_deg, |degrees| protocol::contact_angle(*degrees))
+    });
+    listed.chain(drawn).collect()
+}
+
+fn directions(protocol: &Protocol) -> impl Iterator<Item = Direction> + Clone {
+    protocol.directions.iter().filter_map(Setting::sound).copied()
+}
+
+fn rotary(protocol: &Protocol, tilts: &[Tilt], bench: &Bench, faults: &mut Faults) {
+    let soft = bench.rotary.soft();
+    let reach = |direction| match direction {
+        Direction::Front | Direction::Left => soft.max.value(),
+        Direction::Back => -soft.min.value(),
+    };
+    let reach_deg = directions(protocol).map(reach).fold(f64::INFINITY, f64::min);
+    let clear = bench.linear.rest_target().position();
+    for Tilt { angle, place, subject } in tilts {
+        let is_beyond = |direction: &Direction| !soft.contains(direction.rotary_position(*angle));
+        if let Some(direction) = directions(protocol).find(is_beyond) {
+            let rotary = direction.rotary_position(*angle);
+            let subject = subject.clone();
+            let refusal = Refusal::OutOfReach { subject, direction, rotary, soft, reach_deg };
+            faults.refuse(*place, &refusal);
+        }
+        let highest = bench.geometry.highest_sample_point(angle.degrees());
+        if highest >= clear {
+            let subject = subject.clone();
+            faults.refuse(*place, &Refusal::NotCleared { subject, highest, clear });
+        }
+    }
+}
+
+fn linear(protocol: &Protocol, tilts: &[Tilt], bench: &Bench, faults: &mut Faults) {
+    let ApproachKeys { start_above_mm, give_up_below_mm, .. } = &protocol.approach;
+    let steepest = tilts.iter().map(|tilt| tilt.angle).reduce(|a, b| if b > a { b } else { a });
+    if let Some(angle) = steepest {
+        // Along the vertical, a surface that lies elsewhere by t along its normal does so by t/cos α.
+        let limit = bench.geometry.surface_tolerance_mm / angle.radians().cos();
+        for setting in [start_above_mm, give_up_below_mm] {
+            let key = setting.key;
+            setting.check(faults, |&found| {
+                let refusal = Refusal::WithinSurfaceTolerance { key, found, limit, angle };
+                (found < limit).then_some(refusal)
+            });
+        }
+    }
+    let touch = protocol.touch_settings();
+    let poses = poses(protocol);
+    let height = |pose: &Pose| touch.start(bench, *pose).value();
+    let highest = poses.iter().max_by(|a, b| height(a).total_cmp(&height(b)));
+    let lowest = poses.iter().min_by(|a, b| height(a).total_cmp(&height(b)));
+
+    let clear = bench.linear.rest_target().position();
+    if let Some(&pose) = highest {
+        start_above_mm.check(faults, |&found| {
+            let start = touch.start(bench, pose);
+            let refusal = Refusal::StartsAboveClear { found, start, pose, clear };
+            (start >= clear).then_some(refusal)
+        });
+    }
+    let soft = bench.linear.soft();
+    if let (Some(&pose), Some(_)) = (lowest, protocol.touch.indentation_mm.sound()) {
+        give_up_below_mm.check(faults, |_| {
+            let floor = touch.floor(bench, pose);
+            (floor < soft.min).then_some(Refusal::BelowSoftLimits { floor, pose, soft })
+        });
+    }
+}
+
+/// Every pose in which the protocol may touch, those that a blind trial can draw included.
+fn poses(protocol: &Protocol) -> Vec<Pose> {
+    let listed = protocol.angles.iter().filter_map(Setting::sound).copied();
+    let drawn = protocol.blind.iter().flat_map(Blind::angles);
+    let angles: Vec<_> = listed.chain(drawn).collect();
+    let in_direction = |direction| angles.iter().map(move |&angle| Pose { direction, angle });
+    directions(protocol).flat_map(in_direction).collect()
+}

@@ -1,0 +1,230 @@
+//! The protocol file, key by key.
+
+use rig_model::{ContactAngle, Direction};
+use rig_settings::{Faults, Setting, Table};
+
+use crate::{
+    Approach, TouchSettings, check,
+    sweep::{self, SweepKeys},
+};
+
+/// Larger whole numbers lose their last digits in readers of JSON that know only 64-bit floats.
+const MAX_SEED: u64 = (1 << 53) - 1;
+
+/// Beyond this the probe would rather slide along the surface than indent it.
+const MAX_ANGLE_DEG: f64 = 85.0;
+
+/// A protocol file as it was read, together with what is wrong with it.
+#[derive(Debug, Clone)]
+pub struct Protocol {
+    pub(crate) name: String,
+    pub(crate) samples: Vec<Setting<String>>,
+    pub(crate) directions: Vec<Setting<Direction>>,
+    pub(crate) angles: Vec<Setting<ContactAngle>>,
+    pub(crate) repeats: u32,
+    pub(crate) order: Order,
+    pub(crate) seed: u64,
+    pub(crate) no_load: NoLoadPolicy,
+    pub(crate) touch: TouchKeys,
+    pub(crate) approach: ApproachKeys,
+    pub(crate) no_load_sweep: SweepKeys,
+    pub(crate) contact_sweep: SweepKeys,
+    pub(crate) blind: Option<Blind>,
+    pub(crate) limits: Option<Limits>,
+    pub(crate) faults: Faults,
+}
+
+/// In which order the poses of the main phase are taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Order {
+    /// As they are listed, angles rising.
+    Listed,
+    /// At random, as far as that costs no prompt.
+    Random,
+}
+
+/// When the no-load resonance is measured anew.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum NoLoadPolicy {
+    /// Before every touch.
+    EveryTouch,
+    /// Whenever the pose has changed or a person has touched the bench.
+    EveryPose,
+    /// Whenever a person has touched the bench.
+    EverySample,
+    /// At the very beginning.
+    Once,
+}
+
+#[derive(Debug, Clone)]
+pub(crate) struct TouchKeys {
+    pub(crate) indentation_mm: Setting<f64>,
+    pub(crate) dwell_s: f64,
+}
+
+#[derive(Debug, Clone)]
+pub(crate) struct ApproachKeys {
+    pub(crate) start_above_mm: Setting<f64>,
+    pub(crate) give_up_below_mm: Setting<f64>,
+    pub(crate) coarse_step_mm: Setting<f64>,
+    pub(crate) fine_step_mm: Setting<f64>,
+    pub(crate) contact_threshold: f64,
+    pub(crate) settle_s: f64,
+    pub(crate) cycles: u32,
+}
+
+/// The random touches that are classified without their labels.
+#[derive(Debug, Clone)]
+pub(crate) struct Blind {
+    pub(crate) trials: Setting<u32>,
+    pub(crate) classes: Setting<u32>,
+    pub(crate) min_angle_deg: Setting<f64>,
+    pub(crate) max_angle_deg: Setting<f64>,
+}
+
+impl Blind {
+    /// The angles that a trial may draw: whole hundredths of a degree, finer than anyone sets up a
+    /// sample.
+    pub(crate) fn angles(&self) -> Vec<ContactAngle> {
+        let range = self.min_angle_deg.value..=self.max_angle_deg.value;
+        let hundredths = (0..9000_u32).map(|hundredths| f64::from(hundredths) / 100.0);
+        hundredths.filter(|degrees| range.contains(degrees)).map(contact_angle).collect()
+    }
+}
+
+/// What the protocol itself does not want to exceed.
+#[derive(Debug, Clone)]
+pub(crate) struct Limits {
+    pub(crate) max_indentation_mm: Option<Setting<f64>>,
+    pub(crate) max_duration_h: Option<Setting<f64>>,
+}
+
+impl Protocol {
+    /// Reads the `text` of a protocol `file`. What is wrong with it is kept: see
+    /// [`Protocol::faults`].
+    pub fn read(file: &str, text: &str) -> Self {
+        let (protocol, mut faults) = rig_settings::read(file, text, protocol);
+        check::by_itself(&protocol, &mut faults);
+        Self { faults, ..protocol }
+    }
+
+    /// The name of the protocol.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// What is wrong with the file by itself, on any bench.
+    pub fn faults(&self) -> &Faults {
+        &self.faults
+    }
+
+    pub(crate) fn max_indentation_mm(&self) -> Option<&Setting<f64>> {
+        self.limits.as_ref()?.max_indentation_mm.as_ref()
+    }
+
+    pub(crate) fn max_duration_h(&self) -> Option<&Setting<f64>> {
+        self.limits.as_ref()?.max_duration_h.as_ref()
+    }
+
+    /// How the probe is lowered, as the engine wants it.
+    pub(crate) fn touch_settings(&self) -> TouchSettings {
+        let ApproachKeys { contact_threshold, settle_s, cycles, .. } = self.approach;
+        TouchSettings {
+            indentation_mm: self.touch.indentation_mm.value,
+            dwell_s: self.touch.dwell_s,
+            approach: Approach {
+                start_above_mm: self.approach.start_above_mm.value,
+                give_up_below_mm: self.approach.give_up_below_mm.value,
+                coarse_step_mm: self.approach.coarse_step_mm.value,
+                fine_step_mm: self.approach.fine_step_mm.value,
+                contact_threshold,
+                settle_s,
+                cycles,
+            },
+        }
+    }
+}
+
+fn protocol(table: &mut Table<'_>) -> Protocol {
+    Protocol {
+        name: table.text("name").required().value,
+        samples: table.text("samples").list().required().value,
+        directions: table
+            .choice("directions", Direction::ALL.map(|direction| (direction.name(), direction)))
+            .list()
+            .required()
+            .value,
+        angles: table
+            .number("angles_deg")
+            .range(0.0..=MAX_ANGLE_DEG)
+            .list()
+            .required()
+            .value
+            .into_iter()
+            .map(|angle| angle.map(contact_angle))
+            .collect(),
+        repeats: table.count("repeats").range(1..=1000).or(1).value,
+        order: table
+            .choice("order", [("listed", Order::Listed), ("random", Order::Random)])
+            .or(Order::Listed)
+            .value,
+        seed: table.whole("seed").at_most(MAX_SEED).or(1).value,
+        no_load: table.choice("no_load", NoLoadPolicy::WORDS).or(NoLoadPolicy::EveryTouch).value,
+        touch: table.section("touch", touch).required().value,
+        approach: table.section("approach", approach).required().value,
+        no_load_sweep: table.section("no_load_sweep", sweep::read).required().value,
+        contact_sweep: table.section("contact_sweep", sweep::read).required().value,
+        blind: table.section("blind", blind).optional().map(|blind| blind.value),
+        limits: table.section("limits", limits).optional().map(|limits| limits.value),
+        faults: Faults::new(""),
+    }
+}
+
+/// The angle of a key whose range is that of `angles_deg`.
+pub(crate) fn contact_angle(degrees: f64) -> ContactAngle {
+    ContactAngle::new(degrees).expect("the range of the key lies in [0°, 90°)")
+}
+
+fn touch(table: &mut Table<'_>) -> TouchKeys {
+    TouchKeys {
+        indentation_mm: table.number("indentation_mm").above(0.0).required(),
+        dwell_s: table.number("dwell_s").range(0.0..=3600.0).or(0.0).value,
+    }
+}
+
+fn approach(table: &mut Table<'_>) -> ApproachKeys {
+    ApproachKeys {
+        start_above_mm: table.number("start_above_mm").above(0.0).required(),
+        give_up_below_mm: table.number("give_up_below_mm").above(0.0).required(),
+        coarse_step_mm: table.number("coarse_step_mm").above(0.0).required(),
+        fine_step_mm: table.number("fine_step_mm").above(0.0).required(),
+        contact_threshold: table.number("contact_threshold").range(0.001..=10.0).required().value,
+        settle_s: table.number("settle_s").range(0.0..=60.0).required().value,
+        cycles: table.count("cycles").range(1..=100_000).required().value,
+    }
+}
+
+fn blind(table: &mut Table<'_>) -> Blind {
+    Blind {
+        trials: table.count("trials").range(1..=100_000).required(),
+        classes: table.count("classes").at_least(1).required(),
+        min_angle_deg: table.number("min_angle_deg").range(0.0..=MAX_ANGLE_DEG).or(0.0),
+        max_angle_deg: table.number("max_angle_deg").range(0.0..=MAX_ANGLE_DEG).required(),
+    }
+}
+
+fn limits(table: &mut Table<'_>) -> Limits {
+    Limits {
+        max_indentation_mm: table.number("max_indentation_mm").above(0.0).optional(),
+        max_duration_h: table.number("max_duration_h").above(0.0).optional(),
+    }
+}
+
+impl NoLoadPolicy {
+    const WORDS: [(&'static str, Self); 4] = [
+        ("every-touch", Self::EveryTouch),
+        ("every-pose", Self::EveryPose),
+        ("every-sample", Self::EverySample),
+        ("once", Self::Once),
+    ];
+}

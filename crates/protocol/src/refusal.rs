@@ -1,0 +1,172 @@
+//! What a protocol can be refused for, beyond the shape of its file.
+
+use std::fmt;
+
+use rig_model::{ContactAngle, Deg, Direction, Mm, Position, Span, SweepRequestError};
+use rig_settings::Complaint;
+
+use crate::Pose;
+
+/// What limits the depth of a touch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum DepthLimit {
+    Protocol,
+    Rig,
+    /// No model of a ball in contact holds once the whole ball is in the sample.
+    Probe,
+}
+
+impl fmt::Display for DepthLimit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Protocol => "the protocol (limits.max_indentation_mm)",
+            Self::Rig => "the rig (limits.max_indentation_mm)",
+            Self::Probe => "the probe, twice its radius (geometry.probe_radius_mm of the rig)",
+        })
+    }
+}
+
+/// One reason. Values and limits are in the unit that their key names.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub(crate) enum Refusal {
+    // Lists.
+    #[error("{name:?} in samples cannot be part of a step's address")]
+    SampleName { name: String },
+    #[error("{item} in {key} is listed twice")]
+    ListedTwice { item: String, key: &'static str },
+    #[error("{name:?} in samples is not a sample that the simulated rig has")]
+    UnknownSample { name: String, known: Vec<String> },
+
+    // How the probe is lowered.
+    #[error("indentation_mm = {found} is above the limit of {limit} mm of {whose}")]
+    TooDeep { found: f64, limit: f64, whose: DepthLimit },
+    #[error("fine_step_mm = {fine} is above coarse_step_mm = {coarse}")]
+    FineAboveCoarse { fine: f64, coarse: f64 },
+    #[error(
+        "coarse_step_mm = {coarse} is above indentation_mm = {indentation}: the search could press \
+         deeper than the touch itself"
+    )]
+    CoarseAboveIndentation { coarse: f64, indentation: f64 },
+    #[error(
+        "fine_step_mm = {found} is below {limit} mm, to which the linear stage is known to arrive \
+         (linear.tolerance_mm of the rig)"
+    )]
+    FinerThanStage { found: f64, limit: f64 },
+    #[error(
+        "{key} = {found} is below {limit:.3} mm, by which the surface may lie elsewhere at {angle} \
+         (geometry.surface_tolerance_mm of the rig)"
+    )]
+    WithinSurfaceTolerance { key: &'static str, found: f64, limit: f64, angle: ContactAngle },
+    #[error(
+        "start_above_mm = {found} begins the search at {start} for {} {}, not below \
+         the clear position {clear} of the rig",
+        pose.direction, pose.angle
+    )]
+    StartsAboveClear { found: f64, start: Position<Mm>, pose: Pose, clear: Position<Mm> },
+    #[error(
+        "give_up_below_mm and indentation_mm let the probe go down to {floor} for {} {}, \
+         beyond the soft limits {soft} of the linear stage",
+        pose.direction, pose.angle
+    )]
+    BelowSoftLimits { floor: Position<Mm>, pose: Pose, soft: Span<Mm> },
+
+    // How the sample is tilted.
+    #[error(
+        "{subject} puts the rotary stage at {rotary} for {direction}, outside its soft limits {soft}"
+    )]
+    OutOfReach {
+        subject: String,
+        direction: Direction,
+        rotary: Position<Deg>,
+        soft: Span<Deg>,
+        reach_deg: f64,
+    },
+    #[error(
+        "{subject} lifts the edge of a sample to {highest}, not below the clear position {clear} of \
+         the rig"
+    )]
+    NotCleared { subject: String, highest: Position<Mm>, clear: Position<Mm> },
+
+    // How resonance is measured.
+    #[error("points is for the method \"uniform\" only")]
+    PointsOfAdaptiveSweep,
+    #[error("the method \"uniform\" needs the number of points")]
+    UniformSweepWithoutPoints,
+    #[error(transparent)]
+    Sweep(#[from] SweepRequestError),
+    #[error(
+        "{key} = {found} is outside what the analyzer of the rig can do, {min} Hz to {max} Hz \
+         (analyzer.frequency_hz)"
+    )]
+    BeyondAnalyzer { key: &'static str, found: f64, min: f64, max: f64 },
+    #[error("level_v = {found} is above the limit of {limit} V of the rig (analyzer.max_level_v)")]
+    LevelTooHigh { found: f64, limit: f64 },
+
+    // The blind phase and the whole.
+    #[error("classes = {classes} is above the number of samples, {samples}")]
+    MoreClassesThanSamples { classes: u32, samples: usize },
+    #[error("trials = {trials} is below classes = {classes}: some class would be empty")]
+    FewerTrialsThanClasses { trials: u32, classes: u32 },
+    #[error("no hundredth of a degree lies from min_angle_deg = {min} to max_angle_deg = {max}")]
+    NoBlindAngle { min: f64, max: f64 },
+    #[error("the protocol takes {expected:.2} h, above its own limit max_duration_h = {limit}")]
+    TooLong { expected: f64, limit: f64 },
+}
+
+impl Complaint for Refusal {
+    fn suggestion(&self) -> Option<String> {
+        let suggestion = match self {
+            Self::SampleName { .. } => {
+                "use at most 40 characters, no \"/\" and no blank at the ends".into()
+            }
+            Self::ListedTwice { .. } => "remove one".into(),
+            Self::UnknownSample { known, .. } => format!("it has {}", known.join(", ")),
+            Self::TooDeep { limit, .. } => format!("use at most {limit}"),
+            Self::FineAboveCoarse { coarse, .. } => format!("use at most {coarse}"),
+            Self::CoarseAboveIndentation { indentation, .. } => {
+                format!("use at most {indentation}")
+            }
+            Self::FinerThanStage { limit, .. } => format!("use at least {limit}"),
+            Self::WithinSurfaceTolerance { limit, .. } => {
+                // Rounded up, so that the advice holds.
+                format!("use at least {:.3}", (limit * 1000.0).ceil() / 1000.0)
+            }
+            Self::StartsAboveClear { .. } => "begin lower or use smaller angles".into(),
+            Self::BelowSoftLimits { .. } => "give up earlier or use smaller angles".into(),
+            Self::OutOfReach { reach_deg, .. } if *reach_deg >= 0.0 => {
+                format!("use at most {reach_deg}")
+            }
+            Self::OutOfReach { direction, .. } => format!("leave out {direction}"),
+            Self::NotCleared { .. } => {
+                "use smaller angles, or raise linear.clear_mm of the rig".into()
+            }
+            Self::PointsOfAdaptiveSweep => "remove it, or write method = \"uniform\"".into(),
+            Self::UniformSweepWithoutPoints => "write points = 101".into(),
+            Self::Sweep(error) => return sweep_suggestion(error),
+            Self::BeyondAnalyzer { found, min, max, .. } => {
+                if found < min {
+                    format!("use at least {min}")
+                } else {
+                    format!("use at most {max}")
+                }
+            }
+            Self::LevelTooHigh { limit, .. } => format!("use at most {limit}"),
+            Self::MoreClassesThanSamples { samples, .. } => format!("use at most {samples}"),
+            Self::FewerTrialsThanClasses { classes, .. } => format!("use at least {classes}"),
+            Self::NoBlindAngle { min, .. } => format!("use at least {min}"),
+            Self::TooLong { .. } => "raise the limit, or take fewer touches".into(),
+        };
+        Some(suggestion)
+    }
+}
+
+fn sweep_suggestion(error: &SweepRequestError) -> Option<String> {
+    match *error {
+        SweepRequestError::Window { .. } => None,
+        SweepRequestError::OutOfRange { found, min, max, .. } => Some(if found < min {
+            format!("use at least {min}")
+        } else {
+            format!("use at most {max}")
+        }),
+    }
+}

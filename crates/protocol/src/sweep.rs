@@ -1,0 +1,83 @@
+//! The sections that say how a resonance is measured.
+
+use rig_model::{DriveLevel, SweepMethod, SweepRequest, SweepRequestError, Window};
+use rig_settings::{Place, Setting, Table};
+
+use crate::refusal::Refusal;
+
+/// A sweep as it stands in the file.
+#[derive(Debug, Clone)]
+pub(crate) struct SweepKeys {
+    pub(crate) request: SweepRequest,
+    pub(crate) min_hz: Setting<f64>,
+    pub(crate) max_hz: Setting<f64>,
+    pub(crate) level_v: Setting<f64>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Method {
+    Adaptive,
+    Uniform,
+}
+
+/// Reads a sweep and checks it by itself.
+pub(crate) fn read(table: &mut Table<'_>) -> SweepKeys {
+    let words = [("adaptive", Method::Adaptive), ("uniform", Method::Uniform)];
+    let method = table.choice("method", words).or(Method::Adaptive);
+    let points = table.count("points").optional();
+    let min_hz = table.number("min_hz").required();
+    let max_hz = table.number("max_hz").required();
+    let target_sigma_hz = table.number("target_sigma_hz").required();
+    let time_limit_s = table.number("time_limit_s").required();
+    let cycles = table.count("cycles").required();
+    let settle_s = table.number("settle_s").required();
+    let level_v = table.number("level_v").required();
+
+    match (method.sound(), &points) {
+        (Some(Method::Adaptive), Some(points)) => {
+            table.refuse(points, &Refusal::PointsOfAdaptiveSweep);
+        }
+        (Some(Method::Uniform), None) => {
+            table.refuse(&method, &Refusal::UniformSweepWithoutPoints);
+        }
+        _ => {}
+    }
+    let request = SweepRequest {
+        window: Window { min_hz: min_hz.value, max_hz: max_hz.value },
+        method: match (method.value, &points) {
+            (Method::Uniform, Some(points)) => SweepMethod::Uniform { points: points.value },
+            _ => SweepMethod::Adaptive,
+        },
+        target_sigma_hz: target_sigma_hz.value,
+        time_limit_s: time_limit_s.value,
+        cycles: cycles.value,
+        settle_s: settle_s.value,
+        level: DriveLevel { volt: level_v.value },
+    };
+    let places = [
+        points.as_ref().and_then(written),
+        written(&target_sigma_hz),
+        written(&time_limit_s),
+        written(&cycles),
+        written(&settle_s),
+        written(&level_v),
+    ];
+    let window = written(&min_hz).and(written(&max_hz));
+    for error in request.faults() {
+        let place = match error {
+            SweepRequestError::Window { .. } => window,
+            SweepRequestError::OutOfRange { what, .. } => {
+                places.iter().copied().flatten().find(|(key, _)| *key == what)
+            }
+        };
+        if let Some((_, place)) = place {
+            table.refuse(place, &Refusal::Sweep(error));
+        }
+    }
+    SweepKeys { request, min_hz, max_hz, level_v }
+}
+
+/// The key and its place, when what was written there could be read.
+fn written<T>(setting: &Setting<T>) -> Option<(&'static str, Place)> {
+    setting.sound().map(|_| (setting.key, setting.place))
+}

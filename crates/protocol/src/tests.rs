@@ -1,0 +1,330 @@
+//! Plans of the shipped files, and what is said of faulty ones.
+
+use std::collections::BTreeSet;
+
+use rig_model::{
+    AnalyzerRange, Axis, AxisLimits, Bench, Geometry, MotionLimits, Orientation, Position, Span,
+};
+
+use crate::{Action, Phase, Plan, Prompt, Protocol, Touch};
+
+const THREE_DIRECTION: &str = include_str!("../../../config/protocols/three-direction.toml");
+const SMOKE: &str = include_str!("../../../config/protocols/smoke.toml");
+
+fn bench() -> Bench {
+    let linear = AxisLimits {
+        travel: Span::new(0.0, 100.0),
+        soft: Span::new(15.0, 95.0),
+        rest: Position::new(45.0),
+        tolerance: 0.002,
+        max_speed_per_s: 50.0,
+    };
+    let rotary = AxisLimits {
+        travel: Span::new(-90.0, 90.0),
+        soft: Span::new(-50.0, 50.0),
+        rest: Position::new(0.0),
+        tolerance: 0.02,
+        max_speed_per_s: 60.0,
+    };
+    Bench {
+        linear: Axis::new("linear stage", linear).unwrap(),
+        rotary: Axis::new("rotary stage", rotary).unwrap(),
+        geometry: Geometry {
+            surface: Position::new(20.0),
+            surface_above_pivot_mm: 2.0,
+            probe_beside_pivot_mm: 0.0,
+            probe_radius_mm: 0.5,
+            sample_half_width_mm: 25.0,
+            surface_tolerance_mm: 0.2,
+        },
+        limits: MotionLimits {
+            max_indentation_mm: 0.8,
+            travel_speed_mm_per_s: 20.0,
+            contact_speed_mm_per_s: 1.0,
+            rotary_speed_deg_per_s: 20.0,
+        },
+        analyzer: AnalyzerRange { frequency_hz: (4.0, 8e6), max_level_v: 5.0 },
+    }
+}
+
+fn plan_of(text: &str) -> Plan {
+    Plan::new(&Protocol::read("protocol.toml", text), &bench(), None).unwrap()
+}
+
+/// The three-direction protocol with some of its lines changed. Each must be there.
+#[track_caller]
+fn changed(changes: &[(&str, &str)]) -> String {
+    let mut text = THREE_DIRECTION.to_owned();
+    for (old, new) in changes {
+        assert!(text.contains(old), "{old:?} is not in the file");
+        text = text.replacen(old, new, 1);
+    }
+    text
+}
+
+/// What is said of a protocol, without the place, which each test would have to count out.
+#[track_caller]
+fn complaints(changes: &[(&str, &str)], bench: &Bench) -> String {
+    let protocol = Protocol::read("protocol.toml", &changed(changes));
+    let known: Vec<_> = ["1", "2", "3", "4", "5"].map(str::to_owned).into();
+    let faults = Plan::new(&protocol, bench, Some(&known)).unwrap_err();
+    faults.iter().map(|fault| fault.to_string() + "\n").collect()
+}
+
+fn touches(plan: &Plan, wanted: Phase) -> Vec<Touch> {
+    let touch = |action| match action {
+        Action::Touch(touch) if touch.phase == wanted => Some(touch),
+        _ => None,
+    };
+    plan.steps.iter().filter_map(|step| touch(step.action)).collect()
+}
+
+fn prompts(plan: &Plan) -> Vec<Prompt> {
+    let prompt = |action| match action {
+        Action::Prompt(prompt) => Some(prompt),
+        _ => None,
+    };
+    plan.steps.iter().filter_map(|step| prompt(step.action)).collect()
+}
+
+/// Walks through the plan as a bench would, and fails where something was not asked for.
+#[track_caller]
+fn check_that_every_touch_is_prepared(plan: &Plan) {
+    let (mut sample, mut orientation, mut no_load) = (None, None, None);
+    for step in &plan.steps {
+        match step.action {
+            Action::Prompt(Prompt::PlaceSample { sample: placed }) => {
+                assert_ne!(sample.replace(placed), Some(placed), "{}: it lies there", step.id);
+            }
+            Action::Prompt(Prompt::TurnSensor { orientation: turned }) => {
+                assert_ne!(orientation.replace(turned), Some(turned), "{}: it stands so", step.id);
+            }
+            Action::NoLoad(pose) => no_load = Some(pose),
+            Action::Touch(touch) => {
+                assert_eq!(sample, Some(touch.sample), "{}", step.id);
+                assert_eq!(orientation, Some(touch.pose.direction.orientation()), "{}", step.id);
+                assert!(no_load.is_some(), "{}", step.id);
+            }
+        }
+    }
+    let ids: BTreeSet<_> = plan.steps.iter().map(|step| &step.id).collect();
+    assert_eq!(ids.len(), plan.steps.len(), "addresses are unique");
+}
+
+#[test]
+fn the_paper_s_protocol_touches_every_pose_once_and_asks_for_little() {
+    let plan = plan_of(THREE_DIRECTION);
+    check_that_every_touch_is_prepared(&plan);
+    let main = touches(&plan, Phase::Main);
+    assert_eq!(main.len(), 5 * 3 * 4);
+    let poses: BTreeSet<_> =
+        main.iter().map(|touch| format!("{} {:?}", touch.sample, touch.pose)).collect();
+    assert_eq!(poses.len(), main.len());
+    assert_eq!(touches(&plan, Phase::Blind).len(), 50);
+    assert_eq!(plan.classes, Some(5));
+
+    // Five samples are placed, and the sensor is set up once and turned once for each of them.
+    let is_main = |step: &&crate::Step| step.id.0.starts_with("main/");
+    let main_steps = plan.steps.iter().filter(is_main);
+    let asked = main_steps.filter(|step| matches!(step.action, Action::Prompt(_)));
+    assert_eq!(asked.count(), 5 + 1 + 5);
+}
+
+#[test]
+fn steps_come_in_an_order_that_a_person_understands() {
+    let steps = plan_of(SMOKE).steps;
+    let lines: Vec<_> = steps.iter().map(|step| format!("{} {:?}", step.id, step.action)).collect();
+    insta::assert_snapshot!(lines.join("\n"));
+}
+
+#[test]
+fn a_random_order_costs_no_prompt_and_depends_on_the_seed_alone() {
+    let random = |seed: &str| {
+        plan_of(&changed(&[("order = \"listed\"", "order = \"random\""), ("seed = 2020", seed)]))
+    };
+    let (plan, again, other) = (random("seed = 7"), random("seed = 7"), random("seed = 8"));
+    check_that_every_touch_is_prepared(&plan);
+    assert_eq!(plan, again);
+    assert_ne!(touches(&plan, Phase::Main), touches(&other, Phase::Main));
+
+    let listed = plan_of(&changed(&[("seed = 2020", "seed = 7")]));
+    let main_prompts = |plan: &Plan| {
+        let main = plan.steps.iter().filter(|step| step.id.0.starts_with("main/"));
+        main.filter(|step| matches!(step.action, Action::Prompt(_))).count()
+    };
+    assert_eq!(main_prompts(&plan), main_prompts(&listed));
+    assert_eq!(touches(&plan, Phase::Blind), touches(&listed, Phase::Blind), "a stream of its own");
+}
+
+#[test]
+fn blind_trials_are_drawn_evenly_from_the_whole_range() {
+    let plan = plan_of(&changed(&[("trials = 50", "trials = 6000"), ("max_duration_h = 8", "")]));
+    check_that_every_touch_is_prepared(&plan);
+    let blind = touches(&plan, Phase::Blind);
+    let mut samples = [0_u32; 5];
+    let mut directions = [0_u32; 3];
+    let mut halves = [0_u32; 2];
+    for touch in &blind {
+        let degrees = touch.pose.angle.degrees();
+        assert!((0.0..=45.0).contains(&degrees));
+        assert!(((degrees * 100.0).round() - degrees * 100.0).abs() < 1e-9, "{degrees}");
+        samples[touch.sample] += 1;
+        directions[touch.pose.direction as usize] += 1;
+        halves[usize::from(degrees > 22.5)] += 1;
+    }
+    // Five standard deviations of a binomial count.
+    let is_even = |counts: &[u32]| {
+        let share = 1.0 / counts.len() as f64;
+        let (mean, sigma) = (6000.0 * share, (6000.0 * share * (1.0 - share)).sqrt());
+        counts.iter().all(|&count| (f64::from(count) - mean).abs() < 5.0 * sigma)
+    };
+    let counts: [&[u32]; 3] = [&samples, &directions, &halves];
+    assert!(counts.into_iter().all(is_even), "{counts:?}");
+    let trials: Vec<_> = blind.iter().map(|touch| touch.repeat).collect();
+    assert_eq!(trials, (1..=6000).collect::<Vec<_>>());
+}
+
+#[test]
+fn the_no_load_resonance_is_measured_as_often_as_the_policy_says() {
+    #[track_caller]
+    fn check(policy: &str, expected: usize) {
+        let no_load = format!("no_load = {policy:?}");
+        let text = changed(&[
+            ("no_load = \"every-touch\"", &no_load),
+            ("repeats = 1", "repeats = 3"),
+            ("trials = 50", "trials = 5"),
+        ]);
+        let plan = plan_of(&text);
+        check_that_every_touch_is_prepared(&plan);
+        let is_no_load = |step: &&crate::Step| matches!(step.action, Action::NoLoad(_));
+        assert_eq!(plan.steps.iter().filter(is_no_load).count(), expected, "{policy}");
+    }
+    check("every-touch", 5 * 3 * 4 * 3 + 5);
+    // The blind trials differ in their angles.
+    check("every-pose", 5 * 3 * 4 + 5);
+    // Two mountings of the sensor for each of five samples, and the blind trials that need a person.
+    let needing = |plan: &Plan| {
+        let after_prompt = |pair: &[crate::Step]| {
+            matches!(pair[0].action, Action::Prompt(_))
+                && !matches!(pair[1].action, Action::Prompt(_))
+        };
+        plan.steps.windows(2).filter(|pair| after_prompt(pair)).count()
+    };
+    let text = changed(&[("repeats = 1", "repeats = 3"), ("trials = 50", "trials = 5")]);
+    check("every-sample", needing(&plan_of(&text)));
+    check("once", 1);
+}
+
+#[test]
+fn the_sensor_is_not_turned_when_all_directions_need_it_to_stand_the_same_way() {
+    let directions = "directions = [\"front\", \"back\", \"left\"]";
+    for (listed, orientation) in [("left", Orientation::Left), ("back", Orientation::FrontBack)] {
+        let listed = format!("directions = [{listed:?}]");
+        let plan = plan_of(&changed(&[(directions, &listed)]));
+        check_that_every_touch_is_prepared(&plan);
+        let turns: Vec<_> = prompts(&plan)
+            .into_iter()
+            .filter(|prompt| matches!(prompt, Prompt::TurnSensor { .. }))
+            .collect();
+        assert_eq!(turns, [Prompt::TurnSensor { orientation }]);
+    }
+}
+
+#[test]
+fn a_summary_holds_the_extremes_that_the_touches_ask_for() {
+    let summary = plan_of(THREE_DIRECTION).summary(&bench());
+    assert_eq!((summary.touches, summary.no_loads), (110, 110));
+    assert_eq!(summary.rotary, Span::new(-45.0, 45.0));
+    // The level surface at 20 mm, 0.6 mm to give up and 0.5 mm of indentation.
+    assert!((summary.linear.min.value() - 18.9).abs() < 1e-9);
+    assert_eq!(summary.linear.max.value(), 45.0);
+}
+
+#[test]
+fn ten_faults_of_a_protocol_give_ten_messages_whatever_their_kind() {
+    let text = changed(&[
+        ("samples = [", "sample = ["),
+        ("[0, 15, 30, 45]", "[0, 15, 15, 60]"),
+        ("repeats = 1", "repeats = 0"),
+        ("order = \"listed\"", "order = \"shuffled\""),
+        ("seed = 2020", "seed = \"2020\""),
+        ("\nindentation_mm = 0.5", "\nindentation_mm = 3.5"),
+        ("fine_step_mm = 0.005", "fine_step_mm = 0.0005"),
+        ("max_hz = 160", "max_hz = 120"),
+        ("time_limit_s = 30", "time_limit_s = 0"),
+        ("classes = 5", ""),
+        ("max_angle_deg = 45", "max_angle_deg = 55"),
+    ]);
+    let protocol = Protocol::read("protocol.toml", &text);
+    insta::assert_snapshot!(Plan::new(&protocol, &bench(), None).unwrap_err());
+}
+
+#[test]
+fn a_protocol_that_contradicts_itself_is_refused() {
+    let changes = [
+        ("samples = [\"1\", \"2\"", "samples = [\"a/b\", \"2\", \"2\""),
+        ("[\"front\", \"back\", \"left\"]", "[\"front\", \"left\", \"left\"]"),
+        ("coarse_step_mm = 0.1", "coarse_step_mm = 0.7"),
+        ("fine_step_mm = 0.005", "fine_step_mm = 0.75"),
+        ("method = \"adaptive\"\nmin_hz = 130", "method = \"uniform\"\nmin_hz = 130"),
+        ("level_v = 5\n\n# In", "level_v = 5\npoints = 11\n# In"),
+        ("trials = 50", "trials = 4"),
+        ("classes = 5", "classes = 7"),
+        ("min_angle_deg = 0\nmax_angle_deg = 45", "min_angle_deg = 30\nmax_angle_deg = 20"),
+        ("max_indentation_mm = 0.5", "max_indentation_mm = 0.3"),
+    ];
+    insta::assert_snapshot!(complaints(&changes, &bench()));
+}
+
+#[test]
+fn a_protocol_that_the_bench_cannot_run_is_refused() {
+    let bench = Bench {
+        geometry: Geometry { surface_tolerance_mm: 0.5, ..bench().geometry },
+        analyzer: AnalyzerRange { frequency_hz: (128.0, 250.0), max_level_v: 1.0 },
+        ..bench()
+    };
+    let changes = [
+        ("[0, 15, 30, 45]", "[0, 15, 30, 52]"),
+        ("\"5\"]", "\"6\"]"),
+        ("\nindentation_mm = 0.5", "\nindentation_mm = 1.2"),
+        ("\nmax_indentation_mm = 0.5", ""),
+    ];
+    insta::assert_snapshot!(complaints(&changes, &bench));
+}
+
+#[test]
+fn a_search_that_leaves_the_reach_of_the_linear_stage_is_refused() {
+    let changes = [
+        ("start_above_mm = 0.4", "start_above_mm = 25"),
+        ("give_up_below_mm = 0.6", "give_up_below_mm = 6"),
+    ];
+    insta::assert_snapshot!(complaints(&changes, &bench()));
+}
+
+#[test]
+fn a_sample_whose_edge_rises_above_the_clear_position_is_refused() {
+    let geometry = Geometry { sample_half_width_mm: 40.0, ..bench().geometry };
+    insta::assert_snapshot!(complaints(&[("name", "name")], &Bench { geometry, ..bench() }));
+}
+
+#[test]
+fn a_protocol_that_takes_too_long_is_refused() {
+    insta::assert_snapshot!(complaints(
+        &[("max_duration_h = 8", "max_duration_h = 0.1")],
+        &bench()
+    ));
+}
+
+#[test]
+fn every_single_line_may_be_lost_without_a_panic() {
+    let lines: Vec<_> = THREE_DIRECTION.lines().collect();
+    for lost in 0..lines.len() {
+        let kept: Vec<_> = [&lines[..lost], &lines[lost + 1..]].concat();
+        let text = kept.join("\n");
+        let protocol = Protocol::read("protocol.toml", &text);
+        // What is left either runs or says why not.
+        if let Err(faults) = Plan::new(&protocol, &bench(), None) {
+            assert!(!faults.is_empty());
+        }
+    }
+}
