@@ -1,2 +1,31 @@
 //! Decides what the rig does next, without I/O and without a clock.
+//!
+//! ```text
+//!             command ──▶ ┌────────┐ ──▶ Effect::Note      (into the journal, in order)
+//!   report of an          │ Engine │ ──▶ Effect::Commit    (and on disk before anything else)
+//!   operation  ─────────▶ │        │ ──▶ Effect::Do        (one operation at a time)
+//!   time passed ────────▶ └────────┘ ──▶ Effect::Interrupt (end the running one early)
+//! ```
+//!
+//! The engine knows no device. It speaks of a linear axis, a rotary axis and an analyzer, and is
+//! told what became of each operation. Everything that lowers the probe or turns the sample passes
+//! the [`Interlock`].
+
 #![deny(clippy::disallowed_methods)]
+
+mod effect;
+mod engine;
+mod interlock;
+mod recovery;
+mod run;
+mod search;
+mod sweep;
+mod touch;
+
+pub use effect::{
+    Command, Denied, Device, Effect, Event, Failure, FailureKind, Fault, Input, LoweringPurpose,
+    Operation, OperationId, Report, RunStatus, StateWord, StopReason, SweepOutcome, SweepPurpose,
+    TouchResult,
+};
+pub use engine::{Engine, Progress, Snapshot};
+pub use interlock::{Interlock, InterlockError};

@@ -1,0 +1,572 @@
+//! The engine: one command, report or deadline in; effects out.
+//!
+//! ```text
+//!               ┌───────────┐ prepared ┌──────┐  run, sweep  ┌─────────────────────────────┐
+//!  prepare ───▶ │ Preparing │ ───────▶ │ Idle │ ───────────▶ │ Running ⇄ Waiting ⇄ Paused  │
+//!               └───────────┘          └──────┘ ◀─────────── └─────────────────────────────┘
+//!                 ▲      │                ▲       completed        │ abort, stop, fault
+//!     acknowledge │      │ fault          │ aborted                ▼
+//!               ┌─────────┐  clear or not ┌┴───────────────────────────┐
+//!               │ Latched │ ◀──────────── │ Retracting                 │
+//!               └─────────┘               └────────────────────────────┘
+//! ```
+
+use rig_model::{Bench, Clearance, Deg, Mm, Position, RigTime};
+use rig_protocol::Prompt;
+
+use crate::{
+    Command, Denied, Effect, Event, Fault, Input, Interlock, Operation, OperationId, Report,
+    RunStatus, StateWord, StopReason, SweepPurpose,
+    effect::{Pending, limit, name},
+    recovery::{Preparing, Recovery, RecoveryTurn, is_interruption},
+    run::{News, Run, Turn},
+    sweep::{Sweep, SweepTurn},
+};
+
+/// Decides what the rig does next.
+#[derive(Debug)]
+pub struct Engine {
+    bench: Bench,
+    interlock: Interlock,
+    activity: Activity,
+    pending: Option<Pending>,
+    wait_until: Option<RigTime>,
+    next_id: u64,
+    linear: Option<Position<Mm>>,
+    rotary: Option<Position<Deg>>,
+    word: StateWord,
+    notes: Vec<Event>,
+}
+
+#[derive(Debug)]
+enum Activity {
+    /// Nothing has been asked for yet.
+    Unprepared,
+    Preparing(Preparing),
+    Idle,
+    Running(Box<Run>),
+    Waiting(Box<Run>, Prompt),
+    Paused(Box<Run>),
+    Sweeping(Box<Sweep>),
+    /// The operation in flight is being ended; then comes the recovery.
+    Stopping(StopReason, HadRun),
+    Retracting(Recovery, StopReason, HadRun),
+    Latched(Fault),
+}
+
+/// Whether a run was under way, so that its end must be noted.
+type HadRun = bool;
+
+/// How far a run has come.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Progress {
+    /// Name of the protocol.
+    pub protocol: String,
+    /// Index of the step under way.
+    pub step: usize,
+    /// How many steps there are.
+    pub steps: usize,
+}
+
+/// What can be seen from outside.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Snapshot {
+    /// The state in a word.
+    pub state: StateWord,
+    /// What is known of the probe.
+    pub clearance: Clearance,
+    /// The linear stage as last read back.
+    pub linear: Option<Position<Mm>>,
+    /// The rotary stage as last read back.
+    pub rotary: Option<Position<Deg>>,
+    /// The run under way.
+    pub progress: Option<Progress>,
+    /// What a person is asked for.
+    pub prompt: Option<Prompt>,
+    /// Why the rig is latched.
+    pub fault: Option<Fault>,
+}
+
+impl Engine {
+    /// An engine for this bench. Nothing moves until [`Command::Prepare`].
+    pub const fn new(bench: Bench) -> Self {
+        Self {
+            bench,
+            interlock: Interlock::new(bench.linear),
+            activity: Activity::Unprepared,
+            pending: None,
+            wait_until: None,
+            next_id: 0,
+            linear: None,
+            rotary: None,
+            word: StateWord::Preparing,
+            notes: Vec::new(),
+        }
+    }
+
+    /// When the engine wants to be woken by [`Input::Tick`], whatever else happens.
+    pub fn deadline(&self) -> Option<RigTime> {
+        let pending = self.pending.as_ref().map(|pending| pending.deadline);
+        pending.into_iter().chain(self.wait_until).min()
+    }
+
+    /// What can be seen from outside.
+    pub fn snapshot(&self) -> Snapshot {
+        let (progress, prompt) = match &self.activity {
+            Activity::Running(run) | Activity::Paused(run) => (Some(progress(run)), None),
+            Activity::Waiting(run, prompt) => (Some(progress(run)), Some(*prompt)),
+            _ => (None, None),
+        };
+        let fault = match &self.activity {
+            Activity::Latched(fault) => Some(fault.clone()),
+            _ => None,
+        };
+        Snapshot {
+            state: self.word,
+            clearance: self.interlock.clearance(),
+            linear: self.linear,
+            rotary: self.rotary,
+            progress,
+            prompt,
+            fault,
+        }
+    }
+
+    /// Whether a command would be taken now.
+    ///
+    /// # Errors
+    /// [`Denied`] names the command and the state that forbids it.
+    pub fn admits(&self, command: &Command) -> Result<(), Denied> {
+        let is_admitted = match command {
+            Command::Prepare => matches!(self.activity, Activity::Unprepared),
+            Command::Run(_) | Command::Sweep(_) => matches!(self.activity, Activity::Idle),
+            Command::Pause => {
+                matches!(self.activity, Activity::Running(_) | Activity::Waiting(..))
+            }
+            Command::Resume => match &self.activity {
+                Activity::Paused(_) => true,
+                Activity::Running(run) | Activity::Waiting(run, _) => run.is_pause_asked,
+                _ => false,
+            },
+            Command::Abort => matches!(
+                self.activity,
+                Activity::Running(_)
+                    | Activity::Waiting(..)
+                    | Activity::Paused(_)
+                    | Activity::Sweeping(_)
+            ),
+            Command::Answer => matches!(self.activity, Activity::Waiting(..)),
+            // Stopping is never refused.
+            Command::Stop => true,
+            Command::Acknowledge => {
+                matches!(self.activity, Activity::Latched(_)) && self.pending.is_none()
+            }
+        };
+        let denied = Denied { command: command.name(), state: self.word };
+        if is_admitted { Ok(()) } else { Err(denied) }
+    }
+
+    /// Takes a command of `by` and appends what has to be done about it.
+    ///
+    /// # Errors
+    /// [`Denied`] when the state forbids it; nothing has changed then.
+    pub fn command(
+        &mut self,
+        now: RigTime,
+        command: Command,
+        by: &str,
+        effects: &mut Vec<Effect>,
+    ) -> Result<(), Denied> {
+        self.admits(&command)?;
+        self.notes.push(Event::Operator { action: command.name(), by: by.to_owned() });
+        match command {
+            Command::Prepare | Command::Acknowledge => self.prepare(now, effects),
+            Command::Run(plan) => {
+                let mut run = Box::new(Run::new(*plan));
+                let turn = self.advance(&mut run, News::Begin);
+                self.activity = Activity::Running(run);
+                self.follow_run(now, turn, effects);
+            }
+            Command::Sweep(request) => {
+                let (sweep, turn) =
+                    Sweep::begin(SweepPurpose::Manual, &request, None, &mut self.notes);
+                self.activity = Activity::Sweeping(Box::new(sweep));
+                self.follow_sweep(now, turn, effects);
+            }
+            Command::Pause | Command::Resume => self.pause(now, &command, effects),
+            Command::Abort => {
+                self.stop(now, StopReason::Abort { by: by.to_owned() }, effects);
+            }
+            Command::Answer => {
+                let news = News::Answered { by: by.to_owned() };
+                self.tell_run(now, news, effects);
+            }
+            Command::Stop => {
+                let fault = Fault::Stopped { by: by.to_owned() };
+                self.stop(now, StopReason::Fault(fault), effects);
+            }
+        }
+        self.settle(effects);
+        Ok(())
+    }
+
+    /// Takes a report or a deadline and appends what has to be done about it.
+    pub fn handle(&mut self, now: RigTime, input: Input, effects: &mut Vec<Effect>) {
+        match input {
+            Input::Done(id, result) => {
+                // Whatever does not answer the operation in flight is too late to matter.
+                if let Some(pending) = self.pending.take_if(|pending| pending.id == id) {
+                    self.note_motion(&pending.operation, result.as_ref().ok());
+                    self.interlock.ended(&pending.operation, result.as_ref().ok());
+                    self.ended(
+                        now,
+                        result
+                            .map_err(|failure| (is_interruption(&failure), Fault::Device(failure))),
+                        effects,
+                    );
+                }
+            }
+            Input::Tick => self.tick(now, effects),
+        }
+        self.settle(effects);
+    }
+
+    /// An operation has ended: with a report, or with a fault that may be a mere interruption.
+    fn ended(
+        &mut self,
+        now: RigTime,
+        result: Result<Report, (bool, Fault)>,
+        effects: &mut Vec<Effect>,
+    ) {
+        match (&mut self.activity, result) {
+            (Activity::Stopping(..), result) => {
+                // A real failure outweighs an orderly abort.
+                if let Err((false, fault)) = result {
+                    self.escalate(fault);
+                }
+                self.recover(now, effects);
+            }
+            (Activity::Retracting(..), result) => {
+                if let Err((false, fault)) = result {
+                    self.escalate(fault);
+                }
+                self.retracting(now, effects);
+            }
+            (Activity::Latched(_), _) => {}
+            (_, Err((_, fault))) => self.stop(now, StopReason::Fault(fault), effects),
+            (Activity::Preparing(_), Ok(_)) => self.preparing(now, effects),
+            (Activity::Sweeping(sweep), Ok(Report::Measured(readings))) => {
+                let turn = sweep.measured(&readings, &mut self.notes);
+                self.follow_sweep(now, turn, effects);
+            }
+            (_, Ok(report)) => self.tell_run(now, News::from(report), effects),
+        }
+    }
+
+    fn tick(&mut self, now: RigTime, effects: &mut Vec<Effect>) {
+        if self.wait_until.is_some_and(|until| until <= now) {
+            self.wait_until = None;
+            self.tell_run(now, News::Waited, effects);
+        }
+        let Some(pending) = self.pending.as_mut().filter(|pending| pending.deadline <= now) else {
+            return;
+        };
+        let fault = Fault::Overdue { what: name(&pending.operation) };
+        if pending.is_interrupted {
+            // It was asked to end and does not. Nothing else can be sent, so nothing may move.
+            pending.deadline = RigTime::from_micros(u64::MAX);
+            self.freeze(fault);
+        } else {
+            self.stop(now, StopReason::Fault(fault), effects);
+        }
+    }
+
+    /// Latches at once, with the operation in flight still unanswered.
+    fn freeze(&mut self, fault: Fault) {
+        self.escalate(fault.clone());
+        let activity = std::mem::replace(&mut self.activity, Activity::Idle);
+        match activity {
+            Activity::Stopping(StopReason::Fault(first), had_run)
+            | Activity::Retracting(_, StopReason::Fault(first), had_run) => {
+                self.finish_faulted(first, had_run);
+            }
+            _ => self.finish_faulted(fault, false),
+        }
+    }
+
+    /// Carries out what a run wants.
+    fn follow_run(&mut self, now: RigTime, turn: Turn<RunStatus>, effects: &mut Vec<Effect>) {
+        match turn {
+            Turn::Do(operation) => self.issue(now, operation, effects),
+            Turn::Declare { down_to, purpose } => {
+                self.notes.push(Event::Intent { down_to, purpose });
+                self.flush(effects);
+                effects.push(Effect::Commit);
+                self.interlock.declare(down_to);
+                self.tell_run(now, News::Declared, effects);
+            }
+            Turn::Wait(duration) => self.wait_until = Some(now + duration),
+            Turn::Ask(prompt) => self.replace_run(|run| Activity::Waiting(run, prompt)),
+            Turn::Pause => self.replace_run(Activity::Paused),
+            Turn::Done(status) => {
+                self.notes.push(Event::RunFinished(status));
+                self.activity = Activity::Idle;
+            }
+            Turn::Fault(fault) => self.stop(now, StopReason::Fault(fault), effects),
+        }
+    }
+
+    fn follow_sweep(&mut self, now: RigTime, turn: SweepTurn, effects: &mut Vec<Effect>) {
+        match turn {
+            SweepTurn::Measure(operation) => self.issue(now, operation, effects),
+            SweepTurn::Finished(_) => self.activity = Activity::Idle,
+            SweepTurn::Fault(fault) => self.stop(now, StopReason::Fault(fault), effects),
+        }
+    }
+
+    /// Sends an operation, if the interlock admits it.
+    fn issue(&mut self, now: RigTime, operation: Operation, effects: &mut Vec<Effect>) {
+        if let Err(error) = self.interlock.admit(&operation) {
+            return self.stop(now, StopReason::Fault(Fault::Interlock(error)), effects);
+        }
+        let id = OperationId(self.next_id);
+        self.next_id += 1;
+        let deadline = now + limit(&operation, self.linear_mm(), self.rotary_deg());
+        let pending = Pending { id, operation: operation.clone(), deadline, is_interrupted: false };
+        self.pending = Some(pending);
+        self.flush(effects);
+        effects.push(Effect::Do(id, operation));
+    }
+
+    fn tell_run(&mut self, now: RigTime, news: News, effects: &mut Vec<Effect>) {
+        let activity = std::mem::replace(&mut self.activity, Activity::Idle);
+        match activity {
+            Activity::Running(mut run) | Activity::Waiting(mut run, _) => {
+                let turn = self.advance(&mut run, news);
+                self.activity = Activity::Running(run);
+                self.follow_run(now, turn, effects);
+            }
+            other => {
+                let during = other.word().name();
+                self.activity = other;
+                let fault = news.out_of_order(during);
+                self.stop(now, StopReason::Fault(fault), effects);
+            }
+        }
+    }
+
+    fn advance(&mut self, run: &mut Run, news: News) -> Turn<RunStatus> {
+        run.advance(news, &self.bench, self.interlock.clearance(), &mut self.notes)
+    }
+
+    fn pause(&mut self, now: RigTime, command: &Command, effects: &mut Vec<Effect>) {
+        let is_pause = matches!(command, Command::Pause);
+        match &mut self.activity {
+            Activity::Running(run) | Activity::Waiting(run, _) => run.is_pause_asked = is_pause,
+            Activity::Paused(run) => {
+                run.is_pause_asked = is_pause;
+                self.replace_run(Activity::Running);
+                self.tell_run(now, News::Resumed, effects);
+            }
+            _ => {}
+        }
+    }
+
+    fn replace_run(&mut self, make: impl FnOnce(Box<Run>) -> Activity) {
+        let activity = std::mem::replace(&mut self.activity, Activity::Idle);
+        self.activity = match activity {
+            Activity::Running(run) | Activity::Waiting(run, _) | Activity::Paused(run) => make(run),
+            other => other,
+        };
+    }
+
+    /// Ends whatever is going on, now or as soon as the operation in flight has ended.
+    fn stop(&mut self, now: RigTime, reason: StopReason, effects: &mut Vec<Effect>) {
+        if let StopReason::Fault(fault) = &reason {
+            let clearance = self.interlock.clearance();
+            self.notes.push(Event::Faulted { fault: fault.clone(), clearance });
+        }
+        match &mut self.activity {
+            // The first cause stays; a graver one takes the place of an abort.
+            Activity::Stopping(first, _) | Activity::Retracting(_, first, _) => {
+                if matches!(first, StopReason::Abort { .. }) {
+                    *first = reason;
+                }
+                return;
+            }
+            Activity::Latched(_) => return,
+            _ => {}
+        }
+        self.wait_until = None;
+        let had_run = matches!(
+            self.activity,
+            Activity::Running(_) | Activity::Waiting(..) | Activity::Paused(_)
+        );
+        self.activity = Activity::Stopping(reason, had_run);
+        match &mut self.pending {
+            Some(pending) => {
+                pending.is_interrupted = true;
+                let allowed = limit(&Operation::StopMotion, self.linear_mm(), self.rotary_deg());
+                if let Some(pending) = &mut self.pending {
+                    pending.deadline = now + allowed;
+                }
+                self.flush(effects);
+                effects.push(Effect::Interrupt);
+            }
+            None => self.recover(now, effects),
+        }
+    }
+
+    fn escalate(&mut self, fault: Fault) {
+        let clearance = self.interlock.clearance();
+        self.notes.push(Event::Faulted { fault: fault.clone(), clearance });
+        if let Activity::Stopping(reason, _) | Activity::Retracting(_, reason, _) =
+            &mut self.activity
+            && matches!(reason, StopReason::Abort { .. })
+        {
+            *reason = StopReason::Fault(fault);
+        }
+    }
+
+    fn recover(&mut self, now: RigTime, effects: &mut Vec<Effect>) {
+        let activity = std::mem::replace(&mut self.activity, Activity::Idle);
+        let Activity::Stopping(reason, had_run) = activity else {
+            self.activity = activity;
+            return;
+        };
+        let (recovery, turn) = Recovery::begin();
+        self.activity = Activity::Retracting(recovery, reason, had_run);
+        self.follow_recovery(now, turn, effects);
+    }
+
+    fn retracting(&mut self, now: RigTime, effects: &mut Vec<Effect>) {
+        let clearance = self.interlock.clearance();
+        if let Activity::Retracting(recovery, ..) = &mut self.activity {
+            let turn = recovery.ended(clearance, &self.bench);
+            self.follow_recovery(now, turn, effects);
+        }
+    }
+
+    fn follow_recovery(&mut self, now: RigTime, turn: RecoveryTurn, effects: &mut Vec<Effect>) {
+        let clearance = match turn {
+            RecoveryTurn::Do(operation) => return self.issue(now, operation, effects),
+            RecoveryTurn::Finished(clearance) => clearance,
+        };
+        let activity = std::mem::replace(&mut self.activity, Activity::Idle);
+        let Activity::Retracting(_, reason, had_run) = activity else { return };
+        match reason {
+            StopReason::Abort { .. } if clearance == Clearance::Clear => {
+                if had_run {
+                    self.notes.push(Event::RunFinished(RunStatus::Aborted));
+                }
+            }
+            // An abort whose retract cannot be proven is no longer in order.
+            StopReason::Abort { .. } => {
+                let fault = Fault::NotProvenClear;
+                self.notes.push(Event::Faulted { fault: fault.clone(), clearance });
+                self.finish_faulted(fault, had_run);
+            }
+            StopReason::Fault(fault) => self.finish_faulted(fault, had_run),
+        }
+    }
+
+    fn finish_faulted(&mut self, fault: Fault, had_run: HadRun) {
+        if had_run {
+            self.notes.push(Event::RunFinished(RunStatus::Faulted));
+        }
+        self.activity = Activity::Latched(fault);
+    }
+
+    fn prepare(&mut self, now: RigTime, effects: &mut Vec<Effect>) {
+        let first = Preparing::HomingLinear;
+        self.activity = Activity::Preparing(first);
+        self.issue(now, first.operation(&self.bench), effects);
+    }
+
+    fn preparing(&mut self, now: RigTime, effects: &mut Vec<Effect>) {
+        let Activity::Preparing(stage) = self.activity else { return };
+        match stage.next() {
+            Some(next) => {
+                self.activity = Activity::Preparing(next);
+                self.issue(now, next.operation(&self.bench), effects);
+            }
+            None => self.activity = Activity::Idle,
+        }
+    }
+
+    fn note_motion(&mut self, operation: &Operation, report: Option<&Report>) {
+        match (operation, report) {
+            (Operation::MoveLinear { target, .. }, Some(&Report::LinearAt(read_back))) => {
+                self.linear = Some(read_back);
+                let target = target.position();
+                self.notes.push(Event::LinearMoved { target, read_back });
+            }
+            (Operation::MoveRotary { target, .. }, Some(&Report::RotaryAt(read_back))) => {
+                self.rotary = Some(read_back);
+                let target = target.position();
+                self.notes.push(Event::RotaryMoved { target, read_back });
+            }
+            (Operation::PrepareLinear, Some(&Report::LinearAt(read_back))) => {
+                self.linear = Some(read_back);
+            }
+            (Operation::PrepareRotary, Some(&Report::RotaryAt(read_back))) => {
+                self.rotary = Some(read_back);
+            }
+            _ => {}
+        }
+    }
+
+    /// Notes a change of state, and hands over what has been noted.
+    fn settle(&mut self, effects: &mut Vec<Effect>) {
+        let word = self.activity.word();
+        if word != self.word {
+            self.word = word;
+            self.notes.push(Event::StateChanged(word));
+        }
+        self.flush(effects);
+    }
+
+    fn flush(&mut self, effects: &mut Vec<Effect>) {
+        effects.extend(self.notes.drain(..).map(Effect::Note));
+    }
+
+    fn linear_mm(&self) -> f64 {
+        let travel = self.bench.linear.travel();
+        travel.max.value() - travel.min.value()
+    }
+
+    fn rotary_deg(&self) -> f64 {
+        let travel = self.bench.rotary.travel();
+        travel.max.value() - travel.min.value()
+    }
+}
+
+impl Activity {
+    const fn word(&self) -> StateWord {
+        match self {
+            Self::Unprepared | Self::Preparing(_) => StateWord::Preparing,
+            Self::Idle => StateWord::Idle,
+            Self::Running(_) | Self::Sweeping(_) => StateWord::Running,
+            Self::Waiting(..) => StateWord::WaitingForPerson,
+            Self::Paused(_) => StateWord::Paused,
+            Self::Stopping(..) | Self::Retracting(..) => StateWord::Retracting,
+            Self::Latched(_) => StateWord::Latched,
+        }
+    }
+}
+
+impl From<Report> for News {
+    fn from(report: Report) -> Self {
+        match report {
+            Report::LinearAt(position) => Self::LinearAt(position),
+            Report::RotaryAt(position) => Self::RotaryAt(position),
+            Report::Measured(readings) => Self::Readings(readings),
+            Report::Stopped => Self::Stopped,
+        }
+    }
+}
+
+fn progress(run: &Run) -> Progress {
+    let plan = run.plan();
+    Progress { protocol: plan.name.clone(), step: run.index(), steps: plan.steps.len() }
+}

@@ -1,0 +1,85 @@
+//! Out of whatever went wrong: stop, retract, prove it.
+//!
+//! Also the way into service: home what is not homed, with the probe moving up first.
+
+use rig_model::{Bench, Clearance};
+
+use crate::{Failure, FailureKind, Operation, run::retract};
+
+/// A retract that cannot be shown to have worked is repeated this often. After that nothing moves.
+const RETRACT_ATTEMPTS: u32 = 3;
+
+/// What comes next on the way to safety.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum RecoveryTurn {
+    Do(Operation),
+    /// The probe is clear, or was given up with nothing moving.
+    Finished(Clearance),
+}
+
+/// Stops both axes and takes the probe clear.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Recovery {
+    attempts_left: u32,
+}
+
+impl Recovery {
+    pub(crate) const fn begin() -> (Self, RecoveryTurn) {
+        let recovery = Self { attempts_left: RETRACT_ATTEMPTS };
+        (recovery, RecoveryTurn::Do(Operation::StopMotion))
+    }
+
+    /// An operation of the recovery has ended, well or not; `clearance` is what is known now.
+    ///
+    /// The stop is not repeated when it fails: the retract that follows is the safest thing to do
+    /// whether or not the rotary stage has answered.
+    pub(crate) fn ended(&mut self, clearance: Clearance, bench: &Bench) -> RecoveryTurn {
+        if clearance == Clearance::Clear && self.attempts_left < RETRACT_ATTEMPTS {
+            return RecoveryTurn::Finished(clearance);
+        }
+        if self.attempts_left == 0 {
+            return RecoveryTurn::Finished(Clearance::Unknown);
+        }
+        self.attempts_left -= 1;
+        RecoveryTurn::Do(retract(bench))
+    }
+}
+
+/// Brings the rig into service.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Preparing {
+    HomingLinear,
+    Clearing,
+    HomingRotary,
+    Levelling,
+}
+
+impl Preparing {
+    /// What this stage does.
+    pub(crate) fn operation(self, bench: &Bench) -> Operation {
+        match self {
+            Self::HomingLinear => Operation::PrepareLinear,
+            Self::Clearing => retract(bench),
+            Self::HomingRotary => Operation::PrepareRotary,
+            Self::Levelling => Operation::MoveRotary {
+                target: bench.rotary.rest_target(),
+                speed_deg_per_s: bench.limits.rotary_speed_deg_per_s,
+            },
+        }
+    }
+
+    /// The stage after this one.
+    pub(crate) const fn next(self) -> Option<Self> {
+        match self {
+            Self::HomingLinear => Some(Self::Clearing),
+            Self::Clearing => Some(Self::HomingRotary),
+            Self::HomingRotary => Some(Self::Levelling),
+            Self::Levelling => None,
+        }
+    }
+}
+
+/// Whether an operation ended early because it was asked to, and so is no fault of its own.
+pub(crate) fn is_interruption(failure: &Failure) -> bool {
+    failure.kind == FailureKind::Interrupted
+}

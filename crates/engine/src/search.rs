@@ -1,0 +1,223 @@
+//! Finds the surface of the sample.
+//!
+//! The probe goes down in steps until the impedance differs from that of the free sensor. Then it
+//! goes back above the last clear place and comes down again in finer steps, always from above, so
+//! that the backlash of the stage is the same in every reading that counts.
+
+use rig_model::{Mm, Position, Reading};
+use rig_protocol::Approach;
+
+use crate::Fault;
+
+/// How much finer each pass is than the one before it. Five passes over the bracket cost as much
+/// as one pass of the last width, so a factor near five keeps the number of readings small.
+const REFINEMENT: f64 = 5.0;
+
+/// What the search wants next.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum SearchTurn {
+    /// Go here, then call [`Search::arrived`].
+    MoveTo(Position<Mm>),
+    /// Read the impedance, then call [`Search::read`].
+    Read,
+    /// Done.
+    Found(Surface),
+    /// It cannot go on.
+    Fault(Fault),
+}
+
+/// Where the surface is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Surface {
+    pub(crate) position: Position<Mm>,
+    pub(crate) sigma_mm: f64,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Search {
+    approach: Approach,
+    expected: Position<Mm>,
+    baseline: Reading,
+    step_mm: f64,
+    /// The lowest place of this pass at which nothing was felt.
+    last_clear: Option<Position<Mm>>,
+    /// Where to go after the backlash has been taken up.
+    after_take_up: Option<Position<Mm>>,
+    commanded: Position<Mm>,
+    here: Position<Mm>,
+    trail: Vec<(Position<Mm>, Reading)>,
+}
+
+impl Search {
+    /// Begins a search. `baseline` is the impedance of the clear probe at the frequency that all
+    /// readings of the search use.
+    pub(crate) fn begin(
+        approach: Approach,
+        expected: Position<Mm>,
+        baseline: Reading,
+    ) -> (Self, SearchTurn) {
+        let start = expected.offset(approach.start_above_mm);
+        let search = Self {
+            approach,
+            expected,
+            baseline,
+            step_mm: approach.coarse_step_mm,
+            last_clear: None,
+            after_take_up: None,
+            commanded: start,
+            here: start,
+            trail: Vec::new(),
+        };
+        (search, SearchTurn::MoveTo(start))
+    }
+
+    /// The lowest position that the search may ask for.
+    pub(crate) fn floor(approach: &Approach, expected: Position<Mm>) -> Position<Mm> {
+        expected.offset(-approach.give_up_below_mm)
+    }
+
+    /// Every position tried, with its reading.
+    pub(crate) fn trail(self) -> Vec<(Position<Mm>, Reading)> {
+        self.trail
+    }
+
+    /// The probe has moved; `read_back` is where it is.
+    pub(crate) fn arrived(&mut self, read_back: Position<Mm>) -> SearchTurn {
+        self.here = read_back;
+        match self.after_take_up.take() {
+            Some(next) => self.go(next),
+            None => SearchTurn::Read,
+        }
+    }
+
+    /// The impedance here has been read.
+    pub(crate) fn read(&mut self, reading: Reading) -> SearchTurn {
+        self.trail.push((self.here, reading));
+        let change = relative_change(&self.baseline, &reading);
+        match (change > self.approach.contact_threshold, self.last_clear) {
+            (true, None) => SearchTurn::Fault(Fault::ContactTooEarly {
+                at: self.here,
+                expected: self.expected,
+                change_percent: 100.0 * change,
+            }),
+            (true, Some(clear)) => self.bracketed(clear),
+            (false, _) => {
+                self.last_clear = Some(self.here);
+                let floor = Self::floor(&self.approach, self.expected);
+                if self.commanded <= floor {
+                    return SearchTurn::Fault(Fault::NoContact {
+                        at: self.here,
+                        expected: self.expected,
+                    });
+                }
+                let next = self.here.offset(-self.step_mm);
+                self.go(if next < floor { floor } else { next })
+            }
+        }
+    }
+
+    /// The surface lies between `clear` and here.
+    fn bracketed(&mut self, clear: Position<Mm>) -> SearchTurn {
+        if self.step_mm <= self.approach.fine_step_mm {
+            let width_mm = clear.value() - self.here.value();
+            let position = clear.offset(-0.5 * width_mm);
+            // A uniform error of this width.
+            let sigma_mm = width_mm / 12.0_f64.sqrt();
+            return SearchTurn::Found(Surface { position, sigma_mm });
+        }
+        self.step_mm = (self.step_mm / REFINEMENT).max(self.approach.fine_step_mm);
+        self.after_take_up = Some(clear.offset(-self.step_mm));
+        // Far enough above to take up the backlash, even when that is above the start.
+        self.go(clear.offset(self.approach.coarse_step_mm))
+    }
+
+    fn go(&mut self, to: Position<Mm>) -> SearchTurn {
+        self.commanded = to;
+        SearchTurn::MoveTo(to)
+    }
+}
+
+/// By how much the impedance has changed, relative to the baseline.
+fn relative_change(baseline: &Reading, reading: &Reading) -> f64 {
+    let change = (reading.resistance_ohm - baseline.resistance_ohm)
+        .hypot(reading.reactance_ohm - baseline.reactance_ohm);
+    change / baseline.resistance_ohm.hypot(baseline.reactance_ohm)
+}
+
+#[cfg(test)]
+mod tests {
+    use rig_model::{ReadingFlag, RigTime};
+
+    use super::*;
+
+    const APPROACH: Approach = Approach {
+        start_above_mm: 0.4,
+        give_up_below_mm: 0.6,
+        coarse_step_mm: 0.1,
+        fine_step_mm: 0.005,
+        contact_threshold: 0.1,
+        settle_s: 0.1,
+        cycles: 10,
+    };
+
+    fn reading(resistance_ohm: f64) -> Reading {
+        Reading {
+            frequency_hz: 140.0,
+            resistance_ohm,
+            reactance_ohm: -1000.0,
+            started: RigTime::ZERO,
+            settle_s: 0.1,
+            integration_s: 0.07,
+            flag: ReadingFlag::Normal,
+        }
+    }
+
+    /// Plays a search against a surface; the stage stops `backlash_mm` short when it comes down
+    /// directly after going up.
+    fn search(surface_mm: f64, backlash_mm: f64) -> (SearchTurn, usize) {
+        let (mut search, mut turn) = Search::begin(APPROACH, Position::new(20.0), reading(1000.0));
+        let (mut there, mut slack) = (f64::MAX, 0.0);
+        for _ in 0..200 {
+            turn = match turn {
+                SearchTurn::MoveTo(target) => {
+                    slack = if target.value() > there { backlash_mm } else { slack };
+                    let moved_down = (there - target.value()).max(0.0);
+                    slack = f64::max(0.0, slack - moved_down);
+                    there = target.value();
+                    search.arrived(target)
+                }
+                SearchTurn::Read => {
+                    let is_touching = there + slack <= surface_mm;
+                    search.read(reading(if is_touching { 1500.0 } else { 1010.0 }))
+                }
+                end => return (end, search.trail.len()),
+            };
+        }
+        panic!("the search did not end");
+    }
+
+    #[test]
+    fn the_surface_is_bracketed_to_the_finest_step_wherever_it_is() {
+        for tenth_of_micron in (-5900..3900).step_by(37) {
+            let surface = 20.0 + f64::from(tenth_of_micron) * 1e-4;
+            let (end, readings) = search(surface, 0.02);
+            let SearchTurn::Found(found) = end else { panic!("{surface}: {end:?}") };
+            let error = found.position.value() - surface;
+            assert!(error.abs() <= 0.0025 + 1e-9, "{surface}: {error}");
+            assert!((found.sigma_mm - 0.005 / 12.0_f64.sqrt()).abs() < 1e-9);
+            assert!(readings <= 24, "{surface}: {readings} readings");
+        }
+    }
+
+    #[test]
+    fn a_surface_beyond_the_range_is_a_fault_and_the_depth_stays_limited() {
+        let (end, _) = search(20.41, 0.0);
+        assert!(matches!(end, SearchTurn::Fault(Fault::ContactTooEarly { .. })), "{end:?}");
+        let (end, _) = search(19.39, 0.0);
+        let SearchTurn::Fault(fault) = end else { panic!("{end:?}") };
+        assert_eq!(
+            fault.to_string(),
+            "no contact down to 19.400 mm; the surface was expected at 20.000 mm"
+        );
+    }
+}

@@ -1,0 +1,71 @@
+//! Measures one resonance: asks the planner for points until it has an answer.
+
+use rig_model::{DriveLevel, Reading, SweepRequest};
+use rig_resonance::{Next, Planner, Prior};
+
+use crate::{Event, Fault, Operation, SweepOutcome, SweepPurpose};
+
+/// How far the free resonance may have drifted since it was last measured, relative to it. A warm
+/// laboratory moves a bimorph by a few tenths of a percent.
+pub(crate) const DRIFT: f64 = 0.01;
+
+/// What the sweep wants next.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum SweepTurn {
+    /// Measure, then call [`Sweep::measured`].
+    Measure(Operation),
+    /// Done; the outcome has been noted.
+    Finished(Box<SweepOutcome>),
+    /// It cannot go on.
+    Fault(Fault),
+}
+
+#[derive(Debug)]
+pub(crate) struct Sweep {
+    purpose: SweepPurpose,
+    planner: Planner,
+    level: DriveLevel,
+    asked: usize,
+    readings: Vec<Reading>,
+}
+
+impl Sweep {
+    pub(crate) fn begin(
+        purpose: SweepPurpose,
+        request: &SweepRequest,
+        prior: Option<&Prior>,
+        notes: &mut Vec<Event>,
+    ) -> (Self, SweepTurn) {
+        let planner = Planner::new(request, prior);
+        let mut sweep =
+            Self { purpose, planner, level: request.level, asked: 0, readings: Vec::new() };
+        let turn = sweep.next(notes);
+        (sweep, turn)
+    }
+
+    /// Readings have come.
+    pub(crate) fn measured(&mut self, readings: &[Reading], notes: &mut Vec<Event>) -> SweepTurn {
+        if readings.len() != self.asked {
+            let fault = Fault::MissingReadings { given: readings.len(), asked: self.asked };
+            return SweepTurn::Fault(fault);
+        }
+        self.planner.add(readings);
+        self.readings.extend_from_slice(readings);
+        self.next(notes)
+    }
+
+    fn next(&mut self, notes: &mut Vec<Event>) -> SweepTurn {
+        match self.planner.next() {
+            Next::Measure(points) => {
+                self.asked = points.len();
+                SweepTurn::Measure(Operation::Measure { points, level: self.level })
+            }
+            Next::Finished(verdict) => {
+                let readings = std::mem::take(&mut self.readings);
+                let outcome = Box::new(SweepOutcome { purpose: self.purpose, readings, verdict });
+                notes.push(Event::SweepFinished(outcome.clone()));
+                SweepTurn::Finished(outcome)
+            }
+        }
+    }
+}

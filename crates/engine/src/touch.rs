@@ -1,0 +1,220 @@
+//! One touch, from clear to clear.
+//!
+//! ```text
+//! rotate ─▶ baseline ─▶ declare ─▶ search ─▶ declare ─▶ indent ─▶ dwell ─▶ sweep ─▶ retract ─▶ done
+//!           (clear)     (intent    (down in  (intent                         │ ▲
+//!                       on disk)   steps)    on disk)                        └─┘ once more if refused
+//! ```
+//!
+//! Whatever goes wrong ends in a [`Fault`]; the engine then stops, retracts and latches.
+
+use std::time::Duration;
+
+use rig_model::{Clearance, Mm, Position, Reading, SweepPoint, Window};
+use rig_protocol::{StepId, Touch};
+use rig_resonance::{Prior, Resonance, Verdict};
+
+use crate::{
+    Fault, LoweringPurpose, Operation, SweepPurpose, TouchResult,
+    run::{Context, News, Turn},
+    search::{Search, SearchTurn, Surface},
+    sweep::{DRIFT, Sweep, SweepTurn},
+};
+
+/// The baseline is read after this many time constants of the ring-down, so that what is left of
+/// the transient (e⁻⁸ = 0.03 %) is far below any contact threshold.
+const BASELINE_TIME_CONSTANTS: f64 = 8.0;
+
+/// A refused sweep in contact is repeated this often before the touch is recorded without a shift.
+const RETRIES: u32 = 1;
+
+#[derive(Debug)]
+pub(crate) struct TouchMachine {
+    step: StepId,
+    touch: Touch,
+    no_load: Resonance,
+    phase: Phase,
+}
+
+#[derive(Debug)]
+enum Phase {
+    Rotating,
+    Baseline,
+    Declaring { baseline: Reading },
+    Searching(Search),
+    DeclaringIndentation { surface: Surface },
+    Indenting { surface: Surface },
+    Dwelling { found: Found },
+    Sweeping { found: Found, sweep: Sweep, retries_left: u32 },
+    Retracting { found: Found, loaded: Option<Resonance> },
+}
+
+/// What is known once the probe is in.
+#[derive(Debug, Clone, Copy)]
+struct Found {
+    surface: Surface,
+    indentation_mm: f64,
+}
+
+impl TouchMachine {
+    pub(crate) fn new(step: StepId, touch: Touch, no_load: &Resonance) -> Self {
+        Self { step, touch, no_load: *no_load, phase: Phase::Rotating }
+    }
+
+    pub(crate) fn advance(&mut self, news: News, context: &mut Context<'_>) -> Turn<TouchResult> {
+        match (&mut self.phase, news) {
+            (Phase::Rotating, News::Begin) => context.rotate_to(self.touch.pose),
+            (Phase::Rotating, News::RotaryAt(_)) => {
+                self.phase = Phase::Baseline;
+                let time_constant_s =
+                    self.no_load.q / (std::f64::consts::PI * self.no_load.resonance_hz);
+                self.listen(BASELINE_TIME_CONSTANTS * time_constant_s, context)
+            }
+            (Phase::Baseline, News::Readings(readings)) => match readings.first() {
+                Some(&baseline) => {
+                    self.phase = Phase::Declaring { baseline };
+                    let down_to =
+                        Search::floor(&context.plan.touch.approach, self.expected(context));
+                    Turn::Declare { down_to, purpose: LoweringPurpose::FindSurface }
+                }
+                None => Turn::Fault(Fault::MissingReadings { given: 0, asked: 1 }),
+            },
+            (&mut Phase::Declaring { baseline }, News::Declared) => {
+                let approach = context.plan.touch.approach;
+                let (search, turn) = Search::begin(approach, self.expected(context), baseline);
+                self.phase = Phase::Searching(search);
+                let speed = context.bench.limits.travel_speed_mm_per_s;
+                self.follow(turn, speed, context)
+            }
+            (Phase::Searching(search), News::LinearAt(read_back)) => {
+                let turn = search.arrived(read_back);
+                let speed = context.bench.limits.contact_speed_mm_per_s;
+                self.follow(turn, speed, context)
+            }
+            (Phase::Searching(search), News::Readings(readings)) => match readings.first() {
+                Some(&reading) => {
+                    let turn = search.read(reading);
+                    let speed = context.bench.limits.contact_speed_mm_per_s;
+                    self.follow(turn, speed, context)
+                }
+                None => Turn::Fault(Fault::MissingReadings { given: 0, asked: 1 }),
+            },
+            (&mut Phase::DeclaringIndentation { surface }, News::Declared) => {
+                self.phase = Phase::Indenting { surface };
+                let speed = context.bench.limits.contact_speed_mm_per_s;
+                context.move_linear(indented(surface, context), speed)
+            }
+            (&mut Phase::Indenting { surface }, News::LinearAt(read_back)) => {
+                let indentation_mm = surface.position.value() - read_back.value();
+                self.phase = Phase::Dwelling { found: Found { surface, indentation_mm } };
+                Turn::Wait(Duration::from_secs_f64(context.plan.touch.dwell_s))
+            }
+            (&mut Phase::Dwelling { found }, News::Waited) => self.sweep(found, RETRIES, context),
+            (Phase::Sweeping { sweep, .. }, News::Readings(readings)) => {
+                let turn = sweep.measured(&readings, context.notes);
+                self.swept(turn, context)
+            }
+            (Phase::Retracting { found, loaded }, News::LinearAt(_))
+                if context.clearance == Clearance::Clear =>
+            {
+                Turn::Done(TouchResult {
+                    step: self.step.clone(),
+                    touch: self.touch,
+                    no_load: self.no_load,
+                    loaded: loaded.take(),
+                    surface: found.surface.position,
+                    surface_sigma_mm: found.surface.sigma_mm,
+                    indentation_mm: found.indentation_mm,
+                })
+            }
+            (_, news) => Turn::Fault(news.out_of_order("a touch")),
+        }
+    }
+
+    /// Where the surface should be at this pose.
+    fn expected(&self, context: &Context<'_>) -> Position<Mm> {
+        let pose = self.touch.pose;
+        context.bench.geometry.surface_at(pose.direction, pose.angle)
+    }
+
+    /// Reads the impedance at the no-load resonance, where a contact changes it most.
+    fn listen(&self, settle_s: f64, context: &Context<'_>) -> Turn<TouchResult> {
+        let frequency_hz = self.no_load.resonance_hz;
+        let cycles = context.plan.touch.approach.cycles;
+        let point = SweepPoint { frequency_hz, settle_s, cycles };
+        let level = context.plan.contact_sweep.level;
+        Turn::Do(Operation::Measure { points: vec![point], level })
+    }
+
+    /// Carries out what the search wants.
+    fn follow(
+        &mut self,
+        turn: SearchTurn,
+        speed_mm_per_s: f64,
+        context: &mut Context<'_>,
+    ) -> Turn<TouchResult> {
+        match turn {
+            SearchTurn::MoveTo(position) => context.move_linear(position, speed_mm_per_s),
+            SearchTurn::Read => self.listen(context.plan.touch.approach.settle_s, context),
+            SearchTurn::Found(surface) => {
+                let phase = Phase::DeclaringIndentation { surface };
+                if let Phase::Searching(search) = std::mem::replace(&mut self.phase, phase) {
+                    context.surface_found(surface, search.trail());
+                }
+                Turn::Declare {
+                    down_to: indented(surface, context),
+                    purpose: LoweringPurpose::Indent,
+                }
+            }
+            SearchTurn::Fault(fault) => Turn::Fault(fault),
+        }
+    }
+
+    fn sweep(
+        &mut self,
+        found: Found,
+        retries_left: u32,
+        context: &mut Context<'_>,
+    ) -> Turn<TouchResult> {
+        let request = &context.plan.contact_sweep;
+        // A refused sweep is repeated without the belief that may have misled it.
+        let prior = (retries_left == RETRIES).then(|| self.stiffened(request.window));
+        let (sweep, turn) =
+            Sweep::begin(SweepPurpose::Touch, request, prior.as_ref(), context.notes);
+        self.phase = Phase::Sweeping { found, sweep, retries_left };
+        self.swept(turn, context)
+    }
+
+    /// What is believed of the sensor in contact: a contact adds stiffness, so the resonance can
+    /// only have risen, apart from the drift since the reference.
+    fn stiffened(&self, window: Window) -> Prior {
+        let free_hz = self.no_load.resonance_hz;
+        let min_hz = window.min_hz.max(free_hz * (1.0 - DRIFT)).min(window.max_hz);
+        Prior::moved(&self.no_load, Window { min_hz, ..window })
+    }
+
+    fn swept(&mut self, turn: SweepTurn, context: &mut Context<'_>) -> Turn<TouchResult> {
+        let Phase::Sweeping { found, retries_left, .. } = self.phase else {
+            return Turn::Fault(News::Begin.out_of_order("a sweep in contact"));
+        };
+        match turn {
+            SweepTurn::Measure(operation) => Turn::Do(operation),
+            SweepTurn::Fault(fault) => Turn::Fault(fault),
+            SweepTurn::Finished(outcome) => {
+                let loaded = match outcome.verdict {
+                    Verdict::Accepted(resonance) => Some(resonance),
+                    Verdict::Refused(_) if retries_left > 0 => {
+                        return self.sweep(found, retries_left - 1, context);
+                    }
+                    Verdict::Refused(_) => None,
+                };
+                self.phase = Phase::Retracting { found, loaded };
+                context.retract()
+            }
+        }
+    }
+}
+
+fn indented(surface: Surface, context: &Context<'_>) -> Position<Mm> {
+    surface.position.offset(-context.plan.touch.indentation_mm)
+}

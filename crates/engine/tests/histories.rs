@@ -1,0 +1,441 @@
+//! Plays whole runs against an ideal bench, and again with every operation failing, every moment
+//! aborted, every moment stopped. Whatever happens, the sample turns only under a clear probe, the
+//! probe is clear at the end or the rig is latched, and a run ends once.
+
+#![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
+
+use std::f64::consts::TAU;
+
+use rig_engine::{
+    Command, Device, Effect, Engine, Event, Failure, FailureKind, Input, Operation, OperationId,
+    Report, RunStatus, StateWord,
+};
+use rig_model::{
+    AnalyzerRange, Axis, AxisLimits, Bench, Clearance, ContactAngle, Direction, DriveLevel,
+    Geometry, MotionLimits, Orientation, Position, Reading, ReadingFlag, RigTime, Span,
+    SweepMethod, SweepPoint, SweepRequest, Window,
+};
+use rig_protocol::{
+    Action, Approach, Phase, Plan, Pose, Prompt, Step, StepId, Touch, TouchSettings,
+};
+
+const REST_MM: f64 = 40.0;
+const SURFACE_MM: f64 = 10.07;
+const FREE_HZ: f64 = 140.0;
+const LOADED_HZ: f64 = 158.0;
+
+fn bench() -> Bench {
+    Bench {
+        linear: Axis::new(
+            "linear stage",
+            AxisLimits {
+                travel: Span::new(0.0, 50.0),
+                soft: Span::new(1.0, 49.0),
+                rest: Position::new(REST_MM),
+                tolerance: 0.01,
+                max_speed_per_s: 20.0,
+            },
+        )
+        .unwrap(),
+        rotary: Axis::new(
+            "rotary stage",
+            AxisLimits {
+                travel: Span::new(-90.0, 90.0),
+                soft: Span::new(-50.0, 50.0),
+                rest: Position::new(0.0),
+                tolerance: 0.05,
+                max_speed_per_s: 30.0,
+            },
+        )
+        .unwrap(),
+        geometry: Geometry {
+            surface: Position::new(10.0),
+            surface_above_pivot_mm: 0.0,
+            probe_beside_pivot_mm: 0.0,
+            probe_radius_mm: 0.5,
+            sample_half_width_mm: 20.0,
+            surface_tolerance_mm: 0.5,
+        },
+        limits: MotionLimits {
+            max_indentation_mm: 0.6,
+            travel_speed_mm_per_s: 10.0,
+            contact_speed_mm_per_s: 1.0,
+            rotary_speed_deg_per_s: 20.0,
+        },
+        analyzer: AnalyzerRange { frequency_hz: (4.0, 1e6), max_level_v: 5.0 },
+    }
+}
+
+fn plan() -> Plan {
+    let sweep = |min_hz, max_hz| SweepRequest {
+        window: Window { min_hz, max_hz },
+        method: SweepMethod::Uniform { points: 41 },
+        target_sigma_hz: 0.05,
+        time_limit_s: 60.0,
+        cycles: 10,
+        settle_s: 0.5,
+        level: DriveLevel { volt: 5.0 },
+    };
+    let pose = |direction, degrees| Pose { direction, angle: ContactAngle::new(degrees).unwrap() };
+    let touch = |direction, degrees| {
+        let pose = pose(direction, degrees);
+        Action::Touch(Touch { phase: Phase::Main, sample: 0, pose, repeat: 1 })
+    };
+    let actions = [
+        Action::Prompt(Prompt::PlaceSample { sample: 0 }),
+        Action::NoLoad(pose(Direction::Front, 0.0)),
+        touch(Direction::Front, 0.0),
+        touch(Direction::Back, 30.0),
+        Action::Prompt(Prompt::TurnSensor { orientation: Orientation::Left }),
+        touch(Direction::Left, 0.0),
+    ];
+    let steps = actions
+        .into_iter()
+        .enumerate()
+        .map(|(index, action)| Step { id: StepId(format!("step/{index}")), action })
+        .collect();
+    Plan {
+        name: "histories".to_owned(),
+        samples: vec!["one".to_owned()],
+        steps,
+        touch: TouchSettings {
+            indentation_mm: 0.5,
+            dwell_s: 1.0,
+            approach: Approach {
+                start_above_mm: 0.4,
+                give_up_below_mm: 0.6,
+                coarse_step_mm: 0.1,
+                fine_step_mm: 0.005,
+                contact_threshold: 0.1,
+                settle_s: 0.1,
+                cycles: 10,
+            },
+        },
+        no_load_sweep: sweep(125.0, 160.0),
+        contact_sweep: sweep(130.0, 190.0),
+        classes: None,
+        seed: 0,
+    }
+}
+
+/// What an operation is made to do instead of what it should.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Trouble {
+    /// It fails as if the line had gone dead.
+    Fails,
+    /// It reports success, but the axis has not moved.
+    Stalls,
+    /// It never reports.
+    Hangs,
+    /// A person aborts while it is under way.
+    Abort,
+    /// A person stops everything while it is under way.
+    Stop,
+    /// A person pauses while it is under way, and goes on when the run is paused.
+    Pause,
+}
+
+/// An ideal bench, with its own idea of where things are.
+#[derive(Debug)]
+struct World {
+    engine: Engine,
+    now: RigTime,
+    linear_mm: f64,
+    rotary_deg: f64,
+    operations: usize,
+    events: Vec<Event>,
+    trouble: Option<(usize, Trouble)>,
+    /// The last thing made durable was the intent of the moves that follow.
+    is_intent_durable: bool,
+    in_flight: Option<(OperationId, Operation)>,
+    was_interrupted: bool,
+    random: u64,
+}
+
+impl World {
+    fn new(trouble: Option<(usize, Trouble)>) -> Self {
+        Self {
+            engine: Engine::new(bench()),
+            now: RigTime::ZERO,
+            linear_mm: 7.0,
+            rotary_deg: 12.0,
+            operations: 0,
+            events: Vec::new(),
+            trouble,
+            is_intent_durable: false,
+            in_flight: None,
+            was_interrupted: false,
+            random: 1,
+        }
+    }
+
+    fn command(&mut self, command: Command) {
+        let mut effects = Vec::new();
+        self.engine.command(self.now, command, "test", &mut effects).unwrap();
+        self.carry_out(effects);
+    }
+
+    fn carry_out(&mut self, effects: Vec<Effect>) {
+        let mut last_intent = None;
+        for effect in effects {
+            match effect {
+                Effect::Note(event) => {
+                    if let Event::Intent { down_to, .. } = event {
+                        last_intent = Some(down_to);
+                    }
+                    self.events.push(event);
+                }
+                Effect::Commit => {
+                    assert!(last_intent.is_some(), "a commit without an intent");
+                    self.is_intent_durable = true;
+                }
+                Effect::Interrupt => self.was_interrupted = true,
+                Effect::Do(id, operation) => {
+                    assert!(self.in_flight.is_none(), "two operations at once");
+                    self.check(&operation);
+                    self.in_flight = Some((id, operation));
+                }
+            }
+        }
+    }
+
+    /// The invariants that hold for every operation that leaves the engine.
+    fn check(&self, operation: &Operation) {
+        match operation {
+            Operation::MoveRotary { .. } | Operation::PrepareRotary => {
+                assert!(
+                    (self.linear_mm - REST_MM).abs() < 0.011,
+                    "the sample turns with the probe at {} mm",
+                    self.linear_mm
+                );
+            }
+            Operation::MoveLinear { target, .. } => {
+                let target_mm = target.position().value();
+                assert!(target_mm >= SURFACE_MM - 0.61, "too deep: {target_mm}");
+                assert!(target_mm >= REST_MM || self.is_intent_durable, "no durable intent");
+            }
+            _ => {}
+        }
+    }
+
+    /// Ends the operation in flight, after the trouble that is due, if any.
+    fn step(&mut self) {
+        let Some((id, operation)) = self.in_flight.take() else {
+            // Only a wait can be going on.
+            self.now = self.engine.deadline().expect("nothing to wait for");
+            return self.handle(Input::Tick);
+        };
+        let trouble = self.trouble.filter(|(at, _)| *at == self.operations).map(|(_, what)| what);
+        self.operations += 1;
+        self.now = self.now + std::time::Duration::from_millis(100);
+        match trouble {
+            None => {}
+            Some(Trouble::Fails) => {
+                let failure = Failure {
+                    device: Device::LinearStage,
+                    kind: FailureKind::Line,
+                    detail: "no answer".to_owned(),
+                };
+                return self.handle(Input::Done(id, Err(failure)));
+            }
+            Some(Trouble::Stalls) => {
+                let report = self.stalled(&operation);
+                return self.handle(Input::Done(id, Ok(report)));
+            }
+            Some(Trouble::Hangs) => {
+                // Twice overdue: asked to end, and still silent.
+                for _ in 0..2 {
+                    self.now = self.engine.deadline().expect("every operation has a deadline");
+                    self.handle(Input::Tick);
+                }
+                assert!(self.was_interrupted);
+                assert_eq!(self.engine.snapshot().state, StateWord::Latched);
+                return;
+            }
+            Some(Trouble::Abort) => self.try_command(Command::Abort),
+            Some(Trouble::Stop) => self.try_command(Command::Stop),
+            Some(Trouble::Pause) => self.try_command(Command::Pause),
+        }
+        let report = self.perform(&operation);
+        self.handle(Input::Done(id, Ok(report)));
+    }
+
+    fn try_command(&mut self, command: Command) {
+        let mut effects = Vec::new();
+        // Not every command fits every moment; a refusal must change nothing.
+        let before = self.engine.snapshot();
+        match self.engine.command(self.now, command, "test", &mut effects) {
+            Ok(()) => self.carry_out(effects),
+            Err(_) => assert_eq!(self.engine.snapshot(), before),
+        }
+    }
+
+    fn handle(&mut self, input: Input) {
+        let mut effects = Vec::new();
+        self.engine.handle(self.now, input, &mut effects);
+        self.carry_out(effects);
+    }
+
+    fn stalled(&mut self, operation: &Operation) -> Report {
+        match operation {
+            Operation::MoveLinear { .. } | Operation::PrepareLinear => {
+                Report::LinearAt(Position::new(self.linear_mm))
+            }
+            Operation::MoveRotary { .. } | Operation::PrepareRotary => {
+                Report::RotaryAt(Position::new(self.rotary_deg))
+            }
+            Operation::Measure { .. } => Report::Measured(Vec::new()),
+            Operation::StopMotion => Report::Stopped,
+        }
+    }
+
+    fn perform(&mut self, operation: &Operation) -> Report {
+        match operation {
+            Operation::PrepareLinear => self.linear_mm = 49.0,
+            Operation::PrepareRotary => self.rotary_deg = 0.0,
+            Operation::MoveLinear { target, .. } => self.linear_mm = target.position().value(),
+            Operation::MoveRotary { target, .. } => self.rotary_deg = target.position().value(),
+            Operation::Measure { points, .. } => {
+                return Report::Measured(points.iter().map(|point| self.reading(point)).collect());
+            }
+            Operation::StopMotion => {}
+        }
+        self.stalled(operation)
+    }
+
+    /// Uniform noise of 0.1 % from a linear congruential generator (Knuth's MMIX constants).
+    fn noise(&mut self) -> f64 {
+        self.random =
+            self.random.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        1e-3 * ((self.random >> 11) as f64 / (1_u64 << 52) as f64 - 1.0)
+    }
+
+    /// The impedance of a Butterworth–Van Dyke circuit, whose resonance jumps on contact.
+    fn reading(&mut self, point: &SweepPoint) -> Reading {
+        let tilt = self.rotary_deg.to_radians();
+        let surface_mm = SURFACE_MM + 0.5 / tilt.cos() - 0.5;
+        let resonance_hz = if self.linear_mm <= surface_mm { LOADED_HZ } else { FREE_HZ };
+        let (q, c0, ratio) = (50.0, 27e-9, 0.05);
+        let u = point.frequency_hz / resonance_hz;
+        let (real, imaginary) = (1.0 - u * u, u / q);
+        let norm = real * real + imaginary * imaginary;
+        // Y = jωC₀ (1 + m/(1 − u² + ju/Q)), Z = 1/Y.
+        let omega_c0 = TAU * point.frequency_hz * c0;
+        let (a, b) = (1.0 + ratio * real / norm, -ratio * imaginary / norm);
+        let (g, s) = (-omega_c0 * b, omega_c0 * a);
+        let size = g * g + s * s;
+        let (noise_re, noise_im) = (self.noise(), self.noise());
+        Reading {
+            frequency_hz: point.frequency_hz,
+            resistance_ohm: (g + s * noise_im) / size * (1.0 + noise_re),
+            reactance_ohm: (-s + g * noise_im) / size * (1.0 + noise_re),
+            started: self.now,
+            settle_s: point.settle_s,
+            integration_s: f64::from(point.cycles) / point.frequency_hz,
+            flag: ReadingFlag::Normal,
+        }
+    }
+
+    /// Prepares the rig and replays the plan until nothing is left to do.
+    fn play(&mut self) {
+        self.command(Command::Prepare);
+        let mut is_started = false;
+        for _ in 0..2000 {
+            let state = self.engine.snapshot().state;
+            match state {
+                StateWord::Idle if is_started => return,
+                StateWord::Idle => {
+                    self.command(Command::Run(Box::new(plan())));
+                    is_started = true;
+                }
+                StateWord::Latched => return,
+                StateWord::WaitingForPerson => self.command(Command::Answer),
+                StateWord::Paused => self.command(Command::Resume),
+                StateWord::Preparing | StateWord::Running | StateWord::Retracting => self.step(),
+            }
+        }
+        panic!("the run did not end");
+    }
+
+    fn endings(&self) -> Vec<RunStatus> {
+        let ending = |event: &Event| match event {
+            Event::RunFinished(status) => Some(*status),
+            _ => None,
+        };
+        self.events.iter().filter_map(ending).collect()
+    }
+}
+
+#[test]
+fn an_undisturbed_run_finds_the_surface_and_the_shift_at_every_touch() {
+    let mut world = World::new(None);
+    world.play();
+    assert_eq!(world.endings(), [RunStatus::Completed], "{:#?}", world.events);
+    assert_eq!(world.engine.snapshot().clearance, Clearance::Clear);
+    let mut touches = 0;
+    for event in &world.events {
+        if let Event::TouchFinished(result) = event {
+            touches += 1;
+            let (shift_hz, _) = result.shift_hz().expect("accepted");
+            assert!((shift_hz - (LOADED_HZ - FREE_HZ)).abs() < 0.01, "{shift_hz}");
+            assert!((result.indentation_mm - 0.5).abs() < 1e-9);
+        }
+    }
+    assert_eq!(touches, 3);
+}
+
+#[test]
+fn whatever_goes_wrong_wherever_it_ends_clear_or_latched() {
+    let mut undisturbed = World::new(None);
+    undisturbed.play();
+    let count = undisturbed.operations;
+    assert!(count > 60, "a run of {count} operations shows little");
+    let mut endings = [0_u32; 3];
+    for at in 0..count {
+        for trouble in [
+            Trouble::Fails,
+            Trouble::Stalls,
+            Trouble::Hangs,
+            Trouble::Abort,
+            Trouble::Stop,
+            Trouble::Pause,
+        ] {
+            let mut world = World::new(Some((at, trouble)));
+            world.play();
+            let end = world.engine.snapshot();
+            let context = format!("{trouble:?} at operation {at}: {end:?}");
+            assert!(world.endings().len() <= 1, "{context}");
+            for ending in world.endings() {
+                endings[ending as usize] += 1;
+            }
+            if end.state == StateWord::Idle {
+                assert!((world.linear_mm - REST_MM).abs() < 0.011, "{context}");
+                assert_eq!(end.clearance, Clearance::Clear, "{context}");
+            } else {
+                assert!(end.fault.is_some(), "{context}");
+            }
+            if trouble == Trouble::Stop {
+                assert_eq!(end.state, StateWord::Latched, "{context}");
+                assert_eq!(end.clearance, Clearance::Clear, "{context}");
+            }
+        }
+    }
+    assert!(endings.iter().all(|&count| count > 50), "one-sided endings: {endings:?}");
+}
+
+#[test]
+fn a_latched_rig_takes_no_command_but_an_acknowledgement() {
+    let mut world = World::new(None);
+    world.command(Command::Stop);
+    while world.in_flight.is_some() {
+        world.step();
+    }
+    let denied = world.engine.admits(&Command::Run(Box::new(plan()))).unwrap_err();
+    assert_eq!(denied.to_string(), "cannot run while the rig is latched");
+    assert!(world.engine.admits(&Command::Sweep(plan().no_load_sweep)).is_err());
+    world.command(Command::Acknowledge);
+    while world.in_flight.is_some() {
+        world.step();
+    }
+    assert_eq!(world.engine.snapshot().state, StateWord::Idle);
+}
