@@ -1,0 +1,310 @@
+//! Cuts the stream of an instrument into whole answers.
+
+use crate::{dialect::Ending, response::Response};
+
+/// How answers end, and how long they may be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Framing {
+    /// What ends an answer. With [`Ending::Lf`] and [`Ending::CrLf`] a line feed does, and a carriage
+    /// return before it is dropped; with [`Ending::Cr`] a line feed after it is.
+    pub ending: Ending,
+    /// Most bytes of one answer, with its ending.
+    pub limit_bytes: usize,
+    /// Whether a block without a length is taken up to the ending. Its bytes may hold the ending
+    /// too, and then its tail would pass for the next answer; only a peer that sends text in such
+    /// blocks may be trusted with it.
+    pub allows_indefinite_blocks: bool,
+}
+
+impl Default for Framing {
+    fn default() -> Self {
+        Self { ending: Ending::Lf, limit_bytes: 1024 * 1024, allows_indefinite_blocks: false }
+    }
+}
+
+/// What the next answer looks like.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Expect {
+    /// Data, in which endings inside strings and blocks do not count.
+    #[default]
+    Data,
+    /// One line of text as it stands, such as an identity whose serial number may begin with `#1`.
+    Line,
+}
+
+/// Why a stream cannot be followed any further.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum FrameError {
+    /// No ending came.
+    #[error("an answer is longer than {limit_bytes} bytes")]
+    TooLong {
+        /// The limit of the framing.
+        limit_bytes: usize,
+    },
+    /// A byte beyond ASCII outside a block: a wrong baud rate, or a damaged line.
+    #[error("byte 0x{byte:02X} at offset {offset} of an answer is not ASCII")]
+    NotAscii {
+        /// The byte.
+        byte: u8,
+        /// Its place in the answer.
+        offset: usize,
+    },
+    /// The length of a block is not a number.
+    #[error("the block at offset {offset} of an answer has no valid length")]
+    BlockLength {
+        /// Where its length is damaged.
+        offset: usize,
+    },
+    /// Behind the declared length of a block stands neither a separator nor an ending.
+    #[error("a block is followed by 0x{byte:02X} at offset {offset} of an answer")]
+    BlockEnd {
+        /// The byte that was found.
+        byte: u8,
+        /// Its place in the answer.
+        offset: usize,
+    },
+    /// A block without a length, which this framing does not allow.
+    #[error("the block at offset {offset} of an answer has no length")]
+    IndefiniteBlock {
+        /// Its place in the answer.
+        offset: usize,
+    },
+}
+
+/// Incremental decoder: bytes go in by [`push`](Self::push), answers come out by
+/// [`poll`](Self::poll).
+///
+/// A fault is sticky. Behind a damaged block the payload may hold endings, so any guess about where
+/// the next answer starts can return half a sweep as if it were a reading. The owner of the port
+/// must drain it, check the instrument with `*IDN?`, and call [`reset`](Self::reset).
+#[derive(Debug, Clone)]
+pub struct ResponseDecoder {
+    framing: Framing,
+    expect: Expect,
+    // Invariant: `buffer[start..]` begins with the first byte of an answer, and `scanned` bytes of it
+    // led to `place`.
+    buffer: Vec<u8>,
+    start: usize,
+    scanned: usize,
+    place: Place,
+    skips_line_feed: bool,
+    fault: Option<FrameError>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Place {
+    DataStart,
+    Data,
+    Text,
+    Hash,
+    Length { n_digits_left: u8, declared: usize },
+    Block { left: usize },
+    BlockEnd,
+    Indefinite,
+}
+
+impl ResponseDecoder {
+    /// An empty decoder.
+    pub const fn new(framing: Framing) -> Self {
+        Self {
+            framing,
+            expect: Expect::Data,
+            buffer: Vec::new(),
+            start: 0,
+            scanned: 0,
+            place: Place::DataStart,
+            skips_line_feed: false,
+            fault: None,
+        }
+    }
+
+    /// Says what the next answer looks like; data, unless it is said again for each line.
+    ///
+    /// To be called before its bytes are pushed.
+    pub const fn expect(&mut self, expect: Expect) {
+        self.expect = expect;
+    }
+
+    /// Takes bytes in, cut anywhere. After a fault they are dropped.
+    pub fn push(&mut self, bytes: &[u8]) {
+        if self.fault.is_none() {
+            self.buffer.extend_from_slice(bytes);
+        }
+    }
+
+    /// Returns the next whole answer, or `None` when more bytes are needed.
+    ///
+    /// # Errors
+    /// The fault of the stream, every time from the first until [`Self::reset`].
+    pub fn poll(&mut self) -> Result<Option<Response>, FrameError> {
+        if let Some(fault) = self.fault {
+            return Err(fault);
+        }
+        self.skip_line_feed();
+        match self.scan() {
+            Ok(false) => Ok(None),
+            Ok(true) => {
+                let response = self.cut(true);
+                Ok(Some(response))
+            }
+            Err(fault) => {
+                self.fault = Some(fault);
+                self.buffer = Vec::new();
+                (self.start, self.scanned) = (0, 0);
+                Err(fault)
+            }
+        }
+    }
+
+    /// The transport says that the answer ends here, with or without an ending. Returns it, or
+    /// `None` when nothing came.
+    ///
+    /// # Errors
+    /// As [`Self::poll`]; a block that is not whole is [`FrameError::BlockLength`].
+    pub fn end_of_message(&mut self) -> Result<Option<Response>, FrameError> {
+        if let Some(response) = self.poll()? {
+            return Ok(Some(response));
+        }
+        if self.scanned == 0 {
+            return Ok(None);
+        }
+        if matches!(self.place, Place::Length { .. } | Place::Block { .. }) {
+            let fault = FrameError::BlockLength { offset: self.scanned };
+            self.fault = Some(fault);
+            return Err(fault);
+        }
+        Ok(Some(self.cut(false)))
+    }
+
+    /// Bytes that came and belong to no whole answer yet.
+    pub fn n_buffered(&self) -> usize {
+        self.buffer.len() - self.start
+    }
+
+    /// Forgets all bytes and the fault. The next byte begins an answer.
+    pub fn reset(&mut self) {
+        *self = Self::new(self.framing);
+    }
+
+    fn skip_line_feed(&mut self) {
+        if self.skips_line_feed && self.scanned == 0 && self.start < self.buffer.len() {
+            self.start += usize::from(self.buffer[self.start] == b'\n');
+            self.skips_line_feed = false;
+        }
+    }
+
+    /// Takes the scanned bytes out as an answer.
+    fn cut(&mut self, has_ending: bool) -> Response {
+        let end = self.start + self.scanned;
+        let mut line = &self.buffer[self.start..end - usize::from(has_ending)];
+        let is_lf = self.framing.ending != Ending::Cr;
+        if is_lf && self.place != Place::Indefinite {
+            line = line.strip_suffix(b"\r").unwrap_or(line);
+        }
+        let response = Response::new(line.to_vec());
+        self.start = end;
+        self.scanned = 0;
+        self.place = Place::DataStart;
+        self.expect = Expect::Data;
+        self.skips_line_feed = !is_lf;
+        // Moving what is left costs as much as it frees at least as often as it is done.
+        if self.buffer.len() <= 2 * self.start {
+            self.buffer.drain(..self.start);
+            self.start = 0;
+        }
+        response
+    }
+
+    /// Scans what was not scanned yet. True when an answer is whole.
+    fn scan(&mut self) -> Result<bool, FrameError> {
+        let limit_bytes = self.framing.limit_bytes;
+        let too_long = FrameError::TooLong { limit_bytes };
+        while self.start + self.scanned < self.buffer.len() {
+            if limit_bytes <= self.scanned {
+                return Err(too_long);
+            }
+            if let Place::Block { left } = self.place {
+                let n_taken = left.min(self.n_buffered() - self.scanned);
+                self.scanned += n_taken;
+                self.place = match left - n_taken {
+                    0 => Place::BlockEnd,
+                    left => Place::Block { left },
+                };
+                continue;
+            }
+            let offset = self.scanned;
+            let byte = self.buffer[self.start + offset];
+            let place = self.place;
+            self.scanned += 1;
+            if self.step(byte, offset)? {
+                // How an answer ended decides whether a carriage return belongs to it.
+                self.place = place;
+                return Ok(true);
+            }
+        }
+        if limit_bytes <= self.scanned { Err(too_long) } else { Ok(false) }
+    }
+
+    /// One byte outside a counted block. True when it ends the answer.
+    fn step(&mut self, byte: u8, offset: usize) -> Result<bool, FrameError> {
+        let is_ending = match self.framing.ending {
+            Ending::Lf | Ending::CrLf => byte == b'\n',
+            Ending::Cr => byte == b'\r',
+        };
+        if is_ending && !(self.place == Place::Text && self.expect == Expect::Data) {
+            return match self.place {
+                Place::Length { .. } => Err(FrameError::BlockLength { offset }),
+                _ => Ok(true),
+            };
+        }
+        if self.place == Place::Indefinite {
+            return Ok(false);
+        }
+        if !byte.is_ascii() {
+            return Err(FrameError::NotAscii { byte, offset });
+        }
+        if self.expect == Expect::Line {
+            return Ok(false);
+        }
+        self.place = match self.place {
+            Place::Text if byte == b'"' => Place::Data,
+            Place::Text => Place::Text,
+            Place::Hash => match byte {
+                b'0' if self.framing.allows_indefinite_blocks => Place::Indefinite,
+                b'0' => return Err(FrameError::IndefiniteBlock { offset }),
+                b'1'..=b'9' => Place::Length { n_digits_left: byte - b'0', declared: 0 },
+                _ => Place::Data,
+            },
+            Place::Length { n_digits_left, declared } => {
+                if !byte.is_ascii_digit() {
+                    return Err(FrameError::BlockLength { offset });
+                }
+                self.length(n_digits_left - 1, declared * 10 + usize::from(byte - b'0'))?
+            }
+            Place::BlockEnd => match byte {
+                b',' | b';' => Place::DataStart,
+                b'\r' => Place::BlockEnd,
+                _ => return Err(FrameError::BlockEnd { byte, offset }),
+            },
+            Place::DataStart if byte == b'#' => Place::Hash,
+            _ => match byte {
+                b'"' => Place::Text,
+                b',' | b';' | b' ' => Place::DataStart,
+                _ => Place::Data,
+            },
+        };
+        Ok(false)
+    }
+
+    fn length(&self, n_digits_left: u8, declared: usize) -> Result<Place, FrameError> {
+        // Refused before it is awaited: a damaged length must not hang the exchange.
+        if self.framing.limit_bytes <= declared {
+            return Err(FrameError::TooLong { limit_bytes: self.framing.limit_bytes });
+        }
+        Ok(match (n_digits_left, declared) {
+            (0, 0) => Place::BlockEnd,
+            (0, left) => Place::Block { left },
+            _ => Place::Length { n_digits_left, declared },
+        })
+    }
+}

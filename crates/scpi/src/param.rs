@@ -1,0 +1,201 @@
+//! Program data as an instrument receives them, and what they mean to a command.
+
+use std::ops::RangeInclusive;
+
+use crate::{error::ScpiError, mnemonic::Mnemonic, unit::Unit};
+
+/// One parameter of a command.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Param {
+    /// A decimal number with its suffix, as it was written.
+    Number {
+        /// The number before the suffix is applied; always finite.
+        value: f64,
+        /// Unit with multiplier, in the letters of the sender.
+        suffix: Option<Box<str>>,
+    },
+    /// `#H1F`, `#Q17`, `#B101`.
+    NonDecimal(u64),
+    /// A word such as `MIN` or `BUS`.
+    Characters(Box<str>),
+    /// A quoted string, without its quotes.
+    Text(Box<str>),
+    /// A block of arbitrary bytes.
+    Block(Box<[u8]>),
+    /// What stood between parentheses, such as a channel list.
+    Expression(Box<str>),
+}
+
+/// What a numeric parameter may say.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Numeric {
+    /// A number in the unit of the command.
+    Value(f64),
+    /// `MINimum`.
+    Minimum,
+    /// `MAXimum`.
+    Maximum,
+    /// `DEFault`.
+    Default,
+    /// `UP`: one step up.
+    Up,
+    /// `DOWN`: one step down.
+    Down,
+    /// `INFinity`.
+    Infinity,
+    /// `NINFinity`.
+    NegativeInfinity,
+    /// `NAN`.
+    NotANumber,
+}
+
+/// The values that a numeric setting may take, in its own unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// What `MIN` stands for.
+    pub min: f64,
+    /// What `MAX` stands for.
+    pub max: f64,
+    /// What `DEF` stands for.
+    pub default: f64,
+}
+
+impl Param {
+    /// The parameter as a number in `unit`, or one of the words that stand for a number.
+    ///
+    /// # Errors
+    /// −138 and −131 for a suffix that is not allowed here, −224 for an unknown word, and the
+    /// "not allowed" number of its type for everything else.
+    pub fn numeric(&self, unit: Unit) -> Result<Numeric, ScpiError> {
+        const WORDS: &[(Mnemonic<'static>, Numeric)] = &[
+            (Mnemonic::new("MINimum"), Numeric::Minimum),
+            (Mnemonic::new("MAXimum"), Numeric::Maximum),
+            (Mnemonic::new("DEFault"), Numeric::Default),
+            (Mnemonic::new("UP"), Numeric::Up),
+            (Mnemonic::new("DOWN"), Numeric::Down),
+            (Mnemonic::new("INFinity"), Numeric::Infinity),
+            (Mnemonic::new("NINFinity"), Numeric::NegativeInfinity),
+            (Mnemonic::new("NAN"), Numeric::NotANumber),
+        ];
+        match self {
+            Self::Number { value, suffix: None } => Ok(Numeric::Value(*value)),
+            Self::Number { suffix: Some(_), .. } if unit == Unit::NONE => Err(ScpiError::new(-138)),
+            Self::Number { value, suffix: Some(suffix) } => match unit.apply(*value, suffix) {
+                Some(value) if value.is_finite() => Ok(Numeric::Value(value)),
+                Some(_) => Err(ScpiError::new(-222)),
+                None => Err(ScpiError::new(-131).with_info(&**suffix)),
+            },
+            Self::NonDecimal(value) => Ok(Numeric::Value(*value as f64)),
+            Self::Characters(word) => WORDS
+                .iter()
+                .find(|(mnemonic, _)| mnemonic.matches(word.as_bytes()))
+                .map(|(_, numeric)| *numeric)
+                .ok_or_else(|| ScpiError::new(-224).with_info(&**word)),
+            other => Err(other.not_allowed()),
+        }
+    }
+
+    /// The number within `limits`, in `unit`; `MIN`, `MAX` and `DEF` give the limits.
+    ///
+    /// # Errors
+    /// −222 outside the limits, −224 for another word, and as [`Self::numeric`].
+    pub fn real(&self, unit: Unit, limits: Limits) -> Result<f64, ScpiError> {
+        match self.numeric(unit)? {
+            Numeric::Value(value) if limits.min <= value && value <= limits.max => Ok(value),
+            Numeric::Value(_) | Numeric::Infinity | Numeric::NegativeInfinity => {
+                Err(ScpiError::new(-222))
+            }
+            Numeric::Minimum => Ok(limits.min),
+            Numeric::Maximum => Ok(limits.max),
+            Numeric::Default => Ok(limits.default),
+            Numeric::Up | Numeric::Down | Numeric::NotANumber => Err(ScpiError::new(-224)),
+        }
+    }
+
+    /// A whole number within `range`; a fraction is rounded, as IEEE 488.2 has it for registers.
+    /// Numbers beyond ±2⁵³ lose their last digits.
+    ///
+    /// # Errors
+    /// −222 outside the range, −224 for a word other than `MIN` and `MAX`, −138 with a suffix.
+    pub fn integer(&self, range: RangeInclusive<i64>) -> Result<i64, ScpiError> {
+        match self.numeric(Unit::NONE)? {
+            Numeric::Value(value) => {
+                let (low, high) = (*range.start() as f64, *range.end() as f64);
+                let rounded = value.round();
+                if low <= rounded && rounded <= high {
+                    #[expect(clippy::cast_possible_truncation, reason = "a float cast saturates")]
+                    Ok((rounded as i64).clamp(*range.start(), *range.end()))
+                } else {
+                    Err(ScpiError::new(-222))
+                }
+            }
+            Numeric::Minimum => Ok(*range.start()),
+            Numeric::Maximum => Ok(*range.end()),
+            Numeric::Infinity | Numeric::NegativeInfinity => Err(ScpiError::new(-222)),
+            _ => Err(ScpiError::new(-224)),
+        }
+    }
+
+    /// `ON`, `OFF`, or a number: what does not round to zero is on.
+    ///
+    /// # Errors
+    /// −224 for another word, −138 for a suffix, and the "not allowed" number of other types.
+    pub fn boolean(&self) -> Result<bool, ScpiError> {
+        match self {
+            Self::Characters(word) if word.eq_ignore_ascii_case("ON") => Ok(true),
+            Self::Characters(word) if word.eq_ignore_ascii_case("OFF") => Ok(false),
+            _ => match self.numeric(Unit::NONE)? {
+                Numeric::Value(value) => Ok(value.round() != 0.0),
+                _ => Err(ScpiError::new(-224)),
+            },
+        }
+    }
+
+    /// The entry of `choices` whose short or long form this word is.
+    ///
+    /// Choices are written as in a manual: `("IMMediate", Source::Immediate)`.
+    ///
+    /// # Errors
+    /// −224 for another word, and the "not allowed" number of other types.
+    pub fn choice<T: Copy>(&self, choices: &[(&str, T)]) -> Result<T, ScpiError> {
+        let Self::Characters(word) = self else { return Err(self.not_allowed()) };
+        choices
+            .iter()
+            .find(|(pattern, _)| Mnemonic::new(pattern).matches(word.as_bytes()))
+            .map(|(_, choice)| *choice)
+            .ok_or_else(|| ScpiError::new(-224).with_info(&**word))
+    }
+
+    /// The content of a quoted string.
+    ///
+    /// # Errors
+    /// The "not allowed" number of the type that was found.
+    pub fn text(&self) -> Result<&str, ScpiError> {
+        match self {
+            Self::Text(text) => Ok(text),
+            other => Err(other.not_allowed()),
+        }
+    }
+
+    /// The bytes of a block.
+    ///
+    /// # Errors
+    /// The "not allowed" number of the type that was found.
+    pub fn block(&self) -> Result<&[u8], ScpiError> {
+        match self {
+            Self::Block(bytes) => Ok(bytes),
+            other => Err(other.not_allowed()),
+        }
+    }
+
+    /// "This type of data is not allowed here": −128, −148, −158, −168 or −178.
+    pub fn not_allowed(&self) -> ScpiError {
+        ScpiError::new(match self {
+            Self::Number { .. } | Self::NonDecimal(_) => -128,
+            Self::Characters(_) => -148,
+            Self::Text(_) => -158,
+            Self::Block(_) => -168,
+            Self::Expression(_) => -178,
+        })
+    }
+}

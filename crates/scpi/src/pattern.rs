@@ -1,0 +1,227 @@
+//! Header patterns as manuals write them: `[:SENSe]:FREQuency[:CW]`, `OUTPut#:STATe`, `*TRG`.
+
+use crate::mnemonic::{Mnemonic, split_digits};
+
+/// A pattern that was checked.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Pattern {
+    pub(crate) is_common: bool,
+    nodes: Vec<Node>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Node {
+    mnemonic: Mnemonic<'static>,
+    is_optional: bool,
+    /// The numbers that `#` stands for.
+    suffix: Option<(u32, u32)>,
+}
+
+/// Why a pattern is not one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum PatternFault {
+    /// A mnemonic is missing, has a character that is not allowed, or capitals after lower case.
+    #[error("a mnemonic is missing or malformed")]
+    Mnemonic,
+    /// A mnemonic is longer than the standard allows.
+    #[error("a mnemonic is longer than 12 characters")]
+    MnemonicTooLong,
+    /// Brackets must enclose one node with its colon: `[:NODE]`.
+    #[error("brackets must enclose one node with its colon")]
+    Brackets,
+    /// The range of a suffix is not `#(low:high)`.
+    #[error("a suffix must be `#` or `#(low:high)`")]
+    Suffix,
+    /// Nothing would be left when all optional nodes are left out.
+    #[error("every node is optional")]
+    AllOptional,
+}
+
+/// What a header says beyond its name.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Match {
+    /// One for every `#` of the pattern.
+    pub(crate) suffixes: Vec<Option<u32>>,
+    /// Some suffix is outside its range: −114.
+    pub(crate) is_out_of_range: bool,
+}
+
+impl Pattern {
+    pub(crate) fn parse(text: &'static str) -> Result<Self, PatternFault> {
+        if let Some(name) = text.strip_prefix('*') {
+            let mnemonic = check(name)?;
+            return Ok(Self {
+                is_common: true,
+                nodes: vec![Node { mnemonic, is_optional: false, suffix: None }],
+            });
+        }
+        let mut nodes = Vec::new();
+        let mut rest = text;
+        while !rest.is_empty() {
+            let (node, tail) = node(rest, nodes.is_empty())?;
+            nodes.push(node);
+            rest = tail;
+        }
+        if nodes.iter().all(|node| node.is_optional) {
+            return Err(PatternFault::AllOptional);
+        }
+        Ok(Self { is_common: false, nodes })
+    }
+
+    /// Long forms of the mnemonics a header that matches may begin with, without digits.
+    pub(crate) fn first_stems(&self) -> impl Iterator<Item = &'static str> {
+        let n_first = self.nodes.iter().take_while(|node| node.is_optional).count() + 1;
+        self.nodes
+            .iter()
+            .take(n_first)
+            .flat_map(|node| [node.mnemonic.short(), node.mnemonic.long()])
+    }
+
+    /// Matches the mnemonics of a header, without a leading colon or asterisk.
+    pub(crate) fn matches(&self, header: &[u8]) -> Option<Match> {
+        let mut found = Match { suffixes: Vec::new(), is_out_of_range: false };
+        match_nodes(&self.nodes, header, &mut found).then_some(found)
+    }
+
+    /// Long form in capitals of what `header`, which matches, names; as instruments answer it.
+    pub(crate) fn canonical(&self, header: &[u8]) -> String {
+        let mut words = header.split(|byte| *byte == b':').peekable();
+        let mut text = String::new();
+        for node in &self.nodes {
+            let Some(word) = words.peek() else { break };
+            let (stem, digits) = split_digits(word);
+            let is_named = node.mnemonic.matches(word)
+                || (node.suffix.is_some() && node.mnemonic.matches_stem(stem));
+            if is_named {
+                text.push(if self.is_common { '*' } else { ':' });
+                text.push_str(&node.mnemonic.long().to_ascii_uppercase());
+                text.extend(digits.iter().map(|&digit| char::from(digit)));
+                words.next();
+            }
+        }
+        text
+    }
+
+    /// Whether some header matches both patterns.
+    pub(crate) fn overlaps(&self, other: &Self) -> bool {
+        self.is_common == other.is_common && nodes_overlap(&self.nodes, &other.nodes)
+    }
+}
+
+/// One node from the front of `text`, with what follows.
+fn node(text: &'static str, is_first: bool) -> Result<(Node, &'static str), PatternFault> {
+    if let Some(inside) = text.strip_prefix('[') {
+        let (inside, tail) = inside.split_once(']').ok_or(PatternFault::Brackets)?;
+        let name = match inside.strip_prefix(':') {
+            Some(name) => name,
+            None if is_first => inside,
+            None => return Err(PatternFault::Brackets),
+        };
+        return Ok((Node { is_optional: true, ..plain_node(name)? }, tail));
+    }
+    let text = match text.strip_prefix(':') {
+        Some(text) => text,
+        None if is_first => text,
+        None => return Err(PatternFault::Mnemonic),
+    };
+    // A colon inside `#(1:4)` does not end the node.
+    let mut depth = 0;
+    let end = text.find(|c| {
+        depth += i32::from(c == '(') - i32::from(c == ')');
+        depth == 0 && (c == ':' || c == '[')
+    });
+    let (name, tail) = text.split_at(end.unwrap_or(text.len()));
+    Ok((plain_node(name)?, tail))
+}
+
+fn plain_node(name: &'static str) -> Result<Node, PatternFault> {
+    let Some((name, range)) = name.split_once('#') else {
+        return Ok(Node { mnemonic: check(name)?, is_optional: false, suffix: None });
+    };
+    let mnemonic = check(name)?;
+    if !mnemonic.digits().is_empty() {
+        return Err(PatternFault::Suffix);
+    }
+    let suffix = if range.is_empty() {
+        (1, u32::MAX)
+    } else {
+        let range = range.strip_prefix('(').and_then(|range| range.strip_suffix(')'));
+        let (low, high) =
+            range.and_then(|range| range.split_once(':')).ok_or(PatternFault::Suffix)?;
+        let low = low.parse().map_err(|_| PatternFault::Suffix)?;
+        let high = high.parse().map_err(|_| PatternFault::Suffix)?;
+        if high < low {
+            return Err(PatternFault::Suffix);
+        }
+        (low, high)
+    };
+    Ok(Node { mnemonic, is_optional: false, suffix: Some(suffix) })
+}
+
+fn check(name: &'static str) -> Result<Mnemonic<'static>, PatternFault> {
+    if 12 < name.len() {
+        return Err(PatternFault::MnemonicTooLong);
+    }
+    let mnemonic = Mnemonic::new(name);
+    let (short, long) = (mnemonic.short(), mnemonic.long());
+    let tail = &long[short.len()..];
+    let is_word = short.starts_with(|c: char| c.is_ascii_uppercase())
+        && short.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_')
+        && tail
+            .bytes()
+            .all(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_');
+    if is_word { Ok(mnemonic) } else { Err(PatternFault::Mnemonic) }
+}
+
+fn match_nodes(nodes: &[Node], header: &[u8], found: &mut Match) -> bool {
+    let Some((node, others)) = nodes.split_first() else { return header.is_empty() };
+    let end = header.iter().position(|byte| *byte == b':').unwrap_or(header.len());
+    let (word, tail) = (&header[..end], header.get(end + 1..).unwrap_or(&[]));
+    let (n_suffixes, was_out_of_range) = (found.suffixes.len(), found.is_out_of_range);
+    if !header.is_empty() && match_word(node, word, found) && match_nodes(others, tail, found) {
+        return true;
+    }
+    found.suffixes.truncate(n_suffixes);
+    found.is_out_of_range = was_out_of_range;
+    if !node.is_optional {
+        return false;
+    }
+    found.suffixes.extend(node.suffix.map(|_| None));
+    match_nodes(others, header, found)
+}
+
+fn match_word(node: &Node, word: &[u8], found: &mut Match) -> bool {
+    let Some((low, high)) = node.suffix else { return node.mnemonic.matches(word) };
+    let (stem, digits) = split_digits(word);
+    if !node.mnemonic.matches_stem(stem) {
+        return false;
+    }
+    let number = digits
+        .iter()
+        .fold(0_u32, |sum, digit| sum.saturating_mul(10).saturating_add(u32::from(digit - b'0')));
+    if digits.is_empty() {
+        found.suffixes.push(None);
+    } else {
+        found.suffixes.push(Some(number));
+        found.is_out_of_range |= number < low || high < number;
+    }
+    true
+}
+
+fn nodes_overlap(left: &[Node], right: &[Node]) -> bool {
+    let (Some((a, left_tail)), Some((b, right_tail))) = (left.split_first(), right.split_first())
+    else {
+        return left.iter().chain(right).all(|node| node.is_optional);
+    };
+    (words_overlap(a, b) && nodes_overlap(left_tail, right_tail))
+        || (a.is_optional && nodes_overlap(left_tail, right))
+        || (b.is_optional && nodes_overlap(left, right_tail))
+}
+
+fn words_overlap(a: &Node, b: &Node) -> bool {
+    let is_same_stem = [a.mnemonic.short(), a.mnemonic.long()]
+        .iter()
+        .any(|stem| b.mnemonic.matches_stem(stem.as_bytes()));
+    is_same_stem
+        && (a.suffix.is_some() || b.suffix.is_some() || a.mnemonic.digits() == b.mnemonic.digits())
+}

@@ -1,0 +1,72 @@
+//! What an instrument says of itself: its identity and its errors.
+
+use crate::response::{DataError, Response};
+
+/// The answer to `*IDN?`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Identity {
+    /// Who made it.
+    pub manufacturer: String,
+    /// What it is.
+    pub model: String,
+    /// Which one it is; `None` where the instrument does not say (`0`, or nothing).
+    pub serial: Option<String>,
+    /// Its firmware and options; `None` where the instrument does not say.
+    pub firmware: Option<String>,
+}
+
+impl Identity {
+    /// Reads four fields with commas between them. Whatever follows the third comma is the firmware.
+    ///
+    /// # Errors
+    /// [`DataError::FieldCount`] when there is no model, [`DataError::Malformed`] beyond ASCII.
+    pub fn parse(response: &Response) -> Result<Self, DataError> {
+        let text = response.text()?;
+        let mut fields = text.splitn(4, ',').map(|field| field.trim().to_owned());
+        let known = |field: Option<String>| field.filter(|field| !field.is_empty() && field != "0");
+        match (fields.next().filter(|field| !field.is_empty()), fields.next()) {
+            (Some(manufacturer), Some(model)) => Ok(Self {
+                manufacturer,
+                model,
+                serial: known(fields.next()),
+                firmware: known(fields.next()),
+            }),
+            (first, _) => {
+                Err(DataError::FieldCount { expected: 4, found: usize::from(first.is_some()) })
+            }
+        }
+    }
+}
+
+/// One entry of the error queue of an instrument, as `SYSTem:ERRor?` answers it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ErrorReport {
+    /// The number; negative for errors of the standard, positive for those of the device.
+    pub number: i64,
+    /// The text that goes with the number.
+    pub text: String,
+    /// What the device added behind a semicolon.
+    pub info: Option<String>,
+}
+
+impl ErrorReport {
+    /// Reads `-113,"Undefined header;FOO"`. `None` when the queue is empty: `+0,"No error"`.
+    ///
+    /// # Errors
+    /// As [`Response::data`], and by type and number of the fields.
+    pub fn parse(response: &Response) -> Result<Option<Self>, DataError> {
+        let data = response.data()?;
+        let [number, description] = &*data else {
+            return Err(DataError::FieldCount { expected: 2, found: data.len() });
+        };
+        let (number, description) = (number.integer()?, description.text()?);
+        if number == 0 {
+            return Ok(None);
+        }
+        let (text, info) = match description.split_once(';') {
+            Some((text, info)) => (text, Some(info.to_owned())),
+            None => (description, None),
+        };
+        Ok(Some(Self { number, text: text.to_owned(), info }))
+    }
+}

@@ -1,0 +1,166 @@
+//! Finds where units and messages end in a stream of bytes, whatever way the stream is cut.
+//!
+//! A terminator inside a string or a block is data, so the search must know about both. It knows
+//! nothing else: whether a unit makes sense is decided in [`crate::grammar`].
+
+/// What the scanner found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Boundary {
+    /// A semicolon between two units.
+    Unit,
+    /// The terminator of a message.
+    Message,
+}
+
+/// Which bytes end a message.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Terminators {
+    /// Line feed. A carriage return before it is white space, as in IEEE 488.2.
+    #[default]
+    LineFeed,
+    /// Line feed or carriage return, whichever comes; both together end one message.
+    LineFeedOrCarriageReturn,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Place {
+    /// Before the header of a unit.
+    Blank,
+    Header,
+    /// After white space or a comma: a block or a string may begin here.
+    DataStart,
+    Data,
+    /// Within parentheses, this many deep.
+    Expression(u32),
+    /// Within a string; `depth` counts the parentheses around it.
+    Text {
+        quote: u8,
+        depth: u32,
+    },
+    /// Just behind a string, where its quote repeated means that it goes on.
+    TextEnd {
+        quote: u8,
+    },
+    /// Behind the `#` that may begin a block.
+    Hash,
+    /// Within the length of a block.
+    Length {
+        n_digits_left: u8,
+        declared: usize,
+    },
+    /// Within a block of known length.
+    Block {
+        left: usize,
+    },
+    /// Within a block that only the terminator ends.
+    Indefinite,
+}
+
+/// The state between two bytes of a stream.
+#[derive(Debug, Clone)]
+pub(crate) struct Scanner {
+    place: Place,
+    terminators: Terminators,
+}
+
+impl Scanner {
+    pub(crate) const fn new(terminators: Terminators) -> Self {
+        Self { place: Place::Blank, terminators }
+    }
+
+    /// Consumes bytes up to and including the next boundary. `None` when there is none; then all
+    /// bytes were consumed.
+    pub(crate) fn scan(&mut self, bytes: &[u8]) -> Option<(usize, Boundary)> {
+        let mut at = 0;
+        while at < bytes.len() {
+            if let Place::Block { left } = self.place {
+                let n_taken = left.min(bytes.len() - at);
+                at += n_taken;
+                self.place = match left - n_taken {
+                    0 => Place::Data,
+                    left => Place::Block { left },
+                };
+                continue;
+            }
+            let boundary = self.step(bytes[at]);
+            at += 1;
+            if boundary.is_some() {
+                self.place = Place::Blank;
+                return boundary.map(|boundary| (at, boundary));
+            }
+        }
+        None
+    }
+
+    fn is_terminator(&self, byte: u8) -> bool {
+        byte == b'\n'
+            || (byte == b'\r' && self.terminators == Terminators::LineFeedOrCarriageReturn)
+    }
+
+    fn step(&mut self, byte: u8) -> Option<Boundary> {
+        self.place = match self.place {
+            // Only in a counted block or a string is a terminator data.
+            Place::Block { left: 0 | 1 } => Place::Data,
+            Place::Block { left } => Place::Block { left: left - 1 },
+            Place::Text { quote, depth } => {
+                match byte == quote {
+                    false => {}
+                    true if depth == 0 => self.place = Place::TextEnd { quote },
+                    true => self.place = Place::Expression(depth),
+                }
+                return None;
+            }
+            _ if self.is_terminator(byte) => return Some(Boundary::Message),
+            Place::Indefinite => return None,
+            _ if byte == b';' => return Some(Boundary::Unit),
+            Place::Blank if is_blank(byte) => Place::Blank,
+            Place::Blank | Place::Header => match byte {
+                b',' => Place::DataStart,
+                _ if is_blank(byte) => Place::DataStart,
+                _ => Place::Header,
+            },
+            Place::TextEnd { quote } if byte == quote => Place::Text { quote, depth: 0 },
+            Place::DataStart => match byte {
+                b'#' => Place::Hash,
+                b'"' | b'\'' => Place::Text { quote: byte, depth: 0 },
+                _ => in_data(byte),
+            },
+            Place::Hash => match byte {
+                b'0' => Place::Indefinite,
+                b'1'..=b'9' => Place::Length { n_digits_left: byte - b'0', declared: 0 },
+                _ => in_data(byte),
+            },
+            Place::Length { n_digits_left, declared } if byte.is_ascii_digit() => {
+                let declared = declared * 10 + usize::from(byte - b'0');
+                match (n_digits_left, declared) {
+                    (1, 0) => Place::Data,
+                    (1, left) => Place::Block { left },
+                    _ => Place::Length { n_digits_left: n_digits_left - 1, declared },
+                }
+            }
+            Place::Length { .. } | Place::TextEnd { .. } | Place::Data => in_data(byte),
+            Place::Expression(depth) => match byte {
+                b'(' => Place::Expression(depth.saturating_add(1)),
+                b')' if depth == 1 => Place::Data,
+                b')' => Place::Expression(depth - 1),
+                b'"' | b'\'' => Place::Text { quote: byte, depth },
+                _ => Place::Expression(depth),
+            },
+        };
+        None
+    }
+}
+
+/// IEEE 488.2, 7.4.1.2: every control character but the line feed is white space.
+pub(crate) const fn is_blank(byte: u8) -> bool {
+    byte <= b' ' && byte != b'\n'
+}
+
+const fn in_data(byte: u8) -> Place {
+    match byte {
+        b',' => Place::DataStart,
+        b'(' => Place::Expression(1),
+        _ if is_blank(byte) => Place::DataStart,
+        _ => Place::Data,
+    }
+}

@@ -1,0 +1,151 @@
+//! Answers of an instrument and how they are written.
+
+use std::{borrow::Cow, io::Write};
+
+use crate::mnemonic::short_form;
+
+/// Stands for +∞ on the wire, and for a reading that is too large.
+pub const INFINITY: f64 = 9.9e37;
+/// Stands for "not a number" on the wire, and for a reading that does not exist.
+pub const NOT_A_NUMBER: f64 = 9.91e37;
+
+/// One datum of an answer.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Value {
+    /// NR1.
+    Integer(i64),
+    /// In the format of the dialect. Infinities and NaN become the numbers that stand for them.
+    Real(f64),
+    /// In a format of its own.
+    Formatted(f64, RealFormat),
+    /// `1` or `0`.
+    Boolean(bool),
+    /// `#HFF`.
+    Hex(u64),
+    /// `#Q17`.
+    Octal(u64),
+    /// `#B101`.
+    Binary(u64),
+    /// A word written as in a manual (`MEASure`); its short form is answered.
+    Characters(&'static str),
+    /// A string, which is quoted.
+    Text(Cow<'static, str>),
+    /// A block of known length.
+    Block(Vec<u8>),
+    /// A block that the end of the message ends. Nothing may follow it.
+    IndefiniteBlock(Vec<u8>),
+    /// ASCII as it stands, such as the identity. Nothing may follow it in the same message.
+    Verbatim(Cow<'static, str>),
+}
+
+/// How real numbers are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum RealFormat {
+    /// The shortest digits that give the same number back: `200`, `0.1`, `1E-7`.
+    #[default]
+    Shortest,
+    /// NR2: a fixed number of decimals.
+    Fixed {
+        /// Digits behind the point.
+        n_decimals: u8,
+    },
+    /// NR3: `+1.23450E-03`.
+    Scientific {
+        /// Digits behind the point.
+        n_decimals: u8,
+        /// Least digits of the exponent, which always has a sign.
+        n_exponent: u8,
+        /// Whether positive numbers have a sign.
+        has_plus: bool,
+    },
+}
+
+impl Value {
+    /// Whether nothing may follow in the same message, because its end is the end of the message.
+    pub(crate) const fn is_indefinite(&self) -> bool {
+        matches!(self, Self::IndefiniteBlock(_) | Self::Verbatim(_))
+    }
+
+    /// Appends the datum as it goes on the wire.
+    pub fn write(&self, format: RealFormat, out: &mut Vec<u8>) {
+        match self {
+            Self::Integer(value) => put(out, format_args!("{value}")),
+            Self::Real(value) => write_real(*value, format, out),
+            Self::Formatted(value, format) => write_real(*value, *format, out),
+            Self::Boolean(value) => out.push(if *value { b'1' } else { b'0' }),
+            Self::Hex(value) => put(out, format_args!("#H{value:X}")),
+            Self::Octal(value) => put(out, format_args!("#Q{value:o}")),
+            Self::Binary(value) => put(out, format_args!("#B{value:b}")),
+            Self::Characters(word) => {
+                out.extend_from_slice(short_form(word).to_ascii_uppercase().as_bytes());
+            }
+            Self::Text(text) => write_quoted(text, out),
+            Self::Block(bytes) => write_block(bytes, out),
+            Self::IndefiniteBlock(bytes) => {
+                out.extend_from_slice(b"#0");
+                out.extend_from_slice(bytes);
+            }
+            Self::Verbatim(text) => out.extend_from_slice(text.as_bytes()),
+        }
+    }
+}
+
+fn put(out: &mut Vec<u8>, text: std::fmt::Arguments<'_>) {
+    out.write_fmt(text).expect("writing to memory cannot fail");
+}
+
+/// `"` doubled inside, quotes around.
+pub(crate) fn write_quoted(text: &str, out: &mut Vec<u8>) {
+    out.push(b'"');
+    for byte in text.bytes() {
+        if byte == b'"' {
+            out.push(b'"');
+        }
+        out.push(byte);
+    }
+    out.push(b'"');
+}
+
+/// `#15hello`. A length beyond nine digits does not fit the format; no memory holds such a block.
+pub(crate) fn write_block(bytes: &[u8], out: &mut Vec<u8>) {
+    let length = bytes.len().to_string();
+    assert!(length.len() <= 9, "a block of {length} bytes does not fit its header");
+    put(out, format_args!("#{}{length}", length.len()));
+    out.extend_from_slice(bytes);
+}
+
+/// The shortest decimal that reads back as `value`, with an exponent when that is shorter to read.
+pub(crate) fn write_shortest(value: f64, out: &mut Vec<u8>) {
+    if value == 0.0 || (1e-4..1e15).contains(&value.abs()) {
+        put(out, format_args!("{value}"));
+    } else {
+        put(out, format_args!("{value:E}"));
+    }
+}
+
+fn write_real(value: f64, format: RealFormat, out: &mut Vec<u8>) {
+    let value = match value {
+        _ if value.is_nan() => NOT_A_NUMBER,
+        f64::INFINITY => INFINITY,
+        f64::NEG_INFINITY => -INFINITY,
+        _ => value,
+    };
+    match format {
+        RealFormat::Shortest => write_shortest(value, out),
+        RealFormat::Fixed { n_decimals } => {
+            put(out, format_args!("{value:.*}", usize::from(n_decimals)));
+        }
+        RealFormat::Scientific { n_decimals, n_exponent, has_plus } => {
+            if has_plus && value.is_sign_positive() {
+                out.push(b'+');
+            }
+            let text = format!("{value:.*E}", usize::from(n_decimals));
+            let (mantissa, exponent) = text.split_once('E').unwrap_or((&text, "0"));
+            let (sign, digits) = match exponent.strip_prefix('-') {
+                Some(digits) => ('-', digits),
+                None => ('+', exponent),
+            };
+            put(out, format_args!("{mantissa}E{sign}{digits:0>0$}", usize::from(n_exponent)));
+        }
+    }
+}
