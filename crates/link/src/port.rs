@@ -138,7 +138,17 @@ impl Port {
     /// # Errors
     /// [`LineError::NeverSilent`] when bytes keep coming for a second, [`LineError::Lost`].
     pub async fn settle(&mut self) -> Result<usize, LineError> {
-        self.discard_until_silent(Instant::now(), Duration::from_secs(1)).await
+        let silence = self.frame_silence();
+        self.discard_until_silent(silence, Instant::now(), Duration::from_secs(1)).await
+    }
+
+    /// Throws away what has already arrived, without waiting for more. Returns how much that was.
+    ///
+    /// # Errors
+    /// As [`settle`](Self::settle).
+    pub async fn drain(&mut self) -> Result<usize, LineError> {
+        let patience = Duration::from_secs(1);
+        self.discard_until_silent(Duration::ZERO, Instant::now(), patience).await
     }
 
     /// Reads and throws away for at least this long, and then until the line is silent. Returns
@@ -149,11 +159,13 @@ impl Port {
     /// [`LineError::Lost`].
     pub async fn quarantine(&mut self, at_least: Duration) -> Result<usize, LineError> {
         let end = Instant::now() + at_least;
-        self.discard_until_silent(end, at_least * QUARANTINE_PATIENCE).await
+        let patience = at_least * QUARANTINE_PATIENCE;
+        self.discard_until_silent(self.frame_silence(), end, patience).await
     }
 
     async fn discard_until_silent(
         &mut self,
+        silence: Duration,
         not_before: Instant,
         patience: Duration,
     ) -> Result<usize, LineError> {
@@ -165,7 +177,7 @@ impl Port {
         // Bytes that have arrived are only seen after the runtime has looked at the port.
         tokio::task::yield_now().await;
         let result = loop {
-            let silent_at = (self.last_activity + self.frame_silence()).max(not_before);
+            let silent_at = (self.last_activity + silence).max(not_before);
             match timeout_at(silent_at, self.read(&mut buffer)).await {
                 Err(_) => break Ok(discarded),
                 Ok(Err(error)) => break Err(self.explain(error)),

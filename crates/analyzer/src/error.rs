@@ -1,0 +1,138 @@
+//! What can go wrong with an analyzer: it refused, or the line failed, or its answer does not
+//! answer the question.
+
+use std::{fmt, sync::Arc};
+
+use rig_link::LineError;
+
+use crate::Identity;
+
+/// The standard event status register, as the instrument answered `*ESR?`.
+///
+/// # Source
+/// IEEE 488.2, 11.5.1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct EventStatus(pub u8);
+
+impl EventStatus {
+    const NAMES: [(u8, &'static str); 5] = [
+        (1 << 2, "query error"),
+        (1 << 3, "device error"),
+        (1 << 4, "execution error"),
+        (1 << 5, "command error"),
+        (1 << 7, "power was switched on"),
+    ];
+
+    /// Whether it reports that something was not understood or not done.
+    pub const fn is_error(self) -> bool {
+        self.0 & 0b0011_1100 != 0
+    }
+
+    /// Whether the instrument was switched on since it was last asked.
+    pub const fn is_power_on(self) -> bool {
+        self.0 & 0b1000_0000 != 0
+    }
+}
+
+impl fmt::Display for EventStatus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let names = Self::NAMES.iter().filter(|(bit, _)| self.0 & bit != 0).map(|(_, name)| *name);
+        write!(f, "{} (event status {})", names.collect::<Vec<_>>().join(", "), self.0)
+    }
+}
+
+/// An analyzer did not do what it was asked.
+#[derive(Debug, Clone, thiserror::Error)]
+pub enum AnalyzerError {
+    /// The line failed: what the instrument heard or did is not known.
+    #[error("analyzer: `{asked}`")]
+    Line {
+        /// What was asked.
+        asked: Box<str>,
+        /// What happened.
+        #[source]
+        source: LineError,
+    },
+    /// The instrument understood and refused, or did not understand.
+    #[error("{port}: the analyzer refused `{asked}`: {status}")]
+    Refused {
+        /// Name of the port.
+        port: Arc<str>,
+        /// What was asked.
+        asked: Box<str>,
+        /// Its reason.
+        status: EventStatus,
+    },
+    /// The answer is not one to this question.
+    #[error("{port}: asked `{asked}`, expected {expected}, found `{found}`")]
+    Answer {
+        /// Name of the port.
+        port: Arc<str>,
+        /// What was asked.
+        asked: Box<str>,
+        /// What an answer looks like.
+        expected: &'static str,
+        /// What came.
+        found: Box<str>,
+    },
+    /// A setting that the instrument took is not the one it was given.
+    #[error("{port}: asked for {what} {wanted}, the analyzer has {found}")]
+    NotTaken {
+        /// Name of the port.
+        port: Arc<str>,
+        /// The setting, with its unit.
+        what: &'static str,
+        /// What was asked.
+        wanted: f64,
+        /// What it has.
+        found: f64,
+    },
+    /// Something outside the range of the instrument. It was not sent.
+    #[error("{dialect}: {what} {asked} is outside [{min}, {max}]")]
+    OutOfRange {
+        /// Name of the dialect.
+        dialect: &'static str,
+        /// The quantity, with its unit.
+        what: &'static str,
+        /// What was asked.
+        asked: f64,
+        /// The least it can do.
+        min: f64,
+        /// The most it can do.
+        max: f64,
+    },
+    /// Another instrument than the dialect is for.
+    #[error("{port}: expected {expected}, found {found}")]
+    WrongInstrument {
+        /// Name of the port.
+        port: Arc<str>,
+        /// The models that the dialect is for.
+        expected: &'static str,
+        /// Who answers.
+        found: Box<Identity>,
+    },
+    /// Another instrument than before answers.
+    #[error("{port}: expected {known}, found {found}")]
+    Swapped {
+        /// Name of the port.
+        port: Arc<str>,
+        /// Who was identified.
+        known: Box<Identity>,
+        /// Who answers now.
+        found: Box<Identity>,
+    },
+    /// Measured before [`Analyzer::configure`](crate::Analyzer::configure).
+    #[error("{port}: the analyzer is not configured yet")]
+    NotConfigured {
+        /// Name of the port.
+        port: Arc<str>,
+    },
+    /// The stop that was asked for. Nothing is being measured.
+    #[error("measurement stopped after {done} of {points} points")]
+    Stopped {
+        /// Points measured.
+        done: usize,
+        /// Points asked for.
+        points: usize,
+    },
+}

@@ -1,0 +1,6 @@
+//! The drivers against instruments made of bytes, on a paused clock.
+#![expect(clippy::unwrap_used, reason = "all of it is a test")]
+
+mod im3536;
+mod measurements;
+mod peer;

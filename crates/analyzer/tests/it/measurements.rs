@@ -1,0 +1,164 @@
+//! Sweeps, in health and under every fault of the line.
+
+use std::collections::BTreeMap;
+
+use rig_analyzer::{Analyzer, AnalyzerError, HIOKI_IM3536};
+use rig_link::{Clock, LineSettings, Port, StopSignal};
+use rig_model::{DriveLevel, Reading, ReadingFlag, SweepPoint};
+
+use crate::{
+    im3536::{Im3536, impedance},
+    peer::{FAULTS, Fault, serve},
+};
+
+fn analyzer_on(instrument: &Im3536, faults: impl IntoIterator<Item = (usize, Fault)>) -> Analyzer {
+    let (host, device) = tokio::io::duplex(4096);
+    tokio::spawn(serve(device, instrument.clone(), faults.into_iter().collect::<BTreeMap<_, _>>()));
+    let line = LineSettings::eight_n_one(57_600);
+    Analyzer::open(Port::new("line 2", host, Some(line), Clock::start()), &HIOKI_IM3536)
+}
+
+fn points(frequencies_hz: &[f64]) -> Vec<SweepPoint> {
+    let point = |&frequency_hz: &f64| SweepPoint { frequency_hz, settle_s: 0.05, cycles: 20 };
+    frequencies_hz.iter().map(point).collect()
+}
+
+const LEVEL: DriveLevel = DriveLevel { volt: 5.0 };
+
+async fn sweep(
+    analyzer: &mut Analyzer,
+    frequencies_hz: &[f64],
+) -> Result<Vec<Reading>, AnalyzerError> {
+    analyzer.identify().await?;
+    analyzer.configure(LEVEL).await?;
+    analyzer.measure(&points(frequencies_hz), &StopSignal::new()).await
+}
+
+#[track_caller]
+fn assert_true_at(reading: &Reading, frequency_hz: f64) {
+    let (resistance, reactance) = impedance(frequency_hz);
+    assert_eq!(reading.frequency_hz, frequency_hz);
+    assert!((reading.resistance_ohm / resistance - 1.0).abs() < 1e-6, "{reading:?}");
+    assert!((reading.reactance_ohm / reactance - 1.0).abs() < 1e-6, "{reading:?}");
+}
+
+const SWEEP_HZ: [f64; 4] = [190.0, 200.25, 200.25, 210.5];
+
+#[tokio::test(start_paused = true)]
+async fn a_sweep_is_measured_point_by_point_in_one_message_each() {
+    let instrument = Im3536::new();
+    let mut analyzer = analyzer_on(&instrument, []);
+    let readings = sweep(&mut analyzer, &SWEEP_HZ).await.unwrap();
+    assert_eq!(readings.len(), 4);
+    for (reading, frequency_hz) in readings.iter().zip(SWEEP_HZ) {
+        assert_true_at(reading, frequency_hz);
+        assert_eq!(reading.integration_s, 20.0 / frequency_hz);
+        assert_eq!(reading.flag, ReadingFlag::Normal);
+    }
+    assert!(readings.is_sorted_by_key(|reading| reading.started));
+    // The frequency stayed, so it has settled since the reading before.
+    assert!((readings[1].settle_s - 0.05).abs() < 1e-9);
+    assert_eq!(readings[2].started, readings[1].started);
+    assert!(readings[2].settle_s > 0.05 + 20.0 / 200.25);
+    let seen = instrument.seen();
+    let tail: Vec<&str> = seen[seen.len() - 3..].iter().map(String::as_str).collect();
+    assert_eq!(
+        tail,
+        [
+            ":FREQuency 200.25;*TRG;:MEASure?;:FREQuency?;*ESR?",
+            "*TRG;:MEASure?;:FREQuency?;*ESR?",
+            ":FREQuency 210.50;*TRG;:MEASure?;:FREQuency?;*ESR?",
+        ]
+    );
+}
+
+#[tokio::test(start_paused = true)]
+async fn an_instrument_that_takes_one_question_at_a_time_is_asked_so() {
+    let instrument = Im3536::that_refuses_chains();
+    let mut analyzer = analyzer_on(&instrument, []);
+    let readings = sweep(&mut analyzer, &SWEEP_HZ).await.unwrap();
+    for (reading, frequency_hz) in readings.iter().zip(SWEEP_HZ) {
+        assert_true_at(reading, frequency_hz);
+    }
+    let seen = instrument.seen();
+    assert_eq!(
+        seen[seen.len() - 3..],
+        [":FREQuency 210.50;*TRG;:MEASure?", ":FREQuency?", "*ESR?"]
+    );
+}
+
+#[tokio::test(start_paused = true)]
+async fn what_the_instrument_cannot_do_is_refused_before_it_is_sent() {
+    let instrument = Im3536::new();
+    let mut analyzer = analyzer_on(&instrument, []);
+    analyzer.identify().await.unwrap();
+    let n_sent = instrument.seen().len();
+    let error = analyzer.configure(DriveLevel { volt: 5.1 }).await.unwrap_err();
+    assert_eq!(error.to_string(), "hioki-im3536: level in V 5.1 is outside [0.01, 5]");
+    assert_eq!(instrument.seen().len(), n_sent);
+
+    let stop = StopSignal::new();
+    let error = analyzer.measure(&points(&[200.0]), &stop).await.unwrap_err();
+    assert!(matches!(error, AnalyzerError::NotConfigured { .. }), "{error}");
+    analyzer.configure(LEVEL).await.unwrap();
+    assert_eq!(instrument.level_v(), 5.0);
+    let n_sent = instrument.seen().len();
+    let error = analyzer.measure(&points(&[200.0, 3.9]), &stop).await.unwrap_err();
+    assert_eq!(error.to_string(), "hioki-im3536: frequency in Hz 3.9 is outside [4, 8000000]");
+    assert_eq!(instrument.seen().len(), n_sent);
+    stop.raise();
+    let error = analyzer.measure(&points(&[200.0]), &stop).await.unwrap_err();
+    assert!(matches!(error, AnalyzerError::Stopped { done: 0, points: 1 }), "{error}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn what_the_instrument_says_of_a_reading_is_carried_on() {
+    let instrument = Im3536::new();
+    let mut analyzer = analyzer_on(&instrument, []);
+    sweep(&mut analyzer, &[200.0]).await.unwrap();
+    for (status, flag) in [(1, ReadingFlag::LowSignal), (2, ReadingFlag::Overload)] {
+        instrument.set_status(status);
+        let readings = analyzer.measure(&points(&[201.0]), &StopSignal::new()).await.unwrap();
+        assert_eq!(readings[0].flag, flag);
+        assert_eq!(readings[0].resistance_ohm.is_nan(), flag == ReadingFlag::Overload);
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn another_instrument_is_recognised() {
+    let instrument = Im3536::new();
+    let mut analyzer = analyzer_on(&instrument, []);
+    analyzer.identify().await.unwrap();
+    instrument.become_another("HIOKI,IM3536,190599999,V1.10");
+    let error = analyzer.identify().await.unwrap_err();
+    assert!(matches!(error, AnalyzerError::Swapped { .. }), "{error}");
+    instrument.become_another("RIGOL TECHNOLOGIES,DS1054Z,1,2");
+    let error = analyzer.identify().await.unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "line 2: expected HIOKI IM3536, IM3533 or IM3570, found RIGOL TECHNOLOGIES DS1054Z, \
+         serial number 1, firmware 2"
+    );
+}
+
+/// Whatever happens to whatever message: readings that are returned are true.
+#[tokio::test(start_paused = true)]
+async fn no_single_fault_makes_a_reading_lie() {
+    for refuses_chains in [false, true] {
+        for fault in FAULTS {
+            for message in 0..20 {
+                let instrument =
+                    if refuses_chains { Im3536::that_refuses_chains() } else { Im3536::new() };
+                let mut analyzer = analyzer_on(&instrument, [(message, fault)]);
+                let readings = sweep(&mut analyzer, &SWEEP_HZ).await;
+                let readings = readings.unwrap_or_else(|error| {
+                    panic!("{fault:?} at message {message}, {refuses_chains}: {error:?}")
+                });
+                assert_eq!(readings.len(), SWEEP_HZ.len());
+                for (reading, frequency_hz) in readings.iter().zip(SWEEP_HZ) {
+                    assert_true_at(reading, frequency_hz);
+                }
+            }
+        }
+    }
+}
