@@ -1,0 +1,144 @@
+//! Where ticks stand and what is written at them.
+
+/// A tick.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Tick {
+    pub(crate) value: f64,
+    /// What is written; nothing at a minor tick.
+    pub(crate) text: Option<String>,
+}
+
+/// Pixels that a tick and its text need.
+const ROOM_PX: f64 = 55.0;
+
+/// Ticks at those of the given values that are shown.
+pub(super) fn given(values: &[f64], from: f64, to: f64) -> Vec<Tick> {
+    let shown = values.iter().filter(|&&value| from <= value && value <= to);
+    let tick = |&value: &f64| Tick { value, text: Some(with_minus(&value.to_string())) };
+    shown.map(tick).collect()
+}
+
+/// Ticks at multiples of 1, 2 or 5 times a power of ten.
+pub(super) fn linear(from: f64, to: f64, length: f64) -> Vec<Tick> {
+    let most = (length / ROOM_PX).clamp(2.0, 12.0);
+    let least_step = (to - from) / most;
+    let power = least_step.log10().floor();
+    let magnitude = 10.0_f64.powf(power);
+    // A step of ten times the magnitude is large enough in any case.
+    let step = [1.0, 2.0, 5.0, 10.0]
+        .into_iter()
+        .map(|factor| factor * magnitude)
+        .find(|&step| step >= least_step * (1.0 - 1e-9))
+        .unwrap_or(10.0 * magnitude);
+    let decimals = decimals_of(step);
+    let (first, last) = ((from / step - 1e-9).ceil(), (to / step + 1e-9).floor());
+    let mut ticks = Vec::new();
+    let mut count = first;
+    // Twelve steps at most, by the choice of the step.
+    while count <= last {
+        // Adding zero turns minus zero into zero.
+        let value = count * step + 0.0;
+        ticks.push(Tick { value, text: Some(with_minus(&format!("{value:.decimals$}"))) });
+        count += 1.0;
+    }
+    ticks
+}
+
+/// The decimals that tell multiples of `step` apart.
+fn decimals_of(step: f64) -> usize {
+    (0..12)
+        .find(|&decimals| {
+            let scaled = step * 10.0_f64.powi(decimals);
+            (scaled - scaled.round()).abs() < 1e-6 * scaled
+        })
+        .and_then(|decimals| usize::try_from(decimals).ok())
+        .unwrap_or(12)
+}
+
+/// Ticks at powers of ten; over less than two decades also at 2 and 5 times these.
+pub(super) fn log(from: f64, to: f64, length: f64) -> Vec<Tick> {
+    let decades = (to / from).log10();
+    let room = (length / ROOM_PX).max(2.0);
+    // Every so many decades have a text.
+    let stride = (decades / room).ceil().max(1.0);
+    let written: &[f64] = if decades < 1.0 && room > 4.0 {
+        &[1.0, 2.0, 3.0, 5.0]
+    } else if decades < 2.5 {
+        &[1.0, 2.0, 5.0]
+    } else {
+        &[1.0]
+    };
+    let mut ticks = Vec::new();
+    let mut power = from.log10().floor();
+    while power <= to.log10() {
+        for multiple in 1..10 {
+            let multiple = f64::from(multiple);
+            let is_written = written.contains(&multiple) && power.rem_euclid(stride) == 0.0;
+            if is_written || decades < 6.0 {
+                let value = multiple * 10.0_f64.powf(power);
+                ticks.push(Tick { value, text: is_written.then(|| of_decades(value, power)) });
+            }
+        }
+        power += 1.0;
+    }
+    ticks.retain(|tick| from <= tick.value && tick.value <= to);
+    ticks
+}
+
+/// `0.02`, `500`, or `10⁻⁶` where zeros would have to be counted.
+fn of_decades(value: f64, power: f64) -> String {
+    if (-3.0..=4.0).contains(&power) {
+        let decimals = if power < 0.0 { (-power).round() } else { 0.0 };
+        // Between 0 and 3.
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let decimals = decimals as usize;
+        return format!("{value:.decimals$}");
+    }
+    let superscript = |character: char| match character {
+        '-' => '⁻',
+        '0' => '⁰',
+        '1' => '¹',
+        '2' => '²',
+        '3' => '³',
+        digit => char::from_u32('⁴' as u32 + (digit as u32 - '4' as u32)).unwrap_or(digit),
+    };
+    let exponent: String = power.to_string().chars().map(superscript).collect();
+    let multiple = value / 10.0_f64.powf(power);
+    if (multiple - 1.0).abs() < 1e-6 {
+        format!("10{exponent}")
+    } else {
+        format!("{multiple:.0}·10{exponent}")
+    }
+}
+
+/// A true minus sign, as wide as a plus.
+fn with_minus(text: &str) -> String {
+    text.replacen('-', "−", 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[track_caller]
+    fn check(ticks: &[Tick], expected: &[&str]) {
+        let texts: Vec<_> = ticks.iter().filter_map(|tick| tick.text.as_deref()).collect();
+        assert_eq!(texts, expected);
+    }
+
+    #[test]
+    fn steps_are_round_and_decimals_no_more_than_needed() {
+        check(&linear(0.0, 100.0, 330.0), &["0", "20", "40", "60", "80", "100"]);
+        check(&linear(-0.3, 0.3, 330.0), &["−0.3", "−0.2", "−0.1", "0.0", "0.1", "0.2", "0.3"]);
+        check(&linear(140.31, 140.42, 220.0), &["140.35", "140.40"]);
+        check(&linear(0.0, 1e6, 110.0), &["0", "500000", "1000000"]);
+    }
+
+    #[test]
+    fn decades_are_written_in_digits_while_these_can_be_read() {
+        check(&log(0.009, 110.0, 330.0), &["0.01", "0.1", "1", "10", "100"]);
+        check(&log(0.9, 30.0, 330.0), &["1", "2", "5", "10", "20"]);
+        check(&log(1e-7, 1e6, 330.0), &["10⁻⁶", "0.001", "1", "1000", "10⁶"]);
+        check(&log(2e-9, 9e-9, 330.0), &["2·10⁻⁹", "3·10⁻⁹", "5·10⁻⁹"]);
+    }
+}

@@ -1,0 +1,296 @@
+//! From a chart to SVG.
+
+use std::fmt::Write as _;
+
+use super::{Band, Chart, Point, Rule, Series, Stroke};
+use crate::{
+    COLOURS, ChartError, Marker,
+    axis::FittedAxis,
+    svg::{Escaped, Number, Svg, width_of},
+};
+
+const FONT_PX: f64 = 12.0;
+/// Of the title and the legend from the left edge, so that round line ends are not cut.
+const INSET: f64 = 2.0;
+const TITLE_HEIGHT: f64 = 26.0;
+const KEY_HEIGHT: f64 = 20.0;
+/// Between the sign of a series and its name, and behind the name.
+const KEY_SIGN_WIDTH: f64 = 30.0;
+const KEY_GAP: f64 = 18.0;
+const TICK_LENGTH: f64 = 4.0;
+
+pub(super) fn draw(chart: &Chart, id: &str) -> Result<String, ChartError> {
+    let plot = Plot::new(chart)?;
+    let mut svg = Svg::begin(id, chart.size_px, &chart.title, &chart.description);
+    svg.text("title", (INSET, 15.0), "start", &chart.title);
+    plot.draw_keys(&mut svg);
+    plot.draw_grid(&mut svg);
+    let (left, top) = (Number(plot.left), Number(plot.top));
+    let (width, height) = (Number(plot.width()), Number(plot.height()));
+    svg.add(format_args!(
+        "<clipPath id=\"{id}-c\"><rect x=\"{left}\" y=\"{top}\" width=\"{width}\" \
+         height=\"{height}\"/></clipPath>\n<g clip-path=\"url(#{id}-c)\">\n"
+    ));
+    for band in &chart.bands {
+        plot.draw_band(&mut svg, band);
+    }
+    for rule in &chart.rules {
+        plot.draw_rule(&mut svg, rule);
+    }
+    for series in &chart.series {
+        plot.draw_line(&mut svg, series);
+    }
+    svg.add(format_args!("</g>\n"));
+    plot.draw_axes(&mut svg, chart);
+    // Points at the edge are drawn whole, above the axes.
+    for series in &chart.series {
+        plot.draw_points(&mut svg, series);
+    }
+    Ok(svg.end())
+}
+
+/// The rectangle of the data and its axes.
+struct Plot {
+    left: f64,
+    right: f64,
+    top: f64,
+    bottom: f64,
+    x: FittedAxis,
+    y: FittedAxis,
+    keys: Vec<Key>,
+}
+
+/// A sign in the legend and where it stands.
+struct Key {
+    name: String,
+    at: (f64, f64),
+    colour: usize,
+    marker: Option<Marker>,
+    stroke: Option<Stroke>,
+    is_band: bool,
+}
+
+impl Plot {
+    fn new(chart: &Chart) -> Result<Self, ChartError> {
+        let (width, height) = (f64::from(chart.size_px.0), f64::from(chart.size_px.1));
+        let keys = keys(chart, width);
+        let keys_bottom = keys.last().map_or(TITLE_HEIGHT, |key| key.at.1 + 8.0);
+        let (top, bottom) = (keys_bottom + 8.0, height - 46.0);
+
+        let ends = |point: &Point| {
+            let error = point.error.unwrap_or(0.0);
+            [point.y, point.y + error, point.y - error]
+        };
+        let points = || chart.series.iter().flat_map(|series| &series.points);
+        let edges = || chart.bands.iter().flat_map(|band| &band.edges);
+        let mut ys: Vec<f64> = edges().flat_map(|&(_, low, high)| [low, high]).collect();
+        for point in points() {
+            let [y, above, below] = ends(point);
+            ys.extend([y, above]);
+            // An error bar may reach below what a logarithmic axis can show.
+            ys.extend(chart.y.check(below).is_ok().then_some(below));
+        }
+        let y = chart.y.fit(ys, bottom - top)?;
+        let texts = y.ticks.iter().filter_map(|tick| tick.text.as_deref());
+        let widest = texts.map(|text| width_of(text, FONT_PX)).fold(0.0, f64::max);
+        let left = 22.0 + widest + TICK_LENGTH + 6.0;
+        let right = width - 14.0;
+        let xs = points().map(|point| point.x).chain(edges().map(|&(x, _, _)| x));
+        let x = chart.x.fit(xs, right - left)?;
+        for rule in &chart.rules {
+            match rule {
+                Rule::AtX { value, .. } => chart.x.check(*value)?,
+                Rule::AtY { value, .. } => chart.y.check(*value)?,
+            }
+        }
+        Ok(Self { left, right, top, bottom, x, y, keys })
+    }
+
+    fn width(&self) -> f64 {
+        self.right - self.left
+    }
+
+    fn height(&self) -> f64 {
+        self.bottom - self.top
+    }
+
+    fn x_of(&self, value: f64) -> f64 {
+        self.left + self.x.place(value) * self.width()
+    }
+
+    fn y_of(&self, value: f64) -> f64 {
+        self.bottom - self.y.place(value) * self.height()
+    }
+
+    fn draw_grid(&self, svg: &mut Svg) {
+        let class = |is_written| if is_written { "grid" } else { "minor" };
+        for tick in &self.y.ticks {
+            let y = self.y_of(tick.value);
+            svg.line(class(tick.text.is_some()), (self.left, y), (self.right, y));
+        }
+        for tick in &self.x.ticks {
+            let x = self.x_of(tick.value);
+            svg.line(class(tick.text.is_some()), (x, self.top), (x, self.bottom));
+        }
+    }
+
+    fn draw_axes(&self, svg: &mut Svg, chart: &Chart) {
+        svg.line("axis", (self.left, self.bottom), (self.right, self.bottom));
+        svg.line("axis", (self.left, self.top), (self.left, self.bottom));
+        for tick in &self.x.ticks {
+            let Some(text) = &tick.text else { continue };
+            let x = self.x_of(tick.value);
+            svg.line("axis", (x, self.bottom), (x, self.bottom + TICK_LENGTH));
+            svg.text("tick", (x, self.bottom + TICK_LENGTH + 13.0), "middle", text);
+        }
+        for tick in &self.y.ticks {
+            let Some(text) = &tick.text else { continue };
+            let y = self.y_of(tick.value);
+            svg.line("axis", (self.left - TICK_LENGTH, y), (self.left, y));
+            svg.text("tick", (self.left - TICK_LENGTH - 4.0, y + 4.0), "end", text);
+        }
+        let middle = f64::midpoint(self.left, self.right);
+        let bottom = f64::from(chart.size_px.1) - 8.0;
+        svg.text("label", (middle, bottom), "middle", &self.x.label);
+        let (middle, label) =
+            (Number(f64::midpoint(self.top, self.bottom)), Escaped(&self.y.label));
+        svg.add(format_args!(
+            "<text class=\"label\" transform=\"translate(13 {middle}) rotate(-90)\" \
+             text-anchor=\"middle\">{label}</text>\n"
+        ));
+    }
+
+    fn draw_keys(&self, svg: &mut Svg) {
+        for key in &self.keys {
+            let (x, y) = key.at;
+            let middle = (x + 11.0, y - 4.0);
+            let colour = key.colour % COLOURS;
+            if key.is_band {
+                let (left, top) = (Number(x), Number(y - 10.0));
+                svg.add(format_args!(
+                    "<rect class=\"band f{colour}\" x=\"{left}\" y=\"{top}\" width=\"22\" \
+                     height=\"12\"/>\n"
+                ));
+            }
+            if let Some(stroke) = key.stroke {
+                svg.line(&line_class(stroke, colour), (x, middle.1), (x + 22.0, middle.1));
+            }
+            if let Some(marker) = key.marker {
+                draw_marker(svg, marker, colour, middle, None);
+            }
+            svg.text("key", (x + KEY_SIGN_WIDTH, y), "start", &key.name);
+        }
+    }
+
+    fn draw_band(&self, svg: &mut Svg, band: &Band) {
+        let upper = band.edges.iter().map(|&(x, _, high)| (x, high));
+        let lower = band.edges.iter().rev().map(|&(x, low, _)| (x, low));
+        let path = self.path(upper.chain(lower));
+        let colour = band.colour % COLOURS;
+        svg.add(format_args!("<path class=\"band f{colour}\" d=\"{path}Z\"/>\n"));
+    }
+
+    fn draw_rule(&self, svg: &mut Svg, rule: &Rule) {
+        match rule {
+            Rule::AtX { value, label } => {
+                let x = self.x_of(*value);
+                svg.line("rule", (x, self.top), (x, self.bottom));
+                svg.text("label", (x + 5.0, self.top + 12.0), "start", label);
+            }
+            Rule::AtY { value, label } => {
+                let y = self.y_of(*value);
+                svg.line("rule", (self.left, y), (self.right, y));
+                svg.text("label", (self.right - 4.0, y - 5.0), "end", label);
+            }
+        }
+    }
+
+    fn draw_line(&self, svg: &mut Svg, series: &Series) {
+        let Some(stroke) = series.stroke else { return };
+        if series.points.len() > 1 {
+            let path = self.path(series.points.iter().map(|point| (point.x, point.y)));
+            let class = line_class(stroke, series.colour % COLOURS);
+            svg.add(format_args!("<path class=\"{class}\" d=\"{path}\"/>\n"));
+        }
+    }
+
+    fn draw_points(&self, svg: &mut Svg, series: &Series) {
+        let colour = series.colour % COLOURS;
+        let shown = series.points.iter().filter(|point| self.holds(point));
+        for point in shown.clone() {
+            let Some(error) = point.error else { continue };
+            let x = self.x_of(point.x);
+            let (low, high) = (self.y_of(point.y - error), self.y_of(point.y + error));
+            let (low, high) = (low.min(self.bottom), high.max(self.top));
+            let class = format!("bar s{colour}");
+            svg.line(&class, (x, low), (x, high));
+            for end in [low, high] {
+                svg.line(&class, (x - 3.0, end), (x + 3.0, end));
+            }
+        }
+        let Some(marker) = series.marker else { return };
+        for point in shown {
+            let at = (self.x_of(point.x), self.y_of(point.y));
+            draw_marker(svg, marker, colour, at, point.note.as_deref());
+        }
+    }
+
+    fn holds(&self, point: &Point) -> bool {
+        let is_inside = |place: f64| (0.0..=1.0).contains(&place);
+        is_inside(self.x.place(point.x)) && is_inside(self.y.place(point.y))
+    }
+
+    fn path(&self, values: impl Iterator<Item = (f64, f64)>) -> String {
+        let mut path = String::new();
+        for (index, (x, y)) in values.enumerate() {
+            let verb = if index == 0 { 'M' } else { 'L' };
+            write!(path, "{verb}{} {}", Number(self.x_of(x)), Number(self.y_of(y)))
+                .expect("a string takes all text");
+        }
+        path
+    }
+}
+
+/// The legend: named series and bands in rows below the title.
+fn keys(chart: &Chart, width: f64) -> Vec<Key> {
+    let series = chart.series.iter().filter_map(|series| {
+        let Series { name, colour, marker, stroke, .. } = series;
+        let (name, at) = (name.clone()?, (0.0, 0.0));
+        Some(Key { name, at, colour: *colour, marker: *marker, stroke: *stroke, is_band: false })
+    });
+    let bands = chart.bands.iter().filter_map(|band| {
+        let (name, at, colour) = (band.name.clone()?, (0.0, 0.0), band.colour);
+        Some(Key { name, at, colour, marker: None, stroke: None, is_band: true })
+    });
+    let mut keys: Vec<Key> = series.chain(bands).collect();
+    let mut at = (INSET, TITLE_HEIGHT + 12.0);
+    for key in &mut keys {
+        let needed = KEY_SIGN_WIDTH + width_of(&key.name, FONT_PX);
+        if at.0 > INSET && at.0 + needed > width {
+            at = (INSET, at.1 + KEY_HEIGHT);
+        }
+        key.at = at;
+        at.0 += needed + KEY_GAP;
+    }
+    keys
+}
+
+fn line_class(stroke: Stroke, colour: usize) -> String {
+    match stroke {
+        Stroke::Solid => format!("line s{colour}"),
+        Stroke::Dashed => format!("line dashed s{colour}"),
+    }
+}
+
+fn draw_marker(svg: &mut Svg, marker: Marker, colour: usize, at: (f64, f64), note: Option<&str>) {
+    let path = marker.path(at);
+    let class =
+        if marker.is_open() { format!("open s{colour}") } else { format!("mark f{colour}") };
+    match note {
+        Some(note) => svg.add(format_args!(
+            "<path class=\"{class}\" d=\"{path}\"><title>{}</title></path>\n",
+            Escaped(note)
+        )),
+        None => svg.add(format_args!("<path class=\"{class}\" d=\"{path}\"/>\n")),
+    }
+}
