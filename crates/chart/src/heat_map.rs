@@ -126,7 +126,7 @@ impl HeatMap {
     fn draw_keys(&self, svg: &mut Svg) {
         let mut x = 2.0;
         for key in &self.categories {
-            draw_cell(svg, (x, 25.0), 22.0, &Category { name: String::new(), ..key.clone() }, "");
+            draw_cell(svg, (x, 25.0), 22.0, key, "");
             svg.text("key", (x + 28.0, 41.0), "start", &key.name);
             x += key_width(&key.name);
         }
