@@ -1,0 +1,333 @@
+//! The sensor as an electrical load in time: exact, between any two moments, for any step of the
+//! drive.
+//!
+//! A resonance rings up and dies away with a time constant of many cycles, so that a reading taken
+//! too early shows the past of the drive as well as the sensor. This module carries the motional
+//! state (the charge and the current of the series branch) through every change of frequency and of
+//! the sensor itself, and integrates the lock-in over it in closed form. Where the circuit comes
+//! from, and what noise and rounding do to the result, is left to others.
+//!
+//! ```text
+//!        ┌──── C0 (1 − j tan δ) ────┐
+//!   v ───┤                          ├───      v(t) = Re(V e^{jωt}), phase continuous
+//!        └──── R1 ─── L1 ─── C1 ────┘
+//! ```
+
+use std::f64::consts::TAU;
+
+use num_complex::Complex64;
+
+/// The Butterworth–Van Dyke circuit of the sensor, near one resonance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Circuit {
+    parallel_farad: f64,
+    loss_tangent: f64,
+    resistance_ohm: f64,
+    inductance_henry: f64,
+    capacitance_farad: f64,
+}
+
+/// Why a circuit was refused.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum CircuitError {
+    /// A quantity is not a positive number.
+    #[error("{what} must be a positive number, found {found}")]
+    NotPositive {
+        /// The quantity.
+        what: &'static str,
+        /// Its value.
+        found: f64,
+    },
+    /// The loss tangent is negative or not a number.
+    #[error("loss tangent must be at least 0, found {found}")]
+    LossTangent {
+        /// Its value.
+        found: f64,
+    },
+    /// The branch does not ring, so that it has no resonance to speak of.
+    #[error("quality {found} is at most 1/2: the motional branch does not ring")]
+    Overdamped {
+        /// The quality of the branch.
+        found: f64,
+    },
+}
+
+impl Circuit {
+    /// A circuit from what a resonance fit would report: the static capacitance C0 in F with its
+    /// loss tangent, the series resonance in Hz, the quality, and the ratio C1/C0.
+    ///
+    /// # Errors
+    /// [`CircuitError`] when a value is not a positive number, the loss tangent is negative, or the
+    /// quality is at most 1/2.
+    pub fn new(
+        parallel_farad: f64,
+        loss_tangent: f64,
+        resonance_hz: f64,
+        quality: f64,
+        capacitance_ratio: f64,
+    ) -> Result<Self, CircuitError> {
+        let positive = [
+            ("static capacitance", parallel_farad),
+            ("series resonance", resonance_hz),
+            ("quality", quality),
+            ("capacitance ratio", capacitance_ratio),
+        ];
+        for (what, found) in positive {
+            if !(found > 0.0 && found.is_finite()) {
+                return Err(CircuitError::NotPositive { what, found });
+            }
+        }
+        if !(loss_tangent >= 0.0 && loss_tangent.is_finite()) {
+            return Err(CircuitError::LossTangent { found: loss_tangent });
+        }
+        if quality <= 0.5 {
+            return Err(CircuitError::Overdamped { found: quality });
+        }
+        let omega = TAU * resonance_hz;
+        let capacitance_farad = parallel_farad * capacitance_ratio;
+        let inductance_henry = 1.0 / (omega * omega * capacitance_farad);
+        let resistance_ohm = omega * inductance_henry / quality;
+        Ok(Self { parallel_farad, loss_tangent, resistance_ohm, inductance_henry, capacitance_farad })
+    }
+
+    /// The series resonance 1/(2π√(L1 C1)), in Hz. This is what a measurement of resonance is
+    /// after.
+    pub fn resonance_hz(&self) -> f64 {
+        1.0 / (TAU * (self.inductance_henry * self.capacitance_farad).sqrt())
+    }
+
+    /// The quality of the series branch.
+    pub fn quality(&self) -> f64 {
+        (self.inductance_henry / self.capacitance_farad).sqrt() / self.resistance_ohm
+    }
+
+    /// The impedance after all transients, in ohm.
+    pub fn impedance_ohm(&self, frequency_hz: f64) -> Complex64 {
+        let omega = TAU * frequency_hz;
+        1.0 / (self.static_admittance(omega) + 1.0 / self.motional_impedance(omega))
+    }
+
+    fn static_admittance(&self, omega: f64) -> Complex64 {
+        omega * self.parallel_farad * Complex64::new(self.loss_tangent, 1.0)
+    }
+
+    fn motional_impedance(&self, omega: f64) -> Complex64 {
+        let reactance = omega * self.inductance_henry - 1.0 / (omega * self.capacitance_farad);
+        Complex64::new(self.resistance_ohm, reactance)
+    }
+
+    /// Damping rate and ringing frequency of the free branch, both in rad/s.
+    fn free_motion(&self) -> (f64, f64) {
+        let gamma = self.resistance_ohm / (2.0 * self.inductance_henry);
+        let squared = 1.0 / (self.inductance_henry * self.capacitance_farad) - gamma * gamma;
+        (gamma, squared.sqrt())
+    }
+}
+
+/// A circuit under a sinusoidal drive, with its memory.
+#[derive(Debug, Clone)]
+pub struct Plant {
+    circuit: Circuit,
+    frequency_hz: f64,
+    /// The drive now: v = Re(drive). It turns with time and never jumps.
+    drive: Complex64,
+    charge_coulomb: f64,
+    current_ampere: f64,
+}
+
+impl Plant {
+    /// A circuit at rest, whose drive of 1 V begins now at its crest.
+    pub fn at_rest(circuit: Circuit, frequency_hz: f64) -> Self {
+        let drive = Complex64::ONE;
+        Self { circuit, frequency_hz, drive, charge_coulomb: 0.0, current_ampere: 0.0 }
+    }
+
+    /// The circuit as it is now.
+    pub fn circuit(&self) -> &Circuit {
+        &self.circuit
+    }
+
+    /// The frequency of the drive, in Hz.
+    pub fn frequency_hz(&self) -> f64 {
+        self.frequency_hz
+    }
+
+    /// Changes the circuit now. Charge and current stay: nothing mechanical jumps.
+    pub fn set_circuit(&mut self, circuit: Circuit) {
+        self.circuit = circuit;
+    }
+
+    /// Changes the frequency of the drive now, without a jump of its phase.
+    pub fn set_frequency(&mut self, frequency_hz: f64) {
+        self.frequency_hz = frequency_hz;
+    }
+
+    /// Changes the amplitude of the drive by a factor, now, without a jump of its phase.
+    pub fn scale_drive(&mut self, factor: f64) {
+        self.drive *= factor;
+    }
+
+    /// Lets time pass.
+    pub fn advance(&mut self, seconds: f64) {
+        let transient = self.transient();
+        self.drive *= Complex64::cis(TAU * self.frequency_hz * seconds);
+        let steady = self.steady_current();
+        let (gamma, ringing) = self.circuit.free_motion();
+        let s = Complex64::new(-gamma, ringing);
+        let left = transient * (s * seconds).exp();
+        // The charge is the integral of the current; of Re(A e^{st}) it is Re(A e^{st} / s).
+        let omega = TAU * self.frequency_hz;
+        self.current_ampere = steady.re + left.re;
+        self.charge_coulomb = (steady / Complex64::new(0.0, omega)).re + (left / s).re;
+    }
+
+    /// The impedance that a lock-in finds over the next `cycles` whole cycles, in ohm. Time passes.
+    pub fn measure(&mut self, cycles: u32) -> Complex64 {
+        let omega = TAU * self.frequency_hz;
+        let duration_s = f64::from(cycles) / self.frequency_hz;
+        let transient = self.transient();
+        let (gamma, ringing) = self.circuit.free_motion();
+        // What is left of Re(A e^{st}) after demodulation by e^{-jωt}: half of A at s − jω and half
+        // of its conjugate at s* − jω. Over whole cycles e^{-jωT} is 1.
+        let part = |amplitude: Complex64, s: Complex64| {
+            amplitude * ((s * duration_s).exp() - 1.0) / (s - Complex64::new(0.0, omega))
+        };
+        let s = Complex64::new(-gamma, ringing);
+        let ringing_current = (part(transient, s) + part(transient.conj(), s.conj())) / duration_s;
+        let static_current = self.circuit.static_admittance(omega) * self.drive;
+        let current = self.steady_current() + ringing_current + static_current;
+        let impedance_ohm = self.drive / current;
+        self.advance(duration_s);
+        impedance_ohm
+    }
+
+    fn steady_current(&self) -> Complex64 {
+        self.drive / self.circuit.motional_impedance(TAU * self.frequency_hz)
+    }
+
+    /// The amplitude A of the free motion Re(A e^{st}) of the current: what distinguishes the state
+    /// from the steady one.
+    fn transient(&self) -> Complex64 {
+        let omega = TAU * self.frequency_hz;
+        let steady = self.steady_current();
+        let current = self.current_ampere - steady.re;
+        let charge = self.charge_coulomb - (steady / Complex64::new(0.0, omega)).re;
+        let (gamma, ringing) = self.circuit.free_motion();
+        let stiffness = gamma * gamma + ringing * ringing;
+        Complex64::new(current, (gamma * current + stiffness * charge) / ringing)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn circuit(resonance_hz: f64, quality: f64) -> Circuit {
+        Circuit::new(27.4e-9, 0.018, resonance_hz, quality, 0.08).unwrap()
+    }
+
+    /// The same circuit integrated blindly: fourth-order Runge–Kutta on charge and current, with
+    /// the lock-in as two more integrals.
+    struct Integrator {
+        charge: f64,
+        current: f64,
+        phase: f64,
+    }
+
+    impl Integrator {
+        fn run(&mut self, circuit: &Circuit, frequency_hz: f64, seconds: f64) -> Complex64 {
+            let omega = TAU * frequency_hz;
+            let steps = (seconds * frequency_hz * 4000.0).ceil().max(1.0);
+            let dt = seconds / steps;
+            let slope = |t: f64, q: f64, i: f64| {
+                let volt = (self.phase + omega * t).cos();
+                let rate = (volt - circuit.resistance_ohm * i - q / circuit.capacitance_farad)
+                    / circuit.inductance_henry;
+                (i, rate, i * Complex64::cis(-omega * t))
+            };
+            let (mut q, mut i, mut sum) = (self.charge, self.current, Complex64::ZERO);
+            let mut t = 0.0;
+            while t < seconds - 0.5 * dt {
+                let a = slope(t, q, i);
+                let b = slope(t + 0.5 * dt, q + 0.5 * dt * a.0, i + 0.5 * dt * a.1);
+                let c = slope(t + 0.5 * dt, q + 0.5 * dt * b.0, i + 0.5 * dt * b.1);
+                let d = slope(t + dt, q + dt * c.0, i + dt * c.1);
+                q += dt / 6.0 * (a.0 + 2.0 * b.0 + 2.0 * c.0 + d.0);
+                i += dt / 6.0 * (a.1 + 2.0 * b.1 + 2.0 * c.1 + d.1);
+                sum += dt / 6.0 * (a.2 + 2.0 * b.2 + 2.0 * c.2 + d.2);
+                t += dt;
+            }
+            let drive = Complex64::cis(self.phase);
+            (self.charge, self.current, self.phase) = (q, i, self.phase + omega * seconds);
+            let static_current = circuit.static_admittance(omega) * drive;
+            drive / (2.0 / seconds * sum + static_current)
+        }
+    }
+
+    #[test]
+    fn the_closed_form_agrees_with_blind_integration_through_every_kind_of_change() {
+        for quality in [0.7, 8.0, 100.0] {
+            let free = circuit(140.4, quality);
+            let touched = circuit(181.0, 0.6 * quality.max(1.0));
+            let mut plant = Plant::at_rest(free, 130.0);
+            let mut blind = Integrator { charge: 0.0, current: 0.0, phase: 0.0 };
+            let visits = [
+                (free, 130.0, 0.0, 2),
+                (free, 139.0, 0.0031, 1),
+                (free, 141.3, 0.02, 5),
+                (touched, 141.3, 0.0007, 3),
+                (touched, 190.0, 0.0, 4),
+            ];
+            for (circuit, frequency_hz, settle_s, cycles) in visits {
+                plant.set_circuit(circuit);
+                plant.set_frequency(frequency_hz);
+                plant.advance(settle_s);
+                let found = plant.measure(cycles);
+                if settle_s > 0.0 {
+                    blind.run(&circuit, frequency_hz, settle_s);
+                }
+                let expected =
+                    blind.run(&circuit, frequency_hz, f64::from(cycles) / frequency_hz);
+                let error = (found - expected).norm() / expected.norm();
+                assert!(error < 1e-8, "Q {quality}, {frequency_hz} Hz: {found} {expected} {error}");
+            }
+        }
+    }
+
+    #[test]
+    fn after_many_time_constants_only_the_steady_impedance_is_left() {
+        let mut plant = Plant::at_rest(circuit(140.4, 30.0), 139.0);
+        let early = plant.measure(1);
+        plant.advance(5.0);
+        let late = plant.measure(1);
+        let steady = plant.circuit().impedance_ohm(139.0);
+        assert!((late - steady).norm() < 1e-12 * steady.norm());
+        assert!((early - steady).norm() > 0.1 * steady.norm());
+    }
+
+    #[test]
+    fn time_may_be_cut_anywhere_and_the_drive_has_no_influence_on_impedance() {
+        let mut whole = Plant::at_rest(circuit(140.4, 30.0), 139.0);
+        let mut cut = whole.clone();
+        cut.scale_drive(5.0);
+        whole.advance(0.0437);
+        for piece in [0.0100, 0.0007, 0.0330] {
+            cut.advance(piece);
+        }
+        let (whole, cut) = (whole.measure(2), cut.measure(2));
+        assert!((whole - cut).norm() < 1e-11 * whole.norm(), "{whole} {cut}");
+    }
+
+    #[test]
+    fn what_goes_in_as_resonance_and_quality_comes_out_again() {
+        let circuit = circuit(140.4, 30.0);
+        assert!((circuit.resonance_hz() - 140.4).abs() < 1e-10);
+        assert!((circuit.quality() - 30.0).abs() < 1e-10);
+        let refused = Circuit::new(27e-9, 0.0, 140.0, 0.5, 0.08);
+        assert_eq!(refused, Err(CircuitError::Overdamped { found: 0.5 }));
+        let refused = Circuit::new(27e-9, -0.1, 140.0, 30.0, 0.08);
+        assert_eq!(refused, Err(CircuitError::LossTangent { found: -0.1 }));
+        let refused = Circuit::new(f64::NAN, 0.0, 140.0, 30.0, 0.08);
+        assert!(matches!(refused, Err(CircuitError::NotPositive { .. })));
+    }
+}
