@@ -1,3 +1,17 @@
 //! Simulated instruments on the wire and the physical world behind them.
+//!
+//! The devices answer in the bytes of the real ones, so that the drivers that talk to them are the
+//! ones that talk to a bench. All but [`SimRig`] is without I/O and takes time as an argument.
 
+mod clock;
+pub mod device;
+pub mod modbus;
 pub mod plant;
+mod random;
+mod rig;
+pub mod scene;
+mod shell;
+pub mod world;
+
+pub use rig::{AnalyzerModel, AxisModel, AxisWiring, HangUp, PortId, Rig, Wiring};
+pub use shell::{Person, SimRig};

@@ -16,111 +16,58 @@
 use std::f64::consts::TAU;
 
 use num_complex::Complex64;
+use rig_contact::Circuit;
 
-/// The Butterworth–Van Dyke circuit of the sensor, near one resonance.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Circuit {
-    parallel_farad: f64,
+/// The circuit does not ring: its quality is at most 1/2, or no number.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error("quality factor {q} is not above 1/2: the sensor does not ring")]
+pub struct NotRinging {
+    /// The quality factor.
+    pub q: f64,
+}
+
+/// The elements of a circuit, as its equations of motion want them.
+#[derive(Debug, Clone, Copy)]
+struct Elements {
+    parallel_f: f64,
     loss_tangent: f64,
     resistance_ohm: f64,
-    inductance_henry: f64,
-    capacitance_farad: f64,
+    inductance_h: f64,
+    series_f: f64,
+    /// The free motion e^{st} of the series branch, s = −γ + jω, in rad/s.
+    free: Complex64,
 }
 
-/// Why a circuit was refused.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum CircuitError {
-    /// A quantity is not a positive number.
-    #[error("{what} must be a positive number, found {found}")]
-    NotPositive {
-        /// The quantity.
-        what: &'static str,
-        /// Its value.
-        found: f64,
-    },
-    /// The loss tangent is negative or not a number.
-    #[error("loss tangent must be at least 0, found {found}")]
-    LossTangent {
-        /// Its value.
-        found: f64,
-    },
-    /// The branch does not ring, so that it has no resonance to speak of.
-    #[error("quality {found} is at most 1/2: the motional branch does not ring")]
-    Overdamped {
-        /// The quality of the branch.
-        found: f64,
-    },
-}
-
-impl Circuit {
-    /// A circuit from what a resonance fit would report: the static capacitance C0 in F with its
-    /// loss tangent, the series resonance in Hz, the quality, and the ratio C1/C0.
-    ///
-    /// # Errors
-    /// [`CircuitError`] when a value is not a positive number, the loss tangent is negative, or the
-    /// quality is at most 1/2.
-    pub fn new(
-        parallel_farad: f64,
-        loss_tangent: f64,
-        resonance_hz: f64,
-        quality: f64,
-        capacitance_ratio: f64,
-    ) -> Result<Self, CircuitError> {
-        let positive = [
-            ("static capacitance", parallel_farad),
-            ("series resonance", resonance_hz),
-            ("quality", quality),
-            ("capacitance ratio", capacitance_ratio),
-        ];
-        for (what, found) in positive {
-            if !(found > 0.0 && found.is_finite()) {
-                return Err(CircuitError::NotPositive { what, found });
-            }
+impl Elements {
+    fn of(circuit: &Circuit) -> Result<Self, NotRinging> {
+        let Circuit { series_resonance_hz, q, capacitance_f, capacitance_ratio, dielectric_loss } =
+            *circuit;
+        // Written so that a quality that is no number is refused too.
+        if !(q > 0.5 && q.is_finite()) {
+            return Err(NotRinging { q });
         }
-        if !(loss_tangent >= 0.0 && loss_tangent.is_finite()) {
-            return Err(CircuitError::LossTangent { found: loss_tangent });
-        }
-        if quality <= 0.5 {
-            return Err(CircuitError::Overdamped { found: quality });
-        }
-        let omega = TAU * resonance_hz;
-        let capacitance_farad = parallel_farad * capacitance_ratio;
-        let inductance_henry = 1.0 / (omega * omega * capacitance_farad);
-        let resistance_ohm = omega * inductance_henry / quality;
-        Ok(Self { parallel_farad, loss_tangent, resistance_ohm, inductance_henry, capacitance_farad })
+        let omega = TAU * series_resonance_hz;
+        let series_f = capacitance_f * capacitance_ratio;
+        let inductance_h = 1.0 / (omega * omega * series_f);
+        let damping = omega / (2.0 * q);
+        let ringing = omega * (1.0 - 0.25 / (q * q)).sqrt();
+        Ok(Self {
+            parallel_f: capacitance_f,
+            loss_tangent: dielectric_loss,
+            resistance_ohm: omega * inductance_h / q,
+            inductance_h,
+            series_f,
+            free: Complex64::new(-damping, ringing),
+        })
     }
 
-    /// The series resonance 1/(2π√(L1 C1)), in Hz. This is what a measurement of resonance is
-    /// after.
-    pub fn resonance_hz(&self) -> f64 {
-        1.0 / (TAU * (self.inductance_henry * self.capacitance_farad).sqrt())
+    fn parallel_admittance(&self, omega: f64) -> Complex64 {
+        omega * self.parallel_f * Complex64::new(self.loss_tangent, 1.0)
     }
 
-    /// The quality of the series branch.
-    pub fn quality(&self) -> f64 {
-        (self.inductance_henry / self.capacitance_farad).sqrt() / self.resistance_ohm
-    }
-
-    /// The impedance after all transients, in ohm.
-    pub fn impedance_ohm(&self, frequency_hz: f64) -> Complex64 {
-        let omega = TAU * frequency_hz;
-        1.0 / (self.static_admittance(omega) + 1.0 / self.motional_impedance(omega))
-    }
-
-    fn static_admittance(&self, omega: f64) -> Complex64 {
-        omega * self.parallel_farad * Complex64::new(self.loss_tangent, 1.0)
-    }
-
-    fn motional_impedance(&self, omega: f64) -> Complex64 {
-        let reactance = omega * self.inductance_henry - 1.0 / (omega * self.capacitance_farad);
+    fn series_impedance(&self, omega: f64) -> Complex64 {
+        let reactance = omega * self.inductance_h - 1.0 / (omega * self.series_f);
         Complex64::new(self.resistance_ohm, reactance)
-    }
-
-    /// Damping rate and ringing frequency of the free branch, both in rad/s.
-    fn free_motion(&self) -> (f64, f64) {
-        let gamma = self.resistance_ohm / (2.0 * self.inductance_henry);
-        let squared = 1.0 / (self.inductance_henry * self.capacitance_farad) - gamma * gamma;
-        (gamma, squared.sqrt())
     }
 }
 
@@ -128,6 +75,7 @@ impl Circuit {
 #[derive(Debug, Clone)]
 pub struct Plant {
     circuit: Circuit,
+    elements: Elements,
     frequency_hz: f64,
     /// The drive now: v = Re(drive). It turns with time and never jumps.
     drive: Complex64,
@@ -137,9 +85,20 @@ pub struct Plant {
 
 impl Plant {
     /// A circuit at rest, whose drive of 1 V begins now at its crest.
-    pub fn at_rest(circuit: Circuit, frequency_hz: f64) -> Self {
+    ///
+    /// # Errors
+    /// [`NotRinging`].
+    pub fn at_rest(circuit: Circuit, frequency_hz: f64) -> Result<Self, NotRinging> {
+        let elements = Elements::of(&circuit)?;
         let drive = Complex64::ONE;
-        Self { circuit, frequency_hz, drive, charge_coulomb: 0.0, current_ampere: 0.0 }
+        Ok(Self {
+            circuit,
+            elements,
+            frequency_hz,
+            drive,
+            charge_coulomb: 0.0,
+            current_ampere: 0.0,
+        })
     }
 
     /// The circuit as it is now.
@@ -153,8 +112,13 @@ impl Plant {
     }
 
     /// Changes the circuit now. Charge and current stay: nothing mechanical jumps.
-    pub fn set_circuit(&mut self, circuit: Circuit) {
+    ///
+    /// # Errors
+    /// [`NotRinging`]; the circuit then stays.
+    pub fn set_circuit(&mut self, circuit: Circuit) -> Result<(), NotRinging> {
+        self.elements = Elements::of(&circuit)?;
         self.circuit = circuit;
+        Ok(())
     }
 
     /// Changes the frequency of the drive now, without a jump of its phase.
@@ -172,8 +136,7 @@ impl Plant {
         let transient = self.transient();
         self.drive *= Complex64::cis(TAU * self.frequency_hz * seconds);
         let steady = self.steady_current();
-        let (gamma, ringing) = self.circuit.free_motion();
-        let s = Complex64::new(-gamma, ringing);
+        let s = self.elements.free;
         let left = transient * (s * seconds).exp();
         // The charge is the integral of the current; of Re(A e^{st}) it is Re(A e^{st} / s).
         let omega = TAU * self.frequency_hz;
@@ -186,23 +149,22 @@ impl Plant {
         let omega = TAU * self.frequency_hz;
         let duration_s = f64::from(cycles) / self.frequency_hz;
         let transient = self.transient();
-        let (gamma, ringing) = self.circuit.free_motion();
         // What is left of Re(A e^{st}) after demodulation by e^{-jωt}: half of A at s − jω and half
         // of its conjugate at s* − jω. Over whole cycles e^{-jωT} is 1.
         let part = |amplitude: Complex64, s: Complex64| {
             amplitude * ((s * duration_s).exp() - 1.0) / (s - Complex64::new(0.0, omega))
         };
-        let s = Complex64::new(-gamma, ringing);
+        let s = self.elements.free;
         let ringing_current = (part(transient, s) + part(transient.conj(), s.conj())) / duration_s;
-        let static_current = self.circuit.static_admittance(omega) * self.drive;
-        let current = self.steady_current() + ringing_current + static_current;
+        let parallel_current = self.elements.parallel_admittance(omega) * self.drive;
+        let current = self.steady_current() + ringing_current + parallel_current;
         let impedance_ohm = self.drive / current;
         self.advance(duration_s);
         impedance_ohm
     }
 
     fn steady_current(&self) -> Complex64 {
-        self.drive / self.circuit.motional_impedance(TAU * self.frequency_hz)
+        self.drive / self.elements.series_impedance(TAU * self.frequency_hz)
     }
 
     /// The amplitude A of the free motion Re(A e^{st}) of the current: what distinguishes the state
@@ -212,9 +174,8 @@ impl Plant {
         let steady = self.steady_current();
         let current = self.current_ampere - steady.re;
         let charge = self.charge_coulomb - (steady / Complex64::new(0.0, omega)).re;
-        let (gamma, ringing) = self.circuit.free_motion();
-        let stiffness = gamma * gamma + ringing * ringing;
-        Complex64::new(current, (gamma * current + stiffness * charge) / ringing)
+        let s = self.elements.free;
+        Complex64::new(current, (s.norm_sqr() * charge - s.re * current) / s.im)
     }
 }
 
@@ -223,7 +184,13 @@ mod tests {
     use super::*;
 
     fn circuit(resonance_hz: f64, quality: f64) -> Circuit {
-        Circuit::new(27.4e-9, 0.018, resonance_hz, quality, 0.08).unwrap()
+        Circuit {
+            series_resonance_hz: resonance_hz,
+            q: quality,
+            capacitance_f: 27.4e-9,
+            capacitance_ratio: 0.08,
+            dielectric_loss: 0.018,
+        }
     }
 
     /// The same circuit integrated blindly: fourth-order Runge–Kutta on charge and current, with
@@ -237,12 +204,13 @@ mod tests {
     impl Integrator {
         fn run(&mut self, circuit: &Circuit, frequency_hz: f64, seconds: f64) -> Complex64 {
             let omega = TAU * frequency_hz;
+            let elements = Elements::of(circuit).unwrap();
             let steps = (seconds * frequency_hz * 4000.0).ceil().max(1.0);
             let dt = seconds / steps;
             let slope = |t: f64, q: f64, i: f64| {
                 let volt = (self.phase + omega * t).cos();
-                let rate = (volt - circuit.resistance_ohm * i - q / circuit.capacitance_farad)
-                    / circuit.inductance_henry;
+                let rate = (volt - elements.resistance_ohm * i - q / elements.series_f)
+                    / elements.inductance_h;
                 (i, rate, i * Complex64::cis(-omega * t))
             };
             let (mut q, mut i, mut sum) = (self.charge, self.current, Complex64::ZERO);
@@ -259,8 +227,8 @@ mod tests {
             }
             let drive = Complex64::cis(self.phase);
             (self.charge, self.current, self.phase) = (q, i, self.phase + omega * seconds);
-            let static_current = circuit.static_admittance(omega) * drive;
-            drive / (2.0 / seconds * sum + static_current)
+            let parallel_current = elements.parallel_admittance(omega) * drive;
+            drive / (2.0 / seconds * sum + parallel_current)
         }
     }
 
@@ -269,7 +237,7 @@ mod tests {
         for quality in [0.7, 8.0, 100.0] {
             let free = circuit(140.4, quality);
             let touched = circuit(181.0, 0.6 * quality.max(1.0));
-            let mut plant = Plant::at_rest(free, 130.0);
+            let mut plant = Plant::at_rest(free, 130.0).unwrap();
             let mut blind = Integrator { charge: 0.0, current: 0.0, phase: 0.0 };
             let visits = [
                 (free, 130.0, 0.0, 2),
@@ -279,15 +247,14 @@ mod tests {
                 (touched, 190.0, 0.0, 4),
             ];
             for (circuit, frequency_hz, settle_s, cycles) in visits {
-                plant.set_circuit(circuit);
+                plant.set_circuit(circuit).unwrap();
                 plant.set_frequency(frequency_hz);
                 plant.advance(settle_s);
                 let found = plant.measure(cycles);
                 if settle_s > 0.0 {
                     blind.run(&circuit, frequency_hz, settle_s);
                 }
-                let expected =
-                    blind.run(&circuit, frequency_hz, f64::from(cycles) / frequency_hz);
+                let expected = blind.run(&circuit, frequency_hz, f64::from(cycles) / frequency_hz);
                 let error = (found - expected).norm() / expected.norm();
                 assert!(error < 1e-8, "Q {quality}, {frequency_hz} Hz: {found} {expected} {error}");
             }
@@ -296,7 +263,7 @@ mod tests {
 
     #[test]
     fn after_many_time_constants_only_the_steady_impedance_is_left() {
-        let mut plant = Plant::at_rest(circuit(140.4, 30.0), 139.0);
+        let mut plant = Plant::at_rest(circuit(140.4, 30.0), 139.0).unwrap();
         let early = plant.measure(1);
         plant.advance(5.0);
         let late = plant.measure(1);
@@ -307,7 +274,7 @@ mod tests {
 
     #[test]
     fn time_may_be_cut_anywhere_and_the_drive_has_no_influence_on_impedance() {
-        let mut whole = Plant::at_rest(circuit(140.4, 30.0), 139.0);
+        let mut whole = Plant::at_rest(circuit(140.4, 30.0), 139.0).unwrap();
         let mut cut = whole.clone();
         cut.scale_drive(5.0);
         whole.advance(0.0437);
@@ -319,15 +286,12 @@ mod tests {
     }
 
     #[test]
-    fn what_goes_in_as_resonance_and_quality_comes_out_again() {
-        let circuit = circuit(140.4, 30.0);
-        assert!((circuit.resonance_hz() - 140.4).abs() < 1e-10);
-        assert!((circuit.quality() - 30.0).abs() < 1e-10);
-        let refused = Circuit::new(27e-9, 0.0, 140.0, 0.5, 0.08);
-        assert_eq!(refused, Err(CircuitError::Overdamped { found: 0.5 }));
-        let refused = Circuit::new(27e-9, -0.1, 140.0, 30.0, 0.08);
-        assert_eq!(refused, Err(CircuitError::LossTangent { found: -0.1 }));
-        let refused = Circuit::new(f64::NAN, 0.0, 140.0, 30.0, 0.08);
-        assert!(matches!(refused, Err(CircuitError::NotPositive { .. })));
+    fn a_circuit_that_does_not_ring_is_refused() {
+        assert!(Plant::at_rest(circuit(140.4, 0.501), 139.0).is_ok());
+        let refused = Plant::at_rest(circuit(140.4, 0.5), 139.0).unwrap_err();
+        assert_eq!(refused, NotRinging { q: 0.5 });
+        let mut plant = Plant::at_rest(circuit(140.4, 30.0), 139.0).unwrap();
+        assert!(plant.set_circuit(circuit(140.4, f64::NAN)).is_err());
+        assert_eq!(plant.circuit().q, 30.0);
     }
 }

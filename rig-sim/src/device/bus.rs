@@ -1,0 +1,334 @@
+//! A line with Modbus units on it.
+
+use std::time::Duration;
+
+use rig_model::RigTime;
+
+use super::{az::Az, outbox::Outbox};
+use crate::{
+    modbus::{Answer, Frame, NotModbus, Request, RtuDecoder, TcpDecoder},
+    world::World,
+};
+
+/// A drive of any make.
+#[derive(Debug)]
+pub enum Drive {
+    /// Oriental Motor AZ.
+    Az(Az),
+}
+
+impl Drive {
+    fn handle(&mut self, now: RigTime, request: &Request, world: &mut World) -> Answer {
+        match self {
+            Self::Az(drive) => drive.handle(now, request, world),
+        }
+    }
+}
+
+/// How a line carries its frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Carrier {
+    /// A serial line at this many baud, eleven bits a character.
+    Serial {
+        /// Bits per second.
+        baud: u32,
+    },
+    /// A network connection.
+    Tcp,
+}
+
+impl Carrier {
+    /// How long `bytes` characters are under way.
+    fn duration_of(self, bytes: usize) -> Duration {
+        match self {
+            Self::Serial { baud } => Duration::from_secs_f64(11.0 * bytes as f64 / f64::from(baud)),
+            Self::Tcp => Duration::ZERO,
+        }
+    }
+
+    /// The silence that ends a frame: 3.5 characters, but never less than 1.75 ms.
+    fn silence(self) -> Duration {
+        self.duration_of(7).div_f64(2.0).max(Duration::from_micros(1750))
+    }
+}
+
+#[derive(Debug)]
+enum Decoder {
+    Rtu(RtuDecoder),
+    Tcp(TcpDecoder),
+}
+
+/// A line and the drives on it.
+#[derive(Debug)]
+pub struct Bus {
+    carrier: Carrier,
+    /// How long a drive thinks before it answers.
+    turnaround: Duration,
+    units: Vec<(u8, Drive)>,
+    decoder: Decoder,
+    outbox: Outbox,
+}
+
+impl Bus {
+    /// A line with drives at these unit ids.
+    pub fn new(carrier: Carrier, turnaround: Duration, units: Vec<(u8, Drive)>) -> Self {
+        let decoder = match carrier {
+            Carrier::Serial { .. } => Decoder::Rtu(RtuDecoder::new(carrier.silence())),
+            Carrier::Tcp => Decoder::Tcp(TcpDecoder::default()),
+        };
+        Self { carrier, turnaround, units, decoder, outbox: Outbox::default() }
+    }
+
+    /// Takes bytes that came at `now`.
+    ///
+    /// # Errors
+    /// [`NotModbus`] on a network connection that has to be closed.
+    pub fn push(&mut self, now: RigTime, bytes: &[u8], world: &mut World) -> Result<(), NotModbus> {
+        match &mut self.decoder {
+            Decoder::Rtu(decoder) => decoder.push(now, bytes),
+            Decoder::Tcp(decoder) => decoder.push(bytes),
+        }
+        self.advance(now, world)
+    }
+
+    /// When something will happen without further bytes.
+    pub fn deadline(&self) -> Option<RigTime> {
+        let silence = match &self.decoder {
+            Decoder::Rtu(decoder) => decoder.deadline(),
+            Decoder::Tcp(_) => None,
+        };
+        [silence, self.outbox.deadline()].into_iter().flatten().min()
+    }
+
+    /// What has been said by `now`.
+    ///
+    /// # Errors
+    /// [`NotModbus`] as for [`push`](Self::push).
+    pub fn poll(&mut self, now: RigTime, world: &mut World) -> Result<Vec<u8>, NotModbus> {
+        self.advance(now, world)?;
+        Ok(self.outbox.poll(now))
+    }
+
+    fn advance(&mut self, now: RigTime, world: &mut World) -> Result<(), NotModbus> {
+        loop {
+            let frame = match &mut self.decoder {
+                Decoder::Rtu(decoder) => decoder.poll(now),
+                Decoder::Tcp(decoder) => decoder.poll()?,
+            };
+            let Some(frame) = frame else { return Ok(()) };
+            self.handle(now, &frame, world);
+        }
+    }
+
+    fn handle(&mut self, now: RigTime, frame: &Frame, world: &mut World) {
+        let is_broadcast = frame.unit == 0 && matches!(self.carrier, Carrier::Serial { .. });
+        for (unit, drive) in &mut self.units {
+            if !(is_broadcast || *unit == frame.unit) {
+                continue;
+            }
+            let answer = match &frame.request {
+                Ok(request) => drive.handle(now, request, world),
+                Err(exception) => Some(Err(*exception)),
+            };
+            // Nobody answers a broadcast, not even to refuse it.
+            let (Some(answer), false) = (answer, is_broadcast) else { continue };
+            let bytes = frame.answer(*unit, &answer);
+            let due =
+                now + self.carrier.duration_of(frame.length() + bytes.len()) + self.turnaround;
+            self.outbox.push(due, bytes);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{device::az::alarm, scene::paper, world::AxisId};
+
+    /// Two drives on one line, 0.001 mm and 0.01° a step, with the master's side of the protocol.
+    struct Bench {
+        bus: Bus,
+        world: World,
+        now: RigTime,
+    }
+
+    const MM: f64 = 0.001;
+
+    impl Bench {
+        fn new() -> Self {
+            let mut world = World::new(paper(), 1).unwrap();
+            world.place_sample(RigTime::ZERO, "3").unwrap();
+            let units = vec![
+                (1, Drive::Az(Az::new(AxisId::Linear, MM, &world))),
+                (2, Drive::Az(Az::new(AxisId::Rotary, 0.01, &world))),
+            ];
+            let carrier = Carrier::Serial { baud: 115_200 };
+            let bus = Bus::new(carrier, Duration::from_millis(2), units);
+            Self { bus, world, now: RigTime::ZERO }
+        }
+
+        /// Sends a request without its checksum; the answer comes back without unit and checksum.
+        fn ask(&mut self, frame: &[u8]) -> Option<Vec<u8>> {
+            let bytes = crate::modbus::with_checksum(frame);
+            self.bus.push(self.now, &bytes, &mut self.world).unwrap();
+            let due = self.bus.deadline()?;
+            assert!(self.bus.poll(self.now, &mut self.world).unwrap().is_empty());
+            self.now = due;
+            let answer = self.bus.poll(due, &mut self.world).unwrap();
+            assert_eq!(self.bus.deadline(), None);
+            assert_eq!(answer[0], frame[0]);
+            Some(answer[1..answer.len() - 2].to_vec())
+        }
+
+        fn read(&mut self, unit: u8, address: u16) -> i32 {
+            let [high, low] = address.to_be_bytes();
+            let answer = self.ask(&[unit, 3, high, low, 0, 2]).unwrap();
+            assert_eq!(answer[..2], [3, 4], "{address:#06x}");
+            i32::from_be_bytes(answer[2..].try_into().unwrap())
+        }
+
+        fn write(&mut self, unit: u8, address: u16, values: &[i32]) -> Vec<u8> {
+            let count = u8::try_from(2 * values.len()).unwrap();
+            let [high, low] = address.to_be_bytes();
+            let mut frame = vec![unit, 16, high, low, 0, count, 2 * count];
+            frame.extend(values.iter().flat_map(|value| value.to_be_bytes()));
+            self.ask(&frame).unwrap()
+        }
+
+        /// An absolute move by direct data operation.
+        fn go(&mut self, unit: u8, position: i32, speed: i32) {
+            let data = [0, 1, position, speed, 1_000_000, 1_000_000, 1000, 1];
+            assert_eq!(self.write(unit, 0x0058, &data), [16, 0, 0x58, 0, 16]);
+        }
+
+        fn wait(&mut self, seconds: f64) {
+            self.now = self.now + Duration::from_secs_f64(seconds);
+        }
+    }
+
+    const READY: i32 = 1 << 5;
+    const ALARM: i32 = 1 << 7;
+    const MOVE: i32 = 1 << 13;
+    const IN_POSITION: i32 = 1 << 14;
+
+    #[test]
+    fn a_move_takes_its_time_and_ends_where_it_was_sent() {
+        let mut bench = Bench::new();
+        let start = bench.read(1, 0x00CC);
+        bench.go(1, start + 5000, 10_000);
+        assert_eq!(bench.read(1, 0x007E) & (READY | MOVE | IN_POSITION), MOVE);
+        bench.wait(0.25);
+        let half = bench.read(1, 0x00CC) - start;
+        assert!((2000..3500).contains(&half), "{half}");
+        bench.wait(0.3);
+        assert_eq!(bench.read(1, 0x007E) & (READY | MOVE | IN_POSITION), READY | IN_POSITION);
+        assert!((bench.read(1, 0x00CC) - start - 5000).abs() <= 3);
+        assert_eq!(bench.read(1, 0x00C6), start + 5000);
+        // The other drive on the line did not take part.
+        assert_eq!(bench.read(2, 0x00C6), 0);
+    }
+
+    #[test]
+    fn a_broadcast_is_obeyed_and_nobody_answers() {
+        let mut bench = Bench::new();
+        bench.go(1, 30_000, 1000);
+        bench.wait(0.5);
+        // STOP to all.
+        assert_eq!(bench.ask(&[0, 6, 0, 0x7D, 0, 0x20]), None);
+        bench.wait(0.1);
+        assert_eq!(bench.read(1, 0x007E) & (READY | MOVE), 0);
+        // While STOP is on, a move is refused without a word.
+        let before = bench.read(2, 0x00C6);
+        bench.go(2, 1000, 1000);
+        bench.wait(2.0);
+        assert_eq!((bench.read(2, 0x00C6), bench.read(2, 0x0080)), (before, 0));
+    }
+
+    #[test]
+    fn foreign_units_and_damaged_frames_are_met_with_silence() {
+        let mut bench = Bench::new();
+        assert_eq!(bench.ask(&[9, 3, 0, 0xCC, 0, 2]), None);
+        bench.bus.push(bench.now, &[1, 3, 0, 0xCC, 0, 2, 0, 0], &mut bench.world).unwrap();
+        bench.now = bench.bus.deadline().unwrap();
+        assert!(bench.bus.poll(bench.now, &mut bench.world).unwrap().is_empty());
+        assert_eq!(bench.bus.deadline(), None);
+    }
+
+    #[test]
+    fn what_the_map_does_not_have_is_an_exception() {
+        let mut bench = Bench::new();
+        assert_eq!(bench.ask(&[1, 3, 0x70, 0, 0, 2]), Some(vec![0x83, 2]));
+        assert_eq!(
+            bench.ask(&[1, 6, 0, 0x80, 0, 0]),
+            Some(vec![0x86, 2]),
+            "the alarm is read only"
+        );
+        assert_eq!(bench.ask(&[1, 4, 0, 0xCC, 0, 2]), Some(vec![0x84, 1]));
+        assert_eq!(bench.write(1, 0x0060, &[0]), [0x90, 3], "no acceleration of zero");
+        assert_eq!(bench.ask(&[1, 8, 0, 0, 0x12, 0x34]), Some(vec![8, 0, 0, 0x12, 0x34]));
+    }
+
+    #[test]
+    fn a_software_limit_stops_the_move_and_raises_the_alarm_until_it_is_reset() {
+        let mut bench = Bench::new();
+        let start = bench.read(1, 0x00C6);
+        assert_eq!(bench.write(1, 0x0386, &[3, start + 1000, start - 1000]), [16, 3, 0x86, 0, 6]);
+        bench.go(1, start + 2000, 10_000);
+        bench.wait(1.0);
+        assert_eq!(bench.read(1, 0x00C6), start + 1000);
+        assert_eq!(bench.read(1, 0x0080), i32::from(alarm::SOFTWARE_OVERTRAVEL));
+        assert_eq!(bench.read(1, 0x007E) & (READY | ALARM), ALARM);
+        // An alarm refuses moves without a word.
+        bench.go(1, start, 10_000);
+        bench.wait(1.0);
+        assert_eq!(bench.read(1, 0x00C6), start + 1000);
+        bench.write(1, 0x0180, &[1]);
+        bench.write(1, 0x0180, &[0]);
+        bench.go(1, start, 10_000);
+        bench.wait(1.0);
+        assert_eq!((bench.read(1, 0x00C6), bench.read(1, 0x0080)), (start, 0));
+        assert_eq!(bench.read(1, 0x0082), i32::from(alarm::SOFTWARE_OVERTRAVEL), "in the history");
+    }
+
+    #[test]
+    fn the_limit_switch_is_an_alarm_of_the_hardware() {
+        let mut bench = Bench::new();
+        bench.go(1, 10_000_000, 50_000);
+        bench.wait(10.0);
+        assert_eq!(bench.read(1, 0x0080), i32::from(alarm::HARDWARE_OVERTRAVEL));
+        let travel = bench.world.travel(AxisId::Linear).1;
+        assert_eq!(f64::from(bench.read(1, 0x00C6)) * MM, travel);
+    }
+
+    #[test]
+    fn relative_moves_triggers_and_home() {
+        let mut bench = Bench::new();
+        let start = bench.read(1, 0x00C6);
+        // Incremental from the command position, triggered by the position item alone.
+        bench.write(1, 0x0058, &[0, 2, 0, 10_000, 1_000_000, 1_000_000, 1000, -5]);
+        bench.wait(0.1);
+        for _ in 0..2 {
+            bench.write(1, 0x005C, &[500]);
+            bench.wait(0.5);
+        }
+        // Once by the first request, whose position is zero, and twice by 500.
+        assert_eq!(bench.read(1, 0x00C6), start + 1000);
+        bench.ask(&[1, 6, 0, 0x7D, 0, 0x10]).unwrap();
+        assert_eq!(bench.read(1, 0x00D4), 0, "home is lost until it is found");
+        bench.wait(20.0);
+        assert_eq!((bench.read(1, 0x00C6), bench.read(1, 0x00D4)), (0, 1 << 16));
+    }
+
+    #[test]
+    fn a_restart_forgets_settings_and_keeps_the_place() {
+        let mut bench = Bench::new();
+        bench.go(1, 21_000, 10_000);
+        bench.wait(0.2);
+        let Drive::Az(drive) = &mut bench.bus.units[0].1;
+        drive.restart(bench.now, &mut bench.world);
+        bench.wait(5.0);
+        let place = bench.read(1, 0x00C6);
+        assert!((bench.read(1, 0x00CC) - place).abs() <= 3);
+        assert_eq!(bench.read(1, 0x005E), 1000, "the speed is the one of the factory");
+    }
+}

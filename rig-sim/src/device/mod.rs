@@ -1,0 +1,9 @@
+//! The instruments: what they say on the wire and what they do to the world.
+//!
+//! Each is a state machine without I/O: bytes go in with the time at which they came, bytes come
+//! out when they are due, and [`deadline`](bus::Bus::deadline) says when that will be.
+
+pub mod az;
+pub mod bus;
+pub mod hioki;
+mod outbox;

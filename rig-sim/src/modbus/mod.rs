@@ -1,0 +1,78 @@
+//! The server side of Modbus, without I/O.
+//!
+//! It is written for the simulator alone and shares nothing with the library that the drivers use,
+//! so that a driver is never tested against its own idea of the protocol. A unit sees requests and
+//! gives answers; framing, checksums, broadcasts and foreign units are dealt with here.
+
+mod pdu;
+mod rtu;
+mod tcp;
+
+pub use pdu::{Block, Exception, Reply, Request};
+pub use rtu::RtuDecoder;
+pub use tcp::{NotModbus, TcpDecoder};
+
+/// What a unit does with a request: an answer, an exception, or nothing at all, as drives do that
+/// refuse a command without a word.
+pub type Answer = Option<Result<Reply, Exception>>;
+
+/// A whole frame from a master, whose checksum or header is right.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Frame {
+    /// The unit that is meant; 0 is everybody on a serial line.
+    pub unit: u8,
+    /// The request, or why a unit has to refuse it.
+    pub request: Result<Request, Exception>,
+    /// Function code and data as they came.
+    pdu: Vec<u8>,
+    framing: Framing,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Framing {
+    Rtu,
+    Tcp { transaction: u16 },
+}
+
+impl Frame {
+    fn new(unit: u8, pdu: &[u8], framing: Framing) -> Self {
+        Self { unit, request: Request::parse(pdu), pdu: pdu.to_vec(), framing }
+    }
+
+    /// The function code.
+    pub fn function(&self) -> u8 {
+        self.pdu[0]
+    }
+
+    /// How many characters the frame had on the wire.
+    pub fn length(&self) -> usize {
+        match self.framing {
+            Framing::Rtu => 1 + self.pdu.len() + 2,
+            Framing::Tcp { .. } => tcp::HEADER + 1 + self.pdu.len(),
+        }
+    }
+
+    /// The bytes of an answer to this frame from `unit`.
+    pub fn answer(&self, unit: u8, answer: &Result<Reply, Exception>) -> Vec<u8> {
+        let pdu = pdu::encode(&self.pdu, answer);
+        match self.framing {
+            Framing::Rtu => rtu::frame(unit, &pdu),
+            Framing::Tcp { transaction } => tcp::frame(transaction, unit, &pdu),
+        }
+    }
+
+    /// The bytes of an answer with any exception code, also one that does not exist.
+    pub fn exception(&self, unit: u8, code: u8) -> Vec<u8> {
+        let pdu = [self.function() | 0x80, code];
+        match self.framing {
+            Framing::Rtu => rtu::frame(unit, &pdu),
+            Framing::Tcp { transaction } => tcp::frame(transaction, unit, &pdu),
+        }
+    }
+}
+
+/// A serial frame from its unit, function and data.
+#[cfg(test)]
+pub(crate) fn with_checksum(frame: &[u8]) -> Vec<u8> {
+    rtu::frame(frame[0], &frame[1..])
+}

@@ -1,0 +1,270 @@
+//! The simulated rig on tokio's clock, its ports served on any stream of bytes.
+
+use std::{
+    sync::{Arc, Mutex, MutexGuard},
+    time::Duration,
+};
+
+use rig_model::{Orientation, RigTime};
+use tokio::{
+    io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt, DuplexStream, duplex},
+    task::JoinSet,
+    time::{Instant, sleep_until},
+};
+
+use crate::{
+    rig::{PortId, Rig, Wiring},
+    world::{NoSuchSample, Scene, SceneError, Truth, Violation},
+};
+
+/// Bytes that a pipe holds: more than the longest answer.
+const PIPE_BYTES: usize = 64 * 1024;
+
+/// A running simulated rig. It ends when it is dropped.
+#[derive(Debug)]
+pub struct SimRig {
+    shared: Shared,
+    ports: JoinSet<()>,
+}
+
+/// The rig and the clock by which it lives.
+#[derive(Debug, Clone)]
+struct Shared {
+    rig: Arc<Mutex<Rig>>,
+    opened: Instant,
+}
+
+impl Shared {
+    fn now(&self) -> RigTime {
+        RigTime::ZERO + self.opened.elapsed()
+    }
+
+    fn instant(&self, at: RigTime) -> Instant {
+        self.opened + Duration::from_micros(at.as_micros())
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Rig> {
+        self.rig.lock().expect("nothing panics while it holds the rig")
+    }
+}
+
+impl SimRig {
+    /// Switches a rig on. Its clock begins now, on the runtime on which this is called.
+    ///
+    /// # Errors
+    /// [`SceneError`].
+    pub fn start(scene: Scene, wiring: &Wiring, seed: u64) -> Result<Self, SceneError> {
+        let rig = Arc::new(Mutex::new(Rig::new(scene, wiring, seed)?));
+        Ok(Self { shared: Shared { rig, opened: Instant::now() }, ports: JoinSet::new() })
+    }
+
+    /// A new connection to the analyzer. An earlier one stays open, as a second cable would.
+    pub fn analyzer_port(&mut self) -> DuplexStream {
+        self.port(PortId::Analyzer)
+    }
+
+    /// A new connection to the line of the drives.
+    pub fn bus_port(&mut self) -> DuplexStream {
+        self.port(PortId::Bus)
+    }
+
+    fn port(&mut self, port: PortId) -> DuplexStream {
+        let (ours, theirs) = duplex(PIPE_BYTES);
+        let shared = self.shared.clone();
+        self.ports.spawn(async move { shared.serve(port, ours).await });
+        theirs
+    }
+
+    /// The hands of the person at the bench.
+    pub fn person(&self) -> Person {
+        Person(self.shared.clone())
+    }
+
+    /// How things really are now.
+    pub fn truth(&self) -> Truth {
+        let now = self.shared.now();
+        self.shared.lock().world().truth(now)
+    }
+
+    /// What must never happen and did.
+    pub fn violations(&self) -> Vec<Violation> {
+        let now = self.shared.now();
+        self.shared.lock().world().violations(now).to_vec()
+    }
+
+    /// The nominal modulus of a sample, MPa, as its maker states it.
+    pub fn known_stiffness_mpa(&self, sample: &str) -> Option<f64> {
+        let mut rig = self.shared.lock();
+        let samples = &rig.world().scene().samples;
+        samples.iter().find(|known| known.name == sample).map(|known| known.stiffness_mpa)
+    }
+}
+
+/// What a technician does by hand.
+#[derive(Debug, Clone)]
+pub struct Person(Shared);
+
+impl Person {
+    /// Puts a sample under the probe.
+    ///
+    /// # Errors
+    /// [`NoSuchSample`].
+    pub fn place_sample(&self, name: &str) -> Result<(), NoSuchSample> {
+        let now = self.0.now();
+        self.0.lock().world().place_sample(now, name)
+    }
+
+    /// Takes the sample away.
+    pub fn take_sample_away(&self) {
+        let now = self.0.now();
+        self.0.lock().world().take_sample_away(now);
+    }
+
+    /// Turns the sensor about its own axis.
+    pub fn turn_sensor(&self, orientation: Orientation) {
+        let now = self.0.now();
+        self.0.lock().world().turn_sensor(now, orientation);
+    }
+}
+
+impl Shared {
+    /// Carries bytes between a stream and a port until the other side closes.
+    async fn serve(&self, port: PortId, mut io: impl AsyncRead + AsyncWrite + Unpin) {
+        let mut buffer = [0; 1024];
+        loop {
+            let (said, deadline) = {
+                let mut rig = self.lock();
+                let Ok(said) = rig.poll(self.now(), port) else { return };
+                (said, rig.deadline(port))
+            };
+            if !said.is_empty() && io.write_all(&said).await.is_err() {
+                return;
+            }
+            let wake = async {
+                match deadline {
+                    Some(deadline) => sleep_until(self.instant(deadline)).await,
+                    None => std::future::pending().await,
+                }
+            };
+            tokio::select! {
+                // In this order, so that a run repeats.
+                biased;
+                read = io.read(&mut buffer) => match read {
+                    Ok(0) | Err(_) => return,
+                    Ok(n) => {
+                        if self.lock().push(self.now(), port, &buffer[..n]).is_err() {
+                            return;
+                        }
+                    }
+                },
+                () = wake => {}
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        AnalyzerModel, AxisModel, AxisWiring, device::bus::Carrier, modbus::with_checksum,
+        scene::paper,
+    };
+
+    fn start(seed: u64) -> SimRig {
+        let axis = |unit_id, units_per_step| AxisWiring {
+            model: AxisModel::OrientalAz,
+            unit_id,
+            units_per_step,
+        };
+        let wiring = Wiring {
+            analyzer: AnalyzerModel::HiokiIm3536,
+            linear: axis(1, 0.001),
+            rotary: axis(2, 0.01),
+            carrier: Carrier::Serial { baud: 115_200 },
+        };
+        SimRig::start(paper(), &wiring, seed).unwrap()
+    }
+
+    async fn line(io: &mut DuplexStream, request: &str) -> String {
+        io.write_all(request.as_bytes()).await.unwrap();
+        let mut said = Vec::new();
+        while !said.ends_with(b"\n") {
+            io.read_buf(&mut said).await.unwrap();
+        }
+        String::from_utf8(said).unwrap()
+    }
+
+    async fn ask(io: &mut DuplexStream, frame: &[u8]) -> Vec<u8> {
+        io.write_all(&with_checksum(frame)).await.unwrap();
+        let mut said = vec![0; 8 + 251];
+        let n = io.read(&mut said).await.unwrap();
+        said.truncate(n);
+        said
+    }
+
+    /// Lowers the probe to `position` steps of 1 µm and waits until it is there.
+    async fn lower(bus: &mut DuplexStream, position: i32) {
+        let data = [0, 1, position, 50_000, 1_000_000, 1_000_000, 1000, 1];
+        let mut frame = vec![1, 16, 0, 0x58, 0, 16, 32];
+        frame.extend(data.iter().flat_map(|value: &i32| value.to_be_bytes()));
+        ask(bus, &frame).await;
+        while ask(bus, &[1, 3, 0, 0x7E, 0, 2]).await[5] & 0x20 != 0 {
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    }
+
+    const SET_UP: &str = "*RST;:TRIGger EXTernal;:SPEEd FAST;:AVERaging 10;:PARameter1 RS;\
+        :PARameter3 X;:MEASure:VALid 0;:TRIGger:DELay 0.5;:FREQuency 140;*TRG;:MEASure?\r\n";
+
+    #[tokio::test(start_paused = true)]
+    async fn a_touch_shows_on_the_wire_and_the_same_seed_says_the_same_bytes() {
+        let mut told = Vec::new();
+        for seed in [7, 7, 8] {
+            let mut rig = start(seed);
+            let (mut meter, mut bus) = (rig.analyzer_port(), rig.bus_port());
+            rig.person().place_sample("5").unwrap();
+            let clear = line(&mut meter, SET_UP).await;
+            assert!(!rig.truth().is_in_contact());
+            lower(&mut bus, 9_500).await;
+            let truth = rig.truth();
+            assert!(truth.is_in_contact(), "{truth:?}");
+            assert!(truth.resonance_hz > truth.no_load_hz + 40.0, "{truth:?}");
+            let touching = line(&mut meter, "*TRG;:MEASure?\r\n").await;
+            assert_ne!(clear, touching);
+            lower(&mut bus, 40_000).await;
+            assert!(!rig.truth().is_in_contact());
+            assert_eq!(rig.violations(), []);
+            told.push((clear, touching));
+        }
+        assert_eq!(told[0], told[1]);
+        assert_ne!(told[0], told[2]);
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn what_a_person_must_not_do_in_contact_is_kept() {
+        use crate::world::ViolationKind::{PressedTooDeep, SampleChangedInContact};
+        let mut rig = start(1);
+        let mut bus = rig.bus_port();
+        rig.person().place_sample("1").unwrap();
+        assert!(rig.person().place_sample("6").is_err());
+        lower(&mut bus, 8_000).await;
+        rig.person().take_sample_away();
+        let kinds: Vec<_> = rig.violations().iter().map(|violation| violation.kind).collect();
+        assert!(
+            matches!(kinds[..], [PressedTooDeep { .. }, SampleChangedInContact { .. }]),
+            "{kinds:?}"
+        );
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_client_that_vanishes_leaves_the_rig_to_the_next_one() {
+        let mut rig = start(1);
+        let mut meter = rig.analyzer_port();
+        meter.write_all(b"*TRG\r\n:MEAS").await.unwrap();
+        drop(meter);
+        tokio::task::yield_now().await;
+        let mut meter = rig.analyzer_port();
+        assert_eq!(line(&mut meter, "\r\n*IDN?\r\n").await, "HIOKI,IM3536,190512345,V1.21\r\n");
+    }
+}

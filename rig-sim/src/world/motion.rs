@@ -1,0 +1,176 @@
+//! A motor on its way: trapezoidal speed, from rest to rest.
+
+use rig_model::RigTime;
+
+use crate::clock::after;
+
+/// How a move is made, in units of the axis and seconds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Profile {
+    /// Highest speed, per second.
+    pub speed: f64,
+    /// Acceleration, per second squared.
+    pub acceleration: f64,
+    /// Deceleration, per second squared.
+    pub deceleration: f64,
+}
+
+/// A stretch of constant acceleration.
+#[derive(Debug, Clone, Copy)]
+struct Leg {
+    duration_s: f64,
+    start: f64,
+    speed: f64,
+    acceleration: f64,
+}
+
+impl Leg {
+    fn position(&self, s: f64) -> f64 {
+        self.start + self.speed * s + 0.5 * self.acceleration * s * s
+    }
+}
+
+/// Where a motor is at any time after a command.
+#[derive(Debug, Clone)]
+pub(super) struct Motion {
+    began: RigTime,
+    legs: Vec<Leg>,
+    target: f64,
+}
+
+impl Motion {
+    pub(super) fn resting_at(position: f64) -> Self {
+        Self { began: RigTime::ZERO, legs: Vec::new(), target: position }
+    }
+
+    /// From here to `target`. A motor that is under way stops first: the direction may change.
+    pub(super) fn start(&self, now: RigTime, target: f64, profile: &Profile) -> Self {
+        let mut next = self.stop(now, profile.deceleration);
+        let start = next.target;
+        let distance = target - start;
+        let Profile { speed, acceleration, deceleration } = *profile;
+        let reach = 2.0 * distance.abs() * acceleration * deceleration;
+        let top = speed.min((reach / (acceleration + deceleration)).sqrt());
+        if top > 0.0 && distance != 0.0 {
+            let sign = distance.signum();
+            let (up_s, down_s) = (top / acceleration, top / deceleration);
+            let cruise_s = (distance.abs() / top - 0.5 * (up_s + down_s)).max(0.0);
+            let mut place = start;
+            for (duration_s, speed, acceleration) in [
+                (up_s, 0.0, sign * acceleration),
+                (cruise_s, sign * top, 0.0),
+                (down_s, sign * top, -sign * deceleration),
+            ] {
+                let leg = Leg { duration_s, start: place, speed, acceleration };
+                place = leg.position(duration_s);
+                next.legs.push(leg);
+            }
+        }
+        next.target = target;
+        next
+    }
+
+    /// To rest, as fast as `deceleration` allows.
+    pub(super) fn stop(&self, now: RigTime, deceleration: f64) -> Self {
+        let (start, speed) = self.state(now);
+        let duration_s = speed.abs() / deceleration;
+        let acceleration = -speed.signum() * deceleration;
+        let leg = Leg { duration_s, start, speed, acceleration };
+        let target = leg.position(duration_s);
+        let legs = if speed == 0.0 { Vec::new() } else { vec![leg] };
+        Self { began: now, legs, target }
+    }
+
+    /// To rest at once, as against a wall.
+    pub(super) fn halt(&self, now: RigTime) -> Self {
+        Self::resting_at(self.state(now).0)
+    }
+
+    pub(super) fn target(&self) -> f64 {
+        self.target
+    }
+
+    pub(super) fn position(&self, now: RigTime) -> f64 {
+        self.state(now).0
+    }
+
+    pub(super) fn speed(&self, now: RigTime) -> f64 {
+        self.state(now).1
+    }
+
+    /// The moment at which the motor comes to rest, rounded up to the clock.
+    pub(super) fn ends(&self) -> RigTime {
+        let seconds: f64 = self.legs.iter().map(|leg| leg.duration_s).sum();
+        after(self.began, seconds)
+    }
+
+    /// Where the motor turned round on the way, when it has done so by `now`.
+    pub(super) fn turned_at(&self, now: RigTime) -> Option<f64> {
+        let first = self.legs.first().filter(|leg| leg.speed != 0.0)?;
+        let elapsed_s = now.since(self.began).as_secs_f64();
+        (elapsed_s > first.duration_s).then(|| first.position(first.duration_s))
+    }
+
+    fn state(&self, now: RigTime) -> (f64, f64) {
+        let mut left_s = now.since(self.began).as_secs_f64();
+        for leg in &self.legs {
+            if left_s < leg.duration_s {
+                return (leg.position(left_s), leg.speed + leg.acceleration * left_s);
+            }
+            left_s -= leg.duration_s;
+        }
+        (self.target, 0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PROFILE: Profile = Profile { speed: 10.0, acceleration: 100.0, deceleration: 50.0 };
+
+    fn at(seconds: f64) -> RigTime {
+        RigTime::ZERO + std::time::Duration::from_secs_f64(seconds)
+    }
+
+    /// Position from the speed alone, by the trapezoid rule, and the steepest change of speed.
+    fn integrate(motion: &Motion, start: f64, seconds: f64) -> (f64, f64) {
+        let (mut place, mut steepest, dt) = (start, 0.0_f64, 1e-4);
+        let mut t = 0.0;
+        while t < seconds {
+            let (before, after) = (motion.speed(at(t)), motion.speed(at(t + dt)));
+            place += 0.5 * dt * (before + after);
+            steepest = steepest.max((after - before).abs() / dt);
+            t += dt;
+        }
+        (place, steepest)
+    }
+
+    #[test]
+    fn long_and_short_moves_keep_speed_and_acceleration_and_arrive() {
+        for (target, seconds) in [(5.0, 0.65), (-5.0, 0.65), (0.3, 0.134_164), (0.0, 0.0)] {
+            let motion = Motion::resting_at(0.0).start(RigTime::ZERO, target, &PROFILE);
+            let took = motion.ends().as_seconds();
+            assert!((took - seconds).abs() < 2e-6, "{target}: {took}");
+            let (place, steepest) = integrate(&motion, 0.0, seconds + 0.01);
+            assert!((place - target).abs() < 2e-3, "{target}: {place}");
+            assert!(steepest <= 100.1, "{target}: {steepest}");
+            assert_eq!(motion.position(motion.ends()), target);
+        }
+    }
+
+    #[test]
+    fn a_stop_takes_its_way_and_a_new_command_turns_round_after_it() {
+        let going = Motion::resting_at(0.0).start(RigTime::ZERO, 50.0, &PROFILE);
+        let now = at(1.0);
+        let stopped = going.stop(now, 50.0);
+        assert!((stopped.target() - (going.position(now) + 1.0)).abs() < 1e-9);
+        assert!((stopped.ends().as_seconds() - 1.2).abs() < 2e-6);
+        let back = going.start(now, 0.0, &PROFILE);
+        assert_eq!(back.turned_at(at(1.1)), None);
+        let turn = back.turned_at(at(1.3)).unwrap();
+        assert!((turn - stopped.target()).abs() < 1e-9);
+        assert_eq!(back.position(back.ends()), 0.0);
+        assert_eq!(going.halt(now).position(at(9.0)), going.position(now));
+    }
+}
