@@ -34,14 +34,16 @@ pub struct Element {
 
 /// A symmetric matrix over (w, φ).
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Pair {
-    ww: f64,
-    wp: f64,
-    pp: f64,
+pub(crate) struct Pair {
+    pub(crate) ww: f64,
+    pub(crate) wp: f64,
+    pub(crate) pp: f64,
 }
 
 impl Pair {
-    fn plus(self, factor: f64, other: Self) -> Self {
+    pub(crate) const ZERO: Self = Self { ww: 0.0, wp: 0.0, pp: 0.0 };
+
+    pub(crate) fn plus(self, factor: f64, other: Self) -> Self {
         Self {
             ww: self.ww + factor * other.ww,
             wp: self.wp + factor * other.wp,
@@ -49,12 +51,12 @@ impl Pair {
         }
     }
 
-    fn determinant(self) -> f64 {
+    pub(crate) fn determinant(self) -> f64 {
         self.ww * self.pp - self.wp * self.wp
     }
 
     /// What is bilinear in det(A + x B): the factor of x.
-    fn mixed(self, other: Self) -> f64 {
+    pub(crate) fn mixed(self, other: Self) -> f64 {
         self.ww * other.pp + self.pp * other.ww - 2.0 * self.wp * other.wp
     }
 }
@@ -105,17 +107,37 @@ impl Element {
             return 0.0;
         }
         let unit = TipStiffness::of(&self.section, pose, load.tangential_n_per_m / normal);
-        let mut rise = 0.0;
-        // The twist's inertia needs ω²; from the free sensor's a second pass leaves 1e-4 Hz.
-        let passes = if unit.wt == 0.0 && unit.pt == 0.0 { 1 } else { 2 };
-        for _ in 0..passes {
-            rise = self.rise_rad2(self.in_plane(&unit, normal, self.free_rad2 + rise));
-        }
+        let rise = self.rise_with(&unit, normal);
         rise / ((self.free_rad2 + rise).sqrt() + self.free_rad2.sqrt()) / TAU
     }
 
+    /// By how much this contact stiffness raises ω².
+    fn rise_with(&self, unit: &TipStiffness, normal: f64) -> f64 {
+        let rise = self.rise_rad2(self.in_plane(unit, normal, self.free_rad2));
+        if unit.wt == 0.0 && unit.pt == 0.0 {
+            return rise;
+        }
+        // The twist's inertia needs ω²; after the free sensor's a second pass leaves 1e-4 Hz.
+        self.rise_rad2(self.in_plane(unit, normal, self.free_rad2 + rise))
+    }
+
+    /// ω² with this contact stiffness.
+    pub(crate) fn rad2_with(&self, unit: &TipStiffness, normal: f64) -> f64 {
+        self.free_rad2 + self.rise_with(unit, normal)
+    }
+
+    /// ω² of the free sensor.
+    pub(crate) const fn free_rad2(&self) -> f64 {
+        self.free_rad2
+    }
+
+    /// The mass over (w, φ).
+    pub(crate) const fn mass(&self) -> Pair {
+        self.mass
+    }
+
     /// The contact's stiffness over (w, φ) with the twist eliminated at ω².
-    fn in_plane(&self, unit: &TipStiffness, normal: f64, omega_rad2: f64) -> Pair {
+    pub(crate) fn in_plane(&self, unit: &TipStiffness, normal: f64, omega_rad2: f64) -> Pair {
         let twist = self.twist_stiffness_n_m - omega_rad2 * self.twist_inertia_kg_m2;
         let give = normal * normal / (twist + normal * unit.tt);
         Pair {

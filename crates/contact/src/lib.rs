@@ -5,11 +5,15 @@
 
 #![deny(clippy::disallowed_methods)]
 
+pub mod equations;
+
 mod circuit;
 mod contact;
 mod element;
+mod exact;
 mod law;
 mod pose;
+mod reference;
 mod section;
 mod sensor;
 mod sneddon;
@@ -19,7 +23,9 @@ mod tissue;
 pub use circuit::Circuit;
 pub use contact::{Contact, Depth, Friction, Load};
 pub use element::Element;
+pub use exact::{ExactBeam, cantilever_characteristic, clamped_pinned_characteristic};
 pub use law::{ContactLaw, LawError, Spot};
 pub use pose::{Direction, Pose, PoseError};
+pub use reference::Reference;
 pub use sensor::{CoreMaterial, PiezoMaterial, Sensor, SensorDesign, SensorError};
 pub use tissue::{Tissue, TissueError};

@@ -1,0 +1,154 @@
+//! The exact Euler–Bernoulli beam with a tip: its lowest resonance in contact, without losses.
+//!
+//! The beam's stiffness at its end is a quotient of sines and hyperbolic sines of βL with
+//! β⁴ = ω² m/(EI). Everything is scaled by e^(−βL), so that no βL overflows. Twist is eliminated as
+//! in tier E1; lateral bending and losses are left to the reference.
+
+use std::f64::consts::TAU;
+
+use crate::{Element, Load, Pose, Sensor, element::Pair, pose::TipStiffness, section::Section};
+
+/// A sensor as an exact beam.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ExactBeam {
+    section: Section,
+    element: Element,
+    /// ω² of the free sensor.
+    free_rad2: f64,
+}
+
+/// What the trigonometric functions of βL are, all but the sine and cosine scaled by 2 e^(−βL).
+#[derive(Debug, Clone, Copy)]
+struct Scaled {
+    sin: f64,
+    cos: f64,
+    sinh: f64,
+    cosh: f64,
+    one: f64,
+}
+
+impl Scaled {
+    fn of(beta_l: f64) -> Self {
+        let (sin, cos) = beta_l.sin_cos();
+        let fall = (-beta_l).exp();
+        let square = fall * fall;
+        Self { sin, cos, sinh: 1.0 - square, cosh: 1.0 + square, one: 2.0 * fall }
+    }
+}
+
+/// The characteristic function cos βL + 1/cosh βL of a cantilever without a tip mass.
+///
+/// It is (1 + cos βL cosh βL)/cosh βL, bounded for every βL, where the product itself overflows
+/// above 710 and has no right digit above 36.
+pub fn cantilever_characteristic(beta_l: f64) -> f64 {
+    let scaled = Scaled::of(beta_l);
+    scaled.cos + scaled.one / scaled.cosh
+}
+
+/// The characteristic function cos βL tanh βL − sin βL of a beam clamped at one end and pinned at
+/// the other.
+pub fn clamped_pinned_characteristic(beta_l: f64) -> f64 {
+    let scaled = Scaled::of(beta_l);
+    scaled.cos * scaled.sinh / scaled.cosh - scaled.sin
+}
+
+/// The lowest βL of a beam clamped at both ends, where the stiffness at the end has its first pole.
+const CLAMPED_CLAMPED: f64 = 4.730_040_744_862_704;
+/// Of a step relative to ω². A secant step of this size leaves an error of about its square.
+const TOLERANCE: f64 = 1e-8;
+/// Bisection alone would need fifty.
+const STEPS_MAX: u32 = 80;
+
+impl ExactBeam {
+    /// The exact beam of a sensor.
+    pub fn new(sensor: &Sensor) -> Self {
+        let element = Element::new(sensor);
+        let mut beam = Self { section: *sensor.section(), element, free_rad2: 0.0 };
+        let none = |_| Pair::ZERO;
+        beam.free_rad2 = beam.lowest_rad2(none, element.free_rad2());
+        beam
+    }
+
+    /// Resonance of the sensor that touches nothing, Hz.
+    pub fn no_load_hz(&self) -> f64 {
+        self.free_rad2.sqrt() / TAU
+    }
+
+    /// The shift of the resonance by a contact stiffness, Hz.
+    pub fn shift_hz(&self, pose: &Pose, load: &Load) -> f64 {
+        let normal = load.normal_n_per_m;
+        if normal == 0.0 {
+            return 0.0;
+        }
+        let unit = TipStiffness::of(&self.section, pose, load.tangential_n_per_m / normal);
+        let start = self.element.rad2_with(&unit, normal);
+        let rad2 = self.lowest_rad2(|at| self.element.in_plane(&unit, normal, at), start);
+        (rad2 - self.free_rad2) / (rad2.sqrt() + self.free_rad2.sqrt()) / TAU
+    }
+
+    /// The lowest ω² with this contact stiffness, which may depend on ω², from a guess near it.
+    ///
+    /// Secant steps on the determinant, kept between bounds that the number of negative pivots
+    /// gives: below the first root the stiffness at the end is positive definite.
+    fn lowest_rad2(&self, contact: impl Fn(f64) -> Pair, guess_rad2: f64) -> f64 {
+        let s = &self.section;
+        let ceiling = (CLAMPED_CLAMPED / s.length_m).powi(4) * s.bending_n_m2 / s.mass_kg_per_m;
+        let (mut low, mut high) = (self.free_rad2 * (1.0 - 1e-12), ceiling);
+        let mut at = guess_rad2.min(0.99 * ceiling);
+        let mut before: Option<(f64, f64)> = None;
+        for _ in 0..STEPS_MAX {
+            let (residual, slope, is_below) = self.residual(at, contact(at));
+            if is_below {
+                low = at;
+            } else {
+                high = at;
+            }
+            let slope = match before {
+                Some((x, y)) if x != at => (residual - y) / (at - x),
+                _ => slope,
+            };
+            before = Some((at, residual));
+            let next = at - residual / slope;
+            let next = if low < next && next < high { next } else { 0.5 * (low + high) };
+            let is_done = (next - at).abs() <= TOLERANCE * at;
+            at = next;
+            if is_done {
+                break;
+            }
+        }
+        at
+    }
+
+    /// The scaled determinant at ω², a first guess of its slope, and whether ω² lies below the
+    /// first root.
+    fn residual(&self, rad2: f64, contact: Pair) -> (f64, f64, bool) {
+        let s = &self.section;
+        let beta = (rad2 * s.mass_kg_per_m / s.bending_n_m2).sqrt().sqrt();
+        let t = Scaled::of(beta * s.length_m);
+        let ei = s.bending_n_m2;
+        // The beam's stiffness times `pole`, which is positive up to the first clamped mode.
+        let pole = t.one - t.cos * t.cosh;
+        let beam = Pair {
+            ww: ei * beta.powi(3) * (t.cos * t.sinh + t.sin * t.cosh),
+            wp: -ei * beta * beta * t.sin * t.sinh,
+            pp: ei * beta * (t.sin * t.cosh - t.cos * t.sinh),
+        };
+        let tip = Pair {
+            ww: contact.ww - rad2 * s.tip_mass_kg,
+            wp: contact.wp,
+            pp: contact.pp - rad2 * s.tip_inertia_kg_m2,
+        };
+        // det(B/pole + X) pole, in which det B = (EI)² β⁴ (1 + cos cosh) pole has no pole left.
+        let determinant = (ei * beta * beta).powi(2) * (t.one + t.cos * t.cosh)
+            + beam.mixed(tip)
+            + pole * tip.determinant();
+        let sum = beam.plus(pole, tip);
+        let is_below = determinant > 0.0 && sum.ww > 0.0;
+        // With the element's mass as the slope of the stiffness.
+        let slope = -sum.mixed(self.element.mass());
+        (determinant, slope, is_below)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,186 @@
+//! The reference: many beam elements with losses and electrodes, giving the impedance at any
+//! frequency.
+//!
+//! Sixteen cubic elements bend in the plane of the probe, sixteen across it, and sixteen linear
+//! ones twist; together they carry the five motions (w, φ, v, ψ, θ) of the tip. No matrix of the
+//! whole beam is built: two equal pieces are joined to one of twice the length, four times. Losses
+//! are complex moduli. Shear, which changes the shift by 0.003 Hz, and the tissue's own mass
+//! (0.1 Hz) are left out.
+
+use std::f64::consts::TAU;
+
+use num_complex::Complex64;
+
+use crate::{Circuit, ExactBeam, Load, Pose, Sensor, Tissue, section::Section};
+
+mod matrix;
+mod substructure;
+
+use matrix::{Matrix5, solve_for_slope};
+use substructure::{bending_at_tip, twist_at_tip};
+
+/// A sensor as sixteen beam elements.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reference {
+    section: Section,
+    /// Without losses and lateral bending, from where the search for a pole starts.
+    exact: ExactBeam,
+    free: Pole,
+}
+
+/// The lowest resonance: where in the complex plane ω² lies, and how strongly the slope feels it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Pole {
+    rad2: Complex64,
+    residue: Complex64,
+}
+
+/// How often a piece of the beam is doubled: 2⁴ elements.
+const DOUBLINGS: u32 = 4;
+
+impl Reference {
+    /// The reference of a sensor.
+    pub fn new(sensor: &Sensor) -> Self {
+        let exact = ExactBeam::new(sensor);
+        let none = Pole { rad2: Complex64::ZERO, residue: Complex64::ZERO };
+        let mut reference = Self { section: *sensor.section(), exact, free: none };
+        let rad2 = (TAU * exact.no_load_hz()).powi(2);
+        let guess = Complex64::new(rad2, rad2 * reference.section.beam_loss);
+        reference.free = reference.pole(&Matrix5::ZERO, guess);
+        reference
+    }
+
+    /// Series resonance of the sensor that touches nothing, Hz.
+    pub fn no_load_hz(&self) -> f64 {
+        self.free.rad2.re.sqrt() / TAU
+    }
+
+    /// The shift of the series resonance by this contact, Hz.
+    pub fn shift_hz(&self, pose: &Pose, load: &Load, tissue: &Tissue) -> f64 {
+        let pole = self.pole_with(pose, load, tissue);
+        let (rad2, free) = (pole.rad2.re, self.free.rad2.re);
+        (rad2 - free) / (rad2.sqrt() + free.sqrt()) / TAU
+    }
+
+    /// The admittance at a frequency above zero, S.
+    pub fn admittance_s(
+        &self,
+        pose: &Pose,
+        load: &Load,
+        tissue: &Tissue,
+        frequency_hz: f64,
+    ) -> Complex64 {
+        let omega = TAU * frequency_hz;
+        let contact = self.contact(pose, load, tissue);
+        let compliance = self.slope_compliance(&contact, Complex64::from(omega * omega));
+        let charge = self.held_capacitance() + self.section.moment_n_m_per_v.powi(2) * compliance;
+        Complex64::i() * omega * charge
+    }
+
+    /// The equivalent circuit around the series resonance.
+    pub fn circuit(&self, pose: &Pose, load: &Load, tissue: &Tissue) -> Circuit {
+        let pole = self.pole_with(pose, load, tissue);
+        let contact = self.contact(pose, load, tissue);
+        let at = Complex64::from(pole.rad2.re);
+        let series = pole.residue / (pole.rad2 - at);
+        let rest = self.slope_compliance(&contact, at) - series;
+        let transfer = self.section.moment_n_m_per_v.powi(2);
+        let capacitance = self.held_capacitance() + transfer * rest;
+        Circuit {
+            series_resonance_hz: pole.rad2.re.sqrt() / TAU,
+            q: pole.rad2.re / pole.rad2.im,
+            capacitance_f: capacitance.re,
+            capacitance_ratio: transfer * (pole.residue / pole.rad2.re).re / capacitance.re,
+            dielectric_loss: -capacitance.im / capacitance.re,
+        }
+    }
+
+    fn held_capacitance(&self) -> Complex64 {
+        self.section.capacitance_f * Complex64::new(1.0, -self.section.dielectric_loss)
+    }
+
+    fn pole_with(&self, pose: &Pose, load: &Load, tissue: &Tissue) -> Pole {
+        if load.normal_n_per_m == 0.0 {
+            return self.free;
+        }
+        let contact = self.contact(pose, load, tissue);
+        // Losses move the pole little along the real axis, and by no more than the greater loss
+        // factor across it.
+        let rad2 = (TAU * (self.exact.no_load_hz() + self.exact.shift_hz(pose, load))).powi(2);
+        let loss = 0.5 * (self.section.beam_loss + tissue.loss());
+        self.pole(&contact, Complex64::new(rad2, rad2 * loss))
+    }
+
+    /// The pole nearest to a guess, by secant steps on the reciprocal of the slope's compliance.
+    fn pole(&self, contact: &Matrix5, guess_rad2: Complex64) -> Pole {
+        let stiffness = |rad2: Complex64| self.slope_compliance(contact, rad2).inv();
+        let mut at = guess_rad2;
+        let (mut before, mut value_before) = (at * 1.001, stiffness(at * 1.001));
+        for _ in 0..STEPS_MAX {
+            let value = stiffness(at);
+            let next = at - value * (at - before) / (value - value_before);
+            (before, value_before) = (at, value);
+            at = next;
+            if (at - before).norm() <= TOLERANCE * at.norm() {
+                break;
+            }
+        }
+        // Close to the pole the compliance is residue/(pole − ω²).
+        let step = at * DERIVATIVE_STEP;
+        let slope = (stiffness(at + step) - stiffness(at - step)) / (2.0 * step);
+        Pole { rad2: at, residue: -slope.inv() }
+    }
+
+    /// How much the end of the beam turns for a moment of 1 N·m there, at a complex ω².
+    fn slope_compliance(&self, contact: &Matrix5, rad2: Complex64) -> Complex64 {
+        let s = &self.section;
+        let lossy = Complex64::new(1.0, s.beam_loss);
+        let mut tip = *contact;
+        tip.add_block(
+            0,
+            bending_at_tip(lossy * s.bending_n_m2, rad2 * s.mass_kg_per_m, s.length_m),
+        );
+        tip.add_block(
+            2,
+            bending_at_tip(lossy * s.lateral_n_m2, rad2 * s.mass_kg_per_m, s.length_m),
+        );
+        tip.add(4, 4, twist_at_tip(lossy * s.torsion_n_m2, rad2 * s.roll_kg_m, s.length_m));
+        for (motion, inertia) in [
+            (0, s.tip_mass_kg),
+            (1, s.tip_inertia_kg_m2),
+            (2, s.tip_mass_kg),
+            (4, s.tip_inertia_kg_m2),
+        ] {
+            tip.add(motion, motion, -rad2 * inertia);
+        }
+        solve_for_slope(&tip)
+    }
+
+    /// The contact's stiffness over the tip's five motions.
+    fn contact(&self, pose: &Pose, load: &Load, tissue: &Tissue) -> Matrix5 {
+        let lossy = Complex64::new(1.0, tissue.loss());
+        let [nx, ny, nz] = pose.normal();
+        let (r, h) = (self.section.radius_m, self.section.arm_m);
+        // Rows: what each motion of the tip does to the contact point along x, y and z.
+        let x = [0.0, h + r * nz, 0.0, r * ny, 0.0];
+        let y = [0.0, 0.0, 1.0, -r * nx, h + r * nz];
+        let z = [1.0, -r * nx, 0.0, 0.0, -r * ny];
+        let normal: [f64; 5] = std::array::from_fn(|i| nx * x[i] + ny * y[i] + nz * z[i]);
+        let mut contact = Matrix5::ZERO;
+        for along in [x, y, z] {
+            contact.add_square(lossy * load.tangential_n_per_m, along);
+        }
+        contact.add_square(lossy * (load.normal_n_per_m - load.tangential_n_per_m), normal);
+        contact
+    }
+}
+
+/// Of a step relative to ω².
+const TOLERANCE: f64 = 1e-9;
+/// From a guess within a few percent the secant needs about six.
+const STEPS_MAX: u32 = 40;
+/// Relative to ω²; the compliance's reciprocal is smooth over a hundred times this.
+const DERIVATIVE_STEP: f64 = 1e-4;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,116 @@
+use super::*;
+use crate::{Contact, Depth, Direction, Element, ExactBeam, SensorDesign};
+
+const HALF_MM: Depth = Depth::Indentation { along_probe_mm: 0.5 };
+
+fn touch(sensor: &Sensor, tissue: &Tissue, direction: Direction, degrees: f64) -> (Pose, Load) {
+    let pose = Pose::leaning(direction, degrees.to_radians()).unwrap();
+    (pose, sensor.load(tissue, &Contact::new(pose, HALF_MM)).unwrap())
+}
+
+fn lossless() -> Sensor {
+    let design = SensorDesign { beam_loss: 0.0, dielectric_loss: 0.0, ..SensorDesign::reference() };
+    Sensor::new(design).unwrap()
+}
+
+/// Values of a separate finite-element program with sixteen elements of five motions.
+#[test]
+fn without_losses_it_is_the_finite_element_solution() {
+    let sensor = lossless();
+    let reference = Reference::new(&sensor);
+    assert!((reference.no_load_hz() - 140.401_567_158).abs() < 1e-7, "{}", reference.no_load_hz());
+    let tissue = Tissue::new(0.649, 0.5, 0.0).unwrap();
+    for (direction, degrees, expected) in [
+        (Direction::Front, 0.0, 88.986),
+        (Direction::Front, 15.0, 89.825),
+        (Direction::Front, 30.0, 85.756),
+        (Direction::Front, 45.0, 76.815),
+        (Direction::Back, 15.0, 83.853),
+        (Direction::Back, 30.0, 75.652),
+        (Direction::Back, 45.0, 65.850),
+        (Direction::Left, 15.0, 86.676),
+        (Direction::Left, 30.0, 80.116),
+        (Direction::Left, 45.0, 70.219),
+    ] {
+        let (pose, load) = touch(&sensor, &tissue, direction, degrees);
+        let found = reference.shift_hz(&pose, &load, &tissue);
+        assert!((found - expected).abs() < 6e-4, "{direction:?} {degrees}°: {found}");
+    }
+}
+
+/// The exact beam, whose program shares nothing with this one, bends only in the plane.
+#[test]
+fn it_agrees_with_the_exact_beam_in_the_plane_of_bending() {
+    let sensor = lossless();
+    let (reference, exact) = (Reference::new(&sensor), ExactBeam::new(&sensor));
+    for young_mpa in [1e-6, 0.045, 0.649, 3.0, 30.0] {
+        let tissue = Tissue::new(young_mpa, 0.5, 0.0).unwrap();
+        for (direction, degrees) in
+            [(Direction::Front, 0.0), (Direction::Front, 40.0), (Direction::Back, 40.0)]
+        {
+            let (pose, load) = touch(&sensor, &tissue, direction, degrees);
+            let error = reference.shift_hz(&pose, &load, &tissue) - exact.shift_hz(&pose, &load);
+            assert!(error.abs() < 2e-3, "{young_mpa} MPa {direction:?} {degrees}°: {error}");
+        }
+    }
+}
+
+/// Over the sweep window of the resonance, in contact and free: the circuit is one resonance and a
+/// capacitor with a constant resistance, the reference all of them with constant loss factors.
+#[test]
+fn the_circuit_is_the_references_impedance_near_resonance() {
+    let sensor = Sensor::reference();
+    let reference = Reference::new(&sensor);
+    for young_mpa in [1e-9, 0.045, 0.235, 0.649] {
+        let tissue = Tissue::soft(young_mpa).unwrap();
+        for direction in Direction::ALL {
+            let (pose, load) = touch(&sensor, &tissue, direction, 30.0);
+            let circuit = reference.circuit(&pose, &load, &tissue);
+            let worst = worst_over_window(&reference, &circuit, &pose, &load, &tissue);
+            assert!(worst < 0.01, "{young_mpa} MPa {direction:?}: {worst}");
+        }
+    }
+}
+
+/// The simulator's circuits come from one element: the same but for the element's own 0.05 Hz.
+#[test]
+fn the_single_elements_circuit_has_the_references_losses_and_coupling() {
+    let sensor = Sensor::reference();
+    let (reference, element) = (Reference::new(&sensor), Element::new(&sensor));
+    for young_mpa in [1e-9, 0.045, 0.235, 0.649, 1.0] {
+        let tissue = Tissue::soft(young_mpa).unwrap();
+        for direction in Direction::ALL {
+            let (pose, load) = touch(&sensor, &tissue, direction, 30.0);
+            let (fine, coarse) =
+                (reference.circuit(&pose, &load, &tissue), element.circuit(&pose, &load, &tissue));
+            let shift_error = (coarse.series_resonance_hz - element.no_load_hz())
+                - (fine.series_resonance_hz - reference.no_load_hz());
+            assert!(shift_error.abs() < 0.35, "{young_mpa} MPa {direction:?}: {shift_error}");
+            for (what, found, expected) in [
+                ("q", coarse.q, fine.q),
+                ("capacitance", coarse.capacitance_f, fine.capacitance_f),
+                ("ratio", coarse.capacitance_ratio, fine.capacitance_ratio),
+                ("loss", coarse.dielectric_loss, fine.dielectric_loss),
+            ] {
+                let error = found / expected - 1.0;
+                assert!(error.abs() < 0.01, "{young_mpa} MPa {direction:?} {what}: {error}");
+            }
+        }
+    }
+}
+
+fn worst_over_window(
+    reference: &Reference,
+    circuit: &Circuit,
+    pose: &Pose,
+    load: &Load,
+    tissue: &Tissue,
+) -> f64 {
+    (-20..=20).fold(0.0, |worst, step| {
+        let frequency = circuit.series_resonance_hz * (1.0 + f64::from(step) / 100.0);
+        let expected = reference.admittance_s(pose, load, tissue, frequency);
+        let scale = expected.norm() + TAU * frequency * circuit.capacitance_f;
+        let error = (circuit.admittance_s(frequency) - expected).norm() / scale;
+        f64::max(worst, error)
+    })
+}
