@@ -1,6 +1,6 @@
 //! One contact of a sensor with a tissue, and the load at which it rests.
 
-use crate::{ContactLaw, LawError, Pose, Sensor, Spot, Tissue, stage};
+use crate::{ContactLaw, LawError, Pose, Refusal, Sensor, Spot, Tissue, stage};
 
 /// What the depth of a contact is the depth of.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,10 +18,18 @@ pub enum Depth {
 }
 
 /// What the contact does sideways while it vibrates.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Friction {
     /// It sticks, with Mindlin's tangential stiffness.
     Sticking,
+    /// It sticks up to this coefficient of friction, and is refused beyond.
+    ///
+    /// A ball pressed in at an angle α loads the contact sideways by τ tan α of the normal force, τ being the
+    /// tangential over the normal stiffness, all the way from the first touch.
+    Coulomb {
+        /// Tangential over normal force at which the contact slips.
+        coefficient: f64,
+    },
     /// It slides without resistance.
     Frictionless,
 }
@@ -48,9 +56,20 @@ impl Contact {
     /// The tangential over the normal contact stiffness.
     pub fn tangential_ratio(&self, tissue: &Tissue) -> f64 {
         match self.friction {
-            Friction::Sticking => tissue.tangential_ratio(),
+            Friction::Sticking | Friction::Coulomb { .. } => tissue.tangential_ratio(),
             Friction::Frictionless => 0.0,
         }
+    }
+
+    fn check_grip(&self, tissue: &Tissue) -> Result<(), Refusal> {
+        let Friction::Coulomb { coefficient } = self.friction else { return Ok(()) };
+        let limit_rad = (coefficient / tissue.tangential_ratio()).atan();
+        let angle_rad = self.pose.angle_rad();
+        if angle_rad <= limit_rad {
+            return Ok(());
+        }
+        let (angle_deg, limit_deg) = (angle_rad.to_degrees(), limit_rad.to_degrees());
+        Err(Refusal::Slips { angle_deg, coefficient, limit_deg })
     }
 }
 
@@ -73,8 +92,10 @@ impl Sensor {
     /// The contact at rest: its depth, radius, force and stiffness. Zero when there is no contact.
     ///
     /// # Errors
-    /// [`LawError`] when the depth lies outside the contact law, or is not a number.
-    pub fn load(&self, tissue: &Tissue, contact: &Contact) -> Result<Load, LawError> {
+    /// [`Refusal::Law`] when the depth lies outside the contact law, or is not a number;
+    /// [`Refusal::Slips`] when friction does not hold the contact.
+    pub fn load(&self, tissue: &Tissue, contact: &Contact) -> Result<Load, Refusal> {
+        contact.check_grip(tissue)?;
         let radius_m = self.section().radius_m;
         let modulus_pa = tissue.contact_modulus_pa();
         let spot = self.spot(modulus_pa, contact)?;

@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 use num_complex::Complex64;
 
 use crate::{
-    Circuit, Contact, LawError, Load, Pose, Sensor, Tissue, pose::TipStiffness, section::Section,
+    Circuit, Contact, Load, Pose, Refusal, Sensor, Tissue, pose::TipStiffness, section::Section,
 };
 
 /// A sensor as tier E1 sees it.
@@ -240,8 +240,8 @@ impl Sensor {
     /// exactly, at a depth of zero or less.
     ///
     /// # Errors
-    /// [`LawError`] when the depth lies outside the contact law, or is not a number.
-    pub fn circuit(&self, tissue: &Tissue, contact: &Contact) -> Result<Circuit, LawError> {
+    /// As [`Sensor::load`].
+    pub fn circuit(&self, tissue: &Tissue, contact: &Contact) -> Result<Circuit, Refusal> {
         let load = self.load(tissue, contact)?;
         Ok(Element::new(self).circuit(&contact.pose, &load, tissue))
     }

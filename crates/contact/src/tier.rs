@@ -1,0 +1,181 @@
+//! The tiers side by side: one question, answered by any of them or refused.
+
+use crate::{
+    Contact, ContactLaw, Depth, Element, ExactBeam, Load, Lumped, Reference, Refusal, Sensor,
+    Tissue,
+};
+
+/// How the sensor's vibration is modelled, from the cheapest to the dearest.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Tier {
+    /// Equation (7): proportional to the contact stiffness.
+    T0,
+    /// Equation (7) with the loaded sensor's frequency.
+    T0b,
+    /// One mass between two springs.
+    T1,
+    /// T1 with tangential stiffness, tilt and probe arm.
+    T2,
+    /// T2 with the stage's balance.
+    T2s,
+    /// One beam element.
+    E1,
+    /// E1 with the stage's balance.
+    E1s,
+    /// The exact beam without losses, with the stage's balance.
+    Exact,
+    /// Sixteen elements in space with losses and electrodes, with the stage's balance.
+    Reference,
+}
+
+/// Where a tier holds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Validity {
+    /// Largest contact stiffness over the stiffness of the sensor's tip, 3EI/L³.
+    pub stiffness_ratio_max: f64,
+    /// Whether it knows that a sensor gives way when the stage moves.
+    pub takes_stage_moves: bool,
+    /// Whether it has losses and electrodes, so that it gives an impedance.
+    pub has_impedance: bool,
+}
+
+impl Tier {
+    /// All tiers, from the cheapest to the dearest.
+    pub const ALL: [Self; 9] = [
+        Self::T0,
+        Self::T0b,
+        Self::T1,
+        Self::T2,
+        Self::T2s,
+        Self::E1,
+        Self::E1s,
+        Self::Exact,
+        Self::Reference,
+    ];
+
+    /// The word on the command line and in messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::T0 => "T0",
+            Self::T0b => "T0b",
+            Self::T1 => "T1",
+            Self::T2 => "T2",
+            Self::T2s => "T2s",
+            Self::E1 => "E1",
+            Self::E1s => "E1s",
+            Self::Exact => "exact",
+            Self::Reference => "reference",
+        }
+    }
+
+    /// Where the tier holds.
+    ///
+    /// The ratios are those at which the error of the shape of the beam reaches 3 %; T0 and T0b end
+    /// where the range ends on which their constant was fitted.
+    pub const fn validity(self) -> Validity {
+        let (stiffness_ratio_max, takes_stage_moves, has_impedance) = match self {
+            Self::T0 | Self::T0b => (3.0, false, false),
+            Self::T1 | Self::T2 => (10.0, false, false),
+            Self::T2s => (10.0, true, false),
+            Self::E1 => (30.0, false, true),
+            Self::E1s => (30.0, true, true),
+            Self::Exact => (f64::INFINITY, true, false),
+            Self::Reference => (f64::INFINITY, true, true),
+        };
+        Validity { stiffness_ratio_max, takes_stage_moves, has_impedance }
+    }
+}
+
+/// What a tier says of a contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Prediction {
+    /// The contact at rest.
+    pub load: Load,
+    /// The shift of the series resonance, Hz.
+    pub shift_hz: f64,
+}
+
+/// All tiers of one sensor, ready for many questions about contacts of one law.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Models {
+    sensor: Sensor,
+    tip_n_per_m: f64,
+    law: ContactLaw,
+    lumped: Lumped,
+    element: Element,
+    exact: ExactBeam,
+    reference: Reference,
+}
+
+impl Models {
+    /// Prepares every tier of a sensor for contacts of this law.
+    pub fn new(sensor: &Sensor, law: ContactLaw) -> Self {
+        let section = sensor.section();
+        Self {
+            sensor: *sensor,
+            tip_n_per_m: 3.0 * section.bending_n_m2 / section.length_m.powi(3),
+            law,
+            lumped: Lumped::new(sensor, law),
+            element: Element::new(sensor),
+            exact: ExactBeam::new(sensor),
+            reference: Reference::new(sensor),
+        }
+    }
+
+    /// The sensor.
+    pub const fn sensor(&self) -> &Sensor {
+        &self.sensor
+    }
+
+    /// Resonance of the sensor that touches nothing, as this tier has it, Hz.
+    pub fn no_load_hz(&self, tier: Tier) -> f64 {
+        match tier {
+            Tier::T0 | Tier::T0b | Tier::T1 | Tier::T2 | Tier::T2s => self.lumped.no_load_hz(),
+            Tier::E1 | Tier::E1s => self.element.no_load_hz(),
+            Tier::Exact => self.exact.no_load_hz(),
+            Tier::Reference => self.reference.no_load_hz(),
+        }
+    }
+
+    /// The contact at rest and the shift that it causes.
+    ///
+    /// # Errors
+    /// [`Refusal`] when the contact is outside the law or the tier.
+    pub fn predict(
+        &self,
+        tier: Tier,
+        tissue: &Tissue,
+        contact: &Contact,
+    ) -> Result<Prediction, Refusal> {
+        let load = self.load(tier, tissue, contact)?;
+        let normal = load.normal_n_per_m;
+        let pose = &contact.pose;
+        let shift_hz = match tier {
+            Tier::T0 => self.lumped.proportional_hz(normal),
+            Tier::T0b => self.lumped.loaded_hz(normal),
+            Tier::T1 => self.lumped.upright_hz(normal),
+            Tier::T2 | Tier::T2s => {
+                self.lumped.tilted_hz(pose, normal, contact.tangential_ratio(tissue))
+            }
+            Tier::E1 | Tier::E1s => self.element.shift_hz(pose, &load),
+            Tier::Exact => self.exact.shift_hz(pose, &load),
+            Tier::Reference => self.reference.shift_hz(pose, &load, tissue),
+        };
+        Ok(Prediction { load, shift_hz })
+    }
+
+    /// The contact at rest, when this tier holds for it.
+    fn load(&self, tier: Tier, tissue: &Tissue, contact: &Contact) -> Result<Load, Refusal> {
+        let validity = tier.validity();
+        if matches!(contact.depth, Depth::Stage { .. }) && !validity.takes_stage_moves {
+            return Err(Refusal::StageMove { tier });
+        }
+        let load = self.sensor.load(tissue, contact)?;
+        let ratio = load.normal_n_per_m / self.tip_n_per_m;
+        let limit = validity.stiffness_ratio_max;
+        if ratio > limit {
+            return Err(Refusal::TooStiff { tier, ratio, limit });
+        }
+        Ok(load)
+    }
+}
