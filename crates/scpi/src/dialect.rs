@@ -9,27 +9,34 @@ pub struct Dialect {
     pub identity: String,
     /// Which bytes end a message that comes in.
     pub terminators: Terminators,
+    /// Whether a terminator inside a string is part of the string, as IEEE 488.2, 7.7.5.2 has it.
+    /// Otherwise it ends the message, and a forgotten quote is −151 instead of a long silence.
+    pub strings_span_lines: bool,
     /// What ends an answer.
     pub ending: Ending,
     /// Most bytes of messages that wait to be carried out. More is −363.
     pub input_limit_bytes: usize,
     /// Entries of the error queue; `None` for an instrument that has no `SYSTem:ERRor?`.
     pub error_queue: Option<usize>,
-    /// Whether `SYSTem:ERRor?` writes `+0` where others write `0`.
-    pub has_signed_errors: bool,
-    /// Whether an error report carries what the device knows beyond the text.
-    pub has_error_info: bool,
+    /// How `SYSTem:ERRor?` writes an error.
+    pub error_format: ErrorFormat,
     /// Whether there is `STATus:OPERation`, `STATus:QUEStionable` and `STATus:PRESet`.
     pub has_status_registers: bool,
     /// The answer to `SYSTem:VERSion?`; `None` for an instrument that has none.
     pub scpi_version: Option<&'static str>,
     /// What happens to the rest of a message after an error in it.
     pub after_error: AfterError,
+    /// What happens to a message after a query in it.
+    pub after_query: AfterQuery,
     /// What happens to an answer that was not read when the next message comes.
     pub unread: Unread,
-    /// Most bytes of an answer that was not read. More is −430.
+    /// Which of the query errors there are; others pass in silence. See [`QUERY_ERRORS`].
+    pub query_errors: &'static [i16],
+    /// Most bytes of answers that were not read. More are lost, which is −430.
     pub output_limit_bytes: usize,
     /// For instruments with `:HEADer ON|OFF`: whether answers begin with their header at power-on.
+    /// Only what can be set has one: no common command, and no query for a reading (HIOKI 3541
+    /// Instruction Manual, p. 101; HIOKI 3174 Instruction Manual, p. 128).
     pub headers: Option<bool>,
     /// How real numbers are answered.
     pub real_format: RealFormat,
@@ -68,18 +75,40 @@ pub enum AfterError {
     SkipMessage,
 }
 
+/// What happens to a message after a query in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum AfterQuery {
+    /// The next unit is carried out.
+    #[default]
+    Continue,
+    /// A further unit is a query error, −400, and ends the message (HIOKI RM3542-50 Instruction
+    /// Manual, p. 119).
+    Refuse,
+}
+
 /// What happens to an answer that was not read when the next message comes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Unread {
     /// It stays: on a serial line or a socket it is on its way already.
     #[default]
     Keep,
-    /// It is lost without a word.
+    /// It is lost, as on a bus where answers are fetched (IEEE 488.2, 6.3). That is −410.
     Drop,
-    /// It is lost, and the errors −410, −420, −430 and −440 report what went wrong, as
-    /// IEEE 488.2, 6.3 has it for a bus on which answers are fetched.
-    Report,
 }
+
+/// How `SYSTem:ERRor?` writes an error.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ErrorFormat {
+    /// `+0` where others write `0`.
+    pub has_plus: bool,
+    /// Whether what the device knows beyond the text is written behind a semicolon.
+    pub has_info: bool,
+}
+
+/// Where the exchange of messages broke its protocol, on a bus where answers are fetched: the answer
+/// was not read (−410), there was none to read (−420), it did not fit (−430), or a query followed
+/// data that only the end of the message ends (−440).
+pub const QUERY_ERRORS: &[i16] = &[-410, -420, -430, -440];
 
 impl Dialect {
     /// SCPI-99 on a serial line or a socket, with the line feed as terminator.
@@ -87,15 +116,17 @@ impl Dialect {
         Self {
             identity: identity.into(),
             terminators: Terminators::LineFeed,
+            strings_span_lines: true,
             ending: Ending::Lf,
             input_limit_bytes: 64 * 1024,
             error_queue: Some(20),
-            has_signed_errors: false,
-            has_error_info: true,
+            error_format: ErrorFormat { has_plus: false, has_info: true },
             has_status_registers: true,
             scpi_version: Some("1999.0"),
             after_error: AfterError::Continue,
+            after_query: AfterQuery::Continue,
             unread: Unread::Keep,
+            query_errors: &[-430],
             output_limit_bytes: 16 * 1024 * 1024,
             headers: None,
             real_format: RealFormat::Shortest,

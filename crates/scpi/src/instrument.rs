@@ -13,11 +13,11 @@
 mod builtin;
 
 use crate::{
-    dialect::{AfterError, Dialect, Unread},
+    dialect::{AfterError, AfterQuery, Dialect, Unread},
     error::{ErrorClass, ErrorQueue, ScpiError},
     grammar::{self, Header},
     param::Param,
-    scan::Scanner,
+    scan::{Rules, Scanner},
     splitter::{Arrival, MessageSplitter},
     status::Status,
     tree::{Arity, Found, Tree},
@@ -80,9 +80,18 @@ struct Message {
     position: usize,
     /// The mnemonics that a relative header is appended to.
     path: Vec<u8>,
-    answer: Vec<u8>,
-    has_answer: bool,
-    /// The answer ends with data that only the end of the message ends.
+    /// A query was among its units.
+    has_query: bool,
+    answer: Answer,
+}
+
+/// The answers to the units so far.
+#[derive(Debug, Clone, Default)]
+struct Answer {
+    bytes: Vec<u8>,
+    /// There is an answer, though it may have no bytes.
+    has_data: bool,
+    /// It ends with data that only the end of the message ends.
     is_indefinite: bool,
 }
 
@@ -110,7 +119,7 @@ impl<C: Copy> Instrument<C> {
         Self {
             commands,
             builtins: builtin::tree(&dialect),
-            splitter: MessageSplitter::new(dialect.terminators, dialect.input_limit_bytes),
+            splitter: MessageSplitter::with_rules(rules(&dialect), dialect.input_limit_bytes),
             message: Message::default(),
             waiting: None,
             output: Vec::new(),
@@ -188,14 +197,14 @@ impl<C: Copy> Instrument<C> {
         std::mem::take(&mut self.output)
     }
 
-    /// The controller asks for an answer, on a bus where answers are fetched. With
-    /// [`Unread::Report`], asking for one when there is none and none will come is −420.
+    /// The controller asks for an answer, on a bus where answers are fetched. Asking for one when
+    /// there is none and none will come is −420.
     pub fn fetch_output(&mut self) -> Option<Vec<u8>> {
         if !self.output.is_empty() {
             return Some(self.take_output());
         }
-        if self.dialect.unread == Unread::Report && !self.message.is_running {
-            self.report(ScpiError::new(-420));
+        if !self.message.is_running {
+            self.report_query_error(-420);
         }
         None
     }
@@ -238,7 +247,7 @@ impl<C: Copy> Instrument<C> {
         let has_errors = self.errors.as_ref().is_some_and(|errors| !errors.is_empty());
         // Where answers are not fetched, a finished one is on its way and no longer available.
         let has_output = self.dialect.unread != Unread::Keep && !self.output.is_empty();
-        self.status.byte(has_errors, has_output || self.message.has_answer)
+        self.status.byte(has_errors, has_output || self.message.answer.has_data)
     }
 
     /// The registers.
@@ -264,24 +273,23 @@ impl<C: Copy> Instrument<C> {
                 Some(Arrival::Message) => break,
             }
         }
-        if !self.output.is_empty() && self.dialect.unread != Unread::Keep {
+        if !self.output.is_empty() && self.dialect.unread == Unread::Drop {
             self.output.clear();
-            if self.dialect.unread == Unread::Report {
-                self.report(ScpiError::new(-410));
-            }
+            self.report_query_error(-410);
         }
         self.message.path.clear();
         self.message.position = 0;
+        self.message.has_query = false;
         self.message.is_running = true;
         true
     }
 
     fn end_message(&mut self) {
-        let message = &mut self.message;
-        message.is_running = false;
-        message.is_indefinite = false;
-        if std::mem::take(&mut message.has_answer) {
-            self.output.append(&mut message.answer);
+        self.message.is_running = false;
+        let answer = &mut self.message.answer;
+        answer.is_indefinite = false;
+        if std::mem::take(&mut answer.has_data) {
+            self.output.append(&mut answer.bytes);
             self.output.extend_from_slice(self.dialect.ending.bytes());
         }
     }
@@ -290,7 +298,7 @@ impl<C: Copy> Instrument<C> {
     fn next_unit(&mut self) -> Option<Call<C>> {
         let bytes = std::mem::take(&mut self.message.bytes);
         let unit = &bytes[self.message.position..];
-        let n_bytes = match Scanner::new(self.dialect.terminators).scan(unit) {
+        let n_bytes = match Scanner::new(rules(&self.dialect)).scan(unit) {
             Some((n_bytes, _)) => n_bytes - 1,
             None => unit.len(),
         };
@@ -305,6 +313,11 @@ impl<C: Copy> Instrument<C> {
 
     fn run_unit(&mut self, unit: &[u8]) -> Result<Option<Call<C>>, ScpiError> {
         let Some((header, data)) = grammar::unit(unit)? else { return Ok(None) };
+        if self.message.has_query && self.dialect.after_query == AfterQuery::Refuse {
+            self.message.skip_rest();
+            return Err(ScpiError::new(-400));
+        }
+        self.message.has_query |= header.is_query;
         let path = self.message.absolute(&header);
         let undefined = || ScpiError::new(-113).with_info(header_text(&header));
         if let Some(found) = self.commands.find(&path, &header) {
@@ -330,7 +343,7 @@ impl<C: Copy> Instrument<C> {
 
     /// What goes before the data of an answer.
     fn heading<T>(&self, found: &Found<'_, T>, header: &Header<'_>, path: &[u8]) -> String {
-        if self.has_headers && !header.is_common {
+        if self.has_headers && found.is_setting && !header.is_common {
             let mut heading = found.pattern.canonical(path);
             heading.push(' ');
             heading
@@ -341,8 +354,9 @@ impl<C: Copy> Instrument<C> {
 
     /// IEEE 488.2, 6.5.7.5: nothing can follow data that only the end of the message ends.
     fn refuse_after_indefinite(&self, header: &Header<'_>) -> Result<(), ScpiError> {
-        let is_refused =
-            header.is_query && self.message.is_indefinite && self.dialect.unread == Unread::Report;
+        let is_refused = header.is_query
+            && self.message.answer.is_indefinite
+            && self.dialect.query_errors.contains(&-440);
         if is_refused { Err(ScpiError::new(-440)) } else { Ok(()) }
     }
 
@@ -354,7 +368,7 @@ impl<C: Copy> Instrument<C> {
 
     fn respond(&mut self, heading: &str, values: &[Value]) {
         let Some(last) = values.last() else { return };
-        self.message.is_indefinite |= last.is_indefinite();
+        self.message.answer.is_indefinite |= last.is_indefinite();
         let format = self.dialect.real_format;
         self.write_answer(heading, |out| {
             for (index, value) in values.iter().enumerate() {
@@ -367,17 +381,23 @@ impl<C: Copy> Instrument<C> {
     }
 
     fn write_answer(&mut self, heading: &str, write: impl FnOnce(&mut Vec<u8>)) {
-        let message = &mut self.message;
-        if message.has_answer {
-            message.answer.push(b';');
+        let answer = &mut self.message.answer;
+        if answer.has_data {
+            answer.bytes.push(b';');
         }
-        message.has_answer = true;
-        message.answer.extend_from_slice(heading.as_bytes());
-        write(&mut message.answer);
-        if self.dialect.output_limit_bytes < message.answer.len() + self.output.len() {
-            message.answer.clear();
-            message.has_answer = false;
-            self.report(ScpiError::new(-430));
+        answer.has_data = true;
+        answer.bytes.extend_from_slice(heading.as_bytes());
+        write(&mut answer.bytes);
+        if self.dialect.output_limit_bytes < answer.bytes.len() + self.output.len() {
+            answer.bytes.clear();
+            answer.has_data = false;
+            self.report_query_error(-430);
+        }
+    }
+
+    fn report_query_error(&mut self, number: i16) {
+        if self.dialect.query_errors.contains(&number) {
+            self.report(ScpiError::new(number));
         }
     }
 
@@ -385,12 +405,16 @@ impl<C: Copy> Instrument<C> {
     fn fail(&mut self, error: ScpiError) {
         self.report(error);
         if self.dialect.after_error == AfterError::SkipMessage {
-            self.message.position = self.message.bytes.len() + 1;
+            self.message.skip_rest();
         }
     }
 }
 
 impl Message {
+    const fn skip_rest(&mut self) {
+        self.position = usize::MAX;
+    }
+
     /// The header from the root: a relative one is appended to the path.
     fn absolute(&self, header: &Header<'_>) -> Vec<u8> {
         if header.is_common || header.is_absolute || self.path.is_empty() {
@@ -423,6 +447,10 @@ fn check<C>(found: Found<'_, C>, data: &[u8]) -> Result<(Vec<Option<u32>>, Vec<P
         return Err(ScpiError::new(-108));
     }
     Ok((found.suffixes, params))
+}
+
+const fn rules(dialect: &Dialect) -> Rules {
+    Rules { terminators: dialect.terminators, strings_span_lines: dialect.strings_span_lines }
 }
 
 /// The header as it was sent.

@@ -26,7 +26,7 @@ mod unit;
 mod value;
 
 pub use decoder::{Expect, FrameError, Framing, ResponseDecoder};
-pub use dialect::{AfterError, Dialect, Ending, Unread};
+pub use dialect::{AfterError, AfterQuery, Dialect, Ending, ErrorFormat, QUERY_ERRORS, Unread};
 pub use error::{ErrorClass, ErrorQueue, ScpiError, standard_text};
 pub use instrument::{Call, Instrument};
 pub use mnemonic::short_form;

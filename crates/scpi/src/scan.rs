@@ -60,12 +60,20 @@ enum Place {
 #[derive(Debug, Clone)]
 pub(crate) struct Scanner {
     place: Place,
-    terminators: Terminators,
+    rules: Rules,
+}
+
+/// What ends a message.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Rules {
+    pub(crate) terminators: Terminators,
+    /// A terminator inside a string is part of the string.
+    pub(crate) strings_span_lines: bool,
 }
 
 impl Scanner {
-    pub(crate) const fn new(terminators: Terminators) -> Self {
-        Self { place: Place::Blank, terminators }
+    pub(crate) const fn new(rules: Rules) -> Self {
+        Self { place: Place::Blank, rules }
     }
 
     /// Consumes bytes up to and including the next boundary. `None` when there is none; then all
@@ -94,7 +102,7 @@ impl Scanner {
 
     fn is_terminator(&self, byte: u8) -> bool {
         byte == b'\n'
-            || (byte == b'\r' && self.terminators == Terminators::LineFeedOrCarriageReturn)
+            || (byte == b'\r' && self.rules.terminators == Terminators::LineFeedOrCarriageReturn)
     }
 
     fn step(&mut self, byte: u8) -> Option<Boundary> {
@@ -102,7 +110,9 @@ impl Scanner {
             // Only in a counted block or a string is a terminator data.
             Place::Block { left: 0 | 1 } => Place::Data,
             Place::Block { left } => Place::Block { left: left - 1 },
-            Place::Text { quote, depth } => {
+            Place::Text { quote, depth }
+                if self.rules.strings_span_lines || !self.is_terminator(byte) =>
+            {
                 match byte == quote {
                     false => {}
                     true if depth == 0 => self.place = Place::TextEnd { quote },
@@ -138,7 +148,9 @@ impl Scanner {
                     _ => Place::Length { n_digits_left: n_digits_left - 1, declared },
                 }
             }
-            Place::Length { .. } | Place::TextEnd { .. } | Place::Data => in_data(byte),
+            Place::Length { .. } | Place::TextEnd { .. } | Place::Text { .. } | Place::Data => {
+                in_data(byte)
+            }
             Place::Expression(depth) => match byte {
                 b'(' => Place::Expression(depth.saturating_add(1)),
                 b')' if depth == 1 => Place::Data,

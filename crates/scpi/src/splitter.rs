@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use crate::scan::{Boundary, Scanner, Terminators, is_blank};
+use crate::scan::{Boundary, Rules, Scanner, Terminators, is_blank};
 
 /// What came out of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,7 +21,7 @@ pub enum Arrival {
 #[derive(Debug, Clone)]
 pub struct MessageSplitter {
     scanner: Scanner,
-    terminators: Terminators,
+    rules: Rules,
     // The whole messages in `ready`, one behind the other, then the beginning of the next.
     buffer: VecDeque<u8>,
     ready: VecDeque<Ready>,
@@ -39,9 +39,19 @@ enum Ready {
 impl MessageSplitter {
     /// A splitter that holds at most `limit_bytes` of messages that were not taken yet.
     pub fn new(terminators: Terminators, limit_bytes: usize) -> Self {
+        Self::with_rules(Rules { terminators, strings_span_lines: true }, limit_bytes)
+    }
+
+    /// A splitter for which a terminator inside a string ends the message too. Then a forgotten
+    /// quote costs one message, and not all that follow.
+    pub fn with_strings_in_one_line(terminators: Terminators, limit_bytes: usize) -> Self {
+        Self::with_rules(Rules { terminators, strings_span_lines: false }, limit_bytes)
+    }
+
+    pub(crate) fn with_rules(rules: Rules, limit_bytes: usize) -> Self {
         Self {
-            scanner: Scanner::new(terminators),
-            terminators,
+            scanner: Scanner::new(rules),
+            rules,
             buffer: VecDeque::new(),
             ready: VecDeque::new(),
             n_partial: 0,
@@ -73,13 +83,13 @@ impl MessageSplitter {
 
     /// The transport says that the message ends here (END of IEEE 488.1, or a packet that says so).
     pub fn end_of_message(&mut self) {
-        self.scanner = Scanner::new(self.terminators);
+        self.scanner = Scanner::new(self.rules);
         self.end();
     }
 
     /// Forgets everything that was not taken, as a device clear does.
     pub fn clear(&mut self) {
-        *self = Self::new(self.terminators, self.limit_bytes);
+        *self = Self::with_rules(self.rules, self.limit_bytes);
     }
 
     /// Writes the next whole message over `message`. Blank messages are passed over.

@@ -122,6 +122,8 @@ pub enum TreeError {
 pub(crate) struct Found<'a, C> {
     pub(crate) id: C,
     pub(crate) arity: Arity,
+    /// It can be set and asked for.
+    pub(crate) is_setting: bool,
     pub(crate) suffixes: Vec<Option<u32>>,
     pub(crate) is_out_of_range: bool,
     pub(crate) pattern: &'a Pattern,
@@ -186,6 +188,7 @@ impl<C: Copy> Entry<C> {
         Some(Found {
             id: self.node.id,
             arity,
+            is_setting: self.node.command.is_some() && self.node.query.is_some(),
             suffixes: found.suffixes,
             is_out_of_range: found.is_out_of_range,
             pattern: &self.pattern,

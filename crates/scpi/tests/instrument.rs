@@ -2,8 +2,8 @@
 //! per way of cutting its bytes in two, because a stream delivers them in arbitrary pieces.
 
 use rig_scpi::{
-    AfterError, Dialect, Ending, Instrument, Limits, Node, Param, ScpiError, Terminators, Tree,
-    Unit, Unread, Value, command, query, setting,
+    AfterError, AfterQuery, Dialect, Ending, Instrument, Limits, Node, Param, QUERY_ERRORS,
+    ScpiError, Terminators, Tree, Unit, Unread, Value, command, query, setting,
 };
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -383,18 +383,18 @@ fn terminators_follow_the_dialect() {
 
 #[test]
 fn an_answer_that_was_not_read_follows_the_dialect() {
-    let answers = |unread| {
-        let mut host = Host::new(Dialect { unread, ..standard() });
+    let answers = |unread, query_errors| {
+        let mut host = Host::new(Dialect { unread, query_errors, ..standard() });
         host.instrument.push(b"*IDN?\n*OPC?\n");
         host.run();
         let answers = host.instrument.take_output();
         (answers, host.say(b"SYST:ERR?\n"), host)
     };
     let none = b"0,\"No error\"\n".to_vec();
-    assert_eq!(answers(Unread::Keep).0, b"MA,IN,0,VER\n1\n");
-    let (found, error, _) = answers(Unread::Drop);
+    assert_eq!(answers(Unread::Keep, QUERY_ERRORS).0, b"MA,IN,0,VER\n1\n");
+    let (found, error, _) = answers(Unread::Drop, &[]);
     assert_eq!((found, error), (b"1\n".to_vec(), none.clone()));
-    let (found, error, mut host) = answers(Unread::Report);
+    let (found, error, mut host) = answers(Unread::Drop, QUERY_ERRORS);
     assert_eq!((found, error), (b"1\n".to_vec(), b"-410,\"Query INTERRUPTED\"\n".to_vec()));
 
     assert_eq!(host.instrument.fetch_output(), None);
@@ -404,6 +404,28 @@ fn an_answer_that_was_not_read_follows_the_dialect() {
     let answer = host.say(b"SYST:ERR?\n");
     assert_eq!(answer, b"-440,\"Query UNTERMINATED after indefinite response\"\n");
     assert_eq!(host.say(b"SYST:ERR?\n"), none);
+}
+
+#[test]
+fn a_unit_after_a_query_is_refused_where_the_dialect_says_so() {
+    let dialect = Dialect { after_query: AfterQuery::Refuse, ..standard() };
+    check_with(&dialect, b"FREQ 200;FREQ?;\n", b"200\n");
+    check_with(
+        &dialect,
+        b"FREQ?;FREQ 200;FREQ 300\nFREQ?\nSYST:ERR?\nSYST:ERR?\n",
+        b"1000\n1000\n-400,\"Query error\"\n0,\"No error\"\n",
+    );
+}
+
+#[test]
+fn a_forgotten_quote_costs_one_message_where_strings_stay_in_a_line() {
+    let dialect = Dialect { strings_span_lines: false, ..standard() };
+    check_with(
+        &dialect,
+        b"DISP:LAB 'x\nDISP:LAB?;:SYST:ERR?\n",
+        b"\"\";-151,\"Invalid string data\"\n",
+    );
+    check(b"DISP:LAB 'x\n*OPC?';LAB?\n", b"\"x\n*OPC?\"\n");
 }
 
 #[test]

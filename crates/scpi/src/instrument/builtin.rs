@@ -2,8 +2,8 @@
 
 use super::{Instrument, Waiting};
 use crate::{
-    dialect::Dialect,
-    error::{ErrorClass, ScpiError},
+    dialect::{Dialect, ErrorFormat},
+    error::{ErrorClass, ErrorQueue, ScpiError},
     param::Param,
     status::{REGISTER_MASK, Register},
     tree::{Node, Tree, command, query, setting},
@@ -139,7 +139,7 @@ impl<C: Copy> Instrument<C> {
             Builtin::Version => Value::Verbatim(self.dialect.scpi_version.unwrap_or("").into()),
             Builtin::Header => Value::Characters(if self.has_headers { "ON" } else { "OFF" }),
             Builtin::ErrorCount => {
-                let n_errors = self.errors.as_ref().map_or(0, crate::error::ErrorQueue::len);
+                let n_errors = self.errors.as_ref().map_or(0, ErrorQueue::len);
                 Value::Integer(n_errors.try_into().unwrap_or(i64::MAX))
             }
             Builtin::Event(which) => Value::Integer(self.register(which).take_event().into()),
@@ -220,35 +220,35 @@ impl<C: Copy> Instrument<C> {
     fn answer_errors(&mut self, heading: &str, n_max: usize) {
         let mut reports = Vec::new();
         while reports.len() < n_max
-            && let Some(error) = self.errors.as_mut().and_then(crate::error::ErrorQueue::pop)
+            && let Some(error) = self.errors.as_mut().and_then(ErrorQueue::pop)
         {
             reports.push(error);
         }
         if reports.is_empty() {
             reports.push(ScpiError::new(0));
         }
-        let (is_signed, has_info) = (self.dialect.has_signed_errors, self.dialect.has_error_info);
+        let format = self.dialect.error_format;
         self.write_answer(heading, |out| {
             for (index, error) in reports.iter().enumerate() {
                 if 0 < index {
                     out.push(b',');
                 }
-                write_error(error, is_signed, has_info, out);
+                write_error(error, format, out);
             }
         });
     }
 }
 
 /// `-113,"Undefined header;FOO:BAR?"`.
-fn write_error(error: &ScpiError, is_signed: bool, has_info: bool, out: &mut Vec<u8>) {
+fn write_error(error: &ScpiError, format: ErrorFormat, out: &mut Vec<u8>) {
     let number = error.number();
-    if is_signed && 0 <= number {
+    if format.has_plus && 0 <= number {
         out.push(b'+');
     }
     out.extend_from_slice(number.to_string().as_bytes());
     out.push(b',');
     let mut description = error.text().to_owned();
-    if let Some(info) = error.info().filter(|_| has_info) {
+    if let Some(info) = error.info().filter(|_| format.has_info) {
         description.push(';');
         let is_printable = |c: &char| c.is_ascii_graphic() || *c == ' ';
         description.extend(info.chars().filter(is_printable));
