@@ -14,7 +14,7 @@ pub(crate) const AVERAGES_MAX: u32 = 256;
 pub(crate) fn setup(level: DriveLevel) -> Vec<String> {
     vec![
         ":MODE LCR".to_owned(),
-        ":PARameter1 Z;:PARameter2 OFF;:PARameter3 PHASE;:PARameter4 OFF".to_owned(),
+        ":PARameter1 RS;:PARameter2 X;:PARameter3 OFF;:PARameter4 OFF".to_owned(),
         ":TRIGger EXTernal;:SPEEd FAST;:RANGe:AUTO ON".to_owned(),
         format!(":LEVel V;:LEVel:VOLTage {}", level.volt),
     ]
@@ -48,22 +48,21 @@ pub(crate) const TRIGGER: &str = "*TRG;:MEASure?";
 pub(crate) const FREQUENCY_QUERY: &str = ":FREQuency?";
 
 /// What a good answer to the trigger looks like.
-pub(crate) const READING: &str = "status, impedance in ohm, phase in degrees";
+pub(crate) const READING: &str = "status, resistance in ohm, reactance in ohm";
 
-/// Reads the answer to the trigger: a status, the magnitude in ohm, the phase in degrees. A value
-/// that could not be measured is a row of asterisks.
+/// Reads the answer to the trigger: a status, series resistance and reactance in ohm. A value that
+/// could not be measured is a row of asterisks.
 pub(crate) fn reading(answer: &str) -> Option<Impedance> {
     let fields: Vec<&str> = answer.split(',').map(str::trim).collect();
-    let [status, magnitude, phase] = fields[..] else { return None };
+    let [status, resistance, reactance] = fields[..] else { return None };
     let flag = match status.parse::<i32>().ok()? {
         0 => ReadingFlag::Normal,
         1 => ReadingFlag::LowSignal,
         _ => ReadingFlag::Overload,
     };
-    if magnitude.contains('*') || phase.contains('*') {
+    if resistance.contains('*') || reactance.contains('*') {
         return Some(Impedance::overloaded());
     }
-    let (magnitude, phase) = (real(magnitude)?, real(phase)?.to_radians());
-    let (resistance_ohm, reactance_ohm) = (magnitude * phase.cos(), magnitude * phase.sin());
+    let (resistance_ohm, reactance_ohm) = (real(resistance)?, real(reactance)?);
     Some(Impedance { resistance_ohm, reactance_ohm, flag })
 }

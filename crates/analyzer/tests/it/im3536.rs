@@ -149,11 +149,9 @@ impl State {
                 let integration_s = self.averages / self.frequency_hz;
                 *busy += Duration::from_secs_f64(self.delay_s + integration_s + 0.002);
                 let (resistance, reactance) = impedance(self.frequency_hz);
-                let (magnitude, phase) =
-                    (resistance.hypot(reactance), reactance.atan2(resistance).to_degrees());
                 let values = match self.status {
                     2 => "**********,**********".to_owned(),
-                    _ => format!("{magnitude:.8E},{phase:.6}"),
+                    _ => format!("{resistance:.8E},{reactance:.8E}"),
                 };
                 self.reading = Some(format!("{},{values}", self.status));
             }
