@@ -2,6 +2,8 @@
 
 use std::{io, sync::Arc, time::Duration};
 
+use crate::Holder;
+
 /// The line failed: what the device heard or did is not known.
 ///
 /// That a device understood and refused is never one of these; the drivers have types for it.
@@ -64,10 +66,12 @@ pub enum OpenError {
         port: Arc<str>,
     },
     /// Another program has it.
-    #[error("{port}: held by another program")]
+    #[error("{port}: held by {}", names(holders))]
     Busy {
         /// Name of the port.
         port: Arc<str>,
+        /// Which, as far as this user may know.
+        holders: Vec<Holder>,
     },
     /// This user may not.
     #[error("{port}: permission denied; serial ports usually belong to the group dialout")]
@@ -92,4 +96,12 @@ pub enum OpenError {
         #[source]
         source: io::Error,
     },
+}
+
+/// The programs by name, or that there is one.
+fn names(holders: &[Holder]) -> String {
+    if holders.is_empty() {
+        return "another program".to_owned();
+    }
+    holders.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
 }

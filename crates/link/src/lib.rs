@@ -5,7 +5,9 @@
 //! the drivers above. All waiting is done on the runtime's clock, so that a simulated rig may run
 //! on a paused one.
 
+mod attached;
 mod clock;
+mod endpoint;
 mod error;
 mod line;
 mod port;
@@ -13,7 +15,9 @@ mod stop;
 mod transcript;
 mod transport;
 
+pub use attached::{AttachedPort, Holder, UsbIdentity, attached_ports, holders};
 pub use clock::Clock;
+pub use endpoint::{Endpoint, Plug};
 pub use error::{LineError, OpenError};
 pub use line::{LineSettings, Parity, StopBits};
 pub use port::Port;

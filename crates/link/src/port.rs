@@ -10,20 +10,13 @@ use std::{
 
 use tokio::{
     io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt, ReadBuf},
-    net::TcpStream,
     time::{Instant, timeout, timeout_at},
 };
-use tokio_serial::SerialPortBuilderExt;
 
-use crate::{
-    Clock, Flow, LineError, LineSettings, OpenError, Parity, StopBits, Transcript, Transport,
-};
+use crate::{Clock, Endpoint, Flow, LineError, LineSettings, OpenError, Transcript, Transport};
 
 /// How many frames the black box holds: some seconds of a busy line.
 const TRANSCRIPT_FRAMES: usize = 256;
-
-/// How long a TCP connection may take to come up.
-const CONNECT_WITHIN: Duration = Duration::from_secs(3);
 
 /// How long the operating system may take to accept a request.
 const SEND_WITHIN: Duration = Duration::from_secs(1);
@@ -35,7 +28,11 @@ const QUARANTINE_PATIENCE: u32 = 10;
 #[derive(Debug)]
 pub struct Port {
     name: Arc<str>,
-    transport: Box<dyn Transport>,
+    /// Where it can be opened once more.
+    endpoint: Option<Endpoint>,
+    /// None once the other side is gone. It is let go at once, because an adapter that is plugged
+    /// in again gets another name for as long as the old one is open.
+    transport: Option<Box<dyn Transport>>,
     line: Option<LineSettings>,
     clock: Clock,
     transcript: Transcript,
@@ -43,68 +40,73 @@ pub struct Port {
     last_activity: Instant,
     /// Bytes that arrive now are not waited for.
     is_discarding: bool,
-    is_lost: bool,
 }
 
 impl Port {
-    /// A port over any transport. A serial line, real or simulated, has settings; a network
-    /// connection has none.
+    /// Opens a port.
+    ///
+    /// # Errors
+    /// [`OpenError`], with the reason told apart: absent, held by another program, not permitted,
+    /// nobody there.
+    pub async fn open(mut endpoint: Endpoint, clock: Clock) -> Result<Self, OpenError> {
+        let (name, line) = (endpoint.name(), endpoint.line());
+        let transport = endpoint.connect().await?;
+        let port = Self::assemble(name, transport, line, clock);
+        Ok(Self { endpoint: Some(endpoint), ..port })
+    }
+
+    /// A port over a transport that is open already. A serial line, real or simulated, has
+    /// settings; a network connection has none. Once lost, it stays so.
     pub fn new(
         name: impl Into<Arc<str>>,
         transport: impl Transport,
         line: Option<LineSettings>,
         clock: Clock,
     ) -> Self {
+        Self::assemble(name.into(), Box::new(transport), line, clock)
+    }
+
+    fn assemble(
+        name: Arc<str>,
+        transport: Box<dyn Transport>,
+        line: Option<LineSettings>,
+        clock: Clock,
+    ) -> Self {
         Self {
-            name: name.into(),
-            transport: Box::new(transport),
+            name,
+            endpoint: None,
+            transport: Some(transport),
             line,
             clock,
             transcript: Transcript::new(TRANSCRIPT_FRAMES),
             last_activity: Instant::now(),
             is_discarding: false,
-            is_lost: false,
         }
     }
 
-    /// Opens a serial port for this program alone.
+    /// Closes the port if it is open, and opens it where it was, or where the same adapter is now.
+    /// What stands behind it may be another device: it has to be identified.
     ///
     /// # Errors
-    /// [`OpenError`], with the reason told apart: absent, held by another program, not permitted.
-    pub fn open_serial(path: &str, line: LineSettings, clock: Clock) -> Result<Self, OpenError> {
-        let parity = match line.parity {
-            Parity::None => tokio_serial::Parity::None,
-            Parity::Even => tokio_serial::Parity::Even,
-            Parity::Odd => tokio_serial::Parity::Odd,
+    /// [`OpenError`]; [`OpenError::Absent`] for a port that was made over a given transport.
+    pub async fn reopen(&mut self) -> Result<(), OpenError> {
+        self.transport = None;
+        let Some(endpoint) = &mut self.endpoint else {
+            return Err(OpenError::Absent { port: self.name.clone() });
         };
-        let stop_bits = match line.stop_bits {
-            StopBits::One => tokio_serial::StopBits::One,
-            StopBits::Two => tokio_serial::StopBits::Two,
-        };
-        let name: Arc<str> = path.into();
-        let stream = tokio_serial::new(path, line.baud)
-            .parity(parity)
-            .stop_bits(stop_bits)
-            .open_native_async()
-            .map_err(|error| explain_open(&name, path, error))?;
-        Ok(Self::new(name, stream, Some(line), clock))
+        self.transport = Some(endpoint.connect().await?);
+        self.last_activity = Instant::now();
+        Ok(())
     }
 
-    /// Connects to `host:port`.
-    ///
-    /// # Errors
-    /// [`OpenError`] when nobody answers there.
-    pub async fn connect_tcp(address: &str, clock: Clock) -> Result<Self, OpenError> {
-        let name: Arc<str> = address.into();
-        let waited = CONNECT_WITHIN;
-        let io_error = |source| OpenError::Io { port: name.clone(), source };
-        let stream = match timeout(waited, TcpStream::connect(address)).await {
-            Err(_) => return Err(OpenError::TimedOut { port: name.clone(), waited }),
-            Ok(connected) => connected.map_err(io_error)?,
-        };
-        // Requests are small and the answer is waited for; coalescing would only delay them.
-        stream.set_nodelay(true).map_err(io_error)?;
-        Ok(Self::new(name.clone(), stream, None, clock))
+    /// Whether the other side is gone.
+    pub const fn is_lost(&self) -> bool {
+        self.transport.is_none()
+    }
+
+    /// Whether it can be opened once more.
+    pub const fn can_reopen(&self) -> bool {
+        self.endpoint.is_some()
     }
 
     /// The name that people read, such as `/dev/ttyUSB0`.
@@ -232,21 +234,36 @@ impl Port {
     }
 
     /// What an error of the operating system means for this port.
-    pub fn explain(&mut self, error: io::Error) -> LineError {
-        use io::ErrorKind::{BrokenPipe, ConnectionAborted, ConnectionReset, UnexpectedEof};
-        /// A terminal whose other side is gone reports an input or output error.
-        const EIO: i32 = 5;
-        let is_gone = matches!(
-            error.kind(),
-            BrokenPipe | ConnectionAborted | ConnectionReset | UnexpectedEof
-        ) || error.raw_os_error() == Some(EIO);
+    pub fn explain(&self, error: io::Error) -> LineError {
         let port = self.name.clone();
-        if is_gone {
-            self.is_lost = true;
+        if is_gone(&error) {
             return LineError::Lost { port };
         }
         LineError::Io { port, source: Arc::new(error) }
     }
+
+    /// Lets the transport go when the other side is gone.
+    fn notice<T>(&mut self, outcome: io::Result<T>) -> io::Result<T> {
+        if outcome.as_ref().is_err_and(is_gone) {
+            self.transport = None;
+        }
+        outcome
+    }
+}
+
+/// Whether an error means that the other side is gone.
+fn is_gone(error: &io::Error) -> bool {
+    use io::ErrorKind::{
+        BrokenPipe, ConnectionAborted, ConnectionReset, NotConnected, UnexpectedEof,
+    };
+    /// What a terminal reports whose other side is gone.
+    const EIO: i32 = 5;
+    /// What a terminal reports whose hardware is gone.
+    const ENXIO: i32 = 6;
+    matches!(
+        error.kind(),
+        BrokenPipe | ConnectionAborted | ConnectionReset | NotConnected | UnexpectedEof
+    ) || matches!(error.raw_os_error(), Some(EIO | ENXIO))
 }
 
 /// Every byte passes here, also those of a library that is given the port as a transport.
@@ -257,17 +274,22 @@ impl AsyncRead for Port {
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
         let this = self.get_mut();
+        let Some(transport) = &mut this.transport else {
+            return Poll::Ready(Err(io::ErrorKind::NotConnected.into()));
+        };
         let before = buffer.filled().len();
-        ready!(Pin::new(&mut this.transport).poll_read(cx, buffer))?;
+        let mut outcome = ready!(Pin::new(transport).poll_read(cx, buffer));
         let received = &buffer.filled()[before..];
-        if received.is_empty() && buffer.remaining() > 0 {
+        if outcome.is_ok() && received.is_empty() && buffer.remaining() > 0 {
             // An unplugged adapter reads as an endless stream of nothing.
-            return Poll::Ready(Err(io::ErrorKind::UnexpectedEof.into()));
+            outcome = Err(io::ErrorKind::UnexpectedEof.into());
         }
-        this.last_activity = Instant::now();
-        let flow = if this.is_discarding { Flow::Discarded } else { Flow::Received };
-        this.transcript.record(this.clock.at(this.last_activity), flow, received);
-        Poll::Ready(Ok(()))
+        if !received.is_empty() {
+            this.last_activity = Instant::now();
+            let flow = if this.is_discarding { Flow::Discarded } else { Flow::Received };
+            this.transcript.record(this.clock.at(this.last_activity), flow, received);
+        }
+        Poll::Ready(this.notice(outcome))
     }
 }
 
@@ -278,7 +300,11 @@ impl AsyncWrite for Port {
         bytes: &[u8],
     ) -> Poll<io::Result<usize>> {
         let this = self.get_mut();
-        let sent = ready!(Pin::new(&mut this.transport).poll_write(cx, bytes))?;
+        let Some(transport) = &mut this.transport else {
+            return Poll::Ready(Err(io::ErrorKind::NotConnected.into()));
+        };
+        let outcome = ready!(Pin::new(transport).poll_write(cx, bytes));
+        let sent = this.notice(outcome)?;
         let now = Instant::now();
         this.transcript.record(this.clock.at(now), Flow::Sent, &bytes[..sent]);
         // The last character leaves the wire only after all of them had their time on it.
@@ -293,22 +319,9 @@ impl AsyncWrite for Port {
     }
 
     fn poll_shutdown(self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.get_mut().transport).poll_shutdown(cx)
-    }
-}
-
-fn explain_open(name: &Arc<str>, path: &str, error: tokio_serial::Error) -> OpenError {
-    let port = name.clone();
-    match error.kind() {
-        tokio_serial::ErrorKind::Io(io::ErrorKind::PermissionDenied) => {
-            OpenError::Permission { port }
+        match &mut self.get_mut().transport {
+            Some(transport) => Pin::new(transport).poll_shutdown(cx),
+            None => Poll::Ready(Ok(())),
         }
-        // The library reports a lost race for the lock as a missing device.
-        tokio_serial::ErrorKind::NoDevice if std::path::Path::new(path).exists() => {
-            OpenError::Busy { port }
-        }
-        tokio_serial::ErrorKind::NoDevice
-        | tokio_serial::ErrorKind::Io(io::ErrorKind::NotFound) => OpenError::Absent { port },
-        _ => OpenError::Io { port, source: error.into() },
     }
 }

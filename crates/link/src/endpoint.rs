@@ -1,0 +1,135 @@
+//! Where a port is, and how it is opened, also once more after it was lost.
+
+use std::{fmt, io, path::Path, sync::Arc, time::Duration};
+
+use tokio::{net::TcpStream, time::timeout};
+use tokio_serial::SerialPortBuilderExt;
+
+use crate::{LineSettings, OpenError, Parity, StopBits, Transport, attached};
+
+/// How long a TCP connection may take to come up.
+const CONNECT_WITHIN: Duration = Duration::from_secs(3);
+
+/// Where a port is.
+pub enum Endpoint {
+    /// A serial port of this computer. A path below `/dev/serial/by-id` stays the same when the
+    /// adapter is plugged in elsewhere.
+    Serial {
+        /// The device file.
+        path: String,
+        /// Speed and format of the characters.
+        line: LineSettings,
+    },
+    /// A port of the network.
+    Tcp {
+        /// `host:port`.
+        address: String,
+    },
+    /// A pipe in memory, to a simulated device.
+    Memory {
+        /// The name that people read.
+        name: Arc<str>,
+        /// The settings of the serial line that the pipe stands for, if it does.
+        line: Option<LineSettings>,
+        /// Lays the next pipe. None when there is no more.
+        plug: Plug,
+    },
+}
+
+/// Lays pipes to a simulated device, one after the other is lost.
+pub type Plug = Box<dyn FnMut() -> Option<Box<dyn Transport>> + Send>;
+
+impl Endpoint {
+    /// The name that people read.
+    pub fn name(&self) -> Arc<str> {
+        match self {
+            Self::Serial { path, .. } => path.as_str().into(),
+            Self::Tcp { address } => address.as_str().into(),
+            Self::Memory { name, .. } => name.clone(),
+        }
+    }
+
+    /// The settings of the line, if it is a serial one.
+    pub const fn line(&self) -> Option<LineSettings> {
+        match self {
+            Self::Serial { line, .. } => Some(*line),
+            Self::Tcp { .. } => None,
+            Self::Memory { line, .. } => *line,
+        }
+    }
+
+    /// Opens it, for this program alone where that can be had.
+    pub(crate) async fn connect(&mut self) -> Result<Box<dyn Transport>, OpenError> {
+        let port = self.name();
+        match self {
+            Self::Serial { path, line } => {
+                let transport = open_serial(&port, path, *line)?;
+                // The name of the adapter itself finds it again at another place.
+                if let Some(stable) = attached::stable_name(Path::new(path)) {
+                    *path = stable;
+                }
+                Ok(transport)
+            }
+            Self::Tcp { address } => connect_tcp(&port, address).await,
+            Self::Memory { plug, .. } => plug().ok_or(OpenError::Absent { port }),
+        }
+    }
+}
+
+impl fmt::Debug for Endpoint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Endpoint({})", self.name())
+    }
+}
+
+fn open_serial(
+    port: &Arc<str>,
+    path: &str,
+    line: LineSettings,
+) -> Result<Box<dyn Transport>, OpenError> {
+    let parity = match line.parity {
+        Parity::None => tokio_serial::Parity::None,
+        Parity::Even => tokio_serial::Parity::Even,
+        Parity::Odd => tokio_serial::Parity::Odd,
+    };
+    let stop_bits = match line.stop_bits {
+        StopBits::One => tokio_serial::StopBits::One,
+        StopBits::Two => tokio_serial::StopBits::Two,
+    };
+    // The device file itself: the lock of the library is on it, whatever it is called by.
+    let device = std::fs::canonicalize(path).unwrap_or_else(|_| path.into());
+    let stream = tokio_serial::new(device.to_string_lossy(), line.baud)
+        .parity(parity)
+        .stop_bits(stop_bits)
+        .open_native_async();
+    match stream {
+        Ok(stream) => Ok(Box::new(stream)),
+        Err(error) => Err(explain(port.clone(), &device, error)),
+    }
+}
+
+fn explain(port: Arc<str>, device: &Path, error: tokio_serial::Error) -> OpenError {
+    use io::ErrorKind::{NotFound, PermissionDenied};
+    use tokio_serial::ErrorKind::{Io, NoDevice};
+    match error.kind() {
+        Io(PermissionDenied) => OpenError::Permission { port },
+        Io(NotFound) => OpenError::Absent { port },
+        // The library says so too when another program holds the lock.
+        NoDevice if device.exists() => OpenError::Busy { port, holders: attached::holders(device) },
+        NoDevice => OpenError::Absent { port },
+        _ => OpenError::Io { port, source: error.into() },
+    }
+}
+
+async fn connect_tcp(port: &Arc<str>, address: &str) -> Result<Box<dyn Transport>, OpenError> {
+    let (waited, port) = (CONNECT_WITHIN, port.clone());
+    let Ok(connected) = timeout(waited, TcpStream::connect(address)).await else {
+        return Err(OpenError::TimedOut { port, waited });
+    };
+    // Requests are small and each answer is waited for; to collect them would only delay them.
+    let stream = connected.and_then(|stream| stream.set_nodelay(true).map(|()| stream));
+    match stream {
+        Ok(stream) => Ok(Box::new(stream)),
+        Err(source) => Err(OpenError::Io { port, source }),
+    }
+}

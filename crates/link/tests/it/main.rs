@@ -1,0 +1,5 @@
+//! Ports over pipes, terminals and sockets.
+#![expect(clippy::unwrap_used, reason = "all of it is a test")]
+
+mod pipes;
+mod real;
