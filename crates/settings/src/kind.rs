@@ -34,6 +34,7 @@ mod sealed {
     impl<T> Sealed for super::Choice<T> {}
     impl<K> Sealed for super::List<K> {}
     impl<F> Sealed for super::Section<F> {}
+    impl Sealed for super::Interval {}
 }
 
 /// Where a value stands or should stand.
@@ -224,6 +225,32 @@ impl<K: Kind> Kind for List<K> {
         // The keys of a section are learnt even when the file has none of it.
         self.items.placeholder(&Slot { path: format!("[{}]", slot.path), ..slot.clone() });
         Vec::new()
+    }
+}
+
+/// Two rising numbers.
+#[derive(Debug, Clone, Copy)]
+pub struct Interval {
+    pub(crate) ends: Number,
+}
+
+impl Kind for Interval {
+    type Value = (f64, f64);
+
+    fn read<'d>(&self, slot: &Slot<'d>, value: &'d Spanned<DeValue<'d>>) -> Option<(f64, f64)> {
+        let ends = List { items: self.ends }.read(slot, value)?;
+        if ends.iter().any(|end| end.sound().is_none()) {
+            return None;
+        }
+        match ends[..] {
+            [min, max] if min.value < max.value => Some((min.value, max.value)),
+            _ => slot.refuse(&Wrong::NotAnInterval { key: slot.key, count: ends.len() }),
+        }
+    }
+
+    fn placeholder(&self, slot: &Slot<'_>) -> (f64, f64) {
+        let end = self.ends.placeholder(slot);
+        (end, end)
     }
 }
 

@@ -43,7 +43,7 @@ mod wrong;
 mod tests;
 
 pub use fault::{Complaint, Fault, Faults, Place};
-pub use kind::{Choice, Flag, Kind, List, Number, Section, Text, Whole};
+pub use kind::{Choice, Flag, Interval, Kind, List, Number, Section, Text, Whole};
 pub use setting::Setting;
 pub use table::{Entry, Table};
 

@@ -8,8 +8,8 @@ use toml::{
 };
 
 use crate::{
-    Choice, Complaint, Flag, Kind, List, Number, Place, Section, Setting, Text, Whole, kind::Slot,
-    shape::Record, source::Source, wrong::Limit,
+    Choice, Complaint, Flag, Interval, Kind, List, Number, Place, Section, Setting, Text, Whole,
+    kind::Slot, shape::Record, source::Source, wrong::Limit,
 };
 
 /// A table of the file while it is read.
@@ -176,7 +176,13 @@ impl<'t, 'd, K: Kind> Entry<'t, 'd, K> {
     }
 }
 
-impl Entry<'_, '_, Number> {
+impl<'t, 'd> Entry<'t, 'd, Number> {
+    /// An interval: the lowest and the highest of such numbers.
+    pub fn interval(self) -> Entry<'t, 'd, Interval> {
+        let Self { table, key, kind } = self;
+        Entry { table, key, kind: Interval { ends: kind } }
+    }
+
     /// The number lies in this range.
     pub fn range(mut self, range: RangeInclusive<f64>) -> Self {
         let (least, most) = range.into_inner();

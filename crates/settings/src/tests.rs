@@ -151,6 +151,28 @@ fn a_key_in_the_wrong_table_is_sent_home_and_not_missed_there() {
 }
 
 #[test]
+fn an_interval_is_two_rising_numbers() {
+    #[track_caller]
+    fn check(written: &str, expected: Result<(f64, f64), &str>) {
+        let reader = |table: &mut Table<'_>| {
+            table.number("travel_mm").range(-9.0..=9.0).interval().required().value
+        };
+        let (interval, faults) = read("x", &format!("travel_mm = {written}"), reader);
+        let found = faults.finish(interval).map_err(|faults| faults.to_string());
+        assert_eq!(found, expected.map_err(|message| format!("x:1:{message}")));
+    }
+    check("[-1, 2.5]", Ok((-1.0, 2.5)));
+    let rising = "13: travel_mm is not two rising numbers; put the smaller one first";
+    check("[2, 2]", Err(rising));
+    check("[2, 1]", Err(rising));
+    let two = "13: travel_mm is not two rising numbers; give the lowest and the highest value";
+    check("[2]", Err(two));
+    check("[1, 2, 3]", Err(two));
+    check("[1, 10]", Err("17: 10 in travel_mm is above the limit of 9 mm; use at most 9"));
+    check("2", Err("13: travel_mm = 2 must be a list, not a whole number; write [2]"));
+}
+
+#[test]
 fn a_missing_table_is_one_fault() {
     insta::assert_snapshot!(
         faults("name = \"a\"\nangles_deg = []"),

@@ -85,6 +85,8 @@ pub(crate) enum Wrong {
     EmptyText(Subject),
     #[error("{0} is an empty list")]
     EmptyList(&'static str),
+    #[error("{key} is not two rising numbers")]
+    NotAnInterval { key: &'static str, count: usize },
     #[error("{subject} is not one of {}", quoted(words))]
     NotAChoice { subject: Subject, words: Vec<&'static str>, meant: Option<&'static str> },
 }
@@ -133,6 +135,10 @@ impl Complaint for Wrong {
             Self::Outside { suggestion, .. } => Some(suggestion.clone()),
             Self::NotAChoice { meant, .. } => meant.map(|meant| format!("did you mean {meant:?}?")),
             Self::EmptyList(_) => Some("give at least one, or leave the key out".into()),
+            Self::NotAnInterval { count, .. } if *count == 2 => {
+                Some("put the smaller one first".into())
+            }
+            Self::NotAnInterval { .. } => Some("give the lowest and the highest value".into()),
             Self::NotFinite(_) | Self::EmptyText(_) => None,
         }
     }
