@@ -50,6 +50,8 @@ pub struct AxisWiring {
     pub unit_id: u8,
     /// Millimetres or degrees a step of the drive; negative when the motor counts the other way.
     pub units_per_step: f64,
+    /// Where the axis is when the drive counts zero, mm or degrees.
+    pub zero: f64,
 }
 
 /// One of the rig's ports.
@@ -95,7 +97,7 @@ impl Rig {
         let analyzer = Hioki::new("HIOKI,IM3536,190512345,V1.21", per_command);
         let drive = |axis, wiring: AxisWiring| {
             let AxisModel::OrientalAz = wiring.model;
-            (wiring.unit_id, Drive::Az(Az::new(axis, wiring.units_per_step, &world)))
+            (wiring.unit_id, Drive::Az(Az::new(axis, wiring.units_per_step, wiring.zero, &world)))
         };
         let units =
             vec![drive(AxisId::Linear, wiring.linear), drive(AxisId::Rotary, wiring.rotary)];

@@ -176,6 +176,7 @@ mod tests {
             model: AxisModel::OrientalAz,
             unit_id,
             units_per_step,
+            zero: 0.0,
         };
         let wiring = Wiring {
             analyzer: AnalyzerModel::HiokiIm3536,

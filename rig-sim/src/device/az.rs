@@ -135,6 +135,8 @@ pub struct Az {
     axis: AxisId,
     /// Millimetres or degrees a step; negative when the motor counts the other way.
     units_per_step: f64,
+    /// Where the axis is when the drive counts zero.
+    zero: f64,
     /// Everything that can be written, by the address of its upper word.
     settings: BTreeMap<u16, i32>,
     /// Where the drive believes to have sent the motor, in steps.
@@ -151,13 +153,14 @@ pub struct Az {
 
 impl Az {
     /// A drive that has just been switched on, on this axis.
-    pub fn new(axis: AxisId, units_per_step: f64, world: &World) -> Self {
+    pub fn new(axis: AxisId, units_per_step: f64, zero: f64, world: &World) -> Self {
         let settings = SETTINGS.iter().map(|&(address, initial, ..)| (address, initial)).collect();
         Self {
             axis,
             units_per_step,
+            zero,
             settings,
-            commanded: world.stage(axis).target() / units_per_step,
+            commanded: (world.stage(axis).target() - zero) / units_per_step,
             preset: 0.0,
             alarm: 0,
             history: [0; HISTORY],
@@ -198,7 +201,7 @@ impl Az {
     pub fn restart(&mut self, now: RigTime, world: &mut World) {
         self.stop(now, world);
         let history = self.history;
-        *self = Self { history, ..Self::new(self.axis, self.units_per_step, world) };
+        *self = Self { history, ..Self::new(self.axis, self.units_per_step, self.zero, world) };
     }
 
     fn set_alarm(&mut self, code: u8) {
@@ -295,8 +298,13 @@ impl Az {
         self.alarm == 0 && input & (input::STOP | input::FREE) == 0
     }
 
+    /// The count of the encoder at a place of the axis.
+    fn steps_at(&self, place: f64) -> f64 {
+        (place - self.zero) / self.units_per_step
+    }
+
     fn motor_steps(&self, now: RigTime, world: &World) -> f64 {
-        world.stage(self.axis).motor(now) / self.units_per_step
+        self.steps_at(world.stage(self.axis).motor(now))
     }
 
     fn command_steps(&self, now: RigTime, world: &World) -> f64 {
@@ -390,7 +398,8 @@ impl Az {
             let deceleration = f64::from(self.settings[&item::DECELERATION]);
             let stage = world.drive(now, self.axis);
             stage.stop(now, deceleration * self.units_per_step.abs());
-            self.commanded = stage.target() / self.units_per_step;
+            let target = stage.target();
+            self.commanded = self.steps_at(target);
         }
         self.alarm_at_end = None;
         self.is_homing = false;
@@ -440,14 +449,14 @@ impl Az {
             acceleration: f64::from(self.settings[&item::ACCELERATION]) * scale,
             deceleration: f64::from(self.settings[&item::DECELERATION]) * scale,
         };
-        let place = target * self.units_per_step;
+        let place = self.zero + target * self.units_per_step;
         world.drive(now, self.axis).start(now, place, &profile);
     }
 
     /// The target that will be reached, and the alarm that then comes.
     fn within_limits(&self, target: f64, world: &World) -> (f64, Option<u8>) {
         let (low, high) = world.travel(self.axis);
-        let (a, b) = (low / self.units_per_step, high / self.units_per_step);
+        let (a, b) = (self.steps_at(low), self.steps_at(high));
         let reached = target.clamp(a.min(b), a.max(b));
         let alarm = (reached != target).then_some(alarm::HARDWARE_OVERTRAVEL);
         let action = self.settings[&item::LIMIT_ACTION];

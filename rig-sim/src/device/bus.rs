@@ -159,8 +159,8 @@ mod tests {
             let mut world = World::new(paper(), 1).unwrap();
             world.place_sample(RigTime::ZERO, "3").unwrap();
             let units = vec![
-                (1, Drive::Az(Az::new(AxisId::Linear, MM, &world))),
-                (2, Drive::Az(Az::new(AxisId::Rotary, 0.01, &world))),
+                (1, Drive::Az(Az::new(AxisId::Linear, MM, 0.0, &world))),
+                (2, Drive::Az(Az::new(AxisId::Rotary, 0.01, 0.0, &world))),
             ];
             let carrier = Carrier::Serial { baud: 115_200 };
             let bus = Bus::new(carrier, Duration::from_millis(2), units);

@@ -36,6 +36,10 @@ use crate::{
 /// Everything that a world is made of.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
+    /// What it is called.
+    pub name: String,
+    /// Decides all that is left to chance.
+    pub seed: u64,
     /// The sensor.
     pub sensor: SensorScene,
     /// What there is to touch.
@@ -205,6 +209,9 @@ struct Mounted {
     raised_mm: f64,
 }
 
+/// A person who mounts a sample sees when it lies further off than this many standard deviations.
+const MOST_SIGMAS: f64 = 2.5;
+
 /// Why every circuit of a checked sensor rings.
 const RINGS: &str = "loss factors of at most 1 leave a quality of at least 1";
 
@@ -338,7 +345,8 @@ impl World {
         self.take_sample_away(now);
         self.placings += 1;
         let key = [stream::MOUNTING, self.placings, 0];
-        let raised_mm = self.scene.nuisances.mounting_mm * normal_at(self.seed, key);
+        let draw = normal_at(self.seed, key).clamp(-MOST_SIGMAS, MOST_SIGMAS);
+        let raised_mm = self.scene.nuisances.mounting_mm * draw;
         self.mounted = Some(Mounted { sample, number: self.placings, raised_mm });
         self.follow_plant(now);
         Ok(())
@@ -384,8 +392,7 @@ impl World {
         let done = after(now, duration_s);
         self.plant.advance((done.since(now).as_secs_f64() - duration_s).max(0.0));
         self.plant_at = done;
-        let sigma =
-            self.scene.nuisances.impedance_at_ten_cycles * (10.0 / f64::from(cycles)).sqrt();
+        let sigma = self.scene.nuisances.impedance_rel * (10.0 / f64::from(cycles)).sqrt();
         let noise = Complex64::new(self.noise.normal(), self.noise.normal());
         (impedance_ohm * (1.0 + sigma * noise), done)
     }

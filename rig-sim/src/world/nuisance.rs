@@ -12,7 +12,7 @@ pub struct Nuisances {
     /// Standard deviation of the slope of the surface from one touched point to the next, degrees.
     pub slope_deg: f64,
     /// Relative standard deviation of the stiffness from one touched point to the next.
-    pub stiffness: f64,
+    pub stiffness_rel: f64,
     /// Standard deviation of the repeatable error of the linear screw, mm.
     pub screw_mm: f64,
     /// Distance over which the error of the screw changes, mm.
@@ -26,7 +26,7 @@ pub struct Nuisances {
     /// How the free resonance wanders.
     pub drift: Drift,
     /// Relative standard deviation of each part of an impedance integrated over ten cycles.
-    pub impedance_at_ten_cycles: f64,
+    pub impedance_rel: f64,
     /// How long the analyzer takes over each command, s: whoever times its drive cannot know.
     pub analyzer_command_s: f64,
 }
@@ -36,14 +36,14 @@ impl Nuisances {
     pub const NONE: Self = Self {
         mounting_mm: 0.0,
         slope_deg: 0.0,
-        stiffness: 0.0,
+        stiffness_rel: 0.0,
         screw_mm: 0.0,
         screw_length_mm: 1.0,
         linear_backlash_mm: 0.0,
         rotary_backlash_deg: 0.0,
         encoder_steps: 0.0,
         drift: Drift { warm_up_hz: 0.0, warm_up_s: 1.0, walk_hz_per_sqrt_hour: 0.0 },
-        impedance_at_ten_cycles: 0.0,
+        impedance_rel: 0.0,
         analyzer_command_s: 0.0,
     };
 }
@@ -126,7 +126,7 @@ impl Point {
         let draw = |what| normal_at(seed, [what, mounting, pose]);
         Self {
             // A sample is never softer than a third of its nominal value, however the dice fall.
-            stiffness_factor: (1.0 + nuisances.stiffness * draw(1)).max(1.0 / 3.0),
+            stiffness_factor: (1.0 + nuisances.stiffness_rel * draw(1)).max(1.0 / 3.0),
             slope_deg: nuisances.slope_deg * draw(2),
         }
     }
@@ -170,7 +170,7 @@ mod tests {
 
     #[test]
     fn a_point_is_found_again_and_another_mounting_or_tilt_is_another_point() {
-        let nuisances = Nuisances { stiffness: 0.03, slope_deg: 1.0, ..Nuisances::NONE };
+        let nuisances = Nuisances { stiffness_rel: 0.03, slope_deg: 1.0, ..Nuisances::NONE };
         let point = |mounting, tilt| Point::of(&nuisances, 1, mounting, tilt, 0);
         assert_eq!(point(1, 30.0), point(1, 30.3));
         assert_ne!(point(1, 30.0), point(2, 30.0));

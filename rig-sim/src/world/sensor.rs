@@ -1,8 +1,8 @@
 //! The sensor: what it looks like to the analyzer, clear and in contact.
 
 use rig_contact::{
-    Circuit, Contact, ContactLaw, Depth, Direction, Element, Friction, LawError, Pose,
-    SensorDesign, SensorError, Tissue, TissueError,
+    Circuit, Contact, ContactLaw, Depth, Direction, Element, Friction, Pose, SensorDesign,
+    SensorError, Tissue, TissueError,
 };
 use rig_model::Orientation;
 
@@ -15,8 +15,8 @@ pub struct SensorScene {
     pub gives_way: bool,
     /// How the contact grows with depth.
     pub law: ContactLaw,
-    /// What the contact does sideways.
-    pub friction: Friction,
+    /// Whether the contact sticks sideways while it vibrates; it slides without resistance if not.
+    pub sticks: bool,
     /// Poisson's ratio of all samples.
     pub poisson: f64,
     /// Loss factor of all samples.
@@ -80,18 +80,19 @@ impl SensorModel {
         } else {
             Depth::Indentation { along_probe_mm }
         };
-        let SensorScene { law, friction, .. } = self.scene;
+        let SensorScene { law, sticks, .. } = self.scene;
+        let friction = if sticks { Friction::Sticking } else { Friction::Frictionless };
         let contact = Contact { pose, depth, law, friction };
-        let load = match self.sensor.load(&tissue, &contact) {
-            Ok(load) => load,
+        let load = self.sensor.load(&tissue, &contact).unwrap_or_else(|_| {
             // Deeper than the law holds, as in a crash: the contact grows no further.
-            Err(LawError::Depth { limit_rel, .. } | LawError::Radius { limit_rel, .. }) => {
-                let along_probe_mm = limit_rel * self.scene.design.probe_radius_mm;
-                let depth = Depth::Indentation { along_probe_mm };
-                let deepest = Contact { pose: Pose::UPRIGHT, depth, ..contact };
-                self.sensor.load(&tissue, &deepest).expect("this is the limit of the law")
-            }
-        };
+            let along_probe_mm = law.depth_limit_rel() * self.scene.design.probe_radius_mm;
+            let deepest = Contact {
+                pose: Pose::UPRIGHT,
+                depth: Depth::Indentation { along_probe_mm },
+                ..contact
+            };
+            self.sensor.load(&tissue, &deepest).expect("this is the limit of the law")
+        });
         self.element.circuit(&pose, &load, &tissue)
     }
 }
