@@ -23,8 +23,9 @@ pub struct Element {
     mass: Pair,
     twist_stiffness_n_m: f64,
     twist_inertia_kg_m2: f64,
-    /// ω² of the free sensor, without losses.
+    /// ω² and ω of the free sensor, without losses.
     free_rad2: f64,
+    free_rad: f64,
     /// Stiffness less ω² mass of the free sensor: singular.
     balance: Pair,
     /// Half-way products of the quadratic: mass determinant, and the mixed term of the free sensor.
@@ -86,6 +87,7 @@ impl Element {
             twist_stiffness_n_m: section.torsion_n_m2 / l,
             twist_inertia_kg_m2: section.roll_kg_m * l / 3.0 + section.tip_inertia_kg_m2,
             free_rad2,
+            free_rad: free_rad2.sqrt(),
             balance,
             mass_determinant,
             mixed: balance.mixed(mass),
@@ -94,7 +96,7 @@ impl Element {
 
     /// Series resonance of the sensor that touches nothing, without losses, Hz.
     pub fn no_load_hz(&self) -> f64 {
-        self.free_rad2.sqrt() / TAU
+        self.free_rad / TAU
     }
 
     /// The shift of the series resonance by a contact stiffness, without losses, Hz.
@@ -108,17 +110,22 @@ impl Element {
         }
         let unit = TipStiffness::of(&self.section, pose, load.tangential_n_per_m / normal);
         let rise = self.rise_with(&unit, normal);
-        rise / ((self.free_rad2 + rise).sqrt() + self.free_rad2.sqrt()) / TAU
+        rise / (((self.free_rad2 + rise).sqrt() + self.free_rad) * TAU)
     }
 
     /// By how much this contact stiffness raises ω².
     fn rise_with(&self, unit: &TipStiffness, normal: f64) -> f64 {
-        let rise = self.rise_rad2(self.in_plane(unit, normal, self.free_rad2));
         if unit.wt == 0.0 && unit.pt == 0.0 {
-            return rise;
+            let in_plane =
+                Pair { ww: normal * unit.ww, wp: normal * unit.wp, pp: normal * unit.pp };
+            return self.rise_rad2(in_plane);
         }
-        // The twist's inertia needs ω²; after the free sensor's a second pass leaves 1e-4 Hz.
-        self.rise_rad2(self.in_plane(unit, normal, self.free_rad2 + rise))
+        // The twist's inertia needs ω². It is a few percent of the twist's stiffness, which itself
+        // moves the shift by a fifth of a hertz, so that the first order in the contact will do.
+        let along =
+            self.balance.ww * unit.pp + self.balance.pp * unit.ww - 2.0 * self.balance.wp * unit.wp;
+        let first_order = normal * along / (self.mixed + normal * self.mass.ww * unit.pp);
+        self.rise_rad2(self.in_plane(unit, normal, self.free_rad2 + first_order))
     }
 
     /// ω² with this contact stiffness.

@@ -7,6 +7,7 @@
 
 pub mod equations;
 
+mod choice;
 mod circuit;
 mod contact;
 mod element;
@@ -23,6 +24,7 @@ mod stage;
 mod tier;
 mod tissue;
 
+pub use choice::{Cell, Choice, ErrorTable, RATIOS, Scene, TILTS_DEG};
 pub use circuit::Circuit;
 pub use contact::{Contact, Depth, Friction, Load};
 pub use element::Element;

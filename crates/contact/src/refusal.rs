@@ -27,6 +27,12 @@ pub enum Refusal {
         /// The tier asked.
         tier: Tier,
     },
+    /// The tier has no electrodes, and so no impedance.
+    #[error("tier {tier} gives a shift and no impedance", tier = tier.name())]
+    NoImpedance {
+        /// The tier asked.
+        tier: Tier,
+    },
     /// The contact is too stiff for the tier's shape of the beam.
     #[error(
         "tier {tier}: contact stiffness of {ratio:.3} sensor stiffnesses is above {limit}",

@@ -67,6 +67,11 @@ impl Section {
         }
     }
 
+    /// Stiffness of the end of the bimorph against a force across it, 3EI/L³.
+    pub(crate) fn tip_n_per_m(&self) -> f64 {
+        3.0 * self.bending_n_m2 / self.length_m.powi(3)
+    }
+
     /// How far the ball gives way along the surface's normal for a force of 1 N along it.
     ///
     /// The force acts through the ball's centre at the end of the arm: across the bimorph it bends

@@ -21,26 +21,38 @@ pub(crate) fn balance(law: ContactLaw, move_rel: f64, softness: f64) -> Result<S
     if move_rel.is_nan() || move_rel < 0.0 {
         return refuse(move_rel);
     }
-    let mut spot = law.at_valid(move_rel.min(limit_rel));
-    let mut excess = spot.depth_rel + softness * spot.force_rel - move_rel;
-    if excess < 0.0 {
-        return refuse(move_rel - softness * spot.force_rel);
+    let most = law.at_valid(limit_rel);
+    if most.depth_rel + softness * most.force_rel < move_rel {
+        return refuse(move_rel - softness * most.force_rel);
     }
-    // The excess is convex and rises, so that Newton from above comes down without overshoot. It
-    // shrinks a force-dominated depth to a third at each step at the worst.
+    let mut spot = law.at_valid(hertz_balance(move_rel, softness).min(limit_rel));
+    // The sum is convex and rises: from wherever it starts, Newton's method lands above the balance
+    // and then comes down to it. It shrinks a depth that the force dominates to a third at each step
+    // at the worst.
     for _ in 0..STEPS_MAX {
+        let excess = spot.depth_rel + softness * spot.force_rel - move_rel;
         let step = excess / (1.0 + 2.0 * softness * spot.radius_rel);
-        spot = law.at_valid((spot.depth_rel - step).max(0.0));
-        if step <= STEP_TOLERANCE * spot.depth_rel {
+        spot = law.at_valid((spot.depth_rel - step).clamp(0.0, limit_rel));
+        if step.abs() <= STEP_TOLERANCE * spot.depth_rel {
             break;
         }
-        excess = spot.depth_rel + softness * spot.force_rel - move_rel;
     }
     Ok(spot)
 }
 
-/// Relative to the depth. Newton squares what is left of it.
-const STEP_TOLERANCE: f64 = 1e-9;
+/// A few of Newton's steps for Hertz's law, in s with s² the depth: s² + 4/3 c s³ is the move.
+fn hertz_balance(move_rel: f64, softness: f64) -> f64 {
+    let cubic = 4.0 / 3.0 * softness;
+    let mut root = move_rel.sqrt();
+    for _ in 0..3 {
+        let excess = root * root * (1.0 + cubic * root) - move_rel;
+        root -= excess / (root * (2.0 + 3.0 * cubic * root)).max(f64::MIN_POSITIVE);
+    }
+    root * root
+}
+
+/// Relative to the depth. What is left is about the square of it.
+const STEP_TOLERANCE: f64 = 1e-7;
 /// Enough to come from a depth of two radii down to 1e-20.
 const STEPS_MAX: u32 = 60;
 

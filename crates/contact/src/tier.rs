@@ -1,8 +1,8 @@
 //! The tiers side by side: one question, answered by any of them or refused.
 
 use crate::{
-    Contact, ContactLaw, Depth, Element, ExactBeam, Load, Lumped, Reference, Refusal, Sensor,
-    Tissue,
+    Circuit, Contact, ContactLaw, Depth, Element, ExactBeam, Load, Lumped, Reference, Refusal,
+    Sensor, Tissue,
 };
 
 /// How the sensor's vibration is modelled, from the cheapest to the dearest.
@@ -100,7 +100,6 @@ pub struct Prediction {
 pub struct Models {
     sensor: Sensor,
     tip_n_per_m: f64,
-    law: ContactLaw,
     lumped: Lumped,
     element: Element,
     exact: ExactBeam,
@@ -110,11 +109,9 @@ pub struct Models {
 impl Models {
     /// Prepares every tier of a sensor for contacts of this law.
     pub fn new(sensor: &Sensor, law: ContactLaw) -> Self {
-        let section = sensor.section();
         Self {
             sensor: *sensor,
-            tip_n_per_m: 3.0 * section.bending_n_m2 / section.length_m.powi(3),
-            law,
+            tip_n_per_m: sensor.section().tip_n_per_m(),
             lumped: Lumped::new(sensor, law),
             element: Element::new(sensor),
             exact: ExactBeam::new(sensor),
@@ -162,6 +159,26 @@ impl Models {
             Tier::Reference => self.reference.shift_hz(pose, &load, tissue),
         };
         Ok(Prediction { load, shift_hz })
+    }
+
+    /// The equivalent circuit in contact; that of the free sensor, exactly, when nothing is touched.
+    ///
+    /// # Errors
+    /// [`Refusal::NoImpedance`] when the tier has no electrodes, and as [`Models::predict`].
+    pub fn circuit(
+        &self,
+        tier: Tier,
+        tissue: &Tissue,
+        contact: &Contact,
+    ) -> Result<Circuit, Refusal> {
+        let load = self.load(tier, tissue, contact)?;
+        match tier {
+            Tier::E1 | Tier::E1s => Ok(self.element.circuit(&contact.pose, &load, tissue)),
+            Tier::Reference => Ok(self.reference.circuit(&contact.pose, &load, tissue)),
+            Tier::T0 | Tier::T0b | Tier::T1 | Tier::T2 | Tier::T2s | Tier::Exact => {
+                Err(Refusal::NoImpedance { tier })
+            }
+        }
     }
 
     /// The contact at rest, when this tier holds for it.
