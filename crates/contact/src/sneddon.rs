@@ -7,12 +7,13 @@
 //! Sneddon, Int. J. Engng Sci. 3 (1965) 47, equations (6.13) to (6.15).
 
 /// Coefficients of a²/(R² D) in powers of D, from the inversion of D = x² + x⁴/3 + x⁶/5 + …
-const SQUARE: [f64; 5] = [1.0, -1.0 / 3.0, 1.0 / 45.0, 1.0 / 189.0, 11.0 / 14_175.0];
+const SQUARE: [f64; 6] = [1.0, -1.0 / 3.0, 1.0 / 45.0, 1.0 / 189.0, 11.0 / 14_175.0, 0.0];
 /// Coefficients of the derivative of D times that series.
-const SLOPE: [f64; 5] =
-    [SQUARE[0], 2.0 * SQUARE[1], 3.0 * SQUARE[2], 4.0 * SQUARE[3], 5.0 * SQUARE[4]];
-/// Coefficients of F/(4/3 E* R D a) in powers of D, from the integral of the same series.
-const FORCE: [f64; 5] = [1.0, 1.0 / 15.0, 4.0 / 315.0, 4.0 / 4725.0, -16.0 / 31185.0];
+const SLOPE: [f64; 6] =
+    [SQUARE[0], 2.0 * SQUARE[1], 3.0 * SQUARE[2], 4.0 * SQUARE[3], 5.0 * SQUARE[4], 0.0];
+/// Coefficients of F/(4/3 E* R D a) in powers of D, from the integral of the same inversion.
+const FORCE: [f64; 6] =
+    [1.0, 1.0 / 15.0, 4.0 / 315.0, 4.0 / 4_725.0, -16.0 / 31_185.0, -17_312.0 / 70_945_875.0];
 
 /// Numerator and denominator of a fit of t²/D for D up to two, within 8e-6: one step of Halley's
 /// method, which triples the digits, makes it exact.
@@ -67,11 +68,11 @@ pub(crate) fn series_depth_of_square(square: f64) -> f64 {
     depth
 }
 
-fn polynomial(coefficients: &[f64; 5], x: f64) -> f64 {
-    let [c0, c1, c2, c3, c4] = *coefficients;
-    // Two short chains instead of one long one: this is the innermost loop of every scene.
+fn polynomial(coefficients: &[f64; 6], x: f64) -> f64 {
+    let [c0, c1, c2, c3, c4, c5] = *coefficients;
+    // Short chains side by side: this is the innermost loop of every scene.
     let square = x * x;
-    (c0 + c1 * x) + square * ((c2 + c3 * x) + square * c4)
+    (c0 + c1 * x) + square * ((c2 + c3 * x) + square * (c4 + c5 * x))
 }
 
 /// (1 + x²) t − x, by its series where the difference would lose digits.
