@@ -235,8 +235,8 @@ fn a_summary_holds_the_extremes_that_the_touches_ask_for() {
     let summary = plan_of(THREE_DIRECTION).summary(&bench());
     assert_eq!((summary.touches, summary.no_loads), (110, 110));
     assert_eq!(summary.rotary, Span::new(-45.0, 45.0));
-    // The level surface at 20 mm, 0.6 mm to give up and 0.5 mm of indentation.
-    assert!((summary.linear.min.value() - 18.9).abs() < 1e-9);
+    // The level surface at 20 mm, 0.8 mm to give up and 0.5 mm of indentation.
+    assert!((summary.linear.min.value() - 18.7).abs() < 1e-9);
     assert_eq!(summary.linear.max.value(), 45.0);
 }
 
@@ -295,8 +295,8 @@ fn a_protocol_that_the_bench_cannot_run_is_refused() {
 #[test]
 fn a_search_that_leaves_the_reach_of_the_linear_stage_is_refused() {
     let changes = [
-        ("start_above_mm = 0.4", "start_above_mm = 25"),
-        ("give_up_below_mm = 0.6", "give_up_below_mm = 6"),
+        ("start_above_mm = 0.8", "start_above_mm = 25"),
+        ("give_up_below_mm = 0.8", "give_up_below_mm = 6"),
     ];
     insta::assert_snapshot!(complaints(&changes, &bench()));
 }
