@@ -1,1 +1,131 @@
 //! The rig file: which device is on which port, and what the bench can do.
+//!
+//! What it may say is shown, with comments, in the files that are shipped in `config/rigs`. The
+//! value `connection` decides whether a rig is real or simulated; nothing else has to differ.
+
+mod axis;
+mod bench;
+mod port;
+mod refusal;
+
+#[cfg(test)]
+mod tests;
+
+use std::path::{Path, PathBuf};
+
+use rig_analyzer::Dialect;
+use rig_link::LineSettings;
+use rig_model::{Bench, Deg, Mm};
+use rig_settings::Faults;
+use rig_stage::{RegisterMap, Scale};
+
+/// A rig file, read and checked.
+#[derive(Debug, Clone)]
+pub struct RigFile {
+    /// The name of the rig.
+    pub name: String,
+    /// Whether its devices are there or simulated.
+    pub connection: Connection,
+    /// What the protocol and the engine have to know of it.
+    pub bench: Bench,
+    /// The impedance analyzer.
+    pub analyzer: AnalyzerFile,
+    /// Where the line is on which both axes are.
+    pub bus: PortFile,
+    /// The vertical axis.
+    pub linear: AxisFile<Mm>,
+    /// The axis that tilts the sample.
+    pub rotary: AxisFile<Deg>,
+    /// The samples whose stiffness was measured otherwise.
+    pub samples: Vec<KnownSample>,
+}
+
+/// The one value in which a simulated and a real rig differ.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Connection {
+    /// The devices are on their ports.
+    Ports,
+    /// Simulated devices take their place, behind the same drivers.
+    Simulated(Simulation),
+}
+
+/// What is simulated.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Simulation {
+    /// The scene file, relative to the directory of the rig file.
+    pub scene: PathBuf,
+    /// How fast time passes.
+    pub pace: Pace,
+}
+
+/// How fast time passes on a simulated rig.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pace {
+    /// As fast as it can be computed.
+    Virtual,
+    /// As on the wall.
+    Real,
+}
+
+/// The impedance analyzer.
+#[derive(Debug, Clone)]
+pub struct AnalyzerFile {
+    /// How to speak to it.
+    pub dialect: &'static Dialect,
+    /// Where it is.
+    pub port: PortFile,
+}
+
+/// Where a device is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum PortFile {
+    /// On a serial port.
+    Serial {
+        /// The device file.
+        path: String,
+        /// How characters travel.
+        line: LineSettings,
+    },
+    /// On the network, `host:port`.
+    Tcp {
+        /// The address.
+        address: String,
+    },
+}
+
+/// The controller of an axis.
+#[derive(Debug, Clone)]
+pub struct AxisFile<U> {
+    /// How to speak to it.
+    pub register_map: &'static RegisterMap,
+    /// Its address on the bus.
+    pub unit_id: u8,
+    /// How its counts correspond to positions.
+    pub scale: Scale<U>,
+}
+
+/// A sample whose stiffness was measured otherwise.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KnownSample {
+    /// The name on its label.
+    pub name: String,
+    /// Its Young's modulus, in MPa.
+    pub stiffness_mpa: f64,
+}
+
+impl RigFile {
+    /// Reads and checks the `text` of a rig `file`.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it.
+    pub fn read(file: &str, text: &str) -> Result<Self, Faults> {
+        let (rig, faults) = rig_settings::read(file, text, bench::rig);
+        faults.finish(rig)
+    }
+
+    /// The scene file of a simulated rig whose rig file is at `path`.
+    pub fn scene(&self, path: &Path) -> Option<PathBuf> {
+        let Connection::Simulated(simulation) = &self.connection else { return None };
+        Some(path.parent().unwrap_or(Path::new("")).join(&simulation.scene))
+    }
+}

@@ -1,0 +1,135 @@
+//! The sections of the two axes, which differ in their unit.
+
+use rig_model::{Axis, AxisError, AxisLimits, Position, Span, Unit};
+use rig_settings::{Setting, Table};
+use rig_stage::{Scale, maps};
+
+use super::{AxisFile, refusal::Refusal};
+
+/// The keys of an axis, which end in its unit.
+#[derive(Debug)]
+pub(super) struct AxisKeys {
+    name: &'static str,
+    per_count: &'static str,
+    zero: &'static str,
+    acceleration: &'static str,
+    travel: &'static str,
+    soft_limits: &'static str,
+    /// Where it waits; level when there is no key.
+    rest: Option<&'static str>,
+    tolerance: &'static str,
+    max_speed: &'static str,
+}
+
+pub(super) const LINEAR: AxisKeys = AxisKeys {
+    name: "linear stage",
+    per_count: "mm_per_step",
+    zero: "zero_mm",
+    acceleration: "acceleration_mm_per_s2",
+    travel: "travel_mm",
+    soft_limits: "soft_limits_mm",
+    rest: Some("clear_mm"),
+    tolerance: "tolerance_mm",
+    max_speed: "max_speed_mm_per_s",
+};
+
+pub(super) const ROTARY: AxisKeys = AxisKeys {
+    name: "rotary stage",
+    per_count: "deg_per_step",
+    zero: "zero_deg",
+    acceleration: "acceleration_deg_per_s2",
+    travel: "travel_deg",
+    soft_limits: "soft_limits_deg",
+    rest: None,
+    tolerance: "tolerance_deg",
+    max_speed: "max_speed_deg_per_s",
+};
+
+/// An axis as it was read, with what other sections are held against.
+#[derive(Debug)]
+pub(super) struct AxisRead<U> {
+    pub(super) axis: Axis<U>,
+    pub(super) file: AxisFile<U>,
+    pub(super) unit_id: Setting<u32>,
+    pub(super) soft_limits: Setting<(f64, f64)>,
+    pub(super) rest: Setting<f64>,
+    pub(super) max_speed: Setting<f64>,
+}
+
+/// Reads an axis and checks it by itself.
+pub(super) fn axis<U: Unit>(table: &mut Table<'_>, keys: &AxisKeys) -> AxisRead<U>
+where
+    Refusal: From<AxisError<U>>,
+{
+    let register_map =
+        table.choice("register_map", maps::ALL.map(|map| (map.name, map))).required();
+    let unit_id = table.count("unit_id").range(1..=247).required();
+    let per_count = table.number(keys.per_count).required();
+    let zero = table.number(keys.zero).or(0.0);
+    let acceleration = table.number(keys.acceleration).above(0.0).required();
+    let counts_per_revolution = table.number("steps_per_revolution").above(0.0).or(1000.0);
+    let travel = table.number(keys.travel).interval().required();
+    let soft_limits = table.number(keys.soft_limits).interval().required();
+    let rest = match keys.rest {
+        Some(key) => table.number(key).required(),
+        None => soft_limits.map(|_| 0.0),
+    };
+    let tolerance = table.number(keys.tolerance).above(0.0).required();
+    let max_speed = table.number(keys.max_speed).above(0.0).required();
+
+    let limits = || {
+        let (travel, soft) = (travel.sound()?, soft_limits.sound()?);
+        Some(AxisLimits {
+            travel: Span::new(travel.0, travel.1),
+            soft: Span::new(soft.0, soft.1),
+            rest: Position::new(*rest.sound()?),
+            tolerance: *tolerance.sound()?,
+            max_speed_per_s: *max_speed.sound()?,
+        })
+    };
+    let checked = limits().and_then(|limits| match Axis::new(keys.name, limits) {
+        Ok(axis) => Some(axis),
+        Err(error) => {
+            let place = match error {
+                AxisError::RestOutOfReach { .. } => rest.place,
+                _ => soft_limits.place,
+            };
+            table.refuse(place, &Refusal::from(error));
+            None
+        }
+    });
+    if let (Some(&found), Some(&tolerance)) = (per_count.sound(), tolerance.sound()) {
+        let key = keys.per_count;
+        if found == 0.0 {
+            table.refuse(&per_count, &Refusal::NoStep { key });
+        } else if found.abs() > 2.0 * tolerance {
+            table.refuse(&per_count, &Refusal::CoarseStep { key, found, tolerance });
+        }
+    }
+    AxisRead {
+        axis: checked.unwrap_or_else(placeholder),
+        file: AxisFile {
+            register_map: register_map.value,
+            unit_id: u8::try_from(unit_id.value).expect("the range of the key ends at 247"),
+            scale: Scale {
+                per_count: per_count.value,
+                zero: Position::new(zero.value),
+                counts_per_revolution: counts_per_revolution.value,
+                acceleration_per_s2: acceleration.value,
+            },
+        },
+        unit_id,
+        soft_limits,
+        rest,
+        max_speed,
+    }
+}
+
+/// Stands in for an axis that was refused.
+fn placeholder<U: Unit>() -> Axis<U> {
+    let span = Span::new(0.0, 1.0);
+    let rest = Position::new(0.0);
+    let limits =
+        AxisLimits { travel: span, soft: span, rest, tolerance: 1.0, max_speed_per_s: 1.0 };
+    Axis::new("placeholder", limits).expect("the limits agree")
+}

@@ -1,0 +1,237 @@
+//! The whole file: its sections, and what they have to agree on.
+
+use std::path::PathBuf;
+
+use rig_analyzer::{DIALECTS, Dialect};
+use rig_link::Parity;
+use rig_model::{AnalyzerRange, Bench, Deg, Geometry, Mm, MotionLimits, Position};
+use rig_settings::{Setting, Table};
+
+use super::{
+    AnalyzerFile, Connection, KnownSample, Pace, PortFile, RigFile, Simulation,
+    axis::{self, AxisRead},
+    port::port,
+    refusal::Refusal,
+};
+
+/// Reads a rig file from its root.
+pub(super) fn rig(table: &mut Table<'_>) -> RigFile {
+    let name = table.text("name").required().value;
+    let connection = connection(table);
+    let analyzer = table.section("analyzer", analyzer).required();
+    let bus = table.section("bus", bus).required();
+    let linear = table.section("linear", |table| axis::axis::<Mm>(table, &axis::LINEAR));
+    let linear = linear.required().value;
+    let rotary = table.section("rotary", |table| axis::axis::<Deg>(table, &axis::ROTARY));
+    let rotary = rotary.required().value;
+    let geometry = table.section("geometry", geometry).required().value;
+    let limits = table.section("limits", limits).required().value;
+    let samples = samples(table);
+
+    if let (PortFile::Serial { path, .. }, PortFile::Serial { path: other, .. }) =
+        (&analyzer.value.file.port, &bus.value)
+        && path == other
+        && !path.is_empty()
+    {
+        table.refuse(&bus, &Refusal::SharedPort { port: path.clone() });
+    }
+    if linear.unit_id.sound().is_some_and(|unit_id| rotary.unit_id.sound() == Some(unit_id)) {
+        let unit_id = rotary.unit_id.value;
+        table.refuse(&rotary.unit_id, &Refusal::SharedUnit { unit_id });
+    }
+    speeds(table, &limits, &linear, &rotary);
+    heights(table, &geometry, &limits, &linear, &rotary);
+
+    RigFile {
+        name,
+        connection,
+        bench: Bench {
+            linear: linear.axis,
+            rotary: rotary.axis,
+            geometry: geometry.geometry,
+            limits: limits.limits(),
+            analyzer: analyzer.value.range,
+        },
+        analyzer: analyzer.value.file,
+        bus: bus.value,
+        linear: linear.file,
+        rotary: rotary.file,
+        samples,
+    }
+}
+
+fn connection(table: &mut Table<'_>) -> Connection {
+    let words = [("ports", false), ("simulated", true)];
+    let is_simulated = table.choice("connection", words).required();
+    // The section may stay in the file of a real rig, whose rehearsal then is one word away.
+    let simulation = table.section("simulation", simulation).optional();
+    match (is_simulated.value, simulation) {
+        (true, Some(simulation)) => Connection::Simulated(simulation.value),
+        (true, None) => {
+            table.refuse(&is_simulated, &Refusal::NothingToSimulate);
+            Connection::Ports
+        }
+        (false, _) => Connection::Ports,
+    }
+}
+
+fn simulation(table: &mut Table<'_>) -> Simulation {
+    let pace = table.choice("pace", [("virtual", Pace::Virtual), ("real", Pace::Real)]);
+    let pace = pace.or(Pace::Virtual).value;
+    Simulation { scene: PathBuf::from(table.text("scene").required().value), pace }
+}
+
+struct AnalyzerRead {
+    file: AnalyzerFile,
+    range: AnalyzerRange,
+}
+
+fn analyzer(table: &mut Table<'_>) -> AnalyzerRead {
+    let words = DIALECTS.map(|dialect| (dialect.name, dialect));
+    let dialect = table.choice("dialect", words).required();
+    let port = table.section("port", |table| port(table, Parity::None)).required().value;
+    let frequency_hz = table.number("frequency_hz").above(0.0).interval().required();
+    let max_level_v = table.number("max_level_v").above(0.0).required();
+    if let Some(&&Dialect { name, frequency_hz: (min, max), level_v: (_, limit), .. }) =
+        dialect.sound()
+    {
+        if frequency_hz.sound().is_some_and(|&(lowest, highest)| lowest < min || max < highest) {
+            let refusal = Refusal::BeyondDialect { dialect: name, min, max };
+            table.refuse(&frequency_hz, &refusal);
+        }
+        if let Some(&found) = max_level_v.sound().filter(|&&level| level > limit) {
+            let refusal = Refusal::LevelBeyondDialect { found, limit, dialect: name };
+            table.refuse(&max_level_v, &refusal);
+        }
+    }
+    let range = AnalyzerRange { frequency_hz: frequency_hz.value, max_level_v: max_level_v.value };
+    AnalyzerRead { file: AnalyzerFile { dialect: dialect.value, port }, range }
+}
+
+fn bus(table: &mut Table<'_>) -> PortFile {
+    table.section("port", |table| port(table, Parity::Even)).required().value
+}
+
+struct GeometryRead {
+    geometry: Geometry,
+    surface_mm: Setting<f64>,
+    /// Whether all of it could be read.
+    is_sound: bool,
+}
+
+fn geometry(table: &mut Table<'_>) -> GeometryRead {
+    let surface_mm = table.number("surface_mm").required();
+    let surface_above_pivot_mm = table.number("surface_above_pivot_mm").required();
+    let probe_beside_pivot_mm = table.number("probe_beside_pivot_mm").or(0.0);
+    let probe_radius_mm = table.number("probe_radius_mm").above(0.0).required();
+    let sample_half_width_mm = table.number("sample_half_width_mm").above(0.0).required();
+    let surface_tolerance_mm = table.number("surface_tolerance_mm").at_least(0.0).required();
+    let all = [
+        &surface_mm,
+        &surface_above_pivot_mm,
+        &probe_beside_pivot_mm,
+        &probe_radius_mm,
+        &sample_half_width_mm,
+        &surface_tolerance_mm,
+    ];
+    GeometryRead {
+        is_sound: all.iter().all(|setting| setting.sound().is_some()),
+        geometry: Geometry {
+            surface: Position::new(surface_mm.value),
+            surface_above_pivot_mm: surface_above_pivot_mm.value,
+            probe_beside_pivot_mm: probe_beside_pivot_mm.value,
+            probe_radius_mm: probe_radius_mm.value,
+            sample_half_width_mm: sample_half_width_mm.value,
+            surface_tolerance_mm: surface_tolerance_mm.value,
+        },
+        surface_mm,
+    }
+}
+
+struct LimitsRead {
+    max_indentation_mm: Setting<f64>,
+    travel_speed_mm_per_s: Setting<f64>,
+    contact_speed_mm_per_s: Setting<f64>,
+    rotary_speed_deg_per_s: Setting<f64>,
+}
+
+fn limits(table: &mut Table<'_>) -> LimitsRead {
+    LimitsRead {
+        max_indentation_mm: table.number("max_indentation_mm").above(0.0).required(),
+        travel_speed_mm_per_s: table.number("travel_speed_mm_per_s").above(0.0).required(),
+        contact_speed_mm_per_s: table.number("contact_speed_mm_per_s").above(0.0).required(),
+        rotary_speed_deg_per_s: table.number("rotary_speed_deg_per_s").above(0.0).required(),
+    }
+}
+
+impl LimitsRead {
+    fn limits(&self) -> MotionLimits {
+        MotionLimits {
+            max_indentation_mm: self.max_indentation_mm.value,
+            travel_speed_mm_per_s: self.travel_speed_mm_per_s.value,
+            contact_speed_mm_per_s: self.contact_speed_mm_per_s.value,
+            rotary_speed_deg_per_s: self.rotary_speed_deg_per_s.value,
+        }
+    }
+}
+
+fn samples(table: &mut Table<'_>) -> Vec<KnownSample> {
+    let read = |table: &mut Table<'_>| {
+        (table.text("name").required(), table.number("stiffness_mpa").above(0.0).required().value)
+    };
+    let Some(listed) = table.section("samples", read).list().optional() else { return Vec::new() };
+    let mut samples: Vec<KnownSample> = Vec::new();
+    for (name, stiffness_mpa) in listed.value.into_iter().map(|sample| sample.value) {
+        if name.sound().is_some_and(|name| samples.iter().any(|sample| sample.name == *name)) {
+            table.refuse(&name, &Refusal::KnownTwice { name: name.value.clone() });
+        }
+        samples.push(KnownSample { name: name.value, stiffness_mpa });
+    }
+    samples
+}
+
+/// No speed is above the one that limits it.
+fn speeds(table: &Table<'_>, limits: &LimitsRead, linear: &AxisRead<Mm>, rotary: &AxisRead<Deg>) {
+    let pairs = [
+        (&limits.travel_speed_mm_per_s, &linear.max_speed),
+        (&limits.contact_speed_mm_per_s, &limits.travel_speed_mm_per_s),
+        (&limits.rotary_speed_deg_per_s, &rotary.max_speed),
+    ];
+    for (speed, highest) in pairs {
+        if let (Some(&found), Some(&limit)) = (speed.sound(), highest.sound())
+            && found > limit
+        {
+            let (key, limit_key) = (speed.key, highest.key);
+            table.refuse(speed, &Refusal::TooFast { key, found, limit_key, limit });
+        }
+    }
+}
+
+/// The clear position is above anything that the rotary stage can lift, and there is room below
+/// the surface.
+fn heights(
+    table: &Table<'_>,
+    geometry: &GeometryRead,
+    limits: &LimitsRead,
+    linear: &AxisRead<Mm>,
+    rotary: &AxisRead<Deg>,
+) {
+    if !geometry.is_sound {
+        return;
+    }
+    if let (Some(&clear), Some(&(min, max))) = (linear.rest.sound(), rotary.soft_limits.sound()) {
+        let highest = geometry.geometry.highest_sample_point(f64::max(min.abs(), max.abs()));
+        if clear <= highest.value() {
+            table.refuse(&linear.rest, &Refusal::NotClear { clear, highest });
+        }
+    }
+    if let (Some(&depth), Some(&(limit, _))) =
+        (limits.max_indentation_mm.sound(), linear.soft_limits.sound())
+    {
+        let room = depth + geometry.geometry.surface_tolerance_mm;
+        let found = geometry.surface_mm.value;
+        if found - room < limit {
+            table.refuse(&geometry.surface_mm, &Refusal::NoRoomBelow { found, room, limit });
+        }
+    }
+}

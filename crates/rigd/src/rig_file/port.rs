@@ -1,0 +1,56 @@
+//! Where a device is.
+
+use rig_link::{LineSettings, Parity, StopBits};
+use rig_settings::{Place, Setting, Table};
+
+use super::{PortFile, refusal::Refusal};
+
+/// Reads a port. `parity` is what devices of this kind are set to when they leave the factory.
+pub(super) fn port(table: &mut Table<'_>, parity: Parity) -> PortFile {
+    let serial = table.text("serial").optional();
+    let tcp = table.text("tcp").optional();
+    let baud = table.count("baud").range(300..=4_000_000).optional();
+    let words = [("none", Parity::None), ("even", Parity::Even), ("odd", Parity::Odd)];
+    let parity_given = table.choice("parity", words).optional();
+    let stop_bits = table.count("stop_bits").range(1..=2).optional();
+
+    match (&serial, &tcp) {
+        (None, None) if table.is_there() => table.refuse(table.place(), &Refusal::NeitherPort),
+        (Some(_), Some(tcp)) => table.refuse(tcp, &Refusal::BothPorts),
+        (Some(serial), None) if baud.is_none() => table.refuse(serial, &Refusal::NoBaud),
+        (None, Some(tcp)) => {
+            if tcp.sound().is_some_and(|address| !is_address(address)) {
+                table.refuse(tcp, &Refusal::NotAnAddress { address: tcp.value.clone() });
+            }
+            let serial_only =
+                [place(baud.as_ref()), place(parity_given.as_ref()), place(stop_bits.as_ref())];
+            for (key, place) in serial_only.into_iter().flatten() {
+                table.refuse(place, &Refusal::NotSerial { key });
+            }
+        }
+        _ => {}
+    }
+    match (serial, tcp) {
+        (None, Some(tcp)) => PortFile::Tcp { address: tcp.value },
+        (serial, _) => PortFile::Serial {
+            path: serial.map(|serial| serial.value).unwrap_or_default(),
+            line: LineSettings {
+                baud: baud.map_or(0, |baud| baud.value),
+                parity: parity_given.map_or(parity, |parity| parity.value),
+                stop_bits: match stop_bits {
+                    Some(Setting { value: 2, .. }) => StopBits::Two,
+                    _ => StopBits::One,
+                },
+            },
+        },
+    }
+}
+
+fn place<T>(setting: Option<&Setting<T>>) -> Option<(&'static str, Place)> {
+    setting.map(|setting| (setting.key, setting.place))
+}
+
+fn is_address(address: &str) -> bool {
+    let parts = address.rsplit_once(':');
+    parts.is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok())
+}

@@ -1,0 +1,121 @@
+//! The shipped files, and what is said of faulty ones.
+
+use std::path::{Path, PathBuf};
+
+use rig_link::{LineSettings, Parity};
+use rig_protocol::{Plan, Protocol};
+
+use super::{Connection, Pace, PortFile, RigFile};
+
+const SIMULATED: &str = include_str!("../../../../config/rigs/simulated.toml");
+const BENCH: &str = include_str!("../../../../config/rigs/bench.toml");
+const PROTOCOLS: [&str; 2] = [
+    include_str!("../../../../config/protocols/three-direction.toml"),
+    include_str!("../../../../config/protocols/smoke.toml"),
+];
+
+/// What is said of the simulated rig's file with some of its lines changed. Each must be there.
+#[track_caller]
+fn complaints(changes: &[(&str, &str)]) -> String {
+    let mut text = SIMULATED.to_owned();
+    for (old, new) in changes {
+        assert!(text.contains(old), "{old:?} is not in the file");
+        text = text.replacen(old, new, 1);
+    }
+    RigFile::read("rig.toml", &text).unwrap_err().to_string()
+}
+
+#[test]
+fn the_shipped_protocols_run_on_the_shipped_rigs() {
+    for rig in [SIMULATED, BENCH] {
+        let rig = RigFile::read("rig.toml", rig).unwrap();
+        for protocol in PROTOCOLS {
+            let protocol = Protocol::read("protocol.toml", protocol);
+            let plan = Plan::new(&protocol, &rig.bench, None).unwrap();
+            assert!(plan.steps.len() > 20);
+        }
+    }
+}
+
+#[test]
+fn a_rig_file_says_where_everything_is() {
+    let rig = RigFile::read("rig.toml", SIMULATED).unwrap();
+    let Connection::Simulated(simulation) = &rig.connection else { panic!("{rig:?}") };
+    assert_eq!(simulation.pace, Pace::Virtual);
+    let scene = rig.scene(Path::new("config/rigs/simulated.toml"));
+    assert_eq!(scene, Some(PathBuf::from("config/rigs/../scenes/paper.toml")));
+    let path = "/dev/serial/by-id/drives".to_owned();
+    assert_eq!(rig.bus, PortFile::Serial { path, line: LineSettings::eight_e_one(115_200) });
+    assert_eq!((rig.linear.unit_id, rig.rotary.unit_id), (1, 2));
+    assert_eq!(rig.bench.linear.rest_target().position().value(), 30.0);
+    assert_eq!(rig.linear.register_map.name, "oriental-az");
+}
+
+#[test]
+fn a_real_rig_is_rehearsed_by_changing_one_word() {
+    let real = RigFile::read("rig.toml", BENCH).unwrap();
+    assert_eq!(real.connection, Connection::Ports);
+    assert_eq!(real.scene(Path::new("bench.toml")), None);
+    let text = BENCH.replacen("connection = \"ports\"", "connection = \"simulated\"", 1);
+    let rehearsal = RigFile::read("rig.toml", &text).unwrap();
+    assert!(matches!(rehearsal.connection, Connection::Simulated(_)));
+    assert_eq!(rehearsal.bench, real.bench);
+    assert_eq!(rehearsal.samples, real.samples);
+}
+
+#[test]
+fn ports_take_what_their_devices_are_set_to() {
+    #[track_caller]
+    fn check(port: &str, expected: Result<PortFile, &str>) {
+        let text =
+            SIMULATED.replacen("{ serial = \"/dev/serial/by-id/drives\", baud = 115200 }", port, 1);
+        let found = RigFile::read("rig.toml", &text).map(|rig| rig.bus);
+        let found = found.map_err(|faults| {
+            faults.iter().map(|fault| fault.message.clone()).collect::<Vec<_>>().join("; ")
+        });
+        assert_eq!(found, expected.map_err(str::to_owned));
+    }
+    let line = LineSettings { parity: Parity::Odd, ..LineSettings::eight_n_one(9600) };
+    let serial = PortFile::Serial { path: "/dev/ttyS0".into(), line };
+    check("{ serial = \"/dev/ttyS0\", baud = 9600, parity = \"odd\" }", Ok(serial));
+    let tcp = PortFile::Tcp { address: "[::1]:502".into() };
+    check("{ tcp = \"[::1]:502\" }", Ok(tcp));
+    check("{}", Err("a port is either serial or tcp"));
+    check(
+        "{ serial = \"a\", tcp = \"b:1\", baud = 9600 }",
+        Err("a port is serial or tcp, not both"),
+    );
+    check("{ serial = \"a\" }", Err("a serial port needs its baud"));
+    check("{ tcp = \"a\" }", Err("tcp = \"a\" is not of the form host:port"));
+    check("{ tcp = \"a:1\", baud = 9600 }", Err("baud is for a serial port"));
+}
+
+#[test]
+fn a_rig_that_contradicts_itself_is_refused() {
+    insta::assert_snapshot!(complaints(&[
+        ("frequency_hz = [20, 2000]", "frequency_hz = [1, 2000]"),
+        ("max_level_v = 5", "max_level_v = 20"),
+        ("serial/by-id/drives", "serial/by-id/analyzer"),
+        ("mm_per_step = 0.001", "mm_per_step = -0.005"),
+        ("deg_per_step = 0.01", "deg_per_step = 0"),
+        ("travel_mm = [0, 50]", "travel_mm = [0, 40]"),
+        ("clear_mm = 30", "clear_mm = 23"),
+        ("unit_id = 2", "unit_id = 1"),
+        ("soft_limits_deg = [-50, 50]", "soft_limits_deg = [10, 50]"),
+        ("surface_mm = 10", "surface_mm = 9"),
+        ("contact_speed_mm_per_s = 1", "contact_speed_mm_per_s = 25"),
+        ("rotary_speed_deg_per_s = 40", "rotary_speed_deg_per_s = 50"),
+    ]));
+}
+
+#[test]
+fn what_is_missing_and_misspelt_is_said_once_for_each() {
+    insta::assert_snapshot!(complaints(&[
+        ("connection = \"simulated\"", "connection = \"simulate\""),
+        ("dialect = \"hioki-im3536\"", "dialect = \"hioki-3536\""),
+        ("[geometry]", "[geometri]"),
+        ("[bus]\nport", "[bus]\nports"),
+        ("unit_id = 2\n", ""),
+        ("# [[samples]]\n# name = \"1\"", "[[samples]]\nname = \"1\""),
+    ]));
+}
