@@ -13,7 +13,10 @@ use tokio::{
     time::{Instant, timeout, timeout_at},
 };
 
-use crate::{Clock, Endpoint, Flow, LineError, LineSettings, OpenError, Transcript, Transport};
+use crate::{
+    Clock, Endpoint, Flow, Holder, LineError, LineSettings, OpenError, Transcript, Transport,
+    holders,
+};
 
 /// How many frames the black box holds: some seconds of a busy line.
 const TRANSCRIPT_FRAMES: usize = 256;
@@ -122,6 +125,17 @@ impl Port {
     /// The last frames; the value stays connected to the port.
     pub fn transcript(&self) -> Transcript {
         self.transcript.clone()
+    }
+
+    /// Other programs that have this serial port open and may take its answers, as far as this
+    /// user may know.
+    pub fn intruders(&self) -> Vec<Holder> {
+        match &self.endpoint {
+            Some(Endpoint::Serial { path, .. }) => {
+                std::fs::canonicalize(path).map(|device| holders(&device)).unwrap_or_default()
+            }
+            _ => Vec::new(),
+        }
     }
 
     /// How long `bytes` characters occupy the line; nothing on a network.

@@ -8,12 +8,24 @@ use tokio::sync::{mpsc, oneshot};
 
 use crate::{
     BusError, LineFault, Reply, Request,
-    line::{Canary, Line, crc},
+    line::{Canary, Line},
+    symptom::crc,
 };
 
-/// How long things on a bus may take.
+/// How frames travel on a line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Framing {
+    /// Modbus RTU: on a serial line, or through a gateway that passes its bytes on.
+    Rtu,
+    /// Modbus TCP.
+    Tcp,
+}
+
+/// How a line is used.
 #[derive(Debug, Clone, Copy)]
-pub struct BusTiming {
+pub struct BusSettings {
+    /// How frames travel.
+    pub framing: Framing,
     /// How long a device may think before its answer begins; the time on the wire comes on top.
     pub reply_within: Duration,
     /// How long the line is only listened to after a fault. No answer may be later than this.
@@ -26,9 +38,11 @@ pub struct BusTiming {
     pub busy_pause: Duration,
 }
 
-impl Default for BusTiming {
-    fn default() -> Self {
+impl BusSettings {
+    /// Modbus RTU, with times that suit drives.
+    pub const fn rtu() -> Self {
         Self {
+            framing: Framing::Rtu,
             // Drives answer within some milliseconds, USB adapters add up to 16.
             reply_within: Duration::from_millis(100),
             quarantine: Duration::from_millis(500),
@@ -37,6 +51,24 @@ impl Default for BusTiming {
             busy_pause: Duration::from_millis(20),
         }
     }
+
+    /// Modbus TCP, with time for a network between.
+    pub const fn tcp() -> Self {
+        Self { framing: Framing::Tcp, reply_within: Duration::from_millis(500), ..Self::rtu() }
+    }
+}
+
+/// How a line has done so far.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Health {
+    /// Requests carried out or tried.
+    pub requests: u64,
+    /// Attempts that were repeated.
+    pub retries: u64,
+    /// Requests that a device refused.
+    pub refusals: u64,
+    /// Requests that failed in spite of all attempts.
+    pub faults: u64,
 }
 
 /// A way to use a line. All handles reach the same owner, which carries out one request at a time
@@ -54,13 +86,14 @@ pub struct BusHandle {
 enum Order {
     Request { unit: u8, request: Request, answer: oneshot::Sender<Result<Reply, BusError>> },
     Broadcast { frame: Vec<u8>, answer: oneshot::Sender<Result<(), BusError>> },
-    Canary { unit: u8, canary: Canary },
+    Canary { unit: u8, canary: Option<Canary>, answer: oneshot::Sender<()> },
+    Health { answer: oneshot::Sender<Health> },
 }
 
 impl BusHandle {
     /// Gives a port to a new owner, which lives until the last handle is dropped. Must be called
     /// inside a tokio runtime.
-    pub fn open(port: Port, timing: BusTiming) -> Self {
+    pub fn open(port: Port, settings: BusSettings) -> Self {
         let (orders, inbox) = mpsc::channel(16);
         let handle = Self {
             orders,
@@ -68,7 +101,7 @@ impl BusHandle {
             clock: port.clock(),
             transcript: port.transcript(),
         };
-        tokio::spawn(own(Line::new(port, timing), inbox));
+        tokio::spawn(own(Line::new(port, settings), inbox));
         handle
     }
 
@@ -125,10 +158,26 @@ impl BusHandle {
         answered.await.map_err(|_| LineFault::Closed)?
     }
 
-    /// Names registers of a device whose values are known. They are read after each fault, before
-    /// the device is believed again.
-    pub(crate) async fn set_canary(&self, unit: u8, canary: Canary) -> Result<(), BusError> {
-        self.send(Order::Canary { unit, canary }).await
+    /// How the line has done so far.
+    ///
+    /// # Errors
+    /// [`LineFault::Closed`] when its owner has ended.
+    pub async fn health(&self) -> Result<Health, BusError> {
+        let (answer, answered) = oneshot::channel();
+        self.send(Order::Health { answer }).await?;
+        Ok(answered.await.map_err(|_| LineFault::Closed)?)
+    }
+
+    /// Names registers of a device whose values are known, if any are. They are read after each
+    /// fault, before the device is believed again.
+    pub(crate) async fn set_canary(
+        &self,
+        unit: u8,
+        canary: Option<Canary>,
+    ) -> Result<(), BusError> {
+        let (answer, answered) = oneshot::channel();
+        self.send(Order::Canary { unit, canary, answer }).await?;
+        Ok(answered.await.map_err(|_| LineFault::Closed)?)
     }
 
     async fn send(&self, order: Order) -> Result<(), BusError> {
@@ -146,7 +195,11 @@ async fn own(mut line: Line, mut inbox: mpsc::Receiver<Order>) {
             Order::Broadcast { frame, answer } => {
                 _ = answer.send(line.broadcast(&frame).await);
             }
-            Order::Canary { unit, canary } => line.set_canary(unit, canary),
+            Order::Canary { unit, canary, answer } => {
+                line.set_canary(unit, canary);
+                _ = answer.send(());
+            }
+            Order::Health { answer } => _ = answer.send(line.health()),
         }
     }
 }

@@ -3,10 +3,10 @@
 
 use std::{fmt, sync::Arc};
 
-use rig_link::LineError;
+use rig_link::{Holder, LineError, OpenError};
 use rig_model::{Position, Unit};
 
-use crate::{Alarm, Request};
+use crate::{Alarm, Request, Symptom};
 
 /// Why a device refused, by its own account.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -69,41 +69,6 @@ pub struct Refusal {
     pub exception: Exception,
 }
 
-/// What the bytes looked like that came in place of an answer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Symptom {
-    /// Nothing came.
-    Silence,
-    /// The request itself came back.
-    Echo,
-    /// The beginning of an answer came.
-    Truncated,
-    /// An answer came whose checksum is wrong.
-    Corrupted,
-    /// Another unit answered.
-    ForeignUnit(u8),
-    /// A sound answer came, but to another request.
-    OtherAnswer,
-    /// Nothing that looks like an answer came.
-    Garbage,
-}
-
-impl fmt::Display for Symptom {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Silence => f.write_str("no answer; is it powered, wired, and at this address?"),
-            Self::Echo => f.write_str("the request came back; does the adapter echo?"),
-            Self::Truncated => f.write_str("the answer broke off"),
-            Self::Corrupted => f.write_str("the checksum of the answer is wrong"),
-            Self::ForeignUnit(unit) => {
-                write!(f, "unit {unit} answered; is there a second master or a wrong address?")
-            }
-            Self::OtherAnswer => f.write_str("the answer belongs to another request"),
-            Self::Garbage => f.write_str("garbage came; do speed and parity match?"),
-        }
-    }
-}
-
 /// The line failed: whether the device has heard or done anything is not known.
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum LineFault {
@@ -111,7 +76,7 @@ pub enum LineFault {
     #[error(transparent)]
     Port(#[from] LineError),
     /// No answer could be used, in so many attempts.
-    #[error("{port}: unit {unit}: {request}: {symptom} ({attempts} attempts)")]
+    #[error("{port}: unit {unit}: {request}: {symptom} ({attempts} attempts){}", also(intruders))]
     NoAnswer {
         /// Name of the port.
         port: Arc<str>,
@@ -123,6 +88,15 @@ pub enum LineFault {
         symptom: Symptom,
         /// How often it was tried.
         attempts: u32,
+        /// Programs that have the port open too.
+        intruders: Vec<Holder>,
+    },
+    /// A port that was lost cannot be opened again.
+    #[error("the port was lost")]
+    Reopen {
+        /// Why not.
+        #[source]
+        source: Arc<OpenError>,
     },
     /// After a fault, a register with a known value does not have it: the device was changed, or
     /// restarted, or another one answers.
@@ -140,6 +114,11 @@ pub enum LineFault {
     /// The task that owns the line has ended.
     #[error("the owner of the line has ended")]
     Closed,
+}
+
+fn also(intruders: &[Holder]) -> String {
+    let open = |holder: &Holder| format!("; {holder} has the port open too");
+    intruders.iter().map(open).collect()
 }
 
 /// A request on the bus was not carried out.

@@ -5,6 +5,7 @@
 //! over when the drive itself has confirmed target, position, status and alarm.
 
 mod bus;
+mod echo;
 mod error;
 mod line;
 mod look;
@@ -15,12 +16,14 @@ mod profile;
 mod request;
 mod scale;
 mod stage;
+mod symptom;
 mod tap;
 
-pub use bus::{BusHandle, BusTiming};
-pub use error::{BusError, Exception, LineFault, Refusal, StageError, Symptom};
+pub use bus::{BusHandle, BusSettings, Framing, Health};
+pub use error::{BusError, Exception, LineFault, Refusal, StageError};
 pub use look::{Alarm, AxisStatus};
 pub use map::RegisterMap;
 pub use request::{Reply, Request};
 pub use scale::Scale;
 pub use stage::Stage;
+pub use symptom::Symptom;

@@ -1,19 +1,28 @@
 //! One exchange at a time on one line, and what is done before the next one when it went wrong.
 
-use std::{collections::BTreeMap, sync::Arc};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+};
 
-use rig_link::Port;
+use rig_link::{Flow, LineError, Port};
 use tokio::time::{Instant, sleep, timeout_at};
 use tokio_modbus::{
-    client::{Client, Context, rtu},
+    client::{Client, Context, rtu, tcp},
     slave::{Slave, SlaveContext},
 };
 
 use crate::{
-    BusError, BusTiming, Exception, LineFault, Refusal, Reply, Request, Symptom, tap::Tap,
+    BusError, BusSettings, Exception, Framing, Health, LineFault, Refusal, Reply, Request, Symptom,
+    tap::Tap,
 };
 
-/// A register whose value is known, read after a fault before anything else is believed.
+/// As many bytes as this between two exchanges are a frame that nobody asked for; fewer are the
+/// click of a transceiver.
+const STRAY_FRAME_BYTES: usize = 4;
+
+/// Registers whose values are known. They are read after a fault, before anything else that their
+/// device says is believed.
 #[derive(Debug, Clone)]
 pub(crate) struct Canary {
     pub(crate) request: Request,
@@ -26,48 +35,71 @@ enum Trouble {
     Refused(Exception),
     /// The answer cannot be used.
     Unusable(Symptom),
-    /// The port failed.
-    Port(LineFault),
+    /// It makes no sense to try again.
+    Fatal(LineFault),
 }
 
 /// The line and its state of trust.
 ///
 /// ```text
-///             answer agrees with request
-///             ┌──────────────┐
-///             ▼              │
-///        ┌─────────┐  any fault   ┌─────────┐
-///   ────▶│ trusted ├─────────────▶│ suspect │ library context dropped
-///        └─────────┘              └────┬────┘
-///             ▲   quarantine, drain,   │
-///             └── canary as expected ──┘
+///              answer agrees with request
+///              ┌──────────────┐
+///              ▼              │
+///        ┌──────────┐  any fault   ┌─────────┐
+///   ────▶│ in order ├─────────────▶│ suspect │ state of the library dropped
+///        └──────────┘              └────┬────┘
+///              ▲   reopened when lost,  │
+///              │   quarantine, silence  │
+///              └────────────────────────┘
+///   In order again, each device is asked for its canary before it is believed.
 /// ```
 pub(crate) struct Line {
     tap: Tap,
     name: Arc<str>,
-    timing: BusTiming,
-    /// Present while the line is trusted. Dropped after any fault, because a late answer would
+    settings: BusSettings,
+    /// Present while the line is in order. Dropped after any fault, because a late answer would
     /// become the answer to the next request.
     context: Option<Context>,
     canaries: BTreeMap<u8, Canary>,
+    /// The devices that have been recognised since the last fault.
+    recognised: BTreeSet<u8>,
+    health: Health,
 }
 
 impl Line {
-    pub(crate) fn new(port: Port, timing: BusTiming) -> Self {
+    pub(crate) fn new(port: Port, settings: BusSettings) -> Self {
         let name = port.name().clone();
-        let tap = Tap::new(port);
-        let context = Some(rtu::attach(tap.clone()));
-        Self { tap, name, timing, context, canaries: BTreeMap::new() }
+        let tap = Tap::new(port, settings.framing == Framing::Rtu);
+        let context = Some(attach(&tap, settings.framing));
+        Self {
+            tap,
+            name,
+            settings,
+            context,
+            canaries: BTreeMap::new(),
+            recognised: BTreeSet::new(),
+            health: Health::default(),
+        }
     }
 
-    pub(crate) fn set_canary(&mut self, unit: u8, canary: Canary) {
-        self.canaries.insert(unit, canary);
+    /// By what a device is recognised from now on, if by anything.
+    pub(crate) fn set_canary(&mut self, unit: u8, canary: Option<Canary>) {
+        self.recognised.remove(&unit);
+        match canary {
+            Some(canary) => _ = self.canaries.insert(unit, canary),
+            None => _ = self.canaries.remove(&unit),
+        }
     }
 
-    /// Carries out one request, with as many attempts as the timing allows. Every request that
+    pub(crate) const fn health(&self) -> Health {
+        self.health
+    }
+
+    /// Carries out one request, with as many attempts as the settings allow. Every request that
     /// comes here may be repeated: reads, and writes that say what a register shall be.
     pub(crate) async fn request(&mut self, unit: u8, request: &Request) -> Result<Reply, BusError> {
-        let busy_until = Instant::now() + self.timing.busy_within;
+        self.health.requests += 1;
+        let busy_until = Instant::now() + self.settings.busy_within;
         let mut attempts = 0;
         loop {
             attempts += 1;
@@ -79,22 +111,30 @@ impl Line {
                 Trouble::Refused(Exception::Busy | Exception::Acknowledge)
                     if Instant::now() < busy_until =>
                 {
-                    // Being busy is an answer, not a failed attempt.
+                    // To be busy is an answer, not a failed attempt.
                     attempts -= 1;
-                    sleep(self.timing.busy_pause).await;
+                    sleep(self.settings.busy_pause).await;
                 }
                 Trouble::Refused(exception) => {
+                    self.health.refusals += 1;
                     let (port, request) = (self.name.clone(), request.clone());
                     return Err(Refusal { port, unit, request, exception }.into());
                 }
-                Trouble::Port(fault) => return Err(fault.into()),
-                Trouble::Unusable(symptom) if self.timing.attempts <= attempts => {
-                    let (port, request) = (self.name.clone(), request.clone());
-                    let fault = LineFault::NoAnswer { port, unit, request, symptom, attempts };
-                    return Err(fault.into());
+                Trouble::Unusable(symptom) if attempts < self.settings.attempts => {
+                    self.health.retries += 1;
+                    tracing::warn!(port = %self.name, unit, %request, %symptom, attempts, "again");
                 }
                 Trouble::Unusable(symptom) => {
-                    tracing::warn!(port = %self.name, unit, %request, %symptom, attempts, "retrying");
+                    self.health.faults += 1;
+                    let intruders = self.tap.lock().port.intruders();
+                    let (port, request) = (self.name.clone(), request.clone());
+                    let fault =
+                        LineFault::NoAnswer { port, unit, request, symptom, attempts, intruders };
+                    return Err(fault.into());
+                }
+                Trouble::Fatal(fault) => {
+                    self.health.faults += 1;
+                    return Err(fault.into());
                 }
             }
         }
@@ -102,131 +142,128 @@ impl Line {
 
     /// Sends to all devices. None of them answers, so that nothing is waited for.
     pub(crate) async fn broadcast(&mut self, frame: &[u8]) -> Result<(), BusError> {
-        let mut port = self.tap.port();
-        port.settle().await.map_err(LineFault::from)?;
-        port.send(frame).await.map_err(LineFault::from)?;
+        self.health.requests += 1;
+        if self.context.is_none() {
+            self.put_in_order().await?;
+        }
+        let mut tap = self.tap.lock();
+        tap.begin();
+        tap.port.settle().await.map_err(LineFault::from)?;
+        tap.port.send(frame).await.map_err(LineFault::from)?;
         Ok(())
     }
 
     async fn attempt(&mut self, unit: u8, request: &Request) -> Result<Reply, Trouble> {
-        if self.context.is_none() {
-            self.recover(unit).await?;
-        }
-        let outcome = self.exchange(unit, request).await;
-        if matches!(outcome, Err(Trouble::Unusable(_) | Trouble::Port(_))) {
+        let outcome = self.trust_and_exchange(unit, request).await;
+        if matches!(outcome, Err(Trouble::Unusable(_) | Trouble::Fatal(_))) {
             self.context = None;
         }
         outcome
     }
 
-    /// Waits until no late answer can arrive any more, and then asks for what is known.
-    async fn recover(&mut self, unit: u8) -> Result<(), Trouble> {
-        let discarded = self
-            .tap
-            .port()
-            .quarantine(self.timing.quarantine)
-            .await
-            .map_err(|error| Trouble::Port(error.into()))?;
-        tracing::info!(port = %self.name, discarded, "the line is quiet again");
-        self.context = Some(rtu::attach(self.tap.clone()));
-        let Some(canary) = self.canaries.get(&unit).cloned() else {
-            return Ok(());
-        };
-        match self.exchange(unit, &canary.request).await {
-            Ok(reply) if reply == canary.expected => Ok(()),
-            Ok(_) => {
+    async fn trust_and_exchange(&mut self, unit: u8, request: &Request) -> Result<Reply, Trouble> {
+        if self.context.is_some() {
+            let strays = self.tap.lock().port.settle().await.map_err(fatal)?;
+            if STRAY_FRAME_BYTES <= strays {
+                tracing::warn!(port = %self.name, strays, "bytes that nobody asked for");
                 self.context = None;
-                let (port, request) = (self.name.clone(), canary.request);
-                Err(Trouble::Port(LineFault::Changed { port, unit, request }))
-            }
-            Err(trouble) => {
-                self.context = None;
-                Err(trouble)
             }
         }
+        if self.context.is_none() {
+            self.put_in_order().await.map_err(Trouble::Fatal)?;
+        }
+        if !self.recognised.contains(&unit) {
+            self.recognise(unit).await?;
+        }
+        self.exchange(unit, request).await
     }
 
+    /// Opens the port again where it was lost, and waits until no late answer can arrive.
+    async fn put_in_order(&mut self) -> Result<(), LineFault> {
+        self.recognised.clear();
+        let mut tap = self.tap.lock();
+        // A new connection cannot carry answers to the requests of the old one.
+        let is_tcp = self.settings.framing == Framing::Tcp && tap.port.can_reopen();
+        if tap.port.is_lost() || is_tcp {
+            let reopened = tap.port.reopen().await;
+            reopened.map_err(|source| LineFault::Reopen { source: Arc::new(source) })?;
+        }
+        let discarded = tap.port.quarantine(self.settings.quarantine).await?;
+        drop(tap);
+        tracing::info!(port = %self.name, discarded, "the line is in order again");
+        self.context = Some(attach(&self.tap, self.settings.framing));
+        Ok(())
+    }
+
+    async fn recognise(&mut self, unit: u8) -> Result<(), Trouble> {
+        if let Some(canary) = self.canaries.get(&unit).cloned() {
+            if self.exchange(unit, &canary.request).await? != canary.expected {
+                let (port, request) = (self.name.clone(), canary.request);
+                return Err(Trouble::Fatal(LineFault::Changed { port, unit, request }));
+            }
+            // The canary was an exchange, and this is the next one.
+            self.tap.lock().port.settle().await.map_err(fatal)?;
+        }
+        self.recognised.insert(unit);
+        Ok(())
+    }
+
+    /// One request and one answer on a line that is in order and silent.
     async fn exchange(&mut self, unit: u8, request: &Request) -> Result<Reply, Trouble> {
-        let port_fault = |error: rig_link::LineError| Trouble::Port(error.into());
         let deadline = {
-            let mut port = self.tap.port();
-            port.settle().await.map_err(port_fault)?;
-            let on_the_wire = port.duration_of(request.wire_len() + request.reply_wire_len());
-            Instant::now() + on_the_wire + self.timing.reply_within
+            let mut tap = self.tap.lock();
+            tap.begin();
+            let mut bytes = request.wire_len() + request.reply_wire_len();
+            if tap.is_echoing() {
+                bytes += request.wire_len();
+            }
+            Instant::now() + tap.port.duration_of(bytes) + self.settings.reply_within
         };
-        let context = self.context.as_mut().expect("recovered before the exchange");
+        let context = self.context.as_mut().expect("the line was put in order");
         context.set_slave(Slave(unit));
         let Ok(result) = timeout_at(deadline, context.call(request.to_wire())).await else {
             return Err(Trouble::Unusable(self.diagnose(unit, request)));
         };
-        match result {
+        let (outcome, length) = match result {
             Ok(Ok(response)) => {
-                request.accept(response).ok_or(Trouble::Unusable(Symptom::OtherAnswer))
+                let accepted = request.accept(response);
+                let outcome = accepted.ok_or(Trouble::Unusable(Symptom::OtherAnswer));
+                (outcome, request.reply_wire_len())
             }
-            Ok(Err(exception)) => Err(Trouble::Refused(Exception::from_code(exception.into()))),
-            Err(tokio_modbus::Error::Protocol(_)) => {
-                Err(Trouble::Unusable(self.diagnose(unit, request)))
-            }
+            Ok(Err(code)) => (Err(Trouble::Refused(Exception::from_code(code.into()))), 5),
             Err(tokio_modbus::Error::Transport(error))
-                if error.kind() == std::io::ErrorKind::InvalidData =>
+                if error.kind() != std::io::ErrorKind::InvalidData =>
             {
-                Err(Trouble::Unusable(self.diagnose(unit, request)))
+                return Err(fatal(self.tap.lock().port.explain(error)));
             }
-            Err(tokio_modbus::Error::Transport(error)) => {
-                Err(port_fault(self.tap.port().explain(error)))
-            }
+            Err(_) => return Err(Trouble::Unusable(self.diagnose(unit, request))),
+        };
+        let surplus = self.tap.lock().n_passed().saturating_sub(length);
+        if self.settings.framing == Framing::Rtu && STRAY_FRAME_BYTES <= surplus {
+            return Err(Trouble::Unusable(Symptom::Surplus));
         }
+        outcome
     }
 
     /// Says what came in place of an answer, from the last frames of the black box.
     fn diagnose(&self, unit: u8, request: &Request) -> Symptom {
-        let frames = self.tap.port().transcript().frames();
-        let start = frames.iter().rposition(|frame| frame.flow == rig_link::Flow::Sent);
-        let Some(start) = start else { return Symptom::Silence };
+        let frames = self.tap.lock().port.transcript().frames();
+        let Some(start) = frames.iter().rposition(|frame| frame.flow == Flow::Sent) else {
+            return Symptom::Silence;
+        };
         let received: Vec<u8> =
             frames[start + 1..].iter().flat_map(|frame| frame.bytes.iter().copied()).collect();
-        symptom_of(&frames[start].bytes, &received, unit, request)
+        Symptom::of(self.settings.framing, &frames[start].bytes, &received, unit, request)
     }
 }
 
-/// Says what is wrong with the bytes that came after a request on a serial line.
-fn symptom_of(sent: &[u8], received: &[u8], unit: u8, request: &Request) -> Symptom {
-    if received.is_empty() {
-        return Symptom::Silence;
-    }
-    // The answer to a single write is the request itself, so it never comes here.
-    if received.starts_with(sent) {
-        return Symptom::Echo;
-    }
-    let is_sound = |frame: &[u8]| crc(frame) == 0;
-    let has_function = received.get(1).is_some_and(|&function| function & 0x7F == sent[1]);
-    let length = if received.get(1).is_some_and(|&function| function & 0x80 != 0) {
-        5
-    } else {
-        request.reply_wire_len()
-    };
-    if is_sound(received) || received.get(..length).is_some_and(is_sound) {
-        return if received[0] == unit {
-            Symptom::OtherAnswer
-        } else {
-            Symptom::ForeignUnit(received[0])
-        };
-    }
-    match (received[0] == unit && has_function, received.len() < length) {
-        (true, true) => Symptom::Truncated,
-        (true, false) => Symptom::Corrupted,
-        (false, _) => Symptom::Garbage,
+fn attach(tap: &Tap, framing: Framing) -> Context {
+    match framing {
+        Framing::Rtu => rtu::attach(tap.clone()),
+        Framing::Tcp => tcp::attach(tap.clone()),
     }
 }
 
-/// The checksum of Modbus RTU; zero over a frame that includes its own.
-///
-/// # Source
-/// Modbus over Serial Line V1.02, appendix B.
-pub(crate) fn crc(bytes: &[u8]) -> u16 {
-    bytes.iter().fold(0xFFFF, |crc, &byte| {
-        (0..8).fold(crc ^ u16::from(byte), |crc, _| {
-            if crc & 1 == 1 { (crc >> 1) ^ 0xA001 } else { crc >> 1 }
-        })
-    })
+fn fatal(error: LineError) -> Trouble {
+    Trouble::Fatal(error.into())
 }

@@ -70,6 +70,8 @@ impl<U: Unit> Stage<U> {
     /// given.
     pub async fn identify(&mut self) -> Result<AxisStatus<U>, StageError<U>> {
         let order = Order::at_rest(&self.scale, &self.axis)?;
+        // A drive that was switched off has forgotten by what it was recognised.
+        self.bus.set_canary(self.unit, None).await.map_err(|error| self.bus_error(error))?;
         let limits = self.map.limits;
         let request = read_request(limits.read);
         let expected = Reply::Words(order.words(limits.slots));
@@ -82,7 +84,7 @@ impl<U: Unit> Stage<U> {
                 return Err(self.bus_error(fault.into()));
             }
         }
-        let canary = Canary { request, expected };
+        let canary = Some(Canary { request, expected });
         self.bus.set_canary(self.unit, canary).await.map_err(|error| self.bus_error(error))?;
         self.status().await
     }

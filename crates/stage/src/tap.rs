@@ -4,7 +4,7 @@ use std::{
     io,
     pin::Pin,
     sync::Arc,
-    task::{Context, Poll},
+    task::{Context, Poll, ready},
 };
 
 use rig_link::Port;
@@ -13,21 +13,77 @@ use tokio::{
     sync::{Mutex, MutexGuard},
 };
 
+use crate::echo::EchoFilter;
+
 /// Lends the port to one context of the library, so that the context can be dropped after a fault
 /// and the port stays.
 #[derive(Debug, Clone)]
 pub(crate) struct Tap {
-    port: Arc<Mutex<Port>>,
+    inner: Arc<Mutex<Inner>>,
+}
+
+/// The port, and what of it passes to the library.
+#[derive(Debug)]
+pub(crate) struct Inner {
+    pub(crate) port: Port,
+    /// None where nothing echoes.
+    echo: Option<EchoFilter>,
+    /// Received and not yet taken by the library.
+    passed: Vec<u8>,
+    /// How many bytes of the present exchange have passed.
+    n_passed: usize,
 }
 
 impl Tap {
-    pub(crate) fn new(port: Port) -> Self {
-        Self { port: Arc::new(Mutex::new(port)) }
+    /// A port whose echoes are taken out, if it may have any.
+    pub(crate) fn new(port: Port, may_echo: bool) -> Self {
+        let echo = may_echo.then(EchoFilter::default);
+        let inner = Inner { port, echo, passed: Vec::new(), n_passed: 0 };
+        Self { inner: Arc::new(Mutex::new(inner)) }
     }
 
     /// The port itself, between two exchanges.
-    pub(crate) fn port(&self) -> MutexGuard<'_, Port> {
-        self.port.try_lock().expect("the owner of the line does one thing at a time")
+    pub(crate) fn lock(&self) -> MutexGuard<'_, Inner> {
+        self.inner.try_lock().expect("the owner of the line does one thing at a time")
+    }
+}
+
+impl Inner {
+    /// A new exchange begins.
+    pub(crate) fn begin(&mut self) {
+        self.passed.clear();
+        self.n_passed = 0;
+        if let Some(echo) = &mut self.echo {
+            echo.begin();
+        }
+    }
+
+    /// How many bytes of the present exchange have come that are not its echo.
+    pub(crate) const fn n_passed(&self) -> usize {
+        self.n_passed
+    }
+
+    /// Whether the line was found to echo.
+    pub(crate) fn is_echoing(&self) -> bool {
+        self.echo.as_ref().is_some_and(EchoFilter::is_echoing)
+    }
+
+    fn poll_read(&mut self, cx: &mut Context<'_>, out: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
+        // While only an echo has come, there is nothing to hand over.
+        while self.passed.is_empty() {
+            let mut bytes = [0; 256];
+            let mut buffer = ReadBuf::new(&mut bytes);
+            ready!(Pin::new(&mut self.port).poll_read(cx, &mut buffer))?;
+            match &mut self.echo {
+                Some(echo) => echo.filter(buffer.filled(), &mut self.passed),
+                None => self.passed.extend_from_slice(buffer.filled()),
+            }
+            self.n_passed += self.passed.len();
+        }
+        let n = self.passed.len().min(out.remaining());
+        out.put_slice(&self.passed[..n]);
+        self.passed.drain(..n);
+        Poll::Ready(Ok(()))
     }
 }
 
@@ -37,7 +93,7 @@ impl AsyncRead for Tap {
         cx: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
-        Pin::new(&mut *self.port()).poll_read(cx, buffer)
+        self.lock().poll_read(cx, buffer)
     }
 }
 
@@ -47,14 +103,19 @@ impl AsyncWrite for Tap {
         cx: &mut Context<'_>,
         bytes: &[u8],
     ) -> Poll<io::Result<usize>> {
-        Pin::new(&mut *self.port()).poll_write(cx, bytes)
+        let mut inner = self.lock();
+        let n = ready!(Pin::new(&mut inner.port).poll_write(cx, bytes))?;
+        if let Some(echo) = &mut inner.echo {
+            echo.sent(&bytes[..n]);
+        }
+        Poll::Ready(Ok(n))
     }
 
     fn poll_flush(self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut *self.port()).poll_flush(cx)
+        Pin::new(&mut self.lock().port).poll_flush(cx)
     }
 
     fn poll_shutdown(self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut *self.port()).poll_shutdown(cx)
+        Pin::new(&mut self.lock().port).poll_shutdown(cx)
     }
 }

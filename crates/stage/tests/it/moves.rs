@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, time::Duration};
 
 use rig_link::{Clock, LineSettings, Port, StopSignal};
 use rig_model::{Axis, AxisLimits, Mm, Position, Span};
-use rig_stage::{BusHandle, BusTiming, Scale, Stage, StageError, maps};
+use rig_stage::{BusHandle, BusSettings, Scale, Stage, StageError, maps};
 use tokio::time::{Instant, sleep};
 
 use crate::{
@@ -41,7 +41,7 @@ fn stage_on(az: &Az, faults: impl IntoIterator<Item = (usize, Fault)>) -> Stage<
     tokio::spawn(serve(device, faulty(faults, move |request| drive.reply(request))));
     let line = LineSettings::eight_e_one(115_200);
     let port = Port::new("line 1", host, Some(line), Clock::start());
-    let bus = BusHandle::open(port, BusTiming::default());
+    let bus = BusHandle::open(port, BusSettings::rtu());
     Stage::new(bus, &maps::ORIENTAL_AZ, 1, scale(), axis())
 }
 
