@@ -37,6 +37,9 @@ pub(crate) enum Refusal {
     #[error("{name:?} in samples is not a sample that the simulated rig has")]
     UnknownSample { name: String, known: Vec<String> },
 
+    #[error("all poses and repeats together are {touches} touches, above the limit of {limit}")]
+    TooManyTouches { touches: usize, limit: usize },
+
     // How the probe is lowered.
     #[error("indentation_mm = {found} is above the limit of {limit} mm of {whose}")]
     TooDeep { found: f64, limit: f64, whose: DepthLimit },
@@ -116,10 +119,9 @@ pub(crate) enum Refusal {
 impl Complaint for Refusal {
     fn suggestion(&self) -> Option<String> {
         let suggestion = match self {
-            Self::SampleName { .. } => {
-                "use at most 40 characters, no \"/\" and no blank at the ends".into()
-            }
+            Self::SampleName { .. } => "use no \"/\", and no blank at the ends".into(),
             Self::ListedTwice { .. } => "remove one".into(),
+            Self::TooManyTouches { .. } => "use fewer repeats, angles or samples".into(),
             Self::UnknownSample { known, .. } => format!("it has {}", known.join(", ")),
             Self::TooDeep { limit, .. } => format!("use at most {limit}"),
             Self::FineAboveCoarse { coarse, .. } => format!("use at most {coarse}"),
