@@ -24,6 +24,6 @@ pub use error::{BusError, Exception, LineFault, Refusal, StageError};
 pub use look::{Alarm, AxisStatus};
 pub use map::RegisterMap;
 pub use request::{Reply, Request};
-pub use scale::Scale;
+pub use scale::{Scale, Turn};
 pub use stage::Stage;
 pub use symptom::Symptom;
