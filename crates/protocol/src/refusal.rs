@@ -91,10 +91,10 @@ pub(crate) enum Refusal {
     NotCleared { subject: String, highest: Position<Mm>, clear: Position<Mm> },
 
     // How resonance is measured.
-    #[error("points is for the method \"uniform\" only")]
-    PointsOfAdaptiveSweep,
-    #[error("the method \"uniform\" needs the number of points")]
-    UniformSweepWithoutPoints,
+    #[error("{key} is for the method \"uniform\" only")]
+    OnlyUniform { key: &'static str },
+    #[error("`{key}` is missing, which the method \"uniform\" needs")]
+    UniformNeeds { key: &'static str },
     #[error(transparent)]
     Sweep(#[from] SweepRequestError),
     #[error(
@@ -142,8 +142,9 @@ impl Complaint for Refusal {
             Self::NotCleared { .. } => {
                 "use smaller angles, or raise linear.clear_mm of the rig".into()
             }
-            Self::PointsOfAdaptiveSweep => "remove it, or write method = \"uniform\"".into(),
-            Self::UniformSweepWithoutPoints => "write points = 101".into(),
+            Self::OnlyUniform { .. } => "remove it, or write method = \"uniform\"".into(),
+            Self::UniformNeeds { key: "points" } => "write points = 101, say".into(),
+            Self::UniformNeeds { .. } => "write settle_s = 0.5, say".into(),
             Self::Sweep(error) => return sweep_suggestion(error),
             Self::BeyondAnalyzer { found, min, max, .. } => {
                 if found < min {

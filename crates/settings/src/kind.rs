@@ -112,8 +112,9 @@ impl<T: Copy + fmt::Display + TryFrom<i128> + Into<i128>> Kind for Whole<T> {
         let DeValue::Integer(whole) = value.get_ref() else {
             return slot.expected("a whole number", value);
         };
-        // What does not fit is larger than any limit.
-        let whole = i128::from_str_radix(whole.as_str(), whole.radix()).unwrap_or(i128::MAX);
+        // What does not fit is beyond any limit.
+        let beyond = if whole.as_str().starts_with('-') { i128::MIN } else { i128::MAX };
+        let whole = i128::from_str_radix(whole.as_str(), whole.radix()).unwrap_or(beyond);
         let (min, max) = (self.min.into(), self.max.into());
         if whole < min {
             let limit = Limit { bound: Bound::AtLeast, value: min };
