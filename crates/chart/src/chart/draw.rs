@@ -16,8 +16,8 @@ pub(super) const FONT_PX: f64 = 12.0;
 const TITLE_HEIGHT: f64 = 26.0;
 const TICK_LENGTH: f64 = 4.0;
 /// What a tick and its text need along each axis.
-const X_TICK_PX: f64 = 55.0;
-const Y_TICK_PX: f64 = 36.0;
+const X_TICK_PX: f64 = 46.0;
+const Y_TICK_PX: f64 = 30.0;
 
 pub(super) fn draw(chart: &Chart, id: &str) -> Result<String, ChartError> {
     let plot = Plot::new(chart)?;

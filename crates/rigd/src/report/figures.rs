@@ -12,11 +12,11 @@ use super::{
 };
 
 /// Width of one of three charts in a row, and the height of all charts in a row, in pixels.
-const PANEL_PX: (u32, u32) = (360, 330);
+const PANEL_PX: (u32, u32) = (290, 310);
 /// Of one of two charts in a row.
-const HALF_PX: (u32, u32) = (550, 330);
+const HALF_PX: (u32, u32) = (446, 310);
 /// Of a chart with a row of its own.
-const WIDE_PX: (u32, u32) = (1120, 380);
+const WIDE_PX: (u32, u32) = (912, 360);
 
 /// Shift against angle, one chart for each direction: the paper's Figure 11.
 pub(super) fn by_direction(data: &RunData, results: &RunResults) -> String {
@@ -27,7 +27,6 @@ pub(super) fn by_direction(data: &RunData, results: &RunResults) -> String {
         .fold(0.0, f64::max);
     let angles = results.angles_deg();
     let mut charts = String::new();
-    let mut keys = Vec::new();
     for (direction, name) in DIRECTIONS.map(Direction::name).into_iter().enumerate() {
         let cells = || results.cells.iter().filter(move |cell| cell.direction == direction);
         if cells().next().is_none() {
@@ -40,7 +39,7 @@ pub(super) fn by_direction(data: &RunData, results: &RunResults) -> String {
             Axis::linear("frequency shift (Hz)").including(0.0).including(1.05 * highest),
         );
         chart.size_px = PANEL_PX;
-        for (index, sample) in data.samples().iter().enumerate() {
+        for (index, sample) in touched_samples(data, results) {
             let points = cells().filter(|cell| cell.sample == index).map(|cell| Point {
                 x: cell.angle_deg,
                 y: cell.mean.shift_hz,
@@ -48,17 +47,27 @@ pub(super) fn by_direction(data: &RunData, results: &RunResults) -> String {
                 note: Some(note(sample, cell.angle_deg, cell.mean.shift_hz, cell.mean.sigma_hz)),
             });
             let series = Series::joined(&label(sample), index, points);
-            if keys.len() == index {
-                keys.push(Series { points: Vec::new(), ..series.clone() });
-            }
             chart.series.push(Series { name: None, ..series });
         }
         charts += &drawn(&chart.svg(&format!("fig-{name}")));
     }
+    let touched = touched_samples(data, results);
+    let keys: Vec<Series> =
+        touched.map(|(index, sample)| Series::joined::<Point>(&label(sample), index, [])).collect();
     let legend = legend(&keys, "fig-samples", WIDE_PX.0);
     let caption = "Shift against contact angle in each direction. Bars show the standard \
                    deviation of the fits; where none is seen it is smaller than the mark.";
-    format!("{legend}{}", figure(&format!("<div class=\"row\">\n{charts}</div>\n"), caption))
+    figure(&format!("{legend}<div class=\"row\">\n{charts}</div>\n"), caption)
+}
+
+/// The samples that were touched in the main phase, each with its index.
+fn touched_samples<'a>(
+    data: &'a RunData,
+    results: &'a RunResults,
+) -> impl Iterator<Item = (usize, &'a Sample)> {
+    let is_touched =
+        |&(index, _): &(usize, &Sample)| results.means.iter().any(|mean| mean.sample == index);
+    data.samples().iter().enumerate().filter(is_touched)
 }
 
 /// Shift against angle, averaged over the directions: the paper's Figure 12.
@@ -70,7 +79,7 @@ pub(super) fn averaged(data: &RunData, results: &RunResults) -> String {
         Axis::linear("frequency shift (Hz)").including(0.0),
     );
     chart.size_px = WIDE_PX;
-    for (index, sample) in data.samples().iter().enumerate() {
+    for (index, sample) in touched_samples(data, results) {
         let means = results.means.iter().filter(|mean| mean.sample == index);
         let points = means.map(|mean| Point {
             x: mean.angle_deg,
@@ -139,7 +148,7 @@ pub(super) fn no_load(data: &RunData, results: &RunResults) -> String {
         Axis::linear("rig time (min)").including(0.0),
         Axis::linear("resonance (Hz)"),
     );
-    chart.size_px = (WIDE_PX.0, 280);
+    chart.size_px = (WIDE_PX.0, 270);
     let points = results.references.iter().map(|reference| Point {
         x: minutes(reference.time_s),
         y: reference.frequency_hz,

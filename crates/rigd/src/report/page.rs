@@ -71,12 +71,12 @@ fn head(run: &Run, verdict: &Verdict, data: &RunData, results: &RunResults) -> S
         add(&mut html, format_args!("<p class=\"alarm\"><b>Fault in {step}.</b> {text}</p>\n"));
     }
     html += "<dl class=\"tiles\">\n";
-    for Tile { name, value, beside, below } in tiles(run, data, results) {
-        let (value, beside, below) = (Text(&value), Text(&beside), Text(&below));
+    for Tile { name, value, unit, below } in tiles(run, data, results) {
+        let (value, below) = (Text(&value), Text(&below));
         add(
             &mut html,
             format_args!(
-                "<div><dt>{name}</dt><dd>{value} <small>{beside}</small></dd>\
+                "<div><dt>{name}</dt><dd>{value} <small>{unit}</small></dd>\
                  <dd class=\"below\">{below}</dd></div>\n"
             ),
         );
@@ -89,54 +89,43 @@ fn head(run: &Run, verdict: &Verdict, data: &RunData, results: &RunResults) -> S
 struct Tile {
     name: &'static str,
     value: String,
-    /// In small type behind the value: its uncertainty and its unit.
-    beside: String,
+    unit: &'static str,
     below: String,
-}
-
-impl Tile {
-    fn new(name: &'static str, value: String, below: String) -> Self {
-        Self { name, value, beside: String::new(), below }
-    }
-
-    fn measured(name: &'static str, value: f64, sigma: f64, unit: &str, below: String) -> Self {
-        let (value, sigma) = value_and_sigma(value, sigma);
-        Self { name, value, beside: format!("± {sigma} {unit}"), below }
-    }
 }
 
 fn tiles(run: &Run, data: &RunData, results: &RunResults) -> Vec<Tile> {
     let mut tiles = Vec::new();
     if let Some(no_load) = results.no_load {
+        let (value, sigma) = value_and_sigma(no_load.mean_hz, no_load.sigma_hz);
         let span = fixed(no_load.max_hz - no_load.min_hz, 3);
-        let below = format!("{} references within {span}\u{a0}Hz", no_load.count);
-        let name = "Free resonance";
-        tiles.push(Tile::measured(name, no_load.mean_hz, no_load.sigma_hz, "Hz", below));
+        let below = format!("± {sigma}; {} references within {span}\u{a0}Hz", no_load.count);
+        tiles.push(Tile { name: "Free resonance", value, unit: "Hz", below });
     }
     if let Some(found) = &results.sensitivity {
         let Sensitivity { chord, line, .. } = found.sensitivity;
-        let line = with_sigma(line.hz_per_mpa, line.sigma_hz_per_mpa);
-        let below = format!("chord at {}°; least squares {line}", found.angle_deg);
-        let (slope, sigma) = (chord.hz_per_mpa, chord.sigma_hz_per_mpa);
-        tiles.push(Tile::measured("Sensitivity", slope, sigma, "Hz/MPa", below));
+        let (value, sigma) = value_and_sigma(chord.hz_per_mpa, chord.sigma_hz_per_mpa);
+        let (line, _) = value_and_sigma(line.hz_per_mpa, line.sigma_hz_per_mpa);
+        let below = format!("± {sigma}; chord at {}°, least squares {line}", found.angle_deg);
+        tiles.push(Tile { name: "Sensitivity", value, unit: "Hz/MPa", below });
     }
     if let Some(classification) = &results.classification {
         let score = &classification.score;
-        let rate = percent(score.rate().unwrap_or_default());
+        let value = percent(score.rate().unwrap_or_default());
         let (correct, trials, range) =
             (score.correct, score.trials, percent_range(score.interval()));
         let below = format!("{correct} of {trials}; 95\u{a0}% interval {range}");
-        tiles.push(Tile::new("Blind touches recognised", rate, below));
+        tiles.push(Tile { name: "Blind recognition", value, unit: "", below });
     }
     let planned = data.started.as_ref().map_or(0, |started| started.plan.touches);
     let prompts = counted(data.prompts, "prompt");
     let faults = counted(u32::try_from(data.faults().count()).unwrap_or(u32::MAX), "fault");
-    let below = format!("of {planned} planned; {prompts}, {faults}");
-    tiles.push(Tile::new("Touches", data.touches.len().to_string(), below));
+    let (value, below) =
+        (data.touches.len().to_string(), format!("of {planned} planned; {prompts}, {faults}"));
+    tiles.push(Tile { name: "Touches", value, unit: "", below });
     let below = run.wall_s.map_or("still running".to_owned(), |wall_s| {
         format!("{} by the clock on the wall", duration(wall_s))
     });
-    tiles.push(Tile::new("Rig time", duration(data.rig_s()), below));
+    tiles.push(Tile { name: "Rig time", value: duration(data.rig_s()), unit: "", below });
     tiles
 }
 
