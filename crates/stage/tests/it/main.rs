@@ -7,5 +7,6 @@
 )]
 
 mod az;
+mod lines;
 mod moves;
 mod peer;
