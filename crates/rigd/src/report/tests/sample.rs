@@ -200,6 +200,7 @@ impl Teller {
             step: Some(step.to_owned()),
             pose: Some(pose),
             readings,
+            looks: 0,
             verdict: SweepVerdict::Accepted {
                 resonance_hz,
                 sigma_hz: 0.012,
