@@ -5,6 +5,7 @@
 
 mod clock;
 pub mod device;
+pub mod faults;
 pub mod modbus;
 pub mod plant;
 mod random;

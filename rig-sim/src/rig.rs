@@ -8,9 +8,12 @@ use crate::{
     device::{
         az::Az,
         bus::{Bus, Carrier, Drive},
-        hioki::Hioki,
+        cable::{Analyzer, Cable},
+        meter::{E4980a, E4990a, Hioki, Meter},
     },
+    faults::{DeviceFault, Fault, Faults},
     modbus::NotModbus,
+    random::Stream,
     world::{AxisId, Scene, SceneError, World},
 };
 
@@ -32,6 +35,10 @@ pub struct Wiring {
 pub enum AnalyzerModel {
     /// HIOKI IM3536.
     HiokiIm3536,
+    /// Keysight E4980A with option 001.
+    KeysightE4980a,
+    /// Keysight E4990A.
+    KeysightE4990a,
 }
 
 /// A make of drive.
@@ -81,9 +88,13 @@ const TURNAROUND: Duration = Duration::from_millis(3);
 #[derive(Debug)]
 pub struct Rig {
     world: World,
-    analyzer: Hioki,
+    analyzer: Cable,
     bus: Bus,
+    faults: Faults,
 }
+
+/// The name of the stream of chance for faults; those of the world are below it.
+const FAULT_STREAM: u64 = 100;
 
 impl Rig {
     /// A rig that was just switched on, with no sample in place.
@@ -93,8 +104,11 @@ impl Rig {
     pub fn new(scene: Scene, wiring: &Wiring, seed: u64) -> Result<Self, SceneError> {
         let per_command = Duration::from_secs_f64(scene.nuisances.analyzer_command_s);
         let world = World::new(scene, seed)?;
-        let AnalyzerModel::HiokiIm3536 = wiring.analyzer;
-        let analyzer = Hioki::new("HIOKI,IM3536,190512345,V1.21", per_command);
+        let analyzer: Box<dyn Analyzer> = match wiring.analyzer {
+            AnalyzerModel::HiokiIm3536 => Box::new(Meter::<Hioki>::new(per_command)),
+            AnalyzerModel::KeysightE4980a => Box::new(Meter::<E4980a>::new(per_command)),
+            AnalyzerModel::KeysightE4990a => Box::new(Meter::<E4990a>::new(per_command)),
+        };
         let drive = |axis, wiring: AxisWiring| {
             let AxisModel::OrientalAz = wiring.model;
             (wiring.unit_id, Drive::Az(Az::new(axis, wiring.units_per_step, wiring.zero, &world)))
@@ -102,7 +116,8 @@ impl Rig {
         let units =
             vec![drive(AxisId::Linear, wiring.linear), drive(AxisId::Rotary, wiring.rotary)];
         let bus = Bus::new(wiring.carrier, TURNAROUND, units);
-        Ok(Self { world, analyzer, bus })
+        let faults = Faults::new(Stream::new(seed, FAULT_STREAM));
+        Ok(Self { world, analyzer: Cable::new(analyzer), bus, faults })
     }
 
     /// The world behind the devices.
@@ -110,16 +125,24 @@ impl Rig {
         &mut self.world
     }
 
+    /// A new client comes to a port: what the last one left there is gone.
+    pub fn connect(&mut self, port: PortId) {
+        match port {
+            PortId::Analyzer => self.analyzer.connect(),
+            PortId::Bus => self.bus.connect(),
+        }
+    }
+
     /// Takes bytes that came to a port at `now`.
     ///
     /// # Errors
     /// [`HangUp`] when the port closes the connection.
     pub fn push(&mut self, now: RigTime, port: PortId, bytes: &[u8]) -> Result<(), HangUp> {
+        let Self { world, analyzer, bus, faults } = self;
         match port {
-            PortId::Analyzer => self.analyzer.push(now, bytes, &mut self.world),
-            PortId::Bus => self.bus.push(now, bytes, &mut self.world)?,
+            PortId::Analyzer => analyzer.push(now, bytes, world, faults),
+            PortId::Bus => bus.push(now, bytes, world, faults),
         }
-        Ok(())
     }
 
     /// What a port says by `now`.
@@ -127,10 +150,31 @@ impl Rig {
     /// # Errors
     /// [`HangUp`] when the port closes the connection.
     pub fn poll(&mut self, now: RigTime, port: PortId) -> Result<Vec<u8>, HangUp> {
-        Ok(match port {
-            PortId::Analyzer => self.analyzer.poll(now, &mut self.world),
-            PortId::Bus => self.bus.poll(now, &mut self.world)?,
-        })
+        let Self { world, analyzer, bus, faults } = self;
+        match port {
+            PortId::Analyzer => analyzer.poll(now, world, faults),
+            PortId::Bus => bus.poll(now, world, faults),
+        }
+    }
+
+    /// Lets a fault wait for its frame.
+    pub fn add_fault(&mut self, fault: Fault) {
+        self.faults.add(fault);
+    }
+
+    /// Lets a fault befall a device now: the drive at `unit`, or all devices of the port.
+    pub fn suffer(&mut self, now: RigTime, port: PortId, unit: Option<u8>, fault: DeviceFault) {
+        match port {
+            PortId::Analyzer => self.analyzer.suffer(now, fault, &mut self.world),
+            PortId::Bus => self.bus.suffer(now, unit, fault, &mut self.world),
+        }
+    }
+
+    /// Takes all faults back: none waits any more, and what is jammed or stuck is free. Alarms and
+    /// lost steps stay.
+    pub fn clear_faults(&mut self, now: RigTime) {
+        self.faults.clear();
+        self.world.mend(now);
     }
 
     /// When something will happen on a port without further bytes.
@@ -139,5 +183,185 @@ impl Rig {
             PortId::Analyzer => self.analyzer.deadline(),
             PortId::Bus => self.bus.deadline(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        faults::{FaultKind, ReplyFault, RequestFault, When},
+        modbus::with_checksum,
+        scene::paper,
+    };
+
+    /// A rig and one exchange at a time with one of its ports.
+    struct Bench {
+        rig: Rig,
+        now: RigTime,
+    }
+
+    impl Bench {
+        fn new(carrier: Carrier) -> Self {
+            let axis = |unit_id, units_per_step| AxisWiring {
+                model: AxisModel::OrientalAz,
+                unit_id,
+                units_per_step,
+                zero: 0.0,
+            };
+            let (linear, rotary) = (axis(1, 0.001), axis(2, 0.01));
+            let analyzer = AnalyzerModel::HiokiIm3536;
+            let wiring = Wiring { analyzer, linear, rotary, carrier };
+            let rig = Rig::new(paper(), &wiring, 1).unwrap();
+            Self { rig, now: RigTime::ZERO }
+        }
+
+        fn serial() -> Self {
+            Self::new(Carrier::Serial { baud: 115_200 })
+        }
+
+        /// What comes back until nothing more will, and when the first of it came.
+        fn ask(&mut self, port: PortId, bytes: &[u8]) -> Result<(Vec<u8>, Duration), HangUp> {
+            self.rig.push(self.now, port, bytes)?;
+            let (asked, mut first) = (self.now, None);
+            let mut said = self.rig.poll(self.now, port)?;
+            while let Some(deadline) = self.rig.deadline(port) {
+                self.now = deadline;
+                said.extend(self.rig.poll(deadline, port)?);
+                if !said.is_empty() {
+                    first.get_or_insert(self.now);
+                }
+            }
+            Ok((said, first.unwrap_or(asked).since(asked)))
+        }
+
+        fn add(&mut self, port: PortId, kind: FaultKind) {
+            self.rig.add_fault(Fault { port, unit: None, kind, when: When::Nth(1) });
+        }
+    }
+
+    /// Reads the command position of unit 1.
+    fn request() -> Vec<u8> {
+        with_checksum(&[1, 3, 0, 0xC6, 0, 2])
+    }
+
+    #[track_caller]
+    fn check(fault: ReplyFault, expected: impl Fn(&[u8], &[u8], &[u8]) -> bool) {
+        for (port, request) in [(PortId::Bus, request()), (PortId::Analyzer, b"*IDN?\r\n".to_vec())]
+        {
+            let mut bench = Bench::serial();
+            let (good, _) = bench.ask(port, &request).unwrap();
+            bench.add(port, FaultKind::Reply(fault));
+            let (bad, _) = bench.ask(port, &request).unwrap();
+            assert!(expected(&request, &good, &bad), "{port:?}: {good:02x?} became {bad:02x?}");
+            assert_eq!(bench.ask(port, &request).unwrap().0, good, "and then all is well");
+        }
+    }
+
+    #[test]
+    fn every_fault_of_a_reply_does_what_its_name_says() {
+        let bits = |good: &[u8], bad: &[u8]| -> u32 {
+            good.iter().zip(bad).map(|(a, b)| (a ^ b).count_ones()).sum()
+        };
+        check(ReplyFault::Drop, |_, _, bad| bad.is_empty());
+        check(ReplyFault::Duplicate, |_, good, bad| bad == [good, good].concat());
+        check(ReplyFault::Corrupt, |_, good, bad| good.len() == bad.len() && bits(good, bad) == 1);
+        check(ReplyFault::Truncate, |_, good, bad| bad.len() < good.len() && good.starts_with(bad));
+        check(ReplyFault::Noise(5), |_, good, bad| {
+            bad.len() == 5 + good.len() && bad.ends_with(good)
+        });
+        check(ReplyFault::Echo, |request, good, bad| bad == [request, good].concat());
+        check(ReplyFault::Delay(Duration::from_secs(1)), |_, good, bad| bad == good);
+    }
+
+    #[test]
+    fn a_late_reply_is_late_and_a_reply_from_another_unit_has_its_checksum() {
+        let mut bench = Bench::serial();
+        let late = Duration::from_millis(300);
+        let (good, usual) = bench.ask(PortId::Bus, &request()).unwrap();
+        bench.add(PortId::Bus, FaultKind::Reply(ReplyFault::Delay(late)));
+        bench.add(PortId::Bus, FaultKind::Reply(ReplyFault::Unit(7)));
+        let (bad, delayed) = bench.ask(PortId::Bus, &request()).unwrap();
+        assert_eq!(delayed, usual + late);
+        let mut expected = good[..good.len() - 2].to_vec();
+        expected[0] = 7;
+        assert_eq!(bad, with_checksum(&expected));
+    }
+
+    #[test]
+    fn every_fault_of_a_request_keeps_it_from_being_done() {
+        // A move of unit 1 by one step of 1 mm.
+        let data = [0, 2, 1000, 10_000, 1_000_000, 1_000_000, 1000, 1];
+        let mut frame = vec![1, 16, 0, 0x58, 0, 16, 32];
+        frame.extend(data.iter().flat_map(|value: &i32| value.to_be_bytes()));
+        let frame = with_checksum(&frame);
+        let rows = [
+            (RequestFault::Drop, Ok(Vec::new())),
+            (RequestFault::Exception(6), Ok(with_checksum(&[1, 0x90, 6]))),
+            (RequestFault::Disconnect, Err(HangUp)),
+        ];
+        for (fault, expected) in rows {
+            let mut bench = Bench::serial();
+            bench.add(PortId::Bus, FaultKind::Request(fault));
+            assert_eq!(bench.ask(PortId::Bus, &frame).map(|said| said.0), expected);
+            let start = bench.rig.world().truth(bench.now).tip_mm;
+            bench.now = bench.now + Duration::from_secs(1);
+            assert_eq!(bench.rig.world().truth(bench.now).tip_mm, start);
+            // A reply that is lost, on the other hand, answers what was done.
+            bench.add(PortId::Bus, FaultKind::Reply(ReplyFault::Drop));
+            assert_eq!(bench.ask(PortId::Bus, &frame).unwrap().0, b"");
+            bench.now = bench.now + Duration::from_secs(1);
+            let moved = bench.rig.world().truth(bench.now).tip_mm - start;
+            assert!((moved - 1.0).abs() < 0.1, "{moved}");
+        }
+    }
+
+    #[test]
+    fn faults_of_a_drive_show_where_they_should() {
+        let mut bench = Bench::serial();
+        let suffer = |bench: &mut Bench, fault| {
+            bench.rig.suffer(bench.now, PortId::Bus, Some(1), fault);
+        };
+        let alarm = |bench: &mut Bench| {
+            bench.ask(PortId::Bus, &with_checksum(&[1, 3, 0, 0x80, 0, 2])).unwrap().0[6]
+        };
+        suffer(&mut bench, DeviceFault::Alarm(0x30));
+        assert_eq!(alarm(&mut bench), 0x30);
+        suffer(&mut bench, DeviceFault::LimitSwitch);
+        assert_eq!(alarm(&mut bench), 0x66);
+        let before = bench.rig.world().truth(bench.now).tip_mm;
+        let (counts, _) = bench.ask(PortId::Bus, &request()).unwrap();
+        suffer(&mut bench, DeviceFault::LoseSteps(-0.5));
+        let lost = before - bench.rig.world().truth(bench.now).tip_mm;
+        assert!((lost - 0.5).abs() < 0.1, "{lost}");
+        assert_eq!(bench.ask(PortId::Bus, &request()).unwrap().0, counts);
+    }
+
+    #[test]
+    fn a_broken_contact_sense_lies_and_is_mended() {
+        let mut bench = Bench::serial();
+        let set_up = b":TRIG EXT;:FREQ 140;:TRIG:DEL 5;:SPEE FAST;:AVER 256;:PAR1 RS\r\n";
+        bench.ask(PortId::Analyzer, set_up).unwrap();
+        let measure = |bench: &mut Bench| -> f64 {
+            let (said, _) = bench.ask(PortId::Analyzer, b"*TRG;:MEAS?\r\n").unwrap();
+            String::from_utf8(said).unwrap().split(',').nth(1).unwrap().parse().unwrap()
+        };
+        let free = measure(&mut bench);
+        bench.add(PortId::Analyzer, FaultKind::Device(DeviceFault::StuckContact));
+        let stuck = measure(&mut bench);
+        assert!(stuck / free < 0.5, "{free} {stuck}");
+        bench.rig.clear_faults(bench.now);
+        let mended = measure(&mut bench);
+        assert!((mended / free - 1.0).abs() < 0.05, "{free} {mended}");
+    }
+
+    #[test]
+    fn modbus_tcp_is_answered_and_what_is_none_is_hung_up_on() {
+        let mut bench = Bench::new(Carrier::Tcp);
+        let (said, _) = bench.ask(PortId::Bus, &[0, 9, 0, 0, 0, 6, 1, 3, 0, 0x80, 0, 2]).unwrap();
+        assert_eq!(said, [0, 9, 0, 0, 0, 7, 1, 3, 4, 0, 0, 0, 0]);
+        assert_eq!(bench.ask(PortId::Bus, b"GET / HTTP/1.1\r\n"), Err(HangUp));
+        bench.rig.connect(PortId::Bus);
+        assert!(bench.ask(PortId::Bus, &[0, 1, 0, 0, 0, 6, 1, 3, 0, 0x80, 0, 2]).is_ok());
     }
 }

@@ -13,6 +13,7 @@ use tokio::{
 };
 
 use crate::{
+    faults::{DeviceFault, Fault},
     rig::{PortId, Rig, Wiring},
     world::{NoSuchSample, Scene, SceneError, Truth, Violation},
 };
@@ -58,7 +59,7 @@ impl SimRig {
         Ok(Self { shared: Shared { rig, opened: Instant::now() }, ports: JoinSet::new() })
     }
 
-    /// A new connection to the analyzer. An earlier one stays open, as a second cable would.
+    /// A new connection to the analyzer. What an earlier one left there is gone.
     pub fn analyzer_port(&mut self) -> DuplexStream {
         self.port(PortId::Analyzer)
     }
@@ -70,6 +71,7 @@ impl SimRig {
 
     fn port(&mut self, port: PortId) -> DuplexStream {
         let (ours, theirs) = duplex(PIPE_BYTES);
+        self.shared.lock().connect(port);
         let shared = self.shared.clone();
         self.ports.spawn(async move { shared.serve(port, ours).await });
         theirs
@@ -78,6 +80,23 @@ impl SimRig {
     /// The hands of the person at the bench.
     pub fn person(&self) -> Person {
         Person(self.shared.clone())
+    }
+
+    /// Adds a fault that waits for its frame.
+    pub fn add_fault(&self, fault: Fault) {
+        self.shared.lock().add_fault(fault);
+    }
+
+    /// Lets a fault befall a device now: the drive at `unit`, or all devices of the port.
+    pub fn suffer(&self, port: PortId, unit: Option<u8>, fault: DeviceFault) {
+        let now = self.shared.now();
+        self.shared.lock().suffer(now, port, unit, fault);
+    }
+
+    /// Takes all faults back: none waits any more, and what is jammed or stuck is free.
+    pub fn clear_faults(&self) {
+        let now = self.shared.now();
+        self.shared.lock().clear_faults(now);
     }
 
     /// How things really are now.

@@ -1,3 +1,1 @@
-//! Whole-system tests: the daemon against the simulated rig, down to the bytes on the wire.
-
-mod edges;
+//! Whole-system tests.

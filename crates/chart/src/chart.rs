@@ -1,11 +1,8 @@
 //! Charts with two axes.
 
 mod draw;
-mod legend;
 #[cfg(test)]
 mod tests;
-
-pub use legend::legend;
 
 use crate::{Axis, ChartError, Marker, svg};
 

@@ -6,7 +6,6 @@
 #![deny(clippy::disallowed_methods)]
 
 pub mod equations;
-pub mod inverse;
 
 mod choice;
 mod circuit;
@@ -16,8 +15,6 @@ mod exact;
 mod law;
 mod lumped;
 mod pose;
-#[cfg(test)]
-mod random;
 mod reference;
 mod refusal;
 mod section;

@@ -178,10 +178,7 @@ impl Engine {
         effects: &mut Vec<Effect>,
     ) -> Result<(), Denied> {
         self.admits(&command)?;
-        // An answer has an event of its own.
-        if !matches!(command, Command::Answer) {
-            self.notes.push(Event::Operator { action: command.name(), by: by.to_owned() });
-        }
+        self.notes.push(Event::Operator { action: command.name(), by: by.to_owned() });
         match command {
             Command::Prepare | Command::Acknowledge => self.prepare(now, effects),
             Command::Run(plan) => {

@@ -62,9 +62,7 @@ impl Sweep {
             }
             Next::Finished(verdict) => {
                 let readings = std::mem::take(&mut self.readings);
-                let looks = self.planner.looks();
-                let outcome =
-                    Box::new(SweepOutcome { purpose: self.purpose, readings, looks, verdict });
+                let outcome = Box::new(SweepOutcome { purpose: self.purpose, readings, verdict });
                 notes.push(Event::SweepFinished(outcome.clone()));
                 SweepTurn::Finished(outcome)
             }

@@ -23,16 +23,10 @@ const STRAY_FRAME_BYTES: usize = 4;
 
 /// Registers whose values are known. They are read after a fault, before anything else that their
 /// device says is believed.
-///
-/// No other request to the device may have an answer of this length. A device answers in the order
-/// in which it is asked, so that once this answer has come, every earlier one has too, however late
-/// it was.
 #[derive(Debug, Clone)]
-pub struct Canary {
-    /// Reads them.
-    pub request: Request,
-    /// What they hold.
-    pub expected: Reply,
+pub(crate) struct Canary {
+    pub(crate) request: Request,
+    pub(crate) expected: Reply,
 }
 
 /// What is wrong with one exchange.
@@ -231,10 +225,11 @@ impl Line {
             return Err(Trouble::Unusable(self.diagnose(unit, request)));
         };
         let (outcome, length) = match result {
-            Ok(Ok(response)) => match request.accept(response) {
-                Some(reply) => (Ok(reply), request.reply_wire_len()),
-                None => return Err(Trouble::Unusable(Symptom::OtherAnswer)),
-            },
+            Ok(Ok(response)) => {
+                let accepted = request.accept(response);
+                let outcome = accepted.ok_or(Trouble::Unusable(Symptom::OtherAnswer));
+                (outcome, request.reply_wire_len())
+            }
             Ok(Err(code)) => (Err(Trouble::Refused(Exception::from_code(code.into()))), 5),
             Err(tokio_modbus::Error::Transport(error))
                 if error.kind() != std::io::ErrorKind::InvalidData =>

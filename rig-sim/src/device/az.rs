@@ -7,11 +7,12 @@
 //! # Source
 //! Oriental Motor, AZ Series Function Edition (HM-60262E), chapters on Modbus RTU control.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, time::Duration};
 
 use rig_model::RigTime;
 
 use crate::{
+    faults::DeviceFault,
     modbus::{Answer, Block, Exception, Reply, Request},
     world::{AxisId, Profile, World},
 };
@@ -126,6 +127,9 @@ const IN_POSITION_STEPS: f64 = 18.0;
 /// The resolution of the factory.
 const STEPS_PER_REVOLUTION: f64 = 1000.0;
 
+/// How long a drive needs until it listens after it was switched on.
+const BOOT: Duration = Duration::from_secs(1);
+
 /// How many alarms the drive remembers.
 const HISTORY: usize = 10;
 
@@ -149,6 +153,8 @@ pub struct Az {
     alarm_at_end: Option<u8>,
     is_homing: bool,
     is_homed: bool,
+    /// It is switched on and does not listen yet.
+    boots_until: RigTime,
 }
 
 impl Az {
@@ -168,11 +174,15 @@ impl Az {
             is_homing: false,
             // The absolute encoder keeps its home without power.
             is_homed: true,
+            boots_until: RigTime::ZERO,
         }
     }
 
     /// Does what a request asks.
     pub fn handle(&mut self, now: RigTime, request: &Request, world: &mut World) -> Answer {
+        if now < self.boots_until {
+            return None;
+        }
         self.notice_end(now, world);
         Some(match request {
             Request::ReadHoldingRegisters(block) => self.read(now, *block, world),
@@ -189,19 +199,40 @@ impl Az {
         })
     }
 
-    /// Puts the drive into an alarm, as a fault of the hardware does. The motor stops.
-    pub fn raise_alarm(&mut self, now: RigTime, code: u8, world: &mut World) {
+    /// Lets a fault befall the drive now.
+    pub(crate) fn suffer(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
         self.notice_end(now, world);
+        match fault {
+            DeviceFault::Reboot => self.restart(now, world),
+            DeviceFault::Alarm(code) => self.raise_alarm(now, code, world),
+            DeviceFault::LimitSwitch => {
+                self.raise_alarm(now, alarm::HARDWARE_OVERTRAVEL, world);
+            }
+            DeviceFault::Stall => world.drive(now, self.axis).halt(now),
+            DeviceFault::Jam => world.drive(now, self.axis).set_jammed(now, true),
+            DeviceFault::LoseSteps(distance) => world.drive(now, self.axis).lose_steps(distance),
+            // These befall analyzers.
+            DeviceFault::Overload | DeviceFault::BlindContact | DeviceFault::StuckContact => {}
+        }
+    }
+
+    /// An alarm as a fault of the hardware raises it. The motor stops.
+    fn raise_alarm(&mut self, now: RigTime, code: u8, world: &mut World) {
         self.stop(now, world);
         self.set_alarm(code);
     }
 
     /// Switches the drive off and on again. The encoder keeps the position; settings that were not
     /// saved are lost.
-    pub fn restart(&mut self, now: RigTime, world: &mut World) {
+    fn restart(&mut self, now: RigTime, world: &mut World) {
         self.stop(now, world);
         let history = self.history;
-        *self = Self { history, ..Self::new(self.axis, self.units_per_step, self.zero, world) };
+        let boots_until = now + BOOT;
+        *self = Self {
+            history,
+            boots_until,
+            ..Self::new(self.axis, self.units_per_step, self.zero, world)
+        };
     }
 
     fn set_alarm(&mut self, code: u8) {

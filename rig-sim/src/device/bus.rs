@@ -4,9 +4,15 @@ use std::time::Duration;
 
 use rig_model::RigTime;
 
-use super::{az::Az, outbox::Outbox};
+use super::{
+    az::Az,
+    outbox::Outbox,
+    spoil::{self, Reply},
+};
 use crate::{
-    modbus::{Answer, Frame, NotModbus, Request, RtuDecoder, TcpDecoder},
+    faults::{DeviceFault, Faults, RequestFault},
+    modbus::{Answer, Frame, Request, RtuDecoder, TcpDecoder},
+    rig::{HangUp, PortId},
     world::World,
 };
 
@@ -21,6 +27,12 @@ impl Drive {
     fn handle(&mut self, now: RigTime, request: &Request, world: &mut World) -> Answer {
         match self {
             Self::Az(drive) => drive.handle(now, request, world),
+        }
+    }
+
+    fn suffer(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
+        match self {
+            Self::Az(drive) => drive.suffer(now, fault, world),
         }
     }
 }
@@ -43,6 +55,13 @@ impl Carrier {
         match self {
             Self::Serial { baud } => Duration::from_secs_f64(11.0 * bytes as f64 / f64::from(baud)),
             Self::Tcp => Duration::ZERO,
+        }
+    }
+
+    fn decoder(self) -> Decoder {
+        match self {
+            Self::Serial { .. } => Decoder::Rtu(RtuDecoder::new(self.silence())),
+            Self::Tcp => Decoder::Tcp(TcpDecoder::default()),
         }
     }
 
@@ -72,27 +91,33 @@ pub struct Bus {
 impl Bus {
     /// A line with drives at these unit ids.
     pub fn new(carrier: Carrier, turnaround: Duration, units: Vec<(u8, Drive)>) -> Self {
-        let decoder = match carrier {
-            Carrier::Serial { .. } => Decoder::Rtu(RtuDecoder::new(carrier.silence())),
-            Carrier::Tcp => Decoder::Tcp(TcpDecoder::default()),
-        };
+        let decoder = carrier.decoder();
         Self { carrier, turnaround, units, decoder, outbox: Outbox::default() }
     }
 
+    /// A new client: what the last one left on the line is gone.
+    pub(crate) fn connect(&mut self) {
+        self.decoder = self.carrier.decoder();
+        self.outbox.clear();
+    }
+
     /// Takes bytes that came at `now`.
-    ///
-    /// # Errors
-    /// [`NotModbus`] on a network connection that has to be closed.
-    pub fn push(&mut self, now: RigTime, bytes: &[u8], world: &mut World) -> Result<(), NotModbus> {
+    pub(crate) fn push(
+        &mut self,
+        now: RigTime,
+        bytes: &[u8],
+        world: &mut World,
+        faults: &mut Faults,
+    ) -> Result<(), HangUp> {
         match &mut self.decoder {
             Decoder::Rtu(decoder) => decoder.push(now, bytes),
             Decoder::Tcp(decoder) => decoder.push(bytes),
         }
-        self.advance(now, world)
+        self.advance(now, world, faults)
     }
 
     /// When something will happen without further bytes.
-    pub fn deadline(&self) -> Option<RigTime> {
+    pub(crate) fn deadline(&self) -> Option<RigTime> {
         let silence = match &self.decoder {
             Decoder::Rtu(decoder) => decoder.deadline(),
             Decoder::Tcp(_) => None,
@@ -101,54 +126,110 @@ impl Bus {
     }
 
     /// What has been said by `now`.
-    ///
-    /// # Errors
-    /// [`NotModbus`] as for [`push`](Self::push).
-    pub fn poll(&mut self, now: RigTime, world: &mut World) -> Result<Vec<u8>, NotModbus> {
-        self.advance(now, world)?;
+    pub(crate) fn poll(
+        &mut self,
+        now: RigTime,
+        world: &mut World,
+        faults: &mut Faults,
+    ) -> Result<Vec<u8>, HangUp> {
+        self.advance(now, world, faults)?;
         Ok(self.outbox.poll(now))
     }
 
-    fn advance(&mut self, now: RigTime, world: &mut World) -> Result<(), NotModbus> {
+    /// Lets a fault befall the drive at `unit`, or all of them, now.
+    pub(crate) fn suffer(
+        &mut self,
+        now: RigTime,
+        unit: Option<u8>,
+        fault: DeviceFault,
+        world: &mut World,
+    ) {
+        for (known, drive) in &mut self.units {
+            if unit.is_none_or(|unit| unit == *known) {
+                drive.suffer(now, fault, world);
+            }
+        }
+    }
+
+    fn advance(
+        &mut self,
+        now: RigTime,
+        world: &mut World,
+        faults: &mut Faults,
+    ) -> Result<(), HangUp> {
         loop {
             let frame = match &mut self.decoder {
                 Decoder::Rtu(decoder) => decoder.poll(now),
                 Decoder::Tcp(decoder) => decoder.poll()?,
             };
             let Some(frame) = frame else { return Ok(()) };
-            self.handle(now, &frame, world);
+            self.handle(now, &frame, world, faults)?;
         }
     }
 
-    fn handle(&mut self, now: RigTime, frame: &Frame, world: &mut World) {
+    fn handle(
+        &mut self,
+        now: RigTime,
+        frame: &Frame,
+        world: &mut World,
+        faults: &mut Faults,
+    ) -> Result<(), HangUp> {
         let is_broadcast = frame.unit == 0 && matches!(self.carrier, Carrier::Serial { .. });
         for (unit, drive) in &mut self.units {
             if !(is_broadcast || *unit == frame.unit) {
                 continue;
             }
-            let answer = match &frame.request {
-                Ok(request) => drive.handle(now, request, world),
-                Err(exception) => Some(Err(*exception)),
+            let bytes = match ask(now, (*unit, drive), frame, world, faults)? {
+                // Nobody answers a broadcast, not even to refuse it.
+                Some(_) if is_broadcast => continue,
+                Some(bytes) => bytes,
+                None => continue,
             };
-            // Nobody answers a broadcast, not even to refuse it.
-            let (Some(answer), false) = (answer, is_broadcast) else { continue };
-            let bytes = frame.answer(*unit, &answer);
-            let due =
-                now + self.carrier.duration_of(frame.length() + bytes.len()) + self.turnaround;
-            self.outbox.push(due, bytes);
+            let on_the_wire = self.carrier.duration_of(frame.bytes().len() + bytes.len());
+            let struck = faults.on_reply(PortId::Bus, Some(*unit));
+            let due = now + on_the_wire + self.turnaround;
+            let reply = Reply { due, request: frame.bytes(), bytes: bytes.clone() };
+            let readdress = |unit| Some(frame.readdressed(&bytes, unit));
+            spoil::send(reply, &struck, readdress, faults, &mut self.outbox)?;
         }
+        Ok(())
     }
+}
+
+/// What a drive answers, in bytes, under the faults of the moment.
+fn ask(
+    now: RigTime,
+    (unit, drive): (u8, &mut Drive),
+    frame: &Frame,
+    world: &mut World,
+    faults: &mut Faults,
+) -> Result<Option<Vec<u8>>, HangUp> {
+    for fault in faults.on_device(PortId::Bus, Some(unit)) {
+        drive.suffer(now, fault, world);
+    }
+    match faults.on_request(PortId::Bus, Some(unit)).first() {
+        Some(RequestFault::Drop) => return Ok(None),
+        Some(RequestFault::Disconnect) => return Err(HangUp),
+        Some(RequestFault::Exception(code)) => return Ok(Some(frame.exception(unit, *code))),
+        None => {}
+    }
+    let answer = match &frame.request {
+        Ok(request) => drive.handle(now, request, world),
+        Err(exception) => Some(Err(*exception)),
+    };
+    Ok(answer.map(|answer| frame.answer(unit, &answer)))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{device::az::alarm, scene::paper, world::AxisId};
+    use crate::{device::az::alarm, random::Stream, scene::paper, world::AxisId};
 
     /// Two drives on one line, 0.001 mm and 0.01° a step, with the master's side of the protocol.
     struct Bench {
         bus: Bus,
         world: World,
+        faults: Faults,
         now: RigTime,
     }
 
@@ -164,17 +245,18 @@ mod tests {
             ];
             let carrier = Carrier::Serial { baud: 115_200 };
             let bus = Bus::new(carrier, Duration::from_millis(2), units);
-            Self { bus, world, now: RigTime::ZERO }
+            let faults = Faults::new(Stream::new(1, 1));
+            Self { bus, world, faults, now: RigTime::ZERO }
         }
 
         /// Sends a request without its checksum; the answer comes back without unit and checksum.
         fn ask(&mut self, frame: &[u8]) -> Option<Vec<u8>> {
             let bytes = crate::modbus::with_checksum(frame);
-            self.bus.push(self.now, &bytes, &mut self.world).unwrap();
+            self.bus.push(self.now, &bytes, &mut self.world, &mut self.faults).unwrap();
             let due = self.bus.deadline()?;
-            assert!(self.bus.poll(self.now, &mut self.world).unwrap().is_empty());
+            assert!(self.bus.poll(self.now, &mut self.world, &mut self.faults).unwrap().is_empty());
             self.now = due;
-            let answer = self.bus.poll(due, &mut self.world).unwrap();
+            let answer = self.bus.poll(due, &mut self.world, &mut self.faults).unwrap();
             assert_eq!(self.bus.deadline(), None);
             assert_eq!(answer[0], frame[0]);
             Some(answer[1..answer.len() - 2].to_vec())
@@ -248,9 +330,12 @@ mod tests {
     fn foreign_units_and_damaged_frames_are_met_with_silence() {
         let mut bench = Bench::new();
         assert_eq!(bench.ask(&[9, 3, 0, 0xCC, 0, 2]), None);
-        bench.bus.push(bench.now, &[1, 3, 0, 0xCC, 0, 2, 0, 0], &mut bench.world).unwrap();
+        bench
+            .bus
+            .push(bench.now, &[1, 3, 0, 0xCC, 0, 2, 0, 0], &mut bench.world, &mut bench.faults)
+            .unwrap();
         bench.now = bench.bus.deadline().unwrap();
-        assert!(bench.bus.poll(bench.now, &mut bench.world).unwrap().is_empty());
+        assert!(bench.bus.poll(bench.now, &mut bench.world, &mut bench.faults).unwrap().is_empty());
         assert_eq!(bench.bus.deadline(), None);
     }
 
@@ -324,8 +409,8 @@ mod tests {
         let mut bench = Bench::new();
         bench.go(1, 21_000, 10_000);
         bench.wait(0.2);
-        let Drive::Az(drive) = &mut bench.bus.units[0].1;
-        drive.restart(bench.now, &mut bench.world);
+        bench.bus.suffer(bench.now, Some(1), DeviceFault::Reboot, &mut bench.world);
+        assert_eq!(bench.ask(&[1, 3, 0, 0xCC, 0, 2]), None, "it boots");
         bench.wait(5.0);
         let place = bench.read(1, 0x00C6);
         assert!((bench.read(1, 0x00CC) - place).abs() <= 3);

@@ -1,9 +1,11 @@
 //! The instruments: what they say on the wire and what they do to the world.
 //!
 //! Each is a state machine without I/O: bytes go in with the time at which they came, bytes come
-//! out when they are due, and [`deadline`](bus::Bus::deadline) says when that will be.
+//! out when they are due, and a deadline says when that will be.
 
 pub mod az;
 pub mod bus;
-pub mod hioki;
+pub(crate) mod cable;
+pub(crate) mod meter;
 mod outbox;
+mod spoil;

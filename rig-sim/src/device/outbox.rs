@@ -4,20 +4,26 @@ use std::collections::VecDeque;
 
 use rig_model::RigTime;
 
-/// Bytes with the moment at which the last of them has arrived.
+/// Bytes with the moment at which the last of them has arrived, in the order of arrival.
 #[derive(Debug, Default)]
 pub(crate) struct Outbox(VecDeque<(RigTime, Vec<u8>)>);
 
 impl Outbox {
-    /// Puts bytes behind those that are already under way.
+    /// Puts bytes on their way. What is due earlier overtakes what is late: the devices of a line
+    /// do not wait for each other.
     pub(crate) fn push(&mut self, due: RigTime, bytes: Vec<u8>) {
-        let due = self.0.back().map_or(due, |last| last.0.max(due));
-        self.0.push_back((due, bytes));
+        let at = self.0.partition_point(|(earlier, _)| *earlier <= due);
+        self.0.insert(at, (due, bytes));
     }
 
     /// When the next bytes are due.
     pub(crate) fn deadline(&self) -> Option<RigTime> {
         self.0.front().map(|(due, _)| *due)
+    }
+
+    /// When the last bytes are due.
+    pub(crate) fn last_due(&self) -> Option<RigTime> {
+        self.0.back().map(|(due, _)| *due)
     }
 
     /// The bytes that have arrived by `now`.
@@ -27,5 +33,10 @@ impl Outbox {
             arrived.extend(self.0.pop_front().into_iter().flat_map(|(_, bytes)| bytes));
         }
         arrived
+    }
+
+    /// Forgets what is on its way.
+    pub(crate) fn clear(&mut self) {
+        self.0.clear();
     }
 }

@@ -8,6 +8,8 @@ mod pdu;
 mod rtu;
 mod tcp;
 
+use std::ops::Range;
+
 pub use pdu::{Block, Exception, Reply, Request};
 pub use rtu::RtuDecoder;
 pub use tcp::{NotModbus, TcpDecoder};
@@ -23,8 +25,9 @@ pub struct Frame {
     pub unit: u8,
     /// The request, or why a unit has to refuse it.
     pub request: Result<Request, Exception>,
-    /// Function code and data as they came.
-    pdu: Vec<u8>,
+    bytes: Vec<u8>,
+    /// Where function code and data are in the bytes.
+    pdu: Range<usize>,
     framing: Framing,
 }
 
@@ -35,26 +38,38 @@ enum Framing {
 }
 
 impl Frame {
-    fn new(unit: u8, pdu: &[u8], framing: Framing) -> Self {
-        Self { unit, request: Request::parse(pdu), pdu: pdu.to_vec(), framing }
+    fn new(unit: u8, bytes: &[u8], pdu: Range<usize>, framing: Framing) -> Self {
+        let request = Request::parse(&bytes[pdu.clone()]);
+        Self { unit, request, bytes: bytes.to_vec(), pdu, framing }
+    }
+
+    fn pdu(&self) -> &[u8] {
+        &self.bytes[self.pdu.clone()]
     }
 
     /// The function code.
     pub fn function(&self) -> u8 {
-        self.pdu[0]
+        self.pdu()[0]
     }
 
-    /// How many characters the frame had on the wire.
-    pub fn length(&self) -> usize {
+    /// The frame as it was on the wire.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// An answer to this frame as if another unit gave it.
+    pub fn readdressed(&self, answer: &[u8], unit: u8) -> Vec<u8> {
         match self.framing {
-            Framing::Rtu => 1 + self.pdu.len() + 2,
-            Framing::Tcp { .. } => tcp::HEADER + 1 + self.pdu.len(),
+            Framing::Rtu => rtu::frame(unit, &answer[1..answer.len() - 2]),
+            Framing::Tcp { transaction } => {
+                tcp::frame(transaction, unit, &answer[tcp::HEADER + 1..])
+            }
         }
     }
 
     /// The bytes of an answer to this frame from `unit`.
     pub fn answer(&self, unit: u8, answer: &Result<Reply, Exception>) -> Vec<u8> {
-        let pdu = pdu::encode(&self.pdu, answer);
+        let pdu = pdu::encode(self.pdu(), answer);
         match self.framing {
             Framing::Rtu => rtu::frame(unit, &pdu),
             Framing::Tcp { transaction } => tcp::frame(transaction, unit, &pdu),

@@ -65,9 +65,8 @@ impl RtuDecoder {
 /// A frame from exactly these bytes, when their checksum is right.
 fn parse(bytes: &[u8]) -> Option<Frame> {
     let (body, sum) = bytes.split_last_chunk::<2>()?;
-    let (unit, pdu) = body.split_first()?;
-    (!pdu.is_empty() && checksum(body) == u16::from_le_bytes(*sum))
-        .then(|| Frame::new(*unit, pdu, Framing::Rtu))
+    (body.len() >= 2 && checksum(body) == u16::from_le_bytes(*sum))
+        .then(|| Frame::new(body[0], bytes, 1..body.len(), Framing::Rtu))
 }
 
 /// The frame of an answer.

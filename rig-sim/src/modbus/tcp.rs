@@ -47,8 +47,11 @@ impl TcpDecoder {
         if protocol != 0 || !(2..=MAX_LENGTH).contains(&bytes) {
             return Err(NotModbus { protocol, length });
         }
-        let Some(body) = rest.get(..bytes) else { return Ok(None) };
-        let frame = Frame::new(body[0], &body[1..], Framing::Tcp { transaction });
+        if rest.len() < bytes {
+            return Ok(None);
+        }
+        let (unit, whole) = (rest[0], &self.buffer[..HEADER + bytes]);
+        let frame = Frame::new(unit, whole, HEADER + 1..whole.len(), Framing::Tcp { transaction });
         self.buffer.drain(..HEADER + bytes);
         Ok(Some(frame))
     }

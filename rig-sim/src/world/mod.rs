@@ -7,21 +7,27 @@
 mod motion;
 mod nuisance;
 mod place;
+mod scene;
 mod sensor;
 mod stage;
+#[cfg(test)]
+mod tests;
+mod truth;
 
-use std::fmt;
+use std::mem::Discriminant;
 
 use num_complex::Complex64;
-use rig_contact::{Circuit, SensorError, TissueError};
+use rig_contact::Circuit;
 use rig_model::{Orientation, RigTime};
 
 pub use self::{
     motion::Profile,
     nuisance::{Drift, Nuisances},
     place::Place,
+    scene::{AxisId, Mechanics, NoSuchSample, Sample, Scene, SceneError},
     sensor::SensorScene,
     stage::{Drivetrain, Stage},
+    truth::{Truth, Violation, ViolationKind},
 };
 use self::{
     nuisance::{DriftPath, Point},
@@ -29,176 +35,9 @@ use self::{
 };
 use crate::{
     clock::after,
-    plant::{NotRinging, Plant},
+    plant::Plant,
     random::{Stream, normal_at},
 };
-
-/// Everything that a world is made of.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Scene {
-    /// What it is called.
-    pub name: String,
-    /// Decides all that is left to chance.
-    pub seed: u64,
-    /// The sensor.
-    pub sensor: SensorScene,
-    /// What there is to touch.
-    pub samples: Vec<Sample>,
-    /// Where things are.
-    pub place: Place,
-    /// The stage that carries the sensor, in mm.
-    pub linear: Mechanics,
-    /// The stage that tilts the sample, in degrees.
-    pub rotary: Mechanics,
-    /// How the sensor is mounted at first.
-    pub orientation: Orientation,
-    /// What disturbs.
-    pub nuisances: Nuisances,
-}
-
-/// What a stage is made of, in the unit of its axis.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Mechanics {
-    /// Where it stands at first.
-    pub start: f64,
-    /// Where its limit switches are: the lower and the upper one.
-    pub travel: (f64, f64),
-}
-
-/// Which stage.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum AxisId {
-    /// The vertical stage that carries the sensor.
-    Linear,
-    /// The stage that tilts the sample.
-    Rotary,
-}
-
-impl fmt::Display for AxisId {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Linear => "linear",
-            Self::Rotary => "rotary",
-        })
-    }
-}
-
-/// One sample.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Sample {
-    /// The name on its label.
-    pub name: String,
-    /// Nominal elastic modulus, MPa.
-    pub stiffness_mpa: f64,
-    /// How deep it may be pressed before it tears, mm.
-    pub max_indentation_mm: f64,
-}
-
-/// Something that must never happen on a bench.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Violation {
-    /// When.
-    pub at: RigTime,
-    /// What.
-    pub kind: ViolationKind,
-}
-
-/// What must never happen on a bench.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum ViolationKind {
-    /// The rotary stage moved while the probe was in the sample.
-    RotatedInContact {
-        /// Largest indentation meanwhile, mm.
-        indentation_mm: f64,
-    },
-    /// A sample was put in place or taken away while the probe was in contact.
-    SampleChangedInContact {
-        /// Indentation at that moment, mm.
-        indentation_mm: f64,
-    },
-    /// The sensor was turned by hand while the probe was in contact.
-    SensorTurnedInContact {
-        /// Indentation at that moment, mm.
-        indentation_mm: f64,
-    },
-    /// The probe went deeper than the sample bears.
-    PressedTooDeep {
-        /// Indentation, mm.
-        indentation_mm: f64,
-        /// What the sample bears, mm.
-        limit_mm: f64,
-    },
-}
-
-/// How things really are, for tests.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Truth {
-    /// Name of the sample under the probe.
-    pub sample: Option<String>,
-    /// How the sensor is mounted.
-    pub orientation: Orientation,
-    /// Where the tip of the probe is on the linear axis, mm.
-    pub tip_mm: f64,
-    /// Where the rotary stage is, degrees.
-    pub tilt_deg: f64,
-    /// How deep the tip is below the undeformed surface along the probe, mm; negative while clear,
-    /// minus infinity without a sample.
-    pub indentation_mm: f64,
-    /// The angle between the probe and the normal of the touched point, degrees, with its sign.
-    pub contact_deg: f64,
-    /// The modulus at the touched point, MPa.
-    pub stiffness_mpa: Option<f64>,
-    /// The resonance at this moment, Hz.
-    pub resonance_hz: f64,
-    /// What it would be without contact, Hz.
-    pub no_load_hz: f64,
-}
-
-impl Truth {
-    /// Whether the probe is in the sample.
-    pub fn is_in_contact(&self) -> bool {
-        self.indentation_mm > 0.0
-    }
-}
-
-/// Why a scene cannot be played.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum SceneError {
-    /// The sensor cannot be built.
-    #[error(transparent)]
-    Sensor(#[from] SensorError),
-    /// The sensor's losses leave no resonance.
-    #[error(transparent)]
-    NotRinging(#[from] NotRinging),
-    /// A sample cannot be made.
-    #[error("sample {name:?}")]
-    Sample {
-        /// The name of the sample.
-        name: String,
-        /// What is wrong with it.
-        source: TissueError,
-    },
-    /// A stage does not stand between its limit switches.
-    #[error("{axis} stage: start {start} is outside its travel [{min}, {max}]")]
-    Start {
-        /// Which stage.
-        axis: AxisId,
-        /// Where it was to stand.
-        start: f64,
-        /// The lower limit switch.
-        min: f64,
-        /// The upper limit switch.
-        max: f64,
-    },
-}
-
-/// There is no sample of this name.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("there is no sample named {name:?}")]
-pub struct NoSuchSample {
-    /// The name asked for.
-    pub name: String,
-}
 
 /// A sample as it lies under the probe.
 #[derive(Debug, Clone, Copy)]
@@ -214,6 +53,14 @@ const MOST_SIGMAS: f64 = 2.5;
 
 /// Why every circuit of a checked sensor rings.
 const RINGS: &str = "loss factors of at most 1 leave a quality of at least 1";
+
+/// What a sensor feels to which something sticks.
+const STUCK: Touched = Touched {
+    stiffness_mpa: 0.1,
+    indentation_mm: 0.2,
+    contact_deg: 0.0,
+    orientation: Orientation::FrontBack,
+};
 
 /// While the rotary stage turns, contact is looked for this many times between two looks.
 const LOOKS_PER_TURN: u64 = 64;
@@ -238,6 +85,18 @@ pub struct World {
     /// The time up to which violations have been looked for.
     watched_until: RigTime,
     violations: Vec<Violation>,
+    /// The kinds of violation since the probe was last clear.
+    told: Vec<Discriminant<ViolationKind>>,
+    contact_fault: Option<ContactFault>,
+}
+
+/// What may be wrong with the way in which the sensor feels contact.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ContactFault {
+    /// It feels none.
+    Blind,
+    /// It feels one that is not there.
+    Stuck,
 }
 
 /// Names of the streams of chance.
@@ -295,6 +154,8 @@ impl World {
             encoder: Stream::new(seed, stream::ENCODER),
             watched_until: RigTime::ZERO,
             violations: Vec::new(),
+            told: Vec::new(),
+            contact_fault: None,
             scene,
             seed,
         })
@@ -382,6 +243,23 @@ impl World {
         self.plant.scale_drive(factor);
     }
 
+    /// Breaks or mends the way in which the sensor feels contact.
+    pub fn set_contact_fault(&mut self, now: RigTime, fault: Option<ContactFault>) {
+        self.follow_plant(now);
+        self.contact_fault = fault;
+        self.follow_plant(now);
+    }
+
+    /// Mends what faults have broken.
+    pub fn mend(&mut self, now: RigTime) {
+        for axis in [AxisId::Linear, AxisId::Rotary] {
+            if self.stage(axis).is_jammed() {
+                self.drive(now, axis).set_jammed(now, false);
+            }
+        }
+        self.set_contact_fault(now, None);
+    }
+
     /// What an ideal lock-in with the noise of the scene measures over `cycles` cycles from now on,
     /// in ohm, and when it is done.
     pub fn measure(&mut self, now: RigTime, cycles: u32) -> (Complex64, RigTime) {
@@ -440,28 +318,35 @@ impl World {
         // A lowering probe is deepest at the end of its way; a tilting sample may rise in between.
         let looks = if is_turning { LOOKS_PER_TURN } else { 1 };
         let span = now.as_micros() - since.as_micros();
-        let (mut deepest_mm, mut deepest_turning_mm) = (0.0_f64, 0.0_f64);
+        let limit_mm = self.limit_mm();
         for look in 0..=looks {
             let at = RigTime::from_micros(since.as_micros() + span * look / looks);
             let indentation_mm = self.indentation_mm(at);
-            deepest_mm = deepest_mm.max(indentation_mm);
-            if self.rotary.is_moving(at) {
-                deepest_turning_mm = deepest_turning_mm.max(indentation_mm);
+            if indentation_mm <= 0.0 {
+                self.told.clear();
+                continue;
             }
-        }
-        if deepest_turning_mm > 0.0 {
-            let indentation_mm = deepest_turning_mm;
-            self.record(now, ViolationKind::RotatedInContact { indentation_mm });
-        }
-        let limit_mm = self.limit_mm();
-        if deepest_mm > limit_mm {
-            let kind = ViolationKind::PressedTooDeep { indentation_mm: deepest_mm, limit_mm };
-            self.record(now, kind);
+            if self.rotary.is_moving(at) {
+                self.record(at, ViolationKind::RotatedInContact { indentation_mm });
+            }
+            if indentation_mm > limit_mm {
+                self.record(at, ViolationKind::PressedTooDeep { indentation_mm, limit_mm });
+            }
         }
     }
 
+    /// Records a violation, once for each time that the probe goes into a sample.
     fn record(&mut self, at: RigTime, kind: ViolationKind) {
-        self.violations.push(Violation { at, kind });
+        let sort = std::mem::discriminant(&kind);
+        if !self.told.contains(&sort) {
+            self.told.push(sort);
+            self.violations.push(Violation { at, kind });
+        } else if let Some(told) =
+            self.violations.iter_mut().rfind(|told| std::mem::discriminant(&told.kind) == sort)
+            && told.kind.indentation_mm() < kind.indentation_mm()
+        {
+            told.kind = kind;
+        }
     }
 
     fn refuse_contact(&mut self, now: RigTime, kind: impl Fn(f64) -> ViolationKind) {
@@ -495,7 +380,11 @@ impl World {
     }
 
     fn circuit(&mut self, now: RigTime) -> Circuit {
-        let touched = self.touched(now);
+        let touched = match self.contact_fault {
+            None => self.touched(now),
+            Some(ContactFault::Blind) => None,
+            Some(ContactFault::Stuck) => Some(STUCK),
+        };
         let shift_hz = self.drift.shift_hz(now);
         self.sensor.circuit(touched, shift_hz)
     }

@@ -27,19 +27,19 @@ pub struct Stage {
     load: f64,
     /// Steps lost: how far the load is behind a motor that believes to know where it is.
     slip: f64,
-    is_stalled: bool,
+    is_jammed: bool,
 }
 
 impl Stage {
     pub(super) fn new(drivetrain: Drivetrain, screw: (u64, u64), position: f64) -> Self {
         let motion = Motion::resting_at(position);
-        Self { drivetrain, screw, motion, load: position, slip: 0.0, is_stalled: false }
+        Self { drivetrain, screw, motion, load: position, slip: 0.0, is_jammed: false }
     }
 
-    /// Sends the motor to `target`. A stalled motor does not move.
+    /// Sends the motor to `target`. A jammed motor does not move.
     pub fn start(&mut self, now: RigTime, target: f64, profile: &Profile) {
         self.rebase(now);
-        if !self.is_stalled {
+        if !self.is_jammed {
             self.motion = self.motion.start(now, target, profile);
         }
     }
@@ -50,11 +50,16 @@ impl Stage {
         self.motion = self.motion.stop(now, deceleration);
     }
 
-    /// Blocks or frees the motor. It halts where it is.
-    pub fn set_stalled(&mut self, now: RigTime, is_stalled: bool) {
+    /// Halts the motor where it is, as a stall does.
+    pub fn halt(&mut self, now: RigTime) {
         self.rebase(now);
         self.motion = self.motion.halt(now);
-        self.is_stalled = is_stalled;
+    }
+
+    /// Halts the motor and blocks it, or frees it.
+    pub fn set_jammed(&mut self, now: RigTime, is_jammed: bool) {
+        self.halt(now);
+        self.is_jammed = is_jammed;
     }
 
     /// Shifts the load by `distance` without the motor's knowledge.
@@ -65,6 +70,11 @@ impl Stage {
     /// Where the encoder of the motor is.
     pub fn motor(&self, now: RigTime) -> f64 {
         self.motion.position(now)
+    }
+
+    /// Whether the motor is blocked.
+    pub fn is_jammed(&self) -> bool {
+        self.is_jammed
     }
 
     /// How fast the motor turns, in units per second.
@@ -164,7 +174,7 @@ mod tests {
         stage.lose_steps(-0.5);
         assert_eq!((stage.motor(at(1)), stage.load(at(1))), (0.0, -0.5));
         stage.start(at(1), 10.0, &FAST);
-        stage.set_stalled(at(1) + std::time::Duration::from_millis(500), true);
+        stage.set_jammed(at(1) + std::time::Duration::from_millis(500), true);
         assert!((4.0..6.0).contains(&stage.motor(at(9))), "{}", stage.motor(at(9)));
         stage.start(at(10), 0.0, &FAST);
         assert!(stage.motor(at(19)) > 4.0);

@@ -7,6 +7,5 @@
 )]
 
 mod az;
-mod lines;
 mod moves;
 mod peer;

@@ -56,8 +56,7 @@ async fn a_move_is_the_frame_that_the_manual_gives_and_ends_at_its_target() {
     assert!(stage.identify().await.unwrap().is_homed);
     let target = axis().target(Position::new(-50.0)).unwrap();
     let started = Instant::now();
-    // 46667 steps a second.
-    let at = stage.move_to(target, 28.0002, &StopSignal::new()).await.unwrap();
+    let at = stage.move_to(target, 28.0, &StopSignal::new()).await.unwrap();
     let golden = "01 10 00 58 00 10 20 00 00 00 00 00 00 00 01 FF FE BA 7B 00 00 B6 4B \
                   00 0F 42 40 00 0F 42 40 00 00 03 E8 00 00 00 01 48 03";
     assert!(az.seen().contains(&hex(golden)));

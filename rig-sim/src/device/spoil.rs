@@ -1,0 +1,65 @@
+//! What faults make of a reply on its way.
+
+use std::time::Duration;
+
+use rig_model::RigTime;
+
+use super::outbox::Outbox;
+use crate::{
+    faults::{Faults, ReplyFault},
+    rig::HangUp,
+};
+
+/// A reply that is about to leave.
+#[derive(Debug)]
+pub(super) struct Reply<'a> {
+    /// When it will have arrived.
+    pub(super) due: RigTime,
+    /// What it answers.
+    pub(super) request: &'a [u8],
+    /// Its bytes.
+    pub(super) bytes: Vec<u8>,
+}
+
+/// Sends a reply as these faults leave it. `readdress` makes the same reply from another unit.
+///
+/// # Errors
+/// [`HangUp`] when the connection breaks.
+pub(super) fn send(
+    reply: Reply<'_>,
+    struck: &[ReplyFault],
+    readdress: impl Fn(u8) -> Option<Vec<u8>>,
+    faults: &mut Faults,
+    outbox: &mut Outbox,
+) -> Result<(), HangUp> {
+    let Reply { due, request, mut bytes } = reply;
+    let (mut before, mut copies, mut delay) = (Vec::new(), 1, Duration::ZERO);
+    for fault in struck {
+        match *fault {
+            ReplyFault::Drop => copies = 0,
+            ReplyFault::Delay(longer) => delay += longer,
+            ReplyFault::Duplicate => copies *= 2,
+            ReplyFault::Corrupt if !bytes.is_empty() => {
+                let at = faults.below(bytes.len());
+                bytes[at] ^= 1 << faults.below(8);
+            }
+            ReplyFault::Truncate => bytes.truncate(faults.below(bytes.len())),
+            ReplyFault::Noise(count) => {
+                before.extend((0..count).map(|_| u8::try_from(faults.below(256)).unwrap_or(0)));
+            }
+            ReplyFault::Echo => before.extend_from_slice(request),
+            ReplyFault::Unit(unit) => bytes = readdress(unit).unwrap_or(bytes),
+            ReplyFault::Disconnect => return Err(HangUp),
+            ReplyFault::Corrupt => {}
+        }
+    }
+    if copies == 0 && before.is_empty() {
+        return Ok(());
+    }
+    let mut sent = before;
+    for _ in 0..copies {
+        sent.extend_from_slice(&bytes);
+    }
+    outbox.push(due + delay, sent);
+    Ok(())
+}

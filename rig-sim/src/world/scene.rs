@@ -1,0 +1,109 @@
+//! What a world is made of.
+
+use std::fmt;
+
+use rig_contact::{SensorError, TissueError};
+use rig_model::Orientation;
+
+use super::{nuisance::Nuisances, place::Place, sensor::SensorScene};
+use crate::plant::NotRinging;
+
+/// Everything that a world is made of.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// What it is called.
+    pub name: String,
+    /// Decides all that is left to chance.
+    pub seed: u64,
+    /// The sensor.
+    pub sensor: SensorScene,
+    /// What there is to touch.
+    pub samples: Vec<Sample>,
+    /// Where things are.
+    pub place: Place,
+    /// The stage that carries the sensor, in mm.
+    pub linear: Mechanics,
+    /// The stage that tilts the sample, in degrees.
+    pub rotary: Mechanics,
+    /// How the sensor is mounted at first.
+    pub orientation: Orientation,
+    /// What disturbs.
+    pub nuisances: Nuisances,
+}
+
+/// What a stage is made of, in the unit of its axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mechanics {
+    /// Where it stands at first.
+    pub start: f64,
+    /// Where its limit switches are: the lower and the upper one.
+    pub travel: (f64, f64),
+}
+
+/// Which stage.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum AxisId {
+    /// The vertical stage that carries the sensor.
+    Linear,
+    /// The stage that tilts the sample.
+    Rotary,
+}
+
+impl fmt::Display for AxisId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Linear => "linear",
+            Self::Rotary => "rotary",
+        })
+    }
+}
+
+/// One sample.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sample {
+    /// The name on its label.
+    pub name: String,
+    /// Nominal elastic modulus, MPa.
+    pub stiffness_mpa: f64,
+    /// How deep it may be pressed before it tears, mm.
+    pub max_indentation_mm: f64,
+}
+
+/// Why a scene cannot be played.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SceneError {
+    /// The sensor cannot be built.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+    /// The sensor's losses leave no resonance.
+    #[error(transparent)]
+    NotRinging(#[from] NotRinging),
+    /// A sample cannot be made.
+    #[error("sample {name:?}")]
+    Sample {
+        /// The name of the sample.
+        name: String,
+        /// What is wrong with it.
+        source: TissueError,
+    },
+    /// A stage does not stand between its limit switches.
+    #[error("{axis} stage: start {start} is outside its travel [{min}, {max}]")]
+    Start {
+        /// Which stage.
+        axis: AxisId,
+        /// Where it was to stand.
+        start: f64,
+        /// The lower limit switch.
+        min: f64,
+        /// The upper limit switch.
+        max: f64,
+    },
+}
+
+/// There is no sample of this name.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("there is no sample named {name:?}")]
+pub struct NoSuchSample {
+    /// The name asked for.
+    pub name: String,
+}

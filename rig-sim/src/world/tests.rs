@@ -1,0 +1,184 @@
+use std::time::Duration;
+
+use super::*;
+use crate::scene::paper;
+
+const FAST: Profile = Profile { speed: 50.0, acceleration: 1000.0, deceleration: 1000.0 };
+
+fn at(seconds: f64) -> RigTime {
+    RigTime::ZERO + Duration::from_secs_f64(seconds)
+}
+
+/// A bench without nuisances, with sample 3 in place.
+fn quiet() -> World {
+    let mut world = World::new(Scene { nuisances: Nuisances::NONE, ..paper() }, 1).unwrap();
+    world.place_sample(RigTime::ZERO, "3").unwrap();
+    world
+}
+
+/// The linear position at which the tip is `depth_mm` below the surface of a level sample.
+fn below(world: &World, depth_mm: f64) -> f64 {
+    world.scene().place.surface_mm - depth_mm
+}
+
+/// How deep the probe is, what is done then, and what is to be recorded.
+type Row = (f64, fn(&mut World), fn(&ViolationKind) -> bool);
+
+#[test]
+fn what_must_never_happen_is_kept_once_for_each_contact() {
+    use ViolationKind::{
+        PressedTooDeep, RotatedInContact, SampleChangedInContact, SensorTurnedInContact,
+    };
+    let rows: [Row; 6] = [
+        (
+            0.5,
+            |w| w.drive(at(5.0), AxisId::Rotary).start(at(5.0), 5.0, &FAST),
+            |k| matches!(k, RotatedInContact { .. }),
+        ),
+        // The sample rises into the probe while it is tilted.
+        (
+            -0.05,
+            |w| w.drive(at(5.0), AxisId::Rotary).start(at(5.0), -10.0, &FAST),
+            |k| matches!(k, RotatedInContact { .. }),
+        ),
+        (0.5, |w| w.take_sample_away(at(5.0)), |k| matches!(k, SampleChangedInContact { .. })),
+        (
+            0.5,
+            |w| w.place_sample(at(5.0), "1").unwrap(),
+            |k| matches!(k, SampleChangedInContact { .. }),
+        ),
+        (
+            0.5,
+            |w| w.turn_sensor(at(5.0), Orientation::Left),
+            |k| matches!(k, SensorTurnedInContact { .. }),
+        ),
+        (1.1, |_| {}, |k| matches!(k, PressedTooDeep { .. })),
+    ];
+    for (depth_mm, act, is_expected) in rows {
+        let mut world = quiet();
+        let place = below(&world, depth_mm);
+        world.drive(at(0.0), AxisId::Linear).start(at(0.0), place, &FAST);
+        act(&mut world);
+        let kinds: Vec<_> = world.violations(at(10.0)).iter().map(|one| one.kind).collect();
+        assert!(kinds.len() == 1 && is_expected(&kinds[0]), "{depth_mm}: {kinds:?}");
+        // Asking again does not add any.
+        assert_eq!(world.violations(at(20.0)).len(), 1);
+    }
+}
+
+#[test]
+fn a_touch_as_it_should_be_violates_nothing_and_a_second_crash_counts_again() {
+    let mut world = quiet();
+    for round in 0..2 {
+        let start = 20.0 * f64::from(round);
+        for (second, depth_mm) in [(0.0, 0.5), (5.0, -20.0)] {
+            let now = at(start + second);
+            let place = below(&world, depth_mm);
+            world.drive(now, AxisId::Linear).start(now, place, &FAST);
+        }
+        let now = at(start + 10.0);
+        world.drive(now, AxisId::Rotary).start(now, 15.0, &FAST);
+    }
+    assert_eq!(world.violations(at(50.0)), []);
+    let mut world = quiet();
+    for (second, depth_mm) in [(0.0, 1.1), (5.0, -20.0), (10.0, 1.1)] {
+        let place = below(&world, depth_mm);
+        world.drive(at(second), AxisId::Linear).start(at(second), place, &FAST);
+    }
+    assert_eq!(world.violations(at(50.0)).len(), 2);
+}
+
+#[test]
+fn the_sensor_rings_after_a_move_and_settles_to_the_circuit_of_the_contact() {
+    let mut world = quiet();
+    world.set_frequency(at(0.0), 150.0);
+    let place = below(&world, 0.3);
+    world.drive(at(5.0), AxisId::Linear).start(at(5.0), place, &FAST);
+    let arrival = world.stage(AxisId::Linear).rests_from();
+    let early = world.measure(arrival, 1).0;
+    let late = world.measure(at(20.0), 1).0;
+    let truth = world.truth(at(20.0));
+    let expected = world.circuit(at(20.0)).impedance_ohm(150.0);
+    assert!((late - expected).norm() < 1e-9 * expected.norm(), "{late} {expected}");
+    assert!((early - expected).norm() > 0.02 * expected.norm(), "{early} {expected}");
+    assert!((truth.indentation_mm - 0.3).abs() < 1e-9 && truth.resonance_hz > 150.0, "{truth:?}");
+}
+
+#[test]
+fn noise_has_the_size_that_the_scene_says_for_every_integration() {
+    let nuisances = Nuisances { impedance_rel: 0.005, ..Nuisances::NONE };
+    let mut world = World::new(Scene { nuisances, ..paper() }, 1).unwrap();
+    world.set_frequency(at(0.0), 140.0);
+    let mut now = at(10.0);
+    let exact = quiet_free_impedance();
+    for cycles in [1, 10, 160] {
+        let (mut re, mut im, n) = (0.0, 0.0, 2000);
+        for _ in 0..n {
+            let (measured, done) = world.measure(now, cycles);
+            let error = measured / exact - 1.0;
+            (re, im) = (re + error.re * error.re, im + error.im * error.im);
+            now = done;
+        }
+        let expected = 0.005 * (10.0 / f64::from(cycles)).sqrt();
+        for square in [re, im] {
+            let sigma = (square / f64::from(n)).sqrt();
+            assert!((sigma / expected - 1.0).abs() < 0.08, "{cycles}: {sigma} {expected}");
+        }
+    }
+}
+
+fn quiet_free_impedance() -> Complex64 {
+    let mut world = quiet();
+    world.set_frequency(at(0.0), 140.0);
+    world.measure(at(10.0), 1).0
+}
+
+#[test]
+fn the_same_seed_gives_the_same_world_and_looking_at_it_changes_nothing() {
+    let play = |seed: u64, looks: bool| {
+        let mut world = World::new(paper(), seed).unwrap();
+        let mut told = Vec::new();
+        for (round, name) in ["1", "2", "3", "4", "5"].repeat(4).into_iter().enumerate() {
+            let start = 100.0 * round as f64;
+            world.place_sample(at(start), name).unwrap();
+            let place = below(&world, 0.4);
+            world.drive(at(start), AxisId::Linear).start(at(start), place, &FAST);
+            for look in 0..if looks { 50 } else { 0 } {
+                _ = world.truth(at(start + 0.1 * f64::from(look)));
+            }
+            world.set_frequency(at(start + 5.0), 160.0);
+            told.push(world.measure(at(start + 6.0), 10).0);
+            world.drive(at(start + 10.0), AxisId::Linear).start(at(start + 10.0), 40.0, &FAST);
+        }
+        assert_eq!(world.violations(at(5000.0)), []);
+        told
+    };
+    assert_eq!(play(1, false), play(1, true));
+    assert_ne!(play(1, false), play(2, false));
+}
+
+#[test]
+fn no_two_mountings_are_alike_and_none_is_far_off() {
+    let mut world = World::new(paper(), 1).unwrap();
+    let (mut heights, sigma_mm) = (Vec::new(), world.scene().nuisances.mounting_mm);
+    for _ in 0..300 {
+        world.place_sample(at(0.0), "3").unwrap();
+        heights.push(world.mounted.unwrap().raised_mm);
+    }
+    let spread = (heights.iter().map(|mm| mm * mm).sum::<f64>() / 300.0).sqrt();
+    assert!((0.8..1.2).contains(&(spread / sigma_mm)), "{spread}");
+    assert!(heights.iter().all(|mm| mm.abs() <= 2.5 * sigma_mm));
+    heights.dedup();
+    assert_eq!(heights.len(), 300);
+}
+
+#[test]
+fn a_scene_that_cannot_be_is_refused() {
+    let mut scene = paper();
+    scene.linear.start = 51.0;
+    let refused = World::new(scene, 1).unwrap_err().to_string();
+    assert_eq!(refused, "linear stage: start 51 is outside its travel [0, 50]");
+    let mut scene = paper();
+    scene.samples[1].stiffness_mpa = -1.0;
+    assert!(matches!(World::new(scene, 1), Err(SceneError::Sample { name, .. }) if name == "2"));
+}

@@ -1,0 +1,82 @@
+//! How things really are, and what must never happen. Only tests may ask.
+
+use rig_model::{Orientation, RigTime};
+
+/// Something that must never happen on a bench.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Violation {
+    /// When.
+    pub at: RigTime,
+    /// What.
+    pub kind: ViolationKind,
+}
+
+/// What must never happen on a bench.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ViolationKind {
+    /// The rotary stage moved while the probe was in the sample.
+    RotatedInContact {
+        /// Largest indentation meanwhile, mm.
+        indentation_mm: f64,
+    },
+    /// A sample was put in place or taken away while the probe was in contact.
+    SampleChangedInContact {
+        /// Indentation at that moment, mm.
+        indentation_mm: f64,
+    },
+    /// The sensor was turned by hand while the probe was in contact.
+    SensorTurnedInContact {
+        /// Indentation at that moment, mm.
+        indentation_mm: f64,
+    },
+    /// The probe went deeper than the sample bears.
+    PressedTooDeep {
+        /// Indentation, mm.
+        indentation_mm: f64,
+        /// What the sample bears, mm.
+        limit_mm: f64,
+    },
+}
+
+impl ViolationKind {
+    /// How deep the probe was in the sample at the worst, mm.
+    pub const fn indentation_mm(&self) -> f64 {
+        match *self {
+            Self::RotatedInContact { indentation_mm }
+            | Self::SampleChangedInContact { indentation_mm }
+            | Self::SensorTurnedInContact { indentation_mm }
+            | Self::PressedTooDeep { indentation_mm, .. } => indentation_mm,
+        }
+    }
+}
+
+/// How things really are, for tests.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Truth {
+    /// Name of the sample under the probe.
+    pub sample: Option<String>,
+    /// How the sensor is mounted.
+    pub orientation: Orientation,
+    /// Where the tip of the probe is on the linear axis, mm.
+    pub tip_mm: f64,
+    /// Where the rotary stage is, degrees.
+    pub tilt_deg: f64,
+    /// How deep the tip is below the undeformed surface along the probe, mm; negative while clear,
+    /// minus infinity without a sample.
+    pub indentation_mm: f64,
+    /// The angle between the probe and the normal of the touched point, degrees, with its sign.
+    pub contact_deg: f64,
+    /// The modulus at the touched point, MPa.
+    pub stiffness_mpa: Option<f64>,
+    /// The resonance at this moment, Hz.
+    pub resonance_hz: f64,
+    /// What it would be without contact, Hz.
+    pub no_load_hz: f64,
+}
+
+impl Truth {
+    /// Whether the probe is in the sample.
+    pub fn is_in_contact(&self) -> bool {
+        self.indentation_mm > 0.0
+    }
+}
