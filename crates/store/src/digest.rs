@@ -5,6 +5,11 @@ use std::fmt;
 use sha2::{Digest as _, Sha256};
 
 /// SHA-256 over a record and the digest before it.
+///
+/// It is taken over the 32 bytes of the digest before (zeros before the first record), the number
+/// of the record in its run, its time in µs, and its kind and its JSON. Numbers enter as eight
+/// big-endian bytes, texts behind their length in bytes, so that no two different records give the
+/// same input.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Digest([u8; 32]);
 
@@ -22,9 +27,6 @@ impl Digest {
     }
 
     /// The digest of the record that follows this one.
-    ///
-    /// Numbers enter as eight big-endian bytes, texts behind their length, so that no two
-    /// different records give the same input.
     pub(crate) fn next(&self, seq: u64, rig_us: u64, kind: &str, payload: &str) -> Self {
         let mut hash = Sha256::new();
         hash.update(self.0);

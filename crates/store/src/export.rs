@@ -7,7 +7,7 @@
 
 use std::io::{self, Write};
 
-use crate::{Record, StoreError, StoredRecord, SweepVerdict};
+use crate::{Reading, Record, StoreError, StoredRecord, SweepVerdict};
 
 /// Why a run could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -111,14 +111,41 @@ pub fn readings_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<()
         let step = text(sweep.step.as_deref().unwrap_or_default());
         for (index, reading) in sweep.readings.iter().enumerate() {
             write!(out, "{},{},{step},{},", sweep.number, sweep.purpose.name(), index + 1)?;
-            let (resistance, reactance) = (reading.resistance_ohm, reading.reactance_ohm);
-            write!(out, "{},{resistance},{reactance},", reading.frequency_hz)?;
-            let (started, settle) = (reading.started_s, reading.settle_s);
-            let flag = reading.flag.name();
-            writeln!(out, "{started},{settle},{},{flag}", reading.integration_s)?;
+            write_reading(reading, out)?;
         }
     }
     Ok(())
+}
+
+/// One row for each place that was tried on the way to a surface, with the reading there.
+///
+/// # Errors
+/// What writing reports, or a record that cannot be understood.
+pub fn searches_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), ExportError> {
+    out.write_all(
+        b"step,direction,angle_deg,surface_mm,surface_sigma_mm,try,position_mm,frequency_hz,\
+          resistance_ohm,reactance_ohm,started_s,settle_s,integration_s,flag\n",
+    )?;
+    for stored in records.iter().filter(|stored| stored.kind == "surface_found") {
+        let Record::SurfaceFound(surface) = stored.record()? else { continue };
+        let (step, direction) = (text(&surface.step), surface.pose.direction.name());
+        let (angle, position, sigma) =
+            (surface.pose.angle_deg, surface.position_mm, surface.sigma_mm);
+        for (index, tried) in surface.trail.iter().enumerate() {
+            write!(out, "{step},{direction},{angle},{position},{sigma},{},", index + 1)?;
+            write!(out, "{},", tried.position_mm)?;
+            write_reading(&tried.reading, out)?;
+        }
+    }
+    Ok(())
+}
+
+/// The columns of a reading, and the end of the row.
+fn write_reading(reading: &Reading, out: &mut impl Write) -> io::Result<()> {
+    let (resistance, reactance) = (reading.resistance_ohm, reading.reactance_ohm);
+    write!(out, "{},{resistance},{reactance},", reading.frequency_hz)?;
+    let (started, settle) = (reading.started_s, reading.settle_s);
+    writeln!(out, "{started},{settle},{},{}", reading.integration_s, reading.flag.name())
 }
 
 /// A text as a CSV field, in quotes where it needs them (RFC 4180, section 2).

@@ -186,6 +186,8 @@ impl Reader {
     /// # Errors
     /// [`StoreError::NoSuchRun`], or what the system or SQLite reports about the list of runs.
     pub fn chain(&self, id: RunId) -> Result<Chain, StoreError> {
+        // One view of both tables: the run may end between two statements.
+        let _view = self.connection.unchecked_transaction()?;
         let run = self.run(id)?;
         let mut statement = self.connection.prepare_cached(&select_records(
             "WHERE run = (SELECT key FROM runs WHERE id = ?1) ORDER BY seq",

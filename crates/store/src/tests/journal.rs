@@ -2,8 +2,8 @@
 
 use super::sample::{Directory, append, records, run_started, sweep};
 use crate::{
-    Ending, Reader, Record, RunFinished, RunKind, RunStatus, Store, StoreError, SweepPurpose,
-    SweepVerdict, Verdict, export,
+    Axis, Ending, Move, Reader, Record, RunFinished, RunKind, RunStatus, Store, StoreError,
+    SweepPurpose, SweepVerdict, Verdict, export,
 };
 
 fn write_run(store: &Store) -> crate::RunId {
@@ -242,4 +242,85 @@ fn a_refused_sweep_keeps_its_columns() {
     assert_eq!(row, "1,manual,,,,12,refused,,,,,,,\"no resonance, none at all\"\n");
     // The comma in the reason is one more.
     assert_eq!(row.matches(',').count(), header.matches(',').count() + 1);
+}
+
+#[test]
+fn the_chain_can_be_recomputed_by_anyone() {
+    let directory = Directory::new();
+    let store = Store::open(directory.path()).unwrap();
+    let mut journal = store.begin(RunKind::Session, "bench").unwrap();
+    let moved = Move { axis: Axis::LinearMm, target: 10.125, read_back: 10.1249 };
+    journal.append(1_500_000, &Record::Moved(moved)).unwrap();
+    let end = RunFinished { status: Ending::Completed };
+    journal.append(2_500_001, &Record::RunFinished(end)).unwrap();
+    journal.commit().unwrap();
+    let records = store.reader().unwrap().records(journal.id()).unwrap();
+    let mut lines = Vec::new();
+    export::jsonl(&records, &mut lines).unwrap();
+    // The digests were computed by another program from the rule in the documentation of `Digest`.
+    let expected = [
+        r#"{"seq":1,"rig_us":1500000,"digest":"356baef8ef823f6f8174cd6ce8de1e0a1fac2bdd4a8351086503a14055439b78","record":{"kind":"moved","axis":"linear_mm","target":10.125,"read_back":10.1249}}"#,
+        r#"{"seq":2,"rig_us":2500001,"digest":"c032fd07a52341cffab1c40f598edf561796be68e628927ba35fd44f79f98fc8","record":{"kind":"run_finished","status":"completed"}}"#,
+    ];
+    assert_eq!(String::from_utf8(lines).unwrap().lines().collect::<Vec<_>>(), expected);
+}
+
+#[test]
+fn a_directory_that_cannot_be_used_is_refused_for_what_it_is() {
+    let directory = Directory::new();
+    let file = directory.path().join("a file");
+    std::fs::write(&file, "not a directory").unwrap();
+    let refusal = Store::open(&file).unwrap_err();
+    assert!(matches!(refusal, StoreError::Directory { .. }), "{refusal}");
+    std::fs::write(directory.path().join("rigd.db"), "not a database, but long enough".repeat(99))
+        .unwrap();
+    let refusal = Store::open(directory.path()).unwrap_err();
+    assert!(matches!(refusal, StoreError::Damaged(_)), "{refusal}");
+    let refusal = Reader::open(directory.path()).unwrap_err();
+    assert!(matches!(refusal, StoreError::Damaged(_)), "{refusal}");
+}
+
+#[test]
+fn every_place_tried_on_the_way_to_the_surface_is_a_row() {
+    let directory = Directory::new();
+    let store = Store::open(directory.path()).unwrap();
+    let id = write_run(&store);
+    let mut searches = Vec::new();
+    let records = store.reader().unwrap().records(id).unwrap();
+    export::searches_csv(&records, &mut searches).unwrap();
+    assert_eq!(
+        String::from_utf8(searches).unwrap(),
+        "step,direction,angle_deg,surface_mm,surface_sigma_mm,try,position_mm,frequency_hz,\
+         resistance_ohm,reactance_ohm,started_s,settle_s,integration_s,flag\n\
+         main/1/back/30/1,back,30,10.1,0.002886751345948129,1,10.3,140,33333.333333333336,-40000,\
+         0.3333333333333333,0.05,0.1,normal\n"
+    );
+}
+
+#[test]
+fn a_run_that_ends_while_it_is_read_is_not_taken_for_a_broken_one() {
+    let directory = Directory::new();
+    let store = Store::open(directory.path()).unwrap();
+    let reader = store.reader().unwrap();
+    let writer = std::thread::spawn(move || {
+        for _ in 0..50 {
+            let mut journal = store.begin(RunKind::Run, "short").unwrap();
+            append(&mut journal, 0, &run_started());
+            journal.commit().unwrap();
+            let end = RunFinished { status: Ending::Completed };
+            append(&mut journal, 1, &Record::RunFinished(end));
+            journal.commit().unwrap();
+        }
+    });
+    let (mut running, mut ended) = (0, 0);
+    while !writer.is_finished() {
+        let Some(latest) = reader.runs().unwrap().first().map(|run| run.id) else { continue };
+        match reader.verify(latest).unwrap() {
+            Verdict::Intact { records: 1, .. } => running += 1,
+            Verdict::Intact { .. } => ended += 1,
+            broken @ Verdict::Broken { .. } => panic!("{broken:?}"),
+        }
+    }
+    writer.join().unwrap();
+    assert!(running > 0 && ended > 0, "{running} seen running, {ended} ended");
 }

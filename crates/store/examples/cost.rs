@@ -1,0 +1,69 @@
+//! What a record and a commit cost: `cargo run --release -p rig-store --example cost DIR`.
+
+use std::{
+    env,
+    error::Error,
+    io::{Write, stdout},
+    path::Path,
+    time::{Duration, Instant},
+};
+
+use rig_store::{
+    Axis, Journal, Move, Reading, ReadingFlag, Record, RunKind, Store, Sweep, SweepPurpose,
+    SweepVerdict,
+};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let directory = env::args().nth(1).ok_or("name a directory to write into")?;
+    let store = Store::open(Path::new(&directory))?;
+    let mut journal = store.begin(RunKind::Session, "cost")?;
+    let moved = Record::Moved(Move { axis: Axis::LinearMm, target: 10.125, read_back: 10.1249 });
+    let rows = [("move", moved), ("sweep of 40 readings", sweep(40))];
+    for (what, record) in rows {
+        let append = median(2000, || journal.append(0, &record).map(drop))?;
+        journal.commit()?;
+        let both = median(200, || durable(&mut journal, &record))?;
+        writeln!(stdout(), "{what}: append {append:.1?}, append and commit {both:.1?}")?;
+    }
+    let reader = store.reader()?;
+    let start = Instant::now();
+    let records = reader.records(journal.id())?.len();
+    writeln!(stdout(), "read and verified {records} records in {:.1?}", start.elapsed())?;
+    Ok(())
+}
+
+fn durable(journal: &mut Journal, record: &Record) -> Result<(), rig_store::StoreError> {
+    journal.append(0, record)?;
+    journal.commit()
+}
+
+fn median<E>(times: usize, mut work: impl FnMut() -> Result<(), E>) -> Result<Duration, E> {
+    let mut taken = Vec::new();
+    for _ in 0..times {
+        let start = Instant::now();
+        work()?;
+        taken.push(start.elapsed());
+    }
+    taken.sort();
+    Ok(taken[times / 2])
+}
+
+fn sweep(readings: u32) -> Record {
+    let reading = |index: u32| Reading {
+        frequency_hz: 140.0 + f64::from(index) / 7.0,
+        resistance_ohm: 1e5 / f64::from(index + 3),
+        reactance_ohm: -4e4 - f64::from(index).sqrt(),
+        started_s: f64::from(index) / 3.0,
+        settle_s: 0.05,
+        integration_s: 0.1,
+        flag: ReadingFlag::Normal,
+    };
+    Record::Sweep(Sweep {
+        number: 1,
+        purpose: SweepPurpose::Manual,
+        step: None,
+        pose: None,
+        readings: (0..readings).map(reading).collect(),
+        verdict: SweepVerdict::Accepted { resonance_hz: 141.0, sigma_hz: 0.01, circuit: None },
+    })
+}
