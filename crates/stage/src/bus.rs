@@ -169,12 +169,12 @@ impl BusHandle {
     }
 
     /// Names registers of a device whose values are known, if any are. They are read after each
-    /// fault, before the device is believed again.
-    pub(crate) async fn set_canary(
-        &self,
-        unit: u8,
-        canary: Option<Canary>,
-    ) -> Result<(), BusError> {
+    /// fault, before the device is believed again. Without them, only the quarantine keeps a late
+    /// answer from being taken for another.
+    ///
+    /// # Errors
+    /// [`LineFault::Closed`] when the owner of the line has ended.
+    pub async fn set_canary(&self, unit: u8, canary: Option<Canary>) -> Result<(), BusError> {
         let (answer, answered) = oneshot::channel();
         self.send(Order::Canary { unit, canary, answer }).await?;
         Ok(answered.await.map_err(|_| LineFault::Closed)?)

@@ -6,7 +6,7 @@ use std::{fmt, sync::Arc};
 use rig_link::{Holder, LineError, OpenError};
 use rig_model::{Position, Unit};
 
-use crate::{Alarm, Request, Symptom};
+use crate::{Alarm, Request, Symptom, map::Route};
 
 /// Why a device refused, by its own account.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -159,6 +159,26 @@ pub enum StageError<U: Unit> {
         asked: f64,
         /// The fastest allowed.
         max: f64,
+    },
+    /// A speed below what the drive can be told.
+    #[error("{axis}: speed {asked} {}/s is below the slowest of the drive, {min:.4}", U::SYMBOL)]
+    TooSlow {
+        /// Name of the axis.
+        axis: &'static str,
+        /// What was asked.
+        asked: f64,
+        /// The slowest.
+        min: f64,
+    },
+    /// A way round that the drive does not know.
+    #[error("{axis}: {drives} has no route {route:?}")]
+    NoRoute {
+        /// Name of the axis.
+        axis: &'static str,
+        /// What was asked.
+        route: Route,
+        /// The drives of the map.
+        drives: &'static str,
     },
     /// A position that the drive cannot count to.
     #[error("{axis}: {wanted} is beyond what the drive can count")]

@@ -21,9 +21,10 @@ mod tap;
 
 pub use bus::{BusHandle, BusSettings, Framing, Health};
 pub use error::{BusError, Exception, LineFault, Refusal, StageError};
+pub use line::Canary;
 pub use look::{Alarm, AxisStatus};
 pub use map::RegisterMap;
 pub use request::{Reply, Request};
-pub use scale::Scale;
+pub use scale::{Scale, Turn};
 pub use stage::Stage;
 pub use symptom::Symptom;

@@ -23,10 +23,16 @@ const STRAY_FRAME_BYTES: usize = 4;
 
 /// Registers whose values are known. They are read after a fault, before anything else that their
 /// device says is believed.
+///
+/// No other request to the device may have an answer of this length. A device answers in the order
+/// in which it is asked, so that once this answer has come, every earlier one has too, however late
+/// it was.
 #[derive(Debug, Clone)]
-pub(crate) struct Canary {
-    pub(crate) request: Request,
-    pub(crate) expected: Reply,
+pub struct Canary {
+    /// Reads them.
+    pub request: Request,
+    /// What they hold; None while it is not known, when any answer of their length will do.
+    pub expected: Option<Reply>,
 }
 
 /// What is wrong with one exchange.
@@ -197,7 +203,8 @@ impl Line {
 
     async fn recognise(&mut self, unit: u8) -> Result<(), Trouble> {
         if let Some(canary) = self.canaries.get(&unit).cloned() {
-            if self.exchange(unit, &canary.request).await? != canary.expected {
+            let found = self.exchange(unit, &canary.request).await?;
+            if canary.expected.is_some_and(|expected| expected != found) {
                 let (port, request) = (self.name.clone(), canary.request);
                 return Err(Trouble::Fatal(LineFault::Changed { port, unit, request }));
             }
@@ -225,11 +232,10 @@ impl Line {
             return Err(Trouble::Unusable(self.diagnose(unit, request)));
         };
         let (outcome, length) = match result {
-            Ok(Ok(response)) => {
-                let accepted = request.accept(response);
-                let outcome = accepted.ok_or(Trouble::Unusable(Symptom::OtherAnswer));
-                (outcome, request.reply_wire_len())
-            }
+            Ok(Ok(response)) => match request.accept(response) {
+                Some(reply) => (Ok(reply), request.reply_wire_len()),
+                None => return Err(Trouble::Unusable(Symptom::OtherAnswer)),
+            },
             Ok(Err(code)) => (Err(Trouble::Refused(Exception::from_code(code.into()))), 5),
             Err(tokio_modbus::Error::Transport(error))
                 if error.kind() != std::io::ErrorKind::InvalidData =>

@@ -6,7 +6,7 @@ use rig_model::{Position, RigTime};
 
 use crate::{
     RegisterMap, Reply, Request,
-    map::{Block, Field, Flag, Table, Width},
+    map::{AlarmSource, Block, Field, Flag, Table, Width},
 };
 
 /// An alarm of a drive.
@@ -51,28 +51,36 @@ pub(crate) struct Look {
     pub(crate) is_moving: bool,
     pub(crate) is_ready: bool,
     pub(crate) is_homed: bool,
-    pub(crate) alarm: Option<Alarm>,
+    /// The code, where it is part of the status; zero for none.
+    pub(crate) alarm_code: u16,
+    /// The register to be read, where the status has only a flag and it is set.
+    pub(crate) alarm_block: Option<Block>,
 }
 
 impl Look {
     /// Reads it out of the replies to the status blocks of a map.
     pub(crate) fn new(map: &RegisterMap, replies: &[Reply]) -> Self {
         let view = View { map, replies };
-        let code = view.word(map.alarm.block, map.alarm.address);
+        let (alarm_code, alarm_block) = match map.alarm {
+            AlarmSource::Code(field) => (view.word(field.block, field.address), None),
+            AlarmSource::Flagged { flag, code } => (0, view.flag(flag).then_some(code)),
+        };
         Self {
             position: view.number(map.position),
             target: view.number(map.target.field()),
             is_moving: view.flag(map.moving),
             is_ready: view.flag(map.ready),
             is_homed: view.flag(map.homed),
-            alarm: alarm(map, code),
+            alarm_code,
+            alarm_block,
         }
     }
 }
 
-fn alarm(map: &RegisterMap, code: u16) -> Option<Alarm> {
+/// The alarm of a code, zero for none.
+pub(crate) fn alarm(map: &RegisterMap, code: u16) -> Option<Alarm> {
     let known = map.alarms.iter().find(|&&(known, _)| known == code);
-    (code != 0).then_some(Alarm { code, name: known.map_or("not in the manual", |known| known.1) })
+    (code != 0).then_some(Alarm { code, name: known.map_or("see its manual", |known| known.1) })
 }
 
 /// The request that reads a block.

@@ -110,6 +110,8 @@ pub enum Quantity {
     Acceleration,
     /// How quickly back to rest.
     Deceleration,
+    /// Which way round, for an axis that turns.
+    Route,
     /// The lower limit of position.
     LimitMin,
     /// The upper limit of position.
@@ -153,14 +155,44 @@ impl TargetReadBack {
     }
 }
 
-/// The drive's own soft limits, kept against a host that has lost its mind.
+/// Which way an axis goes to a target that it can reach in more than one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct DriveLimits {
-    /// Where they are. Their values are known once they were written, so that this block also
-    /// serves to recognise the drive after a fault; no status block has its length.
+pub enum Route {
+    /// The way along the numbers: positions a turn apart are different places.
+    Direct,
+    /// The shorter way round.
+    Shortest,
+    /// Towards rising counts.
+    Forward,
+    /// Towards falling counts.
+    Reverse,
+}
+
+/// How the drive tells its alarm.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AlarmSource {
+    /// By a code in its status, zero for none.
+    Code(Field),
+    /// By a flag in its status, and a code that is read only then.
+    Flagged {
+        /// The flag.
+        flag: Flag,
+        /// The register of the code.
+        code: Block,
+    },
+}
+
+/// What is put into the drive once: its own soft limits where it has them, kept against a host
+/// that has lost its mind. Their values are known from then on, so that they also serve to
+/// recognise the drive after a fault of the line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DriveSettings {
+    /// Writes them.
+    pub write: &'static [Step],
+    /// Reads them back.
     pub read: Block,
-    /// What is written there.
-    pub slots: &'static [Slot],
+    /// What is then found.
+    pub expect: &'static [Slot],
 }
 
 /// Everything that differs between two makes of drive.
@@ -168,8 +200,12 @@ pub struct DriveLimits {
 pub struct RegisterMap {
     /// The name in configuration files.
     pub name: &'static str,
-    /// What one look at the drive reads, in order. No two blocks of a map have the same length, so
-    /// that the answer to one is never taken for the answer to the other.
+    /// The drives it is for, as people read them.
+    pub drives: &'static str,
+    /// Whether it was tried on no hardware and its sources disagree.
+    pub is_to_be_verified: bool,
+    /// What one look at the drive reads, in order. The answers to these blocks and to the settings
+    /// all have different lengths, so that none is ever taken for another.
     pub status: &'static [Block],
     /// Measured position, counts.
     pub position: Field,
@@ -181,16 +217,20 @@ pub struct RegisterMap {
     pub ready: Flag,
     /// Whether it knows where it is.
     pub homed: Flag,
-    /// Alarm code, zero for none.
-    pub alarm: Field,
+    /// Alarm.
+    pub alarm: AlarmSource,
     /// What the codes mean.
     pub alarms: &'static [(u16, &'static str)],
     /// Unit of speed.
     pub speed: SpeedUnit,
     /// Unit of acceleration.
     pub acceleration: AccelerationUnit,
+    /// The routes it knows, and what it calls them.
+    pub routes: &'static [(Route, i32)],
     /// How long after its start a move may take to show, in milliseconds.
     pub start_within_ms: u16,
+    /// Makes the drive take commands from here. Moves nothing.
+    pub prepare: &'static [Step],
     /// Starts a move.
     pub start: &'static [Step],
     /// Starts homing.
@@ -201,8 +241,8 @@ pub struct RegisterMap {
     pub release_stop: &'static [Step],
     /// Clears an alarm.
     pub reset: &'static [Step],
-    /// The drive's own limits.
-    pub limits: DriveLimits,
+    /// What is put into the drive once.
+    pub settings: DriveSettings,
     /// What usually is the matter when the drive ignores a move.
     pub ignored_hint: &'static str,
 }

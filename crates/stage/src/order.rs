@@ -5,15 +5,15 @@ use std::time::Duration;
 use rig_model::{Axis, Position, Unit};
 
 use crate::{
-    RegisterMap, Request, Scale, StageError,
-    map::{AccelerationUnit, Quantity, Slot, SpeedUnit, Step, Width},
+    RegisterMap, Request, Scale, StageError, Turn,
+    map::{AccelerationUnit, Quantity, Route, Slot, SpeedUnit, Step, Width},
     profile,
 };
 
 /// Standard acceleration of free fall, mm/s².
 const FREE_FALL_MM_PER_S2: f64 = 9806.65;
 
-/// The quantities of a command. A command that is not a move needs only some of them.
+/// The quantities of a command. One that is not a move needs only the limits.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Order {
     /// Where to, counts.
@@ -22,8 +22,11 @@ pub(crate) struct Order {
     speed: i32,
     /// In the unit of the map.
     acceleration: i32,
+    /// As the map calls it.
+    route: i32,
     /// The soft limits, counts, the lower one first.
     limits: (i32, i32),
+    turn: Option<Turn>,
     counts_per_s: f64,
     counts_per_s2: f64,
 }
@@ -52,64 +55,99 @@ impl Order {
             scale.counts(wanted).ok_or(StageError::Uncountable { axis, wanted })
         };
         let (a, b) = (counts(soft.min)?, counts(soft.max)?);
-        let limits = (a.min(b), a.max(b));
-        let (counts_per_s, counts_per_s2) = (0.0, 0.0);
-        Ok(Self { target: 0, speed: 0, acceleration: 0, limits, counts_per_s, counts_per_s2 })
+        Ok(Self {
+            target: 0,
+            speed: 0,
+            acceleration: 0,
+            route: 0,
+            limits: (a.min(b), a.max(b)),
+            turn: None,
+            counts_per_s: 0.0,
+            counts_per_s2: 0.0,
+        })
     }
 
-    /// A move, if it is one that the drive can make.
+    /// A move, if it is one that the drive can make. It is never faster than asked.
     ///
     /// # Errors
-    /// [`StageError::Speed`], [`StageError::Uncountable`].
+    /// [`StageError::Speed`], [`StageError::TooSlow`], [`StageError::Uncountable`],
+    /// [`StageError::NoRoute`].
     pub(crate) fn to<U: Unit>(
         wanted: Position<U>,
         speed_per_s: f64,
         map: &RegisterMap,
         scale: &Scale<U>,
         axis: &Axis<U>,
+        turn: Option<Turn>,
     ) -> Result<Self, StageError<U>> {
-        let max = axis.max_speed_per_s();
+        let (name, max) = (axis.name(), axis.max_speed_per_s());
         if !(0.0 < speed_per_s && speed_per_s <= max) {
-            return Err(StageError::Speed { axis: axis.name(), asked: speed_per_s, max });
+            return Err(StageError::Speed { axis: name, asked: speed_per_s, max });
         }
         let Some(target) = scale.counts(wanted) else {
-            return Err(StageError::Uncountable { axis: axis.name(), wanted });
+            return Err(StageError::Uncountable { axis: name, wanted });
         };
-        let counts_per_s = scale.counts_per_s(speed_per_s);
-        let counts_per_s2 = scale.counts_per_s(scale.acceleration_per_s2);
+        let route = turn.map_or(Route::Direct, |turn| turn.route);
+        let Some(&(_, route)) = map.routes.iter().find(|known| known.0 == route) else {
+            return Err(StageError::NoRoute { axis: name, route, drives: map.drives });
+        };
         let rpm_per_count_per_s = 60.0 / scale.counts_per_revolution;
-        let speed = match map.speed {
-            SpeedUnit::CountsPerSecond => counts_per_s,
-            SpeedUnit::RevolutionsPerMinute => counts_per_s * rpm_per_count_per_s,
+        let per_count_per_s = match map.speed {
+            SpeedUnit::CountsPerSecond => 1.0,
+            SpeedUnit::RevolutionsPerMinute => rpm_per_count_per_s,
         };
+        // A product that should be whole may come out a trifle below.
+        let speed = (scale.counts_per_s(speed_per_s) * per_count_per_s + 1e-6).floor();
+        if speed < 1.0 {
+            let min = scale.per_count.abs() / per_count_per_s;
+            return Err(StageError::TooSlow { axis: name, asked: speed_per_s, min });
+        }
+        let counts_per_s2 = scale.counts_per_s(scale.acceleration_per_s2);
         let acceleration = match map.acceleration {
-            AccelerationUnit::CountsPerSecond2 => counts_per_s2,
+            AccelerationUnit::CountsPerSecond2 => counts_per_s2.floor(),
             AccelerationUnit::HundredthsOfG => {
-                100.0 * scale.acceleration_per_s2 / FREE_FALL_MM_PER_S2
+                (100.0 * scale.acceleration_per_s2 / FREE_FALL_MM_PER_S2).floor()
             }
-            AccelerationUnit::MillisecondsPer1000Rpm => 1e6 / (counts_per_s2 * rpm_per_count_per_s),
+            AccelerationUnit::MillisecondsPer1000Rpm => {
+                (1e6 / (counts_per_s2 * rpm_per_count_per_s)).ceil()
+            }
         };
         Ok(Self {
             target,
-            // Zero would be refused, or never arrive.
-            speed: whole(speed).max(1),
-            acceleration: whole(acceleration).max(1),
-            counts_per_s,
+            speed: whole(speed),
+            acceleration: whole(acceleration.max(1.0)),
+            route,
+            turn,
+            counts_per_s: speed / per_count_per_s,
             counts_per_s2,
             ..Self::at_rest(scale, axis)?
         })
     }
 
+    /// Whether two counts are the same place.
+    pub(crate) fn is_same(&self, a: i32, b: i32) -> bool {
+        self.turn.map_or(a == b, |turn| turn.nearest(a, b) == i64::from(b))
+    }
+
+    /// A measured count, of all that are the same place the one nearest to the target.
+    pub(crate) fn near_target(&self, counts: i32) -> i64 {
+        self.turn.map_or(counts.into(), |turn| turn.nearest(counts, self.target))
+    }
+
     /// How long the move takes from a count, from rest to rest.
     pub(crate) fn duration_from(&self, counts: i32) -> Duration {
-        let distance = f64::from(self.target) - f64::from(counts);
-        profile::duration(distance, self.counts_per_s, self.counts_per_s2)
+        profile::duration(self.distance_from(counts), self.counts_per_s, self.counts_per_s2)
     }
 
     /// How long the rest of the move takes at full speed.
     pub(crate) fn rest_from(&self, counts: i32) -> Duration {
-        let distance = (f64::from(self.target) - f64::from(counts)).abs();
-        Duration::try_from_secs_f64(distance / self.counts_per_s).unwrap_or(Duration::MAX)
+        let seconds = self.distance_from(counts) / self.counts_per_s;
+        Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)
+    }
+
+    fn distance_from(&self, counts: i32) -> f64 {
+        let straight = (f64::from(self.target) - f64::from(counts)).abs();
+        self.turn.map_or(straight, |turn| turn.distance(counts, self.target))
     }
 
     /// What carries out a step of the command.
@@ -133,11 +171,14 @@ impl Order {
                 Slot::Long(value) => (value, Width::I32),
                 Slot::Of(quantity, width) => (self.value(quantity), width),
             };
-            let [a, b, c, d] = value.to_be_bytes();
-            if width == Width::I32 {
-                words.push(u16::from_be_bytes([a, b]));
+            match width {
+                // A speed or a ramp beyond one register becomes the gentlest that it holds.
+                Width::U16 => words.push(u16::try_from(value.max(0)).unwrap_or(u16::MAX)),
+                Width::I32 => {
+                    let [a, b, c, d] = value.to_be_bytes();
+                    words.extend([u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d])]);
+                }
             }
-            words.push(u16::from_be_bytes([c, d]));
         }
         words
     }
@@ -147,6 +188,7 @@ impl Order {
             Quantity::Target => self.target,
             Quantity::Speed => self.speed,
             Quantity::Acceleration | Quantity::Deceleration => self.acceleration,
+            Quantity::Route => self.route,
             Quantity::LimitMin => self.limits.0,
             Quantity::LimitMax => self.limits.1,
         }

@@ -7,9 +7,10 @@ use rig_model::{Axis, Position, Target, Unit};
 use tokio::time::{Instant, sleep, sleep_until};
 
 use crate::{
-    AxisStatus, BusError, BusHandle, LineFault, RegisterMap, Reply, Request, Scale, StageError,
+    Alarm, AxisStatus, BusError, BusHandle, LineFault, RegisterMap, Reply, Request, Scale,
+    StageError, Turn,
     line::Canary,
-    look::{Look, read_request},
+    look::{Look, alarm, read_request},
     map::Step,
     order::{Deed, Order},
 };
@@ -41,6 +42,7 @@ pub struct Stage<U: Unit> {
     unit: u8,
     scale: Scale<U>,
     axis: Axis<U>,
+    turn: Option<Turn>,
     /// The position read last, in counts. None until the drive was identified.
     counts: Option<i32>,
 }
@@ -54,7 +56,12 @@ impl<U: Unit> Stage<U> {
         scale: Scale<U>,
         axis: Axis<U>,
     ) -> Self {
-        Self { bus, map, unit, scale, axis, counts: None }
+        Self { bus, map, unit, scale, axis, turn: None, counts: None }
+    }
+
+    /// The same for an axis that comes back to where it was after a turn.
+    pub fn with_turn(self, turn: Turn) -> Self {
+        Self { turn: Some(turn), ..self }
     }
 
     /// The axis.
@@ -62,31 +69,40 @@ impl<U: Unit> Stage<U> {
         &self.axis
     }
 
-    /// Finds the drive, puts the soft limits of the axis into it, reads them back, and looks at
-    /// it. From then on it is recognised by these limits after each fault of the line.
+    /// Finds the drive, puts its settings into it, reads them back, makes it take commands from
+    /// here, and looks at it. From then on it is recognised by the settings after each fault of the
+    /// line. Nothing moves.
     ///
     /// # Errors
-    /// [`StageError::Bus`] when it does not answer, refuses, or keeps other limits than it was
+    /// [`StageError::Bus`] when it does not answer, refuses, or keeps other settings than it was
     /// given.
     pub async fn identify(&mut self) -> Result<AxisStatus<U>, StageError<U>> {
         let order = Order::at_rest(&self.scale, &self.axis)?;
+        let settings = self.map.settings;
+        let request = read_request(settings.read);
         // A drive that was switched off has forgotten by what it was recognised.
-        self.bus.set_canary(self.unit, None).await.map_err(|error| self.bus_error(error))?;
-        let limits = self.map.limits;
-        let request = read_request(limits.read);
-        let expected = Reply::Words(order.words(limits.slots));
+        self.recognise_by(request.clone(), None).await?;
+        let expected = Reply::Words(order.words(settings.expect));
         if self.ask(request.clone()).await? != expected {
-            let (address, slots) = (limits.read.address, limits.slots);
-            self.take(Step::Registers { address, slots }, &order).await?;
+            self.take_all(settings.write, &order).await?;
             if self.ask(request.clone()).await? != expected {
                 let (port, unit) = (self.bus.name().clone(), self.unit);
                 let fault = LineFault::Changed { port, unit, request };
                 return Err(self.bus_error(fault.into()));
             }
         }
-        let canary = Some(Canary { request, expected });
-        self.bus.set_canary(self.unit, canary).await.map_err(|error| self.bus_error(error))?;
+        self.recognise_by(request, Some(expected)).await?;
+        self.command(self.map.prepare).await?;
         self.status().await
+    }
+
+    async fn recognise_by(
+        &self,
+        request: Request,
+        expected: Option<Reply>,
+    ) -> Result<(), StageError<U>> {
+        let canary = Some(Canary { request, expected });
+        self.bus.set_canary(self.unit, canary).await.map_err(|error| self.bus_error(error))
     }
 
     /// Looks at the drive.
@@ -97,12 +113,12 @@ impl<U: Unit> Stage<U> {
         let look = self.look().await?;
         Ok(AxisStatus {
             at: self.bus.now(),
-            position: self.scale.position(look.position),
-            target: self.scale.position(look.target),
+            position: self.scale.position(look.position.into()),
+            target: self.scale.position(look.target.into()),
             is_moving: look.is_moving,
             is_ready: look.is_ready,
             is_homed: look.is_homed,
-            alarm: look.alarm,
+            alarm: self.alarm_of(&look).await?,
         })
     }
 
@@ -120,13 +136,13 @@ impl<U: Unit> Stage<U> {
         stop: &StopSignal,
     ) -> Result<Position<U>, StageError<U>> {
         let from = self.counts.ok_or(StageError::NotIdentified { axis: self.axis.name() })?;
-        let wanted = target.position();
-        let order = Order::to(wanted, speed_per_s, self.map, &self.scale, &self.axis)?;
+        let (wanted, turn) = (target.position(), self.turn);
+        let order = Order::to(wanted, speed_per_s, self.map, &self.scale, &self.axis, turn)?;
         if stop.is_raised() {
             return Err(self.stopped_at(from));
         }
         self.take_all(self.map.start, &order).await?;
-        self.follow(target, &order, order.duration_from(from), stop).await
+        self.follow(target, &order, from, stop).await
     }
 
     /// Waits for the end of a move, with as few looks as its computed duration allows.
@@ -134,46 +150,52 @@ impl<U: Unit> Stage<U> {
         &mut self,
         target: Target<U>,
         order: &Order,
-        expected: Duration,
+        from: i32,
         stop: &StopSignal,
     ) -> Result<Position<U>, StageError<U>> {
         let started = Instant::now();
-        let shows_by = started + self.start_within();
+        let expected = order.duration_from(from);
         let deadline = started + expected.saturating_mul(2) + MOVE_SLACK;
         let mut next_look = started + expected.max(POLL_MIN);
-        let mut settled_by = None;
+        // Standing still elsewhere is believed only when it lasts.
+        let mut still_since = None;
         loop {
             if !wait(next_look, stop).await {
                 return Err(self.stop_and_say().await?);
             }
             let look = self.look().await?;
-            let (axis, at) = (self.axis.name(), self.scale.position(look.position));
-            if let Some(alarm) = look.alarm {
-                return Err(StageError::Alarmed { axis, alarm, at });
-            }
+            let at = self.scale.position(order.near_target(look.position));
+            self.refuse_alarm(&look, at).await?;
             let now = Instant::now();
-            let wanted = target.position();
             if look.is_moving {
                 if deadline <= now {
                     return Err(self.overdue("move", now - started).await?);
                 }
+                still_since = None;
                 next_look = now + order.rest_from(look.position).clamp(POLL_MIN, POLL_MAX);
-            } else if look.target != order.target {
-                if shows_by <= now {
-                    let hint = self.map.ignored_hint;
-                    return Err(StageError::Ignored { axis, wanted, at, hint });
-                }
-                next_look = now + POLL_MIN;
-            } else if self.axis.is_at(at, target) {
-                return Ok(at);
-            } else {
-                if *settled_by.get_or_insert(now + SETTLE_WITHIN) <= now {
-                    let off = (at.value() - wanted.value()).abs();
-                    return Err(StageError::NotThere { axis, wanted, at, off });
-                }
-                next_look = now + POLL_MIN;
+                continue;
             }
+            let has_target = order.is_same(look.target, order.target);
+            if has_target && self.axis.is_at(at, target) {
+                return Ok(at);
+            }
+            let patience = if has_target { SETTLE_WITHIN } else { self.start_within() };
+            if *still_since.get_or_insert(now) + patience <= now {
+                return Err(self.not_there(target, order, from, &look));
+            }
+            next_look = now + POLL_MIN;
         }
+    }
+
+    /// What it means that the axis stands still and is not at its target.
+    fn not_there(&self, target: Target<U>, order: &Order, from: i32, look: &Look) -> StageError<U> {
+        let (axis, wanted) = (self.axis.name(), target.position());
+        let at = self.scale.position(order.near_target(look.position));
+        let moved = self.scale.position(from.into()).value() - at.value();
+        if !order.is_same(look.target, order.target) || moved.abs() <= self.axis.tolerance() {
+            return StageError::Ignored { axis, wanted, at, hint: self.map.ignored_hint };
+        }
+        StageError::NotThere { axis, wanted, at, off: (at.value() - wanted.value()).abs() }
     }
 
     /// Lets the drive find its zero. May move over the whole travel.
@@ -194,10 +216,8 @@ impl<U: Unit> Stage<U> {
                 return Err(self.stop_and_say().await?);
             }
             let look = self.look().await?;
-            let (axis, at) = (self.axis.name(), self.scale.position(look.position));
-            if let Some(alarm) = look.alarm {
-                return Err(StageError::Alarmed { axis, alarm, at });
-            }
+            let (axis, at) = (self.axis.name(), self.scale.position(look.position.into()));
+            self.refuse_alarm(&look, at).await?;
             let now = Instant::now();
             if !look.is_moving {
                 return if look.is_homed { Ok(at) } else { Err(StageError::NotHomed { axis, at }) };
@@ -218,7 +238,7 @@ impl<U: Unit> Stage<U> {
         let started = Instant::now();
         let at = loop {
             let look = self.look().await?;
-            let at = self.scale.position(look.position);
+            let at = self.scale.position(look.position.into());
             if !look.is_moving {
                 break at;
             }
@@ -233,12 +253,13 @@ impl<U: Unit> Stage<U> {
         Ok(at)
     }
 
-    /// Clears an alarm. Clearing does not move anything.
+    /// Clears an alarm, and makes the drive take commands again. Nothing moves.
     ///
     /// # Errors
     /// [`StageError::AlarmPersists`], [`StageError::Bus`].
     pub async fn reset_alarm(&mut self) -> Result<AxisStatus<U>, StageError<U>> {
         self.command(self.map.reset).await?;
+        self.command(self.map.prepare).await?;
         let give_up = Instant::now() + RESET_WITHIN;
         loop {
             let status = self.status().await?;
@@ -269,7 +290,7 @@ impl<U: Unit> Stage<U> {
     }
 
     fn stopped_at(&self, counts: i32) -> StageError<U> {
-        StageError::Stopped { axis: self.axis.name(), at: self.scale.position(counts) }
+        StageError::Stopped { axis: self.axis.name(), at: self.scale.position(counts.into()) }
     }
 
     fn start_within(&self) -> Duration {
@@ -306,6 +327,24 @@ impl<U: Unit> Stage<U> {
         let look = Look::new(self.map, &replies);
         self.counts = Some(look.position);
         Ok(look)
+    }
+
+    async fn alarm_of(&self, look: &Look) -> Result<Option<Alarm>, StageError<U>> {
+        let code = match look.alarm_block {
+            None => look.alarm_code,
+            Some(block) => match self.ask(read_request(block)).await? {
+                Reply::Words(words) => words[0],
+                Reply::Bits(_) | Reply::Written => unreachable!("a read is answered by words"),
+            },
+        };
+        Ok(alarm(self.map, code))
+    }
+
+    async fn refuse_alarm(&self, look: &Look, at: Position<U>) -> Result<(), StageError<U>> {
+        match self.alarm_of(look).await? {
+            None => Ok(()),
+            Some(alarm) => Err(StageError::Alarmed { axis: self.axis.name(), alarm, at }),
+        }
     }
 
     async fn ask(&self, request: Request) -> Result<Reply, StageError<U>> {

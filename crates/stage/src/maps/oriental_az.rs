@@ -4,8 +4,8 @@
 //! Oriental Motor, AZ Series Function Edition, HM-60262-6E.
 
 use crate::map::{
-    AccelerationUnit, Block, DriveLimits, Field, Flag, Quantity, RegisterMap, Slot, SpeedUnit,
-    Step, Table, TargetReadBack, Width,
+    AccelerationUnit, AlarmSource, Block, DriveSettings, Field, Flag, Quantity, RegisterMap, Route,
+    Slot, SpeedUnit, Step, Table, TargetReadBack, Width,
 };
 
 /// Lower word of the driver output status, and the present alarm.
@@ -19,9 +19,19 @@ const INPUT_HOME: u16 = 1 << 4;
 const INPUT_STOP: u16 = 1 << 5;
 const INPUT_NONE: u16 = 0;
 
+/// The soft limits, with what happens at them.
+const LIMITS: u16 = 0x0386;
+const LIMIT_SLOTS: &[Slot] = &[
+    Slot::Long(1), // decelerate to a stop
+    Slot::Of(Quantity::LimitMax, Width::I32),
+    Slot::Of(Quantity::LimitMin, Width::I32),
+];
+
 /// Oriental Motor AZ. A count is one step of the resolution set in the drive.
-pub const ORIENTAL_AZ: RegisterMap = RegisterMap {
+pub static ORIENTAL_AZ: RegisterMap = RegisterMap {
     name: "oriental-az",
+    drives: "Oriental Motor AZ series",
+    is_to_be_verified: false,
     status: &[
         Block { table: Table::Holding, address: 0x007F, count: 3 },
         Block { table: Table::Holding, address: 0x0120, count: 4 },
@@ -37,7 +47,7 @@ pub const ORIENTAL_AZ: RegisterMap = RegisterMap {
     ready: Flag { block: OUTPUTS, address: 0x007F, bit: 5, is_set_when: true },
     homed: Flag { block: OUTPUTS, address: 0x007F, bit: 4, is_set_when: true },
     // The lower word; the upper one is always zero.
-    alarm: Field { block: OUTPUTS, address: 0x0081, width: Width::U16 },
+    alarm: AlarmSource::Code(Field { block: OUTPUTS, address: 0x0081, width: Width::U16 }),
     alarms: &[
         (0x10, "excessive position deviation"),
         (0x20, "overcurrent"),
@@ -64,13 +74,17 @@ pub const ORIENTAL_AZ: RegisterMap = RegisterMap {
     speed: SpeedUnit::CountsPerSecond,
     // 0.001 kHz/s.
     acceleration: AccelerationUnit::CountsPerSecond2,
+    // Wrap proximity, forward and reverse positioning need the wrap function of the drive.
+    routes: &[(Route::Direct, 1), (Route::Shortest, 9), (Route::Forward, 10), (Route::Reverse, 11)],
     start_within_ms: 100,
+    // An earlier run may have ended with its stop still on.
+    prepare: &[Step::Register { address: DRIVER_INPUT, value: INPUT_NONE }],
     // Direct data operation: the trigger is the last of the same request.
     start: &[Step::Registers {
         address: 0x0058,
         slots: &[
             Slot::Long(0), // operation data number
-            Slot::Long(1), // absolute positioning
+            Slot::Of(Quantity::Route, Width::I32),
             Slot::Of(Quantity::Target, Width::I32),
             Slot::Of(Quantity::Speed, Width::I32),
             Slot::Of(Quantity::Acceleration, Width::I32),
@@ -91,13 +105,10 @@ pub const ORIENTAL_AZ: RegisterMap = RegisterMap {
         Step::Registers { address: 0x0180, slots: &[Slot::Long(1)] },
         Step::Registers { address: 0x0180, slots: &[Slot::Long(0)] },
     ],
-    limits: DriveLimits {
-        read: Block { table: Table::Holding, address: 0x0386, count: 6 },
-        slots: &[
-            Slot::Long(1), // decelerate to a stop
-            Slot::Of(Quantity::LimitMax, Width::I32),
-            Slot::Of(Quantity::LimitMin, Width::I32),
-        ],
+    settings: DriveSettings {
+        write: &[Step::Registers { address: LIMITS, slots: LIMIT_SLOTS }],
+        read: Block { table: Table::Holding, address: LIMITS, count: 6 },
+        expect: LIMIT_SLOTS,
     },
     ignored_hint: "is STOP, FREE or the motor power off, or another move not finished?",
 };

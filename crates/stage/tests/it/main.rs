@@ -6,6 +6,7 @@
     reason = "numbers are cut into registers"
 )]
 
-mod az;
+mod drive;
+mod lines;
 mod moves;
 mod peer;

@@ -75,18 +75,26 @@ fn request_len(buffer: &[u8]) -> Option<usize> {
 pub(crate) enum Fault {
     RequestLost,
     ReplyLost,
-    ReplyLate { ms: u64 },
-    ReplyTwice { ms_apart: u64 },
+    ReplyLate {
+        ms: u64,
+    },
+    ReplyTwice {
+        ms_apart: u64,
+    },
     ReplyCorrupted,
     ReplyTruncated,
     WrongUnit,
     Echoed,
-    NoiseBefore { bytes: usize },
+    NoiseBefore {
+        bytes: usize,
+    },
+    /// What another speed makes of an answer.
+    Garbled,
     Exception(u8),
 }
 
 /// Every kind of fault, late replies on either side of the driver's patience.
-pub(crate) const FAULTS: [Fault; 16] = [
+pub(crate) const FAULTS: [Fault; 17] = [
     Fault::RequestLost,
     Fault::ReplyLost,
     Fault::ReplyLate { ms: 60 },
@@ -100,6 +108,7 @@ pub(crate) const FAULTS: [Fault; 16] = [
     Fault::Echoed,
     Fault::NoiseBefore { bytes: 5 },
     Fault::NoiseBefore { bytes: 40 },
+    Fault::Garbled,
     Fault::Exception(4),
     Fault::Exception(5),
     Fault::Exception(6),
@@ -136,8 +145,45 @@ pub(crate) fn faulty(
             }
             Some(Fault::Echoed) => reply = [request, &reply].concat(),
             Some(Fault::NoiseBefore { bytes }) => reply = [&vec![0x5A; bytes], &reply[..]].concat(),
+            Some(Fault::Garbled) => {
+                reply = reply.iter().step_by(2).map(|byte| byte.reverse_bits() | 0xC0).collect();
+            }
             _ => {}
         }
         vec![Action::Send(reply)]
+    }
+}
+
+/// Registers that hold a function of their address, so that a stale answer shows.
+pub(crate) fn truth(address: u16, count: u16) -> Vec<u16> {
+    (address..address + count).map(|address| address.wrapping_mul(0x9E37)).collect()
+}
+
+/// A device whose registers hold the [`truth`], and that takes every write.
+pub(crate) fn truthful(unit: u8) -> impl FnMut(&[u8]) -> Vec<u8> + Send + 'static {
+    move |request| {
+        if request[0] != unit {
+            return vec![];
+        }
+        let word = |at: usize| u16::from_be_bytes([request[at], request[at + 1]]);
+        let mut reply = match request[1] {
+            3 => vec![unit, 3, 2 * request[5]],
+            5 | 6 | 16 => return with_crc(&request[..6]),
+            other => panic!("function {other}"),
+        };
+        if request[1] == 3 {
+            reply.extend(truth(word(2), word(4)).into_iter().flat_map(u16::to_be_bytes));
+        }
+        with_crc(&reply)
+    }
+}
+
+/// The device behind an adapter that hears itself.
+pub(crate) fn echoing(
+    mut device: impl FnMut(&[u8]) -> Vec<u8> + Send + 'static,
+) -> impl FnMut(&[u8]) -> Vec<Action> + Send + 'static {
+    move |request| {
+        let wait = Action::Wait(Duration::from_millis(3));
+        vec![Action::Send(request.to_vec()), wait, Action::Send(device(request))]
     }
 }
