@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 
-use rig_model::{Bench, ContactAngle, Direction};
+use rig_model::{Bench, ContactAngle, Direction, Mm, Position};
 use rig_settings::{Faults, Place, Setting};
 
 use crate::{
@@ -12,22 +12,26 @@ use crate::{
     sweep::SweepKeys,
 };
 
-/// Names are parts of addresses and file names, and columns of tables.
-const MAX_NAME_CHARS: usize = 40;
+/// More would keep a bench busy for a month.
+const MAX_TOUCHES: usize = 100_000;
 
 /// Checks that need no bench.
 pub(crate) fn by_itself(protocol: &Protocol, faults: &mut Faults) {
     for sample in &protocol.samples {
         sample.check(faults, |name| {
-            let is_fit = name.chars().count() <= MAX_NAME_CHARS
-                && name.trim() == name
-                && !name.contains(|c: char| c == '/' || c.is_control());
+            let is_fit = name.trim() == name && !name.contains('/');
             (!is_fit).then(|| Refusal::SampleName { name: name.clone() })
         });
     }
     listed_twice(&protocol.samples, |name| format!("{name:?}"), faults);
     listed_twice(&protocol.directions, |direction| format!("{:?}", direction.name()), faults);
     listed_twice(&protocol.angles, |angle| angle.degrees().to_string(), faults);
+    let poses = protocol.samples.len() * protocol.directions.len() * protocol.angles.len();
+    protocol.repeats.check(faults, |&repeats| {
+        let touches = poses * repeats as usize;
+        let refusal = Refusal::TooManyTouches { touches, limit: MAX_TOUCHES };
+        (touches > MAX_TOUCHES).then_some(refusal)
+    });
     approach(protocol, faults);
     if let Some(blind) = &protocol.blind {
         blind_phase(blind, protocol.samples.len(), faults);
@@ -198,21 +202,22 @@ fn linear(protocol: &Protocol, tilts: &[Tilt], bench: &Bench, faults: &mut Fault
         }
     }
     let touch = protocol.touch_settings();
-    let poses = poses(protocol);
-    let height = |pose: &Pose| touch.start(bench, *pose).value();
-    let highest = poses.iter().max_by(|a, b| height(a).total_cmp(&height(b)));
-    let lowest = poses.iter().min_by(|a, b| height(a).total_cmp(&height(b)));
+    let start = |pose: Pose| (touch.start(bench, pose), pose);
+    let starts: Vec<_> = poses(protocol).into_iter().map(start).collect();
+    let by_height =
+        |a: &&(Position<Mm>, _), b: &&(Position<Mm>, _)| a.0.value().total_cmp(&b.0.value());
+    let highest = starts.iter().max_by(by_height);
+    let lowest = starts.iter().min_by(by_height);
 
     let clear = bench.linear.rest_target().position();
-    if let Some(&pose) = highest {
+    if let Some(&(start, pose)) = highest {
         start_above_mm.check(faults, |&found| {
-            let start = touch.start(bench, pose);
             let refusal = Refusal::StartsAboveClear { found, start, pose, clear };
             (start >= clear).then_some(refusal)
         });
     }
     let soft = bench.linear.soft();
-    if let (Some(&pose), Some(_)) = (lowest, protocol.touch.indentation_mm.sound()) {
+    if let (Some(&(_, pose)), Some(_)) = (lowest, protocol.touch.indentation_mm.sound()) {
         give_up_below_mm.check(faults, |_| {
             let floor = touch.floor(bench, pose);
             (floor < soft.min).then_some(Refusal::BelowSoftLimits { floor, pose, soft })

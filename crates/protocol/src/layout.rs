@@ -126,7 +126,7 @@ impl<'a> Layout<'a> {
                 continue;
             }
             for &angle in &angles {
-                for repeat in 1..=self.protocol.repeats {
+                for repeat in 1..=self.protocol.repeats.value {
                     let pose = Pose { direction, angle };
                     touches.push(Touch { phase: Phase::Main, sample, pose, repeat });
                 }

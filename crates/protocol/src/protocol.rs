@@ -21,7 +21,7 @@ pub struct Protocol {
     pub(crate) samples: Vec<Setting<String>>,
     pub(crate) directions: Vec<Setting<Direction>>,
     pub(crate) angles: Vec<Setting<ContactAngle>>,
-    pub(crate) repeats: u32,
+    pub(crate) repeats: Setting<u32>,
     pub(crate) order: Order,
     pub(crate) seed: u64,
     pub(crate) no_load: NoLoadPolicy,
@@ -148,7 +148,7 @@ impl Protocol {
 fn protocol(table: &mut Table<'_>) -> Protocol {
     Protocol {
         name: table.text("name").required().value,
-        samples: table.text("samples").list().required().value,
+        samples: table.text("samples").max_chars(40).list().at_most(100).required().value,
         directions: table
             .choice("directions", Direction::ALL.map(|direction| (direction.name(), direction)))
             .list()
@@ -158,12 +158,13 @@ fn protocol(table: &mut Table<'_>) -> Protocol {
             .number("angles_deg")
             .range(0.0..=MAX_ANGLE_DEG)
             .list()
+            .at_most(100)
             .required()
             .value
             .into_iter()
             .map(|angle| angle.map(contact_angle))
             .collect(),
-        repeats: table.count("repeats").range(1..=1000).or(1).value,
+        repeats: table.count("repeats").range(1..=1000).or(1),
         order: table
             .choice("order", [("listed", Order::Listed), ("random", Order::Random)])
             .or(Order::Listed)

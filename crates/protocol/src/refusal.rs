@@ -37,6 +37,9 @@ pub(crate) enum Refusal {
     #[error("{name:?} in samples is not a sample that the simulated rig has")]
     UnknownSample { name: String, known: Vec<String> },
 
+    #[error("all poses and repeats together are {touches} touches, above the limit of {limit}")]
+    TooManyTouches { touches: usize, limit: usize },
+
     // How the probe is lowered.
     #[error("indentation_mm = {found} is above the limit of {limit} mm of {whose}")]
     TooDeep { found: f64, limit: f64, whose: DepthLimit },
@@ -88,10 +91,10 @@ pub(crate) enum Refusal {
     NotCleared { subject: String, highest: Position<Mm>, clear: Position<Mm> },
 
     // How resonance is measured.
-    #[error("points is for the method \"uniform\" only")]
-    PointsOfAdaptiveSweep,
-    #[error("the method \"uniform\" needs the number of points")]
-    UniformSweepWithoutPoints,
+    #[error("{key} is for the method \"uniform\" only")]
+    OnlyUniform { key: &'static str },
+    #[error("`{key}` is missing, which the method \"uniform\" needs")]
+    UniformNeeds { key: &'static str },
     #[error(transparent)]
     Sweep(#[from] SweepRequestError),
     #[error(
@@ -116,10 +119,9 @@ pub(crate) enum Refusal {
 impl Complaint for Refusal {
     fn suggestion(&self) -> Option<String> {
         let suggestion = match self {
-            Self::SampleName { .. } => {
-                "use at most 40 characters, no \"/\" and no blank at the ends".into()
-            }
+            Self::SampleName { .. } => "use no \"/\", and no blank at the ends".into(),
             Self::ListedTwice { .. } => "remove one".into(),
+            Self::TooManyTouches { .. } => "use fewer repeats, angles or samples".into(),
             Self::UnknownSample { known, .. } => format!("it has {}", known.join(", ")),
             Self::TooDeep { limit, .. } => format!("use at most {limit}"),
             Self::FineAboveCoarse { coarse, .. } => format!("use at most {coarse}"),
@@ -140,8 +142,9 @@ impl Complaint for Refusal {
             Self::NotCleared { .. } => {
                 "use smaller angles, or raise linear.clear_mm of the rig".into()
             }
-            Self::PointsOfAdaptiveSweep => "remove it, or write method = \"uniform\"".into(),
-            Self::UniformSweepWithoutPoints => "write points = 101".into(),
+            Self::OnlyUniform { .. } => "remove it, or write method = \"uniform\"".into(),
+            Self::UniformNeeds { key: "points" } => "write points = 101, say".into(),
+            Self::UniformNeeds { .. } => "write settle_s = 0.5, say".into(),
             Self::Sweep(error) => return sweep_suggestion(error),
             Self::BeyondAnalyzer { found, min, max, .. } => {
                 if found < min {

@@ -24,24 +24,27 @@ enum Method {
 pub(crate) fn read(table: &mut Table<'_>) -> SweepKeys {
     let words = [("adaptive", Method::Adaptive), ("uniform", Method::Uniform)];
     let method = table.choice("method", words).or(Method::Adaptive);
-    let points = table.count("points").optional();
     let min_hz = table.number("min_hz").required();
     let max_hz = table.number("max_hz").required();
     let target_sigma_hz = table.number("target_sigma_hz").required();
     let time_limit_s = table.number("time_limit_s").required();
     let cycles = table.count("cycles").required();
-    let settle_s = table.number("settle_s").required();
     let level_v = table.number("level_v").required();
-
-    match (method.sound(), &points) {
-        (Some(Method::Adaptive), Some(points)) => {
-            table.refuse(points, &Refusal::PointsOfAdaptiveSweep);
+    let points = table.count("points").optional();
+    let settle_s = table.number("settle_s").optional();
+    for (key, place) in [
+        ("points", points.as_ref().map(Place::from)),
+        ("settle_s", settle_s.as_ref().map(Place::from)),
+    ] {
+        match (method.sound(), place) {
+            (Some(Method::Adaptive), Some(place)) => {
+                table.refuse(place, &Refusal::OnlyUniform { key });
+            }
+            (Some(Method::Uniform), None) => table.refuse(&method, &Refusal::UniformNeeds { key }),
+            _ => {}
         }
-        (Some(Method::Uniform), None) => {
-            table.refuse(&method, &Refusal::UniformSweepWithoutPoints);
-        }
-        _ => {}
     }
+
     let request = SweepRequest {
         window: Window { min_hz: min_hz.value, max_hz: max_hz.value },
         method: match (method.value, &points) {
@@ -51,26 +54,27 @@ pub(crate) fn read(table: &mut Table<'_>) -> SweepKeys {
         target_sigma_hz: target_sigma_hz.value,
         time_limit_s: time_limit_s.value,
         cycles: cycles.value,
-        settle_s: settle_s.value,
+        settle_s: settle_s.as_ref().map_or(0.0, |settle_s| settle_s.value),
         level: DriveLevel { volt: level_v.value },
     };
-    let places = [
+    let written = [
         points.as_ref().and_then(written),
+        settle_s.as_ref().and_then(written),
         written(&target_sigma_hz),
         written(&time_limit_s),
         written(&cycles),
-        written(&settle_s),
         written(&level_v),
     ];
-    let window = written(&min_hz).and(written(&max_hz));
+    let window = min_hz.sound().and(max_hz.sound()).map(|_| max_hz.place);
     for error in request.faults() {
         let place = match error {
             SweepRequestError::Window { .. } => window,
             SweepRequestError::OutOfRange { what, .. } => {
-                places.iter().copied().flatten().find(|(key, _)| *key == what)
+                let at_fault = written.iter().flatten().find(|(key, _)| *key == what);
+                at_fault.map(|(_, place)| *place)
             }
         };
-        if let Some((_, place)) = place {
+        if let Some(place) = place {
             table.refuse(place, &Refusal::Sweep(error));
         }
     }

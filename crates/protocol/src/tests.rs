@@ -6,7 +6,10 @@ use rig_model::{
     AnalyzerRange, Axis, AxisLimits, Bench, Geometry, MotionLimits, Orientation, Position, Span,
 };
 
-use crate::{Action, Phase, Plan, Prompt, Protocol, Touch};
+use crate::{
+    Action, Phase, Plan, Prompt, Protocol, Touch,
+    random::{Random, Stream},
+};
 
 const THREE_DIRECTION: &str = include_str!("../../../config/protocols/three-direction.toml");
 const SMOKE: &str = include_str!("../../../config/protocols/smoke.toml");
@@ -313,6 +316,56 @@ fn a_protocol_that_takes_too_long_is_refused() {
         &[("max_duration_h = 8", "max_duration_h = 0.1")],
         &bench()
     ));
+}
+
+#[test]
+fn a_protocol_that_would_never_end_is_refused() {
+    let angles: Vec<_> = (0..=50).map(|degrees| degrees.to_string()).collect();
+    let changes = [
+        ("[0, 15, 30, 45]", &*format!("[{}]", angles.join(", "))),
+        ("repeats = 1", "repeats = 1000"),
+    ];
+    insta::assert_snapshot!(complaints(&changes, &bench()));
+}
+
+#[test]
+fn whatever_stands_in_a_protocol_it_is_read_or_refused_without_a_panic() {
+    const SEED: u64 = 5;
+    const JUNK: [&str; 12] = [
+        "-1",
+        "0",
+        "1e400",
+        "nan",
+        "99999999999999999999",
+        "\"\"",
+        "\"µ/\"",
+        "[]",
+        "[[]]",
+        "{}",
+        "1979-05-27",
+        "[1, \"a\", {}]",
+    ];
+    let mut random = Random::new(SEED, Stream::Order);
+    let mut refused = 0;
+    for case in 0..500 {
+        let mut lines: Vec<_> = THREE_DIRECTION.lines().map(str::to_owned).collect();
+        for _ in 0..=random.below(3) {
+            let at = random.below(lines.len());
+            let key = lines[at].split(" = ").next().unwrap_or_default().to_owned();
+            lines[at] = format!("{key} = {}", JUNK[random.below(JUNK.len())]);
+        }
+        let text = lines.join("\n");
+        let plan = Plan::new(&Protocol::read("protocol.toml", &text), &bench(), None);
+        match plan {
+            Ok(plan) => check_that_every_touch_is_prepared(&plan),
+            Err(faults) => {
+                assert!(!faults.is_empty(), "case {case} of seed {SEED}:\n{text}");
+                refused += 1;
+            }
+        }
+    }
+    // Otherwise the cases are too tame, or too wild, to show anything.
+    assert!((50..500).contains(&refused), "{refused}");
 }
 
 #[test]

@@ -6,7 +6,7 @@ use toml::{Spanned, de::DeValue};
 
 use crate::{
     Place, Setting, Table,
-    shape::nearest,
+    shape::{nearest, shortened},
     source::Source,
     wrong::{Bound, Limit, Subject, Wrong},
 };
@@ -52,7 +52,7 @@ pub struct Slot<'d> {
 impl Slot<'_> {
     fn subject(&self, value: &Spanned<DeValue<'_>>) -> Subject {
         let is_long = matches!(value.get_ref(), DeValue::Array(_) | DeValue::Table(_));
-        let written = (!is_long).then(|| self.source.written(value.span()).to_owned());
+        let written = (!is_long).then(|| shortened(self.source.written(value.span())));
         Subject { key: self.key, written, is_item: self.is_item }
     }
 
@@ -112,8 +112,9 @@ impl<T: Copy + fmt::Display + TryFrom<i128> + Into<i128>> Kind for Whole<T> {
         let DeValue::Integer(whole) = value.get_ref() else {
             return slot.expected("a whole number", value);
         };
-        // What does not fit is larger than any limit.
-        let whole = i128::from_str_radix(whole.as_str(), whole.radix()).unwrap_or(i128::MAX);
+        // What does not fit is beyond any limit.
+        let beyond = if whole.as_str().starts_with('-') { i128::MIN } else { i128::MAX };
+        let whole = i128::from_str_radix(whole.as_str(), whole.radix()).unwrap_or(beyond);
         let (min, max) = (self.min.into(), self.max.into());
         if whole < min {
             let limit = Limit { bound: Bound::AtLeast, value: min };
@@ -147,21 +148,32 @@ impl Kind for Flag {
     }
 }
 
-/// Text that is not empty.
+/// Text in one line that is not empty.
 #[derive(Debug, Clone, Copy)]
-pub struct Text;
+pub struct Text {
+    pub(crate) max_chars: usize,
+}
 
 impl Kind for Text {
     type Value = String;
 
     fn read<'d>(&self, slot: &Slot<'d>, value: &'d Spanned<DeValue<'d>>) -> Option<String> {
-        match value.get_ref().as_str() {
-            Some(text) if text.trim().is_empty() => {
-                slot.refuse(&Wrong::EmptyText(slot.subject(value)))
-            }
-            Some(text) => Some(text.to_owned()),
-            None => slot.expected("text", value),
+        let Some(text) = value.get_ref().as_str() else {
+            return slot.expected("text", value);
+        };
+        let subject = || slot.subject(value);
+        if text.trim().is_empty() {
+            return slot.refuse(&Wrong::EmptyText(subject()));
         }
+        if let Some(character) = text.chars().find(|character| character.is_control()) {
+            return slot.refuse(&Wrong::ControlCharacter { subject: subject(), character });
+        }
+        let count = text.chars().count();
+        if count > self.max_chars {
+            let max = self.max_chars;
+            return slot.refuse(&Wrong::LongText { subject: subject(), count, max });
+        }
+        Some(text.to_owned())
     }
 
     fn placeholder(&self, _: &Slot<'_>) -> String {
@@ -200,6 +212,7 @@ impl<T: Clone> Kind for Choice<T> {
 #[derive(Debug, Clone)]
 pub struct List<K> {
     pub(crate) items: K,
+    pub(crate) max_items: usize,
 }
 
 impl<K: Kind> Kind for List<K> {
@@ -211,6 +224,10 @@ impl<K: Kind> Kind for List<K> {
         };
         if items.is_empty() {
             return slot.refuse(&Wrong::EmptyList(slot.key));
+        }
+        let (key, count, max) = (slot.key, items.len(), self.max_items);
+        if count > max {
+            return slot.refuse(&Wrong::LongList { key, count, max });
         }
         let read_item = |item: &'d Spanned<DeValue<'d>>| {
             let place = slot.source.place(item.span().start);
@@ -238,7 +255,7 @@ impl Kind for Interval {
     type Value = (f64, f64);
 
     fn read<'d>(&self, slot: &Slot<'d>, value: &'d Spanned<DeValue<'d>>) -> Option<(f64, f64)> {
-        let ends = List { items: self.ends }.read(slot, value)?;
+        let ends = List { items: self.ends, max_items: usize::MAX }.read(slot, value)?;
         if ends.iter().any(|end| end.sound().is_none()) {
             return None;
         }

@@ -92,7 +92,7 @@ pub(crate) fn complaints(records: &[Record]) -> Vec<(Place, Shape)> {
             } else {
                 Instead::OneOf(record.asked.clone())
             };
-            let (key, path) = (key.clone(), record.path.clone());
+            let (key, path) = (shortened(key), record.path.clone());
             complaints.push((*place, Shape::Unknown { key, path, instead }));
         }
     }
@@ -122,12 +122,27 @@ fn elsewhere(key: &str, path: &str, records: &[Record]) -> Option<(usize, &'stat
 pub(crate) fn nearest<'a>(written: &str, words: &[&'a str]) -> Option<&'a str> {
     // Two letters in five may be wrong: `depth` becomes nothing else, `indentaton_mm` does.
     const LEAST_LIKENESS: f64 = 0.6;
+    // No key is nearly as long; the time for a comparison grows with the length.
+    const MAX_CHARS: usize = 64;
+    if written.chars().count() > MAX_CHARS {
+        return None;
+    }
     let written = written.to_lowercase();
     let likeness = |word: &str| strsim::normalized_damerau_levenshtein(&written, word);
     let near = words.iter().map(|word| (likeness(word), *word));
     let near = near.filter(|(likeness, _)| *likeness >= LEAST_LIKENESS);
     // The first of equals, so that the answer does not depend on chance.
     near.reduce(|best, next| if next.0 > best.0 { next } else { best }).map(|(_, word)| word)
+}
+
+/// What a person wrote, fit for a message: one line, not too long.
+pub(crate) fn shortened(written: &str) -> String {
+    const MAX_CHARS: usize = 60;
+    let line = written.lines().next().unwrap_or_default();
+    let end = line.char_indices().nth(MAX_CHARS).map_or(line.len(), |(at, _)| at);
+    let printable = |character: char| if character.is_control() { '�' } else { character };
+    let short: String = line[..end].chars().map(printable).collect();
+    if end < written.len() { short + "…" } else { short }
 }
 
 #[cfg(test)]

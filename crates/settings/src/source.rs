@@ -98,7 +98,7 @@ impl<'a> Source<'a> {
             .strip_prefix(',')
             .is_some_and(|rest| rest.trim_start().starts_with(|c: char| c.is_ascii_digit()));
         if message == "duplicate key" {
-            Syntax::Duplicate(self.text[span].into())
+            Syntax::Duplicate(shape::shortened(self.written(span)))
         } else if digit_before && comma_after {
             Syntax::Comma("a decimal comma is not TOML")
         } else {

@@ -55,9 +55,9 @@ impl<'d> Table<'d> {
         self.entry(key, Flag)
     }
 
-    /// Text that is not empty.
+    /// Text in one line that is not empty.
     pub fn text(&mut self, key: &'static str) -> Entry<'_, 'd, Text> {
-        self.entry(key, Text)
+        self.entry(key, Text { max_chars: 250 })
     }
 
     /// One of a few words, each with its meaning. The first stands in for a faulty one.
@@ -154,10 +154,10 @@ impl<'t, 'd, K: Kind> Entry<'t, 'd, K> {
         self.optional().unwrap_or(Setting { value: default, place, key, is_item: false, is_sound })
     }
 
-    /// A list of such values.
+    /// A list of at least one and at most a thousand such values.
     pub fn list(self) -> Entry<'t, 'd, List<K>> {
         let Self { table, key, kind } = self;
-        Entry { table, key, kind: List { items: kind } }
+        Entry { table, key, kind: List { items: kind, max_items: 1000 } }
     }
 
     /// The value of the key, if it is there.
@@ -205,6 +205,22 @@ impl<'t, 'd> Entry<'t, 'd, Number> {
     /// The number is not larger than `limit`.
     pub fn at_most(mut self, limit: f64) -> Self {
         self.kind.limits[1] = Some(Limit::at_most(limit));
+        self
+    }
+}
+
+impl<K> Entry<'_, '_, List<K>> {
+    /// The list has at most `count` entries.
+    pub fn at_most(mut self, count: usize) -> Self {
+        self.kind.max_items = count;
+        self
+    }
+}
+
+impl Entry<'_, '_, Text> {
+    /// The text has at most `count` characters, instead of 250.
+    pub fn max_chars(mut self, count: usize) -> Self {
+        self.kind.max_chars = count;
         self
     }
 }

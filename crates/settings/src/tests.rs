@@ -173,6 +173,43 @@ fn an_interval_is_two_rising_numbers() {
 }
 
 #[test]
+fn text_is_one_line_and_lists_are_not_endless() {
+    #[track_caller]
+    fn check(line: &str, expected: &str) {
+        let reader = |table: &mut Table<'_>| {
+            table.text("name").max_chars(4).optional();
+            table.number("angles_deg").list().at_most(3).optional();
+        };
+        assert_eq!(read("x", line, reader).1.to_string(), expected);
+    }
+    check("name = \"abcd\"", "");
+    check(
+        "name = \"abcde\"",
+        "x:1:8: name = \"abcde\" has 5 characters, above the limit of 4; shorten it",
+    );
+    check("name = \"  \"", "x:1:8: name = \"  \" is empty");
+    check(
+        "name = \"a\\nb\"",
+        "x:1:8: name = \"a\\nb\" has the control character '\\n'; keep it in one line",
+    );
+    check("angles_deg = [0, 1, 2]", "");
+    check(
+        "angles_deg = [0, 1, 2, 3]",
+        "x:1:14: angles_deg has 4 entries, above the limit of 3; leave some out",
+    );
+}
+
+#[test]
+fn what_is_repeated_in_a_message_is_short_and_in_one_line() {
+    let long = "x".repeat(1000);
+    let text = format!("name = {long:?}\norder = \"\"\"a\nb\"\"\"\n\"a\\nb\" = 1\n{long} = 2\n");
+    let messages: Vec<_> = faults(&text).iter().map(ToString::to_string).collect();
+    assert!(messages.iter().all(|message| !message.contains('\n')), "{messages:#?}");
+    let longest = messages.iter().map(|message| message.chars().count()).max();
+    assert!(longest < Some(250), "{messages:#?}");
+}
+
+#[test]
 fn a_missing_table_is_one_fault() {
     insta::assert_snapshot!(
         faults("name = \"a\"\nangles_deg = []"),

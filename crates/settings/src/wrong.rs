@@ -83,8 +83,14 @@ pub(crate) enum Wrong {
     Outside { subject: Subject, side: &'static str, limit: String, suggestion: String },
     #[error("{0} is empty")]
     EmptyText(Subject),
+    #[error("{subject} has the control character {character:?}")]
+    ControlCharacter { subject: Subject, character: char },
+    #[error("{subject} has {count} characters, above the limit of {max}")]
+    LongText { subject: Subject, count: usize, max: usize },
     #[error("{0} is an empty list")]
     EmptyList(&'static str),
+    #[error("{key} has {count} entries, above the limit of {max}")]
+    LongList { key: &'static str, count: usize, max: usize },
     #[error("{key} is not two rising numbers")]
     NotAnInterval { key: &'static str, count: usize },
     #[error("{subject} is not one of {}", quoted(words))]
@@ -139,6 +145,9 @@ impl Complaint for Wrong {
                 Some("put the smaller one first".into())
             }
             Self::NotAnInterval { .. } => Some("give the lowest and the highest value".into()),
+            Self::ControlCharacter { .. } => Some("keep it in one line".into()),
+            Self::LongText { .. } => Some("shorten it".into()),
+            Self::LongList { .. } => Some("leave some out".into()),
             Self::NotFinite(_) | Self::EmptyText(_) => None,
         }
     }

@@ -9,6 +9,7 @@ use super::{Connection, Pace, PortFile, RigFile};
 
 const SIMULATED: &str = include_str!("../../../../config/rigs/simulated.toml");
 const BENCH: &str = include_str!("../../../../config/rigs/bench.toml");
+const SCENE: &str = include_str!("../../../../config/scenes/paper.toml");
 const PROTOCOLS: [&str; 2] = [
     include_str!("../../../../config/protocols/three-direction.toml"),
     include_str!("../../../../config/protocols/smoke.toml"),
@@ -27,11 +28,13 @@ fn complaints(changes: &[(&str, &str)]) -> String {
 
 #[test]
 fn the_shipped_protocols_run_on_the_shipped_rigs() {
+    let scene = rig_sim::scene::read("scene.toml", SCENE).unwrap();
+    let samples: Vec<_> = scene.samples.into_iter().map(|sample| sample.name).collect();
     for rig in [SIMULATED, BENCH] {
         let rig = RigFile::read("rig.toml", rig).unwrap();
         for protocol in PROTOCOLS {
             let protocol = Protocol::read("protocol.toml", protocol);
-            let plan = Plan::new(&protocol, &rig.bench, None).unwrap();
+            let plan = Plan::new(&protocol, &rig.bench, Some(&samples)).unwrap();
             assert!(plan.steps.len() > 20);
         }
     }
