@@ -1,8 +1,10 @@
 //! What a plan will cost, before it is run.
 
-use rig_model::{Bench, Deg, Mm, Position, Span, SweepMethod, SweepRequest};
+use std::f64::consts::PI;
 
-use crate::{Action, Plan, Pose, Touch, TouchSettings};
+use rig_model::{Bench, Deg, Mm, Position, Span, SweepMethod, SweepRequest, Unit};
+
+use crate::{Action, Approach, Plan, Pose, Touch, TouchSettings};
 
 /// The extent of a plan on a bench.
 #[derive(Debug, Clone, PartialEq)]
@@ -13,7 +15,7 @@ pub struct Summary {
     pub no_loads: usize,
     /// How often a person is asked for something.
     pub prompts: usize,
-    /// Expected time on the rig's clock, without the time that the person takes, in s.
+    /// Expected time on the rig's clock, without the time that a person takes, in s.
     pub duration_s: f64,
     /// The lowest position that a touch may ask for, and the clear position.
     pub linear: Span<Mm>,
@@ -21,87 +23,97 @@ pub struct Summary {
     pub rotary: Span<Deg>,
 }
 
-/// How good the resonance of a sensor is assumed to be, for the time it rings.
-const ASSUMED_Q: f64 = 30.0;
+/// The quality of resonance that is assumed of a sensor, for the time that it rings.
+const ASSUMED_Q: f64 = 60.0;
 
 /// The first reading of a touch waits for this many time constants of the ring.
 const BASELINE_TIME_CONSTANTS: f64 = 8.0;
 
-/// An adaptive sweep takes about this many points, each with its settling and its cycles.
-const ADAPTIVE_POINTS: f64 = 10.0;
+/// An adaptive sweep takes about this many points: a coarse look, and as many again near the
+/// resonance.
+const ADAPTIVE_POINTS: f64 = 16.0;
+
+/// So many time constants an adaptive sweep waits at all its points together.
+const ADAPTIVE_TIME_CONSTANTS: f64 = 60.0;
 
 /// Each pass of the search for the surface is finer than the one before it by this factor.
 const REFINEMENT: f64 = 5.0;
 
+/// What a move takes besides its way: starting, stopping, and asking the drive, s.
+const MOVE_S: f64 = 0.04;
+
 impl Plan {
     /// The extent of the plan on this bench.
     ///
-    /// The duration of a touch is the sum of its moves at the speeds of the bench, of the readings
-    /// of a search that finds the surface where it is expected, of the dwell, and of the sweep:
+    /// The duration is a sum over the steps, in which the surface is found where it is expected:
     ///
     /// ```text
-    /// rotate    Δ°/rotary speed
-    /// lower     (clear − start)/travel speed, and the same to retract
-    /// search    (start above/coarse step + 1 + 3 readings for each finer pass)
-    ///           · (settle + cycles/f), and the way at contact speed
-    /// sweep     points · (settle + cycles/f) in the middle of its window
+    /// no-load   rotation + no-load sweep
+    /// touch     rotation + 8 τ + way down and up at travel speed + search + dwell + contact sweep
+    /// search    readings · (settle + cycles/f + 0.04 s) + way at contact speed
+    /// readings  start above/coarse step + 1, and 3 more for each finer pass, a fifth of the last
+    /// sweep     uniform: points · (settle + cycles/f); adaptive: 60 τ + 16 cycles/f
     /// ```
     ///
-    /// What the instruments take besides, as for their buses and for accelerating, is not in it.
+    /// with f in the middle of the window and τ = Q/(π f) for a Q of 60.
     pub fn summary(&self, bench: &Bench) -> Summary {
-        let (mut touches, mut no_loads, mut prompts) = (0, 0, 0);
-        let mut duration_s = 0.0;
-        let mut linear = Span {
-            min: bench.linear.rest_target().position(),
-            max: bench.linear.rest_target().position(),
-        };
         let level = bench.rotary.rest_target().position();
-        let mut rotary = Span { min: level, max: level };
+        let clear = bench.linear.rest_target().position();
         let mut here = level;
+        let mut summary = Summary {
+            touches: 0,
+            no_loads: 0,
+            prompts: 0,
+            duration_s: 0.0,
+            linear: Span { min: clear, max: clear },
+            rotary: Span { min: level, max: level },
+        };
         for step in &self.steps {
-            match step.action {
-                Action::Prompt(_) => prompts += 1,
+            let (pose, at_pose_s) = match step.action {
+                Action::Prompt(_) => {
+                    summary.prompts += 1;
+                    continue;
+                }
                 Action::NoLoad(pose) => {
-                    no_loads += 1;
-                    duration_s += rotation_s(bench, &mut here, pose) + sweep_s(&self.no_load_sweep);
+                    summary.no_loads += 1;
+                    (pose, sweep_s(&self.no_load_sweep))
                 }
                 Action::Touch(Touch { pose, .. }) => {
-                    touches += 1;
-                    duration_s += rotation_s(bench, &mut here, pose) + self.touch_s(bench, pose);
-                    let floor = self.touch.floor(bench, pose);
-                    linear.min = if floor < linear.min { floor } else { linear.min };
+                    summary.touches += 1;
+                    include(&mut summary.linear, self.touch.floor(bench, pose));
+                    (pose, self.touch_s(bench, pose))
                 }
-            }
-            rotary.min = if here < rotary.min { here } else { rotary.min };
-            rotary.max = if here > rotary.max { here } else { rotary.max };
+            };
+            let there = pose.direction.rotary_position(pose.angle);
+            let way_deg = (there.value() - here.value()).abs();
+            here = there;
+            include(&mut summary.rotary, there);
+            summary.duration_s += way_deg / bench.limits.rotary_speed_deg_per_s + at_pose_s;
         }
-        Summary { touches, no_loads, prompts, duration_s, linear, rotary }
+        summary
     }
 
+    /// A touch, without the rotation.
     fn touch_s(&self, bench: &Bench, pose: Pose) -> f64 {
-        let speeds = &bench.limits;
-        let approach = &self.touch.approach;
-        let frequency_hz = middle_hz(&self.no_load_sweep);
-
-        let start = self.touch.start(bench, pose);
         let clear = bench.linear.rest_target().position();
-        let travel_s = 2.0 * (clear.value() - start.value()) / speeds.travel_speed_mm_per_s;
+        let way_mm = clear.value() - self.touch.start(bench, pose).value();
+        let travel_s = 2.0 * (way_mm / bench.limits.travel_speed_mm_per_s + MOVE_S);
+        let baseline_s = BASELINE_TIME_CONSTANTS * time_constant_s(&self.no_load_sweep);
+        let contact_s = self.search_s(bench) + self.touch.dwell_s + sweep_s(&self.contact_sweep);
+        travel_s + baseline_s + contact_s
+    }
 
-        let baseline_s =
-            BASELINE_TIME_CONSTANTS * ASSUMED_Q / (std::f64::consts::PI * frequency_hz);
-        let ratio = approach.coarse_step_mm / approach.fine_step_mm;
-        let passes = (ratio.ln() / REFINEMENT.ln()).ceil();
-        let readings = approach.start_above_mm / approach.coarse_step_mm
-            + 1.0
-            + passes * 0.5 * (REFINEMENT + 1.0);
-        let reading_s = approach.settle_s + f64::from(approach.cycles) / frequency_hz;
+    /// Finding the surface, and the indentation.
+    fn search_s(&self, bench: &Bench) -> f64 {
+        let Approach { start_above_mm, coarse_step_mm, fine_step_mm, settle_s, cycles, .. } =
+            self.touch.approach;
+        let passes = ((coarse_step_mm / fine_step_mm).ln() / REFINEMENT.ln()).ceil();
+        // A finer pass ends anywhere among its steps, each as likely.
+        let readings = start_above_mm / coarse_step_mm + 1.0 + passes * 0.5 * (REFINEMENT + 1.0);
+        let reading_s = settle_s + f64::from(cycles) / middle_hz(&self.no_load_sweep) + MOVE_S;
         // Each finer pass begins a coarse step higher, to take up the backlash.
-        let way_mm = approach.start_above_mm
-            + passes * 2.0 * approach.coarse_step_mm
-            + self.touch.indentation_mm;
-        let search_s = readings * reading_s + way_mm / speeds.contact_speed_mm_per_s;
-
-        travel_s + baseline_s + search_s + self.touch.dwell_s + sweep_s(&self.contact_sweep)
+        let way_mm = start_above_mm + passes * 2.0 * coarse_step_mm + self.touch.indentation_mm;
+        readings * reading_s + way_mm / bench.limits.contact_speed_mm_per_s
     }
 }
 
@@ -119,20 +131,30 @@ impl TouchSettings {
     }
 }
 
-fn rotation_s(bench: &Bench, here: &mut Position<Deg>, pose: Pose) -> f64 {
-    let there = pose.direction.rotary_position(pose.angle);
-    let way_deg = (there.value() - here.value()).abs();
-    *here = there;
-    way_deg / bench.limits.rotary_speed_deg_per_s
+/// Widens the span so that it holds the position.
+fn include<U: Unit>(span: &mut Span<U>, position: Position<U>) {
+    if position < span.min {
+        span.min = position;
+    }
+    if position > span.max {
+        span.max = position;
+    }
 }
 
 fn sweep_s(sweep: &SweepRequest) -> f64 {
-    let points = match sweep.method {
-        SweepMethod::Adaptive => ADAPTIVE_POINTS,
-        SweepMethod::Uniform { points } => f64::from(points),
+    let integration_s = f64::from(sweep.cycles) / middle_hz(sweep);
+    let planned_s = match sweep.method {
+        SweepMethod::Adaptive => {
+            ADAPTIVE_TIME_CONSTANTS * time_constant_s(sweep) + ADAPTIVE_POINTS * integration_s
+        }
+        SweepMethod::Uniform { points } => f64::from(points) * (sweep.settle_s + integration_s),
     };
-    let planned_s = points * (sweep.settle_s + f64::from(sweep.cycles) / middle_hz(sweep));
     planned_s.min(sweep.time_limit_s)
+}
+
+/// In which the ring of the sensor goes down to 1/e.
+fn time_constant_s(sweep: &SweepRequest) -> f64 {
+    ASSUMED_Q / (PI * middle_hz(sweep))
 }
 
 fn middle_hz(sweep: &SweepRequest) -> f64 {

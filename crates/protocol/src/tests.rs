@@ -244,6 +244,37 @@ fn a_summary_holds_the_extremes_that_the_touches_ask_for() {
 }
 
 #[test]
+fn the_expected_duration_is_the_sum_that_the_documentation_gives() {
+    let adaptive = "method = \"adaptive\"";
+    let uniform = "method = \"uniform\"\npoints = 11\nsettle_s = 0.3";
+    let blind = THREE_DIRECTION.find("[blind]").unwrap();
+    let text = changed(&[
+        (&THREE_DIRECTION[blind..], ""),
+        ("[\"1\", \"2\", \"3\", \"4\", \"5\"]", "[\"1\"]"),
+        ("[\"front\", \"back\", \"left\"]", "[\"back\"]"),
+        ("[0, 15, 30, 45]", "[0]"),
+        ("repeats = 1", "repeats = 2"),
+        ("no_load = \"every-touch\"", "no_load = \"once\""),
+        (adaptive, uniform),
+        (adaptive, uniform),
+    ]);
+    // 125 to 160 Hz, and a Q of 60.
+    let time_constant_s = 60.0 / (std::f64::consts::PI * 142.5);
+    let no_load_s = 11.0 * (0.3 + 20.0 / 142.5);
+    // From 45 mm to 0.8 mm above the surface at 20 mm and back, at 20 mm/s.
+    let travel_s = 2.0 * (24.2 / 20.0 + 0.04);
+    // 0.1, 0.02 and 0.005 mm: two finer passes.
+    let search_s =
+        (8.0 + 1.0 + 2.0 * 3.0) * (0.5 + 10.0 / 142.5 + 0.04) + (0.8 + 2.0 * 0.2 + 0.5) / 1.0;
+    let contact_s = 11.0 * (0.3 + 20.0 / 195.0);
+    let touch_s = 8.0 * time_constant_s + travel_s + search_s + 0.5 + contact_s;
+
+    let found = plan_of(&text).summary(&bench()).duration_s;
+    let expected = no_load_s + 2.0 * touch_s;
+    assert!((found - expected).abs() < 1e-9 * expected, "{found} {expected}");
+}
+
+#[test]
 fn ten_faults_of_a_protocol_give_ten_messages_whatever_their_kind() {
     let text = changed(&[
         ("samples = [", "sample = ["),
