@@ -1,1 +1,3 @@
-//! Whole-system tests.
+//! Whole-system tests: the daemon against the simulated rig, down to the bytes on the wire.
+
+mod edges;

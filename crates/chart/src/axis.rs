@@ -58,11 +58,11 @@ impl Axis {
         self
     }
 
-    /// The axis for these values, `length` pixels long.
+    /// The axis for these values, with room for so many ticks with texts.
     pub(crate) fn fit(
         &self,
         values: impl IntoIterator<Item = f64>,
-        length: f64,
+        room: f64,
     ) -> Result<FittedAxis, ChartError> {
         let range_of_values = self.range_of(values);
         let (from, to) = match (self.range, range_of_values) {
@@ -78,8 +78,8 @@ impl Axis {
         }
         let ticks = match (&self.ticks, self.scale) {
             (Some(ticks), _) => ticks::given(ticks, from, to),
-            (None, Scale::Linear) => ticks::linear(from, to, length),
-            (None, Scale::Log) => ticks::log(from, to, length),
+            (None, Scale::Linear) => ticks::linear(from, to, room),
+            (None, Scale::Log) => ticks::log(from, to, room),
         };
         Ok(FittedAxis { label: self.label.clone(), scale: self.scale, from, to, ticks })
     }
@@ -158,7 +158,7 @@ mod tests {
 
     #[track_caller]
     fn check(axis: &Axis, values: &[f64], expected: (f64, f64)) {
-        let fitted = axis.fit(values.iter().copied(), 300.0).unwrap();
+        let fitted = axis.fit(values.iter().copied(), 6.0).unwrap();
         let is_near = |a: f64, b: f64| (a - b).abs() < 1e-9 * (1.0 + b.abs());
         assert!(
             is_near(fitted.from, expected.0) && is_near(fitted.to, expected.1),
@@ -182,22 +182,22 @@ mod tests {
     #[test]
     fn values_that_cannot_be_shown_are_refused() {
         let axis = Axis::log("cost (s)");
-        let refusal = axis.fit([1.0, 0.0], 300.0).unwrap_err();
+        let refusal = axis.fit([1.0, 0.0], 6.0).unwrap_err();
         assert_eq!(refusal.to_string(), "chart: the axis `cost (s)` cannot show 0");
         for axis in [Axis::linear("x"), Axis::linear("x").with_range(0.0, 1.0)] {
-            assert!(axis.fit([0.5, f64::NAN], 300.0).is_err());
+            assert!(axis.fit([0.5, f64::NAN], 6.0).is_err());
         }
-        let refusal = Axis::linear("x").fit([], 300.0).unwrap_err();
+        let refusal = Axis::linear("x").fit([], 6.0).unwrap_err();
         assert_eq!(refusal, ChartError::Empty { axis: "x".to_owned() });
-        let refusal = Axis::linear("x").with_range(2.0, 2.0).fit([], 300.0).unwrap_err();
+        let refusal = Axis::linear("x").with_range(2.0, 2.0).fit([], 6.0).unwrap_err();
         assert!(matches!(refusal, ChartError::Range { .. }), "{refusal}");
     }
 
     #[test]
     fn places_run_from_zero_to_one() {
-        let linear = Axis::linear("x").with_range(10.0, 20.0).fit([], 300.0).unwrap();
+        let linear = Axis::linear("x").with_range(10.0, 20.0).fit([], 6.0).unwrap();
         assert_eq!([10.0, 15.0, 20.0].map(|value| linear.place(value)), [0.0, 0.5, 1.0]);
-        let log = Axis::log("x").with_range(0.01, 1.0).fit([], 300.0).unwrap();
+        let log = Axis::log("x").with_range(0.01, 1.0).fit([], 6.0).unwrap();
         let places = [0.01, 0.1, 1.0].map(|value| log.place(value));
         assert!((places[1] - 0.5).abs() < 1e-12, "{places:?}");
         assert_eq!(log.place(-3.0), -1.0);

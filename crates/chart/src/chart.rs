@@ -1,8 +1,11 @@
 //! Charts with two axes.
 
 mod draw;
+mod legend;
 #[cfg(test)]
 mod tests;
+
+pub use legend::legend;
 
 use crate::{Axis, ChartError, Marker, svg};
 

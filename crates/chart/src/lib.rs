@@ -15,7 +15,7 @@ mod marker;
 mod svg;
 
 pub use axis::{Axis, Scale};
-pub use chart::{Band, Chart, Point, Rule, Series, Stroke};
+pub use chart::{Band, Chart, Point, Rule, Series, Stroke, legend};
 pub use error::ChartError;
 pub use heat_map::{Category, HeatMap, Tone};
 pub use marker::Marker;

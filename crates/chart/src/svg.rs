@@ -88,13 +88,13 @@ impl fmt::Display for Escaped<'_> {
     }
 }
 
-/// About how wide a text is in the fonts of the style sheet, in pixels.
+/// About how wide a text is in the widest font of the style sheet, in pixels.
 pub(crate) fn width_of(text: &str, font_px: f64) -> f64 {
     let ems = text.chars().map(|character| match character {
-        'i' | 'j' | 'l' | 'I' | '.' | ',' | ':' | ';' | '\'' | '|' | '!' | ' ' => 0.3,
-        'm' | 'w' | 'M' | 'W' | '%' => 0.88,
-        'A'..='Z' | 'Δ' => 0.68,
-        _ => 0.56,
+        'i' | 'j' | 'l' | 'I' | '.' | ',' | ':' | ';' | '\'' | '|' | '!' | ' ' => 0.34,
+        'm' | 'w' | 'M' | 'W' | '%' => 0.94,
+        'A'..='Z' | 'Δ' => 0.7,
+        _ => 0.62,
     });
     ems.sum::<f64>() * font_px
 }

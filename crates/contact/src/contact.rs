@@ -61,7 +61,7 @@ impl Contact {
         }
     }
 
-    fn check_grip(&self, tissue: &Tissue) -> Result<(), Refusal> {
+    pub(crate) fn check_grip(&self, tissue: &Tissue) -> Result<(), Refusal> {
         let Friction::Coulomb { coefficient } = self.friction else { return Ok(()) };
         let limit_rad = (coefficient / tissue.tangential_ratio()).atan();
         let angle_rad = self.pose.angle_rad();
@@ -86,6 +86,17 @@ pub struct Load {
     pub normal_n_per_m: f64,
     /// Stiffness along the surface, N/m.
     pub tangential_n_per_m: f64,
+}
+
+impl Load {
+    /// No contact.
+    pub const NONE: Self = Self {
+        depth_mm: 0.0,
+        radius_mm: 0.0,
+        force_n: 0.0,
+        normal_n_per_m: 0.0,
+        tangential_n_per_m: 0.0,
+    };
 }
 
 impl Sensor {

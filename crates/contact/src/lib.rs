@@ -6,6 +6,7 @@
 #![deny(clippy::disallowed_methods)]
 
 pub mod equations;
+pub mod inverse;
 
 mod choice;
 mod circuit;
@@ -15,6 +16,8 @@ mod exact;
 mod law;
 mod lumped;
 mod pose;
+#[cfg(test)]
+mod random;
 mod reference;
 mod refusal;
 mod section;

@@ -40,6 +40,48 @@ pub(crate) fn balance(law: ContactLaw, move_rel: f64, softness: f64) -> Result<S
     Ok(spot)
 }
 
+/// The depth at which ball and bimorph balance with a known normal stiffness 2 E* a of the contact.
+///
+/// `give_rel` is the sensor's compliance times that stiffness: D + give F/(2 E* a R) is the move.
+///
+/// # Errors
+/// [`LawError::Depth`] when the balance lies beyond the law's validity.
+pub(crate) fn balance_of_stiffness(
+    law: ContactLaw,
+    move_rel: f64,
+    give_rel: f64,
+) -> Result<Spot, LawError> {
+    let limit_rel = law.depth_limit_rel();
+    let sum = |spot: &Spot| {
+        let ratio = if spot.radius_rel == 0.0 { 0.0 } else { spot.force_rel / spot.radius_rel };
+        spot.depth_rel + 0.5 * give_rel * ratio
+    };
+    let (mut low, mut high) = (0.0, limit_rel.min(move_rel));
+    let top = law.at(high)?;
+    if sum(&top) < move_rel {
+        let depth_rel = move_rel - sum(&top) + limit_rel;
+        return Err(LawError::Depth { law, depth_rel, limit_rel });
+    }
+    // F/(2a) is close to a third of the depth for every law, so that the sum is nearly linear.
+    let mut spot = law.at_valid(high * move_rel / sum(&top).max(f64::MIN_POSITIVE));
+    for _ in 0..STEPS_MAX {
+        let found = sum(&spot);
+        if found > move_rel {
+            high = spot.depth_rel;
+        } else {
+            low = spot.depth_rel;
+        }
+        let next = spot.depth_rel * move_rel / found.max(f64::MIN_POSITIVE);
+        let next = if low < next && next < high { next } else { 0.5 * (low + high) };
+        let step = (next - spot.depth_rel).abs();
+        spot = law.at_valid(next);
+        if step <= EXACT_TOLERANCE * next {
+            break;
+        }
+    }
+    Ok(spot)
+}
+
 /// A few of Newton's steps for Hertz's law, in s with s² the depth: s² + 4/3 c s³ is the move.
 fn hertz_balance(move_rel: f64, softness: f64) -> f64 {
     let cubic = 4.0 / 3.0 * softness;
@@ -53,6 +95,8 @@ fn hertz_balance(move_rel: f64, softness: f64) -> f64 {
 
 /// Relative to the depth. What is left is about the square of it.
 const STEP_TOLERANCE: f64 = 1e-7;
+/// Relative to the depth, where each step leaves a share of the last.
+const EXACT_TOLERANCE: f64 = 1e-14;
 /// Enough to come from a depth of two radii down to 1e-20.
 const STEPS_MAX: u32 = 60;
 

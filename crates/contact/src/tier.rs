@@ -1,8 +1,8 @@
 //! The tiers side by side: one question, answered by any of them or refused.
 
 use crate::{
-    Circuit, Contact, ContactLaw, Depth, Element, ExactBeam, Load, Lumped, Reference, Refusal,
-    Sensor, Tissue,
+    Circuit, Contact, ContactLaw, Depth, Element, ExactBeam, Load, Lumped, Pose, Reference,
+    Refusal, Sensor, Tissue,
 };
 
 /// How the sensor's vibration is modelled, from the cheapest to the dearest.
@@ -145,20 +145,32 @@ impl Models {
         contact: &Contact,
     ) -> Result<Prediction, Refusal> {
         let load = self.load(tier, tissue, contact)?;
+        let shift_hz = self.shift_of_load(tier, tissue, &contact.pose, &load);
+        Ok(Prediction { load, shift_hz })
+    }
+
+    /// The shift of a contact that is known to be within the tier.
+    pub(crate) fn shift_of_load(
+        &self,
+        tier: Tier,
+        tissue: &Tissue,
+        pose: &Pose,
+        load: &Load,
+    ) -> f64 {
         let normal = load.normal_n_per_m;
-        let pose = &contact.pose;
-        let shift_hz = match tier {
+        match tier {
             Tier::T0 => self.lumped.proportional_hz(normal),
             Tier::T0b => self.lumped.loaded_hz(normal),
             Tier::T1 => self.lumped.upright_hz(normal),
             Tier::T2 | Tier::T2s => {
-                self.lumped.tilted_hz(pose, normal, contact.tangential_ratio(tissue))
+                // Without contact there is no ratio, and no shift either.
+                let ratio = load.tangential_n_per_m / normal.max(f64::MIN_POSITIVE);
+                self.lumped.tilted_hz(pose, normal, ratio)
             }
-            Tier::E1 | Tier::E1s => self.element.shift_hz(pose, &load),
-            Tier::Exact => self.exact.shift_hz(pose, &load),
-            Tier::Reference => self.reference.shift_hz(pose, &load, tissue),
-        };
-        Ok(Prediction { load, shift_hz })
+            Tier::E1 | Tier::E1s => self.element.shift_hz(pose, load),
+            Tier::Exact => self.exact.shift_hz(pose, load),
+            Tier::Reference => self.reference.shift_hz(pose, load, tissue),
+        }
     }
 
     /// The equivalent circuit in contact; that of the free sensor, exactly, when nothing is touched.
@@ -183,16 +195,31 @@ impl Models {
 
     /// The contact at rest, when this tier holds for it.
     fn load(&self, tier: Tier, tissue: &Tissue, contact: &Contact) -> Result<Load, Refusal> {
-        let validity = tier.validity();
-        if matches!(contact.depth, Depth::Stage { .. }) && !validity.takes_stage_moves {
-            return Err(Refusal::StageMove { tier });
-        }
+        check_control(tier, contact)?;
         let load = self.sensor.load(tissue, contact)?;
         let ratio = load.normal_n_per_m / self.tip_n_per_m;
-        let limit = validity.stiffness_ratio_max;
+        let limit = tier.validity().stiffness_ratio_max;
         if ratio > limit {
             return Err(Refusal::TooStiff { tier, ratio, limit });
         }
         Ok(load)
     }
+
+    /// The closed-form tiers.
+    pub const fn lumped(&self) -> &Lumped {
+        &self.lumped
+    }
+
+    /// Stiffness of the sensor's tip, 3EI/L³, N/m.
+    pub(crate) const fn tip_n_per_m(&self) -> f64 {
+        self.tip_n_per_m
+    }
+}
+
+/// Refuses a stage's move for a tier that knows no balance.
+pub(crate) fn check_control(tier: Tier, contact: &Contact) -> Result<(), Refusal> {
+    if matches!(contact.depth, Depth::Stage { .. }) && !tier.validity().takes_stage_moves {
+        return Err(Refusal::StageMove { tier });
+    }
+    Ok(())
 }

@@ -230,6 +230,9 @@ pub struct SweepOutcome {
     pub purpose: SweepPurpose,
     /// Every reading, in the order taken.
     pub readings: Vec<Reading>,
+    /// How many of the first readings only served to find the resonance. The verdict rests on the
+    /// others.
+    pub looks: usize,
     /// What they say.
     pub verdict: Verdict,
 }

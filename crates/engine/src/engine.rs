@@ -178,7 +178,10 @@ impl Engine {
         effects: &mut Vec<Effect>,
     ) -> Result<(), Denied> {
         self.admits(&command)?;
-        self.notes.push(Event::Operator { action: command.name(), by: by.to_owned() });
+        // An answer has an event of its own.
+        if !matches!(command, Command::Answer) {
+            self.notes.push(Event::Operator { action: command.name(), by: by.to_owned() });
+        }
         match command {
             Command::Prepare | Command::Acknowledge => self.prepare(now, effects),
             Command::Run(plan) => {

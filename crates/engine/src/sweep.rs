@@ -62,7 +62,9 @@ impl Sweep {
             }
             Next::Finished(verdict) => {
                 let readings = std::mem::take(&mut self.readings);
-                let outcome = Box::new(SweepOutcome { purpose: self.purpose, readings, verdict });
+                let looks = self.planner.looks();
+                let outcome =
+                    Box::new(SweepOutcome { purpose: self.purpose, readings, looks, verdict });
                 notes.push(Event::SweepFinished(outcome.clone()));
                 SweepTurn::Finished(outcome)
             }

@@ -1,6 +1,8 @@
 //! What the bench is: its axes, its geometry and its limits.
 
-use crate::{Axis, ContactAngle, Deg, Direction, Mm, Position};
+use crate::{
+    Axis, ContactAngle, Deg, Direction, Mm, Position, SweepRequest, SweepRequestError, Window,
+};
 
 /// Whether the probe is known to be away from the sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -89,6 +91,24 @@ pub struct AnalyzerRange {
     pub frequency_hz: (f64, f64),
     /// Highest level, in V.
     pub max_level_v: f64,
+}
+
+impl AnalyzerRange {
+    /// Every reason for which this analyzer cannot make the sweep.
+    pub fn faults(&self, request: &SweepRequest) -> Vec<SweepRequestError> {
+        let (min_hz, max_hz) = self.frequency_hz;
+        let Window { min_hz: from_hz, max_hz: to_hz } = request.window;
+        let asked = [
+            ("min_hz", from_hz, min_hz, max_hz),
+            ("max_hz", to_hz, min_hz, max_hz),
+            ("level_v", request.level.volt, 0.0, self.max_level_v),
+        ];
+        let refuse = |(what, found, min, max): (&'static str, f64, f64, f64)| {
+            let is_within = min <= found && found <= max;
+            (!is_within).then_some(SweepRequestError::OutOfRange { what, found, min, max })
+        };
+        asked.into_iter().filter_map(refuse).collect()
+    }
 }
 
 /// The bench as the protocol and the engine see it.

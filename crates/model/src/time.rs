@@ -28,7 +28,7 @@ impl RigTime {
 
     /// Seconds since the rig was opened.
     pub fn as_seconds(self) -> f64 {
-        self.0 as f64 * 1e-6
+        self.0 as f64 / 1e6
     }
 
     /// The time that has passed since `earlier`, or zero when `earlier` is later.

@@ -111,6 +111,15 @@ impl Planner {
     pub fn readings(&self) -> &[Reading] {
         &self.readings
     }
+
+    /// How many of the first readings only served to find the resonance. The verdict rests on the
+    /// others.
+    pub fn looks(&self) -> usize {
+        match &self.method {
+            Method::Settled(settled) => self.readings.len() - settled.usable(&self.readings).len(),
+            Method::Uniform { .. } => 0,
+        }
+    }
 }
 
 fn uniform(request: &SweepRequest, points: u32) -> Vec<SweepPoint> {

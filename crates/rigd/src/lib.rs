@@ -1,5 +1,13 @@
 //! The daemon: command line, configuration, HTTP, and the wiring that carries the engine's effects
 //! out and reports back.
 
+pub mod cli;
+mod describe;
+mod hint;
+pub mod http;
+pub mod loaded_rig;
+pub mod protocol_file;
 pub mod report;
+pub mod rig;
 pub mod rig_file;
+pub mod run_files;

@@ -1,2 +1,7 @@
 //! The `rigd` program.
-fn main() {}
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    rigd::cli::main()
+}

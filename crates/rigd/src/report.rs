@@ -1,1 +1,61 @@
-//! The report of a run: one HTML file with figures, tables and provenance.
+//! The report of a run: one HTML file with figures, tables and provenance, and the same results as
+//! JSON and as text.
+//!
+//! Everything is made from the records of the journal alone, by the analysis of `rig-analysis`; the
+//! same records give the same results. The page asks no other host for anything.
+
+mod data;
+mod figures;
+mod html;
+mod page;
+mod provenance;
+mod results;
+mod summary;
+mod tables;
+#[cfg(test)]
+mod tests;
+mod text;
+mod units;
+
+use std::path::Path;
+
+use rig_store::{Chain, Run, StoreError, StoredRecord};
+
+use data::RunData;
+use results::RunResults;
+pub use summary::{ClassificationSummary, RunSummary, ShiftSummary};
+
+/// The report as one HTML file.
+///
+/// A damaged journal gives the report of what stands before the damage, and says so.
+///
+/// # Errors
+/// [`StoreError::Unreadable`] when a record cannot be understood.
+pub fn render(run: &Run, chain: &Chain) -> Result<String, StoreError> {
+    let data = RunData::read(&chain.records)?;
+    let results = RunResults::of(&data);
+    Ok(page::page(run, &chain.verdict, &data, &results))
+}
+
+/// The results for programs. The report and the data are those in `folder`.
+///
+/// # Errors
+/// [`StoreError::Unreadable`] when a record cannot be understood.
+pub fn summary(
+    run: &Run,
+    records: &[StoredRecord],
+    folder: &Path,
+) -> Result<RunSummary, StoreError> {
+    let data = RunData::read(records)?;
+    Ok(summary::summary(run, &data, &RunResults::of(&data), folder))
+}
+
+/// The results for a person at a terminal: the table of shifts, the sensitivity and the rate of
+/// recognition.
+///
+/// # Errors
+/// [`StoreError::Unreadable`] when a record cannot be understood.
+pub fn text(run: &Run, records: &[StoredRecord]) -> Result<String, StoreError> {
+    let data = RunData::read(records)?;
+    Ok(text::text(run, &data, &RunResults::of(&data)))
+}

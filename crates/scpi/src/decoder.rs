@@ -223,13 +223,7 @@ impl ResponseDecoder {
             if limit_bytes <= self.scanned {
                 return Err(too_long);
             }
-            if let Place::Block { left } = self.place {
-                let n_taken = left.min(self.n_buffered() - self.scanned);
-                self.scanned += n_taken;
-                self.place = match left - n_taken {
-                    0 => Place::BlockEnd,
-                    left => Place::Block { left },
-                };
+            if self.skip() {
                 continue;
             }
             let offset = self.scanned;
@@ -243,6 +237,34 @@ impl ResponseDecoder {
             }
         }
         if limit_bytes <= self.scanned { Err(too_long) } else { Ok(false) }
+    }
+
+    /// Passes over bytes that cannot change where the scan is. False when there are none.
+    fn skip(&mut self) -> bool {
+        let end = self.buffer.len().min(self.start.saturating_add(self.framing.limit_bytes));
+        let window = &self.buffer[self.start + self.scanned..end];
+        let (n_skipped, place) = match self.place {
+            Place::Block { left } => {
+                let n_skipped = left.min(window.len());
+                (
+                    n_skipped,
+                    if n_skipped == left {
+                        Place::BlockEnd
+                    } else {
+                        Place::Block { left: left - n_skipped }
+                    },
+                )
+            }
+            Place::Data | Place::DataStart => {
+                (window.iter().take_while(|byte| is_plain(**byte)).count(), Place::Data)
+            }
+            _ => return false,
+        };
+        if 0 < n_skipped {
+            self.scanned += n_skipped;
+            self.place = place;
+        }
+        0 < n_skipped
     }
 
     /// One byte outside a counted block. True when it ends the answer.
@@ -307,4 +329,9 @@ impl ResponseDecoder {
             _ => Place::Length { n_digits_left, declared },
         })
     }
+}
+
+/// A byte that is data wherever it stands outside strings and blocks.
+const fn is_plain(byte: u8) -> bool {
+    byte.is_ascii() && !matches!(byte, b'\n' | b'\r' | b'"' | b'#' | b',' | b';' | b' ')
 }

@@ -11,19 +11,21 @@
 //! nothing. Time is the host's: a command may take as long as it likes.
 
 mod builtin;
+mod message;
 
 use crate::{
     dialect::{AfterError, AfterQuery, Dialect, Unread},
     error::{ErrorClass, ErrorQueue, ScpiError},
     grammar::{self, Header},
     param::Param,
-    scan::{Rules, Scanner},
+    scan::Rules,
     splitter::{Arrival, MessageSplitter},
     status::Status,
     tree::{Arity, Found, Tree},
     value::Value,
 };
 use builtin::Builtin;
+use message::Message;
 
 /// A command that the host must carry out and then [answer](Instrument::answer).
 #[derive(Debug, Clone, PartialEq)]
@@ -57,7 +59,6 @@ impl<C> Call<C> {
 #[derive(Debug, Clone)]
 pub struct Instrument<C> {
     commands: Tree<C>,
-    builtins: Tree<Builtin>,
     dialect: Dialect,
     splitter: MessageSplitter,
     message: Message,
@@ -71,28 +72,11 @@ pub struct Instrument<C> {
     wants_operation_complete: bool,
 }
 
-/// The message that is carried out.
-#[derive(Debug, Clone, Default)]
-struct Message {
-    is_running: bool,
-    bytes: Vec<u8>,
-    /// Where the next unit begins.
-    position: usize,
-    /// The mnemonics that a relative header is appended to.
-    path: Vec<u8>,
-    /// A query was among its units.
-    has_query: bool,
-    answer: Answer,
-}
-
-/// The answers to the units so far.
-#[derive(Debug, Clone, Default)]
-struct Answer {
-    bytes: Vec<u8>,
-    /// There is an answer, though it may have no bytes.
-    has_data: bool,
-    /// It ends with data that only the end of the message ends.
-    is_indefinite: bool,
+/// Who carries a unit out.
+#[derive(Debug, Clone, Copy)]
+enum Target<C> {
+    Host(C),
+    Builtin(Builtin),
 }
 
 /// Why the next unit is not carried out yet.
@@ -105,7 +89,7 @@ enum Waiting {
     /// `*WAI`.
     Operations,
     /// `*OPC?`.
-    OperationsThenAnswer { heading: String },
+    OperationsThenAnswer,
 }
 
 impl<C: Copy> Instrument<C> {
@@ -118,7 +102,6 @@ impl<C: Copy> Instrument<C> {
         status.raise(ErrorClass::PowerOn.event_bit());
         Self {
             commands,
-            builtins: builtin::tree(&dialect),
             splitter: MessageSplitter::with_rules(rules(&dialect), dialect.input_limit_bytes),
             message: Message::default(),
             waiting: None,
@@ -156,17 +139,14 @@ impl<C: Copy> Instrument<C> {
             match &self.waiting {
                 Some(Waiting::Call { .. } | Waiting::AbandonedCall) => return None,
                 Some(_) if self.is_operation_pending => return None,
-                Some(Waiting::OperationsThenAnswer { heading }) => {
-                    let heading = heading.clone();
-                    self.respond(&heading, &[Value::Integer(1)]);
-                }
+                Some(Waiting::OperationsThenAnswer) => self.respond("", &[Value::Integer(1)]),
                 Some(Waiting::Operations) | None => {}
             }
             self.waiting = None;
             if !self.message.is_running && !self.begin_message() {
                 return None;
             }
-            if self.message.position > self.message.bytes.len() {
+            if !self.message.has_units() {
                 self.end_message();
                 continue;
             }
@@ -277,33 +257,20 @@ impl<C: Copy> Instrument<C> {
             self.output.clear();
             self.report_query_error(-410);
         }
-        self.message.path.clear();
-        self.message.position = 0;
-        self.message.has_query = false;
-        self.message.is_running = true;
+        self.message.begin();
         true
     }
 
     fn end_message(&mut self) {
         self.message.is_running = false;
-        let answer = &mut self.message.answer;
-        answer.is_indefinite = false;
-        if std::mem::take(&mut answer.has_data) {
-            self.output.append(&mut answer.bytes);
-            self.output.extend_from_slice(self.dialect.ending.bytes());
-        }
+        self.message.answer.finish(&mut self.output, self.dialect.ending);
     }
 
     /// Carries out one unit, or returns it as a call.
     fn next_unit(&mut self) -> Option<Call<C>> {
         let bytes = std::mem::take(&mut self.message.bytes);
-        let unit = &bytes[self.message.position..];
-        let n_bytes = match Scanner::new(rules(&self.dialect)).scan(unit) {
-            Some((n_bytes, _)) => n_bytes - 1,
-            None => unit.len(),
-        };
-        self.message.position += n_bytes + 1;
-        let call = self.run_unit(&unit[..n_bytes]);
+        let unit = self.message.next_unit(&bytes, rules(&self.dialect));
+        let call = self.run_unit(unit);
         self.message.bytes = bytes;
         call.unwrap_or_else(|error| {
             self.fail(error);
@@ -313,84 +280,85 @@ impl<C: Copy> Instrument<C> {
 
     fn run_unit(&mut self, unit: &[u8]) -> Result<Option<Call<C>>, ScpiError> {
         let Some((header, data)) = grammar::unit(unit)? else { return Ok(None) };
+        self.refuse_after_query(&header)?;
+        let path = self.message.absolute(&header);
+        let Some((target, found)) = self.find(&path, &header) else {
+            return Err(ScpiError::new(-113).with_info(header_text(&header)));
+        };
+        let heading = self.heading(&target, &found, &path, &header);
+        self.message.enter(&header, path);
+        let params = check(&found, data)?;
+        if header.is_common && header.text.eq_ignore_ascii_case(b"RST") {
+            self.wants_operation_complete = false;
+        }
+        match target {
+            Target::Builtin(builtin) => {
+                self.run_builtin(builtin, header.is_query, &params, &heading)?;
+                Ok(None)
+            }
+            Target::Host(command) => {
+                self.waiting = Some(Waiting::Call { heading });
+                let (is_query, suffixes) = (header.is_query, found.suffixes);
+                Ok(Some(Call { command, is_query, suffixes, params }))
+            }
+        }
+    }
+
+    /// What a header from the root means. The host's commands go before the built-in ones.
+    fn find(&self, path: &[u8], header: &Header<'_>) -> Option<(Target<C>, Found)> {
+        if let Some((command, found)) = self.commands.find(path, header) {
+            return Some((Target::Host(command), found));
+        }
+        let (builtin, found) = builtin::TREE.find(path, header)?;
+        builtin::has(&self.dialect, builtin).then_some((Target::Builtin(builtin), found))
+    }
+
+    /// What the answer begins with.
+    fn heading(
+        &self,
+        target: &Target<C>,
+        found: &Found,
+        path: &[u8],
+        header: &Header<'_>,
+    ) -> String {
+        if !self.has_headers || !found.is_setting || header.is_common {
+            return String::new();
+        }
+        match target {
+            Target::Host(_) => self.commands.heading(found, path),
+            Target::Builtin(_) => builtin::TREE.heading(found, path),
+        }
+    }
+
+    /// Nothing can follow data that only the end of the message ends (IEEE 488.2, 6.5.7.5), and with
+    /// some instruments nothing can follow a query.
+    fn refuse_after_query(&mut self, header: &Header<'_>) -> Result<(), ScpiError> {
         if self.message.has_query && self.dialect.after_query == AfterQuery::Refuse {
             self.message.skip_rest();
             return Err(ScpiError::new(-400));
         }
         self.message.has_query |= header.is_query;
-        let path = self.message.absolute(&header);
-        let undefined = || ScpiError::new(-113).with_info(header_text(&header));
-        if let Some(found) = self.commands.find(&path, &header) {
-            let heading = self.heading(&found, &header, &path);
-            let command = found.id;
-            let (suffixes, params) = check(found, data)?;
-            self.message.enter(&header, path);
-            self.refuse_after_indefinite(&header)?;
-            self.cancel_on_reset(&header);
-            self.waiting = Some(Waiting::Call { heading });
-            return Ok(Some(Call { command, is_query: header.is_query, suffixes, params }));
+        let is_lost = header.is_query && self.message.answer.is_indefinite;
+        if is_lost && self.dialect.query_errors.contains(&-440) {
+            return Err(ScpiError::new(-440));
         }
-        let found = self.builtins.find(&path, &header).ok_or_else(undefined)?;
-        let heading = self.heading(&found, &header, &path);
-        let builtin = found.id;
-        let (_, params) = check(found, data)?;
-        self.message.enter(&header, path);
-        self.refuse_after_indefinite(&header)?;
-        self.cancel_on_reset(&header);
-        self.run_builtin(builtin, header.is_query, &params, heading)?;
-        Ok(None)
-    }
-
-    /// What goes before the data of an answer.
-    fn heading<T>(&self, found: &Found<'_, T>, header: &Header<'_>, path: &[u8]) -> String {
-        if self.has_headers && found.is_setting && !header.is_common {
-            let mut heading = found.pattern.canonical(path);
-            heading.push(' ');
-            heading
-        } else {
-            String::new()
-        }
-    }
-
-    /// IEEE 488.2, 6.5.7.5: nothing can follow data that only the end of the message ends.
-    fn refuse_after_indefinite(&self, header: &Header<'_>) -> Result<(), ScpiError> {
-        let is_refused = header.is_query
-            && self.message.answer.is_indefinite
-            && self.dialect.query_errors.contains(&-440);
-        if is_refused { Err(ScpiError::new(-440)) } else { Ok(()) }
-    }
-
-    fn cancel_on_reset(&mut self, header: &Header<'_>) {
-        if header.is_common && header.text.eq_ignore_ascii_case(b"RST") {
-            self.wants_operation_complete = false;
-        }
+        Ok(())
     }
 
     fn respond(&mut self, heading: &str, values: &[Value]) {
-        let Some(last) = values.last() else { return };
-        self.message.answer.is_indefinite |= last.is_indefinite();
-        let format = self.dialect.real_format;
-        self.write_answer(heading, |out| {
-            for (index, value) in values.iter().enumerate() {
-                if 0 < index {
-                    out.push(b',');
-                }
-                value.write(format, out);
-            }
-        });
+        if values.is_empty() {
+            return;
+        }
+        self.message.answer.begin(heading);
+        self.message.answer.values(values, self.dialect.real_format);
+        self.limit_output();
     }
 
-    fn write_answer(&mut self, heading: &str, write: impl FnOnce(&mut Vec<u8>)) {
+    /// Drops the answer when there is no room for it.
+    fn limit_output(&mut self) {
         let answer = &mut self.message.answer;
-        if answer.has_data {
-            answer.bytes.push(b';');
-        }
-        answer.has_data = true;
-        answer.bytes.extend_from_slice(heading.as_bytes());
-        write(&mut answer.bytes);
         if self.dialect.output_limit_bytes < answer.bytes.len() + self.output.len() {
-            answer.bytes.clear();
-            answer.has_data = false;
+            answer.clear();
             self.report_query_error(-430);
         }
     }
@@ -410,31 +378,8 @@ impl<C: Copy> Instrument<C> {
     }
 }
 
-impl Message {
-    const fn skip_rest(&mut self) {
-        self.position = usize::MAX;
-    }
-
-    /// The header from the root: a relative one is appended to the path.
-    fn absolute(&self, header: &Header<'_>) -> Vec<u8> {
-        if header.is_common || header.is_absolute || self.path.is_empty() {
-            return header.text.to_vec();
-        }
-        [&*self.path, b":", header.text].concat()
-    }
-
-    /// Makes all but the last mnemonic of `path` the path of the next unit. Common commands belong
-    /// to no subsystem and leave it as it is.
-    fn enter(&mut self, header: &Header<'_>, mut path: Vec<u8>) {
-        if !header.is_common {
-            path.truncate(path.iter().rposition(|byte| *byte == b':').unwrap_or(0));
-            self.path = path;
-        }
-    }
-}
-
-/// Suffixes and data of a header that was found, as far as the tree says what is right.
-fn check<C>(found: Found<'_, C>, data: &[u8]) -> Result<(Vec<Option<u32>>, Vec<Param>), ScpiError> {
+/// The data of a header that was found, as far as the tree says what is right.
+fn check(found: &Found, data: &[u8]) -> Result<Vec<Param>, ScpiError> {
     if found.is_out_of_range {
         return Err(ScpiError::new(-114));
     }
@@ -446,7 +391,7 @@ fn check<C>(found: Found<'_, C>, data: &[u8]) -> Result<(Vec<Option<u32>>, Vec<P
     if max < params.len() {
         return Err(ScpiError::new(-108));
     }
-    Ok((found.suffixes, params))
+    Ok(params)
 }
 
 const fn rules(dialect: &Dialect) -> Rules {

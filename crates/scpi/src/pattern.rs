@@ -225,3 +225,133 @@ fn words_overlap(a: &Node, b: &Node) -> bool {
     is_same_stem
         && (a.suffix.is_some() || b.suffix.is_some() || a.mnemonic.digits() == b.mnemonic.digits())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[track_caller]
+    fn pattern(text: &'static str) -> Pattern {
+        Pattern::parse(text).unwrap_or_else(|fault| panic!("`{text}`: {fault}"))
+    }
+
+    fn suffixes(text: &'static str, header: &str) -> Option<Vec<Option<u32>>> {
+        let found = pattern(text).matches(header.as_bytes())?;
+        (!found.is_out_of_range).then_some(found.suffixes)
+    }
+
+    #[test]
+    fn every_subset_of_optional_nodes_matches_in_order() {
+        let text = "ABcc[:BCCdddd][:CDEFGeeeee][:DEF]";
+        let optional = [["bcc", "bccdddd"], ["cdefg", "CDEFGEEEEE"], ["def", "DEF"]];
+        for subset in 0..8 {
+            for form in 0..2 {
+                let mut words = vec![["ab", "abcc"][form]];
+                let chosen = (0..3).filter(|index| subset >> index & 1 == 1);
+                words.extend(chosen.map(|index| optional[index][form]));
+                assert_eq!(suffixes(text, &words.join(":")), Some(vec![]), "{words:?}");
+                if 2 < words.len() {
+                    words[1..].reverse();
+                    assert_eq!(suffixes(text, &words.join(":")), None, "{words:?}");
+                }
+            }
+        }
+        for header in ["ab:ab", "bcc", "ab:bc", "ab:bcc:bcc", "a", "abc", "ab:def:cdefg"] {
+            assert_eq!(suffixes(text, header), None, "{header}");
+        }
+        assert_eq!(suffixes("[:ABcc]:AACddd", "aac"), Some(vec![]));
+        assert_eq!(suffixes("[:ABcc]:AACddd", "ab:aac"), Some(vec![]));
+        assert_eq!(suffixes("[:ABcc]:AACddd", "ab"), None);
+        // Backtracking: the optional node is named like the one behind it.
+        assert_eq!(suffixes("[:A]:A[:B]", "a"), Some(vec![]));
+        assert_eq!(suffixes("[:A]:A[:B]", "a:a:b"), Some(vec![]));
+    }
+
+    #[test]
+    fn suffixes_are_numbers_at_the_end_and_within_their_range() {
+        let text = ":OUTPut#[:MODulation#(2:3)]:FM";
+        assert_eq!(suffixes(text, "OUTP3:MOD2:FM"), Some(vec![Some(3), Some(2)]));
+        assert_eq!(suffixes(text, "OUTPUT:FM"), Some(vec![None, None]));
+        assert_eq!(suffixes(text, "OUTP10:MODULATION:FM"), Some(vec![Some(10), None]));
+        for header in ["OUTP0:FM", "OUTP:MOD1:FM", "OUTP:MOD4:FM", "OUTP99999999999:MOD9:FM"] {
+            let found = pattern(text).matches(header.as_bytes()).expect("the name matches");
+            assert!(found.is_out_of_range, "{header}");
+        }
+        assert_eq!(suffixes(text, "OUT10P:FM"), None);
+        assert_eq!(suffixes(":PARameter1", "par1"), Some(vec![]));
+        assert_eq!(suffixes(":PARameter1", "par"), None);
+        // A suffix of a node that was tried and left is forgotten.
+        assert_eq!(suffixes("[:A#]:A:B", "a9:b"), None);
+        assert_eq!(suffixes("[:A#(1:2)]:A#:B", "a9:b"), Some(vec![None, Some(9)]));
+    }
+
+    #[test]
+    fn patterns_that_are_none_are_refused() {
+        let rows = [
+            ("", PatternFault::AllOptional),
+            ("[:A][:B]", PatternFault::AllOptional),
+            (":", PatternFault::Mnemonic),
+            ("A::B", PatternFault::Mnemonic),
+            ("A B", PatternFault::Mnemonic),
+            ("1A", PatternFault::Mnemonic),
+            ("abc", PatternFault::Mnemonic),
+            ("ABcD", PatternFault::Mnemonic),
+            ("A?", PatternFault::Mnemonic),
+            ("*", PatternFault::Mnemonic),
+            ("*IDN?", PatternFault::Mnemonic),
+            ("A[:B", PatternFault::Brackets),
+            ("A[B]", PatternFault::Brackets),
+            ("A[:B:C]", PatternFault::Mnemonic),
+            ("A]", PatternFault::Mnemonic),
+            ("ABCDEFGHIJKLM", PatternFault::MnemonicTooLong),
+            ("A#1", PatternFault::Suffix),
+            ("A1#", PatternFault::Suffix),
+            ("A#(1:)", PatternFault::Suffix),
+            ("A#(2:1)", PatternFault::Suffix),
+        ];
+        for (text, fault) in rows {
+            assert_eq!(Pattern::parse(text), Err(fault), "{text}");
+        }
+    }
+
+    #[test]
+    fn patterns_overlap_when_some_header_matches_both() {
+        let rows = [
+            ("A:B", "A:B", true),
+            ("A:B", "A:C", false),
+            ("A[:B]", "A", true),
+            ("A[:B]", "A:B", true),
+            ("A[:B]", "A:C", false),
+            ("[:A]:B", "B[:C]", true),
+            ("[:A]:B", "C:B", false),
+            ("ABcc", "AB", true),
+            ("ABcc", "ABCC", true),
+            ("ABcc", "ABC", false),
+            ("A#", "A1", true),
+            ("A#", "A", true),
+            ("A1", "A2", false),
+            ("A1", "A", false),
+            ("*TRG", "TRG", false),
+            ("[:A][:B]:C", "[:B]:C[:D]", true),
+        ];
+        for (left, right, expected) in rows {
+            let (left, right) = (pattern(left), pattern(right));
+            assert_eq!(left.overlaps(&right), expected, "{left:?} {right:?}");
+            assert_eq!(right.overlaps(&left), expected, "{right:?} {left:?}");
+        }
+    }
+
+    #[test]
+    fn answers_repeat_the_long_form_of_what_was_named() {
+        let rows = [
+            ("[:SENSe]:FREQuency[:CW]", "freq", ":FREQUENCY"),
+            ("[:SENSe]:FREQuency[:CW]", "sens:freq:cw", ":SENSE:FREQUENCY:CW"),
+            (":OUTPut#[:STATe]", "outp2", ":OUTPUT2"),
+            (":PARameter1", "par1", ":PARAMETER1"),
+            ("*ESE", "ese", "*ESE"),
+        ];
+        for (text, header, expected) in rows {
+            assert_eq!(pattern(text).canonical(header.as_bytes()), expected);
+        }
+    }
+}

@@ -274,8 +274,11 @@ fn header(input: &[u8]) -> Parsed<'_, String> {
 
 fn datum(input: &[u8]) -> Parsed<'_, Datum> {
     let (input, _) = take_while(is_blank).parse(input)?;
-    let mut field = alt((text, block, non_decimal, number, stand_in, characters));
-    let (input, datum) = field.parse(input)?;
+    let (input, datum) = match input.first() {
+        Some(b'"') => text(input)?,
+        Some(b'#') => alt((block, non_decimal, characters)).parse(input)?,
+        _ => alt((number, stand_in, characters)).parse(input)?,
+    };
     let (input, _) = take_while(is_blank).parse(input)?;
     Ok((input, datum))
 }
@@ -325,8 +328,8 @@ fn number(input: &[u8]) -> Parsed<'_, Datum> {
     let (input, found) =
         terminated(recognize((opt(one_of("+-")), digits, opt(exponent))), end_of_field)
             .parse(input)?;
-    let found = ascii(found);
-    let is_whole = !found.contains(['.', 'e', 'E']);
+    let is_whole = !found.iter().any(|byte| b".eE".contains(byte));
+    let found = str::from_utf8(found).unwrap_or_default();
     let value = match found.parse() {
         Ok(value) if is_whole => Datum::Integer(value),
         _ => real(found.parse().unwrap_or(f64::NAN)),
@@ -375,10 +378,12 @@ fn plain(input: &[u8]) -> Parsed<'_, &[u8]> {
 }
 
 fn end_of_field(input: &[u8]) -> Parsed<'_, ()> {
-    let (_, end) = preceded(take_while(is_blank), opt(take(1_usize))).parse(input)?;
-    match end {
-        None | Some(b"," | b";") => Ok((input, ())),
-        _ => Err(nom::Err::Error(nom::error::Error::new(input, nom::error::ErrorKind::Eof))),
+    match input.iter().find(|byte| !is_blank(**byte)) {
+        None | Some(b',' | b';') => Ok((input, ())),
+        Some(_) => {
+            let kind = nom::error::ErrorKind::Eof;
+            Err(nom::Err::Error(nom::error::Error::new(input, kind)))
+        }
     }
 }
 

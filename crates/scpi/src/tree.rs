@@ -18,10 +18,12 @@
 //! assert!(Tree::new(COMMANDS).is_ok());
 //! ```
 
+use std::sync::Arc;
+
 use crate::{
     grammar::Header,
     mnemonic::split_digits,
-    pattern::{Pattern, PatternFault},
+    pattern::{Match, Pattern, PatternFault},
 };
 
 /// One command, one query, or both under the same header.
@@ -72,12 +74,12 @@ impl<C: Copy> Node<C> {
     }
 }
 
-/// Commands that were checked: every header means one of them or none.
+/// Commands that were checked: every header means one of them or none. Cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Tree<C> {
-    entries: Vec<Entry<C>>,
+    entries: Arc<[Entry<C>]>,
     // By the capitals a header may begin with; sorted, so that a look-up is a binary search.
-    index: Vec<(Box<[u8]>, usize)>,
+    index: Arc<[(Box<[u8]>, usize)]>,
 }
 
 #[derive(Debug, Clone)]
@@ -117,16 +119,15 @@ pub enum TreeError {
     },
 }
 
-/// What a header was found to mean.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Found<'a, C> {
-    pub(crate) id: C,
+/// What a header says beyond the command it names.
+#[derive(Debug, Clone)]
+pub(crate) struct Found {
+    at: usize,
     pub(crate) arity: Arity,
-    /// It can be set and asked for.
+    /// The command can be set and asked for.
     pub(crate) is_setting: bool,
     pub(crate) suffixes: Vec<Option<u32>>,
     pub(crate) is_out_of_range: bool,
-    pub(crate) pattern: &'a Pattern,
 }
 
 impl<C: Copy> Tree<C> {
@@ -163,40 +164,95 @@ impl<C: Copy> Tree<C> {
             .collect();
         index.sort_unstable();
         index.dedup();
-        Ok(Self { entries, index })
+        Ok(Self { entries: entries.into(), index: index.into() })
     }
 
     /// Looks up the mnemonics of a whole header, from the root.
-    pub(crate) fn find(&self, path: &[u8], header: &Header<'_>) -> Option<Found<'_, C>> {
+    pub(crate) fn find(&self, path: &[u8], header: &Header<'_>) -> Option<(C, Found)> {
         let first = path.split(|byte| *byte == b':').next().unwrap_or(path);
         let stem = split_digits(first).0;
         let start = self.index.partition_point(|(known, _)| cmp_upper(known, stem).is_lt());
         self.index[start..]
             .iter()
             .take_while(|(known, _)| known.eq_ignore_ascii_case(stem))
-            .find_map(|(_, at)| self.entries[*at].matches(path, header))
+            .find_map(|(_, at)| self.found(*at, path, header))
     }
-}
 
-impl<C: Copy> Entry<C> {
-    fn matches(&self, path: &[u8], header: &Header<'_>) -> Option<Found<'_, C>> {
-        let arity = if header.is_query { self.node.query? } else { self.node.command? };
-        if self.pattern.is_common != header.is_common {
+    /// What an answer to `header` begins with, where answers repeat it.
+    pub(crate) fn heading(&self, found: &Found, path: &[u8]) -> String {
+        self.entries[found.at].pattern.canonical(path) + " "
+    }
+
+    fn found(&self, at: usize, path: &[u8], header: &Header<'_>) -> Option<(C, Found)> {
+        let Entry { pattern, node } = &self.entries[at];
+        let arity = if header.is_query { node.query? } else { node.command? };
+        if pattern.is_common != header.is_common {
             return None;
         }
-        let found = self.pattern.matches(path)?;
-        Some(Found {
-            id: self.node.id,
-            arity,
-            is_setting: self.node.command.is_some() && self.node.query.is_some(),
-            suffixes: found.suffixes,
-            is_out_of_range: found.is_out_of_range,
-            pattern: &self.pattern,
-        })
+        let Match { suffixes, is_out_of_range } = pattern.matches(path)?;
+        let is_setting = node.command.is_some() && node.query.is_some();
+        Some((node.id, Found { at, arity, is_setting, suffixes, is_out_of_range }))
     }
 }
 
 /// Compares capitals with letters of any case.
 fn cmp_upper(capitals: &[u8], word: &[u8]) -> std::cmp::Ordering {
     capitals.iter().copied().cmp(word.iter().map(u8::to_ascii_uppercase))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tree_in_which_a_header_means_two_things_is_refused() {
+        let fault = |nodes: &[Node<u8>]| Tree::new(nodes).expect_err("the tree is ambiguous");
+        assert_eq!(
+            fault(&[command("A[:B]", 0), command("C", 1), command("A", 2)]),
+            TreeError::Ambiguous { first: "A[:B]", second: "A" }
+        );
+        assert_eq!(
+            fault(&[setting("OUTPut#", 0), query("OUTPut1", 1)]),
+            TreeError::Ambiguous { first: "OUTPut#", second: "OUTPut1" }
+        );
+        let fault_of = |pattern| TreeError::Pattern { pattern, fault: PatternFault::AllOptional };
+        assert_eq!(fault(&[query("[:A]", 0)]), fault_of("[:A]"));
+        assert_eq!(
+            fault(&[command("A", 0).takes(2, 1)]),
+            TreeError::Arity { pattern: "A", min: 2, max: 1 }
+        );
+        // A command and a query of the same name may be two things.
+        assert!(Tree::new(&[command("A", 0), query("A", 1), command("*A", 2)]).is_ok());
+    }
+
+    #[test]
+    fn a_look_up_finds_what_a_search_through_all_patterns_finds() {
+        let nodes = [
+            query("[:SENSe]:FREQuency[:CW]", 0),
+            query("SENSe:BAND", 1),
+            query("FREQuency:STARt", 2),
+            query("F", 3),
+            query("FREQ1", 4),
+            query("OUTPut#[:STATe]", 5),
+            query("Z", 6),
+        ];
+        let tree = Tree::new(&nodes).expect("no two match the same header");
+        let words = ["sens", "SENSE", "freq", "FREQUENCY", "F", "FREQ1", "FREQ2", "outp3", "outp"];
+        let mut headers: Vec<String> = words.map(str::to_owned).to_vec();
+        for first in words {
+            headers.extend(["freq", "cw", "band", "start", "stat"].map(|w| format!("{first}:{w}")));
+        }
+        let mut n_found = 0;
+        for text in &headers {
+            let (text, is_common, is_absolute) = (text.as_bytes(), false, false);
+            let header = Header { text, is_common, is_absolute, is_query: true };
+            let found = tree.find(text, &header).map(|(id, _)| id);
+            let searched = nodes.iter().find(|node| {
+                Pattern::parse(node.pattern).is_ok_and(|pattern| pattern.matches(text).is_some())
+            });
+            assert_eq!(found, searched.map(|node| node.id), "{}", text.escape_ascii());
+            n_found += u32::from(found.is_some());
+        }
+        assert!(9 < n_found, "{n_found} headers were found");
+    }
 }

@@ -34,7 +34,10 @@ pub enum Value {
     Block(Vec<u8>),
     /// A block that the end of the message ends. Nothing may follow it.
     IndefiniteBlock(Vec<u8>),
-    /// ASCII as it stands, such as the identity. Nothing may follow it in the same message.
+    /// Arbitrary ASCII response data, such as the identity. Nothing may follow it in the same
+    /// message.
+    ArbitraryAscii(Cow<'static, str>),
+    /// What no other variant writes, as it stands.
     Verbatim(Cow<'static, str>),
 }
 
@@ -63,7 +66,7 @@ pub enum RealFormat {
 impl Value {
     /// Whether nothing may follow in the same message, because its end is the end of the message.
     pub(crate) const fn is_indefinite(&self) -> bool {
-        matches!(self, Self::IndefiniteBlock(_) | Self::Verbatim(_))
+        matches!(self, Self::IndefiniteBlock(_) | Self::ArbitraryAscii(_))
     }
 
     /// Appends the datum as it goes on the wire.
@@ -85,7 +88,9 @@ impl Value {
                 out.extend_from_slice(b"#0");
                 out.extend_from_slice(bytes);
             }
-            Self::Verbatim(text) => out.extend_from_slice(text.as_bytes()),
+            Self::ArbitraryAscii(text) | Self::Verbatim(text) => {
+                out.extend_from_slice(text.as_bytes());
+            }
         }
     }
 }
@@ -139,13 +144,20 @@ fn write_real(value: f64, format: RealFormat, out: &mut Vec<u8>) {
             if has_plus && value.is_sign_positive() {
                 out.push(b'+');
             }
-            let text = format!("{value:.*E}", usize::from(n_decimals));
-            let (mantissa, exponent) = text.split_once('E').unwrap_or((&text, "0"));
-            let (sign, digits) = match exponent.strip_prefix('-') {
-                Some(digits) => ('-', digits),
-                None => ('+', exponent),
-            };
-            put(out, format_args!("{mantissa}E{sign}{digits:0>0$}", usize::from(n_exponent)));
+            put(out, format_args!("{value:.*E}", usize::from(n_decimals)));
+            widen_exponent(usize::from(n_exponent), out);
         }
+    }
+}
+
+/// Gives the exponent at the end of `out` a sign and at least `n_digits` digits.
+fn widen_exponent(n_digits: usize, out: &mut Vec<u8>) {
+    let letter = out.iter().rposition(|byte| *byte == b'E').expect("`E` was just written");
+    let start = letter + 1;
+    if out.get(start) != Some(&b'-') {
+        out.insert(start, b'+');
+    }
+    while out.len() < start + 1 + n_digits {
+        out.insert(start + 1, b'0');
     }
 }

@@ -64,6 +64,7 @@ fn sweep(readings: u32) -> Record {
         step: None,
         pose: None,
         readings: (0..readings).map(reading).collect(),
+        looks: 0,
         verdict: SweepVerdict::Accepted { resonance_hz: 141.0, sigma_hz: 0.01, circuit: None },
     })
 }

@@ -104,14 +104,19 @@ pub fn sweeps_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), 
 pub fn readings_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), ExportError> {
     out.write_all(
         b"sweep,purpose,step,reading,frequency_hz,resistance_ohm,reactance_ohm,started_s,settle_s,\
-          integration_s,flag\n",
+          integration_s,flag,is_used\n",
     )?;
     for stored in records.iter().filter(|stored| stored.kind == "sweep") {
         let Record::Sweep(sweep) = stored.record()? else { continue };
         let step = text(sweep.step.as_deref().unwrap_or_default());
         for (index, reading) in sweep.readings.iter().enumerate() {
             write!(out, "{},{},{step},{},", sweep.number, sweep.purpose.name(), index + 1)?;
-            write_reading(reading, out)?;
+            let (resistance, reactance) = (reading.resistance_ohm, reading.reactance_ohm);
+            write!(out, "{},{resistance},{reactance},", reading.frequency_hz)?;
+            let (started, settle) = (reading.started_s, reading.settle_s);
+            let flag = reading.flag.name();
+            let is_used = index >= sweep.looks;
+            writeln!(out, "{started},{settle},{},{flag},{is_used}", reading.integration_s)?;
         }
     }
     Ok(())

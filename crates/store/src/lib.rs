@@ -27,11 +27,10 @@ pub use error::StoreError;
 pub use journal::{Journal, Store};
 pub use reader::{Chain, Flaw, Reader, StoredRecord, Verdict};
 pub use record::{
-    Action, Axis, BlackBox, Circuit, Classification, Clearance, Device, Direction, Ending, Fault,
-    Frame, Intent, Move, MoveReason, NoLoad, Operator, Phase, PlanSize, Pose, Prompt,
-    PromptAnswered, PromptAsked, Reading, ReadingFlag, Record, Results, RunFinished, RunStarted,
-    Sample, Sensitivity, Shift, Source, StateChanged, StepStarted, Surface, SurfaceReading, Sweep,
-    SweepPurpose, SweepVerdict, Touch, TouchSettings,
+    Action, Axis, BlackBox, Circuit, Clearance, Device, Direction, Ending, Fault, Frame, Intent,
+    Move, MoveReason, Operator, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked,
+    Reading, ReadingFlag, Record, RunFinished, RunStarted, Sample, Source, StateChanged,
+    StepStarted, Surface, SurfaceReading, Sweep, SweepPurpose, SweepVerdict, Touch, TouchSettings,
 };
 pub use run::{Run, RunId, RunKind, RunStatus};
 

@@ -6,7 +6,6 @@
 
 mod motion;
 mod person;
-mod result;
 mod start;
 mod sweep;
 
@@ -14,7 +13,6 @@ use serde::{Deserialize, Serialize};
 
 pub use motion::{Axis, Intent, Move, MoveReason, Surface, SurfaceReading};
 pub use person::{Operator, Prompt, PromptAnswered, PromptAsked};
-pub use result::{Classification, NoLoad, Results, Sensitivity, Shift};
 pub use start::{
     Action, Device, Direction, Phase, PlanSize, Pose, RunStarted, Sample, Source, StepStarted,
 };
@@ -55,8 +53,6 @@ pub enum Record {
     BlackBox(BlackBox),
     /// The rig changed its state.
     StateChanged(StateChanged),
-    /// What the touches together say.
-    Result(Results),
     /// The last record of every run.
     RunFinished(RunFinished),
 }
@@ -78,7 +74,6 @@ impl Record {
             Self::Fault(_) => "fault",
             Self::BlackBox(_) => "black_box",
             Self::StateChanged(_) => "state_changed",
-            Self::Result(_) => "result",
             Self::RunFinished(_) => "run_finished",
         }
     }

@@ -31,7 +31,7 @@ pub(crate) trait Analyzer: fmt::Debug + Send {
     fn restart(&mut self, now: RigTime, world: &mut World);
 }
 
-impl<M: Model<Command: Send> + Send> Analyzer for Meter<M> {
+impl<M: Model<Command: Send + Sync> + Send> Analyzer for Meter<M> {
     fn push(&mut self, now: RigTime, bytes: &[u8], world: &mut World) {
         self.push(now, bytes, world);
     }

@@ -8,9 +8,6 @@ pub(crate) struct Tick {
     pub(crate) text: Option<String>,
 }
 
-/// Pixels that a tick and its text need.
-const ROOM_PX: f64 = 55.0;
-
 /// Ticks at those of the given values that are shown.
 pub(super) fn given(values: &[f64], from: f64, to: f64) -> Vec<Tick> {
     let shown = values.iter().filter(|&&value| from <= value && value <= to);
@@ -18,9 +15,9 @@ pub(super) fn given(values: &[f64], from: f64, to: f64) -> Vec<Tick> {
     shown.map(tick).collect()
 }
 
-/// Ticks at multiples of 1, 2 or 5 times a power of ten.
-pub(super) fn linear(from: f64, to: f64, length: f64) -> Vec<Tick> {
-    let most = (length / ROOM_PX).clamp(2.0, 12.0);
+/// At most about `room` ticks, at multiples of 1, 2 or 5 times a power of ten.
+pub(super) fn linear(from: f64, to: f64, room: f64) -> Vec<Tick> {
+    let most = room.clamp(2.0, 12.0);
     let least_step = (to - from) / most;
     let power = least_step.log10().floor();
     let magnitude = 10.0_f64.powf(power);
@@ -55,10 +52,11 @@ fn decimals_of(step: f64) -> usize {
         .unwrap_or(12)
 }
 
-/// Ticks at powers of ten; over less than two decades also at 2 and 5 times these.
-pub(super) fn log(from: f64, to: f64, length: f64) -> Vec<Tick> {
+/// Ticks at powers of ten, about `room` of them with a text; over a few decades also at 2 and 5
+/// times these.
+pub(super) fn log(from: f64, to: f64, room: f64) -> Vec<Tick> {
     let decades = (to / from).log10();
-    let room = (length / ROOM_PX).max(2.0);
+    let room = room.max(2.0);
     // Every so many decades have a text.
     let stride = (decades / room).ceil().max(1.0);
     let written: &[f64] = if decades < 1.0 && room > 4.0 {
@@ -87,7 +85,7 @@ pub(super) fn log(from: f64, to: f64, length: f64) -> Vec<Tick> {
 
 /// `0.02`, `500`, or `10⁻⁶` where zeros would have to be counted.
 fn of_decades(value: f64, power: f64) -> String {
-    if (-3.0..=4.0).contains(&power) {
+    if (-3.0..=5.0).contains(&power) {
         let decimals = if power < 0.0 { (-power).round() } else { 0.0 };
         // Between 0 and 3.
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
@@ -128,17 +126,17 @@ mod tests {
 
     #[test]
     fn steps_are_round_and_decimals_no_more_than_needed() {
-        check(&linear(0.0, 100.0, 330.0), &["0", "20", "40", "60", "80", "100"]);
-        check(&linear(-0.3, 0.3, 330.0), &["−0.3", "−0.2", "−0.1", "0.0", "0.1", "0.2", "0.3"]);
-        check(&linear(140.31, 140.42, 220.0), &["140.35", "140.40"]);
-        check(&linear(0.0, 1e6, 110.0), &["0", "500000", "1000000"]);
+        check(&linear(0.0, 100.0, 6.0), &["0", "20", "40", "60", "80", "100"]);
+        check(&linear(-0.3, 0.3, 6.0), &["−0.3", "−0.2", "−0.1", "0.0", "0.1", "0.2", "0.3"]);
+        check(&linear(140.31, 140.42, 4.0), &["140.35", "140.40"]);
+        check(&linear(0.0, 1e6, 2.0), &["0", "500000", "1000000"]);
     }
 
     #[test]
     fn decades_are_written_in_digits_while_these_can_be_read() {
-        check(&log(0.009, 110.0, 330.0), &["0.01", "0.1", "1", "10", "100"]);
-        check(&log(0.9, 30.0, 330.0), &["1", "2", "5", "10", "20"]);
-        check(&log(1e-7, 1e6, 330.0), &["10⁻⁶", "0.001", "1", "1000", "10⁶"]);
-        check(&log(2e-9, 9e-9, 330.0), &["2·10⁻⁹", "3·10⁻⁹", "5·10⁻⁹"]);
+        check(&log(0.009, 110.0, 6.0), &["0.01", "0.1", "1", "10", "100"]);
+        check(&log(0.9, 30.0, 6.0), &["1", "2", "5", "10", "20"]);
+        check(&log(1e-7, 1e6, 6.0), &["10⁻⁶", "0.001", "1", "1000", "10⁶"]);
+        check(&log(2e-9, 9e-9, 6.0), &["2·10⁻⁹", "3·10⁻⁹", "5·10⁻⁹"]);
     }
 }

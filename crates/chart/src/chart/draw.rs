@@ -2,28 +2,28 @@
 
 use std::fmt::Write as _;
 
-use super::{Band, Chart, Point, Rule, Series, Stroke};
+use super::{
+    Band, Chart, Point, Rule, Series, Stroke,
+    legend::{INSET, Keys},
+};
 use crate::{
     COLOURS, ChartError, Marker,
     axis::FittedAxis,
     svg::{Escaped, Number, Svg, width_of},
 };
 
-const FONT_PX: f64 = 12.0;
-/// Of the title and the legend from the left edge, so that round line ends are not cut.
-const INSET: f64 = 2.0;
+pub(super) const FONT_PX: f64 = 12.0;
 const TITLE_HEIGHT: f64 = 26.0;
-const KEY_HEIGHT: f64 = 20.0;
-/// Between the sign of a series and its name, and behind the name.
-const KEY_SIGN_WIDTH: f64 = 30.0;
-const KEY_GAP: f64 = 18.0;
 const TICK_LENGTH: f64 = 4.0;
+/// What a tick and its text need along each axis.
+const X_TICK_PX: f64 = 46.0;
+const Y_TICK_PX: f64 = 30.0;
 
 pub(super) fn draw(chart: &Chart, id: &str) -> Result<String, ChartError> {
     let plot = Plot::new(chart)?;
     let mut svg = Svg::begin(id, chart.size_px, &chart.title, &chart.description);
     svg.text("title", (INSET, 15.0), "start", &chart.title);
-    plot.draw_keys(&mut svg);
+    plot.keys.draw(&mut svg);
     plot.draw_grid(&mut svg);
     let (left, top) = (Number(plot.left), Number(plot.top));
     let (width, height) = (Number(plot.width()), Number(plot.height()));
@@ -57,25 +57,14 @@ struct Plot {
     bottom: f64,
     x: FittedAxis,
     y: FittedAxis,
-    keys: Vec<Key>,
-}
-
-/// A sign in the legend and where it stands.
-struct Key {
-    name: String,
-    at: (f64, f64),
-    colour: usize,
-    marker: Option<Marker>,
-    stroke: Option<Stroke>,
-    is_band: bool,
+    keys: Keys,
 }
 
 impl Plot {
     fn new(chart: &Chart) -> Result<Self, ChartError> {
         let (width, height) = (f64::from(chart.size_px.0), f64::from(chart.size_px.1));
-        let keys = keys(chart, width);
-        let keys_bottom = keys.last().map_or(TITLE_HEIGHT, |key| key.at.1 + 8.0);
-        let (top, bottom) = (keys_bottom + 8.0, height - 46.0);
+        let keys = Keys::new(&chart.series, &chart.bands, width, TITLE_HEIGHT);
+        let (top, bottom) = (keys.bottom + 8.0, height - 46.0);
 
         let ends = |point: &Point| {
             let error = point.error.unwrap_or(0.0);
@@ -90,13 +79,13 @@ impl Plot {
             // An error bar may reach below what a logarithmic axis can show.
             ys.extend(chart.y.check(below).is_ok().then_some(below));
         }
-        let y = chart.y.fit(ys, bottom - top)?;
+        let y = chart.y.fit(ys, (bottom - top) / Y_TICK_PX)?;
         let texts = y.ticks.iter().filter_map(|tick| tick.text.as_deref());
         let widest = texts.map(|text| width_of(text, FONT_PX)).fold(0.0, f64::max);
         let left = 22.0 + widest + TICK_LENGTH + 6.0;
         let right = width - 14.0;
         let xs = points().map(|point| point.x).chain(edges().map(|&(x, _, _)| x));
-        let x = chart.x.fit(xs, right - left)?;
+        let x = chart.x.fit(xs, (right - left) / X_TICK_PX)?;
         for rule in &chart.rules {
             match rule {
                 Rule::AtX { value, .. } => chart.x.check(*value)?,
@@ -158,28 +147,6 @@ impl Plot {
             "<text class=\"label\" transform=\"translate(13 {middle}) rotate(-90)\" \
              text-anchor=\"middle\">{label}</text>\n"
         ));
-    }
-
-    fn draw_keys(&self, svg: &mut Svg) {
-        for key in &self.keys {
-            let (x, y) = key.at;
-            let middle = (x + 11.0, y - 4.0);
-            let colour = key.colour % COLOURS;
-            if key.is_band {
-                let (left, top) = (Number(x), Number(y - 10.0));
-                svg.add(format_args!(
-                    "<rect class=\"band f{colour}\" x=\"{left}\" y=\"{top}\" width=\"22\" \
-                     height=\"12\"/>\n"
-                ));
-            }
-            if let Some(stroke) = key.stroke {
-                svg.line(&line_class(stroke, colour), (x, middle.1), (x + 22.0, middle.1));
-            }
-            if let Some(marker) = key.marker {
-                draw_marker(svg, marker, colour, middle, None);
-            }
-            svg.text("key", (x + KEY_SIGN_WIDTH, y), "start", &key.name);
-        }
     }
 
     fn draw_band(&self, svg: &mut Svg, band: &Band) {
@@ -251,38 +218,20 @@ impl Plot {
     }
 }
 
-/// The legend: named series and bands in rows below the title.
-fn keys(chart: &Chart, width: f64) -> Vec<Key> {
-    let series = chart.series.iter().filter_map(|series| {
-        let Series { name, colour, marker, stroke, .. } = series;
-        let (name, at) = (name.clone()?, (0.0, 0.0));
-        Some(Key { name, at, colour: *colour, marker: *marker, stroke: *stroke, is_band: false })
-    });
-    let bands = chart.bands.iter().filter_map(|band| {
-        let (name, at, colour) = (band.name.clone()?, (0.0, 0.0), band.colour);
-        Some(Key { name, at, colour, marker: None, stroke: None, is_band: true })
-    });
-    let mut keys: Vec<Key> = series.chain(bands).collect();
-    let mut at = (INSET, TITLE_HEIGHT + 12.0);
-    for key in &mut keys {
-        let needed = KEY_SIGN_WIDTH + width_of(&key.name, FONT_PX);
-        if at.0 > INSET && at.0 + needed > width {
-            at = (INSET, at.1 + KEY_HEIGHT);
-        }
-        key.at = at;
-        at.0 += needed + KEY_GAP;
-    }
-    keys
-}
-
-fn line_class(stroke: Stroke, colour: usize) -> String {
+pub(super) fn line_class(stroke: Stroke, colour: usize) -> String {
     match stroke {
         Stroke::Solid => format!("line s{colour}"),
         Stroke::Dashed => format!("line dashed s{colour}"),
     }
 }
 
-fn draw_marker(svg: &mut Svg, marker: Marker, colour: usize, at: (f64, f64), note: Option<&str>) {
+pub(super) fn draw_marker(
+    svg: &mut Svg,
+    marker: Marker,
+    colour: usize,
+    at: (f64, f64),
+    note: Option<&str>,
+) {
     let path = marker.path(at);
     let class =
         if marker.is_open() { format!("open s{colour}") } else { format!("mark f{colour}") };

@@ -1,5 +1,7 @@
 //! What every instrument knows: common commands, error queue, status registers.
 
+use std::sync::LazyLock;
+
 use super::{Instrument, Waiting};
 use crate::{
     dialect::{Dialect, ErrorFormat},
@@ -45,7 +47,12 @@ pub(super) enum Which {
 
 use Which::{Operation, Questionable};
 
-const COMMON: &[Node<Builtin>] = &[
+/// Every built-in command; [`has`] says which of them a dialect knows.
+pub(super) static TREE: LazyLock<Tree<Builtin>> = LazyLock::new(|| {
+    Tree::new(COMMANDS).expect("the patterns are constants, and every test looks them up")
+});
+
+const COMMANDS: &[Node<Builtin>] = &[
     command("*CLS", Builtin::ClearStatus),
     setting("*ESE", Builtin::EventEnable).asks(0, 0),
     query("*ESR", Builtin::EventStatus),
@@ -56,19 +63,11 @@ const COMMON: &[Node<Builtin>] = &[
     query("*STB", Builtin::StatusByte),
     query("*TST", Builtin::SelfTest),
     command("*WAI", Builtin::Wait),
-];
-
-const ERROR_QUEUE: &[Node<Builtin>] = &[
+    setting(":HEADer", Builtin::Header).asks(0, 0),
     query(":SYSTem:ERRor[:NEXT]", Builtin::NextError),
     query(":SYSTem:ERRor:ALL", Builtin::AllErrors),
     query(":SYSTem:ERRor:COUNt", Builtin::ErrorCount),
-];
-
-const VERSION: &[Node<Builtin>] = &[query(":SYSTem:VERSion", Builtin::Version)];
-
-const HEADER: &[Node<Builtin>] = &[setting(":HEADer", Builtin::Header).asks(0, 0)];
-
-const STATUS: &[Node<Builtin>] = &[
+    query(":SYSTem:VERSion", Builtin::Version),
     command(":STATus:PRESet", Builtin::Preset),
     query(":STATus:OPERation[:EVENt]", Builtin::Event(Operation)),
     query(":STATus:OPERation:CONDition", Builtin::Condition(Operation)),
@@ -84,22 +83,35 @@ const STATUS: &[Node<Builtin>] = &[
         .asks(0, 0),
 ];
 
+/// Whether an instrument of this dialect knows the command. Common commands are mandatory.
+pub(super) const fn has(dialect: &Dialect, builtin: Builtin) -> bool {
+    match builtin {
+        Builtin::NextError | Builtin::AllErrors | Builtin::ErrorCount => {
+            dialect.error_queue.is_some()
+        }
+        Builtin::Version => dialect.scpi_version.is_some(),
+        Builtin::Header => dialect.headers.is_some(),
+        Builtin::Preset
+        | Builtin::Event(_)
+        | Builtin::Condition(_)
+        | Builtin::Enable(_)
+        | Builtin::PositiveTransition(_)
+        | Builtin::NegativeTransition(_) => dialect.has_status_registers,
+        Builtin::ClearStatus
+        | Builtin::EventEnable
+        | Builtin::EventStatus
+        | Builtin::Identity
+        | Builtin::OperationComplete
+        | Builtin::Reset
+        | Builtin::ServiceEnable
+        | Builtin::StatusByte
+        | Builtin::SelfTest
+        | Builtin::Wait => true,
+    }
+}
+
 /// Longest description that `SYSTem:ERRor?` may answer, in characters.
 const DESCRIPTION_MAX: usize = 255;
-
-/// The built-in commands that `dialect` has.
-pub(super) fn tree(dialect: &Dialect) -> Tree<Builtin> {
-    let parts = [
-        (true, COMMON),
-        (dialect.error_queue.is_some(), ERROR_QUEUE),
-        (dialect.scpi_version.is_some(), VERSION),
-        (dialect.has_status_registers, STATUS),
-        (dialect.headers.is_some(), HEADER),
-    ];
-    let nodes: Vec<_> =
-        parts.iter().filter(|(has, _)| *has).flat_map(|(_, nodes)| *nodes).copied().collect();
-    Tree::new(&nodes).expect("the built-in patterns are constants, and a test builds them all")
-}
 
 impl<C: Copy> Instrument<C> {
     pub(super) fn run_builtin(
@@ -107,25 +119,25 @@ impl<C: Copy> Instrument<C> {
         builtin: Builtin,
         is_query: bool,
         params: &[Param],
-        heading: String,
+        heading: &str,
     ) -> Result<(), ScpiError> {
         let value = match builtin {
             Builtin::OperationComplete if is_query => {
-                self.waiting = Some(Waiting::OperationsThenAnswer { heading });
+                self.waiting = Some(Waiting::OperationsThenAnswer);
                 return Ok(());
             }
             Builtin::NextError => {
-                self.answer_errors(&heading, 1);
+                self.answer_errors(heading, 1);
                 return Ok(());
             }
             Builtin::AllErrors => {
-                self.answer_errors(&heading, usize::MAX);
+                self.answer_errors(heading, usize::MAX);
                 return Ok(());
             }
             _ if is_query => self.ask(builtin),
             _ => return self.tell(builtin, params.first()),
         };
-        self.respond(&heading, &[value]);
+        self.respond(heading, &[value]);
         Ok(())
     }
 
@@ -135,7 +147,7 @@ impl<C: Copy> Instrument<C> {
             Builtin::EventStatus => Value::Integer(self.status.take_standard_event().into()),
             Builtin::ServiceEnable => Value::Integer(self.status.service_enable().into()),
             Builtin::StatusByte => Value::Integer(self.status_byte().into()),
-            Builtin::Identity => Value::Verbatim(self.dialect.identity.clone().into()),
+            Builtin::Identity => Value::ArbitraryAscii(self.dialect.identity.clone().into()),
             Builtin::Version => Value::Verbatim(self.dialect.scpi_version.unwrap_or("").into()),
             Builtin::Header => Value::Characters(if self.has_headers { "ON" } else { "OFF" }),
             Builtin::ErrorCount => {
@@ -228,14 +240,15 @@ impl<C: Copy> Instrument<C> {
             reports.push(ScpiError::new(0));
         }
         let format = self.dialect.error_format;
-        self.write_answer(heading, |out| {
-            for (index, error) in reports.iter().enumerate() {
-                if 0 < index {
-                    out.push(b',');
-                }
-                write_error(error, format, out);
+        let answer = &mut self.message.answer;
+        answer.begin(heading);
+        for (index, error) in reports.iter().enumerate() {
+            if 0 < index {
+                answer.bytes.push(b',');
             }
-        });
+            write_error(error, format, &mut answer.bytes);
+        }
+        self.limit_output();
     }
 }
 

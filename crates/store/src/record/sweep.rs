@@ -127,6 +127,10 @@ pub struct Sweep {
     pub pose: Option<Pose>,
     /// Every reading, in the order in which it was taken.
     pub readings: Vec<Reading>,
+    /// How many of the first readings only served to find the resonance. The verdict rests on the
+    /// others.
+    #[serde(default)]
+    pub looks: usize,
     /// What was made of them.
     pub verdict: SweepVerdict,
 }

@@ -158,6 +158,7 @@ pub(super) fn sweep(number: u64, purpose: SweepPurpose, resonance_hz: f64) -> Re
         step: Some("main/1/back/30/1".to_owned()),
         pose: Some(POSE),
         readings: (0..12).map(reading).collect(),
+        looks: 0,
         verdict: SweepVerdict::Accepted {
             resonance_hz,
             sigma_hz: 0.02,

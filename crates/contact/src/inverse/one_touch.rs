@@ -1,0 +1,204 @@
+//! The stiffness of one touch at a known angle.
+
+use super::{InverseError, RELATIVE_SIGMA_MAX, TissueKind};
+use crate::{
+    Contact, Depth, Load, Models, Pose, Refusal, Tier, Tissue, stage, tier::check_control,
+};
+
+/// What is uncertain in a touch, as standard deviations.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spread {
+    /// Of the shift, Hz.
+    pub shift_hz: f64,
+    /// Of the depth along the probe, mm: where the surface was found, above all.
+    pub depth_mm: f64,
+    /// Of the contact angle, rad.
+    pub angle_rad: f64,
+}
+
+/// A stiffness and where its uncertainty comes from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OneTouch {
+    /// Young's modulus, MPa.
+    pub young_mpa: f64,
+    /// Its standard deviation, MPa.
+    pub sigma_mpa: f64,
+    /// The part of it that the shift causes alone, MPa.
+    pub sigma_of_shift_mpa: f64,
+    /// The part that the depth causes alone, MPa.
+    pub sigma_of_depth_mpa: f64,
+    /// The part that the angle causes alone, MPa.
+    pub sigma_of_angle_mpa: f64,
+}
+
+impl Models {
+    /// The Young's modulus in MPa whose contact gives this shift by this tier.
+    ///
+    /// # Errors
+    /// [`InverseError::NoContact`] for a shift or a depth that is not positive;
+    /// [`InverseError::Refused`] when the stiffness lies outside the tier, as that of a shift near
+    /// saturation does, or the contact outside its law.
+    pub fn young_of_shift_mpa(
+        &self,
+        tier: Tier,
+        shift_hz: f64,
+        kind: TissueKind,
+        contact: &Contact,
+    ) -> Result<f64, InverseError> {
+        let (Depth::Indentation { along_probe_mm } | Depth::Stage { along_probe_mm }) =
+            contact.depth;
+        if !(shift_hz.is_finite() && shift_hz > 0.0 && along_probe_mm > 0.0) {
+            return Err(InverseError::NoContact { shift_hz });
+        }
+        check_control(tier, contact)?;
+        let tissue = kind.with(1.0)?;
+        contact.check_grip(&tissue)?;
+        let normal = self.normal_of_shift(tier, shift_hz, &tissue, contact)?;
+        let section = self.sensor().section();
+        let move_rel = along_probe_mm * 1e-3 * contact.pose.cos() / section.radius_m;
+        let spot = match contact.depth {
+            Depth::Indentation { .. } => contact.law.at(move_rel).map_err(Refusal::from)?,
+            Depth::Stage { .. } => {
+                let give = section.normal_compliance_m_per_n(&contact.pose) * normal;
+                stage::balance_of_stiffness(contact.law, move_rel, give).map_err(Refusal::from)?
+            }
+        };
+        let of_one_mpa = 2.0 * tissue.contact_modulus_pa() * section.radius_m * spot.radius_rel;
+        Ok(normal / of_one_mpa)
+    }
+
+    /// The normal contact stiffness in N/m that gives this shift.
+    fn normal_of_shift(
+        &self,
+        tier: Tier,
+        shift_hz: f64,
+        tissue: &Tissue,
+        contact: &Contact,
+    ) -> Result<f64, Refusal> {
+        let tangential_ratio = contact.tangential_ratio(tissue);
+        let shift = |normal: f64| {
+            let load = Load {
+                normal_n_per_m: normal,
+                tangential_n_per_m: normal * tangential_ratio,
+                ..Load::NONE
+            };
+            self.shift_of_load(tier, tissue, &contact.pose, &load)
+        };
+        let limit = tier.validity().stiffness_ratio_max;
+        let stiffest = limit.min(STIFFEST_RATIO) * self.tip_n_per_m();
+        if shift(stiffest) < shift_hz {
+            return Err(Refusal::TooStiff { tier, ratio: f64::INFINITY, limit });
+        }
+        // Tier T2's inverse is closed and within a few percent where shifts are not saturated.
+        let pose = &contact.pose;
+        let guess = self.lumped().stiffness_of_tilted(pose, shift_hz, tangential_ratio);
+        let start = guess.min(stiffest).ln();
+        Ok(rising_root(|log| (shift(log.exp()) / shift_hz).ln(), start, stiffest.ln()).exp())
+    }
+
+    /// The stiffness of one touch with its uncertainty, to first order in every cause.
+    ///
+    /// # Errors
+    /// As [`Models::young_of_shift_mpa`]; [`InverseError::TooUncertain`] when the standard deviation
+    /// is more than half of the value.
+    pub fn stiffness_of_touch(
+        &self,
+        tier: Tier,
+        shift_hz: f64,
+        spread: Spread,
+        kind: TissueKind,
+        contact: &Contact,
+    ) -> Result<OneTouch, InverseError> {
+        let young_mpa = self.young_of_shift_mpa(tier, shift_hz, kind, contact)?;
+        let slope = |of: &dyn Fn(f64) -> (f64, Contact), step: f64| {
+            let at = |step: f64| -> Result<f64, InverseError> {
+                let (young_mpa, contact) = of(step);
+                Ok(self.predict(tier, &kind.with(young_mpa)?, &contact)?.shift_hz)
+            };
+            // Inwards only: the contact may lie at the end of its law.
+            Ok::<f64, InverseError>((at(0.0)? - at(-step)?) / step)
+        };
+        let per_log = slope(&|step| (young_mpa * step.exp(), *contact), LOG_STEP)?;
+        let per_mm = slope(&|step| (young_mpa, deeper(contact, step)), DEPTH_STEP_MM)?;
+        let per_rad = slope(&|step| (young_mpa, leaning(contact, step)), ANGLE_STEP_RAD)?;
+        let [shift, depth, angle] =
+            [spread.shift_hz, per_mm * spread.depth_mm, per_rad * spread.angle_rad]
+                .map(|shift_hz| young_mpa * (shift_hz / per_log).abs());
+        let sigma_mpa = shift.hypot(depth).hypot(angle);
+        let relative = sigma_mpa / young_mpa;
+        if relative.is_nan() || relative > RELATIVE_SIGMA_MAX {
+            return Err(InverseError::TooUncertain { relative, limit: RELATIVE_SIGMA_MAX });
+        }
+        Ok(OneTouch {
+            young_mpa,
+            sigma_mpa,
+            sigma_of_shift_mpa: shift,
+            sigma_of_depth_mpa: depth,
+            sigma_of_angle_mpa: angle,
+        })
+    }
+}
+
+/// Steps of the numerical slopes, small against every scale of the models.
+const LOG_STEP: f64 = 1e-5;
+const DEPTH_STEP_MM: f64 = 1e-6;
+const ANGLE_STEP_RAD: f64 = 1e-5;
+/// For tiers without a limit: the end is held as by a clamp.
+const STIFFEST_RATIO: f64 = 1e9;
+
+fn deeper(contact: &Contact, by_mm: f64) -> Contact {
+    let depth = match contact.depth {
+        Depth::Indentation { along_probe_mm } => {
+            Depth::Indentation { along_probe_mm: along_probe_mm + by_mm }
+        }
+        Depth::Stage { along_probe_mm } => Depth::Stage { along_probe_mm: along_probe_mm + by_mm },
+    };
+    Contact { depth, ..*contact }
+}
+
+/// The contact with another angle; below zero the surface leans the other way.
+fn leaning(contact: &Contact, by_rad: f64) -> Contact {
+    let angle = contact.pose.angle_rad() + by_rad;
+    let azimuth = contact.pose.azimuth_rad();
+    let azimuth = if angle < 0.0 { azimuth + std::f64::consts::PI } else { azimuth };
+    let pose = Pose::new(angle.abs(), azimuth).unwrap_or(contact.pose);
+    Contact { pose, ..*contact }
+}
+
+/// Of a step in the logarithm. What is left is about its square.
+const ROOT_TOLERANCE: f64 = 1e-8;
+const ROOT_STEPS_MAX: u32 = 100;
+/// Below e^−700 no stiffness is a number.
+const LOWEST_LOG: f64 = -700.0;
+
+/// The root below `high` of a rising function whose slope is near one for small values.
+fn rising_root(function: impl Fn(f64) -> f64, start: f64, mut high: f64) -> f64 {
+    let mut low = LOWEST_LOG;
+    let mut at = start;
+    let mut before: Option<(f64, f64)> = None;
+    for _ in 0..ROOT_STEPS_MAX {
+        let value = function(at);
+        if value < 0.0 {
+            low = at;
+        } else {
+            high = at;
+        }
+        let slope = match before {
+            Some((x, y)) if x != at && y != value => (value - y) / (at - x),
+            _ => 1.0,
+        };
+        // A shift that has vanished in rounding has no logarithm to go by.
+        before = value.is_finite().then_some((at, value));
+        let next = at - value / slope;
+        let next = if low <= next && next <= high { next } else { 0.5 * (low + high) };
+        let step = (next - at).abs();
+        at = next;
+        if step <= ROOT_TOLERANCE {
+            break;
+        }
+    }
+    at
+}
+
+#[cfg(test)]
+mod tests;

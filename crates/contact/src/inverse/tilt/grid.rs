@@ -1,0 +1,241 @@
+//! The posterior over angle and azimuth: cells that are split where it is high.
+
+use std::f64::consts::{PI, TAU};
+
+use super::{AnglePrior, AzimuthPrior, Interval, Question, node::Node};
+
+/// Rows of angles and columns of azimuths of the first grid.
+const ROWS: u32 = 12;
+const COLUMNS: u32 = 24;
+/// How often cells are halved, at the most.
+const SPLITS: u32 = 12;
+/// Halves whose evidence differs from the whole's by less, as a logarithm, need no more splitting.
+/// A normal distribution is then cut into cells about one standard deviation wide, on which sums
+/// over the middles are already exact to a thousandth.
+const SMOOTH: f64 = 1.0;
+/// At least so many of the best cells are split, however far below the best they are: the first
+/// grid is wider than a sharp posterior, and its best cell may be the wrong one.
+const SPLIT_AT_LEAST: usize = 16;
+/// Cells this far below the best, as a logarithm, are left as they are.
+const NEGLIGIBLE: f64 = 10.0;
+/// A known angle is explored this many standard deviations to both sides.
+const KNOWN_WIDTH: f64 = 5.0;
+
+/// A cell of angles and azimuths with the best stiffness at its middle.
+#[derive(Debug, Clone, Copy)]
+struct Cell {
+    angle: f64,
+    azimuth: f64,
+    half_angle: f64,
+    half_azimuth: f64,
+    /// Whether the halving that made it changed little.
+    was_smooth: bool,
+    node: Node,
+}
+
+impl Cell {
+    /// The logarithm of the posterior's mass in the cell.
+    fn log_mass(&self) -> f64 {
+        // A known azimuth has no width.
+        let width = if self.half_azimuth > 0.0 { self.half_azimuth } else { 1.0 };
+        self.node.log_evidence + (self.half_angle * width).ln()
+    }
+}
+
+/// Cells that together hold what is believed, with weights that sum to one.
+pub(super) struct Posterior {
+    cells: Vec<(f64, Cell)>,
+}
+
+impl Posterior {
+    /// The posterior of a question; none when the model refuses everywhere.
+    pub(super) fn explore(question: &Question<'_>, start_log: f64) -> Option<Self> {
+        let mut open = first_grid(question, start_log);
+        let mut settled = Vec::new();
+        for _ in 0..SPLITS {
+            open.sort_by(|a, b| b.node.log_evidence.total_cmp(&a.node.log_evidence));
+            let Some(best) = best_evidence(open.iter().chain(&settled)) else { break };
+            let split = open
+                .iter()
+                .take_while(|cell| cell.node.log_evidence > best - NEGLIGIBLE)
+                .count()
+                .max(SPLIT_AT_LEAST.min(open.len()));
+            settled.extend(open.drain(split..));
+            let mut next = Vec::with_capacity(2 * split);
+            for cell in open {
+                let halves = halves(question, &cell);
+                let is_smooth = halves
+                    .iter()
+                    .all(|half| (half.node.log_evidence - cell.node.log_evidence).abs() < SMOOTH);
+                // The other direction may still be rough.
+                if is_smooth && cell.was_smooth { &mut settled } else { &mut next }
+                    .extend(halves.into_iter().map(|half| Cell { was_smooth: is_smooth, ..half }));
+            }
+            open = next;
+        }
+        settled.extend(open);
+        Self::weighted(settled)
+    }
+
+    fn weighted(cells: Vec<Cell>) -> Option<Self> {
+        let best = cells.iter().map(Cell::log_mass).max_by(f64::total_cmp)?;
+        let mut cells: Vec<(f64, Cell)> =
+            cells.into_iter().map(|cell| ((cell.log_mass() - best).exp(), cell)).collect();
+        let sum: f64 = cells.iter().map(|(weight, _)| weight).sum();
+        for (weight, _) in &mut cells {
+            *weight /= sum;
+        }
+        Some(Self { cells })
+    }
+
+    /// The smallest chi-squared of any cell.
+    pub(super) fn chi_squared(&self) -> f64 {
+        self.cells.iter().map(|(_, cell)| cell.node.chi_squared).fold(f64::INFINITY, f64::min)
+    }
+
+    /// What is believed of ln E: a sum of normal distributions.
+    pub(super) fn log_young(&self) -> Interval {
+        let value = self.mean(|cell| cell.node.log_young);
+        let variance = self.mean(|cell| cell.node.variance + (cell.node.log_young - value).powi(2));
+        let below = |log: f64| {
+            self.mean(|cell| normal_below((log - cell.node.log_young) / cell.node.variance.sqrt()))
+        };
+        let sigma = variance.sqrt();
+        let reach = 12.0 * sigma;
+        let quantile = |share: f64| {
+            let (mut low, mut high) = (value - reach, value + reach);
+            while high - low > 1e-9 * (1.0 + reach) {
+                let middle = 0.5 * (low + high);
+                if below(middle) < share { low = middle } else { high = middle }
+            }
+            0.5 * (low + high)
+        };
+        Interval { value, sigma, low: quantile(0.025), high: quantile(0.975) }
+    }
+
+    /// What is believed of the angle.
+    pub(super) fn angle(&self) -> Interval {
+        self.even(|cell| (cell.angle, cell.half_angle))
+    }
+
+    /// What is believed of the azimuth, unrolled about the direction of its mean.
+    pub(super) fn azimuth(&self) -> Interval {
+        let sine = self.mean(|cell| cell.azimuth.sin());
+        let cosine = self.mean(|cell| cell.azimuth.cos());
+        let middle = sine.atan2(cosine);
+        let unrolled = |azimuth: f64| middle + (azimuth - middle + PI).rem_euclid(TAU) - PI;
+        self.even(|cell| (unrolled(cell.azimuth), cell.half_azimuth))
+    }
+
+    /// The correlation of ln E and the angle.
+    pub(super) fn correlation(&self) -> f64 {
+        let log = self.mean(|cell| cell.node.log_young);
+        let angle = self.mean(|cell| cell.angle);
+        let together = self.mean(|cell| (cell.node.log_young - log) * (cell.angle - angle));
+        let of_log = self.mean(|cell| cell.node.variance + (cell.node.log_young - log).powi(2));
+        let of_angle = self.mean(|cell| (cell.angle - angle).powi(2));
+        together / (of_log * of_angle).sqrt()
+    }
+
+    fn mean(&self, of: impl Fn(&Cell) -> f64) -> f64 {
+        self.cells.iter().map(|(weight, cell)| weight * of(cell)).sum()
+    }
+
+    /// The interval of a quantity that is spread evenly over each cell, given as middle and half
+    /// width.
+    fn even(&self, of: impl Fn(&Cell) -> (f64, f64)) -> Interval {
+        let value = self.mean(|cell| of(cell).0);
+        let variance = self.mean(|cell| (of(cell).0 - value).powi(2));
+        let mut steps: Vec<(f64, f64)> = Vec::with_capacity(2 * self.cells.len());
+        let mut ordered: Vec<(f64, f64, f64)> = self
+            .cells
+            .iter()
+            .map(|(weight, cell)| {
+                let (middle, half) = of(cell);
+                (middle, half, *weight)
+            })
+            .collect();
+        ordered.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut below = 0.0;
+        for (middle, half, weight) in ordered {
+            steps.push((below, middle - half));
+            below += weight;
+            steps.push((below, middle + half));
+        }
+        let quantile = |share: f64| {
+            let index = steps.partition_point(|&(below, _)| below < share).min(steps.len() - 1);
+            steps[index].1
+        };
+        Interval { value, sigma: variance.sqrt(), low: quantile(0.025), high: quantile(0.975) }
+    }
+}
+
+fn first_grid(question: &Question<'_>, start_log: f64) -> Vec<Cell> {
+    let (low, high) = match question.angle {
+        AnglePrior::Within { max_rad } => (0.0, max_rad),
+        AnglePrior::Known { angle_rad, sigma_rad } => {
+            let reach = KNOWN_WIDTH * sigma_rad;
+            ((angle_rad - reach).max(0.0), (angle_rad + reach).min(0.5 * PI))
+        }
+    };
+    let half_angle = 0.5 * (high - low) / f64::from(ROWS);
+    let (columns, start, half_azimuth) = match question.azimuth {
+        AzimuthPrior::Known(azimuth) => (1, azimuth, 0.0),
+        AzimuthPrior::Unknown => (COLUMNS, 0.0, PI / f64::from(COLUMNS)),
+    };
+    let mut cells = Vec::new();
+    for row in 0..ROWS {
+        let angle = low + half_angle * f64::from(2 * row + 1);
+        for column in 0..columns {
+            let azimuth = start + half_azimuth * f64::from(2 * column);
+            if let Some(node) = Node::at(question, angle, azimuth, start_log) {
+                let was_smooth = false;
+                cells.push(Cell { angle, azimuth, half_angle, half_azimuth, was_smooth, node });
+            }
+        }
+    }
+    cells
+}
+
+fn best_evidence<'a>(cells: impl Iterator<Item = &'a Cell>) -> Option<f64> {
+    cells.map(|cell| cell.node.log_evidence).max_by(f64::total_cmp)
+}
+
+/// The two halves of a cell across its longer side.
+///
+/// An azimuth turns the surface's normal by its angle's sine only, so that cells near the upright
+/// pose are halved in angle until they are no longer than wide.
+fn halves(question: &Question<'_>, cell: &Cell) -> Vec<Cell> {
+    let is_wide = cell.half_azimuth * cell.angle.sin() > cell.half_angle;
+    let (half_angle, half_azimuth) = if is_wide {
+        (cell.half_angle, 0.5 * cell.half_azimuth)
+    } else {
+        (0.5 * cell.half_angle, cell.half_azimuth)
+    };
+    [-1.0, 1.0]
+        .into_iter()
+        .filter_map(|side| {
+            let (angle, azimuth) = if is_wide {
+                (cell.angle, cell.azimuth + side * half_azimuth)
+            } else {
+                (cell.angle + side * half_angle, cell.azimuth)
+            };
+            let node = Node::at(question, angle, azimuth, cell.node.log_young)?;
+            Some(Cell { angle, azimuth, half_angle, half_azimuth, was_smooth: false, node })
+        })
+        .collect()
+}
+
+/// The share of a standard normal distribution below `x`, within 1e-7.
+///
+/// # Source
+/// Abramowitz and Stegun, Handbook of Mathematical Functions, 26.2.17.
+fn normal_below(x: f64) -> f64 {
+    const COEFFICIENTS: [f64; 5] =
+        [0.319_381_530, -0.356_563_782, 1.781_477_937, -1.821_255_978, 1.330_274_429];
+    let t = (1.0 + 0.231_641_9 * x.abs()).recip();
+    let tail = COEFFICIENTS.iter().rev().fold(0.0, |sum, coefficient| (sum + coefficient) * t)
+        * (-0.5 * x * x).exp()
+        / TAU.sqrt();
+    if x > 0.0 { 1.0 - tail } else { tail }
+}

@@ -1,0 +1,270 @@
+//! The command line.
+//!
+//! What a program would read goes to stdout, everything else to stderr. Exit codes:
+//!
+//! | code | meaning |
+//! |---|---|
+//! | 0 | done |
+//! | 1 | something failed: a file, a directory, a device |
+//! | 2 | a bad command line, protocol or rig file |
+//! | 3 | no such run |
+//! | 4 | the rig is latched after a fault |
+//! | 5 | the run was aborted |
+//! | 130 | interrupted before anything was under way |
+
+mod check;
+mod prompt;
+mod run;
+mod runs;
+mod serve;
+mod table;
+
+use std::{
+    io::{self, IsTerminal},
+    net::SocketAddr,
+    path::PathBuf,
+    process::ExitCode,
+};
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use crate::{
+    loaded_rig::{FileError, LoadedRig},
+    rig::OpenError,
+    run_files::RunFilesError,
+};
+
+/// Drives the bench rig of the tilted-contact tactile sensor.
+#[derive(Debug, Parser)]
+#[command(name = "rigd", version, about, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    command: CliCommand,
+}
+
+#[derive(Debug, Subcommand)]
+enum CliCommand {
+    /// Replay a protocol and write the report
+    Run(RunArgs),
+    /// Say whether a protocol can run on a rig, without moving anything
+    Check(CheckArgs),
+    /// Serve the rig over HTTP, with a protocol loaded
+    Serve(ServeArgs),
+    /// List the runs
+    Runs(RunsArgs),
+    /// Show the results of a run
+    Show(ShowArgs),
+    /// Write the data of a run to stdout
+    Export(ExportArgs),
+    /// Write the report of a run again
+    Report(ReportArgs),
+}
+
+/// The rig to use.
+#[derive(Debug, Args)]
+struct RigArgs {
+    /// Rig file
+    #[arg(long, value_name = "RIG", default_value = "config/rigs/simulated.toml")]
+    rig: PathBuf,
+}
+
+/// Where the journal is.
+#[derive(Debug, Args)]
+struct DataArgs {
+    /// Directory of the journal and the reports
+    #[arg(long, value_name = "DIR", default_value = "data")]
+    data: PathBuf,
+}
+
+/// How to print.
+#[derive(Debug, Args)]
+struct OutputArgs {
+    /// Print JSON for a program instead of text for a person
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Args)]
+struct RunArgs {
+    /// Protocol file
+    protocol: PathBuf,
+    #[command(flatten)]
+    rig: RigArgs,
+    #[command(flatten)]
+    data: DataArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+#[derive(Debug, Args)]
+struct CheckArgs {
+    /// Protocol file
+    protocol: PathBuf,
+    #[command(flatten)]
+    rig: RigArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+#[derive(Debug, Args)]
+struct ServeArgs {
+    /// Protocol file to have loaded; one can also be posted
+    protocol: Option<PathBuf>,
+    #[command(flatten)]
+    rig: RigArgs,
+    #[command(flatten)]
+    data: DataArgs,
+    /// Address to listen on
+    #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:8137")]
+    listen: SocketAddr,
+}
+
+#[derive(Debug, Args)]
+struct RunsArgs {
+    #[command(flatten)]
+    data: DataArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+#[derive(Debug, Args)]
+struct ShowArgs {
+    /// Run: its id, enough of the beginning or end of it, or `latest`
+    run: String,
+    #[command(flatten)]
+    data: DataArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+#[derive(Debug, Args)]
+struct ExportArgs {
+    /// Run: its id, enough of the beginning or end of it, or `latest`
+    run: String,
+    #[command(flatten)]
+    data: DataArgs,
+    /// What to write
+    #[arg(long, value_enum)]
+    format: ExportFormat,
+    /// With CSV: which table
+    #[arg(long, value_enum, default_value_t = ExportTable::Touches)]
+    table: ExportTable,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum ExportFormat {
+    /// One table with units in its header
+    Csv,
+    /// Every record, one JSON object a line
+    Jsonl,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum ExportTable {
+    /// One row a touch
+    Touches,
+    /// One row a sweep, with its fit
+    Sweeps,
+    /// One row a reading: the raw impedance
+    Readings,
+}
+
+#[derive(Debug, Args)]
+struct ReportArgs {
+    /// Run: its id, enough of the beginning or end of it, or `latest`
+    run: String,
+    #[command(flatten)]
+    data: DataArgs,
+    /// File to write instead of the one in the data directory
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+/// Why a command failed, with its exit code.
+#[derive(Debug, thiserror::Error)]
+enum Failure {
+    #[error("{0}")]
+    BadFile(#[from] FileError),
+    #[error("{0}")]
+    RunFiles(#[from] RunFilesError),
+    #[error("{0}")]
+    Open(#[from] OpenError),
+    #[error("{0}")]
+    Store(#[from] rig_store::StoreError),
+    #[error("{0}")]
+    Export(#[from] rig_store::export::ExportError),
+    #[error("{0}")]
+    Refused(#[from] crate::rig::Refusal),
+    #[error("{what}: {source}")]
+    System { what: &'static str, source: io::Error },
+    /// It has been explained already.
+    #[error("the rig is latched: {cause}")]
+    Latched { cause: String },
+    #[error("the run was aborted")]
+    Aborted,
+    #[error("interrupted")]
+    Interrupted,
+}
+
+impl Failure {
+    fn exit_code(&self) -> u8 {
+        match self {
+            Self::BadFile(FileError::Faults(_)) => 2,
+            Self::Store(
+                rig_store::StoreError::NoSuchRun { .. } | rig_store::StoreError::Ambiguous { .. },
+            ) => 3,
+            Self::Latched { .. } => 4,
+            Self::Aborted => 5,
+            Self::Interrupted => 130,
+            Self::BadFile(FileError::Unreadable { .. })
+            | Self::RunFiles(_)
+            | Self::Open(_)
+            | Self::Store(_)
+            | Self::Export(_)
+            | Self::Refused(_)
+            | Self::System { .. } => 1,
+        }
+    }
+}
+
+/// Runs the program.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    start_log();
+    let result = match cli.command {
+        CliCommand::Run(args) => run::run(&args),
+        CliCommand::Check(args) => check::check(&args),
+        CliCommand::Serve(args) => serve::serve(&args),
+        CliCommand::Runs(args) => runs::list(&args),
+        CliCommand::Show(args) => runs::show(&args),
+        CliCommand::Export(args) => runs::export(&args),
+        CliCommand::Report(args) => runs::report(&args),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        // The reader of a pipe that has seen enough is no failure.
+        Err(
+            Failure::System { source, .. }
+            | Failure::Export(rig_store::export::ExportError::Io(source)),
+        ) if source.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(failure) => {
+            table::note(&format!("rigd: {failure}"));
+            ExitCode::from(failure.exit_code())
+        }
+    }
+}
+
+/// The log goes to stderr; `RUST_LOG` chooses what it holds.
+fn start_log() {
+    use tracing_subscriber::{EnvFilter, fmt};
+    let filter =
+        EnvFilter::builder().with_default_directive(tracing::Level::WARN.into()).from_env_lossy();
+    let is_terminal = io::stderr().is_terminal();
+    fmt().with_env_filter(filter).with_writer(io::stderr).with_ansi(is_terminal).init();
+}
+
+impl RigArgs {
+    fn load(&self) -> Result<LoadedRig, Failure> {
+        Ok(LoadedRig::load(&self.rig)?)
+    }
+}

@@ -1,0 +1,100 @@
+//! `rigd runs`, `show`, `export` and `report`: what the journal holds.
+
+use std::{
+    io::{self, BufWriter, Write},
+    path::Path,
+};
+
+use rig_store::{Reader, Run, RunId, RunKind, export};
+use serde::Serialize;
+
+use super::{
+    ExportArgs, ExportFormat, ExportTable, Failure, ReportArgs, RunsArgs, ShowArgs,
+    table::{columns, duration, note, print, print_json},
+};
+use crate::{report, run_files};
+
+/// A run in a list, for a program.
+#[derive(Debug, Serialize)]
+struct RunView {
+    run_id: String,
+    protocol: String,
+    status: &'static str,
+    started_at: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    finished_at: Option<String>,
+    records: u64,
+}
+
+pub(super) fn list(args: &RunsArgs) -> Result<(), Failure> {
+    let runs = Reader::open(&args.data.data)?.runs()?;
+    let runs: Vec<Run> = runs.into_iter().filter(|run| run.kind == RunKind::Run).collect();
+    if args.output.json {
+        let view = |run: Run| RunView {
+            run_id: run.id.to_string(),
+            protocol: run.name,
+            status: run.status.name(),
+            started_at: run.started_at,
+            finished_at: run.finished_at,
+            records: run.records,
+        };
+        return print_json(&runs.into_iter().map(view).collect::<Vec<_>>());
+    }
+    let row = |run: &Run| {
+        vec![
+            run.id.to_string(),
+            run.name.clone(),
+            run.status.name().to_owned(),
+            run.started_at.clone(),
+            run.wall_s.map(duration).unwrap_or_default(),
+            run.records.to_string(),
+        ]
+    };
+    let rows: Vec<_> = runs.iter().map(row).collect();
+    print(&columns(&["run", "protocol", "status", "started (UTC)", "took", "records"], &rows))
+}
+
+pub(super) fn show(args: &ShowArgs) -> Result<(), Failure> {
+    let run = Reader::open(&args.data.data)?.find(&args.run)?;
+    print_results(&args.data.data, run.id, args.output.json)
+}
+
+pub(super) fn export(args: &ExportArgs) -> Result<(), Failure> {
+    let reader = Reader::open(&args.data.data)?;
+    let records = reader.records(reader.find(&args.run)?.id)?;
+    let mut out = BufWriter::new(io::stdout().lock());
+    match (args.format, args.table) {
+        (ExportFormat::Jsonl, _) => export::jsonl(&records, &mut out)?,
+        (ExportFormat::Csv, ExportTable::Touches) => export::touches_csv(&records, &mut out)?,
+        (ExportFormat::Csv, ExportTable::Sweeps) => export::sweeps_csv(&records, &mut out)?,
+        (ExportFormat::Csv, ExportTable::Readings) => export::readings_csv(&records, &mut out)?,
+    }
+    out.flush().map_err(|source| Failure::System { what: "stdout", source })
+}
+
+pub(super) fn report(args: &ReportArgs) -> Result<(), Failure> {
+    let data = &args.data.data;
+    let reader = Reader::open(data)?;
+    let run = reader.find(&args.run)?;
+    let path = match &args.out {
+        Some(path) => {
+            run_files::write_report(&reader, run.id, path)?;
+            path.clone()
+        }
+        None => run_files::write(data, run.id)?.report,
+    };
+    note(&format!("report: {}", path.display()));
+    Ok(())
+}
+
+/// Prints what a run has found.
+pub(super) fn print_results(data: &Path, run: RunId, is_json: bool) -> Result<(), Failure> {
+    let reader = Reader::open(data)?;
+    let folder = run_files::folder(data, run);
+    let (run, records) = (reader.run(run)?, reader.records(run)?);
+    if is_json {
+        print_json(&report::summary(&run, &records, &folder)?)
+    } else {
+        print(&report::text(&run, &records)?)
+    }
+}

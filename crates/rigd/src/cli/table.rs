@@ -1,0 +1,90 @@
+//! Text for people: notes on stderr, results on stdout.
+
+use std::{
+    fmt::Write as _,
+    io::{self, Write},
+};
+
+use super::Failure;
+
+/// A line for the person at the terminal. A terminal that has gone needs none.
+pub(super) fn note(text: &str) {
+    _ = writeln!(io::stderr(), "{text}");
+}
+
+/// A result, for whoever reads stdout.
+pub(super) fn print(text: &str) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    writeln!(out, "{text}")
+        .and_then(|()| out.flush())
+        .map_err(|source| Failure::System { what: "stdout", source })
+}
+
+/// A result as JSON.
+pub(super) fn print_json(value: &impl serde::Serialize) -> Result<(), Failure> {
+    let text = serde_json::to_string(value)
+        .map_err(|error| Failure::System { what: "stdout", source: error.into() })?;
+    print(&text)
+}
+
+/// Rows under a header, each column as wide as its widest cell; the first column is text, the
+/// others are numbers and stand to the right.
+pub(super) fn columns(header: &[&str], rows: &[Vec<String>]) -> String {
+    let width = |column: usize| {
+        let cells = rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count());
+        cells.chain([header[column].chars().count()]).max().unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..header.len()).map(width).collect();
+    // Writing to a string cannot fail.
+    let line = |cells: &mut dyn Iterator<Item = &str>| {
+        let mut line = String::new();
+        for (column, (cell, &width)) in cells.zip(&widths).enumerate() {
+            if column == 0 {
+                _ = write!(line, "{cell:<width$}");
+            } else {
+                _ = write!(line, "  {cell:>width$}");
+            }
+        }
+        line.trim_end().to_owned()
+    };
+    let mut text = line(&mut header.iter().copied());
+    for row in rows {
+        text.push('\n');
+        text.push_str(&line(&mut row.iter().map(String::as_str)));
+    }
+    text
+}
+
+/// Seconds as a person says them: `41 s`, `12 min 05 s`, `2 h 03 min`.
+pub(super) fn duration(seconds: f64) -> String {
+    let whole = seconds.max(0.0).round();
+    let (hours, minutes) = ((whole / 3600.0).floor(), ((whole / 60.0).floor() % 60.0));
+    if hours >= 1.0 {
+        format!("{hours} h {minutes:02} min")
+    } else if minutes >= 1.0 {
+        format!("{minutes} min {:02} s", whole % 60.0)
+    } else {
+        format!("{whole} s")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_are_said_as_a_person_says_them() {
+        for (seconds, text) in
+            [(0.4, "0 s"), (59.6, "1 min 00 s"), (725.0, "12 min 05 s"), (7380.0, "2 h 03 min")]
+        {
+            assert_eq!(duration(seconds), text);
+        }
+    }
+
+    #[test]
+    fn columns_line_up() {
+        let rows =
+            [vec!["one".to_owned(), "1.0".to_owned()], vec!["b".to_owned(), "22.0".to_owned()]];
+        assert_eq!(columns(&["name", "Hz"], &rows), "name    Hz\none    1.0\nb     22.0");
+    }
+}

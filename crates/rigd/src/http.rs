@@ -1,0 +1,121 @@
+//! The HTTP interface: JSON in and out, errors as `application/problem+json`.
+//!
+//! | method and path | does |
+//! |---|---|
+//! | `GET /api/v1/rig` | state, devices, whether the probe is clear |
+//! | `POST /api/v1/sweeps` | one sweep now, at the present pose |
+//! | `GET /api/v1/sweeps/{id}` | that sweep |
+//! | `POST /api/v1/runs` | replays the loaded protocol, or the one in the body |
+//! | `GET /api/v1/runs`, `GET /api/v1/runs/{id}` | the runs; one run with its results |
+//! | `GET /api/v1/runs/{id}/report` | its report as HTML |
+//! | `GET /api/v1/runs/{id}/export?format=csv` | its touches; `sweeps` or `jsonl` for the rest |
+//! | `POST /api/v1/runs/{id}/pause`, `resume`, `abort`, `answer` | a command to that run |
+//! | `POST /api/v1/stop` | stops everything, retracts, latches |
+//! | `POST /api/v1/acknowledge` | leaves the latch |
+//! | `GET /api/v1/events` | everything that happens, as server-sent events |
+//!
+//! A handler asks the rig thread and waits for its word; the rig thread never waits for a handler.
+
+mod events;
+mod problem;
+mod rig;
+mod runs;
+mod sweeps;
+
+use std::{collections::BTreeMap, path::PathBuf, sync::Arc};
+
+use axum::{
+    Router,
+    http::{Method, Uri},
+    routing::{get, post},
+};
+use rig_store::{Reader, RunId};
+use tokio::sync::Mutex;
+use tokio_util::sync::CancellationToken;
+
+use crate::{loaded_rig::RigFacts, protocol_file::LoadedProtocol, rig::RigHandle};
+use problem::Problem;
+
+/// What the handlers share.
+#[derive(Debug, Clone)]
+pub struct Shared {
+    inner: Arc<Inner>,
+}
+
+#[derive(Debug)]
+struct Inner {
+    rig: RigHandle,
+    facts: RigFacts,
+    loaded: Option<LoadedProtocol>,
+    data: PathBuf,
+    /// The runs that were asked for with a key, so that asking twice begins one.
+    keyed_runs: Mutex<BTreeMap<String, KeyedRun>>,
+    /// Ends the event streams, which would otherwise keep the server from ending.
+    closing: CancellationToken,
+}
+
+#[derive(Debug, Clone)]
+struct KeyedRun {
+    run: RunId,
+    /// What was asked for; the same key for something else is a mistake of the client.
+    protocol: String,
+}
+
+impl Shared {
+    /// What the handlers need: the rig, the protocol to replay when none is posted, and the
+    /// directory of the journal.
+    pub fn new(
+        rig: RigHandle,
+        facts: RigFacts,
+        loaded: Option<LoadedProtocol>,
+        data: PathBuf,
+        closing: CancellationToken,
+    ) -> Self {
+        let keyed_runs = Mutex::new(BTreeMap::new());
+        let inner = Inner { rig, facts, loaded, data, keyed_runs, closing };
+        Self { inner: Arc::new(inner) }
+    }
+
+    /// Reads from the journal, away from the threads that serve requests.
+    async fn read<T: Send + 'static>(
+        &self,
+        work: impl FnOnce(&Reader) -> Result<T, Problem> + Send + 'static,
+    ) -> Result<T, Problem> {
+        let data = self.inner.data.clone();
+        tokio::task::spawn_blocking(move || work(&Reader::open(&data)?))
+            .await
+            .map_err(|_| Problem::internal("the reader of the journal has panicked"))?
+    }
+}
+
+/// The routes of the daemon.
+pub fn router(shared: Shared) -> Router {
+    let api = Router::new()
+        .route("/rig", get(rig::show))
+        .route("/stop", post(rig::stop))
+        .route("/acknowledge", post(rig::acknowledge))
+        .route("/sweeps", post(sweeps::begin))
+        .route("/sweeps/{id}", get(sweeps::show))
+        .route("/runs", get(runs::list).post(runs::begin))
+        .route("/runs/{id}", get(runs::show))
+        .route("/runs/{id}/report", get(runs::report))
+        .route("/runs/{id}/export", get(runs::export))
+        .route("/runs/{id}/pause", post(runs::pause))
+        .route("/runs/{id}/resume", post(runs::resume))
+        .route("/runs/{id}/abort", post(runs::abort))
+        .route("/runs/{id}/answer", post(runs::answer))
+        .route("/events", get(events::stream));
+    Router::new()
+        .nest("/api/v1", api)
+        .fallback(not_found)
+        .method_not_allowed_fallback(method_not_allowed)
+        .with_state(shared)
+}
+
+async fn not_found(uri: Uri) -> Problem {
+    Problem::not_found(format!("there is nothing at {uri}"))
+}
+
+async fn method_not_allowed(method: Method, uri: Uri) -> Problem {
+    Problem::method_not_allowed(format!("{uri} does not take {method}"))
+}

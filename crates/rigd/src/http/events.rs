@@ -1,0 +1,83 @@
+//! Everything that happens, as server-sent events.
+//!
+//! An event is a record of the journal, and its id is that record's place in the journal. A client
+//! that lost its connection sends the last id it saw and misses nothing.
+
+use std::{collections::VecDeque, convert::Infallible};
+
+use axum::{
+    extract::State,
+    http::HeaderMap,
+    response::{
+        IntoResponse, Sse,
+        sse::{Event, KeepAlive},
+    },
+};
+use futures_util::{Stream, StreamExt, stream};
+use rig_store::StoredRecord;
+use tokio::sync::watch;
+
+use super::{Problem, Shared};
+use crate::rig::Status;
+
+/// How many records are read at a time. A slow client holds this many, and no more.
+const PAGE: u32 = 64;
+
+/// Where a stream stands.
+struct Cursor {
+    shared: Shared,
+    status: watch::Receiver<Status>,
+    last: u64,
+    page: VecDeque<StoredRecord>,
+}
+
+pub(super) async fn stream(
+    State(shared): State<Shared>,
+    headers: HeaderMap,
+) -> Result<impl IntoResponse, Problem> {
+    let status = shared.inner.rig.status();
+    let last =
+        match headers.get("last-event-id") {
+            // Without an id the stream begins with what happens from now on.
+            None => status.borrow().last_event,
+            Some(id) => id.to_str().ok().and_then(|id| id.parse().ok()).ok_or_else(|| {
+                Problem::bad_request(format!("Last-Event-ID {id:?} is not a number"))
+            })?,
+        };
+    let closing = shared.inner.closing.clone();
+    let cursor = Cursor { shared, status, last, page: VecDeque::new() };
+    let events = events(cursor).take_until(closing.cancelled_owned());
+    Ok(Sse::new(events).keep_alive(KeepAlive::default()))
+}
+
+fn events(cursor: Cursor) -> impl Stream<Item = Result<Event, Infallible>> {
+    stream::unfold(cursor, |mut cursor| async move {
+        let record = cursor.next().await?;
+        let text = format!(
+            r#"{{"run":"{}","seq":{},"rig_us":{},"record":{}}}"#,
+            record.run, record.seq, record.rig_us, record.payload
+        );
+        let event = Event::default().id(record.event.to_string()).event(record.kind).data(text);
+        Some((Ok(event), cursor))
+    })
+}
+
+impl Cursor {
+    /// The next record, as soon as there is one; none when the rig or its journal has gone.
+    async fn next(&mut self) -> Option<StoredRecord> {
+        loop {
+            if let Some(record) = self.page.pop_front() {
+                self.last = record.event;
+                return Some(record);
+            }
+            // What is committed after this is seen by the wait below.
+            self.status.mark_unchanged();
+            let last = self.last;
+            let page = self.shared.read(move |reader| Ok(reader.events_after(last, PAGE)?)).await;
+            self.page = page.ok()?.into();
+            if self.page.is_empty() {
+                self.status.changed().await.ok()?;
+            }
+        }
+    }
+}

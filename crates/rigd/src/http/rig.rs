@@ -1,0 +1,107 @@
+//! The rig as a whole.
+
+use axum::{Json, extract::State};
+use rig_engine::Command;
+use serde::Serialize;
+
+use super::{Problem, Shared};
+use crate::{hint, rig::Status};
+
+/// The rig as it is now.
+#[derive(Debug, Serialize)]
+pub(super) struct RigView {
+    name: String,
+    state: &'static str,
+    probe: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    linear_mm: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rotary_deg: Option<f64>,
+    rig_time_s: f64,
+    devices: Vec<DeviceView>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    run: Option<RunProgress>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    prompt: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fault: Option<FaultView>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    journal_error: Option<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct DeviceView {
+    role: &'static str,
+    identity: String,
+}
+
+/// How far the run under way has come.
+#[derive(Debug, Serialize)]
+struct RunProgress {
+    id: String,
+    protocol: String,
+    /// Steps done.
+    step: usize,
+    steps: usize,
+    doing: String,
+}
+
+#[derive(Debug, Serialize)]
+struct FaultView {
+    cause: String,
+    hint: &'static str,
+}
+
+pub(super) async fn show(State(shared): State<Shared>) -> Json<RigView> {
+    let status = shared.inner.rig.status().borrow().clone();
+    Json(view(&shared.inner.facts.name, &status))
+}
+
+pub(super) async fn stop(State(shared): State<Shared>) -> Result<Json<RigView>, Problem> {
+    give(shared, Command::Stop).await
+}
+
+pub(super) async fn acknowledge(State(shared): State<Shared>) -> Result<Json<RigView>, Problem> {
+    give(shared, Command::Acknowledge).await
+}
+
+async fn give(shared: Shared, command: Command) -> Result<Json<RigView>, Problem> {
+    shared.inner.rig.command(command, None, "http").await?;
+    Ok(show(State(shared)).await)
+}
+
+fn view(name: &str, status: &Status) -> RigView {
+    let snapshot = &status.snapshot;
+    let run = match (&snapshot.progress, &status.run) {
+        (Some(progress), Some(run)) => Some(RunProgress {
+            id: run.id.to_string(),
+            protocol: progress.protocol.clone(),
+            step: progress.step,
+            steps: progress.steps,
+            doing: run.describe_step(progress.step),
+        }),
+        _ => None,
+    };
+    let prompt = snapshot.prompt.zip(status.run.as_ref()).map(|(prompt, run)| run.ask(&prompt));
+    let fault = snapshot.fault.as_ref().map(|fault| FaultView {
+        cause: fault.to_string(),
+        hint: hint::after(fault, snapshot.clearance),
+    });
+    let device = |device: &crate::rig::Identity| DeviceView {
+        role: device.role,
+        identity: device.identity.clone(),
+    };
+    RigView {
+        name: name.to_owned(),
+        state: snapshot.state.name(),
+        probe: snapshot.clearance.name(),
+        linear_mm: snapshot.linear.map(rig_model::Position::value),
+        rotary_deg: snapshot.rotary.map(rig_model::Position::value),
+        rig_time_s: status.now.as_seconds(),
+        devices: status.devices.iter().map(device).collect(),
+        run,
+        prompt,
+        fault,
+        journal_error: status.journal_error.as_ref().map(ToString::to_string),
+    }
+}

@@ -1,0 +1,243 @@
+//! Runs.
+
+use axum::{
+    Json,
+    body::Bytes,
+    extract::{Path, Query, State, rejection::QueryRejection},
+    http::{HeaderMap, StatusCode, header},
+    response::{Html, IntoResponse, Response},
+};
+use rig_engine::Command;
+use rig_store::{Run, RunId, RunKind, export};
+use serde::{Deserialize, Serialize};
+
+use super::{KeyedRun, Problem, Shared};
+use crate::{
+    protocol_file::LoadedProtocol,
+    report::{self, RunSummary},
+    run_files,
+};
+
+/// A run in the list of runs.
+#[derive(Debug, Serialize)]
+pub(super) struct RunView {
+    id: String,
+    protocol: String,
+    status: &'static str,
+    started_at: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    finished_at: Option<String>,
+    records: u64,
+}
+
+/// One run with what it has found so far.
+#[derive(Debug, Serialize)]
+pub(super) struct RunDetail {
+    #[serde(flatten)]
+    run: RunView,
+    results: RunSummary,
+}
+
+/// A protocol in a JSON body.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RunOrder {
+    protocol_toml: String,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ExportOptions {
+    #[serde(default)]
+    format: ExportFormat,
+}
+
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum ExportFormat {
+    /// The touches.
+    #[default]
+    Csv,
+    /// One line for each sweep.
+    Sweeps,
+    /// Every reading of every sweep.
+    Readings,
+    /// Every record.
+    Jsonl,
+}
+
+pub(super) async fn list(State(shared): State<Shared>) -> Result<Json<Vec<RunView>>, Problem> {
+    let runs = shared.read(|reader| Ok(reader.runs()?)).await?;
+    let is_run = |run: &Run| run.kind == RunKind::Run;
+    Ok(Json(runs.into_iter().filter(is_run).map(RunView::from).collect()))
+}
+
+pub(super) async fn show(
+    State(shared): State<Shared>,
+    Path(id): Path<String>,
+) -> Result<Json<RunDetail>, Problem> {
+    let id: RunId = id.parse()?;
+    let folder = run_files::folder(&shared.inner.data, id);
+    let detail = shared.read(move |reader| {
+        let (run, records) = (reader.run(id)?, reader.records(id)?);
+        let results = report::summary(&run, &records, &folder)?;
+        Ok(RunDetail { run: run.into(), results })
+    });
+    detail.await.map(Json)
+}
+
+pub(super) async fn report(
+    State(shared): State<Shared>,
+    Path(id): Path<String>,
+) -> Result<Html<String>, Problem> {
+    let id: RunId = id.parse()?;
+    let html = shared.read(move |reader| Ok(report::render(&reader.run(id)?, &reader.chain(id)?)?));
+    html.await.map(Html)
+}
+
+pub(super) async fn export(
+    State(shared): State<Shared>,
+    Path(id): Path<String>,
+    options: Result<Query<ExportOptions>, QueryRejection>,
+) -> Result<Response, Problem> {
+    let id: RunId = id.parse()?;
+    let Query(ExportOptions { format }) = options?;
+    let content_type = match format {
+        ExportFormat::Jsonl => "application/jsonl",
+        ExportFormat::Csv | ExportFormat::Sweeps | ExportFormat::Readings => {
+            "text/csv; charset=utf-8"
+        }
+    };
+    let bytes = shared.read(move |reader| {
+        reader.run(id)?;
+        let (records, mut bytes) = (reader.records(id)?, Vec::new());
+        match format {
+            ExportFormat::Csv => export::touches_csv(&records, &mut bytes),
+            ExportFormat::Sweeps => export::sweeps_csv(&records, &mut bytes),
+            ExportFormat::Readings => export::readings_csv(&records, &mut bytes),
+            ExportFormat::Jsonl => export::jsonl(&records, &mut bytes),
+        }
+        .map_err(|error| Problem::internal(&error.to_string()))?;
+        Ok(bytes)
+    });
+    Ok(([(header::CONTENT_TYPE, content_type)], bytes.await?).into_response())
+}
+
+/// Begins a run. The body is a protocol as `application/toml`, or as JSON with `protocol_toml`;
+/// without a body the loaded protocol is replayed.
+pub(super) async fn begin(
+    State(shared): State<Shared>,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Response, Problem> {
+    let protocol = posted(&shared, &headers, &body)?;
+    let text = protocol.source.toml.clone();
+    let key = headers.get("idempotency-key").map(|key| {
+        key.to_str()
+            .map(str::to_owned)
+            .map_err(|_| Problem::bad_request("Idempotency-Key is not text".to_owned()))
+    });
+    let Some(key) = key.transpose()? else {
+        return Ok(begun(shared.inner.rig.run(protocol, "http").await?));
+    };
+    // The lock is held while the rig decides, so that two requests at once begin one run.
+    let mut keyed = shared.inner.keyed_runs.lock().await;
+    match keyed.get(&key) {
+        Some(KeyedRun { run, protocol }) if *protocol == text => Ok(begun(*run)),
+        Some(_) => Err(Problem::unprocessable(format!(
+            "Idempotency-Key {key} was used for another protocol"
+        ))),
+        None => {
+            let run = shared.inner.rig.run(protocol, "http").await?;
+            keyed.insert(key, KeyedRun { run, protocol: text });
+            Ok(begun(run))
+        }
+    }
+}
+
+pub(super) async fn pause(
+    State(shared): State<Shared>,
+    Path(id): Path<String>,
+) -> Result<StatusCode, Problem> {
+    give(&shared, &id, Command::Pause).await
+}
+
+pub(super) async fn resume(
+    State(shared): State<Shared>,
+    Path(id): Path<String>,
+) -> Result<StatusCode, Problem> {
+    give(&shared, &id, Command::Resume).await
+}
+
+pub(super) async fn abort(
+    State(shared): State<Shared>,
+    Path(id): Path<String>,
+) -> Result<StatusCode, Problem> {
+    give(&shared, &id, Command::Abort).await
+}
+
+pub(super) async fn answer(
+    State(shared): State<Shared>,
+    Path(id): Path<String>,
+) -> Result<StatusCode, Problem> {
+    give(&shared, &id, Command::Answer).await
+}
+
+/// Gives a command to a run; a run that was never begun is not the same as one that has ended.
+async fn give(shared: &Shared, id: &str, command: Command) -> Result<StatusCode, Problem> {
+    let id: RunId = id.parse()?;
+    shared.read(move |reader| Ok(reader.run(id)?)).await?;
+    shared.inner.rig.command(command, Some(id), "http").await?;
+    Ok(StatusCode::ACCEPTED)
+}
+
+/// The protocol to replay.
+fn posted(shared: &Shared, headers: &HeaderMap, body: &Bytes) -> Result<LoadedProtocol, Problem> {
+    if body.is_empty() {
+        return shared.inner.loaded.clone().ok_or_else(|| {
+            Problem::unprocessable(
+                "no protocol was loaded when the daemon was started; post one".to_owned(),
+            )
+        });
+    }
+    let content_type = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok());
+    let essence = content_type.and_then(|value| value.split(';').next()).map(str::trim);
+    let not_text = |_| Problem::bad_request("the body is not UTF-8".to_owned());
+    let text = match essence {
+        Some("application/toml" | "text/x-toml") => {
+            std::str::from_utf8(body).map_err(not_text)?.to_owned()
+        }
+        Some("application/json") => {
+            serde_json::from_slice::<RunOrder>(body)
+                .map_err(|error| Problem::bad_request(error.to_string()))?
+                .protocol_toml
+        }
+        other => {
+            return Err(Problem::unsupported_media_type(format!(
+                "a protocol is posted as application/toml or application/json, not as {}",
+                other.unwrap_or("nothing named")
+            )));
+        }
+    };
+    LoadedProtocol::check("protocol", &text, &shared.inner.facts)
+        .map_err(|faults| Problem::protocol(&faults))
+}
+
+fn begun(run: RunId) -> Response {
+    let location = [(header::LOCATION, format!("/api/v1/runs/{run}"))];
+    (StatusCode::ACCEPTED, location, Json(serde_json::json!({ "id": run.to_string() })))
+        .into_response()
+}
+
+impl From<Run> for RunView {
+    fn from(run: Run) -> Self {
+        Self {
+            id: run.id.to_string(),
+            protocol: run.name,
+            status: run.status.name(),
+            started_at: run.started_at,
+            finished_at: run.finished_at,
+            records: run.records,
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! A rig file with the scene it names, read and checked: everything that is needed to open a rig.
+
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+};
+
+use rig_model::Bench;
+use rig_settings::Faults;
+use rig_sim::world::Scene;
+use rig_store::Source;
+
+use crate::rig_file::{Connection, Pace, RigFile, Simulation};
+
+/// A rig that can be opened.
+#[derive(Debug)]
+pub struct LoadedRig {
+    /// What the rig file says.
+    pub file: RigFile,
+    /// Its text, for the journal.
+    pub source: Source,
+    /// What stands on the bench, when it is simulated.
+    pub scene: Option<LoadedScene>,
+}
+
+/// A scene behind a simulated rig.
+#[derive(Debug)]
+pub struct LoadedScene {
+    /// What the scene file says.
+    pub scene: Scene,
+    /// Its text, for the journal.
+    pub source: Source,
+}
+
+/// What a protocol is checked against.
+#[derive(Debug, Clone)]
+pub struct RigFacts {
+    /// Name of the rig.
+    pub name: String,
+    /// Its bench.
+    pub bench: Bench,
+    /// The samples that there are. A real bench takes what the person puts there.
+    pub known_samples: Option<Vec<String>>,
+}
+
+/// Why a file cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum FileError {
+    /// It cannot be read.
+    #[error("{}: {source}", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// It has faults.
+    #[error("{0}")]
+    Faults(Faults),
+}
+
+impl LoadedRig {
+    /// Reads a rig file and the scene that it names.
+    ///
+    /// # Errors
+    /// [`FileError`], with every fault of the file.
+    pub fn load(path: &Path) -> Result<Self, FileError> {
+        let (name, text) = read(path)?;
+        let file = RigFile::read(&name, &text).map_err(FileError::Faults)?;
+        let scene = file.scene(path).map(|scene| LoadedScene::load(&scene)).transpose()?;
+        let source = Source { name: file.name.clone(), toml: text };
+        Ok(Self { file, source, scene })
+    }
+
+    /// What a protocol is checked against.
+    pub fn facts(&self) -> RigFacts {
+        let names = |loaded: &LoadedScene| {
+            loaded.scene.samples.iter().map(|sample| sample.name.clone()).collect()
+        };
+        RigFacts {
+            name: self.file.name.clone(),
+            bench: self.file.bench,
+            known_samples: self.scene.as_ref().map(names),
+        }
+    }
+
+    /// Whether nothing in the rig is real.
+    pub const fn is_simulated(&self) -> bool {
+        self.scene.is_some()
+    }
+
+    /// Whether time passes as fast as the simulation can go.
+    pub const fn is_virtual_time(&self) -> bool {
+        matches!(&self.file.connection, Connection::Simulated(Simulation { pace, .. }) if matches!(pace, Pace::Virtual))
+    }
+}
+
+impl LoadedScene {
+    fn load(path: &Path) -> Result<Self, FileError> {
+        let (name, toml) = read(path)?;
+        let scene = rig_sim::scene::read(&name, &toml).map_err(FileError::Faults)?;
+        Ok(Self { scene, source: Source { name, toml } })
+    }
+}
+
+/// The name of a file, as faults show it, and its text.
+pub(crate) fn read(path: &Path) -> Result<(String, String), FileError> {
+    match fs::read_to_string(path) {
+        Ok(text) => Ok((path.display().to_string(), text)),
+        Err(source) => Err(FileError::Unreadable { path: path.to_path_buf(), source }),
+    }
+}

@@ -1,0 +1,43 @@
+//! A protocol file, read and held against a rig.
+
+use std::path::Path;
+
+use rig_protocol::{Plan, Protocol, Summary};
+use rig_settings::Faults;
+use rig_store::Source;
+
+use crate::loaded_rig::{FileError, RigFacts, read};
+
+/// A protocol that can run.
+#[derive(Debug, Clone)]
+pub struct LoadedProtocol {
+    /// What will be done.
+    pub plan: Plan,
+    /// What it will cost.
+    pub summary: Summary,
+    /// The text, for the journal.
+    pub source: Source,
+}
+
+impl LoadedProtocol {
+    /// Reads a protocol file and checks it against the rig.
+    ///
+    /// # Errors
+    /// [`FileError`], with every fault of the file.
+    pub fn load(path: &Path, rig: &RigFacts) -> Result<Self, FileError> {
+        let (name, text) = read(path)?;
+        Self::check(&name, &text, rig).map_err(FileError::Faults)
+    }
+
+    /// Checks the text of a protocol against the rig; `file` names it in the faults.
+    ///
+    /// # Errors
+    /// Every fault of the text, each with its place.
+    pub fn check(file: &str, text: &str, rig: &RigFacts) -> Result<Self, Faults> {
+        let protocol = Protocol::read(file, text);
+        let plan = Plan::new(&protocol, &rig.bench, rig.known_samples.as_deref())?;
+        let summary = plan.summary(&rig.bench);
+        let source = Source { name: plan.name.clone(), toml: text.to_owned() };
+        Ok(Self { plan, summary, source })
+    }
+}

@@ -1,0 +1,160 @@
+//! The records of a run, sorted by what the report says of them.
+
+use rig_store::{
+    Clearance, Prompt, Record, RunStarted, Sample, StoreError, StoredRecord, Sweep, SweepVerdict,
+    Touch,
+};
+
+use super::{html::add, units::duration};
+
+/// What a run left behind.
+#[derive(Debug, Default)]
+pub(super) struct RunData {
+    /// The first record, unless the journal is damaged there.
+    pub(super) started: Option<RunStarted>,
+    /// When that was, on the rig's clock, µs.
+    pub(super) begin_us: u64,
+    /// The time of the last record, on the rig's clock, µs.
+    pub(super) end_us: u64,
+    /// Every sweep, in order.
+    pub(super) sweeps: Vec<Sweep>,
+    /// Every touch that gave a shift, in order.
+    pub(super) touches: Vec<Touch>,
+    /// Prompts that were answered.
+    pub(super) prompts: u32,
+    /// What persons were asked and did, and what went wrong.
+    pub(super) log: Vec<LogEntry>,
+}
+
+/// A line of the log.
+#[derive(Debug)]
+pub(super) struct LogEntry {
+    /// When, on the rig's clock, µs.
+    pub(super) rig_us: u64,
+    /// Where it happened, when that is a step.
+    pub(super) step: Option<String>,
+    /// What kind of line it is.
+    pub(super) kind: LogKind,
+    /// What happened.
+    pub(super) text: String,
+}
+
+/// The kind of a line of the log.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum LogKind {
+    /// A person was asked or answered.
+    Prompt,
+    /// A person gave a command.
+    Command,
+    /// Something failed.
+    Fault,
+    /// A sweep gave no resonance.
+    Refusal,
+}
+
+impl LogKind {
+    /// The word in the log.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::Prompt => "prompt",
+            Self::Command => "command",
+            Self::Fault => "fault",
+            Self::Refusal => "refused sweep",
+        }
+    }
+}
+
+impl RunData {
+    /// Sorts the records of a run.
+    pub(super) fn read(records: &[StoredRecord]) -> Result<Self, StoreError> {
+        let mut data = Self {
+            begin_us: records.first().map_or(0, |first| first.rig_us),
+            end_us: records.last().map_or(0, |last| last.rig_us),
+            ..Self::default()
+        };
+        for stored in records {
+            data.take(stored.rig_us, stored.record()?);
+        }
+        Ok(data)
+    }
+
+    /// From the first record to the last on the rig's clock, s.
+    pub(super) fn rig_s(&self) -> f64 {
+        (self.end_us - self.begin_us) as f64 / 1e6
+    }
+
+    /// The samples, in the protocol's order.
+    pub(super) fn samples(&self) -> &[Sample] {
+        self.started.as_ref().map_or(&[], |started| &started.samples)
+    }
+
+    /// What went wrong.
+    pub(super) fn faults(&self) -> impl Iterator<Item = &LogEntry> {
+        self.log.iter().filter(|entry| entry.kind == LogKind::Fault)
+    }
+
+    /// The sweep with this number.
+    pub(super) fn sweep(&self, number: u64) -> Option<&Sweep> {
+        self.sweeps.iter().find(|sweep| sweep.number == number)
+    }
+
+    /// Adds the answer to the last question.
+    fn answer(&mut self, rig_us: u64, by: &str) {
+        self.prompts += 1;
+        let is_question = |entry: &&mut LogEntry| entry.kind == LogKind::Prompt;
+        if let Some(asked) = self.log.iter_mut().rev().find(is_question) {
+            let waited = duration((rig_us - asked.rig_us) as f64 / 1e6);
+            add(&mut asked.text, format_args!("; done after {waited}, says {by}"));
+        }
+    }
+
+    fn take(&mut self, rig_us: u64, record: Record) {
+        let mut note = |step: Option<String>, kind, text| {
+            self.log.push(LogEntry { rig_us, step, kind, text });
+        };
+        match record {
+            Record::RunStarted(started) => self.started = Some(started),
+            Record::PromptAsked(asked) => {
+                note(Some(asked.step), LogKind::Prompt, request(&asked.prompt));
+            }
+            Record::PromptAnswered(answered) => self.answer(rig_us, &answered.by),
+            Record::Operator(operator) => {
+                note(None, LogKind::Command, format!("{} by {}", operator.action, operator.who));
+            }
+            Record::Fault(fault) => {
+                let probe = match fault.probe {
+                    Clearance::Clear => "clear",
+                    Clearance::InContact => "in contact",
+                    Clearance::Unknown => "in an unknown place",
+                };
+                let text = format!("{}. The probe was {probe}. {}", fault.cause, fault.hint);
+                note(fault.step, LogKind::Fault, text);
+            }
+            Record::Sweep(sweep) => {
+                if let SweepVerdict::Refused { reason } = &sweep.verdict {
+                    let text = format!("sweep {}: {reason}", sweep.number);
+                    note(sweep.step.clone(), LogKind::Refusal, text);
+                }
+                self.sweeps.push(sweep);
+            }
+            Record::TouchResult(touch) => self.touches.push(touch),
+            Record::StepStarted(_)
+            | Record::Intent(_)
+            | Record::Moved(_)
+            | Record::SurfaceFound(_)
+            | Record::BlackBox(_)
+            | Record::StateChanged(_)
+            | Record::RunFinished(_) => {}
+        }
+    }
+}
+
+/// What a prompt asks for, in words.
+fn request(prompt: &Prompt) -> String {
+    match prompt {
+        Prompt::PlaceSample { sample } => format!("place sample {sample} under the probe"),
+        Prompt::TurnSensor { orientation } => {
+            format!("turn the sensor to its {orientation} position")
+        }
+    }
+}

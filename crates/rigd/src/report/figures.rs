@@ -1,0 +1,286 @@
+//! The figures of the report.
+
+use rig_chart::{Axis, Chart, ChartError, Marker, Point, Series, Stroke, legend};
+use rig_resonance::Circuit;
+use rig_store::{Direction, Phase, Sample, Sweep, SweepVerdict};
+
+use super::{
+    data::RunData,
+    html::Text,
+    results::{Classification, DIRECTIONS, RunResults},
+    units::{fixed, with_sigma},
+};
+
+/// Width of one of three charts in a row, and the height of all charts in a row, in pixels.
+const PANEL_PX: (u32, u32) = (290, 310);
+/// Of one of two charts in a row.
+const HALF_PX: (u32, u32) = (446, 310);
+/// Of a chart with a row of its own.
+const WIDE_PX: (u32, u32) = (912, 360);
+
+/// Shift against angle, one chart for each direction: the paper's Figure 11.
+pub(super) fn by_direction(data: &RunData, results: &RunResults) -> String {
+    let highest = results
+        .cells
+        .iter()
+        .map(|cell| cell.mean.shift_hz + cell.mean.sigma_hz)
+        .fold(0.0, f64::max);
+    let angles = results.angles_deg();
+    let mut charts = String::new();
+    for (direction, name) in DIRECTIONS.map(Direction::name).into_iter().enumerate() {
+        let cells = || results.cells.iter().filter(move |cell| cell.direction == direction);
+        if cells().next().is_none() {
+            continue;
+        }
+        let mut chart = Chart::new(
+            name,
+            &format!("Frequency shift of each sample against the contact angle, {name}."),
+            Axis::linear("contact angle (°)").with_ticks(&angles),
+            Axis::linear("frequency shift (Hz)").including(0.0).including(1.05 * highest),
+        );
+        chart.size_px = PANEL_PX;
+        for (index, sample) in touched_samples(data, results) {
+            let points = cells().filter(|cell| cell.sample == index).map(|cell| Point {
+                x: cell.angle_deg,
+                y: cell.mean.shift_hz,
+                error: Some(cell.mean.sigma_hz),
+                note: Some(note(sample, cell.angle_deg, cell.mean.shift_hz, cell.mean.sigma_hz)),
+            });
+            let series = Series::joined(&label(sample), index, points);
+            chart.series.push(Series { name: None, ..series });
+        }
+        charts += &drawn(&chart.svg(&format!("fig-{name}")));
+    }
+    let touched = touched_samples(data, results);
+    let keys: Vec<Series> =
+        touched.map(|(index, sample)| Series::joined::<Point>(&label(sample), index, [])).collect();
+    let legend = legend(&keys, "fig-samples", WIDE_PX.0);
+    let caption = "Shift against contact angle in each direction. Bars show the standard \
+                   deviation of the fits; where none is seen it is smaller than the mark.";
+    figure(&format!("{legend}<div class=\"row\">\n{charts}</div>\n"), caption)
+}
+
+/// The samples that were touched in the main phase, each with its index.
+fn touched_samples<'a>(
+    data: &'a RunData,
+    results: &'a RunResults,
+) -> impl Iterator<Item = (usize, &'a Sample)> {
+    let is_touched =
+        |&(index, _): &(usize, &Sample)| results.means.iter().any(|mean| mean.sample == index);
+    data.samples().iter().enumerate().filter(is_touched)
+}
+
+/// Shift against angle, averaged over the directions: the paper's Figure 12.
+pub(super) fn averaged(data: &RunData, results: &RunResults) -> String {
+    let mut chart = Chart::new(
+        "Mean of the directions",
+        "Frequency shift of each sample against the contact angle, averaged over the directions.",
+        Axis::linear("contact angle (°)").with_ticks(&results.angles_deg()),
+        Axis::linear("frequency shift (Hz)").including(0.0),
+    );
+    chart.size_px = WIDE_PX;
+    for (index, sample) in touched_samples(data, results) {
+        let means = results.means.iter().filter(|mean| mean.sample == index);
+        let points = means.map(|mean| Point {
+            x: mean.angle_deg,
+            y: mean.mean.shift_hz,
+            error: mean.mean.spread_hz.or(Some(mean.mean.sigma_hz)),
+            note: Some(note(sample, mean.angle_deg, mean.mean.shift_hz, mean.mean.sigma_hz)),
+        });
+        chart.series.push(Series::joined(&label(sample), index, points));
+    }
+    let caption = "Shift against contact angle, averaged over the directions. Bars show the \
+                   standard deviation between the directions.";
+    figure(&drawn(&chart.svg("fig-mean")), caption)
+}
+
+/// The blind touches by cluster: the paper's Figure 13.
+pub(super) fn classification(data: &RunData, classification: &Classification) -> String {
+    let mut chart = Chart::new(
+        "Blind touches by cluster",
+        "Frequency shift of each blind touch; its shape and colour tell the cluster, a ring that it \
+         is in the wrong one.",
+        Axis::linear("blind touch"),
+        Axis::linear("frequency shift (Hz)").including(0.0),
+    );
+    chart.size_px = WIDE_PX;
+    let name = |sample: usize| data.samples()[sample].name.as_str();
+    for (cluster, label) in classification.score.label_of.iter().enumerate() {
+        let trials = classification.trials.iter().filter(|trial| trial.cluster == cluster);
+        let points = trials.map(|trial| Point {
+            x: f64::from(trial.number),
+            y: trial.shift_hz,
+            error: None,
+            note: Some(format!(
+                "touch {}: sample {}, {} Hz",
+                trial.number,
+                name(trial.sample),
+                with_sigma(trial.shift_hz, trial.sigma_hz)
+            )),
+        });
+        let stands_for =
+            label.map_or("no sample".to_owned(), |label| format!("sample {}", name(label)));
+        let key = format!("cluster {}: {stands_for}", cluster + 1);
+        // The colour of the sample in the other figures.
+        let series = Series::scatter(&key, label.unwrap_or(cluster), points);
+        chart.series.push(series);
+    }
+    let wrong = classification.trials.iter().filter(|trial| !classification.is_correct(trial));
+    let wrong: Vec<_> = wrong.map(|trial| (f64::from(trial.number), trial.shift_hz)).collect();
+    if !wrong.is_empty() {
+        let rings = Series::scatter("in the wrong cluster", rig_chart::COLOURS - 1, wrong);
+        chart.series.push(Series { marker: Some(Marker::Ring), ..rings });
+    }
+    let caption = "The blind touches, sorted by k-means on their shifts alone: the partition with \
+                   the smallest sum of squares. The labels served for the score only; each cluster \
+                   stands for one sample, matched so that most touches agree.";
+    figure(&drawn(&chart.svg("fig-blind")), caption)
+}
+
+/// The reference over the run.
+pub(super) fn no_load(data: &RunData, results: &RunResults) -> String {
+    const SECONDS_PER_MINUTE: f64 = 60.0;
+    let begin_s = data.begin_us as f64 / 1e6;
+    let minutes = |time_s: f64| (time_s - begin_s) / SECONDS_PER_MINUTE;
+    let mut chart = Chart::new(
+        "Resonance with the probe clear",
+        "The no-load resonance over the time of the run.",
+        Axis::linear("rig time (min)").including(0.0),
+        Axis::linear("resonance (Hz)"),
+    );
+    chart.size_px = (WIDE_PX.0, 270);
+    let points = results.references.iter().map(|reference| Point {
+        x: minutes(reference.time_s),
+        y: reference.frequency_hz,
+        error: Some(reference.sigma_hz),
+        note: Some(format!("{} Hz", with_sigma(reference.frequency_hz, reference.sigma_hz))),
+    });
+    chart.series.push(Series::scatter("reference", 0, points));
+    let ends = results.references.first().zip(results.references.last());
+    let summary = results.no_load.and_then(|no_load| Some((no_load.mean_hz, no_load.drift?)));
+    if let (Some((mean_hz, drift)), Some((first, last))) = (summary, ends) {
+        let times = results.references.iter().map(|reference| reference.time_s);
+        let mean_s = times.sum::<f64>() / results.references.len() as f64;
+        let on_line = |time_s: f64| {
+            (minutes(time_s), mean_hz + drift.hz_per_hour * (time_s - mean_s) / 3600.0)
+        };
+        let rate = with_sigma(drift.hz_per_hour, drift.sigma_hz_per_hour);
+        let line = Series::line(
+            &format!("drift {rate} Hz/h"),
+            6,
+            [first, last].map(|r| on_line(r.time_s)),
+        );
+        chart.series.push(Series { stroke: Some(Stroke::Dashed), ..line });
+    }
+    let caption = "Every reference of the run, with the standard deviation of its fit. Each shift \
+                   refers to the last one before the touch.";
+    figure(&drawn(&chart.svg("fig-no-load")), caption)
+}
+
+/// One touch and its reference as they were measured, with the circuits fitted: the main touch
+/// with the largest shift, where the tissue damps the resonance most.
+pub(super) fn example(data: &RunData) -> Option<String> {
+    let touch = data
+        .touches
+        .iter()
+        .filter(|touch| touch.touch.phase == Phase::Main)
+        .max_by(|a, b| a.shift_hz.total_cmp(&b.shift_hz))?;
+    let (clear, contact) = (data.sweep(touch.no_load_sweep)?, data.sweep(touch.sweep)?);
+    let axis = || Axis::linear("frequency (Hz)");
+    let mut size = Chart::new(
+        "Magnitude",
+        "Magnitude of the impedance against frequency, probe clear and in contact.",
+        axis(),
+        Axis::log("|Z| (Ω)"),
+    );
+    let mut phase = Chart::new(
+        "Phase",
+        "Phase of the impedance against frequency, probe clear and in contact.",
+        axis(),
+        Axis::linear("phase (°)"),
+    );
+    for (colour, name, sweep) in [(0, "probe clear", clear), (1, "in contact", contact)] {
+        let readings = || sweep.readings.iter();
+        let magnitude =
+            readings().map(|r| (r.frequency_hz, r.resistance_ohm.hypot(r.reactance_ohm)));
+        size.series.push(Series::scatter(name, colour, magnitude));
+        let angle = readings()
+            .map(|r| (r.frequency_hz, r.reactance_ohm.atan2(r.resistance_ohm).to_degrees()));
+        phase.series.push(Series::scatter(name, colour, angle));
+        if let Some(circuit) = circuit_of(sweep) {
+            let curve = || fitted(sweep, &circuit);
+            let fit = Series::line("", colour, curve().map(|(f, size, _)| (f, size)));
+            size.series.push(Series { name: None, ..fit });
+            let fit = Series::line("", colour, curve().map(|(f, _, phase)| (f, phase)));
+            phase.series.push(Series { name: None, ..fit });
+        }
+    }
+    (size.size_px, phase.size_px) = (HALF_PX, HALF_PX);
+    let charts = drawn(&size.svg("fig-size")) + &drawn(&phase.svg("fig-phase"));
+    let settings = &touch.touch;
+    let caption = format!(
+        "The touch with the largest shift (sample {}, {}, {}°) and its reference: readings and the \
+         circuits fitted to them. Resonance {} Hz clear and {} Hz in contact, a shift of {} Hz.",
+        settings.sample,
+        settings.pose.direction.name(),
+        settings.pose.angle_deg,
+        with_sigma(touch.no_load_hz, touch.no_load_sigma_hz),
+        with_sigma(touch.resonance_hz, touch.sigma_hz),
+        with_sigma(touch.shift_hz, touch.shift_sigma_hz),
+    );
+    Some(figure(&format!("<div class=\"row\">\n{charts}</div>\n"), &caption))
+}
+
+fn circuit_of(sweep: &Sweep) -> Option<Circuit> {
+    let SweepVerdict::Accepted { resonance_hz, circuit, .. } = sweep.verdict else { return None };
+    let circuit = circuit?;
+    Some(Circuit {
+        resonance_hz,
+        q: circuit.quality_factor,
+        c0_farad: circuit.static_capacitance_f,
+        c1_farad: circuit.static_capacitance_f * circuit.capacitance_ratio,
+        loss_tangent: circuit.loss_tangent,
+    })
+}
+
+/// Frequency in Hz, magnitude in ohm and phase in degrees of the impedance of the circuit, over the
+/// range of the readings.
+fn fitted(sweep: &Sweep, circuit: &Circuit) -> impl Iterator<Item = (f64, f64, f64)> {
+    const STEPS: u32 = 160;
+    let frequencies = || sweep.readings.iter().map(|reading| reading.frequency_hz);
+    let low = frequencies().fold(f64::INFINITY, f64::min);
+    let high = frequencies().fold(f64::NEG_INFINITY, f64::max);
+    (0..=STEPS).map(move |step| {
+        let frequency_hz = low + (high - low) * f64::from(step) / f64::from(STEPS);
+        let impedance_ohm = circuit.impedance_ohm(frequency_hz);
+        (frequency_hz, impedance_ohm.norm(), impedance_ohm.arg().to_degrees())
+    })
+}
+
+fn label(sample: &Sample) -> String {
+    match sample.stiffness_mpa {
+        Some(stiffness) => format!("sample {}, {stiffness} MPa", sample.name),
+        None => format!("sample {}", sample.name),
+    }
+}
+
+fn note(sample: &Sample, angle_deg: f64, shift_hz: f64, sigma_hz: f64) -> String {
+    format!(
+        "sample {}, {}°: {} Hz",
+        sample.name,
+        fixed(angle_deg, 1),
+        with_sigma(shift_hz, sigma_hz)
+    )
+}
+
+/// A chart, or why there is none: a report is never lost for a figure.
+fn drawn(svg: &Result<String, ChartError>) -> String {
+    match svg {
+        Ok(svg) => svg.clone(),
+        Err(error) => format!("<p class=\"note\">{}</p>\n", Text(&error.to_string())),
+    }
+}
+
+fn figure(content: &str, caption: &str) -> String {
+    format!("<figure>\n{content}<figcaption>{}</figcaption>\n</figure>\n", Text(caption))
+}

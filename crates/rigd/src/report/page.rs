@@ -1,0 +1,214 @@
+//! The page: its frame, its head and the order of its parts.
+
+use rig_analysis::sensitivity::Sensitivity;
+use rig_store::{Run, RunStatus, Verdict};
+
+use super::{
+    data::RunData,
+    figures,
+    html::{Text, add},
+    provenance::provenance,
+    results::{RunResults, SweepCost},
+    tables,
+    units::{duration, fixed, percent, percent_range, value_and_sigma, with_sigma},
+};
+
+pub(super) fn page(run: &Run, verdict: &Verdict, data: &RunData, results: &RunResults) -> String {
+    let title = Text(&run.name);
+    let mut html = format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n\
+         <meta http-equiv=\"Content-Security-Policy\" \
+         content=\"default-src 'none'; style-src 'unsafe-inline'\">\n\
+         <title>{title} – report</title>\n<style>\n{}{}</style>\n</head>\n<body>\n<main>\n",
+        include_str!("style.css"),
+        rig_chart::STYLE,
+    );
+    html += &head(run, verdict, data, results);
+    section(&mut html, "Frequency shift", &shifts(data, results));
+    section(&mut html, "Recognition", &recognition(data, results));
+    section(&mut html, "The free sensor", &free_sensor(data, results));
+    section(&mut html, "One touch in detail", &detail(data, results));
+    section(&mut html, "Log", &log(data));
+    section(&mut html, "Provenance", &provenance(run, verdict, data));
+    html += "</main>\n</body>\n</html>\n";
+    html
+}
+
+fn section(html: &mut String, title: &str, content: &str) {
+    add(html, format_args!("<section>\n<h2>{title}</h2>\n{content}</section>\n"));
+}
+
+/// What the run is, how it ended, and its key numbers.
+fn head(run: &Run, verdict: &Verdict, data: &RunData, results: &RunResults) -> String {
+    let class = match run.status {
+        RunStatus::Running => "running",
+        RunStatus::Ended(rig_store::Ending::Completed) => "completed",
+        RunStatus::Ended(_) => "failed",
+    };
+    let began = run.started_at.replace('T', " ").chars().take(16).collect::<String>();
+    let mut html = format!(
+        "<header>\n<p class=\"eyebrow\">Run report</p>\n<h1>{}</h1>\n\
+         <p class=\"meta\"><span class=\"status {class}\">{}</span> {} UTC</p>\n</header>\n",
+        Text(&run.name),
+        run.status.name(),
+        Text(&began),
+    );
+    if let Verdict::Broken { seq, flaw } = verdict {
+        let flaw = Text(&flaw.to_string()).to_string();
+        add(
+            &mut html,
+            format_args!(
+                "<p class=\"alarm\"><b>The journal of this run is damaged.</b> Record {seq}: \
+                 {flaw}. This report is made from the records before it.</p>\n"
+            ),
+        );
+    }
+    for fault in data.faults() {
+        let (step, text) = (fault.step.as_deref().unwrap_or("no step"), Text(&fault.text));
+        let step = Text(step);
+        add(&mut html, format_args!("<p class=\"alarm\"><b>Fault in {step}.</b> {text}</p>\n"));
+    }
+    html += "<dl class=\"tiles\">\n";
+    for Tile { name, value, unit, below } in tiles(run, data, results) {
+        let (value, below) = (Text(&value), Text(&below));
+        add(
+            &mut html,
+            format_args!(
+                "<div><dt>{name}</dt><dd>{value} <small>{unit}</small></dd>\
+                 <dd class=\"below\">{below}</dd></div>\n"
+            ),
+        );
+    }
+    html += "</dl>\n";
+    html
+}
+
+/// A key number.
+struct Tile {
+    name: &'static str,
+    value: String,
+    unit: &'static str,
+    below: String,
+}
+
+fn tiles(run: &Run, data: &RunData, results: &RunResults) -> Vec<Tile> {
+    let mut tiles = Vec::new();
+    if let Some(no_load) = results.no_load {
+        let (value, sigma) = value_and_sigma(no_load.mean_hz, no_load.sigma_hz);
+        let span = fixed(no_load.max_hz - no_load.min_hz, 3);
+        let below = format!("± {sigma}; {} references within {span}\u{a0}Hz", no_load.count);
+        tiles.push(Tile { name: "Free resonance", value, unit: "Hz", below });
+    }
+    if let Some(found) = &results.sensitivity {
+        let Sensitivity { chord, line, .. } = found.sensitivity;
+        let (value, sigma) = value_and_sigma(chord.hz_per_mpa, chord.sigma_hz_per_mpa);
+        let (line, _) = value_and_sigma(line.hz_per_mpa, line.sigma_hz_per_mpa);
+        let below = format!("± {sigma}; chord at {}°, least squares {line}", found.angle_deg);
+        tiles.push(Tile { name: "Sensitivity", value, unit: "Hz/MPa", below });
+    }
+    if let Some(classification) = &results.classification {
+        let score = &classification.score;
+        let value = percent(score.rate().unwrap_or_default());
+        let (correct, trials, range) =
+            (score.correct, score.trials, percent_range(score.interval()));
+        let below = format!("{correct} of {trials}; 95\u{a0}% interval {range}");
+        tiles.push(Tile { name: "Blind recognition", value, unit: "", below });
+    }
+    let planned = data.started.as_ref().map_or(0, |started| started.plan.touches);
+    let prompts = counted(data.prompts, "prompt");
+    let faults = counted(u32::try_from(data.faults().count()).unwrap_or(u32::MAX), "fault");
+    let (value, below) =
+        (data.touches.len().to_string(), format!("of {planned} planned; {prompts}, {faults}"));
+    tiles.push(Tile { name: "Touches", value, unit: "", below });
+    let below = run.wall_s.map_or("still running".to_owned(), |wall_s| {
+        format!("{} by the clock on the wall", duration(wall_s))
+    });
+    tiles.push(Tile { name: "Rig time", value: duration(data.rig_s()), unit: "", below });
+    tiles
+}
+
+fn counted(count: u32, one: &str) -> String {
+    if count == 1 { format!("1 {one}") } else { format!("{count} {one}s") }
+}
+
+fn shifts(data: &RunData, results: &RunResults) -> String {
+    if results.cells.is_empty() {
+        return nothing("No touch of the main phase gave a shift.");
+    }
+    let mut html = figures::by_direction(data, results) + &figures::averaged(data, results);
+    if let Some(found) = &results.sensitivity {
+        let Sensitivity { chord, line, max_deviation_hz, .. } = found.sensitivity;
+        let (angle, worst) = (found.angle_deg, fixed(max_deviation_hz, 1));
+        let chord = with_sigma(chord.hz_per_mpa, chord.sigma_hz_per_mpa);
+        let line = with_sigma(line.hz_per_mpa, line.sigma_hz_per_mpa);
+        add(
+            &mut html,
+            format_args!(
+                "<p>Sensitivity at {angle}°, mean of the directions: <b>{chord} Hz/MPa</b> from the \
+                 softest to the stiffest sample; {line} Hz/MPa by least squares through all samples, \
+                 from which they lie up to {worst} Hz away. The uncertainties come from the fits \
+                 alone.</p>\n"
+            ),
+        );
+    }
+    html + &tables::shifts(data, results)
+}
+
+fn recognition(data: &RunData, results: &RunResults) -> String {
+    let Some(classification) = &results.classification else {
+        return nothing("No blind touches were classified.");
+    };
+    let score = &classification.score;
+    let (rate, range) = (score.rate().unwrap_or_default(), percent_range(score.interval()));
+    let sentence = format!(
+        "<p><b>{} of {} blind touches are in the cluster of their sample: {}</b>, with a 95 % \
+         interval from {range} (Wilson).</p>\n",
+        score.correct,
+        score.trials,
+        percent(rate),
+    );
+    sentence
+        + &figures::classification(data, classification)
+        + &tables::confusion(data, classification)
+}
+
+fn free_sensor(data: &RunData, results: &RunResults) -> String {
+    if results.references.is_empty() {
+        return nothing("No reference was measured.");
+    }
+    figures::no_load(data, results)
+}
+
+fn detail(data: &RunData, results: &RunResults) -> String {
+    let example = figures::example(data)
+        .unwrap_or_else(|| nothing("No touch of the main phase gave a shift."));
+    example + &cost(&results.cost)
+}
+
+/// What the sweeps cost, beside common practice.
+fn cost(cost: &SweepCost) -> String {
+    let SweepCost { sweeps, taken_s, practice_s } = *cost;
+    if sweeps == 0 || taken_s <= 0.0 {
+        return String::new();
+    }
+    let (taken, practice) = (duration(taken_s), duration(practice_s));
+    let times = fixed(practice_s / taken_s, 1);
+    format!(
+        "<p>The {sweeps} sweeps took <b>{taken}</b> of rig time. Common practice, 201 points with \
+         five time constants of settling and ten cycles of integration at each, would have taken \
+         {practice} for the same resonances: {times} times as long.</p>\n"
+    )
+}
+
+fn log(data: &RunData) -> String {
+    if data.log.is_empty() {
+        return nothing("Nobody was asked for anything, and nothing went wrong.");
+    }
+    tables::log(data)
+}
+
+fn nothing(text: &str) -> String {
+    format!("<p class=\"note\">{text}</p>\n")
+}

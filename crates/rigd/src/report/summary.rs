@@ -1,0 +1,104 @@
+//! The results for programs.
+
+use std::path::{Path, PathBuf};
+
+use rig_store::Run;
+use serde::Serialize;
+
+use super::{
+    data::RunData,
+    results::{DIRECTIONS, RunResults},
+};
+
+/// The results of a run. The fields are an interface: scripts read them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RunSummary {
+    /// Id of the run.
+    pub run_id: String,
+    /// How it ended, or that it is running.
+    pub status: &'static str,
+    /// Touches that gave a shift.
+    pub touches: usize,
+    /// Prompts that were answered.
+    pub prompts: u32,
+    /// From beginning to end on the rig's clock, s.
+    pub rig_seconds: f64,
+    /// From beginning to end by the wall clock, s; none while the run goes on.
+    pub wall_seconds: Option<f64>,
+    /// Mean resonance with the probe clear, Hz.
+    pub no_load_hz: Option<f64>,
+    /// The shifts of the main touches.
+    pub shifts: Vec<ShiftSummary>,
+    /// Shift against known stiffness: the chord from the softest to the stiffest sample at the
+    /// smallest angle, mean of the directions, Hz/MPa.
+    pub sensitivity_hz_per_mpa: Option<f64>,
+    /// The blind touches.
+    pub classification: Option<ClassificationSummary>,
+    /// The report.
+    pub report: PathBuf,
+    /// The folder with the data.
+    pub data: PathBuf,
+}
+
+/// The shift of one sample at one pose.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ShiftSummary {
+    /// Name of the sample.
+    pub sample: String,
+    /// The direction: `front`, `back` or `left`.
+    pub direction: &'static str,
+    /// The contact angle, degrees.
+    pub angle_deg: f64,
+    /// The shift, Hz; the mean of the repeats.
+    pub shift_hz: f64,
+    /// Its standard deviation from the fits, Hz.
+    pub sigma_hz: f64,
+}
+
+/// How well the blind touches were recognised.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ClassificationSummary {
+    /// Blind touches.
+    pub trials: u32,
+    /// Of which in the cluster of their sample.
+    pub correct: u32,
+    /// The share of these.
+    pub rate: f64,
+}
+
+pub(super) fn summary(
+    run: &Run,
+    data: &RunData,
+    results: &RunResults,
+    folder: &Path,
+) -> RunSummary {
+    let shift = |cell: &rig_analysis::shift::Cell| ShiftSummary {
+        sample: data.samples()[cell.sample].name.clone(),
+        direction: DIRECTIONS[cell.direction].name(),
+        angle_deg: cell.angle_deg,
+        shift_hz: cell.mean.shift_hz,
+        sigma_hz: cell.mean.sigma_hz,
+    };
+    let classification = results.classification.as_ref().and_then(|classification| {
+        let score = &classification.score;
+        let (trials, correct, rate) = (score.trials, score.correct, score.rate()?);
+        Some(ClassificationSummary { trials, correct, rate })
+    });
+    RunSummary {
+        run_id: run.id.to_string(),
+        status: run.status.name(),
+        touches: data.touches.len(),
+        prompts: data.prompts,
+        rig_seconds: data.rig_s(),
+        wall_seconds: run.wall_s,
+        no_load_hz: results.no_load.map(|no_load| no_load.mean_hz),
+        shifts: results.cells.iter().map(shift).collect(),
+        sensitivity_hz_per_mpa: results
+            .sensitivity
+            .as_ref()
+            .map(|found| found.sensitivity.chord.hz_per_mpa),
+        classification,
+        report: folder.join("report.html"),
+        data: folder.to_path_buf(),
+    }
+}

@@ -1,0 +1,181 @@
+//! The report of runs that went well, went wrong, and never began.
+
+mod sample;
+
+use rig_store::{Chain, Flaw, Verdict};
+
+use super::*;
+use sample::{SampleRun, Story};
+
+fn rendered(story: Story) -> String {
+    let sample = SampleRun::new(story);
+    render(&sample.run, &sample.chain).unwrap()
+}
+
+/// The text of an element with this opening tag.
+#[track_caller]
+fn inside<'a>(html: &'a str, open: &str, close: &str) -> &'a str {
+    let start = html.find(open).unwrap_or_else(|| panic!("no {open}")) + open.len();
+    &html[start..start + html[start..].find(close).unwrap()]
+}
+
+/// Every tag is closed in its order, and no id is given twice.
+#[track_caller]
+fn check_markup(html: &str) {
+    let (mut open, mut ids) = (Vec::new(), Vec::new());
+    for piece in html.split('<').skip(1) {
+        let tag = piece.split('>').next().unwrap();
+        let name = tag.split([' ', '/']).find(|word| !word.is_empty()).unwrap();
+        if let Some(id) = tag.split(" id=\"").nth(1) {
+            ids.push(id.split('"').next().unwrap());
+        }
+        match tag {
+            _ if tag.starts_with('/') => assert_eq!(open.pop(), Some(name), "near <{piece}"),
+            _ if tag.ends_with('/') || ["!DOCTYPE", "meta", "br"].contains(&name) => {}
+            _ => open.push(name),
+        }
+    }
+    assert_eq!(open, [""; 0]);
+    let count = ids.len();
+    ids.sort_unstable();
+    ids.dedup();
+    assert_eq!(ids.len(), count, "an id is given twice");
+}
+
+#[test]
+fn every_report_is_one_well_formed_file_that_asks_nobody_for_anything() {
+    for story in [Story::Complete, Story::Faulted, Story::Empty] {
+        let html = rendered(story);
+        check_markup(&html);
+        let foreign = html.replace("http://www.w3.org/2000/svg", "");
+        for call in ["http:", "https:", "src=", "href=", "<script", "@import", "url(http"] {
+            assert!(!foreign.contains(call), "{story:?}: {call}");
+        }
+        assert!(!html.contains("NaN"), "{story:?}");
+        assert!(!html.contains("chart:"), "{story:?}: a chart could not be drawn");
+    }
+}
+
+#[test]
+fn a_complete_run_has_every_figure() {
+    let html = rendered(Story::Complete);
+    let figures = ["samples", "front", "back", "left", "mean", "blind", "no-load", "size", "phase"];
+    for figure in figures {
+        assert!(html.contains(&format!("<title id=\"fig-{figure}-t\">")), "{figure}");
+    }
+    assert_eq!(html.matches("<svg ").count(), figures.len());
+    assert_eq!(html.matches("class=\"note\"").count(), 0);
+    assert!(html.contains("<summary>Protocol “three-direction”</summary>"));
+}
+
+#[test]
+fn as_many_touches_are_ringed_as_are_wrong() {
+    let sample = SampleRun::new(Story::Complete);
+    let html = render(&sample.run, &sample.chain).unwrap();
+    let folder = Path::new("run");
+    let found = summary(&sample.run, &sample.chain.records, folder).unwrap();
+    let blind = found.classification.unwrap();
+    assert!(0 < blind.correct && blind.correct < blind.trials, "nothing to be seen: {blind:?}");
+    let figure = inside(&html, "<title id=\"fig-blind-t\">", "</svg>");
+    let rings = figure.matches("class=\"open s6\"").count();
+    // One is in the legend.
+    assert_eq!(rings, (blind.trials - blind.correct) as usize + 1);
+    assert!(html.contains(&format!("<b>{} of 50 blind touches", blind.correct)));
+}
+
+#[test]
+fn a_faulted_run_says_what_happened_first_and_what_is_missing() {
+    let html = rendered(Story::Faulted);
+    let alarm = inside(&html, "<p class=\"alarm\">", "</p>");
+    assert_eq!(
+        alarm,
+        "<b>Fault in main/1/back/45/1.</b> linear stage: no answer within 100 ms. The probe was in \
+         contact. Check the cable of the &lt;linear stage&gt;."
+    );
+    assert!(html.find("class=\"alarm\"").unwrap() < html.find("class=\"tiles\"").unwrap());
+    assert!(html.contains("<span class=\"status failed\">faulted</span>"));
+    assert!(html.contains("No blind touches were classified."));
+    assert!(html.contains("7 <small>"));
+    assert!(!html.contains("fig-left"), "nothing was touched from the left");
+}
+
+#[test]
+fn a_damaged_journal_is_reported_as_far_as_it_can_be_read() {
+    let sample = SampleRun::new(Story::Complete);
+    let keep = 200;
+    let verdict = Verdict::Broken { seq: keep as u64 + 1, flaw: Flaw::Altered };
+    let chain = Chain { records: sample.chain.records[..keep].to_vec(), verdict };
+    let html = render(&sample.run, &chain).unwrap();
+    check_markup(&html);
+    assert!(html.contains(
+        "<b>The journal of this run is damaged.</b> Record 201: the record is not what was written."
+    ));
+    assert!(html.contains("fig-mean"));
+}
+
+#[test]
+fn a_program_finds_the_fields_that_it_was_promised() {
+    let sample = SampleRun::new(Story::Complete);
+    let found = summary(&sample.run, &sample.chain.records, Path::new("runs/1")).unwrap();
+    let json = serde_json::to_value(&found).unwrap();
+    let fields = |value: &serde_json::Value| {
+        value.as_object().unwrap().keys().cloned().collect::<Vec<_>>().join(" ")
+    };
+    assert_eq!(
+        fields(&json),
+        "classification data no_load_hz prompts report rig_seconds run_id \
+         sensitivity_hz_per_mpa shifts status touches wall_seconds"
+    );
+    assert_eq!(fields(&json["shifts"][0]), "angle_deg direction sample shift_hz sigma_hz");
+    assert_eq!(fields(&json["classification"]), "correct rate trials");
+    assert_eq!(json["status"], "completed");
+    assert_eq!(json["touches"], 110);
+    assert_eq!(json["prompts"], 65);
+    assert_eq!(json["rig_seconds"], 1297.0);
+    assert_eq!(json["wall_seconds"], 4.18);
+    assert_eq!(json["report"], "runs/1/report.html");
+    assert_eq!(found.shifts.len(), 60);
+}
+
+#[test]
+fn the_numbers_are_those_of_the_touches() {
+    let sample = SampleRun::new(Story::Complete);
+    let found = summary(&sample.run, &sample.chain.records, Path::new("run")).unwrap();
+    let touches: Vec<rig_store::Touch> = sample
+        .chain
+        .records
+        .iter()
+        .filter_map(|stored| match stored.record().unwrap() {
+            rig_store::Record::TouchResult(touch) => Some(touch),
+            _ => None,
+        })
+        .collect();
+    for shift in &found.shifts {
+        let touch = touches.iter().find(|touch| {
+            let settings = &touch.touch;
+            settings.phase == rig_store::Phase::Main
+                && settings.sample == shift.sample
+                && settings.pose.direction.name() == shift.direction
+                && settings.pose.angle_deg == shift.angle_deg
+        });
+        let touch = touch.unwrap();
+        assert_eq!((shift.shift_hz, shift.sigma_hz), (touch.shift_hz, touch.shift_sigma_hz));
+    }
+    let mean_at_normal = |name: &str| {
+        let at_normal = |shift: &&ShiftSummary| shift.sample == name && shift.angle_deg == 0.0;
+        found.shifts.iter().filter(at_normal).map(|shift| shift.shift_hz).sum::<f64>() / 3.0
+    };
+    let chord = (mean_at_normal("5") - mean_at_normal("1")) / (0.649 - 0.045);
+    assert!((found.sensitivity_hz_per_mpa.unwrap() - chord).abs() < 1e-9, "{chord}");
+    let no_load = touches.iter().map(|touch| touch.no_load_hz).sum::<f64>() / 110.0;
+    assert!((found.no_load_hz.unwrap() - no_load).abs() < 1e-9, "{no_load}");
+}
+
+#[test]
+fn a_person_at_a_terminal_reads_a_table() {
+    let sample = SampleRun::new(Story::Complete);
+    insta::assert_snapshot!(text(&sample.run, &sample.chain.records).unwrap());
+    let sample = SampleRun::new(Story::Empty);
+    let nothing = text(&sample.run, &sample.chain.records).unwrap();
+    assert_eq!(nothing, "aborted: 0 touches, 0.0 s of rig time in 4.2 s\n");
+}

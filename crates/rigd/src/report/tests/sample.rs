@@ -1,0 +1,261 @@
+//! A run of the paper's protocol as its journal would hold it.
+
+use std::{
+    fs,
+    path::PathBuf,
+    sync::atomic::{AtomicU32, Ordering},
+};
+
+use rig_resonance::Circuit;
+use rig_store::{
+    Chain, Clearance, Device, Direction, Ending, Fault, Journal, Phase, PlanSize, Pose, Prompt,
+    PromptAnswered, PromptAsked, Reader, Reading, ReadingFlag, Record, Run, RunFinished, RunId,
+    RunKind, RunStarted, Sample, Source, Store, Sweep, SweepPurpose, SweepVerdict, Touch,
+    TouchSettings,
+};
+
+const SAMPLES: [(&str, f64); 5] =
+    [("1", 0.045), ("2", 0.104), ("3", 0.235), ("4", 0.320), ("5", 0.649)];
+const NO_LOAD_HZ: f64 = 137.6;
+
+/// What the sample run goes through.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Story {
+    /// Every touch of the paper, all well.
+    Complete,
+    /// A fault after seven touches.
+    Faulted,
+    /// Ended before anything was measured.
+    Empty,
+}
+
+/// A journal with one run in a directory that is removed with the value.
+pub(super) struct SampleRun {
+    directory: PathBuf,
+    pub(super) run: Run,
+    pub(super) chain: Chain,
+}
+
+impl Drop for SampleRun {
+    fn drop(&mut self) {
+        _ = fs::remove_dir_all(&self.directory);
+    }
+}
+
+impl SampleRun {
+    pub(super) fn new(story: Story) -> Self {
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        let number = COUNT.fetch_add(1, Ordering::Relaxed);
+        let name = format!("rigd-report-{}-{number}", std::process::id());
+        let directory = std::env::temp_dir().join(name);
+        let store = Store::open(&directory).unwrap();
+        let journal = store.begin(RunKind::Run, "three-direction").unwrap();
+        let id = Teller { journal, now_us: 12_000_000, sweeps: 0, noise: 7 }.tell(story);
+        let reader = Reader::open(&directory).unwrap();
+        let mut run = reader.run(id).unwrap();
+        // What differs from one run of the tests to the next.
+        run.started_at = "2026-11-21T08:15:42.120Z".to_owned();
+        run.finished_at = Some("2026-11-21T08:15:46.300Z".to_owned());
+        run.wall_s = Some(4.18);
+        let chain = reader.chain(id).unwrap();
+        Self { directory, run, chain }
+    }
+}
+
+struct Teller {
+    journal: Journal,
+    now_us: u64,
+    sweeps: u64,
+    noise: u64,
+}
+
+impl Teller {
+    fn tell(mut self, story: Story) -> RunId {
+        self.write(&started());
+        let ending = match story {
+            Story::Complete => {
+                self.main_touches(usize::MAX);
+                self.blind_touches();
+                Ending::Completed
+            }
+            Story::Faulted => {
+                self.main_touches(7);
+                self.write(&Record::Fault(Fault {
+                    step: Some("main/1/back/45/1".to_owned()),
+                    cause: "linear stage: no answer within 100 ms".to_owned(),
+                    probe: Clearance::InContact,
+                    hint: "Check the cable of the <linear stage>.".to_owned(),
+                }));
+                Ending::Faulted
+            }
+            Story::Empty => Ending::Aborted,
+        };
+        self.write(&Record::RunFinished(RunFinished { status: ending }));
+        self.journal.commit().unwrap();
+        self.journal.id()
+    }
+
+    fn write(&mut self, record: &Record) {
+        self.journal.append(self.now_us, record).unwrap();
+    }
+
+    fn main_touches(&mut self, most: usize) {
+        let mut told = 0;
+        for (sample, (name, _)) in SAMPLES.into_iter().enumerate() {
+            for direction in [Direction::Front, Direction::Back, Direction::Left] {
+                self.ask(name);
+                for angle_deg in [0.0, 15.0, 30.0, 45.0] {
+                    if told == most {
+                        return;
+                    }
+                    self.touch(Phase::Main, sample, Pose { direction, angle_deg }, 1);
+                    told += 1;
+                }
+            }
+        }
+    }
+
+    fn blind_touches(&mut self) {
+        for trial in 1..=50 {
+            let sample = self.below(5);
+            let direction = [Direction::Front, Direction::Back, Direction::Left][self.below(3)];
+            let angle_deg = 45.0 * self.unit();
+            self.ask(SAMPLES[sample].0);
+            self.touch(Phase::Blind, sample, Pose { direction, angle_deg }, trial);
+        }
+    }
+
+    fn ask(&mut self, name: &str) {
+        let step = format!("prompt/{}", self.sweeps);
+        let prompt = Prompt::PlaceSample { sample: name.to_owned() };
+        self.write(&Record::PromptAsked(PromptAsked { step: step.clone(), prompt }));
+        self.now_us += 1_000_000;
+        let by = "simulated person".to_owned();
+        self.write(&Record::PromptAnswered(PromptAnswered { step, by }));
+    }
+
+    fn touch(&mut self, phase: Phase, sample: usize, pose: Pose, repeat: u32) {
+        let (name, stiffness_mpa) = SAMPLES[sample];
+        let direction = pose.direction.name();
+        let step = format!("{}/{name}/{direction}/{}/{repeat}", phase.name(), pose.angle_deg);
+        let drift_hz = -2e-5 * self.now_us as f64 * 1e-6;
+        let no_load_hz = NO_LOAD_HZ + drift_hz + 0.01 * self.about_zero();
+        self.sweep(SweepPurpose::NoLoad, &step, pose, no_load_hz, 60.0);
+        let lean = match pose.direction {
+            Direction::Front => 0.14,
+            Direction::Back => 0.26,
+            Direction::Left => 0.20,
+        };
+        let fall = 1.0 - lean * (pose.angle_deg / 45.0).powi(2);
+        let level = 134.0 * stiffness_mpa * (1.22 - 0.34 * stiffness_mpa);
+        let shift_hz = level * fall * (1.0 + 0.015 * self.about_zero());
+        self.sweep(SweepPurpose::Touch, &step, pose, no_load_hz + shift_hz, 22.0);
+        self.write(&Record::TouchResult(Touch {
+            touch: TouchSettings { step, phase, sample: name.to_owned(), pose, repeat },
+            no_load_sweep: self.sweeps - 1,
+            no_load_hz,
+            no_load_sigma_hz: 0.012,
+            sweep: self.sweeps,
+            resonance_hz: no_load_hz + shift_hz,
+            sigma_hz: 0.05,
+            shift_hz,
+            shift_sigma_hz: 0.05_f64.hypot(0.012),
+            surface_mm: 10.1,
+            surface_sigma_mm: 0.003,
+            indentation_mm: 0.5,
+        }));
+    }
+
+    fn sweep(&mut self, purpose: SweepPurpose, step: &str, pose: Pose, resonance_hz: f64, q: f64) {
+        self.sweeps += 1;
+        let (c0_farad, ratio, loss_tangent) = (27.4e-9, 0.05, 0.018);
+        let c1_farad = ratio * c0_farad;
+        let circuit = Circuit { resonance_hz, q, c0_farad, c1_farad, loss_tangent };
+        let mut readings = Vec::new();
+        for index in 0..24_u32 {
+            let off = (f64::from(index) - 11.5) / 11.5;
+            let frequency_hz = resonance_hz * (1.0 + 0.12 * off * off * off.signum());
+            let impedance_ohm = circuit.impedance_ohm(frequency_hz);
+            let noise = 1.0 + 0.004 * self.about_zero();
+            readings.push(Reading {
+                frequency_hz,
+                resistance_ohm: impedance_ohm.re * noise,
+                reactance_ohm: impedance_ohm.im * noise,
+                started_s: self.now_us as f64 * 1e-6,
+                settle_s: 0.05,
+                integration_s: 0.1,
+                flag: ReadingFlag::Normal,
+            });
+            self.now_us += 150_000;
+        }
+        let circuit = rig_store::Circuit {
+            quality_factor: q,
+            static_capacitance_f: c0_farad,
+            capacitance_ratio: ratio,
+            loss_tangent,
+        };
+        self.write(&Record::Sweep(Sweep {
+            number: self.sweeps,
+            purpose,
+            step: Some(step.to_owned()),
+            pose: Some(pose),
+            readings,
+            looks: 0,
+            verdict: SweepVerdict::Accepted {
+                resonance_hz,
+                sigma_hz: 0.012,
+                circuit: Some(circuit),
+            },
+        }));
+        self.now_us += 2_000_000;
+    }
+
+    /// Evenly between 0 and 1 (Knuth's MMIX generator).
+    fn unit(&mut self) -> f64 {
+        self.noise = self.noise.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.noise >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    fn below(&mut self, bound: u8) -> usize {
+        (0..bound)
+            .rev()
+            .find(|&low| self.unit() * f64::from(low + 1) >= f64::from(low))
+            .unwrap_or(0)
+            .into()
+    }
+
+    /// About zero with unit variance.
+    fn about_zero(&mut self) -> f64 {
+        (0..12).map(|_| self.unit()).sum::<f64>() - 6.0
+    }
+}
+
+fn started() -> Record {
+    let source = |name: &str, toml: &str| Source { name: name.to_owned(), toml: toml.to_owned() };
+    let device = |role: &str, identity: &str| Device {
+        role: role.to_owned(),
+        identity: identity.to_owned(),
+    };
+    let sample = |(name, stiffness): (&str, f64)| Sample {
+        name: name.to_owned(),
+        stiffness_mpa: Some(stiffness),
+    };
+    Record::RunStarted(RunStarted {
+        software: "rigd 0.1.0".to_owned(),
+        seed: 2020,
+        protocol: source(
+            "three-direction",
+            "name = \"three-direction\"\nangles_deg = [0, 15, 30, 45]\n",
+        ),
+        rig: source("simulated", "name = \"simulated\"\n"),
+        scene: Some(source("paper", "name = \"paper\"\n")),
+        devices: vec![
+            device("analyzer", "HIOKI,IM3536,170614127,V2.00"),
+            device("linear stage", "Oriental Motor AZ, unit 1"),
+            device("rotary stage", "Oriental Motor AZ, unit 2"),
+        ],
+        samples: SAMPLES.map(sample).to_vec(),
+        plan: PlanSize { steps: 177, touches: 110, prompts: 65 },
+        classes: Some(5),
+    })
+}

@@ -1,0 +1,265 @@
+//! The rig at run time: a thread of its own that carries the engine's effects to the devices and
+//! their reports back, and a handle by which everyone else speaks to it.
+//!
+//! ```text
+//!  HTTP, terminal ──▶ RigHandle ══ bounded channel ══▶ rig thread: engine ⇄ devices
+//!                         ▲                                 │
+//!                         └────────── watch of Status ◀─────┴──▶ journal
+//! ```
+//!
+//! Nothing but that channel and that watch is shared. A web client can be slow, many or hostile
+//! without the rig noticing.
+
+mod devices;
+mod open;
+mod record;
+mod shell;
+
+use std::{path::PathBuf, sync::Arc, thread};
+
+use rig_engine::{Command, Denied, Snapshot};
+use rig_model::{Bench, RigTime, SweepRequest};
+use rig_protocol::{Action, Plan, Prompt};
+use rig_store::{RunId, StoreError};
+use tokio::sync::{mpsc, oneshot, watch};
+
+pub use open::OpenError;
+
+use crate::{describe, loaded_rig::LoadedRig, protocol_file::LoadedProtocol};
+
+/// Commands wait here while the rig thread is busy for a moment. One person and one program
+/// together never have as many outstanding.
+const REQUESTS_MAX: usize = 64;
+
+/// Speaks to the rig thread.
+#[derive(Debug, Clone)]
+pub struct RigHandle {
+    requests: mpsc::Sender<Request>,
+    status: watch::Receiver<Status>,
+}
+
+/// The rig thread; dropping this does not stop it, [`RigHandle::close`] does.
+#[derive(Debug)]
+pub struct RigThread {
+    thread: thread::JoinHandle<()>,
+}
+
+/// What the rig is doing, for whoever watches.
+#[derive(Debug, Clone)]
+pub struct Status {
+    /// The engine's view.
+    pub snapshot: Snapshot,
+    /// Now, on the rig's clock.
+    pub now: RigTime,
+    /// The run under way or the last one.
+    pub run: Option<RunView>,
+    /// The journal of what happens between runs.
+    pub session: RunId,
+    /// Number of the manual sweep under way.
+    pub sweep: Option<u64>,
+    /// How many manual sweeps were begun in this session.
+    pub sweeps: u64,
+    /// Who answered on the ports.
+    pub devices: Arc<[Identity]>,
+    /// The newest event in the journal.
+    pub last_event: u64,
+    /// Why the journal cannot be written any more.
+    pub journal_error: Option<Arc<str>>,
+}
+
+/// A run as it is watched.
+#[derive(Debug, Clone)]
+pub struct RunView {
+    /// Its id.
+    pub id: RunId,
+    /// What it replays.
+    pub plan: Arc<Plan>,
+    /// When it began, on the rig's clock.
+    pub started: RigTime,
+    /// How long it was expected to take, s.
+    pub expected_s: f64,
+    /// The touches that are done.
+    pub touches_done: usize,
+    /// How it ended.
+    pub ending: Option<rig_engine::RunStatus>,
+}
+
+/// A device that answered.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Identity {
+    /// What it is on the rig, such as `analyzer`.
+    pub role: &'static str,
+    /// What it says that it is.
+    pub identity: String,
+}
+
+/// Why a request was not taken.
+#[derive(Debug, Clone, thiserror::Error)]
+pub enum Refusal {
+    /// The state forbids it.
+    #[error(transparent)]
+    Denied(#[from] Denied),
+    /// It names a run that is not the one under way.
+    #[error("run {run} is not under way")]
+    NotUnderWay {
+        /// The run named.
+        run: RunId,
+    },
+    /// The journal cannot be written, so nothing may begin.
+    #[error("the journal cannot be written: {reason}")]
+    Journal {
+        /// What the store says.
+        reason: Arc<str>,
+    },
+    /// The rig thread has ended.
+    #[error("the rig has been closed")]
+    Closed,
+}
+
+/// A message to the rig thread.
+#[derive(Debug)]
+enum Request {
+    Run {
+        protocol: Box<LoadedProtocol>,
+        by: String,
+        reply: oneshot::Sender<Result<RunId, Refusal>>,
+    },
+    Sweep {
+        request: SweepRequest,
+        by: String,
+        reply: oneshot::Sender<Result<u64, Refusal>>,
+    },
+    Command {
+        command: Command,
+        run: Option<RunId>,
+        by: String,
+        reply: oneshot::Sender<Result<(), Refusal>>,
+    },
+    Close {
+        reply: oneshot::Sender<()>,
+    },
+}
+
+/// Opens a rig on a thread of its own, and brings it into service.
+///
+/// Returns when every device has answered; homing and proving the probe clear go on, as
+/// [`Status`] shows.
+///
+/// # Errors
+/// [`OpenError`] names the device or the directory, what was tried, and what to do.
+pub fn open(rig: LoadedRig, data: PathBuf) -> Result<(RigHandle, RigThread), OpenError> {
+    let (requests, inbox) = mpsc::channel(REQUESTS_MAX);
+    let (opened, is_open) = std::sync::mpsc::sync_channel(1);
+    let thread = thread::Builder::new()
+        .name("rig".to_owned())
+        .spawn(move || shell::run(rig, data, inbox, &opened))
+        .map_err(|source| OpenError::Thread { source })?;
+    match is_open.recv() {
+        Ok(Ok(status)) => Ok((RigHandle { requests, status }, RigThread { thread })),
+        Ok(Err(error)) => Err(error),
+        Err(_) => Err(OpenError::Gone),
+    }
+}
+
+impl RigThread {
+    /// Waits until the thread has ended.
+    pub fn join(self) {
+        // A panic has been reported by the panic hook already.
+        _ = self.thread.join();
+    }
+}
+
+impl RigHandle {
+    /// The status, as it is now and as it changes.
+    pub fn status(&self) -> watch::Receiver<Status> {
+        self.status.clone()
+    }
+
+    /// Replays a protocol.
+    ///
+    /// # Errors
+    /// [`Refusal`]; nothing has changed then.
+    pub async fn run(&self, protocol: LoadedProtocol, by: &str) -> Result<RunId, Refusal> {
+        let (reply, answer) = oneshot::channel();
+        let protocol = Box::new(protocol);
+        self.ask(Request::Run { protocol, by: by.to_owned(), reply }, answer).await?
+    }
+
+    /// Measures one resonance at the present pose and returns the number of the sweep.
+    ///
+    /// # Errors
+    /// [`Refusal`]; nothing has changed then.
+    pub async fn sweep(&self, request: SweepRequest, by: &str) -> Result<u64, Refusal> {
+        let (reply, answer) = oneshot::channel();
+        self.ask(Request::Sweep { request, by: by.to_owned(), reply }, answer).await?
+    }
+
+    /// Gives a command; with `run`, only if that run is under way.
+    ///
+    /// # Errors
+    /// [`Refusal`]; nothing has changed then.
+    pub async fn command(
+        &self,
+        command: Command,
+        run: Option<RunId>,
+        by: &str,
+    ) -> Result<(), Refusal> {
+        let (reply, answer) = oneshot::channel();
+        self.ask(Request::Command { command, run, by: by.to_owned(), reply }, answer).await?
+    }
+
+    /// Ends what is under way, leaves the probe clear, and ends the rig thread.
+    pub async fn close(&self) {
+        let (reply, answer) = oneshot::channel();
+        // A rig that is closed already is closed.
+        _ = self.ask(Request::Close { reply }, answer).await;
+    }
+
+    async fn ask<T>(&self, request: Request, answer: oneshot::Receiver<T>) -> Result<T, Refusal> {
+        self.requests.send(request).await.map_err(|_| Refusal::Closed)?;
+        answer.await.map_err(|_| Refusal::Closed)
+    }
+}
+
+impl From<StoreError> for Refusal {
+    fn from(error: StoreError) -> Self {
+        Self::Journal { reason: error.to_string().into() }
+    }
+}
+
+impl RunView {
+    /// What a step of this run does.
+    pub fn describe_step(&self, index: usize) -> String {
+        describe::step(&self.plan, index)
+    }
+
+    /// What a person is asked to do.
+    pub fn ask(&self, prompt: &Prompt) -> String {
+        describe::prompt(&self.plan, prompt)
+    }
+
+    /// How much longer the run will take, s, by the rig's clock. The plan knows how its steps
+    /// compare; what the rig has needed so far says how it compares with the plan.
+    pub fn remaining_s(&self, elapsed_s: f64) -> f64 {
+        let is_touch = |step: &&rig_protocol::Step| matches!(step.action, Action::Touch(_));
+        let touches = self.plan.steps.iter().filter(is_touch).count();
+        let left = touches.saturating_sub(self.touches_done) as f64;
+        let planned_s = self.expected_s * left / touches.max(1) as f64;
+        if self.touches_done < PACE_FROM_TOUCHES {
+            return planned_s;
+        }
+        elapsed_s / self.touches_done as f64 * left
+    }
+}
+
+/// From this many touches on, what they took says more about the rest than the plan.
+const PACE_FROM_TOUCHES: usize = 5;
+
+/// What the rig thread knows of the rig besides its devices.
+#[derive(Debug)]
+struct Setting {
+    bench: Bench,
+    rig: rig_store::Source,
+    scene: Option<rig_store::Source>,
+    devices: Arc<[Identity]>,
+}

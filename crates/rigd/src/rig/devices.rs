@@ -1,0 +1,116 @@
+//! Carries an operation of the engine out on the drivers.
+
+use rig_analyzer::{Analyzer, AnalyzerError};
+use rig_engine::{Device, Failure, FailureKind, Operation, Report};
+use rig_link::StopSignal;
+use rig_model::{Deg, Mm, Unit};
+use rig_stage::{BusError, Stage, StageError};
+
+/// The drivers of the three devices.
+#[derive(Debug)]
+pub(super) struct Devices {
+    pub(super) analyzer: Analyzer,
+    pub(super) linear: Stage<Mm>,
+    pub(super) rotary: Stage<Deg>,
+}
+
+impl Devices {
+    /// Does what is asked and says how it ended. Not cancel-safe: a future that is dropped may
+    /// leave half a frame on the line. `stop` ends it early.
+    pub(super) async fn perform(
+        &mut self,
+        operation: &Operation,
+        stop: &StopSignal,
+    ) -> Result<Report, Failure> {
+        match operation {
+            Operation::PrepareLinear => {
+                prepare(&mut self.linear, stop, Device::LinearStage).await.map(Report::LinearAt)
+            }
+            Operation::PrepareRotary => {
+                prepare(&mut self.rotary, stop, Device::RotaryStage).await.map(Report::RotaryAt)
+            }
+            &Operation::MoveLinear { target, speed_mm_per_s } => self
+                .linear
+                .move_to(target, speed_mm_per_s, stop)
+                .await
+                .map(Report::LinearAt)
+                .map_err(|error| stage_failure(Device::LinearStage, &error)),
+            &Operation::MoveRotary { target, speed_deg_per_s } => self
+                .rotary
+                .move_to(target, speed_deg_per_s, stop)
+                .await
+                .map(Report::RotaryAt)
+                .map_err(|error| stage_failure(Device::RotaryStage, &error)),
+            Operation::Measure { points, level } => {
+                self.measure(points, *level, stop).await.map(Report::Measured)
+            }
+            Operation::StopMotion => {
+                // Both are told, whatever the first one answers.
+                let rotary = self.rotary.stop().await;
+                let linear = self.linear.stop().await;
+                rotary.map_err(|error| stage_failure(Device::RotaryStage, &error))?;
+                linear.map_err(|error| stage_failure(Device::LinearStage, &error))?;
+                Ok(Report::Stopped)
+            }
+        }
+    }
+
+    async fn measure(
+        &mut self,
+        points: &[rig_model::SweepPoint],
+        level: rig_model::DriveLevel,
+        stop: &StopSignal,
+    ) -> Result<Vec<rig_model::Reading>, Failure> {
+        let failure = |error: AnalyzerError| Failure {
+            device: Device::Analyzer,
+            kind: match &error {
+                AnalyzerError::Stopped { .. } => FailureKind::Interrupted,
+                AnalyzerError::Line { .. } | AnalyzerError::Answer { .. } => FailureKind::Line,
+                _ => FailureKind::Refused,
+            },
+            detail: chain(&error),
+        };
+        self.analyzer.configure(level).await.map_err(failure)?;
+        self.analyzer.measure(points, stop).await.map_err(failure)
+    }
+}
+
+/// Clears an old alarm, homes the axis if it is not homed, and reads back where it is.
+async fn prepare<U: Unit>(
+    stage: &mut Stage<U>,
+    stop: &StopSignal,
+    device: Device,
+) -> Result<rig_model::Position<U>, Failure> {
+    let prepared = async {
+        let status = stage.status().await?;
+        if status.alarm.is_some() {
+            stage.reset_alarm().await?;
+        }
+        if !status.is_homed {
+            stage.home(stop).await?;
+        }
+        Ok(stage.status().await?.position)
+    };
+    prepared.await.map_err(|error| stage_failure(device, &error))
+}
+
+fn stage_failure<U: Unit>(device: Device, error: &StageError<U>) -> Failure {
+    let kind = match error {
+        StageError::Stopped { .. } => FailureKind::Interrupted,
+        StageError::Bus { source: BusError::Failed(_), .. } => FailureKind::Line,
+        _ => FailureKind::Refused,
+    };
+    Failure { device, kind, detail: chain(error) }
+}
+
+/// An error with all its causes, in one line.
+pub(super) fn chain(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(source) = cause {
+        text.push_str(": ");
+        text.push_str(&source.to_string());
+        cause = source.source();
+    }
+    text
+}

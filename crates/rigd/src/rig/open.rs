@@ -1,0 +1,213 @@
+//! The one seam between a simulated and a real rig: both end in the same drivers.
+
+use std::{path::PathBuf, sync::Arc};
+
+use rig_analyzer::{Analyzer, AnalyzerError};
+use rig_link::{Clock, Endpoint, LineSettings, Port};
+use rig_model::{Deg, Mm, Unit};
+use rig_protocol::Prompt;
+use rig_sim::{AnalyzerModel, AxisModel, AxisWiring, Person, SimRig, Wiring, device::bus::Carrier};
+use rig_stage::{BusHandle, BusSettings, Stage, StageError};
+use rig_store::StoreError;
+
+use super::{Identity, Setting, devices::Devices};
+use crate::{
+    loaded_rig::{LoadedRig, LoadedScene},
+    rig_file::{PortFile, RigFile},
+};
+
+/// Why a rig cannot be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// The thread of the rig cannot be started.
+    #[error("the rig thread cannot be started: {source}")]
+    Thread {
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The thread of the rig has ended without a word.
+    #[error("the rig thread has ended")]
+    Gone,
+    /// The journal cannot be opened.
+    #[error("data directory {}: {source}", data.display())]
+    Data {
+        /// The directory.
+        data: PathBuf,
+        /// Why.
+        source: StoreError,
+    },
+    /// The scene cannot be set up.
+    #[error("scene: {0}")]
+    Scene(#[from] rig_sim::world::SceneError),
+    /// There is no simulated device of this make.
+    #[error("there is no simulated {make}; choose another make in the rig file, or real ports")]
+    NotSimulated {
+        /// The dialect or the register map.
+        make: &'static str,
+    },
+    /// A port cannot be opened.
+    #[error("{role}: {source}")]
+    Port {
+        /// What is on it.
+        role: &'static str,
+        /// Why.
+        source: rig_link::OpenError,
+    },
+    /// The analyzer does not answer as it should.
+    #[error("{}", super::devices::chain(.0))]
+    Analyzer(#[from] AnalyzerError),
+    /// The linear stage does not answer as it should.
+    #[error("{}", super::devices::chain(.0))]
+    Linear(#[from] StageError<Mm>),
+    /// The rotary stage does not answer as it should.
+    #[error("{}", super::devices::chain(.0))]
+    Rotary(#[from] StageError<Deg>),
+}
+
+/// A rig whose devices have answered.
+pub(super) struct Opened {
+    pub(super) setting: Setting,
+    pub(super) devices: Devices,
+    pub(super) simulation: Option<Simulation>,
+    /// The samples whose stiffness is known, and how stiff they are, MPa.
+    pub(super) known_samples: Vec<(String, f64)>,
+}
+
+/// What there is besides the devices when the rig is simulated.
+pub(super) struct Simulation {
+    person: Person,
+    /// The rig lives as long as this.
+    _rig: SimRig,
+}
+
+impl Simulation {
+    /// Does what a person is asked for.
+    pub(super) fn perform(&self, prompt: &Prompt, samples: &[String]) {
+        match *prompt {
+            Prompt::PlaceSample { sample } => {
+                // The plan was checked against the samples of the scene.
+                if let Some(name) = samples.get(sample)
+                    && let Err(error) = self.person.place_sample(name)
+                {
+                    tracing::error!(%error, "the simulated person found no such sample");
+                }
+            }
+            Prompt::TurnSensor { orientation } => self.person.turn_sensor(orientation),
+        }
+    }
+}
+
+/// Opens the ports of a rig, simulated or real, and has every device identify itself.
+pub(super) async fn open_rig(rig: LoadedRig, clock: Clock) -> Result<Opened, OpenError> {
+    let LoadedRig { file, source, scene } = rig;
+    let scene_source = scene.as_ref().map(|scene| scene.source.clone());
+    let known_samples = if let Some(loaded) = &scene {
+        let samples = loaded.scene.samples.iter();
+        samples.map(|sample| (sample.name.clone(), sample.stiffness_mpa)).collect()
+    } else {
+        let samples = file.samples.iter();
+        samples.map(|sample| (sample.name.clone(), sample.stiffness_mpa)).collect()
+    };
+    let (analyzer_port, bus_port, simulation) = if let Some(scene) = scene {
+        simulated_ports(&file, scene, clock)?
+    } else {
+        let analyzer = open_port("analyzer", &file.analyzer.port, clock).await?;
+        (analyzer, open_port("bus", &file.bus, clock).await?, None)
+    };
+    let mut analyzer = Analyzer::open(analyzer_port, file.analyzer.dialect);
+    let bus = BusHandle::open(bus_port, bus_settings(&file.bus));
+    let mut linear = stage(&bus, &file.linear, file.bench.linear);
+    let mut rotary = stage(&bus, &file.rotary, file.bench.rotary);
+    let identity = analyzer.identify().await?;
+    linear.identify().await?;
+    rotary.identify().await?;
+    let devices: Arc<[Identity]> = Arc::new([
+        Identity { role: "analyzer", identity: identity.to_string() },
+        Identity { role: "linear stage", identity: describe(&file.linear) },
+        Identity { role: "rotary stage", identity: describe(&file.rotary) },
+    ]);
+    let setting = Setting { bench: file.bench, rig: source, scene: scene_source, devices };
+    let devices = Devices { analyzer, linear, rotary };
+    Ok(Opened { setting, devices, simulation, known_samples })
+}
+
+fn stage<U: Unit>(
+    bus: &BusHandle,
+    file: &crate::rig_file::AxisFile<U>,
+    axis: rig_model::Axis<U>,
+) -> Stage<U> {
+    Stage::new(bus.clone(), file.register_map, file.unit_id, file.scale, axis)
+}
+
+/// What a drive is. Few of them say so themselves.
+fn describe<U>(file: &crate::rig_file::AxisFile<U>) -> String {
+    format!("{} at unit {}", file.register_map.name, file.unit_id)
+}
+
+/// Simulated devices are of the makes that the rig file names.
+fn wiring(file: &RigFile) -> Result<Wiring, OpenError> {
+    let analyzer = match file.analyzer.dialect.name {
+        "hioki-im3536" => AnalyzerModel::HiokiIm3536,
+        make => return Err(OpenError::NotSimulated { make }),
+    };
+    Ok(Wiring {
+        analyzer,
+        linear: axis_wiring(&file.linear)?,
+        rotary: axis_wiring(&file.rotary)?,
+        carrier: match line(&file.bus) {
+            Some(line) => Carrier::Serial { baud: line.baud },
+            None => Carrier::Tcp,
+        },
+    })
+}
+
+fn axis_wiring<U: Unit>(file: &crate::rig_file::AxisFile<U>) -> Result<AxisWiring, OpenError> {
+    let model = match file.register_map.name {
+        "oriental-az" => AxisModel::OrientalAz,
+        make => return Err(OpenError::NotSimulated { make }),
+    };
+    Ok(AxisWiring {
+        model,
+        unit_id: file.unit_id,
+        units_per_step: file.scale.per_count,
+        zero: file.scale.zero.value(),
+    })
+}
+
+/// Modbus RTU on a serial line, Modbus TCP on the network.
+const fn bus_settings(port: &PortFile) -> BusSettings {
+    match port {
+        PortFile::Serial { .. } => BusSettings::rtu(),
+        PortFile::Tcp { .. } => BusSettings::tcp(),
+    }
+}
+
+/// How characters travel on a port; on a network connection that is nobody's business.
+const fn line(port: &PortFile) -> Option<LineSettings> {
+    match port {
+        PortFile::Serial { line, .. } => Some(*line),
+        PortFile::Tcp { .. } => None,
+    }
+}
+
+fn simulated_ports(
+    file: &RigFile,
+    scene: LoadedScene,
+    clock: Clock,
+) -> Result<(Port, Port, Option<Simulation>), OpenError> {
+    let seed = scene.scene.seed;
+    let mut rig = SimRig::start(scene.scene, &wiring(file)?, seed)?;
+    let analyzer =
+        Port::new("simulated analyzer", rig.analyzer_port(), line(&file.analyzer.port), clock);
+    let bus = Port::new("simulated bus", rig.bus_port(), line(&file.bus), clock);
+    let simulation = Simulation { person: rig.person(), _rig: rig };
+    Ok((analyzer, bus, Some(simulation)))
+}
+
+async fn open_port(role: &'static str, port: &PortFile, clock: Clock) -> Result<Port, OpenError> {
+    let endpoint = match port {
+        PortFile::Serial { path, line } => Endpoint::Serial { path: path.clone(), line: *line },
+        PortFile::Tcp { address } => Endpoint::Tcp { address: address.clone() },
+    };
+    Port::open(endpoint, clock).await.map_err(|source| OpenError::Port { role, source })
+}

@@ -1,0 +1,323 @@
+//! What happened, as records of the journal.
+//!
+//! The engine speaks of samples and steps by index; a record stands for itself. The recorder of a
+//! run knows the plan and where it stands in it.
+
+use std::sync::Arc;
+
+use rig_engine::{Event, RunStatus, SweepOutcome, SweepPurpose, TouchResult};
+use rig_model::{Clearance, Direction, Mm, Position, Reading, ReadingFlag};
+use rig_protocol::{Action, Phase, Plan, Pose, Prompt, Step};
+use rig_resonance::Verdict;
+use rig_store as store;
+use rig_store::Record;
+
+use super::Setting;
+use crate::{hint, protocol_file::LoadedProtocol};
+
+/// Turns the events of one journal into its records.
+#[derive(Debug)]
+pub(super) struct Recorder {
+    plan: Option<Arc<Plan>>,
+    /// The step under way.
+    index: Option<usize>,
+    /// Sweeps so far.
+    sweeps: u64,
+    /// The last sweep with the probe clear.
+    no_load_sweep: u64,
+    linear: Option<Position<Mm>>,
+}
+
+impl Recorder {
+    /// For the journal between runs.
+    pub(super) const fn for_session() -> Self {
+        Self { plan: None, index: None, sweeps: 0, no_load_sweep: 0, linear: None }
+    }
+
+    /// For the journal of a run.
+    pub(super) const fn for_run(plan: Arc<Plan>) -> Self {
+        Self { plan: Some(plan), index: None, sweeps: 0, no_load_sweep: 0, linear: None }
+    }
+
+    /// The names of the samples.
+    pub(super) fn samples(&self) -> &[String] {
+        self.plan.as_ref().map_or(&[], |plan| &plan.samples)
+    }
+
+    /// The first record of a run.
+    pub(super) fn run_started(
+        protocol: &LoadedProtocol,
+        setting: &Setting,
+        known_samples: &[(String, f64)],
+    ) -> Record {
+        let plan = &protocol.plan;
+        let count = |is_counted: fn(&Action) -> bool| {
+            size(plan.steps.iter().filter(|step| is_counted(&step.action)).count())
+        };
+        let sample = |name: &String| store::Sample {
+            name: name.clone(),
+            stiffness_mpa: known_samples
+                .iter()
+                .find(|(known, _)| known == name)
+                .map(|&(_, stiffness_mpa)| stiffness_mpa),
+        };
+        let device = |device: &super::Identity| store::Device {
+            role: device.role.to_owned(),
+            identity: device.identity.clone(),
+        };
+        Record::RunStarted(store::RunStarted {
+            software: concat!("rigd ", env!("CARGO_PKG_VERSION")).to_owned(),
+            seed: plan.seed,
+            protocol: protocol.source.clone(),
+            rig: setting.rig.clone(),
+            scene: setting.scene.clone(),
+            devices: setting.devices.iter().map(device).collect(),
+            samples: plan.samples.iter().map(sample).collect(),
+            plan: store::PlanSize {
+                steps: size(plan.steps.len()),
+                touches: count(|action| matches!(action, Action::Touch(_))),
+                prompts: count(|action| matches!(action, Action::Prompt(_))),
+            },
+            classes: plan.classes.map(size),
+        })
+    }
+
+    /// The record of an event; a few events have none.
+    pub(super) fn record(&mut self, event: &Event) -> Option<Record> {
+        Some(match event {
+            Event::StateChanged(word) => Record::StateChanged(store::StateChanged {
+                state: word.name().to_owned(),
+                reason: None,
+            }),
+            Event::StepStarted { index } => {
+                self.index = Some(*index);
+                let (plan, step) = (self.plan.as_ref()?, self.step()?);
+                Record::StepStarted(store::StepStarted {
+                    step: step.id.to_string(),
+                    index: size(index + 1),
+                    count: size(plan.steps.len()),
+                    action: self.action(&step.action),
+                })
+            }
+            Event::PromptAsked(prompt) => Record::PromptAsked(store::PromptAsked {
+                step: self.step_id()?,
+                prompt: self.prompt(prompt),
+            }),
+            Event::PromptAnswered { by, .. } => Record::PromptAnswered(store::PromptAnswered {
+                step: self.step_id()?,
+                by: by.clone(),
+            }),
+            Event::Intent { down_to, purpose } => Record::Intent(store::Intent {
+                what: purpose_of(*purpose),
+                axis: store::Axis::LinearMm,
+                from: self.linear.map(Position::value),
+                to: down_to.value(),
+                limit: Some(down_to.value()),
+            }),
+            &Event::LinearMoved { target, read_back } => {
+                self.linear = Some(read_back);
+                moved(store::Axis::LinearMm, target.value(), read_back.value())
+            }
+            &Event::RotaryMoved { target, read_back } => {
+                moved(store::Axis::RotaryDeg, target.value(), read_back.value())
+            }
+            Event::SurfaceFound { position, sigma_mm, trail } => {
+                let tried = |(position, reading): &(Position<Mm>, Reading)| store::SurfaceReading {
+                    position_mm: position.value(),
+                    reading: reading_of(reading),
+                };
+                Record::SurfaceFound(store::Surface {
+                    step: self.step_id()?,
+                    pose: self.pose()?,
+                    position_mm: position.value(),
+                    sigma_mm: *sigma_mm,
+                    trail: trail.iter().map(tried).collect(),
+                })
+            }
+            Event::SweepFinished(outcome) => self.sweep(outcome),
+            Event::TouchFinished(result) => return self.touch(result),
+            Event::Operator { action, by } => {
+                Record::Operator(store::Operator { action: (*action).to_owned(), who: by.clone() })
+            }
+            Event::Faulted { fault, clearance } => Record::Fault(store::Fault {
+                step: self.step_id(),
+                cause: fault.to_string(),
+                probe: clearance_of(*clearance),
+                hint: hint::after(fault, *clearance).to_owned(),
+            }),
+            Event::RunFinished(status) => {
+                let status = match status {
+                    RunStatus::Completed => store::Ending::Completed,
+                    RunStatus::Aborted => store::Ending::Aborted,
+                    RunStatus::Faulted => store::Ending::Faulted,
+                };
+                Record::RunFinished(store::RunFinished { status })
+            }
+        })
+    }
+
+    fn step(&self) -> Option<&Step> {
+        self.plan.as_ref()?.steps.get(self.index?)
+    }
+
+    fn step_id(&self) -> Option<String> {
+        self.step().map(|step| step.id.to_string())
+    }
+
+    fn pose(&self) -> Option<store::Pose> {
+        match self.step()?.action {
+            Action::NoLoad(pose) => Some(pose_of(pose)),
+            Action::Touch(touch) => Some(pose_of(touch.pose)),
+            Action::Prompt(_) => None,
+        }
+    }
+
+    fn sample(&self, index: usize) -> String {
+        self.samples().get(index).cloned().unwrap_or_default()
+    }
+
+    fn prompt(&self, prompt: &Prompt) -> store::Prompt {
+        match *prompt {
+            Prompt::PlaceSample { sample } => {
+                store::Prompt::PlaceSample { sample: self.sample(sample) }
+            }
+            Prompt::TurnSensor { orientation } => {
+                store::Prompt::TurnSensor { orientation: orientation.name().to_owned() }
+            }
+        }
+    }
+
+    fn action(&self, action: &Action) -> store::Action {
+        match action {
+            Action::Prompt(prompt) => store::Action::Prompt { prompt: self.prompt(prompt) },
+            Action::NoLoad(pose) => store::Action::NoLoad { pose: pose_of(*pose) },
+            Action::Touch(touch) => store::Action::Touch {
+                phase: phase_of(touch.phase),
+                sample: self.sample(touch.sample),
+                pose: pose_of(touch.pose),
+                repeat: touch.repeat,
+            },
+        }
+    }
+
+    fn sweep(&mut self, outcome: &SweepOutcome) -> Record {
+        self.sweeps += 1;
+        if outcome.purpose == SweepPurpose::NoLoad {
+            self.no_load_sweep = self.sweeps;
+        }
+        let verdict = match &outcome.verdict {
+            Verdict::Accepted(resonance) => store::SweepVerdict::Accepted {
+                resonance_hz: resonance.resonance_hz,
+                sigma_hz: resonance.sigma_hz,
+                circuit: Some(store::Circuit {
+                    quality_factor: resonance.q,
+                    static_capacitance_f: resonance.c0_farad,
+                    capacitance_ratio: {
+                        let circuit = resonance.circuit();
+                        circuit.c1_farad / circuit.c0_farad
+                    },
+                    loss_tangent: resonance.loss_tangent,
+                }),
+            },
+            Verdict::Refused(refusal) => {
+                store::SweepVerdict::Refused { reason: refusal.to_string() }
+            }
+        };
+        Record::Sweep(store::Sweep {
+            number: self.sweeps,
+            purpose: match outcome.purpose {
+                SweepPurpose::NoLoad => store::SweepPurpose::NoLoad,
+                SweepPurpose::Touch => store::SweepPurpose::Touch,
+                SweepPurpose::Manual => store::SweepPurpose::Manual,
+            },
+            step: self.step_id(),
+            pose: self.pose(),
+            readings: outcome.readings.iter().map(reading_of).collect(),
+            looks: outcome.looks,
+            verdict,
+        })
+    }
+
+    /// A touch whose resonance was refused has a sweep that says why, and no result.
+    fn touch(&self, result: &TouchResult) -> Option<Record> {
+        let (shift_hz, shift_sigma_hz) = result.shift_hz()?;
+        let loaded = result.loaded.as_ref()?;
+        let touch = &result.touch;
+        Some(Record::TouchResult(store::Touch {
+            touch: store::TouchSettings {
+                step: result.step.to_string(),
+                phase: phase_of(touch.phase),
+                sample: self.sample(touch.sample),
+                pose: pose_of(touch.pose),
+                repeat: touch.repeat,
+            },
+            no_load_sweep: self.no_load_sweep,
+            no_load_hz: result.no_load.resonance_hz,
+            no_load_sigma_hz: result.no_load.sigma_hz,
+            sweep: self.sweeps,
+            resonance_hz: loaded.resonance_hz,
+            sigma_hz: loaded.sigma_hz,
+            shift_hz,
+            shift_sigma_hz,
+            surface_mm: result.surface.value(),
+            surface_sigma_mm: result.surface_sigma_mm,
+            indentation_mm: result.indentation_mm,
+        }))
+    }
+}
+
+fn moved(axis: store::Axis, target: f64, read_back: f64) -> Record {
+    Record::Moved(store::Move { axis, target, read_back })
+}
+
+const fn purpose_of(purpose: rig_engine::LoweringPurpose) -> store::MoveReason {
+    match purpose {
+        rig_engine::LoweringPurpose::FindSurface => store::MoveReason::Approach,
+        rig_engine::LoweringPurpose::Indent => store::MoveReason::Indent,
+    }
+}
+
+fn pose_of(pose: Pose) -> store::Pose {
+    let direction = match pose.direction {
+        Direction::Front => store::Direction::Front,
+        Direction::Back => store::Direction::Back,
+        Direction::Left => store::Direction::Left,
+    };
+    store::Pose { direction, angle_deg: pose.angle.degrees() }
+}
+
+const fn phase_of(phase: Phase) -> store::Phase {
+    match phase {
+        Phase::Main => store::Phase::Main,
+        Phase::Blind => store::Phase::Blind,
+    }
+}
+
+const fn clearance_of(clearance: Clearance) -> store::Clearance {
+    match clearance {
+        Clearance::Clear => store::Clearance::Clear,
+        Clearance::InContact => store::Clearance::InContact,
+        Clearance::Unknown => store::Clearance::Unknown,
+    }
+}
+
+fn reading_of(reading: &Reading) -> store::Reading {
+    store::Reading {
+        frequency_hz: reading.frequency_hz,
+        resistance_ohm: reading.resistance_ohm,
+        reactance_ohm: reading.reactance_ohm,
+        started_s: reading.started.as_seconds(),
+        settle_s: reading.settle_s,
+        integration_s: reading.integration_s,
+        flag: match reading.flag {
+            ReadingFlag::Normal => store::ReadingFlag::Normal,
+            ReadingFlag::Overload => store::ReadingFlag::Overload,
+            ReadingFlag::LowSignal => store::ReadingFlag::LowSignal,
+        },
+    }
+}
+
+/// A count as a record holds it. A plan of four thousand million steps is refused long before.
+fn size(count: usize) -> u32 {
+    u32::try_from(count).unwrap_or(u32::MAX)
+}

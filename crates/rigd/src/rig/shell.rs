@@ -1,0 +1,382 @@
+//! The loop of the rig thread: whatever wakes it becomes an input of the engine; what the engine
+//! decides is carried out.
+
+use std::{
+    path::PathBuf,
+    sync::{Arc, mpsc::SyncSender},
+    time::{Duration, Instant},
+};
+
+use rig_engine::{
+    Command, Denied, Device, Effect, Engine, Event, Failure, FailureKind, Input, Operation,
+    OperationId, Report, StateWord,
+};
+use rig_link::{Clock, StopSignal};
+use rig_store::{Journal, Record, RunKind, Store, StoreError};
+use tokio::sync::{mpsc, oneshot, watch};
+
+use super::{
+    OpenError, Refusal, Request, RunView, Setting, Status,
+    devices::{Devices, chain},
+    open::{Opened, Simulation, open_rig},
+    record::Recorder,
+};
+use crate::{loaded_rig::LoadedRig, protocol_file::LoadedProtocol};
+
+/// Events reach watchers and the disk at least this often, by the wall clock, while a run goes on.
+/// Intents do not wait for it.
+const COMMIT_INTERVAL: Duration = Duration::from_millis(50);
+
+/// Who answers the prompts of a simulated rig.
+const SIMULATED_PERSON: &str = "simulated person";
+
+type Opening = Result<watch::Receiver<Status>, OpenError>;
+
+/// Runs the rig until it is closed. The outcome of opening it goes to `opened`.
+pub(super) fn run(
+    rig: LoadedRig,
+    data: PathBuf,
+    inbox: mpsc::Receiver<Request>,
+    opened: &SyncSender<Opening>,
+) {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .start_paused(rig.is_virtual_time())
+        .build();
+    let runtime = match runtime {
+        Ok(runtime) => runtime,
+        Err(source) => {
+            _ = opened.send(Err(OpenError::Thread { source }));
+            return;
+        }
+    };
+    runtime.block_on(async {
+        match Shell::open(rig, data).await {
+            Ok((mut shell, status)) => {
+                // Whoever opened the rig may have gone; the rig is then closed by its inbox.
+                _ = opened.send(Ok(status));
+                shell.serve(inbox).await;
+            }
+            Err(error) => _ = opened.send(Err(error)),
+        }
+    });
+}
+
+/// An operation in flight. It owns the devices until it ends, so that there is only ever one.
+type InFlight = std::pin::Pin<Box<dyn Future<Output = (Devices, OperationId, Ended)>>>;
+type Ended = Result<Report, Failure>;
+
+struct Shell {
+    engine: Engine,
+    setting: Setting,
+    devices: Option<Devices>,
+    simulation: Option<Simulation>,
+    known_samples: Vec<(String, f64)>,
+    stop: StopSignal,
+    clock: Clock,
+    store: Store,
+    session: (Journal, Recorder),
+    run: Option<(Journal, Recorder)>,
+    status: watch::Sender<Status>,
+    in_flight: Option<InFlight>,
+    /// Refused before it was sent, because the journal could not be written.
+    refused: Option<(OperationId, Failure)>,
+    is_answer_due: bool,
+    last_commit: Instant,
+}
+
+impl Shell {
+    async fn open(
+        rig: LoadedRig,
+        data: PathBuf,
+    ) -> Result<(Self, watch::Receiver<Status>), OpenError> {
+        let data_error = |source| OpenError::Data { data: data.clone(), source };
+        let store = Store::open(&data).map_err(data_error)?;
+        let clock = Clock::start();
+        let Opened { setting, devices, simulation, known_samples } = open_rig(rig, clock).await?;
+        let session = store.begin(RunKind::Session, &setting.rig.name).map_err(data_error)?;
+        let engine = Engine::new(setting.bench);
+        let (status, watcher) = watch::channel(Status {
+            snapshot: engine.snapshot(),
+            now: clock.now(),
+            run: None,
+            session: session.id(),
+            sweep: None,
+            sweeps: 0,
+            devices: Arc::clone(&setting.devices),
+            last_event: 0,
+            journal_error: None,
+        });
+        let shell = Self {
+            engine,
+            setting,
+            devices: Some(devices),
+            simulation,
+            known_samples,
+            stop: StopSignal::new(),
+            clock,
+            store,
+            session: (session, Recorder::for_session()),
+            run: None,
+            status,
+            in_flight: None,
+            refused: None,
+            is_answer_due: false,
+            last_commit: Instant::now(),
+        };
+        Ok((shell, watcher))
+    }
+
+    async fn serve(&mut self, mut inbox: mpsc::Receiver<Request>) {
+        if self.command(Command::Prepare, "rigd").is_err() {
+            return;
+        }
+        let mut closing: Option<oneshot::Sender<()>> = None;
+        loop {
+            if let Some(reply) = closing.take_if(|_| self.is_at_rest()) {
+                self.commit();
+                _ = reply.send(());
+                return;
+            }
+            if self.is_answer_due {
+                self.is_answer_due = false;
+                // A prompt that has been ended meanwhile needs no answer.
+                _ = self.command(Command::Answer, SIMULATED_PERSON);
+                continue;
+            }
+            if let Some((id, failure)) = self.refused.take() {
+                self.handle(Input::Done(id, Err(failure)));
+                continue;
+            }
+            // The order is fixed, so that a run replays: people first, then devices, then time.
+            tokio::select! {
+                biased;
+                request = inbox.recv(), if closing.is_none() => match request {
+                    Some(Request::Close { reply }) => {
+                        closing = Some(reply);
+                        // Denied when nothing is under way, which is just as well.
+                        _ = self.command(Command::Abort, "rigd");
+                    }
+                    Some(request) => self.take(request),
+                    // Every handle is gone.
+                    None => return,
+                },
+                (devices, id, ended) = ended(&mut self.in_flight) => {
+                    self.in_flight = None;
+                    self.devices = Some(devices);
+                    self.handle(Input::Done(id, ended));
+                }
+                () = until(self.clock, self.engine.deadline()) => self.handle(Input::Tick),
+            }
+        }
+    }
+
+    /// Nothing is under way, and nothing will happen by itself.
+    fn is_at_rest(&self) -> bool {
+        let state = self.engine.snapshot().state;
+        self.in_flight.is_none() && matches!(state, StateWord::Idle | StateWord::Latched)
+    }
+
+    fn take(&mut self, request: Request) {
+        // Whoever asked may have gone meanwhile; what was asked for happens all the same.
+        match request {
+            Request::Run { protocol, by, reply } => _ = reply.send(self.start_run(*protocol, &by)),
+            Request::Sweep { request, by, reply } => {
+                let result = self.command(Command::Sweep(request), &by);
+                let number = result.map(|()| self.status.borrow().sweeps);
+                _ = reply.send(number);
+            }
+            Request::Command { command, run, by, reply } => {
+                let under_way = self.run.as_ref().map(|(journal, _)| journal.id());
+                let result = match run {
+                    Some(run) if under_way != Some(run) => Err(Refusal::NotUnderWay { run }),
+                    _ => self.command(command, &by),
+                };
+                _ = reply.send(result);
+            }
+            Request::Close { reply } => _ = reply.send(()),
+        }
+    }
+
+    fn start_run(
+        &mut self,
+        protocol: LoadedProtocol,
+        by: &str,
+    ) -> Result<rig_store::RunId, Refusal> {
+        let command = Command::Run(Box::new(protocol.plan.clone()));
+        self.engine.admits(&command)?;
+        self.journal_is_fine()?;
+        let mut journal = self.store.begin(RunKind::Run, &protocol.plan.name)?;
+        let started = Recorder::run_started(&protocol, &self.setting, &self.known_samples);
+        journal.append(self.clock.now().as_micros(), &started)?;
+        let id = journal.id();
+        let plan = Arc::new(protocol.plan);
+        self.run = Some((journal, Recorder::for_run(Arc::clone(&plan))));
+        let view = RunView {
+            id,
+            plan,
+            started: self.clock.now(),
+            expected_s: protocol.summary.duration_s,
+            touches_done: 0,
+            ending: None,
+        };
+        self.status.send_modify(|status| status.run = Some(view));
+        self.command(command, by)?;
+        Ok(id)
+    }
+
+    fn journal_is_fine(&self) -> Result<(), Refusal> {
+        match &self.status.borrow().journal_error {
+            Some(reason) => Err(Refusal::Journal { reason: Arc::clone(reason) }),
+            None => Ok(()),
+        }
+    }
+
+    fn command(&mut self, command: Command, by: &str) -> Result<(), Refusal> {
+        let is_sweep = matches!(command, Command::Sweep(_));
+        let mut effects = Vec::new();
+        let taken: Result<(), Denied> = self.engine.admits(&command).and_then(|()| {
+            if is_sweep {
+                self.status.send_modify(|status| {
+                    status.sweeps += 1;
+                    status.sweep = Some(status.sweeps);
+                });
+            }
+            self.engine.command(self.clock.now(), command, by, &mut effects)
+        });
+        self.carry_out(effects);
+        Ok(taken?)
+    }
+
+    fn handle(&mut self, input: Input) {
+        let mut effects = Vec::new();
+        self.engine.handle(self.clock.now(), input, &mut effects);
+        self.carry_out(effects);
+    }
+
+    fn carry_out(&mut self, effects: Vec<Effect>) {
+        for effect in effects {
+            match effect {
+                Effect::Note(event) => self.note(&event),
+                Effect::Commit => self.commit(),
+                Effect::Interrupt => self.stop.raise(),
+                Effect::Do(id, operation) => self.start(id, operation),
+            }
+        }
+        let state = self.engine.snapshot().state;
+        let is_busy = matches!(state, StateWord::Running | StateWord::Preparing);
+        if !is_busy || self.last_commit.elapsed() >= COMMIT_INTERVAL {
+            self.commit();
+        }
+        self.publish();
+    }
+
+    fn start(&mut self, id: OperationId, operation: Operation) {
+        let is_way_out = match &operation {
+            Operation::StopMotion => true,
+            Operation::MoveLinear { target, .. } => {
+                *target == self.setting.bench.linear.rest_target()
+            }
+            _ => false,
+        };
+        if let (Err(refusal), false) = (self.journal_is_fine(), is_way_out) {
+            let detail = refusal.to_string();
+            let kind = FailureKind::Refused;
+            self.refused = Some((id, Failure { device: Device::Journal, kind, detail }));
+            return;
+        }
+        let Some(mut devices) = self.devices.take() else {
+            // The engine has one operation in flight at a time, so the devices are here.
+            unreachable!("an operation was begun while another was in flight");
+        };
+        self.stop.lower();
+        let stop = self.stop.clone();
+        self.in_flight = Some(Box::pin(async move {
+            let ended = devices.perform(&operation, &stop).await;
+            (devices, id, ended)
+        }));
+    }
+
+    fn note(&mut self, event: &Event) {
+        match event {
+            Event::PromptAsked(prompt) => {
+                if let (Some(simulation), Some((_, recorder))) = (&self.simulation, &self.run) {
+                    simulation.perform(prompt, recorder.samples());
+                    self.is_answer_due = true;
+                }
+            }
+            Event::TouchFinished(_) => self.view_run(|view| view.touches_done += 1),
+            Event::RunFinished(ending) => self.view_run(|view| view.ending = Some(*ending)),
+            Event::SweepFinished(outcome)
+                if outcome.purpose == rig_engine::SweepPurpose::Manual =>
+            {
+                self.status.send_modify(|status| status.sweep = None);
+            }
+            Event::Faulted { .. } => self.status.send_modify(|status| status.sweep = None),
+            _ => {}
+        }
+        let (journal, recorder) = self.run.as_mut().unwrap_or(&mut self.session);
+        let Some(record) = recorder.record(event) else { return };
+        let appended = journal.append(self.clock.now().as_micros(), &record);
+        match appended {
+            Ok(id) => self.status.send_modify(|status| status.last_event = id),
+            Err(error) => self.journal_failed(&error),
+        }
+        if matches!(record, Record::RunFinished(_)) {
+            self.commit();
+            self.run = None;
+        }
+    }
+
+    fn view_run(&self, change: impl FnOnce(&mut RunView)) {
+        self.status.send_modify(|status| {
+            if let Some(view) = &mut status.run {
+                change(view);
+            }
+        });
+    }
+
+    fn commit(&mut self) {
+        self.last_commit = Instant::now();
+        if let Err(error) = self.session.0.commit() {
+            self.journal_failed(&error);
+        }
+    }
+
+    /// From now on only the way out of contact is open; the engine learns it with the next
+    /// operation it asks for.
+    fn journal_failed(&mut self, error: &StoreError) {
+        let reason: Arc<str> = chain(error).into();
+        self.status.send_modify(|status| {
+            if status.journal_error.is_none() {
+                tracing::error!(%reason, "the journal cannot be written");
+                status.journal_error = Some(reason);
+            }
+        });
+    }
+
+    fn publish(&self) {
+        let snapshot = self.engine.snapshot();
+        let now = self.clock.now();
+        self.status.send_modify(|status| {
+            status.snapshot = snapshot;
+            status.now = now;
+        });
+    }
+}
+
+/// Waits for the operation in flight; for ever, when there is none.
+async fn ended(in_flight: &mut Option<InFlight>) -> (Devices, OperationId, Ended) {
+    match in_flight {
+        Some(operation) => operation.await,
+        None => std::future::pending().await,
+    }
+}
+
+/// Waits until a time on the rig's clock; for ever, when there is none.
+async fn until(clock: Clock, deadline: Option<rig_model::RigTime>) {
+    match deadline {
+        Some(deadline) => tokio::time::sleep(deadline.since(clock.now())).await,
+        None => std::future::pending().await,
+    }
+}

@@ -1,0 +1,112 @@
+//! Which crate may use which: the arrows of `docs/architecture.md`, read from `cargo metadata`.
+
+use std::{collections::BTreeMap, process::Command};
+
+use serde_json::Value;
+
+/// Crates without I/O, clock or runtime.
+const PURE: [&str; 8] = [
+    "rig-model",
+    "rig-settings",
+    "rig-scpi",
+    "rig-contact",
+    "rig-resonance",
+    "rig-analysis",
+    "rig-protocol",
+    "rig-engine",
+];
+
+/// What each crate of the house may use of the house. A new arrow is a decision: write it down.
+const ARROWS: [(&str, &[&str]); 16] = [
+    ("rig-model", &[]),
+    ("rig-settings", &[]),
+    ("rig-scpi", &[]),
+    ("rig-contact", &[]),
+    ("rig-resonance", &["rig-model"]),
+    ("rig-analysis", &["rig-contact"]),
+    ("rig-protocol", &["rig-model", "rig-settings"]),
+    ("rig-engine", &["rig-model", "rig-protocol", "rig-resonance"]),
+    ("rig-link", &["rig-model"]),
+    ("rig-analyzer", &["rig-model", "rig-link", "rig-scpi"]),
+    ("rig-stage", &["rig-model", "rig-link"]),
+    ("rig-store", &[]),
+    ("rig-chart", &[]),
+    ("rig-sim", &["rig-model", "rig-settings", "rig-scpi", "rig-contact"]),
+    (
+        "rigd",
+        &[
+            "rig-model",
+            "rig-settings",
+            "rig-protocol",
+            "rig-engine",
+            "rig-resonance",
+            "rig-analysis",
+            "rig-link",
+            "rig-analyzer",
+            "rig-stage",
+            "rig-store",
+            "rig-chart",
+            "rig-sim",
+        ],
+    ),
+    (
+        "rig-study",
+        &["rig-model", "rig-contact", "rig-resonance", "rig-analysis", "rig-chart", "rig-sim"],
+    ),
+];
+
+/// Crates that bring a runtime, a port, a file or a clock.
+const IMPURE: [&str; 8] = [
+    "tokio",
+    "tokio-serial",
+    "tokio-modbus",
+    "axum",
+    "rusqlite",
+    "tracing-subscriber",
+    "uuid",
+    "indicatif",
+];
+
+/// The dependencies of each crate of the house, without those of its tests.
+fn dependencies() -> BTreeMap<String, Vec<String>> {
+    let output = Command::new(env!("CARGO"))
+        .args(["metadata", "--format-version", "1", "--no-deps", "--offline"])
+        .output()
+        .expect("cargo runs, since it runs this test");
+    let metadata: Value = serde_json::from_slice(&output.stdout).expect("cargo writes JSON");
+    let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
+    let packages = metadata["packages"].as_array().expect("there are packages");
+    let of = |package: &Value| {
+        let all = package["dependencies"].as_array().expect("there is a list").iter();
+        let used = all.filter(|dependency| dependency["kind"].is_null());
+        (text(&package["name"]), used.map(|dependency| text(&dependency["name"])).collect())
+    };
+    packages.iter().map(of).collect()
+}
+
+#[test]
+fn no_crate_uses_what_the_architecture_does_not_show() {
+    let dependencies = dependencies();
+    let is_ours = |name: &str| name == "rigd" || name.starts_with("rig-");
+    for (name, used) in &dependencies {
+        if name == "rig-tests" {
+            continue;
+        }
+        let allowed = ARROWS.iter().find(|(known, _)| known == name);
+        let (_, allowed) = allowed.unwrap_or_else(|| panic!("{name} is not in the architecture"));
+        for dependency in used.iter().filter(|dependency| is_ours(dependency)) {
+            assert!(allowed.contains(&dependency.as_str()), "{name} must not use {dependency}");
+        }
+    }
+    assert_eq!(dependencies.len(), ARROWS.len() + 1, "a crate is gone, or new");
+}
+
+#[test]
+fn crates_below_the_line_bring_no_runtime() {
+    let dependencies = dependencies();
+    for name in PURE {
+        for dependency in &dependencies[name] {
+            assert!(!IMPURE.contains(&dependency.as_str()), "{name} must not use {dependency}");
+        }
+    }
+}
