@@ -243,28 +243,23 @@ impl ResponseDecoder {
     fn skip(&mut self) -> bool {
         let end = self.buffer.len().min(self.start.saturating_add(self.framing.limit_bytes));
         let window = &self.buffer[self.start + self.scanned..end];
-        let (n_skipped, place) = match self.place {
-            Place::Block { left } => {
-                let n_skipped = left.min(window.len());
-                (
-                    n_skipped,
-                    if n_skipped == left {
-                        Place::BlockEnd
-                    } else {
-                        Place::Block { left: left - n_skipped }
-                    },
-                )
-            }
+        let n_skipped = match self.place {
+            Place::Block { left } => left.min(window.len()),
             Place::Data | Place::DataStart => {
-                (window.iter().take_while(|byte| is_plain(**byte)).count(), Place::Data)
+                window.iter().take_while(|byte| is_plain(**byte)).count()
             }
-            _ => return false,
+            _ => 0,
         };
-        if 0 < n_skipped {
-            self.scanned += n_skipped;
-            self.place = place;
+        if n_skipped == 0 {
+            return false;
         }
-        0 < n_skipped
+        self.scanned += n_skipped;
+        self.place = match self.place {
+            Place::Block { left } if left == n_skipped => Place::BlockEnd,
+            Place::Block { left } => Place::Block { left: left - n_skipped },
+            _ => Place::Data,
+        };
+        true
     }
 
     /// One byte outside a counted block. True when it ends the answer.

@@ -113,12 +113,11 @@ impl Scanner {
             Place::Text { quote, depth }
                 if self.rules.strings_span_lines || !self.is_terminator(byte) =>
             {
-                match byte == quote {
-                    false => {}
-                    true if depth == 0 => self.place = Place::TextEnd { quote },
-                    true => self.place = Place::Expression(depth),
+                match depth {
+                    _ if byte != quote => Place::Text { quote, depth },
+                    0 => Place::TextEnd { quote },
+                    _ => Place::Expression(depth),
                 }
-                return None;
             }
             _ if self.is_terminator(byte) => return Some(Boundary::Message),
             Place::Indefinite => return None,

@@ -28,7 +28,7 @@ pub enum Value {
     Binary(u64),
     /// A word written as in a manual (`MEASure`); its short form is answered.
     Characters(&'static str),
-    /// A string, which is quoted.
+    /// A string, which is quoted. Only ASCII is legal on the wire.
     Text(Cow<'static, str>),
     /// A block of known length.
     Block(Vec<u8>),
@@ -70,6 +70,9 @@ impl Value {
     }
 
     /// Appends the datum as it goes on the wire.
+    ///
+    /// # Panics
+    /// With a block of 10⁹ bytes or more, whose length does not fit its header.
     pub fn write(&self, format: RealFormat, out: &mut Vec<u8>) {
         match self {
             Self::Integer(value) => put(out, format_args!("{value}")),
@@ -111,7 +114,7 @@ pub(crate) fn write_quoted(text: &str, out: &mut Vec<u8>) {
     out.push(b'"');
 }
 
-/// `#15hello`. A length beyond nine digits does not fit the format; no memory holds such a block.
+/// `#15hello`.
 pub(crate) fn write_block(bytes: &[u8], out: &mut Vec<u8>) {
     let length = bytes.len().to_string();
     assert!(length.len() <= 9, "a block of {length} bytes does not fit its header");

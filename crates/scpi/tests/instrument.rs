@@ -149,9 +149,10 @@ fn every_fault_has_its_number() {
         (b"ECHO? 1.5.2", -121),
         (b"ECHO? #B0102", -121),
         (b"ECHO? #H", -121),
-        (b"ECHO? 1E34000", -123),
         (b"ECHO? 1E99999999999999999999", -123),
-        (b"ECHO? 1E400", -222),
+        (b"ECHO? 1E32000", -222),
+        (b"ECHO? 1E32001", -123),
+        (b"LIST 0E32000,1E-32000", 0),
         (b"FREQ 'x'", -158),
         (b"FREQ #13abc", -168),
         (b"FREQ (1)", -178),
@@ -294,6 +295,8 @@ fn a_forgotten_quote_costs_one_message_where_strings_stay_in_a_line() {
         b"\"\";-151,\"Invalid string data\"\n",
     );
     check(b"DISP:LAB 'x\n*OPC?';LAB?\n", b"\"x\n*OPC?\"\n");
+    // A quote begins a string only where a parameter begins.
+    check(b"LIST 1'\nLIST #10'\nLIST A'\n*OPC?\n", b"1\n");
 }
 
 #[test]
@@ -310,6 +313,15 @@ fn a_message_beyond_the_limit_is_an_overrun_and_the_next_is_heard() {
     assert_eq!(host.say(&long), b"");
     assert_eq!(host.say(b"SYST:ERR?\n"), b"-363,\"Input buffer overrun\"\n");
     assert_eq!(host.say(b"*OPC?\n"), b"1\n");
+
+    // What just fits is carried out, its terminator not counted.
+    let fits = [b"ECHO? '".as_slice(), &[b'x'; 24], b"'\n"].concat();
+    assert_eq!(host.say(&fits).len(), "T\n".len() + 24);
+    // While nobody carries messages out, those that do not fit are one fault, and the order stays.
+    host.instrument.push(b"*OPC?;*OPC?;*OPC?;*OPC?;*OPC?\nA;B;C\nD;E;F\n*OPC?\n");
+    host.run();
+    assert_eq!(host.instrument.take_output(), b"1;1;1;1;1\n");
+    assert_eq!(host.say(b"SYST:ERR:ALL?\n"), b"-363,\"Input buffer overrun\"\n");
 }
 
 #[test]
@@ -320,6 +332,15 @@ fn commands_wait_for_pending_operations_where_they_ask_for_it() {
     assert_eq!(host.say(b"*OPC?\n*IDN?\n"), b"");
     host.instrument.set_operation_pending(false);
     assert_eq!(host.say(b"*ESR?\n"), b"1\nMA,IN,0,VER\n1\n");
+
+    // Neither a reset nor a clear leaves the completion to come.
+    for cancel in [b"*RST\n", b"*CLS\n"] {
+        host.instrument.set_operation_pending(true);
+        assert_eq!(host.say(b"*OPC\n"), b"");
+        assert_eq!(host.say(cancel), b"");
+        host.instrument.set_operation_pending(false);
+        assert_eq!(host.say(b"*ESR?\n"), b"0\n");
+    }
 
     host.instrument.set_operation_pending(true);
     assert_eq!(host.say(b"*WAI;*IDN?\n"), b"");
