@@ -18,8 +18,6 @@
 //! assert!(Tree::new(COMMANDS).is_ok());
 //! ```
 
-use std::sync::Arc;
-
 use crate::{
     grammar::Header,
     mnemonic::split_digits,
@@ -74,12 +72,12 @@ impl<C: Copy> Node<C> {
     }
 }
 
-/// Commands that were checked: every header means one of them or none. Cheap to clone.
+/// Commands that were checked: every header means one of them or none.
 #[derive(Debug, Clone)]
 pub struct Tree<C> {
-    entries: Arc<[Entry<C>]>,
+    entries: Vec<Entry<C>>,
     // By the capitals a header may begin with; sorted, so that a look-up is a binary search.
-    index: Arc<[(Box<[u8]>, usize)]>,
+    index: Vec<(Box<[u8]>, usize)>,
 }
 
 #[derive(Debug, Clone)]
@@ -164,7 +162,7 @@ impl<C: Copy> Tree<C> {
             .collect();
         index.sort_unstable();
         index.dedup();
-        Ok(Self { entries: entries.into(), index: index.into() })
+        Ok(Self { entries, index })
     }
 
     /// Looks up the mnemonics of a whole header, from the root.
