@@ -111,12 +111,8 @@ pub fn readings_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<()
         let step = text(sweep.step.as_deref().unwrap_or_default());
         for (index, reading) in sweep.readings.iter().enumerate() {
             write!(out, "{},{},{step},{},", sweep.number, sweep.purpose.name(), index + 1)?;
-            let (resistance, reactance) = (reading.resistance_ohm, reading.reactance_ohm);
-            write!(out, "{},{resistance},{reactance},", reading.frequency_hz)?;
-            let (started, settle) = (reading.started_s, reading.settle_s);
-            let flag = reading.flag.name();
-            let is_used = index >= sweep.looks;
-            writeln!(out, "{started},{settle},{},{flag},{is_used}", reading.integration_s)?;
+            write_reading(reading, out)?;
+            writeln!(out, ",{}", index >= sweep.looks)?;
         }
     }
     Ok(())
@@ -140,17 +136,18 @@ pub fn searches_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<()
             write!(out, "{step},{direction},{angle},{position},{sigma},{},", index + 1)?;
             write!(out, "{},", tried.position_mm)?;
             write_reading(&tried.reading, out)?;
+            out.write_all(b"\n")?;
         }
     }
     Ok(())
 }
 
-/// The columns of a reading, and the end of the row.
+/// The columns of a reading.
 fn write_reading(reading: &Reading, out: &mut impl Write) -> io::Result<()> {
     let (resistance, reactance) = (reading.resistance_ohm, reading.reactance_ohm);
     write!(out, "{},{resistance},{reactance},", reading.frequency_hz)?;
     let (started, settle) = (reading.started_s, reading.settle_s);
-    writeln!(out, "{started},{settle},{},{}", reading.integration_s, reading.flag.name())
+    write!(out, "{started},{settle},{},{}", reading.integration_s, reading.flag.name())
 }
 
 /// A text as a CSV field, in quotes where it needs them (RFC 4180, section 2).
