@@ -85,7 +85,8 @@ impl Planner {
             Method::Uniform { is_asked: true, .. } => Vec::new(),
             Method::Uniform { points, is_asked } => {
                 *is_asked = true;
-                uniform(&self.request, *points)
+                let SweepRequest { window, settle_s, cycles, .. } = self.request;
+                evenly(window, *points, settle_s, cycles)
             }
             Method::Settled(settled) => settled.next(&self.request, &self.readings, &self.options),
         };
@@ -122,14 +123,14 @@ impl Planner {
     }
 }
 
-fn uniform(request: &SweepRequest, points: u32) -> Vec<SweepPoint> {
-    let Window { min_hz, max_hz } = request.window;
-    let step = (max_hz - min_hz) / f64::from(points.max(2) - 1);
+/// Points at equal distances over a window, from end to end.
+fn evenly(window: Window, points: u32, settle_s: f64, cycles: u32) -> Vec<SweepPoint> {
+    let step = (window.max_hz - window.min_hz) / f64::from(points.max(2) - 1);
     (0..points)
         .map(|i| SweepPoint {
-            frequency_hz: (min_hz + step * f64::from(i)).min(max_hz),
-            settle_s: request.settle_s,
-            cycles: request.cycles,
+            frequency_hz: (window.min_hz + step * f64::from(i)).min(window.max_hz),
+            settle_s,
+            cycles,
         })
         .collect()
 }

@@ -7,8 +7,8 @@
 
 use rig_model::{Reading, SweepPoint, SweepRequest, Window};
 
-use super::{Prior, design::Information};
-use crate::{Circuit, FitOptions, Fitter, Verdict};
+use super::{Prior, design::Information, evenly};
+use crate::{Circuit, FitOptions, Fitter, Reason, Refusal, Resonance, Verdict};
 
 /// Points of the coarse look over a window that nothing is known about.
 const COARSE: u32 = 9;
@@ -23,17 +23,25 @@ const SETTLED: f64 = 6.0;
 const TIME_CONSTANT_MAX_S: f64 = 0.35;
 /// Points asked for at a time once the circuit is known.
 const BATCH: usize = 2;
+/// How often readings that fit no circuit are taken again.
+const RESTARTS: u32 = 2;
+/// Points of the plain sweep that is made when every look was misleading.
+const LAST_RESORT: u32 = 41;
 
 #[derive(Debug, Clone)]
 pub(super) struct Settled {
     fitter: Fitter,
-    /// Where the resonance is sought now.
+    /// Where the resonance may be.
+    whole: Window,
+    /// Where it is sought now.
     window: Window,
     settle_s: f64,
     looks: u32,
     /// Readings that took part in looking, and not in measuring.
     coarse: usize,
     stage: Stage,
+    /// How often readings that fit no circuit may still be taken again, settled for longer.
+    restarts_left: u32,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,7 +60,16 @@ impl Settled {
             }
         };
         let fitter = Fitter::default();
-        Self { fitter, window, settle_s, looks: 0, coarse: 0, stage: Stage::Looking }
+        Self {
+            fitter,
+            whole: window,
+            window,
+            settle_s,
+            looks: 0,
+            coarse: 0,
+            stage: Stage::Looking,
+            restarts_left: RESTARTS,
+        }
     }
 
     pub(super) fn add(&mut self, readings: usize) {
@@ -83,8 +100,12 @@ impl Settled {
             }
             // Transients are no noise: they must neither count as misfit nor as outliers.
             let loose = FitOptions { window: None, noise: None, always_loss: false };
-            let Some(circuit) = self.circuit(readings, &loose) else {
-                return self.look_again();
+            let last_look = &readings[readings.len().saturating_sub(COARSE as usize)..];
+            let seen = self.circuit(last_look, &loose);
+            // A transient can look like a resonance, and the next look then misses the real one.
+            let Some(circuit) = seen.filter(|seen| self.window.contains(seen.resonance_hz)) else {
+                self.window = self.whole;
+                return self.look_again(request, readings);
             };
             let time_constant_s = circuit.time_constant_s().min(TIME_CONSTANT_MAX_S);
             if self.settle_s < 1.5 * time_constant_s && self.looks < LOOKS_MAX {
@@ -92,7 +113,7 @@ impl Settled {
                 let (low, high) = (circuit.resonance_hz - half, circuit.resonance_hz + half);
                 self.window = common(request.window, Window { min_hz: low, max_hz: high });
                 self.settle_s = 2.0 * time_constant_s;
-                return self.look_again();
+                return self.look_again(request, readings);
             }
             self.settle_s = SETTLED * time_constant_s;
             self.stage = Stage::Measuring;
@@ -102,24 +123,27 @@ impl Settled {
     }
 
     fn look(&self) -> Vec<SweepPoint> {
-        let Window { min_hz, max_hz } = self.window;
-        let step = (max_hz - min_hz) / f64::from(COARSE - 1);
-        (0..COARSE)
-            .map(|i| SweepPoint {
-                frequency_hz: min_hz + step * f64::from(i),
-                settle_s: self.settle_s,
-                cycles: COARSE_CYCLES,
-            })
-            .collect()
+        evenly(self.window, COARSE, self.settle_s, COARSE_CYCLES)
     }
 
-    fn look_again(&mut self) -> Vec<SweepPoint> {
+    fn look_again(&mut self, request: &SweepRequest, readings: &[Reading]) -> Vec<SweepPoint> {
         if self.looks >= LOOKS_MAX {
-            return Vec::new();
+            return self.plain_sweep(request, readings);
         }
         self.looks += 1;
         self.settle_s *= 1.5;
         self.look()
+    }
+
+    /// Looking has led nowhere: a plain sweep over the whole window, settled for the longest time
+    /// constant as far as the time that is left allows, and the fit decides.
+    fn plain_sweep(&mut self, request: &SweepRequest, readings: &[Reading]) -> Vec<SweepPoint> {
+        self.stage = Stage::Measuring;
+        let integration_s = f64::from(request.cycles) / self.whole.min_hz;
+        let left_s = request.time_limit_s - elapsed_s(readings);
+        let settle_s = left_s / f64::from(LAST_RESORT) - integration_s;
+        self.settle_s = settle_s.clamp(COARSE_SETTLE_S, SETTLED * TIME_CONSTANT_MAX_S);
+        evenly(self.whole, LAST_RESORT, self.settle_s, request.cycles)
     }
 
     fn measure(
@@ -130,18 +154,34 @@ impl Settled {
     ) -> Vec<SweepPoint> {
         let usable = self.usable(readings);
         let verdict = self.fitter.fit(usable, options);
+        let is_misfit = matches!(
+            &verdict,
+            Verdict::Refused(Refusal {
+                reason: Reason::Outliers { .. } | Reason::Misfit { .. } | Reason::NotConverged,
+                ..
+            })
+        );
         let best = match &verdict {
             Verdict::Accepted(found) if found.sigma_hz <= request.target_sigma_hz => {
                 return Vec::new();
             }
-            Verdict::Accepted(found) => found,
-            Verdict::Refused(refusal) => match &refusal.estimate {
-                Some(estimate) => estimate,
-                None => return Vec::new(),
-            },
+            Verdict::Accepted(found) => Some(found),
+            Verdict::Refused(refusal) => refusal.estimate.as_ref(),
         };
-        let circuit = best.circuit();
-        if !request.window.contains(circuit.resonance_hz) {
+        let circuit = best.map(Resonance::circuit);
+        let is_outside = |circuit: &Circuit| !request.window.contains(circuit.resonance_hz);
+        if is_misfit && self.restarts_left > 0 {
+            // The first estimate of the quality may have been too low, and the readings unsettled.
+            self.restarts_left -= 1;
+            self.coarse = readings.len();
+            self.settle_s *= 1.5;
+            return match circuit.filter(|circuit| !is_outside(circuit)) {
+                Some(circuit) => spread_around(&circuit, request, self.settle_s),
+                None => self.plain_sweep(request, readings),
+            };
+        }
+        let (Some(best), Some(circuit)) = (best, circuit) else { return Vec::new() };
+        if is_outside(&circuit) {
             return Vec::new();
         }
         let time_constant_s = circuit.time_constant_s().min(TIME_CONSTANT_MAX_S);
