@@ -12,7 +12,7 @@ use rig_engine::{
     OperationId, Report, StateWord,
 };
 use rig_link::{Clock, StopSignal};
-use rig_store::{Journal, Record, RunKind, Store, StoreError};
+use rig_store::{Ending, Journal, Record, RunKind, Store, StoreError};
 use tokio::sync::{mpsc, oneshot, watch};
 
 use super::{
@@ -23,8 +23,8 @@ use super::{
 };
 use crate::{loaded_rig::LoadedRig, protocol_file::LoadedProtocol};
 
-/// Events reach watchers and the disk at least this often, by the wall clock, while a run goes on.
-/// Intents do not wait for it.
+/// In virtual time, where an operation takes microseconds, events reach watchers and the disk this
+/// often by the wall clock. Intents do not wait for it.
 const COMMIT_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Who answers the prompts of a simulated rig.
@@ -77,7 +77,10 @@ struct Shell {
     store: Store,
     session: (Journal, Recorder),
     run: Option<(Journal, Recorder)>,
+    /// What watchers see at the end of each step.
+    view: Status,
     status: watch::Sender<Status>,
+    is_virtual_time: bool,
     in_flight: Option<InFlight>,
     /// Refused before it was sent, because the journal could not be written.
     refused: Option<(OperationId, Failure)>,
@@ -90,13 +93,14 @@ impl Shell {
         rig: LoadedRig,
         data: PathBuf,
     ) -> Result<(Self, watch::Receiver<Status>), OpenError> {
+        let is_virtual_time = rig.is_virtual_time();
         let data_error = |source| OpenError::Data { data: data.clone(), source };
         let store = Store::open(&data).map_err(data_error)?;
         let clock = Clock::start();
         let Opened { setting, devices, simulation, known_samples } = open_rig(rig, clock).await?;
         let session = store.begin(RunKind::Session, &setting.rig.name).map_err(data_error)?;
         let engine = Engine::new(setting.bench);
-        let (status, watcher) = watch::channel(Status {
+        let view = Status {
             snapshot: engine.snapshot(),
             now: clock.now(),
             run: None,
@@ -106,7 +110,8 @@ impl Shell {
             devices: Arc::clone(&setting.devices),
             last_event: 0,
             journal_error: None,
-        });
+        };
+        let (status, watcher) = watch::channel(view.clone());
         let shell = Self {
             engine,
             setting,
@@ -118,7 +123,9 @@ impl Shell {
             store,
             session: (session, Recorder::for_session()),
             run: None,
+            view,
             status,
+            is_virtual_time,
             in_flight: None,
             refused: None,
             is_answer_due: false,
@@ -134,7 +141,7 @@ impl Shell {
         let mut closing: Option<oneshot::Sender<()>> = None;
         loop {
             if let Some(reply) = closing.take_if(|_| self.is_at_rest()) {
-                self.commit();
+                self.end_session();
                 _ = reply.send(());
                 return;
             }
@@ -171,6 +178,14 @@ impl Shell {
         }
     }
 
+    fn end_session(&mut self) {
+        let end = Record::RunFinished(rig_store::RunFinished { status: Ending::Completed });
+        if let Err(error) = self.session.0.append(self.clock.now().as_micros(), &end) {
+            self.journal_failed(&error);
+        }
+        self.commit();
+    }
+
     /// Nothing is under way, and nothing will happen by itself.
     fn is_at_rest(&self) -> bool {
         let state = self.engine.snapshot().state;
@@ -183,7 +198,7 @@ impl Shell {
             Request::Run { protocol, by, reply } => _ = reply.send(self.start_run(*protocol, &by)),
             Request::Sweep { request, by, reply } => {
                 let result = self.command(Command::Sweep(request), &by);
-                let number = result.map(|()| self.status.borrow().sweeps);
+                let number = result.map(|()| self.view.sweeps);
                 _ = reply.send(number);
             }
             Request::Command { command, run, by, reply } => {
@@ -220,13 +235,13 @@ impl Shell {
             touches_done: 0,
             ending: None,
         };
-        self.status.send_modify(|status| status.run = Some(view));
+        self.view.run = Some(view);
         self.command(command, by)?;
         Ok(id)
     }
 
     fn journal_is_fine(&self) -> Result<(), Refusal> {
-        match &self.status.borrow().journal_error {
+        match &self.view.journal_error {
             Some(reason) => Err(Refusal::Journal { reason: Arc::clone(reason) }),
             None => Ok(()),
         }
@@ -237,10 +252,8 @@ impl Shell {
         let mut effects = Vec::new();
         let taken: Result<(), Denied> = self.engine.admits(&command).and_then(|()| {
             if is_sweep {
-                self.status.send_modify(|status| {
-                    status.sweeps += 1;
-                    status.sweep = Some(status.sweeps);
-                });
+                self.view.sweeps += 1;
+                self.view.sweep = Some(self.view.sweeps);
             }
             self.engine.command(self.clock.now(), command, by, &mut effects)
         });
@@ -265,7 +278,8 @@ impl Shell {
         }
         let state = self.engine.snapshot().state;
         let is_busy = matches!(state, StateWord::Running | StateWord::Preparing);
-        if !is_busy || self.last_commit.elapsed() >= COMMIT_INTERVAL {
+        let is_due = !self.is_virtual_time || self.last_commit.elapsed() >= COMMIT_INTERVAL;
+        if !is_busy || is_due {
             self.commit();
         }
         self.publish();
@@ -310,16 +324,16 @@ impl Shell {
             Event::SweepFinished(outcome)
                 if outcome.purpose == rig_engine::SweepPurpose::Manual =>
             {
-                self.status.send_modify(|status| status.sweep = None);
+                self.view.sweep = None;
             }
-            Event::Faulted { .. } => self.status.send_modify(|status| status.sweep = None),
+            Event::Faulted { .. } => self.view.sweep = None,
             _ => {}
         }
         let (journal, recorder) = self.run.as_mut().unwrap_or(&mut self.session);
         let Some(record) = recorder.record(event) else { return };
         let appended = journal.append(self.clock.now().as_micros(), &record);
         match appended {
-            Ok(id) => self.status.send_modify(|status| status.last_event = id),
+            Ok(id) => self.view.last_event = id,
             Err(error) => self.journal_failed(&error),
         }
         if matches!(record, Record::RunFinished(_)) {
@@ -328,12 +342,10 @@ impl Shell {
         }
     }
 
-    fn view_run(&self, change: impl FnOnce(&mut RunView)) {
-        self.status.send_modify(|status| {
-            if let Some(view) = &mut status.run {
-                change(view);
-            }
-        });
+    fn view_run(&mut self, change: impl FnOnce(&mut RunView)) {
+        if let Some(view) = &mut self.view.run {
+            change(view);
+        }
     }
 
     fn commit(&mut self) {
@@ -346,22 +358,19 @@ impl Shell {
     /// From now on only the way out of contact is open; the engine learns it with the next
     /// operation it asks for.
     fn journal_failed(&mut self, error: &StoreError) {
-        let reason: Arc<str> = chain(error).into();
-        self.status.send_modify(|status| {
-            if status.journal_error.is_none() {
-                tracing::error!(%reason, "the journal cannot be written");
-                status.journal_error = Some(reason);
-            }
-        });
+        if self.view.journal_error.is_none() {
+            let reason: Arc<str> = chain(error).into();
+            tracing::error!(%reason, "the journal cannot be written");
+            self.view.journal_error = Some(reason);
+        }
     }
 
-    fn publish(&self) {
-        let snapshot = self.engine.snapshot();
-        let now = self.clock.now();
-        self.status.send_modify(|status| {
-            status.snapshot = snapshot;
-            status.now = now;
-        });
+    /// Shows watchers how things are. What they are told of has been committed before, whenever
+    /// the rig is not busy.
+    fn publish(&mut self) {
+        self.view.snapshot = self.engine.snapshot();
+        self.view.now = self.clock.now();
+        self.status.send_replace(self.view.clone());
     }
 }
 
