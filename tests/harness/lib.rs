@@ -1,1 +1,108 @@
-//! Shared harness of the whole-system tests.
+//! Shared harness of the whole-system tests: the shipped simulated rig in a directory of its own.
+
+use std::path::{Path, PathBuf};
+
+use rig_engine::{Command, RunStatus, StateWord};
+use rig_store::{Reader, RunId, StoredRecord};
+use rigd::{
+    loaded_rig::{LoadedRig, RigFacts},
+    protocol_file::LoadedProtocol,
+    rig::{self, RigHandle, RigThread, Status},
+};
+use tempfile::TempDir;
+
+/// A file of the repository.
+pub fn shipped(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
+}
+
+/// A simulated rig that is open, with a journal that goes with it.
+#[derive(Debug)]
+pub struct TestRig {
+    /// Speaks to the rig.
+    pub handle: RigHandle,
+    /// What protocols are checked against.
+    pub facts: RigFacts,
+    thread: Option<RigThread>,
+    data: TempDir,
+}
+
+impl TestRig {
+    /// Opens the shipped simulated rig, at virtual time, and waits until it is in service.
+    ///
+    /// # Panics
+    /// When it does not come into service: the test has failed.
+    pub async fn open() -> Self {
+        let rig = LoadedRig::load(&shipped("config/rigs/simulated.toml")).expect("shipped files");
+        let facts = rig.facts();
+        let data = TempDir::new().expect("a temporary directory");
+        let (handle, thread) = rig::open(rig, data.path().to_owned()).expect("the rig opens");
+        let this = Self { handle, facts, thread: Some(thread), data };
+        this.wait_for("service", |status| status.snapshot.state == StateWord::Idle).await;
+        this
+    }
+
+    /// Waits for a condition of the status.
+    ///
+    /// # Panics
+    /// When the rig closes first.
+    pub async fn wait_for(&self, what: &str, condition: impl Fn(&Status) -> bool) -> Status {
+        let mut status = self.handle.status();
+        let found = status.wait_for(|status| condition(status)).await;
+        found.unwrap_or_else(|_| panic!("the rig closed before: {what}")).clone()
+    }
+
+    /// A protocol from its text.
+    ///
+    /// # Panics
+    /// When it has faults: the test has failed.
+    pub fn protocol(&self, text: &str) -> LoadedProtocol {
+        LoadedProtocol::check("test", text, &self.facts).unwrap_or_else(|faults| panic!("{faults}"))
+    }
+
+    /// Replays a protocol to its end.
+    ///
+    /// # Panics
+    /// When the rig does not take it.
+    pub async fn run(&self, protocol: LoadedProtocol) -> (RunId, RunStatus) {
+        let run = self.handle.run(protocol, "test").await.expect("the rig is idle");
+        let ended = |status: &Status| {
+            let view = status.run.as_ref().filter(|view| view.id == run);
+            view.and_then(|view| view.ending)
+        };
+        let status = self.wait_for("the end of the run", |status| ended(status).is_some()).await;
+        (run, ended(&status).expect("it was waited for"))
+    }
+
+    /// A reader of the journal.
+    ///
+    /// # Panics
+    /// When there is none.
+    pub fn reader(&self) -> Reader {
+        Reader::open(self.data.path()).expect("the rig has a journal")
+    }
+
+    /// The records of a run.
+    ///
+    /// # Panics
+    /// When the journal is damaged.
+    pub fn records(&self, run: RunId) -> Vec<StoredRecord> {
+        self.reader().records(run).expect("the journal is sound")
+    }
+
+    /// Gives a command.
+    ///
+    /// # Errors
+    /// What the rig says.
+    pub async fn command(&self, command: Command) -> Result<(), rig::Refusal> {
+        self.handle.command(command, None, "test").await
+    }
+
+    /// Closes the rig and waits for its thread.
+    pub async fn close(mut self) {
+        self.handle.close().await;
+        if let Some(thread) = self.thread.take() {
+            thread.join();
+        }
+    }
+}

@@ -1,3 +1,8 @@
 //! Whole-system tests: the daemon against the simulated rig, down to the bytes on the wire.
 
+#![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
+
 mod edges;
+mod operator;
+mod runs;
+mod sweeps;
