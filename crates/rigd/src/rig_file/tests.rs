@@ -41,6 +41,21 @@ fn the_shipped_protocols_run_on_the_shipped_rigs() {
 }
 
 #[test]
+fn the_simulated_rig_is_described_as_well_as_a_person_measures() {
+    let rig = RigFile::read("rig.toml", SIMULATED).unwrap();
+    let place = rig_sim::scene::read("scene.toml", SCENE).unwrap().place;
+    let geometry = rig.bench.geometry;
+    let pairs = [
+        (geometry.surface.value(), place.surface_mm),
+        (geometry.surface_above_pivot_mm, place.surface_above_pivot_mm),
+        (geometry.probe_beside_pivot_mm, place.probe_beside_pivot_mm),
+    ];
+    for (described, real) in pairs {
+        assert!((described - real).abs() < 0.1, "{described} mm for {real} mm");
+    }
+}
+
+#[test]
 fn a_rig_file_says_where_everything_is() {
     let rig = RigFile::read("rig.toml", SIMULATED).unwrap();
     let Connection::Simulated(simulation) = &rig.connection else { panic!("{rig:?}") };
