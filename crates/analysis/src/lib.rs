@@ -5,8 +5,12 @@
 
 #![deny(clippy::disallowed_methods)]
 
+pub mod classes;
+pub mod classify;
 pub mod cluster;
 pub mod no_load;
+pub mod recognition;
 pub mod score;
 pub mod sensitivity;
 pub mod shift;
+pub mod stiffness;

@@ -100,17 +100,8 @@ impl Posterior {
         let below = |log: f64| {
             self.mean(|cell| normal_below((log - cell.node.log_young) / cell.node.variance.sqrt()))
         };
-        let sigma = variance.sqrt();
-        let reach = 12.0 * sigma;
-        let quantile = |share: f64| {
-            let (mut low, mut high) = (value - reach, value + reach);
-            while high - low > 1e-9 * (1.0 + reach) {
-                let middle = 0.5 * (low + high);
-                if below(middle) < share { low = middle } else { high = middle }
-            }
-            0.5 * (low + high)
-        };
-        Interval { value, sigma, low: quantile(0.025), high: quantile(0.975) }
+        let reach = REACH * variance.sqrt();
+        interval(value, variance, (value - reach, value + reach), below)
     }
 
     /// What is believed of the angle.
@@ -146,28 +137,40 @@ impl Posterior {
     fn even(&self, of: impl Fn(&Cell) -> (f64, f64)) -> Interval {
         let value = self.mean(|cell| of(cell).0);
         let variance = self.mean(|cell| (of(cell).0 - value).powi(2));
-        let mut steps: Vec<(f64, f64)> = Vec::with_capacity(2 * self.cells.len());
-        let mut ordered: Vec<(f64, f64, f64)> = self
-            .cells
-            .iter()
-            .map(|(weight, cell)| {
+        let below = |x: f64| {
+            self.mean(|cell| {
                 let (middle, half) = of(cell);
-                (middle, half, *weight)
+                if half > 0.0 {
+                    (0.5 + 0.5 * (x - middle) / half).clamp(0.0, 1.0)
+                } else {
+                    f64::from(u8::from(middle <= x))
+                }
             })
-            .collect();
-        ordered.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut below = 0.0;
-        for (middle, half, weight) in ordered {
-            steps.push((below, middle - half));
-            below += weight;
-            steps.push((below, middle + half));
-        }
-        let quantile = |share: f64| {
-            let index = steps.partition_point(|&(below, _)| below < share).min(steps.len() - 1);
-            steps[index].1
         };
-        Interval { value, sigma: variance.sqrt(), low: quantile(0.025), high: quantile(0.975) }
+        let ends = |sign: f64| {
+            let end = |(_, cell): &(f64, Cell)| sign * of(cell).0 + of(cell).1;
+            sign * self.cells.iter().map(end).fold(f64::NEG_INFINITY, f64::max)
+        };
+        interval(value, variance, (ends(-1.0), ends(1.0)), below)
     }
+}
+
+/// Standard deviations to both sides that hold a stiffness's quantiles.
+const REACH: f64 = 12.0;
+/// Bisections of a quantile: beyond the width of a cell.
+const BISECTIONS: u32 = 50;
+
+/// An interval with the quantiles of a distribution function, sought between two ends.
+fn interval(value: f64, variance: f64, ends: (f64, f64), below: impl Fn(f64) -> f64) -> Interval {
+    let quantile = |share: f64| {
+        let (mut low, mut high) = ends;
+        for _ in 0..BISECTIONS {
+            let middle = 0.5 * (low + high);
+            if below(middle) < share { low = middle } else { high = middle }
+        }
+        0.5 * (low + high)
+    };
+    Interval { value, sigma: variance.sqrt(), low: quantile(0.025), high: quantile(0.975) }
 }
 
 fn first_grid(question: &Question<'_>, start_log: f64) -> Vec<Cell> {

@@ -1,0 +1,223 @@
+//! Stiffness from shifts, with the contact angle compensated.
+//!
+//! Each touch at a known angle gives a stiffness by itself; those of one sample are averaged. A
+//! place whose angle is not known needs several touches, each with the probe turned.
+
+use rig_contact::{
+    Contact, ContactLaw, Depth, Friction, Models, Pose, Tier,
+    inverse::{
+        AnglePrior, AzimuthPrior, InverseError, OneTouch, Probing, Spread, TiltInference,
+        TissueKind, Touch, infer_tilt,
+    },
+};
+
+/// By which model touches are read, and how well they were made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Compensation {
+    /// The sensor, for contacts of `law`.
+    pub models: Models,
+    /// The model.
+    pub tier: Tier,
+    /// The contact law.
+    pub law: ContactLaw,
+    /// What happens sideways.
+    pub friction: Friction,
+    /// What is taken as known of every sample.
+    pub kind: TissueKind,
+    /// Standard deviation of the depth that the touches of one place share, mm.
+    pub shared_depth_sigma_mm: f64,
+    /// Standard deviation of the depth of each touch by itself, mm.
+    pub depth_sigma_mm: f64,
+    /// Standard deviation of the contact angle, rad.
+    pub angle_sigma_rad: f64,
+}
+
+/// One touch whose pose is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PosedTouch {
+    /// Which sample.
+    pub sample: usize,
+    /// How the probe stood to it.
+    pub pose: Pose,
+    /// How deep.
+    pub depth: Depth,
+    /// Resonance in contact less the reference, Hz.
+    pub shift_hz: f64,
+    /// Its standard deviation, Hz.
+    pub sigma_hz: f64,
+}
+
+/// The stiffness of a sample from all of its touches.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SampleStiffness {
+    /// Which sample.
+    pub sample: usize,
+    /// Weighted mean of Young's modulus, MPa.
+    pub young_mpa: f64,
+    /// Its standard deviation as far as it comes from those of the touches, MPa.
+    pub sigma_mpa: f64,
+    /// Standard deviation of the touches about the mean, MPa, when there were several. It also
+    /// sees that the sample is not alike everywhere.
+    pub spread_mpa: Option<f64>,
+    /// Touches that gave a stiffness.
+    pub touches: usize,
+    /// Touches that were refused one.
+    pub refused: usize,
+}
+
+impl Compensation {
+    /// The stiffness of one touch.
+    ///
+    /// # Errors
+    /// [`InverseError`].
+    pub fn of_touch(&self, touch: &PosedTouch) -> Result<OneTouch, InverseError> {
+        let PosedTouch { pose, depth, shift_hz, sigma_hz, .. } = *touch;
+        let Self { tier, law, friction, kind, .. } = *self;
+        let contact = Contact { pose, depth, law, friction };
+        let spread = Spread {
+            shift_hz: sigma_hz,
+            depth_mm: self.shared_depth_sigma_mm.hypot(self.depth_sigma_mm),
+            angle_rad: self.angle_sigma_rad,
+        };
+        self.models.stiffness_of_touch(tier, shift_hz, spread, kind, &contact)
+    }
+
+    /// The stiffness of each sample that has touches, ordered by sample; those without a usable
+    /// touch are left out.
+    pub fn by_sample(&self, touches: &[PosedTouch]) -> Vec<SampleStiffness> {
+        let mut touches = touches.to_vec();
+        // Stable, so that touches stay in the order in which they were made.
+        touches.sort_by_key(|touch| touch.sample);
+        touches
+            .chunk_by(|a, b| a.sample == b.sample)
+            .filter_map(|touches| self.mean(touches))
+            .collect()
+    }
+
+    fn mean(&self, touches: &[PosedTouch]) -> Option<SampleStiffness> {
+        let found: Vec<OneTouch> =
+            touches.iter().filter_map(|touch| self.of_touch(touch).ok()).collect();
+        let weight = |one: &OneTouch| (one.young_mpa / one.sigma_mpa).powi(2);
+        let sum: f64 = found.iter().map(weight).sum();
+        if found.is_empty() {
+            return None;
+        }
+        // Errors are relative, so that weights are: the smaller of two readings is no better.
+        let mean = found.iter().map(|one| weight(one) * one.young_mpa).sum::<f64>() / sum;
+        let squares = found.iter().map(|one| (one.young_mpa - mean).powi(2)).sum::<f64>();
+        let freedom = found.len() as f64 - 1.0;
+        Some(SampleStiffness {
+            sample: touches[0].sample,
+            young_mpa: mean,
+            sigma_mpa: mean / sum.sqrt(),
+            spread_mpa: (found.len() > 1).then(|| (squares / freedom).sqrt()),
+            touches: found.len(),
+            refused: touches.len() - found.len(),
+        })
+    }
+
+    /// Stiffness, angle and azimuth of one place at an unknown angle up to `max_angle_rad`, from
+    /// touches with the probe turned between them.
+    ///
+    /// # Errors
+    /// [`InverseError`].
+    pub fn of_place(
+        &self,
+        touches: &[Touch],
+        max_angle_rad: f64,
+    ) -> Result<TiltInference, InverseError> {
+        let Self { tier, law, friction, kind, shared_depth_sigma_mm, depth_sigma_mm, .. } = *self;
+        let probing = Probing { tier, law, friction, kind, shared_depth_sigma_mm, depth_sigma_mm };
+        let angle = AnglePrior::Within { max_rad: max_angle_rad };
+        infer_tilt(&self.models, touches, &probing, angle, AzimuthPrior::Unknown)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rig_contact::{Direction, Sensor};
+
+    use super::*;
+
+    const MOVED: Depth = Depth::Stage { along_probe_mm: 0.5 };
+
+    fn compensation() -> Compensation {
+        Compensation {
+            models: Models::new(&Sensor::reference(), ContactLaw::Sneddon),
+            tier: Tier::E1s,
+            law: ContactLaw::Sneddon,
+            friction: Friction::Sticking,
+            kind: TissueKind::SOFT,
+            shared_depth_sigma_mm: 0.02,
+            depth_sigma_mm: 0.002,
+            angle_sigma_rad: 0.017,
+        }
+    }
+
+    /// Touches of a sample in all directions and angles, read by a finer model.
+    fn touches(compensation: &Compensation, sample: usize, young_mpa: f64) -> Vec<PosedTouch> {
+        let tissue = rig_contact::Tissue::soft(young_mpa).unwrap();
+        let mut touches = Vec::new();
+        for direction in Direction::ALL {
+            for degrees in [0.0_f64, 15.0, 30.0, 45.0] {
+                let pose = Pose::leaning(direction, degrees.to_radians()).unwrap();
+                let contact = Contact::new(pose, MOVED);
+                let shift_hz = compensation
+                    .models
+                    .predict(Tier::Reference, &tissue, &contact)
+                    .unwrap()
+                    .shift_hz;
+                touches.push(PosedTouch { sample, pose, depth: MOVED, shift_hz, sigma_hz: 0.3 });
+            }
+        }
+        touches
+    }
+
+    /// The shifts fall by a fifth over these angles; the stiffness does not.
+    #[test]
+    fn the_angle_is_compensated_within_a_percent() {
+        let compensation = compensation();
+        let mut all = Vec::new();
+        for (sample, young_mpa) in [0.045, 0.104, 0.235, 0.320, 0.649].into_iter().enumerate() {
+            all.extend(touches(&compensation, sample, young_mpa));
+        }
+        all.reverse();
+        let found = compensation.by_sample(&all);
+        assert_eq!(found.len(), 5);
+        for (stiffness, expected) in found.iter().zip([0.045, 0.104, 0.235, 0.320, 0.649]) {
+            assert!((stiffness.young_mpa / expected - 1.0).abs() < 0.005, "{stiffness:?}");
+            assert!(stiffness.spread_mpa.unwrap() / expected < 0.005, "{stiffness:?}");
+            assert!(stiffness.sigma_mpa / expected < 0.02, "{stiffness:?}");
+            assert_eq!((stiffness.touches, stiffness.refused), (12, 0));
+        }
+    }
+
+    #[test]
+    fn refused_touches_are_counted_and_a_sample_without_any_other_is_left_out() {
+        let compensation = compensation();
+        let mut of_one = touches(&compensation, 0, 0.235);
+        of_one[0].shift_hz = -0.1;
+        assert!(matches!(compensation.of_touch(&of_one[0]), Err(InverseError::NoContact { .. })));
+        let found = compensation.by_sample(&of_one);
+        assert_eq!((found[0].touches, found[0].refused), (11, 1));
+        assert!(compensation.by_sample(&of_one[..1]).is_empty());
+    }
+
+    #[test]
+    fn a_place_at_an_unknown_angle_is_read_from_four_spins() {
+        let compensation = compensation();
+        let tissue = rig_contact::Tissue::soft(0.32).unwrap();
+        let spins = [0.0_f64, 90.0, 180.0, 270.0].map(|degrees| {
+            let spin_rad = degrees.to_radians();
+            let pose = Pose::new(0.4, 1.0 - spin_rad).unwrap();
+            let contact = Contact::new(pose, MOVED);
+            let shift_hz =
+                compensation.models.predict(Tier::Reference, &tissue, &contact).unwrap().shift_hz;
+            Touch { shift_hz, sigma_hz: 0.1, spin_rad, depth: MOVED }
+        });
+        let found = compensation.of_place(&spins, 45.0_f64.to_radians()).unwrap();
+        assert!(found.young_mpa.contains(0.32), "{found:?}");
+        assert!(found.angle_rad.contains(0.4), "{found:?}");
+        assert!(found.young_mpa.sigma / 0.32 < 0.04, "{found:?}");
+    }
+}
