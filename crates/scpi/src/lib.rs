@@ -55,7 +55,8 @@
 //!   back as 0.
 //! * A unit with an error answers nothing: `*IDN? 12` is −108 only.
 //! * `#0` begins a block that the end of the message ends; on a stream that is the next line feed.
-//! * A suffix on a mnemonic without `#` in its pattern is −113, one outside its range −114.
+//! * A suffix of 1 may stand behind every mnemonic, also where there is only one; another is −113
+//!   there, and −114 outside its range where there are several.
 //! * A unit without a `;` before it (`*ESE 1:CH1 5`) is −103, and so is a comma behind a header;
 //!   other data directly behind a header is −111; white space around a colon is −102.
 #![deny(clippy::disallowed_methods)]

@@ -80,6 +80,9 @@ impl Pattern {
     /// Matches the mnemonics of a header, without a leading colon or asterisk.
     pub(crate) fn matches(&self, header: &[u8]) -> Option<Match> {
         let mut found = Match { suffixes: Vec::new(), is_out_of_range: false };
+        if self.is_common {
+            return self.nodes[0].mnemonic.matches(header).then_some(found);
+        }
         match_nodes(&self.nodes, header, &mut found).then_some(found)
     }
 
@@ -89,13 +92,10 @@ impl Pattern {
         let mut text = String::new();
         for node in &self.nodes {
             let Some(word) = words.peek() else { break };
-            let (stem, digits) = split_digits(word);
-            let is_named = node.mnemonic.matches(word)
-                || (node.suffix.is_some() && node.mnemonic.matches_stem(stem));
-            if is_named {
+            if node.is_named_by(word) {
                 text.push(if self.is_common { '*' } else { ':' });
                 text.push_str(&node.mnemonic.long().to_ascii_uppercase());
-                text.extend(digits.iter().map(|&digit| char::from(digit)));
+                text.extend(split_digits(word).1.iter().map(|&digit| char::from(digit)));
                 words.next();
             }
         }
@@ -104,7 +104,11 @@ impl Pattern {
 
     /// Whether some header matches both patterns.
     pub(crate) fn overlaps(&self, other: &Self) -> bool {
-        self.is_common == other.is_common && nodes_overlap(&self.nodes, &other.nodes)
+        match (self.is_common, other.is_common) {
+            (true, true) => self.nodes == other.nodes,
+            (false, false) => nodes_overlap(&self.nodes, &other.nodes),
+            _ => false,
+        }
     }
 }
 
@@ -191,19 +195,17 @@ fn match_nodes(nodes: &[Node], header: &[u8], found: &mut Match) -> bool {
 }
 
 fn match_word(node: &Node, word: &[u8], found: &mut Match) -> bool {
-    let Some((low, high)) = node.suffix else { return node.mnemonic.matches(word) };
-    let (stem, digits) = split_digits(word);
-    if !node.mnemonic.matches_stem(stem) {
+    if !node.is_named_by(word) {
         return false;
     }
-    let number = digits
-        .iter()
-        .fold(0_u32, |sum, digit| sum.saturating_mul(10).saturating_add(u32::from(digit - b'0')));
-    if digits.is_empty() {
-        found.suffixes.push(None);
-    } else {
-        found.suffixes.push(Some(number));
-        found.is_out_of_range |= number < low || high < number;
+    if let Some((low, high)) = node.suffix {
+        let digits = split_digits(word).1;
+        let number = digits.iter().fold(0_u32, |sum, digit| {
+            sum.saturating_mul(10).saturating_add(u32::from(digit - b'0'))
+        });
+        let is_given = !digits.is_empty();
+        found.suffixes.push(is_given.then_some(number));
+        found.is_out_of_range |= is_given && (number < low || high < number);
     }
     true
 }
@@ -219,11 +221,23 @@ fn nodes_overlap(left: &[Node], right: &[Node]) -> bool {
 }
 
 fn words_overlap(a: &Node, b: &Node) -> bool {
-    let is_same_stem = [a.mnemonic.short(), a.mnemonic.long()]
-        .iter()
-        .any(|stem| b.mnemonic.matches_stem(stem.as_bytes()));
-    is_same_stem
-        && (a.suffix.is_some() || b.suffix.is_some() || a.mnemonic.digits() == b.mnemonic.digits())
+    let forms = |node: &Node| {
+        let digits = node.mnemonic.digits();
+        [node.mnemonic.short(), node.mnemonic.long()].map(|stem| stem.to_owned() + digits)
+    };
+    forms(a).iter().any(|word| b.is_named_by(word.as_bytes()))
+        || forms(b).iter().any(|word| a.is_named_by(word.as_bytes()))
+}
+
+impl Node {
+    /// Whether `word` is this node. A numeric suffix that is not given stands for 1, so 1 may be
+    /// given where there is only one.
+    fn is_named_by(&self, word: &[u8]) -> bool {
+        let (stem, digits) = split_digits(word);
+        let own = self.mnemonic.digits().as_bytes();
+        let is_number_right = digits == own || (own.is_empty() && digits == b"1");
+        self.mnemonic.matches_stem(stem) && (self.suffix.is_some() || is_number_right)
+    }
 }
 
 #[cfg(test)]
@@ -280,6 +294,9 @@ mod tests {
         assert_eq!(suffixes(text, "OUT10P:FM"), None);
         assert_eq!(suffixes(":PARameter1", "par1"), Some(vec![]));
         assert_eq!(suffixes(":PARameter1", "par"), None);
+        assert_eq!(suffixes(":FREQuency:CW", "freq1:cw1"), Some(vec![]));
+        assert_eq!(suffixes(":FREQuency:CW", "freq2:cw"), None);
+        assert_eq!(suffixes("*IDN", "idn1"), None);
         // A suffix of a node that was tried and left is forgotten.
         assert_eq!(suffixes("[:A#]:A:B", "a9:b"), None);
         assert_eq!(suffixes("[:A#(1:2)]:A#:B", "a9:b"), Some(vec![None, Some(9)]));
@@ -330,7 +347,9 @@ mod tests {
             ("A#", "A1", true),
             ("A#", "A", true),
             ("A1", "A2", false),
-            ("A1", "A", false),
+            ("A1", "A", true),
+            ("A2", "A", false),
+            ("*A1", "*A", false),
             ("*TRG", "TRG", false),
             ("[:A][:B]:C", "[:B]:C[:D]", true),
         ];

@@ -230,7 +230,7 @@ mod tests {
             query("SENSe:BAND", 1),
             query("FREQuency:STARt", 2),
             query("F", 3),
-            query("FREQ1", 4),
+            query("FREQ2", 4),
             query("OUTPut#[:STATe]", 5),
             query("Z", 6),
         ];
