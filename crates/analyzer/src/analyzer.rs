@@ -2,13 +2,17 @@
 
 use std::time::Duration;
 
-use rig_link::{Port, StopSignal, Transcript};
+use rig_link::{LineError, Port, StopSignal, Transcript};
 use rig_model::{DriveLevel, Reading, RigTime, SweepPoint};
+use rig_scpi::{Datum, ErrorReport, Expect};
 
 use crate::{
     AnalyzerError, Dialect, EventStatus, Identity,
-    answer::{Impedance, real},
-    hioki,
+    dialect::{CommandSet, PointCommands},
+    hioki, lcr,
+    message::Message,
+    point::Shot,
+    trace,
     wire::{ANSWER_WITHIN, Answered, Wire},
 };
 
@@ -18,16 +22,18 @@ const ATTEMPTS: u32 = 3;
 /// How long the line is only listened to after a lost answer.
 const QUARANTINE: Duration = Duration::from_millis(500);
 
-/// The instrument may take this much longer than delay and integration: it ranges, computes and
-/// formats.
-const MEASURE_SLACK: Duration = Duration::from_secs(1);
+/// The longest settling that is waited for, s.
+const SETTLE_MAX_S: f64 = 60.0;
 
-/// Integration may take this many times the cycles asked for while the range is sought.
-const MEASURE_TIMES: f64 = 3.0;
+/// The most cycles that are integrated at a point.
+const CYCLES_MAX: u32 = 100_000;
 
 /// How far the level that the instrument reports may be from the one asked for: it prints three
 /// digits.
 const LEVEL_TOLERANCE_REL: f64 = 0.005;
+
+/// More errors than this are not read out of an error queue.
+const REPORTS_MAX: usize = 20;
 
 /// An impedance analyzer and its port.
 ///
@@ -38,21 +44,26 @@ const LEVEL_TOLERANCE_REL: f64 = 0.005;
 /// ```
 #[derive(Debug)]
 pub struct Analyzer {
-    wire: Wire,
-    dialect: &'static Dialect,
+    pub(crate) wire: Wire,
+    pub(crate) dialect: &'static Dialect,
     identity: Option<Identity>,
     /// Whether several questions may stand in one message; found out at the first greeting.
     can_chain: Option<bool>,
+    /// Whether it has the option that drives more.
+    has_high_power: bool,
     /// Whether the next answer is known to belong to the next question.
     is_in_step: bool,
     /// The level to measure at, and whether the instrument has it.
     level: Option<DriveLevel>,
     is_set_up: bool,
     /// What the instrument is set to, as far as it has confirmed.
-    current: Option<SweepPoint>,
+    pub(crate) current: Option<Shot>,
     /// When its frequency was last set.
-    frequency_set_at: RigTime,
+    pub(crate) frequency_set_at: RigTime,
 }
+
+/// Adds one or more units to a message; of these, one is a question.
+pub(crate) type Question<'a> = &'a (dyn Fn(Message) -> Message + Sync);
 
 impl Analyzer {
     /// An analyzer of this dialect at this port. Nothing is sent yet.
@@ -62,6 +73,7 @@ impl Analyzer {
             dialect,
             identity: None,
             can_chain: None,
+            has_high_power: false,
             is_in_step: false,
             level: None,
             is_set_up: false,
@@ -90,13 +102,21 @@ impl Analyzer {
         self.persist(async |this| this.get_in_step().await).await
     }
 
-    /// Prepares measurements at this level.
+    /// Prepares measurements at this level. Does nothing when they are prepared.
     ///
     /// # Errors
-    /// [`AnalyzerError::OutOfRange`] for a level that the instrument cannot give; nothing was sent
+    /// [`AnalyzerError::OutOfRange`] for a level that the instrument cannot give; it was not sent
     /// then. [`AnalyzerError::Refused`], [`AnalyzerError::NotTaken`].
     pub async fn configure(&mut self, level: DriveLevel) -> Result<(), AnalyzerError> {
-        self.within("level in V", level.volt, self.dialect.level_v)?;
+        if self.is_in_step && self.is_set_up && self.level == Some(level) {
+            return Ok(());
+        }
+        // Which options it has is known once it is identified.
+        self.persist(async |this| this.get_in_step().await).await?;
+        let (min, max) = self.dialect.level_v;
+        let high_power = self.dialect.high_power.filter(|_| self.has_high_power);
+        let max = high_power.map_or(max, |high_power| high_power.max_v);
+        self.within("level in V", level.volt, (min, max))?;
         self.level = Some(level);
         self.is_set_up = false;
         let done = self.persist(async |this| this.get_set_up().await).await;
@@ -120,89 +140,34 @@ impl Analyzer {
         if self.level.is_none() {
             return Err(AnalyzerError::NotConfigured { port: self.wire.name() });
         }
+        let commands = self.dialect.commands;
+        let (settle_max_s, cycles_max) = match commands {
+            CommandSet::Points(_) => (SETTLE_MAX_S, CYCLES_MAX),
+            CommandSet::Trace => (trace::DELAY_MAX_S, trace::AVERAGES_MAX),
+        };
         for point in points {
             self.within("frequency in Hz", point.frequency_hz, self.dialect.frequency_hz)?;
-            let delay_max_s = self.dialect.trigger_delay_max_s;
-            self.within("settling in s", point.settle_s, (0.0, delay_max_s))?;
-            let averages_max = f64::from(self.dialect.averages_max);
-            self.within("cycles", f64::from(point.cycles), (1.0, averages_max))?;
+            self.within("settling in s", point.settle_s, (0.0, settle_max_s))?;
+            self.within("cycles", point.cycles.into(), (1.0, cycles_max.into()))?;
         }
         let mut readings = Vec::with_capacity(points.len());
-        for point in points {
-            if stop.is_raised() {
+        while readings.len() < points.len() {
+            let rest = &points[readings.len()..];
+            let more = match commands {
+                _ if stop.is_raised() => Vec::new(),
+                CommandSet::Trace => self.persist(async |this| this.try_trace(rest).await).await?,
+                CommandSet::Points(commands) => {
+                    let first = &rest[0];
+                    self.persist(async |this| this.try_point(commands, first, stop).await).await?
+                }
+            };
+            if more.is_empty() {
                 let (done, points) = (readings.len(), points.len());
                 return Err(AnalyzerError::Stopped { done, points });
             }
-            let reading = self.persist(async |this| this.try_point(point).await).await?;
-            readings.push(reading);
+            readings.extend(more);
         }
         Ok(readings)
-    }
-
-    async fn try_point(&mut self, point: &SweepPoint) -> Result<Reading, AnalyzerError> {
-        self.get_set_up().await?;
-        let step = self.dialect.frequency_step_hz;
-        // What the instrument will round to, so that it can be compared with what it says.
-        let frequency_hz = (point.frequency_hz / step).round() * step;
-        let point = SweepPoint { frequency_hz, ..*point };
-        let is_new_frequency =
-            self.current.is_none_or(|current| current.frequency_hz != frequency_hz);
-        let mut message = hioki::settings(&point, self.current.as_ref());
-        // Until it has confirmed, nothing is known about its settings.
-        self.current = None;
-        message.push(hioki::TRIGGER.to_owned());
-        let integration_s = f64::from(point.cycles) / frequency_hz;
-        let within =
-            MEASURE_SLACK + Duration::from_secs_f64(point.settle_s + MEASURE_TIMES * integration_s);
-        let message = message.join(";");
-        let asked = self.ask_all(&message, within).await?;
-        let [reading, frequency, status] = &asked.answers;
-        let status = self.event_status(&message, status)?;
-        if status.is_power_on() || status.is_error() {
-            return Err(self.refused(&message, status));
-        }
-        let found = self.number(hioki::FREQUENCY_QUERY, frequency)?;
-        if (found - frequency_hz).abs() > 0.5 * step {
-            let port = self.wire.name();
-            let what = "frequency in Hz";
-            return Err(AnalyzerError::NotTaken { port, what, wanted: frequency_hz, found });
-        }
-        let Some(impedance) = hioki::reading(reading) else {
-            return Err(self.wire.unexpected(&message, hioki::READING, reading.as_bytes()));
-        };
-        if is_new_frequency {
-            self.frequency_set_at = asked.at;
-        }
-        self.current = Some(point);
-        let Impedance { resistance_ohm, reactance_ohm, flag } = impedance;
-        let waited = asked.at.since(self.frequency_set_at).as_secs_f64();
-        Ok(Reading {
-            frequency_hz: found,
-            resistance_ohm,
-            reactance_ohm,
-            started: self.frequency_set_at,
-            settle_s: waited + point.settle_s,
-            integration_s,
-            flag,
-        })
-    }
-
-    /// Measures, and asks for frequency and status behind it, in one message where the instrument
-    /// can take that.
-    async fn ask_all(&mut self, message: &str, within: Duration) -> Result<Asked, AnalyzerError> {
-        if self.can_chain == Some(true) {
-            let chain = format!("{message};{};*ESR?", hioki::FREQUENCY_QUERY);
-            let Answered { text, asked_at } = self.wire.ask(&chain, within).await?;
-            let fields: Vec<String> = text.split(';').map(str::to_owned).collect();
-            let Ok(answers) = <[String; 3]>::try_from(fields) else {
-                return Err(self.wire.unexpected(&chain, "three answers", text.as_bytes()));
-            };
-            return Ok(Asked { answers, at: asked_at });
-        }
-        let Answered { text: reading, asked_at } = self.wire.ask(message, within).await?;
-        let frequency = self.wire.ask(hioki::FREQUENCY_QUERY, ANSWER_WITHIN).await?.text;
-        let status = self.wire.ask("*ESR?", ANSWER_WITHIN).await?.text;
-        Ok(Asked { answers: [reading, frequency, status], at: asked_at })
     }
 
     /// Does it again from its beginning while the trouble is one that passes.
@@ -215,7 +180,10 @@ impl Analyzer {
             attempts += 1;
             match what(self).await {
                 Ok(done) => return Ok(done),
-                Err(error) if !is_passing(&error) => return Err(error),
+                Err(error) if !is_passing(&error) => {
+                    self.is_in_step &= !is_of_the_line(&error);
+                    return Err(error);
+                }
                 Err(error) => {
                     self.is_in_step = false;
                     if attempts == ATTEMPTS {
@@ -231,15 +199,12 @@ impl Analyzer {
     /// asked whether that was so.
     async fn explain(&mut self, error: AnalyzerError) -> AnalyzerError {
         let AnalyzerError::Line { asked, .. } = &error else { return error };
-        if self.wire.quarantine(QUARANTINE).await.is_err() {
+        if self.wire.put_in_order(QUARANTINE).await.is_err() {
             return error;
         }
-        match self.wire.ask("*ESR?", ANSWER_WITHIN).await {
-            Ok(answered) => match self.event_status("*ESR?", &answered.text) {
-                Ok(status) if status.is_error() => self.refused(asked, status),
-                _ => error,
-            },
-            Err(_) => error,
+        match self.event_status().await {
+            Ok(status) if status.is_error() => self.refused(asked.clone(), status).await,
+            _ => error,
         }
     }
 
@@ -249,13 +214,16 @@ impl Analyzer {
             return Ok(identity.clone());
         }
         self.is_set_up = false;
-        self.wire.quarantine(QUARANTINE).await?;
-        let greeting: Vec<&str> =
-            self.dialect.quirks.header_off.into_iter().chain(["*CLS", "*IDN?"]).collect();
-        let greeting = greeting.join(";");
-        let Answered { text, .. } = self.wire.ask(&greeting, ANSWER_WITHIN).await?;
-        let Some(found) = Identity::parse(&text) else {
-            return Err(self.wire.unexpected(&greeting, "an identity", text.as_bytes()));
+        self.wire.put_in_order(QUARANTINE).await?;
+        let mut greeting = Message::new();
+        if self.dialect.quirks.has_headers {
+            greeting = greeting.choose(":HEADer", "OFF");
+        }
+        let greeting = greeting.command("*CLS").query("*IDN");
+        let Answered { response, .. } =
+            self.wire.ask(&greeting, Expect::Line, ANSWER_WITHIN).await?;
+        let Ok(found) = rig_scpi::Identity::parse(&response).map(Identity::from) else {
+            return Err(self.wire.unexpected(&greeting, "an identity", response.bytes()));
         };
         let (port, expected) = (self.wire.name(), self.dialect.models);
         if !self.dialect.model_prefixes.iter().any(|prefix| found.model.starts_with(prefix)) {
@@ -268,6 +236,7 @@ impl Analyzer {
         }
         if self.can_chain.is_none() {
             self.can_chain = Some(self.try_chain().await?);
+            self.has_high_power = self.find_high_power().await?;
         }
         self.identity = Some(found.clone());
         self.is_in_step = true;
@@ -276,21 +245,29 @@ impl Analyzer {
 
     /// Whether two questions in one message get two answers in one line.
     async fn try_chain(&mut self) -> Result<bool, AnalyzerError> {
-        match self.wire.ask("*ESR?;*ESR?", ANSWER_WITHIN).await {
-            Ok(answered) if answered.text == "0;0" => return Ok(true),
+        let twice = Message::new().query("*ESR").query("*ESR");
+        match self.wire.ask(&twice, Expect::Data, ANSWER_WITHIN).await {
+            Ok(answered) if answered.response.bytes() == b"0;0" => return Ok(true),
             Ok(_) => {}
             Err(error) if is_passing(&error) => {}
             Err(error) => return Err(error),
         }
-        self.wire.quarantine(QUARANTINE).await?;
-        // The attempt was an error where it is not allowed.
-        let answered = self.wire.ask("*ESR?", ANSWER_WITHIN).await?;
-        self.event_status("*ESR?", &answered.text)?;
+        // Where it is not allowed, it was an error. It is read, and forgotten with that.
+        self.wire.put_in_order(QUARANTINE).await?;
+        self.event_status().await?;
         Ok(false)
     }
 
+    async fn find_high_power(&mut self) -> Result<bool, AnalyzerError> {
+        let Some(high_power) = self.dialect.high_power else { return Ok(false) };
+        let options = Message::new().query("*OPT");
+        let answered = self.wire.ask(&options, Expect::Line, ANSWER_WITHIN).await?;
+        let text = String::from_utf8_lossy(answered.response.bytes()).into_owned();
+        Ok(text.split(',').any(|option| option.trim() == high_power.option))
+    }
+
     /// Gives the instrument its settings, if it has lost them or never had them.
-    async fn get_set_up(&mut self) -> Result<(), AnalyzerError> {
+    pub(crate) async fn get_set_up(&mut self) -> Result<(), AnalyzerError> {
         self.get_in_step().await?;
         let Some(level) = self.level else {
             return Err(AnalyzerError::NotConfigured { port: self.wire.name() });
@@ -299,17 +276,22 @@ impl Analyzer {
             return Ok(());
         }
         self.current = None;
-        for message in hioki::setup(level) {
-            // The question behind it tells a message that was lost from one that was heard.
-            let message = format!("{message};*ESR?");
-            let answered = self.wire.ask(&message, ANSWER_WITHIN).await?;
-            let status = self.event_status(&message, &answered.text)?;
-            if status.is_error() || status.is_power_on() {
-                return Err(self.refused(&message, status));
+        let high_power = self.dialect.high_power.filter(|_| self.has_high_power);
+        let (messages, level_header) = match self.dialect.commands {
+            CommandSet::Points(PointCommands::Hioki) => (hioki::setup(level), hioki::LEVEL),
+            CommandSet::Points(PointCommands::Lcr(variant)) => {
+                (lcr::setup(level, variant, high_power), lcr::LEVEL)
             }
+            CommandSet::Trace => (trace::setup(level), trace::LEVEL),
+        };
+        for message in messages {
+            self.confirm(message).await?;
         }
-        let answered = self.wire.ask(hioki::LEVEL_QUERY, ANSWER_WITHIN).await?;
-        let found = self.number(hioki::LEVEL_QUERY, &answered.text)?;
+        let questions: [Question<'_>; 2] = [&|m| m.query(level_header), &|m| m.query("*ESR")];
+        let (answers, _, asked) = self.ask_all(&questions, ANSWER_WITHIN).await?;
+        let status = self.read_status(&asked, answers[1].first())?;
+        self.check(&asked, status).await?;
+        let found = self.number(level_header, &answers[0])?;
         if (found - level.volt).abs() > LEVEL_TOLERANCE_REL * level.volt {
             let (port, wanted) = (self.wire.name(), level.volt);
             return Err(AnalyzerError::NotTaken { port, what: "level in V", wanted, found });
@@ -318,18 +300,107 @@ impl Analyzer {
         Ok(())
     }
 
-    fn event_status(&self, asked: &str, answer: &str) -> Result<EventStatus, AnalyzerError> {
-        let status = answer.trim().parse().map(EventStatus);
-        status.map_err(|_| self.wire.unexpected(asked, "an event status", answer.as_bytes()))
+    /// Sends a message and asks for the event status behind it. The question tells a message that
+    /// was lost from one that was heard.
+    pub(crate) async fn confirm(&mut self, message: Message) -> Result<(), AnalyzerError> {
+        let message = message.query("*ESR");
+        let answered = self.wire.ask(&message, Expect::Data, ANSWER_WITHIN).await?;
+        let status = self.read_status(&message, answered.response.datum().ok().as_ref())?;
+        self.check(&message, status).await
     }
 
-    fn number(&self, asked: &str, answer: &str) -> Result<f64, AnalyzerError> {
-        real(answer.trim())
-            .ok_or_else(|| self.wire.unexpected(asked, "a number", answer.as_bytes()))
+    /// Asks several questions, in one message where the instrument can take that. Returns the data
+    /// of each answer, and when the first question had left the host.
+    pub(crate) async fn ask_all(
+        &mut self,
+        questions: &[Question<'_>],
+        first_within: Duration,
+    ) -> Result<(Vec<Vec<Datum>>, RigTime, Message), AnalyzerError> {
+        let all = questions.iter().fold(Message::new(), |message, ask| ask(message));
+        if self.can_chain == Some(true) {
+            let Answered { response, asked_at } =
+                self.wire.ask(&all, Expect::Data, first_within).await?;
+            let answers: Vec<Vec<Datum>> = match response.units() {
+                Ok(units) => units.into_iter().map(|unit| unit.data).collect(),
+                Err(_) => Vec::new(),
+            };
+            if answers.len() != questions.len() {
+                let expected = "an answer to each question";
+                return Err(self.wire.unexpected(&all, expected, response.bytes()));
+            }
+            return Ok((answers, asked_at, all));
+        }
+        let mut answers = Vec::with_capacity(questions.len());
+        let mut first_asked_at = None;
+        for ask in questions {
+            let message = ask(Message::new());
+            let within = if answers.is_empty() { first_within } else { ANSWER_WITHIN };
+            let Answered { response, asked_at } =
+                self.wire.ask(&message, Expect::Data, within).await?;
+            first_asked_at.get_or_insert(asked_at);
+            let Ok(data) = response.data() else {
+                return Err(self.wire.unexpected(&message, "one answer", response.bytes()));
+            };
+            answers.push(data);
+        }
+        Ok((answers, first_asked_at.unwrap_or_default(), all))
     }
 
-    fn refused(&self, asked: &str, status: EventStatus) -> AnalyzerError {
-        AnalyzerError::Refused { port: self.wire.name(), asked: asked.into(), status }
+    async fn event_status(&mut self) -> Result<EventStatus, AnalyzerError> {
+        let message = Message::new().query("*ESR");
+        let answered = self.wire.ask(&message, Expect::Data, ANSWER_WITHIN).await?;
+        self.read_status(&message, answered.response.datum().ok().as_ref())
+    }
+
+    pub(crate) fn read_status(
+        &self,
+        asked: &Message,
+        datum: Option<&Datum>,
+    ) -> Result<EventStatus, AnalyzerError> {
+        let status = datum.and_then(|datum| u8::try_from(datum.integer().ok()?).ok());
+        status.map(EventStatus).ok_or_else(|| {
+            let found = format!("{datum:?}");
+            self.wire.unexpected(asked, "an event status", found.as_bytes())
+        })
+    }
+
+    /// Makes an error of what the instrument reports.
+    pub(crate) async fn check(
+        &mut self,
+        asked: &Message,
+        status: EventStatus,
+    ) -> Result<(), AnalyzerError> {
+        if status.is_power_on() {
+            return Err(AnalyzerError::Restarted { port: self.wire.name() });
+        }
+        if status.is_error() {
+            return Err(self.refused(asked.to_string().into(), status).await);
+        }
+        Ok(())
+    }
+
+    async fn refused(&mut self, asked: Box<str>, status: EventStatus) -> AnalyzerError {
+        let mut reports = Vec::new();
+        let question = Message::new().query(":SYSTem:ERRor");
+        while self.dialect.quirks.has_error_queue && reports.len() < REPORTS_MAX {
+            let answered = self.wire.ask(&question, Expect::Data, ANSWER_WITHIN).await;
+            match answered.map(|answered| ErrorReport::parse(&answered.response)) {
+                Ok(Ok(Some(report))) => reports.push(report),
+                _ => break,
+            }
+        }
+        AnalyzerError::Refused { port: self.wire.name(), asked, status, reports }
+    }
+
+    pub(crate) fn number(&self, asked: &str, data: &[Datum]) -> Result<f64, AnalyzerError> {
+        match data {
+            [datum] if datum.number().is_ok() => Ok(datum.number().unwrap_or(f64::NAN)),
+            _ => {
+                let found = format!("{data:?}");
+                let asked = Message::new().query(asked);
+                Err(self.wire.unexpected(&asked, "a number", found.as_bytes()))
+            }
+        }
     }
 
     fn within(
@@ -346,21 +417,22 @@ impl Analyzer {
     }
 }
 
-/// The answers to a measurement: reading, frequency, event status.
-struct Asked {
-    answers: [String; 3],
-    at: RigTime,
-}
-
 /// Whether it makes sense to try again: the answer was lost or damaged, or the instrument was
 /// switched off and on, but it did not refuse.
-fn is_passing(error: &AnalyzerError) -> bool {
+const fn is_passing(error: &AnalyzerError) -> bool {
     match error {
-        AnalyzerError::Line { source, .. } => {
-            matches!(source, rig_link::LineError::TimedOut { .. })
-        }
-        AnalyzerError::Answer { .. } => true,
-        AnalyzerError::Refused { status, .. } => status.is_power_on(),
+        AnalyzerError::Line { source, .. } => matches!(source, LineError::TimedOut { .. }),
+        AnalyzerError::Answer { .. }
+        | AnalyzerError::Frame { .. }
+        | AnalyzerError::Restarted { .. } => true,
         _ => false,
     }
+}
+
+/// Whether it is not known any more to what the next answer belongs.
+const fn is_of_the_line(error: &AnalyzerError) -> bool {
+    matches!(
+        error,
+        AnalyzerError::Line { .. } | AnalyzerError::Unquiet { .. } | AnalyzerError::Reopen { .. }
+    )
 }

@@ -1,6 +1,8 @@
 //! Which analyzers are known, and what each can do.
 
-use crate::hioki;
+use rig_scpi::Ending;
+
+use crate::{hioki, lcr, lcr::LcrVariant, trace};
 
 /// What must be known of an analyzer before anything is sent to it.
 #[derive(Debug, Clone, Copy)]
@@ -13,48 +15,244 @@ pub struct Dialect {
     pub model_prefixes: &'static [&'static str],
     /// Lowest and highest frequency, Hz.
     pub frequency_hz: (f64, f64),
-    /// Lowest and highest level, V.
+    /// How finely the frequency can be set.
+    pub resolution: Resolution,
+    /// Lowest and highest level, V, without options.
     pub level_v: (f64, f64),
-    /// Steps of the frequency setting, Hz.
-    pub frequency_step_hz: f64,
+    /// An option that drives more.
+    pub high_power: Option<HighPower>,
     /// The longest delay between trigger and measurement that it can be told, s.
-    pub trigger_delay_max_s: f64,
-    /// The most cycles that one trigger can average.
-    pub averages_max: u32,
-    /// How messages are sent.
+    pub delay_max_s: f64,
+    /// How messages travel.
     pub quirks: Quirks,
+    pub(crate) commands: CommandSet,
+}
+
+/// How finely a frequency can be set.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Resolution {
+    /// A fixed step, Hz.
+    Step(f64),
+    /// So many digits.
+    Digits(i32),
+    /// Frequencies of its own, of which it takes the nearest; never further off than this share.
+    Nearest(f64),
+}
+
+impl Resolution {
+    /// The frequency that the instrument will make of the one asked for, as far as can be known.
+    pub(crate) fn round(self, frequency_hz: f64) -> f64 {
+        let step = match self {
+            Self::Nearest(_) => return frequency_hz,
+            Self::Step(step) => step,
+            Self::Digits(_) => 2.0 * self.tolerance_hz(frequency_hz),
+        };
+        // To the float that is nearest to the decimal.
+        let per_hz = 1.0 / step;
+        if 1.0 <= per_hz {
+            (frequency_hz * per_hz.round()).round() / per_hz.round()
+        } else {
+            (frequency_hz / step).round() * step
+        }
+    }
+
+    /// How far what the instrument says may be from that.
+    pub(crate) fn tolerance_hz(self, frequency_hz: f64) -> f64 {
+        match self {
+            Self::Step(step) => 0.5 * step,
+            Self::Digits(digits) => {
+                let exponent = frequency_hz.log10().floor() + 1.0;
+                0.5 * 10_f64.powf(exponent - f64::from(digits))
+            }
+            Self::Nearest(share) => share * frequency_hz,
+        }
+    }
+}
+
+/// An option that drives more.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HighPower {
+    /// What `*OPT?` then contains.
+    pub option: &'static str,
+    /// Highest level with it, V.
+    pub max_v: f64,
+    /// What has to be switched on for it, if anything.
+    pub(crate) switch: Option<&'static str>,
 }
 
 /// How messages travel, apart from what they say.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Quirks {
     /// What ends a message to the instrument. What it sends ends with a line feed, and a carriage
-    /// return before it is dropped.
-    pub terminator: &'static str,
-    /// Sent before anything else, so that answers come without their headers.
-    pub header_off: Option<&'static str>,
+    /// return before that is dropped.
+    pub ending: Ending,
+    /// Whether answers may begin with their header, which has to be switched off first.
+    pub has_headers: bool,
+    /// Whether there is an error queue behind the bits of `*ESR?`.
+    pub has_error_queue: bool,
+    /// How characters are handed over.
+    pub handshake: Handshake,
+}
+
+/// How characters are handed over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Handshake {
+    /// One after the other.
+    None,
+    /// Each after the instrument has sent the last one back, as those of Tonghui want it on
+    /// RS-232.
+    EchoEachCharacter,
+}
+
+/// What is sent.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum CommandSet {
+    /// One frequency after the other.
+    Points(PointCommands),
+    /// A trace at a time.
+    Trace,
+}
+
+/// Families of commands that measure one frequency.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum PointCommands {
+    Hioki,
+    Lcr(&'static LcrVariant),
 }
 
 /// HIOKI IM3536, which gives 5 V at 100–300 Hz.
 ///
 /// # Source
 /// HIOKI, IM3536 Instruction Manual, specifications; Communication Instruction Manual.
-pub const HIOKI_IM3536: Dialect = Dialect {
+pub static HIOKI_IM3536: Dialect = Dialect {
     name: "hioki-im3536",
     models: "HIOKI IM3536, IM3533 or IM3570",
     model_prefixes: &["IM3536", "IM3533", "IM3570"],
     frequency_hz: (4.0, 8e6),
+    resolution: Resolution::Step(0.01),
     level_v: (0.01, 5.0),
-    frequency_step_hz: 0.01,
-    trigger_delay_max_s: 9.9999,
-    averages_max: hioki::AVERAGES_MAX,
-    quirks: Quirks { terminator: "\r\n", header_off: Some(":HEADer OFF") },
+    high_power: None,
+    delay_max_s: hioki::DELAY_MAX_S,
+    quirks: Quirks {
+        ending: Ending::CrLf,
+        has_headers: true,
+        has_error_queue: false,
+        handshake: Handshake::None,
+    },
+    commands: CommandSet::Points(PointCommands::Hioki),
+};
+
+const SCPI: Quirks = Quirks {
+    ending: Ending::Lf,
+    has_headers: false,
+    has_error_queue: true,
+    handshake: Handshake::None,
+};
+
+/// Keysight E4980A. Option 001 drives 20 V.
+///
+/// # Source
+/// Keysight, E4980A/AL User's Guide, and data sheet 5989-4235EN.
+pub static KEYSIGHT_E4980A: Dialect = Dialect {
+    name: "keysight-e4980a",
+    models: "Keysight E4980A",
+    model_prefixes: &["E4980A"],
+    frequency_hz: (20.0, 2e6),
+    resolution: Resolution::Digits(4),
+    level_v: (0.005, 2.0),
+    high_power: Some(HighPower { option: "001", max_v: 20.0, switch: None }),
+    delay_max_s: lcr::DELAY_MAX_S,
+    quirks: SCPI,
+    commands: CommandSet::Points(PointCommands::Lcr(&lcr::E4980A)),
+};
+
+/// HP 4284A, the forerunner of the E4980A. Option 001 drives 20 V when it is switched on.
+///
+/// # Source
+/// HP, 4284A Precision LCR Meter Operation Manual.
+pub static HP_4284A: Dialect = Dialect {
+    name: "hp-4284a",
+    models: "HP or Agilent 4284A",
+    model_prefixes: &["4284A", "HP4284A"],
+    frequency_hz: (20.0, 1e6),
+    // 8610 frequencies, at most one percent apart.
+    resolution: Resolution::Nearest(0.01),
+    level_v: (0.005, 2.0),
+    high_power: Some(HighPower { option: "001", max_v: 20.0, switch: Some(":OUTPut:HPOWer") }),
+    delay_max_s: lcr::OLD_DELAY_MAX_S,
+    quirks: SCPI,
+    commands: CommandSet::Points(PointCommands::Lcr(&lcr::HP_4284A)),
+};
+
+/// Tonghui `TH283x` on RS-232.
+///
+/// # Source
+/// Tonghui, operation manuals of the TH2830 and TH1953 series, remote control.
+pub static TONGHUI_TH283X: Dialect = Dialect {
+    name: "tonghui-th283x",
+    models: "Tonghui TH2830, TH2831, TH2832 or TH2838",
+    model_prefixes: &["TH283"],
+    frequency_hz: (20.0, 1e5),
+    resolution: Resolution::Digits(4),
+    level_v: (0.005, 2.0),
+    high_power: None,
+    delay_max_s: lcr::OLD_DELAY_MAX_S,
+    quirks: Quirks { handshake: Handshake::EchoEachCharacter, ..SCPI },
+    commands: CommandSet::Points(PointCommands::Lcr(&lcr::TH283X)),
+};
+
+/// Keysight E4990A, which sweeps a trace and drives at most 1 V.
+///
+/// # Source
+/// Keysight, E4990A Help, command reference.
+pub static KEYSIGHT_E4990A: Dialect = Dialect {
+    name: "keysight-e4990a",
+    models: "Keysight E4990A",
+    model_prefixes: &["E4990A"],
+    frequency_hz: (20.0, 120e6),
+    resolution: Resolution::Step(0.001),
+    level_v: (0.005, 1.0),
+    high_power: None,
+    delay_max_s: trace::DELAY_MAX_S,
+    quirks: SCPI,
+    commands: CommandSet::Trace,
 };
 
 /// All dialects.
-pub const DIALECTS: [&Dialect; 1] = [&HIOKI_IM3536];
+pub static DIALECTS: [&Dialect; 5] =
+    [&HIOKI_IM3536, &KEYSIGHT_E4980A, &HP_4284A, &TONGHUI_TH283X, &KEYSIGHT_E4990A];
 
 /// The dialect of this name.
 pub fn dialect_by_name(name: &str) -> Option<&'static Dialect> {
-    DIALECTS.into_iter().find(|dialect| dialect.name == name)
+    DIALECTS.iter().copied().find(|dialect| dialect.name == name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frequency_is_rounded_as_the_instrument_will() {
+        let rows = [
+            (Resolution::Step(0.01), 200.123, 200.12),
+            (Resolution::Step(0.01), 139.998, 140.0),
+            (Resolution::Digits(4), 140.04, 140.0),
+            (Resolution::Digits(4), 140.06, 140.1),
+            (Resolution::Digits(4), 99.996, 100.0),
+            (Resolution::Digits(4), 12_345.0, 12_350.0),
+            (Resolution::Nearest(0.01), 123.4567, 123.4567),
+        ];
+        for (resolution, asked, expected) in rows {
+            assert_eq!(resolution.round(asked), expected, "{resolution:?} {asked}");
+            assert!((asked - expected).abs() <= resolution.tolerance_hz(asked) + 1e-9);
+        }
+    }
+
+    #[test]
+    fn every_dialect_is_found_by_its_name() {
+        for dialect in DIALECTS {
+            assert!(std::ptr::eq(dialect_by_name(dialect.name).unwrap(), dialect));
+        }
+        assert!(dialect_by_name("hioki").is_none());
+    }
 }

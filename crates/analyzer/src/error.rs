@@ -1,9 +1,13 @@
 //! What can go wrong with an analyzer: it refused, or the line failed, or its answer does not
 //! answer the question.
 
-use std::{fmt, sync::Arc};
+use std::{
+    fmt::{self, Write},
+    sync::Arc,
+};
 
-use rig_link::LineError;
+use rig_link::{LineError, OpenError};
+use rig_scpi::{ErrorReport, FrameError};
 
 use crate::Identity;
 
@@ -15,12 +19,11 @@ use crate::Identity;
 pub struct EventStatus(pub u8);
 
 impl EventStatus {
-    const NAMES: [(u8, &'static str); 5] = [
+    const NAMES: [(u8, &'static str); 4] = [
         (1 << 2, "query error"),
         (1 << 3, "device error"),
         (1 << 4, "execution error"),
         (1 << 5, "command error"),
-        (1 << 7, "power was switched on"),
     ];
 
     /// Whether it reports that something was not understood or not done.
@@ -53,8 +56,33 @@ pub enum AnalyzerError {
         #[source]
         source: LineError,
     },
+    /// Silence was waited for, and did not come.
+    #[error("analyzer: the line does not become silent")]
+    Unquiet {
+        /// What happened.
+        #[source]
+        source: LineError,
+    },
+    /// A port that was lost cannot be opened again.
+    #[error("analyzer: the port was lost")]
+    Reopen {
+        /// Why not.
+        #[source]
+        source: Arc<OpenError>,
+    },
+    /// What came cannot be an answer of any kind.
+    #[error("{port}: asked `{asked}`; do speed and parity match?")]
+    Frame {
+        /// Name of the port.
+        port: Arc<str>,
+        /// What was asked.
+        asked: Box<str>,
+        /// What is wrong with it.
+        #[source]
+        source: FrameError,
+    },
     /// The instrument understood and refused, or did not understand.
-    #[error("{port}: the analyzer refused `{asked}`: {status}")]
+    #[error("{port}: the analyzer refused `{asked}`: {status}{}", in_words(reports))]
     Refused {
         /// Name of the port.
         port: Arc<str>,
@@ -62,6 +90,14 @@ pub enum AnalyzerError {
         asked: Box<str>,
         /// Its reason.
         status: EventStatus,
+        /// Its reason in words, from those that have an error queue.
+        reports: Vec<ErrorReport>,
+    },
+    /// The instrument was switched off and on, and has lost its settings.
+    #[error("{port}: the analyzer was switched off and on again")]
+    Restarted {
+        /// Name of the port.
+        port: Arc<str>,
     },
     /// The answer is not one to this question.
     #[error("{port}: asked `{asked}`, expected {expected}, found `{found}`")]
@@ -135,4 +171,12 @@ pub enum AnalyzerError {
         /// Points asked for.
         points: usize,
     },
+}
+
+fn in_words(reports: &[ErrorReport]) -> String {
+    let mut text = String::new();
+    for ErrorReport { number, text: words, .. } in reports {
+        _ = write!(text, "; {number} {words}");
+    }
+    text
 }

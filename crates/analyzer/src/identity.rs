@@ -9,30 +9,28 @@ pub struct Identity {
     pub manufacturer: String,
     /// Which model.
     pub model: String,
-    /// Which one of them; instruments without a number say `0`.
-    pub serial: String,
-    /// Version of its firmware.
-    pub firmware: String,
+    /// Which one of them, if it says so.
+    pub serial: Option<String>,
+    /// Version of its firmware, if it says so.
+    pub firmware: Option<String>,
 }
 
-impl Identity {
-    /// Reads the four fields that IEEE 488.2 (10.14) prescribes.
-    pub(crate) fn parse(answer: &str) -> Option<Self> {
-        let fields: Vec<&str> = answer.splitn(4, ',').map(str::trim).collect();
-        let [manufacturer, model, serial, firmware] = fields[..] else { return None };
-        let is_named = !manufacturer.is_empty() && !model.is_empty();
-        is_named.then(|| Self {
-            manufacturer: manufacturer.to_owned(),
-            model: model.to_owned(),
-            serial: serial.to_owned(),
-            firmware: firmware.to_owned(),
-        })
+impl From<rig_scpi::Identity> for Identity {
+    fn from(found: rig_scpi::Identity) -> Self {
+        let rig_scpi::Identity { manufacturer, model, serial, firmware } = found;
+        Self { manufacturer, model, serial, firmware }
     }
 }
 
 impl fmt::Display for Identity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { manufacturer, model, serial, firmware } = self;
-        write!(f, "{manufacturer} {model}, serial number {serial}, firmware {firmware}")
+        write!(f, "{} {}", self.manufacturer, self.model)?;
+        if let Some(serial) = &self.serial {
+            write!(f, ", serial number {serial}")?;
+        }
+        if let Some(firmware) = &self.firmware {
+            write!(f, ", firmware {firmware}")?;
+        }
+        Ok(())
     }
 }

@@ -1,18 +1,26 @@
 //! What each impedance analyzer must be told.
 //!
-//! A dialect is a [command set](Dialect) and the quirks of a transport, both data; an [`Analyzer`]
-//! owns the port and carries measurements out. A reading is returned only when the instrument has
+//! A [`Dialect`] is a command set and the quirks of a transport, both data; an [`Analyzer`] owns
+//! the port and carries measurements out. A reading is returned only when the instrument has
 //! confirmed the frequency and reports no error.
 
 mod analyzer;
-mod answer;
 mod dialect;
 mod error;
 mod hioki;
 mod identity;
+mod lcr;
+mod message;
+mod point;
+mod points;
+mod trace;
+mod traces;
 mod wire;
 
 pub use analyzer::Analyzer;
-pub use dialect::{DIALECTS, Dialect, HIOKI_IM3536, dialect_by_name};
+pub use dialect::{
+    DIALECTS, Dialect, HIOKI_IM3536, HP_4284A, Handshake, HighPower, KEYSIGHT_E4980A,
+    KEYSIGHT_E4990A, Quirks, Resolution, TONGHUI_TH283X, dialect_by_name,
+};
 pub use error::{AnalyzerError, EventStatus};
 pub use identity::Identity;

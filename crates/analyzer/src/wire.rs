@@ -4,37 +4,47 @@ use std::{sync::Arc, time::Duration};
 
 use rig_link::{LineError, Port};
 use rig_model::RigTime;
+use rig_scpi::{Ending, Expect, Framing, Response, ResponseDecoder};
 use tokio::time::Instant;
 
-use crate::{AnalyzerError, dialect::Quirks};
+use crate::{
+    AnalyzerError,
+    dialect::{Handshake, Quirks},
+    message::Message,
+};
 
 /// How long an instrument may take to answer a question about its settings.
 pub(crate) const ANSWER_WITHIN: Duration = Duration::from_secs(1);
 
-/// An answer longer than this is noise.
-const ANSWER_BYTES_MAX: usize = 1 << 20;
+/// How long an instrument may take to echo a character.
+const ECHO_WITHIN: Duration = Duration::from_millis(200);
+
+/// Answers are some hundred characters long, or twenty for each number of a trace.
+const ANSWER_BYTES: usize = 256;
 
 /// A port with an instrument at its end.
 #[derive(Debug)]
 pub(crate) struct Wire {
     port: Port,
     quirks: Quirks,
-    received: Vec<u8>,
+    decoder: ResponseDecoder,
 }
 
 /// An answer, and when the question had left the host.
 #[derive(Debug)]
 pub(crate) struct Answered {
-    pub(crate) text: String,
+    pub(crate) response: Response,
     pub(crate) asked_at: RigTime,
 }
 
 impl Wire {
     pub(crate) fn new(port: Port, quirks: Quirks) -> Self {
-        Self { port, quirks, received: Vec::new() }
+        // Whatever a dialect sends as its ending, they all answer with a line feed last.
+        let framing = Framing { ending: Ending::Lf, ..Framing::default() };
+        Self { port, quirks, decoder: ResponseDecoder::new(framing) }
     }
 
-    pub(crate) fn port(&self) -> &Port {
+    pub(crate) const fn port(&self) -> &Port {
         &self.port
     }
 
@@ -42,68 +52,99 @@ impl Wire {
         self.port.name().clone()
     }
 
-    /// Sends a message that has no answer.
-    pub(crate) async fn tell(&mut self, message: &str) -> Result<RigTime, AnalyzerError> {
-        let bytes = [message, self.quirks.terminator].concat();
-        self.port.send(bytes.as_bytes()).await.map_err(|error| line(message, error))?;
-        Ok(self.port.clock().now() + self.port.duration_of(bytes.len()))
-    }
-
     /// Sends a message and waits for the line that answers it.
     pub(crate) async fn ask(
         &mut self,
-        message: &str,
+        message: &Message,
+        expect: Expect,
         within: Duration,
     ) -> Result<Answered, AnalyzerError> {
-        let surplus = self.port.drain().await.map_err(|error| line(message, error))?;
-        if surplus + self.received.len() > 0 {
+        let failed = |error| line(message, error);
+        let surplus = self.port.drain().await.map_err(failed)? + self.decoder.n_buffered();
+        self.decoder.reset();
+        if surplus > 0 {
             // Nobody asked for it, so that the next answer may be that to an earlier question.
-            self.received.clear();
             return Err(self.unexpected(message, "silence before the question", b"more answers"));
         }
-        let asked_at = self.tell(message).await?;
+        self.decoder.expect(expect);
+        self.send(message).await?;
         let asked = Instant::now();
-        // The longest answers are some hundred characters.
-        let deadline = asked + within + self.port.duration_of(message.len() + 256);
+        let bytes = message.bytes(self.quirks.ending).len();
+        let asked_at = self.port.clock().at(asked) + self.port.duration_of(bytes);
+        let deadline = asked + within + self.port.duration_of(bytes + ANSWER_BYTES);
+        let mut received = Vec::new();
         loop {
-            if let Some(end) = self.received.iter().position(|&byte| byte == b'\n') {
-                let answer: Vec<u8> = self.received.drain(..=end).collect();
-                let answer = answer.strip_suffix(b"\n").unwrap_or(&answer);
-                let answer = answer.strip_suffix(b"\r").unwrap_or(answer);
-                let is_text = answer.iter().all(|byte| (b' '..=b'~').contains(byte));
-                if !is_text {
-                    return Err(self.unexpected(message, "a line of text", answer));
+            match self.decoder.poll() {
+                Ok(Some(response)) => return Ok(Answered { response, asked_at }),
+                Ok(None) => {}
+                Err(fault) => {
+                    return Err(AnalyzerError::Frame {
+                        port: self.name(),
+                        asked: message.to_string().into(),
+                        source: fault,
+                    });
                 }
-                let text = answer.iter().map(|&byte| char::from(byte)).collect();
-                return Ok(Answered { text, asked_at });
             }
-            if ANSWER_BYTES_MAX <= self.received.len() {
-                return Err(self.unexpected(message, "a line of text", b"an endless line"));
-            }
-            let received = self.port.receive(&mut self.received, asked, deadline).await;
-            received.map_err(|error| line(message, error))?;
+            received.clear();
+            let more = self.port.receive(&mut received, asked, deadline).await;
+            more.map_err(|error| line(message, error))?;
+            self.decoder.push(&received);
         }
     }
 
-    /// Forgets everything that is or may be on its way.
-    pub(crate) async fn quarantine(&mut self, at_least: Duration) -> Result<(), AnalyzerError> {
-        self.received.clear();
-        self.port.quarantine(at_least).await.map_err(|error| line("", error))?;
+    async fn send(&mut self, message: &Message) -> Result<(), AnalyzerError> {
+        let bytes = message.bytes(self.quirks.ending);
+        match self.quirks.handshake {
+            Handshake::None => self.port.send(&bytes).await.map_err(|error| line(message, error)),
+            Handshake::EchoEachCharacter => self.send_slowly(message, &bytes).await,
+        }
+    }
+
+    /// Sends no character before the last one has come back: while it is busy, the instrument
+    /// drops characters without a word.
+    async fn send_slowly(&mut self, message: &Message, bytes: &[u8]) -> Result<(), AnalyzerError> {
+        let mut echo = Vec::new();
+        for &byte in bytes {
+            echo.clear();
+            self.port.send(&[byte]).await.map_err(|error| line(message, error))?;
+            let sent = Instant::now();
+            let deadline = sent + ECHO_WITHIN + self.port.duration_of(2);
+            let received = self.port.receive(&mut echo, sent, deadline).await;
+            received.map_err(|error| line(message, error))?;
+            if echo != [byte] {
+                return Err(self.unexpected(message, "an echo of each character", &echo));
+            }
+        }
         Ok(())
+    }
+
+    /// Opens a lost port again, and waits until nothing is on its way any more.
+    pub(crate) async fn put_in_order(&mut self, at_least: Duration) -> Result<(), AnalyzerError> {
+        self.decoder.reset();
+        if self.port.is_lost() {
+            let reopened = self.port.reopen().await;
+            reopened.map_err(|source| AnalyzerError::Reopen { source: Arc::new(source) })?;
+        }
+        let quiet = self.port.quarantine(at_least).await;
+        quiet.map(drop).map_err(|source| AnalyzerError::Unquiet { source })
     }
 
     /// An answer that does not answer.
     pub(crate) fn unexpected(
         &self,
-        asked: &str,
+        asked: &Message,
         expected: &'static str,
         found: &[u8],
     ) -> AnalyzerError {
-        let found = found.escape_ascii().to_string().into();
-        AnalyzerError::Answer { port: self.name(), asked: asked.into(), expected, found }
+        AnalyzerError::Answer {
+            port: self.name(),
+            asked: asked.to_string().into(),
+            expected,
+            found: found.escape_ascii().to_string().into(),
+        }
     }
 }
 
-fn line(asked: &str, source: LineError) -> AnalyzerError {
-    AnalyzerError::Line { asked: asked.into(), source }
+fn line(asked: &Message, source: LineError) -> AnalyzerError {
+    AnalyzerError::Line { asked: asked.to_string().into(), source }
 }

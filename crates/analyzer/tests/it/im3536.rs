@@ -135,7 +135,7 @@ impl State {
             "*ESR?" => return Ok(Some(std::mem::take(&mut self.event_status).to_string())),
             ":HEADer" => self.has_header = data == "ON",
             ":MODE" | ":PARameter1" | ":PARameter2" | ":PARameter3" | ":PARameter4" => {}
-            ":SPEEd" | ":RANGe:AUTO" | ":LEVel" => {}
+            ":SPEEd" | ":RANGe:AUTO" | ":LEVel" | ":MEASure:VALid" => {}
             ":TRIGger" => self.is_external = data == "EXTernal",
             ":LEVel:VOLTage" => self.level_v = between(number()?, 0.01, 5.0)?,
             ":LEVel:VOLTage?" => return Ok(Some(format!("{:.3}", self.level_v))),

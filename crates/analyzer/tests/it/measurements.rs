@@ -67,7 +67,7 @@ async fn a_sweep_is_measured_point_by_point_in_one_message_each() {
         [
             ":FREQuency 200.25;*TRG;:MEASure?;:FREQuency?;*ESR?",
             "*TRG;:MEASure?;:FREQuency?;*ESR?",
-            ":FREQuency 210.50;*TRG;:MEASure?;:FREQuency?;*ESR?",
+            ":FREQuency 210.5;*TRG;:MEASure?;:FREQuency?;*ESR?",
         ]
     );
 }
@@ -81,10 +81,7 @@ async fn an_instrument_that_takes_one_question_at_a_time_is_asked_so() {
         assert_true_at(reading, frequency_hz);
     }
     let seen = instrument.seen();
-    assert_eq!(
-        seen[seen.len() - 3..],
-        [":FREQuency 210.50;*TRG;:MEASure?", ":FREQuency?", "*ESR?"]
-    );
+    assert_eq!(seen[seen.len() - 3..], [":FREQuency 210.5;*TRG;:MEASure?", ":FREQuency?", "*ESR?"]);
 }
 
 #[tokio::test(start_paused = true)]

@@ -1,0 +1,69 @@
+//! Messages to an instrument: units, each counted from the root of its command tree.
+
+use std::fmt;
+
+use rig_scpi::{Ending, Program};
+
+/// One message, of one or more units.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct Message {
+    program: Option<Program>,
+}
+
+impl Message {
+    /// A message without units.
+    pub(crate) fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds a command.
+    pub(crate) fn command(self, header: &str) -> Self {
+        let program = match self.program {
+            None => Program::command(header),
+            Some(program) => program.then(header),
+        };
+        Self { program: Some(program) }
+    }
+
+    /// Adds a query, written without its `?`.
+    pub(crate) fn query(self, header: &str) -> Self {
+        let program = match self.program {
+            None => Program::query(header),
+            Some(program) => program.then_query(header),
+        };
+        Self { program: Some(program) }
+    }
+
+    /// Adds a number to the last unit.
+    pub(crate) fn number(self, value: f64) -> Self {
+        Self { program: self.program.map(|program| program.number(value)) }
+    }
+
+    /// Adds a word to the last unit.
+    pub(crate) fn word(self, word: &str) -> Self {
+        Self { program: self.program.map(|program| program.characters(word)) }
+    }
+
+    /// A command with a number.
+    pub(crate) fn set(self, header: &str, value: f64) -> Self {
+        self.command(header).number(value)
+    }
+
+    /// A command with a word.
+    pub(crate) fn choose(self, header: &str, word: &str) -> Self {
+        self.command(header).word(word)
+    }
+
+    /// The bytes that go out.
+    pub(crate) fn bytes(&self, ending: Ending) -> Vec<u8> {
+        let program = self.program.clone().expect("a message has units when it is sent");
+        program.finish(ending).expect("headers are constants, and numbers were checked")
+    }
+}
+
+impl fmt::Display for Message {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let bytes = self.bytes(Ending::Lf);
+        f.write_str(&String::from_utf8_lossy(bytes.trim_ascii_end()))
+    }
+}

@@ -1,0 +1,200 @@
+//! Measures one frequency after the other.
+
+use std::time::Duration;
+
+use rig_link::StopSignal;
+use rig_model::{Reading, SweepPoint};
+use rig_scpi::{DataError, Datum};
+use tokio::time::{Instant, sleep};
+
+use crate::{
+    Analyzer, AnalyzerError,
+    dialect::PointCommands,
+    hioki, lcr,
+    message::Message,
+    point::{Impedance, Integration, Shot},
+    wire::ANSWER_WITHIN,
+};
+
+/// The instrument may take this much longer than delay and integration: it ranges, computes and
+/// formats.
+const MEASURE_SLACK: Duration = Duration::from_secs(1);
+
+/// Integration may take this many times the cycles asked for while the range is sought.
+const MEASURE_TIMES: f64 = 3.0;
+
+/// How long before a measurement that is not ready is asked for again.
+const POLL: Duration = Duration::from_millis(20);
+
+impl Analyzer {
+    /// Measures one point; none when a stop was asked for.
+    pub(crate) async fn try_point(
+        &mut self,
+        commands: PointCommands,
+        point: &SweepPoint,
+        stop: &StopSignal,
+    ) -> Result<Vec<Reading>, AnalyzerError> {
+        self.get_set_up().await?;
+        let frequency_hz = self.dialect.resolution.round(point.frequency_hz);
+        let integration = commands.integration(point.cycles, frequency_hz);
+        let delay_s = point.settle_s.min(self.dialect.delay_max_s);
+        let mut shot = Shot { frequency_hz, averages: integration.averages, delay_s };
+        let rest_s = point.settle_s - delay_s;
+        if 0.0 < rest_s && !self.settle(commands, &shot, rest_s, stop).await? {
+            return Ok(Vec::new());
+        }
+        let trigger_s = integration.cycles_per_trigger() / frequency_hz;
+        let mut measured = Vec::new();
+        let mut first = None;
+        for _ in 0..integration.triggers {
+            if stop.is_raised() {
+                return Ok(Vec::new());
+            }
+            let (impedance, found_hz, asked_at) = self.shoot(commands, &shot, trigger_s).await?;
+            measured.push(impedance);
+            first.get_or_insert((found_hz, asked_at));
+            // What has settled stays so.
+            shot.delay_s = 0.0;
+        }
+        let Some((found_hz, asked_at)) = first else { return Ok(Vec::new()) };
+        let Impedance { resistance_ohm, reactance_ohm, flag } = Impedance::mean(&measured);
+        let waited_s = asked_at.since(self.frequency_set_at).as_secs_f64();
+        Ok(vec![Reading {
+            frequency_hz: found_hz,
+            resistance_ohm,
+            reactance_ohm,
+            started: self.frequency_set_at,
+            settle_s: waited_s + delay_s,
+            integration_s: f64::from(integration.triggers) * trigger_s,
+            flag,
+        }])
+    }
+
+    /// Sets a shot and waits, for longer than the instrument itself can. False when a stop was
+    /// asked for.
+    async fn settle(
+        &mut self,
+        commands: PointCommands,
+        shot: &Shot,
+        seconds: f64,
+        stop: &StopSignal,
+    ) -> Result<bool, AnalyzerError> {
+        let before = self.current.take();
+        let message = commands.settings(Message::new(), shot, before.as_ref());
+        self.confirm(message).await?;
+        if before.is_none_or(|before| before.frequency_hz != shot.frequency_hz) {
+            self.frequency_set_at = self.wire.port().clock().now();
+        }
+        self.current = Some(*shot);
+        tokio::select! {
+            biased;
+            () = stop.raised() => Ok(false),
+            () = sleep(Duration::from_secs_f64(seconds)) => Ok(true),
+        }
+    }
+
+    /// Sets what is not set, triggers once, and has frequency and status confirmed.
+    async fn shoot(
+        &mut self,
+        commands: PointCommands,
+        shot: &Shot,
+        trigger_s: f64,
+    ) -> Result<(Impedance, f64, rig_model::RigTime), AnalyzerError> {
+        // Until it has confirmed, nothing is known about its settings.
+        let before = self.current.take();
+        let frequency_header = commands.frequency_header();
+        let within =
+            MEASURE_SLACK + Duration::from_secs_f64(shot.delay_s + MEASURE_TIMES * trigger_s);
+        let deadline = Instant::now() + within;
+        let (answers, asked_at, message) = self
+            .ask_all(
+                &[
+                    &|m| commands.trigger(commands.settings(m, shot, before.as_ref())),
+                    &|m| m.query(frequency_header),
+                    &|m| m.query("*ESR"),
+                ],
+                within,
+            )
+            .await?;
+        let [reading, frequency, status] = &answers[..] else {
+            unreachable!("three questions have three answers")
+        };
+        let status = self.read_status(&message, status.first())?;
+        self.check(&message, status).await?;
+        let found_hz = self.number(frequency_header, frequency)?;
+        let tolerance_hz = self.dialect.resolution.tolerance_hz(shot.frequency_hz);
+        if (found_hz - shot.frequency_hz).abs() > tolerance_hz {
+            let (port, wanted) = (self.wire.name(), shot.frequency_hz);
+            let what = "frequency in Hz";
+            return Err(AnalyzerError::NotTaken { port, what, wanted, found: found_hz });
+        }
+        let impedance = match commands.reading(reading) {
+            Ok(Some(impedance)) => impedance,
+            Ok(None) => self.fetch_until(deadline).await?,
+            Err(_) => return Err(self.not_a_reading(&message, reading)),
+        };
+        if before.is_none_or(|before| before.frequency_hz != shot.frequency_hz) {
+            self.frequency_set_at = asked_at;
+        }
+        self.current = Some(*shot);
+        Ok((impedance, found_hz, asked_at))
+    }
+
+    /// Asks again for a measurement that was not ready.
+    async fn fetch_until(&mut self, deadline: Instant) -> Result<Impedance, AnalyzerError> {
+        loop {
+            sleep(POLL).await;
+            let (answers, _, message) =
+                self.ask_all(&[&|m| m.query(lcr::FETCH)], ANSWER_WITHIN).await?;
+            match lcr::reading(&answers[0]) {
+                Ok(Some(impedance)) => return Ok(impedance),
+                Ok(None) if Instant::now() < deadline => {}
+                _ => return Err(self.not_a_reading(&message, &answers[0])),
+            }
+        }
+    }
+
+    fn not_a_reading(&self, asked: &Message, data: &[Datum]) -> AnalyzerError {
+        let found = format!("{data:?}");
+        let expected = "resistance and reactance in ohm, and a status";
+        self.wire.unexpected(asked, expected, found.as_bytes())
+    }
+}
+
+impl PointCommands {
+    fn integration(self, cycles: u32, frequency_hz: f64) -> Integration {
+        match self {
+            Self::Hioki => hioki::integration(cycles),
+            Self::Lcr(variant) => lcr::integration(cycles, frequency_hz, variant),
+        }
+    }
+
+    fn settings(self, message: Message, shot: &Shot, before: Option<&Shot>) -> Message {
+        match self {
+            Self::Hioki => hioki::settings(message, shot, before),
+            Self::Lcr(variant) => lcr::settings(message, shot, before, variant),
+        }
+    }
+
+    fn trigger(self, message: Message) -> Message {
+        match self {
+            Self::Hioki => hioki::trigger(message),
+            Self::Lcr(_) => lcr::trigger(message),
+        }
+    }
+
+    const fn frequency_header(self) -> &'static str {
+        match self {
+            Self::Hioki => hioki::FREQUENCY,
+            Self::Lcr(_) => lcr::FREQUENCY,
+        }
+    }
+
+    /// What a trigger measured; none while it is still at it.
+    fn reading(self, data: &[Datum]) -> Result<Option<Impedance>, DataError> {
+        match self {
+            Self::Hioki => hioki::reading(data).map(Some),
+            Self::Lcr(_) => lcr::reading(data),
+        }
+    }
+}

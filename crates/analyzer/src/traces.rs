@@ -1,0 +1,83 @@
+//! Measures a trace at a time.
+
+use std::time::Duration;
+
+use rig_model::{Reading, SweepPoint};
+
+use crate::{
+    Analyzer, AnalyzerError,
+    message::Message,
+    point::Impedance,
+    trace::{self, Trace},
+    wire::ANSWER_WITHIN,
+};
+
+/// A sweep may take this much longer than its delays and cycles: it ranges and computes.
+const SWEEP_SLACK: Duration = Duration::from_secs(5);
+
+/// And it may take this many times as long.
+const SWEEP_TIMES: f64 = 3.0;
+
+/// How far a frequency of the trace may be from the one asked for, beyond its resolution: the
+/// instrument prints twelve digits.
+const FREQUENCY_TOLERANCE_REL: f64 = 1e-9;
+
+impl Analyzer {
+    /// Measures as many of these points as make up one trace.
+    pub(crate) async fn try_trace(
+        &mut self,
+        points: &[SweepPoint],
+    ) -> Result<Vec<Reading>, AnalyzerError> {
+        self.get_set_up().await?;
+        let (resolution, clock) = (self.dialect.resolution, self.wire.port().clock());
+        let tolerance_hz = |hz: f64| resolution.tolerance_hz(hz) + FREQUENCY_TOLERANCE_REL * hz;
+        let (trace, run) = Trace::first_of(points, 2.0 * resolution.tolerance_hz(1.0));
+        self.confirm(trace.settings(Message::new())).await?;
+        let within = SWEEP_SLACK + Duration::from_secs_f64(SWEEP_TIMES * trace.duration_s());
+        let (_, triggered_at, _) = self.ask_all(&[&Trace::trigger], within).await?;
+        let seconds_a_point = clock.now().since(triggered_at).as_secs_f64() / trace.points as f64;
+        let (answers, _, message) = self
+            .ask_all(
+                &[&trace::frequencies, &trace::resistances, &trace::reactances, &|m| {
+                    m.query("*ESR")
+                }],
+                ANSWER_WITHIN,
+            )
+            .await?;
+        let [frequencies, resistances, reactances, status] = &answers[..] else {
+            unreachable!("four questions have four answers")
+        };
+        let status = self.read_status(&message, status.first())?;
+        self.check(&message, status).await?;
+        let Ok(measured) = trace::readings(resistances, reactances, trace.points) else {
+            let found = format!("{} and {} numbers", resistances.len(), reactances.len());
+            let expected = "two numbers for each point";
+            return Err(self.wire.unexpected(&message, expected, found.as_bytes()));
+        };
+        for (n, wanted) in trace.frequencies_hz().enumerate() {
+            let found = frequencies.get(n).and_then(|datum| datum.number().ok());
+            let found = found.unwrap_or(f64::NAN);
+            if found.is_nan() || tolerance_hz(wanted) < (found - wanted).abs() {
+                let (port, what) = (self.wire.name(), "frequency in Hz");
+                return Err(AnalyzerError::NotTaken { port, what, wanted, found });
+            }
+        }
+        // A single point was measured twice.
+        let measured = if run == 1 { vec![Impedance::mean(&measured)] } else { measured };
+        let times = if run == 1 { 2.0 } else { 1.0 };
+        let reading = |(n, impedance): (usize, Impedance)| {
+            let frequency_hz = points[n].frequency_hz;
+            let Impedance { resistance_ohm, reactance_ohm, flag } = impedance;
+            Reading {
+                frequency_hz,
+                resistance_ohm,
+                reactance_ohm,
+                started: triggered_at + Duration::from_secs_f64(n as f64 * seconds_a_point),
+                settle_s: trace.delay_s,
+                integration_s: times * f64::from(trace.averages) / frequency_hz,
+                flag,
+            }
+        };
+        Ok(measured.into_iter().enumerate().map(reading).collect())
+    }
+}
