@@ -248,7 +248,11 @@ pub fn main() -> ExitCode {
             | Failure::Export(rig_store::export::ExportError::Io(source)),
         ) if source.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(failure) => {
-            table::note(&format!("rigd: {failure}"));
+            match &failure {
+                // Each fault begins with its place, so that an editor can jump there.
+                Failure::BadFile(FileError::Faults(faults)) => table::note(&faults.to_string()),
+                failure => table::note(&format!("rigd: {failure}")),
+            }
             ExitCode::from(failure.exit_code())
         }
     }
