@@ -4,7 +4,7 @@
 //! ones that talk to a bench. All but [`SimRig`] is without I/O and takes time as an argument.
 
 mod clock;
-pub mod device;
+mod device;
 pub mod faults;
 pub mod modbus;
 pub mod plant;
@@ -14,5 +14,6 @@ pub mod scene;
 mod shell;
 pub mod world;
 
+pub use device::bus::Carrier;
 pub use rig::{AnalyzerModel, AxisModel, AxisWiring, HangUp, PortId, Rig, Wiring};
 pub use shell::{Person, SimRig};

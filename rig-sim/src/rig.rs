@@ -6,9 +6,9 @@ use rig_model::RigTime;
 
 use crate::{
     device::{
-        az::Az,
-        bus::{Bus, Carrier, Drive},
+        bus::{Bus, Carrier},
         cable::{Analyzer, Cable},
+        drive::Drive,
         meter::{E4980a, E4990a, Hioki, Meter},
     },
     faults::{DeviceFault, Fault, Faults},
@@ -46,6 +46,10 @@ pub enum AnalyzerModel {
 pub enum AxisModel {
     /// Oriental Motor AZ.
     OrientalAz,
+    /// IAI PCON, ACON, SCON or ERC, whose unit of position is a hundredth of a millimetre.
+    IaiRc,
+    /// Leadshine CL2C-RS or iEM-RS in PR mode.
+    LeadshinePr,
 }
 
 /// How a stage is driven.
@@ -109,10 +113,7 @@ impl Rig {
             AnalyzerModel::KeysightE4980a => Box::new(Meter::<E4980a>::new(per_command)),
             AnalyzerModel::KeysightE4990a => Box::new(Meter::<E4990a>::new(per_command)),
         };
-        let drive = |axis, wiring: AxisWiring| {
-            let AxisModel::OrientalAz = wiring.model;
-            (wiring.unit_id, Drive::Az(Az::new(axis, wiring.units_per_step, wiring.zero, &world)))
-        };
+        let drive = |axis, wiring: AxisWiring| (wiring.unit_id, Drive::new(axis, wiring, &world));
         let units =
             vec![drive(AxisId::Linear, wiring.linear), drive(AxisId::Rotary, wiring.rotary)];
         let bus = Bus::new(wiring.carrier, TURNAROUND, units);

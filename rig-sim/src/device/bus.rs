@@ -5,37 +5,16 @@ use std::time::Duration;
 use rig_model::RigTime;
 
 use super::{
-    az::Az,
+    drive::Drive,
     outbox::Outbox,
     spoil::{self, Reply},
 };
 use crate::{
     faults::{DeviceFault, Faults, RequestFault},
-    modbus::{Answer, Frame, Request, RtuDecoder, TcpDecoder},
+    modbus::{Frame, RtuDecoder, TcpDecoder},
     rig::{HangUp, PortId},
     world::World,
 };
-
-/// A drive of any make.
-#[derive(Debug)]
-pub enum Drive {
-    /// Oriental Motor AZ.
-    Az(Az),
-}
-
-impl Drive {
-    fn handle(&mut self, now: RigTime, request: &Request, world: &mut World) -> Answer {
-        match self {
-            Self::Az(drive) => drive.handle(now, request, world),
-        }
-    }
-
-    fn suffer(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
-        match self {
-            Self::Az(drive) => drive.suffer(now, fault, world),
-        }
-    }
-}
 
 /// How a line carries its frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -79,7 +58,7 @@ enum Decoder {
 
 /// A line and the drives on it.
 #[derive(Debug)]
-pub struct Bus {
+pub(crate) struct Bus {
     carrier: Carrier,
     /// How long a drive thinks before it answers.
     turnaround: Duration,
@@ -90,7 +69,7 @@ pub struct Bus {
 
 impl Bus {
     /// A line with drives at these unit ids.
-    pub fn new(carrier: Carrier, turnaround: Duration, units: Vec<(u8, Drive)>) -> Self {
+    pub(crate) fn new(carrier: Carrier, turnaround: Duration, units: Vec<(u8, Drive)>) -> Self {
         let decoder = carrier.decoder();
         Self { carrier, turnaround, units, decoder, outbox: Outbox::default() }
     }
@@ -223,7 +202,13 @@ fn ask(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{device::az::alarm, random::Stream, scene::paper, world::AxisId};
+    use crate::{
+        device::drive::az::alarm,
+        random::Stream,
+        rig::{AxisModel, AxisWiring},
+        scene::paper,
+        world::AxisId,
+    };
 
     /// Two drives on one line, 0.001 mm and 0.01° a step, with the master's side of the protocol.
     struct Bench {
@@ -235,13 +220,17 @@ mod tests {
 
     const MM: f64 = 0.001;
 
+    fn wiring(unit_id: u8, units_per_step: f64) -> AxisWiring {
+        AxisWiring { model: AxisModel::OrientalAz, unit_id, units_per_step, zero: 0.0 }
+    }
+
     impl Bench {
         fn new() -> Self {
             let mut world = World::new(paper(), 1).unwrap();
             world.place_sample(RigTime::ZERO, "3").unwrap();
             let units = vec![
-                (1, Drive::Az(Az::new(AxisId::Linear, MM, 0.0, &world))),
-                (2, Drive::Az(Az::new(AxisId::Rotary, 0.01, 0.0, &world))),
+                (1, Drive::new(AxisId::Linear, wiring(1, MM), &world)),
+                (2, Drive::new(AxisId::Rotary, wiring(2, 0.01), &world)),
             ];
             let carrier = Carrier::Serial { baud: 115_200 };
             let bus = Bus::new(carrier, Duration::from_millis(2), units);

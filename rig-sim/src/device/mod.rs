@@ -3,9 +3,9 @@
 //! Each is a state machine without I/O: bytes go in with the time at which they came, bytes come
 //! out when they are due, and a deadline says when that will be.
 
-pub mod az;
-pub mod bus;
+pub(crate) mod bus;
 pub(crate) mod cable;
+pub(crate) mod drive;
 pub(crate) mod meter;
 mod outbox;
 mod spoil;

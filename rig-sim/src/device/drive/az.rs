@@ -11,10 +11,11 @@ use std::{collections::BTreeMap, time::Duration};
 
 use rig_model::RigTime;
 
+use super::motor::{Motor, Pace, counts, word};
 use crate::{
     faults::DeviceFault,
     modbus::{Answer, Block, Exception, Reply, Request},
-    world::{AxisId, Profile, World},
+    world::World,
 };
 
 /// The addresses of the upper words.
@@ -108,17 +109,11 @@ mod output {
 }
 
 /// Alarm codes.
-pub mod alarm {
-    /// The motor could not follow its command.
-    pub const POSITION_DEVIATION: u8 = 0x10;
-    /// Too much current.
-    pub const OVERCURRENT: u8 = 0x20;
-    /// Too much load for too long.
-    pub const OVERLOAD: u8 = 0x30;
+pub(in crate::device) mod alarm {
     /// A limit switch was reached.
-    pub const HARDWARE_OVERTRAVEL: u8 = 0x66;
+    pub(in crate::device) const HARDWARE_OVERTRAVEL: u8 = 0x66;
     /// A software limit was reached.
-    pub const SOFTWARE_OVERTRAVEL: u8 = 0x67;
+    pub(in crate::device) const SOFTWARE_OVERTRAVEL: u8 = 0x67;
 }
 
 /// How far the motor may be from its command and still be in position, in steps.
@@ -135,16 +130,10 @@ const HISTORY: usize = 10;
 
 /// One drive.
 #[derive(Debug)]
-pub struct Az {
-    axis: AxisId,
-    /// Millimetres or degrees a step; negative when the motor counts the other way.
-    units_per_step: f64,
-    /// Where the axis is when the drive counts zero.
-    zero: f64,
+pub(crate) struct Az {
+    motor: Motor,
     /// Everything that can be written, by the address of its upper word.
     settings: BTreeMap<u16, i32>,
-    /// Where the drive believes to have sent the motor, in steps.
-    commanded: f64,
     /// What the position counter is ahead of the encoder since the last preset, in steps.
     preset: f64,
     alarm: u8,
@@ -158,15 +147,12 @@ pub struct Az {
 }
 
 impl Az {
-    /// A drive that has just been switched on, on this axis.
-    pub fn new(axis: AxisId, units_per_step: f64, zero: f64, world: &World) -> Self {
+    /// A drive that has just been switched on.
+    pub(super) fn new(motor: Motor) -> Self {
         let settings = SETTINGS.iter().map(|&(address, initial, ..)| (address, initial)).collect();
         Self {
-            axis,
-            units_per_step,
-            zero,
+            motor,
             settings,
-            commanded: (world.stage(axis).target() - zero) / units_per_step,
             preset: 0.0,
             alarm: 0,
             history: [0; HISTORY],
@@ -179,7 +165,7 @@ impl Az {
     }
 
     /// Does what a request asks.
-    pub fn handle(&mut self, now: RigTime, request: &Request, world: &mut World) -> Answer {
+    pub(super) fn handle(&mut self, now: RigTime, request: &Request, world: &mut World) -> Answer {
         if now < self.boots_until {
             return None;
         }
@@ -200,7 +186,7 @@ impl Az {
     }
 
     /// Lets a fault befall the drive now.
-    pub(crate) fn suffer(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
+    pub(super) fn suffer(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
         self.notice_end(now, world);
         match fault {
             DeviceFault::Reboot => self.restart(now, world),
@@ -208,11 +194,7 @@ impl Az {
             DeviceFault::LimitSwitch => {
                 self.raise_alarm(now, alarm::HARDWARE_OVERTRAVEL, world);
             }
-            DeviceFault::Stall => world.drive(now, self.axis).halt(now),
-            DeviceFault::Jam => world.drive(now, self.axis).set_jammed(now, true),
-            DeviceFault::LoseSteps(distance) => world.drive(now, self.axis).lose_steps(distance),
-            // These befall analyzers.
-            DeviceFault::Overload | DeviceFault::BlindContact | DeviceFault::StuckContact => {}
+            _ => self.motor.suffer(now, fault, world),
         }
     }
 
@@ -225,14 +207,8 @@ impl Az {
     /// Switches the drive off and on again. The encoder keeps the position; settings that were not
     /// saved are lost.
     fn restart(&mut self, now: RigTime, world: &mut World) {
-        self.stop(now, world);
-        let history = self.history;
-        let boots_until = now + BOOT;
-        *self = Self {
-            history,
-            boots_until,
-            ..Self::new(self.axis, self.units_per_step, self.zero, world)
-        };
+        let (history, boots_until) = (self.history, now + BOOT);
+        *self = Self { history, boots_until, ..Self::new(self.motor.power_cycled(now, world)) };
     }
 
     fn set_alarm(&mut self, code: u8) {
@@ -243,7 +219,7 @@ impl Az {
 
     /// What happened at the end of the last move, if that is over.
     fn notice_end(&mut self, now: RigTime, world: &World) {
-        if world.stage(self.axis).is_moving(now) {
+        if self.motor.is_moving(now, world) {
             return;
         }
         if let Some(code) = self.alarm_at_end.take() {
@@ -266,16 +242,14 @@ impl Az {
                 _ => self.value(now, upper, world).ok_or(Exception::Address)?,
             };
             last = Some((upper, value));
-            let [a, b, c, d] = value.to_be_bytes();
-            let word = u16::from_be_bytes(if address == upper { [a, b] } else { [c, d] });
-            registers.push(word);
+            registers.push(word(value, address == upper));
         }
         Ok(Reply::Registers(registers))
     }
 
     /// The value whose upper word is at this address.
     fn value(&self, now: RigTime, address: u16, world: &mut World) -> Option<i32> {
-        let speed_hz = world.stage(self.axis).speed(now) / self.units_per_step;
+        let speed_hz = self.motor.speed(now, world);
         let history = item::ALARM_HISTORY..item::ALARM_HISTORY_END;
         Some(match address {
             item::OUTPUT => self.output(now, world),
@@ -284,11 +258,11 @@ impl Az {
                 i32::from(self.history[usize::from(address - item::ALARM_HISTORY) / 2])
             }
             item::COMMAND_POSITION | item::COMMAND_COUNTER => {
-                counts(self.command_steps(now, world) + self.preset)
+                counts(self.motor.command(now, world) + self.preset)
             }
             item::FEEDBACK_POSITION | item::FEEDBACK_COUNTER => {
                 let jitter = world.encoder_jitter();
-                counts(self.motor_steps(now, world) + self.preset + jitter)
+                counts(self.motor.encoder(now, world) + self.preset + jitter)
             }
             item::COMMAND_SPEED_HZ | item::FEEDBACK_SPEED_HZ => counts(speed_hz),
             item::COMMAND_SPEED_RPM | item::FEEDBACK_SPEED_RPM => {
@@ -308,8 +282,8 @@ impl Az {
     }
 
     fn output(&self, now: RigTime, world: &World) -> i32 {
-        let is_moving = world.stage(self.axis).is_moving(now);
-        let deviation = self.command_steps(now, world) - self.motor_steps(now, world);
+        let is_moving = self.motor.is_moving(now, world);
+        let deviation = self.motor.command(now, world) - self.motor.encoder(now, world);
         let is_ready = !is_moving && self.can_move();
         let is_in_position = !is_moving && deviation.abs() <= IN_POSITION_STEPS;
         [
@@ -327,23 +301,6 @@ impl Az {
     fn can_move(&self) -> bool {
         let input = self.settings[&item::INPUT];
         self.alarm == 0 && input & (input::STOP | input::FREE) == 0
-    }
-
-    /// The count of the encoder at a place of the axis.
-    fn steps_at(&self, place: f64) -> f64 {
-        (place - self.zero) / self.units_per_step
-    }
-
-    fn motor_steps(&self, now: RigTime, world: &World) -> f64 {
-        self.steps_at(world.stage(self.axis).motor(now))
-    }
-
-    fn command_steps(&self, now: RigTime, world: &World) -> f64 {
-        if world.stage(self.axis).is_moving(now) {
-            self.motor_steps(now, world)
-        } else {
-            self.commanded
-        }
     }
 
     fn write(
@@ -398,7 +355,7 @@ impl Az {
             item::ALARM_RESET if is_executed => self.alarm = 0,
             item::CLEAR_HISTORY if is_executed => self.history = [0; HISTORY],
             item::PRESET_POSITION if is_executed => {
-                self.preset = -self.command_steps(now, world);
+                self.preset = -self.motor.command(now, world);
             }
             _ => {}
         }
@@ -425,13 +382,8 @@ impl Az {
     }
 
     fn stop(&mut self, now: RigTime, world: &mut World) {
-        if world.stage(self.axis).is_moving(now) {
-            let deceleration = f64::from(self.settings[&item::DECELERATION]);
-            let stage = world.drive(now, self.axis);
-            stage.stop(now, deceleration * self.units_per_step.abs());
-            let target = stage.target();
-            self.commanded = self.steps_at(target);
-        }
+        let deceleration = f64::from(self.settings[&item::DECELERATION]);
+        self.motor.stop(now, deceleration, world);
         self.alarm_at_end = None;
         self.is_homing = false;
     }
@@ -457,8 +409,8 @@ impl Az {
         let target = match self.settings[&item::TYPE] {
             // Absolute; wrapping types are the same on an axis that does not wrap.
             1 | 8..=11 => position - self.preset,
-            2 => self.command_steps(now, world) + position,
-            3 => self.motor_steps(now, world) + position,
+            2 => self.motor.command(now, world) + position,
+            3 => self.motor.encoder(now, world) + position,
             7 => speed.signum() * f64::INFINITY,
             // Push-motion and speed control need what this stage does not have.
             _ => return,
@@ -473,22 +425,18 @@ impl Az {
         }
         let (target, alarm) = self.within_limits(target, world);
         self.alarm_at_end = alarm;
-        self.commanded = target;
-        let scale = self.units_per_step.abs();
-        let profile = Profile {
-            speed: speed * scale,
-            acceleration: f64::from(self.settings[&item::ACCELERATION]) * scale,
-            deceleration: f64::from(self.settings[&item::DECELERATION]) * scale,
+        let pace = Pace {
+            speed,
+            acceleration: f64::from(self.settings[&item::ACCELERATION]),
+            deceleration: f64::from(self.settings[&item::DECELERATION]),
         };
-        let place = self.zero + target * self.units_per_step;
-        world.drive(now, self.axis).start(now, place, &profile);
+        self.motor.go(now, target, pace, world);
     }
 
     /// The target that will be reached, and the alarm that then comes.
     fn within_limits(&self, target: f64, world: &World) -> (f64, Option<u8>) {
-        let (low, high) = world.travel(self.axis);
-        let (a, b) = (self.steps_at(low), self.steps_at(high));
-        let reached = target.clamp(a.min(b), a.max(b));
+        let (low, high) = self.motor.travel(world);
+        let reached = target.clamp(low, high);
         let alarm = (reached != target).then_some(alarm::HARDWARE_OVERTRAVEL);
         let action = self.settings[&item::LIMIT_ACTION];
         let low = f64::from(self.settings[&item::LIMIT_NEGATIVE]) - self.preset;
@@ -499,10 +447,4 @@ impl Az {
         }
         (reached.clamp(low, high), (action >= 2).then_some(alarm::SOFTWARE_OVERTRAVEL))
     }
-}
-
-/// What a counter of the drive shows.
-#[expect(clippy::cast_possible_truncation, reason = "a float cast saturates, as the counter does")]
-fn counts(value: f64) -> i32 {
-    value.round() as i32
 }

@@ -1,0 +1,394 @@
+//! A closed-loop stepper of Leadshine (CL2C-RS, iEM-RS) in PR mode as a Modbus unit.
+//!
+//! Positions are pulses, high word first. Path 0 is written to 0x6200 and started by its last
+//! register or by the trigger register. Drivers in the field disagree on details; where they do,
+//! this is what most of them say.
+//!
+//! # Source
+//! Leadshine, CL2C-RS Series User Manual, chapters on PR mode and the Modbus register list.
+
+use std::{collections::BTreeMap, time::Duration};
+
+use rig_model::RigTime;
+
+use super::motor::{Motor, Pace, counts, word};
+use crate::{
+    faults::DeviceFault,
+    modbus::{Answer, Block, Exception, Reply, Request},
+    world::World,
+};
+
+/// Registers.
+mod register {
+    pub(super) const PULSES_PER_REVOLUTION: u16 = 0x0001;
+    pub(super) const ENABLE: u16 = 0x000F;
+    pub(super) const STATUS: u16 = 0x1003;
+    pub(super) const SPEED: u16 = 0x1046;
+    pub(super) const CONTROL: u16 = 0x1801;
+    pub(super) const ALARM: u16 = 0x2203;
+    pub(super) const PATH_CONTROL: u16 = 0x6000;
+    pub(super) const TRIGGER: u16 = 0x6002;
+    pub(super) const LIMIT_POSITIVE: u16 = 0x6006;
+    pub(super) const LIMIT_NEGATIVE: u16 = 0x6008;
+    pub(super) const HOME_SPEED: u16 = 0x600F;
+    pub(super) const STOP_TIME: u16 = 0x6016;
+    pub(super) const POSITION: u16 = 0x602C;
+    pub(super) const PATH_MODE: u16 = 0x6200;
+    pub(super) const PATH_POSITION: u16 = 0x6201;
+    pub(super) const PATH_SPEED: u16 = 0x6203;
+    pub(super) const PATH_ACCELERATION: u16 = 0x6204;
+    pub(super) const PATH_DECELERATION: u16 = 0x6205;
+    pub(super) const PATH_TRIGGER: u16 = 0x6207;
+}
+
+/// What can be written, with its value at power-on: single registers and ranges of one.
+const SETTINGS: [(u16, u16, u16); 15] = [
+    (register::PULSES_PER_REVOLUTION, register::PULSES_PER_REVOLUTION, 10_000),
+    (register::ENABLE, register::ENABLE, 1),
+    (0x0191, 0x0191, 30),
+    (0x01BD, 0x01BF, 0),
+    (register::CONTROL, register::CONTROL, 0),
+    (register::PATH_CONTROL, register::PATH_CONTROL, 0),
+    (register::TRIGGER, register::TRIGGER, 0),
+    (register::LIMIT_POSITIVE, 0x6009, 0),
+    (0x600A, 0x600E, 0),
+    (register::HOME_SPEED, 0x6010, 200),
+    (0x6011, 0x6015, 100),
+    (register::STOP_TIME, register::STOP_TIME, 100),
+    (register::PATH_MODE, 0x6202, 0),
+    (register::PATH_SPEED, register::PATH_DECELERATION, 100),
+    (0x6206, register::PATH_TRIGGER, 0),
+];
+
+/// Bits of the status.
+mod status {
+    pub(super) const FAULT: u16 = 1;
+    pub(super) const ENABLED: u16 = 1 << 1;
+    pub(super) const RUNNING: u16 = 1 << 2;
+    pub(super) const COMMAND_DONE: u16 = 1 << 4;
+    pub(super) const PATH_DONE: u16 = 1 << 5;
+    pub(super) const HOMED: u16 = 1 << 6;
+}
+
+/// Values of the trigger register.
+const RUN_PATH_0: u16 = 0x0010;
+const HOME: u16 = 0x0020;
+const SET_ZERO: u16 = 0x0021;
+const QUICK_STOP: u16 = 0x0040;
+
+/// Values of the control word.
+const RESET_ALARM: u16 = 0x1111;
+
+/// The kinds of path, in the lower bits of its mode, and the bit of a relative one.
+const MODE_POSITION: u16 = 1;
+const MODE_SPEED: u16 = 2;
+const MODE_BITS: u16 = 0xF;
+const RELATIVE: u16 = 1 << 6;
+
+/// The bit that switches the software limits on.
+const HAS_LIMITS: u16 = 1 << 1;
+
+/// Alarm codes.
+const OVER_CURRENT: u16 = 0xE0;
+const POSITION_ERROR: u16 = 0x180;
+
+/// How long a drive needs until it listens after it was switched on.
+const BOOT: Duration = Duration::from_secs(1);
+
+/// One drive.
+#[derive(Debug)]
+pub(crate) struct Leadshine {
+    motor: Motor,
+    settings: BTreeMap<u16, u16>,
+    /// What the position counter is ahead of the encoder since zero was set.
+    preset: f64,
+    alarm: u16,
+    is_homed: bool,
+    is_homing: bool,
+    boots_until: RigTime,
+}
+
+impl Leadshine {
+    /// A drive that has just been switched on. Its encoder is not absolute.
+    pub(super) fn new(motor: Motor) -> Self {
+        let expand = |&(first, last, initial): &(u16, u16, u16)| {
+            (first..=last).map(move |address| (address, initial))
+        };
+        Self {
+            motor,
+            settings: SETTINGS.iter().flat_map(expand).collect(),
+            preset: 0.0,
+            alarm: 0,
+            is_homed: false,
+            is_homing: false,
+            boots_until: RigTime::ZERO,
+        }
+    }
+
+    pub(super) fn handle(&mut self, now: RigTime, request: &Request, world: &mut World) -> Answer {
+        if now < self.boots_until {
+            return None;
+        }
+        self.notice_end(now, world);
+        Some(match request {
+            Request::ReadHoldingRegisters(block) => self.read(now, *block, world),
+            Request::WriteRegister { address, value } => {
+                self.write(now, *address, &[*value], world)
+            }
+            Request::WriteRegisters { address, values } => self.write(now, *address, values, world),
+            _ => Err(Exception::Function),
+        })
+    }
+
+    pub(super) fn suffer(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
+        self.notice_end(now, world);
+        match fault {
+            DeviceFault::Reboot => {
+                let boots_until = now + BOOT;
+                *self = Self { boots_until, ..Self::new(self.motor.power_cycled(now, world)) };
+            }
+            DeviceFault::Alarm(code) => self.raise(now, u16::from(code), world),
+            // A limit switch only stops it.
+            DeviceFault::LimitSwitch => self.stop(now, world),
+            DeviceFault::Stall => {
+                self.motor.suffer(now, fault, world);
+                self.alarm = POSITION_ERROR;
+            }
+            _ => self.motor.suffer(now, fault, world),
+        }
+    }
+
+    fn raise(&mut self, now: RigTime, code: u16, world: &mut World) {
+        self.stop(now, world);
+        self.alarm = if code == 0 { OVER_CURRENT } else { code };
+    }
+
+    fn notice_end(&mut self, now: RigTime, world: &World) {
+        if self.is_homing && !self.motor.is_moving(now, world) {
+            self.is_homing = false;
+            self.is_homed = true;
+        }
+    }
+
+    fn read(&self, now: RigTime, block: Block, world: &World) -> Result<Reply, Exception> {
+        let position = counts(self.motor.encoder(now, world) + self.preset);
+        let rpm = self.motor.speed(now, world) * 60.0 / self.pulses_per_revolution();
+        let registers = (0..block.count).map(|offset| {
+            let address = block.address.checked_add(offset)?;
+            Some(match address {
+                register::STATUS => self.status(now, world),
+                register::ALARM => self.alarm,
+                register::SPEED => word(counts(rpm), false),
+                register::POSITION => word(position, true),
+                0x602D => word(position, false),
+                _ => *self.settings.get(&address)?,
+            })
+        });
+        registers.collect::<Option<Vec<u16>>>().map(Reply::Registers).ok_or(Exception::Address)
+    }
+
+    fn status(&self, now: RigTime, world: &World) -> u16 {
+        let is_moving = self.motor.is_moving(now, world);
+        [
+            (status::FAULT, self.alarm != 0),
+            (status::ENABLED, self.is_enabled()),
+            (status::RUNNING, is_moving),
+            (status::COMMAND_DONE, !is_moving),
+            (status::PATH_DONE, !is_moving),
+            (status::HOMED, self.is_homed),
+        ]
+        .into_iter()
+        .filter_map(|(bit, is_on)| is_on.then_some(bit))
+        .sum()
+    }
+
+    fn is_enabled(&self) -> bool {
+        self.settings[&register::ENABLE] == 1 && self.alarm == 0
+    }
+
+    fn pulses_per_revolution(&self) -> f64 {
+        f64::from(self.settings[&register::PULSES_PER_REVOLUTION].max(1))
+    }
+
+    fn long(&self, address: u16) -> i32 {
+        let (high, low) = (self.settings[&address], self.settings[&(address + 1)]);
+        (i32::from(high.cast_signed()) << 16) | i32::from(low)
+    }
+
+    fn write(
+        &mut self,
+        now: RigTime,
+        address: u16,
+        values: &[u16],
+        world: &mut World,
+    ) -> Result<Reply, Exception> {
+        let count = u16::try_from(values.len()).map_err(|_| Exception::Value)?;
+        let end = address.checked_add(count).ok_or(Exception::Address)?;
+        if !(address..end).all(|address| self.settings.contains_key(&address)) {
+            return Err(Exception::Address);
+        }
+        for (address, value) in (address..end).zip(values) {
+            self.settings.insert(address, *value);
+        }
+        for (address, value) in (address..end).zip(values) {
+            match address {
+                register::CONTROL if *value == RESET_ALARM => self.alarm = 0,
+                register::TRIGGER | register::PATH_TRIGGER => self.trigger(now, *value, world),
+                register::ENABLE if *value != 1 => self.stop(now, world),
+                _ => continue,
+            }
+            // Commands read back as zero once they are taken.
+            if address != register::ENABLE {
+                self.settings.insert(address, 0);
+            }
+        }
+        Ok(Reply::Done)
+    }
+
+    fn trigger(&mut self, now: RigTime, value: u16, world: &mut World) {
+        match value {
+            QUICK_STOP => self.stop(now, world),
+            SET_ZERO => self.preset = -self.motor.command(now, world),
+            // Without its motor a drive ignores commands.
+            _ if !self.is_enabled() => {}
+            HOME => {
+                self.is_homed = false;
+                self.is_homing = true;
+                self.preset = 0.0;
+                let rpm = self.settings[&register::HOME_SPEED];
+                let pace = self.pace(rpm, 100, 100);
+                self.motor.go(now, 0.0, pace, world);
+            }
+            RUN_PATH_0 => self.run_path(now, world),
+            _ => {}
+        }
+    }
+
+    fn run_path(&mut self, now: RigTime, world: &mut World) {
+        let s = &self.settings;
+        let mode = s[&register::PATH_MODE];
+        let rpm = s[&register::PATH_SPEED];
+        let pace = self.pace(rpm, s[&register::PATH_ACCELERATION], s[&register::PATH_DECELERATION]);
+        let position = f64::from(self.long(register::PATH_POSITION));
+        let target = match mode & MODE_BITS {
+            MODE_POSITION if mode & RELATIVE != 0 => self.motor.command(now, world) + position,
+            MODE_POSITION => position - self.preset,
+            MODE_SPEED if rpm.cast_signed() < 0 => f64::NEG_INFINITY,
+            MODE_SPEED => f64::INFINITY,
+            _ => return,
+        };
+        if rpm == 0 {
+            return;
+        }
+        let (mut low, mut high) = self.motor.travel(world);
+        if s[&register::PATH_CONTROL] & HAS_LIMITS != 0 {
+            low = low.max(f64::from(self.long(register::LIMIT_NEGATIVE)) - self.preset);
+            high = high.min(f64::from(self.long(register::LIMIT_POSITIVE)) - self.preset);
+        }
+        if low <= high {
+            self.motor.go(now, target.clamp(low, high), pace, world);
+        }
+    }
+
+    fn stop(&mut self, now: RigTime, world: &mut World) {
+        let ms = self.settings[&register::STOP_TIME];
+        let deceleration = self.pace(1, ms, ms).deceleration;
+        self.motor.stop(now, deceleration, world);
+        self.is_homing = false;
+    }
+
+    /// Speed in revolutions a minute, and the milliseconds for a change of 1000 of them.
+    fn pace(&self, rpm: u16, up_ms: u16, down_ms: u16) -> Pace {
+        let per_rpm = self.pulses_per_revolution() / 60.0;
+        let rate = |ms: u16| 1000.0 * per_rpm / (f64::from(ms.max(1)) * 1e-3);
+        let speed = f64::from(rpm.cast_signed()).abs() * per_rpm;
+        Pace { speed, acceleration: rate(up_ms), deceleration: rate(down_ms) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{device::drive::bench::Bench, rig::AxisModel};
+
+    fn ready() -> Bench {
+        let mut bench = Bench::new(AxisModel::LeadshinePr);
+        bench.set(register::PULSES_PER_REVOLUTION, 1000);
+        bench.set(register::TRIGGER, HOME);
+        assert_eq!(bench.read(register::STATUS, 1)[0], status::ENABLED | status::RUNNING);
+        bench.wait(5.0);
+        bench
+    }
+
+    /// Path 0 to `position` at 300 revolutions a minute, started by its last register.
+    fn path(bench: &mut Bench, mode: u16, position: i32) {
+        let (high, low) = (word(position, true), word(position, false));
+        bench.write(register::PATH_MODE, &[mode, high, low, 300, 100, 100, 0, RUN_PATH_0]);
+    }
+
+    const DONE: u16 = status::ENABLED | status::COMMAND_DONE | status::PATH_DONE | status::HOMED;
+
+    #[test]
+    fn a_path_runs_from_one_request_and_takes_its_time() {
+        let mut bench = ready();
+        assert_eq!(bench.read(register::STATUS, 1)[0], DONE);
+        path(&mut bench, MODE_POSITION, 2000);
+        assert_eq!(
+            bench.read(register::STATUS, 1)[0],
+            status::ENABLED | status::RUNNING | status::HOMED
+        );
+        // 5000 pulses a second, reached after 30 ms.
+        bench.wait(0.2);
+        let half = bench.read_long(register::POSITION);
+        assert!((900..950).contains(&half), "{half}");
+        assert_eq!(bench.read(register::SPEED, 1), [300]);
+        bench.wait(1.0);
+        assert_eq!(bench.read_long(register::POSITION), 2000);
+        path(&mut bench, MODE_POSITION | RELATIVE, -500);
+        bench.wait(1.0);
+        assert_eq!(bench.read_long(register::POSITION), 1500);
+        assert_eq!(bench.read(register::PATH_TRIGGER, 1), [0]);
+    }
+
+    #[test]
+    fn limits_stops_and_zero() {
+        let mut bench = ready();
+        bench.write(register::LIMIT_POSITIVE, &[0, 1000, 0xFFFF, 0xFFF6]);
+        bench.set(register::PATH_CONTROL, HAS_LIMITS);
+        path(&mut bench, MODE_POSITION, 2000);
+        bench.wait(2.0);
+        assert_eq!(bench.read_long(register::POSITION), 1000);
+        bench.set(register::PATH_CONTROL, 0);
+        path(&mut bench, MODE_POSITION, 4000);
+        bench.wait(0.3);
+        bench.set(register::TRIGGER, QUICK_STOP);
+        bench.wait(2.0);
+        let stopped = bench.read_long(register::POSITION);
+        assert!((2300..2700).contains(&stopped), "{stopped}");
+        bench.set(register::TRIGGER, SET_ZERO);
+        assert_eq!(bench.read_long(register::POSITION), 0);
+        path(&mut bench, MODE_POSITION, 100);
+        bench.wait(1.0);
+        assert_eq!(bench.read_long(register::POSITION), 100);
+    }
+
+    #[test]
+    fn a_fault_refuses_moves_until_it_is_reset_and_unknown_registers_are_refused() {
+        let mut bench = ready();
+        let now = bench.now;
+        bench.drive.suffer(now, DeviceFault::Alarm(0xA1), &mut bench.world);
+        assert_eq!(bench.read(register::ALARM, 1), [0xA1]);
+        assert_eq!(bench.read(register::STATUS, 1)[0] & (status::FAULT | status::ENABLED), 1);
+        path(&mut bench, MODE_POSITION, 2000);
+        bench.wait(2.0);
+        assert_eq!(bench.read_long(register::POSITION), 0);
+        bench.set(register::CONTROL, RESET_ALARM);
+        path(&mut bench, MODE_POSITION, 2000);
+        bench.wait(2.0);
+        assert_eq!(bench.read_long(register::POSITION), 2000);
+        let read = |address| Request::ReadHoldingRegisters(Block { address, count: 1 });
+        bench.refused(&read(0x7000), Exception::Address);
+        let write = Request::WriteRegister { address: register::STATUS, value: 0 };
+        bench.refused(&write, Exception::Address);
+    }
+}

@@ -1,0 +1,125 @@
+//! The motor of a drive, in the drive's own counts.
+
+use rig_model::RigTime;
+
+use crate::{
+    faults::DeviceFault,
+    world::{AxisId, Profile, World},
+};
+
+/// A motor and where its drive believes to have sent it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Motor {
+    axis: AxisId,
+    /// Millimetres or degrees a count; negative when the motor counts the other way.
+    units_per_count: f64,
+    /// Where the axis is when the drive counts zero.
+    zero: f64,
+    commanded: f64,
+}
+
+/// How a move is made, in counts and seconds.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pace {
+    pub(super) speed: f64,
+    pub(super) acceleration: f64,
+    pub(super) deceleration: f64,
+}
+
+impl Motor {
+    pub(super) fn new(axis: AxisId, units_per_count: f64, zero: f64, world: &World) -> Self {
+        let mut motor = Self { axis, units_per_count, zero, commanded: 0.0 };
+        motor.commanded = motor.counts_at(world.stage(axis).target());
+        motor
+    }
+
+    /// The motor after its drive was switched off, when the brake held it, and on again.
+    pub(super) fn power_cycled(self, now: RigTime, world: &mut World) -> Self {
+        world.drive(now, self.axis).halt(now);
+        Self { commanded: self.encoder(now, world), ..self }
+    }
+
+    /// Where the encoder is.
+    pub(super) fn encoder(&self, now: RigTime, world: &World) -> f64 {
+        self.counts_at(world.stage(self.axis).motor(now))
+    }
+
+    /// Where the drive commands the motor to be.
+    pub(super) fn command(&self, now: RigTime, world: &World) -> f64 {
+        if self.is_moving(now, world) { self.encoder(now, world) } else { self.commanded }
+    }
+
+    /// Where the drive has sent the motor.
+    pub(super) fn target(&self) -> f64 {
+        self.commanded
+    }
+
+    /// Counts a second.
+    pub(super) fn speed(&self, now: RigTime, world: &World) -> f64 {
+        world.stage(self.axis).speed(now) / self.units_per_count
+    }
+
+    pub(super) fn is_moving(&self, now: RigTime, world: &World) -> bool {
+        world.stage(self.axis).is_moving(now)
+    }
+
+    /// Where the limit switches are: the lower and the upper count.
+    pub(super) fn travel(&self, world: &World) -> (f64, f64) {
+        let (low, high) = world.travel(self.axis);
+        let (a, b) = (self.counts_at(low), self.counts_at(high));
+        (a.min(b), a.max(b))
+    }
+
+    pub(super) fn go(&mut self, now: RigTime, target: f64, pace: Pace, world: &mut World) {
+        let scale = self.units_per_count.abs();
+        let profile = Profile {
+            speed: pace.speed * scale,
+            acceleration: pace.acceleration * scale,
+            deceleration: pace.deceleration * scale,
+        };
+        self.commanded = target;
+        let place = self.zero + target * self.units_per_count;
+        world.drive(now, self.axis).start(now, place, &profile);
+    }
+
+    /// Slows the motor down to rest.
+    pub(super) fn stop(&mut self, now: RigTime, deceleration: f64, world: &mut World) {
+        if self.is_moving(now, world) {
+            let stage = world.drive(now, self.axis);
+            stage.stop(now, deceleration * self.units_per_count.abs());
+            let target = stage.target();
+            self.commanded = self.counts_at(target);
+        }
+    }
+
+    /// What faults do to a motor. Those of its drive are the drive's business.
+    pub(super) fn suffer(&self, now: RigTime, fault: DeviceFault, world: &mut World) {
+        match fault {
+            DeviceFault::Stall => world.drive(now, self.axis).halt(now),
+            DeviceFault::Jam => world.drive(now, self.axis).set_jammed(now, true),
+            DeviceFault::LoseSteps(distance) => world.drive(now, self.axis).lose_steps(distance),
+            DeviceFault::Reboot
+            | DeviceFault::Alarm(_)
+            | DeviceFault::LimitSwitch
+            | DeviceFault::Overload
+            | DeviceFault::BlindContact
+            | DeviceFault::StuckContact => {}
+        }
+    }
+
+    fn counts_at(&self, place: f64) -> f64 {
+        (place - self.zero) / self.units_per_count
+    }
+}
+
+/// What a counter of a drive shows.
+#[expect(clippy::cast_possible_truncation, reason = "a float cast saturates, as the counter does")]
+pub(super) fn counts(value: f64) -> i32 {
+    value.round() as i32
+}
+
+/// One word of a value of two, the upper one at the even address.
+pub(super) fn word(value: i32, is_upper: bool) -> u16 {
+    let [a, b, c, d] = value.to_be_bytes();
+    u16::from_be_bytes(if is_upper { [a, b] } else { [c, d] })
+}
