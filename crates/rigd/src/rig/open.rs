@@ -6,7 +6,7 @@ use rig_analyzer::{Analyzer, AnalyzerError};
 use rig_link::{Clock, Endpoint, LineSettings, Port};
 use rig_model::{Deg, Mm, Unit};
 use rig_protocol::Prompt;
-use rig_sim::{AnalyzerModel, AxisModel, AxisWiring, Person, SimRig, Wiring, device::bus::Carrier};
+use rig_sim::{AnalyzerModel, AxisModel, AxisWiring, Carrier, Person, SimRig, Wiring};
 use rig_stage::{BusHandle, BusSettings, Stage, StageError};
 use rig_store::StoreError;
 
@@ -148,6 +148,8 @@ fn describe<U>(file: &crate::rig_file::AxisFile<U>) -> String {
 fn wiring(file: &RigFile) -> Result<Wiring, OpenError> {
     let analyzer = match file.analyzer.dialect.name {
         "hioki-im3536" => AnalyzerModel::HiokiIm3536,
+        "keysight-e4980a" => AnalyzerModel::KeysightE4980a,
+        "keysight-e4990a" => AnalyzerModel::KeysightE4990a,
         make => return Err(OpenError::NotSimulated { make }),
     };
     Ok(Wiring {
@@ -164,6 +166,8 @@ fn wiring(file: &RigFile) -> Result<Wiring, OpenError> {
 fn axis_wiring<U: Unit>(file: &crate::rig_file::AxisFile<U>) -> Result<AxisWiring, OpenError> {
     let model = match file.register_map.name {
         "oriental-az" => AxisModel::OrientalAz,
+        "iai-rc" => AxisModel::IaiRc,
+        "leadshine-pr" => AxisModel::LeadshinePr,
         make => return Err(OpenError::NotSimulated { make }),
     };
     Ok(AxisWiring {
