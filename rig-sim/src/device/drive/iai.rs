@@ -38,7 +38,6 @@ mod order {
     pub(super) const BAND: u16 = 0x9902;
     pub(super) const SPEED: u16 = 0x9904;
     pub(super) const ACCELERATION: u16 = 0x9906;
-    pub(super) const PUSH: u16 = 0x9907;
     pub(super) const CONTROL: u16 = 0x9908;
     pub(super) const LAST: u16 = 0x9908;
 }
@@ -404,8 +403,7 @@ impl Iai {
         let is_written = |wanted: u16| (address..end).contains(&wanted);
         // A new speed or acceleration alone acts on the target that is there.
         let starts = [order::POSITION + 1, order::SPEED + 1, order::ACCELERATION];
-        let is_set_only = is_written(order::PUSH) || is_written(order::BAND);
-        if starts.into_iter().any(is_written) && !(is_set_only && end <= order::SPEED) {
+        if starts.into_iter().any(is_written) {
             self.start(now, world);
         }
         Ok(Reply::Done)
