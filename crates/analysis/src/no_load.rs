@@ -16,8 +16,8 @@ pub struct Reference {
 pub struct NoLoad {
     /// Mean, Hz.
     pub mean_hz: f64,
-    /// Standard deviation of the mean, Hz, as far as it comes from that of the references.
-    pub sigma_hz: f64,
+    /// Standard deviation of the references about it, Hz, when there are several: mostly drift.
+    pub spread_hz: Option<f64>,
     /// Lowest reference, Hz.
     pub min_hz: f64,
     /// Highest reference, Hz.
@@ -42,10 +42,11 @@ pub fn summarize(references: &[Reference]) -> Option<NoLoad> {
     let first = references.first()?;
     let n = references.len() as f64;
     let frequencies = || references.iter().map(|reference| reference.frequency_hz);
-    let variance: f64 = references.iter().map(|reference| reference.sigma_hz.powi(2)).sum();
+    let mean_hz = frequencies().sum::<f64>() / n;
+    let squares: f64 = frequencies().map(|frequency| (frequency - mean_hz).powi(2)).sum();
     Some(NoLoad {
-        mean_hz: frequencies().sum::<f64>() / n,
-        sigma_hz: variance.sqrt() / n,
+        mean_hz,
+        spread_hz: (references.len() > 1).then(|| (squares / (n - 1.0)).sqrt()),
         min_hz: frequencies().fold(first.frequency_hz, f64::min),
         max_hz: frequencies().fold(first.frequency_hz, f64::max),
         drift: drift(references),
@@ -93,7 +94,8 @@ mod tests {
         assert!((drift.hz_per_hour + 0.6).abs() < 1e-9, "{drift:?}");
         assert!(drift.sigma_hz_per_hour < 1e-9, "{drift:?}");
         assert!((found.mean_hz - 140.25).abs() < 1e-12, "{found:?}");
-        assert!((found.sigma_hz - 0.01).abs() < 1e-15, "{found:?}");
+        // Of 0, 1, 2 and 3 tenths of a hertz.
+        assert!((found.spread_hz.unwrap() - (0.05_f64 / 3.0).sqrt()).abs() < 1e-12, "{found:?}");
         assert_eq!((found.min_hz, found.max_hz, found.count), (140.1, 140.4, 4));
     }
 

@@ -30,6 +30,16 @@ pub struct Mean {
     pub count: usize,
 }
 
+impl Mean {
+    /// Standard deviation of the mean, Hz: the larger of what the fits say and what the scatter of
+    /// the values says. The second contains the first, but from a few values it may be small by
+    /// chance.
+    pub fn standard_error_hz(&self) -> f64 {
+        let from_scatter = self.spread_hz.map_or(0.0, |spread| spread / (self.count as f64).sqrt());
+        self.sigma_hz.max(from_scatter)
+    }
+}
+
 /// The touches of one sample at one angle and in one direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cell {
@@ -126,6 +136,8 @@ mod tests {
         assert!((repeated.sigma_hz - 0.3 / 2.0_f64.sqrt()).abs() < 1e-15);
         assert!((repeated.spread_hz.unwrap() - 2.0_f64.sqrt()).abs() < 1e-15);
         assert_eq!(cells[0].mean.spread_hz, None, "one value has no spread");
+        assert_eq!(cells[0].mean.standard_error_hz(), 0.3, "the fit alone");
+        assert!((repeated.standard_error_hz() - 1.0).abs() < 1e-15, "the scatter is larger");
 
         let means = by_angle(&cells);
         let keys: Vec<_> = means.iter().map(|mean| (mean.sample, mean.angle_deg)).collect();

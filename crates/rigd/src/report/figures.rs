@@ -85,7 +85,12 @@ pub(super) fn averaged(data: &RunData, results: &RunResults) -> String {
             x: mean.angle_deg,
             y: mean.mean.shift_hz,
             error: mean.mean.spread_hz.or(Some(mean.mean.sigma_hz)),
-            note: Some(note(sample, mean.angle_deg, mean.mean.shift_hz, mean.mean.sigma_hz)),
+            note: Some(note(
+                sample,
+                mean.angle_deg,
+                mean.mean.shift_hz,
+                mean.mean.standard_error_hz(),
+            )),
         });
         chart.series.push(Series::joined(&label(sample), index, points));
     }

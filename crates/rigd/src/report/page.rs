@@ -96,9 +96,9 @@ struct Tile {
 fn tiles(run: &Run, data: &RunData, results: &RunResults) -> Vec<Tile> {
     let mut tiles = Vec::new();
     if let Some(no_load) = results.no_load {
-        let (value, sigma) = value_and_sigma(no_load.mean_hz, no_load.sigma_hz);
         let span = fixed(no_load.max_hz - no_load.min_hz, 3);
-        let below = format!("± {sigma}; {} references within {span}\u{a0}Hz", no_load.count);
+        let below = format!("mean of {} references within {span}\u{a0}Hz", no_load.count);
+        let value = fixed(no_load.mean_hz, 3);
         tiles.push(Tile { name: "Free resonance", value, unit: "Hz", below });
     }
     if let Some(found) = &results.sensitivity {
@@ -148,8 +148,8 @@ fn shifts(data: &RunData, results: &RunResults) -> String {
             format_args!(
                 "<p>Sensitivity at {angle}°, mean of the directions: <b>{chord} Hz/MPa</b> from the \
                  softest to the stiffest sample; {line} Hz/MPa by least squares through all samples, \
-                 from which they lie up to {worst} Hz away. The uncertainties come from the fits \
-                 alone.</p>\n"
+                 from which they lie up to {worst} Hz away. The uncertainties are those of the \
+                 means.</p>\n"
             ),
         );
     }

@@ -145,7 +145,7 @@ fn sensitivity_at_smallest_angle(data: &RunData, means: &[AngleMean]) -> Option<
         Some(Point {
             stiffness_mpa: data.samples().get(mean.sample)?.stiffness_mpa?,
             shift_hz: mean.mean.shift_hz,
-            sigma_hz: mean.mean.sigma_hz,
+            sigma_hz: mean.mean.standard_error_hz(),
         })
     };
     let points: Vec<Point> =

@@ -26,7 +26,10 @@ pub(super) fn shifts(data: &RunData, results: &RunResults) -> String {
             };
             row.push(results.cells.iter().find(is_here).map_or_else(dash, shift));
         }
-        row.push(format!("<b>{}</b>", with_sigma(mean.mean.shift_hz, mean.mean.sigma_hz)));
+        row.push(format!(
+            "<b>{}</b>",
+            with_sigma(mean.mean.shift_hz, mean.mean.standard_error_hz())
+        ));
         row.push(
             mean.mean
                 .spread_hz
@@ -35,8 +38,9 @@ pub(super) fn shifts(data: &RunData, results: &RunResults) -> String {
         row
     };
     let rows: Vec<_> = results.means.iter().map(row).collect();
-    let caption = "Frequency shifts, each with the standard deviation that comes from the fits, and \
-                   the standard deviation between the directions.";
+    let caption = "Frequency shifts with the standard deviation of their fits; their mean with that \
+                   of a mean, from the fits or from the scatter between the directions, whichever \
+                   is larger; and that scatter, as a standard deviation.";
     table(caption, &heads, &rows)
 }
 

@@ -7,7 +7,7 @@ use rig_store::Run;
 use super::{
     data::RunData,
     results::{DIRECTIONS, RunResults},
-    units::{duration, percent, percent_range, with_sigma},
+    units::{duration, fixed, percent, percent_range, with_sigma},
 };
 
 pub(super) fn text(run: &Run, data: &RunData, results: &RunResults) -> String {
@@ -25,8 +25,9 @@ pub(super) fn text(run: &Run, data: &RunData, results: &RunResults) -> String {
     }
     let mut fact = |name: &str, value: &str| line(format_args!("{name:<23}{value}"));
     if let Some(no_load) = &results.no_load {
-        let mean = with_sigma(no_load.mean_hz, no_load.sigma_hz);
-        fact("no-load resonance", &format!("{mean} Hz"));
+        let (mean, span) = (fixed(no_load.mean_hz, 3), fixed(no_load.max_hz - no_load.min_hz, 3));
+        let count = no_load.count;
+        fact("no-load resonance", &format!("{mean} Hz, {count} references within {span} Hz"));
     }
     if let Some(found) = &results.sensitivity {
         let chord = found.sensitivity.chord;
@@ -70,7 +71,7 @@ fn table(data: &RunData, results: &RunResults) -> Vec<String> {
                 with_sigma(cell.mean.shift_hz, cell.mean.sigma_hz)
             }));
         }
-        row.push(with_sigma(mean.mean.shift_hz, mean.mean.sigma_hz));
+        row.push(with_sigma(mean.mean.shift_hz, mean.mean.standard_error_hz()));
         rows.push(row);
     }
     let columns = rows[0].len();
