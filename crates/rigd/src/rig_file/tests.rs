@@ -56,6 +56,15 @@ fn the_simulated_rig_is_described_as_well_as_a_person_measures() {
 }
 
 #[test]
+fn the_shipped_file_names_every_make_that_there_is() {
+    let dialects = rig_analyzer::DIALECTS.iter().map(|dialect| dialect.name);
+    let maps = rig_stage::maps::ALL.iter().map(|map| map.name);
+    for name in dialects.chain(maps) {
+        assert!(SIMULATED.contains(&format!("{name:?}")), "{name} is not in the manual");
+    }
+}
+
+#[test]
 fn a_rig_file_says_where_everything_is() {
     let rig = RigFile::read("rig.toml", SIMULATED).unwrap();
     let Connection::Simulated(simulation) = &rig.connection else { panic!("{rig:?}") };
