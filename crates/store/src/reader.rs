@@ -258,7 +258,7 @@ fn end_of(records: &[StoredRecord], status: RunStatus, digest: Digest) -> Verdic
 fn select_runs(tail: &str) -> String {
     format!(
         "SELECT id, kind, name, started_at, finished_at, status,
-                unixepoch(finished_at, 'subsec') - unixepoch(started_at, 'subsec'),
+                round(unixepoch(finished_at, 'subsec') - unixepoch(started_at, 'subsec'), 3),
                 (SELECT max(seq) FROM records WHERE run = key)
          FROM runs {tail}"
     )

@@ -36,7 +36,11 @@ fn records_are_read_back_as_they_were_written() {
     assert_eq!(run.status, RunStatus::Ended(Ending::Faulted));
     assert_eq!((run.name.as_str(), run.kind), ("one touch", RunKind::Run));
     assert_eq!(run.records, records().len() as u64);
-    assert!((0.0..60.0).contains(&run.wall_s.unwrap()), "{run:?}");
+    let wall_ms = run.wall_s.unwrap() * 1000.0;
+    assert!(
+        (0.0..60_000.0).contains(&wall_ms) && (wall_ms - wall_ms.round()).abs() < 1e-6,
+        "{run:?}"
+    );
     assert!(run.started_at.len() == 24 && run.started_at.ends_with('Z'), "{run:?}");
     assert_eq!(reader.runs().unwrap(), [run]);
 }
