@@ -273,6 +273,8 @@ pub enum LoweringPurpose {
     FindSurface,
     /// To press into it.
     Indent,
+    /// A person moves it.
+    ByHand,
 }
 
 /// Something that happened, for the journal and for whoever watches.
@@ -423,6 +425,10 @@ pub enum Command {
     Run(Box<Plan>),
     /// Measure the resonance at the present pose.
     Sweep(SweepRequest),
+    /// Move the probe up or down, no deeper than any touch may go.
+    MoveLinear(Position<Mm>),
+    /// Tilt the sample.
+    MoveRotary(Position<Deg>),
     /// Wait at the next step that begins with the probe clear.
     Pause,
     /// Go on.
@@ -444,6 +450,8 @@ impl Command {
             Self::Prepare => "prepare",
             Self::Run(_) => "run",
             Self::Sweep(_) => "sweep",
+            Self::MoveLinear(_) => "move the linear stage",
+            Self::MoveRotary(_) => "move the rotary stage",
             Self::Pause => "pause",
             Self::Resume => "resume",
             Self::Abort => "abort",
@@ -455,13 +463,38 @@ impl Command {
 }
 
 /// Why a command was not taken. Nothing has changed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("cannot {command} while the rig is {}", .state.name())]
-pub struct Denied {
-    /// The command.
-    pub command: &'static str,
-    /// The state that forbids it.
-    pub state: StateWord,
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Denied {
+    /// The state forbids it.
+    #[error("cannot {command} while the rig is {}", .state.name())]
+    State {
+        /// The command.
+        command: &'static str,
+        /// The state.
+        state: StateWord,
+    },
+    /// It begins with the probe clear, and the probe is not.
+    #[error("cannot {command} while the probe is {}", .clearance.name())]
+    NotClear {
+        /// The command.
+        command: &'static str,
+        /// What is known of the probe.
+        clearance: Clearance,
+    },
+    /// The linear stage may not go there.
+    #[error(transparent)]
+    LinearTarget(AxisError<Mm>),
+    /// The rotary stage may not go there.
+    #[error(transparent)]
+    RotaryTarget(AxisError<Deg>),
+    /// No touch goes as deep.
+    #[error("linear stage: target {wanted} is below {floor}, the deepest that a touch may go here")]
+    TooDeep {
+        /// The position asked for.
+        wanted: Position<Mm>,
+        /// The lowest position allowed at this tilt.
+        floor: Position<Mm>,
+    },
 }
 
 /// How long an operation may take before something must be wrong.

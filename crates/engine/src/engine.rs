@@ -15,8 +15,8 @@ use rig_model::{Bench, Clearance, Deg, Mm, Position, RigTime};
 use rig_protocol::Prompt;
 
 use crate::{
-    Command, Denied, Effect, Event, Fault, Input, Interlock, Operation, OperationId, Report,
-    RunStatus, StateWord, StopReason, SweepPurpose,
+    Command, Denied, Effect, Event, Fault, Input, Interlock, LoweringPurpose, Operation,
+    OperationId, Report, RunStatus, StateWord, StopReason, SweepPurpose,
     effect::{Pending, limit, name},
     recovery::{Preparing, Recovery, RecoveryTurn, is_interruption},
     run::{News, Run, Turn},
@@ -48,6 +48,8 @@ enum Activity {
     Waiting(Box<Run>, Prompt),
     Paused(Box<Run>),
     Sweeping(Box<Sweep>),
+    /// A person moves one axis.
+    Moving,
     /// The operation in flight is being ended; then comes the recovery.
     Stopping(StopReason, HadRun),
     Retracting(Recovery, StopReason, HadRun),
@@ -137,9 +139,13 @@ impl Engine {
     /// # Errors
     /// [`Denied`] names the command and the state that forbids it.
     pub fn admits(&self, command: &Command) -> Result<(), Denied> {
+        let clearance = self.interlock.clearance();
         let is_admitted = match command {
             Command::Prepare => matches!(self.activity, Activity::Unprepared),
-            Command::Run(_) | Command::Sweep(_) => matches!(self.activity, Activity::Idle),
+            Command::Run(_)
+            | Command::Sweep(_)
+            | Command::MoveLinear(_)
+            | Command::MoveRotary(_) => matches!(self.activity, Activity::Idle),
             Command::Pause => {
                 matches!(self.activity, Activity::Running(_) | Activity::Waiting(..))
             }
@@ -154,6 +160,7 @@ impl Engine {
                     | Activity::Waiting(..)
                     | Activity::Paused(_)
                     | Activity::Sweeping(_)
+                    | Activity::Moving
             ),
             Command::Answer => matches!(self.activity, Activity::Waiting(..)),
             // Stopping is never refused.
@@ -162,8 +169,24 @@ impl Engine {
                 matches!(self.activity, Activity::Latched(_)) && self.pending.is_none()
             }
         };
-        let denied = Denied { command: command.name(), state: self.word };
-        if is_admitted { Ok(()) } else { Err(denied) }
+        if !is_admitted {
+            return Err(Denied::State { command: command.name(), state: self.word });
+        }
+        match *command {
+            Command::Run(_) | Command::MoveRotary(_) if clearance != Clearance::Clear => {
+                Err(Denied::NotClear { command: command.name(), clearance })
+            }
+            Command::MoveRotary(to) => {
+                self.bench.rotary.target(to).map(|_| ()).map_err(Denied::RotaryTarget)
+            }
+            Command::MoveLinear(to) => {
+                self.bench.linear.target(to).map_err(Denied::LinearTarget)?;
+                let tilt = self.rotary.unwrap_or(self.bench.rotary.rest_target().position());
+                let floor = self.bench.floor_at(tilt);
+                if to < floor { Err(Denied::TooDeep { wanted: to, floor }) } else { Ok(()) }
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Takes a command of `by` and appends what has to be done about it.
@@ -195,6 +218,14 @@ impl Engine {
                     Sweep::begin(SweepPurpose::Manual, &request, None, &mut self.notes);
                 self.activity = Activity::Sweeping(Box::new(sweep));
                 self.follow_sweep(now, turn, effects);
+            }
+            Command::MoveLinear(to) => self.move_linear(now, to, effects),
+            Command::MoveRotary(to) => {
+                // Admitted a moment ago.
+                let target = self.bench.rotary.target(to).map_err(Denied::RotaryTarget)?;
+                let speed_deg_per_s = self.bench.limits.rotary_speed_deg_per_s;
+                self.activity = Activity::Moving;
+                self.issue(now, Operation::MoveRotary { target, speed_deg_per_s }, effects);
             }
             Command::Pause | Command::Resume => self.pause(now, &command, effects),
             Command::Abort => {
@@ -258,6 +289,7 @@ impl Engine {
             (Activity::Latched(_), _) => {}
             (_, Err((_, fault))) => self.stop(now, StopReason::Fault(fault), effects),
             (Activity::Preparing(_), Ok(_)) => self.preparing(now, effects),
+            (Activity::Moving, Ok(_)) => self.activity = Activity::Idle,
             (Activity::Sweeping(sweep), Ok(Report::Measured(readings))) => {
                 let turn = sweep.measured(&readings, &mut self.notes);
                 self.follow_sweep(now, turn, effects);
@@ -302,10 +334,7 @@ impl Engine {
         match turn {
             Turn::Do(operation) => self.issue(now, operation, effects),
             Turn::Declare { down_to, purpose } => {
-                self.notes.push(Event::Intent { down_to, purpose });
-                self.flush(effects);
-                effects.push(Effect::Commit);
-                self.interlock.declare(down_to);
+                self.declare(down_to, purpose, effects);
                 self.tell_run(now, News::Declared, effects);
             }
             Turn::Wait(duration) => self.wait_until = Some(now + duration),
@@ -325,6 +354,42 @@ impl Engine {
             SweepTurn::Finished(_) => self.activity = Activity::Idle,
             SweepTurn::Fault(fault) => self.stop(now, StopReason::Fault(fault), effects),
         }
+    }
+
+    /// Moves the probe for a person, slowly wherever it may touch.
+    fn move_linear(&mut self, now: RigTime, to: Position<Mm>, effects: &mut Vec<Effect>) {
+        let limits = &self.bench.limits;
+        let rest = self.bench.linear.rest_target();
+        let (speed, is_lowering) = if to < rest.position() {
+            (limits.contact_speed_mm_per_s, true)
+        } else {
+            (limits.travel_speed_mm_per_s, false)
+        };
+        if is_lowering {
+            self.declare(to, LoweringPurpose::ByHand, effects);
+        }
+        self.activity = Activity::Moving;
+        match self.bench.linear.target(to) {
+            Ok(target) => {
+                self.issue(now, Operation::MoveLinear { target, speed_mm_per_s: speed }, effects);
+            }
+            Err(error) => {
+                self.stop(now, StopReason::Fault(Fault::LinearTarget(error)), effects);
+            }
+        }
+    }
+
+    /// Makes the intent to lower the probe durable, and allows it.
+    fn declare(
+        &mut self,
+        down_to: Position<Mm>,
+        purpose: LoweringPurpose,
+        effects: &mut Vec<Effect>,
+    ) {
+        self.notes.push(Event::Intent { down_to, purpose });
+        self.flush(effects);
+        effects.push(Effect::Commit);
+        self.interlock.declare(down_to);
     }
 
     /// Sends an operation, if the interlock admits it.
@@ -549,7 +614,7 @@ impl Activity {
         match self {
             Self::Unprepared | Self::Preparing(_) => StateWord::Preparing,
             Self::Idle => StateWord::Idle,
-            Self::Running(_) | Self::Sweeping(_) => StateWord::Running,
+            Self::Running(_) | Self::Sweeping(_) | Self::Moving => StateWord::Running,
             Self::Waiting(..) => StateWord::WaitingForPerson,
             Self::Paused(_) => StateWord::Paused,
             Self::Stopping(..) | Self::Retracting(..) => StateWord::Retracting,

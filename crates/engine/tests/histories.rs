@@ -439,3 +439,44 @@ fn a_latched_rig_takes_no_command_but_an_acknowledgement() {
     }
     assert_eq!(world.engine.snapshot().state, StateWord::Idle);
 }
+
+#[test]
+fn a_move_by_hand_obeys_what_a_run_obeys() {
+    let mut world = World::new(None);
+    world.command(Command::Prepare);
+    while world.in_flight.is_some() {
+        world.step();
+    }
+    let denial = |world: &World, command: Command| {
+        world.engine.admits(&command).expect_err("it must be denied").to_string()
+    };
+    let linear = |mm| Command::MoveLinear(Position::new(mm));
+    let rotary = |degrees| Command::MoveRotary(Position::new(degrees));
+    assert_eq!(
+        denial(&world, linear(0.5)),
+        "linear stage: target 0.500 mm is outside the soft limits [1.000 mm, 49.000 mm]"
+    );
+    // The surface is expected at 10 mm, may lie 0.5 mm lower, and is indented by 0.6 mm at most.
+    assert_eq!(
+        denial(&world, linear(8.89)),
+        "linear stage: target 8.890 mm is below 8.900 mm, the deepest that a touch may go here"
+    );
+    assert!(denial(&world, rotary(51.0)).contains("outside the soft limits"));
+    world.command(rotary(30.0));
+    world.step();
+    world.command(linear(20.0));
+    world.step();
+    assert_eq!(world.engine.snapshot().clearance, Clearance::InContact);
+    assert_eq!(
+        denial(&world, rotary(0.0)),
+        "cannot move the rotary stage while the probe is in contact"
+    );
+    assert_eq!(
+        denial(&world, Command::Run(Box::new(plan()))),
+        "cannot run while the probe is in contact"
+    );
+    world.command(linear(REST_MM));
+    world.step();
+    assert_eq!(world.engine.snapshot().clearance, Clearance::Clear);
+    world.command(rotary(0.0));
+}

@@ -54,7 +54,13 @@ impl Geometry {
     /// at the lateral offset x. A ball of radius R that touches it has its centre R/cos α above,
     /// and its lowest point R below the centre.
     pub fn surface_at(&self, direction: Direction, angle: ContactAngle) -> Position<Mm> {
-        let tilt = direction.rotary_position(angle).value().to_radians();
+        self.surface_at_tilt(direction.rotary_position(angle))
+    }
+
+    /// The linear position at which the tip is expected to touch the sample when the rotary stage
+    /// stands at `tilt`. See [`Geometry::surface_at`].
+    pub fn surface_at_tilt(&self, tilt: Position<Deg>) -> Position<Mm> {
+        let tilt = tilt.value().to_radians();
         let (d, r) = (self.surface_above_pivot_mm, self.probe_radius_mm);
         let height = (d + r - self.probe_beside_pivot_mm * tilt.sin()) / tilt.cos() - r;
         self.surface.offset(height - d)
@@ -124,6 +130,15 @@ pub struct Bench {
     pub limits: MotionLimits,
     /// What can be measured.
     pub analyzer: AnalyzerRange,
+}
+
+impl Bench {
+    /// The lowest position that any touch may need at this tilt: the deepest indentation into a
+    /// surface that lies as low as it may.
+    pub fn floor_at(&self, tilt: Position<Deg>) -> Position<Mm> {
+        let below_mm = self.geometry.surface_tolerance_mm + self.limits.max_indentation_mm;
+        self.geometry.surface_at_tilt(tilt).offset(-below_mm)
+    }
 }
 
 #[cfg(test)]

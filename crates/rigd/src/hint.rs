@@ -1,7 +1,21 @@
 //! What a person can do after a fault.
 
-use rig_engine::{Device, FailureKind, Fault};
+use rig_engine::{Device, FailureKind, Fault, StateWord};
 use rig_model::Clearance;
+
+/// What to do when a command is refused in this state.
+pub(crate) const fn while_in(state: StateWord) -> Option<&'static str> {
+    match state {
+        StateWord::Latched => {
+            Some("look at the fault in GET /api/v1/rig, then POST /api/v1/acknowledge")
+        }
+        StateWord::Running | StateWord::WaitingForPerson | StateWord::Paused => {
+            Some("wait for the run to end, or abort it")
+        }
+        StateWord::Preparing | StateWord::Retracting => Some("try again in a moment"),
+        StateWord::Idle => None,
+    }
+}
 
 /// What to do next, for a person at the bench.
 pub(crate) fn after(fault: &Fault, clearance: Clearance) -> &'static str {

@@ -105,9 +105,8 @@ fn a_bad_protocol_is_refused_with_every_fault_and_its_place() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("bad.toml");
     let good = fs::read_to_string(repository().join("config/protocols/smoke.toml")).unwrap();
-    let bad = good
-        .replace("indentation_mm", "indentaton_mm")
-        .replace("trials = 6", "trials = \"six\"");
+    let bad =
+        good.replace("indentation_mm", "indentaton_mm").replace("trials = 6", "trials = \"six\"");
     assert_ne!(good, bad);
     fs::write(&path, bad).unwrap();
     for command in ["check", "run"] {

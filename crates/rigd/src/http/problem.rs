@@ -6,12 +6,12 @@ use axum::{
     http::{StatusCode, header},
     response::{IntoResponse, Response},
 };
-use rig_engine::StateWord;
+use rig_engine::Denied;
 use rig_settings::Faults;
 use rig_store::StoreError;
 use serde::Serialize;
 
-use crate::rig::Refusal;
+use crate::{hint, rig::Refusal};
 
 /// What a client is told when something cannot be done.
 #[derive(Debug, Serialize)]
@@ -84,19 +84,17 @@ impl From<Refusal> for Problem {
     fn from(refusal: Refusal) -> Self {
         let detail = refusal.to_string();
         match refusal {
-            Refusal::Denied(denied) => {
-                let hint = match denied.state {
-                    StateWord::Latched => {
-                        Some("look at the fault in GET /api/v1/rig, then POST /api/v1/acknowledge")
-                    }
-                    StateWord::Running | StateWord::WaitingForPerson | StateWord::Paused => {
-                        Some("wait for the run to end, or abort it")
-                    }
-                    StateWord::Preparing | StateWord::Retracting => Some("try again in a moment"),
-                    StateWord::Idle => None,
-                };
+            Refusal::Denied(Denied::State { state, .. }) => {
+                let hint = hint::while_in(state);
                 Self { hint, ..Self::new(StatusCode::CONFLICT, "not in this state", detail) }
             }
+            Refusal::Denied(Denied::NotClear { .. }) => Self {
+                hint: Some("retract first: move the linear stage to its clear position"),
+                ..Self::new(StatusCode::CONFLICT, "not in this state", detail)
+            },
+            Refusal::Denied(
+                Denied::LinearTarget(_) | Denied::RotaryTarget(_) | Denied::TooDeep { .. },
+            ) => Self::unprocessable(detail),
             Refusal::NotUnderWay { .. } => Self::new(StatusCode::CONFLICT, "not under way", detail),
             Refusal::Journal { .. } => Self {
                 hint: Some("free the disk and start the daemon again"),

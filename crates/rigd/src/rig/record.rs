@@ -274,6 +274,7 @@ const fn purpose_of(purpose: rig_engine::LoweringPurpose) -> store::MoveReason {
     match purpose {
         rig_engine::LoweringPurpose::FindSurface => store::MoveReason::Approach,
         rig_engine::LoweringPurpose::Indent => store::MoveReason::Indent,
+        rig_engine::LoweringPurpose::ByHand => store::MoveReason::ByHand,
     }
 }
 

@@ -26,6 +26,8 @@ pub enum MoveReason {
     Approach,
     /// Down into the sample.
     Indent,
+    /// As a person at the bench wants it.
+    ByHand,
     /// Up to the clear position.
     Retract,
     /// To a contact angle.
