@@ -8,15 +8,17 @@ use libfuzzer_sys::fuzz_target;
 mod meter;
 
 use meter::{Host, standard};
-use rig_scpi::{
-    AfterError, AfterQuery, Dialect, Ending, QUERY_ERRORS, Terminators, Unread,
-};
+use rig_scpi::{AfterError, AfterQuery, Dialect, Ending, QUERY_ERRORS, Terminators, Unread};
 
 fuzz_target!(|input: (u8, Vec<(u8, &[u8])>)| {
     let (flags, steps) = input;
     let is = |bit: u8| flags & 1 << bit != 0;
     let mut host = Host::new(Dialect {
-        terminators: if is(0) { Terminators::LineFeed } else { Terminators::LineFeedOrCarriageReturn },
+        terminators: if is(0) {
+            Terminators::LineFeed
+        } else {
+            Terminators::LineFeedOrCarriageReturn
+        },
         strings_span_lines: is(1),
         after_error: if is(2) { AfterError::Continue } else { AfterError::SkipMessage },
         after_query: if is(3) { AfterQuery::Continue } else { AfterQuery::Refuse },

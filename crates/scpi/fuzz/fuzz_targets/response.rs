@@ -23,7 +23,10 @@ fuzz_target!(|input: (u8, u8, &[u8])| {
         if let Ok(units) = response.units() {
             for datum in units.iter().flat_map(|unit| &unit.data) {
                 // No sentinel passes.
-                assert!(datum.number().is_ok_and(|value| value.abs() < 9.89e37) || datum.number().is_err());
+                assert!(
+                    datum.number().is_ok_and(|value| value.abs() < 9.89e37)
+                        || datum.number().is_err()
+                );
             }
         }
         _ = Identity::parse(response);
