@@ -4,3 +4,4 @@
 mod im3536;
 mod measurements;
 mod peer;
+mod simulated;

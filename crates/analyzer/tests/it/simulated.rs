@@ -1,0 +1,114 @@
+//! The dialects against the simulated instruments, which share no line with them.
+
+use rig_analyzer::{
+    Analyzer, AnalyzerError, Dialect, HIOKI_IM3536, KEYSIGHT_E4980A, KEYSIGHT_E4990A,
+};
+use rig_link::{Clock, Port, StopSignal};
+use rig_model::{DriveLevel, Reading, ReadingFlag, SweepPoint};
+use rig_sim::{
+    AnalyzerModel, AxisModel, AxisWiring, SimRig, Wiring,
+    device::bus::Carrier,
+    scene::paper,
+    world::{Nuisances, Scene},
+};
+
+/// A bench without nuisances, with this analyzer.
+fn bench(model: AnalyzerModel) -> SimRig {
+    let axis = |unit_id| AxisWiring {
+        model: AxisModel::OrientalAz,
+        unit_id,
+        units_per_step: 0.001,
+        zero: 0.0,
+    };
+    let carrier = Carrier::Serial { baud: 115_200 };
+    let wiring = Wiring { analyzer: model, linear: axis(1), rotary: axis(2), carrier };
+    let scene = Scene { nuisances: Nuisances::NONE, ..paper() };
+    SimRig::start(scene, &wiring, 1).unwrap()
+}
+
+async fn analyzer_on(rig: &mut SimRig, dialect: &'static Dialect) -> Analyzer {
+    let port = Port::new("analyzer", rig.analyzer_port(), None, Clock::start());
+    let mut analyzer = Analyzer::open(port, dialect);
+    let identity = analyzer.identify().await.unwrap();
+    assert!(identity.serial.is_some(), "{identity}");
+    analyzer
+}
+
+const MAKES: [(AnalyzerModel, &Dialect, f64); 3] = [
+    (AnalyzerModel::HiokiIm3536, &HIOKI_IM3536, 5.0),
+    (AnalyzerModel::KeysightE4980a, &KEYSIGHT_E4980A, 5.0),
+    (AnalyzerModel::KeysightE4990a, &KEYSIGHT_E4990A, 1.0),
+];
+
+fn point(frequency_hz: f64, cycles: u32) -> SweepPoint {
+    SweepPoint { frequency_hz, settle_s: 3.0, cycles }
+}
+
+#[tokio::test(start_paused = true)]
+async fn three_makes_measure_the_same_sensor() {
+    // Evenly spaced, then not, and more cycles than one trigger of any make averages.
+    let points =
+        [point(130.0, 2), point(135.0, 2), point(140.0, 2), point(150.0, 2), point(141.3, 990)];
+    let mut all: Vec<Vec<Reading>> = Vec::new();
+    for (model, dialect, volt) in MAKES {
+        let mut rig = bench(model);
+        let mut analyzer = analyzer_on(&mut rig, dialect).await;
+        analyzer.configure(DriveLevel { volt }).await.unwrap();
+        let readings = analyzer.measure(&points, &StopSignal::new()).await.unwrap();
+        assert!(readings.is_sorted_by_key(|reading| reading.started), "{}", dialect.name);
+        for (reading, point) in readings.iter().zip(&points) {
+            let context = (dialect.name, point.frequency_hz);
+            assert_eq!(reading.frequency_hz, point.frequency_hz, "{context:?}");
+            assert_eq!(reading.flag, ReadingFlag::Normal, "{context:?}");
+            assert!(point.settle_s <= reading.settle_s, "{context:?}: {}", reading.settle_s);
+            let asked_s = f64::from(point.cycles) / point.frequency_hz;
+            assert!(asked_s <= reading.integration_s, "{context:?}: {}", reading.integration_s);
+        }
+        all.push(readings);
+    }
+    for other in &all[1..] {
+        for (one, two) in all[0].iter().zip(other) {
+            let size = one.resistance_ohm.hypot(one.reactance_ohm);
+            let off = (one.resistance_ohm - two.resistance_ohm)
+                .hypot(one.reactance_ohm - two.reactance_ohm);
+            assert!(off < 2e-5 * size, "{one:?} {two:?}");
+        }
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_level_is_what_the_model_and_its_options_can_give() {
+    let rows = [
+        (20.1, "keysight-e4980a: level in V 20.1 is outside [0.005, 20]"),
+        (1.01, "keysight-e4990a: level in V 1.01 is outside [0.005, 1]"),
+    ];
+    for ((model, dialect, _), (volt, message)) in MAKES[1..].iter().zip(rows) {
+        let mut rig = bench(*model);
+        let mut analyzer = analyzer_on(&mut rig, dialect).await;
+        let error = analyzer.configure(DriveLevel { volt }).await.unwrap_err();
+        assert_eq!(error.to_string(), message);
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_level_that_stands_is_not_set_again() {
+    for (model, dialect, volt) in MAKES {
+        let mut rig = bench(model);
+        let mut analyzer = analyzer_on(&mut rig, dialect).await;
+        analyzer.configure(DriveLevel { volt }).await.unwrap();
+        let sent = |analyzer: &Analyzer| analyzer.transcript().frames().len();
+        let before = sent(&analyzer);
+        analyzer.configure(DriveLevel { volt }).await.unwrap();
+        assert_eq!(sent(&analyzer), before, "{}", dialect.name);
+        analyzer.configure(DriveLevel { volt: 0.5 }).await.unwrap();
+        assert!(before < sent(&analyzer));
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn the_wrong_dialect_is_found_out_by_the_identity() {
+    let mut rig = bench(AnalyzerModel::KeysightE4990a);
+    let port = Port::new("analyzer", rig.analyzer_port(), None, Clock::start());
+    let error = Analyzer::open(port, &KEYSIGHT_E4980A).identify().await.unwrap_err();
+    assert!(matches!(error, AnalyzerError::WrongInstrument { .. }), "{error}");
+}
