@@ -4,4 +4,5 @@
 mod im3536;
 mod measurements;
 mod peer;
+mod relatives;
 mod simulated;

@@ -122,6 +122,38 @@ async fn what_the_instrument_says_of_a_reading_is_carried_on() {
 }
 
 #[tokio::test(start_paused = true)]
+async fn what_the_instrument_cannot_wait_or_average_at_once_is_still_done() {
+    let instrument = Im3536::new();
+    let mut analyzer = analyzer_on(&instrument, []);
+    sweep(&mut analyzer, &[200.0]).await.unwrap();
+    let stop = StopSignal::new();
+    let long = SweepPoint { frequency_hz: 250.0, settle_s: 15.0, cycles: 600 };
+    let readings = analyzer.measure(&[long], &stop).await.unwrap();
+    assert_true_at(&readings[0], 250.0);
+    assert!((15.0..15.1).contains(&readings[0].settle_s), "{}", readings[0].settle_s);
+    assert!((readings[0].integration_s - 2.4).abs() < 1e-9);
+    let seen = instrument.seen();
+    let tail: Vec<&str> = seen[seen.len() - 4..].iter().map(String::as_str).collect();
+    let again = "*TRG;:MEASure?;:FREQuency?;*ESR?";
+    assert_eq!(tail[0], ":FREQuency 250;:AVERaging 200;:TRIGger:DELay 9.9999;*ESR?");
+    assert_eq!(tail[1], again);
+    assert_eq!(tail[2], format!(":TRIGger:DELay 0;{again}"));
+    assert_eq!(tail[3], again);
+
+    // A stop is not kept waiting.
+    let raise = stop.clone();
+    tokio::spawn(async move {
+        tokio::time::sleep(std::time::Duration::from_secs(2)).await;
+        raise.raise();
+    });
+    let started = tokio::time::Instant::now();
+    let longer = SweepPoint { frequency_hz: 260.0, settle_s: 60.0, cycles: 1 };
+    let error = analyzer.measure(&[longer], &stop).await.unwrap_err();
+    assert!(matches!(error, AnalyzerError::Stopped { done: 0, points: 1 }), "{error}");
+    assert!(started.elapsed().as_secs_f64() < 2.1);
+}
+
+#[tokio::test(start_paused = true)]
 async fn another_instrument_is_recognised() {
     let instrument = Im3536::new();
     let mut analyzer = analyzer_on(&instrument, []);

@@ -6,8 +6,7 @@ use rig_analyzer::{
 use rig_link::{Clock, Port, StopSignal};
 use rig_model::{DriveLevel, Reading, ReadingFlag, SweepPoint};
 use rig_sim::{
-    AnalyzerModel, AxisModel, AxisWiring, SimRig, Wiring,
-    device::bus::Carrier,
+    AnalyzerModel, AxisModel, AxisWiring, Carrier, SimRig, Wiring,
     scene::paper,
     world::{Nuisances, Scene},
 };
