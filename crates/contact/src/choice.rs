@@ -57,30 +57,50 @@ impl Tier {
     /// # Errors
     /// [`Refusal::Law`] when no contact law reaches the scene's depth.
     pub fn cheapest_for(scene: &Scene, tolerance_hz: f64) -> Result<Choice, Refusal> {
+        let errors = scene.errors()?;
+        let (tier, error_hz) = Self::ALL
+            .into_iter()
+            .zip(errors.of_tiers_hz)
+            .filter(|(tier, _)| tier.validity().has_impedance || !scene.needs_impedance)
+            .find(|&(_, error_hz)| error_hz <= tolerance_hz)
+            .unwrap_or((Self::Reference, 0.0));
+        Ok(Choice { tier, law: errors.law, error_hz, tolerance_hz })
+    }
+}
+
+/// The largest error of each tier in a scene.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SceneErrors {
+    /// In the order of [`Tier::ALL`], Hz; infinite where the tier refuses or nothing is known.
+    pub of_tiers_hz: [f64; Tier::ALL.len()],
+    /// The cheapest contact law that reaches the scene's depth.
+    pub law: ContactLaw,
+}
+
+impl Scene {
+    /// The largest error of each tier in this scene.
+    ///
+    /// # Errors
+    /// [`Refusal::Law`] when no contact law reaches the scene's depth.
+    pub fn errors(&self) -> Result<SceneErrors, Refusal> {
         let (Depth::Indentation { along_probe_mm } | Depth::Stage { along_probe_mm }) =
-            scene.deepest;
-        let depth_rel = along_probe_mm / scene.sensor.design().probe_radius_mm;
+            self.deepest;
+        let section = self.sensor.section();
+        let depth_rel = (along_probe_mm / self.sensor.design().probe_radius_mm).max(0.0);
         let series = ContactLaw::SneddonSeries;
         let law = if depth_rel <= series.depth_limit_rel() { series } else { ContactLaw::Sneddon };
-        let radius_m = law.at(depth_rel.max(0.0))?.radius_rel * scene.sensor.section().radius_m;
-        let normal = 2.0 * scene.stiffest.contact_modulus_pa() * radius_m;
-        let table = ErrorTable::of(&scene.sensor);
-        let cell = Cell::containing(
-            matches!(scene.deepest, Depth::Stage { .. }),
-            scene.tilt_max_rad,
-            normal / scene.sensor.section().tip_n_per_m(),
-        );
-        let error_of = |tier: Tier| match cell {
+        let radius_m = law.at(depth_rel)?.radius_rel * section.radius_m;
+        let ratio = 2.0 * self.stiffest.contact_modulus_pa() * radius_m / section.tip_n_per_m();
+        let is_stage = matches!(self.deepest, Depth::Stage { .. });
+        let cell = Cell::containing(is_stage, self.tilt_max_rad, ratio);
+        let table = ErrorTable::of(&self.sensor);
+        let of_tiers_hz = Tier::ALL.map(|tier| match cell {
+            // The yardstick itself.
             _ if tier == Tier::Reference => 0.0,
             Some(cell) => table.largest_hz(tier, cell),
             None => f64::INFINITY,
-        };
-        let tier = Tier::ALL
-            .into_iter()
-            .filter(|tier| tier.validity().has_impedance || !scene.needs_impedance)
-            .find(|&tier| error_of(tier) <= tolerance_hz)
-            .unwrap_or(Tier::Reference);
-        Ok(Choice { tier, law, error_hz: error_of(tier), tolerance_hz })
+        });
+        Ok(SceneErrors { of_tiers_hz, law })
     }
 }
 

@@ -27,7 +27,7 @@ mod stage;
 mod tier;
 mod tissue;
 
-pub use choice::{Cell, Choice, ErrorTable, RATIOS, Scene, TILTS_DEG};
+pub use choice::{Cell, Choice, ErrorTable, RATIOS, Scene, SceneErrors, TILTS_DEG};
 pub use circuit::Circuit;
 pub use contact::{Contact, Depth, Friction, Load};
 pub use element::Element;

@@ -197,12 +197,17 @@ impl Models {
     fn load(&self, tier: Tier, tissue: &Tissue, contact: &Contact) -> Result<Load, Refusal> {
         check_control(tier, contact)?;
         let load = self.sensor.load(tissue, contact)?;
-        let ratio = load.normal_n_per_m / self.tip_n_per_m;
+        let ratio = self.stiffness_ratio(&load);
         let limit = tier.validity().stiffness_ratio_max;
         if ratio > limit {
             return Err(Refusal::TooStiff { tier, ratio, limit });
         }
         Ok(load)
+    }
+
+    /// The normal contact stiffness over that of the sensor's tip.
+    pub fn stiffness_ratio(&self, load: &Load) -> f64 {
+        load.normal_n_per_m / self.tip_n_per_m
     }
 
     /// The closed-form tiers.

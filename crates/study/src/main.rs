@@ -1,2 +1,36 @@
 //! Offline studies: the paper's figures, charts of speed against accuracy, failure maps.
-fn main() {}
+//!
+//! Each subcommand is a module of its own with its arguments and a `run`. Data go to standard output
+//! or to the folder asked for, everything else to standard error.
+
+mod contact_args;
+mod invert;
+mod model;
+mod outcome;
+
+use std::{io, process::ExitCode};
+
+use clap::{Parser, Subcommand};
+
+/// Studies of sensor, contact and analysis, from the same models that the daemon runs.
+#[derive(Debug, Parser)]
+#[command(name = "rig-study", version, about)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Model(model::Args),
+    Invert(invert::Args),
+}
+
+fn main() -> ExitCode {
+    let mut out = io::stdout().lock();
+    let result = match Cli::parse().command {
+        Command::Model(args) => model::run(&args, &mut out),
+        Command::Invert(args) => invert::run(&args, &mut out),
+    };
+    outcome::exit(result)
+}
