@@ -97,7 +97,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
     )?;
     match validity.largest_error_hz {
         Some(error_hz) => {
-            writeln!(out, "within {error_hz:.3} Hz of the reference in such contacts")?
+            writeln!(out, "within {error_hz:.3} Hz of the reference in such contacts")?;
         }
         None => writeln!(out, "error in such contacts not measured")?,
     }
