@@ -13,19 +13,25 @@
 
 #![deny(clippy::disallowed_methods)]
 
+mod command;
 mod effect;
 mod engine;
+mod event;
+mod fault;
 mod interlock;
+mod operation;
 mod recovery;
 mod run;
 mod search;
 mod sweep;
 mod touch;
 
-pub use effect::{
-    Command, Denied, Device, Effect, Event, Failure, FailureKind, Fault, Input, LoweringPurpose,
-    Operation, OperationId, Report, RunStatus, StateWord, StopReason, SweepOutcome, SweepPurpose,
-    TouchResult,
-};
+pub use command::{Command, Denied};
+pub use effect::{Effect, Input};
 pub use engine::{Engine, Progress, Snapshot};
+pub use event::{
+    Event, LoweringPurpose, RunStatus, StateWord, SweepOutcome, SweepPurpose, TouchResult,
+};
+pub use fault::{Device, Failure, FailureKind, Fault};
 pub use interlock::{Interlock, InterlockError};
+pub use operation::{Operation, OperationId, Report};

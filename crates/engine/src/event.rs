@@ -1,0 +1,199 @@
+//! What happened, for the journal and for whoever watches.
+
+use rig_model::{Clearance, Deg, Mm, Position, Reading};
+use rig_protocol::{Prompt, StepId, Touch};
+use rig_resonance::{Resonance, Verdict};
+
+use crate::Fault;
+
+/// What became of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RunStatus {
+    /// Every step was done.
+    Completed,
+    /// A person ended it early, and the probe is clear.
+    Aborted,
+    /// A fault ended it.
+    Faulted,
+}
+
+impl RunStatus {
+    /// The word in results and messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Completed => "completed",
+            Self::Aborted => "aborted",
+            Self::Faulted => "faulted",
+        }
+    }
+}
+
+/// What a sweep is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SweepPurpose {
+    /// The free sensor, as the reference of the touches after it.
+    NoLoad,
+    /// The sensor on the sample.
+    Touch,
+    /// A person asked for it.
+    Manual,
+}
+
+/// A finished sweep.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SweepOutcome {
+    /// What it was for.
+    pub purpose: SweepPurpose,
+    /// Every reading, in the order taken.
+    pub readings: Vec<Reading>,
+    /// How many of the first readings only served to find the resonance. The verdict rests on the
+    /// others.
+    pub looks: usize,
+    /// What they say.
+    pub verdict: Verdict,
+}
+
+/// A finished touch.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TouchResult {
+    /// Its address.
+    pub step: StepId,
+    /// What was touched, and how.
+    pub touch: Touch,
+    /// The reference it is compared with.
+    pub no_load: Resonance,
+    /// The resonance in contact, when there is one.
+    pub loaded: Option<Resonance>,
+    /// Where the surface was found.
+    pub surface: Position<Mm>,
+    /// Standard uncertainty of that place, mm.
+    pub surface_sigma_mm: f64,
+    /// Depth below it as read back, along the probe, mm.
+    pub indentation_mm: f64,
+}
+
+impl TouchResult {
+    /// Frequency shift and its standard deviation, Hz, when the resonance was accepted.
+    pub fn shift_hz(&self) -> Option<(f64, f64)> {
+        self.loaded.as_ref().map(|loaded| {
+            let shift = loaded.resonance_hz - self.no_load.resonance_hz;
+            (shift, loaded.sigma_hz.hypot(self.no_load.sigma_hz))
+        })
+    }
+}
+
+/// Why the probe is lowered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LoweringPurpose {
+    /// To find the surface of the sample.
+    FindSurface,
+    /// To press into it.
+    Indent,
+    /// A person moves it.
+    ByHand,
+}
+
+/// Something that happened, for the journal and for whoever watches.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Event {
+    /// The state of the rig has changed.
+    StateChanged(StateWord),
+    /// A step of the plan begins.
+    StepStarted {
+        /// Its index in the plan.
+        index: usize,
+    },
+    /// A person is needed.
+    PromptAsked(Prompt),
+    /// A person has done it.
+    PromptAnswered {
+        /// What was asked.
+        prompt: Prompt,
+        /// Who.
+        by: String,
+    },
+    /// The probe is about to go down, at most as far as this.
+    Intent {
+        /// The lowest position of the moves that follow.
+        down_to: Position<Mm>,
+        /// Why.
+        purpose: LoweringPurpose,
+    },
+    /// The linear stage has moved.
+    LinearMoved {
+        /// Where it was sent.
+        target: Position<Mm>,
+        /// Where it is.
+        read_back: Position<Mm>,
+    },
+    /// The rotary stage has moved.
+    RotaryMoved {
+        /// Where it was sent.
+        target: Position<Deg>,
+        /// Where it is.
+        read_back: Position<Deg>,
+    },
+    /// The surface has been found.
+    SurfaceFound {
+        /// Where.
+        position: Position<Mm>,
+        /// Standard uncertainty, mm.
+        sigma_mm: f64,
+        /// Every position tried, with its reading.
+        trail: Vec<(Position<Mm>, Reading)>,
+    },
+    /// A sweep is done.
+    SweepFinished(Box<SweepOutcome>),
+    /// A touch is done and the probe is clear.
+    TouchFinished(Box<TouchResult>),
+    /// A person did something.
+    Operator {
+        /// What, as one word.
+        action: &'static str,
+        /// Who.
+        by: String,
+    },
+    /// Something went wrong.
+    Faulted {
+        /// What.
+        fault: Fault,
+        /// What was known of the probe then.
+        clearance: Clearance,
+    },
+    /// A run has ended.
+    RunFinished(RunStatus),
+}
+
+/// The state of the rig in a word.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StateWord {
+    /// Homing, and proving that the probe is clear.
+    Preparing,
+    /// Ready for a command.
+    Idle,
+    /// A run or a sweep is under way.
+    Running,
+    /// Waiting for a person to do what was asked.
+    WaitingForPerson,
+    /// Paused between two steps, probe clear.
+    Paused,
+    /// Stopping and retracting.
+    Retracting,
+    /// Nothing moves until the fault is acknowledged.
+    Latched,
+}
+
+impl StateWord {
+    /// The word in results and messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Preparing => "preparing",
+            Self::Idle => "idle",
+            Self::Running => "running",
+            Self::WaitingForPerson => "waiting for a person",
+            Self::Paused => "paused",
+            Self::Retracting => "retracting",
+            Self::Latched => "latched",
+        }
+    }
+}
