@@ -167,6 +167,8 @@ enum ExportTable {
     Sweeps,
     /// One row a reading: the raw impedance
     Readings,
+    /// One row a place tried on the way to a surface
+    Searches,
 }
 
 #[derive(Debug, Args)]

@@ -64,6 +64,9 @@ pub fn write(data: &Path, run: RunId) -> Result<RunFiles, RunFilesError> {
     export::readings_csv(&records, &mut bytes)?;
     write_file(&folder.join("readings.csv"), &bytes)?;
     bytes.clear();
+    export::searches_csv(&records, &mut bytes)?;
+    write_file(&folder.join("searches.csv"), &bytes)?;
+    bytes.clear();
     export::jsonl(&records, &mut bytes)?;
     write_file(&folder.join("records.jsonl"), &bytes)?;
     Ok(RunFiles { report, data: folder })

@@ -61,7 +61,7 @@ fn a_run_ends_with_its_results_its_report_and_its_data() {
     assert_eq!(result["shifts"].as_array().unwrap().len(), 2 * 3 * 2);
     let report = fs::read_to_string(result["report"].as_str().unwrap()).unwrap();
     assert!(report.contains("<svg") && !report.contains("src=\"http"));
-    for file in ["touches.csv", "sweeps.csv", "readings.csv", "records.jsonl"] {
+    for file in ["touches.csv", "sweeps.csv", "readings.csv", "searches.csv", "records.jsonl"] {
         assert!(Path::new(result["data"].as_str().unwrap()).join(file).exists(), "{file}");
     }
 
@@ -71,6 +71,10 @@ fn a_run_ends_with_its_results_its_report_and_its_data() {
     assert_eq!(runs[0]["run_id"], result["run_id"]);
     let touches = rigd(&["export", "latest", "--data", dir, "--format", "csv"]);
     assert_eq!(stdout(&touches).lines().count(), 1 + 18);
+    let searches = ["export", "latest", "--data", dir, "--format", "csv", "--table", "searches"];
+    let searches = rigd(&searches);
+    assert!(stdout(&searches).starts_with("step,direction,angle_deg,surface_mm,"));
+    assert!(stdout(&searches).lines().count() > 1 + 18);
     let records = rigd(&["export", "latest", "--data", dir, "--format", "jsonl"]);
     for line in stdout(&records).lines() {
         serde_json::from_str::<Value>(line).unwrap();

@@ -68,6 +68,7 @@ pub(super) fn export(args: &ExportArgs) -> Result<(), Failure> {
         (ExportFormat::Csv, ExportTable::Touches) => export::touches_csv(&records, &mut out)?,
         (ExportFormat::Csv, ExportTable::Sweeps) => export::sweeps_csv(&records, &mut out)?,
         (ExportFormat::Csv, ExportTable::Readings) => export::readings_csv(&records, &mut out)?,
+        (ExportFormat::Csv, ExportTable::Searches) => export::searches_csv(&records, &mut out)?,
     }
     out.flush().map_err(|source| Failure::System { what: "stdout", source })
 }

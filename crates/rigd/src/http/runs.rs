@@ -62,6 +62,8 @@ enum ExportFormat {
     Sweeps,
     /// Every reading of every sweep.
     Readings,
+    /// Every place tried on the way to a surface.
+    Searches,
     /// Every record.
     Jsonl,
 }
@@ -104,9 +106,10 @@ pub(super) async fn export(
     let Query(ExportOptions { format }) = options?;
     let content_type = match format {
         ExportFormat::Jsonl => "application/jsonl",
-        ExportFormat::Csv | ExportFormat::Sweeps | ExportFormat::Readings => {
-            "text/csv; charset=utf-8"
-        }
+        ExportFormat::Csv
+        | ExportFormat::Sweeps
+        | ExportFormat::Readings
+        | ExportFormat::Searches => "text/csv; charset=utf-8",
     };
     let bytes = shared.read(move |reader| {
         reader.run(id)?;
@@ -115,6 +118,7 @@ pub(super) async fn export(
             ExportFormat::Csv => export::touches_csv(&records, &mut bytes),
             ExportFormat::Sweeps => export::sweeps_csv(&records, &mut bytes),
             ExportFormat::Readings => export::readings_csv(&records, &mut bytes),
+            ExportFormat::Searches => export::searches_csv(&records, &mut bytes),
             ExportFormat::Jsonl => export::jsonl(&records, &mut bytes),
         }
         .map_err(|error| Problem::internal(&error.to_string()))?;
