@@ -5,6 +5,7 @@
 //! | `GET /api/v1/rig` | state, devices, whether the probe is clear |
 //! | `POST /api/v1/sweeps` | one sweep now, at the present pose |
 //! | `GET /api/v1/sweeps/{id}` | that sweep |
+//! | `POST /api/v1/moves` | moves one axis by hand |
 //! | `POST /api/v1/runs` | replays the loaded protocol, or the one in the body |
 //! | `GET /api/v1/runs`, `GET /api/v1/runs/{id}` | the runs; one run with its results |
 //! | `GET /api/v1/runs/{id}/report` | its report as HTML |
@@ -17,6 +18,7 @@
 //! A handler asks the rig thread and waits for its word; the rig thread never waits for a handler.
 
 mod events;
+mod moves;
 mod problem;
 mod rig;
 mod runs;
@@ -94,6 +96,7 @@ pub fn router(shared: Shared) -> Router {
         .route("/rig", get(rig::show))
         .route("/stop", post(rig::stop))
         .route("/acknowledge", post(rig::acknowledge))
+        .route("/moves", post(moves::begin))
         .route("/sweeps", post(sweeps::begin))
         .route("/sweeps/{id}", get(sweeps::show))
         .route("/runs", get(runs::list).post(runs::begin))

@@ -1,0 +1,36 @@
+//! Moves by hand.
+
+use axum::{Json, extract::State, extract::rejection::JsonRejection, http::StatusCode};
+use rig_engine::Command;
+use rig_model::Position;
+use serde::Deserialize;
+
+use super::{Problem, Shared, rig, rig::RigView};
+
+/// What a client asks for. There is no position by which it could forget to name the axis.
+#[derive(Debug, Deserialize)]
+#[serde(tag = "axis", rename_all = "lowercase", deny_unknown_fields)]
+pub(super) enum MoveOrder {
+    Linear {
+        /// Height of the probe, mm.
+        to: f64,
+    },
+    Rotary {
+        /// Tilt of the sample, degrees.
+        to: f64,
+    },
+}
+
+/// Begins a move. Where the axis then stands is in the status of the rig and in its events.
+pub(super) async fn begin(
+    State(shared): State<Shared>,
+    order: Result<Json<MoveOrder>, JsonRejection>,
+) -> Result<(StatusCode, Json<RigView>), Problem> {
+    let Json(order) = order?;
+    let command = match order {
+        MoveOrder::Linear { to } => Command::MoveLinear(Position::new(to)),
+        MoveOrder::Rotary { to } => Command::MoveRotary(Position::new(to)),
+    };
+    shared.inner.rig.command(command, None, "http").await?;
+    Ok((StatusCode::ACCEPTED, rig::show(State(shared)).await))
+}
