@@ -19,7 +19,10 @@ pub(crate) enum SearchTurn {
     /// Go here, then call [`Search::arrived`].
     MoveTo(Position<Mm>),
     /// Read the impedance, then call [`Search::read`].
-    Read,
+    Read {
+        /// The probe has just left the sample: what the contact set ringing must die away first.
+        is_after_contact: bool,
+    },
     /// Done.
     Found(Surface),
     /// It cannot go on.
@@ -43,6 +46,7 @@ pub(crate) struct Search {
     last_clear: Option<Position<Mm>>,
     /// Where to go after the backlash has been taken up.
     after_take_up: Option<Position<Mm>>,
+    is_after_contact: bool,
     commanded: Position<Mm>,
     here: Position<Mm>,
     trail: Vec<(Position<Mm>, Reading)>,
@@ -64,6 +68,7 @@ impl Search {
             step_mm: approach.coarse_step_mm,
             last_clear: None,
             after_take_up: None,
+            is_after_contact: false,
             commanded: start,
             here: start,
             trail: Vec::new(),
@@ -86,7 +91,9 @@ impl Search {
         self.here = read_back;
         match self.after_take_up.take() {
             Some(next) => self.go(next),
-            None => SearchTurn::Read,
+            None => {
+                SearchTurn::Read { is_after_contact: std::mem::take(&mut self.is_after_contact) }
+            }
         }
     }
 
@@ -127,6 +134,7 @@ impl Search {
         }
         self.step_mm = (self.step_mm / REFINEMENT).max(self.approach.fine_step_mm);
         self.after_take_up = Some(clear.offset(-self.step_mm));
+        self.is_after_contact = true;
         // Far enough above to take up the backlash, even when that is above the start.
         self.go(clear.offset(self.approach.coarse_step_mm))
     }
@@ -186,7 +194,7 @@ mod tests {
                     there = target.value();
                     search.arrived(target)
                 }
-                SearchTurn::Read => {
+                SearchTurn::Read { .. } => {
                     let is_touching = there + slack <= surface_mm;
                     search.read(reading(if is_touching { 1500.0 } else { 1010.0 }))
                 }

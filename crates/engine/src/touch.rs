@@ -25,6 +25,10 @@ use crate::{
 /// the transient (e⁻⁸ = 0.03 %) is far below any contact threshold.
 const BASELINE_TIME_CONSTANTS: f64 = 8.0;
 
+/// What a contact has set ringing is let die away for this many time constants after the probe has
+/// left the sample: e⁻⁵ = 0.7 % of the change that the contact made.
+const AFTER_CONTACT_TIME_CONSTANTS: f64 = 5.0;
+
 /// A refused sweep in contact is repeated this often before the touch is recorded without a shift.
 const RETRIES: u32 = 1;
 
@@ -66,9 +70,7 @@ impl TouchMachine {
             (Phase::Rotating, News::Begin) => context.rotate_to(self.touch.pose),
             (Phase::Rotating, News::RotaryAt(_)) => {
                 self.phase = Phase::Baseline;
-                let time_constant_s =
-                    self.no_load.q / (std::f64::consts::PI * self.no_load.resonance_hz);
-                self.listen(BASELINE_TIME_CONSTANTS * time_constant_s, context)
+                self.listen(BASELINE_TIME_CONSTANTS * self.time_constant_s(), context)
             }
             (Phase::Baseline, News::Readings(readings)) => match readings.first() {
                 Some(&baseline) => {
@@ -131,6 +133,11 @@ impl TouchMachine {
         }
     }
 
+    /// How fast the free sensor rings down, s.
+    fn time_constant_s(&self) -> f64 {
+        self.no_load.q / (std::f64::consts::PI * self.no_load.resonance_hz)
+    }
+
     /// Where the surface should be at this pose.
     fn expected(&self, context: &Context<'_>) -> Position<Mm> {
         let pose = self.touch.pose;
@@ -155,7 +162,13 @@ impl TouchMachine {
     ) -> Turn<TouchResult> {
         match turn {
             SearchTurn::MoveTo(position) => context.move_linear(position, speed_mm_per_s),
-            SearchTurn::Read => self.listen(context.plan.touch.approach.settle_s, context),
+            SearchTurn::Read { is_after_contact } => {
+                let mut settle_s = context.plan.touch.approach.settle_s;
+                if is_after_contact {
+                    settle_s = settle_s.max(AFTER_CONTACT_TIME_CONSTANTS * self.time_constant_s());
+                }
+                self.listen(settle_s, context)
+            }
             SearchTurn::Found(surface) => {
                 let phase = Phase::DeclaringIndentation { surface };
                 if let Phase::Searching(search) = std::mem::replace(&mut self.phase, phase) {

@@ -26,6 +26,9 @@ pub struct Summary {
 /// The quality of resonance that is assumed of a sensor, for the time that it rings.
 const ASSUMED_Q: f64 = 60.0;
 
+/// The first reading of each finer pass waits for this many: the contact has set it ringing.
+const AFTER_CONTACT_TIME_CONSTANTS: f64 = 5.0;
+
 /// The first reading of a touch waits for this many time constants of the ring.
 const BASELINE_TIME_CONSTANTS: f64 = 8.0;
 
@@ -113,7 +116,9 @@ impl Plan {
         let reading_s = settle_s + f64::from(cycles) / middle_hz(&self.no_load_sweep) + MOVE_S;
         // Each finer pass begins a coarse step higher, to take up the backlash.
         let way_mm = start_above_mm + passes * 2.0 * coarse_step_mm + self.touch.indentation_mm;
-        readings * reading_s + way_mm / bench.limits.contact_speed_mm_per_s
+        let ringing_s = AFTER_CONTACT_TIME_CONSTANTS * time_constant_s(&self.no_load_sweep);
+        let waits_s = passes * (ringing_s - settle_s).max(0.0);
+        readings * reading_s + waits_s + way_mm / bench.limits.contact_speed_mm_per_s
     }
 }
 

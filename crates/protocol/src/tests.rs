@@ -264,8 +264,9 @@ fn the_expected_duration_is_the_sum_that_the_documentation_gives() {
     // From 45 mm to 0.8 mm above the surface at 20 mm and back, at 20 mm/s.
     let travel_s = 2.0 * (24.2 / 20.0 + 0.04);
     // 0.1, 0.02 and 0.005 mm: two finer passes.
-    let search_s =
-        (8.0 + 1.0 + 2.0 * 3.0) * (0.5 + 10.0 / 142.5 + 0.04) + (0.8 + 2.0 * 0.2 + 0.5) / 1.0;
+    let search_s = (8.0 + 1.0 + 2.0 * 3.0) * (0.1 + 10.0 / 142.5 + 0.04)
+        + 2.0 * (5.0 * time_constant_s - 0.1)
+        + (0.8 + 2.0 * 0.2 + 0.5) / 1.0;
     let contact_s = 11.0 * (0.3 + 20.0 / 195.0);
     let touch_s = 8.0 * time_constant_s + travel_s + search_s + 0.5 + contact_s;
 

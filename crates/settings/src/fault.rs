@@ -98,6 +98,11 @@ impl Faults {
         self.list.iter()
     }
 
+    /// The faults of another file, after those of this one.
+    pub fn append(&mut self, other: Self) {
+        self.list.extend(other.list);
+    }
+
     /// The value, when nothing is wrong.
     ///
     /// # Errors

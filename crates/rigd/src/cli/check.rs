@@ -1,12 +1,17 @@
 //! `rigd check`: whether a protocol can run on a rig, without moving anything.
 
+use rig_protocol::Protocol;
 use serde::Serialize;
 
 use super::{
     CheckArgs, Failure,
     table::{columns, duration, print, print_json},
 };
-use crate::{describe, loaded_rig::FileError, protocol_file::LoadedProtocol};
+use crate::{
+    describe,
+    loaded_rig::{FileError, LoadedRig, RigFacts, read},
+    protocol_file::LoadedProtocol,
+};
 
 /// What a program is told.
 #[derive(Debug, Serialize)]
@@ -48,37 +53,57 @@ struct StepView {
 }
 
 pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
-    let rig = args.rig.load()?;
-    let facts = rig.facts();
-    match LoadedProtocol::load(&args.protocol, &facts) {
-        Ok(protocol) if args.output.json => print_json(&CheckView {
+    match load(args) {
+        Ok((facts, protocol)) if args.output.json => print_json(&CheckView {
             protocol: protocol.plan.name.clone(),
             rig: facts.name,
             is_runnable: true,
             faults: Vec::new(),
             plan: Some(view(&protocol)),
         }),
-        Ok(protocol) => print(&text(&protocol, &facts.name)),
-        Err(FileError::Faults(faults)) => {
-            if args.output.json {
-                let fault = |fault: &rig_settings::Fault| FaultView {
-                    file: fault.file.clone(),
-                    line: fault.place.line,
-                    column: fault.place.column,
-                    message: fault.message.clone(),
-                    suggestion: fault.suggestion.clone(),
-                };
+        Ok((facts, protocol)) => print(&text(&protocol, &facts.name)),
+        Err(error) => {
+            if let (FileError::Faults(faults), true) = (&error, args.output.json) {
                 print_json(&CheckView {
                     protocol: args.protocol.display().to_string(),
-                    rig: facts.name,
+                    rig: args.rig.rig.display().to_string(),
                     is_runnable: false,
-                    faults: faults.iter().map(fault).collect(),
+                    faults: faults.iter().map(FaultView::of).collect(),
                     plan: None,
                 })?;
             }
-            Err(FileError::Faults(faults).into())
+            Err(error.into())
         }
-        Err(error) => Err(error.into()),
+    }
+}
+
+/// Reads both files. When the rig file has faults, those that the protocol has on any rig are said
+/// too.
+fn load(args: &CheckArgs) -> Result<(RigFacts, LoadedProtocol), FileError> {
+    match LoadedRig::load(&args.rig.rig) {
+        Ok(rig) => {
+            let facts = rig.facts();
+            let protocol = LoadedProtocol::load(&args.protocol, &facts)?;
+            Ok((facts, protocol))
+        }
+        Err(FileError::Faults(mut faults)) => {
+            let (name, text) = read(&args.protocol)?;
+            faults.append(Protocol::read(&name, &text).faults().clone());
+            Err(FileError::Faults(faults))
+        }
+        Err(error) => Err(error),
+    }
+}
+
+impl FaultView {
+    fn of(fault: &rig_settings::Fault) -> Self {
+        Self {
+            file: fault.file.clone(),
+            line: fault.place.line,
+            column: fault.place.column,
+            message: fault.message.clone(),
+            suggestion: fault.suggestion.clone(),
+        }
     }
 }
 
