@@ -10,3 +10,4 @@ mod drive;
 mod lines;
 mod moves;
 mod peer;
+mod simulated;
