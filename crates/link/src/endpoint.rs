@@ -49,10 +49,11 @@ impl Endpoint {
         }
     }
 
-    /// The settings of the line, if it is a serial one.
-    pub const fn line(&self) -> Option<LineSettings> {
+    /// The settings of the line on which characters take their time, if there is one. A
+    /// pseudo-terminal has settings, but no line.
+    pub fn line(&self) -> Option<LineSettings> {
         match self {
-            Self::Serial { line, .. } => Some(*line),
+            Self::Serial { path, line } => (!is_pseudo_terminal(path)).then_some(*line),
             Self::Tcp { .. } => None,
             Self::Memory { line, .. } => *line,
         }
@@ -80,6 +81,10 @@ impl fmt::Debug for Endpoint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "Endpoint({})", self.name())
     }
+}
+
+fn is_pseudo_terminal(path: &str) -> bool {
+    std::fs::canonicalize(path).is_ok_and(|device| device.starts_with("/dev/pts"))
 }
 
 fn open_serial(

@@ -143,19 +143,19 @@ impl Port {
         self.line.map_or(Duration::ZERO, |line| line.duration_of(bytes))
     }
 
-    /// The silence between two frames; none on a network.
+    /// The silence that the standard wants between two frames; none on a network.
     pub fn frame_silence(&self) -> Duration {
         self.line.map_or(Duration::ZERO, |line| line.frame_silence())
     }
 
-    /// Waits until the line has been silent for the time between two frames, and throws away
-    /// whatever still arrives. Returns how much that was.
+    /// Waits until the line has been silent for so long, and throws away whatever still arrives.
+    /// Returns how much that was.
     ///
     /// # Errors
     /// [`LineError::NeverSilent`] when bytes keep coming for a second, [`LineError::Lost`].
-    pub async fn settle(&mut self) -> Result<usize, LineError> {
-        let silence = self.frame_silence();
-        self.discard_until_silent(silence, Instant::now(), Duration::from_secs(1)).await
+    pub async fn settle(&mut self, silence: Duration) -> Result<usize, LineError> {
+        let patience = Duration::from_secs(1).max(10 * silence);
+        self.discard_until_silent(silence, Instant::now(), patience).await
     }
 
     /// Throws away what has already arrived, without waiting for more. Returns how much that was.
@@ -163,8 +163,7 @@ impl Port {
     /// # Errors
     /// As [`settle`](Self::settle).
     pub async fn drain(&mut self) -> Result<usize, LineError> {
-        let patience = Duration::from_secs(1);
-        self.discard_until_silent(Duration::ZERO, Instant::now(), patience).await
+        self.settle(Duration::ZERO).await
     }
 
     /// Reads and throws away for at least this long, and then until the line is silent. Returns
@@ -194,10 +193,16 @@ impl Port {
         tokio::task::yield_now().await;
         let result = loop {
             let silent_at = (self.last_activity + silence).max(not_before);
-            match timeout_at(silent_at, self.read(&mut buffer)).await {
-                Err(_) => break Ok(discarded),
-                Ok(Err(error)) => break Err(self.explain(error)),
-                Ok(Ok(n)) => discarded += n,
+            let outcome = if silent_at <= Instant::now() {
+                // A timer that is over already would still wait for its next tick.
+                look(self.read(&mut buffer)).await
+            } else {
+                timeout_at(silent_at, self.read(&mut buffer)).await.ok()
+            };
+            match outcome {
+                None => break Ok(discarded),
+                Some(Err(error)) => break Err(self.explain(error)),
+                Some(Ok(n)) => discarded += n,
             }
             if give_up <= Instant::now() {
                 let port = self.name.clone();
@@ -263,6 +268,16 @@ impl Port {
         }
         outcome
     }
+}
+
+/// What a future has to say now, if anything.
+async fn look<T>(future: impl Future<Output = T>) -> Option<T> {
+    let mut future = std::pin::pin!(future);
+    std::future::poll_fn(|cx| match future.as_mut().poll(cx) {
+        Poll::Ready(value) => Poll::Ready(Some(value)),
+        Poll::Pending => Poll::Ready(None),
+    })
+    .await
 }
 
 /// Whether an error means that the other side is gone.

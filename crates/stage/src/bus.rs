@@ -26,6 +26,9 @@ pub enum Framing {
 pub struct BusSettings {
     /// How frames travel.
     pub framing: Framing,
+    /// The silence between two frames, where it is not to be that of the standard: some devices
+    /// need more, and a line that ends in this computer needs none.
+    pub silence: Option<Duration>,
     /// How long a device may think before its answer begins; the time on the wire comes on top.
     pub reply_within: Duration,
     /// How long the line is only listened to after a fault. No answer may be later than this.
@@ -43,6 +46,7 @@ impl BusSettings {
     pub const fn rtu() -> Self {
         Self {
             framing: Framing::Rtu,
+            silence: None,
             // Drives answer within some milliseconds, USB adapters add up to 16.
             reply_within: Duration::from_millis(100),
             quarantine: Duration::from_millis(500),

@@ -3,6 +3,7 @@
 use std::{
     collections::{BTreeMap, BTreeSet},
     sync::Arc,
+    time::Duration,
 };
 
 use rig_link::{Flow, LineError, Port};
@@ -63,6 +64,8 @@ pub(crate) struct Line {
     tap: Tap,
     name: Arc<str>,
     settings: BusSettings,
+    /// Between two frames.
+    silence: Duration,
     /// Present while the line is in order. Dropped after any fault, because a late answer would
     /// become the answer to the next request.
     context: Option<Context>,
@@ -75,12 +78,14 @@ pub(crate) struct Line {
 impl Line {
     pub(crate) fn new(port: Port, settings: BusSettings) -> Self {
         let name = port.name().clone();
+        let silence = settings.silence.unwrap_or_else(|| port.frame_silence());
         let tap = Tap::new(port, settings.framing == Framing::Rtu);
         let context = Some(attach(&tap, settings.framing));
         Self {
             tap,
             name,
             settings,
+            silence,
             context,
             canaries: BTreeMap::new(),
             recognised: BTreeSet::new(),
@@ -154,7 +159,7 @@ impl Line {
         }
         let mut tap = self.tap.lock();
         tap.begin();
-        tap.port.settle().await.map_err(LineFault::from)?;
+        tap.port.settle(self.silence).await.map_err(LineFault::from)?;
         tap.port.send(frame).await.map_err(LineFault::from)?;
         Ok(())
     }
@@ -169,7 +174,7 @@ impl Line {
 
     async fn trust_and_exchange(&mut self, unit: u8, request: &Request) -> Result<Reply, Trouble> {
         if self.context.is_some() {
-            let strays = self.tap.lock().port.settle().await.map_err(fatal)?;
+            let strays = self.tap.lock().port.settle(self.silence).await.map_err(fatal)?;
             if STRAY_FRAME_BYTES <= strays {
                 tracing::warn!(port = %self.name, strays, "bytes that nobody asked for");
                 self.context = None;
@@ -209,7 +214,7 @@ impl Line {
                 return Err(Trouble::Fatal(LineFault::Changed { port, unit, request }));
             }
             // The canary was an exchange, and this is the next one.
-            self.tap.lock().port.settle().await.map_err(fatal)?;
+            self.tap.lock().port.settle(self.silence).await.map_err(fatal)?;
         }
         self.recognised.insert(unit);
         Ok(())

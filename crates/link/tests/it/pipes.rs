@@ -48,11 +48,11 @@ async fn the_line_is_silent_between_frames_and_strays_are_thrown_away() {
     let start = Instant::now();
     port.send(&[0x55; 8]).await.unwrap();
     // Eight characters of 11 bits, and 3.5 more of silence.
-    assert_eq!(port.settle().await.unwrap(), 0);
+    assert_eq!(port.settle(port.frame_silence()).await.unwrap(), 0);
     let silent = start.elapsed();
     assert!((6_588..9_000).contains(&silent.as_micros()), "{silent:?}");
     device.write_all(b"stray").await.unwrap();
-    assert_eq!(port.settle().await.unwrap(), 5);
+    assert_eq!(port.settle(port.frame_silence()).await.unwrap(), 5);
     device.write_all(b"again").await.unwrap();
     assert_eq!(port.drain().await.unwrap(), 5);
     let flows: Vec<Flow> = port.transcript().frames().iter().map(|frame| frame.flow).collect();
@@ -99,7 +99,7 @@ async fn a_port_whose_other_side_is_gone_is_lost_until_it_is_opened_again() {
     let endpoint = Endpoint::Memory { name: "line 1".into(), line: Some(LINE), plug };
     let mut port = Port::open(endpoint, Clock::start()).await.unwrap();
     drop(plugs.recv().await.unwrap());
-    let error = port.settle().await.unwrap_err();
+    let error = port.settle(port.frame_silence()).await.unwrap_err();
     assert_eq!(error.to_string(), "line 1: unplugged, or closed by the other side");
     assert!(port.is_lost());
     assert!(matches!(port.send(b"x").await, Err(LineError::Lost { .. })));

@@ -39,6 +39,8 @@ async fn a_serial_port_is_opened_once_and_its_unplugging_is_seen() {
     let error = Port::open(serial(&path), Clock::start()).await.unwrap_err();
     assert!(matches!(error, OpenError::Busy { .. }), "{error}");
 
+    // There is no wire on which characters would take time.
+    assert_eq!(port.duration_of(100), Duration::ZERO);
     port.send(b"*IDN?\r\n").await.unwrap();
     let mut heard = [0; 7];
     device.read_exact(&mut heard).await.unwrap();
