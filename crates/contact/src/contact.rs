@@ -97,6 +97,15 @@ impl Load {
         normal_n_per_m: 0.0,
         tangential_n_per_m: 0.0,
     };
+
+    /// The same contact with its stiffness multiplied.
+    pub(crate) fn stiffer(&self, factor: f64) -> Self {
+        Self {
+            normal_n_per_m: self.normal_n_per_m * factor,
+            tangential_n_per_m: self.tangential_n_per_m * factor,
+            ..*self
+        }
+    }
 }
 
 impl Sensor {

@@ -113,6 +113,25 @@ impl Element {
         rise / (((self.free_rad2 + rise).sqrt() + self.free_rad) * TAU)
     }
 
+    /// The shift by a model that knows it as a difference of two resonances only.
+    ///
+    /// A shift that would be lost in that difference is the element's, times what the model has
+    /// more or less of it where it can be seen.
+    pub(crate) fn resolved_hz(
+        &self,
+        pose: &Pose,
+        load: &Load,
+        difference_hz: impl Fn(&Load) -> f64,
+    ) -> f64 {
+        let shift = self.shift_hz(pose, load);
+        let least = RESOLVED_REL * self.no_load_hz();
+        if shift == 0.0 || shift >= least {
+            return if shift == 0.0 { 0.0 } else { difference_hz(load) };
+        }
+        let seen = load.stiffer(2.0 * least / shift);
+        shift * difference_hz(&seen) / self.shift_hz(pose, &seen)
+    }
+
     /// By how much this contact stiffness raises ω².
     fn rise_with(&self, unit: &TipStiffness, normal: f64) -> f64 {
         if unit.wt == 0.0 && unit.pt == 0.0 {
@@ -228,6 +247,9 @@ impl Element {
         }
     }
 }
+
+/// Shift over resonance from which a difference of resonances has six right digits.
+const RESOLVED_REL: f64 = 1e-6;
 
 /// The entries of a symmetric matrix over (w, φ).
 #[derive(Clone, Copy)]

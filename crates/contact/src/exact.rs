@@ -69,6 +69,11 @@ impl ExactBeam {
         beam
     }
 
+    /// The single element of the same sensor.
+    pub(crate) const fn element(&self) -> &Element {
+        &self.element
+    }
+
     /// Resonance of the sensor that touches nothing, Hz.
     pub fn no_load_hz(&self) -> f64 {
         self.free_rad2.sqrt() / TAU
@@ -76,10 +81,11 @@ impl ExactBeam {
 
     /// The shift of the resonance by a contact stiffness, Hz.
     pub fn shift_hz(&self, pose: &Pose, load: &Load) -> f64 {
+        self.element.resolved_hz(pose, load, |load| self.difference_hz(pose, load))
+    }
+
+    fn difference_hz(&self, pose: &Pose, load: &Load) -> f64 {
         let normal = load.normal_n_per_m;
-        if normal == 0.0 {
-            return 0.0;
-        }
         let unit = TipStiffness::of(&self.section, pose, load.tangential_n_per_m / normal);
         let start = self.element.rad2_with(&unit, normal);
         let rad2 = self.lowest_rad2(|at| self.element.in_plane(&unit, normal, at), start);

@@ -57,9 +57,11 @@ impl Reference {
 
     /// The shift of the series resonance by this contact, Hz.
     pub fn shift_hz(&self, pose: &Pose, load: &Load, tissue: &Tissue) -> f64 {
-        let pole = self.pole_with(pose, load, tissue);
-        let (rad2, free) = (pole.rad2.re, self.free.rad2.re);
-        (rad2 - free) / (rad2.sqrt() + free.sqrt()) / TAU
+        self.exact.element().resolved_hz(pose, load, |load| {
+            let pole = self.pole_with(pose, load, tissue);
+            let (rad2, free) = (pole.rad2.re, self.free.rad2.re);
+            (rad2 - free) / (rad2.sqrt() + free.sqrt()) / TAU
+        })
     }
 
     /// The admittance at a frequency above zero, S.
@@ -104,11 +106,15 @@ impl Reference {
             return self.free;
         }
         let contact = self.contact(pose, load, tissue);
-        // Losses move the pole little along the real axis, and by no more than the greater loss
-        // factor across it.
-        let rad2 = (TAU * (self.exact.no_load_hz() + self.exact.shift_hz(pose, load))).powi(2);
-        let loss = 0.5 * (self.section.beam_loss + tissue.loss());
-        self.pole(&contact, Complex64::new(rad2, rad2 * loss))
+        // Without losses the exact beam tells where the pole is; what share of the strain is the
+        // contact's, and so its loss, follows from how fast the resonance rises with the contact.
+        let rad2 = |load: &Load| {
+            (TAU * (self.exact.no_load_hz() + self.exact.shift_hz(pose, load))).powi(2)
+        };
+        let here = rad2(load);
+        let share = (rad2(&load.stiffer(1.0 + SHARE_STEP)) / here - 1.0) / SHARE_STEP;
+        let loss = self.section.beam_loss + share * (tissue.loss() - self.section.beam_loss);
+        self.pole(&contact, Complex64::new(here, here * loss))
     }
 
     /// The pole nearest to a guess, by secant steps on the reciprocal of the slope's compliance.
@@ -179,6 +185,8 @@ impl Reference {
 const TOLERANCE: f64 = 1e-9;
 /// From a guess within a few percent the secant needs about six.
 const STEPS_MAX: u32 = 40;
+/// Relative to the contact's stiffness.
+const SHARE_STEP: f64 = 1e-4;
 /// Relative to ω²; the compliance's reciprocal is smooth over a hundred times this.
 const DERIVATIVE_STEP: f64 = 1e-4;
 

@@ -4,9 +4,12 @@
 //! or to the folder asked for, everything else to standard error.
 
 mod contact_args;
+mod files;
 mod invert;
 mod model;
+mod models;
 mod outcome;
+mod paper_bench;
 
 use std::{io, process::ExitCode};
 
@@ -22,6 +25,7 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Models(models::Args),
     Model(model::Args),
     Invert(invert::Args),
 }
@@ -29,6 +33,7 @@ enum Command {
 fn main() -> ExitCode {
     let mut out = io::stdout().lock();
     let result = match Cli::parse().command {
+        Command::Models(args) => models::run(&args, &mut out),
         Command::Model(args) => model::run(&args, &mut out),
         Command::Invert(args) => invert::run(&args, &mut out),
     };

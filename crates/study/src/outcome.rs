@@ -1,7 +1,8 @@
 //! How a study ends.
 
-use std::{error::Error, io, io::Write as _, process::ExitCode};
+use std::{error::Error, io, io::Write as _, path::PathBuf, process::ExitCode};
 
+use rig_chart::ChartError;
 use serde::Serialize;
 
 /// Why a study did not end well.
@@ -16,6 +17,17 @@ pub(crate) enum StudyError {
     /// Standard output could not be written.
     #[error("cannot write the result")]
     Output(#[from] io::Error),
+    /// A file could not be read or written.
+    #[error("cannot write {}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// A chart has nothing to show.
+    #[error("cannot draw a chart")]
+    Chart(#[from] ChartError),
     /// A result could not be turned into JSON.
     #[error("cannot write JSON")]
     Json(#[from] serde_json::Error),
@@ -41,7 +53,10 @@ pub(crate) fn exit(result: Result<(), StudyError>) -> ExitCode {
     match error {
         StudyError::Arguments(_) => ExitCode::from(2),
         StudyError::Refused(_) => ExitCode::from(3),
-        StudyError::Output(_) | StudyError::Json(_) => ExitCode::FAILURE,
+        StudyError::Output(_)
+        | StudyError::File { .. }
+        | StudyError::Chart(_)
+        | StudyError::Json(_) => ExitCode::FAILURE,
     }
 }
 

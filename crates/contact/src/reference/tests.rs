@@ -55,6 +55,21 @@ fn it_agrees_with_the_exact_beam_in_the_plane_of_bending() {
     }
 }
 
+/// From the softest contact to the stiffest, with losses; the exact beam has none.
+#[test]
+fn the_lowest_pole_is_found_from_the_softest_contact_to_the_stiffest() {
+    let sensor = Sensor::reference();
+    let (reference, exact) = (Reference::new(&sensor), ExactBeam::new(&sensor));
+    let tissue = Tissue::soft(1.0).unwrap();
+    for exponent in -16..=4 {
+        let normal = 450.0 * 10.0_f64.powi(exponent);
+        let load = Load { normal_n_per_m: normal, tangential_n_per_m: normal / 1.5, ..Load::NONE };
+        let found = reference.shift_hz(&Pose::UPRIGHT, &load, &tissue);
+        let expected = exact.shift_hz(&Pose::UPRIGHT, &load);
+        assert!((found / expected - 1.0).abs() < 3e-3, "1e{exponent}: {found} {expected}");
+    }
+}
+
 /// Over the sweep window of the resonance, in contact and free: the circuit is one resonance and a
 /// capacitor with a constant resistance, the reference all of them with constant loss factors.
 #[test]

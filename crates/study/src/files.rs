@@ -1,0 +1,62 @@
+//! The folder that a study writes to.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use crate::outcome::StudyError;
+
+/// A folder for results.
+#[derive(Debug)]
+pub(crate) struct Folder(PathBuf);
+
+impl Folder {
+    /// The folder, made where it is missing.
+    pub(crate) fn at(path: &Path) -> Result<Self, StudyError> {
+        fs::create_dir_all(path)
+            .map_err(|source| StudyError::File { path: path.to_owned(), source })?;
+        Ok(Self(path.to_owned()))
+    }
+
+    /// Where a file of this name is.
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.0.join(name)
+    }
+
+    /// Writes a file.
+    pub(crate) fn write(&self, name: &str, text: &str) -> Result<(), StudyError> {
+        let path = self.path(name);
+        fs::write(&path, text).map_err(|source| StudyError::File { path, source })
+    }
+}
+
+/// Rows of numbers and words with a header, comma-separated.
+#[derive(Debug)]
+pub(crate) struct Csv(String);
+
+impl Csv {
+    /// A table with these columns.
+    pub(crate) fn new(columns: &[&str]) -> Self {
+        Self(columns.join(",") + "\n")
+    }
+
+    /// Adds a row. No cell may hold a comma.
+    pub(crate) fn row<C: AsRef<str>>(&mut self, cells: impl IntoIterator<Item = C>) {
+        let mut is_first = true;
+        for cell in cells {
+            debug_assert!(!cell.as_ref().contains([',', '\n']), "{}", cell.as_ref());
+            if !is_first {
+                self.0.push(',');
+            }
+            self.0.push_str(cell.as_ref());
+            is_first = false;
+        }
+        self.0.push('\n');
+    }
+
+    /// The table as text.
+    pub(crate) fn text(&self) -> &str {
+        &self.0
+    }
+}

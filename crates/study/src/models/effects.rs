@@ -1,0 +1,140 @@
+//! How much each effect changes a shift: what a model may leave out.
+
+use rig_contact::{
+    Contact, ContactLaw, Direction, Friction, Models, Pose, Sensor, SensorDesign, Tier, Tissue,
+    equations::{TissueConstants, TissueImpedance},
+};
+
+use super::readout::ReadOut;
+use crate::{
+    files::{Csv, Folder},
+    outcome::StudyError,
+    paper_bench::{Control, INDENTATION_MM, SAMPLES_MPA, contact, tissue},
+};
+
+/// One contact: what every effect is measured against.
+struct Baseline {
+    models: Models,
+    tissue: Tissue,
+    contact: Contact,
+    shift_hz: f64,
+}
+
+/// Writes the table of effects, in Hz of shift, for three samples upright and leaning.
+pub(super) fn write(folder: &Folder) -> Result<(), StudyError> {
+    let mut table =
+        Csv::new(&["effect", "sample", "direction", "angle_deg", "shift_hz", "change_hz"]);
+    let models = Models::new(&Sensor::reference(), ContactLaw::Sneddon);
+    for sample in [0, 2, 4] {
+        for angle_deg in [0.0, 45.0] {
+            let directions: &[Direction] =
+                if angle_deg == 0.0 { &[Direction::Front] } else { &Direction::ALL };
+            for &direction in directions {
+                let depth = Control::Indentation.depth(INDENTATION_MM);
+                let contact = contact(direction, angle_deg, depth, ContactLaw::Sneddon);
+                let tissue = tissue(SAMPLES_MPA[sample]);
+                let shift_hz = shift(&models, &tissue, &contact);
+                let baseline = Baseline { models, tissue, contact, shift_hz };
+                for (effect, changed_hz) in effects(&baseline) {
+                    // A read-out that does not exist has no shift.
+                    let change =
+                        changed_hz.map_or(String::new(), |hz| format!("{:.3}", hz - shift_hz));
+                    table.row([
+                        effect.to_owned(),
+                        (sample + 1).to_string(),
+                        direction.name().to_owned(),
+                        angle_deg.to_string(),
+                        format!("{shift_hz:.3}"),
+                        change,
+                    ]);
+                }
+            }
+        }
+    }
+    folder.write("effects.csv", table.text())
+}
+
+fn shift(models: &Models, tissue: &Tissue, contact: &Contact) -> f64 {
+    models
+        .predict(Tier::Reference, tissue, contact)
+        .expect("the effects' contacts are within Sneddon's solution")
+        .shift_hz
+}
+
+/// Each effect with the shift that it leads to.
+fn effects(base: &Baseline) -> Vec<(&'static str, Option<f64>)> {
+    let Baseline { models, tissue, contact, shift_hz } = base;
+    let with_contact = |changed: Contact| Some(shift(models, tissue, &changed));
+    let with_tissue = |poisson: f64, loss: f64| {
+        let changed =
+            Tissue::new(tissue.young_mpa(), poisson, loss).expect("the effects' tissues exist");
+        Some(shift(models, &changed, contact))
+    };
+    let with_law = |law| with_contact(Contact { law, ..*contact });
+    let no_arm = {
+        let design = SensorDesign { arm_mm: 0.0, ..SensorDesign::reference() };
+        let sensor = Sensor::new(design).expect("a probe without an arm can be built");
+        Some(shift(&Models::new(&sensor, ContactLaw::Sneddon), tissue, contact))
+    };
+    let in_plane = models.predict(Tier::Exact, tissue, contact).ok().map(|found| found.shift_hz);
+    let mut effects = vec![
+        (
+            "stage held instead of indentation",
+            with_contact(Contact { depth: Control::Stage.depth(INDENTATION_MM), ..*contact }),
+        ),
+        ("no friction", with_contact(Contact { friction: Friction::Frictionless, ..*contact })),
+        ("Hertz radius", with_law(ContactLaw::Hertz)),
+        ("paper radius", with_law(ContactLaw::Paper)),
+        ("neo-Hookean stiffness", with_law(ContactLaw::NeoHookean)),
+        ("no probe arm", no_arm),
+        ("Poisson's ratio 0.45", with_tissue(0.45, tissue.loss())),
+        ("no tissue loss", with_tissue(tissue.poisson(), 0.0)),
+        ("tissue loss 0.3", with_tissue(tissue.poisson(), 0.3)),
+        ("no lateral bending and no losses", in_plane),
+        ("mass of the tissue with a11 = 1", Some(shift_hz * (1.0 - mass_share(base)))),
+        ("electrodes open", open_circuit(base)),
+    ];
+    for read_out in ReadOut::ALL {
+        effects.push((read_out.name(), read(base, read_out)));
+    }
+    effects
+}
+
+/// The share of the shift that the mass of equation (1) takes: ω² times mass over stiffness.
+fn mass_share(base: &Baseline) -> f64 {
+    let load =
+        base.models.sensor().load(&base.tissue, &base.contact).expect("the baseline has a load");
+    let radius_m = load.radius_mm * 1e-3;
+    let constants = TissueConstants {
+        young_pa: base.tissue.young_mpa() * 1e6,
+        poisson: base.tissue.poisson(),
+        density_kg_per_m3: 1000.0,
+        mass_factor: 1.0,
+        resistance_factor: 0.0,
+    };
+    let impedance = TissueImpedance::of(&constants, std::f64::consts::PI * radius_m * radius_m);
+    let omega = std::f64::consts::TAU * (base.models.no_load_hz(Tier::Reference) + base.shift_hz);
+    omega * omega * impedance.mass_kg / impedance.stiffness_n_per_m
+}
+
+/// The circuit of the reference in contact and free.
+fn circuits(base: &Baseline) -> Option<[rig_contact::Circuit; 2]> {
+    let clear = Contact::new(Pose::UPRIGHT, Control::Indentation.depth(0.0));
+    let circuit = |contact| base.models.circuit(Tier::Reference, &base.tissue, contact).ok();
+    Some([circuit(&base.contact)?, circuit(&clear)?])
+}
+
+/// The shift of the resonance with open electrodes, fs √(1 + C₁/C₀).
+fn open_circuit(base: &Baseline) -> Option<f64> {
+    let [touching, free] = circuits(base)?
+        .map(|circuit| circuit.series_resonance_hz * (1.0 + circuit.capacitance_ratio).sqrt());
+    Some(touching - free)
+}
+
+/// The shift by a read-out, in contact and free.
+fn read(base: &Baseline, read_out: ReadOut) -> Option<f64> {
+    let [touching, free] = circuits(base)?.map(|circuit| {
+        read_out.read_hz(circuit.series_resonance_hz, |frequency| circuit.admittance_s(frequency))
+    });
+    Some(touching? - free?)
+}

@@ -1,0 +1,217 @@
+//! How far each tier is from the reference, over the contacts that the paper makes and a few more.
+
+use rig_chart::{Axis, Chart, Point, Rule, Series};
+use rig_contact::{ContactLaw, Direction, Models, Scene, Sensor, Tier};
+
+use super::cost::Costs;
+use crate::{
+    files::{Csv, Folder},
+    outcome::StudyError,
+    paper_bench::{Control, INDENTATION_MM, SAMPLES_MPA, contact, tissue},
+};
+
+/// A way to a shift: a tier, a contact law, and what the depth is held by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Way {
+    pub(super) tier: Tier,
+    pub(super) law: ContactLaw,
+    pub(super) control: Control,
+}
+
+impl Way {
+    /// Every way worth comparing: both forms of the same contact, and no refused one.
+    pub(super) fn all() -> impl Iterator<Item = Self> {
+        let laws = [ContactLaw::SneddonSeries, ContactLaw::Sneddon];
+        Tier::ALL.into_iter().flat_map(move |tier| {
+            laws.into_iter().flat_map(move |law| {
+                Control::ALL
+                    .into_iter()
+                    .filter(move |&control| {
+                        control == Control::Indentation || tier.validity().takes_stage_moves
+                    })
+                    .map(move |control| Self { tier, law, control })
+            })
+        })
+    }
+}
+
+/// Contacts on which errors are measured.
+const STIFFNESSES_MPA: [f64; 7] = [0.02, 0.045, 0.104, 0.235, 0.320, 0.649, 1.0];
+const ANGLES_DEG: [f64; 7] = [0.0, 7.5, 15.0, 22.5, 30.0, 37.5, 45.0];
+
+/// What scenes ask of their model: a name, Hz, and why so much.
+const SCENES: [(&str, f64, &str); 4] = [
+    ("demonstration", 3.0, "shifts of neighbouring samples differ by 10 Hz and more"),
+    ("figures", 1.0, "a hundredth of the paper's scale"),
+    ("bench", 0.3, "the scatter of a touch on the simulated bench"),
+    ("calibration", 0.08, "a hundredth of the softest sample's shift"),
+];
+
+#[derive(Debug, Clone, Copy)]
+struct Errors {
+    rms_hz: f64,
+    max_hz: f64,
+    max_rel: f64,
+    max_upright_hz: f64,
+}
+
+/// Writes the table of errors and the two charts of cost against error.
+pub(super) fn write(folder: &Folder, costs: &Costs) -> Result<(), StudyError> {
+    let mut table = Csv::new(&[
+        "tier",
+        "law",
+        "truth_control",
+        "read_as",
+        "rms_hz",
+        "max_hz",
+        "max_rel",
+        "max_upright_hz",
+    ]);
+    for truth in Control::ALL {
+        let mut points = Vec::new();
+        for way in Way::all() {
+            // A tier that knows no balance takes the stage's move for an indentation.
+            let is_own = way.control == truth;
+            let is_misread = truth == Control::Stage && !way.tier.validity().takes_stage_moves;
+            if !(is_own || is_misread) || way.tier == Tier::Reference {
+                continue;
+            }
+            let errors = measure(way, truth);
+            table.row([
+                way.tier.name().to_owned(),
+                way.law.name().to_owned(),
+                truth.name().to_owned(),
+                way.control.name().to_owned(),
+                format!("{:.4}", errors.rms_hz),
+                format!("{:.4}", errors.max_hz),
+                format!("{:.5}", errors.max_rel),
+                format!("{:.4}", errors.max_upright_hz),
+            ]);
+            // Without a stage's move the two tiers that know it are those that do not.
+            let is_twin = matches!(way.tier, Tier::T2s | Tier::E1s);
+            if truth == Control::Stage || !is_twin {
+                points.push((way, errors));
+            }
+        }
+        let name = format!("cost-against-error-{}.svg", truth.name());
+        folder.write(&name, &chart(truth, &points, costs).file()?)?;
+    }
+    folder.write("errors.csv", table.text())?;
+    folder.write("scenes.csv", &scenes())
+}
+
+/// Which tier each scene gets, over the paper's samples and angles.
+fn scenes() -> String {
+    let mut table =
+        Csv::new(&["scene", "tolerance_hz", "control", "tier", "law", "error_hz", "because"]);
+    for (scene, tolerance_hz, because) in SCENES {
+        for control in Control::ALL {
+            let asked = Scene {
+                sensor: Sensor::reference(),
+                stiffest: tissue(SAMPLES_MPA[4]),
+                deepest: control.depth(INDENTATION_MM),
+                tilt_max_rad: 45.0_f64.to_radians(),
+                needs_impedance: false,
+            };
+            let choice = Tier::cheapest_for(&asked, tolerance_hz)
+                .expect("the paper's indentation is within the contact law");
+            table.row([
+                scene.to_owned(),
+                tolerance_hz.to_string(),
+                control.name().to_owned(),
+                choice.tier.name().to_owned(),
+                choice.law.name().to_owned(),
+                format!("{:.3}", choice.error_hz),
+                because.to_owned(),
+            ]);
+        }
+    }
+    table.text().to_owned()
+}
+
+fn measure(way: Way, truth: Control) -> Errors {
+    let models = Models::new(&Sensor::reference(), way.law);
+    let (mut squares, mut count) = (0.0, 0.0);
+    let mut errors = Errors { rms_hz: 0.0, max_hz: 0.0, max_rel: 0.0, max_upright_hz: 0.0 };
+    for young_mpa in STIFFNESSES_MPA {
+        for angle_deg in ANGLES_DEG {
+            for direction in Direction::ALL {
+                let at = |tier, control: Control, law| {
+                    let depth = control.depth(INDENTATION_MM);
+                    let contact = contact(direction, angle_deg, depth, law);
+                    models
+                        .predict(tier, &tissue(young_mpa), &contact)
+                        .expect("the contacts are within every tier")
+                        .shift_hz
+                };
+                let expected = at(Tier::Reference, truth, ContactLaw::Sneddon);
+                let error = (at(way.tier, way.control, way.law) - expected).abs();
+                squares += error * error;
+                count += 1.0;
+                errors.max_hz = errors.max_hz.max(error);
+                errors.max_rel = errors.max_rel.max(error / expected);
+                if angle_deg == 0.0 {
+                    errors.max_upright_hz = errors.max_upright_hz.max(error);
+                }
+            }
+        }
+    }
+    errors.rms_hz = f64::sqrt(squares / count);
+    errors
+}
+
+fn chart(truth: Control, points: &[(Way, Errors)], costs: &Costs) -> Chart {
+    let mut chart = Chart::new(
+        &format!("Cost and error of each tier, depth held by the {}", truth.name()),
+        "Nanoseconds of one evaluation against the largest error in Hz. Each line is a tier, from \
+         the series contact radius to the exact one; dashed lines are what scenes ask for.",
+        Axis::log("one evaluation, ns"),
+        Axis::log("largest error, Hz"),
+    );
+    for (colour, tier) in Tier::ALL.into_iter().enumerate() {
+        let of_tier = points.iter().filter(|(way, _)| way.tier == tier);
+        let points: Vec<Point> = of_tier
+            .filter_map(|(way, errors)| {
+                let note = Some(format!("{}, {}", tier.name(), way.law.name()));
+                Some(Point { x: *costs.get(way)?, y: errors.max_hz, error: None, note })
+            })
+            .collect();
+        if !points.is_empty() {
+            chart.series.push(Series::joined(tier.name(), colour, points));
+        }
+    }
+    for (scene, tolerance_hz, _) in SCENES {
+        let label = format!("{scene}: {tolerance_hz} Hz");
+        chart.rules.push(Rule::AtY { value: tolerance_hz, label });
+    }
+    chart
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::cost;
+
+    #[test]
+    fn every_way_has_a_cost_in_the_stored_table() {
+        let costs = cost::stored();
+        for way in Way::all() {
+            assert!(costs.contains_key(&way), "{way:?}");
+        }
+    }
+
+    /// The order of the ladder: each rung is worth its cost.
+    #[test]
+    fn each_richer_tier_is_nearer_to_the_reference() {
+        let rms = |tier, control, truth| {
+            measure(Way { tier, law: ContactLaw::SneddonSeries, control }, truth).rms_hz
+        };
+        let (sunk, moved) = (Control::Indentation, Control::Stage);
+        let ladder = [Tier::T0, Tier::T0b, Tier::T1, Tier::T2, Tier::E1, Tier::Exact]
+            .map(|tier| rms(tier, sunk, sunk));
+        assert!(ladder.is_sorted_by(|a, b| a > b), "{ladder:?}");
+        // On a stage, knowing its balance is worth more than everything else.
+        let (misread, known) = (rms(Tier::E1, sunk, moved), rms(Tier::E1s, moved, moved));
+        assert!(misread > 50.0 * known, "{misread} {known}");
+    }
+}
