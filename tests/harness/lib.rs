@@ -1,6 +1,9 @@
 //! Shared harness of the whole-system tests: the shipped simulated rig in a directory of its own.
 
-use std::path::{Path, PathBuf};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 use rig_engine::{Command, RunStatus, StateWord};
 use rig_store::{Reader, RunId, StoredRecord};
@@ -33,9 +36,27 @@ impl TestRig {
     /// # Panics
     /// When it does not come into service: the test has failed.
     pub async fn open() -> Self {
-        let rig = LoadedRig::load(&shipped("config/rigs/simulated.toml")).expect("shipped files");
-        let facts = rig.facts();
+        Self::open_changed(&[]).await
+    }
+
+    /// Opens the shipped simulated rig with other texts in its file.
+    ///
+    /// # Panics
+    /// When a text is not there to be changed, or the rig does not come into service.
+    pub async fn open_changed(changes: &[(&str, &str)]) -> Self {
         let data = TempDir::new().expect("a temporary directory");
+        let rigs = shipped("config/rigs");
+        let mut text = fs::read_to_string(rigs.join("simulated.toml")).expect("a shipped file");
+        // The scene is named from where the rig file is.
+        let scene = shipped("config/scenes/paper.toml").display().to_string();
+        for (from, to) in [("../scenes/paper.toml", scene.as_str())].iter().chain(changes) {
+            assert!(text.contains(from), "the rig file does not say {from}");
+            text = text.replace(from, to);
+        }
+        let path = data.path().join("rig.toml");
+        fs::write(&path, text).expect("a temporary file");
+        let rig = LoadedRig::load(&path).unwrap_or_else(|error| panic!("{error}"));
+        let facts = rig.facts();
         let (handle, thread) = rig::open(rig, data.path().to_owned()).expect("the rig opens");
         let this = Self { handle, facts, thread: Some(thread), data };
         this.wait_for("service", |status| status.snapshot.state == StateWord::Idle).await;
