@@ -6,18 +6,22 @@
 //! |---|---|
 //! | 0 | done |
 //! | 1 | something failed: a file, a directory, a device |
-//! | 2 | a bad command line, protocol or rig file |
-//! | 3 | no such run |
+//! | 2 | a bad command line, protocol or rig file, or a target beyond the limits |
+//! | 3 | no such run, or no resonance |
 //! | 4 | the rig is latched after a fault |
-//! | 5 | the run was aborted |
+//! | 5 | a run, a move or a sweep was aborted |
 //! | 130 | interrupted before anything was under way |
 
 mod check;
+mod measure;
+mod moves;
 mod prompt;
 mod run;
 mod runs;
 mod serve;
+mod session;
 mod table;
+mod verdict;
 
 use std::{
     io::{self, IsTerminal},
@@ -27,11 +31,13 @@ use std::{
 };
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use rig_engine::Denied;
 
 use crate::{
     loaded_rig::{FileError, LoadedRig},
-    rig::OpenError,
+    rig::{OpenError, Refusal},
     run_files::RunFilesError,
+    sweep_order::SweepFaults,
 };
 
 /// Drives the bench rig of the tilted-contact tactile sensor.
@@ -58,6 +64,12 @@ enum CliCommand {
     Export(ExportArgs),
     /// Write the report of a run again
     Report(ReportArgs),
+    /// Home what is not homed, retract the probe, level the sample
+    Home(moves::HomeArgs),
+    /// Move one axis, as far as any touch may go
+    Move(moves::MoveArgs),
+    /// Measure one resonance, with the probe clear or lowered
+    Measure(measure::MeasureArgs),
 }
 
 /// The rig to use.
@@ -196,13 +208,17 @@ enum Failure {
     #[error("{0}")]
     Export(#[from] rig_store::export::ExportError),
     #[error("{0}")]
-    Refused(#[from] crate::rig::Refusal),
+    Refused(#[from] Refusal),
+    #[error("{0}")]
+    Sweep(#[from] SweepFaults),
+    #[error("{reason}")]
+    NoResonance { reason: String },
     #[error("{what}: {source}")]
     System { what: &'static str, source: io::Error },
     /// It has been explained already.
     #[error("the rig is latched: {cause}")]
     Latched { cause: String },
-    #[error("the run was aborted")]
+    #[error("aborted; the probe was retracted")]
     Aborted,
     #[error("interrupted")]
     Interrupted,
@@ -211,8 +227,13 @@ enum Failure {
 impl Failure {
     fn exit_code(&self) -> u8 {
         match self {
-            Self::BadFile(FileError::Faults(_)) => 2,
-            Self::Store(
+            Self::BadFile(FileError::Faults(_))
+            | Self::Sweep(_)
+            | Self::Refused(Refusal::Denied(
+                Denied::LinearTarget(_) | Denied::RotaryTarget(_) | Denied::TooDeep { .. },
+            )) => 2,
+            Self::NoResonance { .. }
+            | Self::Store(
                 rig_store::StoreError::NoSuchRun { .. } | rig_store::StoreError::Ambiguous { .. },
             ) => 3,
             Self::Latched { .. } => 4,
@@ -241,6 +262,9 @@ pub fn main() -> ExitCode {
         CliCommand::Show(args) => runs::show(&args),
         CliCommand::Export(args) => runs::export(&args),
         CliCommand::Report(args) => runs::report(&args),
+        CliCommand::Home(args) => moves::home(&args),
+        CliCommand::Move(args) => moves::to(&args),
+        CliCommand::Measure(args) => measure::measure(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

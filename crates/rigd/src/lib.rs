@@ -11,3 +11,5 @@ pub mod report;
 pub mod rig;
 pub mod rig_file;
 pub mod run_files;
+mod sweep_order;
+mod sweeps;

@@ -140,3 +140,83 @@ fn failures_have_their_exit_codes() {
     let run = ["run", "config/protocols/smoke.toml", "--data", dir, bench[0], bench[1]];
     assert_eq!(code(&run), Some(1));
 }
+
+#[test]
+fn an_axis_is_moved_by_hand_and_read_back() {
+    let data = TempDir::new().unwrap();
+    let by_hand = |args: &[&str]| {
+        let output = rigd(&[args, &["--data", data.path().to_str().unwrap(), "--json"]].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        let view = json(&output);
+        (view["linear_mm"].as_f64(), view["rotary_deg"].as_f64(), view["probe"].clone())
+    };
+    assert_eq!(by_hand(&["home"]), (Some(30.0), Some(0.0), "clear".into()));
+    assert_eq!(by_hand(&["move", "linear", "9.5"]), (Some(9.5), Some(0.0), "in contact".into()));
+    assert_eq!(by_hand(&["move", "rotary", "-30"]), (Some(30.0), Some(-30.0), "clear".into()));
+    let text = rigd(&["move", "linear", "9.5", "--data", data.path().to_str().unwrap()]);
+    assert!(stdout(&text).contains("linear stage  9.500 mm\n"), "{}", stdout(&text));
+    assert!(stderr(&text).contains("the probe stays there"), "{}", stderr(&text));
+}
+
+#[test]
+fn nothing_by_hand_goes_beyond_the_limits() {
+    let data = TempDir::new().unwrap();
+    let window = ["measure", "--min-hz", "120", "--max-hz", "165"];
+    let refused: [(&[&str], &str); 6] = [
+        (&["move", "linear", "46"], "outside the soft limits [8.000 mm, 45.000 mm]"),
+        (&["move", "linear", "8.5"], "below 8.700 mm, the deepest that a touch may go here"),
+        (&["move", "rotary", "51"], "outside the soft limits [-50.000 °, 50.000 °]"),
+        (&[window.as_slice(), &["--at-mm", "8.5"]].concat(), "the deepest that a touch may go"),
+        (&[window.as_slice(), &["--level-v", "6"]].concat(), "level_v = 6 is outside [0, 5]"),
+        (&["measure", "--min-hz", "165", "--max-hz", "120"], "not a rising range"),
+    ];
+    for (args, reason) in refused {
+        let output = rigd(&[args, &["--data", data.path().to_str().unwrap()]].concat());
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {}", stderr(&output));
+        assert!(stdout(&output).is_empty(), "{args:?}");
+        assert!(stderr(&output).contains(reason), "{args:?}: {}", stderr(&output));
+    }
+}
+
+#[test]
+fn one_resonance_is_measured_by_hand() {
+    let data = TempDir::new().unwrap();
+    let measure = |args: &[&str]| {
+        let window = ["measure", "--min-hz", "120", "--max-hz", "165"];
+        rigd(&[window.as_slice(), args, &["--data", data.path().to_str().unwrap()]].concat())
+    };
+    let view = json(&measure(&["--json"]));
+    assert_eq!(view["status"], "accepted");
+    let (found, sigma) =
+        (view["resonance_hz"].as_f64().unwrap(), view["sigma_hz"].as_f64().unwrap());
+    // The scene says 140 Hz, give or take the temperature of the day.
+    assert!((found - 140.0).abs() < 2.0 && sigma < 0.05, "{view}");
+    assert_eq!((view["linear_mm"].as_f64(), view["rotary_deg"].as_f64()), (Some(30.0), Some(0.0)));
+
+    let lowered = json(&measure(&["--at-mm", "12", "--angle-deg", "15", "--json"]));
+    assert_eq!(lowered["linear_mm"].as_f64(), Some(12.0));
+    assert_eq!(lowered["rotary_deg"].as_f64(), Some(15.0));
+    let reader = rig_store::Reader::open(data.path()).unwrap();
+    let session = reader.runs().unwrap().swap_remove(0);
+    let is_lowered = |record: rig_store::Record| {
+        use rig_store::{Axis::LinearMm, Record::Moved};
+        if let Moved(moved) = record {
+            Some((moved.axis == LinearMm, moved.read_back))
+        } else {
+            None
+        }
+    };
+    let records = reader.records(session.id).unwrap();
+    let moves: Vec<_> =
+        records.iter().filter_map(|stored| is_lowered(stored.record().unwrap())).collect();
+    let expected = [(true, 30.0), (false, 0.0), (false, 15.0), (true, 12.0), (true, 30.0)];
+    assert_eq!(moves, expected);
+
+    let csv = measure(&["--points", "21", "--csv"]);
+    assert_eq!(stdout(&csv).lines().count(), 1 + 21);
+    assert!(stdout(&csv).starts_with("frequency_hz,resistance_ohm,reactance_ohm,time_s,"));
+
+    let away = ["measure", "--min-hz", "300", "--max-hz", "400", "--json"];
+    let away = rigd(&[away.as_slice(), &["--data", data.path().to_str().unwrap()]].concat());
+    assert_eq!((away.status.code(), &json(&away)["status"]), (Some(3), &Value::from("refused")));
+}

@@ -9,7 +9,7 @@ use axum::{
     body::{Body, to_bytes},
     http::{Request, StatusCode, header},
 };
-use rig_engine::StateWord;
+use rig_engine::{Command, StateWord};
 use rig_store::{Reader, Record};
 use rigd::{
     http::{Shared, router},
@@ -100,6 +100,27 @@ async fn an_axis_is_moved_within_what_the_interlock_admits() {
     let records = Reader::open(daemon.data.path()).unwrap().records(session).unwrap();
     let is_intent = |record: &Record| matches!(record, Record::Intent(intent) if intent.to == 20.0);
     assert!(records.iter().any(|stored| is_intent(&stored.record().unwrap())));
+    daemon.handle.close().await;
+    daemon.thread.join();
+}
+
+#[tokio::test]
+async fn a_sweep_that_was_aborted_is_not_taken_for_the_next_one() {
+    let daemon = Daemon::start().await;
+    // So many points that it cannot be over before the abort.
+    let long = json!({
+        "min_hz": 120, "max_hz": 165, "points": 10_000, "settle_s": 60, "time_limit_s": 86_400,
+    });
+    let (status, first) = daemon.ask("POST", "sweeps", &long).await;
+    assert_eq!(status, StatusCode::ACCEPTED, "{first}");
+    daemon.handle.command(Command::Abort, None, "test").await.unwrap();
+    daemon.wait_until_idle().await;
+    let (_, second) = daemon.ask("POST", "sweeps", &json!({ "min_hz": 120, "max_hz": 165 })).await;
+    daemon.wait_until_idle().await;
+    for (sweep, expected) in [(first, "failed"), (second, "accepted")] {
+        let path = format!("sweeps/{}", sweep["id"].as_str().unwrap());
+        assert_eq!(daemon.ask("GET", &path, &Value::Null).await.1["status"], expected);
+    }
     daemon.handle.close().await;
     daemon.thread.join();
 }

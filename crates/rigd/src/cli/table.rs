@@ -27,6 +27,13 @@ pub(super) fn print_json(value: &impl serde::Serialize) -> Result<(), Failure> {
     print(&text)
 }
 
+/// Names and what belongs to each, one a line.
+pub(super) fn facts(rows: &[(&str, String)]) -> String {
+    let width = rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
+    let lines: Vec<_> = rows.iter().map(|(name, fact)| format!("{name:<width$}  {fact}")).collect();
+    lines.join("\n")
+}
+
 /// Rows under a header, each column as wide as its widest cell; the first column is text, the
 /// others are numbers and stand to the right.
 pub(super) fn columns(header: &[&str], rows: &[Vec<String>]) -> String {

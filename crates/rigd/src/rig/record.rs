@@ -21,7 +21,7 @@ pub(super) struct Recorder {
     plan: Option<Arc<Plan>>,
     /// The step under way.
     index: Option<usize>,
-    /// Sweeps so far.
+    /// The number of the last sweep.
     sweeps: u64,
     /// The last sweep with the probe clear.
     no_load_sweep: u64,
@@ -200,9 +200,17 @@ impl Recorder {
         }
     }
 
-    fn sweep(&mut self, outcome: &SweepOutcome) -> Record {
+    /// A sweep is begun by hand. It has its number from the beginning, also when it never ends.
+    pub(super) const fn begin_sweep(&mut self) -> u64 {
         self.sweeps += 1;
         if outcome.purpose == SweepPurpose::NoLoad {
+        self.sweeps
+    }
+
+    fn sweep(&mut self, outcome: &SweepOutcome) -> Record {
+        if outcome.purpose != SweepPurpose::Manual {
+            self.sweeps += 1;
+        }
             self.no_load_sweep = self.sweeps;
         }
         let verdict = match &outcome.verdict {

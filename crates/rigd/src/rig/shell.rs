@@ -252,7 +252,7 @@ impl Shell {
         let mut effects = Vec::new();
         let taken: Result<(), Denied> = self.engine.admits(&command).and_then(|()| {
             if is_sweep {
-                self.view.sweeps += 1;
+                self.view.sweeps = self.session.1.begin_sweep();
                 self.view.sweep = Some(self.view.sweeps);
             }
             self.engine.command(self.clock.now(), command, by, &mut effects)
@@ -326,7 +326,8 @@ impl Shell {
             {
                 self.view.sweep = None;
             }
-            Event::Faulted { .. } => self.view.sweep = None,
+            // One that was aborted or failed is never finished.
+            Event::StateChanged(word) if *word != StateWord::Running => self.view.sweep = None,
             _ => {}
         }
         let (journal, recorder) = self.run.as_mut().unwrap_or(&mut self.session);

@@ -1,0 +1,145 @@
+//! `rigd measure`: one sweep by hand, with the probe clear or where it is told to be.
+
+use std::{fmt::Write as _, path::Path};
+
+use clap::Args;
+use rig_engine::Command;
+use rig_model::{Deg, Mm, Position, SweepRequest};
+use rig_store::{Reader, Reading, Sweep};
+use serde::Serialize;
+
+use super::{
+    DataArgs, Failure, RigArgs,
+    moves::{linear_target, positions, rotary_target},
+    session::{Session, with_rig},
+    table::{facts, print, print_json},
+    verdict::VerdictView,
+};
+use crate::{
+    rig::{Refusal, Status},
+    sweep_order::SweepOrder,
+    sweeps,
+};
+
+#[derive(Debug, Args)]
+pub(super) struct MeasureArgs {
+    #[command(flatten)]
+    sweep: SweepOrder,
+    /// Lower the probe to this height for it, and retract it afterwards
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    at_mm: Option<f64>,
+    /// Tilt the sample to this angle before
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    angle_deg: Option<f64>,
+    /// Print the readings as CSV
+    #[arg(long, conflicts_with = "json")]
+    csv: bool,
+    /// Print JSON for a program instead of text for a person
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    rig: RigArgs,
+    #[command(flatten)]
+    data: DataArgs,
+}
+
+/// What is to be done.
+struct Order {
+    sweep: SweepRequest,
+    linear: Option<Position<Mm>>,
+    rotary: Option<Position<Deg>>,
+}
+
+/// What was done, and how the rig stood then.
+struct Measured {
+    sweep: Sweep,
+    status: Status,
+}
+
+/// A sweep for a program.
+#[derive(Debug, Serialize)]
+struct MeasureView {
+    #[serde(flatten)]
+    verdict: VerdictView,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    linear_mm: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rotary_deg: Option<f64>,
+    /// How many of the first readings only served to find the resonance.
+    looks: usize,
+    readings: Vec<Reading>,
+}
+
+pub(super) fn measure(args: &MeasureArgs) -> Result<(), Failure> {
+    let rig = args.rig.load()?;
+    let bench = rig.file.bench;
+    let order = Order {
+        sweep: args.sweep.request(&bench.analyzer)?,
+        linear: args.at_mm.map(|mm| linear_target(&bench, mm)).transpose()?,
+        rotary: args.angle_deg.map(|deg| rotary_target(&bench, deg)).transpose()?,
+    };
+    let (data, rest) = (&args.data.data, bench.linear.rest_target().position());
+    let measured = with_rig(rig, data, async |session| {
+        if let Some(target) = order.rotary {
+            session.carry_out(Command::MoveRotary(target)).await?;
+        }
+        let Some(target) = order.linear else { return sweep(session, order.sweep, data).await };
+        session.carry_out(Command::MoveLinear(target)).await?;
+        let measured = sweep(session, order.sweep, data).await?;
+        session.carry_out(Command::MoveLinear(rest)).await?;
+        Ok(measured)
+    })?;
+    show(args, measured)
+}
+
+async fn sweep(
+    session: &mut Session,
+    request: SweepRequest,
+    data: &Path,
+) -> Result<Measured, Failure> {
+    let number = session.handle.sweep(request, "terminal").await?;
+    let status = session.finished().await?;
+    let found = sweeps::find(&Reader::open(data)?, status.session, number)?;
+    let sweep = found.ok_or_else(|| Refusal::Journal {
+        reason: status.journal_error.clone().unwrap_or_else(|| "the sweep is missing".into()),
+    })?;
+    Ok(Measured { sweep, status })
+}
+
+fn show(args: &MeasureArgs, Measured { sweep, status }: Measured) -> Result<(), Failure> {
+    let verdict = VerdictView::from(&sweep.verdict);
+    let refusal = verdict.refusal();
+    if args.csv {
+        print(&csv(&sweep.readings))?;
+    } else if args.json {
+        print_json(&MeasureView {
+            verdict,
+            linear_mm: status.snapshot.linear.map(Position::value),
+            rotary_deg: status.snapshot.rotary.map(Position::value),
+            looks: sweep.looks,
+            readings: sweep.readings,
+        })?;
+    } else {
+        let mut rows = verdict.rows();
+        rows.push(("readings", sweep.readings.len().to_string()));
+        rows.extend(positions(&status));
+        print(&facts(&rows))?;
+    }
+    refusal.map_or(Ok(()), Err)
+}
+
+/// The readings in the columns that `rigd fit` takes.
+fn csv(readings: &[Reading]) -> String {
+    let mut csv =
+        "frequency_hz,resistance_ohm,reactance_ohm,time_s,settle_s,integration_s,flag".to_owned();
+    for reading in readings {
+        let (hz, ohm, reactance) =
+            (reading.frequency_hz, reading.resistance_ohm, reading.reactance_ohm);
+        let (time, settle, integration) =
+            (reading.started_s, reading.settle_s, reading.integration_s);
+        let flag = reading.flag.name();
+        // Writing to a string cannot fail.
+        _ = write!(csv, "\n{hz},{ohm},{reactance},{time},{settle},{integration},{flag}");
+    }
+    csv
+}

@@ -1,0 +1,115 @@
+//! `rigd move` and `rigd home`: one axis by hand, within what the interlock admits.
+
+use clap::{Args, ValueEnum};
+use rig_engine::{Command, Denied};
+use rig_model::{Bench, Clearance, Deg, Mm, Position};
+use serde::Serialize;
+
+use super::{
+    DataArgs, Failure, OutputArgs, RigArgs,
+    session::{Session, with_rig},
+    table::{facts, note, print, print_json},
+};
+use crate::rig::{Refusal, Status};
+
+#[derive(Debug, Args)]
+pub(super) struct MoveArgs {
+    /// Which axis
+    #[arg(value_enum)]
+    axis: MoveAxis,
+    /// Where to: the height of the probe in mm, or the tilt of the sample in degrees
+    #[arg(value_name = "MM|DEG", allow_negative_numbers = true)]
+    to: f64,
+    #[command(flatten)]
+    rig: RigArgs,
+    #[command(flatten)]
+    data: DataArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum MoveAxis {
+    /// The vertical stage that carries the probe
+    Linear,
+    /// The stage that tilts the sample
+    Rotary,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct HomeArgs {
+    #[command(flatten)]
+    rig: RigArgs,
+    #[command(flatten)]
+    data: DataArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+/// Where the axes stand, as they were read back.
+#[derive(Debug, Serialize)]
+struct PositionsView {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    linear_mm: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rotary_deg: Option<f64>,
+    probe: &'static str,
+}
+
+pub(super) fn to(args: &MoveArgs) -> Result<(), Failure> {
+    let rig = args.rig.load()?;
+    let command = match args.axis {
+        MoveAxis::Linear => Command::MoveLinear(linear_target(&rig.file.bench, args.to)?),
+        MoveAxis::Rotary => Command::MoveRotary(rotary_target(&rig.file.bench, args.to)?),
+    };
+    let moved = async |session: &mut Session| session.carry_out(command).await;
+    show(&with_rig(rig, &args.data.data, moved)?, &args.output)
+}
+
+/// Opening a rig is what homes it.
+pub(super) fn home(args: &HomeArgs) -> Result<(), Failure> {
+    let homed = async |session: &mut Session| session.finished().await;
+    show(&with_rig(args.rig.load()?, &args.data.data, homed)?, &args.output)
+}
+
+/// A height that is not beyond the soft limits. Asked before the rig is opened, so that a slip of
+/// the finger moves nothing; the engine asks again, with what it knows of the probe.
+pub(super) fn linear_target(bench: &Bench, mm: f64) -> Result<Position<Mm>, Failure> {
+    let target = bench.linear.target(Position::new(mm));
+    Ok(target.map_err(|error| Refusal::from(Denied::LinearTarget(error)))?.position())
+}
+
+/// The same for a tilt.
+pub(super) fn rotary_target(bench: &Bench, deg: f64) -> Result<Position<Deg>, Failure> {
+    let target = bench.rotary.target(Position::new(deg));
+    Ok(target.map_err(|error| Refusal::from(Denied::RotaryTarget(error)))?.position())
+}
+
+/// Where the axes stand, for a person.
+pub(super) fn positions(status: &Status) -> Vec<(&'static str, String)> {
+    let (linear, rotary) = (status.snapshot.linear, status.snapshot.rotary);
+    let linear = linear.map(|at| ("linear stage", at.to_string()));
+    let rotary = rotary.map(|at| ("rotary stage", at.to_string()));
+    linear.into_iter().chain(rotary).collect()
+}
+
+fn show(status: &Status, output: &OutputArgs) -> Result<(), Failure> {
+    let snapshot = &status.snapshot;
+    if output.json {
+        return print_json(&PositionsView {
+            linear_mm: snapshot.linear.map(Position::value),
+            rotary_deg: snapshot.rotary.map(Position::value),
+            probe: snapshot.clearance.name(),
+        });
+    }
+    let mut rows = positions(status);
+    rows.push(("probe", snapshot.clearance.name().to_owned()));
+    print(&facts(&rows))?;
+    if snapshot.clearance != Clearance::Clear {
+        note(
+            "the probe stays there, and counts as in contact until it is shown clear; whatever \
+             opens the rig next retracts it first",
+        );
+    }
+    Ok(())
+}
