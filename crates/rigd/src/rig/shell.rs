@@ -66,6 +66,12 @@ pub(super) fn run(
 type InFlight = std::pin::Pin<Box<dyn Future<Output = (Devices, OperationId, Ended)>>>;
 type Ended = Result<Report, Failure>;
 
+/// The rig is being closed.
+struct Closing {
+    /// Who waits for it.
+    reply: Option<oneshot::Sender<()>>,
+}
+
 struct Shell {
     engine: Engine,
     setting: Setting,
@@ -138,11 +144,13 @@ impl Shell {
         if self.command(Command::Prepare, "rigd").is_err() {
             return;
         }
-        let mut closing: Option<oneshot::Sender<()>> = None;
+        let mut closing: Option<Closing> = None;
         loop {
-            if let Some(reply) = closing.take_if(|_| self.is_at_rest()) {
+            if let Some(closing) = closing.take_if(|_| self.is_at_rest()) {
                 self.end_session();
-                _ = reply.send(());
+                if let Some(reply) = closing.reply {
+                    _ = reply.send(());
+                }
                 return;
             }
             if self.is_answer_due {
@@ -160,13 +168,11 @@ impl Shell {
                 biased;
                 request = inbox.recv(), if closing.is_none() => match request {
                     Some(Request::Close { reply }) => {
-                        closing = Some(reply);
-                        // Denied when nothing is under way, which is just as well.
-                        _ = self.command(Command::Abort, "rigd");
+                        closing = Some(self.begin_to_close(Some(reply)));
                     }
                     Some(request) => self.take(request),
-                    // Every handle is gone.
-                    None => return,
+                    // Every handle is gone, and the probe must not stay where it is.
+                    None => closing = Some(self.begin_to_close(None)),
                 },
                 (devices, id, ended) = ended(&mut self.in_flight) => {
                     self.in_flight = None;
@@ -178,6 +184,12 @@ impl Shell {
         }
     }
 
+    fn begin_to_close(&mut self, reply: Option<oneshot::Sender<()>>) -> Closing {
+        // Denied when nothing is under way, which is just as well.
+        _ = self.command(Command::Abort, "rigd");
+        Closing { reply }
+    }
+
     fn end_session(&mut self) {
         let end = Record::RunFinished(rig_store::RunFinished { status: Ending::Completed });
         if let Err(error) = self.session.0.append(self.clock.now().as_micros(), &end) {
@@ -186,10 +198,13 @@ impl Shell {
         self.commit();
     }
 
-    /// Nothing is under way, and nothing will happen by itself.
+    /// Nothing will happen by itself any more. A latched rig may have an operation in flight that
+    /// never answers.
     fn is_at_rest(&self) -> bool {
-        let state = self.engine.snapshot().state;
-        self.in_flight.is_none() && matches!(state, StateWord::Idle | StateWord::Latched)
+        match self.engine.snapshot().state {
+            StateWord::Idle => self.in_flight.is_none(),
+            state => state == StateWord::Latched,
+        }
     }
 
     fn take(&mut self, request: Request) {
