@@ -203,7 +203,6 @@ impl Recorder {
     /// A sweep is begun by hand. It has its number from the beginning, also when it never ends.
     pub(super) const fn begin_sweep(&mut self) -> u64 {
         self.sweeps += 1;
-        if outcome.purpose == SweepPurpose::NoLoad {
         self.sweeps
     }
 
@@ -211,6 +210,7 @@ impl Recorder {
         if outcome.purpose != SweepPurpose::Manual {
             self.sweeps += 1;
         }
+        if outcome.purpose == SweepPurpose::NoLoad {
             self.no_load_sweep = self.sweeps;
         }
         let verdict = match &outcome.verdict {
