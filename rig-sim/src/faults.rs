@@ -5,7 +5,7 @@
 
 use std::time::Duration;
 
-use crate::{random::Stream, rig::PortId};
+use crate::{random::Stream, rig::PortId, world::World};
 
 /// A fault that is going to happen.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,6 +97,13 @@ pub enum DeviceFault {
     BlindContact,
     /// The impedance is that of a sensor in contact, also when it is clear.
     StuckContact,
+}
+
+/// What devices are up against: the world, and the faults that wait for them.
+#[derive(Debug)]
+pub(crate) struct Fate<'a> {
+    pub(crate) world: &'a mut World,
+    pub(crate) faults: &'a mut Faults,
 }
 
 /// The faults that are waiting.

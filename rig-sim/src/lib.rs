@@ -4,6 +4,7 @@
 //! ones that talk to a bench. All but [`SimRig`] is without I/O and takes time as an argument.
 
 mod clock;
+pub mod control;
 mod device;
 pub mod faults;
 pub mod modbus;
@@ -11,9 +12,11 @@ pub mod plant;
 mod random;
 mod rig;
 pub mod scene;
+#[cfg(unix)]
+pub mod serve;
 mod shell;
 pub mod world;
 
 pub use device::bus::Carrier;
-pub use rig::{AnalyzerModel, AxisModel, AxisWiring, HangUp, PortId, Rig, Wiring};
-pub use shell::{Person, SimRig};
+pub use rig::{AnalyzerModel, AxisModel, AxisWiring, Connection, HangUp, PortId, Rig, Wiring};
+pub use shell::{Person, SimHandle, SimRig};

@@ -6,12 +6,12 @@ use rig_model::RigTime;
 
 use crate::{
     device::{
-        bus::{Bus, Carrier},
-        cable::{Analyzer, Cable},
+        bus::{Bus, BusLine, Carrier},
+        cable::{Analyzer, Cable, Socket},
         drive::Drive,
         meter::{E4980a, E4990a, Hioki, Meter},
     },
-    faults::{DeviceFault, Fault, Faults},
+    faults::{DeviceFault, Fate, Fault, Faults},
     modbus::NotModbus,
     random::Stream,
     world::{AxisId, Scene, SceneError, World},
@@ -92,9 +92,31 @@ const TURNAROUND: Duration = Duration::from_millis(3);
 #[derive(Debug)]
 pub struct Rig {
     world: World,
-    analyzer: Cable,
+    analyzer: Socket,
     bus: Bus,
+    carrier: Carrier,
     faults: Faults,
+}
+
+/// A client's connection to a port. Several may be open; each gets the answers to its own requests,
+/// though an analyzer answers only the one who spoke last.
+#[derive(Debug)]
+pub struct Connection(End);
+
+#[derive(Debug)]
+enum End {
+    Analyzer(Cable),
+    Bus(BusLine),
+}
+
+impl Connection {
+    /// When something will happen on it without further bytes.
+    pub fn deadline(&self) -> Option<RigTime> {
+        match &self.0 {
+            End::Analyzer(cable) => cable.deadline(),
+            End::Bus(line) => line.deadline(),
+        }
+    }
 }
 
 /// The name of the stream of chance for faults; those of the world are below it.
@@ -116,9 +138,10 @@ impl Rig {
         let drive = |axis, wiring: AxisWiring| (wiring.unit_id, Drive::new(axis, wiring, &world));
         let units =
             vec![drive(AxisId::Linear, wiring.linear), drive(AxisId::Rotary, wiring.rotary)];
-        let bus = Bus::new(wiring.carrier, TURNAROUND, units);
+        let bus = Bus::new(TURNAROUND, units);
         let faults = Faults::new(Stream::new(seed, FAULT_STREAM));
-        Ok(Self { world, analyzer: Cable::new(analyzer), bus, faults })
+        let analyzer = Socket::new(analyzer);
+        Ok(Self { world, analyzer, bus, carrier: wiring.carrier, faults })
     }
 
     /// The world behind the devices.
@@ -126,35 +149,48 @@ impl Rig {
         &mut self.world
     }
 
-    /// A new client comes to a port: what the last one left there is gone.
-    pub fn connect(&mut self, port: PortId) {
+    /// A new connection to a port, as the rig is wired.
+    pub fn connect(&mut self, port: PortId) -> Connection {
         match port {
-            PortId::Analyzer => self.analyzer.connect(),
-            PortId::Bus => self.bus.connect(),
+            PortId::Analyzer => Connection(End::Analyzer(self.analyzer.plug())),
+            PortId::Bus => Self::connect_bus(self.carrier, Duration::ZERO),
         }
     }
 
-    /// Takes bytes that came to a port at `now`.
+    /// A new connection to the line of the drives by any carrier. `patience` is how long the bytes
+    /// of one frame may be torn apart on their way: an operating system has pauses of its own.
+    pub fn connect_bus(carrier: Carrier, patience: Duration) -> Connection {
+        Connection(End::Bus(BusLine::new(carrier, patience)))
+    }
+
+    /// Takes bytes that came over a connection at `now`.
     ///
     /// # Errors
     /// [`HangUp`] when the port closes the connection.
-    pub fn push(&mut self, now: RigTime, port: PortId, bytes: &[u8]) -> Result<(), HangUp> {
-        let Self { world, analyzer, bus, faults } = self;
-        match port {
-            PortId::Analyzer => analyzer.push(now, bytes, world, faults),
-            PortId::Bus => bus.push(now, bytes, world, faults),
+    pub fn push(
+        &mut self,
+        now: RigTime,
+        connection: &mut Connection,
+        bytes: &[u8],
+    ) -> Result<(), HangUp> {
+        let Self { world, analyzer, bus, faults, .. } = self;
+        let fate = Fate { world, faults };
+        match &mut connection.0 {
+            End::Analyzer(cable) => analyzer.push(now, cable, bytes, fate),
+            End::Bus(line) => bus.push(now, line, bytes, fate),
         }
     }
 
-    /// What a port says by `now`.
+    /// What is said over a connection by `now`.
     ///
     /// # Errors
     /// [`HangUp`] when the port closes the connection.
-    pub fn poll(&mut self, now: RigTime, port: PortId) -> Result<Vec<u8>, HangUp> {
-        let Self { world, analyzer, bus, faults } = self;
-        match port {
-            PortId::Analyzer => analyzer.poll(now, world, faults),
-            PortId::Bus => bus.poll(now, world, faults),
+    pub fn poll(&mut self, now: RigTime, connection: &mut Connection) -> Result<Vec<u8>, HangUp> {
+        let Self { world, analyzer, bus, faults, .. } = self;
+        let fate = Fate { world, faults };
+        match &mut connection.0 {
+            End::Analyzer(cable) => analyzer.poll(now, cable, fate),
+            End::Bus(line) => bus.poll(now, line, fate),
         }
     }
 
@@ -177,14 +213,6 @@ impl Rig {
         self.faults.clear();
         self.world.mend(now);
     }
-
-    /// When something will happen on a port without further bytes.
-    pub fn deadline(&self, port: PortId) -> Option<RigTime> {
-        match port {
-            PortId::Analyzer => self.analyzer.deadline(),
-            PortId::Bus => self.bus.deadline(),
-        }
-    }
 }
 
 #[cfg(test)]
@@ -199,6 +227,8 @@ mod tests {
     /// A rig and one exchange at a time with one of its ports.
     struct Bench {
         rig: Rig,
+        analyzer: Connection,
+        bus: Connection,
         now: RigTime,
     }
 
@@ -213,8 +243,9 @@ mod tests {
             let (linear, rotary) = (axis(1, 0.001), axis(2, 0.01));
             let analyzer = AnalyzerModel::HiokiIm3536;
             let wiring = Wiring { analyzer, linear, rotary, carrier };
-            let rig = Rig::new(paper(), &wiring, 1).unwrap();
-            Self { rig, now: RigTime::ZERO }
+            let mut rig = Rig::new(paper(), &wiring, 1).unwrap();
+            let (analyzer, bus) = (rig.connect(PortId::Analyzer), rig.connect(PortId::Bus));
+            Self { rig, analyzer, bus, now: RigTime::ZERO }
         }
 
         fn serial() -> Self {
@@ -223,12 +254,16 @@ mod tests {
 
         /// What comes back until nothing more will, and when the first of it came.
         fn ask(&mut self, port: PortId, bytes: &[u8]) -> Result<(Vec<u8>, Duration), HangUp> {
-            self.rig.push(self.now, port, bytes)?;
+            let connection = match port {
+                PortId::Analyzer => &mut self.analyzer,
+                PortId::Bus => &mut self.bus,
+            };
+            self.rig.push(self.now, connection, bytes)?;
             let (asked, mut first) = (self.now, None);
-            let mut said = self.rig.poll(self.now, port)?;
-            while let Some(deadline) = self.rig.deadline(port) {
+            let mut said = self.rig.poll(self.now, connection)?;
+            while let Some(deadline) = connection.deadline() {
                 self.now = deadline;
-                said.extend(self.rig.poll(deadline, port)?);
+                said.extend(self.rig.poll(deadline, connection)?);
                 if !said.is_empty() {
                     first.get_or_insert(self.now);
                 }
@@ -362,7 +397,29 @@ mod tests {
         let (said, _) = bench.ask(PortId::Bus, &[0, 9, 0, 0, 0, 6, 1, 3, 0, 0x80, 0, 2]).unwrap();
         assert_eq!(said, [0, 9, 0, 0, 0, 7, 1, 3, 4, 0, 0, 0, 0]);
         assert_eq!(bench.ask(PortId::Bus, b"GET / HTTP/1.1\r\n"), Err(HangUp));
-        bench.rig.connect(PortId::Bus);
+        bench.bus = bench.rig.connect(PortId::Bus);
         assert!(bench.ask(PortId::Bus, &[0, 1, 0, 0, 0, 6, 1, 3, 0, 0x80, 0, 2]).is_ok());
+    }
+
+    #[test]
+    fn clients_do_not_get_each_others_answers_and_an_analyzer_answers_who_spoke_last() {
+        let mut bench = Bench::serial();
+        let mut second = Rig::connect_bus(Carrier::Tcp, Duration::ZERO);
+        bench.rig.push(bench.now, &mut bench.bus, &request()).unwrap();
+        bench.rig.push(bench.now, &mut second, &[0, 1, 0, 0, 0, 6, 1, 3, 0, 0x80, 0, 2]).unwrap();
+        let later = bench.now + Duration::from_secs(1);
+        assert_eq!(bench.rig.poll(later, &mut bench.bus).unwrap().len(), 9);
+        assert_eq!(bench.rig.poll(later, &mut second).unwrap().len(), 13);
+
+        let mut second = bench.rig.connect(PortId::Analyzer);
+        let measure = b":TRIG EXT;:SPEE FAST;:FREQ 100;*TRG;:MEAS?\n";
+        bench.rig.push(later, &mut bench.analyzer, measure).unwrap();
+        assert!(bench.analyzer.deadline().is_some());
+        bench.rig.push(later, &mut second, b"*IDN?\n").unwrap();
+        let done = later + Duration::from_secs(1);
+        assert_eq!(bench.rig.poll(done, &mut bench.analyzer).unwrap(), b"");
+        assert_eq!(bench.analyzer.deadline(), None);
+        let said = String::from_utf8(bench.rig.poll(done, &mut second).unwrap()).unwrap();
+        assert!(said.ends_with("HIOKI,IM3536,190512345,V1.21\r\n"), "{said}");
     }
 }

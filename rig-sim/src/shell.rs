@@ -13,8 +13,7 @@ use tokio::{
 };
 
 use crate::{
-    faults::{DeviceFault, Fault},
-    rig::{PortId, Rig, Wiring},
+    rig::{Connection, PortId, Rig, Wiring},
     world::{NoSuchSample, Scene, SceneError, Truth, Violation},
 };
 
@@ -24,18 +23,24 @@ const PIPE_BYTES: usize = 64 * 1024;
 /// A running simulated rig. It ends when it is dropped.
 #[derive(Debug)]
 pub struct SimRig {
-    shared: Shared,
+    handle: SimHandle,
     ports: JoinSet<()>,
 }
 
-/// The rig and the clock by which it lives.
+/// A handle of a running rig, for whoever serves its ports or plays its fate.
 #[derive(Debug, Clone)]
-struct Shared {
+pub struct SimHandle {
     rig: Arc<Mutex<Rig>>,
     opened: Instant,
 }
 
-impl Shared {
+impl SimHandle {
+    /// Does something to the rig at this moment.
+    pub fn with<T>(&self, act: impl FnOnce(RigTime, &mut Rig) -> T) -> T {
+        let now = self.now();
+        act(now, &mut self.lock())
+    }
+
     fn now(&self) -> RigTime {
         RigTime::ZERO + self.opened.elapsed()
     }
@@ -56,10 +61,10 @@ impl SimRig {
     /// [`SceneError`].
     pub fn start(scene: Scene, wiring: &Wiring, seed: u64) -> Result<Self, SceneError> {
         let rig = Arc::new(Mutex::new(Rig::new(scene, wiring, seed)?));
-        Ok(Self { shared: Shared { rig, opened: Instant::now() }, ports: JoinSet::new() })
+        Ok(Self { handle: SimHandle { rig, opened: Instant::now() }, ports: JoinSet::new() })
     }
 
-    /// A new connection to the analyzer. What an earlier one left there is gone.
+    /// A new connection to the analyzer, which answers the one who spoke last.
     pub fn analyzer_port(&mut self) -> DuplexStream {
         self.port(PortId::Analyzer)
     }
@@ -71,49 +76,37 @@ impl SimRig {
 
     fn port(&mut self, port: PortId) -> DuplexStream {
         let (ours, theirs) = duplex(PIPE_BYTES);
-        self.shared.lock().connect(port);
-        let shared = self.shared.clone();
-        self.ports.spawn(async move { shared.serve(port, ours).await });
+        let connection = self.handle.lock().connect(port);
+        let handle = self.handle.clone();
+        self.ports.spawn(async move { handle.serve(connection, ours).await });
         theirs
+    }
+
+    /// A handle, with which faults are made and further ports are served.
+    pub fn handle(&self) -> SimHandle {
+        self.handle.clone()
     }
 
     /// The hands of the person at the bench.
     pub fn person(&self) -> Person {
-        Person(self.shared.clone())
-    }
-
-    /// Adds a fault that waits for its frame.
-    pub fn add_fault(&self, fault: Fault) {
-        self.shared.lock().add_fault(fault);
-    }
-
-    /// Lets a fault befall a device now: the drive at `unit`, or all devices of the port.
-    pub fn suffer(&self, port: PortId, unit: Option<u8>, fault: DeviceFault) {
-        let now = self.shared.now();
-        self.shared.lock().suffer(now, port, unit, fault);
-    }
-
-    /// Takes all faults back: none waits any more, and what is jammed or stuck is free.
-    pub fn clear_faults(&self) {
-        let now = self.shared.now();
-        self.shared.lock().clear_faults(now);
+        Person(self.handle.clone())
     }
 
     /// How things really are now.
     pub fn truth(&self) -> Truth {
-        let now = self.shared.now();
-        self.shared.lock().world().truth(now)
+        let now = self.handle.now();
+        self.handle.lock().world().truth(now)
     }
 
     /// What must never happen and did.
     pub fn violations(&self) -> Vec<Violation> {
-        let now = self.shared.now();
-        self.shared.lock().world().violations(now).to_vec()
+        let now = self.handle.now();
+        self.handle.lock().world().violations(now).to_vec()
     }
 
     /// The nominal modulus of a sample, MPa, as its maker states it.
     pub fn known_stiffness_mpa(&self, sample: &str) -> Option<f64> {
-        let mut rig = self.shared.lock();
+        let mut rig = self.handle.lock();
         let samples = &rig.world().scene().samples;
         samples.iter().find(|known| known.name == sample).map(|known| known.stiffness_mpa)
     }
@@ -121,7 +114,7 @@ impl SimRig {
 
 /// What a technician does by hand.
 #[derive(Debug, Clone)]
-pub struct Person(Shared);
+pub struct Person(SimHandle);
 
 impl Person {
     /// Puts a sample under the probe.
@@ -146,15 +139,19 @@ impl Person {
     }
 }
 
-impl Shared {
-    /// Carries bytes between a stream and a port until the other side closes.
-    async fn serve(&self, port: PortId, mut io: impl AsyncRead + AsyncWrite + Unpin) {
+impl SimHandle {
+    /// Carries bytes between a stream and a connection until either side closes.
+    pub async fn serve(
+        &self,
+        mut connection: Connection,
+        mut io: impl AsyncRead + AsyncWrite + Unpin,
+    ) {
         let mut buffer = [0; 1024];
         loop {
             let (said, deadline) = {
                 let mut rig = self.lock();
-                let Ok(said) = rig.poll(self.now(), port) else { return };
-                (said, rig.deadline(port))
+                let Ok(said) = rig.poll(self.now(), &mut connection) else { return };
+                (said, connection.deadline())
             };
             if !said.is_empty() && io.write_all(&said).await.is_err() {
                 return;
@@ -171,7 +168,7 @@ impl Shared {
                 read = io.read(&mut buffer) => match read {
                     Ok(0) | Err(_) => return,
                     Ok(n) => {
-                        if self.lock().push(self.now(), port, &buffer[..n]).is_err() {
+                        if self.lock().push(self.now(), &mut connection, &buffer[..n]).is_err() {
                             return;
                         }
                     }

@@ -10,7 +10,7 @@ use super::{
     spoil::{self, Reply},
 };
 use crate::{
-    faults::{DeviceFault, Faults, RequestFault},
+    faults::{DeviceFault, Fate, RequestFault},
     modbus::{Frame, RtuDecoder, TcpDecoder},
     rig::{HangUp, PortId},
     world::World,
@@ -37,9 +37,9 @@ impl Carrier {
         }
     }
 
-    fn decoder(self) -> Decoder {
+    fn decoder(self, patience: Duration) -> Decoder {
         match self {
-            Self::Serial { .. } => Decoder::Rtu(RtuDecoder::new(self.silence())),
+            Self::Serial { .. } => Decoder::Rtu(RtuDecoder::new(self.silence().max(patience))),
             Self::Tcp => Decoder::Tcp(TcpDecoder::default()),
         }
     }
@@ -56,43 +56,27 @@ enum Decoder {
     Tcp(TcpDecoder),
 }
 
-/// A line and the drives on it.
+/// The drives of a line.
 #[derive(Debug)]
 pub(crate) struct Bus {
-    carrier: Carrier,
     /// How long a drive thinks before it answers.
     turnaround: Duration,
     units: Vec<(u8, Drive)>,
+}
+
+/// A client's connection to the line.
+#[derive(Debug)]
+pub(crate) struct BusLine {
+    carrier: Carrier,
     decoder: Decoder,
     outbox: Outbox,
 }
 
-impl Bus {
-    /// A line with drives at these unit ids.
-    pub(crate) fn new(carrier: Carrier, turnaround: Duration, units: Vec<(u8, Drive)>) -> Self {
-        let decoder = carrier.decoder();
-        Self { carrier, turnaround, units, decoder, outbox: Outbox::default() }
-    }
-
-    /// A new client: what the last one left on the line is gone.
-    pub(crate) fn connect(&mut self) {
-        self.decoder = self.carrier.decoder();
-        self.outbox.clear();
-    }
-
-    /// Takes bytes that came at `now`.
-    pub(crate) fn push(
-        &mut self,
-        now: RigTime,
-        bytes: &[u8],
-        world: &mut World,
-        faults: &mut Faults,
-    ) -> Result<(), HangUp> {
-        match &mut self.decoder {
-            Decoder::Rtu(decoder) => decoder.push(now, bytes),
-            Decoder::Tcp(decoder) => decoder.push(bytes),
-        }
-        self.advance(now, world, faults)
+impl BusLine {
+    /// A connection on which nothing was said. `patience` is how long the bytes of one frame may be
+    /// torn apart on their way.
+    pub(crate) fn new(carrier: Carrier, patience: Duration) -> Self {
+        Self { carrier, decoder: carrier.decoder(patience), outbox: Outbox::default() }
     }
 
     /// When something will happen without further bytes.
@@ -103,16 +87,38 @@ impl Bus {
         };
         [silence, self.outbox.deadline()].into_iter().flatten().min()
     }
+}
+
+impl Bus {
+    /// A line with drives at these unit ids.
+    pub(crate) fn new(turnaround: Duration, units: Vec<(u8, Drive)>) -> Self {
+        Self { turnaround, units }
+    }
+
+    /// Takes bytes that came at `now`.
+    pub(crate) fn push(
+        &mut self,
+        now: RigTime,
+        line: &mut BusLine,
+        bytes: &[u8],
+        fate: Fate<'_>,
+    ) -> Result<(), HangUp> {
+        match &mut line.decoder {
+            Decoder::Rtu(decoder) => decoder.push(now, bytes),
+            Decoder::Tcp(decoder) => decoder.push(bytes),
+        }
+        self.advance(now, line, fate)
+    }
 
     /// What has been said by `now`.
     pub(crate) fn poll(
         &mut self,
         now: RigTime,
-        world: &mut World,
-        faults: &mut Faults,
+        line: &mut BusLine,
+        fate: Fate<'_>,
     ) -> Result<Vec<u8>, HangUp> {
-        self.advance(now, world, faults)?;
-        Ok(self.outbox.poll(now))
+        self.advance(now, line, fate)?;
+        Ok(line.outbox.poll(now))
     }
 
     /// Lets a fault befall the drive at `unit`, or all of them, now.
@@ -133,43 +139,43 @@ impl Bus {
     fn advance(
         &mut self,
         now: RigTime,
-        world: &mut World,
-        faults: &mut Faults,
+        line: &mut BusLine,
+        mut fate: Fate<'_>,
     ) -> Result<(), HangUp> {
         loop {
-            let frame = match &mut self.decoder {
+            let frame = match &mut line.decoder {
                 Decoder::Rtu(decoder) => decoder.poll(now),
                 Decoder::Tcp(decoder) => decoder.poll()?,
             };
             let Some(frame) = frame else { return Ok(()) };
-            self.handle(now, &frame, world, faults)?;
+            self.handle(now, line, &frame, &mut fate)?;
         }
     }
 
     fn handle(
         &mut self,
         now: RigTime,
+        line: &mut BusLine,
         frame: &Frame,
-        world: &mut World,
-        faults: &mut Faults,
+        fate: &mut Fate<'_>,
     ) -> Result<(), HangUp> {
-        let is_broadcast = frame.unit == 0 && matches!(self.carrier, Carrier::Serial { .. });
+        let is_broadcast = frame.unit == 0 && matches!(line.carrier, Carrier::Serial { .. });
         for (unit, drive) in &mut self.units {
             if !(is_broadcast || *unit == frame.unit) {
                 continue;
             }
-            let bytes = match ask(now, (*unit, drive), frame, world, faults)? {
+            let bytes = match ask(now, (*unit, drive), frame, fate)? {
                 // Nobody answers a broadcast, not even to refuse it.
                 Some(_) if is_broadcast => continue,
                 Some(bytes) => bytes,
                 None => continue,
             };
-            let on_the_wire = self.carrier.duration_of(frame.bytes().len() + bytes.len());
-            let struck = faults.on_reply(PortId::Bus, Some(*unit));
+            let on_the_wire = line.carrier.duration_of(frame.bytes().len() + bytes.len());
+            let struck = fate.faults.on_reply(PortId::Bus, Some(*unit));
             let due = now + on_the_wire + self.turnaround;
             let reply = Reply { due, request: frame.bytes(), bytes: bytes.clone() };
             let readdress = |unit| Some(frame.readdressed(&bytes, unit));
-            spoil::send(reply, &struck, readdress, faults, &mut self.outbox)?;
+            spoil::send(reply, &struck, readdress, fate.faults, &mut line.outbox)?;
         }
         Ok(())
     }
@@ -180,8 +186,7 @@ fn ask(
     now: RigTime,
     (unit, drive): (u8, &mut Drive),
     frame: &Frame,
-    world: &mut World,
-    faults: &mut Faults,
+    Fate { world, faults }: &mut Fate<'_>,
 ) -> Result<Option<Vec<u8>>, HangUp> {
     for fault in faults.on_device(PortId::Bus, Some(unit)) {
         drive.suffer(now, fault, world);
@@ -204,6 +209,7 @@ mod tests {
     use super::*;
     use crate::{
         device::drive::az::alarm,
+        faults::Faults,
         random::Stream,
         rig::{AxisModel, AxisWiring},
         scene::paper,
@@ -213,6 +219,7 @@ mod tests {
     /// Two drives on one line, 0.001 mm and 0.01° a step, with the master's side of the protocol.
     struct Bench {
         bus: Bus,
+        line: BusLine,
         world: World,
         faults: Faults,
         now: RigTime,
@@ -232,21 +239,30 @@ mod tests {
                 (1, Drive::new(AxisId::Linear, wiring(1, MM), &world)),
                 (2, Drive::new(AxisId::Rotary, wiring(2, 0.01), &world)),
             ];
-            let carrier = Carrier::Serial { baud: 115_200 };
-            let bus = Bus::new(carrier, Duration::from_millis(2), units);
+            let line = BusLine::new(Carrier::Serial { baud: 115_200 }, Duration::ZERO);
+            let bus = Bus::new(Duration::from_millis(2), units);
             let faults = Faults::new(Stream::new(1, 1));
-            Self { bus, world, faults, now: RigTime::ZERO }
+            Self { bus, line, world, faults, now: RigTime::ZERO }
+        }
+
+        fn push(&mut self, bytes: &[u8]) {
+            let fate = Fate { world: &mut self.world, faults: &mut self.faults };
+            self.bus.push(self.now, &mut self.line, bytes, fate).unwrap();
+        }
+
+        fn poll(&mut self) -> Vec<u8> {
+            let fate = Fate { world: &mut self.world, faults: &mut self.faults };
+            self.bus.poll(self.now, &mut self.line, fate).unwrap()
         }
 
         /// Sends a request without its checksum; the answer comes back without unit and checksum.
         fn ask(&mut self, frame: &[u8]) -> Option<Vec<u8>> {
-            let bytes = crate::modbus::with_checksum(frame);
-            self.bus.push(self.now, &bytes, &mut self.world, &mut self.faults).unwrap();
-            let due = self.bus.deadline()?;
-            assert!(self.bus.poll(self.now, &mut self.world, &mut self.faults).unwrap().is_empty());
+            self.push(&crate::modbus::with_checksum(frame));
+            let due = self.line.deadline()?;
+            assert!(self.poll().is_empty());
             self.now = due;
-            let answer = self.bus.poll(due, &mut self.world, &mut self.faults).unwrap();
-            assert_eq!(self.bus.deadline(), None);
+            let answer = self.poll();
+            assert_eq!(self.line.deadline(), None);
             assert_eq!(answer[0], frame[0]);
             Some(answer[1..answer.len() - 2].to_vec())
         }
@@ -319,13 +335,10 @@ mod tests {
     fn foreign_units_and_damaged_frames_are_met_with_silence() {
         let mut bench = Bench::new();
         assert_eq!(bench.ask(&[9, 3, 0, 0xCC, 0, 2]), None);
-        bench
-            .bus
-            .push(bench.now, &[1, 3, 0, 0xCC, 0, 2, 0, 0], &mut bench.world, &mut bench.faults)
-            .unwrap();
-        bench.now = bench.bus.deadline().unwrap();
-        assert!(bench.bus.poll(bench.now, &mut bench.world, &mut bench.faults).unwrap().is_empty());
-        assert_eq!(bench.bus.deadline(), None);
+        bench.push(&[1, 3, 0, 0xCC, 0, 2, 0, 0]);
+        bench.now = bench.line.deadline().unwrap();
+        assert!(bench.poll().is_empty());
+        assert_eq!(bench.line.deadline(), None);
     }
 
     #[test]

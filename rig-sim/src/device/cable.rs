@@ -10,7 +10,7 @@ use super::{
     spoil::{self, Reply},
 };
 use crate::{
-    faults::{DeviceFault, Faults, RequestFault},
+    faults::{DeviceFault, Fate, RequestFault},
     rig::{HangUp, PortId},
     world::{ContactFault, World},
 };
@@ -57,67 +57,90 @@ impl<M: Model<Command: Send + Sync> + Send> Analyzer for Meter<M> {
     }
 }
 
-/// An analyzer and its cable.
+/// An analyzer with a socket for its cables.
+#[derive(Debug)]
+pub(crate) struct Socket {
+    analyzer: Box<dyn Analyzer>,
+    /// Who spoke last, and is answered.
+    talker: u64,
+    /// Counts the cables.
+    cables: u64,
+    /// It is switched on and does not listen yet.
+    boots_until: RigTime,
+}
+
+/// A client's cable.
 #[derive(Debug)]
 pub(crate) struct Cable {
-    analyzer: Box<dyn Analyzer>,
+    number: u64,
     /// The beginning of a message whose end has not come.
     begun: Vec<u8>,
     /// The last message, for an echo.
     last: Vec<u8>,
     outbox: Outbox,
-    /// It is switched on and does not listen yet.
-    boots_until: RigTime,
+    /// When the instrument itself does something next.
+    instrument_at: Option<RigTime>,
 }
 
 impl Cable {
+    /// When something will happen without further bytes.
+    pub(crate) fn deadline(&self) -> Option<RigTime> {
+        [self.instrument_at, self.outbox.deadline()].into_iter().flatten().min()
+    }
+}
+
+impl Socket {
     pub(crate) fn new(analyzer: Box<dyn Analyzer>) -> Self {
-        Self {
-            analyzer,
+        Self { analyzer, talker: 0, cables: 0, boots_until: RigTime::ZERO }
+    }
+
+    /// A new cable, on which nothing was said.
+    pub(crate) fn plug(&mut self) -> Cable {
+        self.cables += 1;
+        Cable {
+            number: self.cables,
             begun: Vec::new(),
             last: Vec::new(),
             outbox: Outbox::default(),
-            boots_until: RigTime::ZERO,
+            instrument_at: None,
         }
     }
 
-    /// A new client: what the last one left on the cable is gone.
-    pub(crate) fn connect(&mut self) {
-        self.begun.clear();
-        self.outbox.clear();
-    }
-
+    /// Takes bytes that came at `now`.
     pub(crate) fn push(
         &mut self,
         now: RigTime,
+        cable: &mut Cable,
         bytes: &[u8],
-        world: &mut World,
-        faults: &mut Faults,
+        mut fate: Fate<'_>,
     ) -> Result<(), HangUp> {
+        if self.talker != cable.number {
+            // What the instrument was about to tell another client is gone.
+            self.talker = cable.number;
+            self.analyzer.advance(now, fate.world);
+            self.analyzer.take_said();
+        }
         for &byte in bytes {
-            if self.begun.len() < MAX_MESSAGE {
-                self.begun.push(byte);
+            if cable.begun.len() < MAX_MESSAGE {
+                cable.begun.push(byte);
             }
             if byte == b'\n' {
-                let message = std::mem::take(&mut self.begun);
-                self.take(now, message, world, faults)?;
+                cable.last = std::mem::take(&mut cable.begun);
+                self.take(now, &cable.last, &mut fate)?;
             }
         }
-        self.say(now, world, faults)
+        self.say(now, cable, &mut fate)
     }
 
+    /// What has been said by `now`.
     pub(crate) fn poll(
         &mut self,
         now: RigTime,
-        world: &mut World,
-        faults: &mut Faults,
+        cable: &mut Cable,
+        mut fate: Fate<'_>,
     ) -> Result<Vec<u8>, HangUp> {
-        self.say(now, world, faults)?;
-        Ok(self.outbox.poll(now))
-    }
-
-    pub(crate) fn deadline(&self) -> Option<RigTime> {
-        [self.analyzer.deadline(), self.outbox.deadline()].into_iter().flatten().min()
+        self.say(now, cable, &mut fate)?;
+        Ok(cable.outbox.poll(now))
     }
 
     /// Lets a fault befall the analyzer now.
@@ -125,7 +148,6 @@ impl Cable {
         match fault {
             DeviceFault::Reboot => {
                 self.analyzer.restart(now, world);
-                self.outbox.clear();
                 self.boots_until = now + BOOT;
             }
             DeviceFault::Overload => self.analyzer.overload(),
@@ -140,18 +162,12 @@ impl Cable {
         }
     }
 
-    fn take(
-        &mut self,
-        now: RigTime,
-        message: Vec<u8>,
-        world: &mut World,
-        faults: &mut Faults,
-    ) -> Result<(), HangUp> {
-        for fault in faults.on_device(PortId::Analyzer, None) {
-            self.suffer(now, fault, world);
+    fn take(&mut self, now: RigTime, message: &[u8], fate: &mut Fate<'_>) -> Result<(), HangUp> {
+        for fault in fate.faults.on_device(PortId::Analyzer, None) {
+            self.suffer(now, fault, fate.world);
         }
         let mut is_lost = now < self.boots_until;
-        for fault in faults.on_request(PortId::Analyzer, None) {
+        for fault in fate.faults.on_request(PortId::Analyzer, None) {
             match fault {
                 RequestFault::Drop => is_lost = true,
                 RequestFault::Disconnect => return Err(HangUp),
@@ -160,22 +176,26 @@ impl Cable {
             }
         }
         if !is_lost {
-            self.analyzer.push(now, &message, world);
+            self.analyzer.push(now, message, fate.world);
         }
-        self.last = message;
         Ok(())
     }
 
-    /// Takes what the analyzer says.
-    fn say(&mut self, now: RigTime, world: &mut World, faults: &mut Faults) -> Result<(), HangUp> {
-        self.analyzer.advance(now, world);
-        for (at, bytes) in self.analyzer.take_said() {
-            let struck = faults.on_reply(PortId::Analyzer, None);
-            // It is one instrument: what it says later never comes earlier.
-            let due = self.outbox.last_due().map_or(at, |last| last.max(at));
-            let reply = Reply { due, request: &self.last, bytes };
-            spoil::send(reply, &struck, |_| None, faults, &mut self.outbox)?;
+    /// Lets the instrument live up to `now`, and takes what it says to the one who spoke last.
+    fn say(&mut self, now: RigTime, cable: &mut Cable, fate: &mut Fate<'_>) -> Result<(), HangUp> {
+        cable.instrument_at = None;
+        if self.talker != cable.number {
+            return Ok(());
         }
+        self.analyzer.advance(now, fate.world);
+        for (at, bytes) in self.analyzer.take_said() {
+            let struck = fate.faults.on_reply(PortId::Analyzer, None);
+            // It is one instrument: what it says later never comes earlier.
+            let due = cable.outbox.last_due().map_or(at, |last| last.max(at));
+            let reply = Reply { due, request: &cable.last, bytes };
+            spoil::send(reply, &struck, |_| None, fate.faults, &mut cable.outbox)?;
+        }
+        cable.instrument_at = self.analyzer.deadline();
         Ok(())
     }
 }

@@ -136,6 +136,8 @@ pub(crate) struct Meter<M: Model> {
     readings: Vec<Reading>,
     /// How long the instrument takes over a command.
     per_command: Duration,
+    /// When it last heard something.
+    heard_at: RigTime,
     /// When it is done with the last command.
     free_at: RigTime,
     /// What it has said, and when.
@@ -153,6 +155,7 @@ impl<M: Model> Meter<M> {
             held: None,
             readings: Vec::new(),
             per_command,
+            heard_at: RigTime::ZERO,
             free_at: RigTime::ZERO,
             said: Vec::new(),
             overloads: 0,
@@ -161,6 +164,7 @@ impl<M: Model> Meter<M> {
 
     /// Takes bytes that came at `now`.
     pub(crate) fn push(&mut self, now: RigTime, bytes: &[u8], world: &mut World) {
+        self.heard_at = now;
         self.instrument.push(bytes);
         self.advance(now, world);
     }
@@ -199,12 +203,13 @@ impl<M: Model> Meter<M> {
             }
             let held = self.held.take();
             let Some(call) = held.or_else(|| self.instrument.poll()) else {
-                self.collect(now.max(self.free_at));
+                self.collect(self.heard_at.max(self.free_at));
                 return;
             };
-            // Within a message the instrument is ahead of the wire by the little time that its
-            // commands take.
-            let at = self.free_at.max(now) + self.per_command;
+            // A command that has waited is obeyed as soon as the instrument is free, however late
+            // that is looked at. Within a message the instrument is ahead of the wire by the little
+            // time that its commands take.
+            let at = self.free_at.max(self.heard_at) + self.per_command;
             if !self.carry_out(at, call, world) {
                 return;
             }

@@ -34,9 +34,4 @@ impl Outbox {
         }
         arrived
     }
-
-    /// Forgets what is on its way.
-    pub(crate) fn clear(&mut self) {
-        self.0.clear();
-    }
 }

@@ -12,24 +12,28 @@ pub struct Violation {
 }
 
 /// What must never happen on a bench.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum ViolationKind {
     /// The rotary stage moved while the probe was in the sample.
+    #[error("the rotary stage moved with the probe {indentation_mm:.3} mm deep")]
     RotatedInContact {
         /// Largest indentation meanwhile, mm.
         indentation_mm: f64,
     },
     /// A sample was put in place or taken away while the probe was in contact.
+    #[error("the sample was changed with the probe {indentation_mm:.3} mm deep")]
     SampleChangedInContact {
         /// Indentation at that moment, mm.
         indentation_mm: f64,
     },
     /// The sensor was turned by hand while the probe was in contact.
+    #[error("the sensor was turned with the probe {indentation_mm:.3} mm deep")]
     SensorTurnedInContact {
         /// Indentation at that moment, mm.
         indentation_mm: f64,
     },
     /// The probe went deeper than the sample bears.
+    #[error("the probe was {indentation_mm:.3} mm deep, beyond the {limit_mm} mm of the sample")]
     PressedTooDeep {
         /// Indentation, mm.
         indentation_mm: f64,

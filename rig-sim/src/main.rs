@@ -1,0 +1,249 @@
+//! The `rig-sim` program: a simulated rig that any client can talk to.
+
+use std::{
+    io::Write,
+    net::SocketAddr,
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use rig_sim::{
+    AnalyzerModel, AxisModel, AxisWiring, Carrier, SimRig, Wiring, scene,
+    serve::{Role, Server},
+    world::Scene,
+};
+use tokio::signal::unix::{SignalKind, signal};
+
+/// A simulated rig: instruments that answer as the real ones do, and a bench behind them.
+#[derive(Debug, Parser)]
+#[command(version)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Opens the ports of a simulated rig and serves them in real time until it is stopped.
+    ///
+    /// Each port is announced in a line of its own: what it is and where. A device without any port
+    /// asked for gets a pseudo-terminal.
+    Serve(Serve),
+}
+
+#[derive(Debug, Args)]
+struct Serve {
+    /// The scene file, such as config/scenes/paper.toml.
+    scene: PathBuf,
+    /// Decides all that is left to chance, instead of the seed of the scene.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// A sample that is in place from the beginning.
+    #[arg(long, value_name = "NAME")]
+    sample: Option<String>,
+
+    /// The make of the analyzer.
+    #[arg(long, value_enum, default_value_t = AnalyzerMake::HiokiIm3536)]
+    analyzer: AnalyzerMake,
+    /// Opens the analyzer's port as a pseudo-terminal, and LINK pointing to it.
+    #[arg(long, value_name = "LINK")]
+    analyzer_pty: Option<PathBuf>,
+    /// Opens the analyzer's port on TCP.
+    #[arg(long, value_name = "ADDRESS")]
+    analyzer_tcp: Option<SocketAddr>,
+
+    /// The make of the drive of the linear stage.
+    #[arg(long, value_enum, default_value_t = AxisMake::OrientalAz)]
+    linear: AxisMake,
+    /// Millimetres a step of that drive.
+    #[arg(long, default_value_t = 0.001)]
+    mm_per_step: f64,
+    /// The unit id of that drive.
+    #[arg(long, default_value_t = 1)]
+    linear_unit: u8,
+    /// The make of the drive of the rotary stage.
+    #[arg(long, value_enum, default_value_t = AxisMake::OrientalAz)]
+    rotary: AxisMake,
+    /// Degrees a step of that drive.
+    #[arg(long, default_value_t = 0.01)]
+    deg_per_step: f64,
+    /// The unit id of that drive.
+    #[arg(long, default_value_t = 2)]
+    rotary_unit: u8,
+    /// How fast the serial line of the drives is.
+    #[arg(long, default_value_t = 115_200)]
+    baud: u32,
+    /// Opens the line of the drives as a pseudo-terminal (Modbus RTU), and LINK pointing to it.
+    #[arg(long, value_name = "LINK")]
+    bus_pty: Option<PathBuf>,
+    /// Opens the line of the drives on TCP with Modbus TCP frames.
+    #[arg(long, value_name = "ADDRESS")]
+    bus_tcp: Option<SocketAddr>,
+    /// Opens the line of the drives on TCP with Modbus RTU frames, as a serial server passes them.
+    #[arg(long, value_name = "ADDRESS")]
+    bus_rtu_tcp: Option<SocketAddr>,
+
+    /// Opens the control connection: lines of text, of which the first to say is `help`.
+    #[arg(long, value_name = "ADDRESS")]
+    control: Option<SocketAddr>,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum AnalyzerMake {
+    HiokiIm3536,
+    KeysightE4980a,
+    KeysightE4990a,
+}
+
+impl From<AnalyzerMake> for AnalyzerModel {
+    fn from(make: AnalyzerMake) -> Self {
+        match make {
+            AnalyzerMake::HiokiIm3536 => Self::HiokiIm3536,
+            AnalyzerMake::KeysightE4980a => Self::KeysightE4980a,
+            AnalyzerMake::KeysightE4990a => Self::KeysightE4990a,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum AxisMake {
+    OrientalAz,
+    IaiRc,
+    LeadshinePr,
+}
+
+impl From<AxisMake> for AxisModel {
+    fn from(make: AxisMake) -> Self {
+        match make {
+            AxisMake::OrientalAz => Self::OrientalAz,
+            AxisMake::IaiRc => Self::IaiRc,
+            AxisMake::LeadshinePr => Self::LeadshinePr,
+        }
+    }
+}
+
+/// The scene file is wrong, or the command line.
+const EXIT_INPUT: u8 = 2;
+/// A port cannot be opened.
+const EXIT_PORT: u8 = 1;
+
+fn main() -> ExitCode {
+    let Command::Serve(args) = Cli::parse().command;
+    tracing_subscriber::fmt()
+        .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
+        .with_writer(std::io::stderr)
+        .init();
+    let scene = match load(&args.scene) {
+        Ok(scene) => scene,
+        Err(message) => return fail(&message, EXIT_INPUT),
+    };
+    let runtime = match tokio::runtime::Builder::new_current_thread().enable_all().build() {
+        Ok(runtime) => runtime,
+        Err(error) => return fail(&error.to_string(), EXIT_PORT),
+    };
+    match runtime.block_on(serve(&args, scene)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Failure { message, code }) => fail(&message, code),
+    }
+}
+
+fn fail(message: &str, code: u8) -> ExitCode {
+    // Nothing can be done when nobody hears it.
+    _ = writeln!(std::io::stderr(), "{message}");
+    ExitCode::from(code)
+}
+
+/// What ends the program early.
+struct Failure {
+    message: String,
+    code: u8,
+}
+
+impl Failure {
+    fn port(error: impl std::fmt::Display) -> Self {
+        Self { message: error.to_string(), code: EXIT_PORT }
+    }
+
+    fn input(error: impl std::fmt::Display) -> Self {
+        Self { message: error.to_string(), code: EXIT_INPUT }
+    }
+}
+
+fn load(path: &Path) -> Result<Scene, String> {
+    let name = path.display().to_string();
+    let text = std::fs::read_to_string(path).map_err(|error| format!("{name}: {error}"))?;
+    scene::read(&name, &text).map_err(|faults| faults.to_string())
+}
+
+async fn serve(args: &Serve, scene: Scene) -> Result<(), Failure> {
+    // Before the ports are announced, so that no signal is missed.
+    let mut terminate = signal(SignalKind::terminate()).map_err(Failure::port)?;
+    let seed = args.seed.unwrap_or(scene.seed);
+    let rig = SimRig::start(scene, &wiring(args), seed).map_err(Failure::input)?;
+    if let Some(name) = &args.sample {
+        rig.person().place_sample(name).map_err(Failure::input)?;
+    }
+    let _server = open_ports(args, &rig).await?;
+    tokio::select! {
+        interrupted = tokio::signal::ctrl_c() => interrupted.map_err(Failure::port),
+        _ = terminate.recv() => Ok(()),
+    }
+}
+
+fn wiring(args: &Serve) -> Wiring {
+    let axis = |model: AxisMake, unit_id, units_per_step| AxisWiring {
+        model: model.into(),
+        unit_id,
+        units_per_step,
+        zero: 0.0,
+    };
+    Wiring {
+        analyzer: args.analyzer.into(),
+        linear: axis(args.linear, args.linear_unit, args.mm_per_step),
+        rotary: axis(args.rotary, args.rotary_unit, args.deg_per_step),
+        carrier: Carrier::Serial { baud: args.baud },
+    }
+}
+
+/// Opens what was asked for and says where it is, one line a port.
+async fn open_ports(args: &Serve, rig: &SimRig) -> Result<Server, Failure> {
+    let mut server = Server::new(rig.handle());
+    let serial = Carrier::Serial { baud: args.baud };
+    let bus = Role::Bus(serial);
+    let has_bus_tcp = args.bus_tcp.is_some() || args.bus_rtu_tcp.is_some();
+    let ptys = [
+        ("analyzer", Role::Analyzer, &args.analyzer_pty, args.analyzer_tcp.is_some()),
+        ("bus", bus, &args.bus_pty, has_bus_tcp),
+    ];
+    for (name, role, link, has_tcp) in ptys {
+        if link.is_none() && has_tcp {
+            continue;
+        }
+        let path = server.open_pty(role, link.as_deref()).map_err(Failure::port)?;
+        match link {
+            Some(link) => announce(name, format_args!("{} {}", path.display(), link.display()))?,
+            None => announce(name, format_args!("{}", path.display()))?,
+        }
+    }
+    let listeners = [
+        ("analyzer-tcp", Role::Analyzer, args.analyzer_tcp),
+        ("bus-tcp", Role::Bus(Carrier::Tcp), args.bus_tcp),
+        ("bus-rtu-tcp", bus, args.bus_rtu_tcp),
+    ];
+    for (name, role, address) in listeners {
+        let Some(address) = address else { continue };
+        let address = server.listen(role, address).await.map_err(Failure::port)?;
+        announce(name, format_args!("{address}"))?;
+    }
+    if let Some(address) = args.control {
+        let address = server.listen_control(address).await.map_err(Failure::port)?;
+        announce("control", format_args!("{address}"))?;
+    }
+    Ok(server)
+}
+
+fn announce(name: &str, place: std::fmt::Arguments<'_>) -> Result<(), Failure> {
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "{name} {place}").and_then(|()| out.flush()).map_err(Failure::port)
+}

@@ -1,0 +1,252 @@
+//! Serves the ports of a rig to programs of any maker, in real time: pseudo-terminals, TCP, and a
+//! control connection beside them.
+//!
+//! Clients come and go, and several may be there at once: one that vanished without a word does not
+//! keep others out.
+
+mod pty;
+
+use std::{
+    io,
+    net::SocketAddr,
+    path::{Path, PathBuf},
+    time::Duration,
+};
+
+use tokio::{
+    io::{AsyncBufReadExt, AsyncWriteExt, BufReader},
+    net::{TcpListener, TcpStream},
+    task::JoinSet,
+};
+
+use self::pty::Pty;
+use crate::{Carrier, Connection, PortId, Rig, SimHandle, control};
+
+/// How long an operating system may tear the bytes of one frame apart.
+const PATIENCE: Duration = Duration::from_millis(20);
+
+/// Why a port cannot be served.
+#[derive(Debug, thiserror::Error)]
+pub enum ServeError {
+    /// A pseudo-terminal cannot be opened.
+    #[error("pseudo-terminal: {0}")]
+    Pty(#[source] io::Error),
+    /// A link to a pseudo-terminal cannot be made.
+    #[error("link {}: {source}", link.display())]
+    Link {
+        /// The link.
+        link: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// An address cannot be listened on.
+    #[error("{address}: {source}")]
+    Listen {
+        /// The address.
+        address: SocketAddr,
+        /// What the system says.
+        source: io::Error,
+    },
+}
+
+/// A port of the rig and how its frames are carried.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// The analyzer: messages of text.
+    Analyzer,
+    /// The line of the drives.
+    Bus(Carrier),
+}
+
+/// The ports that are served. They close when it is dropped.
+#[derive(Debug)]
+pub struct Server {
+    handle: SimHandle,
+    tasks: JoinSet<()>,
+}
+
+impl Server {
+    /// Serves no port yet.
+    pub fn new(handle: SimHandle) -> Self {
+        Self { handle, tasks: JoinSet::new() }
+    }
+
+    /// Serves a port on a new pseudo-terminal, to which `link` points where one is asked for.
+    /// Returns the path of the terminal. When the device hangs up, that path goes away and the link
+    /// points to a new one, as when an adapter is unplugged and plugged in again.
+    ///
+    /// # Errors
+    /// [`ServeError::Pty`], [`ServeError::Link`].
+    pub fn open_pty(&mut self, role: Role, link: Option<&Path>) -> Result<PathBuf, ServeError> {
+        let (pty, link) = plug_in(link)?;
+        let path = pty.path().to_owned();
+        let handle = self.handle.clone();
+        self.tasks.spawn(async move { serve_ptys(&handle, role, pty, link).await });
+        Ok(path)
+    }
+
+    /// Serves a port on TCP. Returns the address, with the port that was chosen where it was 0.
+    ///
+    /// # Errors
+    /// [`ServeError::Listen`].
+    pub async fn listen(
+        &mut self,
+        role: Role,
+        address: SocketAddr,
+    ) -> Result<SocketAddr, ServeError> {
+        let (listener, address) = bind(address).await?;
+        let handle = self.handle.clone();
+        self.tasks.spawn(async move { serve_tcp(&handle, role, listener).await });
+        Ok(address)
+    }
+
+    /// Serves the control connection on TCP.
+    ///
+    /// # Errors
+    /// [`ServeError::Listen`].
+    pub async fn listen_control(&mut self, address: SocketAddr) -> Result<SocketAddr, ServeError> {
+        let (listener, address) = bind(address).await?;
+        let handle = self.handle.clone();
+        self.tasks.spawn(async move {
+            let mut clients = JoinSet::new();
+            while let Some((stream, peer)) = accept(&listener).await {
+                tracing::info!(%peer, "control");
+                let handle = handle.clone();
+                clients.spawn(async move { serve_control(&handle, stream).await });
+                while clients.try_join_next().is_some() {}
+            }
+        });
+        Ok(address)
+    }
+}
+
+/// A symbolic link that is removed when it is dropped.
+#[derive(Debug)]
+struct Link(PathBuf);
+
+impl Link {
+    fn make(target: &Path, link: &Path) -> Result<Self, ServeError> {
+        let fail = |source| ServeError::Link { link: link.to_owned(), source };
+        // A link that an earlier run left behind is replaced; anything else is not.
+        if link.symlink_metadata().is_ok_and(|metadata| metadata.is_symlink()) {
+            std::fs::remove_file(link).map_err(fail)?;
+        }
+        std::os::unix::fs::symlink(target, link).map_err(fail)?;
+        Ok(Self(link.to_owned()))
+    }
+}
+
+impl Drop for Link {
+    fn drop(&mut self) {
+        // It may be gone already, and nobody is left to be told.
+        _ = std::fs::remove_file(&self.0);
+    }
+}
+
+fn connect(handle: &SimHandle, role: Role) -> Connection {
+    match role {
+        Role::Analyzer => handle.with(|_, rig| rig.connect(PortId::Analyzer)),
+        Role::Bus(carrier) => Rig::connect_bus(carrier, PATIENCE),
+    }
+}
+
+/// A new pseudo-terminal with the link that points to it.
+fn plug_in(link: Option<&Path>) -> Result<(Pty, Option<Link>), ServeError> {
+    let pty = Pty::open().map_err(ServeError::Pty)?;
+    let link = link.map(|link| Link::make(pty.path(), link)).transpose()?;
+    Ok((pty, link))
+}
+
+/// Serves one terminal after the other: a new one each time that the device hangs up.
+async fn serve_ptys(handle: &SimHandle, role: Role, mut pty: Pty, mut link: Option<Link>) {
+    loop {
+        let served = serve_pty(handle, role, &mut pty).await;
+        if let Err(error) = served {
+            tracing::error!(path = %pty.path().display(), %error, "clients cannot be watched");
+            return;
+        }
+        let place = link.take().map(|link| link.0.clone());
+        let gone = pty.path().to_owned();
+        drop(pty);
+        (pty, link) = match plug_in(place.as_deref()) {
+            Ok(plugged) => plugged,
+            Err(error) => {
+                tracing::error!(%error, "the terminal did not come back");
+                return;
+            }
+        };
+        tracing::info!(gone = %gone.display(), path = %pty.path().display(), "plugged in again");
+    }
+}
+
+/// Serves a terminal until the device hangs up. What happens to clients is none of its business:
+/// like a device on a cable it sees bytes only.
+async fn serve_pty(handle: &SimHandle, role: Role, pty: &mut Pty) -> io::Result<()> {
+    let (terminal, line, clients) = pty.parts();
+    let mut serving = std::pin::pin!(handle.serve(connect(handle, role), terminal));
+    loop {
+        tokio::select! {
+            biased;
+            () = &mut serving => return Ok(()),
+            gone = clients.gone() => {
+                gone?;
+                line.refresh().await?;
+            }
+        }
+    }
+}
+
+async fn serve_tcp(handle: &SimHandle, role: Role, listener: TcpListener) {
+    let mut clients = JoinSet::new();
+    while let Some((stream, peer)) = accept(&listener).await {
+        tracing::info!(%peer, ?role, "client");
+        let (handle, connection) = (handle.clone(), connect(handle, role));
+        clients.spawn(async move { handle.serve(connection, stream).await });
+        while clients.try_join_next().is_some() {}
+    }
+}
+
+async fn serve_control(handle: &SimHandle, stream: TcpStream) {
+    let mut stream = BufReader::new(stream);
+    let mut line = String::new();
+    loop {
+        line.clear();
+        match stream.read_line(&mut line).await {
+            Ok(0) | Err(_) => return,
+            Ok(_) => {}
+        }
+        let answer = match handle.with(|now, rig| control::execute(now, rig, &line)) {
+            Ok(answer) => answer,
+            Err(error) => format!("error: {error}"),
+        };
+        if stream.write_all(format!("{answer}\n").as_bytes()).await.is_err() {
+            return;
+        }
+    }
+}
+
+async fn bind(address: SocketAddr) -> Result<(TcpListener, SocketAddr), ServeError> {
+    let fail = |source| ServeError::Listen { address, source };
+    let listener = TcpListener::bind(address).await.map_err(fail)?;
+    let address = listener.local_addr().map_err(fail)?;
+    Ok((listener, address))
+}
+
+/// The next client; `None` when there will be none any more.
+async fn accept(listener: &TcpListener) -> Option<(TcpStream, SocketAddr)> {
+    loop {
+        match listener.accept().await {
+            Ok((stream, peer)) => {
+                // Answers are small and waited for; to collect them would only delay them.
+                if stream.set_nodelay(true).is_ok() {
+                    return Some((stream, peer));
+                }
+            }
+            // A client that went away while it waited, or too many open files for a moment.
+            Err(error) => {
+                tracing::warn!(%error, "a client could not be accepted");
+                tokio::time::sleep(Duration::from_millis(100)).await;
+            }
+        }
+    }
+}

@@ -1,0 +1,208 @@
+//! The ports of a served rig, as programs of any maker see them: through the operating system.
+
+#![cfg(unix)]
+#![expect(clippy::unwrap_used, reason = "a test may fail, also in what its tests share")]
+
+use std::{
+    fs::{File, OpenOptions},
+    io::{Read, Write},
+    path::Path,
+    time::Duration,
+};
+
+use rig_sim::{
+    AnalyzerModel, AxisModel, AxisWiring, Carrier, PortId, SimRig, Wiring,
+    faults::{Fault, FaultKind, ReplyFault, When},
+    scene,
+    serve::{Role, Server},
+};
+use rustix::termios::{LocalModes, OptionalActions, ioctl_tiocexcl, tcgetattr, tcsetattr};
+use tokio::{
+    io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader},
+    net::TcpStream,
+    task::spawn_blocking,
+    time::timeout,
+};
+
+const SERIAL: Carrier = Carrier::Serial { baud: 115_200 };
+
+/// Longer than anything here takes, on a machine that is busy with other things.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+fn start() -> (SimRig, Server) {
+    let axis = |unit_id, units_per_step| AxisWiring {
+        model: AxisModel::OrientalAz,
+        unit_id,
+        units_per_step,
+        zero: 0.0,
+    };
+    let wiring = Wiring {
+        analyzer: AnalyzerModel::HiokiIm3536,
+        linear: axis(1, 0.001),
+        rotary: axis(2, 0.01),
+        carrier: SERIAL,
+    };
+    let rig = SimRig::start(scene::paper(), &wiring, 1).unwrap();
+    let server = Server::new(rig.handle());
+    (rig, server)
+}
+
+fn open(path: &Path) -> File {
+    OpenOptions::new().read(true).write(true).open(path).unwrap()
+}
+
+/// Does something that blocks, but not for ever.
+async fn client<T: Send + 'static>(act: impl FnOnce() -> T + Send + 'static) -> T {
+    timeout(PATIENCE, spawn_blocking(act)).await.expect("the port answers").unwrap()
+}
+
+fn line(port: &mut File, request: &str) -> String {
+    port.write_all(request.as_bytes()).unwrap();
+    let mut said = Vec::new();
+    while !said.ends_with(b"\n") {
+        let mut byte = [0];
+        port.read_exact(&mut byte).unwrap();
+        said.push(byte[0]);
+    }
+    String::from_utf8(said).unwrap()
+}
+
+const IDENTITY: &str = "HIOKI,IM3536,190512345,V1.21\r\n";
+
+/// Reads the present alarm of unit 1, with its checksum.
+const ASK: [u8; 8] = [0x01, 0x03, 0x00, 0x80, 0x00, 0x02, 0xC5, 0xE3];
+const ANSWER: [u8; 9] = [0x01, 0x03, 0x04, 0x00, 0x00, 0x00, 0x00, 0xFA, 0x33];
+
+#[tokio::test]
+async fn clients_of_a_terminal_come_and_go_whatever_they_do_to_it() {
+    let (_rig, mut server) = start();
+    let path = server.open_pty(Role::Analyzer, None).unwrap();
+    for round in 0..3 {
+        let name = path.clone();
+        client(move || {
+            let mut port = open(&name);
+            // The instrument may still wait for the end of what the last one said.
+            assert_eq!(line(&mut port, "\r\n*IDN?\r\n"), IDENTITY, "round {round}");
+            // It keeps the port for itself, makes it echo, and goes away in the middle of a word.
+            ioctl_tiocexcl(&port).unwrap();
+            let mut settings = tcgetattr(&port).unwrap();
+            settings.local_modes |= LocalModes::ECHO;
+            tcsetattr(&port, OptionalActions::Now, &settings).unwrap();
+            port.write_all(b":FREQ 2").unwrap();
+        })
+        .await;
+        let name = path.clone();
+        // It is ready again when it no longer echoes. Looking too often would hide that nobody is
+        // there.
+        client(move || {
+            while tcgetattr(open(&name)).unwrap().local_modes.contains(LocalModes::ECHO) {
+                std::thread::sleep(Duration::from_millis(50));
+            }
+        })
+        .await;
+    }
+}
+
+#[tokio::test]
+async fn a_frame_may_arrive_in_pieces_and_a_link_lives_as_long_as_its_port() {
+    let (_rig, mut server) = start();
+    let link = std::env::temp_dir().join(format!("rig-sim-test-{}", std::process::id()));
+    server.open_pty(Role::Bus(SERIAL), Some(&link)).unwrap();
+    let path = link.clone();
+    let said = client(move || {
+        let mut port = open(&path);
+        for byte in ASK {
+            port.write_all(&[byte]).unwrap();
+        }
+        let mut said = [0; ANSWER.len()];
+        port.read_exact(&mut said).unwrap();
+        said
+    })
+    .await;
+    assert_eq!(said, ANSWER);
+    drop(server);
+    let gone = async {
+        while link.symlink_metadata().is_ok() {
+            tokio::task::yield_now().await;
+        }
+    };
+    timeout(PATIENCE, gone).await.expect("the link is removed");
+}
+
+#[tokio::test]
+async fn a_link_never_replaces_a_file_of_somebody_else() {
+    let (_rig, mut server) = start();
+    let file = std::env::temp_dir().join(format!("rig-sim-file-{}", std::process::id()));
+    std::fs::write(&file, "mine").unwrap();
+    assert!(server.open_pty(Role::Analyzer, Some(&file)).is_err());
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), "mine");
+    std::fs::remove_file(&file).unwrap();
+}
+
+#[tokio::test]
+async fn tcp_carries_both_framings_to_several_clients_and_control_stands_beside_them() {
+    let (_rig, mut server) = start();
+    let any = "127.0.0.1:0".parse().unwrap();
+    let modbus = server.listen(Role::Bus(Carrier::Tcp), any).await.unwrap();
+    let raw = server.listen(Role::Bus(SERIAL), any).await.unwrap();
+    let control = server.listen_control(any).await.unwrap();
+
+    let talk = async {
+        let mut control = BufReader::new(TcpStream::connect(control).await.unwrap());
+        let mut answer = String::new();
+        for (said, expected) in
+            [("place 3", "ok\n"), ("dance", "error: \"dance\" is no command; say help\n")]
+        {
+            control.write_all(format!("{said}\n").as_bytes()).await.unwrap();
+            answer.clear();
+            control.read_line(&mut answer).await.unwrap();
+            assert_eq!(answer, expected);
+        }
+        let mut first = TcpStream::connect(modbus).await.unwrap();
+        let mut second = TcpStream::connect(raw).await.unwrap();
+        for transaction in 0..3 {
+            first.write_all(&[0, transaction, 0, 0, 0, 6, 1, 3, 0, 0x80, 0, 2]).await.unwrap();
+            second.write_all(&ASK).await.unwrap();
+            let (mut said, mut raw) = ([0; 13], [0; ANSWER.len()]);
+            first.read_exact(&mut said).await.unwrap();
+            second.read_exact(&mut raw).await.unwrap();
+            assert_eq!(said, [0, transaction, 0, 0, 0, 7, 1, 3, 4, 0, 0, 0, 0]);
+            assert_eq!(raw, ANSWER);
+        }
+        // What is no Modbus is hung up on, and nobody else notices.
+        first.write_all(b"GET / HTTP/1.1\r\n\r\n").await.unwrap();
+        assert_eq!(first.read(&mut [0; 16]).await.unwrap_or(0), 0);
+        second.write_all(&ASK).await.unwrap();
+        let mut raw = [0; ANSWER.len()];
+        second.read_exact(&mut raw).await.unwrap();
+        assert_eq!(raw, ANSWER);
+    };
+    timeout(PATIENCE, talk).await.expect("everybody answers");
+}
+
+#[tokio::test]
+async fn a_terminal_that_is_unplugged_comes_back_behind_its_link() {
+    let (rig, mut server) = start();
+    let link = std::env::temp_dir().join(format!("rig-sim-unplug-{}", std::process::id()));
+    let first = server.open_pty(Role::Analyzer, Some(&link)).expect("a terminal is opened");
+    rig.handle().with(|_, rig| {
+        let kind = FaultKind::Reply(ReplyFault::Disconnect);
+        rig.add_fault(Fault { port: PortId::Analyzer, unit: None, kind, when: When::Nth(1) });
+    });
+    client(move || {
+        let mut port = open(&first);
+        port.write_all(b"*IDN?\r\n").unwrap();
+        // Nobody is there any more: the end of the file, or an error, but no answer.
+        assert_eq!(port.read(&mut [0; 64]).unwrap_or(0), 0);
+    })
+    .await;
+    let path = link.clone();
+    let said = client(move || {
+        while !path.exists() {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        line(&mut open(&path), "*IDN?\r\n")
+    })
+    .await;
+    assert_eq!(said, IDENTITY);
+}
