@@ -4,6 +4,7 @@
 //! or to the folder asked for, everything else to standard error.
 
 mod contact_args;
+mod design;
 mod files;
 mod invert;
 mod model;
@@ -26,6 +27,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Models(models::Args),
+    Design(design::Args),
     Model(model::Args),
     Invert(invert::Args),
 }
@@ -33,6 +35,7 @@ enum Command {
 fn main() -> ExitCode {
     let mut out = io::stdout().lock();
     let result = match Cli::parse().command {
+        Command::Design(args) => design::run(&args, &mut out),
         Command::Models(args) => models::run(&args, &mut out),
         Command::Model(args) => model::run(&args, &mut out),
         Command::Invert(args) => invert::run(&args, &mut out),

@@ -7,6 +7,8 @@ use rig_contact::{Contact, ContactLaw, Depth, Direction, Pose, Tissue};
 /// # Source
 /// Sensors 20 (2020) 6607, Table 2.
 pub(crate) const SAMPLES_MPA: [f64; 5] = [0.045, 0.104, 0.235, 0.320, 0.649];
+/// Its contact angles, degrees.
+pub(crate) const ANGLES_DEG: [f64; 4] = [0.0, 15.0, 30.0, 45.0];
 /// Its indentation, mm.
 pub(crate) const INDENTATION_MM: f64 = 0.5;
 

@@ -1,0 +1,136 @@
+//! The designs of a study.
+
+use std::{fmt, str::FromStr};
+
+use crate::paper_bench::Control;
+
+/// Evenly spaced values.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Span {
+    from: f64,
+    to: f64,
+    count: u32,
+}
+
+/// A span is one value, or a beginning, an end and a count.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "a range is VALUE or FROM:TO:COUNT with positive, rising values and a count from 2 to 2000"
+)]
+pub(super) struct SpanError;
+
+impl FromStr for Span {
+    type Err = SpanError;
+
+    fn from_str(text: &str) -> Result<Self, SpanError> {
+        let parts: Vec<&str> = text.split(':').collect();
+        let number = |text: &str| {
+            text.parse::<f64>()
+                .ok()
+                .filter(|value| value.is_finite() && *value > 0.0)
+                .ok_or(SpanError)
+        };
+        match parts[..] {
+            [one] => Ok(Self { from: number(one)?, to: number(one)?, count: 1 }),
+            [from, to, count] => {
+                let span = Self {
+                    from: number(from)?,
+                    to: number(to)?,
+                    count: count.parse().map_err(|_| SpanError)?,
+                };
+                let is_good = span.from < span.to && (2..=2000).contains(&span.count);
+                if is_good { Ok(span) } else { Err(SpanError) }
+            }
+            _ => Err(SpanError),
+        }
+    }
+}
+
+impl fmt::Display for Span {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}:{}", self.from, self.to, self.count)
+    }
+}
+
+impl Span {
+    fn values(self) -> impl Iterator<Item = f64> + Clone {
+        let steps = f64::from(self.count.max(2) - 1);
+        (0..self.count).map(move |i| self.from + (self.to - self.from) * f64::from(i) / steps)
+    }
+}
+
+/// A sensor and how deep it is pressed in; all else is the reference sensor's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Design {
+    pub(super) length_mm: f64,
+    pub(super) radius_mm: f64,
+    pub(super) indentation_mm: f64,
+    pub(super) arm_mm: f64,
+    pub(super) control: Control,
+}
+
+impl fmt::Display for Design {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { length_mm, radius_mm, indentation_mm, arm_mm, .. } = self;
+        write!(f, "length {length_mm:.2} mm, ball {radius_mm:.3} mm, ")?;
+        write!(f, "indentation {indentation_mm:.3} mm, arm {arm_mm:.2} mm")
+    }
+}
+
+/// All designs of a study.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Grid {
+    pub(super) lengths_mm: Span,
+    pub(super) radii_mm: Span,
+    pub(super) indentations_mm: Span,
+    pub(super) arms_mm: Span,
+    pub(super) control: Control,
+}
+
+impl Grid {
+    /// The designs, one block for each length.
+    pub(super) fn blocks(&self) -> Vec<Vec<Design>> {
+        let Self { lengths_mm, radii_mm, indentations_mm, arms_mm, control } = *self;
+        let block = |length_mm: f64| {
+            let mut block = Vec::new();
+            for radius_mm in radii_mm.values() {
+                for indentation_mm in indentations_mm.values() {
+                    for arm_mm in arms_mm.values() {
+                        block.push(Design {
+                            length_mm,
+                            radius_mm,
+                            indentation_mm,
+                            arm_mm,
+                            control,
+                        });
+                    }
+                }
+            }
+            block
+        };
+        lengths_mm.values().map(block).collect()
+    }
+}
+
+impl fmt::Display for Grid {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { lengths_mm, radii_mm, indentations_mm, arms_mm, control } = self;
+        write!(f, "length {lengths_mm} radius {radii_mm} indentation {indentations_mm} ")?;
+        write!(f, "arm {arms_mm} {}", control.name())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_span_is_one_value_or_evenly_spaced_ones() {
+        let values = |text: &str| text.parse::<Span>().unwrap().values().collect::<Vec<_>>();
+        assert_eq!(values("8"), [8.0]);
+        assert_eq!(values("1:2:3"), [1.0, 1.5, 2.0]);
+        for wrong in ["", "0", "2:1:3", "1:2:1", "1:2", "1:2:x", "1:2:3:4", "-1:2:3", "1:inf:3"] {
+            assert!(wrong.parse::<Span>().is_err(), "{wrong}");
+        }
+    }
+}
