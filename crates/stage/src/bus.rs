@@ -88,10 +88,24 @@ pub struct BusHandle {
 /// What the owner of the line can be told.
 #[derive(Debug)]
 enum Order {
-    Request { unit: u8, request: Request, answer: oneshot::Sender<Result<Reply, BusError>> },
-    Broadcast { frame: Vec<u8>, answer: oneshot::Sender<Result<(), BusError>> },
-    Canary { unit: u8, canary: Option<Canary>, answer: oneshot::Sender<()> },
-    Health { answer: oneshot::Sender<Health> },
+    Request {
+        unit: u8,
+        request: Request,
+        is_urgent: bool,
+        answer: oneshot::Sender<Result<Reply, BusError>>,
+    },
+    Broadcast {
+        frame: Vec<u8>,
+        answer: oneshot::Sender<Result<(), BusError>>,
+    },
+    Canary {
+        unit: u8,
+        canary: Option<Canary>,
+        answer: oneshot::Sender<()>,
+    },
+    Health {
+        answer: oneshot::Sender<Health>,
+    },
 }
 
 impl BusHandle {
@@ -130,8 +144,26 @@ impl BusHandle {
     /// [`BusError::Refused`] with the device's reason, [`BusError::Failed`] when no answer could
     /// be used; then it is not known whether the device has heard the request.
     pub async fn request(&self, unit: u8, request: Request) -> Result<Reply, BusError> {
+        self.carry_out(unit, request, false).await
+    }
+
+    /// The same, but on a line that is suspect the request also leaves at once, before silence is
+    /// waited for. For a stop, which may be heard twice and must not wait.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub async fn urge(&self, unit: u8, request: Request) -> Result<Reply, BusError> {
+        self.carry_out(unit, request, true).await
+    }
+
+    async fn carry_out(
+        &self,
+        unit: u8,
+        request: Request,
+        is_urgent: bool,
+    ) -> Result<Reply, BusError> {
         let (answer, answered) = oneshot::channel();
-        self.send(Order::Request { unit, request, answer }).await?;
+        self.send(Order::Request { unit, request, is_urgent, answer }).await?;
         answered.await.map_err(|_| LineFault::Closed)?
     }
 
@@ -193,7 +225,10 @@ async fn own(mut line: Line, mut inbox: mpsc::Receiver<Order>) {
     while let Some(order) = inbox.recv().await {
         // Whoever asked may be gone; the exchange was finished all the same.
         match order {
-            Order::Request { unit, request, answer } => {
+            Order::Request { unit, request, is_urgent, answer } => {
+                if is_urgent {
+                    line.blurt(unit, &request).await;
+                }
                 _ = answer.send(line.request(unit, &request).await);
             }
             Order::Broadcast { frame, answer } => {

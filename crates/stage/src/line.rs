@@ -7,7 +7,7 @@ use std::{
 };
 
 use rig_link::{Flow, LineError, Port};
-use tokio::time::{Instant, sleep, timeout_at};
+use tokio::time::{Instant, sleep, timeout, timeout_at};
 use tokio_modbus::{
     client::{Client, Context, rtu, tcp},
     slave::{Slave, SlaveContext},
@@ -70,8 +70,8 @@ pub(crate) struct Line {
     /// become the answer to the next request.
     context: Option<Context>,
     canaries: BTreeMap<u8, Canary>,
-    /// The devices that have been recognised since the last fault.
-    recognised: BTreeSet<u8>,
+    /// The devices that have not been recognised since the last fault.
+    doubtful: BTreeSet<u8>,
     health: Health,
 }
 
@@ -88,14 +88,13 @@ impl Line {
             silence,
             context,
             canaries: BTreeMap::new(),
-            recognised: BTreeSet::new(),
+            doubtful: BTreeSet::new(),
             health: Health::default(),
         }
     }
 
     /// By what a device is recognised from now on, if by anything.
     pub(crate) fn set_canary(&mut self, unit: u8, canary: Option<Canary>) {
-        self.recognised.remove(&unit);
         match canary {
             Some(canary) => _ = self.canaries.insert(unit, canary),
             None => _ = self.canaries.remove(&unit),
@@ -151,12 +150,22 @@ impl Line {
         }
     }
 
+    /// Sends a request on a line that is suspect, and waits for no answer: whatever comes is
+    /// thrown away before the next request. Does nothing on a line that is in order.
+    pub(crate) async fn blurt(&mut self, unit: u8, request: &Request) {
+        if self.context.is_some() || self.tap.lock().port.is_lost() {
+            return;
+        }
+        self.tap.lock().begin();
+        let mut context = attach(&self.tap, self.settings.framing);
+        context.set_slave(Slave(unit));
+        // The call sends at its first poll, and is dropped when it waits.
+        _ = timeout(Duration::ZERO, context.call(request.to_wire())).await;
+    }
+
     /// Sends to all devices. None of them answers, so that nothing is waited for.
     pub(crate) async fn broadcast(&mut self, frame: &[u8]) -> Result<(), BusError> {
         self.health.requests += 1;
-        if self.context.is_none() {
-            self.put_in_order().await?;
-        }
         let mut tap = self.tap.lock();
         tap.begin();
         tap.port.settle(self.silence).await.map_err(LineFault::from)?;
@@ -183,7 +192,7 @@ impl Line {
         if self.context.is_none() {
             self.put_in_order().await.map_err(Trouble::Fatal)?;
         }
-        if !self.recognised.contains(&unit) {
+        if self.doubtful.contains(&unit) {
             self.recognise(unit).await?;
         }
         self.exchange(unit, request).await
@@ -191,7 +200,7 @@ impl Line {
 
     /// Opens the port again where it was lost, and waits until no late answer can arrive.
     async fn put_in_order(&mut self) -> Result<(), LineFault> {
-        self.recognised.clear();
+        self.doubtful.extend(self.canaries.keys());
         let mut tap = self.tap.lock();
         // A new connection cannot carry answers to the requests of the old one.
         let is_tcp = self.settings.framing == Framing::Tcp && tap.port.can_reopen();
@@ -216,7 +225,7 @@ impl Line {
             // The canary was an exchange, and this is the next one.
             self.tap.lock().port.settle(self.silence).await.map_err(fatal)?;
         }
-        self.recognised.insert(unit);
+        self.doubtful.remove(&unit);
         Ok(())
     }
 

@@ -234,7 +234,10 @@ impl<U: Unit> Stage<U> {
     /// # Errors
     /// [`StageError::WillNotStop`], [`StageError::Bus`].
     pub async fn stop(&mut self) -> Result<Position<U>, StageError<U>> {
-        self.command(self.map.stop).await?;
+        let order = Order::at_rest(&self.scale, &self.axis)?;
+        for &step in self.map.stop {
+            self.take(step, &order, Haste::Urgent).await?;
+        }
         let started = Instant::now();
         let at = loop {
             let look = self.look().await?;
@@ -304,14 +307,20 @@ impl<U: Unit> Stage<U> {
 
     async fn take_all(&self, steps: &[Step], order: &Order) -> Result<(), StageError<U>> {
         for &step in steps {
-            self.take(step, order).await?;
+            self.take(step, order, Haste::None).await?;
         }
         Ok(())
     }
 
-    async fn take(&self, step: Step, order: &Order) -> Result<(), StageError<U>> {
+    async fn take(&self, step: Step, order: &Order, haste: Haste) -> Result<(), StageError<U>> {
         match order.deed(step) {
-            Deed::Ask(request) => self.ask(request).await.map(drop),
+            Deed::Ask(request) => match haste {
+                Haste::None => self.ask(request).await.map(drop),
+                Haste::Urgent => {
+                    let urged = self.bus.urge(self.unit, request).await;
+                    urged.map(drop).map_err(|error| self.bus_error(error))
+                }
+            },
             Deed::Wait(duration) => {
                 sleep(duration).await;
                 Ok(())
@@ -354,6 +363,13 @@ impl<U: Unit> Stage<U> {
     fn bus_error(&self, source: BusError) -> StageError<U> {
         StageError::Bus { axis: self.axis.name(), source }
     }
+}
+
+/// Whether a request may wait for a line to be in order.
+#[derive(Debug, Clone, Copy)]
+enum Haste {
+    None,
+    Urgent,
 }
 
 /// Waits until an instant and returns whether it came before the stop.

@@ -136,6 +136,13 @@ impl Drive {
         self.state.lock().unwrap().is_homed = false;
     }
 
+    /// Moves on for a minute, as after a command that nobody has seen.
+    pub(crate) fn run_away(&self) {
+        let mut state = self.state.lock().unwrap();
+        let from = state.motion.position();
+        state.motion = Motion { to: from + 60_000, seconds: 60.0, ..Motion::standing(from) };
+    }
+
     /// Off and on again: whatever was written is forgotten.
     pub(crate) fn restart(&self) {
         let mut state = self.state.lock().unwrap();

@@ -187,6 +187,38 @@ async fn a_stop_ends_the_move_at_standstill_and_the_next_move_goes() {
     }
 }
 
+/// A drive that hears and does not answer is stopped before anything else is tried.
+#[tokio::test(start_paused = true)]
+async fn a_stop_does_not_wait_for_a_line_to_be_in_order() {
+    for make in MAKES {
+        let drive = Drive::new(make, 1);
+        // Identified and sent off; from the look on, no answer comes back.
+        let healthy = 2
+            + make.map.settings.write.len()
+            + make.map.prepare.len()
+            + make.map.status.len()
+            + make.map.start.len();
+        let deaf = (healthy..healthy + 100).map(|frame| (frame, Fault::ReplyLost));
+        let mut stage = stage_on(make, &drive, deaf);
+        stage.identify().await.unwrap();
+        let error = stage.move_to(target(50.0), 5.0, &StopSignal::new()).await.unwrap_err();
+        assert!(matches!(error, StageError::Bus { .. }), "{}: {error:?}", make.map.name);
+        drive.run_away();
+        assert!(drive.is_moving(), "{}", make.map.name);
+        let drive_seen = drive.clone();
+        let watch = tokio::spawn(async move {
+            let started = Instant::now();
+            while drive_seen.is_moving() {
+                sleep(Duration::from_millis(1)).await;
+            }
+            started.elapsed()
+        });
+        assert!(stage.stop().await.is_err());
+        let stopped_after = watch.await.unwrap();
+        assert!(stopped_after < Duration::from_millis(10), "{stopped_after:?}");
+    }
+}
+
 #[tokio::test(start_paused = true)]
 async fn a_drive_that_does_not_move_as_told_is_found_out() {
     let stop = StopSignal::new();
