@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use rig_link::{Clock, Endpoint, LineError, LineSettings, OpenError, Port};
+use rig_link::{Clock, Endpoint, Holder, LineError, LineSettings, OpenError, Port};
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt},
     net::TcpListener,
@@ -79,4 +79,18 @@ async fn a_socket_is_reopened_where_it_was() {
     let (mut device, _) = listener.accept().await.unwrap();
     device.write_all(b"hello").await.unwrap();
     assert_eq!(receive(&mut port, 5).await.unwrap(), b"hello");
+}
+
+#[tokio::test]
+async fn another_program_on_the_port_is_named() {
+    let (_device, path) = terminal();
+    let file = std::fs::File::open(&path).unwrap();
+    let sleep = std::process::Command::new("sleep").arg("60").stdin(file).spawn();
+    // Without such a program there is nothing to be seen.
+    let Ok(mut sleep) = sleep else { return };
+    let port = Port::open(serial(&path), Clock::start()).await.unwrap();
+    let intruders = port.intruders();
+    sleep.kill().unwrap();
+    sleep.wait().unwrap();
+    assert_eq!(intruders, [Holder { pid: sleep.id(), name: "sleep".to_owned() }]);
 }

@@ -6,7 +6,7 @@ use std::{
     time::Duration,
 };
 
-use rig_link::{Clock, Endpoint, LineSettings, Port, Transport};
+use rig_link::{Clock, Endpoint, LineError, LineSettings, Port, Transport};
 use rig_stage::{
     BusError, BusHandle, BusSettings, Canary, Exception, Framing, Health, LineFault, Refusal,
     Reply, Request, Symptom,
@@ -17,6 +17,7 @@ use tokio::{
     time::{Instant, sleep, timeout},
 };
 use tokio_modbus::client::{Reader, Writer, rtu};
+use tokio_serial::{SerialPort, SerialStream};
 
 use crate::peer::{Action, FAULTS, Fault, echoing, faulty, hex, serve, truth, truthful, with_crc};
 
@@ -397,4 +398,33 @@ async fn modbus_tcp_begins_a_new_connection_after_a_late_answer() {
     let write = Request::WriteRegister { address: 0x7D, value: 0x20 };
     assert_eq!(bus.request(1, write).await.unwrap(), Reply::Written);
     assert!(*connections.lock().unwrap() > 10);
+}
+
+/// In real time, through the serial layer of the operating system.
+#[tokio::test]
+async fn a_terminal_is_a_line_like_any_other() {
+    let (device, host) = SerialStream::pair().unwrap();
+    let path = host.name().unwrap();
+    drop(host);
+    let line = LineSettings::eight_n_one(115_200);
+    let endpoint = Endpoint::Serial { path, line };
+    let port = Port::open(endpoint, Clock::start()).await.unwrap();
+    let faults = [(3, Fault::ReplyCorrupted), (9, Fault::ReplyLost), (12, Fault::Echoed)];
+    let device = tokio::spawn(serve(device, faulty(BTreeMap::from(faults), truthful(1))));
+    let settings = BusSettings { quarantine: ms(30), ..BusSettings::rtu() };
+    let bus = BusHandle::open(port, settings);
+    recognise(&bus).await;
+    for address in 0x80..0x90 {
+        assert_eq!(bus.read(1, address, 2).await.unwrap(), truth(address, 2));
+    }
+    let write = Request::WriteRegisters { address: 0x58, values: vec![1, 2, 3] };
+    assert_eq!(bus.request(1, write).await.unwrap(), Reply::Written);
+    // Unplugged, and nothing is there to be opened again.
+    device.abort();
+    _ = device.await;
+    assert!(matches!(
+        bus.read(1, 0x80, 2).await,
+        Err(BusError::Failed(LineFault::Port(LineError::Lost { .. })))
+    ));
+    assert!(matches!(bus.read(1, 0x80, 2).await, Err(BusError::Failed(LineFault::Reopen { .. }))));
 }

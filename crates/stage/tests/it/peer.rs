@@ -4,7 +4,7 @@
 use std::{collections::BTreeMap, time::Duration};
 
 use tokio::{
-    io::{AsyncReadExt, AsyncWriteExt, DuplexStream},
+    io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt},
     time::sleep,
 };
 
@@ -41,7 +41,7 @@ pub(crate) fn hex(text: &str) -> Vec<u8> {
 
 /// Serves whole requests until the other side closes.
 pub(crate) async fn serve(
-    mut io: DuplexStream,
+    mut io: impl AsyncRead + AsyncWrite + Unpin,
     mut answer: impl FnMut(&[u8]) -> Vec<Action> + Send + 'static,
 ) {
     let mut buffer = Vec::new();
