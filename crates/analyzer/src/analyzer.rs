@@ -195,17 +195,17 @@ impl Analyzer {
         }
     }
 
-    /// An instrument that ignores the rest of a message after an error in it stays silent. It is
-    /// asked whether that was so.
+    /// Says why an answer stayed lost. An instrument that ignores the rest of a message after an
+    /// error in it is silent too, so that it is asked whether that was so.
     async fn explain(&mut self, error: AnalyzerError) -> AnalyzerError {
-        let AnalyzerError::Line { asked, .. } = &error else { return error };
-        if self.wire.put_in_order(QUARANTINE).await.is_err() {
-            return error;
+        let AnalyzerError::Line { asked, source, .. } = error else { return error };
+        if self.wire.put_in_order(QUARANTINE).await.is_ok()
+            && let Ok(status) = self.event_status().await
+            && status.is_error()
+        {
+            return self.refused(asked, status).await;
         }
-        match self.event_status().await {
-            Ok(status) if status.is_error() => self.refused(asked.clone(), status).await,
-            _ => error,
-        }
+        AnalyzerError::Line { asked, intruders: self.wire.port().intruders(), source }
     }
 
     /// Finds a common footing: silence, no old errors, the instrument that is expected.

@@ -6,7 +6,7 @@ use std::{
     sync::Arc,
 };
 
-use rig_link::{LineError, OpenError};
+use rig_link::{Holder, LineError, OpenError};
 use rig_scpi::{ErrorReport, FrameError};
 
 use crate::Identity;
@@ -48,10 +48,12 @@ impl fmt::Display for EventStatus {
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum AnalyzerError {
     /// The line failed: what the instrument heard or did is not known.
-    #[error("analyzer: `{asked}`")]
+    #[error("analyzer: `{asked}`{}", also(intruders))]
     Line {
         /// What was asked.
         asked: Box<str>,
+        /// Programs that have the port open too, where the answer stayed lost.
+        intruders: Vec<Holder>,
         /// What happened.
         #[source]
         source: LineError,
@@ -171,6 +173,14 @@ pub enum AnalyzerError {
         /// Points asked for.
         points: usize,
     },
+}
+
+fn also(intruders: &[Holder]) -> String {
+    let mut text = String::new();
+    for holder in intruders {
+        _ = write!(text, "; {holder} has the port open too");
+    }
+    text
 }
 
 fn in_words(reports: &[ErrorReport]) -> String {

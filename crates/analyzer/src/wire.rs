@@ -151,5 +151,5 @@ impl Wire {
 }
 
 fn line(asked: &Message, source: LineError) -> AnalyzerError {
-    AnalyzerError::Line { asked: asked.to_string().into(), source }
+    AnalyzerError::Line { asked: asked.to_string().into(), intruders: Vec::new(), source }
 }

@@ -28,6 +28,8 @@ struct State {
     refuses_chains: bool,
     /// The status field of the next readings.
     status: u8,
+    /// The most averages it takes.
+    averages_max: f64,
     seen: Vec<String>,
 }
 
@@ -50,6 +52,11 @@ impl Im3536 {
 
     pub(crate) fn become_another(&self, identity: &'static str) {
         self.state.lock().unwrap().identity = identity;
+    }
+
+    /// It takes no averages any more.
+    pub(crate) fn refuse_averages(&self) {
+        self.state.lock().unwrap().averages_max = 1.0;
     }
 
     pub(crate) fn set_status(&self, status: u8) {
@@ -118,6 +125,7 @@ impl State {
             reading: None,
             refuses_chains: false,
             status: 0,
+            averages_max: 256.0,
             seen: Vec::new(),
         }
     }
@@ -143,7 +151,7 @@ impl State {
                 self.frequency_hz = (between(number()?, 4.0, 8e6)? * 100.0).round() / 100.0;
             }
             ":FREQuency?" => return Ok(Some(format!("{:.4E}", self.frequency_hz))),
-            ":AVERaging" => self.averages = between(number()?, 1.0, 256.0)?,
+            ":AVERaging" => self.averages = between(number()?, 1.0, self.averages_max)?,
             ":TRIGger:DELay" => self.delay_s = between(number()?, 0.0, 9.9999)?,
             "*TRG" if self.is_external => {
                 let integration_s = self.averages / self.frequency_hz;

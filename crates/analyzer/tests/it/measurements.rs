@@ -19,7 +19,11 @@ fn analyzer_on(instrument: &Im3536, faults: impl IntoIterator<Item = (usize, Fau
 }
 
 fn points(frequencies_hz: &[f64]) -> Vec<SweepPoint> {
-    let point = |&frequency_hz: &f64| SweepPoint { frequency_hz, settle_s: 0.05, cycles: 20 };
+    points_of(20, frequencies_hz)
+}
+
+fn points_of(cycles: u32, frequencies_hz: &[f64]) -> Vec<SweepPoint> {
+    let point = |&frequency_hz: &f64| SweepPoint { frequency_hz, settle_s: 0.05, cycles };
     frequencies_hz.iter().map(point).collect()
 }
 
@@ -167,6 +171,53 @@ async fn another_instrument_is_recognised() {
         error.to_string(),
         "line 2: expected HIOKI IM3536, IM3533 or IM3570, found RIGOL TECHNOLOGIES DS1054Z, \
          serial number 1, firmware 2"
+    );
+}
+
+#[tokio::test(start_paused = true)]
+async fn what_is_wrong_with_a_line_is_said_in_words() {
+    let all = |fault| (0..100).map(move |n| (n, fault));
+    let rows = [
+        (
+            Fault::AnswerLost,
+            "analyzer: `:HEADer OFF;*CLS;*IDN?`: line 2: no complete answer within 1048 ms, 0 \
+             bytes arrived",
+        ),
+        (
+            Fault::AnswerGarbled,
+            "line 2: asked `:HEADer OFF;*CLS;*IDN?`; do speed and parity match?: byte 0xC3 at \
+             offset 0 of an answer is not ASCII",
+        ),
+        (
+            Fault::AnswerTwice,
+            "line 2: asked `*ESR?`, expected silence before the question, found `more answers`",
+        ),
+    ];
+    for (fault, expected) in rows {
+        let instrument = Im3536::new();
+        let mut analyzer = analyzer_on(&instrument, all(fault));
+        let error = analyzer.identify().await.unwrap_err();
+        let mut text = error.to_string();
+        let mut cause = std::error::Error::source(&error);
+        while let Some(source) = cause {
+            text = format!("{text}: {source}");
+            cause = source.source();
+        }
+        assert_eq!(text, expected);
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_refusal_is_told_from_a_lost_answer_although_both_are_silent() {
+    let instrument = Im3536::new();
+    let mut analyzer = analyzer_on(&instrument, []);
+    sweep(&mut analyzer, &[200.0]).await.unwrap();
+    instrument.refuse_averages();
+    let error = analyzer.measure(&points_of(30, &[201.0]), &StopSignal::new()).await.unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "line 2: the analyzer refused `:FREQuency 201;:AVERaging 30;:TRIGger:DELay 0.05;*TRG;\
+         :MEASure?;:FREQuency?;*ESR?`: execution error (event status 16)"
     );
 }
 
