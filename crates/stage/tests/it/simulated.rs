@@ -70,6 +70,11 @@ async fn bench(model: AxisModel, map: &'static RegisterMap, per_count: f64) -> B
     Bench { rig, linear, rotary }
 }
 
+/// Something befalls the drive of the linear stage.
+fn suffer(rig: &SimRig, fault: DeviceFault) {
+    rig.handle().with(|now, rig| rig.suffer(now, PortId::Bus, Some(1), fault));
+}
+
 async fn move_to<U: Unit>(stage: &mut Stage<U>, wanted: f64) -> Result<f64, StageError<U>> {
     let target = stage.axis().target(Position::new(wanted)).unwrap();
     stage.move_to(target, 10.0, &StopSignal::new()).await.map(Position::value)
@@ -117,7 +122,7 @@ async fn what_befalls_a_drive_is_told() {
         // An alarm, at once and for the next move, until it is reset.
         let Bench { rig, mut linear, .. } = bench(model, map, per_count).await;
         move_to(&mut linear, 40.0).await.unwrap();
-        rig.suffer(PortId::Bus, Some(1), DeviceFault::Alarm(0x20));
+        suffer(&rig, DeviceFault::Alarm(0x20));
         let error = move_to(&mut linear, 30.0).await.unwrap_err();
         let StageError::Alarmed { alarm, .. } = error else { panic!("{}: {error:?}", map.name) };
         assert_eq!(alarm.code, 0x20);
@@ -125,7 +130,7 @@ async fn what_befalls_a_drive_is_told() {
         move_to(&mut linear, 30.0).await.unwrap();
 
         // A motor that does not move.
-        rig.suffer(PortId::Bus, Some(1), DeviceFault::Jam);
+        suffer(&rig, DeviceFault::Jam);
         let error = move_to(&mut linear, 35.0).await.unwrap_err();
         let is_told = matches!(
             error,
@@ -144,7 +149,7 @@ async fn a_drive_that_restarts_has_to_be_identified_again() {
     for (model, map, per_count) in MAKES {
         let Bench { rig, mut linear, .. } = bench(model, map, per_count).await;
         move_to(&mut linear, 40.0).await.unwrap();
-        rig.suffer(PortId::Bus, Some(1), DeviceFault::Reboot);
+        suffer(&rig, DeviceFault::Reboot);
         // It is silent at first, so that it has to be recognised when it answers again.
         let error = move_to(&mut linear, 30.0).await.unwrap_err();
         let is_told = matches!(
