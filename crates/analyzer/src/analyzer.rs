@@ -248,8 +248,8 @@ impl Analyzer {
         let twice = Message::new().query("*ESR").query("*ESR");
         match self.wire.ask(&twice, Expect::Data, ANSWER_WITHIN).await {
             Ok(answered) if answered.response.bytes() == b"0;0" => return Ok(true),
-            Ok(_) => {}
-            Err(error) if is_passing(&error) => {}
+            // One answer or none is what comes where it is not allowed.
+            Ok(_) | Err(AnalyzerError::Line { source: LineError::TimedOut { .. }, .. }) => {}
             Err(error) => return Err(error),
         }
         // Where it is not allowed, it was an error. It is read, and forgotten with that.
@@ -423,6 +423,7 @@ const fn is_passing(error: &AnalyzerError) -> bool {
     match error {
         AnalyzerError::Line { source, .. } => matches!(source, LineError::TimedOut { .. }),
         AnalyzerError::Answer { .. }
+        | AnalyzerError::Strays { .. }
         | AnalyzerError::Frame { .. }
         | AnalyzerError::Restarted { .. } => true,
         _ => false,

@@ -101,6 +101,16 @@ pub enum AnalyzerError {
         /// Name of the port.
         port: Arc<str>,
     },
+    /// Something came that nobody had asked for.
+    #[error(
+        "{port}: {bytes} bytes came that nobody had asked for; is another program on the port?"
+    )]
+    Strays {
+        /// Name of the port.
+        port: Arc<str>,
+        /// How much.
+        bytes: usize,
+    },
     /// The answer is not one to this question.
     #[error("{port}: asked `{asked}`, expected {expected}, found `{found}`")]
     Answer {
@@ -173,6 +183,22 @@ pub enum AnalyzerError {
         /// Points asked for.
         points: usize,
     },
+}
+
+impl AnalyzerError {
+    /// Whether the line failed, so that it is not known what the instrument heard or did. The
+    /// others are what the instrument refused, or what was never sent.
+    pub const fn is_line_failure(&self) -> bool {
+        matches!(
+            self,
+            Self::Line { .. }
+                | Self::Unquiet { .. }
+                | Self::Reopen { .. }
+                | Self::Frame { .. }
+                | Self::Strays { .. }
+                | Self::Answer { .. }
+        )
+    }
 }
 
 fn also(intruders: &[Holder]) -> String {

@@ -63,8 +63,8 @@ impl Wire {
         let surplus = self.port.drain().await.map_err(failed)? + self.decoder.n_buffered();
         self.decoder.reset();
         if surplus > 0 {
-            // Nobody asked for it, so that the next answer may be that to an earlier question.
-            return Err(self.unexpected(message, "silence before the question", b"more answers"));
+            // The next answer may be that to an earlier question.
+            return Err(AnalyzerError::Strays { port: self.name(), bytes: surplus });
         }
         self.decoder.expect(expect);
         self.send(message).await?;

@@ -190,7 +190,7 @@ async fn what_is_wrong_with_a_line_is_said_in_words() {
         ),
         (
             Fault::AnswerTwice,
-            "line 2: asked `*ESR?`, expected silence before the question, found `more answers`",
+            "line 2: 30 bytes came that nobody had asked for; is another program on the port?",
         ),
     ];
     for (fault, expected) in rows {
