@@ -84,6 +84,10 @@ struct Serve {
     #[arg(long, value_name = "ADDRESS")]
     bus_rtu_tcp: Option<SocketAddr>,
 
+    /// Lets the drives answer at once, so that everything else can be timed.
+    #[arg(long)]
+    instant: bool,
+
     /// Opens the control connection: lines of text, of which the first to say is `help`.
     #[arg(long, value_name = "ADDRESS")]
     control: Option<SocketAddr>,
@@ -183,6 +187,9 @@ async fn serve(args: &Serve, scene: Scene) -> Result<(), Failure> {
     let rig = SimRig::start(scene, &wiring(args), seed).map_err(Failure::input)?;
     if let Some(name) = &args.sample {
         rig.person().place_sample(name).map_err(Failure::input)?;
+    }
+    if args.instant {
+        rig.handle().with(|_, rig| rig.answer_at_once());
     }
     let _server = open_ports(args, &rig).await?;
     tokio::select! {

@@ -61,6 +61,8 @@ enum Decoder {
 pub(crate) struct Bus {
     /// How long a drive thinks before it answers.
     turnaround: Duration,
+    /// Neither the drives nor the line take any time.
+    is_instant: bool,
     units: Vec<(u8, Drive)>,
 }
 
@@ -92,7 +94,12 @@ impl BusLine {
 impl Bus {
     /// A line with drives at these unit ids.
     pub(crate) fn new(turnaround: Duration, units: Vec<(u8, Drive)>) -> Self {
-        Self { turnaround, units }
+        Self { turnaround, is_instant: false, units }
+    }
+
+    /// From now on answers are there at once.
+    pub(crate) fn answer_at_once(&mut self) {
+        self.is_instant = true;
     }
 
     /// Takes bytes that came at `now`.
@@ -172,7 +179,7 @@ impl Bus {
             };
             let on_the_wire = line.carrier.duration_of(frame.bytes().len() + bytes.len());
             let struck = fate.faults.on_reply(PortId::Bus, Some(*unit));
-            let due = now + on_the_wire + self.turnaround;
+            let due = if self.is_instant { now } else { now + on_the_wire + self.turnaround };
             let reply = Reply { due, request: frame.bytes(), bytes: bytes.clone() };
             let readdress = |unit| Some(frame.readdressed(&bytes, unit));
             spoil::send(reply, &struck, readdress, fate.faults, &mut line.outbox)?;

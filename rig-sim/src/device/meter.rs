@@ -55,6 +55,9 @@ pub(crate) trait Model: fmt::Debug + Default {
     }
 }
 
+/// What is left at the terminals when the level is zero, V.
+const LEAKAGE_V: f64 = 1e-6;
+
 /// What drives the terminals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Drive {
@@ -249,7 +252,9 @@ impl<M: Model> Meter<M> {
             world.set_frequency(at, drive.frequency_hz);
         }
         if drive.level_v != before.level_v {
-            world.scale_drive(at, drive.level_v / before.level_v);
+            // A level of zero still leaves what leaks through.
+            let volt = |drive: Drive| drive.level_v.max(LEAKAGE_V);
+            world.scale_drive(at, volt(drive) / volt(before));
         }
     }
 

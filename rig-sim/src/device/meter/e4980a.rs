@@ -471,6 +471,16 @@ mod tests {
     }
 
     #[test]
+    fn a_level_of_zero_is_survived() {
+        let mut bench = Bench::new();
+        bench.say("FUNC:IMP ZTD;:TRIG:SOUR BUS;:FREQ 140;:TRIG:TDEL 5");
+        let before = bench.say("*TRG");
+        bench.say("VOLT 0");
+        bench.say("*TRG");
+        assert_eq!(bench.say("VOLT 5;*TRG"), before);
+    }
+
+    #[test]
     fn overload_is_a_status_and_no_value() {
         let mut bench = Bench::new();
         bench.say("FUNC:IMP ZTD;:TRIG:SOUR BUS");
