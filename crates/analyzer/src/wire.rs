@@ -28,6 +28,8 @@ pub(crate) struct Wire {
     port: Port,
     quirks: Quirks,
     decoder: ResponseDecoder,
+    /// A question is out whose answer has not come. Whoever asked may have stopped waiting.
+    owes_an_answer: bool,
 }
 
 /// An answer, and when the question had left the host.
@@ -41,7 +43,7 @@ impl Wire {
     pub(crate) fn new(port: Port, quirks: Quirks) -> Self {
         // Whatever a dialect sends as its ending, they all answer with a line feed last.
         let framing = Framing { ending: Ending::Lf, ..Framing::default() };
-        Self { port, quirks, decoder: ResponseDecoder::new(framing) }
+        Self { port, quirks, decoder: ResponseDecoder::new(framing), owes_an_answer: false }
     }
 
     pub(crate) const fn port(&self) -> &Port {
@@ -62,11 +64,12 @@ impl Wire {
         let failed = |error| line(message, error);
         let surplus = self.port.drain().await.map_err(failed)? + self.decoder.n_buffered();
         self.decoder.reset();
-        if surplus > 0 {
+        if surplus > 0 || self.owes_an_answer {
             // The next answer may be that to an earlier question.
             return Err(AnalyzerError::Strays { port: self.name(), bytes: surplus });
         }
         self.decoder.expect(expect);
+        self.owes_an_answer = true;
         self.send(message).await?;
         let asked = Instant::now();
         let bytes = message.bytes(self.quirks.ending).len();
@@ -75,7 +78,10 @@ impl Wire {
         let mut received = Vec::new();
         loop {
             match self.decoder.poll() {
-                Ok(Some(response)) => return Ok(Answered { response, asked_at }),
+                Ok(Some(response)) => {
+                    self.owes_an_answer = false;
+                    return Ok(Answered { response, asked_at });
+                }
                 Ok(None) => {}
                 Err(fault) => {
                     return Err(AnalyzerError::Frame {
@@ -131,6 +137,7 @@ impl Wire {
             reopened.map_err(|source| AnalyzerError::Reopen { source: Arc::new(source) })?;
         }
         let quiet = self.port.quarantine(at_least).await;
+        self.owes_an_answer = false;
         quiet.map(drop).map_err(|source| AnalyzerError::Unquiet { source })
     }
 

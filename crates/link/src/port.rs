@@ -220,6 +220,7 @@ impl Port {
     /// [`LineError::Blocked`], [`LineError::Lost`], [`LineError::Io`].
     pub async fn send(&mut self, request: &[u8]) -> Result<(), LineError> {
         self.transcript.cut();
+        self.is_discarding = false;
         match timeout(SEND_WITHIN, self.write_all(request)).await {
             Ok(Ok(())) => Ok(()),
             Ok(Err(error)) => Err(self.explain(error)),

@@ -9,7 +9,6 @@ use tokio::sync::{mpsc, oneshot};
 use crate::{
     BusError, LineFault, Reply, Request,
     line::{Canary, Line},
-    symptom::crc,
 };
 
 /// How frames travel on a line.
@@ -95,7 +94,7 @@ enum Order {
         answer: oneshot::Sender<Result<Reply, BusError>>,
     },
     Broadcast {
-        frame: Vec<u8>,
+        request: Request,
         answer: oneshot::Sender<Result<(), BusError>>,
     },
     Canary {
@@ -178,19 +177,14 @@ impl BusHandle {
         }
     }
 
-    /// Writes one register of all devices on the line. None of them answers and none is waited
+    /// Has all devices on a serial line write something. None of them answers and none is waited
     /// for, so that only a read of each device can tell whether it has heard.
     ///
     /// # Errors
-    /// [`BusError::Failed`] when the frame could not be sent.
-    pub async fn broadcast(&self, address: u16, value: u16) -> Result<(), BusError> {
-        let [a, b, c, d] = [address.to_be_bytes(), value.to_be_bytes()].concat()[..] else {
-            unreachable!("two words are four bytes")
-        };
-        let mut frame = vec![0, 6, a, b, c, d];
-        frame.extend(crc(&frame).to_le_bytes());
+    /// [`BusError::Failed`] when the line does not become silent or is lost.
+    pub async fn broadcast(&self, request: Request) -> Result<(), BusError> {
         let (answer, answered) = oneshot::channel();
-        self.send(Order::Broadcast { frame, answer }).await?;
+        self.send(Order::Broadcast { request, answer }).await?;
         answered.await.map_err(|_| LineFault::Closed)?
     }
 
@@ -231,8 +225,8 @@ async fn own(mut line: Line, mut inbox: mpsc::Receiver<Order>) {
                 }
                 _ = answer.send(line.request(unit, &request).await);
             }
-            Order::Broadcast { frame, answer } => {
-                _ = answer.send(line.broadcast(&frame).await);
+            Order::Broadcast { request, answer } => {
+                _ = answer.send(line.broadcast(&request).await);
             }
             Order::Canary { unit, canary, answer } => {
                 line.set_canary(unit, canary);

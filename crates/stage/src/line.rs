@@ -22,6 +22,9 @@ use crate::{
 /// click of a transceiver.
 const STRAY_FRAME_BYTES: usize = 4;
 
+/// The unit that is all units.
+const BROADCAST: u8 = 0;
+
 /// Registers whose values are known. They are read after a fault, before anything else that their
 /// device says is believed.
 ///
@@ -153,24 +156,26 @@ impl Line {
     /// Sends a request on a line that is suspect, and waits for no answer: whatever comes is
     /// thrown away before the next request. Does nothing on a line that is in order.
     pub(crate) async fn blurt(&mut self, unit: u8, request: &Request) {
-        if self.context.is_some() || self.tap.lock().port.is_lost() {
-            return;
+        if self.context.is_none() && !self.tap.lock().port.is_lost() {
+            self.say(unit, request).await;
         }
+    }
+
+    /// Sends to all devices. None of them answers, so that nothing is waited for.
+    pub(crate) async fn broadcast(&mut self, request: &Request) -> Result<(), BusError> {
+        self.health.requests += 1;
+        self.tap.lock().port.settle(self.silence).await.map_err(LineFault::from)?;
+        self.say(BROADCAST, request).await;
+        Ok(())
+    }
+
+    /// Sends, and leaves no trace in the library.
+    async fn say(&mut self, unit: u8, request: &Request) {
         self.tap.lock().begin();
         let mut context = attach(&self.tap, self.settings.framing);
         context.set_slave(Slave(unit));
         // The call sends at its first poll, and is dropped when it waits.
         _ = timeout(Duration::ZERO, context.call(request.to_wire())).await;
-    }
-
-    /// Sends to all devices. None of them answers, so that nothing is waited for.
-    pub(crate) async fn broadcast(&mut self, frame: &[u8]) -> Result<(), BusError> {
-        self.health.requests += 1;
-        let mut tap = self.tap.lock();
-        tap.begin();
-        tap.port.settle(self.silence).await.map_err(LineFault::from)?;
-        tap.port.send(frame).await.map_err(LineFault::from)?;
-        Ok(())
     }
 
     async fn attempt(&mut self, unit: u8, request: &Request) -> Result<Reply, Trouble> {

@@ -15,9 +15,13 @@ use crate::{
     order::{Deed, Order},
 };
 
-/// The least and the longest pause between two looks at a moving axis.
-const POLL_MIN: Duration = Duration::from_millis(10);
-const POLL_MAX: Duration = Duration::from_millis(250);
+/// The least and the longest time between two looks at a moving axis. An alarm on the way is seen
+/// after the longest.
+const LOOK_MIN: Duration = Duration::from_millis(10);
+const LOOK_MAX: Duration = Duration::from_secs(1);
+
+/// The time between two looks at an axis of which it is not known how long it will move.
+const LOOK_HOMING: Duration = Duration::from_millis(250);
 
 /// A move may take twice as long as computed, and this much on top, before it is stopped.
 const MOVE_SLACK: Duration = Duration::from_secs(2);
@@ -156,7 +160,7 @@ impl<U: Unit> Stage<U> {
         let started = Instant::now();
         let expected = order.duration_from(from);
         let deadline = started + expected.saturating_mul(2) + MOVE_SLACK;
-        let mut next_look = started + expected.max(POLL_MIN);
+        let mut next_look = started + expected.clamp(LOOK_MIN, LOOK_MAX);
         // Standing still elsewhere is believed only when it lasts.
         let mut still_since = None;
         loop {
@@ -172,7 +176,7 @@ impl<U: Unit> Stage<U> {
                     return Err(self.overdue("move", now - started).await?);
                 }
                 still_since = None;
-                next_look = now + order.rest_from(look.position).clamp(POLL_MIN, POLL_MAX);
+                next_look = now + order.rest_from(look.position).clamp(LOOK_MIN, LOOK_MAX);
                 continue;
             }
             let has_target = order.is_same(look.target, order.target);
@@ -183,7 +187,7 @@ impl<U: Unit> Stage<U> {
             if *still_since.get_or_insert(now) + patience <= now {
                 return Err(self.not_there(target, order, from, &look));
             }
-            next_look = now + POLL_MIN;
+            next_look = now + LOOK_MIN;
         }
     }
 
@@ -225,7 +229,7 @@ impl<U: Unit> Stage<U> {
             if started + HOME_WITHIN <= now {
                 return Err(self.overdue("homing", now - started).await?);
             }
-            next_look = now + POLL_MAX;
+            next_look = now + LOOK_HOMING;
         }
     }
 
@@ -250,7 +254,7 @@ impl<U: Unit> Stage<U> {
                 let (axis, seconds) = (self.axis.name(), waited.as_secs_f64());
                 return Err(StageError::WillNotStop { axis, seconds, at });
             }
-            sleep(POLL_MIN).await;
+            sleep(LOOK_MIN).await;
         };
         self.command(self.map.release_stop).await?;
         Ok(at)
@@ -271,7 +275,7 @@ impl<U: Unit> Stage<U> {
                 Some(alarm) if give_up <= Instant::now() => {
                     return Err(StageError::AlarmPersists { axis: self.axis.name(), alarm });
                 }
-                Some(_) => sleep(POLL_MIN).await,
+                Some(_) => sleep(LOOK_MIN).await,
             }
         }
     }

@@ -108,7 +108,7 @@ impl Symptom {
 ///
 /// # Source
 /// Modbus over Serial Line V1.02, appendix B.
-pub(crate) fn crc(bytes: &[u8]) -> u16 {
+fn crc(bytes: &[u8]) -> u16 {
     bytes.iter().fold(0xFFFF, |crc, &byte| {
         (0..8).fold(crc ^ u16::from(byte), |crc, _| {
             if crc & 1 == 1 { (crc >> 1) ^ 0xA001 } else { crc >> 1 }

@@ -208,6 +208,23 @@ async fn what_is_wrong_with_a_line_is_said_in_words() {
 }
 
 #[tokio::test(start_paused = true)]
+async fn a_measurement_that_nobody_waited_for_is_not_taken_for_the_next() {
+    let instrument = Im3536::new();
+    let mut analyzer = analyzer_on(&instrument, []);
+    sweep(&mut analyzer, &[200.0]).await.unwrap();
+    // Dropped at any moment of its exchange.
+    for ms in 0..200 {
+        let stop = StopSignal::new();
+        let long = SweepPoint { frequency_hz: 205.0, settle_s: 0.05, cycles: 20 };
+        let abandoned = analyzer.measure(std::slice::from_ref(&long), &stop);
+        _ = tokio::time::timeout(std::time::Duration::from_millis(ms), abandoned).await;
+        let readings = analyzer.measure(&points_of(1, &[205.0]), &stop).await.unwrap();
+        assert_eq!(readings[0].integration_s, 1.0 / 205.0, "dropped after {ms} ms");
+        assert_true_at(&readings[0], 205.0);
+    }
+}
+
+#[tokio::test(start_paused = true)]
 async fn a_refusal_is_told_from_a_lost_answer_although_both_are_silent() {
     let instrument = Im3536::new();
     let mut analyzer = analyzer_on(&instrument, []);

@@ -274,7 +274,8 @@ async fn nobody_waits_for_an_answer_to_all() {
     let port = Port::new("line 1", host, Some(LINE), Clock::start());
     let bus = BusHandle::open(port, BusSettings::rtu());
     let started = Instant::now();
-    bus.broadcast(0x7D, 0x20).await.unwrap();
+    let stop = Request::WriteRegister { address: 0x7D, value: 0x20 };
+    bus.broadcast(stop).await.unwrap();
     assert!(started.elapsed() < ms(10), "{:?}", started.elapsed());
     let mut frame = [0; 8];
     device.read_exact(&mut frame).await.unwrap();

@@ -132,16 +132,33 @@ async fn a_move_ends_at_its_target_after_the_time_it_takes() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_move_costs_one_write_and_hardly_more_than_one_look() {
+async fn a_move_costs_one_write_and_a_look_a_second() {
     for make in MAKES {
         let (drive, mut stage) = ready(make).await;
         let looks = make.map.status.len();
-        for mm in [1.0, 0.98, 40.0, -40.0, -39.5] {
+        for (mm, seconds) in [(1.0, 1), (0.98, 1), (40.0, 7), (-40.0, 14), (-39.5, 1)] {
             let before = drive.seen().len();
             stage.move_to(target(mm), 6.0, &StopSignal::new()).await.unwrap();
             let requests = drive.seen().len() - before;
-            assert!(requests <= 1 + 2 * looks, "{} to {mm}: {requests}", make.map.name);
+            let expected = 1 + (1 + seconds) * looks;
+            assert!(requests <= expected, "{} to {mm}: {requests}", make.map.name);
         }
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn an_alarm_on_the_way_is_seen_within_a_second() {
+    for make in MAKES {
+        let (drive, mut stage) = ready(make).await;
+        let alarmed = drive.clone();
+        tokio::spawn(async move {
+            sleep(Duration::from_millis(1500)).await;
+            alarmed.raise_alarm(0x20);
+        });
+        let started = Instant::now();
+        let error = stage.move_to(target(50.0), 6.0, &StopSignal::new()).await.unwrap_err();
+        assert!(matches!(error, StageError::Alarmed { .. }), "{error:?}");
+        assert!(started.elapsed() < Duration::from_millis(2600), "{:?}", started.elapsed());
     }
 }
 
