@@ -95,8 +95,15 @@ struct Serve {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum AnalyzerMake {
+    #[value(name = "hioki-im3536")]
     HiokiIm3536,
+    #[value(name = "keysight-e4980a")]
     KeysightE4980a,
+    #[value(name = "hp-4284a")]
+    Hp4284a,
+    #[value(name = "tonghui-th283x")]
+    TonghuiTh283x,
+    #[value(name = "keysight-e4990a")]
     KeysightE4990a,
 }
 
@@ -105,6 +112,8 @@ impl From<AnalyzerMake> for AnalyzerModel {
         match make {
             AnalyzerMake::HiokiIm3536 => Self::HiokiIm3536,
             AnalyzerMake::KeysightE4980a => Self::KeysightE4980a,
+            AnalyzerMake::Hp4284a => Self::Hp4284a,
+            AnalyzerMake::TonghuiTh283x => Self::TonghuiTh283x,
             AnalyzerMake::KeysightE4990a => Self::KeysightE4990a,
         }
     }

@@ -9,7 +9,7 @@ use crate::{
         bus::{Bus, BusLine, Carrier},
         cable::{Analyzer, Cable, Socket},
         drive::Drive,
-        meter::{E4980a, E4990a, Hioki, Meter},
+        meter::{E4980a, E4990a, Hioki, Hp4284a, Lcr, Meter, Th2832},
     },
     faults::{DeviceFault, Fate, Fault, Faults},
     modbus::NotModbus,
@@ -37,6 +37,10 @@ pub enum AnalyzerModel {
     HiokiIm3536,
     /// Keysight E4980A with option 001.
     KeysightE4980a,
+    /// HP 4284A with option 001.
+    Hp4284a,
+    /// Tonghui TH2832.
+    TonghuiTh283x,
     /// Keysight E4990A.
     KeysightE4990a,
 }
@@ -132,7 +136,9 @@ impl Rig {
         let world = World::new(scene, seed)?;
         let analyzer: Box<dyn Analyzer> = match wiring.analyzer {
             AnalyzerModel::HiokiIm3536 => Box::new(Meter::<Hioki>::new(per_command)),
-            AnalyzerModel::KeysightE4980a => Box::new(Meter::<E4980a>::new(per_command)),
+            AnalyzerModel::KeysightE4980a => Box::new(Meter::<Lcr<E4980a>>::new(per_command)),
+            AnalyzerModel::Hp4284a => Box::new(Meter::<Lcr<Hp4284a>>::new(per_command)),
+            AnalyzerModel::TonghuiTh283x => Box::new(Meter::<Lcr<Th2832>>::new(per_command)),
             AnalyzerModel::KeysightE4990a => Box::new(Meter::<E4990a>::new(per_command)),
         };
         let drive = |axis, wiring: AxisWiring| (wiring.unit_id, Drive::new(axis, wiring, &world));
@@ -140,7 +146,8 @@ impl Rig {
             vec![drive(AxisId::Linear, wiring.linear), drive(AxisId::Rotary, wiring.rotary)];
         let bus = Bus::new(TURNAROUND, units);
         let faults = Faults::new(Stream::new(seed, FAULT_STREAM));
-        let analyzer = Socket::new(analyzer);
+        let echoes = wiring.analyzer == AnalyzerModel::TonghuiTh283x;
+        let analyzer = Socket::new(analyzer, echoes);
         Ok(Self { world, analyzer, bus, carrier: wiring.carrier, faults })
     }
 

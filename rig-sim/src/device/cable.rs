@@ -61,6 +61,8 @@ impl<M: Model<Command: Send + Sync> + Send> Analyzer for Meter<M> {
 #[derive(Debug)]
 pub(crate) struct Socket {
     analyzer: Box<dyn Analyzer>,
+    /// Whether every character is sent back, and the next one waits for that.
+    echoes: bool,
     /// Who spoke last, and is answered.
     talker: u64,
     /// Counts the cables.
@@ -90,8 +92,8 @@ impl Cable {
 }
 
 impl Socket {
-    pub(crate) fn new(analyzer: Box<dyn Analyzer>) -> Self {
-        Self { analyzer, talker: 0, cables: 0, boots_until: RigTime::ZERO }
+    pub(crate) fn new(analyzer: Box<dyn Analyzer>, echoes: bool) -> Self {
+        Self { analyzer, echoes, talker: 0, cables: 0, boots_until: RigTime::ZERO }
     }
 
     /// A new cable, on which nothing was said.
@@ -121,6 +123,9 @@ impl Socket {
             self.analyzer.take_said();
         }
         for &byte in bytes {
+            if self.echoes && self.boots_until <= now {
+                cable.outbox.push(now, vec![byte]);
+            }
             if cable.begun.len() < MAX_MESSAGE {
                 cable.begun.push(byte);
             }

@@ -11,9 +11,9 @@
 //!                                        └────── next point ────────┘
 //! ```
 
-mod e4980a;
 mod e4990a;
 mod hioki;
+mod lcr;
 
 use std::{collections::VecDeque, fmt, time::Duration};
 
@@ -21,7 +21,11 @@ use num_complex::Complex64;
 use rig_model::RigTime;
 use rig_scpi::{Call, Dialect, Instrument, ScpiError, Tree, Value};
 
-pub(crate) use self::{e4980a::E4980a, e4990a::E4990a, hioki::Hioki};
+pub(crate) use self::{
+    e4990a::E4990a,
+    hioki::Hioki,
+    lcr::{E4980a, Hp4284a, Lcr, Th2832},
+};
 
 use crate::world::World;
 

@@ -1,15 +1,17 @@
-//! Keysight's E4980A LCR meter with option 001, which drives up to 20 V.
+//! The HP 4284A and the LCR meters that follow it: Keysight's E4980A and Tonghui's `TH283x`.
 //!
 //! A trigger measures once, or once at every frequency of the list when the list page is shown. The
 //! answer is two values and a status, in fixed widths; a list adds a fourth field to each point.
 //!
 //! # Source
 //! Keysight, E4980A/AL User's Guide: `FETCh?` and its data format (p. 183, 261, 265); measurement
-//! times and frequency resolution as in the E4980A data sheet.
+//! times and frequency resolution as in the E4980A data sheet. HP, 4284A Operation Manual.
+
+use std::{fmt, marker::PhantomData};
 
 use rig_scpi::{
-    Call, Dialect, ErrorFormat, Limits, Node, RealFormat, ScpiError, Tree, Unit, Value, command,
-    query, setting,
+    Call, Dialect, ErrorFormat, Limits, Node, Param, RealFormat, ScpiError, Tree, Unit, Value,
+    command, query, setting,
 };
 
 use super::{Drive, Job, Memory, Model, Outcome, Point, Quantity, Reading, round_step};
@@ -29,6 +31,7 @@ pub(crate) enum Command {
     Format,
     Frequency,
     Function,
+    HighPower,
     Init,
     List,
     ListMode,
@@ -65,6 +68,7 @@ const COMMANDS: &[Node<Command>] = &[
     setting(":FREQuency[:CW]", Command::Frequency),
     setting(":FUNCtion:IMPedance[:TYPE]", Command::Function).asks(0, 0),
     setting(":FUNCtion:IMPedance:RANGe:AUTO", Command::RangeAuto).asks(0, 0),
+    setting(":OUTPut:HPOWer", Command::HighPower).asks(0, 0),
     command(":INITiate[:IMMediate]", Command::Init),
     setting(":INITiate:CONTinuous", Command::Continuous).asks(0, 0),
     setting(":LIST:FREQuency", Command::List).takes(1, MAX_LIST).asks(0, 0),
@@ -118,19 +122,111 @@ const SOURCES: &[(&str, Source)] = &[
     ("BUS", Source::Bus),
 ];
 
-/// How long one measurement takes, in s, at 20 Hz, 100 Hz, 1 kHz, 10 kHz and above.
-const TIMES: &[(&str, [f64; 4])] = &[
-    ("SHORt", [0.330, 0.100, 0.020, 0.0077]),
-    ("MEDium", [0.380, 0.180, 0.110, 0.092]),
-    ("LONG", [0.480, 0.300, 0.240, 0.230]),
-];
+/// What differs from make to make.
+pub(crate) trait Make: fmt::Debug + Send + Sync + 'static {
+    /// The answer to `*IDN?`.
+    const IDENTITY: &'static str;
+    /// The answer to `*OPT?`.
+    const OPTIONS: &'static str;
+    /// The highest frequency, Hz.
+    const MAX_HZ: f64;
+    /// How long one measurement takes, in s, at 20 Hz, 100 Hz, 1 kHz, 10 kHz and above, at each
+    /// aperture.
+    const TIMES: [[f64; 4]; 3];
+    /// The highest level, V, and with high power switched on.
+    const MAX_V: (f64, f64);
+    /// The longest delay, s.
+    const MAX_DELAY_S: f64;
+    /// Whether the delay of a trigger is told apart from that of a step.
+    const HAS_TRIGGER_DELAY: bool;
+    /// Whether a reading is waited for. Otherwise its status says that there is none yet.
+    const FETCH_WAITS: bool;
 
-/// An E4980A, which is its settings.
+    /// The frequency that is set when this one is asked for.
+    fn nearest_hz(frequency_hz: f64) -> f64;
+}
+
+/// Keysight E4980A with option 001, which drives 20 V.
+#[derive(Debug)]
+pub(crate) struct E4980a;
+
+impl Make for E4980a {
+    const IDENTITY: &'static str = "Keysight Technologies,E4980A,MY46516789,A.06.16";
+    const OPTIONS: &'static str = "001";
+    const MAX_HZ: f64 = 2e6;
+    const TIMES: [[f64; 4]; 3] =
+        [[0.330, 0.100, 0.020, 0.0077], [0.380, 0.180, 0.110, 0.092], [0.480, 0.300, 0.240, 0.230]];
+    const MAX_V: (f64, f64) = (20.0, 20.0);
+    const MAX_DELAY_S: f64 = 999.0;
+    const HAS_TRIGGER_DELAY: bool = true;
+    const FETCH_WAITS: bool = true;
+
+    fn nearest_hz(frequency_hz: f64) -> f64 {
+        four_digits(frequency_hz)
+    }
+}
+
+/// HP 4284A with option 001, which drives 20 V once high power is switched on.
+#[derive(Debug)]
+pub(crate) struct Hp4284a;
+
+impl Make for Hp4284a {
+    const IDENTITY: &'static str = "HEWLETT-PACKARD,4284A,2940J01234,REV01.20";
+    const OPTIONS: &'static str = "001,0,0,0,0";
+    const MAX_HZ: f64 = 1e6;
+    const TIMES: [[f64; 4]; 3] =
+        [[0.350, 0.270, 0.040, 0.030], [0.400, 0.400, 0.190, 0.180], [0.800, 0.800, 0.830, 0.820]];
+    const MAX_V: (f64, f64) = (2.0, 20.0);
+    const MAX_DELAY_S: f64 = 60.0;
+    const HAS_TRIGGER_DELAY: bool = false;
+    const FETCH_WAITS: bool = true;
+
+    /// The instrument divides a clock, so that only some frequencies can be had, at most one
+    /// percent apart.
+    fn nearest_hz(frequency_hz: f64) -> f64 {
+        const CLOCK_HZ: f64 = 60e3;
+        if frequency_hz < 1000.0 {
+            CLOCK_HZ / (CLOCK_HZ / frequency_hz).round()
+        } else {
+            four_digits(frequency_hz)
+        }
+    }
+}
+
+/// Tonghui TH2832. It hands characters over one by one, with an echo of each.
+#[derive(Debug)]
+pub(crate) struct Th2832;
+
+impl Make for Th2832 {
+    const IDENTITY: &'static str = "Tonghui,TH2832,V1.0.5,T283210021";
+    const OPTIONS: &'static str = "0";
+    const MAX_HZ: f64 = 2e5;
+    const TIMES: [[f64; 4]; 3] = Hp4284a::TIMES;
+    const MAX_V: (f64, f64) = (2.0, 2.0);
+    const MAX_DELAY_S: f64 = 60.0;
+    const HAS_TRIGGER_DELAY: bool = false;
+    const FETCH_WAITS: bool = false;
+
+    fn nearest_hz(frequency_hz: f64) -> f64 {
+        four_digits(frequency_hz)
+    }
+}
+
+/// Rounds to four digits.
+fn four_digits(frequency_hz: f64) -> f64 {
+    round_step(frequency_hz, 10_f64.powf(frequency_hz.log10().floor() - 3.0))
+}
+
+const APERTURES: [(&str, usize); 3] = [("SHORt", 0), ("MEDium", 1), ("LONG", 2)];
+
+/// A meter of the family, which is its settings.
 #[expect(clippy::struct_excessive_bools, reason = "each is a switch of the front panel")]
-#[derive(Debug, Clone)]
-pub(crate) struct E4980a {
+#[derive(Debug)]
+pub(crate) struct Lcr<M> {
+    make: PhantomData<M>,
     frequency_hz: f64,
     level_v: f64,
+    has_high_power: bool,
     has_alc: bool,
     aperture: usize,
     averages: u32,
@@ -146,9 +242,11 @@ pub(crate) struct E4980a {
     shows_list: bool,
 }
 
-impl Default for E4980a {
+impl<M> Default for Lcr<M> {
     fn default() -> Self {
         Self {
+            make: PhantomData,
+            has_high_power: false,
             frequency_hz: 1000.0,
             level_v: 1.0,
             has_alc: false,
@@ -168,10 +266,6 @@ impl Default for E4980a {
     }
 }
 
-const FREQUENCY: Limits = Limits { min: 20.0, max: 2e6, default: 1000.0 };
-const LEVEL: Limits = Limits { min: 0.0, max: 20.0, default: 1.0 };
-const DELAY: Limits = Limits { min: 0.0, max: 999.0, default: 0.0 };
-
 /// Stands for a value that the status says is none.
 const NO_VALUE: f64 = 9.9e37;
 
@@ -179,7 +273,7 @@ const NO_VALUE: f64 = 9.9e37;
 const LIST_DONE: u16 = 1 << 3;
 const MEASUREMENT_DONE: u16 = 1 << 4;
 
-impl Model for E4980a {
+impl<M: Make> Model for Lcr<M> {
     type Command = Command;
 
     fn commands() -> Tree<Command> {
@@ -189,7 +283,7 @@ impl Model for E4980a {
     fn dialect() -> Dialect {
         Dialect {
             error_format: ErrorFormat { has_plus: true, has_info: false },
-            ..Dialect::standard("Keysight Technologies,E4980A,MY46516789,A.06.16")
+            ..Dialect::standard(M::IDENTITY)
         }
     }
 
@@ -206,12 +300,13 @@ impl Model for E4980a {
                 Ok(Outcome::Abort)
             }
             Command::Abort => Ok(Outcome::Abort),
-            Command::Options => done(vec![Value::Verbatim("001".into())]),
+            Command::Options => done(vec![Value::Verbatim(M::OPTIONS.into())]),
             Command::TriggerAndRead if self.source == Source::Bus => Ok(self.measure(true)),
             Command::Trigger if self.source != Source::Internal => Ok(self.measure(false)),
             Command::Trigger | Command::TriggerAndRead => Err(ScpiError::new(-211)),
             // While it triggers itself, the next measurement is the one to read.
             Command::Fetch if self.source == Source::Internal => Ok(self.measure(true)),
+            Command::Fetch if is_measuring && !M::FETCH_WAITS => done(self.not_yet()),
             Command::Fetch | Command::FetchImpedance if is_measuring || readings.is_empty() => {
                 Ok(Outcome::Wait)
             }
@@ -242,7 +337,20 @@ impl Model for E4980a {
     }
 }
 
-impl E4980a {
+impl<M: Make> Lcr<M> {
+    fn frequency() -> Limits {
+        Limits { min: 20.0, max: M::MAX_HZ, default: 1000.0 }
+    }
+
+    fn level(&self) -> Limits {
+        let max = if self.has_high_power { M::MAX_V.1 } else { M::MAX_V.0 };
+        Limits { min: 0.0, max, default: 1.0 }
+    }
+
+    fn delay() -> Limits {
+        Limits { min: 0.0, max: M::MAX_DELAY_S, default: 0.0 }
+    }
+
     fn measure(&self, is_answered: bool) -> Outcome {
         let is_sweep = self.shows_list && !self.list_hz.is_empty();
         let frequencies = if is_sweep { &self.list_hz[..] } else { &[self.frequency_hz][..] };
@@ -256,13 +364,14 @@ impl E4980a {
             })
             .collect();
         // A list goes on while the status is asked for; a single measurement is waited for.
-        Outcome::Measure(Job { points, is_blocking: !is_sweep, is_answered })
+        let is_blocking = !is_sweep && (M::FETCH_WAITS || is_answered);
+        Outcome::Measure(Job { points, is_blocking, is_answered })
     }
 
     /// The whole cycles that fit in the measurement time, which is read from the table on
     /// logarithmic scales.
     fn cycles(&self, frequency_hz: f64) -> u32 {
-        let times = TIMES[self.aperture].1;
+        let times = M::TIMES[self.aperture];
         let decade = (frequency_hz / 20.0).ln() / 5.0_f64.ln();
         // 20 Hz to 100 Hz is one step of the table, and each decade from there on another.
         let place = if decade <= 1.0 { decade } else { 1.0 + (frequency_hz / 100.0).log10() };
@@ -290,6 +399,11 @@ impl E4980a {
         fields
     }
 
+    /// What is answered while there is no reading.
+    fn not_yet(&self) -> Vec<Value> {
+        vec![self.real(NO_VALUE), self.real(NO_VALUE), Value::Verbatim("-1".into())]
+    }
+
     fn real(&self, value: f64) -> Value {
         let n_decimals = if self.has_long_digits { 9 } else { 5 };
         Value::Formatted(value, scientific(n_decimals))
@@ -299,13 +413,16 @@ impl E4980a {
         let value = call.param(0)?;
         match call.command {
             Command::Frequency => {
-                self.frequency_hz = round_digits(value.real(Unit::HERTZ, FREQUENCY)?);
+                self.frequency_hz = M::nearest_hz(value.real(Unit::HERTZ, Self::frequency())?);
             }
-            Command::Volt => self.level_v = round_step(value.real(Unit::VOLT, LEVEL)?, 1e-3),
+            Command::Volt => {
+                self.level_v = round_step(value.real(Unit::VOLT, self.level())?, 1e-3);
+            }
+            Command::HighPower if M::MAX_V.0 == M::MAX_V.1 => return Err(ScpiError::new(-113)),
+            Command::HighPower => self.has_high_power = value.boolean()?,
             Command::Alc => self.has_alc = value.boolean()?,
             Command::Aperture => {
-                let words: [(&str, usize); 3] = std::array::from_fn(|i| (TIMES[i].0, i));
-                self.aperture = value.choice(&words)?;
+                self.aperture = value.choice(&APERTURES)?;
                 if let Ok(averages) = call.param(1) {
                     let averages = averages.integer(1..=256)?;
                     self.averages = u32::try_from(averages).expect("it is at most 256");
@@ -317,14 +434,17 @@ impl E4980a {
             }
             Command::Source => self.source = value.choice(SOURCES)?,
             Command::Continuous => self.is_continuous = value.boolean()?,
-            Command::TriggerDelay => self.trigger_delay_s = value.real(Unit::SECOND, DELAY)?,
-            Command::StepDelay => self.step_delay_s = value.real(Unit::SECOND, DELAY)?,
+            Command::TriggerDelay if !M::HAS_TRIGGER_DELAY => return Err(ScpiError::new(-113)),
+            Command::TriggerDelay => {
+                self.trigger_delay_s = value.real(Unit::SECOND, Self::delay())?;
+            }
+            Command::StepDelay => self.step_delay_s = value.real(Unit::SECOND, Self::delay())?,
             Command::Comparator => self.has_comparator = value.boolean()?,
             Command::LongDigits => self.has_long_digits = value.boolean()?,
             Command::List => {
-                let read = |param: &rig_scpi::Param| param.real(Unit::HERTZ, FREQUENCY);
+                let read = |param: &Param| param.real(Unit::HERTZ, Self::frequency());
                 let list: Result<Vec<f64>, ScpiError> = call.params.iter().map(read).collect();
-                self.list_hz = list?.into_iter().map(round_digits).collect();
+                self.list_hz = list?.into_iter().map(M::nearest_hz).collect();
             }
             Command::ListMode => {
                 self.is_stepped = value.choice(&[("SEQuence", false), ("STEPped", true)])?;
@@ -352,13 +472,18 @@ impl E4980a {
             Ok(Value::Formatted(value, scientific(9)))
         };
         Ok(match call.command {
-            Command::Frequency => return limited(self.frequency_hz, Unit::HERTZ, FREQUENCY),
-            Command::Volt => return limited(self.level_v, Unit::VOLT, LEVEL),
-            Command::TriggerDelay => return limited(self.trigger_delay_s, Unit::SECOND, DELAY),
-            Command::StepDelay => return limited(self.step_delay_s, Unit::SECOND, DELAY),
+            Command::Frequency => {
+                return limited(self.frequency_hz, Unit::HERTZ, Self::frequency());
+            }
+            Command::Volt => return limited(self.level_v, Unit::VOLT, self.level()),
+            Command::TriggerDelay => {
+                return limited(self.trigger_delay_s, Unit::SECOND, Self::delay());
+            }
+            Command::StepDelay => return limited(self.step_delay_s, Unit::SECOND, Self::delay()),
+            Command::HighPower => Value::Boolean(self.has_high_power),
             Command::Alc => Value::Boolean(self.has_alc),
             Command::Aperture => {
-                let word = rig_scpi::short_form(TIMES[self.aperture].0);
+                let word = rig_scpi::short_form(APERTURES[self.aperture].0);
                 Value::Verbatim(format!("{word},{}", self.averages).into())
             }
             Command::Function => Value::Characters(FUNCTIONS[self.function].0),
@@ -387,17 +512,12 @@ const fn scientific(n_decimals: u8) -> RealFormat {
     RealFormat::Scientific { n_decimals, n_exponent: 2, has_plus: true }
 }
 
-/// Rounds to the four digits that the instrument has for a frequency.
-fn round_digits(frequency_hz: f64) -> f64 {
-    round_step(frequency_hz, 10_f64.powf(frequency_hz.log10().floor() - 3.0))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::device::meter::bench;
 
-    type Bench = bench::Bench<E4980a>;
+    type Bench = bench::Bench<Lcr<E4980a>>;
 
     #[test]
     fn every_command_has_its_place_in_the_tree() {
@@ -486,5 +606,29 @@ mod tests {
         bench.say("FUNC:IMP ZTD;:TRIG:SOUR BUS");
         bench.meter.overload();
         assert_eq!(bench.say("*TRG"), "+9.90000E+37,+9.90000E+37,+1\n");
+    }
+
+    #[test]
+    fn the_forerunner_needs_its_high_power_switched_on_and_divides_a_clock() {
+        let mut bench = bench::Bench::<Lcr<Hp4284a>>::new();
+        bench.say("VOLT 5");
+        assert!(bench.say("SYST:ERR?").starts_with("-222"));
+        bench.say(":OUTP:HPOW ON;:VOLT 5;:FREQ 140;:TRIG:DEL 2");
+        assert_eq!(bench.say("VOLT?;*OPT?"), "+5.000000000E+00;001,0,0,0,0\n");
+        let frequency_hz: f64 = bench.say("FREQ?").trim().parse().unwrap();
+        assert!(frequency_hz != 140.0 && (frequency_hz / 140.0 - 1.0).abs() < 0.01);
+        assert_eq!(bench.say("SYST:ERR?"), "+0,\"No error\"\n");
+        bench.say(":TRIG:TDEL 1");
+        assert!(bench.say("SYST:ERR?").starts_with("-113"));
+    }
+
+    #[test]
+    fn one_make_answers_before_it_has_measured_and_says_so() {
+        let mut bench = bench::Bench::<Lcr<Th2832>>::new();
+        bench.say("FUNC:IMP RX;:TRIG:SOUR BUS;:FREQ 140HZ");
+        bench.send(":TRIG;:FETC?");
+        assert_eq!(bench.heard(), "+9.90000E+37,+9.90000E+37,-1\n");
+        bench.say("");
+        assert!(bench.say("FETC?").ends_with(",+0\n"));
     }
 }
