@@ -149,6 +149,8 @@ fn wiring(file: &RigFile) -> Result<Wiring, OpenError> {
     let analyzer = match file.analyzer.dialect.name {
         "hioki-im3536" => AnalyzerModel::HiokiIm3536,
         "keysight-e4980a" => AnalyzerModel::KeysightE4980a,
+        "hp-4284a" => AnalyzerModel::Hp4284a,
+        "tonghui-th283x" => AnalyzerModel::TonghuiTh283x,
         "keysight-e4990a" => AnalyzerModel::KeysightE4990a,
         make => return Err(OpenError::NotSimulated { make }),
     };
