@@ -7,12 +7,14 @@
 mod analyzer;
 mod dialect;
 mod error;
+mod footing;
 mod hioki;
 mod identity;
 mod lcr;
 mod message;
 mod point;
 mod points;
+mod questions;
 mod trace;
 mod traces;
 mod wire;

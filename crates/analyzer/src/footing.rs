@@ -1,0 +1,179 @@
+//! How an analyzer and the host find a common footing, and find it again after a lost answer.
+
+use std::time::Duration;
+
+use rig_link::LineError;
+use rig_scpi::Expect;
+
+use crate::{
+    Analyzer, AnalyzerError, Identity,
+    dialect::{CommandSet, PointCommands},
+    hioki, lcr,
+    message::Message,
+    questions::Question,
+    trace,
+    wire::{ANSWER_WITHIN, Answered},
+};
+
+/// How often a measurement is begun anew after its answer was lost.
+const ATTEMPTS: u32 = 3;
+
+/// How long the line is only listened to after a lost answer.
+const QUARANTINE: Duration = Duration::from_millis(500);
+
+/// How far the level that the instrument reports may be from the one asked for: it prints three
+/// digits.
+const LEVEL_TOLERANCE_REL: f64 = 0.005;
+
+impl Analyzer {
+    /// Does it again from its beginning while the trouble is one that passes.
+    pub(crate) async fn persist<T>(
+        &mut self,
+        mut what: impl AsyncFnMut(&mut Self) -> Result<T, AnalyzerError>,
+    ) -> Result<T, AnalyzerError> {
+        let mut attempts = 0;
+        loop {
+            attempts += 1;
+            match what(self).await {
+                Ok(done) => return Ok(done),
+                Err(error) if !is_passing(&error) => {
+                    self.is_in_step &= !is_of_the_line(&error);
+                    return Err(error);
+                }
+                Err(error) => {
+                    self.is_in_step = false;
+                    if attempts == ATTEMPTS {
+                        return Err(self.explain(error).await);
+                    }
+                    tracing::warn!(%error, attempts, "beginning again");
+                }
+            }
+        }
+    }
+
+    /// Says why an answer stayed lost. An instrument that ignores the rest of a message after an
+    /// error in it is silent too, so that it is asked whether that was so.
+    async fn explain(&mut self, error: AnalyzerError) -> AnalyzerError {
+        let AnalyzerError::Line { asked, source, .. } = error else { return error };
+        if self.wire.put_in_order(QUARANTINE).await.is_ok()
+            && let Ok(status) = self.event_status().await
+            && status.is_error()
+        {
+            return self.refused(asked, status).await;
+        }
+        AnalyzerError::Line { asked, intruders: self.wire.port().intruders(), source }
+    }
+
+    /// Finds a common footing: silence, no old errors, the instrument that is expected.
+    pub(crate) async fn get_in_step(&mut self) -> Result<Identity, AnalyzerError> {
+        if let (true, Some(identity)) = (self.is_in_step, &self.identity) {
+            return Ok(identity.clone());
+        }
+        self.is_set_up = false;
+        self.wire.put_in_order(QUARANTINE).await?;
+        let mut greeting = Message::new();
+        if self.dialect.quirks.has_headers {
+            greeting = greeting.choose(":HEADer", "OFF");
+        }
+        let greeting = greeting.command("*CLS").query("*IDN");
+        let Answered { response, .. } =
+            self.wire.ask(&greeting, Expect::Line, ANSWER_WITHIN).await?;
+        let Ok(found) = rig_scpi::Identity::parse(&response).map(Identity::from) else {
+            return Err(self.wire.unexpected(&greeting, "an identity", response.bytes()));
+        };
+        let (port, expected) = (self.wire.name(), self.dialect.models);
+        if !self.dialect.model_prefixes.iter().any(|prefix| found.model.starts_with(prefix)) {
+            let found = Box::new(found);
+            return Err(AnalyzerError::WrongInstrument { port, expected, found });
+        }
+        if let Some(known) = self.identity.as_ref().filter(|known| **known != found) {
+            let (known, found) = (Box::new(known.clone()), Box::new(found));
+            return Err(AnalyzerError::Swapped { port, known, found });
+        }
+        if self.can_chain.is_none() {
+            self.can_chain = Some(self.try_chain().await?);
+            self.has_high_power = self.find_high_power().await?;
+        }
+        self.identity = Some(found.clone());
+        self.is_in_step = true;
+        Ok(found)
+    }
+
+    /// Whether two questions in one message get two answers in one line.
+    async fn try_chain(&mut self) -> Result<bool, AnalyzerError> {
+        let twice = Message::new().query("*ESR").query("*ESR");
+        match self.wire.ask(&twice, Expect::Data, ANSWER_WITHIN).await {
+            Ok(answered) if answered.response.bytes() == b"0;0" => return Ok(true),
+            // One answer or none is what comes where it is not allowed.
+            Ok(_) | Err(AnalyzerError::Line { source: LineError::TimedOut { .. }, .. }) => {}
+            Err(error) => return Err(error),
+        }
+        // Where it is not allowed, it was an error. It is read, and forgotten with that.
+        self.wire.put_in_order(QUARANTINE).await?;
+        self.event_status().await?;
+        Ok(false)
+    }
+
+    async fn find_high_power(&mut self) -> Result<bool, AnalyzerError> {
+        let Some(high_power) = self.dialect.high_power else { return Ok(false) };
+        let options = Message::new().query("*OPT");
+        let answered = self.wire.ask(&options, Expect::Line, ANSWER_WITHIN).await?;
+        let text = String::from_utf8_lossy(answered.response.bytes()).into_owned();
+        Ok(text.split(',').any(|option| option.trim() == high_power.option))
+    }
+
+    /// Gives the instrument its settings, if it has lost them or never had them.
+    pub(crate) async fn get_set_up(&mut self) -> Result<(), AnalyzerError> {
+        self.get_in_step().await?;
+        let Some(level) = self.level else {
+            return Err(AnalyzerError::NotConfigured { port: self.wire.name() });
+        };
+        if self.is_set_up {
+            return Ok(());
+        }
+        self.current = None;
+        let high_power = self.dialect.high_power.filter(|_| self.has_high_power);
+        let (messages, level_header) = match self.dialect.commands {
+            CommandSet::Points(PointCommands::Hioki) => (hioki::setup(level), hioki::LEVEL),
+            CommandSet::Points(PointCommands::Lcr(variant)) => {
+                (lcr::setup(level, variant, high_power), lcr::LEVEL)
+            }
+            CommandSet::Trace => (trace::setup(level), trace::LEVEL),
+        };
+        for message in messages {
+            self.confirm(message).await?;
+        }
+        let questions: [Question<'_>; 2] = [&|m| m.query(level_header), &|m| m.query("*ESR")];
+        let (answers, _, asked) = self.ask_all(&questions, ANSWER_WITHIN).await?;
+        let status = self.read_status(&asked, answers[1].first())?;
+        self.check(&asked, status).await?;
+        let found = self.number(level_header, &answers[0])?;
+        if (found - level.volt).abs() > LEVEL_TOLERANCE_REL * level.volt {
+            let (port, wanted) = (self.wire.name(), level.volt);
+            return Err(AnalyzerError::NotTaken { port, what: "level in V", wanted, found });
+        }
+        self.is_set_up = true;
+        Ok(())
+    }
+}
+
+/// Whether it makes sense to try again: the answer was lost or damaged, or the instrument was
+/// switched off and on, but it did not refuse.
+const fn is_passing(error: &AnalyzerError) -> bool {
+    match error {
+        AnalyzerError::Line { source, .. } => matches!(source, LineError::TimedOut { .. }),
+        AnalyzerError::Answer { .. }
+        | AnalyzerError::Strays { .. }
+        | AnalyzerError::Frame { .. }
+        | AnalyzerError::Restarted { .. } => true,
+        _ => false,
+    }
+}
+
+/// Whether it is not known any more to what the next answer belongs.
+const fn is_of_the_line(error: &AnalyzerError) -> bool {
+    matches!(
+        error,
+        AnalyzerError::Line { .. } | AnalyzerError::Unquiet { .. } | AnalyzerError::Reopen { .. }
+    )
+}

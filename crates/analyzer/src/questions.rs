@@ -1,0 +1,123 @@
+//! Questions to an analyzer, and what its answers mean.
+
+use std::time::Duration;
+
+use rig_model::RigTime;
+use rig_scpi::{Datum, ErrorReport, Expect};
+
+use crate::{
+    Analyzer, AnalyzerError, EventStatus,
+    message::Message,
+    wire::{ANSWER_WITHIN, Answered},
+};
+
+/// More errors than this are not read out of an error queue.
+const REPORTS_MAX: usize = 20;
+
+/// Adds one or more units to a message; of these, one is a question.
+pub(crate) type Question<'a> = &'a (dyn Fn(Message) -> Message + Sync);
+
+impl Analyzer {
+    /// Sends a message and asks for the event status behind it. The question tells a message that
+    /// was lost from one that was heard.
+    pub(crate) async fn confirm(&mut self, message: Message) -> Result<(), AnalyzerError> {
+        let message = message.query("*ESR");
+        let answered = self.wire.ask(&message, Expect::Data, ANSWER_WITHIN).await?;
+        let status = self.read_status(&message, answered.response.datum().ok().as_ref())?;
+        self.check(&message, status).await
+    }
+
+    /// Asks several questions, in one message where the instrument can take that. Returns the data
+    /// of each answer, and when the first question had left the host.
+    pub(crate) async fn ask_all(
+        &mut self,
+        questions: &[Question<'_>],
+        first_within: Duration,
+    ) -> Result<(Vec<Vec<Datum>>, RigTime, Message), AnalyzerError> {
+        let all = questions.iter().fold(Message::new(), |message, ask| ask(message));
+        if self.can_chain == Some(true) {
+            let Answered { response, asked_at } =
+                self.wire.ask(&all, Expect::Data, first_within).await?;
+            let answers: Vec<Vec<Datum>> = match response.units() {
+                Ok(units) => units.into_iter().map(|unit| unit.data).collect(),
+                Err(_) => Vec::new(),
+            };
+            if answers.len() != questions.len() {
+                let expected = "an answer to each question";
+                return Err(self.wire.unexpected(&all, expected, response.bytes()));
+            }
+            return Ok((answers, asked_at, all));
+        }
+        let mut answers = Vec::with_capacity(questions.len());
+        let mut first_asked_at = None;
+        for ask in questions {
+            let message = ask(Message::new());
+            let within = if answers.is_empty() { first_within } else { ANSWER_WITHIN };
+            let Answered { response, asked_at } =
+                self.wire.ask(&message, Expect::Data, within).await?;
+            first_asked_at.get_or_insert(asked_at);
+            let Ok(data) = response.data() else {
+                return Err(self.wire.unexpected(&message, "one answer", response.bytes()));
+            };
+            answers.push(data);
+        }
+        Ok((answers, first_asked_at.unwrap_or_default(), all))
+    }
+
+    pub(crate) async fn event_status(&mut self) -> Result<EventStatus, AnalyzerError> {
+        let message = Message::new().query("*ESR");
+        let answered = self.wire.ask(&message, Expect::Data, ANSWER_WITHIN).await?;
+        self.read_status(&message, answered.response.datum().ok().as_ref())
+    }
+
+    pub(crate) fn read_status(
+        &self,
+        asked: &Message,
+        datum: Option<&Datum>,
+    ) -> Result<EventStatus, AnalyzerError> {
+        let status = datum.and_then(|datum| u8::try_from(datum.integer().ok()?).ok());
+        status.map(EventStatus).ok_or_else(|| {
+            let found = format!("{datum:?}");
+            self.wire.unexpected(asked, "an event status", found.as_bytes())
+        })
+    }
+
+    /// Makes an error of what the instrument reports.
+    pub(crate) async fn check(
+        &mut self,
+        asked: &Message,
+        status: EventStatus,
+    ) -> Result<(), AnalyzerError> {
+        if status.is_power_on() {
+            return Err(AnalyzerError::Restarted { port: self.wire.name() });
+        }
+        if status.is_error() {
+            return Err(self.refused(asked.to_string().into(), status).await);
+        }
+        Ok(())
+    }
+
+    pub(crate) async fn refused(&mut self, asked: Box<str>, status: EventStatus) -> AnalyzerError {
+        let mut reports = Vec::new();
+        let question = Message::new().query(":SYSTem:ERRor");
+        while self.dialect.quirks.has_error_queue && reports.len() < REPORTS_MAX {
+            let answered = self.wire.ask(&question, Expect::Data, ANSWER_WITHIN).await;
+            match answered.map(|answered| ErrorReport::parse(&answered.response)) {
+                Ok(Ok(Some(report))) => reports.push(report),
+                _ => break,
+            }
+        }
+        AnalyzerError::Refused { port: self.wire.name(), asked, status, reports }
+    }
+
+    pub(crate) fn number(&self, asked: &str, data: &[Datum]) -> Result<f64, AnalyzerError> {
+        match data {
+            [datum] if datum.number().is_ok() => Ok(datum.number().unwrap_or(f64::NAN)),
+            _ => {
+                let found = format!("{data:?}");
+                let asked = Message::new().query(asked);
+                Err(self.wire.unexpected(&asked, "a number", found.as_bytes()))
+            }
+        }
+    }
+}
