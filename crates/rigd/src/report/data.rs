@@ -50,6 +50,8 @@ pub(super) enum LogKind {
     Fault,
     /// A sweep gave no resonance.
     Refusal,
+    /// What went over a port was kept.
+    BlackBox,
 }
 
 impl LogKind {
@@ -60,6 +62,7 @@ impl LogKind {
             Self::Command => "command",
             Self::Fault => "fault",
             Self::Refusal => "refused sweep",
+            Self::BlackBox => "black box",
         }
     }
 }
@@ -138,11 +141,15 @@ impl RunData {
                 self.sweeps.push(sweep);
             }
             Record::TouchResult(touch) => self.touches.push(touch),
+            Record::BlackBox(kept) => {
+                let (count, port) = (kept.frames.len(), kept.port);
+                let text = format!("the last frames on {port} are in the journal ({count})");
+                note(None, LogKind::BlackBox, text);
+            }
             Record::StepStarted(_)
             | Record::Intent(_)
             | Record::Moved(_)
             | Record::SurfaceFound(_)
-            | Record::BlackBox(_)
             | Record::StateChanged(_)
             | Record::RunFinished(_) => {}
         }

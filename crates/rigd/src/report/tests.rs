@@ -96,6 +96,7 @@ fn a_faulted_run_says_what_happened_first_and_what_is_missing() {
     assert!(html.contains("<span class=\"status failed\">faulted</span>"));
     assert!(html.contains("No blind touches were classified."));
     assert!(html.contains("7 <small>"));
+    assert!(html.contains("the last frames on /dev/ttyUSB0 are in the journal (1)"));
     assert!(!html.contains("fig-left"), "nothing was touched from the left");
 }
 

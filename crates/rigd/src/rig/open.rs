@@ -3,7 +3,7 @@
 use std::{path::PathBuf, sync::Arc};
 
 use rig_analyzer::{Analyzer, AnalyzerError};
-use rig_link::{Clock, Endpoint, LineSettings, Port};
+use rig_link::{Clock, Endpoint, LineSettings, Port, Transcript};
 use rig_model::{Deg, Mm, Unit};
 use rig_protocol::Prompt;
 use rig_sim::{AnalyzerModel, AxisModel, AxisWiring, Carrier, Person, SimRig, Wiring};
@@ -46,7 +46,7 @@ pub enum OpenError {
         make: &'static str,
     },
     /// A port cannot be opened.
-    #[error("{role}: {source}")]
+    #[error("{role}: {}", super::devices::chain(source))]
     Port {
         /// What is on it.
         role: &'static str,
@@ -69,6 +69,8 @@ pub(super) struct Opened {
     pub(super) setting: Setting,
     pub(super) devices: Devices,
     pub(super) simulation: Option<Simulation>,
+    /// The last frames of each port, under its name.
+    pub(super) black_boxes: [(Arc<str>, Transcript); 2],
     /// The samples whose stiffness is known, and how stiff they are, MPa.
     pub(super) known_samples: Vec<(String, f64)>,
 }
@@ -108,12 +110,11 @@ pub(super) async fn open_rig(rig: LoadedRig, clock: Clock) -> Result<Opened, Ope
         let samples = file.samples.iter();
         samples.map(|sample| (sample.name.clone(), sample.stiffness_mpa)).collect()
     };
-    let (analyzer_port, bus_port, simulation) = if let Some(scene) = scene {
-        simulated_ports(&file, scene, clock)?
-    } else {
-        let analyzer = open_port("analyzer", &file.analyzer.port, clock).await?;
-        (analyzer, open_port("bus", &file.bus, clock).await?, None)
-    };
+    let Ports { analyzer, bus, simulation } = Ports::open(&file, scene, clock).await?;
+    let analyzer_port = analyzer.map_err(|source| OpenError::Port { role: "analyzer", source })?;
+    let bus_port = bus.map_err(|source| OpenError::Port { role: "bus", source })?;
+    let black_boxes =
+        [&analyzer_port, &bus_port].map(|port| (port.name().clone(), port.transcript()));
     let mut analyzer = Analyzer::open(analyzer_port, file.analyzer.dialect);
     let bus = BusHandle::open(bus_port, bus_settings(&file.bus));
     let mut linear = stage(&bus, &file.linear, file.bench.linear);
@@ -128,10 +129,45 @@ pub(super) async fn open_rig(rig: LoadedRig, clock: Clock) -> Result<Opened, Ope
     ]);
     let setting = Setting { bench: file.bench, rig: source, scene: scene_source, devices };
     let devices = Devices { analyzer, linear, rotary };
-    Ok(Opened { setting, devices, simulation, known_samples })
+    Ok(Opened { setting, devices, simulation, black_boxes, known_samples })
 }
 
-fn stage<U: Unit>(
+/// The ports of a rig. One can be open while the other is not.
+pub(super) struct Ports {
+    pub(super) analyzer: Result<Port, rig_link::OpenError>,
+    pub(super) bus: Result<Port, rig_link::OpenError>,
+    pub(super) simulation: Option<Simulation>,
+}
+
+impl Ports {
+    /// Opens them; with a scene, simulated devices take the place of those on the ports.
+    pub(super) async fn open(
+        file: &RigFile,
+        scene: Option<LoadedScene>,
+        clock: Clock,
+    ) -> Result<Self, OpenError> {
+        if let Some(scene) = scene {
+            return Self::simulated(file, scene, clock);
+        }
+        Ok(Self {
+            analyzer: open_port(&file.analyzer.port, clock).await,
+            bus: open_port(&file.bus, clock).await,
+            simulation: None,
+        })
+    }
+
+    fn simulated(file: &RigFile, scene: LoadedScene, clock: Clock) -> Result<Self, OpenError> {
+        let seed = scene.scene.seed;
+        let mut rig = SimRig::start(scene.scene, &wiring(file)?, seed)?;
+        let analyzer =
+            Port::new("simulated analyzer", rig.analyzer_port(), line(&file.analyzer.port), clock);
+        let bus = Port::new("simulated bus", rig.bus_port(), line(&file.bus), clock);
+        let simulation = Some(Simulation { person: rig.person(), _rig: rig });
+        Ok(Self { analyzer: Ok(analyzer), bus: Ok(bus), simulation })
+    }
+}
+
+pub(super) fn stage<U: Unit>(
     bus: &BusHandle,
     file: &crate::rig_file::AxisFile<U>,
     axis: rig_model::Axis<U>,
@@ -140,7 +176,7 @@ fn stage<U: Unit>(
 }
 
 /// What a drive is. Few of them say so themselves.
-fn describe<U>(file: &crate::rig_file::AxisFile<U>) -> String {
+pub(super) fn describe<U>(file: &crate::rig_file::AxisFile<U>) -> String {
     format!("{} at unit {}", file.register_map.name, file.unit_id)
 }
 
@@ -181,7 +217,7 @@ fn axis_wiring<U: Unit>(file: &crate::rig_file::AxisFile<U>) -> Result<AxisWirin
 }
 
 /// Modbus RTU on a serial line, Modbus TCP on the network.
-const fn bus_settings(port: &PortFile) -> BusSettings {
+pub(super) const fn bus_settings(port: &PortFile) -> BusSettings {
     match port {
         PortFile::Serial { .. } => BusSettings::rtu(),
         PortFile::Tcp { .. } => BusSettings::tcp(),
@@ -196,24 +232,10 @@ const fn line(port: &PortFile) -> Option<LineSettings> {
     }
 }
 
-fn simulated_ports(
-    file: &RigFile,
-    scene: LoadedScene,
-    clock: Clock,
-) -> Result<(Port, Port, Option<Simulation>), OpenError> {
-    let seed = scene.scene.seed;
-    let mut rig = SimRig::start(scene.scene, &wiring(file)?, seed)?;
-    let analyzer =
-        Port::new("simulated analyzer", rig.analyzer_port(), line(&file.analyzer.port), clock);
-    let bus = Port::new("simulated bus", rig.bus_port(), line(&file.bus), clock);
-    let simulation = Simulation { person: rig.person(), _rig: rig };
-    Ok((analyzer, bus, Some(simulation)))
-}
-
-async fn open_port(role: &'static str, port: &PortFile, clock: Clock) -> Result<Port, OpenError> {
+async fn open_port(port: &PortFile, clock: Clock) -> Result<Port, rig_link::OpenError> {
     let endpoint = match port {
         PortFile::Serial { path, line } => Endpoint::Serial { path: path.clone(), line: *line },
         PortFile::Tcp { address } => Endpoint::Tcp { address: address.clone() },
     };
-    Port::open(endpoint, clock).await.map_err(|source| OpenError::Port { role, source })
+    Port::open(endpoint, clock).await
 }

@@ -3,9 +3,10 @@
 //! The engine speaks of samples and steps by index; a record stands for itself. The recorder of a
 //! run knows the plan and where it stands in it.
 
-use std::sync::Arc;
+use std::{fmt::Write as _, sync::Arc};
 
 use rig_engine::{Event, RunStatus, SweepOutcome, SweepPurpose, TouchResult};
+use rig_link::{Flow, Frame, Transcript};
 use rig_model::{Clearance, Direction, Mm, Position, Reading, ReadingFlag};
 use rig_protocol::{Action, Phase, Plan, Pose, Prompt, Step};
 use rig_resonance::Verdict;
@@ -272,6 +273,21 @@ impl Recorder {
             indentation_mm: result.indentation_mm,
         }))
     }
+}
+
+/// The last frames of a port, as they are now.
+pub(super) fn black_box(port: &str, transcript: &Transcript) -> Record {
+    let frame = |frame: Frame| store::Frame {
+        rig_us: frame.at.as_micros(),
+        is_sent: frame.flow == Flow::Sent,
+        hex: frame.bytes.iter().fold(String::new(), |mut hex, byte| {
+            // Writing to a string cannot fail.
+            _ = write!(hex, "{byte:02x}");
+            hex
+        }),
+    };
+    let frames = transcript.frames().into_iter().map(frame).collect();
+    Record::BlackBox(store::BlackBox { port: port.to_owned(), frames })
 }
 
 fn moved(axis: store::Axis, target: f64, read_back: f64) -> Record {

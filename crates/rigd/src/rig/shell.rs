@@ -8,10 +8,10 @@ use std::{
 };
 
 use rig_engine::{
-    Command, Denied, Device, Effect, Engine, Event, Failure, FailureKind, Input, Operation,
+    Command, Denied, Device, Effect, Engine, Event, Failure, FailureKind, Fault, Input, Operation,
     OperationId, Report, StateWord,
 };
-use rig_link::{Clock, StopSignal};
+use rig_link::{Clock, StopSignal, Transcript};
 use rig_store::{Ending, Journal, Record, RunKind, Store, StoreError};
 use tokio::sync::{mpsc, oneshot, watch};
 
@@ -19,7 +19,7 @@ use super::{
     OpenError, Refusal, Request, RunView, Setting, Status,
     devices::{Devices, chain},
     open::{Opened, Simulation, open_rig},
-    record::Recorder,
+    record::{self, Recorder},
 };
 use crate::{loaded_rig::LoadedRig, protocol_file::LoadedProtocol};
 
@@ -77,6 +77,7 @@ struct Shell {
     setting: Setting,
     devices: Option<Devices>,
     simulation: Option<Simulation>,
+    black_boxes: [(Arc<str>, Transcript); 2],
     known_samples: Vec<(String, f64)>,
     stop: StopSignal,
     clock: Clock,
@@ -103,7 +104,8 @@ impl Shell {
         let data_error = |source| OpenError::Data { data: data.clone(), source };
         let store = Store::open(&data).map_err(data_error)?;
         let clock = Clock::start();
-        let Opened { setting, devices, simulation, known_samples } = open_rig(rig, clock).await?;
+        let Opened { setting, devices, simulation, black_boxes, known_samples } =
+            open_rig(rig, clock).await?;
         let session = store.begin(RunKind::Session, &setting.rig.name).map_err(data_error)?;
         let engine = Engine::new(setting.bench);
         let view = Status {
@@ -123,6 +125,7 @@ impl Shell {
             setting,
             devices: Some(devices),
             simulation,
+            black_boxes,
             known_samples,
             stop: StopSignal::new(),
             clock,
@@ -345,16 +348,35 @@ impl Shell {
             Event::StateChanged(word) if *word != StateWord::Running => self.view.sweep = None,
             _ => {}
         }
-        let (journal, recorder) = self.run.as_mut().unwrap_or(&mut self.session);
+        let (_, recorder) = self.run.as_mut().unwrap_or(&mut self.session);
         let Some(record) = recorder.record(event) else { return };
-        let appended = journal.append(self.clock.now().as_micros(), &record);
-        match appended {
-            Ok(id) => self.view.last_event = id,
-            Err(error) => self.journal_failed(&error),
+        self.append(&record);
+        if let Event::Faulted { fault, .. } = event {
+            self.open_black_boxes(fault);
         }
         if matches!(record, Record::RunFinished(_)) {
             self.commit();
             self.run = None;
+        }
+    }
+
+    fn append(&mut self, record: &Record) {
+        let (journal, _) = self.run.as_mut().unwrap_or(&mut self.session);
+        match journal.append(self.clock.now().as_micros(), record) {
+            Ok(id) => self.view.last_event = id,
+            Err(error) => self.journal_failed(&error),
+        }
+    }
+
+    /// Writes down what went over the ports last. On a simulated rig that tells something only of
+    /// the devices: whatever else happened can be played again.
+    fn open_black_boxes(&mut self, fault: &Fault) {
+        if self.simulation.is_some() && !matches!(fault, Fault::Device(_)) {
+            return;
+        }
+        let boxes = self.black_boxes.each_ref();
+        for record in boxes.map(|(port, transcript)| record::black_box(port, transcript)) {
+            self.append(&record);
         }
     }
 

@@ -8,10 +8,10 @@ use std::{
 
 use rig_resonance::Circuit;
 use rig_store::{
-    Chain, Clearance, Device, Direction, Ending, Fault, Journal, Phase, PlanSize, Pose, Prompt,
-    PromptAnswered, PromptAsked, Reader, Reading, ReadingFlag, Record, Run, RunFinished, RunId,
-    RunKind, RunStarted, Sample, Source, Store, Sweep, SweepPurpose, SweepVerdict, Touch,
-    TouchSettings,
+    BlackBox, Chain, Clearance, Device, Direction, Ending, Fault, Frame, Journal, Phase, PlanSize,
+    Pose, Prompt, PromptAnswered, PromptAsked, Reader, Reading, ReadingFlag, Record, Run,
+    RunFinished, RunId, RunKind, RunStarted, Sample, Source, Store, Sweep, SweepPurpose,
+    SweepVerdict, Touch, TouchSettings,
 };
 
 const SAMPLES: [(&str, f64); 5] =
@@ -86,6 +86,9 @@ impl Teller {
                     probe: Clearance::InContact,
                     hint: "Check the cable of the <linear stage>.".to_owned(),
                 }));
+                let frame = Frame { rig_us: 1, is_sent: true, hex: "0106".to_owned() };
+                let port = "/dev/ttyUSB0".to_owned();
+                self.write(&Record::BlackBox(BlackBox { port, frames: vec![frame] }));
                 Ending::Faulted
             }
             Story::Empty => Ending::Aborted,
