@@ -13,8 +13,11 @@
 //! | 130 | interrupted before anything was under way |
 
 mod check;
+mod doctor;
+mod identify;
 mod measure;
 mod moves;
+mod ports;
 mod prompt;
 mod run;
 mod runs;
@@ -64,6 +67,12 @@ enum CliCommand {
     Export(ExportArgs),
     /// Write the report of a run again
     Report(ReportArgs),
+    /// List the serial ports of this computer and who has them open
+    Ports(ports::PortsArgs),
+    /// Ask every device of a rig who it is
+    Identify(identify::IdentifyArgs),
+    /// Say whether a rig is fit for use, and what to do where it is not
+    Doctor(doctor::DoctorArgs),
     /// Home what is not homed, retract the probe, level the sample
     Home(moves::HomeArgs),
     /// Move one axis, as far as any touch may go
@@ -213,6 +222,10 @@ enum Failure {
     Sweep(#[from] SweepFaults),
     #[error("{reason}")]
     NoResonance { reason: String },
+    #[error("{silent} of 3 devices did not answer as they should")]
+    Unidentified { silent: usize },
+    #[error("{problems} {}", if *problems == 1 { "problem" } else { "problems" })]
+    Unfit { problems: usize },
     #[error("{what}: {source}")]
     System { what: &'static str, source: io::Error },
     /// It has been explained already.
@@ -245,6 +258,8 @@ impl Failure {
             | Self::Store(_)
             | Self::Export(_)
             | Self::Refused(_)
+            | Self::Unidentified { .. }
+            | Self::Unfit { .. }
             | Self::System { .. } => 1,
         }
     }
@@ -262,6 +277,9 @@ pub fn main() -> ExitCode {
         CliCommand::Show(args) => runs::show(&args),
         CliCommand::Export(args) => runs::export(&args),
         CliCommand::Report(args) => runs::report(&args),
+        CliCommand::Ports(args) => ports::ports(&args),
+        CliCommand::Identify(args) => identify::identify(&args),
+        CliCommand::Doctor(args) => doctor::doctor(&args),
         CliCommand::Home(args) => moves::home(&args),
         CliCommand::Move(args) => moves::to(&args),
         CliCommand::Measure(args) => measure::measure(&args),

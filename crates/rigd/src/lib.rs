@@ -3,6 +3,7 @@
 
 pub mod cli;
 mod describe;
+mod doctor;
 mod hint;
 pub mod http;
 pub mod loaded_rig;

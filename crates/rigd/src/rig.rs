@@ -11,6 +11,7 @@
 //! without the rig noticing.
 
 mod devices;
+mod inspect;
 mod open;
 mod record;
 mod shell;
@@ -23,6 +24,11 @@ use rig_protocol::{Action, Plan, Prompt};
 use rig_store::{RunId, StoreError};
 use tokio::sync::{mpsc, oneshot, watch};
 
+pub(crate) use devices::chain;
+pub use inspect::{
+    AxisFacts, AxisState, DeviceFacts, DeviceSeen, Inspection, PortFacts, PortSeen, RoundTrips,
+    inspect,
+};
 pub use open::OpenError;
 
 use crate::{describe, loaded_rig::LoadedRig, protocol_file::LoadedProtocol};

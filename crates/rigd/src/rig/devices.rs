@@ -104,7 +104,7 @@ fn stage_failure<U: Unit>(device: Device, error: &StageError<U>) -> Failure {
 }
 
 /// An error with all its causes, in one line.
-pub(super) fn chain(error: &dyn std::error::Error) -> String {
+pub(crate) fn chain(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();
     while let Some(source) = cause {

@@ -1,0 +1,132 @@
+//! The data directory: whether it can be written, holds a sound journal, and has room.
+
+use std::{
+    fs::{self, File},
+    io,
+    path::{Path, PathBuf},
+};
+
+use rig_store::{Store, StoreError};
+
+use super::{Finding, Findings};
+
+/// A run leaves some megabytes; below this, the next one may not fit.
+const SPACE_MIN_BYTES: u64 = 100 << 20;
+/// Below this it is time to tidy up.
+const SPACE_GOOD_BYTES: u64 = 1 << 30;
+
+pub(super) fn findings(data: &Path) -> Vec<Finding> {
+    let mut findings = Findings::of("data directory");
+    // Where there is none yet, it will be made where it is to be.
+    let place = existing(data);
+    match try_to_write(&place) {
+        Ok(()) => findings.ok("writable", data.display().to_string()),
+        Err(error) => findings.problem(
+            "writable",
+            format!("{}: {error}", place.display()),
+            "choose another with --data, or let this user write there",
+        ),
+    }
+    match rustix::fs::statvfs(&place) {
+        Ok(system) => space(&mut findings, system.f_bavail.saturating_mul(system.f_frsize)),
+        Err(error) => findings.warning(
+            "space",
+            format!("{}: {error}", place.display()),
+            "find out how much is free there",
+        ),
+    }
+    // A journal is opened as everything does that works with the rig; none is begun.
+    if data.join("rigd.db").exists() {
+        journal(&mut findings, data);
+    }
+    findings.all
+}
+
+/// The directory itself, or the nearest above it that exists.
+fn existing(data: &Path) -> PathBuf {
+    let data = std::path::absolute(data).unwrap_or_else(|_| data.to_path_buf());
+    data.ancestors().find(|path| path.exists()).unwrap_or(&data).to_path_buf()
+}
+
+/// Permissions alone do not tell: the file system may be full or read-only.
+fn try_to_write(place: &Path) -> io::Result<()> {
+    let trial = place.join(format!(".rigd-doctor-{}", std::process::id()));
+    File::create_new(&trial).and_then(|file| file.sync_all())?;
+    fs::remove_file(trial)
+}
+
+fn space(findings: &mut Findings, free_bytes: u64) {
+    let text = format!("{} MiB free", free_bytes >> 20);
+    let advice = "move old runs elsewhere, or choose another directory with --data";
+    if free_bytes < SPACE_MIN_BYTES {
+        findings.problem("space", text, advice);
+    } else if free_bytes < SPACE_GOOD_BYTES {
+        findings.warning("space", text, advice);
+    } else {
+        findings.ok("space", text);
+    }
+}
+
+fn journal(findings: &mut Findings, data: &Path) {
+    match Store::open(data) {
+        Ok(_) => findings.ok("journal", "can be opened"),
+        Err(error @ StoreError::InUse { .. }) => findings.warning(
+            "journal",
+            error.to_string(),
+            "that one also holds the ports: end it, or ask it over HTTP",
+        ),
+        Err(error) => findings.problem(
+            "journal",
+            error.to_string(),
+            "keep the directory for whoever maintains rigd, and begin another with --data",
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{super::Level, *};
+
+    #[track_caller]
+    fn check(free_bytes: u64, level: Level) {
+        let mut findings = Findings::of("data directory");
+        space(&mut findings, free_bytes);
+        assert_eq!(findings.all[0].level, level, "{free_bytes}");
+        assert_eq!(findings.all[0].advice.is_none(), level == Level::Ok);
+    }
+
+    #[test]
+    fn a_disk_that_fills_up_is_seen_before_it_is_full() {
+        check(0, Level::Problem);
+        check((100 << 20) - 1, Level::Problem);
+        check(100 << 20, Level::Warning);
+        check((1 << 30) - 1, Level::Warning);
+        check(1 << 30, Level::Ok);
+    }
+
+    #[test]
+    fn a_directory_that_is_still_to_be_made_is_looked_at_where_it_will_be() {
+        let scratch = tempfile::TempDir::new().unwrap();
+        let data = scratch.path().join("not/yet");
+        assert_eq!(existing(&data), scratch.path());
+        let found = findings(&data);
+        assert_eq!(found[0].level, Level::Ok, "{found:?}");
+        assert!(!data.exists() && scratch.path().read_dir().unwrap().next().is_none());
+        // A file stands in the way.
+        fs::write(data.parent().unwrap(), "").unwrap();
+        assert_eq!(findings(&data)[0].level, Level::Problem);
+    }
+
+    #[test]
+    fn the_journal_of_another_program_is_left_alone() {
+        let scratch = tempfile::TempDir::new().unwrap();
+        let journal = |path: &Path| findings(path).pop().unwrap();
+        let store = Store::open(scratch.path()).unwrap();
+        assert_eq!(journal(scratch.path()).level, Level::Warning);
+        drop(store);
+        assert_eq!(journal(scratch.path()).level, Level::Ok);
+        fs::write(scratch.path().join("rigd.db"), "not a database, but long enough").unwrap();
+        let damaged = journal(scratch.path());
+        assert_eq!((damaged.check, damaged.level), ("journal", Level::Problem));
+    }
+}

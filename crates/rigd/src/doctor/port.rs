@@ -1,0 +1,48 @@
+//! Ports: whether they open, who else has them open, and how fast they are.
+
+use super::{Finding, Findings, advice_on_port};
+use crate::rig::{PortSeen, RoundTrips, chain};
+
+/// A USB adapter that hands on what it has received at once does so within this time, ms.
+const ADAPTER_DELAY_BEST_MS: u32 = 1;
+
+/// Half of the answers of devices that are well come within this time, ms. A drive is given up
+/// after a hundred.
+const ROUND_TRIP_MAX_MS: f64 = 50.0;
+
+pub(super) fn findings(port: &PortSeen) -> Vec<Finding> {
+    let mut findings = Findings::of(port.role);
+    let facts = match &port.outcome {
+        Ok(facts) => facts,
+        Err(error) => {
+            findings.problem("open", chain(error), advice_on_port(error));
+            return findings.all;
+        }
+    };
+    findings.ok("open", &port.name);
+    if !facts.intruders.is_empty() {
+        let names: Vec<_> = facts.intruders.iter().map(ToString::to_string).collect();
+        let text = format!("also open in {}", names.join(", "));
+        findings.problem("other programs", text, "end that program: it may take answers away");
+    }
+    match facts.adapter_delay_ms {
+        Some(delay) if delay > ADAPTER_DELAY_BEST_MS => findings.warning(
+            "adapter",
+            format!("may keep back what it has received for {delay} ms"),
+            "write 1 into latency_timer of the adapter, below /sys/bus/usb-serial/devices",
+        ),
+        Some(delay) => findings.ok("adapter", format!("hands on within {delay} ms")),
+        None => {}
+    }
+    if let Some(RoundTrips { count, median_ms, longest_ms }) = facts.round_trips {
+        let text =
+            format!("median {median_ms:.1} ms, longest {longest_ms:.1} ms of {count} round trips");
+        if median_ms > ROUND_TRIP_MAX_MS {
+            let advice = "look for a slow network or gateway between, or a slow line";
+            findings.warning("latency", text, advice);
+        } else {
+            findings.ok("latency", text);
+        }
+    }
+    findings.all
+}

@@ -1,0 +1,249 @@
+//! Looks at each device of a rig by itself, so that trouble with one does not hide the others.
+//! Nothing moves, and no journal is needed.
+
+use std::{fs, path::Path};
+
+use rig_analyzer::{Analyzer, AnalyzerError};
+use rig_link::{Clock, Flow, Holder, Port, Transcript, attached_ports};
+use rig_model::{Axis, Bench, DriveLevel, Unit};
+use rig_stage::{Alarm, AxisStatus, BusHandle, Stage, StageError};
+
+use super::{
+    OpenError,
+    open::{Ports, bus_settings, describe, stage},
+};
+use crate::{
+    loaded_rig::LoadedRig,
+    rig_file::{PortFile, RigFile},
+};
+
+/// An axis is looked at this often, for its round trips.
+const LOOKS: u32 = 10;
+
+/// The level at which the settings of an analyzer are tried, V; less where the rig allows less.
+const TRIAL_LEVEL_V: f64 = 1.0;
+
+/// What was seen of a rig.
+#[derive(Debug)]
+pub struct Inspection {
+    /// The port of the analyzer and that of the drives.
+    pub ports: [PortSeen; 2],
+    /// The analyzer, the linear stage and the rotary stage.
+    pub devices: [DeviceSeen; 3],
+}
+
+/// A port of the rig.
+#[derive(Debug)]
+pub struct PortSeen {
+    /// What is on it.
+    pub role: &'static str,
+    /// Its name.
+    pub name: String,
+    /// What was seen of it, or why it could not be opened.
+    pub outcome: Result<PortFacts, rig_link::OpenError>,
+}
+
+/// A port that could be opened.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PortFacts {
+    /// Other programs that have it open too, as far as this user may know.
+    pub intruders: Vec<Holder>,
+    /// By how much its adapter may delay what it has received, ms, where that can be read.
+    pub adapter_delay_ms: Option<u32>,
+    /// How long the devices on it took to answer.
+    pub round_trips: Option<RoundTrips>,
+}
+
+/// From the first byte of a question to the first byte of its answer, over all of them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RoundTrips {
+    /// How many there were.
+    pub count: usize,
+    /// Half of them took no longer, ms.
+    pub median_ms: f64,
+    /// The longest, ms.
+    pub longest_ms: f64,
+}
+
+/// A device of the rig.
+#[derive(Debug)]
+pub struct DeviceSeen {
+    /// What it is on the rig.
+    pub role: &'static str,
+    /// The name of its port.
+    pub port: String,
+    /// What was seen of it; None when its port could not be opened.
+    pub outcome: Option<Result<DeviceFacts, OpenError>>,
+}
+
+/// A device that answered.
+#[derive(Debug)]
+pub struct DeviceFacts {
+    /// What it says that it is, or how it is spoken to where it does not say.
+    pub identity: String,
+    /// The version of its firmware, if it says so.
+    pub firmware: Option<String>,
+    /// Whether it took its settings and gave them back. A drive that did not is not seen at all.
+    pub settings: Result<(), AnalyzerError>,
+    /// How it stands, for an axis.
+    pub axis: Option<AxisFacts>,
+}
+
+/// How an axis stands.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AxisFacts {
+    /// Where, with its unit.
+    pub at: String,
+    /// What it is fit for.
+    pub state: AxisState,
+}
+
+/// What an axis is fit for; the first of these that applies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AxisState {
+    /// The drive reports an alarm.
+    Alarmed(Alarm),
+    /// It moves, and nobody told it to.
+    Moving,
+    /// It does not know where it is.
+    NotHomed,
+    /// It stands outside its soft limits.
+    BeyondLimits,
+    /// The drive takes no moves.
+    NotReady,
+    /// It takes moves.
+    Ready,
+}
+
+/// Opens the ports of a rig, simulated or real, and looks at each device on them.
+///
+/// # Errors
+/// [`OpenError`] only when there is nothing to look at: a scene that cannot be set up. Everything
+/// else is in the [`Inspection`].
+pub fn inspect(rig: LoadedRig) -> Result<Inspection, OpenError> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .start_paused(rig.is_virtual_time())
+        .build()
+        .map_err(|source| OpenError::Thread { source })?;
+    runtime.block_on(look(rig))
+}
+
+async fn look(rig: LoadedRig) -> Result<Inspection, OpenError> {
+    let LoadedRig { file, scene, .. } = rig;
+    let Ports { analyzer, bus, simulation } = Ports::open(&file, scene, Clock::start()).await?;
+    let (analyzer_port, analyzer) = look_at_analyzer(&file, analyzer).await;
+    let (bus_port, linear, rotary) = look_at_bus(&file, bus).await;
+    // The simulated devices had to live until here.
+    drop(simulation);
+    Ok(Inspection { ports: [analyzer_port, bus_port], devices: [analyzer, linear, rotary] })
+}
+
+async fn look_at_analyzer(
+    file: &RigFile,
+    port: Result<Port, rig_link::OpenError>,
+) -> (PortSeen, DeviceSeen) {
+    let name = name(&file.analyzer.port, &port);
+    let device = |outcome| DeviceSeen { role: "analyzer", port: name.clone(), outcome };
+    let seen = |outcome| PortSeen { role: "analyzer port", name: name.clone(), outcome };
+    let port = match port {
+        Ok(port) => port,
+        Err(error) => return (seen(Err(error)), device(None)),
+    };
+    let (intruders, transcript) = (port.intruders(), port.transcript());
+    let outcome = greet(Analyzer::open(port, file.analyzer.dialect), &file.bench).await;
+    (seen(Ok(port_facts(&name, intruders, &transcript))), device(Some(outcome)))
+}
+
+async fn greet(mut analyzer: Analyzer, bench: &Bench) -> Result<DeviceFacts, OpenError> {
+    let mut identity = analyzer.identify().await?;
+    let firmware = identity.firmware.take();
+    let volt = TRIAL_LEVEL_V.min(bench.analyzer.max_level_v);
+    let settings = analyzer.configure(DriveLevel { volt }).await;
+    Ok(DeviceFacts { identity: identity.to_string(), firmware, settings, axis: None })
+}
+
+async fn look_at_bus(
+    file: &RigFile,
+    port: Result<Port, rig_link::OpenError>,
+) -> (PortSeen, DeviceSeen, DeviceSeen) {
+    let name = name(&file.bus, &port);
+    let device = |role, outcome| DeviceSeen { role, port: name.clone(), outcome };
+    let seen = |outcome| PortSeen { role: "bus", name: name.clone(), outcome };
+    let port = match port {
+        Ok(port) => port,
+        Err(error) => {
+            return (seen(Err(error)), device("linear stage", None), device("rotary stage", None));
+        }
+    };
+    let (intruders, transcript) = (port.intruders(), port.transcript());
+    let bus = BusHandle::open(port, bus_settings(&file.bus));
+    let linear = look_at_axis(stage(&bus, &file.linear, file.bench.linear)).await;
+    let rotary = look_at_axis(stage(&bus, &file.rotary, file.bench.rotary)).await;
+    let linear = linear.map(|axis| axis_facts(describe(&file.linear), axis));
+    let rotary = rotary.map(|axis| axis_facts(describe(&file.rotary), axis));
+    (
+        seen(Ok(port_facts(&name, intruders, &transcript))),
+        device("linear stage", Some(linear.map_err(OpenError::from))),
+        device("rotary stage", Some(rotary.map_err(OpenError::from))),
+    )
+}
+
+async fn look_at_axis<U: Unit>(mut stage: Stage<U>) -> Result<AxisFacts, StageError<U>> {
+    let mut status = stage.identify().await?;
+    for _ in 0..LOOKS {
+        status = stage.status().await?;
+    }
+    Ok(standing(stage.axis(), &status))
+}
+
+fn standing<U: Unit>(axis: &Axis<U>, status: &AxisStatus<U>) -> AxisFacts {
+    let state = match status.alarm {
+        Some(alarm) => AxisState::Alarmed(alarm),
+        None if status.is_moving => AxisState::Moving,
+        None if !status.is_homed => AxisState::NotHomed,
+        None if axis.target(status.position).is_err() => AxisState::BeyondLimits,
+        None if !status.is_ready => AxisState::NotReady,
+        None => AxisState::Ready,
+    };
+    AxisFacts { at: status.position.to_string(), state }
+}
+
+const fn axis_facts(identity: String, axis: AxisFacts) -> DeviceFacts {
+    DeviceFacts { identity, firmware: None, settings: Ok(()), axis: Some(axis) }
+}
+
+fn port_facts(name: &str, intruders: Vec<Holder>, transcript: &Transcript) -> PortFacts {
+    let adapter_delay_ms = adapter_delay_ms(Path::new(name));
+    PortFacts { intruders, adapter_delay_ms, round_trips: round_trips(transcript) }
+}
+
+/// None for what is no serial port of this computer.
+fn adapter_delay_ms(path: &Path) -> Option<u32> {
+    let device = fs::canonicalize(path).ok()?;
+    attached_ports().into_iter().find(|port| Path::new(&port.device) == device)?.latency_ms
+}
+
+/// The black box knows when each frame went.
+fn round_trips(transcript: &Transcript) -> Option<RoundTrips> {
+    let frames = transcript.frames();
+    let answered = frames.windows(2).filter_map(|pair| match pair {
+        [sent, received] if (sent.flow, received.flow) == (Flow::Sent, Flow::Received) => {
+            Some(received.at.since(sent.at).as_secs_f64() * 1e3)
+        }
+        _ => None,
+    });
+    let mut all: Vec<f64> = answered.collect();
+    all.sort_by(f64::total_cmp);
+    let (&median_ms, &longest_ms) = (all.get(all.len() / 2)?, all.last()?);
+    Some(RoundTrips { count: all.len(), median_ms, longest_ms })
+}
+
+/// The name of a port as it was opened, or else as it stands in the rig file.
+fn name(file: &PortFile, port: &Result<Port, rig_link::OpenError>) -> String {
+    match (port, file) {
+        (Ok(port), _) => port.name().to_string(),
+        (Err(_), PortFile::Serial { path, .. }) => path.clone(),
+        (Err(_), PortFile::Tcp { address }) => address.clone(),
+    }
+}

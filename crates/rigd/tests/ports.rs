@@ -1,0 +1,196 @@
+//! The program on ports: simulated devices behind real connections, with whatever trouble.
+
+#![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+
+use rig_sim::{
+    AnalyzerModel, AxisModel, AxisWiring, Carrier, PortId, SimHandle, SimRig, Wiring,
+    faults::{DeviceFault, Fault, FaultKind, RequestFault, When},
+};
+use rig_store::{Reader, Record};
+use serde_json::Value;
+use tempfile::TempDir;
+use tokio::{net::TcpListener, task::JoinSet};
+
+fn shipped(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config").join(path)
+}
+
+/// Simulated devices on ports of this computer, with a rig file that names them.
+struct Bench {
+    sim: SimHandle,
+    analyzer: String,
+    bus: String,
+    folder: TempDir,
+    _listening: JoinSet<()>,
+}
+
+impl Bench {
+    async fn start() -> Self {
+        let scene = shipped("scenes/paper.toml");
+        let scene = rig_sim::scene::read("scene", &fs::read_to_string(scene).unwrap()).unwrap();
+        let axis = |unit_id, units_per_step| AxisWiring {
+            model: AxisModel::OrientalAz,
+            unit_id,
+            units_per_step,
+            zero: 0.0,
+        };
+        let wiring = Wiring {
+            analyzer: AnalyzerModel::HiokiIm3536,
+            linear: axis(1, 0.001),
+            rotary: axis(2, 0.01),
+            carrier: Carrier::Tcp,
+        };
+        let seed = scene.seed;
+        let sim = SimRig::start(scene, &wiring, seed).unwrap().handle();
+        let mut listening = JoinSet::new();
+        let analyzer = listen(&mut listening, &sim, PortId::Analyzer).await;
+        let bus = listen(&mut listening, &sim, PortId::Bus).await;
+        Self { sim, analyzer, bus, folder: TempDir::new().unwrap(), _listening: listening }
+    }
+
+    fn disturb(&self, port: PortId, unit: Option<u8>, kind: FaultKind) {
+        let fault = Fault { port, unit, kind, when: When::Rate(1.0) };
+        self.sim.with(|_, rig| rig.add_fault(fault));
+    }
+
+    /// Starts the program with a rig file that has the devices at these addresses.
+    fn rigd_at(&self, analyzer: &str, bus: &str, args: &[&str]) -> Output {
+        let (rig, data) = (self.folder.path().join("rig.toml"), self.folder.path().join("data"));
+        let mut text = fs::read_to_string(shipped("rigs/bench.toml")).unwrap();
+        for (name, address) in [("usb-HIOKI", analyzer), ("usb-FTDI", bus)] {
+            let is_port = |line: &&str| line.starts_with("port =") && line.contains(name);
+            let line = text.lines().find(is_port).unwrap().to_owned();
+            text = text.replace(&line, &format!("port = {{ tcp = \"{address}\" }}"));
+        }
+        fs::write(&rig, text).unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rigd"));
+        command.args(args).arg("--rig").arg(rig);
+        if args[0] != "identify" {
+            command.arg("--data").arg(data);
+        }
+        command.output().unwrap()
+    }
+
+    fn rigd(&self, args: &[&str]) -> Output {
+        self.rigd_at(&self.analyzer, &self.bus, args)
+    }
+}
+
+/// Serves a port of the simulated rig on one of this computer, and returns its address.
+async fn listen(listening: &mut JoinSet<()>, sim: &SimHandle, port: PortId) -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let (address, sim) = (listener.local_addr().unwrap().to_string(), sim.clone());
+    listening.spawn(async move {
+        while let Ok((client, _)) = listener.accept().await {
+            let (sim, connection) = (sim.clone(), sim.with(|_, rig| rig.connect(port)));
+            tokio::spawn(async move { sim.serve(connection, client).await });
+        }
+    });
+    address
+}
+
+fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", stderr(output)))
+}
+
+fn stderr(output: &Output) -> &str {
+    std::str::from_utf8(&output.stderr).unwrap()
+}
+
+/// The level of each finding, and its advice.
+fn levels(doctor: &Output) -> Vec<(String, String)> {
+    let view = json(doctor);
+    let row = |finding: &Value| {
+        let word = |key: &str| finding[key].as_str().unwrap_or_default().to_owned();
+        (format!("{}, {}: {}", word("part"), word("check"), word("level")), word("advice"))
+    };
+    view["findings"].as_array().unwrap().iter().map(row).collect()
+}
+
+#[track_caller]
+fn check_finding(doctor: &Output, finding: &str, advice: &str) {
+    let found = levels(doctor);
+    let is_there = |(text, given): &(String, String)| text == finding && given.contains(advice);
+    assert!(found.iter().any(is_there), "no `{finding}` with `{advice}` in {found:#?}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_rig_that_is_well_has_only_good_findings() {
+    let bench = Bench::start().await;
+    let identity = bench.rigd(&["identify", "--json"]);
+    assert!(identity.status.success(), "{}", stderr(&identity));
+    let devices = json(&identity);
+    assert_eq!(devices[0]["identity"], "HIOKI IM3536, serial number 190512345");
+    assert_eq!(devices[0]["firmware"], "V1.21");
+    assert_eq!(devices[0]["port"], Value::from(bench.analyzer.as_str()));
+    assert_eq!(devices[2]["identity"], "oriental-az at unit 2");
+
+    let doctor = bench.rigd(&["doctor", "--json"]);
+    assert!(doctor.status.success(), "{}", stderr(&doctor));
+    let found = levels(&doctor);
+    assert!(found.iter().all(|(text, _)| text.ends_with(": ok")), "{found:#?}");
+    for part in
+        ["data directory, space", "bus, latency", "analyzer, settings", "rotary stage, state"]
+    {
+        check_finding(&doctor, &format!("{part}: ok"), "");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn trouble_with_one_device_does_not_hide_the_others() {
+    let bench = Bench::start().await;
+    bench.disturb(PortId::Bus, Some(1), FaultKind::Request(RequestFault::Drop));
+    bench.disturb(PortId::Bus, Some(2), FaultKind::Device(DeviceFault::Alarm(0x30)));
+    // Nobody listens at the address of a listener that is gone.
+    let gone = TcpListener::bind("127.0.0.1:0").await.unwrap().local_addr().unwrap().to_string();
+    let doctor = bench.rigd_at(&gone, &bench.bus, &["doctor", "--json"]);
+    assert_eq!(doctor.status.code(), Some(1));
+    check_finding(&doctor, "analyzer port, open: problem", "check the address");
+    check_finding(&doctor, "analyzer, identity: problem", "see to the port first");
+    check_finding(&doctor, "linear stage, identity: problem", "the unit id");
+    check_finding(&doctor, "rotary stage, identity: ok", "");
+    check_finding(&doctor, "rotary stage, state: problem", "`rigd home` resets it");
+    assert_eq!(json(&doctor)["problems"], 4);
+    assert!(stderr(&doctor).contains("4 problems"), "{}", stderr(&doctor));
+
+    let identity = bench.rigd_at(&gone, &bench.bus, &["identify", "--json"]);
+    assert_eq!(identity.status.code(), Some(1));
+    let devices = json(&identity);
+    let error = devices[0]["error"].as_str().unwrap();
+    assert!(error.contains(&gone) && error.contains("refused"), "{error}");
+    assert_eq!(devices[2]["identity"], "oriental-az at unit 2");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn after_a_fault_the_last_frames_of_each_port_are_in_the_journal() {
+    let bench = Bench::start().await;
+    bench.disturb(PortId::Bus, Some(1), FaultKind::Device(DeviceFault::Alarm(0x30)));
+    let home = bench.rigd(&["home"]);
+    assert_eq!(home.status.code(), Some(4), "{}", stderr(&home));
+    assert!(stderr(&home).contains("alarm 0x30 (overload)"), "{}", stderr(&home));
+
+    let reader = Reader::open(&bench.folder.path().join("data")).unwrap();
+    let session = reader.runs().unwrap().swap_remove(0);
+    let records = reader.records(session.id).unwrap();
+    let fault = records.iter().position(|stored| stored.kind == "fault").unwrap();
+    let boxes = [&records[fault + 1], &records[fault + 2]].map(|stored| match stored.record() {
+        Ok(Record::BlackBox(kept)) => kept,
+        other => panic!("{other:?}"),
+    });
+    assert_eq!([&boxes[0].port, &boxes[1].port], [&bench.analyzer, &bench.bus]);
+    for kept in &boxes {
+        assert!(kept.frames.iter().any(|frame| frame.is_sent), "{kept:?}");
+        assert!(kept.frames.iter().any(|frame| !frame.is_sent), "{kept:?}");
+        assert!(kept.frames.is_sorted_by_key(|frame| frame.rig_us), "{kept:?}");
+    }
+    // `*IDN?` was asked, and the drive has told its alarm in the last word of its status.
+    assert!(boxes[0].frames.iter().any(|frame| frame.hex.contains("2a49444e3f")), "{boxes:?}");
+    let is_alarm = |frame: &rig_store::Frame| !frame.is_sent && frame.hex.ends_with("0030");
+    assert!(boxes[1].frames.iter().any(is_alarm), "{boxes:?}");
+}
