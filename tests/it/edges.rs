@@ -39,6 +39,7 @@ const ARROWS: [(&str, &[&str]); 16] = [
             "rig-settings",
             "rig-protocol",
             "rig-engine",
+            "rig-contact",
             "rig-resonance",
             "rig-analysis",
             "rig-link",

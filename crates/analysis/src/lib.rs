@@ -10,6 +10,7 @@ pub mod classify;
 pub mod cluster;
 pub mod no_load;
 pub mod recognition;
+pub mod scale;
 pub mod score;
 pub mod sensitivity;
 pub mod shift;

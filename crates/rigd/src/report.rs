@@ -9,7 +9,9 @@ mod figures;
 mod html;
 mod page;
 mod provenance;
+mod recognition;
 mod results;
+mod stiffness;
 mod summary;
 mod tables;
 #[cfg(test)]
@@ -23,7 +25,9 @@ use rig_store::{Chain, Run, StoreError, StoredRecord};
 
 use data::RunData;
 use results::RunResults;
-pub use summary::{ClassificationSummary, RunSummary, ShiftSummary};
+pub use summary::{
+    ClassificationSummary, RecognitionSummary, RunSummary, ShiftSummary, StiffnessSummary,
+};
 
 /// The report as one HTML file.
 ///
@@ -50,8 +54,8 @@ pub fn summary(
     Ok(summary::summary(run, &data, &RunResults::of(&data), folder))
 }
 
-/// The results for a person at a terminal: the table of shifts, the sensitivity and the rate of
-/// recognition.
+/// The results for a person at a terminal: the table of shifts, the sensitivity, the stiffness of
+/// the samples and the rate of recognition.
 ///
 /// # Errors
 /// [`StoreError::Unreadable`] when a record cannot be understood.

@@ -7,6 +7,7 @@ mod axis;
 mod bench;
 mod port;
 mod refusal;
+mod sensor;
 
 #[cfg(test)]
 mod tests;
@@ -18,6 +19,8 @@ use rig_link::LineSettings;
 use rig_model::{Bench, Deg, Mm};
 use rig_settings::Faults;
 use rig_stage::{RegisterMap, Scale};
+
+pub use sensor::{SensorFile, Uncertainty};
 
 /// A rig file, read and checked.
 #[derive(Debug, Clone)]
@@ -36,6 +39,8 @@ pub struct RigFile {
     pub linear: AxisFile<Mm>,
     /// The axis that tilts the sample.
     pub rotary: AxisFile<Deg>,
+    /// The sensor by which shifts are turned into stiffness.
+    pub sensor: SensorFile,
     /// The samples whose stiffness was measured otherwise.
     pub samples: Vec<KnownSample>,
 }

@@ -14,7 +14,7 @@ use super::{
 /// Width of one of three charts in a row, and the height of all charts in a row, in pixels.
 const PANEL_PX: (u32, u32) = (290, 310);
 /// Of one of two charts in a row.
-const HALF_PX: (u32, u32) = (446, 310);
+pub(super) const HALF_PX: (u32, u32) = (446, 310);
 /// Of a chart with a row of its own.
 const WIDE_PX: (u32, u32) = (912, 360);
 
@@ -279,13 +279,13 @@ fn note(sample: &Sample, angle_deg: f64, shift_hz: f64, sigma_hz: f64) -> String
 }
 
 /// A chart, or why there is none: a report is never lost for a figure.
-fn drawn(svg: &Result<String, ChartError>) -> String {
+pub(super) fn drawn(svg: &Result<String, ChartError>) -> String {
     match svg {
         Ok(svg) => svg.clone(),
         Err(error) => format!("<p class=\"note\">{}</p>\n", Text(&error.to_string())),
     }
 }
 
-fn figure(content: &str, caption: &str) -> String {
+pub(super) fn figure(content: &str, caption: &str) -> String {
     format!("<figure>\n{content}<figcaption>{}</figcaption>\n</figure>\n", Text(caption))
 }

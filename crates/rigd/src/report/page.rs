@@ -9,7 +9,7 @@ use super::{
     html::{Text, add},
     provenance::provenance,
     results::{RunResults, SweepCost},
-    tables,
+    stiffness, tables,
     units::{duration, fixed, percent, percent_range, value_and_sigma, with_sigma},
 };
 
@@ -27,6 +27,7 @@ pub(super) fn page(run: &Run, verdict: &Verdict, data: &RunData, results: &RunRe
     );
     html += &head(run, verdict, data, results);
     section(&mut html, "Frequency shift", &shifts(data, results));
+    section(&mut html, "Stiffness", &stiffness(data, results));
     section(&mut html, "Recognition", &recognition(data, results));
     section(&mut html, "The free sensor", &free_sensor(data, results));
     section(&mut html, "One touch in detail", &detail(data, results));
@@ -156,6 +157,13 @@ fn shifts(data: &RunData, results: &RunResults) -> String {
     html + &tables::shifts(data, results)
 }
 
+fn stiffness(data: &RunData, results: &RunResults) -> String {
+    match &results.stiffness {
+        Ok(stiffness) => stiffness::section(data, stiffness, results),
+        Err(reason) => nothing(&Text(&format!("No stiffness: {reason}.")).to_string()),
+    }
+}
+
 fn recognition(data: &RunData, results: &RunResults) -> String {
     let Some(classification) = &results.classification else {
         return nothing("No blind touches were classified.");
@@ -172,6 +180,7 @@ fn recognition(data: &RunData, results: &RunResults) -> String {
     sentence
         + &figures::classification(data, classification)
         + &tables::confusion(data, classification)
+        + &stiffness::recognitions(&results.recognitions)
 }
 
 fn free_sensor(data: &RunData, results: &RunResults) -> String {

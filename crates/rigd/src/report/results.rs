@@ -9,7 +9,11 @@ use rig_analysis::{
 };
 use rig_store::{Circuit, Direction, Phase, Sweep, SweepPurpose, SweepVerdict, Touch};
 
-use super::data::RunData;
+use super::{
+    data::RunData,
+    recognition::{Recognition, recognitions},
+    stiffness::{NoStiffness, Stiffness},
+};
 
 /// The directions, in the order in which the analysis counts them.
 pub(super) const DIRECTIONS: [Direction; 3] = [Direction::Front, Direction::Back, Direction::Left];
@@ -29,6 +33,10 @@ pub(super) struct RunResults {
     pub(super) no_load: Option<NoLoad>,
     /// The blind touches, sorted.
     pub(super) classification: Option<Classification>,
+    /// The stiffness of the samples, with the angle compensated.
+    pub(super) stiffness: Result<Stiffness, NoStiffness>,
+    /// The blind touches, recognised by several methods.
+    pub(super) recognitions: Vec<Recognition>,
     /// What the sweeps cost.
     pub(super) cost: SweepCost,
 }
@@ -93,10 +101,14 @@ impl RunResults {
         let cells = shift::by_direction(&main);
         let means = shift::by_angle(&cells);
         let references: Vec<Reference> = data.sweeps.iter().filter_map(reference).collect();
+        let classification = classify(data, &blind);
+        let stiffness = Stiffness::of(data);
         Self {
+            recognitions: recognitions(data, classification.as_ref(), stiffness.as_ref().ok()),
+            stiffness,
             sensitivity: sensitivity_at_smallest_angle(data, &means),
             no_load: no_load::summarize(&references),
-            classification: classify(data, &blind),
+            classification,
             cost: SweepCost::of(&data.sweeps),
             cells,
             means,

@@ -7,7 +7,9 @@ use serde::Serialize;
 
 use super::{
     data::RunData,
+    recognition::Recognition,
     results::{DIRECTIONS, RunResults},
+    stiffness::SampleStiffness,
 };
 
 /// The results of a run. The fields are an interface: scripts read them.
@@ -34,6 +36,10 @@ pub struct RunSummary {
     pub sensitivity_hz_per_mpa: Option<f64>,
     /// The blind touches.
     pub classification: Option<ClassificationSummary>,
+    /// The stiffness of the samples from the main touches, with the angle compensated.
+    pub stiffness: Vec<StiffnessSummary>,
+    /// The blind touches by every method, that of `classification` first.
+    pub recognition: Vec<RecognitionSummary>,
     /// The report.
     pub report: PathBuf,
     /// The folder with the data.
@@ -66,6 +72,36 @@ pub struct ClassificationSummary {
     pub rate: f64,
 }
 
+/// The stiffness of a sample.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct StiffnessSummary {
+    /// Name of the sample.
+    pub sample: String,
+    /// Young's modulus, MPa.
+    pub stiffness_mpa: f64,
+    /// Its standard deviation, that of the calibration included, MPa.
+    pub sigma_mpa: f64,
+    /// Young's modulus as it is known otherwise, MPa.
+    pub known_mpa: Option<f64>,
+}
+
+/// How well a method recognised the samples of the blind touches.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct RecognitionSummary {
+    /// The method: `k-means`, `k-means-log` or `calibrated-stiffness`.
+    pub method: &'static str,
+    /// Blind touches.
+    pub trials: u32,
+    /// Of which recognised.
+    pub correct: u32,
+    /// The share of these.
+    pub rate: f64,
+    /// The lower end of its 95 % interval.
+    pub low: f64,
+    /// The upper end.
+    pub high: f64,
+}
+
 pub(super) fn summary(
     run: &Run,
     data: &RunData,
@@ -84,6 +120,18 @@ pub(super) fn summary(
         let (trials, correct, rate) = (score.trials, score.correct, score.rate()?);
         Some(ClassificationSummary { trials, correct, rate })
     });
+    let stiffness = |found: &SampleStiffness| StiffnessSummary {
+        sample: data.samples()[found.sample].name.clone(),
+        stiffness_mpa: found.young_mpa,
+        sigma_mpa: found.sigma_mpa,
+        known_mpa: found.known_mpa,
+    };
+    let recognition = |found: &Recognition| {
+        let (low, high) = found.interval();
+        let Recognition { method, trials, correct, .. } = *found;
+        let (method, rate) = (method.name(), found.rate());
+        RecognitionSummary { method, trials, correct, rate, low, high }
+    };
     RunSummary {
         run_id: run.id.to_string(),
         status: run.status.name(),
@@ -98,6 +146,12 @@ pub(super) fn summary(
             .as_ref()
             .map(|found| found.sensitivity.chord.hz_per_mpa),
         classification,
+        stiffness: results
+            .stiffness
+            .iter()
+            .flat_map(|found| found.samples.iter().map(stiffness))
+            .collect(),
+        recognition: results.recognitions.iter().map(recognition).collect(),
         report: folder.join("report.html"),
         data: folder.to_path_buf(),
     }

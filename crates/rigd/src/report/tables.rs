@@ -99,6 +99,7 @@ pub(super) fn log(data: &RunData) -> String {
     format!("<div class=\"log\">\n{table}</div>\n")
 }
 
-fn dash() -> String {
+/// What stands where there is nothing.
+pub(super) fn dash() -> String {
     "–".to_owned()
 }

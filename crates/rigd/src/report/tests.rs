@@ -59,7 +59,19 @@ fn every_report_is_one_well_formed_file_that_asks_nobody_for_anything() {
 #[test]
 fn a_complete_run_has_every_figure() {
     let html = rendered(Story::Complete);
-    let figures = ["samples", "front", "back", "left", "mean", "blind", "no-load", "size", "phase"];
+    let figures = [
+        "samples",
+        "front",
+        "back",
+        "left",
+        "mean",
+        "stiffness",
+        "blind-stiffness",
+        "blind",
+        "no-load",
+        "size",
+        "phase",
+    ];
     for figure in figures {
         assert!(html.contains(&format!("<title id=\"fig-{figure}-t\">")), "{figure}");
     }
@@ -124,11 +136,13 @@ fn a_program_finds_the_fields_that_it_was_promised() {
     };
     assert_eq!(
         fields(&json),
-        "classification data no_load_hz prompts report rig_seconds run_id \
-         sensitivity_hz_per_mpa shifts status touches wall_seconds"
+        "classification data no_load_hz prompts recognition report rig_seconds run_id \
+         sensitivity_hz_per_mpa shifts status stiffness touches wall_seconds"
     );
     assert_eq!(fields(&json["shifts"][0]), "angle_deg direction sample shift_hz sigma_hz");
     assert_eq!(fields(&json["classification"]), "correct rate trials");
+    assert_eq!(fields(&json["stiffness"][0]), "known_mpa sample sigma_mpa stiffness_mpa");
+    assert_eq!(fields(&json["recognition"][0]), "correct high low method rate trials");
     assert_eq!(json["status"], "completed");
     assert_eq!(json["touches"], 110);
     assert_eq!(json["prompts"], 65);
@@ -170,6 +184,59 @@ fn the_numbers_are_those_of_the_touches() {
     assert!((found.sensitivity_hz_per_mpa.unwrap() - chord).abs() < 1e-9, "{chord}");
     let no_load = touches.iter().map(|touch| touch.no_load_hz).sum::<f64>() / 110.0;
     assert!((found.no_load_hz.unwrap() - no_load).abs() < 1e-9, "{no_load}");
+}
+
+#[test]
+fn stiffness_is_scaled_by_the_samples_that_are_known_and_says_so() {
+    let sample = SampleRun::new(Story::Complete);
+    let html = render(&sample.run, &sample.chain).unwrap();
+    assert!(html.contains("The touches at 0° of 5 samples of known stiffness say"));
+    let found = summary(&sample.run, &sample.chain.records, Path::new("run")).unwrap();
+    for sample in &found.stiffness {
+        let known_mpa = sample.known_mpa.unwrap();
+        let deviation = (sample.stiffness_mpa - known_mpa) / sample.sigma_mpa;
+        assert!(deviation.abs() < 3.0, "{sample:?}");
+        assert!(sample.sigma_mpa / known_mpa < 0.05, "{sample:?}");
+    }
+    let methods: Vec<_> = found.recognition.iter().map(|found| found.method).collect();
+    assert_eq!(methods, ["k-means", "k-means-log", "calibrated-stiffness"]);
+    let [k_means, _, calibrated] = found.recognition[..] else { panic!() };
+    assert_eq!(k_means.correct, found.classification.unwrap().correct);
+    assert!(k_means.correct < calibrated.correct, "{:?}", found.recognition);
+}
+
+#[test]
+fn without_known_samples_the_scale_is_as_uncertain_as_the_rig_file_says() {
+    let mut sample = SampleRun::new(Story::Complete);
+    let known = summary(&sample.run, &sample.chain.records, Path::new("run")).unwrap();
+    sample.change_start(|started| {
+        for sample in &mut started.samples {
+            sample.stiffness_mpa = None;
+        }
+    });
+    let html = render(&sample.run, &sample.chain).unwrap();
+    check_markup(&html);
+    assert!(html.contains("No sample is known") && !html.contains("fig-stiffness"));
+    let found = summary(&sample.run, &sample.chain.records, Path::new("run")).unwrap();
+    for found in &found.stiffness {
+        assert_eq!(found.known_mpa, None);
+        assert!(found.sigma_mpa / found.stiffness_mpa > 0.1, "{found:?}");
+    }
+    // One factor for all touches changes no class.
+    assert_eq!(found.recognition, known.recognition);
+}
+
+#[test]
+fn a_journal_whose_rig_file_cannot_be_read_has_everything_but_stiffness() {
+    let mut sample = SampleRun::new(Story::Complete);
+    sample.change_start(|started| started.rig.toml = "name = \"<old>\"\n".to_owned());
+    let html = render(&sample.run, &sample.chain).unwrap();
+    check_markup(&html);
+    assert!(html.contains("No stiffness: the rig file in the journal"));
+    assert!(html.contains("fig-blind-t"));
+    let found = summary(&sample.run, &sample.chain.records, Path::new("run")).unwrap();
+    assert!(found.stiffness.is_empty());
+    assert_eq!(found.recognition.len(), 2);
 }
 
 #[test]

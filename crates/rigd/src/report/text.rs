@@ -6,7 +6,9 @@ use rig_store::Run;
 
 use super::{
     data::RunData,
+    recognition::{Method, Recognition},
     results::{DIRECTIONS, RunResults},
+    stiffness::SampleStiffness,
     units::{duration, fixed, percent, percent_range, with_sigma},
 };
 
@@ -41,6 +43,23 @@ pub(super) fn text(run: &Run, data: &RunData, results: &RunResults) -> String {
             (score.correct, score.trials, percent_range(score.interval()));
         fact(
             "blind classification",
+            &format!("{correct} of {trials} correct, {rate} (95 % interval {range})"),
+        );
+    }
+    if let Ok(stiffness) = &results.stiffness {
+        let sample = |found: &SampleStiffness| {
+            let name = &data.samples()[found.sample].name;
+            format!("{name}: {}", with_sigma(found.young_mpa, found.sigma_mpa))
+        };
+        let samples: Vec<String> = stiffness.samples.iter().map(sample).collect();
+        fact("stiffness in MPa", &samples.join(", "));
+    }
+    let by_stiffness = |found: &&Recognition| found.method == Method::CalibratedStiffness;
+    if let Some(found) = results.recognitions.iter().find(by_stiffness) {
+        let (correct, trials) = (found.correct, found.trials);
+        let (rate, range) = (percent(found.rate()), percent_range(found.interval()));
+        fact(
+            "blind, by stiffness",
             &format!("{correct} of {trials} correct, {rate} (95 % interval {range})"),
         );
     }

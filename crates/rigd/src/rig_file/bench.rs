@@ -12,6 +12,7 @@ use super::{
     axis::{self, AxisRead},
     port::port,
     refusal::Refusal,
+    sensor,
 };
 
 /// Reads a rig file from its root.
@@ -26,6 +27,7 @@ pub(super) fn rig(table: &mut Table<'_>) -> RigFile {
     let rotary = rotary.required().value;
     let geometry = table.section("geometry", geometry).required().value;
     let limits = table.section("limits", limits).required().value;
+    let sensor = sensor::sensor(table, geometry.is_sound.then_some(&geometry.geometry));
     let samples = samples(table);
 
     if let (PortFile::Serial { path, .. }, PortFile::Serial { path: other, .. }) =
@@ -56,6 +58,7 @@ pub(super) fn rig(table: &mut Table<'_>) -> RigFile {
         bus: bus.value,
         linear: linear.file,
         rotary: rotary.file,
+        sensor,
         samples,
     }
 }

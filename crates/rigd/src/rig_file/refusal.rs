@@ -1,5 +1,6 @@
 //! What a rig file can be refused for, beyond its shape.
 
+use rig_contact::SensorError;
 use rig_model::{AxisError, Deg, Mm, Position};
 use rig_settings::Complaint;
 
@@ -55,6 +56,12 @@ pub(super) enum Refusal {
          linear stage: no room for surface_tolerance_mm and max_indentation_mm"
     )]
     NoRoomBelow { found: f64, room: f64, limit: f64 },
+
+    // The sensor.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+
+    // The samples.
     #[error("{name:?} is listed twice")]
     KnownTwice { name: String },
 }
@@ -81,6 +88,8 @@ impl Complaint for Refusal {
                 "0 is level and must be within".into()
             }
             Self::Linear(AxisError::RestOutOfReach { .. }) => "put it within".into(),
+            // It names the field and its limit.
+            Self::Sensor(_) => return None,
             // A stage is not asked for targets here, and the other numbers were read as positive.
             Self::Linear(_) | Self::Rotary(_) => return None,
             Self::NoStep { .. } => "give how far one count of the drive moves the axis".into(),

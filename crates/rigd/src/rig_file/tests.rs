@@ -146,3 +146,27 @@ fn what_is_missing_and_misspelt_is_said_once_for_each() {
         ("# [[samples]]\n# name = \"1\"", "[[samples]]\nname = \"1\""),
     ]));
 }
+
+#[test]
+fn a_sensor_that_nobody_described_is_the_reference_with_the_ball_of_the_rig() {
+    let described = RigFile::read("rig.toml", SIMULATED).unwrap().sensor;
+    assert_eq!(described.sensor, rig_contact::Sensor::reference());
+    let (start, end) =
+        (SIMULATED.find("[sensor]").unwrap(), SIMULATED.find("# ---- Samples").unwrap());
+    let short = format!("{}{}", &SIMULATED[..start], &SIMULATED[end..]);
+    assert_eq!(RigFile::read("rig.toml", &short).unwrap().sensor, described);
+    let other = short.replacen("probe_radius_mm = 0.5", "probe_radius_mm = 1", 1);
+    let other = RigFile::read("rig.toml", &other).unwrap().sensor;
+    assert_eq!(other.sensor.design().probe_radius_mm, 1.0);
+}
+
+#[test]
+fn a_sensor_that_cannot_be_is_refused() {
+    insta::assert_snapshot!(complaints(&[("length_mm = 35", "length_mm = 5.9")]));
+    insta::assert_snapshot!(complaints(&[
+        ("length_mm = 35", "length_m = 5.9"),
+        ("depth = \"indentation\"", "depth = \"indention\""),
+        ("poisson = 0.5", "poisson = 0.6"),
+        ("angle_deg = 1", "angle_deg = -1"),
+    ]));
+}

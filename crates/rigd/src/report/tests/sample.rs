@@ -60,6 +60,14 @@ impl SampleRun {
         let chain = reader.chain(id).unwrap();
         Self { directory, run, chain }
     }
+
+    /// The same run, had it begun otherwise.
+    pub(super) fn change_start(&mut self, change: impl FnOnce(&mut RunStarted)) {
+        let first = &mut self.chain.records[0];
+        let Record::RunStarted(mut started) = first.record().unwrap() else { panic!("{first:?}") };
+        change(&mut started);
+        first.payload = serde_json::to_string(&Record::RunStarted(started)).unwrap();
+    }
 }
 
 struct Teller {
@@ -250,7 +258,7 @@ fn started() -> Record {
             "three-direction",
             "name = \"three-direction\"\nangles_deg = [0, 15, 30, 45]\n",
         ),
-        rig: source("simulated", "name = \"simulated\"\n"),
+        rig: source("simulated", include_str!("../../../../../config/rigs/simulated.toml")),
         scene: Some(source("paper", "name = \"paper\"\n")),
         devices: vec![
             device("analyzer", "HIOKI,IM3536,170614127,V2.00"),

@@ -1,0 +1,98 @@
+//! The factor between stiffness as a model reads it and stiffness as it is known otherwise.
+//!
+//! A sensor that is stiffer than its description makes every sample look softer by about the same
+//! factor, because a shift depends on the ratio of the two stiffnesses above all. Samples of known
+//! stiffness tell this factor, and only this one: differences between samples stay as measured.
+
+/// A stiffness as a model reads it, beside the known one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Comparison {
+    /// Which sample.
+    pub sample: usize,
+    /// Young's modulus as the model reads it, MPa.
+    pub young_mpa: f64,
+    /// Its standard deviation, MPa.
+    pub sigma_mpa: f64,
+    /// Young's modulus as it is known, MPa.
+    pub known_mpa: f64,
+}
+
+/// The factor, from samples of known stiffness.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scale {
+    /// Geometric mean of read over known stiffness; a reading divided by it is calibrated.
+    pub factor: f64,
+    /// Its relative standard deviation: from the readings or from the scatter between the samples,
+    /// whichever is larger.
+    pub sigma_rel: f64,
+    /// From how many samples.
+    pub samples: usize,
+}
+
+/// The factor between readings and known stiffness, each sample with the same weight; none without
+/// a usable comparison.
+pub fn scale(comparisons: &[Comparison]) -> Option<Scale> {
+    let is_usable = |one: &Comparison| {
+        let all = [one.young_mpa, one.known_mpa];
+        all.iter().all(|stiffness| stiffness.is_finite() && *stiffness > 0.0)
+    };
+    let mut usable: Vec<Comparison> = comparisons.iter().copied().filter(is_usable).collect();
+    usable.sort_by_key(|one| one.sample);
+    let samples: Vec<(f64, f64)> =
+        usable.chunk_by(|a, b| a.sample == b.sample).map(of_sample).collect();
+    if samples.is_empty() {
+        return None;
+    }
+    let n = samples.len() as f64;
+    let mean = samples.iter().map(|(log, _)| log).sum::<f64>() / n;
+    let propagated = samples.iter().map(|(_, variance)| variance).sum::<f64>().sqrt() / n;
+    let squares = samples.iter().map(|(log, _)| (log - mean).powi(2)).sum::<f64>();
+    let scatter = if samples.len() > 1 { (squares / (n - 1.0) / n).sqrt() } else { 0.0 };
+    let sigma_rel = propagated.max(scatter);
+    Some(Scale { factor: mean.exp(), sigma_rel, samples: samples.len() })
+}
+
+/// The mean logarithm of the ratios of one sample, and its variance.
+fn of_sample(comparisons: &[Comparison]) -> (f64, f64) {
+    let n = comparisons.len() as f64;
+    let logs = comparisons.iter().map(|one| (one.young_mpa / one.known_mpa).ln());
+    let variances = comparisons.iter().map(|one| (one.sigma_mpa / one.young_mpa).powi(2));
+    (logs.sum::<f64>() / n, variances.sum::<f64>() / (n * n))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn one(sample: usize, young_mpa: f64, known_mpa: f64) -> Comparison {
+        Comparison { sample, young_mpa, sigma_mpa: 0.02 * young_mpa, known_mpa }
+    }
+
+    #[track_caller]
+    fn check(comparisons: &[Comparison], factor: f64, sigma_rel: f64) {
+        let found = scale(comparisons).unwrap();
+        assert!((found.factor / factor - 1.0).abs() < 1e-12, "{found:?}");
+        assert!((found.sigma_rel - sigma_rel).abs() < 1e-12, "{found:?}");
+    }
+
+    #[test]
+    fn a_common_factor_is_found_and_is_as_uncertain_as_the_readings() {
+        check(&[one(0, 0.11, 0.1)], 1.1, 0.02);
+        let four = [one(0, 0.11, 0.1), one(1, 0.44, 0.4), one(0, 0.11, 0.1), one(1, 0.44, 0.4)];
+        check(&four, 1.1, 0.02 / 2.0);
+    }
+
+    #[test]
+    fn a_sample_touched_more_often_has_no_more_weight_and_scatter_between_samples_counts() {
+        // The logarithms of the samples are 0.1 above and below those of the readings.
+        let (up, down) = (0.1_f64.exp(), (-0.1_f64).exp());
+        check(&[one(0, up, 1.0), one(0, up, 1.0), one(1, down, 1.0)], 1.0, 0.1);
+    }
+
+    #[test]
+    fn what_cannot_be_compared_is_left_out() {
+        assert_eq!(scale(&[]), None);
+        assert_eq!(scale(&[one(0, f64::NAN, 1.0), one(1, 1.0, 0.0)]), None);
+        assert_eq!(scale(&[one(0, 1.0, 0.0), one(1, 2.0, 1.0)]).unwrap().samples, 1);
+    }
+}

@@ -1,0 +1,129 @@
+//! How well the samples of the blind touches are recognised, by several methods side by side.
+
+use rig_analysis::{
+    classify::{Classifier, Verdict},
+    cluster, score,
+};
+
+use super::{
+    data::RunData,
+    results::Classification,
+    stiffness::{Reading, Stiffness},
+};
+
+/// A method and how it did.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Recognition {
+    /// The method.
+    pub(super) method: Method,
+    /// Blind touches.
+    pub(super) trials: u32,
+    /// Of which recognised. A touch that a method refuses is not.
+    pub(super) correct: u32,
+    /// For each blind touch the sample it was taken for.
+    pub(super) taken_for: Vec<Option<usize>>,
+}
+
+/// How blind touches are sorted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Method {
+    /// By k-means on the shifts, as the paper has it; clusters are named afterwards, in the best
+    /// way.
+    KMeans,
+    /// By k-means on their logarithms, named in the same way.
+    KMeansLog,
+    /// By stiffness with the angle compensated, into classes that the main touches calibrated.
+    CalibratedStiffness,
+}
+
+impl Method {
+    /// The word in files.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::KMeans => "k-means",
+            Self::KMeansLog => "k-means-log",
+            Self::CalibratedStiffness => "calibrated-stiffness",
+        }
+    }
+
+    /// The words in the report.
+    pub(super) const fn describe(self) -> &'static str {
+        match self {
+            Self::KMeans => "k-means on the shifts",
+            Self::KMeansLog => "k-means on the logarithms of the shifts",
+            Self::CalibratedStiffness => "stiffness, angle compensated, in calibrated classes",
+        }
+    }
+}
+
+impl Recognition {
+    /// The share of recognised touches.
+    pub(super) fn rate(&self) -> f64 {
+        f64::from(self.correct) / f64::from(self.trials)
+    }
+
+    /// Its 95 % interval by Wilson.
+    pub(super) fn interval(&self) -> (f64, f64) {
+        score::wilson_95(self.correct, self.trials)
+    }
+
+    fn new(method: Method, labels: &[usize], taken_for: Vec<Option<usize>>) -> Self {
+        let is_correct = |(label, taken): &(&usize, &Option<usize>)| **taken == Some(**label);
+        let correct = labels.iter().zip(&taken_for).filter(is_correct).count();
+        let count = |count: usize| u32::try_from(count).unwrap_or(u32::MAX);
+        Self { method, trials: count(labels.len()), correct: count(correct), taken_for }
+    }
+}
+
+/// Every method that can be used on this run; none without blind touches.
+pub(super) fn recognitions(
+    data: &RunData,
+    classification: Option<&Classification>,
+    stiffness: Option<&Stiffness>,
+) -> Vec<Recognition> {
+    let Some(classification) = classification else { return Vec::new() };
+    let labels: Vec<usize> = classification.trials.iter().map(|trial| trial.sample).collect();
+    let label_of = &classification.score.label_of;
+    let taken_for = classification.trials.iter().map(|trial| label_of[trial.cluster]).collect();
+    let by_logarithm = k_means_log(classification, &labels, data.samples().len());
+    let by_stiffness = stiffness.and_then(|found| calibrated(found, data.samples().len()));
+    let methods = [
+        Some((Method::KMeans, taken_for)),
+        by_logarithm.map(|taken_for| (Method::KMeansLog, taken_for)),
+        by_stiffness.map(|taken_for| (Method::CalibratedStiffness, taken_for)),
+    ];
+    let recognition = |(method, taken_for)| Recognition::new(method, &labels, taken_for);
+    methods.into_iter().flatten().map(recognition).collect()
+}
+
+fn k_means_log(
+    classification: &Classification,
+    labels: &[usize],
+    samples: usize,
+) -> Option<Vec<Option<usize>>> {
+    let classes = classification.centres_hz.len();
+    // A shift that is not positive has no logarithm, and k-means then has no answer.
+    let logs: Vec<f64> = classification.trials.iter().map(|trial| trial.shift_hz.ln()).collect();
+    let clustering = cluster::optimal(&logs, classes).ok()?;
+    let score = score::score(labels, &clustering.clusters, samples, classes);
+    Some(clustering.clusters.iter().map(|&cluster| score.label_of[cluster]).collect())
+}
+
+/// The likeliest sample of each blind touch, by classes calibrated on the main touches; none when
+/// these do not give every sample a class.
+fn calibrated(stiffness: &Stiffness, samples: usize) -> Option<Vec<Option<usize>>> {
+    let usable = stiffness.main.iter().filter_map(|reading| {
+        let young = reading.young.ok()?;
+        Some((young.mpa, reading.sample))
+    });
+    let (values, labels): (Vec<f64>, Vec<usize>) = usable.unzip();
+    let classifier = Classifier::calibrated(&values, &labels, samples).ok()?;
+    let taken_for = |reading: &Reading| {
+        // The spread of the classes already holds what makes a touch uncertain on this bench.
+        match classifier.classify(reading.young.ok()?.mpa, 0.0)? {
+            Verdict::Class { class, .. } => Some(class),
+            Verdict::Unknown { .. } => None,
+        }
+    };
+    Some(stiffness.blind.iter().map(taken_for).collect())
+}

@@ -1,0 +1,186 @@
+//! The section of the report about stiffness: how it was calibrated, against what is known, and
+//! what it says of the blind touches.
+
+use rig_chart::{Axis, Chart, Marker, Point, Series, Stroke};
+
+use super::{Calibration, Reading, SampleStiffness, ScaleSource, Stiffness};
+use crate::report::{
+    data::RunData,
+    figures::{HALF_PX, drawn, figure},
+    html::{Text, table},
+    recognition::{Method, Recognition},
+    results::RunResults,
+    tables::dash,
+    units::{fixed, percent, percent_range, with_sigma},
+};
+
+/// The content of the section.
+pub(in crate::report) fn section(
+    data: &RunData,
+    stiffness: &Stiffness,
+    results: &RunResults,
+) -> String {
+    let by_stiffness = |found: &&Recognition| found.method == Method::CalibratedStiffness;
+    let recognition = results.recognitions.iter().find(by_stiffness);
+    let known = stiffness.samples.iter().any(|sample| sample.known_mpa.is_some());
+    let mut charts = String::new();
+    if known {
+        charts += &against_known(data, stiffness);
+    }
+    if let Some(recognition) = recognition {
+        charts += &blind(data, stiffness, recognition);
+    }
+    let caption = "Stiffness of the samples against what is known of it, with the line of equality; \
+                   and of each blind touch, with a ring around those taken for another sample or \
+                   for none. Bars show the standard deviation, in the first chart with that of the \
+                   calibration.";
+    let figure = if charts.is_empty() {
+        String::new()
+    } else {
+        figure(&format!("<div class=\"row\">\n{charts}</div>\n"), caption)
+    };
+    calibration(&stiffness.calibration) + &figure + &samples(data, stiffness)
+}
+
+/// Which calibration was used, and what it adds.
+fn calibration(calibration: &Calibration) -> String {
+    let Calibration { resonance_ratio, factor, sigma_rel, source } = *calibration;
+    let ratio = fixed(resonance_ratio, 4);
+    let adds = percent(sigma_rel);
+    let scale = match source {
+        ScaleSource::Known { samples, angle_deg } => format!(
+            "The touches at {angle_deg}° of {samples} samples of known stiffness say {} times what \
+             is known, by which all stiffness was divided: one factor for the run. It is uncertain \
+             by {adds}, which is part of every standard deviation of a sample below. So only the \
+             ratios between samples, and the other angles, are a test against what is known.",
+            with_sigma(factor, sigma_rel * factor)
+        ),
+        ScaleSource::Described => format!(
+            "No sample is known, so that the scale rests on the description of the sensor alone. \
+             It is taken as uncertain by {adds}, which is part of every standard deviation of a \
+             sample below."
+        ),
+    };
+    format!(
+        "<p>Young's modulus of each sample from its main touches, by the sensor that the rig file \
+         describes and with the contact angle known. The free resonance measured was {ratio} times \
+         the one described, and each shift was scaled by that. {scale}</p>\n"
+    )
+}
+
+/// Young's modulus against the known one.
+fn against_known(data: &RunData, stiffness: &Stiffness) -> String {
+    let axis = |label| Axis::log(label);
+    let mut chart = Chart::new(
+        "Samples",
+        "Young's modulus of each sample against the known one, with the line of equality.",
+        axis("known (MPa)"),
+        axis("found (MPa)"),
+    );
+    chart.size_px = HALF_PX;
+    let known = || stiffness.samples.iter().filter_map(|sample| Some((sample, sample.known_mpa?)));
+    let low = known().map(|(_, known)| known).fold(f64::INFINITY, f64::min);
+    let high = known().map(|(_, known)| known).fold(0.0, f64::max);
+    let equality = Series::line("equality", 6, [0.8 * low, 1.25 * high].map(|mpa| (mpa, mpa)));
+    chart.series.push(Series { stroke: Some(Stroke::Dashed), ..equality });
+    let points = known().map(|(sample, known)| Point {
+        x: known,
+        y: sample.young_mpa,
+        error: Some(sample.sigma_mpa),
+        note: Some(format!(
+            "sample {}: {} MPa, known {known} MPa",
+            data.samples()[sample.sample].name,
+            with_sigma(sample.young_mpa, sample.sigma_mpa)
+        )),
+    });
+    chart.series.push(Series::scatter("samples", 0, points));
+    drawn(&chart.svg("fig-stiffness"))
+}
+
+/// The blind touches by what they were taken for.
+fn blind(data: &RunData, stiffness: &Stiffness, recognition: &Recognition) -> String {
+    let mut chart = Chart::new(
+        "Blind touches",
+        "Young's modulus of each blind touch; its shape and colour tell the sample it was taken \
+         for, a ring that this is wrong.",
+        Axis::linear("blind touch"),
+        Axis::log("stiffness (MPa)"),
+    );
+    chart.size_px = HALF_PX;
+    let touches: Vec<(&Reading, Option<usize>)> =
+        stiffness.blind.iter().zip(recognition.taken_for.iter().copied()).collect();
+    for (index, sample) in data.samples().iter().enumerate() {
+        let taken = touches.iter().filter(|(_, taken)| *taken == Some(index));
+        let points: Vec<Point> = taken.filter_map(|(reading, _)| point(data, reading)).collect();
+        if !points.is_empty() {
+            let series = Series::scatter(&format!("sample {}", sample.name), index, points);
+            chart.series.push(series);
+        }
+    }
+    let wrong = touches.iter().filter(|(reading, taken)| *taken != Some(reading.sample));
+    let wrong: Vec<Point> = wrong.filter_map(|(reading, _)| point(data, reading)).collect();
+    if !wrong.is_empty() {
+        let wrong = wrong.into_iter().map(|point| Point { error: None, note: None, ..point });
+        let rings = Series::scatter("not recognised", rig_chart::COLOURS - 1, wrong);
+        chart.series.push(Series { marker: Some(Marker::Ring), ..rings });
+    }
+    drawn(&chart.svg("fig-blind-stiffness"))
+}
+
+fn point(data: &RunData, reading: &Reading) -> Option<Point> {
+    let young = reading.young.ok()?;
+    let name = &data.samples()[reading.sample].name;
+    Some(Point {
+        x: f64::from(reading.number),
+        y: young.mpa,
+        error: Some(young.sigma_mpa),
+        note: Some(format!(
+            "touch {}: sample {name}, {} MPa",
+            reading.number,
+            with_sigma(young.mpa, young.sigma_mpa)
+        )),
+    })
+}
+
+fn samples(data: &RunData, stiffness: &Stiffness) -> String {
+    let heads = ["sample", "known (MPa)", "found (MPa)", "deviation", "touches", "spread (MPa)"];
+    let row = |sample: &SampleStiffness| {
+        let deviation =
+            |known: f64| format!("{} %", fixed(100.0 * (sample.young_mpa / known - 1.0), 1));
+        let refused = match sample.refused {
+            0 => sample.touches.to_string(),
+            refused => format!("{}, {refused} refused", sample.touches),
+        };
+        vec![
+            Text(&data.samples()[sample.sample].name).to_string(),
+            sample.known_mpa.map_or_else(dash, |known| known.to_string()),
+            format!("<b>{}</b>", with_sigma(sample.young_mpa, sample.sigma_mpa)),
+            sample.known_mpa.map_or_else(dash, deviation),
+            refused,
+            sample.spread_mpa.map_or_else(dash, |spread| fixed(spread, 4)),
+        ]
+    };
+    let rows: Vec<_> = stiffness.samples.iter().map(row).collect();
+    let caption = "Young's modulus of the samples with its standard deviation, and the standard \
+                   deviation of single touches about it.";
+    table(caption, &heads.map(str::to_owned), &rows)
+}
+
+/// The methods of recognition side by side.
+pub(in crate::report) fn recognitions(recognitions: &[Recognition]) -> String {
+    let heads = ["method", "recognised", "of", "rate", "95 % interval"].map(str::to_owned);
+    let row = |found: &Recognition| {
+        vec![
+            found.method.describe().to_owned(),
+            found.correct.to_string(),
+            found.trials.to_string(),
+            percent(found.rate()),
+            percent_range(found.interval()),
+        ]
+    };
+    let rows: Vec<_> = recognitions.iter().map(row).collect();
+    let caption = "Blind touches recognised by each method, with Wilson's interval. The clusters of \
+                   k-means are named afterwards so that most touches agree, which flatters it; the \
+                   classes are fixed by the main touches before.";
+    table(caption, &heads, &rows)
+}

@@ -1,0 +1,151 @@
+//! The sensor by which shifts are turned into stiffness, and how well it touches.
+//!
+//! Nothing of it moves anything: only the analysis of a run reads it.
+
+use rig_contact::{
+    ContactLaw, CoreMaterial, Friction, PiezoMaterial, Sensor, SensorDesign, inverse::TissueKind,
+};
+use rig_model::Geometry;
+use rig_settings::Table;
+
+use super::refusal::Refusal;
+
+/// The sensor and how it meets its samples.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SensorFile {
+    /// The sensor.
+    pub sensor: Sensor,
+    /// Whether the sensor gives way when the stage moves, or the whole move is an indentation.
+    pub gives_way: bool,
+    /// How the contact grows with depth.
+    pub law: ContactLaw,
+    /// What it does sideways while it vibrates.
+    pub friction: Friction,
+    /// What is known of every sample besides its stiffness.
+    pub kind: TissueKind,
+    /// What else a stiffness depends on.
+    pub uncertainty: Uncertainty,
+}
+
+/// Standard deviations of what a stiffness depends on besides the shift.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Uncertainty {
+    /// Of the indentation of each touch, mm, beside what the search for the surface says of itself.
+    pub depth_mm: f64,
+    /// Of the contact angle, degrees.
+    pub angle_deg: f64,
+    /// Of the stiffness from one point of a sample to the next, relative.
+    pub sample_rel: f64,
+    /// Of the factor by which every stiffness may be wrong, when no sample is known.
+    pub scale_rel: f64,
+}
+
+/// Twenty micrometres and a degree are what a good stage and a levelled sample give; a tenth is how
+/// well the constants of a bimorph are known without a measurement.
+const UNCERTAINTY: Uncertainty =
+    Uncertainty { depth_mm: 0.02, angle_deg: 1.0, sample_rel: 0.03, scale_rel: 0.1 };
+
+/// The section as it was read, its sensor not yet checked.
+struct SensorRead {
+    design: SensorDesign,
+    gives_way: bool,
+    law: ContactLaw,
+    friction: Friction,
+    kind: TissueKind,
+    uncertainty: Uncertainty,
+}
+
+/// Reads the section; its ball is that of the `geometry`, when this could be read.
+pub(super) fn sensor(table: &mut Table<'_>, geometry: Option<&Geometry>) -> SensorFile {
+    let mut reference = SensorDesign::reference();
+    if let Some(geometry) = geometry {
+        reference.probe_radius_mm = geometry.probe_radius_mm;
+    }
+    let default = SensorRead {
+        design: reference,
+        gives_way: false,
+        law: ContactLaw::Sneddon,
+        friction: Friction::Sticking,
+        kind: TissueKind::SOFT,
+        uncertainty: UNCERTAINTY,
+    };
+    let section = table.section("sensor", |table| section(table, &reference)).or(default);
+    let sensor = Sensor::new(section.value.design).unwrap_or_else(|error| {
+        if section.sound().is_some() {
+            table.refuse(&section, &Refusal::Sensor(error));
+        }
+        Sensor::reference()
+    });
+    let SensorRead { gives_way, law, friction, kind, uncertainty, .. } = section.value;
+    SensorFile { sensor, gives_way, law, friction, kind, uncertainty }
+}
+
+/// What the dimensions may be is the business of [`Sensor::new`], which names the field at fault.
+fn section(table: &mut Table<'_>, reference: &SensorDesign) -> SensorRead {
+    let design = design(table, reference);
+    let depths = [("indentation", false), ("stage", true)];
+    let frictions = [("sticking", Friction::Sticking), ("frictionless", Friction::Frictionless)];
+    let laws = ContactLaw::ALL.map(|law| (law.name(), law));
+    let soft = TissueKind::SOFT;
+    SensorRead {
+        design,
+        gives_way: table.choice("depth", depths).or(false).value,
+        law: table.choice("law", laws).or(ContactLaw::Sneddon).value,
+        friction: table.choice("friction", frictions).or(Friction::Sticking).value,
+        kind: TissueKind {
+            poisson: table.number("poisson").range(0.0..=0.5).or(soft.poisson).value,
+            loss: table.number("tissue_loss").range(0.0..=1.0).or(soft.loss).value,
+        },
+        uncertainty: table.section("uncertainty", uncertainty).or(UNCERTAINTY).value,
+    }
+}
+
+fn design(table: &mut Table<'_>, reference: &SensorDesign) -> SensorDesign {
+    let piezo = table.section("piezo", piezo).or(reference.piezo).value;
+    let core = table.section("core", core).or(reference.core).value;
+    let mut number = |key, default| table.number(key).or(default).value;
+    SensorDesign {
+        length_mm: number("length_mm", reference.length_mm),
+        width_mm: number("width_mm", reference.width_mm),
+        piezo_thickness_mm: number("piezo_thickness_mm", reference.piezo_thickness_mm),
+        core_thickness_mm: number("core_thickness_mm", reference.core_thickness_mm),
+        probe_radius_mm: reference.probe_radius_mm,
+        arm_mm: number("arm_mm", reference.arm_mm),
+        tip_mass_g: number("tip_mass_g", reference.tip_mass_g),
+        tip_gyration_mm: number("tip_gyration_mm", reference.tip_gyration_mm),
+        piezo,
+        core,
+        beam_loss: number("beam_loss", reference.beam_loss),
+        dielectric_loss: number("dielectric_loss", reference.dielectric_loss),
+    }
+}
+
+fn piezo(table: &mut Table<'_>) -> PiezoMaterial {
+    let mut number = |key| table.number(key).required().value;
+    PiezoMaterial {
+        modulus_gpa: number("modulus_gpa"),
+        shear_gpa: number("shear_gpa"),
+        density_kg_per_m3: number("density_kg_per_m3"),
+        coupling_c_per_m2: number("coupling_c_per_m2"),
+        permittivity_nf_per_m: number("permittivity_nf_per_m"),
+    }
+}
+
+fn core(table: &mut Table<'_>) -> CoreMaterial {
+    let mut number = |key| table.number(key).required().value;
+    CoreMaterial {
+        modulus_gpa: number("modulus_gpa"),
+        shear_gpa: number("shear_gpa"),
+        density_kg_per_m3: number("density_kg_per_m3"),
+    }
+}
+
+fn uncertainty(table: &mut Table<'_>) -> Uncertainty {
+    let mut size = |key, default| table.number(key).at_least(0.0).or(default).value;
+    Uncertainty {
+        depth_mm: size("depth_mm", UNCERTAINTY.depth_mm),
+        angle_deg: size("angle_deg", UNCERTAINTY.angle_deg),
+        sample_rel: size("sample_rel", UNCERTAINTY.sample_rel),
+        scale_rel: size("scale_rel", UNCERTAINTY.scale_rel),
+    }
+}
