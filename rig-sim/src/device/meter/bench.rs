@@ -1,0 +1,50 @@
+//! A meter on a bench without nuisances.
+
+use super::*;
+use crate::{
+    scene::paper,
+    world::{Nuisances, Scene},
+};
+
+#[derive(Debug)]
+pub(crate) struct Bench<M: Model> {
+    pub(crate) meter: Meter<M>,
+    pub(crate) world: World,
+    pub(crate) now: RigTime,
+}
+
+impl<M: Model> Bench<M> {
+    pub(crate) fn new() -> Self {
+        let scene = Scene { nuisances: Nuisances::NONE, ..paper() };
+        let world = World::new(scene, 1).unwrap();
+        Self { meter: Meter::new(Duration::ZERO), world, now: RigTime::ZERO }
+    }
+
+    /// Sends a line and waits until nothing more will happen.
+    pub(crate) fn say(&mut self, line: &str) -> String {
+        self.send(line);
+        while let Some(deadline) = self.meter.deadline() {
+            self.now = self.now.max(deadline);
+            self.meter.advance(self.now, &mut self.world);
+        }
+        self.heard()
+    }
+
+    /// Sends a line.
+    pub(crate) fn send(&mut self, line: &str) {
+        self.meter.push(self.now, format!("{line}\r\n").as_bytes(), &mut self.world);
+    }
+
+    /// What was said up to now.
+    pub(crate) fn heard(&mut self) -> String {
+        let said = self.meter.take_said();
+        said.into_iter().map(|(_, bytes)| String::from_utf8(bytes).unwrap()).collect()
+    }
+
+    /// What a settled instrument measures at this frequency.
+    pub(crate) fn settled_ohm(&self, frequency_hz: f64) -> Complex64 {
+        let mut world = World::new(self.world.scene().clone(), 1).unwrap();
+        world.set_frequency(RigTime::ZERO, frequency_hz);
+        world.measure(RigTime::from_micros(10_000_000), 1).0
+    }
+}

@@ -1,0 +1,104 @@
+//! The makes of the family, as data.
+//!
+//! # Source
+//! Measurement times: data sheet of the E4980A and Operation Manual of the 4284A; what Tonghui does
+//! not print is taken from the 4284A.
+
+use std::fmt;
+
+use crate::device::meter::round_step;
+
+/// What differs from make to make.
+pub(crate) trait Make: fmt::Debug + Send + Sync + 'static {
+    /// The answer to `*IDN?`.
+    const IDENTITY: &'static str;
+    /// The answer to `*OPT?`.
+    const OPTIONS: &'static str;
+    /// The highest frequency, Hz.
+    const MAX_HZ: f64;
+    /// How long one measurement takes, in s, at 20 Hz, 100 Hz, 1 kHz, 10 kHz and above, at each
+    /// aperture.
+    const TIMES: [[f64; 4]; 3];
+    /// The highest level, V, and with high power switched on.
+    const MAX_V: (f64, f64);
+    /// The longest delay, s.
+    const MAX_DELAY_S: f64;
+    /// Whether the delay of a trigger is told apart from that of a step.
+    const HAS_TRIGGER_DELAY: bool;
+    /// Whether a reading is waited for. Otherwise its status says that there is none yet.
+    const FETCH_WAITS: bool;
+
+    /// The frequency that is set when this one is asked for.
+    fn nearest_hz(frequency_hz: f64) -> f64;
+}
+
+/// Keysight E4980A with option 001, which drives 20 V.
+#[derive(Debug)]
+pub(crate) struct E4980a;
+
+impl Make for E4980a {
+    const IDENTITY: &'static str = "Keysight Technologies,E4980A,MY46516789,A.06.16";
+    const OPTIONS: &'static str = "001";
+    const MAX_HZ: f64 = 2e6;
+    const TIMES: [[f64; 4]; 3] =
+        [[0.330, 0.100, 0.020, 0.0077], [0.380, 0.180, 0.110, 0.092], [0.480, 0.300, 0.240, 0.230]];
+    const MAX_V: (f64, f64) = (20.0, 20.0);
+    const MAX_DELAY_S: f64 = 999.0;
+    const HAS_TRIGGER_DELAY: bool = true;
+    const FETCH_WAITS: bool = true;
+
+    fn nearest_hz(frequency_hz: f64) -> f64 {
+        four_digits(frequency_hz)
+    }
+}
+
+/// HP 4284A with option 001, which drives 20 V once high power is switched on.
+#[derive(Debug)]
+pub(crate) struct Hp4284a;
+
+impl Make for Hp4284a {
+    const IDENTITY: &'static str = "HEWLETT-PACKARD,4284A,2940J01234,REV01.20";
+    const OPTIONS: &'static str = "001,0,0,0,0";
+    const MAX_HZ: f64 = 1e6;
+    const TIMES: [[f64; 4]; 3] =
+        [[0.350, 0.270, 0.040, 0.030], [0.400, 0.400, 0.190, 0.180], [0.800, 0.800, 0.830, 0.820]];
+    const MAX_V: (f64, f64) = (2.0, 20.0);
+    const MAX_DELAY_S: f64 = 60.0;
+    const HAS_TRIGGER_DELAY: bool = false;
+    const FETCH_WAITS: bool = true;
+
+    /// The instrument divides a clock, so that only some frequencies can be had, at most one
+    /// percent apart.
+    fn nearest_hz(frequency_hz: f64) -> f64 {
+        const CLOCK_HZ: f64 = 60e3;
+        if frequency_hz < 1000.0 {
+            CLOCK_HZ / (CLOCK_HZ / frequency_hz).round()
+        } else {
+            four_digits(frequency_hz)
+        }
+    }
+}
+
+/// Tonghui TH2832. It hands characters over one by one, with an echo of each.
+#[derive(Debug)]
+pub(crate) struct Th2832;
+
+impl Make for Th2832 {
+    const IDENTITY: &'static str = "Tonghui,TH2832,V1.0.5,T283210021";
+    const OPTIONS: &'static str = "0";
+    const MAX_HZ: f64 = 2e5;
+    const TIMES: [[f64; 4]; 3] = Hp4284a::TIMES;
+    const MAX_V: (f64, f64) = (2.0, 2.0);
+    const MAX_DELAY_S: f64 = 60.0;
+    const HAS_TRIGGER_DELAY: bool = false;
+    const FETCH_WAITS: bool = false;
+
+    fn nearest_hz(frequency_hz: f64) -> f64 {
+        four_digits(frequency_hz)
+    }
+}
+
+/// Rounds to four digits.
+fn four_digits(frequency_hz: f64) -> f64 {
+    round_step(frequency_hz, 10_f64.powf(frequency_hz.log10().floor() - 3.0))
+}
