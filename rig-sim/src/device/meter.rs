@@ -240,6 +240,8 @@ impl<M: Model> Meter<M> {
         self.free_at = at;
         self.apply_drive(at, before, world);
         match outcome {
+            // Triggers do not interrupt what they have begun.
+            Ok(Outcome::Measure(_)) if is_measuring => self.reply(at, Err(ScpiError::new(-211))),
             Ok(Outcome::Measure(job)) => self.begin(at, job, world),
             Ok(Outcome::Done(values)) => self.reply(at, Ok(values)),
             Ok(Outcome::Abort) => {

@@ -383,6 +383,19 @@ mod tests {
     }
 
     #[test]
+    fn a_second_trigger_does_not_disturb_the_sweep() {
+        let mut bench = Bench::new();
+        bench.say(SET_UP);
+        bench.send(":TRIG:SING");
+        let until = bench.meter.deadline();
+        bench.send(":TRIG:SING;:SYST:ERR?");
+        assert!(bench.heard().starts_with("-211"));
+        assert_eq!(bench.meter.deadline(), until);
+        assert_eq!(bench.say(":CALC1:DATA:FDAT?;*OPC?"), "1\n");
+        assert_eq!(bench.say(":CALC1:DATA:FDAT?").split(',').count(), 10);
+    }
+
+    #[test]
     fn a_change_of_the_trigger_source_ends_the_sweep() {
         let mut bench = Bench::new();
         bench.say(SET_UP);
