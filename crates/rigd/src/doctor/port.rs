@@ -23,7 +23,9 @@ pub(super) fn findings(port: &PortSeen) -> Vec<Finding> {
     if !facts.intruders.is_empty() {
         let names: Vec<_> = facts.intruders.iter().map(ToString::to_string).collect();
         let text = format!("also open in {}", names.join(", "));
-        findings.problem("other programs", text, "end that program: it may take answers away");
+        // Whether it does any harm, the devices tell.
+        let advice = "end that program: it may take answers away";
+        findings.warning("other programs", text, advice);
     }
     match facts.adapter_delay_ms {
         Some(delay) if delay > ADAPTER_DELAY_BEST_MS => findings.warning(

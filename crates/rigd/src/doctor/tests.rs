@@ -52,7 +52,7 @@ fn a_port_that_opens_is_asked_how_fast_it_is_and_who_else_has_it() {
         &found,
         &[
             ("open", Well, ""),
-            ("other programs", Problem, "end that program"),
+            ("other programs", Warning, "end that program"),
             ("adapter", Warning, "latency_timer"),
             ("latency", Warning, "network"),
         ],
