@@ -65,7 +65,7 @@ impl Devices {
             device: Device::Analyzer,
             kind: match &error {
                 AnalyzerError::Stopped { .. } => FailureKind::Interrupted,
-                AnalyzerError::Line { .. } | AnalyzerError::Answer { .. } => FailureKind::Line,
+                error if error.is_line_failure() => FailureKind::Line,
                 _ => FailureKind::Refused,
             },
             detail: chain(&error),
@@ -75,14 +75,16 @@ impl Devices {
     }
 }
 
-/// Clears an old alarm, homes the axis if it is not homed, and reads back where it is.
+/// Finds the drive again, clears an old alarm, homes the axis if it is not homed, and reads back
+/// where it is.
 async fn prepare<U: Unit>(
     stage: &mut Stage<U>,
     stop: &StopSignal,
     device: Device,
 ) -> Result<rig_model::Position<U>, Failure> {
     let prepared = async {
-        let status = stage.status().await?;
+        // Whoever answers now may not be the one who answered before a fault.
+        let status = stage.identify().await?;
         if status.alarm.is_some() {
             stage.reset_alarm().await?;
         }
