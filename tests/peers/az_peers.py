@@ -1,0 +1,79 @@
+#!/usr/bin/env python3
+"""Lets rigd drive the two AZ drives of az_server.py, over TCP and over a serial line, and looks at
+what it asked of them and what it made of their answers.
+
+Usage: az_peers.py RIGD RIG_SIM   (the simulator plays the analyzer only)
+"""
+
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from bench import DEADLINE_S, Program, Sim, check, equal, rig_file
+
+LATCHED = 4
+HERE = Path(__file__).parent
+
+
+def rigd(program, *arguments):
+    command = [program, *map(str, arguments), "--json"]
+    return subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE_S, check=False)
+
+
+def drive(program, analyzer, server, bus):
+    """Moves both axes, and into what these drives do when they cannot."""
+    with tempfile.TemporaryDirectory(prefix="peer-") as folder:
+        rig = rig_file(folder, analyzer, bus)
+
+        def move(axis, to):
+            heard = len(server.output())
+            # Each in a journal of its own: what one has found out is not told to the next.
+            data = tempfile.mkdtemp(dir=folder)
+            ended = rigd(program, "move", axis, to, "--rig", rig, "--data", data)
+            return ended, server.output()[heard:].splitlines()
+
+        for axis, key, to, unit, steps in [
+            ("linear", "linear_mm", 35.5, 1, 35_500),
+            ("rotary", "rotary_deg", -12.34, 2, -1234),
+        ]:
+            ended, heard = move(axis, to)
+            check(ended.returncode == 0, f"rigd moves {axis}: {ended.stderr}")
+            equal(json.loads(ended.stdout)[key], to, "where it says the axis is")
+            asked = [line for line in heard if line.startswith(f"unit {unit}: move 1 {steps} ")]
+            equal(len(asked), 1, f"moves of unit {unit} to {steps} among {heard}")
+        for axis, to, word in [("linear", 44, "overload"), ("rotary", 48, "ignored")]:
+            ended, heard = move(axis, to)
+            equal(ended.returncode, LATCHED, f"the exit code of a move that fails: {ended.stderr}")
+            check(word in ended.stderr, f"the reason: {ended.stderr}")
+        for limits in ("unit 1: limits 8000 45000", "unit 2: limits -5000 5000"):
+            check(limits in server.output(), f"the drive is told {limits}: {server.output()}")
+
+
+def main():
+    program, rig_sim = sys.argv[1:]
+    az = [sys.executable, HERE / "az_server.py"]
+
+    def listening(output):
+        lines = output.split("\n")[:-1]
+        return lines and lines[0].removeprefix("listening ")
+
+    with Sim(rig_sim, "analyzer-tcp") as sim:
+        analyzer = sim.ports["analyzer-tcp"]
+        with Program(*az, "tcp") as server:
+            drive(program, analyzer, server, server.wait_for("the server", listening))
+        print("rigd on pymodbus's drives over TCP: moves, an alarm, a refusal")
+        with tempfile.TemporaryDirectory(prefix="peer-") as folder:
+            ours, theirs = Path(folder) / "rigd", Path(folder) / "drives"
+            cable = [f"pty,raw,echo=0,link={end}" for end in (ours, theirs)]
+            with Program("socat", *cable) as wire:
+                wire.wait_for("the cable", lambda _: ours.exists() and theirs.exists())
+                with Program(*az, "serial", theirs) as server:
+                    server.wait_for("the server", listening)
+                    drive(program, analyzer, server, str(ours))
+        print("rigd on pymodbus's drives over a serial line: moves, an alarm, a refusal")
+
+
+if __name__ == "__main__":
+    main()
