@@ -1,7 +1,7 @@
 //! The section of the report about stiffness: how it was calibrated, against what is known, and
 //! what it says of the blind touches.
 
-use rig_chart::{Axis, Chart, Marker, Point, Series, Stroke};
+use rig_chart::{Axis, Chart, Marker, Point, Rule, Series};
 
 use super::{Calibration, Reading, SampleStiffness, ScaleSource, Stiffness};
 use crate::report::{
@@ -30,10 +30,9 @@ pub(in crate::report) fn section(
     if let Some(recognition) = recognition {
         charts += &blind(data, stiffness, recognition);
     }
-    let caption = "Stiffness of the samples against what is known of it, with the line of equality; \
-                   and of each blind touch, with a ring around those taken for another sample or \
-                   for none. Bars show the standard deviation, in the first chart with that of the \
-                   calibration.";
+    let caption = "Stiffness of the samples against what is known of it; and of each blind touch, \
+                   with a ring around those taken for another sample or for none. Bars show the \
+                   standard deviation, for the samples with that of the calibration.";
     let figure = if charts.is_empty() {
         String::new()
     } else {
@@ -68,32 +67,29 @@ fn calibration(calibration: &Calibration) -> String {
     )
 }
 
-/// Young's modulus against the known one.
+/// How far each sample is from what is known of it. On a chart of one against the other nobody
+/// would see the error bars.
 fn against_known(data: &RunData, stiffness: &Stiffness) -> String {
-    let axis = |label| Axis::log(label);
     let mut chart = Chart::new(
         "Samples",
-        "Young's modulus of each sample against the known one, with the line of equality.",
-        axis("known (MPa)"),
-        axis("found (MPa)"),
+        "Deviation of each sample's stiffness from the known one, against the known one.",
+        Axis::log("known stiffness (MPa)"),
+        Axis::linear("found less known (%)").including(0.0),
     );
     chart.size_px = HALF_PX;
-    let known = || stiffness.samples.iter().filter_map(|sample| Some((sample, sample.known_mpa?)));
-    let low = known().map(|(_, known)| known).fold(f64::INFINITY, f64::min);
-    let high = known().map(|(_, known)| known).fold(0.0, f64::max);
-    let equality = Series::line("equality", 6, [0.8 * low, 1.25 * high].map(|mpa| (mpa, mpa)));
-    chart.series.push(Series { stroke: Some(Stroke::Dashed), ..equality });
-    let points = known().map(|(sample, known)| Point {
-        x: known,
-        y: sample.young_mpa,
-        error: Some(sample.sigma_mpa),
-        note: Some(format!(
-            "sample {}: {} MPa, known {known} MPa",
-            data.samples()[sample.sample].name,
-            with_sigma(sample.young_mpa, sample.sigma_mpa)
-        )),
-    });
-    chart.series.push(Series::scatter("samples", 0, points));
+    let known = stiffness.samples.iter().filter_map(|sample| Some((sample, sample.known_mpa?)));
+    for (sample, known_mpa) in known {
+        let name = format!("sample {}", data.samples()[sample.sample].name);
+        let found = with_sigma(sample.young_mpa, sample.sigma_mpa);
+        let point = Point {
+            x: known_mpa,
+            y: 100.0 * (sample.young_mpa / known_mpa - 1.0),
+            error: Some(100.0 * sample.sigma_mpa / known_mpa),
+            note: Some(format!("{name}: {found} MPa, known {known_mpa} MPa")),
+        };
+        chart.series.push(Series::scatter(&name, sample.sample, [point]));
+    }
+    chart.rules.push(Rule::AtY { value: 0.0, label: String::new() });
     drawn(&chart.svg("fig-stiffness"))
 }
 
