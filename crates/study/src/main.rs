@@ -3,6 +3,7 @@
 //! Each subcommand is a module of its own with its arguments and a `run`. Data go to standard output
 //! or to the folder asked for, everything else to standard error.
 
+mod compensation;
 mod contact_args;
 mod design;
 mod files;
@@ -30,6 +31,7 @@ enum Command {
     Design(design::Args),
     Model(model::Args),
     Invert(invert::Args),
+    Compensation(compensation::Args),
 }
 
 fn main() -> ExitCode {
@@ -39,6 +41,7 @@ fn main() -> ExitCode {
         Command::Models(args) => models::run(&args, &mut out),
         Command::Model(args) => model::run(&args, &mut out),
         Command::Invert(args) => invert::run(&args, &mut out),
+        Command::Compensation(args) => compensation::run(&args, &mut out),
     };
     outcome::exit(result)
 }
