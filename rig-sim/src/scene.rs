@@ -13,6 +13,10 @@ const MAX_SEED: u64 = i64::MAX as u64;
 
 /// Reads and checks the `text` of a scene `file`.
 ///
+/// By how much the model of the sensor may be wrong where the scene does not say, Hz: half a percent
+/// of the largest shift, and less than a bench repeats in two mountings.
+const TOLERANCE_HZ: f64 = 0.5;
+
 /// # Errors
 /// Everything that is wrong with it.
 pub fn read(file: &str, text: &str) -> Result<Scene, Faults> {
@@ -84,6 +88,7 @@ fn contact(table: &mut Table<'_>) -> SensorScene {
         gives_way: table.choice("depth", depths).required().value,
         law: table.choice("law", ContactLaw::ALL.map(|law| (law.name(), law))).required().value,
         sticks: table.choice("friction", frictions).required().value,
+        tolerance_hz: table.number("tolerance_hz").above(0.0).or(TOLERANCE_HZ).value,
         poisson: table.number("poisson").range(0.0..=0.5).required().value,
         tissue_loss: table.number("tissue_loss").range(0.0..=1.0).required().value,
     }

@@ -115,7 +115,12 @@ impl World {
     /// # Errors
     /// [`SceneError`] with the first thing that cannot be.
     pub fn new(scene: Scene, seed: u64) -> Result<Self, SceneError> {
-        let sensor = SensorModel::new(scene.sensor)?;
+        let largest = |of: fn(&Sample) -> f64| scene.samples.iter().map(of).fold(0.0, f64::max);
+        let sensor = SensorModel::new(
+            scene.sensor,
+            largest(|sample| sample.stiffness_mpa),
+            largest(|sample| sample.max_indentation_mm),
+        )?;
         for sample in &scene.samples {
             sensor
                 .tissue(sample.stiffness_mpa)

@@ -1,8 +1,8 @@
 //! The sensor: what it looks like to the analyzer, clear and in contact.
 
 use rig_contact::{
-    Circuit, Contact, ContactLaw, Depth, Direction, Element, Friction, Pose, SensorDesign,
-    SensorError, Tissue, TissueError,
+    Choice, Circuit, Contact, ContactLaw, Depth, Direction, Friction, Models, Pose, SensorDesign,
+    SensorError, Tier, Tissue, TissueError,
 };
 use rig_model::Orientation;
 
@@ -21,6 +21,8 @@ pub struct SensorScene {
     pub poisson: f64,
     /// Loss factor of all samples.
     pub tissue_loss: f64,
+    /// By how much the model may be wrong, Hz. The cheapest one that keeps to it is used.
+    pub tolerance_hz: f64,
 }
 
 /// A contact as the world has it.
@@ -38,29 +40,62 @@ pub(super) struct Touched {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SensorModel {
     scene: SensorScene,
-    sensor: rig_contact::Sensor,
-    element: Element,
+    models: Models,
+    choice: Choice,
 }
+
+/// The scenes are those of contacts up to the paper's largest angle.
+const TILT_MAX_DEG: f64 = 45.0;
 
 /// Beyond this angle the model of a half space has long lost its sense, and the probe lies flat.
 const STEEPEST_DEG: f64 = 80.0;
 
 impl SensorModel {
-    pub(super) fn new(scene: SensorScene) -> Result<Self, SensorError> {
+    /// A model of the sensor that is good enough for samples of up to this stiffness, indented by
+    /// up to this much.
+    pub(super) fn new(
+        scene: SensorScene,
+        stiffest_mpa: f64,
+        deepest_mm: f64,
+    ) -> Result<Self, SensorError> {
         let sensor = rig_contact::Sensor::new(scene.design)?;
-        Ok(Self { scene, sensor, element: Element::new(&sensor) })
+        let reference = Choice {
+            tier: Tier::Reference,
+            law: scene.law,
+            error_hz: 0.0,
+            tolerance_hz: scene.tolerance_hz,
+        };
+        // A scene that no table knows is left to the reference.
+        let choice = tissue(&scene, stiffest_mpa).ok().and_then(|stiffest| {
+            let asked = rig_contact::Scene {
+                sensor,
+                stiffest,
+                deepest: depth(&scene, deepest_mm),
+                tilt_max_rad: TILT_MAX_DEG.to_radians(),
+                needs_impedance: true,
+            };
+            Tier::cheapest_for(&asked, scene.tolerance_hz).ok()
+        });
+        let choice = Choice { law: scene.law, ..choice.unwrap_or(reference) };
+        tracing::info!(%choice, "the model of the sensor");
+        Ok(Self { scene, models: Models::new(&sensor, scene.law), choice })
     }
 
     pub(super) fn tissue(&self, stiffness_mpa: f64) -> Result<Tissue, TissueError> {
-        Tissue::new(stiffness_mpa, self.scene.poisson, self.scene.tissue_loss)
+        tissue(&self.scene, stiffness_mpa)
     }
 
     /// The circuit without contact or in contact, with the free resonance shifted by `shift_hz`.
     pub(super) fn circuit(&self, touched: Option<Touched>, shift_hz: f64) -> Circuit {
-        let circuit =
-            touched.map_or_else(|| self.element.free_circuit(), |touched| self.touching(touched));
+        // Without depth any tissue leaves the free sensor.
+        let circuit = self.touching(touched.unwrap_or(Touched {
+            stiffness_mpa: 1.0,
+            indentation_mm: 0.0,
+            contact_deg: 0.0,
+            orientation: Orientation::FrontBack,
+        }));
         // Warmth softens the beam: it scales the resonance with and without contact alike.
-        let factor = 1.0 + shift_hz / self.element.no_load_hz();
+        let factor = 1.0 + shift_hz / self.models.no_load_hz(self.choice.tier);
         Circuit { series_resonance_hz: circuit.series_resonance_hz * factor, ..circuit }
     }
 
@@ -74,16 +109,11 @@ impl SensorModel {
         };
         let angle_deg = touched.contact_deg.abs().min(STEEPEST_DEG);
         let pose = Pose::leaning(direction, angle_deg.to_radians()).expect("the angle is acute");
-        let along_probe_mm = touched.indentation_mm;
-        let depth = if self.scene.gives_way {
-            Depth::Stage { along_probe_mm }
-        } else {
-            Depth::Indentation { along_probe_mm }
-        };
         let SensorScene { law, sticks, .. } = self.scene;
         let friction = if sticks { Friction::Sticking } else { Friction::Frictionless };
+        let depth = depth(&self.scene, touched.indentation_mm);
         let contact = Contact { pose, depth, law, friction };
-        let load = self.sensor.load(&tissue, &contact).unwrap_or_else(|_| {
+        self.models.circuit(self.choice.tier, &tissue, &contact).unwrap_or_else(|_| {
             // Deeper than the law holds, as in a crash: the contact grows no further.
             let along_probe_mm = law.depth_limit_rel() * self.scene.design.probe_radius_mm;
             let deepest = Contact {
@@ -91,9 +121,22 @@ impl SensorModel {
                 depth: Depth::Indentation { along_probe_mm },
                 ..contact
             };
-            self.sensor.load(&tissue, &deepest).expect("this is the limit of the law")
-        });
-        self.element.circuit(&pose, &load, &tissue)
+            let crashed = self.models.circuit(Tier::Reference, &tissue, &deepest);
+            crashed.expect("this is the limit of the law, and the reference takes any stiffness")
+        })
+    }
+}
+
+fn tissue(scene: &SensorScene, stiffness_mpa: f64) -> Result<Tissue, TissueError> {
+    Tissue::new(stiffness_mpa, scene.poisson, scene.tissue_loss)
+}
+
+/// What a move of the stage by this much is to the sample.
+const fn depth(scene: &SensorScene, along_probe_mm: f64) -> Depth {
+    if scene.gives_way {
+        Depth::Stage { along_probe_mm }
+    } else {
+        Depth::Indentation { along_probe_mm }
     }
 }
 
@@ -106,12 +149,12 @@ mod tests {
         let scene = SensorScene { gives_way, ..paper().sensor };
         let orientation = Orientation::FrontBack;
         let touched = Touched { stiffness_mpa: 0.649, indentation_mm, contact_deg, orientation };
-        SensorModel::new(scene).unwrap().circuit(Some(touched), 0.0)
+        SensorModel::new(scene, 0.649, 1.0).unwrap().circuit(Some(touched), 0.0)
     }
 
     #[test]
     fn the_reference_sensor_has_the_shift_that_the_paper_prints() {
-        let model = SensorModel::new(paper().sensor).unwrap();
+        let model = SensorModel::new(paper().sensor, 0.649, 1.0).unwrap();
         let free_hz = model.circuit(None, 0.0).series_resonance_hz;
         assert!((free_hz - 140.4).abs() < 0.2, "{free_hz}");
         assert!((model.circuit(None, 0.3).series_resonance_hz - free_hz - 0.3).abs() < 1e-3);
