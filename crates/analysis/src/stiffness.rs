@@ -47,6 +47,15 @@ pub struct PosedTouch {
     pub sigma_hz: f64,
 }
 
+/// A stiffness and its standard deviation, MPa.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Young {
+    /// Young's modulus.
+    pub mpa: f64,
+    /// Its standard deviation.
+    pub sigma_mpa: f64,
+}
+
 /// The stiffness of a sample from all of its touches.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SampleStiffness {
@@ -59,10 +68,33 @@ pub struct SampleStiffness {
     /// Standard deviation of the touches about the mean, MPa, when there were several. It also
     /// sees that the sample is not alike everywhere.
     pub spread_mpa: Option<f64>,
-    /// Touches that gave a stiffness.
+    /// Touches, or places, that gave a stiffness.
     pub touches: usize,
-    /// Touches that were refused one.
+    /// Those that were refused one.
     pub refused: usize,
+}
+
+impl SampleStiffness {
+    /// The mean of what touches or places of a sample gave; none when all were refused.
+    pub fn mean(sample: usize, found: &[Young], refused: usize) -> Option<Self> {
+        let weight = |one: &Young| (one.mpa / one.sigma_mpa).powi(2);
+        let sum: f64 = found.iter().map(weight).sum();
+        if found.is_empty() {
+            return None;
+        }
+        // Errors are relative, so that weights are: the smaller of two readings is no better.
+        let mean = found.iter().map(|one| weight(one) * one.mpa).sum::<f64>() / sum;
+        let squares = found.iter().map(|one| (one.mpa - mean).powi(2)).sum::<f64>();
+        let freedom = found.len() as f64 - 1.0;
+        Some(Self {
+            sample,
+            young_mpa: mean,
+            sigma_mpa: mean / sum.sqrt(),
+            spread_mpa: (found.len() > 1).then(|| (squares / freedom).sqrt()),
+            touches: found.len(),
+            refused,
+        })
+    }
 }
 
 impl Compensation {
@@ -90,30 +122,15 @@ impl Compensation {
         touches.sort_by_key(|touch| touch.sample);
         touches
             .chunk_by(|a, b| a.sample == b.sample)
-            .filter_map(|touches| self.mean(touches))
+            .filter_map(|touches| {
+                let found: Vec<Young> = touches
+                    .iter()
+                    .filter_map(|touch| self.of_touch(touch).ok())
+                    .map(|one| Young { mpa: one.young_mpa, sigma_mpa: one.sigma_mpa })
+                    .collect();
+                SampleStiffness::mean(touches[0].sample, &found, touches.len() - found.len())
+            })
             .collect()
-    }
-
-    fn mean(&self, touches: &[PosedTouch]) -> Option<SampleStiffness> {
-        let found: Vec<OneTouch> =
-            touches.iter().filter_map(|touch| self.of_touch(touch).ok()).collect();
-        let weight = |one: &OneTouch| (one.young_mpa / one.sigma_mpa).powi(2);
-        let sum: f64 = found.iter().map(weight).sum();
-        if found.is_empty() {
-            return None;
-        }
-        // Errors are relative, so that weights are: the smaller of two readings is no better.
-        let mean = found.iter().map(|one| weight(one) * one.young_mpa).sum::<f64>() / sum;
-        let squares = found.iter().map(|one| (one.young_mpa - mean).powi(2)).sum::<f64>();
-        let freedom = found.len() as f64 - 1.0;
-        Some(SampleStiffness {
-            sample: touches[0].sample,
-            young_mpa: mean,
-            sigma_mpa: mean / sum.sqrt(),
-            spread_mpa: (found.len() > 1).then(|| (squares / freedom).sqrt()),
-            touches: found.len(),
-            refused: touches.len() - found.len(),
-        })
     }
 
     /// Stiffness, angle and azimuth of one place at an unknown angle up to `max_angle_rad`, from

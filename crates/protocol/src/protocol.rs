@@ -25,6 +25,7 @@ pub struct Protocol {
     pub(crate) order: Order,
     pub(crate) seed: u64,
     pub(crate) no_load: NoLoadPolicy,
+    pub(crate) angle: AngleKnowledge,
     pub(crate) touch: TouchKeys,
     pub(crate) approach: ApproachKeys,
     pub(crate) no_load_sweep: SweepKeys,
@@ -54,6 +55,16 @@ pub(crate) enum NoLoadPolicy {
     EverySample,
     /// At the very beginning.
     Once,
+}
+
+/// What the analysis may use of the contact angles. The touches are the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AngleKnowledge {
+    /// Direction and angle of each touch, as the stage set them.
+    Known,
+    /// Only that the touches of one sample at one angle have it in common, and by how much the
+    /// probe was turned between them.
+    Unknown,
 }
 
 #[derive(Debug, Clone)]
@@ -118,6 +129,11 @@ impl Protocol {
         &self.faults
     }
 
+    /// What the analysis may use of the contact angles.
+    pub fn angle(&self) -> AngleKnowledge {
+        self.angle
+    }
+
     pub(crate) fn max_indentation_mm(&self) -> Option<&Setting<f64>> {
         self.limits.as_ref()?.max_indentation_mm.as_ref()
     }
@@ -171,6 +187,13 @@ fn protocol(table: &mut Table<'_>) -> Protocol {
             .value,
         seed: table.whole("seed").at_most(MAX_SEED).or(1).value,
         no_load: table.choice("no_load", NoLoadPolicy::WORDS).or(NoLoadPolicy::EveryTouch).value,
+        angle: table
+            .choice(
+                "angle",
+                [("known", AngleKnowledge::Known), ("unknown", AngleKnowledge::Unknown)],
+            )
+            .or(AngleKnowledge::Known)
+            .value,
         touch: table.section("touch", touch).required().value,
         approach: table.section("approach", approach).required().value,
         no_load_sweep: table.section("no_load_sweep", sweep::read).required().value,

@@ -7,7 +7,7 @@ use rig_model::{
 };
 
 use crate::{
-    Action, Phase, Plan, Prompt, Protocol, Touch,
+    Action, AngleKnowledge, Phase, Plan, Prompt, Protocol, Touch,
     random::{Random, Stream},
 };
 
@@ -412,4 +412,17 @@ fn every_single_line_may_be_lost_without_a_panic() {
             assert!(!faults.is_empty());
         }
     }
+}
+
+#[test]
+fn the_angle_is_known_to_the_analysis_unless_the_protocol_says_otherwise() {
+    #[track_caller]
+    fn check(text: &str, expected: AngleKnowledge) {
+        assert_eq!(Protocol::read("protocol.toml", text).angle(), expected);
+    }
+    check(THREE_DIRECTION, AngleKnowledge::Known);
+    check(SMOKE, AngleKnowledge::Known);
+    let unknown = changed(&[("angle = \"known\"", "angle = \"unknown\"")]);
+    check(&unknown, AngleKnowledge::Unknown);
+    assert_eq!(plan_of(&unknown).steps.len(), plan_of(THREE_DIRECTION).steps.len());
 }

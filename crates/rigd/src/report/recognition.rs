@@ -32,7 +32,8 @@ pub(super) enum Method {
     KMeans,
     /// By k-means on their logarithms, named in the same way.
     KMeansLog,
-    /// By stiffness with the angle compensated, into classes that the main touches calibrated.
+    /// By stiffness, with the angle compensated when it is known, into classes that the main
+    /// touches calibrated.
     CalibratedStiffness,
 }
 
@@ -51,7 +52,7 @@ impl Method {
         match self {
             Self::KMeans => "k-means on the shifts",
             Self::KMeansLog => "k-means on the logarithms of the shifts",
-            Self::CalibratedStiffness => "stiffness, angle compensated, in calibrated classes",
+            Self::CalibratedStiffness => "stiffness by the model, in calibrated classes",
         }
     }
 }
@@ -119,8 +120,8 @@ fn calibrated(stiffness: &Stiffness, samples: usize) -> Option<Vec<Option<usize>
     let (values, labels): (Vec<f64>, Vec<usize>) = usable.unzip();
     let classifier = Classifier::calibrated(&values, &labels, samples).ok()?;
     let taken_for = |reading: &Reading| {
-        // The spread of the classes already holds what makes a touch uncertain on this bench.
-        match classifier.classify(reading.young.ok()?.mpa, 0.0)? {
+        let young = reading.young.ok()?;
+        match classifier.classify(young.mpa, young.sigma_mpa / young.mpa)? {
             Verdict::Class { class, .. } => Some(class),
             Verdict::Unknown { .. } => None,
         }

@@ -5,17 +5,25 @@
 //! what the samples of known stiffness say at the smallest angle. The labels of the blind touches
 //! take no part in it.
 
+mod place;
 mod section;
 
 use rig_analysis::{
     scale::{self, Comparison},
-    stiffness::{Compensation, PosedTouch},
+    stiffness::{self, Compensation, PosedTouch, Young},
 };
-use rig_contact::{Depth, Models, Pose, Tier, inverse::InverseError};
+use rig_contact::{
+    Depth, Models, Pose, Tier,
+    inverse::{InverseError, OneTouch, TiltInference},
+};
+use rig_protocol::{AngleKnowledge, Protocol};
 use rig_settings::Faults;
 use rig_store::{Direction, Phase, Touch};
 
+pub(super) use place::Place;
 pub(super) use section::{recognitions, section};
+
+use place::{Probed, Unknown};
 
 use super::data::RunData;
 use crate::rig_file::{RigFile, SensorFile};
@@ -30,10 +38,12 @@ pub(super) struct Stiffness {
     pub(super) calibration: Calibration,
     /// Each sample from its main touches, calibrated, ordered by sample.
     pub(super) samples: Vec<SampleStiffness>,
-    /// Every main touch, in order.
+    /// Every main touch, in order; or every place, when the angle is unknown.
     pub(super) main: Vec<Reading>,
     /// Every blind touch, in order.
     pub(super) blind: Vec<Reading>,
+    /// The places of the main phase, when the angle is unknown.
+    pub(super) places: Option<Vec<Place>>,
 }
 
 /// How the sensor of the rig file was made that of the run.
@@ -56,8 +66,8 @@ pub(super) enum ScaleSource {
     Known {
         /// How many.
         samples: usize,
-        /// The contact angle at which they were compared, degrees.
-        angle_deg: f64,
+        /// The contact angle at which they were compared, degrees; all when it is unknown.
+        angle_deg: Option<f64>,
     },
     /// From the description of the sensor alone: the factor is one.
     Described,
@@ -76,30 +86,22 @@ pub(super) struct SampleStiffness {
     pub(super) spread_mpa: Option<f64>,
     /// What is known of it otherwise, MPa.
     pub(super) known_mpa: Option<f64>,
-    /// Touches that gave a stiffness.
+    /// Touches, or places, that gave a stiffness.
     pub(super) touches: usize,
-    /// Touches that were refused one.
+    /// Those that were refused one.
     pub(super) refused: usize,
 }
 
-/// What one touch says of the stiffness under it.
+/// What one touch or place says of the stiffness under it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Reading {
     /// Which sample it was; for a blind touch, only to be scored.
     pub(super) sample: usize,
     /// Its number among the repeats, or among the blind touches.
     pub(super) number: u32,
-    /// The calibrated stiffness, or why there is none.
+    /// The calibrated stiffness, without the uncertainty of the calibration, which all share; or
+    /// why there is none.
     pub(super) young: Result<Young, InverseError>,
-}
-
-/// A stiffness, MPa.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Young {
-    /// Young's modulus.
-    pub(super) mpa: f64,
-    /// Its standard deviation, without that of the calibration, which all touches share.
-    pub(super) sigma_mpa: f64,
 }
 
 /// Why a run has no stiffness.
@@ -115,86 +117,179 @@ pub(super) enum NoStiffness {
 
 impl Stiffness {
     pub(super) fn of(data: &RunData) -> Result<Self, NoStiffness> {
-        let rig = &data.started.as_ref().ok_or(NoStiffness::NoRigFile)?.rig;
-        let rig = RigFile::read(&rig.name, &rig.toml).map_err(NoStiffness::RigFile)?;
-        let compensation = compensation(&rig.sensor, data);
+        let started = data.started.as_ref().ok_or(NoStiffness::NoRigFile)?;
+        let rig = RigFile::read(&started.rig.name, &started.rig.toml);
+        let file = rig.map_err(NoStiffness::RigFile)?.sensor;
+        let compensation = compensation(&file, data);
         let free_hz = compensation.models.no_load_hz(TIER);
-        let posed = |phase: Phase| {
-            let touches = data.touches.iter().filter(move |touch| touch.touch.phase == phase);
-            touches.filter_map(|touch| Some((touch, posed(touch, &rig.sensor, data, free_hz)?)))
+        let (mut main, mut blind) = (Vec::new(), Vec::new());
+        for touch in &data.touches {
+            let Some(posed) = posed(touch, &file, data, free_hz) else { continue };
+            match touch.touch.phase {
+                Phase::Main => main.push((touch, posed)),
+                Phase::Blind => blind.push((touch, posed)),
+            }
+        }
+        let reader = Reader { compensation, file, data };
+        let angle = Protocol::read(&started.protocol.name, &started.protocol.toml).angle();
+        let Readings { main: read, blind, places, at } = match angle {
+            AngleKnowledge::Known => reader.known(&main, &blind),
+            AngleKnowledge::Unknown => reader.unknown(&main, &blind),
         };
-        let main: Vec<(&Touch, PosedTouch)> = posed(Phase::Main).collect();
         let mean_hz = main.iter().map(|(touch, _)| touch.no_load_hz).sum::<f64>();
         let resonance_ratio = mean_hz / main.len() as f64 / free_hz;
-        let described = rig.sensor.uncertainty.scale_rel;
-        let calibration = Calibration::of(&compensation, data, &main, resonance_ratio, described);
-        let reading = |(touch, posed): (&Touch, PosedTouch)| Reading {
-            sample: posed.sample,
-            number: touch.touch.repeat,
-            young: compensation.of_touch(&posed).map(|one| Young {
-                mpa: one.young_mpa / calibration.factor,
-                sigma_mpa: one.sigma_mpa / calibration.factor,
-            }),
-        };
-        let touches: Vec<PosedTouch> = main.iter().map(|&(_, posed)| posed).collect();
-        let samples: Vec<SampleStiffness> = compensation
-            .by_sample(&touches)
-            .into_iter()
-            .map(|found| calibration.sample(data, &found))
-            .collect();
+        let calibration = reader.calibration(&read, at, resonance_ratio);
+        let samples = reader.samples(&read, &calibration);
         if samples.is_empty() {
             return Err(NoStiffness::NoTouches);
         }
-        let main = main.into_iter().map(reading).collect();
-        Ok(Self { calibration, samples, main, blind: posed(Phase::Blind).map(reading).collect() })
+        let calibrated = |readings: Vec<Reading>| {
+            readings.into_iter().map(|reading| calibration.reading(reading)).collect()
+        };
+        let (main, blind) = (calibrated(read), calibrated(blind));
+        Ok(Self { calibration, samples, main, blind, places })
     }
 }
 
-impl Calibration {
-    /// Compares the touches at the smallest angle with what is known of their samples. There the
-    /// angle hardly counts.
-    fn of(
-        compensation: &Compensation,
-        data: &RunData,
-        main: &[(&Touch, PosedTouch)],
-        resonance_ratio: f64,
-        described_rel: f64,
-    ) -> Self {
-        let angles = main.iter().map(|(touch, _)| touch.touch.pose.angle_deg);
-        let angle_deg = angles.min_by(f64::total_cmp).unwrap_or_default();
-        let compared = |(touch, posed): &(&Touch, PosedTouch)| {
-            let known_mpa = data.samples()[posed.sample].stiffness_mpa?;
-            let found = compensation.of_touch(posed).ok()?;
-            (touch.touch.pose.angle_deg == angle_deg).then_some(Comparison {
-                sample: posed.sample,
-                young_mpa: found.young_mpa,
-                sigma_mpa: found.sigma_mpa,
-                known_mpa,
+/// What is needed to read touches.
+struct Reader<'a> {
+    compensation: Compensation,
+    file: SensorFile,
+    data: &'a RunData,
+}
+
+/// The touches of a run as the model reads them, not yet calibrated.
+struct Readings {
+    main: Vec<Reading>,
+    blind: Vec<Reading>,
+    places: Option<Vec<Place>>,
+    /// Where known samples are compared.
+    at: ComparedAt,
+}
+
+/// At which contact angle known samples are compared.
+struct ComparedAt {
+    /// The angle, degrees; all when there is none.
+    angle_deg: Option<f64>,
+    /// For each main reading, whether it is one of these.
+    is_there: Vec<bool>,
+}
+
+type Touched<'a> = (&'a Touch, PosedTouch);
+
+impl Reader<'_> {
+    /// Each touch by itself, at the angle that was set.
+    fn known(&self, main: &[Touched<'_>], blind: &[Touched<'_>]) -> Readings {
+        let young = |one: OneTouch| Young { mpa: one.young_mpa, sigma_mpa: one.sigma_mpa };
+        let reading = |(touch, posed): &Touched<'_>| Reading {
+            sample: posed.sample,
+            number: touch.touch.repeat,
+            young: self.compensation.of_touch(posed).map(young),
+        };
+        // There the angle hardly counts.
+        let angle = |touched: &Touched<'_>| touched.0.touch.pose.angle_deg;
+        let angle_deg = main.iter().map(angle).min_by(f64::total_cmp);
+        let is_there = main.iter().map(|touched| Some(angle(touched)) == angle_deg).collect();
+        Readings {
+            main: main.iter().map(reading).collect(),
+            blind: blind.iter().map(reading).collect(),
+            places: None,
+            at: ComparedAt { angle_deg, is_there },
+        }
+    }
+
+    /// Main touches by places, each blind touch by itself, at any angle that the run has.
+    fn unknown(&self, main: &[Touched<'_>], blind: &[Touched<'_>]) -> Readings {
+        let angles = self.data.touches.iter().map(|touch| touch.touch.pose.angle_deg);
+        let unknown = Unknown {
+            compensation: &self.compensation,
+            sample_rel: self.file.uncertainty.sample_rel,
+            max_angle_rad: angles.fold(0.0, f64::max).to_radians(),
+        };
+        let young = |found: TiltInference| Young {
+            mpa: found.young_mpa.value,
+            sigma_mpa: found.young_mpa.sigma,
+        };
+        let probed = |&(touch, posed): &Touched<'_>| Probed {
+            touch: posed,
+            angle_deg: touch.touch.pose.angle_deg,
+            repeat: touch.touch.repeat,
+        };
+        let places = unknown.places(main.iter().map(probed).collect());
+        let of_place = |place: &Place| Reading {
+            sample: place.sample,
+            number: place.repeat,
+            young: place.found.map(young),
+        };
+        let of_touch = |(touch, posed): &Touched<'_>| Reading {
+            sample: posed.sample,
+            number: touch.touch.repeat,
+            young: unknown.infer([posed]).map(young),
+        };
+        Readings {
+            main: places.iter().map(of_place).collect(),
+            blind: blind.iter().map(of_touch).collect(),
+            at: ComparedAt { angle_deg: None, is_there: vec![true; places.len()] },
+            places: Some(places),
+        }
+    }
+
+    /// Compares readings with what is known of their samples.
+    fn calibration(&self, main: &[Reading], at: ComparedAt, resonance_ratio: f64) -> Calibration {
+        let there = main.iter().zip(at.is_there).filter(|(_, is_there)| *is_there);
+        let compared = |(reading, _): (&Reading, bool)| {
+            let young = reading.young.ok()?;
+            Some(Comparison {
+                sample: reading.sample,
+                young_mpa: young.mpa,
+                sigma_mpa: young.sigma_mpa,
+                known_mpa: self.data.samples()[reading.sample].stiffness_mpa?,
             })
         };
-        let comparisons: Vec<Comparison> = main.iter().filter_map(compared).collect();
+        let comparisons: Vec<Comparison> = there.filter_map(compared).collect();
         match scale::scale(&comparisons) {
-            Some(scale) => Self {
+            Some(scale) => Calibration {
                 resonance_ratio,
                 factor: scale.factor,
                 sigma_rel: scale.sigma_rel,
-                source: ScaleSource::Known { samples: scale.samples, angle_deg },
+                source: ScaleSource::Known { samples: scale.samples, angle_deg: at.angle_deg },
             },
             // A resonance that is off by a stiffer beam instead of a lighter tip makes a shift of
             // the same contact smaller instead of larger.
-            None => Self {
+            None => Calibration {
                 resonance_ratio,
                 factor: 1.0,
-                sigma_rel: described_rel.hypot(2.0 * (resonance_ratio - 1.0)),
+                sigma_rel: self.file.uncertainty.scale_rel.hypot(2.0 * (resonance_ratio - 1.0)),
                 source: ScaleSource::Described,
             },
         }
     }
 
+    fn samples(&self, main: &[Reading], calibration: &Calibration) -> Vec<SampleStiffness> {
+        let sample = |(index, sample): (usize, &rig_store::Sample)| {
+            let of_sample = || main.iter().filter(|reading| reading.sample == index);
+            let found: Vec<Young> = of_sample().filter_map(|reading| reading.young.ok()).collect();
+            let refused = of_sample().count() - found.len();
+            let mean = stiffness::SampleStiffness::mean(index, &found, refused)?;
+            Some(calibration.sample(&mean, sample.stiffness_mpa))
+        };
+        self.data.samples().iter().enumerate().filter_map(sample).collect()
+    }
+}
+
+impl Calibration {
+    fn reading(&self, reading: Reading) -> Reading {
+        let young = |young: Young| Young {
+            mpa: young.mpa / self.factor,
+            sigma_mpa: young.sigma_mpa / self.factor,
+        };
+        Reading { young: reading.young.map(young), ..reading }
+    }
+
     fn sample(
         &self,
-        data: &RunData,
-        found: &rig_analysis::stiffness::SampleStiffness,
+        found: &stiffness::SampleStiffness,
+        known_mpa: Option<f64>,
     ) -> SampleStiffness {
         let young_mpa = found.young_mpa / self.factor;
         // The scatter sees that a sample is not alike everywhere; of a few touches it may be small
@@ -206,7 +301,7 @@ impl Calibration {
             young_mpa,
             sigma_mpa: own_mpa.hypot(self.sigma_rel * young_mpa),
             spread_mpa: found.spread_mpa.map(|spread| spread / self.factor),
-            known_mpa: data.samples()[found.sample].stiffness_mpa,
+            known_mpa,
             touches: found.touches,
             refused: found.refused,
         }

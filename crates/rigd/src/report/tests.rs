@@ -227,6 +227,41 @@ fn without_known_samples_the_scale_is_as_uncertain_as_the_rig_file_says() {
 }
 
 #[test]
+fn angles_that_nobody_knows_are_found_with_the_stiffness_or_said_to_be_lost() {
+    let mut sample = SampleRun::new(Story::Complete);
+    let known = summary(&sample.run, &sample.chain.records, Path::new("run")).unwrap();
+    sample.change_start(|started| started.protocol.toml += "angle = \"unknown\"\n");
+    let html = render(&sample.run, &sample.chain).unwrap();
+    check_markup(&html);
+    let places = inside(&html, "<caption>Stiffness, contact angle and azimuth", "</table>");
+    assert_eq!(places.matches("<tr><th scope=\"row\">").count(), 20);
+    // Upright, the directions do not differ, and nothing tells the azimuth.
+    assert!(places.contains("not identified"));
+    let found = summary(&sample.run, &sample.chain.records, Path::new("run")).unwrap();
+    for (found, known) in found.stiffness.iter().zip(&known.stiffness) {
+        let known_mpa = found.known_mpa.unwrap();
+        assert!((found.stiffness_mpa - known_mpa).abs() < 3.0 * found.sigma_mpa, "{found:?}");
+        assert!(found.sigma_mpa > known.sigma_mpa, "{found:?} {known:?}");
+    }
+}
+
+#[test]
+fn a_place_that_was_not_touched_at_all_is_refused_with_the_reason() {
+    let mut sample = SampleRun::new(Story::Complete);
+    sample.change_start(|started| started.protocol.toml += "angle = \"unknown\"\n");
+    let mut is_first = true;
+    sample.change_touches(|touch| {
+        if std::mem::take(&mut is_first) {
+            touch.shift_hz = -20.0;
+        }
+    });
+    let html = render(&sample.run, &sample.chain).unwrap();
+    check_markup(&html);
+    let places = inside(&html, "<caption>Stiffness, contact angle and azimuth", "</table>");
+    assert_eq!(places.matches("a shift of -").count(), 1, "{places}");
+}
+
+#[test]
 fn a_journal_whose_rig_file_cannot_be_read_has_everything_but_stiffness() {
     let mut sample = SampleRun::new(Story::Complete);
     sample.change_start(|started| started.rig.toml = "name = \"<old>\"\n".to_owned());

@@ -30,7 +30,8 @@ pub(super) enum Protocol {
     TwoDepths,
     /// Four spins of the probe on one point, of which neither angle nor azimuth are known.
     Spins,
-    /// One touch from each of three directions on three points of a sample, the angle not known.
+    /// One touch from each of three directions on three points of a sample, of which neither angle
+    /// nor azimuth are known.
     Directions,
 }
 
@@ -195,7 +196,7 @@ impl Place<'_> {
             Touch { shift_hz, sigma_hz, spin_rad: -at_rad, depth: DEPTH }
         });
         let probing = reader.probing(0.0, NUISANCES.surface_mm.hypot(NUISANCES.depth_mm));
-        let found = reader.infer(&touches, &probing, AzimuthPrior::Known(0.0));
+        let found = reader.infer(&touches, &probing, AzimuthPrior::Unknown);
         reader.answer(&found, SAMPLES_MPA[self.sample])
     }
 }

@@ -2,8 +2,9 @@
 //! what it says of the blind touches.
 
 use rig_chart::{Axis, Chart, Marker, Point, Rule, Series};
+use rig_contact::inverse::Interval;
 
-use super::{Calibration, Reading, SampleStiffness, ScaleSource, Stiffness};
+use super::{Calibration, Place, Reading, SampleStiffness, ScaleSource, Stiffness};
 use crate::report::{
     data::RunData,
     figures::{HALF_PX, drawn, figure},
@@ -38,22 +39,33 @@ pub(in crate::report) fn section(
     } else {
         figure(&format!("<div class=\"row\">\n{charts}</div>\n"), caption)
     };
-    calibration(&stiffness.calibration) + &figure + &samples(data, stiffness)
+    let places = stiffness.places.as_ref().map(|found| places(data, stiffness, found));
+    let angle = match &stiffness.places {
+        None => "and with the contact angle of each touch known",
+        Some(_) => "and without knowing the contact angles",
+    };
+    calibration(&stiffness.calibration, angle)
+        + &figure
+        + &samples(data, stiffness)
+        + &places.unwrap_or_default()
 }
 
 /// Which calibration was used, and what it adds.
-fn calibration(calibration: &Calibration) -> String {
+fn calibration(calibration: &Calibration, angle: &str) -> String {
     let Calibration { resonance_ratio, factor, sigma_rel, source } = *calibration;
     let ratio = fixed(resonance_ratio, 4);
     let adds = percent(sigma_rel);
     let scale = match source {
-        ScaleSource::Known { samples, angle_deg } => format!(
-            "The touches at {angle_deg}° of {samples} samples of known stiffness say {} times what \
-             is known, by which all stiffness was divided: one factor for the run. It is uncertain \
-             by {adds}, which is part of every standard deviation of a sample below. So only the \
-             ratios between samples, and the other angles, are a test against what is known.",
-            with_sigma(factor, sigma_rel * factor)
-        ),
+        ScaleSource::Known { samples, angle_deg } => {
+            let at = angle_deg.map_or_else(String::new, |angle| format!(" at {angle}°"));
+            let factor = with_sigma(factor, sigma_rel * factor);
+            format!(
+                "The touches{at} of {samples} samples of known stiffness say {factor} times what is \
+                 known, by which all stiffness was divided: one factor for the run. It is uncertain \
+                 by {adds}, which is part of every standard deviation of a sample below. So only \
+                 the ratios between samples and between angles are a test against what is known."
+            )
+        }
         ScaleSource::Described => format!(
             "No sample is known, so that the scale rests on the description of the sensor alone. \
              It is taken as uncertain by {adds}, which is part of every standard deviation of a \
@@ -62,7 +74,7 @@ fn calibration(calibration: &Calibration) -> String {
     };
     format!(
         "<p>Young's modulus of each sample from its main touches, by the sensor that the rig file \
-         describes and with the contact angle known. The free resonance measured was {ratio} times \
+         describes {angle}. The free resonance measured was {ratio} times \
          the one described, and each shift was scaled by that. {scale}</p>\n"
     )
 }
@@ -139,7 +151,14 @@ fn point(data: &RunData, reading: &Reading) -> Option<Point> {
 }
 
 fn samples(data: &RunData, stiffness: &Stiffness) -> String {
-    let heads = ["sample", "known (MPa)", "found (MPa)", "deviation", "touches", "spread (MPa)"];
+    let heads = [
+        "sample",
+        "known (MPa)",
+        "found (MPa)",
+        "deviation",
+        if stiffness.places.is_some() { "places" } else { "touches" },
+        "spread (MPa)",
+    ];
     let row = |sample: &SampleStiffness| {
         let deviation =
             |known: f64| format!("{} %", fixed(100.0 * (sample.young_mpa / known - 1.0), 1));
@@ -158,7 +177,39 @@ fn samples(data: &RunData, stiffness: &Stiffness) -> String {
     };
     let rows: Vec<_> = stiffness.samples.iter().map(row).collect();
     let caption = "Young's modulus of the samples with its standard deviation, and the standard \
-                   deviation of single touches about it.";
+                   deviation of single ones about it.";
+    table(caption, &heads.map(str::to_owned), &rows)
+}
+
+/// What was found at each place without knowing its angle.
+fn places(data: &RunData, stiffness: &Stiffness, places: &[Place]) -> String {
+    let heads =
+        ["sample", "angle set", "touches", "stiffness (MPa)", "angle found", "azimuth found"];
+    let row = |(place, reading): (&Place, &Reading)| {
+        let name = Text(&data.samples()[place.sample].name).to_string();
+        let mut row = vec![name, format!("{}°", place.angle_deg), place.touches.to_string()];
+        match (reading.young, place.found) {
+            (Ok(young), Ok(found)) => {
+                let degrees = |of: &Interval, is_identified: bool| {
+                    let found = with_sigma(of.value.to_degrees(), of.sigma.to_degrees());
+                    if is_identified { format!("{found}°") } else { "not identified".to_owned() }
+                };
+                row.push(format!("<b>{}</b>", with_sigma(young.mpa, young.sigma_mpa)));
+                row.push(degrees(&found.angle_rad, found.is_angle_identified));
+                row.push(degrees(&found.azimuth_rad, found.is_azimuth_identified));
+            }
+            (Err(error), _) | (_, Err(error)) => {
+                row.push(format!("<span class=\"fault\">{}</span>", Text(&error.to_string())));
+                row.extend([dash(), dash()]);
+            }
+        }
+        row
+    };
+    let rows: Vec<_> = places.iter().zip(&stiffness.main).map(row).collect();
+    let caption = "Stiffness, contact angle and azimuth found together from the touches of each \
+                   place, with their standard deviations. An angle or azimuth is not identified \
+                   when the touches leave more than half of the uncertainty that there was before \
+                   them; the stiffness then holds for all of its values.";
     table(caption, &heads.map(str::to_owned), &rows)
 }
 

@@ -68,6 +68,15 @@ impl SampleRun {
         change(&mut started);
         first.payload = serde_json::to_string(&Record::RunStarted(started)).unwrap();
     }
+
+    /// The same run, had its touches given something else.
+    pub(super) fn change_touches(&mut self, mut change: impl FnMut(&mut Touch)) {
+        for stored in &mut self.chain.records {
+            let Record::TouchResult(mut touch) = stored.record().unwrap() else { continue };
+            change(&mut touch);
+            stored.payload = serde_json::to_string(&Record::TouchResult(touch)).unwrap();
+        }
+    }
 }
 
 struct Teller {
