@@ -132,7 +132,11 @@ fn row(table: &mut Csv, protocol: Protocol, group: &str, tally: &Tally) {
         rate,
         low,
         high,
-        tally.refused().to_string(),
+        // A shift alone is never asked for a stiffness.
+        match protocol {
+            Protocol::ShiftAlone => String::new(),
+            _ => tally.refused().to_string(),
+        },
         percent(tally.bias(), 3),
         percent(tally.rms(), 3),
         percent(tally.within_3_percent(), 2),
