@@ -324,6 +324,19 @@ mod tests {
     }
 
     #[test]
+    fn a_client_gets_no_answer_to_what_another_one_asked() {
+        let mut bench = Bench::serial();
+        let (identity, _) = bench.ask(PortId::Analyzer, b"*IDN?\r\n").unwrap();
+        for begun in [&b"*TRG;:MEAS?\r\n"[..], b":FREQ 'abc\r\n", b"*ID"] {
+            // The first client is gone in the middle of it.
+            bench.rig.push(bench.now, &mut bench.analyzer, begun).unwrap();
+            bench.analyzer = bench.rig.connect(PortId::Analyzer);
+            let (said, _) = bench.ask(PortId::Analyzer, b"*IDN?\r\n").unwrap();
+            assert_eq!(said, identity, "after {}", begun.escape_ascii());
+        }
+    }
+
+    #[test]
     fn a_late_reply_is_late_and_a_reply_from_another_unit_has_its_checksum() {
         let mut bench = Bench::serial();
         let late = Duration::from_millis(300);

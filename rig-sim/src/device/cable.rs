@@ -27,6 +27,7 @@ pub(crate) trait Analyzer: fmt::Debug + Send {
     fn advance(&mut self, now: RigTime, world: &mut World);
     fn deadline(&self) -> Option<RigTime>;
     fn take_said(&mut self) -> Vec<(RigTime, Vec<u8>)>;
+    fn device_clear(&mut self);
     fn overload(&mut self);
     fn restart(&mut self, now: RigTime, world: &mut World);
 }
@@ -46,6 +47,10 @@ impl<M: Model<Command: Send + Sync> + Send> Analyzer for Meter<M> {
 
     fn take_said(&mut self) -> Vec<(RigTime, Vec<u8>)> {
         self.take_said()
+    }
+
+    fn device_clear(&mut self) {
+        self.device_clear();
     }
 
     fn overload(&mut self) {
@@ -117,10 +122,12 @@ impl Socket {
         mut fate: Fate<'_>,
     ) -> Result<(), HangUp> {
         if self.talker != cable.number {
-            // What the instrument was about to tell another client is gone.
+            // What the instrument was about to tell another client is gone, also what it is still
+            // working out, and a message that was never finished.
             self.talker = cable.number;
             self.analyzer.advance(now, fate.world);
             self.analyzer.take_said();
+            self.analyzer.device_clear();
         }
         for &byte in bytes {
             if self.echoes && self.boots_until <= now {

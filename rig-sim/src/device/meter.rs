@@ -195,6 +195,11 @@ impl<M: Model> Meter<M> {
         self.overloads += 1;
     }
 
+    /// Forgets every message; what is under way ends without an answer.
+    pub(crate) fn device_clear(&mut self) {
+        self.instrument.device_clear();
+    }
+
     /// Switches the instrument off and on again.
     pub(crate) fn restart(&mut self, now: RigTime, world: &mut World) {
         let before = self.model.drive();
