@@ -30,6 +30,11 @@ pub enum Friction {
         /// Tangential over normal force at which the contact slips.
         coefficient: f64,
     },
+    /// It sticks with this tangential over normal stiffness: 0 slides, 1 is as stiff both ways.
+    Elastic {
+        /// Tangential over normal stiffness, zero or more.
+        tangential_ratio: f64,
+    },
     /// It slides without resistance.
     Frictionless,
 }
@@ -57,6 +62,7 @@ impl Contact {
     pub fn tangential_ratio(&self, tissue: &Tissue) -> f64 {
         match self.friction {
             Friction::Sticking | Friction::Coulomb { .. } => tissue.tangential_ratio(),
+            Friction::Elastic { tangential_ratio } => tangential_ratio,
             Friction::Frictionless => 0.0,
         }
     }

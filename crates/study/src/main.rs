@@ -7,11 +7,16 @@ mod compensation;
 mod contact_args;
 mod design;
 mod files;
+mod inverses;
 mod invert;
 mod model;
 mod models;
 mod outcome;
+mod page;
+mod paper;
 mod paper_bench;
+mod random;
+mod simulate;
 
 use std::{io, process::ExitCode};
 
@@ -27,8 +32,10 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Paper(paper::Args),
     Models(models::Args),
     Design(design::Args),
+    Inverses(inverses::Args),
     Model(model::Args),
     Invert(invert::Args),
     Compensation(compensation::Args),
@@ -37,7 +44,9 @@ enum Command {
 fn main() -> ExitCode {
     let mut out = io::stdout().lock();
     let result = match Cli::parse().command {
+        Command::Paper(args) => paper::run(&args, &mut out),
         Command::Design(args) => design::run(&args, &mut out),
+        Command::Inverses(args) => inverses::run(&args, &mut out),
         Command::Models(args) => models::run(&args, &mut out),
         Command::Model(args) => model::run(&args, &mut out),
         Command::Invert(args) => invert::run(&args, &mut out),

@@ -5,8 +5,8 @@ use std::f64::consts::{PI, TAU};
 use super::{AnglePrior, AzimuthPrior, Interval, Question, node::Node};
 
 /// Rows of angles and columns of azimuths of the first grid.
-const ROWS: u32 = 12;
-const COLUMNS: u32 = 24;
+const ROWS: u32 = 8;
+const COLUMNS: u32 = 16;
 /// How often cells are halved, at the most.
 const SPLITS: u32 = 12;
 /// Halves whose evidence differs from the whole's by less, as a logarithm, need no more splitting.
@@ -81,6 +81,7 @@ impl Posterior {
         let best = cells.iter().map(Cell::log_mass).max_by(f64::total_cmp)?;
         let mut cells: Vec<(f64, Cell)> =
             cells.into_iter().map(|cell| ((cell.log_mass() - best).exp(), cell)).collect();
+        cells.retain(|(weight, _)| *weight > LIGHTEST);
         let sum: f64 = cells.iter().map(|(weight, _)| weight).sum();
         for (weight, _) in &mut cells {
             *weight /= sum;
@@ -156,9 +157,12 @@ impl Posterior {
 }
 
 /// Standard deviations to both sides that hold a stiffness's quantiles.
-const REACH: f64 = 12.0;
-/// Bisections of a quantile: beyond the width of a cell.
-const BISECTIONS: u32 = 50;
+const REACH: f64 = 8.0;
+/// Bisections of a quantile, to a millionth of what is believed at all.
+const BISECTIONS: u32 = 24;
+/// Cells lighter than this against the heaviest are left out: together they weigh less than what
+/// was neglected when cells were split.
+const LIGHTEST: f64 = 1e-6;
 
 /// An interval with the quantiles of a distribution function, sought between two ends.
 fn interval(value: f64, variance: f64, ends: (f64, f64), below: impl Fn(f64) -> f64) -> Interval {

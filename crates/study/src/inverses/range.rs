@@ -1,0 +1,108 @@
+//! From 0.005 to 3 MPa: sensitivity, uncertainty and the models' own error.
+
+use rig_chart::{Axis, Chart, Point, Series};
+use rig_contact::{ContactLaw, Direction, Models, Sensor, Tier, inverse::TissueKind};
+
+use super::known::SPREAD;
+use crate::{
+    page::{Page, Table},
+    paper_bench::{Control, INDENTATION_MM, contact, tissue},
+};
+
+/// Young's moduli of the table, MPa.
+const TABLE_MPA: [f64; 12] = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 3.0];
+
+/// What is to be said of one stiffness.
+struct Reach {
+    shift_hz: f64,
+    slope_hz_per_mpa: f64,
+    /// Relative standard deviation of the stiffness, or the reason for none.
+    sigma: Result<f64, String>,
+    /// Error of tier E1 taken for the truth, relative to the stiffness.
+    model: Result<f64, String>,
+}
+
+pub(super) fn add(page: &mut Page) {
+    page.heading("From 0.005 to 3 MPa");
+    page.text(
+        "Upright, with the bench's errors of a touch. Below about 0.003 MPa the shift is lost in \
+         the noise of 0.3 Hz, and the stiffness is refused. Above, the shift saturates slowly while the \
+         indentation is held; with the stage held the sensor gives way, and a sample much stiffer \
+         than the sensor is told by how little of the move is left for it: the depth's error then \
+         counts more and more. The last column is by how much tier E1 misses a stiffness that the \
+         reference has made the shift of.",
+    );
+    let mut table = Table::new(&[
+        "held",
+        "stiffness, MPa",
+        "shift, Hz",
+        "slope, Hz/MPa",
+        "standard deviation, %",
+        "error of tier E1, %",
+    ]);
+    let models = Models::new(&Sensor::reference(), ContactLaw::Sneddon);
+    for control in Control::ALL {
+        for young_mpa in TABLE_MPA {
+            let reach = reach(&models, control, young_mpa);
+            let percent = |value: Result<f64, String>, digits: usize| match value {
+                Ok(value) => format!("{:.digits$}", 100.0 * value),
+                Err(reason) => format!("refused: {reason}"),
+            };
+            table.row([
+                control.name().to_owned(),
+                young_mpa.to_string(),
+                format!("{:.3}", reach.shift_hz),
+                format!("{:.1}", reach.slope_hz_per_mpa),
+                percent(reach.sigma, 2),
+                percent(reach.model, 2),
+            ]);
+        }
+    }
+    page.table(table);
+    page.chart("range.svg", chart(&models));
+}
+
+fn reach(models: &Models, control: Control, young_mpa: f64) -> Reach {
+    let depth = control.depth(INDENTATION_MM);
+    let contact = contact(Direction::Front, 0.0, depth, ContactLaw::Sneddon);
+    let shift = |young_mpa: f64| {
+        models
+            .predict(Tier::Reference, &tissue(young_mpa), &contact)
+            .expect("the reference reaches far beyond 3 MPa")
+            .shift_hz
+    };
+    let shift_hz = shift(young_mpa);
+    let kind = TissueKind::SOFT;
+    let sigma = models
+        .stiffness_of_touch(Tier::E1s, shift_hz, SPREAD, kind, &contact)
+        .map(|found| found.sigma_mpa / found.young_mpa)
+        .map_err(|refusal| refusal.to_string());
+    let model = models
+        .young_of_shift_mpa(Tier::E1s, shift_hz, kind, &contact)
+        .map(|found| found / young_mpa - 1.0)
+        .map_err(|refusal| refusal.to_string());
+    let slope_hz_per_mpa = (shift(young_mpa * 1.01) - shift(young_mpa * 0.99)) / (0.02 * young_mpa);
+    Reach { shift_hz, slope_hz_per_mpa, sigma, model }
+}
+
+fn chart(models: &Models) -> Chart {
+    let mut chart = Chart::new(
+        "Relative standard deviation of the stiffness of one touch",
+        "Over the stiffness from 0.002 to 3 MPa, with the indentation held and with the stage held; \
+         the curves end where the stiffness is refused.",
+        Axis::log("stiffness, MPa"),
+        Axis::log("standard deviation, %"),
+    );
+    for (colour, control) in Control::ALL.into_iter().enumerate() {
+        let points: Vec<Point> = (0..=64)
+            .filter_map(|step| {
+                let young_mpa = 0.001 * 3000.0_f64.powf(f64::from(step) / 64.0);
+                let sigma = reach(models, control, young_mpa).sigma.ok()?;
+                Some(Point::from((young_mpa, 100.0 * sigma)))
+            })
+            .collect();
+        let name = format!("{} held", control.name());
+        chart.series.push(Series::line(&name, colour, points));
+    }
+    chart
+}

@@ -1,0 +1,207 @@
+//! A page of text, tables and charts, as Markdown and as one HTML file.
+
+use std::fmt::Write as _;
+
+use rig_chart::{Chart, ChartError, STYLE};
+
+use crate::{files::Folder, outcome::StudyError};
+
+/// A page.
+#[derive(Debug, Default)]
+pub(crate) struct Page {
+    pub(crate) title: String,
+    pub(crate) parts: Vec<Part>,
+}
+
+/// A part of a page.
+#[derive(Debug)]
+pub(crate) enum Part {
+    /// A heading.
+    Heading(String),
+    /// A paragraph of plain text; words in backquotes are code.
+    Text(String),
+    /// A table.
+    Table(Table),
+    /// A chart, kept in a file of this name.
+    Chart(String, Box<Chart>),
+}
+
+/// Columns and rows of plain text.
+#[derive(Debug)]
+pub(crate) struct Table {
+    pub(crate) columns: Vec<String>,
+    pub(crate) rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    pub(crate) fn new(columns: &[&str]) -> Self {
+        Self { columns: columns.iter().map(|&name| name.to_owned()).collect(), rows: Vec::new() }
+    }
+
+    pub(crate) fn row<S: Into<String>>(&mut self, cells: impl IntoIterator<Item = S>) {
+        self.rows.push(cells.into_iter().map(Into::into).collect());
+    }
+}
+
+impl Page {
+    pub(crate) fn heading(&mut self, text: &str) {
+        self.parts.push(Part::Heading(text.to_owned()));
+    }
+
+    pub(crate) fn text(&mut self, text: impl Into<String>) {
+        self.parts.push(Part::Text(text.into()));
+    }
+
+    pub(crate) fn table(&mut self, table: Table) {
+        self.parts.push(Part::Table(table));
+    }
+
+    pub(crate) fn chart(&mut self, file: &str, chart: Chart) {
+        self.parts.push(Part::Chart(file.to_owned(), Box::new(chart)));
+    }
+
+    /// Writes `NAME.md`, `NAME.html`, and the charts into the folder `NAME` beside them.
+    pub(crate) fn write(&self, folder: &Folder, name: &str) -> Result<(), StudyError> {
+        let charts = Folder::at(&folder.path(name))?;
+        for part in &self.parts {
+            if let Part::Chart(file, chart) = part {
+                charts.write(file, &chart.file()?)?;
+            }
+        }
+        folder.write(&format!("{name}.md"), &self.markdown(name))?;
+        folder.write(&format!("{name}.html"), &self.html()?)
+    }
+
+    fn markdown(&self, name: &str) -> String {
+        let mut text = format!("# {}\n", self.title);
+        for part in &self.parts {
+            text.push('\n');
+            match part {
+                Part::Heading(heading) => put(&mut text, format_args!("## {heading}\n")),
+                Part::Text(paragraph) => put(&mut text, format_args!("{paragraph}\n")),
+                Part::Table(table) => markdown_table(&mut text, table),
+                Part::Chart(file, chart) => {
+                    put(&mut text, format_args!("![{}]({name}/{file})\n", chart.title));
+                }
+            }
+        }
+        text
+    }
+
+    fn html(&self) -> Result<String, ChartError> {
+        let mut text = String::from("<!doctype html>\n<html lang=\"en\">\n<head>\n");
+        put(&mut text, format_args!("<meta charset=\"utf-8\">\n<title>{}</title>\n", self.title));
+        put(&mut text, format_args!("<style>\n{PAGE_STYLE}{STYLE}</style>\n</head>\n<body>\n"));
+        put(&mut text, format_args!("<h1>{}</h1>\n", escaped(&self.title)));
+        for (index, part) in self.parts.iter().enumerate() {
+            match part {
+                Part::Heading(heading) => {
+                    put(&mut text, format_args!("<h2>{}</h2>\n", escaped(heading)));
+                }
+                Part::Text(paragraph) => {
+                    put(&mut text, format_args!("<p>{}</p>\n", with_code(paragraph)));
+                }
+                Part::Table(table) => html_table(&mut text, table),
+                Part::Chart(_, chart) => {
+                    let svg = chart.svg(&format!("chart-{index}"))?;
+                    put(&mut text, format_args!("<figure>\n{svg}\n</figure>\n"));
+                }
+            }
+        }
+        text.push_str("</body>\n</html>\n");
+        Ok(text)
+    }
+}
+
+const PAGE_STYLE: &str = "\
+body { max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #14181f; background: #ffffff;
+  font: 16px/1.5 system-ui, -apple-system, \"Segoe UI\", Roboto, sans-serif; }
+table { border-collapse: collapse; font-size: 0.875rem; margin: 1rem 0; display: block;
+  overflow-x: auto; }
+th, td { border-bottom: 1px solid #e4e7ec; padding: 0.3rem 0.7rem; text-align: left;
+  vertical-align: top; font-variant-numeric: tabular-nums; }
+th { border-bottom-color: #8a919c; }
+figure { margin: 1rem 0; }
+code { font-size: 0.9em; }
+@media screen and (prefers-color-scheme: dark) {
+  body { color: #eef1f5; background: #14181f; }
+  th, td { border-color: #2c323b; }
+}
+";
+
+/// Writing to a string does not fail.
+fn put(text: &mut String, what: std::fmt::Arguments<'_>) {
+    text.write_fmt(what).expect("a string takes all that is written to it");
+}
+
+fn markdown_table(text: &mut String, table: &Table) {
+    let line = |cells: &[String]| {
+        let cells: Vec<String> = cells.iter().map(|cell| cell.replace('|', "\\|")).collect();
+        format!("| {} |\n", cells.join(" | "))
+    };
+    text.push_str(&line(&table.columns));
+    text.push_str(&line(&vec!["---".to_owned(); table.columns.len()]));
+    for row in &table.rows {
+        text.push_str(&line(row));
+    }
+}
+
+fn html_table(text: &mut String, table: &Table) {
+    let line = |tag: &str, cells: &[String]| {
+        let cells: Vec<String> =
+            cells.iter().map(|cell| format!("<{tag}>{}</{tag}>", with_code(cell))).collect();
+        format!("<tr>{}</tr>\n", cells.concat())
+    };
+    text.push_str("<table>\n");
+    text.push_str(&line("th", &table.columns));
+    for row in &table.rows {
+        text.push_str(&line("td", row));
+    }
+    text.push_str("</table>\n");
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
+/// Escaped, with what stands in backquotes as code.
+fn with_code(text: &str) -> String {
+    let mut html = String::new();
+    for (index, piece) in escaped(text).split('`').enumerate() {
+        if index % 2 == 1 {
+            put(&mut html, format_args!("<code>{piece}</code>"));
+        } else {
+            html.push_str(piece);
+        }
+    }
+    html
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_is_the_same_in_markdown_and_html() {
+        let mut page = Page { title: "A & B".to_owned(), parts: Vec::new() };
+        page.heading("First");
+        page.text("Run `cargo run` for a < b.");
+        let mut table = Table::new(&["what", "value"]);
+        table.row(["a|b", "1"]);
+        page.table(table);
+        assert_eq!(
+            page.markdown("x"),
+            "# A & B\n\n## First\n\nRun `cargo run` for a < b.\n\n\
+             | what | value |\n| --- | --- |\n| a\\|b | 1 |\n"
+        );
+        let html = page.html().unwrap();
+        for part in [
+            "<h1>A &amp; B</h1>",
+            "<p>Run <code>cargo run</code> for a &lt; b.</p>",
+            "<tr><th>what</th><th>value</th></tr>\n<tr><td>a|b</td><td>1</td></tr>",
+        ] {
+            assert!(html.contains(part), "{part} is not in\n{html}");
+        }
+        assert!(!html.contains("http"), "the page asks another host for something");
+    }
+}

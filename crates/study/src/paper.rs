@@ -1,0 +1,95 @@
+//! `rig-study paper`: everything that the paper computes, recomputed and judged.
+
+mod bench;
+mod claims;
+mod clustering;
+mod figures;
+mod lattice;
+mod search;
+
+use std::{io::Write, path::PathBuf};
+
+use rig_contact::{ContactLaw, Models, Sensor, SensorDesign};
+
+use crate::{
+    files::Folder,
+    outcome::StudyError,
+    page::{Page, Part},
+};
+
+/// The paper's figures, tables and claims, with ours beside them.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Folder for `paper.md`, `paper.html` and the charts.
+    #[arg(long, default_value = "target/study")]
+    out: PathBuf,
+    /// Run the daemon's protocol on the simulated bench for Figures 11 to 13, with this program.
+    #[arg(long, value_name = "RIGD")]
+    rigd: Option<PathBuf>,
+    /// The protocol that it runs.
+    #[arg(long, default_value = "config/protocols/three-direction.toml")]
+    protocol: PathBuf,
+    /// How often random experiments are repeated.
+    #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(10..=100_000))]
+    repeats: u32,
+    /// Seed of all that is random.
+    #[arg(long, default_value_t = 2020)]
+    seed: u64,
+}
+
+/// A sensor that the paper compares.
+struct Compared {
+    name: &'static str,
+    length_mm: f64,
+    radius_mm: f64,
+    models: Models,
+}
+
+/// The paper's sensor and the two that it is compared with, in the order of its Figure 8.
+fn compared(law: ContactLaw) -> [Compared; 3] {
+    [("L 35, R 0.5", 35.0, 0.5), ("L 35, R 1", 35.0, 1.0), ("L 20, R 0.5", 20.0, 0.5)].map(
+        |(name, length_mm, radius_mm)| {
+            let design =
+                SensorDesign { length_mm, probe_radius_mm: radius_mm, ..SensorDesign::reference() };
+            let sensor = Sensor::new(design).expect("the paper's sensors can be built");
+            Compared { name, length_mm, radius_mm, models: Models::new(&sensor, law) }
+        },
+    )
+}
+
+pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
+    let folder = Folder::at(&args.out)?;
+    let mut page = Page {
+        title: "The paper, recomputed and judged".to_owned(),
+        parts: introduction(args).into_iter().map(Part::Text).collect(),
+    };
+    claims::add(&mut page);
+    figures::add(&mut page);
+    lattice::add(&mut page, args.repeats, args.seed);
+    search::add(&mut page, args.seed);
+    clustering::add(&mut page, args.repeats, args.seed);
+    bench::add(&mut page, args)?;
+    page.write(&folder, "paper")?;
+    writeln!(out, "{}", folder.path("paper.md").display())?;
+    Ok(())
+}
+
+fn introduction(args: &Args) -> Vec<String> {
+    let with_bench = if args.rigd.is_some() { " --rigd target/release/rigd" } else { "" };
+    vec![
+        format!(
+            "This page is written by `cargo run --release -p rig-study -- paper --out docs{with_bench}`. \
+             It recomputes \"A Piezoelectric Tactile Sensor for Tissue Stiffness Detection with \
+             Arbitrary Contact Angle\" (Sensors 20 (2020) 6607) and says of each claim whether it \
+             holds. Its figures were not at hand as numbers: only what its text prints is compared."
+        ),
+        "Ours are computed for one sensor that has the paper's two printed facts, 140.4 Hz without \
+         contact and 134.11 Hz/MPa: 35 mm long, 5.888 mm wide, two layers of PZT-5A and one of \
+         carbon of 0.2 mm each, a tip of 0.418 g, a ball of 0.5 mm at the end of an arm of 8 mm \
+         across the bimorph. Length, ball and materials are the paper's; width and mass follow from \
+         the two facts; layers, arm and losses are assumed, and other arms with other widths give \
+         the same two facts. Unless a row says otherwise, the contact is Sneddon's, sticks, and is \
+         held at its indentation, and the model is the reference of sixteen elements."
+            .to_owned(),
+    ]
+}

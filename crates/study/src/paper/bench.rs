@@ -1,0 +1,263 @@
+//! Figures 11, 12 and 13: the paper's experiment, by the real daemon on the simulated bench.
+
+mod run;
+
+use rig_analysis::{
+    classify::{Classifier, Verdict},
+    cluster::optimal,
+    score::{score, wilson_95},
+    stiffness::{Compensation, PosedTouch},
+};
+use rig_chart::{Axis, Chart, Marker, Point, Series};
+use rig_contact::{
+    ContactLaw, Depth, Direction, Friction, Models, Pose, Sensor, Tier, inverse::TissueKind,
+};
+
+use self::run::{BenchRun, BenchTouch};
+use super::Args;
+use crate::{
+    outcome::StudyError,
+    page::{Page, Table},
+    paper_bench::{ANGLES_DEG, SAMPLES_MPA},
+    simulate::Nuisances,
+};
+
+pub(super) fn add(page: &mut Page, args: &Args) -> Result<(), StudyError> {
+    page.heading("Figures 11 to 13: the experiment on the simulated bench");
+    let Some(rigd) = &args.rigd else {
+        page.text(
+            "Not run: `--rigd target/release/rigd` lets the daemon replay the paper's protocol on \
+             the simulated bench.",
+        );
+        return Ok(());
+    };
+    let run = BenchRun::of(rigd, &args.protocol)?;
+    page.text(format!(
+        "The daemon replayed `{}` through its drivers against simulated instruments: {} touches in \
+         {:.0} s of the rig's time. Its shifts, found as a laboratory would find them, with the \
+         surface sought before each touch and the resonance fitted to noisy impedances:",
+        args.protocol.display(),
+        run.touches.len(),
+        run.rig_seconds
+    ));
+    page.chart("figure-11.svg", figure_11(&run));
+    page.chart("figure-12.svg", figure_12(&run));
+    page.table(shifts(&run));
+    summary(page, &run);
+    blind(page, &run);
+    Ok(())
+}
+
+/// Touches of the main phase: the mean shift of a sample in a direction at an angle.
+fn mean_hz(run: &BenchRun, sample: usize, direction: Option<Direction>, angle: f64) -> Option<f64> {
+    let of_cell: Vec<f64> = run
+        .touches
+        .iter()
+        .filter(|touch| !touch.is_blind && touch.sample == sample && touch.angle_deg == angle)
+        .filter(|touch| direction.is_none_or(|direction| touch.direction == direction))
+        .map(|touch| touch.shift_hz)
+        .collect();
+    (!of_cell.is_empty()).then(|| of_cell.iter().sum::<f64>() / of_cell.len() as f64)
+}
+
+fn angle_axis() -> Axis {
+    Axis::linear("contact angle, °").with_ticks(&ANGLES_DEG)
+}
+
+fn figure_11(run: &BenchRun) -> Chart {
+    let mut chart = Chart::new(
+        "Figure 11: shift over the angle in three directions, simulated bench",
+        "Shifts of five samples; circles to the front, squares to the back, triangles to the left.",
+        angle_axis(),
+        Axis::linear("shift, Hz").including(0.0),
+    );
+    for sample in 0..SAMPLES_MPA.len() {
+        for (index, direction) in Direction::ALL.into_iter().enumerate() {
+            let points: Vec<Point> = ANGLES_DEG
+                .into_iter()
+                .filter_map(|angle| {
+                    Some(Point::from((angle, mean_hz(run, sample, Some(direction), angle)?)))
+                })
+                .collect();
+            let name = (index == 0).then(|| format!("sample {}", sample + 1));
+            let joined = Series::joined("", sample, points);
+            chart.series.push(Series { name, marker: Some(Marker::of(index)), ..joined });
+        }
+    }
+    chart
+}
+
+fn figure_12(run: &BenchRun) -> Chart {
+    let mut chart = Chart::new(
+        "Figure 12: shift over the angle, mean of the directions, simulated bench",
+        "Shifts of five samples, averaged over front, back and left.",
+        angle_axis(),
+        Axis::linear("shift, Hz").including(0.0),
+    );
+    for sample in 0..SAMPLES_MPA.len() {
+        let points: Vec<(f64, f64)> = ANGLES_DEG
+            .into_iter()
+            .filter_map(|angle| Some((angle, mean_hz(run, sample, None, angle)?)))
+            .collect();
+        chart.series.push(Series::joined(&format!("sample {}", sample + 1), sample, points));
+    }
+    chart
+}
+
+fn shifts(run: &BenchRun) -> Table {
+    let mut table = Table::new(&["sample", "direction", "0°, Hz", "15°", "30°", "45°"]);
+    for sample in 0..SAMPLES_MPA.len() {
+        for direction in Direction::ALL.map(Some).into_iter().chain([None]) {
+            let name = direction.map_or("mean", Direction::name).to_owned();
+            let cells = ANGLES_DEG.map(|angle| {
+                mean_hz(run, sample, direction, angle)
+                    .map_or(String::new(), |hz| format!("{hz:.2}"))
+            });
+            table.row([(sample + 1).to_string(), name].into_iter().chain(cells));
+        }
+    }
+    table
+}
+
+fn summary(page: &mut Page, run: &BenchRun) {
+    let mut table = Table::new(&["quantity", "printed", "ours", "difference"]);
+    let mut row = |what: &str, printed: f64, ours: Option<f64>| {
+        let Some(ours) = ours else { return };
+        let difference = format!("{:+.2}", ours - printed);
+        table.row([what.to_owned(), printed.to_string(), format!("{ours:.2}"), difference]);
+    };
+    row("no-load resonance, Hz (experiment)", 137.6, run.no_load_hz);
+    row("no-load resonance, Hz (simulation)", 140.4, run.no_load_hz);
+    row("sensitivity, Hz/MPa (simulation)", 134.11, run.sensitivity_hz_per_mpa);
+    page.table(table);
+    page.text(
+        "The experiment's 137.6 Hz is 2 % below the simulation's 140.4 Hz, which 0.44 mm more of \
+         free length at the clamp would give: a no-load resonance is to be measured at every \
+         session, and here is for every touch.",
+    );
+}
+
+/// Figure 13, by the paper's method and by ours.
+fn blind(page: &mut Page, run: &BenchRun) {
+    let blind: Vec<&BenchTouch> = run.touches.iter().filter(|touch| touch.is_blind).collect();
+    let known: Vec<&BenchTouch> = run.touches.iter().filter(|touch| !touch.is_blind).collect();
+    if blind.is_empty() {
+        return;
+    }
+    page.chart("figure-13.svg", figure_13(&blind));
+    let labels: Vec<usize> = blind.iter().map(|touch| touch.sample).collect();
+    let count = SAMPLES_MPA.len();
+    let shifts: Vec<f64> = blind.iter().map(|touch| touch.shift_hz).collect();
+    let logs: Vec<f64> = shifts.iter().map(|shift| shift.ln()).collect();
+    let by_k_means = |values: &[f64]| {
+        let clusters = optimal(values, count).ok()?.clusters;
+        Some(score(&labels, &clusters, count, count).correct)
+    };
+    let compensation = compensation();
+    let young = |touch: &BenchTouch| Some(compensation.of_touch(&posed(touch)).ok()?.young_mpa);
+    let calibrated = |value: &dyn Fn(&BenchTouch) -> Option<f64>| {
+        let usable: Vec<(f64, usize)> =
+            known.iter().filter_map(|touch| Some((value(touch)?, touch.sample))).collect();
+        let (values, of): (Vec<f64>, Vec<usize>) = usable.into_iter().unzip();
+        let classifier = Classifier::calibrated(&values, &of, count).ok()?;
+        let is_right = |touch: &&&BenchTouch| {
+            let verdict = value(touch).and_then(|value| classifier.classify(value, 0.0));
+            matches!(verdict, Some(Verdict::Class { class, .. }) if class == touch.sample)
+        };
+        u32::try_from(blind.iter().filter(is_right).count()).ok()
+    };
+    let mut table = Table::new(&["method", "printed", "ours, right", "of", "%", "95 % interval"]);
+    let trials = u32::try_from(blind.len()).unwrap_or(u32::MAX);
+    for (method, printed, right) in [
+        ("k-means on shifts (the paper's)", "46 of 50", by_k_means(&shifts)),
+        ("k-means on logarithms of shifts", "", by_k_means(&logs)),
+        ("centres calibrated on the main phase, shifts", "", calibrated(&|t| Some(t.shift_hz))),
+        ("the same on stiffnesses, the angle compensated", "", calibrated(&young)),
+    ] {
+        let Some(right) = right else { continue };
+        let (low, high) = wilson_95(right, trials);
+        table.row([
+            method.to_owned(),
+            printed.to_owned(),
+            right.to_string(),
+            trials.to_string(),
+            format!("{:.0}", 100.0 * f64::from(right) / f64::from(trials)),
+            format!("{:.0} to {:.0}", 100.0 * low, 100.0 * high),
+        ]);
+    }
+    page.table(table);
+    page.text("The samples' stiffnesses from their touches, with the angle compensated:");
+    page.table(stiffnesses(&compensation, &known));
+}
+
+fn figure_13(blind: &[&BenchTouch]) -> Chart {
+    let mut chart = Chart::new(
+        "Figure 13: shifts of the blind touches, simulated bench",
+        "Shift of each blind touch in its order, coloured by the sample that was touched.",
+        Axis::linear("blind touch").with_range(0.0, blind.len() as f64 + 1.0),
+        Axis::linear("shift, Hz").including(0.0),
+    );
+    for sample in 0..SAMPLES_MPA.len() {
+        let points = (1_u16..)
+            .zip(blind)
+            .filter(|(_, touch)| touch.sample == sample)
+            .map(|(number, touch)| (f64::from(number), touch.shift_hz));
+        let name = format!("sample {}", sample + 1);
+        chart.series.push(Series::scatter(&name, sample, points.collect::<Vec<_>>()));
+    }
+    chart
+}
+
+fn compensation() -> Compensation {
+    Compensation {
+        models: Models::new(&Sensor::reference(), ContactLaw::Sneddon),
+        tier: Tier::E1,
+        law: ContactLaw::Sneddon,
+        friction: Friction::Sticking,
+        kind: TissueKind::SOFT,
+        shared_depth_sigma_mm: 0.0,
+        depth_sigma_mm: Nuisances::BENCH.depth_mm,
+        angle_sigma_rad: Nuisances::BENCH.angle_deg.to_radians(),
+    }
+}
+
+fn posed(touch: &BenchTouch) -> PosedTouch {
+    let pose = Pose::leaning(touch.direction, touch.angle_deg.to_radians())
+        .expect("the daemon's angles are below a right angle");
+    PosedTouch {
+        sample: touch.sample,
+        pose,
+        depth: Depth::Indentation { along_probe_mm: touch.indentation_mm },
+        shift_hz: touch.shift_hz,
+        sigma_hz: touch.shift_sigma_hz,
+    }
+}
+
+fn stiffnesses(compensation: &Compensation, known: &[&BenchTouch]) -> Table {
+    let touches: Vec<PosedTouch> = known.iter().map(|touch| posed(touch)).collect();
+    let mut table = Table::new(&[
+        "sample",
+        "set, MPa",
+        "found, MPa",
+        "standard deviation",
+        "difference, %",
+        "scatter of a touch, %",
+        "touches",
+    ]);
+    for found in compensation.by_sample(&touches) {
+        let set = SAMPLES_MPA[found.sample];
+        let scatter = found
+            .spread_mpa
+            .map_or(String::new(), |spread| format!("{:.1}", 100.0 * spread / found.young_mpa));
+        table.row([
+            (found.sample + 1).to_string(),
+            set.to_string(),
+            format!("{:.4}", found.young_mpa),
+            format!("{:.4}", found.sigma_mpa),
+            format!("{:+.1}", 100.0 * (found.young_mpa / set - 1.0)),
+            scatter,
+            found.touches.to_string(),
+        ]);
+    }
+    table
+}

@@ -1,0 +1,42 @@
+//! Where the studies' chance comes from: named streams of one seed.
+
+use std::f64::consts::TAU;
+
+use rand_core::Rng;
+use rand_pcg::Pcg64;
+
+/// A sequence of random numbers.
+#[derive(Debug, Clone)]
+pub(crate) struct Stream(Pcg64);
+
+impl Stream {
+    /// The stream of this name. Streams of one seed do not depend on how much of another was used.
+    pub(crate) fn new(seed: u64, name: u64) -> Self {
+        Self(Pcg64::new(u128::from(seed), u128::from(name)))
+    }
+
+    /// Even in [0, 1).
+    pub(crate) fn uniform(&mut self) -> f64 {
+        // The 53 bits that a float between 1/2 and 1 can hold.
+        (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// Normal with mean 0 and variance 1 (Box and Muller).
+    pub(crate) fn normal(&mut self) -> f64 {
+        let (radius, angle) = (1.0 - self.uniform(), self.uniform());
+        (-2.0 * radius.ln()).sqrt() * (TAU * angle).cos()
+    }
+
+    /// What the numbers are made of, for those who draw by themselves.
+    pub(crate) const fn bits(&mut self) -> &mut Pcg64 {
+        &mut self.0
+    }
+
+    /// One of a few.
+    pub(crate) fn pick<T: Copy>(&mut self, of: &[T]) -> T {
+        let index = (self.uniform() * of.len() as f64).floor();
+        // Below the length, because the draw is below one.
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        of[index as usize]
+    }
+}
