@@ -134,7 +134,7 @@ impl Element {
 
     /// By how much this contact stiffness raises ω².
     fn rise_with(&self, unit: &TipStiffness, normal: f64) -> f64 {
-        if unit.wt == 0.0 && unit.pt == 0.0 {
+        if !unit.is_twisting() {
             let in_plane =
                 Pair { ww: normal * unit.ww, wp: normal * unit.wp, pp: normal * unit.pp };
             return self.rise_rad2(in_plane);
@@ -144,7 +144,20 @@ impl Element {
         let along =
             self.balance.ww * unit.pp + self.balance.pp * unit.ww - 2.0 * self.balance.wp * unit.wp;
         let first_order = normal * along / (self.mixed + normal * self.mass.ww * unit.pp);
-        self.rise_rad2(self.in_plane(unit, normal, self.free_rad2 + first_order))
+        // At the free twist's own resonance a sliding contact would be as soft as none, and beyond
+        // it pull instead of push: the guess keeps away.
+        let free_twist_rad2 = self.twist_stiffness_n_m / self.twist_inertia_kg_m2;
+        let guess = (self.free_rad2 + first_order).min(0.5 * free_twist_rad2);
+        self.rise_rad2(self.in_plane(unit, normal, guess))
+    }
+
+    /// An upper bound of the first ω²: where the twist alone would resonate with this contact
+    /// stiffness, when the contact couples it with the bending; otherwise infinite.
+    pub(crate) fn twist_rad2(&self, unit: &TipStiffness, normal: f64) -> f64 {
+        if !unit.is_twisting() {
+            return f64::INFINITY;
+        }
+        (self.twist_stiffness_n_m + normal * unit.tt) / self.twist_inertia_kg_m2
     }
 
     /// ω² with this contact stiffness.

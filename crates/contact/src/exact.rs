@@ -59,13 +59,23 @@ const TOLERANCE: f64 = 1e-8;
 /// Bisection alone would need fifty.
 const STEPS_MAX: u32 = 80;
 
+/// What is sought to vanish, at some ω².
+struct Residual {
+    /// The scaled determinant of the stiffness at the end.
+    determinant: f64,
+    /// A first guess of its slope.
+    slope: f64,
+    /// How many roots lie below, by the signs of the pivots.
+    roots_below: u8,
+}
+
 impl ExactBeam {
     /// The exact beam of a sensor.
     pub fn new(sensor: &Sensor) -> Self {
         let element = Element::new(sensor);
         let mut beam = Self { section: *sensor.section(), element, free_rad2: 0.0 };
         let none = |_| Pair::ZERO;
-        beam.free_rad2 = beam.lowest_rad2(none, element.free_rad2());
+        beam.free_rad2 = beam.lowest_rad2(none, element.free_rad2(), f64::INFINITY);
         beam
     }
 
@@ -88,34 +98,42 @@ impl ExactBeam {
         let normal = load.normal_n_per_m;
         let unit = TipStiffness::of(&self.section, pose, load.tangential_n_per_m / normal);
         let start = self.element.rad2_with(&unit, normal);
-        let rad2 = self.lowest_rad2(|at| self.element.in_plane(&unit, normal, at), start);
+        let twist_rad2 = self.element.twist_rad2(&unit, normal);
+        let contact = |at| self.element.in_plane(&unit, normal, at);
+        let rad2 = self.lowest_rad2(contact, start, twist_rad2);
         (rad2 - self.free_rad2) / (rad2.sqrt() + self.free_rad2.sqrt()) / TAU
     }
 
     /// The lowest ω² with this contact stiffness, which may depend on ω², from a guess near it.
     ///
     /// Secant steps on the determinant, kept between bounds that the number of negative pivots
-    /// gives: below the first root the stiffness at the end is positive definite.
-    fn lowest_rad2(&self, contact: impl Fn(f64) -> Pair, guess_rad2: f64) -> f64 {
+    /// gives: below the first root the stiffness at the end is positive definite. The first root
+    /// lies below `twist_rad2`, where the eliminated twist would resonate by itself.
+    fn lowest_rad2(&self, contact: impl Fn(f64) -> Pair, guess_rad2: f64, twist_rad2: f64) -> f64 {
         let s = &self.section;
-        let ceiling = (CLAMPED_CLAMPED / s.length_m).powi(4) * s.bending_n_m2 / s.mass_kg_per_m;
+        let clamped = (CLAMPED_CLAMPED / s.length_m).powi(4) * s.bending_n_m2 / s.mass_kg_per_m;
+        let ceiling = clamped.min(twist_rad2);
         let (mut low, mut high) = (self.free_rad2 * (1.0 - 1e-12), ceiling);
-        let mut at = guess_rad2.min(0.99 * ceiling);
+        let mut at =
+            if low < guess_rad2 && guess_rad2 < high { guess_rad2 } else { 0.5 * (low + high) };
         let mut before: Option<(f64, f64)> = None;
         for _ in 0..STEPS_MAX {
-            let (residual, slope, is_below) = self.residual(at, contact(at));
-            if is_below {
+            let here = self.residual(at, contact(at));
+            if here.roots_below == 0 {
                 low = at;
             } else {
                 high = at;
             }
             let slope = match before {
-                Some((x, y)) if x != at => (residual - y) / (at - x),
-                _ => slope,
+                Some((x, y)) if x != at => (here.determinant - y) / (at - x),
+                _ => here.slope,
             };
-            before = Some((at, residual));
-            let next = at - residual / slope;
-            let next = if low < next && next < high { next } else { 0.5 * (low + high) };
+            // From beyond the second root a secant would lead to that one.
+            let is_near = here.roots_below < 2;
+            before = is_near.then_some((at, here.determinant));
+            let next = at - here.determinant / slope;
+            let is_within = is_near && low < next && next < high;
+            let next = if is_within { next } else { 0.5 * (low + high) };
             let is_done = (next - at).abs() <= TOLERANCE * at;
             at = next;
             if is_done {
@@ -125,9 +143,7 @@ impl ExactBeam {
         at
     }
 
-    /// The scaled determinant at ω², a first guess of its slope, and whether ω² lies below the
-    /// first root.
-    fn residual(&self, rad2: f64, contact: Pair) -> (f64, f64, bool) {
+    fn residual(&self, rad2: f64, contact: Pair) -> Residual {
         let s = &self.section;
         let beta = (rad2 * s.mass_kg_per_m / s.bending_n_m2).sqrt().sqrt();
         let t = Scaled::of(beta * s.length_m);
@@ -149,10 +165,14 @@ impl ExactBeam {
             + beam.mixed(tip)
             + pole * tip.determinant();
         let sum = beam.plus(pole, tip);
-        let is_below = determinant > 0.0 && sum.ww > 0.0;
+        let roots_below = match (determinant > 0.0, sum.ww > 0.0) {
+            (true, true) => 0,
+            (false, _) => 1,
+            (true, false) => 2,
+        };
         // With the element's mass as the slope of the stiffness.
         let slope = -sum.mixed(self.element.mass());
-        (determinant, slope, is_below)
+        Residual { determinant, slope, roots_below }
     }
 }
 

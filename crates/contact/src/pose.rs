@@ -157,6 +157,11 @@ impl TipStiffness {
             tt: tau * (reach * reach + r * r * ny * ny) + rest * h * h * ny * ny,
         }
     }
+
+    /// Whether bending the beam twists it too.
+    pub(crate) fn is_twisting(&self) -> bool {
+        self.wt != 0.0 || self.pt != 0.0
+    }
 }
 
 #[cfg(test)]
