@@ -49,7 +49,7 @@ enum Phase {
     DeclaringIndentation { surface: Surface },
     Indenting { surface: Surface },
     Dwelling { found: Found },
-    Sweeping { found: Found, sweep: Sweep, retries_left: u32 },
+    Sweeping { found: Found, sweep: Box<Sweep>, retries_left: u32 },
     Retracting { found: Found, loaded: Option<Resonance> },
 }
 
@@ -194,7 +194,7 @@ impl TouchMachine {
         let prior = (retries_left == RETRIES).then(|| self.stiffened(request.window));
         let (sweep, turn) =
             Sweep::begin(SweepPurpose::Touch, request, prior.as_ref(), context.notes);
-        self.phase = Phase::Sweeping { found, sweep, retries_left };
+        self.phase = Phase::Sweeping { found, sweep: Box::new(sweep), retries_left };
         self.swept(turn, context)
     }
 

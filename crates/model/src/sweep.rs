@@ -48,6 +48,10 @@ impl SweepPoint {
 pub enum SweepMethod {
     /// The planner chooses each next point from what is known so far.
     Adaptive,
+    /// The same, and nothing waits for settling: the ring-up is part of the model. Only for
+    /// analyzers that tell when each point began and how long it took, with a drive that goes on
+    /// between the points and never jumps in phase.
+    Transient,
     /// Evenly spaced points over the whole window.
     Uniform {
         /// How many.

@@ -149,7 +149,7 @@ fn include<U: Unit>(span: &mut Span<U>, position: Position<U>) {
 fn sweep_s(sweep: &SweepRequest) -> f64 {
     let integration_s = f64::from(sweep.cycles) / middle_hz(sweep);
     let planned_s = match sweep.method {
-        SweepMethod::Adaptive => {
+        SweepMethod::Adaptive | SweepMethod::Transient => {
             ADAPTIVE_TIME_CONSTANTS * time_constant_s(sweep) + ADAPTIVE_POINTS * integration_s
         }
         SweepMethod::Uniform { points } => f64::from(points) * (sweep.settle_s + integration_s),

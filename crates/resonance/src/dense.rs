@@ -2,94 +2,150 @@
 
 #![expect(clippy::needless_range_loop, reason = "rows and columns are named by their index")]
 
-/// The Cholesky factor of a positive definite matrix that was first scaled to ones on its diagonal.
+/// The factors L D Lᵀ of a positive definite matrix.
 ///
 /// Only the leading `n` rows and columns take part: a model with fewer parameters is the leading
 /// block of one with more.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Cholesky<const N: usize> {
+    /// L, with ones on its diagonal.
     lower: [[f64; N]; N],
-    /// 1/√ of the diagonal of the matrix.
-    scale: [f64; N],
+    /// 1/D.
+    inverse_pivots: [f64; N],
+    /// D over the diagonal of the matrix.
+    distinct: [f64; N],
     n: usize,
 }
 
+/// A pivot below this part of its diagonal element is rounding.
+const SINGULAR: f64 = 1e-15;
+
 impl<const N: usize> Cholesky<N> {
-    /// The factor of the leading block, with every diagonal element raised by the factor
+    /// The factors of the leading block, with every diagonal element raised by the factor
     /// 1 + `damping`. `None` where the block is not positive definite.
     #[inline]
     pub(crate) fn new(matrix: &[[f64; N]; N], n: usize, damping: f64) -> Option<Self> {
-        let mut scale = [0.0; N];
+        let mut lower = [[0.0; N]; N];
+        let mut inverse_pivots = [0.0; N];
+        let mut distinct = [0.0; N];
         for i in 0..n {
-            let diagonal = matrix[i][i];
-            if !(diagonal > 0.0 && diagonal.is_finite()) {
+            // L D, row by row.
+            let mut scaled = [0.0; N];
+            for j in 0..i {
+                let mut sum = matrix[i][j];
+                for k in 0..j {
+                    sum -= scaled[k] * lower[j][k];
+                }
+                scaled[j] = sum;
+                lower[i][j] = sum * inverse_pivots[j];
+            }
+            let diagonal = matrix[i][i] * (1.0 + damping);
+            let mut pivot = diagonal;
+            for k in 0..i {
+                pivot -= scaled[k] * lower[i][k];
+            }
+            // Not-a-number must not pass.
+            let is_positive = pivot > SINGULAR * diagonal && pivot.is_finite();
+            if !is_positive {
                 return None;
             }
-            scale[i] = 1.0 / diagonal.sqrt();
+            inverse_pivots[i] = 1.0 / pivot;
+            distinct[i] = pivot / diagonal;
         }
-        let mut lower = [[0.0; N]; N];
-        for i in 0..n {
-            for j in 0..=i {
-                let mut sum = matrix[i][j] * scale[i] * scale[j];
-                if i == j {
-                    sum += damping;
-                }
-                for k in 0..j {
-                    sum -= lower[i][k] * lower[j][k];
-                }
-                if i == j {
-                    if sum.is_nan() || sum <= SINGULAR {
-                        return None;
-                    }
-                    lower[i][i] = sum.sqrt();
-                } else {
-                    lower[i][j] = sum / lower[j][j];
-                }
-            }
-        }
-        Some(Self { lower, scale, n })
+        Some(Self { lower, inverse_pivots, distinct, n })
     }
 
     /// The solution for this right-hand side; zero beyond the leading block.
     #[inline]
     pub(crate) fn solve(&self, right: &[f64; N]) -> [f64; N] {
-        let n = self.n;
+        self.solve_leading(right, self.n)
+    }
+
+    /// The same with only the leading `n` rows and columns.
+    #[inline]
+    pub(crate) fn solve_leading(&self, right: &[f64; N], n: usize) -> [f64; N] {
         let mut x = [0.0; N];
         for i in 0..n {
-            let mut sum = right[i] * self.scale[i];
+            let mut sum = right[i];
             for k in 0..i {
                 sum -= self.lower[i][k] * x[k];
             }
-            x[i] = sum / self.lower[i][i];
+            x[i] = sum;
+        }
+        for i in 0..n {
+            x[i] *= self.inverse_pivots[i];
         }
         for i in (0..n).rev() {
             let mut sum = x[i];
             for k in i + 1..n {
                 sum -= self.lower[k][i] * x[k];
             }
-            x[i] = sum / self.lower[i][i];
-        }
-        for i in 0..n {
-            x[i] *= self.scale[i];
+            x[i] = sum;
         }
         x
     }
 
-    /// The inverse of the leading block; zero beyond it.
-    pub(crate) fn inverse(&self) -> [[f64; N]; N] {
+    /// Which part of a column is left when the columns before it have been fitted to it.
+    pub(crate) fn distinct(&self, column: usize) -> f64 {
+        self.distinct[column]
+    }
+
+    /// The inverse of the leading `n` rows and columns; zero beyond them.
+    #[inline]
+    pub(crate) fn inverse_leading(&self, n: usize) -> [[f64; N]; N] {
         let mut inverse = [[0.0; N]; N];
-        for (i, row) in inverse.iter_mut().enumerate().take(self.n) {
+        for (i, row) in inverse.iter_mut().enumerate().take(n) {
             let mut unit = [0.0; N];
             unit[i] = 1.0;
-            *row = self.solve(&unit);
+            *row = self.solve_leading(&unit, n);
         }
         inverse
     }
+
+    /// The inverse of the block; zero beyond it.
+    pub(crate) fn inverse(&self) -> [[f64; N]; N] {
+        self.inverse_leading(self.n)
+    }
 }
 
-/// A scaled pivot below this leaves no digit of the solution: the square root of the relative
-/// precision of `f64`, squared by forming normal equations.
-const SINGULAR: f64 = 1e-15;
+/// The condition number, in the maximum norm, of a matrix that is scaled to ones on its diagonal.
+pub(crate) fn condition<const N: usize>(
+    matrix: &[[f64; N]; N],
+    inverse: &[[f64; N]; N],
+    n: usize,
+) -> f64 {
+    let mut scale = [0.0; N];
+    for i in 0..n {
+        scale[i] = matrix[i][i].sqrt();
+    }
+    let (mut direct, mut inverted) = (0.0_f64, 0.0_f64);
+    for i in 0..n {
+        let (mut a, mut b) = (0.0, 0.0);
+        for j in 0..n {
+            a += matrix[i][j].abs() / (scale[i] * scale[j]);
+            b += inverse[i][j].abs() * (scale[i] * scale[j]);
+        }
+        (direct, inverted) = (direct.max(a), inverted.max(b));
+    }
+    direct * inverted
+}
+
+/// S M Sᵀ.
+pub(crate) fn sandwich(s: &[[f64; 5]; 5], m: &[[f64; 5]; 5]) -> [[f64; 5]; 5] {
+    let mut left = [[0.0; 5]; 5];
+    let mut all = [[0.0; 5]; 5];
+    for i in 0..5 {
+        for j in 0..5 {
+            left[i][j] = (0..5).map(|k| s[i][k] * m[k][j]).sum();
+        }
+    }
+    for i in 0..5 {
+        for j in 0..5 {
+            all[i][j] = (0..5).map(|k| left[i][k] * s[j][k]).sum();
+        }
+    }
+    all
+}
 
 #[cfg(test)]
 mod tests {
@@ -125,7 +181,13 @@ mod tests {
 
     #[test]
     fn a_matrix_that_is_not_positive_definite_has_no_factor() {
-        for a in [[[1.0, 1.0], [1.0, 1.0]], [[1.0, 2.0], [2.0, 1.0]], [[0.0, 0.0], [0.0, 1.0]]] {
+        let singular = [
+            [[1.0, 1.0], [1.0, 1.0]],
+            [[1.0, 2.0], [2.0, 1.0]],
+            [[0.0, 0.0], [0.0, 1.0]],
+            [[f64::NAN, 0.0], [0.0, 1.0]],
+        ];
+        for a in singular {
             assert!(Cholesky::new(&a, 2, 0.0).is_none(), "{a:?}");
         }
     }

@@ -17,10 +17,7 @@
     reason = "vector instructions are used only by what is inlined into the code compiled for them"
 )]
 
-use crate::{
-    lanes::Lanes,
-    points::{Block, Points},
-};
+use crate::{lanes::Lanes, points::Block, solve::Normal};
 
 /// How many parameters the circuit has.
 pub(crate) const PARAMETERS: usize = 5;
@@ -36,17 +33,6 @@ pub(crate) struct Theta {
     pub(crate) g: f64,
 }
 
-/// The normal equations at some [`Theta`].
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Normal {
-    /// `JᵀWJ`.
-    pub(crate) matrix: [[f64; PARAMETERS]; PARAMETERS],
-    /// `JᵀWr`.
-    pub(crate) gradient: [f64; PARAMETERS],
-    /// `rᵀWr`.
-    pub(crate) cost: f64,
-}
-
 /// The sums of the linearised rational fit: unknowns (c, cν + κ, αc, ν, α).
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Rational {
@@ -56,7 +42,7 @@ pub(crate) struct Rational {
 
 /// The normal equations of the circuit.
 #[inline(always)]
-pub(crate) fn normal(blocks: &[Block], theta: &Theta) -> Normal {
+pub(crate) fn normal(blocks: &[Block], theta: &Theta) -> Normal<PARAMETERS> {
     let nu = Lanes::splat(theta.nu);
     let alpha = Lanes::splat(theta.alpha);
     let (c, kappa, g) = (Lanes::splat(theta.c), Lanes::splat(theta.kappa), Lanes::splat(theta.g));
@@ -101,7 +87,7 @@ pub(crate) fn normal(blocks: &[Block], theta: &Theta) -> Normal {
 }
 
 #[inline(always)]
-fn assemble(s: &[f64; 18], kappa: f64) -> Normal {
+fn assemble(s: &[f64; 18], kappa: f64) -> Normal<PARAMETERS> {
     let k2 = kappa * kappa;
     let (nu_c, nu_kappa, nu_g) = (-kappa * s[3], -kappa * s[8], kappa * s[4]);
     let (alpha_c, alpha_kappa, alpha_g) = (kappa * s[6], kappa * s[9], kappa * s[5]);
@@ -164,66 +150,121 @@ pub(crate) fn rational(blocks: &[Block], earlier: Option<(f64, f64)>) -> Rationa
     }
 }
 
-/// The residuals, and their relative size |r|² times weight.
-#[inline(always)]
-pub(crate) fn residuals(blocks: &[Block], theta: &Theta, into: &mut Vec<Residual>) -> Spread {
-    let nu = Lanes::splat(theta.nu);
-    let alpha = Lanes::splat(theta.alpha);
-    let (c, kappa, g) = (Lanes::splat(theta.c), Lanes::splat(theta.kappa), Lanes::splat(theta.g));
-    let one = Lanes::splat(1.0);
-    into.clear();
-    let (mut fourth, mut largest) = (Lanes::ZERO, Lanes::ZERO);
-    let (mut p_re, mut p_im, mut pp) = (Lanes::ZERO, Lanes::ZERO, Lanes::ZERO);
-    for block in blocks {
-        let (d_re, d_im) = (nu - block.v, alpha * block.w);
-        let hh = one / (d_re * d_re + d_im * d_im);
-        let (y_re, y_im) = (c + kappa * d_re * hh, -(kappa * d_im * hh) - g);
-        let re = block.p_re * y_re - block.p_im * y_im - one;
-        let im = block.p_re * y_im + block.p_im * y_re;
-        let size = block.weight * (re * re + im * im);
-        fourth += size * size;
-        largest = largest.max(size);
-        p_re += block.weight * block.p_re;
-        p_im += block.weight * block.p_im;
-        pp += block.weight * (block.p_re * block.p_re + block.p_im * block.p_im);
-        into.push(Residual { re, im, size });
-    }
-    Spread {
-        fourth: fourth.sum(),
-        largest: largest.0.into_iter().fold(0.0, f64::max),
-        capacitor: (p_re.sum().powi(2) + p_im.sum().powi(2)) / pp.sum(),
-    }
+/// How many patterns [`look`] fits to the residuals.
+pub(crate) const PATTERNS: usize = 3;
+
+/// The circuit and the patterns together.
+pub(crate) const WIDE: usize = PARAMETERS + PATTERNS;
+
+/// What the residuals look like.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Look {
+    /// The sum of the squares of |r|² times weight.
+    pub(crate) fourth: f64,
+    /// The largest |r|² times weight.
+    pub(crate) largest: f64,
+    /// By how much the best capacitor with loss brings the cost below the sum of the weights.
+    pub(crate) capacitor: f64,
+    /// The sum over neighbours of |r − r′|² over the sum of their variances.
+    pub(crate) differences: f64,
+    /// `XᵀWr`, `XᵀWJ` and `XᵀWX` of the patterns jph, ph³ and jph³: what the next orders of a
+    /// misfit at the resonance look like, those of the first two orders being the circuit itself.
+    pub(crate) gradient: [f64; PATTERNS],
+    pub(crate) with_circuit: [[f64; PARAMETERS]; PATTERNS],
+    pub(crate) among: [[f64; PATTERNS]; PATTERNS],
 }
 
 /// Four residuals.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Residual {
-    pub(crate) re: Lanes,
-    pub(crate) im: Lanes,
-    /// Weight times |r|².
-    pub(crate) size: Lanes,
+    re: Lanes,
+    im: Lanes,
 }
 
-/// How residuals spread.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Spread {
-    /// The sum of the squares of [`Residual::size`].
-    pub(crate) fourth: f64,
-    /// The largest [`Residual::size`].
-    pub(crate) largest: f64,
-    /// By how much the best capacitor with loss brings the cost below the sum of the weights.
-    pub(crate) capacitor: f64,
+/// Looks at the residuals of a fit, and keeps them.
+#[inline(always)]
+pub(crate) fn look(blocks: &[Block], theta: &Theta, residuals: &mut Vec<Residual>) -> Look {
+    let nu = Lanes::splat(theta.nu);
+    let alpha = Lanes::splat(theta.alpha);
+    let (c, kappa, g) = (Lanes::splat(theta.c), Lanes::splat(theta.kappa), Lanes::splat(theta.g));
+    let one = Lanes::splat(1.0);
+    residuals.clear();
+    let mut largest = Lanes::ZERO;
+    let mut s = [Lanes::ZERO; 21];
+    for block in blocks {
+        let (d_re, d_im) = (nu - block.v, alpha * block.w);
+        let hh = one / (d_re * d_re + d_im * d_im);
+        let (h_re, h_im) = (d_re * hh, -(d_im * hh));
+        let (h2_re, h2_im) = (h_re * h_re - h_im * h_im, (h_re + h_re) * h_im);
+        let (h3_re, h3_im) = (h_re * h2_re - h_im * h2_im, h_re * h2_im + h_im * h2_re);
+        let (y_re, y_im) = (c + kappa * h_re, kappa * h_im - g);
+        let re = block.p_re * y_re - block.p_im * y_im - one;
+        let im = block.p_re * y_im + block.p_im * y_re;
+        let size = block.weight * (re * re + im * im);
+        residuals.push(Residual { re, im });
+        largest = largest.max(size);
+        let (wp_re, wp_im) = (block.weight * block.p_re, block.weight * block.p_im);
+        let (e_re, e_im) = (wp_re * re + wp_im * im, wp_re * im - wp_im * re);
+        let pp = wp_re * block.p_re + wp_im * block.p_im;
+        let pphh = pp * hh;
+        let (pphh_re, pphh_im) = (pphh * h_re, pphh * h_im);
+        let (pphhhh_re, pphhhh_im) = (pphh_re * hh, pphh_im * hh);
+        s[0] += size * size;
+        s[1] += wp_re;
+        s[2] += wp_im;
+        s[3] += pp;
+        s[4] += pp * h_re;
+        s[5] += pp * h_im;
+        s[6] += pphh;
+        s[7] += pphh_im;
+        s[8] += block.w * pphh_re;
+        s[9] += pphhhh_re;
+        s[10] += pphhhh_im;
+        s[11] += block.w * pphhhh_re;
+        s[12] += block.w * pphhhh_im;
+        s[13] += pp * h3_re;
+        s[14] += pp * h3_im;
+        s[15] += pphh * h2_re;
+        s[16] += pphh * h2_im;
+        s[17] += pphh * hh * hh;
+        s[18] += h_re * e_im - h_im * e_re;
+        s[19] += h3_re * e_re + h3_im * e_im;
+        s[20] += h3_re * e_im - h3_im * e_re;
+    }
+    let s = s.map(Lanes::sum);
+    let k = theta.kappa;
+    Look {
+        fourth: s[0],
+        largest: largest.0.into_iter().fold(0.0, f64::max),
+        capacitor: (s[1] * s[1] + s[2] * s[2]) / s[3],
+        differences: differences(blocks, residuals),
+        gradient: [s[18], s[19], s[20]],
+        with_circuit: [
+            [-k * s[7], -k * s[8], -s[5], 0.0, -s[4]],
+            [-k * s[9], -k * s[12], s[13], s[15], -s[14]],
+            [k * s[10], -k * s[11], -s[14], -s[16], -s[13]],
+        ],
+        among: [[s[6], s[16], s[15]], [s[16], s[17], 0.0], [s[15], 0.0, s[17]]],
+    }
+}
+
+/// The sum over neighbours of |r − r′|² over their variances: a lane holds readings that follow
+/// one another.
+#[inline(always)]
+fn differences(blocks: &[Block], residuals: &[Residual]) -> f64 {
+    let mut sum = Lanes::ZERO;
+    for (pair, r) in blocks.windows(2).zip(residuals.windows(2)) {
+        let (re, im) = (r[1].re - r[0].re, r[1].im - r[0].im);
+        let both = pair[0].weight * pair[1].weight;
+        let total = pair[0].weight + pair[1].weight;
+        // 1/(1/W + 1/W′), which is 0 where one of them does not count.
+        sum += (re * re + im * im) * both / total.max(Lanes::splat(f64::MIN_POSITIVE));
+    }
+    sum.sum()
 }
 
 /// Runs a loop compiled for the instructions of this machine.
 #[inline(always)]
 pub(crate) fn on_this_machine<T>(work: impl FnOnce() -> T) -> T {
     pulp::Arch::new().dispatch(work)
-}
-
-impl Points {
-    /// The cost of the best capacitor with loss.
-    pub(crate) fn capacitor_cost(&self, spread: &Spread) -> f64 {
-        self.total_weight - spread.capacitor
-    }
 }

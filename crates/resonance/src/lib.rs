@@ -9,17 +9,27 @@
 
 #![deny(clippy::disallowed_methods)]
 
+mod alternatives;
 mod circuit;
 mod dense;
+mod dual;
 mod fit;
+mod grid;
 mod kernel;
 mod lanes;
+mod outliers;
 mod planner;
 mod points;
+mod quick;
+mod ringup;
+mod scatter;
 mod solve;
+mod thorough;
+mod trace;
 mod verdict;
 
 pub use circuit::Circuit;
 pub use fit::{FitOptions, Fitter, NoisePrior, fit};
 pub use planner::{Next, Planner, Prior};
+pub use trace::{Past, Timing};
 pub use verdict::{Reason, Refusal, Resonance, Rung, Side, Verdict};

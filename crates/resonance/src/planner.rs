@@ -5,11 +5,14 @@
 
 mod design;
 mod settled;
+mod tracker;
+mod transient;
 
 use rig_model::{Reading, SweepMethod, SweepPoint, SweepRequest, Window};
 
-use crate::{Circuit, FitOptions, Fitter, NoisePrior, Resonance, Verdict};
+use crate::{Circuit, FitOptions, Fitter, NoisePrior, Past, Resonance, Timing, Verdict};
 use settled::Settled;
+use transient::Transient;
 
 /// What to do next.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,11 +28,13 @@ pub enum Next {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prior {
     /// The circuit as it was last found.
-    pub circuit: Circuit,
-    /// Where its resonance may have moved since.
+    pub circuit: Option<Circuit>,
+    /// Where its resonance may be now.
     pub within: Window,
-    /// The noise of the analyzer as it was last found.
+    /// The noise of the analyzer, where it is known.
     pub noise: Option<NoisePrior>,
+    /// How the sensor moves when the sweep begins.
+    pub past: Past,
 }
 
 impl Prior {
@@ -39,7 +44,7 @@ impl Prior {
             at_ten_cycles: last.noise_at_ten_cycles,
             degrees_of_freedom: (2 * last.points) as f64,
         };
-        Self { circuit: last.circuit(), within, noise: Some(noise) }
+        Self { circuit: Some(last.circuit()), within, noise: Some(noise), past: Past::Unknown }
     }
 }
 
@@ -51,28 +56,52 @@ pub struct Planner {
     readings: Vec<Reading>,
     fitter: Fitter,
     method: Method,
+    /// The standard deviation that a plan aims at, Hz.
+    aim_hz: f64,
+    /// Refusals in a row.
+    refusals: usize,
 }
 
 #[derive(Debug, Clone)]
 enum Method {
     Uniform { points: u32, is_asked: bool },
     Settled(Settled),
+    Transient(Box<Transient>),
 }
+
+/// The part of the asked standard deviation that is aimed at: what is planned with estimates falls
+/// short half of the time.
+const AIM: f64 = 0.99;
+/// By how much less is aimed at, at a time, when the fit is not content.
+const MORE: f64 = 0.95;
+/// A refusal may be chance while the readings are few; so many in a row are none.
+const REFUSALS_MAX: usize = 4;
 
 impl Planner {
     /// A planner for this request, with what is believed so far.
     pub fn new(request: &SweepRequest, prior: Option<&Prior>) -> Self {
-        let method = match request.method {
-            SweepMethod::Uniform { points } => Method::Uniform { points, is_asked: false },
-            SweepMethod::Adaptive => Method::Settled(Settled::new(request, prior)),
+        let past = prior.map_or(Past::Unknown, |prior| prior.past);
+        let (method, timing) = match request.method {
+            SweepMethod::Uniform { points } => {
+                (Method::Uniform { points, is_asked: false }, Timing::Waited)
+            }
+            SweepMethod::Adaptive => {
+                (Method::Settled(Settled::new(request, prior)), Timing::Waited)
+            }
+            SweepMethod::Transient => {
+                let transient = Transient::new(request, prior, past);
+                (Method::Transient(Box::new(transient)), Timing::Exact(past))
+            }
         };
         let options = FitOptions {
             window: Some(request.window),
             noise: prior.and_then(|prior| prior.noise),
+            timing,
             always_loss: true,
         };
-        let fitter = Fitter::default();
-        Self { request: *request, options, readings: Vec::new(), fitter, method }
+        let (readings, fitter) = (Vec::new(), Fitter::default());
+        let aim_hz = AIM * request.target_sigma_hz;
+        Self { request: *request, options, readings, fitter, method, aim_hz, refusals: 0 }
     }
 
     /// What to do next. Asked again without new readings, it ends with what it has.
@@ -89,10 +118,11 @@ impl Planner {
                 evenly(window, *points, settle_s, cycles)
             }
             Method::Settled(settled) => settled.next(&self.request, &self.readings, &self.options),
+            Method::Transient(_) => return self.next_visit(),
         };
         if points.is_empty() {
             let readings = match &self.method {
-                Method::Uniform { .. } => &self.readings[..],
+                Method::Uniform { .. } | Method::Transient(_) => &self.readings[..],
                 Method::Settled(settled) => settled.usable(&self.readings),
             };
             return Next::Finished(self.fitter.fit(readings, &self.options));
@@ -100,11 +130,45 @@ impl Planner {
         Next::Measure(points)
     }
 
+    fn next_visit(&mut self) -> Next {
+        let Method::Transient(transient) = &mut self.method else {
+            return Next::Finished(self.fitter.fit(&self.readings, &self.options));
+        };
+        let is_late = elapsed_s(&self.readings) >= self.request.time_limit_s;
+        let expected_hz = transient.sigma_hz();
+        if is_late || expected_hz < self.aim_hz {
+            let verdict = self.fitter.fit(&self.readings, &self.options);
+            let target_hz = self.request.target_sigma_hz;
+            match verdict.accepted() {
+                Some(found) if found.sigma_hz > target_hz => {
+                    // The fit knows of more uncertainty than the plan. What it could not exclude
+                    // with these readings it may exclude with a few more.
+                    self.aim_hz = expected_hz * (target_hz / found.sigma_hz).max(MORE);
+                    self.refusals = 0;
+                }
+                Some(_) => return Next::Finished(verdict),
+                None => {
+                    self.aim_hz = expected_hz * MORE;
+                    self.refusals += 1;
+                }
+            }
+            if is_late || self.refusals > REFUSALS_MAX {
+                return Next::Finished(verdict);
+            }
+        }
+        match transient.next(&self.request, &self.readings, self.aim_hz) {
+            Some(point) => Next::Measure(vec![point]),
+            None => Next::Finished(self.fitter.fit(&self.readings, &self.options)),
+        }
+    }
+
     /// Takes the readings of the points asked for last.
     pub fn add(&mut self, readings: &[Reading]) {
         self.readings.extend_from_slice(readings);
-        if let Method::Settled(settled) = &mut self.method {
-            settled.add(readings.len());
+        match &mut self.method {
+            Method::Settled(settled) => settled.add(readings.len()),
+            Method::Transient(transient) => transient.add(readings),
+            Method::Uniform { .. } => {}
         }
     }
 
@@ -118,7 +182,7 @@ impl Planner {
     pub fn looks(&self) -> usize {
         match &self.method {
             Method::Settled(settled) => self.readings.len() - settled.usable(&self.readings).len(),
-            Method::Uniform { .. } => 0,
+            Method::Uniform { .. } | Method::Transient(_) => 0,
         }
     }
 }
@@ -133,4 +197,10 @@ fn evenly(window: Window, points: u32, settle_s: f64, cycles: u32) -> Vec<SweepP
             cycles,
         })
         .collect()
+}
+
+/// The time from the first setting of a frequency to the end of the last integration, s.
+fn elapsed_s(readings: &[Reading]) -> f64 {
+    let (Some(first), Some(last)) = (readings.first(), readings.last()) else { return 0.0 };
+    last.started.since(first.started).as_secs_f64() + last.settle_s + last.integration_s
 }

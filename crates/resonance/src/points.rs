@@ -9,7 +9,10 @@ use std::f64::consts::TAU;
 
 use rig_model::{Reading, ReadingFlag};
 
-use crate::lanes::{LANES, Lanes};
+use crate::{
+    lanes::{LANES, Lanes},
+    trace::weight,
+};
 
 /// Four readings in units of a reference frequency and a reference capacitance, which bring every
 /// quantity near 1.
@@ -34,7 +37,7 @@ pub(crate) struct NotFinite {
     pub(crate) index: usize,
 }
 
-/// The readings of a fit.
+/// The readings of a fit. Each lane holds readings that follow one another.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Points {
     pub(crate) blocks: Vec<Block>,
@@ -46,6 +49,10 @@ pub(crate) struct Points {
     pub(crate) reference_farad: f64,
     pub(crate) lowest_hz: f64,
     pub(crate) highest_hz: f64,
+    /// Whether the frequency only rises or only falls.
+    pub(crate) is_monotonic: bool,
+    /// The shortest settling that was waited for, s.
+    pub(crate) settle_s: f64,
     /// The sum of the weights.
     pub(crate) total_weight: f64,
 }
@@ -62,13 +69,14 @@ impl Points {
         let inverse_hz = 1.0 / self.reference_hz;
         let unit_siemens = TAU * self.reference_hz * self.reference_farad;
         self.blocks.clear();
+        self.blocks.resize(self.count.div_ceil(LANES), Block::EMPTY);
         self.total_weight = 0.0;
-        let mut lane = 0;
+        let (mut place, mut lane) = (0, 0);
         for reading in readings.iter().filter(|reading| reading.flag != ReadingFlag::Overload) {
-            if lane == 0 {
-                self.blocks.push(Block::EMPTY);
+            if place == self.blocks.len() {
+                (place, lane) = (0, lane + 1);
             }
-            let Some(block) = self.blocks.last_mut() else { break };
+            let block = &mut self.blocks[place];
             let w = reading.frequency_hz * inverse_hz;
             let scale = unit_siemens * w;
             let weight = weight(reading);
@@ -78,16 +86,23 @@ impl Points {
             block.p_im.0[lane] = scale * reading.resistance_ohm;
             block.weight.0[lane] = weight;
             self.total_weight += weight;
-            lane = (lane + 1) % LANES;
+            place += 1;
         }
         Ok(())
+    }
+
+    /// How many readings have a neighbour in the block after theirs.
+    pub(crate) fn pairs(&self) -> usize {
+        let lanes = self.count.div_ceil(self.blocks.len().max(1));
+        self.count - lanes
     }
 
     /// Finds the units, and what must not go into a fit.
     #[inline(always)]
     fn scan(&mut self, readings: &[Reading]) -> Result<(), NotFinite> {
         let (mut lowest, mut highest) = (f64::INFINITY, 0.0_f64);
-        let (mut count, mut sum) = (0_usize, 0.0);
+        let (mut count, mut sum, mut settle_s) = (0_usize, 0.0, f64::INFINITY);
+        let (mut before, mut rises, mut falls) = (f64::NAN, false, false);
         for (index, reading) in readings.iter().enumerate() {
             if reading.flag == ReadingFlag::Overload {
                 continue;
@@ -97,6 +112,10 @@ impl Points {
             if !(reading.frequency_hz > 0.0 && size > 0.0 && size.is_finite()) {
                 return Err(NotFinite { index });
             }
+            settle_s = settle_s.min(reading.settle_s);
+            rises |= reading.frequency_hz > before;
+            falls |= reading.frequency_hz < before;
+            before = reading.frequency_hz;
             lowest = lowest.min(reading.frequency_hz);
             highest = highest.max(reading.frequency_hz);
             // The mean of 1/|Zf|² is led by the large admittances and hardly by an open contact.
@@ -106,19 +125,11 @@ impl Points {
         self.count = count;
         self.overloaded = readings.len() - count;
         (self.lowest_hz, self.highest_hz) = (lowest, highest);
+        self.settle_s = settle_s;
+        self.is_monotonic = !(rises && falls);
         self.reference_hz = 0.5 * (lowest + highest);
         self.reference_farad = (sum / count as f64).sqrt() / TAU;
         Ok(())
-    }
-}
-
-/// How many times ten cycles were integrated; 1 where the time is not known.
-#[inline(always)]
-fn weight(reading: &Reading) -> f64 {
-    if reading.integration_s > 0.0 {
-        0.1 * reading.integration_s * reading.frequency_hz
-    } else {
-        1.0
     }
 }
 

@@ -5,19 +5,49 @@
 //! Sanathanan and Koerner, IEEE Trans. Automatic Control 8 (1963) 56 (the rational fit);
 //! Marquardt, J. SIAM 11 (1963) 431 (the damping).
 
+use num_complex::Complex64;
+
 use crate::{
     dense::Cholesky,
-    kernel::{self, Normal, PARAMETERS, Theta, on_this_machine},
+    kernel::{self, PARAMETERS, Theta, on_this_machine},
     points::Points,
 };
 
-/// Where an iteration ended, and why.
+/// The normal equations of a least-squares problem with complex residuals.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Solution {
-    pub(crate) theta: Theta,
-    /// The normal equations at `theta`.
-    pub(crate) normal: Normal,
-    pub(crate) end: End,
+pub(crate) struct Normal<const N: usize> {
+    /// `JᵀWJ`.
+    pub(crate) matrix: [[f64; N]; N],
+    /// `JᵀWr`.
+    pub(crate) gradient: [f64; N],
+    /// `rᵀWr`.
+    pub(crate) cost: f64,
+}
+
+impl<const N: usize> Default for Normal<N> {
+    fn default() -> Self {
+        Self { matrix: [[0.0; N]; N], gradient: [0.0; N], cost: 0.0 }
+    }
+}
+
+impl<const N: usize> Normal<N> {
+    /// Adds one residual with its slopes.
+    pub(crate) fn add(&mut self, residual: Complex64, row: &[Complex64; N], weight: f64) {
+        for (i, slope) in row.iter().enumerate() {
+            let left = weight * slope.conj();
+            self.gradient[i] += (left * residual).re;
+            for (j, other) in row.iter().enumerate() {
+                self.matrix[i][j] += left.re * other.re - left.im * other.im;
+            }
+        }
+        self.cost += weight * residual.norm_sqr();
+    }
+}
+
+/// What an iteration walks through.
+pub(crate) trait Step<const N: usize>: Copy {
+    /// The place after this step backwards, as far as it makes sense to go at once.
+    fn minus(&self, step: &[f64; N]) -> Self;
 }
 
 /// Why an iteration ended.
@@ -41,40 +71,58 @@ const STEPS_MAX: usize = 40;
 /// Passes of the rational fit. The first has no weights to speak of.
 const RATIONAL_PASSES: usize = 3;
 
-/// The most likely circuit near `start`, with `free` parameters (4, or 5 with dielectric loss).
-pub(crate) fn solve(points: &Points, start: Theta, free: usize) -> Solution {
-    let degrees = (2 * points.count).saturating_sub(free).max(1) as f64;
-    let floor = ROUNDING * ROUNDING * points.total_weight;
-    let mut theta = start;
-    let mut normal = normal_at(points, &theta);
-    let mut damping = 0.0;
-    for _ in 0..STEPS_MAX {
-        let Some(factor) = Cholesky::new(&normal.matrix, free, damping) else {
-            if damping > DAMPING_MAX {
-                return Solution { theta, normal, end: End::Stalled };
+/// Gauss–Newton, damped where it does not lower the cost.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Descent {
+    /// How many complex residuals there are.
+    pub(crate) count: usize,
+    /// The sum of their weights.
+    pub(crate) weight: f64,
+    /// How many parameters take part: the leading ones.
+    pub(crate) free: usize,
+}
+
+impl Descent {
+    /// The place of least cost near `start`, the normal equations there, and why it ended.
+    #[inline]
+    pub(crate) fn run<T: Step<N>, const N: usize>(
+        &self,
+        start: T,
+        mut normal_at: impl FnMut(&T) -> Normal<N>,
+    ) -> (T, Normal<N>, End) {
+        let degrees = (2 * self.count).saturating_sub(self.free).max(1) as f64;
+        let floor = ROUNDING * ROUNDING * self.weight;
+        let mut place = start;
+        let mut normal = normal_at(&place);
+        let mut damping = 0.0;
+        for _ in 0..STEPS_MAX {
+            let Some(factor) = Cholesky::new(&normal.matrix, self.free, damping) else {
+                if damping > DAMPING_MAX {
+                    return (place, normal, End::Stalled);
+                }
+                damping = more(damping);
+                continue;
+            };
+            let step = factor.solve(&normal.gradient);
+            let decrement = dot(&step, &normal.gradient);
+            let next = place.minus(&step);
+            if decrement < DECREMENT * normal.cost / degrees + floor {
+                // The quadratic model is exact here, so the cost at `next` needs no further pass.
+                normal.cost -= decrement;
+                return (next, normal, End::Converged);
             }
-            damping = more(damping);
-            continue;
-        };
-        let step = factor.solve(&normal.gradient);
-        let decrement = dot(&step, &normal.gradient);
-        let next = theta.minus(&step);
-        if decrement < DECREMENT * normal.cost / degrees + floor {
-            // The quadratic model is exact here, so the cost at `next` needs no further pass.
-            normal.cost -= decrement;
-            return Solution { theta: next, normal, end: End::Converged };
+            let there = normal_at(&next);
+            if there.cost < normal.cost {
+                (place, normal) = (next, there);
+                damping = if damping > DAMPING_MIN { 0.1 * damping } else { 0.0 };
+            } else if damping > DAMPING_MAX {
+                return (place, normal, End::Stalled);
+            } else {
+                damping = more(damping);
+            }
         }
-        let there = normal_at(points, &next);
-        if there.cost < normal.cost {
-            (theta, normal) = (next, there);
-            damping = if damping > DAMPING_MIN { 0.1 * damping } else { 0.0 };
-        } else if damping > DAMPING_MAX {
-            return Solution { theta, normal, end: End::Stalled };
-        } else {
-            damping = more(damping);
-        }
+        (place, normal, End::OutOfSteps)
     }
-    Solution { theta, normal, end: End::OutOfSteps }
 }
 
 const DAMPING_MIN: f64 = 1e-4;
@@ -82,6 +130,23 @@ const DAMPING_MAX: f64 = 1e8;
 
 fn more(damping: f64) -> f64 {
     (10.0 * damping).max(1e-3)
+}
+
+/// The most likely circuit near `start`, with `free` parameters (4, or 5 with dielectric loss).
+pub(crate) fn solve(points: &Points, start: Theta, free: usize) -> Solution {
+    let descent = Descent { count: points.count, weight: points.total_weight, free };
+    let (theta, normal, end) =
+        descent.run(start, |theta| on_this_machine(|| kernel::normal(&points.blocks, theta)));
+    Solution { theta, normal, end }
+}
+
+/// The most likely circuit of a steady fit.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Solution {
+    pub(crate) theta: Theta,
+    /// The normal equations at `theta`.
+    pub(crate) normal: Normal<PARAMETERS>,
+    pub(crate) end: End,
 }
 
 /// A start from the data alone, or `None` where no ringing circuit comes out.
@@ -106,17 +171,13 @@ pub(crate) fn rational_start(points: &Points) -> Option<Theta> {
 /// Quality factors above a million do not occur in a lump of ceramic on tissue.
 const ALPHA_MIN: f64 = 1e-6;
 
-fn normal_at(points: &Points, theta: &Theta) -> Normal {
-    on_this_machine(|| kernel::normal(&points.blocks, theta))
-}
-
-fn dot(a: &[f64; PARAMETERS], b: &[f64; PARAMETERS]) -> f64 {
+fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-impl Theta {
-    /// The parameters after a step, which never takes the damping through zero: a raw step would
-    /// walk through an infinite quality to a negative one and find a mirrored circuit there.
+impl Step<PARAMETERS> for Theta {
+    /// Never takes the damping through zero: a raw step would walk through an infinite quality to a
+    /// negative one and find a mirrored circuit there.
     fn minus(&self, step: &[f64; PARAMETERS]) -> Self {
         let relative = (-step[1] / self.alpha).clamp(-0.75, 3.0);
         Self {

@@ -4,7 +4,7 @@ use std::fmt;
 
 use rig_model::Window;
 
-use crate::Circuit;
+use crate::{Circuit, NoisePrior, scatter::student_factor};
 
 /// The outcome of a fit.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,6 +74,68 @@ impl Resonance {
     }
 }
 
+/// What a fit knows of its uncertainty, for noise of variance 1.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Spread {
+    /// Covariance of (resonance in Hz, Q, C0 in F, C1 in F, loss tangent).
+    pub(crate) covariance: [[f64; 5]; 5],
+    pub(crate) condition: f64,
+    /// The weighted sum of |r|².
+    pub(crate) cost: f64,
+    /// The variance of one part of a reading of ten cycles by the differences of neighbours.
+    pub(crate) neighbours: f64,
+    /// Readings used.
+    pub(crate) count: usize,
+    /// Degrees of freedom left.
+    pub(crate) degrees: f64,
+    /// Variance of the resonance to be added, Hz².
+    pub(crate) widened: f64,
+}
+
+impl Resonance {
+    /// A circuit with its uncertainty.
+    #[inline]
+    pub(crate) fn new(
+        circuit: &Circuit,
+        spread: &Spread,
+        rung: Rung,
+        noise: Option<&NoisePrior>,
+    ) -> Self {
+        let found = spread.cost / spread.degrees;
+        let (variance, against, degrees) = match noise {
+            None => (found, spread.neighbours, spread.degrees),
+            Some(prior) => {
+                let (known, weight) = (prior.at_ten_cycles.powi(2), prior.degrees_of_freedom);
+                let all = weight + spread.degrees;
+                // Infinitely many degrees of freedom leave nothing to be pooled.
+                let pooled = if all.is_finite() {
+                    (weight * known + spread.degrees * found) / all
+                } else {
+                    known
+                };
+                (pooled, known, all)
+            }
+        };
+        let mut covariance = spread.covariance.map(|row| row.map(|x| x * variance));
+        covariance[0][0] += spread.widened;
+        Self {
+            resonance_hz: circuit.resonance_hz,
+            sigma_hz: covariance[0][0].sqrt() * student_factor(degrees),
+            q: circuit.q,
+            c0_farad: circuit.c0_farad,
+            k_eff_squared: circuit.k_eff_squared(),
+            loss_tangent: circuit.loss_tangent,
+            figure_of_merit: circuit.figure_of_merit(),
+            chi_squared_per_dof: found / against,
+            noise_at_ten_cycles: variance.sqrt(),
+            rung,
+            points: spread.count,
+            covariance,
+            condition: spread.condition,
+        }
+    }
+}
+
 /// How much model a fit used: no more than the readings ask for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Rung {
@@ -83,6 +145,14 @@ pub enum Rung {
     Circuit,
     /// … with dielectric loss.
     Loss,
+    /// … and a resonance that moves evenly with time; it is given for the middle of the time.
+    Drift,
+    /// … and the motion that has not settled yet.
+    RingUp,
+    /// … and something in series.
+    Stray,
+    /// … and a second resonance.
+    SecondMode,
 }
 
 impl Rung {
@@ -92,6 +162,10 @@ impl Rung {
             Self::Capacitor => "capacitor",
             Self::Circuit => "circuit",
             Self::Loss => "dielectric loss",
+            Self::Drift => "drift",
+            Self::RingUp => "ring-up",
+            Self::Stray => "stray",
+            Self::SecondMode => "second mode",
         }
     }
 }
@@ -190,7 +264,10 @@ pub enum Reason {
         limit_hz: f64,
     },
     /// Too many readings are far from the rest.
-    #[error("{found} of {readings} readings are outliers, at most {allowed} can be left out")]
+    #[error(
+        "{found} of {readings} readings are far from the rest; at most {allowed}, each alone and \
+         none that matters much, can be left out"
+    )]
     Outliers {
         /// Outliers.
         found: usize,
@@ -199,6 +276,27 @@ pub enum Reason {
         /// How many may be left out.
         allowed: usize,
     },
+    /// Another resonance is near, and the two could not be told apart.
+    #[error("a second mode near {near_hz:.2} Hz")]
+    SecondMode {
+        /// Where it is, Hz.
+        near_hz: f64,
+    },
+    /// The resonance moved while it was measured.
+    #[error("the resonance drifted during the readings")]
+    Drift,
+    /// The motion at one point is still heard at the next.
+    #[error("the readings had not settled")]
+    NotSettled,
+    /// The resonance depends on the amplitude.
+    #[error("the resonance changes with the amplitude: the level of the drive is too high")]
+    Nonlinear,
+    /// The resonance depends on the direction of the sweep.
+    #[error("the resonance is not the same for rising and for falling frequencies")]
+    Hysteretic,
+    /// Something in series with the sensor.
+    #[error("a stray resistance or inductance in series: repeat the open and short correction")]
+    Stray,
     /// No best circuit was found.
     #[error("the fit did not converge")]
     NotConverged,

@@ -7,7 +7,7 @@
 
 use rig_model::{Reading, SweepPoint, SweepRequest, Window};
 
-use super::{Prior, design::Information, evenly};
+use super::{Prior, design::Information, elapsed_s, evenly};
 use crate::{Circuit, FitOptions, Fitter, Reason, Refusal, Resonance, Verdict};
 
 /// Points of the coarse look over a window that nothing is known about.
@@ -55,8 +55,10 @@ impl Settled {
         let (window, settle_s) = match prior {
             None => (request.window, COARSE_SETTLE_S),
             Some(prior) => {
-                let time_constant_s = prior.circuit.time_constant_s().min(TIME_CONSTANT_MAX_S);
-                (common(request.window, prior.within), 2.0 * time_constant_s)
+                let settle_s = prior.circuit.map_or(COARSE_SETTLE_S, |circuit| {
+                    2.0 * circuit.time_constant_s().min(TIME_CONSTANT_MAX_S)
+                });
+                (common(request.window, prior.within), settle_s)
             }
         };
         let fitter = Fitter::default();
@@ -99,7 +101,7 @@ impl Settled {
                 return self.look();
             }
             // Transients are no noise: they must neither count as misfit nor as outliers.
-            let loose = FitOptions { window: None, noise: None, always_loss: false };
+            let loose = FitOptions::default();
             let last_look = &readings[readings.len().saturating_sub(COARSE as usize)..];
             let seen = self.circuit(last_look, &loose);
             // A transient can look like a resonance, and the next look then misses the real one.
@@ -240,12 +242,6 @@ fn spread_around(circuit: &Circuit, request: &SweepRequest, settle_s: f64) -> Ve
 )]
 fn cycles_for(settle_s: f64, circuit: &Circuit, request: &SweepRequest) -> u32 {
     (settle_s * circuit.resonance_hz).clamp(f64::from(request.cycles), 1000.0) as u32
-}
-
-/// The time from the first setting of a frequency to the end of the last integration, s.
-fn elapsed_s(readings: &[Reading]) -> f64 {
-    let (Some(first), Some(last)) = (readings.first(), readings.last()) else { return 0.0 };
-    last.started.since(first.started).as_secs_f64() + last.settle_s + last.integration_s
 }
 
 /// What two windows have in common; the first where that is nothing.

@@ -1,11 +1,13 @@
 //! Sweeps of known circuits.
 
-use std::f64::consts::TAU;
+use std::{f64::consts::TAU, time::Duration};
 
 use num_complex::Complex64;
 use rand_core::Rng;
 use rand_pcg::Pcg64;
-use rig_model::{DriveLevel, Reading, ReadingFlag, RigTime, SweepMethod, SweepRequest, Window};
+use rig_model::{
+    DriveLevel, Reading, ReadingFlag, RigTime, SweepMethod, SweepPoint, SweepRequest, Window,
+};
 use rig_resonance::Circuit;
 
 /// Random numbers from a seed that a failing test prints.
@@ -45,7 +47,7 @@ pub(crate) fn reading(frequency_hz: f64, impedance: Complex64) -> Reading {
         resistance_ohm: impedance.re,
         reactance_ohm: impedance.im,
         started: RigTime::ZERO,
-        settle_s: 0.0,
+        settle_s: 60.0,
         integration_s: 10.0 / frequency_hz,
         flag: ReadingFlag::Normal,
     }
@@ -77,5 +79,75 @@ pub(crate) fn request(method: SweepMethod) -> SweepRequest {
         cycles: 10,
         settle_s: 0.5,
         level: DriveLevel { volt: 1.0 },
+    }
+}
+
+/// The four elements in time, integrated blindly: fourth-order Runge–Kutta on charge and current,
+/// the lock-in as a third integral.
+#[derive(Debug, Clone)]
+pub(crate) struct Plant {
+    circuit: Circuit,
+    charge: f64,
+    current: f64,
+    turns: f64,
+}
+
+impl Plant {
+    /// At rest; the drive begins at its crest.
+    pub(crate) fn at_rest(circuit: Circuit) -> Self {
+        Self { circuit, charge: 0.0, current: 0.0, turns: 0.0 }
+    }
+
+    /// Drives for some time; gives the impedance a lock-in finds over it, which makes sense over
+    /// whole cycles.
+    pub(crate) fn drive(&mut self, frequency_hz: f64, seconds: f64) -> Complex64 {
+        const STEPS_PER_CYCLE: f64 = 200.0;
+        let Circuit { resonance_hz, q, c0_farad, c1_farad, loss_tangent } = self.circuit;
+        let (omega, omega_s) = (TAU * frequency_hz, TAU * resonance_hz);
+        let start = TAU * self.turns;
+        let steps = (seconds * frequency_hz * STEPS_PER_CYCLE).ceil();
+        let dt = seconds / steps;
+        let slope = |t: f64, charge: f64, current: f64| {
+            let volt = (start + omega * t).cos();
+            let force = omega_s * omega_s * (c1_farad * volt - charge);
+            (current, force - omega_s / q * current, current * Complex64::cis(-(start + omega * t)))
+        };
+        let (mut x, mut y, mut sum) = (self.charge, self.current, Complex64::ZERO);
+        let mut step = 0.0;
+        while step < steps {
+            let t = step * dt;
+            let a = slope(t, x, y);
+            let b = slope(t + 0.5 * dt, x + 0.5 * dt * a.0, y + 0.5 * dt * a.1);
+            let c = slope(t + 0.5 * dt, x + 0.5 * dt * b.0, y + 0.5 * dt * b.1);
+            let d = slope(t + dt, x + dt * c.0, y + dt * c.1);
+            x += dt / 6.0 * (a.0 + 2.0 * b.0 + 2.0 * c.0 + d.0);
+            y += dt / 6.0 * (a.1 + 2.0 * b.1 + 2.0 * c.1 + d.1);
+            sum += dt / 6.0 * (a.2 + 2.0 * b.2 + 2.0 * c.2 + d.2);
+            step += 1.0;
+        }
+        (self.charge, self.current) = (x, y);
+        self.turns = (self.turns + frequency_hz * seconds).fract();
+        let fixed = omega * c0_farad * Complex64::new(loss_tangent, 1.0);
+        1.0 / (2.0 / seconds * sum + fixed)
+    }
+
+    /// Makes one visit; gives the reading and the time after it.
+    pub(crate) fn visit(
+        &mut self,
+        point: &SweepPoint,
+        now: RigTime,
+        noise: f64,
+        random: &mut Random,
+    ) -> (Reading, RigTime) {
+        if point.settle_s > 0.0 {
+            self.drive(point.frequency_hz, point.settle_s);
+        }
+        let integration_s = f64::from(point.cycles) / point.frequency_hz;
+        let impedance = self.drive(point.frequency_hz, integration_s);
+        let error = noise * (10.0 / f64::from(point.cycles)).sqrt() * random.normal();
+        let mut reading = reading(point.frequency_hz, impedance * (1.0 + error));
+        (reading.started, reading.settle_s) = (now, point.settle_s);
+        reading.integration_s = integration_s;
+        (reading, now + Duration::from_secs_f64(point.settle_s + integration_s))
     }
 }

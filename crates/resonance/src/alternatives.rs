@@ -1,0 +1,342 @@
+//! What else could explain the readings.
+//!
+//! Each way in which a sweep goes wrong leaves a pattern of its own in the residuals. A pattern is
+//! fitted to them together with the circuit, to first order: how much better the readings are then
+//! described says whether it is there, and how far the resonance moves says whether that matters.
+
+use std::f64::consts::{PI, TAU};
+
+use num_complex::Complex64;
+
+use crate::{
+    Reason,
+    dense::Cholesky,
+    ringup::{Motion, Visit, plain},
+    solve::Normal,
+    trace::{Believed, Besides, Minimum, Row, Sample, Timing, Trace, UNKNOWNS},
+};
+
+/// A way in which a sweep goes wrong.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Cause {
+    /// The resonance moves with time.
+    Drift,
+    /// The resonance is not the same when the frequency rises and when it falls.
+    Hysteresis,
+    /// Resonance and damping change with the amplitude.
+    Nonlinear,
+    /// What was left of the motion at the point before is still heard.
+    NotSettled,
+    /// Another resonance near this frequency, with this quality.
+    SecondMode { frequency_hz: f64, q: f64 },
+    /// Something in series.
+    Stray,
+}
+
+impl Cause {
+    /// Whether a model can have it.
+    pub(crate) fn can_be_modelled(&self) -> bool {
+        matches!(self, Self::Drift | Self::SecondMode { .. } | Self::Stray)
+    }
+
+    /// Whether both are of one kind.
+    pub(crate) fn is_like(&self, other: &Self) -> bool {
+        std::mem::discriminant(self) == std::mem::discriminant(other)
+    }
+}
+
+impl From<Cause> for Reason {
+    fn from(cause: Cause) -> Self {
+        match cause {
+            Cause::Drift => Self::Drift,
+            Cause::Hysteresis => Self::Hysteretic,
+            Cause::Nonlinear => Self::Nonlinear,
+            Cause::NotSettled => Self::NotSettled,
+            Cause::SecondMode { frequency_hz, .. } => Self::SecondMode { near_hz: frequency_hz },
+            Cause::Stray => Self::Stray,
+        }
+    }
+}
+
+/// What a cause makes of a fit.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Alternative {
+    pub(crate) cause: Cause,
+    /// How much the cost falls.
+    pub(crate) saved: f64,
+    /// By how much the logarithm of the resonance changes.
+    pub(crate) shift: f64,
+    /// Variance of the logarithm of the resonance for noise of variance 1, the cause being unknown.
+    pub(crate) variance: f64,
+    /// The same without the cause.
+    pub(crate) variance_without: f64,
+    /// Size of the first pattern.
+    pub(crate) size: f64,
+    /// Its variance for noise of variance 1.
+    pub(crate) size_variance: f64,
+    /// By how much the logarithm of the resonance is wrong when a first pattern of size 1 is
+    /// overlooked.
+    pub(crate) error: f64,
+}
+
+/// A fit that is to be doubted.
+#[derive(Debug)]
+pub(crate) struct Fitted<'a> {
+    pub(crate) trace: &'a Trace,
+    pub(crate) at: Believed,
+    /// How many of the unknowns are free.
+    pub(crate) free: usize,
+    rows: Vec<(usize, Row)>,
+    /// The motional part of the admittance of each sample, and all of it, both settled.
+    motional: Vec<Complex64>,
+    admittance: Vec<Complex64>,
+    normal: Normal<UNKNOWNS>,
+}
+
+/// The unknowns and two patterns.
+const WIDE: usize = UNKNOWNS + 2;
+/// A pattern of which less than this part is left when the circuit has been fitted to it cannot be
+/// told from a change of the circuit.
+const DISTINCT: f64 = 1e-4;
+/// Time constants for which a point may have been waited for, and cycles then integrated, where
+/// neither is known.
+const DWELLS: [f64; 5] = [0.0, 0.5, 1.0, 2.0, 3.0];
+const DWELL_CYCLES: f64 = 4.0;
+/// After so many time constants less than a part in 20 000 is left of any motion.
+const SETTLED_TIME_CONSTANTS: f64 = 10.0;
+/// Places at which a second mode is tried, per width of the first.
+const MODES_PER_WIDTH: f64 = 2.0;
+const MODES_MAX: usize = 160;
+
+impl<'a> Fitted<'a> {
+    pub(crate) fn new(trace: &'a Trace, found: &Minimum) -> Self {
+        let Minimum { at, free, .. } = *found;
+        let mut rows = Vec::with_capacity(trace.samples.len());
+        let mut motional = Vec::with_capacity(trace.samples.len());
+        let mut admittance = Vec::with_capacity(trace.samples.len());
+        let mut index = 0;
+        trace.rows(&at, |sample, row| {
+            if sample.weight > 0.0 {
+                rows.push((index, row));
+            }
+            let circuit = at.circuit(1.0);
+            let all = circuit.admittance_siemens(sample.visit.frequency_hz);
+            let fixed = crate::Circuit { c1_farad: 0.0, ..circuit };
+            motional.push(all - fixed.admittance_siemens(sample.visit.frequency_hz));
+            admittance.push(all);
+            index += 1;
+        });
+        let mut normal = Normal::default();
+        for (index, row) in &rows {
+            normal.add(row.residual, &row.slopes, trace.samples[*index].weight);
+        }
+        Self { trace, at, free, rows, motional, admittance, normal }
+    }
+
+    /// Every cause that can be told from the circuit.
+    pub(crate) fn alternatives(&self) -> Vec<Alternative> {
+        let mut found = Vec::new();
+        let mut consider = |alternative: Option<Alternative>| found.extend(alternative);
+        if self.at.besides != Besides::Drift {
+            let pattern = |i: usize, row: &Row| [row.slopes[0] * self.sample(i).when, NOTHING];
+            consider(self.alternative(Cause::Drift, 1, pattern));
+        }
+        if let Some(directions) = self.directions() {
+            let pattern = |i: usize, row: &Row| [row.slopes[0] * directions[i], NOTHING];
+            consider(self.alternative(Cause::Hysteresis, 1, pattern));
+        }
+        let largest = self.motional.iter().map(|m| m.norm()).fold(f64::MIN_POSITIVE, f64::max);
+        let size = |i: usize| self.motional[i].norm() / largest;
+        let cubic = |i: usize, row: &Row| [row.slopes[0] * size(i).powi(2), NOTHING];
+        consider(self.alternative(Cause::Nonlinear, 1, cubic));
+        let ferroelastic = |i: usize, row: &Row| [row.slopes[0] * size(i), row.slopes[1] * size(i)];
+        consider(self.alternative(Cause::Nonlinear, 2, ferroelastic));
+        if self.trace.timing.is_steady() {
+            if self.may_not_have_settled() {
+                consider(self.not_settled());
+            }
+            if self.at.besides != Besides::SecondMode {
+                consider(self.second_mode());
+            }
+        }
+        if self.at.besides != Besides::Stray {
+            let pattern = |i: usize, _: &Row| {
+                let omega = TAU * self.sample(i).visit.frequency_hz;
+                [self.admittance[i], self.admittance[i] * Complex64::new(0.0, omega)]
+            };
+            consider(self.alternative(Cause::Stray, 2, pattern));
+        }
+        found
+    }
+
+    /// What is left of the motion when each point follows the one before, after the settling that
+    /// was waited for. `None` where that is not known.
+    pub(crate) fn left_over(&self) -> Option<Alternative> {
+        (self.trace.timing == Timing::Waited).then(|| self.after(|sample| sample.visit)).flatten()
+    }
+
+    fn may_not_have_settled(&self) -> bool {
+        let settle_s = self.trace.samples.iter().map(|sample| sample.visit.settle_s);
+        let shortest_s = settle_s.fold(f64::INFINITY, f64::min);
+        self.trace.timing == Timing::Unknown
+            || shortest_s < SETTLED_TIME_CONSTANTS * self.time_constant_s()
+    }
+
+    fn time_constant_s(&self) -> f64 {
+        self.at.q / (PI * self.at.resonance_hz)
+    }
+
+    /// The most likely kind of unfinished settling, the dwell at each point not being known.
+    fn not_settled(&self) -> Option<Alternative> {
+        let time_constant_s = self.time_constant_s();
+        let pattern = |i: usize, _: &Row| {
+            let before = if i == 0 { NOTHING } else { self.motional[i - 1] };
+            let left = (before - self.motional[i]) / self.admittance[i];
+            [left, left * Complex64::I]
+        };
+        let mut best = self.alternative(Cause::NotSettled, 2, pattern);
+        for dwell in DWELLS {
+            let trial = self.after(|sample| Visit {
+                settle_s: dwell * time_constant_s,
+                integration_s: DWELL_CYCLES / sample.visit.frequency_hz,
+                rest_s: 0.0,
+                ..sample.visit
+            });
+            let is_better = |trial: &Alternative| {
+                trial.size > 0.0 && best.is_none_or(|best| best.saved < trial.saved)
+            };
+            best = trial.filter(is_better).or(best);
+        }
+        best
+    }
+
+    /// The pattern of a drive that goes on from visit to visit.
+    fn after(&self, visit: impl Fn(&Sample) -> Visit) -> Option<Alternative> {
+        let mut motion = Motion::at_rest(plain(self.at.resonance_hz, self.at.q));
+        let mut past = NOTHING;
+        let heard: Vec<_> = self
+            .trace
+            .samples
+            .iter()
+            .map(|sample| self.at.c1 * motion.visit(&visit(sample), &mut past).motional)
+            .collect();
+        let pattern =
+            |i: usize, _: &Row| [(heard[i] - self.motional[i]) / self.admittance[i], NOTHING];
+        self.alternative(Cause::NotSettled, 1, pattern)
+    }
+
+    fn sample(&self, index: usize) -> &Sample {
+        &self.trace.samples[index]
+    }
+
+    /// Whether the frequency rose (1) or fell (−1) before each sample, where whole runs of samples
+    /// were taken both ways.
+    fn directions(&self) -> Option<Vec<f64>> {
+        let mut directions = vec![0.0; self.trace.samples.len()];
+        let (mut up, mut down, mut turns) = (0_usize, 0_usize, 0_usize);
+        for i in 1..directions.len() {
+            let step = self.sample(i).visit.frequency_hz - self.sample(i - 1).visit.frequency_hz;
+            directions[i] = if step == 0.0 { directions[i - 1] } else { step.signum() };
+            up += usize::from(directions[i] > 0.0);
+            down += usize::from(directions[i] < 0.0);
+            turns += usize::from(directions[i] * directions[i - 1] < 0.0);
+        }
+        let is_sweep = 8 * turns < directions.len() && 4 * up.min(down) >= directions.len() - 1;
+        is_sweep.then_some(directions)
+    }
+
+    /// The second mode that explains most, among places and qualities spread over the readings.
+    fn second_mode(&self) -> Option<Alternative> {
+        let frequencies = self.rows.iter().map(|&(i, _)| self.sample(i).visit.frequency_hz);
+        let (low, high) =
+            frequencies.fold((f64::INFINITY, 0.0_f64), |(a, b), f| (a.min(f), b.max(f)));
+        let width = self.at.resonance_hz / self.at.q;
+        let places = ((high - low) / width * MODES_PER_WIDTH).ceil().clamp(8.0, MODES_MAX as f64);
+        let mut best: Option<Alternative> = None;
+        for q in [0.5 * self.at.q, self.at.q, 3.0 * self.at.q] {
+            let mut frequency_hz = low;
+            while frequency_hz <= high {
+                let pattern = |i: usize, _: &Row| {
+                    let f = self.sample(i).visit.frequency_hz;
+                    let u = f / frequency_hz;
+                    let response = 1.0 / Complex64::new(1.0 - u * u, u / q);
+                    let current = Complex64::new(0.0, TAU * f) * response;
+                    [current / self.admittance[i], NOTHING]
+                };
+                let cause = Cause::SecondMode { frequency_hz, q };
+                if let Some(found) = self.alternative(cause, 1, pattern)
+                    && found.size > 0.0
+                    && best.is_none_or(|best| best.saved < found.saved)
+                {
+                    best = Some(found);
+                }
+                frequency_hz += (high - low) / places;
+            }
+        }
+        best
+    }
+
+    /// Fits `count` patterns together with the circuit.
+    fn alternative(
+        &self,
+        cause: Cause,
+        count: usize,
+        pattern: impl Fn(usize, &Row) -> [Complex64; 2],
+    ) -> Option<Alternative> {
+        // The unknowns that are not free are left out: what is free stands first, patterns follow.
+        let free = self.free;
+        let mut normal = Normal::<WIDE>::default();
+        for i in 0..free {
+            normal.gradient[i] = self.normal.gradient[i];
+            normal.matrix[i][..free].copy_from_slice(&self.normal.matrix[i][..free]);
+        }
+        for (index, row) in &self.rows {
+            let weight = self.sample(*index).weight;
+            let patterns = pattern(*index, row);
+            for (k, pattern) in patterns.iter().enumerate().take(count) {
+                let left = weight * pattern.conj();
+                let at = free + k;
+                normal.gradient[at] += (left * row.residual).re;
+                for i in 0..free {
+                    normal.matrix[at][i] += (left * row.slopes[i]).re;
+                }
+                for (j, other) in patterns.iter().enumerate().take(k + 1) {
+                    normal.matrix[at][free + j] += (left * other).re;
+                }
+            }
+        }
+        for i in free..free + count {
+            for j in 0..i {
+                normal.matrix[j][i] = normal.matrix[i][j];
+            }
+        }
+        let without = Cholesky::new(&normal.matrix, free, 0.0)?;
+        let with = Cholesky::new(&normal.matrix, free + count, 0.0)?;
+        if (free..free + count).any(|i| with.distinct(i) < DISTINCT) {
+            return None;
+        }
+        let saved = |step: &[f64; WIDE]| -> f64 {
+            step.iter().zip(&normal.gradient).map(|(a, b)| a * b).sum()
+        };
+        let (step_without, step_with) =
+            (without.solve(&normal.gradient), with.solve(&normal.gradient));
+        let mut unit = [0.0; WIDE];
+        unit[0] = 1.0;
+        Some(Alternative {
+            cause,
+            saved: saved(&step_with) - saved(&step_without),
+            shift: step_without[0] - step_with[0],
+            variance: with.solve(&unit)[0],
+            variance_without: without.solve(&unit)[0],
+            size_variance: {
+                let mut unit = [0.0; WIDE];
+                unit[free] = 1.0;
+                with.solve(&unit)[free]
+            },
+            error: without.solve(&normal.matrix[free])[0],
+            size: -step_with[free],
+        })
+    }
+}
+
+const NOTHING: Complex64 = Complex64::ZERO;

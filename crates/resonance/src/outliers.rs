@@ -1,0 +1,154 @@
+//! Readings that are far from all others, and whether they can be left out.
+//!
+//! A reading here and there goes wrong by itself, and the rest is worth no less for it. But whatever
+//! makes a model wrong makes readings look like outliers too, and first of all those near the
+//! resonance. So outliers are left out only where they are few and apart, where the rest tells as
+//! much without them, and where nothing else explains them.
+
+use crate::{
+    dense::Cholesky,
+    solve::Normal,
+    trace::{Minimum, Trace, UNKNOWNS},
+};
+
+/// One reading in ten may be an outlier. With more, the rest is not to be trusted either.
+pub(crate) const READINGS_PER_OUTLIER: usize = 10;
+/// Twice the log-likelihood that each reading left out has to gain over every other cause.
+pub(crate) const GAIN_PER_OUTLIER: f64 = 28.0;
+/// Rounds of reweighting; each brings the scale nearer to that of the good readings.
+const ROUNDS: usize = 12;
+/// Where Cauchy's weight has fallen to a half, in means of |r|².
+const CAUCHY_MEANS: f64 = 3.0;
+/// The variance may rise by this factor when outliers are left out.
+const LOST: f64 = 1.5;
+/// The usual |r|² is taken from this part of the readings, the ones that fit best: twice as many may
+/// be outliers as are accepted.
+const TRIMMED: f64 = 0.8;
+/// The mean of an exponential distribution of mean 1 up to its 80 % point.
+const TRIMMED_MEAN: f64 = 0.5977;
+
+/// How many readings in use are outliers of a model.
+pub(crate) fn count(trace: &Trace, found: &Minimum) -> usize {
+    let far = far(trace, found);
+    let (sizes, usual) = sizes(trace, found);
+    let is_far = |(sample, size): &(&crate::trace::Sample, &f64)| {
+        sample.weight > 0.0 && **size > far * usual
+    };
+    trace.samples.iter().zip(&sizes).filter(is_far).count()
+}
+
+/// The readings without outliers and the model that they then follow, where leaving some out is
+/// worth a thought.
+pub(crate) fn without(trace: &Trace, plain: &Minimum) -> Option<(Trace, Minimum)> {
+    let readings = trace.used().0;
+    let mut best = reweighted(trace, plain);
+    let mut left_out = 0;
+    let mut rest = trace.clone();
+    for _ in 0..ROUNDS {
+        rest.clone_from(trace);
+        let (sizes, usual) = sizes(trace, &best);
+        let far = far(trace, &best);
+        for (sample, size) in rest.samples.iter_mut().zip(&sizes) {
+            if *size > far * usual {
+                sample.weight = 0.0;
+            }
+        }
+        let now = readings - rest.used().0;
+        if now * READINGS_PER_OUTLIER > readings {
+            return None;
+        }
+        best = rest.minimum(best.at, best.free);
+        if now == left_out {
+            break;
+        }
+        left_out = now;
+    }
+    let is_fine = left_out > 0 && are_apart(trace, &rest) && tells_as_much(trace, &rest, &best);
+    is_fine.then_some((rest, best))
+}
+
+/// The model with Cauchy's weights, under which the scale comes down although outliers are inside.
+fn reweighted(trace: &Trace, plain: &Minimum) -> Minimum {
+    let mut best = *plain;
+    let mut weighted = trace.clone();
+    for _ in 0..ROUNDS {
+        weighted.clone_from(trace);
+        let (sizes, usual) = sizes(trace, &best);
+        for (sample, size) in weighted.samples.iter_mut().zip(&sizes) {
+            sample.weight /= 1.0 + size / (CAUCHY_MEANS * usual);
+        }
+        best = weighted.minimum(best.at, best.free);
+    }
+    best
+}
+
+/// How many times the mean of the others |r|² of a good reading exceeds once in a million readings:
+/// it is exponentially distributed, and the mean itself is known from few parts.
+fn far(trace: &Trace, found: &Minimum) -> f64 {
+    let half = 0.5 * (2 * trace.used().0).saturating_sub(found.free).max(1) as f64;
+    half * ((1e6_f64.ln() / half).exp() - 1.0)
+}
+
+/// Whether no two readings that are left out are neighbours in frequency.
+fn are_apart(all: &Trace, rest: &Trace) -> bool {
+    let mut readings: Vec<(f64, bool)> = all
+        .samples
+        .iter()
+        .zip(&rest.samples)
+        .filter(|(sample, _)| sample.weight > 0.0)
+        .map(|(sample, left)| (sample.visit.frequency_hz, left.weight == 0.0))
+        .collect();
+    readings.sort_by(|a, b| a.0.total_cmp(&b.0));
+    readings.windows(2).all(|pair| !(pair[0].1 && pair[1].1))
+}
+
+/// Whether what is left tells nearly as much of the resonance as all readings would.
+fn tells_as_much(all: &Trace, rest: &Trace, found: &Minimum) -> bool {
+    let variance = |trace: &Trace| {
+        let mut normal = Normal::default();
+        let mut samples = trace.samples.iter();
+        // What a reading would tell if it were what the model says: an outlier itself tells nothing.
+        all.ideal_rows(&found.at, |row| {
+            let weight = samples.next().map_or(0.0, |sample| sample.weight);
+            normal.add(row.residual, &row.slopes, weight);
+        });
+        let mut unit = [0.0; UNKNOWNS];
+        unit[0] = 1.0;
+        Cholesky::new(&normal.matrix, found.free, 0.0)
+            .map_or(f64::INFINITY, |factor| factor.solve(&unit)[0])
+    };
+    variance(rest) < LOST * variance(all)
+}
+
+/// |r|² of every sample times its weight, raised by what the fit took away from it, and what is
+/// usual among those in use.
+fn sizes(trace: &Trace, found: &Minimum) -> (Vec<f64>, f64) {
+    let inverse = Cholesky::new(&found.normal.matrix, found.free, 0.0)
+        .map_or([[0.0; UNKNOWNS]; UNKNOWNS], |factor| factor.inverse());
+    let mut sizes = Vec::with_capacity(trace.samples.len());
+    let mut used = Vec::with_capacity(trace.samples.len());
+    trace.rows(&found.at, |sample, row| {
+        let mut taken = 0.0;
+        for (left, line) in row.slopes.iter().zip(&inverse).take(found.free) {
+            for (right, element) in row.slopes.iter().zip(line) {
+                taken += element * (left.conj() * right).re;
+            }
+        }
+        // Half of it for each of the two parts of a reading.
+        let left = (1.0 - 0.5 * sample.weight * taken).clamp(0.05, 1.0);
+        let size = sample.weight * row.residual.norm_sqr() / left;
+        sizes.push(size);
+        if sample.weight > 0.0 {
+            used.push(size);
+        }
+    });
+    used.sort_unstable_by(f64::total_cmp);
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "below its length"
+    )]
+    used.truncate((used.len() as f64 * TRIMMED).ceil() as usize);
+    let mean = used.iter().sum::<f64>() / used.len() as f64;
+    (sizes, mean / TRIMMED_MEAN)
+}

@@ -1,0 +1,316 @@
+//! Points that wait for nothing, for analyzers whose timing is known.
+//!
+//! What a visit to a frequency tells of the resonance depends on how the sensor is moving when it
+//! begins, and a visit that tells little by itself may be what makes the next one tell much. So the
+//! visits are planned as a whole: a pair of frequencies, taken in turn until the wanted uncertainty
+//! is reached, is judged by the time that takes. The first visit of the best pair found is made, and
+//! everything is planned anew with what it has told.
+
+use std::f64::consts::TAU;
+
+use num_complex::Complex64;
+use rig_model::{Reading, SweepPoint, SweepRequest, Window};
+
+use super::{Prior, elapsed_s, tracker::Tracker};
+use crate::{
+    NoisePrior, Past, Timing,
+    dense::Cholesky,
+    dual::Dual,
+    grid::Expected,
+    ringup::{Motion, Visit},
+    scatter::Pool,
+    solve::Normal,
+    trace::{Believed, CIRCUIT, Sample, UNKNOWNS, ideal_row},
+};
+
+/// The plan of one sweep.
+#[derive(Debug, Clone)]
+pub(super) struct Transient {
+    tracker: Tracker,
+    opening: std::array::IntoIter<SweepPoint, 2>,
+    hops: Option<Hops>,
+}
+
+/// Two frequencies in turn, and how long at each.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Hops {
+    /// Distance from the resonance, Hz.
+    offset_hz: [f64; 2],
+    cycles: [f64; 2],
+}
+
+/// Places in the window of the first two visits, and their length.
+const OPENING: [f64; 2] = [0.3, 0.7];
+const OPENING_CYCLES: u32 = 2;
+/// A visit lasts no longer than this part of the time so far: a plan made from little must not.
+const LONGEST_SHARE: f64 = 0.3;
+/// Shortest and longest visit considered, in cycles.
+const CYCLES_MIN: f64 = 2.0;
+const CYCLES_MAX: f64 = 2000.0;
+/// What is counted for a visit besides its time, s: it has to be ordered and answered.
+const VISIT_COST_S: f64 = 0.002;
+/// Visits that a plan is followed for.
+const VISITS_AHEAD: usize = 24;
+/// Plans tried for each visit; about a millisecond.
+const EFFORT: usize = 100;
+/// A plan must be better than the last one by this factor to replace it.
+const FAITH: f64 = 0.9;
+/// Where the search for a better plan ends, as a part of its first step.
+const FINEST: f64 = 0.2;
+/// Below this part of the static admittance a reading is not counted on to be as precise as others:
+/// where static and motional current cancel, a relative error would become no error at all.
+const NULL: f64 = 0.2;
+
+/// What an analyzer is taken for until its readings tell.
+const NOISE: NoisePrior = NoisePrior { at_ten_cycles: 0.005, degrees_of_freedom: 4.0 };
+
+impl Transient {
+    pub(super) fn new(request: &SweepRequest, prior: Option<&Prior>, past: Past) -> Self {
+        let noise = prior.and_then(|prior| prior.noise).unwrap_or(NOISE);
+        let window = prior.map_or(request.window, |prior| prior.within);
+        let expected = prior
+            .and_then(|prior| prior.circuit)
+            .map_or_else(Expected::default, |circuit| Expected { q: circuit.q });
+        let tracker = Tracker::new(window, Timing::Exact(past), expected, Pool::known(&noise));
+        // Two short visits, each near half of the window: whatever resonates in it, rings after them.
+        let ratio = window.max_hz / window.min_hz;
+        let opening = OPENING.map(|part| SweepPoint {
+            frequency_hz: window.min_hz * ratio.powf(part),
+            settle_s: 0.0,
+            cycles: OPENING_CYCLES,
+        });
+        Self { tracker, opening: opening.into_iter(), hops: None }
+    }
+
+    pub(super) fn add(&mut self, readings: &[Reading]) {
+        for reading in readings {
+            self.tracker.add(reading);
+        }
+    }
+
+    /// The standard deviation of the resonance that the readings so far should give, Hz.
+    pub(super) fn sigma_hz(&self) -> f64 {
+        let Some((trace, at)) = self.tracker.best() else { return f64::INFINITY };
+        let free = CIRCUIT + trace.besides().count();
+        let variance = variance(&self.tracker.normal(trace, at), free);
+        variance.sqrt() * at.resonance_hz * self.tracker.noise()
+    }
+
+    /// The next visit, or `None` when the readings so far lead nowhere.
+    pub(super) fn next(
+        &mut self,
+        request: &SweepRequest,
+        readings: &[Reading],
+        aim_hz: f64,
+    ) -> Option<SweepPoint> {
+        if let Some(point) = self.opening.next() {
+            return Some(point);
+        }
+        let ground = Ground::new(&self.tracker, request.window, readings, aim_hz)?;
+        let hops = ground.plan(self.hops.as_ref());
+        self.hops = Some(hops);
+        let longest_s = LONGEST_SHARE * elapsed_s(readings);
+        Some(ground.point(&hops, longest_s))
+    }
+}
+
+/// Where a plan starts from.
+#[derive(Debug)]
+struct Ground {
+    at: Believed,
+    normal: Normal<UNKNOWNS>,
+    motion: Motion<Dual>,
+    past: Dual,
+    free: usize,
+    /// The time that every visit costs besides, s; the drive goes on in it.
+    rest_s: f64,
+    /// Variance of the logarithm of the resonance that is wanted, for noise of variance 1.
+    wanted: f64,
+    window: Window,
+}
+
+impl Ground {
+    fn new(tracker: &Tracker, window: Window, readings: &[Reading], aim_hz: f64) -> Option<Self> {
+        let (trace, at) = tracker.best()?;
+        let state = trace.rows(at, |_, _| ());
+        Some(Self {
+            at: *at,
+            normal: tracker.normal(trace, at),
+            motion: state.motion,
+            past: state.past,
+            free: CIRCUIT + trace.besides().count(),
+            rest_s: typical_rest_s(readings),
+            wanted: (aim_hz / at.resonance_hz / tracker.noise()).powi(2),
+            window,
+        })
+    }
+
+    /// The best plan found near the last one and near some that are never far off.
+    fn plan(&self, last: Option<&Hops>) -> Hops {
+        let width = self.at.resonance_hz / self.at.q;
+        let mut best = Tried::default();
+        if let Some(&Hops { offset_hz: [a, b], cycles: [m, n] }) = last {
+            // The other half of the pair is next. A plan that is not clearly better must not put off
+            // what this one is about to do, or it would be put off for ever.
+            best.consider(self, Hops { offset_hz: [b, a], cycles: [n, m] });
+            best.time_s *= FAITH;
+            best.consider(self, Hops { offset_hz: [a, b], cycles: [m, n] });
+        }
+        for cycles in [2.0, 5.0, 12.0, 30.0] {
+            for (low, high) in [(0.4, 0.4), (0.5, 1.2), (1.5, 1.5)] {
+                let (low, high) = ((low * width).max(1.0), (high * width).max(1.0));
+                best.consider(self, Hops { offset_hz: [-low, high], cycles: [cycles; 2] });
+                best.consider(self, Hops { offset_hz: [high, -low], cycles: [cycles; 2] });
+            }
+        }
+        let mut size = 1.0;
+        while best.count < EFFORT && size > FINEST {
+            let before = best.time_s;
+            for which in 0..2 {
+                for factor in [1.0 + size, 1.0 / (1.0 + size)] {
+                    let mut hops = best.hops;
+                    hops.cycles[which] =
+                        (hops.cycles[which] * factor).round().clamp(CYCLES_MIN, CYCLES_MAX);
+                    best.consider(self, hops);
+                }
+                for by in [-0.7 * size, 0.7 * size] {
+                    let mut hops = best.hops;
+                    hops.offset_hz[which] += by * width.max(1.0);
+                    best.consider(self, hops);
+                }
+            }
+            if best.time_s >= before {
+                size *= 0.5;
+            }
+        }
+        best.hops
+    }
+
+    /// The time until the wanted variance is reached, s.
+    fn time_s(&self, hops: &Hops) -> f64 {
+        let (mut normal, mut motion, mut past) = (self.normal, self.motion, self.past);
+        let mut elapsed_s = 0.0;
+        let mut before = variance(&normal, self.free);
+        for i in 0..VISITS_AHEAD {
+            let which = i % 2;
+            let (offset_hz, cycles) = (hops.offset_hz[which], hops.cycles[which]);
+            let step_s =
+                self.make(offset_hz, cycles, &mut normal, &mut motion, &mut past) + VISIT_COST_S;
+            let now = variance(&normal, self.free);
+            if now <= self.wanted {
+                // Where on the way: the inverse of the variance grows about evenly.
+                let part = (1.0 / self.wanted - 1.0 / before) / (1.0 / now - 1.0 / before);
+                return elapsed_s + step_s * part.clamp(0.3, 1.0);
+            }
+            elapsed_s += step_s;
+            before = now;
+        }
+        // Beyond the horizon information comes as fast as within it.
+        let start = variance(&self.normal, self.free);
+        let gained = 1.0 / before - 1.0 / start;
+        if gained > 0.0 {
+            elapsed_s * (1.0 / self.wanted - 1.0 / start) / gained
+        } else {
+            f64::INFINITY
+        }
+    }
+
+    fn visit(&self, offset_hz: f64, cycles: f64) -> Visit {
+        let Window { min_hz, max_hz } = self.window;
+        let frequency_hz = (self.at.resonance_hz + offset_hz).clamp(min_hz, max_hz);
+        let integration_s = cycles / frequency_hz;
+        Visit { frequency_hz, settle_s: 0.0, integration_s, rest_s: self.rest_s }
+    }
+
+    /// The first visit of a plan, no longer than it must be.
+    fn point(&self, hops: &Hops, longest_s: f64) -> SweepPoint {
+        let frequency_hz = self.visit(hops.offset_hz[0], 1.0).frequency_hz;
+        let longest = hops.cycles[0].min(longest_s * frequency_hz).clamp(CYCLES_MIN, CYCLES_MAX);
+        let reaches = |cycles: f64| {
+            let (mut normal, mut motion, mut past) = (self.normal, self.motion, self.past);
+            self.make(hops.offset_hz[0], cycles, &mut normal, &mut motion, &mut past);
+            variance(&normal, self.free) <= self.wanted
+        };
+        let (mut short, mut long) = (CYCLES_MIN, longest);
+        if reaches(long) {
+            while long - short > 1.0 {
+                let middle = 0.5 * (short + long);
+                if reaches(middle) { long = middle } else { short = middle }
+            }
+        }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+        SweepPoint { frequency_hz, settle_s: 0.0, cycles: long.ceil() as u32 }
+    }
+
+    /// Makes one visit in thought; gives the time it takes, s.
+    fn make(
+        &self,
+        offset_hz: f64,
+        cycles: f64,
+        normal: &mut Normal<UNKNOWNS>,
+        motion: &mut Motion<Dual>,
+        past: &mut Dual,
+    ) -> f64 {
+        let visit = self.visit(offset_hz, cycles);
+        let heard = motion.visit(&visit, past);
+        let at = &self.at;
+        let omega = TAU * visit.frequency_hz;
+        let motional = at.c1 * heard.motional.value
+            + at.extra[0] * heard.past[0].value
+            + at.extra[1] * heard.past[1].value;
+        let admittance = Complex64::new(at.g, at.c0) * omega + motional;
+        let null = NULL * omega * at.c0;
+        let weight = 0.1 * cycles * (admittance.norm_sqr() / (null * null)).min(1.0);
+        let sample = Sample { visit, impedance: Complex64::ONE, weight, when: 0.0 };
+        normal.add(Complex64::ZERO, &ideal_row(at, &sample, &heard).slopes, weight);
+        visit.integration_s + visit.rest_s
+    }
+}
+
+/// The best of the plans considered.
+#[derive(Debug)]
+struct Tried {
+    hops: Hops,
+    time_s: f64,
+    count: usize,
+}
+
+impl Default for Tried {
+    fn default() -> Self {
+        let hops = Hops { offset_hz: [0.0; 2], cycles: [4.0; 2] };
+        Self { hops, time_s: f64::INFINITY, count: 0 }
+    }
+}
+
+impl Tried {
+    fn consider(&mut self, ground: &Ground, hops: Hops) {
+        let time_s = ground.time_s(&hops);
+        self.count += 1;
+        if time_s < self.time_s {
+            (self.hops, self.time_s) = (hops, time_s);
+        }
+    }
+}
+
+/// The gap between the end of one visit and the begin of the next, s: the median of those so far.
+fn typical_rest_s(readings: &[Reading]) -> f64 {
+    let mut rests: Vec<f64> = readings
+        .windows(2)
+        .map(|pair| {
+            let stay_s = pair[1].started.since(pair[0].started).as_secs_f64();
+            (stay_s - pair[0].settle_s - pair[0].integration_s).max(0.0)
+        })
+        .collect();
+    if rests.is_empty() {
+        return 0.0;
+    }
+    let middle = rests.len() / 2;
+    *rests.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// Variance of the logarithm of the resonance for noise of variance 1.
+fn variance(normal: &Normal<UNKNOWNS>, free: usize) -> f64 {
+    let mut unit = [0.0; UNKNOWNS];
+    unit[0] = 1.0;
+    Cholesky::new(&normal.matrix, free, 0.0).map_or(f64::INFINITY, |factor| factor.solve(&unit)[0])
+}

@@ -1,0 +1,218 @@
+//! The fit for sweeps about which nothing is unusual, which are most: no memory is allocated and
+//! every reading is touched some seven times.
+
+use rig_model::Reading;
+
+use crate::{
+    Circuit, FitOptions, Resonance, Rung, Timing,
+    dense::{Cholesky, condition, sandwich},
+    kernel::{self, Look, PARAMETERS, PATTERNS, Residual, Theta, WIDE, on_this_machine},
+    points::{NotFinite, Points},
+    scatter,
+    solve::{End, ROUNDING, Solution, rational_start, solve},
+    trace::{Believed, Besides},
+    verdict::Spread,
+};
+
+/// What may be left of the motion, relative to the noise, without a closer look.
+const SURELY_SETTLED: f64 = 0.3;
+
+/// What one good sweep in thirty shows, for each of the signs that ask for a closer look.
+mod unusual {
+    /// The largest |r|² over its mean; exponentially distributed.
+    pub(super) const LARGEST: f64 = 8.0;
+    /// ⟨|r|⁴⟩/⟨|r|²⟩², which is 2 for an exponential distribution.
+    pub(super) const FOURTH: f64 = 3.2;
+    /// χ² of three patterns.
+    pub(super) const PATTERNS: f64 = 9.0;
+    /// Standard deviations of χ² per degree of freedom.
+    pub(super) const CHI_SQUARED_SIGMAS: f64 = 2.0;
+}
+
+/// The readings of a steady fit and what is left of them.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Quick {
+    pub(crate) points: Points,
+    residuals: Vec<Residual>,
+}
+
+/// How a quick fit ended.
+#[derive(Debug)]
+pub(crate) struct Found {
+    /// The result, where the readings determine one.
+    pub(crate) resonance: Option<Resonance>,
+    /// Twice the log-likelihood gained over a capacitor.
+    pub(crate) gain: f64,
+    /// Whether nothing about the readings asks for a closer look.
+    pub(crate) is_usual: bool,
+    /// Where a closer look starts.
+    pub(crate) start: Option<Believed>,
+}
+
+impl Quick {
+    /// Takes in the readings.
+    pub(crate) fn load(&mut self, readings: &[Reading]) -> Result<(), NotFinite> {
+        on_this_machine(|| self.points.load(readings))
+    }
+
+    /// The fit, or `None` where no start was found.
+    pub(crate) fn fit(&mut self, options: &FitOptions) -> Option<Found> {
+        let start = rational_start(&self.points)?;
+        let mut free = if options.always_loss { PARAMETERS } else { PARAMETERS - 1 };
+        let mut solution = solve(&self.points, start, free);
+        if free < PARAMETERS && self.asks_for_loss(&solution) {
+            free = PARAMETERS;
+            solution = solve(&self.points, solution.theta, free);
+        }
+        let Self { points, residuals } = self;
+        let look = on_this_machine(|| kernel::look(&points.blocks, &solution.theta, residuals));
+        let resonance = self.resonance(&solution, &look, free, options);
+        let capacitor = self.points.total_weight - look.capacitor;
+        Some(Found {
+            gain: self.degrees(free) * (capacitor / solution.normal.cost).ln(),
+            is_usual: self.points.is_monotonic
+                && solution.end == End::Converged
+                && resonance
+                    .as_ref()
+                    .is_some_and(|found| self.is_usual(&solution, &look, free, found, options)),
+            start: self.believed(&solution),
+            resonance,
+        })
+    }
+
+    /// Whether a fifth parameter would lower the Bayesian information criterion.
+    fn asks_for_loss(&self, solution: &Solution) -> bool {
+        let gradient = &solution.normal.gradient;
+        let Some(factor) = Cholesky::new(&solution.normal.matrix, PARAMETERS, 0.0) else {
+            return false;
+        };
+        let step = factor.solve(gradient);
+        let saved: f64 = step.iter().zip(gradient).map(|(a, b)| a * b).sum();
+        // Rounding is not noise, and asks for nothing.
+        let variance = solution.normal.cost / self.degrees(PARAMETERS - 1) + ROUNDING * ROUNDING;
+        saved / variance > (2.0 * self.points.count as f64).ln()
+    }
+
+    fn degrees(&self, free: usize) -> f64 {
+        (2 * self.points.count - free) as f64
+    }
+
+    /// Whether nothing about the residuals asks for a closer look.
+    fn is_usual(
+        &self,
+        solution: &Solution,
+        look: &Look,
+        free: usize,
+        found: &Resonance,
+        options: &FitOptions,
+    ) -> bool {
+        let count = self.points.count as f64;
+        let mean = solution.normal.cost / count;
+        let allowed = scatter::allowed(
+            self.degrees(free),
+            options.noise.as_ref(),
+            unusual::CHI_SQUARED_SIGMAS,
+        );
+        look.largest < unusual::LARGEST * mean
+            && look.fourth < unusual::FOURTH * count * mean * mean
+            && found.chi_squared_per_dof < allowed
+            && (options.timing == Timing::Unknown || self.has_surely_settled(found))
+            && patterns(solution, look, free).is_some_and(|saved| {
+                saved * self.degrees(free) < unusual::PATTERNS * solution.normal.cost
+            })
+    }
+
+    /// Whether what is left of the motion after the shortest settling cannot matter.
+    fn has_surely_settled(&self, found: &Resonance) -> bool {
+        let Points { settle_s, lowest_hz, highest_hz, count, .. } = self.points;
+        let circuit = found.circuit();
+        let step = (highest_hz - lowest_hz) / (count - 1) as f64 / circuit.linewidth_hz();
+        let left = (-settle_s / circuit.time_constant_s()).exp();
+        // From point to point the admittance changes by up to M per half linewidth; as many points
+        // share the error as lie within the linewidth.
+        let error =
+            found.figure_of_merit * (2.0 * step).min(1.0) * left * (1.0 / step).max(1.0).sqrt();
+        error < SURELY_SETTLED * found.noise_at_ten_cycles
+    }
+
+    /// Where a closer look starts.
+    fn believed(&self, solution: &Solution) -> Option<Believed> {
+        let theta = solution.theta;
+        let circuit = self.circuit(solution)?;
+        (theta.c > 0.0 && theta.kappa > 0.0).then_some(Believed {
+            resonance_hz: circuit.resonance_hz,
+            q: circuit.q,
+            c0: theta.c,
+            c1: theta.kappa / (1.0 + theta.nu),
+            g: theta.g,
+            besides: Besides::Nothing,
+            extra: [0.0; 3],
+        })
+    }
+
+    fn circuit(&self, solution: &Solution) -> Option<Circuit> {
+        let theta = &solution.theta;
+        let ratio = 1.0 + theta.nu;
+        let Points { reference_hz, reference_farad, total_weight, .. } = self.points;
+        // A reading (1 + ε)Z is best met by an admittance that is too small by ⟨|ε|²⟩.
+        let unbiased = 1.0 + solution.normal.cost / total_weight;
+        (ratio > 0.0).then(|| Circuit {
+            resonance_hz: reference_hz * ratio.sqrt(),
+            q: ratio.sqrt() / theta.alpha,
+            c0_farad: reference_farad * theta.c * unbiased,
+            c1_farad: reference_farad * theta.kappa / ratio * unbiased,
+            loss_tangent: theta.g / theta.c,
+        })
+    }
+
+    fn resonance(
+        &self,
+        solution: &Solution,
+        look: &Look,
+        free: usize,
+        options: &FitOptions,
+    ) -> Option<Resonance> {
+        let circuit = self.circuit(solution)?;
+        let inverse = Cholesky::new(&solution.normal.matrix, free, 0.0)?.inverse();
+        let Theta { nu, alpha, c, kappa, g } = solution.theta;
+        let (ratio, root) = (1.0 + nu, (1.0 + nu).sqrt());
+        let farad = self.points.reference_farad;
+        // Rows: (resonance, Q, C0, C1, tan δ) by (ν, α, c, κ, g).
+        let slope = [
+            [0.5 * self.points.reference_hz / root, 0.0, 0.0, 0.0, 0.0],
+            [0.5 / (root * alpha), -root / (alpha * alpha), 0.0, 0.0, 0.0],
+            [0.0, 0.0, farad, 0.0, 0.0],
+            [-farad * kappa / (ratio * ratio), 0.0, 0.0, farad / ratio, 0.0],
+            [0.0, 0.0, -g / (c * c), 0.0, 1.0 / c],
+        ];
+        let pairs = self.points.pairs();
+        let spread = Spread {
+            covariance: sandwich(&slope, &inverse),
+            condition: condition(&solution.normal.matrix, &inverse, free),
+            cost: solution.normal.cost,
+            neighbours: look.differences / (2 * pairs.max(1)) as f64,
+            count: self.points.count,
+            degrees: self.degrees(free),
+            widened: 0.0,
+        };
+        let rung = if free == PARAMETERS { Rung::Loss } else { Rung::Circuit };
+        Some(Resonance::new(&circuit, &spread, rung, options.noise.as_ref()))
+    }
+}
+
+/// By how much the cost falls when the patterns of [`kernel::look`] are fitted to the residuals
+/// together with the circuit.
+fn patterns(solution: &Solution, look: &Look, free: usize) -> Option<f64> {
+    let mut matrix = [[0.0; WIDE]; WIDE];
+    let mut gradient = [0.0; WIDE];
+    for (i, row) in solution.normal.matrix.iter().enumerate().take(free) {
+        matrix[i][..free].copy_from_slice(&row[..free]);
+    }
+    for k in 0..PATTERNS {
+        matrix[free + k][..free].copy_from_slice(&look.with_circuit[k][..free]);
+        matrix[free + k][free..free + PATTERNS].copy_from_slice(&look.among[k]);
+        gradient[free + k] = look.gradient[k];
+    }
+    let step = Cholesky::new(&matrix, free + PATTERNS, 0.0)?.solve(&gradient);
+    Some(step.iter().zip(&gradient).map(|(a, b)| a * b).sum())
+}

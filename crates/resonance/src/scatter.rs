@@ -1,0 +1,67 @@
+//! How much readings may scatter about a model.
+
+use crate::NoisePrior;
+
+/// A variance with the number of independent errors that it comes from.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Pool {
+    sum: f64,
+    degrees: f64,
+}
+
+impl Pool {
+    /// What is known beforehand.
+    pub(crate) fn known(noise: &NoisePrior) -> Self {
+        // Beyond a million what is added would be lost in rounding.
+        let degrees = noise.degrees_of_freedom.min(1e6);
+        Self { sum: degrees * noise.at_ten_cycles.powi(2), degrees }
+    }
+
+    /// Together with the weighted sum of |r|² of readings.
+    pub(crate) fn with(self, cost: f64, degrees: f64) -> Self {
+        Self { sum: self.sum + cost, degrees: self.degrees + degrees }
+    }
+
+    /// The variance of each part of a reading of ten cycles.
+    pub(crate) fn variance(self) -> f64 {
+        self.sum / self.degrees
+    }
+
+    /// Twice the log-likelihood gained when the sum falls by `saved`.
+    pub(crate) fn gain(self, saved: f64) -> f64 {
+        // A fit that leaves nothing is rounding, not certainty.
+        self.degrees * (self.sum / (self.sum - saved).max(1e-12 * self.sum)).ln()
+    }
+
+    /// Its root.
+    pub(crate) fn deviation(self) -> f64 {
+        self.variance().sqrt()
+    }
+}
+
+/// χ² may exceed its mean by this many of its standard deviations.
+pub(crate) const CHI_SQUARED_SIGMAS: f64 = 5.0;
+
+/// What χ² per degree of freedom exceeds as rarely as a normal quantity exceeds its mean by
+/// `sigmas` standard deviations: against noise known beforehand, or against the scatter between
+/// neighbours.
+pub(crate) fn allowed(degrees: f64, noise: Option<&NoisePrior>, sigmas: f64) -> f64 {
+    if let Some(prior) = noise {
+        // The cube root of χ²/n is nearly normal with mean 1 − 2/9n and variance 2/9n (Wilson and
+        // Hilferty); the uncertainty of what is known beforehand comes on top.
+        let part = 2.0 / 9.0 * (1.0 / degrees + 1.0 / prior.degrees_of_freedom);
+        return (1.0 - 2.0 / (9.0 * degrees) + sigmas * part.sqrt()).powi(3);
+    }
+    // The inverse, von Neumann's ratio, is normally distributed with variance 1/n.
+    let inverse = 1.0 - sigmas / degrees.sqrt();
+    if inverse > 0.0 { 1.0 / inverse } else { f64::INFINITY }
+}
+
+/// By how much the 97.5 % point of Student's distribution exceeds that of the normal one.
+///
+/// # Source
+/// Abramowitz and Stegun 26.7.5, two terms; within 0.5 % from 8 degrees of freedom upwards.
+pub(crate) fn student_factor(degrees: f64) -> f64 {
+    const Z2: f64 = 1.96 * 1.96;
+    1.0 + (Z2 + 1.0) / (4.0 * degrees) + ((5.0 * Z2 + 16.0) * Z2 + 3.0) / (96.0 * degrees * degrees)
+}

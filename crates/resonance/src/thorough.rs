@@ -1,0 +1,354 @@
+//! The fit for readings that are not beyond doubt: other starts, other models, outliers.
+
+use num_complex::Complex64;
+use rig_model::{Reading, Window};
+
+use crate::{
+    FitOptions, Reason, Resonance,
+    alternatives::{Alternative, Cause, Fitted},
+    dense::{Cholesky, condition, sandwich},
+    fit::GAIN_MIN,
+    grid::{Expected, Grid, are_apart},
+    outliers::{self, GAIN_PER_OUTLIER, READINGS_PER_OUTLIER},
+    scatter::Pool,
+    solve::End,
+    trace::{Believed, Besides, CIRCUIT, Minimum, Timing, Trace},
+    verdict::{Rung, Spread},
+};
+
+/// The most likely model, and what speaks against it.
+#[derive(Debug)]
+pub(crate) struct Model {
+    trace: Trace,
+    pub(crate) found: Minimum,
+    rung: Rung,
+    /// What must be added to the relative variance of the resonance, because a cause that would
+    /// shift it is not excluded.
+    widened: f64,
+    /// What speaks against it.
+    pub(crate) reason: Option<Reason>,
+}
+
+/// Valleys of the grid that are followed to their bottom.
+const STARTS: usize = 4;
+/// Variance to rank the trials of a grid with: only what is believed beforehand depends on it.
+const GRID_VARIANCE: f64 = 0.005 * 0.005;
+/// So far below the gain that takes a cause for real, it is as likely to be there as not.
+const EVEN_BELOW: f64 = 8.0;
+/// A second mode with more than this part of the capacitance of the first leaves open which is which.
+const EQUALS: f64 = 0.7;
+/// An error of the resonance below this many of its standard deviations does not matter.
+const SETTLED_SIGMAS: f64 = 0.5;
+
+/// Twice the log-likelihood that a cause must gain to be taken for real: chance reaches it once in
+/// a hundred thousand sweeps. A second mode is tried at many places.
+fn gain_needed(cause: &Cause) -> f64 {
+    match cause {
+        Cause::Drift | Cause::Hysteresis => 20.0,
+        Cause::Nonlinear | Cause::NotSettled | Cause::Stray => 23.0,
+        Cause::SecondMode { .. } => 28.0,
+    }
+}
+
+/// A cause whose being unknown raises the variance by more than this factor can hardly be told from
+/// the circuit with these readings, and is not held against them.
+fn told_apart(cause: &Cause, timing: Timing) -> f64 {
+    match (cause, timing) {
+        // These are common, and in a plain sweep nothing else speaks against them.
+        (Cause::NotSettled, Timing::Unknown)
+        | (Cause::Nonlinear, Timing::Unknown | Timing::Waited) => 100.0,
+        _ => 4.0,
+    }
+}
+
+/// By how much a cause that can be modelled must beat one that cannot, which was tried to first
+/// order only; something in series, which would explain a little of nearly everything, must beat
+/// all others.
+fn clearly(cause: &Cause) -> f64 {
+    if *cause == Cause::Stray { 30.0 } else { 10.0 }
+}
+
+impl Model {
+    /// The most likely model of the readings, from `start` or from nothing.
+    ///
+    /// # Errors
+    /// [`Reason::NoResonance`] when nothing like a resonance is found.
+    pub(crate) fn find(
+        readings: &[Reading],
+        window: Window,
+        unit_farad: f64,
+        start: Option<Believed>,
+        options: &FitOptions,
+    ) -> Result<Self, Reason> {
+        let trace = Trace::of(readings, options.timing, unit_farad);
+        let free = CIRCUIT + trace.besides().count();
+        let start = match start {
+            Some(start) => start,
+            None => from_nothing(&trace, window, free)?,
+        };
+        let found = trace.minimum(start, free);
+        let rung = if options.timing.is_steady() { Rung::Loss } else { Rung::RingUp };
+        let mut model =
+            Self { trace, found, rung, widened: 0.0, reason: None }.without_outliers(options);
+        if options.timing.is_steady() && !options.always_loss {
+            model.try_without_loss();
+        }
+        let has_settled = model.has_settled(options);
+        model.climb(options);
+        if !has_settled {
+            model.reason = Some(Cause::NotSettled.into());
+        } else if model.reason.is_none() {
+            model.reason = model.too_many_outliers();
+        }
+        Ok(model)
+    }
+
+    /// Degrees of freedom left.
+    pub(crate) fn degrees(&self) -> f64 {
+        (2 * self.trace.used().0 - self.found.free) as f64
+    }
+
+    /// The model of the readings without outliers, where they are all that is wrong.
+    fn without_outliers(self, options: &FitOptions) -> Self {
+        if outliers::count(&self.trace, &self.found) == 0 {
+            return self;
+        }
+        let Some((trace, found)) = outliers::without(&self.trace, &self.found) else {
+            return self;
+        };
+        let rest = Self { trace, found, rung: self.rung, widened: 0.0, reason: None };
+        let gain = rest.degrees() * (self.found.normal.cost / rest.found.normal.cost).ln();
+        let left_out = self.trace.used().0 - rest.trace.used().0;
+        // The readings may follow another model as a whole.
+        let is_best = self.rival(options) < gain - GAIN_PER_OUTLIER * left_out as f64;
+        if is_best { rest } else { self }
+    }
+
+    fn too_many_outliers(&self) -> Option<Reason> {
+        let readings = self.trace.samples.len();
+        let found = outliers::count(&self.trace, &self.found);
+        let allowed = readings / READINGS_PER_OUTLIER;
+        (found > 0).then_some(Reason::Outliers { found, readings, allowed })
+    }
+
+    /// Does without dielectric loss where that costs less than a parameter is worth by the Bayesian
+    /// information criterion.
+    fn try_without_loss(&mut self) {
+        let lossless = Believed { g: 0.0, ..self.found.at };
+        let plain = self.trace.minimum(lossless, CIRCUIT - 1);
+        let gain = self.degrees() * (plain.normal.cost / self.found.normal.cost).ln();
+        if gain < (2.0 * self.trace.used().0 as f64).ln() {
+            (self.found, self.rung) = (plain, Rung::Circuit);
+        }
+    }
+
+    /// Goes one rung up where the readings ask for it, and says what remains.
+    fn climb(&mut self, options: &FitOptions) {
+        let alternatives = self.doubts(options);
+        let Some(strongest) = strongest(&alternatives) else { return };
+        self.reason = Some(strongest.into());
+        let higher = alternatives
+            .iter()
+            .filter(|(found, gain)| *gain > gain_needed(&found.cause))
+            .filter_map(|(found, _)| Some((self.higher(&found.cause)?, found.cause)))
+            .filter(|(model, _)| model.found.end != End::OutOfSteps)
+            .min_by(|a, b| a.0.found.normal.cost.total_cmp(&b.0.found.normal.cost));
+        let Some((mut higher, cause)) = higher else { return };
+        let gain = self.gain(self.found.normal.cost - higher.found.normal.cost, options);
+        let rival = alternatives
+            .iter()
+            .filter(|(other, _)| {
+                let is_rival = cause == Cause::Stray || !other.cause.can_be_modelled();
+                is_rival && !other.cause.is_like(&cause)
+            })
+            .map(|(_, gain)| *gain)
+            .fold(0.0, f64::max);
+        if gain < rival + clearly(&cause) {
+            return;
+        }
+        higher.reason = self::strongest(&higher.doubts(options)).map(Reason::from);
+        let Believed { besides, c1, extra, .. } = higher.found.at;
+        if besides == Besides::SecondMode && extra[2] > EQUALS * c1 {
+            higher.reason = Some(cause.into());
+        }
+        *self = higher;
+    }
+
+    /// Every alternative with its gain. Each widens the uncertainty as far as it is likely: its gain
+    /// says how much likelier it has become than it was before, which is where chance rarely gets.
+    fn doubts(&mut self, options: &FitOptions) -> Vec<(Alternative, f64)> {
+        let fitted = Fitted::new(&self.trace, &self.found);
+        let alternatives: Vec<_> = fitted
+            .alternatives()
+            .into_iter()
+            .map(|found| (found, self.gain(found.saved, options)))
+            .collect();
+        let variance = self.noise(options).variance();
+        self.widened = alternatives
+            .iter()
+            .filter(|(found, _)| {
+                found.variance < told_apart(&found.cause, options.timing) * found.variance_without
+            })
+            .map(|(found, gain)| {
+                let even = gain_needed(&found.cause) - EVEN_BELOW;
+                let probability = 1.0 / (1.0 + (0.5 * (even - gain)).exp());
+                let more = variance * (found.variance - found.variance_without);
+                probability * (found.shift * found.shift + more)
+            })
+            .fold(0.0, f64::max);
+        alternatives
+    }
+
+    /// What the best cause other than a second mode gains, which would follow any single reading.
+    fn rival(&self, options: &FitOptions) -> f64 {
+        Fitted::new(&self.trace, &self.found)
+            .alternatives()
+            .into_iter()
+            .filter(|found| !matches!(found.cause, Cause::SecondMode { .. } | Cause::Stray))
+            .map(|found| {
+                let cost = self.found.normal.cost;
+                let refit = self.higher(&found.cause);
+                let saved = refit.map_or(0.0, |model| cost - model.found.normal.cost);
+                self.gain(saved.max(found.saved), options)
+            })
+            .fold(0.0, f64::max)
+    }
+
+    /// The model with this cause in it, where there is one.
+    fn higher(&self, cause: &Cause) -> Option<Self> {
+        if !self.trace.timing.is_steady() {
+            return None;
+        }
+        let (besides, extra, rung) = match *cause {
+            Cause::Drift => (Besides::Drift, [0.0; 3], Rung::Drift),
+            Cause::Stray => (Besides::Stray, [0.0; 3], Rung::Stray),
+            Cause::SecondMode { frequency_hz, q } => {
+                let start = [frequency_hz.ln(), q.ln(), 0.01 * self.found.at.c1];
+                (Besides::SecondMode, start, Rung::SecondMode)
+            }
+            Cause::Hysteresis | Cause::Nonlinear | Cause::NotSettled => return None,
+        };
+        let trace = self.trace.clone();
+        let start = Believed { besides, extra, ..self.found.at };
+        let found = trace.minimum(start, CIRCUIT + besides.count());
+        Some(Self { trace, found, rung, widened: 0.0, reason: None })
+    }
+
+    /// Whether what is left of the motion does not matter, given how long each point was waited
+    /// for, or is not there.
+    fn has_settled(&self, options: &FitOptions) -> bool {
+        let Some(left) = Fitted::new(&self.trace, &self.found).left_over() else { return true };
+        let noise = self.noise(options).deviation();
+        if left.error.abs() < SETTLED_SIGMAS * noise * left.variance_without.sqrt() {
+            return true;
+        }
+        let sigma = noise * left.size_variance.sqrt();
+        left.size.abs() < 3.0 * sigma && 1.0 - left.size > 4.0 * sigma
+    }
+
+    /// What is known of the noise beforehand and from what is left.
+    fn noise(&self, options: &FitOptions) -> Pool {
+        options
+            .noise
+            .as_ref()
+            .map_or_else(Pool::default, Pool::known)
+            .with(self.found.normal.cost, self.degrees())
+    }
+
+    /// Twice the log-likelihood gained when the cost falls by `saved`.
+    fn gain(&self, saved: f64, options: &FitOptions) -> f64 {
+        self.noise(options).gain(saved)
+    }
+
+    /// The result as it stands, or `None` where the readings do not determine it.
+    pub(crate) fn resonance(&self, options: &FitOptions) -> Option<Resonance> {
+        let Minimum { at, normal, free, .. } = &self.found;
+        let inverse = Cholesky::new(&normal.matrix, *free, 0.0)?.inverse();
+        let farad = self.trace.unit_farad;
+        // Rows: (resonance, Q, C0, C1, tan δ) by (ln resonance, ln Q, C0, C1, C0·tan δ).
+        let slope = [
+            [at.resonance_hz, 0.0, 0.0, 0.0, 0.0],
+            [0.0, at.q, 0.0, 0.0, 0.0],
+            [0.0, 0.0, farad, 0.0, 0.0],
+            [0.0, 0.0, 0.0, farad, 0.0],
+            [0.0, 0.0, -at.g / (at.c0 * at.c0), 0.0, 1.0 / at.c0],
+        ];
+        let leading = std::array::from_fn(|i| std::array::from_fn(|j| inverse[i][j]));
+        let spread = Spread {
+            covariance: sandwich(&slope, &leading),
+            condition: condition(&normal.matrix, &inverse, *free),
+            cost: normal.cost,
+            neighbours: self.neighbours(),
+            count: self.trace.used().0,
+            degrees: self.degrees(),
+            widened: self.widened * at.resonance_hz.powi(2),
+        };
+        Some(Resonance::new(&at.circuit(farad), &spread, self.rung, options.noise.as_ref()))
+    }
+
+    /// The variance of one part of a reading of ten cycles by the differences of neighbours: in
+    /// frequency where everything has settled, in time where it has not.
+    fn neighbours(&self) -> f64 {
+        let mut residuals = Vec::new();
+        self.trace.rows(&self.found.at, |sample, row| {
+            if sample.weight > 0.0 {
+                residuals.push((sample.visit.frequency_hz, row.residual, 1.0 / sample.weight));
+            }
+        });
+        if self.trace.timing.is_steady() {
+            residuals.sort_by(|a, b| a.0.total_cmp(&b.0));
+        }
+        let pairs = residuals.len().saturating_sub(1).max(1);
+        let sum: f64 =
+            residuals.windows(2).map(|r| (r[1].1 - r[0].1).norm_sqr() / (r[0].2 + r[1].2)).sum();
+        sum / (2 * pairs) as f64
+    }
+
+    /// Twice the log-likelihood gained over the best capacitor with loss.
+    pub(crate) fn gain_over_capacitor(&self) -> f64 {
+        let (mut p_sum, mut squares, mut weights) = (Complex64::ZERO, 0.0, 0.0);
+        for sample in self.trace.samples.iter().filter(|sample| sample.weight > 0.0) {
+            let p = sample.impedance * sample.visit.frequency_hz;
+            p_sum += sample.weight * p;
+            squares += sample.weight * p.norm_sqr();
+            weights += sample.weight;
+        }
+        let cost = weights - p_sum.norm_sqr() / squares;
+        self.degrees() * (cost / self.found.normal.cost).ln()
+    }
+}
+
+/// The cause that is taken for real, if there is one.
+fn strongest(alternatives: &[(Alternative, f64)]) -> Option<Cause> {
+    alternatives
+        .iter()
+        .map(|(found, gain)| (found.cause, gain - gain_needed(&found.cause)))
+        .filter(|(_, more)| *more > 0.0)
+        .max_by(|a, b| a.1.total_cmp(&b.1))
+        .map(|(cause, _)| cause)
+}
+
+/// A start from a grid over the window and its surroundings.
+fn from_nothing(trace: &Trace, window: Window, free: usize) -> Result<Believed, Reason> {
+    let wider = Window { min_hz: window.min_hz * 0.8, max_hz: window.max_hz * 1.25 };
+    let mut grid = Grid::new(wider, trace.timing);
+    for sample in &trace.samples {
+        grid.add(sample);
+    }
+    let mut starts: Vec<Believed> = Vec::new();
+    for (_, start) in grid.ranked(Expected::default(), GRID_VARIANCE) {
+        if starts.iter().all(|other| are_apart(other, &start, 2.5)) {
+            starts.push(start);
+        }
+        if starts.len() == STARTS {
+            break;
+        }
+    }
+    starts
+        .into_iter()
+        .map(|start| trace.minimum(start, free))
+        .filter(|found| found.at.c1 > 0.0)
+        .min_by(|a, b| a.normal.cost.total_cmp(&b.normal.cost))
+        .map(|found| found.at)
+        .ok_or(Reason::NoResonance { found: 0.0, needed: GAIN_MIN })
+}

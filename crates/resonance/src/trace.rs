@@ -1,0 +1,399 @@
+//! Readings one by one, in the order in which they were taken, and the most likely circuit behind
+//! them.
+//!
+//! Where [`crate::kernel`] is fast and knows one model, this knows them all: readings that have
+//! settled or are still ringing up, and what a circuit may have besides its five parameters. Every
+//! model gives the same thing, a [`Row`] for each reading, and everything else works on rows.
+
+use std::f64::consts::TAU;
+
+use num_complex::Complex64;
+use rig_model::{Reading, ReadingFlag};
+
+use crate::{
+    Circuit,
+    dual::{Dual, Value},
+    ringup::{Heard, Motion, Visit, with_slopes},
+    solve::{Descent, End, Normal, Step},
+};
+
+/// Unknowns: ln resonance, ln Q, C0, C1, C0·tan δ, and up to three of what comes besides.
+pub(crate) const UNKNOWNS: usize = 8;
+/// How many of them make the circuit.
+pub(crate) const CIRCUIT: usize = 5;
+
+/// What is known of the times of the readings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Timing {
+    /// Nothing: each reading may or may not have settled.
+    Unknown,
+    /// How long each point was waited for and integrated. What the drive does between the points is
+    /// not known, so that readings must have settled.
+    #[default]
+    Waited,
+    /// Everything: the times are exact, the drive goes on from one point to the next, and its phase
+    /// never jumps. Nothing has to have settled.
+    Exact(Past),
+}
+
+impl Timing {
+    /// Whether the model of a reading is that of a settled one.
+    pub(crate) const fn is_steady(self) -> bool {
+        !matches!(self, Self::Exact(_))
+    }
+}
+
+/// What is known of the sensor's motion before the first reading.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Past {
+    /// The drive begins with the first point, at its crest, on a sensor at rest.
+    Rest,
+    /// Nothing.
+    #[default]
+    Unknown,
+}
+
+/// What a model may have besides the circuit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Besides {
+    Nothing,
+    /// Free motion from before the first reading: two amplitudes.
+    Past,
+    /// The resonance moves evenly with time: by this part of itself from the middle to the end.
+    Drift,
+    /// Another branch in parallel: ln frequency, ln Q, C.
+    SecondMode,
+    /// Resistance and inductance in series.
+    Stray,
+}
+
+impl Besides {
+    /// How many unknowns it adds.
+    pub(crate) const fn count(self) -> usize {
+        match self {
+            Self::Nothing => 0,
+            Self::Drift => 1,
+            Self::Past | Self::Stray => 2,
+            Self::SecondMode => 3,
+        }
+    }
+}
+
+/// A reading and the visit that made it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sample {
+    pub(crate) visit: Visit,
+    /// Measured impedance times the unit of capacitance, s.
+    pub(crate) impedance: Complex64,
+    /// How many times ten cycles; 0 for a reading that is left out.
+    pub(crate) weight: f64,
+    /// The middle of the integration, from −1 for the first reading to 1 for the last.
+    pub(crate) when: f64,
+}
+
+/// A model and its parameters. Capacitances are in units of the [`Trace`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Believed {
+    pub(crate) resonance_hz: f64,
+    pub(crate) q: f64,
+    pub(crate) c0: f64,
+    pub(crate) c1: f64,
+    pub(crate) g: f64,
+    pub(crate) besides: Besides,
+    pub(crate) extra: [f64; 3],
+}
+
+/// One reading as the model sees it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Row {
+    /// ln Z(measured)/Z(model), nearly.
+    pub(crate) residual: Complex64,
+    /// Its slope by each unknown.
+    pub(crate) slopes: [Complex64; UNKNOWNS],
+}
+
+/// Readings in the order in which they were taken.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Trace {
+    pub(crate) timing: Timing,
+    pub(crate) samples: Vec<Sample>,
+    /// Farads that bring capacitances near 1.
+    pub(crate) unit_farad: f64,
+    last: Option<Reading>,
+}
+
+/// Times of the clock are whole microseconds; a gap up to this is rounding.
+const CLOCK_S: f64 = 2.5e-6;
+
+impl Trace {
+    pub(crate) fn new(timing: Timing, unit_farad: f64) -> Self {
+        Self { timing, samples: Vec::new(), unit_farad, last: None }
+    }
+
+    /// All readings at once.
+    pub(crate) fn of(readings: &[Reading], timing: Timing, unit_farad: f64) -> Self {
+        let mut trace = Self::new(timing, unit_farad);
+        for reading in readings {
+            trace.push(reading);
+        }
+        trace.set_times(readings);
+        trace
+    }
+
+    /// Takes in one more reading. Its visit lasts until the next one begins.
+    pub(crate) fn push(&mut self, reading: &Reading) {
+        if let (Some(previous), Some(last)) = (&self.last, self.samples.last_mut()) {
+            let stay = reading.started.since(previous.started).as_secs_f64();
+            let rest = stay - previous.settle_s - previous.integration_s;
+            last.visit.rest_s = if rest > CLOCK_S { rest } else { 0.0 };
+        }
+        let usable = reading.flag != ReadingFlag::Overload;
+        let impedance = Complex64::new(reading.resistance_ohm, reading.reactance_ohm);
+        self.samples.push(Sample {
+            visit: Visit {
+                frequency_hz: reading.frequency_hz,
+                settle_s: reading.settle_s,
+                integration_s: reading.integration_s,
+                rest_s: 0.0,
+            },
+            impedance: if usable { impedance * self.unit_farad } else { Complex64::ZERO },
+            weight: if usable { weight(reading) } else { 0.0 },
+            when: 0.0,
+        });
+        self.last = Some(*reading);
+    }
+
+    /// Places the readings in time, by their order where the clock says nothing.
+    fn set_times(&mut self, readings: &[Reading]) {
+        let (Some(first), Some(last)) = (readings.first(), readings.last()) else { return };
+        let span_s = last.started.since(first.started).as_secs_f64();
+        let steps = (readings.len() - 1).max(1) as f64;
+        for (i, (sample, reading)) in self.samples.iter_mut().zip(readings).enumerate() {
+            let part = if span_s > 0.0 {
+                reading.started.since(first.started).as_secs_f64() / span_s
+            } else {
+                i as f64 / steps
+            };
+            sample.when = 2.0 * part - 1.0;
+        }
+    }
+
+    /// What a model of these readings must have besides the circuit.
+    pub(crate) fn besides(&self) -> Besides {
+        match self.timing {
+            Timing::Exact(Past::Unknown) => Besides::Past,
+            Timing::Exact(Past::Rest) | Timing::Waited | Timing::Unknown => Besides::Nothing,
+        }
+    }
+
+    /// How many readings take part, and the sum of their weights.
+    pub(crate) fn used(&self) -> (usize, f64) {
+        self.samples
+            .iter()
+            .filter(|sample| sample.weight > 0.0)
+            .fold((0, 0.0), |(count, weight), sample| (count + 1, weight + sample.weight))
+    }
+
+    /// Every reading as the model sees it, left-out ones too, and the state of the motion after
+    /// the last.
+    pub(crate) fn rows(&self, at: &Believed, mut each: impl FnMut(&Sample, Row)) -> State {
+        self.walk(at, |sample, heard| each(sample, row(at, sample, heard)))
+    }
+
+    fn walk(&self, at: &Believed, mut each: impl FnMut(&Sample, &Heard<Dual>)) -> State {
+        let mut motion = Motion::at_rest(with_slopes(at.resonance_hz, at.q));
+        let mut past = Dual::constant(Complex64::ONE);
+        for sample in &self.samples {
+            let heard = match self.timing {
+                Timing::Exact(_) => motion.visit(&sample.visit, &mut past),
+                Timing::Waited | Timing::Unknown => steady(at, sample),
+            };
+            each(sample, &heard);
+        }
+        State { motion, past }
+    }
+
+    /// Every reading as if it were what the model says.
+    pub(crate) fn ideal_rows(&self, at: &Believed, mut each: impl FnMut(Row)) {
+        self.walk(at, |sample, heard| each(ideal_row(at, sample, heard)));
+    }
+
+    /// The normal equations.
+    pub(crate) fn normal(&self, at: &Believed) -> Normal<UNKNOWNS> {
+        let mut normal = Normal::default();
+        self.rows(at, |sample, row| {
+            if sample.weight > 0.0 {
+                normal.add(row.residual, &row.slopes, sample.weight);
+            }
+        });
+        normal
+    }
+
+    /// The most likely model of this kind near `start`.
+    pub(crate) fn minimum(&self, start: Believed, free: usize) -> Minimum {
+        let (at, normal, end) = self.solve_with(start, free, |_, _| ());
+        Minimum { at, normal, end, free }
+    }
+
+    /// The most likely model of this kind near `start`, with something added to the normal
+    /// equations.
+    pub(crate) fn solve_with(
+        &self,
+        start: Believed,
+        free: usize,
+        add: impl Fn(&Believed, &mut Normal<UNKNOWNS>),
+    ) -> (Believed, Normal<UNKNOWNS>, End) {
+        let (count, weight) = self.used();
+        Descent { count, weight, free }.run(start, |at| {
+            let mut normal = self.normal(at);
+            add(at, &mut normal);
+            normal
+        })
+    }
+}
+
+/// A model at which the cost is least.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Minimum {
+    pub(crate) at: Believed,
+    /// The normal equations there.
+    pub(crate) normal: Normal<UNKNOWNS>,
+    pub(crate) end: End,
+    /// How many of the unknowns were free.
+    pub(crate) free: usize,
+}
+
+/// The state of the motion after the last reading.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct State {
+    pub(crate) motion: Motion<Dual>,
+    pub(crate) past: Dual,
+}
+
+/// How many times ten cycles were integrated; 1 where the time is not known.
+#[inline]
+pub(crate) fn weight(reading: &Reading) -> f64 {
+    let cycles = reading.integration_s * reading.frequency_hz;
+    if cycles > 0.0 { 0.1 * cycles } else { 1.0 }
+}
+
+/// What is heard after all transients.
+fn steady(at: &Believed, sample: &Sample) -> Heard<Dual> {
+    let drift = if at.besides == Besides::Drift { at.extra[0] * sample.when } else { 0.0 };
+    let resonance_hz = at.resonance_hz * (1.0 + drift);
+    let zero = Dual::constant(Complex64::ZERO);
+    let motional = branch(resonance_hz, at.q, sample.visit.frequency_hz);
+    Heard { motional, past: [zero; 2] }
+}
+
+/// jω/D of a branch, with its slopes by the logarithms of frequency and quality.
+fn branch(resonance_hz: f64, q: f64, frequency_hz: f64) -> Dual {
+    let u = frequency_hz / resonance_hz;
+    let response = 1.0 / Complex64::new(1.0 - u * u, u / q);
+    let value = Complex64::new(0.0, TAU * frequency_hz) * response;
+    let by = -value * response;
+    Dual { value, by: [by * Complex64::new(2.0 * u * u, -u / q), by * Complex64::new(0.0, -u / q)] }
+}
+
+/// A reading as the model sees it.
+///
+/// The residual is 2(x − 1)/(x + 1) with x = Z(measured)/Z(model), which is ln x but for a third
+/// order. The plain x − 1 would carry the noise into its slopes: fitted together with a pattern
+/// free of it, they would make a model out of noise.
+fn row(at: &Believed, sample: &Sample, heard: &Heard<Dual>) -> Row {
+    let Model { admittance, slopes, series } = model(at, sample, heard);
+    let x = (sample.impedance - series) * admittance;
+    let more = 1.0 / (x + 1.0);
+    let slope = 4.0 * x * more * more;
+    Row { residual: 2.0 * (x - 1.0) * more, slopes: slopes.map(|by| by * slope) }
+}
+
+/// A reading as it would be if the model were exact.
+pub(crate) fn ideal_row(at: &Believed, sample: &Sample, heard: &Heard<Dual>) -> Row {
+    Row { residual: Complex64::ZERO, slopes: model(at, sample, heard).slopes }
+}
+
+/// What a model says of a reading.
+struct Model {
+    admittance: Complex64,
+    /// Slopes of the logarithm of Z(measured)/Z(model).
+    slopes: [Complex64; UNKNOWNS],
+    /// What lies in series with it.
+    series: Complex64,
+}
+
+fn model(at: &Believed, sample: &Sample, heard: &Heard<Dual>) -> Model {
+    let omega = TAU * sample.visit.frequency_hz;
+    let mut admittance = Complex64::new(at.g, at.c0) * omega + at.c1 * heard.motional.value;
+    let mut by = [at.c1 * heard.motional.by[0], at.c1 * heard.motional.by[1]];
+    let mut more = [Complex64::ZERO; UNKNOWNS - CIRCUIT];
+    let mut series = Complex64::ZERO;
+    match at.besides {
+        Besides::Nothing => {}
+        Besides::Past => {
+            for (i, part) in heard.past.iter().enumerate() {
+                admittance += at.extra[i] * part.value;
+                by[0] += at.extra[i] * part.by[0];
+                by[1] += at.extra[i] * part.by[1];
+                more[i] = part.value;
+            }
+        }
+        Besides::Drift => more[0] = by[0] * (sample.when / (1.0 + at.extra[0] * sample.when)),
+        Besides::SecondMode => {
+            let [ln_hz, ln_q, c] = at.extra;
+            let second = branch(ln_hz.exp(), ln_q.exp(), sample.visit.frequency_hz);
+            admittance += c * second.value;
+            more = [c * second.by[0], c * second.by[1], second.value];
+        }
+        Besides::Stray => {
+            series = Complex64::new(at.extra[0], omega * at.extra[1]);
+            // Of ln (Z − Zs)Y, where Z − Zs is 1/Y.
+            let squared = admittance * admittance;
+            more[0] = -squared;
+            more[1] = -squared * Complex64::new(0.0, omega);
+        }
+    }
+    let static_by = [Complex64::new(0.0, omega), heard.motional.value, Complex64::from(omega)];
+    let [by_c0, by_c1, by_g] = static_by;
+    let inverse = 1.0 / admittance;
+    let slopes = [by[0], by[1], by_c0, by_c1, by_g, more[0], more[1], more[2]];
+    Model { admittance, slopes: slopes.map(|by| by * inverse), series }
+}
+
+impl Believed {
+    /// The circuit in farads.
+    pub(crate) fn circuit(&self, unit_farad: f64) -> Circuit {
+        // The impedance was multiplied by the unit, so capacitances come out divided by it.
+        Circuit {
+            resonance_hz: self.resonance_hz,
+            q: self.q,
+            c0_farad: self.c0 * unit_farad,
+            c1_farad: self.c1 * unit_farad,
+            loss_tangent: self.g / self.c0,
+        }
+    }
+}
+
+impl Step<UNKNOWNS> for Believed {
+    fn minus(&self, step: &[f64; UNKNOWNS]) -> Self {
+        // A long step in a logarithm leaves the region in which the slopes mean anything.
+        let by = |step: f64, limit: f64| (-step).clamp(-limit, limit);
+        let mut extra = self.extra;
+        for (extra, step) in extra.iter_mut().zip(&step[CIRCUIT..]) {
+            *extra -= *step;
+        }
+        if self.besides == Besides::SecondMode {
+            extra[0] = self.extra[0] + by(step[CIRCUIT], 0.05);
+            extra[1] = self.extra[1] + by(step[CIRCUIT + 1], 1.0);
+        }
+        Self {
+            resonance_hz: self.resonance_hz * by(step[0], 0.05).exp(),
+            q: self.q * by(step[1], 1.0).exp(),
+            c0: self.c0 - step[2],
+            c1: self.c1 - step[3],
+            g: self.g - step[4],
+            besides: self.besides,
+            extra,
+        }
+    }
+}
