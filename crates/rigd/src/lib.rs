@@ -12,5 +12,6 @@ pub mod report;
 pub mod rig;
 pub mod rig_file;
 pub mod run_files;
+pub mod sweep_file;
 mod sweep_order;
 mod sweeps;

@@ -1,0 +1,258 @@
+//! What a column holds, by the names that people and instruments give it.
+
+use std::ops::RangeInclusive;
+
+use super::{FREQUENCY_HZ, IMPEDANCE_OHM};
+
+/// What a column can hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Quantity {
+    Frequency,
+    Resistance,
+    Reactance,
+    Magnitude,
+    Phase,
+    Conductance,
+    Susceptance,
+    Time,
+    Settle,
+    Integration,
+    Flag,
+    IsUsed,
+    Sweep,
+}
+
+/// Names as they are left by [`plain`].
+const NAMES: [(Quantity, &[&str]); 13] = [
+    (Quantity::Frequency, &["frequency", "freq", "f"]),
+    (
+        Quantity::Resistance,
+        &["resistance", "r", "rs", "re(z)", "rez", "real(z)", "zreal", "realz", "zre", "z'"],
+    ),
+    (
+        Quantity::Reactance,
+        &["reactance", "x", "xs", "im(z)", "imz", "imag(z)", "zimag", "imagz", "zim", "z''"],
+    ),
+    (
+        Quantity::Magnitude,
+        &[
+            "impedancemagnitude",
+            "impedance",
+            "|z|",
+            "z",
+            "zmag",
+            "mag(z)",
+            "abs(z)",
+            "zabs",
+            "zmod",
+        ],
+    ),
+    (
+        Quantity::Phase,
+        &["phase", "theta", "θ", "φ", "ϕ", "phi", "θz", "phasez", "zphase", "phase(z)", "arg(z)"],
+    ),
+    (Quantity::Conductance, &["conductance", "g", "re(y)", "yre", "yreal"]),
+    (Quantity::Susceptance, &["susceptance", "b", "im(y)", "yim", "yimag"]),
+    (Quantity::Time, &["time", "started", "t"]),
+    (Quantity::Settle, &["settle", "settling"]),
+    (Quantity::Integration, &["integration", "integrationtime"]),
+    (Quantity::Flag, &["flag"]),
+    (Quantity::IsUsed, &["isused"]),
+    (Quantity::Sweep, &["sweep"]),
+];
+
+/// Units as they are written, and what one of them is in the unit without a prefix.
+const HERTZ: [(&str, f64); 4] = [("hz", 1.0), ("khz", 1e3), ("mhz", 1e6), ("ghz", 1e9)];
+const SECOND: [(&str, f64); 5] =
+    [("s", 1.0), ("sec", 1.0), ("ms", 1e-3), ("us", 1e-6), ("µs", 1e-6)];
+const ANGLE: [(&str, f64); 5] = [
+    ("deg", 1.0),
+    ("°", 1.0),
+    ("degrees", 1.0),
+    ("rad", 180.0 / std::f64::consts::PI),
+    ("radians", 180.0 / std::f64::consts::PI),
+];
+
+impl Quantity {
+    /// How many there are.
+    pub(super) const COUNT: usize = Self::Sweep as usize + 1;
+
+    /// Whether it is a part of the impedance.
+    pub(super) const fn is_impedance(self) -> bool {
+        matches!(
+            self,
+            Self::Resistance
+                | Self::Reactance
+                | Self::Magnitude
+                | Self::Phase
+                | Self::Conductance
+                | Self::Susceptance
+        )
+    }
+
+    /// In a message.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::Frequency => "frequency",
+            Self::Resistance => "resistance",
+            Self::Reactance => "reactance",
+            Self::Magnitude => "magnitude of the impedance",
+            Self::Phase => "phase",
+            Self::Conductance => "conductance",
+            Self::Susceptance => "susceptance",
+            Self::Time => "time",
+            Self::Settle => "settling",
+            Self::Integration => "integration time",
+            Self::Flag => "flag",
+            Self::IsUsed => "use",
+            Self::Sweep => "sweep",
+        }
+    }
+
+    /// At the head of its column.
+    pub(super) const fn key(self) -> &'static str {
+        match self {
+            Self::Frequency => "frequency_hz",
+            Self::Resistance => "resistance_ohm",
+            Self::Reactance => "reactance_ohm",
+            Self::Magnitude => "impedance_magnitude_ohm",
+            Self::Phase => "phase_deg",
+            Self::Conductance => "conductance_s",
+            Self::Susceptance => "susceptance_s",
+            Self::Time => "time_s",
+            Self::Settle => "settle_s",
+            Self::Integration => "integration_s",
+            Self::Flag => "flag",
+            Self::IsUsed => "is_used",
+            Self::Sweep => "sweep",
+        }
+    }
+
+    /// What it can be, in the unit of its key.
+    pub(super) const fn range(self) -> RangeInclusive<f64> {
+        match self {
+            Self::Frequency => FREQUENCY_HZ,
+            Self::Magnitude => 0.0..=*IMPEDANCE_OHM.end(),
+            Self::Phase => -3600.0..=3600.0,
+            // Seconds since 1970 are times too.
+            Self::Time => -1e10..=1e10,
+            Self::Settle => 0.0..=1e5,
+            Self::Integration => 1e-9..=1e5,
+            _ => IMPEDANCE_OHM,
+        }
+    }
+
+    const fn is_time(self) -> bool {
+        matches!(self, Self::Time | Self::Settle | Self::Integration)
+    }
+
+    /// What one of this unit is in the unit of the key.
+    fn factor(self, unit: &str) -> Option<f64> {
+        let lower = unit.trim_end_matches('.').to_lowercase();
+        let among = |units: &[(&str, f64)]| {
+            units.iter().find(|(name, _)| *name == lower).map(|(_, factor)| *factor)
+        };
+        match self {
+            // Only a lower-case m before a capital H is surely meant to be a thousandth.
+            Self::Frequency if unit == "mHz" => Some(1e-3),
+            Self::Frequency => among(&HERTZ),
+            Self::Resistance | Self::Reactance | Self::Magnitude => {
+                prefixed(unit, &["ohm", "ohms", "ω"])
+            }
+            Self::Conductance | Self::Susceptance => prefixed(unit, &["s", "siemens"]),
+            Self::Phase => among(&ANGLE),
+            Self::Time | Self::Settle | Self::Integration => among(&SECOND),
+            Self::Flag | Self::IsUsed | Self::Sweep => None,
+        }
+    }
+}
+
+/// What one of this unit is, its name with or without a prefix.
+fn prefixed(unit: &str, names: &[&str]) -> Option<f64> {
+    let is_name = |text: &str| names.contains(&text.to_lowercase().as_str());
+    if is_name(unit) {
+        return Some(1.0);
+    }
+    let mut rest = unit.chars();
+    let factor = match rest.next()? {
+        'M' => 1e6,
+        'k' | 'K' => 1e3,
+        'm' => 1e-3,
+        'u' | 'µ' | 'μ' => 1e-6,
+        'n' => 1e-9,
+        _ => return None,
+    };
+    is_name(rest.as_str()).then_some(factor)
+}
+
+/// What the head of a column says.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Head {
+    pub(super) quantity: Quantity,
+    /// By what a number is to be multiplied; `None` where the unit is not one of the quantity.
+    pub(super) factor: Option<f64>,
+    /// The unit as it is written.
+    pub(super) unit: Option<String>,
+}
+
+impl Head {
+    /// What this cell names, if it names anything.
+    pub(super) fn of(cell: &str) -> Option<Self> {
+        let cell = cell.trim();
+        if let Some((quantity, sign)) = named(cell).filter(|(quantity, _)| !quantity.is_time()) {
+            return Some(Self { quantity, factor: Some(sign), unit: None });
+        }
+        let (name, unit) = name_and_unit(cell)?;
+        let (quantity, sign) = match name {
+            // Some write nothing but the unit.
+            "" if Quantity::Frequency.factor(unit).is_some() => (Quantity::Frequency, 1.0),
+            "" if Quantity::Phase.factor(unit).is_some() => (Quantity::Phase, 1.0),
+            name => named(name)?,
+        };
+        let factor = quantity.factor(unit).map(|factor| sign * factor);
+        // `Phase margin` is another quantity, and a time in no unit that of a calendar.
+        let is_marked = cell.ends_with([')', ']']) || cell.contains('/');
+        let is_meant = factor.is_some() || (is_marked && !quantity.is_time());
+        is_meant.then(|| Self { quantity, factor, unit: Some(unit.to_owned()) })
+    }
+}
+
+/// `Freq. (kHz)`, `|Z| [Ohm]`, `Z' / Ω`, `phase_deg`, `Freq Hz`, `Hz`.
+fn name_and_unit(cell: &str) -> Option<(&str, &str)> {
+    let (name, unit) = match cell.strip_suffix([')', ']']) {
+        Some(open) => open.rsplit_once(['(', '['])?,
+        None => cell.rsplit_once(['/', '_', ' ']).unwrap_or(("", cell)),
+    };
+    Some((name.trim().trim_end_matches('/'), unit.trim()))
+}
+
+/// The quantity of this name, and −1 where a minus stands before it.
+fn named(name: &str) -> Option<(Quantity, f64)> {
+    let plain = plain(name);
+    let find = |name: &str| {
+        let found = NAMES.iter().find(|(_, names)| names.contains(&name));
+        found.map(|(quantity, _)| *quantity)
+    };
+    if let Some(quantity) = find(&plain) {
+        return Some((quantity, 1.0));
+    }
+    // Nyquist and Bode diagrams of capacitors are drawn upside down, and exported so.
+    let is_turned = |quantity: &Quantity| matches!(quantity, Quantity::Reactance | Quantity::Phase);
+    plain.strip_prefix('-').and_then(find).filter(is_turned).map(|quantity| (quantity, -1.0))
+}
+
+/// A name without what differs from one file to the next.
+fn plain(name: &str) -> String {
+    let mut plain = String::new();
+    for character in name.trim().chars().flat_map(char::to_lowercase) {
+        match character {
+            ' ' | '_' | '.' | ':' => {}
+            '−' | '-' if plain.is_empty() => plain.push('-'),
+            '−' | '-' => {}
+            '′' | '’' => plain.push('\''),
+            '″' | '"' => plain.push_str("''"),
+            other => plain.push(other),
+        }
+    }
+    plain
+}

@@ -1,0 +1,124 @@
+//! What a sweep file can be refused for.
+
+use rig_settings::Complaint;
+
+use super::head::Quantity;
+
+/// One reason.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub(super) enum Refusal {
+    #[error("the file holds no readings")]
+    Empty,
+    #[error("more is wrong than the {shown} faults above")]
+    More { shown: usize },
+
+    // The header.
+    #[error("no line names the columns")]
+    NoHeader,
+    #[error("no column is a frequency")]
+    NoFrequency,
+    #[error("no columns make an impedance")]
+    NoImpedance,
+    #[error("`{header}` gives the {} a second time", quantity.name())]
+    Twice { header: String, quantity: Quantity },
+    #[error("`{unit}` is not a unit of the {}", quantity.name())]
+    UnknownUnit { unit: String, quantity: Quantity },
+    #[error("the phase has no unit, and within ±π it may be in degrees or in radians")]
+    UnitlessPhase,
+
+    // A row.
+    #[error("{found} cells where the header has {expected}")]
+    Cells { found: usize, expected: usize },
+    #[error("the quotation mark is not closed")]
+    OpenQuote,
+    #[error("the {} is missing", quantity.name())]
+    EmptyCell { quantity: Quantity },
+    #[error("`{text}` is not a number")]
+    NotANumber { text: String },
+    #[error("`{text}` has another decimal mark than the numbers before")]
+    MixedMarks { text: String },
+    #[error("{} = {found} is outside [{min:e}, {max:e}]", quantity.key())]
+    OutOfRange { quantity: Quantity, found: f64, min: f64, max: f64 },
+    #[error("an impedance of zero was not measured")]
+    ZeroImpedance,
+    #[error("an admittance of zero was not measured")]
+    ZeroAdmittance,
+    #[error("`{text}` is none of normal, low_signal, overload")]
+    UnknownFlag { text: String },
+    #[error("`{text}` is neither true nor false")]
+    NotABool { text: String },
+    #[error("`{text}` is not the number of a sweep")]
+    NotASweep { text: String },
+
+    // Which sweep.
+    #[error("the file holds the {count} sweeps from {first} to {last}")]
+    ManySweeps { count: usize, first: u64, last: u64 },
+    #[error("the file does not hold sweep {asked}")]
+    NoSuchSweep { asked: u64 },
+    #[error("the file does not number its sweeps")]
+    NoNumbers,
+
+    // Touchstone.
+    #[error("`{text}` is not known in an option line")]
+    UnknownOption { text: String },
+    #[error("{name}-parameters do not exist for one port")]
+    NotOnePort { name: char },
+    #[error("the reference resistance `{text}` is not a positive number")]
+    NoReference { text: String },
+    #[error("this is not version 1 of the format")]
+    LaterVersion,
+    #[error("{found} numbers in a row; one port has 3")]
+    Numbers { found: usize },
+    #[error("the reflection of an open circuit: no impedance follows from it")]
+    OpenCircuit,
+}
+
+impl Complaint for Refusal {
+    fn suggestion(&self) -> Option<String> {
+        let suggestion = match self {
+            Self::Empty | Self::NoHeader => {
+                "begin with the line `frequency_hz,resistance_ohm,reactance_ohm`, then one line \
+                 for each reading"
+            }
+            Self::More { .. } => "mend them, and look again",
+            Self::NoFrequency => "name one `frequency_hz`",
+            Self::NoImpedance => {
+                "name two `resistance_ohm` and `reactance_ohm`, or `impedance_magnitude_ohm` and \
+                 `phase_deg`, or `conductance_s` and `susceptance_s`"
+            }
+            Self::Twice { .. } => "rename or remove one of them",
+            Self::UnknownUnit { quantity, .. } => {
+                return Some(format!("write `{}`", quantity.key()));
+            }
+            Self::UnitlessPhase => "name the column `phase_deg` or `phase_rad`",
+            Self::Cells { found, expected } if found > expected => {
+                "where commas are decimal marks, separate the columns by semicolons"
+            }
+            Self::Cells { .. } => "complete the line or remove it",
+            Self::OpenQuote => "close it on the same line",
+            Self::EmptyCell { .. } => "complete the line or remove it",
+            Self::NotANumber { .. } => {
+                "write it like 140.25, 1.4025e2 or, between semicolons, 140,25"
+            }
+            Self::MixedMarks { .. } => {
+                "write all numbers with a point, without marks for thousands"
+            }
+            Self::OutOfRange { .. } => "look at the unit in the header",
+            Self::ZeroImpedance | Self::ZeroAdmittance => "remove the line",
+            Self::UnknownFlag { .. } | Self::NotABool { .. } => "correct it or remove the column",
+            Self::NotASweep { .. } => "count sweeps from 0, or rename the column",
+            Self::ManySweeps { first, .. } => {
+                return Some(format!("choose one, like `--sweep {first}`"));
+            }
+            Self::NoSuchSweep { .. } => "look at its column `sweep`",
+            Self::NoNumbers => "leave out `--sweep`",
+            Self::UnknownOption { .. } => "write it like `# HZ S RI R 50`",
+            Self::NotOnePort { .. } => "export S-, Z- or Y-parameters",
+            Self::NoReference { .. } => "write it like `R 50`",
+            Self::LaterVersion => "export version 1, or CSV",
+            Self::Numbers { .. } => "export one port: frequency and the two parts of one parameter",
+            Self::OpenCircuit => "export more digits, or remove the line",
+        };
+        Some(suggestion.to_owned())
+    }
+}

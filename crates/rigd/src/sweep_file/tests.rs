@@ -1,0 +1,306 @@
+//! Files of many makers, and what is said of faulty ones.
+
+use proptest::prelude::*;
+use rig_model::ReadingFlag;
+
+use super::SweepFile;
+
+fn read(name: &str, text: &str) -> SweepFile {
+    SweepFile::read(name, text, None).unwrap_or_else(|faults| panic!("{faults}\n{text}"))
+}
+
+/// The file must hold the readings 120 Hz, 900 − 47000j Ω and 140 Hz, 2000 − 39000j Ω.
+#[track_caller]
+fn check(name: &str, text: &str) {
+    let found = read(name, text);
+    let expected = [(120.0, 900.0, -47_000.0), (140.0, 2000.0, -39_000.0)];
+    assert_eq!(found.readings.len(), expected.len(), "{text}");
+    for (reading, (hz, re, im)) in found.readings.iter().zip(expected) {
+        let near = |found: f64, expected: f64| (found - expected).abs() < 1e-6 * f64::hypot(re, im);
+        assert!((reading.frequency_hz / hz - 1.0).abs() < 1e-12, "{reading:?}\n{text}");
+        assert!(near(reading.resistance_ohm, re), "{reading:?}\n{text}");
+        assert!(near(reading.reactance_ohm, im), "{reading:?}\n{text}");
+    }
+}
+
+/// What is said of a text, one fault a line.
+#[track_caller]
+fn check_faults(name: &str, text: &str, expected: &[&str]) {
+    match SweepFile::read(name, text, None) {
+        Ok(file) => panic!("no fault in {text:?}: {file:?}"),
+        Err(faults) => {
+            let found = faults.to_string();
+            let found: Vec<_> = found.lines().collect();
+            assert_eq!(found, expected, "{text:?}");
+        }
+    }
+}
+
+#[test]
+fn rows_are_read_whoever_wrote_them() {
+    let polar = "47008.61623149527\t-88.90298084780932";
+    let second = "39051.248379533274\t-87.06432655357884";
+    let admittance = "4.072748335829777e-07\t2.1268796864888837e-05";
+    for text in [
+        "frequency_hz,resistance_ohm,reactance_ohm\n120,900,-47000\n140,2000,-39000\n".to_owned(),
+        // Any order of columns, more of them, no line end at the end.
+        "X,note,R,f\n-47000,a,900,120\n-39000,,2000,140".into(),
+        // A mark, carriage returns, quotation marks, blanks, an empty line, a trailing separator.
+        "\u{feff}\"Freq(Hz)\", \"Rs(ohm)\", \"X(ohm)\",\r\n\"120\",900 , -47000,\r\n\r\n140,2000,-39000,\r\n".into(),
+        "Freq.[kHz];Z' / Ω;-Z'' / Ω\n0,12;900,0;47000\n0,14;2000,0;39000\n".into(),
+        "frequency / MHz\tRe(Z) (kOhm)\tIm(Z) (kOhm)\r0.00012\t0.9\t-47\r0.00014\t2\t-39\r".into(),
+        "Hz R X\n120 900 -47000\n 140   2.0E+3 -3.9e4\n".into(),
+        // Comments and what an analyzer says of itself.
+        "!CSV A.01.01\n!maker, model; date\nBEGIN CH1_DATA\nFreq(Hz),R(Ohm),X(Ohm)\n120,900,-47000\n\
+         140,2000,-39000\nEND\n120,0,0\n".into(),
+        "# a sweep\n# frequency_hz resistance_ohm reactance_ohm\n120 900 -47000\n# more\n140 2000 -39000\n"
+            .into(),
+        // Two pairs: the rectangular one is read.
+        "f,|Z|,deg,Rs,Xs\n120,1,1,900,-47000\n140,1,1,2000,-39000\n".into(),
+        format!("Frequency\t|Z|\tphase_deg\n120\t{polar}\n140\t{second}\n"),
+        format!("Frequency\tZ[Ω]\ttheta (°)\n120\t{polar}\n140\t{second}\n"),
+        format!("FREQ\tZ\tdeg\n120\t{polar}\n140\t{second}\n"),
+        "f;impedance_magnitude_ohm;θ (rad)\n120;47008,61623149527;-1,5516497306317323\n\
+         140;39051,248379533274;-1,519559159391478\n".into(),
+        format!("f\tG(S)\tB(S)\n120\t{admittance}\n140\t1.3114754098360655e-06\t2.557377049180328e-05\n"),
+    ] {
+        check("sweep.csv", &text);
+    }
+}
+
+#[test]
+fn touchstone_is_read_in_every_format_it_has() {
+    // z = Z/50, its reciprocal, and (z − 1)/(z + 1).
+    for text in [
+        "# HZ Z RI R 50\n120 18 -940\n140 40 -780\n",
+        "! made by hand\n#hz z ri r 1 ! these\n120 900 -47000 ! first\n\n140 2e3 -3.9e4\n# GHZ S MA R 50\n",
+        "# KHZ Z MA R 1000\n0.12 47.00861623149527 -88.90298084780932\n0.14 39.051248379533274 -87.06432655357884\n",
+        "# R 1 Hz Y DB\n120 -93.44354934545368 88.90298084780932\n140 -91.83269843682805 87.06432655357884\n",
+        "# MHZ Y RI R 50\n.00012 2.0363741679148884e-05 0.0010634398432444417\n.00014 6.557377049180327e-05 0.001278688524590164\n",
+    ] {
+        for name in ["sweep.s1p", "-"] {
+            check(name, text);
+        }
+    }
+    // The reflection of 100 Ω and of 25 Ω; the second with the defaults of a file without options.
+    let found = read("-", "# Hz S RI R 50\n100 0.333333333333 0\n").readings;
+    assert!((found[0].resistance_ohm - 100.0).abs() < 1e-6 && found[0].reactance_ohm == 0.0);
+    let found = read("a.S1P", "! defaults\n1e-7 0.333333333333 180\n").readings;
+    assert!((found[0].resistance_ohm - 25.0).abs() < 1e-6, "{found:?}");
+    assert!((found[0].frequency_hz - 100.0).abs() < 1e-9, "{found:?}");
+}
+
+#[test]
+fn times_and_flags_are_kept_and_the_order_is_that_of_the_times() {
+    let text = "frequency_hz,resistance_ohm,reactance_ohm,time_s,settle_s,integration_s,flag\n\
+                140,2000,-39000,17.5,0.5,0.07,normal\n\
+                120,900,-47000,15,0.5,0.08,low_signal\n\
+                130,9.91E+37,9.91E+37,20,0.5,0.08,normal\n\
+                135,OL,1,21,0.5,0.08,normal\n\
+                136,1,1,22,0.5,0.08,overload\n";
+    let file = read("sweep.csv", text);
+    assert!(file.has_dwell);
+    let hz: Vec<_> = file.readings.iter().map(|reading| reading.frequency_hz).collect();
+    assert_eq!(hz, [120.0, 140.0, 130.0, 135.0, 136.0]);
+    let started: Vec<_> =
+        file.readings.iter().map(|reading| reading.started.as_seconds()).collect();
+    assert_eq!(started, [0.0, 2.5, 5.0, 6.0, 7.0]);
+    let flags: Vec<_> = file.readings.iter().map(|reading| reading.flag).collect();
+    assert_eq!(flags[..2], [ReadingFlag::LowSignal, ReadingFlag::Normal]);
+    assert!(flags[2..].iter().all(|flag| *flag == ReadingFlag::Overload), "{flags:?}");
+    assert_eq!((file.readings[0].settle_s, file.readings[0].integration_s), (0.5, 0.08));
+    // The clock of a logger is no time of a reading.
+    let clock = "Time,f,R,X\n2020-11-02 12:03:55,120,900,-47000\n,140,2000,-39000\n";
+    check("sweep.csv", clock);
+    assert!(!read("sweep.csv", clock).has_dwell);
+}
+
+#[test]
+fn one_sweep_is_chosen_of_a_file_with_many() {
+    let text = "sweep,reading,frequency_hz,resistance_ohm,reactance_ohm,is_used\n\
+                3,1,100,1,1,false\n3,2,110,2,2,true\n7,1,120,900,-47000,true\n7,2,140,2000,-39000,true\n";
+    let chosen = |sweep| SweepFile::read("r.csv", text, sweep).map(|file| file.readings.len());
+    assert_eq!((chosen(Some(3)), chosen(Some(7))), (Ok(1), Ok(2)));
+    let said = |sweep| chosen(sweep).unwrap_err().to_string();
+    assert_eq!(
+        said(None),
+        "r.csv:1:1: the file holds the 2 sweeps from 3 to 7; choose one, like `--sweep 3`"
+    );
+    assert_eq!(
+        said(Some(4)),
+        "r.csv:1:1: the file does not hold sweep 4; look at its column `sweep`"
+    );
+    let single = "f,R,X\n120,900,-47000\n";
+    assert_eq!(
+        SweepFile::read("r.csv", single, Some(1)).unwrap_err().to_string(),
+        "r.csv:1:1: the file does not number its sweeps; leave out `--sweep`"
+    );
+}
+
+#[test]
+fn every_fault_is_said_at_once_with_its_place() {
+    check_faults(
+        "a.csv",
+        "frequency_hz,resistance_ohm,reactance_ohm\n120,900\n-130,900,abc\n140,,-39000\n150,1,2,3\n\
+         160,\"1,2\n170,0,0\n180,1.2.3,inf\n",
+        &[
+            "a.csv:2:1: 2 cells where the header has 3; complete the line or remove it",
+            "a.csv:3:1: frequency_hz = -130 is outside [1e-6, 1e12]; look at the unit in the header",
+            "a.csv:3:10: `abc` is not a number; write it like 140.25, 1.4025e2 or, between \
+             semicolons, 140,25",
+            "a.csv:4:5: the resistance is missing; complete the line or remove it",
+            "a.csv:5:1: 4 cells where the header has 3; where commas are decimal marks, separate \
+             the columns by semicolons",
+            "a.csv:6:5: the quotation mark is not closed; close it on the same line",
+            "a.csv:7:5: an impedance of zero was not measured; remove the line",
+            "a.csv:8:5: `1.2.3` is not a number; write it like 140.25, 1.4025e2 or, between \
+             semicolons, 140,25",
+            "a.csv:8:11: `inf` is not a number; write it like 140.25, 1.4025e2 or, between \
+             semicolons, 140,25",
+        ],
+    );
+    check_faults(
+        "a.csv",
+        "f;R;X;flag;is_used\n120;1.5;-1;odd;yes\n120;1,5;-1;normal;true\n",
+        &[
+            "a.csv:2:12: `odd` is none of normal, low_signal, overload; correct it or remove the \
+             column",
+            "a.csv:2:16: `yes` is neither true nor false; correct it or remove the column",
+            "a.csv:3:5: `1,5` has another decimal mark than the numbers before; write all numbers \
+             with a point, without marks for thousands",
+        ],
+    );
+    let rows = "x,900,-47000\n".repeat(50);
+    let faults = SweepFile::read("a.csv", &format!("f,R,X\n{rows}"), None).unwrap_err();
+    assert_eq!(faults.len(), 21);
+    assert!(faults.to_string().ends_with(
+        "more is wrong than the 20 faults above; mend them, and \
+         look again"
+    ));
+}
+
+#[test]
+fn a_header_that_does_not_do_is_refused_for_what_it_lacks() {
+    let begin = "begin with the line `frequency_hz,resistance_ohm,reactance_ohm`, then one line \
+                 for each reading";
+    let pairs = "no columns make an impedance; name two `resistance_ohm` and `reactance_ohm`, or \
+                 `impedance_magnitude_ohm` and `phase_deg`, or `conductance_s` and `susceptance_s`";
+    for (text, fault) in [
+        ("", format!("1:1: the file holds no readings; {begin}")),
+        ("# nothing\n\n", format!("1:1: the file holds no readings; {begin}")),
+        ("f,R,X\n", format!("1:1: the file holds no readings; {begin}")),
+        ("\n120,900,-47000\n", format!("2:1: no line names the columns; {begin}")),
+        ("junk\nFreq(Hz),Cp(F),D\n120,1,1\n", format!("2:1: {pairs}")),
+        ("R,X\n1,1\n", "1:1: no column is a frequency; name one `frequency_hz`".into()),
+        (
+            "f,R,X,Rs\n120,1,1,1\n",
+            "1:7: `Rs` gives the resistance a second time; rename or remove one of them".into(),
+        ),
+        (
+            "f,R(dB),X\n120,1,1\n",
+            "1:3: `dB` is not a unit of the resistance; write `resistance_ohm`".into(),
+        ),
+        (
+            "f,|Z|,theta\n120,47000,-1.55\n140,39000,-1.52\n",
+            "1:7: the phase has no unit, and within ±π it may be in degrees or in radians; name \
+             the column `phase_deg` or `phase_rad`"
+                .into(),
+        ),
+    ] {
+        check_faults("a.csv", text, &[&format!("a.csv:{fault}")]);
+    }
+}
+
+#[test]
+fn touchstone_that_does_not_do_is_refused() {
+    for (text, fault) in [
+        (
+            "# HZ S RI R 50 Q\n",
+            "1:16: `Q` is not known in an option line; write it like `# HZ S RI R 50`",
+        ),
+        (
+            "# HZ H RI\n",
+            "1:6: H-parameters do not exist for one port; export S-, Z- or Y-parameters",
+        ),
+        (
+            "# HZ S R -5\n",
+            "1:8: the reference resistance `-5` is not a positive number; write it like `R 50`",
+        ),
+        ("[Version] 2.0\n", "1:1: this is not version 1 of the format; export version 1, or CSV"),
+        (
+            "! two ports\n# HZ S RI\n1 2 3 4 5 6 7 8 9\n",
+            "3:1: 9 numbers in a row; one port has 3; export one port: frequency and the two parts \
+             of one parameter",
+        ),
+        (
+            "# HZ S RI\n100 1 0\n",
+            "2:5: the reflection of an open circuit: no impedance follows from it; export more \
+             digits, or remove the line",
+        ),
+        (
+            "# HZ S RI\n100 0,5 0\n",
+            "2:5: `0,5` is not a number; write it like 140.25, 1.4025e2 or, between semicolons, \
+             140,25",
+        ),
+        ("# HZ S RI\n100 -1 0\n", "2:5: an impedance of zero was not measured; remove the line"),
+        (
+            "# HZ S RI\n0 0.5 0\n",
+            "2:1: frequency_hz = 0 is outside [1e-6, 1e12]; look at the unit in the header",
+        ),
+    ] {
+        check_faults("a.s1p", text, &[&format!("a.s1p:{fault}")]);
+    }
+}
+
+#[test]
+fn bytes_are_read_as_what_instruments_write() {
+    let text = "f;|Z| [Ω];θ [°]";
+    let wide = |mark: u16, bytes: fn(u16) -> [u8; 2]| -> Vec<u8> {
+        [mark].into_iter().chain(text.encode_utf16()).flat_map(bytes).collect()
+    };
+    assert_eq!(SweepFile::decode(text.as_bytes()), text);
+    assert_eq!(SweepFile::decode(&wide(0xfeff, u16::to_le_bytes)), text);
+    assert_eq!(SweepFile::decode(&wide(0xfeff, u16::to_be_bytes)), text);
+    assert_eq!(SweepFile::decode(b"Phase(\xb0)"), "Phase(°)");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 4_000, ..ProptestConfig::default() })]
+
+    #[test]
+    fn no_input_makes_it_panic(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+        let text = SweepFile::decode(&bytes);
+        for name in ["a.csv", "a.s1p"] {
+            let _ = SweepFile::read(name, &text, None);
+        }
+    }
+
+    /// Texts of the pieces that files are made of get further in than random bytes.
+    #[test]
+    fn what_is_read_is_readable(
+        pieces in proptest::collection::vec(
+            proptest::sample::select(vec![
+                "f", "R", "X", "|Z|", "theta", "deg", "G", "B", "time_s", "settle_s", "sweep",
+                "flag", "is_used", "true", "normal", "frequency_hz", "(kHz)", "120", "1e9", "-3",
+                "0", "1,5", "9.9e37", "inf", "OL", "1e-300", "1e-13", "1e30", ",", ",", ",", ";", ";", "\t",
+                " ", "\n", "\n", "\r\n", "\"", "\"\"", "#", "!", "# HZ S MA R 50\n", "# HZ Y DB\n",
+                "°", "\u{feff}",
+            ]),
+            0..60,
+        ),
+        sweep in proptest::option::of(0_u64..3),
+    ) {
+        let text: String = ["f,R,X\n120,900,-47000\n", ""][pieces.len() % 2].to_owned() + &pieces.concat();
+        for name in ["a.csv", "a.s1p"] {
+            if let Ok(file) = SweepFile::read(name, &text, sweep) {
+                for reading in &file.readings {
+                    prop_assert!(reading.frequency_hz > 0.0 && reading.frequency_hz.is_finite());
+                    let size = reading.resistance_ohm.hypot(reading.reactance_ohm);
+                    let is_overload = reading.flag == ReadingFlag::Overload;
+                    prop_assert!(is_overload || (size > 0.0 && size.is_finite()), "{reading:?}");
+                }
+                prop_assert!(!file.readings.is_empty());
+            }
+        }
+    }
+}

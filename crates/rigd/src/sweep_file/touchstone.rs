@@ -1,0 +1,224 @@
+//! Touchstone with one port, as network analyzers export it.
+//!
+//! # Source
+//! Touchstone File Format Specification, EIA/IBIS Open Forum, version 1.1: option line and defaults
+//! p. 4–6; that Z and Y are divided by R and 1/R, p. 6.
+
+use num_complex::Complex64;
+use rig_model::{Reading, ReadingFlag, RigTime};
+use rig_settings::Place;
+
+use super::{
+    FREQUENCY_HZ, IMPEDANCE_OHM, Notes, SweepFile,
+    cells::{Cell, Separator, cells},
+    head::Quantity,
+    inverse, lines, measured,
+    number::{Numbers, Value, excerpt},
+    place,
+    refusal::Refusal,
+};
+
+/// What the numbers of a row mean.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Options {
+    hertz: f64,
+    parameter: Parameter,
+    format: Format,
+    reference_ohm: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Parameter {
+    Scattering,
+    Impedance,
+    Admittance,
+}
+
+/// How a complex number is written.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Format {
+    RealImaginary,
+    MagnitudeDegrees,
+    DecibelDegrees,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            hertz: 1e9,
+            parameter: Parameter::Scattering,
+            format: Format::MagnitudeDegrees,
+            reference_ohm: 50.0,
+        }
+    }
+}
+
+/// Whether a text is Touchstone: by its name, or by an option line before anything else.
+pub(super) fn is_it(name: &str, text: &str) -> bool {
+    let name = name.to_ascii_lowercase();
+    let is_named = name.rsplit_once(".s").is_some_and(|(_, rest)| {
+        let ports = rest.strip_suffix('p').unwrap_or_default();
+        !ports.is_empty() && ports.bytes().all(|byte| byte.is_ascii_digit())
+    });
+    let first = lines(text).map(|(_, line)| bare(line)).find(|line| !line.trim().is_empty());
+    let is_option_line = |line: &str| {
+        let mut notes = Notes { faults: rig_settings::Faults::new("") };
+        let is_bare = line.trim_start_matches([' ', '\t', '#']).is_empty();
+        line.trim_start().starts_with('#')
+            && !is_bare
+            && Options::read(line, 1, &mut notes).is_some()
+    };
+    is_named || first.is_some_and(is_option_line)
+}
+
+/// Reads a file.
+pub(super) fn read(text: &str, notes: &mut Notes) -> SweepFile {
+    let mut options = None;
+    let mut readings = Vec::new();
+    for (line, text) in lines(text) {
+        let text = bare(text);
+        let start = text.trim_start();
+        if start.is_empty() {
+            continue;
+        }
+        if notes.is_full() {
+            break;
+        }
+        if start.starts_with('[') {
+            notes.refuse(Place { line, column: 1 }, &Refusal::LaterVersion);
+            break;
+        }
+        if start.starts_with('#') {
+            // Only the first one counts.
+            if options.is_none() {
+                let Some(found) = Options::read(text, line, notes) else { break };
+                options = Some(found);
+            }
+            continue;
+        }
+        let options = *options.get_or_insert_default();
+        // Quotation marks mean nothing here and are found not to be numbers.
+        let cells = cells(text, Separator::Spaces).unwrap_or_default();
+        readings.extend(options.row(&cells, line, text, notes));
+    }
+    SweepFile { readings, has_dwell: false }
+}
+
+/// A line without its comment.
+fn bare(line: &str) -> &str {
+    line.split_once('!').map_or(line, |(bare, _)| bare)
+}
+
+impl Options {
+    fn read(text: &str, line: usize, notes: &mut Notes) -> Option<Self> {
+        let mut options = Self::default();
+        // The mark may touch the first word.
+        let blank = text.replacen('#', " ", 1);
+        let words = cells(&blank, Separator::Spaces).ok()?;
+        let mut words = words.iter();
+        let mut is_good = true;
+        while let Some(word) = words.next() {
+            let mut refuse = |refusal: &Refusal| {
+                notes.refuse(place(text, line, word.at), refusal);
+                is_good = false;
+            };
+            match word.text.to_ascii_uppercase().as_str() {
+                "HZ" => options.hertz = 1.0,
+                "KHZ" => options.hertz = 1e3,
+                "MHZ" => options.hertz = 1e6,
+                "GHZ" => options.hertz = 1e9,
+                "S" => options.parameter = Parameter::Scattering,
+                "Z" => options.parameter = Parameter::Impedance,
+                "Y" => options.parameter = Parameter::Admittance,
+                "G" | "H" => {
+                    let name = if word.text.eq_ignore_ascii_case("g") { 'G' } else { 'H' };
+                    refuse(&Refusal::NotOnePort { name });
+                }
+                "RI" => options.format = Format::RealImaginary,
+                "MA" => options.format = Format::MagnitudeDegrees,
+                "DB" => options.format = Format::DecibelDegrees,
+                "R" => {
+                    let text = words.next().map_or("", |word| &*word.text);
+                    match text.parse::<f64>() {
+                        Ok(ohm) if ohm > 0.0 && IMPEDANCE_OHM.contains(&ohm) => {
+                            options.reference_ohm = ohm;
+                        }
+                        _ => refuse(&Refusal::NoReference { text: excerpt(text) }),
+                    }
+                }
+                _ => refuse(&Refusal::UnknownOption { text: excerpt(&word.text) }),
+            }
+        }
+        is_good.then_some(options)
+    }
+
+    fn row(
+        &self,
+        cells: &[Cell<'_>],
+        line: usize,
+        text: &str,
+        notes: &mut Notes,
+    ) -> Option<Reading> {
+        let [_, first, _] = cells else {
+            let refusal = Refusal::Numbers { found: cells.len() };
+            notes.refuse(Place { line, column: 1 }, &refusal);
+            return None;
+        };
+        let mut numbers = [0.0; 3];
+        let mut is_good = true;
+        for (number, cell) in numbers.iter_mut().zip(cells) {
+            // A comma is no decimal mark here.
+            let found = match Numbers::default().read(&cell.text) {
+                Ok(Value::Number(found)) if !cell.text.contains(',') => found,
+                _ => {
+                    let refusal = Refusal::NotANumber { text: excerpt(&cell.text) };
+                    notes.refuse(place(text, line, cell.at), &refusal);
+                    is_good = false;
+                    continue;
+                }
+            };
+            *number = found;
+        }
+        let [frequency, a, b] = numbers;
+        let found = frequency * self.hertz;
+        if is_good && !FREQUENCY_HZ.contains(&found) {
+            let (min, max) = (*FREQUENCY_HZ.start(), *FREQUENCY_HZ.end());
+            let refusal = Refusal::OutOfRange { quantity: Quantity::Frequency, found, min, max };
+            notes.refuse(place(text, line, cells[0].at), &refusal);
+            return None;
+        }
+        if !is_good {
+            return None;
+        }
+        match self.impedance_ohm(a, b) {
+            Ok(impedance) => Some(Reading {
+                frequency_hz: found,
+                resistance_ohm: impedance.re,
+                reactance_ohm: impedance.im,
+                started: RigTime::ZERO,
+                settle_s: 0.0,
+                integration_s: 0.0,
+                flag: ReadingFlag::Normal,
+            }),
+            Err(refusal) => {
+                notes.refuse(place(text, line, first.at), &refusal);
+                None
+            }
+        }
+    }
+
+    fn impedance_ohm(&self, a: f64, b: f64) -> Result<Complex64, Refusal> {
+        let value = match self.format {
+            Format::RealImaginary => Complex64::new(a, b),
+            Format::MagnitudeDegrees => Complex64::from_polar(a, b.to_radians()),
+            Format::DecibelDegrees => Complex64::from_polar(10_f64.powf(a / 20.0), b.to_radians()),
+        };
+        let one = match self.parameter {
+            Parameter::Scattering if value == Complex64::ONE => return Err(Refusal::OpenCircuit),
+            Parameter::Scattering => (1.0 + value) / (1.0 - value),
+            Parameter::Admittance => inverse(value)?,
+            Parameter::Impedance => value,
+        };
+        measured(self.reference_ohm * one)
+    }
+}
