@@ -312,3 +312,26 @@ pub enum Reason {
         allowed: f64,
     },
 }
+
+impl Reason {
+    /// A word for programs: it stays as it is whatever becomes of the message.
+    pub const fn code(&self) -> &'static str {
+        match self {
+            Self::NotFinite { .. } => "not_finite",
+            Self::Saturated { .. } => "saturated",
+            Self::TooFewPoints { .. } => "too_few_points",
+            Self::NoResonance { .. } => "no_resonance",
+            Self::OutsideWindow { .. } => "outside_window",
+            Self::TooNoisy { .. } => "too_noisy",
+            Self::Outliers { .. } => "outliers",
+            Self::SecondMode { .. } => "second_mode",
+            Self::Drift => "drift",
+            Self::NotSettled => "not_settled",
+            Self::Nonlinear => "nonlinear",
+            Self::Hysteretic => "hysteretic",
+            Self::Stray => "stray",
+            Self::NotConverged => "not_converged",
+            Self::Misfit { .. } => "misfit",
+        }
+    }
+}

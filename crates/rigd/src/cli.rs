@@ -6,7 +6,7 @@
 //! |---|---|
 //! | 0 | done |
 //! | 1 | something failed: a file, a directory, a device |
-//! | 2 | a bad command line, protocol or rig file, or a target beyond the limits |
+//! | 2 | a bad command line, protocol, rig or sweep file, or a target beyond the limits |
 //! | 3 | no such run, or no resonance |
 //! | 4 | the rig is latched after a fault |
 //! | 5 | a run, a move or a sweep was aborted |
@@ -14,6 +14,7 @@
 
 mod check;
 mod doctor;
+mod fit;
 mod identify;
 mod measure;
 mod moves;
@@ -79,6 +80,8 @@ enum CliCommand {
     Move(moves::MoveArgs),
     /// Measure one resonance, with the probe clear or lowered
     Measure(measure::MeasureArgs),
+    /// Find the resonance in a sweep from a file
+    Fit(fit::FitArgs),
 }
 
 /// The rig to use.
@@ -283,6 +286,7 @@ pub fn main() -> ExitCode {
         CliCommand::Home(args) => moves::home(&args),
         CliCommand::Move(args) => moves::to(&args),
         CliCommand::Measure(args) => measure::measure(&args),
+        CliCommand::Fit(args) => fit::fit_file(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -25,8 +25,9 @@ struct CheckView {
     plan: Option<PlanView>,
 }
 
+/// A fault of a file.
 #[derive(Debug, Serialize)]
-struct FaultView {
+pub(super) struct FaultView {
     file: String,
     line: usize,
     column: usize,
@@ -96,7 +97,7 @@ fn load(args: &CheckArgs) -> Result<(RigFacts, LoadedProtocol), FileError> {
 }
 
 impl FaultView {
-    fn of(fault: &rig_settings::Fault) -> Self {
+    pub(super) fn of(fault: &rig_settings::Fault) -> Self {
         Self {
             file: fault.file.clone(),
             line: fault.place.line,

@@ -110,7 +110,7 @@ fn show(args: &MeasureArgs, Measured { sweep, status }: Measured) -> Result<(), 
     let verdict = VerdictView::from(&sweep.verdict);
     let refusal = verdict.refusal();
     if args.csv {
-        print(&csv(&sweep.readings))?;
+        print(&csv(&sweep))?;
     } else if args.json {
         print_json(&MeasureView {
             verdict,
@@ -128,18 +128,19 @@ fn show(args: &MeasureArgs, Measured { sweep, status }: Measured) -> Result<(), 
     refusal.map_or(Ok(()), Err)
 }
 
-/// The readings in the columns that `rigd fit` takes.
-fn csv(readings: &[Reading]) -> String {
-    let mut csv =
-        "frequency_hz,resistance_ohm,reactance_ohm,time_s,settle_s,integration_s,flag".to_owned();
-    for reading in readings {
+/// The readings in columns that `rigd fit` takes.
+fn csv(sweep: &Sweep) -> String {
+    let mut csv = "frequency_hz,resistance_ohm,reactance_ohm,time_s,settle_s,integration_s,flag,\
+                   is_used"
+        .to_owned();
+    for (index, reading) in sweep.readings.iter().enumerate() {
         let (hz, ohm, reactance) =
             (reading.frequency_hz, reading.resistance_ohm, reading.reactance_ohm);
         let (time, settle, integration) =
             (reading.started_s, reading.settle_s, reading.integration_s);
-        let flag = reading.flag.name();
+        let (flag, is_used) = (reading.flag.name(), index >= sweep.looks);
         // Writing to a string cannot fail.
-        _ = write!(csv, "\n{hz},{ohm},{reactance},{time},{settle},{integration},{flag}");
+        _ = write!(csv, "\n{hz},{ohm},{reactance},{time},{settle},{integration},{flag},{is_used}");
     }
     csv
 }

@@ -1,5 +1,6 @@
 //! What was made of a sweep, for a person and for a program.
 
+use rig_resonance::{Reason, Resonance, Verdict};
 use rig_store::{Circuit, SweepVerdict};
 use serde::Serialize;
 
@@ -10,40 +11,142 @@ use super::Failure;
 pub(super) struct VerdictView {
     /// `accepted` or `refused`.
     status: &'static str,
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    accepted: Option<FoundView>,
+    /// For a program where `message` is there for a person; else the message itself, which is all
+    /// that a journal keeps.
     #[serde(skip_serializing_if = "Option::is_none")]
-    resonance_hz: Option<f64>,
+    reason: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    sigma_hz: Option<f64>,
+    message: Option<String>,
+    /// On which side of the window the resonance seems to be.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    side: Option<String>,
+    /// The best that could be made of refused readings; no result.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    estimate: Option<FoundView>,
+}
+
+/// A resonance with what is known of it.
+#[derive(Debug, Default, Serialize)]
+struct FoundView {
+    resonance_hz: f64,
+    sigma_hz: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     q: Option<f64>,
     /// Q times the ratio of the capacitances. Below 2 the phase does not cross zero.
     #[serde(skip_serializing_if = "Option::is_none")]
     figure_of_merit: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    k_eff_squared: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     static_capacitance_f: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     loss_tangent: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    reason: Option<String>,
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    fit: Option<FitView>,
+}
+
+/// How well the model describes the readings.
+#[derive(Debug, Serialize)]
+struct FitView {
+    rung: &'static str,
+    points: usize,
+    chi_squared_per_dof: f64,
+    /// Relative, of each part of a reading of ten cycles.
+    noise_at_ten_cycles: f64,
+    condition: f64,
 }
 
 impl VerdictView {
     /// For a person.
     pub(super) fn rows(&self) -> Vec<(&'static str, String)> {
-        let (Some(resonance_hz), Some(sigma_hz)) = (self.resonance_hz, self.sigma_hz) else {
-            return vec![("resonance", self.status.to_owned())];
-        };
-        let mut rows = vec![("resonance", format!("{resonance_hz:.4} Hz ± {sigma_hz:.4} Hz"))];
-        rows.extend(self.q.map(|q| ("Q", format!("{q:.1}"))));
-        rows.extend(self.figure_of_merit.map(|merit| ("figure of merit", format!("{merit:.2}"))));
-        let nanofarad = self.static_capacitance_f.map(|farad| farad * 1e9);
-        rows.extend(nanofarad.map(|value| ("static capacitance", format!("{value:.3} nF"))));
-        rows
+        match (&self.accepted, &self.estimate) {
+            (Some(found), _) => found.rows("resonance", ""),
+            (None, Some(estimate)) => {
+                let mut rows = vec![("resonance", self.status.to_owned())];
+                rows.extend(estimate.rows("estimate", ", not to be relied on"));
+                rows
+            }
+            (None, None) => vec![("resonance", self.status.to_owned())],
+        }
     }
 
     /// That there is no resonance, as the end of the command.
     pub(super) fn refusal(&self) -> Option<Failure> {
-        self.reason.clone().map(|reason| Failure::NoResonance { reason })
+        let reason = self.message.as_ref().or(self.reason.as_ref());
+        reason.map(|reason| Failure::NoResonance { reason: reason.clone() })
+    }
+}
+
+impl FoundView {
+    fn rows(&self, name: &'static str, comment: &str) -> Vec<(&'static str, String)> {
+        let Self { resonance_hz, sigma_hz, .. } = self;
+        // Two digits of the uncertainty, and the resonance as far as they go.
+        let is_short = |digits: &i32| sigma_hz * 10_f64.powi(*digits) < 10.0;
+        let digits = (0..12).take_while(is_short).count();
+        let resonance = format!("{resonance_hz:.digits$} Hz ± {sigma_hz:.digits$} Hz{comment}");
+        let mut rows = vec![(name, resonance)];
+        rows.extend(self.q.map(|q| ("Q", format!("{q:.1}"))));
+        rows.extend(self.figure_of_merit.map(|merit| ("figure of merit", format!("{merit:.2}"))));
+        rows.extend(self.k_eff_squared.map(|k| ("coupling k_eff²", format!("{k:.5}"))));
+        rows.extend(
+            self.static_capacitance_f.map(|farad| ("static capacitance", capacitance(farad))),
+        );
+        rows.extend(self.loss_tangent.map(|loss| ("loss tangent", format!("{loss:.4}"))));
+        if let Some(fit) = &self.fit {
+            rows.push(("model", fit.rung.to_owned()));
+            rows.push(("readings used", fit.points.to_string()));
+            rows.push(("chi² per degree", format!("{:.2}", fit.chi_squared_per_dof)));
+            rows.push(("noise", format!("{:.3} %", 100.0 * fit.noise_at_ten_cycles)));
+        }
+        rows
+    }
+}
+
+fn capacitance(farad: f64) -> String {
+    if farad < 1e-9 { format!("{:.4} pF", farad * 1e12) } else { format!("{:.3} nF", farad * 1e9) }
+}
+
+impl From<&Resonance> for FoundView {
+    fn from(found: &Resonance) -> Self {
+        Self {
+            resonance_hz: found.resonance_hz,
+            sigma_hz: found.sigma_hz,
+            q: Some(found.q),
+            figure_of_merit: Some(found.figure_of_merit),
+            k_eff_squared: Some(found.k_eff_squared),
+            static_capacitance_f: Some(found.c0_farad),
+            loss_tangent: Some(found.loss_tangent),
+            fit: Some(FitView {
+                rung: found.rung.name(),
+                points: found.points,
+                chi_squared_per_dof: found.chi_squared_per_dof,
+                noise_at_ten_cycles: found.noise_at_ten_cycles,
+                condition: found.condition,
+            }),
+        }
+    }
+}
+
+impl From<&Verdict> for VerdictView {
+    fn from(verdict: &Verdict) -> Self {
+        match verdict {
+            Verdict::Accepted(found) => {
+                Self { status: "accepted", accepted: Some(found.into()), ..Self::default() }
+            }
+            Verdict::Refused(refusal) => Self {
+                status: "refused",
+                reason: Some(refusal.reason.code().to_owned()),
+                message: Some(refusal.reason.to_string()),
+                side: match refusal.reason {
+                    Reason::OutsideWindow { side, .. } => Some(side.to_string()),
+                    _ => None,
+                },
+                estimate: refusal.estimate.as_ref().map(FoundView::from),
+                ..Self::default()
+            },
+        }
     }
 }
 
@@ -52,18 +155,21 @@ impl From<&SweepVerdict> for VerdictView {
         match verdict {
             SweepVerdict::Accepted { resonance_hz, sigma_hz, circuit } => {
                 let of = |value: fn(&Circuit) -> f64| circuit.as_ref().map(value);
-                Self {
-                    status: "accepted",
-                    resonance_hz: Some(*resonance_hz),
-                    sigma_hz: Some(*sigma_hz),
+                let found = FoundView {
+                    resonance_hz: *resonance_hz,
+                    sigma_hz: *sigma_hz,
                     q: of(|circuit| circuit.quality_factor),
                     figure_of_merit: of(|circuit| {
                         circuit.quality_factor * circuit.capacitance_ratio
                     }),
+                    k_eff_squared: of(|circuit| {
+                        circuit.capacitance_ratio / (1.0 + circuit.capacitance_ratio)
+                    }),
                     static_capacitance_f: of(|circuit| circuit.static_capacitance_f),
                     loss_tangent: of(|circuit| circuit.loss_tangent),
-                    reason: None,
-                }
+                    fit: None,
+                };
+                Self { status: "accepted", accepted: Some(found), ..Self::default() }
             }
             SweepVerdict::Refused { reason } => {
                 Self { status: "refused", reason: Some(reason.clone()), ..Self::default() }

@@ -1,0 +1,160 @@
+//! `rigd fit` as a person or a script starts it, on files as others write them.
+
+#![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
+
+use std::{
+    fs,
+    io::Write,
+    path::{Path, PathBuf},
+    process::{Command, Output, Stdio},
+};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn data(file: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(file);
+    path.to_str().unwrap().to_owned()
+}
+
+fn rigd(args: &[&str]) -> Output {
+    let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    Command::new(env!("CARGO_BIN_EXE_rigd")).args(args).current_dir(repository).output().unwrap()
+}
+
+/// Starts `rigd fit -` with this on its stdin.
+fn rigd_fit_stdin(input: &[u8], args: &[&str]) -> Output {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_rigd"))
+        .args(["fit", "-"])
+        .args(args)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    child.stdin.take().unwrap().write_all(input).unwrap();
+    child.wait_with_output().unwrap()
+}
+
+fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn text(bytes: &[u8]) -> &str {
+    std::str::from_utf8(bytes).unwrap()
+}
+
+#[track_caller]
+fn check_accepted(output: &Output, resonance_hz: f64, q: f64, figure_of_merit: f64) -> Value {
+    let view = json(output);
+    assert_eq!(output.status.code(), Some(0), "{view}");
+    assert_eq!(view["status"], "accepted");
+    let of = |key: &str| view[key].as_f64().unwrap();
+    let sigmas = (of("resonance_hz") - resonance_hz) / of("sigma_hz");
+    assert!(sigmas.abs() < 4.0, "{view}");
+    assert!((of("q") / q - 1.0).abs() < 0.02, "{view}");
+    assert!((of("figure_of_merit") / figure_of_merit - 1.0).abs() < 0.02, "{view}");
+    assert!((0.5..2.0).contains(&of("chi_squared_per_dof")), "{view}");
+    assert!(view.get("reason").is_none() && view.get("estimate").is_none(), "{view}");
+    view
+}
+
+#[test]
+fn what_meters_and_network_analyzers_export_is_fitted() {
+    let lcr = rigd(&["fit", &data("lcr-meter.csv"), "--json"]);
+    let view = check_accepted(&lcr, 140.25, 30.0, 30.0 * 0.05 / 0.95);
+    assert_eq!((&view["rung"], view["readings"].as_u64()), (&"dielectric loss".into(), Some(61)));
+    let crystal = rigd(&["fit", &data("network-analyzer.s1p"), "--json"]);
+    let view = check_accepted(&crystal, 9.998e6, 60_000.0, 270.0);
+    assert!(view["sigma_hz"].as_f64().unwrap() < 1.0, "{view}");
+    let person = rigd(&["fit", &data("lcr-meter.csv")]);
+    assert!(text(&person.stdout).starts_with("resonance           140.2"), "{person:?}");
+    let piped = rigd_fit_stdin(&fs::read(data("lcr-meter.csv")).unwrap(), &["--json"]);
+    assert_eq!(piped.stdout, lcr.stdout);
+}
+
+#[test]
+fn a_refusal_has_its_reason_its_exit_code_and_its_estimate_apart() {
+    let outside = rigd(&["fit", &data("outside-window.csv"), "--json"]);
+    let view = json(&outside);
+    assert_eq!(outside.status.code(), Some(3));
+    assert_eq!(view["status"], "refused");
+    assert_eq!((&view["reason"], &view["side"]), (&"outside_window".into(), &"below".into()));
+    assert!(view["message"].as_str().unwrap().starts_with("resonance near 140.2"), "{view}");
+    assert!(view.get("resonance_hz").is_none(), "{view}");
+    let estimate_hz = view["estimate"]["resonance_hz"].as_f64().unwrap();
+    assert!((estimate_hz - 140.25).abs() < 0.2, "{view}");
+    let person = rigd(&["fit", &data("outside-window.csv")]);
+    assert_eq!(person.status.code(), Some(3));
+    assert!(text(&person.stdout).starts_with("resonance           refused\n"), "{person:?}");
+    assert!(text(&person.stderr).contains("lies below the window"), "{person:?}");
+
+    let lcr = data("lcr-meter.csv");
+    let window = |window: &str| json(&rigd(&["fit", &lcr, "--json", "--window", window]));
+    assert_eq!(window("120..160")["status"], "accepted");
+    assert_eq!(window("150..160")["side"], "below");
+    assert_eq!(window("120..130")["side"], "above");
+    let few = "f,R,X\n120,900,-47000\n140,2000,-39000\n";
+    let few = rigd_fit_stdin(few.as_bytes(), &["--json"]);
+    assert_eq!((few.status.code(), &json(&few)["reason"]), (Some(3), &"too_few_points".into()));
+}
+
+#[test]
+fn a_bad_file_is_refused_with_every_fault_and_its_place() {
+    let path = data("faults.csv");
+    let output = rigd(&["fit", &path]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(output.stdout.is_empty());
+    let faults: Vec<_> = text(&output.stderr).lines().collect();
+    let expected = [
+        ":4:1: 2 cells where the header has 3; complete the line or remove it",
+        ":5:8: `9oo` is not a number; write it like 140.25, 1.4025e2 or, between semicolons, 140,25",
+        ":6:1: frequency_hz = -125 is outside [1e-6, 1e12]; look at the unit in the header",
+    ];
+    assert_eq!(faults, expected.map(|fault| format!("{path}{fault}")));
+    let view = rigd(&["fit", &path, "--json"]);
+    assert_eq!((view.status.code(), &json(&view)["status"]), (Some(2), &"bad_file".into()));
+    let places = json(&view)["faults"].as_array().unwrap().clone();
+    let places = places.iter().map(|fault| (fault["line"].as_u64(), fault["column"].as_u64()));
+    assert!(places.eq([(Some(4), Some(1)), (Some(5), Some(8)), (Some(6), Some(1))]), "{view:?}");
+    let code = |args: &[&str]| rigd(args).status.code();
+    assert_eq!(code(&["fit", "no-such-file.csv"]), Some(1));
+    for window in ["120", "120..x", "160..120"] {
+        assert_eq!(code(&["fit", &data("lcr-meter.csv"), "--window", window]), Some(2));
+    }
+}
+
+#[test]
+fn what_rigd_writes_it_reads_again_and_finds_the_same() {
+    let folder = TempDir::new().unwrap();
+    let dir = folder.path().to_str().unwrap();
+    let window = ["measure", "--min-hz", "120", "--max-hz", "165", "--data", dir];
+    let measured = rigd(&[window.as_slice(), &["--csv"]].concat());
+    let again = rigd_fit_stdin(&measured.stdout, &["--json"]);
+    assert_eq!(again.status.code(), Some(0), "{again:?}");
+    let found_hz = json(&again)["resonance_hz"].as_f64().unwrap();
+    // The scene says 140 Hz, give or take the temperature of the day.
+    assert!((found_hz - 140.0).abs() < 2.0, "{found_hz}");
+
+    let output = rigd(&["run", "config/protocols/smoke.toml", "--data", dir, "--json"]);
+    let files = PathBuf::from(json(&output)["data"].as_str().unwrap());
+    let readings = files.join("readings.csv");
+    let readings = readings.to_str().unwrap();
+    let many = rigd(&["fit", readings]);
+    assert_eq!(many.status.code(), Some(2));
+    assert!(text(&many.stderr).contains("choose one, like `--sweep "), "{many:?}");
+    let sweeps = fs::read_to_string(files.join("sweeps.csv")).unwrap();
+    let header: Vec<_> = sweeps.lines().next().unwrap().split(',').collect();
+    let at = |key: &str| header.iter().position(|name| *name == key).unwrap();
+    let mut checked = 0;
+    for row in sweeps.lines().skip(1).filter(|row| row.contains(",accepted,")).take(5) {
+        let cells: Vec<_> = row.split(',').collect();
+        let number = |key: &str| cells[at(key)].parse::<f64>().unwrap();
+        let fitted = json(&rigd(&["fit", readings, "--json", "--sweep", cells[at("sweep")]]));
+        let again_hz = fitted["resonance_hz"].as_f64().unwrap_or_else(|| panic!("{fitted}"));
+        let sigmas = (again_hz - number("resonance_hz")) / number("sigma_hz");
+        assert!(sigmas.abs() < 1.0, "{row}: {fitted}");
+        checked += 1;
+    }
+    assert_eq!(checked, 5);
+}
