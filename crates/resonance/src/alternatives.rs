@@ -34,11 +34,6 @@ pub(crate) enum Cause {
 }
 
 impl Cause {
-    /// Whether a model can have it.
-    pub(crate) fn can_be_modelled(&self) -> bool {
-        matches!(self, Self::Drift | Self::SecondMode { .. } | Self::Stray)
-    }
-
     /// Whether both are of one kind.
     pub(crate) fn is_like(&self, other: &Self) -> bool {
         std::mem::discriminant(self) == std::mem::discriminant(other)
@@ -106,7 +101,9 @@ const DWELL_CYCLES: f64 = 4.0;
 const SETTLED_TIME_CONSTANTS: f64 = 10.0;
 /// Places at which a second mode is tried, per width of the first.
 const MODES_PER_WIDTH: f64 = 2.0;
-const MODES_MAX: usize = 160;
+const MODES_MAX: usize = 240;
+/// … and how far beyond the readings, in spans: what lies there still leans on them.
+const BEYOND: f64 = 0.4;
 
 impl<'a> Fitted<'a> {
     pub(crate) fn new(trace: &'a Trace, found: &Minimum) -> Self {
@@ -250,6 +247,8 @@ impl<'a> Fitted<'a> {
         let frequencies = self.rows.iter().map(|&(i, _)| self.sample(i).visit.frequency_hz);
         let (low, high) =
             frequencies.fold((f64::INFINITY, 0.0_f64), |(a, b), f| (a.min(f), b.max(f)));
+        let beyond = BEYOND * (high - low);
+        let (low, high) = (low - beyond, high + beyond);
         let width = self.at.resonance_hz / self.at.q;
         let places = ((high - low) / width * MODES_PER_WIDTH).ceil().clamp(8.0, MODES_MAX as f64);
         let mut best: Option<Alternative> = None;

@@ -6,8 +6,8 @@
 use rig_model::{Reading, Window};
 
 use crate::{
-    Reason, Refusal, Resonance, Side, Timing, Verdict, points::Points, quick::Quick, scatter,
-    solve::End, thorough::Model,
+    Reason, Refusal, Resonance, Side, Timing, Verdict, points::Points, quick::Quick, rounding,
+    scatter, solve::End, thorough::Model,
 };
 
 /// What is known besides the readings.
@@ -64,12 +64,14 @@ impl Fitter {
         }
         let Points { lowest_hz: min_hz, highest_hz: max_hz, .. } = self.quick.points;
         let window = options.window.unwrap_or(Window { min_hz, max_hz });
+        let rounding = rounding::variances(readings);
         let mut start = None;
         if options.timing.is_steady()
             && let Some(found) = self.quick.fit(options)
         {
             start = found.start;
             if let (Some(resonance), true) = (found.resonance, found.is_usual)
+                && !rounding::matters(&rounding, readings, &resonance)
                 && doubt_existence(&resonance, found.gain).is_none()
                 && doubt_place(&resonance, window).is_none()
                 && doubt_precision(&resonance).is_none()
@@ -78,7 +80,7 @@ impl Fitter {
             }
         }
         let unit_farad = self.quick.points.reference_farad;
-        match Model::find(readings, window, unit_farad, start, options) {
+        match Model::find(readings, &rounding, window, unit_farad, start, options) {
             Ok(model) => judge(&model, window, options),
             Err(reason) => refused(reason),
         }
@@ -100,10 +102,14 @@ impl Fitter {
 
 /// The verdict on a model that was found with all doubts.
 fn judge(model: &Model, window: Window, options: &FitOptions) -> Verdict {
+    let gain = model.gain_over_capacitor();
     let Some(found) = model.resonance(options) else {
-        return Verdict::Refused(Refusal { reason: Reason::NotConverged, estimate: None });
+        let is_nothing = gain < GAIN_MIN;
+        let nothing = Reason::NoResonance { found: gain, needed: GAIN_MIN };
+        let reason = if is_nothing { nothing } else { Reason::NotConverged };
+        return Verdict::Refused(Refusal { reason, estimate: None });
     };
-    let reason = doubt_existence(&found, model.gain_over_capacitor())
+    let reason = doubt_existence(&found, gain)
         .or_else(|| (model.found.end == End::OutOfSteps).then_some(Reason::NotConverged))
         .or_else(|| doubt_place(&found, window))
         .or(model.reason)

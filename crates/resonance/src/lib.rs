@@ -22,6 +22,7 @@ mod planner;
 mod points;
 mod quick;
 mod ringup;
+mod rounding;
 mod scatter;
 mod solve;
 mod thorough;

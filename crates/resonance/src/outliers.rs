@@ -7,7 +7,7 @@
 
 use crate::{
     dense::Cholesky,
-    solve::Normal,
+    solve::{Normal, ROUNDING},
     trace::{Minimum, Trace, UNKNOWNS},
 };
 
@@ -150,5 +150,5 @@ fn sizes(trace: &Trace, found: &Minimum) -> (Vec<f64>, f64) {
     )]
     used.truncate((used.len() as f64 * TRIMMED).ceil() as usize);
     let mean = used.iter().sum::<f64>() / used.len() as f64;
-    (sizes, mean / TRIMMED_MEAN)
+    (sizes, (mean / TRIMMED_MEAN).max(ROUNDING * ROUNDING))
 }

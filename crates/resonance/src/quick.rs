@@ -107,7 +107,7 @@ impl Quick {
         options: &FitOptions,
     ) -> bool {
         let count = self.points.count as f64;
-        let mean = solution.normal.cost / count;
+        let mean = (solution.normal.cost / count).max(ROUNDING * ROUNDING);
         let allowed = scatter::allowed(
             self.degrees(free),
             options.noise.as_ref(),
@@ -117,9 +117,8 @@ impl Quick {
             && look.fourth < unusual::FOURTH * count * mean * mean
             && found.chi_squared_per_dof < allowed
             && (options.timing == Timing::Unknown || self.has_surely_settled(found))
-            && patterns(solution, look, free).is_some_and(|saved| {
-                saved * self.degrees(free) < unusual::PATTERNS * solution.normal.cost
-            })
+            && patterns(solution, look, free)
+                .is_some_and(|saved| saved * self.degrees(free) < unusual::PATTERNS * mean * count)
     }
 
     /// Whether what is left of the motion after the shortest settling cannot matter.
@@ -189,8 +188,9 @@ impl Quick {
         let spread = Spread {
             covariance: sandwich(&slope, &inverse),
             condition: condition(&solution.normal.matrix, &inverse, free),
-            cost: solution.normal.cost,
-            neighbours: look.differences / (2 * pairs.max(1)) as f64,
+            cost: solution.normal.cost.max(self.degrees(free) * ROUNDING * ROUNDING),
+            neighbours: (look.differences / (2 * pairs.max(1)) as f64).max(ROUNDING * ROUNDING),
+            correlation: 1.0,
             count: self.points.count,
             degrees: self.degrees(free),
             widened: 0.0,

@@ -11,8 +11,8 @@ use crate::{
     grid::{Expected, Grid, are_apart},
     outliers::{self, GAIN_PER_OUTLIER, READINGS_PER_OUTLIER},
     scatter::Pool,
-    solve::End,
-    trace::{Believed, Besides, CIRCUIT, Minimum, Timing, Trace},
+    solve::{End, ROUNDING},
+    trace::{Believed, Besides, CIRCUIT, Minimum, Trace},
     verdict::{Rung, Spread},
 };
 
@@ -22,6 +22,9 @@ pub(crate) struct Model {
     trace: Trace,
     pub(crate) found: Minimum,
     rung: Rung,
+    /// The least variance at ten cycles that the noise can have: that of the noise that weighs
+    /// rounding, and 0 where nothing was rounded.
+    known: f64,
     /// What must be added to the relative variance of the resonance, because a cause that would
     /// shift it is not excluded.
     widened: f64,
@@ -34,30 +37,35 @@ const STARTS: usize = 4;
 /// Variance to rank the trials of a grid with: only what is believed beforehand depends on it.
 const GRID_VARIANCE: f64 = 0.005 * 0.005;
 /// So far below the gain that takes a cause for real, it is as likely to be there as not.
-const EVEN_BELOW: f64 = 8.0;
+const EVEN_BELOW: f64 = 7.0;
 /// A second mode with more than this part of the capacitance of the first leaves open which is which.
 const EQUALS: f64 = 0.7;
+/// Rounds in which noise is told from rounding, and the least part of the rounding that is noise.
+const ROUNDS: usize = 4;
+const NOISE_MIN: f64 = 1e-3;
+/// More than all readings wrong together would be.
+const CORRELATION_MAX: f64 = 30.0;
 /// An error of the resonance below this many of its standard deviations does not matter.
 const SETTLED_SIGMAS: f64 = 0.5;
 
 /// Twice the log-likelihood that a cause must gain to be taken for real: chance reaches it once in
-/// a hundred thousand sweeps. A second mode is tried at many places.
+/// ten thousand sweeps. A second mode is tried at many places.
 fn gain_needed(cause: &Cause) -> f64 {
     match cause {
-        Cause::Drift | Cause::Hysteresis => 20.0,
-        Cause::Nonlinear | Cause::NotSettled | Cause::Stray => 23.0,
-        Cause::SecondMode { .. } => 28.0,
+        Cause::Drift | Cause::Hysteresis => 16.0,
+        Cause::Nonlinear | Cause::NotSettled | Cause::Stray => 19.0,
+        Cause::SecondMode { .. } => 24.0,
     }
 }
 
 /// A cause whose being unknown raises the variance by more than this factor can hardly be told from
 /// the circuit with these readings, and is not held against them.
-fn told_apart(cause: &Cause, timing: Timing) -> f64 {
-    match (cause, timing) {
-        // These are common, and in a plain sweep nothing else speaks against them.
-        (Cause::NotSettled, Timing::Unknown)
-        | (Cause::Nonlinear, Timing::Unknown | Timing::Waited) => 100.0,
-        _ => 4.0,
+fn told_apart(cause: &Cause) -> f64 {
+    match cause {
+        // In a sweep one way nearly everything looks a little like drift, and any place that the
+        // resonance had is right.
+        Cause::Drift | Cause::Hysteresis => 4.0,
+        _ => 100.0,
     }
 }
 
@@ -75,12 +83,14 @@ impl Model {
     /// [`Reason::NoResonance`] when nothing like a resonance is found.
     pub(crate) fn find(
         readings: &[Reading],
+        rounding: &[f64],
         window: Window,
         unit_farad: f64,
         start: Option<Believed>,
         options: &FitOptions,
     ) -> Result<Self, Reason> {
-        let trace = Trace::of(readings, options.timing, unit_farad);
+        let mut trace = Trace::of(readings, options.timing, unit_farad);
+        trace.rounding.extend(rounding);
         let free = CIRCUIT + trace.besides().count();
         let start = match start {
             Some(start) => start,
@@ -88,8 +98,11 @@ impl Model {
         };
         let found = trace.minimum(start, free);
         let rung = if options.timing.is_steady() { Rung::Loss } else { Rung::RingUp };
-        let mut model =
-            Self { trace, found, rung, widened: 0.0, reason: None }.without_outliers(options);
+        let mut model = Self { trace, found, rung, known: 0.0, widened: 0.0, reason: None };
+        if !rounding.is_empty() {
+            model.weigh_rounding(options);
+        }
+        let mut model = model.without_outliers(options);
         if options.timing.is_steady() && !options.always_loss {
             model.try_without_loss();
         }
@@ -108,6 +121,34 @@ impl Model {
         (2 * self.trace.used().0 - self.found.free) as f64
     }
 
+    /// Weighs the readings by their rounding as well, which is known better than the noise.
+    fn weigh_rounding(&mut self, options: &FitOptions) {
+        let (count, weight) = self.trace.used();
+        let rounding: f64 =
+            self.trace.samples.iter().zip(&self.trace.rounding).map(|(s, r)| s.weight * r).sum();
+        let least = NOISE_MIN * rounding * weight / (count * count) as f64;
+        for _ in 0..ROUNDS {
+            self.known = match &options.noise {
+                Some(prior) => prior.at_ten_cycles.powi(2),
+                None => self.neighbours(),
+            };
+            self.known = self.known.max(least);
+            self.trace.weigh(self.known);
+            self.found = self.trace.minimum(self.found.at, self.found.free);
+        }
+    }
+
+    /// How many times the variance of what is fitted exceeds that for independent errors: those of
+    /// rounding come in runs. With a correlation of ρ between neighbours their differences show 1 − ρ
+    /// of the variance, and what is fitted has (1 + ρ)/(1 − ρ) times its variance.
+    fn correlation(&self) -> f64 {
+        if self.known == 0.0 {
+            return 1.0;
+        }
+        let variance = self.cost() / self.degrees();
+        (2.0 * variance / self.neighbours() - 1.0).clamp(1.0, CORRELATION_MAX)
+    }
+
     /// The model of the readings without outliers, where they are all that is wrong.
     fn without_outliers(self, options: &FitOptions) -> Self {
         if outliers::count(&self.trace, &self.found) == 0 {
@@ -116,7 +157,8 @@ impl Model {
         let Some((trace, found)) = outliers::without(&self.trace, &self.found) else {
             return self;
         };
-        let rest = Self { trace, found, rung: self.rung, widened: 0.0, reason: None };
+        let rest =
+            Self { trace, found, rung: self.rung, known: self.known, widened: 0.0, reason: None };
         let gain = rest.degrees() * (self.found.normal.cost / rest.found.normal.cost).ln();
         let left_out = self.trace.used().0 - rest.trace.used().0;
         // The readings may follow another model as a whole.
@@ -147,20 +189,24 @@ impl Model {
         let alternatives = self.doubts(options);
         let Some(strongest) = strongest(&alternatives) else { return };
         self.reason = Some(strongest.into());
-        let higher = alternatives
+        let mut higher: Vec<_> = alternatives
             .iter()
             .filter(|(found, gain)| *gain > gain_needed(&found.cause))
             .filter_map(|(found, _)| Some((self.higher(&found.cause)?, found.cause)))
             .filter(|(model, _)| model.found.end != End::OutOfSteps)
-            .min_by(|a, b| a.0.found.normal.cost.total_cmp(&b.0.found.normal.cost));
-        let Some((mut higher, cause)) = higher else { return };
-        let gain = self.gain(self.found.normal.cost - higher.found.normal.cost, options);
-        let rival = alternatives
-            .iter()
-            .filter(|(other, _)| {
-                let is_rival = cause == Cause::Stray || !other.cause.can_be_modelled();
-                is_rival && !other.cause.is_like(&cause)
+            .map(|(model, cause)| {
+                let saved = self.found.normal.cost - model.found.normal.cost;
+                (model, cause, self.gain(saved, options))
             })
+            .collect();
+        higher.sort_by(|a, b| b.2.total_cmp(&a.2));
+        let rivals = higher.iter().map(|(_, cause, gain)| (*cause, *gain));
+        let rivals: Vec<_> =
+            rivals.chain(alternatives.iter().map(|(found, gain)| (found.cause, *gain))).collect();
+        let Some((mut higher, cause, gain)) = higher.into_iter().next() else { return };
+        let rival = rivals
+            .iter()
+            .filter(|(other, _)| !other.is_like(&cause))
             .map(|(_, gain)| *gain)
             .fold(0.0, f64::max);
         if gain < rival + clearly(&cause) {
@@ -186,9 +232,7 @@ impl Model {
         let variance = self.noise(options).variance();
         self.widened = alternatives
             .iter()
-            .filter(|(found, _)| {
-                found.variance < told_apart(&found.cause, options.timing) * found.variance_without
-            })
+            .filter(|(found, _)| found.variance < told_apart(&found.cause) * found.variance_without)
             .map(|(found, gain)| {
                 let even = gain_needed(&found.cause) - EVEN_BELOW;
                 let probability = 1.0 / (1.0 + (0.5 * (even - gain)).exp());
@@ -231,7 +275,7 @@ impl Model {
         let trace = self.trace.clone();
         let start = Believed { besides, extra, ..self.found.at };
         let found = trace.minimum(start, CIRCUIT + besides.count());
-        Some(Self { trace, found, rung, widened: 0.0, reason: None })
+        Some(Self { trace, found, rung, known: self.known, widened: 0.0, reason: None })
     }
 
     /// Whether what is left of the motion does not matter, given how long each point was waited
@@ -246,18 +290,23 @@ impl Model {
         left.size.abs() < 3.0 * sigma && 1.0 - left.size > 4.0 * sigma
     }
 
+    /// The weighted sum of |r|², which can be no less than rounding makes it.
+    fn cost(&self) -> f64 {
+        self.found.normal.cost.max(self.degrees() * self.known.max(ROUNDING * ROUNDING))
+    }
+
     /// What is known of the noise beforehand and from what is left.
     fn noise(&self, options: &FitOptions) -> Pool {
         options
             .noise
             .as_ref()
             .map_or_else(Pool::default, Pool::known)
-            .with(self.found.normal.cost, self.degrees())
+            .with(self.cost(), self.degrees())
     }
 
     /// Twice the log-likelihood gained when the cost falls by `saved`.
     fn gain(&self, saved: f64, options: &FitOptions) -> f64 {
-        self.noise(options).gain(saved)
+        self.noise(options).gain(saved) / self.correlation()
     }
 
     /// The result as it stands, or `None` where the readings do not determine it.
@@ -277,8 +326,9 @@ impl Model {
         let spread = Spread {
             covariance: sandwich(&slope, &leading),
             condition: condition(&normal.matrix, &inverse, *free),
-            cost: normal.cost,
-            neighbours: self.neighbours(),
+            cost: self.cost(),
+            neighbours: self.neighbours().max(self.known.max(ROUNDING * ROUNDING)),
+            correlation: self.correlation(),
             count: self.trace.used().0,
             degrees: self.degrees(),
             widened: self.widened * at.resonance_hz.powi(2),

@@ -117,6 +117,9 @@ pub(crate) struct Row {
 pub(crate) struct Trace {
     pub(crate) timing: Timing,
     pub(crate) samples: Vec<Sample>,
+    /// The variance that rounding adds to each part of the relative error of each sample; empty
+    /// where nothing was rounded.
+    pub(crate) rounding: Vec<f64>,
     /// Farads that bring capacitances near 1.
     pub(crate) unit_farad: f64,
     last: Option<Reading>,
@@ -127,7 +130,7 @@ const CLOCK_S: f64 = 2.5e-6;
 
 impl Trace {
     pub(crate) fn new(timing: Timing, unit_farad: f64) -> Self {
-        Self { timing, samples: Vec::new(), unit_farad, last: None }
+        Self { timing, samples: Vec::new(), rounding: Vec::new(), unit_farad, last: None }
     }
 
     /// All readings at once.
@@ -175,6 +178,17 @@ impl Trace {
                 i as f64 / steps
             };
             sample.when = 2.0 * part - 1.0;
+        }
+    }
+
+    /// Weighs each reading by its noise, of this variance at ten cycles, and by its rounding.
+    pub(crate) fn weigh(&mut self, variance: f64) {
+        for (sample, rounding) in self.samples.iter_mut().zip(&self.rounding) {
+            let Visit { frequency_hz, integration_s, .. } = sample.visit;
+            let noise = 1.0 / tens_of_cycles(integration_s * frequency_hz);
+            if sample.weight > 0.0 {
+                sample.weight = 1.0 / (noise + rounding / variance);
+            }
         }
     }
 
@@ -273,7 +287,11 @@ pub(crate) struct State {
 /// How many times ten cycles were integrated; 1 where the time is not known.
 #[inline]
 pub(crate) fn weight(reading: &Reading) -> f64 {
-    let cycles = reading.integration_s * reading.frequency_hz;
+    tens_of_cycles(reading.integration_s * reading.frequency_hz)
+}
+
+#[inline]
+fn tens_of_cycles(cycles: f64) -> f64 {
     if cycles > 0.0 { 0.1 * cycles } else { 1.0 }
 }
 

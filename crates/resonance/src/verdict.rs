@@ -84,6 +84,8 @@ pub(crate) struct Spread {
     pub(crate) cost: f64,
     /// The variance of one part of a reading of ten cycles by the differences of neighbours.
     pub(crate) neighbours: f64,
+    /// How many times the variance exceeds that for independent errors.
+    pub(crate) correlation: f64,
     /// Readings used.
     pub(crate) count: usize,
     /// Degrees of freedom left.
@@ -116,7 +118,8 @@ impl Resonance {
                 (pooled, known, all)
             }
         };
-        let mut covariance = spread.covariance.map(|row| row.map(|x| x * variance));
+        let mut covariance =
+            spread.covariance.map(|row| row.map(|x| x * variance * spread.correlation));
         covariance[0][0] += spread.widened;
         Self {
             resonance_hz: circuit.resonance_hz,
