@@ -29,6 +29,17 @@ impl Random {
         self.between(low.ln(), high.ln()).exp()
     }
 
+    /// One or minus one.
+    pub(crate) fn sign(&mut self) -> f64 {
+        if self.between(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 }
+    }
+
+    /// A whole number between these, evenly on a logarithmic scale.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole and small")]
+    pub(crate) fn count(&mut self, low: f64, high: f64) -> usize {
+        self.log_between(low, high).floor() as usize
+    }
+
     /// Two independent normal numbers.
     pub(crate) fn normal(&mut self) -> Complex64 {
         let radius = (-2.0 * self.between(f64::MIN_POSITIVE, 1.0).ln()).sqrt();
