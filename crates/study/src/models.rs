@@ -4,7 +4,7 @@ mod cost;
 mod effects;
 mod errors;
 mod failures;
-mod readout;
+pub(crate) mod readout;
 
 use std::{io::Write, path::PathBuf};
 

@@ -72,7 +72,8 @@ impl Page {
         folder.write(&format!("{name}.html"), &self.html()?)
     }
 
-    fn markdown(&self, name: &str) -> String {
+    /// The page as Markdown, with its charts in the folder `name`.
+    pub(crate) fn markdown(&self, name: &str) -> String {
         let mut text = format!("# {}\n", self.title);
         for part in &self.parts {
             text.push('\n');

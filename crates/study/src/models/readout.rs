@@ -4,7 +4,7 @@ use num_complex::Complex64;
 
 /// A definition of the resonance frequency.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum ReadOut {
+pub(crate) enum ReadOut {
     /// The greatest conductance.
     Conductance,
     /// The least magnitude of impedance.
@@ -16,10 +16,10 @@ pub(super) enum ReadOut {
 }
 
 impl ReadOut {
-    pub(super) const ALL: [Self; 4] =
+    pub(crate) const ALL: [Self; 4] =
         [Self::Conductance, Self::LeastImpedance, Self::GreatestImpedance, Self::ZeroPhase];
 
-    pub(super) const fn name(self) -> &'static str {
+    pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Conductance => "conductance peak",
             Self::LeastImpedance => "least impedance",
@@ -30,7 +30,7 @@ impl ReadOut {
 
     /// The frequency read from an admittance curve around `near_hz`, or none where the curve has
     /// no such place.
-    pub(super) fn read_hz(
+    pub(crate) fn read_hz(
         self,
         near_hz: f64,
         admittance_s: impl Fn(f64) -> Complex64,

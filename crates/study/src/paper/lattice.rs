@@ -32,26 +32,57 @@ pub(super) enum RangeOf {
     Interval,
 }
 
+/// What becomes of a point that lies in no range at all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Outside {
+    /// It is not recognised.
+    Lost,
+    /// It is taken for the sample with the nearest range.
+    Nearest,
+}
+
+impl Outside {
+    /// The shift by which a point is judged: in the second reading that of the nearest range's end.
+    fn judged_hz(self, ranges: &[Range], shift_hz: f64) -> f64 {
+        if self == Self::Lost || ranges.iter().any(|range| range.contains(shift_hz)) {
+            return shift_hz;
+        }
+        let ends = ranges.iter().flat_map(|range| [range.min_hz, range.max_hz]);
+        ends.min_by(|a, b| (a - shift_hz).abs().total_cmp(&(b - shift_hz).abs()))
+            .unwrap_or(shift_hz)
+    }
+}
+
 /// Each sample's range of shifts over an interval of angles, in all directions.
 pub(super) fn ranges(way: &Way<'_>, largest_deg: f64, of: RangeOf) -> Vec<Range> {
-    let steps = match of {
-        RangeOf::Ends => 1,
-        RangeOf::Interval => 45,
-    };
     let range = |&young_mpa: &f64| {
-        let shifts = (0..=steps).flat_map(|step| {
-            let angle = largest_deg * f64::from(step) / f64::from(steps);
-            Direction::ALL.map(|direction| way.exact_hz(young_mpa, direction, angle))
+        let shifts = Direction::ALL.into_iter().flat_map(|direction| {
+            let shift = |angle: f64| way.exact_hz(young_mpa, direction, angle);
+            let highest = (of == RangeOf::Interval).then(|| highest(shift, largest_deg));
+            [shift(0.0), shift(largest_deg)].into_iter().chain(highest)
         });
         Range::of(shifts).expect("an interval has ends")
     };
     SAMPLES_MPA.iter().map(range).collect()
 }
 
+/// The greatest shift in an interval of angles: a shift rises at most once before it falls.
+fn highest(shift: impl Fn(f64) -> f64, largest_deg: f64) -> f64 {
+    /// Thirds of the interval that are cut off: to 3e-4 of it, which the shift feels squared.
+    const CUTS: u32 = 20;
+    let (mut low, mut high) = (0.0, largest_deg);
+    for _ in 0..CUTS {
+        let (left, right) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
+        if shift(left) < shift(right) { low = left } else { high = right }
+    }
+    shift(0.5 * (low + high))
+}
+
 /// One pass over the lattices of all samples.
 pub(super) fn pass(
     way: &Way<'_>,
     ranges: &[Range],
+    outside: Outside,
     largest_deg: f64,
     points: u32,
     random: &mut Stream,
@@ -62,7 +93,7 @@ pub(super) fn pass(
             let direction = random.pick(&Direction::ALL);
             let angle = largest_deg * random.uniform();
             let shift = way.read_hz(young_mpa, direction, angle, random);
-            tally.add(judge(ranges, sample, shift));
+            tally.add(judge(ranges, sample, outside.judged_hz(ranges, shift)));
         }
     }
     tally
@@ -123,7 +154,8 @@ fn by_ranges(repeats: u32, seed: u64) -> Table {
                 };
                 let ranges = ranges(&way, largest_deg, of);
                 let mut random = Stream::new(seed, (4 * index + interval) as u64);
-                let tally = pass(&way, &ranges, largest_deg, POINTS * repeats, &mut random);
+                let points = POINTS * repeats;
+                let tally = pass(&way, &ranges, Outside::Lost, largest_deg, points, &mut random);
                 100.0 * tally.rate(credit).expect("points were judged")
             };
             let quiet = |of, credit| rate(Nuisances::default(), of, credit);

@@ -24,6 +24,12 @@ fn fall_percent(depth_rel: f64) -> f64 {
     100.0 * angle_influence(depth_rel, EXACT).expect("within equation (4)") / upright
 }
 
+/// The same at R/δ below a half, where equation (4) no longer holds but can still be computed.
+fn fall_beyond_percent(radius_over_depth: f64) -> f64 {
+    let squared = |cosine: f64| radius_over_depth * cosine - 0.25 * cosine * cosine;
+    100.0 * (1.0 - (squared(std::f64::consts::FRAC_1_SQRT_2) / squared(1.0)).sqrt())
+}
+
 /// What equations (8) and (9) are solved for.
 fn bounds() -> Vec<Claim> {
     let at = |arithmetic| angle_influence(1.0, arithmetic).expect("within equation (4)");
@@ -49,10 +55,12 @@ fn bounds() -> Vec<Claim> {
             Verdict::DoesNotHold,
             format!(
                 "D1 = 0 at R = {:.5} Δ exactly, at {:.5} Δ in printed arithmetic; both lie outside \
-                 equation (4), which needs R ≥ 0.5 Δ, where D1 is still {:.1} %",
+                 equation (4), which needs R ≥ 0.5 Δ, where D1 is still {:.1} %: within the equation \
+                 the condition always holds. At R = 0.42 Δ itself D1 is {:+.2} %",
                 radius_without_angle_influence(EXACT),
                 radius_without_angle_influence(PRINTED),
-                fall_percent(2.0)
+                fall_percent(2.0),
+                fall_beyond_percent(0.42)
             ),
         ),
         claim(

@@ -1,0 +1,97 @@
+//! Figure 8: the three sensors that the paper compares.
+
+use rig_contact::{
+    ContactLaw, Direction, Tier,
+    equations::{Arithmetic, angle_influence, influence_over_discrimination},
+};
+
+use super::{mean_hz, noiseless};
+use crate::{
+    page::{Page, Table},
+    paper::{Compared, compared},
+    paper_bench::{Control, SAMPLES_MPA},
+};
+
+pub(super) fn add(page: &mut Page) {
+    page.heading("Figure 8: the three sensors");
+    page.text(
+        "The paper prints no numbers; it says that (35, 0.5) has the best D1 and the best D1/D2, the \
+         smallest ones. Its own equation (9) does not contain the length at all. Equation (8) gives its \
+         order of D1 only when ω and Z1 are those of the long sensor for the short one too; a shorter \
+         sensor resonates higher, and its shifts and D1 are smaller. No model that vibrates gives the \
+         paper's order of D1, and only T1, which knows no tilt, that of D1/D2.",
+    );
+    let mut table = Table::new(&[
+        "model",
+        "quantity",
+        "L 35, R 0.5",
+        "L 35, R 1",
+        "L 20, R 0.5",
+        "best",
+        "printed",
+        "agrees",
+    ]);
+    let ratio = SAMPLES_MPA[2] / SAMPLES_MPA[0];
+    let by_equation = |sensor: &Compared| {
+        let depth = 0.5 / sensor.radius_mm;
+        influence_over_discrimination(depth, ratio, Arithmetic::Exact)
+            .expect("the paper's depths are within its equation")
+    };
+    let frozen = |sensor: &Compared| {
+        let fall = angle_influence(0.5 / sensor.radius_mm, Arithmetic::Exact)
+            .expect("the paper's depths are within its equation");
+        fall * sensor.radius_mm * 35.0 / sensor.length_mm
+    };
+    let sensors = compared(ContactLaw::Sneddon);
+    push(&mut table, "equation (9)", "D1/D2", sensors.each_ref().map(by_equation), 4);
+    let of_first = frozen(&sensors[0]);
+    let relative = sensors.each_ref().map(|sensor| frozen(sensor) / of_first);
+    push(&mut table, "equation (8), ω and Z1 kept", "D1, relative", relative, 3);
+    for (name, tier, control) in [
+        ("T1", Tier::T1, Control::Indentation),
+        ("reference, indentation held", Tier::Reference, Control::Indentation),
+        ("reference, stage held", Tier::Reference, Control::Stage),
+    ] {
+        let d1_d2 = sensors.each_ref().map(|sensor| {
+            let way = noiseless(&sensor.models, tier, control);
+            let [soft, hard] = [0, 2].map(|sample| mean_hz(&way, SAMPLES_MPA[sample], 0.0));
+            let d1 = hard - mean_hz(&way, SAMPLES_MPA[2], 45.0);
+            (d1, d1 / (hard - soft))
+        });
+        push(&mut table, name, "D1 of sample 3, Hz", d1_d2.map(|(d1, _)| d1), 2);
+        push(&mut table, name, "D1/D2", d1_d2.map(|(_, quotient)| quotient), 3);
+    }
+    page.table(table);
+    page.text("No-load resonance and sensitivity of the three:");
+    let mut facts = Table::new(&["sensor", "no-load resonance, Hz", "sensitivity, Hz/MPa"]);
+    for sensor in &sensors {
+        let way = noiseless(&sensor.models, Tier::Reference, Control::Indentation);
+        let at = |young: f64| way.exact_hz(young, Direction::Front, 0.0);
+        let chord = (at(SAMPLES_MPA[4]) - at(SAMPLES_MPA[0])) / (SAMPLES_MPA[4] - SAMPLES_MPA[0]);
+        let no_load = sensor.models.no_load_hz(Tier::Reference);
+        facts.row([sensor.name.to_owned(), format!("{no_load:.1}"), format!("{chord:.1}")]);
+    }
+    page.table(facts);
+}
+
+/// A row: of both quantities the smallest is the best.
+fn push(table: &mut Table, model: &str, quantity: &str, values: [f64; 3], digits: usize) {
+    const NAMES: [&str; 3] = ["L 35, R 0.5", "L 35, R 1", "L 20, R 0.5"];
+    let least = values.into_iter().fold(f64::MAX, f64::min);
+    // Equal to rounding is no better.
+    let best: Vec<&str> = NAMES
+        .into_iter()
+        .zip(values)
+        .filter(|(_, value)| value - least < 1e-9)
+        .map(|(name, _)| name)
+        .collect();
+    let agrees = match best[..] {
+        [one] if one == NAMES[0] => "yes",
+        [_] => "no",
+        _ => "in part",
+    };
+    let head = [model.to_owned(), quantity.to_owned()];
+    let shown = values.map(|value| format!("{value:.digits$}"));
+    let tail = [best.join(" and "), NAMES[0].to_owned(), agrees.to_owned()];
+    table.row(head.into_iter().chain(shown).chain(tail));
+}
