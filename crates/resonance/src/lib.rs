@@ -13,6 +13,7 @@ mod alternatives;
 mod circuit;
 mod dense;
 mod dual;
+mod estimators;
 mod fit;
 mod grid;
 mod kernel;
@@ -30,6 +31,7 @@ mod trace;
 mod verdict;
 
 pub use circuit::Circuit;
+pub use estimators::{Definition, Estimator, NoEstimate};
 pub use fit::{FitOptions, Fitter, NoisePrior, fit};
 pub use planner::{Next, Planner, Prior};
 pub use trace::{Past, Timing};

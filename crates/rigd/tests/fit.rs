@@ -100,6 +100,33 @@ fn a_refusal_has_its_reason_its_exit_code_and_its_estimate_apart() {
 }
 
 #[test]
+fn other_estimators_stand_beside_with_their_bias() {
+    let path = data("lcr-meter.csv");
+    let view = json(&rigd(&["fit", &path, "--json", "--estimator", "all"]));
+    let estimators = view["estimators"].as_array().unwrap();
+    assert_eq!(estimators.len(), 12);
+    let of = |name: &str| estimators.iter().find(|view| view["name"] == name).unwrap();
+    let minimum = of("magnitude-parabola");
+    assert_eq!(minimum["definition"], "impedance minimum");
+    let bias_hz = minimum["bias_hz"].as_f64().unwrap();
+    assert!((-1.2..-1.0).contains(&bias_hz), "{minimum}");
+    let error_hz = minimum["frequency_hz"].as_f64().unwrap() - 140.25 - bias_hz;
+    assert!(error_hz.abs() < 0.3, "{minimum}");
+    // The figure of merit is below 2.
+    let zero = of("phase-zero");
+    assert!(zero.get("frequency_hz").is_none() && zero.get("bias_hz").is_none(), "{zero}");
+    assert_eq!(zero["message"], "the phase does not rise through zero");
+    assert_eq!(of("maximum-likelihood")["bias_hz"], 0.0);
+
+    let two = ["fit", &path, "--estimator", "rational", "--estimator", "phase-zero"];
+    let two = rigd(&two);
+    let lines: Vec<_> = text(&two.stdout).lines().rev().take(2).collect();
+    assert!(lines[1].starts_with("phase-zero") && lines[1].ends_with("none"), "{lines:?}");
+    assert!(lines[0].starts_with("rational") && lines[0].ends_with("+0.0000"), "{lines:?}");
+    assert_eq!(rigd(&["fit", &path, "--estimator", "guess"]).status.code(), Some(2));
+}
+
+#[test]
 fn a_bad_file_is_refused_with_every_fault_and_its_place() {
     let path = data("faults.csv");
     let output = rigd(&["fit", &path]);

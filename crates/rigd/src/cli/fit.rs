@@ -2,21 +2,21 @@
 
 use std::{
     fs,
-    io::{self, Read},
+    io::{self, Read as _},
     num::ParseFloatError,
     path::PathBuf,
 };
 
-use clap::Args;
-use rig_model::{SweepRequestError, Window};
-use rig_resonance::{FitOptions, Timing, fit};
+use clap::{Args, builder::PossibleValuesParser};
+use rig_model::{Reading, SweepRequestError, Window};
+use rig_resonance::{Estimator, FitOptions, Timing, Verdict, fit};
 use rig_settings::Faults;
 use serde::Serialize;
 
 use super::{
     Failure, OutputArgs,
     check::FaultView,
-    table::{facts, print, print_json},
+    table::{columns, facts, print, print_json},
     verdict::VerdictView,
 };
 use crate::{loaded_rig::FileError, sweep_file::SweepFile};
@@ -31,6 +31,9 @@ pub(super) struct FitArgs {
     /// Which sweep, of a file that numbers them
     #[arg(long, value_name = "N")]
     sweep: Option<u64>,
+    /// Show beside it what another estimator makes of the sweep; `all` for every one
+    #[arg(long = "estimator", value_name = "NAME", value_parser = estimators())]
+    estimators: Vec<String>,
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -56,6 +59,10 @@ fn window(text: &str) -> Result<Window, NoWindow> {
     }
 }
 
+fn estimators() -> PossibleValuesParser {
+    PossibleValuesParser::new(Estimator::ALL.map(Estimator::name).into_iter().chain(["all"]))
+}
+
 /// A file that could not be read, for a program.
 #[derive(Debug, Serialize)]
 struct BadFileView {
@@ -69,6 +76,49 @@ struct FileFitView {
     #[serde(flatten)]
     verdict: VerdictView,
     readings: usize,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    estimators: Vec<EstimatorView>,
+}
+
+/// What another estimator makes of the readings.
+#[derive(Debug, Serialize)]
+struct EstimatorView {
+    name: &'static str,
+    /// What its frequency means.
+    definition: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    frequency_hz: Option<f64>,
+    /// How far that meaning lies above the series resonance in the circuit that was fitted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bias_hz: Option<f64>,
+    /// Why it gives no frequency.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    message: Option<String>,
+}
+
+impl EstimatorView {
+    fn of(estimator: Estimator, readings: &[Reading], window: Window, verdict: &Verdict) -> Self {
+        let circuit = match verdict {
+            Verdict::Accepted(found) => Some(found.circuit()),
+            Verdict::Refused(refusal) => refusal.estimate.map(|estimate| estimate.circuit()),
+        };
+        let found = estimator.estimate(readings, window);
+        let definition = estimator.definition();
+        Self {
+            name: estimator.name(),
+            definition: definition.name(),
+            frequency_hz: found.ok(),
+            bias_hz: circuit.and_then(|circuit| definition.bias_hz(&circuit)),
+            message: found.err().map(|fault| fault.to_string()),
+        }
+    }
+
+    fn row(&self) -> Vec<String> {
+        let hertz = |value: Option<f64>| value.map_or("none".into(), |hz| format!("{hz:.4}"));
+        let signed = |value: Option<f64>| value.map_or("none".into(), |hz| format!("{hz:+.4}"));
+        let (found, bias) = (hertz(self.frequency_hz), signed(self.bias_hz));
+        vec![self.name.to_owned(), found, self.definition.to_owned(), bias]
+    }
 }
 
 pub(super) fn fit_file(args: &FitArgs) -> Result<(), Failure> {
@@ -80,17 +130,39 @@ pub(super) fn fit_file(args: &FitArgs) -> Result<(), Failure> {
     })?;
     let timing = if file.has_dwell { Timing::Waited } else { Timing::Unknown };
     let options = FitOptions { window: args.window, timing, ..FitOptions::default() };
-    let verdict = VerdictView::from(&fit(&file.readings, &options));
+    let verdict = fit(&file.readings, &options);
+    let is_asked = |estimator: &Estimator| {
+        args.estimators.iter().any(|name| name == "all" || name == estimator.name())
+    };
+    let window = args.window.unwrap_or_else(|| span(&file.readings));
+    let view = |estimator| EstimatorView::of(estimator, &file.readings, window, &verdict);
+    let estimators: Vec<_> = Estimator::ALL.into_iter().filter(is_asked).map(view).collect();
+    let verdict = VerdictView::from(&verdict);
     let refusal = verdict.refusal();
     let readings = file.readings.len();
     if args.output.json {
-        print_json(&FileFitView { verdict, readings })?;
+        print_json(&FileFitView { verdict, readings, estimators })?;
     } else {
         let mut rows = verdict.rows();
         rows.push(("readings", readings.to_string()));
-        print(&facts(&rows))?;
+        let mut text = facts(&rows);
+        if !estimators.is_empty() {
+            let rows: Vec<_> = estimators.iter().map(EstimatorView::row).collect();
+            let header = ["estimator", "found, Hz", "which is the", "off by, Hz"];
+            text = format!("{text}\n\n{}", columns(&header, &rows));
+        }
+        print(&text)?;
     }
     refusal.map_or(Ok(()), Err)
+}
+
+/// From the lowest to the highest frequency.
+fn span(readings: &[Reading]) -> Window {
+    let nothing = Window { min_hz: f64::INFINITY, max_hz: 0.0 };
+    readings.iter().fold(nothing, |window, reading| Window {
+        min_hz: window.min_hz.min(reading.frequency_hz),
+        max_hz: window.max_hz.max(reading.frequency_hz),
+    })
 }
 
 fn read(args: &FitArgs) -> Result<SweepFile, FileError> {

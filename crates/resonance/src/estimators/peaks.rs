@@ -1,0 +1,64 @@
+//! Readings that stand out, and a little interpolation.
+
+use super::{NoEstimate, Point, at_least};
+
+/// An extreme needs a neighbour on each side.
+const POINTS_MIN: usize = 3;
+
+/// The frequency of the reading with the highest value.
+pub(super) fn highest(points: &[Point], value: impl Fn(&Point) -> f64) -> Result<f64, NoEstimate> {
+    inner_peak(points, value).map(|index| points[index].frequency_hz)
+}
+
+/// The vertex of the parabola through the highest reading and its neighbours.
+pub(super) fn parabola(points: &[Point], value: impl Fn(&Point) -> f64) -> Result<f64, NoEstimate> {
+    let index = inner_peak(points, &value)?;
+    let [left, middle, right] = [&points[index - 1], &points[index], &points[index + 1]];
+    let (below, above) =
+        (middle.frequency_hz - left.frequency_hz, right.frequency_hz - middle.frequency_hz);
+    let (rise, fall) = (value(middle) - value(left), value(middle) - value(right));
+    // Slopes half-way to the neighbours; the vertex is where the line through them is zero. Equal
+    // heights make no parabola, and then the middle is as good as any.
+    let (up, down) = (rise / below, fall / above);
+    let shift = 0.5 * (up * above - down * below) / (up + down);
+    Ok(middle.frequency_hz + if shift.is_finite() { shift } else { 0.0 })
+}
+
+/// Where the phase first rises through zero.
+pub(super) fn zero_phase(points: &[Point]) -> Result<f64, NoEstimate> {
+    at_least(2, points)?;
+    let rises = |pair: &&[Point]| {
+        // Through zero, and not from 180° to −180°, which takes a negative resistance.
+        let is_resistive = pair.iter().all(|point| point.impedance.re > 0.0);
+        is_resistive && pair[0].impedance.im < 0.0 && pair[1].impedance.im >= 0.0
+    };
+    let pair = points.windows(2).find(rises).ok_or(NoEstimate::NoCrossing)?;
+    let (below, above) = (pair[0].impedance.arg(), pair[1].impedance.arg());
+    let part = below / (below - above);
+    Ok(pair[0].frequency_hz + part * (pair[1].frequency_hz - pair[0].frequency_hz))
+}
+
+/// The place of the highest value.
+///
+/// # Errors
+/// That it is the first or the last.
+fn inner_peak(points: &[Point], value: impl Fn(&Point) -> f64) -> Result<usize, NoEstimate> {
+    at_least(POINTS_MIN, points)?;
+    let index = peak(points, value);
+    if index == 0 || index == points.len() - 1 {
+        return Err(NoEstimate::AtEdge { frequency_hz: points[index].frequency_hz });
+    }
+    Ok(index)
+}
+
+/// The place of the highest value, which may be at the edge; the first of several.
+pub(super) fn peak(points: &[Point], value: impl Fn(&Point) -> f64) -> usize {
+    let mut best = (0, f64::NEG_INFINITY);
+    for (index, point) in points.iter().enumerate() {
+        let value = value(point);
+        if value > best.1 {
+            best = (index, value);
+        }
+    }
+    best.0
+}
