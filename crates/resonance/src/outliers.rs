@@ -7,7 +7,8 @@
 
 use crate::{
     dense::Cholesky,
-    solve::{Normal, ROUNDING},
+    scatter::VARIANCE_MIN,
+    solve::Normal,
     trace::{Minimum, Trace, UNKNOWNS},
 };
 
@@ -150,5 +151,5 @@ fn sizes(trace: &Trace, found: &Minimum) -> (Vec<f64>, f64) {
     )]
     used.truncate((used.len() as f64 * TRIMMED).ceil() as usize);
     let mean = used.iter().sum::<f64>() / used.len() as f64;
-    (sizes, (mean / TRIMMED_MEAN).max(ROUNDING * ROUNDING))
+    (sizes, (mean / TRIMMED_MEAN).max(VARIANCE_MIN))
 }

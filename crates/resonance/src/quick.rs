@@ -9,7 +9,7 @@ use crate::{
     kernel::{self, Look, PARAMETERS, PATTERNS, Residual, Theta, WIDE, on_this_machine},
     points::{NotFinite, Points},
     scatter,
-    solve::{End, ROUNDING, Solution, rational_start, solve},
+    solve::{End, Solution, rational_start, solve},
     trace::{Believed, Besides},
     verdict::Spread,
 };
@@ -89,7 +89,7 @@ impl Quick {
         let step = factor.solve(gradient);
         let saved: f64 = step.iter().zip(gradient).map(|(a, b)| a * b).sum();
         // Rounding is not noise, and asks for nothing.
-        let variance = solution.normal.cost / self.degrees(PARAMETERS - 1) + ROUNDING * ROUNDING;
+        let variance = solution.normal.cost / self.degrees(PARAMETERS - 1) + scatter::VARIANCE_MIN;
         saved / variance > (2.0 * self.points.count as f64).ln()
     }
 
@@ -107,7 +107,7 @@ impl Quick {
         options: &FitOptions,
     ) -> bool {
         let count = self.points.count as f64;
-        let mean = (solution.normal.cost / count).max(ROUNDING * ROUNDING);
+        let mean = (solution.normal.cost / count).max(scatter::VARIANCE_MIN);
         let allowed = scatter::allowed(
             self.degrees(free),
             options.noise.as_ref(),
@@ -188,8 +188,8 @@ impl Quick {
         let spread = Spread {
             covariance: sandwich(&slope, &inverse),
             condition: condition(&solution.normal.matrix, &inverse, free),
-            cost: solution.normal.cost.max(self.degrees(free) * ROUNDING * ROUNDING),
-            neighbours: (look.differences / (2 * pairs.max(1)) as f64).max(ROUNDING * ROUNDING),
+            cost: solution.normal.cost.max(self.degrees(free) * scatter::VARIANCE_MIN),
+            neighbours: (look.differences / (2 * pairs.max(1)) as f64).max(scatter::VARIANCE_MIN),
             correlation: 1.0,
             count: self.points.count,
             degrees: self.degrees(free),

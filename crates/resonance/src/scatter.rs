@@ -2,6 +2,10 @@
 
 use crate::NoisePrior;
 
+/// The variance of each part of a reading below which no analyzer gets, and no file: the ninth digit.
+/// Smaller residuals are rounding, which is neither random nor evenly spread, and say nothing.
+pub(crate) const VARIANCE_MIN: f64 = 1e-8 * 1e-8;
+
 /// A variance with the number of independent errors that it comes from.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Pool {

@@ -10,8 +10,8 @@ use crate::{
     fit::GAIN_MIN,
     grid::{Expected, Grid, are_apart},
     outliers::{self, GAIN_PER_OUTLIER, READINGS_PER_OUTLIER},
-    scatter::Pool,
-    solve::{End, ROUNDING},
+    scatter::{self, Pool},
+    solve::End,
     trace::{Believed, Besides, CIRCUIT, Minimum, Trace},
     verdict::{Rung, Spread},
 };
@@ -292,7 +292,7 @@ impl Model {
 
     /// The weighted sum of |r|², which can be no less than rounding makes it.
     fn cost(&self) -> f64 {
-        self.found.normal.cost.max(self.degrees() * self.known.max(ROUNDING * ROUNDING))
+        self.found.normal.cost.max(self.degrees() * self.known.max(scatter::VARIANCE_MIN))
     }
 
     /// What is known of the noise beforehand and from what is left.
@@ -327,7 +327,7 @@ impl Model {
             covariance: sandwich(&slope, &leading),
             condition: condition(&normal.matrix, &inverse, *free),
             cost: self.cost(),
-            neighbours: self.neighbours().max(self.known.max(ROUNDING * ROUNDING)),
+            neighbours: self.neighbours().max(self.known.max(scatter::VARIANCE_MIN)),
             correlation: self.correlation(),
             count: self.trace.used().0,
             degrees: self.degrees(),
