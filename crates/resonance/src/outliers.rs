@@ -123,7 +123,7 @@ fn tells_as_much(all: &Trace, rest: &Trace, found: &Minimum) -> bool {
 
 /// |r|² of every sample times its weight, raised by what the fit took away from it, and what is
 /// usual among those in use.
-fn sizes(trace: &Trace, found: &Minimum) -> (Vec<f64>, f64) {
+pub(crate) fn sizes(trace: &Trace, found: &Minimum) -> (Vec<f64>, f64) {
     let inverse = Cholesky::new(&found.normal.matrix, found.free, 0.0)
         .map_or([[0.0; UNKNOWNS]; UNKNOWNS], |factor| factor.inverse());
     let mut sizes = Vec::with_capacity(trace.samples.len());

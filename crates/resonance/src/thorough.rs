@@ -9,6 +9,7 @@ use crate::{
     dense::{Cholesky, condition, sandwich},
     fit::GAIN_MIN,
     grid::{Expected, Grid, are_apart},
+    mains,
     outliers::{self, GAIN_PER_OUTLIER, READINGS_PER_OUTLIER},
     scatter::{self, Pool},
     solve::End,
@@ -25,6 +26,8 @@ pub(crate) struct Model {
     /// The least variance at ten cycles that the noise can have: that of the noise that weighs
     /// rounding, and 0 where nothing was rounded.
     known: f64,
+    /// The multiple of the mains frequency near which readings were disturbed.
+    mains_hz: Option<f64>,
     /// What must be added to the relative variance of the resonance, because a cause that would
     /// shift it is not excluded.
     widened: f64,
@@ -69,11 +72,16 @@ fn told_apart(cause: &Cause) -> f64 {
     }
 }
 
+/// By how much an explanation must beat the others.
+const CLEARLY: f64 = 10.0;
+/// Multiples of the mains frequency that may disturb one sweep.
+const PICK_UPS_MAX: usize = 3;
+
 /// By how much a cause that can be modelled must beat one that cannot, which was tried to first
 /// order only; something in series, which would explain a little of nearly everything, must beat
 /// all others.
 fn clearly(cause: &Cause) -> f64 {
-    if *cause == Cause::Stray { 30.0 } else { 10.0 }
+    if *cause == Cause::Stray { 30.0 } else { CLEARLY }
 }
 
 impl Model {
@@ -90,7 +98,7 @@ impl Model {
         options: &FitOptions,
     ) -> Result<Self, Reason> {
         let mut trace = Trace::of(readings, options.timing, unit_farad);
-        trace.rounding.extend(rounding);
+        trace.added.extend(rounding);
         let free = CIRCUIT + trace.besides().count();
         let start = match start {
             Some(start) => start,
@@ -98,11 +106,15 @@ impl Model {
         };
         let found = trace.minimum(start, free);
         let rung = if options.timing.is_steady() { Rung::Loss } else { Rung::RingUp };
-        let mut model = Self { trace, found, rung, known: 0.0, widened: 0.0, reason: None };
+        let mut model =
+            Self { trace, found, rung, known: 0.0, mains_hz: None, widened: 0.0, reason: None };
         if !rounding.is_empty() {
             model.weigh_rounding(options);
         }
         let mut model = model.without_outliers(options);
+        if model.weigh_pick_up(options) {
+            model = model.without_outliers(options);
+        }
         if options.timing.is_steady() && !options.always_loss {
             model.try_without_loss();
         }
@@ -125,7 +137,7 @@ impl Model {
     fn weigh_rounding(&mut self, options: &FitOptions) {
         let (count, weight) = self.trace.used();
         let rounding: f64 =
-            self.trace.samples.iter().zip(&self.trace.rounding).map(|(s, r)| s.weight * r).sum();
+            self.trace.samples.iter().zip(&self.trace.added).map(|(s, r)| s.weight * r).sum();
         let least = NOISE_MIN * rounding * weight / (count * count) as f64;
         for _ in 0..ROUNDS {
             self.known = match &options.noise {
@@ -136,6 +148,27 @@ impl Model {
             self.trace.weigh(self.known);
             self.found = self.trace.minimum(self.found.at, self.found.free);
         }
+    }
+
+    /// Weighs the readings by pick-up where nothing else explains better that they scatter there.
+    fn weigh_pick_up(&mut self, options: &FitOptions) -> bool {
+        for _ in 0..PICK_UPS_MAX {
+            let (sizes, _) = outliers::sizes(&self.trace, &self.found);
+            let Some(found) = mains::strongest(&self.trace, &sizes) else { break };
+            let others = Fitted::new(&self.trace, &self.found).alternatives();
+            let rival = others.iter().map(|other| self.gain(other.saved, options));
+            if found.gain < rival.fold(0.0, f64::max) + CLEARLY {
+                break;
+            }
+            self.trace.added.resize(found.added.len(), 0.0);
+            for (all, more) in self.trace.added.iter_mut().zip(&found.added) {
+                *all += more;
+            }
+            self.trace.weigh(found.variance);
+            self.found = self.trace.minimum(self.found.at, self.found.free);
+            self.mains_hz = self.mains_hz.or(Some(found.near_hz));
+        }
+        self.mains_hz.is_some()
     }
 
     /// How many times the variance of what is fitted exceeds that for independent errors: those of
@@ -157,8 +190,7 @@ impl Model {
         let Some((trace, found)) = outliers::without(&self.trace, &self.found) else {
             return self;
         };
-        let rest =
-            Self { trace, found, rung: self.rung, known: self.known, widened: 0.0, reason: None };
+        let rest = Self { trace, found, ..self };
         let gain = rest.degrees() * (self.found.normal.cost / rest.found.normal.cost).ln();
         let left_out = self.trace.used().0 - rest.trace.used().0;
         // The readings may follow another model as a whole.
@@ -275,7 +307,8 @@ impl Model {
         let trace = self.trace.clone();
         let start = Believed { besides, extra, ..self.found.at };
         let found = trace.minimum(start, CIRCUIT + besides.count());
-        Some(Self { trace, found, rung, known: self.known, widened: 0.0, reason: None })
+        let Self { known, mains_hz, .. } = *self;
+        Some(Self { trace, found, rung, known, mains_hz, widened: 0.0, reason: None })
     }
 
     /// Whether what is left of the motion does not matter, given how long each point was waited
@@ -333,7 +366,8 @@ impl Model {
             degrees: self.degrees(),
             widened: self.widened * at.resonance_hz.powi(2),
         };
-        Some(Resonance::new(&at.circuit(farad), &spread, self.rung, options.noise.as_ref()))
+        let found = Resonance::new(&at.circuit(farad), &spread, self.rung, options.noise.as_ref());
+        Some(Resonance { mains_hz: self.mains_hz, ..found })
     }
 
     /// The variance of one part of a reading of ten cycles by the differences of neighbours: in

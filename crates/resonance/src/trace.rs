@@ -117,9 +117,9 @@ pub(crate) struct Row {
 pub(crate) struct Trace {
     pub(crate) timing: Timing,
     pub(crate) samples: Vec<Sample>,
-    /// The variance that rounding adds to each part of the relative error of each sample; empty
-    /// where nothing was rounded.
-    pub(crate) rounding: Vec<f64>,
+    /// The variance that rounding and pick-up add to each part of the relative error of each
+    /// sample; empty where there is neither.
+    pub(crate) added: Vec<f64>,
     /// Farads that bring capacitances near 1.
     pub(crate) unit_farad: f64,
     last: Option<Reading>,
@@ -130,7 +130,7 @@ const CLOCK_S: f64 = 2.5e-6;
 
 impl Trace {
     pub(crate) fn new(timing: Timing, unit_farad: f64) -> Self {
-        Self { timing, samples: Vec::new(), rounding: Vec::new(), unit_farad, last: None }
+        Self { timing, samples: Vec::new(), added: Vec::new(), unit_farad, last: None }
     }
 
     /// All readings at once.
@@ -181,13 +181,13 @@ impl Trace {
         }
     }
 
-    /// Weighs each reading by its noise, of this variance at ten cycles, and by its rounding.
+    /// Weighs each reading by its noise, of this variance at ten cycles, and by what comes on top.
     pub(crate) fn weigh(&mut self, variance: f64) {
-        for (sample, rounding) in self.samples.iter_mut().zip(&self.rounding) {
+        for (sample, added) in self.samples.iter_mut().zip(&self.added) {
             let Visit { frequency_hz, integration_s, .. } = sample.visit;
             let noise = 1.0 / tens_of_cycles(integration_s * frequency_hz);
             if sample.weight > 0.0 {
-                sample.weight = 1.0 / (noise + rounding / variance);
+                sample.weight = 1.0 / (noise + added / variance);
             }
         }
     }

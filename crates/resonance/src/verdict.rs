@@ -51,6 +51,9 @@ pub struct Resonance {
     pub noise_at_ten_cycles: f64,
     /// How much model the readings asked for.
     pub rung: Rung,
+    /// The multiple of the mains frequency near which readings were disturbed and count for less,
+    /// Hz.
+    pub mains_hz: Option<f64>,
     /// Readings used.
     pub points: usize,
     /// Covariance of (resonance in Hz, Q, C0 in F, C1 in F, loss tangent).
@@ -132,6 +135,7 @@ impl Resonance {
             chi_squared_per_dof: found / against,
             noise_at_ten_cycles: variance.sqrt(),
             rung,
+            mains_hz: None,
             points: spread.count,
             covariance,
             condition: spread.condition,

@@ -71,6 +71,8 @@ pub(crate) struct Scene {
 
 const PARALLEL_FARAD: f64 = 27e-9;
 const CYCLES: u32 = 10;
+/// A longer integration, which hears less of the mains on either side.
+const LONG_CYCLES: f64 = 60.0;
 
 impl Scene {
     /// Any sensor in any usual sweep.
@@ -137,6 +139,9 @@ impl Scene {
                     reading(frequency_hz, round(kind, spoilt(kind, noisy, self.noise, random)));
                 reading.started = RigTime::ZERO + Duration::from_secs_f64(now_s);
                 reading.settle_s = wait_s;
+                if let Kind::Mains(..) = kind {
+                    reading.integration_s = LONG_CYCLES / frequency_hz;
+                }
                 now_s += wait_s + reading.integration_s;
                 if !self.is_timed {
                     (reading.started, reading.settle_s, reading.integration_s) =
@@ -192,8 +197,7 @@ impl Scene {
                     let picked_up: Complex64 = (1..6)
                         .map(|multiple| {
                             // A lock-in over whole cycles at f hears what beats slowly against it.
-                            let turns =
-                                f64::from(CYCLES) * (f64::from(multiple) * mains_hz / f - 1.0);
+                            let turns = LONG_CYCLES * (f64::from(multiple) * mains_hz / f - 1.0);
                             let heard = if turns.abs() < 1e-9 {
                                 1.0
                             } else {

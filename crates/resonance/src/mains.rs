@@ -1,0 +1,110 @@
+//! Pick-up from the mains.
+//!
+//! A lock-in hears what beats slowly against its reference. Near a multiple of 50 or 60 Hz readings
+//! scatter by what the cables catch, by another amount each time, for the phase of the mains is any.
+//! That is noise like any other, only not everywhere the same: such readings count for less.
+
+use std::f64::consts::PI;
+
+use crate::trace::{Sample, Trace};
+
+/// Pick-up that shows in the scatter of readings.
+#[derive(Debug, Clone)]
+pub(crate) struct PickUp {
+    /// The multiple of the mains frequency, Hz.
+    pub(crate) near_hz: f64,
+    /// The variance that it adds to each part of the relative error of each sample.
+    pub(crate) added: Vec<f64>,
+    /// The variance of each part of a reading of ten cycles without it.
+    pub(crate) variance: f64,
+    /// Twice the log-likelihood gained.
+    pub(crate) gain: f64,
+}
+
+const MAINS_HZ: [f64; 2] = [50.0, 60.0];
+/// Higher multiples are weak, and a voltage symmetric in time has few even ones.
+const MULTIPLES: i32 = 6;
+/// Cycles, or seconds, over which readings may have been integrated where that is not known.
+const CYCLES: f64 = 10.0;
+const SECONDS: [f64; 2] = [0.3, 1.0];
+/// Chance gains this once in ten thousand sweeps: a dozen multiples and three widths are tried.
+const GAIN_MIN: f64 = 27.0;
+/// Pick-up is tried from this many times the variance of the noise, by factors, so many times.
+const TIMES_MIN: f64 = 3.0;
+const FACTOR: f64 = 2.0;
+const TRIALS: usize = 20;
+
+/// The pick-up that explains most of how the weighted |r|² of the samples differ.
+pub(crate) fn strongest(trace: &Trace, sizes: &[f64]) -> Option<PickUp> {
+    let used = || trace.samples.iter().filter(|sample| sample.weight > 0.0);
+    let frequencies = used().map(|sample| sample.visit.frequency_hz);
+    let (low, high) =
+        frequencies.fold((f64::INFINITY, 0.0_f64), |(low, high), f| (low.min(f), high.max(f)));
+    let mean =
+        used().map(|sample| sample.impedance.norm_sqr()).sum::<f64>() / used().count() as f64;
+    let is_known = used().all(|sample| sample.visit.integration_s > 0.0);
+    let widths: [&dyn Fn(&Sample) -> f64; 3] = [
+        &|sample| {
+            if is_known { sample.visit.integration_s } else { CYCLES / sample.visit.frequency_hz }
+        },
+        &|_| SECONDS[0],
+        &|_| SECONDS[1],
+    ];
+    let widths = if is_known { &widths[..1] } else { &widths[..] };
+    MAINS_HZ
+        .iter()
+        .flat_map(|mains_hz| (1..=MULTIPLES).map(move |multiple| mains_hz * f64::from(multiple)))
+        .filter(|near_hz| (low..high).contains(near_hz))
+        .flat_map(|near_hz| widths.iter().map(move |width| (near_hz, width)))
+        .filter_map(|(near_hz, integration_s)| {
+            let profile: Vec<f64> = trace
+                .samples
+                .iter()
+                .map(|sample| {
+                    let turns = (sample.visit.frequency_hz - near_hz) * integration_s(sample);
+                    sample.impedance.norm_sqr() / mean * sinc(turns).powi(2)
+                })
+                .collect();
+            most_likely(trace, sizes, near_hz, &profile)
+        })
+        .filter(|found| found.gain > GAIN_MIN)
+        .max_by(|a, b| a.gain.total_cmp(&b.gain))
+}
+
+/// The most likely strength of pick-up with this profile.
+fn most_likely(trace: &Trace, sizes: &[f64], near_hz: f64, profile: &[f64]) -> Option<PickUp> {
+    let parts: Vec<(f64, f64)> = trace
+        .samples
+        .iter()
+        .zip(sizes.iter().zip(profile))
+        .filter(|(sample, _)| sample.weight > 0.0)
+        .map(|(sample, (size, profile))| (0.5 * size, sample.weight * profile))
+        .collect();
+    let count = parts.len() as f64;
+    // |r|² is exponentially distributed about its mean.
+    let fit = |times: f64| {
+        let (sum, logarithms) =
+            parts.iter().fold((0.0, 0.0), |(sum, logarithms), (half, share)| {
+                let variance = 1.0 + times * share;
+                (sum + half / variance, logarithms + variance.ln())
+            });
+        (sum / count, -2.0 * (logarithms + count * (sum / count).ln()))
+    };
+    let (_, without) = fit(0.0);
+    (0..TRIALS)
+        .scan(TIMES_MIN / FACTOR, |times, _| {
+            *times *= FACTOR;
+            Some((*times, fit(*times)))
+        })
+        .max_by(|a, b| a.1.1.total_cmp(&b.1.1))
+        .map(|(times, (variance, likelihood))| PickUp {
+            near_hz,
+            added: profile.iter().map(|profile| times * variance * profile).collect(),
+            variance,
+            gain: likelihood - without,
+        })
+}
+
+fn sinc(turns: f64) -> f64 {
+    if turns.abs() < 1e-6 { 1.0 } else { (PI * turns).sin() / (PI * turns) }
+}

@@ -1,0 +1,178 @@
+//! Both sides of every boundary between a resonance that is told and one that is refused.
+
+#[expect(dead_code, reason = "each test file uses its part")]
+#[path = "support/scenes.rs"]
+mod scenes;
+#[expect(dead_code, reason = "each test file uses its part")]
+mod support;
+
+use rig_resonance::{Reason, Resonance, Rung, Side, Verdict, fit};
+use scenes::{Kind, Rounding, Scene};
+use support::Random;
+
+const SENSOR: Scene = Scene {
+    resonance_hz: 140.0,
+    q: 30.0,
+    capacitance_ratio: 0.05,
+    loss_tangent: 0.01,
+    noise: 0.002,
+    points: 101,
+    window: (112.0, 168.0),
+    falls: false,
+    is_timed: false,
+};
+
+/// What a sweep must come to.
+enum Expected {
+    /// The truth within four standard deviations, and something about it.
+    Told(fn(&Resonance) -> bool),
+    Refused(fn(&Reason) -> bool),
+}
+use Expected::{Refused, Told};
+
+/// Fits sweeps up and down, with and without times, with several noises each.
+#[track_caller]
+fn check(rows: &[(Scene, Kind, Expected)]) {
+    for (row, (sensor, kind, expected)) in rows.iter().enumerate() {
+        for seed in 0..12 {
+            let mut random = Random::new(seed);
+            let is_timed = sensor.is_timed || seed % 4 < 2;
+            let sensor = Scene { falls: seed % 2 == 0, is_timed, ..*sensor };
+            let (readings, truth) = sensor.sweep(*kind, &mut random);
+            let verdict = fit(&readings, &sensor.options());
+            let is_expected = match (expected, &verdict) {
+                (Told(is_right), Verdict::Accepted(found)) => {
+                    let (low, high) = truth.expect("there is a resonance");
+                    let off_hz = found.resonance_hz - found.resonance_hz.clamp(low, high);
+                    off_hz.abs() < 4.0 * found.sigma_hz && is_right(found)
+                }
+                (Refused(is_right), Verdict::Refused(refusal)) => is_right(&refusal.reason),
+                _ => false,
+            };
+            assert!(is_expected, "row {row}, seed {seed}, {kind:?}: {verdict:?}");
+        }
+    }
+}
+
+const PLAIN: Expected = Told(|found| found.rung <= Rung::Loss);
+
+#[test]
+fn the_edge_of_the_window() {
+    check(&[
+        (SENSOR, Kind::Place(0.99), PLAIN),
+        (SENSOR, Kind::Place(-0.99), PLAIN),
+        (
+            SENSOR,
+            Kind::Place(1.01),
+            Refused(|reason| matches!(reason, Reason::OutsideWindow { side: Side::Above, .. })),
+        ),
+        (
+            SENSOR,
+            Kind::Place(-1.01),
+            Refused(|reason| matches!(reason, Reason::OutsideWindow { side: Side::Below, .. })),
+        ),
+    ]);
+}
+
+#[test]
+fn the_strength_of_the_resonance() {
+    let with = |capacitance_ratio| Scene { capacitance_ratio, ..SENSOR };
+    check(&[
+        (with(0.004), Kind::Nominal, PLAIN),
+        (
+            with(0.0001),
+            Kind::Nominal,
+            Refused(|reason| matches!(reason, Reason::NoResonance { .. })),
+        ),
+        (SENSOR, Kind::NoResonance, Refused(|reason| matches!(reason, Reason::NoResonance { .. }))),
+    ]);
+}
+
+#[test]
+fn the_noise() {
+    let with = |noise| Scene { noise, capacitance_ratio: 0.02, q: 10.0, ..SENSOR };
+    check(&[
+        (with(0.02), Kind::Nominal, PLAIN),
+        (
+            with(0.3),
+            Kind::Nominal,
+            Refused(|reason| {
+                matches!(reason, Reason::NoResonance { .. } | Reason::TooNoisy { .. })
+            }),
+        ),
+    ]);
+}
+
+#[test]
+fn the_number_of_points() {
+    let with = |points| Scene { points, ..SENSOR };
+    check(&[
+        (with(7), Kind::Nominal, PLAIN),
+        (
+            with(6),
+            Kind::Nominal,
+            Refused(|reason| matches!(reason, Reason::TooFewPoints { found: 6, needed: 7 })),
+        ),
+    ]);
+}
+
+#[test]
+fn the_strength_of_a_second_mode() {
+    let is_second = |reason: &Reason| matches!(reason, Reason::SecondMode { .. });
+    check(&[
+        (SENSOR, Kind::SecondMode(0.0005, 3.0), PLAIN),
+        (SENSOR, Kind::SecondMode(0.2, 3.0), Told(|found| found.rung == Rung::SecondMode)),
+        (SENSOR, Kind::SecondMode(0.95, 3.0), Refused(is_second)),
+    ]);
+}
+
+#[test]
+fn the_rate_of_drift() {
+    check(&[
+        (SENSOR, Kind::DriftBothWays(0.001), PLAIN),
+        (
+            Scene { noise: 0.0003, resonance_hz: 132.0, ..SENSOR },
+            Kind::DriftBothWays(0.2),
+            Told(|found| found.rung == Rung::Drift),
+        ),
+    ]);
+}
+
+#[test]
+fn the_wait_at_each_point() {
+    let timed = Scene { is_timed: true, ..SENSOR };
+    check(&[
+        (timed, Kind::Unsettled(9.0), PLAIN),
+        (SENSOR, Kind::Unsettled(0.5), Refused(|reason| *reason == Reason::NotSettled)),
+    ]);
+}
+
+#[test]
+fn the_level_of_the_drive() {
+    check(&[
+        (SENSOR, Kind::Softening(-0.0003), PLAIN),
+        (SENSOR, Kind::Softening(-0.2), Refused(|reason| *reason == Reason::Nonlinear)),
+        (SENSOR, Kind::Softening(-3.0), Refused(|_| true)),
+    ]);
+}
+
+#[test]
+fn pick_up_from_the_mains() {
+    check(&[
+        (SENSOR, Kind::Mains(0.0003, 50.0), Told(|found| found.mains_hz.is_none())),
+        (SENSOR, Kind::Mains(0.05, 50.0), Told(|found| found.mains_hz == Some(150.0))),
+        (SENSOR, Kind::Mains(0.05, 60.0), Told(|found| found.mains_hz == Some(120.0))),
+    ]);
+}
+
+#[test]
+fn the_fineness_of_the_digits() {
+    let exact = Scene { noise: 0.0, ..SENSOR };
+    check(&[
+        (exact, Kind::Rounded(Rounding::Full), Told(|found| found.sigma_hz < 1e-6)),
+        (exact, Kind::Rounded(Rounding::Digits(4)), Told(|found| found.sigma_hz < 0.01)),
+        (exact, Kind::Rounded(Rounding::Polar(3, 0.1)), Told(|found| found.sigma_hz < 0.05)),
+        (exact, Kind::Rounded(Rounding::Digits(2)), Told(|found| found.sigma_hz > 0.005)),
+        (exact, Kind::Rounded(Rounding::Ohm(1e6)), Refused(|_| true)),
+    ]);
+}
