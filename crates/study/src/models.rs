@@ -5,16 +5,18 @@ mod effects;
 mod errors;
 mod failures;
 pub(crate) mod readout;
+mod tiers;
 
 use std::{io::Write, path::PathBuf};
 
-use crate::{files::Folder, outcome::StudyError};
+use crate::{files::Folder, outcome::StudyError, page::Page};
+use cost::{Costs, ImpedanceCosts};
 
 /// Cost against error for every tier, the size of each effect, and maps of where tiers fail.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Folder for the tables and charts.
-    #[arg(long, default_value = "target/study/models")]
+    /// Folder for `models.md`, `models.html`, and the tables and charts in `models`.
+    #[arg(long, default_value = "target/study")]
     out: PathBuf,
     /// Measure the costs on this machine now, instead of taking those measured once. Only ratios
     /// of one run mean anything.
@@ -24,16 +26,52 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
     let folder = Folder::at(&args.out)?;
-    let costs = if args.measure {
-        let (points_us, circuit_us) = cost::measure_impedance();
-        writeln!(out, "impedance at 201 points: {points_us:.2} µs")?;
-        writeln!(out, "the circuit that they come from: {circuit_us:.2} µs")?;
-        cost::measure()
+    let (costs, of_impedance) = if args.measure {
+        (cost::measure(), cost::measure_impedance())
     } else {
-        cost::stored()
+        (cost::stored(), cost::stored_impedance())
     };
-    folder.write("cost.csv", &cost::csv(&costs))?;
-    errors::write(&folder, &costs)?;
-    effects::write(&folder)?;
-    failures::write(&folder)
+    page(args.measure, &costs, &of_impedance).write(&folder, "models")?;
+    writeln!(out, "{}", folder.path("models.md").display())?;
+    Ok(())
+}
+
+fn page(is_measured: bool, costs: &Costs, of_impedance: &ImpedanceCosts) -> Page {
+    let title = "Models: cost, error, and where they end".to_owned();
+    let mut page = Page { title, parts: Vec::new() };
+    page.text(introduction(is_measured));
+    tiers::add(&mut page, costs, of_impedance);
+    errors::add(&mut page, costs);
+    effects::add(&mut page);
+    failures::add(&mut page);
+    page.heading("The costs");
+    page.text("Each the least of several runs on one core, all in one run.");
+    page.data("cost.csv", cost::csv(costs));
+    page.data("impedance.csv", cost::impedance_csv(of_impedance));
+    page
+}
+
+fn introduction(is_measured: bool) -> String {
+    let costs = if is_measured {
+        "The costs were measured in the run that wrote it."
+    } else {
+        "The costs were measured once and are kept apart from everything else, which is the same \
+         wherever it is computed; `--measure` measures them anew."
+    };
+    format!(
+        "This page is written by `cargo run --release -p rig-study -- models --out docs`. It says what \
+         each model of the sensor costs, how wrong it is, and where it ends, for the reference sensor: \
+         35 mm long, with a ball of 0.5 mm at the end of an arm of 8 mm. {costs}"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_document_is_what_the_models_say_today() {
+        let page = page(false, &cost::stored(), &cost::stored_impedance());
+        assert_eq!(page.markdown("models"), include_str!("../../../docs/models.md"));
+    }
 }

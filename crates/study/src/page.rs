@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use rig_chart::{Chart, ChartError, STYLE};
+use rig_chart::{Chart, ChartError, HeatMap, STYLE};
 
 use crate::{files::Folder, outcome::StudyError};
 
@@ -23,7 +23,51 @@ pub(crate) enum Part {
     /// A table.
     Table(Table),
     /// A chart, kept in a file of this name.
-    Chart(String, Box<Chart>),
+    Chart(String, Drawing),
+    /// A table that is too long to show, kept in a file of this name.
+    Data(String, String),
+}
+
+/// What is drawn.
+#[derive(Debug)]
+pub(crate) enum Drawing {
+    Chart(Box<Chart>),
+    Map(Box<HeatMap>),
+}
+
+impl From<Chart> for Drawing {
+    fn from(chart: Chart) -> Self {
+        Self::Chart(Box::new(chart))
+    }
+}
+
+impl From<HeatMap> for Drawing {
+    fn from(map: HeatMap) -> Self {
+        Self::Map(Box::new(map))
+    }
+}
+
+impl Drawing {
+    fn title(&self) -> &str {
+        match self {
+            Self::Chart(chart) => &chart.title,
+            Self::Map(map) => &map.title,
+        }
+    }
+
+    fn file(&self) -> Result<String, ChartError> {
+        match self {
+            Self::Chart(chart) => chart.file(),
+            Self::Map(map) => map.file(),
+        }
+    }
+
+    fn svg(&self, id: &str) -> Result<String, ChartError> {
+        match self {
+            Self::Chart(chart) => chart.svg(id),
+            Self::Map(map) => map.svg(id),
+        }
+    }
 }
 
 /// Columns and rows of plain text.
@@ -56,20 +100,27 @@ impl Page {
         self.parts.push(Part::Table(table));
     }
 
-    pub(crate) fn chart(&mut self, file: &str, chart: Chart) {
-        self.parts.push(Part::Chart(file.to_owned(), Box::new(chart)));
+    pub(crate) fn chart(&mut self, file: &str, drawing: impl Into<Drawing>) {
+        self.parts.push(Part::Chart(file.to_owned(), drawing.into()));
     }
 
-    /// Writes `NAME.md`, `NAME.html`, and the charts into the folder `NAME` beside them.
+    pub(crate) fn data(&mut self, file: &str, csv: impl Into<String>) {
+        self.parts.push(Part::Data(file.to_owned(), csv.into()));
+    }
+
+    /// Writes `NAME.md`, `NAME.html`, and charts and data into the folder `NAME` beside them.
     pub(crate) fn write(&self, folder: &Folder, name: &str) -> Result<(), StudyError> {
         let charts = Folder::at(&folder.path(name))?;
         for part in &self.parts {
             if let Part::Chart(file, chart) = part {
                 charts.write(file, &chart.file()?)?;
             }
+            if let Part::Data(file, text) = part {
+                charts.write(file, text)?;
+            }
         }
         folder.write(&format!("{name}.md"), &self.markdown(name))?;
-        folder.write(&format!("{name}.html"), &self.html()?)
+        folder.write(&format!("{name}.html"), &self.html(name)?)
     }
 
     /// The page as Markdown, with its charts in the folder `name`.
@@ -82,14 +133,17 @@ impl Page {
                 Part::Text(paragraph) => put(&mut text, format_args!("{paragraph}\n")),
                 Part::Table(table) => markdown_table(&mut text, table),
                 Part::Chart(file, chart) => {
-                    put(&mut text, format_args!("![{}]({name}/{file})\n", chart.title));
+                    put(&mut text, format_args!("![{}]({name}/{file})\n", chart.title()));
+                }
+                Part::Data(file, _) => {
+                    put(&mut text, format_args!("The numbers: [{file}]({name}/{file})\n"));
                 }
             }
         }
         text
     }
 
-    fn html(&self) -> Result<String, ChartError> {
+    fn html(&self, name: &str) -> Result<String, ChartError> {
         let mut text = String::from("<!doctype html>\n<html lang=\"en\">\n<head>\n");
         put(&mut text, format_args!("<meta charset=\"utf-8\">\n<title>{}</title>\n", self.title));
         put(&mut text, format_args!("<style>\n{PAGE_STYLE}{STYLE}</style>\n</head>\n<body>\n"));
@@ -106,6 +160,13 @@ impl Page {
                 Part::Chart(_, chart) => {
                     let svg = chart.svg(&format!("chart-{index}"))?;
                     put(&mut text, format_args!("<figure>\n{svg}\n</figure>\n"));
+                }
+                Part::Data(file, _) => {
+                    let path = format!("{name}/{file}");
+                    put(
+                        &mut text,
+                        format_args!("<p>The numbers: <a href=\"{path}\">{file}</a></p>\n"),
+                    );
                 }
             }
         }
@@ -195,7 +256,7 @@ mod tests {
             "# A & B\n\n## First\n\nRun `cargo run` for a < b.\n\n\
              | what | value |\n| --- | --- |\n| a\\|b | 1 |\n"
         );
-        let html = page.html().unwrap();
+        let html = page.html("x").unwrap();
         for part in [
             "<h1>A &amp; B</h1>",
             "<p>Run <code>cargo run</code> for a &lt; b.</p>",

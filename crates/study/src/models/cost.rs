@@ -1,4 +1,7 @@
 //! What an evaluation costs, the contact at rest included.
+//!
+//! Costs are of a computer and an hour. They are kept in files by themselves, so that everything
+//! else that the study writes is the same wherever it runs.
 
 use std::{
     collections::BTreeMap,
@@ -73,28 +76,69 @@ fn measure_one(way: Way) -> f64 {
     least.unwrap_or(Duration::MAX).as_secs_f64() * 1e9 / f64::from(EVALUATIONS)
 }
 
-/// Microseconds for 201 points of impedance, and for the circuit that they come from.
-pub(super) fn measure_impedance() -> (f64, f64) {
+/// Nanoseconds of each step to an impedance.
+pub(super) type ImpedanceCosts = [(&'static str, f64); 3];
+
+const IMPEDANCE: &str = include_str!("impedance.csv");
+const STEPS: [&str; 3] = ["circuit of E1", "circuit of the reference", "201 points of a circuit"];
+
+/// The costs measured once.
+pub(super) fn stored_impedance() -> ImpedanceCosts {
+    STEPS.map(|step| {
+        let line = IMPEDANCE.lines().find_map(|line| line.strip_prefix(step)?.strip_prefix(','));
+        (step, line.and_then(|cell| cell.parse().ok()).unwrap_or(f64::NAN))
+    })
+}
+
+/// The table.
+pub(super) fn impedance_csv(costs: &ImpedanceCosts) -> String {
+    let mut table = Csv::new(&["step", "nanoseconds"]);
+    for (step, nanoseconds) in costs {
+        table.row([(*step).to_owned(), format!("{nanoseconds:.0}")]);
+    }
+    table.text().to_owned()
+}
+
+/// Measures a circuit by two tiers, and 201 points of impedance of one.
+pub(super) fn measure_impedance() -> ImpedanceCosts {
     let sensor = Sensor::reference();
     let models = Models::new(&sensor, ContactLaw::SneddonSeries);
     let depth = Control::Indentation.depth(INDENTATION_MM);
     let contact = contact(Direction::Front, 30.0, depth, ContactLaw::SneddonSeries);
     let tissue = tissue(0.235);
+    let circuit = |tier| {
+        models
+            .circuit(tier, black_box(&tissue), black_box(&contact))
+            .expect("the contact is within the tier")
+    };
+    let read = circuit(Tier::E1);
     let mut points = [Complex64::ZERO; 201];
-    let (mut of_points, mut of_circuit) = (f64::INFINITY, f64::INFINITY);
-    for _ in 0..1000 {
-        let start = Instant::now();
-        let circuit = models
-            .circuit(Tier::E1, black_box(&tissue), black_box(&contact))
-            .expect("the contact is within the tier");
-        of_circuit = of_circuit.min(start.elapsed().as_secs_f64() * 1e6);
-        let circuit = black_box(circuit);
-        let start = Instant::now();
+    let mut of_points = || {
+        let circuit = black_box(read);
         for (index, point) in (0_u32..).zip(&mut points) {
             *point = circuit.impedance_ohm(112.0 + 0.28 * f64::from(index));
         }
         black_box(&mut points);
-        of_points = of_points.min(start.elapsed().as_secs_f64() * 1e6);
-    }
-    (of_points, of_circuit)
+    };
+    let [element, reference, sweep] = STEPS;
+    [
+        (element, least_ns(|| circuit(Tier::E1))),
+        (reference, least_ns(|| circuit(Tier::Reference))),
+        (sweep, least_ns(&mut of_points)),
+    ]
+}
+
+/// The least of several runs of an evaluation.
+fn least_ns<T>(mut evaluate: impl FnMut() -> T) -> f64 {
+    const IN_EACH: u32 = 200;
+    let least = (0..RUNS)
+        .map(|_| {
+            let start = Instant::now();
+            for _ in 0..IN_EACH {
+                black_box(evaluate());
+            }
+            start.elapsed()
+        })
+        .min();
+    least.unwrap_or(Duration::MAX).as_secs_f64() * 1e9 / f64::from(IN_EACH)
 }

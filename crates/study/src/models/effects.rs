@@ -7,8 +7,8 @@ use rig_contact::{
 
 use super::readout::ReadOut;
 use crate::{
-    files::{Csv, Folder},
-    outcome::StudyError,
+    files::Csv,
+    page::{Page, Table},
     paper_bench::{Control, INDENTATION_MM, SAMPLES_MPA, contact, tissue},
 };
 
@@ -20,38 +20,67 @@ struct Baseline {
     shift_hz: f64,
 }
 
-/// Writes the table of effects, in Hz of shift, for three samples upright and leaning.
-pub(super) fn write(folder: &Folder) -> Result<(), StudyError> {
-    let mut table =
+/// Adds the table of effects: all of it as data, sample 5 to be read.
+pub(super) fn add(page: &mut Page) {
+    page.heading("The size of each effect");
+    page.text(
+        "By how many hertz a shift changes when one thing is modelled otherwise, sample 5 at 0.5 mm; \
+         all else stays as it is, the sensor's constants too. What is about a tenth of a hertz or less, \
+         the tissue's mass and loss and the lateral bending, only the reference has, or none. An empty \
+         cell is a read-out that the curve does not offer.",
+    );
+    let cases = [
+        (Direction::Front, 0.0),
+        (Direction::Front, 45.0),
+        (Direction::Back, 45.0),
+        (Direction::Left, 45.0),
+    ];
+    let mut all =
         Csv::new(&["effect", "sample", "direction", "angle_deg", "shift_hz", "change_hz"]);
+    let mut shown = Table::new(&["effect", "0°, Hz", "45° front", "45° back", "45° left"]);
     let models = Models::new(&Sensor::reference(), ContactLaw::Sneddon);
     for sample in [0, 2, 4] {
-        for angle_deg in [0.0, 45.0] {
-            let directions: &[Direction] =
-                if angle_deg == 0.0 { &[Direction::Front] } else { &Direction::ALL };
-            for &direction in directions {
-                let depth = Control::Indentation.depth(INDENTATION_MM);
-                let contact = contact(direction, angle_deg, depth, ContactLaw::Sneddon);
-                let tissue = tissue(SAMPLES_MPA[sample]);
-                let shift_hz = shift(&models, &tissue, &contact);
-                let baseline = Baseline { models, tissue, contact, shift_hz };
-                for (effect, changed_hz) in effects(&baseline) {
-                    // A read-out that does not exist has no shift.
-                    let change =
-                        changed_hz.map_or(String::new(), |hz| format!("{:.3}", hz - shift_hz));
-                    table.row([
-                        effect.to_owned(),
-                        (sample + 1).to_string(),
-                        direction.name().to_owned(),
-                        angle_deg.to_string(),
-                        format!("{shift_hz:.3}"),
-                        change,
-                    ]);
-                }
+        let columns = cases.map(|(direction, angle_deg)| {
+            let depth = Control::Indentation.depth(INDENTATION_MM);
+            let contact = contact(direction, angle_deg, depth, ContactLaw::Sneddon);
+            let tissue = tissue(SAMPLES_MPA[sample]);
+            let shift_hz = shift(&models, &tissue, &contact);
+            let effects = effects(&Baseline { models, tissue, contact, shift_hz });
+            for (effect, changed_hz) in &effects {
+                all.row([
+                    (*effect).to_owned(),
+                    (sample + 1).to_string(),
+                    direction.name().to_owned(),
+                    angle_deg.to_string(),
+                    format!("{shift_hz:.3}"),
+                    change(*changed_hz, shift_hz, 3),
+                ]);
+            }
+            effects
+                .into_iter()
+                .map(|(effect, changed_hz)| (effect, change(changed_hz, shift_hz, 2)))
+                .collect::<Vec<_>>()
+        });
+        if sample == 4 {
+            for (index, (effect, _)) in columns[0].iter().enumerate() {
+                let changes = columns.each_ref().map(|column| column[index].1.clone());
+                shown.row([(*effect).to_owned()].into_iter().chain(changes));
             }
         }
     }
-    folder.write("effects.csv", table.text())
+    page.table(shown);
+    page.data("effects.csv", all.text());
+}
+
+/// By how much a shift changes; nothing for a read-out that does not exist.
+fn change(changed_hz: Option<f64>, shift_hz: f64, decimals: usize) -> String {
+    let Some(hz) = changed_hz else { return String::new() };
+    let text = format!("{:+.decimals$}", hz - shift_hz);
+    // A zero has no sign.
+    if text.trim_start_matches(['+', '-', '0', '.']).is_empty() {
+        return text.trim_start_matches(['+', '-']).to_owned();
+    }
+    text
 }
 
 fn shift(models: &Models, tissue: &Tissue, contact: &Contact) -> f64 {

@@ -7,8 +7,8 @@ use rig_contact::{
 
 use super::readout::ReadOut;
 use crate::{
-    files::{Csv, Folder},
-    outcome::StudyError,
+    files::Csv,
+    page::Page,
     paper_bench::{Control, INDENTATION_MM, contact, tissue},
 };
 
@@ -63,19 +63,54 @@ struct Map {
     rows: Vec<(&'static str, Vec<Grade>)>,
 }
 
-/// Writes every map as chart and table.
-pub(super) fn write(folder: &Folder) -> Result<(), StudyError> {
-    for map in [over_angle(), over_ratio(), over_depth(), over_loss(), over_friction()] {
+/// Adds every map, as chart and table.
+pub(super) fn add(page: &mut Page) {
+    page.heading("Where models fail");
+    page.text(
+        "Against the reference with the exact contact, the worst of the three directions where there \
+         are several: within 1 %, within 10 % (~), beyond (×), or refused (–). A refusal is what a tier \
+         or a law gives outside its validity. What T0 and T1 give at an angle is wrong and not refused, \
+         because they are the paper's own formula for it: `Tier::cheapest_for` does not choose them.",
+    );
+    for (says, map) in [
+        (
+            "Over the contact angle, sample 3 at 0.5 mm. T1 is right upright and wrong from 30° on; \
+             equation (7) is not even right upright, because a straight line through the range is low in \
+             its middle. T2 holds to 75°, E1 to the end. 90° is refused.",
+            over_angle(),
+        ),
+        (
+            "Over the stiffness of the contact in that of the sensor's tip, upright. From 1e-16 on no \
+             tier loses its digits: what the lumped tiers miss there is the slope of a line that was \
+             fitted elsewhere. Beyond 10 the beam takes another shape, and they refuse.",
+            over_ratio(),
+        ),
+        (
+            "Contact laws over the depth. Beyond two radii the ball is sunk to its top: equation (4) \
+             would let the radius fall again there, and be imaginary beyond four.",
+            over_depth(),
+        ),
+        (
+            "Over the tissue's loss. The tiers hold; what people read off an impedance curve does not. \
+             The zero of the phase is the first to go.",
+            over_loss(),
+        ),
+        (
+            "Over friction: where a contact pressed in at an angle would slip, it is refused. The \
+             paper's 0.1 holds to 8.5°.",
+            over_friction(),
+        ),
+    ] {
+        page.text(says);
         let mut table = Csv::new(&["row", "column", "grade"]);
         for (row, grades) in &map.rows {
             for (column, grade) in map.columns.iter().zip(grades) {
                 table.row([*row, column.as_str(), grade.name()]);
             }
         }
-        folder.write(&format!("{}.csv", map.file), table.text())?;
-        folder.write(&format!("{}.svg", map.file), &map.chart().file()?)?;
+        page.chart(&format!("{}.svg", map.file), map.chart());
+        page.data(&format!("{}.csv", map.file), table.text());
     }
-    Ok(())
 }
 
 impl Map {

@@ -1,0 +1,78 @@
+//! The tiers: what each is, where it holds, what it costs, and what it misses.
+
+use rig_contact::{ContactLaw, Tier};
+
+use super::{
+    cost::{Costs, ImpedanceCosts},
+    errors::{Way, measure},
+};
+use crate::{
+    page::{Page, Table},
+    paper_bench::Control,
+};
+
+pub(super) fn add(page: &mut Page, costs: &Costs, of_impedance: &ImpedanceCosts) {
+    page.heading("The tiers");
+    page.text(
+        "A tier refuses what lies outside its validity: a contact stiffer than so many times the \
+         sensor's tip, or a move of the stage when it does not know that the sensor gives way. Cost and \
+         error here are those with the series contact radius and the indentation held, except for T2s \
+         and E1s, for which the stage is; every other column is in the charts below.",
+    );
+    let mut table = Table::new(&[
+        "tier",
+        "what it is",
+        "stiffness ratio up to",
+        "stage moves",
+        "impedance",
+        "cost, ns",
+        "largest error, Hz",
+    ]);
+    for tier in Tier::ALL {
+        let validity = tier.validity();
+        let control = match tier {
+            Tier::T2s | Tier::E1s => Control::Stage,
+            _ => Control::Indentation,
+        };
+        let way = Way { tier, law: ContactLaw::SneddonSeries, control };
+        let error = match tier {
+            Tier::Reference => "the yardstick".to_owned(),
+            _ => format!("{:.2}", measure(way, control).max_hz),
+        };
+        let yes = |is: bool| if is { "yes" } else { "no" }.to_owned();
+        table.row([
+            tier.name().to_owned(),
+            what(tier).to_owned(),
+            if validity.stiffness_ratio_max.is_finite() {
+                validity.stiffness_ratio_max.to_string()
+            } else {
+                "any".to_owned()
+            },
+            yes(validity.takes_stage_moves),
+            yes(validity.has_impedance),
+            costs.get(&way).map_or(String::new(), |ns| format!("{ns:.0}")),
+            error,
+        ]);
+    }
+    page.table(table);
+    page.text("What an impedance costs, as an analyzer reads it:");
+    let mut table = Table::new(&["step", "cost, ns"]);
+    for (step, ns) in of_impedance {
+        table.row([(*step).to_owned(), format!("{ns:.0}")]);
+    }
+    page.table(table);
+}
+
+const fn what(tier: Tier) -> &'static str {
+    match tier {
+        Tier::T0 => "equation (7): proportional to the contact stiffness",
+        Tier::T0b => "equation (7) with the loaded sensor's frequency",
+        Tier::T1 => "one mass between two springs",
+        Tier::T2 => "T1 with tangential stiffness, tilt and probe arm",
+        Tier::T2s => "T2 with the stage's balance",
+        Tier::E1 => "one beam element in closed form",
+        Tier::E1s => "E1 with the stage's balance",
+        Tier::Exact => "the exact beam without losses",
+        Tier::Reference => "sixteen elements in space with losses and electrodes",
+    }
+}
