@@ -52,7 +52,16 @@ const ARROWS: [(&str, &[&str]); 16] = [
     ),
     (
         "rig-study",
-        &["rig-model", "rig-contact", "rig-resonance", "rig-analysis", "rig-chart", "rig-sim"],
+        &[
+            "rig-model",
+            "rig-contact",
+            "rig-protocol",
+            "rig-resonance",
+            "rig-analysis",
+            "rig-engine",
+            "rig-chart",
+            "rig-sim",
+        ],
     ),
 ];
 

@@ -35,3 +35,4 @@ pub use event::{
 pub use fault::{Device, Failure, FailureKind, Fault};
 pub use interlock::{Interlock, InterlockError};
 pub use operation::{Operation, OperationId, Report};
+pub use search::{Search, SearchTurn, Surface};

@@ -13,9 +13,9 @@ use crate::Fault;
 /// as one pass of the last width, so a factor near five keeps the number of readings small.
 const REFINEMENT: f64 = 5.0;
 
-/// What the search wants next.
+/// What the search for the surface wants next.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum SearchTurn {
+pub enum SearchTurn {
     /// Go here, then call [`Search::arrived`].
     MoveTo(Position<Mm>),
     /// Read the impedance, then call [`Search::read`].
@@ -31,13 +31,16 @@ pub(crate) enum SearchTurn {
 
 /// Where the surface is.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Surface {
-    pub(crate) position: Position<Mm>,
-    pub(crate) sigma_mm: f64,
+pub struct Surface {
+    /// The position of the linear axis at which the tip touches.
+    pub position: Position<Mm>,
+    /// Its standard deviation, mm.
+    pub sigma_mm: f64,
 }
 
+/// A search for the surface, without a clock and without devices.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Search {
+pub struct Search {
     approach: Approach,
     expected: Position<Mm>,
     baseline: Reading,
@@ -55,7 +58,7 @@ pub(crate) struct Search {
 impl Search {
     /// Begins a search. `baseline` is the impedance of the clear probe at the frequency that all
     /// readings of the search use.
-    pub(crate) fn begin(
+    pub fn begin(
         approach: Approach,
         expected: Position<Mm>,
         baseline: Reading,
@@ -77,17 +80,17 @@ impl Search {
     }
 
     /// The lowest position that the search may ask for.
-    pub(crate) fn floor(approach: &Approach, expected: Position<Mm>) -> Position<Mm> {
+    pub fn floor(approach: &Approach, expected: Position<Mm>) -> Position<Mm> {
         expected.offset(-approach.give_up_below_mm)
     }
 
     /// Every position tried, with its reading.
-    pub(crate) fn trail(self) -> Vec<(Position<Mm>, Reading)> {
+    pub fn trail(self) -> Vec<(Position<Mm>, Reading)> {
         self.trail
     }
 
     /// The probe has moved; `read_back` is where it is.
-    pub(crate) fn arrived(&mut self, read_back: Position<Mm>) -> SearchTurn {
+    pub fn arrived(&mut self, read_back: Position<Mm>) -> SearchTurn {
         self.here = read_back;
         match self.after_take_up.take() {
             Some(next) => self.go(next),
@@ -98,7 +101,7 @@ impl Search {
     }
 
     /// The impedance here has been read.
-    pub(crate) fn read(&mut self, reading: Reading) -> SearchTurn {
+    pub fn read(&mut self, reading: Reading) -> SearchTurn {
         self.trail.push((self.here, reading));
         let change = relative_change(&self.baseline, &reading);
         match (change > self.approach.contact_threshold, self.last_clear) {

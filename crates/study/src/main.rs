@@ -3,6 +3,8 @@
 //! Each subcommand is a module of its own with its arguments and a `run`. Data go to standard output
 //! or to the folder asked for, everything else to standard error.
 
+mod analyzer;
+mod bound;
 mod compensation;
 mod contact_args;
 mod design;
@@ -15,8 +17,10 @@ mod outcome;
 mod page;
 mod paper;
 mod paper_bench;
+mod progress;
 mod random;
 mod simulate;
+mod speed_accuracy;
 
 use std::{io, process::ExitCode};
 
@@ -39,6 +43,7 @@ enum Command {
     Model(model::Args),
     Invert(invert::Args),
     Compensation(compensation::Args),
+    SpeedAccuracy(speed_accuracy::Args),
 }
 
 fn main() -> ExitCode {
@@ -51,6 +56,7 @@ fn main() -> ExitCode {
         Command::Model(args) => model::run(&args, &mut out),
         Command::Invert(args) => invert::run(&args, &mut out),
         Command::Compensation(args) => compensation::run(&args, &mut out),
+        Command::SpeedAccuracy(args) => speed_accuracy::run(&args, &mut out),
     };
     outcome::exit(result)
 }

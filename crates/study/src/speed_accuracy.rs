@@ -1,0 +1,223 @@
+//! `rig-study speed-accuracy`: the time that a resonance costs on the bench against its error.
+
+mod accuracy;
+mod cell;
+mod charts;
+mod document;
+mod finder;
+mod goals;
+mod host;
+mod reader;
+mod trial;
+mod warm;
+mod way;
+
+use std::{io::Write, path::PathBuf};
+
+use crate::{
+    files::{Csv, Folder},
+    outcome::StudyError,
+    progress,
+};
+use cell::Cell;
+use goals::Evidence;
+use trial::Group;
+use way::{LIMIT_S, Way};
+
+/// Time of measuring against error, by every planner and every estimator.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Folder for `speed-accuracy.md` and, in `speed-accuracy/`, the tables and charts.
+    #[arg(long, default_value = "target/study")]
+    out: PathBuf,
+    /// Decides all chance.
+    #[arg(long, default_value_t = 2020)]
+    seed: u64,
+    /// Sweeps of each way in each cell.
+    #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    trials: u32,
+    /// Measure what fits cost on this computer instead, into `speed-accuracy/host.csv` and `.svg`.
+    #[arg(long)]
+    host: bool,
+}
+
+pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
+    let folder = Folder::at(&args.out)?;
+    if args.host {
+        return host::run(&Folder::at(&folder.path(NAME))?, args.seed, out);
+    }
+    let evidence = measure(args);
+    let searches = finder::try_all(args.trials.div_ceil(4), args.seed);
+    document::page(args, &evidence, &searches).write(&folder, NAME)?;
+    for goal in goals::judge(&evidence) {
+        let verdict = if goal.is_met { "met" } else { "NOT MET" };
+        writeln!(out, "{verdict}: {}: {} (goal {})", goal.what, goal.measured, goal.wanted)?;
+    }
+    writeln!(out, "{}", folder.path("speed-accuracy.md").display())?;
+    Ok(())
+}
+
+/// The name of the page and of its folder.
+const NAME: &str = "speed-accuracy";
+/// Accuracy is judged to a hundredth, which takes more sweeps than a chart does.
+const TRIALS_OF_ACCURACY: u32 = 20;
+
+fn measure(args: &Args) -> Evidence {
+    let Args { trials, seed, .. } = *args;
+    let groups = try_all(args);
+    let (warm_transient, warm_settled) = goals::track(trials.div_ceil(20), seed);
+    Evidence {
+        groups,
+        chart_cells: accuracy::of_charts(TRIALS_OF_ACCURACY * trials, seed),
+        map_cells: accuracy::of_map(TRIALS_OF_ACCURACY * trials, seed),
+        warm_transient,
+        warm_settled,
+    }
+}
+
+/// The standard deviations that planners are asked for, Hz.
+const TARGETS_HZ: [f64; 4] = [0.1, 0.03, 0.01, 0.003];
+
+/// The ways that are compared in a cell.
+fn ways(cell: &Cell) -> Vec<Way> {
+    let even = [201, 101, 51, 21].map(|points| Way::Even { points });
+    let fast = [(51, 2), (101, 2), (101, 10)];
+    let fast = fast.map(|(points, cycles)| Way::Fast { points, cycles });
+    let targets_hz = targets_hz(cell);
+    let settled = targets_hz.iter().map(|&target_hz| Way::Settled { target_hz });
+    let transient = targets_hz.iter().map(|&target_hz| Way::Transient { target_hz });
+    even.into_iter().chain(fast).chain(settled).chain(transient).collect()
+}
+
+/// The targets that integration alone could reach in the time allowed, and one more: the others
+/// would only show its end again.
+fn targets_hz(cell: &Cell) -> &'static [f64] {
+    let at_the_limit_hz = charts::floor_hz(cell, LIMIT_S);
+    let within_reach = TARGETS_HZ.iter().filter(|&&target_hz| target_hz > at_the_limit_hz).count();
+    &TARGETS_HZ[..TARGETS_HZ.len().min(within_reach + 1)]
+}
+
+fn try_all(args: &Args) -> Vec<Group> {
+    let jobs: Vec<(Cell, Way)> = Cell::all()
+        .into_iter()
+        .flat_map(|cell| ways(&cell).into_iter().map(move |way| (cell, way)))
+        .collect();
+    let bar = progress::bar(jobs.len(), "ways to measure");
+    let mut groups = Vec::new();
+    for (cell, way) in jobs {
+        groups.extend(trial::run(cell, way, args.trials, args.seed));
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    groups
+}
+
+fn sweeps_table(groups: &[Group]) -> String {
+    let mut table = Csv::new(&[
+        "q",
+        "k_eff_squared",
+        "noise_percent",
+        "way",
+        "detail",
+        "estimator",
+        "sweeps",
+        "answers",
+        "time_median_s",
+        "time_95_percent_s",
+        "bias_hz",
+        "rmse_hz",
+        "bound_hz",
+        "worst_sigmas",
+    ]);
+    let number = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:.5}"));
+    for group in groups {
+        let Cell { q, coupling, noise } = group.cell;
+        table.row([
+            q.to_string(),
+            coupling.to_string(),
+            (100.0 * noise).to_string(),
+            group.way.name().to_owned(),
+            group.way.detail(),
+            group.reader.name().to_owned(),
+            group.trials.len().to_string(),
+            group.answers().to_string(),
+            format!("{:.4}", group.time_s(0.5)),
+            format!("{:.4}", group.time_s(0.95)),
+            number(group.bias_hz()),
+            number(group.rmse_hz()),
+            number(group.bound_hz()),
+            group.worst_sigmas().map_or_else(String::new, |sigmas| format!("{sigmas:.2}")),
+        ]);
+    }
+    table.text().to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CELL: Cell = Cell { q: 30.0, coupling: 0.1, noise: cell::NOISE };
+
+    /// A ratio of 200 sweeps is known to a twentieth.
+    #[test]
+    fn the_error_of_the_production_fit_is_near_the_bound_of_every_way() {
+        let ways = [
+            Way::Steady { points: 101 },
+            Way::Even { points: 51 },
+            Way::Fast { points: 51, cycles: 2 },
+            Way::Transient { target_hz: 0.01 },
+        ];
+        for way in ways {
+            let groups = trial::run(CELL, way, 200, 7);
+            let group = groups.iter().find(|group| group.reader == reader::Reader::Production);
+            let group = group.unwrap();
+            let ratio = group.rmse_hz().unwrap() / group.bound_hz().unwrap();
+            assert!((0.85..1.2).contains(&ratio), "{way:?}: {ratio}");
+            assert!(group.answers() >= 199, "{way:?}: {}", group.answers());
+            assert!(group.worst_sigmas().unwrap() < 4.5, "{way:?}: {:?}", group.worst_sigmas());
+        }
+    }
+
+    #[test]
+    fn practice_takes_the_time_that_it_is_known_for() {
+        for (q, seconds) in [(10.0, 37.0), (30.0, 83.0), (100.0, 243.0)] {
+            let cell = Cell { q, ..CELL };
+            let time_s = trial::run(cell, way::PRACTICE, 5, 7)[0].time_s(0.5);
+            assert!((time_s / seconds - 1.0).abs() < 0.1, "Q {q}: {time_s}");
+        }
+    }
+
+    #[test]
+    fn the_same_seed_gives_the_same_bytes_and_another_one_others() {
+        let bytes = |seed| {
+            let ways = [Way::Even { points: 21 }, Way::Transient { target_hz: 0.1 }];
+            let groups: Vec<Group> =
+                ways.into_iter().flat_map(|way| trial::run(CELL, way, 8, seed)).collect();
+            let chart = charts::time_against_error(&CELL, &groups).file().unwrap();
+            (sweeps_table(&groups), chart)
+        };
+        assert_eq!(bytes(1), bytes(1));
+        let (one, other) = (bytes(1), bytes(2));
+        assert_ne!(one.0, other.0);
+        assert_ne!(one.1, other.1);
+    }
+
+    #[test]
+    fn finer_steps_find_the_surface_better_and_take_longer() {
+        let searches = finder::try_all(3, 5);
+        let of = |fine_step_mm: f64| {
+            searches
+                .iter()
+                .find(|one| {
+                    one.sample == "3"
+                        && one.approach.settle_s == 0.1
+                        && one.approach.fine_step_mm == fine_step_mm
+                })
+                .unwrap()
+        };
+        let (coarse, fine) = (of(0.05), of(0.005));
+        assert_eq!((coarse.found.len(), fine.found.len()), (3, 3));
+        assert!(fine.rmse_um() < 0.5 * coarse.rmse_um(), "{coarse:?} {fine:?}");
+        assert!(fine.mean_time_s() > coarse.mean_time_s(), "{coarse:?} {fine:?}");
+    }
+}

@@ -1,0 +1,132 @@
+//! How near the production fit comes to the bound, where nothing but noise disturbs.
+
+use rig_chart::{Axis, Chart, Rule, Series};
+
+use super::{
+    cell::{Cell, NOISES},
+    trial::{self, Group},
+    way::Way,
+};
+use crate::{
+    analyzer::{WINDOW, evenly},
+    bound::Information,
+    files::Csv,
+    progress,
+};
+
+/// The sweep that accuracy is judged with.
+const SWEEP: Way = Way::Steady { points: 101 };
+/// Below this figure of merit next to nothing is left of the resonance in the impedance.
+pub(super) const MERIT_MIN: f64 = 0.2;
+/// Where the bound is a larger part of the linewidth, many sweeps are refused as too noisy.
+const SIGMA_MAX_LINEWIDTHS: f64 = 0.08;
+/// The least part of the sweeps that must be answered for an error to mean anything: those that are
+/// refused are not the average ones.
+pub(super) const ANSWERS_MIN: f64 = 0.99;
+
+/// The eighteen cells of the charts.
+pub(super) fn of_charts(trials: u32, seed: u64) -> Vec<Group> {
+    measure(&Cell::all(), trials, seed)
+}
+
+/// Cells far beyond: from figures of merit at which hardly anything is left to high ones, from
+/// hardly any noise to much.
+pub(super) fn of_map(trials: u32, seed: u64) -> Vec<Group> {
+    let mut cells = Vec::new();
+    for noise in [1e-4, 1e-3, 5e-3, 0.02, 0.05] {
+        for q in [5.0, 10.0, 20.0, 50.0, 100.0] {
+            for coupling in [0.005, 0.02, 0.05, 0.1, 0.2] {
+                let cell = Cell { q, coupling, noise };
+                if counts(&cell) {
+                    cells.push(cell);
+                }
+            }
+        }
+    }
+    measure(&cells, trials, seed)
+}
+
+fn measure(cells: &[Cell], trials: u32, seed: u64) -> Vec<Group> {
+    let bar = progress::bar(cells.len(), "cells for accuracy");
+    let one = |cell: &Cell| {
+        let groups = trial::run(*cell, SWEEP, trials, seed);
+        bar.inc(1);
+        groups
+    };
+    let groups = cells.iter().flat_map(one).collect();
+    bar.finish_and_clear();
+    groups
+}
+
+/// Error over bound; nothing where too few sweeps were answered.
+pub(super) fn ratio(group: &Group) -> Option<f64> {
+    let answered = group.answers() as f64 / group.trials.len() as f64;
+    (answered >= ANSWERS_MIN).then_some(())?;
+    Some(group.rmse_hz()? / group.bound_hz()?)
+}
+
+/// Whether there is enough resonance, and less noise than would make the bound meaningless.
+fn counts(cell: &Cell) -> bool {
+    let middle = cell.middle();
+    let points = evenly(WINDOW, 101, 0.0, 10);
+    let bound = cell.noise * Information::settled(&middle, &points).relative_bound();
+    middle.figure_of_merit() >= MERIT_MIN && bound * cell.q < SIGMA_MAX_LINEWIDTHS
+}
+
+pub(super) fn table(groups: &[Group]) -> String {
+    let mut table = Csv::new(&[
+        "q",
+        "k_eff_squared",
+        "figure_of_merit",
+        "noise_percent",
+        "sweeps",
+        "answers",
+        "bias_hz",
+        "rmse_hz",
+        "bound_hz",
+        "rmse_over_bound",
+        "worst_sigmas",
+    ]);
+    let number = |value: Option<f64>, places: usize| {
+        value.map_or_else(String::new, |value| format!("{value:.places$}"))
+    };
+    for group in groups {
+        let Cell { q, coupling, noise } = group.cell;
+        table.row([
+            q.to_string(),
+            coupling.to_string(),
+            format!("{:.3}", group.cell.middle().figure_of_merit()),
+            (100.0 * noise).to_string(),
+            group.trials.len().to_string(),
+            group.answers().to_string(),
+            number(group.bias_hz(), 6),
+            number(group.rmse_hz(), 6),
+            number(group.bound_hz(), 6),
+            number(ratio(group), 3),
+            number(group.worst_sigmas(), 2),
+        ]);
+    }
+    table.text().to_owned()
+}
+
+pub(super) fn chart(groups: &[Group]) -> Chart {
+    let mut chart = Chart::new(
+        "Error over the Cramér–Rao bound, 101 points",
+        "Root mean square error of the maximum likelihood fit over the Cramér–Rao bound in the \
+         eighteen cells, against the figure of merit.",
+        Axis::log("figure of merit Q·C1/C0"),
+        Axis::linear("error over bound").including(0.9).including(1.1),
+    );
+    chart.rules.push(Rule::AtY { value: 1.05, label: "goal".to_owned() });
+    for (colour, noise) in NOISES.into_iter().enumerate() {
+        let of_noise = groups.iter().filter(|group| group.cell.noise == noise);
+        let points: Vec<(f64, f64)> = of_noise
+            .filter_map(|group| Some((group.cell.middle().figure_of_merit(), ratio(group)?)))
+            .collect();
+        if !points.is_empty() {
+            let name = format!("noise {} %", 100.0 * noise);
+            chart.series.push(Series::scatter(&name, colour, points));
+        }
+    }
+    chart
+}

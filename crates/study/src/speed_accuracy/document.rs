@@ -1,0 +1,153 @@
+//! The page that says it in words.
+
+use super::{
+    Args, accuracy,
+    cell::{COUPLINGS, Cell, NOISE, NOISES, QUALITIES},
+    charts, finder,
+    finder::Searches,
+    goals::{self, Evidence},
+    reader::Reader,
+    trial::Group,
+    way::{LIMIT_S, PRACTICE, Way},
+};
+use crate::page::{Page, Table};
+
+pub(super) fn page(args: &Args, evidence: &Evidence, searches: &[Searches]) -> Page {
+    let mut page = Page { title: "Speed against accuracy".to_owned(), parts: Vec::new() };
+    introduction(&mut page, args);
+    page.heading("Goals");
+    page.text(
+        "Noise is 0.5 % at ten cycles, and times count everything from the sensor at rest, unless \
+         a row says otherwise. Warm readings follow one another while the resonance moves by up to \
+         1 Hz in between and the drive never stops.",
+    );
+    page.table(goals::table(&goals::judge(evidence)));
+    page.heading("What a resonance costs");
+    page.text(practice_text(&evidence.groups));
+    page.table(costs(&evidence.groups));
+    for noise in NOISES {
+        page.heading(&format!("Charts at {} % noise", 100.0 * noise));
+        for cell in Cell::all().iter().filter(|cell| cell.noise == noise) {
+            let chart = charts::time_against_error(cell, &evidence.groups);
+            page.chart(&format!("{}.svg", cell.file()), chart);
+        }
+    }
+    page.data("sweeps.csv", super::sweeps_table(&evidence.groups));
+    page.heading("How near the bound");
+    page.text(
+        "Ideal readings at 101 even points, where nothing but noise disturbs: the error over the \
+         Cramér–Rao bound of the same readings. The table has the cells of the wider map as well.",
+    );
+    page.chart("accuracy.svg", accuracy::chart(&evidence.chart_cells));
+    let cells = [&evidence.chart_cells[..], &evidence.map_cells].concat();
+    page.data("accuracy.csv", accuracy::table(&cells));
+    page.heading("The surface finder");
+    page.text(finder_text(searches));
+    page.chart("finder.svg", finder::chart(searches));
+    page.data("finder.csv", finder::table(searches));
+    page
+}
+
+fn introduction(page: &mut Page, args: &Args) {
+    page.text(format!(
+        "This page, its charts and its tables are written by \
+         `cargo run --release -p rig-study -- speed-accuracy --out docs`, in minutes on two cores. \
+         The same seed (here {}) gives the same bytes whatever the number of cores. What depends on \
+         the computer, microseconds per fit against error, is written by \
+         `rig-study speed-accuracy --host` and is not kept here.",
+        args.seed
+    ));
+    page.text(format!(
+        "Each way of measuring is tried {} times in each of 18 cells: quality 10, 30 and 100, \
+         effective coupling 0.02 and 0.1, noise 0.1, 0.5 and 2 % of each part of an impedance \
+         integrated over ten cycles. The analyzer is the one of the simulated bench, exact in time, \
+         with the motion of the sensor carried from point to point. The resonance lies anywhere \
+         from 130 to 150 Hz and is sought from 112 to 168 Hz; the loss tangent is 0.018. A planner \
+         knows the noise of its analyzer and nothing of the sensor, and has {LIMIT_S} s.",
+        args.trials
+    ));
+    page.text(
+        "`uniform`: even points with ten cycles, five time constants waited for before each (201, \
+         101, 51 and 21 points; the first is careful laboratory practice). `fast uniform`: even \
+         points without waiting, the ring-up being part of the model. `settled planner` and \
+         `transient-aware planner`: the daemon's, asked for 100, 30, 10 and 3 mHz. Errors are root \
+         mean squares with the bias. `sweeps.csv` has every number, for every estimator: those that \
+         need an even grid, and have no model of the ring-up, read the uniform sweeps only.",
+    );
+}
+
+fn of<'a>(groups: &'a [Group], cell: &Cell, way: Way) -> Option<&'a Group> {
+    let is_asked = |group: &&Group| {
+        group.cell == *cell && group.way == way && group.reader == Reader::Production
+    };
+    groups.iter().find(is_asked)
+}
+
+/// The way of practice and the planners, side by side.
+fn costs(groups: &[Group]) -> Table {
+    let mut table = Table::new(&[
+        "cell",
+        "practice",
+        "transient-aware, 10 mHz",
+        "settled, 10 mHz",
+        "fast uniform, 101 points, 2 cycles",
+    ]);
+    let cell_of = |group: Option<&Group>| {
+        let group = group?;
+        let milli = 1000.0 * group.rmse_hz()?;
+        Some(format!("{:.2} s, {milli:.1} mHz", group.time_s(0.5)))
+    };
+    let ways = [
+        PRACTICE,
+        Way::Transient { target_hz: 0.01 },
+        Way::Settled { target_hz: 0.01 },
+        Way::Fast { points: 101, cycles: 2 },
+    ];
+    for q in QUALITIES {
+        for coupling in COUPLINGS {
+            let cell = Cell { q, coupling, noise: NOISE };
+            let costs = ways
+                .map(|way| cell_of(of(groups, &cell, way)).unwrap_or_else(|| "refused".to_owned()));
+            table.row([vec![cell.to_string()], costs.to_vec()].concat());
+        }
+    }
+    table
+}
+
+fn practice_text(groups: &[Group]) -> String {
+    let times = QUALITIES.map(|q| {
+        let cell = Cell { q, coupling: 0.1, noise: NOISE };
+        of(groups, &cell, PRACTICE)
+            .map_or_else(String::new, |group| format!("{:.0}", group.time_s(0.5)))
+    });
+    format!(
+        "Practice, 201 points, takes {} s at quality 10, 30 and 100. Median time and error of each \
+         way, at {} % noise:",
+        times.join(", "),
+        100.0 * NOISE
+    )
+}
+
+fn finder_text(searches: &[Searches]) -> String {
+    let lost: usize = searches.iter().map(|one| one.count as usize - one.found.len()).sum();
+    let shipped = searches
+        .iter()
+        .filter(|one| one.approach.fine_step_mm == 0.005 && one.approach.settle_s == 0.1)
+        .map(|one| {
+            format!(
+                "sample {}: {:.1} s, {:.1} µm (bias {:.1} µm)",
+                one.sample,
+                one.mean_time_s(),
+                one.rmse_um(),
+                one.bias_um()
+            )
+        });
+    format!(
+        "The daemon's search on the simulated bench, upright, with the shipped scene's screws, \
+         mountings and noise: the last step is 50, 20, 10, 5 or 2 µm, and 20, 100 or 500 ms are \
+         waited for at each step. The error is how deep the tip is where the search says the \
+         surface begins. As shipped (5 µm, 100 ms): {}. Not found: {lost} of {} searches.",
+        shipped.collect::<Vec<_>>().join("; "),
+        searches.iter().map(|one| one.count).sum::<u32>()
+    )
+}

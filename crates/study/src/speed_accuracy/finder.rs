@@ -1,0 +1,210 @@
+//! The surface finder: the time of an approach against the error of the depth's zero.
+//!
+//! The daemon's search drives the simulated world, with its screws, noise and mountings, in the time
+//! that stage and analyzer take. Its error is how deep the tip really is where the search says that
+//! the surface begins.
+
+use rayon::prelude::*;
+use rig_chart::{Axis, Chart, Series, Stroke};
+use rig_engine::{Search, SearchTurn};
+use rig_model::{Mm, Position, Reading, RigTime, SweepPoint};
+use rig_protocol::Approach;
+use rig_sim::{
+    scene,
+    world::{AxisId, Profile, World},
+};
+
+use crate::{analyzer::reading, files::Csv};
+
+/// The samples searched for: the softest, the middle and the stiffest.
+pub(super) const SAMPLES: [&str; 3] = ["1", "3", "5"];
+/// What the shipped protocol asks for.
+const SHIPPED: Approach = Approach {
+    start_above_mm: 0.8,
+    give_up_below_mm: 0.8,
+    coarse_step_mm: 0.1,
+    fine_step_mm: 0.005,
+    contact_threshold: 0.1,
+    settle_s: 0.1,
+    cycles: 10,
+};
+/// Where the shipped rig expects the surface, and how fast it approaches it, mm and mm/s.
+const EXPECTED_MM: f64 = 10.0;
+const CONTACT_SPEED: f64 = 1.0;
+const TRAVEL_SPEED: f64 = 20.0;
+const ACCELERATION: f64 = 200.0;
+/// What a step of the shipped drive is, mm.
+const STEP_MM: f64 = 0.001;
+/// Time constants that the daemon waits before it reads the free sensor, and after a contact.
+const BASELINE_TIME_CONSTANTS: f64 = 8.0;
+const AFTER_CONTACT_TIME_CONSTANTS: f64 = 5.0;
+
+/// Searches of one kind.
+#[derive(Debug, Clone)]
+pub(super) struct Searches {
+    pub(super) sample: &'static str,
+    pub(super) approach: Approach,
+    /// Time, s, and error, mm, of those that found the surface.
+    pub(super) found: Vec<(f64, f64)>,
+    pub(super) count: u32,
+}
+
+impl Searches {
+    pub(super) fn mean_time_s(&self) -> f64 {
+        self.mean(|(time_s, _)| time_s)
+    }
+
+    pub(super) fn bias_um(&self) -> f64 {
+        1000.0 * self.mean(|(_, error_mm)| error_mm)
+    }
+
+    pub(super) fn rmse_um(&self) -> f64 {
+        1000.0 * self.mean(|(_, error_mm)| error_mm.powi(2)).sqrt()
+    }
+
+    fn mean(&self, of: impl Fn((f64, f64)) -> f64) -> f64 {
+        self.found.iter().map(|&one| of(one)).sum::<f64>() / self.found.len() as f64
+    }
+}
+
+/// Searches with every fineness and settling, on every sample.
+pub(super) fn try_all(searches: u32, seed: u64) -> Vec<Searches> {
+    let mut all = Vec::new();
+    for sample in SAMPLES {
+        for settle_s in [0.02, 0.1, 0.5] {
+            for fine_step_mm in [0.05, 0.02, 0.01, 0.005, 0.002] {
+                let approach = Approach { settle_s, fine_step_mm, ..SHIPPED };
+                let one = |number: u32| search(approach, sample, seed + u64::from(number));
+                let found: Vec<_> = (0..searches).into_par_iter().filter_map(one).collect();
+                all.push(Searches { sample, approach, found, count: searches });
+            }
+        }
+    }
+    all
+}
+
+/// One search: its time, s, and its error, mm, positive where the tip is in the sample already.
+fn search(approach: Approach, sample: &str, seed: u64) -> Option<(f64, f64)> {
+    let world = World::new(scene::paper(), seed).expect("the shipped scene is sound");
+    let mut bench = Bench { world, now: RigTime::ZERO, frequency_hz: 0.0, time_constant_s: 0.0 };
+    bench.world.place_sample(bench.now, sample).expect("the shipped scene has the sample");
+    bench.move_to(EXPECTED_MM + 20.0, TRAVEL_SPEED);
+    let free = bench.world.truth(bench.now).no_load_hz;
+    // The shipped sensor's quality without contact is that of its beam loss of 0.015.
+    (bench.frequency_hz, bench.time_constant_s) =
+        (free, 1.0 / (0.015 * std::f64::consts::PI * free));
+    let baseline = bench.read(BASELINE_TIME_CONSTANTS * bench.time_constant_s, approach.cycles);
+    let begun_s = bench.now.as_seconds();
+    let (mut search, mut turn) = Search::begin(approach, Position::new(EXPECTED_MM), baseline);
+    let mut speed = TRAVEL_SPEED;
+    loop {
+        turn = match turn {
+            SearchTurn::MoveTo(target) => {
+                let here = bench.move_to(target.value(), speed);
+                speed = CONTACT_SPEED;
+                search.arrived(here)
+            }
+            SearchTurn::Read { is_after_contact } => {
+                let settle_s = if is_after_contact {
+                    approach.settle_s.max(AFTER_CONTACT_TIME_CONSTANTS * bench.time_constant_s)
+                } else {
+                    approach.settle_s
+                };
+                search.read(bench.read(settle_s, approach.cycles))
+            }
+            SearchTurn::Found(surface) => {
+                let time_s = bench.now.as_seconds() - begun_s;
+                // From above, as every reading that counted was taken.
+                let position_mm = surface.position.value();
+                bench.move_to(position_mm + approach.coarse_step_mm, CONTACT_SPEED);
+                bench.move_to(position_mm, CONTACT_SPEED);
+                return Some((time_s, bench.world.truth(bench.now).indentation_mm));
+            }
+            SearchTurn::Fault(_) => return None,
+        };
+    }
+}
+
+/// The world and its time.
+struct Bench {
+    world: World,
+    now: RigTime,
+    frequency_hz: f64,
+    time_constant_s: f64,
+}
+
+impl Bench {
+    /// Moves the tip, and says where the encoder sees it.
+    fn move_to(&mut self, target_mm: f64, speed: f64) -> Position<Mm> {
+        let profile = Profile { speed, acceleration: ACCELERATION, deceleration: ACCELERATION };
+        let in_steps = |mm: f64| (mm / STEP_MM).round() * STEP_MM;
+        let stage = self.world.drive(self.now, AxisId::Linear);
+        stage.start(self.now, in_steps(target_mm), &profile);
+        self.now = stage.rests_from();
+        let motor_mm = self.world.stage(AxisId::Linear).motor(self.now);
+        let jitter_mm = STEP_MM * self.world.encoder_jitter();
+        Position::new(in_steps(motor_mm + jitter_mm))
+    }
+
+    /// Reads the impedance at the resonance of the free sensor.
+    fn read(&mut self, settle_s: f64, cycles: u32) -> Reading {
+        let point = SweepPoint { frequency_hz: self.frequency_hz, settle_s, cycles };
+        let started = self.now;
+        self.world.set_frequency(self.now, self.frequency_hz);
+        let ready = started + std::time::Duration::from_secs_f64(settle_s);
+        let (impedance, done) = self.world.measure(ready, cycles);
+        self.now = done;
+        reading(&point, impedance, started)
+    }
+}
+
+pub(super) fn table(searches: &[Searches]) -> String {
+    let mut table = Csv::new(&[
+        "sample",
+        "settle_s",
+        "fine_step_mm",
+        "searches",
+        "found",
+        "time_mean_s",
+        "zero_bias_um",
+        "zero_rmse_um",
+    ]);
+    for one in searches {
+        table.row([
+            one.sample.to_owned(),
+            one.approach.settle_s.to_string(),
+            one.approach.fine_step_mm.to_string(),
+            one.count.to_string(),
+            one.found.len().to_string(),
+            format!("{:.3}", one.mean_time_s()),
+            format!("{:.2}", one.bias_um()),
+            format!("{:.2}", one.rmse_um()),
+        ]);
+    }
+    table.text().to_owned()
+}
+
+pub(super) fn chart(searches: &[Searches]) -> Chart {
+    let mut chart = Chart::new(
+        "Time of an approach against the error of the depth's zero",
+        "Root mean square error of the surface found against the time of the search, for steps of \
+         50 to 2 µm, three settling times and three samples.",
+        Axis::linear("time of the search (s)").including(0.0),
+        Axis::log("error of the zero (µm rms)"),
+    );
+    for (colour, sample) in SAMPLES.into_iter().enumerate() {
+        for (settle_s, stroke) in [(0.02, Stroke::Dashed), (0.1, Stroke::Solid)] {
+            let of = |one: &&Searches| {
+                one.sample == sample && one.approach.settle_s == settle_s && !one.found.is_empty()
+            };
+            let points: Vec<(f64, f64)> =
+                searches.iter().filter(of).map(|one| (one.mean_time_s(), one.rmse_um())).collect();
+            if !points.is_empty() {
+                let name = format!("sample {sample}, settling {settle_s} s");
+                let series = Series::joined(&name, colour, points);
+                chart.series.push(Series { stroke: Some(stroke), ..series });
+            }
+        }
+    }
+    chart
+}

@@ -1,0 +1,167 @@
+//! What was aimed at, and what was measured.
+
+use rig_model::SweepMethod;
+
+use super::{
+    accuracy,
+    cell::{Cell, NOISE},
+    reader::Reader,
+    trial::Group,
+    warm::{self, Warm},
+    way::Way,
+};
+use crate::page::Table;
+
+/// A goal and its measurement.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Goal {
+    pub(super) what: String,
+    pub(super) wanted: String,
+    pub(super) measured: String,
+    pub(super) is_met: bool,
+}
+
+/// Everything that goals are judged by.
+pub(super) struct Evidence {
+    pub(super) groups: Vec<Group>,
+    pub(super) chart_cells: Vec<Group>,
+    pub(super) map_cells: Vec<Group>,
+    pub(super) warm_transient: Vec<Warm>,
+    pub(super) warm_settled: Warm,
+}
+
+/// (Q, k², target in Hz, seconds): what the transient-aware planner is to reach from rest.
+const COLD_TRANSIENT: [(f64, f64, f64, f64); 8] = [
+    (30.0, 0.1, 0.03, 0.2),
+    (100.0, 0.02, 0.03, 0.3),
+    (10.0, 0.1, 0.03, 0.45),
+    (100.0, 0.1, 0.01, 0.3),
+    (100.0, 0.02, 0.01, 0.45),
+    (30.0, 0.1, 0.01, 0.4),
+    (30.0, 0.02, 0.01, 1.1),
+    (10.0, 0.1, 0.01, 3.6),
+];
+/// (Q, k²) in which it is to track.
+const WARM_TRANSIENT: [(f64, f64); 4] = [(30.0, 0.02), (30.0, 0.1), (100.0, 0.02), (100.0, 0.1)];
+/// The goal of the error over its bound.
+pub(super) const RATIO_MAX: f64 = 1.05;
+/// The share of the runs that must be as fast.
+const RUNS: f64 = 0.95;
+const WARM_PER_SECOND: f64 = 4.0;
+const SETTLED_TARGET_HZ: f64 = 0.03;
+const SETTLED_COLD_S: f64 = 2.5;
+const SETTLED_WARM_S: f64 = 0.9;
+
+/// The warm runs of the goals.
+pub(super) fn track(runs: u32, seed: u64) -> (Vec<Warm>, Warm) {
+    let cell = |q, coupling| Cell { q, coupling, noise: NOISE };
+    let transient = WARM_TRANSIENT.map(|(q, coupling)| {
+        warm::track(SweepMethod::Transient, cell(q, coupling), 0.01, runs, seed)
+    });
+    let settled =
+        warm::track(SweepMethod::Adaptive, cell(30.0, 0.1), SETTLED_TARGET_HZ, runs, seed);
+    (transient.to_vec(), settled)
+}
+
+pub(super) fn judge(evidence: &Evidence) -> Vec<Goal> {
+    let mut goals = vec![
+        accuracy("of the charts", &evidence.chart_cells),
+        accuracy(
+            &format!("with a figure of merit of at least {}", accuracy::MERIT_MIN),
+            &evidence.map_cells,
+        ),
+    ];
+    for (q, coupling, target_hz, seconds) in COLD_TRANSIENT {
+        let way = Way::Transient { target_hz };
+        goals.extend(cold(&evidence.groups, (q, coupling), way, target_hz, seconds));
+    }
+    goals.extend(evidence.warm_transient.iter().map(warm_rate));
+    let way = Way::Settled { target_hz: SETTLED_TARGET_HZ };
+    goals.extend(cold(&evidence.groups, (30.0, 0.1), way, SETTLED_TARGET_HZ, SETTLED_COLD_S));
+    goals.push(warm_settled(&evidence.warm_settled));
+    goals
+}
+
+fn accuracy(what: &str, groups: &[Group]) -> Goal {
+    let unanswered = groups.iter().filter(|group| accuracy::ratio(group).is_none()).count();
+    let worst = groups
+        .iter()
+        .filter_map(|group| Some((accuracy::ratio(group)?, group.cell)))
+        .max_by(|a, b| a.0.total_cmp(&b.0));
+    let (ratio, at) =
+        worst.map_or((f64::INFINITY, String::new()), |(ratio, cell)| (ratio, format!(" ({cell})")));
+    let refused = match unanswered {
+        0 => String::new(),
+        some => format!("; {some} cells refuse more than 1 % of the sweeps"),
+    };
+    Goal {
+        what: format!("error over bound, 101 points, worst of {} cells {what}", groups.len()),
+        wanted: format!("≤ {RATIO_MAX}"),
+        measured: format!("{ratio:.3}{at}{refused}"),
+        is_met: ratio <= RATIO_MAX && unanswered == 0,
+    }
+}
+
+/// A planner from rest; nothing where it was not run.
+fn cold(
+    groups: &[Group],
+    (q, coupling): (f64, f64),
+    way: Way,
+    target_hz: f64,
+    seconds: f64,
+) -> Option<Goal> {
+    let cell = Cell { q, coupling, noise: NOISE };
+    let is_asked = |group: &&Group| {
+        group.cell == cell && group.way == way && group.reader == Reader::Production
+    };
+    let group = groups.iter().find(is_asked)?;
+    let share = group.reached(target_hz, seconds);
+    let time = group
+        .time_to_reach_s(target_hz, RUNS)
+        .map_or_else(|| "never".to_owned(), |time| format!("{time:.2} s"));
+    Some(Goal {
+        what: format!("{}, cold, {cell}: {:.0} mHz", way.name(), 1000.0 * target_hz),
+        wanted: format!("{seconds} s in > 95 % of the runs"),
+        measured: format!("{:.1} % of the runs; 95 % of them take up to {time}", 100.0 * share),
+        is_met: share > RUNS,
+    })
+}
+
+fn warm_rate(warm: &Warm) -> Goal {
+    let rate = warm.per_second();
+    Goal {
+        what: format!(
+            "transient-aware planner, warm, {}: {:.0} mHz",
+            warm.cell,
+            1000.0 * warm.target_hz
+        ),
+        wanted: format!("≥ {WARM_PER_SECOND} readings per second"),
+        measured: format!("{rate:.2} per second"),
+        is_met: rate >= WARM_PER_SECOND,
+    }
+}
+
+fn warm_settled(warm: &Warm) -> Goal {
+    let time_s = super::trial::quantile(&warm.times_s, RUNS);
+    Goal {
+        what: format!("settled planner, warm, {}: {:.0} mHz", warm.cell, 1000.0 * warm.target_hz),
+        wanted: format!("{SETTLED_WARM_S} s in > 95 % of the runs"),
+        measured: if time_s.is_finite() {
+            format!("95 % of the runs take up to {time_s:.2} s")
+        } else {
+            "fewer than 95 % of the runs get there".to_owned()
+        },
+        is_met: time_s <= SETTLED_WARM_S,
+    }
+}
+
+pub(super) fn table(goals: &[Goal]) -> Table {
+    let mut table = Table::new(&["what", "goal", "measured", "met"]);
+    for goal in goals {
+        let verdict = if goal.is_met { "yes" } else { "**no**" };
+        table.row(
+            [&goal.what, &goal.wanted, &goal.measured, &verdict.to_owned()].map(String::clone),
+        );
+    }
+    table
+}

@@ -1,0 +1,153 @@
+//! The ways to measure a resonance: which points, and what they cost.
+
+use num_complex::Complex64;
+use rig_contact::Circuit;
+use rig_model::{DriveLevel, Reading, RigTime, SweepMethod, SweepPoint, SweepRequest};
+use rig_resonance::{FitOptions, Next, NoisePrior, Past, Planner, Prior, Timing, Verdict, fit};
+
+use super::cell::Cell;
+use crate::{
+    analyzer::{Analyzer, WINDOW, evenly, reading, time_constant_s},
+    random::Stream,
+};
+
+/// How the points of a sweep are chosen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Way {
+    /// Evenly, ten cycles each, after all motion has ended.
+    Steady { points: u32 },
+    /// Evenly, ten cycles each, five time constants waited for before each.
+    Even { points: u32 },
+    /// Evenly, without waiting.
+    Fast { points: u32, cycles: u32 },
+    /// By the planner, with waiting, until this standard deviation.
+    Settled { target_hz: f64 },
+    /// By the planner, without waiting, until this standard deviation.
+    Transient { target_hz: f64 },
+}
+
+/// What careful laboratories do.
+pub(super) const PRACTICE: Way = Way::Even { points: 201 };
+/// The time that a planner is given, s.
+pub(super) const LIMIT_S: f64 = 5.0;
+
+/// A sweep, measured.
+#[derive(Debug)]
+pub(super) struct Measured {
+    pub(super) points: Vec<SweepPoint>,
+    pub(super) readings: Vec<Reading>,
+    pub(super) time_s: f64,
+    /// What the production fit says of it.
+    pub(super) verdict: Verdict,
+}
+
+impl Way {
+    /// The kind, without its numbers.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::Steady { .. } => "ideal",
+            Self::Even { .. } => "uniform",
+            Self::Fast { .. } => "fast uniform",
+            Self::Settled { .. } => "settled planner",
+            Self::Transient { .. } => "transient-aware planner",
+        }
+    }
+
+    /// The numbers.
+    pub(super) fn detail(self) -> String {
+        match self {
+            Self::Steady { points } => format!("{points} points; 10 cycles"),
+            Self::Even { points } => format!("{points} points; 10 cycles; 5 time constants"),
+            Self::Fast { points, cycles } => format!("{points} points; {cycles} cycles"),
+            Self::Settled { target_hz } | Self::Transient { target_hz } => {
+                format!("{:.0} mHz", 1000.0 * target_hz)
+            }
+        }
+    }
+
+    /// Measures a sensor at rest, of which nothing is known but where its resonance may be and the
+    /// noise of the analyzer.
+    pub(super) fn measure(self, circuit: &Circuit, cell: &Cell, chance: Stream) -> Measured {
+        let at_rest = |chance| Analyzer::at_rest(*circuit, cell.noise, chance);
+        let planned = |method, target_hz, chance| {
+            plan(&mut at_rest(chance), &request(method, target_hz), &cold(cell.noise))
+        };
+        match self {
+            Self::Steady { points } => steady(circuit, cell.noise, points, chance),
+            Self::Even { points } => {
+                let settle_s = 5.0 * time_constant_s(circuit);
+                sweep(at_rest(chance), evenly(WINDOW, points, settle_s, 10), Timing::Waited)
+            }
+            Self::Fast { points, cycles } => {
+                let timing = Timing::Exact(Past::Rest);
+                sweep(at_rest(chance), evenly(WINDOW, points, 0.0, cycles), timing)
+            }
+            Self::Settled { target_hz } => planned(SweepMethod::Adaptive, target_hz, chance),
+            Self::Transient { target_hz } => planned(SweepMethod::Transient, target_hz, chance),
+        }
+    }
+}
+
+/// What is believed before the first sweep: the noise of the analyzer and nothing else.
+pub(super) fn cold(noise: f64) -> Prior {
+    let noise = NoisePrior { at_ten_cycles: noise, degrees_of_freedom: 1000.0 };
+    Prior { circuit: None, within: WINDOW, noise: Some(noise), past: Past::Rest }
+}
+
+/// A sweep asked for until this standard deviation is reached.
+pub(super) fn request(method: SweepMethod, target_sigma_hz: f64) -> SweepRequest {
+    SweepRequest {
+        window: WINDOW,
+        method,
+        target_sigma_hz,
+        time_limit_s: LIMIT_S,
+        cycles: 10,
+        settle_s: 0.5,
+        level: DriveLevel { volt: 1.0 },
+    }
+}
+
+/// Readings of the settled circuit itself.
+fn steady(circuit: &Circuit, noise: f64, points: u32, mut chance: Stream) -> Measured {
+    // Longer than anything rings.
+    const SETTLE_S: f64 = 60.0;
+    let points = evenly(WINDOW, points, SETTLE_S, 10);
+    let read = |point: &SweepPoint| {
+        let error = Complex64::new(chance.normal(), chance.normal());
+        let impedance = circuit.impedance_ohm(point.frequency_hz) * (1.0 + noise * error);
+        reading(point, impedance, RigTime::ZERO)
+    };
+    let readings: Vec<Reading> = points.iter().map(read).collect();
+    let time_s = points.iter().map(SweepPoint::duration_s).sum();
+    let verdict = fit(&readings, &FitOptions { window: Some(WINDOW), ..FitOptions::default() });
+    Measured { points, readings, time_s, verdict }
+}
+
+fn sweep(mut analyzer: Analyzer, points: Vec<SweepPoint>, timing: Timing) -> Measured {
+    let readings: Vec<Reading> = points.iter().map(|point| analyzer.visit(point)).collect();
+    let options = FitOptions { window: Some(WINDOW), timing, ..FitOptions::default() };
+    let verdict = fit(&readings, &options);
+    Measured { points, readings, time_s: analyzer.elapsed_s(), verdict }
+}
+
+/// Runs a planner to its end. What it costs counts from the first of its points.
+pub(super) fn plan(analyzer: &mut Analyzer, request: &SweepRequest, prior: &Prior) -> Measured {
+    let begun_s = analyzer.elapsed_s();
+    let mut planner = Planner::new(request, Some(prior));
+    let mut visited = Vec::new();
+    loop {
+        match planner.next() {
+            Next::Measure(points) => {
+                for point in points {
+                    planner.add(&[analyzer.visit(&point)]);
+                    visited.push(point);
+                }
+            }
+            Next::Finished(verdict) => {
+                let time_s = analyzer.elapsed_s() - begun_s;
+                let readings = planner.readings().to_vec();
+                return Measured { points: visited, readings, time_s, verdict };
+            }
+        }
+    }
+}
