@@ -8,6 +8,7 @@ mod bound;
 mod compensation;
 mod contact_args;
 mod design;
+mod failures;
 mod files;
 mod inverses;
 mod invert;
@@ -44,6 +45,7 @@ enum Command {
     Invert(invert::Args),
     Compensation(compensation::Args),
     SpeedAccuracy(speed_accuracy::Args),
+    Failures(failures::Args),
 }
 
 fn main() -> ExitCode {
@@ -56,6 +58,7 @@ fn main() -> ExitCode {
         Command::Model(args) => model::run(&args, &mut out),
         Command::Invert(args) => invert::run(&args, &mut out),
         Command::Compensation(args) => compensation::run(&args, &mut out),
+        Command::Failures(args) => failures::run(&args, &mut out),
         Command::SpeedAccuracy(args) => speed_accuracy::run(&args, &mut out),
     };
     outcome::exit(result)

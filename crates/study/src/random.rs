@@ -15,6 +15,12 @@ impl Stream {
         Self(Pcg64::new(u128::from(seed), u128::from(name)))
     }
 
+    /// Another stream that starts from here.
+    pub(crate) fn aside(&mut self) -> Self {
+        let (seed, name) = (self.0.next_u64(), self.0.next_u64());
+        Self::new(seed, name)
+    }
+
     /// Even in [0, 1).
     pub(crate) fn uniform(&mut self) -> f64 {
         // The 53 bits that a float between 1/2 and 1 can hold.

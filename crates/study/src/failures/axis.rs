@@ -1,0 +1,192 @@
+//! What is varied, from harmless to hopeless.
+
+use rig_resonance::{Reason, Rung, Timing};
+
+use super::scene::Scene;
+use crate::analyzer::WINDOW;
+
+/// A way to go wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Axis {
+    Noise,
+    FigureOfMerit,
+    WindowOffset,
+    PointsPerLinewidth,
+    Drift,
+    DriftBothWays,
+    SecondMode,
+    Outliers,
+    DriveLevel,
+    DriveLevelStep,
+    Settling,
+    SettlingUnknown,
+    DielectricLoss,
+    Digits,
+}
+
+/// Quality and coupling of the sensors that every axis is gone through with.
+pub(super) const SENSORS: [(f64, f64); 6] =
+    [(10.0, 0.02), (10.0, 0.1), (30.0, 0.02), (30.0, 0.1), (100.0, 0.02), (100.0, 0.1)];
+
+impl Axis {
+    pub(super) const ALL: [Self; 14] = [
+        Self::Noise,
+        Self::FigureOfMerit,
+        Self::WindowOffset,
+        Self::PointsPerLinewidth,
+        Self::Drift,
+        Self::DriftBothWays,
+        Self::SecondMode,
+        Self::Outliers,
+        Self::DriveLevel,
+        Self::DriveLevelStep,
+        Self::Settling,
+        Self::SettlingUnknown,
+        Self::DielectricLoss,
+        Self::Digits,
+    ];
+
+    /// The name in files.
+    pub(super) const fn file(self) -> &'static str {
+        match self {
+            Self::Noise => "noise",
+            Self::FigureOfMerit => "figure-of-merit",
+            Self::WindowOffset => "window-offset",
+            Self::PointsPerLinewidth => "points-per-linewidth",
+            Self::Drift => "drift",
+            Self::DriftBothWays => "drift-up-and-down",
+            Self::SecondMode => "second-mode",
+            Self::Outliers => "outliers",
+            Self::DriveLevel => "drive-level",
+            Self::DriveLevelStep => "drive-level-step",
+            Self::Settling => "settling",
+            Self::SettlingUnknown => "settling-unknown",
+            Self::DielectricLoss => "dielectric-loss",
+            Self::Digits => "digits",
+        }
+    }
+
+    /// What its values are.
+    pub(super) const fn label(self) -> &'static str {
+        match self {
+            Self::Noise => "noise of a reading (%)",
+            Self::FigureOfMerit => "figure of merit Q·C1/C0",
+            Self::WindowOffset => "resonance from the middle of the window (half spans)",
+            Self::PointsPerLinewidth => "points per linewidth",
+            Self::Drift => "drift during a rising sweep (Hz)",
+            Self::DriftBothWays => "drift during a sweep up and down (Hz)",
+            Self::SecondMode => "second mode a linewidth above, of the first (%)",
+            Self::Outliers => "readings that are anything (%)",
+            Self::DriveLevel => "softening at the peak over the linewidth, one level",
+            Self::DriveLevelStep => {
+                "softening at the peak over the linewidth, with a step of the level"
+            }
+            Self::Settling => "time constants waited for",
+            Self::SettlingUnknown => "time constants waited for, of which nobody tells",
+            Self::DielectricLoss => "dielectric loss tangent",
+            Self::Digits => "digits of the readings",
+        }
+    }
+
+    /// Its values, harmless first.
+    pub(super) const fn values(self) -> &'static [f64] {
+        match self {
+            Self::Noise => &[0.01, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0],
+            Self::FigureOfMerit => &[25.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.0],
+            Self::WindowOffset => &[0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.01, 1.05, 1.1, 1.2, 1.5],
+            Self::PointsPerLinewidth => &[10.0, 5.0, 3.0, 2.0, 1.5, 1.0, 0.75, 0.5, 0.25],
+            Self::Drift | Self::DriftBothWays => &[0.0, 0.01, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0],
+            Self::SecondMode => &[0.0, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 50.0],
+            Self::Outliers => &[0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 50.0],
+            Self::DriveLevel | Self::DriveLevelStep => {
+                &[0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 1.6, 3.0]
+            }
+            Self::Settling | Self::SettlingUnknown => &[10.0, 5.0, 3.0, 2.0, 1.5, 1.0, 0.5, 0.0],
+            Self::DielectricLoss => &[0.0, 0.01, 0.02, 0.05, 0.1, 0.2],
+            Self::Digits => &[6.0, 5.0, 4.0, 3.0, 2.0],
+        }
+    }
+
+    /// The sweep of a sensor with this value; nothing where there are too few readings to speak of
+    /// a sweep, or where the sensor makes no difference.
+    pub(super) fn scene(self, (q, coupling): (f64, f64), value: f64) -> Option<Scene> {
+        let good = Scene::good(q, coupling);
+        let half_span_hz = 0.5 * (WINDOW.max_hz - WINDOW.min_hz);
+        // Half a half span from the middle: drift in the middle of a sweep does nothing.
+        let aside = Scene { resonance_hz: good.resonance_hz + 0.5 * half_span_hz, ..good };
+        let scene = match self {
+            Self::Noise => Scene { noise: 0.01 * value, ..good },
+            Self::FigureOfMerit => {
+                let ratio = value / q;
+                Scene { coupling: ratio / (1.0 + ratio), ..good }
+            }
+            Self::WindowOffset => {
+                Scene { resonance_hz: good.resonance_hz + value * half_span_hz, ..good }
+            }
+            Self::PointsPerLinewidth => {
+                let linewidth_hz = good.resonance_hz / q;
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "at most a few thousand points"
+                )]
+                let points = (value * 2.0 * half_span_hz / linewidth_hz).round() as u32 + 1;
+                Scene { points, ..good }
+            }
+            Self::Drift => Scene { drift_hz: value, ..aside },
+            Self::DriftBothWays => Scene { drift_hz: value, is_both_ways: true, ..aside },
+            Self::SecondMode => Scene { second: 0.01 * value, ..good },
+            Self::Outliers => Scene { outliers: 0.01 * value, ..good },
+            Self::DriveLevel | Self::DriveLevelStep => Scene { softening: value, ..good },
+            Self::Settling | Self::SettlingUnknown => Scene { waited: Some(value), ..good },
+            Self::DielectricLoss => Scene { dielectric_loss: value, ..good },
+            #[expect(clippy::cast_possible_truncation, reason = "a digit or a few")]
+            Self::Digits => Scene { digits: Some(value as i32), ..good },
+        };
+        (scene.points >= 5).then_some(scene)
+    }
+
+    /// Whether one sweep cannot tell: what is wrong changes the readings as another resonance would.
+    /// These are no part of the grid on which nothing may be silently wrong.
+    pub(super) const fn is_beyond_one_sweep(self) -> bool {
+        matches!(self, Self::Drift | Self::DriveLevel)
+    }
+
+    /// What the production fit is told of the times.
+    pub(super) const fn timing(self) -> Timing {
+        match self {
+            Self::SettlingUnknown => Timing::Unknown,
+            _ => Timing::Waited,
+        }
+    }
+
+    /// Whether a refusal for this reason names what is wrong.
+    pub(super) const fn is_named_by(self, reason: &Reason) -> bool {
+        match self {
+            Self::Noise => matches!(reason, Reason::TooNoisy { .. }),
+            Self::FigureOfMerit => {
+                matches!(reason, Reason::NoResonance { .. } | Reason::TooNoisy { .. })
+            }
+            Self::WindowOffset => matches!(reason, Reason::OutsideWindow { .. }),
+            Self::PointsPerLinewidth => matches!(reason, Reason::TooFewPoints { .. }),
+            Self::Drift | Self::DriftBothWays => matches!(reason, Reason::Drift),
+            Self::SecondMode => matches!(reason, Reason::SecondMode { .. }),
+            Self::Outliers => matches!(reason, Reason::Outliers { .. }),
+            Self::DriveLevel | Self::DriveLevelStep => {
+                matches!(reason, Reason::Nonlinear | Reason::Hysteretic)
+            }
+            Self::Settling | Self::SettlingUnknown => matches!(reason, Reason::NotSettled),
+            Self::DielectricLoss | Self::Digits => false,
+        }
+    }
+
+    /// Whether an accepted model of this rung has what is wrong in it.
+    pub(super) const fn is_modelled_by(self, rung: Rung) -> bool {
+        match self {
+            Self::Drift | Self::DriftBothWays => matches!(rung, Rung::Drift),
+            Self::SecondMode => matches!(rung, Rung::SecondMode),
+            Self::DielectricLoss => matches!(rung, Rung::Loss),
+            _ => false,
+        }
+    }
+}

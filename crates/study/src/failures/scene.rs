@@ -1,0 +1,187 @@
+//! Sweeps of sensors that are not what an estimator believes.
+//!
+//! None of this shares code with the estimators: the settled circuit is that of the contact models,
+//! the motion in time that of the simulated bench, and the soft spring is solved here.
+
+use std::f64::consts::TAU;
+
+use num_complex::Complex64;
+use rig_contact::Circuit;
+use rig_model::{Reading, RigTime, SweepPoint, Window};
+
+use super::spring::Spring;
+use crate::{
+    analyzer::{Analyzer, WINDOW, evenly, reading, sensor, time_constant_s},
+    random::Stream,
+};
+
+/// A sweep with everything that may be wrong with it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Scene {
+    pub(super) q: f64,
+    pub(super) coupling: f64,
+    pub(super) resonance_hz: f64,
+    /// Standard deviation of each part of the relative error of a reading.
+    pub(super) noise: f64,
+    pub(super) window: Window,
+    pub(super) points: u32,
+    /// Whether the sweep goes back down again.
+    pub(super) is_both_ways: bool,
+    /// Time constants waited for at each point; nothing where all motion has ended.
+    pub(super) waited: Option<f64>,
+    /// By how much the resonance moves from the first reading to the last, Hz.
+    pub(super) drift_hz: f64,
+    /// Another mode a linewidth above: its motional capacitance over that of the first.
+    pub(super) second: f64,
+    /// The share of the readings that are anything.
+    pub(super) outliers: f64,
+    /// How much softer the spring gets at the peak, over the linewidth: κQ.
+    pub(super) softening: f64,
+    pub(super) dielectric_loss: f64,
+    /// Decimal digits of the readings; nothing for all of them.
+    pub(super) digits: Option<i32>,
+}
+
+/// Cycles integrated at each point.
+const CYCLES: u32 = 10;
+
+impl Scene {
+    /// A good sweep.
+    pub(super) fn good(q: f64, coupling: f64) -> Self {
+        Self {
+            q,
+            coupling,
+            resonance_hz: 140.0,
+            noise: 0.005,
+            window: WINDOW,
+            points: 101,
+            is_both_ways: false,
+            waited: None,
+            drift_hz: 0.0,
+            second: 0.0,
+            outliers: 0.0,
+            softening: 0.0,
+            dielectric_loss: 0.018,
+            digits: None,
+        }
+    }
+
+    /// The sensor, with nothing wrong.
+    pub(super) fn circuit(&self) -> Circuit {
+        let sensor = sensor(self.resonance_hz, self.q, self.coupling);
+        Circuit { dielectric_loss: self.dielectric_loss, ..sensor }
+    }
+
+    /// The resonance to be found: that of the middle of the time and of a small drive; nothing for a
+    /// sensor without one.
+    pub(super) fn truth_hz(&self) -> Option<f64> {
+        (self.coupling > 0.0).then_some(self.resonance_hz)
+    }
+
+    /// Its points, in the order in which they are measured.
+    pub(super) fn points(&self) -> Vec<SweepPoint> {
+        // Longer than anything rings.
+        const SETTLE_S: f64 = 60.0;
+        let settle_s =
+            self.waited.map_or(SETTLE_S, |waited| waited * time_constant_s(&self.circuit()));
+        let mut points = evenly(self.window, self.points, settle_s, CYCLES);
+        if self.is_both_ways {
+            let back: Vec<SweepPoint> = points.iter().rev().copied().collect();
+            points.extend(back);
+        }
+        points
+    }
+
+    /// The readings.
+    pub(super) fn measure(&self, mut chance: Stream) -> Vec<Reading> {
+        let points = self.points();
+        let mut readings = if self.waited.is_some() {
+            let mut analyzer = Analyzer::at_rest(self.circuit(), self.noise, chance.clone());
+            points.iter().map(|point| analyzer.visit(point)).collect()
+        } else {
+            self.settled(&points, &mut chance)
+        };
+        // A stream of its own: the analyzer has used the other.
+        let mut chance = chance.aside();
+        for reading in &mut readings {
+            if chance.uniform() < self.outliers {
+                // A glitch of the size of the reading itself.
+                reading.resistance_ohm *= 1.0 + chance.normal();
+                reading.reactance_ohm *= 1.0 + chance.normal();
+            }
+            if let Some(digits) = self.digits {
+                reading.resistance_ohm = rounded(reading.resistance_ohm, digits);
+                reading.reactance_ohm = rounded(reading.reactance_ohm, digits);
+            }
+        }
+        readings
+    }
+
+    /// The readings where all motion has ended.
+    fn settled(&self, points: &[SweepPoint], chance: &mut Stream) -> Vec<Reading> {
+        let circuit = self.circuit();
+        let series_f = circuit.capacitance_f * circuit.capacitance_ratio;
+        let mut spring = Spring::new(self.q, self.softening / self.q);
+        let steps = (points.len().max(2) - 1) as f64;
+        let mut now = RigTime::ZERO;
+        let one = |(index, point): (usize, &SweepPoint)| {
+            let f = point.frequency_hz;
+            let from_middle = index as f64 / steps - 0.5;
+            let resonance_hz = self.resonance_hz + self.drift_hz * from_middle;
+            let fixed = Complex64::new(circuit.dielectric_loss, 1.0) * circuit.capacitance_f;
+            let mut admittance = TAU * f * fixed;
+            // jωC1/D with the D of the spring as stiff as it is at this amplitude.
+            let turned = Complex64::new(0.0, TAU * f);
+            admittance += turned * series_f / spring.response(f / resonance_hz);
+            let beside_hz = resonance_hz * (1.0 + 1.0 / self.q);
+            let beside = Spring::linear(self.q, f / beside_hz);
+            admittance += turned * series_f * self.second / beside;
+            let error = Complex64::new(chance.normal(), chance.normal());
+            let started = now;
+            now = now + std::time::Duration::from_secs_f64(point.duration_s());
+            reading(point, (1.0 + self.noise * error) / admittance, started)
+        };
+        points.iter().enumerate().map(one).collect()
+    }
+}
+
+/// A value with so many decimal digits.
+fn rounded(value: f64, digits: i32) -> f64 {
+    if value == 0.0 {
+        return 0.0;
+    }
+    let places = digits - 1 - exponent(value);
+    let unit = 10_f64.powi(-places);
+    (value / unit).round() * unit
+}
+
+fn exponent(value: f64) -> i32 {
+    #[expect(clippy::cast_possible_truncation, reason = "exponents of impedances are small")]
+    let exponent = value.abs().log10().floor() as i32;
+    exponent
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_good_scene_is_the_settled_circuit() {
+        let scene = Scene { noise: 0.0, ..Scene::good(30.0, 0.1) };
+        for reading in scene.measure(Stream::new(1, 1)) {
+            let expected = scene.circuit().impedance_ohm(reading.frequency_hz);
+            let found = Complex64::new(reading.resistance_ohm, reading.reactance_ohm);
+            assert!((found - expected).norm() < 1e-12 * expected.norm(), "{found} {expected}");
+        }
+    }
+
+    #[test]
+    fn digits_are_those_that_a_display_has() {
+        for (value, digits, expected) in
+            [(1234.5, 3, 1230.0), (-0.001_234_5, 3, -0.001_23), (999.6, 3, 1000.0), (0.0, 3, 0.0)]
+        {
+            let found = rounded(value, digits);
+            assert!((found - expected).abs() <= 1e-12 * expected.abs(), "{value}: {found}");
+        }
+    }
+}
