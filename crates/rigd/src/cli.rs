@@ -225,6 +225,8 @@ enum Failure {
     Sweep(#[from] SweepFaults),
     #[error("{reason}")]
     NoResonance { reason: String },
+    #[error("this timing needs the columns {missing} in the file")]
+    NoTimes { missing: &'static str },
     #[error("{silent} of 3 devices did not answer as they should")]
     Unidentified { silent: usize },
     #[error("{problems} {}", if *problems == 1 { "problem" } else { "problems" })]
@@ -245,6 +247,7 @@ impl Failure {
         match self {
             Self::BadFile(FileError::Faults(_))
             | Self::Sweep(_)
+            | Self::NoTimes { .. }
             | Self::Refused(Refusal::Denied(
                 Denied::LinearTarget(_) | Denied::RotaryTarget(_) | Denied::TooDeep { .. },
             )) => 2,

@@ -34,6 +34,8 @@ pub struct SweepFile {
     pub readings: Vec<Reading>,
     /// Whether the file says how long each point was waited for and integrated.
     pub has_dwell: bool,
+    /// Whether the file says when each reading was taken.
+    pub has_time: bool,
 }
 
 /// After so many faults the rest of the file tells a person nothing new.

@@ -100,6 +100,31 @@ fn a_refusal_has_its_reason_its_exit_code_and_its_estimate_apart() {
 }
 
 #[test]
+fn a_sweep_that_never_settled_is_fitted_where_its_times_are_exact() {
+    let path = data("ring-up.csv");
+    let fit = |timing: &str| rigd(&["fit", &path, "--json", "--timing", timing]);
+    for timing in ["unknown", "waited"] {
+        let refused = fit(timing);
+        let reason = &json(&refused)["reason"];
+        assert_eq!((refused.status.code(), reason), (Some(3), &"not_settled".into()), "{timing}");
+    }
+    for timing in ["exact", "exact-from-rest"] {
+        check_accepted(&fit(timing), 140.0, 30.0, 30.0 * 0.05 / 0.95);
+    }
+    let guessed = rigd(&["fit", &path, "--json"]);
+    assert_eq!(guessed.stdout, fit("waited").stdout);
+    for (timing, missing) in [("waited", "settle_s and integration_s"), ("exact", "settle_s and")] {
+        let without = rigd(&["fit", &data("lcr-meter.csv"), "--timing", timing]);
+        assert_eq!(without.status.code(), Some(2));
+        assert!(text(&without.stderr).contains(missing), "{without:?}");
+    }
+    let timeless = "f,R,X,settle_s,integration_s\n120,900,-47000,0,0.1\n140,2000,-39000,0,0.1\n";
+    let timeless = rigd_fit_stdin(timeless.as_bytes(), &["--timing", "exact"]);
+    assert_eq!(timeless.status.code(), Some(2));
+    assert!(text(&timeless.stderr).contains("the columns time_s in the file"), "{timeless:?}");
+}
+
+#[test]
 fn other_estimators_stand_beside_with_their_bias() {
     let path = data("lcr-meter.csv");
     let view = json(&rigd(&["fit", &path, "--json", "--estimator", "all"]));

@@ -7,9 +7,9 @@ use std::{
     path::PathBuf,
 };
 
-use clap::{Args, builder::PossibleValuesParser};
+use clap::{Args, ValueEnum, builder::PossibleValuesParser};
 use rig_model::{Reading, SweepRequestError, Window};
-use rig_resonance::{Estimator, FitOptions, Timing, Verdict, fit};
+use rig_resonance::{Estimator, FitOptions, Past, Timing, Verdict, fit};
 use rig_settings::Faults;
 use serde::Serialize;
 
@@ -31,11 +31,43 @@ pub(super) struct FitArgs {
     /// Which sweep, of a file that numbers them
     #[arg(long, value_name = "N")]
     sweep: Option<u64>,
+    /// What the times in the file mean; guessed from its columns when left out
+    #[arg(long, value_enum)]
+    timing: Option<FileTiming>,
     /// Show beside it what another estimator makes of the sweep; `all` for every one
     #[arg(long = "estimator", value_name = "NAME", value_parser = estimators())]
     estimators: Vec<String>,
     #[command(flatten)]
     output: OutputArgs,
+}
+
+/// What is known of the times of the readings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum FileTiming {
+    /// Nothing: no reading may be relied on to have settled
+    Unknown,
+    /// Each point was waited for and integrated as long as `settle_s` and `integration_s` say
+    Waited,
+    /// `time_s` is exact too, and the drive went on from point to point: nothing has to have settled
+    Exact,
+    /// The same, and the sensor was at rest when the drive began with the first point
+    ExactFromRest,
+}
+
+impl FileTiming {
+    /// What the fit is told.
+    fn of(asked: Option<Self>, file: &SweepFile) -> Result<Timing, Failure> {
+        let lacks = |missing| Failure::NoTimes { missing };
+        match asked {
+            None if file.has_dwell => Ok(Timing::Waited),
+            None | Some(Self::Unknown) => Ok(Timing::Unknown),
+            Some(_) if !file.has_dwell => Err(lacks("settle_s and integration_s")),
+            Some(Self::Waited) => Ok(Timing::Waited),
+            Some(_) if !file.has_time => Err(lacks("time_s")),
+            Some(Self::Exact) => Ok(Timing::Exact(Past::Unknown)),
+            Some(Self::ExactFromRest) => Ok(Timing::Exact(Past::Rest)),
+        }
+    }
 }
 
 /// Why an argument is not a window.
@@ -128,7 +160,7 @@ pub(super) fn fit_file(args: &FitArgs) -> Result<(), Failure> {
             _ = show_faults(faults);
         }
     })?;
-    let timing = if file.has_dwell { Timing::Waited } else { Timing::Unknown };
+    let timing = FileTiming::of(args.timing, &file)?;
     let options = FitOptions { window: args.window, timing, ..FitOptions::default() };
     let verdict = fit(&file.readings, &options);
     let is_asked = |estimator: &Estimator| {

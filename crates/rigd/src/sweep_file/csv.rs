@@ -31,7 +31,7 @@ struct Row {
 
 /// Reads a file of rows.
 pub(super) fn read(text: &str, sweep: Option<u64>, notes: &mut Notes) -> SweepFile {
-    let nothing = SweepFile { readings: Vec::new(), has_dwell: false };
+    let nothing = SweepFile { readings: Vec::new(), has_dwell: false, has_time: false };
     let Some(header) = Header::find(text, notes) else { return nothing };
     let mut rows = rows(&header, text, notes);
     match (header.column(Quantity::Sweep), sweep) {
@@ -40,13 +40,14 @@ pub(super) fn read(text: &str, sweep: Option<u64>, notes: &mut Notes) -> SweepFi
         (None, None) => {}
     }
     rows.retain(|row| row.is_used);
-    if header.column(Quantity::Time).is_some() {
+    let has = |quantity| header.column(quantity).is_some();
+    if has(Quantity::Time) {
         put_in_time(&mut rows);
     }
-    let has = |quantity| header.column(quantity).is_some();
     SweepFile {
         readings: rows.iter().map(Row::reading).collect(),
         has_dwell: has(Quantity::Settle) && has(Quantity::Integration),
+        has_time: has(Quantity::Time),
     }
 }
 

@@ -101,7 +101,7 @@ pub(super) fn read(text: &str, notes: &mut Notes) -> SweepFile {
         let cells = cells(text, Separator::Spaces).unwrap_or_default();
         readings.extend(options.row(&cells, line, text, notes));
     }
-    SweepFile { readings, has_dwell: false }
+    SweepFile { readings, has_dwell: false, has_time: false }
 }
 
 /// A line without its comment.
