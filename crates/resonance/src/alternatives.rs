@@ -27,8 +27,10 @@ pub(crate) enum Cause {
     Nonlinear,
     /// What was left of the motion at the point before is still heard.
     NotSettled,
-    /// Another resonance near this frequency, with this quality.
-    SecondMode { frequency_hz: f64, q: f64 },
+    /// Another resonance at this frequency, with this quality, overlapping the first or not.
+    SecondMode { frequency_hz: f64, q: f64, is_near: bool },
+    /// The peak has not the shape of one resonance, for whatever reason.
+    Shape,
     /// Something in series.
     Stray,
 }
@@ -49,6 +51,7 @@ impl From<Cause> for Reason {
             Cause::NotSettled => Self::NotSettled,
             Cause::SecondMode { frequency_hz, .. } => Self::SecondMode { near_hz: frequency_hz },
             Cause::Stray => Self::Stray,
+            Cause::Shape => Self::Distorted,
         }
     }
 }
@@ -88,8 +91,10 @@ pub(crate) struct Fitted<'a> {
     normal: Normal<UNKNOWNS>,
 }
 
-/// The unknowns and two patterns.
-const WIDE: usize = UNKNOWNS + 2;
+/// Patterns that a cause has at most.
+const MOST: usize = 3;
+/// The unknowns and the patterns.
+const WIDE: usize = UNKNOWNS + MOST;
 /// A pattern of which less than this part is left when the circuit has been fitted to it cannot be
 /// told from a change of the circuit.
 const DISTINCT: f64 = 1e-4;
@@ -101,6 +106,8 @@ const DWELL_CYCLES: f64 = 4.0;
 const SETTLED_TIME_CONSTANTS: f64 = 10.0;
 /// Places at which a second mode is tried, per width of the first.
 const MODES_PER_WIDTH: f64 = 2.0;
+/// Linewidths from the first within which a second mode overlaps it.
+const NEAR: f64 = 1.5;
 const MODES_MAX: usize = 240;
 /// … and how far beyond the readings, in spans: what lies there still leans on them.
 const BEYOND: f64 = 0.4;
@@ -135,31 +142,36 @@ impl<'a> Fitted<'a> {
         let mut found = Vec::new();
         let mut consider = |alternative: Option<Alternative>| found.extend(alternative);
         if self.at.besides != Besides::Drift {
-            let pattern = |i: usize, row: &Row| [row.slopes[0] * self.sample(i).when, NOTHING];
+            let pattern =
+                |i: usize, row: &Row| [row.slopes[0] * self.sample(i).when, NOTHING, NOTHING];
             consider(self.alternative(Cause::Drift, 1, pattern));
         }
         if let Some(directions) = self.directions() {
-            let pattern = |i: usize, row: &Row| [row.slopes[0] * directions[i], NOTHING];
+            let pattern = |i: usize, row: &Row| [row.slopes[0] * directions[i], NOTHING, NOTHING];
             consider(self.alternative(Cause::Hysteresis, 1, pattern));
         }
         let largest = self.motional.iter().map(|m| m.norm()).fold(f64::MIN_POSITIVE, f64::max);
         let size = |i: usize| self.motional[i].norm() / largest;
-        let cubic = |i: usize, row: &Row| [row.slopes[0] * size(i).powi(2), NOTHING];
+        let cubic = |i: usize, row: &Row| [row.slopes[0] * size(i).powi(2), NOTHING, NOTHING];
         consider(self.alternative(Cause::Nonlinear, 1, cubic));
-        let ferroelastic = |i: usize, row: &Row| [row.slopes[0] * size(i), row.slopes[1] * size(i)];
+        let ferroelastic =
+            |i: usize, row: &Row| [row.slopes[0] * size(i), row.slopes[1] * size(i), NOTHING];
         consider(self.alternative(Cause::Nonlinear, 2, ferroelastic));
         if self.trace.timing.is_steady() {
             if self.may_not_have_settled() {
                 consider(self.not_settled());
             }
             if self.at.besides != Besides::SecondMode {
-                consider(self.second_mode());
+                for mode in self.second_modes() {
+                    consider(mode);
+                }
             }
+            consider(self.alternative(Cause::Shape, 3, |i, row| self.shape(i, row)));
         }
         if self.at.besides != Besides::Stray {
             let pattern = |i: usize, _: &Row| {
                 let omega = TAU * self.sample(i).visit.frequency_hz;
-                [self.admittance[i], self.admittance[i] * Complex64::new(0.0, omega)]
+                [self.admittance[i], self.admittance[i] * Complex64::new(0.0, omega), NOTHING]
             };
             consider(self.alternative(Cause::Stray, 2, pattern));
         }
@@ -189,7 +201,7 @@ impl<'a> Fitted<'a> {
         let pattern = |i: usize, _: &Row| {
             let before = if i == 0 { NOTHING } else { self.motional[i - 1] };
             let left = (before - self.motional[i]) / self.admittance[i];
-            [left, left * Complex64::I]
+            [left, left * Complex64::I, NOTHING]
         };
         let mut best = self.alternative(Cause::NotSettled, 2, pattern);
         for dwell in DWELLS {
@@ -217,8 +229,9 @@ impl<'a> Fitted<'a> {
             .iter()
             .map(|sample| self.at.c1 * motion.visit(&visit(sample), &mut past).motional)
             .collect();
-        let pattern =
-            |i: usize, _: &Row| [(heard[i] - self.motional[i]) / self.admittance[i], NOTHING];
+        let pattern = |i: usize, _: &Row| {
+            [(heard[i] - self.motional[i]) / self.admittance[i], NOTHING, NOTHING]
+        };
         self.alternative(Cause::NotSettled, 1, pattern)
     }
 
@@ -242,8 +255,19 @@ impl<'a> Fitted<'a> {
         is_sweep.then_some(directions)
     }
 
-    /// The second mode that explains most, among places and qualities spread over the readings.
-    fn second_mode(&self) -> Option<Alternative> {
+    /// The first orders, other than the circuit itself, in which a peak can differ from one
+    /// resonance: it is turned, or narrower and wider at once.
+    fn shape(&self, index: usize, row: &Row) -> [Complex64; MOST] {
+        let omega = TAU * self.sample(index).visit.frequency_hz;
+        let height = Complex64::new(0.0, omega * self.at.c1 * self.at.q);
+        let response = self.motional[index] / height;
+        let narrow = row.slopes[3] * response * response;
+        [row.slopes[3] * Complex64::I, narrow, narrow * Complex64::I]
+    }
+
+    /// The second modes that explain most, one near the first and one elsewhere, among places and
+    /// qualities spread over the readings.
+    fn second_modes(&self) -> [Option<Alternative>; 2] {
         let frequencies = self.rows.iter().map(|&(i, _)| self.sample(i).visit.frequency_hz);
         let (low, high) =
             frequencies.fold((f64::INFINITY, 0.0_f64), |(a, b), f| (a.min(f), b.max(f)));
@@ -251,7 +275,7 @@ impl<'a> Fitted<'a> {
         let (low, high) = (low - beyond, high + beyond);
         let width = self.at.resonance_hz / self.at.q;
         let places = ((high - low) / width * MODES_PER_WIDTH).ceil().clamp(8.0, MODES_MAX as f64);
-        let mut best: Option<Alternative> = None;
+        let mut best: [Option<Alternative>; 2] = [None; 2];
         for q in [0.5 * self.at.q, self.at.q, 3.0 * self.at.q] {
             let mut frequency_hz = low;
             while frequency_hz <= high {
@@ -260,14 +284,16 @@ impl<'a> Fitted<'a> {
                     let u = f / frequency_hz;
                     let response = 1.0 / Complex64::new(1.0 - u * u, u / q);
                     let current = Complex64::new(0.0, TAU * f) * response;
-                    [current / self.admittance[i], NOTHING]
+                    [current / self.admittance[i], NOTHING, NOTHING]
                 };
-                let cause = Cause::SecondMode { frequency_hz, q };
+                let is_near = (frequency_hz - self.at.resonance_hz).abs() < NEAR * width;
+                let best = &mut best[usize::from(is_near)];
+                let cause = Cause::SecondMode { frequency_hz, q, is_near };
                 if let Some(found) = self.alternative(cause, 1, pattern)
                     && found.size > 0.0
                     && best.is_none_or(|best| best.saved < found.saved)
                 {
-                    best = Some(found);
+                    *best = Some(found);
                 }
                 frequency_hz += (high - low) / places;
             }
@@ -280,7 +306,7 @@ impl<'a> Fitted<'a> {
         &self,
         cause: Cause,
         count: usize,
-        pattern: impl Fn(usize, &Row) -> [Complex64; 2],
+        pattern: impl Fn(usize, &Row) -> [Complex64; MOST],
     ) -> Option<Alternative> {
         // The unknowns that are not free are left out: what is free stands first, patterns follow.
         let free = self.free;

@@ -23,8 +23,8 @@ mod unusual {
     pub(super) const LARGEST: f64 = 8.0;
     /// ⟨|r|⁴⟩/⟨|r|²⟩², which is 2 for an exponential distribution.
     pub(super) const FOURTH: f64 = 3.2;
-    /// χ² of three patterns.
-    pub(super) const PATTERNS: f64 = 9.0;
+    /// χ² of three patterns; one good sweep in fourteen.
+    pub(super) const PATTERNS: f64 = 7.0;
     /// Standard deviations of χ² per degree of freedom.
     pub(super) const CHI_SQUARED_SIGMAS: f64 = 2.0;
 }

@@ -40,7 +40,7 @@ const STARTS: usize = 4;
 /// Variance to rank the trials of a grid with: only what is believed beforehand depends on it.
 const GRID_VARIANCE: f64 = 0.005 * 0.005;
 /// So far below the gain that takes a cause for real, it is as likely to be there as not.
-const EVEN_BELOW: f64 = 7.0;
+const EVEN_BELOW: f64 = 6.0;
 /// A second mode with more than this part of the capacitance of the first leaves open which is which.
 const EQUALS: f64 = 0.7;
 /// Rounds in which noise is told from rounding, and the least part of the rounding that is noise.
@@ -52,12 +52,16 @@ const CORRELATION_MAX: f64 = 30.0;
 const SETTLED_SIGMAS: f64 = 0.5;
 
 /// Twice the log-likelihood that a cause must gain to be taken for real: chance reaches it once in
-/// ten thousand sweeps. A second mode is tried at many places.
+/// ten thousand sweeps. A second mode away from the first is tried at many places.
 fn gain_needed(cause: &Cause) -> f64 {
     match cause {
         Cause::Drift | Cause::Hysteresis => 16.0,
-        Cause::Nonlinear | Cause::NotSettled | Cause::Stray => 19.0,
-        Cause::SecondMode { .. } => 24.0,
+        Cause::Nonlinear
+        | Cause::NotSettled
+        | Cause::Stray
+        | Cause::SecondMode { is_near: true, .. } => 19.0,
+        Cause::Shape => 22.0,
+        Cause::SecondMode { is_near: false, .. } => 24.0,
     }
 }
 
@@ -298,11 +302,11 @@ impl Model {
         let (besides, extra, rung) = match *cause {
             Cause::Drift => (Besides::Drift, [0.0; 3], Rung::Drift),
             Cause::Stray => (Besides::Stray, [0.0; 3], Rung::Stray),
-            Cause::SecondMode { frequency_hz, q } => {
+            Cause::SecondMode { frequency_hz, q, .. } => {
                 let start = [frequency_hz.ln(), q.ln(), 0.01 * self.found.at.c1];
                 (Besides::SecondMode, start, Rung::SecondMode)
             }
-            Cause::Hysteresis | Cause::Nonlinear | Cause::NotSettled => return None,
+            Cause::Hysteresis | Cause::Nonlinear | Cause::NotSettled | Cause::Shape => return None,
         };
         let trace = self.trace.clone();
         let start = Believed { besides, extra, ..self.found.at };
@@ -402,13 +406,16 @@ impl Model {
     }
 }
 
-/// The cause that is taken for real, if there is one.
+/// The cause that is taken for real, if there is one: a wrong shape only where nothing explains it.
 fn strongest(alternatives: &[(Alternative, f64)]) -> Option<Cause> {
     alternatives
         .iter()
         .map(|(found, gain)| (found.cause, gain - gain_needed(&found.cause)))
         .filter(|(_, more)| *more > 0.0)
-        .max_by(|a, b| a.1.total_cmp(&b.1))
+        .max_by(|a, b| {
+            let is_known = |cause| cause != Cause::Shape;
+            is_known(a.0).cmp(&is_known(b.0)).then(a.1.total_cmp(&b.1))
+        })
         .map(|(cause, _)| cause)
 }
 

@@ -304,6 +304,9 @@ pub enum Reason {
     /// Something in series with the sensor.
     #[error("a stray resistance or inductance in series: repeat the open and short correction")]
     Stray,
+    /// The peak is not that of one resonance, and no single cause was recognised.
+    #[error("the peak has not the shape of one resonance")]
+    Distorted,
     /// No best circuit was found.
     #[error("the fit did not converge")]
     NotConverged,
@@ -337,6 +340,7 @@ impl Reason {
             Self::Nonlinear => "nonlinear",
             Self::Hysteretic => "hysteretic",
             Self::Stray => "stray",
+            Self::Distorted => "distorted",
             Self::NotConverged => "not_converged",
             Self::Misfit { .. } => "misfit",
         }
