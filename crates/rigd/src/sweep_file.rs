@@ -127,6 +127,15 @@ fn measured(impedance_ohm: Complex64) -> Result<Complex64, Refusal> {
     }
 }
 
+/// The impedance behind a reflection, in units of the reference.
+fn behind(reflection: Complex64) -> Result<Complex64, Refusal> {
+    if reflection == Complex64::ONE {
+        Err(Refusal::OpenCircuit)
+    } else {
+        Ok((1.0 + reflection) / (1.0 - reflection))
+    }
+}
+
 /// The impedance of an admittance.
 fn inverse(admittance: Complex64) -> Result<Complex64, Refusal> {
     if admittance == Complex64::ZERO { Err(Refusal::ZeroAdmittance) } else { Ok(1.0 / admittance) }

@@ -7,7 +7,7 @@ use rig_model::{Reading, ReadingFlag, RigTime};
 use rig_settings::Place;
 
 use super::{
-    Notes, SweepFile,
+    Notes, SweepFile, behind,
     cells::{Separator, cells},
     head::Quantity,
     header::{Column, Header, is_comment},
@@ -16,6 +16,9 @@ use super::{
     place,
     refusal::Refusal,
 };
+
+/// Of the reflections in a table, which do not say their reference.
+const REFERENCE_OHM: f64 = 50.0;
 
 /// What a row says.
 #[derive(Debug, Clone, Copy)]
@@ -68,12 +71,14 @@ fn rows(header: &Header<'_>, text: &str, notes: &mut Notes) -> Vec<Row> {
         }
         rows.extend(row(header, line, text, &mut numbers, notes));
     }
-    if let Some(column) = header.column(Quantity::Phase)
-        && column.head.unit.is_none()
-        && !rows.is_empty()
-        && rows.iter().all(|row| row.of(Quantity::Phase).abs() <= PI)
-    {
-        notes.refuse(column.place, &Refusal::UnitlessPhase);
+    for phase in [Quantity::Phase, Quantity::ReflectionPhase] {
+        if let Some(column) = header.column(phase)
+            && column.head.unit.is_none()
+            && !rows.is_empty()
+            && rows.iter().all(|row| row.of(phase).abs() <= PI)
+        {
+            notes.refuse(column.place, &Refusal::UnitlessPhase { key: phase.key() });
+        }
     }
     rows
 }
@@ -186,6 +191,19 @@ impl Row {
                 Complex64::from_polar(self.of(Quantity::Magnitude), radians)
             }
             Quantity::Conductance => inverse(of(Quantity::Conductance, Quantity::Susceptance))?,
+            Quantity::ReflectionReal => {
+                let reflection = of(Quantity::ReflectionReal, Quantity::ReflectionImaginary);
+                REFERENCE_OHM * behind(reflection)?
+            }
+            Quantity::ReflectionMagnitude | Quantity::ReflectionDecibel => {
+                let magnitude = if first == Quantity::ReflectionDecibel {
+                    10_f64.powf(self.of(first) / 20.0)
+                } else {
+                    self.of(first)
+                };
+                let radians = self.of(Quantity::ReflectionPhase).to_radians();
+                REFERENCE_OHM * behind(Complex64::from_polar(magnitude, radians))?
+            }
             _ => of(Quantity::Resistance, Quantity::Reactance),
         })
     }

@@ -14,6 +14,11 @@ pub(super) enum Quantity {
     Phase,
     Conductance,
     Susceptance,
+    ReflectionReal,
+    ReflectionImaginary,
+    ReflectionMagnitude,
+    ReflectionDecibel,
+    ReflectionPhase,
     Time,
     Settle,
     Integration,
@@ -23,7 +28,7 @@ pub(super) enum Quantity {
 }
 
 /// Names as they are left by [`plain`].
-const NAMES: [(Quantity, &[&str]); 13] = [
+const NAMES: [(Quantity, &[&str]); 18] = [
     (Quantity::Frequency, &["frequency", "freq", "f"]),
     (
         Quantity::Resistance,
@@ -31,7 +36,19 @@ const NAMES: [(Quantity, &[&str]); 13] = [
     ),
     (
         Quantity::Reactance,
-        &["reactance", "x", "xs", "im(z)", "imz", "imag(z)", "zimag", "imagz", "zim", "z''"],
+        &[
+            "reactance",
+            "x",
+            "xs",
+            "im(z)",
+            "imz",
+            "imag(z)",
+            "zimag",
+            "imagz",
+            "zim",
+            "zimg",
+            "z''",
+        ],
     ),
     (
         Quantity::Magnitude,
@@ -49,10 +66,18 @@ const NAMES: [(Quantity, &[&str]); 13] = [
     ),
     (
         Quantity::Phase,
-        &["phase", "theta", "θ", "φ", "ϕ", "phi", "θz", "phasez", "zphase", "phase(z)", "arg(z)"],
+        &[
+            "phase", "theta", "th", "thetaz", "θ", "θz", "φ", "ϕ", "phi", "phasez", "zphase",
+            "phase(z)", "arg(z)",
+        ],
     ),
     (Quantity::Conductance, &["conductance", "g", "re(y)", "yre", "yreal"]),
     (Quantity::Susceptance, &["susceptance", "b", "im(y)", "yim", "yimag"]),
+    (Quantity::ReflectionReal, &["s11(real)", "s11(re)", "s11real", "s11re", "re(s11)"]),
+    (Quantity::ReflectionImaginary, &["s11(imag)", "s11(im)", "s11imag", "s11im", "im(s11)"]),
+    (Quantity::ReflectionMagnitude, &["s11(mag)", "s11(lin)", "s11mag", "s11linmag", "|s11|"]),
+    (Quantity::ReflectionDecibel, &["s11logmag"]),
+    (Quantity::ReflectionPhase, &["s11phase", "s11ang", "phase(s11)"]),
     (Quantity::Time, &["time", "started", "t"]),
     (Quantity::Settle, &["settle", "settling"]),
     (Quantity::Integration, &["integration", "integrationtime"]),
@@ -87,6 +112,11 @@ impl Quantity {
                 | Self::Phase
                 | Self::Conductance
                 | Self::Susceptance
+                | Self::ReflectionReal
+                | Self::ReflectionImaginary
+                | Self::ReflectionMagnitude
+                | Self::ReflectionDecibel
+                | Self::ReflectionPhase
         )
     }
 
@@ -100,6 +130,10 @@ impl Quantity {
             Self::Phase => "phase",
             Self::Conductance => "conductance",
             Self::Susceptance => "susceptance",
+            Self::ReflectionReal => "real part of the reflection",
+            Self::ReflectionImaginary => "imaginary part of the reflection",
+            Self::ReflectionMagnitude | Self::ReflectionDecibel => "magnitude of the reflection",
+            Self::ReflectionPhase => "phase of the reflection",
             Self::Time => "time",
             Self::Settle => "settling",
             Self::Integration => "integration time",
@@ -119,6 +153,11 @@ impl Quantity {
             Self::Phase => "phase_deg",
             Self::Conductance => "conductance_s",
             Self::Susceptance => "susceptance_s",
+            Self::ReflectionReal => "s11_real",
+            Self::ReflectionImaginary => "s11_imag",
+            Self::ReflectionMagnitude => "s11_mag",
+            Self::ReflectionDecibel => "s11_db",
+            Self::ReflectionPhase => "s11_deg",
             Self::Time => "time_s",
             Self::Settle => "settle_s",
             Self::Integration => "integration_s",
@@ -133,7 +172,10 @@ impl Quantity {
         match self {
             Self::Frequency => FREQUENCY_HZ,
             Self::Magnitude => 0.0..=*IMPEDANCE_OHM.end(),
-            Self::Phase => -3600.0..=3600.0,
+            Self::Phase | Self::ReflectionPhase => -3600.0..=3600.0,
+            Self::ReflectionReal | Self::ReflectionImaginary => -1e3..=1e3,
+            Self::ReflectionMagnitude => 0.0..=1e3,
+            Self::ReflectionDecibel => -1e3..=60.0,
             // Seconds since 1970 are times too.
             Self::Time => -1e10..=1e10,
             Self::Settle => 0.0..=1e5,
@@ -160,9 +202,15 @@ impl Quantity {
                 prefixed(unit, &["ohm", "ohms", "ω"])
             }
             Self::Conductance | Self::Susceptance => prefixed(unit, &["s", "siemens"]),
-            Self::Phase => among(&ANGLE),
+            Self::Phase | Self::ReflectionPhase => among(&ANGLE),
+            Self::ReflectionDecibel => (lower == "db").then_some(1.0),
             Self::Time | Self::Settle | Self::Integration => among(&SECOND),
-            Self::Flag | Self::IsUsed | Self::Sweep => None,
+            Self::ReflectionReal
+            | Self::ReflectionImaginary
+            | Self::ReflectionMagnitude
+            | Self::Flag
+            | Self::IsUsed
+            | Self::Sweep => None,
         }
     }
 }
@@ -199,6 +247,9 @@ impl Head {
     /// What this cell names, if it names anything.
     pub(super) fn of(cell: &str) -> Option<Self> {
         let cell = cell.trim();
+        // `Trace |Z| (Ohm)` of Digilent, `theta-z(deg)-data` of Keysight.
+        let cell = cell.strip_prefix("Trace ").unwrap_or(cell);
+        let cell = cell.strip_suffix("-data").unwrap_or(cell);
         if let Some((quantity, sign)) = named(cell).filter(|(quantity, _)| !quantity.is_time()) {
             return Some(Self { quantity, factor: Some(sign), unit: None });
         }
@@ -207,6 +258,11 @@ impl Head {
             // Some write nothing but the unit.
             "" if Quantity::Frequency.factor(unit).is_some() => (Quantity::Frequency, 1.0),
             "" if Quantity::Phase.factor(unit).is_some() => (Quantity::Phase, 1.0),
+            // Of a reflection the unit tells which part it is.
+            "S11" | "s11" if Quantity::ReflectionDecibel.factor(unit).is_some() => {
+                (Quantity::ReflectionDecibel, 1.0)
+            }
+            "S11" | "s11" => (Quantity::ReflectionPhase, 1.0),
             name => named(name)?,
         };
         let factor = quantity.factor(unit).map(|factor| sign * factor);

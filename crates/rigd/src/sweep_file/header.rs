@@ -13,10 +13,13 @@ use super::{
 };
 
 /// In the order of preference where a file has more than one.
-const PAIRS: [[Quantity; 2]; 3] = [
+const PAIRS: [[Quantity; 2]; 6] = [
     [Quantity::Resistance, Quantity::Reactance],
     [Quantity::Magnitude, Quantity::Phase],
     [Quantity::Conductance, Quantity::Susceptance],
+    [Quantity::ReflectionReal, Quantity::ReflectionImaginary],
+    [Quantity::ReflectionMagnitude, Quantity::ReflectionPhase],
+    [Quantity::ReflectionDecibel, Quantity::ReflectionPhase],
 ];
 
 /// A header.

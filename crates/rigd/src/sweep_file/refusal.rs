@@ -24,7 +24,7 @@ pub(super) enum Refusal {
     #[error("`{unit}` is not a unit of the {}", quantity.name())]
     UnknownUnit { unit: String, quantity: Quantity },
     #[error("the phase has no unit, and within ±π it may be in degrees or in radians")]
-    UnitlessPhase,
+    UnitlessPhase { key: &'static str },
 
     // A row.
     #[error("{found} cells where the header has {expected}")]
@@ -84,13 +84,15 @@ impl Complaint for Refusal {
             Self::NoFrequency => "name one `frequency_hz`",
             Self::NoImpedance => {
                 "name two `resistance_ohm` and `reactance_ohm`, or `impedance_magnitude_ohm` and \
-                 `phase_deg`, or `conductance_s` and `susceptance_s`"
+                 `phase_deg`, or `conductance_s` and `susceptance_s`, or `s11_real` and `s11_imag`"
             }
             Self::Twice { .. } => "rename or remove one of them",
             Self::UnknownUnit { quantity, .. } => {
                 return Some(format!("write `{}`", quantity.key()));
             }
-            Self::UnitlessPhase => "name the column `phase_deg` or `phase_rad`",
+            Self::UnitlessPhase { key } => {
+                return Some(format!("name the column `{key}` if they are degrees"));
+            }
             Self::Cells { found, expected } if found > expected => {
                 "where commas are decimal marks, separate the columns by semicolons"
             }

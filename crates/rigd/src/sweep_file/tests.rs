@@ -62,6 +62,21 @@ fn rows_are_read_whoever_wrote_them() {
         format!("FREQ\tZ\tdeg\n120\t{polar}\n140\t{second}\n"),
         "f;impedance_magnitude_ohm;θ (rad)\n120;47008,61623149527;-1,5516497306317323\n\
          140;39051,248379533274;-1,519559159391478\n".into(),
+        // As Digilent, Keysight E4990A, PNA and ENA, and LabVIEW programs head their columns.
+        "Frequency (Hz),Trace θ (deg),Trace |Z| (Ohm),Trace Rs (Ohm),Trace Xs (Ohm)\n\
+         120,1,1,900,-47000\n140,1,1,2000,-39000\n"
+            .into(),
+        "!Agilent Technologies,E4990A\n!\n\n\nFrequency(Hz), |Z|(Ohm)-data, theta-z(deg)-data\n\
+         120, 47008.61623149527, -88.90298084780932\n140, 39051.248379533274, \
+         -87.06432655357884\nEND\n"
+            .into(),
+        "Data Index,Frequency(Hz),Z(Ω),Phase,Z_Real,Z_Img\n0,120,1,1,900,-47000\n\
+         1,140,1,1,2000,-39000\n"
+            .into(),
+        "Freq(Hz),S11(REAL),S11(IMAG)\n120,0.999957011678117,-0.0021267906615789634\n140,0.9998655916181621,-0.0025570375081341657\nEND\n"
+            .into(),
+        "freq,S11(DB),S11(DEG)\n120,-0.0003537540256733508,-0.1218611836806894\n140,-0.001139131206390128,-0.14652683231245076\n".into(),
+        "freq,s11_mag,s11_phase_deg\n120,0.9999592733920457,-0.1218611836806894\n140,0.9998688612726948,-0.14652683231245076\n".into(),
         format!("f\tG(S)\tB(S)\n120\t{admittance}\n140\t1.3114754098360655e-06\t2.557377049180328e-05\n"),
     ] {
         check("sweep.csv", &text);
@@ -185,7 +200,8 @@ fn a_header_that_does_not_do_is_refused_for_what_it_lacks() {
     let begin = "begin with the line `frequency_hz,resistance_ohm,reactance_ohm`, then one line \
                  for each reading";
     let pairs = "no columns make an impedance; name two `resistance_ohm` and `reactance_ohm`, or \
-                 `impedance_magnitude_ohm` and `phase_deg`, or `conductance_s` and `susceptance_s`";
+                 `impedance_magnitude_ohm` and `phase_deg`, or `conductance_s` and `susceptance_s`, or \
+                 `s11_real` and `s11_imag`";
     for (text, fault) in [
         ("", format!("1:1: the file holds no readings; {begin}")),
         ("# nothing\n\n", format!("1:1: the file holds no readings; {begin}")),
@@ -204,7 +220,7 @@ fn a_header_that_does_not_do_is_refused_for_what_it_lacks() {
         (
             "f,|Z|,theta\n120,47000,-1.55\n140,39000,-1.52\n",
             "1:7: the phase has no unit, and within ±π it may be in degrees or in radians; name \
-             the column `phase_deg` or `phase_rad`"
+             the column `phase_deg` if they are degrees"
                 .into(),
         ),
     ] {
@@ -281,7 +297,7 @@ proptest! {
     fn what_is_read_is_readable(
         pieces in proptest::collection::vec(
             proptest::sample::select(vec![
-                "f", "R", "X", "|Z|", "theta", "deg", "G", "B", "time_s", "settle_s", "sweep",
+                "f", "R", "X", "|Z|", "S11(DB)", "s11_deg", "theta", "deg", "G", "B", "time_s", "settle_s", "sweep",
                 "flag", "is_used", "true", "normal", "frequency_hz", "(kHz)", "120", "1e9", "-3",
                 "0", "1,5", "9.9e37", "inf", "OL", "1e-300", "1e-13", "1e30", ",", ",", ",", ";", ";", "\t",
                 " ", "\n", "\n", "\r\n", "\"", "\"\"", "#", "!", "# HZ S MA R 50\n", "# HZ Y DB\n",

@@ -9,7 +9,7 @@ use rig_model::{Reading, ReadingFlag, RigTime};
 use rig_settings::Place;
 
 use super::{
-    FREQUENCY_HZ, IMPEDANCE_OHM, Notes, SweepFile,
+    FREQUENCY_HZ, IMPEDANCE_OHM, Notes, SweepFile, behind,
     cells::{Cell, Separator, cells},
     head::Quantity,
     inverse, lines, measured,
@@ -214,8 +214,7 @@ impl Options {
             Format::DecibelDegrees => Complex64::from_polar(10_f64.powf(a / 20.0), b.to_radians()),
         };
         let one = match self.parameter {
-            Parameter::Scattering if value == Complex64::ONE => return Err(Refusal::OpenCircuit),
-            Parameter::Scattering => (1.0 + value) / (1.0 - value),
+            Parameter::Scattering => behind(value)?,
             Parameter::Admittance => inverse(value)?,
             Parameter::Impedance => value,
         };
