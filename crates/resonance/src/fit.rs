@@ -112,8 +112,10 @@ fn judge(model: &Model, window: Window, options: &FitOptions) -> Verdict {
     let reason = doubt_existence(&found, gain)
         .or_else(|| (model.found.end == End::OutOfSteps).then_some(Reason::NotConverged))
         .or_else(|| doubt_place(&found, window))
-        .or(model.reason)
+        // Something in series explains a little of nearly everything, and much of mere noise.
+        .or(model.reason.filter(|reason| *reason != Reason::Stray))
         .or_else(|| doubt_precision(&found))
+        .or(model.reason)
         .or_else(|| {
             let sigmas = scatter::CHI_SQUARED_SIGMAS;
             let allowed = scatter::allowed(model.degrees(), options.noise.as_ref(), sigmas);

@@ -1,5 +1,7 @@
 //! The fit for readings that are not beyond doubt: other starts, other models, outliers.
 
+use std::f64::consts::TAU;
+
 use num_complex::Complex64;
 use rig_model::{Reading, Window};
 
@@ -43,6 +45,8 @@ const GRID_VARIANCE: f64 = 0.005 * 0.005;
 const EVEN_BELOW: f64 = 6.0;
 /// A second mode with more than this part of the capacitance of the first leaves open which is which.
 const EQUALS: f64 = 0.7;
+/// What an open and short correction leaves is a small part of the impedance; more is no stray.
+const STRAY_MAX: f64 = 0.05;
 /// Rounds in which noise is told from rounding, and the least part of the rounding that is noise.
 const ROUNDS: usize = 4;
 const NOISE_MIN: f64 = 1e-3;
@@ -249,8 +253,14 @@ impl Model {
             return;
         }
         higher.reason = self::strongest(&higher.doubts(options)).map(Reason::from);
-        let Believed { besides, c1, extra, .. } = higher.found.at;
-        if besides == Besides::SecondMode && extra[2] > EQUALS * c1 {
+        let Believed { besides, resonance_hz, c0, c1, extra, .. } = higher.found.at;
+        let omega = TAU * resonance_hz;
+        let is_absurd = match besides {
+            Besides::SecondMode => extra[2] > EQUALS * c1,
+            Besides::Stray => omega * c0 * extra[0].hypot(omega * extra[1]) > STRAY_MAX,
+            Besides::Nothing | Besides::Past | Besides::Drift => false,
+        };
+        if is_absurd {
             higher.reason = Some(cause.into());
         }
         *self = higher;
