@@ -15,7 +15,12 @@ impl Separator {
     /// What is rarer within a cell comes first.
     pub(super) const ALL: [Self; 4] = [Self::Tab, Self::Semicolon, Self::Comma, Self::Spaces];
 
-    fn is(self, character: char) -> bool {
+    /// Whether a line without it need not be looked at: without any separator it is one cell.
+    pub(super) const fn is_rare(self) -> bool {
+        matches!(self, Self::Tab | Self::Semicolon)
+    }
+
+    pub(super) fn is(self, character: char) -> bool {
         match self {
             Self::Tab => character == '\t',
             Self::Semicolon => character == ';',

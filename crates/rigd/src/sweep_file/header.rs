@@ -52,6 +52,9 @@ impl<'a> Header<'a> {
         let mut best: Option<Self> = None;
         for (line, text) in lines(text) {
             for separator in Separator::ALL {
+                if separator.is_rare() && !text.contains(|character| separator.is(character)) {
+                    continue;
+                }
                 let Some(header) = Self::of(text, line, separator) else { continue };
                 if header.pair.is_some() && header.column(Quantity::Frequency).is_some() {
                     return header.check(notes).then_some(header);

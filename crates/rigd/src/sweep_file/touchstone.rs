@@ -167,32 +167,34 @@ impl Options {
         let mut numbers = [0.0; 3];
         let mut is_good = true;
         for (number, cell) in numbers.iter_mut().zip(cells) {
-            // A comma is no decimal mark here.
-            let found = match Numbers::default().read(&cell.text) {
-                Ok(Value::Number(found)) if !cell.text.contains(',') => found,
+            match Numbers::default().read(&cell.text) {
+                // A comma is no decimal mark here.
+                Ok(Value::Number(found)) if !cell.text.contains(',') => *number = found,
                 _ => {
                     let refusal = Refusal::NotANumber { text: excerpt(&cell.text) };
                     notes.refuse(place(text, line, cell.at), &refusal);
                     is_good = false;
-                    continue;
                 }
-            };
-            *number = found;
-        }
-        let [frequency, a, b] = numbers;
-        let found = frequency * self.hertz;
-        if is_good && !FREQUENCY_HZ.contains(&found) {
-            let (min, max) = (*FREQUENCY_HZ.start(), *FREQUENCY_HZ.end());
-            let refusal = Refusal::OutOfRange { quantity: Quantity::Frequency, found, min, max };
-            notes.refuse(place(text, line, cells[0].at), &refusal);
-            return None;
+            }
         }
         if !is_good {
             return None;
         }
+        let [frequency, a, b] = numbers;
+        let frequency_hz = frequency * self.hertz;
+        if !FREQUENCY_HZ.contains(&frequency_hz) {
+            let refusal = Refusal::OutOfRange {
+                quantity: Quantity::Frequency,
+                found: frequency_hz,
+                min: *FREQUENCY_HZ.start(),
+                max: *FREQUENCY_HZ.end(),
+            };
+            notes.refuse(place(text, line, cells[0].at), &refusal);
+            return None;
+        }
         match self.impedance_ohm(a, b) {
             Ok(impedance) => Some(Reading {
-                frequency_hz: found,
+                frequency_hz,
                 resistance_ohm: impedance.re,
                 reactance_ohm: impedance.im,
                 started: RigTime::ZERO,
