@@ -106,8 +106,8 @@ fn page(args: &Args, places: &[Place]) -> Page {
          softer at the peak, change the readings of one sweep as another resonance would. No \
          estimator sees it in the readings, and the production fit is silently wrong here as all \
          others are. What sees it is a second look: going down again after going up (above: `drift \
-         during a sweep up and down`), or at another level (`with a step of the level`: the result \
-         at half the level counts, and is refused where the full level gives another). These two \
+         during a sweep up and down`), or at another level (`with a step of the level`: the results \
+         at the level and at half of it give that of no drive, or a refusal where they differ). These two \
          maps are no part of the count.",
     );
     for axis in Axis::ALL.into_iter().filter(|axis| axis.is_beyond_one_sweep()) {

@@ -146,6 +146,11 @@ impl Axis {
         (scene.points >= 5).then_some(scene)
     }
 
+    /// Whether its values are shown at distances as they differ, and not by their ratios.
+    pub(super) const fn is_linear(self) -> bool {
+        matches!(self, Self::WindowOffset | Self::Settling | Self::SettlingUnknown | Self::Digits)
+    }
+
     /// Whether one sweep cannot tell: what is wrong changes the readings as another resonance would.
     /// These are no part of the grid on which nothing may be silently wrong.
     pub(super) const fn is_beyond_one_sweep(self) -> bool {

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 use rig_model::Reading;
-use rig_resonance::{Estimator, FitOptions, Reason, Rung, Verdict, fit};
+use rig_resonance::{Estimator, FitOptions, Reason, Refusal, Resonance, Rung, Verdict, fit};
 
 use super::{
     axis::{Axis, SENSORS},
@@ -145,28 +145,27 @@ fn production(axis: Axis, scene: &Scene, readings: &[Reading]) -> Told {
     Told { is_apart, ..told(scene, &verdict(axis, scene, readings)) }
 }
 
-/// The same sensor at half the level, whose result counts, and at the full level, whose result must
-/// be the same.
+/// The sensor at its level and at half of it. What softens a spring goes with the square of the
+/// amplitude, so that the two results give that of no drive; where they differ, it is refused.
 fn with_step(axis: Axis, scene: &Scene, mut chance: Stream) -> (Vec<Reading>, Told) {
-    // A spring softens with the square of the amplitude.
     let half = Scene { softening: 0.25 * scene.softening, ..*scene };
     let low = half.measure(chance.aside());
-    let high = verdict(axis, scene, &scene.measure(chance));
     let of_low = verdict(axis, &half, &low);
-    let is_apart = are_apart(&of_low, &high);
-    let refused = |reason| Told {
-        outcome: Outcome::Flagged,
-        reason: Some(reason),
-        rung: None,
-        sigmas: None,
-        is_apart: None,
+    let of_high = verdict(axis, scene, &scene.measure(chance));
+    let is_apart = are_apart(&of_low, &of_high);
+    let verdict = match (&of_low, of_high) {
+        (Verdict::Accepted(_), Verdict::Accepted(_)) if is_apart => {
+            Verdict::Refused(Refusal { reason: Reason::Nonlinear, estimate: None })
+        }
+        (Verdict::Accepted(low), Verdict::Accepted(high)) => Verdict::Accepted(Resonance {
+            resonance_hz: (4.0 * low.resonance_hz - high.resonance_hz) / 3.0,
+            sigma_hz: (4.0 * low.sigma_hz).hypot(high.sigma_hz) / 3.0,
+            ..*low
+        }),
+        (Verdict::Refused(_), _) => of_low,
+        (_, of_high) => of_high,
     };
-    let told = match &high {
-        Verdict::Refused(refusal) => refused(refusal.reason),
-        Verdict::Accepted(_) if is_apart => refused(Reason::Nonlinear),
-        Verdict::Accepted(_) => told(&half, &of_low),
-    };
-    (low, Told { is_apart: Some(is_apart), ..told })
+    (low, Told { is_apart: Some(is_apart), ..told(scene, &verdict) })
 }
 
 fn verdict(axis: Axis, scene: &Scene, readings: &[Reading]) -> Verdict {

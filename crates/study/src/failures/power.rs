@@ -80,17 +80,21 @@ type Share = fn(&Power) -> f64;
 pub(super) fn chart(axis: Axis, places: &[Place]) -> Option<Chart> {
     let powers: Vec<Power> =
         places.iter().filter(|place| place.axis == axis).map(Power::of).collect();
-    let is_ever = |of: Share| powers.iter().any(|power| of(power) > 0.0);
-    if !is_ever(|power| power.named + power.modelled + power.wrong) {
+    if powers.iter().all(|power| power.named + power.modelled + power.wrong == 0.0) {
         return None;
     }
-    let positions: Vec<f64> = (1..=powers.len()).map(|place| place as f64).collect();
+    let (x, powers) = if axis.is_linear() {
+        (rig_chart::Axis::linear(axis.label()), powers)
+    } else {
+        // Where nothing is wrong has no place on a logarithmic axis.
+        let wrong = powers.into_iter().filter(|power| power.value > 0.0).collect();
+        (rig_chart::Axis::log(axis.label()), wrong)
+    };
     let mut chart = Chart::new(
         &format!("What the production fit sees: {}", axis.label()),
         "Shares of the sweeps in which the cause was named in a refusal, was taken into the model, \
-         in which another reason was given, and which were silently wrong. The values stand at \
-         equal distances.",
-        rig_chart::Axis::linear(&values_label(axis, &powers)).with_ticks(&positions),
+         in which another reason was given, and which were silently wrong.",
+        x,
         rig_chart::Axis::linear("share of the sweeps (%)").with_range(0.0, 100.0),
     );
     let curves: [(&str, Share); 5] = [
@@ -101,17 +105,10 @@ pub(super) fn chart(axis: Axis, places: &[Place]) -> Option<Chart> {
         ("two results apart", |power| power.apart),
     ];
     for (colour, (name, of)) in curves.into_iter().enumerate() {
-        if !is_ever(of) {
-            continue;
+        if powers.iter().any(|power| of(power) > 0.0) {
+            let points = powers.iter().map(|power| (power.value, of(power)));
+            chart.series.push(Series::joined(name, colour, points));
         }
-        let points = positions.iter().copied().zip(powers.iter().map(of));
-        chart.series.push(Series::joined(name, colour, points));
     }
     Some(chart)
-}
-
-/// The label of an axis whose ticks are counted: which value each of them is.
-fn values_label(axis: Axis, powers: &[Power]) -> String {
-    let values: Vec<String> = powers.iter().map(|power| power.value.to_string()).collect();
-    format!("{}: {}", axis.label(), values.join(", "))
 }

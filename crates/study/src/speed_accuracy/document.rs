@@ -71,7 +71,9 @@ fn introduction(page: &mut Page, args: &Args) {
          101, 51 and 21 points; the first is careful laboratory practice). `fast uniform`: even \
          points without waiting, the ring-up being part of the model. `settled planner` and \
          `transient-aware planner`: the daemon's, asked for 100, 30, 10 and 3 mHz. Errors are root \
-         mean squares with the bias. `sweeps.csv` has every number, for every estimator: those that \
+         mean squares with the bias. The dashed line of integration alone is the bound of settled \
+         readings at the best frequencies, with no time lost; the ring-up tells of the resonance \
+         too, so that ways that do not wait may pass below it. `sweeps.csv` has every number, for every estimator: those that \
          need an even grid, and have no model of the ring-up, read the uniform sweeps only.",
     );
 }

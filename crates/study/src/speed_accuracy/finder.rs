@@ -18,6 +18,8 @@ use crate::{analyzer::reading, files::Csv};
 
 /// The samples searched for: the softest, the middle and the stiffest.
 pub(super) const SAMPLES: [&str; 3] = ["1", "3", "5"];
+/// Waited for at each step, s.
+const SETTLINGS_S: [f64; 3] = [0.02, 0.1, 0.5];
 /// What the shipped protocol asks for.
 const SHIPPED: Approach = Approach {
     start_above_mm: 0.8,
@@ -71,7 +73,7 @@ impl Searches {
 pub(super) fn try_all(searches: u32, seed: u64) -> Vec<Searches> {
     let mut all = Vec::new();
     for sample in SAMPLES {
-        for settle_s in [0.02, 0.1, 0.5] {
+        for settle_s in SETTLINGS_S {
             for fine_step_mm in [0.05, 0.02, 0.01, 0.005, 0.002] {
                 let approach = Approach { settle_s, fine_step_mm, ..SHIPPED };
                 let one = |number: u32| search(approach, sample, seed + u64::from(number));
@@ -188,19 +190,19 @@ pub(super) fn chart(searches: &[Searches]) -> Chart {
     let mut chart = Chart::new(
         "Time of an approach against the error of the depth's zero",
         "Root mean square error of the surface found against the time of the search, for steps of \
-         50 to 2 µm, three settling times and three samples.",
+         50 to 2 µm, three settling times, and the softest and the stiffest sample.",
         Axis::linear("time of the search (s)").including(0.0),
         Axis::log("error of the zero (µm rms)"),
     );
-    for (colour, sample) in SAMPLES.into_iter().enumerate() {
-        for (settle_s, stroke) in [(0.02, Stroke::Dashed), (0.1, Stroke::Solid)] {
+    for (colour, settle_s) in SETTLINGS_S.into_iter().enumerate() {
+        for (sample, stroke) in [(SAMPLES[0], Stroke::Solid), (SAMPLES[2], Stroke::Dashed)] {
             let of = |one: &&Searches| {
                 one.sample == sample && one.approach.settle_s == settle_s && !one.found.is_empty()
             };
             let points: Vec<(f64, f64)> =
                 searches.iter().filter(of).map(|one| (one.mean_time_s(), one.rmse_um())).collect();
             if !points.is_empty() {
-                let name = format!("sample {sample}, settling {settle_s} s");
+                let name = format!("sample {sample}, {:.0} ms", 1000.0 * settle_s);
                 let series = Series::joined(&name, colour, points);
                 chart.series.push(Series { stroke: Some(stroke), ..series });
             }
