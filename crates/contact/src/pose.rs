@@ -47,7 +47,7 @@ impl Direction {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum PoseError {
     /// The contact angle is outside [0, π/2).
-    #[error("contact angle {angle_rad} rad is outside [0, π/2)")]
+    #[error("contact angle {}° is outside [0°, 90°)", angle_rad.to_degrees())]
     Angle {
         /// The angle asked for, rad.
         angle_rad: f64,
@@ -197,7 +197,8 @@ mod tests {
 
     #[test]
     fn an_angle_of_ninety_degrees_is_refused_and_one_just_below_is_taken() {
-        assert!(Pose::new(FRAC_PI_2, 0.0).is_err());
+        let refusal = Pose::new(FRAC_PI_2, 0.0).unwrap_err();
+        assert_eq!(refusal.to_string(), "contact angle 90° is outside [0°, 90°)");
         assert!(Pose::new(FRAC_PI_2 - 1e-9, 0.0).is_ok());
         assert!(Pose::new(-1e-9, 0.0).is_err());
         assert!(Pose::new(f64::NAN, 0.0).is_err());

@@ -46,4 +46,18 @@ pub enum Refusal {
         /// The largest ratio for which the tier holds.
         limit: f64,
     },
+    /// No contact that the tier takes gives such a shift.
+    #[error(
+        "tier {tier}: a shift of {shift_hz} Hz is beyond that of a contact of {limit:e} sensor \
+         stiffnesses, the stiffest it takes",
+        tier = tier.name()
+    )]
+    OutOfReach {
+        /// The tier asked.
+        tier: Tier,
+        /// The shift, Hz.
+        shift_hz: f64,
+        /// The largest ratio for which the tier holds.
+        limit: f64,
+    },
 }

@@ -17,13 +17,14 @@ use crate::{
 
 /// The stiffness of one touch at a known angle, or of several with the angle unknown.
 #[derive(Debug, clap::Args)]
+#[command(allow_negative_numbers = true)]
 #[command(group(clap::ArgGroup::new("what").required(true).args(["shift_hz", "touch"])))]
 pub(crate) struct Args {
     /// The tier.
     #[arg(value_parser = tier_parser(), ignore_case = true)]
     tier: Tier,
     /// The shift of one touch at the angle and direction given, Hz.
-    #[arg(long, allow_negative_numbers = true)]
+    #[arg(long)]
     shift_hz: Option<f64>,
     /// A touch of a place at an unknown angle: spin of the probe in degrees, indentation in mm and
     /// shift in Hz; several are needed.
@@ -222,11 +223,20 @@ fn place(args: &Args, models: &Models, out: &mut impl Write) -> Result<(), Study
         return print_json(answer, out);
     }
     let answer = answer?;
+    // An azimuth that was given is no answer.
+    let azimuth = args.azimuth_deg.is_none().then_some((
+        "azimuth",
+        answer.azimuth_deg,
+        "°",
+        answer.is_azimuth_identified,
+    ));
     for (what, IntervalAnswer { value, sigma, low_95, high_95 }, unit, is_known) in [
         ("stiffness", answer.stiffness_mpa, "MPa", true),
         ("angle", answer.angle_deg, "°", answer.is_angle_identified),
-        ("azimuth", answer.azimuth_deg, "°", answer.is_azimuth_identified),
-    ] {
+    ]
+    .into_iter()
+    .chain(azimuth)
+    {
         let doubt = if is_known { "" } else { ": not told by these touches" };
         writeln!(
             out,
@@ -234,6 +244,8 @@ fn place(args: &Args, models: &Models, out: &mut impl Write) -> Result<(), Study
              [{low_95:.5}, {high_95:.5}] {unit}{doubt}"
         )?;
     }
+    let correlation = answer.correlation_of_stiffness_and_angle;
+    writeln!(out, "correlation of stiffness and angle {correlation:+.2}")?;
     let (chi, freedom) = (answer.chi_squared, answer.freedom);
     writeln!(out, "chi-squared {chi:.2} with {freedom} degrees of freedom")?;
     Ok(())

@@ -12,6 +12,7 @@ use crate::{
 
 /// Contact radius, stiffness, shift and validity of one contact by one tier.
 #[derive(Debug, clap::Args)]
+#[command(allow_negative_numbers = true)]
 pub(crate) struct Args {
     /// The tier.
     #[arg(value_parser = tier_parser(), ignore_case = true)]

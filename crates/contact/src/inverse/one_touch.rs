@@ -84,10 +84,10 @@ impl Models {
             };
             self.shift_of_load(tier, tissue, &contact.pose, &load)
         };
-        let limit = tier.validity().stiffness_ratio_max;
-        let stiffest = limit.min(STIFFEST_RATIO) * self.tip_n_per_m();
+        let limit = tier.validity().stiffness_ratio_max.min(STIFFEST_RATIO);
+        let stiffest = limit * self.tip_n_per_m();
         if shift(stiffest) < shift_hz {
-            return Err(Refusal::TooStiff { tier, ratio: f64::INFINITY, limit });
+            return Err(Refusal::OutOfReach { tier, shift_hz, limit });
         }
         // Tier T2's inverse is closed and within a few percent where shifts are not saturated.
         let pose = &contact.pose;

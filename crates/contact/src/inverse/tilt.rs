@@ -102,7 +102,7 @@ pub struct TiltInference {
     pub young_mpa: Interval,
     /// The contact angle, rad.
     pub angle_rad: Interval,
-    /// The azimuth at zero spin, rad, in (−π, π] about its value.
+    /// The azimuth at zero spin, rad, in (−π, π] about its value; as given when it was known.
     pub azimuth_rad: Interval,
     /// Whether the touches say more of the angle than was known before: its standard deviation is
     /// below half of the prior's.
@@ -148,7 +148,8 @@ pub fn infer_tilt(
         + usize::from(matches!(azimuth, AzimuthPrior::Unknown));
     let freedom = touches.len().saturating_sub(unknowns);
     let chi_squared = posterior.chi_squared();
-    if chi_squared > largest_chi_squared(freedom) {
+    // Angle and azimuth are bounded, and cannot explain everything that they are counted for.
+    if chi_squared > largest_chi_squared(touches.len() - 1) {
         return Err(InverseError::Inconsistent { chi_squared, freedom });
     }
     let log = posterior.log_young();
@@ -163,7 +164,11 @@ pub fn infer_tilt(
         low: log.low.exp(),
         high: log.high.exp(),
     };
-    let (angle_rad, azimuth_rad) = (posterior.angle(), posterior.azimuth());
+    let angle_rad = posterior.angle();
+    let azimuth_rad = match azimuth {
+        AzimuthPrior::Known(value) => Interval { value, sigma: 0.0, low: value, high: value },
+        AzimuthPrior::Unknown => posterior.azimuth(),
+    };
     let angle_before = match angle {
         AnglePrior::Known { sigma_rad, .. } => sigma_rad,
         AnglePrior::Within { max_rad } => max_rad * EVEN_SIGMA,
@@ -244,8 +249,7 @@ fn start_log(
     probing: &Probing,
     angle: AnglePrior,
 ) -> Result<f64, InverseError> {
-    let count = touches.len() as f64;
-    let shift_hz = touches.iter().map(|touch| touch.shift_hz).sum::<f64>() / count;
+    let shift_hz = mean_shift_hz(touches);
     if !(shift_hz.is_finite() && shift_hz > 0.0) {
         return Err(InverseError::NoContact { shift_hz });
     }
@@ -257,6 +261,10 @@ fn start_log(
     let contact =
         Contact { pose, depth: touches[0].depth, law: probing.law, friction: probing.friction };
     Ok(models.young_of_shift_mpa(probing.tier, shift_hz, probing.kind, &contact)?.ln())
+}
+
+fn mean_shift_hz(touches: &[Touch]) -> f64 {
+    touches.iter().map(|touch| touch.shift_hz).sum::<f64>() / touches.len() as f64
 }
 
 /// Why no node of the grid has an answer: what the model says at its smallest angle.
@@ -272,18 +280,16 @@ fn refusal_everywhere(question: &Question<'_>, start_log: f64) -> InverseError {
         let tissue = kind.with(start_log.exp()).ok()?;
         question.models.predict(tier, &tissue, &contact).err()
     });
+    let shift_hz = mean_shift_hz(question.touches);
     let limit = tier.validity().stiffness_ratio_max;
-    refusal.unwrap_or(Refusal::TooStiff { tier, ratio: f64::INFINITY, limit }).into()
+    refusal.unwrap_or(Refusal::OutOfReach { tier, shift_hz, limit }).into()
 }
 
 /// The sum of squares that chance exceeds once in a million times, by Wilson and Hilferty's
-/// approximation; without limit when there is nothing to contradict.
+/// approximation.
 fn largest_chi_squared(freedom: usize) -> f64 {
     const NORMAL_QUANTILE: f64 = 4.753;
-    if freedom == 0 {
-        return f64::INFINITY;
-    }
-    let n = freedom as f64;
+    let n = freedom.max(1) as f64;
     let width = 2.0 / (9.0 * n);
     n * (1.0 - width + NORMAL_QUANTILE * width.sqrt()).powi(3)
 }

@@ -66,12 +66,12 @@ fn what_is_no_contact_and_what_is_beyond_the_tier_is_refused() {
     assert!(invert(Tier::E1, 450.0, &upright).is_ok());
     assert!(matches!(
         invert(Tier::E1, 650.0, &upright),
-        Err(InverseError::Refused(Refusal::TooStiff { .. }))
+        Err(InverseError::Refused(Refusal::OutOfReach { .. }))
     ));
     assert!(invert(Tier::Exact, most(Tier::Exact) * 0.99, &upright).is_ok());
     assert!(matches!(
         invert(Tier::Exact, 1666.1, &upright),
-        Err(InverseError::Refused(Refusal::TooStiff { .. }))
+        Err(InverseError::Refused(Refusal::OutOfReach { .. }))
     ));
     let moved = contact(Direction::Front, 0.0, MOVED);
     assert!(matches!(

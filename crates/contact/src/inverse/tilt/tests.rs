@@ -143,6 +143,12 @@ fn touches_that_no_tilt_explains_are_refused() {
     assert!(with_error(2.0).is_ok());
     let refusal = with_error(40.0);
     assert!(matches!(refusal, Err(InverseError::Inconsistent { freedom: 1, .. })), "{refusal:?}");
+    // No degree of freedom is left, but no angle up to 45° makes front and left so different.
+    let mut two = touches(&models, 0.235, 45.0, 0.0, &FOUR_SPINS[..2]);
+    assert!(infer(&models, &two, AzimuthPrior::Unknown).is_ok());
+    two[1].shift_hz *= 0.5;
+    let refusal = infer(&models, &two, AzimuthPrior::Unknown);
+    assert!(matches!(refusal, Err(InverseError::Inconsistent { freedom: 0, .. })), "{refusal:?}");
 }
 
 #[test]
