@@ -48,7 +48,7 @@ pub enum Refusal {
     },
     /// No contact that the tier takes gives such a shift.
     #[error(
-        "tier {tier}: a shift of {shift_hz} Hz is beyond that of a contact of {limit:e} sensor \
+        "tier {tier}: a shift of {shift_hz:.3} Hz is beyond that of a contact of {limit} sensor \
          stiffnesses, the stiffest it takes",
         tier = tier.name()
     )]

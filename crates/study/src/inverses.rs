@@ -20,18 +20,33 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
     let folder = Folder::at(&args.out)?;
+    page().write(&folder, "inverses")?;
+    writeln!(out, "{}", folder.path("inverses.md").display())?;
+    Ok(())
+}
+
+fn page() -> Page {
     let mut page = Page { title: "What inverses know".to_owned(), parts: Vec::new() };
     let Nuisances { shift_hz, depth_mm, angle_deg, .. } = Nuisances::BENCH;
     page.text(format!(
         "This page is written by `cargo run --release -p rig-study -- inverses --out docs`. \
          The sensor is the reference sensor; unless a row says otherwise a touch has errors of \
          {shift_hz} Hz of its shift, {depth_mm} mm of the depth at which the surface was found, and \
-         {angle_deg}° of its angle."
+         {angle_deg}° of its angle. What this is worth over many random touches, \
+         [compensation.md](compensation.md) says."
     ));
     known::add(&mut page);
     protocols::add(&mut page);
     range::add(&mut page);
-    page.write(&folder, "inverses")?;
-    writeln!(out, "{}", folder.path("inverses.md").display())?;
-    Ok(())
+    page
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_document_is_what_the_models_say_today() {
+        assert_eq!(page().markdown("inverses"), include_str!("../../../docs/inverses.md"));
+    }
 }

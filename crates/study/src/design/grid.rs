@@ -48,6 +48,9 @@ impl FromStr for Span {
 
 impl fmt::Display for Span {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.count == 1 {
+            return write!(f, "{}", self.from);
+        }
         write!(f, "{}:{}:{}", self.from, self.to, self.count)
     }
 }

@@ -1,6 +1,6 @@
 //! The four merits of a design.
 
-use std::{f64::consts::PI, fmt};
+use std::f64::consts::PI;
 
 use rig_contact::{ContactLaw, Direction, Models, Sensor, SensorDesign, Tier};
 
@@ -82,6 +82,17 @@ impl Merit {
         no_worse && self != other
     }
 
+    /// The smallest relative gain in any merit over a design that this one beats.
+    pub(super) fn least_gain_over(&self, other: &Self) -> f64 {
+        let gains = [
+            (other.angle_influence - self.angle_influence) / other.angle_influence,
+            (self.discrimination - other.discrimination) / other.discrimination.abs(),
+            self.sensitivity_hz_per_mpa / other.sensitivity_hz_per_mpa - 1.0,
+            1.0 - self.point_s / other.point_s,
+        ];
+        gains.into_iter().fold(f64::INFINITY, f64::min)
+    }
+
     /// The merits as they stand in tables.
     pub(super) fn cells(&self) -> [String; 4] {
         [
@@ -105,14 +116,5 @@ impl Merit {
             sensitivity_hz_per_mpa,
             point_s,
         })
-    }
-}
-
-impl fmt::Display for Merit {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "falls by up to {:.1} % to 45°, ", 100.0 * self.angle_influence)?;
-        write!(f, "samples apart by at least {:.1} %, ", 100.0 * self.discrimination)?;
-        write!(f, "{:.1} Hz/MPa, ", self.sensitivity_hz_per_mpa)?;
-        write!(f, "{:.3} s a frequency", self.point_s)
     }
 }

@@ -10,7 +10,8 @@ use crate::{
 };
 
 /// Young's moduli of the table, MPa.
-const TABLE_MPA: [f64; 12] = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 3.0];
+const TABLE_MPA: [f64; 14] =
+    [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 3.0, 10.0, 30.0];
 
 /// What is to be said of one stiffness.
 struct Reach {
@@ -25,12 +26,14 @@ struct Reach {
 pub(super) fn add(page: &mut Page) {
     page.heading("From 0.005 to 3 MPa");
     page.text(
-        "Upright, with the bench's errors of a touch. Below about 0.003 MPa the shift is lost in \
-         the noise of 0.3 Hz, and the stiffness is refused. Above, the shift saturates slowly while the \
-         indentation is held; with the stage held the sensor gives way, and a sample much stiffer \
-         than the sensor is told by how little of the move is left for it: the depth's error then \
-         counts more and more. The last column is by how much tier E1 misses a stiffness that the \
-         reference has made the shift of.",
+        "Upright, with the bench's errors of a touch, and a little beyond the range on both sides. Below \
+         about 0.003 MPa the shift is lost in the noise of 0.3 Hz, and the stiffness is refused. Above, \
+         the shift saturates slowly while the indentation is held: the slope is half of what it was at \
+         1 MPa, and a third at 3 MPa, but a shift of hundreds of hertz needs no more. With the stage \
+         held the sensor gives way and a sample much stiffer than the sensor is told by how little of \
+         the move is left for it: the depth's error then counts more and more. The last column is by how \
+         much tier E1 misses a stiffness that the reference has made the shift of; where the contact is \
+         more than thirty times as stiff as the sensor, it refuses.",
     );
     let mut table = Table::new(&[
         "held",
@@ -59,7 +62,8 @@ pub(super) fn add(page: &mut Page) {
         }
     }
     page.table(table);
-    page.chart("range.svg", chart(&models));
+    page.chart("range-sensitivity.svg", sensitivity_chart(&models));
+    page.chart("range.svg", uncertainty_chart(&models));
 }
 
 fn reach(models: &Models, control: Control, young_mpa: f64) -> Reach {
@@ -85,18 +89,38 @@ fn reach(models: &Models, control: Control, young_mpa: f64) -> Reach {
     Reach { shift_hz, slope_hz_per_mpa, sigma, model }
 }
 
-fn chart(models: &Models) -> Chart {
+/// Stiffnesses of the curves, from 0.001 to 10 MPa.
+fn curve_mpa() -> impl Iterator<Item = f64> {
+    (0..=64).map(|step| 0.001 * 1e4_f64.powf(f64::from(step) / 64.0))
+}
+
+fn sensitivity_chart(models: &Models) -> Chart {
+    let mut chart = Chart::new(
+        "Sensitivity of the shift over the stiffness",
+        "Slope of the shift, upright at 0.5 mm, with the indentation held and with the stage held: it \
+         falls as the contact becomes stiffer than the sensor.",
+        Axis::log("stiffness, MPa"),
+        Axis::log("slope, Hz/MPa"),
+    );
+    for (colour, control) in Control::ALL.into_iter().enumerate() {
+        let point = |young: f64| (young, reach(models, control, young).slope_hz_per_mpa);
+        let points: Vec<(f64, f64)> = curve_mpa().map(point).collect();
+        chart.series.push(Series::line(&format!("{} held", control.name()), colour, points));
+    }
+    chart
+}
+
+fn uncertainty_chart(models: &Models) -> Chart {
     let mut chart = Chart::new(
         "Relative standard deviation of the stiffness of one touch",
-        "Over the stiffness from 0.002 to 3 MPa, with the indentation held and with the stage held; \
+        "Over the stiffness from 0.001 to 10 MPa, with the indentation held and with the stage held; \
          the curves end where the stiffness is refused.",
         Axis::log("stiffness, MPa"),
         Axis::log("standard deviation, %"),
     );
     for (colour, control) in Control::ALL.into_iter().enumerate() {
-        let points: Vec<Point> = (0..=64)
-            .filter_map(|step| {
-                let young_mpa = 0.001 * 3000.0_f64.powf(f64::from(step) / 64.0);
+        let points: Vec<Point> = curve_mpa()
+            .filter_map(|young_mpa| {
                 let sigma = reach(models, control, young_mpa).sigma.ok()?;
                 Some(Point::from((young_mpa, 100.0 * sigma)))
             })

@@ -1,6 +1,6 @@
 //! How far each tier is from the reference, over the contacts that the paper makes and a few more.
 
-use rig_chart::{Axis, Chart, Point, Rule, Series};
+use rig_chart::{Axis, COLOURS, Chart, Marker, Point, Rule, Series};
 use rig_contact::{ContactLaw, Direction, Models, Scene, Sensor, Tier};
 
 use super::cost::Costs;
@@ -205,7 +205,10 @@ fn chart(truth: Control, points: &[(Way, Errors)], costs: &Costs) -> Chart {
             })
             .collect();
         if !points.is_empty() {
-            chart.series.push(Series::joined(tier.name(), colour, points));
+            let joined = Series::joined(tier.name(), colour, points);
+            // Colours come round again, and with another marker.
+            let marker = Some(Marker::of(colour + colour / COLOURS));
+            chart.series.push(Series { marker, ..joined });
         }
     }
     for (scene, tolerance_hz, _) in SCENES {
