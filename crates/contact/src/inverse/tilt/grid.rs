@@ -89,9 +89,10 @@ impl Posterior {
         Some(Self { cells })
     }
 
-    /// The smallest chi-squared of any cell.
+    /// The smallest chi-squared of any cell; zero where that of its parabola is below.
     pub(super) fn chi_squared(&self) -> f64 {
-        self.cells.iter().map(|(_, cell)| cell.node.chi_squared).fold(f64::INFINITY, f64::min)
+        let all = self.cells.iter().map(|(_, cell)| cell.node.chi_squared);
+        all.fold(f64::INFINITY, f64::min).max(0.0)
     }
 
     /// What is believed of ln E: a sum of normal distributions.

@@ -134,8 +134,7 @@ impl Normal {
         question: &Question<'_>,
         angle_rad: f64,
     ) -> Node {
-        let left = self.chi_squared - self.log_right * step - self.depth_right * depth_step;
-        let chi_squared = left.max(0.0);
+        let chi_squared = self.chi_squared - self.log_right * step - self.depth_right * depth_step;
         let (variance, log_determinant) = self.covariance();
         let log_evidence = 0.5 * (log_determinant - chi_squared - self.log_variances)
             + question.log_prior(angle_rad);
