@@ -16,7 +16,7 @@ use crate::{Circuit, ExactBeam, Load, Pose, Sensor, Tissue, section::Section};
 mod matrix;
 mod substructure;
 
-use matrix::{Matrix5, solve_for_slope};
+use matrix::{Eliminated, Matrix5, eliminate};
 use substructure::{bending_at_tip, twist_at_tip};
 
 /// A sensor as sixteen beam elements.
@@ -117,13 +117,16 @@ impl Reference {
         self.pole(&contact, Complex64::new(here, here * loss))
     }
 
-    /// The pole nearest to a guess, by secant steps on the reciprocal of the slope's compliance.
+    /// The pole nearest to a guess, by secant steps on the determinant.
+    ///
+    /// Not on the slope's compliance: there are contacts whose mode does not turn the end of the
+    /// beam, and their pole is none of the compliance's.
     fn pole(&self, contact: &Matrix5, guess_rad2: Complex64) -> Pole {
-        let stiffness = |rad2: Complex64| self.slope_compliance(contact, rad2).inv();
+        let determinant = |rad2: Complex64| self.eliminated(contact, rad2).determinant;
         let mut at = guess_rad2;
-        let (mut before, mut value_before) = (at * 1.001, stiffness(at * 1.001));
+        let (mut before, mut value_before) = (at * 1.001, determinant(at * 1.001));
         for _ in 0..STEPS_MAX {
-            let value = stiffness(at);
+            let value = determinant(at);
             let next = at - value * (at - before) / (value - value_before);
             (before, value_before) = (at, value);
             at = next;
@@ -131,14 +134,22 @@ impl Reference {
                 break;
             }
         }
-        // Close to the pole the compliance is residue/(pole − ω²).
-        let step = at * DERIVATIVE_STEP;
-        let slope = (stiffness(at + step) - stiffness(at - step)) / (2.0 * step);
-        Pole { rad2: at, residue: -slope.inv() }
+        // Close to the pole the compliance is residue/(pole − ω²) and something even.
+        let step = at * RESIDUE_STEP;
+        let residue = 0.5
+            * step
+            * (self.slope_compliance(contact, at - step)
+                - self.slope_compliance(contact, at + step));
+        Pole { rad2: at, residue }
     }
 
     /// How much the end of the beam turns for a moment of 1 N·m there, at a complex ω².
     fn slope_compliance(&self, contact: &Matrix5, rad2: Complex64) -> Complex64 {
+        self.eliminated(contact, rad2).slope
+    }
+
+    /// What the dynamic stiffness of the tip with its contact tells, at a complex ω².
+    fn eliminated(&self, contact: &Matrix5, rad2: Complex64) -> Eliminated {
         let s = &self.section;
         let lossy = Complex64::new(1.0, s.beam_loss);
         let mut tip = *contact;
@@ -159,7 +170,7 @@ impl Reference {
         ] {
             tip.add(motion, motion, -rad2 * inertia);
         }
-        solve_for_slope(&tip)
+        eliminate(&tip)
     }
 
     /// The contact's stiffness over the tip's five motions.
@@ -187,8 +198,8 @@ const TOLERANCE: f64 = 1e-9;
 const STEPS_MAX: u32 = 40;
 /// Relative to the contact's stiffness.
 const SHARE_STEP: f64 = 1e-4;
-/// Relative to ω²; the compliance's reciprocal is smooth over a hundred times this.
-const DERIVATIVE_STEP: f64 = 1e-4;
+/// Relative to ω²; what is not the pole is smooth over a hundred times this.
+const RESIDUE_STEP: f64 = 1e-4;
 
 #[cfg(test)]
 mod tests;

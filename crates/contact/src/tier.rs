@@ -71,8 +71,8 @@ impl Tier {
     /// Where the tier holds.
     ///
     /// The ratios are those at which the error of the shape of the beam reaches 3 %; T0 and T0b end
-    /// where the range ends on which their constant was fitted. The reference looks for its
-    /// resonance in the electrodes' response, where it drowns once the end of the beam is held.
+    /// where the range ends on which their constant was fitted. The reference gives an impedance,
+    /// in which the resonance drowns once the end of the beam is held.
     pub const fn validity(self) -> Validity {
         let (stiffness_ratio_max, takes_stage_moves, has_impedance) = match self {
             Self::T0 | Self::T0b => (3.0, false, false),
@@ -229,3 +229,6 @@ pub(crate) fn check_control(tier: Tier, contact: &Contact) -> Result<(), Refusal
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests;

@@ -56,11 +56,19 @@ impl Matrix5 {
     }
 }
 
-/// The slope φ that a unit moment on φ causes, by elimination of the other four motions.
+/// What elimination tells of a matrix over the tip's motions.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Eliminated {
+    /// The slope φ that a unit moment on φ causes.
+    pub(super) slope: Complex64,
+    pub(super) determinant: Complex64,
+}
+
+/// Eliminates all motions but the slope.
 ///
 /// The stiff motions go first: their pivots are far from zero below the first lateral resonance,
 /// so that no search for a pivot is needed.
-pub(super) fn solve_for_slope(matrix: &Matrix5) -> Complex64 {
+pub(super) fn eliminate(matrix: &Matrix5) -> Eliminated {
     const ORDER: [usize; 4] = [3, 2, 4, 0];
     const SLOPE: usize = 1;
     let mut m = matrix.0;
@@ -75,5 +83,9 @@ pub(super) fn solve_for_slope(matrix: &Matrix5) -> Complex64 {
             }
         }
     }
-    m[SLOPE][SLOPE].inv()
+    let pivots = ORDER.iter().map(|&pivot| m[pivot][pivot]);
+    Eliminated {
+        slope: m[SLOPE][SLOPE].inv(),
+        determinant: pivots.product::<Complex64>() * m[SLOPE][SLOPE],
+    }
 }
