@@ -17,8 +17,7 @@ use num_complex::Complex64;
 use rig_model::{Reading, ReadingFlag, Window};
 
 use crate::{
-    FitOptions, Reason, Side, Timing, Verdict, fit, kernel::on_this_machine, points::Points,
-    solve::rational_start,
+    FitOptions, Reason, Side, Timing, Verdict, fit, points::Points, solve::rational_start,
 };
 
 pub use definition::Definition;
@@ -246,8 +245,7 @@ fn rational(readings: &[Reading], is_used: impl Fn(&Reading) -> bool) -> Result<
         return Err(NoEstimate::TooFewPoints { found, needed });
     }
     let mut points = Points::default();
-    on_this_machine(|| points.load(&used))
-        .map_err(|fault| NoEstimate::NotFinite { index: fault.index })?;
+    points.load(&used).map_err(|fault| NoEstimate::NotFinite { index: fault.index })?;
     let theta = rational_start(&points).ok_or(NoEstimate::NotConverged)?;
     Ok(points.reference_hz * (1.0 + theta.nu).sqrt())
 }

@@ -17,7 +17,11 @@
     reason = "vector instructions are used only by what is inlined into the code compiled for them"
 )]
 
-use crate::{lanes::Lanes, points::Block, solve::Normal};
+use crate::{
+    lanes::{Lanes, on_this_machine},
+    points::Block,
+    solve::Normal,
+};
 
 /// How many parameters the circuit has.
 pub(crate) const PARAMETERS: usize = 5;
@@ -40,9 +44,34 @@ pub(crate) struct Rational {
     pub(crate) right: [f64; PARAMETERS],
 }
 
-/// The normal equations of the circuit.
+on_this_machine! {
+    /// The normal equations of the circuit.
+    pub(crate) fn normal(blocks: &'a [Block], theta: &'a Theta) -> Normal<PARAMETERS> {
+        normal_of(blocks, theta)
+    }
+}
+
+on_this_machine! {
+    /// The sums of the rational fit, weighted with |h|² of an earlier estimate of (ν, α) where there
+    /// is one: without that weight the readings near the resonance, which tell most, count least.
+    pub(crate) fn rational(blocks: &'a [Block], earlier: Option<(f64, f64)>) -> Rational {
+        rational_of(blocks, earlier)
+    }
+}
+
+on_this_machine! {
+    /// Looks at the residuals of a fit, and keeps them.
+    pub(crate) fn look(
+        blocks: &'a [Block],
+        theta: &'a Theta,
+        residuals: &'a mut Vec<Residual>,
+    ) -> Look {
+        look_of(blocks, theta, residuals)
+    }
+}
+
 #[inline(always)]
-pub(crate) fn normal(blocks: &[Block], theta: &Theta) -> Normal<PARAMETERS> {
+fn normal_of(blocks: &[Block], theta: &Theta) -> Normal<PARAMETERS> {
     let nu = Lanes::splat(theta.nu);
     let alpha = Lanes::splat(theta.alpha);
     let (c, kappa, g) = (Lanes::splat(theta.c), Lanes::splat(theta.kappa), Lanes::splat(theta.g));
@@ -104,10 +133,8 @@ fn assemble(s: &[f64; 18], kappa: f64) -> Normal<PARAMETERS> {
     }
 }
 
-/// The sums of the rational fit, weighted with |h|² of an earlier estimate of (ν, α) where there is
-/// one: without that weight the readings near the resonance, which tell most, count least.
 #[inline(always)]
-pub(crate) fn rational(blocks: &[Block], earlier: Option<(f64, f64)>) -> Rational {
+fn rational_of(blocks: &[Block], earlier: Option<(f64, f64)>) -> Rational {
     let one = Lanes::splat(1.0);
     let mut s = [Lanes::ZERO; 13];
     for block in blocks {
@@ -181,9 +208,8 @@ pub(crate) struct Residual {
     im: Lanes,
 }
 
-/// Looks at the residuals of a fit, and keeps them.
 #[inline(always)]
-pub(crate) fn look(blocks: &[Block], theta: &Theta, residuals: &mut Vec<Residual>) -> Look {
+fn look_of(blocks: &[Block], theta: &Theta, residuals: &mut Vec<Residual>) -> Look {
     let nu = Lanes::splat(theta.nu);
     let alpha = Lanes::splat(theta.alpha);
     let (c, kappa, g) = (Lanes::splat(theta.c), Lanes::splat(theta.kappa), Lanes::splat(theta.g));
@@ -261,10 +287,4 @@ fn differences(blocks: &[Block], residuals: &[Residual]) -> f64 {
         sum += (re * re + im * im) * both / total.max(Lanes::splat(f64::MIN_POSITIVE));
     }
     sum.sum()
-}
-
-/// Runs a loop compiled for the instructions of this machine.
-#[inline(always)]
-pub(crate) fn on_this_machine<T>(work: impl FnOnce() -> T) -> T {
-    pulp::Arch::new().dispatch(work)
 }

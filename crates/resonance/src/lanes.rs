@@ -12,6 +12,31 @@
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
+/// Compiles a function for the instructions of this machine as well, and runs what fits.
+///
+/// Only what is inlined into it is compiled so, which a closure is not: what is called from its body
+/// must be `inline(always)`.
+macro_rules! on_this_machine {
+    ($(#[$about:meta])* $public:vis fn $name:ident($($input:ident: $kind:ty),* $(,)?) -> $output:ty
+        $body:block
+    ) => {
+        $(#[$about])*
+        $public fn $name<'a>($($input: $kind),*) -> $output {
+            struct Work<'a> { $($input: $kind),* }
+            impl<'a> pulp::NullaryFnOnce for Work<'a> {
+                type Output = $output;
+                #[inline(always)]
+                fn call(self) -> $output {
+                    let Self { $($input),* } = self;
+                    $body
+                }
+            }
+            pulp::Arch::new().dispatch(Work { $($input),* })
+        }
+    };
+}
+pub(crate) use on_this_machine;
+
 /// How many numbers stand side by side.
 pub(crate) const LANES: usize = 4;
 

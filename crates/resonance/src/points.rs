@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 use rig_model::{Reading, ReadingFlag};
 
 use crate::{
-    lanes::{LANES, Lanes},
+    lanes::{LANES, Lanes, on_this_machine},
     trace::weight,
 };
 
@@ -63,8 +63,12 @@ impl Points {
     /// # Errors
     /// A reading without overload whose frequency is not a positive number or whose impedance is
     /// zero or not finite.
-    #[inline(always)]
     pub(crate) fn load(&mut self, readings: &[Reading]) -> Result<(), NotFinite> {
+        load(self, readings)
+    }
+
+    #[inline(always)]
+    fn load_all(&mut self, readings: &[Reading]) -> Result<(), NotFinite> {
         self.scan(readings)?;
         let inverse_hz = 1.0 / self.reference_hz;
         let unit_siemens = TAU * self.reference_hz * self.reference_farad;
@@ -130,6 +134,13 @@ impl Points {
         self.reference_hz = 0.5 * (lowest + highest);
         self.reference_farad = (sum / count as f64).sqrt() / TAU;
         Ok(())
+    }
+}
+
+on_this_machine! {
+    /// Takes the readings in.
+    fn load(points: &'a mut Points, readings: &'a [Reading]) -> Result<(), NotFinite> {
+        points.load_all(readings)
     }
 }
 

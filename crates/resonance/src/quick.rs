@@ -6,7 +6,7 @@ use rig_model::Reading;
 use crate::{
     Circuit, FitOptions, Resonance, Rung, Timing,
     dense::{Cholesky, condition, sandwich},
-    kernel::{self, Look, PARAMETERS, PATTERNS, Residual, Theta, WIDE, on_this_machine},
+    kernel::{self, Look, PARAMETERS, PATTERNS, Residual, Theta, WIDE},
     points::{NotFinite, Points},
     scatter,
     solve::{End, Solution, rational_start, solve},
@@ -52,7 +52,7 @@ pub(crate) struct Found {
 impl Quick {
     /// Takes in the readings.
     pub(crate) fn load(&mut self, readings: &[Reading]) -> Result<(), NotFinite> {
-        on_this_machine(|| self.points.load(readings))
+        self.points.load(readings)
     }
 
     /// The fit, or `None` where no start was found.
@@ -65,7 +65,7 @@ impl Quick {
             solution = solve(&self.points, solution.theta, free);
         }
         let Self { points, residuals } = self;
-        let look = on_this_machine(|| kernel::look(&points.blocks, &solution.theta, residuals));
+        let look = kernel::look(&points.blocks, &solution.theta, residuals);
         let resonance = self.resonance(&solution, &look, free, options);
         let capacitor = self.points.total_weight - look.capacitor;
         Some(Found {

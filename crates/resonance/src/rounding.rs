@@ -16,24 +16,21 @@ const TOLERANCE: f64 = 1e-6;
 /// The variance that rounding adds to each part of the relative error of each reading; empty where
 /// the readings were not rounded.
 pub(crate) fn variances(readings: &[Reading]) -> Vec<f64> {
-    let columns: [fn(&Reading) -> f64; 4] = [
-        |reading| reading.resistance_ohm,
-        |reading| reading.reactance_ohm,
-        magnitude,
-        |reading| reading.reactance_ohm.atan2(reading.resistance_ohm).to_degrees(),
-    ];
-    let [resistance, reactance, size, degrees] = columns.map(|of| Written::of(readings, of));
-    if resistance.or(reactance).or(size).or(degrees).is_none() {
+    let resistance = Written::of(readings, |reading| reading.resistance_ohm);
+    let reactance = Written::of(readings, |reading| reading.reactance_ohm);
+    let size = Written::of(readings, magnitude_ohm);
+    if resistance.or(reactance).or(size).is_none() {
         return Vec::new();
     }
+    let degrees = Written::of(readings, phase_deg);
     let step = |written: Option<Written>, x: f64| written.map_or(0.0, |written| written.step(x));
     readings
         .iter()
         .map(|reading| {
-            let size_ohm = magnitude(reading);
+            let size_ohm = magnitude_ohm(reading);
             let [across, along] = [
                 (resistance, reading.resistance_ohm, reactance, reading.reactance_ohm),
-                (size, size_ohm, degrees, columns[3](reading)),
+                (size, size_ohm, degrees, phase_deg(reading)),
             ]
             .map(|(one, x, other, y)| (step(one, x), step(other, y)));
             let across = across.0.hypot(across.1) / size_ohm;
@@ -55,8 +52,12 @@ pub(crate) fn matters(variances: &[f64], readings: &[Reading], found: &Resonance
     variances.iter().zip(readings).any(is_large)
 }
 
-fn magnitude(reading: &Reading) -> f64 {
+fn magnitude_ohm(reading: &Reading) -> f64 {
     reading.resistance_ohm.hypot(reading.reactance_ohm)
+}
+
+fn phase_deg(reading: &Reading) -> f64 {
+    reading.reactance_ohm.atan2(reading.resistance_ohm).to_degrees()
 }
 
 /// How a column of numbers was written.

@@ -9,7 +9,7 @@ use num_complex::Complex64;
 
 use crate::{
     dense::Cholesky,
-    kernel::{self, PARAMETERS, Theta, on_this_machine},
+    kernel::{self, PARAMETERS, Theta},
     points::Points,
 };
 
@@ -69,7 +69,7 @@ pub(crate) const ROUNDING: f64 = 1e-11;
 /// A start within reach needs three steps; a bad one is better left to another start.
 const STEPS_MAX: usize = 40;
 /// Passes of the rational fit. The first has no weights to speak of.
-const RATIONAL_PASSES: usize = 3;
+const RATIONAL_PASSES: usize = 2;
 
 /// Gauss–Newton, damped where it does not lower the cost.
 #[derive(Debug, Clone, Copy)]
@@ -135,8 +135,7 @@ fn more(damping: f64) -> f64 {
 /// The most likely circuit near `start`, with `free` parameters (4, or 5 with dielectric loss).
 pub(crate) fn solve(points: &Points, start: Theta, free: usize) -> Solution {
     let descent = Descent { count: points.count, weight: points.total_weight, free };
-    let (theta, normal, end) =
-        descent.run(start, |theta| on_this_machine(|| kernel::normal(&points.blocks, theta)));
+    let (theta, normal, end) = descent.run(start, |theta| kernel::normal(&points.blocks, theta));
     Solution { theta, normal, end }
 }
 
@@ -154,7 +153,7 @@ pub(crate) fn rational_start(points: &Points) -> Option<Theta> {
     let mut earlier = None;
     let mut theta = None;
     for _ in 0..RATIONAL_PASSES {
-        let sums = on_this_machine(|| kernel::rational(&points.blocks, earlier));
+        let sums = kernel::rational(&points.blocks, earlier);
         let x = Cholesky::new(&sums.matrix, PARAMETERS, 0.0)?.solve(&sums.right);
         let [c, second, _, nu, alpha] = x;
         if !(nu > -1.0 && nu.is_finite() && alpha.is_finite()) {
