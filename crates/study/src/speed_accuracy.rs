@@ -92,12 +92,12 @@ fn ways(cell: &Cell) -> Vec<Way> {
     even.into_iter().chain(fast).chain(settled).chain(transient).collect()
 }
 
-/// The targets that integration alone could reach in the time allowed, and one more: the others
-/// would only show its end again.
+/// The targets that integration alone could reach in the time allowed, or the first: the others
+/// would only show its end, again and again.
 fn targets_hz(cell: &Cell) -> &'static [f64] {
     let at_the_limit_hz = charts::floor_hz(cell, LIMIT_S);
     let within_reach = TARGETS_HZ.iter().filter(|&&target_hz| target_hz > at_the_limit_hz).count();
-    &TARGETS_HZ[..TARGETS_HZ.len().min(within_reach + 1)]
+    &TARGETS_HZ[..within_reach.max(1)]
 }
 
 fn try_all(args: &Args) -> Vec<Group> {
