@@ -10,7 +10,6 @@ mod tally;
 
 use std::{io::Write, path::PathBuf};
 
-use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use rig_chart::{Axis, Band, Chart, Point, Series};
 
@@ -18,8 +17,10 @@ use crate::{
     files::{Csv, Folder},
     outcome::StudyError,
     paper_bench::SAMPLES_MPA,
+    progress,
+    random::Stream,
 };
-use bench::{Bench, Chance};
+use bench::Bench;
 use protocol::{Protocol, Reader, Trial};
 use tally::Tally;
 
@@ -65,14 +66,12 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
 /// Every trial of every protocol, in order.
 fn try_all(args: &Args) -> Vec<(Protocol, Vec<Trial>)> {
     let (bench, reader) = (Bench::new(), Reader::new());
-    let style = ProgressStyle::with_template("{bar:40} {pos} of {len} trials, {eta} left")
-        .unwrap_or_else(|_| ProgressStyle::default_bar());
-    let all = u64::from(args.trials) * Protocol::ALL.len() as u64;
-    let bar = ProgressBar::new(all).with_style(style);
+    let all = args.trials as usize * Protocol::ALL.len();
+    let bar = progress::bar(all, "trials");
     let trials = Protocol::ALL.into_iter().zip(0_u64..).map(|(protocol, number)| {
         let trial = |trial: u32| {
-            let mut chance = Chance::new(args.seed, number, u64::from(trial));
-            let found = protocol.trial(&bench, &reader, &mut chance);
+            let mut random = Stream::of_trial(args.seed, number, u64::from(trial));
+            let found = protocol.trial(&bench, &reader, &mut random);
             bar.inc(1);
             found
         };
@@ -256,7 +255,7 @@ mod tests {
 
     fn trials(protocol: Protocol, count: u64) -> Vec<Trial> {
         let (bench, reader) = (Bench::new(), Reader::new());
-        let trial = |trial| protocol.trial(&bench, &reader, &mut Chance::new(1, 0, trial));
+        let trial = |trial| protocol.trial(&bench, &reader, &mut Stream::of_trial(1, 0, trial));
         (0..count).map(trial).collect()
     }
 
@@ -281,18 +280,5 @@ mod tests {
         assert!((coverage - 0.95).abs() < 0.065, "{tally:?}");
         let one = Tally::of(&trials(Protocol::OneReading, 200));
         assert!(tally.rms().unwrap() < 0.7 * one.rms().unwrap(), "{tally:?} {one:?}");
-    }
-
-    #[test]
-    fn a_trial_depends_on_its_seed_and_number_alone() {
-        let numbers = |seed, protocol, trial| {
-            let mut chance = Chance::new(seed, protocol, trial);
-            [chance.even(), chance.normal(), chance.even()]
-        };
-        assert_eq!(numbers(1, 2, 3), numbers(1, 2, 3));
-        for other in [numbers(2, 2, 3), numbers(1, 3, 3), numbers(1, 2, 4)] {
-            let apart = numbers(1, 2, 3).iter().zip(other).all(|(a, b)| (a - b).abs() > 1e-3);
-            assert!(apart, "{other:?}");
-        }
     }
 }

@@ -15,10 +15,9 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 
-use crate::{files::Folder, outcome::StudyError, paper_bench::Control};
+use crate::{files::Folder, outcome::StudyError, paper_bench::Control, progress};
 use grid::{Design, Grid, Span};
 use merit::Merit;
 use rows::Rows;
@@ -76,7 +75,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
 fn judge_all(grid: &Grid, path: &Path) -> Result<Vec<(Design, Option<Merit>)>, StudyError> {
     let mut rows = Rows::open(path, grid)?;
     let blocks = grid.blocks();
-    let bar = ProgressBar::new(blocks.len() as u64).with_style(style());
+    let bar = progress::bar(blocks.len(), "lengths");
     bar.set_position(rows.blocks_done() as u64);
     for block in blocks.iter().skip(rows.blocks_done()) {
         let judged: Vec<(Design, Option<Merit>)> =
@@ -86,9 +85,4 @@ fn judge_all(grid: &Grid, path: &Path) -> Result<Vec<(Design, Option<Merit>)>, S
     }
     bar.finish_and_clear();
     Ok(rows.into_designs())
-}
-
-fn style() -> ProgressStyle {
-    ProgressStyle::with_template("{bar:40} {pos} of {len} lengths, {eta} left")
-        .unwrap_or_else(|_| ProgressStyle::default_bar())
 }

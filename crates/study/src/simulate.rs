@@ -8,7 +8,7 @@ use crate::{
 };
 
 /// How well touches are made, as standard deviations.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Nuisances {
     /// Of a frequency, Hz.
     pub(crate) shift_hz: f64,
@@ -24,6 +24,10 @@ pub(crate) struct Nuisances {
 }
 
 impl Nuisances {
+    /// None at all.
+    pub(crate) const NONE: Self =
+        Self { shift_hz: 0.0, depth_mm: 0.0, angle_deg: 0.0, young_rel: 0.0, eccentricity_mm: 0.0 };
+
     /// The bench on which this project's goals stand.
     pub(crate) const BENCH: Self = Self {
         shift_hz: 0.3,

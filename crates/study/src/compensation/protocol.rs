@@ -14,8 +14,11 @@ use rig_contact::{
     },
 };
 
-use super::bench::{Bench, Chance, MAX_ANGLE_RAD, NUISANCES};
-use crate::paper_bench::{ANGLES_DEG, INDENTATION_MM, SAMPLES_MPA, contact, tissue};
+use super::bench::{Bench, ENCODER_MM, MAX_ANGLE_RAD, NUISANCES};
+use crate::{
+    paper_bench::{ANGLES_DEG, INDENTATION_MM, SAMPLES_MPA, contact, tissue},
+    random::Stream,
+};
 
 /// How a sample is touched and read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -95,17 +98,17 @@ impl Protocol {
     }
 
     /// One trial on the bench.
-    pub(super) fn trial(self, bench: &Bench, reader: &Reader, chance: &mut Chance) -> Trial {
-        let sample = chance.sample();
-        let angle_rad = MAX_ANGLE_RAD * chance.even();
+    pub(super) fn trial(self, bench: &Bench, reader: &Reader, random: &mut Stream) -> Trial {
+        let sample = random.pick(&[0, 1, 2, 3, 4]);
+        let angle_rad = MAX_ANGLE_RAD * random.uniform();
         let place = Place { bench, sample, angle_rad };
         let (taken_for, found) = match self {
-            Self::ShiftAlone => (place.shift_alone(reader, chance), None),
-            Self::KnownAngle => place.known_angle(reader, chance),
-            Self::OneReading => place.depths(reader, &[INDENTATION_MM], chance),
-            Self::TwoDepths => place.depths(reader, &[SHALLOW_MM, INDENTATION_MM], chance),
-            Self::Spins => place.spins(reader, chance),
-            Self::Directions => place.directions(reader, chance),
+            Self::ShiftAlone => (place.shift_alone(reader, random), None),
+            Self::KnownAngle => place.known_angle(reader, random),
+            Self::OneReading => place.depths(reader, &[INDENTATION_MM], random),
+            Self::TwoDepths => place.depths(reader, &[SHALLOW_MM, INDENTATION_MM], random),
+            Self::Spins => place.spins(reader, random),
+            Self::Directions => place.directions(reader, random),
         };
         Trial { sample, angle_rad, taken_for, found }
     }
@@ -124,24 +127,24 @@ type Answer = (Option<usize>, Option<Found>);
 const DEPTH: Depth = Depth::Indentation { along_probe_mm: INDENTATION_MM };
 
 impl Place<'_> {
-    fn shift_alone(&self, reader: &Reader, chance: &mut Chance) -> Option<usize> {
-        let (shift_hz, ..) = self.tilted_touch(chance);
+    fn shift_alone(&self, reader: &Reader, random: &mut Stream) -> Option<usize> {
+        let (shift_hz, ..) = self.tilted_touch(random);
         class(&reader.shifts, shift_hz, NUISANCES.shift_hz / shift_hz)
     }
 
     /// One touch with the slope of its surface: the shift, the direction, the true stiffness.
-    fn tilted_touch(&self, chance: &mut Chance) -> (f64, Direction, f64) {
-        let direction = chance.direction();
-        let point = Bench::point(self.sample, chance);
-        let angle_rad = self.angle_rad + Bench::slope_rad(chance);
+    fn tilted_touch(&self, random: &mut Stream) -> (f64, Direction, f64) {
+        let direction = random.pick(&Direction::ALL);
+        let point = Bench::point(self.sample, random);
+        let angle_rad = self.angle_rad + Bench::slope_rad(random);
         let azimuth_rad = direction.azimuth_rad();
         let shift_hz =
-            self.bench.measure_hz(&point, angle_rad, azimuth_rad, INDENTATION_MM, chance);
+            self.bench.measure_hz(&point, angle_rad, azimuth_rad, INDENTATION_MM, random);
         (shift_hz, direction, point.young_mpa)
     }
 
-    fn known_angle(&self, reader: &Reader, chance: &mut Chance) -> Answer {
-        let (shift_hz, direction, truth_mpa) = self.tilted_touch(chance);
+    fn known_angle(&self, reader: &Reader, random: &mut Stream) -> Answer {
+        let (shift_hz, direction, truth_mpa) = self.tilted_touch(random);
         let pose = Pose::leaning(direction, self.angle_rad).expect("the angle is acute");
         let sigma_hz = NUISANCES.shift_hz;
         let touch = PosedTouch { sample: self.sample, pose, depth: DEPTH, shift_hz, sigma_hz };
@@ -154,48 +157,48 @@ impl Place<'_> {
         (taken_for, Some(found))
     }
 
-    fn depths(&self, reader: &Reader, depths_mm: &[f64], chance: &mut Chance) -> Answer {
-        let azimuth_rad = chance.direction().azimuth_rad();
-        let point = Bench::point(self.sample, chance);
+    fn depths(&self, reader: &Reader, depths_mm: &[f64], random: &mut Stream) -> Answer {
+        let azimuth_rad = random.pick(&Direction::ALL).azimuth_rad();
+        let point = Bench::point(self.sample, random);
         let touch = |&depth_mm: &f64| Touch {
-            shift_hz: self.bench.measure_hz(&point, self.angle_rad, azimuth_rad, depth_mm, chance),
+            shift_hz: self.bench.measure_hz(&point, self.angle_rad, azimuth_rad, depth_mm, random),
             sigma_hz: NUISANCES.shift_hz,
             spin_rad: 0.0,
             depth: Depth::Indentation { along_probe_mm: depth_mm },
         };
         let touches: Vec<Touch> = depths_mm.iter().map(touch).collect();
-        let probing = reader.probing(NUISANCES.surface_mm, NUISANCES.depth_mm);
+        let probing = reader.probing(NUISANCES.depth_mm, ENCODER_MM);
         let azimuth = AzimuthPrior::Known(azimuth_rad);
         reader.answer(&reader.infer(&touches, &probing, azimuth), point.young_mpa)
     }
 
-    fn spins(&self, reader: &Reader, chance: &mut Chance) -> Answer {
-        let azimuth_rad = 4.0 * FRAC_PI_2 * chance.even();
-        let point = Bench::point(self.sample, chance);
+    fn spins(&self, reader: &Reader, random: &mut Stream) -> Answer {
+        let azimuth_rad = 4.0 * FRAC_PI_2 * random.uniform();
+        let point = Bench::point(self.sample, random);
         let touches = [0.0, 1.0, 2.0, 3.0].map(|quarters| {
             let spin_rad = quarters * FRAC_PI_2;
             let at_rad = azimuth_rad - spin_rad;
             let shift_hz =
-                self.bench.measure_hz(&point, self.angle_rad, at_rad, INDENTATION_MM, chance);
+                self.bench.measure_hz(&point, self.angle_rad, at_rad, INDENTATION_MM, random);
             Touch { shift_hz, sigma_hz: NUISANCES.shift_hz, spin_rad, depth: DEPTH }
         });
-        let probing = reader.probing(NUISANCES.surface_mm, NUISANCES.depth_mm);
+        let probing = reader.probing(NUISANCES.depth_mm, ENCODER_MM);
         reader.answer(&reader.infer(&touches, &probing, AzimuthPrior::Unknown), point.young_mpa)
     }
 
     /// Each direction touches a point of its own, with its own stiffness, slope and surface; the
     /// truth is that of the sample.
-    fn directions(&self, reader: &Reader, chance: &mut Chance) -> Answer {
+    fn directions(&self, reader: &Reader, random: &mut Stream) -> Answer {
         let touches = Direction::ALL.map(|direction| {
-            let point = Bench::point(self.sample, chance);
-            let angle_rad = self.angle_rad + Bench::slope_rad(chance);
+            let point = Bench::point(self.sample, random);
+            let angle_rad = self.angle_rad + Bench::slope_rad(random);
             let at_rad = direction.azimuth_rad();
-            let shift_hz = self.bench.measure_hz(&point, angle_rad, at_rad, INDENTATION_MM, chance);
+            let shift_hz = self.bench.measure_hz(&point, angle_rad, at_rad, INDENTATION_MM, random);
             // No shift grows faster than the stiffness does.
-            let sigma_hz = NUISANCES.shift_hz.hypot(NUISANCES.sample_rel * shift_hz);
+            let sigma_hz = NUISANCES.shift_hz.hypot(NUISANCES.young_rel * shift_hz);
             Touch { shift_hz, sigma_hz, spin_rad: -at_rad, depth: DEPTH }
         });
-        let probing = reader.probing(0.0, NUISANCES.surface_mm.hypot(NUISANCES.depth_mm));
+        let probing = reader.probing(0.0, NUISANCES.depth_mm.hypot(ENCODER_MM));
         let found = reader.infer(&touches, &probing, AzimuthPrior::Unknown);
         reader.answer(&found, SAMPLES_MPA[self.sample])
     }
@@ -210,11 +213,11 @@ impl Reader {
             law: ContactLaw::Sneddon,
             friction: Friction::Sticking,
             kind: TissueKind::SOFT,
-            shared_depth_sigma_mm: NUISANCES.surface_mm,
-            depth_sigma_mm: NUISANCES.depth_mm,
-            angle_sigma_rad: NUISANCES.slope_rad,
+            shared_depth_sigma_mm: NUISANCES.depth_mm,
+            depth_sigma_mm: ENCODER_MM,
+            angle_sigma_rad: NUISANCES.angle_deg.to_radians(),
         };
-        let class = |young: f64| Class { centre: young.ln(), spread: NUISANCES.sample_rel };
+        let class = |young: f64| Class { centre: young.ln(), spread: NUISANCES.young_rel };
         let stiffness =
             Classifier::with_classes(SAMPLES_MPA.map(class).to_vec()).expect("the samples differ");
         Self { shifts: shift_classes(&models), compensation, stiffness }

@@ -30,49 +30,41 @@ struct Bench {
     nuisances: Nuisances,
 }
 
-const QUIET: Nuisances = Nuisances {
-    shift_hz: 0.0,
-    depth_mm: 0.0,
-    angle_deg: 0.0,
-    young_rel: 0.0,
-    eccentricity_mm: 0.0,
-};
-
 const BENCHES: [Bench; 9] = [
     Bench {
         name: "T1, no noise",
         tier: Tier::T1,
         control: Control::Indentation,
         directions: &Direction::ALL,
-        nuisances: QUIET,
+        nuisances: Nuisances::NONE,
     },
     Bench {
         name: "T1, 3.4 Hz",
         tier: Tier::T1,
         control: Control::Indentation,
         directions: &Direction::ALL,
-        nuisances: Nuisances { shift_hz: 3.4, ..QUIET },
+        nuisances: Nuisances { shift_hz: 3.4, ..Nuisances::NONE },
     },
     Bench {
         name: "T1, 0.1 mm of depth",
         tier: Tier::T1,
         control: Control::Indentation,
         directions: &Direction::ALL,
-        nuisances: Nuisances { depth_mm: 0.1, ..QUIET },
+        nuisances: Nuisances { depth_mm: 0.1, ..Nuisances::NONE },
     },
     Bench {
         name: "T1, 10 % of stiffness",
         tier: Tier::T1,
         control: Control::Indentation,
         directions: &Direction::ALL,
-        nuisances: Nuisances { young_rel: 0.1, ..QUIET },
+        nuisances: Nuisances { young_rel: 0.1, ..Nuisances::NONE },
     },
     Bench {
         name: "E1, no noise",
         tier: Tier::E1,
         control: Control::Indentation,
         directions: &Direction::ALL,
-        nuisances: QUIET,
+        nuisances: Nuisances::NONE,
     },
     Bench {
         name: "E1, bench",

@@ -29,7 +29,7 @@ pub(super) fn noiseless(models: &Models, tier: Tier, control: Control) -> Way<'_
         law: ContactLaw::Sneddon,
         friction: Friction::Sticking,
         control,
-        nuisances: Nuisances::default(),
+        nuisances: Nuisances::NONE,
     }
 }
 

@@ -158,7 +158,7 @@ fn by_ranges(repeats: u32, seed: u64) -> Table {
                 let tally = pass(&way, &ranges, Outside::Lost, largest_deg, points, &mut random);
                 100.0 * tally.rate(credit).expect("points were judged")
             };
-            let quiet = |of, credit| rate(Nuisances::default(), of, credit);
+            let quiet = |of, credit| rate(Nuisances::NONE, of, credit);
             let ours = quiet(RangeOf::Interval, Credit::Shared);
             let [none, full] =
                 [Credit::None, Credit::Full].map(|credit| quiet(RangeOf::Interval, credit));
