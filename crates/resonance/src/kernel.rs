@@ -18,7 +18,7 @@
 )]
 
 use crate::{
-    lanes::{Lanes, on_this_machine},
+    lanes::{Four, Lanes, Machine, on_this_machine},
     points::Block,
     solve::Normal,
 };
@@ -46,17 +46,13 @@ pub(crate) struct Rational {
 
 on_this_machine! {
     /// The normal equations of the circuit.
-    pub(crate) fn normal(blocks: &'a [Block], theta: &'a Theta) -> Normal<PARAMETERS> {
-        normal_of(blocks, theta)
-    }
+    pub(crate) fn normal(blocks: &'a [Block], theta: &'a Theta) -> Normal<PARAMETERS> = normal_of;
 }
 
 on_this_machine! {
     /// The sums of the rational fit, weighted with |h|² of an earlier estimate of (ν, α) where there
     /// is one: without that weight the readings near the resonance, which tell most, count least.
-    pub(crate) fn rational(blocks: &'a [Block], earlier: Option<(f64, f64)>) -> Rational {
-        rational_of(blocks, earlier)
-    }
+    pub(crate) fn rational(blocks: &'a [Block], earlier: Option<(f64, f64)>) -> Rational = rational_of;
 }
 
 on_this_machine! {
@@ -65,19 +61,18 @@ on_this_machine! {
         blocks: &'a [Block],
         theta: &'a Theta,
         residuals: &'a mut Vec<Residual>,
-    ) -> Look {
-        look_of(blocks, theta, residuals)
-    }
+    ) -> Look = look_of;
 }
 
 #[inline(always)]
-fn normal_of(blocks: &[Block], theta: &Theta) -> Normal<PARAMETERS> {
-    let nu = Lanes::splat(theta.nu);
-    let alpha = Lanes::splat(theta.alpha);
-    let (c, kappa, g) = (Lanes::splat(theta.c), Lanes::splat(theta.kappa), Lanes::splat(theta.g));
-    let one = Lanes::splat(1.0);
-    let mut s = [Lanes::ZERO; 18];
+fn normal_of<M: Machine>(on: M, blocks: &[Block], theta: &Theta) -> Normal<PARAMETERS> {
+    let nu = on.splat(theta.nu);
+    let alpha = on.splat(theta.alpha);
+    let (c, kappa, g) = (on.splat(theta.c), on.splat(theta.kappa), on.splat(theta.g));
+    let one = on.splat(1.0);
+    let mut s = [on.splat(0.0); 18];
     for block in blocks {
+        let block = block.on(on);
         let (d_re, d_im) = (nu - block.v, alpha * block.w);
         let hh = one / (d_re * d_re + d_im * d_im);
         let (h_re, h_im) = (d_re * hh, -(d_im * hh));
@@ -112,7 +107,7 @@ fn normal_of(blocks: &[Block], theta: &Theta) -> Normal<PARAMETERS> {
         s[16] += block.w * (h2_re * e_im - h2_im * e_re);
         s[17] += block.weight * (r_re * r_re + r_im * r_im);
     }
-    assemble(&s.map(Lanes::sum), theta.kappa)
+    assemble(&s.map(|sum| sum.lanes().sum()), theta.kappa)
 }
 
 #[inline(always)]
@@ -134,15 +129,16 @@ fn assemble(s: &[f64; 18], kappa: f64) -> Normal<PARAMETERS> {
 }
 
 #[inline(always)]
-fn rational_of(blocks: &[Block], earlier: Option<(f64, f64)>) -> Rational {
-    let one = Lanes::splat(1.0);
-    let mut s = [Lanes::ZERO; 13];
+fn rational_of<M: Machine>(on: M, blocks: &[Block], earlier: Option<(f64, f64)>) -> Rational {
+    let one = on.splat(1.0);
+    let mut s = [on.splat(0.0); 13];
     for block in blocks {
+        let block = block.on(on);
         let (w, v, p_re, p_im) = (block.w, block.v, block.p_re, block.p_im);
         let weight = match earlier {
             None => block.weight,
             Some((nu, alpha)) => {
-                let (d_re, d_im) = (Lanes::splat(nu) - v, Lanes::splat(alpha) * w);
+                let (d_re, d_im) = (on.splat(nu) - v, on.splat(alpha) * w);
                 block.weight * (one / (d_re * d_re + d_im * d_im))
             }
         };
@@ -164,7 +160,7 @@ fn rational_of(blocks: &[Block], earlier: Option<(f64, f64)>) -> Rational {
         s[11] += vpp * v;
         s[12] += pp * w * w;
     }
-    let s = s.map(Lanes::sum);
+    let s = s.map(|sum| sum.lanes().sum());
     Rational {
         matrix: [
             [s[11], -s[10], 0.0, s[4], s[7]],
@@ -209,15 +205,21 @@ pub(crate) struct Residual {
 }
 
 #[inline(always)]
-fn look_of(blocks: &[Block], theta: &Theta, residuals: &mut Vec<Residual>) -> Look {
-    let nu = Lanes::splat(theta.nu);
-    let alpha = Lanes::splat(theta.alpha);
-    let (c, kappa, g) = (Lanes::splat(theta.c), Lanes::splat(theta.kappa), Lanes::splat(theta.g));
-    let one = Lanes::splat(1.0);
+fn look_of<M: Machine>(
+    on: M,
+    blocks: &[Block],
+    theta: &Theta,
+    residuals: &mut Vec<Residual>,
+) -> Look {
+    let nu = on.splat(theta.nu);
+    let alpha = on.splat(theta.alpha);
+    let (c, kappa, g) = (on.splat(theta.c), on.splat(theta.kappa), on.splat(theta.g));
+    let one = on.splat(1.0);
     residuals.clear();
-    let mut largest = Lanes::ZERO;
-    let mut s = [Lanes::ZERO; 21];
+    let mut largest = on.splat(0.0);
+    let mut s = [on.splat(0.0); 21];
     for block in blocks {
+        let block = block.on(on);
         let (d_re, d_im) = (nu - block.v, alpha * block.w);
         let hh = one / (d_re * d_re + d_im * d_im);
         let (h_re, h_im) = (d_re * hh, -(d_im * hh));
@@ -227,7 +229,7 @@ fn look_of(blocks: &[Block], theta: &Theta, residuals: &mut Vec<Residual>) -> Lo
         let re = block.p_re * y_re - block.p_im * y_im - one;
         let im = block.p_re * y_im + block.p_im * y_re;
         let size = block.weight * (re * re + im * im);
-        residuals.push(Residual { re, im });
+        residuals.push(Residual { re: re.lanes(), im: im.lanes() });
         largest = largest.max(size);
         let (wp_re, wp_im) = (block.weight * block.p_re, block.weight * block.p_im);
         let (e_re, e_im) = (wp_re * re + wp_im * im, wp_re * im - wp_im * re);
@@ -257,13 +259,13 @@ fn look_of(blocks: &[Block], theta: &Theta, residuals: &mut Vec<Residual>) -> Lo
         s[19] += h3_re * e_re + h3_im * e_im;
         s[20] += h3_re * e_im - h3_im * e_re;
     }
-    let s = s.map(Lanes::sum);
+    let s = s.map(|sum| sum.lanes().sum());
     let k = theta.kappa;
     Look {
         fourth: s[0],
-        largest: largest.0.into_iter().fold(0.0, f64::max),
+        largest: largest.lanes().0.into_iter().fold(0.0, f64::max),
         capacitor: (s[1] * s[1] + s[2] * s[2]) / s[3],
-        differences: differences(blocks, residuals),
+        differences: differences(on, blocks, residuals),
         gradient: [s[18], s[19], s[20]],
         with_circuit: [
             [-k * s[7], -k * s[8], -s[5], 0.0, -s[4]],
@@ -277,14 +279,45 @@ fn look_of(blocks: &[Block], theta: &Theta, residuals: &mut Vec<Residual>) -> Lo
 /// The sum over neighbours of |r − r′|² over their variances: a lane holds readings that follow
 /// one another.
 #[inline(always)]
-fn differences(blocks: &[Block], residuals: &[Residual]) -> f64 {
-    let mut sum = Lanes::ZERO;
+fn differences<M: Machine>(on: M, blocks: &[Block], residuals: &[Residual]) -> f64 {
+    let mut sum = on.splat(0.0);
     for (pair, r) in blocks.windows(2).zip(residuals.windows(2)) {
-        let (re, im) = (r[1].re - r[0].re, r[1].im - r[0].im);
-        let both = pair[0].weight * pair[1].weight;
-        let total = pair[0].weight + pair[1].weight;
+        let re = on.of(&r[1].re) - on.of(&r[0].re);
+        let im = on.of(&r[1].im) - on.of(&r[0].im);
+        let (one, other) = (on.of(&pair[0].weight), on.of(&pair[1].weight));
+        let (both, total) = (one * other, one + other);
         // 1/(1/W + 1/W′), which is 0 where one of them does not count.
-        sum += (re * re + im * im) * both / total.max(Lanes::splat(f64::MIN_POSITIVE));
+        sum += (re * re + im * im) * both / total.max(on.splat(f64::MIN_POSITIVE));
     }
-    sum.sum()
+    sum.lanes().sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lanes::Any;
+
+    #[test]
+    fn every_machine_gets_the_same_bits() {
+        let number = |i: usize| Lanes(std::array::from_fn(|lane| ((7 * i + lane) as f64).sin()));
+        let blocks: Vec<Block> = (0..9)
+            .map(|i| Block {
+                w: number(5 * i),
+                v: number(5 * i + 1),
+                p_re: number(5 * i + 2),
+                p_im: number(5 * i + 3),
+                weight: number(5 * i + 4),
+            })
+            .collect();
+        let theta = Theta { nu: 0.1, alpha: 0.03, c: 1.0, kappa: 0.05, g: 0.02 };
+        let (here, there) = (normal(&blocks, &theta), normal_of(Any, &blocks, &theta));
+        assert_eq!(format!("{here:?}"), format!("{there:?}"));
+        let (mut here, mut there) = (Vec::new(), Vec::new());
+        let looks = (look(&blocks, &theta, &mut here), look_of(Any, &blocks, &theta, &mut there));
+        assert_eq!(format!("{:?} {here:?}", looks.0), format!("{:?} {there:?}", looks.1));
+        for earlier in [None, Some((0.1, 0.03))] {
+            let (here, there) = (rational(&blocks, earlier), rational_of(Any, &blocks, earlier));
+            assert_eq!(format!("{here:?}"), format!("{there:?}"));
+        }
+    }
 }

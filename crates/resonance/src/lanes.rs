@@ -1,9 +1,9 @@
 //! Four numbers side by side.
 //!
-//! Plain arithmetic on arrays, written so that the compiler turns it into vector instructions where
-//! the caller was compiled for them (see [`crate::kernel`]). Sums are kept per lane and added up in
-//! one fixed order at the end; multiplications and additions are never contracted. Every machine
-//! therefore gets the same bits, whatever instructions it has.
+//! Arithmetic on arrays, or on registers where the machine has wide ones: the compiler does not find
+//! these by itself in loops with so many sums. Sums are kept per lane and added up in one fixed order
+//! at the end; multiplications and additions are never contracted. Every machine therefore gets the
+//! same bits, whatever instructions it has.
 
 #![expect(
     clippy::inline_always,
@@ -14,24 +14,27 @@ use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
 /// Compiles a function for the instructions of this machine as well, and runs what fits.
 ///
-/// Only what is inlined into it is compiled so, which a closure is not: what is called from its body
-/// must be `inline(always)`.
+/// Only what is inlined into it is compiled so, which a closure is not: the function that does the
+/// work must be `inline(always)`. Its first argument says what the machine has.
 macro_rules! on_this_machine {
     ($(#[$about:meta])* $public:vis fn $name:ident($($input:ident: $kind:ty),* $(,)?) -> $output:ty
-        $body:block
+        = $work:path;
     ) => {
         $(#[$about])*
         $public fn $name<'a>($($input: $kind),*) -> $output {
-            struct Work<'a> { $($input: $kind),* }
-            impl<'a> pulp::NullaryFnOnce for Work<'a> {
+            struct Work<'a, M> { machine: M, $($input: $kind),* }
+            impl<'a, M: $crate::lanes::Machine> pulp::NullaryFnOnce for Work<'a, M> {
                 type Output = $output;
                 #[inline(always)]
                 fn call(self) -> $output {
-                    let Self { $($input),* } = self;
-                    $body
+                    $work(self.machine, $(self.$input),*)
                 }
             }
-            pulp::Arch::new().dispatch(Work { $($input),* })
+            #[cfg(target_arch = "x86_64")]
+            if let Some(machine) = pulp::x86::V3::try_new() {
+                return machine.vectorize(Work { machine, $($input),* });
+            }
+            pulp::NullaryFnOnce::call(Work { machine: $crate::lanes::Any, $($input),* })
         }
     };
 }
@@ -59,11 +62,118 @@ impl Lanes {
         let [a, b, c, d] = self.0;
         (a + c) + (b + d)
     }
+}
 
+/// Four numbers in whatever holds them on some machine.
+pub(crate) trait Four:
+    Copy
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+{
+    /// The numbers one by one.
+    fn lanes(self) -> Lanes;
     /// The larger of each pair; a number wins over what is not one.
+    fn max(self, other: Self) -> Self;
+}
+
+/// What a machine computes with.
+pub(crate) trait Machine: Copy {
+    /// What holds four numbers.
+    type Four: Four;
+    /// These four numbers.
+    fn of(self, lanes: &Lanes) -> Self::Four;
+    /// Four times the same number.
     #[inline(always)]
-    pub(crate) fn max(self, other: Self) -> Self {
+    fn splat(self, value: f64) -> Self::Four {
+        self.of(&Lanes::splat(value))
+    }
+}
+
+/// A machine of which nothing is known.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Any;
+
+impl Machine for Any {
+    type Four = Lanes;
+    #[inline(always)]
+    fn of(self, lanes: &Lanes) -> Lanes {
+        *lanes
+    }
+}
+
+impl Four for Lanes {
+    #[inline(always)]
+    fn lanes(self) -> Lanes {
+        self
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
         Self(std::array::from_fn(|i| if self.0[i] > other.0[i] { self.0[i] } else { other.0[i] }))
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
+
+    use pulp::{Simd, f64x4, x86::V3};
+
+    use super::{Four, Lanes, Machine};
+
+    /// Four numbers in one register of AVX2.
+    #[derive(Clone, Copy)]
+    pub(crate) struct Register(V3, f64x4);
+
+    impl Machine for V3 {
+        type Four = Register;
+        #[inline(always)]
+        fn of(self, lanes: &Lanes) -> Register {
+            Register(self, pulp::bytemuck::cast(lanes.0))
+        }
+    }
+
+    impl Four for Register {
+        #[inline(always)]
+        fn lanes(self) -> Lanes {
+            Lanes(pulp::bytemuck::cast(self.1))
+        }
+        #[inline(always)]
+        fn max(self, other: Self) -> Self {
+            Self(self.0, self.0.max_f64s(self.1, other.1))
+        }
+    }
+
+    macro_rules! at_once {
+        ($($operation:ident :: $method:ident = $instruction:ident),*) => {$(
+            impl $operation for Register {
+                type Output = Self;
+                #[inline(always)]
+                fn $method(self, other: Self) -> Self {
+                    Self(self.0, self.0.$instruction(self.1, other.1))
+                }
+            }
+        )*};
+    }
+
+    at_once!(Add::add = add_f64s, Sub::sub = sub_f64s, Mul::mul = mul_f64s, Div::div = div_f64s);
+
+    impl AddAssign for Register {
+        #[inline(always)]
+        fn add_assign(&mut self, other: Self) {
+            *self = *self + other;
+        }
+    }
+
+    impl Neg for Register {
+        type Output = Self;
+        #[inline(always)]
+        fn neg(self) -> Self {
+            Self(self.0, self.0.neg_f64s(self.1))
+        }
     }
 }
 

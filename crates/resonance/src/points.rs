@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 use rig_model::{Reading, ReadingFlag};
 
 use crate::{
-    lanes::{LANES, Lanes, on_this_machine},
+    lanes::{LANES, Lanes, Machine},
     trace::weight,
 };
 
@@ -20,14 +20,14 @@ use crate::{
 /// With w = f/f₀ and the impedance ζ in units of 1/(2πf₀C₀), p = jwζ is the factor by which a
 /// capacitance has to be multiplied to become the ratio of the admittance to the one measured.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Block {
-    pub(crate) w: Lanes,
+pub(crate) struct Block<F = Lanes> {
+    pub(crate) w: F,
     /// w² − 1: small numbers keep their digits.
-    pub(crate) v: Lanes,
-    pub(crate) p_re: Lanes,
-    pub(crate) p_im: Lanes,
+    pub(crate) v: F,
+    pub(crate) p_re: F,
+    pub(crate) p_im: F,
     /// How many times ten cycles were integrated; 0 in lanes without a reading.
-    pub(crate) weight: Lanes,
+    pub(crate) weight: F,
 }
 
 /// Why a reading can be left out.
@@ -64,11 +64,6 @@ impl Points {
     /// A reading without overload whose frequency is not a positive number or whose impedance is
     /// zero or not finite.
     pub(crate) fn load(&mut self, readings: &[Reading]) -> Result<(), NotFinite> {
-        load(self, readings)
-    }
-
-    #[inline(always)]
-    fn load_all(&mut self, readings: &[Reading]) -> Result<(), NotFinite> {
         self.scan(readings)?;
         let inverse_hz = 1.0 / self.reference_hz;
         let unit_siemens = TAU * self.reference_hz * self.reference_farad;
@@ -102,7 +97,6 @@ impl Points {
     }
 
     /// Finds the units, and what must not go into a fit.
-    #[inline(always)]
     fn scan(&mut self, readings: &[Reading]) -> Result<(), NotFinite> {
         let (mut lowest, mut highest) = (f64::INFINITY, 0.0_f64);
         let (mut count, mut sum, mut settle_s) = (0_usize, 0.0, f64::INFINITY);
@@ -137,14 +131,20 @@ impl Points {
     }
 }
 
-on_this_machine! {
-    /// Takes the readings in.
-    fn load(points: &'a mut Points, readings: &'a [Reading]) -> Result<(), NotFinite> {
-        points.load_all(readings)
-    }
-}
-
 impl Block {
+    /// The same in what this machine computes with.
+    #[inline(always)]
+    pub(crate) fn on<M: Machine>(&self, machine: M) -> Block<M::Four> {
+        let Self { w, v, p_re, p_im, weight } = self;
+        Block {
+            w: machine.of(w),
+            v: machine.of(v),
+            p_re: machine.of(p_re),
+            p_im: machine.of(p_im),
+            weight: machine.of(weight),
+        }
+    }
+
     /// Lanes without a reading: harmless numbers of weight 0.
     const EMPTY: Self = Self {
         w: Lanes::splat(1.0),
