@@ -70,7 +70,7 @@ pub struct SweepRequest {
     pub target_sigma_hz: f64,
     /// The time allowed on the rig's clock, s.
     pub time_limit_s: f64,
-    /// Whole cycles integrated at each point of a uniform sweep; the adaptive one starts with it.
+    /// Whole cycles integrated at each point of a uniform sweep; the adaptive ones choose.
     pub cycles: u32,
     /// Settling at each point of a uniform sweep, s.
     pub settle_s: f64,

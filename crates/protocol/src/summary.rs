@@ -32,12 +32,9 @@ const AFTER_CONTACT_TIME_CONSTANTS: f64 = 5.0;
 /// The first reading of a touch waits for this many time constants of the ring.
 const BASELINE_TIME_CONSTANTS: f64 = 8.0;
 
-/// An adaptive sweep takes about this many points: a coarse look, and as many again near the
-/// resonance.
-const ADAPTIVE_POINTS: f64 = 16.0;
-
-/// So many time constants an adaptive sweep waits at all its points together.
-const ADAPTIVE_TIME_CONSTANTS: f64 = 60.0;
+/// So many time constants an adaptive sweep takes: it waits for six or so at each of the few points
+/// on which most rests, and the cycles that it integrates hardly count beside that.
+const ADAPTIVE_TIME_CONSTANTS: f64 = 30.0;
 
 /// Each pass of the search for the surface is finer than the one before it by this factor.
 const REFINEMENT: f64 = 5.0;
@@ -55,7 +52,7 @@ impl Plan {
     /// touch     rotation + 8 τ + way down and up at travel speed + search + dwell + contact sweep
     /// search    readings · (settle + cycles/f + 0.04 s) + way at contact speed
     /// readings  start above/coarse step + 1, and 3 more for each finer pass, a fifth of the last
-    /// sweep     uniform: points · (settle + cycles/f); adaptive: 60 τ + 16 cycles/f
+    /// sweep     uniform: points · (settle + cycles/f); adaptive: 30 τ
     /// ```
     ///
     /// with f in the middle of the window and τ = Q/(π f) for a Q of 60.
@@ -147,12 +144,14 @@ fn include<U: Unit>(span: &mut Span<U>, position: Position<U>) {
 }
 
 fn sweep_s(sweep: &SweepRequest) -> f64 {
-    let integration_s = f64::from(sweep.cycles) / middle_hz(sweep);
     let planned_s = match sweep.method {
         SweepMethod::Adaptive | SweepMethod::Transient => {
-            ADAPTIVE_TIME_CONSTANTS * time_constant_s(sweep) + ADAPTIVE_POINTS * integration_s
+            ADAPTIVE_TIME_CONSTANTS * time_constant_s(sweep)
         }
-        SweepMethod::Uniform { points } => f64::from(points) * (sweep.settle_s + integration_s),
+        SweepMethod::Uniform { points } => {
+            let integration_s = f64::from(sweep.cycles) / middle_hz(sweep);
+            f64::from(points) * (sweep.settle_s + integration_s)
+        }
     };
     planned_s.min(sweep.time_limit_s)
 }

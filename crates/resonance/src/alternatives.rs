@@ -120,7 +120,8 @@ impl<'a> Fitted<'a> {
         let mut admittance = Vec::with_capacity(trace.samples.len());
         let mut index = 0;
         trace.rows(&at, |sample, row| {
-            if sample.weight > 0.0 {
+            // What is left of the motion looks like anything at all.
+            if sample.weight > 0.0 && trace.has_settled(sample) {
                 rows.push((index, row));
             }
             let circuit = at.circuit(1.0);
@@ -158,7 +159,7 @@ impl<'a> Fitted<'a> {
             |i: usize, row: &Row| [row.slopes[0] * size(i), row.slopes[1] * size(i), NOTHING];
         consider(self.alternative(Cause::Nonlinear, 2, ferroelastic));
         if self.trace.timing.is_steady() {
-            if self.may_not_have_settled() {
+            if self.trace.weighed_for.is_none() && self.may_not_have_settled() {
                 consider(self.not_settled());
             }
             if self.at.besides != Besides::SecondMode {
@@ -181,7 +182,8 @@ impl<'a> Fitted<'a> {
     /// What is left of the motion when each point follows the one before, after the settling that
     /// was waited for. `None` where that is not known.
     pub(crate) fn left_over(&self) -> Option<Alternative> {
-        (self.trace.timing == Timing::Waited).then(|| self.after(|sample| sample.visit)).flatten()
+        let may_matter = self.trace.timing == Timing::Waited && self.trace.weighed_for.is_none();
+        may_matter.then(|| self.after(|sample| sample.visit)).flatten()
     }
 
     fn may_not_have_settled(&self) -> bool {
@@ -271,6 +273,9 @@ impl<'a> Fitted<'a> {
         let frequencies = self.rows.iter().map(|&(i, _)| self.sample(i).visit.frequency_hz);
         let (low, high) =
             frequencies.fold((f64::INFINITY, 0.0_f64), |(a, b), f| (a.min(f), b.max(f)));
+        if low >= high {
+            return [None; 2];
+        }
         let beyond = BEYOND * (high - low);
         let (low, high) = (low - beyond, high + beyond);
         let width = self.at.resonance_hz / self.at.q;

@@ -6,8 +6,8 @@
 use rig_model::{Reading, Window};
 
 use crate::{
-    Reason, Refusal, Resonance, Side, Timing, Verdict, points::Points, quick::Quick, rounding,
-    scatter, solve::End, thorough::Model,
+    Circuit, Reason, Refusal, Resonance, Side, Timing, Verdict, points::Points, quick::Quick,
+    rounding, scatter, solve::End, thorough::Model, trace::Believed,
 };
 
 /// What is known besides the readings.
@@ -23,6 +23,8 @@ pub struct FitOptions {
     /// readings at the frequencies that tell most of the resonance tell hardly anything of loss,
     /// and what they cannot exclude belongs into the uncertainty.
     pub always_loss: bool,
+    /// Where the most likely circuit is, when that is known: it is not searched for then.
+    pub near: Option<Circuit>,
 }
 
 /// Noise known from earlier readings of the same analyzer.
@@ -80,6 +82,8 @@ impl Fitter {
             }
         }
         let unit_farad = self.quick.points.reference_farad;
+        let near = options.near.map(|circuit| Believed::of(&circuit, unit_farad));
+        let start = near.or(start);
         match Model::find(readings, &rounding, window, unit_farad, start, options) {
             Ok(model) => judge(&model, window, options),
             Err(reason) => refused(reason),

@@ -11,6 +11,7 @@ use rig_model::Window;
 
 use crate::{
     dense::Cholesky,
+    leftover::Leftover,
     ringup::{Heard, Motion, plain},
     solve::Normal,
     trace::{Believed, Besides, CIRCUIT, Past, Sample, Timing, UNKNOWNS},
@@ -41,6 +42,8 @@ const C0_SPREAD: f64 = 1.0;
 const C1_SPREAD: f64 = 0.15;
 const LOSS_SPREAD: f64 = 0.03;
 const PAST_SPREAD: f64 = 3.0;
+/// C1 in units of C0 where only the size of an error depends on it.
+const C1_TYPICAL: f64 = 0.07;
 
 /// Distance of the trial frequencies, relative: at a quality of 150 one linewidth.
 const STEP: f64 = 0.007;
@@ -50,6 +53,7 @@ const QUALITIES: [f64; 7] = [6.0, 10.0, 17.0, 30.0, 52.0, 90.0, 150.0];
 #[derive(Debug, Clone)]
 pub(crate) struct Grid {
     timing: Timing,
+    variance: Option<f64>,
     cells: Vec<Cell>,
 }
 
@@ -60,11 +64,15 @@ struct Cell {
     q: f64,
     motion: Motion<Complex64>,
     past: Complex64,
+    leftover: Leftover,
+    ln_determinant: f64,
     normal: Normal<LINEAR>,
 }
 
 impl Grid {
-    pub(crate) fn new(window: Window, timing: Timing) -> Self {
+    /// Readings that have not settled count for less where the variance of the noise at ten cycles
+    /// is given.
+    pub(crate) fn new(window: Window, timing: Timing, variance: Option<f64>) -> Self {
         let Window { min_hz, max_hz } = window;
         let steps = ((max_hz / min_hz).ln() / STEP).ceil().max(1.0);
         let mut cells = Vec::new();
@@ -74,13 +82,23 @@ impl Grid {
             cells.extend(QUALITIES.iter().map(|&q| Cell::new(resonance_hz, q)));
             step += 1.0;
         }
-        Self { timing, cells }
+        Self { timing, variance, cells }
     }
 
     /// Takes in one more reading.
     pub(crate) fn add(&mut self, sample: &Sample) {
         for cell in &mut self.cells {
-            cell.add(sample, self.timing);
+            cell.add(sample, self.timing, self.variance);
+        }
+    }
+
+    /// The drive goes on for some time after the last reading.
+    pub(crate) fn rest(&mut self, seconds: f64) {
+        if seconds > 0.0 {
+            for cell in &mut self.cells {
+                cell.motion.rest(seconds, &mut cell.past);
+                cell.leftover.rest(seconds);
+            }
         }
     }
 
@@ -104,11 +122,14 @@ impl Cell {
             q,
             motion: Motion::at_rest(plain(resonance_hz, q)),
             past: Complex64::ONE,
+            leftover: Leftover::new(resonance_hz, q),
+            ln_determinant: 0.0,
             normal: Normal::default(),
         }
     }
 
-    fn add(&mut self, sample: &Sample, timing: Timing) {
+    fn add(&mut self, sample: &Sample, timing: Timing, variance: Option<f64>) {
+        let mut weight = sample.weight;
         let omega = TAU * sample.visit.frequency_hz;
         let heard = match timing {
             Timing::Exact(_) => self.motion.visit(&sample.visit, &mut self.past),
@@ -119,7 +140,15 @@ impl Cell {
                 Heard { motional, past: [Complex64::ZERO; 2] }
             }
         };
-        if sample.weight > 0.0 {
+        if let (Timing::Waited, Some(variance)) = (timing, variance) {
+            let motional = self.leftover.visit(&sample.visit);
+            if weight > 0.0 {
+                let relative = C1_TYPICAL * C1_TYPICAL * motional * sample.impedance.norm_sqr();
+                weight = 1.0 / (1.0 / sample.length + relative / variance);
+                self.ln_determinant -= 2.0 * weight.ln();
+            }
+        }
+        if weight > 0.0 {
             let z = sample.impedance;
             let row = [
                 z * Complex64::new(0.0, omega),
@@ -128,7 +157,7 @@ impl Cell {
                 z * heard.past[0],
                 z * heard.past[1],
             ];
-            self.normal.add(Complex64::from(-1.0), &row, sample.weight);
+            self.normal.add(Complex64::from(-1.0), &row, weight);
         }
     }
 
@@ -148,7 +177,7 @@ impl Cell {
         let saved: f64 = step.iter().zip(gradient).map(|(a, b)| a * b).sum();
         let [c0, c1, g, b1, b2] = step.map(|x| -x);
         let ln_q = (self.q / expected.q).ln() / LN_Q_SPREAD;
-        let cost = self.normal.cost - saved + variance * ln_q * ln_q;
+        let cost = self.normal.cost - saved + variance * (ln_q * ln_q + self.ln_determinant);
         let (resonance_hz, q) = (self.resonance_hz, self.q);
         let believed = Believed { resonance_hz, q, c0, c1, g, besides, extra: [b1, b2, 0.0] };
         (c1 > 0.0 && c0 > 0.0).then_some((cost, believed))

@@ -18,6 +18,7 @@ mod fit;
 mod grid;
 mod kernel;
 mod lanes;
+mod leftover;
 mod mains;
 mod outliers;
 mod planner;

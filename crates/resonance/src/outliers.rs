@@ -151,5 +151,7 @@ pub(crate) fn sizes(trace: &Trace, found: &Minimum) -> (Vec<f64>, f64) {
     )]
     used.truncate((used.len() as f64 * TRIMMED).ceil() as usize);
     let mean = used.iter().sum::<f64>() / used.len() as f64;
-    (sizes, (mean / TRIMMED_MEAN).max(VARIANCE_MIN))
+    // Readings that have not settled may be better than they are taken for; the others are not.
+    let known = trace.weighed_for.map_or(VARIANCE_MIN, |variance| 2.0 * variance);
+    (sizes, (mean / TRIMMED_MEAN).max(known))
 }

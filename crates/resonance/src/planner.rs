@@ -3,15 +3,18 @@
 //! The planner does not measure and has no clock: it is asked for points, is given the readings,
 //! and is asked again, until it has a verdict. What it costs is told by the readings themselves.
 
-mod design;
 mod settled;
 mod tracker;
 mod transient;
 
 use rig_model::{Reading, SweepMethod, SweepPoint, SweepRequest, Window};
 
-use crate::{Circuit, FitOptions, Fitter, NoisePrior, Past, Resonance, Timing, Verdict};
+use crate::{
+    Circuit, FitOptions, Fitter, NoisePrior, Past, Resonance, Timing, Verdict, fit::POINTS_MIN,
+    trace::Sample,
+};
 use settled::Settled;
+use tracker::Tracker;
 use transient::Transient;
 
 /// What to do next.
@@ -42,7 +45,7 @@ impl Prior {
     pub fn moved(last: &Resonance, within: Window) -> Self {
         let noise = NoisePrior {
             at_ten_cycles: last.noise_at_ten_cycles,
-            degrees_of_freedom: (2 * last.points) as f64,
+            degrees_of_freedom: last.noise_degrees_of_freedom.min(NOISE_DEGREES_MAX),
         };
         Self { circuit: Some(last.circuit()), within, noise: Some(noise), past: Past::Unknown }
     }
@@ -65,39 +68,49 @@ pub struct Planner {
 #[derive(Debug, Clone)]
 enum Method {
     Uniform { points: u32, is_asked: bool },
-    Settled(Settled),
+    Settled(Box<Settled>),
     Transient(Box<Transient>),
 }
 
+/// What an analyzer is taken for until its readings tell.
+const NOISE: NoisePrior = NoisePrior { at_ten_cycles: 0.005, degrees_of_freedom: 4.0 };
+/// Noise may change: what earlier sweeps say of it counts for no more than this.
+const NOISE_DEGREES_MAX: f64 = 1000.0;
+/// A reading that counts for less than this part of a settled one is a look.
+const LOOK_WEIGHT: f64 = 1e-3;
 /// The part of the asked standard deviation that is aimed at: what is planned with estimates falls
 /// short half of the time.
 const AIM: f64 = 0.99;
 /// By how much less is aimed at, at a time, when the fit is not content.
 const MORE: f64 = 0.95;
 /// A refusal may be chance while the readings are few; so many in a row are none.
-const REFUSALS_MAX: usize = 4;
+const REFUSALS_MAX: usize = 10;
 
 impl Planner {
     /// A planner for this request, with what is believed so far.
     pub fn new(request: &SweepRequest, prior: Option<&Prior>) -> Self {
         let past = prior.map_or(Past::Unknown, |prior| prior.past);
+        let known = prior.and_then(|prior| prior.noise);
+        let noise = known.unwrap_or(NOISE);
         let (method, timing) = match request.method {
             SweepMethod::Uniform { points } => {
                 (Method::Uniform { points, is_asked: false }, Timing::Waited)
             }
             SweepMethod::Adaptive => {
-                (Method::Settled(Settled::new(request, prior)), Timing::Waited)
+                (Method::Settled(Box::new(Settled::new(request, prior, &noise))), Timing::Waited)
             }
             SweepMethod::Transient => {
-                let transient = Transient::new(request, prior, past);
+                let transient = Transient::new(request, prior, past, &noise);
                 (Method::Transient(Box::new(transient)), Timing::Exact(past))
             }
         };
         let options = FitOptions {
             window: Some(request.window),
-            noise: prior.and_then(|prior| prior.noise),
+            // How far a reading has settled can only be held against some noise.
+            noise: known.or_else(|| matches!(method, Method::Settled(_)).then_some(NOISE)),
             timing,
             always_loss: true,
+            near: None,
         };
         let (readings, fitter) = (Vec::new(), Fitter::default());
         let aim_hz = AIM * request.target_sigma_hz;
@@ -110,34 +123,45 @@ impl Planner {
         reason = "what comes next depends on the readings added in between"
     )]
     pub fn next(&mut self) -> Next {
-        let points = match &mut self.method {
-            Method::Uniform { is_asked: true, .. } => Vec::new(),
-            Method::Uniform { points, is_asked } => {
+        let SweepRequest { window, settle_s, cycles, .. } = self.request;
+        match &mut self.method {
+            Method::Uniform { points, is_asked } if !*is_asked => {
                 *is_asked = true;
-                let SweepRequest { window, settle_s, cycles, .. } = self.request;
-                evenly(window, *points, settle_s, cycles)
+                Next::Measure(evenly(window, *points, settle_s, cycles))
             }
-            Method::Settled(settled) => settled.next(&self.request, &self.readings, &self.options),
-            Method::Transient(_) => return self.next_visit(),
-        };
-        if points.is_empty() {
-            let readings = match &self.method {
-                Method::Uniform { .. } | Method::Transient(_) => &self.readings[..],
-                Method::Settled(settled) => settled.usable(&self.readings),
-            };
-            return Next::Finished(self.fitter.fit(readings, &self.options));
+            Method::Uniform { .. } => Next::Finished(self.verdict()),
+            Method::Settled(_) | Method::Transient(_) => self.next_point(),
         }
-        Next::Measure(points)
     }
 
-    fn next_visit(&mut self) -> Next {
-        let Method::Transient(transient) = &mut self.method else {
-            return Next::Finished(self.fitter.fit(&self.readings, &self.options));
-        };
+    fn verdict(&mut self) -> Verdict {
+        self.options.near = self.tracker().and_then(Tracker::circuit);
+        self.fitter.fit(&self.readings, &self.options)
+    }
+
+    fn tracker(&self) -> Option<&Tracker> {
+        match &self.method {
+            Method::Uniform { .. } => None,
+            Method::Settled(settled) => Some(settled.tracker()),
+            Method::Transient(transient) => Some(transient.tracker()),
+        }
+    }
+
+    /// How many of the first readings only served to find the resonance: they had settled so little
+    /// that together they count for next to nothing.
+    pub fn looks(&self) -> usize {
+        let Method::Settled(settled) = &self.method else { return 0 };
+        let Some((trace, _)) = settled.tracker().best() else { return self.readings.len() };
+        let is_look = |sample: &&Sample| sample.weight < LOOK_WEIGHT * sample.length;
+        let most = self.readings.len().saturating_sub(POINTS_MIN);
+        trace.samples.iter().take_while(is_look).count().min(most)
+    }
+
+    fn next_point(&mut self) -> Next {
         let is_late = elapsed_s(&self.readings) >= self.request.time_limit_s;
-        let expected_hz = transient.sigma_hz();
+        let expected_hz = self.tracker().map_or(f64::INFINITY, Tracker::sigma_hz);
         if is_late || expected_hz < self.aim_hz {
-            let verdict = self.fitter.fit(&self.readings, &self.options);
+            let verdict = self.verdict();
             let target_hz = self.request.target_sigma_hz;
             match verdict.accepted() {
                 Some(found) if found.sigma_hz > target_hz => {
@@ -156,9 +180,15 @@ impl Planner {
                 return Next::Finished(verdict);
             }
         }
-        match transient.next(&self.request, &self.readings, self.aim_hz) {
+        let (request, readings, aim_hz) = (&self.request, &self.readings, self.aim_hz);
+        let point = match &mut self.method {
+            Method::Uniform { .. } => None,
+            Method::Settled(settled) => settled.next(request, readings, aim_hz),
+            Method::Transient(transient) => transient.next(request, readings, aim_hz),
+        };
+        match point {
             Some(point) => Next::Measure(vec![point]),
-            None => Next::Finished(self.fitter.fit(&self.readings, &self.options)),
+            None => Next::Finished(self.verdict()),
         }
     }
 
@@ -166,7 +196,7 @@ impl Planner {
     pub fn add(&mut self, readings: &[Reading]) {
         self.readings.extend_from_slice(readings);
         match &mut self.method {
-            Method::Settled(settled) => settled.add(readings.len()),
+            Method::Settled(settled) => settled.add(readings),
             Method::Transient(transient) => transient.add(readings),
             Method::Uniform { .. } => {}
         }
@@ -175,15 +205,6 @@ impl Planner {
     /// All readings so far.
     pub fn readings(&self) -> &[Reading] {
         &self.readings
-    }
-
-    /// How many of the first readings only served to find the resonance. The verdict rests on the
-    /// others.
-    pub fn looks(&self) -> usize {
-        match &self.method {
-            Method::Settled(settled) => self.readings.len() - settled.usable(&self.readings).len(),
-            Method::Uniform { .. } | Method::Transient(_) => 0,
-        }
     }
 }
 

@@ -193,6 +193,7 @@ impl Quick {
             correlation: 1.0,
             count: self.points.count,
             degrees: self.degrees(free),
+            settled: (solution.normal.cost, self.degrees(free)),
             widened: 0.0,
         };
         let rung = if free == PARAMETERS { Rung::Loss } else { Rung::Circuit };

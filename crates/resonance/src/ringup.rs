@@ -108,11 +108,7 @@ impl<V: Value> Motion<V> {
     /// start of the first visit is left; it is carried on.
     pub(crate) fn visit(&mut self, visit: &Visit, past: &mut V) -> Heard<V> {
         self.drive_at(visit.frequency_hz);
-        if visit.settle_s > 0.0 {
-            let decay = self.s.times(Complex64::from(visit.settle_s)).exp();
-            self.pass(visit.settle_s, decay);
-            *past = *past * decay;
-        }
+        self.rest(visit.settle_s, past);
         let (omega, t) = (self.omega, visit.integration_s);
         let decay = self.s.times(Complex64::from(t)).exp();
         let one = V::constant(Complex64::ONE);
@@ -131,6 +127,15 @@ impl<V: Value> Motion<V> {
         self.pass(stay, left);
         *past = *past * left;
         Heard { motional, past: past_now }
+    }
+
+    /// The drive goes on for some time.
+    pub(crate) fn rest(&mut self, seconds: f64, past: &mut V) {
+        if seconds > 0.0 {
+            let decay = self.s.times(Complex64::from(seconds)).exp();
+            self.pass(seconds, decay);
+            *past = *past * decay;
+        }
     }
 
     /// Changes the frequency; charge and current stay.

@@ -15,7 +15,7 @@ use crate::{
     outliers::{self, GAIN_PER_OUTLIER, READINGS_PER_OUTLIER},
     scatter::{self, Pool},
     solve::End,
-    trace::{Believed, Besides, CIRCUIT, Minimum, Trace},
+    trace::{Believed, Besides, CIRCUIT, Minimum, Timing, Trace},
     verdict::{Rung, Spread},
 };
 
@@ -52,6 +52,8 @@ const ROUNDS: usize = 4;
 const NOISE_MIN: f64 = 1e-3;
 /// More than all readings wrong together would be.
 const CORRELATION_MAX: f64 = 30.0;
+/// How often readings are weighed by the circuit that was found with the weights before.
+const WEIGHINGS: usize = 3;
 /// An error of the resonance below this many of its standard deviations does not matter.
 const SETTLED_SIGMAS: f64 = 0.5;
 
@@ -71,8 +73,11 @@ fn gain_needed(cause: &Cause) -> f64 {
 
 /// A cause whose being unknown raises the variance by more than this factor can hardly be told from
 /// the circuit with these readings, and is not held against them.
-fn told_apart(cause: &Cause) -> f64 {
+fn told_apart(cause: &Cause, is_planned: bool) -> f64 {
     match cause {
+        // A plan reads few frequencies again and again, and would never end if what these cannot tell
+        // were held against it.
+        _ if is_planned => 4.0,
         // In a sweep one way nearly everything looks a little like drift, and any place that the
         // resonance had is right.
         Cause::Drift | Cause::Hysteresis => 4.0,
@@ -112,7 +117,8 @@ impl Model {
             Some(start) => start,
             None => from_nothing(&trace, window, free)?,
         };
-        let found = trace.minimum(start, free);
+        let start = Believed { besides: trace.besides(), ..start };
+        let (trace, found) = weighed(trace, start, free, options);
         let rung = if options.timing.is_steady() { Rung::Loss } else { Rung::RingUp };
         let mut model =
             Self { trace, found, rung, known: 0.0, mains_hz: None, widened: 0.0, reason: None };
@@ -183,7 +189,8 @@ impl Model {
     /// rounding come in runs. With a correlation of ρ between neighbours their differences show 1 − ρ
     /// of the variance, and what is fitted has (1 + ρ)/(1 − ρ) times its variance.
     fn correlation(&self) -> f64 {
-        if self.known == 0.0 {
+        // Readings that were not taken in a row of even steps have no runs.
+        if self.known == 0.0 || self.trace.weighed_for.is_some() || !self.trace.timing.is_steady() {
             return 1.0;
         }
         let variance = self.cost() / self.degrees();
@@ -278,7 +285,10 @@ impl Model {
         let variance = self.noise(options).variance();
         self.widened = alternatives
             .iter()
-            .filter(|(found, _)| found.variance < told_apart(&found.cause) * found.variance_without)
+            .filter(|(found, _)| {
+                found.variance
+                    < told_apart(&found.cause, options.near.is_some()) * found.variance_without
+            })
             .map(|(found, gain)| {
                 let even = gain_needed(&found.cause) - EVEN_BELOW;
                 let probability = 1.0 / (1.0 + (0.5 * (even - gain)).exp());
@@ -344,11 +354,25 @@ impl Model {
 
     /// What is known of the noise beforehand and from what is left.
     fn noise(&self, options: &FitOptions) -> Pool {
-        options
-            .noise
-            .as_ref()
-            .map_or_else(Pool::default, Pool::known)
-            .with(self.cost(), self.degrees())
+        let (cost, degrees) = self.settled();
+        options.noise.as_ref().map_or_else(Pool::default, Pool::known).with(cost, degrees)
+    }
+
+    /// The cost and the degrees of freedom of the readings that have settled: the noise of the
+    /// others is not all that they are wrong by.
+    fn settled(&self) -> (f64, f64) {
+        if self.trace.weighed_for.is_none() {
+            return (self.cost(), self.degrees());
+        }
+        let (mut cost, mut count) = (0.0, 0_usize);
+        self.trace.rows(&self.found.at, |sample, row| {
+            if sample.weight > 0.0 && self.trace.has_settled(sample) {
+                cost += sample.weight * row.residual.norm_sqr();
+                count += 1;
+            }
+        });
+        let degrees = (2 * count).saturating_sub(self.found.free) as f64;
+        (if degrees > 0.0 { cost } else { 0.0 }, degrees)
     }
 
     /// Twice the log-likelihood gained when the cost falls by `saved`.
@@ -378,6 +402,7 @@ impl Model {
             correlation: self.correlation(),
             count: self.trace.used().0,
             degrees: self.degrees(),
+            settled: self.settled(),
             widened: self.widened * at.resonance_hz.powi(2),
         };
         let found = Resonance::new(&at.circuit(farad), &spread, self.rung, options.noise.as_ref());
@@ -429,12 +454,39 @@ fn strongest(alternatives: &[(Alternative, f64)]) -> Option<Cause> {
         .map(|(cause, _)| cause)
 }
 
+/// The most likely circuit, with readings that have not settled counting for less where the noise
+/// is known: what is left of the motion is only an error beside another one.
+fn weighed(
+    mut trace: Trace,
+    start: Believed,
+    free: usize,
+    options: &FitOptions,
+) -> (Trace, Minimum) {
+    let Some(noise) = options.noise.filter(|_| options.timing == Timing::Waited) else {
+        let found = trace.minimum(start, free);
+        return (trace, found);
+    };
+    let variance = noise.at_ten_cycles.powi(2);
+    if options.near.is_some() {
+        trace.weigh_settling(&start, variance);
+        let found = trace.minimum(start, free);
+        return (trace, found);
+    }
+    let mut found = trace.minimum(start, free);
+    for _ in 0..WEIGHINGS {
+        trace.weigh_settling(&found.at, variance);
+        found = trace.minimum(found.at, free);
+    }
+    (trace, found)
+}
+
 /// A start from a grid over the window and its surroundings.
 fn from_nothing(trace: &Trace, window: Window, free: usize) -> Result<Believed, Reason> {
     let wider = Window { min_hz: window.min_hz * 0.8, max_hz: window.max_hz * 1.25 };
-    let mut grid = Grid::new(wider, trace.timing);
+    let mut grid = Grid::new(wider, trace.timing, None);
     for sample in &trace.samples {
         grid.add(sample);
+        grid.rest(sample.visit.rest_s);
     }
     let mut starts: Vec<Believed> = Vec::new();
     for (_, start) in grid.ranked(Expected::default(), GRID_VARIANCE) {

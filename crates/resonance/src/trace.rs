@@ -13,6 +13,7 @@ use rig_model::{Reading, ReadingFlag};
 use crate::{
     Circuit,
     dual::{Dual, Value},
+    leftover::Leftover,
     ringup::{Heard, Motion, Visit, with_slopes},
     solve::{Descent, End, Normal, Step},
 };
@@ -85,10 +86,23 @@ pub(crate) struct Sample {
     pub(crate) visit: Visit,
     /// Measured impedance times the unit of capacitance, s.
     pub(crate) impedance: Complex64,
-    /// How many times ten cycles; 0 for a reading that is left out.
+    /// How many times ten cycles.
+    pub(crate) length: f64,
+    /// The variance that what is left of the motion adds to each part of the relative error.
+    pub(crate) unsettled: f64,
+    /// The same for a reading that has settled, less for one that has not; 0 for one that is left
+    /// out.
     pub(crate) weight: f64,
     /// The middle of the integration, from −1 for the first reading to 1 for the last.
     pub(crate) when: f64,
+}
+
+impl Sample {
+    /// A visit that is only thought of.
+    pub(crate) fn ideal(visit: Visit, weight: f64) -> Self {
+        let impedance = Complex64::ONE;
+        Self { visit, impedance, length: weight, unsettled: 0.0, weight, when: 0.0 }
+    }
 }
 
 /// A model and its parameters. Capacitances are in units of the [`Trace`].
@@ -122,15 +136,21 @@ pub(crate) struct Trace {
     pub(crate) added: Vec<f64>,
     /// Farads that bring capacitances near 1.
     pub(crate) unit_farad: f64,
+    /// The variance of the noise at ten cycles beside which readings that have not settled count
+    /// for less, where they do.
+    pub(crate) weighed_for: Option<f64>,
     last: Option<Reading>,
 }
 
+/// What is left of the motion does not matter below this part of the variance of the noise.
+const SETTLED_EXCESS: f64 = 0.25;
 /// Times of the clock are whole microseconds; a gap up to this is rounding.
 const CLOCK_S: f64 = 2.5e-6;
 
 impl Trace {
     pub(crate) fn new(timing: Timing, unit_farad: f64) -> Self {
-        Self { timing, samples: Vec::new(), added: Vec::new(), unit_farad, last: None }
+        let (samples, added) = (Vec::new(), Vec::new());
+        Self { timing, samples, added, unit_farad, weighed_for: None, last: None }
     }
 
     /// All readings at once.
@@ -150,17 +170,25 @@ impl Trace {
             let rest = stay - previous.settle_s - previous.integration_s;
             last.visit.rest_s = if rest > CLOCK_S { rest } else { 0.0 };
         }
+        let mut settle_s = reading.settle_s;
+        if let Some(previous) = self.last.filter(|previous| is_same_stay(previous, reading)) {
+            // What is told is how long ago the frequency was set.
+            settle_s -= previous.settle_s + previous.integration_s;
+        }
         let usable = reading.flag != ReadingFlag::Overload;
         let impedance = Complex64::new(reading.resistance_ohm, reading.reactance_ohm);
+        let length = weight(reading);
         self.samples.push(Sample {
             visit: Visit {
                 frequency_hz: reading.frequency_hz,
-                settle_s: reading.settle_s,
+                settle_s: settle_s.max(0.0),
                 integration_s: reading.integration_s,
                 rest_s: 0.0,
             },
             impedance: if usable { impedance * self.unit_farad } else { Complex64::ZERO },
-            weight: if usable { weight(reading) } else { 0.0 },
+            length,
+            unsettled: 0.0,
+            weight: if usable { length } else { 0.0 },
             when: 0.0,
         });
         self.last = Some(*reading);
@@ -181,15 +209,39 @@ impl Trace {
         }
     }
 
-    /// Weighs each reading by its noise, of this variance at ten cycles, and by what comes on top.
-    pub(crate) fn weigh(&mut self, variance: f64) {
-        for (sample, added) in self.samples.iter_mut().zip(&self.added) {
-            let Visit { frequency_hz, integration_s, .. } = sample.visit;
-            let noise = 1.0 / tens_of_cycles(integration_s * frequency_hz);
+    /// Weighs each reading by its noise, of this variance at ten cycles, by what comes on top, and by
+    /// how far it has settled. Gives the logarithm of the determinant of the covariance of the
+    /// readings for noise of variance 1.
+    pub(crate) fn weigh(&mut self, variance: f64) -> f64 {
+        let mut ln_determinant = 0.0;
+        let added = self.added.iter().copied().chain(std::iter::repeat(0.0));
+        for (sample, added) in self.samples.iter_mut().zip(added) {
             if sample.weight > 0.0 {
-                sample.weight = 1.0 / (noise + added / variance);
+                let more = (added + sample.unsettled) / variance;
+                sample.weight = 1.0 / (1.0 / sample.length + more);
+                ln_determinant -= 2.0 * sample.weight.ln();
             }
         }
+        ln_determinant
+    }
+
+    /// Lets every reading count for as much as it has settled if this is the circuit; otherwise like
+    /// [`Self::weigh`].
+    pub(crate) fn weigh_settling(&mut self, at: &Believed, variance: f64) -> f64 {
+        let mut leftover = Leftover::new(at.resonance_hz, at.q);
+        let circuit = at.circuit(1.0);
+        for sample in &mut self.samples {
+            let admittance = circuit.admittance_siemens(sample.visit.frequency_hz).norm_sqr();
+            sample.unsettled = at.c1 * at.c1 * leftover.visit(&sample.visit) / admittance;
+        }
+        self.weighed_for = Some(variance);
+        self.weigh(variance)
+    }
+
+    /// Whether a reading has settled as far as its noise shows.
+    pub(crate) fn has_settled(&self, sample: &Sample) -> bool {
+        let excess = |variance| sample.length * sample.unsettled / variance;
+        self.weighed_for.is_none_or(|variance| excess(variance) < SETTLED_EXCESS)
     }
 
     /// What a model of these readings must have besides the circuit.
@@ -295,6 +347,12 @@ fn tens_of_cycles(cycles: f64) -> f64 {
     if cycles > 0.0 { 0.1 * cycles } else { 1.0 }
 }
 
+/// Whether the frequency was not set anew between two readings.
+#[expect(clippy::float_cmp, reason = "it is the same number where the frequency stayed")]
+fn is_same_stay(previous: &Reading, reading: &Reading) -> bool {
+    previous.frequency_hz == reading.frequency_hz && previous.started == reading.started
+}
+
 /// What is heard after all transients.
 fn steady(at: &Believed, sample: &Sample) -> Heard<Dual> {
     let drift = if at.besides == Besides::Drift { at.extra[0] * sample.when } else { 0.0 };
@@ -302,6 +360,13 @@ fn steady(at: &Believed, sample: &Sample) -> Heard<Dual> {
     let zero = Dual::constant(Complex64::ZERO);
     let motional = branch(resonance_hz, at.q, sample.visit.frequency_hz);
     Heard { motional, past: [zero; 2] }
+}
+
+/// The slopes of a settled reading by the unknowns of the circuit.
+pub(crate) fn steady_slopes(at: &Believed, frequency_hz: f64) -> [Complex64; UNKNOWNS] {
+    let visit = Visit { frequency_hz, settle_s: 0.0, integration_s: 0.0, rest_s: 0.0 };
+    let sample = Sample::ideal(visit, 1.0);
+    ideal_row(at, &sample, &steady(at, &sample)).slopes
 }
 
 /// jω/D of a branch, with its slopes by the logarithms of frequency and quality.
@@ -379,6 +444,20 @@ fn model(at: &Believed, sample: &Sample, heard: &Heard<Dual>) -> Model {
 }
 
 impl Believed {
+    /// A circuit, and nothing besides.
+    pub(crate) fn of(circuit: &Circuit, unit_farad: f64) -> Self {
+        let c0 = circuit.c0_farad / unit_farad;
+        Self {
+            resonance_hz: circuit.resonance_hz,
+            q: circuit.q,
+            c0,
+            c1: circuit.c1_farad / unit_farad,
+            g: circuit.loss_tangent * c0,
+            besides: Besides::Nothing,
+            extra: [0.0; 3],
+        }
+    }
+
     /// The circuit in farads.
     pub(crate) fn circuit(&self, unit_farad: f64) -> Circuit {
         // The impedance was multiplied by the unit, so capacitances come out divided by it.

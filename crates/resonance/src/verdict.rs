@@ -49,6 +49,8 @@ pub struct Resonance {
     /// Standard deviation of the real and of the imaginary part of the relative error of a reading
     /// of ten cycles.
     pub noise_at_ten_cycles: f64,
+    /// How many independent errors that comes from, of this and of earlier sweeps.
+    pub noise_degrees_of_freedom: f64,
     /// How much model the readings asked for.
     pub rung: Rung,
     /// The multiple of the mains frequency near which readings were disturbed and count for less,
@@ -93,6 +95,8 @@ pub(crate) struct Spread {
     pub(crate) count: usize,
     /// Degrees of freedom left.
     pub(crate) degrees: f64,
+    /// Cost and degrees of freedom of the readings that tell of the noise.
+    pub(crate) settled: (f64, f64),
     /// Variance of the resonance to be added, Hz².
     pub(crate) widened: f64,
 }
@@ -111,13 +115,10 @@ impl Resonance {
             None => (found, spread.neighbours, spread.degrees),
             Some(prior) => {
                 let (known, weight) = (prior.at_ten_cycles.powi(2), prior.degrees_of_freedom);
-                let all = weight + spread.degrees;
+                let (cost, degrees) = spread.settled;
+                let all = weight + degrees;
                 // Infinitely many degrees of freedom leave nothing to be pooled.
-                let pooled = if all.is_finite() {
-                    (weight * known + spread.degrees * found) / all
-                } else {
-                    known
-                };
+                let pooled = if all.is_finite() { (weight * known + cost) / all } else { known };
                 (pooled, known, all)
             }
         };
@@ -134,6 +135,7 @@ impl Resonance {
             figure_of_merit: circuit.figure_of_merit(),
             chi_squared_per_dof: found / against,
             noise_at_ten_cycles: variance.sqrt(),
+            noise_degrees_of_freedom: degrees,
             rung,
             mains_hz: None,
             points: spread.count,

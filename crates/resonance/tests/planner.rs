@@ -17,17 +17,33 @@ fn run(
     prior: Option<&Prior>,
     seed: u64,
 ) -> (Verdict, f64, usize) {
+    run_disturbed(circuit, request, prior, seed, |_, _, _| ())
+}
+
+/// The same with something that happens before every visit, which nobody is told.
+#[track_caller]
+fn run_disturbed(
+    circuit: &Circuit,
+    request: &SweepRequest,
+    prior: Option<&Prior>,
+    seed: u64,
+    mut disturb: impl FnMut(&mut Plant, f64, &mut Random),
+) -> (Verdict, f64, usize) {
     let mut random = Random::new(seed);
     let mut plant = Plant::at_rest(*circuit);
     let mut planner = Planner::new(request, prior);
     let start = RigTime::from_micros(3_000_000);
     let mut now = start;
+    let mut before_hz = None;
     for _ in 0..1000 {
         match planner.next() {
             Next::Measure(points) => {
                 assert!(!points.is_empty());
                 for point in points {
                     assert!(request.window.contains(point.frequency_hz), "{point:?}");
+                    if let Some(before_hz) = before_hz.replace(point.frequency_hz) {
+                        disturb(&mut plant, before_hz, &mut random);
+                    }
                     let (reading, after) = plant.visit(&point, now, NOISE, &mut random);
                     planner.add(&[reading]);
                     now = after;
@@ -100,6 +116,80 @@ fn without_waiting_ten_millihertz_take_less_than_settling_once() {
 fn an_unknown_past_costs_a_little_time_and_no_accuracy() {
     check(SweepMethod::Transient, (30.0, 0.1), 0.01, Past::Unknown, 0.5);
     check(SweepMethod::Transient, (100.0, 0.02), 0.01, Past::Unknown, 0.6);
+}
+
+#[test]
+fn settled_points_take_little_more_than_their_settling() {
+    check(SweepMethod::Adaptive, (30.0, 0.1), 0.03, Past::Unknown, 2.5);
+    check(SweepMethod::Adaptive, (10.0, 0.1), 0.03, Past::Unknown, 2.3);
+}
+
+#[test]
+fn a_resonance_anywhere_in_two_decades_is_found_by_either_grade() {
+    for method in [SweepMethod::Transient, SweepMethod::Adaptive] {
+        for (resonance_hz, target_sigma_hz) in [(23.0, 0.05), (140.0, 0.05), (1700.0, 0.5)] {
+            let window = Window { min_hz: 20.0, max_hz: 2000.0 };
+            let request = SweepRequest { window, target_sigma_hz, ..request(method) };
+            let circuit = Circuit { resonance_hz, ..circuit(30.0, 0.1) };
+            let (verdict, ..) = run(&circuit, &request, None, 5);
+            let found = accepted(&verdict);
+            let error = found.resonance_hz - resonance_hz;
+            assert!(error.abs() < 4.5 * found.sigma_hz, "{method:?} {resonance_hz}: {error}");
+        }
+    }
+}
+
+#[test]
+fn a_resonance_is_given_inside_the_window_and_refused_outside() {
+    for method in [SweepMethod::Transient, SweepMethod::Adaptive] {
+        let request = SweepRequest { time_limit_s: 5.0, target_sigma_hz: 0.03, ..request(method) };
+        for (resonance_hz, is_inside) in
+            [(111.0, false), (113.0, true), (167.0, true), (169.0, false)]
+        {
+            let circuit = Circuit { resonance_hz, ..circuit(30.0, 0.1) };
+            let (verdict, ..) = run(&circuit, &request, Some(&known_noise(Past::Unknown)), 2);
+            let found = verdict.accepted();
+            assert_eq!(found.is_some(), is_inside, "{method:?} {resonance_hz}: {verdict:?}");
+            let error = found.map_or(0.0, |found| (found.resonance_hz - resonance_hz).abs());
+            assert!(error < 0.15, "{method:?} {resonance_hz}: {error}");
+        }
+    }
+}
+
+/// A drive that does what nobody is told before every visit. Waiting for nothing must end in a
+/// refusal, and settled points must not mind.
+#[track_caller]
+fn check_disturbed(disturb: impl Fn(&mut Plant, f64, &mut Random)) {
+    for (q, k_eff_squared) in [(30.0, 0.1), (100.0, 0.02)] {
+        for seed in 0..4 {
+            let circuit = circuit(q, k_eff_squared);
+            let prior = known_noise(Past::Rest);
+            let sweep = |method, target_sigma_hz| {
+                let request =
+                    SweepRequest { target_sigma_hz, time_limit_s: 12.0, ..request(method) };
+                run_disturbed(&circuit, &request, Some(&prior), seed, &disturb).0
+            };
+            let verdict = sweep(SweepMethod::Transient, 0.002);
+            assert!(matches!(verdict, Verdict::Refused(_)), "Q {q}, seed {seed}: {verdict:?}");
+            let verdict = sweep(SweepMethod::Adaptive, 0.03);
+            let found = accepted(&verdict);
+            let error = found.resonance_hz - 140.0;
+            assert!(error.abs() < 4.5 * found.sigma_hz, "Q {q}, seed {seed}: {error}");
+        }
+    }
+}
+
+#[test]
+fn a_phase_that_jumps_is_seen_by_who_relies_on_it() {
+    check_disturbed(|plant, _, random| plant.jump(random.between(0.0, 1.0)));
+}
+
+#[test]
+fn gaps_of_a_tenth_of_a_millisecond_are_seen_by_who_relies_on_the_times() {
+    check_disturbed(|plant, before_hz, random| {
+        let gap_s = -1e-4 * random.between(f64::MIN_POSITIVE, 1.0).ln();
+        plant.drive(before_hz, gap_s);
+    });
 }
 
 #[test]

@@ -1,251 +1,224 @@
-//! Points that are each left to settle, for analyzers whose drive between the points is not known.
+//! Points that are left to settle, for analyzers whose drive between the points is not known.
 //!
-//! A coarse look over the window with short settling shows where the resonance is and roughly how
-//! sharp: even far from it the motional branch changes the capacitance by per cents, at a noise of
-//! parts in a thousand. What was read before the quality was known may not have settled, and takes
-//! no part in the result.
+//! How long a point must be waited for follows from the circuit, which is not known at first. So
+//! nothing waits for the worst: every reading counts for as much as it has settled, and what is
+//! believed of the circuit after each one says where the next one tells most in the time it takes,
+//! waiting included. The first ones are cheap, and show where to wait; the last ones are waited for
+//! as long as the asked uncertainty needs and no longer.
 
+use std::f64::consts::PI;
+
+use num_complex::Complex64;
 use rig_model::{Reading, SweepPoint, SweepRequest, Window};
 
-use super::{Prior, design::Information, elapsed_s, evenly};
-use crate::{Circuit, FitOptions, Fitter, Reason, Refusal, Resonance, Verdict};
+use super::{Prior, elapsed_s, tracker::Tracker};
+use crate::{
+    NoisePrior, Timing,
+    dense::Cholesky,
+    grid::Expected,
+    leftover::Leftover,
+    ringup::Visit,
+    scatter::Pool,
+    trace::{Believed, CIRCUIT, UNKNOWNS, steady_slopes},
+};
 
-/// Points of the coarse look over a window that nothing is known about.
-const COARSE: u32 = 9;
-/// Settling of the coarse look, s.
-const COARSE_SETTLE_S: f64 = 0.08;
-const COARSE_CYCLES: u32 = 4;
-/// Looks before the circuit is believed.
-const LOOKS_MAX: u32 = 4;
-/// Time constants after which a motional current has gone down to 0.25 % of its jump.
-const SETTLED: f64 = 6.0;
-/// Longest time constant believed, s: a quality of 150 at 140 Hz.
-const TIME_CONSTANT_MAX_S: f64 = 0.35;
-/// Points asked for at a time once the circuit is known.
-const BATCH: usize = 2;
-/// How often readings that fit no circuit are taken again.
-const RESTARTS: u32 = 2;
-/// Points of the plain sweep that is made when every look was misleading.
-const LAST_RESORT: u32 = 41;
-
+/// The plan of one sweep.
 #[derive(Debug, Clone)]
 pub(super) struct Settled {
-    fitter: Fitter,
-    /// Where the resonance may be.
-    whole: Window,
-    /// Where it is sought now.
-    window: Window,
-    settle_s: f64,
-    looks: u32,
-    /// Readings that took part in looking, and not in measuring.
-    coarse: usize,
-    stage: Stage,
-    /// How often readings that fit no circuit may still be taken again, settled for longer.
-    restarts_left: u32,
+    tracker: Tracker,
+    opening: std::vec::IntoIter<SweepPoint>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Stage {
-    Looking,
-    Measuring,
-}
+/// Places in the window of the first readings, and how each is taken.
+const OPENING: [f64; 4] = [0.0, 0.33, 0.67, 1.0];
+const OPENING_SETTLE_S: f64 = 0.02;
+const OPENING_CYCLES: u32 = 2;
+/// Waits considered, in time constants.
+const WAITS: [f64; 9] = [0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+/// Lengths considered, in cycles.
+const CYCLES: [u32; 8] = [2, 4, 8, 16, 32, 64, 128, 256];
+/// Longest time constant believed, s: a quality of 150 at 140 Hz.
+const TIME_CONSTANT_MAX_S: f64 = 0.35;
+/// A point takes no longer than this part of the time so far, and some time constants: a plan made
+/// from little must not.
+const LONGEST_SHARE: f64 = 0.3;
+/// What is counted for a point besides its time, s: it has to be ordered and answered.
+const POINT_COST_S: f64 = 0.005;
 
 impl Settled {
-    pub(super) fn new(request: &SweepRequest, prior: Option<&Prior>) -> Self {
-        let (window, settle_s) = match prior {
-            None => (request.window, COARSE_SETTLE_S),
-            Some(prior) => {
-                let settle_s = prior.circuit.map_or(COARSE_SETTLE_S, |circuit| {
-                    2.0 * circuit.time_constant_s().min(TIME_CONSTANT_MAX_S)
-                });
-                (common(request.window, prior.within), settle_s)
-            }
-        };
-        let fitter = Fitter::default();
-        Self {
-            fitter,
-            whole: window,
-            window,
-            settle_s,
-            looks: 0,
-            coarse: 0,
-            stage: Stage::Looking,
-            restarts_left: RESTARTS,
+    pub(super) fn new(request: &SweepRequest, prior: Option<&Prior>, noise: &NoisePrior) -> Self {
+        let window = prior.map_or(request.window, |prior| prior.within);
+        let expected = prior
+            .and_then(|prior| prior.circuit)
+            .map_or_else(Expected::default, |circuit| Expected { q: circuit.q });
+        let tracker = Tracker::new(window, Timing::Waited, expected, Pool::known(noise));
+        let ratio = window.max_hz / window.min_hz;
+        let opening: Vec<_> = OPENING
+            .iter()
+            .map(|part| SweepPoint {
+                frequency_hz: (window.min_hz * ratio.powf(*part)).min(window.max_hz),
+                settle_s: OPENING_SETTLE_S,
+                cycles: OPENING_CYCLES,
+            })
+            .collect();
+        Self { tracker, opening: opening.into_iter() }
+    }
+
+    pub(super) fn add(&mut self, readings: &[Reading]) {
+        for reading in readings {
+            self.tracker.add(reading);
         }
     }
 
-    pub(super) fn add(&mut self, readings: usize) {
-        if self.stage == Stage::Looking {
-            self.coarse += readings;
-        }
+    pub(super) fn tracker(&self) -> &Tracker {
+        &self.tracker
     }
 
-    /// The readings that have settled.
-    pub(super) fn usable<'a>(&self, readings: &'a [Reading]) -> &'a [Reading] {
-        &readings[self.coarse.min(readings.len())..]
-    }
-
-    /// The points to measure next; none when the end is reached.
+    /// The next point, or `None` when the readings so far lead nowhere.
     pub(super) fn next(
         &mut self,
         request: &SweepRequest,
         readings: &[Reading],
-        options: &FitOptions,
-    ) -> Vec<SweepPoint> {
-        if elapsed_s(readings) >= request.time_limit_s {
-            return Vec::new();
+        aim_hz: f64,
+    ) -> Option<SweepPoint> {
+        if let Some(point) = self.opening.next() {
+            return Some(point);
         }
-        if self.stage == Stage::Looking {
-            if self.looks == 0 {
-                self.looks = 1;
-                return self.look();
-            }
-            // Transients are no noise: they must neither count as misfit nor as outliers.
-            let loose = FitOptions::default();
-            let last_look = &readings[readings.len().saturating_sub(COARSE as usize)..];
-            let seen = self.circuit(last_look, &loose);
-            // A transient can look like a resonance, and the next look then misses the real one.
-            let Some(circuit) = seen.filter(|seen| self.window.contains(seen.resonance_hz)) else {
-                self.window = self.whole;
-                return self.look_again(request, readings);
-            };
-            let time_constant_s = circuit.time_constant_s().min(TIME_CONSTANT_MAX_S);
-            if self.settle_s < 1.5 * time_constant_s && self.looks < LOOKS_MAX {
-                let half = 4.0 * circuit.linewidth_hz();
-                let (low, high) = (circuit.resonance_hz - half, circuit.resonance_hz + half);
-                self.window = common(request.window, Window { min_hz: low, max_hz: high });
-                self.settle_s = 2.0 * time_constant_s;
-                return self.look_again(request, readings);
-            }
-            self.settle_s = SETTLED * time_constant_s;
-            self.stage = Stage::Measuring;
-            return spread_around(&circuit, request, self.settle_s);
-        }
-        self.measure(request, readings, options)
-    }
-
-    fn look(&self) -> Vec<SweepPoint> {
-        evenly(self.window, COARSE, self.settle_s, COARSE_CYCLES)
-    }
-
-    fn look_again(&mut self, request: &SweepRequest, readings: &[Reading]) -> Vec<SweepPoint> {
-        if self.looks >= LOOKS_MAX {
-            return self.plain_sweep(request, readings);
-        }
-        self.looks += 1;
-        self.settle_s *= 1.5;
-        self.look()
-    }
-
-    /// Looking has led nowhere: a plain sweep over the whole window, settled for the longest time
-    /// constant as far as the time that is left allows, and the fit decides.
-    fn plain_sweep(&mut self, request: &SweepRequest, readings: &[Reading]) -> Vec<SweepPoint> {
-        self.stage = Stage::Measuring;
-        let integration_s = f64::from(request.cycles) / self.whole.min_hz;
-        let left_s = request.time_limit_s - elapsed_s(readings);
-        let settle_s = left_s / f64::from(LAST_RESORT) - integration_s;
-        self.settle_s = settle_s.clamp(COARSE_SETTLE_S, SETTLED * TIME_CONSTANT_MAX_S);
-        evenly(self.whole, LAST_RESORT, self.settle_s, request.cycles)
-    }
-
-    fn measure(
-        &mut self,
-        request: &SweepRequest,
-        readings: &[Reading],
-        options: &FitOptions,
-    ) -> Vec<SweepPoint> {
-        let usable = self.usable(readings);
-        let verdict = self.fitter.fit(usable, options);
-        let is_misfit = matches!(
-            &verdict,
-            Verdict::Refused(Refusal {
-                reason: Reason::Outliers { .. } | Reason::Misfit { .. } | Reason::NotConverged,
-                ..
-            })
-        );
-        let best = match &verdict {
-            Verdict::Accepted(found) if found.sigma_hz <= request.target_sigma_hz => {
-                return Vec::new();
-            }
-            Verdict::Accepted(found) => Some(found),
-            Verdict::Refused(refusal) => refusal.estimate.as_ref(),
-        };
-        let circuit = best.map(Resonance::circuit);
-        let is_outside = |circuit: &Circuit| !request.window.contains(circuit.resonance_hz);
-        if is_misfit && self.restarts_left > 0 {
-            // The first estimate of the quality may have been too low, and the readings unsettled.
-            self.restarts_left -= 1;
-            self.coarse = readings.len();
-            self.settle_s *= 1.5;
-            return match circuit.filter(|circuit| !is_outside(circuit)) {
-                Some(circuit) => spread_around(&circuit, request, self.settle_s),
-                None => self.plain_sweep(request, readings),
-            };
-        }
-        let (Some(best), Some(circuit)) = (best, circuit) else { return Vec::new() };
-        if is_outside(&circuit) {
-            return Vec::new();
-        }
-        let time_constant_s = circuit.time_constant_s().min(TIME_CONSTANT_MAX_S);
-        self.settle_s = self.settle_s.max(SETTLED * time_constant_s);
-        let noise = best.noise_at_ten_cycles;
-        let mut information = Information::default();
-        for reading in usable {
-            let cycles = reading.integration_s * reading.frequency_hz;
-            information.add(&circuit, reading.frequency_hz, cycles);
-        }
-        // Integrating as long as settling costs at most twice the best time.
-        let cycles = cycles_for(self.settle_s, &circuit, request);
-        let mut points = Vec::new();
-        let wanted = (request.target_sigma_hz / noise).powi(2);
-        while points.len() < BATCH && information.variance(&circuit) > wanted {
-            let frequency_hz = information.best(&circuit, f64::from(cycles), request.window);
-            information.add(&circuit, frequency_hz, f64::from(cycles));
-            points.push(SweepPoint { frequency_hz, settle_s: self.settle_s, cycles });
-        }
-        if points.is_empty() {
-            // The model says that the aim is reached; the fit does not yet: one point more.
-            let frequency_hz = information.best(&circuit, f64::from(cycles), request.window);
-            points.push(SweepPoint { frequency_hz, settle_s: self.settle_s, cycles });
-        }
-        points
-    }
-
-    fn circuit(&mut self, readings: &[Reading], options: &FitOptions) -> Option<Circuit> {
-        let best = match self.fitter.fit(readings, options) {
-            Verdict::Accepted(found) => found,
-            Verdict::Refused(refusal) => refusal.estimate?,
-        };
-        let circuit = best.circuit();
-        (circuit.q > 1.0 && circuit.c1_farad > 0.0 && circuit.c0_farad > 0.0).then_some(circuit)
+        Ground::new(&self.tracker, aim_hz)?.best(request.window, elapsed_s(readings))
     }
 }
 
-/// Points that tell every parameter, for the first fit of settled readings.
-fn spread_around(circuit: &Circuit, request: &SweepRequest, settle_s: f64) -> Vec<SweepPoint> {
-    let half = 0.5 * circuit.linewidth_hz();
-    let Window { min_hz, max_hz } = request.window;
-    let cycles = request.cycles;
-    [-3.0, -1.0, -0.4, 0.0, 0.4, 1.0, 3.0]
-        .into_iter()
-        .map(|widths| {
-            let frequency_hz = (circuit.resonance_hz + widths * half).clamp(min_hz, max_hz);
-            SweepPoint { frequency_hz, settle_s, cycles }
+/// Where a point starts from.
+#[derive(Debug)]
+struct Ground {
+    at: Believed,
+    /// Inverse of the normal equations.
+    spread: [[f64; UNKNOWNS]; UNKNOWNS],
+    leftover: Leftover,
+    noise_variance: f64,
+    /// Variance of the logarithm of the resonance that is wanted, for noise of variance 1.
+    wanted: f64,
+    time_constant_s: f64,
+}
+
+/// A point considered.
+#[derive(Debug, Clone, Copy)]
+struct Choice {
+    is_enough: bool,
+    worth: f64,
+    point: SweepPoint,
+}
+
+impl Ground {
+    fn new(tracker: &Tracker, aim_hz: f64) -> Option<Self> {
+        let (trace, at) = tracker.best()?;
+        let mut leftover = Leftover::new(at.resonance_hz, at.q);
+        for sample in &trace.samples {
+            leftover.visit(&sample.visit);
+        }
+        let noise = tracker.noise();
+        let spread = Cholesky::new(&tracker.normal(trace, at).matrix, CIRCUIT, 0.0)?.inverse();
+        Some(Self {
+            at: *at,
+            spread,
+            leftover,
+            noise_variance: noise * noise,
+            wanted: (aim_hz / at.resonance_hz / noise).powi(2),
+            time_constant_s: (at.q / (PI * at.resonance_hz)).min(TIME_CONSTANT_MAX_S),
         })
-        .collect()
+    }
+
+    /// The point that reaches what is wanted soonest; where none does, the one that tells most for
+    /// its time.
+    fn best(&self, window: Window, elapsed_s: f64) -> Option<SweepPoint> {
+        let longest_s = (LONGEST_SHARE * elapsed_s).max(self.time_constant_s);
+        let mut best: Option<Choice> = None;
+        for frequency_hz in candidates(&self.at, window) {
+            let told = self.told(frequency_hz);
+            for wait in WAITS {
+                let settle_s = wait * self.time_constant_s;
+                for cycles in CYCLES {
+                    let integration_s = f64::from(cycles) / frequency_hz;
+                    if integration_s > longest_s && cycles > CYCLES[0] {
+                        break;
+                    }
+                    let point = SweepPoint { frequency_hz, settle_s, cycles };
+                    let after = told.after(self.weight(&point));
+                    let time_s = settle_s + integration_s + POINT_COST_S;
+                    let is_enough = after <= self.wanted;
+                    let gain = if is_enough { 1.0 } else { (self.spread[0][0] / after).ln() };
+                    let choice = Choice { is_enough, worth: gain / time_s, point };
+                    if best.is_none_or(|best| choice.is_better(&best)) {
+                        best = Some(choice);
+                    }
+                }
+            }
+        }
+        best.map(|choice| choice.point)
+    }
+
+    /// What a settled reading tells.
+    fn told(&self, frequency_hz: f64) -> Told {
+        let slopes = steady_slopes(&self.at, frequency_hz);
+        let through = |part: fn(&Complex64) -> f64| -> [f64; CIRCUIT] {
+            std::array::from_fn(|i| {
+                (0..CIRCUIT).map(|j| self.spread[i][j] * part(&slopes[j])).sum()
+            })
+        };
+        let (re, im) = (through(|x| x.re), through(|x| x.im));
+        let dot = |a: &[f64; CIRCUIT], part: fn(&Complex64) -> f64| -> f64 {
+            a.iter().zip(&slopes).map(|(a, x)| a * part(x)).sum()
+        };
+        Told {
+            before: self.spread[0][0],
+            first: [re[0], im[0]],
+            own: [dot(&re, |x| x.re), dot(&re, |x| x.im), dot(&im, |x| x.im)],
+        }
+    }
+
+    /// For how much a reading will count.
+    fn weight(&self, point: &SweepPoint) -> f64 {
+        let SweepPoint { frequency_hz, settle_s, cycles } = *point;
+        let integration_s = f64::from(cycles) / frequency_hz;
+        let visit = Visit { frequency_hz, settle_s, integration_s, rest_s: 0.0 };
+        let admittance = self.at.circuit(1.0).admittance_siemens(frequency_hz).norm_sqr();
+        let motional = self.at.c1 * self.at.c1 * { self.leftover }.visit(&visit);
+        1.0 / (10.0 / f64::from(cycles) + motional / (admittance * self.noise_variance))
+    }
 }
 
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a positive number of seconds times hertz, bounded by the clamp"
-)]
-fn cycles_for(settle_s: f64, circuit: &Circuit, request: &SweepRequest) -> u32 {
-    (settle_s * circuit.resonance_hz).clamp(f64::from(request.cycles), 1000.0) as u32
+impl Choice {
+    fn is_better(&self, other: &Self) -> bool {
+        (self.is_enough, self.worth) > (other.is_enough, other.worth)
+    }
 }
 
-/// What two windows have in common; the first where that is nothing.
-fn common(outer: Window, inner: Window) -> Window {
-    let (min_hz, max_hz) = (outer.min_hz.max(inner.min_hz), outer.max_hz.min(inner.max_hz));
-    if min_hz < max_hz { Window { min_hz, max_hz } } else { outer }
+/// How a reading changes the variance of the first unknown.
+#[derive(Debug)]
+struct Told {
+    /// Without it.
+    before: f64,
+    /// Covariance of the first unknown with the two parts of the reading.
+    first: [f64; 2],
+    /// Their own covariance: real, mixed, imaginary.
+    own: [f64; 3],
+}
+
+impl Told {
+    /// The variance after it.
+    fn after(&self, weight: f64) -> f64 {
+        let noise = 1.0 / weight;
+        let [re, mixed, im] = [self.own[0] + noise, self.own[1], self.own[2] + noise];
+        let [a, b] = self.first;
+        self.before - (a * a * im - 2.0 * a * b * mixed + b * b * re) / (re * im - mixed * mixed)
+    }
+}
+
+/// Frequencies worth a thought: dense where the circuit changes, and the whole window.
+fn candidates(at: &Believed, window: Window) -> impl Iterator<Item = f64> {
+    let (centre, half) = (at.resonance_hz, 0.5 * at.resonance_hz / at.q);
+    let near = (-16..=16).map(move |i| centre + half * (0.22 * f64::from(i)).sinh());
+    let far =
+        (0..=8).map(move |i| window.min_hz + (window.max_hz - window.min_hz) * f64::from(i) / 8.0);
+    near.chain(far).filter(move |&f| window.contains(f))
 }

@@ -11,10 +11,12 @@ use std::f64::consts::TAU;
 use num_complex::Complex64;
 use rig_model::{Reading, SweepPoint, SweepRequest, Window};
 
-use super::{Prior, elapsed_s, tracker::Tracker};
+use super::{
+    Prior, elapsed_s,
+    tracker::{Tracker, variance},
+};
 use crate::{
     NoisePrior, Past, Timing,
-    dense::Cholesky,
     dual::Dual,
     grid::Expected,
     ringup::{Motion, Visit},
@@ -61,17 +63,18 @@ const FINEST: f64 = 0.2;
 /// where static and motional current cancel, a relative error would become no error at all.
 const NULL: f64 = 0.2;
 
-/// What an analyzer is taken for until its readings tell.
-const NOISE: NoisePrior = NoisePrior { at_ten_cycles: 0.005, degrees_of_freedom: 4.0 };
-
 impl Transient {
-    pub(super) fn new(request: &SweepRequest, prior: Option<&Prior>, past: Past) -> Self {
-        let noise = prior.and_then(|prior| prior.noise).unwrap_or(NOISE);
+    pub(super) fn new(
+        request: &SweepRequest,
+        prior: Option<&Prior>,
+        past: Past,
+        noise: &NoisePrior,
+    ) -> Self {
         let window = prior.map_or(request.window, |prior| prior.within);
         let expected = prior
             .and_then(|prior| prior.circuit)
             .map_or_else(Expected::default, |circuit| Expected { q: circuit.q });
-        let tracker = Tracker::new(window, Timing::Exact(past), expected, Pool::known(&noise));
+        let tracker = Tracker::new(window, Timing::Exact(past), expected, Pool::known(noise));
         // Two short visits, each near half of the window: whatever resonates in it, rings after them.
         let ratio = window.max_hz / window.min_hz;
         let opening = OPENING.map(|part| SweepPoint {
@@ -88,12 +91,8 @@ impl Transient {
         }
     }
 
-    /// The standard deviation of the resonance that the readings so far should give, Hz.
-    pub(super) fn sigma_hz(&self) -> f64 {
-        let Some((trace, at)) = self.tracker.best() else { return f64::INFINITY };
-        let free = CIRCUIT + trace.besides().count();
-        let variance = variance(&self.tracker.normal(trace, at), free);
-        variance.sqrt() * at.resonance_hz * self.tracker.noise()
+    pub(super) fn tracker(&self) -> &Tracker {
+        &self.tracker
     }
 
     /// The next visit, or `None` when the readings so far lead nowhere.
@@ -261,7 +260,7 @@ impl Ground {
         let admittance = Complex64::new(at.g, at.c0) * omega + motional;
         let null = NULL * omega * at.c0;
         let weight = 0.1 * cycles * (admittance.norm_sqr() / (null * null)).min(1.0);
-        let sample = Sample { visit, impedance: Complex64::ONE, weight, when: 0.0 };
+        let sample = Sample::ideal(visit, weight);
         normal.add(Complex64::ZERO, &ideal_row(at, &sample, &heard).slopes, weight);
         visit.integration_s + visit.rest_s
     }
@@ -306,11 +305,4 @@ fn typical_rest_s(readings: &[Reading]) -> f64 {
     }
     let middle = rests.len() / 2;
     *rests.select_nth_unstable_by(middle, f64::total_cmp).1
-}
-
-/// Variance of the logarithm of the resonance for noise of variance 1.
-fn variance(normal: &Normal<UNKNOWNS>, free: usize) -> f64 {
-    let mut unit = [0.0; UNKNOWNS];
-    unit[0] = 1.0;
-    Cholesky::new(&normal.matrix, free, 0.0).map_or(f64::INFINITY, |factor| factor.solve(&unit)[0])
 }

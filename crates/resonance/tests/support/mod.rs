@@ -142,6 +142,11 @@ impl Plant {
         1.0 / (2.0 / seconds * sum + fixed)
     }
 
+    /// Lets the phase of the drive jump by a part of a turn.
+    pub(crate) fn jump(&mut self, turns: f64) {
+        self.turns += turns;
+    }
+
     /// Makes one visit; gives the reading and the time after it.
     pub(crate) fn visit(
         &mut self,

@@ -9,7 +9,7 @@ use std::{
 
 use clap::{Args, ValueEnum, builder::PossibleValuesParser};
 use rig_model::{Reading, SweepRequestError, Window};
-use rig_resonance::{Estimator, FitOptions, Past, Timing, Verdict, fit};
+use rig_resonance::{Estimator, FitOptions, NoisePrior, Past, Timing, Verdict, fit};
 use rig_settings::Faults;
 use serde::Serialize;
 
@@ -20,6 +20,9 @@ use super::{
     verdict::VerdictView,
 };
 use crate::{loaded_rig::FileError, sweep_file::SweepFile};
+
+/// How many independent errors the noise that somebody states is taken to come from.
+const NOISE_DEGREES: f64 = 100.0;
 
 #[derive(Debug, Args)]
 pub(super) struct FitArgs {
@@ -34,6 +37,10 @@ pub(super) struct FitArgs {
     /// What the times in the file mean; guessed from its columns when left out
     #[arg(long, value_enum)]
     timing: Option<FileTiming>,
+    /// Standard deviation of the relative error of a reading of ten cycles, where it is known:
+    /// readings that have not settled then count for less, and are no fault
+    #[arg(long, value_name = "PART")]
+    noise: Option<f64>,
     /// Show beside it what another estimator makes of the sweep; `all` for every one
     #[arg(long = "estimator", value_name = "NAME", value_parser = estimators())]
     estimators: Vec<String>,
@@ -161,7 +168,10 @@ pub(super) fn fit_file(args: &FitArgs) -> Result<(), Failure> {
         }
     })?;
     let timing = FileTiming::of(args.timing, &file)?;
-    let options = FitOptions { window: args.window, timing, ..FitOptions::default() };
+    let noise = args
+        .noise
+        .map(|at_ten_cycles| NoisePrior { at_ten_cycles, degrees_of_freedom: NOISE_DEGREES });
+    let options = FitOptions { window: args.window, timing, noise, ..FitOptions::default() };
     let verdict = fit(&file.readings, &options);
     let is_asked = |estimator: &Estimator| {
         args.estimators.iter().any(|name| name == "all" || name == estimator.name())
