@@ -97,6 +97,10 @@ fn page(args: &Args, places: &[Place]) -> Page {
     introduction(&mut page, args);
     page.heading("How often each was silently wrong");
     page.table(totals(places));
+    page.text(format!(
+        "The production fit on this grid: {}.",
+        where_wrong(on_grid(places)).unwrap_or_else(|| "silently wrong nowhere".to_owned())
+    ));
     for axis in Axis::ALL.into_iter().filter(|axis| !axis.is_beyond_one_sweep()) {
         section(&mut page, axis, places);
     }
@@ -110,6 +114,11 @@ fn page(args: &Args, places: &[Place]) -> Page {
          at the level and at half of it give that of no drive, or a refusal where they differ). These two \
          maps are no part of the count.",
     );
+    let beyond = places.iter().filter(|place| place.axis.is_beyond_one_sweep());
+    page.text(format!(
+        "The production fit here: {}.",
+        where_wrong(beyond).unwrap_or_else(|| "silently wrong nowhere".to_owned())
+    ));
     for axis in Axis::ALL.into_iter().filter(|axis| axis.is_beyond_one_sweep()) {
         section(&mut page, axis, places);
     }
@@ -150,6 +159,18 @@ fn totals(places: &[Place]) -> Table {
         ]);
     }
     table
+}
+
+/// In words, where the production fit was silently wrong; nothing where it never was.
+fn where_wrong<'a>(places: impl Iterator<Item = &'a Place>) -> Option<String> {
+    let one = |place: &Place| {
+        let counts = place.counts[Estimator::ALL.len() - 1];
+        let (axis, value) = (place.axis.file(), place.value);
+        let said = format!("`{axis}` at {value}: {} of {}", counts.wrong, counts.sweeps());
+        (counts.wrong > 0).then_some(said)
+    };
+    let all: Vec<String> = places.filter_map(one).collect();
+    (!all.is_empty()).then(|| format!("silently wrong in {}", all.join(", ")))
 }
 
 /// The map of an axis, and what the production fit sees along it.
