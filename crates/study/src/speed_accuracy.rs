@@ -34,7 +34,7 @@ pub(crate) struct Args {
     #[arg(long, default_value_t = 2020)]
     seed: u64,
     /// Sweeps of each way in each cell.
-    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, default_value_t = 40, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     trials: u32,
     /// Measure what fits cost on this computer instead, into `speed-accuracy/host.csv` and `.svg`.
     #[arg(long)]
@@ -47,7 +47,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
         return host::run(&Folder::at(&folder.path(NAME))?, args.seed, out);
     }
     let evidence = measure(args);
-    let searches = finder::try_all(args.trials.div_ceil(2), args.seed);
+    let searches = finder::try_all(args.trials, args.seed);
     document::page(args, &evidence, &searches).write(&folder, NAME)?;
     for goal in goals::judge(&evidence) {
         let verdict = if goal.is_met { "met" } else { "NOT MET" };
@@ -60,14 +60,14 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
 /// The name of the page and of its folder.
 const NAME: &str = "speed-accuracy";
 /// Accuracy is judged to a hundredth, which takes more sweeps than a chart does.
-const TRIALS_OF_ACCURACY: u32 = 40;
+const TRIALS_OF_ACCURACY: u32 = 100;
 /// The share of the runs that are fast enough is judged to a hundredth as well.
-const TRIALS_OF_GOALS: u32 = 4;
+const TRIALS_OF_GOALS: u32 = 10;
 
 fn measure(args: &Args) -> Evidence {
     let Args { trials, seed, .. } = *args;
     let groups = try_all(args);
-    let (warm_transient, warm_settled) = goals::track(trials.div_ceil(5), seed);
+    let (warm_transient, warm_settled) = goals::track(trials.div_ceil(2), seed);
     Evidence {
         groups,
         cold: goals::start(TRIALS_OF_GOALS * trials, seed),
