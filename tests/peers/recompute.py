@@ -58,7 +58,11 @@ def left_over(parameters, frequency_hz, started_s, settle_s, integration_s):
             for z in (s, s.conjugate())
         )
         total = 2 * np.pi * hz * (1 - 1j * parameters[4] + m * response[i])
-        part = 0.5 * MARGIN * amplitude * np.exp(2 * s.real * wait_s) * heard
+        now = amplitude * np.exp(2 * s.real * wait_s)
+        # Readings of one stay hear the same motion: only what has died away in between is new.
+        new = 1 if is_new else max(1 - now / read, 1e-12)
+        read = now
+        part = 0.5 * MARGIN * now * heard / new
         variance[i] = part * m**2 / abs(total) ** 2
         amplitude *= np.exp(2 * s.real * (wait_s + duration_s))
         end_s = begun_s + settle_s[i] + duration_s

@@ -30,6 +30,8 @@ pub(crate) struct Leftover {
     s: Complex64,
     /// Mean square of its amplitude now.
     square: f64,
+    /// The same when it was last read; infinite after a change of the frequency.
+    read: f64,
     /// The frequency of the drive, Hz, and |1/D|² there. Nothing is known before the first visit:
     /// it may have been the resonance.
     frequency_hz: f64,
@@ -41,7 +43,7 @@ impl Leftover {
         let omega_s = TAU * resonance_hz;
         let ringing = omega_s * (1.0 - 0.25 / (q * q)).max(0.0).sqrt();
         let s = Complex64::new(-0.5 * omega_s / q, ringing);
-        Self { omega_s, q, s, square: 0.0, frequency_hz: 0.0, forced: q * q }
+        Self { omega_s, q, s, square: 0.0, read: f64::INFINITY, frequency_hz: 0.0, forced: q * q }
     }
 
     /// One visit: the variance of each part of the motional admittance per farad of C1 that is read
@@ -54,13 +56,18 @@ impl Leftover {
             let forced = 1.0 / Complex64::new(1.0 - u * u, u / self.q).norm_sqr();
             self.square += forced + self.forced;
             (self.frequency_hz, self.forced) = (frequency_hz, forced);
+            self.read = f64::INFINITY;
         }
         let omega = Complex64::new(0.0, TAU * frequency_hz);
         let part = |s: Complex64| {
             (s * ((s * integration_s).exp() - 1.0) / ((s - omega) * integration_s)).norm_sqr()
         };
         let heard = part(self.s) + part(self.s.conj());
-        let variance = 0.5 * MARGIN * self.square * (2.0 * self.s.re * settle_s).exp() * heard;
+        let square = self.square * (2.0 * self.s.re * settle_s).exp();
+        // Readings of one stay hear the same motion. Only what has died away in between is new.
+        let new = (1.0 - square / self.read).max(f64::MIN_POSITIVE);
+        let variance = 0.5 * MARGIN * square * heard / new;
+        self.read = square;
         self.rest(settle_s + integration_s + rest_s);
         variance
     }
@@ -122,7 +129,7 @@ mod tests {
         let first = leftover.visit(&stay(139.0));
         let again = leftover.visit(&stay(139.0));
         let decay = (-TAU * 140.0 / 30.0 * 0.07).exp();
-        assert!((again / first / decay - 1.0).abs() < 1e-12);
+        assert!((again / first / (decay / (1.0 - decay)) - 1.0).abs() < 1e-12);
         assert!(leftover.visit(&stay(139.1)) > 0.5 * first);
     }
 }

@@ -10,8 +10,8 @@ mod transient;
 use rig_model::{Reading, SweepMethod, SweepPoint, SweepRequest, Window};
 
 use crate::{
-    Circuit, FitOptions, Fitter, NoisePrior, Past, Resonance, Timing, Verdict, fit::POINTS_MIN,
-    trace::Sample,
+    Circuit, FitOptions, Fitter, NoisePrior, Past, Reason, Resonance, Timing, Verdict,
+    fit::POINTS_MIN, trace::Sample,
 };
 use settled::Settled;
 use tracker::Tracker;
@@ -173,7 +173,7 @@ impl Planner {
                 Some(_) => return Next::Finished(verdict),
                 None => {
                     self.aim_hz = expected_hz * MORE;
-                    self.refusals += 1;
+                    self.refusals += usize::from(!needs_more(&verdict));
                 }
             }
             if is_late || self.refusals > REFUSALS_MAX {
@@ -206,6 +206,12 @@ impl Planner {
     pub fn readings(&self) -> &[Reading] {
         &self.readings
     }
+}
+
+/// Whether a refusal only says that more has to be read.
+fn needs_more(verdict: &Verdict) -> bool {
+    let Verdict::Refused(refusal) = verdict else { return false };
+    matches!(refusal.reason, Reason::TooNoisy { .. } | Reason::TooFewPoints { .. })
 }
 
 /// Points at equal distances over a window, from end to end.
