@@ -21,50 +21,25 @@ pub(crate) struct Information([[f64; ELEMENTS]; ELEMENTS]);
 impl Information {
     /// Of points measured one after the other from rest, as the plant answers in time.
     pub(crate) fn in_time(circuit: &Circuit, points: &[SweepPoint]) -> Self {
-        let readings = |circuit: &Circuit| -> Vec<Complex64> {
-            let first_hz = points.first().map_or(1.0, |point| point.frequency_hz);
-            let mut plant =
-                Plant::at_rest(*circuit, first_hz).expect("sensors near one that rings ring");
-            let visit = |point: &SweepPoint| {
-                plant.set_frequency(point.frequency_hz);
-                plant.advance(point.settle_s);
-                plant.measure(point.cycles)
-            };
-            points.iter().map(visit).collect()
-        };
-        Self::of(circuit, points, readings)
+        let mut ringing = Ringing::at_rest(circuit, points.first().map_or(1.0, |p| p.frequency_hz));
+        points.iter().fold(Self::default(), |sum, point| sum.plus(1.0, &ringing.visit(point)))
     }
 
     /// Of points at which all motion has settled.
     pub(crate) fn settled(circuit: &Circuit, points: &[SweepPoint]) -> Self {
-        Self::of(circuit, points, |circuit| {
-            points.iter().map(|point| circuit.impedance_ohm(point.frequency_hz)).collect()
+        let pairs: [[Circuit; 2]; ELEMENTS] =
+            std::array::from_fn(|element| [STEP, -STEP].map(|by| moved(circuit, element, by)));
+        points.iter().fold(Self::default(), |sum, point| {
+            let settled = |circuit: Circuit| circuit.impedance_ohm(point.frequency_hz);
+            sum.plus(1.0, &Self::of(point, &pairs.map(|pair| pair.map(settled))))
         })
     }
 
-    fn of(
-        circuit: &Circuit,
-        points: &[SweepPoint],
-        readings: impl Fn(&Circuit) -> Vec<Complex64>,
-    ) -> Self {
-        let slopes: [Vec<Complex64>; ELEMENTS] = std::array::from_fn(|element| {
-            let (up, down) = (
-                readings(&moved(circuit, element, STEP)),
-                readings(&moved(circuit, element, -STEP)),
-            );
-            up.iter().zip(&down).map(|(up, down)| (up / down).ln() / (2.0 * STEP)).collect()
-        });
-        let mut information = Self::default();
-        for (index, point) in points.iter().enumerate() {
-            let weight = 0.1 * f64::from(point.cycles);
-            for i in 0..ELEMENTS {
-                for j in 0..ELEMENTS {
-                    let both = slopes[i][index].conj() * slopes[j][index];
-                    information.0[i][j] += weight * both.re;
-                }
-            }
-        }
-        information
+    /// Of one point, from its impedance with each element a step larger, and a step smaller.
+    fn of(point: &SweepPoint, pairs: &[[Complex64; 2]; ELEMENTS]) -> Self {
+        let slopes = pairs.map(|[up, down]| (up / down).ln() / (2.0 * STEP));
+        let weight = 0.1 * f64::from(point.cycles);
+        Self(slopes.map(|one| slopes.map(|other| weight * (one.conj() * other).re)))
     }
 
     /// The sum of this and so many times another.
@@ -124,6 +99,56 @@ impl Information {
         }
         Some(column)
     }
+}
+
+/// Sensors that are measured alike, and differ by a step of one element.
+struct Ringing([[Plant; 2]; ELEMENTS]);
+
+impl Ringing {
+    fn at_rest(circuit: &Circuit, frequency_hz: f64) -> Self {
+        let plant = |element, by| {
+            let circuit = moved(circuit, element, by);
+            Plant::at_rest(circuit, frequency_hz).expect("sensors near one that rings ring")
+        };
+        Self(std::array::from_fn(|element| [STEP, -STEP].map(|by| plant(element, by))))
+    }
+
+    /// What one more point tells.
+    fn visit(&mut self, point: &SweepPoint) -> Information {
+        let pairs = self.0.each_mut().map(|pair| {
+            pair.each_mut().map(|plant| {
+                plant.set_frequency(point.frequency_hz);
+                plant.advance(point.settle_s);
+                plant.measure(point.cycles)
+            })
+        });
+        Information::of(point, &pairs)
+    }
+}
+
+/// The time of measuring these points from rest until the bound is as low as wanted, s; infinite
+/// where that takes longer than `limit_s`. `wanted` is relative, for noise 1 at ten cycles.
+pub(crate) fn time_to_reach_s(
+    circuit: &Circuit,
+    points: impl IntoIterator<Item = SweepPoint>,
+    wanted: f64,
+    limit_s: f64,
+) -> f64 {
+    let mut points = points.into_iter().peekable();
+    let Some(first) = points.peek() else { return f64::INFINITY };
+    let mut ringing = Ringing::at_rest(circuit, first.frequency_hz);
+    let (mut information, mut time_s) = (Information::default(), 0.0);
+    for point in points {
+        time_s += point.duration_s();
+        if time_s > limit_s {
+            break;
+        }
+        information = information.plus(1.0, &ringing.visit(&point));
+        if information.relative_bound() <= wanted {
+            return time_s;
+        }
+    }
+    f64::INFINITY
 }
 
 /// The bound times the root of the time integrated, for noise 1 at ten cycles, when nothing ever

@@ -1,6 +1,7 @@
 //! `rig-study speed-accuracy`: the time that a resonance costs on the bench against its error.
 
 mod accuracy;
+mod best_plan;
 mod cell;
 mod charts;
 mod document;

@@ -19,7 +19,9 @@ pub(super) fn page(args: &Args, evidence: &Evidence, searches: &[Searches]) -> P
     page.text(
         "Noise is 0.5 % at ten cycles, and times count everything from the sensor at rest, unless \
          a row says otherwise. Warm readings follow one another while the resonance moves by up to \
-         1 Hz in between and the drive never stops.",
+         1 Hz in between and the drive never stops. A plan made with the sensor known needs no \
+         reading to find it: three frequencies in turn, searched for with the Cramér–Rao bound. \
+         How far a planner stays behind it is what finding costs.",
     );
     page.table(goals::table(&goals::judge(evidence)));
     page.heading("What a resonance costs");
