@@ -38,7 +38,7 @@ ALARM_S = 2.0
 # Both stop where a further step would be far below the uncertainty, and where rigd looks closer it
 # takes the logarithm for the residual, which differs by the square of the noise. It may state a larger
 # uncertainty, where it suspects more than noise, but not a smaller one.
-AGREE_SIGMAS, AGREE_SIGMA = 0.1, 0.03
+AGREE_SIGMAS, AGREE_SIGMA = 0.2, 0.03
 GOALS = {"scipy lm, exact Jacobian": 150, "scikit-rf VectorFitting, y": 1000, "scikit-rf NLQFIT6": 1000}
 
 
