@@ -124,3 +124,22 @@ async fn a_sweep_that_was_aborted_is_not_taken_for_the_next_one() {
     daemon.handle.close().await;
     daemon.thread.join();
 }
+
+#[tokio::test]
+async fn a_run_is_found_as_soon_as_it_has_an_id() {
+    let daemon = Daemon::start().await;
+    let protocol = include_str!("../../../config/protocols/three-direction.toml");
+    for _ in 0..5 {
+        // What was just written puts the next commit off, unless something needs it.
+        daemon.move_to("rotary", 0.0).await;
+        let (status, run) = daemon.ask("POST", "runs", &json!({ "protocol_toml": protocol })).await;
+        assert_eq!(status, StatusCode::ACCEPTED, "{run}");
+        let path = format!("runs/{}", run["id"].as_str().unwrap());
+        let (status, found) = daemon.ask("GET", &path, &Value::Null).await;
+        assert_eq!(status, StatusCode::OK, "{found}");
+        daemon.handle.command(Command::Abort, None, "test").await.unwrap();
+        daemon.wait_until_idle().await;
+    }
+    daemon.handle.close().await;
+    daemon.thread.join();
+}

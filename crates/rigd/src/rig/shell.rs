@@ -255,6 +255,8 @@ impl Shell {
         };
         self.view.run = Some(view);
         self.command(command, by)?;
+        // Who is given the id may ask for the run at once.
+        self.commit();
         Ok(id)
     }
 
