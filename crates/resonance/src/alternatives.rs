@@ -100,8 +100,8 @@ const WIDE: usize = UNKNOWNS + MOST;
 const DISTINCT: f64 = 1e-4;
 /// Time constants for which a point may have been waited for, and cycles then integrated, where
 /// neither is known.
-const DWELLS: [f64; 5] = [0.0, 0.5, 1.0, 2.0, 3.0];
-const DWELL_CYCLES: f64 = 4.0;
+const DWELLS: [(f64, f64); 7] =
+    [(0.0, 4.0), (0.0, 10.0), (0.5, 4.0), (0.5, 10.0), (1.0, 4.0), (2.0, 4.0), (3.0, 4.0)];
 /// After so many time constants less than a part in 20 000 is left of any motion.
 const SETTLED_TIME_CONSTANTS: f64 = 10.0;
 /// Places at which a second mode is tried, per width of the first.
@@ -114,7 +114,11 @@ const BEYOND: f64 = 0.4;
 
 impl<'a> Fitted<'a> {
     pub(crate) fn new(trace: &'a Trace, found: &Minimum) -> Self {
-        let Minimum { at, free, .. } = *found;
+        Self::at(trace, found.at, found.free)
+    }
+
+    /// The fit that ended here, with so many free unknowns.
+    pub(crate) fn at(trace: &'a Trace, at: Believed, free: usize) -> Self {
         let mut rows = Vec::with_capacity(trace.samples.len());
         let mut motional = Vec::with_capacity(trace.samples.len());
         let mut admittance = Vec::with_capacity(trace.samples.len());
@@ -199,26 +203,32 @@ impl<'a> Fitted<'a> {
 
     /// The most likely kind of unfinished settling, the dwell at each point not being known.
     fn not_settled(&self) -> Option<Alternative> {
-        let time_constant_s = self.time_constant_s();
         let pattern = |i: usize, _: &Row| {
             let before = if i == 0 { NOTHING } else { self.motional[i - 1] };
             let left = (before - self.motional[i]) / self.admittance[i];
             [left, left * Complex64::I, NOTHING]
         };
         let mut best = self.alternative(Cause::NotSettled, 2, pattern);
-        for dwell in DWELLS {
-            let trial = self.after(|sample| Visit {
-                settle_s: dwell * time_constant_s,
-                integration_s: DWELL_CYCLES / sample.visit.frequency_hz,
-                rest_s: 0.0,
-                ..sample.visit
-            });
-            let is_better = |trial: &Alternative| {
-                trial.size > 0.0 && best.is_none_or(|best| best.saved < trial.saved)
-            };
-            best = trial.filter(is_better).or(best);
+        for trial in self.dwells() {
+            let is_better = best.is_none_or(|best| best.saved < trial.saved);
+            if trial.size > 0.0 && is_better {
+                best = Some(trial);
+            }
         }
         best
+    }
+
+    /// What is left of the motion, of size 1, after each of the dwells that there may have been.
+    pub(crate) fn dwells(&self) -> impl Iterator<Item = Alternative> + '_ {
+        let time_constant_s = self.time_constant_s();
+        DWELLS.into_iter().filter_map(move |(dwell, cycles)| {
+            self.after(|sample| Visit {
+                settle_s: dwell * time_constant_s,
+                integration_s: cycles / sample.visit.frequency_hz,
+                rest_s: 0.0,
+                ..sample.visit
+            })
+        })
     }
 
     /// The pattern of a drive that goes on from visit to visit.

@@ -7,7 +7,7 @@ use rig_model::{Reading, Window};
 
 use crate::{
     Circuit, Reason, Refusal, Resonance, Side, Timing, Verdict, points::Points, quick::Quick,
-    rounding, scatter, solve::End, thorough::Model, trace::Believed,
+    rounding, scatter, solve::End, thorough::Model, trace::Believed, untold,
 };
 
 /// What is known besides the readings.
@@ -72,10 +72,11 @@ impl Fitter {
             && let Some(found) = self.quick.fit(options)
         {
             start = found.start;
-            if let (Some(resonance), true) = (found.resonance, found.is_usual)
+            if let (Some(resonance), Some(at), true) = (found.resonance, start, found.is_usual)
                 && !rounding::matters(&rounding, readings, &resonance)
                 && doubt_existence(&resonance, found.gain).is_none()
                 && doubt_place(&resonance, window).is_none()
+                && let resonance = self.told(&resonance, at, readings, options.timing)
                 && doubt_precision(&resonance).is_none()
             {
                 return Verdict::Accepted(resonance);
@@ -87,6 +88,21 @@ impl Fitter {
         match Model::find(readings, &rounding, window, unit_farad, start, options) {
             Ok(model) => judge(&model, window, options),
             Err(reason) => refused(reason),
+        }
+    }
+
+    /// A quick result, with the uncertainty that comes of not knowing the times.
+    fn told(
+        &self,
+        found: &Resonance,
+        at: Believed,
+        readings: &[Reading],
+        timing: Timing,
+    ) -> Resonance {
+        let unit_farad = self.quick.points.reference_farad;
+        match timing {
+            Timing::Unknown => untold::widened(found, at, readings, unit_farad),
+            Timing::Waited | Timing::Exact(_) => *found,
         }
     }
 

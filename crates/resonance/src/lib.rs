@@ -30,6 +30,7 @@ mod scatter;
 mod solve;
 mod thorough;
 mod trace;
+mod untold;
 mod verdict;
 
 pub use circuit::Circuit;

@@ -17,15 +17,17 @@ use crate::{
 /// What may be left of the motion, relative to the noise, without a closer look.
 const SURELY_SETTLED: f64 = 0.3;
 
-/// What one good sweep in thirty shows, for each of the signs that ask for a closer look.
+/// What few good sweeps show, for each of the signs that ask for a closer look.
 mod unusual {
-    /// The largest |r|² over its mean; exponentially distributed.
-    pub(super) const LARGEST: f64 = 8.0;
-    /// ⟨|r|⁴⟩/⟨|r|²⟩², which is 2 for an exponential distribution.
-    pub(super) const FOURTH: f64 = 3.2;
+    /// The largest |r|² over its mean; exponentially distributed, so that one good sweep of a hundred
+    /// readings in two hundred shows it. An outlier has 14 times the mean of the others.
+    pub(super) const LARGEST: f64 = 10.0;
+    /// ⟨|r|⁴⟩/⟨|r|²⟩², which is 2 for an exponential distribution. Several outliers raise the mean
+    /// and hide behind it, but not here.
+    pub(super) const FOURTH: f64 = 4.0;
     /// χ² of three patterns; one good sweep in fourteen.
     pub(super) const PATTERNS: f64 = 7.0;
-    /// Standard deviations of χ² per degree of freedom.
+    /// Standard deviations of χ² per degree of freedom; one good sweep in forty.
     pub(super) const CHI_SQUARED_SIGMAS: f64 = 2.0;
 }
 

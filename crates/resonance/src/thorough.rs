@@ -17,6 +17,7 @@ use crate::{
     scatter::{self, Pool},
     solve::End,
     trace::{Believed, Besides, CIRCUIT, Minimum, Timing, Trace},
+    untold,
     verdict::{Rung, Spread},
 };
 
@@ -239,8 +240,13 @@ impl Model {
                 let more = variance * (found.variance - found.variance_without);
                 probability * (found.shift * found.shift + more)
             })
-            .fold(0.0, f64::max);
+            .fold(self.unsettled(&fitted, variance), f64::max);
         alternatives
+    }
+
+    /// What not being told of the times adds to the relative variance of the resonance.
+    fn unsettled(&self, fitted: &Fitted<'_>, variance: f64) -> f64 {
+        if self.trace.timing == Timing::Unknown { untold::variance(fitted, variance) } else { 0.0 }
     }
 
     /// What the best cause other than a second mode gains, which would follow any single reading.

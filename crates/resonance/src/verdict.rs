@@ -77,6 +77,14 @@ impl Resonance {
             loss_tangent: self.loss_tangent,
         }
     }
+
+    /// The same with this added to its variance, Hz².
+    pub(crate) fn widened(&self, more: f64) -> Self {
+        let mut covariance = self.covariance;
+        covariance[0][0] += more;
+        let sigma_hz = covariance[0][0].sqrt() * student_factor(self.noise_degrees_of_freedom);
+        Self { sigma_hz, covariance, ..*self }
+    }
 }
 
 /// What a fit knows of its uncertainty, for noise of variance 1.

@@ -6,7 +6,7 @@ mod scenes;
 #[expect(dead_code, reason = "each test file uses its part")]
 mod support;
 
-use rig_resonance::{Reason, Resonance, Rung, Side, Verdict, fit};
+use rig_resonance::{FitOptions, Reason, Resonance, Rung, Side, Timing, Verdict, fit};
 use scenes::{Kind, Rounding, Scene};
 use support::Random;
 
@@ -145,6 +145,30 @@ fn the_wait_at_each_point() {
         (timed, Kind::Unsettled(9.0), PLAIN),
         (SENSOR, Kind::Unsettled(0.5), Refused(|reason| *reason == Reason::NotSettled)),
     ]);
+}
+
+/// A weak sensor that nobody waited for looks settled, and is several standard deviations off by the
+/// noise alone. What the readings do not exclude must be in the uncertainty, and not much more.
+#[test]
+fn a_wait_of_which_nobody_tells_is_in_the_uncertainty() {
+    let weak = Scene { q: 10.0, capacitance_ratio: 0.0204, noise: 0.005, ..SENSOR };
+    let untold = FitOptions { timing: Timing::Unknown, ..FitOptions::default() };
+    let told = FitOptions { timing: Timing::Waited, ..FitOptions::default() };
+    let (mut answers, mut widest, mut widened) = (0, 0.0_f64, 0.0_f64);
+    for seed in 0..40 {
+        let (readings, _) = weak.sweep(Kind::Unsettled(0.0), &mut Random::new(seed));
+        if let Verdict::Accepted(found) = fit(&readings, &untold) {
+            let sigmas = (found.resonance_hz - weak.resonance_hz) / found.sigma_hz;
+            assert!(sigmas.abs() < 4.5, "seed {seed}: {sigmas} of {found:?}");
+            (answers, widest) = (answers + 1, widest.max(found.sigma_hz));
+        }
+        let timed = Scene { is_timed: true, ..weak };
+        let (readings, _) = timed.sweep(Kind::Nominal, &mut Random::new(seed));
+        let sigma_hz = |options| fit(&readings, options).accepted().expect("it is good").sigma_hz;
+        widened += sigma_hz(&untold) / sigma_hz(&told) / 40.0;
+    }
+    assert!(answers > 30 && widest > 0.15, "{answers}, {widest} Hz");
+    assert!((1.1..1.6).contains(&widened), "{widened}");
 }
 
 #[test]
