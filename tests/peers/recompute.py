@@ -32,7 +32,7 @@ def table(path):
 # Standard deviation of the noise of ten cycles, beside which a reading has settled or not, and by how
 # much more what is left of the motion is feared.
 NOISE = 0.005
-MARGIN = 2.0
+MARGIN = 1.5
 
 
 def left_over(parameters, frequency_hz, started_s, settle_s, integration_s):

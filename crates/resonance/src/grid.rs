@@ -10,6 +10,7 @@ use num_complex::Complex64;
 use rig_model::Window;
 
 use crate::{
+    Circuit,
     dense::Cholesky,
     leftover::Leftover,
     ringup::{Heard, Motion, plain},
@@ -20,27 +21,24 @@ use crate::{
 /// What a reading depends on linearly: C0, C1, C0·tan δ, and the past motion.
 const LINEAR: usize = 5;
 
-/// What is believed of any sensor beforehand. It keeps the first readings from being explained by
+/// What is believed of a circuit beforehand. It keeps the first readings from being explained by
 /// absurd circuits, and is nothing against a dozen of them.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Expected {
-    /// The quality, within a factor of e more or less.
-    pub(crate) q: f64,
+    /// (ln resonance, ln Q, C0, C1, C0·tan δ), capacitances in the unit of the readings.
+    mean: [f64; CIRCUIT],
+    spread: [f64; CIRCUIT],
 }
 
-impl Default for Expected {
-    fn default() -> Self {
-        Self { q: 30.0 }
-    }
-}
-
-/// Spread of ln Q.
+pub(crate) const Q_TYPICAL: f64 = 30.0;
 const LN_Q_SPREAD: f64 = 1.0;
-/// Spreads in units of C0: of itself as the first reading gives it, of C1, of the loss, and of an
-/// unknown past motion.
-const C0_SPREAD: f64 = 1.0;
-const C1_SPREAD: f64 = 0.15;
-const LOSS_SPREAD: f64 = 0.03;
+/// What changes a little while the resonance moves by little: the linewidth by no less than this
+/// part, C0 by this part of itself, the loss tangent by this.
+const CHANGED_MIN: f64 = 0.1;
+const C0_CHANGES: f64 = 0.1;
+const LOSS_CHANGES: f64 = 0.01;
+const VAGUE: f64 = 100.0;
+/// Spread of an unknown past motion in units of C0.
 const PAST_SPREAD: f64 = 3.0;
 /// C1 in units of C0 where only the size of an error depends on it.
 const C1_TYPICAL: f64 = 0.07;
@@ -165,19 +163,23 @@ impl Cell {
     fn best(&self, expected: Expected, variance: f64, timing: Timing) -> Option<(f64, Believed)> {
         let mut matrix = self.normal.matrix;
         let mut gradient = self.normal.gradient;
-        let spreads = [C0_SPREAD, C1_SPREAD, LOSS_SPREAD, PAST_SPREAD, PAST_SPREAD];
-        for (i, spread) in spreads.into_iter().enumerate() {
-            matrix[i][i] += variance / (spread * spread);
+        let [ln_resonance, ln_q, c0, c1, loss] = expected.spread;
+        let [_, _, mean @ ..] = expected.mean;
+        for (i, spread) in [c0, c1, loss, PAST_SPREAD, PAST_SPREAD].into_iter().enumerate() {
+            let precision = variance / (spread * spread);
+            matrix[i][i] += precision;
+            gradient[i] -= precision * mean.get(i).copied().unwrap_or(0.0);
         }
-        gradient[0] -= variance / (C0_SPREAD * C0_SPREAD);
         let besides =
             if timing == Timing::Exact(Past::Unknown) { Besides::Past } else { Besides::Nothing };
         let free = LINEAR - 2 + besides.count();
         let step = Cholesky::new(&matrix, free, 0.0)?.solve(&gradient);
         let saved: f64 = step.iter().zip(gradient).map(|(a, b)| a * b).sum();
         let [c0, c1, g, b1, b2] = step.map(|x| -x);
-        let ln_q = (self.q / expected.q).ln() / LN_Q_SPREAD;
-        let cost = self.normal.cost - saved + variance * (ln_q * ln_q + self.ln_determinant);
+        let ln_resonance = (self.resonance_hz.ln() - expected.mean[0]) / ln_resonance;
+        let ln_q = (self.q.ln() - expected.mean[1]) / ln_q;
+        let cost = self.normal.cost - saved
+            + variance * (ln_resonance * ln_resonance + ln_q * ln_q + self.ln_determinant);
         let (resonance_hz, q) = (self.resonance_hz, self.q);
         let believed = Believed { resonance_hz, q, c0, c1, g, besides, extra: [b1, b2, 0.0] };
         (c1 > 0.0 && c0 > 0.0).then_some((cost, believed))
@@ -185,6 +187,39 @@ impl Cell {
 }
 
 impl Expected {
+    /// Of any sensor: a resonance anywhere, Q within a factor of e, C0 as the first reading gives it,
+    /// and spreads of C1 and of the loss in units of C0.
+    pub(crate) fn any(q: f64) -> Self {
+        Self {
+            mean: [0.0, q.ln(), 1.0, 0.0, 0.0],
+            spread: [f64::INFINITY, LN_Q_SPREAD, 1.0, 0.15, 0.03],
+        }
+    }
+
+    /// With its resonance in this window.
+    pub(crate) fn within(mut self, window: Window) -> Self {
+        (self.mean[0], self.spread[0]) = logarithms(window);
+        self
+    }
+
+    /// Of a circuit that can have moved only so little that it is nearly the same. In units of its
+    /// static capacitance.
+    pub(crate) fn nearly(circuit: &Circuit, window: Window) -> Self {
+        let (middle, half) = logarithms(window);
+        let ratio = circuit.c1_farad / circuit.c0_farad;
+        // What moves a resonance by a part of its width may widen it by as much.
+        let changed = (half * circuit.q).clamp(CHANGED_MIN, LN_Q_SPREAD);
+        Self {
+            mean: [middle, circuit.q.ln(), 1.0, ratio, circuit.loss_tangent],
+            spread: [half, changed, C0_CHANGES, changed * ratio, LOSS_CHANGES],
+        }
+    }
+
+    /// The same, hardly believed.
+    pub(crate) fn vaguely(self) -> Self {
+        Self { spread: self.spread.map(|spread| VAGUE * spread), ..self }
+    }
+
     /// Adds it to the normal equations, for noise of this variance.
     pub(crate) fn add_to(self, normal: &mut Normal<UNKNOWNS>, at: &Believed, variance: f64) {
         let mut add = |i: usize, away: f64, spread: f64| {
@@ -193,15 +228,21 @@ impl Expected {
             normal.gradient[i] += precision * away;
             normal.cost += precision * away * away;
         };
-        add(1, (at.q / self.q).ln(), LN_Q_SPREAD);
-        add(2, at.c0 - 1.0, C0_SPREAD);
-        add(3, at.c1, C1_SPREAD);
-        add(4, at.g, LOSS_SPREAD);
+        let values = [at.resonance_hz.ln(), at.q.ln(), at.c0, at.c1, at.g];
+        for (i, value) in values.into_iter().enumerate() {
+            add(i, value - self.mean[i], self.spread[i]);
+        }
         if at.besides == Besides::Past {
             add(CIRCUIT, at.extra[0], PAST_SPREAD);
             add(CIRCUIT + 1, at.extra[1], PAST_SPREAD);
         }
     }
+}
+
+/// The middle of a window and half its width, in logarithms; no window is believed more closely than
+/// the grid is.
+fn logarithms(Window { min_hz, max_hz }: Window) -> (f64, f64) {
+    (0.5 * (min_hz * max_hz).ln(), 0.5 * (max_hz / min_hz).ln().max(STEP))
 }
 
 /// Whether two resonances are more than `steps` steps of a grid apart.

@@ -18,7 +18,8 @@ use num_complex::Complex64;
 use crate::ringup::Visit;
 
 /// The time constant is an estimate too, and a little too short more often than not when it is used.
-const MARGIN: f64 = 2.0;
+/// So much makes claims of sweeps planned by it come true.
+const MARGIN: f64 = 1.5;
 
 /// The free motion of a branch of unit motional capacitance under a drive of 1 V.
 #[derive(Debug, Clone, Copy)]

@@ -83,6 +83,12 @@ const LOOK_WEIGHT: f64 = 1e-3;
 const AIM: f64 = 0.99;
 /// By how much less is aimed at, at a time, when the fit is not content.
 const MORE: f64 = 0.95;
+/// By how much less where it refuses: many refusals of nearly the same readings would be one.
+const MUCH_MORE: f64 = 0.9;
+/// How far a result may be from the circuit for which its readings were weighed: in standard
+/// deviations, and in the logarithm of the quality.
+const OFF_SIGMAS: f64 = 0.3;
+const OFF_LN_Q: f64 = 0.15;
 /// A refusal may be chance while the readings are few; so many in a row are none.
 const REFUSALS_MAX: usize = 10;
 
@@ -139,6 +145,13 @@ impl Planner {
         self.fitter.fit(&self.readings, &self.options)
     }
 
+    /// Whether a result is the circuit for which its readings were weighed.
+    fn is_consistent(&self, found: &Resonance) -> bool {
+        let Some(near) = self.options.near else { return true };
+        let off_sigmas = (found.resonance_hz - near.resonance_hz) / found.sigma_hz;
+        off_sigmas.abs() < OFF_SIGMAS && (found.q / near.q).ln().abs() < OFF_LN_Q
+    }
+
     fn tracker(&self) -> Option<&Tracker> {
         match &self.method {
             Method::Uniform { .. } => None,
@@ -148,19 +161,26 @@ impl Planner {
     }
 
     /// How many of the first readings only served to find the resonance: they had settled so little
-    /// that together they count for next to nothing.
+    /// that together they count for next to nothing. The others still lie on both sides of it.
     pub fn looks(&self) -> usize {
         let Method::Settled(settled) = &self.method else { return 0 };
-        let Some((trace, _)) = settled.tracker().best() else { return self.readings.len() };
+        let Some((trace, at)) = settled.tracker().best() else { return self.readings.len() };
         let is_look = |sample: &&Sample| sample.weight < LOOK_WEIGHT * sample.length;
+        let is_below = |sample: &Sample| sample.visit.frequency_hz < at.resonance_hz;
+        let last_below = trace.samples.iter().rposition(is_below).unwrap_or(0);
+        let last_above = trace.samples.iter().rposition(|sample| !is_below(sample)).unwrap_or(0);
         let most = self.readings.len().saturating_sub(POINTS_MIN);
-        trace.samples.iter().take_while(is_look).count().min(most)
+        let looks = trace.samples.iter().take_while(is_look).count();
+        looks.min(most).min(last_below).min(last_above)
     }
 
     fn next_point(&mut self) -> Next {
         let is_late = elapsed_s(&self.readings) >= self.request.time_limit_s;
         let expected_hz = self.tracker().map_or(f64::INFINITY, Tracker::sigma_hz);
-        if is_late || expected_hz < self.aim_hz {
+        let is_enough = expected_hz < self.aim_hz && self.readings.len() >= POINTS_MIN;
+        if is_enough && !is_late && self.tracker().is_some_and(Tracker::has_rival) {
+            self.aim_hz = expected_hz * MORE;
+        } else if is_late || is_enough {
             let verdict = self.verdict();
             let target_hz = self.request.target_sigma_hz;
             match verdict.accepted() {
@@ -170,9 +190,12 @@ impl Planner {
                     self.aim_hz = expected_hz * (target_hz / found.sigma_hz).max(MORE);
                     self.refusals = 0;
                 }
+                Some(found) if !is_late && !self.is_consistent(found) => {
+                    self.aim_hz = expected_hz * MORE;
+                }
                 Some(_) => return Next::Finished(verdict),
                 None => {
-                    self.aim_hz = expected_hz * MORE;
+                    self.aim_hz = expected_hz * MUCH_MORE;
                     self.refusals += usize::from(!needs_more(&verdict));
                 }
             }

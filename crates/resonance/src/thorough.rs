@@ -12,7 +12,7 @@ use crate::{
     alternatives::{Alternative, Cause, Fitted},
     dense::{Cholesky, condition, sandwich},
     fit::GAIN_MIN,
-    grid::{Expected, Grid, are_apart},
+    grid::{Expected, Grid, Q_TYPICAL, are_apart},
     outliers::{self, GAIN_PER_OUTLIER, READINGS_PER_OUTLIER},
     scatter::{self, Pool},
     solve::End,
@@ -439,7 +439,7 @@ fn from_nothing(trace: &Trace, window: Window, free: usize) -> Result<Believed, 
         grid.rest(sample.visit.rest_s);
     }
     let mut starts: Vec<Believed> = Vec::new();
-    for (_, start) in grid.ranked(Expected::default(), GRID_VARIANCE) {
+    for (_, start) in grid.ranked(Expected::any(Q_TYPICAL), GRID_VARIANCE) {
         if starts.iter().all(|other| are_apart(other, &start, 2.5)) {
             starts.push(start);
         }

@@ -458,6 +458,20 @@ impl Believed {
         }
     }
 
+    /// A part of the way to another circuit.
+    pub(crate) fn towards(&self, other: &Self, part: f64) -> Self {
+        let mix = |a: f64, b: f64| a + part * (b - a);
+        let mix_ln = |a: f64, b: f64| a * (b / a).powf(part);
+        Self {
+            resonance_hz: mix_ln(self.resonance_hz, other.resonance_hz),
+            q: mix_ln(self.q, other.q),
+            c0: mix(self.c0, other.c0),
+            c1: mix(self.c1, other.c1),
+            g: mix(self.g, other.g),
+            ..*self
+        }
+    }
+
     /// The circuit in farads.
     pub(crate) fn circuit(&self, unit_farad: f64) -> Circuit {
         // The impedance was multiplied by the unit, so capacitances come out divided by it.

@@ -2,12 +2,13 @@
 
 use std::f64::consts::TAU;
 
-use rig_model::{Reading, Window};
+use rig_model::{Reading, SweepRequest, Window};
 
+use super::Prior;
 use crate::{
     Circuit,
     dense::Cholesky,
-    grid::{self, Expected, Grid},
+    grid::{self, Expected, Grid, Q_TYPICAL},
     scatter::Pool,
     solve::{End, Normal},
     trace::{Believed, CIRCUIT, Timing, Trace, UNKNOWNS},
@@ -23,6 +24,8 @@ pub(super) struct Tracker {
     grid: Option<Grid>,
     trace: Option<Trace>,
     best: Option<Believed>,
+    /// Whether a circuit with clearly another resonance explains the readings nearly as well.
+    has_rival: bool,
     /// What is known of the noise beforehand, and what the readings tell besides.
     noise: Pool,
     seen: Pool,
@@ -33,11 +36,58 @@ const STARTS: usize = 4;
 const START_STEPS: f64 = 1.5;
 /// Twice the log-likelihood by which the best circuit must beat every other.
 const LEAD: f64 = 30.0;
+/// Rounds in which a circuit and the weights made with it are brought to agree, and the part of the way
+/// that each goes: all the way, some swing to and fro.
+const CONSISTENT_ROUNDS: usize = 12;
+const CONSISTENT_PART: f64 = 0.4;
+/// By what factor another quality is tried.
+const Q_AWAY: f64 = 1.4;
+/// A circuit that explains the readings nearly as well does not matter when its resonance is within
+/// so many standard deviations.
+const RIVAL_SIGMAS: f64 = 3.0;
+
+/// A window of so many linewidths leaves little doubt of the resonance.
+const NARROW_LINEWIDTHS: f64 = 2.0;
 
 impl Tracker {
-    pub(super) fn new(window: Window, timing: Timing, expected: Expected, noise: Pool) -> Self {
+    /// Nothing is known but that the resonance lies in the window, or a circuit besides that had its
+    /// resonance in or near it.
+    pub(super) fn new(
+        request: &SweepRequest,
+        prior: Option<&Prior>,
+        timing: Timing,
+        noise: Pool,
+    ) -> Self {
+        let window = prior.map_or(request.window, |prior| prior.within);
+        let circuit = prior.and_then(|prior| prior.circuit);
         let grid = Some(Grid::new(window, timing, Some(noise.variance())));
-        Self { timing, expected, grid, trace: None, best: None, noise, seen: noise }
+        let q = circuit.map_or(Q_TYPICAL, |last| last.q);
+        let any = Expected::any(q);
+        // Readings that have not settled hardly say where it is.
+        let expected = if timing == Timing::Waited { any.within(window) } else { any };
+        let (trace, best) = (None, None);
+        let tracker =
+            Self { timing, expected, grid, trace, best, has_rival: false, noise, seen: noise };
+        match circuit {
+            Some(circuit) => tracker.near(circuit, window),
+            None => tracker,
+        }
+    }
+
+    /// Begins with a circuit where the window is so narrow that it is nearly the same.
+    fn near(self, circuit: Circuit, window: Window) -> Self {
+        let Window { min_hz, max_hz } = window;
+        let linewidths = (max_hz - min_hz) / circuit.linewidth_hz();
+        if linewidths > NARROW_LINEWIDTHS || min_hz > max_hz {
+            return self;
+        }
+        let resonance_hz = circuit.resonance_hz.clamp(min_hz, max_hz);
+        let trace = Trace::new(self.timing, circuit.c0_farad);
+        let circuit = Circuit { resonance_hz, ..circuit };
+        let best =
+            Believed { besides: trace.besides(), ..Believed::of(&circuit, trace.unit_farad) };
+        let expected = Expected::nearly(&circuit, window);
+        Self { expected, trace: Some(trace), best: Some(best), ..self }
     }
 
     /// Takes in one more reading.
@@ -60,7 +110,24 @@ impl Tracker {
 
     /// The circuit that explains the readings best.
     pub(super) fn circuit(&self) -> Option<Circuit> {
-        self.best().map(|(trace, at)| at.circuit(trace.unit_farad))
+        let (trace, _) = self.best()?;
+        Some(self.consistent()?.circuit(trace.unit_farad))
+    }
+
+    /// The circuit that explains the readings best when they count for as much as they have settled
+    /// if it is the circuit, and nothing that was believed beforehand counts.
+    fn consistent(&self) -> Option<Believed> {
+        let (trace, &best) = self.best()?;
+        if self.timing != Timing::Waited {
+            return Some(best);
+        }
+        let mut trace = trace.clone();
+        let mut at = best;
+        for _ in 0..CONSISTENT_ROUNDS {
+            trace.weigh_settling(&at, self.noise.variance());
+            at = at.towards(&trace.minimum(at, CIRCUIT).at, CONSISTENT_PART);
+        }
+        Some(at)
     }
 
     /// The standard deviation of the noise at ten cycles, as far as it is known.
@@ -68,8 +135,26 @@ impl Tracker {
         self.seen.deviation()
     }
 
+    /// Whether a circuit with clearly another resonance explains the readings nearly as well.
+    pub(super) fn has_rival(&self) -> bool {
+        self.has_rival
+    }
+
+    /// The variance of the noise at ten cycles as it was known beforehand, beside which readings have
+    /// settled or not.
+    pub(super) fn known_variance(&self) -> f64 {
+        self.noise.variance()
+    }
+
     /// The standard deviation of the resonance that the readings so far should give, Hz.
     pub(super) fn sigma_hz(&self) -> f64 {
+        let Some((trace, at)) = self.best() else { return f64::INFINITY };
+        let free = CIRCUIT + trace.besides().count();
+        variance(&trace.normal(at), free).sqrt() * at.resonance_hz * self.noise()
+    }
+
+    /// The standard deviation of the resonance, with all that is believed of it, Hz.
+    pub(super) fn spread_hz(&self) -> f64 {
         let Some((trace, at)) = self.best() else { return f64::INFINITY };
         let free = CIRCUIT + trace.besides().count();
         variance(&self.normal(trace, at), free).sqrt() * at.resonance_hz * self.noise()
@@ -79,6 +164,15 @@ impl Tracker {
     pub(super) fn normal(&self, trace: &Trace, at: &Believed) -> Normal<UNKNOWNS> {
         let mut normal = trace.normal(at);
         self.expected.add_to(&mut normal, at, self.noise.variance());
+        normal
+    }
+
+    /// The normal equations there, with just so much of what is believed beforehand that they have a
+    /// solution.
+    pub(super) fn solvable(&self, trace: &Trace, at: &Believed) -> Normal<UNKNOWNS> {
+        let mut normal = trace.normal(at);
+        let variance = self.noise.variance();
+        self.expected.vaguely().add_to(&mut normal, at, variance);
         normal
     }
 
@@ -95,6 +189,10 @@ impl Tracker {
                 }
             }
         }
+        if let (Timing::Waited, Some(best)) = (self.timing, self.best) {
+            // The weights pull towards the quality that they were made with.
+            starts.extend([Q_AWAY, 1.0 / Q_AWAY].map(|by| Believed { q: best.q * by, ..best }));
+        }
         let free = CIRCUIT + trace.besides().count();
         let mut ends: Vec<Valley> = starts
             .into_iter()
@@ -106,11 +204,10 @@ impl Tracker {
         let (readings, _) = trace.used();
         let degrees = (2 * readings).saturating_sub(free) as f64;
         let scatter = self.noise.with(best.cost, degrees);
-        let has_rival = ends
-            .iter()
-            .filter(|other| grid::are_apart(&other.at, &best.at, 1.0))
-            .any(|other| other.rank - best.rank < LEAD * scatter.variance());
-        if !has_rival && degrees >= MIN_DEGREES {
+        let is_near = |other: &Valley| other.rank - best.rank < LEAD * scatter.variance();
+        let is_alone =
+            !ends.iter().filter(|other| grid::are_apart(&other.at, &best.at, 1.0)).any(is_near);
+        if is_alone && degrees >= MIN_DEGREES {
             self.seen = scatter;
             if self.timing != Timing::Waited {
                 self.grid = None;
@@ -120,6 +217,10 @@ impl Tracker {
         if let (Timing::Waited, Some(trace)) = (self.timing, &mut self.trace) {
             trace.weigh_settling(&best.at, self.noise.variance());
         }
+        let sure_hz = RIVAL_SIGMAS * self.sigma_hz();
+        self.has_rival = ends.iter().any(|other| {
+            is_near(other) && (other.at.resonance_hz - best.at.resonance_hz).abs() > sure_hz
+        });
     }
 
     /// The bottom of the valley in which a trial lies.
@@ -136,27 +237,35 @@ impl Tracker {
         if self.timing != Timing::Waited {
             return bottom(trace, start);
         }
-        // The weights depend on the circuit, and the circuit on the weights: every step on the way
-        // may be the best.
+        // The weights depend on the circuit, and the circuit on the weights: the best circuit with the
+        // weights of another may be worse with its own.
         let mut weighed = trace.clone();
-        let mut best = Valley { rank: f64::INFINITY, cost: f64::INFINITY, at: start };
-        let mut at = start;
-        for _ in 0..WEIGHINGS {
+        let mut weigh = |at: Believed| {
             let ln_determinant = weighed.weigh_settling(&at, variance);
             let mut normal = weighed.normal(&at);
             add(&at, &mut normal);
-            let rank = normal.cost + variance * ln_determinant;
-            if rank < best.rank && at.c1 > 0.0 {
-                best = Valley { rank, cost: normal.cost, at };
+            let valley =
+                Valley { rank: normal.cost + variance * ln_determinant, cost: normal.cost, at };
+            (valley, bottom(&weighed, at).at)
+        };
+        let (mut best, mut goal) = weigh(start);
+        let mut part = 1.0;
+        for _ in 0..WEIGHINGS {
+            let (next, beyond) = weigh(best.at.towards(&goal, part));
+            if next.rank < best.rank && next.at.c1 > 0.0 {
+                (best, goal, part) = (next, beyond, 1.0);
+            } else {
+                part *= BACK;
             }
-            at = bottom(&weighed, at).at;
         }
         best
     }
 }
 
 /// Rounds of weighing.
-const WEIGHINGS: usize = 4;
+const WEIGHINGS: usize = 5;
+/// What part of a step that leads too far is tried.
+const BACK: f64 = 0.4;
 
 /// A circuit near which no other explains the readings better.
 #[derive(Debug, Clone, Copy)]

@@ -18,7 +18,6 @@ use super::{
 use crate::{
     NoisePrior, Past, Timing,
     dual::Dual,
-    grid::Expected,
     ringup::{Motion, Visit},
     scatter::Pool,
     solve::Normal,
@@ -71,10 +70,7 @@ impl Transient {
         noise: &NoisePrior,
     ) -> Self {
         let window = prior.map_or(request.window, |prior| prior.within);
-        let expected = prior
-            .and_then(|prior| prior.circuit)
-            .map_or_else(Expected::default, |circuit| Expected { q: circuit.q });
-        let tracker = Tracker::new(window, Timing::Exact(past), expected, Pool::known(noise));
+        let tracker = Tracker::new(request, prior, Timing::Exact(past), Pool::known(noise));
         // Two short visits, each near half of the window: whatever resonates in it, rings after them.
         let ratio = window.max_hz / window.min_hz;
         let opening = OPENING.map(|part| SweepPoint {
