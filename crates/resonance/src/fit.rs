@@ -42,8 +42,11 @@ pub(crate) const POINTS_MIN: usize = 7;
 /// Twice the log-likelihood that a resonance must gain over a capacitor. Chance gains 40 once in a
 /// million sweeps: three parameters, one of them tried at up to a few hundred places.
 pub(crate) const GAIN_MIN: f64 = 40.0;
-/// A tenth of the linewidth: beyond it the model is no longer linear over the uncertainty.
-const SIGMA_MAX_LINEWIDTHS: f64 = 0.1;
+/// A tenth of the linewidth: beyond it the model is no longer linear over what noise does.
+const NOISE_MAX_LINEWIDTHS: f64 = 0.1;
+/// Half the linewidth: beyond it a result says no more than a glance at the peak. What is between is
+/// not noise but what other causes might do, none of which the readings ask for.
+const SIGMA_MAX_LINEWIDTHS: f64 = 0.5;
 
 /// Finds the resonance in readings, in the order in which they were taken.
 pub fn fit(readings: &[Reading], options: &FitOptions) -> Verdict {
@@ -76,10 +79,10 @@ impl Fitter {
                 && !rounding::matters(&rounding, readings, &resonance)
                 && doubt_existence(&resonance, found.gain).is_none()
                 && doubt_place(&resonance, window).is_none()
-                && let resonance = self.told(&resonance, at, readings, options.timing)
-                && doubt_precision(&resonance).is_none()
+                && let told = self.told(&resonance, at, readings, options.timing)
+                && doubt_precision(&told, resonance.sigma_hz).is_none()
             {
-                return Verdict::Accepted(resonance);
+                return Verdict::Accepted(told);
             }
         }
         let unit_farad = self.quick.points.reference_farad;
@@ -134,7 +137,7 @@ fn judge(model: &Model, window: Window, options: &FitOptions) -> Verdict {
         .or_else(|| doubt_place(&found, window))
         // Something in series explains a little of nearly everything, and much of mere noise.
         .or(model.reason.filter(|reason| *reason != Reason::Stray))
-        .or_else(|| doubt_precision(&found))
+        .or_else(|| doubt_precision(&found, model.sigma_by_noise_hz(&found)))
         .or(model.reason)
         .or_else(|| {
             let sigmas = scatter::CHI_SQUARED_SIGMAS;
@@ -169,9 +172,16 @@ fn doubt_place(found: &Resonance, window: Window) -> Option<Reason> {
     Some(Reason::OutsideWindow { side, estimate_hz, window })
 }
 
-/// Whether it is known well enough to be told.
-fn doubt_precision(found: &Resonance) -> Option<Reason> {
-    let limit_hz = SIGMA_MAX_LINEWIDTHS * found.circuit().linewidth_hz();
-    let is_precise = found.sigma_hz < limit_hz;
-    (!is_precise).then_some(Reason::TooNoisy { sigma_hz: found.sigma_hz, limit_hz })
+/// Whether it is known well enough to be told, with so much of its uncertainty by noise alone.
+fn doubt_precision(found: &Resonance, sigma_by_noise_hz: f64) -> Option<Reason> {
+    let linewidth_hz = found.circuit().linewidth_hz();
+    let [by_noise, by_all] = [
+        (sigma_by_noise_hz, NOISE_MAX_LINEWIDTHS * linewidth_hz),
+        (found.sigma_hz, SIGMA_MAX_LINEWIDTHS * linewidth_hz),
+    ]
+    .map(|(sigma_hz, limit_hz)| {
+        let is_precise = sigma_hz < limit_hz;
+        (!is_precise).then_some(Reason::TooNoisy { sigma_hz, limit_hz })
+    });
+    by_noise.or(by_all)
 }

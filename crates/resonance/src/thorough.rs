@@ -359,6 +359,11 @@ impl Model {
         Some(Resonance { mains_hz: self.mains_hz, ..found })
     }
 
+    /// The standard deviation of the result by noise alone, were nothing else possible, Hz.
+    pub(crate) fn sigma_by_noise_hz(&self, found: &Resonance) -> f64 {
+        found.widened(-self.widened * found.resonance_hz.powi(2)).sigma_hz
+    }
+
     /// The variance of one part of a reading of ten cycles by the differences of neighbours: in
     /// frequency where everything has settled, in time where it has not.
     fn neighbours(&self) -> f64 {

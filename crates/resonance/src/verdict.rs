@@ -271,8 +271,8 @@ pub enum Reason {
     },
     /// The uncertainty is not small against the linewidth, so that it is not to be trusted either.
     #[error(
-        "too noisy: the standard deviation {sigma_hz:.3} Hz exceeds {limit_hz:.3} Hz, a tenth of \
-         the linewidth"
+        "too noisy: the standard deviation {sigma_hz:.3} Hz exceeds {limit_hz:.3} Hz, which is all \
+         that the linewidth allows"
     )]
     TooNoisy {
         /// The standard deviation, Hz.
