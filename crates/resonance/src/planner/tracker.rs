@@ -68,9 +68,10 @@ impl Tracker {
         let (trace, best) = (None, None);
         let tracker =
             Self { timing, expected, grid, trace, best, has_rival: false, noise, seen: noise };
+        // A ring-up finds the circuit at once, and is only led astray by one that is a little wrong.
         match circuit {
-            Some(circuit) => tracker.near(circuit, window),
-            None => tracker,
+            Some(circuit) if timing == Timing::Waited => tracker.near(circuit, window),
+            _ => tracker,
         }
     }
 
