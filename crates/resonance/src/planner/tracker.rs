@@ -46,8 +46,10 @@ const Q_AWAY: f64 = 1.4;
 /// so many standard deviations.
 const RIVAL_SIGMAS: f64 = 3.0;
 
-/// A window of so many linewidths leaves little doubt of the resonance.
+/// A window of so many linewidths leaves little doubt of the resonance. A ring-up finds its circuit at
+/// once, and is led astray by one that is a little wrong.
 const NARROW_LINEWIDTHS: f64 = 2.0;
+const NARROW_LINEWIDTHS_RINGING: f64 = 0.7;
 
 impl Tracker {
     /// Nothing is known but that the resonance lies in the window, or a circuit besides that had its
@@ -68,10 +70,9 @@ impl Tracker {
         let (trace, best) = (None, None);
         let tracker =
             Self { timing, expected, grid, trace, best, has_rival: false, noise, seen: noise };
-        // A ring-up finds the circuit at once, and is only led astray by one that is a little wrong.
         match circuit {
-            Some(circuit) if timing == Timing::Waited => tracker.near(circuit, window),
-            _ => tracker,
+            Some(circuit) => tracker.near(circuit, window),
+            None => tracker,
         }
     }
 
@@ -79,7 +80,11 @@ impl Tracker {
     fn near(self, circuit: Circuit, window: Window) -> Self {
         let Window { min_hz, max_hz } = window;
         let linewidths = (max_hz - min_hz) / circuit.linewidth_hz();
-        if linewidths > NARROW_LINEWIDTHS || min_hz > max_hz {
+        let narrow = match self.timing {
+            Timing::Exact(_) => NARROW_LINEWIDTHS_RINGING,
+            Timing::Waited | Timing::Unknown => NARROW_LINEWIDTHS,
+        };
+        if linewidths > narrow || min_hz > max_hz {
             return self;
         }
         let resonance_hz = circuit.resonance_hz.clamp(min_hz, max_hz);
