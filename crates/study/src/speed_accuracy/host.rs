@@ -34,33 +34,36 @@ const PLANNING_GOAL_MS: f64 = 1.0;
 /// Measures, writes `host.csv` and `host.svg`, and says what was aimed at.
 pub(super) fn run(folder: &Folder, seed: u64, out: &mut impl Write) -> Result<(), StudyError> {
     let mut table = Csv::new(&["what", "points", "median_us", "goal_us"]);
-    let mut tell = |what: &str, points: u32, micros: f64, goal_us: Option<f64>| {
+    let mut tell = |what: &str, points: Option<u32>, micros: f64, goal_us: Option<f64>| {
+        let points = points.map_or_else(String::new, |points| points.to_string());
         let goal = goal_us.map_or_else(String::new, |goal| goal.to_string());
-        table.row([what.to_owned(), points.to_string(), format!("{micros:.2}"), goal]);
+        let of_points =
+            if points.is_empty() { String::new() } else { format!(", {points} points") };
+        table.row([what.to_owned(), points, format!("{micros:.2}"), goal]);
         let verdict = match goal_us {
             None => String::new(),
             Some(goal) if micros <= goal => format!(" (goal {goal} µs: met)"),
             Some(goal) => format!(" (goal {goal} µs: NOT MET)"),
         };
-        writeln!(out, "{what}, {points} points: {micros:.2} µs{verdict}")
+        writeln!(out, "{what}{of_points}: {micros:.2} µs{verdict}")
     };
     for (points, goal_us) in GOALS {
         let micros = production_us(points, false, seed);
-        tell("maximum-likelihood", points, micros, Some(goal_us))?;
+        tell("maximum-likelihood", Some(points), micros, Some(goal_us))?;
     }
     let with_loss = production_us(101, true, seed);
-    tell("maximum-likelihood with loss", 101, with_loss, Some(LOSS_GOAL_US))?;
+    tell("maximum-likelihood with loss", Some(101), with_loss, Some(LOSS_GOAL_US))?;
     let mut costs = vec![(Reader::Production, production_us(101, false, seed))];
     for estimator in Estimator::ALL {
         if estimator != Estimator::MaximumLikelihood {
             let micros = baseline_us(estimator, seed);
-            tell(estimator.name(), 101, micros, None)?;
+            tell(estimator.name(), Some(101), micros, None)?;
             costs.push((Reader::Baseline(estimator), micros));
         }
     }
     for method in [SweepMethod::Adaptive, SweepMethod::Transient] {
         let what = format!("a step of planning, {method:?}");
-        tell(&what, 0, 1000.0 * planning_ms(method, seed), Some(1000.0 * PLANNING_GOAL_MS))?;
+        tell(&what, None, 1000.0 * planning_ms(method, seed), Some(1000.0 * PLANNING_GOAL_MS))?;
     }
     folder.write("host.csv", table.text())?;
     folder.write("host.svg", &chart(&costs, seed).file()?)?;
