@@ -11,7 +11,8 @@ use rig_model::{Reading, SweepMethod, SweepPoint, SweepRequest, Window};
 
 use crate::{
     Circuit, FitOptions, Fitter, NoisePrior, Past, Reason, Resonance, Timing, Verdict,
-    fit::POINTS_MIN, trace::Sample,
+    fit::POINTS_MIN,
+    trace::{CIRCUIT, Sample},
 };
 use settled::Settled;
 use tracker::Tracker;
@@ -89,6 +90,8 @@ const MUCH_MORE: f64 = 0.9;
 /// deviations, and in the logarithm of the quality.
 const OFF_SIGMAS: f64 = 0.3;
 const OFF_LN_Q: f64 = 0.15;
+/// Standard deviations that a normal number exceeds once in a hundred times.
+const ONE_IN_A_HUNDRED: f64 = 2.33;
 /// A refusal may be chance while the readings are few; so many in a row are none.
 const REFUSALS_MAX: usize = 10;
 
@@ -145,8 +148,12 @@ impl Planner {
         self.fitter.fit(&self.readings, &self.options)
     }
 
-    /// Whether a result is the circuit for which its readings were weighed.
+    /// Whether a result is the circuit for which its readings were weighed, and scatters no more than
+    /// the noise. Times that are not what they are taken for are seen in few readings only thus.
     fn is_consistent(&self, found: &Resonance) -> bool {
+        if matches!(self.method, Method::Transient(_)) && scatters(found, &self.options) {
+            return false;
+        }
         let Some(near) = self.options.near else { return true };
         let off_sigmas = (found.resonance_hz - near.resonance_hz) / found.sigma_hz;
         off_sigmas.abs() < OFF_SIGMAS && (found.q / near.q).ln().abs() < OFF_LN_Q
@@ -229,6 +236,14 @@ impl Planner {
     pub fn readings(&self) -> &[Reading] {
         &self.readings
     }
+}
+
+/// Whether readings lie further from their circuit than one sweep in a hundred does by chance.
+fn scatters(found: &Resonance, options: &FitOptions) -> bool {
+    let Some(noise) = options.noise else { return false };
+    let own = (2 * found.points).saturating_sub(CIRCUIT).max(1) as f64;
+    let spread = (2.0 / own + 2.0 / noise.degrees_of_freedom).sqrt();
+    found.chi_squared_per_dof.ln() > ONE_IN_A_HUNDRED * spread
 }
 
 /// Whether a refusal only says that more has to be read.

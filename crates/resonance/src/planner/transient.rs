@@ -2,8 +2,8 @@
 //!
 //! What a visit to a frequency tells of the resonance depends on how the sensor is moving when it
 //! begins, and a visit that tells little by itself may be what makes the next one tell much. So the
-//! visits are planned as a whole: a pair of frequencies, taken in turn until the wanted uncertainty
-//! is reached, is judged by the time that takes. The first visit of the best pair found is made, and
+//! visits are planned as a whole: three frequencies, taken in turn until the wanted uncertainty is
+//! reached, are judged by the time that takes. The first visit of the best plan found is made, and
 //! everything is planned anew with what it has told.
 
 use std::f64::consts::TAU;
@@ -29,20 +29,26 @@ use crate::{
 pub(super) struct Transient {
     tracker: Tracker,
     opening: std::array::IntoIter<SweepPoint, 2>,
+    elsewhere: std::array::IntoIter<SweepPoint, 3>,
     hops: Option<Hops>,
 }
 
-/// Two frequencies in turn, and how long at each.
+/// Three frequencies in turn, and how long at each: settled readings at two do not determine five
+/// unknowns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Hops {
     /// Distance from the resonance, Hz.
-    offset_hz: [f64; 2],
-    cycles: [f64; 2],
+    offset_hz: [f64; PLACES],
+    cycles: [f64; PLACES],
 }
+
+const PLACES: usize = 3;
 
 /// Places in the window of the first two visits, and their length.
 const OPENING: [f64; 2] = [0.3, 0.7];
 const OPENING_CYCLES: u32 = 2;
+/// Places in the whole window that are visited where the readings so far have no explanation.
+const ELSEWHERE: [f64; 3] = [0.5, 0.1, 0.9];
 /// A visit lasts no longer than this part of the time so far: a plan made from little must not.
 const LONGEST_SHARE: f64 = 0.3;
 /// Shortest and longest visit considered, in cycles.
@@ -52,8 +58,11 @@ const CYCLES_MAX: f64 = 2000.0;
 const VISIT_COST_S: f64 = 0.002;
 /// Visits that a plan is followed for.
 const VISITS_AHEAD: usize = 24;
+/// Where searches for a plan begin: distances from the resonance in linewidths, and cycles.
+const STARTS: [[f64; PLACES]; 3] = [[-0.4, 0.4, 0.1], [-0.5, 1.2, -1.5], [-1.5, 1.5, 0.4]];
+const STARTS_CYCLES: [f64; 4] = [2.0, 5.0, 12.0, 30.0];
 /// Plans tried for each visit; about a millisecond.
-const EFFORT: usize = 100;
+const EFFORT: usize = 160;
 /// A plan must be better than the last one by this factor to replace it.
 const FAITH: f64 = 0.9;
 /// Where the search for a better plan ends, as a part of its first step.
@@ -72,13 +81,9 @@ impl Transient {
         let window = prior.map_or(request.window, |prior| prior.within);
         let tracker = Tracker::new(request, prior, Timing::Exact(past), Pool::known(noise));
         // Two short visits, each near half of the window: whatever resonates in it, rings after them.
-        let ratio = window.max_hz / window.min_hz;
-        let opening = OPENING.map(|part| SweepPoint {
-            frequency_hz: window.min_hz * ratio.powf(part),
-            settle_s: 0.0,
-            cycles: OPENING_CYCLES,
-        });
-        Self { tracker, opening: opening.into_iter(), hops: None }
+        let opening = OPENING.map(|part| short_visit(window, part)).into_iter();
+        let elsewhere = ELSEWHERE.map(|part| short_visit(request.window, part)).into_iter();
+        Self { tracker, opening, elsewhere, hops: None }
     }
 
     pub(super) fn add(&mut self, readings: &[Reading]) {
@@ -101,7 +106,9 @@ impl Transient {
         if let Some(point) = self.opening.next() {
             return Some(point);
         }
-        let ground = Ground::new(&self.tracker, request.window, readings, aim_hz)?;
+        let Some(ground) = Ground::new(&self.tracker, request.window, readings, aim_hz) else {
+            return self.elsewhere.next();
+        };
         let hops = ground.plan(self.hops.as_ref());
         self.hops = Some(hops);
         let longest_s = LONGEST_SHARE * elapsed_s(readings);
@@ -124,6 +131,15 @@ struct Ground {
     window: Window,
 }
 
+impl Hops {
+    /// The same, beginning with another of them.
+    fn from(mut self, first: usize) -> Self {
+        self.offset_hz.rotate_left(first);
+        self.cycles.rotate_left(first);
+        self
+    }
+}
+
 impl Ground {
     fn new(tracker: &Tracker, window: Window, readings: &[Reading], aim_hz: f64) -> Option<Self> {
         let (trace, at) = tracker.best()?;
@@ -144,24 +160,27 @@ impl Ground {
     fn plan(&self, last: Option<&Hops>) -> Hops {
         let width = self.at.resonance_hz / self.at.q;
         let mut best = Tried::default();
-        if let Some(&Hops { offset_hz: [a, b], cycles: [m, n] }) = last {
-            // The other half of the pair is next. A plan that is not clearly better must not put off
+        if let Some(last) = last {
+            // The next of the three comes next. A plan that is not clearly better must not put off
             // what this one is about to do, or it would be put off for ever.
-            best.consider(self, Hops { offset_hz: [b, a], cycles: [n, m] });
+            best.consider(self, last.from(1));
             best.time_s *= FAITH;
-            best.consider(self, Hops { offset_hz: [a, b], cycles: [m, n] });
+            best.consider(self, *last);
         }
-        for cycles in [2.0, 5.0, 12.0, 30.0] {
-            for (low, high) in [(0.4, 0.4), (0.5, 1.2), (1.5, 1.5)] {
-                let (low, high) = ((low * width).max(1.0), (high * width).max(1.0));
-                best.consider(self, Hops { offset_hz: [-low, high], cycles: [cycles; 2] });
-                best.consider(self, Hops { offset_hz: [high, -low], cycles: [cycles; 2] });
+        for cycles in STARTS_CYCLES {
+            for offsets in STARTS {
+                let offset_hz =
+                    offsets.map(|offset| (offset.abs() * width).max(1.0).copysign(offset));
+                let hops = Hops { offset_hz, cycles: [cycles; PLACES] };
+                for first in 0..PLACES {
+                    best.consider(self, hops.from(first));
+                }
             }
         }
         let mut size = 1.0;
         while best.count < EFFORT && size > FINEST {
             let before = best.time_s;
-            for which in 0..2 {
+            for which in 0..PLACES {
                 for factor in [1.0 + size, 1.0 / (1.0 + size)] {
                     let mut hops = best.hops;
                     hops.cycles[which] =
@@ -187,7 +206,7 @@ impl Ground {
         let mut elapsed_s = 0.0;
         let mut before = variance(&normal, self.free);
         for i in 0..VISITS_AHEAD {
-            let which = i % 2;
+            let which = i % PLACES;
             let (offset_hz, cycles) = (hops.offset_hz[which], hops.cycles[which]);
             let step_s =
                 self.make(offset_hz, cycles, &mut normal, &mut motion, &mut past) + VISIT_COST_S;
@@ -262,6 +281,12 @@ impl Ground {
     }
 }
 
+/// A short visit at this part of a window.
+fn short_visit(window: Window, part: f64) -> SweepPoint {
+    let frequency_hz = window.min_hz * (window.max_hz / window.min_hz).powf(part);
+    SweepPoint { frequency_hz, settle_s: 0.0, cycles: OPENING_CYCLES }
+}
+
 /// The best of the plans considered.
 #[derive(Debug)]
 struct Tried {
@@ -272,7 +297,7 @@ struct Tried {
 
 impl Default for Tried {
     fn default() -> Self {
-        let hops = Hops { offset_hz: [0.0; 2], cycles: [4.0; 2] };
+        let hops = Hops { offset_hz: [0.0; PLACES], cycles: [4.0; PLACES] };
         Self { hops, time_s: f64::INFINITY, count: 0 }
     }
 }
