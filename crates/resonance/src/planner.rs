@@ -148,15 +148,18 @@ impl Planner {
         self.fitter.fit(&self.readings, &self.options)
     }
 
-    /// Whether a result is the circuit for which its readings were weighed, and scatters no more than
-    /// the noise. Times that are not what they are taken for are seen in few readings only thus.
+    /// Whether a result is what the plan took for granted: with settled points the circuit for which
+    /// the readings were weighed, without waiting times that are as they were told. What is wrong
+    /// with the latter shows in few readings as scatter only.
     fn is_consistent(&self, found: &Resonance) -> bool {
-        if matches!(self.method, Method::Transient(_)) && scatters(found, &self.options) {
-            return false;
+        match (&self.method, self.options.near) {
+            (Method::Settled(_), Some(near)) => {
+                let off_sigmas = (found.resonance_hz - near.resonance_hz) / found.sigma_hz;
+                off_sigmas.abs() < OFF_SIGMAS && (found.q / near.q).ln().abs() < OFF_LN_Q
+            }
+            (Method::Transient(_), _) => !scatters(found, &self.options),
+            _ => true,
         }
-        let Some(near) = self.options.near else { return true };
-        let off_sigmas = (found.resonance_hz - near.resonance_hz) / found.sigma_hz;
-        off_sigmas.abs() < OFF_SIGMAS && (found.q / near.q).ln().abs() < OFF_LN_Q
     }
 
     fn tracker(&self) -> Option<&Tracker> {
