@@ -62,9 +62,9 @@ const VISITS_AHEAD: usize = 24;
 const STARTS: [[f64; PLACES]; 3] = [[-0.4, 0.4, 0.1], [-0.5, 1.2, -1.5], [-1.5, 1.5, 0.4]];
 const STARTS_CYCLES: [f64; 4] = [2.0, 5.0, 12.0, 30.0];
 /// Plans tried for each visit; about a millisecond.
-const EFFORT: usize = 160;
+const EFFORT: usize = 240;
 /// A plan must be better than the last one by this factor to replace it.
-const FAITH: f64 = 0.9;
+const FAITH: f64 = 0.95;
 /// Where the search for a better plan ends, as a part of its first step.
 const FINEST: f64 = 0.2;
 /// Below this part of the static admittance a reading is not counted on to be as precise as others:
