@@ -9,9 +9,9 @@ use crate::{
     kernel::{self, Look, PARAMETERS, PATTERNS, Residual, Theta, WIDE},
     points::{NotFinite, Points},
     scatter,
-    solve::{End, Solution, rational_start, solve},
+    solve::{End, Solution, Step, rational_start, solve},
     trace::{Believed, Besides},
-    verdict::Spread,
+    verdict::{LOSS_GAIN_MIN, Spread},
 };
 
 /// What may be left of the motion, relative to the noise, without a closer look.
@@ -62,13 +62,18 @@ impl Quick {
         let start = rational_start(&self.points)?;
         let mut free = if options.always_loss { PARAMETERS } else { PARAMETERS - 1 };
         let mut solution = solve(&self.points, start, free);
-        if free < PARAMETERS && self.asks_for_loss(&solution) {
-            free = PARAMETERS;
-            solution = solve(&self.points, solution.theta, free);
+        let mut rung = Rung::Loss;
+        if free < PARAMETERS {
+            let (gain, with_loss) = self.gain_by_loss(&solution);
+            rung = Rung::by_loss(gain, self.points.count);
+            if gain > LOSS_GAIN_MIN {
+                free = PARAMETERS;
+                solution = solve(&self.points, with_loss, free);
+            }
         }
         let Self { points, residuals } = self;
         let look = kernel::look(&points.blocks, &solution.theta, residuals);
-        let resonance = self.resonance(&solution, &look, free, options);
+        let resonance = self.resonance(&solution, &look, free, rung, options);
         let capacitor = self.points.total_weight - look.capacitor;
         Some(Found {
             gain: self.degrees(free) * (capacitor / solution.normal.cost).ln(),
@@ -82,17 +87,17 @@ impl Quick {
         })
     }
 
-    /// Whether a fifth parameter would lower the Bayesian information criterion.
-    fn asks_for_loss(&self, solution: &Solution) -> bool {
+    /// Twice the log-likelihood that a fifth parameter would gain, and nearly where.
+    fn gain_by_loss(&self, solution: &Solution) -> (f64, Theta) {
         let gradient = &solution.normal.gradient;
         let Some(factor) = Cholesky::new(&solution.normal.matrix, PARAMETERS, 0.0) else {
-            return false;
+            return (0.0, solution.theta);
         };
         let step = factor.solve(gradient);
         let saved: f64 = step.iter().zip(gradient).map(|(a, b)| a * b).sum();
         // Rounding is not noise, and asks for nothing.
         let variance = solution.normal.cost / self.degrees(PARAMETERS - 1) + scatter::VARIANCE_MIN;
-        saved / variance > (2.0 * self.points.count as f64).ln()
+        (saved / variance, solution.theta.minus(&step))
     }
 
     fn degrees(&self, free: usize) -> f64 {
@@ -171,6 +176,7 @@ impl Quick {
         solution: &Solution,
         look: &Look,
         free: usize,
+        rung: Rung,
         options: &FitOptions,
     ) -> Option<Resonance> {
         let circuit = self.circuit(solution)?;
@@ -198,7 +204,6 @@ impl Quick {
             settled: (solution.normal.cost, self.degrees(free)),
             widened: 0.0,
         };
-        let rung = if free == PARAMETERS { Rung::Loss } else { Rung::Circuit };
         Some(Resonance::new(&circuit, &spread, rung, options.noise.as_ref()))
     }
 }

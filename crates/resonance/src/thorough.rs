@@ -18,7 +18,7 @@ use crate::{
     solve::End,
     trace::{Believed, Besides, CIRCUIT, Minimum, Timing, Trace},
     untold,
-    verdict::{Rung, Spread},
+    verdict::{LOSS_GAIN_MIN, Rung, Spread},
 };
 
 /// The most likely model, and what speaks against it.
@@ -165,14 +165,14 @@ impl Model {
         (found > 0).then_some(Reason::Outliers { found, readings, allowed })
     }
 
-    /// Does without dielectric loss where that costs less than a parameter is worth by the Bayesian
-    /// information criterion.
+    /// Does without dielectric loss where that errs by less than its estimate would.
     fn try_without_loss(&mut self) {
         let lossless = Believed { g: 0.0, ..self.found.at };
         let plain = self.trace.minimum(lossless, CIRCUIT - 1);
         let gain = self.degrees() * (plain.normal.cost / self.found.normal.cost).ln();
-        if gain < (2.0 * self.trace.used().0 as f64).ln() {
-            (self.found, self.rung) = (plain, Rung::Circuit);
+        self.rung = Rung::by_loss(gain, self.trace.used().0);
+        if gain < LOSS_GAIN_MIN {
+            self.found = plain;
         }
     }
 

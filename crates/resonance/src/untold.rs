@@ -12,7 +12,7 @@
 use rig_model::Reading;
 
 use crate::{
-    Resonance, Rung,
+    Resonance,
     alternatives::Fitted,
     trace::{Believed, CIRCUIT, Timing, Trace},
 };
@@ -42,7 +42,8 @@ pub(crate) fn widened(
     unit_farad: f64,
 ) -> Resonance {
     let trace = Trace::of(readings, Timing::Unknown, unit_farad);
-    let free = if found.rung == Rung::Loss { CIRCUIT } else { CIRCUIT - 1 };
+    let has_loss = found.loss_tangent != 0.0;
+    let free = if has_loss { CIRCUIT } else { CIRCUIT - 1 };
     let fitted = Fitted::at(&trace, at, free);
     let relative = variance(&fitted, found.noise_at_ten_cycles.powi(2));
     found.widened(relative * found.resonance_hz.powi(2))

@@ -39,7 +39,8 @@ pub struct Resonance {
     pub c0_farad: f64,
     /// Effective coupling factor squared, C1/(C0 + C1).
     pub k_eff_squared: f64,
-    /// Dielectric loss tangent; 0 where the model has none.
+    /// Dielectric loss tangent; 0 where it was not fitted, its estimate being within its standard
+    /// deviation.
     pub loss_tangent: f64,
     /// Q·C1/C0.
     pub figure_of_merit: f64,
@@ -153,7 +154,7 @@ impl Resonance {
     }
 }
 
-/// How much model a fit used: no more than the readings ask for.
+/// How much model the readings ask for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Rung {
     /// A capacitor with loss, and no resonance.
@@ -172,7 +173,16 @@ pub enum Rung {
     SecondMode,
 }
 
+/// Twice the log-likelihood that dielectric loss must gain to be fitted: its estimate exceeds its
+/// standard deviation. To leave out what is larger errs by more than fitting it does.
+pub(crate) const LOSS_GAIN_MIN: f64 = 1.0;
+
 impl Rung {
+    /// Whether so many readings ask for dielectric loss, by the Bayesian information criterion.
+    pub(crate) fn by_loss(gain: f64, readings: usize) -> Self {
+        if gain > (2.0 * readings as f64).ln() { Self::Loss } else { Self::Circuit }
+    }
+
     /// The word in results and messages.
     pub const fn name(self) -> &'static str {
         match self {
