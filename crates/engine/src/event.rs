@@ -51,6 +51,8 @@ pub struct SweepOutcome {
     pub looks: usize,
     /// What they say.
     pub verdict: Verdict,
+    /// The moment for which an accepted resonance holds, s on the clock of the readings.
+    pub moment_s: Option<f64>,
 }
 
 /// A finished touch.

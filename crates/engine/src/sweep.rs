@@ -63,8 +63,10 @@ impl Sweep {
             Next::Finished(verdict) => {
                 let readings = std::mem::take(&mut self.readings);
                 let looks = self.planner.looks();
+                let moment_s = self.planner.moment_s(&verdict);
+                let purpose = self.purpose;
                 let outcome =
-                    Box::new(SweepOutcome { purpose: self.purpose, readings, looks, verdict });
+                    Box::new(SweepOutcome { purpose, readings, looks, verdict, moment_s });
                 notes.push(Event::SweepFinished(outcome.clone()));
                 SweepTurn::Finished(outcome)
             }

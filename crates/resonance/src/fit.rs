@@ -46,7 +46,7 @@ pub(crate) const GAIN_MIN: f64 = 40.0;
 const NOISE_MAX_LINEWIDTHS: f64 = 0.1;
 /// Half the linewidth: beyond it a result says no more than a glance at the peak. What is between is
 /// not noise but what other causes might do, none of which the readings ask for.
-const SIGMA_MAX_LINEWIDTHS: f64 = 0.5;
+pub(crate) const SIGMA_MAX_LINEWIDTHS: f64 = 0.5;
 
 /// Finds the resonance in readings, in the order in which they were taken.
 pub fn fit(readings: &[Reading], options: &FitOptions) -> Verdict {

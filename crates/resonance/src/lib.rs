@@ -20,6 +20,7 @@ mod kernel;
 mod lanes;
 mod leftover;
 mod mains;
+mod moment;
 mod outliers;
 mod planner;
 mod points;
@@ -30,6 +31,7 @@ mod scatter;
 mod solve;
 mod thorough;
 mod trace;
+mod twice;
 mod untold;
 mod verdict;
 

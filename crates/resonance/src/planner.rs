@@ -162,6 +162,11 @@ impl Planner {
         }
     }
 
+    /// The moment for which this verdict's resonance holds, s on the clock of the readings.
+    pub fn moment_s(&self, verdict: &Verdict) -> Option<f64> {
+        verdict.accepted()?.moment_s(&self.readings, &self.options)
+    }
+
     fn tracker(&self) -> Option<&Tracker> {
         match &self.method {
             Method::Uniform { .. } => None,

@@ -197,11 +197,13 @@ impl Trace {
     /// Places the readings in time, by their order where the clock says nothing.
     fn set_times(&mut self, readings: &[Reading]) {
         let (Some(first), Some(last)) = (readings.first(), readings.last()) else { return };
-        let span_s = last.started.since(first.started).as_secs_f64();
+        let earliest_s = middle_s(first, first);
+        let span_s = middle_s(last, first) - earliest_s;
+        let has_times = first.started < last.started;
         let steps = (readings.len() - 1).max(1) as f64;
         for (i, (sample, reading)) in self.samples.iter_mut().zip(readings).enumerate() {
-            let part = if span_s > 0.0 {
-                reading.started.since(first.started).as_secs_f64() / span_s
+            let part = if has_times {
+                (middle_s(reading, first) - earliest_s) / span_s
             } else {
                 i as f64 / steps
             };
@@ -345,6 +347,12 @@ pub(crate) fn weight(reading: &Reading) -> f64 {
 #[inline]
 fn tens_of_cycles(cycles: f64) -> f64 {
     if cycles > 0.0 { 0.1 * cycles } else { 1.0 }
+}
+
+/// The middle of the integration of a reading, s after the first one's frequency was set.
+pub(crate) fn middle_s(reading: &Reading, first: &Reading) -> f64 {
+    let started_s = reading.started.since(first.started).as_secs_f64();
+    started_s + reading.settle_s + 0.5 * reading.integration_s
 }
 
 /// Whether the frequency was not set anew between two readings.

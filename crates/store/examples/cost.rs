@@ -65,6 +65,11 @@ fn sweep(readings: u32) -> Record {
         pose: None,
         readings: (0..readings).map(reading).collect(),
         looks: 0,
-        verdict: SweepVerdict::Accepted { resonance_hz: 141.0, sigma_hz: 0.01, circuit: None },
+        verdict: SweepVerdict::Accepted {
+            resonance_hz: 141.0,
+            sigma_hz: 0.01,
+            moment_s: None,
+            circuit: None,
+        },
     })
 }

@@ -69,7 +69,7 @@ pub fn touches_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(),
 pub fn sweeps_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), ExportError> {
     out.write_all(
         b"sweep,purpose,step,direction,angle_deg,readings,verdict,resonance_hz,sigma_hz,\
-          quality_factor,static_capacitance_f,capacitance_ratio,loss_tangent,reason\n",
+          moment_s,quality_factor,static_capacitance_f,capacitance_ratio,loss_tangent,reason\n",
     )?;
     for stored in records.iter().filter(|stored| stored.kind == "sweep") {
         let Record::Sweep(sweep) = stored.record()? else { continue };
@@ -81,8 +81,9 @@ pub fn sweeps_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), 
         }
         write!(out, "{},", sweep.readings.len())?;
         match &sweep.verdict {
-            SweepVerdict::Accepted { resonance_hz, sigma_hz, circuit } => {
-                write!(out, "accepted,{resonance_hz},{sigma_hz},")?;
+            SweepVerdict::Accepted { resonance_hz, sigma_hz, moment_s, circuit } => {
+                let moment = moment_s.map_or_else(String::new, |moment_s| moment_s.to_string());
+                write!(out, "accepted,{resonance_hz},{sigma_hz},{moment},")?;
                 if let Some(circuit) = circuit {
                     let (q, c0) = (circuit.quality_factor, circuit.static_capacitance_f);
                     let (ratio, loss) = (circuit.capacitance_ratio, circuit.loss_tangent);
@@ -91,7 +92,7 @@ pub fn sweeps_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), 
                     out.write_all(b",,,,\n")?;
                 }
             }
-            SweepVerdict::Refused { reason } => writeln!(out, "refused,,,,,,,{}", text(reason))?,
+            SweepVerdict::Refused { reason } => writeln!(out, "refused,,,,,,,,{}", text(reason))?,
         }
     }
     Ok(())

@@ -101,12 +101,16 @@ pub(crate) struct Plant {
     charge: f64,
     current: f64,
     turns: f64,
+    passed_s: f64,
+    /// How fast the resonance moves, Hz/s.
+    pub(crate) drift_hz_per_s: f64,
 }
 
 impl Plant {
     /// At rest; the drive begins at its crest.
     pub(crate) fn at_rest(circuit: Circuit) -> Self {
-        Self { circuit, charge: 0.0, current: 0.0, turns: 0.0 }
+        let (charge, current, turns, passed_s, drift_hz_per_s) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        Self { circuit, charge, current, turns, passed_s, drift_hz_per_s }
     }
 
     /// Drives for some time; gives the impedance a lock-in finds over it, which makes sense over
@@ -114,12 +118,14 @@ impl Plant {
     pub(crate) fn drive(&mut self, frequency_hz: f64, seconds: f64) -> Complex64 {
         const STEPS_PER_CYCLE: f64 = 200.0;
         let Circuit { resonance_hz, q, c0_farad, c1_farad, loss_tangent } = self.circuit;
-        let (omega, omega_s) = (TAU * frequency_hz, TAU * resonance_hz);
+        let omega = TAU * frequency_hz;
+        let (passed_s, drift_hz_per_s) = (self.passed_s, self.drift_hz_per_s);
         let start = TAU * self.turns;
         let steps = (seconds * frequency_hz * STEPS_PER_CYCLE).ceil();
         let dt = seconds / steps;
         let slope = |t: f64, charge: f64, current: f64| {
             let volt = (start + omega * t).cos();
+            let omega_s = TAU * (resonance_hz + drift_hz_per_s * (passed_s + t));
             let force = omega_s * omega_s * (c1_farad * volt - charge);
             (current, force - omega_s / q * current, current * Complex64::cis(-(start + omega * t)))
         };
@@ -137,6 +143,7 @@ impl Plant {
             step += 1.0;
         }
         (self.charge, self.current) = (x, y);
+        self.passed_s += seconds;
         self.turns = (self.turns + frequency_hz * seconds).fract();
         let fixed = omega * c0_farad * Complex64::new(loss_tangent, 1.0);
         1.0 / (2.0 / seconds * sum + fixed)

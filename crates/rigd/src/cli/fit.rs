@@ -179,7 +179,8 @@ pub(super) fn fit_file(args: &FitArgs) -> Result<(), Failure> {
     let window = args.window.unwrap_or_else(|| span(&file.readings));
     let view = |estimator| EstimatorView::of(estimator, &file.readings, window, &verdict);
     let estimators: Vec<_> = Estimator::ALL.into_iter().filter(is_asked).map(view).collect();
-    let verdict = VerdictView::from(&verdict);
+    let moment_s = verdict.accepted().and_then(|found| found.moment_s(&file.readings, &options));
+    let verdict = VerdictView::from(&verdict).at(moment_s);
     let refusal = verdict.refusal();
     let readings = file.readings.len();
     if args.output.json {

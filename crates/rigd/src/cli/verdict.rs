@@ -32,6 +32,9 @@ pub(super) struct VerdictView {
 struct FoundView {
     resonance_hz: f64,
     sigma_hz: f64,
+    /// The moment for which it holds, on the clock of the readings.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    moment_s: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     q: Option<f64>,
     /// Q times the ratio of the capacitances. Below 2 the phase does not cross zero.
@@ -59,6 +62,14 @@ struct FitView {
 }
 
 impl VerdictView {
+    /// The same with the moment for which an accepted resonance holds.
+    pub(super) fn at(mut self, moment_s: Option<f64>) -> Self {
+        if let Some(found) = &mut self.accepted {
+            found.moment_s = moment_s;
+        }
+        self
+    }
+
     /// For a person.
     pub(super) fn rows(&self) -> Vec<(&'static str, String)> {
         match (&self.accepted, &self.estimate) {
@@ -87,6 +98,7 @@ impl FoundView {
         let digits = (0..12).take_while(is_short).count();
         let resonance = format!("{resonance_hz:.digits$} Hz ± {sigma_hz:.digits$} Hz{comment}");
         let mut rows = vec![(name, resonance)];
+        rows.extend(self.moment_s.map(|moment_s| ("at the time", format!("{moment_s:.3} s"))));
         rows.extend(self.q.map(|q| ("Q", format!("{q:.1}"))));
         rows.extend(self.figure_of_merit.map(|merit| ("figure of merit", format!("{merit:.2}"))));
         rows.extend(self.k_eff_squared.map(|k| ("coupling k_eff²", format!("{k:.5}"))));
@@ -113,6 +125,7 @@ impl From<&Resonance> for FoundView {
         Self {
             resonance_hz: found.resonance_hz,
             sigma_hz: found.sigma_hz,
+            moment_s: None,
             q: Some(found.q),
             figure_of_merit: Some(found.figure_of_merit),
             k_eff_squared: Some(found.k_eff_squared),
@@ -153,11 +166,12 @@ impl From<&Verdict> for VerdictView {
 impl From<&SweepVerdict> for VerdictView {
     fn from(verdict: &SweepVerdict) -> Self {
         match verdict {
-            SweepVerdict::Accepted { resonance_hz, sigma_hz, circuit } => {
+            SweepVerdict::Accepted { resonance_hz, sigma_hz, moment_s, circuit } => {
                 let of = |value: fn(&Circuit) -> f64| circuit.as_ref().map(value);
                 let found = FoundView {
                     resonance_hz: *resonance_hz,
                     sigma_hz: *sigma_hz,
+                    moment_s: *moment_s,
                     q: of(|circuit| circuit.quality_factor),
                     figure_of_merit: of(|circuit| {
                         circuit.quality_factor * circuit.capacitance_ratio

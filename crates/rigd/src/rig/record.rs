@@ -218,6 +218,7 @@ impl Recorder {
             Verdict::Accepted(resonance) => store::SweepVerdict::Accepted {
                 resonance_hz: resonance.resonance_hz,
                 sigma_hz: resonance.sigma_hz,
+                moment_s: outcome.moment_s,
                 circuit: Some(store::Circuit {
                     quality_factor: resonance.q,
                     static_capacitance_f: resonance.c0_farad,

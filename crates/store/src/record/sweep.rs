@@ -101,6 +101,9 @@ pub enum SweepVerdict {
         resonance_hz: f64,
         /// Its standard deviation, Hz.
         sigma_hz: f64,
+        /// The moment for which it holds, s since the rig was opened.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        moment_s: Option<f64>,
         /// The circuit, when one was fitted.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         circuit: Option<Circuit>,

@@ -217,9 +217,9 @@ fn tables_have_a_row_for_each_touch_sweep_and_reading() {
     assert_eq!(
         String::from_utf8(sweeps).unwrap(),
         "sweep,purpose,step,direction,angle_deg,readings,verdict,resonance_hz,sigma_hz,\
-         quality_factor,static_capacitance_f,capacitance_ratio,loss_tangent,reason\n\
-         1,no_load,main/1/back/30/1,back,30,12,accepted,140.4,0.02,33,0.0000000274,0.08,0.018,\n\
-         2,touch,main/1/back/30/1,back,30,12,accepted,158.3,0.02,33,0.0000000274,0.08,0.018,\n"
+         moment_s,quality_factor,static_capacitance_f,capacitance_ratio,loss_tangent,reason\n\
+         1,no_load,main/1/back/30/1,back,30,12,accepted,140.4,0.02,1.25,33,0.0000000274,0.08,0.018,\n\
+         2,touch,main/1/back/30/1,back,30,12,accepted,158.3,0.02,1.25,33,0.0000000274,0.08,0.018,\n"
     );
     let readings = String::from_utf8(readings).unwrap();
     assert_eq!(readings.lines().count(), 1 + 2 * 12);
@@ -243,7 +243,7 @@ fn a_refused_sweep_keeps_its_columns() {
     export::sweeps_csv(&records, &mut sweeps).unwrap();
     let sweeps = String::from_utf8(sweeps).unwrap();
     let (header, row) = sweeps.split_once('\n').unwrap();
-    assert_eq!(row, "1,manual,,,,12,refused,,,,,,,\"no resonance, none at all\"\n");
+    assert_eq!(row, "1,manual,,,,12,refused,,,,,,,,\"no resonance, none at all\"\n");
     // The comma in the reason is one more.
     assert_eq!(row.matches(',').count(), header.matches(',').count() + 1);
 }

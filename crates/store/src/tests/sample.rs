@@ -162,6 +162,7 @@ pub(super) fn sweep(number: u64, purpose: SweepPurpose, resonance_hz: f64) -> Re
         verdict: SweepVerdict::Accepted {
             resonance_hz,
             sigma_hz: 0.02,
+            moment_s: Some(1.25),
             circuit: Some(Circuit {
                 quality_factor: 33.0,
                 static_capacitance_f: 27.4e-9,

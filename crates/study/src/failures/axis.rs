@@ -152,9 +152,9 @@ impl Axis {
     }
 
     /// Whether one sweep cannot tell: what is wrong changes the readings as another resonance would.
-    /// These are no part of the grid on which nothing may be silently wrong.
+    /// It is no part of the grid on which nothing may be silently wrong.
     pub(super) const fn is_beyond_one_sweep(self) -> bool {
-        matches!(self, Self::Drift | Self::DriveLevel)
+        matches!(self, Self::DriveLevel)
     }
 
     /// What the production fit is told of the times.

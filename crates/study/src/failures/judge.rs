@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 use rig_model::Reading;
-use rig_resonance::{Estimator, FitOptions, Reason, Refusal, Resonance, Rung, Verdict, fit};
+use rig_resonance::{Estimator, FitOptions, Reason, Rung, Verdict, fit};
 
 use super::{
     axis::{Axis, SENSORS},
@@ -142,44 +142,37 @@ fn production(axis: Axis, scene: &Scene, readings: &[Reading]) -> Told {
         let (up, down) = readings.split_at(readings.len() / 2);
         are_apart(&verdict(axis, scene, up), &verdict(axis, scene, down))
     });
-    Told { is_apart, ..told(scene, &verdict(axis, scene, readings)) }
+    let verdict = verdict(axis, scene, readings);
+    // What it is told for is the resonance of the moment that it names.
+    let moment_s =
+        verdict.accepted().and_then(|found| found.moment_s(readings, &options(axis, scene)));
+    let scene = moment_s.map_or(*scene, |moment_s| scene.at(moment_s, readings));
+    Told { is_apart, ..told(&scene, &verdict) }
 }
 
-/// The sensor at its level and at half of it. What softens a spring goes with the square of the
-/// amplitude, so that the two results give that of no drive; where they differ, it is refused.
+/// The sensor at its level and at half of it.
 fn with_step(axis: Axis, scene: &Scene, mut chance: Stream) -> (Vec<Reading>, Told) {
     let half = Scene { softening: 0.25 * scene.softening, ..*scene };
     let low = half.measure(chance.aside());
     let of_low = verdict(axis, &half, &low);
     let of_high = verdict(axis, scene, &scene.measure(chance));
     let is_apart = are_apart(&of_low, &of_high);
-    let verdict = match (&of_low, of_high) {
-        (Verdict::Accepted(_), Verdict::Accepted(_)) if is_apart => {
-            Verdict::Refused(Refusal { reason: Reason::Nonlinear, estimate: None })
-        }
-        (Verdict::Accepted(low), Verdict::Accepted(high)) => Verdict::Accepted(Resonance {
-            resonance_hz: (4.0 * low.resonance_hz - high.resonance_hz) / 3.0,
-            sigma_hz: (4.0 * low.sigma_hz).hypot(high.sigma_hz) / 3.0,
-            ..*low
-        }),
-        (Verdict::Refused(_), _) => of_low,
-        (_, of_high) => of_high,
-    };
+    let verdict = of_low.without_drive(&of_high, 2.0);
     (low, Told { is_apart: Some(is_apart), ..told(scene, &verdict) })
 }
 
 fn verdict(axis: Axis, scene: &Scene, readings: &[Reading]) -> Verdict {
-    let options =
-        FitOptions { window: Some(scene.window), timing: axis.timing(), ..FitOptions::default() };
-    fit(readings, &options)
+    fit(readings, &options(axis, scene))
 }
 
-/// Whether two results differ by more than chance makes them differ once in ten thousand times.
+fn options(axis: Axis, scene: &Scene) -> FitOptions {
+    FitOptions { window: Some(scene.window), timing: axis.timing(), ..FitOptions::default() }
+}
+
+/// Whether two results differ by more than chance; not where one of them is none.
 fn are_apart(one: &Verdict, other: &Verdict) -> bool {
-    const SIGMAS: f64 = 4.0;
-    let (Some(one), Some(other)) = (one.accepted(), other.accepted()) else { return false };
-    let difference_hz = (one.resonance_hz - other.resonance_hz).abs();
-    difference_hz > SIGMAS * one.sigma_hz.hypot(other.sigma_hz)
+    let both = one.accepted().zip(other.accepted());
+    both.is_some_and(|(one, other)| one.is_apart_from(other))
 }
 
 fn told(scene: &Scene, verdict: &Verdict) -> Told {

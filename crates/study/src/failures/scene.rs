@@ -78,6 +78,14 @@ impl Scene {
         (self.coupling > 0.0).then_some(self.resonance_hz)
     }
 
+    /// The same with the resonance of a moment on the clock of the readings.
+    pub(super) fn at(&self, moment_s: f64, readings: &[Reading]) -> Self {
+        let (Some(first), Some(last)) = (readings.first(), readings.last()) else { return *self };
+        let span_s = last.started.since(first.started).as_secs_f64();
+        let from_middle = (moment_s - first.settle_s - first.started.as_seconds()) / span_s - 0.5;
+        Self { resonance_hz: self.resonance_hz + self.drift_hz * from_middle, ..*self }
+    }
+
     /// Its points, in the order in which they are measured.
     pub(super) fn points(&self) -> Vec<SweepPoint> {
         // Longer than anything rings.

@@ -224,6 +224,7 @@ impl Teller {
             verdict: SweepVerdict::Accepted {
                 resonance_hz,
                 sigma_hz: 0.012,
+                moment_s: None,
                 circuit: Some(circuit),
             },
         }));
