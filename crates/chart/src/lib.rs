@@ -19,6 +19,7 @@ pub use chart::{Band, Chart, Point, Rule, Series, Stroke, legend};
 pub use error::ChartError;
 pub use heat_map::{Category, HeatMap, Tone};
 pub use marker::Marker;
+pub use svg::Escaped;
 
 /// The style sheet of all charts.
 pub const STYLE: &str = include_str!("style.css");

@@ -69,9 +69,9 @@ impl fmt::Display for Number {
     }
 }
 
-/// A text in which markup means nothing.
+/// A text in which markup means nothing, for XML and HTML.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Escaped<'a>(pub(crate) &'a str);
+pub struct Escaped<'a>(pub &'a str);
 
 impl fmt::Display for Escaped<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

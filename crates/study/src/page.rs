@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use rig_chart::{Chart, ChartError, HeatMap, STYLE};
+use rig_chart::{Chart, ChartError, Escaped, HeatMap, STYLE};
 
 use crate::{files::Folder, outcome::StudyError};
 
@@ -147,11 +147,11 @@ impl Page {
         let mut text = String::from("<!doctype html>\n<html lang=\"en\">\n<head>\n");
         put(&mut text, format_args!("<meta charset=\"utf-8\">\n<title>{}</title>\n", self.title));
         put(&mut text, format_args!("<style>\n{PAGE_STYLE}{STYLE}</style>\n</head>\n<body>\n"));
-        put(&mut text, format_args!("<h1>{}</h1>\n", escaped(&self.title)));
+        put(&mut text, format_args!("<h1>{}</h1>\n", Escaped(&self.title)));
         for (index, part) in self.parts.iter().enumerate() {
             match part {
                 Part::Heading(heading) => {
-                    put(&mut text, format_args!("<h2>{}</h2>\n", escaped(heading)));
+                    put(&mut text, format_args!("<h2>{}</h2>\n", Escaped(heading)));
                 }
                 Part::Text(paragraph) => {
                     put(&mut text, format_args!("<p>{}</p>\n", with_code(paragraph)));
@@ -222,14 +222,10 @@ fn html_table(text: &mut String, table: &Table) {
     text.push_str("</table>\n");
 }
 
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
-}
-
 /// Escaped, with what stands in backquotes as code.
 fn with_code(text: &str) -> String {
     let mut html = String::new();
-    for (index, piece) in escaped(text).split('`').enumerate() {
+    for (index, piece) in Escaped(text).to_string().split('`').enumerate() {
         if index % 2 == 1 {
             put(&mut html, format_args!("<code>{piece}</code>"));
         } else {

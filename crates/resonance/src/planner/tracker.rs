@@ -42,6 +42,9 @@ const CONSISTENT_ROUNDS: usize = 12;
 const CONSISTENT_PART: f64 = 0.4;
 /// By what factor another quality is tried.
 const Q_AWAY: f64 = 1.4;
+/// Readings that have not settled lead astray until the standard deviation is this part of the
+/// linewidth: other circuits are then no longer looked for.
+const CERTAIN: f64 = 0.03;
 /// A circuit that explains the readings nearly as well does not matter when its resonance is within
 /// so many standard deviations.
 const RIVAL_SIGMAS: f64 = 3.0;
@@ -215,18 +218,21 @@ impl Tracker {
             !ends.iter().filter(|other| grid::are_apart(&other.at, &best.at, 1.0)).any(is_near);
         if is_alone && degrees >= MIN_DEGREES {
             self.seen = scatter;
-            if self.timing != Timing::Waited {
-                self.grid = None;
-            }
         }
         self.best = Some(best.at);
         if let (Timing::Waited, Some(trace)) = (self.timing, &mut self.trace) {
             trace.weigh_settling(&best.at, self.noise.variance());
         }
-        let sure_hz = RIVAL_SIGMAS * self.sigma_hz();
+        let sigma_hz = self.sigma_hz();
+        let sure_hz = RIVAL_SIGMAS * sigma_hz;
         self.has_rival = ends.iter().any(|other| {
             is_near(other) && (other.at.resonance_hz - best.at.resonance_hz).abs() > sure_hz
         });
+        let is_certain = is_alone && degrees >= MIN_DEGREES;
+        let linewidth_hz = best.at.resonance_hz / best.at.q;
+        if is_certain && (self.timing != Timing::Waited || sigma_hz < CERTAIN * linewidth_hz) {
+            self.grid = None;
+        }
     }
 
     /// The bottom of the valley in which a trial lies.

@@ -1,12 +1,11 @@
 //! The figures of the report.
 
-use rig_chart::{Axis, Chart, ChartError, Marker, Point, Series, Stroke, legend};
+use rig_chart::{Axis, Chart, ChartError, Escaped, Marker, Point, Series, Stroke, legend};
 use rig_resonance::Circuit;
 use rig_store::{Direction, Phase, Sample, Sweep, SweepVerdict};
 
 use super::{
     data::RunData,
-    html::Text,
     results::{Classification, DIRECTIONS, RunResults},
     units::{fixed, with_sigma},
 };
@@ -282,10 +281,10 @@ fn note(sample: &Sample, angle_deg: f64, shift_hz: f64, sigma_hz: f64) -> String
 pub(super) fn drawn(svg: &Result<String, ChartError>) -> String {
     match svg {
         Ok(svg) => svg.clone(),
-        Err(error) => format!("<p class=\"note\">{}</p>\n", Text(&error.to_string())),
+        Err(error) => format!("<p class=\"note\">{}</p>\n", Escaped(&error.to_string())),
     }
 }
 
 pub(super) fn figure(content: &str, caption: &str) -> String {
-    format!("<figure>\n{content}<figcaption>{}</figcaption>\n</figure>\n", Text(caption))
+    format!("<figure>\n{content}<figcaption>{}</figcaption>\n</figure>\n", Escaped(caption))
 }

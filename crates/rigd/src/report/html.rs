@@ -2,32 +2,15 @@
 
 use std::fmt::{self, Write as _};
 
-/// A text in which markup means nothing.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Text<'a>(pub(super) &'a str);
-
-impl fmt::Display for Text<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for character in self.0.chars() {
-            match character {
-                '&' => f.write_str("&amp;")?,
-                '<' => f.write_str("&lt;")?,
-                '>' => f.write_str("&gt;")?,
-                '"' => f.write_str("&quot;")?,
-                other => f.write_char(other)?,
-            }
-        }
-        Ok(())
-    }
-}
+use rig_chart::Escaped;
 
 /// A table: what it shows, the heads of its columns, its rows.
 ///
 /// The first column names the rows. Cells are HTML already; everything else is text.
 pub(super) fn table(caption: &str, heads: &[String], rows: &[Vec<String>]) -> String {
-    let mut html = format!("<table>\n<caption>{}</caption>\n<thead><tr>", Text(caption));
+    let mut html = format!("<table>\n<caption>{}</caption>\n<thead><tr>", Escaped(caption));
     for head in heads {
-        add(&mut html, format_args!("<th scope=\"col\">{}</th>", Text(head)));
+        add(&mut html, format_args!("<th scope=\"col\">{}</th>", Escaped(head)));
     }
     html.push_str("</tr></thead>\n<tbody>\n");
     for row in rows {
@@ -43,7 +26,7 @@ pub(super) fn table(caption: &str, heads: &[String], rows: &[Vec<String>]) -> St
     }
     html.push_str("</tbody>\n</table>\n");
     // A wide table scrolls by itself on a small screen, and by keyboard too.
-    let label = Text(caption);
+    let label = Escaped(caption);
     format!(
         "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{label}\">\n{html}</div>\n"
     )

@@ -1,12 +1,13 @@
 //! The page: its frame, its head and the order of its parts.
 
 use rig_analysis::sensitivity::Sensitivity;
+use rig_chart::Escaped;
 use rig_store::{Run, RunStatus, Verdict};
 
 use super::{
     data::RunData,
     figures,
-    html::{Text, add},
+    html::add,
     provenance::provenance,
     results::{RunResults, SweepCost},
     stiffness, tables,
@@ -14,7 +15,7 @@ use super::{
 };
 
 pub(super) fn page(run: &Run, verdict: &Verdict, data: &RunData, results: &RunResults) -> String {
-    let title = Text(&run.name);
+    let title = Escaped(&run.name);
     let mut html = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
@@ -52,12 +53,12 @@ fn head(run: &Run, verdict: &Verdict, data: &RunData, results: &RunResults) -> S
     let mut html = format!(
         "<header>\n<p class=\"eyebrow\">Run report</p>\n<h1>{}</h1>\n\
          <p class=\"meta\"><span class=\"status {class}\">{}</span> {} UTC</p>\n</header>\n",
-        Text(&run.name),
+        Escaped(&run.name),
         run.status.name(),
-        Text(&began),
+        Escaped(&began),
     );
     if let Verdict::Broken { seq, flaw } = verdict {
-        let flaw = Text(&flaw.to_string()).to_string();
+        let flaw = Escaped(&flaw.to_string()).to_string();
         add(
             &mut html,
             format_args!(
@@ -67,13 +68,13 @@ fn head(run: &Run, verdict: &Verdict, data: &RunData, results: &RunResults) -> S
         );
     }
     for fault in data.faults() {
-        let (step, text) = (fault.step.as_deref().unwrap_or("no step"), Text(&fault.text));
-        let step = Text(step);
+        let (step, text) = (fault.step.as_deref().unwrap_or("no step"), Escaped(&fault.text));
+        let step = Escaped(step);
         add(&mut html, format_args!("<p class=\"alarm\"><b>Fault in {step}.</b> {text}</p>\n"));
     }
     html += "<dl class=\"tiles\">\n";
     for Tile { name, value, unit, below } in tiles(run, data, results) {
-        let (value, below) = (Text(&value), Text(&below));
+        let (value, below) = (Escaped(&value), Escaped(&below));
         add(
             &mut html,
             format_args!(
@@ -160,7 +161,7 @@ fn shifts(data: &RunData, results: &RunResults) -> String {
 fn stiffness(data: &RunData, results: &RunResults) -> String {
     match &results.stiffness {
         Ok(stiffness) => stiffness::section(data, stiffness, results),
-        Err(reason) => nothing(&Text(&format!("No stiffness: {reason}.")).to_string()),
+        Err(reason) => nothing(&Escaped(&format!("No stiffness: {reason}.")).to_string()),
     }
 }
 

@@ -1,17 +1,15 @@
 //! Where the numbers come from.
 
+use rig_chart::Escaped;
 use rig_store::{Run, RunStarted, Source, Verdict};
 
-use super::{
-    data::RunData,
-    html::{Text, add},
-};
+use super::{data::RunData, html::add};
 
 /// Everything needed to judge the run and to repeat it.
 pub(super) fn provenance(run: &Run, verdict: &Verdict, data: &RunData) -> String {
     let mut html = String::from("<dl class=\"facts\">\n");
     let mut fact = |name: &str, value: &str| {
-        let (name, value) = (Text(name), Text(value));
+        let (name, value) = (Escaped(name), Escaped(value));
         add(&mut html, format_args!("<div><dt>{name}</dt><dd>{value}</dd></div>\n"));
     };
     fact("run", &run.id.to_string());
@@ -47,7 +45,7 @@ fn sources(started: &RunStarted) -> String {
     let mut html = String::new();
     for (what, source) in files {
         let Some(Source { name, toml }) = source else { continue };
-        let (name, toml) = (Text(name), Text(toml));
+        let (name, toml) = (Escaped(name), Escaped(toml));
         add(
             &mut html,
             format_args!(

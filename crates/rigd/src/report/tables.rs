@@ -1,10 +1,11 @@
 //! The tables of the report.
 
 use rig_analysis::shift::{AngleMean, Cell};
+use rig_chart::Escaped;
 
 use super::{
     data::{LogKind, RunData},
-    html::{Text, add, table},
+    html::{add, table},
     results::{Classification, DIRECTIONS, RunResults},
     units::{clock, decimals_for, fixed, with_sigma},
 };
@@ -18,7 +19,7 @@ pub(super) fn shifts(data: &RunData, results: &RunResults) -> String {
     heads.extend(["mean (Hz)".to_owned(), "between directions (Hz)".to_owned()]);
     let row = |mean: &AngleMean| {
         let name = &data.samples()[mean.sample].name;
-        let mut row = vec![Text(name).to_string(), format!("{}°", mean.angle_deg)];
+        let mut row = vec![Escaped(name).to_string(), format!("{}°", mean.angle_deg)];
         for &direction in &directions {
             let is_here = |cell: &&Cell| {
                 (cell.sample, cell.angle_deg, cell.direction)
@@ -64,7 +65,7 @@ pub(super) fn confusion(data: &RunData, classification: &Classification) -> Stri
         heads.push(format!("cluster {} ({} Hz)", cluster + 1, fixed(*centre_hz, 1)));
     }
     let row = |(sample, counts): (usize, &Vec<u32>)| {
-        let mut row = vec![Text(&data.samples()[sample].name).to_string()];
+        let mut row = vec![Escaped(&data.samples()[sample].name).to_string()];
         for (cluster, &count) in counts.iter().enumerate() {
             let is_own = score.label_of[cluster] == Some(sample);
             row.push(match (is_own, count) {
@@ -92,8 +93,8 @@ pub(super) fn log(data: &RunData) -> String {
         let class = if entry.kind == LogKind::Fault { " class=\"fault\"" } else { "" };
         let mut kind = String::new();
         add(&mut kind, format_args!("<span{class}>{}</span>", entry.kind.name()));
-        let step = Text(entry.step.as_deref().unwrap_or_default()).to_string();
-        rows.push(vec![time, kind, Text(&entry.text).to_string(), step]);
+        let step = Escaped(entry.step.as_deref().unwrap_or_default()).to_string();
+        rows.push(vec![time, kind, Escaped(&entry.text).to_string(), step]);
     }
     let table = table("What was asked, done and refused, in order.", &heads, &rows);
     format!("<div class=\"log\">\n{table}</div>\n")

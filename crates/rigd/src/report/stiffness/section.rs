@@ -1,14 +1,14 @@
 //! The section of the report about stiffness: how it was calibrated, against what is known, and
 //! what it says of the blind touches.
 
-use rig_chart::{Axis, Chart, Marker, Point, Rule, Series};
+use rig_chart::{Axis, Chart, Escaped, Marker, Point, Rule, Series};
 use rig_contact::inverse::Interval;
 
 use super::{Calibration, Place, Reading, SampleStiffness, ScaleSource, Stiffness};
 use crate::report::{
     data::RunData,
     figures::{HALF_PX, drawn, figure},
-    html::{Text, table},
+    html::table,
     recognition::{Method, Recognition},
     results::RunResults,
     tables::dash,
@@ -167,7 +167,7 @@ fn samples(data: &RunData, stiffness: &Stiffness) -> String {
             refused => format!("{}, {refused} refused", sample.touches),
         };
         vec![
-            Text(&data.samples()[sample.sample].name).to_string(),
+            Escaped(&data.samples()[sample.sample].name).to_string(),
             sample.known_mpa.map_or_else(dash, |known| known.to_string()),
             format!("<b>{}</b>", with_sigma(sample.young_mpa, sample.sigma_mpa)),
             sample.known_mpa.map_or_else(dash, deviation),
@@ -186,7 +186,7 @@ fn places(data: &RunData, stiffness: &Stiffness, places: &[Place]) -> String {
     let heads =
         ["sample", "angle set", "touches", "stiffness (MPa)", "angle found", "azimuth found"];
     let row = |(place, reading): (&Place, &Reading)| {
-        let name = Text(&data.samples()[place.sample].name).to_string();
+        let name = Escaped(&data.samples()[place.sample].name).to_string();
         let mut row = vec![name, format!("{}°", place.angle_deg), place.touches.to_string()];
         match (reading.young, place.found) {
             (Ok(young), Ok(found)) => {
@@ -199,7 +199,7 @@ fn places(data: &RunData, stiffness: &Stiffness, places: &[Place]) -> String {
                 row.push(degrees(&found.azimuth_rad, found.is_azimuth_identified));
             }
             (Err(error), _) | (_, Err(error)) => {
-                row.push(format!("<span class=\"fault\">{}</span>", Text(&error.to_string())));
+                row.push(format!("<span class=\"fault\">{}</span>", Escaped(&error.to_string())));
                 row.extend([dash(), dash()]);
             }
         }
