@@ -36,6 +36,12 @@ class Scene:
         self.noise = float(np.exp(rng.uniform(np.log(0.001), np.log(0.02))))
         self.points = int(rng.choice([51, 101, 201]))
 
+        self.moved_hz = None
+
+    def at(self, seconds):
+        """The resonance of a moment of a sweep with one reading a second."""
+        return self.fs + self.moved_hz * (seconds / self.points - 0.5)
+
     def grid(self):
         return np.linspace(LOW_HZ, HIGH_HZ, self.points)
 
@@ -91,6 +97,13 @@ def drift_there_and_back(s):
     f = np.concatenate([f, f[::-1]])
     moved = s.rng.uniform(0.05, 3.0) * s.rng.choice([-1, 1])
     return s.read(f, s.admittance(f, s.fs + moved * np.linspace(-0.5, 0.5, len(f))))
+
+
+def drift_one_way(s):
+    """One reading a second, up or down. What is found must be the resonance of the moment it is for."""
+    f = s.grid()[:: s.rng.choice([-1, 1])]
+    s.moved_hz = s.rng.uniform(0.05, 3.0) * s.rng.choice([-1, 1])
+    return s.read(f, s.admittance(f, s.at(np.arange(len(f)) + 0.95)))
 
 
 def outliers(s):
@@ -204,6 +217,7 @@ KINDS = {
     beyond: 1.0,
     two_modes: 1.0,
     drift_there_and_back: 1.0,
+    drift_one_way: 1.0,
     outliers: 1.0,
     none: 1.0,
     too_fast: 1.0,
@@ -222,6 +236,9 @@ def judge(rigd, folder, kind, trial, seed):
     if kind is quantised:
         rows = (f"{a:.6f},{abs(b):.9e},{np.degrees(np.angle(b)):.6f}" for a, b in zip(f, z))
     names = "impedance_magnitude_ohm,phase_deg" if kind is quantised else "resistance_ohm,reactance_ohm"
+    if kind is drift_one_way:
+        names += ",time_s,settle_s,integration_s"
+        rows = (f"{row},{second},0.9,0.1" for second, row in enumerate(rows))
     path.write_text(f"frequency_hz,{names}\n" + "\n".join(rows) + "\n")
     done = subprocess.run([rigd, "fit", str(path), "--json"], capture_output=True, text=True)
     what = f"{path.name}: fs {scene.fs:.4f} Q {scene.q:.1f} k² {scene.k2:.4f} noise {scene.noise:.4f}"
@@ -231,7 +248,8 @@ def judge(rigd, folder, kind, trial, seed):
     if answer["status"] == "refused":
         return "refused", 0.0, f"{what}: {answer['reason']}"
     exists = kind is not none and kind is not beyond
-    score = (answer["resonance_hz"] - scene.fs) / answer["sigma_hz"]
+    truth = scene.at(answer["moment_s"]) if kind is drift_one_way else scene.fs
+    score = (answer["resonance_hz"] - truth) / answer["sigma_hz"]
     right = exists and abs(score) <= SIGMAS
     return ("right" if right else "wrong"), score, f"{what}: {answer['resonance_hz']:.4f}, {score:+.1f} sigma"
 

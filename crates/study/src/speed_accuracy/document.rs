@@ -21,7 +21,8 @@ pub(super) fn page(args: &Args, evidence: &Evidence, searches: &[Searches]) -> P
          a row says otherwise. Warm readings follow one another while the resonance moves by up to \
          1 Hz in between and the drive never stops. A plan made with the sensor known needs no \
          reading to find it: three frequencies in turn, searched for with the Cramér–Rao bound. \
-         How far a planner stays behind it is what finding costs.",
+         How far a planner stays behind it is what finding costs, and judging: a verdict takes no \
+         fewer than seven readings, which at two cycles each last 0.10 s.",
     );
     page.table(goals::table(&goals::judge(evidence)));
     page.heading("What a resonance costs");
