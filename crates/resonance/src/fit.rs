@@ -74,7 +74,8 @@ impl Fitter {
         if options.timing.is_steady()
             && let Some(found) = self.quick.fit(options)
         {
-            start = found.start;
+            // A place without a resonance is none to start from.
+            start = found.start.filter(|_| found.gain > GAIN_MIN);
             if let (Some(resonance), Some(at), true) = (found.resonance, start, found.is_usual)
                 && !rounding::matters(&rounding, readings, &resonance)
                 && doubt_existence(&resonance, found.gain).is_none()
