@@ -44,7 +44,7 @@ const STARTS: usize = 4;
 /// Variance to rank the trials of a grid with: only what is believed beforehand depends on it.
 const GRID_VARIANCE: f64 = 0.005 * 0.005;
 /// So far below the gain that takes a cause for real, it is as likely to be there as not.
-const EVEN_BELOW: f64 = 6.0;
+const EVEN_BELOW: f64 = 4.0;
 /// A second mode with more than this part of the capacitance of the first leaves open which is which.
 const EQUALS: f64 = 0.7;
 /// What an open and short correction leaves is a small part of the impedance; more is no stray.
