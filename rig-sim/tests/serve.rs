@@ -56,6 +56,11 @@ async fn client<T: Send + 'static>(act: impl FnOnce() -> T + Send + 'static) -> 
     timeout(PATIENCE, spawn_blocking(act)).await.expect("the port answers").unwrap()
 }
 
+/// Waits until a terminal is ready for its next client.
+async fn free(server: &Server) {
+    timeout(PATIENCE, server.port_is_free()).await.expect("a terminal becomes free");
+}
+
 fn line(port: &mut File, request: &str) -> String {
     port.write_all(request.as_bytes()).unwrap();
     let mut said = Vec::new();
@@ -91,15 +96,12 @@ async fn clients_of_a_terminal_come_and_go_whatever_they_do_to_it() {
             port.write_all(b":FREQ 2").unwrap();
         })
         .await;
+        free(&server).await;
         let name = path.clone();
-        // It is ready again when it no longer echoes. Looking too often would hide that nobody is
-        // there.
-        client(move || {
-            while tcgetattr(open(&name)).unwrap().local_modes.contains(LocalModes::ECHO) {
-                std::thread::sleep(Duration::from_millis(50));
-            }
-        })
-        .await;
+        let modes = client(move || tcgetattr(open(&name)).unwrap().local_modes).await;
+        assert!(!modes.contains(LocalModes::ECHO), "round {round}");
+        // Looking was a client as well.
+        free(&server).await;
     }
 }
 
@@ -196,13 +198,8 @@ async fn a_terminal_that_is_unplugged_comes_back_behind_its_link() {
         assert_eq!(port.read(&mut [0; 64]).unwrap_or(0), 0);
     })
     .await;
+    free(&server).await;
     let path = link.clone();
-    let said = client(move || {
-        while !path.exists() {
-            std::thread::sleep(Duration::from_millis(10));
-        }
-        line(&mut open(&path), "*IDN?\r\n")
-    })
-    .await;
+    let said = client(move || line(&mut open(&path), "*IDN?\r\n")).await;
     assert_eq!(said, IDENTITY);
 }

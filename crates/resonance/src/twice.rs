@@ -34,7 +34,10 @@ impl Verdict {
         let of_low = 1.0 - of_high;
         let resonance_hz = of_low * low.resonance_hz + of_high * high.resonance_hz;
         let sigma_hz = (of_low * low.sigma_hz).hypot(of_high * high.sigma_hz);
-        let found = Resonance { resonance_hz, sigma_hz, ..*low };
+        let mut covariance = low.covariance;
+        covariance[0][0] =
+            of_low.powi(2) * low.covariance[0][0] + of_high.powi(2) * high.covariance[0][0];
+        let found = Resonance { resonance_hz, sigma_hz, covariance, ..*low };
         let limit_hz = SIGMA_MAX_LINEWIDTHS * low.circuit().linewidth_hz();
         let reason = if low.is_apart_from(high) {
             Reason::Nonlinear

@@ -89,7 +89,7 @@ fn readings_without_times_name_no_moment() {
     assert_eq!(found.moment_s(&readings, &options), None);
 }
 
-/// 0.1 Hz/s is a hundred times what a laboratory does. The motion follows it with a delay of its own.
+/// 0.1 Hz/s is a thousand times what the simulated laboratory does. The motion follows it with a delay of its own.
 #[test]
 fn a_planned_sweep_of_a_moving_resonance_holds_for_its_moment() {
     let request = SweepRequest { target_sigma_hz: 0.02, ..request(SweepMethod::Adaptive) };

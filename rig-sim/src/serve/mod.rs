@@ -10,12 +10,14 @@ use std::{
     io,
     net::SocketAddr,
     path::{Path, PathBuf},
+    sync::Arc,
     time::Duration,
 };
 
 use tokio::{
     io::{AsyncBufReadExt, AsyncWriteExt, BufReader},
     net::{TcpListener, TcpStream},
+    sync::Notify,
     task::JoinSet,
 };
 
@@ -63,12 +65,13 @@ pub enum Role {
 pub struct Server {
     handle: SimHandle,
     tasks: JoinSet<()>,
+    free: Arc<Notify>,
 }
 
 impl Server {
     /// Serves no port yet.
     pub fn new(handle: SimHandle) -> Self {
-        Self { handle, tasks: JoinSet::new() }
+        Self { handle, tasks: JoinSet::new(), free: Arc::default() }
     }
 
     /// Serves a port on a new pseudo-terminal, to which `link` points where one is asked for.
@@ -80,9 +83,16 @@ impl Server {
     pub fn open_pty(&mut self, role: Role, link: Option<&Path>) -> Result<PathBuf, ServeError> {
         let (pty, link) = plug_in(link)?;
         let path = pty.path().to_owned();
-        let handle = self.handle.clone();
-        self.tasks.spawn(async move { serve_ptys(&handle, role, pty, link).await });
+        let (handle, free) = (self.handle.clone(), self.free.clone());
+        self.tasks.spawn(async move { serve_ptys(&handle, role, pty, link, &free).await });
         Ok(path)
+    }
+
+    /// Waits until a pseudo-terminal is ready for its next client: the last one left and what it did
+    /// to the terminal was put right, or the terminal was plugged in again. What happened since the
+    /// last call counts once.
+    pub async fn port_is_free(&self) {
+        self.free.notified().await;
     }
 
     /// Serves a port on TCP. Returns the address, with the port that was chosen where it was 0.
@@ -158,9 +168,15 @@ fn plug_in(link: Option<&Path>) -> Result<(Pty, Option<Link>), ServeError> {
 }
 
 /// Serves one terminal after the other: a new one each time that the device hangs up.
-async fn serve_ptys(handle: &SimHandle, role: Role, mut pty: Pty, mut link: Option<Link>) {
+async fn serve_ptys(
+    handle: &SimHandle,
+    role: Role,
+    mut pty: Pty,
+    mut link: Option<Link>,
+    free: &Notify,
+) {
     loop {
-        let served = serve_pty(handle, role, &mut pty).await;
+        let served = serve_pty(handle, role, &mut pty, free).await;
         if let Err(error) = served {
             tracing::error!(path = %pty.path().display(), %error, "clients cannot be watched");
             return;
@@ -176,12 +192,13 @@ async fn serve_ptys(handle: &SimHandle, role: Role, mut pty: Pty, mut link: Opti
             }
         };
         tracing::info!(gone = %gone.display(), path = %pty.path().display(), "plugged in again");
+        free.notify_one();
     }
 }
 
 /// Serves a terminal until the device hangs up. What happens to clients is none of its business:
 /// like a device on a cable it sees bytes only.
-async fn serve_pty(handle: &SimHandle, role: Role, pty: &mut Pty) -> io::Result<()> {
+async fn serve_pty(handle: &SimHandle, role: Role, pty: &mut Pty, free: &Notify) -> io::Result<()> {
     let (terminal, line, clients) = pty.parts();
     let mut serving = std::pin::pin!(handle.serve(connect(handle, role), terminal));
     loop {
@@ -191,6 +208,7 @@ async fn serve_pty(handle: &SimHandle, role: Role, pty: &mut Pty) -> io::Result<
             gone = clients.gone() => {
                 gone?;
                 line.refresh().await?;
+                free.notify_one();
             }
         }
     }

@@ -147,7 +147,7 @@ async fn what_the_instrument_cannot_wait_or_average_at_once_is_still_done() {
     // A stop is not kept waiting.
     let raise = stop.clone();
     tokio::spawn(async move {
-        tokio::time::sleep(std::time::Duration::from_secs(2)).await;
+        tokio::time::advance(std::time::Duration::from_secs(2)).await;
         raise.raise();
     });
     let started = tokio::time::Instant::now();
