@@ -218,7 +218,7 @@ KINDS = {
     beyond: 1.0,
     two_modes: 1.0,
     drift_there_and_back: 1.0,
-    drift_one_way: 1.0,
+    drift_one_way: 0.2,
     outliers: 1.0,
     none: 1.0,
     too_fast: 1.0,
