@@ -153,7 +153,7 @@ struct RunsArgs {
 
 #[derive(Debug, Args)]
 struct ShowArgs {
-    /// Run: its id, enough of the beginning or end of it, or `latest`
+    /// Run: its name such as `smoke-7`, its id or enough of it, or `latest`
     run: String,
     #[command(flatten)]
     data: DataArgs,
@@ -163,7 +163,7 @@ struct ShowArgs {
 
 #[derive(Debug, Args)]
 struct ExportArgs {
-    /// Run: its id, enough of the beginning or end of it, or `latest`
+    /// Run: its name such as `smoke-7`, its id or enough of it, or `latest`
     run: String,
     #[command(flatten)]
     data: DataArgs,
@@ -197,7 +197,7 @@ enum ExportTable {
 
 #[derive(Debug, Args)]
 struct ReportArgs {
-    /// Run: its id, enough of the beginning or end of it, or `latest`
+    /// Run: its name such as `smoke-7`, its id or enough of it, or `latest`
     run: String,
     #[command(flatten)]
     data: DataArgs,

@@ -69,6 +69,8 @@ fn a_run_ends_with_its_results_its_report_and_its_data() {
     assert_eq!(shown, result);
     let runs = json(&rigd(&["runs", "--data", dir, "--json"]));
     assert_eq!(runs[0]["run_id"], result["run_id"]);
+    assert_eq!(runs[0]["name"], "smoke-1");
+    assert_eq!(json(&rigd(&["show", "smoke-1", "--data", dir, "--json"])), result);
     let touches = rigd(&["export", "latest", "--data", dir, "--format", "csv"]);
     assert_eq!(stdout(&touches).lines().count(), 1 + 18);
     let searches = ["export", "latest", "--data", dir, "--format", "csv", "--table", "searches"];

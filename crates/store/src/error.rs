@@ -4,7 +4,7 @@ use std::{io, path::PathBuf};
 
 use rusqlite::ErrorCode;
 
-use crate::{Flaw, RunId};
+use crate::{Flaw, Run, RunId};
 
 /// Why the journal could not be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -94,14 +94,29 @@ pub enum StoreError {
         /// What was asked for.
         wanted: String,
     },
-    /// The beginning of an id fits more than one run.
-    #[error("journal: `{wanted}` fits {found} runs; give more of the id")]
+    /// What was asked for fits more than one run.
+    #[error(
+        "journal: `{wanted}` fits {} runs: {}; give one of these names, or more of an id",
+        candidates.len(),
+        listed(candidates)
+    )]
     Ambiguous {
         /// What was asked for.
         wanted: String,
-        /// How many fit.
-        found: usize,
+        /// Which fit, the latest first.
+        candidates: Vec<Run>,
     },
+}
+
+/// The first runs of a list, and how many more there are.
+fn listed(runs: &[Run]) -> String {
+    /// As many as a person looks through.
+    const SHOWN: usize = 5;
+    let mut listed: Vec<_> = runs.iter().take(SHOWN).map(ToString::to_string).collect();
+    if runs.len() > SHOWN {
+        listed.push(format!("and {} older ones", runs.len() - SHOWN));
+    }
+    listed.join(", ")
 }
 
 impl From<rusqlite::Error> for StoreError {

@@ -135,7 +135,8 @@ impl Reader {
         runs.next().ok_or(StoreError::NoSuchRun { wanted: id })?.map_err(Into::into)
     }
 
-    /// The run that a person means: `latest`, an id, or enough of the beginning or the end of one.
+    /// The run that a person means: `latest`, a short name such as `smoke-7`, the name of a protocol
+    /// that was run once, an id, or enough of the beginning or the end of one.
     ///
     /// # Errors
     /// [`StoreError::NoSuchRun`] or [`StoreError::Ambiguous`].
@@ -147,13 +148,16 @@ impl Reader {
         } else {
             runs.retain(|run| {
                 let id = run.id.to_string();
-                id.starts_with(wanted) || id.ends_with(wanted)
+                let is_named = run.name == wanted || run.short_name() == wanted;
+                id.starts_with(wanted)
+                    || id.ends_with(wanted)
+                    || run.kind == RunKind::Run && is_named
             });
         }
         match runs.len() {
             0 => Err(StoreError::NoSuchRun { wanted: wanted.to_owned() }),
             1 => Ok(runs.remove(0)),
-            found => Err(StoreError::Ambiguous { wanted: wanted.to_owned(), found }),
+            _ => Err(StoreError::Ambiguous { wanted: wanted.to_owned(), candidates: runs }),
         }
     }
 
@@ -259,8 +263,9 @@ fn select_runs(tail: &str) -> String {
     format!(
         "SELECT id, kind, name, started_at, finished_at, status,
                 round(unixepoch(finished_at, 'subsec') - unixepoch(started_at, 'subsec'), 3),
-                (SELECT max(seq) FROM records WHERE run = key)
-         FROM runs {tail}"
+                (SELECT max(seq) FROM records WHERE run = key), number
+         FROM (SELECT *, row_number() OVER (PARTITION BY kind, name ORDER BY key) AS number
+               FROM runs) {tail}"
     )
 }
 
@@ -275,6 +280,7 @@ fn run_from(row: &Row<'_>) -> rusqlite::Result<Run> {
         status: word(5, RunStatus::from_name)?,
         wall_s: row.get(6)?,
         records: row.get::<_, Option<i64>>(7)?.unwrap_or(0).cast_unsigned(),
+        number: row.get::<_, i64>(8)?.cast_unsigned(),
     })
 }
 

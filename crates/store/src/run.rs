@@ -87,6 +87,8 @@ pub struct Run {
     pub kind: RunKind,
     /// Its name: that of the protocol, for a run.
     pub name: String,
+    /// Which of the runs of this kind and name it is, from 1.
+    pub number: u64,
     /// When it began: wall clock, UTC, RFC 3339 with milliseconds.
     pub started_at: String,
     /// When it ended, likewise.
@@ -97,4 +99,18 @@ pub struct Run {
     pub status: RunStatus,
     /// How many records it has.
     pub records: u64,
+}
+
+impl Run {
+    /// What a person calls it: the name of the protocol and the number, such as `smoke-7`.
+    pub fn short_name(&self) -> String {
+        format!("{}-{}", self.name, self.number)
+    }
+}
+
+/// The short name, the id and the time of the beginning, by which a person tells runs apart.
+impl fmt::Display for Run {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} ({}, {})", self.short_name(), self.id, self.started_at)
+    }
 }

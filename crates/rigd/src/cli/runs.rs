@@ -18,6 +18,7 @@ use crate::{report, run_files};
 #[derive(Debug, Serialize)]
 struct RunView {
     run_id: String,
+    name: String,
     protocol: String,
     status: &'static str,
     started_at: String,
@@ -32,6 +33,7 @@ pub(super) fn list(args: &RunsArgs) -> Result<(), Failure> {
     if args.output.json {
         let view = |run: Run| RunView {
             run_id: run.id.to_string(),
+            name: run.short_name(),
             protocol: run.name,
             status: run.status.name(),
             started_at: run.started_at,
@@ -42,16 +44,16 @@ pub(super) fn list(args: &RunsArgs) -> Result<(), Failure> {
     }
     let row = |run: &Run| {
         vec![
-            run.id.to_string(),
-            run.name.clone(),
+            run.short_name(),
             run.status.name().to_owned(),
             run.started_at.clone(),
             run.wall_s.map(duration).unwrap_or_default(),
             run.records.to_string(),
+            run.id.to_string(),
         ]
     };
     let rows: Vec<_> = runs.iter().map(row).collect();
-    print(&columns(&["run", "protocol", "status", "started (UTC)", "took", "records"], &rows))
+    print(&columns(&["run", "status", "started (UTC)", "took", "records", "id"], &rows))
 }
 
 pub(super) fn show(args: &ShowArgs) -> Result<(), Failure> {

@@ -22,6 +22,7 @@ use crate::{
 #[derive(Debug, Serialize)]
 pub(super) struct RunView {
     id: String,
+    name: String,
     protocol: String,
     status: &'static str,
     started_at: String,
@@ -236,6 +237,7 @@ fn begun(run: RunId) -> Response {
 impl From<Run> for RunView {
     fn from(run: Run) -> Self {
         Self {
+            name: run.short_name(),
             id: run.id.to_string(),
             protocol: run.name,
             status: run.status.name(),

@@ -166,9 +166,44 @@ fn a_run_is_found_by_as_much_of_its_id_as_is_needed() {
     assert_eq!(reader.find(&first.to_string()).unwrap().id, first);
     assert_eq!(reader.find(&first.to_string()[24..]).unwrap().id, first);
     let refusal = reader.find(&first.to_string()[..4]).unwrap_err();
-    assert!(matches!(refusal, StoreError::Ambiguous { found: 2, .. }), "{refusal}");
+    let StoreError::Ambiguous { candidates, .. } = refusal else { panic!("{refusal}") };
+    let ids: Vec<_> = candidates.iter().map(|run| run.id).collect();
+    assert_eq!(ids, [last, first]);
     let refusal = reader.find("no such run").unwrap_err();
     assert!(matches!(refusal, StoreError::NoSuchRun { .. }), "{refusal}");
+}
+
+#[test]
+fn runs_of_a_protocol_are_numbered_and_found_by_name_and_number() {
+    let directory = Directory::new();
+    let store = Store::open(directory.path()).unwrap();
+    let begin = |kind, name| store.begin(kind, name).map(|journal| journal.id()).unwrap();
+    let smoke: Vec<_> = (0..12).map(|_| begin(RunKind::Run, "smoke")).collect();
+    let session = begin(RunKind::Session, "bench");
+    let once = begin(RunKind::Run, "two words");
+    let last = write_run(&store);
+    let reader = store.reader().unwrap();
+    let name = |id| reader.run(id).unwrap().short_name();
+    assert_eq!((name(smoke[6]), name(once)), ("smoke-7".to_owned(), "two words-1".to_owned()));
+    let found =
+        |wanted: &str| reader.find(wanted).map(|run| run.id).map_err(|error| error.to_string());
+    for (wanted, id) in [
+        ("smoke-1", smoke[0]),
+        ("smoke-12", smoke[11]),
+        ("two words-1", once),
+        ("two words", once),
+        (session.to_string().as_str(), session),
+        ("latest", last),
+    ] {
+        assert_eq!(found(wanted), Ok(id), "{wanted}");
+    }
+    for wanted in ["smoke-13", "smoke-0", "smoke-", "bench", "bench-1", "Smoke-1"] {
+        assert_eq!(found(wanted), Err(format!("journal: no run `{wanted}`")));
+    }
+    let refusal = found("smoke").unwrap_err();
+    let ends = ["journal: `smoke` fits 12 runs: smoke-12 (", "more of an id"];
+    assert!(refusal.starts_with(ends[0]) && refusal.ends_with(ends[1]), "{refusal}");
+    assert!(refusal.contains(", smoke-8 (") && refusal.contains("and 7 older ones"), "{refusal}");
 }
 
 #[test]
