@@ -231,17 +231,18 @@ fn list(violations: &[Violation]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{AnalyzerModel, AxisModel, AxisWiring, Carrier, Wiring, scene::paper};
+    use crate::{AxisWiring, Carrier, Wiring, scene::paper};
+    use rig_model::{AnalyzerMake, DriveMake};
 
     fn rig() -> Rig {
         let axis = |unit_id| AxisWiring {
-            model: AxisModel::OrientalAz,
+            make: DriveMake::OrientalAz,
             unit_id,
             units_per_step: 0.001,
             zero: 0.0,
         };
         let wiring = Wiring {
-            analyzer: AnalyzerModel::HiokiIm3536,
+            analyzer: AnalyzerMake::HiokiIm3536,
             linear: axis(1),
             rotary: axis(2),
             carrier: Carrier::Serial { baud: 115_200 },

@@ -18,5 +18,5 @@ mod shell;
 pub mod world;
 
 pub use device::bus::Carrier;
-pub use rig::{AnalyzerModel, AxisModel, AxisWiring, Connection, HangUp, PortId, Rig, Wiring};
+pub use rig::{AxisWiring, Connection, HangUp, PortId, Rig, Wiring};
 pub use shell::{Person, SimHandle, SimRig};

@@ -7,9 +7,13 @@ use std::{
     process::ExitCode,
 };
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{
+    Args, Parser, Subcommand,
+    builder::{PossibleValuesParser, TypedValueParser},
+};
+use rig_model::{AnalyzerMake, DriveMake};
 use rig_sim::{
-    AnalyzerModel, AxisModel, AxisWiring, Carrier, SimRig, Wiring, scene,
+    AxisWiring, Carrier, SimRig, Wiring, scene,
     serve::{Role, Server},
     world::Scene,
 };
@@ -44,7 +48,8 @@ struct Serve {
     sample: Option<String>,
 
     /// The make of the analyzer.
-    #[arg(long, value_enum, default_value_t = AnalyzerMake::HiokiIm3536)]
+    #[arg(long, default_value_t = AnalyzerMake::HiokiIm3536,
+        value_parser = make_parser(AnalyzerMake::ALL, AnalyzerMake::name))]
     analyzer: AnalyzerMake,
     /// Opens the analyzer's port as a pseudo-terminal, and LINK pointing to it.
     #[arg(long, value_name = "LINK")]
@@ -54,8 +59,9 @@ struct Serve {
     analyzer_tcp: Option<SocketAddr>,
 
     /// The make of the drive of the linear stage.
-    #[arg(long, value_enum, default_value_t = AxisMake::OrientalAz)]
-    linear: AxisMake,
+    #[arg(long, default_value_t = DriveMake::OrientalAz,
+        value_parser = make_parser(DriveMake::ALL, DriveMake::name))]
+    linear: DriveMake,
     /// Millimetres a step of that drive.
     #[arg(long, default_value_t = 0.001)]
     mm_per_step: f64,
@@ -63,8 +69,9 @@ struct Serve {
     #[arg(long, default_value_t = 1)]
     linear_unit: u8,
     /// The make of the drive of the rotary stage.
-    #[arg(long, value_enum, default_value_t = AxisMake::OrientalAz)]
-    rotary: AxisMake,
+    #[arg(long, default_value_t = DriveMake::OrientalAz,
+        value_parser = make_parser(DriveMake::ALL, DriveMake::name))]
+    rotary: DriveMake,
     /// Degrees a step of that drive.
     #[arg(long, default_value_t = 0.01)]
     deg_per_step: f64,
@@ -93,47 +100,15 @@ struct Serve {
     control: Option<SocketAddr>,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum AnalyzerMake {
-    #[value(name = "hioki-im3536")]
-    HiokiIm3536,
-    #[value(name = "keysight-e4980a")]
-    KeysightE4980a,
-    #[value(name = "hp-4284a")]
-    Hp4284a,
-    #[value(name = "tonghui-th283x")]
-    TonghuiTh283x,
-    #[value(name = "keysight-e4990a")]
-    KeysightE4990a,
-}
-
-impl From<AnalyzerMake> for AnalyzerModel {
-    fn from(make: AnalyzerMake) -> Self {
-        match make {
-            AnalyzerMake::HiokiIm3536 => Self::HiokiIm3536,
-            AnalyzerMake::KeysightE4980a => Self::KeysightE4980a,
-            AnalyzerMake::Hp4284a => Self::Hp4284a,
-            AnalyzerMake::TonghuiTh283x => Self::TonghuiTh283x,
-            AnalyzerMake::KeysightE4990a => Self::KeysightE4990a,
-        }
-    }
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum AxisMake {
-    OrientalAz,
-    IaiRc,
-    LeadshinePr,
-}
-
-impl From<AxisMake> for AxisModel {
-    fn from(make: AxisMake) -> Self {
-        match make {
-            AxisMake::OrientalAz => Self::OrientalAz,
-            AxisMake::IaiRc => Self::IaiRc,
-            AxisMake::LeadshinePr => Self::LeadshinePr,
-        }
-    }
+/// Takes the names of makes that rig files use.
+fn make_parser<T: Copy + Send + Sync + 'static, const N: usize>(
+    makes: [T; N],
+    name: fn(T) -> &'static str,
+) -> impl TypedValueParser<Value = T> {
+    PossibleValuesParser::new(makes.map(name)).map(move |given| {
+        let make = makes.into_iter().find(|make| name(*make) == given);
+        make.expect("only these names pass the parser")
+    })
 }
 
 /// The scene file is wrong, or the command line.
@@ -208,14 +183,14 @@ async fn serve(args: &Serve, scene: Scene) -> Result<(), Failure> {
 }
 
 fn wiring(args: &Serve) -> Wiring {
-    let axis = |model: AxisMake, unit_id, units_per_step| AxisWiring {
-        model: model.into(),
+    let axis = |make: DriveMake, unit_id, units_per_step| AxisWiring {
+        make,
         unit_id,
         units_per_step,
         zero: 0.0,
     };
     Wiring {
-        analyzer: args.analyzer.into(),
+        analyzer: args.analyzer,
         linear: axis(args.linear, args.linear_unit, args.mm_per_step),
         rotary: axis(args.rotary, args.rotary_unit, args.deg_per_step),
         carrier: Carrier::Serial { baud: args.baud },

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use rig_model::RigTime;
+use rig_model::{AnalyzerMake, DriveMake, RigTime};
 
 use crate::{
     device::{
@@ -21,7 +21,7 @@ use crate::{
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wiring {
     /// The impedance analyzer.
-    pub analyzer: AnalyzerModel,
+    pub analyzer: AnalyzerMake,
     /// The drive of the linear stage.
     pub linear: AxisWiring,
     /// The drive of the rotary stage.
@@ -30,37 +30,11 @@ pub struct Wiring {
     pub carrier: Carrier,
 }
 
-/// A make of impedance analyzer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum AnalyzerModel {
-    /// HIOKI IM3536.
-    HiokiIm3536,
-    /// Keysight E4980A with option 001.
-    KeysightE4980a,
-    /// HP 4284A with option 001.
-    Hp4284a,
-    /// Tonghui TH2832.
-    TonghuiTh283x,
-    /// Keysight E4990A.
-    KeysightE4990a,
-}
-
-/// A make of drive.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum AxisModel {
-    /// Oriental Motor AZ.
-    OrientalAz,
-    /// IAI PCON, ACON, SCON or ERC, whose unit of position is a hundredth of a millimetre.
-    IaiRc,
-    /// Leadshine CL2C-RS or iEM-RS in PR mode.
-    LeadshinePr,
-}
-
 /// How a stage is driven.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisWiring {
     /// The make of its drive.
-    pub model: AxisModel,
+    pub make: DriveMake,
     /// The drive's unit id on the line.
     pub unit_id: u8,
     /// Millimetres or degrees a step of the drive; negative when the motor counts the other way.
@@ -135,18 +109,18 @@ impl Rig {
         let per_command = Duration::from_secs_f64(scene.nuisances.analyzer_command_s);
         let world = World::new(scene, seed)?;
         let analyzer: Box<dyn Analyzer> = match wiring.analyzer {
-            AnalyzerModel::HiokiIm3536 => Box::new(Meter::<Hioki>::new(per_command)),
-            AnalyzerModel::KeysightE4980a => Box::new(Meter::<Lcr<E4980a>>::new(per_command)),
-            AnalyzerModel::Hp4284a => Box::new(Meter::<Lcr<Hp4284a>>::new(per_command)),
-            AnalyzerModel::TonghuiTh283x => Box::new(Meter::<Lcr<Th2832>>::new(per_command)),
-            AnalyzerModel::KeysightE4990a => Box::new(Meter::<E4990a>::new(per_command)),
+            AnalyzerMake::HiokiIm3536 => Box::new(Meter::<Hioki>::new(per_command)),
+            AnalyzerMake::KeysightE4980a => Box::new(Meter::<Lcr<E4980a>>::new(per_command)),
+            AnalyzerMake::Hp4284a => Box::new(Meter::<Lcr<Hp4284a>>::new(per_command)),
+            AnalyzerMake::TonghuiTh283x => Box::new(Meter::<Lcr<Th2832>>::new(per_command)),
+            AnalyzerMake::KeysightE4990a => Box::new(Meter::<E4990a>::new(per_command)),
         };
         let drive = |axis, wiring: AxisWiring| (wiring.unit_id, Drive::new(axis, wiring, &world));
         let units =
             vec![drive(AxisId::Linear, wiring.linear), drive(AxisId::Rotary, wiring.rotary)];
         let bus = Bus::new(TURNAROUND, units);
         let faults = Faults::new(Stream::new(seed, FAULT_STREAM));
-        let echoes = wiring.analyzer == AnalyzerModel::TonghuiTh283x;
+        let echoes = wiring.analyzer == AnalyzerMake::TonghuiTh283x;
         let analyzer = Socket::new(analyzer, echoes);
         Ok(Self { world, analyzer, bus, carrier: wiring.carrier, faults })
     }
@@ -248,13 +222,13 @@ mod tests {
     impl Bench {
         fn new(carrier: Carrier) -> Self {
             let axis = |unit_id, units_per_step| AxisWiring {
-                model: AxisModel::OrientalAz,
+                make: DriveMake::OrientalAz,
                 unit_id,
                 units_per_step,
                 zero: 0.0,
             };
             let (linear, rotary) = (axis(1, 0.001), axis(2, 0.01));
-            let analyzer = AnalyzerModel::HiokiIm3536;
+            let analyzer = AnalyzerMake::HiokiIm3536;
             let wiring = Wiring { analyzer, linear, rotary, carrier };
             let mut rig = Rig::new(paper(), &wiring, 1).unwrap();
             let (analyzer, bus) = (rig.connect(PortId::Analyzer), rig.connect(PortId::Bus));

@@ -182,20 +182,18 @@ impl SimHandle {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        AnalyzerModel, AxisModel, AxisWiring, device::bus::Carrier, modbus::with_checksum,
-        scene::paper,
-    };
+    use crate::{AxisWiring, device::bus::Carrier, modbus::with_checksum, scene::paper};
+    use rig_model::{AnalyzerMake, DriveMake};
 
     fn start(seed: u64) -> SimRig {
         let axis = |unit_id, units_per_step| AxisWiring {
-            model: AxisModel::OrientalAz,
+            make: DriveMake::OrientalAz,
             unit_id,
             units_per_step,
             zero: 0.0,
         };
         let wiring = Wiring {
-            analyzer: AnalyzerModel::HiokiIm3536,
+            analyzer: AnalyzerMake::HiokiIm3536,
             linear: axis(1, 0.001),
             rotary: axis(2, 0.01),
             carrier: Carrier::Serial { baud: 115_200 },

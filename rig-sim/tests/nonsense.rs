@@ -9,10 +9,8 @@ use std::time::Duration;
 
 use rand_core::Rng;
 use rand_pcg::Pcg64;
-use rig_model::RigTime;
-use rig_sim::{
-    AnalyzerModel, AxisModel, AxisWiring, Carrier, Connection, PortId, Rig, Wiring, scene,
-};
+use rig_model::{AnalyzerMake, DriveMake, RigTime};
+use rig_sim::{AxisWiring, Carrier, Connection, PortId, Rig, Wiring, scene};
 
 const SEED: u64 = 2020;
 
@@ -34,8 +32,8 @@ impl Chance {
     }
 }
 
-fn rig(analyzer: AnalyzerModel, drive: AxisModel) -> Rig {
-    let axis = |unit_id| AxisWiring { model: drive, unit_id, units_per_step: 0.01, zero: 0.0 };
+fn rig(analyzer: AnalyzerMake, drive: DriveMake) -> Rig {
+    let axis = |unit_id| AxisWiring { make: drive, unit_id, units_per_step: 0.01, zero: 0.0 };
     let carrier = Carrier::Serial { baud: 115_200 };
     let wiring = Wiring { analyzer, linear: axis(1), rotary: axis(2), carrier };
     let mut rig = Rig::new(scene::paper(), &wiring, SEED).unwrap();
@@ -94,20 +92,20 @@ fn request(chance: &mut Chance, addresses: &[u16]) -> Vec<u8> {
 
 #[test]
 fn no_request_brings_a_drive_down_and_every_answer_has_its_checksum() {
-    let maps: [(AxisModel, &[u16]); 3] = [
+    let maps: [(DriveMake, &[u16]); 3] = [
         (
-            AxisModel::OrientalAz,
+            DriveMake::OrientalAz,
             &[0x0058, 0x0078, 0x007C, 0x0080, 0x00C6, 0x0120, 0x0178, 0x0386, 0xFFF8],
         ),
-        (AxisModel::IaiRc, &[0x0100, 0x0400, 0x0420, 0x0500, 0x9000, 0x9900, 0xFFF8]),
+        (DriveMake::IaiRc, &[0x0100, 0x0400, 0x0420, 0x0500, 0x9000, 0x9900, 0xFFF8]),
         (
-            AxisModel::LeadshinePr,
+            DriveMake::LeadshinePr,
             &[0x0001, 0x000F, 0x1003, 0x1046, 0x1801, 0x2203, 0x6000, 0x602C, 0x6200],
         ),
     ];
     for (model, addresses) in maps {
         let mut chance = Chance(Pcg64::new(SEED.into(), 1));
-        let mut rig = rig(AnalyzerModel::HiokiIm3536, model);
+        let mut rig = rig(AnalyzerMake::HiokiIm3536, model);
         let mut bus = rig.connect(PortId::Bus);
         let (mut now, mut answers) = (RigTime::ZERO, 0);
         for round in 0..20_000 {
@@ -185,15 +183,15 @@ const DATA: &[&str] = &[
 #[test]
 fn no_message_brings_an_analyzer_down_and_it_still_knows_its_name() {
     let models = [
-        AnalyzerModel::HiokiIm3536,
-        AnalyzerModel::KeysightE4980a,
-        AnalyzerModel::Hp4284a,
-        AnalyzerModel::TonghuiTh283x,
-        AnalyzerModel::KeysightE4990a,
+        AnalyzerMake::HiokiIm3536,
+        AnalyzerMake::KeysightE4980a,
+        AnalyzerMake::Hp4284a,
+        AnalyzerMake::TonghuiTh283x,
+        AnalyzerMake::KeysightE4990a,
     ];
     for model in models {
         let mut chance = Chance(Pcg64::new(SEED.into(), 2));
-        let mut rig = rig(model, AxisModel::OrientalAz);
+        let mut rig = rig(model, DriveMake::OrientalAz);
         let mut analyzer = rig.connect(PortId::Analyzer);
         let (mut now, mut spoke) = (RigTime::ZERO, 0);
         for _ in 0..10_000 {

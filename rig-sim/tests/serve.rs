@@ -10,8 +10,9 @@ use std::{
     time::Duration,
 };
 
+use rig_model::{AnalyzerMake, DriveMake};
 use rig_sim::{
-    AnalyzerModel, AxisModel, AxisWiring, Carrier, PortId, SimRig, Wiring,
+    AxisWiring, Carrier, PortId, SimRig, Wiring,
     faults::{Fault, FaultKind, ReplyFault, When},
     scene,
     serve::{Role, Server},
@@ -31,13 +32,13 @@ const PATIENCE: Duration = Duration::from_secs(20);
 
 fn start() -> (SimRig, Server) {
     let axis = |unit_id, units_per_step| AxisWiring {
-        model: AxisModel::OrientalAz,
+        make: DriveMake::OrientalAz,
         unit_id,
         units_per_step,
         zero: 0.0,
     };
     let wiring = Wiring {
-        analyzer: AnalyzerModel::HiokiIm3536,
+        analyzer: AnalyzerMake::HiokiIm3536,
         linear: axis(1, 0.001),
         rotary: axis(2, 0.01),
         carrier: SERIAL,

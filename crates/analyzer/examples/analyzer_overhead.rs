@@ -9,8 +9,8 @@
 use std::time::Instant;
 
 use rig_analyzer::{Analyzer, HIOKI_IM3536};
-use rig_link::{Clock, Endpoint, Flow, Frame, LineSettings, Port, StopSignal};
-use rig_model::{DriveLevel, SweepPoint};
+use rig_link::{Clock, Endpoint, Flow, Frame, Port, StopSignal};
+use rig_model::{DriveLevel, LineSettings, SweepPoint};
 
 // As the rig's own thread runs it.
 #[tokio::main(flavor = "current_thread")]

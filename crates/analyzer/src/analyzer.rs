@@ -88,7 +88,7 @@ impl Analyzer {
         }
         // Which options it has is known once it is identified.
         self.persist(async |this| this.get_in_step().await).await?;
-        let (min, max) = self.dialect.level_v;
+        let (min, max) = self.dialect.make.level_v();
         let high_power = self.dialect.high_power.filter(|_| self.has_high_power);
         let max = high_power.map_or(max, |high_power| high_power.max_v);
         self.within("level in V", level.volt, (min, max))?;
@@ -121,7 +121,7 @@ impl Analyzer {
             CommandSet::Trace => (trace::DELAY_MAX_S, trace::AVERAGES_MAX),
         };
         for point in points {
-            self.within("frequency in Hz", point.frequency_hz, self.dialect.frequency_hz)?;
+            self.within("frequency in Hz", point.frequency_hz, self.dialect.make.frequency_hz())?;
             self.within("settling in s", point.settle_s, (0.0, settle_max_s))?;
             self.within("cycles", point.cycles.into(), (1.0, cycles_max.into()))?;
         }
@@ -154,7 +154,7 @@ impl Analyzer {
         if min <= asked && asked <= max {
             return Ok(());
         }
-        let dialect = self.dialect.name;
+        let dialect = self.dialect.make.name();
         Err(AnalyzerError::OutOfRange { dialect, what, asked, min, max })
     }
 }

@@ -1,5 +1,6 @@
 //! Which analyzers are known, and what each can do.
 
+use rig_model::AnalyzerMake;
 use rig_scpi::Ending;
 
 use crate::{hioki, lcr, lcr::LcrVariant, trace};
@@ -7,18 +8,14 @@ use crate::{hioki, lcr, lcr::LcrVariant, trace};
 /// What must be known of an analyzer before anything is sent to it.
 #[derive(Debug, Clone, Copy)]
 pub struct Dialect {
-    /// The name in configuration files.
-    pub name: &'static str,
+    /// The make, with its name in rig files and its ranges.
+    pub make: AnalyzerMake,
     /// The models it is for, as people read them.
     pub models: &'static str,
     /// How the model field of the identity begins, one of these.
     pub model_prefixes: &'static [&'static str],
-    /// Lowest and highest frequency, Hz.
-    pub frequency_hz: (f64, f64),
     /// How finely the frequency can be set.
     pub resolution: Resolution,
-    /// Lowest and highest level, V, without options.
-    pub level_v: (f64, f64),
     /// An option that drives more.
     pub high_power: Option<HighPower>,
     /// The longest delay between trigger and measurement that it can be told, s.
@@ -125,12 +122,10 @@ pub(crate) enum PointCommands {
 /// # Source
 /// HIOKI, IM3536 Instruction Manual, specifications; Communication Instruction Manual.
 pub static HIOKI_IM3536: Dialect = Dialect {
-    name: "hioki-im3536",
+    make: AnalyzerMake::HiokiIm3536,
     models: "HIOKI IM3536, IM3533 or IM3570",
     model_prefixes: &["IM3536", "IM3533", "IM3570"],
-    frequency_hz: (4.0, 8e6),
     resolution: Resolution::Step(0.01),
-    level_v: (0.01, 5.0),
     high_power: None,
     delay_max_s: hioki::DELAY_MAX_S,
     quirks: Quirks {
@@ -154,12 +149,10 @@ const SCPI: Quirks = Quirks {
 /// # Source
 /// Keysight, E4980A/AL User's Guide, and data sheet 5989-4235EN.
 pub static KEYSIGHT_E4980A: Dialect = Dialect {
-    name: "keysight-e4980a",
+    make: AnalyzerMake::KeysightE4980a,
     models: "Keysight E4980A",
     model_prefixes: &["E4980A"],
-    frequency_hz: (20.0, 2e6),
     resolution: Resolution::Digits(4),
-    level_v: (0.005, 2.0),
     high_power: Some(HighPower { option: "001", max_v: 20.0, switch: None }),
     delay_max_s: lcr::DELAY_MAX_S,
     quirks: SCPI,
@@ -171,13 +164,11 @@ pub static KEYSIGHT_E4980A: Dialect = Dialect {
 /// # Source
 /// HP, 4284A Precision LCR Meter Operation Manual.
 pub static HP_4284A: Dialect = Dialect {
-    name: "hp-4284a",
+    make: AnalyzerMake::Hp4284a,
     models: "HP or Agilent 4284A",
     model_prefixes: &["4284A", "HP4284A"],
-    frequency_hz: (20.0, 1e6),
     // 8610 frequencies, at most one percent apart.
     resolution: Resolution::Nearest(0.01),
-    level_v: (0.005, 2.0),
     high_power: Some(HighPower { option: "001", max_v: 20.0, switch: Some(":OUTPut:HPOWer") }),
     delay_max_s: lcr::OLD_DELAY_MAX_S,
     quirks: SCPI,
@@ -189,12 +180,10 @@ pub static HP_4284A: Dialect = Dialect {
 /// # Source
 /// Tonghui, operation manuals of the TH2830 and TH1953 series, remote control.
 pub static TONGHUI_TH283X: Dialect = Dialect {
-    name: "tonghui-th283x",
+    make: AnalyzerMake::TonghuiTh283x,
     models: "Tonghui TH2830, TH2831, TH2832 or TH2838",
     model_prefixes: &["TH283"],
-    frequency_hz: (20.0, 1e5),
     resolution: Resolution::Digits(4),
-    level_v: (0.005, 2.0),
     high_power: None,
     delay_max_s: lcr::OLD_DELAY_MAX_S,
     quirks: Quirks { handshake: Handshake::EchoEachCharacter, ..SCPI },
@@ -206,25 +195,27 @@ pub static TONGHUI_TH283X: Dialect = Dialect {
 /// # Source
 /// Keysight, E4990A Help, command reference.
 pub static KEYSIGHT_E4990A: Dialect = Dialect {
-    name: "keysight-e4990a",
+    make: AnalyzerMake::KeysightE4990a,
     models: "Keysight E4990A",
     model_prefixes: &["E4990A"],
-    frequency_hz: (20.0, 120e6),
     resolution: Resolution::Step(0.001),
-    level_v: (0.005, 1.0),
     high_power: None,
     delay_max_s: trace::DELAY_MAX_S,
     quirks: SCPI,
     commands: CommandSet::Trace,
 };
 
-/// All dialects.
-pub static DIALECTS: [&Dialect; 5] =
-    [&HIOKI_IM3536, &KEYSIGHT_E4980A, &HP_4284A, &TONGHUI_TH283X, &KEYSIGHT_E4990A];
-
-/// The dialect of this name.
-pub fn dialect_by_name(name: &str) -> Option<&'static Dialect> {
-    DIALECTS.iter().copied().find(|dialect| dialect.name == name)
+impl Dialect {
+    /// The dialect that analyzers of this make speak.
+    pub const fn of(make: AnalyzerMake) -> &'static Self {
+        match make {
+            AnalyzerMake::HiokiIm3536 => &HIOKI_IM3536,
+            AnalyzerMake::KeysightE4980a => &KEYSIGHT_E4980A,
+            AnalyzerMake::Hp4284a => &HP_4284A,
+            AnalyzerMake::TonghuiTh283x => &TONGHUI_TH283X,
+            AnalyzerMake::KeysightE4990a => &KEYSIGHT_E4990A,
+        }
+    }
 }
 
 #[cfg(test)]
@@ -249,10 +240,9 @@ mod tests {
     }
 
     #[test]
-    fn every_dialect_is_found_by_its_name() {
-        for dialect in DIALECTS {
-            assert!(std::ptr::eq(dialect_by_name(dialect.name).unwrap(), dialect));
+    fn every_make_has_its_own_dialect() {
+        for make in AnalyzerMake::ALL {
+            assert_eq!(Dialect::of(make).make, make);
         }
-        assert!(dialect_by_name("hioki").is_none());
     }
 }

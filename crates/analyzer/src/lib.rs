@@ -21,8 +21,8 @@ mod wire;
 
 pub use analyzer::Analyzer;
 pub use dialect::{
-    DIALECTS, Dialect, HIOKI_IM3536, HP_4284A, Handshake, HighPower, KEYSIGHT_E4980A,
-    KEYSIGHT_E4990A, Quirks, Resolution, TONGHUI_TH283X, dialect_by_name,
+    Dialect, HIOKI_IM3536, HP_4284A, Handshake, HighPower, KEYSIGHT_E4980A, KEYSIGHT_E4990A,
+    Quirks, Resolution, TONGHUI_TH283X,
 };
 pub use error::{AnalyzerError, EventStatus};
 pub use identity::Identity;

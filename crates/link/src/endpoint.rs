@@ -5,7 +5,8 @@ use std::{fmt, io, path::Path, sync::Arc, time::Duration};
 use tokio::{net::TcpStream, time::timeout};
 use tokio_serial::SerialPortBuilderExt;
 
-use crate::{LineSettings, OpenError, Parity, StopBits, Transport, attached};
+use crate::{OpenError, Transport, attached};
+use rig_model::{LineSettings, Parity, StopBits};
 
 /// How long a TCP connection may take to come up.
 const CONNECT_WITHIN: Duration = Duration::from_secs(3);

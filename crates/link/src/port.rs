@@ -13,10 +13,8 @@ use tokio::{
     time::{Instant, timeout, timeout_at},
 };
 
-use crate::{
-    Clock, Endpoint, Flow, Holder, LineError, LineSettings, OpenError, Transcript, Transport,
-    holders,
-};
+use crate::{Clock, Endpoint, Flow, Holder, LineError, OpenError, Transcript, Transport, holders};
+use rig_model::LineSettings;
 
 /// How many frames the black box holds: some seconds of a busy line.
 const TRANSCRIPT_FRAMES: usize = 256;

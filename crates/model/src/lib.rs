@@ -1,5 +1,5 @@
-//! The vocabulary of the rig: quantities with units, axes and soft limits, targets, sweeps,
-//! readings, ids.
+//! The vocabulary of the rig: quantities with units, axes and soft limits, targets, makes of devices,
+//! sweeps, readings, ids.
 //!
 //! Every other crate speaks in these words. Nothing here does I/O, asks for the time, or can be
 //! serialized: HTTP, journal and configuration files have types of their own.
@@ -8,13 +8,19 @@
 
 mod axis;
 mod bench;
+mod make;
 mod pose;
+mod scale;
+mod serial;
 mod sweep;
 mod time;
 
 pub use axis::{Axis, AxisError, AxisLimits, Deg, Mm, Position, Span, Target, Unit};
 pub use bench::{AnalyzerRange, Bench, Clearance, Geometry, MotionLimits};
+pub use make::{AnalyzerMake, DriveMake};
 pub use pose::{ContactAngle, ContactAngleError, Direction, Orientation};
+pub use scale::Scale;
+pub use serial::{LineSettings, Parity, StopBits};
 pub use sweep::{
     DriveLevel, Reading, ReadingFlag, SweepMethod, SweepPoint, SweepRequest, SweepRequestError,
     Window,

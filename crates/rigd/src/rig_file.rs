@@ -14,11 +14,8 @@ mod tests;
 
 use std::path::{Path, PathBuf};
 
-use rig_analyzer::Dialect;
-use rig_link::LineSettings;
-use rig_model::{Bench, Deg, Mm};
+use rig_model::{AnalyzerMake, Bench, Deg, DriveMake, LineSettings, Mm, Scale};
 use rig_settings::Faults;
-use rig_stage::{RegisterMap, Scale};
 
 pub use sensor::{SensorFile, Uncertainty};
 
@@ -75,8 +72,8 @@ pub enum Pace {
 /// The impedance analyzer.
 #[derive(Debug, Clone)]
 pub struct AnalyzerFile {
-    /// How to speak to it.
-    pub dialect: &'static Dialect,
+    /// Its make, which says how to speak to it.
+    pub make: AnalyzerMake,
     /// Where it is.
     pub port: PortFile,
 }
@@ -101,8 +98,8 @@ pub enum PortFile {
 /// The controller of an axis.
 #[derive(Debug, Clone)]
 pub struct AxisFile<U> {
-    /// How to speak to it.
-    pub register_map: &'static RegisterMap,
+    /// The make of the drive, which says how to speak to it.
+    pub make: DriveMake,
     /// Its address on the bus.
     pub unit_id: u8,
     /// How its counts correspond to positions.

@@ -8,8 +8,9 @@ use std::{
     process::{Command, Output},
 };
 
+use rig_model::{AnalyzerMake, DriveMake};
 use rig_sim::{
-    AnalyzerModel, AxisModel, AxisWiring, Carrier, PortId, SimHandle, SimRig, Wiring,
+    AxisWiring, Carrier, PortId, SimHandle, SimRig, Wiring,
     faults::{DeviceFault, Fault, FaultKind, RequestFault, When},
 };
 use rig_store::{Reader, Record};
@@ -35,13 +36,13 @@ impl Bench {
         let scene = shipped("scenes/paper.toml");
         let scene = rig_sim::scene::read("scene", &fs::read_to_string(scene).unwrap()).unwrap();
         let axis = |unit_id, units_per_step| AxisWiring {
-            model: AxisModel::OrientalAz,
+            make: DriveMake::OrientalAz,
             unit_id,
             units_per_step,
             zero: 0.0,
         };
         let wiring = Wiring {
-            analyzer: AnalyzerModel::HiokiIm3536,
+            analyzer: AnalyzerMake::HiokiIm3536,
             linear: axis(1, 0.001),
             rotary: axis(2, 0.01),
             carrier: Carrier::Tcp,

@@ -8,7 +8,8 @@
 
 use std::time::{Duration, Instant};
 
-use rig_link::{Clock, Endpoint, LineSettings, Port};
+use rig_link::{Clock, Endpoint, Port};
+use rig_model::LineSettings;
 use rig_stage::{BusHandle, BusSettings};
 
 // As the rig's own thread runs it.

@@ -15,7 +15,8 @@ use std::{
     time::{Duration, Instant},
 };
 
-use rig_link::{Clock, Endpoint, LineSettings, Port};
+use rig_link::{Clock, Endpoint, Port};
+use rig_model::LineSettings;
 use rig_stage::{BusHandle, BusSettings};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio_serial::{SerialPort, SerialStream};

@@ -1,5 +1,7 @@
 //! The schema of a register map: everything that differs between two makes of drive, as data.
 
+use rig_model::DriveMake;
+
 /// One of the four tables of a Modbus device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Table {
@@ -198,8 +200,8 @@ pub struct DriveSettings {
 /// Everything that differs between two makes of drive.
 #[derive(Debug, Clone, Copy)]
 pub struct RegisterMap {
-    /// The name in configuration files.
-    pub name: &'static str,
+    /// The make, with its name in rig files.
+    pub make: DriveMake,
     /// The drives it is for, as people read them.
     pub drives: &'static str,
     /// Whether it was tried on no hardware and its sources disagree.

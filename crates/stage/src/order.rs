@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-use rig_model::{Axis, Position, Unit};
+use rig_model::{Axis, Position, Scale, Unit};
 
 use crate::{
-    RegisterMap, Request, Scale, StageError, Turn,
+    RegisterMap, Request, StageError, Turn,
     map::{AccelerationUnit, Quantity, Route, Slot, SpeedUnit, Step, Width},
     profile,
 };

@@ -3,12 +3,12 @@
 use std::time::Duration;
 
 use rig_link::StopSignal;
-use rig_model::{Axis, Position, Target, Unit};
+use rig_model::{Axis, Position, Scale, Target, Unit};
 use tokio::time::{Instant, sleep, sleep_until};
 
 use crate::{
-    Alarm, AxisStatus, BusError, BusHandle, LineFault, RegisterMap, Reply, Request, Scale,
-    StageError, Turn,
+    Alarm, AxisStatus, BusError, BusHandle, LineFault, RegisterMap, Reply, Request, StageError,
+    Turn,
     line::Canary,
     look::{Look, alarm, read_request},
     map::Step,

@@ -213,13 +213,11 @@ fn ask(
 
 #[cfg(test)]
 mod tests {
+    use rig_model::DriveMake;
+
     use super::*;
     use crate::{
-        device::drive::az::alarm,
-        faults::Faults,
-        random::Stream,
-        rig::{AxisModel, AxisWiring},
-        scene::paper,
+        device::drive::az::alarm, faults::Faults, random::Stream, rig::AxisWiring, scene::paper,
         world::AxisId,
     };
 
@@ -235,7 +233,7 @@ mod tests {
     const MM: f64 = 0.001;
 
     fn wiring(unit_id: u8, units_per_step: f64) -> AxisWiring {
-        AxisWiring { model: AxisModel::OrientalAz, unit_id, units_per_step, zero: 0.0 }
+        AxisWiring { make: DriveMake::OrientalAz, unit_id, units_per_step, zero: 0.0 }
     }
 
     impl Bench {

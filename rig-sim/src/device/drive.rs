@@ -5,13 +5,13 @@ mod iai;
 mod leadshine;
 mod motor;
 
-use rig_model::RigTime;
+use rig_model::{DriveMake, RigTime};
 
 use self::{az::Az, iai::Iai, leadshine::Leadshine, motor::Motor};
 use crate::{
     faults::DeviceFault,
     modbus::{Answer, Request},
-    rig::{AxisModel, AxisWiring},
+    rig::AxisWiring,
     world::{AxisId, World},
 };
 
@@ -27,10 +27,10 @@ impl Drive {
     /// A drive that was just switched on, at this axis.
     pub(crate) fn new(axis: AxisId, wiring: AxisWiring, world: &World) -> Self {
         let motor = Motor::new(axis, wiring.units_per_step, wiring.zero, world);
-        match wiring.model {
-            AxisModel::OrientalAz => Self::Az(Az::new(motor)),
-            AxisModel::IaiRc => Self::Iai(Iai::new(motor)),
-            AxisModel::LeadshinePr => Self::Leadshine(Leadshine::new(motor)),
+        match wiring.make {
+            DriveMake::OrientalAz => Self::Az(Az::new(motor)),
+            DriveMake::IaiRc => Self::Iai(Iai::new(motor)),
+            DriveMake::LeadshinePr => Self::Leadshine(Leadshine::new(motor)),
         }
     }
 
@@ -74,10 +74,10 @@ mod bench {
     }
 
     impl Bench {
-        pub(super) fn new(model: AxisModel) -> Self {
+        pub(super) fn new(make: DriveMake) -> Self {
             let scene = Scene { nuisances: Nuisances::NONE, ..paper() };
             let world = World::new(scene, 1).unwrap();
-            let wiring = AxisWiring { model, unit_id: 1, units_per_step: 0.01, zero: 0.0 };
+            let wiring = AxisWiring { make, unit_id: 1, units_per_step: 0.01, zero: 0.0 };
             let drive = Drive::new(AxisId::Linear, wiring, &world);
             Self { drive, world, now: RigTime::ZERO }
         }

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use rig_analyzer::{Analyzer, AnalyzerError, HIOKI_IM3536};
-use rig_link::{Clock, LineSettings, Port, StopSignal};
-use rig_model::{DriveLevel, Reading, ReadingFlag, SweepPoint};
+use rig_link::{Clock, Port, StopSignal};
+use rig_model::{DriveLevel, LineSettings, Reading, ReadingFlag, SweepPoint};
 
 use crate::{
     im3536::{Im3536, impedance},

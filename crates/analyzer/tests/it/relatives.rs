@@ -6,8 +6,8 @@ use std::{
 };
 
 use rig_analyzer::{Analyzer, AnalyzerError, Dialect, HP_4284A, TONGHUI_TH283X};
-use rig_link::{Clock, Endpoint, LineSettings, Port, StopSignal, Transport};
-use rig_model::{DriveLevel, ReadingFlag, SweepPoint};
+use rig_link::{Clock, Endpoint, Port, StopSignal, Transport};
+use rig_model::{DriveLevel, LineSettings, ReadingFlag, SweepPoint};
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt, DuplexStream, duplex},
     sync::mpsc::unbounded_channel,

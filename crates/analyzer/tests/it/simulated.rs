@@ -4,17 +4,17 @@ use rig_analyzer::{
     Analyzer, AnalyzerError, Dialect, HIOKI_IM3536, KEYSIGHT_E4980A, KEYSIGHT_E4990A,
 };
 use rig_link::{Clock, Port, StopSignal};
-use rig_model::{DriveLevel, Reading, ReadingFlag, SweepPoint};
+use rig_model::{AnalyzerMake, DriveLevel, DriveMake, Reading, ReadingFlag, SweepPoint};
 use rig_sim::{
-    AnalyzerModel, AxisModel, AxisWiring, Carrier, SimRig, Wiring,
+    AxisWiring, Carrier, SimRig, Wiring,
     scene::paper,
     world::{Nuisances, Scene},
 };
 
 /// A bench without nuisances, with this analyzer.
-fn bench(model: AnalyzerModel) -> SimRig {
+fn bench(model: AnalyzerMake) -> SimRig {
     let axis = |unit_id| AxisWiring {
-        model: AxisModel::OrientalAz,
+        make: DriveMake::OrientalAz,
         unit_id,
         units_per_step: 0.001,
         zero: 0.0,
@@ -33,10 +33,10 @@ async fn analyzer_on(rig: &mut SimRig, dialect: &'static Dialect) -> Analyzer {
     analyzer
 }
 
-const MAKES: [(AnalyzerModel, &Dialect, f64); 3] = [
-    (AnalyzerModel::HiokiIm3536, &HIOKI_IM3536, 5.0),
-    (AnalyzerModel::KeysightE4980a, &KEYSIGHT_E4980A, 5.0),
-    (AnalyzerModel::KeysightE4990a, &KEYSIGHT_E4990A, 1.0),
+const MAKES: [(AnalyzerMake, &Dialect, f64); 3] = [
+    (AnalyzerMake::HiokiIm3536, &HIOKI_IM3536, 5.0),
+    (AnalyzerMake::KeysightE4980a, &KEYSIGHT_E4980A, 5.0),
+    (AnalyzerMake::KeysightE4990a, &KEYSIGHT_E4990A, 1.0),
 ];
 
 fn point(frequency_hz: f64, cycles: u32) -> SweepPoint {
@@ -54,9 +54,9 @@ async fn three_makes_measure_the_same_sensor() {
         let mut analyzer = analyzer_on(&mut rig, dialect).await;
         analyzer.configure(DriveLevel { volt }).await.unwrap();
         let readings = analyzer.measure(&points, &StopSignal::new()).await.unwrap();
-        assert!(readings.is_sorted_by_key(|reading| reading.started), "{}", dialect.name);
+        assert!(readings.is_sorted_by_key(|reading| reading.started), "{}", dialect.make);
         for (reading, point) in readings.iter().zip(&points) {
-            let context = (dialect.name, point.frequency_hz);
+            let context = (dialect.make, point.frequency_hz);
             assert_eq!(reading.frequency_hz, point.frequency_hz, "{context:?}");
             assert_eq!(reading.flag, ReadingFlag::Normal, "{context:?}");
             assert!(point.settle_s <= reading.settle_s, "{context:?}: {}", reading.settle_s);
@@ -98,7 +98,7 @@ async fn a_level_that_stands_is_not_set_again() {
         let sent = |analyzer: &Analyzer| analyzer.transcript().frames().len();
         let before = sent(&analyzer);
         analyzer.configure(DriveLevel { volt }).await.unwrap();
-        assert_eq!(sent(&analyzer), before, "{}", dialect.name);
+        assert_eq!(sent(&analyzer), before, "{}", dialect.make);
         analyzer.configure(DriveLevel { volt: 0.5 }).await.unwrap();
         assert!(before < sent(&analyzer));
     }
@@ -106,7 +106,7 @@ async fn a_level_that_stands_is_not_set_again() {
 
 #[tokio::test(start_paused = true)]
 async fn the_wrong_dialect_is_found_out_by_the_identity() {
-    let mut rig = bench(AnalyzerModel::KeysightE4990a);
+    let mut rig = bench(AnalyzerMake::KeysightE4990a);
     let port = Port::new("analyzer", rig.analyzer_port(), None, Clock::start());
     let error = Analyzer::open(port, &KEYSIGHT_E4980A).identify().await.unwrap_err();
     assert!(matches!(error, AnalyzerError::WrongInstrument { .. }), "{error}");

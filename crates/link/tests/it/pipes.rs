@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use rig_link::{Clock, Endpoint, Flow, LineError, LineSettings, OpenError, Port, Transport};
+use rig_link::{Clock, Endpoint, Flow, LineError, OpenError, Port, Transport};
+use rig_model::LineSettings;
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt, DuplexStream, duplex},
     time::{Instant, sleep},

@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use rig_link::{Clock, Endpoint, Holder, LineError, LineSettings, OpenError, Port};
+use rig_link::{Clock, Endpoint, Holder, LineError, OpenError, Port};
+use rig_model::LineSettings;
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt},
     net::TcpListener,

@@ -3,7 +3,7 @@
 
 use std::{fs, path::Path};
 
-use rig_analyzer::{Analyzer, AnalyzerError};
+use rig_analyzer::{Analyzer, AnalyzerError, Dialect};
 use rig_link::{Clock, Flow, Holder, Port, Transcript, attached_ports};
 use rig_model::{Axis, Bench, DriveLevel, Unit};
 use rig_stage::{Alarm, AxisStatus, BusHandle, Stage, StageError};
@@ -151,7 +151,7 @@ async fn look_at_analyzer(
         Err(error) => return (seen(Err(error)), device(None)),
     };
     let (intruders, transcript) = (port.intruders(), port.transcript());
-    let outcome = greet(Analyzer::open(port, file.analyzer.dialect), &file.bench).await;
+    let outcome = greet(Analyzer::open(port, Dialect::of(file.analyzer.make)), &file.bench).await;
     (seen(Ok(port_facts(&name, intruders, &transcript))), device(Some(outcome)))
 }
 

@@ -2,12 +2,12 @@
 
 use std::{path::PathBuf, sync::Arc};
 
-use rig_analyzer::{Analyzer, AnalyzerError};
-use rig_link::{Clock, Endpoint, LineSettings, Port, Transcript};
-use rig_model::{Deg, Mm, Unit};
+use rig_analyzer::{Analyzer, AnalyzerError, Dialect};
+use rig_link::{Clock, Endpoint, Port, Transcript};
+use rig_model::{Deg, LineSettings, Mm, Unit};
 use rig_protocol::Prompt;
-use rig_sim::{AnalyzerModel, AxisModel, AxisWiring, Carrier, Person, SimRig, Wiring};
-use rig_stage::{BusHandle, BusSettings, Stage, StageError};
+use rig_sim::{AxisWiring, Carrier, Person, SimRig, Wiring};
+use rig_stage::{BusHandle, BusSettings, RegisterMap, Stage, StageError};
 use rig_store::StoreError;
 
 use super::{Identity, Setting, devices::Devices};
@@ -39,12 +39,6 @@ pub enum OpenError {
     /// The scene cannot be set up.
     #[error("scene: {0}")]
     Scene(#[from] rig_sim::world::SceneError),
-    /// There is no simulated device of this make.
-    #[error("there is no simulated {make}; choose another make in the rig file, or real ports")]
-    NotSimulated {
-        /// The dialect or the register map.
-        make: &'static str,
-    },
     /// A port cannot be opened.
     #[error("{role}: {}", super::devices::chain(source))]
     Port {
@@ -115,7 +109,7 @@ pub(super) async fn open_rig(rig: LoadedRig, clock: Clock) -> Result<Opened, Ope
     let bus_port = bus.map_err(|source| OpenError::Port { role: "bus", source })?;
     let black_boxes =
         [&analyzer_port, &bus_port].map(|port| (port.name().clone(), port.transcript()));
-    let mut analyzer = Analyzer::open(analyzer_port, file.analyzer.dialect);
+    let mut analyzer = Analyzer::open(analyzer_port, Dialect::of(file.analyzer.make));
     let bus = BusHandle::open(bus_port, bus_settings(&file.bus));
     let mut linear = stage(&bus, &file.linear, file.bench.linear);
     let mut rotary = stage(&bus, &file.rotary, file.bench.rotary);
@@ -158,7 +152,7 @@ impl Ports {
 
     fn simulated(file: &RigFile, scene: LoadedScene, clock: Clock) -> Result<Self, OpenError> {
         let seed = scene.scene.seed;
-        let mut rig = SimRig::start(scene.scene, &wiring(file)?, seed)?;
+        let mut rig = SimRig::start(scene.scene, &wiring(file), seed)?;
         let analyzer =
             Port::new("simulated analyzer", rig.analyzer_port(), line(&file.analyzer.port), clock);
         let bus = Port::new("simulated bus", rig.bus_port(), line(&file.bus), clock);
@@ -172,48 +166,34 @@ pub(super) fn stage<U: Unit>(
     file: &crate::rig_file::AxisFile<U>,
     axis: rig_model::Axis<U>,
 ) -> Stage<U> {
-    Stage::new(bus.clone(), file.register_map, file.unit_id, file.scale, axis)
+    Stage::new(bus.clone(), RegisterMap::of(file.make), file.unit_id, file.scale, axis)
 }
 
 /// What a drive is. Few of them say so themselves.
 pub(super) fn describe<U>(file: &crate::rig_file::AxisFile<U>) -> String {
-    format!("{} at unit {}", file.register_map.name, file.unit_id)
+    format!("{} at unit {}", file.make, file.unit_id)
 }
 
 /// Simulated devices are of the makes that the rig file names.
-fn wiring(file: &RigFile) -> Result<Wiring, OpenError> {
-    let analyzer = match file.analyzer.dialect.name {
-        "hioki-im3536" => AnalyzerModel::HiokiIm3536,
-        "keysight-e4980a" => AnalyzerModel::KeysightE4980a,
-        "hp-4284a" => AnalyzerModel::Hp4284a,
-        "tonghui-th283x" => AnalyzerModel::TonghuiTh283x,
-        "keysight-e4990a" => AnalyzerModel::KeysightE4990a,
-        make => return Err(OpenError::NotSimulated { make }),
-    };
-    Ok(Wiring {
-        analyzer,
-        linear: axis_wiring(&file.linear)?,
-        rotary: axis_wiring(&file.rotary)?,
+fn wiring(file: &RigFile) -> Wiring {
+    Wiring {
+        analyzer: file.analyzer.make,
+        linear: axis_wiring(&file.linear),
+        rotary: axis_wiring(&file.rotary),
         carrier: match line(&file.bus) {
             Some(line) => Carrier::Serial { baud: line.baud },
             None => Carrier::Tcp,
         },
-    })
+    }
 }
 
-fn axis_wiring<U: Unit>(file: &crate::rig_file::AxisFile<U>) -> Result<AxisWiring, OpenError> {
-    let model = match file.register_map.name {
-        "oriental-az" => AxisModel::OrientalAz,
-        "iai-rc" => AxisModel::IaiRc,
-        "leadshine-pr" => AxisModel::LeadshinePr,
-        make => return Err(OpenError::NotSimulated { make }),
-    };
-    Ok(AxisWiring {
-        model,
+fn axis_wiring<U: Unit>(file: &crate::rig_file::AxisFile<U>) -> AxisWiring {
+    AxisWiring {
+        make: file.make,
         unit_id: file.unit_id,
         units_per_step: file.scale.per_count,
         zero: file.scale.zero.value(),
-    })
+    }
 }
 
 /// Modbus RTU on a serial line, Modbus TCP on the network.

@@ -1,8 +1,7 @@
 //! The sections of the two axes, which differ in their unit.
 
-use rig_model::{Axis, AxisError, AxisLimits, Position, Span, Unit};
+use rig_model::{Axis, AxisError, AxisLimits, DriveMake, Position, Scale, Span, Unit};
 use rig_settings::{Setting, Table};
-use rig_stage::{Scale, maps};
 
 use super::{AxisFile, refusal::Refusal};
 
@@ -61,8 +60,8 @@ pub(super) fn axis<U: Unit>(table: &mut Table<'_>, keys: &AxisKeys) -> AxisRead<
 where
     Refusal: From<AxisError<U>>,
 {
-    let register_map =
-        table.choice("register_map", maps::ALL.map(|map| (map.name, map))).required();
+    let makes = DriveMake::ALL.map(|make| (make.name(), make));
+    let make = table.choice("register_map", makes).required();
     let unit_id = table.count("unit_id").range(1..=247).required();
     let per_count = table.number(keys.per_count).required();
     let zero = table.number(keys.zero).or(0.0);
@@ -109,7 +108,7 @@ where
     AxisRead {
         axis: checked.unwrap_or_else(placeholder),
         file: AxisFile {
-            register_map: register_map.value,
+            make: make.value,
             unit_id: u8::try_from(unit_id.value).expect("the range of the key ends at 247"),
             scale: Scale {
                 per_count: per_count.value,

@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use rig_analyzer::{DIALECTS, Dialect};
-use rig_link::Parity;
-use rig_model::{AnalyzerRange, Bench, Deg, Geometry, Mm, MotionLimits, Position};
+use rig_model::{
+    AnalyzerMake, AnalyzerRange, Bench, Deg, Geometry, Mm, MotionLimits, Parity, Position,
+};
 use rig_settings::{Setting, Table};
 
 use super::{
@@ -90,25 +90,24 @@ struct AnalyzerRead {
 }
 
 fn analyzer(table: &mut Table<'_>) -> AnalyzerRead {
-    let words = DIALECTS.map(|dialect| (dialect.name, dialect));
-    let dialect = table.choice("dialect", words).required();
+    let makes = AnalyzerMake::ALL.map(|make| (make.name(), make));
+    let make = table.choice("dialect", makes).required();
     let port = table.section("port", |table| port(table, Parity::None)).required().value;
     let frequency_hz = table.number("frequency_hz").above(0.0).interval().required();
     let max_level_v = table.number("max_level_v").above(0.0).required();
-    if let Some(&&Dialect { name, frequency_hz: (min, max), level_v: (_, limit), .. }) =
-        dialect.sound()
-    {
+    if let Some(&make) = make.sound() {
+        let ((min, max), (_, limit)) = (make.frequency_hz(), make.level_v());
         if frequency_hz.sound().is_some_and(|&(lowest, highest)| lowest < min || max < highest) {
-            let refusal = Refusal::BeyondDialect { dialect: name, min, max };
+            let refusal = Refusal::BeyondDialect { make, min, max };
             table.refuse(&frequency_hz, &refusal);
         }
         if let Some(&found) = max_level_v.sound().filter(|&&level| level > limit) {
-            let refusal = Refusal::LevelBeyondDialect { found, limit, dialect: name };
+            let refusal = Refusal::LevelBeyondDialect { found, limit, make };
             table.refuse(&max_level_v, &refusal);
         }
     }
     let range = AnalyzerRange { frequency_hz: frequency_hz.value, max_level_v: max_level_v.value };
-    AnalyzerRead { file: AnalyzerFile { dialect: dialect.value, port }, range }
+    AnalyzerRead { file: AnalyzerFile { make: make.value, port }, range }
 }
 
 fn bus(table: &mut Table<'_>) -> PortFile {

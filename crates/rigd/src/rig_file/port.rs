@@ -1,6 +1,6 @@
 //! Where a device is.
 
-use rig_link::{LineSettings, Parity, StopBits};
+use rig_model::{LineSettings, Parity, StopBits};
 use rig_settings::{Place, Setting, Table};
 
 use super::{PortFile, refusal::Refusal};

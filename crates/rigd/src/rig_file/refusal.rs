@@ -1,7 +1,7 @@
 //! What a rig file can be refused for, beyond its shape.
 
 use rig_contact::SensorError;
-use rig_model::{AxisError, Deg, Mm, Position};
+use rig_model::{AnalyzerMake, AxisError, Deg, Mm, Position};
 use rig_settings::Complaint;
 
 /// One reason. Values and limits are in the unit that their key names.
@@ -26,10 +26,10 @@ pub(super) enum Refusal {
     SharedUnit { unit_id: u32 },
 
     // The analyzer.
-    #[error("frequency_hz is beyond what {dialect} can do, {min} Hz to {max} Hz")]
-    BeyondDialect { dialect: &'static str, min: f64, max: f64 },
-    #[error("max_level_v = {found} is above the {limit} V that {dialect} can give")]
-    LevelBeyondDialect { found: f64, limit: f64, dialect: &'static str },
+    #[error("frequency_hz is beyond what {make} can do, {min} Hz to {max} Hz")]
+    BeyondDialect { make: AnalyzerMake, min: f64, max: f64 },
+    #[error("max_level_v = {found} is above the {limit} V that {make} can give")]
+    LevelBeyondDialect { found: f64, limit: f64, make: AnalyzerMake },
 
     // The axes.
     #[error(transparent)]

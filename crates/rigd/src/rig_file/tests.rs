@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use rig_link::{LineSettings, Parity};
+use rig_model::{AnalyzerMake, DriveMake, LineSettings, Parity};
 use rig_protocol::{Plan, Protocol};
 
 use super::{Connection, Pace, PortFile, RigFile};
@@ -57,9 +57,9 @@ fn the_simulated_rig_is_described_as_well_as_a_person_measures() {
 
 #[test]
 fn the_shipped_file_names_every_make_that_there_is() {
-    let dialects = rig_analyzer::DIALECTS.iter().map(|dialect| dialect.name);
-    let maps = rig_stage::maps::ALL.iter().map(|map| map.name);
-    for name in dialects.chain(maps) {
+    let analyzers = AnalyzerMake::ALL.map(AnalyzerMake::name);
+    let drives = DriveMake::ALL.map(DriveMake::name);
+    for name in analyzers.into_iter().chain(drives) {
         assert!(SIMULATED.contains(&format!("{name:?}")), "{name} is not in the manual");
     }
 }
@@ -75,7 +75,7 @@ fn a_rig_file_says_where_everything_is() {
     assert_eq!(rig.bus, PortFile::Serial { path, line: LineSettings::eight_e_one(115_200) });
     assert_eq!((rig.linear.unit_id, rig.rotary.unit_id), (1, 2));
     assert_eq!(rig.bench.linear.rest_target().position().value(), 30.0);
-    assert_eq!(rig.linear.register_map.name, "oriental-az");
+    assert_eq!(rig.linear.make, DriveMake::OrientalAz);
 }
 
 #[test]

@@ -7,6 +7,8 @@
 //! # Source
 //! IAI, Serial Communication \[Modbus Version\] Operation Manual.
 
+use rig_model::DriveMake;
+
 use crate::map::{
     AccelerationUnit, AlarmSource, Block, DriveSettings, Field, Flag, Quantity, RegisterMap, Route,
     Slot, SpeedUnit, Step, Table, TargetReadBack, Width,
@@ -40,7 +42,7 @@ const HOLD: Step = Step::Hold { ms: 20 };
 
 /// IAI RC. A count is 0.01 mm.
 pub static IAI_RC: RegisterMap = RegisterMap {
-    name: "iai-rc",
+    make: DriveMake::IaiRc,
     drives: "IAI RC controllers (PCON, ACON, SCON, ERC)",
     is_to_be_verified: false,
     status: &[

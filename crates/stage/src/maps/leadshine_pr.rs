@@ -7,6 +7,8 @@
 //!
 //! Nothing here writes 0x2211 to 0x1801: it saves to the EEPROM, which wears.
 
+use rig_model::DriveMake;
+
 use crate::map::{
     AccelerationUnit, AlarmSource, Block, DriveSettings, Field, Flag, Quantity, RegisterMap, Route,
     Slot, SpeedUnit, Step, Table, TargetReadBack, Width,
@@ -28,7 +30,7 @@ const LIMIT_SLOTS: &[Slot] =
 
 /// Leadshine with position registers. A count is one pulse of the resolution set in the drive.
 pub static LEADSHINE_PR: RegisterMap = RegisterMap {
-    name: "leadshine-pr",
+    make: DriveMake::LeadshinePr,
     drives: "Leadshine CL2C-RS, DM556RS, iEM-RS",
     is_to_be_verified: true,
     status: &[

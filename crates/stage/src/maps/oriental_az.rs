@@ -3,6 +3,8 @@
 //! # Source
 //! Oriental Motor, AZ Series Function Edition, HM-60262-6E.
 
+use rig_model::DriveMake;
+
 use crate::map::{
     AccelerationUnit, AlarmSource, Block, DriveSettings, Field, Flag, Quantity, RegisterMap, Route,
     Slot, SpeedUnit, Step, Table, TargetReadBack, Width,
@@ -29,7 +31,7 @@ const LIMIT_SLOTS: &[Slot] = &[
 
 /// Oriental Motor AZ. A count is one step of the resolution set in the drive.
 pub static ORIENTAL_AZ: RegisterMap = RegisterMap {
-    name: "oriental-az",
+    make: DriveMake::OrientalAz,
     drives: "Oriental Motor AZ series",
     is_to_be_verified: false,
     status: &[

@@ -6,7 +6,8 @@ use std::{
     time::Duration,
 };
 
-use rig_link::{Clock, Endpoint, LineError, LineSettings, Port, Transport};
+use rig_link::{Clock, Endpoint, LineError, Port, Transport};
+use rig_model::LineSettings;
 use rig_stage::{
     BusError, BusHandle, BusSettings, Canary, Exception, Framing, Health, LineFault, Refusal,
     Reply, Request, Symptom,

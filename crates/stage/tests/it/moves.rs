@@ -2,11 +2,9 @@
 
 use std::{collections::BTreeMap, time::Duration};
 
-use rig_link::{Clock, LineSettings, Port, StopSignal};
-use rig_model::{Axis, AxisLimits, Mm, Position, Span, Target};
-use rig_stage::{
-    BusError, BusHandle, BusSettings, LineFault, Scale, Stage, StageError, Turn, map::Route,
-};
+use rig_link::{Clock, Port, StopSignal};
+use rig_model::{Axis, AxisLimits, DriveMake, LineSettings, Mm, Position, Scale, Span, Target};
+use rig_stage::{BusError, BusHandle, BusSettings, LineFault, Stage, StageError, Turn, map::Route};
 use tokio::time::{Instant, sleep};
 
 use crate::{
@@ -31,7 +29,7 @@ fn target(mm: f64) -> Target<Mm> {
 
 fn scale(make: &Make) -> Scale<Mm> {
     // A count of IAI is a hundredth of a millimetre; the others are a stepper of 6 mm lead.
-    let per_count = if make.map.name == "iai-rc" { 0.01 } else { 0.0006 };
+    let per_count = if make.map.make == DriveMake::IaiRc { 0.01 } else { 0.0006 };
     Scale {
         per_count,
         zero: Position::new(0.0),
@@ -113,7 +111,7 @@ async fn a_move_is_the_frame_that_the_manual_asks_for() {
         let target = axis.target(Position::new(mm)).unwrap();
         stage.move_to(target, speed, &StopSignal::new()).await.unwrap();
         let sent = drive.seen().into_iter().rfind(|frame| frame[1] == 0x10).unwrap();
-        assert_eq!(sent, hex(golden), "{}", make.map.name);
+        assert_eq!(sent, hex(golden), "{}", make.map.make);
     }
 }
 
@@ -127,7 +125,7 @@ async fn a_move_ends_at_its_target_after_the_time_it_takes() {
         assert!((at.value() + 50.0).abs() < 0.005);
         // 50 mm at 30 mm/s, two ramps, and hardly any waiting beyond.
         let seconds = started.elapsed().as_secs_f64();
-        assert!((1.71..1.78).contains(&seconds), "{}: {seconds}", make.map.name);
+        assert!((1.71..1.78).contains(&seconds), "{}: {seconds}", make.map.make);
     }
 }
 
@@ -141,7 +139,7 @@ async fn a_move_costs_one_write_and_a_look_a_second() {
             stage.move_to(target(mm), 6.0, &StopSignal::new()).await.unwrap();
             let requests = drive.seen().len() - before;
             let expected = 1 + (1 + seconds) * looks;
-            assert!(requests <= expected, "{} to {mm}: {requests}", make.map.name);
+            assert!(requests <= expected, "{} to {mm}: {requests}", make.map.make);
         }
     }
 }
@@ -219,9 +217,9 @@ async fn a_stop_does_not_wait_for_a_line_to_be_in_order() {
         let mut stage = stage_on(make, &drive, deaf);
         stage.identify().await.unwrap();
         let error = stage.move_to(target(50.0), 5.0, &StopSignal::new()).await.unwrap_err();
-        assert!(matches!(error, StageError::Bus { .. }), "{}: {error:?}", make.map.name);
+        assert!(matches!(error, StageError::Bus { .. }), "{}: {error:?}", make.map.make);
         drive.run_away();
-        assert!(drive.is_moving(), "{}", make.map.name);
+        assert!(drive.is_moving(), "{}", make.map.make);
         let drive_seen = drive.clone();
         let watch = tokio::spawn(async move {
             let started = Instant::now();
@@ -243,7 +241,7 @@ async fn a_drive_that_does_not_move_as_told_is_found_out() {
         let (drive, mut stage) = ready(make).await;
         drive.ignore_moves();
         let error = stage.move_to(target(10.0), 6.0, &stop).await.unwrap_err();
-        assert!(matches!(error, StageError::Ignored { .. }), "{}: {error}", make.map.name);
+        assert!(matches!(error, StageError::Ignored { .. }), "{}: {error}", make.map.make);
 
         let (drive, mut stage) = ready(make).await;
         drive.lose_counts(counts(make, 0.03));
@@ -329,12 +327,12 @@ async fn a_drive_that_was_switched_off_is_not_believed_before_it_is_identified_a
         drive.restart();
         drive.swallow_an_answer();
         let error = stage.move_to(target(3.0), 6.0, &stop).await.unwrap_err();
-        if make.map.name == "iai-rc" {
+        if make.map.make == DriveMake::IaiRc {
             // Its settings come with each move, so that it is known only by its servo being off.
             assert!(matches!(error, StageError::Ignored { .. }), "{error:?}");
         } else {
             let StageError::Bus { source: BusError::Failed(fault), .. } = error else {
-                panic!("{}: {error:?}", make.map.name)
+                panic!("{}: {error:?}", make.map.make)
             };
             assert!(matches!(fault, LineFault::Changed { .. }), "{fault:?}");
             let again = stage.status().await;
@@ -355,7 +353,7 @@ async fn no_single_fault_makes_a_move_lie() {
             for frame in 0..18 {
                 let drive = Drive::new(make, 1);
                 let mut stage = stage_on(make, &drive, [(frame, fault)]);
-                let context = (make.map.name, fault, frame);
+                let context = (make.map.make, fault, frame);
                 match two_moves(&mut stage).await {
                     Ok(at) => {
                         assert_eq!(counts(make, at.value()), counts(make, 2.9), "{context:?}");
@@ -383,7 +381,7 @@ async fn no_pair_of_faults_makes_a_move_lie() {
                 let mut stage = stage_on(make, &drive, faults);
                 if let Ok(at) = two_moves(&mut stage).await {
                     succeeded += 1;
-                    let context = (make.map.name, faults);
+                    let context = (make.map.make, faults);
                     assert_eq!(counts(make, at.value()), counts(make, 2.9), "{context:?}");
                     assert_eq!(drive.position(), counts(make, 2.9), "{context:?}");
                 } else {

@@ -2,23 +2,17 @@
 
 use std::time::Duration;
 
-use rig_link::{Clock, LineSettings, Port, StopSignal};
-use rig_model::{Axis, AxisLimits, Deg, Mm, Position, Span, Unit};
-use rig_sim::{
-    AnalyzerModel, AxisModel, AxisWiring, Carrier, PortId, SimRig, Wiring, faults::DeviceFault,
-    scene::paper,
+use rig_link::{Clock, Port, StopSignal};
+use rig_model::{
+    AnalyzerMake, Axis, AxisLimits, Deg, DriveMake, LineSettings, Mm, Position, Scale, Span, Unit,
 };
-use rig_stage::{
-    BusError, BusHandle, BusSettings, LineFault, RegisterMap, Scale, Stage, StageError, maps,
-};
+use rig_sim::{AxisWiring, Carrier, PortId, SimRig, Wiring, faults::DeviceFault, scene::paper};
+use rig_stage::{BusError, BusHandle, BusSettings, LineFault, RegisterMap, Stage, StageError};
 use tokio::time::sleep;
 
 /// A simulated make and the map for it. A count of IAI is a hundredth of a millimetre.
-const MAKES: [(AxisModel, &RegisterMap, f64); 3] = [
-    (AxisModel::OrientalAz, &maps::ORIENTAL_AZ, 0.001),
-    (AxisModel::IaiRc, &maps::IAI_RC, 0.01),
-    (AxisModel::LeadshinePr, &maps::LEADSHINE_PR, 0.0005),
-];
+const MAKES: [(DriveMake, f64); 3] =
+    [(DriveMake::OrientalAz, 0.001), (DriveMake::IaiRc, 0.01), (DriveMake::LeadshinePr, 0.0005)];
 
 fn axis<U: Unit>(name: &'static str, range: Span<U>, rest: f64, tolerance: f64) -> Axis<U> {
     let rest = Position::new(rest);
@@ -42,10 +36,10 @@ struct Bench {
 }
 
 /// Both axes on one line, identified and homed.
-async fn bench(model: AxisModel, map: &'static RegisterMap, per_count: f64) -> Bench {
-    let wiring = |unit_id| AxisWiring { model, unit_id, units_per_step: per_count, zero: 0.0 };
+async fn bench(make: DriveMake, per_count: f64) -> Bench {
+    let wiring = |unit_id| AxisWiring { make, unit_id, units_per_step: per_count, zero: 0.0 };
     let wiring = Wiring {
-        analyzer: AnalyzerModel::HiokiIm3536,
+        analyzer: AnalyzerMake::HiokiIm3536,
         linear: wiring(1),
         rotary: wiring(2),
         carrier: Carrier::Serial { baud: 115_200 },
@@ -56,8 +50,8 @@ async fn bench(model: AxisModel, map: &'static RegisterMap, per_count: f64) -> B
     let bus = BusHandle::open(port, BusSettings::rtu());
     let linear = axis("linear stage", Span::new(0.0, 49.0), 40.0, 0.02);
     let rotary = axis("rotary stage", Span::new(-50.0, 50.0), 0.0, 0.05);
-    let mut linear = Stage::new(bus.clone(), map, 1, scale(per_count), linear);
-    let mut rotary = Stage::new(bus, map, 2, scale(per_count), rotary);
+    let mut linear = Stage::new(bus.clone(), RegisterMap::of(make), 1, scale(per_count), linear);
+    let mut rotary = Stage::new(bus, RegisterMap::of(make), 2, scale(per_count), rotary);
     let stop = StopSignal::new();
     for _ in 0..2 {
         if !linear.identify().await.unwrap().is_homed {
@@ -82,23 +76,23 @@ async fn move_to<U: Unit>(stage: &mut Stage<U>, wanted: f64) -> Result<f64, Stag
 
 #[tokio::test(start_paused = true)]
 async fn both_axes_go_where_they_are_sent() {
-    for (model, map, per_count) in MAKES {
-        let Bench { rig, mut linear, mut rotary } = bench(model, map, per_count).await;
+    for (make, per_count) in MAKES {
+        let Bench { rig, mut linear, mut rotary } = bench(make, per_count).await;
         for (mm, degrees) in [(40.0, 30.0), (39.9, -45.0), (12.5, 0.0)] {
             let at_mm = move_to(&mut linear, mm).await.unwrap();
             let at_degrees = move_to(&mut rotary, degrees).await.unwrap();
             let truth = rig.truth();
             assert!((at_mm - mm).abs() <= 0.02 && (truth.tip_mm - mm).abs() < 0.03, "{truth:?}");
-            assert!((at_degrees - degrees).abs() <= 0.05, "{}: {at_degrees}", map.name);
-            assert!((truth.tilt_deg - degrees).abs() < 0.08, "{}: {truth:?}", map.name);
+            assert!((at_degrees - degrees).abs() <= 0.05, "{make}: {at_degrees}");
+            assert!((truth.tilt_deg - degrees).abs() < 0.08, "{make}: {truth:?}");
         }
     }
 }
 
 #[tokio::test(start_paused = true)]
 async fn a_stop_holds_the_axis_where_it_says() {
-    for (model, map, per_count) in MAKES {
-        let Bench { rig, mut linear, .. } = bench(model, map, per_count).await;
+    for (make, per_count) in MAKES {
+        let Bench { rig, mut linear, .. } = bench(make, per_count).await;
         move_to(&mut linear, 40.0).await.unwrap();
         let stop = StopSignal::new();
         let raise = stop.clone();
@@ -108,23 +102,23 @@ async fn a_stop_holds_the_axis_where_it_says() {
         });
         let target = linear.axis().target(Position::new(10.0)).unwrap();
         let error = linear.move_to(target, 10.0, &stop).await.unwrap_err();
-        let StageError::Stopped { at, .. } = error else { panic!("{}: {error:?}", map.name) };
-        assert!((25.0..33.0).contains(&at.value()), "{}: {at}", map.name);
+        let StageError::Stopped { at, .. } = error else { panic!("{make}: {error:?}") };
+        assert!((25.0..33.0).contains(&at.value()), "{make}: {at}");
         sleep(Duration::from_secs(5)).await;
-        assert!((rig.truth().tip_mm - at.value()).abs() < 0.03, "{}: {:?}", map.name, rig.truth());
+        assert!((rig.truth().tip_mm - at.value()).abs() < 0.03, "{}: {:?}", make, rig.truth());
         move_to(&mut linear, 40.0).await.unwrap();
     }
 }
 
 #[tokio::test(start_paused = true)]
 async fn what_befalls_a_drive_is_told() {
-    for (model, map, per_count) in MAKES {
+    for (make, per_count) in MAKES {
         // An alarm, at once and for the next move, until it is reset.
-        let Bench { rig, mut linear, .. } = bench(model, map, per_count).await;
+        let Bench { rig, mut linear, .. } = bench(make, per_count).await;
         move_to(&mut linear, 40.0).await.unwrap();
         suffer(&rig, DeviceFault::Alarm(0x20));
         let error = move_to(&mut linear, 30.0).await.unwrap_err();
-        let StageError::Alarmed { alarm, .. } = error else { panic!("{}: {error:?}", map.name) };
+        let StageError::Alarmed { alarm, .. } = error else { panic!("{make}: {error:?}") };
         assert_eq!(alarm.code, 0x20);
         linear.reset_alarm().await.unwrap();
         move_to(&mut linear, 30.0).await.unwrap();
@@ -139,15 +133,15 @@ async fn what_befalls_a_drive_is_told() {
                 | StageError::Alarmed { .. }
                 | StageError::Overdue { .. }
         );
-        assert!(is_told, "{}: {error:?}", map.name);
+        assert!(is_told, "{make}: {error:?}");
         assert!((rig.truth().tip_mm - 30.0).abs() < 0.1);
     }
 }
 
 #[tokio::test(start_paused = true)]
 async fn a_drive_that_restarts_has_to_be_identified_again() {
-    for (model, map, per_count) in MAKES {
-        let Bench { rig, mut linear, .. } = bench(model, map, per_count).await;
+    for (make, per_count) in MAKES {
+        let Bench { rig, mut linear, .. } = bench(make, per_count).await;
         move_to(&mut linear, 40.0).await.unwrap();
         suffer(&rig, DeviceFault::Reboot);
         // It is silent at first, so that it has to be recognised when it answers again.
@@ -160,7 +154,7 @@ async fn a_drive_that_restarts_has_to_be_identified_again() {
             } | StageError::Ignored { .. }
                 | StageError::Alarmed { .. }
         );
-        assert!(is_told, "{}: {error:?}", map.name);
+        assert!(is_told, "{make}: {error:?}");
         sleep(Duration::from_secs(3)).await;
         let status = linear.identify().await.unwrap();
         if status.alarm.is_some() {
@@ -170,6 +164,6 @@ async fn a_drive_that_restarts_has_to_be_identified_again() {
             linear.home(&StopSignal::new()).await.unwrap();
         }
         let at = move_to(&mut linear, 30.0).await.unwrap();
-        assert!((at - 30.0).abs() <= 0.02, "{}: {at}", map.name);
+        assert!((at - 30.0).abs() <= 0.02, "{make}: {at}");
     }
 }

@@ -309,10 +309,12 @@ impl Leadshine {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{device::drive::bench::Bench, rig::AxisModel};
+    use rig_model::DriveMake;
+
+    use crate::device::drive::bench::Bench;
 
     fn ready() -> Bench {
-        let mut bench = Bench::new(AxisModel::LeadshinePr);
+        let mut bench = Bench::new(DriveMake::LeadshinePr);
         bench.set(register::PULSES_PER_REVOLUTION, 1000);
         bench.set(register::TRIGGER, HOME);
         assert_eq!(bench.read(register::STATUS, 1)[0], status::ENABLED | status::RUNNING);

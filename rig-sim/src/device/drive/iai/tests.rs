@@ -1,9 +1,11 @@
 use super::*;
-use crate::{device::drive::bench::Bench, rig::AxisModel};
+use rig_model::DriveMake;
+
+use crate::device::drive::bench::Bench;
 
 /// A controller that Modbus commands, with the servo on and home found.
 fn ready() -> Bench {
-    let mut bench = Bench::new(AxisModel::IaiRc);
+    let mut bench = Bench::new(DriveMake::IaiRc);
     for coil in [coil::MODBUS_COMMANDS, coil::SERVO_ON, coil::HOME] {
         bench.coil(coil, true);
     }
@@ -58,7 +60,7 @@ fn increments_limits_and_refusals() {
 
 #[test]
 fn without_home_a_move_is_an_alarm_and_the_reset_acts_when_it_is_released() {
-    let mut bench = Bench::new(AxisModel::IaiRc);
+    let mut bench = Bench::new(DriveMake::IaiRc);
     bench.write(order::POSITION, &[0, 100]);
     assert_eq!(bench.read(monitor::ALARM, 1), [0], "it is ignored without servo");
     bench.coil(coil::SERVO_ON, true);
