@@ -1,26 +1,18 @@
-//! Fits the sweeps of a file again and again, for a comparison with other programs on the same
-//! numbers: `bench/peers/run.sh`.
+//! Fits the sweeps of a file again and again.
 //!
-//! `fit_speed FILE ROUNDS`. The file holds 64-bit floats, little-endian: the number of sweeps, the
-//! number of points, the frequencies in Hz, then for each sweep the real and the imaginary part of
-//! each impedance in ohm. Ten cycles were integrated at each point.
-//!
-//! Prints one line for each sweep: the resonance in Hz and its standard deviation, or `refused` and
-//! why, and the model; then the 10th percentile, the median, the mean and the 99th percentile of the
-//! time of one call, in microseconds.
+//! The file holds 64-bit floats, little-endian: the number of sweeps, the number of points, the
+//! frequencies in Hz, then for each sweep the real and the imaginary part of each impedance in ohm.
+//! Each point is integrated over ten cycles.
 
-#![expect(clippy::print_stdout, reason = "printing is what it is for")]
-
-use std::{env, error::Error, fs, hint::black_box, num::NonZero, time::Instant};
+use std::{error::Error, fs, hint::black_box, num::NonZero, time::Instant};
 
 use rig_model::{Reading, ReadingFlag, RigTime};
 use rig_resonance::{FitOptions, Fitter, Verdict};
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let arguments: Vec<_> = env::args().collect();
-    let [_, file, rounds] = arguments.as_slice() else {
-        return Err("usage: fit_speed FILE ROUNDS".into());
-    };
+/// Prints one line for each sweep: the resonance and its standard deviation in Hz and the model, or
+/// `refused` and the reason; then the 10th percentile, the median, the mean and the 99th percentile
+/// of the time of one call, in microseconds.
+pub(crate) fn time(file: &str, rounds: NonZero<u32>) -> Result<(), Box<dyn Error>> {
     let sweeps = sweeps(&fs::read(file)?)?;
     let options = FitOptions::default();
     let mut fitter = Fitter::default();
@@ -34,7 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             Verdict::Refused(refusal) => println!("refused {}", refusal.reason.code()),
         }
     }
-    for _ in 0..rounds.parse::<NonZero<u32>>()?.get() {
+    for _ in 0..rounds.get() {
         for readings in &sweeps {
             let start = Instant::now();
             black_box(fitter.fit(black_box(readings), &options));

@@ -1,12 +1,8 @@
-//! What a transaction costs on the host, beyond what the line and the device need.
+//! The cost of a transaction on the host, without line and device: `cargo bench -p rig-stage`.
 //!
-//! A pseudo-terminal stands for the line and a thread that answers at once for the device; there is
-//! no silence between frames on it unless it is asked for. A loop of plain blocking writes and reads over the same
-//! terminal shows what the operating system takes.
-//!
-//! ```text
-//! cargo run --release -p rig-stage --example transaction_cost
-//! ```
+//! A pseudo-terminal stands for the line, and a thread that answers at once stands for the device.
+//! A loop of plain blocking writes and reads over the same terminal shows the share of the operating
+//! system.
 #![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a measurement for people")]
 
 use std::{

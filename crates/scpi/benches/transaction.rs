@@ -1,4 +1,4 @@
-//! What a transaction costs on the host: `cargo run --release -p rig-scpi --example cost`.
+//! The cost of a transaction on the host: `cargo bench -p rig-scpi`.
 //!
 //! Each row is the mean time of one repetition in the fastest of many short batches, so that the
 //! neighbours on the machine do not count. Nothing here waits for a port: this is what the grammar

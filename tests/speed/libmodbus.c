@@ -1,7 +1,7 @@
 /* The time of one Modbus transaction with libmodbus alone, and the server that it is asked of.
  *
- * overhead serve rtu PATH | overhead serve tcp PORT      answers for ever
- * overhead ask rtu PATH COUNT PAUSE_US | overhead ask tcp PORT COUNT PAUSE_US
+ * libmodbus-speed serve rtu PATH | libmodbus-speed serve tcp PORT      answers for ever
+ * libmodbus-speed ask rtu PATH COUNT PAUSE_US | libmodbus-speed ask tcp PORT COUNT PAUSE_US
  *     reads four registers COUNT times with a pause before each, and prints the median in us
  */
 #include <errno.h>

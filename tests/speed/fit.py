@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The resonance fit of rigd beside those of scipy, lmfit and scikit-rf. See run.sh, which calls it.
+"""The resonance fit of rigd beside those of scipy, lmfit and scikit-rf. See fit.sh, which calls it.
 
 Sweeps of a Butterworth-Van Dyke circuit at 140 Hz with relative noise, even over 112 to 168 Hz. All
 programs get the same numbers. A call goes from the arrays to the resonance: the start values are
@@ -218,7 +218,7 @@ class Rigd:
     """What the example program makes of a cell."""
 
     def __init__(self, program, path, rounds):
-        out = subprocess.run([program, path, str(rounds)], capture_output=True, text=True, check=True)
+        out = subprocess.run([program, "fit", path, str(rounds)], capture_output=True, text=True, check=True)
         *lines, last = out.stdout.splitlines()
         self.times = Times(*(float(word) for word in last.split()[1:]))
         self.rows = [line.split(maxsplit=2) for line in lines]
@@ -294,7 +294,7 @@ def say(name, times, ours, precision):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("program", help="the example fit_speed")
+    parser.add_argument("program", help="the program speed")
     parser.add_argument("--quick", action="store_true", help="only whether rigd and scipy agree")
     parser.add_argument("--seed", type=int, default=20240601)
     options = parser.parse_args()

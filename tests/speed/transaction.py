@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Times one transaction through each library, in one run. See overhead.sh, which calls it.
+"""Times one transaction through each library, in one run. See transaction.sh, which calls it.
 
 Modbus: four registers are read from libmodbus's own server, `at once` one after the other, and
 `paced` with a pause of 5 ms before each read. A pseudo-terminal has no line, so that nobody keeps
@@ -64,14 +64,14 @@ def pymodbus_us(client, pause_us):
         client.close()
 
 
-def modbus(examples):
-    ours, libmodbus = examples / "bus_overhead", examples / "libmodbus_overhead"
+def modbus(programs):
+    ours, libmodbus = programs / "speed", programs / "libmodbus-speed"
 
     def compare(framing, place, address, client):
         for name, pause_us in (("at once", 0), ("paced", PAUSE_US)):
             rounds = [(
                 float(first_line(libmodbus, "ask", framing, place, COUNT, pause_us)[0]),
-                float(first_line(ours, framing, address, COUNT, pause_us)[0]),
+                float(first_line(ours, "bus", framing, address, COUNT, pause_us)[0]),
                 pymodbus_us(client(), pause_us),
             ) for _ in range(TURNS)]
             raw, rigd, python = map(min, zip(*rounds))
@@ -95,10 +95,10 @@ def modbus(examples):
         compare("tcp", port, f"127.0.0.1:{port}", lambda: ModbusTcpClient("127.0.0.1", port=port))
 
 
-def analyzer(examples, rig_sim):
+def analyzer(programs, rig_sim):
     with Sim(rig_sim, "analyzer") as sim:
         path = sim.ports["analyzer"]
-        ours, *messages = first_line(examples / "analyzer_overhead", path, COUNT)
+        ours, *messages = first_line(programs / "speed", "analyzer", path, COUNT)
         client = pyvisa.ResourceManager("@py").open_resource(
             f"ASRL{os.path.realpath(path)}::INSTR", read_termination="\r\n", write_termination="\r\n")
         client.timeout = 5000
@@ -121,9 +121,9 @@ def analyzer(examples, rig_sim):
 
 
 def main():
-    rig_sim, examples = sys.argv[1], Path(sys.argv[2])
-    modbus(examples)
-    analyzer(examples, rig_sim)
+    rig_sim, programs = sys.argv[1], Path(sys.argv[2])
+    modbus(programs)
+    analyzer(programs, rig_sim)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
-//! What a record and a commit cost: `cargo run --release -p rig-store --example cost DIR`.
+//! The cost of a record and of a commit, on the disk of the target directory:
+//! `cargo bench -p rig-store`.
 
 use std::{
-    env,
     error::Error,
+    fs,
     io::{Write, stdout},
     path::Path,
     time::{Duration, Instant},
@@ -14,8 +15,11 @@ use rig_store::{
 };
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let directory = env::args().nth(1).ok_or("name a directory to write into")?;
-    let store = Store::open(Path::new(&directory))?;
+    let directory = Path::new(env!("CARGO_TARGET_TMPDIR")).join("record-bench");
+    if directory.exists() {
+        fs::remove_dir_all(&directory)?;
+    }
+    let store = Store::open(&directory)?;
     let mut journal = store.begin(RunKind::Session, "cost")?;
     let moved = Record::Moved(Move { axis: Axis::LinearMm, target: 10.125, read_back: 10.1249 });
     let rows = [("move", moved), ("sweep of 40 readings", sweep(40))];
