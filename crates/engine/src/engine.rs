@@ -253,8 +253,8 @@ impl Engine {
             Input::Done(id, result) => {
                 // Whatever does not answer the operation in flight is too late to matter.
                 if let Some(pending) = self.pending.take_if(|pending| pending.id == id) {
-                    self.note_motion(&pending.operation, result.as_ref().ok());
                     self.interlock.ended(&pending.operation, result.as_ref().ok());
+                    self.note_motion(&pending.operation, result.as_ref().ok());
                     self.ended(
                         now,
                         result
@@ -460,7 +460,8 @@ impl Engine {
             (Operation::MoveLinear { target, .. }, Some(&Report::LinearAt(read_back))) => {
                 self.linear = Some(read_back);
                 let target = target.position();
-                self.notes.push(Event::LinearMoved { target, read_back });
+                let is_clear = self.interlock.clearance() == Clearance::Clear;
+                self.notes.push(Event::LinearMoved { target, read_back, is_clear });
             }
             (Operation::MoveRotary { target, .. }, Some(&Report::RotaryAt(read_back))) => {
                 self.rotary = Some(read_back);

@@ -127,6 +127,8 @@ pub enum Event {
         target: Position<Mm>,
         /// Where it is.
         read_back: Position<Mm>,
+        /// Whether this shows the probe to be clear.
+        is_clear: bool,
     },
     /// The rotary stage has moved.
     RotaryMoved {

@@ -24,14 +24,14 @@ mod rig;
 mod runs;
 mod sweeps;
 
-use std::{collections::BTreeMap, path::PathBuf, sync::Arc};
+use std::{path::PathBuf, sync::Arc};
 
 use axum::{
     Router,
     http::{Method, Uri},
     routing::{get, post},
 };
-use rig_store::{Reader, RunId};
+use rig_store::Reader;
 use tokio::sync::Mutex;
 use tokio_util::sync::CancellationToken;
 
@@ -50,17 +50,11 @@ struct Inner {
     facts: RigFacts,
     loaded: Option<LoadedProtocol>,
     data: PathBuf,
-    /// The runs that were asked for with a key, so that asking twice begins one.
-    keyed_runs: Mutex<BTreeMap<String, KeyedRun>>,
+    /// Held from the search for a key in the journal until the run that it belongs to has begun, so
+    /// that asking twice at once begins one.
+    keyed: Mutex<()>,
     /// Ends the event streams, which would otherwise keep the server from ending.
     closing: CancellationToken,
-}
-
-#[derive(Debug, Clone)]
-struct KeyedRun {
-    run: RunId,
-    /// What was asked for; the same key for something else is a mistake of the client.
-    protocol: String,
 }
 
 impl Shared {
@@ -73,8 +67,7 @@ impl Shared {
         data: PathBuf,
         closing: CancellationToken,
     ) -> Self {
-        let keyed_runs = Mutex::new(BTreeMap::new());
-        let inner = Inner { rig, facts, loaded, data, keyed_runs, closing };
+        let inner = Inner { rig, facts, loaded, data, keyed: Mutex::new(()), closing };
         Self { inner: Arc::new(inner) }
     }
 

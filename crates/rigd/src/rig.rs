@@ -128,6 +128,7 @@ enum Request {
     Run {
         protocol: Box<LoadedProtocol>,
         by: String,
+        key: Option<String>,
         reply: oneshot::Sender<Result<RunId, Refusal>>,
     },
     Sweep {
@@ -186,9 +187,22 @@ impl RigHandle {
     /// # Errors
     /// [`Refusal`]; nothing has changed then.
     pub async fn run(&self, protocol: LoadedProtocol, by: &str) -> Result<RunId, Refusal> {
+        self.keyed_run(protocol, by, None).await
+    }
+
+    /// The same, with the idempotency key of the request, which the journal keeps.
+    ///
+    /// # Errors
+    /// [`Refusal`]; nothing has changed then.
+    pub async fn keyed_run(
+        &self,
+        protocol: LoadedProtocol,
+        by: &str,
+        key: Option<String>,
+    ) -> Result<RunId, Refusal> {
         let (reply, answer) = oneshot::channel();
-        let protocol = Box::new(protocol);
-        self.ask(Request::Run { protocol, by: by.to_owned(), reply }, answer).await?
+        let (protocol, by) = (Box::new(protocol), by.to_owned());
+        self.ask(Request::Run { protocol, by, key, reply }, answer).await?
     }
 
     /// Measures one resonance at the present pose and returns the number of the sweep.

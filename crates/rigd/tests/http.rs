@@ -31,8 +31,24 @@ struct Daemon {
 
 impl Daemon {
     async fn start() -> Self {
+        Self::start_in(TempDir::new().unwrap()).await
+    }
+
+    /// Closes the daemon, and starts it again on the same data.
+    async fn restart(self) -> Self {
+        self.handle.close().await;
+        self.thread.join();
+        Self::start_in(self.data).await
+    }
+
+    async fn close(self) {
+        self.handle.close().await;
+        self.thread.join();
+    }
+
+    async fn start_in(data: TempDir) -> Self {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/rigs/simulated.toml");
-        let (rig, data) = (LoadedRig::load(&file).unwrap(), TempDir::new().unwrap());
+        let rig = LoadedRig::load(&file).unwrap();
         let facts = rig.facts();
         let (handle, thread) = rig::open(rig, data.path().to_owned()).unwrap();
         let directory = data.path().to_owned();
@@ -48,12 +64,24 @@ impl Daemon {
     }
 
     async fn ask(&self, method: &str, path: &str, body: &Value) -> (StatusCode, Value) {
-        let request = Request::builder()
+        self.send(method, path, body, &[]).await
+    }
+
+    async fn send(
+        &self,
+        method: &str,
+        path: &str,
+        body: &Value,
+        headers: &[(&str, &str)],
+    ) -> (StatusCode, Value) {
+        let mut request = Request::builder()
             .method(method)
             .uri(format!("/api/v1/{path}"))
-            .header(header::CONTENT_TYPE, "application/json")
-            .body(Body::from(body.to_string()))
-            .unwrap();
+            .header(header::CONTENT_TYPE, "application/json");
+        for (name, value) in headers {
+            request = request.header(*name, *value);
+        }
+        let request = request.body(Body::from(body.to_string())).unwrap();
         let answer = self.router.clone().oneshot(request).await.unwrap();
         let status = answer.status();
         let bytes = to_bytes(answer.into_body(), usize::MAX).await.unwrap();
@@ -100,8 +128,7 @@ async fn an_axis_is_moved_within_what_the_interlock_admits() {
     let records = Reader::open(daemon.data.path()).unwrap().records(session).unwrap();
     let is_intent = |record: &Record| matches!(record, Record::Intent(intent) if intent.to == 20.0);
     assert!(records.iter().any(|stored| is_intent(&stored.record().unwrap())));
-    daemon.handle.close().await;
-    daemon.thread.join();
+    daemon.close().await;
 }
 
 #[tokio::test]
@@ -121,8 +148,7 @@ async fn a_sweep_that_was_aborted_is_not_taken_for_the_next_one() {
         let path = format!("sweeps/{}", sweep["id"].as_str().unwrap());
         assert_eq!(daemon.ask("GET", &path, &Value::Null).await.1["status"], expected);
     }
-    daemon.handle.close().await;
-    daemon.thread.join();
+    daemon.close().await;
 }
 
 #[tokio::test]
@@ -140,6 +166,36 @@ async fn a_run_is_found_as_soon_as_it_has_an_id() {
         daemon.handle.command(Command::Abort, None, "test").await.unwrap();
         daemon.wait_until_idle().await;
     }
-    daemon.handle.close().await;
-    daemon.thread.join();
+    daemon.close().await;
+}
+
+#[tokio::test]
+async fn an_idempotency_key_is_known_after_a_restart() {
+    let (smoke, other) = (
+        include_str!("../../../config/protocols/smoke.toml"),
+        include_str!("../../../config/protocols/three-direction.toml"),
+    );
+    let mut daemon = Daemon::start().await;
+    let mut runs = Vec::new();
+    for round in 0..2 {
+        let post = async |key: &str, text: &str| {
+            let order = json!({ "protocol_toml": text });
+            let answer = daemon.send("POST", "runs", &order, &[("idempotency-key", key)]).await;
+            daemon.wait_until_idle().await;
+            answer
+        };
+        let (first, second) = (post("monday", smoke).await, post("monday", smoke).await);
+        assert_eq!((first.0, &first.1), (StatusCode::ACCEPTED, &second.1), "round {round}");
+        runs.push(first.1["id"].clone());
+        let (status, problem) = post("monday", other).await;
+        assert_eq!(status, StatusCode::UNPROCESSABLE_ENTITY, "{problem}");
+        for key in ["", &"k".repeat(256), "\u{e4}"] {
+            assert_eq!(post(key, smoke).await.0, StatusCode::BAD_REQUEST, "{key}");
+        }
+        daemon = daemon.restart().await;
+    }
+    assert_eq!(runs[0], runs[1]);
+    let all = daemon.ask("GET", "runs", &Value::Null).await.1;
+    assert_eq!(all.as_array().unwrap().len(), 1, "{all}");
+    daemon.close().await;
 }

@@ -21,7 +21,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let store = Store::open(&directory)?;
     let mut journal = store.begin(RunKind::Session, "cost")?;
-    let moved = Record::Moved(Move { axis: Axis::LinearMm, target: 10.125, read_back: 10.1249 });
+    let moved = Move { axis: Axis::LinearMm, target: 10.125, read_back: 10.1249, is_clear: false };
+    let moved = Record::Moved(moved);
     let rows = [("move", moved), ("sweep of 40 readings", sweep(40))];
     for (what, record) in rows {
         let append = median(2000, || journal.append(0, &record).map(drop))?;

@@ -3,6 +3,7 @@
 mod encode;
 
 use std::{
+    collections::BTreeSet,
     path::{Path, PathBuf},
     sync::{Arc, Mutex},
 };
@@ -48,6 +49,8 @@ struct Writer {
     connection: Connection,
     // Invariant: true exactly when a transaction is open.
     has_uncommitted: bool,
+    /// The runs with records in it.
+    touched: BTreeSet<i64>,
     has_failed: bool,
     // Behind the connection, so that it is released after that is closed.
     _lock: DirectoryLock,
@@ -64,8 +67,13 @@ impl Store {
     pub fn open(directory: &Path) -> Result<Self, StoreError> {
         let lock = DirectoryLock::take(directory)?;
         let connection = schema::open_to_write(&schema::database(directory))?;
-        let mut writer =
-            Writer { connection, has_uncommitted: false, has_failed: false, _lock: lock };
+        let mut writer = Writer {
+            connection,
+            has_uncommitted: false,
+            touched: BTreeSet::new(),
+            has_failed: false,
+            _lock: lock,
+        };
         let interrupted = writer.mark_interrupted()?;
         let writer = Arc::new(Mutex::new(writer));
         Ok(Self { writer, interrupted, directory: directory.to_path_buf() })
@@ -181,6 +189,15 @@ impl Writer {
 
     fn commit(&mut self) -> Result<(), StoreError> {
         if self.has_uncommitted {
+            // Of a run that is never ended, this tells until when it was alive.
+            let mut alive = self.connection.prepare_cached(
+                "UPDATE runs SET finished_at = strftime('%Y-%m-%dT%H:%M:%fZ', 'now')
+                 WHERE key = ?1 AND status = 'running'",
+            )?;
+            for run in std::mem::take(&mut self.touched) {
+                alive.execute([run])?;
+            }
+            drop(alive);
             self.connection.execute_batch("COMMIT")?;
             self.has_uncommitted = false;
         }
@@ -205,6 +222,7 @@ impl Writer {
         payload: &str,
     ) -> Result<(u64, Tail), StoreError> {
         self.begin()?;
+        self.touched.insert(tail.run);
         let seq = tail.seq + 1;
         let digest = tail.digest.next(seq, rig_us, kind, payload);
         self.connection
@@ -233,6 +251,16 @@ impl Writer {
         Ok(())
     }
 
+    /// Ends a run whose program is gone. It ended when something was last written to it.
+    fn end_interrupted(&mut self, run: i64) -> Result<(), StoreError> {
+        self.connection.execute(
+            "UPDATE runs SET status = ?2, finished_at = coalesce(finished_at, started_at)
+             WHERE key = ?1",
+            params![run, Ending::Interrupted.name()],
+        )?;
+        Ok(())
+    }
+
     fn mark_interrupted(&mut self) -> Result<Vec<RunId>, StoreError> {
         let unended = self
             .connection
@@ -244,7 +272,7 @@ impl Writer {
             let (tail, rig_us) = self.tail(run)?;
             let record = Record::RunFinished(RunFinished { status: Ending::Interrupted });
             self.insert_record(tail, rig_us, record.kind(), &encode::payload(&record)?)?;
-            self.end_run(run, Ending::Interrupted)?;
+            self.end_interrupted(run)?;
             runs.push(id.parse()?);
         }
         self.commit()?;

@@ -25,7 +25,7 @@ mod tests;
 pub use digest::Digest;
 pub use error::StoreError;
 pub use journal::{Journal, Store};
-pub use reader::{Chain, Flaw, Reader, StoredRecord, Verdict};
+pub use reader::{Chain, Flaw, Interruption, ProbeWord, Reader, StoredRecord, Verdict};
 pub use record::{
     Action, Axis, BlackBox, Circuit, Clearance, Device, Direction, Ending, Fault, Frame, Intent,
     Move, MoveReason, Operator, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked,

@@ -2,10 +2,20 @@
 
 use std::{
     fs::{self, File, TryLockError},
+    io,
     path::Path,
+    thread,
+    time::Duration,
 };
 
 use crate::StoreError;
+
+const FILE: &str = "rigd.lock";
+
+/// A reader that asks whether there is a writer holds the lock for some microseconds. A writer that
+/// meets one tries again, this often and with this pause.
+const TRIES: u32 = 50;
+const PAUSE: Duration = Duration::from_millis(2);
 
 /// Held as long as the store is open. The system releases it when the program ends, however it
 /// ends.
@@ -23,14 +33,24 @@ impl DirectoryLock {
             .create(true)
             .truncate(false)
             .write(true)
-            .open(directory.join("rigd.lock"))
+            .open(directory.join(FILE))
             .map_err(failed)?;
-        match file.try_lock() {
-            Ok(()) => Ok(Self { _file: file }),
-            Err(TryLockError::WouldBlock) => {
-                Err(StoreError::InUse { path: directory.to_path_buf() })
+        for _ in 0..TRIES {
+            match file.try_lock() {
+                Ok(()) => return Ok(Self { _file: file }),
+                Err(TryLockError::WouldBlock) => thread::sleep(PAUSE),
+                Err(TryLockError::Error(source)) => return Err(failed(source)),
             }
-            Err(TryLockError::Error(source)) => Err(failed(source)),
         }
+        Err(StoreError::InUse { path: directory.to_path_buf() })
+    }
+}
+
+/// Whether a program has the directory open for writing. Where the lock cannot be asked, the answer
+/// is yes: nothing then shows that the program is gone.
+pub(crate) fn is_held(directory: &Path) -> bool {
+    match File::open(directory.join(FILE)) {
+        Ok(file) => file.try_lock_shared().is_err(),
+        Err(error) => error.kind() != io::ErrorKind::NotFound,
     }
 }

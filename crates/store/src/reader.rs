@@ -1,15 +1,24 @@
 //! Readers.
 
-use std::{fmt, path::Path, str};
+mod interruption;
 
-use rusqlite::{Connection, Row, params};
+use std::{
+    fmt,
+    path::{Path, PathBuf},
+    str,
+};
 
-use crate::{Digest, Record, Run, RunId, RunKind, RunStatus, StoreError, schema};
+use rusqlite::{Connection, OptionalExtension, Params, Row, params};
+
+pub use interruption::{Interruption, ProbeWord};
+
+use crate::{Digest, Record, Run, RunId, RunKind, RunStatus, StoreError, lock, schema};
 
 /// A connection that reads what has been committed. Each thread needs its own.
 #[derive(Debug)]
 pub struct Reader {
     connection: Connection,
+    directory: PathBuf,
 }
 
 /// A record as it is stored.
@@ -111,7 +120,13 @@ impl Reader {
         if !path.exists() {
             return Err(StoreError::NoJournal { path: directory.to_path_buf() });
         }
-        Ok(Self { connection: schema::open_to_read(&path)? })
+        let connection = schema::open_to_read(&path)?;
+        Ok(Self { connection, directory: directory.to_path_buf() })
+    }
+
+    /// Whether a program has the journal open to write.
+    pub fn has_writer(&self) -> bool {
+        lock::is_held(&self.directory)
     }
 
     /// All runs and sessions, the latest first.
@@ -119,9 +134,7 @@ impl Reader {
     /// # Errors
     /// What the system or SQLite reports.
     pub fn runs(&self) -> Result<Vec<Run>, StoreError> {
-        let mut statement = self.connection.prepare_cached(&select_runs("ORDER BY key DESC"))?;
-        let runs = statement.query_map([], run_from)?;
-        Ok(runs.collect::<Result<_, _>>()?)
+        self.select_runs("ORDER BY key DESC", [])
     }
 
     /// One run.
@@ -130,9 +143,44 @@ impl Reader {
     /// [`StoreError::NoSuchRun`], or what the system or SQLite reports.
     pub fn run(&self, id: RunId) -> Result<Run, StoreError> {
         let id = id.to_string();
-        let mut statement = self.connection.prepare_cached(&select_runs("WHERE id = ?1"))?;
-        let mut runs = statement.query_map([&id], run_from)?;
-        runs.next().ok_or(StoreError::NoSuchRun { wanted: id })?.map_err(Into::into)
+        let found = self.select_runs("WHERE id = ?1", [&id])?.pop();
+        found.ok_or(StoreError::NoSuchRun { wanted: id })
+    }
+
+    fn select_runs(&self, tail: &str, values: impl Params + Copy) -> Result<Vec<Run>, StoreError> {
+        let mut statement = self.connection.prepare_cached(&select_runs(tail))?;
+        let mut select = || statement.query_map(values, run_from)?.collect::<Result<Vec<Run>, _>>();
+        let mut runs = select()?;
+        let is_running = |run: &&mut Run| run.status == RunStatus::Running;
+        if !runs.iter_mut().any(|run| is_running(&run)) {
+            return Ok(runs);
+        }
+        if self.has_writer() {
+            for run in runs.iter_mut().filter(is_running) {
+                (run.finished_at, run.wall_s) = (None, None);
+            }
+            return Ok(runs);
+        }
+        // What wrote these runs is gone. It may have ended them in order since they were read, so
+        // they are read again.
+        runs = select()?;
+        for run in runs.iter_mut().filter(is_running) {
+            run.status = RunStatus::Interrupted;
+        }
+        Ok(runs)
+    }
+
+    /// The first record of the run that was asked for with this idempotency key.
+    ///
+    /// # Errors
+    /// What the system or SQLite reports.
+    pub fn keyed_run(&self, key: &str) -> Result<Option<StoredRecord>, StoreError> {
+        let mut statement = self.connection.prepare_cached(&select_records(
+            "WHERE records.kind = 'run_started' AND seq = 1 AND json_valid(payload)
+               AND json_extract(payload, '$.idempotency_key') = ?1
+             ORDER BY records.id DESC LIMIT 1",
+        ))?;
+        Ok(statement.query_row([key], record_from).optional()?)
     }
 
     /// The run that a person means: `latest`, a short name such as `smoke-7`, the name of a protocol
@@ -203,7 +251,7 @@ impl Reader {
             let seq = records.len() as u64 + 1;
             let broken = |flaw| Verdict::Broken { seq, flaw };
             match rows.next() {
-                Ok(Some(row)) => match record_from(row, id) {
+                Ok(Some(row)) => match record_from(row) {
                     Ok(record) if record.seq > seq => break broken(Flaw::Missing),
                     Ok(record) if record.follows(digest, seq) => {
                         digest = record.digest;
@@ -229,8 +277,7 @@ impl Reader {
         let mut rows = statement.query(params![event.cast_signed(), limit])?;
         let mut records = Vec::new();
         while let Some(row) = rows.next()? {
-            let run: String = row.get(6)?;
-            records.push(record_from(row, run.parse()?)?);
+            records.push(record_from(row)?);
         }
         Ok(records)
     }
@@ -250,7 +297,9 @@ fn end_of(records: &[StoredRecord], status: RunStatus, digest: Digest) -> Verdic
         _ => None,
     });
     match (end, status) {
-        (None, RunStatus::Running) => Verdict::Intact { records: count, digest },
+        (None, RunStatus::Running | RunStatus::Interrupted) => {
+            Verdict::Intact { records: count, digest }
+        }
         (Some(end), RunStatus::Ended(ending)) if end == ending => {
             Verdict::Intact { records: count, digest }
         }
@@ -306,11 +355,11 @@ fn select_records(tail: &str) -> String {
     )
 }
 
-fn record_from(row: &Row<'_>, run: RunId) -> rusqlite::Result<StoredRecord> {
+fn record_from(row: &Row<'_>) -> rusqlite::Result<StoredRecord> {
     let whole = |column| row.get::<_, i64>(column).map(i64::cast_unsigned);
     Ok(StoredRecord {
         event: whole(0)?,
-        run,
+        run: parsed(row, 6, |id| id.parse().ok())?,
         seq: whole(1)?,
         rig_us: whole(2)?,
         kind: row.get(3)?,

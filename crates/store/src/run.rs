@@ -59,6 +59,9 @@ impl RunKind {
 pub enum RunStatus {
     /// Not ended yet.
     Running,
+    /// Not ended, and the program that wrote it is gone. Whatever opens the journal to write next
+    /// marks it as [`Ending::Interrupted`].
+    Interrupted,
     /// Ended.
     Ended(Ending),
 }
@@ -68,8 +71,14 @@ impl RunStatus {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Running => "running",
+            Self::Interrupted => Ending::Interrupted.name(),
             Self::Ended(ending) => ending.name(),
         }
+    }
+
+    /// Whether the program ended during the run.
+    pub const fn is_interrupted(self) -> bool {
+        matches!(self, Self::Interrupted | Self::Ended(Ending::Interrupted))
     }
 
     pub(crate) fn from_name(name: &str) -> Option<Self> {
@@ -91,7 +100,7 @@ pub struct Run {
     pub number: u64,
     /// When it began: wall clock, UTC, RFC 3339 with milliseconds.
     pub started_at: String,
-    /// When it ended, likewise.
+    /// When it ended, likewise; of an interrupted run, when something was last written to it.
     pub finished_at: Option<String>,
     /// From its beginning to its end by the wall clock, s.
     pub wall_s: Option<f64>,

@@ -7,6 +7,7 @@ use rusqlite::{Connection, OpenFlags};
 use crate::{FORMAT, StoreError};
 
 /// `records.id` is the id of the event and never given twice; `(run, seq)` counts without gaps.
+/// While a run goes on, `finished_at` is when something was last written to it.
 const TABLES: &str = "
 CREATE TABLE runs (
     key INTEGER PRIMARY KEY,

@@ -1,5 +1,6 @@
 //! The journal from outside.
 
 mod damage;
+mod interruption;
 mod journal;
 mod sample;

@@ -8,10 +8,10 @@ use axum::{
     response::{Html, IntoResponse, Response},
 };
 use rig_engine::Command;
-use rig_store::{Run, RunId, RunKind, export};
+use rig_store::{Record, Run, RunId, RunKind, export};
 use serde::{Deserialize, Serialize};
 
-use super::{KeyedRun, Problem, Shared};
+use super::{Problem, Shared};
 use crate::{
     protocol_file::LoadedProtocol,
     report::{self, RunSummary},
@@ -128,6 +128,9 @@ pub(super) async fn export(
     Ok(([(header::CONTENT_TYPE, content_type)], bytes.await?).into_response())
 }
 
+/// A client makes a key of a UUID (36 characters) or of a name and a date.
+const KEY_MAX: usize = 255;
+
 /// Begins a run. The body is a protocol as `application/toml`, or as JSON with `protocol_toml`;
 /// without a body the loaded protocol is replayed.
 pub(super) async fn begin(
@@ -137,26 +140,31 @@ pub(super) async fn begin(
 ) -> Result<Response, Problem> {
     let protocol = posted(&shared, &headers, &body)?;
     let text = protocol.source.toml.clone();
-    let key = headers.get("idempotency-key").map(|key| {
-        key.to_str()
-            .map(str::to_owned)
-            .map_err(|_| Problem::bad_request("Idempotency-Key is not text".to_owned()))
-    });
-    let Some(key) = key.transpose()? else {
+    let Some(key) = idempotency_key(&headers)? else {
         return Ok(begun(shared.inner.rig.run(protocol, "http").await?));
     };
-    // The lock is held while the rig decides, so that two requests at once begin one run.
-    let mut keyed = shared.inner.keyed_runs.lock().await;
-    match keyed.get(&key) {
-        Some(KeyedRun { run, protocol }) if *protocol == text => Ok(begun(*run)),
-        Some(_) => Err(Problem::unprocessable(format!(
-            "Idempotency-Key {key} was used for another protocol"
+    let _keyed = shared.inner.keyed.lock().await;
+    let wanted = key.clone();
+    let Some(first) = shared.read(move |reader| Ok(reader.keyed_run(&wanted)?)).await? else {
+        return Ok(begun(shared.inner.rig.keyed_run(protocol, "http", Some(key)).await?));
+    };
+    match first.record()? {
+        Record::RunStarted(started) if started.protocol.toml == text => Ok(begun(first.run)),
+        _ => Err(Problem::unprocessable(format!(
+            "Idempotency-Key {key} was used for run {} with another protocol; take another key",
+            first.run
         ))),
-        None => {
-            let run = shared.inner.rig.run(protocol, "http").await?;
-            keyed.insert(key, KeyedRun { run, protocol: text });
-            Ok(begun(run))
-        }
+    }
+}
+
+/// By what the client tells one request from another, when it does.
+fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
+    let Some(key) = headers.get("idempotency-key") else { return Ok(None) };
+    match key.to_str() {
+        Ok(key) if (1..=KEY_MAX).contains(&key.len()) => Ok(Some(key.to_owned())),
+        _ => Err(Problem::bad_request(format!(
+            "Idempotency-Key must be 1 to {KEY_MAX} visible ASCII characters"
+        ))),
     }
 }
 

@@ -47,7 +47,7 @@ fn head(run: &Run, verdict: &Verdict, data: &RunData, results: &RunResults) -> S
     let class = match run.status {
         RunStatus::Running => "running",
         RunStatus::Ended(rig_store::Ending::Completed) => "completed",
-        RunStatus::Ended(_) => "failed",
+        RunStatus::Interrupted | RunStatus::Ended(_) => "failed",
     };
     let began = run.started_at.replace('T', " ").chars().take(16).collect::<String>();
     let mut html = format!(

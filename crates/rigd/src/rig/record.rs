@@ -50,6 +50,7 @@ impl Recorder {
         protocol: &LoadedProtocol,
         setting: &Setting,
         known_samples: &[(String, f64)],
+        idempotency_key: Option<String>,
     ) -> Record {
         let plan = &protocol.plan;
         let count = |is_counted: fn(&Action) -> bool| {
@@ -80,6 +81,7 @@ impl Recorder {
                 prompts: count(|action| matches!(action, Action::Prompt(_))),
             },
             classes: plan.classes.map(size),
+            idempotency_key,
         })
     }
 
@@ -115,12 +117,12 @@ impl Recorder {
                 to: down_to.value(),
                 limit: Some(down_to.value()),
             }),
-            &Event::LinearMoved { target, read_back } => {
+            &Event::LinearMoved { target, read_back, is_clear } => {
                 self.linear = Some(read_back);
-                moved(store::Axis::LinearMm, target.value(), read_back.value())
+                moved(store::Axis::LinearMm, target.value(), read_back.value(), is_clear)
             }
             &Event::RotaryMoved { target, read_back } => {
-                moved(store::Axis::RotaryDeg, target.value(), read_back.value())
+                moved(store::Axis::RotaryDeg, target.value(), read_back.value(), false)
             }
             Event::SurfaceFound { position, sigma_mm, trail } => {
                 let tried = |(position, reading): &(Position<Mm>, Reading)| store::SurfaceReading {
@@ -291,8 +293,8 @@ pub(super) fn black_box(port: &str, transcript: &Transcript) -> Record {
     Record::BlackBox(store::BlackBox { port: port.to_owned(), frames })
 }
 
-fn moved(axis: store::Axis, target: f64, read_back: f64) -> Record {
-    Record::Moved(store::Move { axis, target, read_back })
+const fn moved(axis: store::Axis, target: f64, read_back: f64, is_clear: bool) -> Record {
+    Record::Moved(store::Move { axis, target, read_back, is_clear })
 }
 
 const fn purpose_of(purpose: rig_engine::LoweringPurpose) -> store::MoveReason {

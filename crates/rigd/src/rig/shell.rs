@@ -213,7 +213,9 @@ impl Shell {
     fn take(&mut self, request: Request) {
         // Whoever asked may have gone meanwhile; what was asked for happens all the same.
         match request {
-            Request::Run { protocol, by, reply } => _ = reply.send(self.start_run(*protocol, &by)),
+            Request::Run { protocol, by, key, reply } => {
+                _ = reply.send(self.start_run(*protocol, &by, key));
+            }
             Request::Sweep { request, by, reply } => {
                 let result = self.command(Command::Sweep(request), &by);
                 let number = result.map(|()| self.view.sweeps);
@@ -235,12 +237,13 @@ impl Shell {
         &mut self,
         protocol: LoadedProtocol,
         by: &str,
+        key: Option<String>,
     ) -> Result<rig_store::RunId, Refusal> {
         let command = Command::Run(Box::new(protocol.plan.clone()));
         self.engine.admits(&command)?;
         self.journal_is_fine()?;
         let mut journal = self.store.begin(RunKind::Run, &protocol.plan.name)?;
-        let started = Recorder::run_started(&protocol, &self.setting, &self.known_samples);
+        let started = Recorder::run_started(&protocol, &self.setting, &self.known_samples, key);
         journal.append(self.clock.now().as_micros(), &started)?;
         let id = journal.id();
         let plan = Arc::new(protocol.plan);

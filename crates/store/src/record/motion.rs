@@ -60,6 +60,9 @@ pub struct Move {
     pub target: f64,
     /// Where the axis says it stands.
     pub read_back: f64,
+    /// Whether this shows the probe to be clear.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_clear: bool,
 }
 
 /// Where the probe meets the sample.

@@ -27,6 +27,9 @@ pub struct RunStarted {
     /// Into how many classes the blind touches are sorted, when there are any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub classes: Option<u32>,
+    /// What the client called its request, so that asking twice begins one run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub idempotency_key: Option<String>,
 }
 
 /// A file that was read.

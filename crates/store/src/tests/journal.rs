@@ -288,7 +288,7 @@ fn the_chain_can_be_recomputed_by_anyone() {
     let directory = Directory::new();
     let store = Store::open(directory.path()).unwrap();
     let mut journal = store.begin(RunKind::Session, "bench").unwrap();
-    let moved = Move { axis: Axis::LinearMm, target: 10.125, read_back: 10.1249 };
+    let moved = Move { axis: Axis::LinearMm, target: 10.125, read_back: 10.1249, is_clear: false };
     journal.append(1_500_000, &Record::Moved(moved)).unwrap();
     let end = RunFinished { status: Ending::Completed };
     journal.append(2_500_001, &Record::RunFinished(end)).unwrap();

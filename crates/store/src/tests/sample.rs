@@ -80,7 +80,12 @@ pub(super) fn records() -> Vec<Record> {
             to: 10.125,
             limit: Some(9.0),
         }),
-        Record::Moved(Move { axis: Axis::LinearMm, target: 10.125, read_back: 10.1249 }),
+        Record::Moved(Move {
+            axis: Axis::LinearMm,
+            target: 10.125,
+            read_back: 10.1249,
+            is_clear: false,
+        }),
         Record::SurfaceFound(Surface {
             step: step(),
             pose: POSE,
@@ -135,6 +140,7 @@ pub(super) fn run_started() -> Record {
         samples: vec![Sample { name: "agar, \"soft\"".to_owned(), stiffness_mpa: Some(0.104) }],
         plan: PlanSize { steps: 2, touches: 1, prompts: 1 },
         classes: None,
+        idempotency_key: None,
     })
 }
 

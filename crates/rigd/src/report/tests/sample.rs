@@ -277,6 +277,7 @@ fn started() -> Record {
         ],
         samples: SAMPLES.map(sample).to_vec(),
         plan: PlanSize { steps: 177, touches: 110, prompts: 65 },
+        idempotency_key: None,
         classes: Some(5),
     })
 }

@@ -1,0 +1,149 @@
+//! Where a program that ended in the middle of its work left the probe, as the journal tells it.
+
+use rusqlite::{OptionalExtension, params};
+
+use super::{Reader, record_from, select_records};
+use crate::{Axis, Clearance, Record, Run, RunId, RunKind, StoreError};
+
+/// What the journal says last of the probe.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ProbeWord {
+    /// It was shown clear by a read-back, and was not lowered since.
+    Clear,
+    /// It was about to be lowered, was lowered, or was lost sight of, and was not shown clear since.
+    MayTouch {
+        /// Position of the linear axis at its last read-back since then, mm.
+        at_mm: Option<f64>,
+        /// The lowest position that it was allowed to go to, mm.
+        down_to_mm: Option<f64>,
+    },
+    /// Nothing.
+    Silent,
+}
+
+/// How a run or a session was left by a program that did not end it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Interruption {
+    /// When something was last written: wall clock, UTC, RFC 3339 with milliseconds.
+    pub at: String,
+    /// The step under way.
+    pub step: Option<String>,
+    /// What is known of the probe at that moment.
+    pub probe: ProbeWord,
+    /// Whether a later session of the same rig has shown the probe to be clear.
+    pub is_cleared_since: bool,
+}
+
+impl Reader {
+    /// The latest session with a rig of this name.
+    ///
+    /// # Errors
+    /// What the system or SQLite reports.
+    pub fn latest_session(&self, rig: &str) -> Result<Option<Run>, StoreError> {
+        let sessions = self.runs()?.into_iter();
+        Ok(sessions.into_iter().find(|run| run.kind == RunKind::Session && run.name == rig))
+    }
+
+    /// How an interrupted run or session was left; nothing for any other.
+    ///
+    /// # Errors
+    /// What the system or SQLite reports, or [`StoreError::Unreadable`].
+    pub fn interruption(&self, run: &Run) -> Result<Option<Interruption>, StoreError> {
+        if !run.status.is_interrupted() {
+            return Ok(None);
+        }
+        let probe = match (self.probe_word(run)?, run.kind) {
+            // A run begins with the probe clear.
+            (ProbeWord::Silent, RunKind::Run) => ProbeWord::Clear,
+            (word, _) => word,
+        };
+        let is_cleared_since = self.is_cleared_after(run)?;
+        let at = run.finished_at.as_ref().unwrap_or(&run.started_at).clone();
+        Ok(Some(Interruption { at, step: self.last_step(run.id)?, probe, is_cleared_since }))
+    }
+
+    /// What is said last of the probe: in a run by its own records, in a session also by those of
+    /// its runs, which are all that follow until the next session.
+    ///
+    /// # Errors
+    /// What the system or SQLite reports, or [`StoreError::Unreadable`].
+    pub fn probe_word(&self, run: &Run) -> Result<ProbeWord, StoreError> {
+        let mut statement = self.connection.prepare_cached(&select_records(
+            "JOIN runs AS owner ON owner.key = records.run
+             JOIN runs AS asked ON asked.id = ?1
+             WHERE records.kind IN ('intent', 'moved', 'fault', 'state_changed')
+               AND CASE asked.kind WHEN 'run' THEN owner.key = asked.key
+                   ELSE owner.key >= asked.key AND owner.key < coalesce(
+                       (SELECT min(key) FROM runs WHERE kind = 'session' AND key > asked.key),
+                       9223372036854775807) END
+             ORDER BY records.id DESC",
+        ))?;
+        let mut rows = statement.query([run.id.to_string()])?;
+        let (mut is_lost, mut at_mm) = (false, None);
+        let mut down_to_mm = None;
+        while let Some(row) = rows.next()? {
+            match record_from(row)?.record()? {
+                Record::Moved(moved) if moved.is_clear && !is_lost => return Ok(ProbeWord::Clear),
+                Record::Moved(moved) if moved.is_clear => break,
+                Record::Moved(moved) if moved.axis == Axis::LinearMm => {
+                    is_lost = true;
+                    at_mm = at_mm.or(Some(moved.read_back));
+                }
+                Record::Intent(intent) => {
+                    is_lost = true;
+                    down_to_mm = Some(intent.to);
+                    break;
+                }
+                Record::Fault(fault) => is_lost |= fault.probe != Clearance::Clear,
+                // On the way into service nothing is known.
+                Record::StateChanged(change) => is_lost |= change.state == "preparing",
+                _ => {}
+            }
+        }
+        Ok(if is_lost { ProbeWord::MayTouch { at_mm, down_to_mm } } else { ProbeWord::Silent })
+    }
+
+    fn last_step(&self, run: RunId) -> Result<Option<String>, StoreError> {
+        let mut statement = self.connection.prepare_cached(&select_records(
+            "WHERE run = (SELECT key FROM runs WHERE id = ?1) AND records.kind = 'step_started'
+             ORDER BY seq DESC LIMIT 1",
+        ))?;
+        let found = statement.query_row([run.to_string()], record_from).optional()?;
+        Ok(match found.map(|found| found.record()).transpose()? {
+            Some(Record::StepStarted(started)) => Some(started.step),
+            _ => None,
+        })
+    }
+
+    /// Whether a session that began after a run or session, with the same rig, has shown the probe
+    /// to be clear.
+    fn is_cleared_after(&self, run: &Run) -> Result<bool, StoreError> {
+        let rig = match run.kind {
+            RunKind::Session => run.name.clone(),
+            RunKind::Run => match self.first_record(run.id)? {
+                Some(Record::RunStarted(started)) => started.rig.name,
+                _ => return Ok(false),
+            },
+        };
+        let mut statement = self.connection.prepare_cached(&select_records(
+            "JOIN runs AS owner ON owner.key = records.run
+             WHERE owner.kind = 'session' AND owner.name = ?1
+               AND owner.key > (SELECT key FROM runs WHERE id = ?2) AND records.kind = 'moved'",
+        ))?;
+        let mut rows = statement.query(params![rig, run.id.to_string()])?;
+        while let Some(row) = rows.next()? {
+            if matches!(record_from(row)?.record()?, Record::Moved(moved) if moved.is_clear) {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    fn first_record(&self, run: RunId) -> Result<Option<Record>, StoreError> {
+        let mut statement = self.connection.prepare_cached(&select_records(
+            "WHERE run = (SELECT key FROM runs WHERE id = ?1) AND seq = 1",
+        ))?;
+        let found = statement.query_row([run.to_string()], record_from).optional()?;
+        found.map(|found| found.record()).transpose()
+    }
+}

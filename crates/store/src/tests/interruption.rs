@@ -1,0 +1,176 @@
+//! What the journal tells of a program that was killed, and what survives it.
+
+use super::sample::{Directory, append, records, run_started};
+use crate::{
+    Axis, Clearance, Ending, Fault, Intent, Move, MoveReason, ProbeWord, Reader, Record,
+    RunFinished, RunKind, RunStatus, StateChanged, Store,
+};
+
+fn lowering(to: f64) -> Record {
+    let (what, axis) = (MoveReason::Approach, Axis::LinearMm);
+    Record::Intent(Intent { what, axis, from: Some(30.0), to, limit: Some(to) })
+}
+
+fn moved(axis: Axis, to: f64, is_clear: bool) -> Record {
+    Record::Moved(Move { axis, target: to, read_back: to, is_clear })
+}
+
+fn lost() -> Record {
+    let (cause, hint) = ("no answer".to_owned(), "look".to_owned());
+    Record::Fault(Fault { step: None, cause, probe: Clearance::Unknown, hint })
+}
+
+fn preparing() -> Record {
+    Record::StateChanged(StateChanged { state: "preparing".to_owned(), reason: None })
+}
+
+#[test]
+fn a_run_goes_on_as_long_as_its_program_lives() {
+    let directory = Directory::new();
+    let store = Store::open(directory.path()).unwrap();
+    let mut journal = store.begin(RunKind::Run, "one touch").unwrap();
+    append(&mut journal, 0, &run_started());
+    journal.commit().unwrap();
+    let (id, reader) = (journal.id(), Reader::open(directory.path()).unwrap());
+    let run = reader.run(id).unwrap();
+    assert_eq!((run.status, &run.finished_at, run.wall_s), (RunStatus::Running, &None, None));
+    assert!(reader.has_writer() && reader.interruption(&run).unwrap().is_none());
+
+    // The lock goes with the program, however that ends.
+    drop((journal, store));
+    let run = reader.run(id).unwrap();
+    assert!(!reader.has_writer() && run.status == RunStatus::Interrupted, "{run:?}");
+    assert_eq!(reader.runs().unwrap(), std::slice::from_ref(&run));
+    let left = reader.interruption(&run).unwrap().unwrap();
+    assert!(left.at >= run.started_at && Some(&left.at) == run.finished_at.as_ref(), "{left:?}");
+    assert!(matches!(reader.verify(id).unwrap(), crate::Verdict::Intact { records: 1, .. }));
+
+    // Whatever opens the journal next marks it, and leaves the time of its end as it was.
+    let store = Store::open(directory.path()).unwrap();
+    assert_eq!(store.interrupted(), [id]);
+    let marked = reader.run(id).unwrap();
+    assert_eq!(marked.status, RunStatus::Ended(Ending::Interrupted));
+    assert_eq!((&marked.finished_at, marked.wall_s), (&run.finished_at, run.wall_s));
+    assert_eq!(reader.interruption(&marked).unwrap().unwrap(), left);
+}
+
+#[test]
+fn a_reader_does_not_stand_in_the_way_of_a_writer() {
+    let directory = Directory::new();
+    drop(Store::open(directory.path()).unwrap());
+    std::thread::scope(|scope| {
+        let asking = scope.spawn(|| {
+            let reader = Reader::open(directory.path()).unwrap();
+            (0..20_000).filter(|_| reader.has_writer()).count()
+        });
+        while !asking.is_finished() {
+            drop(Store::open(directory.path()).unwrap());
+        }
+    });
+}
+
+#[track_caller]
+fn check(kind: RunKind, said: &[Record], expected: ProbeWord) {
+    let directory = Directory::new();
+    let store = Store::open(directory.path()).unwrap();
+    let mut journal = store.begin(kind, "simulated").unwrap();
+    append(&mut journal, 0, &run_started());
+    for record in said {
+        append(&mut journal, 1, record);
+    }
+    journal.commit().unwrap();
+    let id = journal.id();
+    drop((journal, store));
+    let reader = Reader::open(directory.path()).unwrap();
+    let left = reader.interruption(&reader.run(id).unwrap()).unwrap().unwrap();
+    assert_eq!(left.probe, expected, "{said:?}");
+    assert!(!left.is_cleared_since);
+}
+
+#[test]
+fn the_probe_counts_as_in_contact_unless_the_last_word_is_a_proven_clear() {
+    let rest = moved(Axis::LinearMm, 30.0, true);
+    let down = moved(Axis::LinearMm, 12.0, false);
+    let turned = moved(Axis::RotaryDeg, 15.0, false);
+    let may_touch = |at_mm, down_to_mm| ProbeWord::MayTouch { at_mm, down_to_mm };
+    let run = |said: &[&Record], expected| {
+        let said: Vec<Record> = said.iter().copied().cloned().collect();
+        check(RunKind::Run, &said, expected);
+    };
+    run(&[], ProbeWord::Clear);
+    run(&[&turned], ProbeWord::Clear);
+    run(&[&lowering(9.0)], may_touch(None, Some(9.0)));
+    run(&[&rest, &turned, &lowering(9.0)], may_touch(None, Some(9.0)));
+    run(&[&lowering(9.0), &down], may_touch(Some(12.0), Some(9.0)));
+    run(&[&lowering(9.0), &down, &rest], ProbeWord::Clear);
+    run(&[&lowering(9.0), &down, &rest, &turned], ProbeWord::Clear);
+    run(&[&lowering(9.0), &down, &rest, &lowering(8.0)], may_touch(None, Some(8.0)));
+    run(&[&rest, &lost()], may_touch(None, None));
+    run(&[&lost(), &rest], ProbeWord::Clear);
+    check(RunKind::Session, &[], ProbeWord::Silent);
+    check(RunKind::Session, std::slice::from_ref(&rest), ProbeWord::Clear);
+    check(RunKind::Session, &[rest, preparing()], may_touch(None, None));
+}
+
+#[test]
+fn every_cut_of_a_run_says_where_it_was_left() {
+    let all = records();
+    let is_intent = |record: &Record| matches!(record, Record::Intent(_));
+    let lowered = all.iter().position(is_intent).unwrap();
+    for cut in 1..all.len() {
+        let directory = Directory::new();
+        let store = Store::open(directory.path()).unwrap();
+        let mut session = store.begin(RunKind::Session, "simulated").unwrap();
+        append(&mut session, 0, &moved(Axis::LinearMm, 30.0, true));
+        let mut journal = store.begin(RunKind::Run, "one touch").unwrap();
+        for record in &all[..cut] {
+            append(&mut journal, 1, record);
+        }
+        journal.commit().unwrap();
+        let (run, session_id) = (journal.id(), session.id());
+        drop((journal, session, store));
+        let reader = Reader::open(directory.path()).unwrap();
+        let left = |id| reader.interruption(&reader.run(id).unwrap()).unwrap().unwrap();
+        let is_clear = cut <= lowered;
+        assert_eq!(left(run).probe == ProbeWord::Clear, is_clear, "cut at {cut}");
+        // The session ended with the run.
+        assert_eq!(left(session_id).probe == ProbeWord::Clear, is_clear, "cut at {cut}");
+        assert_eq!(left(run).step.is_some(), cut > 1);
+        assert_eq!(reader.latest_session("simulated").unwrap().unwrap().id, session_id);
+        assert!(reader.latest_session("bench").unwrap().is_none());
+
+        // Only the same rig can show that its probe is clear.
+        for (rig, is_cleared) in [("bench", false), ("simulated", true)] {
+            let store = Store::open(directory.path()).unwrap();
+            let mut session = store.begin(RunKind::Session, rig).unwrap();
+            append(&mut session, 0, &moved(Axis::LinearMm, 30.0, true));
+            append(
+                &mut session,
+                0,
+                &Record::RunFinished(RunFinished { status: Ending::Completed }),
+            );
+            session.commit().unwrap();
+            assert_eq!(left(run).is_cleared_since, is_cleared, "{rig}");
+            assert_eq!(left(run).probe == ProbeWord::Clear, is_clear);
+        }
+    }
+}
+
+#[test]
+fn the_run_that_belongs_to_a_key_is_found_again() {
+    let directory = Directory::new();
+    let mut ids = Vec::new();
+    for key in [None, Some("monday"), Some("tuesday")] {
+        let store = Store::open(directory.path()).unwrap();
+        let mut journal = store.begin(RunKind::Run, "one touch").unwrap();
+        let Record::RunStarted(mut started) = run_started() else { unreachable!() };
+        started.idempotency_key = key.map(str::to_owned);
+        append(&mut journal, 0, &Record::RunStarted(started));
+        journal.commit().unwrap();
+        ids.push(journal.id());
+    }
+    let reader = Reader::open(directory.path()).unwrap();
+    let found = |key| reader.keyed_run(key).unwrap().map(|record| record.run);
+    assert_eq!((found("monday"), found("tuesday")), (Some(ids[1]), Some(ids[2])));
+    assert_eq!((found(""), found("' OR 1")), (None, None));
+}
