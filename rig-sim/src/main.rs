@@ -11,7 +11,7 @@ use clap::{
     Args, Parser, Subcommand,
     builder::{PossibleValuesParser, TypedValueParser},
 };
-use rig_model::{AnalyzerMake, DriveMake};
+use rig_model::{AnalyzerMake, DriveMake, with_causes};
 use rig_sim::{
     AxisWiring, Carrier, SimRig, Wiring, scene,
     serve::{Role, Server},
@@ -149,12 +149,12 @@ struct Failure {
 }
 
 impl Failure {
-    fn port(error: impl std::fmt::Display) -> Self {
-        Self { message: error.to_string(), code: EXIT_PORT }
+    fn port(error: impl std::error::Error + 'static) -> Self {
+        Self { message: with_causes(&error), code: EXIT_PORT }
     }
 
-    fn input(error: impl std::fmt::Display) -> Self {
-        Self { message: error.to_string(), code: EXIT_INPUT }
+    fn input(error: impl std::error::Error + 'static) -> Self {
+        Self { message: with_causes(&error), code: EXIT_INPUT }
     }
 }
 

@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
 mod edges;
+mod errors;
 mod makes;
 mod operator;
 mod runs;

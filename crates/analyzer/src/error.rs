@@ -44,11 +44,11 @@ impl fmt::Display for EventStatus {
     }
 }
 
-/// An analyzer did not do what it was asked.
+/// An analyzer did not do what it was asked. That it is the analyzer, the one who asked knows.
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum AnalyzerError {
     /// The line failed: what the instrument heard or did is not known.
-    #[error("analyzer: `{asked}`{}", also(intruders))]
+    #[error("asked `{asked}`{}", also(intruders))]
     Line {
         /// What was asked.
         asked: Box<str>,
@@ -59,14 +59,14 @@ pub enum AnalyzerError {
         source: LineError,
     },
     /// Silence was waited for, and did not come.
-    #[error("analyzer: the line does not become silent")]
+    #[error("the line does not become silent")]
     Unquiet {
         /// What happened.
         #[source]
         source: LineError,
     },
     /// A port that was lost cannot be opened again.
-    #[error("analyzer: the port was lost")]
+    #[error("the port was lost")]
     Reopen {
         /// Why not.
         #[source]
@@ -84,7 +84,7 @@ pub enum AnalyzerError {
         source: FrameError,
     },
     /// The instrument understood and refused, or did not understand.
-    #[error("{port}: the analyzer refused `{asked}`: {status}{}", in_words(reports))]
+    #[error("{port}: refused `{asked}`: {status}{}", in_words(reports))]
     Refused {
         /// Name of the port.
         port: Arc<str>,
@@ -96,7 +96,7 @@ pub enum AnalyzerError {
         reports: Vec<ErrorReport>,
     },
     /// The instrument was switched off and on, and has lost its settings.
-    #[error("{port}: the analyzer was switched off and on again")]
+    #[error("{port}: was switched off and on again")]
     Restarted {
         /// Name of the port.
         port: Arc<str>,
@@ -124,7 +124,7 @@ pub enum AnalyzerError {
         found: Box<str>,
     },
     /// A setting that the instrument took is not the one it was given.
-    #[error("{port}: asked for {what} {wanted}, the analyzer has {found}")]
+    #[error("{port}: {what}: asked for {wanted}, found {found}")]
     NotTaken {
         /// Name of the port.
         port: Arc<str>,
@@ -170,7 +170,7 @@ pub enum AnalyzerError {
         found: Box<Identity>,
     },
     /// Measured before [`Analyzer::configure`](crate::Analyzer::configure).
-    #[error("{port}: the analyzer is not configured yet")]
+    #[error("{port}: not configured yet")]
     NotConfigured {
         /// Name of the port.
         port: Arc<str>,

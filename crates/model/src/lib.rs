@@ -8,6 +8,7 @@
 
 mod axis;
 mod bench;
+mod causes;
 mod make;
 mod pose;
 mod scale;
@@ -17,6 +18,7 @@ mod time;
 
 pub use axis::{Axis, AxisError, AxisLimits, Deg, Mm, Position, Span, Target, Unit};
 pub use bench::{AnalyzerRange, Bench, Clearance, Geometry, MotionLimits};
+pub use causes::with_causes;
 pub use make::{AnalyzerMake, DriveMake};
 pub use pose::{ContactAngle, ContactAngleError, Direction, Orientation};
 pub use scale::Scale;

@@ -36,6 +36,8 @@ use std::{
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use rig_engine::Denied;
+use rig_model::with_causes;
+use rig_store::{Reader, StoreError, export::ExportError};
 
 use crate::{
     loaded_rig::{FileError, LoadedRig},
@@ -209,19 +211,21 @@ struct ReportArgs {
 /// Why a command failed, with its exit code.
 #[derive(Debug, thiserror::Error)]
 enum Failure {
-    #[error("{0}")]
+    #[error(transparent)]
     BadFile(#[from] FileError),
-    #[error("{0}")]
+    #[error(transparent)]
     RunFiles(#[from] RunFilesError),
-    #[error("{0}")]
+    #[error(transparent)]
     Open(#[from] OpenError),
-    #[error("{0}")]
-    Store(#[from] rig_store::StoreError),
-    #[error("{0}")]
-    Export(#[from] rig_store::export::ExportError),
-    #[error("{0}")]
+    #[error("data directory {}", data.display())]
+    Data { data: PathBuf, source: StoreError },
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error(transparent)]
+    Export(#[from] ExportError),
+    #[error(transparent)]
     Refused(#[from] Refusal),
-    #[error("{0}")]
+    #[error(transparent)]
     Sweep(#[from] SweepFaults),
     #[error("{reason}")]
     NoResonance { reason: String },
@@ -231,7 +235,7 @@ enum Failure {
     Unidentified { silent: usize },
     #[error("{problems} {}", if *problems == 1 { "problem" } else { "problems" })]
     Unfit { problems: usize },
-    #[error("{what}: {source}")]
+    #[error("{what}")]
     System { what: &'static str, source: io::Error },
     /// It has been explained already.
     #[error("the rig is latched: {cause}")]
@@ -252,15 +256,14 @@ impl Failure {
                 Denied::LinearTarget(_) | Denied::RotaryTarget(_) | Denied::TooDeep { .. },
             )) => 2,
             Self::NoResonance { .. }
-            | Self::Store(
-                rig_store::StoreError::NoSuchRun { .. } | rig_store::StoreError::Ambiguous { .. },
-            ) => 3,
+            | Self::Store(StoreError::NoSuchRun { .. } | StoreError::Ambiguous { .. }) => 3,
             Self::Latched { .. } => 4,
             Self::Aborted => 5,
             Self::Interrupted => 130,
             Self::BadFile(FileError::Unreadable { .. })
             | Self::RunFiles(_)
             | Self::Open(_)
+            | Self::Data { .. }
             | Self::Store(_)
             | Self::Export(_)
             | Self::Refused(_)
@@ -294,15 +297,16 @@ pub fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         // The reader of a pipe that has seen enough is no failure.
-        Err(
-            Failure::System { source, .. }
-            | Failure::Export(rig_store::export::ExportError::Io(source)),
-        ) if source.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(Failure::System { source, .. } | Failure::Export(ExportError::Io(source)))
+            if source.kind() == io::ErrorKind::BrokenPipe =>
+        {
+            ExitCode::SUCCESS
+        }
         Err(failure) => {
             match &failure {
                 // Each fault begins with its place, so that an editor can jump there.
                 Failure::BadFile(FileError::Faults(faults)) => table::note(&faults.to_string()),
-                failure => table::note(&format!("rigd: {failure}")),
+                failure => table::note(&format!("rigd: {}", with_causes(failure))),
             }
             ExitCode::from(failure.exit_code())
         }
@@ -316,6 +320,14 @@ fn start_log() {
         EnvFilter::builder().with_default_directive(tracing::Level::WARN.into()).from_env_lossy();
     let is_terminal = io::stderr().is_terminal();
     fmt().with_env_filter(filter).with_writer(io::stderr).with_ansi(is_terminal).init();
+}
+
+impl DataArgs {
+    /// Opens the journal to read.
+    fn journal(&self) -> Result<Reader, Failure> {
+        let data_error = |source| Failure::Data { data: self.data.clone(), source };
+        Reader::open(&self.data).map_err(data_error)
+    }
 }
 
 impl RigArgs {

@@ -11,7 +11,7 @@ mod tests;
 
 use std::path::Path;
 
-use crate::rig::{Inspection, OpenError};
+use crate::rig::{DeviceError, Inspection};
 
 /// How grave a finding is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -108,7 +108,7 @@ const fn advice_on_port(error: &rig_link::OpenError) -> &'static str {
 }
 
 /// What to do about a device that does not answer as it should.
-fn advice(error: &OpenError) -> &'static str {
+fn advice(error: &DeviceError) -> &'static str {
     use rig_analyzer::AnalyzerError;
     use rig_stage::{BusError, LineFault, StageError};
     const WIRING: &str = "check the power and the cable of the device; then compare speed, parity \
@@ -124,13 +124,13 @@ fn advice(error: &OpenError) -> &'static str {
         BusError::Refused(_) => MANUAL,
     };
     match error {
-        OpenError::Analyzer(AnalyzerError::WrongInstrument { .. }) => {
+        DeviceError::Analyzer(AnalyzerError::WrongInstrument { .. }) => {
             "name its dialect in the rig file, or connect the instrument that is named there"
         }
-        OpenError::Analyzer(AnalyzerError::Line { .. } | AnalyzerError::Frame { .. }) => WIRING,
-        OpenError::Analyzer(AnalyzerError::Reopen { .. } | AnalyzerError::Unquiet { .. }) => LINE,
-        OpenError::Linear(StageError::Bus { source, .. }) => on_bus(source),
-        OpenError::Rotary(StageError::Bus { source, .. }) => on_bus(source),
+        DeviceError::Analyzer(AnalyzerError::Line { .. } | AnalyzerError::Frame { .. }) => WIRING,
+        DeviceError::Analyzer(AnalyzerError::Reopen { .. } | AnalyzerError::Unquiet { .. }) => LINE,
+        DeviceError::Linear(StageError::Bus(error)) => on_bus(error),
+        DeviceError::Rotary(StageError::Bus(error)) => on_bus(error),
         _ => MANUAL,
     }
 }

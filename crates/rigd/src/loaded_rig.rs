@@ -47,7 +47,7 @@ pub struct RigFacts {
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
     /// It cannot be read.
-    #[error("{}: {source}", path.display())]
+    #[error("{}", path.display())]
     Unreadable {
         /// The file.
         path: PathBuf,
@@ -55,7 +55,7 @@ pub enum FileError {
         source: io::Error,
     },
     /// It has faults.
-    #[error("{0}")]
+    #[error(transparent)]
     Faults(Faults),
 }
 

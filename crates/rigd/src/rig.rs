@@ -19,17 +19,16 @@ mod shell;
 use std::{path::PathBuf, sync::Arc, thread};
 
 use rig_engine::{Command, Denied, Snapshot};
-use rig_model::{Bench, RigTime, SweepRequest};
+use rig_model::{Bench, RigTime, SweepRequest, with_causes};
 use rig_protocol::{Action, Plan, Prompt};
 use rig_store::{RunId, StoreError};
 use tokio::sync::{mpsc, oneshot, watch};
 
-pub(crate) use devices::chain;
 pub use inspect::{
     AxisFacts, AxisState, DeviceFacts, DeviceSeen, Inspection, PortFacts, PortSeen, RoundTrips,
     inspect,
 };
-pub use open::OpenError;
+pub use open::{DeviceError, OpenError};
 
 use crate::{describe, loaded_rig::LoadedRig, protocol_file::LoadedProtocol};
 
@@ -243,7 +242,7 @@ impl RigHandle {
 
 impl From<StoreError> for Refusal {
     fn from(error: StoreError) -> Self {
-        Self::Journal { reason: error.to_string().into() }
+        Self::Journal { reason: with_causes(&error).into() }
     }
 }
 

@@ -22,7 +22,7 @@ pub struct RunFiles {
 #[derive(Debug, thiserror::Error)]
 pub enum RunFilesError {
     /// A file cannot be written.
-    #[error("{}: {source}", path.display())]
+    #[error("{}", path.display())]
     File {
         /// The file.
         path: PathBuf,

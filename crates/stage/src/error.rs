@@ -132,77 +132,56 @@ pub enum BusError {
     Failed(#[from] LineFault),
 }
 
-/// An axis did not do what it was asked.
+/// An axis did not do what it was asked. Which axis, the one who asked knows.
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum StageError<U: Unit> {
     /// The bus failed or the drive refused.
-    #[error("{axis}")]
-    Bus {
-        /// Name of the axis.
-        axis: &'static str,
-        /// What happened.
-        #[source]
-        source: BusError,
-    },
+    #[error(transparent)]
+    Bus(#[from] BusError),
     /// Moved before [`Stage::identify`](crate::Stage::identify).
-    #[error("{axis}: not identified yet")]
-    NotIdentified {
-        /// Name of the axis.
-        axis: &'static str,
-    },
+    #[error("not identified yet")]
+    NotIdentified,
     /// A speed that is not allowed.
-    #[error("{axis}: speed {asked} {}/s is outside (0, {max}]", U::SYMBOL)]
+    #[error("speed {asked} {}/s is outside (0, {max}]", U::SYMBOL)]
     Speed {
-        /// Name of the axis.
-        axis: &'static str,
         /// What was asked.
         asked: f64,
         /// The fastest allowed.
         max: f64,
     },
     /// A speed below what the drive can be told.
-    #[error("{axis}: speed {asked} {}/s is below the slowest of the drive, {min:.4}", U::SYMBOL)]
+    #[error("speed {asked} {}/s is below the slowest of the drive, {min:.4}", U::SYMBOL)]
     TooSlow {
-        /// Name of the axis.
-        axis: &'static str,
         /// What was asked.
         asked: f64,
         /// The slowest.
         min: f64,
     },
     /// A way round that the drive does not know.
-    #[error("{axis}: {drives} has no route {route:?}")]
+    #[error("{drives} has no route `{}`", route.name())]
     NoRoute {
-        /// Name of the axis.
-        axis: &'static str,
         /// What was asked.
         route: Route,
         /// The drives of the map.
         drives: &'static str,
     },
     /// A position that the drive cannot count to.
-    #[error("{axis}: {wanted} is beyond what the drive can count")]
+    #[error("{wanted} is beyond what the drive can count")]
     Uncountable {
-        /// Name of the axis.
-        axis: &'static str,
         /// What was asked.
         wanted: Position<U>,
     },
     /// The drive reports an alarm.
-    #[error("{axis}: alarm {alarm}, at {at}")]
+    #[error("alarm {alarm}, at {at}")]
     Alarmed {
-        /// Name of the axis.
-        axis: &'static str,
         /// What it reports.
         alarm: Alarm,
         /// Where it stands.
         at: Position<U>,
     },
     /// The drive stands still and never took the target, without an alarm.
-    #[error("{axis}: the drive ignored the move to {wanted} and stands at {at}; {hint}")]
+    #[error("the drive ignored the move to {wanted} and stands at {at}; {hint}")]
     Ignored {
-        /// Name of the axis.
-        axis: &'static str,
         /// What was asked.
         wanted: Position<U>,
         /// Where it stands.
@@ -211,10 +190,8 @@ pub enum StageError<U: Unit> {
         hint: &'static str,
     },
     /// The drive took the target and stands elsewhere.
-    #[error("{axis}: stands at {at}, {off:.4} {} from its target {wanted}", U::SYMBOL)]
+    #[error("stands at {at}, {off:.4} {} from its target {wanted}", U::SYMBOL)]
     NotThere {
-        /// Name of the axis.
-        axis: &'static str,
         /// What was asked.
         wanted: Position<U>,
         /// Where it stands.
@@ -223,18 +200,14 @@ pub enum StageError<U: Unit> {
         off: f64,
     },
     /// The stop that was asked for. The axis stands still.
-    #[error("{axis}: stopped at {at}")]
+    #[error("stopped at {at}")]
     Stopped {
-        /// Name of the axis.
-        axis: &'static str,
         /// Where it stands.
         at: Position<U>,
     },
     /// It took too long and was stopped. The axis stands still.
-    #[error("{axis}: {doing} not finished after {seconds:.1} s, stopped at {at}")]
+    #[error("{doing} not finished after {seconds:.1} s, stopped at {at}")]
     Overdue {
-        /// Name of the axis.
-        axis: &'static str,
         /// What it was doing.
         doing: &'static str,
         /// How long it was waited for.
@@ -243,28 +216,22 @@ pub enum StageError<U: Unit> {
         at: Position<U>,
     },
     /// The stop was sent and the axis still reports motion.
-    #[error("{axis}: still moving {seconds:.1} s after the stop, at {at}")]
+    #[error("still moving {seconds:.1} s after the stop, at {at}")]
     WillNotStop {
-        /// Name of the axis.
-        axis: &'static str,
         /// How long it was waited for.
         seconds: f64,
         /// Where it is.
         at: Position<U>,
     },
     /// An alarm that a reset did not clear.
-    #[error("{axis}: alarm {alarm} is still there after the reset")]
+    #[error("alarm {alarm} is still there after the reset")]
     AlarmPersists {
-        /// Name of the axis.
-        axis: &'static str,
         /// What it reports.
         alarm: Alarm,
     },
     /// The drive ended its homing without knowing where it is.
-    #[error("{axis}: homing ended at {at} without success")]
+    #[error("homing ended at {at} without success")]
     NotHomed {
-        /// Name of the axis.
-        axis: &'static str,
         /// Where it stands.
         at: Position<U>,
     },

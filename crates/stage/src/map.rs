@@ -170,6 +170,18 @@ pub enum Route {
     Reverse,
 }
 
+impl Route {
+    /// The word in messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Direct => "direct",
+            Self::Shortest => "shortest",
+            Self::Forward => "forward",
+            Self::Reverse => "reverse",
+        }
+    }
+}
+
 /// How the drive tells its alarm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AlarmSource {

@@ -50,10 +50,7 @@ impl Order {
         axis: &Axis<U>,
     ) -> Result<Self, StageError<U>> {
         let soft = axis.soft();
-        let counts = |wanted| {
-            let axis = axis.name();
-            scale.counts(wanted).ok_or(StageError::Uncountable { axis, wanted })
-        };
+        let counts = |wanted| scale.counts(wanted).ok_or(StageError::Uncountable { wanted });
         let (a, b) = (counts(soft.min)?, counts(soft.max)?);
         Ok(Self {
             target: 0,
@@ -80,16 +77,16 @@ impl Order {
         axis: &Axis<U>,
         turn: Option<Turn>,
     ) -> Result<Self, StageError<U>> {
-        let (name, max) = (axis.name(), axis.max_speed_per_s());
+        let max = axis.max_speed_per_s();
         if !(0.0 < speed_per_s && speed_per_s <= max) {
-            return Err(StageError::Speed { axis: name, asked: speed_per_s, max });
+            return Err(StageError::Speed { asked: speed_per_s, max });
         }
         let Some(target) = scale.counts(wanted) else {
-            return Err(StageError::Uncountable { axis: name, wanted });
+            return Err(StageError::Uncountable { wanted });
         };
         let route = turn.map_or(Route::Direct, |turn| turn.route);
         let Some(&(_, route)) = map.routes.iter().find(|known| known.0 == route) else {
-            return Err(StageError::NoRoute { axis: name, route, drives: map.drives });
+            return Err(StageError::NoRoute { route, drives: map.drives });
         };
         let rpm_per_count_per_s = 60.0 / scale.counts_per_revolution;
         let per_count_per_s = match map.speed {
@@ -100,7 +97,7 @@ impl Order {
         let speed = (scale.counts_per_s(speed_per_s) * per_count_per_s + 1e-6).floor();
         if speed < 1.0 {
             let min = scale.per_count.abs() / per_count_per_s;
-            return Err(StageError::TooSlow { axis: name, asked: speed_per_s, min });
+            return Err(StageError::TooSlow { asked: speed_per_s, min });
         }
         let counts_per_s2 = scale.counts_per_s(scale.acceleration_per_s2);
         let acceleration = match map.acceleration {

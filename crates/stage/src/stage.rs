@@ -92,7 +92,7 @@ impl<U: Unit> Stage<U> {
             if self.ask(request.clone()).await? != expected {
                 let (port, unit) = (self.bus.name().clone(), self.unit);
                 let fault = LineFault::Changed { port, unit, request };
-                return Err(self.bus_error(fault.into()));
+                return Err(BusError::from(fault).into());
             }
         }
         self.recognise_by(request, Some(expected)).await?;
@@ -106,7 +106,7 @@ impl<U: Unit> Stage<U> {
         expected: Option<Reply>,
     ) -> Result<(), StageError<U>> {
         let canary = Some(Canary { request, expected });
-        self.bus.set_canary(self.unit, canary).await.map_err(|error| self.bus_error(error))
+        Ok(self.bus.set_canary(self.unit, canary).await?)
     }
 
     /// Looks at the drive.
@@ -139,7 +139,7 @@ impl<U: Unit> Stage<U> {
         speed_per_s: f64,
         stop: &StopSignal,
     ) -> Result<Position<U>, StageError<U>> {
-        let from = self.counts.ok_or(StageError::NotIdentified { axis: self.axis.name() })?;
+        let from = self.counts.ok_or(StageError::NotIdentified)?;
         let (wanted, turn) = (target.position(), self.turn);
         let order = Order::to(wanted, speed_per_s, self.map, &self.scale, &self.axis, turn)?;
         if stop.is_raised() {
@@ -193,13 +193,13 @@ impl<U: Unit> Stage<U> {
 
     /// What it means that the axis stands still and is not at its target.
     fn not_there(&self, target: Target<U>, order: &Order, from: i32, look: &Look) -> StageError<U> {
-        let (axis, wanted) = (self.axis.name(), target.position());
+        let wanted = target.position();
         let at = self.scale.position(order.near_target(look.position));
         let moved = self.scale.position(from.into()).value() - at.value();
         if !order.is_same(look.target, order.target) || moved.abs() <= self.axis.tolerance() {
-            return StageError::Ignored { axis, wanted, at, hint: self.map.ignored_hint };
+            return StageError::Ignored { wanted, at, hint: self.map.ignored_hint };
         }
-        StageError::NotThere { axis, wanted, at, off: (at.value() - wanted.value()).abs() }
+        StageError::NotThere { wanted, at, off: (at.value() - wanted.value()).abs() }
     }
 
     /// Lets the drive find its zero. May move over the whole travel.
@@ -207,7 +207,7 @@ impl<U: Unit> Stage<U> {
     /// # Errors
     /// As [`move_to`](Self::move_to), and [`StageError::NotHomed`].
     pub async fn home(&mut self, stop: &StopSignal) -> Result<Position<U>, StageError<U>> {
-        let from = self.counts.ok_or(StageError::NotIdentified { axis: self.axis.name() })?;
+        let from = self.counts.ok_or(StageError::NotIdentified)?;
         if stop.is_raised() {
             return Err(self.stopped_at(from));
         }
@@ -220,11 +220,11 @@ impl<U: Unit> Stage<U> {
                 return Err(self.stop_and_say().await?);
             }
             let look = self.look().await?;
-            let (axis, at) = (self.axis.name(), self.scale.position(look.position.into()));
+            let at = self.scale.position(look.position.into());
             self.refuse_alarm(&look, at).await?;
             let now = Instant::now();
             if !look.is_moving {
-                return if look.is_homed { Ok(at) } else { Err(StageError::NotHomed { axis, at }) };
+                return if look.is_homed { Ok(at) } else { Err(StageError::NotHomed { at }) };
             }
             if started + HOME_WITHIN <= now {
                 return Err(self.overdue("homing", now - started).await?);
@@ -251,8 +251,8 @@ impl<U: Unit> Stage<U> {
             }
             let waited = started.elapsed();
             if STOP_WITHIN <= waited {
-                let (axis, seconds) = (self.axis.name(), waited.as_secs_f64());
-                return Err(StageError::WillNotStop { axis, seconds, at });
+                let seconds = waited.as_secs_f64();
+                return Err(StageError::WillNotStop { seconds, at });
             }
             sleep(LOOK_MIN).await;
         };
@@ -273,7 +273,7 @@ impl<U: Unit> Stage<U> {
             match status.alarm {
                 None => return Ok(status),
                 Some(alarm) if give_up <= Instant::now() => {
-                    return Err(StageError::AlarmPersists { axis: self.axis.name(), alarm });
+                    return Err(StageError::AlarmPersists { alarm });
                 }
                 Some(_) => sleep(LOOK_MIN).await,
             }
@@ -283,7 +283,7 @@ impl<U: Unit> Stage<U> {
     /// Stops and returns the error that says so.
     async fn stop_and_say(&mut self) -> Result<StageError<U>, StageError<U>> {
         let at = self.stop().await?;
-        Ok(StageError::Stopped { axis: self.axis.name(), at })
+        Ok(StageError::Stopped { at })
     }
 
     async fn overdue(
@@ -292,12 +292,11 @@ impl<U: Unit> Stage<U> {
         waited: Duration,
     ) -> Result<StageError<U>, StageError<U>> {
         let at = self.stop().await?;
-        let (axis, seconds) = (self.axis.name(), waited.as_secs_f64());
-        Ok(StageError::Overdue { axis, doing, seconds, at })
+        Ok(StageError::Overdue { doing, seconds: waited.as_secs_f64(), at })
     }
 
     fn stopped_at(&self, counts: i32) -> StageError<U> {
-        StageError::Stopped { axis: self.axis.name(), at: self.scale.position(counts.into()) }
+        StageError::Stopped { at: self.scale.position(counts.into()) }
     }
 
     fn start_within(&self) -> Duration {
@@ -320,10 +319,7 @@ impl<U: Unit> Stage<U> {
         match order.deed(step) {
             Deed::Ask(request) => match haste {
                 Haste::None => self.ask(request).await.map(drop),
-                Haste::Urgent => {
-                    let urged = self.bus.urge(self.unit, request).await;
-                    urged.map(drop).map_err(|error| self.bus_error(error))
-                }
+                Haste::Urgent => Ok(self.bus.urge(self.unit, request).await.map(drop)?),
             },
             Deed::Wait(duration) => {
                 sleep(duration).await;
@@ -356,16 +352,12 @@ impl<U: Unit> Stage<U> {
     async fn refuse_alarm(&self, look: &Look, at: Position<U>) -> Result<(), StageError<U>> {
         match self.alarm_of(look).await? {
             None => Ok(()),
-            Some(alarm) => Err(StageError::Alarmed { axis: self.axis.name(), alarm, at }),
+            Some(alarm) => Err(StageError::Alarmed { alarm, at }),
         }
     }
 
     async fn ask(&self, request: Request) -> Result<Reply, StageError<U>> {
-        self.bus.request(self.unit, request).await.map_err(|error| self.bus_error(error))
-    }
-
-    fn bus_error(&self, source: BusError) -> StageError<U> {
-        StageError::Bus { axis: self.axis.name(), source }
+        Ok(self.bus.request(self.unit, request).await?)
     }
 }
 

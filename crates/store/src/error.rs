@@ -1,34 +1,24 @@
 //! Why the journal could not be written or read.
 
-use std::{io, path::PathBuf};
+use std::io;
 
 use rusqlite::ErrorCode;
 
 use crate::{Flaw, Run, RunId};
 
-/// Why the journal could not be written or read.
+/// Why the journal in a data directory could not be written or read. Which directory, the one who
+/// opened it knows.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
     /// The data directory cannot be made or its lock file not opened.
-    #[error("data directory {}: {source}", path.display())]
-    Directory {
-        /// The path.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
+    #[error("cannot be made or locked")]
+    Directory(#[source] io::Error),
     /// There is no journal in the directory.
-    #[error("data directory {} holds no journal", path.display())]
-    NoJournal {
-        /// The path.
-        path: PathBuf,
-    },
+    #[error("holds no journal")]
+    NoJournal,
     /// Another program writes to this directory.
-    #[error("data directory {} is in use by another rigd", path.display())]
-    InUse {
-        /// The path.
-        path: PathBuf,
-    },
+    #[error("in use by another rigd")]
+    InUse,
     /// The database was written by a newer program.
     #[error("journal format {found} is newer than {known}, the newest that this program knows")]
     Newer {
@@ -38,22 +28,22 @@ pub enum StoreError {
         known: u32,
     },
     /// No space is left.
-    #[error("journal: the disk is full")]
+    #[error("the disk is full")]
     DiskFull,
     /// The system failed to read or write.
-    #[error("journal: input or output failed: {0}")]
-    Io(#[source] rusqlite::Error),
+    #[error("input or output failed")]
+    Io(#[source] SqliteError),
     /// The database file is damaged.
-    #[error("journal: the database is damaged: {0}")]
-    Damaged(#[source] rusqlite::Error),
+    #[error("the database is damaged")]
+    Damaged(#[source] SqliteError),
     /// SQLite refused for another reason.
-    #[error("journal: {0}")]
-    Sqlite(#[source] rusqlite::Error),
+    #[error("the database refused")]
+    Sqlite(#[source] SqliteError),
     /// An earlier write failed. What was not committed then is lost, and nothing can be added.
-    #[error("journal: closed by an earlier failure")]
+    #[error("closed by an earlier failure")]
     Closed,
     /// The run has ended.
-    #[error("journal: run {run} has ended; no {kind} can be added")]
+    #[error("run {run} has ended; no {kind} can be added")]
     Ended {
         /// The run.
         run: RunId,
@@ -61,7 +51,7 @@ pub enum StoreError {
         kind: &'static str,
     },
     /// A record holds a number that is infinite or not a number.
-    #[error("journal: {kind} record: {source}")]
+    #[error("{kind} record")]
     Unwritable {
         /// The kind of the record.
         kind: &'static str,
@@ -69,7 +59,7 @@ pub enum StoreError {
         source: serde_json::Error,
     },
     /// A stored record cannot be understood.
-    #[error("journal: run {run}, record {seq}: {source}")]
+    #[error("run {run}, record {seq}")]
     Unreadable {
         /// The run.
         run: RunId,
@@ -79,7 +69,7 @@ pub enum StoreError {
         source: serde_json::Error,
     },
     /// The chain of a run is broken. What stands before the flaw can still be read.
-    #[error("journal: run {run}, record {seq}: {flaw}")]
+    #[error("run {run}, record {seq}: {flaw}")]
     Broken {
         /// The run.
         run: RunId,
@@ -89,14 +79,14 @@ pub enum StoreError {
         flaw: Flaw,
     },
     /// There is no such run.
-    #[error("journal: no run `{wanted}`")]
+    #[error("no run `{wanted}`")]
     NoSuchRun {
         /// What was asked for.
         wanted: String,
     },
     /// What was asked for fits more than one run.
     #[error(
-        "journal: `{wanted}` fits {} runs: {}; give one of these names, or more of an id",
+        "`{wanted}` fits {} runs: {}; give one of these names, or more of an id",
         candidates.len(),
         listed(candidates)
     )]
@@ -107,6 +97,11 @@ pub enum StoreError {
         candidates: Vec<Run>,
     },
 }
+
+/// What SQLite reports. Its own cause, a code, only says the same again.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct SqliteError(rusqlite::Error);
 
 /// The first runs of a list, and how many more there are.
 fn listed(runs: &[Run]) -> String {
@@ -124,10 +119,12 @@ impl From<rusqlite::Error> for StoreError {
         match error.sqlite_error_code() {
             Some(ErrorCode::DiskFull) => Self::DiskFull,
             Some(ErrorCode::SystemIoFailure | ErrorCode::ReadOnly | ErrorCode::CannotOpen) => {
-                Self::Io(error)
+                Self::Io(SqliteError(error))
             }
-            Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase) => Self::Damaged(error),
-            _ => Self::Sqlite(error),
+            Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase) => {
+                Self::Damaged(SqliteError(error))
+            }
+            _ => Self::Sqlite(SqliteError(error)),
         }
     }
 }

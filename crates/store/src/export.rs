@@ -13,10 +13,10 @@ use crate::{Reading, Record, StoreError, StoredRecord, SweepVerdict};
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     /// The file cannot be written.
-    #[error("export: {0}")]
+    #[error("export")]
     Io(#[from] io::Error),
     /// A record cannot be understood.
-    #[error("export: {0}")]
+    #[error("export")]
     Store(#[from] StoreError),
 }
 

@@ -23,7 +23,7 @@ mod schema;
 mod tests;
 
 pub use digest::Digest;
-pub use error::StoreError;
+pub use error::{SqliteError, StoreError};
 pub use journal::{Journal, Store};
 pub use reader::{Chain, Flaw, Interruption, ProbeWord, Reader, StoredRecord, Verdict};
 pub use record::{

@@ -27,22 +27,21 @@ pub(crate) struct DirectoryLock {
 impl DirectoryLock {
     /// Makes the directory where it is missing, and takes its lock.
     pub(crate) fn take(directory: &Path) -> Result<Self, StoreError> {
-        let failed = |source| StoreError::Directory { path: directory.to_path_buf(), source };
-        fs::create_dir_all(directory).map_err(failed)?;
+        fs::create_dir_all(directory).map_err(StoreError::Directory)?;
         let file = File::options()
             .create(true)
             .truncate(false)
             .write(true)
             .open(directory.join(FILE))
-            .map_err(failed)?;
+            .map_err(StoreError::Directory)?;
         for _ in 0..TRIES {
             match file.try_lock() {
                 Ok(()) => return Ok(Self { _file: file }),
                 Err(TryLockError::WouldBlock) => thread::sleep(PAUSE),
-                Err(TryLockError::Error(source)) => return Err(failed(source)),
+                Err(TryLockError::Error(source)) => return Err(StoreError::Directory(source)),
             }
         }
-        Err(StoreError::InUse { path: directory.to_path_buf() })
+        Err(StoreError::InUse)
     }
 }
 

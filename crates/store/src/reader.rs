@@ -118,7 +118,7 @@ impl Reader {
     pub fn open(directory: &Path) -> Result<Self, StoreError> {
         let path = schema::database(directory);
         if !path.exists() {
-            return Err(StoreError::NoJournal { path: directory.to_path_buf() });
+            return Err(StoreError::NoJournal);
         }
         let connection = schema::open_to_read(&path)?;
         Ok(Self { connection, directory: directory.to_path_buf() })

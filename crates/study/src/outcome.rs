@@ -3,6 +3,7 @@
 use std::{error::Error, io, io::Write as _, path::PathBuf, process::ExitCode};
 
 use rig_chart::ChartError;
+use rig_model::with_causes;
 use serde::Serialize;
 
 /// Why a study did not end well.
@@ -58,17 +59,6 @@ pub(crate) fn exit(result: Result<(), StudyError>) -> ExitCode {
         | StudyError::Chart(_)
         | StudyError::Json(_) => ExitCode::FAILURE,
     }
-}
-
-/// An error and all that caused it, in one line.
-fn with_causes(error: &dyn Error) -> String {
-    let mut parts = vec![error.to_string()];
-    let mut cause = error.source();
-    while let Some(source) = cause {
-        parts.push(source.to_string());
-        cause = source.source();
-    }
-    parts.join(": ")
 }
 
 /// Prints a result as JSON, or the reason for a refusal, which is passed on.

@@ -31,10 +31,10 @@ const PATIENCE: Duration = Duration::from_millis(20);
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
     /// A pseudo-terminal cannot be opened.
-    #[error("pseudo-terminal: {0}")]
+    #[error("pseudo-terminal")]
     Pty(#[source] io::Error),
     /// A link to a pseudo-terminal cannot be made.
-    #[error("link {}: {source}", link.display())]
+    #[error("link {}", link.display())]
     Link {
         /// The link.
         link: PathBuf,
@@ -42,7 +42,7 @@ pub enum ServeError {
         source: io::Error,
     },
     /// An address cannot be listened on.
-    #[error("{address}: {source}")]
+    #[error("{address}")]
     Listen {
         /// The address.
         address: SocketAddr,

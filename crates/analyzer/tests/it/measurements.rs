@@ -180,7 +180,7 @@ async fn what_is_wrong_with_a_line_is_said_in_words() {
     let rows = [
         (
             Fault::AnswerLost,
-            "analyzer: `:HEADer OFF;*CLS;*IDN?`: line 2: no complete answer within 1048 ms, 0 \
+            "asked `:HEADer OFF;*CLS;*IDN?`: line 2: no complete answer within 1048 ms, 0 \
              bytes arrived",
         ),
         (
@@ -233,7 +233,7 @@ async fn a_refusal_is_told_from_a_lost_answer_although_both_are_silent() {
     let error = analyzer.measure(&points_of(30, &[201.0]), &StopSignal::new()).await.unwrap_err();
     assert_eq!(
         error.to_string(),
-        "line 2: the analyzer refused `:FREQuency 201;:AVERaging 30;:TRIGger:DELay 0.05;*TRG;\
+        "line 2: refused `:FREQuency 201;:AVERaging 30;:TRIGger:DELay 0.05;*TRG;\
          :MEASure?;:FREQuency?;*ESR?`: execution error (event status 16)"
     );
 }

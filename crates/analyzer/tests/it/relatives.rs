@@ -181,7 +181,7 @@ async fn an_old_hp_measures_at_its_own_frequencies_and_drives_more_with_its_opti
     let readings = analyzer.measure(&[point(140.0)], &stop).await.unwrap();
     assert_eq!((readings[0].frequency_hz, readings[0].resistance_ohm), (140.2, 140.2));
     let error = analyzer.measure(&[point(150.0)], &stop).await.unwrap_err();
-    assert_eq!(error.to_string(), "line 2: asked for frequency in Hz 150, the analyzer has 141");
+    assert_eq!(error.to_string(), "line 2: frequency in Hz: asked for 150, found 141");
 
     let plain = Make { options: "002", ..HP4284A };
     let (mut analyzer, ..) = analyzer_on(vec![plain], &HP_4284A).await;

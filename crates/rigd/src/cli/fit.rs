@@ -82,9 +82,9 @@ impl FileTiming {
 enum NoWindow {
     #[error("two frequencies in Hz with `..` between them are needed, like 120..165")]
     NoDots,
-    #[error("{0}")]
+    #[error(transparent)]
     NotANumber(#[from] ParseFloatError),
-    #[error("{0}")]
+    #[error(transparent)]
     NotRising(SweepRequestError),
 }
 

@@ -1,13 +1,14 @@
 //! `rigd identify`: who answers on the ports of a rig.
 
 use clap::Args;
+use rig_model::with_causes;
 use serde::Serialize;
 
 use super::{
     Failure, OutputArgs, RigArgs,
     table::{facts, print, print_json},
 };
-use crate::rig::{self, DeviceSeen, chain};
+use crate::rig::{self, DeviceSeen};
 
 #[derive(Debug, Args)]
 pub(super) struct IdentifyArgs {
@@ -35,7 +36,7 @@ pub(super) fn identify(args: &IdentifyArgs) -> Result<(), Failure> {
     // A device whose port is not open has no error of its own.
     let why_closed = |name: &str| {
         let port = ports.iter().find(|port| port.name == name)?;
-        Some(chain(port.outcome.as_ref().err()?))
+        Some(with_causes(port.outcome.as_ref().err()?))
     };
     let view = |DeviceSeen { role, port, outcome }: DeviceSeen| {
         let mut view = DeviceView { role, port, identity: None, firmware: None, error: None };
@@ -44,7 +45,7 @@ pub(super) fn identify(args: &IdentifyArgs) -> Result<(), Failure> {
                 view.identity = Some(facts.identity);
                 view.firmware = facts.firmware;
             }
-            Some(Err(error)) => view.error = Some(error.to_string()),
+            Some(Err(error)) => view.error = Some(with_causes(&error)),
             None => view.error = why_closed(&view.port),
         }
         view

@@ -28,7 +28,7 @@ struct RunView {
 }
 
 pub(super) fn list(args: &RunsArgs) -> Result<(), Failure> {
-    let runs = Reader::open(&args.data.data)?.runs()?;
+    let runs = args.data.journal()?.runs()?;
     let runs: Vec<Run> = runs.into_iter().filter(|run| run.kind == RunKind::Run).collect();
     if args.output.json {
         let view = |run: Run| RunView {
@@ -57,12 +57,12 @@ pub(super) fn list(args: &RunsArgs) -> Result<(), Failure> {
 }
 
 pub(super) fn show(args: &ShowArgs) -> Result<(), Failure> {
-    let run = Reader::open(&args.data.data)?.find(&args.run)?;
+    let run = args.data.journal()?.find(&args.run)?;
     print_results(&args.data.data, run.id, args.output.json)
 }
 
 pub(super) fn export(args: &ExportArgs) -> Result<(), Failure> {
-    let reader = Reader::open(&args.data.data)?;
+    let reader = args.data.journal()?;
     let records = reader.records(reader.find(&args.run)?.id)?;
     let mut out = BufWriter::new(io::stdout().lock());
     match (args.format, args.table) {
@@ -77,7 +77,7 @@ pub(super) fn export(args: &ExportArgs) -> Result<(), Failure> {
 
 pub(super) fn report(args: &ReportArgs) -> Result<(), Failure> {
     let data = &args.data.data;
-    let reader = Reader::open(data)?;
+    let reader = args.data.journal()?;
     let run = reader.find(&args.run)?;
     let path = match &args.out {
         Some(path) => {

@@ -6,6 +6,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use rig_model::with_causes;
 use rig_store::{Store, StoreError};
 
 use super::{Finding, Findings};
@@ -70,14 +71,14 @@ fn space(findings: &mut Findings, free_bytes: u64) {
 fn journal(findings: &mut Findings, data: &Path) {
     match Store::open(data) {
         Ok(_) => findings.ok("journal", "can be opened"),
-        Err(error @ StoreError::InUse { .. }) => findings.warning(
+        Err(error @ StoreError::InUse) => findings.warning(
             "journal",
-            error.to_string(),
+            with_causes(&error),
             "that one also holds the ports: end it, or ask it over HTTP",
         ),
         Err(error) => findings.problem(
             "journal",
-            error.to_string(),
+            with_causes(&error),
             "keep the directory for whoever maintains rigd, and begin another with --data",
         ),
     }

@@ -1,7 +1,9 @@
 //! Devices: who they are, whether they take their settings, and how an axis stands.
 
+use rig_model::with_causes;
+
 use super::{Finding, Findings, advice};
-use crate::rig::{AxisFacts, AxisState, DeviceSeen, OpenError};
+use crate::rig::{AxisFacts, AxisState, DeviceError, DeviceSeen};
 
 pub(super) fn findings(device: &DeviceSeen) -> Vec<Finding> {
     let mut findings = Findings::of(device.role);
@@ -12,7 +14,7 @@ pub(super) fn findings(device: &DeviceSeen) -> Vec<Finding> {
             return findings.all;
         }
         Some(Err(error)) => {
-            findings.problem("identity", error.to_string(), advice(error));
+            findings.problem("identity", with_causes(error), advice(error));
             return findings.all;
         }
         Some(Ok(facts)) => facts,
@@ -22,8 +24,8 @@ pub(super) fn findings(device: &DeviceSeen) -> Vec<Finding> {
     match &facts.settings {
         Ok(()) => findings.ok("settings", "taken, and read back"),
         Err(error) => {
-            let error = OpenError::from(error.clone());
-            findings.problem("settings", error.to_string(), advice(&error));
+            let error = DeviceError::from(error.clone());
+            findings.problem("settings", with_causes(&error), advice(&error));
         }
     }
     if let Some(axis) = &facts.axis {

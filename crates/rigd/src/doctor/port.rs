@@ -1,7 +1,9 @@
 //! Ports: whether they open, who else has them open, and how fast they are.
 
+use rig_model::with_causes;
+
 use super::{Finding, Findings, advice_on_port};
-use crate::rig::{PortSeen, RoundTrips, chain};
+use crate::rig::{PortSeen, RoundTrips};
 
 /// A USB adapter that hands on what it has received at once does so within this time, ms.
 const ADAPTER_DELAY_BEST_MS: u32 = 1;
@@ -15,7 +17,7 @@ pub(super) fn findings(port: &PortSeen) -> Vec<Finding> {
     let facts = match &port.outcome {
         Ok(facts) => facts,
         Err(error) => {
-            findings.problem("open", chain(error), advice_on_port(error));
+            findings.problem("open", with_causes(error), advice_on_port(error));
             return findings.all;
         }
     };

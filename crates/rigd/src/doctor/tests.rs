@@ -75,7 +75,7 @@ fn a_port_that_does_not_open_is_explained() {
     }
 }
 
-fn device(outcome: Option<Result<DeviceFacts, OpenError>>) -> Vec<Finding> {
+fn device(outcome: Option<Result<DeviceFacts, DeviceError>>) -> Vec<Finding> {
     let port = "/dev/ttyUSB0".to_owned();
     device::findings(&DeviceSeen { role: "rotary stage", port, outcome })
 }
@@ -111,7 +111,7 @@ fn an_axis_is_judged_by_how_it_stands() {
 #[test]
 fn a_device_that_does_not_answer_as_it_should_is_explained() {
     let port: Arc<str> = "/dev/ttyUSB0".into();
-    let stage = |source| OpenError::Rotary(StageError::<Deg>::Bus { axis: "rotary stage", source });
+    let stage = |source| DeviceError::Rotary(StageError::<Deg>::Bus(source));
     let request = Request::ReadHolding { address: 1, count: 2 };
     let silent = LineFault::NoAnswer {
         port: port.clone(),
@@ -135,7 +135,7 @@ fn a_device_that_does_not_answer_as_it_should_is_explained() {
         (stage(BusError::Failed(silent)), "unit id"),
         (stage(BusError::Failed(changed)), "register map"),
         (stage(BusError::Refused(refused)), "manual"),
-        (OpenError::Analyzer(wrong), "dialect"),
+        (DeviceError::Analyzer(wrong), "dialect"),
     ];
     for (error, advice) in rows {
         check(&device(Some(Err(error))), &[("identity", Problem, advice)]);

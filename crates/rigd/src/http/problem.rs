@@ -7,6 +7,7 @@ use axum::{
     response::{IntoResponse, Response},
 };
 use rig_engine::Denied;
+use rig_model::with_causes;
 use rig_settings::Faults;
 use rig_store::StoreError;
 use serde::Serialize;
@@ -109,7 +110,7 @@ impl From<StoreError> for Problem {
     fn from(error: StoreError) -> Self {
         match error {
             StoreError::NoSuchRun { .. } => Self::not_found(error.to_string()),
-            error => Self::internal(&error.to_string()),
+            error => Self::internal(&with_causes(&error)),
         }
     }
 }

@@ -8,6 +8,7 @@ use axum::{
     response::{Html, IntoResponse, Response},
 };
 use rig_engine::Command;
+use rig_model::with_causes;
 use rig_store::{Record, Run, RunId, RunKind, export};
 use serde::{Deserialize, Serialize};
 
@@ -122,7 +123,7 @@ pub(super) async fn export(
             ExportFormat::Searches => export::searches_csv(&records, &mut bytes),
             ExportFormat::Jsonl => export::jsonl(&records, &mut bytes),
         }
-        .map_err(|error| Problem::internal(&error.to_string()))?;
+        .map_err(|error| Problem::internal(&with_causes(&error)))?;
         Ok(bytes)
     });
     Ok(([(header::CONTENT_TYPE, content_type)], bytes.await?).into_response())

@@ -3,7 +3,7 @@
 use rig_analyzer::{Analyzer, AnalyzerError};
 use rig_engine::{Device, Failure, FailureKind, Operation, Report};
 use rig_link::StopSignal;
-use rig_model::{Deg, Mm, Unit};
+use rig_model::{Deg, Mm, Unit, with_causes};
 use rig_stage::{BusError, Stage, StageError};
 
 /// The drivers of the three devices.
@@ -68,7 +68,7 @@ impl Devices {
                 error if error.is_line_failure() => FailureKind::Line,
                 _ => FailureKind::Refused,
             },
-            detail: chain(&error),
+            detail: with_causes(&error),
         };
         self.analyzer.configure(level).await.map_err(failure)?;
         self.analyzer.measure(points, stop).await.map_err(failure)
@@ -99,20 +99,8 @@ async fn prepare<U: Unit>(
 fn stage_failure<U: Unit>(device: Device, error: &StageError<U>) -> Failure {
     let kind = match error {
         StageError::Stopped { .. } => FailureKind::Interrupted,
-        StageError::Bus { source: BusError::Failed(_), .. } => FailureKind::Line,
+        StageError::Bus(BusError::Failed(_)) => FailureKind::Line,
         _ => FailureKind::Refused,
     };
-    Failure { device, kind, detail: chain(error) }
-}
-
-/// An error with all its causes, in one line.
-pub(crate) fn chain(error: &dyn std::error::Error) -> String {
-    let mut text = error.to_string();
-    let mut cause = error.source();
-    while let Some(source) = cause {
-        text.push_str(": ");
-        text.push_str(&source.to_string());
-        cause = source.source();
-    }
-    text
+    Failure { device, kind, detail: with_causes(error) }
 }

@@ -9,7 +9,7 @@ use rig_model::{Axis, Bench, DriveLevel, Unit};
 use rig_stage::{Alarm, AxisStatus, BusHandle, Stage, StageError};
 
 use super::{
-    OpenError,
+    DeviceError, OpenError,
     open::{Ports, bus_settings, describe, stage},
 };
 use crate::{
@@ -73,7 +73,7 @@ pub struct DeviceSeen {
     /// The name of its port.
     pub port: String,
     /// What was seen of it; None when its port could not be opened.
-    pub outcome: Option<Result<DeviceFacts, OpenError>>,
+    pub outcome: Option<Result<DeviceFacts, DeviceError>>,
 }
 
 /// A device that answered.
@@ -155,7 +155,7 @@ async fn look_at_analyzer(
     (seen(Ok(port_facts(&name, intruders, &transcript))), device(Some(outcome)))
 }
 
-async fn greet(mut analyzer: Analyzer, bench: &Bench) -> Result<DeviceFacts, OpenError> {
+async fn greet(mut analyzer: Analyzer, bench: &Bench) -> Result<DeviceFacts, DeviceError> {
     let mut identity = analyzer.identify().await?;
     let firmware = identity.firmware.take();
     let volt = TRIAL_LEVEL_V.min(bench.analyzer.max_level_v);
@@ -184,8 +184,8 @@ async fn look_at_bus(
     let rotary = rotary.map(|axis| axis_facts(describe(&file.rotary), axis));
     (
         seen(Ok(port_facts(&name, intruders, &transcript))),
-        device("linear stage", Some(linear.map_err(OpenError::from))),
-        device("rotary stage", Some(rotary.map_err(OpenError::from))),
+        device("linear stage", Some(linear.map_err(DeviceError::from))),
+        device("rotary stage", Some(rotary.map_err(DeviceError::from))),
     )
 }
 

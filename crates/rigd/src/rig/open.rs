@@ -20,7 +20,7 @@ use crate::{
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
     /// The thread of the rig cannot be started.
-    #[error("the rig thread cannot be started: {source}")]
+    #[error("the rig thread cannot be started")]
     Thread {
         /// What the system says.
         source: std::io::Error,
@@ -29,7 +29,7 @@ pub enum OpenError {
     #[error("the rig thread has ended")]
     Gone,
     /// The journal cannot be opened.
-    #[error("data directory {}: {source}", data.display())]
+    #[error("data directory {}", data.display())]
     Data {
         /// The directory.
         data: PathBuf,
@@ -37,25 +37,43 @@ pub enum OpenError {
         source: StoreError,
     },
     /// The scene cannot be set up.
-    #[error("scene: {0}")]
+    #[error("scene")]
     Scene(#[from] rig_sim::world::SceneError),
     /// A port cannot be opened.
-    #[error("{role}: {}", super::devices::chain(source))]
+    #[error("{role}")]
     Port {
         /// What is on it.
         role: &'static str,
         /// Why.
         source: rig_link::OpenError,
     },
-    /// The analyzer does not answer as it should.
-    #[error("{}", super::devices::chain(.0))]
+    /// A device does not answer as it should.
+    #[error("{role}")]
+    Device {
+        /// What it is on the rig.
+        role: &'static str,
+        /// What it did.
+        source: DeviceError,
+    },
+}
+
+/// What went wrong with a device. Which one it is, the one who asked knows.
+#[derive(Debug, thiserror::Error)]
+pub enum DeviceError {
+    /// The analyzer.
+    #[error(transparent)]
     Analyzer(#[from] AnalyzerError),
-    /// The linear stage does not answer as it should.
-    #[error("{}", super::devices::chain(.0))]
+    /// The linear stage.
+    #[error(transparent)]
     Linear(#[from] StageError<Mm>),
-    /// The rotary stage does not answer as it should.
-    #[error("{}", super::devices::chain(.0))]
+    /// The rotary stage.
+    #[error(transparent)]
     Rotary(#[from] StageError<Deg>),
+}
+
+/// A device of this role did this.
+fn device<E: Into<DeviceError>>(role: &'static str) -> impl Fn(E) -> OpenError {
+    move |error| OpenError::Device { role, source: error.into() }
 }
 
 /// A rig whose devices have answered.
@@ -113,9 +131,9 @@ pub(super) async fn open_rig(rig: LoadedRig, clock: Clock) -> Result<Opened, Ope
     let bus = BusHandle::open(bus_port, bus_settings(&file.bus));
     let mut linear = stage(&bus, &file.linear, file.bench.linear);
     let mut rotary = stage(&bus, &file.rotary, file.bench.rotary);
-    let identity = analyzer.identify().await?;
-    linear.identify().await?;
-    rotary.identify().await?;
+    let identity = analyzer.identify().await.map_err(device("analyzer"))?;
+    linear.identify().await.map_err(device("linear stage"))?;
+    rotary.identify().await.map_err(device("rotary stage"))?;
     let devices: Arc<[Identity]> = Arc::new([
         Identity { role: "analyzer", identity: identity.to_string() },
         Identity { role: "linear stage", identity: describe(&file.linear) },

@@ -12,12 +12,13 @@ use rig_engine::{
     OperationId, Report, StateWord,
 };
 use rig_link::{Clock, StopSignal, Transcript};
+use rig_model::with_causes;
 use rig_store::{Ending, Journal, Record, RunKind, Store, StoreError};
 use tokio::sync::{mpsc, oneshot, watch};
 
 use super::{
     OpenError, Refusal, Request, RunView, Setting, Status,
-    devices::{Devices, chain},
+    devices::Devices,
     open::{Opened, Simulation, open_rig},
     record::{self, Recorder},
 };
@@ -316,8 +317,8 @@ impl Shell {
             }
             _ => false,
         };
-        if let (Err(refusal), false) = (self.journal_is_fine(), is_way_out) {
-            let detail = refusal.to_string();
+        if let (Some(reason), false) = (&self.view.journal_error, is_way_out) {
+            let detail = format!("cannot be written: {reason}");
             let kind = FailureKind::Refused;
             self.refused = Some((id, Failure { device: Device::Journal, kind, detail }));
             return;
@@ -402,7 +403,7 @@ impl Shell {
     /// operation it asks for.
     fn journal_failed(&mut self, error: &StoreError) {
         if self.view.journal_error.is_none() {
-            let reason: Arc<str> = chain(error).into();
+            let reason: Arc<str> = with_causes(error).into();
             tracing::error!(%reason, "the journal cannot be written");
             self.view.journal_error = Some(reason);
         }

@@ -217,7 +217,7 @@ async fn a_stop_does_not_wait_for_a_line_to_be_in_order() {
         let mut stage = stage_on(make, &drive, deaf);
         stage.identify().await.unwrap();
         let error = stage.move_to(target(50.0), 5.0, &StopSignal::new()).await.unwrap_err();
-        assert!(matches!(error, StageError::Bus { .. }), "{}: {error:?}", make.map.make);
+        assert!(matches!(error, StageError::Bus(_)), "{}: {error:?}", make.map.make);
         drive.run_away();
         assert!(drive.is_moving(), "{}", make.map.make);
         let drive_seen = drive.clone();
@@ -246,10 +246,7 @@ async fn a_drive_that_does_not_move_as_told_is_found_out() {
         let (drive, mut stage) = ready(make).await;
         drive.lose_counts(counts(make, 0.03));
         let error = stage.move_to(target(12.0), 6.0, &stop).await.unwrap_err();
-        assert_eq!(
-            error.to_string(),
-            "linear stage: stands at 11.970 mm, 0.0300 mm from its target 12.000 mm"
-        );
+        assert_eq!(error.to_string(), "stands at 11.970 mm, 0.0300 mm from its target 12.000 mm");
 
         drive.lose_counts(0);
         drive.raise_alarm(0xE0);
@@ -267,23 +264,17 @@ async fn what_cannot_be_done_is_refused_before_it_is_sent() {
     let drive = Drive::new(&LEADSHINE, 1);
     let mut stage = stage_on(&LEADSHINE, &drive, []);
     let error = stage.move_to(target(10.0), 6.0, &stop).await.unwrap_err();
-    assert_eq!(error.to_string(), "linear stage: not identified yet");
+    assert_eq!(error.to_string(), "not identified yet");
     stage.identify().await.unwrap();
     let frames = drive.seen().len();
     let error = stage.move_to(target(10.0), 30.1, &stop).await.unwrap_err();
-    assert_eq!(error.to_string(), "linear stage: speed 30.1 mm/s is outside (0, 30]");
+    assert_eq!(error.to_string(), "speed 30.1 mm/s is outside (0, 30]");
     // One revolution a minute is a tenth of a millimetre a second.
     let error = stage.move_to(target(10.0), 0.09, &stop).await.unwrap_err();
-    assert_eq!(
-        error.to_string(),
-        "linear stage: speed 0.09 mm/s is below the slowest of the drive, 0.1000"
-    );
+    assert_eq!(error.to_string(), "speed 0.09 mm/s is below the slowest of the drive, 0.1000");
     let mut turning = stage.with_turn(Turn { counts: 36_000, route: Route::Shortest });
     let error = turning.move_to(target(10.0), 6.0, &stop).await.unwrap_err();
-    assert_eq!(
-        error.to_string(),
-        "linear stage: Leadshine CL2C-RS, DM556RS, iEM-RS has no route Shortest"
-    );
+    assert_eq!(error.to_string(), "Leadshine CL2C-RS, DM556RS, iEM-RS has no route `shortest`");
     assert_eq!(drive.seen().len(), frames);
 }
 
@@ -331,7 +322,7 @@ async fn a_drive_that_was_switched_off_is_not_believed_before_it_is_identified_a
             // Its settings come with each move, so that it is known only by its servo being off.
             assert!(matches!(error, StageError::Ignored { .. }), "{error:?}");
         } else {
-            let StageError::Bus { source: BusError::Failed(fault), .. } = error else {
+            let StageError::Bus(BusError::Failed(fault)) = error else {
                 panic!("{}: {error:?}", make.map.make)
             };
             assert!(matches!(fault, LineFault::Changed { .. }), "{fault:?}");

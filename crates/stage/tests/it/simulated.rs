@@ -148,10 +148,9 @@ async fn a_drive_that_restarts_has_to_be_identified_again() {
         let error = move_to(&mut linear, 30.0).await.unwrap_err();
         let is_told = matches!(
             error,
-            StageError::Bus {
-                source: BusError::Failed(LineFault::Changed { .. } | LineFault::NoAnswer { .. }),
-                ..
-            } | StageError::Ignored { .. }
+            StageError::Bus(BusError::Failed(
+                LineFault::Changed { .. } | LineFault::NoAnswer { .. },
+            )) | StageError::Ignored { .. }
                 | StageError::Alarmed { .. }
         );
         assert!(is_told, "{make}: {error:?}");
