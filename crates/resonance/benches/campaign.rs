@@ -24,7 +24,7 @@ const WRONG_SIGMAS: f64 = 5.0;
 
 type Draw = fn(&mut Random) -> Kind;
 
-const KINDS: [(&str, Draw); 17] = [
+const KINDS: [(&str, Draw); 19] = [
     ("nominal", |_| Kind::Nominal),
     ("sparse", |_| Kind::Sparse),
     ("edge-inside", |r| Kind::Place(r.sign() * r.between(0.8, 1.0))),
@@ -35,7 +35,9 @@ const KINDS: [(&str, Draw); 17] = [
     ("mode-far", |r| Kind::SecondMode(r.log_between(0.01, 0.5), r.sign() * r.between(2.0, 8.0))),
     ("drift", |r| Kind::Drift(r.sign() * r.log_between(0.01, 2.0))),
     ("drift-both-ways", |r| Kind::DriftBothWays(r.sign() * r.log_between(0.01, 2.0))),
-    ("outliers", |r| Kind::Outliers(r.log_between(0.01, 0.2))),
+    ("outliers-few", |r| Kind::Outliers(r.between(0.0, 0.05))),
+    ("outliers-more", |r| Kind::Outliers(r.between(0.05, 0.1))),
+    ("outliers-many", |r| Kind::Outliers(r.between(0.1, 0.3))),
     ("unsettled", |r| Kind::Unsettled(r.between(0.0, 4.0))),
     ("softening", |r| Kind::Softening(-r.log_between(0.03, 1.5))),
     ("bistable", |r| Kind::Softening(-r.log_between(1.55, 5.0))),

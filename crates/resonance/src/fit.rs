@@ -131,14 +131,20 @@ fn judge(model: &Model, window: Window, options: &FitOptions) -> Verdict {
         let is_nothing = gain < GAIN_MIN;
         let nothing = Reason::NoResonance { found: gain, needed: GAIN_MIN };
         let reason = if is_nothing { nothing } else { Reason::NotConverged };
+        let reason = model.outliers_in_the_way().unwrap_or(reason);
         return Verdict::Refused(Refusal { reason, estimate: None });
     };
     let reason = doubt_existence(&found, gain)
         .or_else(|| (model.found.end == End::OutOfSteps).then_some(Reason::NotConverged))
         .or_else(|| doubt_place(&found, window))
+        // A fit to many outliers says nothing of the resonance.
+        .map(|reason| model.outliers_in_the_way().unwrap_or(reason))
         // Something in series explains a little of nearly everything, and much of mere noise.
         .or(model.reason.filter(|reason| *reason != Reason::Stray))
-        .or_else(|| doubt_precision(&found, model.sigma_by_noise_hz(&found)))
+        .or_else(|| {
+            let reason = doubt_precision(&found, model.sigma_by_noise_hz(&found))?;
+            Some(model.outliers_in_the_way().unwrap_or(reason))
+        })
         .or(model.reason)
         .or_else(|| {
             let sigmas = scatter::CHI_SQUARED_SIGMAS;

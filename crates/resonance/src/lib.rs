@@ -26,6 +26,7 @@ mod planner;
 mod points;
 mod quick;
 mod ringup;
+mod robust;
 mod rounding;
 mod scatter;
 mod solve;

@@ -2,14 +2,14 @@
 //!
 //! A reading here and there goes wrong by itself, and the rest is worth no less for it. But whatever
 //! makes a model wrong makes readings look like outliers too, and first of all those near the
-//! resonance. So outliers are left out only where they are few and apart, where the rest tells as
-//! much without them, and where nothing else explains them.
+//! resonance. So outliers are left out only where they are few, where the rest tells as much without
+//! them, and where nothing else explains them.
 
 use crate::{
     dense::Cholesky,
     scatter::VARIANCE_MIN,
     solve::Normal,
-    trace::{Minimum, Trace, UNKNOWNS},
+    trace::{Believed, Minimum, Trace, UNKNOWNS},
 };
 
 /// One reading in ten may be an outlier. With more, the rest is not to be trusted either.
@@ -21,10 +21,10 @@ const ROUNDS: usize = 12;
 /// Where Cauchy's weight has fallen to a half, in means of |r|².
 const CAUCHY_MEANS: f64 = 3.0;
 /// The variance may rise by this factor when outliers are left out.
-const LOST: f64 = 1.5;
+const LOST: f64 = 2.0;
 /// The usual |r|² is taken from this part of the readings, the ones that fit best: twice as many may
 /// be outliers as are accepted.
-const TRIMMED: f64 = 0.8;
+pub(crate) const TRIMMED: f64 = 0.8;
 /// The mean of an exponential distribution of mean 1 up to its 80 % point.
 const TRIMMED_MEAN: f64 = 0.5977;
 
@@ -39,10 +39,18 @@ pub(crate) fn count(trace: &Trace, found: &Minimum) -> usize {
 }
 
 /// The readings without outliers and the model that they then follow, where leaving some out is
-/// worth a thought.
-pub(crate) fn without(trace: &Trace, plain: &Minimum) -> Option<(Trace, Minimum)> {
+/// worth a thought. `near` is a place that outliers have not led astray, where one is known.
+/// Then also whether they may be left out: they are few, and the rest tells as much.
+pub(crate) fn without(
+    trace: &Trace,
+    plain: &Minimum,
+    near: Option<Believed>,
+) -> Option<(Trace, Minimum, bool)> {
     let readings = trace.used().0;
-    let mut best = reweighted(trace, plain);
+    let mut best = match near {
+        Some(at) => Minimum { at, normal: trace.normal(&at), ..*plain },
+        None => reweighted(trace, plain),
+    };
     let mut left_out = 0;
     let mut rest = trace.clone();
     for _ in 0..ROUNDS {
@@ -55,17 +63,17 @@ pub(crate) fn without(trace: &Trace, plain: &Minimum) -> Option<(Trace, Minimum)
             }
         }
         let now = readings - rest.used().0;
-        if now * READINGS_PER_OUTLIER > readings {
-            return None;
-        }
         best = rest.minimum(best.at, best.free);
+        if now * READINGS_PER_OUTLIER > readings {
+            return Some((rest, best, false));
+        }
         if now == left_out {
             break;
         }
         left_out = now;
     }
-    let is_fine = left_out > 0 && are_apart(trace, &rest) && tells_as_much(trace, &rest, &best);
-    is_fine.then_some((rest, best))
+    let is_enough = tells_as_much(trace, &rest, &best);
+    (left_out > 0).then_some((rest, best, is_enough))
 }
 
 /// The model with Cauchy's weights, under which the scale comes down although outliers are inside.
@@ -88,19 +96,6 @@ fn reweighted(trace: &Trace, plain: &Minimum) -> Minimum {
 fn far(trace: &Trace, found: &Minimum) -> f64 {
     let half = 0.5 * (2 * trace.used().0).saturating_sub(found.free).max(1) as f64;
     half * ((1e6_f64.ln() / half).exp() - 1.0)
-}
-
-/// Whether no two readings that are left out are neighbours in frequency.
-fn are_apart(all: &Trace, rest: &Trace) -> bool {
-    let mut readings: Vec<(f64, bool)> = all
-        .samples
-        .iter()
-        .zip(&rest.samples)
-        .filter(|(sample, _)| sample.weight > 0.0)
-        .map(|(sample, left)| (sample.visit.frequency_hz, left.weight == 0.0))
-        .collect();
-    readings.sort_by(|a, b| a.0.total_cmp(&b.0));
-    readings.windows(2).all(|pair| !(pair[0].1 && pair[1].1))
 }
 
 /// Whether what is left tells nearly as much of the resonance as all readings would.

@@ -147,7 +147,7 @@ impl Quick {
     /// Where a closer look starts.
     fn believed(&self, solution: &Solution) -> Option<Believed> {
         let theta = solution.theta;
-        let circuit = self.circuit(solution)?;
+        let circuit = circuit_of(&self.points, solution)?;
         (theta.c > 0.0 && theta.kappa > 0.0).then_some(Believed {
             resonance_hz: circuit.resonance_hz,
             q: circuit.q,
@@ -159,21 +159,6 @@ impl Quick {
         })
     }
 
-    fn circuit(&self, solution: &Solution) -> Option<Circuit> {
-        let theta = &solution.theta;
-        let ratio = 1.0 + theta.nu;
-        let Points { reference_hz, reference_farad, total_weight, .. } = self.points;
-        // A reading (1 + ε)Z is best met by an admittance that is too small by ⟨|ε|²⟩.
-        let unbiased = 1.0 + solution.normal.cost / total_weight;
-        (ratio > 0.0).then(|| Circuit {
-            resonance_hz: reference_hz * ratio.sqrt(),
-            q: ratio.sqrt() / theta.alpha,
-            c0_farad: reference_farad * theta.c * unbiased,
-            c1_farad: reference_farad * theta.kappa / ratio * unbiased,
-            loss_tangent: theta.g / theta.c,
-        })
-    }
-
     fn resonance(
         &self,
         solution: &Solution,
@@ -182,7 +167,7 @@ impl Quick {
         rung: Rung,
         options: &FitOptions,
     ) -> Option<Resonance> {
-        let circuit = self.circuit(solution)?;
+        let circuit = circuit_of(&self.points, solution)?;
         let inverse = Cholesky::new(&solution.normal.matrix, free, 0.0)?.inverse();
         let Theta { nu, alpha, c, kappa, g } = solution.theta;
         let (ratio, root) = (1.0 + nu, (1.0 + nu).sqrt());
@@ -209,6 +194,22 @@ impl Quick {
         };
         Some(Resonance::new(&circuit, &spread, rung, options.noise.as_ref()))
     }
+}
+
+/// The circuit of a solution in farads.
+pub(crate) fn circuit_of(points: &Points, solution: &Solution) -> Option<Circuit> {
+    let theta = &solution.theta;
+    let ratio = 1.0 + theta.nu;
+    let Points { reference_hz, reference_farad, total_weight, .. } = *points;
+    // A reading (1 + ε)Z is best met by an admittance that is too small by ⟨|ε|²⟩.
+    let unbiased = 1.0 + solution.normal.cost / total_weight;
+    (ratio > 0.0).then(|| Circuit {
+        resonance_hz: reference_hz * ratio.sqrt(),
+        q: ratio.sqrt() / theta.alpha,
+        c0_farad: reference_farad * theta.c * unbiased,
+        c1_farad: reference_farad * theta.kappa / ratio * unbiased,
+        loss_tangent: theta.g / theta.c,
+    })
 }
 
 /// By how much the cost falls when the patterns of [`kernel::look`] are fitted to the residuals

@@ -14,6 +14,7 @@ use crate::{
     fit::GAIN_MIN,
     grid::{Expected, Grid, Q_TYPICAL, are_apart},
     outliers::{self, GAIN_PER_OUTLIER, READINGS_PER_OUTLIER},
+    robust,
     scatter::{self, Pool},
     solve::End,
     trace::{Believed, Besides, CIRCUIT, Minimum, Timing, Trace},
@@ -32,6 +33,8 @@ pub(crate) struct Model {
     known: f64,
     /// The multiple of the mains frequency near which readings were disturbed.
     mains_hz: Option<f64>,
+    /// Readings far from the rest, where there are too many of them to be left out.
+    too_many: Option<usize>,
     /// What must be added to the relative variance of the resonance, because a cause that would
     /// shift it is not excluded.
     widened: f64,
@@ -108,21 +111,35 @@ impl Model {
         let mut trace = Trace::of(readings, options.timing, unit_farad);
         trace.added.extend(rounding);
         let free = CIRCUIT + trace.besides().count();
+        // What few wrong readings cannot lead astray; readings that ring have no settled circuit.
+        let is_settled = options.timing.is_steady() && options.near.is_none();
+        let robust = is_settled.then(|| robust::circuit(readings)).flatten();
+        let robust = robust
+            .map(|circuit| Believed::of(&circuit, unit_farad))
+            .filter(|circuit| circuit.c0 > 0.0 && circuit.c1 > 0.0);
         let start = match start {
             Some(start) => start,
-            None => from_nothing(&trace, window, free)?,
+            None => from_nothing(&trace, window, free).or_else(|none| robust.ok_or(none))?,
         };
         let start = Believed { besides: trace.besides(), ..start };
         let (trace, found) = weighed(trace, start, free, options);
         let rung = if options.timing.is_steady() { Rung::Loss } else { Rung::RingUp };
-        let mut model =
-            Self { trace, found, rung, known: 0.0, mains_hz: None, widened: 0.0, reason: None };
+        let mut model = Self {
+            trace,
+            found,
+            rung,
+            known: 0.0,
+            mains_hz: None,
+            too_many: None,
+            widened: 0.0,
+            reason: None,
+        };
         if !rounding.is_empty() {
             model.weigh_rounding(options);
         }
-        let mut model = model.without_outliers(options);
+        let mut model = model.without_outliers(robust, options);
         if model.weigh_pick_up(options) {
-            model = model.without_outliers(options);
+            model = model.without_outliers(robust, options);
         }
         if options.timing.is_steady() && !options.always_loss {
             model.try_without_loss();
@@ -143,19 +160,31 @@ impl Model {
     }
 
     /// The model of the readings without outliers, where they are all that is wrong.
-    fn without_outliers(self, options: &FitOptions) -> Self {
-        if outliers::count(&self.trace, &self.found) == 0 {
+    fn without_outliers(mut self, robust: Option<Believed>, options: &FitOptions) -> Self {
+        if robust.is_none() && outliers::count(&self.trace, &self.found) == 0 {
             return self;
         }
-        let Some((trace, found)) = outliers::without(&self.trace, &self.found) else {
-            return self;
-        };
+        let without = outliers::without(&self.trace, &self.found, robust);
+        let Some((trace, found, is_enough)) = without else { return self };
+        let left_out = self.trace.used().0 - trace.used().0;
         let rest = Self { trace, found, ..self };
+        if !is_enough {
+            // Anything can be made of noise by leaving readings out.
+            let is_resonance = rest.gain_over_capacitor() > GAIN_MIN;
+            self.too_many = is_resonance.then_some(left_out);
+            return self;
+        }
         let gain = rest.degrees() * (self.found.normal.cost / rest.found.normal.cost).ln();
-        let left_out = self.trace.used().0 - rest.trace.used().0;
         // The readings may follow another model as a whole.
         let is_best = self.rival(options) < gain - GAIN_PER_OUTLIER * left_out as f64;
         if is_best { rest } else { self }
+    }
+
+    /// That readings far from the rest keep the model from being found.
+    pub(crate) fn outliers_in_the_way(&self) -> Option<Reason> {
+        let readings = self.trace.samples.len();
+        let allowed = readings / READINGS_PER_OUTLIER;
+        self.too_many.map(|found| Reason::Outliers { found, readings, allowed })
     }
 
     fn too_many_outliers(&self) -> Option<Reason> {
@@ -281,8 +310,8 @@ impl Model {
         let trace = self.trace.clone();
         let start = Believed { besides, extra, ..self.found.at };
         let found = trace.minimum(start, CIRCUIT + besides.count());
-        let Self { known, mains_hz, .. } = *self;
-        Some(Self { trace, found, rung, known, mains_hz, widened: 0.0, reason: None })
+        let Self { known, mains_hz, too_many, .. } = *self;
+        Some(Self { trace, found, rung, known, mains_hz, too_many, widened: 0.0, reason: None })
     }
 
     /// Whether what is left of the motion does not matter, given how long each point was waited

@@ -257,8 +257,8 @@ pub enum Reason {
     },
     /// A capacitor with loss explains the readings as well.
     #[error(
-        "no resonance: twice the log-likelihood exceeds that of a capacitor by {found:.1}, at \
-         least {needed:.0} is needed"
+        "no resonance: a capacitor with loss explains the readings as well (a resonance adds \
+         {found:.1} to twice the log-likelihood, a real one at least {needed:.0})"
     )]
     NoResonance {
         /// Twice the difference of the log-likelihoods.
@@ -292,8 +292,8 @@ pub enum Reason {
     },
     /// Too many readings are far from the rest.
     #[error(
-        "{found} of {readings} readings are far from the rest; at most {allowed}, each alone and \
-         none that matters much, can be left out"
+        "{found} of {readings} readings are far from the rest; at most {allowed} can be left out, \
+         and only where the rest still determines the resonance"
     )]
     Outliers {
         /// Outliers.

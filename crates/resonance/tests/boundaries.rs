@@ -142,6 +142,35 @@ fn the_number_of_points() {
     ]);
 }
 
+/// Scaled by 0.01 to 100, mirrored, stuck, alone and in bursts. The campaign, with more sweeps than
+/// a test has time for, accepts 99 % and 96 %.
+#[test]
+fn few_wrong_readings_hardly_ever_cost_the_sweep_and_never_the_truth() {
+    const SWEEPS: u64 = 300;
+    for (shares, needed) in [((0.0, 0.05), 0.97), ((0.05, 0.1), 0.92)] {
+        let mut accepted = 0;
+        for seed in 0..SWEEPS {
+            let mut random = Random::new(seed);
+            let sensor = Scene::random(&mut random);
+            let kind = Kind::Outliers(random.between(shares.0, shares.1));
+            let (readings, _) = sensor.sweep(kind, &mut random);
+            if let Verdict::Accepted(found) = fit(&readings, &sensor.options()) {
+                let sigmas = (found.resonance_hz - sensor.resonance_hz) / found.sigma_hz;
+                assert!(sigmas.abs() < 5.0, "seed {seed}: {sigmas} of {found:?}");
+                accepted += 1;
+            }
+        }
+        let share = f64::from(accepted) / SWEEPS as f64;
+        assert!(share >= needed, "{shares:?}: {share}");
+    }
+}
+
+#[test]
+fn the_share_of_wrong_readings() {
+    let is_outliers = |reason: &Reason| matches!(reason, Reason::Outliers { .. });
+    check(&[(SENSOR, Kind::Nominal, PLAIN), (SENSOR, Kind::Outliers(0.15), Refused(is_outliers))]);
+}
+
 #[test]
 fn the_strength_of_a_second_mode() {
     let is_second = |reason: &Reason| matches!(reason, Reason::SecondMode { .. });

@@ -40,6 +40,12 @@ impl Random {
         self.log_between(low, high).floor() as usize
     }
 
+    /// A whole number below this one, each as likely.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below a count")]
+    pub(crate) fn below(&mut self, count: usize) -> usize {
+        self.between(0.0, count as f64) as usize
+    }
+
     /// Two independent normal numbers.
     pub(crate) fn normal(&mut self) -> Complex64 {
         let radius = (-2.0 * self.between(f64::MIN_POSITIVE, 1.0).ln()).sqrt();

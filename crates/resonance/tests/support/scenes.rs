@@ -28,7 +28,7 @@ pub(crate) enum Kind {
     Drift(f64),
     /// The same over a sweep up and down again.
     DriftBothWays(f64),
-    /// Share of readings.
+    /// Share of readings that are anything: scaled, mirrored, stuck, alone and in bursts.
     Outliers(f64),
     /// Time constants waited for at each point.
     Unsettled(f64),
@@ -130,13 +130,12 @@ impl Scene {
         let ideal = self.ideal(kind, &frequencies, random);
         let wait_s = self.wait_s(kind);
         let mut now_s = 1.0;
-        let readings = frequencies
+        let mut readings: Vec<Reading> = frequencies
             .iter()
             .zip(ideal)
             .map(|(&frequency_hz, impedance)| {
                 let noisy = impedance * (1.0 + self.noise * random.normal());
-                let mut reading =
-                    reading(frequency_hz, round(kind, spoilt(kind, noisy, self.noise, random)));
+                let mut reading = reading(frequency_hz, round(kind, noisy));
                 reading.started = RigTime::ZERO + Duration::from_secs_f64(now_s);
                 reading.settle_s = wait_s;
                 if let Kind::Mains(..) = kind {
@@ -150,6 +149,9 @@ impl Scene {
                 reading
             })
             .collect();
+        if let Kind::Outliers(share) = kind {
+            spoil(&mut readings, share, self.noise, random);
+        }
         let moved = match kind {
             Kind::Drift(widths) => 0.5 * widths.abs() * self.linewidth_hz(),
             _ => 0.0,
@@ -282,16 +284,35 @@ impl Scene {
     }
 }
 
-fn spoilt(kind: Kind, impedance: Complex64, noise: f64, random: &mut Random) -> Complex64 {
-    match kind {
-        Kind::Outliers(share) if random.between(0.0, 1.0) < share => {
-            if random.between(0.0, 1.0) < 0.5 {
-                impedance * random.log_between(0.1, 10.0)
-            } else {
-                impedance * (1.0 + 20.0 * noise * random.normal())
+/// Makes this share of the readings outliers, at least one.
+fn spoil(readings: &mut [Reading], share: f64, noise: f64, random: &mut Random) {
+    let count = readings.len();
+    let mut left = (1..count).take_while(|&n| (n as f64) < share * count as f64).count().max(1);
+    let mut is_spoilt = vec![false; count];
+    while left > 0 {
+        let first = random.below(count);
+        // Most come alone, some in pairs and in bursts.
+        let length = [1, 1, 1, 1, 2, 4][random.below(6)].min(left);
+        let way = random.below(6);
+        for i in first..(first + length).min(count) {
+            if is_spoilt[i] {
+                continue;
             }
+            let stuck = readings[first.saturating_sub(1)];
+            let (before, one) =
+                (Complex64::new(stuck.resistance_ohm, stuck.reactance_ohm), &mut readings[i]);
+            let z = Complex64::new(one.resistance_ohm, one.reactance_ohm);
+            let wrong = match way {
+                0 | 1 => z * random.log_between(0.01, 100.0),
+                2 => z * (1.0 + 20.0 * noise * random.normal()),
+                3 => [-z, z.conj(), -z.conj()][random.below(3)],
+                4 => before,
+                _ => Complex64::new(z.re * random.log_between(0.01, 100.0), z.im * random.sign()),
+            };
+            (one.resistance_ohm, one.reactance_ohm) = (wrong.re, wrong.im);
+            is_spoilt[i] = true;
+            left -= 1;
         }
-        _ => impedance,
     }
 }
 

@@ -42,6 +42,18 @@ pub(super) struct Scene {
     pub(super) digits: Option<i32>,
 }
 
+/// Readings that go wrong together: mostly one, sometimes two or four.
+const fn burst_length(uniform: f64) -> u32 {
+    if uniform < 0.7 {
+        1
+    } else if uniform < 0.9 {
+        2
+    } else {
+        4
+    }
+}
+const BURST_MEAN: f64 = 1.5;
+
 /// Cycles integrated at each point.
 const CYCLES: u32 = 10;
 
@@ -111,12 +123,32 @@ impl Scene {
         };
         // A stream of its own: the analyzer has used the other.
         let mut chance = chance.aside();
+        let (mut burst, mut way, mut last) = (0_u32, 0.0, None);
         for reading in &mut readings {
-            if chance.uniform() < self.outliers {
-                // A glitch of the size of the reading itself.
-                reading.resistance_ohm *= 1.0 + chance.normal();
-                reading.reactance_ohm *= 1.0 + chance.normal();
+            if burst == 0 && chance.uniform() < self.outliers / BURST_MEAN {
+                (burst, way) = (burst_length(chance.uniform()), chance.uniform());
             }
+            if burst > 0 {
+                burst -= 1;
+                let factor = 10_f64.powf(4.0 * chance.uniform() - 2.0);
+                if way < 0.4 {
+                    // Both parts by the same factor, from 0.01 to 100.
+                    reading.resistance_ohm *= factor;
+                    reading.reactance_ohm *= factor;
+                } else if way < 0.6 {
+                    reading.resistance_ohm *= factor;
+                } else if way < 0.7 {
+                    reading.reactance_ohm = -reading.reactance_ohm;
+                } else if way < 0.8 {
+                    reading.resistance_ohm = -reading.resistance_ohm;
+                    reading.reactance_ohm = -reading.reactance_ohm;
+                } else if let Some((resistance_ohm, reactance_ohm)) = last {
+                    // Stuck.
+                    (reading.resistance_ohm, reading.reactance_ohm) =
+                        (resistance_ohm, reactance_ohm);
+                }
+            }
+            last = Some((reading.resistance_ohm, reading.reactance_ohm));
             if let Some(digits) = self.digits {
                 reading.resistance_ohm = rounded(reading.resistance_ohm, digits);
                 reading.reactance_ohm = rounded(reading.reactance_ohm, digits);

@@ -1,0 +1,122 @@
+//! A start that a few wrong readings cannot lead astray.
+//!
+//! One reading ten times too large outweighs all others in a least-squares fit. So the circuit is
+//! fitted to the readings that it describes best, again and again until these stay the same, from
+//! several sets to begin with: all readings, those that agree with their neighbours, and every
+//! third one.
+//!
+//! # Source
+//! Rousseeuw and Van Driessen, Data Mining and Knowledge Discovery 12 (2006) 29 (concentration
+//! steps of the least trimmed squares).
+
+use std::f64::consts::TAU;
+
+use num_complex::Complex64;
+use rig_model::{Reading, ReadingFlag};
+
+use crate::{
+    Circuit,
+    kernel::PARAMETERS,
+    outliers::TRIMMED,
+    points::Points,
+    quick::circuit_of,
+    solve::{rational_start, solve},
+    trace::weight,
+};
+
+/// Rounds in which the readings that fit best are chosen anew.
+const ROUNDS: usize = 10;
+/// Sets of readings spread over the sweep.
+const SPREAD_SETS: usize = 3;
+/// Neighbours on each side with which a reading is compared.
+const NEIGHBOURS: usize = 3;
+/// A reading is left out of a start when it is off by more than this, in logarithms, and by more
+/// than this many times what its neighbours differ by.
+const OFF: f64 = 0.05;
+const OFF_TIMES: f64 = 4.0;
+
+/// The circuit that describes most of the readings, with dielectric loss. `None` where no part of
+/// them looks like a resonance.
+pub(crate) fn circuit(readings: &[Reading]) -> Option<Circuit> {
+    let mut readings: Vec<Reading> =
+        readings.iter().filter(|reading| reading.flag != ReadingFlag::Overload).copied().collect();
+    readings.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
+    let everything: Vec<usize> = (0..readings.len()).collect();
+    let mut sets = vec![agreeing(&readings), everything.clone()];
+    let every = |first: usize| everything.iter().copied().skip(first).step_by(SPREAD_SETS);
+    sets.extend((0..SPREAD_SETS).map(|first| every(first).collect()));
+    sets.into_iter()
+        .filter_map(|set| concentrate(&readings, set))
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+        .map(|(circuit, _)| circuit)
+}
+
+/// The circuit at which a set of readings is the one that fits it best, and their cost.
+fn concentrate(readings: &[Reading], mut set: Vec<usize>) -> Option<(Circuit, f64)> {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below a count")]
+    let kept = (TRIMMED * readings.len() as f64).ceil() as usize;
+    let mut points = Points::default();
+    let mut best: Option<(Circuit, f64)> = None;
+    for _ in 0..ROUNDS {
+        let chosen: Vec<Reading> = set.iter().map(|&i| readings[i]).collect();
+        points.load(&chosen).ok()?;
+        let Some(start) = rational_start(&points) else { break };
+        let solution = solve(&points, start, PARAMETERS);
+        let Some(circuit) = circuit_of(&points, &solution) else { break };
+        let mut sizes: Vec<(f64, usize)> =
+            readings.iter().enumerate().map(|(i, one)| (size(one, &circuit), i)).collect();
+        sizes.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        sizes.truncate(kept);
+        let cost = sizes.iter().map(|(size, _)| size).sum();
+        if best.is_some_and(|(_, least)| cost >= least) {
+            break;
+        }
+        best = Some((circuit, cost));
+        set = sizes.into_iter().map(|(_, i)| i).collect();
+        set.sort_unstable();
+    }
+    best
+}
+
+/// How far a reading is from a circuit: its weight times the square of the relative error, taken as
+/// in [`crate::trace`], where a value too large and one too small count alike.
+fn size(reading: &Reading, circuit: &Circuit) -> f64 {
+    let impedance = Complex64::new(reading.resistance_ohm, reading.reactance_ohm);
+    let x = impedance * circuit.admittance_siemens(reading.frequency_hz);
+    weight(reading) * (2.0 * (x - 1.0) / (x + 1.0)).norm_sqr()
+}
+
+/// The readings, sorted by frequency, that are near the median of their neighbours.
+fn agreeing(readings: &[Reading]) -> Vec<usize> {
+    // Capacitance hardly changes far from the resonance.
+    let capacitances: Vec<Complex64> = readings
+        .iter()
+        .map(|one| {
+            let turn = Complex64::new(0.0, TAU * one.frequency_hz);
+            1.0 / (turn * Complex64::new(one.resistance_ohm, one.reactance_ohm))
+        })
+        .collect();
+    let agrees = |&i: &usize| {
+        let first = i.saturating_sub(NEIGHBOURS);
+        let around: Vec<Complex64> = capacitances[first..]
+            .iter()
+            .take(NEIGHBOURS + i - first + 1)
+            .enumerate()
+            .filter(|(n, _)| first + n != i)
+            .map(|(_, &one)| one)
+            .collect();
+        let middle = Complex64::new(
+            median(around.iter().map(|one| one.re).collect()),
+            median(around.iter().map(|one| one.im).collect()),
+        );
+        let off = |one: Complex64| (one / middle).ln().norm();
+        let usual = median(around.iter().map(|&one| off(one)).collect());
+        off(capacitances[i]) < OFF + OFF_TIMES * usual
+    };
+    (0..readings.len()).filter(agrees).collect()
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
