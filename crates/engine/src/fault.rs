@@ -39,6 +39,9 @@ pub enum FailureKind {
     Refused,
     /// The device did not answer, or not intelligibly.
     Line,
+    /// An axis does not know where it is, or says that it is where it cannot be. No move from there
+    /// is safe, not even a retract.
+    Lost,
 }
 
 /// An operation that did not do what was asked.
@@ -133,6 +136,14 @@ pub enum Fault {
         /// Who.
         by: String,
     },
+}
+
+impl Fault {
+    /// Whether it is not known any more where the linear stage is, so that it must not be moved.
+    pub(crate) fn is_linear_lost(&self) -> bool {
+        let Self::Device(failure) = self else { return false };
+        (failure.device, failure.kind) == (Device::LinearStage, FailureKind::Lost)
+    }
 }
 
 /// Why a run or a sweep is ended early.

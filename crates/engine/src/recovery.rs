@@ -24,9 +24,15 @@ pub(crate) struct Recovery {
 }
 
 impl Recovery {
-    pub(crate) const fn begin() -> (Self, RecoveryTurn) {
-        let recovery = Self { attempts_left: RETRACT_ATTEMPTS };
+    /// Nothing is retracted where the linear stage is lost: which way is up, it does not know.
+    pub(crate) const fn begin(is_linear_lost: bool) -> (Self, RecoveryTurn) {
+        let recovery = Self { attempts_left: if is_linear_lost { 0 } else { RETRACT_ATTEMPTS } };
         (recovery, RecoveryTurn::Do(Operation::StopMotion))
+    }
+
+    /// The linear stage was lost on the way: it is not moved again.
+    pub(crate) const fn give_up(&mut self) {
+        self.attempts_left = 0;
     }
 
     /// An operation of the recovery has ended, well or not; `clearance` is what is known now.

@@ -123,6 +123,8 @@ fn plan() -> Plan {
 enum Trouble {
     /// It fails as if the line had gone dead.
     Fails,
+    /// It fails because the linear stage says that it is where it cannot be.
+    Loses,
     /// It reports success, but the axis has not moved.
     Stalls,
     /// It never reports.
@@ -149,6 +151,7 @@ struct World {
     is_intent_durable: bool,
     in_flight: Option<(OperationId, Operation)>,
     was_interrupted: bool,
+    is_lost: bool,
     random: u64,
 }
 
@@ -165,6 +168,7 @@ impl World {
             is_intent_durable: false,
             in_flight: None,
             was_interrupted: false,
+            is_lost: false,
             random: 1,
         }
     }
@@ -210,6 +214,7 @@ impl World {
                 );
             }
             Operation::MoveLinear { target, .. } => {
+                assert!(!self.is_lost, "moved from where it cannot be");
                 let target_mm = target.position().value();
                 assert!(target_mm >= SURFACE_MM - 0.61, "too deep: {target_mm}");
                 assert!(target_mm >= REST_MM || self.is_intent_durable, "no durable intent");
@@ -230,13 +235,10 @@ impl World {
         self.now = self.now + std::time::Duration::from_millis(100);
         match trouble {
             None => {}
-            Some(Trouble::Fails) => {
-                let failure = Failure {
-                    device: Device::LinearStage,
-                    kind: FailureKind::Line,
-                    detail: "no answer".to_owned(),
-                };
-                return self.handle(Input::Done(id, Err(failure)));
+            Some(Trouble::Fails) => return self.fail(id, FailureKind::Line),
+            Some(Trouble::Loses) => {
+                self.is_lost = true;
+                return self.fail(id, FailureKind::Lost);
             }
             Some(Trouble::Stalls) => {
                 let report = self.stalled(&operation);
@@ -258,6 +260,12 @@ impl World {
         }
         let report = self.perform(&operation);
         self.handle(Input::Done(id, Ok(report)));
+    }
+
+    fn fail(&mut self, id: OperationId, kind: FailureKind) {
+        let detail = "as it was told to".to_owned();
+        let failure = Failure { device: Device::LinearStage, kind, detail };
+        self.handle(Input::Done(id, Err(failure)));
     }
 
     fn try_command(&mut self, command: Command) {
@@ -394,6 +402,7 @@ fn whatever_goes_wrong_wherever_it_ends_clear_or_latched() {
     for at in 0..count {
         for trouble in [
             Trouble::Fails,
+            Trouble::Loses,
             Trouble::Stalls,
             Trouble::Hangs,
             Trouble::Abort,
@@ -421,6 +430,31 @@ fn whatever_goes_wrong_wherever_it_ends_clear_or_latched() {
         }
     }
     assert!(endings.iter().all(|&count| count > 50), "one-sided endings: {endings:?}");
+}
+
+#[test]
+fn a_linear_stage_that_is_lost_on_the_way_out_is_not_moved_again() {
+    for trouble in [Trouble::Fails, Trouble::Abort, Trouble::Stop] {
+        let mut world = World::new(Some((30, trouble)));
+        world.command(Command::Prepare);
+        while world.engine.snapshot().state != StateWord::Retracting {
+            match world.engine.snapshot().state {
+                StateWord::Idle => world.command(Command::Run(Box::new(plan()))),
+                StateWord::WaitingForPerson => world.command(Command::Answer),
+                _ => world.step(),
+            }
+        }
+        while !matches!(world.in_flight, Some((_, Operation::MoveLinear { .. }))) {
+            world.step();
+        }
+        world.trouble = Some((world.operations, Trouble::Loses));
+        while world.in_flight.is_some() {
+            world.step();
+        }
+        let end = world.engine.snapshot();
+        assert!(world.is_lost && end.clearance == Clearance::Unknown, "{trouble:?}: {end:?}");
+        assert_eq!(end.state, StateWord::Latched, "{trouble:?}");
+    }
 }
 
 #[test]

@@ -231,6 +231,14 @@ impl<U: Unit> Axis<U> {
         Target(self.limits.rest)
     }
 
+    /// Whether the axis can be where a read-back says it is: within its travel, or beyond by no more
+    /// than the tolerance.
+    pub fn can_be_at(&self, read_back: Position<U>) -> bool {
+        let AxisLimits { travel, tolerance, .. } = self.limits;
+        travel.contains(read_back.offset(tolerance))
+            || travel.contains(read_back.offset(-tolerance))
+    }
+
     /// Whether a read-back shows the axis at the target.
     pub fn is_at(&self, read_back: Position<U>, target: Target<U>) -> bool {
         (read_back.value() - target.0.value()).abs() <= self.limits.tolerance
@@ -261,6 +269,16 @@ mod tests {
             "linear stage: target 49.501 mm is outside the soft limits [0.500 mm, 49.500 mm]"
         );
         assert!(axis.target(Position::new(f64::NAN)).is_err());
+    }
+
+    #[test]
+    fn an_axis_is_not_beyond_its_travel() {
+        let axis = Axis::new("linear stage", limits()).unwrap();
+        let can_be_at = |mm| axis.can_be_at(Position::new(mm));
+        assert!([-0.0019, 0.0, 25.0, 50.0, 50.0019].into_iter().all(can_be_at));
+        assert!(
+            ![-40.0, -0.0021, 50.0021, 400.0, f64::NAN, f64::INFINITY].into_iter().any(can_be_at)
+        );
     }
 
     #[test]

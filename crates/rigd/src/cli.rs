@@ -40,6 +40,7 @@ use rig_model::with_causes;
 use rig_store::{Reader, StoreError, export::ExportError};
 
 use crate::{
+    doctor as findings,
     loaded_rig::{FileError, LoadedRig},
     rig::{OpenError, Refusal},
     run_files::RunFilesError,
@@ -307,6 +308,11 @@ pub fn main() -> ExitCode {
                 // Each fault begins with its place, so that an editor can jump there.
                 Failure::BadFile(FileError::Faults(faults)) => table::note(&faults.to_string()),
                 failure => table::note(&format!("rigd: {}", with_causes(failure))),
+            }
+            if let Failure::Open(error) = &failure
+                && let Some(advice) = findings::advice_on_rig(error)
+            {
+                table::note(&format!("→ {advice}"));
             }
             ExitCode::from(failure.exit_code())
         }

@@ -11,7 +11,7 @@ mod tests;
 
 use std::path::Path;
 
-use crate::rig::{DeviceError, Inspection};
+use crate::rig::{DeviceError, Inspection, OpenError};
 
 /// How grave a finding is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -91,6 +91,24 @@ pub(crate) fn findings(data: &Path, inspection: &Inspection) -> Vec<Finding> {
     all
 }
 
+/// What to do about an axis that says that it is where it cannot be. Nothing here may move it: a
+/// move that starts from a wrong position, or goes the wrong way, ends in the sample.
+pub(crate) const LOST: &str = "move nothing, not with the tool of the drive either: with the drives off, look where the axis \
+     stands, and correct the sign and the size of its step, its zero or its travel in the rig file";
+
+/// What to do about an axis that is not homed. Which way it homes is set in the drive.
+const NOT_HOMED: &str = "clear the whole travel of the axis before the rig is opened for work: it is homed then, by \
+     the procedure that is set in the drive";
+
+/// What to do about a rig that cannot be opened, where that is known.
+pub(crate) fn advice_on_rig(error: &OpenError) -> Option<&'static str> {
+    match error {
+        OpenError::Port { source, .. } => Some(advice_on_port(source)),
+        OpenError::Device { source, .. } => Some(advice(source)),
+        _ => None,
+    }
+}
+
 /// What to do about a port that cannot be opened.
 const fn advice_on_port(error: &rig_link::OpenError) -> &'static str {
     use rig_link::OpenError;
@@ -129,8 +147,10 @@ fn advice(error: &DeviceError) -> &'static str {
         }
         DeviceError::Analyzer(AnalyzerError::Line { .. } | AnalyzerError::Frame { .. }) => WIRING,
         DeviceError::Analyzer(AnalyzerError::Reopen { .. } | AnalyzerError::Unquiet { .. }) => LINE,
-        DeviceError::Linear(StageError::Bus(error)) => on_bus(error),
-        DeviceError::Rotary(StageError::Bus(error)) => on_bus(error),
+        DeviceError::Linear(StageError::Bus(error))
+        | DeviceError::Rotary(StageError::Bus(error)) => on_bus(error),
+        DeviceError::Linear(StageError::BeyondTravel { .. })
+        | DeviceError::Rotary(StageError::BeyondTravel { .. }) => LOST,
         _ => MANUAL,
     }
 }

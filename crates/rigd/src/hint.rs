@@ -3,6 +3,8 @@
 use rig_engine::{Device, FailureKind, Fault, StateWord};
 use rig_model::Clearance;
 
+use crate::doctor;
+
 /// What to do when a command is refused in this state.
 pub(crate) const fn while_in(state: StateWord) -> Option<&'static str> {
     match state {
@@ -18,33 +20,82 @@ pub(crate) const fn while_in(state: StateWord) -> Option<&'static str> {
 }
 
 /// What to do next, for a person at the bench.
-pub(crate) fn after(fault: &Fault, clearance: Clearance) -> &'static str {
-    if clearance != Clearance::Clear {
-        return "the probe may still be in contact: do not touch the sample or the stages; check by \
-                eye, cure the cause, then acknowledge, and the probe is retracted first";
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Hint {
+    /// What to see to, whichever way the person speaks to the rig.
+    pub(crate) text: &'static str,
+    /// What comes after that.
+    then: Then,
+}
+
+/// What comes after the cause of a fault was seen to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Then {
+    /// The rig is prepared again, and the probe, which may be in contact, is retracted first.
+    Retract,
+    /// The rig is prepared again.
+    Prepare,
+    /// This program is started again.
+    Restart,
+}
+
+impl Hint {
+    /// For somebody who speaks to the daemon.
+    pub(crate) fn over_http(self) -> String {
+        let then = match self.then {
+            Then::Retract => "POST /api/v1/acknowledge, which retracts the probe first",
+            Then::Prepare => "POST /api/v1/acknowledge",
+            Then::Restart => "start rigd again",
+        };
+        format!("{}; then {then}", self.text)
     }
-    match fault {
+
+    /// For somebody at a terminal, where every command opens the rig anew.
+    pub(crate) fn at_a_terminal(self) -> String {
+        match self.then {
+            Then::Retract => {
+                format!(
+                    "{}; the next command that opens the rig retracts the probe first",
+                    self.text
+                )
+            }
+            Then::Prepare | Then::Restart => self.text.to_owned(),
+        }
+    }
+}
+
+/// What to do next after a fault.
+pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
+    let device = match fault {
+        Fault::Device(failure) => Some((failure.device, failure.kind)),
+        _ => None,
+    };
+    if let Some((_, FailureKind::Lost)) = device {
+        return Hint { text: doctor::LOST, then: Then::Restart };
+    }
+    if clearance != Clearance::Clear {
+        let text = "the probe may still be in contact: do not touch the sample or the stages; check \
+                    by eye, and cure the cause";
+        return Hint { text, then: Then::Retract };
+    }
+    if let Some((Device::Journal, _)) = device {
+        let text = "see to the disk of the data directory";
+        return Hint { text, then: Then::Restart };
+    }
+    let text = match fault {
         Fault::Device(failure) => match (failure.device, failure.kind) {
-            (Device::Journal, _) => "free the disk or mount it again, then restart rigd",
-            (_, FailureKind::Line) => {
-                "check the power and the cable of the device, then acknowledge"
-            }
-            (Device::Analyzer, _) => "look at the display of the analyzer, then acknowledge",
-            (_, _) => {
-                "look for an alarm on the drive and for what blocks the axis, then acknowledge"
-            }
+            (_, FailureKind::Line) => "check the power and the cable of the device",
+            (Device::Analyzer, _) => "look at the display of the analyzer",
+            (_, _) => "look for an alarm on the drive and for what blocks the axis",
         },
         Fault::ContactTooEarly { .. } => {
-            "check that the sample lies where the rig file says, and that nothing touches the \
-             probe; then acknowledge"
+            "check that the sample lies where the rig file says, and that nothing touches the probe"
         }
-        Fault::NoContact { .. } => {
-            "check that the sample is in place and the probe is intact; then acknowledge"
-        }
+        Fault::NoContact { .. } => "check that the sample is in place and the probe is intact",
         Fault::NoReference { .. } => {
-            "check the cable of the sensor and the no-load window of the protocol; then acknowledge"
+            "check the cable of the sensor and the no-load window of the protocol"
         }
-        Fault::Stopped { .. } => "make sure that the bench is safe, then acknowledge",
+        Fault::Stopped { .. } => "make sure that the bench is safe",
         Fault::LinearTarget(_)
         | Fault::RotaryTarget(_)
         | Fault::NoReferenceBefore { .. }
@@ -52,8 +103,7 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> &'static str {
         | Fault::Interlock(_)
         | Fault::MissingReadings { .. }
         | Fault::Overdue { .. }
-        | Fault::NotProvenClear => {
-            "keep the journal of this run for whoever maintains rigd, then acknowledge"
-        }
-    }
+        | Fault::NotProvenClear => "keep the journal of this run for the maintainer of rigd",
+    };
+    Hint { text, then: Then::Prepare }
 }

@@ -25,8 +25,8 @@ use rig_store::{RunId, StoreError};
 use tokio::sync::{mpsc, oneshot, watch};
 
 pub use inspect::{
-    AxisFacts, AxisState, DeviceFacts, DeviceSeen, Inspection, PortFacts, PortSeen, RoundTrips,
-    inspect,
+    AxisFacts, AxisPlace, AxisState, DeviceFacts, DeviceSeen, Inspection, PortFacts, PortSeen,
+    RoundTrips, inspect,
 };
 pub use open::{DeviceError, OpenError};
 

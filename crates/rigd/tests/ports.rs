@@ -60,14 +60,25 @@ impl Bench {
         self.sim.with(|_, rig| rig.add_fault(fault));
     }
 
-    /// Starts the program with a rig file that has the devices at these addresses.
-    fn rigd_at(&self, analyzer: &str, bus: &str, args: &[&str]) -> Output {
+    /// Starts the program with a rig file that has the devices at these addresses, and these lines
+    /// changed.
+    fn rigd_with(
+        &self,
+        analyzer: &str,
+        bus: &str,
+        changes: &[(&str, &str)],
+        args: &[&str],
+    ) -> Output {
         let (rig, data) = (self.folder.path().join("rig.toml"), self.folder.path().join("data"));
         let mut text = fs::read_to_string(shipped("rigs/bench.toml")).unwrap();
         for (name, address) in [("usb-HIOKI", analyzer), ("usb-FTDI", bus)] {
             let is_port = |line: &&str| line.starts_with("port =") && line.contains(name);
             let line = text.lines().find(is_port).unwrap().to_owned();
             text = text.replace(&line, &format!("port = {{ tcp = \"{address}\" }}"));
+        }
+        for (old, new) in changes {
+            assert!(text.contains(old), "{old:?} is not in the file");
+            text = text.replacen(old, new, 1);
         }
         fs::write(&rig, text).unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_rigd"));
@@ -78,8 +89,18 @@ impl Bench {
         command.output().unwrap()
     }
 
+    fn rigd_at(&self, analyzer: &str, bus: &str, args: &[&str]) -> Output {
+        self.rigd_with(analyzer, bus, &[], args)
+    }
+
     fn rigd(&self, args: &[&str]) -> Output {
         self.rigd_at(&self.analyzer, &self.bus, args)
+    }
+
+    /// Where both axes are in truth.
+    fn places(&self) -> (f64, f64) {
+        let truth = self.sim.with(|now, rig| rig.world().truth(now));
+        (truth.tip_mm, truth.tilt_deg)
     }
 }
 
@@ -156,7 +177,7 @@ async fn trouble_with_one_device_does_not_hide_the_others() {
     check_finding(&doctor, "analyzer, identity: problem", "see to the port first");
     check_finding(&doctor, "linear stage, identity: problem", "the unit id");
     check_finding(&doctor, "rotary stage, identity: ok", "");
-    check_finding(&doctor, "rotary stage, state: problem", "`rigd home` resets it");
+    check_finding(&doctor, "rotary stage, state: problem", "resets the alarm");
     assert_eq!(json(&doctor)["problems"], 4);
     assert!(stderr(&doctor).contains("4 problems"), "{}", stderr(&doctor));
 
@@ -194,4 +215,60 @@ async fn after_a_fault_the_last_frames_of_each_port_are_in_the_journal() {
     assert!(boxes[0].frames.iter().any(|frame| frame.hex.contains("2a49444e3f")), "{boxes:?}");
     let is_alarm = |frame: &rig_store::Frame| !frame.is_sent && frame.hex.ends_with("0030");
     assert!(boxes[1].frames.iter().any(is_alarm), "{boxes:?}");
+}
+
+/// A rig file that contradicts what an axis says about itself: nothing moves, whatever is asked for,
+/// and no advice moves anything.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn nothing_moves_while_an_axis_says_that_it_is_where_it_cannot_be() {
+    let bench = Bench::start().await;
+    let smoke = shipped("protocols/smoke.toml");
+    let before = bench.places();
+    let linear = "linear stage, position: problem";
+    let rotary = "rotary stage, position: problem";
+    for (change, finding, place) in [
+        (
+            ("mm_per_step = 0.001", "mm_per_step = -0.001"),
+            linear,
+            "mm, outside its travel [0.000 mm, 50.000 mm]",
+        ),
+        (
+            ("mm_per_step = 0.001", "mm_per_step = 0.002\nzero_mm = 0.5"),
+            linear,
+            "mm, outside its travel",
+        ),
+        (
+            ("deg_per_step = 0.01", "deg_per_step = 0.01\nzero_deg = 90"),
+            rotary,
+            "°, outside its travel [-60.000 °, 60.000 °]",
+        ),
+    ] {
+        let rigd = |args: &[&str]| {
+            bench.rigd_with(
+                &bench.analyzer,
+                &bench.bus,
+                &[change, ("0.002\nmax", "0.01\nmax")],
+                args,
+            )
+        };
+        let doctor = rigd(&["doctor", "--json"]);
+        assert_eq!(doctor.status.code(), Some(1), "{}", stderr(&doctor));
+        check_finding(&doctor, finding, "move nothing");
+        let advice: Vec<_> = levels(&doctor).into_iter().map(|(_, advice)| advice).collect();
+        let text = advice.concat();
+        assert!(!text.contains("home") && !text.contains("rigd move"), "{text}");
+        for args in [
+            &["home"] as &[&str],
+            &["move", "linear", "35"],
+            &["move", "rotary", "10"],
+            &["measure", "--min-hz", "120", "--max-hz", "160"],
+            &["run", smoke.to_str().unwrap()],
+        ] {
+            let refused = rigd(args);
+            assert_eq!(refused.status.code(), Some(1), "{args:?}: {}", stderr(&refused));
+            let said = stderr(&refused);
+            assert!(said.contains(place) && said.contains("move nothing"), "{args:?}: {said}");
+        }
+        assert_eq!(bench.places(), before, "{change:?}");
+    }
 }

@@ -4,7 +4,7 @@
 use std::{fmt, sync::Arc};
 
 use rig_link::{Holder, LineError, OpenError};
-use rig_model::{Position, Unit};
+use rig_model::{Position, Span, Unit};
 
 use crate::{Alarm, Request, Symptom, map::Route};
 
@@ -141,6 +141,22 @@ pub enum StageError<U: Unit> {
     /// Moved before [`Stage::identify`](crate::Stage::identify).
     #[error("not identified yet")]
     NotIdentified,
+    /// The drive says that the axis is where it cannot be, so that no move from there is safe. It
+    /// was not sent.
+    #[error("stands at {at}, outside its travel {travel}")]
+    BeyondTravel {
+        /// Where it stands, by its own account.
+        at: Position<U>,
+        /// What the mechanics allow.
+        travel: Span<U>,
+    },
+    /// The drive does not know where the axis is, so that no move from there is safe. It was not
+    /// sent.
+    #[error("not homed: its position {at} tells nothing")]
+    Unhomed {
+        /// Where it stands, by its own account.
+        at: Position<U>,
+    },
     /// A speed that is not allowed.
     #[error("speed {asked} {}/s is outside (0, {max}]", U::SYMBOL)]
     Speed {

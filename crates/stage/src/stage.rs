@@ -47,8 +47,8 @@ pub struct Stage<U: Unit> {
     scale: Scale<U>,
     axis: Axis<U>,
     turn: Option<Turn>,
-    /// The position read last, in counts. None until the drive was identified.
-    counts: Option<i32>,
+    /// What was seen of the drive last. None until it was identified.
+    seen: Option<Look>,
 }
 
 impl<U: Unit> Stage<U> {
@@ -60,7 +60,7 @@ impl<U: Unit> Stage<U> {
         scale: Scale<U>,
         axis: Axis<U>,
     ) -> Self {
-        Self { bus, map, unit, scale, axis, turn: None, counts: None }
+        Self { bus, map, unit, scale, axis, turn: None, seen: None }
     }
 
     /// The same for an axis that comes back to where it was after a turn.
@@ -126,20 +126,39 @@ impl<U: Unit> Stage<U> {
         })
     }
 
+    /// Whether the position that was read last can be believed, so that a move may start from it.
+    ///
+    /// # Errors
+    /// [`StageError::Unhomed`], [`StageError::BeyondTravel`], [`StageError::NotIdentified`].
+    pub fn believe_position(&self) -> Result<Position<U>, StageError<U>> {
+        let seen = self.seen.ok_or(StageError::NotIdentified)?;
+        let (at, travel) = (self.scale.position(seen.position.into()), self.axis.travel());
+        if !seen.is_homed {
+            return Err(StageError::Unhomed { at });
+        }
+        // An axis that comes back to where it was after a turn is beyond nothing.
+        if self.turn.is_none() && !self.axis.can_be_at(at) {
+            return Err(StageError::BeyondTravel { at, travel });
+        }
+        Ok(at)
+    }
+
     /// Moves to a target and returns where the axis is, measured. Returns only when the drive has
     /// confirmed that it stands still, at this target, without alarm.
     ///
     /// # Errors
     /// [`StageError::Stopped`] when a stop was asked for: the stop was sent and the axis stands.
     /// [`StageError::Alarmed`], [`StageError::Ignored`], [`StageError::NotThere`],
-    /// [`StageError::Overdue`]. After [`StageError::Bus`] it is not known whether the axis moves.
+    /// [`StageError::Overdue`]. Nothing was sent when the position it starts from cannot be believed:
+    /// [`StageError::Unhomed`], [`StageError::BeyondTravel`]. After [`StageError::Bus`] it is not known whether the axis moves.
     pub async fn move_to(
         &mut self,
         target: Target<U>,
         speed_per_s: f64,
         stop: &StopSignal,
     ) -> Result<Position<U>, StageError<U>> {
-        let from = self.counts.ok_or(StageError::NotIdentified)?;
+        self.believe_position()?;
+        let from = self.seen.ok_or(StageError::NotIdentified)?.position;
         let (wanted, turn) = (target.position(), self.turn);
         let order = Order::to(wanted, speed_per_s, self.map, &self.scale, &self.axis, turn)?;
         if stop.is_raised() {
@@ -207,9 +226,9 @@ impl<U: Unit> Stage<U> {
     /// # Errors
     /// As [`move_to`](Self::move_to), and [`StageError::NotHomed`].
     pub async fn home(&mut self, stop: &StopSignal) -> Result<Position<U>, StageError<U>> {
-        let from = self.counts.ok_or(StageError::NotIdentified)?;
+        let from = self.seen.ok_or(StageError::NotIdentified)?;
         if stop.is_raised() {
-            return Err(self.stopped_at(from));
+            return Err(self.stopped_at(from.position));
         }
         self.command(self.map.home).await?;
         let started = Instant::now();
@@ -334,7 +353,7 @@ impl<U: Unit> Stage<U> {
             replies.push(self.ask(read_request(block)).await?);
         }
         let look = Look::new(self.map, &replies);
-        self.counts = Some(look.position);
+        self.seen = Some(look);
         Ok(look)
     }
 

@@ -64,6 +64,11 @@ impl Engine {
     pub(super) fn escalate(&mut self, fault: Fault) {
         let clearance = self.interlock.clearance();
         self.notes.push(Event::Faulted { fault: fault.clone(), clearance });
+        if let Activity::Retracting(recovery, ..) = &mut self.activity
+            && fault.is_linear_lost()
+        {
+            recovery.give_up();
+        }
         if let Activity::Stopping(reason, _) | Activity::Retracting(_, reason, _) =
             &mut self.activity
             && matches!(reason, StopReason::Abort { .. })
@@ -78,7 +83,8 @@ impl Engine {
             self.activity = activity;
             return;
         };
-        let (recovery, turn) = Recovery::begin();
+        let is_linear_lost = matches!(&reason, StopReason::Fault(fault) if fault.is_linear_lost());
+        let (recovery, turn) = Recovery::begin(is_linear_lost);
         self.activity = Activity::Retracting(recovery, reason, had_run);
         self.follow_recovery(now, turn, effects);
     }

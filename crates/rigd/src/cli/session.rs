@@ -7,6 +7,7 @@ use tokio::sync::watch;
 
 use super::{Failure, table::note};
 use crate::{
+    hint,
     loaded_rig::LoadedRig,
     rig::{self, RigHandle, Status},
 };
@@ -107,7 +108,7 @@ impl Session {
 /// That the rig is latched, with what to do about it.
 pub(super) fn latched(status: &Status) -> Failure {
     let fault = status.snapshot.fault.as_ref();
-    let hint = fault.map(|fault| crate::hint::after(fault, status.snapshot.clearance));
+    let hint = fault.map(|fault| hint::after(fault, status.snapshot.clearance).at_a_terminal());
     let cause = fault.map_or_else(|| "a fault".to_owned(), ToString::to_string);
     Failure::Latched {
         cause: format!(

@@ -2,8 +2,8 @@
 
 use rig_model::with_causes;
 
-use super::{Finding, Findings, advice};
-use crate::rig::{AxisFacts, AxisState, DeviceError, DeviceSeen};
+use super::{Finding, Findings, LOST, NOT_HOMED, advice};
+use crate::rig::{AxisFacts, AxisPlace, AxisState, DeviceError, DeviceSeen};
 
 pub(super) fn findings(device: &DeviceSeen) -> Vec<Finding> {
     let mut findings = Findings::of(device.role);
@@ -34,32 +34,35 @@ pub(super) fn findings(device: &DeviceSeen) -> Vec<Finding> {
     findings.all
 }
 
-fn stands(findings: &mut Findings, AxisFacts { at, state }: &AxisFacts) {
+fn stands(findings: &mut Findings, AxisFacts { at, place, state }: &AxisFacts) {
+    match place {
+        AxisPlace::InLimits => findings.ok("position", format!("{at}, within its soft limits")),
+        AxisPlace::NotHomed => findings.warning("position", format!("{at}, not homed"), NOT_HOMED),
+        AxisPlace::BeyondTravel(travel) => {
+            findings.problem("position", format!("{at}, outside its travel {travel}"), LOST);
+        }
+        AxisPlace::BeyondLimits(soft) => findings.warning(
+            "position",
+            format!("{at}, outside its soft limits {soft}"),
+            "look whether it stands there; if not, correct the sign and the size of its step and \
+             its zero in the rig file before anything moves",
+        ),
+    }
     match state {
-        AxisState::Ready => findings.ok("state", format!("ready, at {at}")),
+        AxisState::Ready => findings.ok("state", "no alarm, at rest"),
         AxisState::Alarmed(alarm) => findings.problem(
             "state",
-            format!("alarm {alarm}, at {at}"),
-            "cure its cause, then `rigd home` resets it",
+            format!("alarm {alarm}"),
+            "cure its cause; what opens the rig for work resets the alarm",
         ),
         AxisState::Moving => findings.problem(
             "state",
-            format!("moves, at {at}, and not because of rigd"),
+            "moves, and not because of rigd",
             "find out what else drives it, and stop that",
-        ),
-        AxisState::NotHomed => findings.warning(
-            "state",
-            format!("not homed, at {at}"),
-            "`rigd home` homes it, as everything does that opens the rig for work",
-        ),
-        AxisState::BeyondLimits => findings.warning(
-            "state",
-            format!("outside its soft limits, at {at}"),
-            "check zero and step size in the rig file; `rigd home` brings it back inside",
         ),
         AxisState::NotReady => findings.problem(
             "state",
-            format!("takes no moves, at {at}"),
+            "takes no moves",
             "look for a stop input, a missing enable signal, or a tool that holds the drive",
         ),
     }

@@ -11,7 +11,9 @@ use super::{
     Level::{Ok as Well, Problem, Warning},
     *,
 };
-use crate::rig::{AxisFacts, AxisState, DeviceFacts, DeviceSeen, PortFacts, PortSeen, RoundTrips};
+use crate::rig::{
+    AxisFacts, AxisPlace, AxisState, DeviceFacts, DeviceSeen, PortFacts, PortSeen, RoundTrips,
+};
 
 /// One finding: check, level, and some of its advice.
 type Row = (&'static str, Level, &'static str);
@@ -80,31 +82,54 @@ fn device(outcome: Option<Result<DeviceFacts, DeviceError>>) -> Vec<Finding> {
     device::findings(&DeviceSeen { role: "rotary stage", port, outcome })
 }
 
-fn axis(state: AxisState) -> DeviceFacts {
+fn axis(place: AxisPlace, state: AxisState) -> DeviceFacts {
     DeviceFacts {
         identity: "oriental-az at unit 2".to_owned(),
         firmware: None,
         settings: Ok(()),
-        axis: Some(AxisFacts { at: "0.000 °".to_owned(), state }),
+        axis: Some(AxisFacts { at: "0.000 °".to_owned(), place, state }),
     }
 }
 
 #[test]
 fn an_axis_is_judged_by_how_it_stands() {
-    let rows: [(AxisState, Level, &str); 6] = [
-        (AxisState::Ready, Well, ""),
-        (AxisState::NotHomed, Warning, "rigd home"),
-        (AxisState::BeyondLimits, Warning, "rig file"),
-        (AxisState::NotReady, Problem, "stop input"),
-        (AxisState::Moving, Problem, "what else drives it"),
-        (AxisState::Alarmed(Alarm { code: 0x30, name: "overload" }), Problem, "rigd home"),
+    let place = |place| axis(place, AxisState::Ready);
+    let state = |state| axis(AxisPlace::InLimits, state);
+    let span = || "[-50.000 °, 50.000 °]".to_owned();
+    let alarm = Alarm { code: 0x30, name: "overload" };
+    let rows: [(DeviceFacts, Row, Row); 7] = [
+        (state(AxisState::Ready), ("position", Well, ""), ("state", Well, "")),
+        (state(AxisState::NotReady), ("position", Well, ""), ("state", Problem, "stop input")),
+        (
+            state(AxisState::Moving),
+            ("position", Well, ""),
+            ("state", Problem, "what else drives it"),
+        ),
+        (
+            state(AxisState::Alarmed(alarm)),
+            ("position", Well, ""),
+            ("state", Problem, "resets the alarm"),
+        ),
+        (
+            place(AxisPlace::NotHomed),
+            ("position", Warning, "clear the whole travel"),
+            ("state", Well, ""),
+        ),
+        (
+            place(AxisPlace::BeyondLimits(span())),
+            ("position", Warning, "look whether it stands there"),
+            ("state", Well, ""),
+        ),
+        (
+            place(AxisPlace::BeyondTravel(span())),
+            ("position", Problem, "move nothing"),
+            ("state", Well, ""),
+        ),
     ];
-    for (state, level, advice) in rows {
+    for (facts, position, state) in rows {
         let before = [("identity", Well, ""), ("firmware", Well, ""), ("settings", Well, "")];
-        check(
-            &device(Some(Ok(axis(state)))),
-            &[before.as_slice(), &[("state", level, advice)]].concat(),
-        );
+        let found = device(Some(Ok(facts)));
+        check(&found, &[before.as_slice(), &[position, state]].concat());
     }
 }
 

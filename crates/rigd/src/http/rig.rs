@@ -49,7 +49,7 @@ struct RunProgress {
 #[derive(Debug, Serialize)]
 struct FaultView {
     cause: String,
-    hint: &'static str,
+    hint: String,
 }
 
 pub(super) async fn show(State(shared): State<Shared>) -> Json<RigView> {
@@ -85,7 +85,7 @@ fn view(name: &str, status: &Status) -> RigView {
     let prompt = snapshot.prompt.zip(status.run.as_ref()).map(|(prompt, run)| run.ask(&prompt));
     let fault = snapshot.fault.as_ref().map(|fault| FaultView {
         cause: fault.to_string(),
-        hint: hint::after(fault, snapshot.clearance),
+        hint: hint::after(fault, snapshot.clearance).over_http(),
     });
     let device = |device: &crate::rig::Identity| DeviceView {
         role: device.role,

@@ -76,7 +76,7 @@ impl Devices {
 }
 
 /// Finds the drive again, clears an old alarm, homes the axis if it is not homed, and reads back
-/// where it is.
+/// where it is. Does nothing to an axis that says that it is where it cannot be.
 async fn prepare<U: Unit>(
     stage: &mut Stage<U>,
     stop: &StopSignal,
@@ -85,13 +85,17 @@ async fn prepare<U: Unit>(
     let prepared = async {
         // Whoever answers now may not be the one who answered before a fault.
         let status = stage.identify().await?;
+        if status.is_homed {
+            stage.believe_position()?;
+        }
         if status.alarm.is_some() {
             stage.reset_alarm().await?;
         }
         if !status.is_homed {
             stage.home(stop).await?;
         }
-        Ok(stage.status().await?.position)
+        stage.status().await?;
+        stage.believe_position()
     };
     prepared.await.map_err(|error| stage_failure(device, &error))
 }
@@ -100,6 +104,7 @@ fn stage_failure<U: Unit>(device: Device, error: &StageError<U>) -> Failure {
     let kind = match error {
         StageError::Stopped { .. } => FailureKind::Interrupted,
         StageError::Bus(BusError::Failed(_)) => FailureKind::Line,
+        StageError::BeyondTravel { .. } | StageError::Unhomed { .. } => FailureKind::Lost,
         _ => FailureKind::Refused,
     };
     Failure { device, kind, detail: with_causes(error) }

@@ -92,10 +92,25 @@ pub struct DeviceFacts {
 /// How an axis stands.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AxisFacts {
-    /// Where, with its unit.
+    /// Where, by its own account, with its unit.
     pub at: String,
+    /// Whether it can be there.
+    pub place: AxisPlace,
     /// What it is fit for.
     pub state: AxisState,
+}
+
+/// Whether an axis can be where it says; the first of these that applies.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum AxisPlace {
+    /// It does not know where it is.
+    NotHomed,
+    /// It cannot be there: outside this travel.
+    BeyondTravel(String),
+    /// It can be there, but nothing sends it there: outside these soft limits.
+    BeyondLimits(String),
+    /// Inside its soft limits.
+    InLimits,
 }
 
 /// What an axis is fit for; the first of these that applies.
@@ -105,10 +120,6 @@ pub enum AxisState {
     Alarmed(Alarm),
     /// It moves, and nobody told it to.
     Moving,
-    /// It does not know where it is.
-    NotHomed,
-    /// It stands outside its soft limits.
-    BeyondLimits,
     /// The drive takes no moves.
     NotReady,
     /// It takes moves.
@@ -201,12 +212,20 @@ fn standing<U: Unit>(axis: &Axis<U>, status: &AxisStatus<U>) -> AxisFacts {
     let state = match status.alarm {
         Some(alarm) => AxisState::Alarmed(alarm),
         None if status.is_moving => AxisState::Moving,
-        None if !status.is_homed => AxisState::NotHomed,
-        None if axis.target(status.position).is_err() => AxisState::BeyondLimits,
-        None if !status.is_ready => AxisState::NotReady,
+        // Before it is homed, it takes none anyway.
+        None if status.is_homed && !status.is_ready => AxisState::NotReady,
         None => AxisState::Ready,
     };
-    AxisFacts { at: status.position.to_string(), state }
+    let place = if !status.is_homed {
+        AxisPlace::NotHomed
+    } else if !axis.can_be_at(status.position) {
+        AxisPlace::BeyondTravel(axis.travel().to_string())
+    } else if axis.target(status.position).is_err() {
+        AxisPlace::BeyondLimits(axis.soft().to_string())
+    } else {
+        AxisPlace::InLimits
+    };
+    AxisFacts { at: status.position.to_string(), place, state }
 }
 
 const fn axis_facts(identity: String, axis: AxisFacts) -> DeviceFacts {

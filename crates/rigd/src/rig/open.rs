@@ -132,8 +132,8 @@ pub(super) async fn open_rig(rig: LoadedRig, clock: Clock) -> Result<Opened, Ope
     let mut linear = stage(&bus, &file.linear, file.bench.linear);
     let mut rotary = stage(&bus, &file.rotary, file.bench.rotary);
     let identity = analyzer.identify().await.map_err(device("analyzer"))?;
-    linear.identify().await.map_err(device("linear stage"))?;
-    rotary.identify().await.map_err(device("rotary stage"))?;
+    look_at(&mut linear).await.map_err(device("linear stage"))?;
+    look_at(&mut rotary).await.map_err(device("rotary stage"))?;
     let devices: Arc<[Identity]> = Arc::new([
         Identity { role: "analyzer", identity: identity.to_string() },
         Identity { role: "linear stage", identity: describe(&file.linear) },
@@ -142,6 +142,15 @@ pub(super) async fn open_rig(rig: LoadedRig, clock: Clock) -> Result<Opened, Ope
     let setting = Setting { bench: file.bench, rig: source, scene: scene_source, devices };
     let devices = Devices { analyzer, linear, rotary };
     Ok(Opened { setting, devices, simulation, black_boxes, known_samples })
+}
+
+/// Finds a drive. An axis that does not know where it is will be homed; one that says that it is
+/// where it cannot be must be understood by a person before anything moves, this axis or the other.
+async fn look_at<U: Unit>(stage: &mut Stage<U>) -> Result<(), StageError<U>> {
+    if stage.identify().await?.is_homed {
+        stage.believe_position()?;
+    }
+    Ok(())
 }
 
 /// The ports of a rig. One can be open while the other is not.

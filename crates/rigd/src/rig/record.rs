@@ -146,7 +146,7 @@ impl Recorder {
                 step: self.step_id(),
                 cause: fault.to_string(),
                 probe: clearance_of(*clearance),
-                hint: hint::after(fault, *clearance).to_owned(),
+                hint: hint::after(fault, *clearance).text.to_owned(),
             }),
             Event::RunFinished(status) => {
                 let status = match status {

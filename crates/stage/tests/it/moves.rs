@@ -47,6 +47,15 @@ fn stage_on(
     drive: &Drive,
     faults: impl IntoIterator<Item = (usize, Fault)>,
 ) -> Stage<Mm> {
+    stage_of(make, scale(make), drive, faults)
+}
+
+fn stage_of(
+    make: &Make,
+    scale: Scale<Mm>,
+    drive: &Drive,
+    faults: impl IntoIterator<Item = (usize, Fault)>,
+) -> Stage<Mm> {
     let (host, device) = tokio::io::duplex(4096);
     let faults: BTreeMap<_, _> = faults.into_iter().collect();
     let drive = drive.clone();
@@ -54,7 +63,7 @@ fn stage_on(
     let line = LineSettings::eight_e_one(115_200);
     let port = Port::new("line 1", host, Some(line), Clock::start());
     let bus = BusHandle::open(port, BusSettings::rtu());
-    Stage::new(bus, make.map, 1, scale(make), axis())
+    Stage::new(bus, make.map, 1, scale, axis())
 }
 
 /// A drive in good order, and the axis on it, identified.
@@ -276,6 +285,40 @@ async fn what_cannot_be_done_is_refused_before_it_is_sent() {
     let error = turning.move_to(target(10.0), 6.0, &stop).await.unwrap_err();
     assert_eq!(error.to_string(), "Leadshine CL2C-RS, DM556RS, iEM-RS has no route `shortest`");
     assert_eq!(drive.seen().len(), frames);
+}
+
+#[tokio::test(start_paused = true)]
+async fn nothing_moves_from_where_the_axis_cannot_be() {
+    let stop = StopSignal::new();
+    for make in MAKES {
+        let (drive, mut stage) = ready(make).await;
+        stage.move_to(target(12.0), 6.0, &stop).await.unwrap();
+        // The rig file has the step ten times too long, and then with the wrong sign as well.
+        for factor in [10.0, -10.0] {
+            let wrong = Scale { per_count: factor * scale(make).per_count, ..scale(make) };
+            let mut stage = stage_of(make, wrong, &drive, []);
+            stage.identify().await.unwrap();
+            let frames = drive.seen().len();
+            let error = stage.move_to(target(0.0), 6.0, &stop).await.unwrap_err();
+            assert_eq!(
+                error.to_string(),
+                format!(
+                    "stands at {:.3} mm, outside its travel [-60.000 mm, 60.000 mm]",
+                    12.0 * factor
+                )
+            );
+            assert_eq!(stage.believe_position().unwrap_err().to_string(), error.to_string());
+            assert_eq!(drive.seen().len(), frames, "{}", make.map.make);
+        }
+        drive.forget_home();
+        stage.status().await.unwrap();
+        let frames = drive.seen().len();
+        let error = stage.move_to(target(0.0), 6.0, &stop).await.unwrap_err();
+        assert_eq!(error.to_string(), "not homed: its position 12.000 mm tells nothing");
+        assert_eq!(drive.seen().len(), frames, "{}", make.map.make);
+        stage.home(&stop).await.unwrap();
+        stage.move_to(target(5.0), 6.0, &stop).await.unwrap();
+    }
 }
 
 #[tokio::test(start_paused = true)]
