@@ -139,7 +139,7 @@ def main():
     data = Path(result["data"])
     readings = defaultdict(list)
     for row in table(data / "readings.csv"):
-        if row["flag"] != "overload":
+        if row["flag"] == "normal":
             readings[row["sweep"]].append(row)
 
     failures = []
@@ -163,7 +163,7 @@ def main():
             failures.append(f"sweep {sweep['sweep']}: {theirs} Hz, here {mine[sweep['sweep']]}")
     print(f"{len(mine)} sweeps, the largest difference is {worst:.4f} standard deviations")
 
-    touches = table(data / "touches.csv")
+    touches = [touch for touch in table(data / "touches.csv") if touch["status"] == "measured"]
     shifts = defaultdict(list)
     blind = []
     for touch in touches:

@@ -2,19 +2,21 @@
 
 use rig_model::{Clearance, Deg, Mm, Position, Reading};
 use rig_protocol::{Prompt, StepId, Touch};
-use rig_resonance::{Resonance, Verdict};
+use rig_resonance::{Refusal, Resonance, Verdict};
 
-use crate::Fault;
+use crate::{Fault, Surface};
 
 /// What became of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RunStatus {
-    /// Every step was done.
+    /// Every step was done, and every touch was measured.
     Completed,
     /// A person ended it early, and the probe is clear.
     Aborted,
     /// A fault ended it.
     Faulted,
+    /// Every step was done, and at least one touch was refused.
+    CompletedWithRefusals,
 }
 
 impl RunStatus {
@@ -24,6 +26,7 @@ impl RunStatus {
             Self::Completed => "completed",
             Self::Aborted => "aborted",
             Self::Faulted => "faulted",
+            Self::CompletedWithRefusals => "completed_with_refusals",
         }
     }
 }
@@ -64,20 +67,34 @@ pub struct TouchResult {
     pub touch: Touch,
     /// The reference it is compared with.
     pub no_load: Resonance,
-    /// The resonance in contact, when there is one.
-    pub loaded: Option<Resonance>,
+    /// The tilt of the sample as read back.
+    pub rotary: Position<Deg>,
+    /// How the probe stood in the sample.
+    pub contact: Contact,
+    /// The resonance in contact, or why there is none.
+    pub loaded: Result<Resonance, Refusal>,
+}
+
+/// How the probe stands in a sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contact {
     /// Where the surface was found.
-    pub surface: Position<Mm>,
-    /// Standard uncertainty of that place, mm.
-    pub surface_sigma_mm: f64,
-    /// Depth below it as read back, along the probe, mm.
-    pub indentation_mm: f64,
+    pub surface: Surface,
+    /// The linear stage as read back.
+    pub linear: Position<Mm>,
+}
+
+impl Contact {
+    /// Depth below the surface, along the probe, mm.
+    pub fn indentation_mm(&self) -> f64 {
+        self.surface.position.value() - self.linear.value()
+    }
 }
 
 impl TouchResult {
     /// Frequency shift and its standard deviation, Hz, when the resonance was accepted.
     pub fn shift_hz(&self) -> Option<(f64, f64)> {
-        self.loaded.as_ref().map(|loaded| {
+        self.loaded.as_ref().ok().map(|loaded| {
             let shift = loaded.resonance_hz - self.no_load.resonance_hz;
             (shift, loaded.sigma_hz.hypot(self.no_load.sigma_hz))
         })

@@ -30,7 +30,7 @@ pub use command::{Command, Denied};
 pub use effect::{Effect, Input};
 pub use engine::{Engine, Progress, Snapshot};
 pub use event::{
-    Event, LoweringPurpose, RunStatus, StateWord, SweepOutcome, SweepPurpose, TouchResult,
+    Contact, Event, LoweringPurpose, RunStatus, StateWord, SweepOutcome, SweepPurpose, TouchResult,
 };
 pub use fault::{Device, Failure, FailureKind, Fault};
 pub use interlock::{Interlock, InterlockError};

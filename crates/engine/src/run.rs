@@ -132,6 +132,7 @@ pub(crate) struct Run {
     index: usize,
     machine: Machine,
     no_load: Option<Resonance>,
+    has_refusals: bool,
     pub(crate) is_pause_asked: bool,
 }
 
@@ -146,7 +147,14 @@ enum Machine {
 
 impl Run {
     pub(crate) const fn new(plan: Plan) -> Self {
-        Self { plan, index: 0, machine: Machine::Between, no_load: None, is_pause_asked: false }
+        Self {
+            plan,
+            index: 0,
+            machine: Machine::Between,
+            no_load: None,
+            has_refusals: false,
+            is_pause_asked: false,
+        }
     }
 
     pub(crate) const fn plan(&self) -> &Plan {
@@ -177,6 +185,7 @@ impl Run {
                 })
             }
             Machine::Touch(machine) => machine.advance(news, &mut context).and_then(|result| {
+                self.has_refusals |= result.loaded.is_err();
                 context.notes.push(Event::TouchFinished(Box::new(result)));
                 Turn::Done(())
             }),
@@ -196,7 +205,11 @@ impl Run {
         notes: &mut Vec<Event>,
     ) -> Turn<RunStatus> {
         let Some(step) = self.plan.steps.get(self.index) else {
-            return Turn::Done(RunStatus::Completed);
+            return Turn::Done(if self.has_refusals {
+                RunStatus::CompletedWithRefusals
+            } else {
+                RunStatus::Completed
+            });
         };
         if self.is_pause_asked {
             return Turn::Pause;

@@ -10,12 +10,12 @@
 
 use std::time::Duration;
 
-use rig_model::{Clearance, Mm, Position, Reading, SweepPoint, Window};
+use rig_model::{Clearance, Deg, Mm, Position, Reading, SweepPoint, Window};
 use rig_protocol::{StepId, Touch};
-use rig_resonance::{Prior, Resonance, Verdict};
+use rig_resonance::{Prior, Refusal, Resonance, Verdict};
 
 use crate::{
-    Fault, LoweringPurpose, Operation, SweepPurpose, TouchResult,
+    Contact, Fault, LoweringPurpose, Operation, SweepPurpose, TouchResult,
     run::{Context, News, Turn},
     search::{Search, SearchTurn, Surface},
     sweep::{DRIFT, Sweep, SweepTurn},
@@ -29,7 +29,7 @@ const BASELINE_TIME_CONSTANTS: f64 = 8.0;
 /// left the sample: e⁻⁵ = 0.7 % of the change that the contact made.
 const AFTER_CONTACT_TIME_CONSTANTS: f64 = 5.0;
 
-/// A refused sweep in contact is repeated this often before the touch is recorded without a shift.
+/// A refused sweep in contact is repeated this often before the touch is refused.
 const RETRIES: u32 = 1;
 
 #[derive(Debug)]
@@ -37,6 +37,8 @@ pub(crate) struct TouchMachine {
     step: StepId,
     touch: Touch,
     no_load: Resonance,
+    /// The rotary stage as last read back.
+    rotary: Position<Deg>,
     phase: Phase,
 }
 
@@ -48,27 +50,22 @@ enum Phase {
     Searching(Search),
     DeclaringIndentation { surface: Surface },
     Indenting { surface: Surface },
-    Dwelling { found: Found },
-    Sweeping { found: Found, sweep: Box<Sweep>, retries_left: u32 },
-    Retracting { found: Found, loaded: Option<Resonance> },
-}
-
-/// What is known once the probe is in.
-#[derive(Debug, Clone, Copy)]
-struct Found {
-    surface: Surface,
-    indentation_mm: f64,
+    Dwelling(Contact),
+    Sweeping { contact: Contact, sweep: Box<Sweep>, retries_left: u32 },
+    Retracting { contact: Contact, loaded: Result<Resonance, Refusal> },
 }
 
 impl TouchMachine {
     pub(crate) fn new(step: StepId, touch: Touch, no_load: &Resonance) -> Self {
-        Self { step, touch, no_load: *no_load, phase: Phase::Rotating }
+        let rotary = touch.pose.direction.rotary_position(touch.pose.angle);
+        Self { step, touch, no_load: *no_load, rotary, phase: Phase::Rotating }
     }
 
     pub(crate) fn advance(&mut self, news: News, context: &mut Context<'_>) -> Turn<TouchResult> {
         match (&mut self.phase, news) {
             (Phase::Rotating, News::Begin) => context.rotate_to(self.touch.pose),
-            (Phase::Rotating, News::RotaryAt(_)) => {
+            (Phase::Rotating, News::RotaryAt(read_back)) => {
+                self.rotary = read_back;
                 self.phase = Phase::Baseline;
                 self.listen(BASELINE_TIME_CONSTANTS * self.time_constant_s(), context)
             }
@@ -106,27 +103,25 @@ impl TouchMachine {
                 let speed = context.bench.limits.contact_speed_mm_per_s;
                 context.move_linear(indented(surface, context), speed)
             }
-            (&mut Phase::Indenting { surface }, News::LinearAt(read_back)) => {
-                let indentation_mm = surface.position.value() - read_back.value();
-                self.phase = Phase::Dwelling { found: Found { surface, indentation_mm } };
+            (&mut Phase::Indenting { surface }, News::LinearAt(linear)) => {
+                self.phase = Phase::Dwelling(Contact { surface, linear });
                 Turn::Wait(Duration::from_secs_f64(context.plan.touch.dwell_s))
             }
-            (&mut Phase::Dwelling { found }, News::Waited) => self.sweep(found, RETRIES, context),
+            (&mut Phase::Dwelling(contact), News::Waited) => self.sweep(contact, RETRIES, context),
             (Phase::Sweeping { sweep, .. }, News::Readings(readings)) => {
                 let turn = sweep.measured(&readings, context.notes);
                 self.swept(turn, context)
             }
-            (Phase::Retracting { found, loaded }, News::LinearAt(_))
+            (Phase::Retracting { contact, loaded }, News::LinearAt(_))
                 if context.clearance == Clearance::Clear =>
             {
                 Turn::Done(TouchResult {
                     step: self.step.clone(),
                     touch: self.touch,
                     no_load: self.no_load,
-                    loaded: loaded.take(),
-                    surface: found.surface.position,
-                    surface_sigma_mm: found.surface.sigma_mm,
-                    indentation_mm: found.indentation_mm,
+                    rotary: self.rotary,
+                    contact: *contact,
+                    loaded: loaded.clone(),
                 })
             }
             (_, news) => Turn::Fault(news.out_of_order("a touch")),
@@ -185,7 +180,7 @@ impl TouchMachine {
 
     fn sweep(
         &mut self,
-        found: Found,
+        contact: Contact,
         retries_left: u32,
         context: &mut Context<'_>,
     ) -> Turn<TouchResult> {
@@ -194,7 +189,7 @@ impl TouchMachine {
         let prior = (retries_left == RETRIES).then(|| self.stiffened(request.window));
         let (sweep, turn) =
             Sweep::begin(SweepPurpose::Touch, request, prior.as_ref(), context.notes);
-        self.phase = Phase::Sweeping { found, sweep: Box::new(sweep), retries_left };
+        self.phase = Phase::Sweeping { contact, sweep: Box::new(sweep), retries_left };
         self.swept(turn, context)
     }
 
@@ -207,7 +202,7 @@ impl TouchMachine {
     }
 
     fn swept(&mut self, turn: SweepTurn, context: &mut Context<'_>) -> Turn<TouchResult> {
-        let Phase::Sweeping { found, retries_left, .. } = self.phase else {
+        let Phase::Sweeping { contact, retries_left, .. } = self.phase else {
             return Turn::Fault(News::Begin.out_of_order("a sweep in contact"));
         };
         match turn {
@@ -215,13 +210,13 @@ impl TouchMachine {
             SweepTurn::Fault(fault) => Turn::Fault(fault),
             SweepTurn::Finished(outcome) => {
                 let loaded = match outcome.verdict {
-                    Verdict::Accepted(resonance) => Some(resonance),
+                    Verdict::Accepted(resonance) => Ok(resonance),
                     Verdict::Refused(_) if retries_left > 0 => {
-                        return self.sweep(found, retries_left - 1, context);
+                        return self.sweep(contact, retries_left - 1, context);
                     }
-                    Verdict::Refused(_) => None,
+                    Verdict::Refused(refusal) => Err(refusal),
                 };
-                self.phase = Phase::Retracting { found, loaded };
+                self.phase = Phase::Retracting { contact, loaded };
                 context.retract()
             }
         }

@@ -346,6 +346,10 @@ impl World {
 
     /// Prepares the rig and replays the plan until nothing is left to do.
     fn play(&mut self) {
+        self.play_plan(&plan());
+    }
+
+    fn play_plan(&mut self, plan: &Plan) {
         self.command(Command::Prepare);
         let mut is_started = false;
         for _ in 0..2000 {
@@ -353,7 +357,7 @@ impl World {
             match state {
                 StateWord::Idle if is_started => return,
                 StateWord::Idle => {
-                    self.command(Command::Run(Box::new(plan())));
+                    self.command(Command::Run(Box::new(plan.clone())));
                     is_started = true;
                 }
                 StateWord::Latched => return,
@@ -386,10 +390,34 @@ fn an_undisturbed_run_finds_the_surface_and_the_shift_at_every_touch() {
             touches += 1;
             let (shift_hz, _) = result.shift_hz().expect("accepted");
             assert!((shift_hz - (LOADED_HZ - FREE_HZ)).abs() < 0.01, "{shift_hz}");
-            assert!((result.indentation_mm - 0.5).abs() < 1e-9);
+            assert!((result.contact.indentation_mm() - 0.5).abs() < 1e-9);
         }
     }
     assert_eq!(touches, 3);
+}
+
+#[test]
+fn a_refused_touch_is_finished_with_its_reason_and_the_run_says_so_at_its_end() {
+    let mut narrow = plan();
+    // The resonance in contact lies below it.
+    narrow.contact_sweep = SweepRequest {
+        window: Window { min_hz: 165.0, max_hz: 190.0 },
+        method: SweepMethod::Uniform { points: 21 },
+        ..narrow.contact_sweep
+    };
+    let mut world = World::new(None);
+    world.play_plan(&narrow);
+    assert_eq!(world.endings(), [RunStatus::CompletedWithRefusals], "{:#?}", world.events);
+    assert_eq!(world.engine.snapshot().clearance, Clearance::Clear);
+    let mut refused = 0;
+    for event in &world.events {
+        if let Event::TouchFinished(result) = event {
+            refused += 1;
+            assert!(result.loaded.is_err() && result.shift_hz().is_none(), "{result:?}");
+            assert!((result.contact.indentation_mm() - 0.5).abs() < 1e-9);
+        }
+    }
+    assert_eq!(refused, 3);
 }
 
 #[test]

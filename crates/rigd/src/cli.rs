@@ -10,6 +10,7 @@
 //! | 3 | no such run, or no resonance |
 //! | 4 | the rig is latched after a fault |
 //! | 5 | a run, a move or a sweep was aborted |
+//! | 6 | a run came to its end, and some of its touches were refused |
 //! | 130 | interrupted before anything was under way |
 
 mod check;
@@ -47,9 +48,19 @@ use crate::{
     sweep_order::SweepFaults,
 };
 
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  done
+  1  something failed: a file, a directory, a device
+  2  a bad command line, protocol, rig or sweep file, or a target beyond the limits
+  3  no such run, or no resonance
+  4  the rig is latched after a fault
+  5  a run, a move or a sweep was aborted
+  6  a run came to its end, and some of its touches were refused";
+
 /// Drives the bench rig of the tilted-contact tactile sensor.
 #[derive(Debug, Parser)]
-#[command(name = "rigd", version, about, max_term_width = 100)]
+#[command(name = "rigd", version, about, max_term_width = 100, after_help = EXIT_CODES)]
 struct Cli {
     #[command(subcommand)]
     command: CliCommand,
@@ -243,6 +254,9 @@ enum Failure {
     Latched { cause: String },
     #[error("aborted; the probe was retracted")]
     Aborted,
+    /// Which ones has been said already.
+    #[error("touches were refused")]
+    TouchesRefused,
     #[error("interrupted")]
     Interrupted,
 }
@@ -260,6 +274,7 @@ impl Failure {
             | Self::Store(StoreError::NoSuchRun { .. } | StoreError::Ambiguous { .. }) => 3,
             Self::Latched { .. } => 4,
             Self::Aborted => 5,
+            Self::TouchesRefused => 6,
             Self::Interrupted => 130,
             Self::BadFile(FileError::Unreadable { .. })
             | Self::RunFiles(_)
@@ -307,6 +322,7 @@ pub fn main() -> ExitCode {
             match &failure {
                 // Each fault begins with its place, so that an editor can jump there.
                 Failure::BadFile(FileError::Faults(faults)) => table::note(&faults.to_string()),
+                Failure::TouchesRefused => {}
                 failure => table::note(&format!("rigd: {}", with_causes(failure))),
             }
             if let Failure::Open(error) = &failure

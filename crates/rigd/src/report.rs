@@ -17,17 +17,19 @@ mod tables;
 #[cfg(test)]
 mod tests;
 mod text;
+mod touches;
 mod units;
 
-use std::path::Path;
+use std::{io::Write, path::Path};
 
-use rig_store::{Chain, Run, StoreError, StoredRecord};
+use rig_store::{Chain, Run, StoreError, StoredRecord, export::ExportError};
 
 use data::RunData;
 use results::RunResults;
 pub use summary::{
     ClassificationSummary, RecognitionSummary, RunSummary, ShiftSummary, StiffnessSummary,
 };
+pub use touches::{TouchRow, TouchStatus};
 
 /// The report as one HTML file.
 ///
@@ -62,4 +64,18 @@ pub fn summary(
 pub fn text(run: &Run, records: &[StoredRecord]) -> Result<String, StoreError> {
     let data = RunData::read(records)?;
     Ok(text::text(run, &data, &RunResults::of(&data)))
+}
+
+/// The table of touches as CSV: one row for every planned touch, with what became of it.
+///
+/// # Errors
+/// What writing reports, or a record that cannot be understood.
+pub fn touches_csv(
+    run: &Run,
+    records: &[StoredRecord],
+    out: &mut impl Write,
+) -> Result<(), ExportError> {
+    let data = RunData::read(records)?;
+    let rows = touches::rows(run, &data, &RunResults::of(&data));
+    touches::csv(run, &data, &rows, out)
 }

@@ -83,8 +83,10 @@ pub struct RunView {
     pub started: RigTime,
     /// How long it was expected to take, s.
     pub expected_s: f64,
-    /// The touches that are done.
+    /// The touches that are done, also those that were refused.
     pub touches_done: usize,
+    /// The touches that were refused.
+    pub touches_refused: usize,
     /// How it ended.
     pub ending: Option<rig_engine::RunStatus>,
 }
@@ -257,11 +259,16 @@ impl RunView {
         describe::prompt(&self.plan, prompt)
     }
 
+    /// How many touches there are to do.
+    pub fn touches_planned(&self) -> usize {
+        let is_touch = |step: &&rig_protocol::Step| matches!(step.action, Action::Touch(_));
+        self.plan.steps.iter().filter(is_touch).count()
+    }
+
     /// How much longer the run will take, s, by the rig's clock. The plan knows how its steps
     /// compare; what the rig has needed so far says how it compares with the plan.
     pub fn remaining_s(&self, elapsed_s: f64) -> f64 {
-        let is_touch = |step: &&rig_protocol::Step| matches!(step.action, Action::Touch(_));
-        let touches = self.plan.steps.iter().filter(is_touch).count();
+        let touches = self.touches_planned();
         let left = touches.saturating_sub(self.touches_done) as f64;
         let planned_s = self.expected_s * left / touches.max(1) as f64;
         if self.touches_done < PACE_FROM_TOUCHES {

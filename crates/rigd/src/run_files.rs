@@ -55,7 +55,7 @@ pub fn write(data: &Path, run: RunId) -> Result<RunFiles, RunFilesError> {
     write_report(&reader, run, &report)?;
     let records = reader.records(run)?;
     let mut bytes = Vec::new();
-    export::touches_csv(&records, &mut bytes)?;
+    report::touches_csv(&reader.run(run)?, &records, &mut bytes)?;
     write_file(&folder.join("touches.csv"), &bytes)?;
     bytes.clear();
     export::sweeps_csv(&records, &mut bytes)?;

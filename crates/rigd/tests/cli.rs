@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
 use std::{
-    collections::BTreeSet,
+    collections::{BTreeMap, BTreeSet},
     fs,
     path::{Path, PathBuf},
     process::{Command, Output},
@@ -71,6 +71,7 @@ fn a_run_ends_with_its_results_its_report_and_its_data() {
     assert_eq!(runs[0]["run_id"], result["run_id"]);
     assert_eq!(runs[0]["name"], "smoke-1");
     assert_eq!(json(&rigd(&["show", "smoke-1", "--data", dir, "--json"])), result);
+    assert_eq!(result["touches_planned"], 18);
     let touches = rigd(&["export", "latest", "--data", dir, "--format", "csv"]);
     assert_eq!(stdout(&touches).lines().count(), 1 + 18);
     let searches = ["export", "latest", "--data", dir, "--format", "csv", "--table", "searches"];
@@ -85,6 +86,51 @@ fn a_run_ends_with_its_results_its_report_and_its_data() {
     let again = rigd(&["report", "latest", "--data", dir, "--out", copy.to_str().unwrap()]);
     assert!(again.status.success(), "{}", stderr(&again));
     assert_eq!(fs::read_to_string(copy).unwrap(), report);
+}
+
+#[test]
+fn a_run_with_refused_touches_says_which_and_why_and_has_an_exit_code_of_its_own() {
+    let data = TempDir::new().unwrap();
+    let (dir, path) = (data.path().to_str().unwrap(), data.path().join("narrow.toml"));
+    let smoke = fs::read_to_string(repository().join("config/protocols/smoke.toml")).unwrap();
+    let (head, contact) = smoke.split_once("[contact_sweep]").unwrap();
+    // The resonance on sample 5 lies above it.
+    let contact = contact
+        .replace("max_hz = 260", "max_hz = 160\nmethod = \"uniform\"\nsettle_s = 0.2\npoints = 41");
+    fs::write(&path, format!("{head}[contact_sweep]{contact}")).unwrap();
+    let run = ["run", path.to_str().unwrap(), "--data", dir];
+    let output = rigd(&run);
+    assert_eq!(output.status.code(), Some(6), "{}", stderr(&output));
+    let text = stdout(&output);
+    let last = text.lines().last().unwrap();
+    let (measured, rest) = last.split_once(" of 18 touches measured; ").expect(last);
+    let (refused, named) = rest.split_once(" refused: ").expect(last);
+    let (measured, refused): (usize, usize) = (measured.parse().unwrap(), refused.parse().unwrap());
+    assert!(measured > 0 && refused > 5 && measured + refused == 18, "{last}");
+    assert!(named.starts_with("main/5/") && named.ends_with("more"), "{last}");
+    assert_eq!(text.lines().filter(|line| line.starts_with("main/5/")).count(), 6, "{text}");
+
+    let output = rigd(&[&run[..], &["--json"]].concat());
+    assert_eq!(output.status.code(), Some(6));
+    assert_eq!(stderr(&output).trim_end(), last);
+    let result = json(&output);
+    assert_eq!(result["status"], "completed_with_refusals");
+    let counts = ["touches_planned", "touches_measured", "touches_refused", "touches_not_reached"];
+    assert_eq!(
+        counts.map(|name| result[name].clone()),
+        [18, measured, refused, 0].map(Value::from)
+    );
+    let table = rigd(&["export", "latest", "--data", dir, "--format", "csv"]);
+    let mut table = csv::Reader::from_reader(stdout(&table).as_bytes());
+    let rows: Vec<BTreeMap<String, String>> = table.deserialize().map(Result::unwrap).collect();
+    assert_eq!(rows.len(), 18);
+    for row in rows.iter().filter(|row| row["sample"] == "5") {
+        assert_eq!(
+            (row["status"].as_str(), row["reason"].is_empty()),
+            ("refused", false),
+            "{row:?}"
+        );
+    }
 }
 
 #[test]

@@ -201,7 +201,7 @@ fn what_rigd_writes_it_reads_again_and_finds_the_same() {
     let header: Vec<_> = sweeps.lines().next().unwrap().split(',').collect();
     let at = |key: &str| header.iter().position(|name| *name == key).unwrap();
     let mut checked = 0;
-    for row in sweeps.lines().skip(1).filter(|row| row.contains(",accepted,")).take(5) {
+    for row in sweeps.lines().skip(1).filter(|row| row.contains(",\"accepted\",")).take(5) {
         let cells: Vec<_> = row.split(',').collect();
         let number = |key: &str| cells[at(key)].parse::<f64>().unwrap();
         let fitted = json(&rigd(

@@ -27,12 +27,16 @@ pub use error::{SqliteError, StoreError};
 pub use journal::{Journal, Store};
 pub use reader::{Chain, Flaw, Interruption, ProbeWord, Reader, StoredRecord, Verdict};
 pub use record::{
-    Action, Axis, BlackBox, Circuit, Clearance, Device, Direction, Ending, Fault, Frame, Intent,
-    Move, MoveReason, Operator, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked,
-    Reading, ReadingFlag, Record, RunFinished, RunStarted, Sample, Source, StateChanged,
-    StepStarted, Surface, SurfaceReading, Sweep, SweepPurpose, SweepVerdict, Touch, TouchSettings,
+    Action, Axis, BlackBox, Circuit, Clearance, Device, Direction, Ending, Fault, Frame, Indented,
+    Intent, Move, MoveReason, Operator, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked,
+    Reading, ReadingFlag, Record, RefusedTouch, RunFinished, RunStarted, Sample, Source,
+    StateChanged, StepStarted, Surface, SurfaceReading, Sweep, SweepPurpose, SweepVerdict, Touch,
+    TouchSettings,
 };
 pub use run::{Run, RunId, RunKind, RunStatus};
 
-/// The version of the records and tables that this crate writes. A reader refuses a newer one.
-pub const FORMAT: u32 = 1;
+/// The version of the records and tables that this crate writes. A reader refuses a newer one and
+/// reads every older one.
+///
+/// Since 2 a run names its touches when it begins, and a touch that is refused has a record.
+pub const FORMAT: u32 = 2;

@@ -32,6 +32,9 @@ pub struct StoredRecord {
     pub seq: u64,
     /// Microseconds since the rig was opened.
     pub rig_us: u64,
+    /// When: the beginning of the run by the wall clock, and from there on by the rig's clock. UTC,
+    /// RFC 3339 with milliseconds. None when the first record of the run is missing.
+    pub at: Option<String>,
     /// The kind of record.
     pub kind: String,
     /// The record as JSON.
@@ -350,7 +353,15 @@ fn parsed<T>(
 fn select_records(tail: &str) -> String {
     format!(
         "SELECT records.id, seq, rig_us, records.kind, payload, digest,
-                (SELECT id FROM runs WHERE key = run)
+                (SELECT id FROM runs WHERE key = run),
+                strftime(
+                    '%Y-%m-%dT%H:%M:%fZ',
+                    (SELECT started_at FROM runs WHERE key = run),
+                    printf('%.3f seconds', (rig_us - (
+                        SELECT rig_us FROM records AS first
+                        WHERE first.run = records.run AND first.seq = 1
+                    )) / 1e6)
+                )
          FROM records {tail}"
     )
 }
@@ -362,6 +373,7 @@ fn record_from(row: &Row<'_>) -> rusqlite::Result<StoredRecord> {
         run: parsed(row, 6, |id| id.parse().ok())?,
         seq: whole(1)?,
         rig_us: whole(2)?,
+        at: row.get(7)?,
         kind: row.get(3)?,
         payload: row.get(4)?,
         digest: Digest::from_bytes(row.get(5)?),

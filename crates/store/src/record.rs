@@ -17,7 +17,8 @@ pub use start::{
     Action, Device, Direction, Phase, PlanSize, Pose, RunStarted, Sample, Source, StepStarted,
 };
 pub use sweep::{
-    Circuit, Reading, ReadingFlag, Sweep, SweepPurpose, SweepVerdict, Touch, TouchSettings,
+    Circuit, Indented, Reading, ReadingFlag, RefusedTouch, Sweep, SweepPurpose, SweepVerdict,
+    Touch, TouchSettings,
 };
 
 /// One record of a journal.
@@ -45,6 +46,8 @@ pub enum Record {
     Sweep(Sweep),
     /// A touch gave its frequency shift.
     TouchResult(Touch),
+    /// A touch was made and gave no frequency shift.
+    TouchRefused(RefusedTouch),
     /// A person gave a command.
     Operator(Operator),
     /// Something failed; the rig is latched.
@@ -70,6 +73,7 @@ impl Record {
             Self::SurfaceFound(_) => "surface_found",
             Self::Sweep(_) => "sweep",
             Self::TouchResult(_) => "touch_result",
+            Self::TouchRefused(_) => "touch_refused",
             Self::Operator(_) => "operator",
             Self::Fault(_) => "fault",
             Self::BlackBox(_) => "black_box",
@@ -139,8 +143,10 @@ pub struct StateChanged {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Ending {
-    /// Every step was done.
+    /// Every step was done, and every touch was measured.
     Completed,
+    /// Every step was done, and at least one touch was refused.
+    CompletedWithRefusals,
     /// A person ended it early.
     Aborted,
     /// A fault ended it.
@@ -151,12 +157,19 @@ pub enum Ending {
 
 impl Ending {
     /// Every way.
-    pub const ALL: [Self; 4] = [Self::Completed, Self::Aborted, Self::Faulted, Self::Interrupted];
+    pub const ALL: [Self; 5] = [
+        Self::Completed,
+        Self::CompletedWithRefusals,
+        Self::Aborted,
+        Self::Faulted,
+        Self::Interrupted,
+    ];
 
     /// The word in results and messages.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Completed => "completed",
+            Self::CompletedWithRefusals => "completed_with_refusals",
             Self::Aborted => "aborted",
             Self::Faulted => "faulted",
             Self::Interrupted => "interrupted",

@@ -81,6 +81,11 @@ impl RunStatus {
         matches!(self, Self::Interrupted | Self::Ended(Ending::Interrupted))
     }
 
+    /// The words for people.
+    pub fn describe(self) -> String {
+        self.name().replace('_', " ")
+    }
+
     pub(crate) fn from_name(name: &str) -> Option<Self> {
         let endings = Ending::ALL.into_iter().map(Self::Ended);
         endings.chain([Self::Running]).find(|status| status.name() == name)

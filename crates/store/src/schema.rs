@@ -44,9 +44,13 @@ pub(crate) fn open_to_write(path: &Path) -> Result<Connection, StoreError> {
     // Without FULL the last commits may be lost with the power.
     connection.pragma_update(None, "synchronous", "FULL")?;
     connection.pragma_update(None, "foreign_keys", true)?;
-    if check_format(&connection)? == 0 {
+    let found = check_format(&connection)?;
+    if found < FORMAT {
         let transaction = connection.transaction()?;
-        transaction.execute_batch(TABLES)?;
+        if found == 0 {
+            transaction.execute_batch(TABLES)?;
+        }
+        // The tables of format 1 are the same, and its records stay as they are.
         transaction.pragma_update(None, "user_version", FORMAT)?;
         transaction.commit()?;
     }

@@ -30,12 +30,13 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     let (run, ending, status) =
         with_rig(rig, data, async |session| replay(session, protocol, is_simulated).await)?;
     let files = run_files::write(data, run)?;
-    runs::print_results(data, run, args.output.json)?;
     if !args.output.json {
-        note(&format!("report: {}\ndata:   {}", files.report.display(), files.data.display()));
+        note(&format!("report: {}\ndata:   {}\n", files.report.display(), files.data.display()));
     }
+    runs::print_results(data, run, args.output.json)?;
     match ending {
         RunStatus::Completed => Ok(()),
+        RunStatus::CompletedWithRefusals => Err(Failure::TouchesRefused),
         RunStatus::Aborted => Err(Failure::Aborted),
         RunStatus::Faulted => Err(latched(&status)),
     }

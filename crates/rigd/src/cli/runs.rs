@@ -45,7 +45,7 @@ pub(super) fn list(args: &RunsArgs) -> Result<(), Failure> {
     let row = |run: &Run| {
         vec![
             run.short_name(),
-            run.status.name().to_owned(),
+            run.status.describe(),
             run.started_at.clone(),
             run.wall_s.map(duration).unwrap_or_default(),
             run.records.to_string(),
@@ -63,11 +63,12 @@ pub(super) fn show(args: &ShowArgs) -> Result<(), Failure> {
 
 pub(super) fn export(args: &ExportArgs) -> Result<(), Failure> {
     let reader = args.data.journal()?;
-    let records = reader.records(reader.find(&args.run)?.id)?;
+    let run = reader.find(&args.run)?;
+    let records = reader.records(run.id)?;
     let mut out = BufWriter::new(io::stdout().lock());
     match (args.format, args.table) {
         (ExportFormat::Jsonl, _) => export::jsonl(&records, &mut out)?,
-        (ExportFormat::Csv, ExportTable::Touches) => export::touches_csv(&records, &mut out)?,
+        (ExportFormat::Csv, ExportTable::Touches) => report::touches_csv(&run, &records, &mut out)?,
         (ExportFormat::Csv, ExportTable::Sweeps) => export::sweeps_csv(&records, &mut out)?,
         (ExportFormat::Csv, ExportTable::Readings) => export::readings_csv(&records, &mut out)?,
         (ExportFormat::Csv, ExportTable::Searches) => export::searches_csv(&records, &mut out)?,
@@ -96,8 +97,12 @@ pub(super) fn print_results(data: &Path, run: RunId, is_json: bool) -> Result<()
     let folder = run_files::folder(data, run);
     let (run, records) = (reader.run(run)?, reader.records(run)?);
     if is_json {
-        print_json(&report::summary(&run, &records, &folder)?)
+        let summary = report::summary(&run, &records, &folder)?;
+        if summary.touches_measured < summary.touches_planned {
+            note(&summary.touches_sentence());
+        }
+        print_json(&summary)
     } else {
-        print(&report::text(&run, &records)?)
+        print(report::text(&run, &records)?.trim_end())
     }
 }

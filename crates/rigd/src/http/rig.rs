@@ -43,6 +43,9 @@ struct RunProgress {
     /// Steps done.
     step: usize,
     steps: usize,
+    touches_planned: usize,
+    touches_measured: usize,
+    touches_refused: usize,
     doing: String,
 }
 
@@ -78,6 +81,9 @@ fn view(name: &str, status: &Status) -> RigView {
             protocol: progress.protocol.clone(),
             step: progress.step,
             steps: progress.steps,
+            touches_planned: run.touches_planned(),
+            touches_measured: run.touches_done - run.touches_refused,
+            touches_refused: run.touches_refused,
             doing: run.describe_step(progress.step),
         }),
         _ => None,

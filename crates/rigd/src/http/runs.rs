@@ -114,10 +114,10 @@ pub(super) async fn export(
         | ExportFormat::Searches => "text/csv; charset=utf-8",
     };
     let bytes = shared.read(move |reader| {
-        reader.run(id)?;
+        let run = reader.run(id)?;
         let (records, mut bytes) = (reader.records(id)?, Vec::new());
         match format {
-            ExportFormat::Csv => export::touches_csv(&records, &mut bytes),
+            ExportFormat::Csv => report::touches_csv(&run, &records, &mut bytes),
             ExportFormat::Sweeps => export::sweeps_csv(&records, &mut bytes),
             ExportFormat::Readings => export::readings_csv(&records, &mut bytes),
             ExportFormat::Searches => export::searches_csv(&records, &mut bytes),

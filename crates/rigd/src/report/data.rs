@@ -1,8 +1,8 @@
 //! The records of a run, sorted by what the report says of them.
 
 use rig_store::{
-    Clearance, Prompt, Record, RunStarted, Sample, StoreError, StoredRecord, Sweep, SweepVerdict,
-    Touch,
+    Action, Clearance, Prompt, Record, RefusedTouch, RunStarted, Sample, StoreError, StoredRecord,
+    Sweep, SweepVerdict, Touch, TouchSettings,
 };
 
 use super::{html::add, units::duration};
@@ -20,10 +20,34 @@ pub(super) struct RunData {
     pub(super) sweeps: Vec<Sweep>,
     /// Every touch that gave a shift, in order.
     pub(super) touches: Vec<Touch>,
+    /// Every planned touch, in order, with what became of it.
+    pub(super) planned: Vec<PlannedTouch>,
     /// Prompts that were answered.
     pub(super) prompts: u32,
     /// What persons were asked and did, and what went wrong.
     pub(super) log: Vec<LogEntry>,
+    /// The first thing that went wrong.
+    pub(super) fault: Option<String>,
+}
+
+/// A planned touch.
+#[derive(Debug)]
+pub(super) struct PlannedTouch {
+    /// What was to be touched, and how.
+    pub(super) settings: TouchSettings,
+    /// When it began: UTC, RFC 3339.
+    pub(super) began_at: Option<String>,
+    /// What became of it; none when it has not ended.
+    pub(super) outcome: Option<Outcome>,
+}
+
+/// How a touch ended.
+#[derive(Debug)]
+pub(super) enum Outcome {
+    /// It gave a shift: its place in [`RunData::touches`].
+    Measured(usize),
+    /// It gave none.
+    Refused(Box<RefusedTouch>),
 }
 
 /// A line of the log.
@@ -76,7 +100,7 @@ impl RunData {
             ..Self::default()
         };
         for stored in records {
-            data.take(stored.rig_us, stored.record()?);
+            data.take(stored, stored.record()?);
         }
         Ok(data)
     }
@@ -101,6 +125,27 @@ impl RunData {
         self.sweeps.iter().find(|sweep| sweep.number == number)
     }
 
+    /// Whether no real device took part.
+    pub(super) fn is_simulated(&self) -> bool {
+        self.started.as_ref().is_some_and(|started| started.scene.is_some())
+    }
+
+    /// The sample with this name.
+    pub(super) fn sample(&self, name: &str) -> Option<usize> {
+        self.samples().iter().position(|sample| sample.name == name)
+    }
+
+    /// The planned touch at the address of `settings`. A journal of format 1 names its touches only
+    /// when they begin.
+    fn planned(&mut self, settings: &TouchSettings) -> &mut PlannedTouch {
+        let known = self.planned.iter().position(|known| known.settings.step == settings.step);
+        let index = known.unwrap_or(self.planned.len());
+        if known.is_none() {
+            self.planned.push(PlannedTouch::new(settings.clone()));
+        }
+        &mut self.planned[index]
+    }
+
     /// Adds the answer to the last question.
     fn answer(&mut self, rig_us: u64, by: &str) {
         self.prompts += 1;
@@ -111,12 +156,23 @@ impl RunData {
         }
     }
 
-    fn take(&mut self, rig_us: u64, record: Record) {
+    fn take(&mut self, stored: &StoredRecord, record: Record) {
+        let rig_us = stored.rig_us;
         let mut note = |step: Option<String>, kind, text| {
             self.log.push(LogEntry { rig_us, step, kind, text });
         };
         match record {
-            Record::RunStarted(started) => self.started = Some(started),
+            Record::RunStarted(mut started) => {
+                let touches = std::mem::take(&mut started.touches);
+                self.planned = touches.into_iter().map(PlannedTouch::new).collect();
+                self.started = Some(started);
+            }
+            Record::StepStarted(begun) => {
+                if let Action::Touch { phase, sample, pose, repeat } = begun.action {
+                    let settings = TouchSettings { step: begun.step, phase, sample, pose, repeat };
+                    self.planned(&settings).began_at.clone_from(&stored.at);
+                }
+            }
             Record::PromptAsked(asked) => {
                 note(Some(asked.step), LogKind::Prompt, request(&asked.prompt));
             }
@@ -131,6 +187,7 @@ impl RunData {
                     Clearance::Unknown => "in an unknown place",
                 };
                 let text = format!("{}. The probe was {probe}. {}", fault.cause, fault.hint);
+                self.fault.get_or_insert(fault.cause);
                 note(fault.step, LogKind::Fault, text);
             }
             Record::Sweep(sweep) => {
@@ -140,19 +197,32 @@ impl RunData {
                 }
                 self.sweeps.push(sweep);
             }
-            Record::TouchResult(touch) => self.touches.push(touch),
+            Record::TouchResult(touch) => {
+                let place = self.touches.len();
+                self.planned(&touch.touch).outcome = Some(Outcome::Measured(place));
+                self.touches.push(touch);
+            }
+            Record::TouchRefused(refused) => {
+                let planned = self.planned(&refused.touch);
+                planned.outcome = Some(Outcome::Refused(Box::new(refused)));
+            }
             Record::BlackBox(kept) => {
                 let (count, port) = (kept.frames.len(), kept.port);
                 let text = format!("the last frames on {port} are in the journal ({count})");
                 note(None, LogKind::BlackBox, text);
             }
-            Record::StepStarted(_)
-            | Record::Intent(_)
+            Record::Intent(_)
             | Record::Moved(_)
             | Record::SurfaceFound(_)
             | Record::StateChanged(_)
             | Record::RunFinished(_) => {}
         }
+    }
+}
+
+impl PlannedTouch {
+    const fn new(settings: TouchSettings) -> Self {
+        Self { settings, began_at: None, outcome: None }
     }
 }
 

@@ -190,20 +190,58 @@ pub(super) fn example(data: &RunData) -> Option<String> {
         .filter(|touch| touch.touch.phase == Phase::Main)
         .max_by(|a, b| a.shift_hz.total_cmp(&b.shift_hz))?;
     let (clear, contact) = (data.sweep(touch.no_load_sweep)?, data.sweep(touch.sweep)?);
+    let charts = impedance("", &[(0, "probe clear", clear), (1, "in contact", contact)]);
+    let settings = &touch.touch;
+    let caption = format!(
+        "The touch with the largest shift (sample {}, {}, {}°) and its reference: readings and the \
+         circuits fitted to them. Resonance {} Hz clear and {} Hz in contact, a shift of {} Hz.",
+        settings.sample,
+        settings.pose.direction.name(),
+        settings.pose.angle_deg,
+        with_sigma(touch.no_load_hz, touch.no_load_sigma_hz),
+        with_sigma(touch.resonance_hz, touch.sigma_hz),
+        with_sigma(touch.shift_hz, touch.shift_sigma_hz),
+    );
+    Some(figure(&format!("<div class=\"row\">\n{charts}</div>\n"), &caption))
+}
+
+/// Every refused sweep as it was measured, with its reason.
+pub(super) fn refused(data: &RunData) -> String {
+    let mut html = String::new();
+    for sweep in &data.sweeps {
+        let SweepVerdict::Refused { reason } = &sweep.verdict else { continue };
+        let step = sweep.step.as_deref().unwrap_or("no step");
+        let name = sweep.purpose.name().replace('_', "-");
+        let caption = format!(
+            "Refused sweep {} ({name}, {step}, {} readings): {reason}.",
+            sweep.number,
+            sweep.readings.len()
+        );
+        let suffix = format!("-{}", sweep.number);
+        let charts = impedance(&suffix, &[(1, name.as_str(), sweep)]);
+        html += &figure(&format!("<div class=\"row\">\n{charts}</div>\n"), &caption);
+    }
+    html
+}
+
+/// Magnitude and phase of sweeps against frequency, with the circuits fitted, side by side. Each
+/// sweep has a colour and a name.
+fn impedance(suffix: &str, sweeps: &[(usize, &str, &Sweep)]) -> String {
     let axis = || Axis::linear("frequency (Hz)");
+    let of = sweeps.iter().map(|&(_, name, _)| name).collect::<Vec<_>>().join(" and ");
     let mut size = Chart::new(
         "Magnitude",
-        "Magnitude of the impedance against frequency, probe clear and in contact.",
+        &format!("Magnitude of the impedance against frequency, {of}."),
         axis(),
         Axis::log("|Z| (Ω)"),
     );
     let mut phase = Chart::new(
         "Phase",
-        "Phase of the impedance against frequency, probe clear and in contact.",
+        &format!("Phase of the impedance against frequency, {of}."),
         axis(),
         Axis::linear("phase (°)"),
     );
-    for (colour, name, sweep) in [(0, "probe clear", clear), (1, "in contact", contact)] {
+    for &(colour, name, sweep) in sweeps {
         let readings = || sweep.readings.iter();
         let magnitude =
             readings().map(|r| (r.frequency_hz, r.resistance_ohm.hypot(r.reactance_ohm)));
@@ -220,19 +258,8 @@ pub(super) fn example(data: &RunData) -> Option<String> {
         }
     }
     (size.size_px, phase.size_px) = (HALF_PX, HALF_PX);
-    let charts = drawn(&size.svg("fig-size")) + &drawn(&phase.svg("fig-phase"));
-    let settings = &touch.touch;
-    let caption = format!(
-        "The touch with the largest shift (sample {}, {}, {}°) and its reference: readings and the \
-         circuits fitted to them. Resonance {} Hz clear and {} Hz in contact, a shift of {} Hz.",
-        settings.sample,
-        settings.pose.direction.name(),
-        settings.pose.angle_deg,
-        with_sigma(touch.no_load_hz, touch.no_load_sigma_hz),
-        with_sigma(touch.resonance_hz, touch.sigma_hz),
-        with_sigma(touch.shift_hz, touch.shift_sigma_hz),
-    );
-    Some(figure(&format!("<div class=\"row\">\n{charts}</div>\n"), &caption))
+    drawn(&size.svg(&format!("fig-size{suffix}")))
+        + &drawn(&phase.svg(&format!("fig-phase{suffix}")))
 }
 
 fn circuit_of(sweep: &Sweep) -> Option<Circuit> {

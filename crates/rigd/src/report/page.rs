@@ -2,7 +2,7 @@
 
 use rig_analysis::sensitivity::Sensitivity;
 use rig_chart::Escaped;
-use rig_store::{Run, RunStatus, Verdict};
+use rig_store::{Ending, Phase, Run, RunStatus, Verdict};
 
 use super::{
     data::RunData,
@@ -11,6 +11,7 @@ use super::{
     provenance::provenance,
     results::{RunResults, SweepCost},
     stiffness, tables,
+    touches::{self, Tally, TouchRow},
     units::{duration, fixed, percent, percent_range, value_and_sigma, with_sigma},
 };
 
@@ -26,12 +27,14 @@ pub(super) fn page(run: &Run, verdict: &Verdict, data: &RunData, results: &RunRe
         include_str!("style.css"),
         rig_chart::STYLE,
     );
-    html += &head(run, verdict, data, results);
+    let rows = touches::rows(run, data, results);
+    html += &head(run, verdict, data, results, &rows);
     section(&mut html, "Frequency shift", &shifts(data, results));
     section(&mut html, "Stiffness", &stiffness(data, results));
     section(&mut html, "Recognition", &recognition(data, results));
     section(&mut html, "The free sensor", &free_sensor(data, results));
     section(&mut html, "One touch in detail", &detail(data, results));
+    section(&mut html, "Touches", &touches_section(data, &rows));
     section(&mut html, "Log", &log(data));
     section(&mut html, "Provenance", &provenance(run, verdict, data));
     html += "</main>\n</body>\n</html>\n";
@@ -43,10 +46,17 @@ fn section(html: &mut String, title: &str, content: &str) {
 }
 
 /// What the run is, how it ended, and its key numbers.
-fn head(run: &Run, verdict: &Verdict, data: &RunData, results: &RunResults) -> String {
+fn head(
+    run: &Run,
+    verdict: &Verdict,
+    data: &RunData,
+    results: &RunResults,
+    rows: &[TouchRow],
+) -> String {
     let class = match run.status {
         RunStatus::Running => "running",
-        RunStatus::Ended(rig_store::Ending::Completed) => "completed",
+        RunStatus::Ended(Ending::Completed) => "completed",
+        RunStatus::Ended(Ending::CompletedWithRefusals) => "partial",
         RunStatus::Interrupted | RunStatus::Ended(_) => "failed",
     };
     let began = run.started_at.replace('T', " ").chars().take(16).collect::<String>();
@@ -54,7 +64,7 @@ fn head(run: &Run, verdict: &Verdict, data: &RunData, results: &RunResults) -> S
         "<header>\n<p class=\"eyebrow\">Run report</p>\n<h1>{}</h1>\n\
          <p class=\"meta\"><span class=\"status {class}\">{}</span> {} UTC</p>\n</header>\n",
         Escaped(&run.name),
-        run.status.name(),
+        run.status.describe(),
         Escaped(&began),
     );
     if let Verdict::Broken { seq, flaw } = verdict {
@@ -72,8 +82,13 @@ fn head(run: &Run, verdict: &Verdict, data: &RunData, results: &RunResults) -> S
         let step = Escaped(step);
         add(&mut html, format_args!("<p class=\"alarm\"><b>Fault in {step}.</b> {text}</p>\n"));
     }
+    let tally = Tally::of(rows);
+    if tally.measured < tally.planned && run.status != RunStatus::Running {
+        let sentence = touches::sentence(rows);
+        add(&mut html, format_args!("<p class=\"alarm\"><b>{}.</b></p>\n", Escaped(&sentence)));
+    }
     html += "<dl class=\"tiles\">\n";
-    for Tile { name, value, unit, below } in tiles(run, data, results) {
+    for Tile { name, value, unit, below } in tiles(run, data, results, tally) {
         let (value, below) = (Escaped(&value), Escaped(&below));
         add(
             &mut html,
@@ -95,7 +110,7 @@ struct Tile {
     below: String,
 }
 
-fn tiles(run: &Run, data: &RunData, results: &RunResults) -> Vec<Tile> {
+fn tiles(run: &Run, data: &RunData, results: &RunResults, tally: Tally) -> Vec<Tile> {
     let mut tiles = Vec::new();
     if let Some(no_load) = results.no_load {
         let span = fixed(no_load.max_hz - no_load.min_hz, 3);
@@ -118,11 +133,17 @@ fn tiles(run: &Run, data: &RunData, results: &RunResults) -> Vec<Tile> {
         let below = format!("{correct} of {trials}; 95\u{a0}% interval {range}");
         tiles.push(Tile { name: "Blind recognition", value, unit: "", below });
     }
-    let planned = data.started.as_ref().map_or(0, |started| started.plan.touches);
     let prompts = counted(data.prompts, "prompt");
     let faults = counted(u32::try_from(data.faults().count()).unwrap_or(u32::MAX), "fault");
-    let (value, below) =
-        (data.touches.len().to_string(), format!("of {planned} planned; {prompts}, {faults}"));
+    let Tally { planned, measured, refused, not_reached } = tally;
+    let mut below = format!("measured of {planned} planned; ");
+    for (count, what) in [(refused, "refused"), (not_reached, "not reached")] {
+        if count > 0 {
+            add(&mut below, format_args!("{count} {what}, "));
+        }
+    }
+    add(&mut below, format_args!("{prompts}, {faults}"));
+    let value = measured.to_string();
     tiles.push(Tile { name: "Touches", value, unit: "", below });
     let below = run.wall_s.map_or("still running".to_owned(), |wall_s| {
         format!("{} by the clock on the wall", duration(wall_s))
@@ -137,7 +158,9 @@ fn counted(count: u32, one: &str) -> String {
 
 fn shifts(data: &RunData, results: &RunResults) -> String {
     if results.cells.is_empty() {
-        return nothing("No touch of the main phase gave a shift.");
+        let nothing = nothing("No touch of the main phase gave a shift.");
+        let is_planned = !results.grid.is_empty();
+        return if is_planned { nothing + &tables::shifts(data, results) } else { nothing };
     }
     let mut html = figures::by_direction(data, results) + &figures::averaged(data, results);
     if let Some(found) = &results.sensitivity {
@@ -178,7 +201,14 @@ fn recognition(data: &RunData, results: &RunResults) -> String {
         score.trials,
         percent(rate),
     );
+    let planned = data.planned.iter().filter(|touch| touch.settings.phase == Phase::Blind).count();
+    let missing = planned.saturating_sub(score.trials as usize);
+    let missing = match missing {
+        0 => String::new(),
+        missing => nothing(&format!("Of {planned} planned, {missing} gave no shift.")),
+    };
     sentence
+        + &missing
         + &figures::classification(data, classification)
         + &tables::confusion(data, classification)
         + &stiffness::recognitions(&results.recognitions)
@@ -210,6 +240,14 @@ fn cost(cost: &SweepCost) -> String {
          five time constants of settling and ten cycles of integration at each, would have taken \
          {practice} for the same resonances: {times} times as long.</p>\n"
     )
+}
+
+/// Every planned touch, and the sweeps that were refused.
+fn touches_section(data: &RunData, rows: &[TouchRow]) -> String {
+    if rows.is_empty() {
+        return nothing("No touch was planned.");
+    }
+    tables::touches(rows) + &figures::refused(data)
 }
 
 fn log(data: &RunData) -> String {

@@ -13,6 +13,7 @@ use super::{
     data::RunData,
     recognition::{Recognition, recognitions},
     stiffness::{NoStiffness, Stiffness},
+    touches::{self, GridRow},
 };
 
 /// The directions, in the order in which the analysis counts them.
@@ -21,7 +22,9 @@ pub(super) const DIRECTIONS: [Direction; 3] = [Direction::Front, Direction::Back
 /// The results of a run.
 #[derive(Debug)]
 pub(super) struct RunResults {
-    /// The main touches by sample, angle and direction.
+    /// The main touches as they were planned, by sample and angle.
+    pub(super) grid: Vec<GridRow>,
+    /// The main touches that were measured, by sample, angle and direction.
     pub(super) cells: Vec<Cell>,
     /// The same, averaged over the directions.
     pub(super) means: Vec<AngleMean>,
@@ -89,9 +92,7 @@ pub(super) struct SweepCost {
 
 impl RunResults {
     pub(super) fn of(data: &RunData) -> Self {
-        let sample = |touch: &Touch| {
-            data.samples().iter().position(|sample| sample.name == touch.touch.sample)
-        };
+        let sample = |touch: &Touch| data.sample(&touch.touch.sample);
         let of_phase = |phase| data.touches.iter().filter(move |t| t.touch.phase == phase);
         let main: Vec<shift::Touch> = of_phase(Phase::Main)
             .filter_map(|touch| Some(shift_of(touch, sample(touch)?)))
@@ -110,10 +111,38 @@ impl RunResults {
             no_load: no_load::summarize(&references),
             classification,
             cost: SweepCost::of(&data.sweeps),
+            grid: touches::grid(data),
             cells,
             means,
             references,
         }
+    }
+
+    /// The shift of a sample at an angle in a direction, where it was measured.
+    pub(super) fn cell(&self, sample: usize, angle_deg: f64, direction: usize) -> Option<&Cell> {
+        let is_here = |cell: &&Cell| {
+            (cell.sample, cell.angle_deg, cell.direction) == (sample, angle_deg, direction)
+        };
+        self.cells.iter().find(is_here)
+    }
+
+    /// The mean of the directions of a sample at an angle, where one was measured.
+    pub(super) fn mean(&self, sample: usize, angle_deg: f64) -> Option<&AngleMean> {
+        self.means.iter().find(|mean| (mean.sample, mean.angle_deg) == (sample, angle_deg))
+    }
+
+    /// The samples that were to be touched in the main phase.
+    pub(super) fn samples(&self) -> Vec<usize> {
+        let mut samples: Vec<usize> = self.grid.iter().map(|row| row.sample).collect();
+        samples.dedup();
+        samples
+    }
+
+    /// The directions of the main touches that were planned.
+    pub(super) fn directions(&self) -> Vec<usize> {
+        let is_planned =
+            |&direction: &usize| self.grid.iter().any(|row| row.directions[direction].planned > 0);
+        (0..DIRECTIONS.len()).filter(is_planned).collect()
     }
 
     /// The contact angles of the main touches, ascending, degrees.
@@ -185,6 +214,12 @@ fn classify(data: &RunData, blind: &[(&Touch, usize)]) -> Option<Classification>
 }
 
 impl Classification {
+    /// The sample for which the cluster of this blind touch stands.
+    pub(super) fn class_of(&self, number: u32) -> Option<usize> {
+        let trial = self.trials.iter().find(|trial| trial.number == number)?;
+        self.score.label_of[trial.cluster]
+    }
+
     /// Whether a touch is in the cluster that stands for its sample.
     pub(super) fn is_correct(&self, trial: &Trial) -> bool {
         self.score.label_of[trial.cluster] == Some(trial.sample)

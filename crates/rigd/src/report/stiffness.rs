@@ -8,6 +8,8 @@
 mod place;
 mod section;
 
+use std::collections::BTreeMap;
+
 use rig_analysis::{
     scale::{self, Comparison},
     stiffness::{self, Compensation, PosedTouch, Young},
@@ -25,7 +27,7 @@ pub(super) use section::{recognitions, section};
 
 use place::{Probed, Unknown};
 
-use super::data::RunData;
+use super::data::{PlannedTouch, RunData};
 use crate::rig_file::{RigFile, SensorFile};
 
 /// Within 0.05 Hz of the reference at the cost of a closed form, whatever the depth means.
@@ -44,6 +46,9 @@ pub(super) struct Stiffness {
     pub(super) blind: Vec<Reading>,
     /// The places of the main phase, when the angle is unknown.
     pub(super) places: Option<Vec<Place>>,
+    /// For each touch, by the address of its step, its stiffness or that of its place, with the
+    /// uncertainty of the calibration; or why there is none.
+    by_step: BTreeMap<String, Result<Young, InverseError>>,
 }
 
 /// How the sensor of the rig file was made that of the run.
@@ -88,8 +93,25 @@ pub(super) struct SampleStiffness {
     pub(super) known_mpa: Option<f64>,
     /// Touches, or places, that gave a stiffness.
     pub(super) touches: usize,
-    /// Those that were refused one.
-    pub(super) refused: usize,
+}
+
+/// On what the stiffness of a sample rests.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Support {
+    /// Touches, or places, that gave a stiffness.
+    pub(super) used: usize,
+    /// Those that were planned.
+    pub(super) planned: usize,
+    /// What is counted: `touches` or `places`.
+    pub(super) of: &'static str,
+}
+
+impl Support {
+    /// `9 of 12 touches`, where some are missing.
+    pub(super) fn shortfall(self) -> Option<String> {
+        let Self { used, planned, of } = self;
+        (used < planned).then(|| format!("{used} of {planned} {of}"))
+    }
 }
 
 /// What one touch or place says of the stiffness under it.
@@ -132,7 +154,7 @@ impl Stiffness {
         }
         let reader = Reader { compensation, file, data };
         let angle = Protocol::read(&started.protocol.name, &started.protocol.toml).angle();
-        let Readings { main: read, blind, places, at } = match angle {
+        let Readings { main: read, blind: blind_read, places, at } = match angle {
             AngleKnowledge::Known => reader.known(&main, &blind),
             AngleKnowledge::Unknown => reader.unknown(&main, &blind),
         };
@@ -143,11 +165,55 @@ impl Stiffness {
         if samples.is_empty() {
             return Err(NoStiffness::NoTouches);
         }
-        let calibrated = |readings: Vec<Reading>| {
+        let calibrated = |readings: Vec<Reading>| -> Vec<Reading> {
             readings.into_iter().map(|reading| calibration.reading(reading)).collect()
         };
-        let (main, blind) = (calibrated(read), calibrated(blind));
-        Ok(Self { calibration, samples, main, blind, places })
+        let (main_read, blind_read) = (calibrated(read), calibrated(blind_read));
+        let mut by_step = BTreeMap::new();
+        let mut note = |touch: &Touch, reading: &Reading| {
+            let young = reading.young.map(|young| calibration.with_its_sigma(young));
+            by_step.insert(touch.touch.step.clone(), young);
+        };
+        for (index, (touch, posed)) in main.iter().enumerate() {
+            let place = match &places {
+                Some(places) => places.iter().position(|place| place.holds(touch, posed.sample)),
+                None => Some(index),
+            };
+            if let Some(place) = place {
+                note(touch, &main_read[place]);
+            }
+        }
+        blind.iter().zip(&blind_read).for_each(|((touch, _), reading)| note(touch, reading));
+        Ok(Self { calibration, samples, main: main_read, blind: blind_read, places, by_step })
+    }
+
+    /// The stiffness of a sample, where there is one.
+    pub(super) fn of_sample(&self, sample: usize) -> Option<&SampleStiffness> {
+        self.samples.iter().find(|found| found.sample == sample)
+    }
+
+    /// On how many of the planned touches, or places, the stiffness of a sample rests.
+    pub(super) fn support(&self, data: &RunData, sample: usize) -> Support {
+        let is_of_sample = |planned: &&PlannedTouch| {
+            planned.settings.phase == Phase::Main
+                && data.sample(&planned.settings.sample) == Some(sample)
+        };
+        let mut planned: Vec<(f64, u32)> = (data.planned.iter().filter(is_of_sample))
+            .map(|planned| (planned.settings.pose.angle_deg, planned.settings.repeat))
+            .collect();
+        if self.places.is_some() {
+            planned.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            planned.dedup();
+        }
+        let used = self.of_sample(sample).map_or(0, |found| found.touches);
+        let of = if self.places.is_some() { "places" } else { "touches" };
+        Support { used, planned: planned.len(), of }
+    }
+
+    /// What the touch at this address says of the stiffness, with the uncertainty of the
+    /// calibration.
+    pub(super) fn of_touch(&self, step: &str) -> Option<Result<Young, InverseError>> {
+        self.by_step.get(step).copied()
     }
 }
 
@@ -278,6 +344,11 @@ impl Reader<'_> {
 }
 
 impl Calibration {
+    /// A calibrated stiffness with the uncertainty that all share.
+    fn with_its_sigma(&self, young: Young) -> Young {
+        Young { sigma_mpa: young.sigma_mpa.hypot(self.sigma_rel * young.mpa), ..young }
+    }
+
     fn reading(&self, reading: Reading) -> Reading {
         let young = |young: Young| Young {
             mpa: young.mpa / self.factor,
@@ -303,7 +374,6 @@ impl Calibration {
             spread_mpa: found.spread_mpa.map(|spread| spread / self.factor),
             known_mpa,
             touches: found.touches,
-            refused: found.refused,
         }
     }
 }
@@ -327,7 +397,7 @@ fn compensation(file: &SensorFile, data: &RunData) -> Compensation {
 /// A touch as the model takes it, its shift scaled to the free resonance of the sensor described.
 fn posed(touch: &Touch, file: &SensorFile, data: &RunData, free_hz: f64) -> Option<PosedTouch> {
     let settings = &touch.touch;
-    let sample = data.samples().iter().position(|sample| sample.name == settings.sample)?;
+    let sample = data.sample(&settings.sample)?;
     let direction = match settings.pose.direction {
         Direction::Front => rig_contact::Direction::Front,
         Direction::Back => rig_contact::Direction::Back,

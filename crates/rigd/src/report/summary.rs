@@ -9,7 +9,8 @@ use super::{
     data::RunData,
     recognition::Recognition,
     results::{DIRECTIONS, RunResults},
-    stiffness::SampleStiffness,
+    stiffness::Stiffness,
+    touches::{self, Tally, TouchRow},
 };
 
 /// The results of a run. The fields are an interface: scripts read them.
@@ -19,8 +20,16 @@ pub struct RunSummary {
     pub run_id: String,
     /// How it ended, or that it is running.
     pub status: &'static str,
-    /// Touches that gave a shift.
+    /// Touches that gave a shift; the same as `touches_measured`.
     pub touches: usize,
+    /// Touches of the protocol.
+    pub touches_planned: usize,
+    /// Of which gave a shift,
+    pub touches_measured: usize,
+    /// were made and gave none,
+    pub touches_refused: usize,
+    /// or were not made to their end.
+    pub touches_not_reached: usize,
     /// Prompts that were answered.
     pub prompts: u32,
     /// From beginning to end on the rig's clock, s.
@@ -40,10 +49,19 @@ pub struct RunSummary {
     pub stiffness: Vec<StiffnessSummary>,
     /// The blind touches by every method, that of `classification` first.
     pub recognition: Vec<RecognitionSummary>,
+    /// Every planned touch with what became of it.
+    pub touch_results: Vec<TouchRow>,
     /// The report.
     pub report: PathBuf,
     /// The folder with the data.
     pub data: PathBuf,
+}
+
+impl RunSummary {
+    /// How many touches were measured, and which were refused, in a sentence for a person.
+    pub fn touches_sentence(&self) -> String {
+        touches::sentence(&self.touch_results)
+    }
 }
 
 /// The shift of one sample at one pose.
@@ -77,12 +95,16 @@ pub struct ClassificationSummary {
 pub struct StiffnessSummary {
     /// Name of the sample.
     pub sample: String,
-    /// Young's modulus, MPa.
-    pub stiffness_mpa: f64,
+    /// Young's modulus, MPa; none when no touch gave one.
+    pub stiffness_mpa: Option<f64>,
     /// Its standard deviation, that of the calibration included, MPa.
-    pub sigma_mpa: f64,
+    pub sigma_mpa: Option<f64>,
     /// Young's modulus as it is known otherwise, MPa.
     pub known_mpa: Option<f64>,
+    /// Touches, or places where the angle is unknown, that gave a stiffness.
+    pub used: usize,
+    /// Those that were planned.
+    pub planned: usize,
 }
 
 /// How well a method recognised the samples of the blind touches.
@@ -120,12 +142,19 @@ pub(super) fn summary(
         let (trials, correct, rate) = (score.trials, score.correct, score.rate()?);
         Some(ClassificationSummary { trials, correct, rate })
     });
-    let stiffness = |found: &SampleStiffness| StiffnessSummary {
-        sample: data.samples()[found.sample].name.clone(),
-        stiffness_mpa: found.young_mpa,
-        sigma_mpa: found.sigma_mpa,
-        known_mpa: found.known_mpa,
+    let stiffness = |stiffness: &Stiffness, sample: usize| {
+        let (found, support) = (stiffness.of_sample(sample), stiffness.support(data, sample));
+        StiffnessSummary {
+            sample: data.samples()[sample].name.clone(),
+            stiffness_mpa: found.map(|found| found.young_mpa),
+            sigma_mpa: found.map(|found| found.sigma_mpa),
+            known_mpa: data.samples()[sample].stiffness_mpa,
+            used: support.used,
+            planned: support.planned,
+        }
     };
+    let touch_results = touches::rows(run, data, results);
+    let Tally { planned, measured, refused, not_reached } = Tally::of(&touch_results);
     let recognition = |found: &Recognition| {
         let (low, high) = found.interval();
         let Recognition { method, trials, correct, .. } = *found;
@@ -135,7 +164,11 @@ pub(super) fn summary(
     RunSummary {
         run_id: run.id.to_string(),
         status: run.status.name(),
-        touches: data.touches.len(),
+        touches: measured,
+        touches_planned: planned,
+        touches_measured: measured,
+        touches_refused: refused,
+        touches_not_reached: not_reached,
         prompts: data.prompts,
         rig_seconds: data.rig_s(),
         wall_seconds: run.wall_s,
@@ -149,9 +182,10 @@ pub(super) fn summary(
         stiffness: results
             .stiffness
             .iter()
-            .flat_map(|found| found.samples.iter().map(stiffness))
+            .flat_map(|found| results.samples().into_iter().map(|sample| stiffness(found, sample)))
             .collect(),
         recognition: results.recognitions.iter().map(recognition).collect(),
+        touch_results,
         report: folder.join("report.html"),
         data: folder.to_path_buf(),
     }

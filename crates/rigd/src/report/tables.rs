@@ -1,48 +1,54 @@
 //! The tables of the report.
 
-use rig_analysis::shift::{AngleMean, Cell};
+use rig_analysis::shift::{Cell, Mean};
 use rig_chart::Escaped;
 
 use super::{
     data::{LogKind, RunData},
     html::{add, table},
     results::{Classification, DIRECTIONS, RunResults},
+    touches::{GridRow, Tally, TouchRow, TouchStatus},
     units::{clock, decimals_for, fixed, with_sigma},
 };
 
-/// Every shift with its uncertainties.
+/// Every shift with its uncertainties, and what stands in the place of those that are missing.
 pub(super) fn shifts(data: &RunData, results: &RunResults) -> String {
-    let has = |direction: usize| results.cells.iter().any(|cell| cell.direction == direction);
-    let directions: Vec<usize> = (0..DIRECTIONS.len()).filter(|&d| has(d)).collect();
+    let directions = results.directions();
     let mut heads = vec!["sample".to_owned(), "angle".to_owned()];
     heads.extend(directions.iter().map(|&d| format!("{} (Hz)", DIRECTIONS[d].name())));
     heads.extend(["mean (Hz)".to_owned(), "between directions (Hz)".to_owned()]);
-    let row = |mean: &AngleMean| {
-        let name = &data.samples()[mean.sample].name;
-        let mut row = vec![Escaped(name).to_string(), format!("{}°", mean.angle_deg)];
+    let row = |planned: &GridRow| {
+        let GridRow { sample, angle_deg, .. } = *planned;
+        let name = &data.samples()[sample].name;
+        let mut row = vec![Escaped(name).to_string(), format!("{angle_deg}°")];
         for &direction in &directions {
-            let is_here = |cell: &&Cell| {
-                (cell.sample, cell.angle_deg, cell.direction)
-                    == (mean.sample, mean.angle_deg, direction)
-            };
-            row.push(results.cells.iter().find(is_here).map_or_else(dash, shift));
+            let cell = results.cell(sample, angle_deg, direction);
+            row.push(of_some(planned.directions[direction], cell.map(shift)));
         }
-        row.push(format!(
-            "<b>{}</b>",
-            with_sigma(mean.mean.shift_hz, mean.mean.standard_error_hz())
-        ));
-        row.push(
-            mean.mean
-                .spread_hz
-                .map_or_else(dash, |spread| fixed(spread, decimals_for(spread).min(3))),
-        );
+        let mean = results.mean(sample, angle_deg).map(|mean| mean.mean);
+        let with_error = |mean: Mean| with_sigma(mean.shift_hz, mean.standard_error_hz());
+        let bold = mean.map(|mean| format!("<b>{}</b>", with_error(mean)));
+        row.push(of_some(planned.over_directions(), bold));
+        let spread = |spread| fixed(spread, decimals_for(spread).min(3));
+        row.push(mean.and_then(|mean| mean.spread_hz).map_or_else(dash, spread));
         row
     };
-    let rows: Vec<_> = results.means.iter().map(row).collect();
+    let rows: Vec<_> = results.grid.iter().map(row).collect();
     let caption = "Frequency shifts with the standard deviation of their fits; their mean with that \
                    of a mean, from the fits or from the scatter between the directions, whichever \
                    is larger; and that scatter, as a standard deviation.";
     table(caption, &heads, &rows)
+}
+
+/// A value, and of how many it is where some are missing; or why there is none.
+fn of_some(tally: Tally, value: Option<String>) -> String {
+    match (value, tally.shortfall()) {
+        (Some(value), Some(shortfall)) => {
+            format!("{value}<br><small class=\"fault\">{shortfall}</small>")
+        }
+        (Some(value), None) => value,
+        (None, _) => format!("<span class=\"fault\">{}</span>", tally.missing()),
+    }
 }
 
 /// The shift of a cell, with the spread of its repeats where there were several.
@@ -82,6 +88,35 @@ pub(super) fn confusion(data: &RunData, classification: &Classification) -> Stri
     let caption = "Blind touches by sample and cluster, with the mean shift of each cluster. Boxed: \
                    the sample for which a cluster stands.";
     table(caption, &heads, &rows)
+}
+
+/// Every planned touch with what became of it.
+pub(super) fn touches(rows: &[TouchRow]) -> String {
+    let heads = ["touch", "sample", "status", "shift (Hz)", "stiffness (MPa)", "class", "reason"];
+    let row = |row: &TouchRow| {
+        let pair = |value: Option<f64>, sigma: Option<f64>| {
+            value.zip(sigma).map_or_else(dash, |(value, sigma)| with_sigma(value, sigma))
+        };
+        let status = match row.status {
+            TouchStatus::Measured => row.status.describe().to_owned(),
+            other => format!("<span class=\"fault\">{}</span>", other.describe()),
+        };
+        vec![
+            Escaped(&row.step).to_string(),
+            Escaped(&row.sample).to_string(),
+            status,
+            pair(row.shift_hz, row.shift_sigma_hz),
+            pair(row.stiffness_mpa, row.stiffness_sigma_mpa),
+            row.class.as_deref().map_or_else(dash, |class| Escaped(class).to_string()),
+            Escaped(row.reason.as_deref().unwrap_or_default()).to_string(),
+        ]
+    };
+    let rows: Vec<_> = rows.iter().map(row).collect();
+    let caption = "Every planned touch, in order. The stiffness is that of the touch by itself, with \
+                   the uncertainty of the calibration; the class is the sample for whose cluster a \
+                   blind touch was taken.";
+    let table = table(caption, &heads.map(str::to_owned), &rows);
+    format!("<div class=\"log touches\">\n{table}</div>\n")
 }
 
 /// What persons were asked and did, and what went wrong.

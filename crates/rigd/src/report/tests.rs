@@ -2,6 +2,8 @@
 
 mod sample;
 
+use std::collections::BTreeMap;
+
 use rig_store::{Chain, Flaw, Verdict};
 
 use super::*;
@@ -44,7 +46,7 @@ fn check_markup(html: &str) {
 
 #[test]
 fn every_report_is_one_well_formed_file_that_asks_nobody_for_anything() {
-    for story in [Story::Complete, Story::Faulted, Story::Empty] {
+    for story in [Story::Complete, Story::Refused, Story::Faulted, Story::Empty] {
         let html = rendered(story);
         check_markup(&html);
         let foreign = html.replace("http://www.w3.org/2000/svg", "");
@@ -137,11 +139,15 @@ fn a_program_finds_the_fields_that_it_was_promised() {
     assert_eq!(
         fields(&json),
         "classification data no_load_hz prompts recognition report rig_seconds run_id \
-         sensitivity_hz_per_mpa shifts status stiffness touches wall_seconds"
+         sensitivity_hz_per_mpa shifts status stiffness touch_results touches touches_measured \
+         touches_not_reached touches_planned touches_refused wall_seconds"
     );
     assert_eq!(fields(&json["shifts"][0]), "angle_deg direction sample shift_hz sigma_hz");
     assert_eq!(fields(&json["classification"]), "correct rate trials");
-    assert_eq!(fields(&json["stiffness"][0]), "known_mpa sample sigma_mpa stiffness_mpa");
+    assert_eq!(
+        fields(&json["stiffness"][0]),
+        "known_mpa planned sample sigma_mpa stiffness_mpa used"
+    );
     assert_eq!(fields(&json["recognition"][0]), "correct high low method rate trials");
     assert_eq!(json["status"], "completed");
     assert_eq!(json["touches"], 110);
@@ -194,9 +200,10 @@ fn stiffness_is_scaled_by_the_samples_that_are_known_and_says_so() {
     let found = summary(&sample.run, &sample.chain.records, Path::new("run")).unwrap();
     for sample in &found.stiffness {
         let known_mpa = sample.known_mpa.unwrap();
-        let deviation = (sample.stiffness_mpa - known_mpa) / sample.sigma_mpa;
-        assert!(deviation.abs() < 3.0, "{sample:?}");
-        assert!(sample.sigma_mpa / known_mpa < 0.05, "{sample:?}");
+        let (found_mpa, sigma_mpa) = (sample.stiffness_mpa.unwrap(), sample.sigma_mpa.unwrap());
+        assert!((found_mpa - known_mpa).abs() < 3.0 * sigma_mpa, "{sample:?}");
+        assert!(sigma_mpa / known_mpa < 0.05, "{sample:?}");
+        assert_eq!((sample.used, sample.planned), (12, 12));
     }
     let methods: Vec<_> = found.recognition.iter().map(|found| found.method).collect();
     assert_eq!(methods, ["k-means", "k-means-log", "calibrated-stiffness"]);
@@ -220,7 +227,7 @@ fn without_known_samples_the_scale_is_as_uncertain_as_the_rig_file_says() {
     let found = summary(&sample.run, &sample.chain.records, Path::new("run")).unwrap();
     for found in &found.stiffness {
         assert_eq!(found.known_mpa, None);
-        assert!(found.sigma_mpa / found.stiffness_mpa > 0.1, "{found:?}");
+        assert!(found.sigma_mpa.unwrap() / found.stiffness_mpa.unwrap() > 0.1, "{found:?}");
     }
     // One factor for all touches changes no class.
     assert_eq!(found.recognition, known.recognition);
@@ -240,8 +247,9 @@ fn angles_that_nobody_knows_are_found_with_the_stiffness_or_said_to_be_lost() {
     let found = summary(&sample.run, &sample.chain.records, Path::new("run")).unwrap();
     for (found, known) in found.stiffness.iter().zip(&known.stiffness) {
         let known_mpa = found.known_mpa.unwrap();
-        assert!((found.stiffness_mpa - known_mpa).abs() < 3.0 * found.sigma_mpa, "{found:?}");
-        assert!(found.sigma_mpa > known.sigma_mpa, "{found:?} {known:?}");
+        let (found_mpa, sigma_mpa) = (found.stiffness_mpa.unwrap(), found.sigma_mpa.unwrap());
+        assert!((found_mpa - known_mpa).abs() < 3.0 * sigma_mpa, "{found:?}");
+        assert!(sigma_mpa > known.sigma_mpa.unwrap(), "{found:?} {known:?}");
     }
 }
 
@@ -280,5 +288,114 @@ fn a_person_at_a_terminal_reads_a_table() {
     insta::assert_snapshot!(text(&sample.run, &sample.chain.records).unwrap());
     let sample = SampleRun::new(Story::Empty);
     let nothing = text(&sample.run, &sample.chain.records).unwrap();
-    assert_eq!(nothing, "aborted: 0 touches, 0.0 s of rig time in 4.2 s\n");
+    assert!(nothing.ends_with(
+        "aborted: 0.0 s of rig time in 4.2 s\n0 of 110 touches measured; 110 not reached\n"
+    ));
+    assert_eq!(nothing.matches("not reached").count(), 20 * 4 + 1, "{nothing}");
+}
+
+/// The rows of the table of touches by the address of their step.
+fn table(sample: &SampleRun) -> Vec<BTreeMap<String, String>> {
+    let mut bytes = Vec::new();
+    touches_csv(&sample.run, &sample.chain.records, &mut bytes).unwrap();
+    csv::Reader::from_reader(bytes.as_slice()).deserialize().map(Result::unwrap).collect()
+}
+
+#[test]
+fn every_planned_touch_has_a_row_in_every_output() {
+    for (story, expected) in [
+        (Story::Complete, (110, 0, 0)),
+        (Story::Refused, (108, 2, 0)),
+        (Story::Faulted, (7, 0, 103)),
+        (Story::Empty, (0, 0, 110)),
+    ] {
+        let sample = SampleRun::new(story);
+        let rows = table(&sample);
+        let count = |status: &str| rows.iter().filter(|row| row["status"] == status).count();
+        let counts = (count("measured"), count("refused"), count("not_reached"));
+        assert_eq!(counts, expected, "{story:?}");
+        for row in &rows {
+            assert_eq!(row["reason"].is_empty(), row["status"] == "measured", "{row:?}");
+            assert_eq!(row["shift_hz"].is_empty(), row["status"] != "measured", "{row:?}");
+            assert_eq!(row["stiffness_mpa"].is_empty(), row["status"] != "measured", "{row:?}");
+        }
+        let found = summary(&sample.run, &sample.chain.records, Path::new("run")).unwrap();
+        let counts = (found.touches_measured, found.touches_refused, found.touches_not_reached);
+        assert_eq!((counts, found.touches_planned), (expected, 110));
+        let steps = |rows: &[TouchRow]| rows.iter().map(|r| r.step.clone()).collect::<Vec<_>>();
+        let in_table: Vec<_> = rows.iter().map(|row| row["step"].clone()).collect();
+        assert_eq!(steps(&found.touch_results), in_table);
+        let html = render(&sample.run, &sample.chain).unwrap();
+        let touches = inside(&html, "<caption>Every planned touch", "</table>");
+        assert_eq!(touches.matches("<tr><th scope=\"row\">").count(), 110);
+        for (status, count) in [("refused", expected.1), ("not reached", expected.2)] {
+            let cell = format!("<td><span class=\"fault\">{status}</span></td>");
+            assert_eq!(touches.matches(&cell).count(), count, "{story:?}: {status}");
+        }
+    }
+}
+
+#[test]
+fn a_refused_touch_is_told_with_its_reason_wherever_results_are() {
+    let sample = SampleRun::new(Story::Refused);
+    let reason = "the analyzer flagged <overload> at 152.3 Hz in 3 of 3 tries";
+    let text = text(&sample.run, &sample.chain.records).unwrap();
+    assert!(text.contains(&format!("\nmain/2/left/45/1  {reason}\n")), "{text}");
+    assert!(text.contains(&format!("\nblind/3           {reason}\n")), "{text}");
+    assert!(text.contains("(11 of 12 touches)") && text.contains("(2 of 3)"), "{text}");
+    assert!(text.contains(" of 49 correct, ") && text.contains("; 1 without a shift\n"), "{text}");
+    assert!(
+        text.ends_with(
+            "completed with refusals: 21 min 37 s of rig time in 4.2 s\n\
+         108 of 110 touches measured; 2 refused: main/2/left/45/1, blind/3\n"
+        ),
+        "{text}"
+    );
+    let html = render(&sample.run, &sample.chain).unwrap();
+    check_markup(&html);
+    assert!(html.contains("<span class=\"status partial\">completed with refusals</span>"));
+    assert!(html.contains("<span class=\"fault\">11 of 12 touches</span>"));
+    let escaped = reason.replace('<', "&lt;").replace('>', "&gt;");
+    let refused = html.match_indices("<figcaption>Refused sweep").map(|(at, _)| &html[at..]);
+    let captions: Vec<_> =
+        refused.map(|rest| inside(rest, "<figcaption>", "</figcaption>")).collect();
+    assert_eq!(captions.len(), 2);
+    assert!(captions.iter().all(|caption| caption.contains(&escaped)), "{captions:?}");
+    assert!(captions[0].contains("main/2/left/45/1, 24 readings"), "{captions:?}");
+}
+
+#[test]
+fn what_was_not_reached_says_why() {
+    let rows = table(&SampleRun::new(Story::Faulted));
+    let reason = |step: &str| &rows.iter().find(|row| row["step"] == step).unwrap()["reason"];
+    assert_eq!(
+        reason("main/1/back/45/1"),
+        "a fault ended the run during this touch: linear stage: no answer within 100 ms"
+    );
+    assert_eq!(reason("blind/50"), "a fault ended the run: linear stage: no answer within 100 ms");
+    assert_eq!(table(&SampleRun::new(Story::Empty))[0]["reason"], "the run was aborted");
+}
+
+#[test]
+fn the_table_of_touches_says_what_is_known_of_each() {
+    let sample = SampleRun::new(Story::Complete);
+    let rows = table(&sample);
+    let row = &rows[1];
+    let given = ["step", "phase", "sample", "direction", "angle_deg", "repeat", "status"];
+    let expected = ["main/1/front/15/1", "main", "1", "front", "15.0", "1", "measured"];
+    assert_eq!(given.map(|column| row[column].as_str()), expected);
+    assert_eq!([&row["linear_mm"], &row["rotary_deg"]], ["9.6000", "15.0000"]);
+    assert_eq!([&row["known_mpa"], &row["is_simulated"]], ["0.045", "true"]);
+    assert_eq!((row["class"].as_str(), row["run_id"].clone()), ("", sample.run.id.to_string()));
+    assert_eq!(row["started_at"].len(), "2026-11-21T08:15:42.120Z".len());
+    assert!(rows[0]["started_at"] < row["started_at"], "{row:?}");
+    let found = summary(&sample.run, &sample.chain.records, Path::new("run")).unwrap();
+    for row in &found.touch_results {
+        let (known, sigma) = (row.known_mpa.unwrap(), row.stiffness_sigma_mpa.unwrap());
+        assert!((row.stiffness_mpa.unwrap() - known).abs() < 6.0 * sigma, "{row:?}");
+    }
+    let blind = || found.touch_results.iter().filter(|row| row.phase == "blind");
+    let is_right = |row: &&TouchRow| row.class.as_deref() == Some(row.sample.as_str());
+    let right = blind().filter(is_right).count();
+    assert_eq!(right, found.classification.unwrap().correct as usize);
 }

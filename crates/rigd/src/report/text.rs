@@ -2,13 +2,14 @@
 
 use std::fmt::Write as _;
 
-use rig_store::Run;
+use rig_store::{Phase, Run};
 
 use super::{
     data::RunData,
     recognition::{Method, Recognition},
     results::{DIRECTIONS, RunResults},
-    stiffness::SampleStiffness,
+    stiffness::Stiffness,
+    touches::{self, GridRow, Tally, TouchRow, TouchStatus},
     units::{duration, fixed, percent, percent_range, with_sigma},
 };
 
@@ -18,12 +19,16 @@ pub(super) fn text(run: &Run, data: &RunData, results: &RunResults) -> String {
         text.write_fmt(arguments).expect("a string takes all text");
         text.push('\n');
     };
-    if !results.means.is_empty() {
+    if !results.grid.is_empty() {
         line(format_args!("frequency shift in Hz"));
         for row in table(data, results) {
             line(format_args!("{row}"));
         }
         line(format_args!(""));
+    }
+    let rows = touches::rows(run, data, results);
+    for row in refused(&rows) {
+        line(format_args!("{row}"));
     }
     let mut fact = |name: &str, value: &str| line(format_args!("{name:<23}{value}"));
     if let Some(no_load) = &results.no_load {
@@ -41,18 +46,24 @@ pub(super) fn text(run: &Run, data: &RunData, results: &RunResults) -> String {
         let rate = percent(score.rate().unwrap_or_default());
         let (correct, trials, range) =
             (score.correct, score.trials, percent_range(score.interval()));
+        let planned = rows.iter().filter(|row| row.phase == Phase::Blind.name()).count();
+        let missing = planned.saturating_sub(trials as usize);
+        let missing =
+            if missing > 0 { format!("; {missing} without a shift") } else { String::new() };
         fact(
             "blind classification",
-            &format!("{correct} of {trials} correct, {rate} (95 % interval {range})"),
+            &format!("{correct} of {trials} correct, {rate} (95 % interval {range}){missing}"),
         );
     }
-    if let Ok(stiffness) = &results.stiffness {
-        let sample = |found: &SampleStiffness| {
-            let name = &data.samples()[found.sample].name;
-            format!("{name}: {}", with_sigma(found.young_mpa, found.sigma_mpa))
-        };
-        let samples: Vec<String> = stiffness.samples.iter().map(sample).collect();
-        fact("stiffness in MPa", &samples.join(", "));
+    match &results.stiffness {
+        Ok(stiffness) => {
+            let samples = results.samples().into_iter();
+            let samples: Vec<_> =
+                samples.map(|sample| of_sample(data, stiffness, sample)).collect();
+            fact("stiffness in MPa", &samples.join(", "));
+        }
+        Err(reason) if !results.grid.is_empty() => fact("stiffness", &format!("none: {reason}")),
+        Err(_) => {}
     }
     let by_stiffness = |found: &&Recognition| found.method == Method::CalibratedStiffness;
     if let Some(found) = results.recognitions.iter().find(by_stiffness) {
@@ -64,33 +75,57 @@ pub(super) fn text(run: &Run, data: &RunData, results: &RunResults) -> String {
         );
     }
     let wall = run.wall_s.map_or_else(String::new, |wall_s| format!(" in {}", duration(wall_s)));
-    let (status, touches) = (run.status.name(), data.touches.len());
-    let rig_time = duration(data.rig_s());
-    line(format_args!("{status}: {touches} touches, {rig_time} of rig time{wall}"));
+    let (status, rig_time) = (run.status.describe(), duration(data.rig_s()));
+    line(format_args!("{status}: {rig_time} of rig time{wall}"));
+    line(format_args!("{}", touches::sentence(&rows)));
     text
+}
+
+/// The refused touches with their reasons, under a title.
+fn refused(rows: &[TouchRow]) -> Vec<String> {
+    let is_refused = |row: &&TouchRow| row.status == TouchStatus::Refused;
+    let refused = || rows.iter().filter(is_refused);
+    let Some(width) = refused().map(|row| row.step.chars().count()).max() else {
+        return Vec::new();
+    };
+    let row = |row: &TouchRow| {
+        format!("{:width$}  {}", row.step, row.reason.as_deref().unwrap_or_default())
+    };
+    let title = ["refused touches".to_owned()];
+    title.into_iter().chain(refused().map(row)).chain([String::new()]).collect()
+}
+
+/// The stiffness of a sample, with what it rests on where touches are missing.
+fn of_sample(data: &RunData, stiffness: &Stiffness, sample: usize) -> String {
+    let name = &data.samples()[sample].name;
+    let found = stiffness
+        .of_sample(sample)
+        .map_or_else(|| "none".to_owned(), |found| with_sigma(found.young_mpa, found.sigma_mpa));
+    match stiffness.support(data, sample).shortfall() {
+        Some(shortfall) => format!("{name}: {found} ({shortfall})"),
+        None => format!("{name}: {found}"),
+    }
 }
 
 /// The rows of the table of shifts, each cell as wide as the widest of its column.
 fn table(data: &RunData, results: &RunResults) -> Vec<String> {
-    let directions: Vec<usize> = (0..DIRECTIONS.len())
-        .filter(|&direction| results.cells.iter().any(|cell| cell.direction == direction))
-        .collect();
+    let directions = results.directions();
     let mut rows = vec![vec!["sample".to_owned(), "angle".to_owned()]];
     rows[0].extend(directions.iter().map(|&direction| DIRECTIONS[direction].name().to_owned()));
     rows[0].push("mean".to_owned());
-    for mean in &results.means {
-        let name = data.samples()[mean.sample].name.clone();
-        let mut row = vec![name, format!("{}°", mean.angle_deg)];
+    for planned in &results.grid {
+        let GridRow { sample, angle_deg, .. } = *planned;
+        let mut row = vec![data.samples()[sample].name.clone(), format!("{angle_deg}°")];
         for &direction in &directions {
-            let cell = results.cells.iter().find(|cell| {
-                (cell.sample, cell.angle_deg, cell.direction)
-                    == (mean.sample, mean.angle_deg, direction)
-            });
-            row.push(cell.map_or_else(String::new, |cell| {
-                with_sigma(cell.mean.shift_hz, cell.mean.sigma_hz)
-            }));
+            let cell = results.cell(sample, angle_deg, direction);
+            row.push(of_some(
+                planned.directions[direction],
+                cell.map(|cell| with_sigma(cell.mean.shift_hz, cell.mean.sigma_hz)),
+            ));
         }
-        row.push(with_sigma(mean.mean.shift_hz, mean.mean.standard_error_hz()));
+        let mean = results.mean(sample, angle_deg);
+        let mean = mean.map(|mean| with_sigma(mean.mean.shift_hz, mean.mean.standard_error_hz()));
+        row.push(of_some(planned.over_directions(), mean));
         rows.push(row);
     }
     let columns = rows[0].len();
@@ -103,4 +138,13 @@ fn table(data: &RunData, results: &RunResults) -> Vec<String> {
         cells.collect::<Vec<_>>().join("  ")
     };
     rows.iter().map(padded).collect()
+}
+
+/// A value, and of how many it is where some are missing; or why there is none.
+fn of_some(tally: Tally, value: Option<String>) -> String {
+    match (value, tally.shortfall()) {
+        (Some(value), Some(shortfall)) => format!("{value} ({shortfall})"),
+        (Some(value), None) => value,
+        (None, _) => tally.missing().to_owned(),
+    }
 }

@@ -8,7 +8,7 @@ use std::{fmt::Write as _, sync::Arc};
 use rig_engine::{Event, RunStatus, SweepOutcome, SweepPurpose, TouchResult};
 use rig_link::{Flow, Frame, Transcript};
 use rig_model::{Clearance, Direction, Mm, Position, Reading, ReadingFlag};
-use rig_protocol::{Action, Phase, Plan, Pose, Prompt, Step};
+use rig_protocol::{Action, Phase, Plan, Pose, Prompt, Step, StepId, Touch};
 use rig_resonance::Verdict;
 use rig_store as store;
 use rig_store::Record;
@@ -53,9 +53,7 @@ impl Recorder {
         idempotency_key: Option<String>,
     ) -> Record {
         let plan = &protocol.plan;
-        let count = |is_counted: fn(&Action) -> bool| {
-            size(plan.steps.iter().filter(|step| is_counted(&step.action)).count())
-        };
+        let is_prompt = |step: &&Step| matches!(step.action, Action::Prompt(_));
         let sample = |name: &String| store::Sample {
             name: name.clone(),
             stiffness_mpa: known_samples
@@ -63,6 +61,11 @@ impl Recorder {
                 .find(|(known, _)| known == name)
                 .map(|&(_, stiffness_mpa)| stiffness_mpa),
         };
+        let touch = |step: &Step| match step.action {
+            Action::Touch(touch) => Some(touch_settings(&step.id, &touch, &plan.samples)),
+            _ => None,
+        };
+        let touches: Vec<_> = plan.steps.iter().filter_map(touch).collect();
         let device = |device: &super::Identity| store::Device {
             role: device.role.to_owned(),
             identity: device.identity.clone(),
@@ -77,9 +80,10 @@ impl Recorder {
             samples: plan.samples.iter().map(sample).collect(),
             plan: store::PlanSize {
                 steps: size(plan.steps.len()),
-                touches: count(|action| matches!(action, Action::Touch(_))),
-                prompts: count(|action| matches!(action, Action::Prompt(_))),
+                touches: size(touches.len()),
+                prompts: size(plan.steps.iter().filter(is_prompt).count()),
             },
+            touches,
             classes: plan.classes.map(size),
             idempotency_key,
         })
@@ -138,7 +142,7 @@ impl Recorder {
                 })
             }
             Event::SweepFinished(outcome) => self.sweep(outcome),
-            Event::TouchFinished(result) => return self.touch(result),
+            Event::TouchFinished(result) => self.touch(result),
             Event::Operator { action, by } => {
                 Record::Operator(store::Operator { action: (*action).to_owned(), who: by.clone() })
             }
@@ -149,12 +153,7 @@ impl Recorder {
                 hint: hint::after(fault, *clearance).text.to_owned(),
             }),
             Event::RunFinished(status) => {
-                let status = match status {
-                    RunStatus::Completed => store::Ending::Completed,
-                    RunStatus::Aborted => store::Ending::Aborted,
-                    RunStatus::Faulted => store::Ending::Faulted,
-                };
-                Record::RunFinished(store::RunFinished { status })
+                Record::RunFinished(store::RunFinished { status: ending_of(*status) })
             }
         })
     }
@@ -250,31 +249,60 @@ impl Recorder {
         })
     }
 
-    /// A touch whose resonance was refused has a sweep that says why, and no result.
-    fn touch(&self, result: &TouchResult) -> Option<Record> {
-        let (shift_hz, shift_sigma_hz) = result.shift_hz()?;
-        let loaded = result.loaded.as_ref()?;
-        let touch = &result.touch;
-        Some(Record::TouchResult(store::Touch {
-            touch: store::TouchSettings {
-                step: result.step.to_string(),
-                phase: phase_of(touch.phase),
-                sample: self.sample(touch.sample),
-                pose: pose_of(touch.pose),
-                repeat: touch.repeat,
-            },
-            no_load_sweep: self.no_load_sweep,
-            no_load_hz: result.no_load.resonance_hz,
-            no_load_sigma_hz: result.no_load.sigma_hz,
+    fn touch(&self, result: &TouchResult) -> Record {
+        let touch = touch_settings(&result.step, &result.touch, self.samples());
+        let (no_load_sweep, no_load) = (self.no_load_sweep, &result.no_load);
+        let (no_load_hz, no_load_sigma_hz) = (no_load.resonance_hz, no_load.sigma_hz);
+        let (rotary_deg, contact) = (result.rotary.value(), &result.contact);
+        let indented = store::Indented {
             sweep: self.sweeps,
+            surface_mm: contact.surface.position.value(),
+            surface_sigma_mm: contact.surface.sigma_mm,
+            indentation_mm: contact.indentation_mm(),
+            linear_mm: contact.linear.value(),
+        };
+        let loaded = match &result.loaded {
+            Ok(loaded) => loaded,
+            Err(refusal) => {
+                return Record::TouchRefused(store::RefusedTouch {
+                    touch,
+                    reason: refusal.to_string(),
+                    no_load_sweep,
+                    no_load_hz,
+                    no_load_sigma_hz,
+                    rotary_deg,
+                    indented: Some(indented),
+                });
+            }
+        };
+        let store::Indented { sweep, surface_mm, surface_sigma_mm, indentation_mm, linear_mm } =
+            indented;
+        Record::TouchResult(store::Touch {
+            touch,
+            no_load_sweep,
+            no_load_hz,
+            no_load_sigma_hz,
+            sweep,
             resonance_hz: loaded.resonance_hz,
             sigma_hz: loaded.sigma_hz,
-            shift_hz,
-            shift_sigma_hz,
-            surface_mm: result.surface.value(),
-            surface_sigma_mm: result.surface_sigma_mm,
-            indentation_mm: result.indentation_mm,
-        }))
+            shift_hz: loaded.resonance_hz - no_load_hz,
+            shift_sigma_hz: loaded.sigma_hz.hypot(no_load_sigma_hz),
+            surface_mm,
+            surface_sigma_mm,
+            indentation_mm,
+            linear_mm: Some(linear_mm),
+            rotary_deg: Some(rotary_deg),
+        })
+    }
+}
+
+fn touch_settings(step: &StepId, touch: &Touch, samples: &[String]) -> store::TouchSettings {
+    store::TouchSettings {
+        step: step.to_string(),
+        phase: phase_of(touch.phase),
+        sample: samples.get(touch.sample).cloned().unwrap_or_default(),
+        pose: pose_of(touch.pose),
+        repeat: touch.repeat,
     }
 }
 
@@ -302,6 +330,15 @@ const fn purpose_of(purpose: rig_engine::LoweringPurpose) -> store::MoveReason {
         rig_engine::LoweringPurpose::FindSurface => store::MoveReason::Approach,
         rig_engine::LoweringPurpose::Indent => store::MoveReason::Indent,
         rig_engine::LoweringPurpose::ByHand => store::MoveReason::ByHand,
+    }
+}
+
+const fn ending_of(status: RunStatus) -> store::Ending {
+    match status {
+        RunStatus::Completed => store::Ending::Completed,
+        RunStatus::CompletedWithRefusals => store::Ending::CompletedWithRefusals,
+        RunStatus::Aborted => store::Ending::Aborted,
+        RunStatus::Faulted => store::Ending::Faulted,
     }
 }
 

@@ -255,6 +255,7 @@ impl Shell {
             started: self.clock.now(),
             expected_s: protocol.summary.duration_s,
             touches_done: 0,
+            touches_refused: 0,
             ending: None,
         };
         self.view.run = Some(view);
@@ -343,7 +344,10 @@ impl Shell {
                     self.is_answer_due = true;
                 }
             }
-            Event::TouchFinished(_) => self.view_run(|view| view.touches_done += 1),
+            Event::TouchFinished(result) => self.view_run(|view| {
+                view.touches_done += 1;
+                view.touches_refused += usize::from(result.loaded.is_err());
+            }),
             Event::RunFinished(ending) => self.view_run(|view| view.ending = Some(*ending)),
             Event::SweepFinished(outcome)
                 if outcome.purpose == rig_engine::SweepPurpose::Manual =>

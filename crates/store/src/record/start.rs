@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Prompt;
+use super::{Prompt, TouchSettings};
 
 /// Everything needed to repeat a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -24,6 +24,9 @@ pub struct RunStarted {
     pub samples: Vec<Sample>,
     /// What there is to do.
     pub plan: PlanSize,
+    /// Every planned touch, in order. Journals of format 1 do not name them.
+    #[serde(default)]
+    pub touches: Vec<TouchSettings>,
     /// Into how many classes the blind touches are sorted, when there are any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub classes: Option<u32>,

@@ -133,11 +133,11 @@ fn a_changed_lost_or_added_record_is_pointed_at() {
     );
     check(
         "INSERT INTO records (run, seq, rig_us, kind, payload, digest)
-         SELECT run, 14, rig_us, kind, payload, digest FROM records WHERE run = 2 AND seq = 13",
-        (14, Flaw::Altered),
+         SELECT run, 15, rig_us, kind, payload, digest FROM records WHERE run = 2 AND seq = 14",
+        (15, Flaw::Altered),
     );
-    check("UPDATE runs SET status = 'completed' WHERE key = 2", (13, Flaw::EndDiffers));
-    check("UPDATE runs SET status = 'running' WHERE key = 2", (13, Flaw::EndDiffers));
+    check("UPDATE runs SET status = 'completed' WHERE key = 2", (14, Flaw::EndDiffers));
+    check("UPDATE runs SET status = 'running' WHERE key = 2", (14, Flaw::EndDiffers));
 }
 
 #[test]
@@ -170,12 +170,12 @@ fn what_was_committed_survives_a_log_cut_at_any_length() {
         let is_ended = reader.run(journal.id()).unwrap().status != RunStatus::Running;
         assert!(is_ended, "cut at byte {cut}");
         // The mark of the interruption is one more, except behind the end of the run.
-        let expected = if promised == 13 { 13 } else { promised + 1 };
+        let expected = if promised == 14 { 14 } else { promised + 1 };
         assert_eq!(records, expected, "cut at byte {cut}");
         seen.push(promised);
     }
     seen.dedup();
-    assert_eq!(seen, (1..=13).collect::<Vec<_>>(), "every record must have been the last one once");
+    assert_eq!(seen, (1..=14).collect::<Vec<_>>(), "every record must have been the last one once");
 }
 
 #[test]

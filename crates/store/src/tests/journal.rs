@@ -2,7 +2,7 @@
 
 use super::sample::{Directory, append, records, run_started, sweep};
 use crate::{
-    Axis, Ending, Move, Reader, Record, RunFinished, RunKind, RunStatus, Store, StoreError,
+    Axis, Ending, FORMAT, Move, Reader, Record, RunFinished, RunKind, RunStatus, Store, StoreError,
     SweepPurpose, SweepVerdict, Verdict, export,
 };
 
@@ -93,11 +93,11 @@ fn a_newer_format_is_refused_by_writer_and_reader() {
     let directory = Directory::new();
     drop(Store::open(directory.path()).unwrap());
     let database = rusqlite::Connection::open(directory.path().join("rigd.db")).unwrap();
-    database.pragma_update(None, "user_version", 2).unwrap();
+    database.pragma_update(None, "user_version", 3).unwrap();
     let refusals =
         [Store::open(directory.path()).unwrap_err(), Reader::open(directory.path()).unwrap_err()];
     for refusal in refusals {
-        assert!(matches!(refusal, StoreError::Newer { found: 2, known: 1 }), "{refusal}");
+        assert!(matches!(refusal, StoreError::Newer { found: 3, known: 2 }), "{refusal}");
     }
 }
 
@@ -215,9 +215,9 @@ fn the_same_records_give_the_same_chain_and_the_same_exports() {
         let reader = store.reader().unwrap();
         let records = reader.records(id).unwrap();
         let mut files = [const { Vec::new() }; 4];
-        let [jsonl, touches, sweeps, readings] = &mut files;
+        let [jsonl, sweeps, readings, searches] = &mut files;
         export::jsonl(&records, jsonl).unwrap();
-        export::touches_csv(&records, touches).unwrap();
+        export::searches_csv(&records, searches).unwrap();
         export::sweeps_csv(&records, sweeps).unwrap();
         export::readings_csv(&records, readings).unwrap();
         for file in &files {
@@ -228,39 +228,71 @@ fn the_same_records_give_the_same_chain_and_the_same_exports() {
     };
     let (first, second) = (written(), written());
     assert_eq!(first, second);
-    assert!(matches!(first.0, Verdict::Intact { records: 13, .. }), "{:?}", first.0);
+    assert!(matches!(first.0, Verdict::Intact { records: 14, .. }), "{:?}", first.0);
 }
 
 #[test]
-fn tables_have_a_row_for_each_touch_sweep_and_reading() {
+fn tables_have_a_row_for_each_sweep_and_reading() {
     let directory = Directory::new();
     let store = Store::open(directory.path()).unwrap();
     let id = write_run(&store);
     let records = store.reader().unwrap().records(id).unwrap();
-    let (mut touches, mut sweeps, mut readings) = (Vec::new(), Vec::new(), Vec::new());
-    export::touches_csv(&records, &mut touches).unwrap();
+    let (mut sweeps, mut readings) = (Vec::new(), Vec::new());
     export::sweeps_csv(&records, &mut sweeps).unwrap();
     export::readings_csv(&records, &mut readings).unwrap();
-    assert_eq!(
-        String::from_utf8(touches).unwrap(),
-        "step,phase,sample,direction,angle_deg,repeat,no_load_sweep,no_load_hz,no_load_sigma_hz,\
-         sweep,resonance_hz,sigma_hz,shift_hz,shift_sigma_hz,surface_mm,surface_sigma_mm,\
-         indentation_mm\n\
-         main/1/back/30/1,main,\"agar, \"\"soft\"\"\",back,30,1,1,140.4,0.01,2,158.3,0.02,\
-         17.900000000000006,0.022360679774997897,10.1,0.002886751345948129,0.5\n"
-    );
+    let row = |number, purpose, hz| {
+        format!(
+            "{number},\"{purpose}\",\"main/1/back/30/1\",\"back\",30.0,12,\"accepted\",{hz},0.0200,\
+             1.250000,33.0,2.74e-8,0.08,0.018,\n"
+        )
+    };
     assert_eq!(
         String::from_utf8(sweeps).unwrap(),
         "sweep,purpose,step,direction,angle_deg,readings,verdict,resonance_hz,sigma_hz,\
-         moment_s,quality_factor,static_capacitance_f,capacitance_ratio,loss_tangent,reason\n\
-         1,no_load,main/1/back/30/1,back,30,12,accepted,140.4,0.02,1.25,33,0.0000000274,0.08,0.018,\n\
-         2,touch,main/1/back/30/1,back,30,12,accepted,158.3,0.02,1.25,33,0.0000000274,0.08,0.018,\n"
+         moment_s,quality_factor,static_capacitance_f,capacitance_ratio,loss_tangent,reason\n"
+            .to_owned()
+            + &row(1, "no_load", "140.4000")
+            + &row(2, "touch", "158.3000")
     );
     let readings = String::from_utf8(readings).unwrap();
     assert_eq!(readings.lines().count(), 1 + 2 * 12);
     let columns = readings.lines().next().unwrap().split(',').count();
     assert!(readings.lines().all(|line| line.split(',').count() == columns), "{readings}");
-    assert!(readings.contains("\n1,no_load,main/1/back/30/1,1,140.4,33333.333333333336,-40000,"));
+    let first = "\n1,\"no_load\",\"main/1/back/30/1\",1,140.4,33333.333333333336,-40000.0,";
+    assert!(readings.contains(first), "{readings}");
+}
+
+#[test]
+fn a_journal_of_format_1_is_read_and_goes_on_in_the_present_one() {
+    let directory = Directory::new();
+    let id = write_run(&Store::open(directory.path()).unwrap());
+    let database = rusqlite::Connection::open(directory.path().join("rigd.db")).unwrap();
+    database.pragma_update(None, "user_version", 1).unwrap();
+    let reader = Reader::open(directory.path()).unwrap();
+    assert_eq!(reader.records(id).unwrap().len(), 14);
+    let store = Store::open(directory.path()).unwrap();
+    write_run(&store);
+    let found: u32 = database.pragma_query_value(None, "user_version", |row| row.get(0)).unwrap();
+    assert_eq!(found, FORMAT);
+}
+
+#[test]
+fn a_record_knows_when_it_was_made() {
+    let directory = Directory::new();
+    let store = Store::open(directory.path()).unwrap();
+    let mut journal = store.begin(RunKind::Session, "bench").unwrap();
+    for seconds in [100, 101, 100 + 86_400] {
+        let moved = Move { axis: Axis::LinearMm, target: 1.0, read_back: 1.0, is_clear: false };
+        append(&mut journal, seconds, &Record::Moved(moved));
+    }
+    journal.commit().unwrap();
+    let database = rusqlite::Connection::open(directory.path().join("rigd.db")).unwrap();
+    database.execute("UPDATE runs SET started_at = '2026-12-31T23:59:59.250Z'", []).unwrap();
+    let records = store.reader().unwrap().records(journal.id()).unwrap();
+    let times: Vec<_> = records.iter().map(|stored| stored.at.as_deref().unwrap()).collect();
+    let expected =
+        ["2026-12-31T23:59:59.250Z", "2027-01-01T00:00:00.250Z", "2027-01-01T23:59:59.250Z"];
+    assert_eq!(times, expected);
 }
 
 #[test]
@@ -278,7 +310,7 @@ fn a_refused_sweep_keeps_its_columns() {
     export::sweeps_csv(&records, &mut sweeps).unwrap();
     let sweeps = String::from_utf8(sweeps).unwrap();
     let (header, row) = sweeps.split_once('\n').unwrap();
-    assert_eq!(row, "1,manual,,,,12,refused,,,,,,,,\"no resonance, none at all\"\n");
+    assert_eq!(row, "1,\"manual\",,,,12,\"refused\",,,,,,,,\"no resonance, none at all\"\n");
     // The comma in the reason is one more.
     assert_eq!(row.matches(',').count(), header.matches(',').count() + 1);
 }
@@ -331,8 +363,8 @@ fn every_place_tried_on_the_way_to_the_surface_is_a_row() {
         String::from_utf8(searches).unwrap(),
         "step,direction,angle_deg,surface_mm,surface_sigma_mm,try,position_mm,frequency_hz,\
          resistance_ohm,reactance_ohm,started_s,settle_s,integration_s,flag\n\
-         main/1/back/30/1,back,30,10.1,0.002886751345948129,1,10.3,140,33333.333333333336,-40000,\
-         0.3333333333333333,0.05,0.1,normal\n"
+         \"main/1/back/30/1\",\"back\",30.0,10.10000,0.00289,1,10.3000,140.0,33333.333333333336,\
+         -40000.0,0.3333333333333333,0.05,0.1,\"normal\"\n"
     );
 }
 

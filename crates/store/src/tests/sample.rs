@@ -6,10 +6,10 @@ use std::{
 };
 
 use crate::{
-    Action, Axis, Circuit, Clearance, Device, Direction, Ending, Fault, Intent, Journal, Move,
-    MoveReason, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, Reading, ReadingFlag,
-    Record, RunFinished, RunStarted, Sample, Source, StepStarted, Surface, SurfaceReading, Sweep,
-    SweepPurpose, SweepVerdict, Touch, TouchSettings,
+    Action, Axis, Circuit, Clearance, Device, Direction, Ending, Fault, Indented, Intent, Journal,
+    Move, MoveReason, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, Reading,
+    ReadingFlag, Record, RefusedTouch, RunFinished, RunStarted, Sample, Source, StepStarted,
+    Surface, SurfaceReading, Sweep, SweepPurpose, SweepVerdict, Touch, TouchSettings,
 };
 
 /// A directory that is removed with the value.
@@ -95,6 +95,21 @@ pub(super) fn records() -> Vec<Record> {
         }),
         sweep(2, SweepPurpose::Touch, 158.3),
         touch_result(),
+        Record::TouchRefused(RefusedTouch {
+            touch: touch_settings(),
+            reason: "the readings had not settled".to_owned(),
+            no_load_sweep: 1,
+            no_load_hz: 140.4,
+            no_load_sigma_hz: 0.01,
+            rotary_deg: 29.99,
+            indented: Some(Indented {
+                sweep: 2,
+                surface_mm: 10.1,
+                surface_sigma_mm: 0.003,
+                indentation_mm: 0.5,
+                linear_mm: 9.6,
+            }),
+        }),
         Record::Fault(Fault {
             step: Some(step()),
             cause: "linear stage: no answer within 100 ms".to_owned(),
@@ -107,13 +122,7 @@ pub(super) fn records() -> Vec<Record> {
 
 fn touch_result() -> Record {
     Record::TouchResult(Touch {
-        touch: TouchSettings {
-            step: "main/1/back/30/1".to_owned(),
-            phase: Phase::Main,
-            sample: "agar, \"soft\"".to_owned(),
-            pose: POSE,
-            repeat: 1,
-        },
+        touch: touch_settings(),
         no_load_sweep: 1,
         no_load_hz: 140.4,
         no_load_sigma_hz: 0.01,
@@ -125,7 +134,19 @@ fn touch_result() -> Record {
         surface_mm: 10.1,
         surface_sigma_mm: 0.01 / 12.0_f64.sqrt(),
         indentation_mm: 0.5,
+        linear_mm: Some(9.6),
+        rotary_deg: Some(-30.0),
     })
+}
+
+fn touch_settings() -> TouchSettings {
+    TouchSettings {
+        step: "main/1/back/30/1".to_owned(),
+        phase: Phase::Main,
+        sample: "agar, \"soft\"".to_owned(),
+        pose: POSE,
+        repeat: 1,
+    }
 }
 
 pub(super) fn run_started() -> Record {
@@ -139,6 +160,7 @@ pub(super) fn run_started() -> Record {
         devices: vec![Device { role: "analyzer".to_owned(), identity: "HIOKI,IM3536".to_owned() }],
         samples: vec![Sample { name: "agar, \"soft\"".to_owned(), stiffness_mpa: Some(0.104) }],
         plan: PlanSize { steps: 2, touches: 1, prompts: 1 },
+        touches: vec![touch_settings()],
         classes: None,
         idempotency_key: None,
     })

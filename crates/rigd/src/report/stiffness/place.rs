@@ -19,6 +19,15 @@ pub(in crate::report) struct Place {
     pub(in crate::report) found: Result<TiltInference, InverseError>,
 }
 
+impl Place {
+    /// Whether a touch of this sample belongs to the place.
+    pub(super) fn holds(&self, touch: &rig_store::Touch, sample: usize) -> bool {
+        let settings = &touch.touch;
+        (self.sample, self.angle_deg, self.repeat)
+            == (sample, settings.pose.angle_deg, settings.repeat)
+    }
+}
+
 /// A touch of the main phase with its repeat.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Probed {

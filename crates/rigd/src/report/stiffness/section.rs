@@ -46,7 +46,7 @@ pub(in crate::report) fn section(
     };
     calibration(&stiffness.calibration, angle)
         + &figure
-        + &samples(data, stiffness)
+        + &samples(data, stiffness, results)
         + &places.unwrap_or_default()
 }
 
@@ -150,7 +150,7 @@ fn point(data: &RunData, reading: &Reading) -> Option<Point> {
     })
 }
 
-fn samples(data: &RunData, stiffness: &Stiffness) -> String {
+fn samples(data: &RunData, stiffness: &Stiffness, results: &RunResults) -> String {
     let heads = [
         "sample",
         "known (MPa)",
@@ -159,23 +159,29 @@ fn samples(data: &RunData, stiffness: &Stiffness) -> String {
         if stiffness.places.is_some() { "places" } else { "touches" },
         "spread (MPa)",
     ];
-    let row = |sample: &SampleStiffness| {
-        let deviation =
-            |known: f64| format!("{} %", fixed(100.0 * (sample.young_mpa / known - 1.0), 1));
-        let refused = match sample.refused {
-            0 => sample.touches.to_string(),
-            refused => format!("{}, {refused} refused", sample.touches),
+    let row = |sample: usize| {
+        let (found, support) = (stiffness.of_sample(sample), stiffness.support(data, sample));
+        let known_mpa = data.samples()[sample].stiffness_mpa;
+        let deviation = |found: &SampleStiffness| {
+            let deviation = found.young_mpa / found.known_mpa? - 1.0;
+            Some(format!("{} %", fixed(100.0 * deviation, 1)))
         };
+        let used = support.used.to_string();
         vec![
-            Escaped(&data.samples()[sample.sample].name).to_string(),
-            sample.known_mpa.map_or_else(dash, |known| known.to_string()),
-            format!("<b>{}</b>", with_sigma(sample.young_mpa, sample.sigma_mpa)),
-            sample.known_mpa.map_or_else(dash, deviation),
-            refused,
-            sample.spread_mpa.map_or_else(dash, |spread| fixed(spread, 4)),
+            Escaped(&data.samples()[sample].name).to_string(),
+            known_mpa.map_or_else(dash, |known| known.to_string()),
+            found.map_or_else(
+                || "none".to_owned(),
+                |found| format!("<b>{}</b>", with_sigma(found.young_mpa, found.sigma_mpa)),
+            ),
+            found.and_then(deviation).unwrap_or_else(dash),
+            support
+                .shortfall()
+                .map_or(used, |short| format!("<span class=\"fault\">{short}</span>")),
+            found.and_then(|found| found.spread_mpa).map_or_else(dash, |spread| fixed(spread, 4)),
         ]
     };
-    let rows: Vec<_> = stiffness.samples.iter().map(row).collect();
+    let rows: Vec<_> = results.samples().into_iter().map(row).collect();
     let caption = "Young's modulus of the samples with its standard deviation, and the standard \
                    deviation of single ones about it.";
     table(caption, &heads.map(str::to_owned), &rows)

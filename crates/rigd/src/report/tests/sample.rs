@@ -8,10 +8,10 @@ use std::{
 
 use rig_resonance::Circuit;
 use rig_store::{
-    BlackBox, Chain, Clearance, Device, Direction, Ending, Fault, Frame, Journal, Phase, PlanSize,
-    Pose, Prompt, PromptAnswered, PromptAsked, Reader, Reading, ReadingFlag, Record, Run,
-    RunFinished, RunId, RunKind, RunStarted, Sample, Source, Store, Sweep, SweepPurpose,
-    SweepVerdict, Touch, TouchSettings,
+    Action, BlackBox, Chain, Clearance, Device, Direction, Ending, Fault, Frame, Indented, Journal,
+    Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, Reader, Reading, ReadingFlag,
+    Record, RefusedTouch, Run, RunFinished, RunId, RunKind, RunStarted, Sample, Source,
+    StepStarted, Store, Sweep, SweepPurpose, SweepVerdict, Touch, TouchSettings,
 };
 
 const SAMPLES: [(&str, f64); 5] =
@@ -25,6 +25,8 @@ pub(super) enum Story {
     Complete,
     /// A fault after seven touches.
     Faulted,
+    /// The touches of sample 2 at 45° from the left and the third blind one are refused.
+    Refused,
     /// Ended before anything was measured.
     Empty,
 }
@@ -50,7 +52,16 @@ impl SampleRun {
         let directory = std::env::temp_dir().join(name);
         let store = Store::open(&directory).unwrap();
         let journal = store.begin(RunKind::Run, "three-direction").unwrap();
-        let id = Teller { journal, now_us: 12_000_000, sweeps: 0, noise: 7 }.tell(story);
+        let id = Teller {
+            journal,
+            story,
+            records: Vec::new(),
+            planned: Vec::new(),
+            now_us: 12_000_000,
+            sweeps: 0,
+            noise: 7,
+        }
+        .tell();
         let reader = Reader::open(&directory).unwrap();
         let mut run = reader.run(id).unwrap();
         // What differs from one run of the tests to the next.
@@ -81,83 +92,118 @@ impl SampleRun {
 
 struct Teller {
     journal: Journal,
+    story: Story,
+    /// What happened, each with its time in µs.
+    records: Vec<(u64, Record)>,
+    planned: Vec<TouchSettings>,
     now_us: u64,
     sweeps: u64,
     noise: u64,
 }
 
 impl Teller {
-    fn tell(mut self, story: Story) -> RunId {
-        self.write(&started());
-        let ending = match story {
-            Story::Complete => {
-                self.main_touches(usize::MAX);
-                self.blind_touches();
-                Ending::Completed
-            }
+    fn tell(mut self) -> RunId {
+        let began_us = self.now_us;
+        let made = match self.story {
+            Story::Complete | Story::Refused => usize::MAX,
+            Story::Faulted => 7,
+            Story::Empty => 0,
+        };
+        self.main_touches(made);
+        self.blind_touches(made);
+        let ending = match self.story {
+            Story::Complete => Ending::Completed,
+            Story::Refused => Ending::CompletedWithRefusals,
             Story::Faulted => {
-                self.main_touches(7);
-                self.write(&Record::Fault(Fault {
-                    step: Some("main/1/back/45/1".to_owned()),
+                let step = self.planned[made].clone();
+                self.begin(&step);
+                self.write(Record::Fault(Fault {
+                    step: Some(step.step),
                     cause: "linear stage: no answer within 100 ms".to_owned(),
                     probe: Clearance::InContact,
                     hint: "Check the cable of the <linear stage>.".to_owned(),
                 }));
                 let frame = Frame { rig_us: 1, is_sent: true, hex: "0106".to_owned() };
                 let port = "/dev/ttyUSB0".to_owned();
-                self.write(&Record::BlackBox(BlackBox { port, frames: vec![frame] }));
+                self.write(Record::BlackBox(BlackBox { port, frames: vec![frame] }));
                 Ending::Faulted
             }
             Story::Empty => Ending::Aborted,
         };
-        self.write(&Record::RunFinished(RunFinished { status: ending }));
+        self.write(Record::RunFinished(RunFinished { status: ending }));
+        self.journal.append(began_us, &started(self.planned)).unwrap();
+        for (at_us, record) in &self.records {
+            self.journal.append(*at_us, record).unwrap();
+        }
         self.journal.commit().unwrap();
         self.journal.id()
     }
 
-    fn write(&mut self, record: &Record) {
-        self.journal.append(self.now_us, record).unwrap();
+    fn write(&mut self, record: Record) {
+        self.records.push((self.now_us, record));
     }
 
-    fn main_touches(&mut self, most: usize) {
-        let mut told = 0;
+    fn begin(&mut self, touch: &TouchSettings) {
+        let TouchSettings { step, phase, sample, pose, repeat } = touch.clone();
+        let action = Action::Touch { phase, sample, pose, repeat };
+        self.write(Record::StepStarted(StepStarted { step, index: 1, count: 177, action }));
+    }
+
+    fn main_touches(&mut self, made: usize) {
         for (sample, (name, _)) in SAMPLES.into_iter().enumerate() {
             for direction in [Direction::Front, Direction::Back, Direction::Left] {
-                self.ask(name);
+                if self.planned.len() < made {
+                    self.ask(name);
+                }
                 for angle_deg in [0.0, 15.0, 30.0, 45.0] {
-                    if told == most {
-                        return;
-                    }
-                    self.touch(Phase::Main, sample, Pose { direction, angle_deg }, 1);
-                    told += 1;
+                    self.touch(Phase::Main, sample, Pose { direction, angle_deg }, 1, made);
                 }
             }
         }
     }
 
-    fn blind_touches(&mut self) {
+    fn blind_touches(&mut self, made: usize) {
         for trial in 1..=50 {
             let sample = self.below(5);
             let direction = [Direction::Front, Direction::Back, Direction::Left][self.below(3)];
             let angle_deg = 45.0 * self.unit();
-            self.ask(SAMPLES[sample].0);
-            self.touch(Phase::Blind, sample, Pose { direction, angle_deg }, trial);
+            if self.planned.len() < made {
+                self.ask(SAMPLES[sample].0);
+            }
+            self.touch(Phase::Blind, sample, Pose { direction, angle_deg }, trial, made);
         }
+    }
+
+    /// Whether the readings of this touch gave no resonance.
+    fn is_refused(&self, touch: &TouchSettings) -> bool {
+        let refused = ["main/2/left/45/1", "blind/3"];
+        self.story == Story::Refused && refused.contains(&touch.step.as_str())
     }
 
     fn ask(&mut self, name: &str) {
         let step = format!("prompt/{}", self.sweeps);
         let prompt = Prompt::PlaceSample { sample: name.to_owned() };
-        self.write(&Record::PromptAsked(PromptAsked { step: step.clone(), prompt }));
+        self.write(Record::PromptAsked(PromptAsked { step: step.clone(), prompt }));
         self.now_us += 1_000_000;
         let by = "simulated person".to_owned();
-        self.write(&Record::PromptAnswered(PromptAnswered { step, by }));
+        self.write(Record::PromptAnswered(PromptAnswered { step, by }));
     }
 
-    fn touch(&mut self, phase: Phase, sample: usize, pose: Pose, repeat: u32) {
+    /// Plans a touch and makes it, if it is one of the first `made`.
+    fn touch(&mut self, phase: Phase, sample: usize, pose: Pose, repeat: u32, made: usize) {
         let (name, stiffness_mpa) = SAMPLES[sample];
         let direction = pose.direction.name();
-        let step = format!("{}/{name}/{direction}/{}/{repeat}", phase.name(), pose.angle_deg);
+        let step = match phase {
+            Phase::Main => format!("main/{name}/{direction}/{}/{repeat}", pose.angle_deg),
+            Phase::Blind => format!("blind/{repeat}"),
+        };
+        let touch =
+            TouchSettings { step: step.clone(), phase, sample: name.to_owned(), pose, repeat };
+        self.planned.push(touch.clone());
+        if self.planned.len() > made {
+            return;
+        }
+        self.begin(&touch);
         let drift_hz = -2e-5 * self.now_us as f64 * 1e-6;
         let no_load_hz = NO_LOAD_HZ + drift_hz + 0.01 * self.about_zero();
         self.sweep(SweepPurpose::NoLoad, &step, pose, no_load_hz, 60.0);
@@ -170,8 +216,11 @@ impl Teller {
         let level = 134.0 * stiffness_mpa * (1.22 - 0.34 * stiffness_mpa);
         let shift_hz = level * fall * (1.0 + 0.015 * self.about_zero());
         self.sweep(SweepPurpose::Touch, &step, pose, no_load_hz + shift_hz, 22.0);
-        self.write(&Record::TouchResult(Touch {
-            touch: TouchSettings { step, phase, sample: name.to_owned(), pose, repeat },
+        if self.is_refused(&touch) {
+            return self.refuse(touch, no_load_hz);
+        }
+        self.write(Record::TouchResult(Touch {
+            touch,
             no_load_sweep: self.sweeps - 1,
             no_load_hz,
             no_load_sigma_hz: 0.012,
@@ -183,6 +232,32 @@ impl Teller {
             surface_mm: 10.1,
             surface_sigma_mm: 0.003,
             indentation_mm: 0.5,
+            linear_mm: Some(9.6),
+            rotary_deg: Some(pose.angle_deg),
+        }));
+    }
+
+    /// The last sweep gave no resonance, and so the touch gave no shift.
+    fn refuse(&mut self, touch: TouchSettings, no_load_hz: f64) {
+        let reason = "the analyzer flagged <overload> at 152.3 Hz in 3 of 3 tries".to_owned();
+        if let Some((_, Record::Sweep(sweep))) = self.records.last_mut() {
+            sweep.verdict = SweepVerdict::Refused { reason: reason.clone() };
+        }
+        let rotary_deg = touch.pose.angle_deg;
+        self.write(Record::TouchRefused(RefusedTouch {
+            touch,
+            reason,
+            no_load_sweep: self.sweeps - 1,
+            no_load_hz,
+            no_load_sigma_hz: 0.012,
+            rotary_deg,
+            indented: Some(Indented {
+                sweep: self.sweeps,
+                surface_mm: 10.1,
+                surface_sigma_mm: 0.003,
+                indentation_mm: 0.5,
+                linear_mm: 9.6,
+            }),
         }));
     }
 
@@ -214,7 +289,7 @@ impl Teller {
             capacitance_ratio: ratio,
             loss_tangent,
         };
-        self.write(&Record::Sweep(Sweep {
+        self.write(Record::Sweep(Sweep {
             number: self.sweeps,
             purpose,
             step: Some(step.to_owned()),
@@ -251,7 +326,7 @@ impl Teller {
     }
 }
 
-fn started() -> Record {
+fn started(touches: Vec<TouchSettings>) -> Record {
     let source = |name: &str, toml: &str| Source { name: name.to_owned(), toml: toml.to_owned() };
     let device = |role: &str, identity: &str| Device {
         role: role.to_owned(),
@@ -278,6 +353,7 @@ fn started() -> Record {
         samples: SAMPLES.map(sample).to_vec(),
         plan: PlanSize { steps: 177, touches: 110, prompts: 65 },
         idempotency_key: None,
+        touches,
         classes: Some(5),
     })
 }

@@ -1,0 +1,164 @@
+//! A table as CSV, in which every cell has the type of its column whichever program reads it.
+//!
+//! Text stands in quotes, so that a label such as `"01"` is one. A number with a fraction has a
+//! decimal point in every row, so that a column that begins with `0.0` is not taken for whole
+//! numbers. A cell without a value is empty.
+
+use std::io::{self, Write};
+
+use csv::{QuoteStyle, Writer, WriterBuilder};
+
+use super::ExportError;
+
+/// What stands in a cell.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Cell<'a> {
+    /// Nothing.
+    Empty,
+    /// A label or a sentence.
+    Text(&'a str),
+    /// A whole number.
+    Whole(u64),
+    /// Yes or no.
+    Flag(bool),
+    /// A number, with as many digits as tell it from every other one.
+    Exact(f64),
+    /// A number with this many decimals.
+    Decimals(f64, usize),
+    /// A number with this many significant digits.
+    Digits(f64, usize),
+}
+
+impl Cell<'_> {
+    /// What `cell` makes of a value, where there is one.
+    pub fn of<T>(value: Option<T>, cell: impl FnOnce(T) -> Self) -> Self {
+        value.map_or(Self::Empty, cell)
+    }
+
+    /// A value and its standard deviation, both as far as three digits of the latter go: rounding
+    /// then adds nothing to it.
+    pub fn with_sigma(value: f64, sigma: f64) -> [Self; 2] {
+        let is_short = |decimals: &i32| sigma * 10_f64.powi(*decimals) < 99.5;
+        let decimals = if sigma > 0.0 { (1..12).take_while(is_short).count() + 1 } else { 6 };
+        [Self::Decimals(value, decimals), Self::Decimals(sigma, decimals)]
+    }
+
+    fn text(self) -> String {
+        match self {
+            Self::Empty => String::new(),
+            Self::Text(text) => format!("\"{}\"", text.replace('"', "\"\"")),
+            Self::Whole(number) => number.to_string(),
+            Self::Flag(is_set) => is_set.to_string(),
+            Self::Exact(number) => pointed(format!("{number:?}")),
+            Self::Decimals(number, decimals) => format!("{number:.decimals$}"),
+            Self::Digits(number, digits) => {
+                let rounded = format!("{number:.*e}", digits.saturating_sub(1));
+                // Reading back what was just written cannot fail.
+                rounded.parse().map_or(rounded, |number: f64| pointed(format!("{number:?}")))
+            }
+        }
+    }
+}
+
+/// Rust writes no point in numbers such as `1e-7`.
+fn pointed(number: String) -> String {
+    match number.split_once('e') {
+        Some((mantissa, exponent)) if !mantissa.contains('.') => format!("{mantissa}.0e{exponent}"),
+        _ => number,
+    }
+}
+
+/// Writes a table row by row.
+#[derive(Debug)]
+pub struct Table<W: Write> {
+    writer: Writer<W>,
+}
+
+impl<W: Write> Table<W> {
+    /// A table with these columns.
+    ///
+    /// # Errors
+    /// What writing reports.
+    pub fn new(columns: &[&str], out: W) -> Result<Self, ExportError> {
+        let mut writer = WriterBuilder::new().quote_style(QuoteStyle::Never).from_writer(out);
+        writer.write_record(columns).map_err(failed)?;
+        Ok(Self { writer })
+    }
+
+    /// Adds a row, which has a cell for each column.
+    ///
+    /// # Errors
+    /// What writing reports.
+    pub fn row<'a>(
+        &mut self,
+        cells: impl IntoIterator<Item = Cell<'a>>,
+    ) -> Result<(), ExportError> {
+        self.writer.write_record(cells.into_iter().map(Cell::text)).map_err(failed)
+    }
+
+    /// Writes what has not been written yet.
+    ///
+    /// # Errors
+    /// What writing reports.
+    pub fn finish(mut self) -> Result<(), ExportError> {
+        Ok(self.writer.flush()?)
+    }
+}
+
+/// Keeps the kind of what the system reports: a reader that has seen enough is no failure.
+fn failed(error: csv::Error) -> ExportError {
+    match error.into_kind() {
+        csv::ErrorKind::Io(error) => error.into(),
+        kind => io::Error::other(format!("{kind:?}")).into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_with_a_fraction_always_has_a_point_and_is_read_back() {
+        #[track_caller]
+        fn check(cell: Cell<'_>, expected: &str) {
+            assert_eq!(cell.text(), expected);
+        }
+        check(Cell::Exact(0.0), "0.0");
+        check(Cell::Exact(15.0), "15.0");
+        check(Cell::Exact(17.66), "17.66");
+        check(Cell::Exact(1e-7), "1.0e-7");
+        check(Cell::Exact(2.74e-8), "2.74e-8");
+        check(Cell::Exact(1e20), "1.0e20");
+        check(Cell::Decimals(10.0, 4), "10.0000");
+        check(Cell::Digits(2.740_000_3e-8, 6), "2.74e-8");
+        check(Cell::Digits(33.0, 6), "33.0");
+        check(Cell::Digits(33.123_456_7, 6), "33.1235");
+    }
+
+    #[test]
+    fn a_value_ends_where_three_digits_of_its_standard_deviation_end() {
+        #[track_caller]
+        fn check(value: f64, sigma: f64, expected: [&str; 2]) {
+            assert_eq!(Cell::with_sigma(value, sigma).map(Cell::text), expected);
+        }
+        check(140.403_123, 0.012_34, ["140.4031", "0.0123"]);
+        check(140.403_123, 0.099_96, ["140.403", "0.100"]);
+        check(140.403_123, 0.234, ["140.403", "0.234"]);
+        check(140.403_123, 23.4, ["140.4", "23.4"]);
+        check(140.403_123, 2340.0, ["140.4", "2340.0"]);
+        check(5.0, 0.0, ["5.000000", "0.000000"]);
+    }
+
+    #[test]
+    fn labels_are_quoted_and_a_row_that_is_too_short_is_refused() {
+        let mut bytes = Vec::new();
+        let mut table = Table::new(&["sample", "count"], &mut bytes).unwrap();
+        table.row([Cell::Text("01"), Cell::Whole(1)]).unwrap();
+        table.row([Cell::Text("agar, \"soft\""), Cell::Empty]).unwrap();
+        table.finish().unwrap();
+        let text = String::from_utf8(bytes).unwrap();
+        assert_eq!(text, "sample,count\n\"01\",1\n\"agar, \"\"soft\"\"\",\n");
+        let mut table = Table::new(&["sample", "count"], Vec::new()).unwrap();
+        assert!(table.row([Cell::Flag(true)]).is_err());
+    }
+}

@@ -1,0 +1,93 @@
+#!/usr/bin/env python3
+"""Reads the tables of a run with pandas, Polars and DuckDB and holds the type of every column against
+docs/data.md.
+
+Usage: tables.py RIGD   (the program; the run is of samples whose names look like numbers)
+"""
+
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import duckdb
+import pandas
+import polars
+
+from bench import SCENE, check, equal
+
+LABELS = ("sample", "class")
+WHOLE = ("repeat", "no_load_sweep", "sweep", "readings", "reading", "try")
+WORDS = ("step", "phase", "direction", "status", "reason", "started_at", "run_id", "purpose", "verdict",
+         "flag", *LABELS)
+FLAGS = ("is_simulated", "is_used")
+
+
+def kind(column):
+    for kind, names in (("whole", WHOLE), ("text", WORDS), ("flag", FLAGS)):
+        if column in names:
+            return kind
+    return "number"
+
+
+def by_pandas(path):
+    labels = {name: str for name in LABELS}
+    frame = pandas.read_csv(path, dtype=labels)
+    kinds = {"i": "whole", "f": "number", "b": "flag"}
+    return {name: kinds.get(frame[name].dtype.kind, "text") for name in frame}, frame
+
+
+def by_polars(path):
+    header = path.read_text().split("\n", 1)[0].split(",")
+    labels = {name: polars.String for name in LABELS if name in header}
+    frame = polars.read_csv(path, schema_overrides=labels)
+    kinds = {polars.Int64: "whole", polars.Float64: "number", polars.Boolean: "flag"}
+    return {name: kinds.get(dtype, "text") for name, dtype in frame.schema.items()}, frame
+
+
+def by_duckdb(path):
+    rows = duckdb.sql(f"describe select * from '{path}'").fetchall()
+    kinds = {"BIGINT": "whole", "DOUBLE": "number", "BOOLEAN": "flag"}
+    return {name: kinds.get(dtype, "text") for name, dtype, *_ in rows}, None
+
+
+def run(rigd, folder):
+    """A run with one touch that is refused, so that no column is empty throughout."""
+    protocol = Path("config/protocols/smoke.toml").read_text()
+    head, contact = protocol.replace('["1", "5"]', '["01", "05"]').split("[contact_sweep]")
+    contact = contact.replace("max_hz = 260", 'max_hz = 240\nmethod = "uniform"\nsettle_s = 0.2\npoints = 31')
+    (folder / "protocol.toml").write_text(f"{head}[contact_sweep]{contact}")
+    scene = Path(SCENE).read_text()
+    for sample in "12345":
+        scene = scene.replace(f'name = "{sample}"', f'name = "0{sample}"')
+    (folder / "scene.toml").write_text(scene)
+    rig = Path("config/rigs/simulated.toml").read_text().replace("../scenes/paper.toml", "scene.toml")
+    (folder / "rig.toml").write_text(rig)
+    command = [rigd, "run", folder / "protocol.toml", "--rig", folder / "rig.toml", "--data", folder, "--json"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    equal(done.returncode, 6, f"exit code ({done.stderr})")
+    return json.loads(done.stdout)
+
+
+def main():
+    with tempfile.TemporaryDirectory() as folder:
+        result = run(sys.argv[1], Path(folder))
+        data = Path(result["data"])
+        for table in ("touches", "sweeps", "readings", "searches"):
+            path = data / f"{table}.csv"
+            for reader in (by_pandas, by_polars, by_duckdb):
+                kinds, frame = reader(path)
+                for column, found in kinds.items():
+                    # pandas has no whole numbers with gaps, and no column of a type but no value.
+                    has_gaps = reader is by_pandas and frame[column].isna().any()
+                    if not (has_gaps and kind(column) in ("whole", "text") and found == "number"):
+                        equal(found, kind(column), f"{reader.__name__}: {table}.csv, {column}")
+                if table == "touches" and frame is not None:
+                    equal(sorted(set(frame["sample"])), ["01", "05"], f"{reader.__name__}: labels")
+                    equal(len(frame), result["touches_planned"], f"{reader.__name__}: rows")
+            print(f"{table}.csv: {len(kinds)} columns have their types in pandas, Polars and DuckDB")
+        check(result["touches_refused"] > 0, "no touch was refused")
+
+
+main()
