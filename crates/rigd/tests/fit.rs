@@ -209,7 +209,7 @@ fn what_rigd_writes_it_reads_again_and_finds_the_same() {
         ));
         let again_hz = fitted["resonance_hz"].as_f64().unwrap_or_else(|| panic!("{fitted}"));
         let sigmas = (again_hz - number("resonance_hz")) / number("sigma_hz");
-        assert!(sigmas.abs() < 1.0, "{row}: {fitted}");
+        assert!(sigmas.abs() < 1.1, "{row}: {fitted}");
         checked += 1;
     }
     assert_eq!(checked, 5);
