@@ -95,21 +95,7 @@ pub(super) fn records() -> Vec<Record> {
         }),
         sweep(2, SweepPurpose::Touch, 158.3),
         touch_result(),
-        Record::TouchRefused(RefusedTouch {
-            touch: touch_settings(),
-            reason: "the readings had not settled".to_owned(),
-            no_load_sweep: 1,
-            no_load_hz: 140.4,
-            no_load_sigma_hz: 0.01,
-            rotary_deg: 29.99,
-            indented: Some(Indented {
-                sweep: 2,
-                surface_mm: 10.1,
-                surface_sigma_mm: 0.003,
-                indentation_mm: 0.5,
-                linear_mm: 9.6,
-            }),
-        }),
+        touch_refused(),
         Record::Fault(Fault {
             step: Some(step()),
             cause: "linear stage: no answer within 100 ms".to_owned(),
@@ -136,6 +122,24 @@ fn touch_result() -> Record {
         indentation_mm: 0.5,
         linear_mm: Some(9.6),
         rotary_deg: Some(-30.0),
+    })
+}
+
+fn touch_refused() -> Record {
+    Record::TouchRefused(RefusedTouch {
+        touch: touch_settings(),
+        reason: "the readings had not settled".to_owned(),
+        no_load_sweep: 1,
+        no_load_hz: 140.4,
+        no_load_sigma_hz: 0.01,
+        rotary_deg: 29.99,
+        indented: Some(Indented {
+            sweep: 2,
+            surface_mm: 10.1,
+            surface_sigma_mm: 0.003,
+            indentation_mm: 0.5,
+            linear_mm: 9.6,
+        }),
     })
 }
 
