@@ -55,8 +55,10 @@
 //!   back as 0.
 //! * A unit with an error answers nothing: `*IDN? 12` is −108 only.
 //! * `#0` begins a block that the end of the message ends; on a stream that is the next line feed.
-//! * A suffix of 1 may stand behind every mnemonic, also where there is only one; another is −113
-//!   there, and −114 outside its range where there are several.
+//! * A mnemonic without a number has the number 1, in a header and in a pattern: `TRIG` is `TRIG1`,
+//!   also where there is only one. Another number is −113 there, and −114 outside its range where
+//!   there are several.
+//! * An integer of which not every digit is known (a decimal number of 2⁵³ or more) is −222.
 //! * A unit without a `;` before it (`*ESE 1:CH1 5`) is −103, and so is a comma behind a header;
 //!   other data directly behind a header is −111; white space around a colon is −102.
 #![deny(clippy::disallowed_methods)]

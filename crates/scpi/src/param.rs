@@ -113,27 +113,22 @@ impl Param {
     }
 
     /// A whole number within `range`; a fraction is rounded, as IEEE 488.2 has it for registers.
-    /// Numbers beyond ±2⁵³ lose their last digits.
     ///
     /// # Errors
-    /// −222 outside the range, −224 for a word other than `MIN` and `MAX`, −138 with a suffix.
+    /// −222 outside the range, and for a decimal number of 2⁵³ or more, whose last digits are not
+    /// known; −224 for a word other than `MIN` and `MAX`, −138 with a suffix.
     pub fn integer(&self, range: RangeInclusive<i64>) -> Result<i64, ScpiError> {
-        match self.numeric(Unit::NONE)? {
-            Numeric::Value(value) => {
-                let (low, high) = (*range.start() as f64, *range.end() as f64);
-                let rounded = value.round();
-                if low <= rounded && rounded <= high {
-                    #[expect(clippy::cast_possible_truncation, reason = "a float cast saturates")]
-                    Ok((rounded as i64).clamp(*range.start(), *range.end()))
-                } else {
-                    Err(ScpiError::new(-222))
-                }
-            }
-            Numeric::Minimum => Ok(*range.start()),
-            Numeric::Maximum => Ok(*range.end()),
-            Numeric::Infinity | Numeric::NegativeInfinity => Err(ScpiError::new(-222)),
-            _ => Err(ScpiError::new(-224)),
-        }
+        let found = match self {
+            Self::NonDecimal(value) => i64::try_from(*value).ok(),
+            _ => match self.numeric(Unit::NONE)? {
+                Numeric::Value(value) => whole(value.round()),
+                Numeric::Minimum => Some(*range.start()),
+                Numeric::Maximum => Some(*range.end()),
+                Numeric::Infinity | Numeric::NegativeInfinity => None,
+                _ => return Err(ScpiError::new(-224)),
+            },
+        };
+        found.filter(|value| range.contains(value)).ok_or(ScpiError::new(-222))
     }
 
     /// `ON`, `OFF`, or a number: what does not round to zero is on.
@@ -197,5 +192,57 @@ impl Param {
             Self::Block(_) => -168,
             Self::Expression(_) => -178,
         })
+    }
+}
+
+/// The integer that `value` is. `None` for a fraction, and from ±2⁵³ on, where one float stands for
+/// several integers.
+pub(crate) fn whole(value: f64) -> Option<i64> {
+    const FIRST_AMBIGUOUS: f64 = (1_i64 << f64::MANTISSA_DIGITS) as f64;
+    let is_exact = value.fract() == 0.0 && value.abs() < FIRST_AMBIGUOUS;
+    #[expect(clippy::cast_possible_truncation, reason = "whole, and below 2^53")]
+    is_exact.then_some(value as i64)
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::grammar;
+
+    #[test]
+    fn an_integer_is_the_one_that_was_sent_or_refused() {
+        let found = |text: &str, range| {
+            let params =
+                grammar::params(text.as_bytes()).and_then(|params| params[0].integer(range));
+            params.map_err(|error| error.number())
+        };
+        let all = i64::MIN..=i64::MAX;
+        let rows = [
+            ("9007199254740991", Ok(9_007_199_254_740_991)),
+            ("-9007199254740991", Ok(-9_007_199_254_740_991)),
+            ("2.5", Ok(3)),
+            ("#H7FFFFFFFFFFFFFFF", Ok(i64::MAX)),
+            ("#H20000000000001", Ok(9_007_199_254_740_993)),
+            ("MAX", Ok(i64::MAX)),
+            // The next float is that of another integer as well.
+            ("9007199254740992", Err(-222)),
+            ("9007199254740993", Err(-222)),
+            ("-9007199254740992", Err(-222)),
+            ("9223372036854775807", Err(-222)),
+            ("9223372036854775808", Err(-222)),
+            ("18446744073709551616", Err(-222)),
+            ("1E300", Err(-222)),
+            ("#H8000000000000000", Err(-222)),
+            ("#HFFFFFFFFFFFFFFFF", Err(-222)),
+            ("#H10000000000000000", Err(-222)),
+            ("INF", Err(-222)),
+            ("DEF", Err(-224)),
+        ];
+        for (text, expected) in rows {
+            assert_eq!(found(text, all.clone()), expected, "{text}");
+        }
+        for text in ["-1", "256", "#H100", "9223372036854775808"] {
+            assert_eq!(found(text, 0..=255), Err(-222), "{text}");
+        }
+        assert_eq!(found("255.4", 0..=255), Ok(255));
     }
 }

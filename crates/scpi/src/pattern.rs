@@ -200,12 +200,9 @@ fn match_word(node: &Node, word: &[u8], found: &mut Match) -> bool {
     }
     if let Some((low, high)) = node.suffix {
         let digits = split_digits(word).1;
-        let number = digits.iter().fold(0_u32, |sum, digit| {
-            sum.saturating_mul(10).saturating_add(u32::from(digit - b'0'))
-        });
-        let is_given = !digits.is_empty();
-        found.suffixes.push(is_given.then_some(number));
-        found.is_out_of_range |= is_given && (number < low || high < number);
+        let number = (!digits.is_empty()).then(|| suffix_number(digits));
+        found.suffixes.push(number);
+        found.is_out_of_range |= number.is_some_and(|number| number < low || high < number);
     }
     true
 }
@@ -229,13 +226,23 @@ fn words_overlap(a: &Node, b: &Node) -> bool {
         || forms(b).iter().any(|word| a.is_named_by(word.as_bytes()))
 }
 
+/// The number that the digits behind a mnemonic stand for. None at all stand for 1 (SCPI-99,
+/// volume 1, 6.2.5.2), in a header as in a pattern.
+fn suffix_number(digits: &[u8]) -> u32 {
+    if digits.is_empty() {
+        return 1;
+    }
+    digits
+        .iter()
+        .fold(0, |sum: u32, digit| sum.saturating_mul(10).saturating_add(u32::from(digit - b'0')))
+}
+
 impl Node {
-    /// Whether `word` is this node. A numeric suffix that is not given stands for 1, so 1 may be
-    /// given where there is only one.
+    /// Whether `word` is this node.
     fn is_named_by(&self, word: &[u8]) -> bool {
         let (stem, digits) = split_digits(word);
         let own = self.mnemonic.digits().as_bytes();
-        let is_number_right = digits == own || (own.is_empty() && digits == b"1");
+        let is_number_right = suffix_number(digits) == suffix_number(own);
         self.mnemonic.matches_stem(stem) && (self.suffix.is_some() || is_number_right)
     }
 }
@@ -293,7 +300,11 @@ mod tests {
         }
         assert_eq!(suffixes(text, "OUT10P:FM"), None);
         assert_eq!(suffixes(":PARameter1", "par1"), Some(vec![]));
-        assert_eq!(suffixes(":PARameter1", "par"), None);
+        assert_eq!(suffixes(":TRIGger1[:SEQuence1]:SOURce", "trig:seq:sour"), Some(vec![]));
+        assert_eq!(suffixes(":TRIGger1[:SEQuence1]:SOURce", "TRIGGER1:SOUR1"), Some(vec![]));
+        assert_eq!(suffixes(":TRIGger1", "trig01"), Some(vec![]));
+        assert_eq!(suffixes(":TRIGger1", "trig2"), None);
+        assert_eq!(suffixes(":TRIGger2", "trig"), None);
         assert_eq!(suffixes(":FREQuency:CW", "freq1:cw1"), Some(vec![]));
         assert_eq!(suffixes(":FREQuency:CW", "freq2:cw"), None);
         assert_eq!(suffixes("*IDN", "idn1"), None);
@@ -367,6 +378,7 @@ mod tests {
             ("[:SENSe]:FREQuency[:CW]", "sens:freq:cw", ":SENSE:FREQUENCY:CW"),
             (":OUTPut#[:STATe]", "outp2", ":OUTPUT2"),
             (":PARameter1", "par1", ":PARAMETER1"),
+            (":PARameter1", "par", ":PARAMETER"),
             ("*ESE", "ese", "*ESE"),
         ];
         for (text, header, expected) in rows {

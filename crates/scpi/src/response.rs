@@ -11,7 +11,10 @@ use nom::{
     sequence::{preceded, terminated},
 };
 
-use crate::value::{INFINITY, NOT_A_NUMBER};
+use crate::{
+    param::whole,
+    value::{INFINITY, NOT_A_NUMBER},
+};
 
 /// Instruments print the two numbers that stand for something else in single precision too.
 const SENTINEL_TOLERANCE_REL: f64 = 1e-6;
@@ -184,21 +187,17 @@ impl Datum {
     /// The whole number. Instruments that know only reals answer `+1.0E+00` for 1.
     ///
     /// # Errors
-    /// As [`Self::number`]; a fraction is [`DataError::Type`].
+    /// As [`Self::number`]; a fraction is [`DataError::Type`], and so is a number that is too large
+    /// for every digit of it to be known.
     pub fn integer(&self) -> Result<i64, DataError> {
         match self {
             Self::Integer(value) => Ok(*value),
             Self::NonDecimal(value) if i64::try_from(*value).is_ok() => Ok(value.cast_signed()),
             other => {
                 let value = other.number()?;
-                if value.fract() != 0.0 || 2_f64.powi(53) < value.abs() {
-                    return Err(DataError::Type {
-                        expected: "a whole number",
-                        found: "a fraction",
-                    });
-                }
-                #[expect(clippy::cast_possible_truncation, reason = "whole and below 2^53")]
-                Ok(value as i64)
+                let is_fraction = value.fract() != 0.0;
+                let found = if is_fraction { "a fraction" } else { "too large for one" };
+                whole(value).ok_or(DataError::Type { expected: "a whole number", found })
             }
         }
     }

@@ -186,7 +186,16 @@ fn data_have_types_and_sentinels_end_here() {
     assert_eq!(overload(false).number(), Err(DataError::Overload));
     assert_eq!(Datum::Missing.number(), Err(DataError::Missing));
     assert_eq!(Datum::Real(3.0).integer(), Ok(3));
-    assert!(Datum::Real(3.5).integer().is_err());
+    assert_eq!(Datum::NonDecimal(1 << 62).integer(), Ok(1 << 62));
+    for (datum, kind) in [
+        (Datum::Real(3.5), "a fraction"),
+        (Datum::Real(2_f64.powi(53)), "too large for one"),
+        (Datum::NonDecimal(1 << 63), "too large for one"),
+        (Datum::NonDecimal(u64::MAX), "too large for one"),
+    ] {
+        let error = DataError::Type { expected: "a whole number", found: kind };
+        assert_eq!(datum.integer(), Err(error), "{datum:?}");
+    }
 }
 
 #[test]
