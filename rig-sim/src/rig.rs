@@ -76,8 +76,7 @@ pub struct Rig {
     faults: Faults,
 }
 
-/// A client's connection to a port. Several may be open; each gets the answers to its own requests,
-/// though an analyzer answers only the one who spoke last.
+/// A client's connection to a port. Several may be open; each gets the answers to its own requests.
 #[derive(Debug)]
 pub struct Connection(End);
 
@@ -94,6 +93,11 @@ impl Connection {
             End::Analyzer(cable) => cable.deadline(),
             End::Bus(line) => line.deadline(),
         }
+    }
+
+    /// Whether what another client says may change when this one is answered.
+    pub(crate) const fn waits_for_others(&self) -> bool {
+        matches!(self.0, End::Analyzer(_))
     }
 }
 
@@ -402,7 +406,7 @@ mod tests {
     }
 
     #[test]
-    fn clients_do_not_get_each_others_answers_and_an_analyzer_answers_who_spoke_last() {
+    fn clients_do_not_get_each_others_answers() {
         let mut bench = Bench::serial();
         let mut second = Rig::connect_bus(Carrier::Tcp, Duration::ZERO);
         bench.rig.push(bench.now, &mut bench.bus, &request()).unwrap();
@@ -410,16 +414,26 @@ mod tests {
         let later = bench.now + Duration::from_secs(1);
         assert_eq!(bench.rig.poll(later, &mut bench.bus).unwrap().len(), 9);
         assert_eq!(bench.rig.poll(later, &mut second).unwrap().len(), 13);
+    }
 
+    #[test]
+    fn a_client_that_measures_for_long_keeps_no_other_from_identifying_the_analyzer() {
+        const IDENTITY: &[u8] = b"HIOKI,IM3536,190512345,V1.21\r\n";
+        let mut bench = Bench::serial();
         let mut second = bench.rig.connect(PortId::Analyzer);
-        let measure = b":TRIG EXT;:SPEE FAST;:FREQ 100;*TRG;:MEAS?\n";
-        bench.rig.push(later, &mut bench.analyzer, measure).unwrap();
-        assert!(bench.analyzer.deadline().is_some());
-        bench.rig.push(later, &mut second, b"*IDN?\n").unwrap();
-        let done = later + Duration::from_secs(1);
-        assert_eq!(bench.rig.poll(done, &mut bench.analyzer).unwrap(), b"");
-        assert_eq!(bench.analyzer.deadline(), None);
-        let said = String::from_utf8(bench.rig.poll(done, &mut second).unwrap()).unwrap();
-        assert!(said.ends_with("HIOKI,IM3536,190512345,V1.21\r\n"), "{said}");
+        let measure = b":TRIG EXT;:TRIG:DEL 9;:FREQ 100;*TRG;:MEAS?\n";
+        bench.rig.push(bench.now, &mut bench.analyzer, measure).unwrap();
+        let long = bench.analyzer.deadline().expect("it measures");
+        assert!(long.since(bench.now) > Duration::from_secs(8));
+        let soon = bench.now + Duration::from_millis(100);
+        bench.rig.push(soon, &mut second, b"*IDN?\n:FREQ 200;:FREQ?\n").unwrap();
+        let answered = soon + Duration::from_millis(100);
+        assert_eq!(bench.rig.poll(answered, &mut second).unwrap(), IDENTITY);
+        // The frequency waits, and the measurement is that of the first client.
+        let done = long + Duration::from_secs(1);
+        assert_eq!(bench.rig.poll(done, &mut second).unwrap(), b"2.0000E+02\r\n");
+        let said = bench.rig.poll(done, &mut bench.analyzer).unwrap();
+        let fields = String::from_utf8(said).unwrap();
+        assert_eq!(fields.split(',').count(), 3, "{fields}");
     }
 }

@@ -8,6 +8,7 @@ use std::{
 use rig_model::{Orientation, RigTime};
 use tokio::{
     io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt, DuplexStream, duplex},
+    sync::Notify,
     task::JoinSet,
     time::{Instant, sleep_until},
 };
@@ -31,6 +32,8 @@ pub struct SimRig {
 #[derive(Debug, Clone)]
 pub struct SimHandle {
     rig: Arc<Mutex<Rig>>,
+    /// Told when a client of the analyzer has spoken: another one may wait for less, or for more.
+    spoken: Arc<Notify>,
     opened: Instant,
 }
 
@@ -61,10 +64,11 @@ impl SimRig {
     /// [`SceneError`].
     pub fn start(scene: Scene, wiring: &Wiring, seed: u64) -> Result<Self, SceneError> {
         let rig = Arc::new(Mutex::new(Rig::new(scene, wiring, seed)?));
-        Ok(Self { handle: SimHandle { rig, opened: Instant::now() }, ports: JoinSet::new() })
+        let handle = SimHandle { rig, spoken: Arc::default(), opened: Instant::now() };
+        Ok(Self { handle, ports: JoinSet::new() })
     }
 
-    /// A new connection to the analyzer, which answers the one who spoke last.
+    /// A new connection to the analyzer.
     pub fn analyzer_port(&mut self) -> DuplexStream {
         self.port(PortId::Analyzer)
     }
@@ -148,6 +152,7 @@ impl SimHandle {
     ) {
         let mut buffer = [0; 1024];
         loop {
+            let spoken = self.spoken.notified();
             let (said, deadline) = {
                 let mut rig = self.lock();
                 let Ok(said) = rig.poll(self.now(), &mut connection) else { return };
@@ -171,9 +176,13 @@ impl SimHandle {
                         if self.lock().push(self.now(), &mut connection, &buffer[..n]).is_err() {
                             return;
                         }
+                        if connection.waits_for_others() {
+                            self.spoken.notify_waiters();
+                        }
                     }
                 },
                 () = wake => {}
+                () = spoken, if connection.waits_for_others() => {}
             }
         }
     }
@@ -186,6 +195,10 @@ mod tests {
     use rig_model::{AnalyzerMake, DriveMake};
 
     fn start(seed: u64) -> SimRig {
+        start_with(AnalyzerMake::HiokiIm3536, seed)
+    }
+
+    fn start_with(analyzer: AnalyzerMake, seed: u64) -> SimRig {
         let axis = |unit_id, units_per_step| AxisWiring {
             make: DriveMake::OrientalAz,
             unit_id,
@@ -193,7 +206,7 @@ mod tests {
             zero: 0.0,
         };
         let wiring = Wiring {
-            analyzer: AnalyzerMake::HiokiIm3536,
+            analyzer,
             linear: axis(1, 0.001),
             rotary: axis(2, 0.01),
             carrier: Carrier::Serial { baud: 115_200 },
@@ -281,5 +294,20 @@ mod tests {
         tokio::task::yield_now().await;
         let mut meter = rig.analyzer_port();
         assert_eq!(line(&mut meter, "\r\n*IDN?\r\n").await, "HIOKI,IM3536,190512345,V1.21\r\n");
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_client_that_waits_for_another_ones_measurement_hears_when_that_is_ended() {
+        let mut rig = start_with(AnalyzerMake::KeysightE4980a, 1);
+        let (mut first, mut second) = (rig.analyzer_port(), rig.analyzer_port());
+        first.write_all(b"TRIG:SOUR BUS;:TRIG:TDEL 999;*TRG\n").await.unwrap();
+        tokio::task::yield_now().await;
+        assert!(line(&mut second, "*IDN?\n").await.contains("E4980A"));
+        let waits = async move { line(&mut second, "FREQ 200;:FREQ?\n").await };
+        let waits = tokio::spawn(waits);
+        tokio::task::yield_now().await;
+        rig.analyzer_port().write_all(b"ABOR\n").await.unwrap();
+        assert_eq!(waits.await.unwrap(), "+2.000000000E+02\n");
+        assert!(rig.handle().now() < RigTime::ZERO + Duration::from_secs(1));
     }
 }

@@ -60,16 +60,35 @@ impl<C> Call<C> {
 pub struct Instrument<C> {
     commands: Tree<C>,
     dialect: Dialect,
-    splitter: MessageSplitter,
-    message: Message,
-    waiting: Option<Waiting>,
-    output: Vec<u8>,
+    session: Session,
     status: Status,
     errors: Option<ErrorQueue>,
     has_headers: bool,
     is_operation_pending: bool,
     /// `*OPC` was sent and its operations are not complete.
     wants_operation_complete: bool,
+}
+
+/// What an instrument hears from one client and has to say to it. Status, errors and settings are
+/// the instrument's, whoever asks.
+#[derive(Debug, Clone)]
+pub struct Session {
+    splitter: MessageSplitter,
+    message: Message,
+    waiting: Option<Waiting>,
+    output: Vec<u8>,
+}
+
+impl Session {
+    /// A client that has said nothing yet.
+    pub fn new(dialect: &Dialect) -> Self {
+        Self {
+            splitter: MessageSplitter::with_rules(rules(dialect), dialect.input_limit_bytes),
+            message: Message::default(),
+            waiting: None,
+            output: Vec::new(),
+        }
+    }
 }
 
 /// Who carries a unit out.
@@ -102,10 +121,7 @@ impl<C: Copy> Instrument<C> {
         status.raise(ErrorClass::PowerOn.event_bit());
         Self {
             commands,
-            splitter: MessageSplitter::with_rules(rules(&dialect), dialect.input_limit_bytes),
-            message: Message::default(),
-            waiting: None,
-            output: Vec::new(),
+            session: Session::new(&dialect),
             status,
             errors: dialect.error_queue.map(ErrorQueue::new),
             has_headers: dialect.headers.unwrap_or(false),
@@ -115,19 +131,25 @@ impl<C: Copy> Instrument<C> {
         }
     }
 
+    /// Turns to another client, and leaves the present one's session in `session`. An instrument
+    /// with one client needs none of this.
+    pub const fn turn_to(&mut self, session: &mut Session) {
+        std::mem::swap(&mut self.session, session);
+    }
+
     /// Takes bytes in, cut anywhere.
     pub fn push(&mut self, bytes: &[u8]) {
-        self.splitter.push(bytes);
+        self.session.splitter.push(bytes);
     }
 
     /// The transport says that a message ends here, with or without a terminator.
     pub fn end_of_message(&mut self) {
-        self.splitter.end_of_message();
+        self.session.splitter.end_of_message();
     }
 
     /// How many bytes [`Self::push`] takes without an overrun.
     pub fn room(&self) -> usize {
-        self.splitter.room()
+        self.session.splitter.room()
     }
 
     /// Carries out what is built in and returns the next call for the host.
@@ -136,17 +158,17 @@ impl<C: Copy> Instrument<C> {
     /// [operations](Self::set_operation_pending).
     pub fn poll(&mut self) -> Option<Call<C>> {
         loop {
-            match &self.waiting {
+            match &self.session.waiting {
                 Some(Waiting::Call { .. } | Waiting::AbandonedCall) => return None,
                 Some(_) if self.is_operation_pending => return None,
                 Some(Waiting::OperationsThenAnswer) => self.respond("", &[Value::Integer(1)]),
                 Some(Waiting::Operations) | None => {}
             }
-            self.waiting = None;
-            if !self.message.is_running && !self.begin_message() {
+            self.session.waiting = None;
+            if !self.session.message.is_running && !self.begin_message() {
                 return None;
             }
-            if !self.message.has_units() {
+            if !self.session.message.has_units() {
                 self.end_message();
                 continue;
             }
@@ -162,7 +184,7 @@ impl<C: Copy> Instrument<C> {
     /// # Panics
     /// When no call is under way: that is a mistake of the host.
     pub fn answer(&mut self, result: Result<Vec<Value>, ScpiError>) {
-        match self.waiting.take() {
+        match self.session.waiting.take() {
             Some(Waiting::Call { heading }) => match result {
                 Ok(values) => self.respond(&heading, &values),
                 Err(error) => self.fail(error),
@@ -174,16 +196,16 @@ impl<C: Copy> Instrument<C> {
 
     /// The answers to whole messages, each with its ending; empty when there are none.
     pub fn take_output(&mut self) -> Vec<u8> {
-        std::mem::take(&mut self.output)
+        std::mem::take(&mut self.session.output)
     }
 
     /// The controller asks for an answer, on a bus where answers are fetched. Asking for one when
     /// there is none and none will come is −420.
     pub fn fetch_output(&mut self) -> Option<Vec<u8>> {
-        if !self.output.is_empty() {
+        if !self.session.output.is_empty() {
             return Some(self.take_output());
         }
-        if !self.message.is_running {
+        if !self.session.message.is_running {
             self.report_query_error(-420);
         }
         None
@@ -212,11 +234,11 @@ impl<C: Copy> Instrument<C> {
     /// Device clear: input, output and the message under way are gone. Status, errors and settings
     /// stay. A call under way must still be answered; its answer goes nowhere.
     pub fn device_clear(&mut self) {
-        self.splitter.clear();
-        self.message = Message::default();
-        self.output.clear();
+        self.session.splitter.clear();
+        self.session.message = Message::default();
+        self.session.output.clear();
         self.wants_operation_complete = false;
-        self.waiting = match self.waiting.take() {
+        self.session.waiting = match self.session.waiting.take() {
             Some(Waiting::Call { .. } | Waiting::AbandonedCall) => Some(Waiting::AbandonedCall),
             _ => None,
         };
@@ -226,8 +248,8 @@ impl<C: Copy> Instrument<C> {
     pub fn status_byte(&self) -> u8 {
         let has_errors = self.errors.as_ref().is_some_and(|errors| !errors.is_empty());
         // Where answers are not fetched, a finished one is on its way and no longer available.
-        let has_output = self.dialect.unread != Unread::Keep && !self.output.is_empty();
-        self.status.byte(has_errors, has_output || self.message.answer.has_data)
+        let has_output = self.dialect.unread != Unread::Keep && !self.session.output.is_empty();
+        self.status.byte(has_errors, has_output || self.session.message.answer.has_data)
     }
 
     /// The registers.
@@ -247,31 +269,31 @@ impl<C: Copy> Instrument<C> {
 
     fn begin_message(&mut self) -> bool {
         loop {
-            match self.splitter.next_message(&mut self.message.bytes) {
+            match self.session.splitter.next_message(&mut self.session.message.bytes) {
                 None => return false,
                 Some(Arrival::Overrun) => self.report(ScpiError::new(-363)),
                 Some(Arrival::Message) => break,
             }
         }
-        if !self.output.is_empty() && self.dialect.unread == Unread::Drop {
-            self.output.clear();
+        if !self.session.output.is_empty() && self.dialect.unread == Unread::Drop {
+            self.session.output.clear();
             self.report_query_error(-410);
         }
-        self.message.begin();
+        self.session.message.begin();
         true
     }
 
     fn end_message(&mut self) {
-        self.message.is_running = false;
-        self.message.answer.finish(&mut self.output, self.dialect.ending);
+        self.session.message.is_running = false;
+        self.session.message.answer.finish(&mut self.session.output, self.dialect.ending);
     }
 
     /// Carries out one unit, or returns it as a call.
     fn next_unit(&mut self) -> Option<Call<C>> {
-        let bytes = std::mem::take(&mut self.message.bytes);
-        let unit = self.message.next_unit(&bytes, rules(&self.dialect));
+        let bytes = std::mem::take(&mut self.session.message.bytes);
+        let unit = self.session.message.next_unit(&bytes, rules(&self.dialect));
         let call = self.run_unit(unit);
-        self.message.bytes = bytes;
+        self.session.message.bytes = bytes;
         call.unwrap_or_else(|error| {
             self.fail(error);
             None
@@ -281,12 +303,12 @@ impl<C: Copy> Instrument<C> {
     fn run_unit(&mut self, unit: &[u8]) -> Result<Option<Call<C>>, ScpiError> {
         let Some((header, data)) = grammar::unit(unit)? else { return Ok(None) };
         self.refuse_after_query(&header)?;
-        let path = self.message.absolute(&header);
+        let path = self.session.message.absolute(&header);
         let Some((target, found)) = self.find(&path, &header) else {
             return Err(ScpiError::new(-113).with_info(header_text(&header)));
         };
         let heading = self.heading(&target, &found, &path, &header);
-        self.message.enter(&header, path);
+        self.session.message.enter(&header, path);
         let params = check(&found, data)?;
         if header.is_common && header.text.eq_ignore_ascii_case(b"RST") {
             self.wants_operation_complete = false;
@@ -297,7 +319,7 @@ impl<C: Copy> Instrument<C> {
                 Ok(None)
             }
             Target::Host(command) => {
-                self.waiting = Some(Waiting::Call { heading });
+                self.session.waiting = Some(Waiting::Call { heading });
                 let (is_query, suffixes) = (header.is_query, found.suffixes);
                 Ok(Some(Call { command, is_query, suffixes, params }))
             }
@@ -333,12 +355,12 @@ impl<C: Copy> Instrument<C> {
     /// Nothing can follow data that only the end of the message ends (IEEE 488.2, 6.5.7.5), and with
     /// some instruments nothing can follow a query.
     fn refuse_after_query(&mut self, header: &Header<'_>) -> Result<(), ScpiError> {
-        if self.message.has_query && self.dialect.after_query == AfterQuery::Refuse {
-            self.message.skip_rest();
+        if self.session.message.has_query && self.dialect.after_query == AfterQuery::Refuse {
+            self.session.message.skip_rest();
             return Err(ScpiError::new(-400));
         }
-        self.message.has_query |= header.is_query;
-        let is_lost = header.is_query && self.message.answer.is_indefinite;
+        self.session.message.has_query |= header.is_query;
+        let is_lost = header.is_query && self.session.message.answer.is_indefinite;
         if is_lost && self.dialect.query_errors.contains(&-440) {
             return Err(ScpiError::new(-440));
         }
@@ -349,15 +371,15 @@ impl<C: Copy> Instrument<C> {
         if values.is_empty() {
             return;
         }
-        self.message.answer.begin(heading);
-        self.message.answer.values(values, self.dialect.real_format);
+        self.session.message.answer.begin(heading);
+        self.session.message.answer.values(values, self.dialect.real_format);
         self.limit_output();
     }
 
     /// Drops the answer when there is no room for it.
     fn limit_output(&mut self) {
-        let answer = &mut self.message.answer;
-        if self.dialect.output_limit_bytes < answer.bytes.len() + self.output.len() {
+        let answer = &mut self.session.message.answer;
+        if self.dialect.output_limit_bytes < answer.bytes.len() + self.session.output.len() {
             answer.clear();
             self.report_query_error(-430);
         }
@@ -373,7 +395,7 @@ impl<C: Copy> Instrument<C> {
     fn fail(&mut self, error: ScpiError) {
         self.report(error);
         if self.dialect.after_error == AfterError::SkipMessage {
-            self.message.skip_rest();
+            self.session.message.skip_rest();
         }
     }
 }

@@ -85,7 +85,7 @@ mod value;
 pub use decoder::{Expect, FrameError, Framing, ResponseDecoder};
 pub use dialect::{AfterError, AfterQuery, Dialect, Ending, ErrorFormat, QUERY_ERRORS, Unread};
 pub use error::{ErrorClass, ErrorQueue, ScpiError, standard_text};
-pub use instrument::{Call, Instrument};
+pub use instrument::{Call, Instrument, Session};
 pub use list::{ChannelRange, NumericRange};
 pub use mnemonic::short_form;
 pub use param::{Limits, Numeric, Param};

@@ -4,7 +4,9 @@
 mod meter;
 
 use meter::{Host, standard};
-use rig_scpi::{AfterError, AfterQuery, Dialect, Ending, QUERY_ERRORS, Terminators, Unread, Value};
+use rig_scpi::{
+    AfterError, AfterQuery, Dialect, Ending, QUERY_ERRORS, Session, Terminators, Unread, Value,
+};
 
 #[track_caller]
 fn check_with(dialect: &Dialect, sent: &[u8], expected: &[u8]) {
@@ -376,4 +378,16 @@ fn the_end_of_a_packet_ends_a_message() {
         host.run();
         assert_eq!(host.instrument.take_output(), expected, "{}", packet.escape_ascii());
     }
+}
+
+#[test]
+fn each_client_has_its_own_messages_and_answers_and_all_share_the_errors() {
+    let mut host = Host::new(standard());
+    let mut other = Session::new(host.instrument.dialect());
+    assert_eq!(host.say(b"FREQ 4"), b"");
+    host.instrument.push(b"00;*IDN?\n");
+    host.instrument.turn_to(&mut other);
+    assert_eq!(host.say(b"FREQ 300;FREQ?;FOO\n"), b"300\n");
+    host.instrument.turn_to(&mut other);
+    assert_eq!(host.say(b"FREQ?;SYST:ERR:COUN?\n"), b"MA,IN,0,VER\n400;1\n");
 }

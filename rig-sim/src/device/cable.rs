@@ -1,11 +1,15 @@
 //! An analyzer at the end of its cable, where faults befall its messages.
 
-use std::{fmt, time::Duration};
+use std::{
+    fmt,
+    sync::{Arc, Weak},
+    time::Duration,
+};
 
 use rig_model::RigTime;
 
 use super::{
-    meter::{Meter, Model},
+    meter::{ClientId, Meter, Model},
     outbox::Outbox,
     spoil::{self, Reply},
 };
@@ -23,18 +27,18 @@ const MAX_MESSAGE: usize = 64 * 1024;
 
 /// An analyzer of any make.
 pub(crate) trait Analyzer: fmt::Debug + Send {
-    fn push(&mut self, now: RigTime, bytes: &[u8], world: &mut World);
+    fn push(&mut self, now: RigTime, id: ClientId, bytes: &[u8], world: &mut World);
     fn advance(&mut self, now: RigTime, world: &mut World);
     fn deadline(&self) -> Option<RigTime>;
-    fn take_said(&mut self) -> Vec<(RigTime, Vec<u8>)>;
-    fn device_clear(&mut self);
+    fn take_said(&mut self, id: ClientId) -> Vec<(RigTime, Vec<u8>)>;
+    fn hang_up(&mut self, id: ClientId);
     fn overload(&mut self);
     fn restart(&mut self, now: RigTime, world: &mut World);
 }
 
 impl<M: Model<Command: Send + Sync> + Send> Analyzer for Meter<M> {
-    fn push(&mut self, now: RigTime, bytes: &[u8], world: &mut World) {
-        self.push(now, bytes, world);
+    fn push(&mut self, now: RigTime, id: ClientId, bytes: &[u8], world: &mut World) {
+        self.push(now, id, bytes, world);
     }
 
     fn advance(&mut self, now: RigTime, world: &mut World) {
@@ -45,12 +49,12 @@ impl<M: Model<Command: Send + Sync> + Send> Analyzer for Meter<M> {
         self.deadline()
     }
 
-    fn take_said(&mut self) -> Vec<(RigTime, Vec<u8>)> {
-        self.take_said()
+    fn take_said(&mut self, id: ClientId) -> Vec<(RigTime, Vec<u8>)> {
+        self.take_said(id)
     }
 
-    fn device_clear(&mut self) {
-        self.device_clear();
+    fn hang_up(&mut self, id: ClientId) {
+        self.hang_up(id);
     }
 
     fn overload(&mut self) {
@@ -68,10 +72,10 @@ pub(crate) struct Socket {
     analyzer: Box<dyn Analyzer>,
     /// Whether every character is sent back, and the next one waits for that.
     echoes: bool,
-    /// Who spoke last, and is answered.
-    talker: u64,
+    /// The cables that are plugged in, as long as they are alive.
+    plugged: Vec<(ClientId, Weak<()>)>,
     /// Counts the cables.
-    cables: u64,
+    cables: ClientId,
     /// It is switched on and does not listen yet.
     boots_until: RigTime,
 }
@@ -79,7 +83,8 @@ pub(crate) struct Socket {
 /// A client's cable.
 #[derive(Debug)]
 pub(crate) struct Cable {
-    number: u64,
+    id: ClientId,
+    _plug: Arc<()>,
     /// The beginning of a message whose end has not come.
     begun: Vec<u8>,
     /// The last message, for an echo.
@@ -98,14 +103,21 @@ impl Cable {
 
 impl Socket {
     pub(crate) fn new(analyzer: Box<dyn Analyzer>, echoes: bool) -> Self {
-        Self { analyzer, echoes, talker: 0, cables: 0, boots_until: RigTime::ZERO }
+        let (plugged, cables) = (Vec::new(), 0);
+        Self { analyzer, echoes, plugged, cables, boots_until: RigTime::ZERO }
     }
 
-    /// A new cable, on which nothing was said.
+    /// A new cable, on which nothing was said. What was said on cables that are gone is forgotten.
     pub(crate) fn plug(&mut self) -> Cable {
+        for (id, _) in self.plugged.extract_if(.., |(_, plug)| plug.strong_count() == 0) {
+            self.analyzer.hang_up(id);
+        }
         self.cables += 1;
+        let plug = Arc::new(());
+        self.plugged.push((self.cables, Arc::downgrade(&plug)));
         Cable {
-            number: self.cables,
+            id: self.cables,
+            _plug: plug,
             begun: Vec::new(),
             last: Vec::new(),
             outbox: Outbox::default(),
@@ -121,14 +133,6 @@ impl Socket {
         bytes: &[u8],
         mut fate: Fate<'_>,
     ) -> Result<(), HangUp> {
-        if self.talker != cable.number {
-            // What the instrument was about to tell another client is gone, also what it is still
-            // working out, and a message that was never finished.
-            self.talker = cable.number;
-            self.analyzer.advance(now, fate.world);
-            self.analyzer.take_said();
-            self.analyzer.device_clear();
-        }
         for &byte in bytes {
             if self.echoes && self.boots_until <= now {
                 cable.outbox.push(now, vec![byte]);
@@ -138,7 +142,7 @@ impl Socket {
             }
             if byte == b'\n' {
                 cable.last = std::mem::take(&mut cable.begun);
-                self.take(now, &cable.last, &mut fate)?;
+                self.take(now, cable.id, &cable.last, &mut fate)?;
             }
         }
         self.say(now, cable, &mut fate)
@@ -174,7 +178,13 @@ impl Socket {
         }
     }
 
-    fn take(&mut self, now: RigTime, message: &[u8], fate: &mut Fate<'_>) -> Result<(), HangUp> {
+    fn take(
+        &mut self,
+        now: RigTime,
+        id: ClientId,
+        message: &[u8],
+        fate: &mut Fate<'_>,
+    ) -> Result<(), HangUp> {
         for fault in fate.faults.on_device(PortId::Analyzer, None) {
             self.suffer(now, fault, fate.world);
         }
@@ -188,19 +198,15 @@ impl Socket {
             }
         }
         if !is_lost {
-            self.analyzer.push(now, message, fate.world);
+            self.analyzer.push(now, id, message, fate.world);
         }
         Ok(())
     }
 
-    /// Lets the instrument live up to `now`, and takes what it says to the one who spoke last.
+    /// Lets the instrument live up to `now`, and takes what it says on a cable.
     fn say(&mut self, now: RigTime, cable: &mut Cable, fate: &mut Fate<'_>) -> Result<(), HangUp> {
-        cable.instrument_at = None;
-        if self.talker != cable.number {
-            return Ok(());
-        }
         self.analyzer.advance(now, fate.world);
-        for (at, bytes) in self.analyzer.take_said() {
+        for (at, bytes) in self.analyzer.take_said(cable.id) {
             let struck = fate.faults.on_reply(PortId::Analyzer, None);
             // It is one instrument: what it says later never comes earlier.
             let due = cable.outbox.last_due().map_or(at, |last| last.max(at));

@@ -4,6 +4,11 @@
 //! integrates and then has a result, and a drive that never stops. What a make calls things is in
 //! its [`Model`].
 //!
+//! Several clients may be there. Each has its own messages and answers; settings, errors and status
+//! are the instrument's, and there is one measurement at a time. While one client waits for a
+//! measurement, the queries of another are answered at once; what would disturb the measurement, or
+//! needs one of its own, waits for its end in the order of arrival.
+//!
 //! ```text
 //!           command that measures              delay is over            all points are there
 //!   idle ───────────────────────────▶ waiting ───────────────▶ integrating ─────────────────▶ idle
@@ -15,111 +20,39 @@
 mod bench;
 mod e4990a;
 mod hioki;
+mod kept;
 mod lcr;
+mod model;
 mod quantity;
 
-use std::{collections::VecDeque, fmt, time::Duration};
+use std::{collections::BTreeMap, time::Duration};
 
-use num_complex::Complex64;
 use rig_model::RigTime;
-use rig_scpi::{Call, Dialect, Instrument, ScpiError, Tree, Value};
+use rig_scpi::{Call, Instrument, ScpiError, Session, Value};
 
-use self::quantity::{Quantity, round_step};
 pub(crate) use self::{
     e4990a::E4990a,
     hioki::Hioki,
     lcr::{E4980a, Hp4284a, Lcr, Th2832},
+    model::Model,
+};
+use self::{
+    model::{Drive, Job, Memory, Outcome, Point, Reading},
+    quantity::{Quantity, round_step},
 };
 
 use crate::world::World;
 
-/// What distinguishes one make of analyzer from another.
-pub(crate) trait Model: fmt::Debug + Default {
-    /// What its commands are called.
-    type Command: Copy + fmt::Debug;
-
-    /// The commands, which a test builds.
-    fn commands() -> Tree<Self::Command>;
-
-    /// How it speaks.
-    fn dialect() -> Dialect;
-
-    /// Does what a command says, or says what that takes.
-    fn carry_out(
-        &mut self,
-        call: &Call<Self::Command>,
-        memory: Memory<'_>,
-    ) -> Result<Outcome, ScpiError>;
-
-    /// What drives the terminals now.
-    fn drive(&self) -> Drive;
-
-    /// The answer of a measurement that answers by itself.
-    fn answer(&self, readings: &[Reading]) -> Vec<Value>;
-
-    /// Events of the operation status when a measurement is complete.
-    fn done_bits(&self) -> u16 {
-        0
-    }
-}
+/// Tells the clients of an instrument apart.
+pub(crate) type ClientId = u64;
 
 /// What is left at the terminals when the level is zero, V.
 const LEAKAGE_V: f64 = 1e-6;
 
-/// What drives the terminals.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Drive {
-    pub(crate) frequency_hz: f64,
-    pub(crate) level_v: f64,
-}
-
-/// What has been measured.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Memory<'a> {
-    /// The points of the last finished measurement.
-    pub(crate) readings: &'a [Reading],
-    /// Whether another measurement is under way.
-    pub(crate) is_measuring: bool,
-}
-
-/// What comes of a command.
-#[derive(Debug)]
-pub(crate) enum Outcome {
-    /// It is done, with what it answers.
-    Done(Vec<Value>),
-    /// It measures.
-    Measure(Job),
-    /// It has to wait for the measurement that is under way.
-    Wait,
-    /// It ends the measurement that is under way.
-    Abort,
-}
-
-/// A measurement.
-#[derive(Debug)]
-pub(crate) struct Job {
-    /// What to measure, in order.
-    pub(crate) points: VecDeque<Point>,
-    /// Whether nothing else is done meanwhile.
-    pub(crate) is_blocking: bool,
-    /// Whether its end is the answer to the command.
-    pub(crate) is_answered: bool,
-}
-
-/// One point of a measurement.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Point {
-    pub(crate) frequency_hz: f64,
-    pub(crate) delay_s: f64,
-    pub(crate) cycles: u32,
-}
-
-/// A finished point.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Reading {
-    pub(crate) frequency_hz: f64,
-    /// `None` when the input was overloaded.
-    pub(crate) impedance_ohm: Option<Complex64>,
+/// Numbers of 64 bits in a block, the most significant byte first unless they are swapped.
+fn binary(numbers: impl Iterator<Item = f64>, is_swapped: bool) -> Value {
+    let bytes = |number: f64| if is_swapped { number.to_le_bytes() } else { number.to_be_bytes() };
+    Value::Block(numbers.flat_map(bytes).collect())
 }
 
 #[derive(Debug)]
@@ -129,11 +62,27 @@ enum Phase {
 }
 
 #[derive(Debug)]
-struct UnderWay {
+struct UnderWay<C> {
     job: Job,
+    /// Who began it, and with what.
+    client: ClientId,
+    command: C,
+    busy_bits: u16,
     phase: Phase,
     until: RigTime,
     readings: Vec<Reading>,
+}
+
+/// Who talks to the instrument.
+#[derive(Debug)]
+struct Client<C> {
+    session: Session,
+    /// A command that waits for the measurement.
+    held: Option<Call<C>>,
+    /// When it was last heard.
+    heard_at: RigTime,
+    /// What was said to it, and when.
+    said: Vec<(RigTime, Vec<u8>)>,
 }
 
 /// An analyzer.
@@ -141,18 +90,13 @@ struct UnderWay {
 pub(crate) struct Meter<M: Model> {
     instrument: Instrument<M::Command>,
     model: M,
-    under_way: Option<UnderWay>,
-    /// A command that waits for the measurement.
-    held: Option<Call<M::Command>>,
+    clients: BTreeMap<ClientId, Client<M::Command>>,
+    under_way: Option<UnderWay<M::Command>>,
     readings: Vec<Reading>,
     /// How long the instrument takes over a command.
     per_command: Duration,
-    /// When it last heard something.
-    heard_at: RigTime,
     /// When it is done with the last command.
     free_at: RigTime,
-    /// What it has said, and when.
-    said: Vec<(RigTime, Vec<u8>)>,
     overloads: u32,
 }
 
@@ -162,21 +106,21 @@ impl<M: Model> Meter<M> {
         Self {
             instrument: Instrument::new(M::commands(), M::dialect()),
             model: M::default(),
+            clients: BTreeMap::new(),
             under_way: None,
-            held: None,
             readings: Vec::new(),
             per_command,
-            heard_at: RigTime::ZERO,
             free_at: RigTime::ZERO,
-            said: Vec::new(),
             overloads: 0,
         }
     }
 
-    /// Takes bytes that came at `now`.
-    pub(crate) fn push(&mut self, now: RigTime, bytes: &[u8], world: &mut World) {
-        self.heard_at = now;
-        self.instrument.push(bytes);
+    /// Takes bytes of a client that came at `now`.
+    pub(crate) fn push(&mut self, now: RigTime, id: ClientId, bytes: &[u8], world: &mut World) {
+        let session = Session::new(self.instrument.dialect());
+        let new = Client { session, held: None, heard_at: now, said: Vec::new() };
+        self.clients.entry(id).or_insert(new).heard_at = now;
+        self.turned_to(id, |instrument| instrument.push(bytes));
         self.advance(now, world);
     }
 
@@ -185,19 +129,19 @@ impl<M: Model> Meter<M> {
         self.under_way.as_ref().map(|under_way| under_way.until)
     }
 
-    /// What has been said up to now, with the time of each answer.
-    pub(crate) fn take_said(&mut self) -> Vec<(RigTime, Vec<u8>)> {
-        std::mem::take(&mut self.said)
+    /// What has been said to a client up to now, with the time of each answer.
+    pub(crate) fn take_said(&mut self, id: ClientId) -> Vec<(RigTime, Vec<u8>)> {
+        self.clients.get_mut(&id).map(|client| std::mem::take(&mut client.said)).unwrap_or_default()
+    }
+
+    /// A client is gone. What it said last is forgotten, and what it began ends without an answer.
+    pub(crate) fn hang_up(&mut self, id: ClientId) {
+        self.clients.remove(&id);
     }
 
     /// The input is overloaded at the next measured point.
     pub(crate) fn overload(&mut self) {
         self.overloads += 1;
-    }
-
-    /// Forgets every message; what is under way ends without an answer.
-    pub(crate) fn device_clear(&mut self) {
-        self.instrument.device_clear();
     }
 
     /// Switches the instrument off and on again.
@@ -212,53 +156,94 @@ impl<M: Model> Meter<M> {
         loop {
             if self.under_way.as_ref().is_some_and(|under_way| under_way.until <= now) {
                 self.go_on(world);
-                continue;
-            }
-            if self.under_way.as_ref().is_some_and(|under_way| under_way.job.is_blocking) {
-                return;
-            }
-            let held = self.held.take();
-            let Some(call) = held.or_else(|| self.instrument.poll()) else {
-                self.collect(self.heard_at.max(self.free_at));
-                return;
-            };
-            // A command that has waited is obeyed as soon as the instrument is free, however late
-            // that is looked at. Within a message the instrument is ahead of the wire by the little
-            // time that its commands take.
-            let at = self.free_at.max(self.heard_at) + self.per_command;
-            if !self.carry_out(at, call, world) {
+            } else if let Some((id, call)) = self.next_call() {
+                self.carry_out(id, call, world);
+            } else {
                 return;
             }
         }
     }
 
-    /// Carries a command out, unless it has to wait.
-    fn carry_out(&mut self, at: RigTime, call: Call<M::Command>, world: &mut World) -> bool {
-        let before = self.model.drive();
+    /// The next command that need not wait, of the client that was heard first.
+    fn next_call(&mut self) -> Option<(ClientId, Call<M::Command>)> {
+        let mut ids: Vec<ClientId> = self.clients.keys().copied().collect();
+        ids.sort_by_key(|id| self.clients[id].heard_at);
+        ids.into_iter().find_map(|id| Some((id, self.next_call_of(id)?)))
+    }
+
+    fn next_call_of(&mut self, id: ClientId) -> Option<Call<M::Command>> {
+        let blocking = self.blocking_client();
         let is_measuring = self.under_way.is_some();
+        let client = self.clients.get_mut(&id)?;
+        if blocking == Some(id) || (is_measuring && client.held.is_some()) {
+            return None;
+        }
+        if let Some(call) = client.held.take() {
+            return Some(call);
+        }
+        let answered_at = client.heard_at.max(self.free_at);
+        let call = self.turned_to(id, Instrument::poll)?;
+        if call.is_none() {
+            self.collect(id, answered_at);
+        }
+        call
+    }
+
+    /// The client that does nothing else until the measurement is over.
+    fn blocking_client(&self) -> Option<ClientId> {
+        self.under_way
+            .as_ref()
+            .and_then(|under_way| under_way.job.is_blocking.then_some(under_way.client))
+    }
+
+    /// Carries a command out, unless it has to wait.
+    fn carry_out(&mut self, id: ClientId, call: Call<M::Command>, world: &mut World) {
+        // A command that has waited is obeyed as soon as the instrument is free, however late that
+        // is looked at. Within a message the instrument is ahead of the wire by the little time that
+        // its commands take.
+        let Some(client) = self.clients.get_mut(&id) else { return };
+        let at = self.free_at.max(client.heard_at) + self.per_command;
+        let is_measuring = self.under_way.is_some();
+        let would_disturb = self.blocking_client().is_some();
+        if would_disturb && !(call.is_query || M::may_interrupt(call.command)) {
+            self.hold(id, call);
+            return;
+        }
+        let before = self.model.drive();
         let memory = Memory { readings: &self.readings, is_measuring };
         let outcome = self.model.carry_out(&call, memory);
-        if matches!(outcome, Ok(Outcome::Wait)) && is_measuring {
-            self.held = Some(call);
-            return false;
+        let must_wait = match outcome {
+            Ok(Outcome::Wait) => is_measuring,
+            Ok(Outcome::Measure(_)) => would_disturb,
+            _ => false,
+        };
+        if must_wait {
+            self.hold(id, call);
+            return;
         }
         self.free_at = at;
         self.apply_drive(at, before, world);
         match outcome {
             // Triggers do not interrupt what they have begun.
-            Ok(Outcome::Measure(_)) if is_measuring => self.reply(at, Err(ScpiError::new(-211))),
-            Ok(Outcome::Measure(job)) => self.begin(at, job, world),
-            Ok(Outcome::Done(values)) => self.reply(at, Ok(values)),
+            Ok(Outcome::Measure(_)) if is_measuring => {
+                self.reply(id, at, Err(ScpiError::new(-211)));
+            }
+            Ok(Outcome::Measure(job)) => self.begin(id, at, call.command, job, world),
+            Ok(Outcome::Done(values)) => self.reply(id, at, Ok(values)),
             Ok(Outcome::Abort) => {
-                self.under_way = None;
-                self.instrument.set_operation_pending(false);
-                self.reply(at, Ok(Vec::new()));
+                self.abort(at);
+                self.reply(id, at, Ok(Vec::new()));
             }
             // There is nothing to wait for: the data are stale.
-            Ok(Outcome::Wait) => self.reply(at, Err(ScpiError::new(-230))),
-            Err(error) => self.reply(at, Err(error)),
+            Ok(Outcome::Wait) => self.reply(id, at, Err(ScpiError::new(-230))),
+            Err(error) => self.reply(id, at, Err(error)),
         }
-        true
+    }
+
+    fn hold(&mut self, id: ClientId, call: Call<M::Command>) {
+        if let Some(client) = self.clients.get_mut(&id) {
+            client.held = Some(call);
+        }
     }
 
     fn apply_drive(&self, at: RigTime, before: Drive, world: &mut World) {
@@ -273,14 +258,54 @@ impl<M: Model> Meter<M> {
         }
     }
 
-    fn begin(&mut self, at: RigTime, job: Job, world: &mut World) {
+    fn begin(
+        &mut self,
+        client: ClientId,
+        at: RigTime,
+        command: M::Command,
+        job: Job,
+        world: &mut World,
+    ) {
         if !(job.is_blocking || job.is_answered) {
-            self.reply(at, Ok(Vec::new()));
+            self.reply(client, at, Ok(Vec::new()));
         }
-        self.instrument.set_operation_pending(true);
-        self.under_way =
-            Some(UnderWay { job, phase: Phase::Waiting, until: at, readings: Vec::new() });
+        let busy_bits = self.model.busy_bits();
+        self.set_busy(busy_bits, true);
+        self.under_way = Some(UnderWay {
+            job,
+            client,
+            command,
+            busy_bits,
+            phase: Phase::Waiting,
+            until: at,
+            readings: Vec::new(),
+        });
         self.next_point(at, world);
+    }
+
+    /// Ends the measurement that is under way without a result.
+    fn abort(&mut self, at: RigTime) {
+        let Some(UnderWay { job, client, busy_bits, .. }) = self.under_way.take() else { return };
+        if M::ENDS_ARE_EVENTS {
+            self.instrument.status_mut().operation.negative_transition &= !busy_bits;
+        }
+        self.set_busy(busy_bits, false);
+        self.free_at = at;
+        if job.is_answered {
+            self.reply(client, at, Err(ScpiError::new(-230)));
+        } else if job.is_blocking {
+            self.reply(client, at, Ok(Vec::new()));
+        }
+    }
+
+    fn set_busy(&mut self, busy_bits: u16, is_busy: bool) {
+        self.instrument.set_operation_pending(is_busy);
+        let operation = &mut self.instrument.status_mut().operation;
+        if M::ENDS_ARE_EVENTS && is_busy {
+            operation.positive_transition &= !busy_bits;
+            operation.negative_transition |= busy_bits;
+        }
+        operation.set(busy_bits, is_busy);
     }
 
     /// Begins the next point of the measurement, or ends it.
@@ -295,18 +320,15 @@ impl<M: Model> Meter<M> {
             }
             return;
         }
-        let Some(UnderWay { job, readings, .. }) = self.under_way.take() else { return };
-        self.readings = readings;
-        self.instrument.set_operation_pending(false);
-        let operation = &mut self.instrument.status_mut().operation;
-        operation.set(self.model.done_bits(), true);
-        operation.set(self.model.done_bits(), false);
+        let Some(ended) = self.under_way.take() else { return };
+        self.readings = ended.readings;
+        self.set_busy(ended.busy_bits, false);
         self.free_at = self.free_at.max(at);
-        if job.is_answered {
-            let values = self.model.answer(&self.readings);
-            self.reply(at, Ok(values));
-        } else if job.is_blocking {
-            self.reply(at, Ok(Vec::new()));
+        if ended.job.is_answered {
+            let values = self.model.answer(ended.command, &self.readings);
+            self.reply(ended.client, at, Ok(values));
+        } else if ended.job.is_blocking {
+            self.reply(ended.client, at, Ok(Vec::new()));
         }
     }
 
@@ -332,16 +354,32 @@ impl<M: Model> Meter<M> {
         }
     }
 
-    fn reply(&mut self, at: RigTime, answer: Result<Vec<Value>, ScpiError>) {
-        self.instrument.answer(answer);
-        self.collect(at);
+    /// Answers the command of a client, unless it is gone.
+    fn reply(&mut self, id: ClientId, at: RigTime, answer: Result<Vec<Value>, ScpiError>) {
+        self.turned_to(id, |instrument| instrument.answer(answer));
+        self.collect(id, at);
     }
 
-    /// Keeps what the instrument has finished saying.
-    fn collect(&mut self, at: RigTime) {
-        let bytes = self.instrument.take_output();
-        if !bytes.is_empty() {
-            self.said.push((at, bytes));
+    /// Keeps what the instrument has finished saying to a client.
+    fn collect(&mut self, id: ClientId, at: RigTime) {
+        let bytes = self.turned_to(id, Instrument::take_output).unwrap_or_default();
+        if let Some(client) = self.clients.get_mut(&id)
+            && !bytes.is_empty()
+        {
+            client.said.push((at, bytes));
         }
+    }
+
+    /// Does something with the instrument while it is turned to a client; none when that is gone.
+    fn turned_to<T>(
+        &mut self,
+        id: ClientId,
+        act: impl FnOnce(&mut Instrument<M::Command>) -> T,
+    ) -> Option<T> {
+        let session = &mut self.clients.get_mut(&id)?.session;
+        self.instrument.turn_to(session);
+        let done = act(&mut self.instrument);
+        self.instrument.turn_to(session);
+        Some(done)
     }
 }

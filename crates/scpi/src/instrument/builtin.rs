@@ -123,7 +123,7 @@ impl<C: Copy> Instrument<C> {
     ) -> Result<(), ScpiError> {
         let value = match builtin {
             Builtin::OperationComplete if is_query => {
-                self.waiting = Some(Waiting::OperationsThenAnswer);
+                self.session.waiting = Some(Waiting::OperationsThenAnswer);
                 return Ok(());
             }
             Builtin::NextError => {
@@ -190,7 +190,7 @@ impl<C: Copy> Instrument<C> {
             Builtin::OperationComplete => {
                 self.status.raise(ErrorClass::OperationComplete.event_bit());
             }
-            Builtin::Wait => self.waiting = Some(Waiting::Operations),
+            Builtin::Wait => self.session.waiting = Some(Waiting::Operations),
             Builtin::Preset => self.status.preset(),
             Builtin::EventEnable => self.status.event_enable = byte(param)?,
             Builtin::ServiceEnable => {
@@ -240,7 +240,7 @@ impl<C: Copy> Instrument<C> {
             reports.push(ScpiError::new(0));
         }
         let format = self.dialect.error_format;
-        let answer = &mut self.message.answer;
+        let answer = &mut self.session.message.answer;
         answer.begin(heading);
         for (index, error) in reports.iter().enumerate() {
             if 0 < index {

@@ -1,5 +1,7 @@
 //! A meter on a bench without nuisances.
 
+use num_complex::Complex64;
+
 use super::*;
 use crate::{
     scene::paper,
@@ -32,12 +34,22 @@ impl<M: Model> Bench<M> {
 
     /// Sends a line.
     pub(crate) fn send(&mut self, line: &str) {
-        self.meter.push(self.now, format!("{line}\r\n").as_bytes(), &mut self.world);
+        self.send_as(0, line);
     }
 
     /// What was said up to now.
     pub(crate) fn heard(&mut self) -> String {
-        let said = self.meter.take_said();
+        self.heard_by(0)
+    }
+
+    /// Sends a line as one of several clients.
+    pub(crate) fn send_as(&mut self, client: ClientId, line: &str) {
+        self.meter.push(self.now, client, format!("{line}\r\n").as_bytes(), &mut self.world);
+    }
+
+    /// What was said up to now to one of several clients.
+    pub(crate) fn heard_by(&mut self, client: ClientId) -> String {
+        let said = self.meter.take_said(client);
         said.into_iter().map(|(_, bytes)| String::from_utf8(bytes).unwrap()).collect()
     }
 

@@ -3,12 +3,18 @@
 //! # Source
 //! Keysight, E4990A Help, Programming: command reference.
 
+#[cfg(test)]
+mod tests;
+
 use rig_scpi::{
     Call, Dialect, ErrorFormat, Limits, Node, RealFormat, ScpiError, Tree, Unit, Value, command,
     query, setting,
 };
 
-use super::{Drive, Job, Memory, Model, Outcome, Point, Quantity, Reading};
+use super::{
+    Drive, Job, Memory, Model, Outcome, Point, Quantity, Reading, binary,
+    kept::{self, Kept, Settings, action, number, switch, word},
+};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Command {
@@ -17,6 +23,7 @@ pub(crate) enum Command {
     Aperture,
     Average,
     AverageCount,
+    ByteOrder,
     Center,
     Continuous,
     Define,
@@ -24,10 +31,14 @@ pub(crate) enum Command {
     Frequencies,
     Init,
     Format,
+    /// A row of [`KEPT`].
+    Kept(usize),
     Mode,
+    Options,
     ParameterCount,
     PointDelay,
     Points,
+    RawData,
     Reset,
     Select,
     Source,
@@ -40,13 +51,17 @@ pub(crate) enum Command {
 }
 
 const COMMANDS: &[Node<Command>] = &[
+    query("*OPT", Command::Options),
     command("*RST", Command::Reset),
     command("*TRG", Command::Trigger),
     command(":ABORt", Command::Abort),
     query(":CALCulate#[:SELected]:DATA:FDATa", Command::FormattedData),
+    query(":CALCulate#[:SELected]:DATA:RDATa", Command::RawData),
+    query(":CALCulate#[:SELected]:DATA:XAXis", Command::Frequencies),
     setting(":CALCulate#:PARameter:COUNt", Command::ParameterCount).asks(0, 0),
     setting(":CALCulate#:PARameter#:DEFine", Command::Define).asks(0, 0),
     command(":CALCulate#:PARameter#:SELect", Command::Select),
+    setting(":FORMat:BORDer", Command::ByteOrder).asks(0, 0),
     setting(":FORMat:DATA", Command::Format).asks(0, 0),
     command(":INITiate#[:IMMediate]", Command::Init),
     setting(":INITiate#:CONTinuous", Command::Continuous).asks(0, 0),
@@ -69,6 +84,36 @@ const COMMANDS: &[Node<Command>] = &[
     command(":TRIGger[:SEQuence]:SINGle", Command::Trigger),
     command(":TRIGger[:SEQuence][:IMMediate]", Command::Trigger),
 ];
+
+/// What is kept: the display, and what belongs to a bias or to corrections of ideal terminals. One
+/// sweep is measured for a trigger, so that averaging over sweeps stays off.
+///
+/// # Source
+/// Commands that public drivers and scripts send to the E4990A when they connect.
+const KEPT: &[Kept] = &[
+    action(":CALCulate#:AVERage:CLEar"),
+    word(":CALCulate#:AVERage[:STATe]", &["OFF"]),
+    switch(":CALCulate#:MARKer#[:STATe]", false),
+    action(":CALCulate#:MARKer#:FUNCtion:EXECute"),
+    word(":CALCulate#:MARKer#:FUNCtion:TYPE", &["MAXimum", "MINimum", "PEAK", "TARGet"]),
+    switch(":DISPlay:ENABle", true),
+    action(":DISPlay:WINDow#:ACTivate"),
+    word(":DISPlay:WINDow#:SPLit", &["D1", "D1_2", "D1_1_2", "D12_34", "D1_2_3_4"]),
+    switch(":DISPlay:WINDow#:TRACe#:STATe", true),
+    action(":DISPlay:WINDow#:TRACe#:Y[:SCALe]:AUTO"),
+    word(":DISPlay:WINDow#:TRACe#:Y:SPACing", &["LINear", "LOGarithmic"]),
+    word(":DISPlay:WINDow#:X:SPACing", &["LINear", "OBASe"]),
+    action(":SENSe#:DC:MEASure:CLEar"),
+    switch(":SENSe#:DC:MEASure:ENABle", false),
+    word(":SENSe#:FIXTure:SELect", &["NONE"]),
+    number(":SENSe#:FREQuency[:CW]", Unit::HERTZ, Limits { default: 1e6, ..FREQUENCY }),
+    word(":SENSe#:SWEep:DIRection", &["UP"]),
+    switch(":SOURce#:BIAS[:STATe]", false),
+    word(":SOURce#:BIAS:MODE", &["VOLTage", "CURRent"]),
+    number(":SOURce#:BIAS:VOLTage[:LEVel]", Unit::VOLT, BIAS),
+];
+
+const BIAS: Limits = Limits { min: -40.0, max: 40.0, default: 0.0 };
 
 const QUANTITIES: &[(&str, Quantity)] = &[
     ("Z", Quantity::Z),
@@ -129,6 +174,9 @@ pub(crate) struct E4990a {
     traces: u32,
     parameters: [Quantity; 4],
     selected: usize,
+    is_binary: bool,
+    is_swapped: bool,
+    kept: Settings,
 }
 
 impl Default for E4990a {
@@ -150,10 +198,15 @@ impl Default for E4990a {
             traces: 2,
             parameters: [Quantity::Z, Quantity::PhaseDeg, Quantity::Rs, Quantity::X],
             selected: 0,
+            is_binary: false,
+            is_swapped: false,
+            kept: Settings::default(),
         }
     }
 }
 
+const REAL_FORMAT: RealFormat =
+    RealFormat::Scientific { n_decimals: 11, n_exponent: 3, has_plus: true };
 const FREQUENCY: Limits = Limits { min: 20.0, max: 120e6, default: 20.0 };
 const LEVEL: Limits = Limits { min: 0.005, max: 1.0, default: 0.5 };
 const DELAY: Limits = Limits { min: 0.0, max: 30.0, default: 0.0 };
@@ -166,13 +219,15 @@ impl Model for E4990a {
     type Command = Command;
 
     fn commands() -> Tree<Command> {
-        Tree::new(COMMANDS).expect("the commands are constants, and a test builds them")
+        let rows = kept::nodes(KEPT, Command::Kept);
+        let nodes: Vec<Node<Command>> = COMMANDS.iter().copied().chain(rows).collect();
+        Tree::new(&nodes).expect("the commands are constants, and a test builds them")
     }
 
     fn dialect() -> Dialect {
         Dialect {
             error_format: ErrorFormat { has_plus: true, has_info: false },
-            real_format: RealFormat::Scientific { n_decimals: 11, n_exponent: 3, has_plus: true },
+            real_format: REAL_FORMAT,
             ..Dialect::standard("Keysight Technologies,E4990A,MY54100123,A.02.13")
         }
     }
@@ -199,15 +254,21 @@ impl Model for E4990a {
                 let points = self.points();
                 Ok(Outcome::Measure(Job { points, is_blocking: false, is_answered: false }))
             }
-            Command::FormattedData => Ok(Outcome::Done(self.answer(memory.readings))),
+            Command::Options => Ok(Outcome::Done(vec![Value::Verbatim("0".into())])),
+            Command::Kept(row) => {
+                self.kept.obey(&KEPT[row], row, call, REAL_FORMAT).map(Outcome::Done)
+            }
+            Command::FormattedData | Command::RawData => {
+                Ok(Outcome::Done(self.answer(call.command, memory.readings)))
+            }
             Command::Select => {
                 self.selected = self.parameter(call)?;
                 Ok(Outcome::Done(Vec::new()))
             }
             Command::Frequencies => {
-                let frequencies = self.points();
-                let values = frequencies.iter().map(|point| Value::Real(point.frequency_hz));
-                Ok(Outcome::Done(values.collect()))
+                let frequencies: Vec<f64> =
+                    self.points().iter().map(|point| point.frequency_hz).collect();
+                Ok(Outcome::Done(self.in_format(frequencies.into_iter().map(Some))))
             }
             // A change of the source ends a sweep that is under way.
             Command::Source if !call.is_query => self.set(call).map(|()| Outcome::Abort),
@@ -216,27 +277,36 @@ impl Model for E4990a {
         }
     }
 
+    /// Bit 4: a sweep is under way.
+    fn busy_bits(&self) -> u16 {
+        1 << 4
+    }
+
     fn drive(&self) -> Drive {
         Drive { frequency_hz: self.start_hz, level_v: self.level_v }
     }
 
-    /// Two numbers for each point of the selected trace; the second is zero.
-    fn answer(&self, readings: &[Reading]) -> Vec<Value> {
+    /// Two numbers for each point: of the selected trace, where the second is zero, or resistance and
+    /// reactance as they were measured.
+    fn answer(&self, command: Command, readings: &[Reading]) -> Vec<Value> {
         let quantity = self.parameters[self.selected];
-        readings
-            .iter()
-            .flat_map(|reading| {
-                let value = reading.impedance_ohm.map_or_else(
-                    || Value::Verbatim(INVALID.into()),
-                    |z| Value::Real(quantity.of(z, reading.frequency_hz)),
-                );
-                [value, Value::Real(0.0)]
-            })
-            .collect()
+        self.in_format(readings.iter().flat_map(|reading| match (command, reading.impedance_ohm) {
+            (Command::RawData, z) => [z.map(|z| z.re), z.map(|z| z.im)],
+            (_, z) => [z.map(|z| quantity.of(z, reading.frequency_hz)), Some(0.0)],
+        }))
     }
 }
 
 impl E4990a {
+    /// Numbers as text, or as one block; none for a point that could not be measured.
+    fn in_format(&self, numbers: impl Iterator<Item = Option<f64>>) -> Vec<Value> {
+        if self.is_binary {
+            let numbers = numbers.map(|number| number.unwrap_or(f64::NAN));
+            return vec![binary(numbers, self.is_swapped)];
+        }
+        numbers.map(|number| number.map_or(Value::Verbatim(INVALID.into()), Value::Real)).collect()
+    }
+
     fn points(&self) -> std::collections::VecDeque<Point> {
         let averages = if self.has_averaging { self.averages } else { 1 };
         let cycles = CYCLES[self.aperture] * averages;
@@ -294,7 +364,12 @@ impl E4990a {
                 self.parameters[index] = value.choice(QUANTITIES)?;
             }
             Command::Mode => value.choice(&[("VOLTage", ())])?,
-            Command::Format => value.choice(&[("ASCii", ())])?,
+            Command::Format => {
+                self.is_binary = value.choice(&[("ASCii", false), ("REAL", true)])?;
+            }
+            Command::ByteOrder => {
+                self.is_swapped = value.choice(&[("NORMal", false), ("SWAPped", true)])?;
+            }
             _ => return Err(ScpiError::new(-113)),
         }
         Ok(())
@@ -337,91 +412,9 @@ impl E4990a {
                 Value::Characters(known.expect("every quantity has a word").0)
             }
             Command::Mode => Value::Characters("VOLT"),
-            Command::Format => Value::Characters("ASC"),
+            Command::Format => Value::Characters(if self.is_binary { "REAL" } else { "ASC" }),
+            Command::ByteOrder => Value::Characters(if self.is_swapped { "SWAP" } else { "NORM" }),
             _ => return Err(ScpiError::new(-113)),
         })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::device::meter::bench;
-
-    type Bench = bench::Bench<E4990a>;
-
-    const SET_UP: &str = ":SYST:PRES;:SENS1:FREQ:STAR 120;STOP 160;:SENS1:SWE:POIN 5;DEL 3;\
-        :SOUR1:MODE VOLT;VOLT 1;:CALC1:PAR:COUN 2;:CALC1:PAR1:DEF R;:CALC1:PAR2:DEF X;\
-        :TRIG:SOUR BUS;:INIT1:CONT ON";
-
-    #[test]
-    fn every_command_has_its_place_in_the_tree() {
-        assert!(Tree::new(COMMANDS).is_ok());
-    }
-
-    #[test]
-    fn a_sweep_is_waited_for_and_read_trace_by_trace() {
-        let mut bench = Bench::new();
-        bench.say(SET_UP);
-        bench.send(":TRIG:SING");
-        bench.send("*OPC?");
-        assert_eq!(bench.heard(), "", "the sweep is under way");
-        assert_eq!(bench.say(""), "1\n");
-        // Five delays, and two cycles at each of five frequencies.
-        let cycles_s: f64 = [120.0, 130.0, 140.0, 150.0, 160.0].iter().map(|hz| 2.0 / hz).sum();
-        assert!((bench.now.as_seconds() - 15.0 - cycles_s).abs() < 1e-5, "{}", bench.now);
-        let numbers = |line: String| -> Vec<f64> {
-            line.trim_end().split(',').map(|field| field.parse().unwrap()).collect()
-        };
-        assert_eq!(numbers(bench.say(":SENS1:FREQ:DATA?")), [120.0, 130.0, 140.0, 150.0, 160.0]);
-        let r = numbers(bench.say(":CALC1:PAR1:SEL;:CALC1:DATA:FDAT?"));
-        let x = numbers(bench.say(":CALC1:PAR2:SEL;:CALC1:DATA:FDAT?"));
-        let expected = bench.settled_ohm(140.0);
-        assert_eq!((r.len(), r[5], x[5]), (10, 0.0, 0.0));
-        assert!((r[4] / expected.re - 1.0).abs() < 1e-6 && (x[4] / expected.im - 1.0).abs() < 1e-6);
-        assert_eq!(bench.say("SYST:ERR?"), "+0,\"No error\"\n");
-    }
-
-    #[test]
-    fn a_second_trigger_does_not_disturb_the_sweep() {
-        let mut bench = Bench::new();
-        bench.say(SET_UP);
-        bench.send(":TRIG:SING");
-        let until = bench.meter.deadline();
-        bench.send(":TRIG:SING;:SYST:ERR?");
-        assert!(bench.heard().starts_with("-211"));
-        assert_eq!(bench.meter.deadline(), until);
-        assert_eq!(bench.say(":CALC1:DATA:FDAT?;*OPC?"), "1\n");
-        assert_eq!(bench.say(":CALC1:DATA:FDAT?").split(',').count(), 10);
-    }
-
-    #[test]
-    fn a_change_of_the_trigger_source_ends_the_sweep() {
-        let mut bench = Bench::new();
-        bench.say(SET_UP);
-        bench.send(":TRIG:SING;:TRIG:SOUR BUS;*OPC?");
-        assert_eq!(bench.heard(), "1\n");
-        assert_eq!(bench.meter.deadline(), None);
-    }
-
-    #[test]
-    fn what_cannot_be_is_told_and_a_bad_point_is_no_number() {
-        let mut bench = Bench::new();
-        bench.say(SET_UP);
-        let rows = [
-            (":SOUR1:VOLT 5", "-222"),
-            (":SENS1:FREQ:STAR 10", "-222"),
-            (":INIT1:CONT OFF;:TRIG:SING", "-211"),
-            (":CALC1:PAR9:DEF Z", "-114"),
-        ];
-        for (line, number) in rows {
-            assert_eq!(bench.say(line), "", "{line}");
-            let told = bench.say("SYST:ERR?");
-            assert!(told.starts_with(number), "{line}: {told}");
-        }
-        bench.meter.overload();
-        bench.say(":INIT1;:TRIG:SING");
-        let line = bench.say(":CALC1:DATA:FDAT?");
-        assert!(line.starts_with("1.#QNB,+0.00000000000E+000,+"), "{line}");
     }
 }

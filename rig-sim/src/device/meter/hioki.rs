@@ -7,24 +7,33 @@
 //! # Source
 //! HIOKI, IM3536 Communication Instruction Manual and Instruction Manual (specifications).
 
+#[cfg(test)]
+mod tests;
+
 use rig_scpi::{
     AfterError, Call, Dialect, Ending, Limits, Node, Param, RealFormat, ScpiError, Tree, Unit,
     Value, command, query, setting,
 };
 
-use super::{Drive, Job, Memory, Model, Outcome, Point, Quantity, Reading, round_step};
+use super::{
+    Drive, Job, Memory, Model, Outcome, Point, Quantity, Reading,
+    kept::{self, Kept, Settings, number, word},
+    round_step,
+};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Command {
     Averaging,
-    DcBias,
     DelayTime,
     Frequency,
     Format,
     Item,
+    /// A row of [`KEPT`].
+    Kept(usize),
     Level,
     LevelVolt,
     Mode,
+    Monitor,
     OutputAuto,
     Parameter,
     Preset,
@@ -42,7 +51,6 @@ const COMMANDS: &[Node<Command>] = &[
     command("*RST", Command::Reset),
     command("*TRG", Command::Trigger),
     setting(":AVERaging", Command::Averaging).asks(0, 0),
-    setting(":DCBias", Command::DcBias).asks(0, 0),
     setting(":FORMat:DATA", Command::Format).asks(0, 0),
     setting(":FREQuency", Command::Frequency).asks(0, 0),
     setting(":LEVel", Command::Level).asks(0, 0),
@@ -52,6 +60,7 @@ const COMMANDS: &[Node<Command>] = &[
     setting(":MEASure:OUTPut:AUTO", Command::OutputAuto).asks(0, 0),
     setting(":MEASure:VALid", Command::Valid).asks(0, 0),
     setting(":MODE", Command::Mode).asks(0, 0),
+    query(":MONitor", Command::Monitor),
     setting(":PARameter#", Command::Parameter).asks(0, 0),
     command(":PRESet", Command::Preset),
     setting(":RANGe", Command::Range).asks(0, 0),
@@ -60,6 +69,27 @@ const COMMANDS: &[Node<Command>] = &[
     setting(":TRIGger", Command::TriggerSource).asks(0, 0),
     setting(":TRIGger:DELay", Command::DelayTime).asks(0, 0),
 ];
+
+/// What is kept: there is nothing to correct at ideal terminals, and nothing is compared.
+///
+/// # Source
+/// Commands that public drivers send to the IM3533, IM3536 and IM3570 when they connect.
+const KEPT: &[Kept] = &[
+    word(":BEEPer:JUDGment", &["OFF", "IN", "NG"]),
+    word(":BEEPer:KEY", &["ON", "OFF"]),
+    word(":COMParator", &["OFF"]),
+    word(":CORRection:LOAD", &["OFF", "ON"]),
+    word(":CORRection:OPEN", &["OFF", "ALL", "SPOT"]),
+    word(":CORRection:SHORt", &["OFF", "ALL", "SPOT"]),
+    // The sensor is linear: a bias changes nothing.
+    word(":DCBias", &["OFF", "ON"]),
+    number(":DCBias:LEVel", Unit::VOLT, Limits { min: 0.0, max: 2.5, default: 0.0 }),
+    word(":DISPlay", &["ON", "OFF"]),
+    word(":KEYLock", &["OFF", "ON"]),
+];
+
+/// The resistance of the source, ohm.
+const SOURCE_OHM: f64 = 100.0;
 
 /// What a parameter of the display may show.
 const QUANTITIES: &[(&str, Quantity)] = &[
@@ -80,6 +110,25 @@ const QUANTITIES: &[(&str, Quantity)] = &[
     ("Q", Quantity::Q),
 ];
 
+/// What the bits of the two registers of `:MEASure:ITEM` stand for, from the lowest. While none is
+/// set, the parameters of the display are answered.
+///
+/// # Source
+/// HIOKI 9593-01 Instruction Manual, p. 66; the IM3536 has further bits for what is not simulated.
+const ITEMS: [&[Quantity]; 2] = [
+    &[
+        Quantity::Z,
+        Quantity::Y,
+        Quantity::PhaseDeg,
+        Quantity::Cs,
+        Quantity::Cp,
+        Quantity::D,
+        Quantity::Ls,
+        Quantity::Lp,
+    ],
+    &[Quantity::Q, Quantity::Rs, Quantity::G, Quantity::Rp, Quantity::X, Quantity::B],
+];
+
 /// The speeds, and how many cycles an average of one takes at each.
 const SPEEDS: &[(&str, u32)] = &[("FAST", 1), ("MEDium", 5), ("SLOW", 20), ("SLOW2", 50)];
 
@@ -98,6 +147,7 @@ pub(crate) struct Hioki {
     parameters: [Quantity; 4],
     range: i64,
     is_range_auto: bool,
+    kept: Settings,
 }
 
 impl Default for Hioki {
@@ -115,9 +165,13 @@ impl Default for Hioki {
             parameters: [Quantity::Z, Quantity::Off, Quantity::PhaseDeg, Quantity::Off],
             range: 1,
             is_range_auto: true,
+            kept: Settings::default(),
         }
     }
 }
+
+/// Stands in place of a value that could not be measured.
+const NO_VALUE: &str = "**********";
 
 /// The status of a measurement whose input was overloaded.
 const OVERLOADED: i64 = 2;
@@ -134,7 +188,9 @@ impl Model for Hioki {
     type Command = Command;
 
     fn commands() -> Tree<Command> {
-        Tree::new(COMMANDS).expect("the commands are constants, and a test builds them")
+        let rows = kept::nodes(KEPT, Command::Kept);
+        let nodes: Vec<Node<Command>> = COMMANDS.iter().copied().chain(rows).collect();
+        Tree::new(&nodes).expect("the commands are constants, and a test builds them")
     }
 
     fn dialect() -> Dialect {
@@ -159,14 +215,23 @@ impl Model for Hioki {
             Command::Trigger => Err(ScpiError::new(-211)),
             Command::Read if !self.is_external => Ok(self.measure(true)),
             Command::Read if memory.readings.is_empty() => Err(ScpiError::new(-230)),
-            Command::Read => Ok(Outcome::Done(self.answer(memory.readings))),
+            Command::Read => Ok(Outcome::Done(self.answer(call.command, memory.readings))),
+            Command::Kept(row) => {
+                let format = RealFormat::Fixed { n_decimals: 2 };
+                self.kept.obey(&KEPT[row], row, call, format).map(Outcome::Done)
+            }
+            Command::Monitor => Ok(Outcome::Done(self.monitored(memory.readings))),
             Command::Reset | Command::Preset => {
                 *self = Self::default();
-                Ok(Outcome::Done(Vec::new()))
+                Ok(Outcome::Abort)
             }
             _ if call.is_query => self.ask(call).map(|value| Outcome::Done(vec![value])),
             _ => self.set(call).map(|()| Outcome::Done(Vec::new())),
         }
+    }
+
+    fn may_interrupt(command: Command) -> bool {
+        matches!(command, Command::Reset | Command::Preset)
     }
 
     fn drive(&self) -> Drive {
@@ -174,11 +239,13 @@ impl Model for Hioki {
     }
 
     /// The status first, unless it was switched off, and then what the display shows.
-    fn answer(&self, readings: &[Reading]) -> Vec<Value> {
+    fn answer(&self, _command: Command, readings: &[Reading]) -> Vec<Value> {
         let Some(reading) = readings.first() else { return Vec::new() };
         let status = if reading.impedance_ohm.is_none() { OVERLOADED } else { 0 };
         let status = (self.valid != 0).then_some(Value::Integer(status));
-        let shown = self.parameters.iter().filter(|shown| **shown != Quantity::Off);
+        let items: Vec<Quantity> = self.items().collect();
+        let shown = if items.is_empty() { &self.parameters[..] } else { &items };
+        let shown = shown.iter().filter(|shown| **shown != Quantity::Off);
         status.into_iter().chain(shown.map(|shown| field(*shown, reading))).collect()
     }
 }
@@ -186,7 +253,7 @@ impl Model for Hioki {
 /// A value with the digits of the display.
 fn field(shown: Quantity, reading: &Reading) -> Value {
     let Some(impedance_ohm) = reading.impedance_ohm else {
-        return Value::Verbatim("**********".into());
+        return Value::Verbatim(NO_VALUE.into());
     };
     let value = shown.of(impedance_ohm, reading.frequency_hz);
     match shown {
@@ -196,6 +263,22 @@ fn field(shown: Quantity, reading: &Reading) -> Value {
 }
 
 impl Hioki {
+    /// What `:MEASure:ITEM` picks.
+    fn items(&self) -> impl Iterator<Item = Quantity> {
+        ITEMS.iter().zip(self.item).flat_map(|(quantities, register)| {
+            let is_set = move |bit: &usize| register >> bit & 1 == 1;
+            (0..quantities.len()).filter(is_set).map(|bit| quantities[bit])
+        })
+    }
+
+    /// Voltage and current at the terminals with the last reading, V and A.
+    fn monitored(&self, readings: &[Reading]) -> Vec<Value> {
+        let impedance_ohm = readings.last().and_then(|reading| reading.impedance_ohm);
+        let Some(z) = impedance_ohm else { return vec![Value::Verbatim(NO_VALUE.into()); 2] };
+        let ampere = self.level_v / (z + SOURCE_OHM).norm();
+        vec![Value::Real(ampere * z.norm()), Value::Real(ampere)]
+    }
+
     fn measure(&self, is_answered: bool) -> Outcome {
         let cycles = SPEEDS[self.speed].1 * self.averages;
         let point = Point { frequency_hz: self.frequency_hz, delay_s: self.delay_s, cycles };
@@ -239,9 +322,12 @@ impl Hioki {
             Command::Level => value.choice(&[("V", ())])?,
             Command::Mode => value.choice(&[("LCR", ())])?,
             Command::Format => value.choice(&[("ASCii", ())])?,
-            Command::DcBias if !value.boolean()? => {}
-            Command::DcBias => return Err(ScpiError::new(-221)),
-            Command::Preset | Command::Read | Command::Reset | Command::Trigger => {}
+            Command::Kept(_)
+            | Command::Monitor
+            | Command::Preset
+            | Command::Read
+            | Command::Reset
+            | Command::Trigger => {}
         }
         Ok(())
     }
@@ -277,8 +363,12 @@ impl Hioki {
             Command::Level => word("V"),
             Command::Mode => word("LCR"),
             Command::Format => word("ASCII"),
-            Command::DcBias => switch(false),
-            Command::Preset | Command::Read | Command::Reset | Command::Trigger => {
+            Command::Kept(_)
+            | Command::Monitor
+            | Command::Preset
+            | Command::Read
+            | Command::Reset
+            | Command::Trigger => {
                 return Err(ScpiError::new(-113));
             }
         })
@@ -308,120 +398,4 @@ fn round_digits(frequency_hz: f64) -> f64 {
     let exponent = frequency_hz.log10().floor().max(2.0);
     let step = 10_f64.powf(exponent - f64::from(DIGITS_OF_FREQUENCY) + 1.0);
     round_step(frequency_hz, step)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::device::meter::bench;
-
-    type Bench = bench::Bench<Hioki>;
-
-    const SET_UP: &str = "*RST;:MODE LCR;:TRIGger EXTernal;:SPEEd FAST;:AVERaging 10;\
-        :PARameter1 RS;:PARameter3 X;:MEASure:VALid 0;:LEVel V;:LEVel:VOLTage 5";
-
-    #[test]
-    fn every_command_has_its_place_in_the_tree() {
-        assert!(Tree::new(COMMANDS).is_ok());
-    }
-
-    #[test]
-    fn a_settled_measurement_is_the_impedance_of_the_circuit_to_six_digits() {
-        let mut bench = Bench::new();
-        assert_eq!(bench.say(SET_UP), "");
-        let before = bench.now;
-        let line = bench.say(":FREQuency 139.998;:TRIGger:DELay 3;*TRG;:MEASure?");
-        // 3 s of delay and ten cycles at the 140.00 Hz that the panel makes of it.
-        assert_eq!(bench.now.since(before).as_micros(), 3_071_429);
-        let fields: Vec<f64> = line.trim_end().split(',').map(|x| x.parse().unwrap()).collect();
-        let expected = bench.settled_ohm(140.0);
-        assert!((fields[0] / expected.re - 1.0).abs() < 1e-5, "{line} {expected}");
-        assert!((fields[1] / expected.im - 1.0).abs() < 1e-5, "{line} {expected}");
-        assert_eq!(bench.say("*ESR?"), "128\r\n", "power on, and no error");
-    }
-
-    #[test]
-    fn a_reading_taken_too_early_remembers_the_frequency_before() {
-        let mut bench = Bench::new();
-        bench.say(SET_UP);
-        bench.say(":AVERaging 1");
-        let early = bench.say(":FREQuency 140;*TRG;:MEASure?");
-        let late = bench.say(":TRIGger:DELay 2;*TRG;:MEASure?");
-        assert_ne!(early, late);
-    }
-
-    #[test]
-    fn settings_are_answered_in_long_words_and_with_their_headers_when_asked_for() {
-        let mut bench = Bench::new();
-        bench.say(SET_UP);
-        bench.say(":FREQuency 140.406;:LEVel:VOLTage 1.00049");
-        let rows = [
-            (":FREQuency?", "1.4041E+02\r\n"),
-            (":LEVel?;:LEVel:VOLTage?", "V;1.000\r\n"),
-            (":SPEEd?;:AVERaging?", "FAST;10\r\n"),
-            (":TRIGger?;:TRIGger:DELay?", "EXTERNAL;0.0000\r\n"),
-            (":PARameter1?;:PARameter2?;:PAR3?", "RS;OFF;X\r\n"),
-            (":HEADer ON;:FREQuency?;:HEADer OFF", ":FREQUENCY 1.4041E+02\r\n"),
-            ("*IDN?", "HIOKI,IM3536,190512345,V1.21\r\n"),
-            (":MEASure:ITEM 31,31,0;:MEASure:ITEM?", "31,31,0\r\n"),
-        ];
-        for (line, answer) in rows {
-            assert_eq!(bench.say(line), answer, "{line}");
-        }
-    }
-
-    #[test]
-    fn errors_are_told_in_the_event_register_only_and_end_the_line() {
-        let mut bench = Bench::new();
-        bench.say("*CLS");
-        let rows = [
-            (":FREQuency 1;:AVERaging 7", "16\r\n"),
-            (":LEVel:VOLTage 5.1", "16\r\n"),
-            (":FREQency 200", "32\r\n"),
-            (":PARameter5 Z", "32\r\n"),
-            (":FREQuency", "32\r\n"),
-            (":SYSTem:ERRor?", "32\r\n"),
-            ("*TRG", "16\r\n"),
-            (":AVERaging 256", "0\r\n"),
-        ];
-        for (line, event) in rows {
-            assert_eq!(bench.say(line), "", "{line}");
-            assert_eq!(bench.say("*ESR?"), event, "{line}");
-        }
-        assert_eq!(bench.say(":FREQuency?;:AVERaging?"), "1.0000E+03;256\r\n");
-    }
-
-    #[test]
-    fn it_listens_while_it_measures_and_answers_afterwards() {
-        let mut bench = Bench::new();
-        bench.say(SET_UP);
-        bench.say(":FREQuency 100");
-        let before = bench.now;
-        bench.send("*TRG\r\n:FREQuency 200\r\n:FREQuency?");
-        assert_eq!(bench.heard(), "");
-        assert_eq!(bench.meter.deadline().unwrap().since(before).as_micros(), 100_000);
-        assert_eq!(bench.say(""), "2.0000E+02\r\n");
-    }
-
-    #[test]
-    fn a_trigger_answers_by_itself_when_told_to_and_status_and_overload_show() {
-        let mut bench = Bench::new();
-        bench.say(SET_UP);
-        bench.say(":MEASure:OUTPut:AUTO ON;:MEASure:VALid 1;:FREQuency 140;:TRIGger:DELay 5");
-        let answer = bench.say("*TRG");
-        assert!(answer.starts_with("0,") && answer.matches(',').count() == 2, "{answer}");
-        assert_eq!(bench.say(":MEASure?"), answer);
-        bench.meter.overload();
-        assert_eq!(bench.say("*TRG"), "2,**********,**********\r\n");
-        assert_eq!(bench.say("*TRG"), answer);
-    }
-
-    #[test]
-    fn a_restart_forgets_the_settings_and_says_so() {
-        let mut bench = Bench::new();
-        bench.say(SET_UP);
-        bench.say("*CLS");
-        bench.meter.restart(bench.now, &mut bench.world);
-        assert_eq!(bench.say("*ESR?;:AVERaging?"), "128;1\r\n");
-    }
 }

@@ -7,6 +7,8 @@
 //! Keysight, E4980A/AL User's Guide: `FETCh?` and its data format (p. 183, 261, 265); measurement
 //! times and frequency resolution as in the E4980A data sheet. HP, 4284A Operation Manual.
 
+mod answers;
+mod commands;
 mod make;
 #[cfg(test)]
 mod tests;
@@ -14,121 +16,28 @@ mod tests;
 use std::marker::PhantomData;
 
 use rig_scpi::{
-    Call, Dialect, ErrorFormat, Limits, Node, Param, RealFormat, ScpiError, Tree, Unit, Value,
-    command, query, setting,
+    Call, Dialect, ErrorFormat, Limits, Param, RealFormat, ScpiError, Tree, Unit, Value,
 };
 
-use self::make::Make;
 pub(crate) use self::make::{E4980a, Hp4284a, Th2832};
-use super::{Drive, Job, Memory, Model, Outcome, Point, Quantity, Reading, round_step};
+use self::{
+    commands::{APERTURES, Command, FUNCTIONS, KEPT, Monitor, PAGES, SOURCES, Source},
+    make::Make,
+};
+use super::{Drive, Job, Memory, Model, Outcome, Point, Reading, kept::Settings, round_step};
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Command {
-    Abort,
-    Alc,
-    Aperture,
-    Bias,
-    Comparator,
-    Continuous,
-    Correction,
-    Fetch,
-    FetchImpedance,
-    FetchVolt,
-    Format,
-    Frequency,
-    Function,
-    HighPower,
-    Init,
-    List,
-    ListMode,
-    LongDigits,
-    Options,
-    Page,
-    RangeAuto,
-    Reset,
-    Source,
-    StepDelay,
-    Trigger,
-    TriggerAndRead,
-    TriggerDelay,
-    Volt,
+/// The resistance of the source, ohm. A current is set as what flows through it alone.
+const SOURCE_OHM: f64 = 100.0;
+
+/// The ranges of impedance, ohm.
+const RANGES_OHM: [f64; 10] = [0.1, 1.0, 10.0, 100.0, 300.0, 1e3, 3e3, 1e4, 3e4, 1e5];
+
+/// What a source holds. The one that is not set cannot be asked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Level {
+    Volt(f64),
+    Ampere(f64),
 }
-
-const COMMANDS: &[Node<Command>] = &[
-    query("*OPT", Command::Options),
-    command("*RST", Command::Reset),
-    command("*TRG", Command::TriggerAndRead),
-    command(":ABORt", Command::Abort),
-    setting(":AMPLitude:ALC", Command::Alc).asks(0, 0),
-    setting(":APERture", Command::Aperture).takes(1, 2).asks(0, 0),
-    setting(":BIAS:STATe", Command::Bias).asks(0, 0),
-    setting(":COMParator[:STATe]", Command::Comparator).asks(0, 0),
-    setting(":CORRection:OPEN:STATe", Command::Correction).asks(0, 0),
-    setting(":CORRection:SHORt:STATe", Command::Correction).asks(0, 0),
-    setting(":DISPlay:PAGE", Command::Page).asks(0, 0),
-    query(":FETCh[:IMPedance][:FORMatted]", Command::Fetch),
-    query(":FETCh[:IMPedance]:CORRected", Command::FetchImpedance),
-    query(":FETCh:SMONitor:VAC", Command::FetchVolt),
-    setting(":FORMat[:DATA]", Command::Format).asks(0, 0),
-    setting(":FORMat:ASCii:LONG", Command::LongDigits).asks(0, 0),
-    setting(":FREQuency[:CW]", Command::Frequency),
-    setting(":FUNCtion:IMPedance[:TYPE]", Command::Function).asks(0, 0),
-    setting(":FUNCtion:IMPedance:RANGe:AUTO", Command::RangeAuto).asks(0, 0),
-    setting(":OUTPut:HPOWer", Command::HighPower).asks(0, 0),
-    command(":INITiate[:IMMediate]", Command::Init),
-    setting(":INITiate:CONTinuous", Command::Continuous).asks(0, 0),
-    setting(":LIST:FREQuency", Command::List).takes(1, MAX_LIST).asks(0, 0),
-    setting(":LIST:MODE", Command::ListMode).asks(0, 0),
-    command(":TRIGger[:IMMediate]", Command::Trigger),
-    setting(":TRIGger:DELay", Command::StepDelay),
-    setting(":TRIGger:SOURce", Command::Source).asks(0, 0),
-    setting(":TRIGger:TDELay", Command::TriggerDelay),
-    setting(":VOLTage[:LEVel]", Command::Volt),
-];
-
-/// The longest list.
-const MAX_LIST: usize = 201;
-
-/// The pairs of values that can be asked for.
-const FUNCTIONS: &[(&str, (Quantity, Quantity))] = &[
-    ("CPD", (Quantity::Cp, Quantity::D)),
-    ("CPQ", (Quantity::Cp, Quantity::Q)),
-    ("CPG", (Quantity::Cp, Quantity::G)),
-    ("CPRP", (Quantity::Cp, Quantity::Rp)),
-    ("CSD", (Quantity::Cs, Quantity::D)),
-    ("CSQ", (Quantity::Cs, Quantity::Q)),
-    ("CSRS", (Quantity::Cs, Quantity::Rs)),
-    ("LPD", (Quantity::Lp, Quantity::D)),
-    ("LPQ", (Quantity::Lp, Quantity::Q)),
-    ("LPG", (Quantity::Lp, Quantity::G)),
-    ("LPRP", (Quantity::Lp, Quantity::Rp)),
-    ("LSD", (Quantity::Ls, Quantity::D)),
-    ("LSQ", (Quantity::Ls, Quantity::Q)),
-    ("LSRS", (Quantity::Ls, Quantity::Rs)),
-    ("RX", (Quantity::Rs, Quantity::X)),
-    ("ZTD", (Quantity::Z, Quantity::PhaseDeg)),
-    ("ZTR", (Quantity::Z, Quantity::PhaseRad)),
-    ("GB", (Quantity::G, Quantity::B)),
-    ("YTD", (Quantity::Y, Quantity::AdmittancePhaseDeg)),
-    ("YTR", (Quantity::Y, Quantity::AdmittancePhaseRad)),
-];
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Source {
-    Internal,
-    Hold,
-    External,
-    Bus,
-}
-
-const SOURCES: &[(&str, Source)] = &[
-    ("INTernal", Source::Internal),
-    ("HOLD", Source::Hold),
-    ("EXTernal", Source::External),
-    ("BUS", Source::Bus),
-];
-
-const APERTURES: [(&str, usize); 3] = [("SHORt", 0), ("MEDium", 1), ("LONG", 2)];
 
 /// A meter of the family, which is its settings.
 #[expect(clippy::struct_excessive_bools, reason = "each is a switch of the front panel")]
@@ -136,7 +45,9 @@ const APERTURES: [(&str, usize); 3] = [("SHORt", 0), ("MEDium", 1), ("LONG", 2)]
 pub(crate) struct Lcr<M> {
     make: PhantomData<M>,
     frequency_hz: f64,
-    level_v: f64,
+    level: Level,
+    bias: Level,
+    has_bias: bool,
     has_high_power: bool,
     has_alc: bool,
     aperture: usize,
@@ -148,9 +59,17 @@ pub(crate) struct Lcr<M> {
     step_delay_s: f64,
     has_comparator: bool,
     has_long_digits: bool,
+    is_binary: bool,
+    is_swapped: bool,
+    range_ohm: f64,
+    is_range_auto: bool,
+    /// Which of [`Monitor`] are on, in its order.
+    monitors: [bool; 4],
     list_hz: Vec<f64>,
     is_stepped: bool,
-    shows_list: bool,
+    page: &'static str,
+    kept: Settings,
+    kept_by_make: Settings,
 }
 
 impl<M> Default for Lcr<M> {
@@ -159,7 +78,9 @@ impl<M> Default for Lcr<M> {
             make: PhantomData,
             has_high_power: false,
             frequency_hz: 1000.0,
-            level_v: 1.0,
+            level: Level::Volt(1.0),
+            bias: Level::Volt(0.0),
+            has_bias: false,
             has_alc: false,
             aperture: 1,
             averages: 1,
@@ -170,25 +91,31 @@ impl<M> Default for Lcr<M> {
             step_delay_s: 0.0,
             has_comparator: false,
             has_long_digits: false,
+            is_binary: false,
+            is_swapped: false,
+            range_ohm: 1e5,
+            is_range_auto: true,
+            monitors: [true, true, false, false],
             list_hz: Vec::new(),
             is_stepped: false,
-            shows_list: false,
+            page: "MEAS",
+            kept: Settings::default(),
+            kept_by_make: Settings::default(),
         }
     }
 }
 
-/// Stands for a value that the status says is none.
-const NO_VALUE: f64 = 9.9e37;
-
-/// Event of the operation status: a list, or a measurement, is complete.
-const LIST_DONE: u16 = 1 << 3;
-const MEASUREMENT_DONE: u16 = 1 << 4;
+/// Conditions of the operation status: a list, or a measurement, is under way.
+const LIST: u16 = 1 << 3;
+const MEASUREMENT: u16 = 1 << 4;
 
 impl<M: Make> Model for Lcr<M> {
     type Command = Command;
 
+    const ENDS_ARE_EVENTS: bool = true;
+
     fn commands() -> Tree<Command> {
-        Tree::new(COMMANDS).expect("the commands are constants, and a test builds them")
+        commands::tree(M::KEPT)
     }
 
     fn dialect() -> Dialect {
@@ -215,36 +142,57 @@ impl<M: Make> Model for Lcr<M> {
             Command::TriggerAndRead if self.source == Source::Bus => Ok(self.measure(true)),
             Command::Trigger if self.source != Source::Internal => Ok(self.measure(false)),
             Command::Trigger | Command::TriggerAndRead => Err(ScpiError::new(-211)),
+            Command::Monitor(Monitor::Vdc | Monitor::Idc)
+            | Command::FetchMonitor(Monitor::Vdc | Monitor::Idc)
+                if !M::MONITORS_BIAS =>
+            {
+                Err(ScpiError::new(-113))
+            }
             // While it triggers itself, the next measurement is the one to read.
-            Command::Fetch if self.source == Source::Internal => Ok(self.measure(true)),
+            Command::Fetch | Command::FetchImpedance | Command::FetchMonitor(_)
+                if self.source == Source::Internal =>
+            {
+                Ok(self.measure(true))
+            }
             Command::Fetch if is_measuring && !M::FETCH_WAITS => done(self.not_yet()),
-            Command::Fetch | Command::FetchImpedance if is_measuring || readings.is_empty() => {
+            Command::Fetch | Command::FetchImpedance | Command::FetchMonitor(_)
+                if is_measuring || readings.is_empty() =>
+            {
                 Ok(Outcome::Wait)
             }
-            Command::Fetch => done(self.answer(readings)),
-            Command::FetchImpedance => {
-                let impedance_ohm = readings[0].impedance_ohm;
-                let pair = impedance_ohm.map_or([NO_VALUE; 2], |z| [z.re, z.im]);
-                done(pair.map(|value| self.real(value)).to_vec())
+            Command::Fetch | Command::FetchImpedance | Command::FetchMonitor(_) => {
+                done(self.answer(call.command, readings))
             }
-            Command::FetchVolt => done(vec![self.real(self.level_v)]),
+            Command::Kept(row) => {
+                self.kept.obey(&KEPT[row], row, call, scientific(5)).and_then(done)
+            }
+            Command::Own(row) => {
+                self.kept_by_make.obey(&M::KEPT[row], row, call, scientific(5)).and_then(done)
+            }
+            Command::ListClear => {
+                self.list_hz.clear();
+                done(Vec::new())
+            }
             Command::Init => done(Vec::new()),
-            _ if call.is_query => self.ask(call).map(|value| Outcome::Done(vec![value])),
+            _ if call.is_query => self.ask(call, readings).and_then(done),
             _ => self.set(call).map(|()| Outcome::Done(Vec::new())),
         }
     }
 
     fn drive(&self) -> Drive {
-        Drive { frequency_hz: self.frequency_hz, level_v: self.level_v }
+        Drive { frequency_hz: self.frequency_hz, level_v: self.open_v() }
     }
 
-    fn answer(&self, readings: &[Reading]) -> Vec<Value> {
-        let is_list = self.shows_list;
-        readings.iter().flat_map(|reading| self.fields(reading, is_list)).collect()
+    fn answer(&self, command: Command, readings: &[Reading]) -> Vec<Value> {
+        self.answer_with(command, readings)
     }
 
-    fn done_bits(&self) -> u16 {
-        if self.shows_list { LIST_DONE | MEASUREMENT_DONE } else { MEASUREMENT_DONE }
+    fn busy_bits(&self) -> u16 {
+        if self.shows_list() { LIST | MEASUREMENT } else { MEASUREMENT }
+    }
+
+    fn may_interrupt(command: Command) -> bool {
+        matches!(command, Command::Abort | Command::Reset)
     }
 }
 
@@ -253,9 +201,34 @@ impl<M: Make> Lcr<M> {
         Limits { min: 20.0, max: M::MAX_HZ, default: 1000.0 }
     }
 
+    /// The limit that holds, of those without high power and with it.
+    const fn limit(&self, limits: (f64, f64)) -> f64 {
+        if self.has_high_power { limits.1 } else { limits.0 }
+    }
+
     fn level(&self) -> Limits {
-        let max = if self.has_high_power { M::MAX_V.1 } else { M::MAX_V.0 };
-        Limits { min: 0.0, max, default: 1.0 }
+        Limits { min: 0.0, max: self.limit(M::MAX_V), default: 1.0 }
+    }
+
+    fn current(&self) -> Limits {
+        Limits { min: 0.0, max: self.limit(M::MAX_A), default: 0.0 }
+    }
+
+    fn bias(&self) -> Limits {
+        let max = self.limit(M::MAX_BIAS_V);
+        Limits { min: -max, max, default: 0.0 }
+    }
+
+    fn shows_list(&self) -> bool {
+        self.page == "LIST"
+    }
+
+    /// The level of the source without load, V.
+    fn open_v(&self) -> f64 {
+        match self.level {
+            Level::Volt(volt) => volt,
+            Level::Ampere(ampere) => ampere * SOURCE_OHM,
+        }
     }
 
     fn delay() -> Limits {
@@ -263,7 +236,7 @@ impl<M: Make> Lcr<M> {
     }
 
     fn measure(&self, is_answered: bool) -> Outcome {
-        let is_sweep = self.shows_list && !self.list_hz.is_empty();
+        let is_sweep = self.shows_list() && !self.list_hz.is_empty();
         let frequencies = if is_sweep { &self.list_hz[..] } else { &[self.frequency_hz][..] };
         let mut delay_s = self.trigger_delay_s;
         let points = frequencies
@@ -296,30 +269,6 @@ impl<M: Make> Lcr<M> {
         cycles.max(1)
     }
 
-    fn fields(&self, reading: &Reading, is_list: bool) -> Vec<Value> {
-        let (a, b) = FUNCTIONS[self.function].1;
-        let value = |quantity: Quantity| {
-            let found = reading.impedance_ohm.map(|z| quantity.of(z, reading.frequency_hz));
-            self.real(found.unwrap_or(NO_VALUE))
-        };
-        let status = if reading.impedance_ohm.is_none() { "+1" } else { "+0" };
-        let mut fields = vec![value(a), value(b), Value::Verbatim(status.into())];
-        if is_list || self.has_comparator {
-            fields.push(Value::Verbatim("+0".into()));
-        }
-        fields
-    }
-
-    /// What is answered while there is no reading.
-    fn not_yet(&self) -> Vec<Value> {
-        vec![self.real(NO_VALUE), self.real(NO_VALUE), Value::Verbatim("-1".into())]
-    }
-
-    fn real(&self, value: f64) -> Value {
-        let n_decimals = if self.has_long_digits { 9 } else { 5 };
-        Value::Formatted(value, scientific(n_decimals))
-    }
-
     fn set(&mut self, call: &Call<Command>) -> Result<(), ScpiError> {
         let value = call.param(0)?;
         match call.command {
@@ -327,8 +276,18 @@ impl<M: Make> Lcr<M> {
                 self.frequency_hz = M::nearest_hz(value.real(Unit::HERTZ, Self::frequency())?);
             }
             Command::Volt => {
-                self.level_v = round_step(value.real(Unit::VOLT, self.level())?, 1e-3);
+                let volt = value.real(Unit::VOLT, self.level())?;
+                self.level = Level::Volt(round_step(volt, 1e-3));
             }
+            Command::Current => {
+                self.level = Level::Ampere(value.real(Unit::AMPERE, self.current())?);
+            }
+            Command::BiasVolt => self.bias = Level::Volt(value.real(Unit::VOLT, self.bias())?),
+            Command::BiasCurrent => {
+                self.bias = Level::Ampere(value.real(Unit::AMPERE, BIAS_CURRENT)?);
+            }
+            // The sensor is linear: a bias changes nothing.
+            Command::BiasState => self.has_bias = value.boolean()?,
             Command::HighPower if M::MAX_V.0 == M::MAX_V.1 => return Err(ScpiError::new(-113)),
             Command::HighPower => self.has_high_power = value.boolean()?,
             Command::Alc => self.has_alc = value.boolean()?,
@@ -360,65 +319,37 @@ impl<M: Make> Lcr<M> {
             Command::ListMode => {
                 self.is_stepped = value.choice(&[("SEQuence", false), ("STEPped", true)])?;
             }
-            Command::Page => {
-                let pages = [("MEASurement", false), ("LIST", true), ("MSETup", false)];
-                self.shows_list = value.choice(&pages)?;
+            Command::Page => self.page = value.choice(PAGES)?,
+            Command::RangeAuto => self.is_range_auto = value.boolean()?,
+            Command::Range => {
+                let (min, max) = (RANGES_OHM[0], RANGES_OHM[RANGES_OHM.len() - 1]);
+                let asked = value.real(Unit::OHM, Limits { min, max, default: max })?;
+                self.range_ohm = range_below(asked);
+                self.is_range_auto = false;
             }
-            Command::RangeAuto | Command::Correction => _ = value.boolean()?,
-            Command::Bias if !value.boolean()? => {}
-            Command::Bias => return Err(ScpiError::new(-221)),
-            Command::Format => value.choice(&[("ASCii", ())])?,
+            Command::Monitor(monitor) => self.monitors[monitor as usize] = value.boolean()?,
+            Command::Format => {
+                self.is_binary = value.choice(&[("ASCii", false), ("REAL", true)])?;
+                // The only length there is, in bits.
+                call.params.get(1).map(|bits| bits.integer(64..=64)).transpose()?;
+            }
+            Command::ByteOrder => {
+                self.is_swapped = value.choice(&[("NORMal", false), ("SWAPped", true)])?;
+            }
             _ => return Err(ScpiError::new(-113)),
         }
         Ok(())
     }
-
-    fn ask(&self, call: &Call<Command>) -> Result<Value, ScpiError> {
-        let limited = |present: f64, unit: Unit, limits: Limits| {
-            // `FREQ? MAX` asks for the limit instead.
-            let value = match call.params.first() {
-                Some(word) => word.real(unit, limits)?,
-                None => present,
-            };
-            Ok(Value::Formatted(value, scientific(9)))
-        };
-        Ok(match call.command {
-            Command::Frequency => {
-                return limited(self.frequency_hz, Unit::HERTZ, Self::frequency());
-            }
-            Command::Volt => return limited(self.level_v, Unit::VOLT, self.level()),
-            Command::TriggerDelay => {
-                return limited(self.trigger_delay_s, Unit::SECOND, Self::delay());
-            }
-            Command::StepDelay => return limited(self.step_delay_s, Unit::SECOND, Self::delay()),
-            Command::HighPower => Value::Boolean(self.has_high_power),
-            Command::Alc => Value::Boolean(self.has_alc),
-            Command::Aperture => {
-                let word = rig_scpi::short_form(APERTURES[self.aperture].0);
-                Value::Verbatim(format!("{word},{}", self.averages).into())
-            }
-            Command::Function => Value::Characters(FUNCTIONS[self.function].0),
-            Command::Source => {
-                let known = SOURCES.iter().find(|entry| entry.1 == self.source);
-                Value::Characters(known.expect("every source has a word").0)
-            }
-            Command::Continuous => Value::Boolean(self.is_continuous),
-            Command::Comparator => Value::Boolean(self.has_comparator),
-            Command::LongDigits => Value::Boolean(self.has_long_digits),
-            Command::List => {
-                let list: Vec<String> = self.list_hz.iter().map(|hz| format!("{hz:+E}")).collect();
-                Value::Verbatim(list.join(",").into())
-            }
-            Command::ListMode => Value::Characters(if self.is_stepped { "STEP" } else { "SEQ" }),
-            Command::Page => Value::Characters(if self.shows_list { "LIST" } else { "MEAS" }),
-            Command::RangeAuto => Value::Boolean(true),
-            Command::Correction | Command::Bias => Value::Boolean(false),
-            Command::Format => Value::Characters("ASC"),
-            _ => return Err(ScpiError::new(-113)),
-        })
-    }
 }
+
+/// Limits of the bias current, A.
+const BIAS_CURRENT: Limits = Limits { min: -0.1, max: 0.1, default: 0.0 };
 
 const fn scientific(n_decimals: u8) -> RealFormat {
     RealFormat::Scientific { n_decimals, n_exponent: 2, has_plus: true }
+}
+
+/// The widest range that does not exceed an impedance, ohm.
+fn range_below(ohm: f64) -> f64 {
+    RANGES_OHM.iter().rev().find(|range| **range <= ohm).copied().unwrap_or(RANGES_OHM[0])
 }

@@ -6,7 +6,8 @@
 
 use std::fmt;
 
-use crate::device::meter::round_step;
+use super::commands::{E4980A_KEPT, TH2832_KEPT};
+use crate::device::meter::{kept::Kept, round_step};
 
 /// What differs from make to make.
 pub(crate) trait Make: fmt::Debug + Send + Sync + 'static {
@@ -21,8 +22,16 @@ pub(crate) trait Make: fmt::Debug + Send + Sync + 'static {
     const TIMES: [[f64; 4]; 3];
     /// The highest level, V, and with high power switched on.
     const MAX_V: (f64, f64);
+    /// The same of the current, A.
+    const MAX_A: (f64, f64);
+    /// The same of the bias, V and its magnitude.
+    const MAX_BIAS_V: (f64, f64);
     /// The longest delay, s.
     const MAX_DELAY_S: f64;
+    /// Whether it measures the bias as well.
+    const MONITORS_BIAS: bool;
+    /// Settings of its own that are kept.
+    const KEPT: &'static [Kept];
     /// Whether the delay of a trigger is told apart from that of a step.
     const HAS_TRIGGER_DELAY: bool;
     /// Whether a reading is waited for. Otherwise its status says that there is none yet.
@@ -43,6 +52,10 @@ impl Make for E4980a {
     const TIMES: [[f64; 4]; 3] =
         [[0.330, 0.100, 0.020, 0.0077], [0.380, 0.180, 0.110, 0.092], [0.480, 0.300, 0.240, 0.230]];
     const MAX_V: (f64, f64) = (20.0, 20.0);
+    const MAX_A: (f64, f64) = (0.1, 0.1);
+    const MAX_BIAS_V: (f64, f64) = (40.0, 40.0);
+    const MONITORS_BIAS: bool = true;
+    const KEPT: &'static [Kept] = E4980A_KEPT;
     const MAX_DELAY_S: f64 = 999.0;
     const HAS_TRIGGER_DELAY: bool = true;
     const FETCH_WAITS: bool = true;
@@ -63,6 +76,10 @@ impl Make for Hp4284a {
     const TIMES: [[f64; 4]; 3] =
         [[0.350, 0.270, 0.040, 0.030], [0.400, 0.400, 0.190, 0.180], [0.800, 0.800, 0.830, 0.820]];
     const MAX_V: (f64, f64) = (2.0, 20.0);
+    const MAX_A: (f64, f64) = (0.02, 0.2);
+    const MAX_BIAS_V: (f64, f64) = (2.0, 40.0);
+    const MONITORS_BIAS: bool = false;
+    const KEPT: &'static [Kept] = &[];
     const MAX_DELAY_S: f64 = 60.0;
     const HAS_TRIGGER_DELAY: bool = false;
     const FETCH_WAITS: bool = true;
@@ -89,6 +106,10 @@ impl Make for Th2832 {
     const MAX_HZ: f64 = 2e5;
     const TIMES: [[f64; 4]; 3] = Hp4284a::TIMES;
     const MAX_V: (f64, f64) = (2.0, 2.0);
+    const MAX_A: (f64, f64) = (0.02, 0.02);
+    const MAX_BIAS_V: (f64, f64) = (2.0, 2.0);
+    const MONITORS_BIAS: bool = false;
+    const KEPT: &'static [Kept] = TH2832_KEPT;
     const MAX_DELAY_S: f64 = 60.0;
     const HAS_TRIGGER_DELAY: bool = false;
     const FETCH_WAITS: bool = false;

@@ -1,3 +1,5 @@
+mod drivers;
+
 use super::*;
 use crate::device::meter::bench;
 
@@ -5,7 +7,7 @@ type Bench = bench::Bench<Lcr<E4980a>>;
 
 #[test]
 fn every_command_has_its_place_in_the_tree() {
-    assert!(Tree::new(COMMANDS).is_ok());
+    _ = (Lcr::<E4980a>::commands(), Lcr::<Hp4284a>::commands(), Lcr::<Th2832>::commands());
 }
 
 #[test]
@@ -62,7 +64,10 @@ fn what_is_not_there_yet_and_what_cannot_be_is_told() {
         ("VOLT 21", "-222"),
         ("FREQ 10", "-222"),
         ("TRIG:SOUR INT;:TRIG", "-211"),
-        ("BIAS:STAT ON", "-221"),
+        ("BIAS:VOLT 41", "-222"),
+        ("CURR?", "-221"),
+        ("CORR:LENG 3", "-222"),
+        ("FUNC:DEV1:MODE ABS", "-224"),
         ("FUNC:IMP XX", "-224"),
         ("MEAS?", "-113"),
     ];
@@ -114,4 +119,109 @@ fn one_make_answers_before_it_has_measured_and_says_so() {
     assert_eq!(bench.heard(), "+9.90000E+37,+9.90000E+37,-1\n");
     bench.say("");
     assert!(bench.say("FETC?").ends_with(",+0\n"));
+}
+
+#[test]
+fn whatever_is_fetched_under_internal_trigger_is_measured_after_the_question() {
+    let mut bench = Bench::new();
+    bench.say(":FUNC:IMP RX;:FORM:ASC:LONG ON;:TRIG:TDEL 5;:FREQ 140;:TRIG:SOUR INT");
+    let pair = |line: String| line.trim_end().split(',').take(2).map(str::to_owned).collect();
+    let fetched: Vec<String> = pair(bench.say("FETC?"));
+    assert_eq!(pair(bench.say("FETC:IMP:CORR?")), fetched);
+    bench.say(":FREQ 150");
+    let corrected: Vec<String> = pair(bench.say("FETC:IMP:CORR?"));
+    assert_ne!(corrected, fetched, "the impedance at another frequency");
+    assert_eq!(pair(bench.say("FETC?")), corrected);
+    assert_eq!(bench.say("FETC:IMP:CORR?").split(',').count(), 2);
+}
+
+#[test]
+fn a_measurement_shows_in_the_condition_and_its_end_in_the_event() {
+    let mut bench = Bench::new();
+    bench.say("DISP:PAGE LIST;:LIST:FREQ 130,140;:TRIG:SOUR BUS");
+    bench.send("TRIG;:STAT:OPER:COND?;:STAT:OPER?");
+    assert_eq!(bench.heard(), "24;0\n");
+    assert_eq!(bench.say("STAT:OPER:COND?;:ABOR;:STAT:OPER:COND?;:STAT:OPER?"), "24;0;0\n");
+    bench.send("TRIG");
+    bench.say("");
+    assert_eq!(bench.say("STAT:OPER:COND?;:STAT:OPER?"), "0;24\n");
+}
+
+#[test]
+fn one_client_is_not_disturbed_by_another_and_does_not_keep_it_waiting_for_long() {
+    let mut bench = Bench::new();
+    bench.send_as(1, "FUNC:IMP RX;:FREQ 140;:TRIG:SOUR BUS;:TRIG:TDEL 5;*TRG");
+    bench.send_as(2, "FREQ?;*IDN?");
+    assert_eq!(
+        bench.heard_by(2),
+        "+1.400000000E+02;Keysight Technologies,E4980A,MY46516789,A.06.16\n"
+    );
+    // What it sets, and measures, comes after what the first one measures.
+    bench.send_as(2, "FREQ 150;:FREQ?;*TRG");
+    assert_eq!(bench.heard_by(2), "");
+    bench.say("");
+    let (first, second) = (bench.heard_by(1), bench.heard_by(2));
+    let resistance = |line: &str| -> f64 { line.split(',').next().unwrap().parse().unwrap() };
+    assert!((resistance(&first) / bench.settled_ohm(140.0).re - 1.0).abs() < 1e-4, "{first}");
+    let (frequency, second) = second.split_once(';').unwrap();
+    assert_eq!(frequency, "+1.500000000E+02");
+    assert!((resistance(second) / bench.settled_ohm(150.0).re - 1.0).abs() < 1e-4, "{second}");
+}
+
+#[test]
+fn a_client_may_end_what_another_one_measures() {
+    let mut bench = Bench::new();
+    bench.send_as(1, ":TRIG:SOUR BUS;:TRIG:TDEL 999;*TRG");
+    bench.send_as(2, "ABOR;*OPC?");
+    assert_eq!(bench.heard_by(2), "1\n");
+    assert_eq!(bench.meter.deadline(), None);
+    bench.send_as(1, "SYST:ERR?");
+    assert!(bench.heard_by(1).starts_with("-230"));
+    // One that is gone gets no answer, and leaves nothing behind.
+    bench.send_as(1, "TRIG:TDEL 1;*TRG");
+    bench.meter.hang_up(1);
+    assert_eq!(bench.say("SYST:ERR?"), "+0,\"No error\"\n");
+    assert_eq!(bench.heard_by(1), "");
+}
+
+#[test]
+fn a_level_of_current_drives_the_source_and_the_monitors_show_what_is_at_the_terminals() {
+    let mut bench = Bench::new();
+    bench.say("FUNC:IMP RX;:FREQ 140;:TRIG:SOUR BUS;:TRIG:TDEL 5;:CURR 0.01;:FORM:ASC:LONG ON");
+    let value = |line: String| line.trim_end().parse::<f64>().unwrap();
+    bench.say("TRIG");
+    let (volt, ampere) = (value(bench.say("FETC:SMON:VAC?")), value(bench.say("FETC:SMON:IAC?")));
+    let z = bench.settled_ohm(140.0);
+    assert!((volt / ampere / z.norm() - 1.0).abs() < 1e-5, "{volt} {ampere} {z}");
+    // 10 mA through the source alone is 1 V across it.
+    assert!((ampere * (z + 100.0).norm() - 1.0).abs() < 1e-5, "{ampere} {z}");
+    let range_ohm = value(bench.say("FUNC:IMP:RANG?"));
+    assert!((range_ohm..=4.0 * range_ohm).contains(&z.norm()), "{range_ohm} {z}");
+    assert_eq!(bench.say("VOLT?"), "");
+    assert!(bench.say("SYST:ERR?").starts_with("-221"));
+    assert_eq!(bench.say("VOLT? MAX;:CURR? MAX"), "+2.000000000E+01;+1.000000000E-01\n");
+    assert_eq!(bench.say("FUNC:SMON:VAC OFF;:FETC:SMON:VAC?"), "+9.900000000E+37\n");
+}
+
+#[test]
+fn binary_readings_are_those_in_text() {
+    let mut bench = Bench::new();
+    bench.say("FUNC:IMP RX;:FREQ 140;:TRIG:SOUR BUS;:FORM:ASC:LONG ON;:TRIG");
+    let text = bench.say("FETC?");
+    for (order, read) in [
+        ("NORM", f64::from_be_bytes as fn([u8; 8]) -> f64),
+        ("SWAP", f64::from_le_bytes as fn([u8; 8]) -> f64),
+    ] {
+        bench.send(&format!("FORM REAL,64;:FORM:BORD {order};:FETC?;:FORM ASC"));
+        let (_, said) = bench.meter.take_said(0).remove(0);
+        let (head, block) = said.split_at(4);
+        assert_eq!(head, b"#224");
+        let numbers = block.chunks_exact(8).map(|bytes| read(bytes.try_into().unwrap()));
+        for (number, field) in numbers.zip(text.trim_end().split(',')) {
+            assert!(
+                (number - field.parse::<f64>().unwrap()).abs() <= 1e-8 * number.abs(),
+                "{text}"
+            );
+        }
+    }
 }

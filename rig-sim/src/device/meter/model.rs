@@ -1,0 +1,101 @@
+//! What a make of analyzer is: its commands, and what comes of each.
+
+use std::{collections::VecDeque, fmt};
+
+use num_complex::Complex64;
+use rig_scpi::{Call, Dialect, ScpiError, Tree, Value};
+
+/// What distinguishes one make of analyzer from another.
+pub(crate) trait Model: fmt::Debug + Default {
+    /// What its commands are called.
+    type Command: Copy + fmt::Debug;
+
+    /// Whether the end of a measurement is an event of the operation status, whatever the filters
+    /// say. Otherwise the filters of the standard decide.
+    const ENDS_ARE_EVENTS: bool = false;
+
+    /// The commands, which a test builds.
+    fn commands() -> Tree<Self::Command>;
+
+    /// How it speaks.
+    fn dialect() -> Dialect;
+
+    /// Does what a command says, or says what that takes.
+    fn carry_out(
+        &mut self,
+        call: &Call<Self::Command>,
+        memory: Memory<'_>,
+    ) -> Result<Outcome, ScpiError>;
+
+    /// What drives the terminals now.
+    fn drive(&self) -> Drive;
+
+    /// The answer of a measurement to the command that began it.
+    fn answer(&self, command: Self::Command, readings: &[Reading]) -> Vec<Value>;
+
+    /// Whether the command may end a measurement that another client waits for.
+    fn may_interrupt(_command: Self::Command) -> bool {
+        false
+    }
+
+    /// Conditions of the operation status while it measures.
+    fn busy_bits(&self) -> u16 {
+        0
+    }
+}
+
+/// What drives the terminals.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Drive {
+    pub(crate) frequency_hz: f64,
+    pub(crate) level_v: f64,
+}
+
+/// What has been measured.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Memory<'a> {
+    /// The points of the last finished measurement.
+    pub(crate) readings: &'a [Reading],
+    /// Whether another measurement is under way.
+    pub(crate) is_measuring: bool,
+}
+
+/// What comes of a command.
+#[derive(Debug)]
+pub(crate) enum Outcome {
+    /// It is done, with what it answers.
+    Done(Vec<Value>),
+    /// It measures.
+    Measure(Job),
+    /// It has to wait for the measurement that is under way.
+    Wait,
+    /// It ends the measurement that is under way.
+    Abort,
+}
+
+/// A measurement.
+#[derive(Debug)]
+pub(crate) struct Job {
+    /// What to measure, in order.
+    pub(crate) points: VecDeque<Point>,
+    /// Whether nothing else is done meanwhile.
+    pub(crate) is_blocking: bool,
+    /// Whether its end is the answer to the command.
+    pub(crate) is_answered: bool,
+}
+
+/// One point of a measurement.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Point {
+    pub(crate) frequency_hz: f64,
+    pub(crate) delay_s: f64,
+    pub(crate) cycles: u32,
+}
+
+/// A finished point.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Reading {
+    pub(crate) frequency_hz: f64,
+    /// `None` when the input was overloaded.
+    pub(crate) impedance_ohm: Option<Complex64>,
+}
