@@ -30,8 +30,8 @@ pub struct Dialect {
 pub enum Resolution {
     /// A fixed step, Hz.
     Step(f64),
-    /// So many digits.
-    Digits(i32),
+    /// So many digits, but no finer than this, Hz.
+    Digits(i32, f64),
     /// Frequencies of its own, of which it takes the nearest; never further off than this share.
     Nearest(f64),
 }
@@ -39,11 +39,7 @@ pub enum Resolution {
 impl Resolution {
     /// The frequency that the instrument will make of the one asked for, as far as can be known.
     pub(crate) fn round(self, frequency_hz: f64) -> f64 {
-        let step = match self {
-            Self::Nearest(_) => return frequency_hz,
-            Self::Step(step) => step,
-            Self::Digits(_) => 2.0 * self.tolerance_hz(frequency_hz),
-        };
+        let Some(step) = self.step_hz(frequency_hz) else { return frequency_hz };
         // To the float that is nearest to the decimal.
         let per_hz = 1.0 / step;
         if 1.0 <= per_hz {
@@ -56,12 +52,20 @@ impl Resolution {
     /// How far what the instrument says may be from that.
     pub(crate) fn tolerance_hz(self, frequency_hz: f64) -> f64 {
         match self {
-            Self::Step(step) => 0.5 * step,
-            Self::Digits(digits) => {
-                let exponent = frequency_hz.log10().floor() + 1.0;
-                0.5 * 10_f64.powf(exponent - f64::from(digits))
-            }
             Self::Nearest(share) => share * frequency_hz,
+            _ => 0.5 * self.step_hz(frequency_hz).unwrap_or(0.0),
+        }
+    }
+
+    /// The step at a frequency, where there is one.
+    fn step_hz(self, frequency_hz: f64) -> Option<f64> {
+        match self {
+            Self::Step(step) => Some(step),
+            Self::Digits(digits, finest_hz) => {
+                let exponent = frequency_hz.log10().floor() + 1.0;
+                Some(10_f64.powf(exponent - f64::from(digits)).max(finest_hz))
+            }
+            Self::Nearest(_) => None,
         }
     }
 }
@@ -120,12 +124,13 @@ pub(crate) enum PointCommands {
 /// HIOKI IM3536, which gives 5 V at 100–300 Hz.
 ///
 /// # Source
-/// HIOKI, IM3536 Instruction Manual, specifications; Communication Instruction Manual.
+/// HIOKI, IM3536 Instruction Manual, specifications (a frequency has five digits, and 10 mHz at the
+/// finest); Communication Instruction Manual.
 pub static HIOKI_IM3536: Dialect = Dialect {
     make: AnalyzerMake::HiokiIm3536,
     models: "HIOKI IM3536, IM3533 or IM3570",
     model_prefixes: &["IM3536", "IM3533", "IM3570"],
-    resolution: Resolution::Step(0.01),
+    resolution: Resolution::Digits(5, 0.01),
     high_power: None,
     delay_max_s: hioki::DELAY_MAX_S,
     quirks: Quirks {
@@ -152,7 +157,7 @@ pub static KEYSIGHT_E4980A: Dialect = Dialect {
     make: AnalyzerMake::KeysightE4980a,
     models: "Keysight E4980A",
     model_prefixes: &["E4980A"],
-    resolution: Resolution::Digits(4),
+    resolution: Resolution::Digits(4, 0.0),
     high_power: Some(HighPower { option: "001", max_v: 20.0, switch: None }),
     delay_max_s: lcr::DELAY_MAX_S,
     quirks: SCPI,
@@ -183,7 +188,7 @@ pub static TONGHUI_TH283X: Dialect = Dialect {
     make: AnalyzerMake::TonghuiTh283x,
     models: "Tonghui TH2830, TH2831, TH2832 or TH2838",
     model_prefixes: &["TH283"],
-    resolution: Resolution::Digits(4),
+    resolution: Resolution::Digits(4, 0.0),
     high_power: None,
     delay_max_s: lcr::OLD_DELAY_MAX_S,
     quirks: Quirks { handshake: Handshake::EchoEachCharacter, ..SCPI },
@@ -227,10 +232,14 @@ mod tests {
         let rows = [
             (Resolution::Step(0.01), 200.123, 200.12),
             (Resolution::Step(0.01), 139.998, 140.0),
-            (Resolution::Digits(4), 140.04, 140.0),
-            (Resolution::Digits(4), 140.06, 140.1),
-            (Resolution::Digits(4), 99.996, 100.0),
-            (Resolution::Digits(4), 12_345.0, 12_350.0),
+            (Resolution::Digits(4, 0.0), 140.04, 140.0),
+            (Resolution::Digits(4, 0.0), 140.06, 140.1),
+            (Resolution::Digits(4, 0.0), 99.996, 100.0),
+            (Resolution::Digits(4, 0.0), 12_345.0, 12_350.0),
+            (Resolution::Digits(5, 0.01), 99.996, 100.0),
+            (Resolution::Digits(5, 0.01), 4.567, 4.57),
+            (Resolution::Digits(5, 0.01), 1487.29, 1487.3),
+            (Resolution::Digits(5, 0.01), 123_456.0, 123_460.0),
             (Resolution::Nearest(0.01), 123.4567, 123.4567),
         ];
         for (resolution, asked, expected) in rows {

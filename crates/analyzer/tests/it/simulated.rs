@@ -1,7 +1,8 @@
 //! The dialects against the simulated instruments, which share no line with them.
 
 use rig_analyzer::{
-    Analyzer, AnalyzerError, Dialect, HIOKI_IM3536, KEYSIGHT_E4980A, KEYSIGHT_E4990A,
+    Analyzer, AnalyzerError, Dialect, HIOKI_IM3536, HP_4284A, KEYSIGHT_E4980A, KEYSIGHT_E4990A,
+    TONGHUI_TH283X,
 };
 use rig_link::{Clock, Port, StopSignal};
 use rig_model::{AnalyzerMake, DriveLevel, DriveMake, Reading, ReadingFlag, SweepPoint};
@@ -110,4 +111,30 @@ async fn the_wrong_dialect_is_found_out_by_the_identity() {
     let port = Port::new("analyzer", rig.analyzer_port(), None, Clock::start());
     let error = Analyzer::open(port, &KEYSIGHT_E4980A).identify().await.unwrap_err();
     assert!(matches!(error, AnalyzerError::WrongInstrument { .. }), "{error}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn every_frequency_of_a_range_is_set_as_the_driver_expects_it() {
+    let makes = [
+        (AnalyzerMake::HiokiIm3536, &HIOKI_IM3536),
+        (AnalyzerMake::KeysightE4980a, &KEYSIGHT_E4980A),
+        (AnalyzerMake::Hp4284a, &HP_4284A),
+        (AnalyzerMake::TonghuiTh283x, &TONGHUI_TH283X),
+        (AnalyzerMake::KeysightE4990a, &KEYSIGHT_E4990A),
+    ];
+    for (model, dialect) in makes {
+        let mut rig = bench(model);
+        let mut analyzer = analyzer_on(&mut rig, dialect).await;
+        analyzer.configure(DriveLevel { volt: 1.0 }).await.unwrap();
+        let (min_hz, max_hz) = dialect.make.frequency_hz();
+        let odd = (0..40).map(|n| min_hz * (max_hz / min_hz).powf(f64::from(n) / 40.3));
+        for frequency_hz in odd.chain([1487.29, 999.996, min_hz, max_hz]) {
+            let point = SweepPoint { frequency_hz, settle_s: 0.0, cycles: 1 };
+            let measured = analyzer.measure(&[point], &StopSignal::new()).await;
+            let found_hz =
+                measured.unwrap_or_else(|e| panic!("{}: {e}", dialect.make))[0].frequency_hz;
+            let off = (found_hz / frequency_hz - 1.0).abs();
+            assert!(off < 0.01, "{}: {frequency_hz} Hz became {found_hz} Hz", dialect.make);
+        }
+    }
 }
