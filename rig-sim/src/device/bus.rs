@@ -383,6 +383,20 @@ mod tests {
     }
 
     #[test]
+    fn software_limits_outside_the_travel_do_not_lead_out_of_it() {
+        for (limits, side) in [([80_000, 60_000], 1.0), ([-8_000, -20_000], -1.0)] {
+            let mut bench = Bench::new();
+            bench.write(1, 0x0386, &[3, limits[0], limits[1]]);
+            bench.go(1, 30_000, 50_000);
+            bench.wait(10.0);
+            let (low, high) = bench.world.travel(AxisId::Linear);
+            let end = if side > 0.0 { high } else { low };
+            assert_eq!(f64::from(bench.read(1, 0x00C6)) * MM, end);
+            assert_eq!(bench.read(1, 0x0080), i32::from(alarm::HARDWARE_OVERTRAVEL));
+        }
+    }
+
+    #[test]
     fn the_limit_switch_is_an_alarm_of_the_hardware() {
         let mut bench = Bench::new();
         bench.go(1, 10_000_000, 50_000);

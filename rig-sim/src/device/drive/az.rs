@@ -435,16 +435,20 @@ impl Az {
 
     /// The target that will be reached, and the alarm that then comes.
     fn within_limits(&self, target: f64, world: &World) -> (f64, Option<u8>) {
-        let (low, high) = self.motor.travel(world);
-        let reached = target.clamp(low, high);
-        let alarm = (reached != target).then_some(alarm::HARDWARE_OVERTRAVEL);
         let action = self.settings[&item::LIMIT_ACTION];
         let low = f64::from(self.settings[&item::LIMIT_NEGATIVE]) - self.preset;
         let high = f64::from(self.settings[&item::LIMIT_POSITIVE]) - self.preset;
         // Limits that are the wrong way round are off, as the drive's manual says.
-        if action < 0 || low >= high || (low..=high).contains(&reached) {
-            return (reached, alarm);
-        }
-        (reached.clamp(low, high), (action >= 2).then_some(alarm::SOFTWARE_OVERTRAVEL))
+        let has_limits = action >= 0 && low < high;
+        let allowed = if has_limits { target.clamp(low, high) } else { target };
+        // Wrong limits may send the motor beyond its travel, but the switches stop it.
+        let (low, high) = self.motor.travel(world);
+        let reached = allowed.clamp(low, high);
+        let alarm = if reached != allowed {
+            Some(alarm::HARDWARE_OVERTRAVEL)
+        } else {
+            (allowed != target && action >= 2).then_some(alarm::SOFTWARE_OVERTRAVEL)
+        };
+        (reached, alarm)
     }
 }
