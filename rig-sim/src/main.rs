@@ -238,3 +238,17 @@ fn announce(name: &str, place: std::fmt::Arguments<'_>) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
     writeln!(out, "{name} {place}").and_then(|()| out.flush()).map_err(Failure::port)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_readme_names_every_make_that_can_be_served() {
+        let readme = include_str!("../README.md");
+        let makes = AnalyzerMake::ALL.iter().map(|make| make.name());
+        for make in makes.chain(DriveMake::ALL.iter().map(|make| make.name())) {
+            assert!(readme.contains(&format!("`{make}`")), "{make} is not in README.md");
+        }
+    }
+}

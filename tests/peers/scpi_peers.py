@@ -221,6 +221,7 @@ def hioki(rig_sim, manager):
             one_client_after_the_other(open_client)
             vanish_in_a_message(open_client, vanish)
             print(f"IM3536 by {name}: {found[-1]:.0f} ohm at 140 Hz")
+        several_clients(address)
         for impedance in found:
             check(abs(impedance / found[0] - 1) < 0.01, f"one sensor, and {found}")
         sim.say("fault analyzer overload")
@@ -228,6 +229,23 @@ def hioki(rig_sim, manager):
         client.write("*RST;:TRIGger EXTernal;:MEASure:VALid 1")
         equal(client.query("*TRG;:MEASure?").split(",")[:2], ["2", "*" * 10], "an overload")
         client.close()
+
+
+def several_clients(address):
+    """A client that measures for long keeps no other from identifying the instrument."""
+    busy, other = Plain(address, "\r\n"), Plain(address, "\r\n")
+    busy.write("*RST;*CLS;:TRIGger EXTernal;:FREQuency 150;:MEASure:VALid 0;:TRIGger:DELay 3")
+    busy.write("*TRG;:MEASure?;:FREQuency?")
+    began = time.monotonic()
+    equal(other.query("*IDN?"), IDENTITY, "identity while another client measures")
+    check(time.monotonic() - began < 1, "identity comes at once")
+    other.write(":FREQuency 160")
+    equal(float(other.query(":FREQuency?")), 160.0, "a setting waits for the measurement")
+    check(time.monotonic() - began > 2.5, "the setting came into the measurement")
+    fields = busy.read().split(";")
+    equal(len(fields[0].split(",")), 2, "the values of the measurement")
+    busy.close()
+    other.close()
 
 
 def keysight(rig_sim, manager):

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use crate::Parity;
+
 /// A make of impedance analyzer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AnalyzerMake {
@@ -92,6 +94,18 @@ impl DriveMake {
             Self::OrientalAz => "oriental-az",
             Self::IaiRc => "iai-rc",
             Self::LeadshinePr => "leadshine-pr",
+        }
+    }
+
+    /// The parity of its serial line as it leaves the factory.
+    ///
+    /// # Source
+    /// Oriental Motor, HM-60262E (8E1); IAI, `ROBONET` manual, p. 38 (no parity); Leadshine, iEM-RS
+    /// and DM556RS manuals (8N1).
+    pub const fn parity(self) -> Parity {
+        match self {
+            Self::OrientalAz => Parity::Even,
+            Self::IaiRc | Self::LeadshinePr => Parity::None,
         }
     }
 }

@@ -49,6 +49,8 @@ pub(super) const ROTARY: AxisKeys = AxisKeys {
 pub(super) struct AxisRead<U> {
     pub(super) axis: Axis<U>,
     pub(super) file: AxisFile<U>,
+    /// None where it could not be read.
+    pub(super) make: Option<DriveMake>,
     pub(super) unit_id: Setting<u32>,
     pub(super) soft_limits: Setting<(f64, f64)>,
     pub(super) rest: Setting<f64>,
@@ -117,6 +119,7 @@ where
                 acceleration_per_s2: acceleration.value,
             },
         },
+        make: make.sound().copied(),
         unit_id,
         soft_limits,
         rest,

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use rig_model::{
-    AnalyzerMake, AnalyzerRange, Bench, Deg, Geometry, Mm, MotionLimits, Parity, Position,
+    AnalyzerMake, AnalyzerRange, Bench, Deg, DriveMake, Geometry, Mm, MotionLimits, Parity,
+    Position,
 };
 use rig_settings::{Setting, Table};
 
@@ -20,11 +21,14 @@ pub(super) fn rig(table: &mut Table<'_>) -> RigFile {
     let name = table.text("name").required().value;
     let connection = connection(table);
     let analyzer = table.section("analyzer", analyzer).required();
-    let bus = table.section("bus", bus).required();
     let linear = table.section("linear", |table| axis::axis::<Mm>(table, &axis::LINEAR));
     let linear = linear.required().value;
     let rotary = table.section("rotary", |table| axis::axis::<Deg>(table, &axis::ROTARY));
     let rotary = rotary.required().value;
+    let parity = line_parity(linear.make, rotary.make);
+    let port = |table: &mut Table<'_>| port(table, parity.clone());
+    let bus = table.section("bus", |table| table.section("port", port).required().value);
+    let bus = bus.required();
     let geometry = table.section("geometry", geometry).required().value;
     let limits = table.section("limits", limits).required().value;
     let sensor = sensor::sensor(table, geometry.is_sound.then_some(&geometry.geometry));
@@ -92,7 +96,7 @@ struct AnalyzerRead {
 fn analyzer(table: &mut Table<'_>) -> AnalyzerRead {
     let makes = AnalyzerMake::ALL.map(|make| (make.name(), make));
     let make = table.choice("dialect", makes).required();
-    let port = table.section("port", |table| port(table, Parity::None)).required().value;
+    let port = table.section("port", |table| port(table, Ok(Parity::None))).required().value;
     let frequency_hz = table.number("frequency_hz").above(0.0).interval().required();
     let max_level_v = table.number("max_level_v").above(0.0).required();
     if let Some(&make) = make.sound() {
@@ -110,8 +114,14 @@ fn analyzer(table: &mut Table<'_>) -> AnalyzerRead {
     AnalyzerRead { file: AnalyzerFile { make: make.value, port }, range }
 }
 
-fn bus(table: &mut Table<'_>) -> PortFile {
-    table.section("port", |table| port(table, Parity::Even)).required().value
+/// The parity of a line on which these drives are as they left the factory.
+fn line_parity(linear: Option<DriveMake>, rotary: Option<DriveMake>) -> Result<Parity, Refusal> {
+    match (linear, rotary) {
+        (Some(linear), Some(rotary)) if linear.parity() != rotary.parity() => {
+            Err(Refusal::NoParity { linear, rotary })
+        }
+        (make, other) => Ok(make.or(other).map_or(Parity::None, DriveMake::parity)),
+    }
 }
 
 struct GeometryRead {

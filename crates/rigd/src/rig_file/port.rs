@@ -5,8 +5,9 @@ use rig_settings::{Place, Setting, Table};
 
 use super::{PortFile, refusal::Refusal};
 
-/// Reads a port. `parity` is what devices of this kind are set to when they leave the factory.
-pub(super) fn port(table: &mut Table<'_>, parity: Parity) -> PortFile {
+/// Reads a port. `parity` is what devices of this kind are set to when they leave the factory, or
+/// why that is not known.
+pub(super) fn port(table: &mut Table<'_>, parity: Result<Parity, Refusal>) -> PortFile {
     let serial = table.text("serial").optional();
     let tcp = table.text("tcp").optional();
     let baud = table.count("baud").range(300..=4_000_000).optional();
@@ -30,13 +31,16 @@ pub(super) fn port(table: &mut Table<'_>, parity: Parity) -> PortFile {
         }
         _ => {}
     }
+    if let (Some(serial), None, None, Err(refusal)) = (&serial, &tcp, &parity_given, &parity) {
+        table.refuse(serial, refusal);
+    }
     match (serial, tcp) {
         (None, Some(tcp)) => PortFile::Tcp { address: tcp.value },
         (serial, _) => PortFile::Serial {
             path: serial.map(|serial| serial.value).unwrap_or_default(),
             line: LineSettings {
                 baud: baud.map_or(0, |baud| baud.value),
-                parity: parity_given.map_or(parity, |parity| parity.value),
+                parity: parity_given.map_or(parity.unwrap_or(Parity::None), |given| given.value),
                 stop_bits: match stop_bits {
                     Some(Setting { value: 2, .. }) => StopBits::Two,
                     _ => StopBits::One,

@@ -1,7 +1,7 @@
 //! What a rig file can be refused for, beyond its shape.
 
 use rig_contact::SensorError;
-use rig_model::{AnalyzerMake, AxisError, Deg, Mm, Position};
+use rig_model::{AnalyzerMake, AxisError, Deg, DriveMake, Mm, Position};
 use rig_settings::Complaint;
 
 /// One reason. Values and limits are in the unit that their key names.
@@ -18,6 +18,10 @@ pub(super) enum Refusal {
     NotSerial { key: &'static str },
     #[error("a serial port needs its baud")]
     NoBaud,
+    #[error(
+        "a line of {linear} and {rotary} needs its parity: they leave the factory with different ones"
+    )]
+    NoParity { linear: DriveMake, rotary: DriveMake },
     #[error("tcp = {address:?} is not of the form host:port")]
     NotAnAddress { address: String },
     #[error("the analyzer and the bus cannot share the port {port}")]
@@ -77,6 +81,10 @@ impl Complaint for Refusal {
                 "remove one".into()
             }
             Self::NoBaud => "see the display or the switches of the device".into(),
+            Self::NoParity { .. } => {
+                "set both drives to one parity, and write it here: parity = \"none\" or \"even\""
+                    .into()
+            }
             Self::NotAnAddress { .. } => "write it like \"192.168.0.10:3500\"".into(),
             Self::SharedPort { .. } => "give each its own".into(),
             Self::SharedUnit { .. } => "give each drive its own, in the drive and here".into(),

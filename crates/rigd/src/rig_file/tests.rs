@@ -118,6 +118,38 @@ fn ports_take_what_their_devices_are_set_to() {
 }
 
 #[test]
+fn a_line_without_a_parity_has_the_one_that_its_drives_leave_the_factory_with() {
+    let parity = |linear: &str, rotary: &str, port: &str| {
+        let (head, tail) = SIMULATED.split_once("[rotary]").expect("the section");
+        let text = [
+            head.replace("= \"oriental-az\"", &format!("= \"{linear}\"")),
+            tail.replace("= \"oriental-az\"", &format!("= \"{rotary}\"")),
+        ]
+        .join("[rotary]");
+        let text = text.replacen("baud = 115200", port, 1);
+        RigFile::read("rig.toml", &text)
+            .map_err(|faults| {
+                faults.iter().next().map_or(String::new(), |fault| fault.message.clone())
+            })
+            .map(|rig| {
+                let PortFile::Serial { line, .. } = rig.bus else { panic!("it is a serial port") };
+                line.parity
+            })
+    };
+    let az = "oriental-az";
+    assert_eq!(parity(az, az, "baud = 115200"), Ok(Parity::Even));
+    for make in ["iai-rc", "leadshine-pr"] {
+        assert_eq!(parity(make, make, "baud = 115200"), Ok(Parity::None));
+        let both = "baud = 115200, parity = \"none\"";
+        assert_eq!(parity(az, make, both), Ok(Parity::None));
+        let needed = format!(
+            "a line of {az} and {make} needs its parity: they leave the factory with different ones"
+        );
+        assert_eq!(parity(az, make, "baud = 115200"), Err(needed));
+    }
+}
+
+#[test]
 fn a_rig_that_contradicts_itself_is_refused() {
     insta::assert_snapshot!(complaints(&[
         ("frequency_hz = [20, 2000]", "frequency_hz = [1, 2000]"),

@@ -444,10 +444,10 @@ impl Az {
         // Wrong limits may send the motor beyond its travel, but the switches stop it.
         let (low, high) = self.motor.travel(world);
         let reached = allowed.clamp(low, high);
-        let alarm = if reached != allowed {
-            Some(alarm::HARDWARE_OVERTRAVEL)
-        } else {
+        let alarm = if reached == allowed {
             (allowed != target && action >= 2).then_some(alarm::SOFTWARE_OVERTRAVEL)
+        } else {
+            Some(alarm::HARDWARE_OVERTRAVEL)
         };
         (reached, alarm)
     }

@@ -107,6 +107,8 @@ const MAX_LIST: usize = 201;
 
 const ANY: Limits = Limits { min: -9.9e37, max: 9.9e37, default: 0.0 };
 
+const SPOT: Limits = Limits { min: 20.0, max: 2e6, default: 1e3 };
+
 const DEVIATION: &[&str] = &["OFF"];
 
 const LOAD: &[&str] = &[
@@ -136,6 +138,11 @@ pub(super) const KEPT: &[Kept] = &[
     switch(":CORRection:OPEN:STATe", false),
     action(":CORRection:SHORt[:EXECute]"),
     switch(":CORRection:SHORt:STATe", false),
+    number(":CORRection:SPOT#(1:201):FREQuency", Unit::HERTZ, SPOT),
+    action(":CORRection:SPOT#(1:201):LOAD"),
+    action(":CORRection:SPOT#(1:201):OPEN"),
+    action(":CORRection:SPOT#(1:201):SHORt"),
+    switch(":CORRection:SPOT#(1:201):STATe", false),
     action(":DISPlay:CCLear"),
     switch(":DISPlay:ENABle", true),
     text(":DISPlay:LINE"),
