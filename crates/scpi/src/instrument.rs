@@ -11,18 +11,22 @@
 //! nothing. Time is the host's: a command may take as long as it likes.
 
 mod builtin;
+pub(crate) mod dialect;
 mod message;
+pub(crate) mod pattern;
+pub(crate) mod status;
+pub(crate) mod tree;
 
 use crate::{
-    dialect::{AfterError, AfterQuery, Dialect, Unread},
-    error::{ErrorClass, ErrorQueue, ScpiError},
-    grammar::{self, Header},
-    param::Param,
-    scan::Rules,
-    splitter::{Arrival, MessageSplitter},
-    status::Status,
-    tree::{Arity, Found, Tree},
-    value::Value,
+    grammar::error::{ErrorClass, ErrorQueue, ScpiError},
+    grammar::param::Param,
+    grammar::parse::{self, Header},
+    grammar::scan::Rules,
+    grammar::splitter::{Arrival, MessageSplitter},
+    grammar::value::Value,
+    instrument::dialect::{AfterError, AfterQuery, Dialect, Unread},
+    instrument::status::Status,
+    instrument::tree::{Arity, Found, Tree},
 };
 use builtin::Builtin;
 use message::Message;
@@ -301,7 +305,7 @@ impl<C: Copy> Instrument<C> {
     }
 
     fn run_unit(&mut self, unit: &[u8]) -> Result<Option<Call<C>>, ScpiError> {
-        let Some((header, data)) = grammar::unit(unit)? else { return Ok(None) };
+        let Some((header, data)) = parse::unit(unit)? else { return Ok(None) };
         self.refuse_after_query(&header)?;
         let path = self.session.message.absolute(&header);
         let Some((target, found)) = self.find(&path, &header) else {
@@ -405,7 +409,7 @@ fn check(found: &Found, data: &[u8]) -> Result<Vec<Param>, ScpiError> {
     if found.is_out_of_range {
         return Err(ScpiError::new(-114));
     }
-    let params = grammar::params(data)?;
+    let params = parse::params(data)?;
     let Arity { min, max } = found.arity;
     if params.len() < min {
         return Err(ScpiError::new(-109));

@@ -63,39 +63,24 @@
 //!   other data directly behind a header is −111; white space around a colon is −102.
 #![deny(clippy::disallowed_methods)]
 
-mod decoder;
-mod dialect;
-mod error;
+mod controller;
 mod grammar;
 mod instrument;
-mod list;
-mod mnemonic;
-mod param;
-mod pattern;
-mod program;
-mod report;
-mod response;
-mod scan;
-mod splitter;
-mod status;
-mod tree;
-mod unit;
-mod value;
 
-pub use decoder::{Expect, FrameError, Framing, ResponseDecoder};
-pub use dialect::{AfterError, AfterQuery, Dialect, Ending, ErrorFormat, QUERY_ERRORS, Unread};
-pub use error::{ErrorClass, ErrorQueue, ScpiError, standard_text};
+pub use controller::decoder::{Expect, FrameError, Framing, ResponseDecoder};
+pub use controller::program::{Program, ProgramError};
+pub use controller::report::{ErrorReport, Identity};
+pub use controller::response::{DataError, Datum, Response, ResponseUnit};
+pub use grammar::error::{ErrorClass, ErrorQueue, ScpiError, standard_text};
+pub use grammar::list::{ChannelRange, NumericRange};
+pub use grammar::mnemonic::short_form;
+pub use grammar::param::{Limits, Numeric, Param};
+pub use grammar::scan::{Ending, Terminators};
+pub use grammar::splitter::{Arrival, MessageSplitter};
+pub use grammar::unit::Unit;
+pub use grammar::value::{INFINITY, NOT_A_NUMBER, RealFormat, Value};
+pub use instrument::dialect::{AfterError, AfterQuery, Dialect, ErrorFormat, QUERY_ERRORS, Unread};
+pub use instrument::pattern::PatternFault;
+pub use instrument::status::{Register, Status};
+pub use instrument::tree::{Node, Tree, TreeError, command, query, setting};
 pub use instrument::{Call, Instrument, Session};
-pub use list::{ChannelRange, NumericRange};
-pub use mnemonic::short_form;
-pub use param::{Limits, Numeric, Param};
-pub use pattern::PatternFault;
-pub use program::{Program, ProgramError};
-pub use report::{ErrorReport, Identity};
-pub use response::{DataError, Datum, Response, ResponseUnit};
-pub use scan::Terminators;
-pub use splitter::{Arrival, MessageSplitter};
-pub use status::{Register, Status};
-pub use tree::{Node, Tree, TreeError, command, query, setting};
-pub use unit::Unit;
-pub use value::{INFINITY, NOT_A_NUMBER, RealFormat, Value};

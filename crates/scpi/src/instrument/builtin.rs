@@ -4,12 +4,12 @@ use std::sync::LazyLock;
 
 use super::{Instrument, Waiting};
 use crate::{
-    dialect::{Dialect, ErrorFormat},
-    error::{ErrorClass, ErrorQueue, ScpiError},
-    param::Param,
-    status::{REGISTER_MASK, Register},
-    tree::{Node, Tree, command, query, setting},
-    value::{Value, write_quoted},
+    grammar::error::{ErrorClass, ErrorQueue, ScpiError},
+    grammar::param::Param,
+    grammar::value::{Value, write_quoted},
+    instrument::dialect::{Dialect, ErrorFormat},
+    instrument::status::{REGISTER_MASK, Register},
+    instrument::tree::{Node, Tree, command, query, setting},
 };
 
 /// A command that needs no host.

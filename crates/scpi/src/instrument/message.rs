@@ -1,10 +1,10 @@
 //! The message that an instrument carries out, and the answer that grows with it.
 
 use crate::{
-    dialect::Ending,
-    grammar::Header,
-    scan::{Rules, Scanner},
-    value::{RealFormat, Value},
+    grammar::parse::Header,
+    grammar::scan::Ending,
+    grammar::scan::{Rules, Scanner},
+    grammar::value::{RealFormat, Value},
 };
 
 #[derive(Debug, Clone, Default)]

@@ -1,6 +1,6 @@
 //! What an instrument says of itself: its identity and its errors.
 
-use crate::response::{DataError, Response};
+use crate::controller::response::{DataError, Response};
 
 /// The answer to `*IDN?`.
 #[derive(Debug, Clone, PartialEq, Eq)]

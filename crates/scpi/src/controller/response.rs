@@ -12,8 +12,8 @@ use nom::{
 };
 
 use crate::{
-    param::whole,
-    value::{INFINITY, NOT_A_NUMBER},
+    grammar::param::whole,
+    grammar::value::{INFINITY, NOT_A_NUMBER},
 };
 
 /// Instruments print the two numbers that stand for something else in single precision too.

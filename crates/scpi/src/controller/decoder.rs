@@ -1,6 +1,6 @@
 //! Cuts the stream of an instrument into whole answers.
 
-use crate::{dialect::Ending, response::Response};
+use crate::{controller::response::Response, grammar::scan::Ending};
 
 /// How answers end, and how long they may be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

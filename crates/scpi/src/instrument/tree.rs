@@ -19,9 +19,9 @@
 //! ```
 
 use crate::{
-    grammar::Header,
-    mnemonic::split_digits,
-    pattern::{Match, Pattern, PatternFault},
+    grammar::mnemonic::split_digits,
+    grammar::parse::Header,
+    instrument::pattern::{Match, Pattern, PatternFault},
 };
 
 /// One command, one query, or both under the same header.

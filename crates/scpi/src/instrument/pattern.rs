@@ -1,6 +1,6 @@
 //! Header patterns as manuals write them: `[:SENSe]:FREQuency[:CW]`, `OUTPut#:STATe`, `*TRG`.
 
-use crate::mnemonic::{Mnemonic, split_digits};
+use crate::grammar::mnemonic::{Mnemonic, split_digits};
 
 /// A pattern that was checked.
 #[derive(Debug, Clone, PartialEq, Eq)]

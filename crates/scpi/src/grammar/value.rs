@@ -2,7 +2,7 @@
 
 use std::{borrow::Cow, io::Write};
 
-use crate::mnemonic::short_form;
+use crate::grammar::mnemonic::short_form;
 
 /// Stands for +∞ on the wire, and for a reading that is too large.
 pub const INFINITY: f64 = 9.9e37;

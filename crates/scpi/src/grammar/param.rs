@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use crate::{error::ScpiError, mnemonic::Mnemonic, unit::Unit};
+use crate::{grammar::error::ScpiError, grammar::mnemonic::Mnemonic, grammar::unit::Unit};
 
 /// One parameter of a command.
 #[derive(Debug, Clone, PartialEq)]
@@ -206,13 +206,12 @@ pub(crate) fn whole(value: f64) -> Option<i64> {
 
 #[cfg(test)]
 mod tests {
-    use crate::grammar;
+    use crate::grammar::parse;
 
     #[test]
     fn an_integer_is_the_one_that_was_sent_or_refused() {
         let found = |text: &str, range| {
-            let params =
-                grammar::params(text.as_bytes()).and_then(|params| params[0].integer(range));
+            let params = parse::params(text.as_bytes()).and_then(|params| params[0].integer(range));
             params.map_err(|error| error.number())
         };
         let all = i64::MIN..=i64::MAX;

@@ -1,6 +1,9 @@
 //! What differs between instruments that speak the same grammar.
 
-use crate::{scan::Terminators, value::RealFormat};
+use crate::{
+    grammar::scan::{Ending, Terminators},
+    grammar::value::RealFormat,
+};
 
 /// How an instrument behaves where the standards leave a choice, or where it breaks them.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,29 +43,6 @@ pub struct Dialect {
     pub headers: Option<bool>,
     /// How real numbers are answered.
     pub real_format: RealFormat,
-}
-
-/// What ends an answer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Ending {
-    /// Line feed.
-    #[default]
-    Lf,
-    /// Carriage return and line feed.
-    CrLf,
-    /// Carriage return.
-    Cr,
-}
-
-impl Ending {
-    /// The bytes.
-    pub const fn bytes(self) -> &'static [u8] {
-        match self {
-            Self::Lf => b"\n",
-            Self::CrLf => b"\r\n",
-            Self::Cr => b"\r",
-        }
-    }
 }
 
 /// What happens to the rest of a message after an error in it.

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use crate::scan::{Boundary, Rules, Scanner, Terminators, is_blank};
+use crate::grammar::scan::{Boundary, Rules, Scanner, Terminators, is_blank};
 
 /// What came out of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

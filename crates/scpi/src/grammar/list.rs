@@ -15,7 +15,7 @@ use nom::{
     sequence::{delimited, preceded},
 };
 
-use crate::{error::ScpiError, param::Param};
+use crate::{grammar::error::ScpiError, grammar::param::Param};
 
 /// Channels from the first to the last; a single channel is both.
 ///

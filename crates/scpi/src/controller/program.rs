@@ -3,8 +3,8 @@
 use std::io::Write;
 
 use crate::{
-    dialect::Ending,
-    value::{write_block, write_quoted, write_shortest},
+    grammar::scan::Ending,
+    grammar::value::{write_block, write_quoted, write_shortest},
 };
 
 /// Builds one program message of one or more units.
