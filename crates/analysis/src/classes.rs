@@ -1,43 +1,43 @@
-//! How many classes there are, when nobody has said.
+//! The number of classes, estimated from the values.
 //!
-//! Each number of classes is tried with its best partition, and pays for what it has to be told:
-//! where its classes are, and which class each value is in. Without the second, every class would
-//! be cheaper in two halves.
+//! Each number of classes is tried with its best partition. The cost counts the parameters of the
+//! classes and the label of each value; without the labels, two halves would always cost less than
+//! one class.
 
 use crate::cluster::{ClusterError, Clustering, optimal};
 
-/// The number of classes found, and the partition into them.
+/// The estimated number of classes and the partition into them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Classes {
-    /// How many.
+    /// Number of classes.
     pub count: usize,
     /// The partition of the logarithms.
     pub clustering: Clustering,
-    /// `costs[k − 1]`: the cost of k classes, less being better. Differences below about six say
-    /// little.
+    /// `costs[k − 1]` is the cost of k classes; the lowest wins. Differences below about six are not
+    /// significant.
     pub costs: Vec<f64>,
 }
 
 /// The classes of positive values on a logarithmic scale, at most `max` of them.
 ///
-/// `sigma_rel` is the relative standard deviation of a single value from its measurement alone: no
-/// class is taken to be narrower.
+/// `sigma_rel` is the relative standard deviation of a single value from its measurement alone. It is
+/// the smallest width of a class.
 ///
 /// # Errors
-/// [`ClusterError`] when a value is not a positive number or there is none.
+/// [`ClusterError`] when a value is not a positive number or the list is empty.
 ///
 /// # Source
 /// The classification likelihood of classes with a common variance (Symons, Biometrics 37 (1981)
 /// 35) with the penalty of Schwarz's criterion, as in Biernacki, Celeux and Govaert, IEEE TPAMI 22
 /// (2000) 719.
 pub fn count_classes(values: &[f64], sigma_rel: f64, max: usize) -> Result<Classes, ClusterError> {
-    // The logarithm of what is not positive is not finite, and is refused as such.
+    // The logarithm of a value that is not positive is not finite, and is refused as such.
     let logs: Vec<f64> = values.iter().map(|value| value.ln()).collect();
     let one = optimal(&logs, 1)?;
     let mut costs = vec![cost(&one, 1, sigma_rel)];
     let (mut least, mut best) = (costs[0], (1, one));
     for count in 2..=max {
-        // More classes than different values: there is nothing more to try.
+        // There are more classes than different values.
         let Ok(clustering) = optimal(&logs, count) else { break };
         let cost = cost(&clustering, count, sigma_rel);
         costs.push(cost);
@@ -97,7 +97,7 @@ mod tests {
         check(&around(&[50.0], 0.6, 50), 1);
     }
 
-    /// Both sides of where two classes run into each other.
+    /// On both sides of the distance at which two classes merge.
     #[test]
     fn two_classes_are_two_until_they_touch() {
         check(&around(&[30.0, 45.0], 0.2, 25), 2);
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_values_are_one_class_and_nothing_is_none() {
+    fn equal_values_are_one_class_and_no_values_are_refused() {
         check(&[3.0; 20], 1);
         assert_eq!(
             count_classes(&[], 0.01, 5),

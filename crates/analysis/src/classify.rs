@@ -1,47 +1,47 @@
-//! Classification against calibrated centres: what is known of the samples before the blind touches.
+//! Classification against calibrated class centres.
 //!
-//! Values are logarithms, of a shift or of a stiffness: contact angle, depth and scatter multiply a
-//! shift, so that on a logarithmic scale every class is about equally wide, soft or stiff. k-means
-//! on shifts in Hz splits the stiffest class and merges the softest two because it is not.
+//! Values are logarithms of a shift or of a stiffness. Contact angle, depth and scatter multiply a
+//! shift, so that soft and stiff classes are about equally wide on a logarithmic scale. In Hz they are
+//! not, and k-means splits the stiffest class and merges the softest two.
 
-/// A class as its calibration found it.
+/// A calibrated class.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Class {
     /// Mean of the logarithms.
     pub centre: f64,
-    /// Their standard deviation.
+    /// Standard deviation of the logarithms.
     pub spread: f64,
 }
 
-/// Classes to compare with.
+/// A classifier with calibrated classes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Classifier {
     classes: Vec<Class>,
 }
 
-/// What a value is taken for.
+/// The class of a value, or its rejection.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Verdict {
-    /// A class, the likeliest of all.
+pub enum Decision {
+    /// The most likely class.
     Class {
-        /// Its index.
+        /// Index of the class.
         class: usize,
-        /// Its probability, when all classes were equally likely beforehand.
+        /// Probability of the class, for equal prior probabilities.
         probability: f64,
     },
-    /// Too far from every class to be one of them.
+    /// The value is too far from every class.
     Unknown {
-        /// The nearest class.
+        /// Index of the nearest class.
         nearest: usize,
-        /// How far it is, in standard deviations.
+        /// Distance to that class in standard deviations.
         distance: f64,
     },
 }
 
-/// Why there is no classifier.
+/// A refused calibration.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum CalibrationError {
-    /// A value is no positive number, or does not name a class.
+    /// A value is not positive, or its label is out of range.
     #[error("calibration: value {index} is not a positive number of a class below {classes}")]
     NotUsable {
         /// Index of the value.
@@ -52,22 +52,22 @@ pub enum CalibrationError {
     /// A class has too few values to have a centre and a spread.
     #[error("calibration: class {class} has {values} values, at least 2 are needed")]
     TooFewValues {
-        /// The class.
+        /// Index of the class.
         class: usize,
-        /// How many values it has.
+        /// Number of its values.
         values: usize,
     },
-    /// Two classes have the same centre: no value could tell them apart.
+    /// Two classes have the same centre.
     #[error("calibration: classes {first} and {second} have the same centre")]
     Coincident {
-        /// One of them.
+        /// Index of one class.
         first: usize,
-        /// The other.
+        /// Index of the other class.
         second: usize,
     },
 }
 
-/// Standard deviations from the nearest class beyond which a value is none of them. Within the
+/// Distance to the nearest class, in standard deviations, beyond which a value is rejected. Over the
 /// paper's angles a class is far from normal; five standard deviations hold all of it.
 const UNKNOWN_BEYOND: f64 = 5.0;
 /// Centres closer than this, in logarithms, are the same number.
@@ -76,8 +76,7 @@ const COINCIDENT: f64 = 1e-12;
 impl Classifier {
     /// Calibrates classes from positive values of known class.
     ///
-    /// The spread is shared by all classes, because a handful of values gives a better centre than
-    /// spread.
+    /// All classes share one spread, because a few values estimate a centre better than a spread.
     ///
     /// # Errors
     /// [`CalibrationError`].
@@ -129,9 +128,9 @@ impl Classifier {
         &self.classes
     }
 
-    /// Classifies a value whose own relative standard deviation is `sigma_rel`; none for a value
-    /// that is not positive, and without classes.
-    pub fn classify(&self, value: f64, sigma_rel: f64) -> Option<Verdict> {
+    /// Classifies a value with the relative standard deviation `sigma_rel`; `None` for a value that
+    /// is not positive, and without classes.
+    pub fn classify(&self, value: f64, sigma_rel: f64) -> Option<Decision> {
         if !(value.is_finite() && value > 0.0) {
             return None;
         }
@@ -150,10 +149,10 @@ impl Classifier {
             .enumerate()
             .min_by(|a, b| a.1.total_cmp(&b.1))?;
         if distance > UNKNOWN_BEYOND {
-            return Some(Verdict::Unknown { nearest, distance });
+            return Some(Decision::Unknown { nearest, distance });
         }
         let sum: f64 = log_likelihoods.iter().map(|log| (log - best).exp()).sum();
-        Some(Verdict::Class { class, probability: sum.recip() })
+        Some(Decision::Class { class, probability: sum.recip() })
     }
 }
 
@@ -170,11 +169,11 @@ mod tests {
     fn a_value_belongs_to_the_nearest_class_with_the_odds_of_its_distance() {
         let two = classes(&[0.0, 1.0]).unwrap();
         let at = |log: f64| two.classify(log.exp(), 0.0).unwrap();
-        let Verdict::Class { class, probability } = at(0.45) else { panic!() };
+        let Decision::Class { class, probability } = at(0.45) else { panic!() };
         assert_eq!(class, 0);
         // The squared distances are 20.25 and 30.25.
         assert!((probability - 1.0 / (1.0 + (-5.0_f64).exp())).abs() < 1e-12, "{probability}");
-        let Verdict::Class { class, probability } = at(0.5 + 1e-9) else { panic!() };
+        let Decision::Class { class, probability } = at(0.5 + 1e-9) else { panic!() };
         assert_eq!(class, 1);
         assert!((probability - 0.5).abs() < 1e-6);
     }
@@ -183,11 +182,11 @@ mod tests {
     fn a_value_far_from_every_class_is_none_of_them() {
         let two = classes(&[0.0, 3.0]).unwrap();
         let at = |log: f64| two.classify(log.exp(), 0.0).unwrap();
-        assert!(matches!(at(0.499), Verdict::Class { class: 0, .. }));
-        assert!(matches!(at(0.501), Verdict::Unknown { nearest: 0, .. }));
+        assert!(matches!(at(0.499), Decision::Class { class: 0, .. }));
+        assert!(matches!(at(0.501), Decision::Unknown { nearest: 0, .. }));
         // A value that is itself uncertain may still be one.
         let uncertain = two.classify(0.501_f64.exp(), 0.1);
-        assert!(matches!(uncertain, Some(Verdict::Class { class: 0, .. })));
+        assert!(matches!(uncertain, Some(Decision::Class { class: 0, .. })));
         assert_eq!(two.classify(0.0, 0.1), None);
         assert_eq!(two.classify(f64::NAN, 0.1), None);
         assert_eq!(classes(&[]).unwrap().classify(1.0, 0.1), None);
@@ -205,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn calibrations_without_sense_are_refused() {
+    fn calibrations_that_define_no_classes_are_refused() {
         use CalibrationError::{Coincident, NotUsable, TooFewValues};
         let calibrate = |values: &[f64], labels: &[usize]| {
             Classifier::calibrated(values, labels, 2).unwrap_err()

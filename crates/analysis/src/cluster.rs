@@ -1,9 +1,8 @@
 //! k-means in one dimension: the paper's automatic classification.
 //!
-//! [`optimal`] gives the partition with the smallest sum of squares that exists. [`lloyd`] is what
-//! a call of a common k-means routine does: it starts somewhere and walks downhill, and where it
-//! ends depends on where it started. The two differ exactly where the paper's figure cannot be
-//! reproduced without knowing the start.
+//! [`optimal`] gives the partition with the smallest sum of squares. [`lloyd`] does the same as common
+//! k-means routines: it descends from a random start to a local optimum. The two differ exactly
+//! where the paper's figure cannot be reproduced without its start values.
 
 mod lloyd;
 mod optimal;
@@ -14,27 +13,26 @@ pub use optimal::optimal;
 /// Values sorted into clusters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clustering {
-    /// Mean of each cluster, ascending. A cluster that [`lloyd`] has left empty stands where it
-    /// was when it lost its last value.
+    /// Mean of each cluster, ascending. A cluster that [`lloyd`] leaves empty keeps its last centre.
     pub centres: Vec<f64>,
-    /// For each value, in the order given, the index of its cluster.
+    /// Index of the cluster of each value, in the given order.
     pub clusters: Vec<usize>,
     /// Sum of the squared distances of the values from the centres of their clusters.
     pub sum_of_squares: f64,
 }
 
-/// The values cannot be sorted into so many clusters.
+/// A refused clustering.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum ClusterError {
-    /// No cluster was asked for.
+    /// The requested number of clusters is zero.
     #[error("clustering: the number of clusters must be at least 1")]
     NoClusters,
     /// There are fewer different values than clusters.
     #[error("clustering: {distinct} different values cannot fill {wanted} clusters")]
     TooFewValues {
-        /// Different values given.
+        /// Number of different values.
         distinct: usize,
-        /// Clusters asked for.
+        /// Requested number of clusters.
         wanted: usize,
     },
     /// A value is infinite or not a number.
@@ -62,7 +60,7 @@ fn distinct(values: &[f64], clusters: usize) -> Result<Vec<f64>, ClusterError> {
     Ok(distinct)
 }
 
-/// The mean of each cluster that holds a value.
+/// The mean of each cluster; `None` for an empty one.
 fn means(values: &[f64], clusters: &[usize], count: usize) -> Vec<Option<f64>> {
     let mut sums = vec![(0.0, 0.0); count];
     for (&value, &cluster) in values.iter().zip(clusters) {

@@ -1,16 +1,16 @@
-//! From touches to results: shift tables, sensitivity, classification.
+//! Results from touches: shift tables, sensitivity, stiffness, classification.
 //!
-//! Everything here works on plain numbers: what a touch is and where it is kept is left to others.
-//! Samples, directions and classes are indices into lists of the caller.
+//! All functions take plain numbers. Samples, directions and classes are indices into lists of the
+//! caller, which also owns the records of the touches.
 
 #![deny(clippy::disallowed_methods)]
 
+pub mod calibration;
 pub mod classes;
 pub mod classify;
 pub mod cluster;
 pub mod no_load;
 pub mod recognition;
-pub mod scale;
 pub mod score;
 pub mod sensitivity;
 pub mod shift;

@@ -1,17 +1,17 @@
-//! Recognition as the paper defines it: each sample has a range of shifts, and a point is judged by
-//! the ranges that its shift falls into.
+//! Recognition as the paper defines it: each sample has a range of shifts, and the ranges that contain
+//! the shift of a point decide.
 
-/// A range of shifts, in Hz.
+/// A range of shifts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Range {
-    /// Smallest shift.
+    /// Smallest shift, Hz.
     pub min_hz: f64,
-    /// Largest shift.
+    /// Largest shift, Hz.
     pub max_hz: f64,
 }
 
 impl Range {
-    /// The smallest range that holds all of these shifts; none without shifts.
+    /// The smallest range that contains these shifts; `None` without shifts.
     pub fn of(shifts_hz: impl IntoIterator<Item = f64>) -> Option<Self> {
         shifts_hz.into_iter().fold(None, |range, shift| {
             let Self { min_hz, max_hz } = range.unwrap_or(Self { min_hz: shift, max_hz: shift });
@@ -19,41 +19,41 @@ impl Range {
         })
     }
 
-    /// Whether the shift lies inside, ends included.
+    /// Whether the shift lies inside the closed range.
     pub fn contains(&self, shift_hz: f64) -> bool {
         self.min_hz <= shift_hz && shift_hz <= self.max_hz
     }
 }
 
-/// How a point of a known sample is judged.
+/// The judgement of a point of a known sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Judgement {
-    /// It lies in the range of its sample and in no other.
+    /// The point lies in the range of its sample only.
     Recognised,
-    /// It lies in the range of its sample and in so many others: "it may be misjudged".
+    /// The point lies in the range of its sample and in other ranges: "it may be misjudged".
     Ambiguous {
-        /// How many other ranges hold it.
+        /// Number of other ranges that contain the point.
         others: usize,
     },
-    /// It lies outside of its sample's range.
+    /// The point lies outside its sample's range.
     Missed,
 }
 
-/// How points that "may be misjudged" are counted.
+/// The credit for ambiguous points in a recognition rate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Credit {
-    /// As recognised.
+    /// Counted as recognised.
     Full,
-    /// As many parts as there are ranges: a guess among them.
+    /// One over the number of ranges that contain the point: a guess among them.
     Shared,
-    /// As not recognised.
+    /// Counted as not recognised.
     None,
 }
 
 /// Judges a point of `sample` by the ranges of all samples.
 ///
 /// # Panics
-/// When there is no range for `sample`.
+/// When `sample` has no range.
 pub fn judge(ranges: &[Range], sample: usize, shift_hz: f64) -> Judgement {
     if !ranges[sample].contains(shift_hz) {
         return Judgement::Missed;
@@ -66,14 +66,14 @@ pub fn judge(ranges: &[Range], sample: usize, shift_hz: f64) -> Judgement {
     if others == 0 { Judgement::Recognised } else { Judgement::Ambiguous { others } }
 }
 
-/// How many points were judged how.
+/// The number of points with each judgement.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Tally {
-    /// Recognised for certain.
+    /// Points in the range of their sample only.
     pub recognised: u32,
-    /// `ambiguous[n − 1]`: in the range of their sample and in n others.
+    /// `ambiguous[n − 1]`: points in the range of their sample and in n others.
     pub ambiguous: Vec<u32>,
-    /// Outside of their sample's range.
+    /// Points outside their sample's range.
     pub missed: u32,
 }
 
@@ -90,12 +90,12 @@ impl Tally {
         }
     }
 
-    /// How many points were judged.
+    /// Number of judged points.
     pub fn points(&self) -> u32 {
         self.recognised + self.missed + self.ambiguous.iter().sum::<u32>()
     }
 
-    /// The share of recognised points, or none without points.
+    /// The share of recognised points; `None` without points.
     pub fn rate(&self, credit: Credit) -> Option<f64> {
         let points = self.points();
         if points == 0 {

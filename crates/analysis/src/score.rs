@@ -1,4 +1,4 @@
-//! How well clusters agree with the labels that were kept from them.
+//! Agreement of clusters with the true labels.
 
 mod assignment;
 
@@ -7,34 +7,34 @@ use assignment::best_assignment;
 /// The agreement of clusters with labels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Score {
-    /// How many were classified.
+    /// Number of classified trials.
     pub trials: u32,
-    /// Of which into the cluster that stands for their label.
+    /// Trials in the cluster that stands for their label.
     pub correct: u32,
-    /// For each cluster the label it stands for, or none when there are more clusters than labels.
+    /// The label of each cluster; `None` for a surplus cluster.
     pub label_of: Vec<Option<usize>>,
-    /// `counts[label][cluster]`: how many of each label fell into each cluster.
+    /// `counts[label][cluster]`: trials of each label in each cluster.
     pub counts: Vec<Vec<u32>>,
 }
 
 impl Score {
-    /// The share of correct ones, or none without trials.
+    /// The share of correct trials; `None` without trials.
     pub fn rate(&self) -> Option<f64> {
         (self.trials > 0).then(|| f64::from(self.correct) / f64::from(self.trials))
     }
 
-    /// The interval that covers the true rate with 95 % confidence.
+    /// The 95 % confidence interval of the rate.
     pub fn interval(&self) -> (f64, f64) {
         wilson_95(self.correct, self.trials)
     }
 }
 
-/// Lets each cluster stand for one label, so that as many as possible are correct, and counts.
+/// Matches clusters to labels so that the number of correct trials is largest, and counts.
 ///
 /// `labels[i]` and `clusters[i]` belong to the same trial; the labels are below `n_labels`, the
-/// clusters below `n_clusters`. The best matching flatters: with few trials it beats a classifier
-/// that had to commit itself. It is what a person does who looks at the picture afterwards, and
-/// what the paper's 46 of 50 means.
+/// clusters below `n_clusters`. The best matching is optimistic: with few trials it beats a
+/// classifier that commits itself beforehand. A person who reads the chart afterwards does the same,
+/// and the paper's 46 of 50 is such a count.
 ///
 /// # Panics
 /// When the two lists differ in length, or hold an index out of range.

@@ -1,37 +1,37 @@
-//! How fast the shift grows with stiffness.
+//! Sensitivity: the slope of the shift over the stiffness.
 //!
 //! The paper defines the sensitivity as "the ratio between the resonant frequency shift and the
 //! change in stiffness" and gives one number for its whole range. That is the chord between the
-//! softest and the stiffest sample. Since the shift is concave in stiffness, the slope of the
-//! least-squares line is another number, and both depend on which samples were touched; the
-//! largest distance from the line says how little a single slope means.
+//! softest and the stiffest sample. The shift is concave in stiffness, so that the slope of the
+//! least-squares line differs from the chord, and both depend on the choice of samples. The largest
+//! distance from the line shows the limits of a single slope.
 
 /// A sample of known stiffness and its shift.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Point {
-    /// Stiffness, MPa.
+pub struct SampleShift {
+    /// Known Young's modulus, MPa.
     pub stiffness_mpa: f64,
-    /// Shift, Hz.
+    /// Frequency shift, Hz.
     pub shift_hz: f64,
-    /// Its standard deviation, Hz.
+    /// Standard deviation of the shift, Hz.
     pub sigma_hz: f64,
 }
 
-/// A slope and its standard deviation, in Hz/MPa.
+/// A slope with its standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Slope {
-    /// The slope, Hz/MPa.
+    /// Slope of the shift over the stiffness, Hz/MPa.
     pub hz_per_mpa: f64,
-    /// Its standard deviation as far as it comes from that of the shifts, Hz/MPa.
+    /// Standard deviation of the slope from those of the shifts, Hz/MPa.
     pub sigma_hz_per_mpa: f64,
 }
 
 /// The sensitivity over the range of the samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sensitivity {
-    /// Between the softest and the stiffest sample.
+    /// Slope between the softest and the stiffest sample.
     pub chord: Slope,
-    /// By ordinary least squares through all samples.
+    /// Slope of the least-squares line through all samples.
     pub line: Slope,
     /// Shift of that line at zero stiffness, Hz.
     pub intercept_hz: f64,
@@ -39,7 +39,7 @@ pub struct Sensitivity {
     pub max_deviation_hz: f64,
 }
 
-/// The points have no slope.
+/// A refused sensitivity.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum SensitivityError {
     /// A number is infinite or not a number.
@@ -48,7 +48,7 @@ pub enum SensitivityError {
         /// Index of the point.
         index: usize,
     },
-    /// Fewer than two stiffnesses.
+    /// There are fewer than two different stiffnesses.
     #[error("sensitivity: all points have the same stiffness, or there are fewer than two")]
     NoRange,
 }
@@ -56,18 +56,18 @@ pub enum SensitivityError {
 /// The sensitivity from samples of known stiffness, in any order.
 ///
 /// # Errors
-/// [`SensitivityError`] when there are not two different stiffnesses or a number is not finite.
+/// [`SensitivityError`] for fewer than two different stiffnesses or a number that is not finite.
 ///
 /// # Source
 /// Sensors 2020, 20, 6607, section 3.1.1: 134.11 Hz/MPa from 0.045 MPa to 0.649 MPa.
-pub fn sensitivity(points: &[Point]) -> Result<Sensitivity, SensitivityError> {
-    let is_finite = |point: &Point| {
+pub fn sensitivity(points: &[SampleShift]) -> Result<Sensitivity, SensitivityError> {
+    let is_finite = |point: &SampleShift| {
         [point.stiffness_mpa, point.shift_hz, point.sigma_hz].iter().all(|x| x.is_finite())
     };
     if let Some(index) = points.iter().position(|point| !is_finite(point)) {
         return Err(SensitivityError::NotFinite { index });
     }
-    let softness = |a: &&Point, b: &&Point| a.stiffness_mpa.total_cmp(&b.stiffness_mpa);
+    let softness = |a: &&SampleShift, b: &&SampleShift| a.stiffness_mpa.total_cmp(&b.stiffness_mpa);
     let ends = points.iter().min_by(softness).zip(points.iter().max_by(softness));
     let (soft, stiff) = ends.ok_or(SensitivityError::NoRange)?;
     let range = stiff.stiffness_mpa - soft.stiffness_mpa;
@@ -83,12 +83,12 @@ pub fn sensitivity(points: &[Point]) -> Result<Sensitivity, SensitivityError> {
     let mean_mpa = points.iter().map(|point| point.stiffness_mpa).sum::<f64>() / n;
     let mean_hz = points.iter().map(|point| point.shift_hz).sum::<f64>() / n;
     let sxx: f64 = points.iter().map(|point| (point.stiffness_mpa - mean_mpa).powi(2)).sum();
-    let weight = |point: &Point| (point.stiffness_mpa - mean_mpa) / sxx;
+    let weight = |point: &SampleShift| (point.stiffness_mpa - mean_mpa) / sxx;
     let slope: f64 = points.iter().map(|point| weight(point) * (point.shift_hz - mean_hz)).sum();
     let variance: f64 = points.iter().map(|point| (weight(point) * point.sigma_hz).powi(2)).sum();
     let intercept_hz = mean_hz - slope * mean_mpa;
     let deviation =
-        |point: &Point| (point.shift_hz - intercept_hz - slope * point.stiffness_mpa).abs();
+        |point: &SampleShift| (point.shift_hz - intercept_hz - slope * point.stiffness_mpa).abs();
     Ok(Sensitivity {
         chord,
         line: Slope { hz_per_mpa: slope, sigma_hz_per_mpa: variance.sqrt() },
@@ -103,8 +103,8 @@ mod tests {
 
     const STIFFNESS_MPA: [f64; 5] = [0.045, 0.104, 0.235, 0.320, 0.649];
 
-    fn points(shift_hz: impl Fn(f64) -> f64) -> Vec<Point> {
-        let point = |stiffness_mpa| Point {
+    fn points(shift_hz: impl Fn(f64) -> f64) -> Vec<SampleShift> {
+        let point = |stiffness_mpa| SampleShift {
             stiffness_mpa,
             shift_hz: shift_hz(stiffness_mpa),
             sigma_hz: 0.1,
@@ -126,10 +126,14 @@ mod tests {
     fn a_concave_curve_has_a_chord_a_line_and_a_distance_between_them() {
         // Reference: the normal equations of these five points in exact fractions.
         let shifts = [7.98, 17.82, 37.68, 49.41, 88.99];
-        let points: Vec<Point> = STIFFNESS_MPA
+        let points: Vec<SampleShift> = STIFFNESS_MPA
             .iter()
             .zip(shifts)
-            .map(|(&stiffness_mpa, shift_hz)| Point { stiffness_mpa, shift_hz, sigma_hz: 0.1 })
+            .map(|(&stiffness_mpa, shift_hz)| SampleShift {
+                stiffness_mpa,
+                shift_hz,
+                sigma_hz: 0.1,
+            })
             .collect();
         let found = sensitivity(&points).unwrap();
         assert!((found.chord.hz_per_mpa - 81.01 / 0.604).abs() < 1e-10, "{found:?}");

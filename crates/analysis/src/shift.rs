@@ -2,72 +2,71 @@
 
 /// The shift of one touch.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Touch {
-    /// Which sample.
+pub struct TouchShift {
+    /// Index of the sample.
     pub sample: usize,
-    /// Which direction.
+    /// Index of the direction.
     pub direction: usize,
     /// Contact angle, degrees.
     pub angle_deg: f64,
-    /// Resonance in contact less the reference, Hz.
+    /// Resonance in contact less the no-load resonance, Hz.
     pub shift_hz: f64,
-    /// Its standard deviation, Hz.
+    /// Standard deviation of the shift, Hz.
     pub sigma_hz: f64,
 }
 
-/// A mean of shifts, with what is known of its error from two sides.
+/// A mean of shifts with two estimates of its error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mean {
-    /// The mean, Hz.
+    /// Mean shift, Hz.
     pub shift_hz: f64,
-    /// Its standard deviation if nothing but the frequencies were uncertain, Hz: the standard
-    /// deviations of the values averaged, propagated as independent.
+    /// Standard deviation of the mean, propagated from independent values, Hz.
     pub sigma_hz: f64,
-    /// Standard deviation of the values that were averaged, Hz, when there were several. Unlike
-    /// `sigma_hz` it sees placement, depth and tissue, and, between directions, their difference.
+    /// Standard deviation of the averaged values, Hz; `None` for a single value. Unlike `sigma_hz` it
+    /// includes placement, depth, tissue and the difference between directions.
     pub spread_hz: Option<f64>,
-    /// How many values were averaged.
+    /// Number of averaged values.
     pub count: usize,
 }
 
 impl Mean {
-    /// Standard deviation of the mean, Hz: the larger of what the fits say and what the scatter of
-    /// the values says. The second contains the first, but from a few values it may be small by
-    /// chance.
+    /// Standard deviation of the mean, Hz: the larger of the propagated one and the one from the
+    /// scatter of the values. The scatter includes all errors, but may be small by chance for a few
+    /// values.
     pub fn standard_error_hz(&self) -> f64 {
         let from_scatter = self.spread_hz.map_or(0.0, |spread| spread / (self.count as f64).sqrt());
         self.sigma_hz.max(from_scatter)
     }
 }
 
-/// The touches of one sample at one angle and in one direction.
+/// The mean shift of one sample at one angle in one direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cell {
-    /// Which sample.
+pub struct DirectionMean {
+    /// Index of the sample.
     pub sample: usize,
     /// Contact angle, degrees.
     pub angle_deg: f64,
-    /// Which direction.
+    /// Index of the direction.
     pub direction: usize,
-    /// The mean of the repeats.
+    /// Mean of the repeats.
     pub mean: Mean,
 }
 
-/// One sample at one angle, averaged over the directions.
+/// The mean shift of one sample at one angle over the directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AngleMean {
-    /// Which sample.
+    /// Index of the sample.
     pub sample: usize,
     /// Contact angle, degrees.
     pub angle_deg: f64,
-    /// The mean of the directions, each counted once however often it was touched.
+    /// Mean of the directions, each with the same weight.
     pub mean: Mean,
 }
 
 /// The mean of the repeats in each direction, ordered by sample, angle and direction.
-pub fn by_direction(touches: &[Touch]) -> Vec<Cell> {
+pub fn by_direction(touches: &[TouchShift]) -> Vec<DirectionMean> {
     let mut touches = touches.to_vec();
-    // Stable, so that repeats stay in the order in which they were made.
+    // The sort is stable: repeats stay in their order.
     touches.sort_by(|a, b| {
         (a.sample.cmp(&b.sample))
             .then(a.angle_deg.total_cmp(&b.angle_deg))
@@ -78,22 +77,22 @@ pub fn by_direction(touches: &[Touch]) -> Vec<Cell> {
             (a.sample, a.angle_deg, a.direction) == (b.sample, b.angle_deg, b.direction)
         })
         .map(|repeats| {
-            let Touch { sample, angle_deg, direction, .. } = repeats[0];
+            let TouchShift { sample, angle_deg, direction, .. } = repeats[0];
             let values = repeats.iter().map(|touch| (touch.shift_hz, touch.sigma_hz));
-            Cell { sample, angle_deg, direction, mean: mean(values) }
+            DirectionMean { sample, angle_deg, direction, mean: mean(values) }
         })
         .collect()
 }
 
 /// The mean of the directions at each angle, ordered by sample and angle.
 ///
-/// `cells` must be ordered as [`by_direction`] gives them.
-pub fn by_angle(cells: &[Cell]) -> Vec<AngleMean> {
-    cells
+/// `means` must have the order of [`by_direction`].
+pub fn by_angle(means: &[DirectionMean]) -> Vec<AngleMean> {
+    means
         .chunk_by(|a, b| (a.sample, a.angle_deg) == (b.sample, b.angle_deg))
         .map(|directions| {
-            let Cell { sample, angle_deg, .. } = directions[0];
-            let values = directions.iter().map(|cell| (cell.mean.shift_hz, cell.mean.sigma_hz));
+            let DirectionMean { sample, angle_deg, .. } = directions[0];
+            let values = directions.iter().map(|one| (one.mean.shift_hz, one.mean.sigma_hz));
             AngleMean { sample, angle_deg, mean: mean(values) }
         })
         .collect()
@@ -114,8 +113,8 @@ fn mean(values: impl ExactSizeIterator<Item = (f64, f64)> + Clone) -> Mean {
 mod tests {
     use super::*;
 
-    fn touch(sample: usize, direction: usize, angle_deg: f64, shift_hz: f64) -> Touch {
-        Touch { sample, direction, angle_deg, shift_hz, sigma_hz: 0.3 }
+    fn touch(sample: usize, direction: usize, angle_deg: f64, shift_hz: f64) -> TouchShift {
+        TouchShift { sample, direction, angle_deg, shift_hz, sigma_hz: 0.3 }
     }
 
     #[test]
@@ -149,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_gives_nothing() {
+    fn no_touches_give_no_means() {
         assert_eq!(by_direction(&[]), []);
         assert_eq!(by_angle(&[]), []);
     }

@@ -1,88 +1,88 @@
-//! Stiffness from shifts, with the contact angle compensated.
+//! Stiffness from shifts, with compensation of the contact angle.
 //!
-//! Each touch at a known angle gives a stiffness by itself; those of one sample are averaged. A
-//! place whose angle is not known needs several touches, each with the probe turned.
+//! Each touch at a known angle gives a stiffness; those of one sample are averaged. A site at an
+//! unknown angle needs several touches, each with the probe turned.
 
 use rig_contact::{
     Contact, ContactLaw, Depth, Friction, Models, Pose, Tier,
     inverse::{
-        AnglePrior, AzimuthPrior, InverseError, OneTouch, Probing, Spread, TiltInference,
-        TissueKind, Touch, infer_tilt,
+        AnglePrior, AzimuthPrior, InverseError, OneTouch, SiteTouch, TiltInference, TissueKind,
+        TouchModel, TouchSigmas, infer_tilt,
     },
 };
 
-/// By which model touches are read, and how well they were made.
+/// The model for the stiffness of touches, and the uncertainty of the touches.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Compensation {
-    /// The sensor, for contacts of `law`.
+    /// Models of the sensor for `law`.
     pub models: Models,
-    /// The model.
+    /// Model of the vibration.
     pub tier: Tier,
-    /// The contact law.
+    /// Law of contact radius and force.
     pub law: ContactLaw,
-    /// What happens sideways.
+    /// Behaviour along the surface.
     pub friction: Friction,
-    /// What is taken as known of every sample.
+    /// Assumed properties of every sample.
     pub kind: TissueKind,
-    /// Standard deviation of the depth that the touches of one place share, mm.
+    /// Standard deviation of the depth error that the touches of one site share, mm.
     pub shared_depth_sigma_mm: f64,
-    /// Standard deviation of the depth of each touch by itself, mm.
+    /// Standard deviation of the independent depth error of each touch, mm.
     pub depth_sigma_mm: f64,
     /// Standard deviation of the contact angle, rad.
     pub angle_sigma_rad: f64,
 }
 
-/// One touch whose pose is known.
+/// One touch at a known pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PosedTouch {
-    /// Which sample.
+    /// Index of the sample.
     pub sample: usize,
-    /// How the probe stood to it.
+    /// Pose of the probe against the surface.
     pub pose: Pose,
-    /// How deep.
+    /// Depth along the probe.
     pub depth: Depth,
-    /// Resonance in contact less the reference, Hz.
+    /// Resonance in contact less the no-load resonance, Hz.
     pub shift_hz: f64,
-    /// Its standard deviation, Hz.
+    /// Standard deviation of the shift, Hz.
     pub sigma_hz: f64,
 }
 
-/// A stiffness and its standard deviation, MPa.
+/// A stiffness with its standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Young {
-    /// Young's modulus.
+    /// Young's modulus, MPa.
     pub mpa: f64,
-    /// Its standard deviation.
+    /// Standard deviation, MPa.
     pub sigma_mpa: f64,
 }
 
 /// The stiffness of a sample from all of its touches.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SampleStiffness {
-    /// Which sample.
+    /// Index of the sample.
     pub sample: usize,
     /// Weighted mean of Young's modulus, MPa.
     pub young_mpa: f64,
-    /// Its standard deviation as far as it comes from those of the touches, MPa.
+    /// Standard deviation of the mean, propagated from the touches, MPa.
     pub sigma_mpa: f64,
-    /// Standard deviation of the touches about the mean, MPa, when there were several. It also
-    /// sees that the sample is not alike everywhere.
+    /// Standard deviation of the touches about the mean, MPa; `None` for a single touch. It includes
+    /// the variation over the sample.
     pub spread_mpa: Option<f64>,
-    /// Touches, or places, that gave a stiffness.
+    /// Number of touches or sites with a stiffness.
     pub touches: usize,
-    /// Those that were refused one.
+    /// Number of refused touches or sites.
     pub refused: usize,
 }
 
 impl SampleStiffness {
-    /// The mean of what touches or places of a sample gave; none when all were refused.
+    /// The mean over the touches or sites of a sample; `None` when all were refused.
     pub fn mean(sample: usize, found: &[Young], refused: usize) -> Option<Self> {
         let weight = |one: &Young| (one.mpa / one.sigma_mpa).powi(2);
         let sum: f64 = found.iter().map(weight).sum();
         if found.is_empty() {
             return None;
         }
-        // Errors are relative, so that weights are: the smaller of two readings is no better.
+        // Errors are relative, and so are the weights: a small value is not more certain.
         let mean = found.iter().map(|one| weight(one) * one.mpa).sum::<f64>() / sum;
         let squares = found.iter().map(|one| (one.mpa - mean).powi(2)).sum::<f64>();
         let freedom = found.len() as f64 - 1.0;
@@ -106,7 +106,7 @@ impl Compensation {
         let PosedTouch { pose, depth, shift_hz, sigma_hz, .. } = *touch;
         let Self { tier, law, friction, kind, .. } = *self;
         let contact = Contact { pose, depth, law, friction };
-        let spread = Spread {
+        let spread = TouchSigmas {
             shift_hz: sigma_hz,
             depth_mm: self.shared_depth_sigma_mm.hypot(self.depth_sigma_mm),
             angle_rad: self.angle_sigma_rad,
@@ -114,11 +114,10 @@ impl Compensation {
         self.models.stiffness_of_touch(tier, shift_hz, spread, kind, &contact)
     }
 
-    /// The stiffness of each sample that has touches, ordered by sample; those without a usable
-    /// touch are left out.
+    /// The stiffness of each sample, ordered by sample. Samples without a usable touch are left out.
     pub fn by_sample(&self, touches: &[PosedTouch]) -> Vec<SampleStiffness> {
         let mut touches = touches.to_vec();
-        // Stable, so that touches stay in the order in which they were made.
+        // The sort is stable: touches stay in their order.
         touches.sort_by_key(|touch| touch.sample);
         touches
             .chunk_by(|a, b| a.sample == b.sample)
@@ -133,20 +132,21 @@ impl Compensation {
             .collect()
     }
 
-    /// Stiffness, angle and azimuth of one place at an unknown angle up to `max_angle_rad`, from
-    /// touches with the probe turned between them.
+    /// Stiffness, angle and azimuth of one site at an unknown angle of at most `max_angle_rad`, from
+    /// touches at different spins of the probe.
     ///
     /// # Errors
     /// [`InverseError`].
-    pub fn of_place(
+    pub fn of_site(
         &self,
-        touches: &[Touch],
+        touches: &[SiteTouch],
         max_angle_rad: f64,
     ) -> Result<TiltInference, InverseError> {
         let Self { tier, law, friction, kind, shared_depth_sigma_mm, depth_sigma_mm, .. } = *self;
-        let probing = Probing { tier, law, friction, kind, shared_depth_sigma_mm, depth_sigma_mm };
+        let touch_model =
+            TouchModel { tier, law, friction, kind, shared_depth_sigma_mm, depth_sigma_mm };
         let angle = AnglePrior::Within { max_rad: max_angle_rad };
-        infer_tilt(&self.models, touches, &probing, angle, AzimuthPrior::Unknown)
+        infer_tilt(&self.models, touches, &touch_model, angle, AzimuthPrior::Unknown)
     }
 }
 
@@ -230,9 +230,9 @@ mod tests {
             let contact = Contact::new(pose, MOVED);
             let shift_hz =
                 compensation.models.predict(Tier::Reference, &tissue, &contact).unwrap().shift_hz;
-            Touch { shift_hz, sigma_hz: 0.1, spin_rad, depth: MOVED }
+            SiteTouch { shift_hz, sigma_hz: 0.1, spin_rad, depth: MOVED }
         });
-        let found = compensation.of_place(&spins, 45.0_f64.to_radians()).unwrap();
+        let found = compensation.of_site(&spins, 45.0_f64.to_radians()).unwrap();
         assert!(found.young_mpa.contains(0.32), "{found:?}");
         assert!(found.angle_rad.contains(0.4), "{found:?}");
         assert!(found.young_mpa.sigma / 0.32 < 0.04, "{found:?}");

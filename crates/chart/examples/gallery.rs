@@ -2,7 +2,9 @@
 
 use std::{env, error::Error, fs, path::Path};
 
-use rig_chart::{Axis, Band, Category, Chart, HeatMap, Marker, Point, Rule, Series, Stroke, Tone};
+use rig_chart::{
+    Axis, Band, BandEdge, Category, Chart, HeatMap, Marker, Point, Rule, Series, Stroke, Tone,
+};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let directory = env::args().nth(1).ok_or("name a directory to write into")?;
@@ -52,9 +54,10 @@ fn cost() -> Chart {
     );
     let times = (0..40).map(|index| 10.0_f64.powf(f64::from(index) / 13.0 - 1.5));
     let curve = |factor: f64| move |time: f64| (time, factor * 0.03 / time.sqrt());
+    let edge = |x: f64| BandEdge { x, low: 0.02 / x.sqrt(), high: 0.05 / x.sqrt() };
     chart.bands.push(Band {
         name: Some("95 % of runs".to_owned()),
-        edges: times.clone().map(|t| (t, 0.02 / t.sqrt(), 0.05 / t.sqrt())).collect(),
+        edges: times.clone().map(edge).collect(),
         colour: 0,
     });
     chart.series.push(Series::line("planner", 0, times.clone().map(curve(1.0))));
@@ -92,10 +95,10 @@ fn classes() -> Chart {
 
 /// A categorical heat map.
 fn failures() -> HeatMap {
-    let category = |name: &str, tone, sign: &str| Category {
+    let category = |name: &str, tone, symbol: &str| Category {
         name: name.to_owned(),
         tone,
-        sign: sign.to_owned(),
+        symbol: symbol.to_owned(),
     };
     HeatMap {
         title: "Where the estimator fails".to_owned(),

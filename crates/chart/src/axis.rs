@@ -6,16 +6,16 @@ use crate::ChartError;
 
 pub(crate) use ticks::Tick;
 
-/// How values are laid out along an axis.
+/// The scale of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scale {
     /// Equal distances for equal differences.
     Linear,
-    /// Equal distances for equal ratios. Only positive values can be shown.
+    /// Equal distances for equal ratios; positive values only.
     Log,
 }
 
-/// An axis, before the values are known.
+/// An axis before its values are known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
     label: String,
@@ -26,12 +26,12 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// An axis with equal distances for equal differences. The label names the unit.
+    /// An axis with a linear scale. The label names the unit.
     pub fn linear(label: &str) -> Self {
         Self::new(label, Scale::Linear)
     }
 
-    /// An axis with equal distances for equal ratios. The label names the unit.
+    /// An axis with a logarithmic scale. The label names the unit.
     pub fn log(label: &str) -> Self {
         Self::new(label, Scale::Log)
     }
@@ -40,25 +40,25 @@ impl Axis {
         Self { label: label.to_owned(), scale, range: None, include: Vec::new(), ticks: None }
     }
 
-    /// From and to exactly these values, instead of a range that holds all values.
+    /// Sets the exact range. The default is a range that contains all values.
     pub fn with_range(mut self, from: f64, to: f64) -> Self {
         self.range = Some((from, to));
         self
     }
 
-    /// A range that also holds `value`, such as zero.
+    /// Extends the range to `value`, such as zero.
     pub fn including(mut self, value: f64) -> Self {
         self.include.push(value);
         self
     }
 
-    /// Ticks at exactly these values.
+    /// Sets the ticks.
     pub fn with_ticks(mut self, ticks: &[f64]) -> Self {
         self.ticks = Some(ticks.to_vec());
         self
     }
 
-    /// The axis for these values, with room for so many ticks with texts.
+    /// The axis for these values, with room for `room` labelled ticks.
     pub(crate) fn fit(
         &self,
         values: impl IntoIterator<Item = f64>,
@@ -84,7 +84,7 @@ impl Axis {
         Ok(FittedAxis { label: self.label.clone(), scale: self.scale, from, to, ticks })
     }
 
-    /// Refuses what the axis cannot show.
+    /// Refuses a value that the axis cannot show.
     pub(crate) fn check(&self, value: f64) -> Result<(), ChartError> {
         let is_shown = value.is_finite() && (self.scale == Scale::Linear || value > 0.0);
         if is_shown {
@@ -94,9 +94,9 @@ impl Axis {
         }
     }
 
-    /// A range that holds all values, with a margin at the ends where a value stands.
+    /// A range that contains all values, with a margin at each end that a value determines.
     fn range_of(&self, values: impl IntoIterator<Item = f64>) -> Result<(f64, f64), ChartError> {
-        /// Share of the range that is added at an end.
+        /// Margin at an end as a share of the range.
         const MARGIN: f64 = 0.05;
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for value in values {
@@ -139,15 +139,15 @@ pub(crate) struct FittedAxis {
 }
 
 impl FittedAxis {
-    /// Where a value stands: 0 at the lower end, 1 at the upper. Values outside the range lie
-    /// outside; those that cannot be shown, as the lower end of an error bar may be, lie below.
-    pub(crate) fn place(&self, value: f64) -> f64 {
+    /// The position of a value: 0 at the lower end, 1 at the upper. A value outside the range lies
+    /// outside [0, 1]. A value that a logarithmic axis cannot show lies below.
+    pub(crate) fn fraction(&self, value: f64) -> f64 {
         let share = match self.scale {
             Scale::Linear => (value - self.from) / (self.to - self.from),
             Scale::Log if value > 0.0 => (value / self.from).ln() / (self.to / self.from).ln(),
             Scale::Log => -1.0,
         };
-        // Far outside is as good as a little outside, and keeps the coordinates short.
+        // A value far outside is drawn a little outside, which keeps the coordinates short.
         share.clamp(-1.0, 2.0)
     }
 }
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn the_range_holds_all_values_with_a_margin_where_a_value_stands() {
+    fn the_range_contains_all_values_with_a_margin() {
         check(&Axis::linear("y"), &[10.0, 20.0], (9.5, 20.5));
         check(&Axis::linear("y").including(0.0), &[10.0, 20.0], (0.0, 21.0));
         check(&Axis::linear("y").including(15.0), &[10.0, 20.0], (9.5, 20.5));
@@ -194,12 +194,12 @@ mod tests {
     }
 
     #[test]
-    fn places_run_from_zero_to_one() {
+    fn fractions_run_from_zero_to_one() {
         let linear = Axis::linear("x").with_range(10.0, 20.0).fit([], 6.0).unwrap();
-        assert_eq!([10.0, 15.0, 20.0].map(|value| linear.place(value)), [0.0, 0.5, 1.0]);
+        assert_eq!([10.0, 15.0, 20.0].map(|value| linear.fraction(value)), [0.0, 0.5, 1.0]);
         let log = Axis::log("x").with_range(0.01, 1.0).fit([], 6.0).unwrap();
-        let places = [0.01, 0.1, 1.0].map(|value| log.place(value));
-        assert!((places[1] - 0.5).abs() < 1e-12, "{places:?}");
-        assert_eq!(log.place(-3.0), -1.0);
+        let fractions = [0.01, 0.1, 1.0].map(|value| log.fraction(value));
+        assert!((fractions[1] - 0.5).abs() < 1e-12, "{fractions:?}");
+        assert_eq!(log.fraction(-3.0), -1.0);
     }
 }

@@ -14,7 +14,7 @@ use crate::{Axis, ChartError, Marker, svg};
 pub struct Chart {
     /// The title, drawn above the chart.
     pub title: String,
-    /// What there is to see, for those who do not see it.
+    /// Description for screen readers.
     pub description: String,
     /// Width and height in pixels; a page scales the chart to its column.
     pub size_px: (u32, u32),
@@ -24,46 +24,56 @@ pub struct Chart {
     pub y: Axis,
     /// Shaded areas, drawn first.
     pub bands: Vec<Band>,
-    /// Lines at one value.
+    /// Dashed lines at one value.
     pub rules: Vec<Rule>,
     /// The data, drawn in order.
     pub series: Vec<Series>,
 }
 
-/// Points that belong together.
+/// One data series.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Series {
-    /// What the legend says; without a name it is left out there.
+    /// Name in the legend; `None` omits the entry.
     pub name: Option<String>,
-    /// The points, in the order in which they are joined.
+    /// The points, in drawing order.
     pub points: Vec<Point>,
-    /// Which colour, from 0.
+    /// Index of the colour.
     pub colour: usize,
-    /// The shape of the points, when they are drawn.
+    /// Shape of the points; `None` draws no points.
     pub marker: Option<Marker>,
-    /// The line through the points, when there is one.
+    /// Style of the line through the points; `None` draws no line.
     pub stroke: Option<Stroke>,
 }
 
-/// How a line is drawn.
+/// The style of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stroke {
-    /// Solid.
+    /// A solid line.
     Solid,
-    /// Dashed.
+    /// A dashed line.
     Dashed,
 }
 
-/// A point.
+impl Stroke {
+    /// The CSS class of a line.
+    pub(crate) fn class(self, colour: usize) -> String {
+        match self {
+            Self::Solid => format!("line s{colour}"),
+            Self::Dashed => format!("line dashed s{colour}"),
+        }
+    }
+}
+
+/// A data point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Point {
     /// Value on the horizontal axis.
     pub x: f64,
     /// Value on the vertical axis.
     pub y: f64,
-    /// Half the length of the error bar, when there is one.
+    /// Half the length of the error bar; `None` draws no bar.
     pub error: Option<f64>,
-    /// What is said when the pointer rests on it.
+    /// Tooltip.
     pub note: Option<String>,
 }
 
@@ -73,14 +83,25 @@ impl From<(f64, f64)> for Point {
     }
 }
 
+/// A vertical cut through a band.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BandEdge {
+    /// Horizontal value.
+    pub x: f64,
+    /// Lower vertical value.
+    pub low: f64,
+    /// Upper vertical value.
+    pub high: f64,
+}
+
 /// A shaded area between two curves.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Band {
-    /// What the legend says; without a name it is left out there.
+    /// Name in the legend; `None` omits the entry.
     pub name: Option<String>,
-    /// Horizontal value, lower and upper vertical value, in rising order of the first.
-    pub edges: Vec<(f64, f64, f64)>,
-    /// Which colour, from 0.
+    /// Edges of the area, in rising order of `x`.
+    pub edges: Vec<BandEdge>,
+    /// Index of the colour.
     pub colour: usize,
 }
 
@@ -89,22 +110,22 @@ pub struct Band {
 pub enum Rule {
     /// At one value of the horizontal axis.
     AtX {
-        /// The value.
+        /// Value on the horizontal axis.
         value: f64,
-        /// What is written beside it.
+        /// Text beside the line.
         label: String,
     },
     /// At one value of the vertical axis.
     AtY {
-        /// The value.
+        /// Value on the vertical axis.
         value: f64,
-        /// What is written above it.
+        /// Text above the line.
         label: String,
     },
 }
 
 impl Series {
-    /// Points without a line, in the shape that goes with the colour.
+    /// Points without a line, with the marker of the colour.
     pub fn scatter<P: Into<Point>>(
         name: &str,
         colour: usize,
@@ -129,7 +150,7 @@ impl Series {
         Self { marker: None, stroke, ..Self::scatter(name, colour, points) }
     }
 
-    /// A line through points, in the shape that goes with the colour.
+    /// A line through points, with the marker of the colour.
     pub fn joined<P: Into<Point>>(
         name: &str,
         colour: usize,
@@ -154,18 +175,18 @@ impl Chart {
         }
     }
 
-    /// The chart, to be put into a page. `id` must be unique there.
+    /// The chart for an HTML page. `id` must be unique there.
     ///
     /// # Errors
-    /// [`ChartError`] when an axis cannot show a value or has none.
+    /// [`ChartError`] when an axis has no values or cannot show one.
     pub fn svg(&self, id: &str) -> Result<String, ChartError> {
         draw::draw(self, id)
     }
 
-    /// The chart as a file by itself.
+    /// The chart as an SVG file with its own style sheet.
     ///
     /// # Errors
-    /// [`ChartError`] when an axis cannot show a value or has none.
+    /// [`ChartError`] when an axis has no values or cannot show one.
     pub fn file(&self) -> Result<String, ChartError> {
         Ok(svg::file(&self.svg("chart")?))
     }

@@ -1,6 +1,6 @@
-//! Why a chart cannot be drawn.
+//! Errors of drawing.
 
-/// Why a chart cannot be drawn.
+/// A chart that cannot be drawn.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ChartError {
     /// An axis has neither values nor a range.
@@ -9,42 +9,42 @@ pub enum ChartError {
         /// Label of the axis.
         axis: String,
     },
-    /// A value or a bound that the axis cannot show.
+    /// The axis cannot show a value or a bound.
     #[error("chart: the axis `{axis}` cannot show {value}")]
     Unshowable {
         /// Label of the axis.
         axis: String,
-        /// The value.
+        /// The value or bound.
         value: f64,
     },
-    /// A range whose ends do not rise.
+    /// The ends of a range do not rise.
     #[error("chart: the axis `{axis}` cannot go from {from} to {to}")]
     Range {
         /// Label of the axis.
         axis: String,
-        /// Its lower end.
+        /// Lower end of the range.
         from: f64,
-        /// Its upper end.
+        /// Upper end of the range.
         to: f64,
     },
-    /// A heat map whose cells do not fill its rows and columns.
+    /// The cells of a heat map do not fill its rows and columns.
     #[error("heat map: {found} cells do not fill {rows} rows of {columns} columns")]
     Cells {
-        /// Cells given.
+        /// Number of cells.
         found: usize,
-        /// Rows named.
+        /// Number of rows.
         rows: usize,
-        /// Columns named.
+        /// Number of columns.
         columns: usize,
     },
-    /// A cell of a category that does not exist.
+    /// A cell has a category that does not exist.
     #[error("heat map: cell {cell} has category {found}, but there are {categories}")]
     Category {
         /// Index of the cell.
         cell: usize,
-        /// Its category.
+        /// Category of the cell.
         found: usize,
-        /// How many categories there are.
+        /// Number of categories.
         categories: usize,
     },
 }

@@ -1,32 +1,32 @@
-//! Heat maps of categories, such as right, flagged and wrong.
+//! Heat maps of categories, such as right, refused and wrong.
 
 use crate::{
     ChartError,
-    svg::{self, Escaped, Number, Svg, width_of},
+    svg::{self, Coordinate, Escaped, FONT_PX, Svg, width_of},
 };
 
-/// How good a category is, which gives its colour.
+/// The rating of a category; it gives the colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Tone {
-    /// As it should be.
+    /// Correct.
     Good,
-    /// Not as it should be, and known to be so.
+    /// Not correct, but detected.
     Fair,
-    /// What must not happen.
+    /// Not correct and not detected.
     Bad,
-    /// Nothing to be said.
+    /// No rating.
     None,
 }
 
 /// A category of cells.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Category {
-    /// What the legend says.
+    /// Name in the legend.
     pub name: String,
-    /// Its colour.
+    /// Rating, which gives the colour.
     pub tone: Tone,
-    /// A sign in each cell, so that colour is not needed to read the map; may be empty.
-    pub sign: String,
+    /// Symbol in each cell, so that the map can be read without colour; may be empty.
+    pub symbol: String,
 }
 
 /// A map of cells, each of one category.
@@ -34,11 +34,11 @@ pub struct Category {
 pub struct HeatMap {
     /// The title, drawn above the map.
     pub title: String,
-    /// What there is to see, for those who do not see it.
+    /// Description for screen readers.
     pub description: String,
-    /// What the columns are.
+    /// Label of the columns.
     pub x_label: String,
-    /// What the rows are.
+    /// Label of the rows.
     pub y_label: String,
     /// Names of the columns, from the left.
     pub columns: Vec<String>,
@@ -50,11 +50,10 @@ pub struct HeatMap {
     pub cells: Vec<usize>,
 }
 
-const FONT_PX: f64 = 12.0;
 const CELL_HEIGHT: f64 = 24.0;
 
 impl HeatMap {
-    /// The map, to be put into a page. `id` must be unique there.
+    /// The map for an HTML page. `id` must be unique there.
     ///
     /// # Errors
     /// [`ChartError`] when the cells do not fit the rows, columns and categories.
@@ -95,7 +94,7 @@ impl HeatMap {
             svg.text("tick", (x, bottom + 16.0), "middle", name);
         }
         svg.text("label", (f64::midpoint(left, right), bottom + 37.0), "middle", &self.x_label);
-        let (middle, label) = (Number(f64::midpoint(top, bottom)), Escaped(&self.y_label));
+        let (middle, label) = (Coordinate(f64::midpoint(top, bottom)), Escaped(&self.y_label));
         svg.add(format_args!(
             "<text class=\"label\" transform=\"translate(13 {middle}) rotate(-90)\" \
              text-anchor=\"middle\">{label}</text>\n"
@@ -103,7 +102,7 @@ impl HeatMap {
         Ok(svg.end())
     }
 
-    /// The map as a file by itself.
+    /// The map as an SVG file with its own style sheet.
     ///
     /// # Errors
     /// [`ChartError`] when the cells do not fit the rows, columns and categories.
@@ -144,16 +143,16 @@ fn draw_cell(svg: &mut Svg, (x, y): (f64, f64), width: f64, category: &Category,
         Tone::Bad => ("bad", "on-bad"),
         Tone::None => ("none", "glyph"),
     };
-    let (left, top, wide) = (Number(x), Number(y), Number(width));
+    let (left, top, wide) = (Coordinate(x), Coordinate(y), Coordinate(width));
     let note =
         if note.is_empty() { String::new() } else { format!("<title>{}</title>", Escaped(note)) };
     svg.add(format_args!(
         "<rect class=\"cell {tone}\" x=\"{left}\" y=\"{top}\" width=\"{wide}\" \
          height=\"{CELL_HEIGHT}\">{note}</rect>\n"
     ));
-    if !category.sign.is_empty() {
+    if !category.symbol.is_empty() {
         let middle = (x + width / 2.0, y + CELL_HEIGHT / 2.0 + 4.0);
-        svg.text(glyph, middle, "middle", &category.sign);
+        svg.text(glyph, middle, "middle", &category.symbol);
     }
 }
 
@@ -162,10 +161,10 @@ mod tests {
     use super::*;
 
     fn map() -> HeatMap {
-        let category = |name: &str, tone, sign: &str| Category {
+        let category = |name: &str, tone, symbol: &str| Category {
             name: name.to_owned(),
             tone,
-            sign: sign.to_owned(),
+            symbol: symbol.to_owned(),
         };
         HeatMap {
             title: "where it fails".to_owned(),
@@ -180,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn each_cell_has_its_category_in_colour_in_sign_and_in_words() {
+    fn each_cell_has_its_category_in_colour_symbol_and_words() {
         let svg = map().svg("m").unwrap();
         assert_eq!(svg.matches("class=\"cell good\"").count(), 3 + 1, "and one in the legend");
         assert_eq!(svg.matches("class=\"cell bad\"").count(), 3 + 1);

@@ -1,11 +1,10 @@
 //! Charts as SVG text: lines and points with error bars, bands, rules, categorical heat maps.
 //!
-//! The same chart gives the same bytes. Colours come from classes, so that a chart follows the
-//! light or dark theme of the page it stands in; the markers differ as well as the colours, and the
-//! colours can be told apart by colour-blind readers. Each chart carries its title and a
-//! description for those who do not see it. What is drawn is left to the caller.
+//! The same chart gives the same bytes. Colours come from CSS classes, so that a chart follows the
+//! light or dark theme of its page. Series differ in marker and colour, and the palette suits
+//! colour-blind readers. Each chart has a title and a description for screen readers.
 //!
-//! An `svg` goes into an HTML page that has [`STYLE`] in its head; a `file` stands by itself.
+//! `svg` gives a chart for an HTML page with [`STYLE`] in its head; `file` gives a file of its own.
 
 mod axis;
 mod chart;
@@ -15,7 +14,7 @@ mod marker;
 mod svg;
 
 pub use axis::{Axis, Scale};
-pub use chart::{Band, Chart, Point, Rule, Series, Stroke, legend};
+pub use chart::{Band, BandEdge, Chart, Point, Rule, Series, Stroke, legend};
 pub use error::ChartError;
 pub use heat_map::{Category, HeatMap, Tone};
 pub use marker::Marker;
@@ -24,5 +23,5 @@ pub use svg::Escaped;
 /// The style sheet of all charts.
 pub const STYLE: &str = include_str!("style.css");
 
-/// How many colours there are; larger indices begin again.
+/// Number of colours; larger indices start again at 0.
 pub const COLOURS: usize = 7;

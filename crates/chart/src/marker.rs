@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::svg::Number;
+use crate::svg::{Coordinate, Escaped, Svg};
 
 /// The shape of a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,12 +21,12 @@ pub enum Marker {
     Plus,
     /// An oblique cross of two strokes.
     Cross,
-    /// A large ring, to be drawn around another point.
+    /// A large ring around another point.
     Ring,
 }
 
 impl Marker {
-    /// The marker that goes with a colour.
+    /// The marker of a colour.
     pub const fn of(index: usize) -> Self {
         const ALL: [Marker; crate::COLOURS] = [
             Marker::Circle,
@@ -40,25 +40,39 @@ impl Marker {
         ALL[index % ALL.len()]
     }
 
+    /// Draws the marker at a position.
+    pub(crate) fn draw(self, svg: &mut Svg, colour: usize, at: (f64, f64), note: Option<&str>) {
+        let path = self.path(at);
+        let class =
+            if self.is_open() { format!("open s{colour}") } else { format!("mark f{colour}") };
+        match note {
+            Some(note) => svg.add(format_args!(
+                "<path class=\"{class}\" d=\"{path}\"><title>{}</title></path>\n",
+                Escaped(note)
+            )),
+            None => svg.add(format_args!("<path class=\"{class}\" d=\"{path}\"/>\n")),
+        }
+    }
+
     /// Whether it is drawn in strokes and not filled.
-    pub(crate) const fn is_open(self) -> bool {
+    const fn is_open(self) -> bool {
         matches!(self, Self::Cross | Self::Ring)
     }
 
-    /// The path of the marker about a place. All filled markers have about the same area.
-    pub(crate) fn path(self, (x, y): (f64, f64)) -> String {
+    /// The path of the marker about a position. All filled markers have about the same area.
+    fn path(self, (x, y): (f64, f64)) -> String {
         let polygon = |corners: &[(f64, f64)]| {
             let mut path = String::new();
             for (index, (dx, dy)) in corners.iter().enumerate() {
                 let verb = if index == 0 { 'M' } else { 'L' };
-                write!(path, "{verb}{} {}", Number(x + dx), Number(y + dy))
+                write!(path, "{verb}{} {}", Coordinate(x + dx), Coordinate(y + dy))
                     .expect("a string takes all text");
             }
             path + "Z"
         };
         let circle = |radius: f64| {
-            let (left, top, r) = (Number(x - radius), Number(y), Number(radius));
-            let across = Number(2.0 * radius);
+            let (left, top, r) = (Coordinate(x - radius), Coordinate(y), Coordinate(radius));
+            let across = Coordinate(2.0 * radius);
             format!("M{left} {top}a{r} {r} 0 1 0 {across} 0a{r} {r} 0 1 0 -{across} 0Z")
         };
         match self {
@@ -82,8 +96,8 @@ impl Marker {
                 (-1.7, -1.7),
             ]),
             Self::Cross => {
-                let (left, right) = (Number(x - 4.0), Number(x + 4.0));
-                let (top, bottom) = (Number(y - 4.0), Number(y + 4.0));
+                let (left, right) = (Coordinate(x - 4.0), Coordinate(x + 4.0));
+                let (top, bottom) = (Coordinate(y - 4.0), Coordinate(y + 4.0));
                 format!("M{left} {top}L{right} {bottom}M{left} {bottom}L{right} {top}")
             }
             Self::Ring => circle(8.0),

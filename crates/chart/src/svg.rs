@@ -1,8 +1,11 @@
-//! SVG text.
+//! Output of SVG text.
 
 use std::fmt::{self, Write as _};
 
-/// SVG that is being written.
+/// Font size of all texts but titles, px.
+pub(crate) const FONT_PX: f64 = 12.0;
+
+/// A chart under construction.
 #[derive(Debug, Default)]
 pub(crate) struct Svg(String);
 
@@ -28,9 +31,9 @@ impl Svg {
         self.0.write_fmt(text).expect("a string takes all text");
     }
 
-    /// Appends a text at a place; `anchor` is `start`, `middle` or `end`.
+    /// Appends a text at a position; `anchor` is `start`, `middle` or `end`.
     pub(crate) fn text(&mut self, class: &str, (x, y): (f64, f64), anchor: &str, text: &str) {
-        let (x, y, text) = (Number(x), Number(y), Escaped(text));
+        let (x, y, text) = (Coordinate(x), Coordinate(y), Escaped(text));
         self.add(format_args!(
             "<text class=\"{class}\" x=\"{x}\" y=\"{y}\" text-anchor=\"{anchor}\">{text}</text>\n"
         ));
@@ -38,7 +41,8 @@ impl Svg {
 
     /// Appends a straight line.
     pub(crate) fn line(&mut self, class: &str, from: (f64, f64), to: (f64, f64)) {
-        let (x1, y1, x2, y2) = (Number(from.0), Number(from.1), Number(to.0), Number(to.1));
+        let (x1, y1, x2, y2) =
+            (Coordinate(from.0), Coordinate(from.1), Coordinate(to.0), Coordinate(to.1));
         self.add(format_args!("<path class=\"{class}\" d=\"M{x1} {y1}L{x2} {y2}\"/>\n"));
     }
 
@@ -49,7 +53,7 @@ impl Svg {
     }
 }
 
-/// A chart that stands by itself: its text with the style sheet inside.
+/// A chart as a file: its text with the style sheet inside.
 pub(crate) fn file(svg: &str) -> String {
     let head = svg.find(">\n").map_or(0, |end| end + 2);
     let (open, rest) = svg.split_at(head);
@@ -59,9 +63,9 @@ pub(crate) fn file(svg: &str) -> String {
 
 /// A coordinate, to a hundredth of a pixel.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Number(pub(crate) f64);
+pub(crate) struct Coordinate(pub(crate) f64);
 
-impl fmt::Display for Number {
+impl fmt::Display for Coordinate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         // Adding zero turns minus zero into zero.
         let rounded = (self.0 * 100.0).round() / 100.0 + 0.0;
@@ -69,7 +73,7 @@ impl fmt::Display for Number {
     }
 }
 
-/// A text in which markup means nothing, for XML and HTML.
+/// A text with escaped markup, for XML and HTML.
 #[derive(Debug, Clone, Copy)]
 pub struct Escaped<'a>(pub &'a str);
 
@@ -88,7 +92,7 @@ impl fmt::Display for Escaped<'_> {
     }
 }
 
-/// About how wide a text is in the widest font of the style sheet, in pixels.
+/// Approximate width of a text in the widest font of the style sheet, px.
 pub(crate) fn width_of(text: &str, font_px: f64) -> f64 {
     let ems = text.chars().map(|character| match character {
         'i' | 'j' | 'l' | 'I' | '.' | ',' | ':' | ';' | '\'' | '|' | '!' | ' ' => 0.34,
@@ -105,7 +109,7 @@ mod tests {
 
     #[test]
     fn coordinates_are_short_and_have_no_minus_zero() {
-        let written = [1.0, 0.125, -0.001, 12.3456, 1e4].map(|x| Number(x).to_string());
+        let written = [1.0, 0.125, -0.001, 12.3456, 1e4].map(|x| Coordinate(x).to_string());
         assert_eq!(written, ["1", "0.13", "0", "12.35", "10000"]);
     }
 

@@ -1,8 +1,8 @@
-//! Which tier a scene needs: the cheapest whose largest error stays below what the scene asks.
+//! The choice of a tier: the cheapest one whose largest error is within a tolerance.
 //!
-//! The errors are measured against the reference over a grid of contacts, and kept for the
-//! reference sensor in a table that a test measures anew. Any other sensor is measured when it is
-//! asked for, which takes about a millisecond.
+//! The errors are measured against the reference over a grid of contacts. A stored table holds them
+//! for the reference sensor, and a test measures that table again. Any other sensor is measured on
+//! demand, in about a millisecond.
 
 use std::fmt;
 
@@ -13,31 +13,31 @@ use crate::{
 
 mod stored;
 
-/// What a scene may hold, and so what its model must be right about.
+/// The contacts that a model must predict.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Scene {
-    /// The sensor.
+pub struct Requirements {
+    /// Sensor in all of these contacts.
     pub sensor: Sensor,
     /// The stiffest tissue.
     pub stiffest: Tissue,
-    /// The deepest contact along the probe; a stage move when the stage is what the scene moves.
+    /// The deepest contact along the probe.
     pub deepest: Depth,
     /// The largest contact angle, rad.
     pub tilt_max_rad: f64,
-    /// Whether it needs an impedance and not only a shift.
+    /// Whether the model must give an impedance and not only a shift.
     pub needs_impedance: bool,
 }
 
-/// The tier chosen for a scene, and why.
+/// The chosen tier, with its error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Choice {
-    /// The tier.
+    /// Cheapest sufficient tier.
     pub tier: Tier,
-    /// The cheapest contact law that reaches the scene's depth.
+    /// The cheapest contact law that reaches the required depth.
     pub law: ContactLaw,
-    /// The largest error of the tier in such scenes, Hz.
+    /// The largest error of the tier in such contacts, Hz.
     pub error_hz: f64,
-    /// The error that the scene allows, Hz.
+    /// The allowed error, Hz.
     pub tolerance_hz: f64,
 }
 
@@ -46,43 +46,43 @@ impl fmt::Display for Choice {
         let Self { tier, law, error_hz, tolerance_hz } = self;
         let (tier, law) = (tier.name(), law.name());
         write!(f, "tier {tier} with {law} contact: within {error_hz:.3} Hz of the reference, ")?;
-        write!(f, "where {tolerance_hz} Hz are allowed")
+        write!(f, "{tolerance_hz} Hz allowed")
     }
 }
 
 impl Tier {
-    /// The cheapest tier and contact law whose largest error is at most `tolerance_hz` in the
-    /// scene; the reference when no other will do or when the scene is outside the table.
+    /// The cheapest tier and contact law whose largest error is at most `tolerance_hz`. It is the
+    /// reference when no other tier suffices or when the contacts are outside the table.
     ///
     /// # Errors
-    /// [`Refusal::Law`] when no contact law reaches the scene's depth.
-    pub fn cheapest_for(scene: &Scene, tolerance_hz: f64) -> Result<Choice, Refusal> {
-        let errors = scene.errors()?;
+    /// [`Refusal::Law`] when no contact law reaches the required depth.
+    pub fn cheapest_for(required: &Requirements, tolerance_hz: f64) -> Result<Choice, Refusal> {
+        let errors = required.tier_errors()?;
         let (tier, error_hz) = Self::ALL
             .into_iter()
             .zip(errors.of_tiers_hz)
-            .filter(|(tier, _)| tier.validity().has_impedance || !scene.needs_impedance)
+            .filter(|(tier, _)| tier.validity().has_impedance || !required.needs_impedance)
             .find(|&(_, error_hz)| error_hz <= tolerance_hz)
             .unwrap_or((Self::Reference, 0.0));
         Ok(Choice { tier, law: errors.law, error_hz, tolerance_hz })
     }
 }
 
-/// The largest error of each tier in a scene.
+/// The largest error of each tier in the required contacts.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SceneErrors {
-    /// In the order of [`Tier::ALL`], Hz; infinite where the tier refuses or nothing is known.
+pub struct TierErrors {
+    /// In the order of [`Tier::ALL`], Hz; infinite when the tier refuses or the table ends.
     pub of_tiers_hz: [f64; Tier::ALL.len()],
-    /// The cheapest contact law that reaches the scene's depth.
+    /// The cheapest contact law that reaches the required depth.
     pub law: ContactLaw,
 }
 
-impl Scene {
-    /// The largest error of each tier in this scene.
+impl Requirements {
+    /// The largest error of each tier in these contacts.
     ///
     /// # Errors
-    /// [`Refusal::Law`] when no contact law reaches the scene's depth.
-    pub fn errors(&self) -> Result<SceneErrors, Refusal> {
+    /// [`Refusal::Law`] when no contact law reaches the required depth.
+    pub fn tier_errors(&self) -> Result<TierErrors, Refusal> {
         let (Depth::Indentation { along_probe_mm } | Depth::Stage { along_probe_mm }) =
             self.deepest;
         let section = self.sensor.section();
@@ -92,38 +92,38 @@ impl Scene {
         let radius_m = law.at(depth_rel)?.radius_rel * section.radius_m;
         let ratio = 2.0 * self.stiffest.contact_modulus_pa() * radius_m / section.tip_n_per_m();
         let is_stage = matches!(self.deepest, Depth::Stage { .. });
-        let cell = Cell::containing(is_stage, self.tilt_max_rad, ratio);
+        let range = ContactRange::containing(is_stage, self.tilt_max_rad, ratio);
         let table = ErrorTable::of(&self.sensor);
-        let of_tiers_hz = Tier::ALL.map(|tier| match cell {
-            // The yardstick itself.
+        let of_tiers_hz = Tier::ALL.map(|tier| match range {
+            // Errors are measured against it.
             _ if tier == Tier::Reference => 0.0,
-            Some(cell) => table.largest_hz(tier, cell),
+            Some(range) => table.largest_hz(tier, range),
             None => f64::INFINITY,
         });
-        Ok(SceneErrors { of_tiers_hz, law })
+        Ok(TierErrors { of_tiers_hz, law })
     }
 }
 
-/// Largest contact angles of the table's cells, degrees.
-pub const TILTS_DEG: [f64; 4] = [0.0, 15.0, 30.0, 45.0];
-/// Largest contact stiffnesses of the table's cells, over that of the sensor's tip.
+/// Largest contact angles of the ranges, degrees.
+pub(crate) const TILTS_DEG: [f64; 4] = [0.0, 15.0, 30.0, 45.0];
+/// Largest contact stiffnesses of the ranges, over that of the sensor's tip.
 ///
 /// For the reference sensor at a depth of one ball radius these are 0.1, 0.35, 0.65, 1 and 3 MPa.
-pub const RATIOS: [f64; 5] = [0.25, 0.85, 1.6, 2.5, 7.5];
+pub(crate) const RATIOS: [f64; 5] = [0.25, 0.85, 1.6, 2.5, 7.5];
 
-/// A cell of the table: every contact up to this tilt and this stiffness.
+/// Every contact up to this tilt and this stiffness.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Cell {
+pub(crate) struct ContactRange {
     /// Whether the depth is a move of the stage.
-    pub is_stage: bool,
+    pub(crate) is_stage: bool,
     /// Index in [`TILTS_DEG`].
-    pub tilt: usize,
+    pub(crate) tilt: usize,
     /// Index in [`RATIOS`].
-    pub ratio: usize,
+    pub(crate) ratio: usize,
 }
 
-impl Cell {
-    /// The smallest cell that contains such contacts, if any does.
+impl ContactRange {
+    /// The smallest range that contains such contacts, if one does.
     fn containing(is_stage: bool, tilt_rad: f64, ratio: f64) -> Option<Self> {
         const ROUNDING_DEG: f64 = 1e-9;
         let tilt_deg = tilt_rad.to_degrees() - ROUNDING_DEG;
@@ -133,20 +133,20 @@ impl Cell {
     }
 }
 
-/// The largest error of every tier in every cell, Hz; infinite where the tier refuses.
+/// The largest error of every tier in every range, Hz; infinite when the tier refuses.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ErrorTable([[[[f64; 5]; 4]; 2]; Tier::ALL.len()]);
+pub(crate) struct ErrorTable([[[[f64; 5]; 4]; 2]; Tier::ALL.len()]);
 
-/// Stiffness ratios at which the errors are measured: a few below each cell's largest.
+/// Stiffness ratios at which the errors are measured: a few in each range.
 const MEASURED_RATIOS: [f64; 10] = [0.01, 0.1, 0.25, 0.5, 0.85, 1.2, 1.6, 2.5, 4.0, 7.5];
-/// Contact angles at which they are measured, degrees.
+/// Contact angles at which the errors are measured, degrees.
 const MEASURED_TILTS_DEG: [f64; 7] = [0.0, 7.5, 15.0, 22.5, 30.0, 37.5, 45.0];
-/// Depths at which they are measured, in ball radii.
+/// Depths at which the errors are measured, in ball radii.
 const MEASURED_DEPTHS: [f64; 2] = [0.5, 1.0];
 
 impl ErrorTable {
-    /// The stored table for the reference sensor, one measured now for any other.
-    pub fn of(sensor: &Sensor) -> Self {
+    /// The stored table for the reference sensor; for any other sensor a newly measured one.
+    pub(crate) fn of(sensor: &Sensor) -> Self {
         if *sensor.design() == SensorDesign::reference() {
             stored::REFERENCE
         } else {
@@ -154,9 +154,9 @@ impl ErrorTable {
         }
     }
 
-    /// Measures every tier, with the series contact radius, against the reference with the exact
-    /// one over the grid of contacts.
-    pub fn measure(sensor: &Sensor) -> Self {
+    /// Measures the error of every tier over the grid of contacts. The tiers use the series contact
+    /// radius, the reference the exact one.
+    pub(crate) fn measure(sensor: &Sensor) -> Self {
         let mut table = Self([[[[0.0; 5]; 4]; 2]; Tier::ALL.len()]);
         let models = Models::new(sensor, ContactLaw::SneddonSeries);
         for depth_rel in MEASURED_DEPTHS {
@@ -207,24 +207,25 @@ impl ErrorTable {
         }
     }
 
-    /// The largest error of a tier in a cell, Hz; infinite when the tier refuses such contacts.
-    pub const fn largest_hz(&self, tier: Tier, cell: Cell) -> f64 {
-        self.0[tier as usize][cell.is_stage as usize][cell.tilt][cell.ratio]
+    /// The largest error of a tier in a range, Hz; infinite when the tier refuses such contacts.
+    pub(crate) const fn largest_hz(&self, tier: Tier, range: ContactRange) -> f64 {
+        self.0[tier as usize][range.is_stage as usize][range.tilt][range.ratio]
     }
 }
 
-/// Raises every cell that contains the contact to its error.
-fn raise(cells: &mut [[f64; 5]; 4], tilt_deg: f64, ratio: f64, error: f64) {
-    for (row, tilt_max) in cells.iter_mut().zip(TILTS_DEG) {
-        for (cell, ratio_max) in row.iter_mut().zip(RATIOS) {
+/// Raises the error of every range that contains the contact.
+fn raise(ranges: &mut [[f64; 5]; 4], tilt_deg: f64, ratio: f64, error: f64) {
+    for (row, tilt_max) in ranges.iter_mut().zip(TILTS_DEG) {
+        for (largest, ratio_max) in row.iter_mut().zip(RATIOS) {
             if tilt_deg <= tilt_max && ratio <= ratio_max {
-                *cell = cell.max(error);
+                *largest = largest.max(error);
             }
         }
     }
 }
 
-/// The tissue whose contact stiffness, upright and fully indented, is `ratio` times the tip's.
+/// The tissue whose contact stiffness, with the probe upright and fully indented, is `ratio` times
+/// that of the tip.
 fn tissue_of_ratio(sensor: &Sensor, depth_rel: f64, ratio: f64) -> Tissue {
     let section = sensor.section();
     let radius_m = ContactLaw::Sneddon.at_valid(depth_rel).radius_rel * section.radius_m;

@@ -1,5 +1,4 @@
-//! The Butterworth–Van Dyke circuit: what an impedance analyzer sees of the sensor near one
-//! resonance.
+//! The Butterworth–Van Dyke circuit: the equivalent circuit of the sensor near one resonance.
 //!
 //! A lossy capacitor in parallel with a series branch of inductance, capacitance and resistance.
 //! With u = f/fs the admittance is
@@ -43,17 +42,6 @@ impl Circuit {
         Complex64::new(admittance.re / size, -admittance.im / size)
     }
 
-    /// The resistance of the series branch, ohm.
-    pub fn series_resistance_ohm(&self) -> f64 {
-        let series_capacitance_f = self.capacitance_ratio * self.capacitance_f;
-        1.0 / (TAU * self.series_resonance_hz * series_capacitance_f * self.q)
-    }
-
-    /// The coupling (fp² − fs²)/fp², with the parallel resonance fp of the lossless circuit.
-    pub fn coupling_squared(&self) -> f64 {
-        self.capacitance_ratio / (1.0 + self.capacitance_ratio)
-    }
-
     /// Q C₁/C₀. Below two the phase never crosses zero.
     pub fn figure_of_merit(&self) -> f64 {
         self.q * self.capacitance_ratio
@@ -76,11 +64,12 @@ mod tests {
     #[test]
     fn the_admittance_is_that_of_the_elements() {
         let c1 = CIRCUIT.capacitance_ratio * CIRCUIT.capacitance_f;
-        let l1 = 1.0 / ((TAU * CIRCUIT.series_resonance_hz).powi(2) * c1);
+        let resonance = TAU * CIRCUIT.series_resonance_hz;
+        let (l1, r1) = (1.0 / (resonance.powi(2) * c1), 1.0 / (resonance * c1 * CIRCUIT.q));
         for frequency in [1.0, 100.0, 140.0, 140.4, 141.0, 146.0, 500.0] {
             let omega = TAU * frequency;
             let j = Complex64::i();
-            let branch = CIRCUIT.series_resistance_ohm() + j * (omega * l1 - 1.0 / (omega * c1));
+            let branch = r1 + j * (omega * l1 - 1.0 / (omega * c1));
             let shunt = j * omega * CIRCUIT.capacitance_f * (1.0 - j * CIRCUIT.dielectric_loss);
             let expected = branch.inv() + shunt;
             let error = (CIRCUIT.admittance_s(frequency) - expected).norm() / expected.norm();

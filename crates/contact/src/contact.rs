@@ -1,59 +1,61 @@
 //! One contact of a sensor with a tissue, and the load at which it rests.
 
-use crate::{ContactLaw, LawError, Pose, Refusal, Sensor, Spot, Tissue, stage};
+use crate::{ContactLaw, ContactPatch, LawError, Pose, Refusal, Sensor, Tissue, equilibrium};
 
-/// What the depth of a contact is the depth of.
+/// The depth of a contact, as an indentation or as a move of the stage.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Depth {
-    /// The ball has sunk in by this much.
+    /// The indentation of the tissue by the ball.
     Indentation {
         /// Along the probe, mm. Zero or less is no contact.
         along_probe_mm: f64,
     },
-    /// The stage has moved by this much since the ball first touched; the bimorph gives way.
+    /// The move of the stage since the first touch. The bimorph deflects, so that the indentation is
+    /// smaller.
     Stage {
         /// Along the probe, mm. Zero or less is no contact.
         along_probe_mm: f64,
     },
 }
 
-/// What the contact does sideways while it vibrates.
+/// The behaviour of the contact along the surface while it vibrates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Friction {
-    /// It sticks, with Mindlin's tangential stiffness.
+    /// The contact sticks, with Mindlin's tangential stiffness.
     Sticking,
-    /// It sticks up to this coefficient of friction, and is refused beyond.
+    /// The contact sticks up to this coefficient of friction; a slipping contact is refused.
     ///
-    /// A ball pressed in at an angle α loads the contact sideways by τ tan α of the normal force, τ being the
-    /// tangential over the normal stiffness, all the way from the first touch.
+    /// A ball that is pressed in at an angle α loads the contact along the surface with τ tan α of
+    /// the normal force from the first touch on. τ is the tangential over the normal stiffness.
     Coulomb {
         /// Tangential over normal force at which the contact slips.
         coefficient: f64,
     },
-    /// It sticks with this tangential over normal stiffness: 0 slides, 1 is as stiff both ways.
+    /// The contact sticks with this tangential over normal stiffness: with 0 it slides, with 1 it is
+    /// equally stiff both ways.
     Elastic {
         /// Tangential over normal stiffness, zero or more.
         tangential_ratio: f64,
     },
-    /// It slides without resistance.
+    /// The contact slides without resistance.
     Frictionless,
 }
 
-/// How the probe touches a tissue.
+/// The geometry and the laws of one contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
-    /// How the probe stands to the surface.
+    /// The pose of the probe against the surface.
     pub pose: Pose,
-    /// How deep.
+    /// Depth along the probe.
     pub depth: Depth,
-    /// How radius and force follow from the depth.
+    /// The law that gives radius and force at a depth.
     pub law: ContactLaw,
-    /// What happens sideways.
+    /// Behaviour along the surface.
     pub friction: Friction,
 }
 
 impl Contact {
-    /// A sticking contact by Sneddon's solution.
+    /// A sticking contact with Sneddon's law.
     pub const fn new(pose: Pose, depth: Depth) -> Self {
         Self { pose, depth, law: ContactLaw::Sneddon, friction: Friction::Sticking }
     }
@@ -82,7 +84,7 @@ impl Contact {
 /// A contact at rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Load {
-    /// How far the ball has sunk in, normal to the surface, mm.
+    /// Indentation normal to the surface, mm.
     pub depth_mm: f64,
     /// Contact radius, mm.
     pub radius_mm: f64,
@@ -95,7 +97,7 @@ pub struct Load {
 }
 
 impl Load {
-    /// No contact.
+    /// The load of a clear probe.
     pub const NONE: Self = Self {
         depth_mm: 0.0,
         radius_mm: 0.0,
@@ -115,7 +117,7 @@ impl Load {
 }
 
 impl Sensor {
-    /// The contact at rest: its depth, radius, force and stiffness. Zero when there is no contact.
+    /// The contact at rest: its depth, radius, force and stiffness. All are zero without contact.
     ///
     /// # Errors
     /// [`Refusal::Law`] when the depth lies outside the contact law, or is not a number;
@@ -124,30 +126,34 @@ impl Sensor {
         contact.check_grip(tissue)?;
         let radius_m = self.section().radius_m;
         let modulus_pa = tissue.contact_modulus_pa();
-        let spot = self.spot(modulus_pa, contact)?;
-        let normal = 2.0 * modulus_pa * radius_m * spot.radius_rel;
+        let patch = self.patch(modulus_pa, contact)?;
+        let normal = 2.0 * modulus_pa * radius_m * patch.radius_rel;
         Ok(Load {
-            depth_mm: spot.depth_rel * radius_m * 1e3,
-            radius_mm: spot.radius_rel * radius_m * 1e3,
-            force_n: modulus_pa * radius_m * radius_m * spot.force_rel,
+            depth_mm: patch.depth_rel * radius_m * 1e3,
+            radius_mm: patch.radius_rel * radius_m * 1e3,
+            force_n: modulus_pa * radius_m * radius_m * patch.force_rel,
             normal_n_per_m: normal,
             tangential_n_per_m: normal * contact.tangential_ratio(tissue),
         })
     }
 
-    fn spot(&self, modulus_pa: f64, contact: &Contact) -> Result<Spot, LawError> {
+    fn patch(&self, modulus_pa: f64, contact: &Contact) -> Result<ContactPatch, LawError> {
         let section = self.section();
         let (Depth::Indentation { along_probe_mm } | Depth::Stage { along_probe_mm }) =
             contact.depth;
         if along_probe_mm <= 0.0 {
-            return Ok(Spot::NONE);
+            return Ok(ContactPatch::NONE);
         }
         let move_rel = along_probe_mm * 1e-3 * contact.pose.cos() / section.radius_m;
         match contact.depth {
             Depth::Indentation { .. } => contact.law.at(move_rel),
             Depth::Stage { .. } => {
                 let compliance = section.normal_compliance_m_per_n(&contact.pose);
-                stage::balance(contact.law, move_rel, compliance * modulus_pa * section.radius_m)
+                equilibrium::of_stage_move(
+                    contact.law,
+                    move_rel,
+                    compliance * modulus_pa * section.radius_m,
+                )
             }
         }
     }

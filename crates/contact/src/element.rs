@@ -1,10 +1,10 @@
 //! Tier E1: the bimorph as one cubic beam element with a tip mass, in closed form.
 //!
-//! Two motions in the plane of bending, deflection w and slope φ, make a quadratic in ω²; the
-//! twist θ, which a surface leaning sideways excites a little, is eliminated beforehand. Losses and
-//! the electrodes make the same quadratic complex, and its lower root the equivalent circuit.
+//! Two motions in the plane of bending, deflection w and slope φ, make a quadratic in ω². The twist θ,
+//! which a surface that leans to the left excites a little, is eliminated beforehand. Losses and the
+//! electrodes make the quadratic complex; its lower root gives the equivalent circuit.
 //!
-//! Left to the reference: how the beam's own inertia bends it (0.05 Hz of 140 Hz for the reference
+//! The reference adds the bending by the beam's own inertia (0.05 Hz of 140 Hz for the reference
 //! sensor), lateral bending (0.03 Hz of shift), and shear.
 
 use std::f64::consts::TAU;
@@ -15,33 +15,33 @@ use crate::{
     Circuit, Contact, Load, Pose, Refusal, Sensor, Tissue, pose::TipStiffness, section::Section,
 };
 
-/// A sensor as tier E1 sees it.
+/// The beam element of tier E1.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Element {
+pub(crate) struct Element {
     section: Section,
-    stiffness: Pair,
-    mass: Pair,
+    stiffness: Symmetric2,
+    mass: Symmetric2,
     twist_stiffness_n_m: f64,
     twist_inertia_kg_m2: f64,
     /// ω² and ω of the free sensor, without losses.
     free_rad2: f64,
     free_rad: f64,
     /// Stiffness less ω² mass of the free sensor: singular.
-    balance: Pair,
-    /// Half-way products of the quadratic: mass determinant, and the mixed term of the free sensor.
+    dynamic_stiffness: Symmetric2,
+    /// Coefficients of the quadratic: the mass determinant, and the mixed term of the free sensor.
     mass_determinant: f64,
     mixed: f64,
 }
 
 /// A symmetric matrix over (w, φ).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Pair {
+pub(crate) struct Symmetric2 {
     pub(crate) ww: f64,
     pub(crate) wp: f64,
     pub(crate) pp: f64,
 }
 
-impl Pair {
+impl Symmetric2 {
     pub(crate) const ZERO: Self = Self { ww: 0.0, wp: 0.0, pp: 0.0 };
 
     pub(crate) fn plus(self, factor: f64, other: Self) -> Self {
@@ -56,7 +56,7 @@ impl Pair {
         self.ww * self.pp - self.wp * self.wp
     }
 
-    /// What is bilinear in det(A + x B): the factor of x.
+    /// The coefficient of x in det(A + x B).
     pub(crate) fn mixed(self, other: Self) -> f64 {
         self.ww * other.pp + self.pp * other.ww - 2.0 * self.wp * other.wp
     }
@@ -64,13 +64,13 @@ impl Pair {
 
 impl Element {
     /// The element of a sensor.
-    pub fn new(sensor: &Sensor) -> Self {
+    pub(crate) fn new(sensor: &Sensor) -> Self {
         let section = *sensor.section();
         let l = section.length_m;
         let k = section.bending_n_m2 / l.powi(3);
         let m = section.mass_kg_per_m * l / 420.0;
-        let stiffness = Pair { ww: 12.0 * k, wp: -6.0 * l * k, pp: 4.0 * l * l * k };
-        let mass = Pair {
+        let stiffness = Symmetric2 { ww: 12.0 * k, wp: -6.0 * l * k, pp: 4.0 * l * l * k };
+        let mass = Symmetric2 {
             ww: 156.0 * m + section.tip_mass_kg,
             wp: -22.0 * l * m,
             pp: 4.0 * l * l * m + section.tip_inertia_kg_m2,
@@ -79,7 +79,7 @@ impl Element {
         let mass_determinant = mass.determinant();
         let discriminant = sum * sum - 4.0 * mass_determinant * stiffness.determinant();
         let free_rad2 = 2.0 * stiffness.determinant() / (sum + discriminant.sqrt());
-        let balance = stiffness.plus(-free_rad2, mass);
+        let dynamic_stiffness = stiffness.plus(-free_rad2, mass);
         Self {
             section,
             stiffness,
@@ -88,22 +88,22 @@ impl Element {
             twist_inertia_kg_m2: section.roll_kg_m * l / 3.0 + section.tip_inertia_kg_m2,
             free_rad2,
             free_rad: free_rad2.sqrt(),
-            balance,
+            dynamic_stiffness,
             mass_determinant,
-            mixed: balance.mixed(mass),
+            mixed: dynamic_stiffness.mixed(mass),
         }
     }
 
-    /// Series resonance of the sensor that touches nothing, without losses, Hz.
-    pub fn no_load_hz(&self) -> f64 {
+    /// Series resonance of the free sensor, without losses, Hz.
+    pub(crate) fn no_load_hz(&self) -> f64 {
         self.free_rad / TAU
     }
 
     /// The shift of the series resonance by a contact stiffness, without losses, Hz.
     ///
-    /// Computed as a difference from the free sensor in exact arithmetic, so that it keeps its
-    /// relative accuracy down to the smallest stiffness.
-    pub fn shift_hz(&self, pose: &Pose, load: &Load) -> f64 {
+    /// It is the root of a quadratic around the free sensor, and so keeps its relative accuracy down
+    /// to the smallest stiffness.
+    pub(crate) fn shift_hz(&self, pose: &Pose, load: &Load) -> f64 {
         let normal = load.normal_n_per_m;
         if normal == 0.0 {
             return 0.0;
@@ -113,10 +113,10 @@ impl Element {
         rise / (((self.free_rad2 + rise).sqrt() + self.free_rad) * TAU)
     }
 
-    /// The shift by a model that knows it as a difference of two resonances only.
+    /// The shift by a model that only gives the difference of two resonances.
     ///
-    /// A shift that would be lost in that difference is the element's, times what the model has
-    /// more or less of it where it can be seen.
+    /// A shift too small for that difference is the element's shift times the ratio of the two
+    /// models at a larger stiffness.
     pub(crate) fn resolved_hz(
         &self,
         pose: &Pose,
@@ -132,27 +132,27 @@ impl Element {
         shift * difference_hz(&seen) / self.shift_hz(pose, &seen)
     }
 
-    /// By how much this contact stiffness raises ω².
+    /// The rise of ω² by this contact stiffness.
     fn rise_with(&self, unit: &TipStiffness, normal: f64) -> f64 {
         if !unit.is_twisting() {
             let in_plane =
-                Pair { ww: normal * unit.ww, wp: normal * unit.wp, pp: normal * unit.pp };
+                Symmetric2 { ww: normal * unit.ww, wp: normal * unit.wp, pp: normal * unit.pp };
             return self.rise_rad2(in_plane);
         }
         // The twist's inertia needs ω². It is a few percent of the twist's stiffness, which itself
-        // moves the shift by a fifth of a hertz, so that the first order in the contact will do.
-        let along =
-            self.balance.ww * unit.pp + self.balance.pp * unit.ww - 2.0 * self.balance.wp * unit.wp;
+        // moves the shift by a fifth of a hertz, so that the first order in the contact suffices.
+        let along = self.dynamic_stiffness.ww * unit.pp + self.dynamic_stiffness.pp * unit.ww
+            - 2.0 * self.dynamic_stiffness.wp * unit.wp;
         let first_order = normal * along / (self.mixed + normal * self.mass.ww * unit.pp);
-        // At the free twist's own resonance a sliding contact would be as soft as none, and beyond
-        // it pull instead of push: the guess keeps away.
+        // At the free twist's own resonance a sliding contact would have no stiffness, and beyond it
+        // a negative one: the guess stays below.
         let free_twist_rad2 = self.twist_stiffness_n_m / self.twist_inertia_kg_m2;
         let guess = (self.free_rad2 + first_order).min(0.5 * free_twist_rad2);
         self.rise_rad2(self.in_plane(unit, normal, guess))
     }
 
-    /// An upper bound of the first ω²: where the twist alone would resonate with this contact
-    /// stiffness, when the contact couples it with the bending; otherwise infinite.
+    /// An upper bound of the first ω²: the resonance of the twist alone with this contact stiffness
+    /// when the contact couples twist and bending; otherwise infinite.
     pub(crate) fn twist_rad2(&self, unit: &TipStiffness, normal: f64) -> f64 {
         if !unit.is_twisting() {
             return f64::INFINITY;
@@ -171,36 +171,36 @@ impl Element {
     }
 
     /// The mass over (w, φ).
-    pub(crate) const fn mass(&self) -> Pair {
+    pub(crate) const fn mass(&self) -> Symmetric2 {
         self.mass
     }
 
-    /// The contact's stiffness over (w, φ) with the twist eliminated at ω².
-    pub(crate) fn in_plane(&self, unit: &TipStiffness, normal: f64, omega_rad2: f64) -> Pair {
+    /// The contact's stiffness over (w, φ), with the twist eliminated at ω².
+    pub(crate) fn in_plane(&self, unit: &TipStiffness, normal: f64, omega_rad2: f64) -> Symmetric2 {
         let twist = self.twist_stiffness_n_m - omega_rad2 * self.twist_inertia_kg_m2;
         let give = normal * normal / (twist + normal * unit.tt);
-        Pair {
+        Symmetric2 {
             ww: normal * unit.ww - give * unit.wt * unit.wt,
             wp: normal * unit.wp - give * unit.wt * unit.pt,
             pp: normal * unit.pp - give * unit.pt * unit.pt,
         }
     }
 
-    /// By how much the contact raises ω²: the small root of the quadratic around the free sensor.
-    fn rise_rad2(&self, contact: Pair) -> f64 {
-        let constant = self.balance.mixed(contact) + contact.determinant();
+    /// The rise of ω² by the contact: the small root of the quadratic around the free sensor.
+    fn rise_rad2(&self, contact: Symmetric2) -> f64 {
+        let constant = self.dynamic_stiffness.mixed(contact) + contact.determinant();
         let sum = self.mixed + contact.mixed(self.mass);
         let discriminant = sum * sum - 4.0 * self.mass_determinant * constant;
         2.0 * constant / (sum + discriminant.sqrt())
     }
 
     /// The equivalent circuit of the free sensor.
-    pub fn free_circuit(&self) -> Circuit {
+    pub(crate) fn free_circuit(&self) -> Circuit {
         self.circuit_of(self.complex(|_| Complex64::ZERO))
     }
 
     /// The equivalent circuit in contact, with the losses of beam and tissue.
-    pub fn circuit(&self, pose: &Pose, load: &Load, tissue: &Tissue) -> Circuit {
+    pub(crate) fn circuit(&self, pose: &Pose, load: &Load, tissue: &Tissue) -> Circuit {
         let normal = load.normal_n_per_m;
         if normal == 0.0 {
             return self.free_circuit();
@@ -214,27 +214,27 @@ impl Element {
         );
         let give = complex * complex / (twist + complex * unit.tt);
         self.circuit_of(self.complex(|part| match part {
-            Part::Ww => complex * unit.ww - give * unit.wt * unit.wt,
-            Part::Wp => complex * unit.wp - give * unit.wt * unit.pt,
-            Part::Pp => complex * unit.pp - give * unit.pt * unit.pt,
+            Entry::Ww => complex * unit.ww - give * unit.wt * unit.wt,
+            Entry::Wp => complex * unit.wp - give * unit.wt * unit.pt,
+            Entry::Pp => complex * unit.pp - give * unit.pt * unit.pt,
         }))
     }
 
     /// The beam's lossy stiffness plus that of a contact, as (ww, wφ, φφ).
-    fn complex(&self, contact: impl Fn(Part) -> Complex64) -> [Complex64; 3] {
+    fn complex(&self, contact: impl Fn(Entry) -> Complex64) -> [Complex64; 3] {
         let lossy = Complex64::new(1.0, self.section.beam_loss);
         [
-            lossy * self.stiffness.ww + contact(Part::Ww),
-            lossy * self.stiffness.wp + contact(Part::Wp),
-            lossy * self.stiffness.pp + contact(Part::Pp),
+            lossy * self.stiffness.ww + contact(Entry::Ww),
+            lossy * self.stiffness.wp + contact(Entry::Wp),
+            lossy * self.stiffness.pp + contact(Entry::Pp),
         ]
     }
 
     /// The circuit of a lossy stiffness over (w, φ).
     ///
-    /// The electrodes turn the end of the beam, so that the charge follows its slope: the
-    /// compliance of the slope has a pole at either root of the quadratic. The lower one is the series
-    /// branch; the upper one is far away and adds to the capacitor.
+    /// The electrodes turn the end of the beam, so that the charge follows its slope. The compliance
+    /// of the slope has a pole at each root of the quadratic. The lower pole is the series branch; the
+    /// upper one is far away and adds to the capacitor.
     fn circuit_of(&self, [ww, wp, pp]: [Complex64; 3]) -> Circuit {
         let m = &self.mass;
         let sum = ww * m.pp + pp * m.ww - 2.0 * wp * m.wp;
@@ -261,25 +261,26 @@ impl Element {
     }
 }
 
-/// Shift over resonance from which a difference of resonances has six right digits.
+/// Smallest shift, relative to the resonance, for which a difference of resonances has six correct
+/// digits.
 const RESOLVED_REL: f64 = 1e-6;
 
 /// The entries of a symmetric matrix over (w, φ).
 #[derive(Clone, Copy)]
-enum Part {
+enum Entry {
     Ww,
     Wp,
     Pp,
 }
 
 impl Sensor {
-    /// The equivalent circuit of the sensor that touches nothing, by tier E1.
+    /// The equivalent circuit of the free sensor by tier E1.
     pub fn free_circuit(&self) -> Circuit {
         Element::new(self).free_circuit()
     }
 
-    /// The equivalent circuit of the sensor in this contact, by tier E1; that of the free sensor,
-    /// exactly, at a depth of zero or less.
+    /// The equivalent circuit of the sensor in this contact by tier E1. At a depth of zero or less it
+    /// is exactly that of the free sensor.
     ///
     /// # Errors
     /// As [`Sensor::load`].

@@ -1,7 +1,7 @@
-//! Equations (1) to (9) of the paper as they are printed, in SI units, and what they claim.
+//! Equations (1), (4), (5), (8) and (9) of the paper as printed, in SI units, and its bounds.
 //!
-//! They are here to be judged, and as tier T0; the tiers above do not lean on them. Where text and
-//! formulas contradict each other or mechanics, the function says so.
+//! The studies judge them; no tier depends on them. Where text and formulas contradict each other or
+//! mechanics, the documentation of the function says so.
 //!
 //! # Source
 //! A Piezoelectric Tactile Sensor for Tissue Stiffness Detection with Arbitrary Contact Angle,
@@ -13,7 +13,7 @@ use num_complex::Complex64;
 
 use crate::{ContactLaw, LawError};
 
-/// What equation (1) takes of the tissue.
+/// The tissue properties in equation (1).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TissueConstants {
     /// Young's modulus, Pa.
@@ -22,9 +22,9 @@ pub struct TissueConstants {
     pub poisson: f64,
     /// Density, kg/m³.
     pub density_kg_per_m3: f64,
-    /// The coefficient a₁₁ of the mass, which the paper never gives a value.
+    /// The coefficient a₁₁ of the mass. The paper gives no value.
     pub mass_factor: f64,
-    /// The coefficient a₁₂ of the resistance, which the paper never gives a value.
+    /// The coefficient a₁₂ of the resistance. The paper gives no value.
     pub resistance_factor: f64,
 }
 
@@ -66,50 +66,6 @@ impl TissueImpedance {
     }
 }
 
-/// The sensor as equations (2) to (9) know it.
-///
-/// Equation (2) is that of a rod vibrating along its length, with the sound speed C, which the text
-/// never defines. Such a rod of 35 mm resonates near 40 kHz, not 140 Hz: only the quotient
-/// C/(ω L Z₁) can be used, as one fitted constant.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rod {
-    /// C, m/s.
-    pub sound_speed_m_per_s: f64,
-    /// L, m.
-    pub length_m: f64,
-    /// Z₁, kg/s.
-    pub impedance_kg_per_s: f64,
-    /// ω, rad/s. The text does not say whether that of the free or of the loaded sensor.
-    pub omega_rad_per_s: f64,
-}
-
-impl Rod {
-    /// Equation (2): the shift by a tissue impedance, Hz.
-    pub fn shift_hz(&self, tissue: &TissueImpedance) -> f64 {
-        -self.sound_speed_m_per_s * tissue.reactance_kg_per_s(self.omega_rad_per_s)
-            / (2.0 * PI * self.length_m * self.impedance_kg_per_s)
-    }
-
-    /// Equation (3): the same without the tissue's mass, for a contact of the area S in m², Hz.
-    pub fn shift_of_area_hz(&self, young_pa: f64, poisson: f64, area_m2: f64) -> f64 {
-        self.sound_speed_m_per_s * young_pa * area_m2.sqrt()
-            / (PI.powf(1.5)
-                * self.omega_rad_per_s
-                * self.length_m
-                * self.impedance_kg_per_s
-                * (1.0 - poisson * poisson))
-    }
-
-    /// Equation (7): the shift at a contact angle, Hz.
-    ///
-    /// # Errors
-    /// As [`contact_radius_mm`].
-    pub fn shift_at_hz(&self, young_pa: f64, poisson: f64, press: Press) -> Result<f64, LawError> {
-        let radius_m = contact_radius_mm(press)? * 1e-3;
-        Ok(self.shift_of_area_hz(young_pa, poisson, PI * radius_m * radius_m))
-    }
-}
-
 /// A ball of radius R pressed in by Δ along the probe at a contact angle.
 ///
 /// The text writes the same depth as Δ and as δ.
@@ -132,8 +88,8 @@ impl Press {
 
 /// Equations (4) and (5): the contact radius a' in mm.
 ///
-/// It is that of the ball's section at half the depth. The text asks for a ≤ R, which always holds;
-/// what it needs is δ cos α ≤ 2R, beyond which the radius falls with the depth.
+/// It is the radius of the ball's section at half the depth. The text asks for a ≤ R, which always
+/// holds. The formula needs δ cos α ≤ 2R: beyond, the radius falls with the depth.
 ///
 /// # Errors
 /// [`LawError::Depth`] outside 0 ≤ δ cos α ≤ 2R.
@@ -141,15 +97,7 @@ pub fn contact_radius_mm(press: Press) -> Result<f64, LawError> {
     Ok(ContactLaw::Paper.at(press.depth_rel())?.radius_rel * press.ball_mm)
 }
 
-/// Equation (6): the contact area in mm².
-///
-/// # Errors
-/// As [`contact_radius_mm`].
-pub fn contact_area_mm2(press: Press) -> Result<f64, LawError> {
-    Ok(PI * contact_radius_mm(press)?.powi(2))
-}
-
-/// How the cosine of 45° enters equations (8) and (9).
+/// The values of cos 45° and cos² 45° in equations (8) and (9).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Arithmetic {
     /// cos 45° = √½ and cos² 45° = ½.
@@ -187,8 +135,8 @@ fn tilted(depth_rel: f64, arithmetic: Arithmetic) -> f64 {
 
 /// Equation (9): D₁/D₂ at 0° for the stiffness ratio Eᵢ/Eⱼ, for the depth δ in ball radii.
 ///
-/// It does not contain the sensor: neither L nor any other constant. Infinite when the stiffnesses
-/// are equal.
+/// The equation contains neither L nor any other constant of the sensor. The result is infinite for
+/// equal stiffnesses.
 ///
 /// # Errors
 /// [`LawError::Depth`] outside 0 ≤ δ ≤ 2R.
@@ -199,7 +147,7 @@ pub fn influence_over_discrimination(
 ) -> Result<f64, LawError> {
     let fall = angle_influence(depth_rel, arithmetic)?;
     let upright = ContactLaw::Paper.at(depth_rel)?.radius_rel;
-    // Shallow contacts are Hertz's, of which the quotient has a limit.
+    // The limit of the quotient for shallow contacts, which follow Hertz.
     let relative = if depth_rel == 0.0 {
         1.0 - arithmetic.cosine_and_square().0.sqrt()
     } else {
@@ -210,19 +158,19 @@ pub fn influence_over_discrimination(
 
 /// The R/δ at which equation (8) is zero.
 ///
-/// Exactly (1 + cos 45°)/4 = 0.4268, and 0.4167 in printed arithmetic, which the paper rounds to
-/// 0.42. Both lie outside equation (4), which needs R ≥ 0.5 δ: within it D₁ is always positive.
+/// It is (1 + cos 45°)/4 = 0.4268 exactly and 0.4167 in printed arithmetic, which the paper rounds
+/// to 0.42. Both lie outside equation (4), which needs R ≥ 0.5 δ. Within it D₁ is always positive.
 pub fn radius_without_angle_influence(arithmetic: Arithmetic) -> f64 {
     // R δ − δ²/4 = cos Rδ − cos² δ²/4.
     let (cosine, square) = arithmetic.cosine_and_square();
     0.25 * (1.0 - square) / (1.0 - cosine)
 }
 
-/// The largest R/δ for which D₁ < D₂ at 0°, or none when every ball will do.
+/// The largest R/δ for which D₁ < D₂ at 0°, or `None` when every ball separates the pair.
 ///
-/// The shift falls by less than it does for Hertz's contact of a large ball, by
-/// 1 − √cos 45° = 15.9 %, so that every pair with Eᵢ > 1.1892 Eⱼ is separable by any ball. For the
-/// paper's 1.2 there is no upper bound, where it finds R < 2.5 Δ; that needs a ratio of 1.17.
+/// The shift falls by less than 1 − √cos 45° = 15.9 %, the fall in Hertz's contact of a large ball.
+/// Any ball therefore separates every pair with Eᵢ > 1.1892 Eⱼ. The paper finds R < 2.5 Δ for its
+/// ratio of 1.2, which has no upper bound; that bound belongs to a ratio of 1.17.
 pub fn largest_separating_radius(stiffness_ratio: f64, arithmetic: Arithmetic) -> Option<f64> {
     // √((c D − s D²/4)/(D − D²/4)) > 1/q with q the ratio: (c q² − 1) > (s q² − 1) D/4.
     let (cosine, square) = arithmetic.cosine_and_square();
@@ -235,9 +183,10 @@ pub fn largest_separating_radius(stiffness_ratio: f64, arithmetic: Arithmetic) -
     Some(0.25 * right / left)
 }
 
-/// The largest R/δ for which D₁ < D₂ with D₂ taken at 45°, or none when every ball will do.
+/// The largest R/δ for which D₁ < D₂ with D₂ taken at 45°, or `None` when every ball separates the
+/// pair.
 ///
-/// There the condition is stricter: Eᵢ (a₀ − a₄₅) < (Eᵢ − Eⱼ) a₄₅.
+/// The condition is stricter at 45°: Eᵢ (a₀ − a₄₅) < (Eᵢ − Eⱼ) a₄₅.
 pub fn largest_separating_radius_tilted(
     stiffness_ratio: f64,
     arithmetic: Arithmetic,

@@ -1,23 +1,26 @@
 //! The exact Euler–Bernoulli beam with a tip: its lowest resonance in contact, without losses.
 //!
 //! The beam's stiffness at its end is a quotient of sines and hyperbolic sines of βL with
-//! β⁴ = ω² m/(EI). Everything is scaled by e^(−βL), so that no βL overflows. Twist is eliminated as
-//! in tier E1; lateral bending and losses are left to the reference.
+//! β⁴ = ω² m/(EI). All terms are scaled by e^(−βL), so that no βL overflows. Twist is eliminated as in
+//! tier E1. The reference adds lateral bending and losses.
 
 use std::f64::consts::TAU;
 
-use crate::{Element, Load, Pose, Sensor, element::Pair, pose::TipStiffness, section::Section};
+use crate::{
+    Element, Load, Pose, Sensor, element::Symmetric2, pose::TipStiffness, section::Section,
+};
 
 /// A sensor as an exact beam.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ExactBeam {
+pub(crate) struct ExactBeam {
     section: Section,
     element: Element,
     /// ω² of the free sensor.
     free_rad2: f64,
 }
 
-/// What the trigonometric functions of βL are, all but the sine and cosine scaled by 2 e^(−βL).
+/// The trigonometric and hyperbolic functions of βL. The hyperbolic ones and 1 are scaled by
+/// 2 e^(−βL).
 #[derive(Debug, Clone, Copy)]
 struct Scaled {
     sin: f64,
@@ -36,45 +39,29 @@ impl Scaled {
     }
 }
 
-/// The characteristic function cos βL + 1/cosh βL of a cantilever without a tip mass.
-///
-/// It is (1 + cos βL cosh βL)/cosh βL, bounded for every βL, where the product itself overflows
-/// above 710 and has no right digit above 36.
-pub fn cantilever_characteristic(beta_l: f64) -> f64 {
-    let scaled = Scaled::of(beta_l);
-    scaled.cos + scaled.one / scaled.cosh
-}
-
-/// The characteristic function cos βL tanh βL − sin βL of a beam clamped at one end and pinned at
-/// the other.
-pub fn clamped_pinned_characteristic(beta_l: f64) -> f64 {
-    let scaled = Scaled::of(beta_l);
-    scaled.cos * scaled.sinh / scaled.cosh - scaled.sin
-}
-
 /// The lowest βL of a beam clamped at both ends, where the stiffness at the end has its first pole.
 const CLAMPED_CLAMPED: f64 = 4.730_040_744_862_704;
-/// Of a step relative to ω². A secant step of this size leaves an error of about its square.
+/// Largest last step, relative to ω². A secant step leaves an error of about its square.
 const TOLERANCE: f64 = 1e-8;
-/// Bisection alone would need fifty.
+/// Bisection alone would need fifty steps.
 const STEPS_MAX: u32 = 80;
 
-/// What is sought to vanish, at some ω².
+/// The residual of the resonance condition at some ω².
 struct Residual {
     /// The scaled determinant of the stiffness at the end.
     determinant: f64,
-    /// A first guess of its slope.
+    /// A first guess of the slope of the determinant.
     slope: f64,
-    /// How many roots lie below, by the signs of the pivots.
+    /// The number of roots below this ω², by the signs of the pivots.
     roots_below: u8,
 }
 
 impl ExactBeam {
     /// The exact beam of a sensor.
-    pub fn new(sensor: &Sensor) -> Self {
+    pub(crate) fn new(sensor: &Sensor) -> Self {
         let element = Element::new(sensor);
         let mut beam = Self { section: *sensor.section(), element, free_rad2: 0.0 };
-        let none = |_| Pair::ZERO;
+        let none = |_| Symmetric2::ZERO;
         beam.free_rad2 = beam.lowest_rad2(none, element.free_rad2(), f64::INFINITY);
         beam
     }
@@ -84,13 +71,13 @@ impl ExactBeam {
         &self.element
     }
 
-    /// Resonance of the sensor that touches nothing, Hz.
-    pub fn no_load_hz(&self) -> f64 {
+    /// Resonance of the free sensor, Hz.
+    pub(crate) fn no_load_hz(&self) -> f64 {
         self.free_rad2.sqrt() / TAU
     }
 
     /// The shift of the resonance by a contact stiffness, Hz.
-    pub fn shift_hz(&self, pose: &Pose, load: &Load) -> f64 {
+    pub(crate) fn shift_hz(&self, pose: &Pose, load: &Load) -> f64 {
         self.element.resolved_hz(pose, load, |load| self.difference_hz(pose, load))
     }
 
@@ -106,10 +93,15 @@ impl ExactBeam {
 
     /// The lowest ω² with this contact stiffness, which may depend on ω², from a guess near it.
     ///
-    /// Secant steps on the determinant, kept between bounds that the number of negative pivots
-    /// gives: below the first root the stiffness at the end is positive definite. The first root
-    /// lies below `twist_rad2`, where the eliminated twist would resonate by itself.
-    fn lowest_rad2(&self, contact: impl Fn(f64) -> Pair, guess_rad2: f64, twist_rad2: f64) -> f64 {
+    /// Secant steps on the determinant stay between bounds from the number of negative pivots: below
+    /// the first root the stiffness at the end is positive definite. The first root lies below
+    /// `twist_rad2`, the resonance of the eliminated twist alone.
+    fn lowest_rad2(
+        &self,
+        contact: impl Fn(f64) -> Symmetric2,
+        guess_rad2: f64,
+        twist_rad2: f64,
+    ) -> f64 {
         let s = &self.section;
         let clamped = (CLAMPED_CLAMPED / s.length_m).powi(4) * s.bending_n_m2 / s.mass_kg_per_m;
         let ceiling = clamped.min(twist_rad2);
@@ -128,7 +120,7 @@ impl ExactBeam {
                 Some((x, y)) if x != at => (here.determinant - y) / (at - x),
                 _ => here.slope,
             };
-            // From beyond the second root a secant would lead to that one.
+            // Above the second root a secant would lead to that root.
             let is_near = here.roots_below < 2;
             before = is_near.then_some((at, here.determinant));
             let next = at - here.determinant / slope;
@@ -143,24 +135,24 @@ impl ExactBeam {
         at
     }
 
-    fn residual(&self, rad2: f64, contact: Pair) -> Residual {
+    fn residual(&self, rad2: f64, contact: Symmetric2) -> Residual {
         let s = &self.section;
         let beta = (rad2 * s.mass_kg_per_m / s.bending_n_m2).sqrt().sqrt();
         let t = Scaled::of(beta * s.length_m);
         let ei = s.bending_n_m2;
         // The beam's stiffness times `pole`, which is positive up to the first clamped mode.
         let pole = t.one - t.cos * t.cosh;
-        let beam = Pair {
+        let beam = Symmetric2 {
             ww: ei * beta.powi(3) * (t.cos * t.sinh + t.sin * t.cosh),
             wp: -ei * beta * beta * t.sin * t.sinh,
             pp: ei * beta * (t.sin * t.cosh - t.cos * t.sinh),
         };
-        let tip = Pair {
+        let tip = Symmetric2 {
             ww: contact.ww - rad2 * s.tip_mass_kg,
             wp: contact.wp,
             pp: contact.pp - rad2 * s.tip_inertia_kg_m2,
         };
-        // det(B/pole + X) pole, in which det B = (EI)² β⁴ (1 + cos cosh) pole has no pole left.
+        // det(B/pole + X) pole; the pole cancels in det B = (EI)² β⁴ (1 + cos cosh) pole.
         let determinant = (ei * beta * beta).powi(2) * (t.one + t.cos * t.cosh)
             + beam.mixed(tip)
             + pole * tip.determinant();
@@ -170,7 +162,7 @@ impl ExactBeam {
             (false, _) => 1,
             (true, false) => 2,
         };
-        // With the element's mass as the slope of the stiffness.
+        // The element's mass approximates the slope of the stiffness.
         let slope = -sum.mixed(self.element.mass());
         Residual { determinant, slope, roots_below }
     }

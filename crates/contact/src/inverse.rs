@@ -1,18 +1,20 @@
 //! From frequency shifts back to stiffness, with its uncertainty.
 //!
-//! One touch at a known angle gives a stiffness. Touches at several spins of the probe about its
-//! own axis, or at several depths, give stiffness and contact angle together; what they cannot tell
-//! apart is said, and what they cannot tell at all is refused.
+//! One touch at a known angle gives a stiffness. Touches at several spins of the probe about its own
+//! axis, or at several depths, give stiffness and contact angle together. The result says whether
+//! the touches identify the angle; an unknown stiffness is refused.
 
 mod one_touch;
 mod tilt;
 
-pub use one_touch::{OneTouch, Spread};
-pub use tilt::{AnglePrior, AzimuthPrior, Interval, Probing, TiltInference, Touch, infer_tilt};
+pub use one_touch::{OneTouch, TouchSigmas};
+pub use tilt::{
+    AnglePrior, AzimuthPrior, Interval, SiteTouch, TiltInference, TouchModel, infer_tilt,
+};
 
 use crate::{Refusal, Tissue, TissueError};
 
-/// What is taken as known of a tissue when its stiffness is sought.
+/// The tissue properties that the inference of a stiffness assumes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TissueKind {
     /// Poisson's ratio.
@@ -22,7 +24,7 @@ pub struct TissueKind {
 }
 
 impl TissueKind {
-    /// Soft silicone or tissue: incompressible, with a loss factor of 0.1.
+    /// Soft silicone or tissue: incompressible, loss factor 0.1.
     pub const SOFT: Self = Self { poisson: 0.5, loss: 0.1 };
 
     fn with(self, young_mpa: f64) -> Result<Tissue, TissueError> {
@@ -30,49 +32,49 @@ impl TissueKind {
     }
 }
 
-/// Why no stiffness is given.
+/// A refused inference.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum InverseError {
-    /// The shift is zero, negative or not a number: nothing was touched.
-    #[error("a shift of {shift_hz} Hz is no contact")]
+    /// The shift is zero, negative or not a number.
+    #[error("a shift of {shift_hz} Hz shows no contact")]
     NoContact {
         /// The shift given, Hz.
         shift_hz: f64,
     },
-    /// The stiffness would be known too badly to be called a result.
-    #[error("stiffness is known to {relative:.2} of itself only, {limit} is allowed")]
+    /// The standard deviation of the stiffness is too large for a result.
+    #[error("the relative standard deviation of the stiffness is {relative:.2}, above {limit}")]
     TooUncertain {
         /// The standard deviation over the value.
         relative: f64,
-        /// The largest that is given as a result.
+        /// The largest allowed ratio.
         limit: f64,
     },
-    /// The touches contradict each other under every stiffness and tilt.
+    /// No stiffness and tilt explain the touches.
     #[error("touches disagree: chi-squared {chi_squared:.1} with {freedom} degrees of freedom")]
     Inconsistent {
-        /// The smallest sum of squared deviations in their standard deviations.
+        /// The smallest sum of squared deviations over their variances.
         chi_squared: f64,
         /// Number of touches less that of unknowns.
         freedom: usize,
     },
-    /// There is no touch to infer from.
+    /// The list of touches is empty.
     #[error("no touches to infer a stiffness from")]
     NoTouches,
-    /// A standard deviation or a bound that is not a positive number.
+    /// A standard deviation or a bound is not a positive number.
     #[error("{what} must be a positive number, found {found}")]
     NotPositive {
-        /// The quantity at fault.
+        /// The faulty quantity.
         what: &'static str,
-        /// Its value.
+        /// The value given.
         found: f64,
     },
     /// The contact is outside the model.
     #[error(transparent)]
     Refused(#[from] Refusal),
-    /// The tissue assumed is none.
+    /// The assumed tissue is not valid.
     #[error(transparent)]
     Tissue(#[from] TissueError),
 }
 
-/// The largest relative standard deviation that is given as a result.
+/// The largest relative standard deviation of a result.
 const RELATIVE_SIGMA_MAX: f64 = 0.5;

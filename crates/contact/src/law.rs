@@ -1,23 +1,23 @@
-//! Contact laws: how wide a rigid ball touches, and how hard it presses, at a given depth.
+//! Contact laws: contact radius and force of a rigid ball at a given depth.
 //!
-//! Everything is relative to the ball's radius R and the contact modulus E* = E/(1 − ν²): depth
-//! D = d/R, contact radius a/R, force F/(E* R²). Every law has the normal stiffness 2 E* a, which
-//! is exact for any axisymmetric rigid punch on a linear half space, and a force that is the
-//! integral of that stiffness.
+//! All quantities are relative to the ball's radius R and the contact modulus E* = E/(1 − ν²): depth
+//! D = d/R, contact radius a/R, force F/(E* R²). Every law has the normal stiffness 2 E* a, which is
+//! exact for any axisymmetric rigid punch on a linear half space. The force is the integral of that
+//! stiffness.
 //!
 //! # Source
 //! Stiffness: Pharr, Oliver and Brotzen, J. Mater. Res. 7 (1992) 613.
 
 use crate::sneddon;
 
-/// How contact radius and force follow from the depth.
+/// The law that gives contact radius and force at a depth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum ContactLaw {
-    /// Equation (4) of the paper: the radius of the ball's section at half the depth. It falls
-    /// again beyond a depth of two radii, and is imaginary beyond four.
+    /// Equation (4) of the paper: the radius of the ball's section at half the depth. It falls beyond a
+    /// depth of two radii, and is imaginary beyond four.
     Paper,
-    /// Hertz's parabola, right for shallow contacts. Beyond a depth of one radius its contact
-    /// would be wider than the ball.
+    /// Hertz's parabola, for shallow contacts. Beyond a depth of one radius its contact would be wider
+    /// than the ball.
     Hertz,
     /// Sneddon's rigid sphere in a linear half space, exact.
     Sneddon,
@@ -31,7 +31,7 @@ pub enum ContactLaw {
 
 /// Contact radius and force at one depth, relative to the ball and the contact modulus.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Spot {
+pub struct ContactPatch {
     /// Depth normal to the surface over the ball's radius.
     pub depth_rel: f64,
     /// Contact radius over the ball's radius.
@@ -40,32 +40,22 @@ pub struct Spot {
     pub force_rel: f64,
 }
 
-impl Spot {
-    /// No contact.
+impl ContactPatch {
+    /// The patch at depth zero.
     pub const NONE: Self = Self { depth_rel: 0.0, radius_rel: 0.0, force_rel: 0.0 };
 }
 
-/// A depth or a radius outside the law's validity.
+/// A depth outside the law's validity.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum LawError {
     /// The depth is outside the law.
     #[error("{law} contact law: depth of {depth_rel} ball radii is outside [0, {limit_rel}]", law = law.name())]
     Depth {
-        /// The law asked.
+        /// The contact law.
         law: ContactLaw,
         /// The depth over the ball's radius.
         depth_rel: f64,
         /// The largest depth over the ball's radius.
-        limit_rel: f64,
-    },
-    /// No depth within the law's validity has this contact radius.
-    #[error("{law} contact law: contact radius of {radius_rel} ball radii is outside [0, {limit_rel:.6}]", law = law.name())]
-    Radius {
-        /// The law asked.
-        law: ContactLaw,
-        /// The contact radius over the ball's radius.
-        radius_rel: f64,
-        /// The largest contact radius over the ball's radius.
         limit_rel: f64,
     },
 }
@@ -88,7 +78,7 @@ impl ContactLaw {
 
     /// The largest depth over the ball's radius for which the law holds.
     ///
-    /// At two radii the ball is sunk to its top, and the paper's radius has its maximum.
+    /// At two radii the top of the ball is level with the surface, and the paper's radius is largest.
     pub const fn depth_limit_rel(self) -> f64 {
         match self {
             Self::Paper | Self::Sneddon => 2.0,
@@ -99,8 +89,9 @@ impl ContactLaw {
     /// Contact radius and force at the depth `depth_rel`, in ball radii normal to the surface.
     ///
     /// # Errors
-    /// [`LawError::Depth`] for a negative depth, one beyond [`Self::depth_limit_rel`], or none.
-    pub fn at(self, depth_rel: f64) -> Result<Spot, LawError> {
+    /// [`LawError::Depth`] for a depth that is negative, beyond [`Self::depth_limit_rel`], or not a
+    /// number.
+    pub fn at(self, depth_rel: f64) -> Result<ContactPatch, LawError> {
         let limit_rel = self.depth_limit_rel();
         if !(0.0 <= depth_rel && depth_rel <= limit_rel) {
             return Err(LawError::Depth { law: self, depth_rel, limit_rel });
@@ -108,8 +99,8 @@ impl ContactLaw {
         Ok(self.at_valid(depth_rel))
     }
 
-    /// As [`Self::at`], for a depth known to be valid.
-    pub(crate) fn at_valid(self, depth_rel: f64) -> Spot {
+    /// As [`Self::at`], for a valid depth.
+    pub(crate) fn at_valid(self, depth_rel: f64) -> ContactPatch {
         let d = depth_rel;
         let hertz_force = || 4.0 / 3.0 * d * d.sqrt();
         let (radius_rel, force_rel) = match self {
@@ -119,29 +110,7 @@ impl ContactLaw {
             Self::SneddonSeries => sneddon::series_at(d),
             Self::NeoHookean => (d.sqrt() * (1.0 - 0.25 * d), hertz_force() * (1.0 - 0.15 * d)),
         };
-        Spot { depth_rel, radius_rel, force_rel }
-    }
-
-    /// The depth, in ball radii, at which the contact radius is `radius_rel` ball radii.
-    ///
-    /// # Errors
-    /// [`LawError::Radius`] when no valid depth has this radius.
-    pub fn depth_of_radius(self, radius_rel: f64) -> Result<f64, LawError> {
-        let depth_limit = self.depth_limit_rel();
-        let limit_rel = self.at_valid(depth_limit).radius_rel;
-        if !(0.0 <= radius_rel && radius_rel <= limit_rel) {
-            return Err(LawError::Radius { law: self, radius_rel, limit_rel });
-        }
-        let square = radius_rel * radius_rel;
-        Ok(match self {
-            // 2 (1 − √(1 − a²)) without its cancellation.
-            Self::Paper => 2.0 * square / (1.0 + (1.0 - square).max(0.0).sqrt()),
-            Self::Hertz => square,
-            Self::Sneddon => radius_rel * radius_rel.atanh(),
-            Self::SneddonSeries => sneddon::series_depth_of_square(square),
-            Self::NeoHookean => neo_hookean_depth(radius_rel),
-        }
-        .min(depth_limit))
+        ContactPatch { depth_rel, radius_rel, force_rel }
     }
 }
 
@@ -152,7 +121,7 @@ fn paper(depth_rel: f64) -> (f64, f64) {
     (radius, angle_minus_sine(twice))
 }
 
-/// x − sin x, by its series where the difference would lose digits.
+/// x − sin x, by its series for small x, where the difference would lose digits.
 fn angle_minus_sine(x: f64) -> f64 {
     const SERIES_BELOW: f64 = 0.1;
     if x > SERIES_BELOW {
@@ -161,15 +130,6 @@ fn angle_minus_sine(x: f64) -> f64 {
     let square = x * x;
     let tail = 1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0));
     x * square / 6.0 * tail
-}
-
-/// The depth where √D (1 − D/4) takes the value asked for, below its maximum at D = 4/3.
-///
-/// With √D = 2 m sin u and m = √(4/3) the cubic becomes sin 3u = 3a/(2m).
-fn neo_hookean_depth(radius_rel: f64) -> f64 {
-    let m = (4.0_f64 / 3.0).sqrt();
-    let triple = (1.5 * radius_rel / m).min(1.0).asin();
-    (2.0 * m * (triple / 3.0).sin()).powi(2)
 }
 
 #[cfg(test)]

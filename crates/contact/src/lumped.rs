@@ -1,29 +1,29 @@
 //! The tiers in closed form: T0 and T0b after equation (7), T1 and T2 with one spring and one mass.
 //!
-//! They have two constants, the no-load resonance and the sensitivity that the paper prints. Another
-//! sensor's constants follow from those by how its beam compares with the reference's.
+//! Their two constants are the no-load resonance and the sensitivity that the paper prints. The
+//! constants of another sensor follow by the ratio of its beam to the reference's.
 
 use crate::{ContactLaw, ExactBeam, Pose, Sensor, pose::TipStiffness};
 
 /// The no-load resonance that the paper prints, Hz.
-pub const PRINTED_NO_LOAD_HZ: f64 = 140.4;
+pub(crate) const PRINTED_NO_LOAD_HZ: f64 = 140.4;
 /// The sensitivity that the paper prints, from the softest sample to the stiffest, Hz/MPa.
-pub const PRINTED_SENSITIVITY_HZ_PER_MPA: f64 = 134.11;
+pub(crate) const PRINTED_SENSITIVITY_HZ_PER_MPA: f64 = 134.11;
 /// Young's moduli of the softest and of the stiffest sample of the paper, MPa.
-pub const PRINTED_RANGE_MPA: (f64, f64) = (0.045, 0.649);
+pub(crate) const PRINTED_RANGE_MPA: (f64, f64) = (0.045, 0.649);
 /// Depth over ball radius at which the sensitivity was taken.
 const PRINTED_DEPTH_REL: f64 = 1.0;
 /// Poisson's ratio of the samples.
 const PRINTED_POISSON: f64 = 0.5;
 
-/// A sensor as tiers T0 to T2 know it, for one contact law.
+/// The constants of a sensor in tiers T0 to T2, for one contact law.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Lumped {
+pub(crate) struct Lumped {
     sensor: Sensor,
     no_load_hz: f64,
     /// T0: shift for a normal contact stiffness of 1 N/m.
     hz_per_n_per_m: f64,
-    /// T0b: the same for the product of shift and loaded resonance, over the squared no-load one.
+    /// T0b: product of shift and loaded resonance over the squared no-load resonance, for 1 N/m.
     product_per_n_per_m: f64,
     /// T1: stiffness at the contact point of the upright probe.
     contact_n_per_m: f64,
@@ -32,8 +32,8 @@ pub struct Lumped {
 }
 
 impl Lumped {
-    /// The constants of a sensor for contacts of this law.
-    pub fn new(sensor: &Sensor, law: ContactLaw) -> Self {
+    /// The constants of a sensor for this contact law.
+    pub(crate) fn new(sensor: &Sensor, law: ContactLaw) -> Self {
         let reference = Sensor::reference();
         let (section, of_reference) = (sensor.section(), reference.section());
         let exact = ExactBeam::new(sensor).no_load_hz() / ExactBeam::new(&reference).no_load_hz();
@@ -55,76 +55,50 @@ impl Lumped {
         }
     }
 
-    /// Resonance of the sensor that touches nothing, Hz.
-    pub const fn no_load_hz(&self) -> f64 {
+    /// Resonance of the free sensor, Hz.
+    pub(crate) const fn no_load_hz(&self) -> f64 {
         self.no_load_hz
     }
 
-    /// T1's stiffness of the sensor at the contact point of the upright probe, N/m.
-    pub const fn stiffness_n_per_m(&self) -> f64 {
-        self.contact_n_per_m
-    }
-
-    /// T2's stiffness of the sensor at the end of the bimorph, N/m.
-    pub const fn tip_stiffness_n_per_m(&self) -> f64 {
-        self.tip_n_per_m
-    }
-
     /// T0: the shift proportional to the contact stiffness, Hz.
-    pub fn proportional_hz(&self, normal_n_per_m: f64) -> f64 {
+    pub(crate) fn proportional_hz(&self, normal_n_per_m: f64) -> f64 {
         self.hz_per_n_per_m * normal_n_per_m
     }
 
-    /// T0b: the same with the loaded sensor's ω in equation (7), Hz.
+    /// T0b: the shift by equation (7) with the loaded sensor's ω, Hz.
     ///
-    /// Δf (f₀ + Δf) is proportional to the contact stiffness; the constant is fitted anew.
-    pub fn loaded_hz(&self, normal_n_per_m: f64) -> f64 {
+    /// Δf (f₀ + Δf) is proportional to the contact stiffness, with a constant of its own.
+    pub(crate) fn loaded_hz(&self, normal_n_per_m: f64) -> f64 {
         0.5 * self.shift_of_ratio(4.0 * self.product_per_n_per_m * normal_n_per_m)
     }
 
     /// T1: the shift of one mass between two springs, Hz.
-    pub fn upright_hz(&self, normal_n_per_m: f64) -> f64 {
+    pub(crate) fn upright_hz(&self, normal_n_per_m: f64) -> f64 {
         self.shift_of_ratio(normal_n_per_m / self.contact_n_per_m)
     }
 
-    /// T2: the same with the tangential stiffness, the tilt and the arm of the probe, Hz.
+    /// T2: the shift of T1 with tangential stiffness, tilt and probe arm, Hz.
     ///
     /// `tangential_ratio` is the tangential over the normal contact stiffness.
-    pub fn tilted_hz(&self, pose: &Pose, normal_n_per_m: f64, tangential_ratio: f64) -> f64 {
+    pub(crate) fn tilted_hz(&self, pose: &Pose, normal_n_per_m: f64, tangential_ratio: f64) -> f64 {
         let gain = gain(&self.sensor, pose, tangential_ratio);
         self.shift_of_ratio(normal_n_per_m * gain / self.tip_n_per_m)
     }
 
-    /// f₀ (√(1 + r) − 1) without the loss of digits that it has for small r.
+    /// f₀ (√(1 + r) − 1) without loss of digits at small r.
     fn shift_of_ratio(&self, ratio: f64) -> f64 {
         self.no_load_hz * ratio / (1.0 + (1.0 + ratio).sqrt())
     }
 
-    /// T0's inverse: the contact stiffness of a shift, N/m.
-    pub fn stiffness_of_proportional(&self, shift_hz: f64) -> f64 {
-        shift_hz / self.hz_per_n_per_m
-    }
-
-    /// T0b's inverse, N/m.
-    pub fn stiffness_of_loaded(&self, shift_hz: f64) -> f64 {
-        let relative = shift_hz / self.no_load_hz;
-        relative * (1.0 + relative) / self.product_per_n_per_m
-    }
-
-    /// T1's inverse, N/m.
-    pub fn stiffness_of_upright(&self, shift_hz: f64) -> f64 {
-        self.ratio_of_shift(shift_hz) * self.contact_n_per_m
-    }
-
     /// T2's inverse, N/m.
-    pub fn stiffness_of_tilted(&self, pose: &Pose, shift_hz: f64, tangential_ratio: f64) -> f64 {
-        self.ratio_of_shift(shift_hz) * self.tip_n_per_m
-            / gain(&self.sensor, pose, tangential_ratio)
-    }
-
-    fn ratio_of_shift(&self, shift_hz: f64) -> f64 {
+    pub(crate) fn stiffness_of_tilted(
+        &self,
+        pose: &Pose,
+        shift_hz: f64,
+        tangential_ratio: f64,
+    ) -> f64 {
         let relative = shift_hz / self.no_load_hz;
-        relative * (2.0 + relative)
+        relative * (2.0 + relative) * self.tip_n_per_m / gain(&self.sensor, pose, tangential_ratio)
     }
 }
 

@@ -1,22 +1,22 @@
-//! How the probe stands to the surface, and what the tip's motion is at the contact point.
+//! The pose of the probe against the surface, and the motion of the contact point.
 //!
 //! Coordinates: x along the bimorph towards the tip, z along the probe away from the sample, y to
 //! the left. The tip moves by its deflection w along z, its slope φ = ∂w/∂x, and its twist θ about
-//! x. Motion across the plane of bending other than twist is left to the reference, because the
-//! bimorph is a hundred times stiffer that way.
+//! x. The reference adds the other motions across the plane of bending, in which the bimorph is a
+//! hundred times stiffer.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use crate::section::Section;
 
-/// Which way the surface leans, seen from the sensor.
+/// The direction in which the surface leans, seen from the sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Direction {
     /// The surface's normal leans towards the tip of the bimorph.
     Front,
-    /// The surface's normal leans towards its clamp.
+    /// The surface's normal leans towards the clamp.
     Back,
-    /// The surface's normal leans across the bimorph; right is its mirror image.
+    /// The surface's normal leans across the bimorph. Right is the mirror image.
     Left,
 }
 
@@ -95,7 +95,7 @@ impl Pose {
     /// [`PoseError::Angle`].
     pub fn leaning(direction: Direction, angle_rad: f64) -> Result<Self, PoseError> {
         let mut pose = Self::new(angle_rad, direction.azimuth_rad())?;
-        // The sines of these azimuths are exact; those of their nearest floats are not.
+        // The sines of these azimuths are 0 and ±1; those of the nearest floats are not.
         let sin = angle_rad.sin();
         (pose.normal[0], pose.normal[1]) = match direction {
             Direction::Front => (sin, 0.0),
@@ -126,7 +126,7 @@ impl Pose {
     }
 }
 
-/// A contact stiffness as the tip's motions (w, φ, θ) feel it, in SI units.
+/// A contact stiffness over the tip's motions (w, φ, θ), in SI units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TipStiffness {
     pub(crate) ww: f64,

@@ -4,8 +4,8 @@
 //! Sixteen cubic elements bend in the plane of the probe, sixteen across it, and sixteen linear
 //! ones twist; together they carry the five motions (w, φ, v, ψ, θ) of the tip. No matrix of the
 //! whole beam is built: two equal pieces are joined to one of twice the length, four times. Losses
-//! are complex moduli. Shear, which changes the shift by 0.003 Hz, and the tissue's own mass
-//! (0.1 Hz) are left out.
+//! are complex moduli. The model neglects shear (0.003 Hz of shift) and the mass of the tissue
+//! (0.1 Hz).
 
 use std::f64::consts::TAU;
 
@@ -21,26 +21,26 @@ use substructure::{bending_at_tip, twist_at_tip};
 
 /// A sensor as sixteen beam elements.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reference {
+pub(crate) struct Reference {
     section: Section,
-    /// Without losses and lateral bending, from where the search for a pole starts.
+    /// The beam without losses and lateral bending, where the search for a pole starts.
     exact: ExactBeam,
     free: Pole,
 }
 
-/// The lowest resonance: where in the complex plane ω² lies, and how strongly the slope feels it.
+/// The lowest resonance: its complex ω² and the residue of the slope's compliance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Pole {
     rad2: Complex64,
     residue: Complex64,
 }
 
-/// How often a piece of the beam is doubled: 2⁴ elements.
+/// Number of doublings of a piece of the beam: 2⁴ elements.
 const DOUBLINGS: u32 = 4;
 
 impl Reference {
     /// The reference of a sensor.
-    pub fn new(sensor: &Sensor) -> Self {
+    pub(crate) fn new(sensor: &Sensor) -> Self {
         let exact = ExactBeam::new(sensor);
         let none = Pole { rad2: Complex64::ZERO, residue: Complex64::ZERO };
         let mut reference = Self { section: *sensor.section(), exact, free: none };
@@ -50,13 +50,13 @@ impl Reference {
         reference
     }
 
-    /// Series resonance of the sensor that touches nothing, Hz.
-    pub fn no_load_hz(&self) -> f64 {
+    /// Series resonance of the free sensor, Hz.
+    pub(crate) fn no_load_hz(&self) -> f64 {
         self.free.rad2.re.sqrt() / TAU
     }
 
     /// The shift of the series resonance by this contact, Hz.
-    pub fn shift_hz(&self, pose: &Pose, load: &Load, tissue: &Tissue) -> f64 {
+    pub(crate) fn shift_hz(&self, pose: &Pose, load: &Load, tissue: &Tissue) -> f64 {
         self.exact.element().resolved_hz(pose, load, |load| {
             let pole = self.pole_with(pose, load, tissue);
             let (rad2, free) = (pole.rad2.re, self.free.rad2.re);
@@ -64,23 +64,8 @@ impl Reference {
         })
     }
 
-    /// The admittance at a frequency above zero, S.
-    pub fn admittance_s(
-        &self,
-        pose: &Pose,
-        load: &Load,
-        tissue: &Tissue,
-        frequency_hz: f64,
-    ) -> Complex64 {
-        let omega = TAU * frequency_hz;
-        let contact = self.contact(pose, load, tissue);
-        let compliance = self.slope_compliance(&contact, Complex64::from(omega * omega));
-        let charge = self.held_capacitance() + self.section.moment_n_m_per_v.powi(2) * compliance;
-        Complex64::i() * omega * charge
-    }
-
     /// The equivalent circuit around the series resonance.
-    pub fn circuit(&self, pose: &Pose, load: &Load, tissue: &Tissue) -> Circuit {
+    pub(crate) fn circuit(&self, pose: &Pose, load: &Load, tissue: &Tissue) -> Circuit {
         let pole = self.pole_with(pose, load, tissue);
         let contact = self.contact(pose, load, tissue);
         let at = Complex64::from(pole.rad2.re);
@@ -106,8 +91,8 @@ impl Reference {
             return self.free;
         }
         let contact = self.contact(pose, load, tissue);
-        // Without losses the exact beam tells where the pole is; what share of the strain is the
-        // contact's, and so its loss, follows from how fast the resonance rises with the contact.
+        // The exact beam gives the pole without losses. The slope of the resonance over the contact
+        // stiffness gives the contact's share of the strain energy, and with it the loss.
         let rad2 = |load: &Load| {
             (TAU * (self.exact.no_load_hz() + self.exact.shift_hz(pose, load))).powi(2)
         };
@@ -119,8 +104,8 @@ impl Reference {
 
     /// The pole nearest to a guess, by secant steps on the determinant.
     ///
-    /// Not on the slope's compliance: there are contacts whose mode does not turn the end of the
-    /// beam, and their pole is none of the compliance's.
+    /// The slope's compliance would not do: it has no pole for a mode that does not turn the end of
+    /// the beam.
     fn pole(&self, contact: &Matrix5, guess_rad2: Complex64) -> Pole {
         let determinant = |rad2: Complex64| self.eliminated(contact, rad2).determinant;
         let mut at = guess_rad2;
@@ -134,7 +119,7 @@ impl Reference {
                 break;
             }
         }
-        // Close to the pole the compliance is residue/(pole − ω²) and something even.
+        // Close to the pole the compliance is residue/(pole − ω²) plus an even part.
         let step = at * RESIDUE_STEP;
         let residue = 0.5
             * step
@@ -143,12 +128,12 @@ impl Reference {
         Pole { rad2: at, residue }
     }
 
-    /// How much the end of the beam turns for a moment of 1 N·m there, at a complex ω².
+    /// The turn of the beam's end for a moment of 1 N·m there, at a complex ω².
     fn slope_compliance(&self, contact: &Matrix5, rad2: Complex64) -> Complex64 {
         self.eliminated(contact, rad2).slope
     }
 
-    /// What the dynamic stiffness of the tip with its contact tells, at a complex ω².
+    /// Determinant and slope of the dynamic stiffness of the tip with its contact, at a complex ω².
     fn eliminated(&self, contact: &Matrix5, rad2: Complex64) -> Eliminated {
         let s = &self.section;
         let lossy = Complex64::new(1.0, s.beam_loss);
@@ -178,7 +163,7 @@ impl Reference {
         let lossy = Complex64::new(1.0, tissue.loss());
         let [nx, ny, nz] = pose.normal();
         let (r, h) = (self.section.radius_m, self.section.arm_m);
-        // Rows: what each motion of the tip does to the contact point along x, y and z.
+        // Rows: the motion of the contact point along x, y and z for each motion of the tip.
         let x = [0.0, h + r * nz, 0.0, r * ny, 0.0];
         let y = [0.0, 0.0, 1.0, -r * nx, h + r * nz];
         let z = [1.0, -r * nx, 0.0, 0.0, -r * ny];
@@ -192,13 +177,13 @@ impl Reference {
     }
 }
 
-/// Of a step relative to ω².
+/// Largest last step, relative to ω².
 const TOLERANCE: f64 = 1e-9;
-/// From a guess within a few percent the secant needs about six.
+/// From a guess within a few percent the secant needs about six steps.
 const STEPS_MAX: u32 = 40;
-/// Relative to the contact's stiffness.
+/// Step relative to the contact's stiffness.
 const SHARE_STEP: f64 = 1e-4;
-/// Relative to ω²; what is not the pole is smooth over a hundred times this.
+/// Step relative to ω². The part without the pole is smooth over a hundred times this.
 const RESIDUE_STEP: f64 = 1e-4;
 
 #[cfg(test)]

@@ -1,14 +1,14 @@
-//! Why a model declines to answer.
+//! Refusals of the models.
 
 use crate::{LawError, Tier};
 
-/// A contact outside the validity of what was asked.
+/// A contact outside the validity of a model.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Refusal {
     /// The depth is outside the contact law.
     #[error(transparent)]
     Law(#[from] LawError),
-    /// The contact slips, and its stiffness depends on how it came there.
+    /// The contact slips, so that its stiffness depends on its history.
     #[error(
         "contact angle {angle_deg:.2}° slips at a friction coefficient of {coefficient}, \
          which holds up to {limit_deg:.2}°"
@@ -21,43 +21,43 @@ pub enum Refusal {
         /// The largest contact angle that sticks, degrees.
         limit_deg: f64,
     },
-    /// The tier takes no move of the stage, because it does not know that the sensor gives way.
+    /// The tier takes no stage moves, because it lacks the static deflection of the sensor.
     #[error("tier {tier}: a move of the stage is not an indentation", tier = tier.name())]
     StageMove {
-        /// The tier asked.
+        /// The tier that refuses.
         tier: Tier,
     },
     /// The tier has no electrodes, and so no impedance.
     #[error("tier {tier} gives a shift and no impedance", tier = tier.name())]
     NoImpedance {
-        /// The tier asked.
+        /// The tier that refuses.
         tier: Tier,
     },
-    /// The contact is too stiff for the tier's shape of the beam.
+    /// The contact is too stiff for the mode shape of the tier.
     #[error(
         "tier {tier}: contact stiffness of {ratio:.3} sensor stiffnesses is above {limit}",
         tier = tier.name()
     )]
     TooStiff {
-        /// The tier asked.
+        /// The tier that refuses.
         tier: Tier,
         /// The normal contact stiffness over that of the sensor's tip.
         ratio: f64,
-        /// The largest ratio for which the tier holds.
+        /// The largest valid ratio.
         limit: f64,
     },
-    /// No contact that the tier takes gives such a shift.
+    /// The shift exceeds that of the stiffest contact in the tier's validity.
     #[error(
         "tier {tier}: a shift of {shift_hz:.3} Hz is beyond that of a contact of {limit} sensor \
          stiffnesses, the stiffest it takes",
         tier = tier.name()
     )]
     OutOfReach {
-        /// The tier asked.
+        /// The tier that refuses.
         tier: Tier,
-        /// The shift, Hz.
+        /// The requested shift, Hz.
         shift_hz: f64,
-        /// The largest ratio for which the tier holds.
+        /// The largest valid ratio.
         limit: f64,
     },
 }

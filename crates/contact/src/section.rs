@@ -72,10 +72,10 @@ impl Section {
         3.0 * self.bending_n_m2 / self.length_m.powi(3)
     }
 
-    /// How far the ball gives way along the surface's normal for a force of 1 N along it.
+    /// Compliance of the ball along the surface's normal, m/N.
     ///
-    /// The force acts through the ball's centre at the end of the arm: across the bimorph it bends
-    /// and twists the beam, along it only its moment counts.
+    /// The force acts through the ball's centre at the end of the arm. Its component across the
+    /// bimorph bends and twists the beam; its component along the bimorph acts by its moment only.
     pub(crate) fn normal_compliance_m_per_n(&self, pose: &Pose) -> f64 {
         let [nx, ny, nz] = pose.normal();
         let (l, h) = (self.length_m, self.arm_m);

@@ -1,8 +1,8 @@
-//! What a sensor is made of: a piezoelectric bimorph clamped at one end, with a mass and a ball
-//! probe at the other.
+//! The sensor: a piezoelectric bimorph clamped at one end, with a mass and a ball probe at the
+//! other.
 //!
 //! The probe stands perpendicular to the bimorph, so that the ball moves along the probe when the
-//! beam bends. How the beam vibrates is the business of the tiers.
+//! beam bends. The tiers model the vibration.
 
 use crate::section::Section;
 
@@ -32,7 +32,7 @@ pub struct CoreMaterial {
     pub density_kg_per_m3: f64,
 }
 
-/// All that describes a sensor, before it is checked.
+/// The description of a sensor before it is checked.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SensorDesign {
     /// Free length of the bimorph from the clamp to the probe, mm.
@@ -62,12 +62,12 @@ pub struct SensorDesign {
 }
 
 impl SensorDesign {
-    /// The sensor on which every printed number of this crate stands.
+    /// The sensor behind the printed numbers of this crate.
     ///
     /// Length, ball radius and materials are the paper's. Width and tip mass follow from its two
     /// printed facts, the no-load resonance of 140.4 Hz and the sensitivity of 134.11 Hz/MPa
     /// between 0.045 MPa and 0.649 MPa at 0.5 mm; layers, arm, inertia and losses are assumed.
-    /// The two facts cannot tell one such sensor from another with a longer arm and a wider beam.
+    /// A sensor with a longer arm and a wider beam can have the same two facts.
     ///
     /// # Source
     /// Sensors 20 (2020) 6607, section 3.1.1 and Tables 1 and 2. PZT-5A: Erturk and Inman,
@@ -96,7 +96,7 @@ impl SensorDesign {
     }
 }
 
-/// Why a sensor was refused.
+/// A refused sensor design.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum SensorError {
     /// A dimension, a mass or a material constant is not positive.
@@ -104,7 +104,7 @@ pub enum SensorError {
     NotPositive {
         /// The field of [`SensorDesign`].
         what: &'static str,
-        /// Its value.
+        /// The value given.
         found: f64,
     },
     /// A quantity that may be zero is negative or too large.
@@ -112,17 +112,17 @@ pub enum SensorError {
     OutOfRange {
         /// The field of [`SensorDesign`].
         what: &'static str,
-        /// Its value.
+        /// The value given.
         found: f64,
-        /// The largest value allowed.
+        /// The largest allowed value.
         limit: f64,
     },
-    /// The beam is too thick for its length: shear, which no tier has, would count.
+    /// The beam is too thick for its length: shear, which no tier models, would matter.
     #[error("sensor length_mm = {length_mm} is below {limit_mm:.3}, ten times the thickness")]
     NotSlender {
-        /// The length asked for, mm.
+        /// The length given, mm.
         length_mm: f64,
-        /// The shortest length allowed, mm.
+        /// The shortest allowed length, mm.
         limit_mm: f64,
     },
 }
@@ -134,9 +134,9 @@ pub struct Sensor {
     section: Section,
 }
 
-/// Shortest length in thicknesses. Shear changes the resonance by about 3 (t/L)² of itself.
+/// Shortest length in thicknesses. Shear changes the resonance by a share of about 3 (t/L)².
 const SLENDERNESS_MIN: f64 = 10.0;
-/// Largest loss factor: above it no resonance is left to be read.
+/// Largest loss factor: above it there is no resonance.
 pub(crate) const LOSS_MAX: f64 = 1.0;
 /// Heavier than any probe on a bimorph.
 const TIP_MASS_MAX_G: f64 = 1000.0;
@@ -195,7 +195,7 @@ impl Sensor {
         Self { design, section: Section::of(&design) }
     }
 
-    /// What the sensor is made of.
+    /// Dimensions and materials.
     pub const fn design(&self) -> &SensorDesign {
         &self.design
     }

@@ -8,9 +8,6 @@
 
 /// Coefficients of a²/(R² D) in powers of D, from the inversion of D = x² + x⁴/3 + x⁶/5 + …
 const SQUARE: [f64; 6] = [1.0, -1.0 / 3.0, 1.0 / 45.0, 1.0 / 189.0, 11.0 / 14_175.0, 0.0];
-/// Coefficients of the derivative of D times that series.
-const SLOPE: [f64; 6] =
-    [SQUARE[0], 2.0 * SQUARE[1], 3.0 * SQUARE[2], 4.0 * SQUARE[3], 5.0 * SQUARE[4], 0.0];
 /// Coefficients of F/(4/3 E* R D a) in powers of D, from the integral of the same inversion.
 const FORCE: [f64; 6] =
     [1.0, 1.0 / 15.0, 4.0 / 315.0, 4.0 / 4_725.0, -16.0 / 31_185.0, -17_312.0 / 70_945_875.0];
@@ -21,10 +18,10 @@ const FIT: ([f64; 4], [f64; 3]) =
     ([1.0, 0.0847028, 0.05379731, 0.01291043], [1.0, -0.24878291, 0.04879613]);
 /// The largest depth of the fit.
 const FIT_TO: f64 = 2.0;
-/// Steps from t = D, which is within 4 % beyond the fit.
+/// Steps from the start t = D, which is within 4 % for depths beyond the fit.
 const STEPS_BEYOND_FIT: u32 = 3;
 
-/// Contact radius and force at any depth from zero up, exact to a few units in the last place.
+/// Contact radius and force at any depth of zero or more, exact to a few units in the last place.
 pub(crate) fn at(depth_rel: f64) -> (f64, f64) {
     if depth_rel == 0.0 {
         return (0.0, 0.0);
@@ -45,37 +42,26 @@ pub(crate) fn at(depth_rel: f64) -> (f64, f64) {
         let slope = x + t * fall;
         let step = residual * slope / (slope * slope - residual * fall * (1.0 - t * x));
         t -= step;
-        // The hyperbolic tangent moves along by its Taylor series, which saves computing it anew.
+        // The Taylor series of the hyperbolic tangent saves a second call.
         x -= fall * step * (1.0 + x * step);
     }
     (x, force(x, t))
 }
 
-/// The same by the power series.
+/// Contact radius and force by the power series.
 pub(crate) fn series_at(depth_rel: f64) -> (f64, f64) {
     let radius = (depth_rel * polynomial(&SQUARE, depth_rel)).sqrt();
     (radius, 4.0 / 3.0 * depth_rel * radius * polynomial(&FORCE, depth_rel))
 }
 
-/// The depth at which the series has the squared radius `square`.
-pub(crate) fn series_depth_of_square(square: f64) -> f64 {
-    // The series is within 2e-4 of Sneddon's solution, from where Newton needs three steps.
-    let mut depth = square.sqrt() * square.sqrt().atanh();
-    for _ in 0..3 {
-        let value = depth * polynomial(&SQUARE, depth);
-        depth -= (value - square) / polynomial(&SLOPE, depth);
-    }
-    depth
-}
-
 fn polynomial(coefficients: &[f64; 6], x: f64) -> f64 {
     let [c0, c1, c2, c3, c4, c5] = *coefficients;
-    // Short chains side by side: this is the innermost loop of every scene.
+    // Short independent chains: this is the innermost loop of the simulation.
     let square = x * x;
     (c0 + c1 * x) + square * ((c2 + c3 * x) + square * (c4 + c5 * x))
 }
 
-/// (1 + x²) t − x, by its series where the difference would lose digits.
+/// (1 + x²) t − x, by its series for small x, where the difference would lose digits.
 fn force(x: f64, t: f64) -> f64 {
     const SERIES_BELOW: f64 = 0.03;
     if x > SERIES_BELOW {

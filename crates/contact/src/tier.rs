@@ -1,11 +1,11 @@
-//! The tiers side by side: one question, answered by any of them or refused.
+//! The tiers: models of the same sensor and contact at different cost.
 
 use crate::{
     Circuit, Contact, ContactLaw, Depth, Element, ExactBeam, Load, Lumped, Pose, Reference,
     Refusal, Sensor, Tissue,
 };
 
-/// How the sensor's vibration is modelled, from the cheapest to the dearest.
+/// A model of the sensor's vibration, from the cheapest to the most expensive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Tier {
     /// Equation (7): proportional to the contact stiffness.
@@ -16,31 +16,31 @@ pub enum Tier {
     T1,
     /// T1 with tangential stiffness, tilt and probe arm.
     T2,
-    /// T2 with the stage's balance.
+    /// T2 with the static deflection of the sensor under a stage move.
     T2s,
     /// One beam element.
     E1,
-    /// E1 with the stage's balance.
+    /// E1 with the static deflection of the sensor under a stage move.
     E1s,
-    /// The exact beam without losses, with the stage's balance.
+    /// The exact beam without losses, with static deflection.
     Exact,
-    /// Sixteen elements in space with losses and electrodes, with the stage's balance.
+    /// Sixteen elements in space with losses and electrodes, with static deflection.
     Reference,
 }
 
-/// Where a tier holds.
+/// The validity of a tier.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Validity {
     /// Largest contact stiffness over the stiffness of the sensor's tip, 3EI/L³.
     pub stiffness_ratio_max: f64,
-    /// Whether it knows that a sensor gives way when the stage moves.
+    /// Whether it models the static deflection of the sensor under a stage move.
     pub takes_stage_moves: bool,
-    /// Whether it has losses and electrodes, so that it gives an impedance.
+    /// Whether it models losses and electrodes, and so gives an impedance.
     pub has_impedance: bool,
 }
 
 impl Tier {
-    /// All tiers, from the cheapest to the dearest.
+    /// All tiers, from the cheapest to the most expensive.
     pub const ALL: [Self; 9] = [
         Self::T0,
         Self::T0b,
@@ -68,11 +68,11 @@ impl Tier {
         }
     }
 
-    /// Where the tier holds.
+    /// The validity of the tier.
     ///
-    /// The ratios are those at which the error of the shape of the beam reaches 3 %; T0 and T0b end
-    /// where the range ends on which their constant was fitted. The reference gives an impedance,
-    /// in which the resonance drowns once the end of the beam is held.
+    /// The ratios are those at which the error of the mode shape reaches 3 %. T0 and T0b end with the
+    /// range on which their constant was fitted. The limit of the reference is the stiffness at which
+    /// the held beam shows no resonance in the impedance.
     pub const fn validity(self) -> Validity {
         let (stiffness_ratio_max, takes_stage_moves, has_impedance) = match self {
             Self::T0 | Self::T0b => (3.0, false, false),
@@ -87,7 +87,7 @@ impl Tier {
     }
 }
 
-/// What a tier says of a contact.
+/// The prediction of a tier for a contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prediction {
     /// The contact at rest.
@@ -96,7 +96,7 @@ pub struct Prediction {
     pub shift_hz: f64,
 }
 
-/// All tiers of one sensor, ready for many questions about contacts of one law.
+/// All tiers of one sensor, prepared for one contact law.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Models {
     sensor: Sensor,
@@ -108,7 +108,7 @@ pub struct Models {
 }
 
 impl Models {
-    /// Prepares every tier of a sensor for contacts of this law.
+    /// Prepares every tier of a sensor for this contact law.
     pub fn new(sensor: &Sensor, law: ContactLaw) -> Self {
         Self {
             sensor: *sensor,
@@ -120,12 +120,12 @@ impl Models {
         }
     }
 
-    /// The sensor.
+    /// The modelled sensor.
     pub const fn sensor(&self) -> &Sensor {
         &self.sensor
     }
 
-    /// Resonance of the sensor that touches nothing, as this tier has it, Hz.
+    /// Resonance of the free sensor by this tier, Hz.
     pub fn no_load_hz(&self, tier: Tier) -> f64 {
         match tier {
             Tier::T0 | Tier::T0b | Tier::T1 | Tier::T2 | Tier::T2s => self.lumped.no_load_hz(),
@@ -150,7 +150,7 @@ impl Models {
         Ok(Prediction { load, shift_hz })
     }
 
-    /// The shift of a contact that is known to be within the tier.
+    /// The shift of a contact within the tier's validity.
     pub(crate) fn shift_of_load(
         &self,
         tier: Tier,
@@ -174,7 +174,7 @@ impl Models {
         }
     }
 
-    /// The equivalent circuit in contact; that of the free sensor, exactly, when nothing is touched.
+    /// The equivalent circuit in contact. Without contact it is exactly that of the free sensor.
     ///
     /// # Errors
     /// [`Refusal::NoImpedance`] when the tier has no electrodes, and as [`Models::predict`].
@@ -194,7 +194,7 @@ impl Models {
         }
     }
 
-    /// The contact at rest, when this tier holds for it.
+    /// The contact at rest, if it is within the tier's validity.
     fn load(&self, tier: Tier, tissue: &Tissue, contact: &Contact) -> Result<Load, Refusal> {
         check_control(tier, contact)?;
         let load = self.sensor.load(tissue, contact)?;
@@ -212,7 +212,7 @@ impl Models {
     }
 
     /// The closed-form tiers.
-    pub const fn lumped(&self) -> &Lumped {
+    pub(crate) const fn lumped(&self) -> &Lumped {
         &self.lumped
     }
 
@@ -222,7 +222,7 @@ impl Models {
     }
 }
 
-/// Refuses a stage's move for a tier that knows no balance.
+/// Refuses a stage move for a tier without static deflection.
 pub(crate) fn check_control(tier: Tier, contact: &Contact) -> Result<(), Refusal> {
     if matches!(contact.depth, Depth::Stage { .. }) && !tier.validity().takes_stage_moves {
         return Err(Refusal::StageMove { tier });

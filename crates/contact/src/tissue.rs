@@ -10,25 +10,25 @@ pub struct Tissue {
     loss: f64,
 }
 
-/// Why a tissue was refused.
+/// A refused tissue.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum TissueError {
     /// Young's modulus is not a positive number.
     #[error("tissue stiffness {young_mpa} MPa is not a positive number")]
     Stiffness {
-        /// The value asked for, MPa.
+        /// The value given, MPa.
         young_mpa: f64,
     },
-    /// Poisson's ratio is outside what tissue has.
+    /// Poisson's ratio is outside [0, 0.5].
     #[error("tissue Poisson's ratio {poisson} is outside [0, 0.5]")]
     Poisson {
-        /// The value asked for.
+        /// The value given.
         poisson: f64,
     },
-    /// The loss factor is outside what a resonance survives.
+    /// The loss factor is outside [0, 1].
     #[error("tissue loss factor {loss} is outside [0, 1]")]
     Loss {
-        /// The value asked for.
+        /// The value given.
         loss: f64,
     },
 }

@@ -11,7 +11,7 @@ mod tally;
 use std::{io::Write, path::PathBuf};
 
 use rayon::prelude::*;
-use rig_chart::{Axis, Band, Chart, Point, Series};
+use rig_chart::{Axis, Band, BandEdge, Chart, Point, Series};
 
 use crate::{
     files::{Csv, Folder},
@@ -229,7 +229,7 @@ fn coverage_chart(trials: &[(Protocol, Vec<Trial>)]) -> Chart {
         Axis::linear("sample").with_ticks(&[1.0, 2.0, 3.0, 4.0, 5.0]),
         Axis::linear("coverage (%)"),
     );
-    let edges = vec![(0.8, 93.0, 97.0), (5.2, 93.0, 97.0)];
+    let edges = [0.8, 5.2].map(|x| BandEdge { x, low: 93.0, high: 97.0 }).to_vec();
     chart.bands.push(Band { name: Some("93 % to 97 %".to_owned()), edges, colour: 6 });
     for (colour, (protocol, trials)) in trials.iter().enumerate() {
         let point = |(sample, tally): (usize, Tally)| {

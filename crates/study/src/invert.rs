@@ -5,7 +5,8 @@ use std::{f64::consts::PI, io::Write, str::FromStr};
 use rig_contact::{
     Models, Tier,
     inverse::{
-        AnglePrior, AzimuthPrior, Interval, Probing, Spread, TiltInference, Touch, infer_tilt,
+        AnglePrior, AzimuthPrior, Interval, SiteTouch, TiltInference, TouchModel, TouchSigmas,
+        infer_tilt,
     },
 };
 use serde::Serialize;
@@ -161,7 +162,7 @@ fn one(
     out: &mut impl Write,
 ) -> Result<(), StudyError> {
     let contact = args.contact.contact(args.tier)?;
-    let spread = Spread {
+    let spread = TouchSigmas {
         shift_hz: args.shift_sigma_hz,
         depth_mm: args.depth_sigma_mm,
         angle_rad: args.angle_sigma_deg.to_radians(),
@@ -195,17 +196,17 @@ fn one(
 }
 
 fn place(args: &Args, models: &Models, out: &mut impl Write) -> Result<(), StudyError> {
-    let touches: Vec<Touch> = args
+    let touches: Vec<SiteTouch> = args
         .touch
         .iter()
-        .map(|&TouchArg([spin_deg, depth_mm, shift_hz])| Touch {
+        .map(|&TouchArg([spin_deg, depth_mm, shift_hz])| SiteTouch {
             shift_hz,
             sigma_hz: args.shift_sigma_hz,
             spin_rad: spin_deg.to_radians(),
             depth: args.contact.depth(depth_mm),
         })
         .collect();
-    let probing = Probing {
+    let touch_model = TouchModel {
         tier: args.tier,
         law: args.contact.law(args.tier),
         friction: args.contact.friction(),
@@ -217,7 +218,8 @@ fn place(args: &Args, models: &Models, out: &mut impl Write) -> Result<(), Study
     let azimuth = args
         .azimuth_deg
         .map_or(AzimuthPrior::Unknown, |degrees| AzimuthPrior::Known(degrees.to_radians()));
-    let found = infer_tilt(models, &touches, &probing, angle, azimuth).map_err(StudyError::refused);
+    let found =
+        infer_tilt(models, &touches, &touch_model, angle, azimuth).map_err(StudyError::refused);
     let answer = found.map(|found| PlaceAnswer::of(args.tier, &found));
     if args.json {
         return print_json(answer, out);

@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use rig_contact::{Models, Scene, Tier, Tissue};
+use rig_contact::{Models, Requirements, Tier, Tissue};
 use serde::Serialize;
 
 use crate::{
@@ -122,7 +122,7 @@ fn answer(args: &Args) -> Result<Answer, StudyError> {
         .transpose()
         .map_err(StudyError::refused)?;
     let limit = validity.stiffness_ratio_max;
-    let scene = Scene {
+    let scene = Requirements {
         sensor,
         stiffest: tissue,
         deepest: contact.depth,
@@ -130,7 +130,7 @@ fn answer(args: &Args) -> Result<Answer, StudyError> {
         needs_impedance: false,
     };
     let largest_error_hz = scene
-        .errors()
+        .tier_errors()
         .ok()
         .and_then(|errors| {
             Tier::ALL.into_iter().zip(errors.of_tiers_hz).find(|(tier, _)| *tier == args.tier)

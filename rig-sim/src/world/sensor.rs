@@ -67,7 +67,7 @@ impl SensorModel {
         };
         // A scene that no table knows is left to the reference.
         let choice = tissue(&scene, stiffest_mpa).ok().and_then(|stiffest| {
-            let asked = rig_contact::Scene {
+            let asked = rig_contact::Requirements {
                 sensor,
                 stiffest,
                 deepest: depth(&scene, deepest_mm),

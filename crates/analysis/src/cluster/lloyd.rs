@@ -1,38 +1,38 @@
-//! The common practice: Lloyd's iteration from a random start.
+//! Lloyd's iteration from a random start.
 
 use rand_core::Rng;
 
 use super::{ClusterError, Clustering, distinct, means};
 
-/// What a walk downhill found.
+/// The result of one descent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lloyd {
-    /// Where it ended: a local optimum, when it stopped by itself.
+    /// The last partition; a local optimum if the iteration converged.
     pub clustering: Clustering,
-    /// Why it stopped.
+    /// Reason for the stop.
     pub stop: Stop,
 }
 
-/// Why the iteration stopped.
+/// The reason for the end of the iteration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stop {
     /// No value changed its cluster.
     Settled {
-        /// After so many moves of the centres.
+        /// Number of moves of the centres.
         moves: usize,
     },
-    /// It was taking too long.
+    /// The limit of moves was reached.
     Limit,
 }
 
-/// Far more than one dimension needs: walks over 50 values take some ten moves.
+/// One dimension needs far fewer: descents over 50 values take about ten moves.
 const MOVES_MAX: usize = 10_000;
 
-/// Lloyd's iteration, once, from different values drawn at random as first centres.
+/// One descent of Lloyd's iteration from randomly drawn different values as first centres.
 ///
-/// Each value goes to its nearest centre, the lower one when two are equally near, and each centre
-/// to the mean of its values, until nothing changes. A cluster that loses its last value keeps its
-/// centre, and may stay empty to the end.
+/// Each value goes to its nearest centre, the lower one at equal distances, and each centre to the
+/// mean of its values, until nothing changes. A cluster that loses its last value keeps its centre,
+/// and may stay empty.
 ///
 /// # Errors
 /// [`ClusterError`].
@@ -77,7 +77,7 @@ fn moved(values: &[f64], centres: &[f64]) -> Clustering {
     Clustering::new(values, clusters, centres)
 }
 
-/// A number below `bound`, each equally likely: draws that would favour the small are thrown away.
+/// An evenly distributed number below `bound`. Draws from the incomplete last block are rejected.
 fn below(bound: usize, random: &mut impl Rng) -> usize {
     let bound = bound as u64;
     let fair = u64::MAX - u64::MAX % bound;

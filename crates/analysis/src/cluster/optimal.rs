@@ -4,9 +4,9 @@ use super::{ClusterError, Clustering, distinct, means};
 
 /// The partition into `clusters` clusters with the smallest sum of squares.
 ///
-/// On a line the best clusters are intervals, so the best partition of the first j values into k
-/// clusters is the best one of some first i into k − 1, and the rest. The best i grows with j,
-/// which brings the cost to O(k n log n).
+/// On a line the best clusters are intervals. The best partition of the first j values into k
+/// clusters is therefore the best partition of the first i into k − 1 clusters, for some i, and one
+/// cluster of the rest. The best i grows with j, which brings the cost to O(k n log n).
 ///
 /// # Errors
 /// [`ClusterError`].
@@ -20,9 +20,9 @@ pub fn optimal(values: &[f64], clusters: usize) -> Result<Clustering, ClusterErr
     let intervals = Intervals::new(values, &distinct);
     let n = distinct.len();
 
-    // After round k: the cost of the best partition of the first j values into k clusters.
+    // After round k, entry j is the cost of the best partition of the first j values into k clusters.
     let mut costs: Vec<f64> = (0..=n).map(|end| intervals.cost(0, end)).collect();
-    // For each further round and each j, where the last cluster begins.
+    // The start of the last cluster, for each further round and each j.
     let mut starts = Vec::new();
     for round in 2..=clusters {
         let mut next = Round {
@@ -47,15 +47,15 @@ pub fn optimal(values: &[f64], clusters: usize) -> Result<Clustering, ClusterErr
     bounds.reverse();
     let cluster_of = |&value: &f64| bounds.partition_point(|&bound| bound <= value);
     let found: Vec<usize> = values.iter().map(cluster_of).collect();
-    // Every interval holds a value, so that none is left out.
+    // Every interval holds a value, so that every mean exists.
     let centres = means(values, &found, clusters).into_iter().flatten().collect();
     Ok(Clustering::new(values, found, centres))
 }
 
 /// Sums over intervals of the distinct values.
 struct Intervals {
-    // Over the values below each index: how many, their sum, the sum of their squares. The values
-    // are counted from their middle, so that little is cancelled.
+    // Number, sum and sum of squares of the values below each index. The values are taken relative to
+    // their middle, so that little cancels.
     count: Vec<f64>,
     sum: Vec<f64>,
     squares: Vec<f64>,
@@ -82,8 +82,8 @@ impl Intervals {
         sums
     }
 
-    /// Sum of the squared distances from the mean, of the distinct values from `start` up to but
-    /// not including `end`, each as often as it occurs.
+    /// Sum of the squared distances from the mean of all values from distinct value `start` up to but
+    /// not including distinct value `end`.
     fn cost(&self, start: usize, end: usize) -> f64 {
         if end - start < 2 {
             return 0.0;
@@ -98,7 +98,7 @@ impl Intervals {
 struct Round<'a> {
     intervals: &'a Intervals,
     before: &'a [f64],
-    // The earliest start that leaves a value for each cluster before.
+    // The earliest start that leaves a value for each earlier cluster.
     first: usize,
     costs: Vec<f64>,
     starts: Vec<usize>,
@@ -138,11 +138,11 @@ mod tests {
     }
 
     #[test]
-    fn values_that_lie_together_are_kept_together() {
+    fn neighbouring_values_stay_together() {
         check(&[5.0, 1.0, 9.0, 1.1, 5.2, 8.9], 3, &[1, 0, 2, 0, 1, 2]);
         check(&[5.0, 1.0, 9.0], 1, &[0, 0, 0]);
         check(&[5.0, 1.0, 9.0], 3, &[1, 0, 2]);
-        // Equal values are never parted, also when there are more of them than clusters.
+        // Equal values are never separated.
         check(&[2.0, 2.0, 2.0, 3.0], 2, &[0, 0, 0, 1]);
         check(&[-0.0, 0.0, 1.0], 2, &[0, 0, 1]);
     }

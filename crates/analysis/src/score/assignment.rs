@@ -1,10 +1,10 @@
 //! The best one-to-one matching of rows to columns.
 
-/// For each row of `counts` the column matched to it, so that the sum of the matched counts is the
-/// largest possible. With fewer columns than rows some rows have none.
+/// The column matched to each row of `counts` in the matching with the largest sum. With fewer columns
+/// than rows some rows have `None`.
 ///
-/// Every row must have `columns` entries. Of several best matchings the one found depends on
-/// nothing but the counts.
+/// Every row must have `columns` entries. The choice among equal matchings depends on the counts
+/// only.
 ///
 /// # Source
 /// The Hungarian method with potentials, O(n³): Jonker and Volgenant 1987, Computing 38, 325–340,
@@ -12,12 +12,12 @@
 pub(super) fn best_assignment(counts: &[Vec<u32>], columns: usize) -> Vec<Option<usize>> {
     let rows = counts.len();
     let size = rows.max(columns);
-    // A square of costs; rows and columns that are not there cost nothing.
+    // The costs form a square; missing rows and columns cost nothing.
     let cost = |row: usize, column: usize| -> i64 {
         counts.get(row).and_then(|row| row.get(column)).map_or(0, |&count| -i64::from(count))
     };
     let mut of_row = vec![0_i64; size];
-    // One more column stands before the first: the row that is being added waits there.
+    // One extra column holds the row that is being added.
     let mut of_column = vec![0_i64; size + 1];
     let mut row_in: Vec<Option<usize>> = vec![None; size + 1];
     for added in 0..size {

@@ -1,14 +1,14 @@
-//! Where ticks stand and what is written at them.
+//! Positions and labels of ticks.
 
-/// A tick.
+/// A tick of an axis.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Tick {
     pub(crate) value: f64,
-    /// What is written; nothing at a minor tick.
+    /// The label; `None` for a minor tick.
     pub(crate) text: Option<String>,
 }
 
-/// Ticks at those of the given values that are shown.
+/// Ticks at the given values within the range.
 pub(super) fn given(values: &[f64], from: f64, to: f64) -> Vec<Tick> {
     let shown = values.iter().filter(|&&value| from <= value && value <= to);
     let tick = |&value: &f64| Tick { value, text: Some(with_minus(&value.to_string())) };
@@ -41,7 +41,7 @@ pub(super) fn linear(from: f64, to: f64, room: f64) -> Vec<Tick> {
     ticks
 }
 
-/// The decimals that tell multiples of `step` apart.
+/// The number of decimals that distinguishes multiples of `step`.
 fn decimals_of(step: f64) -> usize {
     (0..12)
         .find(|&decimals| {
@@ -52,12 +52,12 @@ fn decimals_of(step: f64) -> usize {
         .unwrap_or(12)
 }
 
-/// Ticks at powers of ten, about `room` of them with a text; over a few decades also at 2 and 5
-/// times these.
+/// Ticks at powers of ten, about `room` of them labelled; over a few decades also at 2 and 5 times
+/// the powers.
 pub(super) fn log(from: f64, to: f64, room: f64) -> Vec<Tick> {
     let decades = (to / from).log10();
     let room = room.max(2.0);
-    // Every so many decades have a text.
+    // Decades between labels.
     let stride = (decades / room).ceil().max(1.0);
     let written: &[f64] = if decades < 1.0 && room > 4.0 {
         &[1.0, 2.0, 3.0, 5.0]
@@ -83,7 +83,7 @@ pub(super) fn log(from: f64, to: f64, room: f64) -> Vec<Tick> {
     ticks
 }
 
-/// `0.02`, `500`, or `10⁻⁶` where zeros would have to be counted.
+/// `0.02`, `500`, or `10⁻⁶` for numbers with many zeros.
 fn of_decades(value: f64, power: f64) -> String {
     if (-3.0..=5.0).contains(&power) {
         let decimals = if power < 0.0 { (-power).round() } else { 0.0 };
@@ -109,7 +109,7 @@ fn of_decades(value: f64, power: f64) -> String {
     }
 }
 
-/// A true minus sign, as wide as a plus.
+/// The text with a typographic minus sign.
 fn with_minus(text: &str) -> String {
     text.replacen('-', "−", 1)
 }

@@ -1,21 +1,20 @@
-//! From a chart to SVG.
+//! Drawing of a chart as SVG.
 
 use std::fmt::Write as _;
 
 use super::{
-    Band, Chart, Point, Rule, Series, Stroke,
-    legend::{INSET, Keys},
+    Band, Chart, Point, Rule, Series,
+    legend::{INSET, Legend},
 };
 use crate::{
-    COLOURS, ChartError, Marker,
+    COLOURS, ChartError,
     axis::FittedAxis,
-    svg::{Escaped, Number, Svg, width_of},
+    svg::{Coordinate, Escaped, FONT_PX, Svg, width_of},
 };
 
-pub(super) const FONT_PX: f64 = 12.0;
 const TITLE_HEIGHT: f64 = 26.0;
 const TICK_LENGTH: f64 = 4.0;
-/// What a tick and its text need along each axis.
+/// Space of a tick with its text along each axis, px.
 const X_TICK_PX: f64 = 46.0;
 const Y_TICK_PX: f64 = 30.0;
 
@@ -23,10 +22,10 @@ pub(super) fn draw(chart: &Chart, id: &str) -> Result<String, ChartError> {
     let plot = Plot::new(chart)?;
     let mut svg = Svg::begin(id, chart.size_px, &chart.title, &chart.description);
     svg.text("title", (INSET, 15.0), "start", &chart.title);
-    plot.keys.draw(&mut svg);
+    plot.legend.draw(&mut svg);
     plot.draw_grid(&mut svg);
-    let (left, top) = (Number(plot.left), Number(plot.top));
-    let (width, height) = (Number(plot.width()), Number(plot.height()));
+    let (left, top) = (Coordinate(plot.left), Coordinate(plot.top));
+    let (width, height) = (Coordinate(plot.width()), Coordinate(plot.height()));
     svg.add(format_args!(
         "<clipPath id=\"{id}-c\"><rect x=\"{left}\" y=\"{top}\" width=\"{width}\" \
          height=\"{height}\"/></clipPath>\n<g clip-path=\"url(#{id}-c)\">\n"
@@ -42,14 +41,14 @@ pub(super) fn draw(chart: &Chart, id: &str) -> Result<String, ChartError> {
     }
     svg.add(format_args!("</g>\n"));
     plot.draw_axes(&mut svg, chart);
-    // Points at the edge are drawn whole, above the axes.
+    // Points are drawn after the axes, so that those at the edge are whole.
     for series in &chart.series {
         plot.draw_points(&mut svg, series);
     }
     Ok(svg.end())
 }
 
-/// The rectangle of the data and its axes.
+/// The plot area with its axes.
 struct Plot {
     left: f64,
     right: f64,
@@ -57,14 +56,14 @@ struct Plot {
     bottom: f64,
     x: FittedAxis,
     y: FittedAxis,
-    keys: Keys,
+    legend: Legend,
 }
 
 impl Plot {
     fn new(chart: &Chart) -> Result<Self, ChartError> {
         let (width, height) = (f64::from(chart.size_px.0), f64::from(chart.size_px.1));
-        let keys = Keys::new(&chart.series, &chart.bands, width, TITLE_HEIGHT);
-        let (top, bottom) = (keys.bottom + 8.0, height - 46.0);
+        let legend = Legend::new(&chart.series, &chart.bands, width, TITLE_HEIGHT);
+        let (top, bottom) = (legend.bottom + 8.0, height - 46.0);
 
         let ends = |point: &Point| {
             let error = point.error.unwrap_or(0.0);
@@ -72,11 +71,11 @@ impl Plot {
         };
         let points = || chart.series.iter().flat_map(|series| &series.points);
         let edges = || chart.bands.iter().flat_map(|band| &band.edges);
-        let mut ys: Vec<f64> = edges().flat_map(|&(_, low, high)| [low, high]).collect();
+        let mut ys: Vec<f64> = edges().flat_map(|edge| [edge.low, edge.high]).collect();
         for point in points() {
             let [y, above, below] = ends(point);
             ys.extend([y, above]);
-            // An error bar may reach below what a logarithmic axis can show.
+            // The lower end of an error bar may be zero or less on a logarithmic axis.
             ys.extend(chart.y.check(below).is_ok().then_some(below));
         }
         let y = chart.y.fit(ys, (bottom - top) / Y_TICK_PX)?;
@@ -84,7 +83,7 @@ impl Plot {
         let widest = texts.map(|text| width_of(text, FONT_PX)).fold(0.0, f64::max);
         let left = 22.0 + widest + TICK_LENGTH + 6.0;
         let right = width - 14.0;
-        let xs = points().map(|point| point.x).chain(edges().map(|&(x, _, _)| x));
+        let xs = points().map(|point| point.x).chain(edges().map(|edge| edge.x));
         let x = chart.x.fit(xs, (right - left) / X_TICK_PX)?;
         for rule in &chart.rules {
             match rule {
@@ -92,7 +91,7 @@ impl Plot {
                 Rule::AtY { value, .. } => chart.y.check(*value)?,
             }
         }
-        Ok(Self { left, right, top, bottom, x, y, keys })
+        Ok(Self { left, right, top, bottom, x, y, legend })
     }
 
     fn width(&self) -> f64 {
@@ -104,11 +103,11 @@ impl Plot {
     }
 
     fn x_of(&self, value: f64) -> f64 {
-        self.left + self.x.place(value) * self.width()
+        self.left + self.x.fraction(value) * self.width()
     }
 
     fn y_of(&self, value: f64) -> f64 {
-        self.bottom - self.y.place(value) * self.height()
+        self.bottom - self.y.fraction(value) * self.height()
     }
 
     fn draw_grid(&self, svg: &mut Svg) {
@@ -142,7 +141,7 @@ impl Plot {
         let bottom = f64::from(chart.size_px.1) - 8.0;
         svg.text("label", (middle, bottom), "middle", &self.x.label);
         let (middle, label) =
-            (Number(f64::midpoint(self.top, self.bottom)), Escaped(&self.y.label));
+            (Coordinate(f64::midpoint(self.top, self.bottom)), Escaped(&self.y.label));
         svg.add(format_args!(
             "<text class=\"label\" transform=\"translate(13 {middle}) rotate(-90)\" \
              text-anchor=\"middle\">{label}</text>\n"
@@ -150,8 +149,8 @@ impl Plot {
     }
 
     fn draw_band(&self, svg: &mut Svg, band: &Band) {
-        let upper = band.edges.iter().map(|&(x, _, high)| (x, high));
-        let lower = band.edges.iter().rev().map(|&(x, low, _)| (x, low));
+        let upper = band.edges.iter().map(|edge| (edge.x, edge.high));
+        let lower = band.edges.iter().rev().map(|edge| (edge.x, edge.low));
         let path = self.path(upper.chain(lower));
         let colour = band.colour % COLOURS;
         svg.add(format_args!("<path class=\"band f{colour}\" d=\"{path}Z\"/>\n"));
@@ -176,7 +175,7 @@ impl Plot {
         let Some(stroke) = series.stroke else { return };
         if series.points.len() > 1 {
             let path = self.path(series.points.iter().map(|point| (point.x, point.y)));
-            let class = line_class(stroke, series.colour % COLOURS);
+            let class = stroke.class(series.colour % COLOURS);
             svg.add(format_args!("<path class=\"{class}\" d=\"{path}\"/>\n"));
         }
     }
@@ -198,48 +197,22 @@ impl Plot {
         let Some(marker) = series.marker else { return };
         for point in shown {
             let at = (self.x_of(point.x), self.y_of(point.y));
-            draw_marker(svg, marker, colour, at, point.note.as_deref());
+            marker.draw(svg, colour, at, point.note.as_deref());
         }
     }
 
     fn holds(&self, point: &Point) -> bool {
-        let is_inside = |place: f64| (0.0..=1.0).contains(&place);
-        is_inside(self.x.place(point.x)) && is_inside(self.y.place(point.y))
+        let is_inside = |fraction: f64| (0.0..=1.0).contains(&fraction);
+        is_inside(self.x.fraction(point.x)) && is_inside(self.y.fraction(point.y))
     }
 
     fn path(&self, values: impl Iterator<Item = (f64, f64)>) -> String {
         let mut path = String::new();
         for (index, (x, y)) in values.enumerate() {
             let verb = if index == 0 { 'M' } else { 'L' };
-            write!(path, "{verb}{} {}", Number(self.x_of(x)), Number(self.y_of(y)))
+            write!(path, "{verb}{} {}", Coordinate(self.x_of(x)), Coordinate(self.y_of(y)))
                 .expect("a string takes all text");
         }
         path
-    }
-}
-
-pub(super) fn line_class(stroke: Stroke, colour: usize) -> String {
-    match stroke {
-        Stroke::Solid => format!("line s{colour}"),
-        Stroke::Dashed => format!("line dashed s{colour}"),
-    }
-}
-
-pub(super) fn draw_marker(
-    svg: &mut Svg,
-    marker: Marker,
-    colour: usize,
-    at: (f64, f64),
-    note: Option<&str>,
-) {
-    let path = marker.path(at);
-    let class =
-        if marker.is_open() { format!("open s{colour}") } else { format!("mark f{colour}") };
-    match note {
-        Some(note) => svg.add(format_args!(
-            "<path class=\"{class}\" d=\"{path}\"><title>{}</title></path>\n",
-            Escaped(note)
-        )),
-        None => svg.add(format_args!("<path class=\"{class}\" d=\"{path}\"/>\n")),
     }
 }

@@ -1,43 +1,41 @@
 //! The legend: named series and bands in rows.
 
-use super::{
-    Band, Series, Stroke,
-    draw::{FONT_PX, draw_marker, line_class},
-};
+use super::{Band, Series, Stroke};
 use crate::{
     COLOURS, Marker,
-    svg::{Number, Svg, width_of},
+    svg::{Coordinate, FONT_PX, Svg, width_of},
 };
 
-/// Of the title and the legend from the left edge, so that round line ends are not cut.
+/// Left margin of title and legend, px, so that round line ends are not cut.
 pub(super) const INSET: f64 = 2.0;
 const ROW_HEIGHT: f64 = 20.0;
-/// Between the sign of a series and its name, and behind the name.
-const SIGN_WIDTH: f64 = 30.0;
+/// Width of the symbol before a name, px.
+const SYMBOL_WIDTH: f64 = 30.0;
+/// Space after a name, px.
 const GAP: f64 = 18.0;
 
-/// A legend by itself, for several charts with the same unnamed series, `width` pixels wide.
+/// A separate legend for several charts with the same unnamed series, `width` pixels wide.
 pub fn legend(series: &[Series], id: &str, width: u32) -> String {
-    let keys = Keys::new(series, &[], f64::from(width), 2.0);
-    // A few rows; whole pixels.
+    let legend = Legend::new(series, &[], f64::from(width), 2.0);
+    // A few rows, in whole pixels.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    let height = (keys.bottom + 4.0).max(1.0).ceil() as u32;
+    let height = (legend.bottom + 4.0).max(1.0).ceil() as u32;
     let names: Vec<&str> = series.iter().filter_map(|series| series.name.as_deref()).collect();
     let mut svg = Svg::begin(id, (width, height), "Legend", &names.join(", "));
-    keys.draw(&mut svg);
+    legend.draw(&mut svg);
     svg.end()
 }
 
-/// The signs of a legend, in their places.
+/// A legend with the positions of its entries.
 #[derive(Debug)]
-pub(super) struct Keys {
-    keys: Vec<Key>,
-    /// The lower edge of the last row.
+pub(super) struct Legend {
+    entries: Vec<Entry>,
+    /// The lower edge of the last row, px.
     pub(super) bottom: f64,
 }
 
 #[derive(Debug)]
-struct Key {
+struct Entry {
     name: String,
     at: (f64, f64),
     colour: usize,
@@ -46,12 +44,12 @@ struct Key {
     is_band: bool,
 }
 
-impl Keys {
-    /// Puts the names into rows no wider than `width`, below `top`.
+impl Legend {
+    /// Lays the entries out in rows of at most `width`, below `top`.
     pub(super) fn new(series: &[Series], bands: &[Band], width: f64, top: f64) -> Self {
         let of_series = series.iter().filter_map(|series| {
             let &Series { colour, marker, stroke, .. } = series;
-            Some(Key {
+            Some(Entry {
                 name: series.name.clone()?,
                 at: (0.0, 0.0),
                 colour: colour % COLOURS,
@@ -62,41 +60,41 @@ impl Keys {
         });
         let of_bands = bands.iter().filter_map(|band| {
             let (name, at, colour) = (band.name.clone()?, (0.0, 0.0), band.colour % COLOURS);
-            Some(Key { name, at, colour, marker: None, stroke: None, is_band: true })
+            Some(Entry { name, at, colour, marker: None, stroke: None, is_band: true })
         });
-        let mut keys: Vec<Key> = of_series.chain(of_bands).collect();
+        let mut entries: Vec<Entry> = of_series.chain(of_bands).collect();
         let mut at = (INSET, top + 12.0);
-        for key in &mut keys {
-            let needed = SIGN_WIDTH + width_of(&key.name, FONT_PX);
+        for entry in &mut entries {
+            let needed = SYMBOL_WIDTH + width_of(&entry.name, FONT_PX);
             if at.0 > INSET && at.0 + needed > width {
                 at = (INSET, at.1 + ROW_HEIGHT);
             }
-            key.at = at;
+            entry.at = at;
             at.0 += needed + GAP;
         }
-        let bottom = if keys.is_empty() { top } else { at.1 + 8.0 };
-        Self { keys, bottom }
+        let bottom = if entries.is_empty() { top } else { at.1 + 8.0 };
+        Self { entries, bottom }
     }
 
     pub(super) fn draw(&self, svg: &mut Svg) {
-        for key in &self.keys {
-            let (x, y) = key.at;
+        for entry in &self.entries {
+            let (x, y) = entry.at;
             let middle = (x + 11.0, y - 4.0);
-            if key.is_band {
-                let (colour, left, top) = (key.colour, Number(x), Number(y - 10.0));
+            if entry.is_band {
+                let (colour, left, top) = (entry.colour, Coordinate(x), Coordinate(y - 10.0));
                 svg.add(format_args!(
                     "<rect class=\"band f{colour}\" x=\"{left}\" y=\"{top}\" width=\"22\" \
                      height=\"12\"/>\n"
                 ));
             }
-            if let Some(stroke) = key.stroke {
-                let class = line_class(stroke, key.colour);
+            if let Some(stroke) = entry.stroke {
+                let class = stroke.class(entry.colour);
                 svg.line(&class, (x, middle.1), (x + 22.0, middle.1));
             }
-            if let Some(marker) = key.marker {
-                draw_marker(svg, marker, key.colour, middle, None);
+            if let Some(marker) = entry.marker {
+                marker.draw(svg, entry.colour, middle, None);
             }
-            svg.text("key", (x + SIGN_WIDTH, y), "start", &key.name);
+            svg.text("key", (x + SYMBOL_WIDTH, y), "start", &entry.name);
         }
     }
 }

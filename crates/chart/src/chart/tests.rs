@@ -12,9 +12,10 @@ fn chart() -> Chart {
     chart.series.push(Series::joined("soft", 0, [point(0.0, 8.0), point(45.0, 6.0)]));
     chart.series.push(Series::scatter("stiff", 1, [(0.0, 18.0), (45.0, 15.0)]));
     chart.rules.push(Rule::AtY { value: 12.0, label: "limit".to_owned() });
+    let edge = |x, low, high| BandEdge { x, low, high };
     chart.bands.push(Band {
         name: None,
-        edges: vec![(0.0, 7.0, 9.0), (45.0, 5.0, 7.0)],
+        edges: vec![edge(0.0, 7.0, 9.0), edge(45.0, 5.0, 7.0)],
         colour: 0,
     });
     chart
@@ -39,7 +40,7 @@ fn points_outside_the_range_are_left_out() {
     chart.y = Axis::linear("Δf (Hz)").with_range(0.0, 10.0);
     chart.rules.clear();
     let svg = chart.svg("c").unwrap();
-    // The legend keeps its sign.
+    // The legend keeps its symbol.
     assert_eq!(svg.matches("class=\"mark f1\"").count(), 1);
     assert_eq!(svg.matches("class=\"mark f0\"").count(), 3);
 }
@@ -56,7 +57,7 @@ fn an_error_bar_that_reaches_zero_ends_at_a_logarithmic_axis() {
 }
 
 #[test]
-fn what_cannot_be_shown_is_refused() {
+fn a_value_that_no_axis_can_show_is_refused() {
     #[track_caller]
     fn check(change: impl Fn(&mut Chart)) {
         let mut chart = chart();
@@ -66,7 +67,7 @@ fn what_cannot_be_shown_is_refused() {
     }
     check(|chart| chart.series[0].points[0].x = f64::NAN);
     check(|chart| chart.series[0].points[0].y = f64::INFINITY);
-    check(|chart| chart.bands[0].edges[0].1 = f64::NAN);
+    check(|chart| chart.bands[0].edges[0].low = f64::NAN);
     check(|chart| chart.rules[0] = Rule::AtX { value: f64::NAN, label: String::new() });
     check(|chart| {
         chart.y = Axis::linear("y").with_range(0.0, 10.0);

@@ -2,7 +2,7 @@
 
 use super::ErrorTable;
 
-/// The tier refuses such contacts.
+/// Marks contacts that the tier refuses.
 const NEVER: f64 = f64::INFINITY;
 
 /// Per tier and control: a row for each largest tilt, a column for each largest stiffness ratio.

@@ -2,8 +2,8 @@ use std::fmt::Write as _;
 
 use super::*;
 
-fn scene(young_mpa: f64, deepest: Depth, tilt_deg: f64, needs_impedance: bool) -> Scene {
-    Scene {
+fn required(young_mpa: f64, deepest: Depth, tilt_deg: f64, needs_impedance: bool) -> Requirements {
+    Requirements {
         sensor: Sensor::reference(),
         stiffest: Tissue::soft(young_mpa).unwrap(),
         deepest,
@@ -56,8 +56,8 @@ fn the_stored_errors_are_those_measured_anew() {
 }
 
 #[track_caller]
-fn check(scene: &Scene, tolerance_hz: f64, expected: Tier) {
-    let choice = Tier::cheapest_for(scene, tolerance_hz).unwrap();
+fn check(required: &Requirements, tolerance_hz: f64, expected: Tier) {
+    let choice = Tier::cheapest_for(required, tolerance_hz).unwrap();
     assert_eq!(choice.tier, expected, "{choice}");
     assert!(choice.error_hz <= tolerance_hz, "{choice}");
 }
@@ -66,35 +66,35 @@ fn check(scene: &Scene, tolerance_hz: f64, expected: Tier) {
 fn a_scene_gets_the_cheapest_tier_that_is_good_enough() {
     let sunk = Depth::Indentation { along_probe_mm: 0.5 };
     let moved = Depth::Stage { along_probe_mm: 0.5 };
-    check(&scene(0.649, sunk, 0.0, false), 10.0, Tier::T0);
-    check(&scene(0.649, sunk, 0.0, false), 1.0, Tier::T1);
-    check(&scene(0.649, sunk, 45.0, false), 1.0, Tier::T2);
-    check(&scene(0.649, sunk, 45.0, false), 0.3, Tier::E1);
-    check(&scene(0.649, moved, 45.0, false), 1.0, Tier::T2s);
-    check(&scene(0.649, moved, 45.0, true), 1.0, Tier::E1s);
-    check(&scene(0.649, moved, 45.0, false), 0.05, Tier::Exact);
-    check(&scene(0.649, moved, 45.0, true), 0.05, Tier::Reference);
-    check(&scene(0.649, moved, 45.0, false), 0.0, Tier::Reference);
+    check(&required(0.649, sunk, 0.0, false), 10.0, Tier::T0);
+    check(&required(0.649, sunk, 0.0, false), 1.0, Tier::T1);
+    check(&required(0.649, sunk, 45.0, false), 1.0, Tier::T2);
+    check(&required(0.649, sunk, 45.0, false), 0.3, Tier::E1);
+    check(&required(0.649, moved, 45.0, false), 1.0, Tier::T2s);
+    check(&required(0.649, moved, 45.0, true), 1.0, Tier::E1s);
+    check(&required(0.649, moved, 45.0, false), 0.05, Tier::Exact);
+    check(&required(0.649, moved, 45.0, true), 0.05, Tier::Reference);
+    check(&required(0.649, moved, 45.0, false), 0.0, Tier::Reference);
 }
 
 /// Just inside and just outside of a cell's error, tilt and stiffness.
 #[test]
 fn the_choice_changes_at_the_edges_of_its_cell() {
     let sunk = Depth::Indentation { along_probe_mm: 0.5 };
-    let tilted = scene(0.6, sunk, 45.0, false);
+    let tilted = required(0.6, sunk, 45.0, false);
     let error = Tier::cheapest_for(&tilted, 1.0).unwrap().error_hz;
     check(&tilted, error, Tier::T2);
     check(&tilted, error - 1e-9, Tier::E1);
-    check(&scene(0.6, sunk, 45.001, false), 1.0, Tier::Reference);
-    check(&scene(3.0, sunk, 45.0, false), 2.0, Tier::E1);
-    check(&scene(3.2, sunk, 45.0, false), 2.0, Tier::Reference);
+    check(&required(0.6, sunk, 45.001, false), 1.0, Tier::Reference);
+    check(&required(3.0, sunk, 45.0, false), 2.0, Tier::E1);
+    check(&required(3.2, sunk, 45.0, false), 2.0, Tier::Reference);
 }
 
 #[test]
 fn a_scene_deeper_than_the_series_gets_the_exact_contact() {
     let law = |along_probe_mm| {
         let deepest = Depth::Indentation { along_probe_mm };
-        Tier::cheapest_for(&scene(0.1, deepest, 0.0, false), 1.0).map(|choice| choice.law)
+        Tier::cheapest_for(&required(0.1, deepest, 0.0, false), 1.0).map(|choice| choice.law)
     };
     assert_eq!(law(0.5), Ok(ContactLaw::SneddonSeries));
     assert_eq!(law(0.501), Ok(ContactLaw::Sneddon));
@@ -104,7 +104,7 @@ fn a_scene_deeper_than_the_series_gets_the_exact_contact() {
 #[test]
 fn another_sensor_is_measured_and_says_why() {
     let design = SensorDesign { length_mm: 20.0, ..SensorDesign::reference() };
-    let mut short = scene(0.649, Depth::Stage { along_probe_mm: 0.5 }, 45.0, true);
+    let mut short = required(0.649, Depth::Stage { along_probe_mm: 0.5 }, 45.0, true);
     short.sensor = Sensor::new(design).unwrap();
     let choice = Tier::cheapest_for(&short, 0.5).unwrap();
     assert_eq!(choice.tier, Tier::E1s);

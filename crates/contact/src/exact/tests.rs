@@ -12,6 +12,22 @@ fn root(function: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
     0.5 * (low + high)
 }
 
+/// The characteristic function cos βL + 1/cosh βL of a cantilever without a tip mass.
+///
+/// It is (1 + cos βL cosh βL)/cosh βL, bounded for every βL, where the product itself overflows
+/// above 710 and has no right digit above 36.
+fn cantilever_characteristic(beta_l: f64) -> f64 {
+    let scaled = Scaled::of(beta_l);
+    scaled.cos + scaled.one / scaled.cosh
+}
+
+/// The characteristic function cos βL tanh βL − sin βL of a beam clamped at one end and pinned at
+/// the other.
+fn clamped_pinned_characteristic(beta_l: f64) -> f64 {
+    let scaled = Scaled::of(beta_l);
+    scaled.cos * scaled.sinh / scaled.cosh - scaled.sin
+}
+
 /// Values printed in Blevins, Formulas for Natural Frequency and Mode Shape (1979), Table 8-1.
 #[test]
 fn the_characteristic_functions_have_the_printed_roots() {

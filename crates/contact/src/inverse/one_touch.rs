@@ -2,32 +2,32 @@
 
 use super::{InverseError, RELATIVE_SIGMA_MAX, TissueKind};
 use crate::{
-    Contact, Depth, Load, Models, Pose, Refusal, Tier, Tissue, stage, tier::check_control,
+    Contact, Depth, Load, Models, Pose, Refusal, Tier, Tissue, equilibrium, tier::check_control,
 };
 
-/// What is uncertain in a touch, as standard deviations.
+/// The standard deviations of the inputs of one touch.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Spread {
-    /// Of the shift, Hz.
+pub struct TouchSigmas {
+    /// Standard deviation of the shift, Hz.
     pub shift_hz: f64,
-    /// Of the depth along the probe, mm: where the surface was found, above all.
+    /// Standard deviation of the depth along the probe, mm; mostly from the surface found.
     pub depth_mm: f64,
-    /// Of the contact angle, rad.
+    /// Standard deviation of the contact angle, rad.
     pub angle_rad: f64,
 }
 
-/// A stiffness and where its uncertainty comes from.
+/// A stiffness with its uncertainty, split by cause.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OneTouch {
     /// Young's modulus, MPa.
     pub young_mpa: f64,
     /// Its standard deviation, MPa.
     pub sigma_mpa: f64,
-    /// The part of it that the shift causes alone, MPa.
+    /// The part of the standard deviation due to the shift, MPa.
     pub sigma_of_shift_mpa: f64,
-    /// The part that the depth causes alone, MPa.
+    /// The part due to the depth, MPa.
     pub sigma_of_depth_mpa: f64,
-    /// The part that the angle causes alone, MPa.
+    /// The part due to the angle, MPa.
     pub sigma_of_angle_mpa: f64,
 }
 
@@ -36,8 +36,8 @@ impl Models {
     ///
     /// # Errors
     /// [`InverseError::NoContact`] for a shift or a depth that is not positive;
-    /// [`InverseError::Refused`] when the stiffness lies outside the tier, as that of a shift near
-    /// saturation does, or the contact outside its law.
+    /// [`InverseError::Refused`] when the stiffness lies outside the tier, as for a shift near
+    /// saturation, or when the contact lies outside its law.
     pub fn young_of_shift_mpa(
         &self,
         tier: Tier,
@@ -56,14 +56,15 @@ impl Models {
         let normal = self.normal_of_shift(tier, shift_hz, &tissue, contact)?;
         let section = self.sensor().section();
         let move_rel = along_probe_mm * 1e-3 * contact.pose.cos() / section.radius_m;
-        let spot = match contact.depth {
+        let patch = match contact.depth {
             Depth::Indentation { .. } => contact.law.at(move_rel).map_err(Refusal::from)?,
             Depth::Stage { .. } => {
-                let give = section.normal_compliance_m_per_n(&contact.pose) * normal;
-                stage::balance_of_stiffness(contact.law, move_rel, give).map_err(Refusal::from)?
+                let compliance_rel = section.normal_compliance_m_per_n(&contact.pose) * normal;
+                equilibrium::of_known_stiffness(contact.law, move_rel, compliance_rel)
+                    .map_err(Refusal::from)?
             }
         };
-        let of_one_mpa = 2.0 * tissue.contact_modulus_pa() * section.radius_m * spot.radius_rel;
+        let of_one_mpa = 2.0 * tissue.contact_modulus_pa() * section.radius_m * patch.radius_rel;
         Ok(normal / of_one_mpa)
     }
 
@@ -96,16 +97,16 @@ impl Models {
         Ok(rising_root(|log| (shift(log.exp()) / shift_hz).ln(), start, stiffest.ln()).exp())
     }
 
-    /// The stiffness of one touch with its uncertainty, to first order in every cause.
+    /// The stiffness of one touch with its uncertainty, to first order in each input.
     ///
     /// # Errors
     /// As [`Models::young_of_shift_mpa`]; [`InverseError::TooUncertain`] when the standard deviation
-    /// is more than half of the value.
+    /// is more than half the value.
     pub fn stiffness_of_touch(
         &self,
         tier: Tier,
         shift_hz: f64,
-        spread: Spread,
+        spread: TouchSigmas,
         kind: TissueKind,
         contact: &Contact,
     ) -> Result<OneTouch, InverseError> {
@@ -115,7 +116,7 @@ impl Models {
                 let (young_mpa, contact) = of(step);
                 Ok(self.predict(tier, &kind.with(young_mpa)?, &contact)?.shift_hz)
             };
-            // Inwards only: the contact may lie at the end of its law.
+            // One-sided: the contact may lie at the end of its law.
             Ok::<f64, InverseError>((at(0.0)? - at(-step)?) / step)
         };
         let per_log = slope(&|step| (young_mpa * step.exp(), *contact), LOG_STEP)?;
@@ -143,7 +144,7 @@ impl Models {
 const LOG_STEP: f64 = 1e-5;
 const DEPTH_STEP_MM: f64 = 1e-6;
 const ANGLE_STEP_RAD: f64 = 1e-5;
-/// For tiers without a limit: the end is held as by a clamp.
+/// For tiers without a limit: this stiffness clamps the end.
 const STIFFEST_RATIO: f64 = 1e9;
 
 fn deeper(contact: &Contact, by_mm: f64) -> Contact {
@@ -156,7 +157,7 @@ fn deeper(contact: &Contact, by_mm: f64) -> Contact {
     Contact { depth, ..*contact }
 }
 
-/// The contact with another angle; below zero the surface leans the other way.
+/// The contact with another angle; a negative angle leans the surface the other way.
 fn leaning(contact: &Contact, by_rad: f64) -> Contact {
     let angle = contact.pose.angle_rad() + by_rad;
     let azimuth = contact.pose.azimuth_rad();
@@ -165,10 +166,10 @@ fn leaning(contact: &Contact, by_rad: f64) -> Contact {
     Contact { pose, ..*contact }
 }
 
-/// Of a step in the logarithm. What is left is about its square.
+/// Largest last step of the logarithm. The remaining error is about its square.
 const ROOT_TOLERANCE: f64 = 1e-8;
 const ROOT_STEPS_MAX: u32 = 100;
-/// Below e^−700 no stiffness is a number.
+/// e^−700 is near the smallest positive number.
 const LOWEST_LOG: f64 = -700.0;
 
 /// The root below `high` of a rising function whose slope is near one for small values.
@@ -187,7 +188,7 @@ fn rising_root(function: impl Fn(f64) -> f64, start: f64, mut high: f64) -> f64 
             Some((x, y)) if x != at && y != value => (value - y) / (at - x),
             _ => 1.0,
         };
-        // A shift that has vanished in rounding has no logarithm to go by.
+        // A shift that rounds to zero has no logarithm.
         before = value.is_finite().then_some((at, value));
         let next = at - value / slope;
         let next = if low <= next && next <= high { next } else { 0.5 * (low + high) };

@@ -1,13 +1,13 @@
-//! Stiffness, contact angle and azimuth together, from several touches of one place.
+//! Stiffness, contact angle and azimuth together, from several touches of one site.
 //!
-//! Turning the probe about its own axis turns the surface's lean from front to left to back, which
-//! the bimorph feels differently: that tells the angle. Depth tells it much worse, because in
-//! shallow contacts depth and angle enter only as one product.
+//! A turn of the probe about its own axis turns the lean of the surface from front to left to back.
+//! The shift depends on that direction, which identifies the angle. Depth identifies it much less,
+//! because depth and angle enter shallow contacts only as one product.
 //!
-//! The answer is the posterior over a grid of angles and azimuths, refined where it is high, with
-//! the stiffness eliminated at each node by least squares: no start values, no single maximum, and
-//! intervals that hold near the ends of the angle's range, where a covariance would not. The prior
-//! is even in the angle, in the azimuth, and in the logarithm of the stiffness.
+//! The result is the posterior over a grid of angles and azimuths, refined where it is high. Least
+//! squares eliminates the stiffness at each node. This needs no start values, allows several maxima,
+//! and gives valid intervals near the ends of the angle's range, where a covariance would not. The
+//! prior is even in the angle, in the azimuth, and in the logarithm of the stiffness.
 
 use std::f64::consts::{PI, TAU};
 
@@ -19,72 +19,72 @@ mod node;
 
 use grid::Posterior;
 
-/// One touch of the place.
+/// One touch of the site.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Touch {
-    /// The shift measured, Hz.
+pub struct SiteTouch {
+    /// The measured shift, Hz.
     pub shift_hz: f64,
-    /// Its standard deviation, Hz.
+    /// Standard deviation of the shift, Hz.
     pub sigma_hz: f64,
-    /// How far the probe was turned about its own axis, from the front towards the left, rad.
+    /// Turn of the probe about its own axis, from the front towards the left, rad.
     pub spin_rad: f64,
-    /// How deep.
+    /// Depth along the probe.
     pub depth: Depth,
 }
 
-/// How the touches were made, and by which model they are read.
+/// The model of the touches and the uncertainty of their depths.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Probing {
-    /// The model.
+pub struct TouchModel {
+    /// Model of the vibration.
     pub tier: Tier,
-    /// The contact law.
+    /// Law of contact radius and force.
     pub law: ContactLaw,
-    /// What happens sideways.
+    /// Behaviour along the surface.
     pub friction: Friction,
-    /// What is taken as known of the tissue.
+    /// The assumed tissue properties.
     pub kind: TissueKind,
-    /// Standard deviation of the depth that all touches share, mm: one surface, found once.
+    /// Standard deviation of the depth error that all touches share, mm: the surface is found once.
     pub shared_depth_sigma_mm: f64,
-    /// Standard deviation of the depth of each touch by itself, mm.
+    /// Standard deviation of the independent depth error of each touch, mm.
     pub depth_sigma_mm: f64,
 }
 
-/// What is known of the contact angle beforehand.
+/// Prior of the contact angle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum AnglePrior {
-    /// The angle is set, with this standard deviation.
+    /// A set angle with its standard deviation.
     Known {
         /// The angle, rad.
         angle_rad: f64,
-        /// Its standard deviation, rad.
+        /// Standard deviation of the angle, rad.
         sigma_rad: f64,
     },
-    /// Any angle from zero up is as likely as any other.
+    /// An even distribution from zero to a largest angle.
     Within {
         /// The largest angle, rad.
         max_rad: f64,
     },
 }
 
-/// What is known beforehand of the azimuth of the surface's normal at zero spin.
+/// Prior of the azimuth of the surface's normal at zero spin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum AzimuthPrior {
-    /// It is this, rad.
+    /// The azimuth, rad.
     Known(f64),
-    /// It may be any.
+    /// An even distribution over the full circle.
     Unknown,
 }
 
 /// A quantity with its uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Interval {
-    /// The mean of what is believed.
+    /// Mean of the posterior.
     pub value: f64,
-    /// Its standard deviation.
+    /// Standard deviation of the posterior.
     pub sigma: f64,
-    /// The end below which lies 2.5 % of what is believed.
+    /// The 2.5 % quantile.
     pub low: f64,
-    /// The end above which lies 2.5 %.
+    /// The 97.5 % quantile.
     pub high: f64,
 }
 
@@ -95,35 +95,34 @@ impl Interval {
     }
 }
 
-/// What several touches say together.
+/// The joint result of several touches.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TiltInference {
-    /// Young's modulus, MPa; the mean is that of the logarithm.
+    /// Young's modulus, MPa; its value is the geometric mean.
     pub young_mpa: Interval,
     /// The contact angle, rad.
     pub angle_rad: Interval,
-    /// The azimuth at zero spin, rad, in (−π, π] about its value; as given when it was known.
+    /// The azimuth at zero spin, rad, within π of its value. A known azimuth is returned as given.
     pub azimuth_rad: Interval,
-    /// Whether the touches say more of the angle than was known before: its standard deviation is
-    /// below half of the prior's.
+    /// Whether the touches identify the angle: its standard deviation is below half of the prior's.
     pub is_angle_identified: bool,
-    /// The same for the azimuth.
+    /// Whether the touches identify the azimuth.
     pub is_azimuth_identified: bool,
-    /// How stiffness and angle trade against each other, from −1 to 1: near either, the touches
-    /// know a combination of the two and neither by itself.
+    /// Correlation of stiffness and angle, from −1 to 1. Near either end the touches determine only a
+    /// combination of the two.
     pub correlation: f64,
     /// The smallest sum of squared deviations over their variances.
     pub chi_squared: f64,
-    /// Number of touches less that of unknowns, zero at least.
+    /// Number of touches less the number of unknowns, at least zero.
     pub freedom: usize,
 }
 
 /// The standard deviation of an even distribution over an interval of length one.
 const EVEN_SIGMA: f64 = 0.288_675_134_594_812_9;
-/// Of the prior's standard deviation, below which the touches have said something.
+/// Largest share of the prior's standard deviation at which a quantity counts as identified.
 const IDENTIFIED_BELOW: f64 = 0.5;
 
-/// Stiffness, angle and azimuth of one place from its touches.
+/// Stiffness, angle and azimuth of one site from its touches.
 ///
 /// # Errors
 /// [`InverseError::NoTouches`]; [`InverseError::NotPositive`] for a standard deviation or bound;
@@ -132,23 +131,23 @@ const IDENTIFIED_BELOW: f64 = 0.5;
 /// the touches; [`InverseError::TooUncertain`] when the stiffness is not known to half of itself.
 pub fn infer_tilt(
     models: &Models,
-    touches: &[Touch],
-    probing: &Probing,
+    touches: &[SiteTouch],
+    touch_model: &TouchModel,
     angle: AnglePrior,
     azimuth: AzimuthPrior,
 ) -> Result<TiltInference, InverseError> {
-    check(touches, probing, angle)?;
-    let start = start_log(models, touches, probing, angle)?;
-    let question = Question { models, touches, probing, angle, azimuth };
-    let Some(posterior) = Posterior::explore(&question, start) else {
-        return Err(refusal_everywhere(&question, start));
+    check(touches, touch_model, angle)?;
+    let start = start_log(models, touches, touch_model, angle)?;
+    let problem = Problem { models, touches, touch_model, angle, azimuth };
+    let Some(posterior) = Posterior::explore(&problem, start) else {
+        return Err(refusal_everywhere(&problem, start));
     };
     let unknowns = 1
         + usize::from(matches!(angle, AnglePrior::Within { .. }))
         + usize::from(matches!(azimuth, AzimuthPrior::Unknown));
     let freedom = touches.len().saturating_sub(unknowns);
     let chi_squared = posterior.chi_squared();
-    // Angle and azimuth are bounded, and cannot explain everything that they are counted for.
+    // Angle and azimuth are bounded, and explain less than a full degree of freedom each.
     if chi_squared > largest_chi_squared(touches.len() - 1) {
         return Err(InverseError::Inconsistent { chi_squared, freedom });
     }
@@ -186,24 +185,24 @@ pub fn infer_tilt(
     })
 }
 
-/// All that the posterior is asked.
-struct Question<'a> {
+/// The inference problem.
+struct Problem<'a> {
     models: &'a Models,
-    touches: &'a [Touch],
-    probing: &'a Probing,
+    touches: &'a [SiteTouch],
+    touch_model: &'a TouchModel,
     angle: AnglePrior,
     azimuth: AzimuthPrior,
 }
 
-impl Question<'_> {
+impl Problem<'_> {
     /// The contact of a touch at an angle and an azimuth at zero spin.
-    fn contact(&self, touch: &Touch, angle_rad: f64, azimuth_rad: f64) -> Option<Contact> {
+    fn contact(&self, touch: &SiteTouch, angle_rad: f64, azimuth_rad: f64) -> Option<Contact> {
         let pose = Pose::new(angle_rad, azimuth_rad - touch.spin_rad).ok()?;
-        let Probing { law, friction, .. } = *self.probing;
+        let TouchModel { law, friction, .. } = *self.touch_model;
         Some(Contact { pose, depth: touch.depth, law, friction })
     }
 
-    /// The prior of an angle, as a logarithm without its constant.
+    /// The logarithm of the prior of an angle, without its constant.
     fn log_prior(&self, angle_rad: f64) -> f64 {
         match self.angle {
             AnglePrior::Known { angle_rad: known, sigma_rad } => {
@@ -214,7 +213,11 @@ impl Question<'_> {
     }
 }
 
-fn check(touches: &[Touch], probing: &Probing, angle: AnglePrior) -> Result<(), InverseError> {
+fn check(
+    touches: &[SiteTouch],
+    touch_model: &TouchModel,
+    angle: AnglePrior,
+) -> Result<(), InverseError> {
     if touches.is_empty() {
         return Err(InverseError::NoTouches);
     }
@@ -228,7 +231,7 @@ fn check(touches: &[Touch], probing: &Probing, angle: AnglePrior) -> Result<(), 
     for touch in touches {
         positive("standard deviation of a shift", touch.sigma_hz)?;
     }
-    for found in [probing.shared_depth_sigma_mm, probing.depth_sigma_mm] {
+    for found in [touch_model.shared_depth_sigma_mm, touch_model.depth_sigma_mm] {
         if !(found.is_finite() && found >= 0.0) {
             return Err(InverseError::NotPositive { what: "standard deviation of a depth", found });
         }
@@ -241,12 +244,12 @@ fn check(touches: &[Touch], probing: &Probing, angle: AnglePrior) -> Result<(), 
     }
 }
 
-/// The logarithm of a stiffness near the answer: that of the mean shift, upright or at the known
-/// angle.
+/// The logarithm of a stiffness near the result: the stiffness of the mean shift, with the probe
+/// upright or at the known angle.
 fn start_log(
     models: &Models,
-    touches: &[Touch],
-    probing: &Probing,
+    touches: &[SiteTouch],
+    touch_model: &TouchModel,
     angle: AnglePrior,
 ) -> Result<f64, InverseError> {
     let shift_hz = mean_shift_hz(touches);
@@ -258,29 +261,33 @@ fn start_log(
         AnglePrior::Within { .. } => 0.0,
     };
     let pose = Pose::new(angle_rad, 0.0).unwrap_or(Pose::UPRIGHT);
-    let contact =
-        Contact { pose, depth: touches[0].depth, law: probing.law, friction: probing.friction };
-    Ok(models.young_of_shift_mpa(probing.tier, shift_hz, probing.kind, &contact)?.ln())
+    let contact = Contact {
+        pose,
+        depth: touches[0].depth,
+        law: touch_model.law,
+        friction: touch_model.friction,
+    };
+    Ok(models.young_of_shift_mpa(touch_model.tier, shift_hz, touch_model.kind, &contact)?.ln())
 }
 
-fn mean_shift_hz(touches: &[Touch]) -> f64 {
+fn mean_shift_hz(touches: &[SiteTouch]) -> f64 {
     touches.iter().map(|touch| touch.shift_hz).sum::<f64>() / touches.len() as f64
 }
 
-/// Why no node of the grid has an answer: what the model says at its smallest angle.
-fn refusal_everywhere(question: &Question<'_>, start_log: f64) -> InverseError {
-    let Probing { tier, kind, law, friction, .. } = *question.probing;
-    let angle_rad = match question.angle {
+/// The refusal when no node of the grid has a result: that of the model at its smallest angle.
+fn refusal_everywhere(problem: &Problem<'_>, start_log: f64) -> InverseError {
+    let TouchModel { tier, kind, law, friction, .. } = *problem.touch_model;
+    let angle_rad = match problem.angle {
         AnglePrior::Known { angle_rad, .. } => angle_rad,
         AnglePrior::Within { .. } => 0.0,
     };
     let pose = Pose::new(angle_rad, 0.0).unwrap_or(Pose::UPRIGHT);
-    let refusal = question.touches.iter().find_map(|touch| {
+    let refusal = problem.touches.iter().find_map(|touch| {
         let contact = Contact { pose, depth: touch.depth, law, friction };
         let tissue = kind.with(start_log.exp()).ok()?;
-        question.models.predict(tier, &tissue, &contact).err()
+        problem.models.predict(tier, &tissue, &contact).err()
     });
-    let shift_hz = mean_shift_hz(question.touches);
+    let shift_hz = mean_shift_hz(problem.touches);
     let limit = tier.validity().stiffness_ratio_max;
     refusal.unwrap_or(Refusal::OutOfReach { tier, shift_hz, limit }).into()
 }

@@ -56,7 +56,7 @@ impl Matrix5 {
     }
 }
 
-/// What elimination tells of a matrix over the tip's motions.
+/// The result of eliminating a matrix over the tip's motions.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Eliminated {
     /// The slope φ that a unit moment on φ causes.

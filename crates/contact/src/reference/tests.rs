@@ -1,6 +1,23 @@
 use super::*;
 use crate::{Contact, Depth, Direction, Element, ExactBeam, SensorDesign};
 
+impl Reference {
+    /// The admittance at a frequency above zero, S.
+    fn admittance_s(
+        &self,
+        pose: &Pose,
+        load: &Load,
+        tissue: &Tissue,
+        frequency_hz: f64,
+    ) -> Complex64 {
+        let omega = TAU * frequency_hz;
+        let contact = self.contact(pose, load, tissue);
+        let compliance = self.slope_compliance(&contact, Complex64::from(omega * omega));
+        let charge = self.held_capacitance() + self.section.moment_n_m_per_v.powi(2) * compliance;
+        Complex64::i() * omega * charge
+    }
+}
+
 const HALF_MM: Depth = Depth::Indentation { along_probe_mm: 0.5 };
 
 fn touch(sensor: &Sensor, tissue: &Tissue, direction: Direction, degrees: f64) -> (Pose, Load) {

@@ -1,7 +1,7 @@
 //! How well the samples of the blind touches are recognised, by several methods side by side.
 
 use rig_analysis::{
-    classify::{Classifier, Verdict},
+    classify::{Classifier, Decision},
     cluster, score,
 };
 
@@ -122,8 +122,8 @@ fn calibrated(stiffness: &Stiffness, samples: usize) -> Option<Vec<Option<usize>
     let taken_for = |reading: &Reading| {
         let young = reading.young.ok()?;
         match classifier.classify(young.mpa, young.sigma_mpa / young.mpa)? {
-            Verdict::Class { class, .. } => Some(class),
-            Verdict::Unknown { .. } => None,
+            Decision::Class { class, .. } => Some(class),
+            Decision::Unknown { .. } => None,
         }
     };
     Some(stiffness.blind.iter().map(taken_for).collect())

@@ -2,10 +2,10 @@
 
 use rig_analysis::{
     cluster,
-    no_load::{self, NoLoad, Reference},
+    no_load::{self, NoLoadMeasurement, NoLoadSummary},
     score::{self, Score},
-    sensitivity::{self, Point, Sensitivity},
-    shift::{self, AngleMean, Cell},
+    sensitivity::{self, SampleShift, Sensitivity},
+    shift::{self, AngleMean, DirectionMean, TouchShift},
 };
 use rig_store::{Circuit, Direction, Phase, Sweep, SweepPurpose, SweepVerdict, Touch};
 
@@ -25,15 +25,15 @@ pub(super) struct RunResults {
     /// The main touches as they were planned, by sample and angle.
     pub(super) grid: Vec<GridRow>,
     /// The main touches that were measured, by sample, angle and direction.
-    pub(super) cells: Vec<Cell>,
+    pub(super) cells: Vec<DirectionMean>,
     /// The same, averaged over the directions.
     pub(super) means: Vec<AngleMean>,
     /// How the shift grows with stiffness.
     pub(super) sensitivity: Option<SensitivityAt>,
     /// The references.
-    pub(super) references: Vec<Reference>,
+    pub(super) references: Vec<NoLoadMeasurement>,
     /// What these have in common.
-    pub(super) no_load: Option<NoLoad>,
+    pub(super) no_load: Option<NoLoadSummary>,
     /// The blind touches, sorted.
     pub(super) classification: Option<Classification>,
     /// The stiffness of the samples, with the angle compensated.
@@ -94,14 +94,14 @@ impl RunResults {
     pub(super) fn of(data: &RunData) -> Self {
         let sample = |touch: &Touch| data.sample(&touch.touch.sample);
         let of_phase = |phase| data.touches.iter().filter(move |t| t.touch.phase == phase);
-        let main: Vec<shift::Touch> = of_phase(Phase::Main)
+        let main: Vec<TouchShift> = of_phase(Phase::Main)
             .filter_map(|touch| Some(shift_of(touch, sample(touch)?)))
             .collect();
         let blind: Vec<(&Touch, usize)> =
             of_phase(Phase::Blind).filter_map(|touch| Some((touch, sample(touch)?))).collect();
         let cells = shift::by_direction(&main);
         let means = shift::by_angle(&cells);
-        let references: Vec<Reference> = data.sweeps.iter().filter_map(reference).collect();
+        let references: Vec<NoLoadMeasurement> = data.sweeps.iter().filter_map(reference).collect();
         let classification = classify(data, &blind);
         let stiffness = Stiffness::of(data);
         Self {
@@ -119,8 +119,13 @@ impl RunResults {
     }
 
     /// The shift of a sample at an angle in a direction, where it was measured.
-    pub(super) fn cell(&self, sample: usize, angle_deg: f64, direction: usize) -> Option<&Cell> {
-        let is_here = |cell: &&Cell| {
+    pub(super) fn cell(
+        &self,
+        sample: usize,
+        angle_deg: f64,
+        direction: usize,
+    ) -> Option<&DirectionMean> {
+        let is_here = |cell: &&DirectionMean| {
             (cell.sample, cell.angle_deg, cell.direction) == (sample, angle_deg, direction)
         };
         self.cells.iter().find(is_here)
@@ -154,8 +159,8 @@ impl RunResults {
     }
 }
 
-fn shift_of(touch: &Touch, sample: usize) -> shift::Touch {
-    shift::Touch {
+fn shift_of(touch: &Touch, sample: usize) -> TouchShift {
+    TouchShift {
         sample,
         direction: match touch.touch.pose.direction {
             Direction::Front => 0,
@@ -168,10 +173,10 @@ fn shift_of(touch: &Touch, sample: usize) -> shift::Touch {
     }
 }
 
-fn reference(sweep: &Sweep) -> Option<Reference> {
+fn reference(sweep: &Sweep) -> Option<NoLoadMeasurement> {
     let SweepVerdict::Accepted { resonance_hz, sigma_hz, .. } = sweep.verdict else { return None };
     let first = sweep.readings.first()?;
-    (sweep.purpose == SweepPurpose::NoLoad).then_some(Reference {
+    (sweep.purpose == SweepPurpose::NoLoad).then_some(NoLoadMeasurement {
         time_s: first.started_s,
         frequency_hz: resonance_hz,
         sigma_hz,
@@ -183,13 +188,13 @@ fn reference(sweep: &Sweep) -> Option<Reference> {
 fn sensitivity_at_smallest_angle(data: &RunData, means: &[AngleMean]) -> Option<SensitivityAt> {
     let angle_deg = means.iter().map(|mean| mean.angle_deg).min_by(f64::total_cmp)?;
     let point = |mean: &AngleMean| {
-        Some(Point {
+        Some(SampleShift {
             stiffness_mpa: data.samples().get(mean.sample)?.stiffness_mpa?,
             shift_hz: mean.mean.shift_hz,
             sigma_hz: mean.mean.standard_error_hz(),
         })
     };
-    let points: Vec<Point> =
+    let points: Vec<SampleShift> =
         means.iter().filter(|mean| mean.angle_deg == angle_deg).filter_map(point).collect();
     let sensitivity = sensitivity::sensitivity(&points).ok()?;
     Some(SensitivityAt { angle_deg, sensitivity })

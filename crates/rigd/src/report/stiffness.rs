@@ -11,7 +11,7 @@ mod section;
 use std::collections::BTreeMap;
 
 use rig_analysis::{
-    scale::{self, Comparison},
+    calibration::{self, Comparison},
     stiffness::{self, Compensation, PosedTouch, Young},
 };
 use rig_contact::{
@@ -313,7 +313,7 @@ impl Reader<'_> {
             })
         };
         let comparisons: Vec<Comparison> = there.filter_map(compared).collect();
-        match scale::scale(&comparisons) {
+        match calibration::calibrate(&comparisons) {
             Some(scale) => Calibration {
                 resonance_ratio,
                 factor: scale.factor,

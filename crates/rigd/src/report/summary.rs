@@ -130,7 +130,7 @@ pub(super) fn summary(
     results: &RunResults,
     folder: &Path,
 ) -> RunSummary {
-    let shift = |cell: &rig_analysis::shift::Cell| ShiftSummary {
+    let shift = |cell: &rig_analysis::shift::DirectionMean| ShiftSummary {
         sample: data.samples()[cell.sample].name.clone(),
         direction: DIRECTIONS[cell.direction].name(),
         angle_deg: cell.angle_deg,

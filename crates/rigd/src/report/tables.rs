@@ -1,6 +1,6 @@
 //! The tables of the report.
 
-use rig_analysis::shift::{Cell, Mean};
+use rig_analysis::shift::{DirectionMean, Mean};
 use rig_chart::Escaped;
 
 use super::{
@@ -52,7 +52,7 @@ fn of_some(tally: Tally, value: Option<String>) -> String {
 }
 
 /// The shift of a cell, with the spread of its repeats where there were several.
-fn shift(cell: &Cell) -> String {
+fn shift(cell: &DirectionMean) -> String {
     let shift = with_sigma(cell.mean.shift_hz, cell.mean.sigma_hz);
     match cell.mean.spread_hz {
         Some(spread) => {

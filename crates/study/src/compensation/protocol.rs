@@ -3,13 +3,13 @@
 use std::f64::consts::FRAC_PI_2;
 
 use rig_analysis::{
-    classify::{Class, Classifier, Verdict},
+    classify::{Class, Classifier, Decision},
     stiffness::{Compensation, PosedTouch},
 };
 use rig_contact::{
     ContactLaw, Depth, Direction, Friction, Models, Pose, Sensor, Tier,
     inverse::{
-        AnglePrior, AzimuthPrior, InverseError, Probing, TiltInference, TissueKind, Touch,
+        AnglePrior, AzimuthPrior, InverseError, SiteTouch, TiltInference, TissueKind, TouchModel,
         infer_tilt,
     },
 };
@@ -160,16 +160,16 @@ impl Place<'_> {
     fn depths(&self, reader: &Reader, depths_mm: &[f64], random: &mut Stream) -> Answer {
         let azimuth_rad = random.pick(&Direction::ALL).azimuth_rad();
         let point = Bench::point(self.sample, random);
-        let touch = |&depth_mm: &f64| Touch {
+        let touch = |&depth_mm: &f64| SiteTouch {
             shift_hz: self.bench.measure_hz(&point, self.angle_rad, azimuth_rad, depth_mm, random),
             sigma_hz: NUISANCES.shift_hz,
             spin_rad: 0.0,
             depth: Depth::Indentation { along_probe_mm: depth_mm },
         };
-        let touches: Vec<Touch> = depths_mm.iter().map(touch).collect();
-        let probing = reader.probing(NUISANCES.depth_mm, ENCODER_MM);
+        let touches: Vec<SiteTouch> = depths_mm.iter().map(touch).collect();
+        let touch_model = reader.touch_model(NUISANCES.depth_mm, ENCODER_MM);
         let azimuth = AzimuthPrior::Known(azimuth_rad);
-        reader.answer(&reader.infer(&touches, &probing, azimuth), point.young_mpa)
+        reader.answer(&reader.infer(&touches, &touch_model, azimuth), point.young_mpa)
     }
 
     fn spins(&self, reader: &Reader, random: &mut Stream) -> Answer {
@@ -180,10 +180,10 @@ impl Place<'_> {
             let at_rad = azimuth_rad - spin_rad;
             let shift_hz =
                 self.bench.measure_hz(&point, self.angle_rad, at_rad, INDENTATION_MM, random);
-            Touch { shift_hz, sigma_hz: NUISANCES.shift_hz, spin_rad, depth: DEPTH }
+            SiteTouch { shift_hz, sigma_hz: NUISANCES.shift_hz, spin_rad, depth: DEPTH }
         });
-        let probing = reader.probing(NUISANCES.depth_mm, ENCODER_MM);
-        reader.answer(&reader.infer(&touches, &probing, AzimuthPrior::Unknown), point.young_mpa)
+        let touch_model = reader.touch_model(NUISANCES.depth_mm, ENCODER_MM);
+        reader.answer(&reader.infer(&touches, &touch_model, AzimuthPrior::Unknown), point.young_mpa)
     }
 
     /// Each direction touches a point of its own, with its own stiffness, slope and surface; the
@@ -196,10 +196,10 @@ impl Place<'_> {
             let shift_hz = self.bench.measure_hz(&point, angle_rad, at_rad, INDENTATION_MM, random);
             // No shift grows faster than the stiffness does.
             let sigma_hz = NUISANCES.shift_hz.hypot(NUISANCES.young_rel * shift_hz);
-            Touch { shift_hz, sigma_hz, spin_rad: -at_rad, depth: DEPTH }
+            SiteTouch { shift_hz, sigma_hz, spin_rad: -at_rad, depth: DEPTH }
         });
-        let probing = reader.probing(0.0, NUISANCES.depth_mm.hypot(ENCODER_MM));
-        let found = reader.infer(&touches, &probing, AzimuthPrior::Unknown);
+        let touch_model = reader.touch_model(0.0, NUISANCES.depth_mm.hypot(ENCODER_MM));
+        let found = reader.infer(&touches, &touch_model, AzimuthPrior::Unknown);
         reader.answer(&found, SAMPLES_MPA[self.sample])
     }
 }
@@ -223,19 +223,19 @@ impl Reader {
         Self { shifts: shift_classes(&models), compensation, stiffness }
     }
 
-    fn probing(&self, shared_depth_sigma_mm: f64, depth_sigma_mm: f64) -> Probing {
+    fn touch_model(&self, shared_depth_sigma_mm: f64, depth_sigma_mm: f64) -> TouchModel {
         let Compensation { tier, law, friction, kind, .. } = self.compensation;
-        Probing { tier, law, friction, kind, shared_depth_sigma_mm, depth_sigma_mm }
+        TouchModel { tier, law, friction, kind, shared_depth_sigma_mm, depth_sigma_mm }
     }
 
     fn infer(
         &self,
-        touches: &[Touch],
-        probing: &Probing,
+        touches: &[SiteTouch],
+        touch_model: &TouchModel,
         azimuth: AzimuthPrior,
     ) -> Result<TiltInference, InverseError> {
         let angle = AnglePrior::Within { max_rad: MAX_ANGLE_RAD };
-        infer_tilt(&self.compensation.models, touches, probing, angle, azimuth)
+        infer_tilt(&self.compensation.models, touches, touch_model, angle, azimuth)
     }
 
     fn answer(&self, found: &Result<TiltInference, InverseError>, truth_mpa: f64) -> Answer {
@@ -266,7 +266,7 @@ fn shift_classes(models: &Models) -> Classifier {
 
 fn class(classifier: &Classifier, value: f64, sigma_rel: f64) -> Option<usize> {
     match classifier.classify(value, sigma_rel)? {
-        Verdict::Class { class, .. } => Some(class),
-        Verdict::Unknown { .. } => None,
+        Decision::Class { class, .. } => Some(class),
+        Decision::Unknown { .. } => None,
     }
 }

@@ -35,13 +35,13 @@ impl Cell {
     }
 
     fn category(self) -> Category {
-        let (name, tone, sign) = match self {
+        let (name, tone, symbol) = match self {
             Self::Right => ("all right", Tone::Good, ""),
             Self::Flagged => ("right or flagged", Tone::Fair, "–"),
             Self::SometimesWrong => ("some silently wrong", Tone::Bad, "×"),
             Self::MostlyWrong => ("most silently wrong", Tone::Bad, "××"),
         };
-        Category { name: name.to_owned(), tone, sign: sign.to_owned() }
+        Category { name: name.to_owned(), tone, symbol: symbol.to_owned() }
     }
 }
 

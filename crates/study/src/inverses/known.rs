@@ -2,7 +2,7 @@
 
 use rig_contact::{
     ContactLaw, Direction, Models, Sensor, Tier,
-    inverse::{Spread, TissueKind},
+    inverse::{TissueKind, TouchSigmas},
 };
 
 use crate::{
@@ -12,7 +12,7 @@ use crate::{
 };
 
 /// The bench's errors of one touch, without the scatter of the sample itself.
-pub(super) const SPREAD: Spread = Spread {
+pub(super) const TOUCH_SIGMAS: TouchSigmas = TouchSigmas {
     shift_hz: Nuisances::BENCH.shift_hz,
     depth_mm: Nuisances::BENCH.depth_mm,
     angle_rad: Nuisances::BENCH.angle_deg * std::f64::consts::PI / 180.0,
@@ -47,7 +47,8 @@ pub(super) fn add(page: &mut Page) {
                     .expect("the paper's contacts are within the tier")
                     .shift_hz;
                 let soft = TissueKind::SOFT;
-                let found = models.stiffness_of_touch(Tier::E1, shift, SPREAD, soft, &leaning);
+                let found =
+                    models.stiffness_of_touch(Tier::E1, shift, TOUCH_SIGMAS, soft, &leaning);
                 let naive = models.young_of_shift_mpa(Tier::E1, shift, soft, &upright);
                 let (Ok(found), Ok(naive)) = (found, naive) else { continue };
                 let percent = |sigma: f64| format!("{:.2}", 100.0 * sigma / young_mpa);

@@ -4,7 +4,7 @@ use std::f64::consts::FRAC_PI_4;
 
 use rig_contact::{
     Contact, ContactLaw, Friction, Models, Pose, Sensor, Tier,
-    inverse::{AnglePrior, AzimuthPrior, Probing, TissueKind, Touch, infer_tilt},
+    inverse::{AnglePrior, AzimuthPrior, SiteTouch, TissueKind, TouchModel, infer_tilt},
 };
 
 use crate::{
@@ -105,7 +105,7 @@ fn infer(
     shared_mm: f64,
     each_mm: f64,
 ) -> [String; 4] {
-    let touches: Vec<Touch> = protocol
+    let touches: Vec<SiteTouch> = protocol
         .touches
         .iter()
         .map(|&(spin_deg, along_probe_mm)| {
@@ -118,10 +118,10 @@ fn infer(
                 .predict(Tier::E1, &tissue(SAMPLES_MPA[2]), &contact)
                 .expect("the protocols' depths are within the contact law")
                 .shift_hz;
-            Touch { shift_hz, sigma_hz: SIGMA_HZ, spin_rad, depth }
+            SiteTouch { shift_hz, sigma_hz: SIGMA_HZ, spin_rad, depth }
         })
         .collect();
-    let probing = Probing {
+    let touch_model = TouchModel {
         tier: Tier::E1,
         law: ContactLaw::Sneddon,
         friction: Friction::Sticking,
@@ -130,7 +130,7 @@ fn infer(
         depth_sigma_mm: each_mm,
     };
     let prior = AnglePrior::Within { max_rad: FRAC_PI_4 };
-    match infer_tilt(models, &touches, &probing, prior, protocol.azimuth) {
+    match infer_tilt(models, &touches, &touch_model, prior, protocol.azimuth) {
         Err(refusal) => [refusal.to_string(), String::new(), String::new(), String::new()],
         Ok(found) => [
             format!("{:.2}", 100.0 * found.young_mpa.sigma / found.young_mpa.value),

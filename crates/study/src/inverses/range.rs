@@ -3,7 +3,7 @@
 use rig_chart::{Axis, Chart, Point, Series};
 use rig_contact::{ContactLaw, Direction, Models, Sensor, Tier, inverse::TissueKind};
 
-use super::known::SPREAD;
+use super::known::TOUCH_SIGMAS;
 use crate::{
     page::{Page, Table},
     paper_bench::{Control, INDENTATION_MM, contact, tissue},
@@ -78,7 +78,7 @@ fn reach(models: &Models, control: Control, young_mpa: f64) -> Reach {
     let shift_hz = shift(young_mpa);
     let kind = TissueKind::SOFT;
     let sigma = models
-        .stiffness_of_touch(Tier::E1s, shift_hz, SPREAD, kind, &contact)
+        .stiffness_of_touch(Tier::E1s, shift_hz, TOUCH_SIGMAS, kind, &contact)
         .map(|found| found.sigma_mpa / found.young_mpa)
         .map_err(|refusal| refusal.to_string());
     let model = models

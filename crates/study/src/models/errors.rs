@@ -1,7 +1,7 @@
 //! How far each tier is from the reference, over the contacts that the paper makes and a few more.
 
 use rig_chart::{Axis, COLOURS, Chart, Marker, Point, Rule, Series};
-use rig_contact::{ContactLaw, Direction, Models, Scene, Sensor, Tier};
+use rig_contact::{ContactLaw, Direction, Models, Requirements, Sensor, Tier};
 
 use super::cost::Costs;
 use crate::{
@@ -130,7 +130,7 @@ fn scenes(page: &mut Page) {
         Table::new(&["scene", "allowed, Hz", "because", "held", "tier", "law", "its error, Hz"]);
     for (scene, tolerance_hz, because) in SCENES {
         for control in Control::ALL {
-            let asked = Scene {
+            let asked = Requirements {
                 sensor: Sensor::reference(),
                 stiffest: tissue(SAMPLES_MPA[4]),
                 deepest: control.depth(INDENTATION_MM),

@@ -34,13 +34,13 @@ impl Grade {
     }
 
     fn category(self) -> Category {
-        let (name, tone, sign) = match self {
+        let (name, tone, symbol) = match self {
             Self::Right => ("within 1 %", Tone::Good, ""),
             Self::Doubtful => ("within 10 %", Tone::Fair, "~"),
             Self::Wrong => ("beyond 10 %", Tone::Bad, "×"),
             Self::Refused => ("refused", Tone::None, "–"),
         };
-        Category { name: name.to_owned(), tone, sign: sign.to_owned() }
+        Category { name: name.to_owned(), tone, symbol: symbol.to_owned() }
     }
 
     const fn name(self) -> &'static str {

@@ -3,7 +3,7 @@
 mod run;
 
 use rig_analysis::{
-    classify::{Classifier, Verdict},
+    classify::{Classifier, Decision},
     cluster::optimal,
     score::{score, wilson_95},
     stiffness::{Compensation, PosedTouch},
@@ -204,7 +204,7 @@ fn blind(page: &mut Page, run: &BenchRun) {
         let classifier = Classifier::calibrated(&values, &of, count).ok()?;
         let is_right = |touch: &&&BenchTouch| {
             let verdict = value(touch).and_then(|value| classifier.classify(value, 0.0));
-            matches!(verdict, Some(Verdict::Class { class, .. }) if class == touch.sample)
+            matches!(verdict, Some(Decision::Class { class, .. }) if class == touch.sample)
         };
         u32::try_from(blind.iter().filter(is_right).count()).ok()
     };

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 use rig_analysis::{
     classes::count_classes,
-    classify::{Classifier, Verdict},
+    classify::{Classifier, Decision},
     cluster::{Clustering, lloyd, optimal},
     score::{score, wilson_95},
 };
@@ -252,7 +252,7 @@ fn experiment(way: &Way<'_>, directions: &[Direction], random: &mut Stream) -> E
             .expect("there are four values of each sample at least");
         let is_right = |read: &&Read| {
             let verdict = classifier.classify(value(read), SINGLE_TOUCH);
-            matches!(verdict, Some(Verdict::Class { class, .. }) if class == read.sample)
+            matches!(verdict, Some(Decision::Class { class, .. }) if class == read.sample)
         };
         blind.iter().filter(is_right).count() as f64 / TRIALS as f64
     };

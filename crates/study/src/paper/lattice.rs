@@ -1,7 +1,7 @@
 //! Figure 9: recognition of the points of a lattice.
 
 use rig_analysis::{
-    classify::{Classifier, Verdict},
+    classify::{Classifier, Decision},
     recognition::{Credit, Range, Tally, judge},
     score::wilson_95,
 };
@@ -255,7 +255,7 @@ fn recognised(way: &Way<'_>, largest_deg: f64, is_known: bool, random: &mut Stre
         let angle = largest_deg * random.uniform();
         let shift = way.read_hz(SAMPLES_MPA[sample], direction, angle, random);
         let verdict = classifier.classify(shift / yardstick(direction, angle), 0.0);
-        matches!(verdict, Some(Verdict::Class { class, .. }) if class == sample)
+        matches!(verdict, Some(Decision::Class { class, .. }) if class == sample)
     };
     (0..TRIALS).map(|_| u32::from(is_right(random))).sum()
 }

@@ -101,7 +101,7 @@ fn a_contact_that_slips_is_refused_just_beyond_its_angle() {
     );
 }
 
-const SPREAD: Spread = Spread { shift_hz: 0.3, depth_mm: 0.02, angle_rad: 0.017_453 };
+const SIGMAS: TouchSigmas = TouchSigmas { shift_hz: 0.3, depth_mm: 0.02, angle_rad: 0.017_453 };
 
 /// Relative standard deviations from a separate program.
 #[test]
@@ -117,7 +117,7 @@ fn the_uncertainty_of_a_touch_leaning_back() {
             let tissue = TissueKind::SOFT.with(young_mpa).unwrap();
             let shift = models.predict(Tier::E1, &tissue, &contact).unwrap().shift_hz;
             let found = models
-                .stiffness_of_touch(Tier::E1, shift, SPREAD, TissueKind::SOFT, &contact)
+                .stiffness_of_touch(Tier::E1, shift, SIGMAS, TissueKind::SOFT, &contact)
                 .unwrap();
             let percent = 100.0 * found.sigma_mpa / found.young_mpa;
             assert!((percent - expected).abs() < 0.13, "{young_mpa} MPa {degrees}°: {percent} %");
@@ -134,7 +134,7 @@ fn a_stiffness_lost_in_the_noise_is_refused() {
     let models = models();
     let upright = contact(Direction::Front, 0.0, SUNK);
     let touch = |shift_hz| {
-        models.stiffness_of_touch(Tier::E1, shift_hz, SPREAD, TissueKind::SOFT, &upright)
+        models.stiffness_of_touch(Tier::E1, shift_hz, SIGMAS, TissueKind::SOFT, &upright)
     };
     assert!(touch(0.62).is_ok());
     assert!(matches!(touch(0.58), Err(InverseError::TooUncertain { .. })));
@@ -154,14 +154,14 @@ fn nineteen_in_twenty_intervals_hold_the_truth() {
         let direction = random.pick(&Direction::ALL);
         let meant = contact(direction, degrees, MOVED);
         let real = leaning(
-            &deeper(&meant, SPREAD.depth_mm * random.normal()),
-            SPREAD.angle_rad * random.normal(),
+            &deeper(&meant, SIGMAS.depth_mm * random.normal()),
+            SIGMAS.angle_rad * random.normal(),
         );
         let tissue = TissueKind::SOFT.with(young_mpa).unwrap();
         let shift = models.predict(Tier::E1s, &tissue, &real).unwrap().shift_hz
-            + SPREAD.shift_hz * random.normal();
+            + SIGMAS.shift_hz * random.normal();
         let found =
-            models.stiffness_of_touch(Tier::E1s, shift, SPREAD, TissueKind::SOFT, &meant).unwrap();
+            models.stiffness_of_touch(Tier::E1s, shift, SIGMAS, TissueKind::SOFT, &meant).unwrap();
         if (found.young_mpa - young_mpa).abs() <= 1.96 * found.sigma_mpa {
             covered += 1;
         }

@@ -1,24 +1,24 @@
-//! The posterior over angle and azimuth: cells that are split where it is high.
+//! The posterior over angle and azimuth, on cells that are split where it is high.
 
 use std::f64::consts::{PI, TAU};
 
-use super::{AnglePrior, AzimuthPrior, Interval, Question, node::Node};
+use super::{AnglePrior, AzimuthPrior, Interval, Problem, node::Node};
 
 /// Rows of angles and columns of azimuths of the first grid.
 const ROWS: u32 = 8;
 const COLUMNS: u32 = 16;
-/// How often cells are halved, at the most.
+/// Largest number of halvings.
 const SPLITS: u32 = 12;
-/// Halves whose evidence differs from the whole's by less, as a logarithm, need no more splitting.
-/// A normal distribution is then cut into cells about one standard deviation wide, on which sums
-/// over the middles are already exact to a thousandth.
+/// Halves whose logarithmic evidence differs from that of the whole by less are not split further.
+/// The cells of a normal distribution are then about one standard deviation wide, and sums over
+/// their middles are exact to a thousandth.
 const SMOOTH: f64 = 1.0;
-/// At least so many of the best cells are split, however far below the best they are: the first
-/// grid is wider than a sharp posterior, and its best cell may be the wrong one.
+/// The smallest number of cells that are split in each round: the first grid is coarser than a sharp
+/// posterior, and its best cell may be the wrong one.
 const SPLIT_AT_LEAST: usize = 16;
-/// Cells this far below the best, as a logarithm, are left as they are.
+/// Cells whose logarithmic evidence is this far below the best are not split.
 const NEGLIGIBLE: f64 = 10.0;
-/// A known angle is explored this many standard deviations to both sides.
+/// Standard deviations to each side over which a known angle is explored.
 const KNOWN_WIDTH: f64 = 5.0;
 
 /// A cell of angles and azimuths with the best stiffness at its middle.
@@ -28,7 +28,7 @@ struct Cell {
     azimuth: f64,
     half_angle: f64,
     half_azimuth: f64,
-    /// Whether the halving that made it changed little.
+    /// Whether the last halving changed the evidence little.
     was_smooth: bool,
     node: Node,
 }
@@ -42,15 +42,15 @@ impl Cell {
     }
 }
 
-/// Cells that together hold what is believed, with weights that sum to one.
+/// The posterior as cells with weights that sum to one.
 pub(super) struct Posterior {
     cells: Vec<(f64, Cell)>,
 }
 
 impl Posterior {
-    /// The posterior of a question; none when the model refuses everywhere.
-    pub(super) fn explore(question: &Question<'_>, start_log: f64) -> Option<Self> {
-        let mut open = first_grid(question, start_log);
+    /// The posterior of a problem; `None` when the model refuses at every node.
+    pub(super) fn explore(problem: &Problem<'_>, start_log: f64) -> Option<Self> {
+        let mut open = first_grid(problem, start_log);
         let mut settled = Vec::new();
         for _ in 0..SPLITS {
             open.sort_by(|a, b| b.node.log_evidence.total_cmp(&a.node.log_evidence));
@@ -63,7 +63,7 @@ impl Posterior {
             settled.extend(open.drain(split..));
             let mut next = Vec::with_capacity(2 * split);
             for cell in open {
-                let halves = halves(question, &cell);
+                let halves = halves(problem, &cell);
                 let is_smooth = halves
                     .iter()
                     .all(|half| (half.node.log_evidence - cell.node.log_evidence).abs() < SMOOTH);
@@ -89,13 +89,13 @@ impl Posterior {
         Some(Self { cells })
     }
 
-    /// The smallest chi-squared of any cell; zero where that of its parabola is below.
+    /// The smallest chi-squared of any cell, at least zero.
     pub(super) fn chi_squared(&self) -> f64 {
         let all = self.cells.iter().map(|(_, cell)| cell.node.chi_squared);
         all.fold(f64::INFINITY, f64::min).max(0.0)
     }
 
-    /// What is believed of ln E: a sum of normal distributions.
+    /// The posterior of ln E: a sum of normal distributions.
     pub(super) fn log_young(&self) -> Interval {
         let value = self.mean(|cell| cell.node.log_young);
         let variance = self.mean(|cell| cell.node.variance + (cell.node.log_young - value).powi(2));
@@ -106,12 +106,12 @@ impl Posterior {
         interval(value, variance, (value - reach, value + reach), below)
     }
 
-    /// What is believed of the angle.
+    /// The posterior of the angle.
     pub(super) fn angle(&self) -> Interval {
         self.even(|cell| (cell.angle, cell.half_angle))
     }
 
-    /// What is believed of the azimuth, unrolled about the direction of its mean.
+    /// The posterior of the azimuth, unrolled about its circular mean.
     pub(super) fn azimuth(&self) -> Interval {
         let sine = self.mean(|cell| cell.azimuth.sin());
         let cosine = self.mean(|cell| cell.azimuth.cos());
@@ -134,8 +134,8 @@ impl Posterior {
         self.cells.iter().map(|(weight, cell)| weight * of(cell)).sum()
     }
 
-    /// The interval of a quantity that is spread evenly over each cell, given as middle and half
-    /// width.
+    /// The interval of a quantity that is spread evenly over each cell; `of` gives the middle and the
+    /// half width.
     fn even(&self, of: impl Fn(&Cell) -> (f64, f64)) -> Interval {
         let value = self.mean(|cell| of(cell).0);
         let variance = self.mean(|cell| (of(cell).0 - value).powi(2));
@@ -157,15 +157,15 @@ impl Posterior {
     }
 }
 
-/// Standard deviations to both sides that hold a stiffness's quantiles.
+/// Standard deviations to each side in which the quantiles of a stiffness are sought.
 const REACH: f64 = 8.0;
-/// Bisections of a quantile, to a millionth of what is believed at all.
+/// Bisections of a quantile, to a ten-millionth of the range.
 const BISECTIONS: u32 = 24;
-/// Cells lighter than this against the heaviest are left out: together they weigh less than what
-/// was neglected when cells were split.
+/// Cells lighter than this share of the heaviest are dropped. Their sum is below the error of the
+/// splitting.
 const LIGHTEST: f64 = 1e-6;
 
-/// An interval with the quantiles of a distribution function, sought between two ends.
+/// An interval whose quantiles are sought between two ends of a distribution function.
 fn interval(value: f64, variance: f64, ends: (f64, f64), below: impl Fn(f64) -> f64) -> Interval {
     let quantile = |share: f64| {
         let (mut low, mut high) = ends;
@@ -178,8 +178,8 @@ fn interval(value: f64, variance: f64, ends: (f64, f64), below: impl Fn(f64) -> 
     Interval { value, sigma: variance.sqrt(), low: quantile(0.025), high: quantile(0.975) }
 }
 
-fn first_grid(question: &Question<'_>, start_log: f64) -> Vec<Cell> {
-    let (low, high) = match question.angle {
+fn first_grid(problem: &Problem<'_>, start_log: f64) -> Vec<Cell> {
+    let (low, high) = match problem.angle {
         AnglePrior::Within { max_rad } => (0.0, max_rad),
         AnglePrior::Known { angle_rad, sigma_rad } => {
             let reach = KNOWN_WIDTH * sigma_rad;
@@ -187,7 +187,7 @@ fn first_grid(question: &Question<'_>, start_log: f64) -> Vec<Cell> {
         }
     };
     let half_angle = 0.5 * (high - low) / f64::from(ROWS);
-    let (columns, start, half_azimuth) = match question.azimuth {
+    let (columns, start, half_azimuth) = match problem.azimuth {
         AzimuthPrior::Known(azimuth) => (1, azimuth, 0.0),
         AzimuthPrior::Unknown => (COLUMNS, 0.0, PI / f64::from(COLUMNS)),
     };
@@ -196,7 +196,7 @@ fn first_grid(question: &Question<'_>, start_log: f64) -> Vec<Cell> {
         let angle = low + half_angle * f64::from(2 * row + 1);
         for column in 0..columns {
             let azimuth = start + half_azimuth * f64::from(2 * column);
-            if let Some(node) = Node::at(question, angle, azimuth, start_log) {
+            if let Some(node) = Node::at(problem, angle, azimuth, start_log) {
                 let was_smooth = false;
                 cells.push(Cell { angle, azimuth, half_angle, half_azimuth, was_smooth, node });
             }
@@ -211,9 +211,9 @@ fn best_evidence<'a>(cells: impl Iterator<Item = &'a Cell>) -> Option<f64> {
 
 /// The two halves of a cell across its longer side.
 ///
-/// An azimuth turns the surface's normal by its angle's sine only, so that cells near the upright
-/// pose are halved in angle until they are no longer than wide.
-fn halves(question: &Question<'_>, cell: &Cell) -> Vec<Cell> {
+/// An azimuth turns the surface's normal in proportion to the sine of the angle. Cells near the
+/// upright pose are therefore halved in angle until they are no longer than wide.
+fn halves(problem: &Problem<'_>, cell: &Cell) -> Vec<Cell> {
     let is_wide = cell.half_azimuth * cell.angle.sin() > cell.half_angle;
     let (half_angle, half_azimuth) = if is_wide {
         (cell.half_angle, 0.5 * cell.half_azimuth)
@@ -228,13 +228,13 @@ fn halves(question: &Question<'_>, cell: &Cell) -> Vec<Cell> {
             } else {
                 (cell.angle + side * half_angle, cell.azimuth)
             };
-            let node = Node::at(question, angle, azimuth, cell.node.log_young)?;
+            let node = Node::at(problem, angle, azimuth, cell.node.log_young)?;
             Some(Cell { angle, azimuth, half_angle, half_azimuth, was_smooth: false, node })
         })
         .collect()
 }
 
-/// The share of a standard normal distribution below `x`, within 1e-7.
+/// The cumulative standard normal distribution at `x`, within 1e-7.
 ///
 /// # Source
 /// Abramowitz and Stegun, Handbook of Mathematical Functions, 26.2.17.

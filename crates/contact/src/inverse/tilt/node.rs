@@ -1,6 +1,6 @@
 //! The stiffness at one angle and azimuth, by least squares.
 
-use super::{Probing, Question, Touch};
+use super::{Problem, SiteTouch, TouchModel};
 use crate::{Contact, Depth};
 
 /// The best stiffness at one angle and azimuth, and how well it explains the touches.
@@ -8,11 +8,11 @@ use crate::{Contact, Depth};
 pub(super) struct Node {
     /// ln E of the best stiffness.
     pub(super) log_young: f64,
-    /// Its variance.
+    /// Variance of ln E.
     pub(super) variance: f64,
-    /// Sum of squared deviations over their variances, with that of the shared depth.
+    /// Sum of squared deviations over their variances, including the shared depth.
     pub(super) chi_squared: f64,
-    /// How likely the touches are at this angle and azimuth, as a logarithm.
+    /// The logarithm of the likelihood of the touches at this angle and azimuth.
     pub(super) log_evidence: f64,
 }
 
@@ -23,31 +23,32 @@ struct Linear {
     per_mm: f64,
 }
 
-/// Steps of Gauss and Newton. The shift is nearly a power of the stiffness, so that two settle it.
+/// Gauss–Newton steps. The shift is nearly a power of the stiffness, so that two steps usually
+/// suffice.
 const STEPS_MAX: u32 = 12;
-/// Of a step in ln E, after which the linear model gives what is left: a bend of the shift by a
-/// tenth of the step's square is then below a millionth.
+/// Largest last step of ln E. The linear model gives the rest: the curvature of the shift, a tenth
+/// of the squared step, is then below a millionth.
 const TOLERANCE: f64 = 3e-3;
-/// Longest step in ln E, so that a poor start does not leave the model's range.
+/// Largest step of ln E, so that a poor start stays in the model's range.
 const STEP_LONGEST: f64 = 1.0;
 /// Steps of the numerical slopes.
 const LOG_STEP: f64 = 1e-5;
 const DEPTH_STEP_MM: f64 = 1e-6;
 
 impl Node {
-    /// The node, starting from ln E near the answer; none where the model refuses.
+    /// The node, from a start near ln E; `None` when the model refuses.
     pub(super) fn at(
-        question: &Question<'_>,
+        problem: &Problem<'_>,
         angle_rad: f64,
         azimuth_rad: f64,
         start_log: f64,
     ) -> Option<Self> {
         let (mut log, mut depth_mm) = (start_log, 0.0);
         for _ in 0..STEPS_MAX {
-            let normal = Normal::of(question, angle_rad, azimuth_rad, log, depth_mm)?;
+            let normal = Normal::of(problem, angle_rad, azimuth_rad, log, depth_mm)?;
             let (step, depth_step) = normal.step();
             if step.abs() <= TOLERANCE {
-                return Some(normal.settled(log + step, step, depth_step, question, angle_rad));
+                return Some(normal.settled(log + step, step, depth_step, problem, angle_rad));
             }
             log += step.clamp(-STEP_LONGEST, STEP_LONGEST);
             depth_mm += depth_step;
@@ -64,21 +65,21 @@ struct Normal {
     log_right: f64,
     depth_right: f64,
     chi_squared: f64,
-    /// Sum of the logarithms of the touches' variances, which change with angle and azimuth.
+    /// Sum of the logarithms of the variances of the touches, which depend on angle and azimuth.
     log_variances: f64,
     has_depth: bool,
 }
 
 impl Normal {
     fn of(
-        question: &Question<'_>,
+        problem: &Problem<'_>,
         angle_rad: f64,
         azimuth_rad: f64,
         log_young: f64,
         depth_mm: f64,
     ) -> Option<Self> {
-        let probing = question.probing;
-        let shared = probing.shared_depth_sigma_mm;
+        let touch_model = problem.touch_model;
+        let shared = touch_model.shared_depth_sigma_mm;
         let has_depth = shared > 0.0;
         let mut normal = Self {
             log_log: 0.0,
@@ -95,10 +96,10 @@ impl Normal {
             normal.depth_right = -depth_mm * shared.powi(-2);
             normal.chi_squared = (depth_mm / shared).powi(2);
         }
-        for touch in question.touches {
-            let linear = linear(question, touch, angle_rad, azimuth_rad, log_young, depth_mm)?;
+        for touch in problem.touches {
+            let linear = linear(problem, touch, angle_rad, azimuth_rad, log_young, depth_mm)?;
             let Linear { residual, per_log, per_mm } = linear;
-            let own = per_mm * probing.depth_sigma_mm;
+            let own = per_mm * touch_model.depth_sigma_mm;
             let variance = touch.sigma_hz * touch.sigma_hz + own * own;
             let weight = variance.recip();
             normal.log_log += weight * per_log * per_log;
@@ -131,13 +132,13 @@ impl Normal {
         log_young: f64,
         step: f64,
         depth_step: f64,
-        question: &Question<'_>,
+        problem: &Problem<'_>,
         angle_rad: f64,
     ) -> Node {
         let chi_squared = self.chi_squared - self.log_right * step - self.depth_right * depth_step;
         let (variance, log_determinant) = self.covariance();
         let log_evidence = 0.5 * (log_determinant - chi_squared - self.log_variances)
-            + question.log_prior(angle_rad);
+            + problem.log_prior(angle_rad);
         Node { log_young, variance, chi_squared, log_evidence }
     }
 
@@ -152,24 +153,24 @@ impl Normal {
 }
 
 fn linear(
-    question: &Question<'_>,
-    touch: &Touch,
+    problem: &Problem<'_>,
+    touch: &SiteTouch,
     angle_rad: f64,
     azimuth_rad: f64,
     log_young: f64,
     depth_mm: f64,
 ) -> Option<Linear> {
-    let Probing { tier, kind, shared_depth_sigma_mm, depth_sigma_mm, .. } = *question.probing;
-    let touch = Touch { depth: deeper(touch.depth, depth_mm), ..*touch };
-    let contact = question.contact(&touch, angle_rad, azimuth_rad)?;
+    let TouchModel { tier, kind, shared_depth_sigma_mm, depth_sigma_mm, .. } = *problem.touch_model;
+    let touch = SiteTouch { depth: deeper(touch.depth, depth_mm), ..*touch };
+    let contact = problem.contact(&touch, angle_rad, azimuth_rad)?;
     let shift = |young_mpa: f64, contact: &Contact| {
         let tissue = kind.with(young_mpa).ok()?;
-        Some(question.models.predict(tier, &tissue, contact).ok()?.shift_hz)
+        Some(problem.models.predict(tier, &tissue, contact).ok()?.shift_hz)
     };
     let young_mpa = log_young.exp();
     let here = shift(young_mpa, &contact)?;
     let per_mm = if shared_depth_sigma_mm > 0.0 || depth_sigma_mm > 0.0 {
-        // Upwards: the touch may be as deep as its law goes.
+        // One-sided: the touch may lie at the largest depth of its law.
         let higher = Contact { depth: deeper(contact.depth, -DEPTH_STEP_MM), ..contact };
         (here - shift(young_mpa, &higher)?) / DEPTH_STEP_MM
     } else {

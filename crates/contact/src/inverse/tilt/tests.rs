@@ -5,7 +5,7 @@ fn models() -> Models {
     Models::new(&Sensor::reference(), ContactLaw::Sneddon)
 }
 
-const PROBING: Probing = Probing {
+const TOUCH_MODEL: TouchModel = TouchModel {
     tier: Tier::E1,
     law: ContactLaw::Sneddon,
     friction: Friction::Sticking,
@@ -22,7 +22,7 @@ fn touches(
     degrees: f64,
     azimuth_rad: f64,
     ways: &[(f64, f64)],
-) -> Vec<Touch> {
+) -> Vec<SiteTouch> {
     ways.iter()
         .map(|&(quarters, along_probe_mm)| {
             let spin_rad = quarters * std::f64::consts::FRAC_PI_2;
@@ -31,7 +31,7 @@ fn touches(
             let contact = Contact::new(pose, depth);
             let tissue = TissueKind::SOFT.with(young_mpa).unwrap();
             let shift_hz = models.predict(Tier::E1, &tissue, &contact).unwrap().shift_hz;
-            Touch { shift_hz, sigma_hz: 0.1, spin_rad, depth }
+            SiteTouch { shift_hz, sigma_hz: 0.1, spin_rad, depth }
         })
         .collect()
 }
@@ -40,10 +40,10 @@ const FOUR_SPINS: [(f64, f64); 4] = [(0.0, 0.5), (1.0, 0.5), (2.0, 0.5), (3.0, 0
 
 fn infer(
     models: &Models,
-    touches: &[Touch],
+    touches: &[SiteTouch],
     azimuth: AzimuthPrior,
 ) -> Result<TiltInference, InverseError> {
-    infer_tilt(models, touches, &PROBING, TO_45, azimuth)
+    infer_tilt(models, touches, &TOUCH_MODEL, TO_45, azimuth)
 }
 
 /// Standard deviations for sample 3 from a separate program: 0.2 % and 0.7° at 10°, 1.0 % and 1.2°
@@ -66,8 +66,8 @@ fn four_spins_give_stiffness_angle_and_azimuth() {
         assert_eq!(found.freedom, 1);
     }
     let touches = touches(&models, 0.235, 30.0, 0.0, &FOUR_SPINS);
-    let probing = Probing { shared_depth_sigma_mm: 0.02, ..PROBING };
-    let found = infer_tilt(&models, &touches, &probing, TO_45, AzimuthPrior::Unknown).unwrap();
+    let touch_model = TouchModel { shared_depth_sigma_mm: 0.02, ..TOUCH_MODEL };
+    let found = infer_tilt(&models, &touches, &touch_model, TO_45, AzimuthPrior::Unknown).unwrap();
     assert!((100.0 * found.young_mpa.sigma / 0.235 - 1.69).abs() < 0.05, "{found:?}");
     assert!((found.angle_rad.sigma.to_degrees() - 1.23).abs() < 0.05, "{found:?}");
 }
@@ -87,17 +87,17 @@ fn an_upright_probe_has_no_azimuth() {
 #[test]
 fn two_depths_know_one_combination_and_say_so() {
     let models = models();
-    let probing = Probing { shared_depth_sigma_mm: 0.02, ..PROBING };
+    let touch_model = TouchModel { shared_depth_sigma_mm: 0.02, ..TOUCH_MODEL };
     let back = AzimuthPrior::Known(0.0);
     for degrees in [5.0, 30.0, 40.0] {
         let two = touches(&models, 0.235, degrees, 0.0, &[(2.0, 0.25), (2.0, 0.5)]);
-        let found = infer_tilt(&models, &two, &probing, TO_45, back).unwrap();
+        let found = infer_tilt(&models, &two, &touch_model, TO_45, back).unwrap();
         assert!(!found.is_angle_identified, "{degrees}°: {found:?}");
         assert!(found.correlation > 0.97, "{degrees}°: {found:?}");
         assert!(found.young_mpa.contains(0.235), "{degrees}°: {found:?}");
         // The same two depths on opposite sides tell it.
         let sides = touches(&models, 0.235, degrees, 0.0, &[(0.0, 0.5), (2.0, 0.5)]);
-        let found = infer_tilt(&models, &sides, &probing, TO_45, back).unwrap();
+        let found = infer_tilt(&models, &sides, &touch_model, TO_45, back).unwrap();
         assert!(found.is_angle_identified, "{degrees}°: {found:?}");
     }
 }
@@ -155,22 +155,22 @@ fn touches_that_no_tilt_explains_are_refused() {
 fn questions_without_an_answer_are_refused() {
     let models = models();
     let good = touches(&models, 0.235, 20.0, 0.3, &FOUR_SPINS);
-    let ask = |touches: &[Touch], probing: &Probing, angle| {
-        infer_tilt(&models, touches, probing, angle, AzimuthPrior::Unknown)
+    let ask = |touches: &[SiteTouch], touch_model: &TouchModel, angle| {
+        infer_tilt(&models, touches, touch_model, angle, AzimuthPrior::Unknown)
     };
-    assert_eq!(ask(&[], &PROBING, TO_45), Err(InverseError::NoTouches));
-    let bare = [Touch { sigma_hz: 0.0, ..good[0] }];
-    assert!(matches!(ask(&bare, &PROBING, TO_45), Err(InverseError::NotPositive { .. })));
-    let probing = Probing { depth_sigma_mm: -1.0, ..PROBING };
-    assert!(matches!(ask(&good, &probing, TO_45), Err(InverseError::NotPositive { .. })));
+    assert_eq!(ask(&[], &TOUCH_MODEL, TO_45), Err(InverseError::NoTouches));
+    let bare = [SiteTouch { sigma_hz: 0.0, ..good[0] }];
+    assert!(matches!(ask(&bare, &TOUCH_MODEL, TO_45), Err(InverseError::NotPositive { .. })));
+    let touch_model = TouchModel { depth_sigma_mm: -1.0, ..TOUCH_MODEL };
+    assert!(matches!(ask(&good, &touch_model, TO_45), Err(InverseError::NotPositive { .. })));
     let none = AnglePrior::Within { max_rad: 0.0 };
-    assert!(matches!(ask(&good, &PROBING, none), Err(InverseError::NotPositive { .. })));
-    let clear = [Touch { shift_hz: -0.2, ..good[0] }];
-    assert!(matches!(ask(&clear, &PROBING, TO_45), Err(InverseError::NoContact { .. })));
-    let noise = [Touch { sigma_hz: 100.0, ..good[0] }];
-    assert!(matches!(ask(&noise, &PROBING, TO_45), Err(InverseError::TooUncertain { .. })));
-    let deep = [Touch { depth: Depth::Indentation { along_probe_mm: 1.5 }, ..good[0] }];
-    assert!(matches!(ask(&deep, &PROBING, TO_45), Err(InverseError::Refused(Refusal::Law(_)))));
+    assert!(matches!(ask(&good, &TOUCH_MODEL, none), Err(InverseError::NotPositive { .. })));
+    let clear = [SiteTouch { shift_hz: -0.2, ..good[0] }];
+    assert!(matches!(ask(&clear, &TOUCH_MODEL, TO_45), Err(InverseError::NoContact { .. })));
+    let noise = [SiteTouch { sigma_hz: 100.0, ..good[0] }];
+    assert!(matches!(ask(&noise, &TOUCH_MODEL, TO_45), Err(InverseError::TooUncertain { .. })));
+    let deep = [SiteTouch { depth: Depth::Indentation { along_probe_mm: 1.5 }, ..good[0] }];
+    assert!(matches!(ask(&deep, &TOUCH_MODEL, TO_45), Err(InverseError::Refused(Refusal::Law(_)))));
 }
 
 /// Angles and azimuths drawn from the prior, shifts and depth with errors as stated.
@@ -180,7 +180,8 @@ fn nineteen_in_twenty_intervals_hold_stiffness_and_angle() {
     const TRIALS: u32 = 400;
     let models = models();
     let mut random = Random(SEED);
-    let probing = Probing { shared_depth_sigma_mm: 0.02, depth_sigma_mm: 0.005, ..PROBING };
+    let touch_model =
+        TouchModel { shared_depth_sigma_mm: 0.02, depth_sigma_mm: 0.005, ..TOUCH_MODEL };
     let (mut of_young, mut of_angle) = (0, 0);
     for _ in 0..TRIALS {
         let young_mpa = 0.045 * (0.649_f64 / 0.045).powf(random.even());
@@ -194,7 +195,8 @@ fn nineteen_in_twenty_intervals_hold_stiffness_and_angle() {
             touch.sigma_hz = 0.3;
             touch.shift_hz += 0.3 * random.normal();
         }
-        let found = infer_tilt(&models, &touches, &probing, TO_45, AzimuthPrior::Unknown).unwrap();
+        let found =
+            infer_tilt(&models, &touches, &touch_model, TO_45, AzimuthPrior::Unknown).unwrap();
         of_young += u32::from(found.young_mpa.contains(young_mpa));
         of_angle += u32::from(found.angle_rad.contains(degrees.to_radians()));
     }

@@ -2,7 +2,7 @@
 //! several directions as if the probe had been turned about its own axis.
 
 use rig_analysis::stiffness::{Compensation, PosedTouch};
-use rig_contact::inverse::{InverseError, TiltInference, Touch};
+use rig_contact::inverse::{InverseError, SiteTouch, TiltInference};
 
 /// What the touches of a place say together.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,7 +71,7 @@ impl Unknown<'_> {
         &self,
         touches: impl IntoIterator<Item = &'a PosedTouch>,
     ) -> Result<TiltInference, InverseError> {
-        let touch = |touch: &PosedTouch| Touch {
+        let touch = |touch: &PosedTouch| SiteTouch {
             shift_hz: touch.shift_hz,
             // Each direction touches a point of its own. No shift grows faster than stiffness does.
             sigma_hz: touch.sigma_hz.hypot(self.sample_rel * touch.shift_hz),
@@ -79,7 +79,7 @@ impl Unknown<'_> {
             spin_rad: -touch.pose.azimuth_rad(),
             depth: touch.depth,
         };
-        let touches: Vec<Touch> = touches.into_iter().map(touch).collect();
-        self.compensation.of_place(&touches, self.max_angle_rad)
+        let touches: Vec<SiteTouch> = touches.into_iter().map(touch).collect();
+        self.compensation.of_site(&touches, self.max_angle_rad)
     }
 }

@@ -1,37 +1,36 @@
-//! The factor between stiffness as a model reads it and stiffness as it is known otherwise.
+//! Calibration of inferred stiffness with samples of known stiffness.
 //!
 //! A sensor that is stiffer than its description makes every sample look softer by about the same
-//! factor, because a shift depends on the ratio of the two stiffnesses above all. Samples of known
-//! stiffness tell this factor, and only this one: differences between samples stay as measured.
+//! factor, because a shift depends mainly on the ratio of the two stiffnesses. Samples of known
+//! stiffness give this one factor; differences between samples stay as measured.
 
-/// A stiffness as a model reads it, beside the known one.
+/// An inferred stiffness beside the known one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Comparison {
-    /// Which sample.
+    /// Index of the sample.
     pub sample: usize,
-    /// Young's modulus as the model reads it, MPa.
+    /// Inferred Young's modulus, MPa.
     pub young_mpa: f64,
-    /// Its standard deviation, MPa.
+    /// Standard deviation of the inferred modulus, MPa.
     pub sigma_mpa: f64,
-    /// Young's modulus as it is known, MPa.
+    /// Known Young's modulus, MPa.
     pub known_mpa: f64,
 }
 
-/// The factor, from samples of known stiffness.
+/// The calibration factor from samples of known stiffness.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Scale {
-    /// Geometric mean of read over known stiffness; a reading divided by it is calibrated.
+pub struct Calibration {
+    /// Geometric mean of inferred over known stiffness. An inferred stiffness is divided by it.
     pub factor: f64,
-    /// Its relative standard deviation: from the readings or from the scatter between the samples,
-    /// whichever is larger.
+    /// Relative standard deviation of the factor: the larger of the one from the inferred stiffnesses
+    /// and the one from the scatter between samples.
     pub sigma_rel: f64,
-    /// From how many samples.
+    /// Number of samples used.
     pub samples: usize,
 }
 
-/// The factor between readings and known stiffness, each sample with the same weight; none without
-/// a usable comparison.
-pub fn scale(comparisons: &[Comparison]) -> Option<Scale> {
+/// The calibration factor, with the same weight for each sample; `None` without a usable comparison.
+pub fn calibrate(comparisons: &[Comparison]) -> Option<Calibration> {
     let is_usable = |one: &Comparison| {
         let all = [one.young_mpa, one.known_mpa];
         all.iter().all(|stiffness| stiffness.is_finite() && *stiffness > 0.0)
@@ -49,7 +48,7 @@ pub fn scale(comparisons: &[Comparison]) -> Option<Scale> {
     let squares = samples.iter().map(|(log, _)| (log - mean).powi(2)).sum::<f64>();
     let scatter = if samples.len() > 1 { (squares / (n - 1.0) / n).sqrt() } else { 0.0 };
     let sigma_rel = propagated.max(scatter);
-    Some(Scale { factor: mean.exp(), sigma_rel, samples: samples.len() })
+    Some(Calibration { factor: mean.exp(), sigma_rel, samples: samples.len() })
 }
 
 /// The mean logarithm of the ratios of one sample, and its variance.
@@ -70,13 +69,13 @@ mod tests {
 
     #[track_caller]
     fn check(comparisons: &[Comparison], factor: f64, sigma_rel: f64) {
-        let found = scale(comparisons).unwrap();
+        let found = calibrate(comparisons).unwrap();
         assert!((found.factor / factor - 1.0).abs() < 1e-12, "{found:?}");
         assert!((found.sigma_rel - sigma_rel).abs() < 1e-12, "{found:?}");
     }
 
     #[test]
-    fn a_common_factor_is_found_and_is_as_uncertain_as_the_readings() {
+    fn a_common_factor_is_found_and_is_as_uncertain_as_the_inferred_stiffness() {
         check(&[one(0, 0.11, 0.1)], 1.1, 0.02);
         let four = [one(0, 0.11, 0.1), one(1, 0.44, 0.4), one(0, 0.11, 0.1), one(1, 0.44, 0.4)];
         check(&four, 1.1, 0.02 / 2.0);
@@ -91,8 +90,8 @@ mod tests {
 
     #[test]
     fn what_cannot_be_compared_is_left_out() {
-        assert_eq!(scale(&[]), None);
-        assert_eq!(scale(&[one(0, f64::NAN, 1.0), one(1, 1.0, 0.0)]), None);
-        assert_eq!(scale(&[one(0, 1.0, 0.0), one(1, 2.0, 1.0)]).unwrap().samples, 1);
+        assert_eq!(calibrate(&[]), None);
+        assert_eq!(calibrate(&[one(0, f64::NAN, 1.0), one(1, 1.0, 0.0)]), None);
+        assert_eq!(calibrate(&[one(0, 1.0, 0.0), one(1, 2.0, 1.0)]).unwrap().samples, 1);
     }
 }
