@@ -174,6 +174,13 @@ impl Models {
         }
     }
 
+    /// The equivalent circuit of the sensor that touches nothing, by the reference.
+    #[expect(clippy::missing_panics_doc, reason = "the tissue is one, and touches nothing")]
+    pub fn free_circuit(&self) -> Circuit {
+        let tissue = Tissue::soft(1.0).expect("its stiffness is positive");
+        self.reference.circuit(&Pose::UPRIGHT, &Load::NONE, &tissue)
+    }
+
     /// The equivalent circuit in contact. Without contact it is exactly that of the free sensor.
     ///
     /// # Errors

@@ -84,6 +84,17 @@ impl LoadedRig {
         }
     }
 
+    /// The samples whose stiffness is known, and how stiff they are, MPa. A simulated rig knows its
+    /// own.
+    pub fn known_samples(&self) -> Vec<(String, f64)> {
+        if let Some(loaded) = &self.scene {
+            let samples = loaded.scene.samples.iter();
+            return samples.map(|sample| (sample.name.clone(), sample.stiffness_mpa)).collect();
+        }
+        let samples = self.file.samples.iter();
+        samples.map(|sample| (sample.name.clone(), sample.stiffness_mpa)).collect()
+    }
+
     /// Whether nothing in the rig is real.
     pub const fn is_simulated(&self) -> bool {
         self.scene.is_some()

@@ -1,6 +1,10 @@
-//! `rigd check`: whether a protocol can run on a rig, without moving anything.
+//! `rigd check`: whether a protocol can run on a rig, without moving anything, and whether its sweeps
+//! look where the resonances will be.
 
-use rig_protocol::Protocol;
+use std::fmt::Write as _;
+
+use rig_model::Bench;
+use rig_protocol::{Plan, Protocol};
 use serde::Serialize;
 
 use super::{
@@ -9,9 +13,13 @@ use super::{
 };
 use crate::{
     describe,
-    loaded_rig::{FileError, LoadedRig, RigFacts, read},
+    loaded_rig::{FileError, LoadedRig, read},
+    predict::{EDGE_LINEWIDTHS, Edge, NotPredicted, Predicted, Predictions, Warning},
     protocol_file::LoadedProtocol,
 };
+
+/// Steps that a warning names one by one.
+const STEPS_NAMED: usize = 5;
 
 /// What a program is told.
 #[derive(Debug, Serialize)]
@@ -44,6 +52,9 @@ struct PlanView {
     duration_s: f64,
     linear_mm: [f64; 2],
     rotary_deg: [f64; 2],
+    /// By which model the resonances were predicted.
+    model: &'static str,
+    warnings: Vec<WarningView>,
     steps: Vec<StepView>,
 }
 
@@ -51,18 +62,45 @@ struct PlanView {
 struct StepView {
     id: String,
     what: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    prediction: Option<PredictionView>,
+}
+
+/// What is predicted of a step, or why nothing is.
+#[derive(Debug, Serialize)]
+#[serde(untagged)]
+enum PredictionView {
+    Known { resonance_hz: f64, linewidth_hz: f64, window_hz: [f64; 2], placing: &'static str },
+    Unknown { unknown: String },
+}
+
+/// An edge of a window that should be moved.
+#[derive(Debug, Serialize)]
+struct WarningView {
+    sweep: &'static str,
+    key: &'static str,
+    window_hz: [f64; 2],
+    wanted_hz: f64,
+    steps: Vec<String>,
+    message: String,
 }
 
 pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
     match load(args) {
-        Ok((facts, protocol)) if args.output.json => print_json(&CheckView {
-            protocol: protocol.plan.name.clone(),
-            rig: facts.name,
-            is_runnable: true,
-            faults: Vec::new(),
-            plan: Some(view(&protocol)),
-        }),
-        Ok((facts, protocol)) => print(&text(&protocol, &facts.name)),
+        Ok((rig, protocol)) => {
+            let predictions = Predictions::of(&protocol.plan, &rig);
+            let checked = Checked { rig: &rig, protocol: &protocol, predictions: &predictions };
+            if !args.output.json {
+                return print(&checked.text());
+            }
+            print_json(&CheckView {
+                protocol: protocol.plan.name.clone(),
+                rig: rig.file.name.clone(),
+                is_runnable: true,
+                faults: Vec::new(),
+                plan: Some(checked.view()),
+            })
+        }
         Err(error) => {
             if let (FileError::Faults(faults), true) = (&error, args.output.json) {
                 print_json(&CheckView {
@@ -80,12 +118,11 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
 
 /// Reads both files. When the rig file has faults, those that the protocol has on any rig are said
 /// too.
-fn load(args: &CheckArgs) -> Result<(RigFacts, LoadedProtocol), FileError> {
+fn load(args: &CheckArgs) -> Result<(LoadedRig, LoadedProtocol), FileError> {
     match LoadedRig::load(&args.rig.rig) {
         Ok(rig) => {
-            let facts = rig.facts();
-            let protocol = LoadedProtocol::load(&args.protocol, &facts)?;
-            Ok((facts, protocol))
+            let protocol = LoadedProtocol::load(&args.protocol, &rig.facts())?;
+            Ok((rig, protocol))
         }
         Err(FileError::Faults(mut faults)) => {
             let (name, text) = read(&args.protocol)?;
@@ -108,40 +145,178 @@ impl FaultView {
     }
 }
 
-fn view(protocol: &LoadedProtocol) -> PlanView {
-    let (plan, summary) = (&protocol.plan, &protocol.summary);
-    let step = |(index, step): (usize, &rig_protocol::Step)| StepView {
-        id: step.id.to_string(),
-        what: describe::step(plan, index),
-    };
-    PlanView {
-        touches: summary.touches,
-        no_loads: summary.no_loads,
-        prompts: summary.prompts,
-        duration_s: summary.duration_s,
-        linear_mm: [summary.linear.min.value(), summary.linear.max.value()],
-        rotary_deg: [summary.rotary.min.value(), summary.rotary.max.value()],
-        steps: plan.steps.iter().enumerate().map(step).collect(),
+/// A protocol that can run, with where its resonances will be.
+struct Checked<'a> {
+    rig: &'a LoadedRig,
+    protocol: &'a LoadedProtocol,
+    predictions: &'a Predictions,
+}
+
+impl Checked<'_> {
+    fn view(&self) -> PlanView {
+        let (plan, summary) = (&self.protocol.plan, &self.protocol.summary);
+        let steps = plan.steps.iter().zip(&self.predictions.steps).enumerate();
+        PlanView {
+            touches: summary.touches,
+            no_loads: summary.no_loads,
+            prompts: summary.prompts,
+            duration_s: summary.duration_s,
+            linear_mm: [summary.linear.min.value(), summary.linear.max.value()],
+            rotary_deg: [summary.rotary.min.value(), summary.rotary.max.value()],
+            model: self.predictions.tier.name(),
+            warnings: self
+                .predictions
+                .warnings()
+                .iter()
+                .map(|warning| self.warning(warning))
+                .collect(),
+            steps: steps
+                .map(|(index, (step, predicted))| StepView {
+                    id: step.id.to_string(),
+                    what: describe::step(plan, index),
+                    prediction: predicted.as_ref().map(PredictionView::of),
+                })
+                .collect(),
+        }
+    }
+
+    fn warning(&self, warning: &Warning) -> WarningView {
+        WarningView {
+            sweep: warning.section.name(),
+            key: warning.edge.key(),
+            window_hz: [warning.window.min_hz, warning.window.max_hz],
+            wanted_hz: warning.wanted_hz,
+            steps: warning.steps.iter().map(|index| self.id(*index)).collect(),
+            message: self.message(warning),
+        }
+    }
+
+    fn id(&self, step: usize) -> String {
+        self.protocol.plan.steps[step].id.to_string()
+    }
+
+    /// What is wrong with an edge, and what to write instead.
+    fn message(&self, warning: &Warning) -> String {
+        let Warning { section, edge, window, wanted_hz, .. } = warning;
+        let (edge_hz, beyond, this_side) = match edge {
+            Edge::Min => (window.min_hz, "below", "above"),
+            Edge::Max => (window.max_hz, "above", "below"),
+        };
+        let (section, key) = (section.name(), edge.key());
+        let advice = advice(*edge, *wanted_hz, &self.rig.file.bench);
+        format!(
+            "[{section}] {key} = {edge_hz} Hz: resonances are predicted {beyond} it, or less than \
+             {EDGE_LINEWIDTHS} linewidth {this_side} it; {advice}"
+        )
+    }
+
+    /// The worst steps of a warning, a line each.
+    fn worst(&self, warning: &Warning) -> String {
+        let mut text = String::new();
+        for &step in warning.steps.iter().take(STEPS_NAMED) {
+            if let Some(Ok(predicted)) = &self.predictions.steps[step] {
+                let Predicted { resonance_hz, linewidth_hz, .. } = predicted;
+                let (id, placing) = (self.id(step), predicted.placing());
+                // Writing to a string cannot fail.
+                _ = write!(
+                    text,
+                    "\n  {id}: {resonance_hz:.1} Hz, {linewidth_hz:.1} Hz wide, {placing}"
+                );
+            }
+        }
+        if warning.steps.len() > STEPS_NAMED {
+            let more = warning.steps.len() - STEPS_NAMED;
+            _ = write!(text, "\n  and {more} more, which --json names");
+        }
+        text
+    }
+
+    fn text(&self) -> String {
+        let (plan, summary) = (&self.protocol.plan, &self.protocol.summary);
+        let mut rows = Vec::new();
+        for (index, (step, predicted)) in plan.steps.iter().zip(&self.predictions.steps).enumerate()
+        {
+            let hz = match predicted {
+                Some(Ok(Predicted { resonance_hz, .. })) => format!("{resonance_hz:.1} Hz"),
+                Some(Err(_)) => "not predicted".into(),
+                None => String::new(),
+            };
+            rows.push(vec![step.id.to_string(), describe::step(plan, index), hz]);
+        }
+        let steps = columns(&["step", "", "predicted"], &rows);
+        let mut text = format!(
+            "{steps}\n\n{name} can run on {rig}: {touches} touches, {no_loads} no-load references, \
+             {prompts} prompts.\nlinear stage {linear}, rotary stage {rotary}.\nexpected duration \
+             {duration}, without the time that a person takes.",
+            name = plan.name,
+            rig = self.rig.file.name,
+            touches = summary.touches,
+            no_loads = summary.no_loads,
+            prompts = summary.prompts,
+            linear = summary.linear,
+            rotary = summary.rotary,
+            duration = duration(summary.duration_s),
+        );
+        text.push_str(&self.not_predicted(plan));
+        for warning in self.predictions.warnings() {
+            _ = write!(text, "\nwarning: {}{}", self.message(&warning), self.worst(&warning));
+        }
+        text
+    }
+
+    /// Of which touches nothing is predicted, and why.
+    fn not_predicted(&self, plan: &Plan) -> String {
+        let mut text = String::new();
+        let unknown = self.predictions.unknown_samples();
+        if !unknown.is_empty() {
+            let names = unknown.join(", ");
+            _ = write!(
+                text,
+                "\nNothing is predicted of touches of {names}: name them and their stiffness in \
+                 [[samples]] of {} to have it.",
+                self.rig.source.name,
+            );
+        }
+        let refused =
+            plan.steps.iter().zip(&self.predictions.steps).find_map(|(step, predicted)| {
+                match predicted {
+                    Some(Err(NotPredicted::UnknownSample { .. }) | Ok(_)) | None => None,
+                    Some(Err(error)) => Some((&step.id, error)),
+                }
+            });
+        if let Some((step, error)) = refused {
+            _ = write!(text, "\nNothing is predicted of {step} and its like: {error}.");
+        }
+        text
     }
 }
 
-fn text(protocol: &LoadedProtocol, rig: &str) -> String {
-    let (plan, summary) = (&protocol.plan, &protocol.summary);
-    let mut rows = Vec::new();
-    for (index, step) in plan.steps.iter().enumerate() {
-        rows.push(vec![step.id.to_string(), describe::step(plan, index)]);
+/// What to write instead, as far as the analyzer goes.
+fn advice(edge: Edge, wanted_hz: f64, bench: &Bench) -> String {
+    let (lowest_hz, highest_hz) = bench.analyzer.frequency_hz;
+    let (is_possible, verb, limit_hz) = match edge {
+        Edge::Min => (lowest_hz <= wanted_hz, "at most", lowest_hz),
+        Edge::Max => (wanted_hz <= highest_hz, "at least", highest_hz),
+    };
+    if is_possible {
+        return format!("set it to {verb} {wanted_hz} Hz");
     }
-    let steps = columns(&["step", ""], &rows);
     format!(
-        "{steps}\n\n{name} can run on {rig}: {touches} touches, {no_loads} no-load references, \
-         {prompts} prompts.\nlinear stage {linear}, rotary stage {rotary}.\nexpected duration \
-         {duration}, without the time that a person takes.",
-        name = plan.name,
-        touches = summary.touches,
-        no_loads = summary.no_loads,
-        prompts = summary.prompts,
-        linear = summary.linear,
-        rotary = summary.rotary,
-        duration = duration(summary.duration_s),
+        "it would have to be {wanted_hz} Hz, and this rig's analyzer ends at {limit_hz} Hz: touch \
+         softer samples, or less deep"
     )
+}
+
+impl PredictionView {
+    fn of(predicted: &Result<Predicted, NotPredicted>) -> Self {
+        match predicted {
+            Ok(predicted) => Self::Known {
+                resonance_hz: predicted.resonance_hz,
+                linewidth_hz: predicted.linewidth_hz,
+                window_hz: [predicted.window.min_hz, predicted.window.max_hz],
+                placing: predicted.placing().name(),
+            },
+            Err(error) => Self::Unknown { unknown: error.to_string() },
+        }
+    }
 }

@@ -15,7 +15,7 @@ use rig_analysis::{
     stiffness::{self, Compensation, PosedTouch, Young},
 };
 use rig_contact::{
-    Depth, Models, Pose, Tier,
+    Models, Pose, Tier,
     inverse::{InverseError, OneTouch, TiltInference},
 };
 use rig_protocol::{AngleKnowledge, Protocol};
@@ -403,16 +403,11 @@ fn posed(touch: &Touch, file: &SensorFile, data: &RunData, free_hz: f64) -> Opti
         Direction::Back => rig_contact::Direction::Back,
         Direction::Left => rig_contact::Direction::Left,
     };
-    let along_probe_mm = touch.indentation_mm;
     let scale = free_hz / touch.no_load_hz;
     Some(PosedTouch {
         sample,
         pose: Pose::leaning(direction, settings.pose.angle_deg.to_radians()).ok()?,
-        depth: if file.gives_way {
-            Depth::Stage { along_probe_mm }
-        } else {
-            Depth::Indentation { along_probe_mm }
-        },
+        depth: file.depth(touch.indentation_mm),
         shift_hz: scale * touch.shift_hz,
         sigma_hz: scale * touch.shift_sigma_hz,
     })

@@ -113,15 +113,9 @@ impl Simulation {
 
 /// Opens the ports of a rig, simulated or real, and has every device identify itself.
 pub(super) async fn open_rig(rig: LoadedRig, clock: Clock) -> Result<Opened, OpenError> {
+    let known_samples = rig.known_samples();
     let LoadedRig { file, source, scene } = rig;
     let scene_source = scene.as_ref().map(|scene| scene.source.clone());
-    let known_samples = if let Some(loaded) = &scene {
-        let samples = loaded.scene.samples.iter();
-        samples.map(|sample| (sample.name.clone(), sample.stiffness_mpa)).collect()
-    } else {
-        let samples = file.samples.iter();
-        samples.map(|sample| (sample.name.clone(), sample.stiffness_mpa)).collect()
-    };
     let Ports { analyzer, bus, simulation } = Ports::open(&file, scene, clock).await?;
     let analyzer_port = analyzer.map_err(|source| OpenError::Port { role: "analyzer", source })?;
     let bus_port = bus.map_err(|source| OpenError::Port { role: "bus", source })?;

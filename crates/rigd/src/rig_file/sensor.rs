@@ -1,9 +1,10 @@
 //! The sensor by which shifts are turned into stiffness, and how well it touches.
 //!
-//! Nothing of it moves anything: only the analysis of a run reads it.
+//! Nothing of it moves anything: only the analysis of a run and the check of a protocol read it.
 
 use rig_contact::{
-    ContactLaw, CoreMaterial, Friction, PiezoMaterial, Sensor, SensorDesign, inverse::TissueKind,
+    ContactLaw, CoreMaterial, Depth, Friction, PiezoMaterial, Sensor, SensorDesign, Tissue,
+    TissueError, inverse::TissueKind,
 };
 use rig_model::Geometry;
 use rig_settings::Table;
@@ -25,6 +26,25 @@ pub struct SensorFile {
     pub kind: TissueKind,
     /// What else a stiffness depends on.
     pub uncertainty: Uncertainty,
+}
+
+impl SensorFile {
+    /// What a depth of the stage below the surface is to a sample, mm along the probe.
+    pub(crate) const fn depth(&self, along_probe_mm: f64) -> Depth {
+        if self.gives_way {
+            Depth::Stage { along_probe_mm }
+        } else {
+            Depth::Indentation { along_probe_mm }
+        }
+    }
+
+    /// A sample of this stiffness, MPa.
+    ///
+    /// # Errors
+    /// [`TissueError`].
+    pub(crate) fn tissue(&self, stiffness_mpa: f64) -> Result<Tissue, TissueError> {
+        Tissue::new(stiffness_mpa, self.kind.poisson, self.kind.loss)
+    }
 }
 
 /// Standard deviations of what a stiffness depends on besides the shift.

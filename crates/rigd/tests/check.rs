@@ -1,0 +1,204 @@
+//! `rigd check` says where the resonances of a protocol will be, and whether its sweeps look there.
+
+#![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+const SMOKE: &str = "config/protocols/smoke.toml";
+
+fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+fn rigd(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_rigd")).args(args).current_dir(repository()).output().unwrap()
+}
+
+fn text(output: &Output) -> &str {
+    assert!(output.status.success(), "{output:?}");
+    std::str::from_utf8(&output.stdout).unwrap()
+}
+
+/// A file of the repository with some of its text replaced, which must be there.
+fn changed(dir: &Path, file: &str, changes: &[(&str, &str)]) -> String {
+    let mut text = fs::read_to_string(repository().join(file)).unwrap();
+    for (from, to) in changes {
+        assert!(text.contains(from), "{from:?} is not in {file}");
+        text = text.replace(from, to);
+    }
+    let path = dir.join(Path::new(file).file_name().unwrap());
+    fs::write(&path, text).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+/// What `check` tells a program of smoke with these changes.
+fn check(changes: &[(&str, &str)]) -> Value {
+    let dir = TempDir::new().unwrap();
+    let path = changed(dir.path(), SMOKE, changes);
+    let output = rigd(&["check", &path, "--json"]);
+    serde_json::from_str(text(&output)).unwrap()
+}
+
+fn predictions(checked: &Value) -> BTreeMap<&str, &Value> {
+    let steps = checked["steps"].as_array().unwrap().iter();
+    let predicted = steps.filter(|step| !step["prediction"].is_null());
+    predicted.map(|step| (step["id"].as_str().unwrap(), &step["prediction"])).collect()
+}
+
+#[test]
+fn the_shipped_protocols_look_where_their_resonances_are() {
+    for rig in ["config/rigs/simulated.toml", "config/rigs/bench.toml"] {
+        for protocol in [SMOKE, "config/protocols/three-direction.toml"] {
+            let output = rigd(&["check", protocol, "--rig", rig]);
+            assert!(!text(&output).contains("warning"), "{}", text(&output));
+            let output = rigd(&["check", protocol, "--rig", rig, "--json"]);
+            let checked: Value = serde_json::from_str(text(&output)).unwrap();
+            assert_eq!(checked["warnings"], Value::Array(Vec::new()), "{protocol} on {rig}");
+            let count = |name: &str| checked[name].as_u64().unwrap();
+            let predicted = predictions(&checked);
+            assert_eq!(predicted.len() as u64, count("touches") + count("no_loads"));
+            assert!(
+                predicted.values().all(|one| one["placing"] == "inside"),
+                "{protocol} on {rig}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_window_that_is_cut_short_is_warned_of_with_its_steps_and_what_to_write() {
+    // The sample, an edge of a window and its new value; the edge to be warned of, and how.
+    let rows = [
+        ("2", "max_hz = 260", "max_hz = 155", Some(("contact_sweep", "max_hz", 164.0, "outside"))),
+        (
+            "2",
+            "max_hz = 260",
+            "max_hz = 160",
+            Some(("contact_sweep", "max_hz", 164.0, "near_edge")),
+        ),
+        ("2", "max_hz = 260", "max_hz = 165", None),
+        ("5", "max_hz = 260", "max_hz = 200", Some(("contact_sweep", "max_hz", 246.0, "outside"))),
+        ("2", "min_hz = 130", "min_hz = 147", Some(("contact_sweep", "min_hz", 142.0, "outside"))),
+        ("2", "min_hz = 125", "min_hz = 141", Some(("no_load_sweep", "min_hz", 138.0, "outside"))),
+        (
+            "2",
+            "min_hz = 125",
+            "min_hz = 139",
+            Some(("no_load_sweep", "min_hz", 138.0, "near_edge")),
+        ),
+        (
+            "2",
+            "max_hz = 160",
+            "max_hz = 141",
+            Some(("no_load_sweep", "max_hz", 143.0, "near_edge")),
+        ),
+    ];
+    for (sample, from, to, expected) in rows {
+        let checked = check(&[(from, to), ("\"5\"]", &format!("\"{sample}\"]"))]);
+        assert_eq!(checked["is_runnable"], true, "a warning is no fault");
+        let warnings = checked["warnings"].as_array().unwrap();
+        let Some((sweep, key, wanted_hz, placing)) = expected else {
+            assert!(warnings.is_empty(), "{to}: {warnings:?}");
+            continue;
+        };
+        assert_eq!(warnings.len(), 1, "{to}: {warnings:?}");
+        let warning = &warnings[0];
+        assert_eq!((&warning["sweep"], &warning["key"]), (&sweep.into(), &key.into()), "{to}");
+        assert_eq!(warning["wanted_hz"], wanted_hz, "{to}");
+        let worst = warning["steps"][0].as_str().unwrap();
+        assert_eq!(predictions(&checked)[worst]["placing"], placing, "{to}: {worst}");
+        // What is advised is enough.
+        let advised = to.replace(to.rsplit(' ').next().unwrap(), &wanted_hz.to_string());
+        let again = check(&[(from, &advised), ("\"5\"]", &format!("\"{sample}\"]"))]);
+        assert_eq!(again["warnings"], Value::Array(Vec::new()), "{advised}");
+    }
+}
+
+#[test]
+fn a_person_reads_the_worst_steps_and_what_to_change() {
+    let dir = TempDir::new().unwrap();
+    let path =
+        changed(dir.path(), SMOKE, &[("max_hz = 260", "max_hz = 155"), ("\"5\"]", "\"2\"]")]);
+    let output = rigd(&["check", &path]);
+    let (_, warning) = text(&output).split_once("\nwarning: ").unwrap();
+    let expected = "\
+[contact_sweep] max_hz = 155 Hz: resonances are predicted above it, or less than 1 linewidth below \
+it; set it to at least 164 Hz
+  blind/3: 158.5 Hz, 5.3 Hz wide, outside
+  main/2/left/0/1: 158.3 Hz, 5.2 Hz wide, outside
+  main/2/front/0/1: 158.3 Hz, 5.2 Hz wide, outside
+  main/2/back/0/1: 158.3 Hz, 5.2 Hz wide, outside
+  blind/1: 157.6 Hz, 5.1 Hz wide, outside
+  and 3 more, which --json names
+";
+    assert_eq!(warning, expected);
+    assert!(text(&output).contains("sample 2 of 2, left, 0°   158.3 Hz\n"), "{}", text(&output));
+}
+
+#[test]
+fn of_samples_that_nobody_knows_nothing_is_predicted_and_that_is_said() {
+    let dir = TempDir::new().unwrap();
+    let known = "name = \"5\"\nstiffness_mpa = 0.649";
+    let other = "name = \"steel\"\nstiffness_mpa = 0.649";
+    let rig = changed(dir.path(), "config/rigs/bench.toml", &[(known, other)]);
+    let output = rigd(&["check", SMOKE, "--rig", &rig]);
+    let said = "Nothing is predicted of touches of 5: name them and their stiffness in [[samples]] \
+                of bench to have it.";
+    assert!(text(&output).contains(said), "{}", text(&output));
+    assert!(!text(&output).contains("warning"), "{}", text(&output));
+    let output = rigd(&["check", SMOKE, "--rig", &rig, "--json"]);
+    let checked: Value = serde_json::from_str(text(&output)).unwrap();
+    let predicted = predictions(&checked);
+    assert_eq!(
+        predicted["main/5/left/0/1"]["unknown"],
+        "the stiffness of sample \"5\" is not known"
+    );
+    assert_eq!(predicted["main/5/left/0/1/no-load"]["placing"], "inside");
+    assert_eq!(predicted["main/1/left/0/1"]["placing"], "inside");
+}
+
+#[test]
+fn a_resonance_beyond_the_analyzer_is_not_answered_with_a_window_it_cannot_have() {
+    let dir = TempDir::new().unwrap();
+    let rig = changed(
+        dir.path(),
+        "config/rigs/bench.toml",
+        &[("frequency_hz = [20, 2000]", "frequency_hz = [20, 200]")],
+    );
+    let path = changed(dir.path(), SMOKE, &[("max_hz = 260", "max_hz = 200")]);
+    let output = rigd(&["check", &path, "--rig", &rig]);
+    let said = "and this rig's analyzer ends at 200 Hz: touch softer samples, or less deep";
+    assert!(text(&output).contains(said), "{}", text(&output));
+}
+
+#[test]
+fn what_is_predicted_is_measured() {
+    let dir = TempDir::new().unwrap();
+    let checked = check(&[]);
+    let predicted = predictions(&checked);
+    let data = dir.path().to_str().unwrap();
+    assert!(rigd(&["run", SMOKE, "--data", data]).status.success());
+    let output = rigd(&["export", "latest", "--data", data, "--format", "csv"]);
+    let mut lines = text(&output).lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let header = lines.next().unwrap();
+    let column = |name: &str| header.iter().position(|column| *column == name).unwrap();
+    let (step, resonance) = (column("step"), column("resonance_hz"));
+    let mut touches = 0;
+    for row in lines {
+        touches += 1;
+        let of_step = predicted[row[step].trim_matches('"')];
+        let [at_hz, width_hz] =
+            ["resonance_hz", "linewidth_hz"].map(|name| of_step[name].as_f64().unwrap());
+        let off = (row[resonance].parse::<f64>().unwrap() - at_hz) / width_hz;
+        assert!(off.abs() < 0.5, "{}: {off} linewidths from {of_step}", row[step]);
+    }
+    assert_eq!(touches, 18);
+}
