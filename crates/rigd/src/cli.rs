@@ -25,6 +25,7 @@ mod run;
 mod runs;
 mod serve;
 mod session;
+mod signals;
 mod table;
 mod verdict;
 
@@ -36,13 +37,15 @@ use std::{
 };
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use rig_engine::Denied;
-use rig_model::with_causes;
+use rig_engine::{Denied, StateWord};
+use rig_model::{Clearance, Mm, Position, with_causes};
 use rig_store::{Reader, StoreError, export::ExportError};
 
 use crate::{
     doctor as findings,
+    http::doors::TokenError,
     loaded_rig::{FileError, LoadedRig},
+    operator::Operator,
     rig::{OpenError, Refusal},
     run_files::RunFilesError,
     sweep_order::SweepFaults,
@@ -73,7 +76,7 @@ enum CliCommand {
     /// Say whether a protocol can run on a rig, without moving anything
     Check(CheckArgs),
     /// Serve the rig over HTTP, with a protocol loaded
-    Serve(ServeArgs),
+    Serve(serve::ServeArgs),
     /// List the runs
     Runs(RunsArgs),
     /// Show the results of a run
@@ -114,6 +117,20 @@ struct DataArgs {
     data: PathBuf,
 }
 
+/// Who asks.
+#[derive(Debug, Args)]
+struct OperatorArgs {
+    /// Name that stands in the journal beside what is asked for [default: the login user]
+    #[arg(long, value_name = "NAME")]
+    operator: Option<Operator>,
+}
+
+impl OperatorArgs {
+    fn name(&self) -> Operator {
+        self.operator.clone().unwrap_or_else(Operator::login)
+    }
+}
+
 /// How to print.
 #[derive(Debug, Args)]
 struct OutputArgs {
@@ -131,6 +148,8 @@ struct RunArgs {
     #[command(flatten)]
     data: DataArgs,
     #[command(flatten)]
+    operator: OperatorArgs,
+    #[command(flatten)]
     output: OutputArgs,
 }
 
@@ -142,19 +161,6 @@ struct CheckArgs {
     rig: RigArgs,
     #[command(flatten)]
     output: OutputArgs,
-}
-
-#[derive(Debug, Args)]
-struct ServeArgs {
-    /// Protocol file to have loaded; one can also be posted
-    protocol: Option<PathBuf>,
-    #[command(flatten)]
-    rig: RigArgs,
-    #[command(flatten)]
-    data: DataArgs,
-    /// Address to listen on
-    #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:8137")]
-    listen: SocketAddr,
 }
 
 #[derive(Debug, Args)]
@@ -247,6 +253,14 @@ enum Failure {
     Unidentified { silent: usize },
     #[error("{problems} {}", if *problems == 1 { "problem" } else { "problems" })]
     Unfit { problems: usize },
+    #[error(
+        "--listen {listen} would let whoever reaches that address move the rig; give --token-file \
+         with a file that holds a secret (`openssl rand -hex 32`, mode 600), which clients then \
+         send as `Authorization: Bearer`, or listen on 127.0.0.1"
+    )]
+    NoToken { listen: SocketAddr },
+    #[error(transparent)]
+    Token(#[from] TokenError),
     #[error("{what}")]
     System { what: &'static str, source: io::Error },
     /// It has been explained already.
@@ -259,6 +273,15 @@ enum Failure {
     TouchesRefused,
     #[error("interrupted")]
     Interrupted,
+    #[error(
+        "ended at once while the rig was {}; it is left as it is, and the probe is {}{}. The drives \
+         may go on with what they were told last. Look where the probe stands before anything else; \
+         whatever opens the rig next retracts it first",
+        state.name(),
+        probe.name(),
+        linear.map_or_else(String::new, |at| format!(" (last read back at {at})"))
+    )]
+    Left { state: StateWord, probe: Clearance, linear: Option<Position<Mm>> },
 }
 
 impl Failure {
@@ -267,6 +290,8 @@ impl Failure {
             Self::BadFile(FileError::Faults(_))
             | Self::Sweep(_)
             | Self::NoTimes { .. }
+            | Self::NoToken { .. }
+            | Self::Token(_)
             | Self::Refused(Refusal::Denied(
                 Denied::LinearTarget(_) | Denied::RotaryTarget(_) | Denied::TooDeep { .. },
             )) => 2,
@@ -285,6 +310,7 @@ impl Failure {
             | Self::Refused(_)
             | Self::Unidentified { .. }
             | Self::Unfit { .. }
+            | Self::Left { .. }
             | Self::System { .. } => 1,
         }
     }

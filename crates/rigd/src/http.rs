@@ -15,13 +15,20 @@
 //! | `POST /api/v1/acknowledge` | leaves the latch |
 //! | `GET /api/v1/events` | everything that happens, as server-sent events |
 //!
+//! `GET /` says where to go from there. Every request passes the guard first: which host, which site,
+//! which token, how large.
+//!
 //! A handler asks the rig thread and waits for its word; the rig thread never waits for a handler.
 
+pub mod doors;
 mod events;
+mod guard;
+mod index;
 mod moves;
 mod problem;
 mod rig;
 mod runs;
+mod server;
 mod sweeps;
 
 use std::{path::PathBuf, sync::Arc};
@@ -29,14 +36,17 @@ use std::{path::PathBuf, sync::Arc};
 use axum::{
     Router,
     http::{Method, Uri},
+    middleware::from_fn_with_state,
     routing::{get, post},
 };
 use rig_store::Reader;
-use tokio::sync::Mutex;
+use tokio::sync::{Mutex, Semaphore};
 use tokio_util::sync::CancellationToken;
 
 use crate::{loaded_rig::RigFacts, protocol_file::LoadedProtocol, rig::RigHandle};
+use doors::Doors;
 use problem::Problem;
+pub use server::serve;
 
 /// What the handlers share.
 #[derive(Debug, Clone)]
@@ -50,6 +60,9 @@ struct Inner {
     facts: RigFacts,
     loaded: Option<LoadedProtocol>,
     data: PathBuf,
+    doors: Doors,
+    /// The event streams that may still be opened.
+    streams: Arc<Semaphore>,
     /// Held from the search for a key in the journal until the run that it belongs to has begun, so
     /// that asking twice at once begins one.
     keyed: Mutex<()>,
@@ -58,16 +71,19 @@ struct Inner {
 }
 
 impl Shared {
-    /// What the handlers need: the rig, the protocol to replay when none is posted, and the
-    /// directory of the journal.
+    /// What the handlers need: the rig, the protocol to replay when none is posted, the directory of
+    /// the journal, and who may come in.
     pub fn new(
         rig: RigHandle,
         facts: RigFacts,
         loaded: Option<LoadedProtocol>,
         data: PathBuf,
+        doors: Doors,
         closing: CancellationToken,
     ) -> Self {
-        let inner = Inner { rig, facts, loaded, data, keyed: Mutex::new(()), closing };
+        let streams = Arc::new(Semaphore::new(events::STREAMS_MAX));
+        let keyed = Mutex::new(());
+        let inner = Inner { rig, facts, loaded, data, doors, streams, keyed, closing };
         Self { inner: Arc::new(inner) }
     }
 
@@ -102,9 +118,14 @@ pub fn router(shared: Shared) -> Router {
         .route("/runs/{id}/answer", post(runs::answer))
         .route("/events", get(events::stream));
     Router::new()
+        .route("/", get(index::show))
+        .route("/docs/http", get(index::documentation))
+        .route("/api/v1", get(index::show))
+        .route("/api/v1/", get(index::show))
         .nest("/api/v1", api)
         .fallback(not_found)
         .method_not_allowed_fallback(method_not_allowed)
+        .layer(from_fn_with_state(shared.clone(), guard::check))
         .with_state(shared)
 }
 

@@ -7,6 +7,7 @@ mod doctor;
 mod hint;
 pub mod http;
 pub mod loaded_rig;
+pub mod operator;
 mod predict;
 pub mod protocol_file;
 pub mod report;

@@ -2,7 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
-use std::path::Path;
+use std::{net::Ipv4Addr, path::Path};
 
 use axum::{
     Router,
@@ -12,7 +12,7 @@ use axum::{
 use rig_engine::{Command, StateWord};
 use rig_store::{Reader, Record};
 use rigd::{
-    http::{Shared, router},
+    http::{Shared, doors::Doors, router},
     loaded_rig::LoadedRig,
     rig::{self, RigHandle, RigThread},
 };
@@ -51,8 +51,10 @@ impl Daemon {
         let rig = LoadedRig::load(&file).unwrap();
         let facts = rig.facts();
         let (handle, thread) = rig::open(rig, data.path().to_owned()).unwrap();
-        let directory = data.path().to_owned();
-        let shared = Shared::new(handle.clone(), facts, None, directory, CancellationToken::new());
+        let (directory, closing) = (data.path().to_owned(), CancellationToken::new());
+        let operator = "the lab".parse().unwrap();
+        let doors = Doors::new(Ipv4Addr::LOCALHOST.into(), [], None, operator);
+        let shared = Shared::new(handle.clone(), facts, None, directory, doors, closing);
         let daemon = Self { router: router(shared), handle, thread, data };
         daemon.wait_until_idle().await;
         daemon
@@ -77,6 +79,7 @@ impl Daemon {
         let mut request = Request::builder()
             .method(method)
             .uri(format!("/api/v1/{path}"))
+            .header(header::HOST, "localhost")
             .header(header::CONTENT_TYPE, "application/json");
         for (name, value) in headers {
             request = request.header(*name, *value);
@@ -128,6 +131,41 @@ async fn an_axis_is_moved_within_what_the_interlock_admits() {
     let records = Reader::open(daemon.data.path()).unwrap().records(session).unwrap();
     let is_intent = |record: &Record| matches!(record, Record::Intent(intent) if intent.to == 20.0);
     assert!(records.iter().any(|stored| is_intent(&stored.record().unwrap())));
+    daemon.close().await;
+}
+
+#[tokio::test]
+async fn the_journal_says_who_asked() {
+    let daemon = Daemon::start().await;
+    let order = json!({ "axis": "linear", "to": 30.0 });
+    for name in [None, Some("Ada Lovelace"), Some("J\u{fc}rgen")] {
+        let header = name.map(|name| ("x-operator", name));
+        let (status, rig) = daemon.send("POST", "moves", &order, header.as_slice()).await;
+        assert_eq!(status, StatusCode::ACCEPTED, "{rig}");
+        daemon.wait_until_idle().await;
+    }
+    let refused = daemon.send("POST", "moves", &order, &[("x-operator", "<b>")]).await;
+    assert_eq!(refused.0, StatusCode::BAD_REQUEST, "{}", refused.1);
+    // A stop is taken whatever the name.
+    let stopped = daemon.send("POST", "stop", &Value::Null, &[("x-operator", "<b>")]).await;
+    assert_eq!(stopped.0, StatusCode::OK, "{}", stopped.1);
+
+    let session = daemon.handle.status().borrow().session;
+    let records = Reader::open(daemon.data.path()).unwrap().records(session).unwrap();
+    let asked = records.iter().filter_map(|stored| match stored.record().unwrap() {
+        Record::Operator(operator) => Some((operator.action, operator.who)),
+        _ => None,
+    });
+    let expected = [
+        ("prepare", "rigd"),
+        ("move the linear stage", "the lab"),
+        ("move the linear stage", "Ada Lovelace"),
+        ("move the linear stage", "J\u{fc}rgen"),
+        ("stop", "the lab"),
+    ];
+    let asked: Vec<_> = asked.collect();
+    let asked: Vec<_> = asked.iter().map(|(what, who)| (what.as_str(), who.as_str())).collect();
+    assert_eq!(asked, expected);
     daemon.close().await;
 }
 

@@ -9,7 +9,7 @@ use rig_store::{Reader, Reading, Sweep};
 use serde::Serialize;
 
 use super::{
-    DataArgs, Failure, RigArgs,
+    DataArgs, Failure, OperatorArgs, RigArgs,
     moves::{linear_target, positions, rotary_target},
     session::{Session, with_rig},
     table::{facts, print, print_json},
@@ -41,6 +41,8 @@ pub(super) struct MeasureArgs {
     rig: RigArgs,
     #[command(flatten)]
     data: DataArgs,
+    #[command(flatten)]
+    operator: OperatorArgs,
 }
 
 /// What is to be done.
@@ -79,7 +81,7 @@ pub(super) fn measure(args: &MeasureArgs) -> Result<(), Failure> {
         rotary: args.angle_deg.map(|deg| rotary_target(&bench, deg)).transpose()?,
     };
     let (data, rest) = (&args.data.data, bench.linear.rest_target().position());
-    let measured = with_rig(rig, data, async |session| {
+    let measured = with_rig(rig, data, &args.operator.name(), async |session| {
         if let Some(target) = order.rotary {
             session.carry_out(Command::MoveRotary(target)).await?;
         }
@@ -97,7 +99,7 @@ async fn sweep(
     request: SweepRequest,
     data: &Path,
 ) -> Result<Measured, Failure> {
-    let number = session.handle.sweep(request, "terminal").await?;
+    let number = session.handle.sweep(request, session.operator()).await?;
     let status = session.finished().await?;
     let found = sweeps::find(&Reader::open(data)?, status.session, number)?;
     let sweep = found.ok_or_else(|| Refusal::Journal {

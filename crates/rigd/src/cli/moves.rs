@@ -6,7 +6,7 @@ use rig_model::{Bench, Clearance, Deg, Mm, Position};
 use serde::Serialize;
 
 use super::{
-    DataArgs, Failure, OutputArgs, RigArgs,
+    DataArgs, Failure, OperatorArgs, OutputArgs, RigArgs,
     session::{Session, with_rig},
     table::{facts, note, print, print_json},
 };
@@ -25,6 +25,8 @@ pub(super) struct MoveArgs {
     #[command(flatten)]
     data: DataArgs,
     #[command(flatten)]
+    operator: OperatorArgs,
+    #[command(flatten)]
     output: OutputArgs,
 }
 
@@ -42,6 +44,8 @@ pub(super) struct HomeArgs {
     rig: RigArgs,
     #[command(flatten)]
     data: DataArgs,
+    #[command(flatten)]
+    operator: OperatorArgs,
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -63,13 +67,14 @@ pub(super) fn to(args: &MoveArgs) -> Result<(), Failure> {
         MoveAxis::Rotary => Command::MoveRotary(rotary_target(&rig.file.bench, args.to)?),
     };
     let moved = async |session: &mut Session| session.carry_out(command).await;
-    show(&with_rig(rig, &args.data.data, moved)?, &args.output)
+    show(&with_rig(rig, &args.data.data, &args.operator.name(), moved)?, &args.output)
 }
 
 /// Opening a rig is what homes it.
 pub(super) fn home(args: &HomeArgs) -> Result<(), Failure> {
     let homed = async |session: &mut Session| session.finished().await;
-    show(&with_rig(args.rig.load()?, &args.data.data, homed)?, &args.output)
+    let (rig, operator) = (args.rig.load()?, args.operator.name());
+    show(&with_rig(rig, &args.data.data, &operator, homed)?, &args.output)
 }
 
 /// A height that is not beyond the soft limits. Asked before the rig is opened, so that a slip of

@@ -27,8 +27,9 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     let is_simulated = rig.is_simulated();
     let protocol = LoadedProtocol::load(&args.protocol, &rig.facts())?;
     let data = &args.data.data;
-    let (run, ending, status) =
-        with_rig(rig, data, async |session| replay(session, protocol, is_simulated).await)?;
+    let (run, ending, status) = with_rig(rig, data, &args.operator.name(), async |session| {
+        replay(session, protocol, is_simulated).await
+    })?;
     let files = run_files::write(data, run)?;
     if !args.output.json {
         note(&format!("report: {}\ndata:   {}\n", files.report.display(), files.data.display()));
@@ -49,7 +50,7 @@ async fn replay(
     is_simulated: bool,
 ) -> Result<(RunId, RunStatus, Status), Failure> {
     let mut terminal = if is_simulated { None } else { Some(open_terminal()?) };
-    let run = session.handle.run(protocol, "terminal").await?;
+    let run = session.handle.run(protocol, session.operator()).await?;
     let bar = Progress::new();
     loop {
         let now = session.status.borrow_and_update().clone();
@@ -64,13 +65,13 @@ async fn replay(
         }
         tokio::select! {
             changed = session.status.changed() => changed.map_err(|_| rig::Refusal::Closed)?,
-            () = session.interrupts.next() => session.end_early().await,
+            () = session.signals.next() => session.end_early().await?,
             answer = answer(&mut terminal) => if answer.is_some() {
-                session.handle.command(Command::Answer, Some(run), "terminal").await?;
+                session.handle.command(Command::Answer, Some(run), session.operator()).await?;
             } else {
                 note("nobody can answer at this terminal any more; aborting the run");
                 terminal = None;
-                _ = session.handle.command(Command::Abort, Some(run), "terminal").await;
+                _ = session.handle.command(Command::Abort, Some(run), session.operator()).await;
             },
         }
     }

@@ -1,54 +1,74 @@
 //! A rig that is open for as long as one command takes.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use rig_engine::{Command, StateWord};
 use tokio::sync::watch;
 
-use super::{Failure, table::note};
+use super::{Failure, signals::Signals, table::note};
 use crate::{
     hint,
     loaded_rig::LoadedRig,
-    rig::{self, RigHandle, Status},
+    operator::Operator,
+    rig::{self, OpenError, RigHandle, RigThread, Status},
 };
 
 /// A rig in service, and the person at the terminal.
 pub(super) struct Session {
     pub(super) handle: RigHandle,
     pub(super) status: watch::Receiver<Status>,
-    pub(super) interrupts: Interrupts,
+    pub(super) signals: Signals,
+    operator: Operator,
 }
 
 /// Opens a rig, does `work` with it once it is in service, and closes it.
 pub(super) fn with_rig<T>(
     rig: LoadedRig,
     data: &Path,
+    operator: &Operator,
     work: impl AsyncFnOnce(&mut Session) -> Result<T, Failure>,
 ) -> Result<T, Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
         .map_err(|source| Failure::System { what: "runtime", source })?;
-    let (handle, thread) = rig::open(rig, data.to_path_buf())?;
     let outcome = runtime.block_on(async {
-        let outcome = begin(&handle, work).await;
-        handle.close().await;
+        let mut signals = Signals::new()?;
+        let (handle, thread) = open(rig, data.to_path_buf(), &mut signals).await?;
+        let (status, operator) = (handle.status(), operator.clone());
+        let mut session = Session { handle, status, signals, operator };
+        let outcome = match session.be_ready().await {
+            Ok(()) => work(&mut session).await,
+            Err(failure) => Err(failure),
+        };
+        if !matches!(outcome, Err(Failure::Left { .. })) {
+            session.close().await?;
+            thread.join();
+        }
         outcome
     });
-    thread.join();
     // Reading the terminal cannot be interrupted; the program does not wait for it.
     runtime.shutdown_background();
     outcome
 }
 
-async fn begin<T>(
-    handle: &RigHandle,
-    work: impl AsyncFnOnce(&mut Session) -> Result<T, Failure>,
-) -> Result<T, Failure> {
-    let (handle, status) = (handle.clone(), handle.status());
-    let mut session = Session { handle, status, interrupts: Interrupts::new()? };
-    session.be_ready().await?;
-    work(&mut session).await
+/// Opens a rig. Nothing moves before every device has answered; a signal that comes meanwhile is
+/// obeyed as soon as they have.
+pub(super) async fn open(
+    rig: LoadedRig,
+    data: PathBuf,
+    signals: &mut Signals,
+) -> Result<(RigHandle, RigThread), Failure> {
+    let mut opening = tokio::task::spawn_blocking(move || rig::open(rig, data));
+    loop {
+        tokio::select! {
+            opened = &mut opening => return Ok(opened.map_err(|_| OpenError::Gone)??),
+            () = signals.next() => match signals.count {
+                1 => note("ending as soon as the devices have answered; interrupt again to end now"),
+                _ => return Err(Failure::Interrupted),
+            },
+        }
+    }
 }
 
 impl Session {
@@ -58,24 +78,31 @@ impl Session {
             {
                 let status = self.status.borrow_and_update();
                 match status.snapshot.state {
+                    _ if self.signals.count > 0 => {}
                     StateWord::Idle => return Ok(()),
                     StateWord::Latched => return Err(latched(&status)),
                     _ => {}
                 }
             }
+            if self.signals.count > 0 {
+                _ = self.handle.command(Command::Stop, None, self.operator()).await;
+                return Err(Failure::Interrupted);
+            }
             tokio::select! {
                 changed = self.status.changed() => changed.map_err(|_| rig::Refusal::Closed)?,
-                () = self.interrupts.next() => {
-                    _ = self.handle.command(Command::Stop, None, "terminal").await;
-                    return Err(Failure::Interrupted);
-                }
+                () = self.signals.next() => {}
             }
         }
     }
 
+    /// Who asks.
+    pub(super) fn operator(&self) -> &str {
+        self.operator.as_str()
+    }
+
     /// Gives a command and waits until it has been carried out.
     pub(super) async fn carry_out(&mut self, command: Command) -> Result<Status, Failure> {
-        self.handle.command(command, None, "terminal").await?;
+        self.handle.command(command, None, self.operator()).await?;
         self.finished().await
     }
 
@@ -84,25 +111,63 @@ impl Session {
         loop {
             let status = self.status.borrow_and_update().clone();
             match status.snapshot.state {
-                StateWord::Idle if self.interrupts.count > 0 => return Err(Failure::Aborted),
+                StateWord::Idle if self.signals.count > 0 => return Err(Failure::Aborted),
                 StateWord::Idle => return Ok(status),
                 StateWord::Latched => return Err(latched(&status)),
                 _ => {}
             }
             tokio::select! {
                 changed = self.status.changed() => changed.map_err(|_| rig::Refusal::Closed)?,
-                () = self.interrupts.next() => self.end_early().await,
+                () = self.signals.next() => self.end_early().await?,
             }
         }
     }
 
-    /// The first interrupt asks for an orderly end, every other one stops.
-    pub(super) async fn end_early(&self) {
-        let command = if self.interrupts.count == 1 { Command::Abort } else { Command::Stop };
-        note("retracting the probe; interrupt again to stop everything");
+    /// The first signal asks for an orderly end, the second one stops, the third one ends the
+    /// program whatever the rig does.
+    pub(super) async fn end_early(&self) -> Result<(), Failure> {
+        let command = match self.signals.count {
+            1 => {
+                note("retracting the probe; interrupt again to stop everything");
+                Command::Abort
+            }
+            2 => {
+                note(
+                    "stopping both axes, then retracting; interrupt again to leave the rig as it is",
+                );
+                Command::Stop
+            }
+            _ => return Err(left(&self.status.borrow())),
+        };
         // Denied when it is being ended already.
-        _ = self.handle.command(command, None, "terminal").await;
+        _ = self.handle.command(command, None, self.operator()).await;
+        Ok(())
     }
+
+    /// Leaves the probe clear and ends the rig thread; a second signal meanwhile ends the program
+    /// whatever the rig does.
+    async fn close(&mut self) -> Result<(), Failure> {
+        let before = self.signals.count;
+        let closed = self.handle.close();
+        tokio::pin!(closed);
+        loop {
+            tokio::select! {
+                () = &mut closed => return Ok(()),
+                () = self.signals.next() => {
+                    if self.signals.count > before + 1 {
+                        return Err(left(&self.status.borrow()));
+                    }
+                    note("closing the rig; interrupt again to leave it as it is");
+                }
+            }
+        }
+    }
+}
+
+/// That the program ends although the rig is not at rest, with what is known of the probe.
+pub(super) fn left(status: &Status) -> Failure {
+    let snapshot = &status.snapshot;
+    Failure::Left { state: snapshot.state, probe: snapshot.clearance, linear: snapshot.linear }
 }
 
 /// That the rig is latched, with what to do about it.
@@ -116,28 +181,5 @@ pub(super) fn latched(status: &Status) -> Failure {
             status.snapshot.clearance.name(),
             hint.unwrap_or_default()
         ),
-    }
-}
-
-/// Interrupts of the person at the terminal.
-pub(super) struct Interrupts {
-    terminate: tokio::signal::unix::Signal,
-    pub(super) count: u32,
-}
-
-impl Interrupts {
-    fn new() -> Result<Self, Failure> {
-        use tokio::signal::unix::{SignalKind, signal};
-        let terminate = signal(SignalKind::terminate())
-            .map_err(|source| Failure::System { what: "signals", source })?;
-        Ok(Self { terminate, count: 0 })
-    }
-
-    pub(super) async fn next(&mut self) {
-        tokio::select! {
-            _ = tokio::signal::ctrl_c() => {}
-            _ = self.terminate.recv() => {}
-        }
-        self.count += 1;
     }
 }

@@ -3,7 +3,7 @@
 //! An event is a record of the journal, and its id is that record's place in the journal. A client
 //! that lost its connection sends the last id it saw and misses nothing.
 
-use std::{collections::VecDeque, convert::Infallible};
+use std::{collections::VecDeque, convert::Infallible, sync::Arc};
 
 use axum::{
     extract::State,
@@ -15,13 +15,16 @@ use axum::{
 };
 use futures_util::{Stream, StreamExt, stream};
 use rig_store::StoredRecord;
-use tokio::sync::watch;
+use tokio::sync::{OwnedSemaphorePermit, watch};
 
 use super::{Problem, Shared};
 use crate::rig::Status;
 
 /// How many records are read at a time. A slow client holds this many, and no more.
-const PAGE: u32 = 64;
+const PAGE: u32 = 16;
+
+/// A page has one stream, a program one; some technicians and programs look on.
+pub(super) const STREAMS_MAX: usize = 32;
 
 /// Where a stream stands.
 struct Cursor {
@@ -29,12 +32,17 @@ struct Cursor {
     status: watch::Receiver<Status>,
     last: u64,
     page: VecDeque<StoredRecord>,
+    /// One of the streams that may be open at a time.
+    _place: OwnedSemaphorePermit,
 }
 
 pub(super) async fn stream(
     State(shared): State<Shared>,
     headers: HeaderMap,
 ) -> Result<impl IntoResponse, Problem> {
+    let place = Arc::clone(&shared.inner.streams).try_acquire_owned().map_err(|_| {
+        Problem::busy(format!("{STREAMS_MAX} event streams are open, and there can be no more"))
+    })?;
     let status = shared.inner.rig.status();
     let last =
         match headers.get("last-event-id") {
@@ -45,7 +53,7 @@ pub(super) async fn stream(
             })?,
         };
     let closing = shared.inner.closing.clone();
-    let cursor = Cursor { shared, status, last, page: VecDeque::new() };
+    let cursor = Cursor { shared, status, last, page: VecDeque::new(), _place: place };
     let events = events(cursor).take_until(closing.cancelled_owned());
     Ok(Sse::new(events).keep_alive(KeepAlive::default()))
 }

@@ -1,11 +1,16 @@
 //! Moves by hand.
 
-use axum::{Json, extract::State, extract::rejection::JsonRejection, http::StatusCode};
+use axum::{
+    Extension, Json,
+    extract::{State, rejection::JsonRejection},
+    http::StatusCode,
+};
 use rig_engine::Command;
 use rig_model::Position;
 use serde::Deserialize;
 
 use super::{Problem, Shared, rig, rig::RigView};
+use crate::operator::Operator;
 
 /// What a client asks for. There is no position by which it could forget to name the axis.
 #[derive(Debug, Deserialize)]
@@ -24,6 +29,7 @@ pub(super) enum MoveOrder {
 /// Begins a move. Where the axis then stands is in the status of the rig and in its events.
 pub(super) async fn begin(
     State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
     order: Result<Json<MoveOrder>, JsonRejection>,
 ) -> Result<(StatusCode, Json<RigView>), Problem> {
     let Json(order) = order?;
@@ -31,6 +37,6 @@ pub(super) async fn begin(
         MoveOrder::Linear { to } => Command::MoveLinear(Position::new(to)),
         MoveOrder::Rotary { to } => Command::MoveRotary(Position::new(to)),
     };
-    shared.inner.rig.command(command, None, "http").await?;
+    shared.inner.rig.command(command, None, operator.as_str()).await?;
     Ok((StatusCode::ACCEPTED, rig::show(State(shared)).await))
 }

@@ -3,7 +3,7 @@
 use axum::{
     Json,
     extract::rejection::{JsonRejection, QueryRejection},
-    http::{StatusCode, header},
+    http::{HeaderValue, StatusCode, header},
     response::{IntoResponse, Response},
 };
 use rig_engine::Denied;
@@ -12,6 +12,7 @@ use rig_settings::Faults;
 use rig_store::StoreError;
 use serde::Serialize;
 
+use super::guard::{BODY_MAX, BODY_TIME};
 use crate::{hint, rig::Refusal};
 
 /// What a client is told when something cannot be done.
@@ -26,6 +27,9 @@ pub(super) struct Problem {
     /// Every fault of a protocol, with its place.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     faults: Vec<FaultView>,
+    /// A header that belongs to the status.
+    #[serde(skip)]
+    header: Option<(&'static str, &'static str)>,
 }
 
 /// A fault of a protocol that was posted.
@@ -38,34 +42,119 @@ struct FaultView {
     suggestion: Option<String>,
 }
 
+/// The type of an error in the sense of RFC 9457.
+pub(super) const PROBLEM_JSON: &str = "application/problem+json";
+
 impl Problem {
     fn new(status: StatusCode, title: &'static str, detail: String) -> Self {
-        Self { title, status: status.as_u16(), detail, hint: None, faults: Vec::new() }
+        Self {
+            title,
+            status: status.as_u16(),
+            detail,
+            hint: None,
+            faults: Vec::new(),
+            header: None,
+        }
+    }
+
+    /// An error with the title that belongs to its status.
+    pub(super) fn of(status: StatusCode, detail: String) -> Self {
+        let title = match status {
+            StatusCode::BAD_REQUEST => "bad request",
+            StatusCode::UNAUTHORIZED => "unauthorized",
+            StatusCode::FORBIDDEN => "forbidden",
+            StatusCode::NOT_FOUND => "not found",
+            StatusCode::METHOD_NOT_ALLOWED => "method not allowed",
+            StatusCode::REQUEST_TIMEOUT => "request timeout",
+            StatusCode::PAYLOAD_TOO_LARGE => "content too large",
+            StatusCode::UNSUPPORTED_MEDIA_TYPE => "unsupported media type",
+            StatusCode::MISDIRECTED_REQUEST => "misdirected request",
+            StatusCode::UNPROCESSABLE_ENTITY => "cannot be done",
+            StatusCode::INTERNAL_SERVER_ERROR => "internal error",
+            StatusCode::SERVICE_UNAVAILABLE => "service unavailable",
+            other => other.canonical_reason().unwrap_or("error"),
+        };
+        Self::new(status, title, detail)
     }
 
     pub(super) fn not_found(detail: String) -> Self {
-        Self::new(StatusCode::NOT_FOUND, "not found", detail)
+        Self::of(StatusCode::NOT_FOUND, detail)
     }
 
     pub(super) fn method_not_allowed(detail: String) -> Self {
-        Self::new(StatusCode::METHOD_NOT_ALLOWED, "method not allowed", detail)
+        Self::of(StatusCode::METHOD_NOT_ALLOWED, detail)
     }
 
     pub(super) fn bad_request(detail: String) -> Self {
-        Self::new(StatusCode::BAD_REQUEST, "bad request", detail)
+        Self::of(StatusCode::BAD_REQUEST, detail)
     }
 
     pub(super) fn unsupported_media_type(detail: String) -> Self {
-        Self::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "unsupported media type", detail)
+        Self::of(StatusCode::UNSUPPORTED_MEDIA_TYPE, detail)
+    }
+
+    /// The daemon was called by a name that is not its own.
+    pub(super) fn misdirected(detail: String) -> Self {
+        let hint = "call it localhost, or by the address on which it listens, or start it with \
+                    --allow-host and the name";
+        Self { hint: Some(hint), ..Self::of(StatusCode::MISDIRECTED_REQUEST, detail) }
+    }
+
+    /// A page of another site has asked.
+    pub(super) fn forbidden(detail: String) -> Self {
+        let hint = "type or paste the address into the browser; a script sends neither Origin nor \
+                    Sec-Fetch-Site";
+        Self { hint: Some(hint), ..Self::of(StatusCode::FORBIDDEN, detail) }
+    }
+
+    /// Without the token.
+    pub(super) fn unauthorized(detail: String) -> Self {
+        Self {
+            hint: Some("send `Authorization: Bearer` with what the file of --token-file holds"),
+            header: Some(("www-authenticate", "Bearer realm=\"rigd\"")),
+            ..Self::of(StatusCode::UNAUTHORIZED, detail)
+        }
+    }
+
+    /// All of something are in use.
+    pub(super) fn busy(detail: String) -> Self {
+        Self {
+            hint: Some("close connections that are not needed, and try again"),
+            header: Some(("retry-after", "5")),
+            ..Self::of(StatusCode::SERVICE_UNAVAILABLE, detail)
+        }
+    }
+
+    /// The body of the answer.
+    pub(super) fn to_json(&self) -> String {
+        // Text and numbers always have a JSON.
+        serde_json::to_string(self).unwrap_or_default()
+    }
+
+    pub(super) fn too_large() -> Self {
+        let detail = format!("the body has more than {BODY_MAX} bytes");
+        let header = Some(("connection", "close"));
+        Self { header, ..Self::of(StatusCode::PAYLOAD_TOO_LARGE, detail) }
+    }
+
+    pub(super) fn head_too_slow() -> Self {
+        let detail = "the head of the request was not there in time".to_owned();
+        Self::of(StatusCode::REQUEST_TIMEOUT, detail)
+    }
+
+    pub(super) fn too_slow() -> Self {
+        let detail = format!("the body was not there after {} s", BODY_TIME.as_secs());
+        let header = Some(("connection", "close"));
+        Self { header, ..Self::of(StatusCode::REQUEST_TIMEOUT, detail) }
     }
 
     /// The request is well formed, but what it asks for cannot be done.
     pub(super) fn unprocessable(detail: String) -> Self {
-        Self::new(StatusCode::UNPROCESSABLE_ENTITY, "cannot be done", detail)
+        Self::of(StatusCode::UNPROCESSABLE_ENTITY, detail)
     }
 
     pub(super) fn internal(detail: &str) -> Self {
-        Self::new(StatusCode::INTERNAL_SERVER_ERROR, "internal error", detail.to_owned())
+        Self::of(StatusCode::INTERNAL_SERVER_ERROR, detail.to_owned())
     }
 
     pub(super) fn protocol(faults: &Faults) -> Self {
@@ -117,20 +206,25 @@ impl From<StoreError> for Problem {
 
 impl From<JsonRejection> for Problem {
     fn from(rejection: JsonRejection) -> Self {
-        Self::new(rejection.status(), "bad request", rejection.body_text())
+        Self::of(rejection.status(), rejection.body_text())
     }
 }
 
 impl From<QueryRejection> for Problem {
     fn from(rejection: QueryRejection) -> Self {
-        Self::new(rejection.status(), "bad request", rejection.body_text())
+        Self::of(rejection.status(), rejection.body_text())
     }
 }
 
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
         let status = StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
-        let content_type = [(header::CONTENT_TYPE, "application/problem+json")];
-        (status, content_type, Json(self)).into_response()
+        let header = self.header;
+        let content_type = [(header::CONTENT_TYPE, PROBLEM_JSON)];
+        let mut answer = (status, content_type, Json(self)).into_response();
+        if let Some((name, value)) = header {
+            answer.headers_mut().insert(name, HeaderValue::from_static(value));
+        }
+        answer
     }
 }

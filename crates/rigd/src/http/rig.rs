@@ -1,11 +1,11 @@
 //! The rig as a whole.
 
-use axum::{Json, extract::State};
+use axum::{Extension, Json, extract::State};
 use rig_engine::Command;
 use serde::Serialize;
 
 use super::{Problem, Shared};
-use crate::{hint, rig::Status};
+use crate::{hint, operator::Operator, rig::Status};
 
 /// The rig as it is now.
 #[derive(Debug, Serialize)]
@@ -35,6 +35,25 @@ struct DeviceView {
     identity: String,
 }
 
+impl RigView {
+    pub(super) fn name(&self) -> &str {
+        &self.name
+    }
+
+    pub(super) const fn state(&self) -> &'static str {
+        self.state
+    }
+
+    pub(super) const fn probe(&self) -> &'static str {
+        self.probe
+    }
+
+    /// The id and the protocol of the run under way.
+    pub(super) fn run(&self) -> Option<(&str, &str)> {
+        self.run.as_ref().map(|run| (run.id.as_str(), run.protocol.as_str()))
+    }
+}
+
 /// How far the run under way has come.
 #[derive(Debug, Serialize)]
 struct RunProgress {
@@ -56,20 +75,34 @@ struct FaultView {
 }
 
 pub(super) async fn show(State(shared): State<Shared>) -> Json<RigView> {
+    Json(view_now(&shared))
+}
+
+pub(super) fn view_now(shared: &Shared) -> RigView {
     let status = shared.inner.rig.status().borrow().clone();
-    Json(view(&shared.inner.facts.name, &status))
+    view(&shared.inner.facts.name, &status)
 }
 
-pub(super) async fn stop(State(shared): State<Shared>) -> Result<Json<RigView>, Problem> {
-    give(shared, Command::Stop).await
+pub(super) async fn stop(
+    State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
+) -> Result<Json<RigView>, Problem> {
+    give(shared, Command::Stop, &operator).await
 }
 
-pub(super) async fn acknowledge(State(shared): State<Shared>) -> Result<Json<RigView>, Problem> {
-    give(shared, Command::Acknowledge).await
+pub(super) async fn acknowledge(
+    State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
+) -> Result<Json<RigView>, Problem> {
+    give(shared, Command::Acknowledge, &operator).await
 }
 
-async fn give(shared: Shared, command: Command) -> Result<Json<RigView>, Problem> {
-    shared.inner.rig.command(command, None, "http").await?;
+async fn give(
+    shared: Shared,
+    command: Command,
+    operator: &Operator,
+) -> Result<Json<RigView>, Problem> {
+    shared.inner.rig.command(command, None, operator.as_str()).await?;
     Ok(show(State(shared)).await)
 }
 

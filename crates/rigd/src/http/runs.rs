@@ -1,7 +1,7 @@
 //! Runs.
 
 use axum::{
-    Json,
+    Extension, Json,
     body::Bytes,
     extract::{Path, Query, State, rejection::QueryRejection},
     http::{HeaderMap, StatusCode, header},
@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Problem, Shared};
 use crate::{
+    operator::Operator,
     protocol_file::LoadedProtocol,
     report::{self, RunSummary},
     run_files,
@@ -136,18 +137,21 @@ const KEY_MAX: usize = 255;
 /// without a body the loaded protocol is replayed.
 pub(super) async fn begin(
     State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
     headers: HeaderMap,
     body: Bytes,
 ) -> Result<Response, Problem> {
     let protocol = posted(&shared, &headers, &body)?;
     let text = protocol.source.toml.clone();
     let Some(key) = idempotency_key(&headers)? else {
-        return Ok(begun(shared.inner.rig.run(protocol, "http").await?));
+        return Ok(begun(shared.inner.rig.run(protocol, operator.as_str()).await?));
     };
     let _keyed = shared.inner.keyed.lock().await;
     let wanted = key.clone();
     let Some(first) = shared.read(move |reader| Ok(reader.keyed_run(&wanted)?)).await? else {
-        return Ok(begun(shared.inner.rig.keyed_run(protocol, "http", Some(key)).await?));
+        return Ok(begun(
+            shared.inner.rig.keyed_run(protocol, operator.as_str(), Some(key)).await?,
+        ));
     };
     match first.record()? {
         Record::RunStarted(started) if started.protocol.toml == text => Ok(begun(first.run)),
@@ -171,37 +175,46 @@ fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
 
 pub(super) async fn pause(
     State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
     Path(id): Path<String>,
 ) -> Result<StatusCode, Problem> {
-    give(&shared, &id, Command::Pause).await
+    give(&shared, &id, Command::Pause, &operator).await
 }
 
 pub(super) async fn resume(
     State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
     Path(id): Path<String>,
 ) -> Result<StatusCode, Problem> {
-    give(&shared, &id, Command::Resume).await
+    give(&shared, &id, Command::Resume, &operator).await
 }
 
 pub(super) async fn abort(
     State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
     Path(id): Path<String>,
 ) -> Result<StatusCode, Problem> {
-    give(&shared, &id, Command::Abort).await
+    give(&shared, &id, Command::Abort, &operator).await
 }
 
 pub(super) async fn answer(
     State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
     Path(id): Path<String>,
 ) -> Result<StatusCode, Problem> {
-    give(&shared, &id, Command::Answer).await
+    give(&shared, &id, Command::Answer, &operator).await
 }
 
 /// Gives a command to a run; a run that was never begun is not the same as one that has ended.
-async fn give(shared: &Shared, id: &str, command: Command) -> Result<StatusCode, Problem> {
+async fn give(
+    shared: &Shared,
+    id: &str,
+    command: Command,
+    operator: &Operator,
+) -> Result<StatusCode, Problem> {
     let id: RunId = id.parse()?;
     shared.read(move |reader| Ok(reader.run(id)?)).await?;
-    shared.inner.rig.command(command, Some(id), "http").await?;
+    shared.inner.rig.command(command, Some(id), operator.as_str()).await?;
     Ok(StatusCode::ACCEPTED)
 }
 

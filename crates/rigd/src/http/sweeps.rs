@@ -1,7 +1,7 @@
 //! Single sweeps at the present pose.
 
 use axum::{
-    Json,
+    Extension, Json,
     extract::{Path, State, rejection::JsonRejection},
     http::{StatusCode, header},
     response::IntoResponse,
@@ -10,7 +10,7 @@ use rig_store::{RunId, Sweep};
 use serde::Serialize;
 
 use super::{Problem, Shared};
-use crate::{sweep_order::SweepOrder, sweeps};
+use crate::{operator::Operator, sweep_order::SweepOrder, sweeps};
 
 /// A sweep as a resource.
 #[derive(Debug, Serialize)]
@@ -24,12 +24,13 @@ pub(super) struct SweepView {
 
 pub(super) async fn begin(
     State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
     order: Result<Json<SweepOrder>, JsonRejection>,
 ) -> Result<impl IntoResponse, Problem> {
     let Json(order) = order?;
     let request = order.request(&shared.inner.facts.bench.analyzer);
     let request = request.map_err(|faults| Problem::unprocessable(faults.to_string()))?;
-    let number = shared.inner.rig.sweep(request, "http").await?;
+    let number = shared.inner.rig.sweep(request, operator.as_str()).await?;
     let session = shared.inner.rig.status().borrow().session;
     let id = format!("{session}-{number}");
     let location = [(header::LOCATION, format!("/api/v1/sweeps/{id}"))];

@@ -1,0 +1,250 @@
+//! What every request passes before a handler sees it, and what every error becomes on its way out.
+//!
+//! | check | otherwise |
+//! |---|---|
+//! | one `Host`, and a name of this daemon | 400, 421 |
+//! | no `Origin` but our own; `Sec-Fetch-Site` says nothing of another site | 403 |
+//! | the token, where there is one | 401 |
+//! | a connection of its own, or a stop | 503 |
+//! | a name that the journal takes, or none | 400 |
+//! | a body of JSON or TOML, small, and in time | 415, 413, 408 |
+//!
+//! A page of another site can make a browser send requests here. It cannot give them our name as
+//! host, and it cannot hide where they come from.
+
+use std::{net::IpAddr, time::Duration};
+
+use axum::{
+    body::{Body, HttpBody, to_bytes},
+    extract::{Request, State},
+    http::{
+        HeaderMap, HeaderValue, Method, Uri, header,
+        uri::{Authority, Scheme},
+    },
+    middleware::Next,
+    response::{IntoResponse, Response},
+};
+use http_body_util::{BodyExt, LengthLimitError, Limited};
+
+use super::{
+    Problem, Shared,
+    doors::{Doors, HostName},
+    problem::PROBLEM_JSON,
+};
+use crate::operator::Operator;
+
+/// The largest protocol shipped has 2 kB; a protocol of a thousand samples has 60 kB.
+pub(super) const BODY_MAX: usize = 256 << 10;
+/// 256 KiB take two seconds over the slowest link that anybody works on, 1 Mbit/s.
+pub(super) const BODY_TIME: Duration = Duration::from_secs(10);
+
+/// What a body may be said to be.
+const BODY_TYPES: [&str; 3] = ["application/json", "application/toml", "text/x-toml"];
+
+/// What is known of the connection on which a request came.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Connection {
+    /// The address on which it arrived.
+    pub(super) arrived_at: Option<IpAddr>,
+    /// Whether it is one of the few that are kept for a stop while all others are taken.
+    pub(super) is_spare: bool,
+}
+
+/// Lets a request pass to its handler, or answers it.
+pub(super) async fn check(State(shared): State<Shared>, request: Request, next: Next) -> Response {
+    let answer = match admit(&shared.inner.doors, request).await {
+        Ok(request) => next.run(request).await,
+        Err(problem) => problem.into_response(),
+    };
+    let mut answer = described(answer).await;
+    let headers = answer.headers_mut();
+    for (name, value) in HEADERS {
+        headers.insert(name, HeaderValue::from_static(value));
+    }
+    answer
+}
+
+/// What a browser may do with an answer: show it by itself, and nothing else.
+const HEADERS: [(header::HeaderName, &str); 4] = [
+    (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+    (header::REFERRER_POLICY, "no-referrer"),
+    (
+        header::CONTENT_SECURITY_POLICY,
+        "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; \
+         form-action 'none'; frame-ancestors 'none'",
+    ),
+    (header::HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
+];
+
+async fn admit(doors: &Doors, mut request: Request) -> Result<Request, Problem> {
+    let connection = request.extensions().get::<Connection>().copied();
+    let headers = request.headers();
+    let host = host(headers, request.uri())?;
+    let arrived_at = connection.and_then(|connection| connection.arrived_at);
+    if !doors.knows(&HostName::of_authority(&host), arrived_at) {
+        return Err(Problem::misdirected(format!("{host} is no name of this daemon")));
+    }
+    if let Some(from) = elsewhere(headers, &host) {
+        return Err(Problem::forbidden(format!(
+            "this was asked for by a page of another site: {from}"
+        )));
+    }
+    check_token(doors, headers)?;
+    let is_stop = request.method() == Method::POST && request.uri().path() == "/api/v1/stop";
+    let operator = operator(headers, doors);
+    if is_stop {
+        // Stopping is never hard: neither a name nor a body stands in its way.
+        let operator = operator.unwrap_or_else(|_| doors.operator().clone());
+        request.extensions_mut().insert(operator);
+        return Ok(request);
+    }
+    if connection.is_some_and(|connection| connection.is_spare) {
+        return Err(Problem::busy("every connection is taken".to_owned()));
+    }
+    request.extensions_mut().insert(operator?);
+    let (parts, body) = request.into_parts();
+    let body = read(&parts.headers, body).await?;
+    Ok(Request::from_parts(parts, body))
+}
+
+/// The host that is asked for, as the request names it.
+fn host(headers: &HeaderMap, uri: &Uri) -> Result<Authority, Problem> {
+    let mut hosts = headers.get_all(header::HOST).iter();
+    let (Some(host), None) = (hosts.next(), hosts.next()) else {
+        return Err(Problem::bad_request("a request names one Host".to_owned()));
+    };
+    let host: Option<Authority> = host.to_str().ok().and_then(|host| host.parse().ok());
+    match host {
+        // Before a host may stand the name of a user, which has no business here.
+        Some(host) if !host.as_str().contains('@') => {
+            // What the request line names, where it names a host, is what counts.
+            Ok(uri.authority().cloned().unwrap_or(host))
+        }
+        _ => Err(Problem::bad_request("Host is not the name of a host".to_owned())),
+    }
+}
+
+/// The other site that had a browser send this, when one did.
+fn elsewhere(headers: &HeaderMap, host: &Authority) -> Option<String> {
+    let text = |value: &HeaderValue| value.to_str().unwrap_or("unreadable").to_owned();
+    let origins = headers.get_all(header::ORIGIN).iter().map(text);
+    if let Some(origin) = origins.into_iter().find(|origin| !is_same_origin(origin, host)) {
+        return Some(format!("Origin: {origin}"));
+    }
+    let sites = headers.get_all("sec-fetch-site").iter().map(text);
+    let other = sites.into_iter().find(|site| site != "same-origin" && site != "none")?;
+    Some(format!("Sec-Fetch-Site: {other}"))
+}
+
+/// Whether an origin is the one under which this daemon was asked. What stands before the daemon may
+/// speak TLS.
+fn is_same_origin(origin: &str, host: &Authority) -> bool {
+    let Ok(origin) = origin.parse::<Uri>() else { return false };
+    let default_port = match origin.scheme() {
+        Some(scheme) if *scheme == Scheme::HTTP => 80,
+        Some(scheme) if *scheme == Scheme::HTTPS => 443,
+        _ => return false,
+    };
+    let place = |authority: &Authority| {
+        (HostName::of_authority(authority), authority.port_u16().unwrap_or(default_port))
+    };
+    origin.authority().is_some_and(|origin| place(origin) == place(host))
+}
+
+fn check_token(doors: &Doors, headers: &HeaderMap) -> Result<(), Problem> {
+    let Some(token) = doors.token() else { return Ok(()) };
+    let Some(given) = headers.get(header::AUTHORIZATION) else {
+        return Err(Problem::unauthorized("this daemon asks for a token".to_owned()));
+    };
+    let given = given.to_str().ok().and_then(|given| given.split_once(' '));
+    match given {
+        Some((scheme, given))
+            if scheme.eq_ignore_ascii_case("bearer") && token.is(given.trim_start()) =>
+        {
+            Ok(())
+        }
+        _ => Err(Problem::unauthorized("the token is not the one of this daemon".to_owned())),
+    }
+}
+
+fn operator(headers: &HeaderMap, doors: &Doors) -> Result<Operator, Problem> {
+    let Some(name) = headers.get("x-operator") else { return Ok(doors.operator().clone()) };
+    let name = std::str::from_utf8(name.as_bytes()).unwrap_or_default();
+    name.parse().map_err(|error| Problem::bad_request(format!("X-Operator: {error}")))
+}
+
+/// The whole body, so that no handler waits for a client.
+async fn read(headers: &HeaderMap, body: Body) -> Result<Body, Problem> {
+    let least = body.size_hint().lower();
+    if least > BODY_MAX as u64 {
+        return Err(Problem::too_large());
+    }
+    let content_type = headers.get(header::CONTENT_TYPE).map(HeaderValue::to_str);
+    let essence = content_type.and_then(Result::ok).and_then(|value| value.split(';').next());
+    let is_readable =
+        essence.is_some_and(|essence| BODY_TYPES.contains(&essence.trim().to_lowercase().as_str()));
+    let refusal = || {
+        Problem::unsupported_media_type(format!(
+            "a body is sent as application/json or application/toml, not as {}",
+            essence.unwrap_or("nothing named")
+        ))
+    };
+    if least > 0 && !is_readable {
+        return Err(refusal());
+    }
+    match tokio::time::timeout(BODY_TIME, Limited::new(body, BODY_MAX).collect()).await {
+        Ok(Ok(body)) => {
+            let bytes = body.to_bytes();
+            if bytes.is_empty() || is_readable { Ok(Body::from(bytes)) } else { Err(refusal()) }
+        }
+        Ok(Err(error)) if error.is::<LengthLimitError>() => Err(Problem::too_large()),
+        Ok(Err(error)) => Err(Problem::bad_request(format!("the body cannot be read: {error}"))),
+        Err(_) => Err(Problem::too_slow()),
+    }
+}
+
+/// An answer in which an error is described as every error is, whoever made it.
+async fn described(answer: Response) -> Response {
+    let status = answer.status();
+    let is_error = status.is_client_error() || status.is_server_error();
+    let content_type = answer.headers().get(header::CONTENT_TYPE);
+    if !is_error || content_type.is_some_and(|value| value == PROBLEM_JSON) {
+        return answer;
+    }
+    let (parts, body) = answer.into_parts();
+    let text = to_bytes(body, DETAIL_MAX).await.unwrap_or_default();
+    let detail = String::from_utf8_lossy(&text).into_owned();
+    let mut answer = Problem::of(status, detail).into_response();
+    // Such as `Allow`, which belongs to a 405.
+    for (name, value) in &parts.headers {
+        if name != header::CONTENT_TYPE && name != header::CONTENT_LENGTH {
+            answer.headers_mut().insert(name, value.clone());
+        }
+    }
+    answer
+}
+
+/// More than any sentence of the HTTP library has.
+const DETAIL_MAX: usize = 4096;
+
+#[cfg(test)]
+mod tests {
+    use axum::http::StatusCode;
+    use futures_util::stream;
+
+    use super::*;
+
+    #[tokio::test(start_paused = true)]
+    async fn a_body_that_does_not_come_is_not_waited_for() {
+        let mut headers = HeaderMap::new();
+        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/json"));
+        let began = tokio::time::Instant::now();
+        let drip = stream::unfold((), async |()| {
+            tokio::time::sleep(Duration::from_secs(1)).await;
+            Some((Ok::<_, std::convert::Infallible>("x"), ()))
+        });
+        let refusal = read(&headers, Body::from_stream(drip)).await.unwrap_err();
+        assert_eq!(refusal.into_response().status(), StatusCode::REQUEST_TIMEOUT);
+        assert_eq!(began.elapsed(), BODY_TIME);
+    }
+}

@@ -1,0 +1,265 @@
+//! The listener: how many may come, how long they may take, and how they are sent away.
+
+use std::{future::poll_fn, net::IpAddr, pin::Pin, sync::Arc, time::Duration};
+
+use axum::{Router, body::Body, http::Request};
+use hyper::{body::Incoming, server::conn::http1, service::service_fn};
+use hyper_util::rt::{TokioIo, TokioTimer};
+use tokio::{
+    io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt},
+    net::{TcpListener, TcpStream},
+    sync::Semaphore,
+    task::JoinSet,
+    time::{sleep, timeout},
+};
+use tokio_util::sync::CancellationToken;
+use tower::ServiceExt;
+
+use super::{
+    guard::Connection,
+    problem::{PROBLEM_JSON, Problem},
+};
+
+/// A page in a browser has up to six connections, a script one or two. Each costs some 100 kB.
+const CONNECTIONS_MAX: usize = 128;
+/// Beyond these a connection takes one request, and only a stop is carried out: however many clients
+/// there are, stopping stays possible.
+const SPARES_MAX: usize = 64;
+/// A spare is free again after this, whatever its client does.
+const SPARE_TIME: Duration = Duration::from_secs(10);
+/// A head fits one packet. A client that needs longer for it than this is no client.
+const HEAD_TIME: Duration = Duration::from_secs(5);
+/// On a spare, where others wait.
+const SPARE_HEAD_TIME: Duration = Duration::from_secs(1);
+/// Browsers send 1 to 2 kB; a token may have 4 kB.
+const HEAD_MAX: usize = 16 << 10;
+/// What is read ahead of a request; the library takes no less than 8 kB.
+const BUFFER_MAX: usize = 32 << 10;
+/// How long a connection lives whose client neither takes nor acknowledges what was sent.
+const UNHEARD_TIME: Duration = Duration::from_secs(20);
+/// How long, and for how many bytes, a client may go on sending after the last answer to it.
+const LEAVE_TIME: Duration = Duration::from_secs(1);
+const LEAVE_MAX: u64 = 4 << 20;
+/// How long requests that are under way may take when the daemon ends.
+const GRACE: Duration = Duration::from_secs(2);
+/// After a connection could not be accepted, such as for want of file descriptors.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
+
+/// Serves until `closing`; after that, requests under way have [`GRACE`] to end.
+pub async fn serve(listener: TcpListener, router: Router, closing: CancellationToken) {
+    let ordinary = Arc::new(Semaphore::new(CONNECTIONS_MAX));
+    let spares = Arc::new(Semaphore::new(SPARES_MAX));
+    let mut connections = JoinSet::new();
+    loop {
+        let accepted = tokio::select! {
+            accepted = listener.accept() => accepted,
+            () = closing.cancelled() => break,
+        };
+        while connections.try_join_next().is_some() {}
+        let stream = match accepted {
+            Ok((stream, _)) => stream,
+            Err(error) => {
+                tracing::warn!(%error, "a connection could not be accepted");
+                sleep(ACCEPT_PAUSE).await;
+                continue;
+            }
+        };
+        let ordinary = Arc::clone(&ordinary).try_acquire_owned();
+        let is_spare = ordinary.is_err();
+        let place = tokio::select! {
+            place = async { match ordinary {
+                Ok(place) => Ok(place),
+                Err(_) => Arc::clone(&spares).acquire_owned().await,
+            } } => place,
+            () = closing.cancelled() => break,
+        };
+        let (router, closing) = (router.clone(), closing.clone());
+        connections.spawn(async move {
+            let connection = Connection { arrived_at: arrived_at(&stream), is_spare };
+            watch_over(&stream);
+            let conversation = converse(stream, router, connection, closing);
+            if is_spare {
+                _ = timeout(SPARE_TIME, conversation).await;
+            } else {
+                conversation.await;
+            }
+            drop(place);
+        });
+    }
+    drop(listener);
+    // Whatever has not ended by then ends with the set.
+    _ = timeout(GRACE, async { while connections.join_next().await.is_some() {} }).await;
+}
+
+fn arrived_at(stream: &TcpStream) -> Option<IpAddr> {
+    stream.local_addr().ok().map(|address| address.ip().to_canonical())
+}
+
+/// Has the system end a connection whose client is gone without a word or takes nothing.
+fn watch_over(stream: &TcpStream) {
+    let unheard_ms = u32::try_from(UNHEARD_TIME.as_millis()).unwrap_or(u32::MAX);
+    if let Err(error) = rustix::net::sockopt::set_tcp_user_timeout(stream, unheard_ms) {
+        tracing::debug!(%error, "a connection has no limit for clients that are gone");
+    }
+}
+
+/// Answers the requests of one client.
+async fn converse(
+    stream: impl AsyncRead + AsyncWrite + Unpin + Send + 'static,
+    router: Router,
+    connection: Connection,
+    closing: CancellationToken,
+) {
+    let service = service_fn(move |request: Request<Incoming>| {
+        let mut request = request.map(Body::new);
+        request.extensions_mut().insert(connection);
+        router.clone().oneshot(request)
+    });
+    let head_time = if connection.is_spare { SPARE_HEAD_TIME } else { HEAD_TIME };
+    let mut conversation = http1::Builder::new()
+        .timer(TokioTimer::new())
+        .header_read_timeout(head_time)
+        .max_header_size(HEAD_MAX)
+        .max_buf_size(BUFFER_MAX)
+        .keep_alive(!connection.is_spare)
+        .serve_connection(TokioIo::new(stream), service);
+    let ended = tokio::select! {
+        ended = poll_fn(|cx| conversation.poll_without_shutdown(cx)) => Some(ended),
+        () = closing.cancelled() => None,
+    };
+    let ended = if let Some(ended) = ended {
+        ended
+    } else {
+        Pin::new(&mut conversation).graceful_shutdown();
+        poll_fn(|cx| conversation.poll_without_shutdown(cx)).await
+    };
+    if let Err(error) = &ended {
+        tracing::debug!(%error, "a connection has ended");
+    }
+    if connection.is_spare {
+        // Others wait for its place.
+        return;
+    }
+    let left = conversation.into_parts();
+    let is_head_late = ended.is_err_and(|error| error.is_timeout()) && !left.read_buf.is_empty();
+    take_leave(left.io.into_inner(), is_head_late).await;
+}
+
+/// Closes a connection so that the client can read the last answer, even if it is still sending:
+/// what arrives after a socket is closed would make the system take the answer back.
+async fn take_leave(mut stream: impl AsyncRead + AsyncWrite + Unpin, is_head_late: bool) {
+    let leave = async {
+        if is_head_late {
+            // The library says nothing to a client that sent a part of a head.
+            stream.write_all(head_late().as_bytes()).await?;
+        }
+        stream.shutdown().await?;
+        tokio::io::copy(&mut (&mut stream).take(LEAVE_MAX), &mut tokio::io::sink()).await
+    };
+    // A client that is gone needs no leave.
+    _ = timeout(LEAVE_TIME, leave).await;
+}
+
+fn head_late() -> String {
+    let body = Problem::head_too_slow().to_json();
+    format!(
+        "HTTP/1.1 408 Request Timeout\r\ncontent-type: {PROBLEM_JSON}\r\nconnection: close\r\n\
+         content-length: {}\r\n\r\n{body}",
+        body.len()
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use axum::routing::get;
+    use tokio::{
+        io::{DuplexStream, duplex},
+        task::JoinHandle,
+        time::Instant,
+    };
+
+    use super::*;
+
+    const REQUEST: &[u8] = b"GET / HTTP/1.1\r\nhost: localhost\r\n\r\n";
+
+    /// A conversation with a client that sends what is written into the stream.
+    fn begin(is_spare: bool) -> (DuplexStream, CancellationToken, JoinHandle<()>) {
+        let (client, server) = duplex(1 << 10);
+        let router = Router::new().route("/", get(async || "answer"));
+        let (closing, connection) =
+            (CancellationToken::new(), Connection { arrived_at: None, is_spare });
+        let conversation = tokio::spawn(converse(server, router, connection, closing.clone()));
+        (client, closing, conversation)
+    }
+
+    async fn rest(mut client: DuplexStream) -> String {
+        let mut text = String::new();
+        client.read_to_string(&mut text).await.unwrap();
+        text
+    }
+
+    /// Sends a part of a head and waits for the end.
+    #[track_caller]
+    fn check(sent: &'static [u8], is_spare: bool) -> impl Future<Output = String> {
+        let at = std::panic::Location::caller();
+        async move {
+            let (began, (mut client, _closing, conversation)) = (Instant::now(), begin(is_spare));
+            client.write_all(sent).await.unwrap();
+            let text = rest(client).await;
+            conversation.await.unwrap();
+            let allowed = if is_spare { SPARE_HEAD_TIME } else { HEAD_TIME };
+            let took = began.elapsed();
+            assert!(took >= allowed && took < allowed + LEAVE_TIME, "{at}: {took:?}");
+            text
+        }
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_head_that_does_not_come_ends_the_connection() {
+        assert_eq!(check(b"", false).await, "");
+        assert_eq!(check(b"", true).await, "");
+        for cut in [1, 10, REQUEST.len() - 1] {
+            let answer = check(&REQUEST[..cut], false).await;
+            let (head, body) = answer.split_once("\r\n\r\n").unwrap();
+            assert!(head.starts_with("HTTP/1.1 408 ") && head.contains(PROBLEM_JSON), "{head}");
+            assert!(head.contains(&format!("content-length: {}", body.len())), "{head}");
+            let problem: serde_json::Value = serde_json::from_str(body).unwrap();
+            assert_eq!(problem["title"], "request timeout");
+        }
+        // Kept alive after an answer, it ends without another word.
+        let answer = check(REQUEST, false).await;
+        assert!(answer.ends_with("\r\n\r\nanswer"), "{answer}");
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_head_that_drips_is_not_waited_for() {
+        let began = Instant::now();
+        let (client, _closing, conversation) = begin(false);
+        let (reading, mut writing) = tokio::io::split(client);
+        let drip = tokio::spawn(async move {
+            for byte in REQUEST.iter().cycle() {
+                if writing.write_all(&[*byte]).await.is_err() {
+                    return;
+                }
+                sleep(Duration::from_millis(900)).await;
+            }
+        });
+        conversation.await.unwrap();
+        assert!(began.elapsed() < HEAD_TIME + 2 * LEAVE_TIME, "{:?}", began.elapsed());
+        drop(reading);
+        drip.await.unwrap();
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn closing_ends_what_is_idle_at_once() {
+        let (mut client, closing, conversation) = begin(false);
+        client.write_all(REQUEST).await.unwrap();
+        let mut first = [0; 12];
+        client.read_exact(&mut first).await.unwrap();
+        let began = Instant::now();
+        closing.cancel();
+        assert!(rest(client).await.ends_with("answer"));
+        conversation.await.unwrap();
+        assert_eq!(began.elapsed(), Duration::ZERO);
+    }
+}

@@ -1,0 +1,308 @@
+//! How the program ends when it is asked to: with the probe clear, and in time.
+
+#![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
+
+use std::{
+    fs,
+    io::{BufRead, BufReader, Read, Write},
+    net::TcpStream,
+    path::{Path, PathBuf},
+    process::{Child, ChildStderr, Command, ExitStatus, Output, Stdio},
+    thread::{self, sleep},
+    time::{Duration, Instant},
+};
+
+use rig_store::{ProbeWord, Reader, Record};
+use rustix::process::{Pid, Signal, kill_process};
+use tempfile::TempDir;
+
+/// Nothing here takes longer.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A simulated rig that takes as long as a real one.
+fn real_time_rig(folder: &Path) -> PathBuf {
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config");
+    let text = fs::read_to_string(config.join("rigs/simulated.toml")).unwrap();
+    let scene = config.join("scenes/paper.toml").canonicalize().unwrap();
+    let changed = text
+        .replace("\"../scenes/paper.toml\"", &format!("{:?}", scene.to_str().unwrap()))
+        .replace("pace = \"virtual\"", "pace = \"real\"");
+    assert!(changed.contains("pace = \"real\"") && changed.contains(scene.to_str().unwrap()));
+    let path = folder.join("rig.toml");
+    fs::write(&path, changed).unwrap();
+    path
+}
+
+/// The program, with what it writes to stderr.
+struct Program {
+    child: Child,
+    stderr: BufReader<ChildStderr>,
+    data: PathBuf,
+}
+
+impl Program {
+    fn start(folder: &Path, args: &[&str]) -> Self {
+        let data = folder.join("data");
+        let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        let mut child = Command::new(env!("CARGO_BIN_EXE_rigd"))
+            .args(args)
+            .args(["--data", data.to_str().unwrap()])
+            .args(["--rig", real_time_rig(folder).to_str().unwrap(), "--operator", "Ada Lovelace"])
+            .current_dir(repository)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let stderr = BufReader::new(child.stderr.take().unwrap());
+        Self { child, stderr, data }
+    }
+
+    /// The daemon, and the address that it prints.
+    fn serve(folder: &Path) -> (Self, String) {
+        let protocol = "config/protocols/smoke.toml";
+        let mut this = Self::start(folder, &["serve", protocol, "--listen", "127.0.0.1:0"]);
+        let line = this.wait_for_line("listening on");
+        let address = line.split_once("http://").unwrap().1.trim().trim_end_matches('/').to_owned();
+        (this, address)
+    }
+
+    fn wait_for_line(&mut self, part: &str) -> String {
+        let mut line = String::new();
+        while !line.contains(part) {
+            line.clear();
+            assert_ne!(self.stderr.read_line(&mut line).unwrap(), 0, "the program ended first");
+        }
+        line
+    }
+
+    fn signal(&self, signal: Signal) {
+        kill_process(Pid::from_child(&self.child), signal).unwrap();
+    }
+
+    /// Waits until a record of the journal is what is wanted.
+    fn wait_for_record(&self, what: &str, is_wanted: impl Fn(&Record) -> bool) {
+        let began = Instant::now();
+        while began.elapsed() < PATIENCE {
+            let events = Reader::open(&self.data).and_then(|reader| reader.events_after(0, 10_000));
+            if events.is_ok_and(|all| all.iter().any(|stored| is_wanted(&stored.record().unwrap())))
+            {
+                return;
+            }
+            // Records come from another program.
+            sleep(Duration::from_millis(5));
+        }
+        panic!("gave up waiting for {what}");
+    }
+
+    fn wait_until_lowered(&self) {
+        self.wait_for_record("the probe to be lowered", |record| {
+            matches!(record, Record::Intent(_))
+        });
+    }
+
+    fn end(mut self) -> (ExitStatus, String, PathBuf) {
+        let mut text = String::new();
+        self.stderr.read_to_string(&mut text).unwrap();
+        (self.child.wait().unwrap(), text, self.data)
+    }
+}
+
+/// The last session has ended in order, with the probe clear.
+#[track_caller]
+fn check_clear(data: &Path) {
+    let reader = Reader::open(data).unwrap();
+    let session = reader.latest_session("simulated bench").unwrap().unwrap();
+    assert_eq!(session.status.name(), "completed");
+    assert_eq!(reader.probe_word(&session).unwrap(), ProbeWord::Clear);
+}
+
+/// Does the same for each case, all at the same time: most of it is waiting for a rig.
+fn at_once<T: Send>(cases: impl IntoIterator<Item = T>, check: impl Fn(T) + Sync) {
+    thread::scope(|scope| {
+        for case in cases {
+            let check = &check;
+            scope.spawn(move || check(case));
+        }
+    });
+}
+
+const SIGNALS: [Signal; 4] = [Signal::INT, Signal::TERM, Signal::HUP, Signal::QUIT];
+
+#[test]
+fn every_signal_retracts_a_probe_that_was_lowered() {
+    let commands: [&[&str]; 3] = [
+        &["run", "config/protocols/smoke.toml"],
+        &["measure", "--min-hz", "120", "--max-hz", "165", "--at-mm", "12"],
+        &["move", "linear", "12"],
+    ];
+    let cases = SIGNALS.into_iter().flat_map(|signal| commands.map(|args| (signal, args)));
+    at_once(cases, |(signal, args)| {
+        let folder = TempDir::new().unwrap();
+        let program = Program::start(folder.path(), args);
+        program.wait_until_lowered();
+        program.signal(signal);
+        let (status, text, data) = program.end();
+        assert_eq!(status.code(), Some(5), "{args:?} {signal:?}: {text}");
+        assert!(text.contains("interrupt again to stop everything"), "{text}");
+        check_clear(&data);
+    });
+}
+
+#[test]
+fn every_signal_closes_the_daemon() {
+    at_once(SIGNALS, |signal| {
+        let folder = TempDir::new().unwrap();
+        let (program, _) = Program::serve(folder.path());
+        program.signal(signal);
+        let (status, text, data) = program.end();
+        assert!(status.success(), "{signal:?}: {text}");
+        check_clear(&data);
+    });
+}
+
+#[test]
+fn homing_is_ended_by_a_signal() {
+    for signal in SIGNALS {
+        let folder = TempDir::new().unwrap();
+        let program = Program::start(folder.path(), &["home"]);
+        program.wait_for_record(
+            "homing to begin",
+            |record| matches!(record, Record::Operator(operator) if operator.action == "prepare"),
+        );
+        program.signal(signal);
+        let (status, text, _) = program.end();
+        assert_eq!(status.code(), Some(130), "{signal:?}: {text}");
+    }
+}
+
+#[test]
+fn clients_that_hold_half_a_request_do_not_hold_the_daemon() {
+    let folder = TempDir::new().unwrap();
+    let (program, address) = Program::serve(folder.path());
+    let halves: [&str; 4] = [
+        "",
+        "GET /api/v1/rig HTT",
+        "POST /api/v1/runs HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\n\
+         content-length: 100\r\n\r\n{",
+        "GET /api/v1/events HTTP/1.1\r\nhost: localhost\r\n\r\n",
+    ];
+    let clients = halves.map(|half| {
+        let mut client = TcpStream::connect(&address).unwrap();
+        client.write_all(half.as_bytes()).unwrap();
+        client
+    });
+    let mut streaming = &clients[3];
+    streaming.read_exact(&mut [0; 15]).unwrap();
+    program.signal(Signal::TERM);
+    let began = Instant::now();
+    let (status, text, data) = program.end();
+    assert!(status.success(), "{text}");
+    assert!(began.elapsed() < Duration::from_secs(5), "{:?}", began.elapsed());
+    check_clear(&data);
+}
+
+#[test]
+fn a_second_signal_ends_the_daemon_at_once_and_says_where_the_probe_is() {
+    let folder = TempDir::new().unwrap();
+    let (mut program, address) = Program::serve(folder.path());
+    program.wait_for_record(
+        "service",
+        |record| matches!(record, Record::StateChanged(change) if change.state == "idle"),
+    );
+    let begun = request(&address, "POST /api/v1/runs", "x-operator: Grace Hopper\r\n");
+    assert!(begun.starts_with("HTTP/1.1 202 "), "{begun}");
+    program.wait_until_lowered();
+    program.signal(Signal::TERM);
+    program.wait_for_line("interrupt again");
+    program.signal(Signal::TERM);
+    let began = Instant::now();
+    let (status, text, data) = program.end();
+    assert_eq!(status.code(), Some(1), "{text}");
+    assert!(began.elapsed() < Duration::from_secs(1), "{:?}", began.elapsed());
+    assert!(text.contains("it is left as it is, and the probe is in contact"), "{text}");
+    let reader = Reader::open(&data).unwrap();
+    let run = reader.find("latest").unwrap();
+    let left = reader.interruption(&run).unwrap().unwrap();
+    assert!(matches!(left.probe, ProbeWord::MayTouch { .. }), "{left:?}");
+    let asked = reader.records(run.id).unwrap().into_iter().find_map(|stored| {
+        match stored.record().unwrap() {
+            Record::Operator(operator) => Some((operator.action, operator.who)),
+            _ => None,
+        }
+    });
+    assert_eq!(asked.unwrap(), ("run".to_owned(), "Grace Hopper".to_owned()));
+}
+
+#[test]
+fn hanging_up_is_ignored_where_that_was_asked_for() {
+    let folder = TempDir::new().unwrap();
+    let data = folder.path().join("data");
+    let rig = real_time_rig(folder.path());
+    let script = "trap '' HUP; exec \"$@\"";
+    let mut child = Command::new("sh")
+        .args(["-c", script, "sh", env!("CARGO_BIN_EXE_rigd"), "move", "linear", "29"])
+        .args(["--data", data.to_str().unwrap(), "--rig", rig.to_str().unwrap()])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let stderr = BufReader::new(child.stderr.take().unwrap());
+    let program = Program { child, stderr, data };
+    program.wait_until_lowered();
+    program.signal(Signal::HUP);
+    let (status, text, _) = program.end();
+    assert!(status.success(), "{text}");
+}
+
+#[test]
+fn a_stop_gets_through_when_every_connection_is_taken() {
+    let folder = TempDir::new().unwrap();
+    let (program, address) = Program::serve(folder.path());
+    // As many as there may be; each keeps its place for five seconds.
+    let held: Vec<TcpStream> = (0..128).map(|_| TcpStream::connect(&address).unwrap()).collect();
+    let refused = request(&address, "GET /api/v1/rig", "");
+    assert!(refused.starts_with("HTTP/1.1 503 "), "{refused}");
+    assert!(refused.contains("application/problem+json"), "{refused}");
+    let stopped = request(&address, "POST /api/v1/stop", "");
+    assert!(stopped.starts_with("HTTP/1.1 200 "), "{stopped}");
+    drop(held);
+    program.signal(Signal::TERM);
+    let (_, text, _) = program.end();
+    assert!(text.contains("closing"), "{text}");
+}
+
+/// One request on a connection of its own.
+fn request(address: &str, line: &str, headers: &str) -> String {
+    let mut client = TcpStream::connect(address).unwrap();
+    let text = format!("{line} HTTP/1.1\r\nhost: localhost\r\n{headers}connection: close\r\n\r\n");
+    client.write_all(text.as_bytes()).unwrap();
+    let mut answer = String::new();
+    client.read_to_string(&mut answer).unwrap();
+    answer
+}
+
+#[test]
+fn what_would_open_the_rig_to_a_network_is_refused() {
+    let serve = |args: &[&str]| -> Output {
+        Command::new(env!("CARGO_BIN_EXE_rigd")).arg("serve").args(args).output().unwrap()
+    };
+    let (folder, missing) = (TempDir::new().unwrap(), "no-such-file");
+    let path = folder.path().join("token");
+    fs::write(&path, "0123456789abcdef").unwrap();
+    let open = path.to_str().unwrap();
+    let rows: [(&[&str], &str); 6] = [
+        (&["--listen", "0.0.0.0:0"], "give --token-file"),
+        (&["--listen", "[::]:0"], "give --token-file"),
+        (&["--listen", "192.0.2.1:80"], "give --token-file"),
+        (&["--token-file", missing], missing),
+        (&["--listen", "0.0.0.0:0", "--token-file", open], "chmod 600"),
+        (&["--allow-host", "http://bench"], "without port or path"),
+    ];
+    for (args, reason) in rows {
+        let output = serve(args);
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {text}");
+        assert!(text.contains(reason), "{args:?}: {text}");
+    }
+}
