@@ -19,6 +19,25 @@ pub fn shipped(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
 }
 
+/// The text of a file of the repository.
+///
+/// # Panics
+/// When there is no such file.
+pub fn text(path: &str) -> String {
+    fs::read_to_string(shipped(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
+}
+
+/// A text with other texts in it.
+///
+/// # Panics
+/// When one is not there to be changed.
+pub fn changed(text: &str, changes: &[(&str, &str)]) -> String {
+    changes.iter().fold(text.to_owned(), |text, (from, to)| {
+        assert!(text.contains(from), "there is no {from:?} in {text}");
+        text.replace(from, to)
+    })
+}
+
 /// A simulated rig that is open, with a journal that goes with it.
 #[derive(Debug)]
 pub struct TestRig {
@@ -44,15 +63,20 @@ impl TestRig {
     /// # Panics
     /// When a text is not there to be changed, or the rig does not come into service.
     pub async fn open_changed(changes: &[(&str, &str)]) -> Self {
+        Self::open_bench(changes, &[]).await
+    }
+
+    /// Opens the shipped simulated rig with other texts in its file and in its scene.
+    ///
+    /// # Panics
+    /// When a text is not there to be changed, or the rig does not come into service.
+    pub async fn open_bench(rig: &[(&str, &str)], scene: &[(&str, &str)]) -> Self {
         let data = TempDir::new().expect("a temporary directory");
-        let rigs = shipped("config/rigs");
-        let mut text = fs::read_to_string(rigs.join("simulated.toml")).expect("a shipped file");
+        let scene = changed(&text("config/scenes/paper.toml"), scene);
+        fs::write(data.path().join("scene.toml"), scene).expect("a temporary file");
         // The scene is named from where the rig file is.
-        let scene = shipped("config/scenes/paper.toml").display().to_string();
-        for (from, to) in [("../scenes/paper.toml", scene.as_str())].iter().chain(changes) {
-            assert!(text.contains(from), "the rig file does not say {from}");
-            text = text.replace(from, to);
-        }
+        let text = changed(&text("config/rigs/simulated.toml"), rig);
+        let text = changed(&text, &[("../scenes/paper.toml", "scene.toml")]);
         let path = data.path().join("rig.toml");
         fs::write(&path, text).expect("a temporary file");
         let rig = LoadedRig::load(&path).unwrap_or_else(|error| panic!("{error}"));

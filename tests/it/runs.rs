@@ -1,14 +1,8 @@
 //! Whole runs.
 
-use std::fs;
-
 use rig_engine::RunStatus;
-use rig_store::{Record, Verdict, export};
-use rig_tests::{TestRig, shipped};
-
-fn text(path: &str) -> String {
-    fs::read_to_string(shipped(path)).unwrap()
-}
+use rig_store::{Record, SweepVerdict, Verdict, export};
+use rig_tests::{TestRig, changed, text};
 
 #[tokio::test]
 async fn the_papers_protocol_gives_a_shift_for_every_touch() {
@@ -66,6 +60,54 @@ async fn a_second_run_goes_on_where_the_first_left_the_bench() {
     for _ in 0..2 {
         let (_, ending) = rig.run(rig.protocol(&text("config/protocols/smoke.toml"))).await;
         assert_eq!(ending, RunStatus::Completed);
+    }
+    rig.close().await;
+}
+
+/// A scene in which the planner read one place again and again for minutes, the probe in contact.
+#[tokio::test]
+async fn a_scene_in_which_a_sweep_did_not_end_is_measured() {
+    let rig = TestRig::open_bench(&[], &[("seed = 2020", "seed = 98")]).await;
+    let (run, ending) = rig.run(rig.protocol(&text("config/protocols/smoke.toml"))).await;
+    assert_eq!(ending, RunStatus::Completed);
+    let mut sweeps = 0;
+    for stored in rig.records(run) {
+        if let Record::Sweep(sweep) = stored.record().unwrap() {
+            sweeps += 1;
+            let is_accepted = matches!(sweep.verdict, SweepVerdict::Accepted { .. });
+            assert!(is_accepted && sweep.readings.len() < 100, "{sweep:?}");
+        }
+    }
+    assert!(sweeps > 30, "{sweeps}");
+    rig.close().await;
+}
+
+/// A window that ends below the resonance in contact: each touch is refused within its time limit,
+/// and the message says why.
+#[tokio::test]
+async fn a_resonance_beyond_the_window_is_refused_in_time() {
+    let rig = TestRig::open().await;
+    let smoke = text("config/protocols/smoke.toml");
+    for max_hz in ["max_hz = 200", "max_hz = 155"] {
+        let protocol = changed(&smoke, &[("max_hz = 260", max_hz)]);
+        let (run, ending) = rig.run(rig.protocol(&protocol)).await;
+        assert_eq!(ending, RunStatus::CompletedWithRefusals);
+        let (mut measured, mut refused) = (0, 0);
+        for stored in rig.records(run) {
+            let Record::Sweep(sweep) = stored.record().unwrap() else { continue };
+            match sweep.verdict {
+                SweepVerdict::Accepted { .. } => measured += 1,
+                SweepVerdict::Refused { ref reason } => {
+                    refused += 1;
+                    let last = sweep.readings.last().unwrap();
+                    let end_s = last.started_s + last.settle_s + last.integration_s;
+                    let seconds = end_s - sweep.readings[0].started_s;
+                    assert!(seconds <= 30.0, "{seconds} s");
+                    assert!(!reason.is_empty());
+                }
+            }
+        }
+        assert!(refused > 0 && measured > 0, "{max_hz}: {refused} refused, {measured} measured");
     }
     rig.close().await;
 }

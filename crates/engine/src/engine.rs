@@ -212,13 +212,13 @@ impl Engine {
             Command::Prepare | Command::Acknowledge => self.prepare(now, effects),
             Command::Run(plan) => {
                 let mut run = Box::new(Run::new(*plan));
-                let turn = self.advance(&mut run, News::Begin);
+                let turn = self.advance(now, &mut run, News::Begin);
                 self.activity = Activity::Running(run);
                 self.follow_run(now, turn, effects);
             }
             Command::Sweep(request) => {
                 let (sweep, turn) =
-                    Sweep::begin(SweepPurpose::Manual, &request, None, &mut self.notes);
+                    Sweep::begin(now, SweepPurpose::Manual, &request, None, &mut self.notes);
                 self.activity = Activity::Sweeping(Box::new(sweep));
                 self.follow_sweep(now, turn, effects);
             }
@@ -294,7 +294,7 @@ impl Engine {
             (Activity::Preparing(_), Ok(_)) => self.preparing(now, effects),
             (Activity::Moving, Ok(_)) => self.activity = Activity::Idle,
             (Activity::Sweeping(sweep), Ok(Report::Measured(readings))) => {
-                let turn = sweep.measured(&readings, &mut self.notes);
+                let turn = sweep.measured(now, &readings, &mut self.notes);
                 self.follow_sweep(now, turn, effects);
             }
             (_, Ok(report)) => self.tell_run(now, News::from(report), effects),
@@ -400,7 +400,7 @@ impl Engine {
         let activity = std::mem::replace(&mut self.activity, Activity::Idle);
         match activity {
             Activity::Running(mut run) | Activity::Waiting(mut run, _) => {
-                let turn = self.advance(&mut run, news);
+                let turn = self.advance(now, &mut run, news);
                 self.activity = Activity::Running(run);
                 self.follow_run(now, turn, effects);
             }
@@ -413,8 +413,8 @@ impl Engine {
         }
     }
 
-    fn advance(&mut self, run: &mut Run, news: News) -> Turn<RunStatus> {
-        run.advance(news, &self.bench, self.interlock.clearance(), &mut self.notes)
+    fn advance(&mut self, now: RigTime, run: &mut Run, news: News) -> Turn<RunStatus> {
+        run.advance(now, news, &self.bench, self.interlock.clearance(), &mut self.notes)
     }
 
     fn pause(&mut self, now: RigTime, command: &Command, effects: &mut Vec<Effect>) {

@@ -163,6 +163,13 @@ pub enum Event {
         /// Every position tried, with its reading.
         trail: Vec<(Position<Mm>, Reading)>,
     },
+    /// It has been decided how a sweep goes on.
+    Planned {
+        /// Readings that it has so far.
+        readings: usize,
+        /// What was computed for it, in readings with their slopes.
+        work: u64,
+    },
     /// A sweep is done.
     SweepFinished(Box<SweepOutcome>),
     /// A touch is done and the probe is clear.

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use rig_model::{Bench, Clearance, Deg, Mm, Position, Reading, Window};
+use rig_model::{Bench, Clearance, Deg, Mm, Position, Reading, RigTime, Window};
 use rig_protocol::{Action, Plan, Pose, Prompt};
 use rig_resonance::{Prior, Resonance, Verdict};
 
@@ -81,6 +81,7 @@ impl News {
 
 /// What a machine can see and write to.
 pub(crate) struct Context<'a> {
+    pub(crate) now: RigTime,
     pub(crate) plan: &'a Plan,
     pub(crate) bench: &'a Bench,
     pub(crate) clearance: Clearance,
@@ -168,14 +169,15 @@ impl Run {
 
     pub(crate) fn advance(
         &mut self,
+        now: RigTime,
         news: News,
         bench: &Bench,
         clearance: Clearance,
         notes: &mut Vec<Event>,
     ) -> Turn<RunStatus> {
-        let mut context = Context { plan: &self.plan, bench, clearance, notes };
+        let mut context = Context { now, plan: &self.plan, bench, clearance, notes };
         let turn = match &mut self.machine {
-            Machine::Between => return self.next_step(bench, clearance, notes),
+            Machine::Between => return self.next_step(now, bench, clearance, notes),
             Machine::Prompting(prompt) => prompting(*prompt, news, &mut context),
             Machine::NoLoad(machine) => {
                 let last = self.no_load.as_ref();
@@ -193,13 +195,14 @@ impl Run {
         turn.and_then(|()| {
             self.machine = Machine::Between;
             self.index += 1;
-            self.next_step(bench, clearance, notes)
+            self.next_step(now, bench, clearance, notes)
         })
     }
 
     /// Begins the next step, or pauses before it, or ends the run.
     fn next_step(
         &mut self,
+        now: RigTime,
         bench: &Bench,
         clearance: Clearance,
         notes: &mut Vec<Event>,
@@ -227,7 +230,7 @@ impl Run {
             },
         };
         notes.push(Event::StepStarted { index: self.index });
-        self.advance(News::Begin, bench, clearance, notes)
+        self.advance(now, News::Begin, bench, clearance, notes)
     }
 }
 
@@ -269,7 +272,9 @@ impl NoLoad {
         let turn = match (news, &mut self.sweep) {
             (News::Begin, _) => return context.rotate_to(self.pose),
             (News::RotaryAt(_), _) => self.begin(last, context),
-            (News::Readings(readings), Some(sweep)) => sweep.measured(&readings, context.notes),
+            (News::Readings(readings), Some(sweep)) => {
+                sweep.measured(context.now, &readings, context.notes)
+            }
             (news, _) => return Turn::Fault(news.out_of_order("a no-load measurement")),
         };
         self.follow(turn, context)
@@ -287,7 +292,7 @@ impl NoLoad {
             Prior::moved(last, Window { min_hz, max_hz })
         });
         let (sweep, turn) =
-            Sweep::begin(SweepPurpose::NoLoad, request, prior.as_ref(), context.notes);
+            Sweep::begin(context.now, SweepPurpose::NoLoad, request, prior.as_ref(), context.notes);
         self.sweep = Some(sweep);
         turn
     }

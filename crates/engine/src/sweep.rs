@@ -1,6 +1,6 @@
 //! Measures one resonance: asks the planner for points until it has an answer.
 
-use rig_model::{DriveLevel, Reading, SweepRequest};
+use rig_model::{DriveLevel, Reading, RigTime, SweepRequest};
 use rig_resonance::{Next, Planner, Prior};
 
 use crate::{Event, Fault, Operation, SweepOutcome, SweepPurpose};
@@ -24,6 +24,7 @@ pub(crate) enum SweepTurn {
 pub(crate) struct Sweep {
     purpose: SweepPurpose,
     planner: Planner,
+    begun: RigTime,
     level: DriveLevel,
     asked: usize,
     readings: Vec<Reading>,
@@ -31,31 +32,49 @@ pub(crate) struct Sweep {
 
 impl Sweep {
     pub(crate) fn begin(
+        now: RigTime,
         purpose: SweepPurpose,
         request: &SweepRequest,
         prior: Option<&Prior>,
         notes: &mut Vec<Event>,
     ) -> (Self, SweepTurn) {
         let planner = Planner::new(request, prior);
-        let mut sweep =
-            Self { purpose, planner, level: request.level, asked: 0, readings: Vec::new() };
-        let turn = sweep.next(notes);
+        let mut sweep = Self {
+            purpose,
+            planner,
+            begun: now,
+            level: request.level,
+            asked: 0,
+            readings: Vec::new(),
+        };
+        let turn = sweep.next(0, notes);
         (sweep, turn)
     }
 
     /// Readings have come.
-    pub(crate) fn measured(&mut self, readings: &[Reading], notes: &mut Vec<Event>) -> SweepTurn {
+    pub(crate) fn measured(
+        &mut self,
+        now: RigTime,
+        readings: &[Reading],
+        notes: &mut Vec<Event>,
+    ) -> SweepTurn {
         if readings.len() != self.asked {
             let fault = Fault::MissingReadings { given: readings.len(), asked: self.asked };
             return SweepTurn::Fault(fault);
         }
+        let work = self.planner.work();
+        self.planner.pass(now.since(self.begun).as_secs_f64());
         self.planner.add(readings);
         self.readings.extend_from_slice(readings);
-        self.next(notes)
+        self.next(work, notes)
     }
 
-    fn next(&mut self, notes: &mut Vec<Event>) -> SweepTurn {
-        match self.planner.next() {
+    /// Asks the planner, which had done this much work before.
+    fn next(&mut self, work: u64, notes: &mut Vec<Event>) -> SweepTurn {
+        let next = self.planner.next();
+        let (readings, work) = (self.readings.len(), self.planner.work() - work);
+        notes.push(Event::Planned { readings, work });
+        match next {
             Next::Measure(points) => {
                 self.asked = points.len();
                 SweepTurn::Measure(Operation::Measure { points, level: self.level })

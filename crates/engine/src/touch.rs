@@ -109,7 +109,7 @@ impl TouchMachine {
             }
             (&mut Phase::Dwelling(contact), News::Waited) => self.sweep(contact, RETRIES, context),
             (Phase::Sweeping { sweep, .. }, News::Readings(readings)) => {
-                let turn = sweep.measured(&readings, context.notes);
+                let turn = sweep.measured(context.now, &readings, context.notes);
                 self.swept(turn, context)
             }
             (Phase::Retracting { contact, loaded }, News::LinearAt(_))
@@ -188,7 +188,7 @@ impl TouchMachine {
         // A refused sweep is repeated without the belief that may have misled it.
         let prior = (retries_left == RETRIES).then(|| self.stiffened(request.window));
         let (sweep, turn) =
-            Sweep::begin(SweepPurpose::Touch, request, prior.as_ref(), context.notes);
+            Sweep::begin(context.now, SweepPurpose::Touch, request, prior.as_ref(), context.notes);
         self.phase = Phase::Sweeping { contact, sweep: Box::new(sweep), retries_left };
         self.swept(turn, context)
     }

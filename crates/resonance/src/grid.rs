@@ -45,6 +45,9 @@ const C1_TYPICAL: f64 = 0.07;
 
 /// Distance of the trial frequencies, relative: at a quality of 150 one linewidth.
 const STEP: f64 = 0.007;
+/// Most steps over a window: from 4 Hz to 8 MHz, further than any impedance analyzer goes. Beyond it the
+/// steps get longer.
+const STEPS_MAX: u32 = 2100;
 const QUALITIES: [f64; 7] = [6.0, 10.0, 17.0, 30.0, 52.0, 90.0, 150.0];
 
 /// All trials.
@@ -68,11 +71,14 @@ struct Cell {
 }
 
 impl Grid {
+    /// The most trials that there are.
+    pub(crate) const TRIALS_MAX: u64 = (STEPS_MAX as u64 + 1) * QUALITIES.len() as u64;
+
     /// Readings that have not settled count for less where the variance of the noise at ten cycles
     /// is given.
     pub(crate) fn new(window: Window, timing: Timing, variance: Option<f64>) -> Self {
         let Window { min_hz, max_hz } = window;
-        let steps = ((max_hz / min_hz).ln() / STEP).ceil().max(1.0);
+        let steps = ((max_hz / min_hz).ln() / STEP).ceil().clamp(1.0, f64::from(STEPS_MAX));
         let mut cells = Vec::new();
         let mut step = 0.0;
         while step <= steps {
@@ -81,6 +87,11 @@ impl Grid {
             step += 1.0;
         }
         Self { timing, variance, cells }
+    }
+
+    /// How many trials there are.
+    pub(crate) fn trials(&self) -> usize {
+        self.cells.len()
     }
 
     /// Takes in one more reading.

@@ -1,8 +1,10 @@
 //! Which frequency to measure next.
 //!
 //! The planner does not measure and has no clock: it is asked for points, is given the readings,
-//! and is asked again, until it has a verdict. What it costs is told by the readings themselves.
+//! and is asked again, until it has a verdict. The readings say how long they took; what passes besides,
+//! it is told, and its own thinking it counts.
 
+mod limit;
 mod settled;
 mod tracker;
 mod transient;
@@ -10,9 +12,15 @@ mod transient;
 use rig_model::{Reading, SweepMethod, SweepPoint, SweepRequest, Window};
 
 use crate::{
-    Circuit, FitOptions, Fitter, NoisePrior, Past, Reason, Resonance, Timing, Verdict,
+    Circuit, FitOptions, Fitter, NoisePrior, Past, Reason, Refusal, Resonance, Timing, Verdict,
     fit::POINTS_MIN,
     trace::{CIRCUIT, Sample},
+};
+pub(crate) use limit::Deviation;
+pub use limit::Limit;
+use limit::{
+    READINGS_MAX, READINGS_SHORT, ROWS_PER_PLAN, ROWS_PER_READING_JUDGED, SECONDS_PER_ROW,
+    SHORTEST_SHARE, VERDICTS_MAX,
 };
 use settled::Settled;
 use tracker::Tracker;
@@ -64,6 +72,22 @@ pub struct Planner {
     aim_hz: f64,
     /// Refusals in a row.
     refusals: usize,
+    /// How often the readings were judged.
+    verdicts: usize,
+    /// The time since the sweep began, s.
+    passed_s: f64,
+    /// Rows computed so far, besides those of the tracker.
+    work: u64,
+}
+
+/// What the next point is to lead to.
+#[derive(Debug)]
+struct Goal {
+    window: Window,
+    /// The standard deviation aimed at, Hz.
+    aim_hz: f64,
+    /// The shortest integration, s.
+    shortest_s: f64,
 }
 
 #[derive(Debug, Clone)]
@@ -123,7 +147,20 @@ impl Planner {
         };
         let (readings, fitter) = (Vec::new(), Fitter::default());
         let aim_hz = AIM * request.target_sigma_hz;
-        Self { request: *request, options, readings, fitter, method, aim_hz, refusals: 0 }
+        let (refusals, verdicts, passed_s, work) = (0, 0, 0.0, 0);
+        let request = *request;
+        Self {
+            request,
+            options,
+            readings,
+            fitter,
+            method,
+            aim_hz,
+            refusals,
+            verdicts,
+            passed_s,
+            work,
+        }
     }
 
     /// What to do next. Asked again without new readings, it ends with what it has.
@@ -143,9 +180,74 @@ impl Planner {
         }
     }
 
+    /// Tells how long ago the sweep began, s. Readings tell only of their own time.
+    pub fn pass(&mut self, since_begin_s: f64) {
+        self.passed_s = since_begin_s;
+    }
+
+    /// How often one sweep is judged before it ends.
+    pub const VERDICTS_MAX: usize = limit::VERDICTS_MAX;
+
+    /// How often the readings were judged.
+    pub const fn verdicts(&self) -> usize {
+        self.verdicts
+    }
+
+    /// The most that is computed between two readings, as [`Self::work`] counts it.
+    pub const WORK_MAX: u64 = limit::STEP_WORK_MAX;
+
+    /// How much has been computed so far, in readings with their slopes.
+    pub fn work(&self) -> u64 {
+        self.work + self.tracker().map_or(0, Tracker::work)
+    }
+
+    /// The time that counts against the limit, s: what has passed, and the thinking.
+    fn elapsed_s(&self) -> f64 {
+        self.passed_s.max(elapsed_s(&self.readings)) + SECONDS_PER_ROW * self.work() as f64
+    }
+
     fn verdict(&mut self) -> Verdict {
-        self.options.near = self.tracker().and_then(Tracker::circuit);
+        self.verdicts += 1;
+        self.work += ROWS_PER_READING_JUDGED * self.readings.len() as u64;
+        self.options.near = match &mut self.method {
+            Method::Uniform { .. } => None,
+            Method::Settled(settled) => settled.tracker_mut().circuit(),
+            Method::Transient(transient) => transient.tracker_mut().circuit(),
+        };
         self.fitter.fit(&self.readings, &self.options)
+    }
+
+    /// The verdict of a planned sweep that ends here; one that is not as good as it was asked for is
+    /// a refusal, with what there is as evidence.
+    fn finish(&mut self, limit: Limit) -> Next {
+        let verdict = self.verdict();
+        let target_hz = self.request.target_sigma_hz;
+        let estimate = match &verdict {
+            Verdict::Accepted(found) => Some(*found),
+            Verdict::Refused(refusal) if needs_more(&verdict) => refusal.estimate,
+            Verdict::Refused(_) => return Next::Finished(verdict),
+        };
+        let sigma_hz = estimate.map(|found| found.sigma_hz);
+        if sigma_hz.is_some_and(|sigma_hz| sigma_hz <= target_hz) {
+            return Next::Finished(verdict);
+        }
+        let readings = self.readings.len();
+        let reason = Reason::TargetNotReached { sigma_hz, target_hz, readings, limit };
+        Next::Finished(Verdict::Refused(Refusal { reason, estimate }))
+    }
+
+    /// What ends the sweep now, whatever is known.
+    fn limit(&self) -> Option<Limit> {
+        let limit_s = self.request.time_limit_s;
+        if self.elapsed_s() >= limit_s {
+            Some(Limit::Time { limit_s })
+        } else if self.readings.len() >= READINGS_MAX {
+            Some(Limit::Readings { max: READINGS_MAX })
+        } else if self.verdicts >= VERDICTS_MAX {
+            Some(Limit::Verdicts { max: VERDICTS_MAX })
+        } else {
+            None
+        }
     }
 
     /// Whether a result is what the plan took for granted: with settled points the circuit for which
@@ -190,12 +292,14 @@ impl Planner {
     }
 
     fn next_point(&mut self) -> Next {
-        let is_late = elapsed_s(&self.readings) >= self.request.time_limit_s;
+        if let Some(limit) = self.limit() {
+            return self.finish(limit);
+        }
         let expected_hz = self.tracker().map_or(f64::INFINITY, Tracker::sigma_hz);
         let is_enough = expected_hz < self.aim_hz && self.readings.len() >= POINTS_MIN;
-        if is_enough && !is_late && self.tracker().is_some_and(Tracker::has_rival) {
+        if is_enough && self.tracker().is_some_and(Tracker::has_rival) {
             self.aim_hz = expected_hz * MORE;
-        } else if is_late || is_enough {
+        } else if is_enough {
             let verdict = self.verdict();
             let target_hz = self.request.target_sigma_hz;
             match verdict.accepted() {
@@ -205,28 +309,37 @@ impl Planner {
                     self.aim_hz = expected_hz * (target_hz / found.sigma_hz).max(MORE);
                     self.refusals = 0;
                 }
-                Some(found) if !is_late && !self.is_consistent(found) => {
-                    self.aim_hz = expected_hz * MORE;
-                }
+                Some(found) if !self.is_consistent(found) => self.aim_hz = expected_hz * MORE,
                 Some(_) => return Next::Finished(verdict),
                 None => {
                     self.aim_hz = expected_hz * MUCH_MORE;
                     self.refusals += usize::from(!needs_more(&verdict));
+                    if self.refusals > REFUSALS_MAX {
+                        return Next::Finished(verdict);
+                    }
                 }
             }
-            if is_late || self.refusals > REFUSALS_MAX {
-                return Next::Finished(verdict);
-            }
         }
-        let (request, readings, aim_hz) = (&self.request, &self.readings, self.aim_hz);
+        let readings = &self.readings;
+        let shortest_s = if readings.len() < READINGS_SHORT {
+            0.0
+        } else {
+            SHORTEST_SHARE * elapsed_s(readings)
+        };
+        let goal = Goal { window: self.request.window, aim_hz: self.aim_hz, shortest_s };
         let point = match &mut self.method {
             Method::Uniform { .. } => None,
-            Method::Settled(settled) => settled.next(request, readings, aim_hz),
-            Method::Transient(transient) => transient.next(request, readings, aim_hz),
+            Method::Settled(settled) => settled.next(readings, &goal),
+            Method::Transient(transient) => transient.next(readings, &goal),
         };
+        self.work += ROWS_PER_PLAN;
+        let limit_s = self.request.time_limit_s;
         match point {
+            Some(point) if self.elapsed_s() + point.duration_s() > limit_s => {
+                self.finish(Limit::Time { limit_s })
+            }
             Some(point) => Next::Measure(vec![point]),
-            None => Next::Finished(self.verdict()),
+            None => self.finish(Limit::Plan),
         }
     }
 

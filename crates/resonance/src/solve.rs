@@ -67,7 +67,7 @@ const DECREMENT: f64 = 1e-4;
 /// Relative errors below this are rounding, not noise.
 pub(crate) const ROUNDING: f64 = 1e-11;
 /// A start within reach needs three steps; a bad one is better left to another start.
-const STEPS_MAX: usize = 40;
+pub(crate) const STEPS_MAX: usize = 40;
 /// Passes of the rational fit. The first has no weights to speak of.
 const RATIONAL_PASSES: usize = 2;
 

@@ -4,7 +4,11 @@ use std::fmt;
 
 use rig_model::Window;
 
-use crate::{Circuit, NoisePrior, scatter::student_factor};
+use crate::{
+    Circuit, NoisePrior,
+    planner::{Deviation, Limit},
+    scatter::student_factor,
+};
 
 /// The outcome of a fit.
 #[derive(Debug, Clone, PartialEq)]
@@ -341,6 +345,22 @@ pub enum Reason {
         /// What chance does not exceed.
         allowed: f64,
     },
+    /// A planned sweep ended before the standard deviation asked for was reached.
+    #[error(
+        "the target was not reached: {} after {readings} readings, {target_hz} Hz was asked for, \
+         and {limit}",
+        Deviation(*sigma_hz)
+    )]
+    TargetNotReached {
+        /// The standard deviation reached, Hz; `None` where the readings say nothing yet.
+        sigma_hz: Option<f64>,
+        /// The one asked for, Hz.
+        target_hz: f64,
+        /// All readings.
+        readings: usize,
+        /// What ended the sweep.
+        limit: Limit,
+    },
 }
 
 impl Reason {
@@ -363,6 +383,7 @@ impl Reason {
             Self::Distorted => "distorted",
             Self::NotConverged => "not_converged",
             Self::Misfit { .. } => "misfit",
+            Self::TargetNotReached { .. } => "target_not_reached",
         }
     }
 }

@@ -110,7 +110,9 @@ impl LoadedScene {
     fn load(path: &Path) -> Result<Self, FileError> {
         let (name, toml) = read(path)?;
         let scene = rig_sim::scene::read(&name, &toml).map_err(FileError::Faults)?;
-        Ok(Self { scene, source: Source { name, toml } })
+        // Not the path, so that the same run gives the same bytes wherever its files are.
+        let source = Source { name: scene.name.clone(), toml };
+        Ok(Self { scene, source })
     }
 }
 

@@ -10,7 +10,7 @@ mod plan;
 
 use rig_model::{Reading, SweepPoint, SweepRequest};
 
-use super::{Prior, elapsed_s, tracker::Tracker};
+use super::{Goal, Prior, elapsed_s, tracker::Tracker};
 use crate::{NoisePrior, Timing, scatter::Pool};
 use plan::{Ground, Plan};
 
@@ -54,17 +54,16 @@ impl Settled {
         &self.tracker
     }
 
+    pub(super) fn tracker_mut(&mut self) -> &mut Tracker {
+        &mut self.tracker
+    }
+
     /// The next point, or `None` when the readings so far lead nowhere.
-    pub(super) fn next(
-        &mut self,
-        request: &SweepRequest,
-        readings: &[Reading],
-        aim_hz: f64,
-    ) -> Option<SweepPoint> {
+    pub(super) fn next(&mut self, readings: &[Reading], goal: &Goal) -> Option<SweepPoint> {
         if let Some(point) = self.opening.next() {
             return Some(point);
         }
-        let ground = Ground::new(&self.tracker, request.window, aim_hz, elapsed_s(readings))?;
+        let ground = Ground::new(&self.tracker, goal, elapsed_s(readings))?;
         let plan = ground.plan(self.rest.take());
         let (point, rest) = ground.first(&plan, readings.len());
         self.rest = rest;

@@ -1,6 +1,6 @@
 //! What is believed of the circuit while its ring-up is being read.
 
-use std::f64::consts::TAU;
+use std::{cell::Cell, f64::consts::TAU};
 
 use rig_model::{Reading, SweepRequest, Window};
 
@@ -29,8 +29,15 @@ pub(super) struct Tracker {
     /// What is known of the noise beforehand, and what the readings tell besides.
     noise: Pool,
     seen: Pool,
+    /// Rows computed so far: readings as the model sees them, with their slopes.
+    work: u64,
 }
 
+/// Rows after which no further valley is followed for one reading: about two milliseconds. Sweeps that
+/// reach their target need up to 15 000; without a resonance in the window, valleys are long and flat.
+pub(super) const WORK_MAX: u64 = 20_000;
+/// Rows that a trial of the grid is counted for.
+pub(super) const ROWS_PER_TRIAL: u64 = 2;
 /// Trials followed to the best circuit near them.
 const STARTS: usize = 4;
 const START_STEPS: f64 = 1.5;
@@ -71,8 +78,17 @@ impl Tracker {
         // Readings that have not settled hardly say where it is.
         let expected = if timing == Timing::Waited { any.within(window) } else { any };
         let (trace, best) = (None, None);
-        let tracker =
-            Self { timing, expected, grid, trace, best, has_rival: false, noise, seen: noise };
+        let tracker = Self {
+            timing,
+            expected,
+            grid,
+            trace,
+            best,
+            has_rival: false,
+            noise,
+            seen: noise,
+            work: 0,
+        };
         match circuit {
             Some(circuit) => tracker.near(circuit, window),
             None => tracker,
@@ -108,6 +124,7 @@ impl Tracker {
         if let (Some(grid), [earlier @ .., last]) = (&mut self.grid, &trace.samples[..]) {
             grid.rest(earlier.last().map_or(0.0, |previous| previous.visit.rest_s));
             grid.add(last);
+            self.work += ROWS_PER_TRIAL * grid.trials() as u64;
         }
         self.follow();
     }
@@ -118,23 +135,37 @@ impl Tracker {
     }
 
     /// The circuit that explains the readings best.
-    pub(super) fn circuit(&self) -> Option<Circuit> {
+    pub(super) fn circuit(&mut self) -> Option<Circuit> {
+        let work = Cell::new(0);
+        let consistent = self.consistent(&work);
+        self.work += work.get();
         let (trace, _) = self.best()?;
-        Some(self.consistent()?.circuit(trace.unit_farad))
+        Some(consistent?.circuit(trace.unit_farad))
+    }
+
+    /// Rows computed so far.
+    pub(super) fn work(&self) -> u64 {
+        self.work
     }
 
     /// The circuit that explains the readings best when they count for as much as they have settled
     /// if it is the circuit, and nothing that was believed beforehand counts.
-    fn consistent(&self) -> Option<Believed> {
+    fn consistent(&self, work: &Cell<u64>) -> Option<Believed> {
         let (trace, &best) = self.best()?;
         if self.timing != Timing::Waited {
             return Some(best);
         }
         let mut trace = trace.clone();
         let mut at = best;
+        let rows = trace.samples.len() as u64;
         for _ in 0..CONSISTENT_ROUNDS {
+            if work.get() >= WORK_MAX {
+                break;
+            }
             trace.weigh_settling(&at, self.noise.variance());
-            at = at.towards(&trace.minimum(at, CIRCUIT).at, CONSISTENT_PART);
+            let count = |_: &Believed, _: &mut Normal<UNKNOWNS>| work.update(|done| done + rows);
+            let (minimum, ..) = trace.solve_with(at, CIRCUIT, count);
+            at = at.towards(&minimum, CONSISTENT_PART);
         }
         Some(at)
     }
@@ -203,19 +234,24 @@ impl Tracker {
             starts.extend([Q_AWAY, 1.0 / Q_AWAY].map(|by| Believed { q: best.q * by, ..best }));
         }
         let free = CIRCUIT + trace.besides().count();
+        let work = Cell::new(0);
         let mut ends: Vec<Valley> = starts
             .into_iter()
-            .map(|start| self.valley(trace, start, free))
+            .map_while(|start| {
+                (work.get() < WORK_MAX).then(|| self.valley(trace, start, free, &work))
+            })
             .filter(|valley| valley.at.c1 > 0.0 && valley.rank.is_finite())
             .collect();
+        self.work += work.get();
+        let is_cut = work.get() >= WORK_MAX;
         ends.sort_by(|a, b| a.rank.total_cmp(&b.rank));
         let Some(&best) = ends.first() else { return };
         let (readings, _) = trace.used();
         let degrees = (2 * readings).saturating_sub(free) as f64;
         let scatter = self.noise.with(best.cost, degrees);
         let is_near = |other: &Valley| other.rank - best.rank < LEAD * scatter.variance();
-        let is_alone =
-            !ends.iter().filter(|other| grid::are_apart(&other.at, &best.at, 1.0)).any(is_near);
+        let is_alone = !is_cut
+            && !ends.iter().filter(|other| grid::are_apart(&other.at, &best.at, 1.0)).any(is_near);
         if is_alone && degrees >= MIN_DEGREES {
             self.seen = scatter;
         }
@@ -236,9 +272,10 @@ impl Tracker {
     }
 
     /// The bottom of the valley in which a trial lies.
-    fn valley(&self, trace: &Trace, start: Believed, free: usize) -> Valley {
+    fn valley(&self, trace: &Trace, start: Believed, free: usize, work: &Cell<u64>) -> Valley {
         let variance = self.noise.variance();
         let add = |at: &Believed, normal: &mut Normal<UNKNOWNS>| {
+            work.update(|rows| rows + trace.samples.len() as u64);
             self.expected.add_to(normal, at, variance);
         };
         let bottom = |trace: &Trace, start| {
@@ -263,6 +300,9 @@ impl Tracker {
         let (mut best, mut goal) = weigh(start);
         let mut part = 1.0;
         for _ in 0..WEIGHINGS {
+            if work.get() >= WORK_MAX {
+                break;
+            }
             let (next, beyond) = weigh(best.at.towards(&goal, part));
             if next.rank < best.rank && next.at.c1 > 0.0 {
                 (best, goal, part) = (next, beyond, 1.0);

@@ -12,7 +12,7 @@ use num_complex::Complex64;
 use rig_model::{Reading, SweepPoint, SweepRequest, Window};
 
 use super::{
-    Prior, elapsed_s,
+    Goal, Prior, elapsed_s,
     tracker::{Tracker, variance},
 };
 use crate::{
@@ -96,23 +96,22 @@ impl Transient {
         &self.tracker
     }
 
+    pub(super) fn tracker_mut(&mut self) -> &mut Tracker {
+        &mut self.tracker
+    }
+
     /// The next visit, or `None` when the readings so far lead nowhere.
-    pub(super) fn next(
-        &mut self,
-        request: &SweepRequest,
-        readings: &[Reading],
-        aim_hz: f64,
-    ) -> Option<SweepPoint> {
+    pub(super) fn next(&mut self, readings: &[Reading], goal: &Goal) -> Option<SweepPoint> {
         if let Some(point) = self.opening.next() {
             return Some(point);
         }
-        let Some(ground) = Ground::new(&self.tracker, request.window, readings, aim_hz) else {
+        let Some(ground) = Ground::new(&self.tracker, readings, goal) else {
             return self.elsewhere.next();
         };
         let hops = ground.plan(self.hops.as_ref());
         self.hops = Some(hops);
         let longest_s = LONGEST_SHARE * elapsed_s(readings);
-        Some(ground.point(&hops, longest_s))
+        Some(ground.point(&hops, goal.shortest_s, longest_s))
     }
 }
 
@@ -141,7 +140,7 @@ impl Hops {
 }
 
 impl Ground {
-    fn new(tracker: &Tracker, window: Window, readings: &[Reading], aim_hz: f64) -> Option<Self> {
+    fn new(tracker: &Tracker, readings: &[Reading], goal: &Goal) -> Option<Self> {
         let (trace, at) = tracker.best()?;
         let state = trace.rows(at, |_, _| ());
         Some(Self {
@@ -151,8 +150,8 @@ impl Ground {
             past: state.past,
             free: CIRCUIT + trace.besides().count(),
             rest_s: typical_rest_s(readings),
-            wanted: (aim_hz / at.resonance_hz / tracker.noise()).powi(2),
-            window,
+            wanted: (goal.aim_hz / at.resonance_hz / tracker.noise()).powi(2),
+            window: goal.window,
         })
     }
 
@@ -237,9 +236,10 @@ impl Ground {
     }
 
     /// The first visit of a plan, no longer than it must be.
-    fn point(&self, hops: &Hops, longest_s: f64) -> SweepPoint {
+    fn point(&self, hops: &Hops, shortest_s: f64, longest_s: f64) -> SweepPoint {
         let frequency_hz = self.visit(hops.offset_hz[0], 1.0).frequency_hz;
-        let longest = hops.cycles[0].min(longest_s * frequency_hz).clamp(CYCLES_MIN, CYCLES_MAX);
+        let longest = hops.cycles[0].max(shortest_s * frequency_hz);
+        let longest = longest.min(longest_s * frequency_hz).clamp(CYCLES_MIN, CYCLES_MAX);
         let reaches = |cycles: f64| {
             let (mut normal, mut motion, mut past) = (self.normal, self.motion, self.past);
             self.make(hops.offset_hz[0], cycles, &mut normal, &mut motion, &mut past);

@@ -141,6 +141,7 @@ impl Recorder {
                     trail: trail.iter().map(tried).collect(),
                 })
             }
+            Event::Planned { .. } => return None,
             Event::SweepFinished(outcome) => self.sweep(outcome),
             Event::TouchFinished(result) => self.touch(result),
             Event::Operator { action, by } => {

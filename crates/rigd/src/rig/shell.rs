@@ -94,6 +94,8 @@ struct Shell {
     refused: Option<(OperationId, Failure)>,
     is_answer_due: bool,
     last_commit: Instant,
+    /// How long the engine thought before its last decision.
+    thought: Duration,
 }
 
 impl Shell {
@@ -140,6 +142,7 @@ impl Shell {
             refused: None,
             is_answer_due: false,
             last_commit: Instant::now(),
+            thought: Duration::ZERO,
         };
         Ok((shell, watcher))
     }
@@ -280,7 +283,7 @@ impl Shell {
                 self.view.sweeps = self.session.1.begin_sweep();
                 self.view.sweep = Some(self.view.sweeps);
             }
-            self.engine.command(self.clock.now(), command, by, &mut effects)
+            self.think(|engine, now| engine.command(now, command, by, &mut effects))
         });
         self.carry_out(effects);
         Ok(taken?)
@@ -288,8 +291,15 @@ impl Shell {
 
     fn handle(&mut self, input: Input) {
         let mut effects = Vec::new();
-        self.engine.handle(self.clock.now(), input, &mut effects);
+        self.think(|engine, now| engine.handle(now, input, &mut effects));
         self.carry_out(effects);
+    }
+
+    fn think<T>(&mut self, decide: impl FnOnce(&mut Engine, rig_model::RigTime) -> T) -> T {
+        let begun = Instant::now();
+        let decision = decide(&mut self.engine, self.clock.now());
+        self.thought = begun.elapsed();
+        decision
     }
 
     fn carry_out(&mut self, effects: Vec<Effect>) {
@@ -343,6 +353,10 @@ impl Shell {
                     simulation.perform(prompt, recorder.samples());
                     self.is_answer_due = true;
                 }
+            }
+            Event::Planned { readings, work } => {
+                let seconds = self.thought.as_secs_f64();
+                tracing::trace!(target: "rigd::planned", readings, work, seconds);
             }
             Event::TouchFinished(result) => self.view_run(|view| {
                 view.touches_done += 1;

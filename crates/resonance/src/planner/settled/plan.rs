@@ -12,7 +12,10 @@ use rig_model::{SweepPoint, Window};
 use crate::{
     fit::POINTS_MIN,
     leftover::Leftover,
-    planner::tracker::{Tracker, variance},
+    planner::{
+        Goal,
+        tracker::{Tracker, variance},
+    },
     ringup::Visit,
     solve::Normal,
     trace::{Believed, CIRCUIT, Trace, UNKNOWNS, steady_slopes},
@@ -29,21 +32,31 @@ pub(super) struct Plan {
 #[derive(Debug)]
 pub(super) struct Ground {
     at: Believed,
-    /// The normal equations of the readings so far.
-    normal: Normal<UNKNOWNS>,
-    /// Circuits that may be, and what is left of the motion if they are.
-    cases: Vec<(Believed, Leftover)>,
+    /// Circuits that may be.
+    cases: Vec<Case>,
     /// The frequency of the drive, Hz.
     driven_hz: Option<f64>,
     noise_variance: f64,
-    /// Variance of the logarithm of the resonance for noise of variance 1, as it is and as it is
-    /// wanted.
-    present: f64,
+    /// Variance of the logarithm of the resonance that is wanted, for noise of variance 1.
     wanted: f64,
     time_constant_s: f64,
+    /// Shortest integration, s, but for looks on the way of a wait.
+    shortest_s: f64,
     /// Longest integration, s.
     longest_s: f64,
     window: Window,
+}
+
+/// A circuit that may be.
+#[derive(Debug)]
+struct Case {
+    at: Believed,
+    /// What is left of the motion if it is.
+    leftover: Leftover,
+    /// The normal equations of the readings so far.
+    normal: Normal<UNKNOWNS>,
+    /// Variance of the logarithm of the resonance by them, for noise of variance 1.
+    present: f64,
 }
 
 const STAYS_MAX: usize = 3;
@@ -80,27 +93,20 @@ const CERTAIN: f64 = 0.05;
 const UNCERTAIN: f64 = 0.3;
 
 impl Ground {
-    pub(super) fn new(
-        tracker: &Tracker,
-        window: Window,
-        aim_hz: f64,
-        elapsed_s: f64,
-    ) -> Option<Self> {
+    pub(super) fn new(tracker: &Tracker, goal: &Goal, elapsed_s: f64) -> Option<Self> {
         let (trace, at) = tracker.best()?;
         let time_constant_s = (at.q / (PI * at.resonance_hz)).min(TIME_CONSTANT_MAX_S);
         let noise = tracker.noise();
-        let normal = tracker.solvable(trace, at);
         Some(Self {
             at: *at,
-            present: variance(&normal, CIRCUIT),
-            normal,
-            cases: cases(trace, at, tracker.spread_hz()),
+            cases: cases(tracker, trace, at),
             driven_hz: trace.samples.last().map(|sample| sample.visit.frequency_hz),
             noise_variance: tracker.known_variance(),
-            wanted: (aim_hz / at.resonance_hz / noise).powi(2),
+            wanted: (goal.aim_hz / at.resonance_hz / noise).powi(2),
             time_constant_s,
+            shortest_s: goal.shortest_s,
             longest_s: (LONGEST_SHARE * elapsed_s).max(time_constant_s),
-            window,
+            window: goal.window,
         })
     }
 
@@ -174,13 +180,14 @@ impl Ground {
             rest.stays[0].settle_s = left_s;
             return (look, Some(rest));
         }
-        let longest = self.longest(stay.frequency_hz);
+        let (shortest, longest) =
+            (self.shortest(stay.frequency_hz), self.longest(stay.frequency_hz));
         let cycles = match plan.count {
             // The last stay makes as many readings as a fit must have.
             1 => stay.cycles.div_ceil(missing(readings)).min(longest),
             _ => stay.cycles.min(longest),
         };
-        let point = SweepPoint { cycles: cycles.max(CYCLES_MIN), ..stay };
+        let point = SweepPoint { cycles: cycles.max(shortest), ..stay };
         if point.cycles < stay.cycles {
             rest.stays[0] =
                 SweepPoint { settle_s: 0.0, cycles: stay.cycles - point.cycles, ..stay };
@@ -189,15 +196,14 @@ impl Ground {
         (point, (plan.count > 1).then(|| plan.without(0)))
     }
 
+    /// The shortest reading, in cycles.
+    fn shortest(&self, frequency_hz: f64) -> u32 {
+        whole(self.shortest_s * frequency_hz).max(CYCLES_MIN)
+    }
+
     /// The longest reading, in cycles.
     fn longest(&self, frequency_hz: f64) -> u32 {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a positive number, of which the largest will do"
-        )]
-        let cycles = (self.longest_s * frequency_hz) as u32;
-        cycles
+        whole(self.longest_s * frequency_hz)
     }
 
     fn half_width_hz(&self) -> f64 {
@@ -225,12 +231,7 @@ impl Ground {
             }
             Change::Length => {
                 let factor = if by > 0.0 { 1.0 + by } else { 1.0 / (1.0 - by) };
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    clippy::cast_sign_loss,
-                    reason = "a positive number, of which the largest will do"
-                )]
-                let cycles = (f64::from(stay.cycles) * factor).round() as u32;
+                let cycles = whole((f64::from(stay.cycles) * factor).round());
                 stay.cycles = cycles.min(self.longest(stay.frequency_hz)).max(CYCLES_MIN);
             }
         }
@@ -238,12 +239,12 @@ impl Ground {
 
     /// The time until the wanted variance is reached, s: the mean over what may be.
     fn time_s(&self, plan: &Plan) -> f64 {
-        let times = self.cases.iter().map(|(at, leftover)| self.time_if_s(plan, at, *leftover));
+        let times = self.cases.iter().map(|case| self.time_if_s(plan, case));
         times.sum::<f64>() / self.cases.len() as f64
     }
 
-    fn time_if_s(&self, plan: &Plan, at: &Believed, mut leftover: Leftover) -> f64 {
-        let mut normal = self.normal;
+    fn time_if_s(&self, plan: &Plan, case: &Case) -> f64 {
+        let &Case { ref at, mut leftover, mut normal, present } = case;
         let mut time_s = 0.0;
         for stay in &plan.stays[..plan.count] {
             let weight = self.weight(stay, at, &mut leftover);
@@ -256,8 +257,8 @@ impl Ground {
             return time_s;
         }
         // What is left to be told comes as fast as what the plan tells.
-        let gained = 1.0 / reached - 1.0 / self.present;
-        let needed = 1.0 / self.wanted - 1.0 / self.present;
+        let gained = 1.0 / reached - 1.0 / present;
+        let needed = 1.0 / self.wanted - 1.0 / present;
         if gained > 0.0 { time_s * needed / gained } else { f64::INFINITY }
     }
 
@@ -272,8 +273,9 @@ impl Ground {
     }
 }
 
-/// The circuit, or two whose resonances are off by so much.
-fn cases(trace: &Trace, at: &Believed, off_hz: f64) -> Vec<(Believed, Leftover)> {
+/// The circuit, or two whose resonances are off by one standard deviation.
+fn cases(tracker: &Tracker, trace: &Trace, at: &Believed) -> Vec<Case> {
+    let off_hz = tracker.spread_hz();
     let linewidths = off_hz * at.q / at.resonance_hz;
     let is_between = (CERTAIN..UNCERTAIN).contains(&linewidths);
     let offsets: &[f64] = if is_between { &[-off_hz, off_hz] } else { &[0.0] };
@@ -283,9 +285,22 @@ fn cases(trace: &Trace, at: &Believed, off_hz: f64) -> Vec<(Believed, Leftover)>
         for sample in &trace.samples {
             leftover.visit(&sample.visit);
         }
-        (at, leftover)
+        // With the slopes of this circuit: a place that was read with those of another would look
+        // new, and promise what it never tells.
+        let normal = tracker.solvable(trace, &at);
+        Case { at, leftover, normal, present: variance(&normal, CIRCUIT) }
     };
     offsets.iter().map(case).collect()
+}
+
+/// The whole part of a positive number of cycles.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a positive number, of which the largest will do"
+)]
+fn whole(cycles: f64) -> u32 {
+    cycles as u32
 }
 
 /// How many readings a fit must have besides these, at least one.

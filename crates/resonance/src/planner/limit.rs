@@ -1,0 +1,81 @@
+//! What bounds a planned sweep.
+//!
+//! Every sweep ends: at its time limit, or where one of these counts is used up. They are far above
+//! what a sweep needs that reaches its target, so that whoever meets one has asked for too much.
+
+use std::fmt;
+
+use super::tracker;
+use crate::{grid::Grid, solve::STEPS_MAX};
+
+/// Most readings of one sweep. Sweeps that reach their target take up to 120 of them; beyond
+/// [`READINGS_SHORT`] each lasts so long that a day of measuring does not take twice as many.
+pub(super) const READINGS_MAX: usize = 180;
+/// From this many readings on none is shorter than this part of the time so far: what has not been
+/// found in as many short looks is found by reading longer, and the work for each grows with their
+/// number.
+pub(super) const READINGS_SHORT: usize = 64;
+pub(super) const SHORTEST_SHARE: f64 = 0.1;
+/// How often one sweep is judged: up to 20 times where it reaches its target, and each time costs as
+/// much as a few readings.
+pub(super) const VERDICTS_MAX: usize = 30;
+
+/// What a row of work stands for, s: about what a desktop computer takes. Work counts against the time
+/// limit as the clock does, so that thinking is bounded where the clock stands still meanwhile, and
+/// the same seed gives the same points.
+pub(super) const SECONDS_PER_ROW: f64 = 1e-7;
+/// Rows that choosing a point is counted for: a few hundred plans of two or three stays each.
+pub(super) const ROWS_PER_PLAN: u64 = 3000;
+/// Rows that a verdict is counted for, for each reading: the fit, and all that may speak against it.
+pub(super) const ROWS_PER_READING_JUDGED: u64 = 200;
+
+/// The most rows between two readings: following them, agreeing on their weights, the grid, the plan,
+/// and a verdict. Following is looked at after each descent, which may be the longest there is.
+pub(super) const STEP_WORK_MAX: u64 = {
+    let readings = READINGS_MAX as u64;
+    let descent = 2 * (STEPS_MAX as u64 + 2) * readings;
+    2 * (tracker::WORK_MAX + descent)
+        + tracker::ROWS_PER_TRIAL * Grid::TRIALS_MAX
+        + ROWS_PER_PLAN
+        + ROWS_PER_READING_JUDGED * readings
+};
+
+/// What ends a planned sweep that has not reached its target.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum Limit {
+    /// No further reading can be made in the time allowed.
+    #[error(
+        "the time limit of {limit_s} s leaves no time for another: allow more time or ask for less"
+    )]
+    Time {
+        /// The time allowed, s.
+        limit_s: f64,
+    },
+    /// As many readings as are taken in one sweep.
+    #[error("no more than {max} are taken in one sweep: ask for less")]
+    Readings {
+        /// The most that are taken.
+        max: usize,
+    },
+    /// The readings were judged as often as is done in one sweep, and never sufficed.
+    #[error("they were judged {max} times without being enough: ask for less")]
+    Verdicts {
+        /// How often they are judged at most.
+        max: usize,
+    },
+    /// No further reading is known that would help.
+    #[error("no further reading would help: ask for less")]
+    Plan,
+}
+
+/// A standard deviation in words.
+pub(crate) struct Deviation(pub(crate) Option<f64>);
+
+impl fmt::Display for Deviation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Some(hz) => write!(f, "the standard deviation is {hz:.3} Hz"),
+            None => f.write_str("there is no resonance yet"),
+        }
+    }
+}
