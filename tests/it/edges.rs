@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, process::Command};
 use serde_json::Value;
 
 /// Crates without I/O, clock or runtime.
-const PURE: [&str; 8] = [
+const PURE: [&str; 9] = [
     "rig-model",
     "rig-settings",
     "rig-scpi",
@@ -14,10 +14,11 @@ const PURE: [&str; 8] = [
     "rig-analysis",
     "rig-protocol",
     "rig-engine",
+    "rig-record",
 ];
 
 /// What each crate of the house may use of the house. A new arrow is a decision: write it down.
-const ARROWS: [(&str, &[&str]); 16] = [
+const ARROWS: [(&str, &[&str]); 17] = [
     ("rig-model", &[]),
     ("rig-settings", &[]),
     ("rig-scpi", &[]),
@@ -29,7 +30,8 @@ const ARROWS: [(&str, &[&str]); 16] = [
     ("rig-link", &["rig-model"]),
     ("rig-analyzer", &["rig-model", "rig-link", "rig-scpi"]),
     ("rig-stage", &["rig-model", "rig-link"]),
-    ("rig-store", &[]),
+    ("rig-record", &[]),
+    ("rig-store", &["rig-record"]),
     ("rig-chart", &[]),
     ("rig-sim", &["rig-model", "rig-settings", "rig-scpi", "rig-contact"]),
     (
@@ -45,6 +47,7 @@ const ARROWS: [(&str, &[&str]); 16] = [
             "rig-link",
             "rig-analyzer",
             "rig-stage",
+            "rig-record",
             "rig-store",
             "rig-chart",
             "rig-sim",
@@ -66,14 +69,13 @@ const ARROWS: [(&str, &[&str]); 16] = [
 ];
 
 /// Crates that bring a runtime, a port, a file or a clock.
-const IMPURE: [&str; 8] = [
+const IMPURE: [&str; 7] = [
     "tokio",
     "tokio-serial",
     "tokio-modbus",
     "axum",
     "rusqlite",
     "tracing-subscriber",
-    "uuid",
     "indicatif",
 ];
 

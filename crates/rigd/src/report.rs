@@ -22,7 +22,8 @@ mod units;
 
 use std::{io::Write, path::Path};
 
-use rig_store::{Chain, Run, StoreError, StoredRecord, export::ExportError};
+use rig_record::{Chain, Run, StoredRecord, UnreadableRecord};
+use rig_store::export::ExportError;
 
 use data::RunData;
 use results::RunResults;
@@ -36,8 +37,8 @@ pub use touches::{TouchRow, TouchStatus};
 /// A damaged journal gives the report of what stands before the damage, and says so.
 ///
 /// # Errors
-/// [`StoreError::Unreadable`] when a record cannot be understood.
-pub fn render(run: &Run, chain: &Chain) -> Result<String, StoreError> {
+/// [`UnreadableRecord`] when a record cannot be understood.
+pub fn render(run: &Run, chain: &Chain) -> Result<String, UnreadableRecord> {
     let data = RunData::read(&chain.records)?;
     let results = RunResults::of(&data);
     Ok(page::page(run, &chain.verdict, &data, &results))
@@ -46,12 +47,12 @@ pub fn render(run: &Run, chain: &Chain) -> Result<String, StoreError> {
 /// The results for programs. The report and the data are those in `folder`.
 ///
 /// # Errors
-/// [`StoreError::Unreadable`] when a record cannot be understood.
+/// [`UnreadableRecord`] when a record cannot be understood.
 pub fn summary(
     run: &Run,
     records: &[StoredRecord],
     folder: &Path,
-) -> Result<RunSummary, StoreError> {
+) -> Result<RunSummary, UnreadableRecord> {
     let data = RunData::read(records)?;
     Ok(summary::summary(run, &data, &RunResults::of(&data), folder))
 }
@@ -60,8 +61,8 @@ pub fn summary(
 /// the samples and the rate of recognition.
 ///
 /// # Errors
-/// [`StoreError::Unreadable`] when a record cannot be understood.
-pub fn text(run: &Run, records: &[StoredRecord]) -> Result<String, StoreError> {
+/// [`UnreadableRecord`] when a record cannot be understood.
+pub fn text(run: &Run, records: &[StoredRecord]) -> Result<String, UnreadableRecord> {
     let data = RunData::read(records)?;
     Ok(text::text(run, &data, &RunResults::of(&data)))
 }

@@ -77,7 +77,7 @@ pub fn write(data: &Path, run: RunId) -> Result<RunFiles, RunFilesError> {
 /// # Errors
 /// [`RunFilesError`] names the file.
 pub fn write_report(reader: &Reader, run: RunId, path: &Path) -> Result<(), RunFilesError> {
-    let html = report::render(&reader.run(run)?, &reader.chain(run)?)?;
+    let html = report::render(&reader.run(run)?, &reader.chain(run)?).map_err(StoreError::from)?;
     write_file(path, html.as_bytes())
 }
 

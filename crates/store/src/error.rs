@@ -4,7 +4,7 @@ use std::io;
 
 use rusqlite::ErrorCode;
 
-use crate::{Flaw, Run, RunId};
+use rig_record::{Flaw, NotARunId, Run, RunId, UnreadableRecord};
 
 /// Why the journal in a data directory could not be written or read. Which directory, the one who
 /// opened it knows.
@@ -59,15 +59,8 @@ pub enum StoreError {
         source: serde_json::Error,
     },
     /// A stored record cannot be understood.
-    #[error("run {run}, record {seq}")]
-    Unreadable {
-        /// The run.
-        run: RunId,
-        /// The record's number in the run.
-        seq: u64,
-        /// Where it went wrong.
-        source: serde_json::Error,
-    },
+    #[error(transparent)]
+    Unreadable(#[from] UnreadableRecord),
     /// The chain of a run is broken. What stands before the flaw can still be read.
     #[error("run {run}, record {seq}: {flaw}")]
     Broken {
@@ -112,6 +105,12 @@ fn listed(runs: &[Run]) -> String {
         listed.push(format!("and {} older ones", runs.len() - SHOWN));
     }
     listed.join(", ")
+}
+
+impl From<NotARunId> for StoreError {
+    fn from(NotARunId { text }: NotARunId) -> Self {
+        Self::NoSuchRun { wanted: text }
+    }
 }
 
 impl From<rusqlite::Error> for StoreError {

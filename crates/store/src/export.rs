@@ -9,7 +9,7 @@ mod table;
 
 use std::io::{self, Write};
 
-use crate::{Circuit, Pose, Reading, Record, StoreError, StoredRecord, SweepVerdict};
+use rig_record::{Circuit, Pose, Reading, Record, StoredRecord, SweepVerdict, UnreadableRecord};
 pub use table::{Cell, Table};
 
 /// Why a run could not be written.
@@ -20,7 +20,7 @@ pub enum ExportError {
     Io(#[from] io::Error),
     /// A record cannot be understood.
     #[error("export")]
-    Store(#[from] StoreError),
+    Record(#[from] UnreadableRecord),
 }
 
 /// Every record in order, one JSON object a line: `seq`, `rig_us`, `digest` and the `record`.

@@ -9,6 +9,7 @@ use std::{
 };
 
 use rusqlite::{Connection, OptionalExtension, params};
+use uuid::Uuid;
 
 use crate::{
     Digest, Ending, Reader, Record, RunFinished, RunId, RunKind, StoreError, lock::DirectoryLock,
@@ -97,7 +98,7 @@ impl Store {
     /// # Errors
     /// What the system or SQLite reports, or [`StoreError::Closed`].
     pub fn begin(&self, kind: RunKind, name: &str) -> Result<Journal, StoreError> {
-        let id = RunId::now();
+        let id = RunId::new(Uuid::now_v7());
         let run = locked(&self.writer, |writer| writer.insert_run(id, kind, name))?;
         let tail = Tail { run, seq: 0, digest: Digest::START };
         Ok(Journal { writer: Arc::clone(&self.writer), id, tail, has_ended: false })

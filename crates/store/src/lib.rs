@@ -10,30 +10,25 @@
 //! finds the first record that was lost or altered. The digest covers neither wall time nor the id
 //! of the run: two runs of the same protocol with the same seed have the same chain.
 
-mod digest;
 mod error;
 pub mod export;
 mod journal;
 mod lock;
 mod reader;
-mod record;
-mod run;
 mod schema;
 #[cfg(test)]
 mod tests;
 
-pub use digest::Digest;
 pub use error::{SqliteError, StoreError};
 pub use journal::{Journal, Store};
-pub use reader::{Chain, Flaw, Interruption, ProbeWord, Reader, StoredRecord, Verdict};
-pub use record::{
-    Action, Axis, BlackBox, Circuit, Clearance, Device, Direction, Ending, Fault, Frame, Indented,
-    Intent, Move, MoveReason, Operator, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked,
-    Reading, ReadingFlag, Record, RefusedTouch, RunFinished, RunStarted, Sample, Source,
-    StateChanged, StepStarted, Surface, SurfaceReading, Sweep, SweepPurpose, SweepVerdict, Touch,
-    TouchSettings,
+pub use reader::{Interruption, ProbeWord, Reader};
+pub use rig_record::{
+    Action, Axis, BlackBox, Chain, Circuit, Clearance, Device, Digest, Direction, Ending, Fault,
+    Flaw, Frame, Indented, Intent, Move, MoveReason, Operator, Phase, PlanSize, Pose, Prompt,
+    PromptAnswered, PromptAsked, Reading, ReadingFlag, Record, RefusedTouch, Run, RunFinished,
+    RunId, RunKind, RunStarted, RunStatus, Sample, Source, StateChanged, StepStarted, StoredRecord,
+    Surface, SurfaceReading, Sweep, SweepPurpose, SweepVerdict, Touch, TouchSettings, Verdict,
 };
-pub use run::{Run, RunId, RunKind, RunStatus};
 
 /// The version of the records and tables that this crate writes. A reader refuses a newer one and
 /// reads every older one.

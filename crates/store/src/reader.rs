@@ -3,7 +3,6 @@
 mod interruption;
 
 use std::{
-    fmt,
     path::{Path, PathBuf},
     str,
 };
@@ -12,104 +11,16 @@ use rusqlite::{Connection, OptionalExtension, Params, Row, params};
 
 pub use interruption::{Interruption, ProbeWord};
 
-use crate::{Digest, Record, Run, RunId, RunKind, RunStatus, StoreError, lock, schema};
+use crate::{
+    Chain, Digest, Flaw, Record, Run, RunId, RunKind, RunStatus, StoreError, StoredRecord, Verdict,
+    lock, schema,
+};
 
 /// A connection that reads what has been committed. Each thread needs its own.
 #[derive(Debug)]
 pub struct Reader {
     connection: Connection,
     directory: PathBuf,
-}
-
-/// A record as it is stored.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct StoredRecord {
-    /// The id of the event, rising over all runs of the data directory.
-    pub event: u64,
-    /// The run.
-    pub run: RunId,
-    /// Its number in the run, from 1.
-    pub seq: u64,
-    /// Microseconds since the rig was opened.
-    pub rig_us: u64,
-    /// When: the beginning of the run by the wall clock, and from there on by the rig's clock. UTC,
-    /// RFC 3339 with milliseconds. None when the first record of the run is missing.
-    pub at: Option<String>,
-    /// The kind of record.
-    pub kind: String,
-    /// The record as JSON.
-    pub payload: String,
-    /// Its digest.
-    pub digest: Digest,
-}
-
-impl StoredRecord {
-    /// The record itself.
-    ///
-    /// # Errors
-    /// [`StoreError::Unreadable`].
-    pub fn record(&self) -> Result<Record, StoreError> {
-        serde_json::from_str(&self.payload).map_err(|source| StoreError::Unreadable {
-            run: self.run,
-            seq: self.seq,
-            source,
-        })
-    }
-}
-
-/// The records of a run up to the first flaw.
-#[derive(Debug)]
-pub struct Chain {
-    /// Records whose digests are right.
-    pub records: Vec<StoredRecord>,
-    /// Whether these are all.
-    pub verdict: Verdict,
-}
-
-/// Whether the chain of a run holds.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Verdict {
-    /// All records are there, as they were written.
-    Intact {
-        /// How many.
-        records: u64,
-        /// The digest of the last one.
-        digest: Digest,
-    },
-    /// They are not.
-    Broken {
-        /// The number of the first bad record in the run.
-        seq: u64,
-        /// What is wrong with it.
-        flaw: Flaw,
-    },
-}
-
-/// What is wrong with a record.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Flaw {
-    /// It is not there.
-    Missing,
-    /// It is not what was written.
-    Altered,
-    /// The database is damaged where it stands.
-    Unreadable {
-        /// What SQLite says.
-        reason: String,
-    },
-    /// It says that the run ended otherwise than the list of runs says.
-    EndDiffers,
-}
-
-impl fmt::Display for Flaw {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Missing => f.write_str("the record is missing"),
-            Self::Altered => f.write_str("the record is not what was written"),
-            Self::Unreadable { reason } => write!(f, "the record cannot be read: {reason}"),
-            Self::EndDiffers => f.write_str("the list of runs has another end of the run"),
-        }
-    }
 }
 
 impl Reader {
@@ -256,7 +167,7 @@ impl Reader {
             match rows.next() {
                 Ok(Some(row)) => match record_from(row) {
                     Ok(record) if record.seq > seq => break broken(Flaw::Missing),
-                    Ok(record) if record.follows(digest, seq) => {
+                    Ok(record) if record.follows(seq, &digest) => {
                         digest = record.digest;
                         records.push(record);
                     }
@@ -283,12 +194,6 @@ impl Reader {
             records.push(record_from(row)?);
         }
         Ok(records)
-    }
-}
-
-impl StoredRecord {
-    fn follows(&self, digest: Digest, seq: u64) -> bool {
-        self.seq == seq && self.digest == digest.next(seq, self.rig_us, &self.kind, &self.payload)
     }
 }
 

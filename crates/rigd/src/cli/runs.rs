@@ -5,7 +5,7 @@ use std::{
     path::Path,
 };
 
-use rig_store::{Reader, Run, RunId, RunKind, export};
+use rig_store::{Reader, Run, RunId, RunKind, StoreError, export};
 use serde::Serialize;
 
 use super::{
@@ -97,12 +97,12 @@ pub(super) fn print_results(data: &Path, run: RunId, is_json: bool) -> Result<()
     let folder = run_files::folder(data, run);
     let (run, records) = (reader.run(run)?, reader.records(run)?);
     if is_json {
-        let summary = report::summary(&run, &records, &folder)?;
+        let summary = report::summary(&run, &records, &folder).map_err(StoreError::from)?;
         if summary.touches_measured < summary.touches_planned {
             note(&summary.touches_sentence());
         }
         print_json(&summary)
     } else {
-        print(report::text(&run, &records)?.trim_end())
+        print(report::text(&run, &records).map_err(StoreError::from)?.trim_end())
     }
 }

@@ -8,6 +8,7 @@ use axum::{
 };
 use rig_engine::Denied;
 use rig_model::with_causes;
+use rig_record::{NotARunId, UnreadableRecord};
 use rig_settings::Faults;
 use rig_store::StoreError;
 use serde::Serialize;
@@ -201,6 +202,18 @@ impl From<StoreError> for Problem {
             StoreError::NoSuchRun { .. } => Self::not_found(error.to_string()),
             error => Self::internal(&with_causes(&error)),
         }
+    }
+}
+
+impl From<NotARunId> for Problem {
+    fn from(error: NotARunId) -> Self {
+        StoreError::from(error).into()
+    }
+}
+
+impl From<UnreadableRecord> for Problem {
+    fn from(error: UnreadableRecord) -> Self {
+        StoreError::from(error).into()
     }
 }
 

@@ -1,8 +1,8 @@
 //! The records of a run, sorted by what the report says of them.
 
-use rig_store::{
-    Action, Clearance, Prompt, Record, RefusedTouch, RunStarted, Sample, StoreError, StoredRecord,
-    Sweep, SweepVerdict, Touch, TouchSettings,
+use rig_record::{
+    Action, Clearance, Prompt, Record, RefusedTouch, RunStarted, Sample, StoredRecord, Sweep,
+    SweepVerdict, Touch, TouchSettings, UnreadableRecord,
 };
 
 use super::{html::add, units::duration};
@@ -93,7 +93,7 @@ impl LogKind {
 
 impl RunData {
     /// Sorts the records of a run.
-    pub(super) fn read(records: &[StoredRecord]) -> Result<Self, StoreError> {
+    pub(super) fn read(records: &[StoredRecord]) -> Result<Self, UnreadableRecord> {
         let mut data = Self {
             begin_us: records.first().map_or(0, |first| first.rig_us),
             end_us: records.last().map_or(0, |last| last.rig_us),

@@ -1,8 +1,8 @@
 //! The figures of the report.
 
 use rig_chart::{Axis, Chart, ChartError, Escaped, Marker, Point, Series, Stroke, legend};
+use rig_record::{Direction, Phase, Sample, Sweep, SweepVerdict};
 use rig_resonance::Circuit;
-use rig_store::{Direction, Phase, Sample, Sweep, SweepVerdict};
 
 use super::{
     data::RunData,

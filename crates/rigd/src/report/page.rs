@@ -2,7 +2,7 @@
 
 use rig_analysis::sensitivity::Sensitivity;
 use rig_chart::Escaped;
-use rig_store::{Ending, Phase, Run, RunStatus, Verdict};
+use rig_record::{Ending, Phase, Run, RunStatus, Verdict};
 
 use super::{
     data::RunData,

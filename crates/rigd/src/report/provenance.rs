@@ -1,7 +1,7 @@
 //! Where the numbers come from.
 
 use rig_chart::Escaped;
-use rig_store::{Run, RunStarted, Source, Verdict};
+use rig_record::{Run, RunStarted, Source, Verdict};
 
 use super::{data::RunData, html::add};
 

@@ -7,7 +7,7 @@ use rig_analysis::{
     sensitivity::{self, SampleShift, Sensitivity},
     shift::{self, AngleMean, DirectionMean, TouchShift},
 };
-use rig_store::{Circuit, Direction, Phase, Sweep, SweepPurpose, SweepVerdict, Touch};
+use rig_record::{Circuit, Direction, Phase, Sweep, SweepPurpose, SweepVerdict, Touch};
 
 use super::{
     data::RunData,

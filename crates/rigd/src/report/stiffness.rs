@@ -19,8 +19,8 @@ use rig_contact::{
     inverse::{InverseError, OneTouch, TiltInference},
 };
 use rig_protocol::{AngleKnowledge, Protocol};
+use rig_record::{Direction, Phase, Touch};
 use rig_settings::Faults;
-use rig_store::{Direction, Phase, Touch};
 
 pub(super) use place::Place;
 pub(super) use section::{recognitions, section};
@@ -332,7 +332,7 @@ impl Reader<'_> {
     }
 
     fn samples(&self, main: &[Reading], calibration: &Calibration) -> Vec<SampleStiffness> {
-        let sample = |(index, sample): (usize, &rig_store::Sample)| {
+        let sample = |(index, sample): (usize, &rig_record::Sample)| {
             let of_sample = || main.iter().filter(|reading| reading.sample == index);
             let found: Vec<Young> = of_sample().filter_map(|reading| reading.young.ok()).collect();
             let refused = of_sample().count() - found.len();

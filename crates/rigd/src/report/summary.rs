@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use rig_store::Run;
+use rig_record::Run;
 use serde::Serialize;
 
 use super::{

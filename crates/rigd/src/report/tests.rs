@@ -4,7 +4,7 @@ mod sample;
 
 use std::collections::BTreeMap;
 
-use rig_store::{Chain, Flaw, Verdict};
+use rig_record::{Chain, Flaw, Verdict};
 
 use super::*;
 use sample::{SampleRun, Story};
@@ -162,19 +162,19 @@ fn a_program_finds_the_fields_that_it_was_promised() {
 fn the_numbers_are_those_of_the_touches() {
     let sample = SampleRun::new(Story::Complete);
     let found = summary(&sample.run, &sample.chain.records, Path::new("run")).unwrap();
-    let touches: Vec<rig_store::Touch> = sample
+    let touches: Vec<rig_record::Touch> = sample
         .chain
         .records
         .iter()
         .filter_map(|stored| match stored.record().unwrap() {
-            rig_store::Record::TouchResult(touch) => Some(touch),
+            rig_record::Record::TouchResult(touch) => Some(touch),
             _ => None,
         })
         .collect();
     for shift in &found.shifts {
         let touch = touches.iter().find(|touch| {
             let settings = &touch.touch;
-            settings.phase == rig_store::Phase::Main
+            settings.phase == rig_record::Phase::Main
                 && settings.sample == shift.sample
                 && settings.pose.direction.name() == shift.direction
                 && settings.pose.angle_deg == shift.angle_deg

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use rig_store::{Phase, Run};
+use rig_record::{Phase, Run};
 
 use super::{
     data::RunData,

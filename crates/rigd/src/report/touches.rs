@@ -2,10 +2,8 @@
 
 use std::io::Write;
 
-use rig_store::{
-    Ending, Indented, Phase, Run, RunStatus, Touch,
-    export::{Cell, ExportError, POSITION_DECIMALS, Table},
-};
+use rig_record::{Ending, Indented, Phase, Run, RunStatus, Touch};
+use rig_store::export::{Cell, ExportError, POSITION_DECIMALS, Table};
 use serde::Serialize;
 
 use super::{

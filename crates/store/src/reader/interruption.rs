@@ -144,6 +144,6 @@ impl Reader {
             "WHERE run = (SELECT key FROM runs WHERE id = ?1) AND seq = 1",
         ))?;
         let found = statement.query_row([run.to_string()], record_from).optional()?;
-        found.map(|found| found.record()).transpose()
+        Ok(found.map(|found| found.record()).transpose()?)
     }
 }

@@ -21,7 +21,7 @@ pub(in crate::report) struct Place {
 
 impl Place {
     /// Whether a touch of this sample belongs to the place.
-    pub(super) fn holds(&self, touch: &rig_store::Touch, sample: usize) -> bool {
+    pub(super) fn holds(&self, touch: &rig_record::Touch, sample: usize) -> bool {
         let settings = &touch.touch;
         (self.sample, self.angle_deg, self.repeat)
             == (sample, settings.pose.angle_deg, settings.repeat)

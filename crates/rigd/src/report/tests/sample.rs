@@ -6,13 +6,14 @@ use std::{
     sync::atomic::{AtomicU32, Ordering},
 };
 
-use rig_resonance::Circuit;
-use rig_store::{
-    Action, BlackBox, Chain, Clearance, Device, Direction, Ending, Fault, Frame, Indented, Journal,
-    Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, Reader, Reading, ReadingFlag,
-    Record, RefusedTouch, Run, RunFinished, RunId, RunKind, RunStarted, Sample, Source,
-    StepStarted, Store, Sweep, SweepPurpose, SweepVerdict, Touch, TouchSettings,
+use rig_record::{
+    Action, BlackBox, Chain, Clearance, Device, Direction, Ending, Fault, Frame, Indented, Phase,
+    PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, Reading, ReadingFlag, Record,
+    RefusedTouch, Run, RunFinished, RunId, RunKind, RunStarted, Sample, Source, StepStarted, Sweep,
+    SweepPurpose, SweepVerdict, Touch, TouchSettings,
 };
+use rig_resonance::Circuit;
+use rig_store::{Journal, Reader, Store};
 
 const SAMPLES: [(&str, f64); 5] =
     [("1", 0.045), ("2", 0.104), ("3", 0.235), ("4", 0.320), ("5", 0.649)];
@@ -283,7 +284,7 @@ impl Teller {
             });
             self.now_us += 150_000;
         }
-        let circuit = rig_store::Circuit {
+        let circuit = rig_record::Circuit {
             quality_factor: q,
             static_capacitance_f: c0_farad,
             capacitance_ratio: ratio,

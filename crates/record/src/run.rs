@@ -4,15 +4,16 @@ use std::{fmt, str::FromStr};
 
 use uuid::Uuid;
 
-use crate::{Ending, StoreError};
+use crate::Ending;
 
 /// The id of a run: a UUID whose first part is the time at which it was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct RunId(Uuid);
 
 impl RunId {
-    pub(crate) fn now() -> Self {
-        Self(Uuid::now_v7())
+    /// The id that is this UUID.
+    pub const fn new(uuid: Uuid) -> Self {
+        Self(uuid)
     }
 }
 
@@ -22,12 +23,19 @@ impl fmt::Display for RunId {
     }
 }
 
-impl FromStr for RunId {
-    type Err = StoreError;
+/// A text that is not the id of a run.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("`{text}` is not the id of a run")]
+pub struct NotARunId {
+    /// The text.
+    pub text: String,
+}
 
-    fn from_str(text: &str) -> Result<Self, StoreError> {
-        let no_such_run = |_| StoreError::NoSuchRun { wanted: text.to_owned() };
-        Uuid::parse_str(text).map(Self).map_err(no_such_run)
+impl FromStr for RunId {
+    type Err = NotARunId;
+
+    fn from_str(text: &str) -> Result<Self, NotARunId> {
+        Uuid::parse_str(text).map(Self).map_err(|_| NotARunId { text: text.to_owned() })
     }
 }
 
@@ -49,7 +57,8 @@ impl RunKind {
         }
     }
 
-    pub(crate) fn from_name(name: &str) -> Option<Self> {
+    /// The one with this name.
+    pub fn from_name(name: &str) -> Option<Self> {
         [Self::Run, Self::Session].into_iter().find(|kind| kind.name() == name)
     }
 }
@@ -86,7 +95,8 @@ impl RunStatus {
         self.name().replace('_', " ")
     }
 
-    pub(crate) fn from_name(name: &str) -> Option<Self> {
+    /// The one with this name.
+    pub fn from_name(name: &str) -> Option<Self> {
         let endings = Ending::ALL.into_iter().map(Self::Ended);
         endings.chain([Self::Running]).find(|status| status.name() == name)
     }

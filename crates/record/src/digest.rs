@@ -17,7 +17,8 @@ impl Digest {
     /// What stands before the first record of a run.
     pub const START: Self = Self([0; 32]);
 
-    pub(crate) const fn from_bytes(bytes: [u8; 32]) -> Self {
+    /// A digest as it was stored.
+    pub const fn from_bytes(bytes: [u8; 32]) -> Self {
         Self(bytes)
     }
 
@@ -27,7 +28,7 @@ impl Digest {
     }
 
     /// The digest of the record that follows this one.
-    pub(crate) fn next(&self, seq: u64, rig_us: u64, kind: &str, payload: &str) -> Self {
+    pub fn next(&self, seq: u64, rig_us: u64, kind: &str, payload: &str) -> Self {
         let mut hash = Sha256::new();
         hash.update(self.0);
         hash.update(seq.to_be_bytes());

@@ -1,0 +1,21 @@
+//! What a journal holds: the types of its records, the chain of their digests, runs and their ids.
+//!
+//! `rig-store` writes and reads these; `rig-report` makes results of them. Nothing here does I/O.
+
+#![deny(clippy::disallowed_methods)]
+
+mod chain;
+mod digest;
+mod record;
+mod run;
+
+pub use chain::{Chain, Flaw, StoredRecord, UnreadableRecord, Verdict};
+pub use digest::Digest;
+pub use record::{
+    Action, Axis, BlackBox, Circuit, Clearance, Device, Direction, Ending, Fault, Frame, Indented,
+    Intent, Move, MoveReason, Operator, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked,
+    Reading, ReadingFlag, Record, RefusedTouch, RunFinished, RunStarted, Sample, Source,
+    StateChanged, StepStarted, Surface, SurfaceReading, Sweep, SweepPurpose, SweepVerdict, Touch,
+    TouchSettings,
+};
+pub use run::{NotARunId, Run, RunId, RunKind, RunStatus};
