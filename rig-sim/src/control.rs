@@ -35,7 +35,7 @@ clear                  take all faults back";
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ControlError {
     /// The first word is no command.
-    #[error("{word:?} is no command; say help")]
+    #[error("\"{word}\" is no command; say help")]
     Command {
         /// The word.
         word: String,
@@ -47,7 +47,7 @@ pub enum ControlError {
         what: &'static str,
     },
     /// A word is not one of those that may stand there.
-    #[error("{word:?} is no {what}; say help")]
+    #[error("\"{word}\" is no {what}; say help")]
     Word {
         /// What should stand there.
         what: &'static str,

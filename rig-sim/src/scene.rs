@@ -200,7 +200,7 @@ impl fmt::Display for Refusal {
                 let (min, max) = travel.value;
                 write!(f, "{start} is outside {} = [{min}, {max}]", travel.key)
             }
-            Self::SampleTwice { name } => write!(f, "there are two samples named {name:?}"),
+            Self::SampleTwice { name } => write!(f, "there are two samples named \"{name}\""),
             Self::Sensor(error) => write!(f, "{error}"),
         }
     }

@@ -56,6 +56,7 @@ fn no_error_has_its_source_in_its_message() {
         let text = fs::read_to_string(&file).unwrap();
         for (message, fields) in variants(&text) {
             n_variants += 1;
+            assert!(!message.contains(":?"), "{}: {message:?}", file.display());
             let is_tuple = fields.contains("(#[source]") || fields.contains("(#[from]");
             if !(is_tuple || fields.contains(" source: ")) {
                 continue;
@@ -97,6 +98,7 @@ fn an_error_is_told_once_with_all_its_causes() {
     check(&reopen, "the port was lost: line 1: cannot be opened");
     let asked = rig_analyzer::AnalyzerError::Line {
         asked: "*IDN?".into(),
+        wrong_end: None,
         intruders: Vec::new(),
         source: late(),
     };
@@ -105,9 +107,12 @@ fn an_error_is_told_once_with_all_its_causes() {
     let fault = rig_stage::LineFault::Reopen { source: Arc::new(lost()) };
     let stage = || rig_stage::StageError::<Mm>::from(rig_stage::BusError::from(fault.clone()));
     check(&stage(), "the port was lost: line 1: cannot be opened");
-    let device = rigd::rig::OpenError::Device { role: "linear stage", source: stage().into() };
+    let is_serial = true;
+    let (role, source) = ("linear stage", Box::new(stage().into()));
+    let device = rigd::rig::OpenError::Device { role, is_serial, source };
     check(&device, "linear stage: the port was lost: line 1");
-    let device = rigd::rig::OpenError::Device { role: "analyzer", source: asked.into() };
+    let (role, source) = ("analyzer", Box::new(asked.into()));
+    let device = rigd::rig::OpenError::Device { role, is_serial, source };
     check(&device, "analyzer: asked `*IDN?`: line 1");
     check(&rigd::rig::OpenError::Port { role: "bus", source: lost() }, "bus: line 1");
 

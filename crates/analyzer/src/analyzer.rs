@@ -4,7 +4,7 @@ use rig_link::{Port, StopSignal, Transcript};
 use rig_model::{DriveLevel, Reading, RigTime, SweepPoint};
 
 use crate::{
-    AnalyzerError, Dialect, Identity, dialect::CommandSet, point::Shot, trace, wire::Wire,
+    AnalyzerError, Dialect, Identity, Terms, dialect::CommandSet, point::Shot, trace, wire::Wire,
 };
 
 /// The longest settling that is waited for, s.
@@ -43,8 +43,13 @@ pub struct Analyzer {
 impl Analyzer {
     /// An analyzer of this dialect at this port. Nothing is sent yet.
     pub fn open(port: Port, dialect: &'static Dialect) -> Self {
+        Self::open_with(port, dialect, Terms::default())
+    }
+
+    /// The same where terminator and patience are not the usual ones.
+    pub fn open_with(port: Port, dialect: &'static Dialect, terms: Terms) -> Self {
         Self {
-            wire: Wire::new(port, dialect.quirks),
+            wire: Wire::new(port, dialect.quirks, terms),
             dialect,
             identity: None,
             can_chain: None,

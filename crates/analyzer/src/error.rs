@@ -48,10 +48,12 @@ impl fmt::Display for EventStatus {
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum AnalyzerError {
     /// The line failed: what the instrument heard or did is not known.
-    #[error("asked `{asked}`{}", also(intruders))]
+    #[error("asked `{asked}`{}{}", in_parentheses(*wrong_end), also(intruders))]
     Line {
         /// What was asked.
         asked: Box<str>,
+        /// What came looks whole but for its ending.
+        wrong_end: Option<WrongEnd>,
         /// Programs that have the port open too, where the answer stayed lost.
         intruders: Vec<Holder>,
         /// What happened.
@@ -73,12 +75,14 @@ pub enum AnalyzerError {
         source: Arc<OpenError>,
     },
     /// What came cannot be an answer of any kind.
-    #[error("{port}: asked `{asked}`; do speed and parity match?")]
+    #[error("{port}: asked `{asked}`, found `{found}`")]
     Frame {
         /// Name of the port.
         port: Arc<str>,
         /// What was asked.
         asked: Box<str>,
+        /// What came.
+        found: Box<str>,
         /// What is wrong with it.
         #[source]
         source: FrameError,
@@ -102,9 +106,7 @@ pub enum AnalyzerError {
         port: Arc<str>,
     },
     /// Something came that nobody had asked for.
-    #[error(
-        "{port}: {bytes} bytes came that nobody had asked for; is another program on the port?"
-    )]
+    #[error("{port}: {bytes} bytes came that nobody had asked for")]
     Strays {
         /// Name of the port.
         port: Arc<str>,
@@ -199,6 +201,28 @@ impl AnalyzerError {
                 | Self::Answer { .. }
         )
     }
+}
+
+/// An answer that ends otherwise than is expected of this instrument.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WrongEnd {
+    /// In a carriage return, where a line feed was expected.
+    CrForLf,
+    /// In a line feed, where a carriage return was expected.
+    LfForCr,
+}
+
+impl fmt::Display for WrongEnd {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::CrForLf => "the answer ended in CR where LF was expected",
+            Self::LfForCr => "the answer ended in LF where CR was expected",
+        })
+    }
+}
+
+fn in_parentheses(wrong_end: Option<WrongEnd>) -> String {
+    wrong_end.map(|end| format!(" ({end})")).unwrap_or_default()
 }
 
 fn also(intruders: &[Holder]) -> String {

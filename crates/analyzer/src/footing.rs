@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use rig_link::LineError;
+use rig_model::with_causes;
 use rig_scpi::Expect;
 
 use crate::{
@@ -12,7 +13,7 @@ use crate::{
     message::Message,
     questions::Question,
     trace,
-    wire::{ANSWER_WITHIN, Answered},
+    wire::Answered,
 };
 
 /// How often a measurement is begun anew after its answer was lost.
@@ -45,7 +46,8 @@ impl Analyzer {
                     if attempts == ATTEMPTS {
                         return Err(self.explain(error).await);
                     }
-                    tracing::warn!(%error, attempts, "beginning again");
+                    let cause = with_causes(&error);
+                    tracing::warn!(%cause, attempts, "beginning again");
                 }
             }
         }
@@ -54,14 +56,15 @@ impl Analyzer {
     /// Says why an answer stayed lost. An instrument that ignores the rest of a message after an
     /// error in it is silent too, so that it is asked whether that was so.
     async fn explain(&mut self, error: AnalyzerError) -> AnalyzerError {
-        let AnalyzerError::Line { asked, source, .. } = error else { return error };
+        let AnalyzerError::Line { asked, wrong_end, source, .. } = error else { return error };
         if self.wire.put_in_order(QUARANTINE).await.is_ok()
             && let Ok(status) = self.event_status().await
             && status.is_error()
         {
             return self.refused(asked, status).await;
         }
-        AnalyzerError::Line { asked, intruders: self.wire.port().intruders(), source }
+        let intruders = self.wire.port().intruders();
+        AnalyzerError::Line { asked, wrong_end, intruders, source }
     }
 
     /// Finds a common footing: silence, no old errors, the instrument that is expected.
@@ -77,7 +80,7 @@ impl Analyzer {
         }
         let greeting = greeting.command("*CLS").query("*IDN");
         let Answered { response, .. } =
-            self.wire.ask(&greeting, Expect::Line, ANSWER_WITHIN).await?;
+            self.wire.ask(&greeting, Expect::Line, self.wire.reply_within()).await?;
         let Ok(found) = rig_scpi::Identity::parse(&response).map(Identity::from) else {
             return Err(self.wire.unexpected(&greeting, "an identity", response.bytes()));
         };
@@ -102,7 +105,7 @@ impl Analyzer {
     /// Whether two questions in one message get two answers in one line.
     async fn try_chain(&mut self) -> Result<bool, AnalyzerError> {
         let twice = Message::new().query("*ESR").query("*ESR");
-        match self.wire.ask(&twice, Expect::Data, ANSWER_WITHIN).await {
+        match self.wire.ask(&twice, Expect::Data, self.wire.reply_within()).await {
             Ok(answered) if answered.response.bytes() == b"0;0" => return Ok(true),
             // One answer or none is what comes where it is not allowed.
             Ok(_) | Err(AnalyzerError::Line { source: LineError::TimedOut { .. }, .. }) => {}
@@ -117,7 +120,7 @@ impl Analyzer {
     async fn find_high_power(&mut self) -> Result<bool, AnalyzerError> {
         let Some(high_power) = self.dialect.high_power else { return Ok(false) };
         let options = Message::new().query("*OPT");
-        let answered = self.wire.ask(&options, Expect::Line, ANSWER_WITHIN).await?;
+        let answered = self.wire.ask(&options, Expect::Line, self.wire.reply_within()).await?;
         let text = String::from_utf8_lossy(answered.response.bytes()).into_owned();
         Ok(text.split(',').any(|option| option.trim() == high_power.option))
     }
@@ -144,7 +147,7 @@ impl Analyzer {
             self.confirm(message).await?;
         }
         let questions: [Question<'_>; 2] = [&|m| m.query(level_header), &|m| m.query("*ESR")];
-        let (answers, _, asked) = self.ask_all(&questions, ANSWER_WITHIN).await?;
+        let (answers, _, asked) = self.ask_all(&questions, self.wire.reply_within()).await?;
         let status = self.read_status(&asked, answers[1].first())?;
         self.check(&asked, status).await?;
         let found = self.number(level_header, &answers[0])?;

@@ -24,5 +24,6 @@ pub use dialect::{
     Dialect, HIOKI_IM3536, HP_4284A, Handshake, HighPower, KEYSIGHT_E4980A, KEYSIGHT_E4990A,
     Quirks, Resolution, TONGHUI_TH283X,
 };
-pub use error::{AnalyzerError, EventStatus};
+pub use error::{AnalyzerError, EventStatus, WrongEnd};
 pub use identity::Identity;
+pub use wire::Terms;

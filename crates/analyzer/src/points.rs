@@ -13,12 +13,8 @@ use crate::{
     hioki, lcr,
     message::Message,
     point::{Impedance, Integration, Shot},
-    wire::ANSWER_WITHIN,
+    questions::shown,
 };
-
-/// The instrument may take this much longer than delay and integration: it ranges, computes and
-/// formats.
-const MEASURE_SLACK: Duration = Duration::from_secs(1);
 
 /// Integration may take this many times the cycles asked for while the range is sought.
 const MEASURE_TIMES: f64 = 3.0;
@@ -103,8 +99,8 @@ impl Analyzer {
         // Until it has confirmed, nothing is known about its settings.
         let before = self.current.take();
         let frequency_header = commands.frequency_header();
-        let within =
-            MEASURE_SLACK + Duration::from_secs_f64(shot.delay_s + MEASURE_TIMES * trigger_s);
+        let within = self.wire.reply_within()
+            + Duration::from_secs_f64(shot.delay_s + MEASURE_TIMES * trigger_s);
         let deadline = Instant::now() + within;
         let (answers, asked_at, message) = self
             .ask_all(
@@ -145,7 +141,7 @@ impl Analyzer {
         loop {
             sleep(POLL).await;
             let (answers, _, message) =
-                self.ask_all(&[&|m| m.query(lcr::FETCH)], ANSWER_WITHIN).await?;
+                self.ask_all(&[&|m| m.query(lcr::FETCH)], self.wire.reply_within()).await?;
             match lcr::reading(&answers[0]) {
                 Ok(Some(impedance)) => return Ok(impedance),
                 Ok(None) if Instant::now() < deadline => {}
@@ -155,7 +151,7 @@ impl Analyzer {
     }
 
     fn not_a_reading(&self, asked: &Message, data: &[Datum]) -> AnalyzerError {
-        let found = format!("{data:?}");
+        let found = shown(data);
         let expected = "resistance and reactance in ohm, and a status";
         self.wire.unexpected(asked, expected, found.as_bytes())
     }

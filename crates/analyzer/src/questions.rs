@@ -5,11 +5,7 @@ use std::time::Duration;
 use rig_model::RigTime;
 use rig_scpi::{Datum, ErrorReport, Expect};
 
-use crate::{
-    Analyzer, AnalyzerError, EventStatus,
-    message::Message,
-    wire::{ANSWER_WITHIN, Answered},
-};
+use crate::{Analyzer, AnalyzerError, EventStatus, message::Message, wire::Answered};
 
 /// More errors than this are not read out of an error queue.
 const REPORTS_MAX: usize = 20;
@@ -22,7 +18,7 @@ impl Analyzer {
     /// was lost from one that was heard.
     pub(crate) async fn confirm(&mut self, message: Message) -> Result<(), AnalyzerError> {
         let message = message.query("*ESR");
-        let answered = self.wire.ask(&message, Expect::Data, ANSWER_WITHIN).await?;
+        let answered = self.wire.ask(&message, Expect::Data, self.wire.reply_within()).await?;
         let status = self.read_status(&message, answered.response.datum().ok().as_ref())?;
         self.check(&message, status).await
     }
@@ -52,7 +48,7 @@ impl Analyzer {
         let mut first_asked_at = None;
         for ask in questions {
             let message = ask(Message::new());
-            let within = if answers.is_empty() { first_within } else { ANSWER_WITHIN };
+            let within = if answers.is_empty() { first_within } else { self.wire.reply_within() };
             let Answered { response, asked_at } =
                 self.wire.ask(&message, Expect::Data, within).await?;
             first_asked_at.get_or_insert(asked_at);
@@ -66,7 +62,7 @@ impl Analyzer {
 
     pub(crate) async fn event_status(&mut self) -> Result<EventStatus, AnalyzerError> {
         let message = Message::new().query("*ESR");
-        let answered = self.wire.ask(&message, Expect::Data, ANSWER_WITHIN).await?;
+        let answered = self.wire.ask(&message, Expect::Data, self.wire.reply_within()).await?;
         self.read_status(&message, answered.response.datum().ok().as_ref())
     }
 
@@ -77,7 +73,7 @@ impl Analyzer {
     ) -> Result<EventStatus, AnalyzerError> {
         let status = datum.and_then(|datum| u8::try_from(datum.integer().ok()?).ok());
         status.map(EventStatus).ok_or_else(|| {
-            let found = format!("{datum:?}");
+            let found = shown(datum);
             self.wire.unexpected(asked, "an event status", found.as_bytes())
         })
     }
@@ -101,7 +97,7 @@ impl Analyzer {
         let mut reports = Vec::new();
         let question = Message::new().query(":SYSTem:ERRor");
         while self.dialect.quirks.has_error_queue && reports.len() < REPORTS_MAX {
-            let answered = self.wire.ask(&question, Expect::Data, ANSWER_WITHIN).await;
+            let answered = self.wire.ask(&question, Expect::Data, self.wire.reply_within()).await;
             match answered.map(|answered| ErrorReport::parse(&answered.response)) {
                 Ok(Ok(Some(report))) => reports.push(report),
                 _ => break,
@@ -114,10 +110,49 @@ impl Analyzer {
         match data {
             [datum] if datum.number().is_ok() => Ok(datum.number().unwrap_or(f64::NAN)),
             _ => {
-                let found = format!("{data:?}");
+                let found = shown(data);
                 let asked = Message::new().query(asked);
                 Err(self.wire.unexpected(&asked, "a number", found.as_bytes()))
             }
         }
+    }
+}
+
+/// Data about as the instrument wrote them.
+pub(crate) fn shown<'a>(data: impl IntoIterator<Item = &'a Datum>) -> String {
+    let one = |datum: &Datum| match datum {
+        Datum::Integer(value) => value.to_string(),
+        Datum::Real(value) => format!("{value:E}"),
+        Datum::NonDecimal(value) => format!("#H{value:X}"),
+        Datum::Text(text) => format!("\"{text}\""),
+        Datum::Characters(word) => word.clone(),
+        Datum::Block(bytes) => format!("a block of {} bytes", bytes.len()),
+        Datum::Overload { is_negative } => {
+            if *is_negative { "-9.9E37" } else { "9.9E37" }.to_owned()
+        }
+        Datum::Missing => "9.91E37".to_owned(),
+    };
+    data.into_iter().map(one).collect::<Vec<_>>().join(",")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_came_is_shown_as_it_was_written() {
+        let data = [
+            Datum::Integer(-3),
+            Datum::Real(1.5e-7),
+            Datum::Text("a".to_owned()),
+            Datum::Characters("NEAR".to_owned()),
+            Datum::Overload { is_negative: true },
+            Datum::Missing,
+            Datum::NonDecimal(255),
+            Datum::Block(vec![1, 2]),
+        ];
+        let expected = "-3,1.5E-7,\"a\",NEAR,-9.9E37,9.91E37,#HFF,a block of 2 bytes";
+        assert_eq!(shown(&data), expected);
+        assert_eq!(shown(None), "");
     }
 }

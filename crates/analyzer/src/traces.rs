@@ -9,7 +9,6 @@ use crate::{
     message::Message,
     point::Impedance,
     trace::{self, Trace},
-    wire::ANSWER_WITHIN,
 };
 
 /// A sweep may take this much longer than its delays and cycles: it ranges and computes.
@@ -33,7 +32,8 @@ impl Analyzer {
         let tolerance_hz = |hz: f64| resolution.tolerance_hz(hz) + FREQUENCY_TOLERANCE_REL * hz;
         let (trace, run) = Trace::first_of(points, 2.0 * resolution.tolerance_hz(1.0));
         self.confirm(trace.settings(Message::new())).await?;
-        let within = SWEEP_SLACK + Duration::from_secs_f64(SWEEP_TIMES * trace.duration_s());
+        let within = SWEEP_SLACK.max(self.wire.reply_within())
+            + Duration::from_secs_f64(SWEEP_TIMES * trace.duration_s());
         let (_, triggered_at, _) = self.ask_all(&[&Trace::trigger], within).await?;
         let seconds_a_point = clock.now().since(triggered_at).as_secs_f64() / trace.points as f64;
         let (answers, _, message) = self
@@ -41,7 +41,7 @@ impl Analyzer {
                 &[&trace::frequencies, &trace::resistances, &trace::reactances, &|m| {
                     m.query("*ESR")
                 }],
-                ANSWER_WITHIN,
+                self.wire.reply_within(),
             )
             .await?;
         let [frequencies, resistances, reactances, status] = &answers[..] else {

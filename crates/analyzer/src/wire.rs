@@ -2,19 +2,33 @@
 
 use std::{sync::Arc, time::Duration};
 
-use rig_link::{LineError, Port};
-use rig_model::RigTime;
+use rig_link::{LineError, Port, escaped};
+use rig_model::{RigTime, Terminator};
 use rig_scpi::{Ending, Expect, Framing, Response, ResponseDecoder};
 use tokio::time::Instant;
 
 use crate::{
-    AnalyzerError,
+    AnalyzerError, WrongEnd,
     dialect::{Handshake, Quirks},
     message::Message,
 };
 
-/// How long an instrument may take to answer a question about its settings.
-pub(crate) const ANSWER_WITHIN: Duration = Duration::from_secs(1);
+/// How messages travel to and from an instrument, where that is set on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Terms {
+    /// What ends a message, either way. What the dialect says where it is None; the answers of all
+    /// dialects end in a line feed.
+    pub terminator: Option<Terminator>,
+    /// How long the instrument may take to answer a question about its settings, and how much
+    /// longer than delay and integration a measurement may take.
+    pub reply_within: Duration,
+}
+
+impl Default for Terms {
+    fn default() -> Self {
+        Self { terminator: None, reply_within: Duration::from_secs(1) }
+    }
+}
 
 /// How long an instrument may take to echo a character.
 const ECHO_WITHIN: Duration = Duration::from_millis(200);
@@ -27,6 +41,7 @@ const ANSWER_BYTES: usize = 256;
 pub(crate) struct Wire {
     port: Port,
     quirks: Quirks,
+    terms: Terms,
     decoder: ResponseDecoder,
     /// A question is out whose answer has not come. Whoever asked may have stopped waiting.
     owes_an_answer: bool,
@@ -40,10 +55,22 @@ pub(crate) struct Answered {
 }
 
 impl Wire {
-    pub(crate) fn new(port: Port, quirks: Quirks) -> Self {
-        // Whatever a dialect sends as its ending, they all answer with a line feed last.
-        let framing = Framing { ending: Ending::Lf, ..Framing::default() };
-        Self { port, quirks, decoder: ResponseDecoder::new(framing), owes_an_answer: false }
+    pub(crate) fn new(port: Port, quirks: Quirks, terms: Terms) -> Self {
+        let sent = match terms.terminator {
+            None => quirks.ending,
+            Some(Terminator::Lf) => Ending::Lf,
+            Some(Terminator::CrLf) => Ending::CrLf,
+            Some(Terminator::Cr) => Ending::Cr,
+        };
+        let ending = if sent == Ending::Cr { Ending::Cr } else { Ending::Lf };
+        let decoder = ResponseDecoder::new(Framing { ending, ..Framing::default() });
+        let quirks = Quirks { ending: sent, ..quirks };
+        Self { port, quirks, terms, decoder, owes_an_answer: false }
+    }
+
+    /// How long the instrument may take to answer a question about its settings.
+    pub(crate) const fn reply_within(&self) -> Duration {
+        self.terms.reply_within
     }
 
     pub(crate) const fn port(&self) -> &Port {
@@ -61,8 +88,8 @@ impl Wire {
         expect: Expect,
         within: Duration,
     ) -> Result<Answered, AnalyzerError> {
-        let failed = |error| line(message, error);
-        let surplus = self.port.drain().await.map_err(failed)? + self.decoder.n_buffered();
+        let drained = self.port.drain().await.map_err(|error| self.failed(message, error))?;
+        let surplus = drained + self.decoder.n_buffered();
         self.decoder.reset();
         if surplus > 0 || self.owes_an_answer {
             // The next answer may be that to an earlier question.
@@ -76,6 +103,7 @@ impl Wire {
         let asked_at = self.port.clock().at(asked) + self.port.duration_of(bytes);
         let deadline = asked + within + self.port.duration_of(bytes + ANSWER_BYTES);
         let mut received = Vec::new();
+        let mut n_pushed = 0;
         loop {
             match self.decoder.poll() {
                 Ok(Some(response)) => {
@@ -87,21 +115,25 @@ impl Wire {
                     return Err(AnalyzerError::Frame {
                         port: self.name(),
                         asked: message.to_string().into(),
+                        found: escaped(&received).into(),
                         source: fault,
                     });
                 }
             }
-            received.clear();
             let more = self.port.receive(&mut received, asked, deadline).await;
-            more.map_err(|error| line(message, error))?;
-            self.decoder.push(&received);
+            more.map_err(|error| self.failed(message, error))?;
+            self.decoder.push(&received[n_pushed..]);
+            n_pushed = received.len();
         }
     }
 
     async fn send(&mut self, message: &Message) -> Result<(), AnalyzerError> {
         let bytes = message.bytes(self.quirks.ending);
         match self.quirks.handshake {
-            Handshake::None => self.port.send(&bytes).await.map_err(|error| line(message, error)),
+            Handshake::None => {
+                let sent = self.port.send(&bytes).await;
+                sent.map_err(|error| self.failed(message, error))
+            }
             Handshake::EchoEachCharacter => self.send_slowly(message, &bytes).await,
         }
     }
@@ -112,11 +144,12 @@ impl Wire {
         let mut echo = Vec::new();
         for (n, &byte) in bytes.iter().enumerate() {
             echo.clear();
-            self.port.send(&[byte]).await.map_err(|error| line(message, error))?;
-            let sent = Instant::now();
-            let deadline = sent + ECHO_WITHIN + self.port.duration_of(2);
-            let received = self.port.receive(&mut echo, sent, deadline).await;
-            received.map_err(|error| line(message, error))?;
+            let sent = self.port.send(&[byte]).await;
+            sent.map_err(|error| self.failed(message, error))?;
+            let asked = Instant::now();
+            let deadline = asked + ECHO_WITHIN + self.port.duration_of(2);
+            let received = self.port.receive(&mut echo, asked, deadline).await;
+            received.map_err(|error| self.failed(message, error))?;
             let is_last = n + 1 == bytes.len();
             match echo.split_first() {
                 // The answer may be right behind the last echo.
@@ -152,11 +185,22 @@ impl Wire {
             port: self.name(),
             asked: asked.to_string().into(),
             expected,
-            found: found.escape_ascii().to_string().into(),
+            found: escaped(found).into(),
         }
     }
-}
 
-fn line(asked: &Message, source: LineError) -> AnalyzerError {
-    AnalyzerError::Line { asked: asked.to_string().into(), intruders: Vec::new(), source }
+    /// A question whose answer was lost.
+    fn failed(&self, asked: &Message, source: LineError) -> AnalyzerError {
+        let is_cr = self.quirks.ending == Ending::Cr;
+        let wrong_end = match &source {
+            LineError::TimedOut { arrived, .. } => match arrived.bytes.last() {
+                Some(b'\r') if !is_cr => Some(WrongEnd::CrForLf),
+                Some(b'\n') if is_cr => Some(WrongEnd::LfForCr),
+                _ => None,
+            },
+            _ => None,
+        };
+        let asked = asked.to_string().into();
+        AnalyzerError::Line { asked, wrong_end, intruders: Vec::new(), source }
+    }
 }

@@ -1,6 +1,6 @@
 //! Where a port is, and how it is opened, also once more after it was lost.
 
-use std::{fmt, io, path::Path, sync::Arc, time::Duration};
+use std::{fmt, io, os::unix::fs::FileTypeExt, path::Path, sync::Arc, time::Duration};
 
 use tokio::{net::TcpStream, time::timeout};
 use tokio_serial::SerialPortBuilderExt;
@@ -104,6 +104,9 @@ fn open_serial(
     };
     // The device file itself: the lock of the library is on it, whatever it is called by.
     let device = std::fs::canonicalize(path).unwrap_or_else(|_| path.into());
+    if let Some(what) = what_it_is(&device) {
+        return Err(OpenError::NotAPort { port: port.clone(), what });
+    }
     let stream = tokio_serial::new(device.to_string_lossy(), line.baud)
         .parity(parity)
         .stop_bits(stop_bits)
@@ -111,6 +114,20 @@ fn open_serial(
     match stream {
         Ok(stream) => Ok(Box::new(stream)),
         Err(error) => Err(explain(port.clone(), &device, error)),
+    }
+}
+
+/// What has this name, if it is no device of characters. What is not there is found out by opening.
+fn what_it_is(path: &Path) -> Option<&'static str> {
+    let kind = std::fs::metadata(path).ok()?.file_type();
+    if kind.is_char_device() {
+        None
+    } else if kind.is_dir() {
+        Some("a directory")
+    } else if kind.is_file() {
+        Some("a file")
+    } else {
+        Some("a pipe, a socket or a disk")
     }
 }
 
@@ -136,6 +153,6 @@ async fn connect_tcp(port: &Arc<str>, address: &str) -> Result<Box<dyn Transport
     let stream = connected.and_then(|stream| stream.set_nodelay(true).map(|()| stream));
     match stream {
         Ok(stream) => Ok(Box::new(stream)),
-        Err(source) => Err(OpenError::Io { port, source }),
+        Err(source) => Err(OpenError::Unconnected { port, source }),
     }
 }

@@ -1,6 +1,6 @@
 //! What goes wrong between the host and a device, as far as a port can tell.
 
-use std::{io, sync::Arc, time::Duration};
+use std::{fmt, io, sync::Arc, time::Duration};
 
 use crate::Holder;
 
@@ -10,14 +10,14 @@ use crate::Holder;
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum LineError {
     /// Nothing, or not all of it, arrived in time.
-    #[error("{port}: no complete answer within {} ms, {received} bytes arrived", waited.as_millis())]
+    #[error("{port}: no complete answer within {} ms, {arrived}", waited.as_millis())]
     TimedOut {
         /// Name of the port.
         port: Arc<str>,
         /// How long it was waited for.
         waited: Duration,
-        /// How much arrived.
-        received: usize,
+        /// What arrived.
+        arrived: Box<Arrived>,
     },
     /// The other side takes no bytes.
     #[error("{port}: {bytes} bytes could not be sent within {} ms", waited.as_millis())]
@@ -39,11 +39,13 @@ pub enum LineError {
         /// How much was thrown away.
         discarded: usize,
     },
-    /// The adapter was unplugged, or the other side closed the connection.
-    #[error("{port}: unplugged, or closed by the other side")]
+    /// The adapter is gone, or the other side has closed the connection.
+    #[error("{port}: {}", if *is_serial { "the port is gone" } else { "closed by the other side" })]
     Lost {
         /// Name of the port.
         port: Arc<str>,
+        /// Whether it is a serial line, and no connection.
+        is_serial: bool,
     },
     /// The operating system reports an error.
     #[error("{port}: input or output failed")]
@@ -56,14 +58,54 @@ pub enum LineError {
     },
 }
 
+/// What arrived of an answer that is not whole.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Arrived {
+    /// All of it.
+    pub bytes: Vec<u8>,
+    /// From the end of the question to the last byte.
+    pub last_after: Duration,
+}
+
+impl fmt::Display for Arrived {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let n = self.bytes.len();
+        if n == 0 {
+            return f.write_str("nothing arrived");
+        }
+        let bytes = if n == 1 { "byte" } else { "bytes" };
+        let (last, shown) = (self.last_after.as_millis(), escaped(&self.bytes));
+        write!(f, "{n} {bytes} arrived, the last after {last} ms: `{shown}`")
+    }
+}
+
+/// Bytes as a person reads them, without those in the middle where there are many.
+pub fn escaped(bytes: &[u8]) -> String {
+    /// What is shown of the beginning and of the end, bytes.
+    const SHOWN: usize = 40;
+    if bytes.len() <= 2 * SHOWN {
+        return bytes.escape_ascii().to_string();
+    }
+    let (begin, end) = (&bytes[..SHOWN], &bytes[bytes.len() - SHOWN..]);
+    format!("{}…{}", begin.escape_ascii(), end.escape_ascii())
+}
+
 /// A port could not be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
     /// There is no such device.
-    #[error("{port}: no such port; is it plugged in?")]
+    #[error("{port}: no such port")]
     Absent {
         /// Name of the port.
         port: Arc<str>,
+    },
+    /// What has this name is no serial port.
+    #[error("{port}: {what}, not a serial port")]
+    NotAPort {
+        /// The name given.
+        port: Arc<str>,
+        /// What it is.
+        what: &'static str,
     },
     /// Another program has it.
     #[error("{port}: held by {}", names(holders))]
@@ -74,7 +116,7 @@ pub enum OpenError {
         holders: Vec<Holder>,
     },
     /// This user may not.
-    #[error("{port}: permission denied; serial ports usually belong to the group dialout")]
+    #[error("{port}: permission denied")]
     Permission {
         /// Name of the port.
         port: Arc<str>,
@@ -86,6 +128,15 @@ pub enum OpenError {
         port: Arc<str>,
         /// How long it was tried.
         waited: Duration,
+    },
+    /// The connection was refused, or there is no way to the address.
+    #[error("{port}: cannot be connected to")]
+    Unconnected {
+        /// Name of the port.
+        port: Arc<str>,
+        /// What the operating system reports.
+        #[source]
+        source: io::Error,
     },
     /// The operating system reports another error.
     #[error("{port}: cannot be opened")]

@@ -13,7 +13,9 @@ use tokio::{
     time::{Instant, timeout, timeout_at},
 };
 
-use crate::{Clock, Endpoint, Flow, Holder, LineError, OpenError, Transcript, Transport, holders};
+use crate::{
+    Arrived, Clock, Endpoint, Flow, Holder, LineError, OpenError, Transcript, Transport, holders,
+};
 use rig_model::LineSettings;
 
 /// How many frames the black box holds: some seconds of a busy line.
@@ -136,6 +138,11 @@ impl Port {
         }
     }
 
+    /// Whether it is a serial line, and no connection.
+    pub const fn is_serial(&self) -> bool {
+        matches!(self.endpoint, Some(Endpoint::Serial { .. })) || self.line.is_some()
+    }
+
     /// How long `bytes` characters occupy the line; nothing on a network.
     pub fn duration_of(&self, bytes: usize) -> Duration {
         self.line.map_or(Duration::ZERO, |line| line.duration_of(bytes))
@@ -230,7 +237,8 @@ impl Port {
         }
     }
 
-    /// Waits for more bytes of an answer and appends them to `answer`.
+    /// Waits for more bytes of an answer and appends them to `answer`, which holds what has come of
+    /// it so far.
     ///
     /// # Errors
     /// [`LineError::TimedOut`] at the deadline, [`LineError::Lost`], [`LineError::Io`].
@@ -246,7 +254,10 @@ impl Port {
             Err(_) => Err(LineError::TimedOut {
                 port: self.name.clone(),
                 waited: deadline - asked,
-                received: answer.len(),
+                arrived: Box::new(Arrived {
+                    bytes: answer.clone(),
+                    last_after: self.last_activity.saturating_duration_since(asked),
+                }),
             }),
         }
     }
@@ -255,7 +266,7 @@ impl Port {
     pub fn explain(&self, error: io::Error) -> LineError {
         let port = self.name.clone();
         if is_gone(&error) {
-            return LineError::Lost { port };
+            return LineError::Lost { port, is_serial: self.is_serial() };
         }
         LineError::Io { port, source: Arc::new(error) }
     }

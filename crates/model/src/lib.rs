@@ -22,7 +22,7 @@ pub use causes::with_causes;
 pub use make::{AnalyzerMake, DriveMake};
 pub use pose::{ContactAngle, ContactAngleError, Direction, Orientation};
 pub use scale::Scale;
-pub use serial::{LineSettings, Parity, StopBits};
+pub use serial::{LineSettings, Parity, StopBits, Terminator};
 pub use sweep::{
     DriveLevel, Reading, ReadingFlag, SweepMethod, SweepPoint, SweepRequest, SweepRequestError,
     Window,

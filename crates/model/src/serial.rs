@@ -22,6 +22,31 @@ pub enum StopBits {
     Two,
 }
 
+/// What ends a line of text.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Terminator {
+    /// Line feed.
+    Lf,
+    /// Carriage return and line feed.
+    CrLf,
+    /// Carriage return.
+    Cr,
+}
+
+impl Terminator {
+    /// Every terminator.
+    pub const ALL: [Self; 3] = [Self::Lf, Self::CrLf, Self::Cr];
+
+    /// The name in rig files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Lf => "lf",
+            Self::CrLf => "crlf",
+            Self::Cr => "cr",
+        }
+    }
+}
+
 /// The settings of a serial line. Characters have eight data bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LineSettings {

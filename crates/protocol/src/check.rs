@@ -23,8 +23,8 @@ pub(crate) fn by_itself(protocol: &Protocol, faults: &mut Faults) {
             (!is_fit).then(|| Refusal::SampleName { name: name.clone() })
         });
     }
-    listed_twice(&protocol.samples, |name| format!("{name:?}"), faults);
-    listed_twice(&protocol.directions, |direction| format!("{:?}", direction.name()), faults);
+    listed_twice(&protocol.samples, |name| format!("\"{name}\""), faults);
+    listed_twice(&protocol.directions, |direction| format!("\"{}\"", direction.name()), faults);
     listed_twice(&protocol.angles, |angle| angle.degrees().to_string(), faults);
     let poses = protocol.samples.len() * protocol.directions.len() * protocol.angles.len();
     protocol.repeats.check(faults, |&repeats| {

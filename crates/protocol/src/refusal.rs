@@ -30,11 +30,11 @@ impl fmt::Display for DepthLimit {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(crate) enum Refusal {
     // Lists.
-    #[error("{name:?} in samples cannot be part of a step's address")]
+    #[error("\"{name}\" in samples cannot be part of a step's address")]
     SampleName { name: String },
     #[error("{item} in {key} is listed twice")]
     ListedTwice { item: String, key: &'static str },
-    #[error("{name:?} in samples is not a sample that the simulated rig has")]
+    #[error("\"{name}\" in samples is not a sample that the simulated rig has")]
     UnknownSample { name: String, known: Vec<String> },
 
     #[error("all poses and repeats together are {touches} touches, above the limit of {limit}")]

@@ -42,7 +42,7 @@ use rig_model::{Clearance, Mm, Position, with_causes};
 use rig_store::{Reader, StoreError, export::ExportError};
 
 use crate::{
-    doctor as findings,
+    doctor::advice,
     http::doors::TokenError,
     loaded_rig::{FileError, LoadedRig},
     operator::Operator,
@@ -352,7 +352,7 @@ pub fn main() -> ExitCode {
                 failure => table::note(&format!("rigd: {}", with_causes(failure))),
             }
             if let Failure::Open(error) = &failure
-                && let Some(advice) = findings::advice_on_rig(error)
+                && let Some(advice) = advice::on_rig(error)
             {
                 table::note(&format!("→ {advice}"));
             }

@@ -3,7 +3,7 @@
 use rig_engine::{Device, FailureKind, Fault, StateWord};
 use rig_model::Clearance;
 
-use crate::doctor;
+use crate::doctor::advice;
 
 /// What to do when a command is refused in this state.
 pub(crate) const fn while_in(state: StateWord) -> Option<&'static str> {
@@ -71,7 +71,7 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
         _ => None,
     };
     if let Some((_, FailureKind::Lost)) = device {
-        return Hint { text: doctor::LOST, then: Then::Restart };
+        return Hint { text: advice::LOST, then: Then::Restart };
     }
     if clearance != Clearance::Clear {
         let text = "the probe may still be in contact: do not touch the sample or the stages; check \

@@ -58,7 +58,7 @@ pub(crate) enum Placing {
 /// Why nothing is predicted of a touch.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(crate) enum NotPredicted {
-    #[error("the stiffness of sample {sample:?} is not known")]
+    #[error("the stiffness of sample \"{sample}\" is not known")]
     UnknownSample { sample: String },
     #[error(transparent)]
     Model(#[from] Refusal),

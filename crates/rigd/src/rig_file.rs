@@ -14,7 +14,7 @@ mod tests;
 
 use std::path::{Path, PathBuf};
 
-use rig_model::{AnalyzerMake, Bench, Deg, DriveMake, LineSettings, Mm, Scale};
+use rig_model::{AnalyzerMake, Bench, Deg, DriveMake, LineSettings, Mm, Scale, Terminator};
 use rig_settings::Faults;
 
 pub use sensor::{SensorFile, Uncertainty};
@@ -76,6 +76,10 @@ pub struct AnalyzerFile {
     pub make: AnalyzerMake,
     /// Where it is.
     pub port: PortFile,
+    /// What ends a message, either way; what is usual for the make where it is None.
+    pub terminator: Option<Terminator>,
+    /// How long it may take to answer a question about its settings, s.
+    pub reply_timeout_s: f64,
 }
 
 /// Where a device is.
@@ -93,6 +97,13 @@ pub enum PortFile {
         /// The address.
         address: String,
     },
+}
+
+impl PortFile {
+    /// Whether it is a serial line, and no connection.
+    pub const fn is_serial(&self) -> bool {
+        matches!(self, Self::Serial { .. })
+    }
 }
 
 /// The controller of an axis.

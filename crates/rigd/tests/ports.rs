@@ -6,6 +6,7 @@ use std::{
     fs,
     path::{Path, PathBuf},
     process::{Command, Output},
+    time::Duration,
 };
 
 use rig_model::{AnalyzerMake, DriveMake};
@@ -16,7 +17,11 @@ use rig_sim::{
 use rig_store::{Reader, Record};
 use serde_json::Value;
 use tempfile::TempDir;
-use tokio::{net::TcpListener, task::JoinSet};
+use tokio::{
+    io::{AsyncReadExt, AsyncWriteExt},
+    net::TcpListener,
+    task::JoinSet,
+};
 
 fn shipped(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config").join(path)
@@ -28,7 +33,7 @@ struct Bench {
     analyzer: String,
     bus: String,
     folder: TempDir,
-    _listening: JoinSet<()>,
+    listening: JoinSet<()>,
 }
 
 impl Bench {
@@ -52,7 +57,7 @@ impl Bench {
         let mut listening = JoinSet::new();
         let analyzer = listen(&mut listening, &sim, PortId::Analyzer).await;
         let bus = listen(&mut listening, &sim, PortId::Bus).await;
-        Self { sim, analyzer, bus, folder: TempDir::new().unwrap(), _listening: listening }
+        Self { sim, analyzer, bus, folder: TempDir::new().unwrap(), listening }
     }
 
     fn disturb(&self, port: PortId, unit: Option<u8>, kind: FaultKind) {
@@ -173,7 +178,7 @@ async fn trouble_with_one_device_does_not_hide_the_others() {
     let gone = TcpListener::bind("127.0.0.1:0").await.unwrap().local_addr().unwrap().to_string();
     let doctor = bench.rigd_at(&gone, &bench.bus, &["doctor", "--json"]);
     assert_eq!(doctor.status.code(), Some(1));
-    check_finding(&doctor, "analyzer port, open: problem", "check the address");
+    check_finding(&doctor, "analyzer port, open: problem", "check address and port number");
     check_finding(&doctor, "analyzer, identity: problem", "see to the port first");
     check_finding(&doctor, "linear stage, identity: problem", "the unit id");
     check_finding(&doctor, "rotary stage, identity: ok", "");
@@ -181,6 +186,9 @@ async fn trouble_with_one_device_does_not_hide_the_others() {
     assert_eq!(json(&doctor)["problems"], 4);
     assert!(stderr(&doctor).contains("4 problems"), "{}", stderr(&doctor));
 
+    let identity = bench.rigd_at(&gone, &bench.bus, &["identify"]);
+    let said = String::from_utf8_lossy(&identity.stdout);
+    assert!(said.starts_with(&format!("analyzer      not identified: {gone}: ")), "{said}");
     let identity = bench.rigd_at(&gone, &bench.bus, &["identify", "--json"]);
     assert_eq!(identity.status.code(), Some(1));
     let devices = json(&identity);
@@ -215,6 +223,83 @@ async fn after_a_fault_the_last_frames_of_each_port_are_in_the_journal() {
     assert!(boxes[0].frames.iter().any(|frame| frame.hex.contains("2a49444e3f")), "{boxes:?}");
     let is_alarm = |frame: &rig_store::Frame| !frame.is_sent && frame.hex.ends_with("0030");
     assert!(boxes[1].frames.iter().any(is_alarm), "{boxes:?}");
+}
+
+/// Serves every connection on a port of this computer with these bytes after each piece of a
+/// question, one after the other with a pause between where there is one.
+async fn answering(listening: &mut JoinSet<()>, answer: &'static [u8], pause: Duration) -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    listening.spawn(async move {
+        while let Ok((mut client, _)) = listener.accept().await {
+            tokio::spawn(async move {
+                let mut question = [0; 256];
+                while client.read(&mut question).await.is_ok_and(|n| n > 0) {
+                    let piece = if pause.is_zero() { answer.len().max(1) } else { 1 };
+                    for piece in answer.chunks(piece) {
+                        tokio::time::sleep(pause).await;
+                        _ = client.write_all(piece).await;
+                    }
+                }
+            });
+        }
+    });
+    address
+}
+
+/// Servers that answer anything but what they should: what came is said, and nothing that nobody saw.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_a_wrong_server_answered_is_said_with_what_to_look_at() {
+    let mut bench = Bench::start().await;
+    let (hasty, drip) =
+        ([("reply_timeout_s = 1", "reply_timeout_s = 0.2")], Duration::from_millis(150));
+    let rows: [(&[u8], Duration, &str, &str); 5] = [
+        (b"", Duration::ZERO, "nothing arrived", "port for commands"),
+        (
+            b"HIOKI,IM3536,1,V1\r",
+            Duration::ZERO,
+            "(the answer ended in CR where LF was expected)",
+            "terminator = \"cr\"",
+        ),
+        (b"HIOKI,IM", Duration::ZERO, "8 bytes arrived, the last after ", "reply_timeout_s"),
+        (b"HIOKI,IM3536,1,V1\n", drip, "1 byte arrived, the last after ", "reply_timeout_s"),
+        (
+            b"SSH-2.0-OpenSSH_9.2\r\n",
+            Duration::ZERO,
+            "expected an identity, found `SSH-2.0-OpenSSH_9.2`",
+            "dialect",
+        ),
+    ];
+    for (answer, pause, expected, advice) in rows {
+        let analyzer = answering(&mut bench.listening, answer, pause).await;
+        let doctor = bench.rigd_with(&analyzer, &bench.bus, &hasty, &["doctor", "--json"]);
+        check_finding(&doctor, "analyzer, identity: problem", advice);
+        let text = String::from_utf8_lossy(&doctor.stdout).replace("\\\"", "\"");
+        assert!(text.contains(expected), "{expected}: {text}");
+        for word in ["speed", "parity", "unplugged", "cable", "no answer"] {
+            assert!(!text.contains(word) && !stderr(&doctor).contains(word), "{text}");
+        }
+    }
+    // Retries are logged with their cause.
+    let analyzer = answering(&mut bench.listening, b"HIOKI\r", Duration::ZERO).await;
+    let home = bench.rigd_with(&analyzer, &bench.bus, &hasty, &["home"]);
+    let said = stderr(&home);
+    assert_eq!(home.status.code(), Some(1), "{said}");
+    assert!(said.contains("WARN") && said.matches("6 bytes arrived").count() == 3, "{said}");
+    assert!(said.contains("→ write terminator"), "{said}");
+}
+
+/// A Modbus TCP server whose answers announce more bytes of data than they have.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_answer_that_is_too_short_is_not_called_a_lost_connection() {
+    let mut bench = Bench::start().await;
+    let short = b"\0\0\0\0\0\x07\x01\x03\x0c\0\0\0\x01";
+    let bus = answering(&mut bench.listening, short, Duration::ZERO).await;
+    let doctor = bench.rigd_at(&bench.analyzer, &bus, &["doctor", "--json"]);
+    let text = String::from_utf8_lossy(&doctor.stdout);
+    assert!(!text.contains("closed by the other side") && !text.contains("unplugged"), "{text}");
+    assert!(text.contains("13 bytes arrived: 00 00 00 00 00 07 01 03 0C"), "{text}");
+    check_finding(&doctor, "linear stage, identity: problem", "");
 }
 
 /// A rig file that contradicts what an axis says about itself: nothing moves, whatever is asked for,

@@ -190,7 +190,7 @@ fn text_is_one_line_and_lists_are_not_endless() {
     check("name = \"  \"", "x:1:8: name = \"  \" is empty");
     check(
         "name = \"a\\nb\"",
-        "x:1:8: name = \"a\\nb\" has the control character '\\n'; keep it in one line",
+        "x:1:8: name = \"a\\nb\" has the control character U+000A; keep it in one line",
     );
     check("angles_deg = [0, 1, 2]", "");
     check(

@@ -83,7 +83,7 @@ pub(crate) enum Wrong {
     Outside { subject: Subject, side: &'static str, limit: String, suggestion: String },
     #[error("{0} is empty")]
     EmptyText(Subject),
-    #[error("{subject} has the control character {character:?}")]
+    #[error("{subject} has the control character U+{:04X}", u32::from(*character))]
     ControlCharacter { subject: Subject, character: char },
     #[error("{subject} has {count} characters, above the limit of {max}")]
     LongText { subject: Subject, count: usize, max: usize },
@@ -113,7 +113,7 @@ impl Wrong {
             DeValue::Table(_) => ("a table", None),
         };
         let suggestion = match (expected, &subject.written) {
-            ("text", Some(written)) => Some(format!("write {written:?}")),
+            ("text", Some(written)) => Some(format!("write \"{written}\"")),
             ("a list", Some(written)) => Some(format!("write [{written}]")),
             _ => suggestion,
         };
@@ -139,7 +139,9 @@ impl Complaint for Wrong {
         match self {
             Self::Kind { suggestion, .. } => suggestion.clone(),
             Self::Outside { suggestion, .. } => Some(suggestion.clone()),
-            Self::NotAChoice { meant, .. } => meant.map(|meant| format!("did you mean {meant:?}?")),
+            Self::NotAChoice { meant, .. } => {
+                meant.map(|meant| format!("did you mean \"{meant}\"?"))
+            }
             Self::EmptyList(_) => Some("give at least one, or leave the key out".into()),
             Self::NotAnInterval { count, .. } if *count == 2 => {
                 Some("put the smaller one first".into())
@@ -154,7 +156,7 @@ impl Complaint for Wrong {
 }
 
 fn quoted(words: &[&str]) -> String {
-    let quoted: Vec<_> = words.iter().map(|word| format!("{word:?}")).collect();
+    let quoted: Vec<_> = words.iter().map(|word| format!("\"{word}\"")).collect();
     quoted.join(", ")
 }
 

@@ -76,7 +76,11 @@ pub enum LineFault {
     #[error(transparent)]
     Port(#[from] LineError),
     /// No answer could be used, in so many attempts.
-    #[error("{port}: unit {unit}: {request}: {symptom} ({attempts} attempts){}", also(intruders))]
+    #[error(
+        "{port}: unit {unit}: {request}: {symptom} ({attempts} attempts){}{}",
+        came(received),
+        also(intruders)
+    )]
     NoAnswer {
         /// Name of the port.
         port: Arc<str>,
@@ -86,6 +90,8 @@ pub enum LineFault {
         request: Request,
         /// What was seen last.
         symptom: Symptom,
+        /// The bytes in which it was seen.
+        received: Box<[u8]>,
         /// How often it was tried.
         attempts: u32,
         /// Programs that have the port open too.
@@ -98,11 +104,9 @@ pub enum LineFault {
         #[source]
         source: Arc<OpenError>,
     },
-    /// After a fault, a register with a known value does not have it: the device was changed, or
+    /// A register does not have the value that was written to it: the device was changed, or
     /// restarted, or another one answers.
-    #[error(
-        "{port}: unit {unit}: {request}: not the values known, the device restarted or changed"
-    )]
+    #[error("{port}: unit {unit}: {request}: not the values that were written there")]
     Changed {
         /// Name of the port.
         port: Arc<str>,
@@ -114,6 +118,19 @@ pub enum LineFault {
     /// The task that owns the line has ended.
     #[error("the owner of the line has ended")]
     Closed,
+}
+
+/// Bytes of a frame as people write them: `01 03 04`.
+fn came(received: &[u8]) -> String {
+    /// As many as the longest frame of a drive here, of which the beginning tells the most.
+    const SHOWN: usize = 32;
+    let shown: Vec<_> = received.iter().take(SHOWN).map(|byte| format!("{byte:02X}")).collect();
+    let more = if received.len() > SHOWN { " …" } else { "" };
+    match received.len() {
+        0 => String::new(),
+        1 => format!(", 1 byte arrived: {}", shown.join(" ")),
+        n => format!(", {n} bytes arrived: {}{more}", shown.join(" ")),
+    }
 }
 
 fn also(intruders: &[Holder]) -> String {

@@ -43,8 +43,8 @@ pub struct Canary {
 enum Trouble {
     /// The device refused; the line is fine.
     Refused(Exception),
-    /// The answer cannot be used.
-    Unusable(Symptom),
+    /// The answer cannot be used, of which these bytes came.
+    Unusable(Symptom, Vec<u8>),
     /// It makes no sense to try again.
     Fatal(LineFault),
 }
@@ -133,16 +133,21 @@ impl Line {
                     let (port, request) = (self.name.clone(), request.clone());
                     return Err(Refusal { port, unit, request, exception }.into());
                 }
-                Trouble::Unusable(symptom) if attempts < self.settings.attempts => {
+                Trouble::Unusable(symptom, _) if attempts < self.settings.attempts => {
                     self.health.retries += 1;
                     tracing::warn!(port = %self.name, unit, %request, %symptom, attempts, "again");
                 }
-                Trouble::Unusable(symptom) => {
+                Trouble::Unusable(symptom, received) => {
                     self.health.faults += 1;
-                    let intruders = self.tap.lock().port.intruders();
-                    let (port, request) = (self.name.clone(), request.clone());
-                    let fault =
-                        LineFault::NoAnswer { port, unit, request, symptom, attempts, intruders };
+                    let fault = LineFault::NoAnswer {
+                        port: self.name.clone(),
+                        unit,
+                        request: request.clone(),
+                        symptom,
+                        received: received.into(),
+                        attempts,
+                        intruders: self.tap.lock().port.intruders(),
+                    };
                     return Err(fault.into());
                 }
                 Trouble::Fatal(fault) => {
@@ -180,7 +185,7 @@ impl Line {
 
     async fn attempt(&mut self, unit: u8, request: &Request) -> Result<Reply, Trouble> {
         let outcome = self.trust_and_exchange(unit, request).await;
-        if matches!(outcome, Err(Trouble::Unusable(_) | Trouble::Fatal(_))) {
+        if matches!(outcome, Err(Trouble::Unusable(..) | Trouble::Fatal(_))) {
             self.context = None;
         }
         outcome
@@ -248,37 +253,49 @@ impl Line {
         let context = self.context.as_mut().expect("the line was put in order");
         context.set_slave(Slave(unit));
         let Ok(result) = timeout_at(deadline, context.call(request.to_wire())).await else {
-            return Err(Trouble::Unusable(self.diagnose(unit, request)));
+            return Err(self.diagnose(unit, request));
         };
         let (outcome, length) = match result {
             Ok(Ok(response)) => match request.accept(response) {
                 Some(reply) => (Ok(reply), request.reply_wire_len()),
-                None => return Err(Trouble::Unusable(Symptom::OtherAnswer)),
+                None => return Err(self.diagnose(unit, request)),
             },
             Ok(Err(code)) => (Err(Trouble::Refused(Exception::from_code(code.into()))), 5),
-            Err(tokio_modbus::Error::Transport(error))
-                if error.kind() != std::io::ErrorKind::InvalidData =>
-            {
+            // The library calls an answer that is shorter than it says an end of the stream, so
+            // that only the port can tell whether it is lost.
+            Err(tokio_modbus::Error::Transport(error)) if self.has_failed(&error) => {
                 return Err(fatal(self.tap.lock().port.explain(error)));
             }
-            Err(_) => return Err(Trouble::Unusable(self.diagnose(unit, request))),
+            Err(_) => return Err(self.diagnose(unit, request)),
         };
         let surplus = self.tap.lock().n_passed().saturating_sub(length);
         if self.settings.framing == Framing::Rtu && STRAY_FRAME_BYTES <= surplus {
-            return Err(Trouble::Unusable(Symptom::Surplus));
+            return Err(Trouble::Unusable(Symptom::Surplus, self.last_frame().1));
         }
         outcome
     }
 
-    /// Says what came in place of an answer, from the last frames of the black box.
-    fn diagnose(&self, unit: u8, request: &Request) -> Symptom {
-        let frames = self.tap.lock().port.transcript().frames();
+    /// Whether an error is one of the port, and not of the answer that came over it.
+    fn has_failed(&self, error: &std::io::Error) -> bool {
+        self.tap.lock().port.is_lost() || error.raw_os_error().is_some()
+    }
+
+    /// Says what came in place of an answer.
+    fn diagnose(&self, unit: u8, request: &Request) -> Trouble {
+        let (sent, received) = self.last_frame();
+        let symptom = Symptom::of(self.settings.framing, &sent, &received, unit, request);
+        Trouble::Unusable(symptom, received)
+    }
+
+    /// What was sent last, and what came then, from the black box.
+    fn last_frame(&self) -> (Vec<u8>, Vec<u8>) {
+        let mut frames = self.tap.lock().port.transcript().frames();
         let Some(start) = frames.iter().rposition(|frame| frame.flow == Flow::Sent) else {
-            return Symptom::Silence;
+            return (Vec::new(), Vec::new());
         };
-        let received: Vec<u8> =
+        let received =
             frames[start + 1..].iter().flat_map(|frame| frame.bytes.iter().copied()).collect();
-        Symptom::of(self.settings.framing, &frames[start].bytes, &received, unit, request)
+        (frames.swap_remove(start).bytes, received)
     }
 }
 

@@ -102,6 +102,16 @@ impl Request {
         }
     }
 
+    /// The number of bytes of data that the answer announces, where it announces it.
+    pub(crate) fn data_len(&self) -> Option<usize> {
+        match self {
+            Self::WriteCoil { .. } | Self::WriteRegister { .. } | Self::WriteRegisters { .. } => {
+                None
+            }
+            _ => Some(self.reply_wire_len() - 5),
+        }
+    }
+
     /// The number of bytes of the answer on a serial line.
     pub(crate) fn reply_wire_len(&self) -> usize {
         match self {

@@ -19,6 +19,13 @@ pub enum Symptom {
     ForeignUnit(u8),
     /// A sound answer, but to another request.
     OtherAnswer,
+    /// An answer to this request with another number of data.
+    WrongCount {
+        /// Bytes of data that it announces.
+        found: u8,
+        /// Bytes of data that were asked for.
+        expected: usize,
+    },
     /// More than an answer.
     Surplus,
     /// Nothing that looks like an answer.
@@ -28,18 +35,20 @@ pub enum Symptom {
 impl fmt::Display for Symptom {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Silence => f.write_str("no answer; is it powered, wired, and at this address?"),
-            Self::OnlyEcho => f.write_str(
-                "only the echo of the adapter; is the device powered, wired, and at this address?",
-            ),
+            Self::Silence => f.write_str("no answer"),
+            Self::OnlyEcho => f.write_str("only an echo of the request"),
             Self::Truncated => f.write_str("the answer broke off"),
             Self::Corrupted => f.write_str("the checksum of the answer is wrong"),
-            Self::ForeignUnit(unit) => {
-                write!(f, "unit {unit} answered; is there a second master, or an address twice?")
-            }
+            Self::ForeignUnit(unit) => write!(f, "unit {unit} answered"),
             Self::OtherAnswer => f.write_str("the answer belongs to another request"),
-            Self::Surplus => f.write_str("more came than one answer; is there a second master?"),
-            Self::Garbage => f.write_str("garbage came; do speed and parity match?"),
+            Self::WrongCount { found, expected } => {
+                write!(
+                    f,
+                    "the answer announces {found} bytes of data where {expected} were asked for"
+                )
+            }
+            Self::Surplus => f.write_str("more came than one answer"),
+            Self::Garbage => f.write_str("what came is no Modbus frame"),
         }
     }
 }
@@ -55,7 +64,7 @@ impl Symptom {
     ) -> Self {
         match framing {
             Framing::Rtu => Self::of_rtu(sent, received, unit, request),
-            Framing::Tcp => Self::of_tcp(received, unit),
+            Framing::Tcp => Self::of_tcp(sent, received, unit, request),
         }
     }
 
@@ -75,6 +84,9 @@ impl Symptom {
         if is_one || received.get(..length).is_some_and(is_sound) {
             return match received[0] {
                 found if found != unit => Self::ForeignUnit(found),
+                _ if is_one && is_ours => {
+                    Self::wrong_count(&received[1..], request).unwrap_or(Self::OtherAnswer)
+                }
                 _ if is_one => Self::OtherAnswer,
                 _ => Self::Surplus,
             };
@@ -86,8 +98,16 @@ impl Symptom {
         }
     }
 
+    /// Whether an answer from its function on announces another number of data than was asked for.
+    fn wrong_count(answer: &[u8], request: &Request) -> Option<Self> {
+        let (expected, found) = (request.data_len()?, *answer.get(1)?);
+        let is_refusal = answer[0] & 0x80 != 0;
+        (!is_refusal && usize::from(found) != expected)
+            .then_some(Self::WrongCount { found, expected })
+    }
+
     /// Transaction, protocol and length of Modbus TCP stand before the unit, two bytes each.
-    fn of_tcp(received: &[u8], unit: u8) -> Self {
+    fn of_tcp(sent: &[u8], received: &[u8], unit: u8, request: &Request) -> Self {
         match received {
             [] => Self::Silence,
             [_, _, 0, 0, high, low, rest @ ..] => {
@@ -95,6 +115,9 @@ impl Symptom {
                 match rest.first() {
                     _ if rest.len() < length => Self::Truncated,
                     Some(found) if *found != unit => Self::ForeignUnit(*found),
+                    Some(_) if sent.get(7) == rest.get(1) => {
+                        Self::wrong_count(&rest[1..], request).unwrap_or(Self::OtherAnswer)
+                    }
                     _ => Self::OtherAnswer,
                 }
             }
@@ -136,13 +159,15 @@ mod tests {
         let longer = [1, 3, 6, 0, 0, 0, 0, 0, 0, 0x21, 0x75];
         let corrupted = [&REPLY[..4], &[0x40], &REPLY[5..]].concat();
         let foreign = [2, 3, 4, 0, 0, 0, 0x0B, 0x88, 0xF4];
-        let rows: [(&[u8], Symptom); 9] = [
+        let rows: [(&[u8], Symptom); 11] = [
             (&[], Symptom::Silence),
             (REQUEST, Symptom::OnlyEcho),
             (&REPLY[..6], Symptom::Truncated),
             (&corrupted, Symptom::Corrupted),
             (&[REQUEST, &corrupted].concat(), Symptom::Corrupted),
-            (&longer, Symptom::OtherAnswer),
+            (&longer, Symptom::WrongCount { found: 6, expected: 4 }),
+            (&[1, 3, 3, 0, 0, 0, 0x0B, 0x0E, 0x34], Symptom::WrongCount { found: 3, expected: 4 }),
+            (&[1, 4, 4, 0, 0, 0, 0x0B, 0xBA, 0x43], Symptom::OtherAnswer),
             (&[REPLY, REPLY].concat(), Symptom::Surplus),
             (&foreign, Symptom::ForeignUnit(2)),
             (&[0xF8, 0x80, 0xFE], Symptom::Garbage),
@@ -151,15 +176,18 @@ mod tests {
             let found = Symptom::of(Framing::Rtu, REQUEST, received, 1, &request);
             assert_eq!(found, expected, "{received:02X?}");
         }
-        let rows: [(&[u8], Symptom); 5] = [
+        let asked = [0, 7, 0, 0, 0, 6, 1, 3, 0x90, 0x0E, 0, 2];
+        let rows: [(&[u8], Symptom); 7] = [
             (&[], Symptom::Silence),
+            (&[0, 7, 0, 0, 0, 5, 1, 3, 6, 0, 0], Symptom::WrongCount { found: 6, expected: 4 }),
+            (&[0, 7, 0, 0, 0, 7, 1, 4, 4, 0, 0, 0, 0], Symptom::OtherAnswer),
             (&[0, 7, 0, 0, 0, 7, 1, 3], Symptom::Truncated),
             (&[0, 7, 0, 0, 0, 3, 2, 0x83, 2], Symptom::ForeignUnit(2)),
             (&[0, 6, 0, 0, 0, 3, 1, 0x83, 2], Symptom::OtherAnswer),
             (b"HTTP/1.1 400", Symptom::Garbage),
         ];
         for (received, expected) in rows {
-            let found = Symptom::of(Framing::Tcp, &[], received, 1, &request);
+            let found = Symptom::of(Framing::Tcp, &asked, received, 1, &request);
             assert_eq!(found, expected, "{received:02X?}");
         }
     }

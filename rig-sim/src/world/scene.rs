@@ -79,7 +79,7 @@ pub enum SceneError {
     #[error(transparent)]
     NotRinging(#[from] NotRinging),
     /// A sample cannot be made.
-    #[error("sample {name:?}")]
+    #[error("sample \"{name}\"")]
     Sample {
         /// The name of the sample.
         name: String,
@@ -102,7 +102,7 @@ pub enum SceneError {
 
 /// There is no sample of this name.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("there is no sample named {name:?}")]
+#[error("there is no sample named \"{name}\"")]
 pub struct NoSuchSample {
     /// The name asked for.
     pub name: String,

@@ -1,14 +1,17 @@
 //! Sweeps, in health and under every fault of the line.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, time::Duration};
 
-use rig_analyzer::{Analyzer, AnalyzerError, HIOKI_IM3536};
+use rig_analyzer::{Analyzer, AnalyzerError, HIOKI_IM3536, Terms};
 use rig_link::{Clock, Port, StopSignal};
-use rig_model::{DriveLevel, LineSettings, Reading, ReadingFlag, SweepPoint};
+use rig_model::{
+    DriveLevel, LineSettings, Reading, ReadingFlag, SweepPoint, Terminator, with_causes,
+};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
 
 use crate::{
     im3536::{Im3536, impedance},
-    peer::{FAULTS, Fault, serve},
+    peer::{FAULTS, Fault, serve, serve_ending_in},
 };
 
 fn analyzer_on(instrument: &Im3536, faults: impl IntoIterator<Item = (usize, Fault)>) -> Analyzer {
@@ -177,34 +180,72 @@ async fn another_instrument_is_recognised() {
 #[tokio::test(start_paused = true)]
 async fn what_is_wrong_with_a_line_is_said_in_words() {
     let all = |fault| (0..100).map(move |n| (n, fault));
+    let asked = "asked `:HEADer OFF;*CLS;*IDN?`";
+    let late = "line 2: no complete answer within 1048 ms";
     let rows = [
+        (Fault::AnswerLost, format!("{asked}: {late}, nothing arrived")),
         (
-            Fault::AnswerLost,
-            "asked `:HEADer OFF;*CLS;*IDN?`: line 2: no complete answer within 1048 ms, 0 \
-             bytes arrived",
+            Fault::AnswerCut,
+            format!("{asked}: {late}, 27 bytes arrived, the last after 0 ms: `HIOKI,IM3536,190512345,V1.1`"),
+        ),
+        (
+            Fault::AnswerEndsInCr,
+            format!(
+                "{asked} (the answer ended in CR where LF was expected): {late}, 29 bytes arrived, \
+                 the last after 0 ms: `HIOKI,IM3536,190512345,V1.10\\r`"
+            ),
+        ),
+        (
+            // Of the first answer, which still comes at the third attempt.
+            Fault::AnswerDrips { ms: 400 },
+            format!("{asked}: {late}, 3 bytes arrived, the last after 902 ms: `353`"),
         ),
         (
             Fault::AnswerGarbled,
-            "line 2: asked `:HEADer OFF;*CLS;*IDN?`; do speed and parity match?: byte 0xC3 at \
-             offset 0 of an answer is not ASCII",
+            "line 2: asked `:HEADer OFF;*CLS;*IDN?`, found `\\xc3IOKI,IM3536,190512345,V1.10\\r\\n`: \
+             byte 0xC3 at offset 0 of an answer is not ASCII"
+                .to_owned(),
         ),
-        (
-            Fault::AnswerTwice,
-            "line 2: 30 bytes came that nobody had asked for; is another program on the port?",
-        ),
+        (Fault::AnswerTwice, "line 2: 30 bytes came that nobody had asked for".to_owned()),
     ];
     for (fault, expected) in rows {
         let instrument = Im3536::new();
         let mut analyzer = analyzer_on(&instrument, all(fault));
         let error = analyzer.identify().await.unwrap_err();
-        let mut text = error.to_string();
-        let mut cause = std::error::Error::source(&error);
-        while let Some(source) = cause {
-            text = format!("{text}: {source}");
-            cause = source.source();
-        }
-        assert_eq!(text, expected);
+        assert_eq!(with_causes(&error), expected, "{fault:?}");
     }
+}
+
+#[tokio::test(start_paused = true)]
+async fn an_instrument_that_ends_its_lines_otherwise_or_is_slow_is_spoken_to_as_it_wants() {
+    let slow = Duration::from_secs(3);
+    for (terminator, ending) in
+        [(Terminator::Cr, b"\r" as &[u8]), (Terminator::CrLf, b"\r\n"), (Terminator::Lf, b"\n")]
+    {
+        let instrument = Im3536::new();
+        let (host, device) = tokio::io::duplex(4096);
+        let faults = (0..100).map(|n| (n, Fault::AnswerLate { ms: 1700 })).collect();
+        let answering = instrument.clone();
+        tokio::spawn(async move { serve_ending_in(ending, device, answering, faults).await });
+        let port = Port::new("line 2", host, None, Clock::start());
+        let terms = Terms { terminator: Some(terminator), reply_within: slow };
+        let mut analyzer = Analyzer::open_with(port, &HIOKI_IM3536, terms);
+        let readings = sweep(&mut analyzer, &[200.0]).await.unwrap();
+        assert_eq!(readings.len(), 1, "{terminator:?}");
+    }
+    // Where the answers end in a line feed and a carriage return is expected, that is said.
+    let (host, device) = tokio::io::duplex(4096);
+    tokio::spawn(async move {
+        let (mut device, mut message) = (device, Vec::new());
+        while device.read_buf(&mut message).await.unwrap_or(0) > 0 {
+            _ = device.write_all(b"HIOKI,IM3536,1,V1\n").await;
+        }
+    });
+    let port = Port::new("line 2", host, None, Clock::start());
+    let terms = Terms { terminator: Some(Terminator::Cr), ..Terms::default() };
+    let error = Analyzer::open_with(port, &HIOKI_IM3536, terms).identify().await.unwrap_err();
+    let text = with_causes(&error);
+    assert!(text.contains("(the answer ended in LF where CR was expected)"), "{text}");
 }
 
 #[tokio::test(start_paused = true)]

@@ -19,10 +19,18 @@ pub(crate) struct Reaction {
 pub(crate) enum Fault {
     MessageLost,
     AnswerLost,
-    AnswerLate { ms: u64 },
+    AnswerLate {
+        ms: u64,
+    },
     AnswerTwice,
     AnswerGarbled,
     AnswerCut,
+    /// The line feed is missing.
+    AnswerEndsInCr,
+    /// A byte at a time, and slowly.
+    AnswerDrips {
+        ms: u64,
+    },
     Restart,
 }
 
@@ -45,6 +53,16 @@ pub(crate) trait Instrument: Send + 'static {
 
 /// Serves messages that end in CR and LF until the other side closes.
 pub(crate) async fn serve(
+    io: DuplexStream,
+    instrument: impl Instrument,
+    faults: BTreeMap<usize, Fault>,
+) {
+    serve_ending_in(b"\r\n", io, instrument, faults).await;
+}
+
+/// The same with another ending, either way.
+pub(crate) async fn serve_ending_in(
+    ending: &[u8],
     mut io: DuplexStream,
     mut instrument: impl Instrument,
     faults: BTreeMap<usize, Fault>,
@@ -52,8 +70,8 @@ pub(crate) async fn serve(
     let mut buffer = Vec::new();
     let mut n = 0;
     loop {
-        while let Some(end) = buffer.windows(2).position(|pair| pair == b"\r\n") {
-            let message: Vec<u8> = buffer.drain(..end + 2).collect();
+        while let Some(end) = buffer.windows(ending.len()).position(|end| end == ending) {
+            let message: Vec<u8> = buffer.drain(..end + ending.len()).collect();
             let message = String::from_utf8(message[..end].to_vec()).unwrap();
             let fault = faults.get(&n).copied();
             n += 1;
@@ -66,14 +84,22 @@ pub(crate) async fn serve(
             let reaction = instrument.message(&message);
             sleep(reaction.busy).await;
             let Some(answer) = reaction.answer else { continue };
-            let mut answer = [answer.as_bytes(), b"\r\n"].concat();
+            let mut answer = [answer.as_bytes(), ending].concat();
             match fault {
                 Some(Fault::AnswerLost) => answer.clear(),
                 Some(Fault::AnswerLate { ms }) => sleep(Duration::from_millis(ms)).await,
                 Some(Fault::AnswerTwice) => answer = answer.repeat(2),
                 Some(Fault::AnswerGarbled) => answer[0] = 0xC3,
+                Some(Fault::AnswerEndsInCr) => answer.truncate(answer.len() - 1),
                 Some(Fault::AnswerCut) => answer.truncate(answer.len() - 3),
                 _ => {}
+            }
+            if let Some(Fault::AnswerDrips { ms }) = fault {
+                for byte in &answer {
+                    _ = io.write_all(&[*byte]).await;
+                    sleep(Duration::from_millis(ms)).await;
+                }
+                continue;
             }
             _ = io.write_all(&answer).await;
         }

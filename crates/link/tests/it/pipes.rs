@@ -39,7 +39,10 @@ async fn an_exchange_waits_for_its_bytes_and_no_longer_than_its_deadline() {
     port.receive(&mut answer, start, start + ms(100)).await.unwrap();
     assert_eq!((&answer[..], start.elapsed()), (&b"po"[..], ms(30)));
     let error = port.receive(&mut answer, start, start + ms(100)).await.unwrap_err();
-    assert_eq!(error.to_string(), "line 1: no complete answer within 100 ms, 2 bytes arrived");
+    assert_eq!(
+        error.to_string(),
+        "line 1: no complete answer within 100 ms, 2 bytes arrived, the last after 30 ms: `po`"
+    );
     assert_eq!(start.elapsed(), ms(100));
 }
 
@@ -101,7 +104,7 @@ async fn a_port_whose_other_side_is_gone_is_lost_until_it_is_opened_again() {
     let mut port = Port::open(endpoint, Clock::start()).await.unwrap();
     drop(plugs.recv().await.unwrap());
     let error = port.settle(port.frame_silence()).await.unwrap_err();
-    assert_eq!(error.to_string(), "line 1: unplugged, or closed by the other side");
+    assert_eq!(error.to_string(), "line 1: the port is gone");
     assert!(port.is_lost());
     assert!(matches!(port.send(b"x").await, Err(LineError::Lost { .. })));
 

@@ -38,7 +38,7 @@ pub(super) fn identify(args: &IdentifyArgs) -> Result<(), Failure> {
         let port = ports.iter().find(|port| port.name == name)?;
         Some(with_causes(port.outcome.as_ref().err()?))
     };
-    let view = |DeviceSeen { role, port, outcome }: DeviceSeen| {
+    let view = |DeviceSeen { role, port, outcome, .. }: DeviceSeen| {
         let mut view = DeviceView { role, port, identity: None, firmware: None, error: None };
         match outcome {
             Some(Ok(facts)) => {
@@ -62,7 +62,7 @@ pub(super) fn identify(args: &IdentifyArgs) -> Result<(), Failure> {
 
 fn text(device: &DeviceView) -> String {
     let Some(identity) = &device.identity else {
-        return format!("no answer: {}", device.error.as_deref().unwrap_or_default());
+        return format!("not identified: {}", device.error.as_deref().unwrap_or_default());
     };
     let firmware = device.firmware.as_deref();
     let firmware = firmware.map_or(String::new(), |firmware| format!(", firmware {firmware}"));

@@ -2,7 +2,10 @@
 
 use rig_model::with_causes;
 
-use super::{Finding, Findings, LOST, NOT_HOMED, advice};
+use super::{
+    Finding, Findings,
+    advice::{LOST, NOT_HOMED, on_device},
+};
 use crate::rig::{AxisFacts, AxisPlace, AxisState, DeviceError, DeviceSeen};
 
 pub(super) fn findings(device: &DeviceSeen) -> Vec<Finding> {
@@ -14,7 +17,7 @@ pub(super) fn findings(device: &DeviceSeen) -> Vec<Finding> {
             return findings.all;
         }
         Some(Err(error)) => {
-            findings.problem("identity", with_causes(error), advice(error));
+            findings.problem("identity", with_causes(error), on_device(error, device.is_serial));
             return findings.all;
         }
         Some(Ok(facts)) => facts,
@@ -25,7 +28,7 @@ pub(super) fn findings(device: &DeviceSeen) -> Vec<Finding> {
         Ok(()) => findings.ok("settings", "taken, and read back"),
         Err(error) => {
             let error = DeviceError::from(error.clone());
-            findings.problem("settings", with_causes(&error), advice(&error));
+            findings.problem("settings", with_causes(&error), on_device(&error, device.is_serial));
         }
     }
     if let Some(axis) = &facts.axis {

@@ -2,7 +2,7 @@
 
 use rig_model::with_causes;
 
-use super::{Finding, Findings, advice_on_port};
+use super::{Finding, Findings, advice::on_port};
 use crate::rig::{PortSeen, RoundTrips};
 
 /// A USB adapter that hands on what it has received at once does so within this time, ms.
@@ -17,7 +17,7 @@ pub(super) fn findings(port: &PortSeen) -> Vec<Finding> {
     let facts = match &port.outcome {
         Ok(facts) => facts,
         Err(error) => {
-            findings.problem("open", with_causes(error), advice_on_port(error));
+            findings.problem("open", with_causes(error), on_port(error));
             return findings.all;
         }
     };

@@ -1,10 +1,11 @@
 //! Findings on what the simulated rig does not have by itself.
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Duration};
 
-use rig_analyzer::{AnalyzerError, Identity};
-use rig_link::{Holder, OpenError as LinkError};
+use rig_analyzer::{AnalyzerError, Identity, WrongEnd};
+use rig_link::{Arrived, Holder, LineError, OpenError as LinkError};
 use rig_model::Deg;
+use rig_scpi::FrameError;
 use rig_stage::{Alarm, BusError, Exception, LineFault, Refusal, Request, StageError, Symptom};
 
 use super::{
@@ -12,7 +13,8 @@ use super::{
     *,
 };
 use crate::rig::{
-    AxisFacts, AxisPlace, AxisState, DeviceFacts, DeviceSeen, PortFacts, PortSeen, RoundTrips,
+    AxisFacts, AxisPlace, AxisState, DeviceError, DeviceFacts, DeviceSeen, PortFacts, PortSeen,
+    RoundTrips,
 };
 
 /// One finding: check, level, and some of its advice.
@@ -70,16 +72,21 @@ fn a_port_that_does_not_open_is_explained() {
     let rows = [
         (LinkError::Absent { port: name.clone() }, "rigd ports"),
         (LinkError::Busy { port: name.clone(), holders: Vec::new() }, "end that program"),
-        (LinkError::Permission { port: name }, "dialout"),
+        (LinkError::Permission { port: name.clone() }, "dialout"),
+        (LinkError::NotAPort { port: name, what: "a file" }, "name a serial port"),
     ];
     for (source, expected) in rows {
         check(&port(Err(source)), &[("open", Problem, expected)]);
     }
 }
 
-fn device(outcome: Option<Result<DeviceFacts, DeviceError>>) -> Vec<Finding> {
+fn device_on(is_serial: bool, outcome: Option<Result<DeviceFacts, DeviceError>>) -> Vec<Finding> {
     let port = "/dev/ttyUSB0".to_owned();
-    device::findings(&DeviceSeen { role: "rotary stage", port, outcome })
+    device::findings(&DeviceSeen { role: "rotary stage", port, is_serial, outcome })
+}
+
+fn device(outcome: Option<Result<DeviceFacts, DeviceError>>) -> Vec<Finding> {
+    device_on(true, outcome)
 }
 
 fn axis(place: AxisPlace, state: AxisState) -> DeviceFacts {
@@ -133,19 +140,36 @@ fn an_axis_is_judged_by_how_it_stands() {
     }
 }
 
-#[test]
-fn a_device_that_does_not_answer_as_it_should_is_explained() {
-    let port: Arc<str> = "/dev/ttyUSB0".into();
-    let stage = |source| DeviceError::Rotary(StageError::<Deg>::Bus(source));
-    let request = Request::ReadHolding { address: 1, count: 2 };
-    let silent = LineFault::NoAnswer {
-        port: port.clone(),
+/// A question to an analyzer of which these bytes came back.
+fn unanswered(bytes: &[u8], wrong_end: Option<WrongEnd>) -> DeviceError {
+    let arrived = Box::new(Arrived { bytes: bytes.to_vec(), last_after: Duration::ZERO });
+    let waited = Duration::from_secs(1);
+    let source = LineError::TimedOut { port: "port".into(), waited, arrived };
+    AnalyzerError::Line { asked: "*IDN?".into(), wrong_end, intruders: Vec::new(), source }.into()
+}
+
+/// A request to a drive with this in place of an answer.
+fn no_answer(symptom: Symptom) -> DeviceError {
+    let fault = LineFault::NoAnswer {
+        port: "port".into(),
         unit: 2,
-        request: request.clone(),
-        symptom: Symptom::Silence,
+        request: Request::ReadHolding { address: 1, count: 2 },
+        symptom,
+        received: Box::default(),
         attempts: 3,
         intruders: Vec::new(),
     };
+    on_bus(BusError::from(fault))
+}
+
+fn on_bus(error: impl Into<BusError>) -> DeviceError {
+    DeviceError::Rotary(StageError::<Deg>::Bus(error.into()))
+}
+
+/// Errors with what their advice says on a serial line, and on a network.
+fn errors() -> Vec<(DeviceError, &'static str, &'static str)> {
+    let port: Arc<str> = "port".into();
+    let request = Request::ReadHolding { address: 1, count: 2 };
     let changed = LineFault::Changed { port: port.clone(), unit: 2, request: request.clone() };
     let exception = Exception::IllegalAddress;
     let refused = Refusal { port: port.clone(), unit: 2, request, exception };
@@ -155,15 +179,73 @@ fn a_device_that_does_not_answer_as_it_should_is_explained() {
         serial: None,
         firmware: None,
     });
-    let wrong = AnalyzerError::WrongInstrument { port, expected: "IM3536", found };
-    let rows = [
-        (stage(BusError::Failed(silent)), "unit id"),
-        (stage(BusError::Failed(changed)), "register map"),
-        (stage(BusError::Refused(refused)), "manual"),
-        (DeviceError::Analyzer(wrong), "dialect"),
-    ];
-    for (error, advice) in rows {
+    let wrong = AnalyzerError::WrongInstrument { port: port.clone(), expected: "IM3536", found };
+    let strays = AnalyzerError::Strays { port: port.clone(), bytes: 7 };
+    let garbled = AnalyzerError::Frame {
+        port: port.clone(),
+        asked: "*IDN?".into(),
+        found: "\\xc3".into(),
+        source: FrameError::NotAscii { byte: 0xC3, offset: 0 },
+    };
+    let lost = |is_serial| LineError::Lost { port: port.clone(), is_serial };
+    let gone = |is_serial| AnalyzerError::Line {
+        asked: "*IDN?".into(),
+        wrong_end: None,
+        intruders: Vec::new(),
+        source: lost(is_serial),
+    };
+    vec![
+        (unanswered(b"", None), "parity", "port for commands"),
+        (unanswered(b"HIO", None), "reply_timeout_s", "reply_timeout_s"),
+        (unanswered(b"a\r", Some(WrongEnd::CrForLf)), "terminator = \"cr\"", "terminator = \"cr\""),
+        (unanswered(b"a\n", Some(WrongEnd::LfForCr)), "terminator", "terminator"),
+        (garbled.into(), "parity", "address and port"),
+        (strays.into(), "cable", "network"),
+        (gone(true).into(), "cable", "network"),
+        (wrong.into(), "dialect", "dialect"),
+        (no_answer(Symptom::Silence), "unit id", "unit id"),
+        (no_answer(Symptom::OnlyEcho), "parity", "power"),
+        (no_answer(Symptom::Garbage), "parity", "Modbus TCP"),
+        (no_answer(Symptom::Truncated), "termination", "gateway"),
+        (no_answer(Symptom::Corrupted), "termination", "gateway"),
+        (no_answer(Symptom::ForeignUnit(3)), "second master", "unit id"),
+        (no_answer(Symptom::Surplus), "second master", "unit id"),
+        (no_answer(Symptom::OtherAnswer), "second master", "unit id"),
+        (no_answer(Symptom::WrongCount { found: 6, expected: 4 }), "register map", "register map"),
+        (on_bus(LineFault::Port(lost(false))), "cable", "network"),
+        (on_bus(changed), "register map", "register map"),
+        (on_bus(refused), "register map", "register map"),
+    ]
+}
+
+#[test]
+fn a_device_that_does_not_answer_as_it_should_is_explained() {
+    for (error, advice, _) in errors() {
         check(&device(Some(Err(error))), &[("identity", Problem, advice)]);
     }
     check(&device(None), &[("identity", Problem, "port first")]);
+}
+
+#[test]
+fn nothing_that_belongs_to_a_serial_line_is_said_of_a_network() {
+    for (error, _, advice) in errors() {
+        let found = device_on(false, Some(Err(error)));
+        check(&found, &[("identity", Problem, advice)]);
+        let said = format!("{} {}", found[0].text, found[0].advice.unwrap_or_default());
+        for word in ["speed", "parity", "baud", "cable", "adapter", "plug"] {
+            assert!(!said.contains(word), "{said}");
+        }
+    }
+}
+
+#[test]
+fn no_advice_moves_anything() {
+    for (error, ..) in errors() {
+        for is_serial in [false, true] {
+            let advice = advice::on_device(&error, is_serial);
+            for word in ["home", "rigd move", "retract", "acknowledge"] {
+                assert!(!advice.contains(word), "{advice}");
+            }
+        }
+    }
 }

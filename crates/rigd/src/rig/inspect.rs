@@ -3,14 +3,14 @@
 
 use std::{fs, path::Path};
 
-use rig_analyzer::{Analyzer, AnalyzerError, Dialect};
+use rig_analyzer::{Analyzer, AnalyzerError};
 use rig_link::{Clock, Flow, Holder, Port, Transcript, attached_ports};
 use rig_model::{Axis, Bench, DriveLevel, Unit};
 use rig_stage::{Alarm, AxisStatus, BusHandle, Stage, StageError};
 
 use super::{
     DeviceError, OpenError,
-    open::{Ports, bus_settings, describe, stage},
+    open::{Ports, analyzer_on, bus_settings, describe, stage},
 };
 use crate::{
     loaded_rig::LoadedRig,
@@ -72,6 +72,8 @@ pub struct DeviceSeen {
     pub role: &'static str,
     /// The name of its port.
     pub port: String,
+    /// Whether that is a serial line.
+    pub is_serial: bool,
     /// What was seen of it; None when its port could not be opened.
     pub outcome: Option<Result<DeviceFacts, DeviceError>>,
 }
@@ -155,14 +157,15 @@ async fn look_at_analyzer(
     port: Result<Port, rig_link::OpenError>,
 ) -> (PortSeen, DeviceSeen) {
     let name = name(&file.analyzer.port, &port);
-    let device = |outcome| DeviceSeen { role: "analyzer", port: name.clone(), outcome };
+    let is_serial = file.analyzer.port.is_serial();
+    let device = |outcome| DeviceSeen { role: "analyzer", port: name.clone(), is_serial, outcome };
     let seen = |outcome| PortSeen { role: "analyzer port", name: name.clone(), outcome };
     let port = match port {
         Ok(port) => port,
         Err(error) => return (seen(Err(error)), device(None)),
     };
     let (intruders, transcript) = (port.intruders(), port.transcript());
-    let outcome = greet(Analyzer::open(port, Dialect::of(file.analyzer.make)), &file.bench).await;
+    let outcome = greet(analyzer_on(port, file), &file.bench).await;
     (seen(Ok(port_facts(&name, intruders, &transcript))), device(Some(outcome)))
 }
 
@@ -179,7 +182,8 @@ async fn look_at_bus(
     port: Result<Port, rig_link::OpenError>,
 ) -> (PortSeen, DeviceSeen, DeviceSeen) {
     let name = name(&file.bus, &port);
-    let device = |role, outcome| DeviceSeen { role, port: name.clone(), outcome };
+    let is_serial = file.bus.is_serial();
+    let device = |role, outcome| DeviceSeen { role, port: name.clone(), is_serial, outcome };
     let seen = |outcome| PortSeen { role: "bus", name: name.clone(), outcome };
     let port = match port {
         Ok(port) => port,

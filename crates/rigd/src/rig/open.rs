@@ -1,8 +1,8 @@
 //! The one seam between a simulated and a real rig: both end in the same drivers.
 
-use std::{path::PathBuf, sync::Arc};
+use std::{path::PathBuf, sync::Arc, time::Duration};
 
-use rig_analyzer::{Analyzer, AnalyzerError, Dialect};
+use rig_analyzer::{Analyzer, AnalyzerError, Dialect, Terms};
 use rig_link::{Clock, Endpoint, Port, Transcript};
 use rig_model::{Deg, LineSettings, Mm, Unit};
 use rig_protocol::Prompt;
@@ -13,7 +13,7 @@ use rig_store::StoreError;
 use super::{Identity, Setting, devices::Devices};
 use crate::{
     loaded_rig::{LoadedRig, LoadedScene},
-    rig_file::{PortFile, RigFile},
+    rig_file::{AnalyzerFile, Connection, PortFile, RigFile},
 };
 
 /// Why a rig cannot be opened.
@@ -52,8 +52,10 @@ pub enum OpenError {
     Device {
         /// What it is on the rig.
         role: &'static str,
+        /// Whether it is on a serial line.
+        is_serial: bool,
         /// What it did.
-        source: DeviceError,
+        source: Box<DeviceError>,
     },
 }
 
@@ -72,8 +74,9 @@ pub enum DeviceError {
 }
 
 /// A device of this role did this.
-fn device<E: Into<DeviceError>>(role: &'static str) -> impl Fn(E) -> OpenError {
-    move |error| OpenError::Device { role, source: error.into() }
+fn device<E: Into<DeviceError>>(role: &'static str, port: &PortFile) -> impl Fn(E) -> OpenError {
+    let is_serial = port.is_serial();
+    move |error| OpenError::Device { role, is_serial, source: Box::new(error.into()) }
 }
 
 /// A rig whose devices have answered.
@@ -121,13 +124,13 @@ pub(super) async fn open_rig(rig: LoadedRig, clock: Clock) -> Result<Opened, Ope
     let bus_port = bus.map_err(|source| OpenError::Port { role: "bus", source })?;
     let black_boxes =
         [&analyzer_port, &bus_port].map(|port| (port.name().clone(), port.transcript()));
-    let mut analyzer = Analyzer::open(analyzer_port, Dialect::of(file.analyzer.make));
+    let mut analyzer = analyzer_on(analyzer_port, &file);
     let bus = BusHandle::open(bus_port, bus_settings(&file.bus));
     let mut linear = stage(&bus, &file.linear, file.bench.linear);
     let mut rotary = stage(&bus, &file.rotary, file.bench.rotary);
-    let identity = analyzer.identify().await.map_err(device("analyzer"))?;
-    look_at(&mut linear).await.map_err(device("linear stage"))?;
-    look_at(&mut rotary).await.map_err(device("rotary stage"))?;
+    let identity = analyzer.identify().await.map_err(device("analyzer", &file.analyzer.port))?;
+    look_at(&mut linear).await.map_err(device("linear stage", &file.bus))?;
+    look_at(&mut rotary).await.map_err(device("rotary stage", &file.bus))?;
     let devices: Arc<[Identity]> = Arc::new([
         Identity { role: "analyzer", identity: identity.to_string() },
         Identity { role: "linear stage", identity: describe(&file.linear) },
@@ -180,6 +183,16 @@ impl Ports {
         let simulation = Some(Simulation { person: rig.person(), _rig: rig });
         Ok(Self { analyzer: Ok(analyzer), bus: Ok(bus), simulation })
     }
+}
+
+/// An analyzer as the rig file describes it. A simulated one ends its messages as is usual.
+pub(super) fn analyzer_on(port: Port, file: &RigFile) -> Analyzer {
+    let AnalyzerFile { make, terminator, reply_timeout_s, .. } = &file.analyzer;
+    let terms = Terms {
+        terminator: terminator.filter(|_| file.connection == Connection::Ports),
+        reply_within: Duration::from_secs_f64(*reply_timeout_s),
+    };
+    Analyzer::open_with(port, Dialect::of(*make), terms)
 }
 
 pub(super) fn stage<U: Unit>(

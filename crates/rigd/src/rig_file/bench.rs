@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use rig_model::{
     AnalyzerMake, AnalyzerRange, Bench, Deg, DriveMake, Geometry, Mm, MotionLimits, Parity,
-    Position,
+    Position, Terminator,
 };
 use rig_settings::{Setting, Table};
 
@@ -97,6 +97,9 @@ fn analyzer(table: &mut Table<'_>) -> AnalyzerRead {
     let makes = AnalyzerMake::ALL.map(|make| (make.name(), make));
     let make = table.choice("dialect", makes).required();
     let port = table.section("port", |table| port(table, Ok(Parity::None))).required().value;
+    let terminators = Terminator::ALL.map(|terminator| (terminator.name(), terminator));
+    let terminator = table.choice("terminator", terminators).optional();
+    let reply_timeout_s = table.number("reply_timeout_s").range(0.05..=60.0).or(1.0).value;
     let frequency_hz = table.number("frequency_hz").above(0.0).interval().required();
     let max_level_v = table.number("max_level_v").above(0.0).required();
     if let Some(&make) = make.sound() {
@@ -111,7 +114,15 @@ fn analyzer(table: &mut Table<'_>) -> AnalyzerRead {
         }
     }
     let range = AnalyzerRange { frequency_hz: frequency_hz.value, max_level_v: max_level_v.value };
-    AnalyzerRead { file: AnalyzerFile { make: make.value, port }, range }
+    AnalyzerRead {
+        file: AnalyzerFile {
+            make: make.value,
+            port,
+            terminator: terminator.map(|terminator| terminator.value),
+            reply_timeout_s,
+        },
+        range,
+    }
 }
 
 /// The parity of a line on which these drives are as they left the factory.

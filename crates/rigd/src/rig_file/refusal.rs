@@ -22,7 +22,7 @@ pub(super) enum Refusal {
         "a line of {linear} and {rotary} needs its parity: they leave the factory with different ones"
     )]
     NoParity { linear: DriveMake, rotary: DriveMake },
-    #[error("tcp = {address:?} is not of the form host:port")]
+    #[error("tcp = \"{address}\" is not of the form host:port")]
     NotAnAddress { address: String },
     #[error("the analyzer and the bus cannot share the port {port}")]
     SharedPort { port: String },
@@ -66,7 +66,7 @@ pub(super) enum Refusal {
     Sensor(#[from] SensorError),
 
     // The samples.
-    #[error("{name:?} is listed twice")]
+    #[error("\"{name}\" is listed twice")]
     KnownTwice { name: String },
 }
 

@@ -146,23 +146,25 @@ async fn an_answer_to_another_write_is_taken_by_the_library_and_never_here() {
     let coil = Request::WriteCoil { address: 0x10, is_on: true };
     let read = Request::ReadHolding { address: 0x10, count: 2 };
     let bits = Request::ReadCoils { address: 0x10, count: 9 };
-    let rows: [(&Request, &[u8]); 12] = [
-        (&one, &[1, 6, 0, 0x20, 0, 1]),
-        (&one, &[1, 6, 0, 0x10, 0, 2]),
-        (&one, &[1, 16, 0, 0x10, 0, 1]),
-        (&many, &[1, 16, 0, 0x20, 0, 2]),
-        (&many, &[1, 16, 0, 0x10, 0, 1]),
-        (&coil, &[1, 5, 0, 0x11, 0xFF, 0]),
-        (&coil, &[1, 5, 0, 0x10, 0, 0]),
-        (&read, &[1, 3, 2, 0, 1]),
-        (&read, &[1, 3, 8, 0, 1, 0, 2, 0, 3, 0, 4]),
-        (&read, &[1, 4, 4, 0, 1, 0, 2]),
-        (&bits, &[1, 1, 1, 0xFF]),
-        (&bits, &[1, 1, 3, 0xFF, 0xFF, 0xFF]),
+    let other = Symptom::OtherAnswer;
+    let wrong = |found, expected| Symptom::WrongCount { found, expected };
+    let rows: [(&Request, &[u8], Symptom); 12] = [
+        (&one, &[1, 6, 0, 0x20, 0, 1], other),
+        (&one, &[1, 6, 0, 0x10, 0, 2], other),
+        (&one, &[1, 16, 0, 0x10, 0, 1], other),
+        (&many, &[1, 16, 0, 0x20, 0, 2], other),
+        (&many, &[1, 16, 0, 0x10, 0, 1], other),
+        (&coil, &[1, 5, 0, 0x11, 0xFF, 0], other),
+        (&coil, &[1, 5, 0, 0x10, 0, 0], other),
+        (&read, &[1, 3, 2, 0, 1], wrong(2, 4)),
+        (&read, &[1, 3, 8, 0, 1, 0, 2, 0, 3, 0, 4], wrong(8, 4)),
+        (&read, &[1, 4, 4, 0, 1, 0, 2], other),
+        (&bits, &[1, 1, 1, 0xFF], wrong(1, 2)),
+        (&bits, &[1, 1, 3, 0xFF, 0xFF, 0xFF], wrong(3, 2)),
     ];
-    for (request, reply) in rows {
+    for (request, reply, expected) in rows {
         let error = bus_on(stray(reply)).request(1, request.clone()).await.unwrap_err();
-        assert_eq!(symptom(error), Symptom::OtherAnswer, "{request}: {reply:02X?}");
+        assert_eq!(symptom(error), expected, "{request}: {reply:02X?}");
     }
     let error = bus_on(stray(&[2, 6, 0, 0x10, 0, 1])).request(1, one).await.unwrap_err();
     assert_eq!(symptom(error), Symptom::ForeignUnit(2));
@@ -192,32 +194,32 @@ async fn what_is_wrong_with_a_line_is_said_in_words() {
     let rows = [
         (
             Fault::ReplyLost,
-            "line 1: unit 1: read 2 holding registers at 0x0080: no answer; is it powered, wired, \
-             and at this address? (3 attempts)",
+            "line 1: unit 1: read 2 holding registers at 0x0080: no answer (3 attempts)",
         ),
         (
             Fault::ReplyCorrupted,
             "line 1: unit 1: read 2 holding registers at 0x0080: the checksum of the answer is \
-             wrong (3 attempts)",
+             wrong (3 attempts), 9 bytes arrived: 01 03 ",
         ),
         (
             Fault::ReplyTruncated,
-            "line 1: unit 1: read 2 holding registers at 0x0080: the answer broke off (3 attempts)",
+            "line 1: unit 1: read 2 holding registers at 0x0080: the answer broke off (3 attempts), \
+             6 bytes arrived: 01 03 04 ",
         ),
         (
             Fault::WrongUnit,
-            "line 1: unit 1: read 2 holding registers at 0x0080: unit 5 answered; is there a \
-             second master, or an address twice? (3 attempts)",
+            "line 1: unit 1: read 2 holding registers at 0x0080: unit 5 answered \
+             (3 attempts), 9 bytes arrived: 05 03 04 ",
         ),
         (
             Fault::ReplyTwice { ms_apart: 0 },
-            "line 1: unit 1: read 2 holding registers at 0x0080: more came than one answer; is \
-             there a second master? (3 attempts)",
+            "line 1: unit 1: read 2 holding registers at 0x0080: more came than one \
+             answer (3 attempts), 18 bytes arrived: 01 03 04 ",
         ),
         (
             Fault::Garbled,
-            "line 1: unit 1: read 2 holding registers at 0x0080: garbage came; do speed and parity \
-             match? (3 attempts)",
+            "line 1: unit 1: read 2 holding registers at 0x0080: what came is no Modbus \
+             frame (3 attempts), 5 bytes arrived: ",
         ),
         (
             Fault::Exception(2),
@@ -232,7 +234,9 @@ async fn what_is_wrong_with_a_line_is_said_in_words() {
         let faults: Vec<_> = (0..200).map(|n| (n, fault)).collect();
         let bus = bus_with(faults);
         let error = bus.read(1, 0x80, 2).await.unwrap_err();
-        assert_eq!(error.to_string(), message);
+        let text = error.to_string();
+        assert!(text.starts_with(message), "{text}");
+        assert_eq!(text.len() > message.len(), text.contains("arrived"), "{text}");
         // The device that refuses and the line that fails are counted apart.
         let Health { requests, retries, refusals, faults } = bus.health().await.unwrap();
         let is_refusal = matches!(fault, Fault::Exception(_));
@@ -349,7 +353,7 @@ async fn a_line_that_was_unplugged_fails_once_and_is_opened_again() {
     let bus = BusHandle::open(port, BusSettings::rtu());
     drop(plugged.recv().await.unwrap());
     let error = bus.read(1, 0x80, 2).await.unwrap_err();
-    assert_eq!(error.to_string(), "line 1: unplugged, or closed by the other side");
+    assert_eq!(error.to_string(), "line 1: the port is gone");
     tokio::spawn(async move {
         serve(plugged.recv().await.unwrap(), faulty(BTreeMap::new(), truthful(1))).await;
     });
@@ -400,6 +404,28 @@ async fn modbus_tcp_begins_a_new_connection_after_a_late_answer() {
     let write = Request::WriteRegister { address: 0x7D, value: 0x20 };
     assert_eq!(bus.request(1, write).await.unwrap(), Reply::Written);
     assert!(*connections.lock().unwrap() > 10);
+}
+
+/// The library calls such an answer an end of the stream, as that of a port that is gone.
+#[tokio::test(start_paused = true)]
+async fn an_answer_that_is_shorter_than_it_says_is_no_lost_port() {
+    let (endpoint, mut plugged) = pluggable(Framing::Tcp);
+    let port = Port::open(endpoint, Clock::start()).await.unwrap();
+    tokio::spawn(async move {
+        while let Some(device) = plugged.recv().await {
+            // It announces six bytes of data and sends four, all within the length of its frame.
+            let short = |_: &[u8]| vec![1, 3, 6, 0, 0, 0, 1, 0, 0];
+            tokio::spawn(serve_tcp(device, short, |_| 0));
+        }
+    });
+    let bus = BusHandle::open(port, BusSettings::tcp());
+    let error = bus.read(1, 0x80, 2).await.unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "line 1: unit 1: read 2 holding registers at 0x0080: the answer announces 6 bytes of data \
+         where 4 were asked for (3 attempts), 13 bytes arrived: 00 00 00 00 00 07 01 03 06 00 00 00 \
+         01"
+    );
 }
 
 /// In real time, through the serial layer of the operating system.

@@ -1,0 +1,165 @@
+//! What to do about a port that does not open and a device that does not answer as it should.
+//!
+//! Advice names what to look at, never a cause that nobody has seen, and what belongs to a serial
+//! line only where there is one. Nothing here moves an axis.
+
+use rig_analyzer::{AnalyzerError, WrongEnd};
+use rig_link::LineError;
+use rig_stage::{BusError, LineFault, StageError, Symptom};
+
+use crate::rig::{DeviceError, OpenError};
+
+/// What to do about an axis that says that it is where it cannot be. Nothing here may move it: a
+/// move that starts from a wrong position, or goes the wrong way, ends in the sample.
+pub(crate) const LOST: &str = "move nothing, not with the tool of the drive either: with the \
+    drives off, look where the axis stands, and correct the sign and the size of its step, its \
+    zero or its travel in the rig file";
+
+/// What to do about an axis that is not homed. Which way it homes is set in the drive.
+pub(super) const NOT_HOMED: &str = "clear the whole travel of the axis before the rig is opened \
+    for work: it is homed then, by the procedure that is set in the drive";
+
+/// What to do about a rig that cannot be opened, where that is known.
+pub(crate) fn on_rig(error: &OpenError) -> Option<&'static str> {
+    match error {
+        OpenError::Port { source, .. } => Some(on_port(source)),
+        OpenError::Device { is_serial, source, .. } => Some(on_device(source, *is_serial)),
+        _ => None,
+    }
+}
+
+/// What to do about a port that cannot be opened.
+pub(super) const fn on_port(error: &rig_link::OpenError) -> &'static str {
+    use rig_link::OpenError;
+    match error {
+        OpenError::Absent { .. } => {
+            "plug it in; `rigd ports` shows what is attached, and the rig file must name it"
+        }
+        OpenError::NotAPort { .. } => {
+            "name a serial port in the rig file; `rigd ports` shows which there are"
+        }
+        OpenError::Busy { .. } => "end that program",
+        OpenError::Permission { .. } => {
+            "add this user to the group of the device (often dialout), and log in again"
+        }
+        OpenError::TimedOut { .. } => {
+            "check the address in the rig file, the network, and that the device is switched on"
+        }
+        OpenError::Unconnected { .. } => {
+            "check address and port number in the rig file, and that the device is switched on"
+        }
+        OpenError::Io { .. } => "check the adapter and its cable, and its settings in the rig file",
+    }
+}
+
+/// What to do about a device that does not answer as it should.
+pub(super) fn on_device(error: &DeviceError, is_serial: bool) -> &'static str {
+    match error {
+        DeviceError::Analyzer(error) => on_analyzer(error, is_serial),
+        DeviceError::Linear(error) => on_stage(error, is_serial),
+        DeviceError::Rotary(error) => on_stage(error, is_serial),
+    }
+}
+
+fn on_analyzer(error: &AnalyzerError, is_serial: bool) -> &'static str {
+    match error {
+        AnalyzerError::WrongInstrument { .. } | AnalyzerError::Swapped { .. } => {
+            "name its dialect in the rig file, or connect the instrument that is named there"
+        }
+        AnalyzerError::Line { wrong_end: Some(WrongEnd::CrForLf), .. } => {
+            "write terminator = \"cr\" in [analyzer] of the rig file, or have the instrument end its \
+             answers in LF"
+        }
+        AnalyzerError::Line { wrong_end: Some(WrongEnd::LfForCr), .. } => {
+            "correct terminator in [analyzer] of the rig file, or have the instrument end its answers \
+             in CR"
+        }
+        AnalyzerError::Line { source: LineError::TimedOut { arrived, .. }, .. }
+            if !arrived.bytes.is_empty() =>
+        {
+            "give it more time with reply_timeout_s in [analyzer] of the rig file; if no more comes, \
+             compare what came with what the instrument should answer"
+        }
+        AnalyzerError::Line { source: LineError::TimedOut { .. }, .. } if is_serial => {
+            "check its power and cable, then compare speed, parity and terminator in the rig file \
+             with what is set on it"
+        }
+        AnalyzerError::Line { source: LineError::TimedOut { .. }, .. } => {
+            "check that this is the instrument's port for commands, and that terminator in the rig \
+             file is what is set on it"
+        }
+        AnalyzerError::Frame { .. } if is_serial => {
+            "compare speed and parity in the rig file with what is set on the instrument"
+        }
+        AnalyzerError::Frame { .. } => {
+            "check that address and port in the rig file are those of the instrument"
+        }
+        AnalyzerError::Line { .. }
+        | AnalyzerError::Reopen { .. }
+        | AnalyzerError::Unquiet { .. }
+        | AnalyzerError::Strays { .. } => on_lost(is_serial),
+        AnalyzerError::Answer { .. } => {
+            "compare the answer with the manual of the instrument, and its model with the dialect in \
+             the rig file"
+        }
+        _ => "look at the display of the instrument, and up the command in its manual",
+    }
+}
+
+fn on_stage<U: rig_model::Unit>(error: &StageError<U>, is_serial: bool) -> &'static str {
+    match error {
+        StageError::Bus(BusError::Failed(LineFault::NoAnswer { symptom, .. })) => {
+            on_symptom(*symptom, is_serial)
+        }
+        StageError::Bus(BusError::Failed(LineFault::Changed { .. })) => {
+            "check that register map and unit id in the rig file are those of the drive, and that no \
+             other tool writes to it"
+        }
+        StageError::Bus(BusError::Failed(_)) => on_lost(is_serial),
+        StageError::Bus(BusError::Refused(_)) => {
+            "check that the register map in the rig file is that of the drive"
+        }
+        StageError::BeyondTravel { .. } => LOST,
+        StageError::Unhomed { .. } => NOT_HOMED,
+        _ => "look at the display of the drive, and up its state in its manual",
+    }
+}
+
+const fn on_symptom(symptom: Symptom, is_serial: bool) -> &'static str {
+    match symptom {
+        Symptom::Silence | Symptom::OnlyEcho if is_serial => {
+            "check its power and cable, then compare speed, parity and unit id in the rig file with \
+             what is set on it"
+        }
+        Symptom::Silence | Symptom::OnlyEcho => {
+            "check its power, and that a device with the unit id of the rig file is at this address"
+        }
+        Symptom::Garbage if is_serial => {
+            "compare speed and parity in the rig file with what is set on the drive"
+        }
+        Symptom::Garbage => {
+            "check that address and port in the rig file are those of a Modbus TCP device"
+        }
+        Symptom::Truncated | Symptom::Corrupted if is_serial => {
+            "check the cable, its shield and its termination, and compare speed and parity"
+        }
+        Symptom::Truncated | Symptom::Corrupted => "look at the device or gateway at this address",
+        Symptom::ForeignUnit(_) | Symptom::Surplus | Symptom::OtherAnswer if is_serial => {
+            "look for a second master on the line, and for two devices with the same unit id"
+        }
+        Symptom::ForeignUnit(_)
+        | Symptom::Surplus
+        | Symptom::OtherAnswer
+        | Symptom::WrongCount { .. } => {
+            "check that register map and unit id in the rig file are those of the drive"
+        }
+    }
+}
+
+const fn on_lost(is_serial: bool) -> &'static str {
+    if is_serial {
+        "check the cable and the adapter, and that no other program uses the port"
+    } else {
+        "check the network, that the device stays switched on, and that no other program uses it"
+    }
+}
