@@ -23,6 +23,7 @@ mod ports;
 mod prompt;
 mod run;
 mod runs;
+mod screen;
 mod serve;
 mod session;
 mod signals;
@@ -367,7 +368,7 @@ fn start_log() {
     let filter =
         EnvFilter::builder().with_default_directive(tracing::Level::WARN.into()).from_env_lossy();
     let is_terminal = io::stderr().is_terminal();
-    fmt().with_env_filter(filter).with_writer(io::stderr).with_ansi(is_terminal).init();
+    fmt().with_env_filter(filter).with_writer(|| screen::Log).with_ansi(is_terminal).init();
 }
 
 impl DataArgs {

@@ -1,40 +1,65 @@
 //! Prompts at the terminal: what the bench cannot do is asked of the person who sits there.
 
-use std::io::{self, BufRead};
+use std::{
+    io::{self, IsTerminal},
+    sync::mpsc as std_mpsc,
+};
 
 use tokio::sync::mpsc;
 
-use super::table::note;
+use super::screen::say_clearly;
 
-/// Lines from the terminal, read by a thread of its own, because reading cannot be interrupted.
+/// Reads a line when something has been asked, on a thread of its own, because reading cannot be
+/// interrupted.
 pub(super) struct Terminal {
-    lines: mpsc::Receiver<()>,
+    questions: std_mpsc::Sender<()>,
+    answers: mpsc::Receiver<()>,
+    /// Whether the thread is reading. It goes on when its question has gone.
+    is_reading: bool,
     asked: Option<String>,
 }
 
 impl Terminal {
     pub(super) fn open() -> io::Result<Self> {
-        let (sender, lines) = mpsc::channel(1);
+        let (questions, asked) = std_mpsc::channel();
+        let (sender, answers) = mpsc::channel(1);
         std::thread::Builder::new().name("terminal".to_owned()).spawn(move || {
-            for line in io::stdin().lock().lines() {
-                if line.is_err() || sender.blocking_send(()).is_err() {
+            while asked.recv().is_ok() && is_answered() {
+                if sender.blocking_send(()).is_err() {
                     return;
                 }
             }
         })?;
-        Ok(Self { lines, asked: None })
+        Ok(Self { questions, answers, is_reading: false, asked: None })
     }
 
     /// Shows a prompt once, as long as it is the same one.
     pub(super) fn show(&mut self, prompt: Option<String>) {
         if self.asked != prompt {
             if let Some(text) = &prompt {
-                // An answer given before the question is none.
-                while self.lines.try_recv().is_ok() {}
-                note(&format!("{text} Press Enter when that is done."));
+                // An answer to a question that has gone is none.
+                forget_input();
+                while self.answers.try_recv().is_ok() {
+                    self.is_reading = false;
+                }
+                ask(text);
+                if !self.is_reading {
+                    // A thread that has ended is noticed by the wait for its answer.
+                    self.is_reading = self.questions.send(()).is_ok();
+                }
             }
             self.asked = prompt;
         }
+    }
+
+    /// Whether somebody is asked for something.
+    pub(super) const fn is_asking(&self) -> bool {
+        self.asked.is_some()
+    }
+
+    /// Shows the prompt again: a terminal that was made narrower may have cut it off.
+    pub(super) fn repeat(&self) {
+        self.asked.iter().for_each(|text| ask(text));
     }
 
     /// Waits for the answer to the prompt that is shown; for ever when there is none. None when
@@ -43,6 +68,26 @@ impl Terminal {
         if self.asked.is_none() {
             std::future::pending::<()>().await;
         }
-        self.lines.recv().await
+        let answer = self.answers.recv().await;
+        self.is_reading = false;
+        answer
     }
+}
+
+fn ask(text: &str) {
+    say_clearly(&format!("{text} Press Enter when that is done."));
+}
+
+/// What was typed before a question is no answer to it; what a script has written into a pipe is.
+fn forget_input() {
+    let stdin = io::stdin();
+    if stdin.is_terminal() {
+        // Where this fails, so does the read.
+        _ = rustix::termios::tcflush(&stdin, rustix::termios::QueueSelector::IFlush);
+    }
+}
+
+/// Waits for a line.
+fn is_answered() -> bool {
+    matches!(io::stdin().read_line(&mut String::new()), Ok(1..))
 }

@@ -1,18 +1,18 @@
 //! `rigd run`: replays a protocol from beginning to end, and leaves the report.
 
-use std::{
-    io::{self, IsTerminal},
-    time::Duration,
-};
+use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
 use rig_engine::{Command, RunStatus};
 use rig_store::RunId;
+use tokio::{
+    signal::unix::{Signal, SignalKind, signal},
+    time::MissedTickBehavior,
+};
 
 use super::{
     Failure, RunArgs,
     prompt::Terminal,
-    runs,
+    runs, screen,
     session::{Session, latched, with_rig},
     table::{duration, note},
 };
@@ -50,26 +50,47 @@ async fn replay(
     is_simulated: bool,
 ) -> Result<(RunId, RunStatus, Status), Failure> {
     let mut terminal = if is_simulated { None } else { Some(open_terminal()?) };
+    let (mut resizes, mut resized) = (resizes()?, None);
     let run = session.handle.run(protocol, session.operator()).await?;
-    let bar = Progress::new();
+    let mut redraw = tokio::time::interval(REDRAW_INTERVAL);
+    redraw.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
         let now = session.status.borrow_and_update().clone();
-        bar.show(&now);
         if let Some(terminal) = &mut terminal {
             let asked = now.snapshot.prompt.zip(now.run.as_ref());
-            terminal.show(asked.map(|(prompt, run)| run.ask(&prompt)));
+            let asked = asked.map(|(prompt, run)| run.ask(&prompt));
+            if asked.is_some() {
+                screen::show_progress("");
+            }
+            terminal.show(asked);
         }
         if let Some(ending) = now.run.as_ref().and_then(|run| run.ending) {
-            bar.finish();
+            screen::show_progress("");
             return Ok((run, ending, now));
         }
         tokio::select! {
             changed = session.status.changed() => changed.map_err(|_| rig::Refusal::Closed)?,
-            () = session.signals.next() => session.end_early().await?,
+            // Below a prompt, and below the advice on how to stop, nothing is drawn.
+            _ = redraw.tick() => {
+                let is_asking = terminal.as_ref().is_some_and(Terminal::is_asking);
+                if !is_asking && session.signals.count == 0 {
+                    draw(&now);
+                }
+                if resized.is_some_and(|at: Instant| at.elapsed() >= RESIZE_PAUSE) {
+                    resized = None;
+                    terminal.iter().for_each(Terminal::repeat);
+                    session.repeat_advice();
+                }
+            }
+            _ = resizes.recv() => resized = Some(Instant::now()),
+            () = session.signals.next() => {
+                screen::show_progress("");
+                session.end_early().await?;
+            }
             answer = answer(&mut terminal) => if answer.is_some() {
                 session.handle.command(Command::Answer, Some(run), session.operator()).await?;
             } else {
-                note("nobody can answer at this terminal any more; aborting the run");
+                screen::say_clearly("nobody can answer at this terminal any more; aborting the run");
                 terminal = None;
                 _ = session.handle.command(Command::Abort, Some(run), session.operator()).await;
             },
@@ -77,8 +98,20 @@ async fn replay(
     }
 }
 
+/// Often enough that nobody sees it jump, and nothing beside what a terminal can take.
+const REDRAW_INTERVAL: Duration = Duration::from_millis(100);
+
+/// While somebody draws the border of a window, nothing is said again.
+const RESIZE_PAUSE: Duration = Duration::from_millis(200);
+
 fn open_terminal() -> Result<Terminal, Failure> {
     Terminal::open().map_err(|source| Failure::System { what: "terminal", source })
+}
+
+/// That the terminal has another size.
+fn resizes() -> Result<Signal, Failure> {
+    signal(SignalKind::window_change())
+        .map_err(|source| Failure::System { what: "signals", source })
 }
 
 async fn answer(terminal: &mut Option<Terminal>) -> Option<()> {
@@ -88,35 +121,27 @@ async fn answer(terminal: &mut Option<Terminal>) -> Option<()> {
     }
 }
 
-/// The bar on stderr; nothing is drawn where nobody looks.
-struct Progress {
-    bar: ProgressBar,
-}
+/// From this many columns on there is room for a bar of [`BAR_COLUMNS`].
+const COLUMNS_WITH_BAR: usize = 80;
+const BAR_COLUMNS: usize = 16;
 
-impl Progress {
-    fn new() -> Self {
-        let bar =
-            if io::stderr().is_terminal() { ProgressBar::new(0) } else { ProgressBar::hidden() };
-        let style = ProgressStyle::with_template("{bar:32} {pos:>3}/{len} {msg}");
-        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-        bar.enable_steady_tick(Duration::from_millis(100));
-        Self { bar }
-    }
-
-    fn show(&self, status: &Status) {
-        let (Some(run), Some(progress)) = (&status.run, &status.snapshot.progress) else { return };
-        self.bar.set_length(progress.steps as u64);
-        self.bar.set_position(progress.step as u64);
-        let elapsed_s = status.now.since(run.started).as_secs_f64();
-        self.bar.set_message(format!(
-            "{}; rig time {}, about {} to go",
-            run.describe_step(progress.step),
-            duration(elapsed_s),
-            duration(run.remaining_s(elapsed_s)),
-        ));
-    }
-
-    fn finish(&self) {
-        self.bar.finish_and_clear();
-    }
+/// How far the run has come.
+fn draw(status: &Status) {
+    let (Some(run), Some(progress)) = (&status.run, &status.snapshot.progress) else { return };
+    let elapsed_s = status.now.since(run.started).as_secs_f64();
+    let bar = match screen::columns() {
+        Some(COLUMNS_WITH_BAR..) => {
+            let done = BAR_COLUMNS * progress.step / progress.steps.max(1);
+            format!("{:░<BAR_COLUMNS$} ", "█".repeat(done))
+        }
+        _ => String::new(),
+    };
+    screen::show_progress(&format!(
+        "{bar}{}/{} {}; rig time {}, about {} to go",
+        progress.step,
+        progress.steps,
+        run.describe_step(progress.step),
+        duration(elapsed_s),
+        duration(run.remaining_s(elapsed_s)),
+    ));
 }

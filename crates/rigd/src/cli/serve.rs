@@ -8,9 +8,9 @@ use tokio_util::sync::CancellationToken;
 
 use super::{
     DataArgs, Failure, OperatorArgs, RigArgs,
+    screen::{say, say_clearly},
     session::{left, open},
     signals::Signals,
-    table::note,
 };
 use crate::{
     http::{
@@ -70,10 +70,10 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
         let shared = http::Shared::new(handle.clone(), facts, loaded, data, doors, closing.clone());
         let serving = tokio::spawn(http::serve(listener, http::router(shared), closing.clone()));
         if signals.count == 0 {
-            note(&format!("rigd: listening on http://{address}/"));
+            say(&format!("rigd: listening on http://{address}/"));
             signals.next().await;
         }
-        note(
+        say_clearly(
             "rigd: leaving the probe clear and closing; interrupt again to leave the rig as it is",
         );
         tokio::select! {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use rig_engine::{Command, StateWord};
 use tokio::sync::watch;
 
-use super::{Failure, signals::Signals, table::note};
+use super::{Failure, screen::say_clearly, signals::Signals};
 use crate::{
     hint,
     loaded_rig::LoadedRig,
@@ -64,7 +64,7 @@ pub(super) async fn open(
         tokio::select! {
             opened = &mut opening => return Ok(opened.map_err(|_| OpenError::Gone)??),
             () = signals.next() => match signals.count {
-                1 => note("ending as soon as the devices have answered; interrupt again to end now"),
+                1 => say_clearly("ending as soon as the devices have answered; interrupt again to end now"),
                 _ => return Err(Failure::Interrupted),
             },
         }
@@ -127,21 +127,25 @@ impl Session {
     /// program whatever the rig does.
     pub(super) async fn end_early(&self) -> Result<(), Failure> {
         let command = match self.signals.count {
-            1 => {
-                note("retracting the probe; interrupt again to stop everything");
-                Command::Abort
-            }
-            2 => {
-                note(
-                    "stopping both axes, then retracting; interrupt again to leave the rig as it is",
-                );
-                Command::Stop
-            }
+            1 => Command::Abort,
+            2 => Command::Stop,
             _ => return Err(left(&self.status.borrow())),
         };
+        self.repeat_advice();
         // Denied when it is being ended already.
         _ = self.handle.command(command, None, self.operator()).await;
         Ok(())
+    }
+
+    /// Says what goes on since the last signal, and what the next one would do.
+    pub(super) fn repeat_advice(&self) {
+        match self.signals.count {
+            0 => {}
+            1 => say_clearly("retracting the probe; interrupt again to stop everything"),
+            _ => say_clearly(
+                "stopping both axes, then retracting; interrupt again to leave the rig as it is",
+            ),
+        }
     }
 
     /// Leaves the probe clear and ends the rig thread; a second signal meanwhile ends the program
@@ -157,7 +161,7 @@ impl Session {
                     if self.signals.count > before + 1 {
                         return Err(left(&self.status.borrow()));
                     }
-                    note("closing the rig; interrupt again to leave it as it is");
+                    say_clearly("closing the rig; interrupt again to leave it as it is");
                 }
             }
         }

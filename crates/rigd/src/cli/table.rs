@@ -5,11 +5,11 @@ use std::{
     io::{self, Write},
 };
 
-use super::Failure;
+use super::{Failure, screen};
 
-/// A line for the person at the terminal. A terminal that has gone needs none.
+/// A line for the person at the terminal.
 pub(super) fn note(text: &str) {
-    _ = writeln!(io::stderr(), "{text}");
+    screen::say(text);
 }
 
 /// A result, for whoever reads stdout.

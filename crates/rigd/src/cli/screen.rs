@@ -1,0 +1,160 @@
+//! What a person sees on stderr: lines that stay, and one line below them that tells how far a run
+//! has come.
+//!
+//! The cursor never goes up. Whatever the width of the terminal is or becomes, drawing can spoil
+//! nothing but the line that is drawn.
+
+use std::{
+    io::{self, IsTerminal, Write},
+    sync::{Mutex, MutexGuard, PoisonError},
+};
+
+use unicode_width::{UnicodeWidthChar, UnicodeWidthStr};
+
+/// Where the system does not know how wide the terminal is.
+const COLUMNS: usize = 80;
+/// Takes what stands in the line of the cursor away.
+const ERASE: &str = "\r\x1b[K";
+
+static SCREEN: Mutex<Screen> = Mutex::new(Screen { progress: String::new() });
+
+struct Screen {
+    /// The line that tells how far a run has come, as it was drawn; empty where there is none.
+    progress: String,
+}
+
+/// How many columns the terminal has, where stderr is one.
+pub(super) fn columns() -> Option<usize> {
+    let stderr = io::stderr();
+    if !stderr.is_terminal() {
+        return None;
+    }
+    let size = rustix::termios::tcgetwinsize(&stderr).ok();
+    Some(
+        size.map(|size| usize::from(size.ws_col)).filter(|&columns| columns > 0).unwrap_or(COLUMNS),
+    )
+}
+
+/// Says something that stays. A terminal that has gone needs no word.
+pub(super) fn say(text: &str) {
+    write(&format!("{text}\n"));
+}
+
+/// Says something that a person must not miss: on a terminal it is broken between clauses where it
+/// is too long for a line, and between words where a clause is.
+pub(super) fn say_clearly(text: &str) {
+    match columns() {
+        Some(columns) => say(&broken(text, columns)),
+        None => say(text),
+    }
+}
+
+/// Draws the line that tells how far a run has come, cut to the width of the terminal; an empty text
+/// takes it away.
+pub(super) fn show_progress(text: &str) {
+    let Some(columns) = columns() else { return };
+    let mut screen = lock();
+    // A character in the last column would move the cursor to the next line on some terminals.
+    let text = cut(text, columns - 1);
+    if screen.progress != text {
+        _ = write!(io::stderr(), "{ERASE}{text}");
+        screen.progress = text;
+    }
+}
+
+/// The log, which must not be drawn over either.
+pub(super) struct Log;
+
+impl Write for Log {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        write(&String::from_utf8_lossy(bytes));
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Writes whole lines above the line of progress.
+fn write(lines: &str) {
+    let progress = &lock().progress;
+    let erase = if progress.is_empty() { "" } else { ERASE };
+    _ = write!(io::stderr(), "{erase}{lines}{progress}");
+}
+
+fn lock() -> MutexGuard<'static, Screen> {
+    // The text is whole whatever happened.
+    SCREEN.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// As much of a text as fits.
+fn cut(text: &str, columns: usize) -> String {
+    if text.width() <= columns {
+        return text.to_owned();
+    }
+    let mut left = columns.saturating_sub(1);
+    let fits = |character: &char| match left.checked_sub(character.width().unwrap_or(0)) {
+        Some(rest) => {
+            left = rest;
+            true
+        }
+        None => false,
+    };
+    let cut: String = text.chars().take_while(fits).collect();
+    if columns == 0 { cut } else { format!("{cut}…") }
+}
+
+/// A text in lines that fit.
+fn broken(text: &str, columns: usize) -> String {
+    if text.width() <= columns {
+        return text.to_owned();
+    }
+    let clauses =
+        text.split_inclusive([';', '.']).flat_map(|clause| words_in_lines(clause, columns));
+    clauses.collect::<Vec<_>>().join("\n")
+}
+
+fn words_in_lines(text: &str, columns: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if line.width() + 1 + word.width() <= columns => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_that_is_too_long_is_cut_and_never_wraps() {
+        let text = "12/118 sample 3 of 5, left, 30°; rig time 2 min 04 s, about 20 min 00 s to go";
+        for columns in 0..=text.chars().count() + 1 {
+            let cut = cut(text, columns);
+            assert!(cut.width() <= columns, "{columns}: {cut}");
+            assert_eq!(cut == text, columns >= text.chars().count());
+        }
+        assert_eq!(cut("a\u{5bd2}\u{5929}b", 5), "a\u{5bd2}…");
+        assert_eq!(cut("a\u{5bd2}\u{5929}b", 3), "a…");
+        assert_eq!(cut("a\u{5bd2}\u{5929}b", 6), "a\u{5bd2}\u{5929}b");
+    }
+
+    #[test]
+    fn what_must_be_read_is_broken_between_clauses_and_words() {
+        let text = "Put sample 3 under the probe. Press Enter when that is done.";
+        assert_eq!(broken(text, 60), text);
+        let clauses = "Put sample 3 under the probe.\nPress Enter when that is done.";
+        assert_eq!(broken(text, 59), clauses);
+        assert_eq!(broken(text, 30), clauses);
+        let words = "Put sample 3\nunder the\nprobe.\nPress Enter\nwhen that is\ndone.";
+        assert_eq!(broken(text, 12), words);
+        assert_eq!(broken("unbreakable", 3), "unbreakable");
+    }
+}
