@@ -71,6 +71,8 @@ pub struct Progress {
     pub step: usize,
     /// How many steps there are.
     pub steps: usize,
+    /// It pauses before the next step.
+    pub is_pausing: bool,
 }
 
 /// What can be seen from outside.
@@ -530,5 +532,10 @@ impl From<Report> for News {
 
 fn progress(run: &Run) -> Progress {
     let plan = run.plan();
-    Progress { protocol: plan.name.clone(), step: run.index(), steps: plan.steps.len() }
+    Progress {
+        protocol: plan.name.clone(),
+        step: run.index(),
+        steps: plan.steps.len(),
+        is_pausing: run.is_pause_asked,
+    }
 }

@@ -1,8 +1,8 @@
 //! What happened, for the journal and for whoever watches.
 
-use rig_model::{Clearance, Deg, Mm, Position, Reading};
+use rig_model::{Clearance, Deg, Mm, Position, Reading, SweepRequest};
 use rig_protocol::{Prompt, StepId, Touch};
-use rig_resonance::{Refusal, Resonance, Verdict};
+use rig_resonance::{Estimate, Refusal, Resonance, Verdict};
 
 use crate::{Fault, Surface};
 
@@ -40,6 +40,17 @@ pub enum SweepPurpose {
     Touch,
     /// A person asked for it.
     Manual,
+}
+
+impl SweepPurpose {
+    /// The word in results and messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::NoLoad => "no_load",
+            Self::Touch => "touch",
+            Self::Manual => "manual",
+        }
+    }
 }
 
 /// A finished sweep.
@@ -169,6 +180,20 @@ pub enum Event {
         readings: usize,
         /// What was computed for it, in readings with their slopes.
         work: u64,
+    },
+    /// A sweep begins.
+    SweepBegun {
+        /// What it is for.
+        purpose: SweepPurpose,
+        /// What is asked of it.
+        request: SweepRequest,
+    },
+    /// Readings of the sweep under way.
+    Measured {
+        /// The readings, in the order taken.
+        readings: Vec<Reading>,
+        /// What all of them so far say, once they say something.
+        estimate: Option<Estimate>,
     },
     /// A sweep is done.
     SweepFinished(Box<SweepOutcome>),

@@ -38,6 +38,7 @@ impl Sweep {
         prior: Option<&Prior>,
         notes: &mut Vec<Event>,
     ) -> (Self, SweepTurn) {
+        notes.push(Event::SweepBegun { purpose, request: *request });
         let planner = Planner::new(request, prior);
         let mut sweep = Self {
             purpose,
@@ -66,6 +67,8 @@ impl Sweep {
         self.planner.pass(now.since(self.begun).as_secs_f64());
         self.planner.add(readings);
         self.readings.extend_from_slice(readings);
+        let estimate = self.planner.estimate();
+        notes.push(Event::Measured { readings: readings.to_vec(), estimate });
         self.next(work, notes)
     }
 

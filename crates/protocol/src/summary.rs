@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use rig_model::{Bench, Deg, Mm, Position, Span, SweepMethod, SweepRequest, Unit};
 
-use crate::{Action, Approach, Plan, Pose, Touch, TouchSettings};
+use crate::{Action, Approach, Plan, Pose, Step, Touch, TouchSettings};
 
 /// The extent of a plan on a bench.
 #[derive(Debug, Clone, PartialEq)]
@@ -59,38 +59,51 @@ impl Plan {
     pub fn summary(&self, bench: &Bench) -> Summary {
         let level = bench.rotary.rest_target().position();
         let clear = bench.linear.rest_target().position();
-        let mut here = level;
         let mut summary = Summary {
             touches: 0,
             no_loads: 0,
             prompts: 0,
-            duration_s: 0.0,
+            duration_s: self.durations_s(bench).iter().sum(),
             linear: Span { min: clear, max: clear },
             rotary: Span { min: level, max: level },
         };
         for step in &self.steps {
-            let (pose, at_pose_s) = match step.action {
+            let pose = match step.action {
                 Action::Prompt(_) => {
                     summary.prompts += 1;
                     continue;
                 }
                 Action::NoLoad(pose) => {
                     summary.no_loads += 1;
-                    (pose, sweep_s(&self.no_load_sweep))
+                    pose
                 }
                 Action::Touch(Touch { pose, .. }) => {
                     summary.touches += 1;
                     include(&mut summary.linear, self.touch.floor(bench, pose));
-                    (pose, self.touch_s(bench, pose))
+                    pose
                 }
+            };
+            include(&mut summary.rotary, pose.direction.rotary_position(pose.angle));
+        }
+        summary
+    }
+
+    /// How long each step is expected to take on the rig's clock, s: the terms of the sum in
+    /// [`Plan::summary`]. A prompt takes the rig no time.
+    pub fn durations_s(&self, bench: &Bench) -> Vec<f64> {
+        let mut here = bench.rotary.rest_target().position();
+        let mut duration = |step: &Step| {
+            let (pose, at_pose_s) = match step.action {
+                Action::Prompt(_) => return 0.0,
+                Action::NoLoad(pose) => (pose, sweep_s(&self.no_load_sweep)),
+                Action::Touch(Touch { pose, .. }) => (pose, self.touch_s(bench, pose)),
             };
             let there = pose.direction.rotary_position(pose.angle);
             let way_deg = (there.value() - here.value()).abs();
             here = there;
-            include(&mut summary.rotary, there);
-            summary.duration_s += way_deg / bench.limits.rotary_speed_deg_per_s + at_pose_s;
-        }
-        summary
+            way_deg / bench.limits.rotary_speed_deg_per_s + at_pose_s
+        };
+        self.steps.iter().map(&mut duration).collect()
     }
 
     /// A touch, without the rotation.

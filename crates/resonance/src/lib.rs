@@ -39,6 +39,6 @@ mod verdict;
 pub use circuit::Circuit;
 pub use estimators::{Definition, Estimator, NoEstimate};
 pub use fit::{FitOptions, Fitter, NoisePrior, fit};
-pub use planner::{Limit, Next, Planner, Prior};
+pub use planner::{Estimate, Limit, Next, Planner, Prior};
 pub use trace::{Past, Timing};
 pub use verdict::{Reason, Refusal, Resonance, Rung, Side, Verdict};

@@ -90,6 +90,15 @@ struct Goal {
     shortest_s: f64,
 }
 
+/// What is believed of a resonance while it is being measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// The circuit that explains the readings so far.
+    pub circuit: Circuit,
+    /// The standard deviation of its resonance, Hz.
+    pub sigma_hz: f64,
+}
+
 #[derive(Debug, Clone)]
 enum Method {
     Uniform { points: u32, is_asked: bool },
@@ -351,6 +360,15 @@ impl Planner {
             Method::Transient(transient) => transient.add(readings),
             Method::Uniform { .. } => {}
         }
+    }
+
+    /// What the readings so far say, once one circuit explains them. A result it is not: the fit may
+    /// still refuse it.
+    pub fn estimate(&self) -> Option<Estimate> {
+        let tracker = self.tracker()?;
+        let (trace, at) = tracker.best()?;
+        let sigma_hz = tracker.sigma_hz();
+        sigma_hz.is_finite().then(|| Estimate { circuit: at.circuit(trace.unit_farad), sigma_hz })
     }
 
     /// All readings so far.

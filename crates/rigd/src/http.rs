@@ -6,8 +6,12 @@
 //! | `POST /api/v1/sweeps` | one sweep now, at the present pose |
 //! | `GET /api/v1/sweeps/{id}` | that sweep |
 //! | `POST /api/v1/moves` | moves one axis by hand |
+//! | `GET /` | the page |
+//! | `POST /api/v1/protocols/check` | what a protocol would do, or its faults |
 //! | `POST /api/v1/runs` | replays the loaded protocol, or the one in the body |
 //! | `GET /api/v1/runs`, `GET /api/v1/runs/{id}` | the runs; one run with its results |
+//! | `GET /api/v1/runs/{id}/plan`, `protocol` | what it is to do, step by step; its protocol as TOML |
+//! | `GET /api/v1/runs/{id}/sweeps/{number}` | one of its sweeps |
 //! | `GET /api/v1/runs/{id}/report` | its report as HTML |
 //! | `GET /api/v1/runs/{id}/export?format=csv` | its touches; `sweeps` or `jsonl` for the rest |
 //! | `POST /api/v1/runs/{id}/pause`, `resume`, `abort`, `answer` | a command to that run |
@@ -24,8 +28,12 @@ pub mod doors;
 mod events;
 mod guard;
 mod index;
+mod live;
 mod moves;
+mod page;
+mod plan;
 mod problem;
+mod progress;
 mod rig;
 mod runs;
 mod server;
@@ -110,18 +118,23 @@ pub fn router(shared: Shared) -> Router {
         .route("/sweeps/{id}", get(sweeps::show))
         .route("/runs", get(runs::list).post(runs::begin))
         .route("/runs/{id}", get(runs::show))
+        .route("/runs/{id}/plan", get(plan::of_run))
+        .route("/runs/{id}/protocol", get(plan::protocol))
+        .route("/runs/{id}/sweeps/{number}", get(plan::sweep))
         .route("/runs/{id}/report", get(runs::report))
         .route("/runs/{id}/export", get(runs::export))
         .route("/runs/{id}/pause", post(runs::pause))
         .route("/runs/{id}/resume", post(runs::resume))
         .route("/runs/{id}/abort", post(runs::abort))
         .route("/runs/{id}/answer", post(runs::answer))
+        .route("/protocols/check", post(plan::check))
         .route("/events", get(events::stream));
     Router::new()
         .route("/", get(index::show))
         .route("/docs/http", get(index::documentation))
         .route("/api/v1", get(index::show))
         .route("/api/v1/", get(index::show))
+        .merge(page::routes())
         .nest("/api/v1", api)
         .fallback(not_found)
         .method_not_allowed_fallback(method_not_allowed)

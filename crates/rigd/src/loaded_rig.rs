@@ -41,6 +41,10 @@ pub struct RigFacts {
     pub bench: Bench,
     /// The samples that there are. A real bench takes what the person puts there.
     pub known_samples: Option<Vec<String>>,
+    /// Whether nothing in the rig is real.
+    pub is_simulated: bool,
+    /// Whether time passes as fast as the simulation can go.
+    pub is_virtual_time: bool,
 }
 
 /// Why a file cannot be used.
@@ -81,6 +85,8 @@ impl LoadedRig {
             name: self.file.name.clone(),
             bench: self.file.bench,
             known_samples: self.scene.as_ref().map(names),
+            is_simulated: self.is_simulated(),
+            is_virtual_time: self.is_virtual_time(),
         }
     }
 

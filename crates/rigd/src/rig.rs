@@ -12,11 +12,13 @@
 
 mod devices;
 mod inspect;
+mod live;
 mod open;
+mod pace;
 mod record;
 mod shell;
 
-use std::{path::PathBuf, sync::Arc, thread};
+use std::{path::PathBuf, sync::Arc, thread, time::Instant};
 
 use rig_engine::{Command, Denied, Snapshot};
 use rig_model::{Bench, RigTime, SweepRequest, with_causes};
@@ -28,7 +30,9 @@ pub use inspect::{
     AxisFacts, AxisPlace, AxisState, DeviceFacts, DeviceSeen, Inspection, PortFacts, PortSeen,
     RoundTrips, inspect,
 };
+pub use live::{LiveEstimate, LiveSweep};
 pub use open::{DeviceError, OpenError};
+pub use pace::{Pace, Remaining};
 
 use crate::{describe, loaded_rig::LoadedRig, protocol_file::LoadedProtocol};
 
@@ -54,8 +58,10 @@ pub struct RigThread {
 pub struct Status {
     /// The engine's view.
     pub snapshot: Snapshot,
-    /// Now, on the rig's clock.
+    /// When this was so, on the rig's clock.
     pub now: RigTime,
+    /// The same by the clock of the computer.
+    pub published: Instant,
     /// The run under way or the last one.
     pub run: Option<RunView>,
     /// The journal of what happens between runs.
@@ -66,6 +72,12 @@ pub struct Status {
     pub sweeps: u64,
     /// Who answered on the ports.
     pub devices: Arc<[Identity]>,
+    /// The sweep under way or the last one.
+    pub live: Option<Arc<LiveSweep>>,
+    /// When the state became what it is, on the rig's clock.
+    pub state_since: RigTime,
+    /// The first event of this session in the journal.
+    pub first_event: u64,
     /// The newest event in the journal.
     pub last_event: u64,
     /// Why the journal cannot be written any more.
@@ -83,10 +95,14 @@ pub struct RunView {
     pub started: RigTime,
     /// How long it was expected to take, s.
     pub expected_s: f64,
+    /// How long each of its steps was, s.
+    pub durations_s: Arc<[f64]>,
     /// The touches that are done, also those that were refused.
     pub touches_done: usize,
     /// The touches that were refused.
     pub touches_refused: usize,
+    /// How long persons have kept it waiting.
+    pub pace: Pace,
     /// How it ended.
     pub ending: Option<rig_engine::RunStatus>,
 }
@@ -118,6 +134,12 @@ pub enum Refusal {
         /// What the store says.
         reason: Arc<str>,
     },
+    /// What is answered is not what is asked now.
+    #[error("nobody is asked for anything at step {step}")]
+    NotAsked {
+        /// The step named.
+        step: String,
+    },
     /// The rig thread has ended.
     #[error("the rig has been closed")]
     Closed,
@@ -140,6 +162,12 @@ enum Request {
     Command {
         command: Command,
         run: Option<RunId>,
+        by: String,
+        reply: oneshot::Sender<Result<(), Refusal>>,
+    },
+    Answer {
+        run: RunId,
+        step: String,
         by: String,
         reply: oneshot::Sender<Result<(), Refusal>>,
     },
@@ -229,6 +257,15 @@ impl RigHandle {
         self.ask(Request::Command { command, run, by: by.to_owned(), reply }, answer).await?
     }
 
+    /// Says that what was asked at this step of this run has been done.
+    ///
+    /// # Errors
+    /// [`Refusal`]; nothing has changed then. What is asked at another step stays unanswered.
+    pub async fn answer(&self, run: RunId, step: String, by: &str) -> Result<(), Refusal> {
+        let (reply, answer) = oneshot::channel();
+        self.ask(Request::Answer { run, step, by: by.to_owned(), reply }, answer).await?
+    }
+
     /// Ends what is under way, leaves the probe clear, and ends the rig thread.
     pub async fn close(&self) {
         let (reply, answer) = oneshot::channel();
@@ -245,6 +282,13 @@ impl RigHandle {
 impl From<StoreError> for Refusal {
     fn from(error: StoreError) -> Self {
         Self::Journal { reason: with_causes(&error).into() }
+    }
+}
+
+impl Status {
+    /// The rig's clock as it is now. Virtual time stands while nothing happens.
+    pub fn present(&self, is_virtual_time: bool) -> RigTime {
+        if is_virtual_time { self.now } else { self.now + self.published.elapsed() }
     }
 }
 

@@ -58,6 +58,8 @@ pub struct Simulation {
     pub scene: PathBuf,
     /// How fast time passes.
     pub pace: Pace,
+    /// Who answers the prompts.
+    pub person: SimulatedPerson,
 }
 
 /// How fast time passes on a simulated rig.
@@ -67,6 +69,15 @@ pub enum Pace {
     Virtual,
     /// As on the wall.
     Real,
+}
+
+/// Who answers the prompts of a simulated rig.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SimulatedPerson {
+    /// The simulated person does what is asked, and says so.
+    Answers,
+    /// The simulated person does it as soon as somebody else says that it is done.
+    Waits,
 }
 
 /// The impedance analyzer.

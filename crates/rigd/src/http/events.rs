@@ -6,7 +6,7 @@
 use std::{collections::VecDeque, convert::Infallible, sync::Arc};
 
 use axum::{
-    extract::State,
+    extract::{Query, State, rejection::QueryRejection},
     http::HeaderMap,
     response::{
         IntoResponse, Sse,
@@ -15,9 +15,10 @@ use axum::{
 };
 use futures_util::{Stream, StreamExt, stream};
 use rig_store::StoredRecord;
+use serde::Deserialize;
 use tokio::sync::{OwnedSemaphorePermit, watch};
 
-use super::{Problem, Shared};
+use super::{Problem, Shared, live};
 use crate::rig::Status;
 
 /// How many records are read at a time. A slow client holds this many, and no more.
@@ -36,10 +37,24 @@ struct Cursor {
     _place: OwnedSemaphorePermit,
 }
 
+/// What a client wants besides the journal.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct StreamOptions {
+    /// The rig whenever it changes, and the readings of the sweep under way.
+    #[serde(default)]
+    live: bool,
+    /// Without an id: how many of the last records of this session come first.
+    #[serde(default)]
+    back: u16,
+}
+
 pub(super) async fn stream(
     State(shared): State<Shared>,
+    options: Result<Query<StreamOptions>, QueryRejection>,
     headers: HeaderMap,
 ) -> Result<impl IntoResponse, Problem> {
+    let Query(StreamOptions { live, back }) = options?;
     let place = Arc::clone(&shared.inner.streams).try_acquire_owned().map_err(|_| {
         Problem::busy(format!("{STREAMS_MAX} event streams are open, and there can be no more"))
     })?;
@@ -47,14 +62,20 @@ pub(super) async fn stream(
     let last =
         match headers.get("last-event-id") {
             // Without an id the stream begins with what happens from now on.
-            None => status.borrow().last_event,
+            None => {
+                let status = status.borrow();
+                let before = status.first_event.saturating_sub(1);
+                status.last_event.saturating_sub(u64::from(back)).max(before)
+            }
             Some(id) => id.to_str().ok().and_then(|id| id.parse().ok()).ok_or_else(|| {
                 Problem::bad_request(format!("Last-Event-ID {id:?} is not a number"))
             })?,
         };
     let closing = shared.inner.closing.clone();
+    let live = live.then(|| live::stream(shared.clone()));
     let cursor = Cursor { shared, status, last, page: VecDeque::new(), _place: place };
-    let events = events(cursor).take_until(closing.cancelled_owned());
+    let live = stream::iter(live).flatten();
+    let events = stream::select(live, events(cursor)).take_until(closing.cancelled_owned());
     Ok(Sse::new(events).keep_alive(KeepAlive::default()))
 }
 

@@ -29,6 +29,7 @@ use http_body_util::{BodyExt, LengthLimitError, Limited};
 use super::{
     Problem, Shared,
     doors::{Doors, HostName},
+    page,
     problem::PROBLEM_JSON,
 };
 use crate::operator::Operator;
@@ -59,7 +60,8 @@ pub(super) async fn check(State(shared): State<Shared>, request: Request, next: 
     let mut answer = described(answer).await;
     let headers = answer.headers_mut();
     for (name, value) in HEADERS {
-        headers.insert(name, HeaderValue::from_static(value));
+        // The page has a policy of its own.
+        headers.entry(name).or_insert(HeaderValue::from_static(value));
     }
     answer
 }
@@ -89,7 +91,9 @@ async fn admit(doors: &Doors, mut request: Request) -> Result<Request, Problem> 
             "this was asked for by a page of another site: {from}"
         )));
     }
-    check_token(doors, headers)?;
+    if !page::is_public(request.method(), request.uri().path(), headers) {
+        check_token(doors, headers)?;
+    }
     let is_stop = request.method() == Method::POST && request.uri().path() == "/api/v1/stop";
     let operator = operator(headers, doors);
     if is_stop {

@@ -187,6 +187,10 @@ impl From<Refusal> for Problem {
                 Denied::LinearTarget(_) | Denied::RotaryTarget(_) | Denied::TooDeep { .. },
             ) => Self::unprocessable(detail),
             Refusal::NotUnderWay { .. } => Self::new(StatusCode::CONFLICT, "not under way", detail),
+            Refusal::NotAsked { .. } => Self {
+                hint: Some("look at what is asked now in GET /api/v1/rig"),
+                ..Self::new(StatusCode::CONFLICT, "not asked", detail)
+            },
             Refusal::Journal { .. } => Self {
                 hint: Some("free the disk and start the daemon again"),
                 ..Self::new(StatusCode::SERVICE_UNAVAILABLE, "no journal", detail)

@@ -4,8 +4,11 @@ use axum::{Extension, Json, extract::State};
 use rig_engine::Command;
 use serde::Serialize;
 
-use super::{Problem, Shared};
-use crate::{hint, operator::Operator, rig::Status};
+use super::{
+    Problem, Shared,
+    progress::{self, Ahead, Asked, LastRun, Limits},
+};
+use crate::{hint, loaded_rig::RigFacts, operator::Operator, rig::Status};
 
 /// The rig as it is now.
 #[derive(Debug, Serialize)]
@@ -18,11 +21,25 @@ pub(super) struct RigView {
     #[serde(skip_serializing_if = "Option::is_none")]
     rotary_deg: Option<f64>,
     rig_time_s: f64,
+    /// The wall clock of the daemon, ms since 1970.
+    unix_ms: u64,
+    /// When the state became what it is, on the rig's clock, s.
+    state_since_s: f64,
+    /// The journal of what happens between runs.
+    session: String,
+    is_simulated: bool,
+    is_virtual_time: bool,
+    limits: Limits,
     devices: Vec<DeviceView>,
     #[serde(skip_serializing_if = "Option::is_none")]
     run: Option<RunProgress>,
+    /// The run that ended last since the daemon was started.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    last_run: Option<LastRun>,
     #[serde(skip_serializing_if = "Option::is_none")]
     prompt: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    asked: Option<Asked>,
     #[serde(skip_serializing_if = "Option::is_none")]
     fault: Option<FaultView>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -36,18 +53,6 @@ struct DeviceView {
 }
 
 impl RigView {
-    pub(super) fn name(&self) -> &str {
-        &self.name
-    }
-
-    pub(super) const fn state(&self) -> &'static str {
-        self.state
-    }
-
-    pub(super) const fn probe(&self) -> &'static str {
-        self.probe
-    }
-
     /// The id and the protocol of the run under way.
     pub(super) fn run(&self) -> Option<(&str, &str)> {
         self.run.as_ref().map(|run| (run.id.as_str(), run.protocol.as_str()))
@@ -66,6 +71,8 @@ struct RunProgress {
     touches_measured: usize,
     touches_refused: usize,
     doing: String,
+    #[serde(flatten)]
+    ahead: Ahead,
 }
 
 #[derive(Debug, Serialize)]
@@ -80,7 +87,7 @@ pub(super) async fn show(State(shared): State<Shared>) -> Json<RigView> {
 
 pub(super) fn view_now(shared: &Shared) -> RigView {
     let status = shared.inner.rig.status().borrow().clone();
-    view(&shared.inner.facts.name, &status)
+    view(&shared.inner.facts, &status)
 }
 
 pub(super) async fn stop(
@@ -106,8 +113,8 @@ async fn give(
     Ok(show(State(shared)).await)
 }
 
-fn view(name: &str, status: &Status) -> RigView {
-    let snapshot = &status.snapshot;
+pub(super) fn view(facts: &RigFacts, status: &Status) -> RigView {
+    let (snapshot, now) = (&status.snapshot, status.present(facts.is_virtual_time));
     let run = match (&snapshot.progress, &status.run) {
         (Some(progress), Some(run)) => Some(RunProgress {
             id: run.id.to_string(),
@@ -118,6 +125,7 @@ fn view(name: &str, status: &Status) -> RigView {
             touches_measured: run.touches_done - run.touches_refused,
             touches_refused: run.touches_refused,
             doing: run.describe_step(progress.step),
+            ahead: progress::ahead(run, progress, now),
         }),
         _ => None,
     };
@@ -131,15 +139,23 @@ fn view(name: &str, status: &Status) -> RigView {
         identity: device.identity.clone(),
     };
     RigView {
-        name: name.to_owned(),
+        name: facts.name.clone(),
         state: snapshot.state.name(),
         probe: snapshot.clearance.name(),
         linear_mm: snapshot.linear.map(rig_model::Position::value),
         rotary_deg: snapshot.rotary.map(rig_model::Position::value),
-        rig_time_s: status.now.as_seconds(),
+        rig_time_s: now.as_seconds(),
+        unix_ms: progress::unix_ms(),
+        state_since_s: status.state_since.as_seconds(),
+        session: status.session.to_string(),
+        is_simulated: facts.is_simulated,
+        is_virtual_time: facts.is_virtual_time,
+        limits: Limits::of(&facts.bench),
         devices: status.devices.iter().map(device).collect(),
         run,
+        last_run: status.run.as_ref().and_then(progress::last_run),
         prompt,
+        asked: progress::asked(status),
         fault,
         journal_error: status.journal_error.as_ref().map(ToString::to_string),
     }

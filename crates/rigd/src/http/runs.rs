@@ -50,6 +50,13 @@ struct RunOrder {
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
+pub(super) struct AnswerOptions {
+    /// The step at which it was asked. An answer that comes too late is refused by it.
+    step: Option<String>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct ExportOptions {
     #[serde(default)]
     format: ExportFormat,
@@ -201,8 +208,15 @@ pub(super) async fn answer(
     State(shared): State<Shared>,
     Extension(operator): Extension<Operator>,
     Path(id): Path<String>,
+    options: Result<Query<AnswerOptions>, QueryRejection>,
 ) -> Result<StatusCode, Problem> {
-    give(&shared, &id, Command::Answer, &operator).await
+    match options?.0.step {
+        None => give(&shared, &id, Command::Answer, &operator).await,
+        Some(step) => {
+            shared.inner.rig.answer(id.parse()?, step, operator.as_str()).await?;
+            Ok(StatusCode::ACCEPTED)
+        }
+    }
 }
 
 /// Gives a command to a run; a run that was never begun is not the same as one that has ended.
@@ -219,7 +233,11 @@ async fn give(
 }
 
 /// The protocol to replay.
-fn posted(shared: &Shared, headers: &HeaderMap, body: &Bytes) -> Result<LoadedProtocol, Problem> {
+pub(super) fn posted(
+    shared: &Shared,
+    headers: &HeaderMap,
+    body: &Bytes,
+) -> Result<LoadedProtocol, Problem> {
     if body.is_empty() {
         return shared.inner.loaded.clone().ok_or_else(|| {
             Problem::unprocessable(

@@ -13,7 +13,7 @@ use rig_store::StoreError;
 use super::{Identity, Setting, devices::Devices};
 use crate::{
     loaded_rig::{LoadedRig, LoadedScene},
-    rig_file::{AnalyzerFile, Connection, PortFile, RigFile},
+    rig_file::{AnalyzerFile, Connection, PortFile, RigFile, SimulatedPerson},
 };
 
 /// Why a rig cannot be opened.
@@ -93,6 +93,8 @@ pub(super) struct Opened {
 /// What there is besides the devices when the rig is simulated.
 pub(super) struct Simulation {
     person: Person,
+    /// Whether that person also says that it is done.
+    pub(super) is_answering: bool,
     /// The rig lives as long as this.
     _rig: SimRig,
 }
@@ -180,7 +182,11 @@ impl Ports {
         let analyzer =
             Port::new("simulated analyzer", rig.analyzer_port(), line(&file.analyzer.port), clock);
         let bus = Port::new("simulated bus", rig.bus_port(), line(&file.bus), clock);
-        let simulation = Some(Simulation { person: rig.person(), _rig: rig });
+        let is_answering = !matches!(
+            &file.connection,
+            Connection::Simulated(simulation) if simulation.person == SimulatedPerson::Waits
+        );
+        let simulation = Some(Simulation { person: rig.person(), is_answering, _rig: rig });
         Ok(Self { analyzer: Ok(analyzer), bus: Ok(bus), simulation })
     }
 }

@@ -141,7 +141,10 @@ impl Recorder {
                     trail: trail.iter().map(tried).collect(),
                 })
             }
-            Event::Planned { .. } => return None,
+            // Watched while it happens; the journal has the sweep when it is finished.
+            Event::Planned { .. } | Event::SweepBegun { .. } | Event::Measured { .. } => {
+                return None;
+            }
             Event::SweepFinished(outcome) => self.sweep(outcome),
             Event::TouchFinished(result) => self.touch(result),
             Event::Operator { action, by } => {
@@ -163,7 +166,8 @@ impl Recorder {
         self.plan.as_ref()?.steps.get(self.index?)
     }
 
-    fn step_id(&self) -> Option<String> {
+    /// Address of the step under way.
+    pub(super) fn step_id(&self) -> Option<String> {
         self.step().map(|step| step.id.to_string())
     }
 

@@ -17,8 +17,9 @@ use rig_store::{Ending, Journal, Record, RunKind, Store, StoreError};
 use tokio::sync::{mpsc, oneshot, watch};
 
 use super::{
-    OpenError, Refusal, Request, RunView, Setting, Status,
+    OpenError, Pace, Refusal, Request, RunView, Setting, Status,
     devices::Devices,
+    live::LiveSweep,
     open::{Opened, Simulation, open_rig},
     record::{self, Recorder},
 };
@@ -114,11 +115,15 @@ impl Shell {
         let view = Status {
             snapshot: engine.snapshot(),
             now: clock.now(),
+            published: Instant::now(),
             run: None,
             session: session.id(),
             sweep: None,
             sweeps: 0,
             devices: Arc::clone(&setting.devices),
+            live: None,
+            state_since: clock.now(),
+            first_event: 0,
             last_event: 0,
             journal_error: None,
         };
@@ -233,8 +238,22 @@ impl Shell {
                 };
                 _ = reply.send(result);
             }
+            Request::Answer { run, step, by, reply } => {
+                _ = reply.send(self.answer(run, step, &by));
+            }
             Request::Close { reply } => _ = reply.send(()),
         }
+    }
+
+    fn answer(&mut self, run: rig_store::RunId, step: String, by: &str) -> Result<(), Refusal> {
+        let Some((journal, recorder)) = &self.run else { return Err(Refusal::NotUnderWay { run }) };
+        if journal.id() != run {
+            return Err(Refusal::NotUnderWay { run });
+        }
+        if recorder.step_id().as_deref() != Some(&*step) {
+            return Err(Refusal::NotAsked { step });
+        }
+        self.command(Command::Answer, by)
     }
 
     fn start_run(
@@ -250,6 +269,7 @@ impl Shell {
         let started = Recorder::run_started(&protocol, &self.setting, &self.known_samples, key);
         journal.append(self.clock.now().as_micros(), &started)?;
         let id = journal.id();
+        let durations_s = protocol.plan.durations_s(&self.setting.bench).into();
         let plan = Arc::new(protocol.plan);
         self.run = Some((journal, Recorder::for_run(Arc::clone(&plan))));
         let view = RunView {
@@ -257,8 +277,10 @@ impl Shell {
             plan,
             started: self.clock.now(),
             expected_s: protocol.summary.duration_s,
+            durations_s,
             touches_done: 0,
             touches_refused: 0,
+            pace: Pace::default(),
             ending: None,
         };
         self.view.run = Some(view);
@@ -349,14 +371,32 @@ impl Shell {
     fn note(&mut self, event: &Event) {
         match event {
             Event::PromptAsked(prompt) => {
-                if let (Some(simulation), Some((_, recorder))) = (&self.simulation, &self.run) {
-                    simulation.perform(prompt, recorder.samples());
+                let now = self.clock.now();
+                self.view_run(|view| view.pace.asked(now));
+                if self.simulation.as_ref().is_some_and(|simulation| simulation.is_answering) {
+                    self.perform(prompt);
                     self.is_answer_due = true;
                 }
             }
             Event::Planned { readings, work } => {
                 let seconds = self.thought.as_secs_f64();
                 tracing::trace!(target: "rigd::planned", readings, work, seconds);
+            }
+            Event::PromptAnswered { prompt, .. } => {
+                let now = self.clock.now();
+                self.view_run(|view| view.pace.answered(now));
+                if self.simulation.as_ref().is_some_and(|simulation| !simulation.is_answering) {
+                    self.perform(prompt);
+                }
+            }
+            &Event::SweepBegun { purpose, request } => {
+                let serial = self.view.live.as_ref().map_or(1, |last| last.serial + 1);
+                self.view.live = Some(Arc::new(LiveSweep::begin(serial, purpose, request)));
+            }
+            Event::Measured { readings, estimate } => {
+                if let Some(live) = &mut self.view.live {
+                    Arc::make_mut(live).add(readings, estimate.as_ref());
+                }
             }
             Event::TouchFinished(result) => self.view_run(|view| {
                 view.touches_done += 1;
@@ -387,8 +427,20 @@ impl Shell {
     fn append(&mut self, record: &Record) {
         let (journal, _) = self.run.as_mut().unwrap_or(&mut self.session);
         match journal.append(self.clock.now().as_micros(), record) {
-            Ok(id) => self.view.last_event = id,
+            Ok(id) => {
+                self.view.last_event = id;
+                if self.view.first_event == 0 {
+                    self.view.first_event = id;
+                }
+            }
             Err(error) => self.journal_failed(&error),
+        }
+    }
+
+    /// Has the simulated person do what is asked for.
+    fn perform(&self, prompt: &rig_protocol::Prompt) {
+        if let (Some(simulation), Some((_, recorder))) = (&self.simulation, &self.run) {
+            simulation.perform(prompt, recorder.samples());
         }
     }
 
@@ -430,8 +482,14 @@ impl Shell {
     /// Shows watchers how things are. What they are told of has been committed before, whenever
     /// the rig is not busy.
     fn publish(&mut self) {
-        self.view.snapshot = self.engine.snapshot();
         self.view.now = self.clock.now();
+        self.view.published = Instant::now();
+        let snapshot = self.engine.snapshot();
+        let last = &self.view.snapshot;
+        if (snapshot.state, snapshot.prompt) != (last.state, last.prompt) {
+            self.view.state_since = self.view.now;
+        }
+        self.view.snapshot = snapshot;
         self.status.send_replace(self.view.clone());
     }
 }

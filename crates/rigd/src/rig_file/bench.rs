@@ -9,7 +9,7 @@ use rig_model::{
 use rig_settings::{Setting, Table};
 
 use super::{
-    AnalyzerFile, Connection, KnownSample, Pace, PortFile, RigFile, Simulation,
+    AnalyzerFile, Connection, KnownSample, Pace, PortFile, RigFile, SimulatedPerson, Simulation,
     axis::{self, AxisRead},
     port::port,
     refusal::Refusal,
@@ -85,7 +85,9 @@ fn connection(table: &mut Table<'_>) -> Connection {
 fn simulation(table: &mut Table<'_>) -> Simulation {
     let pace = table.choice("pace", [("virtual", Pace::Virtual), ("real", Pace::Real)]);
     let pace = pace.or(Pace::Virtual).value;
-    Simulation { scene: PathBuf::from(table.text("scene").required().value), pace }
+    let person = [("answers", SimulatedPerson::Answers), ("waits", SimulatedPerson::Waits)];
+    let person = table.choice("person", person).or(SimulatedPerson::Answers).value;
+    Simulation { scene: PathBuf::from(table.text("scene").required().value), pace, person }
 }
 
 struct AnalyzerRead {

@@ -1,0 +1,192 @@
+// Before a start: what a protocol would do here, and the start itself.
+import { useEffect, useState } from "preact/hooks";
+import { clock, day, degrees, duration, fixed, range } from "./format.ts";
+import { differences, type Change } from "./changes.ts";
+import { BenchDrawing, Timeline } from "./drawings.tsx";
+import { Icon } from "./icons.tsx";
+import { AskButton } from "./shell.tsx";
+import { get, operator, post, Refused, setOperator, text, type Body, type View } from "./store.ts";
+import type { Plan, Problem, Rig, RunEntry } from "./wire.ts";
+
+/** A protocol that can be chosen: the one rigd was started with, one of an earlier run, or a file. */
+interface Choice { key: string; title: string; from: string; toml: string | undefined; last: RunEntry | undefined }
+
+type Checked = { plan: Plan } | { problem: Problem };
+
+/** What a person takes to change a sample, s, until the run itself says it better. */
+const ANSWER_S = 30;
+
+const bodyOf = (choice: Choice): Body | undefined =>
+  choice.toml === undefined ? undefined : { type: "application/toml", text: choice.toml };
+
+export function Protocols({ view, again }: { view: View; again: string | undefined }) {
+  const [choices, setChoices] = useState<Choice[]>();
+  const [chosen, choose] = useState<string>();
+  const [files, setFiles] = useState<Choice[]>([]);
+  const status = view.model.run?.status;
+  useEffect(() => { load().then(setChoices, () => setChoices([])); }, [status]);
+  useEffect(() => { if (again !== undefined) choose(`run ${again}`); }, [again]);
+  const all = [...files, ...(choices ?? [])];
+  const choice = all.find((c) => c.key === chosen || (c.last !== undefined && chosen === `run ${c.last.id}`)) ?? all[0];
+  const openFile = async (file: File | undefined) => {
+    if (!file) return;
+    const toml = await file.text();
+    const added = { key: `file ${file.name} ${toml.length}`, title: file.name, from: "a file on this computer", toml, last: undefined };
+    setFiles((old) => [added, ...old.filter((c) => c.key !== added.key)]);
+    choose(added.key);
+  };
+  return (
+    <main class="protocols" id="main">
+      <section class="card" aria-label="Protocols">
+        <h2>Protocols</h2>
+        <ul class="choices">
+          {all.map((c) => (
+            <li key={c.key}><button type="button" aria-pressed={c === choice} onClick={() => choose(c.key)}>
+              <strong>{c.title}</strong><span class="soft">{c.from}</span>
+              <span class="soft">{c.last ? `last run: ${c.last.name}, ${day(c.last.started_at)}` : "never run here"}</span>
+            </button></li>
+          ))}
+        </ul>
+        {choices && all.length === 0 && <p class="soft">None is loaded. Open a protocol file, such as smoke.toml: about 3 minutes.</p>}
+        <label class="file">Open a file…<input type="file" accept=".toml,application/toml,text/plain" onChange={(event) => void openFile(event.currentTarget.files?.[0])} /></label>
+      </section>
+      {choice && <Check key={`${choice.key} ${choice.toml?.length ?? 0}`} choice={choice} view={view} />}
+    </main>
+  );
+}
+
+/** The loaded protocol, and the last version of every other that was run. */
+async function load(): Promise<Choice[]> {
+  const [runs, loaded] = await Promise.all([
+    get<RunEntry[]>("runs"),
+    post<Plan>("protocols/check").catch(() => undefined),
+  ]);
+  const last = new Map<string, RunEntry>();
+  for (const run of [...runs].sort((a, b) => a.started_at.localeCompare(b.started_at))) last.set(run.protocol, run);
+  const choices: Choice[] = [];
+  if (loaded) {
+    choices.push({ key: "loaded", title: loaded.protocol, from: "rigd was started with it", toml: undefined, last: last.get(loaded.protocol) });
+    last.delete(loaded.protocol);
+  }
+  const others = [...last.values()].reverse().slice(0, 12);
+  const tomls = await Promise.all(others.map((run) => text(`runs/${run.id}/protocol`).catch(() => undefined)));
+  others.forEach((run, i) => {
+    const toml = tomls[i];
+    if (toml !== undefined) choices.push({ key: `run ${run.id}`, title: run.protocol, from: "as it was run last", toml, last: run });
+  });
+  return choices;
+}
+
+function Check({ choice, view }: { choice: Choice; view: View }) {
+  const [checked, set] = useState<Checked>();
+  const [changes, setChanges] = useState<Change[]>([]);
+  useEffect(() => {
+    post<Plan>("protocols/check", bodyOf(choice)).then(
+      (plan) => { if (plan) set({ plan }); },
+      (error: unknown) => set({ problem: error instanceof Refused ? error.problem : { title: "no answer", status: 0, detail: "rigd does not answer" } }),
+    );
+  }, []);
+  const plan = checked && "plan" in checked ? checked.plan : undefined;
+  useEffect(() => {
+    if (!plan || !choice.last) return;
+    text(`runs/${choice.last.id}/protocol`).then((before) => setChanges(differences(before, plan.protocol_toml)), () => undefined);
+  }, [plan]);
+  const rig = view.model.rig as Rig;
+  if (!checked) return <section class="card" aria-label="Check"><p class="soft">rigd is checking {choice.title}…</p></section>;
+  if ("problem" in checked) return <Faults title={choice.title} problem={checked.problem} />;
+  return (
+    <>
+      <CheckedPlan plan={checked.plan} rig={rig} last={choice.last} changes={changes} />
+      <Start choice={choice} plan={checked.plan} view={view} />
+    </>
+  );
+}
+
+function Faults({ title, problem }: { title: string; problem: Problem }) {
+  return (
+    <section class="card faults wide" aria-label="Check">
+      <div class="row"><h2 class="title">{title}</h2><span class="chip bad"><Icon name="cross" size={16} />cannot run here</span></div>
+      <p>{problem.detail}{problem.hint ? `; ${problem.hint}` : ""}</p>
+      {problem.faults && (
+        <table class="fault-table"><thead><tr><th scope="col">line</th><th scope="col">column</th><th scope="col">what</th><th scope="col">what to do</th></tr></thead>
+          <tbody>{problem.faults.map((f) => <tr key={`${f.line}:${f.column}:${f.message}`}><td>{f.line}</td><td>{f.column}</td><td>{f.message}</td><td>{f.suggestion ?? ""}</td></tr>)}</tbody></table>
+      )}
+    </section>
+  );
+}
+
+function CheckedPlan({ plan, rig, last, changes }: { plan: Plan; rig: Rig; last: RunEntry | undefined; changes: Change[] }) {
+  const persons_s = rig.is_simulated ? 0 : plan.prompts * ANSWER_S;
+  const [least, most] = [plan.duration_s * 0.7, plan.duration_s * 1.3 + persons_s];
+  const sensor = { depth: undefined, isUnknown: false, isClear: true, sample: plan.samples[0] };
+  const poses = [
+    { title: "Highest", linear_mm: plan.linear_mm[1], rotary_deg: 0 },
+    { title: "Farthest tilt", linear_mm: plan.linear_mm[1], rotary_deg: Math.abs(plan.rotary_deg[0]) > plan.rotary_deg[1] ? plan.rotary_deg[0] : plan.rotary_deg[1] },
+    { title: "Lowest tip", linear_mm: plan.linear_mm[0], rotary_deg: 0 },
+  ];
+  return (
+    <section class="card check-card" aria-label="Check">
+      <div class="row"><h2 class="title">{plan.protocol}</h2><span class="chip good"><Icon name="check" size={16} />can run on {rig.name}</span></div>
+      <dl class="figures">
+        <div><dt>Duration</dt><dd>{range([least, most])}</dd><dd class="soft">{duration(plan.duration_s)} of rig as planned{persons_s ? `, ${ANSWER_S} s a prompt` : ""}{rig.is_virtual_time ? "; the rig's time runs fast here" : ""}</dd></div>
+        {!rig.is_virtual_time && <div><dt>If started now, ends</dt><dd>{clock(rig.unix_ms + least * 1000, false)} to {clock(rig.unix_ms + most * 1000, false)}</dd></div>}
+        <div><dt>Touches</dt><dd>{plan.touches}</dd><dd class="soft">of samples {plan.samples.join(", ")}; {plan.no_loads} free resonances</dd></div>
+        <div><dt>Prompts</dt><dd>{plan.prompts}</dd><dd class="soft">{rig.is_simulated ? "of the simulated person, unless the rig file says otherwise" : "for you, at the bench"}</dd></div>
+      </dl>
+      <h3>When you are needed</h3>
+      <Timeline plan={plan} touches={new Map()} now={undefined} />
+      <h3>Extremes, within the limits of {rig.name}</h3>
+      <div class="extremes">
+        <Extreme title="Tip" span={plan.linear_mm} limits={[rig.limits.linear_mm.min, rig.limits.linear_mm.max]} unit="mm" />
+        <Extreme title="Tilt" span={plan.rotary_deg} limits={[rig.limits.rotary_deg.min, rig.limits.rotary_deg.max]} unit="°" />
+        <Extreme title="Depth" span={[0, plan.indentation_mm]} limits={[0, plan.max_indentation_mm]} unit="mm" />
+      </div>
+      <div class="extremes drawn">{poses.map((pose) => <figure key={pose.title}><figcaption class="soft">{pose.title}: {fixed(pose.linear_mm, 3)} mm, {degrees(pose.rotary_deg)}</figcaption><BenchDrawing limits={rig.limits} pose={{ ...sensor, linear_mm: pose.linear_mm, rotary_deg: pose.rotary_deg }} isPlain /></figure>)}</div>
+      <h3>{last ? `Changed in the protocol since ${last.name}` : "First run of this protocol here"}</h3>
+      {last && (changes.length === 0 ? <p class="soft">Nothing.</p> : (
+        <table class="changes"><tbody>{changes.map((c) => <tr key={c.key}><th scope="row"><code>{c.key}</code></th><td>{c.before ?? "not there"} → <strong>{c.now ?? "gone"}</strong></td></tr>)}</tbody></table>
+      ))}
+    </section>
+  );
+}
+
+function Extreme({ title, span: [from, to], limits: [min, max], unit }: { title: string; span: [number, number]; limits: [number, number]; unit: string }) {
+  const at = (value: number) => ((value - min) / (max - min || 1)) * 100;
+  return (
+    <div class="extreme">
+      <p><strong>{title}</strong> {fixed(from, 2)} to {fixed(to, 2)} {unit}</p>
+      <svg width="100%" height="10" role="img" aria-label={`${title}: from ${fixed(from, 2)} to ${fixed(to, 2)} ${unit}, limits ${min} and ${max} ${unit}`}>
+        <rect class="cell" width="100%" height="10" rx="5" /><rect class="span" x={`${at(from)}%`} width={`${Math.max(1, at(to) - at(from))}%`} height="10" rx="4" />
+      </svg>
+      <p class="soft row"><span>limit {fixed(min, Number.isInteger(min) ? 0 : 1)}</span><span>{fixed(max, Number.isInteger(max) ? 0 : 1)} {unit}</span></p>
+    </div>
+  );
+}
+
+interface Check1 { text: string; isFine: boolean }
+
+function Start({ choice, plan, view }: { choice: Choice; plan: Plan; view: View }) {
+  const rig = view.model.rig as Rig;
+  const [name, setName] = useState(operator());
+  // One key for each intention to start: pressing twice begins one run.
+  const [key, setKey] = useState(() => crypto.randomUUID?.() ?? `${Date.now()}-${Math.random()}`);
+  const checks: Check1[] = [
+    { text: rig.state === "idle" ? "The rig is ready" : `The rig is ${rig.state}`, isFine: rig.state === "idle" },
+    { text: `The probe is ${rig.probe}${rig.linear_mm === undefined ? "" : `, ${fixed(rig.linear_mm, 3)} mm`}`, isFine: rig.probe === "clear" },
+    { text: `${rig.devices.length} devices answer: ${rig.devices.map((d) => d.role).join(", ")}`, isFine: rig.devices.length >= 3 },
+    { text: rig.journal_error === undefined ? "The journal can be written" : `The journal: ${rig.journal_error}`, isFine: rig.journal_error === undefined },
+  ];
+  const bad = checks.find((check) => !check.isFine);
+  const first = plan.steps[0];
+  const start = () => post("runs", bodyOf(choice), key).then(() => { setKey(crypto.randomUUID?.() ?? `${Date.now()}-${Math.random()}`); location.hash = "#/now"; });
+  return (
+    <section class="card start-card" aria-label="Start">
+      <h2>At the bench</h2>
+      <label>Operator, for the record<input value={name} maxLength={64} placeholder="your name" onInput={(event) => { setName(event.currentTarget.value); setOperator(event.currentTarget.value); }} /></label>
+      <h3>Before you press start</h3>
+      <ul class="checks">{checks.map((check) => <li key={check.text} class={check.isFine ? "good-word" : "bad-word"}><Icon name={check.isFine ? "check" : "alert"} size={18} /><span>{check.text}</span></li>)}</ul>
+      <AskButton class="primary done" icon="play" send={start} isDone={rig.run !== undefined} disabled={bad !== undefined || view.link === "lost"} why={bad?.text}>Start {plan.protocol}</AskButton>
+      <p class="soft">{bad ? `Not now: ${bad.text.toLowerCase()}.` : `First the sample turns to level under a clear probe. Then: ${first?.what_is_done ?? ""}`}</p>
+    </section>
+  );
+}

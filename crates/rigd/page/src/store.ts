@@ -1,0 +1,252 @@
+// The link to the daemon and what the page knows. One stream of events for everything; commands
+// are asked for, and change nothing until the daemon says so.
+import { useEffect, useState } from "preact/hooks";
+import { Parser, type Message } from "./sse.ts";
+import { empty, withEvent, withLive, withPlan, withRig, type Model } from "./model.ts";
+import type { Event, LiveNews, Plan, Problem, Rig, RunDetail } from "./wire.ts";
+
+/** Without a word for so long, the link is late, and then lost, ms. rigd speaks once a second. */
+const LATE_MS = 2000;
+const LOST_MS = 5000;
+/** A command that is not answered in this time is said to be unanswered, ms. */
+const ANSWER_MS = 2000;
+const RETRY_MS = 1000;
+/** How many records of this session come at first, ms. */
+const BACK = 100;
+
+export type Link = "connecting" | "live" | "late" | "lost";
+
+let model: Model = empty();
+let link: Link = "connecting";
+/** When the last word came, by the clock of this computer since the page was opened, ms. */
+let heard = performance.now();
+let lastId: string | undefined;
+const listeners = new Set<() => void>();
+let isScheduled = false;
+
+/** Draws at the next frame, once for all that came before it. A hidden page draws now and then. */
+function changed(): void {
+  if (isScheduled) return;
+  isScheduled = true;
+  const draw = () => {
+    isScheduled = false;
+    for (const listener of listeners) listener();
+  };
+  if (document.hidden) setTimeout(draw, 250);
+  else requestAnimationFrame(draw);
+}
+
+export interface View { model: Model; link: Link; sinceMs: number; needsToken: boolean }
+
+let needsToken = false;
+const view = (): View => ({ model, link, sinceMs: performance.now() - heard, needsToken });
+
+export function useView(): View {
+  const [now, set] = useState(view);
+  useEffect(() => {
+    const listener = () => set(view());
+    listeners.add(listener);
+    listener();
+    return () => void listeners.delete(listener);
+  }, []);
+  return now;
+}
+
+/** The present view, for what is not drawn. */
+export const present = view;
+
+// ---- The token and the operator, where there are any ------------------------------------------------
+
+const stored = (store: Storage, key: string) => {
+  try { return store.getItem(key) ?? ""; } catch { return ""; }
+};
+const keep = (store: Storage, key: string, value: string) => {
+  try { store.setItem(key, value); } catch { /* A browser that keeps nothing is asked again. */ }
+};
+
+/** What rigd takes as a name. With another one it would refuse every command, also a stop. */
+export const isName = (name: string) => /^[\p{Alphabetic}\p{N} .\-_@'\\]{1,64}$/u.test(name) && name.trim() === name;
+export const operator = () => {
+  const name = stored(localStorage, "operator");
+  return isName(name) ? name : "";
+};
+export const setOperator = (name: string) => { keep(localStorage, "operator", name.trim()); changed(); };
+export const setToken = (token: string) => { keep(sessionStorage, "token", token.trim()); needsToken = false; changed(); };
+
+function headers(more: Record<string, string> = {}): Record<string, string> {
+  const token = stored(sessionStorage, "token");
+  const name = operator();
+  return {
+    ...more,
+    ...(token ? { Authorization: `Bearer ${token}` } : {}),
+    // A header is made of bytes, and those of the name are UTF-8.
+    ...(name ? { "X-Operator": String.fromCharCode(...new TextEncoder().encode(name)) } : {}),
+  };
+}
+
+// ---- The stream -------------------------------------------------------------------------------------
+
+/** Follows the daemon for as long as the page is open. */
+export async function follow(): Promise<never> {
+  setInterval(watch, 250);
+  for (;;) {
+    await listen().catch(() => undefined);
+    await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
+  }
+}
+
+let abort: AbortController | undefined;
+
+async function listen(): Promise<void> {
+  abort = new AbortController();
+  const more: Record<string, string> = lastId === undefined ? {} : { "Last-Event-ID": lastId };
+  const url = `/api/v1/events?live=true&back=${BACK}`;
+  const response = await fetch(url, { headers: headers(more), signal: abort.signal, cache: "no-store" });
+  if (response.status === 401) needsToken = true;
+  if (!response.ok || !response.body) return;
+  const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
+  const parser = new Parser();
+  for (;;) {
+    const { done, value } = await reader.read();
+    if (done) return;
+    heard = performance.now();
+    link = "live";
+    for (const message of parser.push(value)) take(message);
+    changed();
+  }
+}
+
+function take({ id, event, data }: Message): void {
+  if (event === "rig") {
+    const before = model;
+    model = withRig(model, JSON.parse(data) as Rig);
+    if (before.rig && before.rig.session !== model.rig?.session) lastId = undefined;
+  } else if (event === "live_sweep") {
+    model = withLive(model, JSON.parse(data) as LiveNews);
+  } else if (id !== undefined) {
+    lastId = id;
+    model = withEvent(model, JSON.parse(data) as Event);
+  }
+  if (model.run && !model.run.plan) void loadRun(model.run.id);
+}
+
+const loading = new Set<string>();
+
+/** The plan of a run, and what the page missed of it. */
+async function loadRun(id: string): Promise<void> {
+  if (loading.has(id)) return;
+  loading.add(id);
+  try {
+    const [plan, detail] = await Promise.all([get<Plan>(`runs/${id}/plan`), get<RunDetail>(`runs/${id}`)]);
+    model = withPlan(model, id, plan, detail);
+    changed();
+  } catch {
+    // It is asked for again with the next event, though not at once.
+    setTimeout(() => loading.delete(id), RETRY_MS);
+    return;
+  }
+  loading.delete(id);
+}
+
+function watch(): void {
+  const since = performance.now() - heard;
+  const next = since > LOST_MS ? "lost" : since > LATE_MS ? (link === "connecting" ? link : "late") : link;
+  if (next === "lost" && link !== "lost") abort?.abort();
+  if (next !== link || next !== "live") {
+    link = next;
+    changed();
+  }
+}
+
+// ---- Requests ---------------------------------------------------------------------------------------
+
+/** What the daemon says when it does not do something. */
+export class Refused extends Error {
+  constructor(readonly problem: Problem) {
+    super(problem.detail);
+  }
+}
+
+async function ask(path: string, init: RequestInit): Promise<Response> {
+  const response = await fetch(`/api/v1/${path}`, { ...init, cache: "no-store" });
+  if (response.ok) return response;
+  if (response.status === 401) { needsToken = true; changed(); }
+  const problem = await response.json().catch(() => ({
+    title: response.statusText, status: response.status, detail: `rigd answered ${response.status}`,
+  })) as Problem;
+  throw new Refused(problem);
+}
+
+export async function get<T>(path: string): Promise<T> {
+  return (await ask(path, { headers: headers() })).json() as Promise<T>;
+}
+
+export async function text(path: string): Promise<string> {
+  return (await ask(path, { headers: headers() })).text();
+}
+
+/** A link to what the daemon has, opened as a file: links cannot carry the token. */
+export async function open(path: string, name: string | undefined): Promise<void> {
+  const blob = await (await ask(path, { headers: headers() })).blob();
+  const url = URL.createObjectURL(blob);
+  const link = document.createElement("a");
+  link.href = url;
+  if (name) link.download = name;
+  else link.target = "_blank";
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(url), 60_000);
+}
+
+export interface Body { type: "application/json" | "application/toml"; text: string }
+
+export async function post<T = unknown>(path: string, body?: Body, key?: string): Promise<T | undefined> {
+  const more: Record<string, string> = {
+    ...(body ? { "Content-Type": body.type } : {}),
+    ...(key ? { "Idempotency-Key": key } : {}),
+  };
+  const init: RequestInit = { method: "POST", headers: headers(more) };
+  if (body) init.body = body.text;
+  const answer = await (await ask(path, init)).text();
+  return answer ? (JSON.parse(answer) as T) : undefined;
+}
+
+/** Stops everything. Sent whatever the link is thought to be. */
+export const stopAll = () => post("stop");
+
+// ---- A control that asks ----------------------------------------------------------------------------
+
+export type Asking =
+  | { at: "rest" }
+  | { at: "asked"; isLate: boolean }
+  | { at: "refused"; why: string };
+
+/**
+ * A command as a person sees it: asked, then either what the daemon reports, or why not. `isDone`
+ * says whether the daemon has reported it; until then the control says that it was asked.
+ */
+export function useAsking(send: () => Promise<unknown>, isDone: boolean): [Asking, () => void] {
+  const [asking, set] = useState<Asking>({ at: "rest" });
+  useEffect(() => {
+    if (isDone && asking.at === "asked") set({ at: "rest" });
+  }, [isDone, asking.at]);
+  useEffect(() => {
+    if (asking.at !== "asked" || asking.isLate) return;
+    const timer = setTimeout(() => set({ at: "asked", isLate: true }), ANSWER_MS);
+    return () => clearTimeout(timer);
+  }, [asking]);
+  const go = () => {
+    if (asking.at === "asked" && !asking.isLate) return;
+    set({ at: "asked", isLate: false });
+    send().then(
+      () => { if (isDone) set({ at: "rest" }); },
+      (error: unknown) => set({ at: "refused", why: reasonOf(error) }),
+    );
+  };
+  return [asking, go];
+}
+
+export function reasonOf(error: unknown): string {
+  if (!(error instanceof Refused)) return "No answer from rigd.";
+  const { detail, hint } = error.problem;
+  return hint ? `${detail}; ${hint}` : detail;
+}

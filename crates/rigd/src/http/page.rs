@@ -1,0 +1,106 @@
+//! The page at `/`: its files are inside the program, so that it asks no other host for anything.
+//!
+//! They are built from `crates/rigd/page` by its `build.sh`.
+
+use std::sync::LazyLock;
+
+use axum::{
+    Router,
+    http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header},
+    response::{IntoResponse, Response},
+    routing::get,
+};
+
+use super::Shared;
+
+/// A file of the page.
+struct File {
+    path: &'static str,
+    content_type: &'static str,
+    bytes: &'static [u8],
+}
+
+const FILES: [File; 4] = [
+    File {
+        path: "/",
+        content_type: "text/html; charset=utf-8",
+        bytes: include_bytes!("../../page/dist/index.html"),
+    },
+    File {
+        path: "/page.js",
+        content_type: "text/javascript; charset=utf-8",
+        bytes: include_bytes!("../../page/dist/page.js"),
+    },
+    File {
+        path: "/page.css",
+        content_type: "text/css; charset=utf-8",
+        bytes: include_bytes!("../../page/dist/page.css"),
+    },
+    File {
+        path: "/icon.svg",
+        content_type: "image/svg+xml",
+        bytes: include_bytes!("../../page/dist/icon.svg"),
+    },
+];
+
+/// What the page may do: what its own files say, asking nobody but the daemon.
+const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
+    img-src 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'; \
+    frame-ancestors 'none'";
+
+/// Tells one build of the page from another, by all of its files.
+static TAG: LazyLock<String> = LazyLock::new(|| {
+    // FNV-1a: it only has to differ, nobody gains anything by making two alike.
+    let bytes = FILES.iter().flat_map(|file| file.bytes);
+    let hash = bytes.fold(0xcbf2_9ce4_8422_2325_u64, |hash, &byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    });
+    format!("\"{hash:016x}\"")
+});
+
+/// Whether a client is a browser that is to show a page.
+pub(super) fn is_wanted(headers: &HeaderMap) -> bool {
+    let accept = headers.get(header::ACCEPT).and_then(|accept| accept.to_str().ok());
+    accept.is_some_and(|accept| accept.contains("text/html"))
+}
+
+/// Whether this is asked of every visitor before a token can be: what the page is made of, which
+/// tells nothing of the rig.
+pub(super) fn is_public(method: &Method, path: &str, headers: &HeaderMap) -> bool {
+    let is_file = FILES.iter().any(|file| file.path == path);
+    is_file && *method == Method::GET && (path != "/" || is_wanted(headers))
+}
+
+/// What stands at `/` for a browser.
+pub(super) fn start(headers: &HeaderMap) -> Response {
+    serve(&FILES[0], headers)
+}
+
+/// The routes of its other files.
+pub(super) fn routes() -> Router<Shared> {
+    FILES.iter().skip(1).fold(Router::new(), |router, file| {
+        router.route(file.path, get(async move |headers: HeaderMap| serve(file, &headers)))
+    })
+}
+
+fn serve(file: &File, headers: &HeaderMap) -> Response {
+    let tag = TAG.as_str();
+    let known = headers.get_all(header::IF_NONE_MATCH).iter();
+    let is_known = known
+        .filter_map(|value| value.to_str().ok())
+        .flat_map(|value| value.split(','))
+        .any(|value| value.trim().trim_start_matches("W/") == tag);
+    let fixed = [
+        (header::CONTENT_TYPE, file.content_type),
+        (header::CACHE_CONTROL, "no-cache"),
+        (header::CONTENT_SECURITY_POLICY, POLICY),
+        (HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
+    ];
+    let (status, body) =
+        if is_known { (StatusCode::NOT_MODIFIED, &[][..]) } else { (StatusCode::OK, file.bytes) };
+    let mut response = (status, fixed, body).into_response();
+    if let Ok(tag) = HeaderValue::from_str(tag) {
+        response.headers_mut().insert(header::ETAG, tag);
+    }
+    response
+}

@@ -1,0 +1,197 @@
+//! What a protocol would do, and what a run is to do: checked, laid out in steps, with their times.
+
+use axum::{
+    Json,
+    body::Bytes,
+    extract::{Path, State},
+    http::{HeaderMap, header},
+    response::IntoResponse,
+};
+use rig_model::Bench;
+use rig_protocol::{Action, Plan, Pose, Step};
+use rig_store::{Reader, Record, RunId, RunStarted, Sweep};
+use serde::Serialize;
+
+use super::{Problem, Shared, progress::AskedFor, runs};
+use crate::{describe, loaded_rig::RigFacts, protocol_file::LoadedProtocol, rig_file::RigFile};
+
+/// A protocol laid out for a bench.
+#[derive(Debug, Serialize)]
+pub(super) struct PlanView {
+    /// Name of the protocol.
+    protocol: String,
+    samples: Vec<String>,
+    touches: usize,
+    no_loads: usize,
+    prompts: usize,
+    /// Expected time on the rig's clock, without the time that a person takes, s.
+    duration_s: f64,
+    /// The lowest position that a touch may ask for, and the clear position, mm.
+    linear_mm: [f64; 2],
+    /// The extreme positions of the rotary stage, degrees.
+    rotary_deg: [f64; 2],
+    indentation_mm: f64,
+    max_indentation_mm: f64,
+    target_sigma_hz: f64,
+    steps: Vec<StepView>,
+    protocol_toml: String,
+}
+
+#[derive(Debug, Serialize)]
+struct StepView {
+    step: String,
+    /// In words.
+    what_is_done: String,
+    /// Expected, on the rig's clock, s.
+    duration_s: f64,
+    #[serde(flatten)]
+    action: ActionView,
+}
+
+#[derive(Debug, Serialize)]
+#[serde(tag = "action", rename_all = "snake_case")]
+enum ActionView {
+    Prompt {
+        #[serde(flatten)]
+        prompt: AskedFor,
+    },
+    NoLoad {
+        #[serde(flatten)]
+        pose: PoseView,
+    },
+    Touch {
+        phase: &'static str,
+        sample: String,
+        repeat: u32,
+        #[serde(flatten)]
+        pose: PoseView,
+    },
+}
+
+#[derive(Debug, Serialize)]
+struct PoseView {
+    direction: &'static str,
+    angle_deg: f64,
+}
+
+/// Whether a protocol can run here, and what it would do. Nothing moves.
+pub(super) async fn check(
+    State(shared): State<Shared>,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Json<PlanView>, Problem> {
+    let protocol = runs::posted(&shared, &headers, &body)?;
+    Ok(Json(PlanView::of(&protocol, &shared.inner.facts.bench)))
+}
+
+/// What a run is to do, on the bench on which it was begun.
+pub(super) async fn of_run(
+    State(shared): State<Shared>,
+    Path(id): Path<String>,
+) -> Result<Json<PlanView>, Problem> {
+    let id: RunId = id.parse()?;
+    let view = shared.read(move |reader| {
+        let started = started(reader, id)?;
+        // Both were checked before the run began; another version may see them otherwise.
+        let rig = RigFile::read(&started.rig.name, &started.rig.toml);
+        let bench = rig.map_err(|faults| Problem::protocol(&faults))?.bench;
+        let facts = RigFacts {
+            name: started.rig.name,
+            bench,
+            known_samples: None,
+            is_simulated: started.scene.is_some(),
+            is_virtual_time: false,
+        };
+        let (name, toml) = (started.protocol.name, started.protocol.toml);
+        let protocol = LoadedProtocol::check(&name, &toml, &facts);
+        let protocol = protocol.map_err(|faults| Problem::protocol(&faults))?;
+        Ok(PlanView::of(&protocol, &facts.bench))
+    });
+    view.await.map(Json)
+}
+
+/// The protocol of a run, as it was read.
+pub(super) async fn protocol(
+    State(shared): State<Shared>,
+    Path(id): Path<String>,
+) -> Result<impl IntoResponse, Problem> {
+    let id: RunId = id.parse()?;
+    let toml = shared.read(move |reader| Ok(started(reader, id)?.protocol.toml)).await?;
+    Ok(([(header::CONTENT_TYPE, "application/toml")], toml))
+}
+
+/// One sweep of a run, with its readings.
+pub(super) async fn sweep(
+    State(shared): State<Shared>,
+    Path((id, number)): Path<(String, String)>,
+) -> Result<Json<Sweep>, Problem> {
+    let id: RunId = id.parse()?;
+    let found = shared.read(move |reader| {
+        reader.run(id)?;
+        let is_wanted = |sweep: &Sweep| sweep.number.to_string() == number;
+        let sweeps = reader.records(id)?.into_iter().filter_map(|record| match record.record() {
+            Ok(Record::Sweep(sweep)) => Some(sweep),
+            _ => None,
+        });
+        let none = || Problem::not_found(format!("run {id} has no sweep {number}"));
+        sweeps.into_iter().find(is_wanted).ok_or_else(none)
+    });
+    found.await.map(Json)
+}
+
+fn started(reader: &Reader, id: RunId) -> Result<RunStarted, Problem> {
+    reader.run(id)?;
+    for record in reader.records(id)? {
+        if let Record::RunStarted(started) = record.record()? {
+            return Ok(started);
+        }
+    }
+    Err(Problem::not_found(format!("run {id} has no protocol")))
+}
+
+impl PlanView {
+    fn of(loaded: &LoadedProtocol, bench: &Bench) -> Self {
+        let (plan, summary) = (&loaded.plan, &loaded.summary);
+        let durations_s = plan.durations_s(bench);
+        let step = |((index, step), duration_s): ((usize, &Step), f64)| StepView {
+            step: step.id.to_string(),
+            what_is_done: describe::step(plan, index),
+            duration_s,
+            action: ActionView::of(plan, &step.action),
+        };
+        Self {
+            protocol: plan.name.clone(),
+            samples: plan.samples.clone(),
+            touches: summary.touches,
+            no_loads: summary.no_loads,
+            prompts: summary.prompts,
+            duration_s: summary.duration_s,
+            linear_mm: [summary.linear.min.value(), summary.linear.max.value()],
+            rotary_deg: [summary.rotary.min.value(), summary.rotary.max.value()],
+            indentation_mm: plan.touch.indentation_mm,
+            max_indentation_mm: bench.limits.max_indentation_mm,
+            target_sigma_hz: plan.contact_sweep.target_sigma_hz,
+            steps: plan.steps.iter().enumerate().zip(durations_s).map(step).collect(),
+            protocol_toml: loaded.source.toml.clone(),
+        }
+    }
+}
+
+impl ActionView {
+    fn of(plan: &Plan, action: &Action) -> Self {
+        let pose = |pose: Pose| PoseView {
+            direction: pose.direction.name(),
+            angle_deg: pose.angle.degrees(),
+        };
+        match *action {
+            Action::Prompt(prompt) => Self::Prompt { prompt: AskedFor::of(plan, prompt) },
+            Action::NoLoad(at) => Self::NoLoad { pose: pose(at) },
+            Action::Touch(touch) => Self::Touch {
+                phase: touch.phase.name(),
+                sample: plan.samples.get(touch.sample).cloned().unwrap_or_default(),
+                repeat: touch.repeat,
+                pose: pose(touch.pose),
+            },
+        }
+    }
+}

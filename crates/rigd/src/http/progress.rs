@@ -1,0 +1,160 @@
+//! How far a run has come, what is asked now, and what comes next.
+
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use rig_engine::Progress;
+use rig_model::{Axis, Bench, RigTime, Unit};
+use rig_protocol::{Action, Plan, Prompt};
+use serde::Serialize;
+
+use crate::rig::{RunView, Status};
+
+/// What is still to come of a run.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct Ahead {
+    /// It pauses before the next step.
+    is_pausing: bool,
+    /// Since it began, s on the rig's clock.
+    elapsed_s: f64,
+    /// How much longer at least, and at most, s on the rig's clock.
+    remaining_s: [f64; 2],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    next_prompt: Option<NextPrompt>,
+}
+
+/// When a person is needed next.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct NextPrompt {
+    prompt: String,
+    /// From now, s on the rig's clock.
+    in_s: f64,
+    /// Touches before it, that under way included.
+    touches: usize,
+}
+
+/// What a person is asked for now.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct Asked {
+    /// Address of the step, for the answer.
+    step: String,
+    #[serde(flatten)]
+    what: AskedFor,
+    /// Which of all prompts of the run, from 1.
+    number: usize,
+    prompts: usize,
+}
+
+/// What a person is to do.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(tag = "what", rename_all = "snake_case")]
+pub(super) enum AskedFor {
+    /// Put this sample under the probe.
+    PlaceSample { sample: String },
+    /// Turn the sensor, so that it stands like this.
+    TurnSensor { orientation: &'static str },
+}
+
+/// A run that has ended.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct LastRun {
+    id: String,
+    /// How it ended.
+    status: &'static str,
+}
+
+/// Where the axes may be sent.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(super) struct Limits {
+    linear_mm: AxisLimits,
+    rotary_deg: AxisLimits,
+    /// Position of the linear stage at which the tip touches the level sample, mm.
+    surface_mm: f64,
+    /// How far that surface lies above the axis of the rotary stage, mm.
+    surface_above_pivot_mm: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+struct AxisLimits {
+    min: f64,
+    max: f64,
+    /// Where it waits: clear, or level.
+    rest: f64,
+}
+
+impl Limits {
+    pub(super) fn of(bench: &Bench) -> Self {
+        fn of<U: Unit>(axis: &Axis<U>) -> AxisLimits {
+            let (soft, rest) = (axis.soft(), axis.rest_target().position());
+            AxisLimits { min: soft.min.value(), max: soft.max.value(), rest: rest.value() }
+        }
+        Self {
+            linear_mm: of(&bench.linear),
+            rotary_deg: of(&bench.rotary),
+            surface_mm: bench.geometry.surface.value(),
+            surface_above_pivot_mm: bench.geometry.surface_above_pivot_mm,
+        }
+    }
+}
+
+impl AskedFor {
+    pub(super) fn of(plan: &Plan, prompt: Prompt) -> Self {
+        match prompt {
+            Prompt::PlaceSample { sample } => {
+                Self::PlaceSample { sample: plan.samples.get(sample).cloned().unwrap_or_default() }
+            }
+            Prompt::TurnSensor { orientation } => {
+                Self::TurnSensor { orientation: orientation.name() }
+            }
+        }
+    }
+}
+
+pub(super) fn ahead(run: &RunView, progress: &Progress, now: RigTime) -> Ahead {
+    let (steps, durations_s) = (&run.plan.steps, &run.durations_s);
+    let here = progress.step.min(steps.len());
+    let elapsed_s = now.since(run.started).as_secs_f64();
+    let sum_s = |durations_s: &[f64]| durations_s.iter().sum::<f64>();
+    let is_prompt = |action: &Action| matches!(action, Action::Prompt(_));
+    let prompts = steps[here..].iter().filter(|step| is_prompt(&step.action)).count();
+    let (done, left) = durations_s.split_at(here.min(durations_s.len()));
+    let remaining =
+        run.pace.remaining(now, (sum_s(done), sum_s(left)), elapsed_s, run.touches_done, prompts);
+    // What is asked now is not what comes next.
+    let next = steps.iter().enumerate().skip(here + 1).find(|(_, step)| is_prompt(&step.action));
+    let left_s = sum_s(left).max(f64::MIN_POSITIVE);
+    let next_prompt = next.and_then(|(index, step)| {
+        let Action::Prompt(prompt) = step.action else { return None };
+        let touches = steps[here..index].iter();
+        Some(NextPrompt {
+            prompt: run.ask(&prompt),
+            in_s: sum_s(&durations_s[here..index]) / left_s * remaining.least_s,
+            touches: touches.filter(|step| matches!(step.action, Action::Touch(_))).count(),
+        })
+    });
+    let remaining_s = [remaining.least_s, remaining.most_s];
+    Ahead { is_pausing: progress.is_pausing, elapsed_s, remaining_s, next_prompt }
+}
+
+pub(super) fn last_run(run: &RunView) -> Option<LastRun> {
+    let status = run.ending?.name();
+    Some(LastRun { id: run.id.to_string(), status })
+}
+
+pub(super) fn asked(status: &Status) -> Option<Asked> {
+    let (prompt, run) = status.snapshot.prompt.zip(status.run.as_ref())?;
+    let index = status.snapshot.progress.as_ref()?.step;
+    let is_prompt = |step: &&rig_protocol::Step| matches!(step.action, Action::Prompt(_));
+    let steps = &run.plan.steps;
+    Some(Asked {
+        step: steps.get(index)?.id.to_string(),
+        what: AskedFor::of(&run.plan, prompt),
+        number: steps[..=index].iter().filter(is_prompt).count(),
+        prompts: steps.iter().filter(is_prompt).count(),
+    })
+}
+
+/// The wall clock, ms since 1970.
+pub(super) fn unix_ms() -> u64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(since.as_millis()).unwrap_or(u64::MAX)
+}

@@ -1,0 +1,102 @@
+//! How a run goes on: what the rig does by itself, and how long it waits for persons.
+
+use rig_model::RigTime;
+
+/// How long persons have kept a run waiting.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Pace {
+    /// How long all answers together took, s.
+    waited_s: f64,
+    /// How many prompts were answered.
+    answers: u32,
+    /// Since when somebody is asked.
+    asked: Option<RigTime>,
+}
+
+/// How much longer a run takes, s on the rig's clock.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Remaining {
+    /// When every answer comes at once.
+    pub least_s: f64,
+    /// When answers take as long as they did so far.
+    pub most_s: f64,
+}
+
+/// A person takes about as long to change a sample, s, until it is known better.
+const ANSWER_S: f64 = 30.0;
+/// What the steps of a plan are expected to take is right to about this part, until touches tell.
+const PLAN_UNCERTAINTY: f64 = 0.3;
+
+impl Pace {
+    pub(super) const fn asked(&mut self, now: RigTime) {
+        self.asked = Some(now);
+    }
+
+    pub(super) fn answered(&mut self, now: RigTime) {
+        if let Some(asked) = self.asked.take() {
+            self.waited_s += now.since(asked).as_secs_f64();
+            self.answers += 1;
+        }
+    }
+
+    /// How long a person has been asked for something, s.
+    pub fn waited_s(&self, now: RigTime) -> f64 {
+        self.waited_s + self.asked.map_or(0.0, |asked| now.since(asked).as_secs_f64())
+    }
+
+    /// How much longer a run takes that the plan expects to need `done_s` up to here and `left_s`
+    /// from here, and that did the first in `elapsed_s` with all waits, with so many touches done
+    /// and so many prompts to come.
+    pub fn remaining(
+        &self,
+        now: RigTime,
+        (done_s, left_s): (f64, f64),
+        elapsed_s: f64,
+        touches_done: usize,
+        prompts_left: usize,
+    ) -> Remaining {
+        let worked_s = (elapsed_s - self.waited_s(now)).max(0.0);
+        // The plan is a guess that the touches done replace little by little.
+        let weight = touches_done as f64 / (touches_done as f64 + 2.0);
+        let factor = if done_s > 0.0 { 1.0 + weight * (worked_s / done_s - 1.0) } else { 1.0 };
+        let spread = PLAN_UNCERTAINTY / (touches_done as f64 + 1.0).sqrt();
+        let answer_s =
+            if self.answers == 0 { ANSWER_S } else { self.waited_s / f64::from(self.answers) };
+        let work_s = left_s * factor;
+        Remaining {
+            least_s: work_s * (1.0 - spread),
+            most_s: work_s * (1.0 + spread) + answer_s * prompts_left as f64,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(seconds: u64) -> RigTime {
+        RigTime::from_micros(seconds * 1_000_000)
+    }
+
+    #[test]
+    fn the_range_holds_the_plan_at_first_and_narrows_with_the_touches() {
+        let pace = Pace::default();
+        let first = pace.remaining(at(0), (0.0, 100.0), 0.0, 0, 0);
+        assert!((first.least_s - 70.0).abs() < 1e-9 && (first.most_s - 130.0).abs() < 1e-9);
+        let later = pace.remaining(at(80), (80.0, 20.0), 80.0, 8, 0);
+        assert!((later.least_s - 18.0).abs() < 1e-9 && (later.most_s - 22.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn waits_for_persons_count_for_the_prompts_to_come_and_not_for_the_rig() {
+        let mut pace = Pace::default();
+        pace.asked(at(10));
+        pace.answered(at(50));
+        // 60 s of work, 40 s of waiting; 99 touches leave next to no doubt of the pace.
+        let remaining = pace.remaining(at(100), (60.0, 60.0), 100.0, 99, 2);
+        assert!((remaining.least_s - 58.2).abs() < 1e-9, "{remaining:?}");
+        assert!((remaining.most_s - (61.8 + 80.0)).abs() < 1e-9, "{remaining:?}");
+        pace.asked(at(100));
+        assert!((pace.waited_s(at(130)) - 70.0).abs() < 1e-9);
+    }
+}
