@@ -33,7 +33,7 @@ def drive(program, analyzer, server, bus):
         ended = rigd(program, "doctor", "--rig", rig, "--data", folder)
         check(ended.returncode == 0, f"rigd finds nothing wrong: {ended.stdout}{ended.stderr}")
         findings = {(one["part"], one["check"]): one["text"] for one in json.loads(ended.stdout)["findings"]}
-        equal(findings["linear stage", "state"], "ready, at 40.000 mm", "what it finds")
+        equal(findings["linear stage", "position"], "40.000 mm, within its soft limits", "what it finds")
 
         def move(axis, to):
             heard = len(server.output())

@@ -21,6 +21,7 @@ from pymodbus.simulator import DataType, SimData, SimDevice
 # Upper words of 32-bit values.
 DIRECT_DATA, TRIGGER = 0x0058, 0x0066
 INPUT, OUTPUT, ALARM = 0x007C, 0x007E, 0x0080
+TEMPERATURES = 0x00F8
 FEEDBACK, COMMAND = 0x0120, 0x0122
 ALARM_RESET = 0x0180
 LIMIT_ACTION, LIMIT_POSITIVE, LIMIT_NEGATIVE = 0x0386, 0x0388, 0x038A
@@ -31,7 +32,8 @@ ABSOLUTE = 1
 OVERLOAD, SOFTWARE_OVERTRAVEL = 0x30, 0x67
 
 # Address of the first value and how many values there are.
-MAP = [(DIRECT_DATA, 8), (INPUT, 3), (FEEDBACK, 2), (ALARM_RESET, 1), (LIMIT_ACTION, 3)]
+MAP = [(DIRECT_DATA, 8), (INPUT, 3), (TEMPERATURES, 2), (FEEDBACK, 2), (ALARM_RESET, 1),
+       (LIMIT_ACTION, 3)]
 
 
 class Drive:
@@ -79,6 +81,9 @@ class Drive:
         bits = [(HOME_END, True), (READY, ready), (ALARMED, self.alarm), (MOVE, moving)]
         put(OUTPUT, sum(bit for bit, is_on in [*bits, (IN_POSITION, not moving)] if is_on))
         put(ALARM, self.alarm)
+        # Of driver and motor, in tenths of a degree.
+        put(TEMPERATURES, 412)
+        put(TEMPERATURES + 2, 365)
         put(FEEDBACK, self.position())
         put(COMMAND, self.position() if moving else self.command)
 

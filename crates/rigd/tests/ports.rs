@@ -302,6 +302,50 @@ async fn an_answer_that_is_too_short_is_not_called_a_lost_connection() {
     check_finding(&doctor, "linear stage, identity: problem", "");
 }
 
+/// A Modbus TCP server all of whose registers read zero, and which takes every write.
+async fn zeros(listening: &mut JoinSet<()>) -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    listening.spawn(async move {
+        while let Ok((mut client, _)) = listener.accept().await {
+            tokio::spawn(async move {
+                let mut header = [0; 6];
+                while client.read_exact(&mut header).await.is_ok() {
+                    let mut request = vec![0; usize::from(header[5])];
+                    _ = client.read_exact(&mut request).await;
+                    let mut reply = request[..2].to_vec();
+                    if request[1] <= 4 {
+                        reply.push(2 * request[5]);
+                        reply.resize(3 + 2 * usize::from(request[5]), 0);
+                    } else {
+                        reply.extend(&request[2..6]);
+                    }
+                    header[5] = u8::try_from(reply.len()).unwrap();
+                    _ = client.write_all(&[&header, &reply[..]].concat()).await;
+                }
+            });
+        }
+    });
+    address
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_server_of_zeros_is_not_taken_for_a_drive() {
+    let mut bench = Bench::start().await;
+    let bus = zeros(&mut bench.listening).await;
+    let az = ("oriental-az", "oriental-az");
+    for make in [az, ("oriental-az", "iai-rc"), ("oriental-az", "leadshine-pr")] {
+        let changes = [make, ("tolerance_mm = 0.002", "tolerance_mm = 0.01")];
+        let identify = bench.rigd_with(&bench.analyzer, &bus, &changes, &["identify", "--json"]);
+        assert_eq!(identify.status.code(), Some(1), "{make:?}");
+        let error = json(&identify)[1]["error"].as_str().unwrap().to_owned();
+        assert!(error.starts_with("cannot be told from another device: "), "{error}");
+        let doctor = bench.rigd_with(&bench.analyzer, &bus, &changes, &["doctor", "--json"]);
+        assert_eq!(doctor.status.code(), Some(1), "{make:?}");
+        check_finding(&doctor, "linear stage, identity: problem", "register map");
+    }
+}
+
 /// A rig file that contradicts what an axis says about itself: nothing moves, whatever is asked for,
 /// and no advice moves anything.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -158,6 +158,22 @@ pub enum StageError<U: Unit> {
     /// Moved before [`Stage::identify`](crate::Stage::identify).
     #[error("not identified yet")]
     NotIdentified,
+    /// What answers reads as no drive of this make does. Nothing was written to it.
+    #[error(
+        "cannot be told from another device: {what} reads {found}, outside [{min}, {max}] of {drives}"
+    )]
+    Unrecognised {
+        /// What was read, with its unit.
+        what: &'static str,
+        /// What it was.
+        found: i32,
+        /// The least that it can be.
+        min: i32,
+        /// The most that it can be.
+        max: i32,
+        /// The drives of the map.
+        drives: &'static str,
+    },
     /// The drive says that the axis is where it cannot be, so that no move from there is safe. It
     /// was not sent.
     #[error("stands at {at}, outside its travel {travel}")]

@@ -62,7 +62,7 @@ impl Look {
     pub(crate) fn new(map: &RegisterMap, replies: &[Reply]) -> Self {
         let view = View { map, replies };
         let (alarm_code, alarm_block) = match map.alarm {
-            AlarmSource::Code(field) => (view.word(field.block, field.address), None),
+            AlarmSource::Code(field) => (view.code(field), None),
             AlarmSource::Flagged { flag, code } => (0, view.flag(flag).then_some(code)),
         };
         Self {
@@ -73,6 +73,25 @@ impl Look {
             is_homed: view.flag(map.homed),
             alarm_code,
             alarm_block,
+        }
+    }
+}
+
+/// The number at an address of a block, from the reply to it.
+pub(crate) fn number(block: Block, reply: &Reply, address: u16, width: Width) -> i32 {
+    let word = |address: u16| {
+        let index = usize::from(address - block.address);
+        match reply {
+            Reply::Words(words) => words[index],
+            Reply::Bits(bits) => u16::from(bits[index]),
+            Reply::Written => unreachable!("a read is not answered by a write"),
+        }
+    };
+    match width {
+        Width::U16 => i32::from(word(address)),
+        Width::I32 => {
+            let ([a, b], [c, d]) = (word(address).to_be_bytes(), word(address + 1).to_be_bytes());
+            i32::from_be_bytes([a, b, c, d])
         }
     }
 }
@@ -101,28 +120,16 @@ struct View<'a> {
 }
 
 impl View<'_> {
-    fn word(&self, block: usize, address: u16) -> u16 {
-        let index = usize::from(address - self.map.status[block].address);
-        match &self.replies[block] {
-            Reply::Words(words) => words[index],
-            Reply::Bits(bits) => u16::from(bits[index]),
-            Reply::Written => unreachable!("a read is not answered by a write"),
-        }
+    fn number(&self, Field { block, address, width }: Field) -> i32 {
+        number(self.map.status[block], &self.replies[block], address, width)
     }
 
-    fn number(&self, field: Field) -> i32 {
-        let first = self.word(field.block, field.address);
-        match field.width {
-            Width::U16 => i32::from(first),
-            Width::I32 => {
-                let [a, b] = first.to_be_bytes();
-                let [c, d] = self.word(field.block, field.address + 1).to_be_bytes();
-                i32::from_be_bytes([a, b, c, d])
-            }
-        }
+    fn code(&self, field: Field) -> u16 {
+        u16::try_from(self.number(field)).expect("a code is in one register")
     }
 
-    fn flag(&self, flag: Flag) -> bool {
-        (self.word(flag.block, flag.address) >> flag.bit & 1 == 1) == flag.is_set_when
+    fn flag(&self, Flag { block, address, bit, is_set_when }: Flag) -> bool {
+        let word = self.number(Field { block, address, width: Width::U16 });
+        (word >> bit & 1 == 1) == is_set_when
     }
 }

@@ -209,6 +209,19 @@ pub struct DriveSettings {
     pub expect: &'static [Slot],
 }
 
+/// By what a drive of a make is told from whatever else answers: quantities that are never zero in a
+/// drive that is switched on, and that nobody here writes. Makes without a register that names them
+/// have nothing better.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Mark {
+    /// What is read, as people say it, with its unit.
+    pub what: &'static str,
+    /// Where. Its answer has another length than that to the settings.
+    pub read: Block,
+    /// The addresses of the quantities, and the least and the most that each can be.
+    pub ranges: &'static [(u16, Width, i32, i32)],
+}
+
 /// Everything that differs between two makes of drive.
 #[derive(Debug, Clone, Copy)]
 pub struct RegisterMap {
@@ -218,6 +231,8 @@ pub struct RegisterMap {
     pub drives: &'static str,
     /// Whether it was tried on no hardware and its sources disagree.
     pub is_to_be_verified: bool,
+    /// By what such a drive is told from another device.
+    pub mark: Mark,
     /// What one look at the drive reads, in order. The answers to these blocks and to the settings
     /// all have different lengths, so that none is ever taken for another.
     pub status: &'static [Block],

@@ -10,7 +10,7 @@ use crate::{
     Alarm, AxisStatus, BusError, BusHandle, LineFault, RegisterMap, Reply, Request, StageError,
     Turn,
     line::Canary,
-    look::{Look, alarm, read_request},
+    look::{Look, alarm, number, read_request},
     map::Step,
     order::{Deed, Order},
 };
@@ -73,19 +73,20 @@ impl<U: Unit> Stage<U> {
         &self.axis
     }
 
-    /// Finds the drive, puts its settings into it, reads them back, makes it take commands from
+    /// Finds the drive, tells it from another device, puts its settings into it, reads them back, makes it take commands from
     /// here, and looks at it. From then on it is recognised by the settings after each fault of the
     /// line. Nothing moves.
     ///
     /// # Errors
     /// [`StageError::Bus`] when it does not answer, refuses, or keeps other settings than it was
-    /// given.
+    /// given; [`StageError::Unrecognised`] when anything else may be there.
     pub async fn identify(&mut self) -> Result<AxisStatus<U>, StageError<U>> {
         let order = Order::at_rest(&self.scale, &self.axis)?;
         let settings = self.map.settings;
         let request = read_request(settings.read);
         // A drive that was switched off has forgotten by what it was recognised.
         self.recognise_by(request.clone(), None).await?;
+        self.tell_from_others().await?;
         let expected = Reply::Words(order.words(settings.expect));
         if self.ask(request.clone()).await? != expected {
             self.take_all(settings.write, &order).await?;
@@ -98,6 +99,19 @@ impl<U: Unit> Stage<U> {
         self.recognise_by(request, Some(expected)).await?;
         self.command(self.map.prepare).await?;
         self.status().await
+    }
+
+    /// Nothing is written to what may be another device.
+    async fn tell_from_others(&self) -> Result<(), StageError<U>> {
+        let (mark, drives) = (self.map.mark, self.map.drives);
+        let reply = self.ask(read_request(mark.read)).await?;
+        for &(address, width, min, max) in mark.ranges {
+            let (what, found) = (mark.what, number(mark.read, &reply, address, width));
+            if found < min || max < found {
+                return Err(StageError::Unrecognised { what, found, min, max, drives });
+            }
+        }
+        Ok(())
     }
 
     async fn recognise_by(

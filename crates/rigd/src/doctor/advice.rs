@@ -119,6 +119,9 @@ fn on_stage<U: rig_model::Unit>(error: &StageError<U>, is_serial: bool) -> &'sta
         StageError::Bus(BusError::Refused(_)) => {
             "check that the register map in the rig file is that of the drive"
         }
+        StageError::Unrecognised { .. } => {
+            "check that address, unit id and register map in the rig file are those of the drive"
+        }
         StageError::BeyondTravel { .. } => LOST,
         StageError::Unhomed { .. } => NOT_HOMED,
         _ => "look at the display of the drive, and up its state in its manual",

@@ -10,8 +10,8 @@
 use rig_model::DriveMake;
 
 use crate::map::{
-    AccelerationUnit, AlarmSource, Block, DriveSettings, Field, Flag, Quantity, RegisterMap, Route,
-    Slot, SpeedUnit, Step, Table, TargetReadBack, Width,
+    AccelerationUnit, AlarmSource, Block, DriveSettings, Field, Flag, Mark, Quantity, RegisterMap,
+    Route, Slot, SpeedUnit, Step, Table, TargetReadBack, Width,
 };
 
 /// From the present position to the system status.
@@ -45,6 +45,12 @@ pub static IAI_RC: RegisterMap = RegisterMap {
     make: DriveMake::IaiRc,
     drives: "IAI RC controllers (PCON, ACON, SCON, ERC)",
     is_to_be_verified: false,
+    // A controller that is switched on is ready, or has an alarm or an emergency stop.
+    mark: Mark {
+        what: "device status",
+        read: Block { table: Table::Holding, address: DSS1, count: 1 },
+        ranges: &[(DSS1, Width::U16, 1, 0xFFFF)],
+    },
     status: &[
         Block { table: Table::Holding, address: 0x9000, count: 10 },
         Block { table: Table::Holding, address: PCMD, count: 4 },

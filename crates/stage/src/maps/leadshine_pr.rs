@@ -10,8 +10,8 @@
 use rig_model::DriveMake;
 
 use crate::map::{
-    AccelerationUnit, AlarmSource, Block, DriveSettings, Field, Flag, Quantity, RegisterMap, Route,
-    Slot, SpeedUnit, Step, Table, TargetReadBack, Width,
+    AccelerationUnit, AlarmSource, Block, DriveSettings, Field, Flag, Mark, Quantity, RegisterMap,
+    Route, Slot, SpeedUnit, Step, Table, TargetReadBack, Width,
 };
 
 const STATUS: usize = 0;
@@ -33,6 +33,12 @@ pub static LEADSHINE_PR: RegisterMap = RegisterMap {
     make: DriveMake::LeadshinePr,
     drives: "Leadshine CL2C-RS, DM556RS, iEM-RS",
     is_to_be_verified: true,
+    // A stepping motor has two hundred full steps.
+    mark: Mark {
+        what: "pulses per revolution",
+        read: Block { table: Table::Holding, address: 0x0001, count: 1 },
+        ranges: &[(0x0001, Width::U16, 200, 0xFFFF)],
+    },
     status: &[
         Block { table: Table::Holding, address: MOTION_STATUS, count: 1 },
         Block { table: Table::Holding, address: 0x602C, count: 2 },

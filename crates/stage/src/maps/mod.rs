@@ -53,6 +53,12 @@ mod tests {
                 let is_word = matches!(block.table, Table::Holding | Table::Input);
                 assert!(flag.bit < if is_word { 16 } else { 1 }, "{}: {flag:?}", map.make);
             };
+            for &(address, width, min, max) in map.mark.ranges {
+                let n = if width == Width::I32 { 2 } else { 1 };
+                assert!(contains(map.mark.read, address, n), "{}: {address:#06x}", map.make);
+                assert!(0 < min && min <= max, "{}: a drive of zeros would do", map.make);
+            }
+            assert_ne!(map.mark.read.count, map.settings.read.count, "{}", map.make);
             field(map.position);
             field(map.target.field());
             for known in [map.moving, map.ready, map.homed] {

@@ -6,8 +6,8 @@
 use rig_model::DriveMake;
 
 use crate::map::{
-    AccelerationUnit, AlarmSource, Block, DriveSettings, Field, Flag, Quantity, RegisterMap, Route,
-    Slot, SpeedUnit, Step, Table, TargetReadBack, Width,
+    AccelerationUnit, AlarmSource, Block, DriveSettings, Field, Flag, Mark, Quantity, RegisterMap,
+    Route, Slot, SpeedUnit, Step, Table, TargetReadBack, Width,
 };
 
 /// Lower word of the driver output status, and the present alarm.
@@ -34,6 +34,12 @@ pub static ORIENTAL_AZ: RegisterMap = RegisterMap {
     make: DriveMake::OrientalAz,
     drives: "Oriental Motor AZ series",
     is_to_be_verified: false,
+    // Neither is ever at the freezing point of water.
+    mark: Mark {
+        what: "temperature of driver or motor in 0.1 °C",
+        read: Block { table: Table::Holding, address: 0x00F8, count: 4 },
+        ranges: &[(0x00F8, Width::I32, 1, 1200), (0x00FA, Width::I32, 1, 1200)],
+    },
     status: &[
         Block { table: Table::Holding, address: 0x007F, count: 3 },
         Block { table: Table::Holding, address: 0x0120, count: 4 },

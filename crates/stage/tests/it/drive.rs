@@ -259,6 +259,8 @@ mod az {
             | u16::from(state.is_homed) << 4;
         state.registers.insert(0x7F, outputs);
         state.registers.insert(0x81, state.alarm);
+        state.set_long(0xF8, 412);
+        state.set_long(0xFA, 365);
         state.set_long(0x120, state.measured());
         state.set_long(0x122, state.motion.position());
     }
@@ -336,6 +338,7 @@ mod leadshine {
             | u16::from(is_moving) << 2
             | if is_moving { 0 } else { 0x30 }
             | u16::from(state.is_homed) << 6;
+        state.registers.insert(0x0001, 10_000);
         state.registers.insert(0x1003, status);
         state.registers.insert(0x2203, state.alarm);
         state.set_long(0x602C, state.measured());

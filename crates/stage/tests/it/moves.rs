@@ -1,6 +1,13 @@
 //! Moves of an axis with each make of drive, in health and under faults of the line.
 
-use std::{collections::BTreeMap, time::Duration};
+use std::{
+    collections::BTreeMap,
+    sync::{
+        Arc,
+        atomic::{AtomicUsize, Ordering},
+    },
+    time::Duration,
+};
 
 use rig_link::{Clock, Port, StopSignal};
 use rig_model::{Axis, AxisLimits, DriveMake, LineSettings, Mm, Position, Scale, Span, Target};
@@ -9,7 +16,7 @@ use tokio::time::{Instant, sleep};
 
 use crate::{
     drive::{AZ, Drive, IAI, LEADSHINE, MAKES, Make},
-    peer::{FAULTS, Fault, faulty, hex, serve},
+    peer::{FAULTS, Fault, faulty, hex, serve, with_crc},
 };
 
 fn axis() -> Axis<Mm> {
@@ -285,6 +292,62 @@ async fn what_cannot_be_done_is_refused_before_it_is_sent() {
     let error = turning.move_to(target(10.0), 6.0, &stop).await.unwrap_err();
     assert_eq!(error.to_string(), "Leadshine CL2C-RS, DM556RS, iEM-RS has no route `shortest`");
     assert_eq!(drive.seen().len(), frames);
+}
+
+/// A Modbus device that keeps what is written to it, and is no drive.
+async fn identify_storage(make: &'static Make, value: u16) -> (String, usize) {
+    let (host, device) = tokio::io::duplex(4096);
+    let writes = Arc::new(AtomicUsize::new(0));
+    let counted = writes.clone();
+    let mut kept = BTreeMap::new();
+    let answer = move |request: &[u8]| {
+        let word = |at: usize| u16::from_be_bytes([request[at], request[at + 1]]);
+        if request[1] == 3 {
+            let mut reply = vec![request[0], 3, 2 * request[5]];
+            for address in word(2)..word(2) + word(4) {
+                reply.extend(kept.get(&address).copied().unwrap_or(value).to_be_bytes());
+            }
+            return with_crc(&reply);
+        }
+        counted.fetch_add(1, Ordering::Relaxed);
+        if request[1] == 0x10 {
+            for (address, bytes) in (word(2)..).zip(request[7..].chunks_exact(2)) {
+                kept.insert(address, u16::from_be_bytes([bytes[0], bytes[1]]));
+            }
+        } else {
+            kept.insert(word(2), word(4));
+        }
+        with_crc(&request[..6])
+    };
+    tokio::spawn(serve(device, faulty(BTreeMap::new(), answer)));
+    let bus = BusHandle::open(Port::new("line 1", host, None, Clock::start()), BusSettings::rtu());
+    let mut stage = Stage::new(bus, make.map, 1, scale(make), axis());
+    let outcome = stage.identify().await;
+    let said = outcome.map_or_else(|error| error.to_string(), |status| format!("{status:?}"));
+    (said, writes.load(Ordering::Relaxed))
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_device_that_is_no_drive_is_not_taken_for_one() {
+    for make in MAKES {
+        let (said, writes) = identify_storage(make, 0).await;
+        assert!(said.starts_with("cannot be told from another device: "), "{said}");
+        assert!(said.contains(" reads 0, outside ["), "{said}");
+        assert_eq!(writes, 0, "{}: something was written to it", make.map.make);
+    }
+    let (said, _) = identify_storage(&AZ, 0).await;
+    assert_eq!(
+        said,
+        "cannot be told from another device: temperature of driver or motor in 0.1 °C reads 0, \
+         outside [1, 1200] of Oriental Motor AZ series"
+    );
+    // A value in every register.
+    for value in [1, 7, 100] {
+        for make in [&AZ, &LEADSHINE] {
+            let (said, writes) = identify_storage(make, value).await;
+            assert!(said.contains("cannot be told") && writes == 0, "{value}: {said}");
+        }
+    }
 }
 
 #[tokio::test(start_paused = true)]
