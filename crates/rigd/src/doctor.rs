@@ -84,9 +84,10 @@ impl Findings {
     }
 }
 
-/// Everything that was found: of the data directory, the ports, and the devices.
-pub(crate) fn findings(data: &Path, inspection: &Inspection) -> Vec<Finding> {
-    let mut all = data::findings(data);
+/// Everything that was found: of the data directory, what the last session with the rig of this name
+/// left behind, the ports, and the devices.
+pub(crate) fn findings(data: &Path, rig: &str, inspection: &Inspection) -> Vec<Finding> {
+    let mut all = data::findings(data, rig);
     all.extend(inspection.ports.iter().flat_map(port::findings));
     all.extend(inspection.devices.iter().flat_map(device::findings));
     all

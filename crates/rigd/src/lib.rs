@@ -6,6 +6,7 @@ mod describe;
 mod doctor;
 mod hint;
 pub mod http;
+mod interruption;
 pub mod loaded_rig;
 pub mod operator;
 mod predict;

@@ -234,6 +234,64 @@ fn a_second_signal_ends_the_daemon_at_once_and_says_where_the_probe_is() {
     assert_eq!(asked.unwrap(), ("run".to_owned(), "Grace Hopper".to_owned()));
 }
 
+/// What another command says of the data and the rig of a program.
+fn ask(folder: &Path, args: &[&str]) -> (Option<i32>, String, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rigd"));
+    command.args(args).args(["--data", folder.join("data").to_str().unwrap()]);
+    if matches!(args[0], "doctor" | "home") {
+        command.args(["--rig", folder.join("rig.toml").to_str().unwrap()]);
+    }
+    let output = command.output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (output.status.code(), text(output.stdout), text(output.stderr))
+}
+
+#[test]
+fn a_run_that_was_killed_in_contact_is_not_passed_over_in_silence() {
+    const SAYS: &str = "smoke-1 was interrupted at ";
+    const OPEN: &str = "; the probe may be in the sample (";
+    let folder = TempDir::new().unwrap();
+    let program = Program::start(folder.path(), &["run", "config/protocols/smoke.toml"]);
+    program.wait_until_lowered();
+    // As long as its program lives, a run goes on.
+    let (_, runs, notes) = ask(folder.path(), &["runs"]);
+    assert!(runs.contains("running") && notes.is_empty(), "{runs}{notes}");
+    let (_, show, _) = ask(folder.path(), &["show", "latest"]);
+    assert!(show.contains("running") && !show.contains("interrupted"), "{show}");
+    let (_, doctor, _) = ask(folder.path(), &["doctor"]);
+    assert!(doctor.contains("in use by another rigd") && !doctor.contains("probe:"), "{doctor}");
+
+    program.signal(Signal::KILL);
+    program.end();
+    // Asking changes nothing: it is said every time.
+    for _ in 0..2 {
+        let (code, doctor, _) = ask(folder.path(), &["doctor"]);
+        assert_eq!(code, Some(1), "{doctor}");
+        let line = doctor.lines().find(|line| line.contains(SAYS)).unwrap();
+        assert!(line.starts_with("problem") && line.contains(OPEN), "{line}");
+        assert!(line.contains(" UTC in step "), "{line}");
+        let (_, runs, notes) = ask(folder.path(), &["runs"]);
+        assert!(runs.contains("interrupted") && !runs.contains("running"), "{runs}");
+        assert!(notes.contains(SAYS) && notes.contains(OPEN), "{notes}");
+        let (_, show, _) = ask(folder.path(), &["show", "smoke-1"]);
+        assert!(show.contains("interrupted at ") && show.contains(OPEN), "{show}");
+        let (_, show, _) = ask(folder.path(), &["show", "latest", "--json"]);
+        let show: serde_json::Value = serde_json::from_str(&show).unwrap();
+        assert_eq!(show["status"], "interrupted");
+        assert_eq!(show["interruption"]["probe"], "may be in contact");
+        assert!(show["interruption"]["step"].as_str().unwrap().starts_with("main/"), "{show}");
+    }
+
+    let (code, _, notes) = ask(folder.path(), &["home"]);
+    assert!(code == Some(0) && notes.contains(SAYS) && notes.contains(OPEN), "{notes}");
+    let (code, doctor, _) = ask(folder.path(), &["doctor"]);
+    assert!(code == Some(0) && doctor.contains("the probe was left clear"), "{doctor}");
+    let (_, _, notes) = ask(folder.path(), &["runs"]);
+    assert_eq!(notes, "");
+    let (_, show, _) = ask(folder.path(), &["show", "smoke-1"]);
+    assert!(show.contains("may have been in the sample then, and was shown clear later"), "{show}");
+}
+
 #[test]
 fn hanging_up_is_ignored_where_that_was_asked_for() {
     let folder = TempDir::new().unwrap();

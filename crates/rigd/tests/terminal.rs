@@ -31,8 +31,7 @@ const ROWS: u16 = 24;
 /// Rows that have gone up and out of sight are looked at too.
 const SCROLLBACK: usize = 500;
 
-/// Two samples, so that a prompt comes after a run has been drawn; a short search, since the clock
-/// is real.
+/// Two samples, so that a prompt comes after a run has been drawn. The clock is real.
 const PROTOCOL: &str = r#"
 name = "two samples"
 samples = ["1", "2"]
@@ -44,24 +43,24 @@ indentation_mm = 0.5
 [approach]
 start_above_mm = 0.8
 give_up_below_mm = 0.8
-coarse_step_mm = 0.2
-fine_step_mm = 0.02
+coarse_step_mm = 0.1
+fine_step_mm = 0.01
 contact_threshold = 0.10
 settle_s = 0.5
 cycles = 10
 [no_load_sweep]
 min_hz = 125
 max_hz = 160
-target_sigma_hz = 1
+target_sigma_hz = 0.05
 time_limit_s = 30
-cycles = 5
+cycles = 20
 level_v = 5
 [contact_sweep]
 min_hz = 130
 max_hz = 260
-target_sigma_hz = 5
+target_sigma_hz = 1
 time_limit_s = 30
-cycles = 5
+cycles = 20
 level_v = 5
 "#;
 

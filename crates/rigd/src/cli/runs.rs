@@ -12,7 +12,11 @@ use super::{
     ExportArgs, ExportFormat, ExportTable, Failure, ReportArgs, RunsArgs, ShowArgs,
     table::{columns, duration, note, print, print_json},
 };
-use crate::{report, run_files};
+use crate::{
+    interruption::{ADVICE, InterruptionView},
+    report::{self, RunSummary},
+    run_files,
+};
 
 /// A run in a list, for a program.
 #[derive(Debug, Serialize)]
@@ -25,13 +29,28 @@ struct RunView {
     #[serde(skip_serializing_if = "Option::is_none")]
     finished_at: Option<String>,
     records: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    interruption: Option<InterruptionView>,
+}
+
+/// The results of a run, for a program.
+#[derive(Debug, Serialize)]
+struct ResultsView {
+    #[serde(flatten)]
+    summary: RunSummary,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    interruption: Option<InterruptionView>,
 }
 
 pub(super) fn list(args: &RunsArgs) -> Result<(), Failure> {
-    let runs = args.data.journal()?.runs()?;
-    let runs: Vec<Run> = runs.into_iter().filter(|run| run.kind == RunKind::Run).collect();
+    let reader = args.data.journal()?;
+    let mut runs = Vec::new();
+    for run in reader.runs()?.into_iter().filter(|run| run.kind == RunKind::Run) {
+        let interruption = InterruptionView::read(&reader, &run)?;
+        runs.push((run, interruption));
+    }
     if args.output.json {
-        let view = |run: Run| RunView {
+        let view = |(run, interruption): (Run, Option<InterruptionView>)| RunView {
             run_id: run.id.to_string(),
             name: run.short_name(),
             protocol: run.name,
@@ -39,10 +58,11 @@ pub(super) fn list(args: &RunsArgs) -> Result<(), Failure> {
             started_at: run.started_at,
             finished_at: run.finished_at,
             records: run.records,
+            interruption,
         };
         return print_json(&runs.into_iter().map(view).collect::<Vec<_>>());
     }
-    let row = |run: &Run| {
+    let row = |(run, _): &(Run, _)| {
         vec![
             run.short_name(),
             run.status.describe(),
@@ -53,7 +73,13 @@ pub(super) fn list(args: &RunsArgs) -> Result<(), Failure> {
         ]
     };
     let rows: Vec<_> = runs.iter().map(row).collect();
-    print(&columns(&["run", "status", "started (UTC)", "took", "records", "id"], &rows))
+    print(&columns(&["run", "status", "started (UTC)", "took", "records", "id"], &rows))?;
+    for (run, interruption) in &runs {
+        if let Some(left) = interruption.as_ref().filter(|left| left.is_open()) {
+            note(&format!("{} was {}; {ADVICE}", run.short_name(), left.message));
+        }
+    }
+    Ok(())
 }
 
 pub(super) fn show(args: &ShowArgs) -> Result<(), Failure> {
@@ -96,13 +122,18 @@ pub(super) fn print_results(data: &Path, run: RunId, is_json: bool) -> Result<()
     let reader = Reader::open(data)?;
     let folder = run_files::folder(data, run);
     let (run, records) = (reader.run(run)?, reader.records(run)?);
+    let interruption = InterruptionView::read(&reader, &run)?;
     if is_json {
         let summary = report::summary(&run, &records, &folder).map_err(StoreError::from)?;
         if summary.touches_measured < summary.touches_planned {
             note(&summary.touches_sentence());
         }
-        print_json(&summary)
-    } else {
-        print(report::text(&run, &records).map_err(StoreError::from)?.trim_end())
+        return print_json(&ResultsView { summary, interruption });
+    }
+    print(report::text(&run, &records).map_err(StoreError::from)?.trim_end())?;
+    match interruption {
+        Some(left) if left.is_open() => print(&format!("{}; {ADVICE}", left.message)),
+        Some(left) => print(&left.message),
+        None => Ok(()),
     }
 }

@@ -3,11 +3,17 @@
 use std::path::{Path, PathBuf};
 
 use rig_engine::{Command, StateWord};
+use rig_store::Reader;
 use tokio::sync::watch;
 
-use super::{Failure, screen::say_clearly, signals::Signals};
+use super::{
+    Failure,
+    screen::{say, say_clearly},
+    signals::Signals,
+};
 use crate::{
     hint,
+    interruption::LeftBehind,
     loaded_rig::LoadedRig,
     operator::Operator,
     rig::{self, OpenError, RigHandle, RigThread, Status},
@@ -59,6 +65,7 @@ pub(super) async fn open(
     data: PathBuf,
     signals: &mut Signals,
 ) -> Result<(RigHandle, RigThread), Failure> {
+    say_what_was_left(&data, &rig.file.name);
     let mut opening = tokio::task::spawn_blocking(move || rig::open(rig, data));
     loop {
         tokio::select! {
@@ -68,6 +75,17 @@ pub(super) async fn open(
                 _ => return Err(Failure::Interrupted),
             },
         }
+    }
+}
+
+/// Whoever opens a rig hears what the last one left behind, before anything moves. What is wrong with
+/// the journal is said by the opening.
+fn say_what_was_left(data: &Path, rig: &str) {
+    let left = Reader::open(data).and_then(|reader| LeftBehind::read(&reader, rig));
+    if let Ok(Some(left)) = left
+        && left.is_interrupted
+    {
+        say(&left.message);
     }
 }
 

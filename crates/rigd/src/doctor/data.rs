@@ -7,16 +7,17 @@ use std::{
 };
 
 use rig_model::with_causes;
-use rig_store::{Store, StoreError};
+use rig_store::{Reader, StoreError};
 
 use super::{Finding, Findings};
+use crate::interruption::{ADVICE, LeftBehind};
 
 /// A run leaves some megabytes; below this, the next one may not fit.
 const SPACE_MIN_BYTES: u64 = 100 << 20;
 /// Below this it is time to tidy up.
 const SPACE_GOOD_BYTES: u64 = 1 << 30;
 
-pub(super) fn findings(data: &Path) -> Vec<Finding> {
+pub(super) fn findings(data: &Path, rig: &str) -> Vec<Finding> {
     let mut findings = Findings::of("data directory");
     // Where there is none yet, it will be made where it is to be.
     let place = existing(data);
@@ -36,10 +37,7 @@ pub(super) fn findings(data: &Path) -> Vec<Finding> {
             "find out how much is free there",
         ),
     }
-    // A journal is opened as everything does that works with the rig; none is begun.
-    if data.join("rigd.db").exists() {
-        journal(&mut findings, data);
-    }
+    journal(&mut findings, data, rig);
     findings.all
 }
 
@@ -68,14 +66,38 @@ fn space(findings: &mut Findings, free_bytes: u64) {
     }
 }
 
-fn journal(findings: &mut Findings, data: &Path) {
-    match Store::open(data) {
-        Ok(_) => findings.ok("journal", "can be opened"),
-        Err(error @ StoreError::InUse) => findings.warning(
+/// The journal is only read: whatever was interrupted is left as it is.
+fn journal(findings: &mut Findings, data: &Path, rig: &str) {
+    let left = Reader::open(data).and_then(|reader| {
+        let left = LeftBehind::read(&reader, rig)?;
+        Ok((reader.has_writer(), left))
+    });
+    match left {
+        // One is begun where there is none.
+        Err(StoreError::NoJournal) => {}
+        Ok((true, _)) => findings.warning(
             "journal",
-            with_causes(&error),
+            StoreError::InUse.to_string(),
             "that one also holds the ports: end it, or ask it over HTTP",
         ),
+        Ok((false, left)) => {
+            findings.ok("journal", "can be opened");
+            match left {
+                Some(LeftBehind { is_open: true, message, is_interrupted: true }) => {
+                    findings.problem("probe", message, ADVICE);
+                }
+                Some(LeftBehind { is_open: true, message, .. }) => {
+                    findings.warning("probe", message, ADVICE);
+                }
+                Some(LeftBehind { is_interrupted: true, message, .. }) => findings.warning(
+                    "last session",
+                    message,
+                    "what was measured until then is in the journal: `rigd runs`, `rigd show`",
+                ),
+                Some(LeftBehind { message, .. }) => findings.ok("probe", message),
+                None => {}
+            }
+        }
         Err(error) => findings.problem(
             "journal",
             with_causes(&error),
@@ -86,6 +108,8 @@ fn journal(findings: &mut Findings, data: &Path) {
 
 #[cfg(test)]
 mod tests {
+    use rig_store::Store;
+
     use super::{super::Level, *};
 
     #[track_caller]
@@ -110,18 +134,18 @@ mod tests {
         let scratch = tempfile::TempDir::new().unwrap();
         let data = scratch.path().join("not/yet");
         assert_eq!(existing(&data), scratch.path());
-        let found = findings(&data);
+        let found = findings(&data, "bench");
         assert_eq!(found[0].level, Level::Ok, "{found:?}");
         assert!(!data.exists() && scratch.path().read_dir().unwrap().next().is_none());
         // A file stands in the way.
         fs::write(data.parent().unwrap(), "").unwrap();
-        assert_eq!(findings(&data)[0].level, Level::Problem);
+        assert_eq!(findings(&data, "bench")[0].level, Level::Problem);
     }
 
     #[test]
     fn the_journal_of_another_program_is_left_alone() {
         let scratch = tempfile::TempDir::new().unwrap();
-        let journal = |path: &Path| findings(path).pop().unwrap();
+        let journal = |path: &Path| findings(path, "bench").pop().unwrap();
         let store = Store::open(scratch.path()).unwrap();
         assert_eq!(journal(scratch.path()).level, Level::Warning);
         drop(store);

@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Problem, Shared};
 use crate::{
+    interruption::InterruptionView,
     operator::Operator,
     protocol_file::LoadedProtocol,
     report::{self, RunSummary},
@@ -38,6 +39,8 @@ pub(super) struct RunView {
 pub(super) struct RunDetail {
     #[serde(flatten)]
     run: RunView,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    interruption: Option<InterruptionView>,
     results: RunSummary,
 }
 
@@ -93,7 +96,8 @@ pub(super) async fn show(
     let detail = shared.read(move |reader| {
         let (run, records) = (reader.run(id)?, reader.records(id)?);
         let results = report::summary(&run, &records, &folder)?;
-        Ok(RunDetail { run: run.into(), results })
+        let interruption = InterruptionView::read(reader, &run)?;
+        Ok(RunDetail { run: run.into(), interruption, results })
     });
     detail.await.map(Json)
 }

@@ -1,0 +1,171 @@
+//! How a run or a session was left by a program that did not end it, in words and as JSON.
+
+use rig_store::{Interruption, ProbeWord, Reader, Run, RunKind, RunStatus, StoreError};
+use serde::Serialize;
+
+/// What to do about a probe that may be in the sample. It names no move: where the probe stands is
+/// for a person to see.
+pub(crate) const ADVICE: &str = "look where the probe stands, and touch neither the sample nor the \
+                                 stages; whatever opens the rig next, such as `rigd home`, retracts \
+                                 the probe first";
+
+/// An interruption for a program.
+#[derive(Debug, Clone, Serialize)]
+pub(crate) struct InterruptionView {
+    /// When something was last written: UTC, RFC 3339.
+    at: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    step: Option<String>,
+    /// `clear`, `may be in contact` or `unknown`, at that moment.
+    probe: &'static str,
+    /// Position of the linear axis at its last read-back before, mm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    at_mm: Option<f64>,
+    /// The lowest position that it was allowed to go to, mm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    down_to_mm: Option<f64>,
+    /// Whether the probe has been shown to be clear since.
+    is_cleared_since: bool,
+    /// All of it for a person.
+    pub(crate) message: String,
+}
+
+impl InterruptionView {
+    /// How a run or session was left, when its program did not end it.
+    ///
+    /// # Errors
+    /// What the journal says.
+    pub(crate) fn read(reader: &Reader, run: &Run) -> Result<Option<Self>, StoreError> {
+        Ok(reader.interruption(run)?.map(Self::from))
+    }
+
+    /// Whether the probe may still be in the sample, as far as the journal tells.
+    pub(crate) fn is_open(&self) -> bool {
+        self.probe != CLEAR && !self.is_cleared_since
+    }
+}
+
+const CLEAR: &str = "clear";
+
+impl From<Interruption> for InterruptionView {
+    fn from(left: Interruption) -> Self {
+        let message = sentence(&left);
+        let Interruption { at, step, probe, is_cleared_since } = left;
+        let (probe, at_mm, down_to_mm) = match probe {
+            ProbeWord::Clear => (CLEAR, None, None),
+            ProbeWord::MayTouch { at_mm, down_to_mm } => ("may be in contact", at_mm, down_to_mm),
+            ProbeWord::Silent => ("unknown", None, None),
+        };
+        Self { at, step, probe, at_mm, down_to_mm, is_cleared_since, message }
+    }
+}
+
+/// What was left behind on a rig by whatever had it open last.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct LeftBehind {
+    /// It was not closed in order.
+    pub(crate) is_interrupted: bool,
+    /// The probe may be in the sample.
+    pub(crate) is_open: bool,
+    /// Both in a sentence.
+    pub(crate) message: String,
+}
+
+impl LeftBehind {
+    /// What the latest session with a rig left behind, when there is one and it has ended.
+    ///
+    /// # Errors
+    /// What the journal says.
+    pub(crate) fn read(reader: &Reader, rig: &str) -> Result<Option<Self>, StoreError> {
+        let Some(session) = reader.latest_session(rig)? else { return Ok(None) };
+        if session.status == RunStatus::Running {
+            return Ok(None);
+        }
+        let Some(left) = InterruptionView::read(reader, &session)? else {
+            let probe = reader.probe_word(&session)?;
+            let message = match probe {
+                ProbeWord::Clear => "the probe was left clear".to_owned(),
+                other => format!("the probe was not retracted{}", whereabouts(other)),
+            };
+            let is_open = probe != ProbeWord::Clear;
+            return Ok(Some(Self { is_interrupted: false, is_open, message }));
+        };
+        let is_its_run = |run: &Run| {
+            run.kind == RunKind::Run
+                && run.status.is_interrupted()
+                && run.started_at >= session.started_at
+        };
+        let is_open = left.is_open();
+        let run = reader.runs()?.into_iter().find(is_its_run);
+        let (what, left) = match run {
+            // It ended with its program, so that nothing was said of the probe after it.
+            Some(run) => (run.short_name(), InterruptionView::read(reader, &run)?.unwrap_or(left)),
+            None => ("the last session".to_owned(), left),
+        };
+        let message = format!("{what} was {}", left.message);
+        Ok(Some(Self { is_interrupted: true, is_open, message }))
+    }
+}
+
+/// When, in which step, and where the probe may be.
+fn sentence(left: &Interruption) -> String {
+    // Nobody needs milliseconds, and everybody the word for the time zone.
+    let at = left.at.split('.').next().unwrap_or_default().replace('T', " ");
+    let step = left.step.as_ref().map_or_else(String::new, |step| format!(" in step {step}"));
+    let probe = match (left.probe, left.is_cleared_since) {
+        (ProbeWord::Clear, _) => "the probe was clear".to_owned(),
+        (ProbeWord::Silent, false) => "the probe had not been shown clear yet".to_owned(),
+        (ProbeWord::Silent, true) => "the probe was shown clear only later".to_owned(),
+        (probe @ ProbeWord::MayTouch { .. }, false) => {
+            format!("the probe may be in the sample{}", whereabouts(probe))
+        }
+        (ProbeWord::MayTouch { .. }, true) => {
+            "the probe may have been in the sample then, and was shown clear later".to_owned()
+        }
+    };
+    format!("interrupted at {at} UTC{step}; {probe}")
+}
+
+/// What the journal knows of a probe that was not shown clear.
+fn whereabouts(probe: ProbeWord) -> String {
+    let ProbeWord::MayTouch { at_mm, down_to_mm } = probe else { return String::new() };
+    let at = at_mm.map(|at_mm| format!("last read back at {at_mm:.3} mm"));
+    let down_to = down_to_mm.map(|to| format!("allowed down to {to:.3} mm"));
+    let known: Vec<_> = at.into_iter().chain(down_to).collect();
+    if known.is_empty() { String::new() } else { format!(" ({})", known.join(", ")) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[track_caller]
+    fn check(probe: ProbeWord, is_cleared_since: bool, is_open: bool, expected: &str) {
+        let left = Interruption {
+            at: "2026-11-22T06:20:01.123Z".to_owned(),
+            step: Some("main/1/left/0/1".to_owned()),
+            probe,
+            is_cleared_since,
+        };
+        let view = InterruptionView::from(left);
+        let before = "interrupted at 2026-11-22 06:20:01 UTC in step main/1/left/0/1; the probe ";
+        assert_eq!(view.message.strip_prefix(before), Some(expected));
+        assert_eq!(view.is_open(), is_open);
+    }
+
+    #[test]
+    fn an_interruption_says_when_where_and_what_of_the_probe() {
+        let touching = |at_mm, down_to_mm| ProbeWord::MayTouch { at_mm, down_to_mm };
+        let lowered =
+            "may be in the sample (last read back at 10.300 mm, allowed down to 9.500 mm)";
+        check(touching(Some(10.3), Some(9.5)), false, true, lowered);
+        let about_to = "may be in the sample (allowed down to 9.500 mm)";
+        check(touching(None, Some(9.5)), false, true, about_to);
+        check(touching(None, None), false, true, "may be in the sample");
+        let later = "may have been in the sample then, and was shown clear later";
+        check(touching(Some(10.3), Some(9.5)), true, false, later);
+        check(ProbeWord::Clear, false, false, "was clear");
+        check(ProbeWord::Silent, false, true, "had not been shown clear yet");
+        check(ProbeWord::Silent, true, false, "was shown clear only later");
+    }
+}
