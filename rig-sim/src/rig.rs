@@ -202,6 +202,7 @@ impl Rig {
     /// lost steps stay.
     pub fn clear_faults(&mut self, now: RigTime) {
         self.faults.clear();
+        self.analyzer.mend();
         self.world.mend(now);
     }
 }

@@ -6,6 +6,7 @@ use std::{
 };
 
 use rig_engine::{Command, RunStatus, StateWord};
+use rig_sim::control;
 use rig_store::{Reader, RunId, StoredRecord};
 use rigd::{
     loaded_rig::{LoadedRig, RigFacts},
@@ -141,6 +142,17 @@ impl TestRig {
     /// What the rig says.
     pub async fn command(&self, command: Command) -> Result<(), rig::Refusal> {
         self.handle.command(command, None, "test").await
+    }
+
+    /// Lets a fault of the simulator's menu happen, in the words of its control interface.
+    ///
+    /// # Panics
+    /// When there is no such fault.
+    pub fn fault(&self, words: &str) {
+        let simulation = self.handle.simulation().expect("the rig is simulated");
+        simulation.with(|now, rig| {
+            control::execute(now, rig, words).unwrap_or_else(|error| panic!("{words}: {error}"));
+        });
     }
 
     /// Closes the rig and waits for its thread.

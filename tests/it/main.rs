@@ -4,6 +4,7 @@
 
 mod edges;
 mod errors;
+mod flags;
 mod makes;
 mod operator;
 mod runs;

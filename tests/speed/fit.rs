@@ -6,7 +6,7 @@
 
 use std::{error::Error, fs, hint::black_box, num::NonZero, time::Instant};
 
-use rig_model::{Reading, ReadingFlag, RigTime};
+use rig_model::{Impedance, Measured, Reading, RigTime};
 use rig_resonance::{FitOptions, Fitter, Verdict};
 
 /// Prints one line for each sweep: the resonance and its standard deviation in Hz and the model, or
@@ -53,12 +53,13 @@ fn sweeps(bytes: &[u8]) -> Result<Vec<Vec<Reading>>, Box<dyn Error>> {
         let reading = |frequency_hz: &f64| {
             Ok(Reading {
                 frequency_hz: *frequency_hz,
-                resistance_ohm: next()?,
-                reactance_ohm: next()?,
+                measured: Measured::Value(Impedance {
+                    resistance_ohm: next()?,
+                    reactance_ohm: next()?,
+                }),
                 started: RigTime::ZERO,
                 settle_s: 60.0,
                 integration_s: 10.0 / frequency_hz,
-                flag: ReadingFlag::Normal,
             })
         };
         frequencies.iter().map(reading).collect()

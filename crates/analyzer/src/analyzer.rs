@@ -13,6 +13,10 @@ const SETTLE_MAX_S: f64 = 60.0;
 /// The most cycles that are integrated at a point.
 const CYCLES_MAX: u32 = 100_000;
 
+/// How often a point is measured before it is given up because the instrument flags it. A flag that
+/// comes of a change of range or of a knock is gone at the next try; one that stays is the bench's.
+const TRIES: usize = 3;
+
 /// An impedance analyzer and its port.
 ///
 /// ```text
@@ -108,6 +112,9 @@ impl Analyzer {
 
     /// Measures at these points, in this order. Ends between two points when a stop is asked for.
     ///
+    /// A point that the instrument flags is measured again; what was flagged is among the readings,
+    /// in front of what followed. When the last try is flagged too, it is the last reading.
+    ///
     /// # Errors
     /// [`AnalyzerError::Stopped`], [`AnalyzerError::NotConfigured`],
     /// [`AnalyzerError::OutOfRange`] before anything is sent, and what a lost answer led to when
@@ -131,8 +138,9 @@ impl Analyzer {
             self.within("cycles", point.cycles.into(), (1.0, cycles_max.into()))?;
         }
         let mut readings = Vec::with_capacity(points.len());
-        while readings.len() < points.len() {
-            let rest = &points[readings.len()..];
+        let (mut done, mut tries) = (0, 0);
+        while done < points.len() && tries < TRIES {
+            let rest = &points[done..];
             let more = match commands {
                 _ if stop.is_raised() => Vec::new(),
                 CommandSet::Trace => self.persist(async |this| this.try_trace(rest).await).await?,
@@ -142,10 +150,17 @@ impl Analyzer {
                 }
             };
             if more.is_empty() {
-                let (done, points) = (readings.len(), points.len());
-                return Err(AnalyzerError::Stopped { done, points });
+                return Err(AnalyzerError::Stopped { done, points: points.len() });
             }
-            readings.extend(more);
+            let is_sound = |one: &&Reading| one.flag().is_none();
+            let sound = more.iter().take_while(is_sound).count();
+            done += sound;
+            tries = match sound {
+                all if all == more.len() => 0,
+                0 => tries + 1,
+                _ => 1,
+            };
+            readings.extend(more.into_iter().take(sound + 1));
         }
         Ok(readings)
     }

@@ -3,12 +3,12 @@
 //! There is no error queue: errors show only as bits of `*ESR?`. A message that contains an error
 //! is not carried out beyond it, so that a query behind it stays without an answer.
 
-use rig_model::{DriveLevel, ReadingFlag};
+use rig_model::{DriveLevel, Measured, ReadingFlag};
 use rig_scpi::{DataError, Datum};
 
 use crate::{
     message::Message,
-    point::{Impedance, Integration, Shot},
+    point::{Integration, Shot, measured},
 };
 
 /// The longest trigger delay, s.
@@ -63,14 +63,14 @@ pub(crate) fn trigger(message: Message) -> Message {
 
 /// Reads a status, resistance and reactance. A value that could not be measured is a row of
 /// asterisks.
-pub(crate) fn reading(data: &[Datum]) -> Result<Impedance, DataError> {
+pub(crate) fn reading(data: &[Datum]) -> Result<Measured, DataError> {
     let [status, resistance, reactance] = data else {
         return Err(DataError::FieldCount { expected: 3, found: data.len() });
     };
     let flag = match status.integer()? {
-        0 => ReadingFlag::Normal,
-        1 => ReadingFlag::LowSignal,
-        _ => ReadingFlag::Overload,
+        0 => None,
+        1 => Some(ReadingFlag::LowSignal),
+        _ => Some(ReadingFlag::Overload),
     };
-    Impedance::new(resistance, reactance, flag)
+    measured(resistance, reactance, flag)
 }

@@ -1,12 +1,12 @@
 //! The commands of the HP 4284A and of those that follow it.
 
-use rig_model::{DriveLevel, ReadingFlag};
+use rig_model::{DriveLevel, Measured, ReadingFlag};
 use rig_scpi::{DataError, Datum};
 
 use crate::{
     dialect::HighPower,
     message::Message,
-    point::{Impedance, Integration, Shot},
+    point::{Integration, Shot, measured},
 };
 
 /// The longest trigger delay, s.
@@ -123,22 +123,24 @@ pub(crate) const FETCH: &str = ":FETCh";
 
 /// Reads resistance, reactance, status, and the bin where the comparator is on. `None` while the
 /// measurement is under way.
-pub(crate) fn reading(data: &[Datum]) -> Result<Option<Impedance>, DataError> {
+pub(crate) fn reading(data: &[Datum]) -> Result<Option<Measured>, DataError> {
     let ([resistance, reactance, status] | [resistance, reactance, status, _]) = data else {
         return Err(DataError::FieldCount { expected: 3, found: data.len() });
     };
     let flag = match status.integer()? {
         -1 => return Ok(None),
-        0 => ReadingFlag::Normal,
-        1 => ReadingFlag::Overload,
+        0 => None,
+        1 => Some(ReadingFlag::Overload),
         // The source is overloaded, or the level could not be held: not at the level asked for.
-        _ => ReadingFlag::LowSignal,
+        _ => Some(ReadingFlag::LowSignal),
     };
-    Impedance::new(resistance, reactance, flag).map(Some)
+    measured(resistance, reactance, flag).map(Some)
 }
 
 #[cfg(test)]
 mod tests {
+    use rig_model::Impedance;
+
     use super::*;
 
     #[test]
@@ -152,11 +154,12 @@ mod tests {
     #[test]
     fn the_status_says_whether_there_is_a_value() {
         let data = |status| [Datum::Real(1.0), Datum::Real(2.0), Datum::Integer(status)];
-        let flag = |status| reading(&data(status)).unwrap().map(|one| one.flag);
-        assert_eq!(flag(-1), None);
-        assert_eq!(flag(0), Some(ReadingFlag::Normal));
-        assert_eq!(flag(1), Some(ReadingFlag::Overload));
-        assert_eq!(flag(4), Some(ReadingFlag::LowSignal));
+        let value = Impedance { resistance_ohm: 1.0, reactance_ohm: 2.0 };
+        let read = |status| reading(&data(status)).unwrap();
+        assert_eq!(read(-1), None);
+        assert_eq!(read(0), Some(Measured::Value(value)));
+        assert_eq!(read(1), Some(Measured::Overload));
+        assert_eq!(read(4), Some(Measured::LowSignal(value)));
         assert!(reading(&data(0)[..2]).is_err());
     }
 }

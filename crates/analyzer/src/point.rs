@@ -1,6 +1,6 @@
 //! How one frequency is measured: how often it is triggered, and what the instrument averages.
 
-use rig_model::ReadingFlag;
+use rig_model::{Impedance, Measured, ReadingFlag};
 use rig_scpi::{DataError, Datum};
 
 /// What the instrument is set to for a trigger.
@@ -36,53 +36,44 @@ impl Integration {
     }
 }
 
-/// What one trigger measured.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Impedance {
-    pub(crate) resistance_ohm: f64,
-    pub(crate) reactance_ohm: f64,
-    pub(crate) flag: ReadingFlag,
+/// What two data of an answer and the flag beside them say. Where one of them is no number, there is
+/// no value, and nothing that could be mistaken for one.
+pub(crate) fn measured(
+    resistance: &Datum,
+    reactance: &Datum,
+    flag: Option<ReadingFlag>,
+) -> Result<Measured, DataError> {
+    match (resistance.number(), reactance.number(), flag) {
+        (Err(error @ (DataError::Malformed { .. } | DataError::Type { .. })), _, _)
+        | (_, Err(error @ (DataError::Malformed { .. } | DataError::Type { .. })), _) => Err(error),
+        (Ok(resistance_ohm), Ok(reactance_ohm), None) => {
+            Ok(Measured::Value(Impedance { resistance_ohm, reactance_ohm }))
+        }
+        (Ok(resistance_ohm), Ok(reactance_ohm), Some(ReadingFlag::LowSignal)) => {
+            Ok(Measured::LowSignal(Impedance { resistance_ohm, reactance_ohm }))
+        }
+        _ => Ok(Measured::Overload),
+    }
 }
 
-impl Impedance {
-    /// Two data of an answer. Where one of them is no number, there is no value, and nothing that
-    /// could be mistaken for one.
-    pub(crate) fn new(
-        resistance: &Datum,
-        reactance: &Datum,
-        flag: ReadingFlag,
-    ) -> Result<Self, DataError> {
-        match (resistance.number(), reactance.number()) {
-            (Ok(resistance_ohm), Ok(reactance_ohm)) if flag != ReadingFlag::Overload => {
-                Ok(Self { resistance_ohm, reactance_ohm, flag })
-            }
-            (Err(error @ (DataError::Malformed { .. } | DataError::Type { .. })), _)
-            | (_, Err(error @ (DataError::Malformed { .. } | DataError::Type { .. }))) => {
-                Err(error)
-            }
-            _ => Ok(Self::OVERLOADED),
-        }
-    }
-
-    const OVERLOADED: Self =
-        Self { resistance_ohm: f64::NAN, reactance_ohm: f64::NAN, flag: ReadingFlag::Overload };
-
-    /// The mean of several triggers; what one of them lacks, the mean lacks.
-    pub(crate) fn mean(all: &[Self]) -> Self {
-        let n = all.len() as f64;
-        let flag = if all.iter().any(|one| one.flag == ReadingFlag::Overload) {
-            ReadingFlag::Overload
-        } else if all.iter().any(|one| one.flag == ReadingFlag::LowSignal) {
-            ReadingFlag::LowSignal
-        } else {
-            ReadingFlag::Normal
+/// The mean of several triggers. What one of them lacks, the mean lacks, and what one doubts is
+/// doubted.
+pub(crate) fn mean(all: &[Measured]) -> Measured {
+    let (mut sum, mut is_doubted) = (Impedance { resistance_ohm: 0.0, reactance_ohm: 0.0 }, false);
+    for one in all {
+        let (Measured::Value(value) | Measured::LowSignal(value)) = one else {
+            return Measured::Overload;
         };
-        Self {
-            resistance_ohm: all.iter().map(|one| one.resistance_ohm).sum::<f64>() / n,
-            reactance_ohm: all.iter().map(|one| one.reactance_ohm).sum::<f64>() / n,
-            flag,
-        }
+        sum.resistance_ohm += value.resistance_ohm;
+        sum.reactance_ohm += value.reactance_ohm;
+        is_doubted |= matches!(one, Measured::LowSignal(_));
     }
+    let count = all.len() as f64;
+    let mean = Impedance {
+        resistance_ohm: sum.resistance_ohm / count,
+        reactance_ohm: sum.reactance_ohm / count,
+    };
+    if is_doubted { Measured::LowSignal(mean) } else { Measured::Value(mean) }
 }
 
 #[cfg(test)]
@@ -111,16 +102,22 @@ mod tests {
     #[test]
     fn what_is_no_number_is_flagged_and_holds_none() {
         let (one, two) = (Datum::Real(1.5), Datum::Integer(-2));
-        let normal = Impedance::new(&one, &two, ReadingFlag::Normal).unwrap();
-        assert_eq!((normal.resistance_ohm, normal.reactance_ohm), (1.5, -2.0));
+        let value = |resistance_ohm| Impedance { resistance_ohm, reactance_ohm: -2.0 };
+        let normal = measured(&one, &two, None).unwrap();
+        assert_eq!(normal, Measured::Value(value(1.5)));
         for bad in [Datum::Missing, Datum::Overload { is_negative: false }] {
-            let found = Impedance::new(&one, &bad, ReadingFlag::Normal).unwrap();
-            assert!(found.resistance_ohm.is_nan() && found.flag == ReadingFlag::Overload);
+            for flag in [None, Some(ReadingFlag::LowSignal), Some(ReadingFlag::Overload)] {
+                assert_eq!(measured(&one, &bad, flag), Ok(Measured::Overload));
+                assert_eq!(measured(&bad, &two, flag), Ok(Measured::Overload));
+            }
         }
+        let overload = Some(ReadingFlag::Overload);
+        assert_eq!(measured(&one, &two, overload), Ok(Measured::Overload));
         let word = Datum::Characters("NEAR".to_owned());
-        assert!(Impedance::new(&word, &two, ReadingFlag::Normal).is_err());
-        let low = Impedance { flag: ReadingFlag::LowSignal, ..normal };
-        let mean = Impedance::mean(&[normal, low, Impedance { resistance_ohm: 4.5, ..normal }]);
-        assert_eq!((mean.resistance_ohm, mean.flag), (2.5, ReadingFlag::LowSignal));
+        assert!(measured(&word, &two, None).is_err());
+        let low = Measured::LowSignal(value(1.5));
+        let other = Measured::Value(value(4.5));
+        assert_eq!(mean(&[normal, low, other]), Measured::LowSignal(value(2.5)));
+        assert_eq!(mean(&[normal, Measured::Overload, low]), Measured::Overload);
     }
 }

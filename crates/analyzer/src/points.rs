@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use rig_link::StopSignal;
-use rig_model::{Reading, SweepPoint};
+use rig_model::{Measured, Reading, SweepPoint};
 use rig_scpi::{DataError, Datum};
 use tokio::time::{Instant, sleep};
 
@@ -12,7 +12,7 @@ use crate::{
     dialect::PointCommands,
     hioki, lcr,
     message::Message,
-    point::{Impedance, Integration, Shot},
+    point::{Integration, Shot, mean},
     questions::shown,
 };
 
@@ -46,23 +46,20 @@ impl Analyzer {
             if stop.is_raised() {
                 return Ok(Vec::new());
             }
-            let (impedance, found_hz, asked_at) = self.shoot(commands, &shot, trigger_s).await?;
-            measured.push(impedance);
+            let (one, found_hz, asked_at) = self.shoot(commands, &shot, trigger_s).await?;
+            measured.push(one);
             first.get_or_insert((found_hz, asked_at));
             // What has settled stays so.
             shot.delay_s = 0.0;
         }
         let Some((found_hz, asked_at)) = first else { return Ok(Vec::new()) };
-        let Impedance { resistance_ohm, reactance_ohm, flag } = Impedance::mean(&measured);
         let waited_s = asked_at.since(self.frequency_set_at).as_secs_f64();
         Ok(vec![Reading {
             frequency_hz: found_hz,
-            resistance_ohm,
-            reactance_ohm,
+            measured: mean(&measured),
             started: self.frequency_set_at,
             settle_s: waited_s + delay_s,
             integration_s: f64::from(integration.triggers) * trigger_s,
-            flag,
         }])
     }
 
@@ -95,7 +92,7 @@ impl Analyzer {
         commands: PointCommands,
         shot: &Shot,
         trigger_s: f64,
-    ) -> Result<(Impedance, f64, rig_model::RigTime), AnalyzerError> {
+    ) -> Result<(Measured, f64, rig_model::RigTime), AnalyzerError> {
         // Until it has confirmed, nothing is known about its settings.
         let before = self.current.take();
         let frequency_header = commands.frequency_header();
@@ -124,8 +121,8 @@ impl Analyzer {
             let what = "frequency in Hz";
             return Err(AnalyzerError::NotTaken { port, what, wanted, found: found_hz });
         }
-        let impedance = match commands.reading(reading) {
-            Ok(Some(impedance)) => impedance,
+        let measured = match commands.reading(reading) {
+            Ok(Some(measured)) => measured,
             Ok(None) => self.fetch_until(deadline).await?,
             Err(_) => return Err(self.not_a_reading(&message, reading)),
         };
@@ -133,17 +130,17 @@ impl Analyzer {
             self.frequency_set_at = asked_at;
         }
         self.current = Some(*shot);
-        Ok((impedance, found_hz, asked_at))
+        Ok((measured, found_hz, asked_at))
     }
 
     /// Asks again for a measurement that was not ready.
-    async fn fetch_until(&mut self, deadline: Instant) -> Result<Impedance, AnalyzerError> {
+    async fn fetch_until(&mut self, deadline: Instant) -> Result<Measured, AnalyzerError> {
         loop {
             sleep(POLL).await;
             let (answers, _, message) =
                 self.ask_all(&[&|m| m.query(lcr::FETCH)], self.wire.reply_within()).await?;
             match lcr::reading(&answers[0]) {
-                Ok(Some(impedance)) => return Ok(impedance),
+                Ok(Some(measured)) => return Ok(measured),
                 Ok(None) if Instant::now() < deadline => {}
                 _ => return Err(self.not_a_reading(&message, &answers[0])),
             }
@@ -187,7 +184,7 @@ impl PointCommands {
     }
 
     /// What a trigger measured; none while it is still at it.
-    fn reading(self, data: &[Datum]) -> Result<Option<Impedance>, DataError> {
+    fn reading(self, data: &[Datum]) -> Result<Option<Measured>, DataError> {
         match self {
             Self::Hioki => hioki::reading(data).map(Some),
             Self::Lcr(_) => lcr::reading(data),

@@ -1,9 +1,9 @@
 //! The commands of the E4990A, which measures a trace of evenly spaced frequencies at a time.
 
-use rig_model::{DriveLevel, ReadingFlag, SweepPoint};
+use rig_model::{DriveLevel, Measured, SweepPoint};
 use rig_scpi::{DataError, Datum};
 
-use crate::{message::Message, point::Impedance};
+use crate::{message::Message, point::measured};
 
 /// The longest delay before each point, s.
 pub(crate) const DELAY_MAX_S: f64 = 30.0;
@@ -125,18 +125,20 @@ pub(crate) fn readings(
     resistances: &[Datum],
     reactances: &[Datum],
     points: usize,
-) -> Result<Vec<Impedance>, DataError> {
+) -> Result<Vec<Measured>, DataError> {
     for trace in [resistances, reactances] {
         if trace.len() != 2 * points {
             return Err(DataError::FieldCount { expected: 2 * points, found: trace.len() });
         }
     }
     let pairs = resistances.iter().step_by(2).zip(reactances.iter().step_by(2));
-    pairs.map(|(r, x)| Impedance::new(r, x, ReadingFlag::Normal)).collect()
+    pairs.map(|(r, x)| measured(r, x, None)).collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use rig_model::Impedance;
+
     use super::*;
 
     fn points(frequencies_hz: &[f64]) -> Vec<SweepPoint> {
@@ -173,8 +175,8 @@ mod tests {
         let resistances = [pair(1.0), pair(2.0)].concat();
         let reactances = [pair(-3.0), [Datum::Missing, Datum::Real(0.0)]].concat();
         let found = readings(&resistances, &reactances, 2).unwrap();
-        assert_eq!((found[0].resistance_ohm, found[0].reactance_ohm), (1.0, -3.0));
-        assert_eq!(found[1].flag, ReadingFlag::Overload);
+        let value = Impedance { resistance_ohm: 1.0, reactance_ohm: -3.0 };
+        assert_eq!(found, [Measured::Value(value), Measured::Overload]);
         let error = readings(&resistances[..3], &reactances, 2).unwrap_err();
         assert_eq!(error, DataError::FieldCount { expected: 4, found: 3 });
     }

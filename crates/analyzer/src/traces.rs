@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
-use rig_model::{Reading, SweepPoint};
+use rig_model::{Measured, Reading, SweepPoint};
 
 use crate::{
     Analyzer, AnalyzerError,
     message::Message,
-    point::Impedance,
+    point::mean,
     trace::{self, Trace},
 };
 
@@ -63,19 +63,16 @@ impl Analyzer {
             }
         }
         // A single point was measured twice.
-        let measured = if run == 1 { vec![Impedance::mean(&measured)] } else { measured };
+        let measured = if run == 1 { vec![mean(&measured)] } else { measured };
         let times = if run == 1 { 2.0 } else { 1.0 };
-        let reading = |(n, impedance): (usize, Impedance)| {
+        let reading = |(n, measured): (usize, Measured)| {
             let frequency_hz = points[n].frequency_hz;
-            let Impedance { resistance_ohm, reactance_ohm, flag } = impedance;
             Reading {
                 frequency_hz,
-                resistance_ohm,
-                reactance_ohm,
+                measured,
                 started: triggered_at + Duration::from_secs_f64(n as f64 * seconds_a_point),
                 settle_s: trace.delay_s,
                 integration_s: times * f64::from(trace.averages) / frequency_hz,
-                flag,
             }
         };
         Ok(measured.into_iter().enumerate().map(reading).collect())

@@ -80,10 +80,27 @@ pub struct TouchResult {
     pub no_load: Resonance,
     /// The tilt of the sample as read back.
     pub rotary: Position<Deg>,
-    /// How the probe stood in the sample.
-    pub contact: Contact,
-    /// The resonance in contact, or why there is none.
-    pub loaded: Result<Resonance, Refusal>,
+    /// What came of it.
+    pub outcome: TouchOutcome,
+}
+
+/// What came of a touch.
+#[derive(Debug, Clone, PartialEq)]
+pub enum TouchOutcome {
+    /// A resonance in contact.
+    Measured {
+        /// How the probe stood.
+        contact: Contact,
+        /// The resonance.
+        loaded: Resonance,
+    },
+    /// None to be relied on.
+    Refused {
+        /// How the probe stood, when it came to that.
+        contact: Option<Contact>,
+        /// Why.
+        refusal: Refusal,
+    },
 }
 
 /// How the probe stands in a sample.
@@ -103,12 +120,16 @@ impl Contact {
 }
 
 impl TouchResult {
+    /// Whether it gave no resonance.
+    pub const fn is_refused(&self) -> bool {
+        matches!(self.outcome, TouchOutcome::Refused { .. })
+    }
+
     /// Frequency shift and its standard deviation, Hz, when the resonance was accepted.
     pub fn shift_hz(&self) -> Option<(f64, f64)> {
-        self.loaded.as_ref().ok().map(|loaded| {
-            let shift = loaded.resonance_hz - self.no_load.resonance_hz;
-            (shift, loaded.sigma_hz.hypot(self.no_load.sigma_hz))
-        })
+        let TouchOutcome::Measured { loaded, .. } = &self.outcome else { return None };
+        let shift = loaded.resonance_hz - self.no_load.resonance_hz;
+        Some((shift, loaded.sigma_hz.hypot(self.no_load.sigma_hz)))
     }
 }
 
@@ -190,10 +211,15 @@ pub enum Event {
     },
     /// Readings of the sweep under way.
     Measured {
-        /// The readings, in the order taken.
+        /// Those by which the analyzer stands, in the order taken.
         readings: Vec<Reading>,
         /// What all of them so far say, once they say something.
         estimate: Option<Estimate>,
+    },
+    /// The surface has been sought and not found; why follows.
+    SurfaceNotFound {
+        /// Every position tried, with its reading.
+        trail: Vec<(Position<Mm>, Reading)>,
     },
     /// A sweep is done.
     SweepFinished(Box<SweepOutcome>),

@@ -19,6 +19,7 @@ mod engine;
 mod event;
 mod fault;
 mod interlock;
+mod measured;
 mod operation;
 mod recovery;
 mod run;
@@ -30,7 +31,8 @@ pub use command::{Command, Denied};
 pub use effect::{Effect, Input};
 pub use engine::{Engine, Progress, Snapshot};
 pub use event::{
-    Contact, Event, LoweringPurpose, RunStatus, StateWord, SweepOutcome, SweepPurpose, TouchResult,
+    Contact, Event, LoweringPurpose, RunStatus, StateWord, SweepOutcome, SweepPurpose,
+    TouchOutcome, TouchResult,
 };
 pub use fault::{Device, Failure, FailureKind, Fault};
 pub use interlock::{Interlock, InterlockError};

@@ -47,7 +47,8 @@ pub enum Report {
     LinearAt(Position<Mm>),
     /// The rotary stage stands here, read back after the move.
     RotaryAt(Position<Deg>),
-    /// The readings, one for each point asked for, or fewer if the operation was interrupted.
+    /// The readings: one by which the analyzer stands for each point asked for, and before it those
+    /// that it flagged. The last one is flagged when it gave up on that point.
     Measured(Vec<Reading>),
     /// Both axes have stopped.
     Stopped,

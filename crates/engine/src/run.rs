@@ -110,6 +110,10 @@ impl Context<'_> {
         Turn::Do(retract(self.bench))
     }
 
+    pub(crate) fn surface_not_found(&mut self, trail: Vec<(Position<Mm>, Reading)>) {
+        self.notes.push(Event::SurfaceNotFound { trail });
+    }
+
     pub(crate) fn surface_found(&mut self, surface: Surface, trail: Vec<(Position<Mm>, Reading)>) {
         let Surface { position, sigma_mm } = surface;
         self.notes.push(Event::SurfaceFound { position, sigma_mm, trail });
@@ -187,7 +191,7 @@ impl Run {
                 })
             }
             Machine::Touch(machine) => machine.advance(news, &mut context).and_then(|result| {
-                self.has_refusals |= result.loaded.is_err();
+                self.has_refusals |= result.is_refused();
                 context.notes.push(Event::TouchFinished(Box::new(result)));
                 Turn::Done(())
             }),

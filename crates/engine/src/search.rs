@@ -4,7 +4,7 @@
 //! goes back above the last clear place and comes down again in finer steps, always from above, so
 //! that the backlash of the stage is the same in every reading that counts.
 
-use rig_model::{Mm, Position, Reading};
+use rig_model::{Impedance, Measured, Mm, Position, Reading};
 use rig_protocol::Approach;
 
 use crate::Fault;
@@ -23,6 +23,8 @@ pub enum SearchTurn {
         /// The probe has just left the sample: what the contact set ringing must die away first.
         is_after_contact: bool,
     },
+    /// The analyzer does not stand by its reading, which says nothing: read again, or give up.
+    Flagged,
     /// Done.
     Found(Surface),
     /// It cannot go on.
@@ -43,7 +45,7 @@ pub struct Surface {
 pub struct Search {
     approach: Approach,
     expected: Position<Mm>,
-    baseline: Reading,
+    baseline: Impedance,
     step_mm: f64,
     /// The lowest place of this pass at which nothing was felt.
     last_clear: Option<Position<Mm>>,
@@ -61,7 +63,7 @@ impl Search {
     pub fn begin(
         approach: Approach,
         expected: Position<Mm>,
-        baseline: Reading,
+        baseline: Impedance,
     ) -> (Self, SearchTurn) {
         let start = expected.offset(approach.start_above_mm);
         let search = Self {
@@ -85,8 +87,8 @@ impl Search {
     }
 
     /// Every position tried, with its reading.
-    pub fn trail(self) -> Vec<(Position<Mm>, Reading)> {
-        self.trail
+    pub fn trail(&self) -> &[(Position<Mm>, Reading)] {
+        &self.trail
     }
 
     /// The probe has moved; `read_back` is where it is.
@@ -103,8 +105,11 @@ impl Search {
     /// The impedance here has been read.
     pub fn read(&mut self, reading: Reading) -> SearchTurn {
         self.trail.push((self.here, reading));
-        let change = relative_change(&self.baseline, &reading);
-        match (change > self.approach.contact_threshold, self.last_clear) {
+        let Measured::Value(impedance) = reading.measured else { return SearchTurn::Flagged };
+        let change = relative_change(self.baseline, impedance);
+        // What cannot be compared counts as contact, so that the probe goes no further.
+        let is_clear = change <= self.approach.contact_threshold;
+        match (!is_clear, self.last_clear) {
             (true, None) => SearchTurn::Fault(Fault::ContactTooEarly {
                 at: self.here,
                 expected: self.expected,
@@ -149,15 +154,17 @@ impl Search {
 }
 
 /// By how much the impedance has changed, relative to the baseline.
-fn relative_change(baseline: &Reading, reading: &Reading) -> f64 {
-    let change = (reading.resistance_ohm - baseline.resistance_ohm)
-        .hypot(reading.reactance_ohm - baseline.reactance_ohm);
-    change / baseline.resistance_ohm.hypot(baseline.reactance_ohm)
+fn relative_change(baseline: Impedance, now: Impedance) -> f64 {
+    let change = Impedance {
+        resistance_ohm: now.resistance_ohm - baseline.resistance_ohm,
+        reactance_ohm: now.reactance_ohm - baseline.reactance_ohm,
+    };
+    change.magnitude_ohm() / baseline.magnitude_ohm()
 }
 
 #[cfg(test)]
 mod tests {
-    use rig_model::{ReadingFlag, RigTime};
+    use rig_model::RigTime;
 
     use super::*;
 
@@ -171,22 +178,25 @@ mod tests {
         cycles: 10,
     };
 
+    fn impedance(resistance_ohm: f64) -> Impedance {
+        Impedance { resistance_ohm, reactance_ohm: -1000.0 }
+    }
+
     fn reading(resistance_ohm: f64) -> Reading {
         Reading {
             frequency_hz: 140.0,
-            resistance_ohm,
-            reactance_ohm: -1000.0,
+            measured: Measured::Value(impedance(resistance_ohm)),
             started: RigTime::ZERO,
             settle_s: 0.1,
             integration_s: 0.07,
-            flag: ReadingFlag::Normal,
         }
     }
 
     /// Plays a search against a surface; the stage stops `backlash_mm` short when it comes down
     /// directly after going up.
     fn search(surface_mm: f64, backlash_mm: f64) -> (SearchTurn, usize) {
-        let (mut search, mut turn) = Search::begin(APPROACH, Position::new(20.0), reading(1000.0));
+        let (mut search, mut turn) =
+            Search::begin(APPROACH, Position::new(20.0), impedance(1000.0));
         let (mut there, mut slack) = (f64::MAX, 0.0);
         for _ in 0..200 {
             turn = match turn {
@@ -218,6 +228,26 @@ mod tests {
             assert!((found.sigma_mm - 0.005 / 12.0_f64.sqrt()).abs() < 1e-9);
             assert!(readings <= 24, "{surface}: {readings} readings");
         }
+    }
+
+    #[test]
+    fn a_reading_that_is_flagged_or_cannot_be_compared_never_lets_the_probe_go_on() {
+        let begin = |baseline| {
+            let (mut search, _) = Search::begin(APPROACH, Position::new(20.0), baseline);
+            search.arrived(Position::new(20.4));
+            search
+        };
+        let mut search = begin(impedance(1000.0));
+        for measured in [Measured::Overload, Measured::LowSignal(impedance(1000.0))] {
+            let flagged = Reading { measured, ..reading(1000.0) };
+            assert_eq!(search.read(flagged), SearchTurn::Flagged);
+        }
+        assert!(matches!(search.read(reading(1000.0)), SearchTurn::MoveTo(_)));
+        assert_eq!(search.trail().len(), 3);
+        let nothing = Impedance { resistance_ohm: 0.0, reactance_ohm: 0.0 };
+        let shorted = Reading { measured: Measured::Value(nothing), ..reading(1000.0) };
+        let turn = begin(nothing).read(shorted);
+        assert!(matches!(turn, SearchTurn::Fault(Fault::ContactTooEarly { .. })), "{turn:?}");
     }
 
     #[test]

@@ -1,9 +1,12 @@
 //! Measures one resonance: asks the planner for points until it has an answer.
 
 use rig_model::{DriveLevel, Reading, RigTime, SweepRequest};
-use rig_resonance::{Next, Planner, Prior};
+use rig_resonance::{Next, Planner, Prior, Verdict};
 
-use crate::{Event, Fault, Operation, SweepOutcome, SweepPurpose};
+use crate::{
+    Event, Fault, Operation, SweepOutcome, SweepPurpose,
+    measured::{flagged, values},
+};
 
 /// How far the free resonance may have drifted since it was last measured, relative to it. A warm
 /// laboratory moves a bimorph by a few tenths of a percent.
@@ -59,16 +62,20 @@ impl Sweep {
         readings: &[Reading],
         notes: &mut Vec<Event>,
     ) -> SweepTurn {
-        if readings.len() != self.asked {
-            let fault = Fault::MissingReadings { given: readings.len(), asked: self.asked };
+        self.readings.extend_from_slice(readings);
+        let values: Vec<Reading> = values(readings).copied().collect();
+        if let Some(refusal) = flagged(readings) {
+            return self.finish(Verdict::Refused(refusal), notes);
+        }
+        if values.len() != self.asked {
+            let fault = Fault::MissingReadings { given: values.len(), asked: self.asked };
             return SweepTurn::Fault(fault);
         }
         let work = self.planner.work();
         self.planner.pass(now.since(self.begun).as_secs_f64());
-        self.planner.add(readings);
-        self.readings.extend_from_slice(readings);
+        self.planner.add(&values);
         let estimate = self.planner.estimate();
-        notes.push(Event::Measured { readings: readings.to_vec(), estimate });
+        notes.push(Event::Measured { readings: values, estimate });
         self.next(work, notes)
     }
 
@@ -82,16 +89,20 @@ impl Sweep {
                 self.asked = points.len();
                 SweepTurn::Measure(Operation::Measure { points, level: self.level })
             }
-            Next::Finished(verdict) => {
-                let readings = std::mem::take(&mut self.readings);
-                let looks = self.planner.looks();
-                let moment_s = self.planner.moment_s(&verdict);
-                let purpose = self.purpose;
-                let outcome =
-                    Box::new(SweepOutcome { purpose, readings, looks, verdict, moment_s });
-                notes.push(Event::SweepFinished(outcome.clone()));
-                SweepTurn::Finished(outcome)
-            }
+            Next::Finished(verdict) => self.finish(verdict, notes),
         }
+    }
+
+    fn finish(&mut self, verdict: Verdict, notes: &mut Vec<Event>) -> SweepTurn {
+        let readings = std::mem::take(&mut self.readings);
+        // The planner knows of values only.
+        let looks = values(&readings).take(self.planner.looks()).last();
+        let is_last = |reading: &Reading| Some(reading) == looks;
+        let looks = readings.iter().rposition(is_last).map_or(0, |last| last + 1);
+        let moment_s = self.planner.moment_s(&verdict);
+        let purpose = self.purpose;
+        let outcome = Box::new(SweepOutcome { purpose, readings, looks, verdict, moment_s });
+        notes.push(Event::SweepFinished(outcome.clone()));
+        SweepTurn::Finished(outcome)
     }
 }

@@ -10,12 +10,13 @@
 
 use std::time::Duration;
 
-use rig_model::{Clearance, Deg, Mm, Position, Reading, SweepPoint, Window};
+use rig_model::{Clearance, Deg, Impedance, Measured, Mm, Position, Reading, SweepPoint, Window};
 use rig_protocol::{StepId, Touch};
-use rig_resonance::{Prior, Refusal, Resonance, Verdict};
+use rig_resonance::{Prior, Resonance, Verdict};
 
 use crate::{
-    Contact, Fault, LoweringPurpose, Operation, SweepPurpose, TouchResult,
+    Contact, Fault, LoweringPurpose, Operation, SweepPurpose, TouchOutcome, TouchResult,
+    measured::flagged,
     run::{Context, News, Turn},
     search::{Search, SearchTurn, Surface},
     sweep::{DRIFT, Sweep, SweepTurn},
@@ -46,13 +47,13 @@ pub(crate) struct TouchMachine {
 enum Phase {
     Rotating,
     Baseline,
-    Declaring { baseline: Reading },
+    Declaring { baseline: Impedance },
     Searching(Search),
     DeclaringIndentation { surface: Surface },
     Indenting { surface: Surface },
     Dwelling(Contact),
     Sweeping { contact: Contact, sweep: Box<Sweep>, retries_left: u32 },
-    Retracting { contact: Contact, loaded: Result<Resonance, Refusal> },
+    Retracting(Box<TouchOutcome>),
 }
 
 impl TouchMachine {
@@ -69,15 +70,17 @@ impl TouchMachine {
                 self.phase = Phase::Baseline;
                 self.listen(BASELINE_TIME_CONSTANTS * self.time_constant_s(), context)
             }
-            (Phase::Baseline, News::Readings(readings)) => match readings.first() {
-                Some(&baseline) => {
-                    self.phase = Phase::Declaring { baseline };
-                    let down_to =
-                        Search::floor(&context.plan.touch.approach, self.expected(context));
-                    Turn::Declare { down_to, purpose: LoweringPurpose::FindSurface }
-                }
-                None => Turn::Fault(Fault::MissingReadings { given: 0, asked: 1 }),
-            },
+            (Phase::Baseline, News::Readings(readings)) => {
+                let last = readings.last().map(|last| last.measured);
+                let Some(Measured::Value(baseline)) = last else {
+                    let here = context.bench.linear.rest_target().position();
+                    let trail = readings.iter().map(|reading| (here, *reading)).collect();
+                    return self.unreadable(trail, context);
+                };
+                self.phase = Phase::Declaring { baseline };
+                let down_to = Search::floor(&context.plan.touch.approach, self.expected(context));
+                Turn::Declare { down_to, purpose: LoweringPurpose::FindSurface }
+            }
             (&mut Phase::Declaring { baseline }, News::Declared) => {
                 let approach = context.plan.touch.approach;
                 let (search, turn) = Search::begin(approach, self.expected(context), baseline);
@@ -90,14 +93,11 @@ impl TouchMachine {
                 let speed = context.bench.limits.contact_speed_mm_per_s;
                 self.follow(turn, speed, context)
             }
-            (Phase::Searching(search), News::Readings(readings)) => match readings.first() {
-                Some(&reading) => {
-                    let turn = search.read(reading);
-                    let speed = context.bench.limits.contact_speed_mm_per_s;
-                    self.follow(turn, speed, context)
-                }
-                None => Turn::Fault(Fault::MissingReadings { given: 0, asked: 1 }),
-            },
+            (Phase::Searching(search), News::Readings(readings)) => {
+                let turn = readings.iter().fold(SearchTurn::Flagged, |_, one| search.read(*one));
+                let speed = context.bench.limits.contact_speed_mm_per_s;
+                self.follow(turn, speed, context)
+            }
             (&mut Phase::DeclaringIndentation { surface }, News::Declared) => {
                 self.phase = Phase::Indenting { surface };
                 let speed = context.bench.limits.contact_speed_mm_per_s;
@@ -112,7 +112,7 @@ impl TouchMachine {
                 let turn = sweep.measured(context.now, &readings, context.notes);
                 self.swept(turn, context)
             }
-            (Phase::Retracting { contact, loaded }, News::LinearAt(_))
+            (Phase::Retracting(outcome), News::LinearAt(_))
                 if context.clearance == Clearance::Clear =>
             {
                 Turn::Done(TouchResult {
@@ -120,12 +120,27 @@ impl TouchMachine {
                     touch: self.touch,
                     no_load: self.no_load,
                     rotary: self.rotary,
-                    contact: *contact,
-                    loaded: loaded.clone(),
+                    outcome: (**outcome).clone(),
                 })
             }
             (_, news) => Turn::Fault(news.out_of_order("a touch")),
         }
+    }
+
+    /// Ends the touch before the probe is in the sample, because the analyzer does not stand by what
+    /// it reads.
+    fn unreadable(
+        &mut self,
+        trail: Vec<(Position<Mm>, Reading)>,
+        context: &mut Context<'_>,
+    ) -> Turn<TouchResult> {
+        let readings: Vec<Reading> = trail.iter().map(|(_, reading)| *reading).collect();
+        let Some(refusal) = flagged(&readings) else {
+            return Turn::Fault(Fault::MissingReadings { given: 0, asked: 1 });
+        };
+        context.surface_not_found(trail);
+        self.phase = Phase::Retracting(Box::new(TouchOutcome::Refused { contact: None, refusal }));
+        context.retract()
     }
 
     /// How fast the free sensor rings down, s.
@@ -167,14 +182,23 @@ impl TouchMachine {
             SearchTurn::Found(surface) => {
                 let phase = Phase::DeclaringIndentation { surface };
                 if let Phase::Searching(search) = std::mem::replace(&mut self.phase, phase) {
-                    context.surface_found(surface, search.trail());
+                    context.surface_found(surface, search.trail().to_vec());
                 }
                 Turn::Declare {
                     down_to: indented(surface, context),
                     purpose: LoweringPurpose::Indent,
                 }
             }
-            SearchTurn::Fault(fault) => Turn::Fault(fault),
+            SearchTurn::Flagged => match &self.phase {
+                Phase::Searching(search) => self.unreadable(search.trail().to_vec(), context),
+                _ => Turn::Fault(News::Begin.out_of_order("a search")),
+            },
+            SearchTurn::Fault(fault) => {
+                if let Phase::Searching(search) = &self.phase {
+                    context.surface_not_found(search.trail().to_vec());
+                }
+                Turn::Fault(fault)
+            }
         }
     }
 
@@ -209,14 +233,16 @@ impl TouchMachine {
             SweepTurn::Measure(operation) => Turn::Do(operation),
             SweepTurn::Fault(fault) => Turn::Fault(fault),
             SweepTurn::Finished(outcome) => {
-                let loaded = match outcome.verdict {
-                    Verdict::Accepted(resonance) => Ok(resonance),
+                let outcome = match outcome.verdict {
+                    Verdict::Accepted(loaded) => TouchOutcome::Measured { contact, loaded },
                     Verdict::Refused(_) if retries_left > 0 => {
                         return self.sweep(contact, retries_left - 1, context);
                     }
-                    Verdict::Refused(refusal) => Err(refusal),
+                    Verdict::Refused(refusal) => {
+                        TouchOutcome::Refused { contact: Some(contact), refusal }
+                    }
                 };
-                self.phase = Phase::Retracting { contact, loaded };
+                self.phase = Phase::Retracting(Box::new(outcome));
                 context.retract()
             }
         }

@@ -24,7 +24,7 @@ pub use pose::{ContactAngle, ContactAngleError, Direction, Orientation};
 pub use scale::Scale;
 pub use serial::{LineSettings, Parity, StopBits, Terminator};
 pub use sweep::{
-    DriveLevel, Reading, ReadingFlag, SweepMethod, SweepPoint, SweepRequest, SweepRequestError,
-    Window,
+    DriveLevel, Impedance, Measured, Reading, ReadingFlag, SweepMethod, SweepPoint, SweepRequest,
+    SweepRequestError, Window,
 };
 pub use time::RigTime;

@@ -129,32 +129,83 @@ impl SweepRequest {
     }
 }
 
-/// What the instrument said of a reading besides its value.
+/// An impedance, ohm. Both parts are finite.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Impedance {
+    /// Series resistance, the real part.
+    pub resistance_ohm: f64,
+    /// Series reactance, the imaginary part.
+    pub reactance_ohm: f64,
+}
+
+impl Impedance {
+    /// Its magnitude, ohm.
+    pub fn magnitude_ohm(self) -> f64 {
+        self.resistance_ohm.hypot(self.reactance_ohm)
+    }
+}
+
+/// What an instrument made of a point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Measured {
+    /// A value.
+    Value(Impedance),
+    /// A value that the instrument itself doubts: the signal was too small for the range, or not at
+    /// the level asked for.
+    LowSignal(Impedance),
+    /// No value: the input was overloaded.
+    Overload,
+}
+
+/// What an instrument says of a reading that is not to be relied on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ReadingFlag {
-    /// Nothing.
-    Normal,
-    /// The input was overloaded; the value is not to be used.
+    /// The input was overloaded; there is no value.
     Overload,
-    /// The signal was too small for the range; the value is uncertain.
+    /// The signal was too small for the range, or not at the level asked for.
     LowSignal,
 }
 
-/// One impedance reading.
+impl ReadingFlag {
+    /// The words in messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Overload => "overload",
+            Self::LowSignal => "low signal",
+        }
+    }
+}
+
+/// One measurement at one frequency.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
     /// Frequency at which the instrument says it measured, Hz.
     pub frequency_hz: f64,
-    /// Series resistance, the real part of the impedance, ohm.
-    pub resistance_ohm: f64,
-    /// Series reactance, the imaginary part of the impedance, ohm.
-    pub reactance_ohm: f64,
+    /// What it measured there.
+    pub measured: Measured,
     /// When the frequency was set: settling starts here.
     pub started: RigTime,
     /// The settling that was waited for, s.
     pub settle_s: f64,
     /// The integration time, s.
     pub integration_s: f64,
-    /// What the instrument said besides.
-    pub flag: ReadingFlag,
+}
+
+impl Reading {
+    /// The impedance, where there is one.
+    pub const fn impedance(&self) -> Option<Impedance> {
+        match self.measured {
+            Measured::Value(impedance) | Measured::LowSignal(impedance) => Some(impedance),
+            Measured::Overload => None,
+        }
+    }
+
+    /// What the instrument says against it, if anything.
+    pub const fn flag(&self) -> Option<ReadingFlag> {
+        match self.measured {
+            Measured::Value(_) => None,
+            Measured::LowSignal(_) => Some(ReadingFlag::LowSignal),
+            Measured::Overload => Some(ReadingFlag::Overload),
+        }
+    }
 }

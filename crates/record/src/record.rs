@@ -11,7 +11,7 @@ mod sweep;
 
 use serde::{Deserialize, Serialize};
 
-pub use motion::{Axis, Intent, Move, MoveReason, Surface, SurfaceReading};
+pub use motion::{Axis, Intent, LostSurface, Move, MoveReason, Surface, SurfaceReading};
 pub use person::{Operator, Prompt, PromptAnswered, PromptAsked};
 pub use start::{
     Action, Device, Direction, Phase, PlanSize, Pose, RunStarted, Sample, Source, StepStarted,
@@ -42,6 +42,8 @@ pub enum Record {
     Moved(Move),
     /// The surface of the sample was found.
     SurfaceFound(Surface),
+    /// It was sought in vain.
+    SurfaceNotFound(LostSurface),
     /// The impedance was measured over a range of frequencies.
     Sweep(Sweep),
     /// A touch gave its frequency shift.
@@ -71,6 +73,7 @@ impl Record {
             Self::Intent(_) => "intent",
             Self::Moved(_) => "moved",
             Self::SurfaceFound(_) => "surface_found",
+            Self::SurfaceNotFound(_) => "surface_not_found",
             Self::Sweep(_) => "sweep",
             Self::TouchResult(_) => "touch_result",
             Self::TouchRefused(_) => "touch_refused",

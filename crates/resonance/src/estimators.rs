@@ -14,10 +14,11 @@ mod peaks;
 mod tests;
 
 use num_complex::Complex64;
-use rig_model::{Reading, ReadingFlag, Window};
+use rig_model::{Reading, Window};
 
 use crate::{
     FitOptions, Reason, Side, Timing, Verdict, fit, points::Points, solve::rational_start,
+    trace::complex_ohm,
 };
 
 pub use definition::Definition;
@@ -173,7 +174,7 @@ impl Estimator {
     /// [`NoEstimate`].
     pub fn estimate(self, readings: &[Reading], window: Window) -> Result<f64, NoEstimate> {
         let is_used = |reading: &Reading| {
-            reading.flag != ReadingFlag::Overload && window.contains(reading.frequency_hz)
+            reading.impedance().is_some() && window.contains(reading.frequency_hz)
         };
         let points = points(readings, is_used)?;
         let estimate_hz = match self {
@@ -212,11 +213,8 @@ fn points(
 ) -> Result<Vec<Point>, NoEstimate> {
     let mut points = Vec::with_capacity(readings.len());
     for (index, reading) in readings.iter().enumerate() {
-        let impedance = Complex64::new(reading.resistance_ohm, reading.reactance_ohm);
+        let Some(impedance) = complex_ohm(reading).filter(|_| is_used(reading)) else { continue };
         let admittance = 1.0 / impedance;
-        if !is_used(reading) {
-            continue;
-        }
         if !(reading.frequency_hz > 0.0 && impedance.is_finite() && admittance.is_finite()) {
             return Err(NoEstimate::NotFinite { index });
         }

@@ -7,7 +7,7 @@
 
 use std::f64::consts::TAU;
 
-use rig_model::{Reading, ReadingFlag};
+use rig_model::Reading;
 
 use crate::{
     lanes::{LANES, Lanes, Machine},
@@ -71,7 +71,8 @@ impl Points {
         self.blocks.resize(self.count.div_ceil(LANES), Block::EMPTY);
         self.total_weight = 0.0;
         let (mut place, mut lane) = (0, 0);
-        for reading in readings.iter().filter(|reading| reading.flag != ReadingFlag::Overload) {
+        for reading in readings {
+            let Some(impedance) = reading.impedance() else { continue };
             if place == self.blocks.len() {
                 (place, lane) = (0, lane + 1);
             }
@@ -81,8 +82,8 @@ impl Points {
             let weight = weight(reading);
             block.w.0[lane] = w;
             block.v.0[lane] = (w - 1.0) * (w + 1.0);
-            block.p_re.0[lane] = -scale * reading.reactance_ohm;
-            block.p_im.0[lane] = scale * reading.resistance_ohm;
+            block.p_re.0[lane] = -scale * impedance.reactance_ohm;
+            block.p_im.0[lane] = scale * impedance.resistance_ohm;
             block.weight.0[lane] = weight;
             self.total_weight += weight;
             place += 1;
@@ -102,10 +103,8 @@ impl Points {
         let (mut count, mut sum, mut settle_s) = (0_usize, 0.0, f64::INFINITY);
         let (mut before, mut rises, mut falls) = (f64::NAN, false, false);
         for (index, reading) in readings.iter().enumerate() {
-            if reading.flag == ReadingFlag::Overload {
-                continue;
-            }
-            let squared = reading.resistance_ohm.powi(2) + reading.reactance_ohm.powi(2);
+            let Some(impedance) = reading.impedance() else { continue };
+            let squared = impedance.resistance_ohm.powi(2) + impedance.reactance_ohm.powi(2);
             let size = squared * reading.frequency_hz * reading.frequency_hz;
             if !(reading.frequency_hz > 0.0 && size > 0.0 && size.is_finite()) {
                 return Err(NotFinite { index });

@@ -12,7 +12,7 @@
 use std::f64::consts::TAU;
 
 use num_complex::Complex64;
-use rig_model::{Reading, ReadingFlag};
+use rig_model::Reading;
 
 use crate::{
     Circuit,
@@ -21,7 +21,7 @@ use crate::{
     points::Points,
     quick::circuit_of,
     solve::{rational_start, solve},
-    trace::weight,
+    trace::{complex_ohm, weight},
 };
 
 /// Rounds in which the readings that fit best are chosen anew.
@@ -39,7 +39,7 @@ const OFF_TIMES: f64 = 4.0;
 /// them looks like a resonance.
 pub(crate) fn circuit(readings: &[Reading]) -> Option<Circuit> {
     let mut readings: Vec<Reading> =
-        readings.iter().filter(|reading| reading.flag != ReadingFlag::Overload).copied().collect();
+        readings.iter().filter(|reading| reading.impedance().is_some()).copied().collect();
     readings.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
     let everything: Vec<usize> = (0..readings.len()).collect();
     let mut sets = vec![agreeing(&readings), everything.clone()];
@@ -81,7 +81,7 @@ fn concentrate(readings: &[Reading], mut set: Vec<usize>) -> Option<(Circuit, f6
 /// How far a reading is from a circuit: its weight times the square of the relative error, taken as
 /// in [`crate::trace`], where a value too large and one too small count alike.
 fn size(reading: &Reading, circuit: &Circuit) -> f64 {
-    let impedance = Complex64::new(reading.resistance_ohm, reading.reactance_ohm);
+    let Some(impedance) = complex_ohm(reading) else { return f64::INFINITY };
     let x = impedance * circuit.admittance_siemens(reading.frequency_hz);
     weight(reading) * (2.0 * (x - 1.0) / (x + 1.0)).norm_sqr()
 }
@@ -93,7 +93,7 @@ fn agreeing(readings: &[Reading]) -> Vec<usize> {
         .iter()
         .map(|one| {
             let turn = Complex64::new(0.0, TAU * one.frequency_hz);
-            1.0 / (turn * Complex64::new(one.resistance_ohm, one.reactance_ohm))
+            complex_ohm(one).map_or(Complex64::ZERO, |impedance| 1.0 / (turn * impedance))
         })
         .collect();
     let agrees = |&i: &usize| {

@@ -4,7 +4,7 @@
 //! is beyond them is lost. Where that is more than the noise, the residuals no longer tell what it
 //! costs: over a stretch in which the last digit does not change they are all wrong together.
 
-use rig_model::{Reading, ReadingFlag};
+use rig_model::{Impedance, Reading};
 
 use crate::{Resonance, trace::weight};
 
@@ -16,9 +16,9 @@ const TOLERANCE: f64 = 1e-6;
 /// The variance that rounding adds to each part of the relative error of each reading; empty where
 /// the readings were not rounded.
 pub(crate) fn variances(readings: &[Reading]) -> Vec<f64> {
-    let resistance = Written::of(readings, |reading| reading.resistance_ohm);
-    let reactance = Written::of(readings, |reading| reading.reactance_ohm);
-    let size = Written::of(readings, magnitude_ohm);
+    let resistance = Written::of(readings, |impedance| impedance.resistance_ohm);
+    let reactance = Written::of(readings, |impedance| impedance.reactance_ohm);
+    let size = Written::of(readings, Impedance::magnitude_ohm);
     if resistance.or(reactance).or(size).is_none() {
         return Vec::new();
     }
@@ -27,10 +27,11 @@ pub(crate) fn variances(readings: &[Reading]) -> Vec<f64> {
     readings
         .iter()
         .map(|reading| {
-            let size_ohm = magnitude_ohm(reading);
+            let Some(impedance) = reading.impedance() else { return 0.0 };
+            let size_ohm = impedance.magnitude_ohm();
             let [across, along] = [
-                (resistance, reading.resistance_ohm, reactance, reading.reactance_ohm),
-                (size, size_ohm, degrees, phase_deg(reading)),
+                (resistance, impedance.resistance_ohm, reactance, impedance.reactance_ohm),
+                (size, size_ohm, degrees, phase_deg(impedance)),
             ]
             .map(|(one, x, other, y)| (step(one, x), step(other, y)));
             let across = across.0.hypot(across.1) / size_ohm;
@@ -52,12 +53,8 @@ pub(crate) fn matters(variances: &[f64], readings: &[Reading], found: &Resonance
     variances.iter().zip(readings).any(is_large)
 }
 
-fn magnitude_ohm(reading: &Reading) -> f64 {
-    reading.resistance_ohm.hypot(reading.reactance_ohm)
-}
-
-fn phase_deg(reading: &Reading) -> f64 {
-    reading.reactance_ohm.atan2(reading.resistance_ohm).to_degrees()
+fn phase_deg(impedance: Impedance) -> f64 {
+    impedance.reactance_ohm.atan2(impedance.resistance_ohm).to_degrees()
 }
 
 /// How a column of numbers was written.
@@ -71,10 +68,10 @@ struct Written {
 
 impl Written {
     /// `None` where some number has too many digits to have been read off.
-    fn of(readings: &[Reading], column: fn(&Reading) -> f64) -> Option<Self> {
+    fn of(readings: &[Reading], column: fn(Impedance) -> f64) -> Option<Self> {
         let mut written = Self { digits: 0, decimals: -DIGITS_MAX };
-        let usable = readings.iter().filter(|reading| reading.flag != ReadingFlag::Overload);
-        for x in usable.map(column).filter(|x| *x != 0.0) {
+        let measured = readings.iter().filter_map(Reading::impedance);
+        for x in measured.map(column).filter(|x| *x != 0.0) {
             let exponent = exponent(x);
             let is_written = |digits: i32| {
                 let steps = x * 10_f64.powi(digits - 1 - exponent);
@@ -106,19 +103,17 @@ fn exponent(x: f64) -> i32 {
 
 #[cfg(test)]
 mod tests {
-    use rig_model::RigTime;
+    use rig_model::{Measured, RigTime};
 
     use super::*;
 
     fn reading(resistance_ohm: f64, reactance_ohm: f64) -> Reading {
         Reading {
             frequency_hz: 140.0,
-            resistance_ohm,
-            reactance_ohm,
+            measured: Measured::Value(Impedance { resistance_ohm, reactance_ohm }),
             started: RigTime::ZERO,
             settle_s: 0.0,
             integration_s: 0.0,
-            flag: ReadingFlag::Normal,
         }
     }
 

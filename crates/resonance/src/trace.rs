@@ -8,7 +8,7 @@
 use std::f64::consts::TAU;
 
 use num_complex::Complex64;
-use rig_model::{Reading, ReadingFlag};
+use rig_model::Reading;
 
 use crate::{
     Circuit,
@@ -175,8 +175,7 @@ impl Trace {
             // What is told is how long ago the frequency was set.
             settle_s -= previous.settle_s + previous.integration_s;
         }
-        let usable = reading.flag != ReadingFlag::Overload;
-        let impedance = Complex64::new(reading.resistance_ohm, reading.reactance_ohm);
+        let impedance = complex_ohm(reading);
         let length = weight(reading);
         self.samples.push(Sample {
             visit: Visit {
@@ -185,10 +184,10 @@ impl Trace {
                 integration_s: reading.integration_s,
                 rest_s: 0.0,
             },
-            impedance: if usable { impedance * self.unit_farad } else { Complex64::ZERO },
+            impedance: impedance.map_or(Complex64::ZERO, |impedance| impedance * self.unit_farad),
             length,
             unsettled: 0.0,
-            weight: if usable { length } else { 0.0 },
+            weight: if impedance.is_some() { length } else { 0.0 },
             when: 0.0,
         });
         self.last = Some(*reading);
@@ -336,6 +335,11 @@ pub(crate) struct Minimum {
 pub(crate) struct State {
     pub(crate) motion: Motion<Dual>,
     pub(crate) past: Dual,
+}
+
+/// The impedance of a reading, where there is one.
+pub(crate) fn complex_ohm(reading: &Reading) -> Option<Complex64> {
+    reading.impedance().map(|one| Complex64::new(one.resistance_ohm, one.reactance_ohm))
 }
 
 /// How many times ten cycles were integrated; 1 where the time is not known.

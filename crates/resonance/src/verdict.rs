@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use rig_model::Window;
+use rig_model::{ReadingFlag, Window};
 
 use crate::{
     Circuit, NoisePrior,
@@ -251,6 +251,16 @@ pub enum Reason {
         /// All readings.
         readings: usize,
     },
+    /// The analyzer does not stand by what it reads, so that nothing can be fitted.
+    #[error("the analyzer flagged {} at {frequency_hz} Hz in {tries} of {tries} tries", flag.name())]
+    Flagged {
+        /// What it says of its last reading.
+        flag: ReadingFlag,
+        /// Where, Hz.
+        frequency_hz: f64,
+        /// How often it was tried.
+        tries: usize,
+    },
     /// Too few readings for the number of unknowns.
     #[error("{found} readings at different frequencies, at least {needed} are needed")]
     TooFewPoints {
@@ -369,6 +379,7 @@ impl Reason {
         match self {
             Self::NotFinite { .. } => "not_finite",
             Self::Saturated { .. } => "saturated",
+            Self::Flagged { .. } => "flagged",
             Self::TooFewPoints { .. } => "too_few_points",
             Self::NoResonance { .. } => "no_resonance",
             Self::OutsideWindow { .. } => "outside_window",

@@ -4,9 +4,9 @@
 mod support;
 
 use num_complex::Complex64;
-use rig_model::{Reading, ReadingFlag};
+use rig_model::{Measured, Reading};
 use rig_resonance::{FitOptions, Reason, Rung, Side, Verdict, fit};
-use support::{Random, circuit, reading, sweep};
+use support::{Random, circuit, impedance, measured, reading, sweep};
 
 const WINDOW: (f64, f64) = (112.0, 168.0);
 
@@ -98,16 +98,15 @@ fn outliers_are_left_out_and_too_many_refuse() {
     let mut random = Random::new(3);
     let mut readings = sweep(WINDOW, 101, 0.005, &mut random, |f| circuit.impedance_ohm(f));
     for (index, factor) in [(20, 1.3), (51, 0.4), (80, 2.0)] {
-        readings[index].resistance_ohm *= factor;
-        readings[index].reactance_ohm *= factor;
+        readings[index].measured = measured(factor * impedance(&readings[index]));
     }
     let verdict = fit(&readings, &FitOptions::default());
     let found = verdict.accepted().unwrap();
     assert_eq!(found.points, 98);
     assert!((found.resonance_hz - 140.0).abs() < 4.0 * found.sigma_hz, "{found:?}");
     for reading in readings.iter_mut().step_by(6) {
-        reading.resistance_ohm *= 1.5;
-        reading.reactance_ohm *= 0.7;
+        let z = impedance(reading);
+        reading.measured = measured(Complex64::new(1.5 * z.re, 0.7 * z.im));
     }
     check_refused(&readings, |reason| matches!(reason, Reason::Outliers { .. }));
 }
@@ -139,7 +138,7 @@ fn readings_that_cannot_be_used_are_refused_with_their_reason() {
         let mut bad = good.clone();
         bad[4] = reading(130.0, Complex64::new(impedance, impedance));
         check_refused(&bad, |r| *r == Reason::NotFinite { index: 4 });
-        bad[4].flag = ReadingFlag::Overload;
+        bad[4].measured = Measured::Overload;
         let verdict = fit(&bad, &FitOptions::default());
         assert_eq!(verdict.accepted().unwrap().points, 19);
     }
@@ -147,7 +146,7 @@ fn readings_that_cannot_be_used_are_refused_with_their_reason() {
     bad[3].frequency_hz = -130.0;
     check_refused(&bad, |r| *r == Reason::NotFinite { index: 3 });
     for reading in &mut bad[3..] {
-        reading.flag = ReadingFlag::Overload;
+        reading.measured = Measured::Overload;
     }
     check_refused(&bad, |r| *r == Reason::Saturated { overloaded: 17, readings: 20 });
 }

@@ -78,12 +78,13 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
                     by eye, and cure the cause";
         return Hint { text, then: Then::Retract };
     }
-    if let Some((Device::Journal, _)) = device {
+    if let Some((Device::Journal, FailureKind::Line)) = device {
         let text = "see to the disk of the data directory";
         return Hint { text, then: Then::Restart };
     }
     let text = match fault {
         Fault::Device(failure) => match (failure.device, failure.kind) {
+            (Device::Journal, _) => "keep the journal of this run for the maintainer of rigd",
             (_, FailureKind::Line) => "check the power and the cable of the device",
             (Device::Analyzer, _) => "look at the display of the analyzer",
             (_, _) => "look for an alarm on the drive and for what blocks the axis",

@@ -23,6 +23,7 @@ use std::{path::PathBuf, sync::Arc, thread, time::Instant};
 use rig_engine::{Command, Denied, Snapshot};
 use rig_model::{Bench, RigTime, SweepRequest, with_causes};
 use rig_protocol::{Action, Plan, Prompt};
+use rig_sim::SimHandle;
 use rig_store::{RunId, StoreError};
 use tokio::sync::{mpsc, oneshot, watch};
 
@@ -45,6 +46,7 @@ const REQUESTS_MAX: usize = 64;
 pub struct RigHandle {
     requests: mpsc::Sender<Request>,
     status: watch::Receiver<Status>,
+    simulation: Option<SimHandle>,
 }
 
 /// The rig thread; dropping this does not stop it, [`RigHandle::close`] does.
@@ -191,7 +193,9 @@ pub fn open(rig: LoadedRig, data: PathBuf) -> Result<(RigHandle, RigThread), Ope
         .spawn(move || shell::run(rig, data, inbox, &opened))
         .map_err(|source| OpenError::Thread { source })?;
     match is_open.recv() {
-        Ok(Ok(status)) => Ok((RigHandle { requests, status }, RigThread { thread })),
+        Ok(Ok((status, simulation))) => {
+            Ok((RigHandle { requests, status, simulation }, RigThread { thread }))
+        }
         Ok(Err(error)) => Err(error),
         Err(_) => Err(OpenError::Gone),
     }
@@ -209,6 +213,11 @@ impl RigHandle {
     /// The status, as it is now and as it changes.
     pub fn status(&self) -> watch::Receiver<Status> {
         self.status.clone()
+    }
+
+    /// The simulated bench, for whoever plays its fate; none when the rig is real.
+    pub const fn simulation(&self) -> Option<&SimHandle> {
+        self.simulation.as_ref()
     }
 
     /// Replays a protocol.

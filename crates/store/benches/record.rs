@@ -56,8 +56,8 @@ fn median<E>(times: usize, mut work: impl FnMut() -> Result<(), E>) -> Result<Du
 fn sweep(readings: u32) -> Record {
     let reading = |index: u32| Reading {
         frequency_hz: 140.0 + f64::from(index) / 7.0,
-        resistance_ohm: 1e5 / f64::from(index + 3),
-        reactance_ohm: -4e4 - f64::from(index).sqrt(),
+        resistance_ohm: Some(1e5 / f64::from(index + 3)),
+        reactance_ohm: Some(-4e4 - f64::from(index).sqrt()),
         started_s: f64::from(index) / 3.0,
         settle_s: 0.05,
         integration_s: 0.1,

@@ -115,14 +115,14 @@ pub fn readings_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<()
                 Cell::of(sweep.step.as_deref(), Cell::Text),
                 Cell::Whole(index as u64 + 1),
             ];
-            let is_used = Cell::Flag(index >= sweep.looks);
+            let is_used = Cell::Flag(index >= sweep.looks && one.is_normal());
             table.row(head.into_iter().chain(reading(one)).chain([is_used]))?;
         }
     }
     table.finish()
 }
 
-/// One row for each place that was tried on the way to a surface, with the reading there.
+/// One row for each reading on the way to a surface; those of a surface that was not found have none.
 ///
 /// # Errors
 /// What writing reports, or a record that cannot be understood.
@@ -130,13 +130,20 @@ pub fn searches_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<()
     let columns =
         ["step", "direction", "angle_deg", "surface_mm", "surface_sigma_mm", "try", "position_mm"];
     let mut table = Table::new(&[&columns[..], &READING].concat(), out)?;
-    for stored in records.iter().filter(|stored| stored.kind == "surface_found") {
-        let Record::SurfaceFound(surface) = stored.record()? else { continue };
-        let (direction, angle) = pose(Some(surface.pose));
-        let [position, sigma] = Cell::with_sigma(surface.position_mm, surface.sigma_mm);
-        for (index, tried) in surface.trail.iter().enumerate() {
+    let is_search = |stored: &&StoredRecord| stored.kind.starts_with("surface_");
+    for stored in records.iter().filter(is_search) {
+        let (step, at, [position, sigma], trail) = match stored.record()? {
+            Record::SurfaceFound(found) => {
+                let place = Cell::with_sigma(found.position_mm, found.sigma_mm);
+                (found.step, found.pose, place, found.trail)
+            }
+            Record::SurfaceNotFound(lost) => (lost.step, lost.pose, [Cell::Empty; 2], lost.trail),
+            _ => continue,
+        };
+        let (direction, angle) = pose(Some(at));
+        for (index, tried) in trail.iter().enumerate() {
             let head = [
-                Cell::Text(&surface.step),
+                Cell::Text(&step),
                 direction,
                 angle,
                 position,
@@ -167,8 +174,8 @@ const READING: [&str; 7] = [
 fn reading(reading: &Reading) -> [Cell<'static>; 7] {
     [
         Cell::Exact(reading.frequency_hz),
-        Cell::Exact(reading.resistance_ohm),
-        Cell::Exact(reading.reactance_ohm),
+        Cell::of(reading.resistance_ohm, Cell::Exact),
+        Cell::of(reading.reactance_ohm, Cell::Exact),
         Cell::Exact(reading.started_s),
         Cell::Exact(reading.settle_s),
         Cell::Exact(reading.integration_s),

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use num_complex::Complex64;
 use rig_contact::Circuit;
-use rig_model::{Reading, ReadingFlag, RigTime, SweepPoint, Window};
+use rig_model::{Impedance, Measured, Reading, RigTime, SweepPoint, Window};
 use rig_sim::plant::Plant;
 
 use crate::random::Stream;
@@ -77,12 +77,13 @@ impl Analyzer {
 pub(crate) fn reading(point: &SweepPoint, impedance: Complex64, started: RigTime) -> Reading {
     Reading {
         frequency_hz: point.frequency_hz,
-        resistance_ohm: impedance.re,
-        reactance_ohm: impedance.im,
+        measured: Measured::Value(Impedance {
+            resistance_ohm: impedance.re,
+            reactance_ohm: impedance.im,
+        }),
         started,
         settle_s: point.settle_s,
         integration_s: f64::from(point.cycles) / point.frequency_hz,
-        flag: ReadingFlag::Normal,
     }
 }
 

@@ -33,6 +33,7 @@ pub(crate) trait Analyzer: fmt::Debug + Send {
     fn take_said(&mut self, id: ClientId) -> Vec<(RigTime, Vec<u8>)>;
     fn hang_up(&mut self, id: ClientId);
     fn overload(&mut self);
+    fn mend(&mut self);
     fn restart(&mut self, now: RigTime, world: &mut World);
 }
 
@@ -59,6 +60,10 @@ impl<M: Model<Command: Send + Sync> + Send> Analyzer for Meter<M> {
 
     fn overload(&mut self) {
         self.overload();
+    }
+
+    fn mend(&mut self) {
+        self.mend();
     }
 
     fn restart(&mut self, now: RigTime, world: &mut World) {
@@ -176,6 +181,11 @@ impl Socket {
             | DeviceFault::LoseSteps(_)
             | DeviceFault::LimitSwitch => {}
         }
+    }
+
+    /// Takes back what has not happened yet.
+    pub(crate) fn mend(&mut self) {
+        self.analyzer.mend();
     }
 
     fn take(

@@ -144,6 +144,11 @@ impl<M: Model> Meter<M> {
         self.overloads += 1;
     }
 
+    /// What has not overloaded a measurement yet will not.
+    pub(crate) fn mend(&mut self) {
+        self.overloads = 0;
+    }
+
     /// Switches the instrument off and on again.
     pub(crate) fn restart(&mut self, now: RigTime, world: &mut World) {
         let before = self.model.drive();

@@ -80,6 +80,17 @@ pub struct Surface {
     pub trail: Vec<SurfaceReading>,
 }
 
+/// The surface was sought and not found; why is in the record that follows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LostSurface {
+    /// The step.
+    pub step: String,
+    /// How the sample stands.
+    pub pose: Pose,
+    /// Every place that was tried, with its reading, in order.
+    pub trail: Vec<SurfaceReading>,
+}
+
 /// A place that was tried on the way to the surface.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SurfaceReading {

@@ -27,16 +27,16 @@ impl SweepPurpose {
     }
 }
 
-/// What the instrument said of a reading besides its value.
+/// What the instrument said against a reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ReadingFlag {
     /// Nothing.
     #[default]
     Normal,
-    /// The input was overloaded.
+    /// The input was overloaded: there is no value.
     Overload,
-    /// The signal was small for the range.
+    /// The signal was too small for the range, or not at the level asked for.
     LowSignal,
 }
 
@@ -61,19 +61,33 @@ impl ReadingFlag {
 pub struct Reading {
     /// Frequency, Hz.
     pub frequency_hz: f64,
-    /// Real part of the impedance, ohm.
-    pub resistance_ohm: f64,
-    /// Imaginary part of the impedance, ohm.
-    pub reactance_ohm: f64,
+    /// Real part of the impedance, ohm; none where there was no value.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub resistance_ohm: Option<f64>,
+    /// Imaginary part of the impedance, ohm; likewise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reactance_ohm: Option<f64>,
     /// When the frequency was set, on the rig's clock, s.
     pub started_s: f64,
     /// Settling before the integration, s.
     pub settle_s: f64,
     /// Integration, s.
     pub integration_s: f64,
-    /// What the instrument said besides.
+    /// What the instrument said against it.
     #[serde(default, skip_serializing_if = "ReadingFlag::is_normal")]
     pub flag: ReadingFlag,
+}
+
+impl Reading {
+    /// Real and imaginary part of the impedance, ohm, where there is a value.
+    pub fn impedance_ohm(&self) -> Option<(f64, f64)> {
+        self.resistance_ohm.zip(self.reactance_ohm)
+    }
+
+    /// Whether the instrument stands by it.
+    pub fn is_normal(&self) -> bool {
+        self.flag == ReadingFlag::Normal
+    }
 }
 
 /// The equivalent circuit that was fitted.

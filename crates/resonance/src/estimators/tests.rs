@@ -3,7 +3,7 @@
 use num_complex::Complex64;
 use rand_core::Rng;
 use rand_pcg::Pcg64;
-use rig_model::{Reading, ReadingFlag, RigTime, Window};
+use rig_model::{Impedance, Measured, Reading, RigTime, Window};
 
 use super::{Definition, Estimator, NoEstimate};
 use crate::{Circuit, Reason, Side};
@@ -31,12 +31,13 @@ fn sweep(circuit: &Circuit, window: Window) -> Vec<Reading> {
             circuit.impedance_ohm(frequency_hz) * Complex64::new(1.0 + error(), error());
         Reading {
             frequency_hz,
-            resistance_ohm: impedance.re,
-            reactance_ohm: impedance.im,
+            measured: Measured::Value(Impedance {
+                resistance_ohm: impedance.re,
+                reactance_ohm: impedance.im,
+            }),
             started: RigTime::ZERO,
             settle_s: 60.0,
             integration_s: 10.0 / frequency_hz,
-            flag: ReadingFlag::Normal,
         }
     };
     frequencies.take_while(|hz| *hz < window.max_hz + 1e-6).map(reading).collect()
@@ -173,13 +174,14 @@ fn too_few_or_unusable_readings_are_refused() {
             "{estimator:?}: {few}"
         );
         let mut bad = readings.clone();
-        bad[7].resistance_ohm = f64::NAN;
+        let not_finite = Impedance { resistance_ohm: f64::NAN, reactance_ohm: -1000.0 };
+        bad[7].measured = Measured::Value(not_finite);
         assert_eq!(
             estimator.estimate(&bad, WINDOW),
             Err(NoEstimate::NotFinite { index: 7 }),
             "{estimator:?}"
         );
-        bad[7].flag = ReadingFlag::Overload;
+        bad[7].measured = Measured::Overload;
         let (with, without) =
             (estimator.estimate(&readings, WINDOW), estimator.estimate(&bad, WINDOW));
         let (with, without) = (with.unwrap_or(0.0), without.unwrap_or(0.0));

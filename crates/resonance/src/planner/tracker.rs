@@ -117,9 +117,16 @@ impl Tracker {
 
     /// Takes in one more reading.
     pub(super) fn add(&mut self, reading: &Reading) {
-        let (timing, ohm) = (self.timing, reading.resistance_ohm.hypot(reading.reactance_ohm));
-        let unit_farad = 1.0 / (TAU * reading.frequency_hz * ohm);
-        let trace = self.trace.get_or_insert_with(|| Trace::new(timing, unit_farad));
+        let timing = self.timing;
+        let trace = match (&mut self.trace, reading.impedance()) {
+            (Some(trace), _) => trace,
+            (empty, Some(impedance)) => {
+                let unit_farad = 1.0 / (TAU * reading.frequency_hz * impedance.magnitude_ohm());
+                empty.insert(Trace::new(timing, unit_farad))
+            }
+            // Nothing tells how large impedances are.
+            (None, None) => return,
+        };
         trace.push(reading);
         if let (Some(grid), [earlier @ .., last]) = (&mut self.grid, &trace.samples[..]) {
             grid.rest(earlier.last().map_or(0.0, |previous| previous.visit.rest_s));

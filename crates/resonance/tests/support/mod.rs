@@ -6,7 +6,8 @@ use num_complex::Complex64;
 use rand_core::Rng;
 use rand_pcg::Pcg64;
 use rig_model::{
-    DriveLevel, Reading, ReadingFlag, RigTime, SweepMethod, SweepPoint, SweepRequest, Window,
+    DriveLevel, Impedance, Measured, Reading, RigTime, SweepMethod, SweepPoint, SweepRequest,
+    Window,
 };
 use rig_resonance::Circuit;
 
@@ -58,15 +59,22 @@ pub(crate) fn circuit(q: f64, k_eff_squared: f64) -> Circuit {
     Circuit { resonance_hz: 140.0, q, c0_farad: 27e-9, c1_farad, loss_tangent: 0.0 }
 }
 
+pub(crate) fn measured(impedance: Complex64) -> Measured {
+    Measured::Value(Impedance { resistance_ohm: impedance.re, reactance_ohm: impedance.im })
+}
+
+pub(crate) fn impedance(reading: &Reading) -> Complex64 {
+    let impedance = reading.impedance().expect("the scene has a value");
+    Complex64::new(impedance.resistance_ohm, impedance.reactance_ohm)
+}
+
 pub(crate) fn reading(frequency_hz: f64, impedance: Complex64) -> Reading {
     Reading {
         frequency_hz,
-        resistance_ohm: impedance.re,
-        reactance_ohm: impedance.im,
+        measured: measured(impedance),
         started: RigTime::ZERO,
         settle_s: 60.0,
         integration_s: 10.0 / frequency_hz,
-        flag: ReadingFlag::Normal,
     }
 }
 

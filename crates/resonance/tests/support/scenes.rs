@@ -11,7 +11,7 @@ use rig_model::{Reading, RigTime};
 use rig_resonance::{FitOptions, Timing};
 use rig_sim::plant::Plant;
 
-use crate::support::{Random, reading};
+use crate::support::{Random, impedance, measured, reading};
 
 /// What is special about a sweep. Strengths are relative.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -298,10 +298,8 @@ fn spoil(readings: &mut [Reading], share: f64, noise: f64, random: &mut Random) 
             if is_spoilt[i] {
                 continue;
             }
-            let stuck = readings[first.saturating_sub(1)];
-            let (before, one) =
-                (Complex64::new(stuck.resistance_ohm, stuck.reactance_ohm), &mut readings[i]);
-            let z = Complex64::new(one.resistance_ohm, one.reactance_ohm);
+            let before = impedance(&readings[first.saturating_sub(1)]);
+            let z = impedance(&readings[i]);
             let wrong = match way {
                 0 | 1 => z * random.log_between(0.01, 100.0),
                 2 => z * (1.0 + 20.0 * noise * random.normal()),
@@ -309,7 +307,7 @@ fn spoil(readings: &mut [Reading], share: f64, noise: f64, random: &mut Random) 
                 4 => before,
                 _ => Complex64::new(z.re * random.log_between(0.01, 100.0), z.im * random.sign()),
             };
-            (one.resistance_ohm, one.reactance_ohm) = (wrong.re, wrong.im);
+            readings[i].measured = measured(wrong);
             is_spoilt[i] = true;
             left -= 1;
         }

@@ -136,13 +136,17 @@ fn csv(sweep: &Sweep) -> String {
                    is_used"
         .to_owned();
     for (index, reading) in sweep.readings.iter().enumerate() {
-        let (hz, ohm, reactance) =
-            (reading.frequency_hz, reading.resistance_ohm, reading.reactance_ohm);
+        let ohm = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
+        let (hz, resistance, reactance) =
+            (reading.frequency_hz, ohm(reading.resistance_ohm), ohm(reading.reactance_ohm));
         let (time, settle, integration) =
             (reading.started_s, reading.settle_s, reading.integration_s);
-        let (flag, is_used) = (reading.flag.name(), index >= sweep.looks);
+        let (flag, is_used) = (reading.flag.name(), index >= sweep.looks && reading.is_normal());
         // Writing to a string cannot fail.
-        _ = write!(csv, "\n{hz},{ohm},{reactance},{time},{settle},{integration},{flag},{is_used}");
+        _ = write!(
+            csv,
+            "\n{hz},{resistance},{reactance},{time},{settle},{integration},{flag},{is_used}"
+        );
     }
     csv
 }

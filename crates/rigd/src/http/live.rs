@@ -124,7 +124,7 @@ impl Cursor {
             target_sigma_hz: live.request.target_sigma_hz,
             time_limit_s: live.request.time_limit_s,
             from: self.from,
-            readings: live.readings[self.from[0]..].iter().map(ReadingView::of).collect(),
+            readings: live.readings[self.from[0]..].iter().filter_map(ReadingView::of).collect(),
             estimates: live.estimates[self.from[1]..].iter().map(EstimateView::of).collect(),
             circuit: live.circuit.as_ref().map(CircuitView::of),
         };
@@ -139,15 +139,17 @@ fn event(name: &str, view: &impl Serialize) -> Option<Event> {
 }
 
 impl ReadingView {
-    fn of(reading: &Reading) -> Self {
-        Self {
+    /// A reading, unless it has no value.
+    fn of(reading: &Reading) -> Option<Self> {
+        let impedance = reading.impedance()?;
+        Some(Self {
             frequency_hz: reading.frequency_hz,
-            resistance_ohm: reading.resistance_ohm,
-            reactance_ohm: reading.reactance_ohm,
+            resistance_ohm: impedance.resistance_ohm,
+            reactance_ohm: impedance.reactance_ohm,
             started_s: reading.started.as_seconds(),
             settle_s: reading.settle_s,
             integration_s: reading.integration_s,
-        }
+        })
     }
 }
 

@@ -214,6 +214,7 @@ impl RunData {
             Record::Intent(_)
             | Record::Moved(_)
             | Record::SurfaceFound(_)
+            | Record::SurfaceNotFound(_)
             | Record::StateChanged(_)
             | Record::RunFinished(_) => {}
         }

@@ -1,7 +1,7 @@
 //! The figures of the report.
 
 use rig_chart::{Axis, Chart, ChartError, Escaped, Marker, Point, Series, Stroke, legend};
-use rig_record::{Direction, Phase, Sample, Sweep, SweepVerdict};
+use rig_record::{Direction, Phase, Reading, Sample, Sweep, SweepVerdict};
 use rig_resonance::Circuit;
 
 use super::{
@@ -242,12 +242,11 @@ fn impedance(suffix: &str, sweeps: &[(usize, &str, &Sweep)]) -> String {
         Axis::linear("phase (°)"),
     );
     for &(colour, name, sweep) in sweeps {
-        let readings = || sweep.readings.iter();
-        let magnitude =
-            readings().map(|r| (r.frequency_hz, r.resistance_ohm.hypot(r.reactance_ohm)));
+        let value = |reading: &Reading| Some((reading.frequency_hz, reading.impedance_ohm()?));
+        let values = || sweep.readings.iter().filter_map(value);
+        let magnitude = values().map(|(hz, (r, x))| (hz, r.hypot(x)));
         size.series.push(Series::scatter(name, colour, magnitude));
-        let angle = readings()
-            .map(|r| (r.frequency_hz, r.reactance_ohm.atan2(r.resistance_ohm).to_degrees()));
+        let angle = values().map(|(hz, (r, x))| (hz, x.atan2(r).to_degrees()));
         phase.series.push(Series::scatter(name, colour, angle));
         if let Some(circuit) = circuit_of(sweep) {
             let curve = || fitted(sweep, &circuit);

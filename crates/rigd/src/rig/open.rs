@@ -6,7 +6,7 @@ use rig_analyzer::{Analyzer, AnalyzerError, Dialect, Terms};
 use rig_link::{Clock, Endpoint, Port, Transcript};
 use rig_model::{Deg, LineSettings, Mm, Unit};
 use rig_protocol::Prompt;
-use rig_sim::{AxisWiring, Carrier, Person, SimRig, Wiring};
+use rig_sim::{AxisWiring, Carrier, Person, SimHandle, SimRig, Wiring};
 use rig_stage::{BusHandle, BusSettings, RegisterMap, Stage, StageError};
 use rig_store::StoreError;
 
@@ -96,10 +96,14 @@ pub(super) struct Simulation {
     /// Whether that person also says that it is done.
     pub(super) is_answering: bool,
     /// The rig lives as long as this.
-    _rig: SimRig,
+    rig: SimRig,
 }
 
 impl Simulation {
+    pub(super) fn handle(&self) -> SimHandle {
+        self.rig.handle()
+    }
+
     /// Does what a person is asked for.
     pub(super) fn perform(&self, prompt: &Prompt, samples: &[String]) {
         match *prompt {
@@ -186,7 +190,7 @@ impl Ports {
             &file.connection,
             Connection::Simulated(simulation) if simulation.person == SimulatedPerson::Waits
         );
-        let simulation = Some(Simulation { person: rig.person(), is_answering, _rig: rig });
+        let simulation = Some(Simulation { person: rig.person(), is_answering, rig });
         Ok(Self { analyzer: Ok(analyzer), bus: Ok(bus), simulation })
     }
 }

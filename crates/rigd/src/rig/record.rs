@@ -5,7 +5,9 @@
 
 use std::{fmt::Write as _, sync::Arc};
 
-use rig_engine::{Event, RunStatus, SweepOutcome, SweepPurpose, TouchResult};
+use rig_engine::{
+    Contact, Event, RunStatus, SweepOutcome, SweepPurpose, TouchOutcome, TouchResult,
+};
 use rig_link::{Flow, Frame, Transcript};
 use rig_model::{Clearance, Direction, Mm, Position, Reading, ReadingFlag};
 use rig_protocol::{Action, Phase, Plan, Pose, Prompt, Step, StepId, Touch};
@@ -129,10 +131,6 @@ impl Recorder {
                 moved(store::Axis::RotaryDeg, target.value(), read_back.value(), false)
             }
             Event::SurfaceFound { position, sigma_mm, trail } => {
-                let tried = |(position, reading): &(Position<Mm>, Reading)| store::SurfaceReading {
-                    position_mm: position.value(),
-                    reading: reading_of(reading),
-                };
                 Record::SurfaceFound(store::Surface {
                     step: self.step_id()?,
                     pose: self.pose()?,
@@ -145,6 +143,11 @@ impl Recorder {
             Event::Planned { .. } | Event::SweepBegun { .. } | Event::Measured { .. } => {
                 return None;
             }
+            Event::SurfaceNotFound { trail } => Record::SurfaceNotFound(store::LostSurface {
+                step: self.step_id()?,
+                pose: self.pose()?,
+                trail: trail.iter().map(tried).collect(),
+            }),
             Event::SweepFinished(outcome) => self.sweep(outcome),
             Event::TouchFinished(result) => self.touch(result),
             Event::Operator { action, by } => {
@@ -258,17 +261,17 @@ impl Recorder {
         let touch = touch_settings(&result.step, &result.touch, self.samples());
         let (no_load_sweep, no_load) = (self.no_load_sweep, &result.no_load);
         let (no_load_hz, no_load_sigma_hz) = (no_load.resonance_hz, no_load.sigma_hz);
-        let (rotary_deg, contact) = (result.rotary.value(), &result.contact);
-        let indented = store::Indented {
+        let rotary_deg = result.rotary.value();
+        let indented = |contact: &Contact| store::Indented {
             sweep: self.sweeps,
             surface_mm: contact.surface.position.value(),
             surface_sigma_mm: contact.surface.sigma_mm,
             indentation_mm: contact.indentation_mm(),
             linear_mm: contact.linear.value(),
         };
-        let loaded = match &result.loaded {
-            Ok(loaded) => loaded,
-            Err(refusal) => {
+        let (contact, loaded) = match &result.outcome {
+            TouchOutcome::Measured { contact, loaded } => (contact, loaded),
+            TouchOutcome::Refused { contact, refusal } => {
                 return Record::TouchRefused(store::RefusedTouch {
                     touch,
                     reason: refusal.to_string(),
@@ -276,12 +279,12 @@ impl Recorder {
                     no_load_hz,
                     no_load_sigma_hz,
                     rotary_deg,
-                    indented: Some(indented),
+                    indented: contact.as_ref().map(indented),
                 });
             }
         };
         let store::Indented { sweep, surface_mm, surface_sigma_mm, indentation_mm, linear_mm } =
-            indented;
+            indented(contact);
         Record::TouchResult(store::Touch {
             touch,
             no_load_sweep,
@@ -371,18 +374,23 @@ const fn clearance_of(clearance: Clearance) -> store::Clearance {
     }
 }
 
+fn tried((position, reading): &(Position<Mm>, Reading)) -> store::SurfaceReading {
+    store::SurfaceReading { position_mm: position.value(), reading: reading_of(reading) }
+}
+
 fn reading_of(reading: &Reading) -> store::Reading {
+    let impedance = reading.impedance();
     store::Reading {
         frequency_hz: reading.frequency_hz,
-        resistance_ohm: reading.resistance_ohm,
-        reactance_ohm: reading.reactance_ohm,
+        resistance_ohm: impedance.map(|impedance| impedance.resistance_ohm),
+        reactance_ohm: impedance.map(|impedance| impedance.reactance_ohm),
         started_s: reading.started.as_seconds(),
         settle_s: reading.settle_s,
         integration_s: reading.integration_s,
-        flag: match reading.flag {
-            ReadingFlag::Normal => store::ReadingFlag::Normal,
-            ReadingFlag::Overload => store::ReadingFlag::Overload,
-            ReadingFlag::LowSignal => store::ReadingFlag::LowSignal,
+        flag: match reading.flag() {
+            None => store::ReadingFlag::Normal,
+            Some(ReadingFlag::Overload) => store::ReadingFlag::Overload,
+            Some(ReadingFlag::LowSignal) => store::ReadingFlag::LowSignal,
         },
     }
 }

@@ -13,6 +13,7 @@ use rig_engine::{
 };
 use rig_link::{Clock, StopSignal, Transcript};
 use rig_model::with_causes;
+use rig_sim::SimHandle;
 use rig_store::{Ending, Journal, Record, RunKind, Store, StoreError};
 use tokio::sync::{mpsc, oneshot, watch};
 
@@ -32,7 +33,7 @@ const COMMIT_INTERVAL: Duration = Duration::from_millis(50);
 /// Who answers the prompts of a simulated rig.
 const SIMULATED_PERSON: &str = "simulated person";
 
-type Opening = Result<watch::Receiver<Status>, OpenError>;
+type Opening = Result<(watch::Receiver<Status>, Option<SimHandle>), OpenError>;
 
 /// Runs the rig until it is closed. The outcome of opening it goes to `opened`.
 pub(super) fn run(
@@ -56,7 +57,8 @@ pub(super) fn run(
         match Shell::open(rig, data).await {
             Ok((mut shell, status)) => {
                 // Whoever opened the rig may have gone; the rig is then closed by its inbox.
-                _ = opened.send(Ok(status));
+                let simulation = shell.simulation.as_ref().map(Simulation::handle);
+                _ = opened.send(Ok((status, simulation)));
                 shell.serve(inbox).await;
             }
             Err(error) => _ = opened.send(Err(error)),
@@ -93,6 +95,8 @@ struct Shell {
     in_flight: Option<InFlight>,
     /// Refused before it was sent, because the journal could not be written.
     refused: Option<(OperationId, Failure)>,
+    /// Why a record was not taken by the journal, until the engine has been told.
+    unwritten: Option<String>,
     is_answer_due: bool,
     last_commit: Instant,
     /// How long the engine thought before its last decision.
@@ -145,6 +149,7 @@ impl Shell {
             is_virtual_time,
             in_flight: None,
             refused: None,
+            unwritten: None,
             is_answer_due: false,
             last_commit: Instant::now(),
             thought: Duration::ZERO,
@@ -350,9 +355,7 @@ impl Shell {
             }
             _ => false,
         };
-        if let (Some(reason), false) = (&self.view.journal_error, is_way_out) {
-            let detail = format!("cannot be written: {reason}");
-            let kind = FailureKind::Refused;
+        if !is_way_out && let Some((kind, detail)) = self.journal_failure() {
             self.refused = Some((id, Failure { device: Device::Journal, kind, detail }));
             return;
         }
@@ -366,6 +369,14 @@ impl Shell {
             let ended = devices.perform(&operation, &stop).await;
             (devices, id, ended)
         }));
+    }
+
+    /// Why nothing may be begun for want of a journal; a record that was refused is said once.
+    fn journal_failure(&mut self) -> Option<(FailureKind, String)> {
+        let closed = self.view.journal_error.as_ref();
+        let closed =
+            closed.map(|reason| (FailureKind::Line, format!("cannot be written: {reason}")));
+        closed.or_else(|| Some((FailureKind::Refused, self.unwritten.take()?)))
     }
 
     fn note(&mut self, event: &Event) {
@@ -400,7 +411,7 @@ impl Shell {
             }
             Event::TouchFinished(result) => self.view_run(|view| {
                 view.touches_done += 1;
-                view.touches_refused += usize::from(result.loaded.is_err());
+                view.touches_refused += usize::from(result.is_refused());
             }),
             Event::RunFinished(ending) => self.view_run(|view| view.ending = Some(*ending)),
             Event::SweepFinished(outcome)
@@ -432,6 +443,12 @@ impl Shell {
                 if self.view.first_event == 0 {
                     self.view.first_event = id;
                 }
+            }
+            // The journal is as it was, and takes the fault that follows.
+            Err(error @ StoreError::Unwritable { .. }) => {
+                let reason = with_causes(&error);
+                tracing::error!(%reason, "a record was lost");
+                self.unwritten = Some(reason);
             }
             Err(error) => self.journal_failed(&error),
         }

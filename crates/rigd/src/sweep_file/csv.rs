@@ -3,7 +3,7 @@
 use std::{f64::consts::PI, time::Duration};
 
 use num_complex::Complex64;
-use rig_model::{Reading, ReadingFlag, RigTime};
+use rig_model::{Impedance, Measured, Reading, ReadingFlag, RigTime};
 use rig_settings::Place;
 
 use super::{
@@ -27,7 +27,7 @@ struct Row {
     values: [f64; Quantity::COUNT],
     /// Zero where it was overloaded.
     impedance_ohm: Complex64,
-    flag: ReadingFlag,
+    flag: Option<ReadingFlag>,
     is_used: bool,
     sweep: u64,
 }
@@ -110,12 +110,15 @@ fn row(
     let mut row = Row {
         values: [0.0; Quantity::COUNT],
         impedance_ohm: Complex64::ZERO,
-        flag: ReadingFlag::Normal,
+        flag: None,
         is_used: true,
         sweep: 0,
     };
     let mut is_complete = true;
-    for column in &header.columns {
+    // A row that says it was overloaded needs no impedance.
+    let is_flag = |column: &&Column| column.head.quantity == Quantity::Flag;
+    let (flags, others): (Vec<_>, Vec<_>) = header.columns.iter().partition(is_flag);
+    for column in flags.into_iter().chain(others) {
         let cell = &cells[column.index];
         if let Err(refusal) = row.take(column, &cell.text, numbers) {
             notes.refuse(place(text, line, cell.at), &refusal);
@@ -123,7 +126,7 @@ fn row(
         }
     }
     let [first, _] = header.pair?;
-    if is_complete && row.flag != ReadingFlag::Overload {
+    if is_complete && row.flag != Some(ReadingFlag::Overload) {
         row.impedance_ohm = row
             .impedance_ohm(first)
             .map_err(|refusal| {
@@ -140,7 +143,9 @@ impl Row {
     fn take(&mut self, column: &Column, text: &str, numbers: &mut Numbers) -> Result<(), Refusal> {
         let quantity = column.head.quantity;
         if text.is_empty() {
-            return Err(Refusal::EmptyCell { quantity });
+            let is_overloaded = self.flag == Some(ReadingFlag::Overload);
+            let may_be_empty = is_overloaded && quantity.is_impedance();
+            return if may_be_empty { Ok(()) } else { Err(Refusal::EmptyCell { quantity }) };
         }
         match quantity {
             Quantity::Flag => self.flag_up(flag(text)?),
@@ -164,7 +169,9 @@ impl Row {
                     }
                     self.values[quantity as usize] = found;
                 }
-                Value::Overload if quantity.is_impedance() => self.flag_up(ReadingFlag::Overload),
+                Value::Overload if quantity.is_impedance() => {
+                    self.flag_up(Some(ReadingFlag::Overload));
+                }
                 Value::Overload => return Err(Refusal::NotANumber { text: excerpt(text) }),
             },
         }
@@ -172,8 +179,8 @@ impl Row {
     }
 
     /// An overload stays one, whatever a flag says.
-    fn flag_up(&mut self, flag: ReadingFlag) {
-        if self.flag != ReadingFlag::Overload {
+    fn flag_up(&mut self, flag: Option<ReadingFlag>) {
+        if self.flag != Some(ReadingFlag::Overload) {
             self.flag = flag;
         }
     }
@@ -209,23 +216,27 @@ impl Row {
     }
 
     fn reading(&self) -> Reading {
+        let Complex64 { re: resistance_ohm, im: reactance_ohm } = self.impedance_ohm;
+        let impedance = Impedance { resistance_ohm, reactance_ohm };
         Reading {
             frequency_hz: self.of(Quantity::Frequency),
-            resistance_ohm: self.impedance_ohm.re,
-            reactance_ohm: self.impedance_ohm.im,
+            measured: match self.flag {
+                None => Measured::Value(impedance),
+                Some(ReadingFlag::LowSignal) => Measured::LowSignal(impedance),
+                Some(ReadingFlag::Overload) => Measured::Overload,
+            },
             started: RigTime::ZERO + Duration::from_secs_f64(self.of(Quantity::Time)),
             settle_s: self.of(Quantity::Settle),
             integration_s: self.of(Quantity::Integration),
-            flag: self.flag,
         }
     }
 }
 
-fn flag(text: &str) -> Result<ReadingFlag, Refusal> {
+fn flag(text: &str) -> Result<Option<ReadingFlag>, Refusal> {
     match text.to_ascii_lowercase().as_str() {
-        "normal" => Ok(ReadingFlag::Normal),
-        "low_signal" => Ok(ReadingFlag::LowSignal),
-        "overload" => Ok(ReadingFlag::Overload),
+        "normal" => Ok(None),
+        "low_signal" => Ok(Some(ReadingFlag::LowSignal)),
+        "overload" => Ok(Some(ReadingFlag::Overload)),
         _ => Err(Refusal::UnknownFlag { text: excerpt(text) }),
     }
 }

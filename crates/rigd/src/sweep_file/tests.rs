@@ -1,7 +1,7 @@
 //! Files of many makers, and what is said of faulty ones.
 
 use proptest::prelude::*;
-use rig_model::ReadingFlag;
+use rig_model::{Impedance, Reading, ReadingFlag};
 
 use super::SweepFile;
 
@@ -18,8 +18,9 @@ fn check(name: &str, text: &str) {
     for (reading, (hz, re, im)) in found.readings.iter().zip(expected) {
         let near = |found: f64, expected: f64| (found - expected).abs() < 1e-6 * f64::hypot(re, im);
         assert!((reading.frequency_hz / hz - 1.0).abs() < 1e-12, "{reading:?}\n{text}");
-        assert!(near(reading.resistance_ohm, re), "{reading:?}\n{text}");
-        assert!(near(reading.reactance_ohm, im), "{reading:?}\n{text}");
+        let found = reading.impedance().unwrap();
+        assert!(near(found.resistance_ohm, re), "{reading:?}\n{text}");
+        assert!(near(found.reactance_ohm, im), "{reading:?}\n{text}");
     }
 }
 
@@ -99,9 +100,11 @@ fn touchstone_is_read_in_every_format_it_has() {
     }
     // The reflection of 100 Ω and of 25 Ω; the second with the defaults of a file without options.
     let found = read("-", "# Hz S RI R 50\n100 0.333333333333 0\n").readings;
-    assert!((found[0].resistance_ohm - 100.0).abs() < 1e-6 && found[0].reactance_ohm == 0.0);
+    let impedance = found[0].impedance().unwrap();
+    assert!((impedance.resistance_ohm - 100.0).abs() < 1e-6 && impedance.reactance_ohm == 0.0);
     let found = read("a.S1P", "! defaults\n1e-7 0.333333333333 180\n").readings;
-    assert!((found[0].resistance_ohm - 25.0).abs() < 1e-6, "{found:?}");
+    let impedance = found[0].impedance().unwrap();
+    assert!((impedance.resistance_ohm - 25.0).abs() < 1e-6, "{found:?}");
     assert!((found[0].frequency_hz - 100.0).abs() < 1e-9, "{found:?}");
 }
 
@@ -112,17 +115,19 @@ fn times_and_flags_are_kept_and_the_order_is_that_of_the_times() {
                 120,900,-47000,15,0.5,0.08,low_signal\n\
                 130,9.91E+37,9.91E+37,20,0.5,0.08,normal\n\
                 135,OL,1,21,0.5,0.08,normal\n\
-                136,1,1,22,0.5,0.08,overload\n";
+                136,1,1,22,0.5,0.08,overload\n\
+                137,,,23,0.5,0.08,overload\n";
     let file = read("sweep.csv", text);
     assert!(file.has_dwell && file.has_time);
     let hz: Vec<_> = file.readings.iter().map(|reading| reading.frequency_hz).collect();
-    assert_eq!(hz, [120.0, 140.0, 130.0, 135.0, 136.0]);
+    assert_eq!(hz, [120.0, 140.0, 130.0, 135.0, 136.0, 137.0]);
     let started: Vec<_> =
         file.readings.iter().map(|reading| reading.started.as_seconds()).collect();
-    assert_eq!(started, [0.0, 2.5, 5.0, 6.0, 7.0]);
-    let flags: Vec<_> = file.readings.iter().map(|reading| reading.flag).collect();
-    assert_eq!(flags[..2], [ReadingFlag::LowSignal, ReadingFlag::Normal]);
-    assert!(flags[2..].iter().all(|flag| *flag == ReadingFlag::Overload), "{flags:?}");
+    assert_eq!(started, [0.0, 2.5, 5.0, 6.0, 7.0, 8.0]);
+    let flags: Vec<_> = file.readings.iter().map(Reading::flag).collect();
+    assert_eq!(flags[..2], [Some(ReadingFlag::LowSignal), None]);
+    let is_overload = |flag: &Option<ReadingFlag>| *flag == Some(ReadingFlag::Overload);
+    assert!(flags[2..].iter().all(is_overload), "{flags:?}");
     assert_eq!((file.readings[0].settle_s, file.readings[0].integration_s), (0.5, 0.08));
     // The clock of a logger is no time of a reading.
     let clock = "Time,f,R,X\n2020-11-02 12:03:55,120,900,-47000\n,140,2000,-39000\n";
@@ -312,9 +317,9 @@ proptest! {
             if let Ok(file) = SweepFile::read(name, &text, sweep) {
                 for reading in &file.readings {
                     prop_assert!(reading.frequency_hz > 0.0 && reading.frequency_hz.is_finite());
-                    let size = reading.resistance_ohm.hypot(reading.reactance_ohm);
-                    let is_overload = reading.flag == ReadingFlag::Overload;
-                    prop_assert!(is_overload || (size > 0.0 && size.is_finite()), "{reading:?}");
+                    let size = reading.impedance().map(Impedance::magnitude_ohm);
+                    let is_size = |size: f64| size > 0.0 && size.is_finite();
+                    prop_assert!(size.is_none_or(is_size), "{reading:?}");
                 }
                 prop_assert!(!file.readings.is_empty());
             }

@@ -5,7 +5,7 @@
 //! p. 4–6; that Z and Y are divided by R and 1/R, p. 6.
 
 use num_complex::Complex64;
-use rig_model::{Reading, ReadingFlag, RigTime};
+use rig_model::{Impedance, Measured, Reading, RigTime};
 use rig_settings::Place;
 
 use super::{
@@ -195,12 +195,13 @@ impl Options {
         match self.impedance_ohm(a, b) {
             Ok(impedance) => Some(Reading {
                 frequency_hz,
-                resistance_ohm: impedance.re,
-                reactance_ohm: impedance.im,
+                measured: Measured::Value(Impedance {
+                    resistance_ohm: impedance.re,
+                    reactance_ohm: impedance.im,
+                }),
                 started: RigTime::ZERO,
                 settle_s: 0.0,
                 integration_s: 0.0,
-                flag: ReadingFlag::Normal,
             }),
             Err(refusal) => {
                 notes.refuse(place(text, line, first.at), &refusal);

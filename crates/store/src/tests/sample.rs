@@ -173,12 +173,16 @@ pub(super) fn run_started() -> Record {
 fn reading(resonance_hz: f64, index: u32) -> Reading {
     Reading {
         frequency_hz: resonance_hz + 0.1 * f64::from(index),
-        resistance_ohm: 1e5 / f64::from(index + 3),
-        reactance_ohm: -4e4 - f64::from(index).sqrt(),
+        resistance_ohm: (index != 3).then(|| 1e5 / f64::from(index + 3)),
+        reactance_ohm: (index != 3).then(|| -4e4 - f64::from(index).sqrt()),
         started_s: 1.0 / 3.0 + f64::from(index),
         settle_s: 0.05,
         integration_s: 0.1,
-        flag: if index == 2 { ReadingFlag::LowSignal } else { ReadingFlag::Normal },
+        flag: match index {
+            2 => ReadingFlag::LowSignal,
+            3 => ReadingFlag::Overload,
+            _ => ReadingFlag::Normal,
+        },
     }
 }
 

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 use num_complex::Complex64;
 use rig_contact::Circuit;
-use rig_model::{Reading, RigTime, SweepPoint, Window};
+use rig_model::{Measured, Reading, RigTime, SweepPoint, Window};
 
 use super::spring::Spring;
 use crate::{
@@ -128,30 +128,29 @@ impl Scene {
             if burst == 0 && chance.uniform() < self.outliers / BURST_MEAN {
                 (burst, way) = (burst_length(chance.uniform()), chance.uniform());
             }
+            let Measured::Value(value) = &mut reading.measured else { continue };
             if burst > 0 {
                 burst -= 1;
                 let factor = 10_f64.powf(4.0 * chance.uniform() - 2.0);
                 if way < 0.4 {
                     // Both parts by the same factor, from 0.01 to 100.
-                    reading.resistance_ohm *= factor;
-                    reading.reactance_ohm *= factor;
+                    value.resistance_ohm *= factor;
+                    value.reactance_ohm *= factor;
                 } else if way < 0.6 {
-                    reading.resistance_ohm *= factor;
+                    value.resistance_ohm *= factor;
                 } else if way < 0.7 {
-                    reading.reactance_ohm = -reading.reactance_ohm;
+                    value.reactance_ohm = -value.reactance_ohm;
                 } else if way < 0.8 {
-                    reading.resistance_ohm = -reading.resistance_ohm;
-                    reading.reactance_ohm = -reading.reactance_ohm;
-                } else if let Some((resistance_ohm, reactance_ohm)) = last {
-                    // Stuck.
-                    (reading.resistance_ohm, reading.reactance_ohm) =
-                        (resistance_ohm, reactance_ohm);
+                    value.resistance_ohm = -value.resistance_ohm;
+                    value.reactance_ohm = -value.reactance_ohm;
+                } else if let Some(stuck) = last {
+                    *value = stuck;
                 }
             }
-            last = Some((reading.resistance_ohm, reading.reactance_ohm));
+            last = Some(*value);
             if let Some(digits) = self.digits {
-                reading.resistance_ohm = rounded(reading.resistance_ohm, digits);
-                reading.reactance_ohm = rounded(reading.reactance_ohm, digits);
+                value.resistance_ohm = rounded(value.resistance_ohm, digits);
+                value.reactance_ohm = rounded(value.reactance_ohm, digits);
             }
         }
         readings
@@ -210,7 +209,8 @@ mod tests {
         let scene = Scene { noise: 0.0, ..Scene::good(30.0, 0.1) };
         for reading in scene.measure(Stream::new(1, 1)) {
             let expected = scene.circuit().impedance_ohm(reading.frequency_hz);
-            let found = Complex64::new(reading.resistance_ohm, reading.reactance_ohm);
+            let value = reading.impedance().unwrap();
+            let found = Complex64::new(value.resistance_ohm, value.reactance_ohm);
             assert!((found - expected).norm() < 1e-12 * expected.norm(), "{found} {expected}");
         }
     }

@@ -97,7 +97,8 @@ fn search(approach: Approach, sample: &str, seed: u64) -> Option<(f64, f64)> {
         (free, 1.0 / (0.015 * std::f64::consts::PI * free));
     let baseline = bench.read(BASELINE_TIME_CONSTANTS * bench.time_constant_s, approach.cycles);
     let begun_s = bench.now.as_seconds();
-    let (mut search, mut turn) = Search::begin(approach, Position::new(EXPECTED_MM), baseline);
+    let (mut search, mut turn) =
+        Search::begin(approach, Position::new(EXPECTED_MM), baseline.impedance()?);
     let mut speed = TRAVEL_SPEED;
     loop {
         turn = match turn {
@@ -122,7 +123,7 @@ fn search(approach: Approach, sample: &str, seed: u64) -> Option<(f64, f64)> {
                 bench.move_to(position_mm, CONTACT_SPEED);
                 return Some((time_s, bench.world.truth(bench.now).indentation_mm));
             }
-            SearchTurn::Fault(_) => return None,
+            SearchTurn::Flagged | SearchTurn::Fault(_) => return None,
         };
     }
 }

@@ -275,8 +275,8 @@ impl Teller {
             let noise = 1.0 + 0.004 * self.about_zero();
             readings.push(Reading {
                 frequency_hz,
-                resistance_ohm: impedance_ohm.re * noise,
-                reactance_ohm: impedance_ohm.im * noise,
+                resistance_ohm: Some(impedance_ohm.re * noise),
+                reactance_ohm: Some(impedance_ohm.im * noise),
                 started_s: self.now_us as f64 * 1e-6,
                 settle_s: 0.05,
                 integration_s: 0.1,

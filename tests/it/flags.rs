@@ -1,0 +1,196 @@
+//! Readings that the analyzer flags: measured again, then refused by name, and never the end of the
+//! journal.
+
+use std::fs;
+
+use rig_engine::{Command, RunStatus, StateWord};
+use rig_model::{DriveLevel, SweepMethod, SweepRequest, Window};
+use rig_store::{Reading, ReadingFlag, Record, RunId, StoredRecord, SweepVerdict, Verdict};
+use rig_tests::{TestRig, shipped};
+
+const TCP: (&str, &str) =
+    (r#"{ serial = "/dev/serial/by-id/analyzer", baud = 38400 }"#, r#"{ tcp = "127.0.0.1:5025" }"#);
+const HIOKI: &str = r#"dialect = "hioki-im3536""#;
+
+/// A family of analyzers: how the shipped rig file is changed for it, and its level, V.
+type Family = (&'static [(&'static str, &'static str)], f64);
+
+const FAMILIES: [Family; 3] = [
+    (&[], 5.0),
+    (
+        &[(HIOKI, r#"dialect = "keysight-e4980a""#), ("max_level_v = 5", "max_level_v = 2"), TCP],
+        2.0,
+    ),
+    (
+        &[(HIOKI, r#"dialect = "keysight-e4990a""#), ("max_level_v = 5", "max_level_v = 1"), TCP],
+        1.0,
+    ),
+];
+
+/// The short protocol with one sample, upright, and no blind touches: three touches.
+fn three_touches(level_v: f64) -> String {
+    let text = fs::read_to_string(shipped("config/protocols/smoke.toml")).unwrap();
+    let (text, _) = text.split_once("[blind]").unwrap();
+    text.replace(r#"["1", "5"]"#, r#"["5"]"#)
+        .replace("[0, 45]", "[0]")
+        .replace("level_v = 5", &format!("level_v = {level_v}"))
+}
+
+fn request(level_v: f64) -> SweepRequest {
+    SweepRequest {
+        window: Window { min_hz: 120.0, max_hz: 165.0 },
+        method: SweepMethod::Adaptive,
+        target_sigma_hz: 0.05,
+        time_limit_s: 30.0,
+        cycles: 10,
+        settle_s: 0.0,
+        level: DriveLevel { volt: level_v },
+    }
+}
+
+/// Measures by hand, and returns the readings and the verdict from the journal.
+async fn measure(rig: &TestRig, level_v: f64) -> (Vec<Reading>, SweepVerdict) {
+    let number = rig.handle.sweep(request(level_v), "test").await.unwrap();
+    let status = rig.wait_for("the sweep", |status| status.sweep.is_none()).await;
+    let sweep =
+        rig.records(status.session).into_iter().find_map(|stored| match stored.record().unwrap() {
+            Record::Sweep(sweep) if sweep.number == number => Some(sweep),
+            _ => None,
+        });
+    let sweep = sweep.expect("the sweep is in the journal");
+    (sweep.readings, sweep.verdict)
+}
+
+fn flagged(readings: &[Reading]) -> usize {
+    readings.iter().filter(|reading| reading.flag == ReadingFlag::Overload).count()
+}
+
+/// How many touches of a run were measured, and why the others were refused.
+fn touches(records: &[StoredRecord]) -> (usize, Vec<String>) {
+    let (mut measured, mut refused) = (0, Vec::new());
+    for stored in records {
+        match stored.record().unwrap() {
+            Record::TouchResult(_) => measured += 1,
+            Record::TouchRefused(touch) => refused.push(touch.reason),
+            _ => {}
+        }
+    }
+    (measured, refused)
+}
+
+/// Nothing that was flagged has closed the journal, and what it holds is sound.
+#[track_caller]
+fn assert_journal_is_open(rig: &TestRig, run: RunId) {
+    assert_eq!(rig.handle.status().borrow().journal_error, None);
+    assert!(matches!(rig.reader().verify(run).unwrap(), Verdict::Intact { .. }));
+}
+
+#[tokio::test]
+async fn a_flagged_reading_is_measured_again_and_one_that_stays_is_refused_by_name() {
+    for (changes, level_v) in FAMILIES {
+        let rig = TestRig::open_changed(changes).await;
+        rig.fault("fault analyzer overload");
+        let (readings, verdict) = measure(&rig, level_v).await;
+        assert!(matches!(verdict, SweepVerdict::Accepted { .. }), "{changes:?}: {verdict:?}");
+        assert_eq!(flagged(&readings), 1, "{changes:?}");
+        let is_value = |one: &&Reading| one.impedance_ohm().is_some();
+        assert_eq!(readings.iter().filter(is_value).count(), readings.len() - 1);
+
+        rig.fault("fault analyzer overload rate=1");
+        let (readings, verdict) = measure(&rig, level_v).await;
+        let SweepVerdict::Refused { reason } = verdict else { panic!("{changes:?}: {verdict:?}") };
+        let hz = readings[0].frequency_hz;
+        let expected = format!("the analyzer flagged overload at {hz} Hz in 3 of 3 tries");
+        assert_eq!((reason, flagged(&readings)), (expected, 3), "{changes:?}");
+
+        rig.fault("clear");
+        assert_eq!(flagged(&measure(&rig, level_v).await.0), 0);
+        assert_eq!(rig.handle.status().borrow().journal_error, None);
+        rig.close().await;
+    }
+}
+
+#[tokio::test]
+async fn a_run_with_some_flagged_readings_measures_every_touch() {
+    for (changes, level_v) in FAMILIES {
+        let rig = TestRig::open_changed(changes).await;
+        rig.fault("fault analyzer overload rate=0.02");
+        let (run, ending) = rig.run(rig.protocol(&three_touches(level_v))).await;
+        let records = rig.records(run);
+        let mut seen = 0;
+        for stored in &records {
+            seen += match stored.record().unwrap() {
+                Record::Sweep(sweep) => flagged(&sweep.readings),
+                Record::SurfaceFound(found) => {
+                    let trail: Vec<_> = found.trail.iter().map(|tried| tried.reading).collect();
+                    flagged(&trail)
+                }
+                _ => 0,
+            };
+        }
+        assert!(seen > 0, "{changes:?}: nothing was flagged");
+        assert_eq!(ending, RunStatus::Completed, "{changes:?}");
+        assert_eq!(touches(&records), (3, Vec::new()), "{changes:?}");
+        assert_journal_is_open(&rig, run);
+        rig.close().await;
+    }
+}
+
+/// The analyzer is asked once for each reading. So the readings of a run without faults say which
+/// of its questions belongs to which part of the first touch.
+#[tokio::test]
+async fn a_touch_whose_readings_stay_flagged_is_refused_and_the_run_goes_on() {
+    let rig = TestRig::open().await;
+    let (run, _) = rig.run(rig.protocol(&three_touches(5.0))).await;
+    let (mut no_load, mut search) = (None, None);
+    for stored in rig.records(run) {
+        match stored.record().unwrap() {
+            Record::Sweep(sweep) => _ = no_load.get_or_insert(sweep.readings.len()),
+            Record::SurfaceFound(found) => _ = search.get_or_insert(found.trail.len()),
+            _ => {}
+        }
+    }
+    rig.close().await;
+    let (no_load, search) = (no_load.unwrap(), search.unwrap());
+    assert!(search >= 10, "{search}");
+    // A few more questions set the analyzer up; a sweep in contact is tried twice.
+    for (first, frames, is_in_contact) in
+        [(no_load + 8, 3, false), (no_load + search + 10, 6, true)]
+    {
+        let rig = TestRig::open().await;
+        for nth in first..first + frames {
+            rig.fault(&format!("fault analyzer overload nth={nth}"));
+        }
+        let (run, ending) = rig.run(rig.protocol(&three_touches(5.0))).await;
+        assert_eq!(ending, RunStatus::CompletedWithRefusals);
+        let records = rig.records(run);
+        let (measured, refused) = touches(&records);
+        assert_eq!((measured, refused.len()), (2, 1), "{refused:?}");
+        assert!(refused[0].starts_with("the analyzer flagged overload at 1"), "{refused:?}");
+        let is_lost = |stored: &&StoredRecord| stored.kind == "surface_not_found";
+        assert_eq!(records.iter().any(|stored| is_lost(&stored)), !is_in_contact);
+        assert_journal_is_open(&rig, run);
+        rig.close().await;
+    }
+}
+
+#[tokio::test]
+async fn an_overload_that_stays_latches_the_rig_with_the_device_as_its_first_cause() {
+    for (changes, level_v) in FAMILIES {
+        let rig = TestRig::open_changed(changes).await;
+        rig.fault("fault analyzer overload rate=1");
+        let (run, ending) = rig.run(rig.protocol(&three_touches(level_v))).await;
+        assert_eq!(ending, RunStatus::Faulted, "{changes:?}");
+        let status = rig.wait_for("the latch", |s| s.snapshot.state == StateWord::Latched).await;
+        let cause = status.snapshot.fault.unwrap().to_string();
+        let begins = "the no-load resonance was refused 2 times: the analyzer flagged overload at ";
+        assert!(cause.starts_with(begins) && cause.ends_with("in 3 of 3 tries"), "{cause}");
+        assert_journal_is_open(&rig, run);
+        rig.fault("clear");
+        rig.command(Command::Acknowledge).await.unwrap();
+        rig.wait_for("service", |status| status.snapshot.state == StateWord::Idle).await;
+        let (_, ending) = rig.run(rig.protocol(&three_touches(level_v))).await;
+        assert_eq!(ending, RunStatus::Completed, "{changes:?}");
+        rig.close().await;
+    }
+}
