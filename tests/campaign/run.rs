@@ -1,0 +1,89 @@
+//! One run, from an open rig to its end.
+
+use std::{
+    sync::mpsc::{self, RecvTimeoutError},
+    thread,
+    time::Duration,
+};
+
+use rig_engine::RunStatus;
+use rig_store::{Record, SweepVerdict};
+use rig_tests::TestRig;
+
+use crate::case::Case;
+
+/// A run that takes longer by the clock on the wall has no end: the longest take half a minute.
+const PATIENCE: Duration = Duration::from_secs(300);
+
+/// How a run ended.
+#[derive(Debug)]
+pub(crate) enum Outcome {
+    /// By itself.
+    Ended {
+        status: RunStatus,
+        /// The cause of a fault.
+        cause: Option<String>,
+        sweeps: usize,
+        /// Why sweeps were refused.
+        refusals: Vec<String>,
+    },
+    /// With a panic of the daemon or of this program.
+    Panicked,
+    /// Not yet.
+    NoEnd,
+}
+
+impl Outcome {
+    /// Why the run did not end as it must.
+    pub(crate) fn failure(&self, may_fault: bool) -> Option<String> {
+        match self {
+            Self::Ended { status, cause, .. } => match status {
+                RunStatus::Completed | RunStatus::CompletedWithRefusals => None,
+                RunStatus::Faulted if may_fault => None,
+                RunStatus::Faulted | RunStatus::Aborted => {
+                    Some(format!("{}: {}", status.name(), cause.as_deref().unwrap_or("no cause")))
+                }
+            },
+            Self::Panicked => Some("panicked".to_owned()),
+            Self::NoEnd => Some(format!("no end after {} s", PATIENCE.as_secs())),
+        }
+    }
+}
+
+/// Runs a case to its end, on a thread of its own: what has no end must not hold up the others.
+pub(crate) fn play(case: Case) -> Outcome {
+    let (sender, ended) = mpsc::sync_channel(1);
+    thread::spawn(move || {
+        let runtime = tokio::runtime::Builder::new_current_thread().build();
+        let Ok(runtime) = runtime else { return };
+        // Nobody waits any more where there was no end.
+        _ = sender.send(runtime.block_on(played(&case)));
+    });
+    match ended.recv_timeout(PATIENCE) {
+        Ok(outcome) => outcome,
+        Err(RecvTimeoutError::Timeout) => Outcome::NoEnd,
+        Err(RecvTimeoutError::Disconnected) => Outcome::Panicked,
+    }
+}
+
+async fn played(case: &Case) -> Outcome {
+    let scene: Vec<(&str, &str)> =
+        case.scene.iter().map(|(from, to)| (*from, to.as_str())).collect();
+    let rig = TestRig::open_bench(&[], &scene).await;
+    let (run, status) = rig.run(rig.protocol(&case.protocol)).await;
+    let (mut sweeps, mut refusals, mut cause) = (0, Vec::new(), None);
+    for stored in rig.records(run) {
+        match stored.record() {
+            Ok(Record::Sweep(sweep)) => {
+                sweeps += 1;
+                if let SweepVerdict::Refused { reason } = sweep.verdict {
+                    refusals.push(reason);
+                }
+            }
+            Ok(Record::Fault(fault)) => cause = cause.or(Some(fault.cause)),
+            _ => {}
+        }
+    }
+    rig.close().await;
+    Outcome::Ended { status, cause, sweeps, refusals }
+}
