@@ -96,7 +96,7 @@ impl fmt::Display for Tally {
     }
 }
 
-/// The planning steps of all rigs: what each computed, and how long it took by the clock on the wall.
+/// The planning steps of all rigs: what each computed, and what it took of the processor.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Steps(Arc<Mutex<Vec<Step>>>);
 
@@ -151,7 +151,7 @@ impl fmt::Display for Steps {
         let at = |place: usize| steps.get(place).map_or(0.0, |step| 1e3 * step.seconds);
         write!(
             f,
-            "{count} planning steps: 99.9 % under {:.2} ms, the longest {:.2} ms, {most} of at most {} \
+            "{count} planning steps: 99.9 % under {:.2} ms of processor, the longest {:.2} ms, {most} of at most {} \
              rows",
             at(count - count.div_ceil(1000)),
             at(count.saturating_sub(1)),

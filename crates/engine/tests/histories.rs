@@ -595,3 +595,32 @@ fn a_move_by_hand_obeys_what_a_run_obeys() {
     assert_eq!(world.engine.snapshot().clearance, Clearance::Clear);
     world.command(rotary(0.0));
 }
+
+/// The readings say that no time has passed, and the clock that a minute has.
+#[test]
+fn the_time_between_the_readings_of_a_sweep_counts_against_its_limit() {
+    let mut world = World::new(None);
+    world.command(Command::Prepare);
+    while world.engine.snapshot().state != StateWord::Idle {
+        world.step();
+    }
+    let mut request = plan().no_load_sweep;
+    (request.method, request.time_limit_s) = (SweepMethod::Adaptive, 60.0);
+    world.command(Command::Sweep(request));
+    for passed_s in [1, 1, 58] {
+        assert_eq!(world.engine.snapshot().state, StateWord::Running);
+        let (id, operation) = world.in_flight.take().unwrap();
+        let Report::Measured(mut readings) = world.perform(&operation) else { panic!() };
+        for reading in &mut readings {
+            reading.started = RigTime::ZERO;
+        }
+        world.now = world.now + std::time::Duration::from_secs(passed_s);
+        world.handle(Input::Done(id, Ok(Report::Measured(readings))));
+    }
+    assert_eq!(world.engine.snapshot().state, StateWord::Idle);
+    let refusal = world.events.iter().find_map(|event| match event {
+        Event::SweepFinished(outcome) => Some(format!("{:?}", outcome.verdict)),
+        _ => None,
+    });
+    assert!(refusal.as_ref().is_some_and(|refusal| refusal.contains("Time {")), "{refusal:?}");
+}

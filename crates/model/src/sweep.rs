@@ -101,6 +101,16 @@ pub enum SweepRequestError {
         /// Largest value allowed.
         max: f64,
     },
+    /// A uniform sweep takes longer than it may.
+    #[error("{points} points take {takes_s:.0} s, longer than time_limit_s = {limit_s}")]
+    TooLong {
+        /// How many points.
+        points: u32,
+        /// The time that they take, s.
+        takes_s: f64,
+        /// The time allowed, s.
+        limit_s: f64,
+    },
 }
 
 impl SweepRequest {
@@ -125,6 +135,15 @@ impl SweepRequest {
         within("cycles", f64::from(self.cycles), 1.0, 100_000.0);
         within("settle_s", self.settle_s, 0.0, 60.0);
         within("level_v", self.level.volt, 1e-3, 100.0);
+        if let (SweepMethod::Uniform { points }, true) = (self.method, faults.is_empty()) {
+            // The mean of 1/f over the window.
+            let period_s = (max_hz / min_hz).ln() / (max_hz - min_hz);
+            let takes_s = f64::from(points) * (self.settle_s + f64::from(self.cycles) * period_s);
+            let limit_s = self.time_limit_s;
+            if takes_s > limit_s {
+                faults.push(SweepRequestError::TooLong { points, takes_s, limit_s });
+            }
+        }
         faults
     }
 }

@@ -171,5 +171,8 @@ fn sweep_suggestion(error: &SweepRequestError) -> Option<String> {
         } else {
             format!("use at most {max}")
         }),
+        SweepRequestError::TooLong { takes_s, .. } => {
+            Some(format!("allow {:.0} s, or take fewer points or shorter ones", takes_s.ceil()))
+        }
     }
 }

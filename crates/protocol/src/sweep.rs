@@ -73,6 +73,7 @@ pub(crate) fn read(table: &mut Table<'_>) -> SweepKeys {
                 let at_fault = written.iter().flatten().find(|(key, _)| *key == what);
                 at_fault.map(|(_, place)| *place)
             }
+            SweepRequestError::TooLong { .. } => Some(time_limit_s.place),
         };
         if let Some(place) = place {
             table.refuse(place, &Refusal::Sweep(error));

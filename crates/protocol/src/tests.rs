@@ -295,6 +295,20 @@ fn ten_faults_of_a_protocol_give_ten_messages_whatever_their_kind() {
 }
 
 #[test]
+fn a_uniform_sweep_that_takes_longer_than_it_may_is_refused() {
+    let uniform = |settle_s: f64| {
+        let method = format!("method = \"uniform\"\npoints = 101\nsettle_s = {settle_s}");
+        complaints(&[("method = \"adaptive\"", &method)], &bench())
+    };
+    let complaint = uniform(0.5);
+    assert!(
+        complaint.contains("101 points take 65 s, longer than time_limit_s = 30"),
+        "{complaint}"
+    );
+    assert!(complaint.contains("allow 65 s"), "{complaint}");
+}
+
+#[test]
 fn a_protocol_that_contradicts_itself_is_refused() {
     let changes = [
         ("samples = [\"1\", \"2\"", "samples = [\"a/b\", \"2\", \"2\""),

@@ -174,7 +174,7 @@ async fn a_sweep_that_was_aborted_is_not_taken_for_the_next_one() {
     let daemon = Daemon::start().await;
     // So many points that it cannot be over before the abort.
     let long = json!({
-        "min_hz": 120, "max_hz": 165, "points": 10_000, "settle_s": 60, "time_limit_s": 86_400,
+        "min_hz": 120, "max_hz": 165, "points": 10_000, "settle_s": 7, "time_limit_s": 86_400,
     });
     let (status, first) = daemon.ask("POST", "sweeps", &long).await;
     assert_eq!(status, StatusCode::ACCEPTED, "{first}");

@@ -16,9 +16,9 @@ pub(super) const READINGS_MAX: usize = 180;
 /// number.
 pub(super) const READINGS_SHORT: usize = 64;
 pub(super) const SHORTEST_SHARE: f64 = 0.1;
-/// How often one sweep is judged: up to 20 times where it reaches its target, and each time costs as
-/// much as a few readings.
-pub(super) const VERDICTS_MAX: usize = 30;
+/// How often one sweep is judged: hardly ever 30 times where it reaches its target, and each time costs
+/// as much as a reading.
+pub(super) const VERDICTS_MAX: usize = 36;
 
 /// What a row of work stands for, s: about what a desktop computer takes. Work counts against the time
 /// limit as the clock does, so that thinking is bounded where the clock stands still meanwhile, and

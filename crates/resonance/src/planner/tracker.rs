@@ -33,9 +33,9 @@ pub(super) struct Tracker {
     work: u64,
 }
 
-/// Rows after which no further valley is followed for one reading: about two milliseconds. Sweeps that
-/// reach their target need up to 15 000; without a resonance in the window, valleys are long and flat.
-pub(super) const WORK_MAX: u64 = 20_000;
+/// Rows after which no further valley is followed for one reading: about a millisecond. Sweeps that reach
+/// their target hardly ever need more; without a resonance in the window, valleys are long and flat.
+pub(super) const WORK_MAX: u64 = 12_000;
 /// Rows that a trial of the grid is counted for.
 pub(super) const ROWS_PER_TRIAL: u64 = 2;
 /// Trials followed to the best circuit near them.

@@ -15,6 +15,7 @@ use rig_link::{Clock, StopSignal, Transcript};
 use rig_model::with_causes;
 use rig_sim::SimHandle;
 use rig_store::{Ending, Journal, Record, RunKind, Store, StoreError};
+use rustix::time::{ClockId, clock_gettime};
 use tokio::sync::{mpsc, oneshot, watch};
 
 use super::{
@@ -99,7 +100,7 @@ struct Shell {
     unwritten: Option<String>,
     is_answer_due: bool,
     last_commit: Instant,
-    /// How long the engine thought before its last decision.
+    /// What the engine's last decision took of the processor.
     thought: Duration,
 }
 
@@ -323,9 +324,9 @@ impl Shell {
     }
 
     fn think<T>(&mut self, decide: impl FnOnce(&mut Engine, rig_model::RigTime) -> T) -> T {
-        let begun = Instant::now();
+        let begun = processor_time();
         let decision = decide(&mut self.engine, self.clock.now());
-        self.thought = begun.elapsed();
+        self.thought = processor_time().saturating_sub(begun);
         decision
     }
 
@@ -509,6 +510,11 @@ impl Shell {
         self.view.snapshot = snapshot;
         self.status.send_replace(self.view.clone());
     }
+}
+
+/// What this thread has had of the processor: unlike the time on the wall, no matter what else runs.
+fn processor_time() -> Duration {
+    clock_gettime(ClockId::ThreadCPUTime).try_into().unwrap_or_default()
 }
 
 /// Waits for the operation in flight; for ever, when there is none.
