@@ -20,8 +20,8 @@ from bench import SCENE, check, equal
 LABELS = ("sample", "class")
 WHOLE = ("repeat", "no_load_sweep", "sweep", "readings", "reading", "try")
 WORDS = ("step", "phase", "direction", "status", "reason", "started_at", "run_id", "purpose", "verdict",
-         "flag", *LABELS)
-FLAGS = ("is_simulated", "is_used")
+         "flag", "fit_timing", *LABELS)
+FLAGS = ("is_simulated", "is_used", "fit_always_loss")
 
 
 def kind(column):

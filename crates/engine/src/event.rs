@@ -2,7 +2,7 @@
 
 use rig_model::{Clearance, Deg, Mm, Position, Reading, SweepRequest};
 use rig_protocol::{Prompt, StepId, Touch};
-use rig_resonance::{Estimate, Refusal, Resonance, Verdict};
+use rig_resonance::{Estimate, FitOptions, Refusal, Resonance, Verdict};
 
 use crate::{Fault, Surface};
 
@@ -67,6 +67,10 @@ pub struct SweepOutcome {
     pub verdict: Verdict,
     /// The moment for which an accepted resonance holds, s on the clock of the readings.
     pub moment_s: Option<f64>,
+    /// What the fit was told besides the readings.
+    pub fit: FitOptions,
+    /// The standard deviation without which no resonance was accepted, Hz.
+    pub target_hz: Option<f64>,
 }
 
 /// A finished touch.

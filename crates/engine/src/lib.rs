@@ -36,5 +36,6 @@ pub use event::{
 };
 pub use fault::{Device, Failure, FailureKind, Fault};
 pub use interlock::{Interlock, InterlockError};
+pub use measured::flagged;
 pub use operation::{Operation, OperationId, Report};
 pub use search::{Search, SearchTurn, Surface};

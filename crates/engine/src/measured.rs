@@ -8,7 +8,7 @@ use rig_model::{Measured, Reading};
 use rig_resonance::{Reason, Refusal};
 
 /// Why a measurement gave up, when its last reading is flagged.
-pub(crate) fn flagged(readings: &[Reading]) -> Option<Refusal> {
+pub fn flagged(readings: &[Reading]) -> Option<Refusal> {
     let last = readings.last()?;
     let flag = last.flag()?;
     let tries = readings.iter().rev().take_while(|reading| reading.flag().is_some()).count();

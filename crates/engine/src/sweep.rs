@@ -100,8 +100,15 @@ impl Sweep {
         let is_last = |reading: &Reading| Some(reading) == looks;
         let looks = readings.iter().rposition(is_last).map_or(0, |last| last + 1);
         let moment_s = self.planner.moment_s(&verdict);
-        let purpose = self.purpose;
-        let outcome = Box::new(SweepOutcome { purpose, readings, looks, verdict, moment_s });
+        let outcome = Box::new(SweepOutcome {
+            purpose: self.purpose,
+            readings,
+            looks,
+            verdict,
+            moment_s,
+            fit: self.planner.fit_options(),
+            target_hz: self.planner.target_hz(),
+        });
         notes.push(Event::SweepFinished(outcome.clone()));
         SweepTurn::Finished(outcome)
     }

@@ -12,10 +12,10 @@ mod run;
 pub use chain::{Chain, Flaw, StoredRecord, UnreadableRecord, Verdict};
 pub use digest::Digest;
 pub use record::{
-    Action, Axis, BlackBox, Circuit, Clearance, Device, Direction, Ending, Fault, Frame, Indented,
-    Intent, LostSurface, Move, MoveReason, Operator, Phase, PlanSize, Pose, Prompt, PromptAnswered,
-    PromptAsked, Reading, ReadingFlag, Record, RefusedTouch, RunFinished, RunStarted, Sample,
-    Source, StateChanged, StepStarted, Surface, SurfaceReading, Sweep, SweepPurpose, SweepVerdict,
-    Touch, TouchSettings,
+    Action, Axis, BlackBox, Circuit, Clearance, Device, Direction, Ending, Fault, FitNoise,
+    FitSettings, FitTiming, Frame, Indented, Intent, LostSurface, Move, MoveReason, NearCircuit,
+    Operator, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, Reading, ReadingFlag,
+    Record, RefusedTouch, RunFinished, RunStarted, Sample, Source, StateChanged, StepStarted,
+    Surface, SurfaceReading, Sweep, SweepPurpose, SweepVerdict, Touch, TouchSettings,
 };
 pub use run::{NotARunId, Run, RunId, RunKind, RunStatus};

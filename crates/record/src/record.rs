@@ -17,8 +17,8 @@ pub use start::{
     Action, Device, Direction, Phase, PlanSize, Pose, RunStarted, Sample, Source, StepStarted,
 };
 pub use sweep::{
-    Circuit, Indented, Reading, ReadingFlag, RefusedTouch, Sweep, SweepPurpose, SweepVerdict,
-    Touch, TouchSettings,
+    Circuit, FitNoise, FitSettings, FitTiming, Indented, NearCircuit, Reading, ReadingFlag,
+    RefusedTouch, Sweep, SweepPurpose, SweepVerdict, Touch, TouchSettings,
 };
 
 /// One record of a journal.

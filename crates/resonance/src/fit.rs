@@ -23,7 +23,8 @@ pub struct FitOptions {
     /// readings at the frequencies that tell most of the resonance tell hardly anything of loss,
     /// and what they cannot exclude belongs into the uncertainty.
     pub always_loss: bool,
-    /// Where the most likely circuit is, when that is known: it is not searched for then.
+    /// Where the most likely circuit is, when that is known: it is not searched for then, and
+    /// readings that have not settled are weighed for it.
     pub near: Option<Circuit>,
 }
 
@@ -35,6 +36,11 @@ pub struct NoisePrior {
     pub at_ten_cycles: f64,
     /// How many independent errors this comes from; infinite where it is certain.
     pub degrees_of_freedom: f64,
+}
+
+impl NoisePrior {
+    /// How many independent errors the noise is taken to come from that a person states.
+    pub const STATED_DEGREES: f64 = 100.0;
 }
 
 /// Five parameters and two readings more, so that something is left to judge by.

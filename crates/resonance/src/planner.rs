@@ -231,18 +231,7 @@ impl Planner {
     fn finish(&mut self, limit: Limit) -> Next {
         let verdict = self.verdict();
         let target_hz = self.request.target_sigma_hz;
-        let estimate = match &verdict {
-            Verdict::Accepted(found) => Some(*found),
-            Verdict::Refused(refusal) if needs_more(&verdict) => refusal.estimate,
-            Verdict::Refused(_) => return Next::Finished(verdict),
-        };
-        let sigma_hz = estimate.map(|found| found.sigma_hz);
-        if sigma_hz.is_some_and(|sigma_hz| sigma_hz <= target_hz) {
-            return Next::Finished(verdict);
-        }
-        let readings = self.readings.len();
-        let reason = Reason::TargetNotReached { sigma_hz, target_hz, readings, limit };
-        Next::Finished(Verdict::Refused(Refusal { reason, estimate }))
+        Next::Finished(verdict.held_to(target_hz, self.readings.len(), limit))
     }
 
     /// What ends the sweep now, whatever is known.
@@ -270,6 +259,20 @@ impl Planner {
             }
             (Method::Transient(_), _) => !scatters(found, &self.options),
             _ => true,
+        }
+    }
+
+    /// What the last verdict was told besides the readings.
+    pub const fn fit_options(&self) -> FitOptions {
+        self.options
+    }
+
+    /// The standard deviation that a resonance must have to be accepted, Hz; `None` where the points
+    /// are given and the result is what they make it.
+    pub const fn target_hz(&self) -> Option<f64> {
+        match self.method {
+            Method::Uniform { .. } => None,
+            Method::Settled(_) | Method::Transient(_) => Some(self.request.target_sigma_hz),
         }
     }
 
@@ -389,6 +392,25 @@ fn scatters(found: &Resonance, options: &FitOptions) -> bool {
 fn needs_more(verdict: &Verdict) -> bool {
     let Verdict::Refused(refusal) = verdict else { return false };
     matches!(refusal.reason, Reason::TooNoisy { .. } | Reason::TooFewPoints { .. })
+}
+
+impl Verdict {
+    /// The verdict where this standard deviation was asked for, Hz, and there is no more to read:
+    /// what is not as good is a refusal, with what there is as evidence.
+    #[must_use]
+    pub fn held_to(self, target_hz: f64, readings: usize, limit: Limit) -> Self {
+        let estimate = match &self {
+            Self::Accepted(found) => Some(*found),
+            Self::Refused(refusal) if needs_more(&self) => refusal.estimate,
+            Self::Refused(_) => return self,
+        };
+        let sigma_hz = estimate.map(|found| found.sigma_hz);
+        if sigma_hz.is_some_and(|sigma_hz| sigma_hz <= target_hz) {
+            return self;
+        }
+        let reason = Reason::TargetNotReached { sigma_hz, target_hz, readings, limit };
+        Self::Refused(Refusal { reason, estimate })
+    }
 }
 
 /// Points at equal distances over a window, from end to end.

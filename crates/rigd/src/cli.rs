@@ -191,7 +191,7 @@ struct ExportArgs {
     /// What to write
     #[arg(long, value_enum)]
     format: ExportFormat,
-    /// With CSV: which table
+    /// With `--format csv`: which table
     #[arg(long, value_enum, default_value_t = ExportTable::Touches)]
     table: ExportTable,
 }
@@ -202,6 +202,12 @@ enum ExportFormat {
     Csv,
     /// Every record, one JSON object a line
     Jsonl,
+    /// As `--format csv --table sweeps`
+    Sweeps,
+    /// As `--format csv --table readings`: every raw reading, which `rigd fit` takes
+    Readings,
+    /// As `--format csv --table searches`
+    Searches,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -248,6 +254,8 @@ enum Failure {
     Sweep(#[from] SweepFaults),
     #[error("{reason}")]
     NoResonance { reason: String },
+    #[error("{refused} of {sweeps} sweeps have no resonance")]
+    NoResonances { refused: usize, sweeps: usize },
     #[error("this timing needs the columns {missing} in the file")]
     NoTimes { missing: &'static str },
     #[error("{silent} of 3 devices did not answer as they should")]
@@ -297,6 +305,7 @@ impl Failure {
                 Denied::LinearTarget(_) | Denied::RotaryTarget(_) | Denied::TooDeep { .. },
             )) => 2,
             Self::NoResonance { .. }
+            | Self::NoResonances { .. }
             | Self::Store(StoreError::NoSuchRun { .. } | StoreError::Ambiguous { .. }) => 3,
             Self::Latched { .. } => 4,
             Self::Aborted => 5,

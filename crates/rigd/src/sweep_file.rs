@@ -21,21 +21,54 @@ mod tests;
 use std::ops::RangeInclusive;
 
 use num_complex::Complex64;
-use rig_model::Reading;
+use rig_model::{Reading, Window};
+use rig_resonance::{Circuit, FitOptions, NoisePrior, Timing};
 use rig_settings::{Complaint, Faults, Place};
 
 use head::Quantity;
 use refusal::Refusal;
 
-/// The readings of one sweep.
+/// One sweep of a file.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SweepFile {
+pub struct FileSweep {
+    /// Its number, in a file that numbers its sweeps.
+    pub number: Option<u64>,
     /// In the order in which they were taken where the file tells it, else in that of the file.
     pub readings: Vec<Reading>,
     /// Whether the file says how long each point was waited for and integrated.
     pub has_dwell: bool,
     /// Whether the file says when each reading was taken.
     pub has_time: bool,
+    /// When the first reading was taken, on the clock of the file, s. The readings count from there.
+    pub begins_s: f64,
+    /// What the file tells the fit besides the readings.
+    pub told: Told,
+    /// Why the sweep was given up, where it was: its readings say nothing then.
+    pub given_up: Option<rig_resonance::Refusal>,
+}
+
+/// What a file tells the fit besides the readings, as `rigd` writes it with its own.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Told {
+    /// Where the resonance was sought.
+    pub window: Option<Window>,
+    /// What was known of the noise.
+    pub noise: Option<NoisePrior>,
+    /// What is known of the times.
+    pub timing: Option<Timing>,
+    /// Whether dielectric loss is a free parameter whatever the readings ask for.
+    pub always_loss: bool,
+    /// The standard deviation without which no resonance is accepted, Hz.
+    pub target_hz: Option<f64>,
+    /// The circuit for which readings that have not settled are weighed.
+    pub near: Option<Circuit>,
+}
+
+/// The sweeps of a file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SweepFile {
+    /// At least one, in the order of their numbers.
+    pub sweeps: Vec<FileSweep>,
 }
 
 /// After so many faults the rest of the file tells a person nothing new.
@@ -46,22 +79,24 @@ const IMPEDANCE_OHM: RangeInclusive<f64> = -1e15..=1e15;
 
 impl SweepFile {
     /// Reads the text of a file. `name` stands in the faults, and tells Touchstone (`.s1p`) from
-    /// CSV where the text does not. `sweep` chooses one of the sweeps of a file that numbers them.
+    /// CSV where the text does not. `sweep` chooses one of the sweeps of a file that numbers them;
+    /// all are read when it is not given.
     ///
     /// # Errors
     /// The faults of the file, at most twenty.
     pub fn read(name: &str, text: &str, sweep: Option<u64>) -> Result<Self, Faults> {
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let mut notes = Notes { faults: Faults::new(name) };
-        let file = if touchstone::is_it(name, text) {
-            touchstone::read(text, &mut notes)
+        let sweeps = if touchstone::is_it(name, text) {
+            vec![FileSweep::untold(touchstone::read(text, &mut notes))]
         } else {
             csv::read(text, sweep, &mut notes)
         };
-        if file.readings.is_empty() && notes.faults.is_empty() {
+        let is_empty = sweeps.iter().all(|sweep| sweep.readings.is_empty());
+        if is_empty && notes.faults.is_empty() {
             notes.refuse(Place::START, &Refusal::Empty);
         }
-        notes.faults.finish(file)
+        notes.faults.finish(Self { sweeps })
     }
 
     /// The text of a file: UTF-8, UTF-16 with a mark, or else Latin-1, in which older instruments
@@ -80,6 +115,24 @@ impl SweepFile {
                 Err(_) => bytes.iter().copied().map(char::from).collect(),
             },
         }
+    }
+}
+
+impl FileSweep {
+    /// Readings of which nothing else is known.
+    fn untold(readings: Vec<Reading>) -> Self {
+        let (has_dwell, has_time, begins_s) = (false, false, 0.0);
+        let (number, told, given_up) = (None, Told::default(), None);
+        Self { number, readings, has_dwell, has_time, begins_s, told, given_up }
+    }
+
+    /// What the fit is told of this sweep. Without the dwell it suspects that readings have not
+    /// settled.
+    pub fn fit_options(&self) -> FitOptions {
+        let Told { window, noise, timing, always_loss, near, .. } = self.told;
+        let guessed = if self.has_dwell { Timing::Waited } else { Timing::Unknown };
+        let timing = timing.unwrap_or(guessed);
+        FitOptions { window, noise, timing, always_loss, near }
     }
 }
 

@@ -262,7 +262,7 @@ fn one_resonance_is_measured_by_hand() {
 
     let csv = measure(&["--points", "21", "--csv"]);
     assert_eq!(stdout(&csv).lines().count(), 1 + 21);
-    assert!(stdout(&csv).starts_with("frequency_hz,resistance_ohm,reactance_ohm,time_s,"));
+    assert!(stdout(&csv).starts_with("frequency_hz,resistance_ohm,reactance_ohm,started_s,"));
 
     let away = ["measure", "--min-hz", "300", "--max-hz", "400", "--json"];
     let away = rigd(&[away.as_slice(), &["--data", data.path().to_str().unwrap()]].concat());

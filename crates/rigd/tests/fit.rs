@@ -5,7 +5,7 @@
 use std::{
     fs,
     io::Write,
-    path::{Path, PathBuf},
+    path::Path,
     process::{Command, Output, Stdio},
 };
 
@@ -176,41 +176,109 @@ fn a_bad_file_is_refused_with_every_fault_and_its_place() {
     }
 }
 
+/// Whether a fit of a file says what the rig said, to the last digits.
+#[track_caller]
+fn check_same(fitted: &Value, rig: &Value) {
+    assert_eq!(fitted["status"], rig["status"], "{fitted} {rig}");
+    // A journal keeps the sentence for which a sweep was refused; a fit says a word, too.
+    assert_eq!(fitted["message"], rig["reason"], "{fitted} {rig}");
+    for key in ["resonance_hz", "sigma_hz", "moment_s", "q", "static_capacitance_f"] {
+        let [fitted_is, rig_is] = [fitted, rig].map(|view| view[key].as_f64());
+        let is_same = match (fitted_is, rig_is) {
+            (Some(fitted), Some(rig)) => (fitted / rig - 1.0).abs() < 1e-12,
+            (fitted, rig) => fitted == rig,
+        };
+        assert!(is_same, "{key}: {fitted} {rig}");
+    }
+}
+
 #[test]
-fn what_rigd_writes_it_reads_again_and_finds_the_same() {
+fn what_rigd_measures_it_fits_again_and_finds_the_same() {
+    let adaptive = ["--min-hz", "120", "--max-hz", "165"];
+    let uniform = ["--min-hz", "120", "--max-hz", "165", "--points", "41"];
+    let away = ["--min-hz", "300", "--max-hz", "400"];
+    for request in [&adaptive[..], &uniform, &away] {
+        // Two data directories: the same seed measures the same again.
+        let [csv, rig] = ["--csv", "--json"].map(|form| {
+            let data = TempDir::new().unwrap();
+            let data = ["--data", data.path().to_str().unwrap()];
+            rigd(&[&["measure"], request, &data, &[form]].concat())
+        });
+        let fitted = rigd_fit_stdin(&csv.stdout, &["--json"]);
+        assert_eq!(fitted.status.code(), rig.status.code(), "{fitted:?}");
+        check_same(&json(&fitted), &json(&rig));
+    }
+}
+
+#[test]
+fn what_rigd_exports_it_fits_again_and_finds_the_same() {
     let folder = TempDir::new().unwrap();
     let dir = folder.path().to_str().unwrap();
-    let window = ["measure", "--min-hz", "120", "--max-hz", "165", "--data", dir];
-    let measured = rigd(&[window.as_slice(), &["--csv"]].concat());
-    // Its first readings have hardly settled.
-    let noise = ["--json", "--noise", "0.005"];
-    let again = rigd_fit_stdin(&measured.stdout, &noise);
-    assert_eq!(again.status.code(), Some(0), "{again:?}");
-    let found_hz = json(&again)["resonance_hz"].as_f64().unwrap();
-    // The scene says 140 Hz, give or take the temperature of the day.
-    assert!((found_hz - 140.0).abs() < 2.0, "{found_hz}");
-
-    let output = rigd(&["run", "config/protocols/smoke.toml", "--data", dir, "--json"]);
-    let files = PathBuf::from(json(&output)["data"].as_str().unwrap());
-    let readings = files.join("readings.csv");
+    // Some resonances of the stiffer sample lie above this window.
+    let protocol = fs::read_to_string("../../config/protocols/smoke.toml").unwrap();
+    let narrow = folder.path().join("narrow.toml");
+    fs::write(&narrow, protocol.replace("max_hz = 260", "max_hz = 226")).unwrap();
+    let run = rigd(&["run", narrow.to_str().unwrap(), "--data", dir, "--json"]);
+    assert_eq!(run.status.code(), Some(6), "{run:?}");
+    let export = |format| rigd(&["export", "latest", "--data", dir, "--format", format]).stdout;
+    let readings = folder.path().join("readings.csv");
+    fs::write(&readings, export("readings")).unwrap();
     let readings = readings.to_str().unwrap();
-    let many = rigd(&["fit", readings]);
-    assert_eq!(many.status.code(), Some(2));
-    assert!(text(&many.stderr).contains("choose one, like `--sweep "), "{many:?}");
-    let sweeps = fs::read_to_string(files.join("sweeps.csv")).unwrap();
-    let header: Vec<_> = sweeps.lines().next().unwrap().split(',').collect();
-    let at = |key: &str| header.iter().position(|name| *name == key).unwrap();
-    let mut checked = 0;
-    for row in sweeps.lines().skip(1).filter(|row| row.contains(",\"accepted\",")).take(5) {
-        let cells: Vec<_> = row.split(',').collect();
-        let number = |key: &str| cells[at(key)].parse::<f64>().unwrap();
-        let fitted = json(&rigd(
-            &[&["fit", readings, "--sweep", cells[at("sweep")]], noise.as_slice()].concat(),
-        ));
-        let again_hz = fitted["resonance_hz"].as_f64().unwrap_or_else(|| panic!("{fitted}"));
-        let sigmas = (again_hz - number("resonance_hz")) / number("sigma_hz");
-        assert!(sigmas.abs() < 1.1, "{row}: {fitted}");
-        checked += 1;
+    let records = String::from_utf8(export("jsonl")).unwrap();
+    let records = records.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+    let rig: Vec<_> = records
+        .map(|mut line| line["record"].take())
+        .filter(|record| record["kind"] == "sweep")
+        .collect();
+
+    let all = rigd(&["fit", readings, "--json"]);
+    assert_eq!(all.status.code(), Some(3));
+    let fitted = json(&all)["sweeps"].as_array().unwrap().clone();
+    assert_eq!(fitted.len(), rig.len());
+    for (fitted, rig) in fitted.iter().zip(&rig) {
+        let mut verdict = rig["verdict"].clone();
+        verdict["status"] = verdict["verdict"].take();
+        verdict["q"] = verdict["circuit"]["quality_factor"].clone();
+        verdict["static_capacitance_f"] = verdict["circuit"]["static_capacitance_f"].clone();
+        check_same(fitted, &verdict);
+        assert_eq!(fitted["sweep"], rig["number"]);
     }
-    assert_eq!(checked, 5);
+    let refused = fitted.iter().filter(|view| view["status"] == "refused").count();
+    let sweeps = fitted.len();
+    assert!(0 < refused && refused < sweeps);
+
+    let person = rigd(&["fit", readings]);
+    assert_eq!(person.status.code(), Some(3));
+    let table: Vec<_> = text(&person.stdout).lines().collect();
+    assert_eq!(table.len(), 1 + sweeps);
+    let header = "sweep resonance, Hz ± Hz Q readings refused for";
+    assert_eq!(table[0].split_whitespace().collect::<Vec<_>>().join(" "), header);
+    let outside = table.iter().filter(|line| line.ends_with("outside_window"));
+    assert_eq!(outside.count(), refused);
+    let end = format!("rigd: {refused} of {sweeps} sweeps have no resonance\n");
+    assert!(text(&person.stderr).starts_with(&end), "{person:?}");
+
+    let one = json(&rigd(&["fit", readings, "--sweep", "3", "--json"]));
+    assert_eq!(one, fitted[2]);
+    let other = rigd(&["fit", readings, "--sweep", "999"]);
+    assert_eq!(other.status.code(), Some(2));
+    assert!(text(&other.stderr).contains("leave out `--sweep` to fit them all"), "{other:?}");
+}
+
+#[test]
+fn a_person_who_knows_better_than_the_file_is_believed() {
+    let folder = TempDir::new().unwrap();
+    let dir = folder.path().to_str().unwrap();
+    let measure = ["measure", "--min-hz", "120", "--max-hz", "165", "--csv", "--data", dir];
+    let csv = rigd(&measure).stdout;
+    let fit = |flags: &[&str]| rigd_fit_stdin(&csv, &[&["--json"], flags].concat());
+    assert_eq!(json(&fit(&["--window", "150..160"]))["side"], "below");
+    assert_eq!(json(&fit(&["--timing", "unknown"]))["status"], "refused");
+    assert_eq!(json(&fit(&["--noise", "0.02"]))["noise_at_ten_cycles"], 0.02);
+
+    // What is asked of a sweep is asked of its fit.
+    let asked_more = text(&csv).replace(",true,0.05,", ",true,0.001,");
+    let refused = json(&rigd_fit_stdin(asked_more.as_bytes(), &["--json"]));
+    assert_eq!(refused["reason"], "target_not_reached", "{refused}");
+    assert!(refused["estimate"]["sigma_hz"].as_f64() < Some(0.05), "{refused}");
 }

@@ -70,6 +70,7 @@ fn sweep(readings: u32) -> Record {
         pose: None,
         readings: (0..readings).map(reading).collect(),
         looks: 0,
+        fit: None,
         verdict: SweepVerdict::Accepted {
             resonance_hz: 141.0,
             sigma_hz: 0.01,

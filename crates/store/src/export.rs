@@ -9,7 +9,9 @@ mod table;
 
 use std::io::{self, Write};
 
-use rig_record::{Circuit, Pose, Reading, Record, StoredRecord, SweepVerdict, UnreadableRecord};
+use rig_record::{
+    Circuit, Pose, Reading, Record, StoredRecord, Sweep, SweepVerdict, UnreadableRecord,
+};
 pub use table::{Cell, Table};
 
 /// Why a run could not be written.
@@ -98,14 +100,14 @@ pub fn sweeps_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), 
     table.finish()
 }
 
-/// One row for each impedance reading of each sweep, with all of its digits: what is computed from
-/// the file is what was computed from the journal.
+/// One row for each impedance reading of each sweep, with all of its digits and with what the fit was
+/// told: `rigd fit` finds in the file what was found in the run.
 ///
 /// # Errors
 /// What writing reports, or a record that cannot be understood.
 pub fn readings_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), ExportError> {
     let columns = ["sweep", "purpose", "step", "reading"];
-    let mut table = Table::new(&[&columns[..], &READING, &["is_used"]].concat(), out)?;
+    let mut table = Table::new(&[&columns[..], &READING, &OF_SWEEP].concat(), out)?;
     for stored in records.iter().filter(|stored| stored.kind == "sweep") {
         let Record::Sweep(sweep) = stored.record()? else { continue };
         for (index, one) in sweep.readings.iter().enumerate() {
@@ -115,9 +117,20 @@ pub fn readings_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<()
                 Cell::of(sweep.step.as_deref(), Cell::Text),
                 Cell::Whole(index as u64 + 1),
             ];
-            let is_used = Cell::Flag(index >= sweep.looks && one.is_normal());
-            table.row(head.into_iter().chain(reading(one)).chain([is_used]))?;
+            table.row(head.into_iter().chain(reading(one)).chain(of_sweep(&sweep, index)))?;
         }
+    }
+    table.finish()
+}
+
+/// One row for each reading of a sweep, with the same columns, but for those that tell sweeps apart.
+///
+/// # Errors
+/// What writing reports.
+pub fn sweep_csv(sweep: &Sweep, out: &mut impl Write) -> Result<(), ExportError> {
+    let mut table = Table::new(&[&READING[..], &OF_SWEEP].concat(), out)?;
+    for (index, one) in sweep.readings.iter().enumerate() {
+        table.row(reading(one).into_iter().chain(of_sweep(sweep, index)))?;
     }
     table.finish()
 }
@@ -180,6 +193,44 @@ fn reading(reading: &Reading) -> [Cell<'static>; 7] {
         Cell::Exact(reading.settle_s),
         Cell::Exact(reading.integration_s),
         Cell::Text(reading.flag.name()),
+    ]
+}
+
+/// What the fit made of a reading, and what it was told besides the readings.
+const OF_SWEEP: [&str; 13] = [
+    "is_used",
+    "fit_min_hz",
+    "fit_max_hz",
+    "fit_noise_at_ten_cycles",
+    "fit_noise_degrees_of_freedom",
+    "fit_timing",
+    "fit_always_loss",
+    "fit_target_sigma_hz",
+    "fit_near_resonance_hz",
+    "fit_near_quality_factor",
+    "fit_near_static_capacitance_f",
+    "fit_near_capacitance_ratio",
+    "fit_near_loss_tangent",
+];
+
+fn of_sweep(sweep: &Sweep, reading: usize) -> [Cell<'static>; 13] {
+    let fit = sweep.fit;
+    let noise = fit.and_then(|fit| fit.noise);
+    let near = fit.and_then(|fit| fit.near);
+    [
+        Cell::Flag(reading >= sweep.looks && sweep.readings[reading].is_normal()),
+        Cell::of(fit, |fit| Cell::Exact(fit.window_hz[0])),
+        Cell::of(fit, |fit| Cell::Exact(fit.window_hz[1])),
+        Cell::of(noise, |noise| Cell::Exact(noise.at_ten_cycles)),
+        Cell::of(noise, |noise| Cell::Exact(noise.degrees_of_freedom)),
+        Cell::of(fit, |fit| Cell::Text(fit.timing.name())),
+        Cell::of(fit, |fit| Cell::Flag(fit.always_loss)),
+        Cell::of(fit.and_then(|fit| fit.target_sigma_hz), Cell::Exact),
+        Cell::of(near, |near| Cell::Exact(near.resonance_hz)),
+        Cell::of(near, |near| Cell::Exact(near.circuit.quality_factor)),
+        Cell::of(near, |near| Cell::Exact(near.circuit.static_capacitance_f)),
+        Cell::of(near, |near| Cell::Exact(near.circuit.capacitance_ratio)),
+        Cell::of(near, |near| Cell::Exact(near.circuit.loss_tangent)),
     ]
 }
 

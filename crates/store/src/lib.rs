@@ -24,11 +24,11 @@ pub use journal::{Journal, Store};
 pub use reader::{Interruption, ProbeWord, Reader};
 pub use rig_record::{
     Action, Axis, BlackBox, Chain, Circuit, Clearance, Device, Digest, Direction, Ending, Fault,
-    Flaw, Frame, Indented, Intent, LostSurface, Move, MoveReason, Operator, Phase, PlanSize, Pose,
-    Prompt, PromptAnswered, PromptAsked, Reading, ReadingFlag, Record, RefusedTouch, Run,
-    RunFinished, RunId, RunKind, RunStarted, RunStatus, Sample, Source, StateChanged, StepStarted,
-    StoredRecord, Surface, SurfaceReading, Sweep, SweepPurpose, SweepVerdict, Touch, TouchSettings,
-    Verdict,
+    FitNoise, FitSettings, FitTiming, Flaw, Frame, Indented, Intent, LostSurface, Move, MoveReason,
+    NearCircuit, Operator, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, Reading,
+    ReadingFlag, Record, RefusedTouch, Run, RunFinished, RunId, RunKind, RunStarted, RunStatus,
+    Sample, Source, StateChanged, StepStarted, StoredRecord, Surface, SurfaceReading, Sweep,
+    SweepPurpose, SweepVerdict, Touch, TouchSettings, Verdict,
 };
 
 /// The version of the records and tables that this crate writes. A reader refuses a newer one and

@@ -129,6 +129,70 @@ pub enum SweepVerdict {
     },
 }
 
+/// What is known of the times of readings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FitTiming {
+    /// Nothing.
+    Unknown,
+    /// How long each point was waited for and integrated.
+    Waited,
+    /// Everything; the drive went on from point to point.
+    Exact,
+    /// The same, and the sensor was at rest before.
+    ExactFromRest,
+}
+
+impl FitTiming {
+    /// The word in exports, which `rigd fit --timing` takes too.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Unknown => "unknown",
+            Self::Waited => "waited",
+            Self::Exact => "exact",
+            Self::ExactFromRest => "exact-from-rest",
+        }
+    }
+}
+
+/// What the fit of a sweep was told besides its readings. Told the same, it says the same again.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct FitSettings {
+    /// Where the resonance was sought, Hz.
+    pub window_hz: [f64; 2],
+    /// What was known of the noise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise: Option<FitNoise>,
+    /// What was known of the times.
+    pub timing: FitTiming,
+    /// Whether dielectric loss was a free parameter whatever the readings asked for.
+    pub always_loss: bool,
+    /// The standard deviation without which no resonance was accepted, Hz.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target_sigma_hz: Option<f64>,
+    /// The circuit for which readings that had not settled were weighed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub near: Option<NearCircuit>,
+}
+
+/// The circuit that was believed in before the last fit.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct NearCircuit {
+    /// Its series resonance, Hz.
+    pub resonance_hz: f64,
+    /// The rest of it.
+    pub circuit: Circuit,
+}
+
+/// Noise known from earlier readings.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct FitNoise {
+    /// Standard deviation of the relative error of a reading of ten cycles.
+    pub at_ten_cycles: f64,
+    /// How many independent errors this came from.
+    pub degrees_of_freedom: f64,
+}
+
 /// A sweep.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Sweep {
@@ -148,6 +212,9 @@ pub struct Sweep {
     /// others.
     #[serde(default)]
     pub looks: usize,
+    /// What the fit was told. Older journals do not hold it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fit: Option<FitSettings>,
     /// What was made of them.
     pub verdict: SweepVerdict,
 }

@@ -66,6 +66,9 @@ pub enum Limit {
     /// No further reading is known that would help.
     #[error("no further reading would help: ask for less")]
     Plan,
+    /// The readings were made before.
+    #[error("no more were made: measure again and ask for less, or allow more time")]
+    Past,
 }
 
 /// A standard deviation in words.

@@ -9,7 +9,7 @@ use std::{
 
 use clap::{Args, ValueEnum, builder::PossibleValuesParser};
 use rig_model::{Reading, SweepRequestError, Window};
-use rig_resonance::{Estimator, FitOptions, NoisePrior, Past, Timing, Verdict, fit};
+use rig_resonance::{Estimator, Limit, NoisePrior, Past, Timing, Verdict, fit};
 use rig_settings::Faults;
 use serde::Serialize;
 
@@ -19,26 +19,27 @@ use super::{
     table::{columns, facts, print, print_json},
     verdict::VerdictView,
 };
-use crate::{loaded_rig::FileError, sweep_file::SweepFile};
-
-/// How many independent errors the noise that somebody states is taken to come from.
-const NOISE_DEGREES: f64 = 100.0;
+use crate::{
+    loaded_rig::FileError,
+    sweep_file::{FileSweep, SweepFile},
+};
 
 #[derive(Debug, Args)]
 pub(super) struct FitArgs {
     /// CSV or Touchstone file; `-` reads stdin
     sweep_file: PathBuf,
-    /// Where the resonance must be; all of the sweep when left out
+    /// Where the resonance must be; as the file says, or all of the sweep, when left out
     #[arg(long, value_name = "HZ..HZ", value_parser = window)]
     window: Option<Window>,
-    /// Which sweep, of a file that numbers them
+    /// Which sweep, of a file that numbers them; all when left out
     #[arg(long, value_name = "N")]
     sweep: Option<u64>,
-    /// What the times in the file mean; guessed from its columns when left out
+    /// What the times in the file mean; as the file says, or guessed from its columns, when left out
     #[arg(long, value_enum)]
     timing: Option<FileTiming>,
     /// Standard deviation of the relative error of a reading of ten cycles, where it is known:
-    /// readings that have not settled then count for less, and are no fault
+    /// readings that have not settled then count for less, and are no fault. As the file says when
+    /// left out
     #[arg(long, value_name = "PART")]
     noise: Option<f64>,
     /// Show beside it what another estimator makes of the sweep; `all` for every one
@@ -62,17 +63,12 @@ enum FileTiming {
 }
 
 impl FileTiming {
-    /// What the fit is told.
-    fn of(asked: Option<Self>, file: &SweepFile) -> Result<Timing, Failure> {
-        let lacks = |missing| Failure::NoTimes { missing };
-        match asked {
-            None if file.has_dwell => Ok(Timing::Waited),
-            None | Some(Self::Unknown) => Ok(Timing::Unknown),
-            Some(_) if !file.has_dwell => Err(lacks("settle_s and integration_s")),
-            Some(Self::Waited) => Ok(Timing::Waited),
-            Some(_) if !file.has_time => Err(lacks("time_s")),
-            Some(Self::Exact) => Ok(Timing::Exact(Past::Unknown)),
-            Some(Self::ExactFromRest) => Ok(Timing::Exact(Past::Rest)),
+    const fn timing(self) -> Timing {
+        match self {
+            Self::Unknown => Timing::Unknown,
+            Self::Waited => Timing::Waited,
+            Self::Exact => Timing::Exact(Past::Unknown),
+            Self::ExactFromRest => Timing::Exact(Past::Rest),
         }
     }
 }
@@ -109,14 +105,107 @@ struct BadFileView {
     faults: Vec<FaultView>,
 }
 
+/// The fits of a file that numbers its sweeps, for a program.
+#[derive(Debug, Serialize)]
+struct FileFitsView {
+    sweeps: Vec<FileFitView>,
+}
+
 /// A fit for a program.
 #[derive(Debug, Serialize)]
 struct FileFitView {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sweep: Option<u64>,
     #[serde(flatten)]
     verdict: VerdictView,
     readings: usize,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     estimators: Vec<EstimatorView>,
+}
+
+impl FileFitView {
+    /// Fits a sweep, told what the file tells unless somebody knows better.
+    fn of(args: &FitArgs, sweep: &FileSweep) -> Result<Self, Failure> {
+        let readings = &sweep.readings;
+        let mut options = sweep.fit_options();
+        if args.timing.is_some() || args.noise.is_some() {
+            // Whoever knows better of times and noise has the readings weighed anew.
+            options.near = None;
+        }
+        options.window = args.window.or(options.window);
+        options.timing = args.timing.map_or(options.timing, FileTiming::timing);
+        let stated = args.noise.map(|at_ten_cycles| NoisePrior {
+            at_ten_cycles,
+            degrees_of_freedom: NoisePrior::STATED_DEGREES,
+        });
+        options.noise = stated.or(options.noise);
+        let missing = match options.timing {
+            Timing::Waited | Timing::Exact(_) if !sweep.has_dwell => {
+                Some("settle_s and integration_s")
+            }
+            Timing::Exact(_) if !sweep.has_time => Some("time_s"),
+            _ => None,
+        };
+        if let Some(missing) = missing {
+            return Err(Failure::NoTimes { missing });
+        }
+        let verdict = match (&sweep.given_up, sweep.told.target_hz) {
+            (Some(refusal), _) => Verdict::Refused(refusal.clone()),
+            (None, Some(target_hz)) => {
+                fit(readings, &options).held_to(target_hz, readings.len(), Limit::Past)
+            }
+            (None, None) => fit(readings, &options),
+        };
+        let is_asked = |estimator: &Estimator| {
+            args.estimators.iter().any(|name| name == "all" || name == estimator.name())
+        };
+        let window = options.window.unwrap_or_else(|| span(readings));
+        let view = |estimator| EstimatorView::of(estimator, readings, window, &verdict);
+        let estimators = Estimator::ALL.into_iter().filter(is_asked).map(view).collect();
+        let moment_s = verdict.accepted().and_then(|found| found.moment_s(readings, &options));
+        let verdict =
+            VerdictView::from(&verdict).at(moment_s.map(|moment_s| sweep.begins_s + moment_s));
+        Ok(Self { sweep: sweep.number, verdict, readings: readings.len(), estimators })
+    }
+
+    /// For a person.
+    fn text(&self) -> String {
+        let mut rows = self.verdict.rows();
+        rows.push(("readings", self.readings.to_string()));
+        let text = facts(&rows);
+        if self.estimators.is_empty() {
+            return text;
+        }
+        let rows: Vec<_> = self.estimators.iter().map(EstimatorView::row).collect();
+        let header = ["estimator", "found, Hz", "which is the", "off by, Hz"];
+        format!("{text}\n\n{}", columns(&header, &rows))
+    }
+}
+
+impl FileFitsView {
+    /// For a person.
+    fn text(&self) -> String {
+        let estimators = self.sweeps.first().map_or(&[][..], |first| &first.estimators);
+        let mut header = vec!["sweep", "resonance, Hz", "± Hz", "Q", "readings"];
+        header.extend(estimators.iter().map(|estimator| estimator.name));
+        header.push("refused for");
+        let row = |fit: &FileFitView| {
+            let mut row = vec![fit.sweep.map_or_else(String::new, |number| number.to_string())];
+            row.extend(fit.verdict.cells());
+            row.push(fit.readings.to_string());
+            row.extend(fit.estimators.iter().map(EstimatorView::found));
+            row.push(fit.verdict.reason().unwrap_or_default().to_owned());
+            row
+        };
+        columns(&header, &self.sweeps.iter().map(row).collect::<Vec<_>>())
+    }
+
+    /// That some of the sweeps have no resonance, as the end of the command.
+    fn refusal(&self) -> Option<Failure> {
+        let refused = self.sweeps.iter().filter(|fit| fit.verdict.refusal().is_some()).count();
+        let sweeps = self.sweeps.len();
+        (refused > 0).then_some(Failure::NoResonances { refused, sweeps })
+    }
 }
 
 /// What another estimator makes of the readings.
@@ -153,10 +242,12 @@ impl EstimatorView {
     }
 
     fn row(&self) -> Vec<String> {
-        let hertz = |value: Option<f64>| value.map_or("none".into(), |hz| format!("{hz:.4}"));
-        let signed = |value: Option<f64>| value.map_or("none".into(), |hz| format!("{hz:+.4}"));
-        let (found, bias) = (hertz(self.frequency_hz), signed(self.bias_hz));
-        vec![self.name.to_owned(), found, self.definition.to_owned(), bias]
+        let bias = self.bias_hz.map_or("none".into(), |hz| format!("{hz:+.4}"));
+        vec![self.name.to_owned(), self.found(), self.definition.to_owned(), bias]
+    }
+
+    fn found(&self) -> String {
+        self.frequency_hz.map_or("none".into(), |hz| format!("{hz:.4}"))
     }
 }
 
@@ -167,36 +258,26 @@ pub(super) fn fit_file(args: &FitArgs) -> Result<(), Failure> {
             _ = show_faults(faults);
         }
     })?;
-    let timing = FileTiming::of(args.timing, &file)?;
-    let noise = args
-        .noise
-        .map(|at_ten_cycles| NoisePrior { at_ten_cycles, degrees_of_freedom: NOISE_DEGREES });
-    let options = FitOptions { window: args.window, timing, noise, ..FitOptions::default() };
-    let verdict = fit(&file.readings, &options);
-    let is_asked = |estimator: &Estimator| {
-        args.estimators.iter().any(|name| name == "all" || name == estimator.name())
-    };
-    let window = args.window.unwrap_or_else(|| span(&file.readings));
-    let view = |estimator| EstimatorView::of(estimator, &file.readings, window, &verdict);
-    let estimators: Vec<_> = Estimator::ALL.into_iter().filter(is_asked).map(view).collect();
-    let moment_s = verdict.accepted().and_then(|found| found.moment_s(&file.readings, &options));
-    let verdict = VerdictView::from(&verdict).at(moment_s);
-    let refusal = verdict.refusal();
-    let readings = file.readings.len();
-    if args.output.json {
-        print_json(&FileFitView { verdict, readings, estimators })?;
-    } else {
-        let mut rows = verdict.rows();
-        rows.push(("readings", readings.to_string()));
-        let mut text = facts(&rows);
-        if !estimators.is_empty() {
-            let rows: Vec<_> = estimators.iter().map(EstimatorView::row).collect();
-            let header = ["estimator", "found, Hz", "which is the", "off by, Hz"];
-            text = format!("{text}\n\n{}", columns(&header, &rows));
+    let fits = file.sweeps.iter().map(|sweep| FileFitView::of(args, sweep));
+    let mut sweeps = fits.collect::<Result<Vec<_>, _>>()?;
+    let is_numbered = sweeps.iter().any(|fit| fit.sweep.is_some());
+    let refusal = match sweeps.pop() {
+        Some(fit) if args.sweep.is_some() || !is_numbered => {
+            show(&fit, &fit.text(), args)?;
+            fit.verdict.refusal()
         }
-        print(&text)?;
-    }
+        last => {
+            sweeps.extend(last);
+            let fits = FileFitsView { sweeps };
+            show(&fits, &fits.text(), args)?;
+            fits.refusal()
+        }
+    };
     refusal.map_or(Ok(()), Err)
+}
+
+fn show(view: &impl Serialize, text: &str, args: &FitArgs) -> Result<(), Failure> {
+    if args.output.json { print_json(view) } else { print(text) }
 }
 
 /// From the lowest to the highest frequency.

@@ -1,11 +1,14 @@
 //! `rigd measure`: one sweep by hand, with the probe clear or where it is told to be.
 
-use std::{fmt::Write as _, path::Path};
+use std::{
+    io::{self, Write as _},
+    path::Path,
+};
 
 use clap::Args;
 use rig_engine::Command;
 use rig_model::{Deg, Mm, Position, SweepRequest};
-use rig_store::{Reader, Reading, Sweep};
+use rig_store::{Reader, Reading, Sweep, export};
 use serde::Serialize;
 
 use super::{
@@ -31,7 +34,7 @@ pub(super) struct MeasureArgs {
     /// Tilt the sample to this angle before
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     angle_deg: Option<f64>,
-    /// Print the readings as CSV
+    /// Print the readings as CSV, which `rigd fit -` takes
     #[arg(long, conflicts_with = "json")]
     csv: bool,
     /// Print JSON for a program instead of text for a person
@@ -112,7 +115,9 @@ fn show(args: &MeasureArgs, Measured { sweep, status }: Measured) -> Result<(), 
     let verdict = VerdictView::from(&sweep.verdict);
     let refusal = verdict.refusal();
     if args.csv {
-        print(&csv(&sweep))?;
+        let mut out = io::stdout().lock();
+        export::sweep_csv(&sweep, &mut out)?;
+        out.flush().map_err(|source| Failure::System { what: "stdout", source })?;
     } else if args.json {
         print_json(&MeasureView {
             verdict,
@@ -128,25 +133,4 @@ fn show(args: &MeasureArgs, Measured { sweep, status }: Measured) -> Result<(), 
         print(&facts(&rows))?;
     }
     refusal.map_or(Ok(()), Err)
-}
-
-/// The readings in columns that `rigd fit` takes.
-fn csv(sweep: &Sweep) -> String {
-    let mut csv = "frequency_hz,resistance_ohm,reactance_ohm,time_s,settle_s,integration_s,flag,\
-                   is_used"
-        .to_owned();
-    for (index, reading) in sweep.readings.iter().enumerate() {
-        let ohm = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
-        let (hz, resistance, reactance) =
-            (reading.frequency_hz, ohm(reading.resistance_ohm), ohm(reading.reactance_ohm));
-        let (time, settle, integration) =
-            (reading.started_s, reading.settle_s, reading.integration_s);
-        let (flag, is_used) = (reading.flag.name(), index >= sweep.looks && reading.is_normal());
-        // Writing to a string cannot fail.
-        _ = write!(
-            csv,
-            "\n{hz},{resistance},{reactance},{time},{settle},{integration},{flag},{is_used}"
-        );
-    }
-    csv
 }

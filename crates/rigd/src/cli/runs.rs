@@ -92,12 +92,19 @@ pub(super) fn export(args: &ExportArgs) -> Result<(), Failure> {
     let run = reader.find(&args.run)?;
     let records = reader.records(run.id)?;
     let mut out = BufWriter::new(io::stdout().lock());
-    match (args.format, args.table) {
-        (ExportFormat::Jsonl, _) => export::jsonl(&records, &mut out)?,
-        (ExportFormat::Csv, ExportTable::Touches) => report::touches_csv(&run, &records, &mut out)?,
-        (ExportFormat::Csv, ExportTable::Sweeps) => export::sweeps_csv(&records, &mut out)?,
-        (ExportFormat::Csv, ExportTable::Readings) => export::readings_csv(&records, &mut out)?,
-        (ExportFormat::Csv, ExportTable::Searches) => export::searches_csv(&records, &mut out)?,
+    let table = match args.format {
+        ExportFormat::Jsonl => None,
+        ExportFormat::Csv => Some(args.table),
+        ExportFormat::Sweeps => Some(ExportTable::Sweeps),
+        ExportFormat::Readings => Some(ExportTable::Readings),
+        ExportFormat::Searches => Some(ExportTable::Searches),
+    };
+    match table {
+        None => export::jsonl(&records, &mut out)?,
+        Some(ExportTable::Touches) => report::touches_csv(&run, &records, &mut out)?,
+        Some(ExportTable::Sweeps) => export::sweeps_csv(&records, &mut out)?,
+        Some(ExportTable::Readings) => export::readings_csv(&records, &mut out)?,
+        Some(ExportTable::Searches) => export::searches_csv(&records, &mut out)?,
     }
     out.flush().map_err(|source| Failure::System { what: "stdout", source })
 }

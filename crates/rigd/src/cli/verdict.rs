@@ -83,6 +83,22 @@ impl VerdictView {
         }
     }
 
+    /// In a table: the resonance, its standard deviation and the quality factor.
+    pub(super) fn cells(&self) -> [String; 3] {
+        let Some(found) = &self.accepted else {
+            return [self.status.to_owned(), String::new(), String::new()];
+        };
+        let FoundView { resonance_hz, sigma_hz, q, .. } = found;
+        let digits = found.digits();
+        let of = |hz: &f64| format!("{hz:.digits$}");
+        [of(resonance_hz), of(sigma_hz), q.map_or_else(String::new, |q| format!("{q:.1}"))]
+    }
+
+    /// The word for why there is none, or the sentence where a journal keeps no word.
+    pub(super) fn reason(&self) -> Option<&str> {
+        self.reason.as_deref()
+    }
+
     /// That there is no resonance, as the end of the command.
     pub(super) fn refusal(&self) -> Option<Failure> {
         let reason = self.message.as_ref().or(self.reason.as_ref());
@@ -91,11 +107,16 @@ impl VerdictView {
 }
 
 impl FoundView {
+    /// How many decimals there are in two digits of the uncertainty, as far as which the resonance
+    /// goes.
+    fn digits(&self) -> usize {
+        let is_short = |digits: &i32| self.sigma_hz * 10_f64.powi(*digits) < 10.0;
+        (0..12).take_while(is_short).count()
+    }
+
     fn rows(&self, name: &'static str, comment: &str) -> Vec<(&'static str, String)> {
         let Self { resonance_hz, sigma_hz, .. } = self;
-        // Two digits of the uncertainty, and the resonance as far as they go.
-        let is_short = |digits: &i32| sigma_hz * 10_f64.powi(*digits) < 10.0;
-        let digits = (0..12).take_while(is_short).count();
+        let digits = self.digits();
         let resonance = format!("{resonance_hz:.digits$} Hz ± {sigma_hz:.digits$} Hz{comment}");
         let mut rows = vec![(name, resonance)];
         rows.extend(self.moment_s.map(|moment_s| ("at the time", format!("{moment_s:.3} s"))));

@@ -11,7 +11,7 @@ use rig_engine::{
 use rig_link::{Flow, Frame, Transcript};
 use rig_model::{Clearance, Direction, Mm, Position, Reading, ReadingFlag};
 use rig_protocol::{Action, Phase, Plan, Pose, Prompt, Step, StepId, Touch};
-use rig_resonance::Verdict;
+use rig_resonance::{Circuit, Past, Timing, Verdict};
 use rig_store as store;
 use rig_store::Record;
 
@@ -228,15 +228,7 @@ impl Recorder {
                 resonance_hz: resonance.resonance_hz,
                 sigma_hz: resonance.sigma_hz,
                 moment_s: outcome.moment_s,
-                circuit: Some(store::Circuit {
-                    quality_factor: resonance.q,
-                    static_capacitance_f: resonance.c0_farad,
-                    capacitance_ratio: {
-                        let circuit = resonance.circuit();
-                        circuit.c1_farad / circuit.c0_farad
-                    },
-                    loss_tangent: resonance.loss_tangent,
-                }),
+                circuit: Some(circuit_of(&resonance.circuit())),
             },
             Verdict::Refused(refusal) => {
                 store::SweepVerdict::Refused { reason: refusal.to_string() }
@@ -253,6 +245,7 @@ impl Recorder {
             pose: self.pose(),
             readings: outcome.readings.iter().map(reading_of).collect(),
             looks: outcome.looks,
+            fit: fit_settings(outcome),
             verdict,
         })
     }
@@ -376,6 +369,40 @@ const fn clearance_of(clearance: Clearance) -> store::Clearance {
 
 fn tried((position, reading): &(Position<Mm>, Reading)) -> store::SurfaceReading {
     store::SurfaceReading { position_mm: position.value(), reading: reading_of(reading) }
+}
+
+fn circuit_of(circuit: &Circuit) -> store::Circuit {
+    store::Circuit {
+        quality_factor: circuit.q,
+        static_capacitance_f: circuit.c0_farad,
+        capacitance_ratio: circuit.c1_farad / circuit.c0_farad,
+        loss_tangent: circuit.loss_tangent,
+    }
+}
+
+/// What a sweep was fitted with; its window is known to every planner.
+fn fit_settings(outcome: &SweepOutcome) -> Option<store::FitSettings> {
+    let options = &outcome.fit;
+    let window = options.window?;
+    Some(store::FitSettings {
+        window_hz: [window.min_hz, window.max_hz],
+        noise: options.noise.map(|noise| store::FitNoise {
+            at_ten_cycles: noise.at_ten_cycles,
+            degrees_of_freedom: noise.degrees_of_freedom,
+        }),
+        timing: match options.timing {
+            Timing::Unknown => store::FitTiming::Unknown,
+            Timing::Waited => store::FitTiming::Waited,
+            Timing::Exact(Past::Unknown) => store::FitTiming::Exact,
+            Timing::Exact(Past::Rest) => store::FitTiming::ExactFromRest,
+        },
+        always_loss: options.always_loss,
+        target_sigma_hz: outcome.target_hz,
+        near: options.near.map(|near| store::NearCircuit {
+            resonance_hz: near.resonance_hz,
+            circuit: circuit_of(&near),
+        }),
+    })
 }
 
 fn reading_of(reading: &Reading) -> store::Reading {

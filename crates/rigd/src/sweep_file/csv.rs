@@ -3,11 +3,13 @@
 use std::{f64::consts::PI, time::Duration};
 
 use num_complex::Complex64;
-use rig_model::{Impedance, Measured, Reading, ReadingFlag, RigTime};
+use rig_engine::flagged;
+use rig_model::{Impedance, Measured, Reading, ReadingFlag, RigTime, Window};
+use rig_resonance::{Circuit, NoisePrior, Past, Timing};
 use rig_settings::Place;
 
 use super::{
-    Notes, SweepFile, behind,
+    FileSweep, Notes, Told, behind,
     cells::{Separator, cells},
     head::Quantity,
     header::{Column, Header, is_comment},
@@ -24,34 +26,101 @@ const REFERENCE_OHM: f64 = 50.0;
 #[derive(Debug, Clone, Copy)]
 struct Row {
     /// By quantity, in the units of their keys.
-    values: [f64; Quantity::COUNT],
+    values: [Option<f64>; Quantity::COUNT],
     /// Zero where it was overloaded.
     impedance_ohm: Complex64,
     flag: Option<ReadingFlag>,
     is_used: bool,
     sweep: u64,
+    timing: Option<Timing>,
+    has_loss: Option<bool>,
+    line: usize,
 }
 
-/// Reads a file of rows.
-pub(super) fn read(text: &str, sweep: Option<u64>, notes: &mut Notes) -> SweepFile {
-    let nothing = SweepFile { readings: Vec::new(), has_dwell: false, has_time: false };
-    let Some(header) = Header::find(text, notes) else { return nothing };
+/// Reads a file of rows: all of its sweeps, or the one that is asked for.
+pub(super) fn read(text: &str, sweep: Option<u64>, notes: &mut Notes) -> Vec<FileSweep> {
+    let Some(header) = Header::find(text, notes) else { return Vec::new() };
     let mut rows = rows(&header, text, notes);
     match (header.column(Quantity::Sweep), sweep) {
-        (Some(column), _) => choose(&mut rows, sweep, column.place, notes),
+        (Some(column), Some(asked)) => choose(&mut rows, asked, column.place, notes),
         (None, Some(_)) => notes.refuse(header.columns[0].place, &Refusal::NoNumbers),
-        (None, None) => {}
+        (_, None) => {}
     }
-    rows.retain(|row| row.is_used);
+    rows.sort_by_key(|row| row.sweep);
+    rows.chunk_by(|a, b| a.sweep == b.sweep).map(|rows| one(&header, rows, notes)).collect()
+}
+
+/// The rows of one sweep.
+fn one(header: &Header<'_>, rows: &[Row], notes: &mut Notes) -> FileSweep {
     let has = |quantity| header.column(quantity).is_some();
-    if has(Quantity::Time) {
-        put_in_time(&mut rows);
-    }
-    SweepFile {
-        readings: rows.iter().map(Row::reading).collect(),
+    let told = told(rows, notes);
+    let number = header.column(Quantity::Sweep).and(rows.first()).map(|row| row.sweep);
+    let mut rows = rows.to_vec();
+    let begins_s = if has(Quantity::Time) { put_in_time(&mut rows) } else { 0.0 };
+    // Others do not measure again what their analyzer flags.
+    let is_rigs = told.timing.is_some();
+    let all: Vec<Reading> = rows.iter().map(Row::reading).collect();
+    // What had hardly settled counts for as much as it has, where the noise is told.
+    let is_used = |row: &Row| row.is_used || (told.noise.is_some() && row.flag.is_none());
+    let used = rows.iter().zip(&all).filter(|(row, _)| is_used(row));
+    FileSweep {
+        number,
+        readings: used.map(|(_, reading)| *reading).collect(),
         has_dwell: has(Quantity::Settle) && has(Quantity::Integration),
         has_time: has(Quantity::Time),
+        begins_s,
+        told,
+        given_up: if is_rigs { flagged(&all) } else { None },
     }
+}
+
+/// What the rows of a sweep tell the fit, which is the same in each.
+fn told(rows: &[Row], notes: &mut Notes) -> Told {
+    let Some(first) = rows.first() else { return Told::default() };
+    let numbers = [
+        Quantity::FitMin,
+        Quantity::FitMax,
+        Quantity::FitNoise,
+        Quantity::FitNoiseDegrees,
+        Quantity::FitTarget,
+        Quantity::NearResonance,
+        Quantity::NearQuality,
+        Quantity::NearCapacitance,
+        Quantity::NearRatio,
+        Quantity::NearLoss,
+    ];
+    for row in rows {
+        let place = Place { line: row.line, column: 1 };
+        let is_other = |quantity: &Quantity| row.told(*quantity) != first.told(*quantity);
+        let other = numbers.into_iter().find(is_other);
+        let other = other.or((row.timing != first.timing).then_some(Quantity::FitTiming));
+        let other = other.or((row.has_loss != first.has_loss).then_some(Quantity::FitLoss));
+        if let Some(quantity) = other {
+            notes.refuse(place, &Refusal::ToldOtherwise { quantity });
+            break;
+        }
+    }
+    let [min_hz, max_hz, at_ten_cycles, degrees, target_hz, near @ ..] =
+        numbers.map(|quantity| first.told(quantity));
+    let window = min_hz.zip(max_hz).map(|(min_hz, max_hz)| Window { min_hz, max_hz });
+    if let Some(Window { min_hz, max_hz }) = window.filter(|window| window.max_hz <= window.min_hz)
+    {
+        let place = Place { line: first.line, column: 1 };
+        notes.refuse(place, &Refusal::FitWindow { min_hz, max_hz });
+    }
+    let noise = at_ten_cycles.map(|at_ten_cycles| NoisePrior {
+        at_ten_cycles,
+        degrees_of_freedom: degrees.unwrap_or(NoisePrior::STATED_DEGREES),
+    });
+    let always_loss = first.has_loss == Some(true);
+    let near = match near {
+        [Some(resonance_hz), Some(q), Some(c0_farad), Some(ratio), Some(loss_tangent)] => {
+            let c1_farad = ratio * c0_farad;
+            Some(Circuit { resonance_hz, q, c0_farad, c1_farad, loss_tangent })
+        }
+        _ => None,
+    };
+    Told { window, noise, timing: first.timing, always_loss, target_hz, near }
 }
 
 /// The rows below the header.
@@ -108,11 +177,14 @@ fn row(
         return None;
     }
     let mut row = Row {
-        values: [0.0; Quantity::COUNT],
+        values: [None; Quantity::COUNT],
         impedance_ohm: Complex64::ZERO,
         flag: None,
         is_used: true,
         sweep: 0,
+        timing: None,
+        has_loss: None,
+        line,
     };
     let mut is_complete = true;
     // A row that says it was overloaded needs no impedance.
@@ -144,17 +216,18 @@ impl Row {
         let quantity = column.head.quantity;
         if text.is_empty() {
             let is_overloaded = self.flag == Some(ReadingFlag::Overload);
-            let may_be_empty = is_overloaded && quantity.is_impedance();
+            let may_be_empty = quantity.is_told() || (is_overloaded && quantity.is_impedance());
             return if may_be_empty { Ok(()) } else { Err(Refusal::EmptyCell { quantity }) };
         }
+        let flag_of = |text: &str| {
+            let refusal = |_| Refusal::NotABool { text: excerpt(text) };
+            text.to_ascii_lowercase().parse().map_err(refusal)
+        };
         match quantity {
             Quantity::Flag => self.flag_up(flag(text)?),
-            Quantity::IsUsed => {
-                self.is_used = text
-                    .to_ascii_lowercase()
-                    .parse()
-                    .map_err(|_| Refusal::NotABool { text: excerpt(text) })?;
-            }
+            Quantity::IsUsed => self.is_used = flag_of(text)?,
+            Quantity::FitLoss => self.has_loss = Some(flag_of(text)?),
+            Quantity::FitTiming => self.timing = Some(timing(text)?),
             Quantity::Sweep => {
                 self.sweep =
                     text.parse().map_err(|_| Refusal::NotASweep { text: excerpt(text) })?;
@@ -167,7 +240,7 @@ impl Row {
                         let (min, max) = (*range.start(), *range.end());
                         return Err(Refusal::OutOfRange { quantity, found, min, max });
                     }
-                    self.values[quantity as usize] = found;
+                    self.values[quantity as usize] = Some(found);
                 }
                 Value::Overload if quantity.is_impedance() => {
                     self.flag_up(Some(ReadingFlag::Overload));
@@ -185,7 +258,12 @@ impl Row {
         }
     }
 
-    const fn of(&self, quantity: Quantity) -> f64 {
+    /// Zero where there is no such column.
+    fn of(&self, quantity: Quantity) -> f64 {
+        self.told(quantity).unwrap_or(0.0)
+    }
+
+    const fn told(&self, quantity: Quantity) -> Option<f64> {
         self.values[quantity as usize]
     }
 
@@ -241,29 +319,37 @@ fn flag(text: &str) -> Result<Option<ReadingFlag>, Refusal> {
     }
 }
 
-/// Leaves the rows of one sweep.
-fn choose(rows: &mut Vec<Row>, sweep: Option<u64>, place: Place, notes: &mut Notes) {
-    let mut numbers: Vec<u64> = rows.iter().map(|row| row.sweep).collect();
-    numbers.sort_unstable();
-    numbers.dedup();
-    match (sweep, numbers.as_slice()) {
-        (Some(asked), numbers) if !numbers.contains(&asked) => {
-            notes.refuse(place, &Refusal::NoSuchSweep { asked });
-        }
-        (Some(asked), _) => rows.retain(|row| row.sweep == asked),
-        (None, [first, .., last]) => {
-            let (count, first, last) = (numbers.len(), *first, *last);
-            notes.refuse(place, &Refusal::ManySweeps { count, first, last });
-        }
-        (None, _) => {}
+fn timing(text: &str) -> Result<Timing, Refusal> {
+    match text.to_ascii_lowercase().as_str() {
+        "unknown" => Ok(Timing::Unknown),
+        "waited" => Ok(Timing::Waited),
+        "exact" => Ok(Timing::Exact(Past::Unknown)),
+        "exact-from-rest" => Ok(Timing::Exact(Past::Rest)),
+        _ => Err(Refusal::UnknownTiming { text: excerpt(text) }),
     }
 }
 
+/// Leaves the rows of one sweep.
+fn choose(rows: &mut Vec<Row>, asked: u64, place: Place, notes: &mut Notes) {
+    let mut numbers: Vec<u64> = rows.iter().map(|row| row.sweep).collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    if let ([first, ..], [.., last]) = (numbers.as_slice(), numbers.as_slice())
+        && !numbers.contains(&asked)
+    {
+        let (count, first, last) = (numbers.len(), *first, *last);
+        notes.refuse(place, &Refusal::NoSuchSweep { asked, count, first, last });
+    }
+    rows.retain(|row| row.sweep == asked);
+}
+
 /// Brings the rows into the order in which they were taken, and lets the time begin with the first.
-fn put_in_time(rows: &mut [Row]) {
+/// Returns when that was.
+fn put_in_time(rows: &mut [Row]) -> f64 {
     rows.sort_by(|a, b| a.of(Quantity::Time).total_cmp(&b.of(Quantity::Time)));
     let first_s = rows.first().map_or(0.0, |row| row.of(Quantity::Time));
     for row in rows {
-        row.values[Quantity::Time as usize] -= first_s;
+        row.values[Quantity::Time as usize] = Some(row.of(Quantity::Time) - first_s);
     }
+    first_s
 }

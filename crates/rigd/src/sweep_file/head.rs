@@ -25,10 +25,22 @@ pub(super) enum Quantity {
     Flag,
     IsUsed,
     Sweep,
+    FitMin,
+    FitMax,
+    FitNoise,
+    FitNoiseDegrees,
+    FitTiming,
+    FitLoss,
+    FitTarget,
+    NearResonance,
+    NearQuality,
+    NearCapacitance,
+    NearRatio,
+    NearLoss,
 }
 
 /// Names as they are left by [`plain`].
-const NAMES: [(Quantity, &[&str]); 18] = [
+const NAMES: [(Quantity, &[&str]); 30] = [
     (Quantity::Frequency, &["frequency", "freq", "f"]),
     (
         Quantity::Resistance,
@@ -84,6 +96,18 @@ const NAMES: [(Quantity, &[&str]); 18] = [
     (Quantity::Flag, &["flag"]),
     (Quantity::IsUsed, &["isused"]),
     (Quantity::Sweep, &["sweep"]),
+    (Quantity::FitMin, &["fitmin"]),
+    (Quantity::FitMax, &["fitmax"]),
+    (Quantity::FitNoise, &["fitnoiseattencycles"]),
+    (Quantity::FitNoiseDegrees, &["fitnoisedegreesoffreedom"]),
+    (Quantity::FitTiming, &["fittiming"]),
+    (Quantity::FitLoss, &["fitalwaysloss"]),
+    (Quantity::FitTarget, &["fittargetsigma"]),
+    (Quantity::NearResonance, &["fitnearresonance"]),
+    (Quantity::NearQuality, &["fitnearqualityfactor"]),
+    (Quantity::NearCapacitance, &["fitnearstaticcapacitance"]),
+    (Quantity::NearRatio, &["fitnearcapacitanceratio"]),
+    (Quantity::NearLoss, &["fitnearlosstangent"]),
 ];
 
 /// Units as they are written, and what one of them is in the unit without a prefix.
@@ -100,7 +124,7 @@ const ANGLE: [(&str, f64); 5] = [
 
 impl Quantity {
     /// How many there are.
-    pub(super) const COUNT: usize = Self::Sweep as usize + 1;
+    pub(super) const COUNT: usize = Self::NearLoss as usize + 1;
 
     /// Whether it is a part of the impedance.
     pub(super) const fn is_impedance(self) -> bool {
@@ -140,6 +164,18 @@ impl Quantity {
             Self::Flag => "flag",
             Self::IsUsed => "use",
             Self::Sweep => "sweep",
+            Self::FitMin => "lower end of the window of the fit",
+            Self::FitMax => "upper end of the window of the fit",
+            Self::FitNoise => "noise that the fit is told",
+            Self::FitNoiseDegrees => "degrees of freedom of the noise that the fit is told",
+            Self::FitTiming => "timing that the fit is told",
+            Self::FitLoss => "loss that the fit is told",
+            Self::FitTarget => "standard deviation that the fit must reach",
+            Self::NearResonance => "resonance that the fit is told",
+            Self::NearQuality => "quality factor that the fit is told",
+            Self::NearCapacitance => "static capacitance that the fit is told",
+            Self::NearRatio => "ratio of capacitances that the fit is told",
+            Self::NearLoss => "loss tangent that the fit is told",
         }
     }
 
@@ -164,13 +200,56 @@ impl Quantity {
             Self::Flag => "flag",
             Self::IsUsed => "is_used",
             Self::Sweep => "sweep",
+            Self::FitMin => "fit_min_hz",
+            Self::FitMax => "fit_max_hz",
+            Self::FitNoise => "fit_noise_at_ten_cycles",
+            Self::FitNoiseDegrees => "fit_noise_degrees_of_freedom",
+            Self::FitTiming => "fit_timing",
+            Self::FitLoss => "fit_always_loss",
+            Self::FitTarget => "fit_target_sigma_hz",
+            Self::NearResonance => "fit_near_resonance_hz",
+            Self::NearQuality => "fit_near_quality_factor",
+            Self::NearCapacitance => "fit_near_static_capacitance_f",
+            Self::NearRatio => "fit_near_capacitance_ratio",
+            Self::NearLoss => "fit_near_loss_tangent",
         }
+    }
+
+    /// Whether it says what the fit is told of a sweep, and not what was read. It may be left out of
+    /// a row, which then says nothing of it.
+    pub(super) const fn is_told(self) -> bool {
+        matches!(
+            self,
+            Self::FitMin
+                | Self::FitMax
+                | Self::FitNoise
+                | Self::FitNoiseDegrees
+                | Self::FitTiming
+                | Self::FitLoss
+                | Self::FitTarget
+                | Self::NearResonance
+                | Self::NearQuality
+                | Self::NearCapacitance
+                | Self::NearRatio
+                | Self::NearLoss
+        )
     }
 
     /// What it can be, in the unit of its key.
     pub(super) const fn range(self) -> RangeInclusive<f64> {
         match self {
-            Self::Frequency => FREQUENCY_HZ,
+            Self::Frequency
+            | Self::FitMin
+            | Self::FitMax
+            | Self::FitTarget
+            | Self::NearResonance => FREQUENCY_HZ,
+            // Beyond its own value a reading says nothing.
+            Self::FitNoise => 1e-12..=1.0,
+            Self::FitNoiseDegrees => 0.1..=1e9,
+            Self::NearQuality => 1e-3..=1e12,
+            Self::NearCapacitance => 1e-18..=1.0,
+            Self::NearRatio => 1e-12..=1e6,
+            Self::NearLoss => -1e3..=1e3,
             Self::Magnitude => 0.0..=*IMPEDANCE_OHM.end(),
             Self::Phase | Self::ReflectionPhase => -3600.0..=3600.0,
             Self::ReflectionReal | Self::ReflectionImaginary => -1e3..=1e3,
@@ -198,6 +277,10 @@ impl Quantity {
             // Only a lower-case m before a capital H is surely meant to be a thousandth.
             Self::Frequency if unit == "mHz" => Some(1e-3),
             Self::Frequency => among(&HERTZ),
+            Self::FitMin | Self::FitMax | Self::FitTarget | Self::NearResonance => {
+                (lower == "hz").then_some(1.0)
+            }
+            Self::NearCapacitance => (lower == "f").then_some(1.0),
             Self::Resistance | Self::Reactance | Self::Magnitude => {
                 prefixed(unit, &["ohm", "ohms", "ω"])
             }
@@ -210,7 +293,14 @@ impl Quantity {
             | Self::ReflectionMagnitude
             | Self::Flag
             | Self::IsUsed
-            | Self::Sweep => None,
+            | Self::Sweep
+            | Self::FitNoise
+            | Self::FitNoiseDegrees
+            | Self::FitTiming
+            | Self::FitLoss
+            | Self::NearQuality
+            | Self::NearRatio
+            | Self::NearLoss => None,
         }
     }
 }

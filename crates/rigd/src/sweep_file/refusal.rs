@@ -49,12 +49,16 @@ pub(super) enum Refusal {
     NotABool { text: String },
     #[error("`{text}` is not the number of a sweep")]
     NotASweep { text: String },
+    #[error("`{text}` is none of unknown, waited, exact, exact-from-rest")]
+    UnknownTiming { text: String },
+    #[error("the {} is not that of the first row of the sweep", quantity.name())]
+    ToldOtherwise { quantity: Quantity },
+    #[error("fit_max_hz = {max_hz} is not above fit_min_hz = {min_hz}")]
+    FitWindow { min_hz: f64, max_hz: f64 },
 
     // Which sweep.
-    #[error("the file holds the {count} sweeps from {first} to {last}")]
-    ManySweeps { count: usize, first: u64, last: u64 },
-    #[error("the file does not hold sweep {asked}")]
-    NoSuchSweep { asked: u64 },
+    #[error("the file holds {count} sweeps from {first} to {last}, and not sweep {asked}")]
+    NoSuchSweep { asked: u64, count: usize, first: u64, last: u64 },
     #[error("the file does not number its sweeps")]
     NoNumbers,
 
@@ -107,12 +111,17 @@ impl Complaint for Refusal {
             }
             Self::OutOfRange { .. } => "look at the unit in the header",
             Self::ZeroImpedance | Self::ZeroAdmittance => "remove the line",
-            Self::UnknownFlag { .. } | Self::NotABool { .. } => "correct it or remove the column",
-            Self::NotASweep { .. } => "count sweeps from 0, or rename the column",
-            Self::ManySweeps { first, .. } => {
-                return Some(format!("choose one, like `--sweep {first}`"));
+            Self::UnknownFlag { .. } | Self::NotABool { .. } | Self::UnknownTiming { .. } => {
+                "correct it or remove the column"
             }
-            Self::NoSuchSweep { .. } => "look at its column `sweep`",
+            Self::ToldOtherwise { .. } => {
+                "say the same in every row of a sweep, or number the sweeps"
+            }
+            Self::FitWindow { .. } => "correct one of them, or remove both columns",
+            Self::NotASweep { .. } => "count sweeps from 0, or rename the column",
+            Self::NoSuchSweep { .. } => {
+                "choose one of them, or leave out `--sweep` to fit them all"
+            }
             Self::NoNumbers => "leave out `--sweep`",
             Self::UnknownOption { .. } => "write it like `# HZ S RI R 50`",
             Self::NotOnePort { .. } => "export S-, Z- or Y-parameters",

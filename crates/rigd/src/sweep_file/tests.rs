@@ -1,12 +1,21 @@
 //! Files of many makers, and what is said of faulty ones.
 
 use proptest::prelude::*;
-use rig_model::{Impedance, Reading, ReadingFlag};
+use rig_model::{Impedance, Reading, ReadingFlag, Window};
+use rig_resonance::{NoisePrior, Past, Timing};
 
-use super::SweepFile;
+use super::{FileSweep, SweepFile, Told};
 
-fn read(name: &str, text: &str) -> SweepFile {
-    SweepFile::read(name, text, None).unwrap_or_else(|faults| panic!("{faults}\n{text}"))
+fn read_all(name: &str, text: &str) -> Vec<FileSweep> {
+    let file = SweepFile::read(name, text, None);
+    file.unwrap_or_else(|faults| panic!("{faults}\n{text}")).sweeps
+}
+
+/// The one sweep of a file.
+fn read(name: &str, text: &str) -> FileSweep {
+    let mut sweeps = read_all(name, text);
+    assert_eq!(sweeps.len(), 1, "{text}");
+    sweeps.remove(0)
 }
 
 /// The file must hold the readings 120 Hz, 900 − 47000j Ω and 140 Hz, 2000 − 39000j Ω.
@@ -118,7 +127,7 @@ fn times_and_flags_are_kept_and_the_order_is_that_of_the_times() {
                 136,1,1,22,0.5,0.08,overload\n\
                 137,,,23,0.5,0.08,overload\n";
     let file = read("sweep.csv", text);
-    assert!(file.has_dwell && file.has_time);
+    assert!(file.has_dwell && file.has_time && file.begins_s == 15.0);
     let hz: Vec<_> = file.readings.iter().map(|reading| reading.frequency_hz).collect();
     assert_eq!(hz, [120.0, 140.0, 130.0, 135.0, 136.0, 137.0]);
     let started: Vec<_> =
@@ -137,24 +146,124 @@ fn times_and_flags_are_kept_and_the_order_is_that_of_the_times() {
 }
 
 #[test]
-fn one_sweep_is_chosen_of_a_file_with_many() {
+fn all_sweeps_of_a_file_are_read_or_the_one_that_is_asked_for() {
     let text = "sweep,reading,frequency_hz,resistance_ohm,reactance_ohm,is_used\n\
-                3,1,100,1,1,false\n3,2,110,2,2,true\n7,1,120,900,-47000,true\n7,2,140,2000,-39000,true\n";
-    let chosen = |sweep| SweepFile::read("r.csv", text, sweep).map(|file| file.readings.len());
-    assert_eq!((chosen(Some(3)), chosen(Some(7))), (Ok(1), Ok(2)));
-    let said = |sweep| chosen(sweep).unwrap_err().to_string();
+                7,1,120,900,-47000,true\n3,1,100,1,1,false\n3,2,110,2,2,true\n7,2,140,2000,-39000,true\n";
+    let counts = |sweep| {
+        let file = SweepFile::read("r.csv", text, sweep);
+        let count = |sweep: &FileSweep| (sweep.number, sweep.readings.len());
+        file.map(|file| file.sweeps.iter().map(count).collect::<Vec<_>>())
+    };
+    assert_eq!(counts(None), Ok(vec![(Some(3), 1), (Some(7), 2)]));
+    assert_eq!(counts(Some(3)), Ok(vec![(Some(3), 1)]));
+    assert_eq!(counts(Some(7)), Ok(vec![(Some(7), 2)]));
     assert_eq!(
-        said(None),
-        "r.csv:1:1: the file holds the 2 sweeps from 3 to 7; choose one, like `--sweep 3`"
-    );
-    assert_eq!(
-        said(Some(4)),
-        "r.csv:1:1: the file does not hold sweep 4; look at its column `sweep`"
+        counts(Some(4)).unwrap_err().to_string(),
+        "r.csv:1:1: the file holds 2 sweeps from 3 to 7, and not sweep 4; choose one of them, or \
+         leave out `--sweep` to fit them all"
     );
     let single = "f,R,X\n120,900,-47000\n";
     assert_eq!(
         SweepFile::read("r.csv", single, Some(1)).unwrap_err().to_string(),
         "r.csv:1:1: the file does not number its sweeps; leave out `--sweep`"
+    );
+}
+
+#[test]
+fn what_a_file_tells_the_fit_is_read_with_the_readings() {
+    let header = "frequency_hz,resistance_ohm,reactance_ohm,is_used,fit_min_hz,fit_max_hz,\
+                  fit_noise_at_ten_cycles,fit_noise_degrees_of_freedom,fit_timing,fit_always_loss,\
+                  fit_target_sigma_hz";
+    let told = |cells: &str| {
+        let text = format!("{header}\n120,900,-47000,false{cells}\n140,2000,-39000,true{cells}\n");
+        let sweep = read("a.csv", &text);
+        (sweep.readings.len(), sweep.told)
+    };
+    let window = Some(Window { min_hz: 125.0, max_hz: 160.0 });
+    let noise = |degrees_of_freedom| NoisePrior { at_ten_cycles: 0.005, degrees_of_freedom };
+    let all = Told {
+        window,
+        noise: Some(noise(4.0)),
+        timing: Some(Timing::Exact(Past::Rest)),
+        always_loss: true,
+        target_hz: Some(0.05),
+        near: None,
+    };
+    // With the noise told, readings count for as much as they have settled, and none is left out.
+    assert_eq!(told(",125,160,0.005,4,exact-from-rest,true,0.05"), (2, all));
+    let stated = Told {
+        window,
+        noise: Some(noise(NoisePrior::STATED_DEGREES)),
+        timing: Some(Timing::Waited),
+        ..Told::default()
+    };
+    assert_eq!(told(",125,160,0.005,,\"Waited\",FALSE,"), (2, stated));
+    assert_eq!(told(",,,,,,,"), (1, Told::default()));
+    for (word, timing) in [("unknown", Timing::Unknown), ("exact", Timing::Exact(Past::Unknown))] {
+        assert_eq!(told(&format!(",,,,,{word},,")).1.timing, Some(timing));
+    }
+
+    let near = "f,R,X,fit_near_resonance_hz,fit_near_quality_factor,fit_near_static_capacitance_f,\
+                fit_near_capacitance_ratio,fit_near_loss_tangent\n\
+                120,900,-47000,140,60,2e-8,0.05,-0.0\n140,2000,-39000,140,60,2e-8,0.05,-0.0\n";
+    let circuit = read("a.csv", near).told.near.unwrap();
+    assert_eq!((circuit.resonance_hz, circuit.q), (140.0, 60.0));
+    assert_eq!((circuit.c0_farad, circuit.c1_farad, circuit.loss_tangent), (2e-8, 1e-9, 0.0));
+    // Without one of its parts it is none.
+    assert_eq!(read("a.csv", &near.replace(",60,", ",,")).told.near, None);
+}
+
+#[test]
+fn what_the_analyzer_flagged_was_measured_again_or_given_up_in_a_sweep_of_rigd() {
+    let rows = "120,900,-47000,true,normal,TIMING\n130,1,-1,false,low_signal,TIMING\n\
+                130,900,-47000,false,normal,TIMING\n140,,,false,overload,TIMING\n\
+                140,,,false,overload,TIMING\n";
+    let sweep = |timing: &str| {
+        let header = "f,R,X,is_used,flag,fit_timing,fit_noise_at_ten_cycles\n";
+        let noise = if timing.is_empty() { "\n" } else { ",0.005\n" };
+        let rows = rows.replace("TIMING\n", &format!("{timing}{noise}"));
+        let header = if timing.is_empty() { "f,R,X,is_used,flag,note\n" } else { header };
+        read("a.csv", &(header.to_owned() + &rows))
+    };
+    let hz = |sweep: &FileSweep| -> Vec<f64> {
+        sweep.readings.iter().map(|reading| reading.frequency_hz).collect()
+    };
+    let rigs = sweep("waited");
+    assert_eq!(hz(&rigs), [120.0, 130.0]);
+    assert_eq!(
+        rigs.given_up.as_ref().unwrap().to_string(),
+        "the analyzer flagged overload at 140 Hz in 2 of 2 tries"
+    );
+    let other = sweep("");
+    assert_eq!((hz(&other), other.given_up.clone()), (vec![120.0], None));
+}
+
+#[test]
+fn what_a_file_tells_the_fit_and_cannot_mean_is_a_fault() {
+    check_faults(
+        "a.csv",
+        "f,R,X,fit_min_hz,fit_max_hz\n120,900,-47000,160,125\n140,2000,-39000,160,125\n",
+        &[
+            "a.csv:2:1: fit_max_hz = 125 is not above fit_min_hz = 160; correct one of them, or remove \
+           both columns",
+        ],
+    );
+    check_faults(
+        "a.csv",
+        "f,R,X,fit_timing,fit_always_loss,fit_noise_at_ten_cycles\n120,900,-47000,soon,maybe,0\n",
+        &[
+            "a.csv:2:16: `soon` is none of unknown, waited, exact, exact-from-rest; correct it or \
+             remove the column",
+            "a.csv:2:21: `maybe` is neither true nor false; correct it or remove the column",
+            "a.csv:2:27: fit_noise_at_ten_cycles = 0 is outside [1e-12, 1e0]; look at the unit in \
+             the header",
+        ],
+    );
+    check_faults(
+        "a.csv",
+        "sweep,f,R,X,fit_max_hz\n1,120,900,-47000,160\n2,120,900,-47000,170\n1,140,2000,-39000,165\n",
+        &["a.csv:4:1: the upper end of the window of the fit is not that of the first row of the \
+           sweep; say the same in every row of a sweep, or number the sweeps"],
     );
 }
 
@@ -303,7 +412,7 @@ proptest! {
         pieces in proptest::collection::vec(
             proptest::sample::select(vec![
                 "f", "R", "X", "|Z|", "S11(DB)", "s11_deg", "theta", "deg", "G", "B", "time_s", "settle_s", "sweep",
-                "flag", "is_used", "true", "normal", "frequency_hz", "(kHz)", "120", "1e9", "-3",
+                "flag", "is_used", "fit_min_hz", "fit_timing", "waited", "true", "normal", "frequency_hz", "(kHz)", "120", "1e9", "-3",
                 "0", "1,5", "9.9e37", "inf", "OL", "1e-300", "1e-13", "1e30", ",", ",", ",", ";", ";", "\t",
                 " ", "\n", "\n", "\r\n", "\"", "\"\"", "#", "!", "# HZ S MA R 50\n", "# HZ Y DB\n",
                 "°", "\u{feff}",
@@ -315,13 +424,13 @@ proptest! {
         let text: String = ["f,R,X\n120,900,-47000\n", ""][pieces.len() % 2].to_owned() + &pieces.concat();
         for name in ["a.csv", "a.s1p"] {
             if let Ok(file) = SweepFile::read(name, &text, sweep) {
-                for reading in &file.readings {
+                for reading in file.sweeps.iter().flat_map(|sweep| &sweep.readings) {
                     prop_assert!(reading.frequency_hz > 0.0 && reading.frequency_hz.is_finite());
                     let size = reading.impedance().map(Impedance::magnitude_ohm);
                     let is_size = |size: f64| size > 0.0 && size.is_finite();
                     prop_assert!(size.is_none_or(is_size), "{reading:?}");
                 }
-                prop_assert!(!file.readings.is_empty());
+                prop_assert!(file.sweeps.iter().any(|sweep| !sweep.readings.is_empty()));
             }
         }
     }

@@ -9,7 +9,7 @@ use rig_model::{Impedance, Measured, Reading, RigTime};
 use rig_settings::Place;
 
 use super::{
-    FREQUENCY_HZ, IMPEDANCE_OHM, Notes, SweepFile, behind,
+    FREQUENCY_HZ, IMPEDANCE_OHM, Notes, behind,
     cells::{Cell, Separator, cells},
     head::Quantity,
     inverse, lines, measured,
@@ -72,7 +72,7 @@ pub(super) fn is_it(name: &str, text: &str) -> bool {
 }
 
 /// Reads a file.
-pub(super) fn read(text: &str, notes: &mut Notes) -> SweepFile {
+pub(super) fn read(text: &str, notes: &mut Notes) -> Vec<Reading> {
     let mut options = None;
     let mut readings = Vec::new();
     for (line, text) in lines(text) {
@@ -101,7 +101,7 @@ pub(super) fn read(text: &str, notes: &mut Notes) -> SweepFile {
         let cells = cells(text, Separator::Spaces).unwrap_or_default();
         readings.extend(options.row(&cells, line, text, notes));
     }
-    SweepFile { readings, has_dwell: false, has_time: false }
+    readings
 }
 
 /// A line without its comment.

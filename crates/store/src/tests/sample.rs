@@ -6,10 +6,11 @@ use std::{
 };
 
 use crate::{
-    Action, Axis, Circuit, Clearance, Device, Direction, Ending, Fault, Indented, Intent, Journal,
-    Move, MoveReason, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, Reading,
-    ReadingFlag, Record, RefusedTouch, RunFinished, RunStarted, Sample, Source, StepStarted,
-    Surface, SurfaceReading, Sweep, SweepPurpose, SweepVerdict, Touch, TouchSettings,
+    Action, Axis, Circuit, Clearance, Device, Direction, Ending, Fault, FitNoise, FitSettings,
+    FitTiming, Indented, Intent, Journal, Move, MoveReason, Phase, PlanSize, Pose, Prompt,
+    PromptAnswered, PromptAsked, Reading, ReadingFlag, Record, RefusedTouch, RunFinished,
+    RunStarted, Sample, Source, StepStarted, Surface, SurfaceReading, Sweep, SweepPurpose,
+    SweepVerdict, Touch, TouchSettings,
 };
 
 /// A directory that is removed with the value.
@@ -186,6 +187,15 @@ fn reading(resonance_hz: f64, index: u32) -> Reading {
     }
 }
 
+const FIT: FitSettings = FitSettings {
+    window_hz: [130.0, 260.0],
+    noise: Some(FitNoise { at_ten_cycles: 0.005, degrees_of_freedom: 4.0 }),
+    timing: FitTiming::Waited,
+    always_loss: true,
+    target_sigma_hz: None,
+    near: None,
+};
+
 pub(super) fn sweep(number: u64, purpose: SweepPurpose, resonance_hz: f64) -> Record {
     let reading = |index| reading(resonance_hz, index);
     Record::Sweep(Sweep {
@@ -195,6 +205,7 @@ pub(super) fn sweep(number: u64, purpose: SweepPurpose, resonance_hz: f64) -> Re
         pose: Some(POSE),
         readings: (0..12).map(reading).collect(),
         looks: 0,
+        fit: (purpose == SweepPurpose::Touch).then_some(FIT),
         verdict: SweepVerdict::Accepted {
             resonance_hz,
             sigma_hz: 0.02,

@@ -297,6 +297,7 @@ impl Teller {
             pose: Some(pose),
             readings,
             looks: 0,
+            fit: None,
             verdict: SweepVerdict::Accepted {
                 resonance_hz,
                 sigma_hz: 0.012,
