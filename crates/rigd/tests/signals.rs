@@ -6,6 +6,7 @@ use std::{
     fs,
     io::{BufRead, BufReader, Read, Write},
     net::TcpStream,
+    os::unix::fs::PermissionsExt,
     path::{Path, PathBuf},
     process::{Child, ChildStderr, Command, ExitStatus, Output, Stdio},
     thread::{self, sleep},
@@ -338,6 +339,28 @@ fn request(address: &str, line: &str, headers: &str) -> String {
     let mut answer = String::new();
     client.read_to_string(&mut answer).unwrap();
     answer
+}
+
+#[test]
+fn a_daemon_on_every_address_can_be_called_and_asks_for_its_token() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("token");
+    fs::write(&path, "0123456789abcdef\n").unwrap();
+    fs::set_permissions(&path, fs::Permissions::from_mode(0o600)).unwrap();
+    let token = path.to_str().unwrap();
+    let args = ["serve", "--listen", "0.0.0.0:0", "--token-file", token];
+    let mut program = Program::start(folder.path(), &args);
+    let line = program.wait_for_line("listening on");
+    let address = line.split_once("http://").unwrap().1.split_once('/').unwrap().0.to_owned();
+    assert!(address.starts_with("localhost:"), "{line}");
+    let path = "GET /api/v1/rig";
+    assert!(request(&address, path, "").starts_with("HTTP/1.1 401 "));
+    let wrong = request(&address, path, "authorization: Bearer 0123456789abcdeX\r\n");
+    assert!(wrong.starts_with("HTTP/1.1 401 "), "{wrong}");
+    let right = request(&address, path, "authorization: Bearer 0123456789abcdef\r\n");
+    assert!(right.starts_with("HTTP/1.1 200 "), "{right}");
+    program.signal(Signal::TERM);
+    assert!(program.end().0.success());
 }
 
 #[test]

@@ -188,7 +188,9 @@ impl Reader {
         let mut statement = self.connection.prepare_cached(&select_records(
             "WHERE records.id > ?1 ORDER BY records.id LIMIT ?2",
         ))?;
-        let mut rows = statement.query(params![event.cast_signed(), limit])?;
+        // No event has a greater id than SQLite can count.
+        let event = i64::try_from(event).unwrap_or(i64::MAX);
+        let mut rows = statement.query(params![event, limit])?;
         let mut records = Vec::new();
         while let Some(row) = rows.next()? {
             records.push(record_from(row)?);

@@ -1,9 +1,14 @@
 //! `rigd serve`: the daemon.
 
-use std::{io, net::SocketAddr, path::PathBuf, time::Duration};
+use std::{
+    io,
+    net::{SocketAddr, ToSocketAddrs},
+    path::PathBuf,
+    time::Duration,
+};
 
 use clap::Args;
-use tokio::net::TcpListener;
+use tokio::net::{TcpListener, TcpSocket};
 use tokio_util::sync::CancellationToken;
 
 use super::{
@@ -29,7 +34,7 @@ pub(super) struct ServeArgs {
     #[command(flatten)]
     data: DataArgs,
     /// Address and port to listen on. Any but a loopback address needs --token-file
-    #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:8137")]
+    #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:8137", value_parser = address)]
     listen: SocketAddr,
     /// Another name by which clients may call this computer; can be given several times
     #[arg(long, value_name = "NAME")]
@@ -62,15 +67,15 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     let served = runtime.block_on(async {
         let mut signals = Signals::new()?;
         // The address is taken first: a daemon that nobody can reach must not move anything.
-        let failed = |source: io::Error| Failure::System { what: "listening", source };
-        let listener = TcpListener::bind(args.listen).await.map_err(failed)?;
+        let failed = |source| Failure::Listen { address: args.listen, source };
+        let listener = listen(args.listen).map_err(failed)?;
         let address = listener.local_addr().map_err(failed)?;
         let (handle, thread) = open(rig, data.clone(), &mut signals).await?;
         let closing = CancellationToken::new();
         let shared = http::Shared::new(handle.clone(), facts, loaded, data, doors, closing.clone());
         let serving = tokio::spawn(http::serve(listener, http::router(shared), closing.clone()));
         if signals.count == 0 {
-            say(&format!("rigd: listening on http://{address}/"));
+            say(&format!("rigd: listening on {}", called(address)));
             signals.next().await;
         }
         say_clearly(
@@ -92,6 +97,52 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     served
 }
 
+/// An address that cannot be listened on.
+#[derive(Debug, thiserror::Error)]
+enum BadAddress {
+    #[error("expected an address or a name and a port, such as 127.0.0.1:8137 or localhost:8137")]
+    Form,
+    #[error("this computer knows no `{name}`; give an address of this computer")]
+    Unknown { name: String },
+}
+
+/// An address, or the first one of a name. What is on this computer only is most often called by its
+/// address of version 4.
+fn address(text: &str) -> Result<SocketAddr, BadAddress> {
+    if let Ok(address) = text.parse() {
+        return Ok(address);
+    }
+    let (name, port) = text.rsplit_once(':').ok_or(BadAddress::Form)?;
+    let port: u16 = port.parse().map_err(|_| BadAddress::Form)?;
+    if name.is_empty() || name.contains(':') {
+        return Err(BadAddress::Form);
+    }
+    let unknown = || BadAddress::Unknown { name: name.to_owned() };
+    let addresses = (name, port).to_socket_addrs().map_err(|_| unknown())?;
+    addresses.min_by_key(SocketAddr::is_ipv6).ok_or_else(unknown)
+}
+
+/// Connections that the system holds until they are accepted. Where it holds no more, a client waits
+/// for a second until it tries again, also one that wants to stop the rig.
+const BACKLOG: u32 = 1024;
+
+fn listen(address: SocketAddr) -> io::Result<TcpListener> {
+    let socket = if address.is_ipv4() { TcpSocket::new_v4() } else { TcpSocket::new_v6() }?;
+    // The port of a daemon that has just ended can be taken again.
+    socket.set_reuseaddr(true)?;
+    socket.bind(address)?;
+    socket.listen(BACKLOG)
+}
+
+/// Where a browser on this computer finds the daemon.
+fn called(address: SocketAddr) -> String {
+    if address.ip().is_unspecified() {
+        format!("http://localhost:{}/, and on every address of this computer", address.port())
+    } else {
+        format!("http://{address}/")
+    }
+}
+
 /// Who may come in. From another computer, only whoever knows the token.
 fn doors(args: &ServeArgs) -> Result<Doors, Failure> {
     let address = args.listen.ip().to_canonical();
@@ -100,4 +151,23 @@ fn doors(args: &ServeArgs) -> Result<Doors, Failure> {
         return Err(Failure::NoToken { listen: args.listen });
     }
     Ok(Doors::new(address, args.allow_host.iter().cloned(), token, args.operator.name()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_address_to_listen_on_may_be_a_name() {
+        let local: SocketAddr = "127.0.0.1:8140".parse().unwrap();
+        assert_eq!(address("127.0.0.1:8140").unwrap(), local);
+        assert_eq!(address("localhost:8140").unwrap(), local);
+        assert_eq!(address("[::1]:80").unwrap(), "[::1]:80".parse().unwrap());
+        for text in
+            ["", "8140", ":8140", "localhost", "localhost:", "localhost:x", "::1", "a:99999"]
+        {
+            assert!(matches!(address(text), Err(BadAddress::Form)), "{text}");
+        }
+        assert!(matches!(address("no-such-host.invalid:1"), Err(BadAddress::Unknown { .. })));
+    }
 }

@@ -68,6 +68,7 @@ fn readers_see_what_is_committed_and_nothing_else() {
     assert_eq!(seen(second, 10), []);
     session.commit().unwrap();
     assert_eq!(seen(second, 10), [(third, run.id(), 2)]);
+    assert_eq!(seen(u64::MAX, 10), []);
 }
 
 #[test]
