@@ -37,9 +37,10 @@ pub enum RunFilesError {
     Export(#[from] export::ExportError),
 }
 
-/// Where the files of a run are.
-pub fn folder(data: &Path, run: RunId) -> PathBuf {
-    data.join("runs").join(run.to_string())
+/// Where the files of a run are. The name says whether the run was simulated.
+pub fn folder(data: &Path, reader: &Reader, run: RunId) -> PathBuf {
+    let suffix = if reader.is_simulated(run) { "-simulated" } else { "" };
+    data.join("runs").join(format!("{run}{suffix}"))
 }
 
 /// Writes the report and the data of a run.
@@ -48,7 +49,7 @@ pub fn folder(data: &Path, run: RunId) -> PathBuf {
 /// [`RunFilesError`] names the file.
 pub fn write(data: &Path, run: RunId) -> Result<RunFiles, RunFilesError> {
     let reader = Reader::open(data)?;
-    let folder = folder(data, run);
+    let folder = folder(data, &reader, run);
     fs::create_dir_all(&folder)
         .map_err(|source| RunFilesError::File { path: folder.clone(), source })?;
     let report = folder.join("report.html");

@@ -61,7 +61,9 @@ pub fn sweeps_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), 
         "capacitance_ratio",
         "loss_tangent",
         "reason",
+        "is_simulated",
     ];
+    let is_simulated = is_simulated(records);
     let mut table = Table::new(&columns, out)?;
     for stored in records.iter().filter(|stored| stored.kind == "sweep") {
         let Record::Sweep(sweep) = stored.record()? else { continue };
@@ -95,6 +97,7 @@ pub fn sweeps_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), 
             of(|circuit| circuit.capacitance_ratio),
             of(|circuit| circuit.loss_tangent),
             Cell::of(reason, Cell::Text),
+            Cell::Flag(is_simulated),
         ])?;
     }
     table.finish()
@@ -107,7 +110,9 @@ pub fn sweeps_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), 
 /// What writing reports, or a record that cannot be understood.
 pub fn readings_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), ExportError> {
     let columns = ["sweep", "purpose", "step", "reading"];
-    let mut table = Table::new(&[&columns[..], &READING, &OF_SWEEP].concat(), out)?;
+    let is_simulated = is_simulated(records);
+    let columns = [&columns[..], &READING, &OF_SWEEP, &["is_simulated"]].concat();
+    let mut table = Table::new(&columns, out)?;
     for stored in records.iter().filter(|stored| stored.kind == "sweep") {
         let Record::Sweep(sweep) = stored.record()? else { continue };
         for (index, one) in sweep.readings.iter().enumerate() {
@@ -117,7 +122,8 @@ pub fn readings_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<()
                 Cell::of(sweep.step.as_deref(), Cell::Text),
                 Cell::Whole(index as u64 + 1),
             ];
-            table.row(head.into_iter().chain(reading(one)).chain(of_sweep(&sweep, index)))?;
+            let cells = head.into_iter().chain(reading(one)).chain(of_sweep(&sweep, index));
+            table.row(cells.chain([Cell::Flag(is_simulated)]))?;
         }
     }
     table.finish()
@@ -142,7 +148,8 @@ pub fn sweep_csv(sweep: &Sweep, out: &mut impl Write) -> Result<(), ExportError>
 pub fn searches_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), ExportError> {
     let columns =
         ["step", "direction", "angle_deg", "surface_mm", "surface_sigma_mm", "try", "position_mm"];
-    let mut table = Table::new(&[&columns[..], &READING].concat(), out)?;
+    let is_simulated = is_simulated(records);
+    let mut table = Table::new(&[&columns[..], &READING, &["is_simulated"]].concat(), out)?;
     let is_search = |stored: &&StoredRecord| stored.kind.starts_with("surface_");
     for stored in records.iter().filter(is_search) {
         let (step, at, [position, sigma], trail) = match stored.record()? {
@@ -164,7 +171,8 @@ pub fn searches_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<()
                 Cell::Whole(index as u64 + 1),
                 Cell::Decimals(tried.position_mm, POSITION_DECIMALS),
             ];
-            table.row(head.into_iter().chain(reading(&tried.reading)))?;
+            let cells = head.into_iter().chain(reading(&tried.reading));
+            table.row(cells.chain([Cell::Flag(is_simulated)]))?;
         }
     }
     table.finish()
@@ -232,6 +240,12 @@ fn of_sweep(sweep: &Sweep, reading: usize) -> [Cell<'static>; 13] {
         Cell::of(near, |near| Cell::Exact(near.circuit.capacitance_ratio)),
         Cell::of(near, |near| Cell::Exact(near.circuit.loss_tangent)),
     ]
+}
+
+/// Whether no real device took part in the run. No, where its first record is missing.
+fn is_simulated(records: &[StoredRecord]) -> bool {
+    let first = records.first().map(StoredRecord::record);
+    matches!(first, Some(Ok(Record::RunStarted(started))) if started.is_simulated())
 }
 
 /// Direction and contact angle.

@@ -43,6 +43,12 @@ impl Reader {
         lock::is_held(&self.directory)
     }
 
+    /// Whether no real device took part in a run. No, where its first record cannot be read.
+    pub fn is_simulated(&self, run: RunId) -> bool {
+        let first = self.first_record(run);
+        matches!(first, Ok(Some(Record::RunStarted(started))) if started.is_simulated())
+    }
+
     /// All runs and sessions, the latest first.
     ///
     /// # Errors

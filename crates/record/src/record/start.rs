@@ -15,6 +15,9 @@ pub struct RunStarted {
     pub protocol: Source,
     /// The rig as it was read.
     pub rig: Source,
+    /// Whether no real device took part. Journals before this field tell it by their `scene`.
+    #[serde(default)]
+    pub is_simulated: bool,
     /// The scene behind a simulated rig.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scene: Option<Source>,
@@ -33,6 +36,13 @@ pub struct RunStarted {
     /// What the client called its request, so that asking twice begins one run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub idempotency_key: Option<String>,
+}
+
+impl RunStarted {
+    /// Whether no real device took part.
+    pub const fn is_simulated(&self) -> bool {
+        self.is_simulated || self.scene.is_some()
+    }
 }
 
 /// A file that was read.

@@ -127,7 +127,7 @@ pub(super) fn report(args: &ReportArgs) -> Result<(), Failure> {
 /// Prints what a run has found.
 pub(super) fn print_results(data: &Path, run: RunId, is_json: bool) -> Result<(), Failure> {
     let reader = Reader::open(data)?;
-    let folder = run_files::folder(data, run);
+    let folder = run_files::folder(data, &reader, run);
     let (run, records) = (reader.run(run)?, reader.records(run)?);
     let interruption = InterruptionView::read(&reader, &run)?;
     if is_json {

@@ -95,11 +95,12 @@ pub(super) async fn of_run(
         // Both were checked before the run began; another version may see them otherwise.
         let rig = RigFile::read(&started.rig.name, &started.rig.toml);
         let bench = rig.map_err(|faults| Problem::protocol(&faults))?.bench;
+        let is_simulated = started.is_simulated();
         let facts = RigFacts {
             name: started.rig.name,
             bench,
             known_samples: None,
-            is_simulated: started.scene.is_some(),
+            is_simulated,
             is_virtual_time: false,
         };
         let (name, toml) = (started.protocol.name, started.protocol.toml);

@@ -81,6 +81,8 @@ enum ExportFormat {
     Jsonl,
 }
 
+const CSV: &str = "text/csv; charset=utf-8";
+
 pub(super) async fn list(State(shared): State<Shared>) -> Result<Json<Vec<RunView>>, Problem> {
     let runs = shared.read(|reader| Ok(reader.runs()?)).await?;
     let is_run = |run: &Run| run.kind == RunKind::Run;
@@ -92,9 +94,10 @@ pub(super) async fn show(
     Path(id): Path<String>,
 ) -> Result<Json<RunDetail>, Problem> {
     let id: RunId = id.parse()?;
-    let folder = run_files::folder(&shared.inner.data, id);
+    let data = shared.inner.data.clone();
     let detail = shared.read(move |reader| {
         let (run, records) = (reader.run(id)?, reader.records(id)?);
+        let folder = run_files::folder(&data, reader, id);
         let results = report::summary(&run, &records, &folder)?;
         let interruption = InterruptionView::read(reader, &run)?;
         Ok(RunDetail { run: run.into(), interruption, results })
@@ -118,15 +121,17 @@ pub(super) async fn export(
 ) -> Result<Response, Problem> {
     let id: RunId = id.parse()?;
     let Query(ExportOptions { format }) = options?;
-    let content_type = match format {
-        ExportFormat::Jsonl => "application/jsonl",
-        ExportFormat::Csv
-        | ExportFormat::Sweeps
-        | ExportFormat::Readings
-        | ExportFormat::Searches => "text/csv; charset=utf-8",
+    let (content_type, file) = match format {
+        ExportFormat::Jsonl => ("application/jsonl", "records.jsonl"),
+        ExportFormat::Csv => (CSV, "touches.csv"),
+        ExportFormat::Sweeps => (CSV, "sweeps.csv"),
+        ExportFormat::Readings => (CSV, "readings.csv"),
+        ExportFormat::Searches => (CSV, "searches.csv"),
     };
-    let bytes = shared.read(move |reader| {
+    let export = shared.read(move |reader| {
         let run = reader.run(id)?;
+        let simulated = if reader.is_simulated(id) { "-simulated" } else { "" };
+        let disposition = format!("attachment; filename=\"{id}{simulated}-{file}\"");
         let (records, mut bytes) = (reader.records(id)?, Vec::new());
         match format {
             ExportFormat::Csv => report::touches_csv(&run, &records, &mut bytes),
@@ -136,9 +141,14 @@ pub(super) async fn export(
             ExportFormat::Jsonl => export::jsonl(&records, &mut bytes),
         }
         .map_err(|error| Problem::internal(&with_causes(&error)))?;
-        Ok(bytes)
+        Ok((disposition, bytes))
     });
-    Ok(([(header::CONTENT_TYPE, content_type)], bytes.await?).into_response())
+    let (disposition, bytes) = export.await?;
+    let headers = [
+        (header::CONTENT_TYPE, content_type.to_owned()),
+        (header::CONTENT_DISPOSITION, disposition),
+    ];
+    Ok((headers, bytes).into_response())
 }
 
 /// A client makes a key of a UUID (36 characters) or of a name and a date.

@@ -127,7 +127,7 @@ impl RunData {
 
     /// Whether no real device took part.
     pub(super) fn is_simulated(&self) -> bool {
-        self.started.as_ref().is_some_and(|started| started.scene.is_some())
+        self.started.as_ref().is_some_and(RunStarted::is_simulated)
     }
 
     /// The sample with this name.

@@ -17,13 +17,14 @@ use super::{
 
 pub(super) fn page(run: &Run, verdict: &Verdict, data: &RunData, results: &RunResults) -> String {
     let title = Escaped(&run.name);
+    let simulated = if data.is_simulated() { " (simulated)" } else { "" };
     let mut html = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <meta name=\"color-scheme\" content=\"light dark\">\n\
          <meta http-equiv=\"Content-Security-Policy\" \
          content=\"default-src 'none'; style-src 'unsafe-inline'\">\n\
-         <title>{title} – report</title>\n<style>\n{}{}</style>\n</head>\n<body>\n<main>\n",
+         <title>{title}{simulated} – report</title>\n<style>\n{}{}</style>\n</head>\n<body>\n<main>\n",
         include_str!("style.css"),
         rig_chart::STYLE,
     );
@@ -61,8 +62,9 @@ fn head(
     };
     let began = run.started_at.replace('T', " ").chars().take(16).collect::<String>();
     let mut html = format!(
-        "<header>\n<p class=\"eyebrow\">Run report</p>\n<h1>{}</h1>\n\
+        "<header>\n<p class=\"eyebrow\">Run report{}</p>\n<h1>{}</h1>\n\
          <p class=\"meta\"><span class=\"status {class}\">{}</span> {} UTC</p>\n</header>\n",
+        if data.is_simulated() { " <b class=\"simulated\">simulated</b>" } else { "" },
         Escaped(&run.name),
         run.status.describe(),
         Escaped(&began),

@@ -18,6 +18,8 @@ use super::{
 pub struct RunSummary {
     /// Id of the run.
     pub run_id: String,
+    /// Whether no real device took part.
+    pub is_simulated: bool,
     /// How it ended, or that it is running.
     pub status: &'static str,
     /// Touches that gave a shift; the same as `touches_measured`.
@@ -163,6 +165,7 @@ pub(super) fn summary(
     };
     RunSummary {
         run_id: run.id.to_string(),
+        is_simulated: data.is_simulated(),
         status: run.status.name(),
         touches: measured,
         touches_planned: planned,

@@ -138,7 +138,7 @@ fn a_program_finds_the_fields_that_it_was_promised() {
     };
     assert_eq!(
         fields(&json),
-        "classification data no_load_hz prompts recognition report rig_seconds run_id \
+        "classification data is_simulated no_load_hz prompts recognition report rig_seconds run_id \
          sensitivity_hz_per_mpa shifts status stiffness touch_results touches touches_measured \
          touches_not_reached touches_planned touches_refused wall_seconds"
     );

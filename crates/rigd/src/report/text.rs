@@ -19,6 +19,9 @@ pub(super) fn text(run: &Run, data: &RunData, results: &RunResults) -> String {
         text.write_fmt(arguments).expect("a string takes all text");
         text.push('\n');
     };
+    if data.is_simulated() {
+        line(format_args!("SIMULATED: no real device took part\n"));
+    }
     if !results.grid.is_empty() {
         line(format_args!("frequency shift in Hz"));
         for row in table(data, results) {

@@ -77,6 +77,7 @@ impl Recorder {
             seed: plan.seed,
             protocol: protocol.source.clone(),
             rig: setting.rig.clone(),
+            is_simulated: setting.scene.is_some(),
             scene: setting.scene.clone(),
             devices: setting.devices.iter().map(device).collect(),
             samples: plan.samples.iter().map(sample).collect(),

@@ -139,7 +139,7 @@ impl Reader {
         Ok(false)
     }
 
-    fn first_record(&self, run: RunId) -> Result<Option<Record>, StoreError> {
+    pub(super) fn first_record(&self, run: RunId) -> Result<Option<Record>, StoreError> {
         let mut statement = self.connection.prepare_cached(&select_records(
             "WHERE run = (SELECT key FROM runs WHERE id = ?1) AND seq = 1",
         ))?;

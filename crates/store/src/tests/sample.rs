@@ -161,6 +161,7 @@ pub(super) fn run_started() -> Record {
         seed: u64::MAX,
         protocol: source("one touch"),
         rig: source("simulated"),
+        is_simulated: true,
         scene: Some(source("paper")),
         devices: vec![Device { role: "analyzer".to_owned(), identity: "HIOKI,IM3536".to_owned() }],
         samples: vec![Sample { name: "agar, \"soft\"".to_owned(), stiffness_mpa: Some(0.104) }],

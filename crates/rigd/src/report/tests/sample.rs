@@ -346,6 +346,7 @@ fn started(touches: Vec<TouchSettings>) -> Record {
             "name = \"three-direction\"\nangles_deg = [0, 15, 30, 45]\n",
         ),
         rig: source("simulated", include_str!("../../../../../config/rigs/simulated.toml")),
+        is_simulated: true,
         scene: Some(source("paper", "name = \"paper\"\n")),
         devices: vec![
             device("analyzer", "HIOKI,IM3536,170614127,V2.00"),
