@@ -302,7 +302,7 @@ mod tests {
     fn what_has_no_answer_is_refused_with_its_reason() {
         let (result, answer) = run_json("E1 --shift-hz -1");
         assert!(matches!(result, Err(StudyError::Refused(_))));
-        assert_eq!(answer["reason"], "a shift of -1 Hz is no contact");
+        assert_eq!(answer["reason"], "a shift of -1 Hz shows no contact");
         assert!(Cli::try_parse_from(["invert", "E1"]).is_err());
         assert!(Cli::try_parse_from(["invert", "E1", "--touch", "1,2"]).is_err());
     }

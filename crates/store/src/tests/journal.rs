@@ -262,16 +262,16 @@ fn tables_have_a_row_for_each_sweep_and_reading() {
     assert!(readings.lines().all(|line| line.split(',').count() == columns), "{readings}");
     let first = "\n1,\"no_load\",\"main/1/back/30/1\",1,140.4,33333.333333333336,-40000.0,";
     assert!(readings.contains(first), "{readings}");
-    // What the fit was told, where the journal holds it.
+    // What the fit was told, where the journal holds it; two readings of each sweep are flagged.
     let ends = |end: &str| readings.lines().filter(|line| line.ends_with(end)).count();
-    assert_eq!(ends(",true,130.0,260.0,0.005,4.0,\"waited\",true,,,,,,"), 12, "{readings}");
-    assert_eq!(ends(",true,,,,,,,,,,,,"), 12, "{readings}");
+    assert_eq!(ends(",true,130.0,260.0,0.005,4.0,\"waited\",true,,,,,,,true"), 10, "{readings}");
+    assert_eq!(ends(",true,,,,,,,,,,,,,true"), 10, "{readings}");
     let header = "frequency_hz,resistance_ohm,reactance_ohm,started_s,settle_s,integration_s,flag,\
                   is_used,fit_min_hz,fit_max_hz,fit_noise_at_ten_cycles,\
                   fit_noise_degrees_of_freedom,fit_timing,fit_always_loss,fit_target_sigma_hz,\
                   fit_near_resonance_hz,fit_near_quality_factor,fit_near_static_capacitance_f,\
-                  fit_near_capacitance_ratio,fit_near_loss_tangent\n";
-    let named = format!("sweep,purpose,step,reading,{header}");
+                  fit_near_capacitance_ratio,fit_near_loss_tangent";
+    let named = format!("sweep,purpose,step,reading,{header},is_simulated\n");
     assert!(readings.starts_with(&named), "{readings}");
     let Record::Sweep(touch) = sweep(7, SweepPurpose::Touch, 158.3) else { panic!() };
     let mut single = Vec::new();
