@@ -268,11 +268,8 @@ enum Failure {
          send as `Authorization: Bearer`, or listen on 127.0.0.1"
     )]
     NoToken { listen: SocketAddr },
-    #[error(
-        "{address} cannot be listened on; end the program that has it, such as another rigd, or \
-         choose another address with --listen"
-    )]
-    Listen { address: SocketAddr, source: io::Error },
+    #[error("{address} cannot be listened on; {advice}")]
+    Listen { address: SocketAddr, advice: &'static str, source: io::Error },
     #[error(transparent)]
     Token(#[from] TokenError),
     #[error("{what}")]

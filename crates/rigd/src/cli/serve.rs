@@ -67,7 +67,10 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     let served = runtime.block_on(async {
         let mut signals = Signals::new()?;
         // The address is taken first: a daemon that nobody can reach must not move anything.
-        let failed = |source| Failure::Listen { address: args.listen, source };
+        let failed = |source: io::Error| {
+            let advice = advice(source.kind());
+            Failure::Listen { address: args.listen, advice, source }
+        };
         let listener = listen(args.listen).map_err(failed)?;
         let address = listener.local_addr().map_err(failed)?;
         let (handle, thread) = open(rig, data.clone(), &mut signals).await?;
@@ -132,6 +135,17 @@ fn listen(address: SocketAddr) -> io::Result<TcpListener> {
     socket.set_reuseaddr(true)?;
     socket.bind(address)?;
     socket.listen(BACKLOG)
+}
+
+const fn advice(kind: io::ErrorKind) -> &'static str {
+    match kind {
+        io::ErrorKind::AddrInUse => {
+            "end the program that has it, such as another rigd, or choose another port with --listen"
+        }
+        io::ErrorKind::AddrNotAvailable => "choose an address of this computer with --listen",
+        io::ErrorKind::PermissionDenied => "choose a port from 1024 on with --listen",
+        _ => "choose another address with --listen",
+    }
 }
 
 /// Where a browser on this computer finds the daemon.
