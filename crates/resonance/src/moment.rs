@@ -45,7 +45,7 @@ impl Resonance {
             trace.weigh_settling(&at, noise.at_ten_cycles.powi(2));
         }
         // What is fitted besides comes after the loss.
-        let is_lossless = self.loss_tangent == 0.0 && besides == Besides::Nothing;
+        let is_lossless = self.loss_tangent_sigma().is_none() && besides == Besides::Nothing;
         let free = if is_lossless { CIRCUIT - 1 } else { CIRCUIT + besides.count() };
         let (mut normal, mut times) = (Normal::<UNKNOWNS>::default(), readings.iter());
         trace.rows(&at, |sample, row| {

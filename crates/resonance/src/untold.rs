@@ -42,7 +42,7 @@ pub(crate) fn widened(
     unit_farad: f64,
 ) -> Resonance {
     let trace = Trace::of(readings, Timing::Unknown, unit_farad);
-    let has_loss = found.loss_tangent != 0.0;
+    let has_loss = found.loss_tangent_sigma().is_some();
     let free = if has_loss { CIRCUIT } else { CIRCUIT - 1 };
     let fitted = Fitted::at(&trace, at, free);
     let relative = variance(&fitted, found.noise_at_ten_cycles.powi(2));

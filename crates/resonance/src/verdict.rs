@@ -44,7 +44,9 @@ pub struct Resonance {
     /// Effective coupling factor squared, C1/(C0 + C1).
     pub k_eff_squared: f64,
     /// Dielectric loss tangent; 0 where it was not fitted, its estimate being within its standard
-    /// deviation.
+    /// deviation, and where the readings are best explained by one below 0, which no dielectric has.
+    /// The other quantities are those of the fit without that bound: an analyzer whose phase is off
+    /// makes the loss come out wrong, and nothing else.
     pub loss_tangent: f64,
     /// Q·C1/C0.
     pub figure_of_merit: f64,
@@ -71,6 +73,12 @@ pub struct Resonance {
 }
 
 impl Resonance {
+    /// Standard deviation of `loss_tangent`; `None` where it was not fitted.
+    pub fn loss_tangent_sigma(&self) -> Option<f64> {
+        let variance = self.covariance[4][4];
+        (variance > 0.0).then(|| variance.sqrt())
+    }
+
     /// The circuit behind it.
     pub fn circuit(&self) -> Circuit {
         let c1_farad = self.c0_farad * self.k_eff_squared / (1.0 - self.k_eff_squared);
@@ -144,7 +152,7 @@ impl Resonance {
             q: circuit.q,
             c0_farad: circuit.c0_farad,
             k_eff_squared: circuit.k_eff_squared(),
-            loss_tangent: circuit.loss_tangent,
+            loss_tangent: circuit.loss_tangent.max(0.0),
             figure_of_merit: circuit.figure_of_merit(),
             chi_squared_per_dof: found / against,
             noise_at_ten_cycles: variance.sqrt(),

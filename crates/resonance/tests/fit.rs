@@ -150,3 +150,26 @@ fn readings_that_cannot_be_used_are_refused_with_their_reason() {
     }
     check_refused(&bad, |r| *r == Reason::Saturated { overloaded: 17, readings: 20 });
 }
+
+#[test]
+fn a_loss_below_zero_is_zero_with_its_uncertainty_and_costs_the_resonance_nothing() {
+    // Without loss half of the estimates are below zero.
+    let circuit = circuit(30.0, 0.05);
+    let options = FitOptions { always_loss: true, ..FitOptions::default() };
+    let (mut below, mut squares) = (0, 0.0);
+    for seed in 0..200 {
+        let mut random = Random::new(seed);
+        let readings = sweep(WINDOW, 41, 0.005, &mut random, |f| circuit.impedance_ohm(f));
+        let verdict = fit(&readings, &options);
+        let found = verdict.accepted().unwrap_or_else(|| panic!("{seed}: {verdict:?}"));
+        assert!(found.loss_tangent >= 0.0, "{seed}: {found:?}");
+        let sigma = found.loss_tangent_sigma().expect("the loss was fitted");
+        assert!(found.loss_tangent < 5.0 * sigma, "{seed}: {found:?}");
+        if found.loss_tangent == 0.0 {
+            below += 1;
+            squares += ((found.resonance_hz - 140.0) / found.sigma_hz).powi(2);
+        }
+    }
+    let rms = (squares / f64::from(below)).sqrt();
+    assert!((60..140).contains(&below) && (0.8..1.2).contains(&rms), "{below}: {rms}");
+}

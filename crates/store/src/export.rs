@@ -60,6 +60,7 @@ pub fn sweeps_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), 
         "static_capacitance_f",
         "capacitance_ratio",
         "loss_tangent",
+        "loss_tangent_sigma",
         "reason",
         "is_simulated",
     ];
@@ -81,6 +82,12 @@ pub fn sweeps_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), 
         let circuit = found.and_then(|(.., circuit)| circuit);
         // Their uncertainty is not in the journal; no sweep knows them better than this.
         let of = |value: fn(Circuit) -> f64| Cell::of(circuit.map(value), |v| Cell::Digits(v, 6));
+        let loss = circuit.map(|circuit| (circuit.loss_tangent, circuit.loss_tangent_sigma));
+        let [loss, loss_sigma] = match loss {
+            Some((loss, Some(sigma))) => Cell::with_sigma(loss, sigma),
+            Some((loss, None)) => [Cell::Digits(loss, 6), Cell::Empty],
+            None => [Cell::Empty; 2],
+        };
         table.row([
             Cell::Whole(sweep.number),
             Cell::Text(sweep.purpose.name()),
@@ -95,7 +102,8 @@ pub fn sweeps_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), 
             of(|circuit| circuit.quality_factor),
             of(|circuit| circuit.static_capacitance_f),
             of(|circuit| circuit.capacitance_ratio),
-            of(|circuit| circuit.loss_tangent),
+            loss,
+            loss_sigma,
             Cell::of(reason, Cell::Text),
             Cell::Flag(is_simulated),
         ])?;

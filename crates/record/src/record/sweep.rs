@@ -101,8 +101,11 @@ pub struct Circuit {
     pub static_capacitance_f: f64,
     /// m, the motional capacitance in units of C₀.
     pub capacitance_ratio: f64,
-    /// tan δ of C₀.
+    /// tan δ of C₀, never below 0.
     pub loss_tangent: f64,
+    /// Its standard deviation, where it was fitted. Journals of format 1 do not hold it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub loss_tangent_sigma: Option<f64>,
 }
 
 /// What was made of a sweep.

@@ -46,6 +46,9 @@ struct FoundView {
     static_capacitance_f: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     loss_tangent: Option<f64>,
+    /// None where the loss was not fitted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    loss_tangent_sigma: Option<f64>,
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     fit: Option<FitView>,
 }
@@ -126,7 +129,8 @@ impl FoundView {
         rows.extend(
             self.static_capacitance_f.map(|farad| ("static capacitance", capacitance(farad))),
         );
-        rows.extend(self.loss_tangent.map(|loss| ("loss tangent", format!("{loss:.4}"))));
+        let sigma = self.loss_tangent_sigma.map_or_else(String::new, |s| format!(" ± {s:.4}"));
+        rows.extend(self.loss_tangent.map(|loss| ("loss tangent", format!("{loss:.4}{sigma}"))));
         if let Some(fit) = &self.fit {
             rows.push(("model", fit.rung.to_owned()));
             rows.push(("readings used", fit.points.to_string()));
@@ -152,6 +156,7 @@ impl From<&Resonance> for FoundView {
             k_eff_squared: Some(found.k_eff_squared),
             static_capacitance_f: Some(found.c0_farad),
             loss_tangent: Some(found.loss_tangent),
+            loss_tangent_sigma: found.loss_tangent_sigma(),
             fit: Some(FitView {
                 rung: found.rung.name(),
                 points: found.points,
@@ -202,6 +207,7 @@ impl From<&SweepVerdict> for VerdictView {
                     }),
                     static_capacitance_f: of(|circuit| circuit.static_capacitance_f),
                     loss_tangent: of(|circuit| circuit.loss_tangent),
+                    loss_tangent_sigma: circuit.as_ref().and_then(|c| c.loss_tangent_sigma),
                     fit: None,
                 };
                 Self { status: "accepted", accepted: Some(found), ..Self::default() }

@@ -270,6 +270,7 @@ mod tests {
                 static_capacitance_f: 27e-9,
                 capacitance_ratio: 0.05,
                 loss_tangent: 0.02,
+                loss_tangent_sigma: None,
             };
             let found_s = practice_s(140.0, &circuit);
             assert!((found_s - expected_s).abs() < 0.05, "{found_s} s, expected {expected_s} s");

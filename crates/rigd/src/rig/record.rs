@@ -229,7 +229,11 @@ impl Recorder {
                 resonance_hz: resonance.resonance_hz,
                 sigma_hz: resonance.sigma_hz,
                 moment_s: outcome.moment_s,
-                circuit: Some(circuit_of(&resonance.circuit())),
+                circuit: Some(store::Circuit {
+                    loss_tangent: resonance.loss_tangent,
+                    loss_tangent_sigma: resonance.loss_tangent_sigma(),
+                    ..circuit_of(&resonance.circuit())
+                }),
             },
             Verdict::Refused(refusal) => {
                 store::SweepVerdict::Refused { reason: refusal.to_string() }
@@ -378,6 +382,7 @@ fn circuit_of(circuit: &Circuit) -> store::Circuit {
         static_capacitance_f: circuit.c0_farad,
         capacitance_ratio: circuit.c1_farad / circuit.c0_farad,
         loss_tangent: circuit.loss_tangent,
+        loss_tangent_sigma: None,
     }
 }
 

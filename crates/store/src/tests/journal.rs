@@ -244,14 +244,14 @@ fn tables_have_a_row_for_each_sweep_and_reading() {
     let row = |number, purpose, hz| {
         format!(
             "{number},\"{purpose}\",\"main/1/back/30/1\",\"back\",30.0,12,\"accepted\",{hz},0.0200,\
-             1.250000,33.0,2.74e-8,0.08,0.018,,true\n"
+             1.250000,33.0,2.74e-8,0.08,0.018000,0.000410,,true\n"
         )
     };
     assert_eq!(
         String::from_utf8(sweeps).unwrap(),
         "sweep,purpose,step,direction,angle_deg,readings,verdict,resonance_hz,sigma_hz,\
-         moment_s,quality_factor,static_capacitance_f,capacitance_ratio,loss_tangent,reason,\
-         is_simulated\n"
+         moment_s,quality_factor,static_capacitance_f,capacitance_ratio,loss_tangent,\
+         loss_tangent_sigma,reason,is_simulated\n"
             .to_owned()
             + &row(1, "no_load", "140.4000")
             + &row(2, "touch", "158.3000")
@@ -329,7 +329,7 @@ fn a_refused_sweep_keeps_its_columns() {
     export::sweeps_csv(&records, &mut sweeps).unwrap();
     let sweeps = String::from_utf8(sweeps).unwrap();
     let (header, row) = sweeps.split_once('\n').unwrap();
-    assert_eq!(row, "1,\"manual\",,,,12,\"refused\",,,,,,,,\"no resonance, none at all\",false\n");
+    assert_eq!(row, "1,\"manual\",,,,12,\"refused\",,,,,,,,,\"no resonance, none at all\",false\n");
     // The comma in the reason is one more.
     assert_eq!(row.matches(',').count(), header.matches(',').count() + 1);
 }

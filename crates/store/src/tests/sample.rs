@@ -216,6 +216,7 @@ pub(super) fn sweep(number: u64, purpose: SweepPurpose, resonance_hz: f64) -> Re
                 static_capacitance_f: 27.4e-9,
                 capacitance_ratio: 0.08,
                 loss_tangent: 0.018,
+                loss_tangent_sigma: Some(0.000_41),
             }),
         },
     })

@@ -289,6 +289,7 @@ impl Teller {
             static_capacitance_f: c0_farad,
             capacitance_ratio: ratio,
             loss_tangent,
+            loss_tangent_sigma: None,
         };
         self.write(Record::Sweep(Sweep {
             number: self.sweeps,
