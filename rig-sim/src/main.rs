@@ -160,8 +160,9 @@ impl Failure {
 
 fn load(path: &Path) -> Result<Scene, String> {
     let name = path.display().to_string();
-    let text = std::fs::read_to_string(path).map_err(|error| format!("{name}: {error}"))?;
-    scene::read(&name, &text).map_err(|faults| faults.to_string())
+    let bytes = std::fs::read(path).map_err(|error| format!("{name}: {error}"))?;
+    let text = rig_settings::text(&name, &bytes);
+    text.and_then(|text| scene::read(&name, text)).map_err(|faults| faults.to_string())
 }
 
 async fn serve(args: &Serve, scene: Scene) -> Result<(), Failure> {

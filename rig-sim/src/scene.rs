@@ -160,18 +160,20 @@ fn nuisances(table: &mut Table<'_>) -> Nuisances {
     let none = Nuisances::NONE;
     let screw_length_mm = table.number("screw_length_mm").above(0.0).or(none.screw_length_mm).value;
     let drift = table.section("drift", drift).or(none.drift).value;
+    let mut share = |key| table.number(key).range(0.0..=1.0).or(0.0).value;
+    let (stiffness_rel, impedance_rel) = (share("stiffness_rel"), share("impedance_rel"));
     let mut size = |key| table.number(key).at_least(0.0).or(0.0).value;
     Nuisances {
         mounting_mm: size("mounting_mm"),
         slope_deg: size("slope_deg"),
-        stiffness_rel: size("stiffness_rel"),
+        stiffness_rel,
         screw_mm: size("screw_mm"),
         screw_length_mm,
         linear_backlash_mm: size("linear_backlash_mm"),
         rotary_backlash_deg: size("rotary_backlash_deg"),
         encoder_steps: size("encoder_steps"),
         drift,
-        impedance_rel: size("impedance_rel"),
+        impedance_rel,
         analyzer_command_s: size("analyzer_command_s"),
     }
 }

@@ -113,6 +113,10 @@ pub enum SweepRequestError {
     },
 }
 
+/// A resonance can be asked for to one part of its frequency in this many: analyzers keep their own
+/// frequency no better.
+const FINEST_PARTS: f64 = 1e6;
+
 impl SweepRequest {
     /// Every reason for which this sweep cannot be run.
     pub fn faults(&self) -> Vec<SweepRequestError> {
@@ -130,7 +134,8 @@ impl SweepRequest {
             // Five circuit parameters need five points; two more leave something to judge by.
             within("points", f64::from(points), 7.0, 10_001.0);
         }
-        within("target_sigma_hz", self.target_sigma_hz, 1e-6, 100.0);
+        let finest_hz = (min_hz / FINEST_PARTS).clamp(1e-6, 1.0);
+        within("target_sigma_hz", self.target_sigma_hz, finest_hz, 100.0);
         within("time_limit_s", self.time_limit_s, 0.01, 86_400.0);
         within("cycles", f64::from(self.cycles), 1.0, 100_000.0);
         within("settle_s", self.settle_s, 0.0, 60.0);

@@ -1,5 +1,7 @@
 //! The protocol file, key by key.
 
+use std::ops::RangeInclusive;
+
 use rig_model::{ContactAngle, Direction};
 use rig_settings::{Faults, Setting, Table};
 
@@ -209,20 +211,27 @@ pub(crate) fn contact_angle(degrees: f64) -> ContactAngle {
     ContactAngle::new(degrees).expect("the range of the key lies in [0°, 90°)")
 }
 
+/// How deep and how far above a sample a protocol can mean to go, mm: from what no stage keeps to
+/// more than any sample is thick. Beyond, the unit is another one.
+const DEPTH_MM: RangeInclusive<f64> = 0.005..=50.0;
+/// The same for the steps of a search, mm.
+const STEP_MM: RangeInclusive<f64> = 0.0005..=10.0;
+
 fn touch(table: &mut Table<'_>) -> TouchKeys {
     TouchKeys {
-        indentation_mm: table.number("indentation_mm").above(0.0).required(),
+        indentation_mm: table.number("indentation_mm").range(DEPTH_MM).required(),
         dwell_s: table.number("dwell_s").range(0.0..=3600.0).or(0.0).value,
     }
 }
 
 fn approach(table: &mut Table<'_>) -> ApproachKeys {
     ApproachKeys {
-        start_above_mm: table.number("start_above_mm").above(0.0).required(),
-        give_up_below_mm: table.number("give_up_below_mm").above(0.0).required(),
-        coarse_step_mm: table.number("coarse_step_mm").above(0.0).required(),
-        fine_step_mm: table.number("fine_step_mm").above(0.0).required(),
-        contact_threshold: table.number("contact_threshold").range(0.001..=10.0).required().value,
+        start_above_mm: table.number("start_above_mm").range(DEPTH_MM).required(),
+        give_up_below_mm: table.number("give_up_below_mm").range(DEPTH_MM).required(),
+        coarse_step_mm: table.number("coarse_step_mm").range(STEP_MM).required(),
+        fine_step_mm: table.number("fine_step_mm").range(STEP_MM).required(),
+        // More than the whole impedance hardly changes by.
+        contact_threshold: table.number("contact_threshold").range(0.001..=1.0).required().value,
         settle_s: table.number("settle_s").range(0.0..=60.0).required().value,
         cycles: table.count("cycles").range(1..=100_000).required().value,
     }
@@ -239,7 +248,7 @@ fn blind(table: &mut Table<'_>) -> Blind {
 
 fn limits(table: &mut Table<'_>) -> Limits {
     Limits {
-        max_indentation_mm: table.number("max_indentation_mm").above(0.0).optional(),
+        max_indentation_mm: table.number("max_indentation_mm").range(DEPTH_MM).optional(),
         max_duration_h: table.number("max_duration_h").above(0.0).optional(),
     }
 }

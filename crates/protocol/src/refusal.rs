@@ -3,7 +3,7 @@
 use std::fmt;
 
 use rig_model::{ContactAngle, Deg, Direction, Mm, Position, Span, SweepRequestError};
-use rig_settings::Complaint;
+use rig_settings::{Complaint, slip};
 
 use crate::Pose;
 
@@ -146,13 +146,7 @@ impl Complaint for Refusal {
             Self::UniformNeeds { key: "points" } => "write points = 101, say".into(),
             Self::UniformNeeds { .. } => "write settle_s = 0.5, say".into(),
             Self::Sweep(error) => return sweep_suggestion(error),
-            Self::BeyondAnalyzer { found, min, max, .. } => {
-                if found < min {
-                    format!("use at least {min}")
-                } else {
-                    format!("use at most {max}")
-                }
-            }
+            Self::BeyondAnalyzer { key, found, min, max } => stay_within(key, *found, *min, *max),
             Self::LevelTooHigh { limit, .. } => format!("use at most {limit}"),
             Self::MoreClassesThanSamples { samples, .. } => format!("use at most {samples}"),
             Self::FewerTrialsThanClasses { classes, .. } => format!("use at least {classes}"),
@@ -163,14 +157,24 @@ impl Complaint for Refusal {
     }
 }
 
+/// What to write instead of a number that is outside its limits.
+fn stay_within(key: &str, found: f64, min: f64, max: f64) -> String {
+    let (side, limit) = if found < min { ("at least", min) } else { ("at most", max) };
+    let slip = slip(key, found, |meant| min <= meant && meant <= max);
+    format!("use {side} {limit}{}", slip.map(|slip| format!("; {slip}")).unwrap_or_default())
+}
+
 fn sweep_suggestion(error: &SweepRequestError) -> Option<String> {
     match *error {
         SweepRequestError::Window { .. } => None,
-        SweepRequestError::OutOfRange { found, min, max, .. } => Some(if found < min {
-            format!("use at least {min}")
-        } else {
-            format!("use at most {max}")
-        }),
+        SweepRequestError::OutOfRange { what: "target_sigma_hz", found, min, .. }
+            if found < min =>
+        {
+            Some(format!("analyzers keep their own frequency no better; use at least {min}"))
+        }
+        SweepRequestError::OutOfRange { what, found, min, max } => {
+            Some(stay_within(what, found, min, max))
+        }
         SweepRequestError::TooLong { takes_s, .. } => {
             Some(format!("allow {:.0} s, or take fewer points or shorter ones", takes_s.ceil()))
         }

@@ -309,6 +309,21 @@ fn a_uniform_sweep_that_takes_longer_than_it_may_is_refused() {
 }
 
 #[test]
+fn a_number_in_another_unit_is_told_what_it_would_be() {
+    let changes = [
+        ("\nindentation_mm = 0.5", "\nindentation_mm = 0.0005"),
+        ("start_above_mm = 0.8", "start_above_mm = 0.0008"),
+        ("coarse_step_mm = 0.1", "coarse_step_mm = 100"),
+        ("contact_threshold = 0.10", "contact_threshold = 5"),
+        ("min_hz = 125", "min_hz = 0.125"),
+        ("target_sigma_hz = 0.05", "target_sigma_hz = 1e-6"),
+        ("level_v = 5", "level_v = 5000"),
+        ("max_indentation_mm = 0.5", "max_indentation_mm = 500"),
+    ];
+    insta::assert_snapshot!(complaints(&changes, &bench()));
+}
+
+#[test]
 fn a_protocol_that_contradicts_itself_is_refused() {
     let changes = [
         ("samples = [\"1\", \"2\"", "samples = [\"a/b\", \"2\", \"2\""),

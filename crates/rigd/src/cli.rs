@@ -33,7 +33,7 @@ mod verdict;
 use std::{
     io::{self, IsTerminal},
     net::SocketAddr,
-    path::PathBuf,
+    path::{Path, PathBuf},
     process::ExitCode,
 };
 
@@ -102,11 +102,14 @@ enum CliCommand {
     Fit(fit::FitArgs),
 }
 
+/// The rig file that is meant where none is given: the shipped one, below the current directory.
+const DEFAULT_RIG: &str = "config/rigs/simulated.toml";
+
 /// The rig to use.
 #[derive(Debug, Args)]
 struct RigArgs {
     /// Rig file
-    #[arg(long, value_name = "RIG", default_value = "config/rigs/simulated.toml")]
+    #[arg(long, value_name = "RIG", default_value = DEFAULT_RIG)]
     rig: PathBuf,
 }
 
@@ -298,7 +301,7 @@ enum Failure {
 impl Failure {
     fn exit_code(&self) -> u8 {
         match self {
-            Self::BadFile(FileError::Faults(_))
+            Self::BadFile(_)
             | Self::Sweep(_)
             | Self::NoTimes { .. }
             | Self::NoToken { .. }
@@ -313,8 +316,7 @@ impl Failure {
             Self::Aborted => 5,
             Self::TouchesRefused => 6,
             Self::Interrupted => 130,
-            Self::BadFile(FileError::Unreadable { .. })
-            | Self::RunFiles(_)
+            Self::RunFiles(_)
             | Self::Open(_)
             | Self::Data { .. }
             | Self::Store(_)
@@ -325,6 +327,28 @@ impl Failure {
             | Self::Left { .. }
             | Self::Listen { .. }
             | Self::System { .. } => 1,
+        }
+    }
+}
+
+impl Failure {
+    /// What to do about it, where its message does not say so.
+    fn advice(&self) -> Option<&'static str> {
+        match self {
+            Self::Store(StoreError::NoSuchRun { .. }) => {
+                Some("`rigd runs` lists those of a data directory, which --data names")
+            }
+            Self::Data { source: StoreError::NoJournal, .. } => {
+                Some("name the directory of an earlier run with --data")
+            }
+            Self::Open(OpenError::Data { source: StoreError::InUse, .. }) => {
+                Some("end that one, or ask it over HTTP, or name another directory with --data")
+            }
+            Self::Open(error) => advice::on_rig(error),
+            Self::BadFile(FileError::Missing { path, .. }) if path == Path::new(DEFAULT_RIG) => {
+                Some("give a rig file with --rig; without it, the shipped one is looked for here")
+            }
+            _ => None,
         }
     }
 }
@@ -364,9 +388,7 @@ pub fn main() -> ExitCode {
                 Failure::TouchesRefused => {}
                 failure => table::note(&format!("rigd: {}", with_causes(failure))),
             }
-            if let Failure::Open(error) = &failure
-                && let Some(advice) = advice::on_rig(error)
-            {
+            if let Some(advice) = failure.advice() {
                 table::note(&format!("→ {advice}"));
             }
             ExitCode::from(failure.exit_code())

@@ -1,16 +1,17 @@
 //! A rig file with the scene it names, read and checked: everything that is needed to open a rig.
 
-use std::{
-    fs, io,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use rig_model::Bench;
-use rig_settings::Faults;
+use rig_settings::{Complaint, Faults};
 use rig_sim::world::Scene;
 use rig_store::Source;
 
-use crate::rig_file::{Connection, Pace, RigFile, Simulation};
+pub use crate::files::FileError;
+use crate::{
+    files::{FileKind, read},
+    rig_file::{Connection, Pace, RigFile, Simulation},
+};
 
 /// A rig that can be opened.
 #[derive(Debug)]
@@ -47,21 +48,15 @@ pub struct RigFacts {
     pub is_virtual_time: bool,
 }
 
-/// Why a file cannot be used.
+/// A scene that a rig file names and that is not there.
 #[derive(Debug, thiserror::Error)]
-pub enum FileError {
-    /// It cannot be read.
-    #[error("{}", path.display())]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: io::Error,
-    },
-    /// It has faults.
-    #[error(transparent)]
-    Faults(Faults),
+#[error("scene = \"{}\": {instead}", scene.display())]
+struct NoScene {
+    scene: PathBuf,
+    instead: String,
 }
+
+impl Complaint for NoScene {}
 
 impl LoadedRig {
     /// Reads a rig file and the scene that it names.
@@ -69,9 +64,10 @@ impl LoadedRig {
     /// # Errors
     /// [`FileError`], with every fault of the file.
     pub fn load(path: &Path) -> Result<Self, FileError> {
-        let (name, text) = read(path)?;
+        let (name, text) = read(path, FileKind::Rig)?;
         let file = RigFile::read(&name, &text).map_err(FileError::Faults)?;
-        let scene = file.scene(path).map(|scene| LoadedScene::load(&scene)).transpose()?;
+        let scene = file.scene(path).map(|scene| LoadedScene::load(&scene)).transpose();
+        let scene = scene.map_err(|error| at_its_name(error, &name, &file.connection))?;
         let source = Source { name: file.name.clone(), toml: text };
         Ok(Self { file, source, scene })
     }
@@ -114,7 +110,7 @@ impl LoadedRig {
 
 impl LoadedScene {
     fn load(path: &Path) -> Result<Self, FileError> {
-        let (name, toml) = read(path)?;
+        let (name, toml) = read(path, FileKind::Scene)?;
         let scene = rig_sim::scene::read(&name, &toml).map_err(FileError::Faults)?;
         // Not the path, so that the same run gives the same bytes wherever its files are.
         let source = Source { name: scene.name.clone(), toml };
@@ -122,10 +118,17 @@ impl LoadedScene {
     }
 }
 
-/// The name of a file, as faults show it, and its text.
-pub(crate) fn read(path: &Path) -> Result<(String, String), FileError> {
-    match fs::read_to_string(path) {
-        Ok(text) => Ok((path.display().to_string(), text)),
-        Err(source) => Err(FileError::Unreadable { path: path.to_path_buf(), source }),
+/// A scene that is not there is a fault of the rig file that names it.
+fn at_its_name(error: FileError, rig: &str, connection: &Connection) -> FileError {
+    match (error, connection) {
+        (
+            FileError::Missing { instead, .. },
+            Connection::Simulated(Simulation { scene, scene_place, .. }),
+        ) => {
+            let mut faults = Faults::new(rig);
+            faults.refuse(*scene_place, &NoScene { scene: scene.clone(), instead });
+            FileError::Faults(faults)
+        }
+        (error, _) => error,
     }
 }

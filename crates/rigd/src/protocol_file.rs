@@ -6,7 +6,10 @@ use rig_protocol::{Plan, Protocol, Summary};
 use rig_settings::Faults;
 use rig_store::Source;
 
-use crate::loaded_rig::{FileError, RigFacts, read};
+use crate::{
+    files::{FileKind, read},
+    loaded_rig::{FileError, RigFacts},
+};
 
 /// A protocol that can run.
 #[derive(Debug, Clone)]
@@ -25,7 +28,7 @@ impl LoadedProtocol {
     /// # Errors
     /// [`FileError`], with every fault of the file.
     pub fn load(path: &Path, rig: &RigFacts) -> Result<Self, FileError> {
-        let (name, text) = read(path)?;
+        let (name, text) = read(path, FileKind::Protocol)?;
         Self::check(&name, &text, rig).map_err(FileError::Faults)
     }
 
@@ -34,6 +37,7 @@ impl LoadedProtocol {
     /// # Errors
     /// Every fault of the text, each with its place.
     pub fn check(file: &str, text: &str, rig: &RigFacts) -> Result<Self, Faults> {
+        FileKind::Protocol.expect(file, text)?;
         let protocol = Protocol::read(file, text);
         let plan = Plan::new(&protocol, &rig.bench, rig.known_samples.as_deref())?;
         let summary = plan.summary(&rig.bench);

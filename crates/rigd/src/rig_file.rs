@@ -15,7 +15,7 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 use rig_model::{AnalyzerMake, Bench, Deg, DriveMake, LineSettings, Mm, Scale, Terminator};
-use rig_settings::Faults;
+use rig_settings::{Faults, Place};
 
 pub use sensor::{SensorFile, Uncertainty};
 
@@ -56,6 +56,8 @@ pub enum Connection {
 pub struct Simulation {
     /// The scene file, relative to the directory of the rig file.
     pub scene: PathBuf,
+    /// Where the rig file names it.
+    pub scene_place: Place,
     /// How fast time passes.
     pub pace: Pace,
     /// Who answers the prompts.

@@ -177,7 +177,7 @@ fn failures_have_their_exit_codes() {
     let data = TempDir::new().unwrap();
     let dir = data.path().to_str().unwrap();
     let code = |args: &[&str]| rigd(args).status.code();
-    assert_eq!(code(&["check", "no-such-file.toml"]), Some(1));
+    assert_eq!(code(&["check", "no-such-file.toml"]), Some(2));
     assert_eq!(code(&["runs", "--data", dir]), Some(1));
     assert_eq!(code(&["fly"]), Some(2));
     let output = rigd(&["run", "config/protocols/smoke.toml", "--data", dir]);

@@ -7,6 +7,7 @@ use toml::{Spanned, de::DeValue};
 use crate::{
     Place, Setting, Table,
     shape::{nearest, shortened},
+    slip::slip,
     source::Source,
     wrong::{Bound, Limit, Subject, Wrong},
 };
@@ -88,7 +89,12 @@ impl Kind for Number {
         };
         let broken = self.limits.into_iter().flatten().find(|limit| !limit.allows(number));
         match broken {
-            Some(limit) => slot.refuse(&Wrong::outside(slot.subject(value), limit)),
+            Some(limit) => {
+                let is_right =
+                    |meant| self.limits.into_iter().flatten().all(|limit| limit.allows(meant));
+                let slip = slip(slot.key, number, is_right);
+                slot.refuse(&Wrong::outside(slot.subject(value), limit, slip))
+            }
             None => Some(number),
         }
     }
@@ -118,11 +124,11 @@ impl<T: Copy + fmt::Display + TryFrom<i128> + Into<i128>> Kind for Whole<T> {
         let (min, max) = (self.min.into(), self.max.into());
         if whole < min {
             let limit = Limit { bound: Bound::AtLeast, value: min };
-            return slot.refuse(&Wrong::outside(slot.subject(value), limit));
+            return slot.refuse(&Wrong::outside(slot.subject(value), limit, None));
         }
         if whole > max {
             let limit = Limit { bound: Bound::AtMost, value: max };
-            return slot.refuse(&Wrong::outside(slot.subject(value), limit));
+            return slot.refuse(&Wrong::outside(slot.subject(value), limit, None));
         }
         T::try_from(whole).ok()
     }

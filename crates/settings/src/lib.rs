@@ -35,8 +35,10 @@ mod fault;
 mod kind;
 mod setting;
 mod shape;
+mod slip;
 mod source;
 mod table;
+mod text;
 mod wrong;
 
 #[cfg(test)]
@@ -45,7 +47,9 @@ mod tests;
 pub use fault::{Complaint, Fault, Faults, Place};
 pub use kind::{Choice, Flag, Interval, Kind, List, Number, Section, Text, Whole};
 pub use setting::Setting;
+pub use slip::slip;
 pub use table::{Entry, Table};
+pub use text::text;
 
 use source::Source;
 

@@ -120,15 +120,20 @@ impl Wrong {
         Self::Kind { subject, expected, found, suggestion }
     }
 
-    /// A number on the wrong side of a limit.
-    pub(crate) fn outside<T: fmt::Display>(subject: Subject, limit: Limit<T>) -> Self {
+    /// A number on the wrong side of a limit, which may have been meant in another unit.
+    pub(crate) fn outside<T: fmt::Display>(
+        subject: Subject,
+        limit: Limit<T>,
+        slip: Option<String>,
+    ) -> Self {
         let Limit { bound, value } = limit;
         let (side, use_what) = match bound {
             Bound::AtLeast => ("below", "at least"),
             Bound::Above => ("not above", "more than"),
             Bound::AtMost => ("above", "at most"),
         };
-        let suggestion = format!("use {use_what} {value}");
+        let slip = slip.map(|slip| format!("; {slip}")).unwrap_or_default();
+        let suggestion = format!("use {use_what} {value}{slip}");
         let limit = format!("{value}{}", unit(subject.key));
         Self::Outside { subject, side, limit, suggestion }
     }

@@ -13,7 +13,8 @@ use super::{
 };
 use crate::{
     describe,
-    loaded_rig::{FileError, LoadedRig, read},
+    files::{FileError, FileKind, read},
+    loaded_rig::LoadedRig,
     predict::{EDGE_LINEWIDTHS, Edge, NotPredicted, Predicted, Predictions, Warning},
     protocol_file::LoadedProtocol,
 };
@@ -125,8 +126,11 @@ fn load(args: &CheckArgs) -> Result<(LoadedRig, LoadedProtocol), FileError> {
             Ok((rig, protocol))
         }
         Err(FileError::Faults(mut faults)) => {
-            let (name, text) = read(&args.protocol)?;
-            faults.append(Protocol::read(&name, &text).faults().clone());
+            faults.append(match read(&args.protocol, FileKind::Protocol) {
+                Ok((name, text)) => Protocol::read(&name, &text).faults().clone(),
+                Err(FileError::Faults(others)) => others,
+                Err(error) => return Err(error),
+            });
             Err(FileError::Faults(faults))
         }
         Err(error) => Err(error),

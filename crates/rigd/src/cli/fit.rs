@@ -1,7 +1,6 @@
 //! `rigd fit`: the resonance in a sweep that somebody has in a file.
 
 use std::{
-    fs,
     io::{self, Read as _},
     num::ParseFloatError,
     path::PathBuf,
@@ -20,7 +19,7 @@ use super::{
     verdict::VerdictView,
 };
 use crate::{
-    loaded_rig::FileError,
+    files::{FileError, FileKind, read_bytes},
     sweep_file::{FileSweep, SweepFile},
 };
 
@@ -40,7 +39,7 @@ pub(super) struct FitArgs {
     /// Standard deviation of the relative error of a reading of ten cycles, where it is known:
     /// readings that have not settled then count for less, and are no fault. As the file says when
     /// left out
-    #[arg(long, value_name = "PART")]
+    #[arg(long, value_name = "PART", value_parser = noise)]
     noise: Option<f64>,
     /// Show beside it what another estimator makes of the sweep; `all` for every one
     #[arg(long = "estimator", value_name = "NAME", value_parser = estimators())]
@@ -92,6 +91,27 @@ fn window(text: &str) -> Result<Window, NoWindow> {
     } else {
         Err(NoWindow::NotRising(SweepRequestError::Window { min_hz, max_hz }))
     }
+}
+
+/// Why an argument is not the noise of readings.
+#[derive(Debug, thiserror::Error)]
+enum NoNoise {
+    #[error(transparent)]
+    NotANumber(#[from] ParseFloatError),
+    #[error("{found} is outside (0, {NOISE_MAX}]{}", slip.as_deref().map(|slip| format!("; {slip}")).unwrap_or_default())]
+    OutOfRange { found: f64, slip: Option<String> },
+}
+
+/// Above this, readings tell nothing.
+const NOISE_MAX: f64 = 0.5;
+
+fn noise(text: &str) -> Result<f64, NoNoise> {
+    let found = text.trim().parse()?;
+    let is_right = |noise: f64| 0.0 < noise && noise <= NOISE_MAX;
+    if is_right(found) {
+        return Ok(found);
+    }
+    Err(NoNoise::OutOfRange { found, slip: rig_settings::slip("noise", found, is_right) })
 }
 
 fn estimators() -> PossibleValuesParser {
@@ -293,12 +313,15 @@ fn read(args: &FitArgs) -> Result<SweepFile, FileError> {
     let path = &args.sweep_file;
     let (name, bytes) = if path.as_os_str() == "-" {
         let mut bytes = Vec::new();
-        ("stdin".to_owned(), io::stdin().lock().read_to_end(&mut bytes).map(|_| bytes))
+        let read = io::stdin().lock().read_to_end(&mut bytes);
+        read.map_err(|source| FileError::Unreadable { path: path.clone(), source })?;
+        ("stdin".to_owned(), bytes)
     } else {
-        (path.display().to_string(), fs::read(path))
+        read_bytes(path)?
     };
-    let bytes = bytes.map_err(|source| FileError::Unreadable { path: path.clone(), source })?;
-    SweepFile::read(&name, &SweepFile::decode(&bytes), args.sweep).map_err(FileError::Faults)
+    let text = SweepFile::decode(&bytes);
+    FileKind::Sweep.expect(&name, &text).map_err(FileError::Faults)?;
+    SweepFile::read(&name, &text, args.sweep).map_err(FileError::Faults)
 }
 
 fn show_faults(faults: &Faults) -> Result<(), Failure> {

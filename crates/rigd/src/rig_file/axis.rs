@@ -1,5 +1,7 @@
 //! The sections of the two axes, which differ in their unit.
 
+use std::ops::RangeInclusive;
+
 use rig_model::{Axis, AxisError, AxisLimits, DriveMake, Position, Scale, Span, Unit};
 use rig_settings::{Setting, Table};
 
@@ -18,6 +20,19 @@ pub(super) struct AxisKeys {
     rest: Option<&'static str>,
     tolerance: &'static str,
     max_speed: &'static str,
+    ranges: Ranges,
+}
+
+/// What an axis of a bench can be like, in its unit and seconds. Beyond, the unit is another one.
+#[derive(Debug)]
+struct Ranges {
+    /// The narrowest travel.
+    narrowest: f64,
+    /// The finest step of a drive.
+    finest: f64,
+    tolerance: RangeInclusive<f64>,
+    speed: RangeInclusive<f64>,
+    acceleration: RangeInclusive<f64>,
 }
 
 pub(super) const LINEAR: AxisKeys = AxisKeys {
@@ -30,6 +45,13 @@ pub(super) const LINEAR: AxisKeys = AxisKeys {
     rest: Some("clear_mm"),
     tolerance: "tolerance_mm",
     max_speed: "max_speed_mm_per_s",
+    ranges: Ranges {
+        narrowest: 1.0,
+        finest: 1e-5,
+        tolerance: 0.0001..=1.0,
+        speed: 0.1..=2000.0,
+        acceleration: 1.0..=100_000.0,
+    },
 };
 
 pub(super) const ROTARY: AxisKeys = AxisKeys {
@@ -42,6 +64,13 @@ pub(super) const ROTARY: AxisKeys = AxisKeys {
     rest: None,
     tolerance: "tolerance_deg",
     max_speed: "max_speed_deg_per_s",
+    ranges: Ranges {
+        narrowest: 1.0,
+        finest: 1e-6,
+        tolerance: 0.0001..=5.0,
+        speed: 0.1..=10_000.0,
+        acceleration: 1.0..=1_000_000.0,
+    },
 };
 
 /// An axis as it was read, with what other sections are held against.
@@ -67,7 +96,9 @@ where
     let unit_id = table.count("unit_id").range(1..=247).required();
     let per_count = table.number(keys.per_count).required();
     let zero = table.number(keys.zero).or(0.0);
-    let acceleration = table.number(keys.acceleration).above(0.0).required();
+    let ranges = &keys.ranges;
+    let acceleration =
+        table.number(keys.acceleration).range(ranges.acceleration.clone()).required();
     let counts_per_revolution = table.number("steps_per_revolution").above(0.0).or(1000.0);
     let travel = table.number(keys.travel).interval().required();
     let soft_limits = table.number(keys.soft_limits).interval().required();
@@ -75,11 +106,13 @@ where
         Some(key) => table.number(key).required(),
         None => soft_limits.map(|_| 0.0),
     };
-    let tolerance = table.number(keys.tolerance).above(0.0).required();
-    let max_speed = table.number(keys.max_speed).above(0.0).required();
+    let tolerance = table.number(keys.tolerance).range(ranges.tolerance.clone()).required();
+    let max_speed = table.number(keys.max_speed).range(ranges.speed.clone()).required();
 
+    let are_wide =
+        [&travel, &soft_limits].map(|span| is_wide::<U>(table, span, ranges)) == [true; 2];
     let limits = || {
-        let (travel, soft) = (travel.sound()?, soft_limits.sound()?);
+        let (travel, soft) = (travel.sound()?, soft_limits.sound().filter(|_| are_wide)?);
         Some(AxisLimits {
             travel: Span::new(travel.0, travel.1),
             soft: Span::new(soft.0, soft.1),
@@ -99,14 +132,7 @@ where
             None
         }
     });
-    if let (Some(&found), Some(&tolerance)) = (per_count.sound(), tolerance.sound()) {
-        let key = keys.per_count;
-        if found == 0.0 {
-            table.refuse(&per_count, &Refusal::NoStep { key });
-        } else if found.abs() > 2.0 * tolerance {
-            table.refuse(&per_count, &Refusal::CoarseStep { key, found, tolerance });
-        }
-    }
+    step::<U>(table, &per_count, &tolerance, ranges);
     AxisRead {
         axis: checked.unwrap_or_else(placeholder),
         file: AxisFile {
@@ -124,6 +150,37 @@ where
         soft_limits,
         rest,
         max_speed,
+    }
+}
+
+/// Whether an interval is not too narrow to be one of a bench.
+fn is_wide<U: Unit>(table: &Table<'_>, span: &Setting<(f64, f64)>, ranges: &Ranges) -> bool {
+    let (key, narrowest, unit) = (span.key, ranges.narrowest, U::SYMBOL);
+    let Some(&(min, max)) = span.sound().filter(|(min, max)| max - min < narrowest) else {
+        return true;
+    };
+    table.refuse(span, &Refusal::Narrow { key, min, max, narrowest, unit });
+    false
+}
+
+/// Checks how far a step of the drive moves the axis.
+fn step<U: Unit>(
+    table: &Table<'_>,
+    per_count: &Setting<f64>,
+    tolerance: &Setting<f64>,
+    ranges: &Ranges,
+) {
+    if let Some(&found) = per_count.sound() {
+        let (key, finest) = (per_count.key, ranges.finest);
+        if found == 0.0 {
+            table.refuse(per_count, &Refusal::NoStep { key });
+        } else if found.abs() < finest {
+            table.refuse(per_count, &Refusal::FineStep { key, found, finest, unit: U::SYMBOL });
+        } else if let Some(&tolerance) = tolerance.sound()
+            && found.abs() > 2.0 * tolerance
+        {
+            table.refuse(per_count, &Refusal::CoarseStep { key, found, tolerance });
+        }
     }
 }
 

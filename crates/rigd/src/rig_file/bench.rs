@@ -87,7 +87,8 @@ fn simulation(table: &mut Table<'_>) -> Simulation {
     let pace = pace.or(Pace::Virtual).value;
     let person = [("answers", SimulatedPerson::Answers), ("waits", SimulatedPerson::Waits)];
     let person = table.choice("person", person).or(SimulatedPerson::Answers).value;
-    Simulation { scene: PathBuf::from(table.text("scene").required().value), pace, person }
+    let scene = table.text("scene").required();
+    Simulation { scene_place: scene.place, scene: PathBuf::from(scene.value), pace, person }
 }
 
 struct AnalyzerRead {
@@ -148,9 +149,10 @@ fn geometry(table: &mut Table<'_>) -> GeometryRead {
     let surface_mm = table.number("surface_mm").required();
     let surface_above_pivot_mm = table.number("surface_above_pivot_mm").required();
     let probe_beside_pivot_mm = table.number("probe_beside_pivot_mm").or(0.0);
-    let probe_radius_mm = table.number("probe_radius_mm").above(0.0).required();
-    let sample_half_width_mm = table.number("sample_half_width_mm").above(0.0).required();
-    let surface_tolerance_mm = table.number("surface_tolerance_mm").at_least(0.0).required();
+    // From what nobody makes to what no bench of this kind has: beyond, the unit is another one.
+    let probe_radius_mm = table.number("probe_radius_mm").range(0.01..=50.0).required();
+    let sample_half_width_mm = table.number("sample_half_width_mm").range(0.5..=500.0).required();
+    let surface_tolerance_mm = table.number("surface_tolerance_mm").range(0.0..=50.0).required();
     let all = [
         &surface_mm,
         &surface_above_pivot_mm,
@@ -182,10 +184,17 @@ struct LimitsRead {
 
 fn limits(table: &mut Table<'_>) -> LimitsRead {
     LimitsRead {
-        max_indentation_mm: table.number("max_indentation_mm").above(0.0).required(),
-        travel_speed_mm_per_s: table.number("travel_speed_mm_per_s").above(0.0).required(),
-        contact_speed_mm_per_s: table.number("contact_speed_mm_per_s").above(0.0).required(),
-        rotary_speed_deg_per_s: table.number("rotary_speed_deg_per_s").above(0.0).required(),
+        // As in geometry, and as the axes themselves.
+        max_indentation_mm: table.number("max_indentation_mm").range(0.005..=50.0).required(),
+        travel_speed_mm_per_s: table.number("travel_speed_mm_per_s").range(0.1..=2000.0).required(),
+        contact_speed_mm_per_s: table
+            .number("contact_speed_mm_per_s")
+            .range(0.005..=200.0)
+            .required(),
+        rotary_speed_deg_per_s: table
+            .number("rotary_speed_deg_per_s")
+            .range(0.1..=10_000.0)
+            .required(),
     }
 }
 
@@ -202,7 +211,10 @@ impl LimitsRead {
 
 fn samples(table: &mut Table<'_>) -> Vec<KnownSample> {
     let read = |table: &mut Table<'_>| {
-        (table.text("name").required(), table.number("stiffness_mpa").above(0.0).required().value)
+        (
+            table.text("name").required(),
+            table.number("stiffness_mpa").range(1e-5..=1000.0).required().value,
+        )
     };
     let Some(listed) = table.section("samples", read).list().optional() else { return Vec::new() };
     let mut samples: Vec<KnownSample> = Vec::new();

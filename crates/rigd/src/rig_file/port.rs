@@ -18,6 +18,9 @@ pub(super) fn port(table: &mut Table<'_>, parity: Result<Parity, Refusal>) -> Po
     match (&serial, &tcp) {
         (None, None) if table.is_there() => table.refuse(table.place(), &Refusal::NeitherPort),
         (Some(_), Some(tcp)) => table.refuse(tcp, &Refusal::BothPorts),
+        (Some(serial), None) if is_address(&serial.value) && !serial.value.contains('/') => {
+            table.refuse(serial, &Refusal::NotADevice { address: serial.value.clone() });
+        }
         (Some(serial), None) if baud.is_none() => table.refuse(serial, &Refusal::NoBaud),
         (None, Some(tcp)) => {
             if tcp.sound().is_some_and(|address| !is_address(address)) {

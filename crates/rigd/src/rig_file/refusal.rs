@@ -2,7 +2,7 @@
 
 use rig_contact::SensorError;
 use rig_model::{AnalyzerMake, AxisError, Deg, DriveMake, Mm, Position};
-use rig_settings::Complaint;
+use rig_settings::{Complaint, slip};
 
 /// One reason. Values and limits are in the unit that their key names.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -24,6 +24,8 @@ pub(super) enum Refusal {
     NoParity { linear: DriveMake, rotary: DriveMake },
     #[error("tcp = \"{address}\" is not of the form host:port")]
     NotAnAddress { address: String },
+    #[error("serial = \"{address}\" is an address, and no device file")]
+    NotADevice { address: String },
     #[error("the analyzer and the bus cannot share the port {port}")]
     SharedPort { port: String },
     #[error("unit_id = {unit_id} is that of the linear stage, on the same bus")]
@@ -46,6 +48,10 @@ pub(super) enum Refusal {
         "{key} = {found} is coarser than twice the tolerance {tolerance}: no step may reach a target"
     )]
     CoarseStep { key: &'static str, found: f64, tolerance: f64 },
+    #[error("{key} = {found} is finer than any drive counts, {finest} {unit}")]
+    FineStep { key: &'static str, found: f64, finest: f64, unit: &'static str },
+    #[error("{key} = [{min}, {max}] is narrower than {narrowest} {unit}")]
+    Narrow { key: &'static str, min: f64, max: f64, narrowest: f64, unit: &'static str },
     #[error("{key} = {found} is above {limit_key} = {limit}")]
     TooFast { key: &'static str, found: f64, limit_key: &'static str, limit: f64 },
 
@@ -85,6 +91,10 @@ impl Complaint for Refusal {
                 "set both drives to one parity, and write it here: parity = \"none\" or \"even\""
                     .into()
             }
+            Self::NotADevice { address } => format!("write {{ tcp = \"{address}\" }}"),
+            Self::NotAnAddress { address } if address.starts_with('/') => {
+                format!("write {{ serial = \"{address}\", baud = … }}")
+            }
             Self::NotAnAddress { .. } => "write it like \"192.168.0.10:3500\"".into(),
             Self::SharedPort { .. } => "give each its own".into(),
             Self::SharedUnit { .. } => "give each drive its own, in the drive and here".into(),
@@ -95,17 +105,59 @@ impl Complaint for Refusal {
             Self::Rotary(AxisError::RestOutOfReach { .. }) => {
                 "0 is level and must be within".into()
             }
-            Self::Linear(AxisError::RestOutOfReach { .. }) => "put it within".into(),
-            // It names the field and its limit.
-            Self::Sensor(_) => return None,
+            Self::Linear(AxisError::RestOutOfReach { rest, soft, .. }) => {
+                let is_within = |mm| soft.contains(Position::new(mm));
+                with_slip("put it within".into(), "clear_mm", rest.value(), is_within)
+            }
+            Self::Sensor(SensorError::OutOfRange { what, found, limit }) => {
+                let is_within = |meant| 0.0 <= meant && meant <= *limit;
+                with_slip(format!("use at most {limit}"), what, *found, is_within)
+            }
+            Self::Sensor(SensorError::NotSlender { length_mm, limit_mm }) => {
+                let is_within = |meant| *limit_mm <= meant && meant <= LONGEST_MM;
+                with_slip(format!("use at least {limit_mm:.3}"), "length_mm", *length_mm, is_within)
+            }
+            // It names the field.
+            Self::Sensor(SensorError::NotPositive { .. }) => return None,
             // A stage is not asked for targets here, and the other numbers were read as positive.
             Self::Linear(_) | Self::Rotary(_) => return None,
             Self::NoStep { .. } => "give how far one count of the drive moves the axis".into(),
             Self::CoarseStep { tolerance, .. } => format!("use at most {}", 2.0 * tolerance),
             Self::TooFast { limit, .. } => format!("use at most {limit}"),
-            Self::NotClear { highest, .. } => format!("use more than {:.3}", highest.value()),
-            Self::NoRoomBelow { limit, room, .. } => format!("use at least {}", limit + room),
+            Self::FineStep { key, found, finest, .. } => {
+                let is_right = |meant: f64| *finest <= meant.abs() && meant.abs() <= 1.0;
+                // A drive may count the other way.
+                let least = finest.copysign(*found);
+                let key = if *key == "mm_per_step" { "step_mm" } else { key };
+                with_slip(format!("use {least} or coarser"), key, *found, is_right)
+            }
+            Self::Narrow { key, min, max, narrowest, .. } => {
+                let is_right = |meant| *narrowest <= meant && meant <= LONGEST_MM;
+                let meant = slip(key, max - min, is_right)
+                    .map(|_| format!("; if it is in metres, write [{}, {}]", 1e3 * min, 1e3 * max));
+                format!("give what the mechanics allow{}", meant.unwrap_or_default())
+            }
+            Self::NotClear { clear, highest } => {
+                let advice = format!("use more than {:.3}", highest.value());
+                let is_right = |mm| highest.value() < mm && mm <= LONGEST_MM;
+                with_slip(advice, "clear_mm", *clear, is_right)
+            }
+            Self::NoRoomBelow { found, limit, room } => {
+                let is_right = |mm| limit + room <= mm && mm <= LONGEST_MM;
+                with_slip(format!("use at least {}", limit + room), "surface_mm", *found, is_right)
+            }
         };
         Some(suggestion)
+    }
+}
+
+/// Longer than any part of a bench, mm.
+const LONGEST_MM: f64 = 2000.0;
+
+/// Advice, and the unit in which the number may have been meant.
+fn with_slip(advice: String, key: &str, found: f64, is_right: impl Fn(f64) -> bool) -> String {
+    match slip(key, found, is_right) {
+        Some(slip) => format!("{advice}; {slip}"),
+        None => advice,
     }
 }

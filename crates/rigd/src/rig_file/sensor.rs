@@ -68,6 +68,8 @@ const UNCERTAINTY: Uncertainty =
 /// The section as it was read, its sensor not yet checked.
 struct SensorRead {
     design: SensorDesign,
+    /// Whether every dimension could be read.
+    is_sound: bool,
     gives_way: bool,
     law: ContactLaw,
     friction: Friction,
@@ -83,6 +85,7 @@ pub(super) fn sensor(table: &mut Table<'_>, geometry: Option<&Geometry>) -> Sens
     }
     let default = SensorRead {
         design: reference,
+        is_sound: true,
         gives_way: false,
         law: ContactLaw::Sneddon,
         friction: Friction::Sticking,
@@ -91,7 +94,7 @@ pub(super) fn sensor(table: &mut Table<'_>, geometry: Option<&Geometry>) -> Sens
     };
     let section = table.section("sensor", |table| section(table, &reference)).or(default);
     let sensor = Sensor::new(section.value.design).unwrap_or_else(|error| {
-        if section.sound().is_some() {
+        if section.sound().is_some_and(|section| section.is_sound) {
             table.refuse(&section, &Refusal::Sensor(error));
         }
         Sensor::reference()
@@ -100,15 +103,15 @@ pub(super) fn sensor(table: &mut Table<'_>, geometry: Option<&Geometry>) -> Sens
     SensorFile { sensor, gives_way, law, friction, kind, uncertainty }
 }
 
-/// What the dimensions may be is the business of [`Sensor::new`], which names the field at fault.
 fn section(table: &mut Table<'_>, reference: &SensorDesign) -> SensorRead {
-    let design = design(table, reference);
+    let (design, is_sound) = design(table, reference);
     let depths = [("indentation", false), ("stage", true)];
     let frictions = [("sticking", Friction::Sticking), ("frictionless", Friction::Frictionless)];
     let laws = ContactLaw::ALL.map(|law| (law.name(), law));
     let soft = TissueKind::SOFT;
     SensorRead {
         design,
+        is_sound,
         gives_way: table.choice("depth", depths).or(false).value,
         law: table.choice("law", laws).or(ContactLaw::Sneddon).value,
         friction: table.choice("friction", frictions).or(Friction::Sticking).value,
@@ -120,24 +123,36 @@ fn section(table: &mut Table<'_>, reference: &SensorDesign) -> SensorRead {
     }
 }
 
-fn design(table: &mut Table<'_>, reference: &SensorDesign) -> SensorDesign {
+/// The dimensions, and whether all of them could be read.
+fn design(table: &mut Table<'_>, reference: &SensorDesign) -> (SensorDesign, bool) {
     let piezo = table.section("piezo", piezo).or(reference.piezo).value;
     let core = table.section("core", core).or(reference.core).value;
-    let mut number = |key, default| table.number(key).or(default).value;
-    SensorDesign {
-        length_mm: number("length_mm", reference.length_mm),
-        width_mm: number("width_mm", reference.width_mm),
-        piezo_thickness_mm: number("piezo_thickness_mm", reference.piezo_thickness_mm),
-        core_thickness_mm: number("core_thickness_mm", reference.core_thickness_mm),
+    let mut is_sound = true;
+    let mut number = |key, range, default| {
+        let read = table.number(key).range(range).or(default);
+        is_sound &= read.sound().is_some();
+        read.value
+    };
+    // From what nobody makes to what no probe has: beyond, the unit is another one.
+    let design = SensorDesign {
+        length_mm: number("length_mm", 1.0..=500.0, reference.length_mm),
+        width_mm: number("width_mm", 0.05..=200.0, reference.width_mm),
+        piezo_thickness_mm: number(
+            "piezo_thickness_mm",
+            0.005..=20.0,
+            reference.piezo_thickness_mm,
+        ),
+        core_thickness_mm: number("core_thickness_mm", 0.005..=20.0, reference.core_thickness_mm),
         probe_radius_mm: reference.probe_radius_mm,
-        arm_mm: number("arm_mm", reference.arm_mm),
-        tip_mass_g: number("tip_mass_g", reference.tip_mass_g),
-        tip_gyration_mm: number("tip_gyration_mm", reference.tip_gyration_mm),
+        arm_mm: number("arm_mm", 0.0..=1000.0, reference.arm_mm),
+        tip_mass_g: number("tip_mass_g", 0.0..=1000.0, reference.tip_mass_g),
+        tip_gyration_mm: number("tip_gyration_mm", 0.0..=1000.0, reference.tip_gyration_mm),
         piezo,
         core,
-        beam_loss: number("beam_loss", reference.beam_loss),
-        dielectric_loss: number("dielectric_loss", reference.dielectric_loss),
-    }
+        beam_loss: number("beam_loss", 0.0..=1.0, reference.beam_loss),
+        dielectric_loss: number("dielectric_loss", 0.0..=1.0, reference.dielectric_loss),
+    };
+    (design, is_sound)
 }
 
 fn piezo(table: &mut Table<'_>) -> PiezoMaterial {
@@ -161,11 +176,11 @@ fn core(table: &mut Table<'_>) -> CoreMaterial {
 }
 
 fn uncertainty(table: &mut Table<'_>) -> Uncertainty {
-    let mut size = |key, default| table.number(key).at_least(0.0).or(default).value;
+    let mut size = |key, most, default| table.number(key).range(0.0..=most).or(default).value;
     Uncertainty {
-        depth_mm: size("depth_mm", UNCERTAINTY.depth_mm),
-        angle_deg: size("angle_deg", UNCERTAINTY.angle_deg),
-        sample_rel: size("sample_rel", UNCERTAINTY.sample_rel),
-        scale_rel: size("scale_rel", UNCERTAINTY.scale_rel),
+        depth_mm: size("depth_mm", 5.0, UNCERTAINTY.depth_mm),
+        angle_deg: size("angle_deg", 45.0, UNCERTAINTY.angle_deg),
+        sample_rel: size("sample_rel", 1.0, UNCERTAINTY.sample_rel),
+        scale_rel: size("scale_rel", 1.0, UNCERTAINTY.scale_rel),
     }
 }

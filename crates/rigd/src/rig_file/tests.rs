@@ -168,6 +168,38 @@ fn a_rig_that_contradicts_itself_is_refused() {
 }
 
 #[test]
+fn a_number_in_another_unit_is_told_what_it_would_be() {
+    insta::assert_snapshot!(complaints(&[
+        ("mm_per_step = 0.001", "mm_per_step = -0.000001"),
+        ("travel_mm = [0, 50]", "travel_mm = [0, 0.05]"),
+        ("tolerance_mm = 0.002", "tolerance_mm = 2"),
+        ("max_speed_mm_per_s = 20", "max_speed_mm_per_s = 0.02"),
+        ("soft_limits_deg = [-50, 50]", "soft_limits_deg = [-0.4, 0.4]"),
+        ("surface_mm = 10", "surface_mm = 0.01"),
+        ("probe_radius_mm = 0.5", "probe_radius_mm = 500"),
+        ("contact_speed_mm_per_s = 1", "contact_speed_mm_per_s = 0.001"),
+        ("beam_loss = 0.015", "beam_loss = 1.6"),
+        ("sample_rel = 0.03", "sample_rel = 3"),
+        ("depth_mm = 0.02", "depth_mm = 20"),
+    ]));
+    insta::assert_snapshot!(complaints(&[
+        ("clear_mm = 30", "clear_mm = 0.03"),
+        ("length_mm = 35", "length_mm = 0.035")
+    ]));
+}
+
+#[test]
+fn a_device_file_and_an_address_are_told_apart() {
+    insta::assert_snapshot!(complaints(&[
+        (
+            "{ serial = \"/dev/serial/by-id/analyzer\", baud = 38400 }",
+            "{ serial = \"meter:5025\" }"
+        ),
+        ("{ serial = \"/dev/serial/by-id/drives\", baud = 115200 }", "{ tcp = \"/dev/ttyUSB0\" }"),
+    ]));
+}
+
+#[test]
 fn what_is_missing_and_misspelt_is_said_once_for_each() {
     insta::assert_snapshot!(complaints(&[
         ("connection = \"simulated\"", "connection = \"simulate\""),

@@ -1,0 +1,72 @@
+//! Numbers in another unit than that of their key.
+
+/// What a number may be in instead of the unit in which its key ends: the factor between the two,
+/// and how a person says it.
+type Slips = &'static [(f64, &'static str)];
+
+/// By the ending of the key, the longer ones first: `_mm_per_s` ends in `_s` too.
+const SLIPS: [(&str, Slips); 10] = [
+    ("_mm_per_s2", &[(1e3, "in m/s²"), (1e-3, "in µm/s²")]),
+    ("_mm_per_s", &[(1e3, "in m/s"), (1e-3, "in µm/s"), (1.0 / 60.0, "in mm/min")]),
+    ("_per_s", &[]),
+    ("_mm", &[(1e3, "in metres"), (1e-3, "in micrometres"), (10.0, "in centimetres")]),
+    ("_hz", &[(1e3, "in kHz")]),
+    ("_mpa", &[(1e-3, "in kPa"), (1e-6, "in Pa")]),
+    ("_s", &[(1e-3, "in milliseconds")]),
+    ("_v", &[(1e-3, "in mV")]),
+    ("_deg", &[]),
+    ("_ohm", &[]),
+];
+
+/// What a bare number may be instead of a share of one.
+const SHARE: Slips = &[(0.01, "per cent")];
+
+/// A number that is wrong by no more than this factor is wrong in the unit of its key; a bare one
+/// by no more than the other.
+const NEAR: f64 = 3.0;
+const NEAR_SHARE: f64 = 1.5;
+
+/// That a number which is far from right for its key would be right if it were in another unit, and
+/// what to write then: `if 0.0005 is in metres, write 0.5`.
+pub fn slip(key: &str, found: f64, is_right: impl Fn(f64) -> bool) -> Option<String> {
+    let known = SLIPS.iter().find(|(ending, _)| key.ends_with(ending));
+    let slips = known.map_or(SHARE, |(_, slips)| slips);
+    let near = if known.is_some() { NEAR } else { NEAR_SHARE };
+    if is_right(near * found) || is_right(found / near) {
+        return None;
+    }
+    // Twelve digits are more than anybody writes, and fewer than a product of floats gets wrong.
+    let meant = |factor: f64| format!("{:.11e}", found * factor).parse::<f64>().ok();
+    slips.iter().find_map(|&(factor, unit)| {
+        let meant = meant(factor).filter(|meant| *meant != 0.0 && is_right(*meant))?;
+        Some(format!("if {found} is {unit}, write {meant}"))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_that_would_be_right_in_another_unit_is_told_so() {
+        #[track_caller]
+        fn check(key: &str, found: f64, range: (f64, f64), expected: Option<&str>) {
+            let told = slip(key, found, |meant| range.0 <= meant && meant <= range.1);
+            assert_eq!(told.as_deref(), expected, "{key} = {found}");
+        }
+        let depth = (0.005, 20.0);
+        check("indentation_mm", 0.0005, depth, Some("if 0.0005 is in metres, write 0.5"));
+        check("indentation_mm", 500.0, depth, Some("if 500 is in micrometres, write 0.5"));
+        check("indentation_mm", 0.0, depth, None);
+        check("indentation_mm", 30.0, depth, None);
+        check("indentation_mm", 0.003, depth, None);
+        check("indentation_mm", -0.0005, depth, None);
+        check("speed_mm_per_s", 0.0007, (0.1, 9.0), Some("if 0.0007 is in m/s, write 0.7"));
+        check("settle_s", 500.0, (0.0, 60.0), Some("if 500 is in milliseconds, write 0.5"));
+        check("min_hz", 0.125, (20.0, 2000.0), Some("if 0.125 is in kHz, write 125"));
+        check("sample_rel", 3.0, (0.0, 1.0), Some("if 3 is per cent, write 0.03"));
+        check("contact_threshold", 7.0, (0.001, 1.0), Some("if 7 is per cent, write 0.07"));
+        check("poisson", 0.6, (0.0, 0.5), None);
+        check("angle_deg", 700.0, (0.0, 45.0), None);
+    }
+}
