@@ -135,12 +135,9 @@ fn a_port_that_is_a_file_and_an_address_without_port_are_told_so() {
             &said.map(|said| said as &str),
         );
     }
-    for (listen, expected) in [
-        ("localhost", "a host and a port are needed, like 127.0.0.1:8137 or localhost:8137"),
-        ("8140", "a host and a port are needed"),
-        ("localhost:http", "the port `http` is outside [0, 65535]"),
-    ] {
-        check(&["serve".as_ref(), "--listen".as_ref(), listen.as_ref()], 2, &[expected]);
+    let form = "expected an address or a name and a port, such as 127.0.0.1:8137 or localhost:8137";
+    for listen in ["localhost", "8140", "localhost:http"] {
+        check(&["serve".as_ref(), "--listen".as_ref(), listen.as_ref()], 2, &[form]);
     }
 }
 

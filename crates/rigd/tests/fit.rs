@@ -170,7 +170,7 @@ fn a_bad_file_is_refused_with_every_fault_and_its_place() {
     let places = places.iter().map(|fault| (fault["line"].as_u64(), fault["column"].as_u64()));
     assert!(places.eq([(Some(4), Some(1)), (Some(5), Some(8)), (Some(6), Some(1))]), "{view:?}");
     let code = |args: &[&str]| rigd(args).status.code();
-    assert_eq!(code(&["fit", "no-such-file.csv"]), Some(1));
+    assert_eq!(code(&["fit", "no-such-file.csv"]), Some(2));
     for window in ["120", "120..x", "160..120"] {
         assert_eq!(code(&["fit", &data("lcr-meter.csv"), "--window", window]), Some(2));
     }
