@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use rig_engine::{Command, RunStatus, StateWord};
+use rig_engine::{Command, RigState, RunStatus};
 use rig_sim::control;
 use rig_store::{Reader, RunId, StoredRecord};
 use rigd::{
@@ -84,7 +84,7 @@ impl TestRig {
         let facts = rig.facts();
         let (handle, thread) = rig::open(rig, data.path().to_owned()).expect("the rig opens");
         let this = Self { handle, facts, thread: Some(thread), data };
-        this.wait_for("service", |status| status.snapshot.state == StateWord::Idle).await;
+        this.wait_for("service", |status| status.snapshot.state == RigState::Idle).await;
         this
     }
 

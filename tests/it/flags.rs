@@ -3,7 +3,7 @@
 
 use std::fs;
 
-use rig_engine::{Command, RunStatus, StateWord};
+use rig_engine::{Command, RigState, RunStatus};
 use rig_model::{DriveLevel, SweepMethod, SweepRequest, Window};
 use rig_store::{Reading, ReadingFlag, Record, RunId, StoredRecord, SweepVerdict, Verdict};
 use rig_tests::{TestRig, shipped};
@@ -181,14 +181,14 @@ async fn an_overload_that_stays_latches_the_rig_with_the_device_as_its_first_cau
         rig.fault("fault analyzer overload rate=1");
         let (run, ending) = rig.run(rig.protocol(&three_touches(level_v))).await;
         assert_eq!(ending, RunStatus::Faulted, "{changes:?}");
-        let status = rig.wait_for("the latch", |s| s.snapshot.state == StateWord::Latched).await;
+        let status = rig.wait_for("the latch", |s| s.snapshot.state == RigState::Latched).await;
         let cause = status.snapshot.fault.unwrap().to_string();
         let begins = "the no-load resonance was refused 2 times: the analyzer flagged overload at ";
         assert!(cause.starts_with(begins) && cause.ends_with("in 3 of 3 tries"), "{cause}");
         assert_journal_is_open(&rig, run);
         rig.fault("clear");
         rig.command(Command::Acknowledge).await.unwrap();
-        rig.wait_for("service", |status| status.snapshot.state == StateWord::Idle).await;
+        rig.wait_for("service", |status| status.snapshot.state == RigState::Idle).await;
         let (_, ending) = rig.run(rig.protocol(&three_touches(level_v))).await;
         assert_eq!(ending, RunStatus::Completed, "{changes:?}");
         rig.close().await;

@@ -3,7 +3,7 @@
 use rig_model::{AxisError, Clearance, Deg, Mm, Position, SweepRequest};
 use rig_protocol::Plan;
 
-use crate::StateWord;
+use crate::RigState;
 
 /// What a person or a program can ask for.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,14 +53,14 @@ impl Command {
 
 /// Why a command was not taken. Nothing has changed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum Denied {
+pub enum CommandRefusal {
     /// The state forbids it.
     #[error("cannot {command} while the rig is {}", .state.name())]
     State {
         /// The command.
         command: &'static str,
         /// The state.
-        state: StateWord,
+        state: RigState,
     },
     /// It begins with the probe clear, and the probe is not.
     #[error("cannot {command} while the probe is {}", .clearance.name())]

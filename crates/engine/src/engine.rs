@@ -17,13 +17,14 @@ use rig_model::{Bench, Clearance, Deg, Mm, Position, RigTime};
 use rig_protocol::Prompt;
 
 use crate::{
-    Command, Denied, Effect, Event, Fault, Input, Interlock, LoweringPurpose, Operation,
-    OperationId, Report, RunStatus, StateWord, SweepPurpose,
+    Command, CommandRefusal, Effect, Event, Fault, Input, Interlock, LoweringPurpose, Operation,
+    OperationId, Report, RigState, RunStatus, SweepPurpose,
     fault::StopReason,
+    machine::{MachineEvent, MachineStep},
     operation::{Pending, limit, name},
     recovery::{Preparing, Recovery, is_interruption},
-    run::{News, Run, Turn},
-    sweep::{Sweep, SweepTurn},
+    run::Run,
+    sweep::{Sweep, SweepStep},
 };
 
 /// Decides what the rig does next.
@@ -37,7 +38,7 @@ pub struct Engine {
     next_id: u64,
     linear: Option<Position<Mm>>,
     rotary: Option<Position<Deg>>,
-    word: StateWord,
+    state: RigState,
     notes: Vec<Event>,
 }
 
@@ -75,11 +76,20 @@ pub struct Progress {
     pub is_pausing: bool,
 }
 
-/// What can be seen from outside.
+/// A command that [`Engine::admit`] has admitted. It holds for the state in which it was admitted,
+/// so [`Engine::begin`] takes it before any other input reaches the engine.
+#[derive(Debug)]
+pub struct Admitted {
+    command: Command,
+    /// The move of a manual command, to targets that were checked.
+    operation: Option<Operation>,
+}
+
+/// The engine's state, for a display or a client.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Snapshot {
-    /// The state in a word.
-    pub state: StateWord,
+    /// State of the rig.
+    pub state: RigState,
     /// What is known of the probe.
     pub clearance: Clearance,
     /// The linear stage as last read back.
@@ -106,7 +116,7 @@ impl Engine {
             next_id: 0,
             linear: None,
             rotary: None,
-            word: StateWord::Preparing,
+            state: RigState::Preparing,
             notes: Vec::new(),
         }
     }
@@ -117,7 +127,7 @@ impl Engine {
         pending.into_iter().chain(self.wait_until).min()
     }
 
-    /// What can be seen from outside.
+    /// The state, the axes, the run under way, the open prompt and the fault.
     pub fn snapshot(&self) -> Snapshot {
         let (progress, prompt) = match &self.activity {
             Activity::Running(run) | Activity::Paused(run) => (Some(progress(run)), None),
@@ -129,7 +139,7 @@ impl Engine {
             _ => None,
         };
         Snapshot {
-            state: self.word,
+            state: self.state,
             clearance: self.interlock.clearance(),
             linear: self.linear,
             rotary: self.rotary,
@@ -139,13 +149,14 @@ impl Engine {
         }
     }
 
-    /// Whether a command would be taken now.
+    /// Admits a command in the present state, for [`Engine::begin`].
+    ///
+    /// This is the only place that decides whether a command may begin.
     ///
     /// # Errors
-    /// [`Denied`] names the command and the state that forbids it.
-    pub fn admits(&self, command: &Command) -> Result<(), Denied> {
-        let clearance = self.interlock.clearance();
-        let is_admitted = match command {
+    /// [`CommandRefusal`] names the command and the state or the limit that forbids it.
+    pub fn admit(&self, command: Command) -> Result<Admitted, CommandRefusal> {
+        let is_admitted = match &command {
             Command::Prepare => matches!(self.activity, Activity::Unprepared),
             Command::Run(_)
             | Command::Sweep(_)
@@ -174,38 +185,50 @@ impl Engine {
                 matches!(self.activity, Activity::Latched(_)) && self.pending.is_none()
             }
         };
+        let (name, clearance) = (command.name(), self.interlock.clearance());
         if !is_admitted {
-            return Err(Denied::State { command: command.name(), state: self.word });
+            return Err(CommandRefusal::State { command: name, state: self.state });
         }
-        match *command {
-            Command::Run(_) | Command::MoveRotary(_) if clearance != Clearance::Clear => {
-                Err(Denied::NotClear { command: command.name(), clearance })
-            }
-            Command::MoveRotary(to) => {
-                self.bench.rotary.target(to).map(|_| ()).map_err(Denied::RotaryTarget)
-            }
-            Command::MoveLinear(to) => {
-                self.bench.linear.target(to).map_err(Denied::LinearTarget)?;
-                let tilt = self.rotary.unwrap_or(self.bench.rotary.rest_target().position());
-                let floor = self.bench.floor_at(tilt);
-                if to < floor { Err(Denied::TooDeep { wanted: to, floor }) } else { Ok(()) }
-            }
-            _ => Ok(()),
+        if matches!(command, Command::Run(_) | Command::MoveRotary(_))
+            && clearance != Clearance::Clear
+        {
+            return Err(CommandRefusal::NotClear { command: name, clearance });
         }
+        let operation = self.manual_move(&command)?;
+        Ok(Admitted { command, operation })
     }
 
-    /// Takes a command of `by` and appends what has to be done about it.
-    ///
-    /// # Errors
-    /// [`Denied`] when the state forbids it; nothing has changed then.
-    pub fn command(
-        &mut self,
-        now: RigTime,
-        command: Command,
-        by: &str,
-        effects: &mut Vec<Effect>,
-    ) -> Result<(), Denied> {
-        self.admits(&command)?;
+    /// The move that a person asks for, within the limits. The probe goes down slowly.
+    fn manual_move(&self, command: &Command) -> Result<Option<Operation>, CommandRefusal> {
+        let Bench { linear, rotary, limits, .. } = &self.bench;
+        let operation = match *command {
+            Command::MoveRotary(to) => Operation::MoveRotary {
+                target: rotary.target(to).map_err(CommandRefusal::RotaryTarget)?,
+                speed_deg_per_s: limits.rotary_speed_deg_per_s,
+            },
+            Command::MoveLinear(to) => {
+                let target = linear.target(to).map_err(CommandRefusal::LinearTarget)?;
+                let tilt = self.rotary.unwrap_or(rotary.rest_target().position());
+                let floor = self.bench.floor_at(tilt);
+                if to < floor {
+                    return Err(CommandRefusal::TooDeep { wanted: to, floor });
+                }
+                let is_lowering = to < linear.rest_target().position();
+                let speed_mm_per_s = if is_lowering {
+                    limits.contact_speed_mm_per_s
+                } else {
+                    limits.travel_speed_mm_per_s
+                };
+                Operation::MoveLinear { target, speed_mm_per_s }
+            }
+            _ => return Ok(None),
+        };
+        Ok(Some(operation))
+    }
+
+    /// Begins a command of `by` that was admitted in the present state, and appends its effects.
+    pub fn begin(&mut self, now: RigTime, admitted: Admitted, by: &str, effects: &mut Vec<Effect>) {
+        let Admitted { command, operation } = admitted;
         // An answer has an event of its own.
         if !matches!(command, Command::Answer) {
             self.notes.push(Event::Operator { action: command.name(), by: by.to_owned() });
@@ -214,31 +237,26 @@ impl Engine {
             Command::Prepare | Command::Acknowledge => self.prepare(now, effects),
             Command::Run(plan) => {
                 let mut run = Box::new(Run::new(*plan));
-                let turn = self.advance(now, &mut run, News::Begin);
+                let step = self.advance(now, &mut run, MachineEvent::Begin);
                 self.activity = Activity::Running(run);
-                self.follow_run(now, turn, effects);
+                self.follow_run(now, step, effects);
             }
             Command::Sweep(request) => {
-                let (sweep, turn) =
+                let (sweep, step) =
                     Sweep::begin(now, SweepPurpose::Manual, &request, None, &mut self.notes);
                 self.activity = Activity::Sweeping(Box::new(sweep));
-                self.follow_sweep(now, turn, effects);
+                self.follow_sweep(now, step, effects);
             }
-            Command::MoveLinear(to) => self.move_linear(now, to, effects),
-            Command::MoveRotary(to) => {
-                // Admitted a moment ago.
-                let target = self.bench.rotary.target(to).map_err(Denied::RotaryTarget)?;
-                let speed_deg_per_s = self.bench.limits.rotary_speed_deg_per_s;
-                self.activity = Activity::Moving;
-                self.issue(now, Operation::MoveRotary { target, speed_deg_per_s }, effects);
+            Command::MoveLinear(_) | Command::MoveRotary(_) => {
+                self.move_manually(now, operation, effects);
             }
             Command::Pause | Command::Resume => self.pause(now, &command, effects),
             Command::Abort => {
                 self.stop(now, StopReason::Abort { by: by.to_owned() }, effects);
             }
             Command::Answer => {
-                let news = News::Answered { by: by.to_owned() };
-                self.tell_run(now, news, effects);
+                let event = MachineEvent::Answered { by: by.to_owned() };
+                self.advance_run(now, event, effects);
             }
             Command::Stop => {
                 let fault = Fault::Stopped { by: by.to_owned() };
@@ -246,7 +264,6 @@ impl Engine {
             }
         }
         self.settle(effects);
-        Ok(())
     }
 
     /// Takes a report or a deadline and appends what has to be done about it.
@@ -296,17 +313,17 @@ impl Engine {
             (Activity::Preparing(_), Ok(_)) => self.preparing(now, effects),
             (Activity::Moving, Ok(_)) => self.activity = Activity::Idle,
             (Activity::Sweeping(sweep), Ok(Report::Measured(readings))) => {
-                let turn = sweep.measured(now, &readings, &mut self.notes);
-                self.follow_sweep(now, turn, effects);
+                let step = sweep.measured(now, &readings, &mut self.notes);
+                self.follow_sweep(now, step, effects);
             }
-            (_, Ok(report)) => self.tell_run(now, News::from(report), effects),
+            (_, Ok(report)) => self.advance_run(now, MachineEvent::from(report), effects),
         }
     }
 
     fn tick(&mut self, now: RigTime, effects: &mut Vec<Effect>) {
         if self.wait_until.is_some_and(|until| until <= now) {
             self.wait_until = None;
-            self.tell_run(now, News::Waited, effects);
+            self.advance_run(now, MachineEvent::Waited, effects);
         }
         let Some(pending) = self.pending.as_mut().filter(|pending| pending.deadline <= now) else {
             return;
@@ -322,53 +339,53 @@ impl Engine {
     }
 
     /// Carries out what a run wants.
-    fn follow_run(&mut self, now: RigTime, turn: Turn<RunStatus>, effects: &mut Vec<Effect>) {
-        match turn {
-            Turn::Do(operation) => self.issue(now, operation, effects),
-            Turn::Declare { down_to, purpose } => {
+    fn follow_run(
+        &mut self,
+        now: RigTime,
+        step: MachineStep<RunStatus>,
+        effects: &mut Vec<Effect>,
+    ) {
+        match step {
+            MachineStep::Do(operation) => self.issue(now, operation, effects),
+            MachineStep::Declare { down_to, purpose } => {
                 self.declare(down_to, purpose, effects);
-                self.tell_run(now, News::Declared, effects);
+                self.advance_run(now, MachineEvent::Declared, effects);
             }
-            Turn::Wait(duration) => self.wait_until = Some(now + duration),
-            Turn::Ask(prompt) => self.replace_run(|run| Activity::Waiting(run, prompt)),
-            Turn::Pause => self.replace_run(Activity::Paused),
-            Turn::Done(status) => {
+            MachineStep::Wait(duration) => self.wait_until = Some(now + duration),
+            MachineStep::Ask(prompt) => self.replace_run(|run| Activity::Waiting(run, prompt)),
+            MachineStep::Pause => self.replace_run(Activity::Paused),
+            MachineStep::Done(status) => {
                 self.notes.push(Event::RunFinished(status));
                 self.activity = Activity::Idle;
             }
-            Turn::Fault(fault) => self.stop(now, StopReason::Fault(fault), effects),
+            MachineStep::Fault(fault) => self.stop(now, StopReason::Fault(fault), effects),
         }
     }
 
-    fn follow_sweep(&mut self, now: RigTime, turn: SweepTurn, effects: &mut Vec<Effect>) {
-        match turn {
-            SweepTurn::Measure(operation) => self.issue(now, operation, effects),
-            SweepTurn::Finished(_) => self.activity = Activity::Idle,
-            SweepTurn::Fault(fault) => self.stop(now, StopReason::Fault(fault), effects),
+    fn follow_sweep(&mut self, now: RigTime, step: SweepStep, effects: &mut Vec<Effect>) {
+        match step {
+            SweepStep::Measure(operation) => self.issue(now, operation, effects),
+            SweepStep::Finished(_) => self.activity = Activity::Idle,
+            SweepStep::Fault(fault) => self.stop(now, StopReason::Fault(fault), effects),
         }
     }
 
-    /// Moves the probe for a person, slowly wherever it may touch.
-    fn move_linear(&mut self, now: RigTime, to: Position<Mm>, effects: &mut Vec<Effect>) {
-        let limits = &self.bench.limits;
-        let rest = self.bench.linear.rest_target();
-        let (speed, is_lowering) = if to < rest.position() {
-            (limits.contact_speed_mm_per_s, true)
-        } else {
-            (limits.travel_speed_mm_per_s, false)
-        };
-        if is_lowering {
-            self.declare(to, LoweringPurpose::ByHand, effects);
+    /// Moves one axis for a person. A move of the probe below its clear position is declared first.
+    fn move_manually(
+        &mut self,
+        now: RigTime,
+        operation: Option<Operation>,
+        effects: &mut Vec<Effect>,
+    ) {
+        let Some(operation) = operation else { return };
+        if let Operation::MoveLinear { target, .. } = &operation {
+            let to = target.position();
+            if to < self.bench.linear.rest_target().position() {
+                self.declare(to, LoweringPurpose::ByHand, effects);
+            }
         }
         self.activity = Activity::Moving;
-        match self.bench.linear.target(to) {
-            Ok(target) => {
-                self.issue(now, Operation::MoveLinear { target, speed_mm_per_s: speed }, effects);
-            }
-            Err(error) => {
-                self.stop(now, StopReason::Fault(Fault::LinearTarget(error)), effects);
-            }
-        }
+        self.issue(now, operation, effects);
     }
 
     /// Makes the intent to lower the probe durable, and allows it.
@@ -398,25 +415,30 @@ impl Engine {
         effects.push(Effect::Do(id, operation));
     }
 
-    fn tell_run(&mut self, now: RigTime, news: News, effects: &mut Vec<Effect>) {
+    fn advance_run(&mut self, now: RigTime, event: MachineEvent, effects: &mut Vec<Effect>) {
         let activity = std::mem::replace(&mut self.activity, Activity::Idle);
         match activity {
             Activity::Running(mut run) | Activity::Waiting(mut run, _) => {
-                let turn = self.advance(now, &mut run, news);
+                let step = self.advance(now, &mut run, event);
                 self.activity = Activity::Running(run);
-                self.follow_run(now, turn, effects);
+                self.follow_run(now, step, effects);
             }
             other => {
-                let during = other.word().name();
+                let during = other.state().name();
                 self.activity = other;
-                let fault = news.out_of_order(during);
+                let fault = event.out_of_order(during);
                 self.stop(now, StopReason::Fault(fault), effects);
             }
         }
     }
 
-    fn advance(&mut self, now: RigTime, run: &mut Run, news: News) -> Turn<RunStatus> {
-        run.advance(now, news, &self.bench, self.interlock.clearance(), &mut self.notes)
+    fn advance(
+        &mut self,
+        now: RigTime,
+        run: &mut Run,
+        event: MachineEvent,
+    ) -> MachineStep<RunStatus> {
+        run.advance(now, event, &self.bench, self.interlock.clearance(), &mut self.notes)
     }
 
     fn pause(&mut self, now: RigTime, command: &Command, effects: &mut Vec<Effect>) {
@@ -426,7 +448,7 @@ impl Engine {
             Activity::Paused(run) => {
                 run.is_pause_asked = is_pause;
                 self.replace_run(Activity::Running);
-                self.tell_run(now, News::Resumed, effects);
+                self.advance_run(now, MachineEvent::Resumed, effects);
             }
             _ => {}
         }
@@ -482,10 +504,10 @@ impl Engine {
 
     /// Notes a change of state, and hands over what has been noted.
     fn settle(&mut self, effects: &mut Vec<Effect>) {
-        let word = self.activity.word();
-        if word != self.word {
-            self.word = word;
-            self.notes.push(Event::StateChanged(word));
+        let state = self.activity.state();
+        if state != self.state {
+            self.state = state;
+            self.notes.push(Event::StateChanged(state));
         }
         self.flush(effects);
     }
@@ -506,26 +528,15 @@ impl Engine {
 }
 
 impl Activity {
-    const fn word(&self) -> StateWord {
+    const fn state(&self) -> RigState {
         match self {
-            Self::Unprepared | Self::Preparing(_) => StateWord::Preparing,
-            Self::Idle => StateWord::Idle,
-            Self::Running(_) | Self::Sweeping(_) | Self::Moving => StateWord::Running,
-            Self::Waiting(..) => StateWord::WaitingForPerson,
-            Self::Paused(_) => StateWord::Paused,
-            Self::Stopping(..) | Self::Retracting(..) => StateWord::Retracting,
-            Self::Latched(_) => StateWord::Latched,
-        }
-    }
-}
-
-impl From<Report> for News {
-    fn from(report: Report) -> Self {
-        match report {
-            Report::LinearAt(position) => Self::LinearAt(position),
-            Report::RotaryAt(position) => Self::RotaryAt(position),
-            Report::Measured(readings) => Self::Readings(readings),
-            Report::Stopped => Self::Stopped,
+            Self::Unprepared | Self::Preparing(_) => RigState::Preparing,
+            Self::Idle => RigState::Idle,
+            Self::Running(_) | Self::Sweeping(_) | Self::Moving => RigState::Running,
+            Self::Waiting(..) => RigState::WaitingForPerson,
+            Self::Paused(_) => RigState::Paused,
+            Self::Stopping(..) | Self::Retracting(..) => RigState::Retracting,
+            Self::Latched(_) => RigState::Latched,
         }
     }
 }

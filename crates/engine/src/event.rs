@@ -152,7 +152,7 @@ pub enum LoweringPurpose {
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event {
     /// The state of the rig has changed.
-    StateChanged(StateWord),
+    StateChanged(RigState),
     /// A step of the plan begins.
     StepStarted {
         /// Its index in the plan.
@@ -249,7 +249,7 @@ pub enum Event {
 
 /// The state of the rig in a word.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum StateWord {
+pub enum RigState {
     /// Homing, and proving that the probe is clear.
     Preparing,
     /// Ready for a command.
@@ -266,7 +266,7 @@ pub enum StateWord {
     Latched,
 }
 
-impl StateWord {
+impl RigState {
     /// The word in results and messages.
     pub const fn name(self) -> &'static str {
         match self {

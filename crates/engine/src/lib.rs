@@ -19,6 +19,7 @@ mod engine;
 mod event;
 mod fault;
 mod interlock;
+mod machine;
 mod measured;
 mod operation;
 mod recovery;
@@ -27,15 +28,15 @@ mod search;
 mod sweep;
 mod touch;
 
-pub use command::{Command, Denied};
+pub use command::{Command, CommandRefusal};
 pub use effect::{Effect, Input};
-pub use engine::{Engine, Progress, Snapshot};
+pub use engine::{Admitted, Engine, Progress, Snapshot};
 pub use event::{
-    Contact, Event, LoweringPurpose, RunStatus, StateWord, SweepOutcome, SweepPurpose,
-    TouchOutcome, TouchResult,
+    Contact, Event, LoweringPurpose, RigState, RunStatus, SweepOutcome, SweepPurpose, TouchOutcome,
+    TouchResult,
 };
 pub use fault::{Device, Failure, FailureKind, Fault};
 pub use interlock::{Interlock, InterlockError};
 pub use measured::flagged;
 pub use operation::{Operation, OperationId, Report};
-pub use search::{Search, SearchTurn, Surface};
+pub use search::{Search, SearchStep, Surface};

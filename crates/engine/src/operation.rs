@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use rig_model::{Deg, DriveLevel, Mm, Position, Reading, RigTime, SweepPoint, Target};
+use rig_model::{Bench, Deg, DriveLevel, Mm, Position, Reading, RigTime, SweepPoint, Target};
 
 /// Tells one operation from another, so that a late report is never taken for a present one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -52,6 +52,14 @@ pub enum Report {
     Measured(Vec<Reading>),
     /// Both axes have stopped.
     Stopped,
+}
+
+/// The move that takes the probe clear. It is always allowed.
+pub(crate) fn retract(bench: &Bench) -> Operation {
+    Operation::MoveLinear {
+        target: bench.linear.rest_target(),
+        speed_mm_per_s: bench.limits.travel_speed_mm_per_s,
+    }
 }
 
 /// How long an operation may take before something must be wrong.

@@ -4,14 +4,14 @@
 
 use rig_model::{Bench, Clearance};
 
-use crate::{Failure, FailureKind, Operation, run::retract};
+use crate::{Failure, FailureKind, Operation, operation::retract};
 
 /// A retract that cannot be shown to have worked is repeated this often. After that nothing moves.
 const RETRACT_ATTEMPTS: u32 = 3;
 
 /// What comes next on the way to safety.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum RecoveryTurn {
+pub(crate) enum RecoveryStep {
     Do(Operation),
     /// The probe is clear, or was given up with nothing moving.
     Finished(Clearance),
@@ -25,9 +25,9 @@ pub(crate) struct Recovery {
 
 impl Recovery {
     /// Nothing is retracted where the linear stage is lost: which way is up, it does not know.
-    pub(crate) const fn begin(is_linear_lost: bool) -> (Self, RecoveryTurn) {
+    pub(crate) const fn begin(is_linear_lost: bool) -> (Self, RecoveryStep) {
         let recovery = Self { attempts_left: if is_linear_lost { 0 } else { RETRACT_ATTEMPTS } };
-        (recovery, RecoveryTurn::Do(Operation::StopMotion))
+        (recovery, RecoveryStep::Do(Operation::StopMotion))
     }
 
     /// The linear stage was lost on the way: it is not moved again.
@@ -39,15 +39,15 @@ impl Recovery {
     ///
     /// The stop is not repeated when it fails: the retract that follows is the safest thing to do
     /// whether or not the rotary stage has answered.
-    pub(crate) fn ended(&mut self, clearance: Clearance, bench: &Bench) -> RecoveryTurn {
+    pub(crate) fn ended(&mut self, clearance: Clearance, bench: &Bench) -> RecoveryStep {
         if clearance == Clearance::Clear && self.attempts_left < RETRACT_ATTEMPTS {
-            return RecoveryTurn::Finished(clearance);
+            return RecoveryStep::Finished(clearance);
         }
         if self.attempts_left == 0 {
-            return RecoveryTurn::Finished(Clearance::Unknown);
+            return RecoveryStep::Finished(Clearance::Unknown);
         }
         self.attempts_left -= 1;
-        RecoveryTurn::Do(retract(bench))
+        RecoveryStep::Do(retract(bench))
     }
 }
 

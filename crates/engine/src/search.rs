@@ -15,7 +15,7 @@ const REFINEMENT: f64 = 5.0;
 
 /// What the search for the surface wants next.
 #[derive(Debug, Clone, PartialEq)]
-pub enum SearchTurn {
+pub enum SearchStep {
     /// Go here, then call [`Search::arrived`].
     MoveTo(Position<Mm>),
     /// Read the impedance, then call [`Search::read`].
@@ -64,7 +64,7 @@ impl Search {
         approach: Approach,
         expected: Position<Mm>,
         baseline: Impedance,
-    ) -> (Self, SearchTurn) {
+    ) -> (Self, SearchStep) {
         let start = expected.offset(approach.start_above_mm);
         let search = Self {
             approach,
@@ -78,7 +78,7 @@ impl Search {
             here: start,
             trail: Vec::new(),
         };
-        (search, SearchTurn::MoveTo(start))
+        (search, SearchStep::MoveTo(start))
     }
 
     /// The lowest position that the search may ask for.
@@ -92,25 +92,25 @@ impl Search {
     }
 
     /// The probe has moved; `read_back` is where it is.
-    pub fn arrived(&mut self, read_back: Position<Mm>) -> SearchTurn {
+    pub fn arrived(&mut self, read_back: Position<Mm>) -> SearchStep {
         self.here = read_back;
         match self.after_take_up.take() {
             Some(next) => self.go(next),
             None => {
-                SearchTurn::Read { is_after_contact: std::mem::take(&mut self.is_after_contact) }
+                SearchStep::Read { is_after_contact: std::mem::take(&mut self.is_after_contact) }
             }
         }
     }
 
     /// The impedance here has been read.
-    pub fn read(&mut self, reading: Reading) -> SearchTurn {
+    pub fn read(&mut self, reading: Reading) -> SearchStep {
         self.trail.push((self.here, reading));
-        let Measured::Value(impedance) = reading.measured else { return SearchTurn::Flagged };
+        let Measured::Value(impedance) = reading.measured else { return SearchStep::Flagged };
         let change = relative_change(self.baseline, impedance);
         // What cannot be compared counts as contact, so that the probe goes no further.
         let is_clear = change <= self.approach.contact_threshold;
         match (!is_clear, self.last_clear) {
-            (true, None) => SearchTurn::Fault(Fault::ContactTooEarly {
+            (true, None) => SearchStep::Fault(Fault::ContactTooEarly {
                 at: self.here,
                 expected: self.expected,
                 change_percent: 100.0 * change,
@@ -120,7 +120,7 @@ impl Search {
                 self.last_clear = Some(self.here);
                 let floor = Self::floor(&self.approach, self.expected);
                 if self.commanded <= floor {
-                    return SearchTurn::Fault(Fault::NoContact {
+                    return SearchStep::Fault(Fault::NoContact {
                         at: self.here,
                         expected: self.expected,
                     });
@@ -132,13 +132,13 @@ impl Search {
     }
 
     /// The surface lies between `clear` and here.
-    fn bracketed(&mut self, clear: Position<Mm>) -> SearchTurn {
+    fn bracketed(&mut self, clear: Position<Mm>) -> SearchStep {
         if self.step_mm <= self.approach.fine_step_mm {
             let width_mm = clear.value() - self.here.value();
             let position = clear.offset(-0.5 * width_mm);
             // A uniform error of this width.
             let sigma_mm = width_mm / 12.0_f64.sqrt();
-            return SearchTurn::Found(Surface { position, sigma_mm });
+            return SearchStep::Found(Surface { position, sigma_mm });
         }
         self.step_mm = (self.step_mm / REFINEMENT).max(self.approach.fine_step_mm);
         self.after_take_up = Some(clear.offset(-self.step_mm));
@@ -147,9 +147,9 @@ impl Search {
         self.go(clear.offset(self.approach.coarse_step_mm))
     }
 
-    fn go(&mut self, to: Position<Mm>) -> SearchTurn {
+    fn go(&mut self, to: Position<Mm>) -> SearchStep {
         self.commanded = to;
-        SearchTurn::MoveTo(to)
+        SearchStep::MoveTo(to)
     }
 }
 
@@ -194,20 +194,20 @@ mod tests {
 
     /// Plays a search against a surface; the stage stops `backlash_mm` short when it comes down
     /// directly after going up.
-    fn search(surface_mm: f64, backlash_mm: f64) -> (SearchTurn, usize) {
-        let (mut search, mut turn) =
+    fn search(surface_mm: f64, backlash_mm: f64) -> (SearchStep, usize) {
+        let (mut search, mut step) =
             Search::begin(APPROACH, Position::new(20.0), impedance(1000.0));
         let (mut there, mut slack) = (f64::MAX, 0.0);
         for _ in 0..200 {
-            turn = match turn {
-                SearchTurn::MoveTo(target) => {
+            step = match step {
+                SearchStep::MoveTo(target) => {
                     slack = if target.value() > there { backlash_mm } else { slack };
                     let moved_down = (there - target.value()).max(0.0);
                     slack = f64::max(0.0, slack - moved_down);
                     there = target.value();
                     search.arrived(target)
                 }
-                SearchTurn::Read { .. } => {
+                SearchStep::Read { .. } => {
                     let is_touching = there + slack <= surface_mm;
                     search.read(reading(if is_touching { 1500.0 } else { 1010.0 }))
                 }
@@ -222,7 +222,7 @@ mod tests {
         for tenth_of_micron in (-5900..3900).step_by(37) {
             let surface = 20.0 + f64::from(tenth_of_micron) * 1e-4;
             let (end, readings) = search(surface, 0.02);
-            let SearchTurn::Found(found) = end else { panic!("{surface}: {end:?}") };
+            let SearchStep::Found(found) = end else { panic!("{surface}: {end:?}") };
             let error = found.position.value() - surface;
             assert!(error.abs() <= 0.0025 + 1e-9, "{surface}: {error}");
             assert!((found.sigma_mm - 0.005 / 12.0_f64.sqrt()).abs() < 1e-9);
@@ -240,22 +240,22 @@ mod tests {
         let mut search = begin(impedance(1000.0));
         for measured in [Measured::Overload, Measured::LowSignal(impedance(1000.0))] {
             let flagged = Reading { measured, ..reading(1000.0) };
-            assert_eq!(search.read(flagged), SearchTurn::Flagged);
+            assert_eq!(search.read(flagged), SearchStep::Flagged);
         }
-        assert!(matches!(search.read(reading(1000.0)), SearchTurn::MoveTo(_)));
+        assert!(matches!(search.read(reading(1000.0)), SearchStep::MoveTo(_)));
         assert_eq!(search.trail().len(), 3);
         let nothing = Impedance { resistance_ohm: 0.0, reactance_ohm: 0.0 };
         let shorted = Reading { measured: Measured::Value(nothing), ..reading(1000.0) };
-        let turn = begin(nothing).read(shorted);
-        assert!(matches!(turn, SearchTurn::Fault(Fault::ContactTooEarly { .. })), "{turn:?}");
+        let step = begin(nothing).read(shorted);
+        assert!(matches!(step, SearchStep::Fault(Fault::ContactTooEarly { .. })), "{step:?}");
     }
 
     #[test]
     fn a_surface_beyond_the_range_is_a_fault_and_the_depth_stays_limited() {
         let (end, _) = search(20.41, 0.0);
-        assert!(matches!(end, SearchTurn::Fault(Fault::ContactTooEarly { .. })), "{end:?}");
+        assert!(matches!(end, SearchStep::Fault(Fault::ContactTooEarly { .. })), "{end:?}");
         let (end, _) = search(19.39, 0.0);
-        let SearchTurn::Fault(fault) = end else { panic!("{end:?}") };
+        let SearchStep::Fault(fault) = end else { panic!("{end:?}") };
         assert_eq!(
             fault.to_string(),
             "no contact down to 19.400 mm; the surface was expected at 20.000 mm"

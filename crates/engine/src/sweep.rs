@@ -14,7 +14,7 @@ pub(crate) const DRIFT: f64 = 0.01;
 
 /// What the sweep wants next.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum SweepTurn {
+pub(crate) enum SweepStep {
     /// Measure, then call [`Sweep::measured`].
     Measure(Operation),
     /// Done; the outcome has been noted.
@@ -40,7 +40,7 @@ impl Sweep {
         request: &SweepRequest,
         prior: Option<&Prior>,
         notes: &mut Vec<Event>,
-    ) -> (Self, SweepTurn) {
+    ) -> (Self, SweepStep) {
         notes.push(Event::SweepBegun { purpose, request: *request });
         let planner = Planner::new(request, prior);
         let mut sweep = Self {
@@ -51,8 +51,8 @@ impl Sweep {
             asked: 0,
             readings: Vec::new(),
         };
-        let turn = sweep.next(0, notes);
-        (sweep, turn)
+        let step = sweep.next(0, notes);
+        (sweep, step)
     }
 
     /// Readings have come.
@@ -61,7 +61,7 @@ impl Sweep {
         now: RigTime,
         readings: &[Reading],
         notes: &mut Vec<Event>,
-    ) -> SweepTurn {
+    ) -> SweepStep {
         self.readings.extend_from_slice(readings);
         let values: Vec<Reading> = values(readings).copied().collect();
         if let Some(refusal) = flagged(readings) {
@@ -69,7 +69,7 @@ impl Sweep {
         }
         if values.len() != self.asked {
             let fault = Fault::MissingReadings { given: values.len(), asked: self.asked };
-            return SweepTurn::Fault(fault);
+            return SweepStep::Fault(fault);
         }
         let work = self.planner.work();
         self.planner.pass(now.since(self.begun).as_secs_f64());
@@ -80,20 +80,20 @@ impl Sweep {
     }
 
     /// Asks the planner, which had done this much work before.
-    fn next(&mut self, work: u64, notes: &mut Vec<Event>) -> SweepTurn {
+    fn next(&mut self, work: u64, notes: &mut Vec<Event>) -> SweepStep {
         let next = self.planner.next();
         let (readings, work) = (self.readings.len(), self.planner.work() - work);
         notes.push(Event::Planned { readings, work });
         match next {
             Next::Measure(points) => {
                 self.asked = points.len();
-                SweepTurn::Measure(Operation::Measure { points, level: self.level })
+                SweepStep::Measure(Operation::Measure { points, level: self.level })
             }
             Next::Finished(verdict) => self.finish(verdict, notes),
         }
     }
 
-    fn finish(&mut self, verdict: Verdict, notes: &mut Vec<Event>) -> SweepTurn {
+    fn finish(&mut self, verdict: Verdict, notes: &mut Vec<Event>) -> SweepStep {
         let readings = std::mem::take(&mut self.readings);
         // The planner knows of values only.
         let looks = values(&readings).take(self.planner.looks()).last();
@@ -110,6 +110,6 @@ impl Sweep {
             target_hz: self.planner.target_hz(),
         });
         notes.push(Event::SweepFinished(outcome.clone()));
-        SweepTurn::Finished(outcome)
+        SweepStep::Finished(outcome)
     }
 }

@@ -16,10 +16,10 @@ use rig_resonance::{Prior, Resonance, Verdict};
 
 use crate::{
     Contact, Fault, LoweringPurpose, Operation, SweepPurpose, TouchOutcome, TouchResult,
+    machine::{MachineContext, MachineEvent, MachineStep},
     measured::flagged,
-    run::{Context, News, Turn},
-    search::{Search, SearchTurn, Surface},
-    sweep::{DRIFT, Sweep, SweepTurn},
+    search::{Search, SearchStep, Surface},
+    sweep::{DRIFT, Sweep, SweepStep},
 };
 
 /// The baseline is read after this many time constants of the ring-down, so that what is left of
@@ -62,15 +62,19 @@ impl TouchMachine {
         Self { step, touch, no_load: *no_load, rotary, phase: Phase::Rotating }
     }
 
-    pub(crate) fn advance(&mut self, news: News, context: &mut Context<'_>) -> Turn<TouchResult> {
-        match (&mut self.phase, news) {
-            (Phase::Rotating, News::Begin) => context.rotate_to(self.touch.pose),
-            (Phase::Rotating, News::RotaryAt(read_back)) => {
+    pub(crate) fn advance(
+        &mut self,
+        event: MachineEvent,
+        context: &mut MachineContext<'_>,
+    ) -> MachineStep<TouchResult> {
+        match (&mut self.phase, event) {
+            (Phase::Rotating, MachineEvent::Begin) => context.rotate_to(self.touch.pose),
+            (Phase::Rotating, MachineEvent::RotaryAt(read_back)) => {
                 self.rotary = read_back;
                 self.phase = Phase::Baseline;
                 self.listen(BASELINE_TIME_CONSTANTS * self.time_constant_s(), context)
             }
-            (Phase::Baseline, News::Readings(readings)) => {
+            (Phase::Baseline, MachineEvent::Readings(readings)) => {
                 let last = readings.last().map(|last| last.measured);
                 let Some(Measured::Value(baseline)) = last else {
                     let here = context.bench.linear.rest_target().position();
@@ -79,43 +83,45 @@ impl TouchMachine {
                 };
                 self.phase = Phase::Declaring { baseline };
                 let down_to = Search::floor(&context.plan.touch.approach, self.expected(context));
-                Turn::Declare { down_to, purpose: LoweringPurpose::FindSurface }
+                MachineStep::Declare { down_to, purpose: LoweringPurpose::FindSurface }
             }
-            (&mut Phase::Declaring { baseline }, News::Declared) => {
+            (&mut Phase::Declaring { baseline }, MachineEvent::Declared) => {
                 let approach = context.plan.touch.approach;
-                let (search, turn) = Search::begin(approach, self.expected(context), baseline);
+                let (search, step) = Search::begin(approach, self.expected(context), baseline);
                 self.phase = Phase::Searching(search);
                 let speed = context.bench.limits.travel_speed_mm_per_s;
-                self.follow(turn, speed, context)
+                self.follow(step, speed, context)
             }
-            (Phase::Searching(search), News::LinearAt(read_back)) => {
-                let turn = search.arrived(read_back);
+            (Phase::Searching(search), MachineEvent::LinearAt(read_back)) => {
+                let step = search.arrived(read_back);
                 let speed = context.bench.limits.contact_speed_mm_per_s;
-                self.follow(turn, speed, context)
+                self.follow(step, speed, context)
             }
-            (Phase::Searching(search), News::Readings(readings)) => {
-                let turn = readings.iter().fold(SearchTurn::Flagged, |_, one| search.read(*one));
+            (Phase::Searching(search), MachineEvent::Readings(readings)) => {
+                let step = readings.iter().fold(SearchStep::Flagged, |_, one| search.read(*one));
                 let speed = context.bench.limits.contact_speed_mm_per_s;
-                self.follow(turn, speed, context)
+                self.follow(step, speed, context)
             }
-            (&mut Phase::DeclaringIndentation { surface }, News::Declared) => {
+            (&mut Phase::DeclaringIndentation { surface }, MachineEvent::Declared) => {
                 self.phase = Phase::Indenting { surface };
                 let speed = context.bench.limits.contact_speed_mm_per_s;
                 context.move_linear(indented(surface, context), speed)
             }
-            (&mut Phase::Indenting { surface }, News::LinearAt(linear)) => {
+            (&mut Phase::Indenting { surface }, MachineEvent::LinearAt(linear)) => {
                 self.phase = Phase::Dwelling(Contact { surface, linear });
-                Turn::Wait(Duration::from_secs_f64(context.plan.touch.dwell_s))
+                MachineStep::Wait(Duration::from_secs_f64(context.plan.touch.dwell_s))
             }
-            (&mut Phase::Dwelling(contact), News::Waited) => self.sweep(contact, RETRIES, context),
-            (Phase::Sweeping { sweep, .. }, News::Readings(readings)) => {
-                let turn = sweep.measured(context.now, &readings, context.notes);
-                self.swept(turn, context)
+            (&mut Phase::Dwelling(contact), MachineEvent::Waited) => {
+                self.sweep(contact, RETRIES, context)
             }
-            (Phase::Retracting(outcome), News::LinearAt(_))
+            (Phase::Sweeping { sweep, .. }, MachineEvent::Readings(readings)) => {
+                let step = sweep.measured(context.now, &readings, context.notes);
+                self.swept(step, context)
+            }
+            (Phase::Retracting(outcome), MachineEvent::LinearAt(_))
                 if context.clearance == Clearance::Clear =>
             {
-                Turn::Done(TouchResult {
+                MachineStep::Done(TouchResult {
                     step: self.step.clone(),
                     touch: self.touch,
                     no_load: self.no_load,
@@ -123,7 +129,7 @@ impl TouchMachine {
                     outcome: (**outcome).clone(),
                 })
             }
-            (_, news) => Turn::Fault(news.out_of_order("a touch")),
+            (_, event) => MachineStep::Fault(event.out_of_order("a touch")),
         }
     }
 
@@ -132,11 +138,11 @@ impl TouchMachine {
     fn unreadable(
         &mut self,
         trail: Vec<(Position<Mm>, Reading)>,
-        context: &mut Context<'_>,
-    ) -> Turn<TouchResult> {
+        context: &mut MachineContext<'_>,
+    ) -> MachineStep<TouchResult> {
         let readings: Vec<Reading> = trail.iter().map(|(_, reading)| *reading).collect();
         let Some(refusal) = flagged(&readings) else {
-            return Turn::Fault(Fault::MissingReadings { given: 0, asked: 1 });
+            return MachineStep::Fault(Fault::MissingReadings { given: 0, asked: 1 });
         };
         context.surface_not_found(trail);
         self.phase = Phase::Retracting(Box::new(TouchOutcome::Refused { contact: None, refusal }));
@@ -149,55 +155,55 @@ impl TouchMachine {
     }
 
     /// Where the surface should be at this pose.
-    fn expected(&self, context: &Context<'_>) -> Position<Mm> {
+    fn expected(&self, context: &MachineContext<'_>) -> Position<Mm> {
         let pose = self.touch.pose;
         context.bench.geometry.surface_at(pose.direction, pose.angle)
     }
 
     /// Reads the impedance at the no-load resonance, where a contact changes it most.
-    fn listen(&self, settle_s: f64, context: &Context<'_>) -> Turn<TouchResult> {
+    fn listen(&self, settle_s: f64, context: &MachineContext<'_>) -> MachineStep<TouchResult> {
         let frequency_hz = self.no_load.resonance_hz;
         let cycles = context.plan.touch.approach.cycles;
         let point = SweepPoint { frequency_hz, settle_s, cycles };
         let level = context.plan.contact_sweep.level;
-        Turn::Do(Operation::Measure { points: vec![point], level })
+        MachineStep::Do(Operation::Measure { points: vec![point], level })
     }
 
     /// Carries out what the search wants.
     fn follow(
         &mut self,
-        turn: SearchTurn,
+        step: SearchStep,
         speed_mm_per_s: f64,
-        context: &mut Context<'_>,
-    ) -> Turn<TouchResult> {
-        match turn {
-            SearchTurn::MoveTo(position) => context.move_linear(position, speed_mm_per_s),
-            SearchTurn::Read { is_after_contact } => {
+        context: &mut MachineContext<'_>,
+    ) -> MachineStep<TouchResult> {
+        match step {
+            SearchStep::MoveTo(position) => context.move_linear(position, speed_mm_per_s),
+            SearchStep::Read { is_after_contact } => {
                 let mut settle_s = context.plan.touch.approach.settle_s;
                 if is_after_contact {
                     settle_s = settle_s.max(AFTER_CONTACT_TIME_CONSTANTS * self.time_constant_s());
                 }
                 self.listen(settle_s, context)
             }
-            SearchTurn::Found(surface) => {
+            SearchStep::Found(surface) => {
                 let phase = Phase::DeclaringIndentation { surface };
                 if let Phase::Searching(search) = std::mem::replace(&mut self.phase, phase) {
                     context.surface_found(surface, search.trail().to_vec());
                 }
-                Turn::Declare {
+                MachineStep::Declare {
                     down_to: indented(surface, context),
                     purpose: LoweringPurpose::Indent,
                 }
             }
-            SearchTurn::Flagged => match &self.phase {
+            SearchStep::Flagged => match &self.phase {
                 Phase::Searching(search) => self.unreadable(search.trail().to_vec(), context),
-                _ => Turn::Fault(News::Begin.out_of_order("a search")),
+                _ => MachineStep::Fault(MachineEvent::Begin.out_of_order("a search")),
             },
-            SearchTurn::Fault(fault) => {
+            SearchStep::Fault(fault) => {
                 if let Phase::Searching(search) = &self.phase {
                     context.surface_not_found(search.trail().to_vec());
                 }
-                Turn::Fault(fault)
+                MachineStep::Fault(fault)
             }
         }
     }
@@ -206,15 +212,15 @@ impl TouchMachine {
         &mut self,
         contact: Contact,
         retries_left: u32,
-        context: &mut Context<'_>,
-    ) -> Turn<TouchResult> {
+        context: &mut MachineContext<'_>,
+    ) -> MachineStep<TouchResult> {
         let request = &context.plan.contact_sweep;
         // A refused sweep is repeated without the belief that may have misled it.
         let prior = (retries_left == RETRIES).then(|| self.stiffened(request.window));
-        let (sweep, turn) =
+        let (sweep, step) =
             Sweep::begin(context.now, SweepPurpose::Touch, request, prior.as_ref(), context.notes);
         self.phase = Phase::Sweeping { contact, sweep: Box::new(sweep), retries_left };
-        self.swept(turn, context)
+        self.swept(step, context)
     }
 
     /// What is believed of the sensor in contact: a contact adds stiffness, so the resonance can
@@ -225,14 +231,18 @@ impl TouchMachine {
         Prior::moved(&self.no_load, Window { min_hz, ..window })
     }
 
-    fn swept(&mut self, turn: SweepTurn, context: &mut Context<'_>) -> Turn<TouchResult> {
+    fn swept(
+        &mut self,
+        step: SweepStep,
+        context: &mut MachineContext<'_>,
+    ) -> MachineStep<TouchResult> {
         let Phase::Sweeping { contact, retries_left, .. } = self.phase else {
-            return Turn::Fault(News::Begin.out_of_order("a sweep in contact"));
+            return MachineStep::Fault(MachineEvent::Begin.out_of_order("a sweep in contact"));
         };
-        match turn {
-            SweepTurn::Measure(operation) => Turn::Do(operation),
-            SweepTurn::Fault(fault) => Turn::Fault(fault),
-            SweepTurn::Finished(outcome) => {
+        match step {
+            SweepStep::Measure(operation) => MachineStep::Do(operation),
+            SweepStep::Fault(fault) => MachineStep::Fault(fault),
+            SweepStep::Finished(outcome) => {
                 let outcome = match outcome.verdict {
                     Verdict::Accepted(loaded) => TouchOutcome::Measured { contact, loaded },
                     Verdict::Refused(_) if retries_left > 0 => {
@@ -249,6 +259,6 @@ impl TouchMachine {
     }
 }
 
-fn indented(surface: Surface, context: &Context<'_>) -> Position<Mm> {
+fn indented(surface: Surface, context: &MachineContext<'_>) -> Position<Mm> {
     surface.position.offset(-context.plan.touch.indentation_mm)
 }

@@ -7,8 +7,8 @@
 use std::f64::consts::TAU;
 
 use rig_engine::{
-    Command, Device, Effect, Engine, Event, Failure, FailureKind, Input, Operation, OperationId,
-    Report, RunStatus, StateWord, TouchOutcome,
+    Admitted, Command, Device, Effect, Engine, Event, Failure, FailureKind, Input, Operation,
+    OperationId, Report, RigState, RunStatus, TouchOutcome,
 };
 use rig_model::{
     AnalyzerRange, Axis, AxisLimits, Bench, Clearance, ContactAngle, Direction, DriveLevel,
@@ -178,8 +178,13 @@ impl World {
     }
 
     fn command(&mut self, command: Command) {
+        let admitted = self.engine.admit(command).unwrap();
+        self.begin(admitted);
+    }
+
+    fn begin(&mut self, admitted: Admitted) {
         let mut effects = Vec::new();
-        self.engine.command(self.now, command, "test", &mut effects).unwrap();
+        self.engine.begin(self.now, admitted, "test", &mut effects);
         self.carry_out(effects);
     }
 
@@ -255,7 +260,7 @@ impl World {
                     self.handle(Input::Tick);
                 }
                 assert!(self.was_interrupted);
-                assert_eq!(self.engine.snapshot().state, StateWord::Latched);
+                assert_eq!(self.engine.snapshot().state, RigState::Latched);
                 return;
             }
             Some(Trouble::Flags | Trouble::FlagsOnce) => {
@@ -286,12 +291,9 @@ impl World {
     }
 
     fn try_command(&mut self, command: Command) {
-        let mut effects = Vec::new();
-        // Not every command fits every moment; a refusal must change nothing.
-        let before = self.engine.snapshot();
-        match self.engine.command(self.now, command, "test", &mut effects) {
-            Ok(()) => self.carry_out(effects),
-            Err(_) => assert_eq!(self.engine.snapshot(), before),
+        // Not every state admits every command.
+        if let Ok(admitted) = self.engine.admit(command) {
+            self.begin(admitted);
         }
     }
 
@@ -373,15 +375,15 @@ impl World {
         for _ in 0..2000 {
             let state = self.engine.snapshot().state;
             match state {
-                StateWord::Idle if is_started => return,
-                StateWord::Idle => {
+                RigState::Idle if is_started => return,
+                RigState::Idle => {
                     self.command(Command::Run(Box::new(plan.clone())));
                     is_started = true;
                 }
-                StateWord::Latched => return,
-                StateWord::WaitingForPerson => self.command(Command::Answer),
-                StateWord::Paused => self.command(Command::Resume),
-                StateWord::Preparing | StateWord::Running | StateWord::Retracting => self.step(),
+                RigState::Latched => return,
+                RigState::WaitingForPerson => self.command(Command::Answer),
+                RigState::Paused => self.command(Command::Resume),
+                RigState::Preparing | RigState::Running | RigState::Retracting => self.step(),
             }
         }
         panic!("the run did not end");
@@ -482,7 +484,7 @@ fn whatever_goes_wrong_wherever_it_ends_clear_or_latched() {
             for ending in world.endings() {
                 endings[ending as usize] += 1;
             }
-            if end.state == StateWord::Idle {
+            if end.state == RigState::Idle {
                 assert!((world.linear_mm - REST_MM).abs() < 0.011, "{context}");
                 assert_eq!(end.clearance, Clearance::Clear, "{context}");
             } else {
@@ -505,7 +507,7 @@ fn whatever_goes_wrong_wherever_it_ends_clear_or_latched() {
                 }
             }
             if trouble == Trouble::Stop {
-                assert_eq!(end.state, StateWord::Latched, "{context}");
+                assert_eq!(end.state, RigState::Latched, "{context}");
                 assert_eq!(end.clearance, Clearance::Clear, "{context}");
             }
         }
@@ -518,10 +520,10 @@ fn a_linear_stage_that_is_lost_on_the_way_out_is_not_moved_again() {
     for trouble in [Trouble::Fails, Trouble::Abort, Trouble::Stop] {
         let mut world = World::new(Some((30, trouble)));
         world.command(Command::Prepare);
-        while world.engine.snapshot().state != StateWord::Retracting {
+        while world.engine.snapshot().state != RigState::Retracting {
             match world.engine.snapshot().state {
-                StateWord::Idle => world.command(Command::Run(Box::new(plan()))),
-                StateWord::WaitingForPerson => world.command(Command::Answer),
+                RigState::Idle => world.command(Command::Run(Box::new(plan()))),
+                RigState::WaitingForPerson => world.command(Command::Answer),
                 _ => world.step(),
             }
         }
@@ -534,7 +536,7 @@ fn a_linear_stage_that_is_lost_on_the_way_out_is_not_moved_again() {
         }
         let end = world.engine.snapshot();
         assert!(world.is_lost && end.clearance == Clearance::Unknown, "{trouble:?}: {end:?}");
-        assert_eq!(end.state, StateWord::Latched, "{trouble:?}");
+        assert_eq!(end.state, RigState::Latched, "{trouble:?}");
     }
 }
 
@@ -545,14 +547,14 @@ fn a_latched_rig_takes_no_command_but_an_acknowledgement() {
     while world.in_flight.is_some() {
         world.step();
     }
-    let denied = world.engine.admits(&Command::Run(Box::new(plan()))).unwrap_err();
+    let denied = world.engine.admit(Command::Run(Box::new(plan()))).unwrap_err();
     assert_eq!(denied.to_string(), "cannot run while the rig is latched");
-    assert!(world.engine.admits(&Command::Sweep(plan().no_load_sweep)).is_err());
+    assert!(world.engine.admit(Command::Sweep(plan().no_load_sweep)).is_err());
     world.command(Command::Acknowledge);
     while world.in_flight.is_some() {
         world.step();
     }
-    assert_eq!(world.engine.snapshot().state, StateWord::Idle);
+    assert_eq!(world.engine.snapshot().state, RigState::Idle);
 }
 
 #[test]
@@ -563,7 +565,7 @@ fn a_move_by_hand_obeys_what_a_run_obeys() {
         world.step();
     }
     let denial = |world: &World, command: Command| {
-        world.engine.admits(&command).expect_err("it must be denied").to_string()
+        world.engine.admit(command).expect_err("it must be denied").to_string()
     };
     let linear = |mm| Command::MoveLinear(Position::new(mm));
     let rotary = |degrees| Command::MoveRotary(Position::new(degrees));
@@ -601,14 +603,14 @@ fn a_move_by_hand_obeys_what_a_run_obeys() {
 fn the_time_between_the_readings_of_a_sweep_counts_against_its_limit() {
     let mut world = World::new(None);
     world.command(Command::Prepare);
-    while world.engine.snapshot().state != StateWord::Idle {
+    while world.engine.snapshot().state != RigState::Idle {
         world.step();
     }
     let mut request = plan().no_load_sweep;
     (request.method, request.time_limit_s) = (SweepMethod::Adaptive, 60.0);
     world.command(Command::Sweep(request));
     for passed_s in [1, 1, 58] {
-        assert_eq!(world.engine.snapshot().state, StateWord::Running);
+        assert_eq!(world.engine.snapshot().state, RigState::Running);
         let (id, operation) = world.in_flight.take().unwrap();
         let Report::Measured(mut readings) = world.perform(&operation) else { panic!() };
         for reading in &mut readings {
@@ -617,7 +619,7 @@ fn the_time_between_the_readings_of_a_sweep_counts_against_its_limit() {
         world.now = world.now + std::time::Duration::from_secs(passed_s);
         world.handle(Input::Done(id, Ok(Report::Measured(readings))));
     }
-    assert_eq!(world.engine.snapshot().state, StateWord::Idle);
+    assert_eq!(world.engine.snapshot().state, RigState::Idle);
     let refusal = world.events.iter().find_map(|event| match event {
         Event::SweepFinished(outcome) => Some(format!("{:?}", outcome.verdict)),
         _ => None,

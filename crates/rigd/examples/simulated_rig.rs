@@ -19,7 +19,7 @@ async fn main() -> Result<(), Box<dyn Error>> {
     let mut status = handle.status();
 
     // After opening, the rig homes its axes and proves that the probe is clear.
-    status.wait_for(|status| status.snapshot.state == rig_engine::StateWord::Idle).await?;
+    status.wait_for(|status| status.snapshot.state == rig_engine::RigState::Idle).await?;
     let id = handle.run(protocol, "example").await?;
     let ended = status.wait_for(|status| {
         status.run.as_ref().is_some_and(|run| run.id == id && run.ending.is_some())

@@ -38,7 +38,7 @@ use std::{
 };
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use rig_engine::{Denied, StateWord};
+use rig_engine::{CommandRefusal, RigState};
 use rig_model::{Clearance, Mm, Position, with_causes};
 use rig_store::{Reader, StoreError, export::ExportError};
 
@@ -295,7 +295,7 @@ enum Failure {
         probe.name(),
         linear.map_or_else(String::new, |at| format!(" (last read back at {at})"))
     )]
-    Left { state: StateWord, probe: Clearance, linear: Option<Position<Mm>> },
+    Left { state: RigState, probe: Clearance, linear: Option<Position<Mm>> },
 }
 
 impl Failure {
@@ -306,8 +306,10 @@ impl Failure {
             | Self::NoTimes { .. }
             | Self::NoToken { .. }
             | Self::Token(_)
-            | Self::Refused(Refusal::Denied(
-                Denied::LinearTarget(_) | Denied::RotaryTarget(_) | Denied::TooDeep { .. },
+            | Self::Refused(Refusal::Command(
+                CommandRefusal::LinearTarget(_)
+                | CommandRefusal::RotaryTarget(_)
+                | CommandRefusal::TooDeep { .. },
             )) => 2,
             Self::NoResonance { .. }
             | Self::NoResonances { .. }

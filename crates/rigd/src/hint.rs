@@ -1,21 +1,21 @@
 //! What a person can do after a fault.
 
-use rig_engine::{Device, FailureKind, Fault, StateWord};
+use rig_engine::{Device, FailureKind, Fault, RigState};
 use rig_model::Clearance;
 
 use crate::doctor::advice;
 
 /// What to do when a command is refused in this state.
-pub(crate) const fn while_in(state: StateWord) -> Option<&'static str> {
+pub(crate) const fn while_in(state: RigState) -> Option<&'static str> {
     match state {
-        StateWord::Latched => {
+        RigState::Latched => {
             Some("look at the fault in GET /api/v1/rig, then POST /api/v1/acknowledge")
         }
-        StateWord::Running | StateWord::WaitingForPerson | StateWord::Paused => {
+        RigState::Running | RigState::WaitingForPerson | RigState::Paused => {
             Some("wait for the run to end, or abort it")
         }
-        StateWord::Preparing | StateWord::Retracting => Some("try again in a moment"),
-        StateWord::Idle => None,
+        RigState::Preparing | RigState::Retracting => Some("try again in a moment"),
+        RigState::Idle => None,
     }
 }
 

@@ -20,7 +20,7 @@ mod shell;
 
 use std::{path::PathBuf, sync::Arc, thread, time::Instant};
 
-use rig_engine::{Command, Denied, Snapshot};
+use rig_engine::{Command, CommandRefusal, Snapshot};
 use rig_model::{Bench, RigTime, SweepRequest, with_causes};
 use rig_protocol::{Action, Plan, Prompt};
 use rig_sim::SimHandle;
@@ -123,7 +123,7 @@ pub struct Identity {
 pub enum Refusal {
     /// The state forbids it.
     #[error(transparent)]
-    Denied(#[from] Denied),
+    Command(#[from] CommandRefusal),
     /// It names a run that is not the one under way.
     #[error("run {run} is not under way")]
     NotUnderWay {

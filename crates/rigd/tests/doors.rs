@@ -9,7 +9,7 @@ use axum::{
     body::{Body, to_bytes},
     http::{Request, Response, StatusCode},
 };
-use rig_engine::StateWord;
+use rig_engine::RigState;
 use rigd::{
     http::{
         Shared,
@@ -52,7 +52,7 @@ impl Daemon {
         let (folder, closing) = (data.path().to_owned(), CancellationToken::new());
         let shared = Shared::new(handle.clone(), facts, Some(smoke), folder, doors, closing);
         let mut status = handle.status();
-        status.wait_for(|status| status.snapshot.state == StateWord::Idle).await.unwrap();
+        status.wait_for(|status| status.snapshot.state == RigState::Idle).await.unwrap();
         Self { router: router(shared), handle, _data: data }
     }
 
@@ -98,7 +98,7 @@ impl Daemon {
     /// Nothing has been begun.
     async fn is_untouched(&self) {
         let status = self.handle.status().borrow().clone();
-        assert_eq!((status.snapshot.state, status.sweeps), (StateWord::Idle, 0));
+        assert_eq!((status.snapshot.state, status.sweeps), (RigState::Idle, 0));
         let answer = self.send("GET", "/api/v1/runs", &[], "").await;
         assert_eq!(to_bytes(answer.into_body(), 9).await.unwrap(), "[]");
     }

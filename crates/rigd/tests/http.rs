@@ -9,7 +9,7 @@ use axum::{
     body::{Body, to_bytes},
     http::{Request, StatusCode, header},
 };
-use rig_engine::{Command, StateWord};
+use rig_engine::{Command, RigState};
 use rig_store::{Reader, Record};
 use rigd::{
     http::{Shared, doors::Doors, router},
@@ -62,7 +62,7 @@ impl Daemon {
 
     async fn wait_until_idle(&self) {
         let mut status = self.handle.status();
-        status.wait_for(|status| status.snapshot.state == StateWord::Idle).await.unwrap();
+        status.wait_for(|status| status.snapshot.state == RigState::Idle).await.unwrap();
     }
 
     async fn ask(&self, method: &str, path: &str, body: &Value) -> (StatusCode, Value) {

@@ -10,7 +10,7 @@ use axum::{
     http::{Request, Response, StatusCode, header},
 };
 use futures_util::StreamExt;
-use rig_engine::StateWord;
+use rig_engine::RigState;
 use rigd::{
     http::{Shared, doors::Doors, router},
     loaded_rig::LoadedRig,
@@ -44,11 +44,11 @@ impl Daemon {
         let closing = CancellationToken::new();
         let shared = Shared::new(handle.clone(), facts, None, directory, doors, closing);
         let daemon = Self { router: router(shared), handle, thread, _data: data };
-        daemon.wait_for(StateWord::Idle).await;
+        daemon.wait_for(RigState::Idle).await;
         daemon
     }
 
-    async fn wait_for(&self, state: StateWord) {
+    async fn wait_for(&self, state: RigState) {
         let mut status = self.handle.status();
         status.wait_for(|status| status.snapshot.state == state).await.unwrap();
     }
@@ -154,7 +154,7 @@ async fn a_late_answer_does_not_answer_the_next_prompt() {
     let daemon = Daemon::start(SimulatedPerson::Waits).await;
     let (_, run) = daemon.post("runs", "application/toml", &smoke()).await;
     let id = run["id"].as_str().unwrap().to_owned();
-    daemon.wait_for(StateWord::WaitingForPerson).await;
+    daemon.wait_for(RigState::WaitingForPerson).await;
     let first = daemon.get("rig").await["asked"].clone();
     assert_eq!((&first["what"], &first["number"]), (&"place_sample".into(), &1.into()));
     let step = first["step"].as_str().unwrap();

@@ -7,7 +7,7 @@ use crate::{
     Effect, Event, Fault, Operation, RunStatus,
     fault::StopReason,
     operation::limit,
-    recovery::{Recovery, RecoveryTurn},
+    recovery::{Recovery, RecoveryStep},
 };
 
 impl Engine {
@@ -84,28 +84,28 @@ impl Engine {
             return;
         };
         let is_linear_lost = matches!(&reason, StopReason::Fault(fault) if fault.is_linear_lost());
-        let (recovery, turn) = Recovery::begin(is_linear_lost);
+        let (recovery, step) = Recovery::begin(is_linear_lost);
         self.activity = Activity::Retracting(recovery, reason, had_run);
-        self.follow_recovery(now, turn, effects);
+        self.follow_recovery(now, step, effects);
     }
 
     pub(super) fn retracting(&mut self, now: RigTime, effects: &mut Vec<Effect>) {
         let clearance = self.interlock.clearance();
         if let Activity::Retracting(recovery, ..) = &mut self.activity {
-            let turn = recovery.ended(clearance, &self.bench);
-            self.follow_recovery(now, turn, effects);
+            let step = recovery.ended(clearance, &self.bench);
+            self.follow_recovery(now, step, effects);
         }
     }
 
     pub(super) fn follow_recovery(
         &mut self,
         now: RigTime,
-        turn: RecoveryTurn,
+        step: RecoveryStep,
         effects: &mut Vec<Effect>,
     ) {
-        let clearance = match turn {
-            RecoveryTurn::Do(operation) => return self.issue(now, operation, effects),
-            RecoveryTurn::Finished(clearance) => clearance,
+        let clearance = match step {
+            RecoveryStep::Do(operation) => return self.issue(now, operation, effects),
+            RecoveryStep::Finished(clearance) => clearance,
         };
         let activity = std::mem::replace(&mut self.activity, Activity::Idle);
         let Activity::Retracting(_, reason, had_run) = activity else { return };

@@ -1,7 +1,7 @@
 //! `rigd move` and `rigd home`: one axis by hand, within what the interlock admits.
 
 use clap::{Args, ValueEnum};
-use rig_engine::{Command, Denied};
+use rig_engine::{Command, CommandRefusal};
 use rig_model::{Bench, Clearance, Deg, Mm, Position};
 use serde::Serialize;
 
@@ -81,13 +81,13 @@ pub(super) fn home(args: &HomeArgs) -> Result<(), Failure> {
 /// the finger moves nothing; the engine asks again, with what it knows of the probe.
 pub(super) fn linear_target(bench: &Bench, mm: f64) -> Result<Position<Mm>, Failure> {
     let target = bench.linear.target(Position::new(mm));
-    Ok(target.map_err(|error| Refusal::from(Denied::LinearTarget(error)))?.position())
+    Ok(target.map_err(|error| Refusal::from(CommandRefusal::LinearTarget(error)))?.position())
 }
 
 /// The same for a tilt.
 pub(super) fn rotary_target(bench: &Bench, deg: f64) -> Result<Position<Deg>, Failure> {
     let target = bench.rotary.target(Position::new(deg));
-    Ok(target.map_err(|error| Refusal::from(Denied::RotaryTarget(error)))?.position())
+    Ok(target.map_err(|error| Refusal::from(CommandRefusal::RotaryTarget(error)))?.position())
 }
 
 /// Where the axes stand, for a person.

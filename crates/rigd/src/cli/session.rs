@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use rig_engine::{Command, StateWord};
+use rig_engine::{Command, RigState};
 use rig_store::Reader;
 use tokio::sync::watch;
 
@@ -97,8 +97,8 @@ impl Session {
                 let status = self.status.borrow_and_update();
                 match status.snapshot.state {
                     _ if self.signals.count > 0 => {}
-                    StateWord::Idle => return Ok(()),
-                    StateWord::Latched => return Err(latched(&status)),
+                    RigState::Idle => return Ok(()),
+                    RigState::Latched => return Err(latched(&status)),
                     _ => {}
                 }
             }
@@ -129,9 +129,9 @@ impl Session {
         loop {
             let status = self.status.borrow_and_update().clone();
             match status.snapshot.state {
-                StateWord::Idle if self.signals.count > 0 => return Err(Failure::Aborted),
-                StateWord::Idle => return Ok(status),
-                StateWord::Latched => return Err(latched(&status)),
+                RigState::Idle if self.signals.count > 0 => return Err(Failure::Aborted),
+                RigState::Idle => return Ok(status),
+                RigState::Latched => return Err(latched(&status)),
                 _ => {}
             }
             tokio::select! {

@@ -6,7 +6,7 @@ use axum::{
     http::{HeaderValue, StatusCode, header},
     response::{IntoResponse, Response},
 };
-use rig_engine::Denied;
+use rig_engine::CommandRefusal;
 use rig_model::with_causes;
 use rig_record::{NotARunId, UnreadableRecord};
 use rig_settings::Faults;
@@ -175,16 +175,18 @@ impl From<Refusal> for Problem {
     fn from(refusal: Refusal) -> Self {
         let detail = refusal.to_string();
         match refusal {
-            Refusal::Denied(Denied::State { state, .. }) => {
+            Refusal::Command(CommandRefusal::State { state, .. }) => {
                 let hint = hint::while_in(state);
                 Self { hint, ..Self::new(StatusCode::CONFLICT, "not in this state", detail) }
             }
-            Refusal::Denied(Denied::NotClear { .. }) => Self {
+            Refusal::Command(CommandRefusal::NotClear { .. }) => Self {
                 hint: Some("retract first: move the linear stage to its clear position"),
                 ..Self::new(StatusCode::CONFLICT, "not in this state", detail)
             },
-            Refusal::Denied(
-                Denied::LinearTarget(_) | Denied::RotaryTarget(_) | Denied::TooDeep { .. },
+            Refusal::Command(
+                CommandRefusal::LinearTarget(_)
+                | CommandRefusal::RotaryTarget(_)
+                | CommandRefusal::TooDeep { .. },
             ) => Self::unprocessable(detail),
             Refusal::NotUnderWay { .. } => Self::new(StatusCode::CONFLICT, "not under way", detail),
             Refusal::NotAsked { .. } => Self {

@@ -8,8 +8,8 @@ use std::{
 };
 
 use rig_engine::{
-    Command, Denied, Device, Effect, Engine, Event, Failure, FailureKind, Fault, Input, Operation,
-    OperationId, Report, StateWord,
+    Admitted, Command, Device, Effect, Engine, Event, Failure, FailureKind, Fault, Input,
+    Operation, OperationId, Report, RigState,
 };
 use rig_link::{Clock, StopSignal, Transcript};
 use rig_model::with_causes;
@@ -220,8 +220,8 @@ impl Shell {
     /// never answers.
     fn is_at_rest(&self) -> bool {
         match self.engine.snapshot().state {
-            StateWord::Idle => self.in_flight.is_none(),
-            state => state == StateWord::Latched,
+            RigState::Idle => self.in_flight.is_none(),
+            state => state == RigState::Latched,
         }
     }
 
@@ -269,7 +269,7 @@ impl Shell {
         key: Option<String>,
     ) -> Result<rig_store::RunId, Refusal> {
         let command = Command::Run(Box::new(protocol.plan.clone()));
-        self.engine.admits(&command)?;
+        let admitted = self.engine.admit(command)?;
         self.journal_is_fine()?;
         let mut journal = self.store.begin(RunKind::Run, &protocol.plan.name)?;
         let started = Recorder::run_started(&protocol, &self.setting, &self.known_samples, key);
@@ -290,8 +290,8 @@ impl Shell {
             ending: None,
         };
         self.view.run = Some(view);
-        self.command(command, by)?;
-        // Who is given the id may ask for the run at once.
+        self.begin(admitted, by);
+        // A client that has the id may ask for the run at once.
         self.commit();
         Ok(id)
     }
@@ -305,16 +305,19 @@ impl Shell {
 
     fn command(&mut self, command: Command, by: &str) -> Result<(), Refusal> {
         let is_sweep = matches!(command, Command::Sweep(_));
+        let admitted = self.engine.admit(command)?;
+        if is_sweep {
+            self.view.sweeps = self.session.1.begin_sweep();
+            self.view.sweep = Some(self.view.sweeps);
+        }
+        self.begin(admitted, by);
+        Ok(())
+    }
+
+    fn begin(&mut self, admitted: Admitted, by: &str) {
         let mut effects = Vec::new();
-        let taken: Result<(), Denied> = self.engine.admits(&command).and_then(|()| {
-            if is_sweep {
-                self.view.sweeps = self.session.1.begin_sweep();
-                self.view.sweep = Some(self.view.sweeps);
-            }
-            self.think(|engine, now| engine.command(now, command, by, &mut effects))
-        });
+        self.think(|engine, now| engine.begin(now, admitted, by, &mut effects));
         self.carry_out(effects);
-        Ok(taken?)
     }
 
     fn handle(&mut self, input: Input) {
@@ -340,7 +343,7 @@ impl Shell {
             }
         }
         let state = self.engine.snapshot().state;
-        let is_busy = matches!(state, StateWord::Running | StateWord::Preparing);
+        let is_busy = matches!(state, RigState::Running | RigState::Preparing);
         let is_due = !self.is_virtual_time || self.last_commit.elapsed() >= COMMIT_INTERVAL;
         if !is_busy || is_due {
             self.commit();
@@ -421,7 +424,7 @@ impl Shell {
                 self.view.sweep = None;
             }
             // One that was aborted or failed is never finished.
-            Event::StateChanged(word) if *word != StateWord::Running => self.view.sweep = None,
+            Event::StateChanged(word) if *word != RigState::Running => self.view.sweep = None,
             _ => {}
         }
         let (_, recorder) = self.run.as_mut().unwrap_or(&mut self.session);

@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 use rig_chart::{Axis, Chart, Series, Stroke};
-use rig_engine::{Search, SearchTurn};
+use rig_engine::{Search, SearchStep};
 use rig_model::{Mm, Position, Reading, RigTime, SweepPoint};
 use rig_protocol::Approach;
 use rig_sim::{
@@ -102,12 +102,12 @@ fn search(approach: Approach, sample: &str, seed: u64) -> Option<(f64, f64)> {
     let mut speed = TRAVEL_SPEED;
     loop {
         turn = match turn {
-            SearchTurn::MoveTo(target) => {
+            SearchStep::MoveTo(target) => {
                 let here = bench.move_to(target.value(), speed);
                 speed = CONTACT_SPEED;
                 search.arrived(here)
             }
-            SearchTurn::Read { is_after_contact } => {
+            SearchStep::Read { is_after_contact } => {
                 let settle_s = if is_after_contact {
                     approach.settle_s.max(AFTER_CONTACT_TIME_CONSTANTS * bench.time_constant_s)
                 } else {
@@ -115,7 +115,7 @@ fn search(approach: Approach, sample: &str, seed: u64) -> Option<(f64, f64)> {
                 };
                 search.read(bench.read(settle_s, approach.cycles))
             }
-            SearchTurn::Found(surface) => {
+            SearchStep::Found(surface) => {
                 let time_s = bench.now.as_seconds() - begun_s;
                 // From above, as every reading that counted was taken.
                 let position_mm = surface.position.value();
@@ -123,7 +123,7 @@ fn search(approach: Approach, sample: &str, seed: u64) -> Option<(f64, f64)> {
                 bench.move_to(position_mm, CONTACT_SPEED);
                 return Some((time_s, bench.world.truth(bench.now).indentation_mm));
             }
-            SearchTurn::Flagged | SearchTurn::Fault(_) => return None,
+            SearchStep::Flagged | SearchStep::Fault(_) => return None,
         };
     }
 }

@@ -1,0 +1,129 @@
+//! What passes between the engine and the state machines of a run: events in, steps out.
+
+use std::time::Duration;
+
+use rig_model::{Bench, Clearance, Deg, Mm, Position, Reading, RigTime};
+use rig_protocol::{Plan, Pose, Prompt};
+
+use crate::{
+    Event, Fault, LoweringPurpose, Operation, Report, operation::retract, search::Surface,
+};
+
+/// What a machine wants next.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum MachineStep<T> {
+    /// Carry out this operation.
+    Do(Operation),
+    /// Note the intent to lower the probe, make it durable, and allow it.
+    Declare { down_to: Position<Mm>, purpose: LoweringPurpose },
+    /// Let this much time pass.
+    Wait(Duration),
+    /// Ask a person and wait for the answer.
+    Ask(Prompt),
+    /// Wait for a person to go on.
+    Pause,
+    /// Done.
+    Done(T),
+    /// It cannot go on.
+    Fault(Fault),
+}
+
+impl<T> MachineStep<T> {
+    /// Hands the step to the machine that started this one; `done` converts the final result.
+    pub(crate) fn and_then<U>(self, done: impl FnOnce(T) -> MachineStep<U>) -> MachineStep<U> {
+        match self {
+            Self::Do(operation) => MachineStep::Do(operation),
+            Self::Declare { down_to, purpose } => MachineStep::Declare { down_to, purpose },
+            Self::Wait(duration) => MachineStep::Wait(duration),
+            Self::Ask(prompt) => MachineStep::Ask(prompt),
+            Self::Pause => MachineStep::Pause,
+            Self::Fault(fault) => MachineStep::Fault(fault),
+            Self::Done(value) => done(value),
+        }
+    }
+}
+
+/// What wakes a machine.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum MachineEvent {
+    Begin,
+    LinearAt(Position<Mm>),
+    RotaryAt(Position<Deg>),
+    Readings(Vec<Reading>),
+    Stopped,
+    Declared,
+    Waited,
+    Answered { by: String },
+    Resumed,
+}
+
+impl MachineEvent {
+    /// The fault of an event that the machine does not expect in this phase. It is a bug, and the
+    /// rig stops safely.
+    pub(crate) fn out_of_order(&self, during: &'static str) -> Fault {
+        let what = match self {
+            Self::Begin => "a beginning",
+            Self::LinearAt(_) => "a position of the linear stage",
+            Self::RotaryAt(_) => "a position of the rotary stage",
+            Self::Readings(_) => "readings",
+            Self::Stopped => "a standstill",
+            Self::Declared => "a declaration",
+            Self::Waited => "the end of a wait",
+            Self::Answered { .. } => "an answer",
+            Self::Resumed => "a resumption",
+        };
+        Fault::OutOfOrder { what, during }
+    }
+}
+
+impl From<Report> for MachineEvent {
+    fn from(report: Report) -> Self {
+        match report {
+            Report::LinearAt(position) => Self::LinearAt(position),
+            Report::RotaryAt(position) => Self::RotaryAt(position),
+            Report::Measured(readings) => Self::Readings(readings),
+            Report::Stopped => Self::Stopped,
+        }
+    }
+}
+
+/// What a machine reads and writes while it handles an event.
+pub(crate) struct MachineContext<'a> {
+    pub(crate) now: RigTime,
+    pub(crate) plan: &'a Plan,
+    pub(crate) bench: &'a Bench,
+    pub(crate) clearance: Clearance,
+    pub(crate) notes: &'a mut Vec<Event>,
+}
+
+impl MachineContext<'_> {
+    pub(crate) fn rotate_to<T>(&self, pose: Pose) -> MachineStep<T> {
+        match self.bench.rotary.target(pose.direction.rotary_position(pose.angle)) {
+            Ok(target) => MachineStep::Do(Operation::MoveRotary {
+                target,
+                speed_deg_per_s: self.bench.limits.rotary_speed_deg_per_s,
+            }),
+            Err(error) => MachineStep::Fault(Fault::RotaryTarget(error)),
+        }
+    }
+
+    pub(crate) fn move_linear<T>(&self, to: Position<Mm>, speed_mm_per_s: f64) -> MachineStep<T> {
+        match self.bench.linear.target(to) {
+            Ok(target) => MachineStep::Do(Operation::MoveLinear { target, speed_mm_per_s }),
+            Err(error) => MachineStep::Fault(Fault::LinearTarget(error)),
+        }
+    }
+
+    pub(crate) fn retract<T>(&self) -> MachineStep<T> {
+        MachineStep::Do(retract(self.bench))
+    }
+
+    pub(crate) fn surface_not_found(&mut self, trail: Vec<(Position<Mm>, Reading)>) {
+        self.notes.push(Event::SurfaceNotFound { trail });
+    }
+
+    pub(crate) fn surface_found(&mut self, surface: Surface, trail: Vec<(Position<Mm>, Reading)>) {
+        let Surface { position, sigma_mm } = surface;
+        self.notes.push(Event::SurfaceFound { position, sigma_mm, trail });
+    }
+}
