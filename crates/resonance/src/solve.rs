@@ -33,12 +33,25 @@ impl<const N: usize> Default for Normal<N> {
 impl<const N: usize> Normal<N> {
     /// Adds one residual with its slopes.
     pub(crate) fn add(&mut self, residual: Complex64, row: &[Complex64; N], weight: f64) {
-        for (i, slope) in row.iter().enumerate() {
+        self.add_leading::<N>(residual, row, weight);
+    }
+
+    /// Adds one residual of which only the first `LEADING` slopes are not zero.
+    pub(crate) fn add_leading<const LEADING: usize>(
+        &mut self,
+        residual: Complex64,
+        row: &[Complex64; N],
+        weight: f64,
+    ) {
+        for (i, slope) in row.iter().take(LEADING).enumerate() {
             let left = weight * slope.conj();
             self.gradient[i] += (left * residual).re;
-            for (j, other) in row.iter().enumerate() {
-                self.matrix[i][j] += left.re * other.re - left.im * other.im;
+            for (j, other) in row.iter().take(i).enumerate() {
+                let product = left.re * other.re - left.im * other.im;
+                self.matrix[i][j] += product;
+                self.matrix[j][i] += product;
             }
+            self.matrix[i][i] += left.re * slope.re - left.im * slope.im;
         }
         self.cost += weight * residual.norm_sqr();
     }
