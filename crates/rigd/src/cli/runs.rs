@@ -25,6 +25,7 @@ struct RunView {
     name: String,
     protocol: String,
     status: &'static str,
+    is_simulated: bool,
     started_at: String,
     #[serde(skip_serializing_if = "Option::is_none")]
     finished_at: Option<String>,
@@ -47,34 +48,38 @@ pub(super) fn list(args: &RunsArgs) -> Result<(), Failure> {
     let mut runs = Vec::new();
     for run in reader.runs()?.into_iter().filter(|run| run.kind == RunKind::Run) {
         let interruption = InterruptionView::read(&reader, &run)?;
-        runs.push((run, interruption));
+        let is_simulated = reader.is_simulated(run.id);
+        runs.push((run, is_simulated, interruption));
     }
     if args.output.json {
-        let view = |(run, interruption): (Run, Option<InterruptionView>)| RunView {
-            run_id: run.id.to_string(),
-            name: run.short_name(),
-            protocol: run.name,
-            status: run.status.name(),
-            started_at: run.started_at,
-            finished_at: run.finished_at,
-            records: run.records,
-            interruption,
-        };
+        let view =
+            |(run, is_simulated, interruption): (Run, bool, Option<InterruptionView>)| RunView {
+                run_id: run.id.to_string(),
+                name: run.short_name(),
+                protocol: run.name,
+                status: run.status.name(),
+                is_simulated,
+                started_at: run.started_at,
+                finished_at: run.finished_at,
+                records: run.records,
+                interruption,
+            };
         return print_json(&runs.into_iter().map(view).collect::<Vec<_>>());
     }
-    let row = |(run, _): &(Run, _)| {
+    let row = |(run, is_simulated, _): &(Run, bool, _)| {
         vec![
             run.short_name(),
             run.status.describe(),
             run.started_at.clone(),
             run.wall_s.map(duration).unwrap_or_default(),
             run.records.to_string(),
+            if *is_simulated { "simulated" } else { "real" }.to_owned(),
             run.id.to_string(),
         ]
     };
     let rows: Vec<_> = runs.iter().map(row).collect();
-    print(&columns(&["run", "status", "started (UTC)", "took", "records", "id"], &rows))?;
-    for (run, interruption) in &runs {
+    print(&columns(&["run", "status", "started (UTC)", "took", "records", "rig", "id"], &rows))?;
+    for (run, _, interruption) in &runs {
         if let Some(left) = interruption.as_ref().filter(|left| left.is_open()) {
             note(&format!("{} was {}; {ADVICE}", run.short_name(), left.message));
         }

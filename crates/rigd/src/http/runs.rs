@@ -9,7 +9,7 @@ use axum::{
 };
 use rig_engine::Command;
 use rig_model::with_causes;
-use rig_store::{Record, Run, RunId, RunKind, export};
+use rig_store::{Reader, Record, Run, RunId, RunKind, export};
 use serde::{Deserialize, Serialize};
 
 use super::{Problem, Shared};
@@ -28,6 +28,7 @@ pub(super) struct RunView {
     name: String,
     protocol: String,
     status: &'static str,
+    is_simulated: bool,
     started_at: String,
     #[serde(skip_serializing_if = "Option::is_none")]
     finished_at: Option<String>,
@@ -84,9 +85,11 @@ enum ExportFormat {
 const CSV: &str = "text/csv; charset=utf-8";
 
 pub(super) async fn list(State(shared): State<Shared>) -> Result<Json<Vec<RunView>>, Problem> {
-    let runs = shared.read(|reader| Ok(reader.runs()?)).await?;
-    let is_run = |run: &Run| run.kind == RunKind::Run;
-    Ok(Json(runs.into_iter().filter(is_run).map(RunView::from).collect()))
+    let runs = shared.read(|reader| {
+        let runs = reader.runs()?.into_iter().filter(|run| run.kind == RunKind::Run);
+        Ok(runs.map(|run| RunView::new(reader, run)).collect())
+    });
+    runs.await.map(Json)
 }
 
 pub(super) async fn show(
@@ -100,7 +103,7 @@ pub(super) async fn show(
         let folder = run_files::folder(&data, reader, id);
         let results = report::summary(&run, &records, &folder)?;
         let interruption = InterruptionView::read(reader, &run)?;
-        Ok(RunDetail { run: run.into(), interruption, results })
+        Ok(RunDetail { run: RunView::new(reader, run), interruption, results })
     });
     detail.await.map(Json)
 }
@@ -288,9 +291,10 @@ fn begun(run: RunId) -> Response {
         .into_response()
 }
 
-impl From<Run> for RunView {
-    fn from(run: Run) -> Self {
+impl RunView {
+    fn new(reader: &Reader, run: Run) -> Self {
         Self {
+            is_simulated: reader.is_simulated(run.id),
             name: run.short_name(),
             id: run.id.to_string(),
             protocol: run.name,
