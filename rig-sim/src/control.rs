@@ -8,7 +8,8 @@ use rig_model::{Orientation, RigTime};
 
 use crate::{
     faults::{DeviceFault, Fault, FaultKind, ReplyFault, RequestFault, When},
-    rig::{PortId, Rig},
+    rig::Rig,
+    wiring::PortId,
     world::{NoSuchSample, Truth, Violation},
 };
 

@@ -5,7 +5,9 @@
 
 use std::time::Duration;
 
-use crate::{random::Stream, rig::PortId, world::World};
+use rig_model::random::Stream;
+
+use crate::{wiring::PortId, world::World};
 
 /// A fault that is going to happen.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -9,14 +9,14 @@ mod device;
 pub mod faults;
 pub mod modbus;
 pub mod plant;
-mod random;
 mod rig;
 pub mod scene;
 #[cfg(unix)]
 pub mod serve;
 mod shell;
+mod wiring;
 pub mod world;
 
-pub use device::bus::Carrier;
-pub use rig::{AxisWiring, Connection, HangUp, PortId, Rig, Wiring};
+pub use rig::{Connection, Rig};
 pub use shell::{Person, SimHandle, SimRig};
+pub use wiring::{AxisWiring, Carrier, HangUp, PortId, Wiring};

@@ -2,66 +2,19 @@
 
 use std::time::Duration;
 
-use rig_model::{AnalyzerMake, DriveMake, RigTime};
+use rig_model::{AnalyzerMake, RigTime, random::Stream};
 
 use crate::{
     device::{
-        bus::{Bus, BusLine, Carrier},
+        bus::{Bus, BusLine},
         cable::{Analyzer, Cable, Socket},
         drive::Drive,
         meter::{E4980a, E4990a, Hioki, Hp4284a, Lcr, Meter, Th2832},
     },
     faults::{DeviceFault, Fate, Fault, Faults},
-    modbus::NotModbus,
-    random::Stream,
+    wiring::{AxisWiring, Carrier, HangUp, PortId, Wiring},
     world::{AxisId, Scene, SceneError, World},
 };
-
-/// What stands on the bench and how it is connected.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Wiring {
-    /// The impedance analyzer.
-    pub analyzer: AnalyzerMake,
-    /// The drive of the linear stage.
-    pub linear: AxisWiring,
-    /// The drive of the rotary stage.
-    pub rotary: AxisWiring,
-    /// How the drives' line carries its frames.
-    pub carrier: Carrier,
-}
-
-/// How a stage is driven.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AxisWiring {
-    /// The make of its drive.
-    pub make: DriveMake,
-    /// The drive's unit id on the line.
-    pub unit_id: u8,
-    /// Millimetres or degrees a step of the drive; negative when the motor counts the other way.
-    pub units_per_step: f64,
-    /// Where the axis is when the drive counts zero, mm or degrees.
-    pub zero: f64,
-}
-
-/// One of the rig's ports.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum PortId {
-    /// The analyzer's.
-    Analyzer,
-    /// The line of the drives.
-    Bus,
-}
-
-/// The port closes the connection: what came over it cannot be read.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("the port hangs up")]
-pub struct HangUp;
-
-impl From<NotModbus> for HangUp {
-    fn from(_: NotModbus) -> Self {
-        Self
-    }
-}
 
 /// How long a drive thinks before it answers, as its factory sets it.
 const TURNAROUND: Duration = Duration::from_millis(3);
@@ -209,6 +162,8 @@ impl Rig {
 
 #[cfg(test)]
 mod tests {
+    use rig_model::DriveMake;
+
     use super::*;
     use crate::{
         faults::{FaultKind, ReplyFault, RequestFault, When},

@@ -14,7 +14,8 @@ use tokio::{
 };
 
 use crate::{
-    rig::{Connection, PortId, Rig, Wiring},
+    rig::{Connection, Rig},
+    wiring::{PortId, Wiring},
     world::{NoSuchSample, Scene, SceneError, Truth, Violation},
 };
 
@@ -191,7 +192,7 @@ impl SimHandle {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{AxisWiring, device::bus::Carrier, modbus::with_checksum, scene::paper};
+    use crate::{AxisWiring, Carrier, modbus::with_checksum, scene::paper};
     use rig_model::{AnalyzerMake, DriveMake};
 
     fn start(seed: u64) -> SimRig {

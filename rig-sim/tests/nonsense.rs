@@ -7,18 +7,16 @@
 
 use std::time::Duration;
 
-use rand_core::Rng;
-use rand_pcg::Pcg64;
-use rig_model::{AnalyzerMake, DriveMake, RigTime};
+use rig_model::{AnalyzerMake, DriveMake, RigTime, random::Stream};
 use rig_sim::{AxisWiring, Carrier, Connection, PortId, Rig, Wiring, scene};
 
 const SEED: u64 = 2020;
 
-struct Chance(Pcg64);
+struct Chance(Stream);
 
 impl Chance {
     fn below(&mut self, bound: u64) -> u64 {
-        self.0.next_u64() % bound
+        self.0.below(usize::try_from(bound).unwrap()) as u64
     }
 
     fn pick<T: Copy>(&mut self, among: &[T]) -> T {
@@ -104,7 +102,7 @@ fn no_request_brings_a_drive_down_and_every_answer_has_its_checksum() {
         ),
     ];
     for (model, addresses) in maps {
-        let mut chance = Chance(Pcg64::new(SEED.into(), 1));
+        let mut chance = Chance(Stream::new(SEED, 1));
         let mut rig = rig(AnalyzerMake::HiokiIm3536, model);
         let mut bus = rig.connect(PortId::Bus);
         let (mut now, mut answers) = (RigTime::ZERO, 0);
@@ -190,7 +188,7 @@ fn no_message_brings_an_analyzer_down_and_it_still_knows_its_name() {
         AnalyzerMake::KeysightE4990a,
     ];
     for model in models {
-        let mut chance = Chance(Pcg64::new(SEED.into(), 2));
+        let mut chance = Chance(Stream::new(SEED, 2));
         let mut rig = rig(model, DriveMake::OrientalAz);
         let mut analyzer = rig.connect(PortId::Analyzer);
         let (mut now, mut spoke) = (RigTime::ZERO, 0);

@@ -139,7 +139,8 @@ impl Analyzer {
         let (messages, level_header) = match self.dialect.commands {
             CommandSet::Points(PointCommands::Hioki) => (hioki::setup(level), hioki::LEVEL),
             CommandSet::Points(PointCommands::Lcr(variant)) => {
-                (lcr::setup(level, variant, high_power), lcr::LEVEL)
+                let switch = high_power.and_then(|high_power| high_power.switch);
+                (lcr::setup(level, variant, switch), lcr::LEVEL)
             }
             CommandSet::Trace => (trace::setup(level), trace::LEVEL),
         };

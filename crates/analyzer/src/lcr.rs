@@ -4,7 +4,6 @@ use rig_model::{DriveLevel, Measured, ReadingFlag};
 use rig_scpi::{DataError, Datum};
 
 use crate::{
-    dialect::HighPower,
     message::Message,
     point::{Integration, Shot, measured},
 };
@@ -52,14 +51,14 @@ pub(crate) static TH283X: LcrVariant = LcrVariant {
     short_s: &[(20.0, 0.350), (100.0, 0.270), (1e3, 0.040), (1e4, 0.030)],
 };
 
-/// What a measurement at a level needs, once.
+/// The settings of a measurement at a level. `high_power` is the command that switches it on.
 pub(crate) fn setup(
     level: DriveLevel,
     variant: &LcrVariant,
-    high_power: Option<HighPower>,
+    high_power: Option<&'static str>,
 ) -> Vec<Message> {
     let mut output = Message::new();
-    if let Some(switch) = high_power.and_then(|high_power| high_power.switch) {
+    if let Some(switch) = high_power {
         output = output.choose(switch, "ON");
     }
     let format = Message::new().choose(":FORMat", "ASCii");

@@ -2,12 +2,14 @@
 
 mod draw;
 mod legend;
+mod series;
 #[cfg(test)]
 mod tests;
 
 pub use legend::legend;
+pub use series::{Band, BandEdge, Point, Rule, Series, Stroke};
 
-use crate::{Axis, ChartError, Marker, svg};
+use crate::Axis;
 
 /// A chart with two axes.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,136 +32,6 @@ pub struct Chart {
     pub series: Vec<Series>,
 }
 
-/// One data series.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Series {
-    /// Name in the legend; `None` omits the entry.
-    pub name: Option<String>,
-    /// The points, in drawing order.
-    pub points: Vec<Point>,
-    /// Index of the colour.
-    pub colour: usize,
-    /// Shape of the points; `None` draws no points.
-    pub marker: Option<Marker>,
-    /// Style of the line through the points; `None` draws no line.
-    pub stroke: Option<Stroke>,
-}
-
-/// The style of a line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stroke {
-    /// A solid line.
-    Solid,
-    /// A dashed line.
-    Dashed,
-}
-
-impl Stroke {
-    /// The CSS class of a line.
-    pub(crate) fn class(self, colour: usize) -> String {
-        match self {
-            Self::Solid => format!("line s{colour}"),
-            Self::Dashed => format!("line dashed s{colour}"),
-        }
-    }
-}
-
-/// A data point.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Point {
-    /// Value on the horizontal axis.
-    pub x: f64,
-    /// Value on the vertical axis.
-    pub y: f64,
-    /// Half the length of the error bar; `None` draws no bar.
-    pub error: Option<f64>,
-    /// Tooltip.
-    pub note: Option<String>,
-}
-
-impl From<(f64, f64)> for Point {
-    fn from((x, y): (f64, f64)) -> Self {
-        Self { x, y, error: None, note: None }
-    }
-}
-
-/// A vertical cut through a band.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BandEdge {
-    /// Horizontal value.
-    pub x: f64,
-    /// Lower vertical value.
-    pub low: f64,
-    /// Upper vertical value.
-    pub high: f64,
-}
-
-/// A shaded area between two curves.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Band {
-    /// Name in the legend; `None` omits the entry.
-    pub name: Option<String>,
-    /// Edges of the area, in rising order of `x`.
-    pub edges: Vec<BandEdge>,
-    /// Index of the colour.
-    pub colour: usize,
-}
-
-/// A dashed line across the chart.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Rule {
-    /// At one value of the horizontal axis.
-    AtX {
-        /// Value on the horizontal axis.
-        value: f64,
-        /// Text beside the line.
-        label: String,
-    },
-    /// At one value of the vertical axis.
-    AtY {
-        /// Value on the vertical axis.
-        value: f64,
-        /// Text above the line.
-        label: String,
-    },
-}
-
-impl Series {
-    /// Points without a line, with the marker of the colour.
-    pub fn scatter<P: Into<Point>>(
-        name: &str,
-        colour: usize,
-        points: impl IntoIterator<Item = P>,
-    ) -> Self {
-        Self {
-            name: Some(name.to_owned()),
-            points: points.into_iter().map(Into::into).collect(),
-            colour,
-            marker: Some(Marker::of(colour)),
-            stroke: None,
-        }
-    }
-
-    /// A line without points.
-    pub fn line<P: Into<Point>>(
-        name: &str,
-        colour: usize,
-        points: impl IntoIterator<Item = P>,
-    ) -> Self {
-        let stroke = Some(Stroke::Solid);
-        Self { marker: None, stroke, ..Self::scatter(name, colour, points) }
-    }
-
-    /// A line through points, with the marker of the colour.
-    pub fn joined<P: Into<Point>>(
-        name: &str,
-        colour: usize,
-        points: impl IntoIterator<Item = P>,
-    ) -> Self {
-        Self { stroke: Some(Stroke::Solid), ..Self::scatter(name, colour, points) }
-    }
-}
-
 impl Chart {
     /// A chart without data, 720 by 400 pixels.
     pub fn new(title: &str, description: &str, x: Axis, y: Axis) -> Self {
@@ -173,21 +45,5 @@ impl Chart {
             rules: Vec::new(),
             series: Vec::new(),
         }
-    }
-
-    /// The chart for an HTML page. `id` must be unique there.
-    ///
-    /// # Errors
-    /// [`ChartError`] when an axis has no values or cannot show one.
-    pub fn svg(&self, id: &str) -> Result<String, ChartError> {
-        draw::draw(self, id)
-    }
-
-    /// The chart as an SVG file with its own style sheet.
-    ///
-    /// # Errors
-    /// [`ChartError`] when an axis has no values or cannot show one.
-    pub fn file(&self) -> Result<String, ChartError> {
-        Ok(svg::file(&self.svg("chart")?))
     }
 }

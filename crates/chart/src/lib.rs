@@ -17,11 +17,5 @@ pub use axis::{Axis, Scale};
 pub use chart::{Band, BandEdge, Chart, Point, Rule, Series, Stroke, legend};
 pub use error::ChartError;
 pub use heat_map::{Category, HeatMap, Tone};
-pub use marker::Marker;
-pub use svg::Escaped;
-
-/// The style sheet of all charts.
-pub const STYLE: &str = include_str!("style.css");
-
-/// Number of colours; larger indices start again at 0.
-pub const COLOURS: usize = 7;
+pub use marker::{COLOURS, Marker};
+pub use svg::{Escaped, STYLE};

@@ -4,6 +4,9 @@ use std::fmt::Write as _;
 
 use crate::svg::{Coordinate, Escaped, Svg};
 
+/// Number of colours; larger indices start again at 0.
+pub const COLOURS: usize = 7;
+
 /// The shape of a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Marker {
@@ -28,7 +31,7 @@ pub enum Marker {
 impl Marker {
     /// The marker of a colour.
     pub const fn of(index: usize) -> Self {
-        const ALL: [Marker; crate::COLOURS] = [
+        const ALL: [Marker; COLOURS] = [
             Marker::Circle,
             Marker::Square,
             Marker::Up,

@@ -2,6 +2,9 @@
 
 use std::fmt::{self, Write as _};
 
+/// The style sheet of all charts.
+pub const STYLE: &str = include_str!("style.css");
+
 /// Font size of all texts but titles, px.
 pub(crate) const FONT_PX: f64 = 12.0;
 
@@ -57,8 +60,7 @@ impl Svg {
 pub(crate) fn file(svg: &str) -> String {
     let head = svg.find(">\n").map_or(0, |end| end + 2);
     let (open, rest) = svg.split_at(head);
-    let style = crate::STYLE;
-    format!("{open}<style>\n{style}</style>\n{rest}")
+    format!("{open}<style>\n{STYLE}</style>\n{rest}")
 }
 
 /// A coordinate, to a hundredth of a pixel.

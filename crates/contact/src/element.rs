@@ -12,7 +12,8 @@ use std::f64::consts::TAU;
 use num_complex::Complex64;
 
 use crate::{
-    Circuit, Contact, Load, Pose, Refusal, Sensor, Tissue, pose::TipStiffness, section::Section,
+    Circuit, Contact, Load, Pose, Refusal, Sensor, Tissue, section::Section,
+    tip_stiffness::TipStiffness,
 };
 
 /// The beam element of tier E1.

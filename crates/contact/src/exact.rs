@@ -7,7 +7,7 @@
 use std::f64::consts::TAU;
 
 use crate::{
-    Element, Load, Pose, Sensor, element::Symmetric2, pose::TipStiffness, section::Section,
+    Element, Load, Pose, Sensor, element::Symmetric2, section::Section, tip_stiffness::TipStiffness,
 };
 
 /// A sensor as an exact beam.

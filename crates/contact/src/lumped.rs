@@ -3,7 +3,7 @@
 //! Their two constants are the no-load resonance and the sensitivity that the paper prints. The
 //! constants of another sensor follow by the ratio of its beam to the reference's.
 
-use crate::{ContactLaw, ExactBeam, Pose, Sensor, pose::TipStiffness};
+use crate::{ContactLaw, ExactBeam, Pose, Sensor, tip_stiffness::TipStiffness};
 
 /// The no-load resonance that the paper prints, Hz.
 pub(crate) const PRINTED_NO_LOAD_HZ: f64 = 140.4;

@@ -11,6 +11,7 @@ mod bench;
 mod causes;
 mod make;
 mod pose;
+pub mod random;
 mod scale;
 mod serial;
 mod sweep;

@@ -1,6 +1,9 @@
 //! How the probe stands to the sample.
 
-use std::fmt;
+use std::{
+    f64::consts::{FRAC_PI_2, PI},
+    fmt,
+};
 
 use crate::{Deg, Position};
 
@@ -36,6 +39,17 @@ impl Direction {
         match self {
             Self::Front | Self::Back => Orientation::FrontBack,
             Self::Left => Orientation::Left,
+        }
+    }
+
+    /// The azimuth of the surface's normal about the probe, from the front over the left, rad.
+    ///
+    /// At the front the normal leans towards the tip of the bimorph, at the back towards its clamp.
+    pub const fn azimuth_rad(self) -> f64 {
+        match self {
+            Self::Front => 0.0,
+            Self::Back => PI,
+            Self::Left => FRAC_PI_2,
         }
     }
 

@@ -15,8 +15,18 @@ use crate::{
 /// More would keep a bench busy for a month.
 const MAX_TOUCHES: usize = 100_000;
 
+impl Protocol {
+    /// Reads the `text` of a protocol `file`. What is wrong with it is kept: see
+    /// [`Protocol::faults`].
+    pub fn read(file: &str, text: &str) -> Self {
+        let (protocol, mut faults) = rig_settings::read(file, text, protocol::protocol);
+        by_itself(&protocol, &mut faults);
+        Self { faults, ..protocol }
+    }
+}
+
 /// Checks that need no bench.
-pub(crate) fn by_itself(protocol: &Protocol, faults: &mut Faults) {
+fn by_itself(protocol: &Protocol, faults: &mut Faults) {
     for sample in &protocol.samples {
         sample.check(faults, |name| {
             let is_fit = name.trim() == name && !name.contains('/');

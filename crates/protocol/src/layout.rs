@@ -6,15 +6,31 @@
 //! repeats follow each other. A random order shuffles the samples and what lies within one
 //! mounting: it costs travel and no prompt. The trials of the blind phase are never put in order.
 
-use rig_model::{Bench, Orientation};
+use rig_model::{Bench, Orientation, random::Stream};
 use rig_settings::Faults;
 
 use crate::{
     Action, Phase, Plan, Pose, Prompt, Protocol, Step, StepId, Touch, check,
     protocol::{Blind, NoLoadPolicy, Order},
-    random::{Random, Stream},
     refusal::Refusal,
 };
+
+/// The purpose of a stream of draws. Their streams are independent, so that a change in one part of
+/// a protocol leaves the draws of the other part as they were.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Draws {
+    /// The order of the main phase.
+    Order = 1,
+    /// The trials of the blind phase.
+    Blind = 2,
+}
+
+impl Draws {
+    /// `seed` has at most 53 bits; the bits above them select the stream.
+    pub(crate) fn stream(self, seed: u64) -> Stream {
+        Stream::of_seed(seed | (self as u64) << 53)
+    }
+}
 
 impl Plan {
     /// Holds the protocol against the bench and lays out its steps.
@@ -81,7 +97,7 @@ impl<'a> Layout<'a> {
     fn main(&mut self) {
         let mut random = match self.protocol.order {
             Order::Listed => None,
-            Order::Random => Some(Random::new(self.protocol.seed, Stream::Order)),
+            Order::Random => Some(Draws::Order.stream(self.protocol.seed)),
         };
         let mut samples: Vec<_> = (0..self.protocol.samples.len()).collect();
         if let Some(random) = &mut random {
@@ -136,7 +152,7 @@ impl<'a> Layout<'a> {
     }
 
     fn blind(&mut self, blind: &Blind) {
-        let mut random = Random::new(self.protocol.seed, Stream::Blind);
+        let mut random = Draws::Blind.stream(self.protocol.seed);
         let angles = blind.angles();
         for trial in 1..=blind.trials.value {
             let sample = random.below(self.protocol.samples.len());

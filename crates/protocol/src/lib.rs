@@ -13,7 +13,6 @@ mod check;
 mod layout;
 mod plan;
 mod protocol;
-mod random;
 mod refusal;
 mod summary;
 mod sweep;

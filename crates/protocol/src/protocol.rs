@@ -6,7 +6,7 @@ use rig_model::{ContactAngle, Direction};
 use rig_settings::{Faults, Setting, Table};
 
 use crate::{
-    Approach, TouchSettings, check,
+    Approach, TouchSettings,
     sweep::{self, SweepKeys},
 };
 
@@ -113,14 +113,6 @@ pub(crate) struct Limits {
 }
 
 impl Protocol {
-    /// Reads the `text` of a protocol `file`. What is wrong with it is kept: see
-    /// [`Protocol::faults`].
-    pub fn read(file: &str, text: &str) -> Self {
-        let (protocol, mut faults) = rig_settings::read(file, text, protocol);
-        check::by_itself(&protocol, &mut faults);
-        Self { faults, ..protocol }
-    }
-
     /// The name of the protocol.
     pub fn name(&self) -> &str {
         &self.name
@@ -163,7 +155,7 @@ impl Protocol {
     }
 }
 
-fn protocol(table: &mut Table<'_>) -> Protocol {
+pub(crate) fn protocol(table: &mut Table<'_>) -> Protocol {
     Protocol {
         name: table.text("name").required().value,
         samples: table.text("samples").max_chars(40).list().at_most(100).required().value,

@@ -6,10 +6,7 @@ use rig_model::{
     AnalyzerRange, Axis, AxisLimits, Bench, Geometry, MotionLimits, Orientation, Position, Span,
 };
 
-use crate::{
-    Action, AngleKnowledge, Phase, Plan, Prompt, Protocol, Touch,
-    random::{Random, Stream},
-};
+use crate::{Action, AngleKnowledge, Phase, Plan, Prompt, Protocol, Touch, layout::Draws};
 
 const THREE_DIRECTION: &str = include_str!("../../../config/protocols/three-direction.toml");
 const SMOKE: &str = include_str!("../../../config/protocols/smoke.toml");
@@ -406,7 +403,7 @@ fn whatever_stands_in_a_protocol_it_is_read_or_refused_without_a_panic() {
         "1979-05-27",
         "[1, \"a\", {}]",
     ];
-    let mut random = Random::new(SEED, Stream::Order);
+    let mut random = Draws::Order.stream(SEED);
     let mut refused = 0;
     for case in 0..500 {
         let mut lines: Vec<_> = THREE_DIRECTION.lines().map(str::to_owned).collect();
@@ -454,4 +451,14 @@ fn the_angle_is_known_to_the_analysis_unless_the_protocol_says_otherwise() {
     let unknown = changed(&[("angle = \"known\"", "angle = \"unknown\"")]);
     check(&unknown, AngleKnowledge::Unknown);
     assert_eq!(plan_of(&unknown).steps.len(), plan_of(THREE_DIRECTION).steps.len());
+}
+
+#[test]
+fn a_seed_draws_what_it_has_always_drawn() {
+    let draws = |of: Draws| {
+        let mut random = of.stream(1);
+        std::array::from_fn::<_, 6, _>(|_| random.below(1000))
+    };
+    assert_eq!(draws(Draws::Order), [361, 728, 315, 785, 329, 329]);
+    assert_eq!(draws(Draws::Blind), [661, 764, 214, 272, 457, 385]);
 }

@@ -8,18 +8,18 @@ mod motion;
 mod person;
 mod start;
 mod sweep;
+mod touch;
 
 use serde::{Deserialize, Serialize};
 
 pub use motion::{Axis, Intent, LostSurface, Move, MoveReason, Surface, SurfaceReading};
 pub use person::{Operator, Prompt, PromptAnswered, PromptAsked};
-pub use start::{
-    Action, Device, Direction, Phase, PlanSize, Pose, RunStarted, Sample, Source, StepStarted,
-};
+pub use start::{Action, Device, PlanSize, RunStarted, Sample, Source, StepStarted};
 pub use sweep::{
-    Circuit, FitNoise, FitSettings, FitTiming, Indented, NearCircuit, Reading, ReadingFlag,
-    RefusedTouch, Sweep, SweepPurpose, SweepVerdict, Touch, TouchSettings,
+    Circuit, FitNoise, FitSettings, FitTiming, NearCircuit, Reading, ReadingFlag, Sweep,
+    SweepPurpose, SweepVerdict,
 };
+pub use touch::{Direction, Indented, Phase, Pose, RefusedTouch, Touch, TouchSettings};
 
 /// One record of a journal.
 ///

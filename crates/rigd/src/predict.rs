@@ -9,7 +9,7 @@ use std::fmt;
 use rig_contact::{
     Circuit, Contact, Models, Pose, PoseError, Refusal, Requirements, Tier, Tissue, TissueError,
 };
-use rig_model::{Direction, Window};
+use rig_model::Window;
 use rig_protocol::{Action, Plan, Touch};
 
 use crate::{loaded_rig::LoadedRig, rig_file::SensorFile};
@@ -266,13 +266,8 @@ impl<'a> Bench<'a> {
             return Err(NotPredicted::UnknownSample { sample: name.clone() });
         };
         let tissue: Tissue = self.sensor.tissue(stiffness_mpa)?;
-        let direction = match touch.pose.direction {
-            Direction::Front => rig_contact::Direction::Front,
-            Direction::Back => rig_contact::Direction::Back,
-            Direction::Left => rig_contact::Direction::Left,
-        };
         let contact = Contact {
-            pose: Pose::leaning(direction, touch.pose.angle.radians())?,
+            pose: Pose::leaning(touch.pose.direction, touch.pose.angle.radians())?,
             depth: self.sensor.depth(plan.touch.indentation_mm),
             law: self.sensor.law,
             friction: self.sensor.friction,

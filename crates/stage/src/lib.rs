@@ -5,6 +5,7 @@
 //! over when the drive itself has confirmed target, position, status and alarm.
 
 mod bus;
+mod bus_settings;
 mod echo;
 mod error;
 mod line;
@@ -19,7 +20,8 @@ mod symptom;
 mod tap;
 mod turn;
 
-pub use bus::{BusHandle, BusSettings, Framing, Health};
+pub use bus::BusHandle;
+pub use bus_settings::{BusSettings, Framing, Health};
 pub use error::{BusError, Exception, LineFault, Refusal, StageError};
 pub use line::Canary;
 pub use look::{Alarm, AxisStatus};

@@ -30,9 +30,4 @@ pub use rig_record::{
     Sample, Source, StateChanged, StepStarted, StoredRecord, Surface, SurfaceReading, Sweep,
     SweepPurpose, SweepVerdict, Touch, TouchSettings, Verdict,
 };
-
-/// The version of the records and tables that this crate writes. A reader refuses a newer one and
-/// reads every older one.
-///
-/// Since 2 a run names its touches when it begins, and a touch that is refused has a record.
-pub const FORMAT: u32 = 2;
+pub use schema::FORMAT;

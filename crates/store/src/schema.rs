@@ -4,7 +4,13 @@ use std::path::{Path, PathBuf};
 
 use rusqlite::{Connection, OpenFlags};
 
-use crate::{FORMAT, StoreError};
+use crate::StoreError;
+
+/// The version of the records and tables that this crate writes. A reader refuses a newer one and
+/// reads every older one.
+///
+/// Since 2 a run names its touches when it begins, and a touch that is refused has a record.
+pub const FORMAT: u32 = 2;
 
 /// `records.id` is the id of the event and never given twice; `(run, seq)` counts without gaps.
 /// While a run goes on, `finished_at` is when something was last written to it.

@@ -7,10 +7,8 @@ use std::time::Duration;
 
 use num_complex::Complex64;
 use rig_contact::Circuit;
-use rig_model::{Impedance, Measured, Reading, RigTime, SweepPoint, Window};
+use rig_model::{Impedance, Measured, Reading, RigTime, SweepPoint, Window, random::Stream};
 use rig_sim::plant::Plant;
-
-use crate::random::Stream;
 
 /// Where the resonance is sought, Hz.
 pub(crate) const WINDOW: Window = Window { min_hz: 112.0, max_hz: 168.0 };

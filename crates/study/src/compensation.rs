@@ -18,10 +18,10 @@ use crate::{
     outcome::StudyError,
     paper_bench::SAMPLES_MPA,
     progress,
-    random::Stream,
 };
 use bench::Bench;
 use protocol::{Protocol, Reader, Trial};
+use rig_model::random::Stream;
 use tally::Tally;
 
 /// Recognition, error and coverage of compensated stiffness on the simulated bench.

@@ -19,7 +19,6 @@ mod page;
 mod paper;
 mod paper_bench;
 mod progress;
-mod random;
 mod simulate;
 mod speed_accuracy;
 

@@ -2,10 +2,8 @@
 
 use rig_contact::{Contact, ContactLaw, Direction, Friction, Models, Pose, Tier};
 
-use crate::{
-    paper_bench::{Control, INDENTATION_MM, tissue},
-    random::Stream,
-};
+use crate::paper_bench::{Control, INDENTATION_MM, tissue};
+use rig_model::random::Stream;
 
 /// How well touches are made, as standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq)]

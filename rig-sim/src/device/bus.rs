@@ -12,48 +12,23 @@ use super::{
 use crate::{
     faults::{DeviceFault, Fate, RequestFault},
     modbus::{Frame, RtuDecoder, TcpDecoder},
-    rig::{HangUp, PortId},
+    wiring::{Carrier, HangUp, PortId},
     world::World,
 };
-
-/// How a line carries its frames.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Carrier {
-    /// A serial line at this many baud, eleven bits a character.
-    Serial {
-        /// Bits per second.
-        baud: u32,
-    },
-    /// A network connection.
-    Tcp,
-}
-
-impl Carrier {
-    /// How long `bytes` characters are under way.
-    fn duration_of(self, bytes: usize) -> Duration {
-        match self {
-            Self::Serial { baud } => Duration::from_secs_f64(11.0 * bytes as f64 / f64::from(baud)),
-            Self::Tcp => Duration::ZERO,
-        }
-    }
-
-    fn decoder(self, patience: Duration) -> Decoder {
-        match self {
-            Self::Serial { .. } => Decoder::Rtu(RtuDecoder::new(self.silence().max(patience))),
-            Self::Tcp => Decoder::Tcp(TcpDecoder::default()),
-        }
-    }
-
-    /// The silence that ends a frame: 3.5 characters, but never less than 1.75 ms.
-    fn silence(self) -> Duration {
-        self.duration_of(7).div_f64(2.0).max(Duration::from_micros(1750))
-    }
-}
 
 #[derive(Debug)]
 enum Decoder {
     Rtu(RtuDecoder),
     Tcp(TcpDecoder),
+}
+
+impl Decoder {
+    fn new(carrier: Carrier, patience: Duration) -> Self {
+        match carrier {
+            Carrier::Serial { .. } => Self::Rtu(RtuDecoder::new(carrier.silence().max(patience))),
+            Carrier::Tcp => Self::Tcp(TcpDecoder::default()),
+        }
+    }
 }
 
 /// The drives of a line.
@@ -78,7 +53,7 @@ impl BusLine {
     /// A connection on which nothing was said. `patience` is how long the bytes of one frame may be
     /// torn apart on their way.
     pub(crate) fn new(carrier: Carrier, patience: Duration) -> Self {
-        Self { carrier, decoder: carrier.decoder(patience), outbox: Outbox::default() }
+        Self { carrier, decoder: Decoder::new(carrier, patience), outbox: Outbox::default() }
     }
 
     /// When something will happen without further bytes.
@@ -213,12 +188,11 @@ fn ask(
 
 #[cfg(test)]
 mod tests {
-    use rig_model::DriveMake;
+    use rig_model::{DriveMake, random::Stream};
 
     use super::*;
     use crate::{
-        device::drive::az::alarm, faults::Faults, random::Stream, rig::AxisWiring, scene::paper,
-        world::AxisId,
+        device::drive::az::alarm, faults::Faults, scene::paper, wiring::AxisWiring, world::AxisId,
     };
 
     /// Two drives on one line, 0.001 mm and 0.01° a step, with the master's side of the protocol.

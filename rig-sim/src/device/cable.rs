@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{
     faults::{DeviceFault, Fate, RequestFault},
-    rig::{HangUp, PortId},
+    wiring::{HangUp, PortId},
     world::{ContactFault, World},
 };
 

@@ -11,7 +11,7 @@ use self::{az::Az, iai::Iai, leadshine::Leadshine, motor::Motor};
 use crate::{
     faults::DeviceFault,
     modbus::{Answer, Request},
-    rig::AxisWiring,
+    wiring::AxisWiring,
     world::{AxisId, World},
 };
 

@@ -7,7 +7,7 @@ use rig_model::RigTime;
 use super::outbox::Outbox;
 use crate::{
     faults::{Faults, ReplyFault},
-    rig::HangUp,
+    wiring::HangUp,
 };
 
 /// A reply that is about to leave.

@@ -18,7 +18,10 @@ use std::mem::Discriminant;
 
 use num_complex::Complex64;
 use rig_contact::Circuit;
-use rig_model::{Orientation, RigTime};
+use rig_model::{
+    Orientation, RigTime,
+    random::{Stream, normal_at},
+};
 
 pub use self::{
     motion::Profile,
@@ -33,11 +36,7 @@ use self::{
     nuisance::{DriftPath, Point},
     sensor::{SensorModel, Touched},
 };
-use crate::{
-    clock::after,
-    plant::Plant,
-    random::{Stream, normal_at},
-};
+use crate::{clock::after, plant::Plant};
 
 /// A sample as it lies under the probe.
 #[derive(Debug, Clone, Copy)]

@@ -2,7 +2,7 @@
 
 use rig_model::RigTime;
 
-use crate::random::{Stream, normal_at};
+use rig_model::random::{Stream, normal_at};
 
 /// The sizes of all nuisances of a scene. Zero switches one off.
 #[derive(Debug, Clone, Copy, PartialEq)]

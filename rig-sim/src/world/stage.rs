@@ -3,7 +3,7 @@
 use rig_model::RigTime;
 
 use super::motion::{Motion, Profile};
-use crate::random::normal_at;
+use rig_model::random::normal_at;
 
 /// What separates the load of a stage from its motor, in units of the axis.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -3,13 +3,14 @@
 use std::fmt::Write as _;
 
 use super::{
-    Band, Chart, Point, Rule, Series,
+    Chart,
     legend::{INSET, Legend},
+    series::{Band, Point, Rule, Series},
 };
 use crate::{
     COLOURS, ChartError,
     axis::FittedAxis,
-    svg::{Coordinate, Escaped, FONT_PX, Svg, width_of},
+    svg::{self, Coordinate, Escaped, FONT_PX, Svg, width_of},
 };
 
 const TITLE_HEIGHT: f64 = 26.0;
@@ -18,7 +19,25 @@ const TICK_LENGTH: f64 = 4.0;
 const X_TICK_PX: f64 = 46.0;
 const Y_TICK_PX: f64 = 30.0;
 
-pub(super) fn draw(chart: &Chart, id: &str) -> Result<String, ChartError> {
+impl Chart {
+    /// The chart for an HTML page. `id` must be unique there.
+    ///
+    /// # Errors
+    /// [`ChartError`] when an axis has no values or cannot show one.
+    pub fn svg(&self, id: &str) -> Result<String, ChartError> {
+        draw(self, id)
+    }
+
+    /// The chart as an SVG file with its own style sheet.
+    ///
+    /// # Errors
+    /// [`ChartError`] when an axis has no values or cannot show one.
+    pub fn file(&self) -> Result<String, ChartError> {
+        Ok(svg::file(&self.svg("chart")?))
+    }
+}
+
+fn draw(chart: &Chart, id: &str) -> Result<String, ChartError> {
     let plot = Plot::new(chart)?;
     let mut svg = Svg::begin(id, chart.size_px, &chart.title, &chart.description);
     svg.text("title", (INSET, 15.0), "start", &chart.title);

@@ -1,6 +1,6 @@
 //! The legend: named series and bands in rows.
 
-use super::{Band, Series, Stroke};
+use super::series::{Band, Series, Stroke};
 use crate::{
     COLOURS, Marker,
     svg::{Coordinate, FONT_PX, Svg, width_of},

@@ -1,4 +1,5 @@
 use super::*;
+use crate::ChartError;
 
 fn chart() -> Chart {
     let mut chart = Chart::new(

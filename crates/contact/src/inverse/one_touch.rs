@@ -2,7 +2,7 @@
 
 use super::{InverseError, RELATIVE_SIGMA_MAX, TissueKind};
 use crate::{
-    Contact, Depth, Load, Models, Pose, Refusal, Tier, Tissue, equilibrium, tier::check_control,
+    Contact, Depth, Load, Models, Pose, Refusal, Tier, Tissue, equilibrium, models::check_control,
 };
 
 /// The standard deviations of the inputs of one touch.

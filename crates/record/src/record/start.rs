@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Prompt, TouchSettings};
+use super::{Phase, Pose, Prompt, TouchSettings};
 
 /// Everything needed to repeat a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -82,58 +82,6 @@ pub struct PlanSize {
     pub touches: u32,
     /// Steps that ask a person for something.
     pub prompts: u32,
-}
-
-/// Which way the surface leans.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Direction {
-    /// In the plane of bending, positive angle.
-    Front,
-    /// In the plane of bending, negative angle.
-    Back,
-    /// Across the plane of bending.
-    Left,
-}
-
-impl Direction {
-    /// The word in results and messages.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Front => "front",
-            Self::Back => "back",
-            Self::Left => "left",
-        }
-    }
-}
-
-/// How the surface stands to the probe.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Pose {
-    /// Which way it leans.
-    pub direction: Direction,
-    /// By how much, in degrees.
-    pub angle_deg: f64,
-}
-
-/// The part of the protocol.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Phase {
-    /// The grid of samples, directions and angles.
-    Main,
-    /// The random touches that are classified without their labels.
-    Blind,
-}
-
-impl Phase {
-    /// The word in results and messages.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Main => "main",
-            Self::Blind => "blind",
-        }
-    }
 }
 
 /// What a step does.

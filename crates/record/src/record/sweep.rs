@@ -1,8 +1,8 @@
-//! Impedance measurements and the touches that they belong to.
+//! Impedance sweeps and what was fitted to them.
 
 use serde::{Deserialize, Serialize};
 
-use super::{Phase, Pose};
+use super::Pose;
 
 /// What a sweep was for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -220,89 +220,4 @@ pub struct Sweep {
     pub fit: Option<FitSettings>,
     /// What was made of them.
     pub verdict: SweepVerdict,
-}
-
-/// What identifies a touch.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct TouchSettings {
-    /// The step.
-    pub step: String,
-    /// The part of the protocol.
-    pub phase: Phase,
-    /// Name of the sample.
-    pub sample: String,
-    /// How the surface stood.
-    pub pose: Pose,
-    /// Counts from 1.
-    pub repeat: u32,
-}
-
-/// The result of a touch.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Touch {
-    /// Which touch it was.
-    pub touch: TouchSettings,
-    /// Number of the sweep that gave the reference.
-    pub no_load_sweep: u64,
-    /// The reference, Hz.
-    pub no_load_hz: f64,
-    /// Its standard deviation, Hz.
-    pub no_load_sigma_hz: f64,
-    /// Number of the sweep in contact.
-    pub sweep: u64,
-    /// The resonance in contact, Hz.
-    pub resonance_hz: f64,
-    /// Its standard deviation, Hz.
-    pub sigma_hz: f64,
-    /// Resonance in contact less the reference, Hz.
-    pub shift_hz: f64,
-    /// Its standard deviation, Hz.
-    pub shift_sigma_hz: f64,
-    /// The surface found, as a position of the linear axis, mm.
-    pub surface_mm: f64,
-    /// Its standard deviation, mm.
-    pub surface_sigma_mm: f64,
-    /// Depth below it along the probe axis during the sweep, mm.
-    pub indentation_mm: f64,
-    /// The linear axis as read back before the sweep, mm. Journals of format 1 do not hold it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub linear_mm: Option<f64>,
-    /// The tilt of the sample as read back, degrees. Likewise.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rotary_deg: Option<f64>,
-}
-
-/// A touch that gave no frequency shift.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct RefusedTouch {
-    /// Which touch it was.
-    pub touch: TouchSettings,
-    /// Why there is none.
-    pub reason: String,
-    /// Number of the sweep that gave the reference.
-    pub no_load_sweep: u64,
-    /// The reference, Hz.
-    pub no_load_hz: f64,
-    /// Its standard deviation, Hz.
-    pub no_load_sigma_hz: f64,
-    /// The tilt of the sample as read back, degrees.
-    pub rotary_deg: f64,
-    /// How deep the probe was, when it came to that.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub indented: Option<Indented>,
-}
-
-/// How the probe stood in a sample that gave no resonance.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Indented {
-    /// Number of the last sweep in contact.
-    pub sweep: u64,
-    /// The surface found, as a position of the linear axis, mm.
-    pub surface_mm: f64,
-    /// Its standard deviation, mm.
-    pub surface_sigma_mm: f64,
-    /// Depth below it along the probe axis, mm.
-    pub indentation_mm: f64,
-    /// The linear axis as read back, mm.
-    pub linear_mm: f64,
 }

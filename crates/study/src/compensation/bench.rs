@@ -6,9 +6,9 @@ use rig_contact::{Contact, ContactLaw, Depth, Models, Pose, Sensor, Tier, Tissue
 
 use crate::{
     paper_bench::{SAMPLES_MPA, tissue},
-    random::Stream,
     simulate::Nuisances,
 };
+use rig_model::random::Stream;
 
 /// What the bench does not know; of the depth it is the surface, which the touches of a place share.
 pub(super) const NUISANCES: Nuisances = Nuisances::BENCH;

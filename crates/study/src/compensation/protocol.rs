@@ -15,10 +15,8 @@ use rig_contact::{
 };
 
 use super::bench::{Bench, ENCODER_MM, MAX_ANGLE_RAD, NUISANCES};
-use crate::{
-    paper_bench::{ANGLES_DEG, INDENTATION_MM, SAMPLES_MPA, contact, tissue},
-    random::Stream,
-};
+use crate::paper_bench::{ANGLES_DEG, INDENTATION_MM, SAMPLES_MPA, contact, tissue};
+use rig_model::random::Stream;
 
 /// How a sample is touched and read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

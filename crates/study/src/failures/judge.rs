@@ -1,14 +1,14 @@
 //! Right, flagged, or silently wrong.
 
 use rayon::prelude::*;
-use rig_model::Reading;
+use rig_model::{Reading, random::Stream};
 use rig_resonance::{Estimator, FitOptions, Reason, Rung, Verdict, fit};
 
 use super::{
     axis::{Axis, SENSORS},
     scene::Scene,
 };
-use crate::{bound::Information, random::Stream};
+use crate::bound::Information;
 
 /// What came of a sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -153,7 +153,7 @@ fn production(axis: Axis, scene: &Scene, readings: &[Reading]) -> Told {
 /// The sensor at its level and at half of it.
 fn with_step(axis: Axis, scene: &Scene, mut chance: Stream) -> (Vec<Reading>, Told) {
     let half = Scene { softening: 0.25 * scene.softening, ..*scene };
-    let low = half.measure(chance.aside());
+    let low = half.measure(chance.fork());
     let of_low = verdict(axis, &half, &low);
     let of_high = verdict(axis, scene, &scene.measure(chance));
     let is_apart = are_apart(&of_low, &of_high);

@@ -7,13 +7,10 @@ use std::f64::consts::TAU;
 
 use num_complex::Complex64;
 use rig_contact::Circuit;
-use rig_model::{Measured, Reading, RigTime, SweepPoint, Window};
+use rig_model::{Measured, Reading, RigTime, SweepPoint, Window, random::Stream};
 
 use super::spring::Spring;
-use crate::{
-    analyzer::{Analyzer, WINDOW, evenly, reading, sensor, time_constant_s},
-    random::Stream,
-};
+use crate::analyzer::{Analyzer, WINDOW, evenly, reading, sensor, time_constant_s};
 
 /// A sweep with everything that may be wrong with it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -122,7 +119,7 @@ impl Scene {
             self.settled(&points, &mut chance)
         };
         // A stream of its own: the analyzer has used the other.
-        let mut chance = chance.aside();
+        let mut chance = chance.fork();
         let (mut burst, mut way, mut last) = (0_u32, 0.0, None);
         for reading in &mut readings {
             if burst == 0 && chance.uniform() < self.outliers / BURST_MEAN {

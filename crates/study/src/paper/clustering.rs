@@ -13,9 +13,9 @@ use rig_contact::{ContactLaw, Direction, Friction, Models, Sensor, Tier, inverse
 use crate::{
     page::{Page, Table},
     paper_bench::{ANGLES_DEG, Control, SAMPLES_MPA},
-    random::Stream,
     simulate::{Nuisances, Way},
 };
+use rig_model::random::Stream;
 
 /// Blind touches in the paper's experiment, and how many were right.
 const TRIALS: usize = 50;
@@ -235,7 +235,7 @@ fn experiment(way: &Way<'_>, directions: &[Direction], random: &mut Stream) -> E
     let rate = |clustering: Clustering| {
         score(&labels, &clustering.clusters, count, count).rate().expect("there are touches")
     };
-    let one_start = lloyd(&shifts, count, random.bits()).map(|found| found.clustering);
+    let one_start = lloyd(&shifts, count, random.generator()).map(|found| found.clustering);
     let [best, one_start, logarithms] = [optimal(&shifts, count), one_start, optimal(&logs, count)]
         .map(|found| found.map_or(0.0, rate));
     let compensated = |read: &Read| {

@@ -11,9 +11,9 @@ use super::compared;
 use crate::{
     page::{Page, Table},
     paper_bench::{Control, SAMPLES_MPA},
-    random::Stream,
     simulate::{Nuisances, Way},
 };
+use rig_model::random::Stream;
 
 /// Points of a sample's lattice.
 const POINTS: u32 = 100;

@@ -8,9 +8,9 @@ use super::lattice::{INTERVALS_DEG, Outside, PRINTED, RangeOf, pass, ranges};
 use crate::{
     page::{Page, Table},
     paper_bench::Control,
-    random::Stream,
     simulate::{Nuisances, Way},
 };
+use rig_model::random::Stream;
 
 /// What is searched over, each in the unit interval, and what it stands for at one.
 const UNKNOWNS: [(&str, f64); 7] = [

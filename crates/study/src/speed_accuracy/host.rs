@@ -4,7 +4,7 @@
 use std::{hint::black_box, io::Write, time::Instant};
 
 use rig_chart::{Axis, Chart, Marker, Rule, Series};
-use rig_model::{Reading, SweepMethod};
+use rig_model::{Reading, SweepMethod, random::Stream};
 use rig_resonance::{Estimator, FitOptions, Fitter, Next, Planner};
 
 use super::{
@@ -17,7 +17,6 @@ use crate::{
     analyzer::{Analyzer, WINDOW, sensor},
     files::{Csv, Folder},
     outcome::StudyError,
-    random::Stream,
 };
 
 /// The sensor that fits are timed with.

@@ -7,7 +7,8 @@ use super::{
     reader::Reader,
     way::Way,
 };
-use crate::{analyzer::sensor, bound::Information, random::Stream};
+use crate::{analyzer::sensor, bound::Information};
+use rig_model::random::Stream;
 
 /// One sweep, as one reader read it.
 #[derive(Debug, Clone, Copy, PartialEq)]

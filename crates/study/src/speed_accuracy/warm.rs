@@ -1,17 +1,14 @@
 //! Readings one after the other of a resonance that moves in between, as in a run.
 
 use rayon::prelude::*;
-use rig_model::{SweepMethod, Window};
+use rig_model::{SweepMethod, Window, random::Stream};
 use rig_resonance::{Past, Prior, Resonance};
 
 use super::{
     cell::{Cell, RESONANCES_HZ},
     way::{cold, plan, request},
 };
-use crate::{
-    analyzer::{Analyzer, sensor},
-    random::Stream,
-};
+use crate::analyzer::{Analyzer, sensor};
 
 /// How far the resonance is believed to move between two readings, Hz.
 const MOVES_HZ: f64 = 1.0;

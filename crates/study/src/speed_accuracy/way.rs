@@ -2,14 +2,13 @@
 
 use num_complex::Complex64;
 use rig_contact::Circuit;
-use rig_model::{DriveLevel, Reading, RigTime, SweepMethod, SweepPoint, SweepRequest};
+use rig_model::{
+    DriveLevel, Reading, RigTime, SweepMethod, SweepPoint, SweepRequest, random::Stream,
+};
 use rig_resonance::{FitOptions, Next, NoisePrior, Past, Planner, Prior, Timing, Verdict, fit};
 
 use super::cell::Cell;
-use crate::{
-    analyzer::{Analyzer, WINDOW, evenly, reading, time_constant_s},
-    random::Stream,
-};
+use crate::analyzer::{Analyzer, WINDOW, evenly, reading, time_constant_s};
 
 /// How the points of a sweep are chosen.
 #[derive(Debug, Clone, Copy, PartialEq)]

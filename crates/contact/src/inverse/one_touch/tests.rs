@@ -1,5 +1,7 @@
+use rig_model::random::Stream;
+
 use super::*;
-use crate::{ContactLaw, Direction, Friction, LawError, Sensor, random::Random};
+use crate::{ContactLaw, Direction, Friction, LawError, Sensor};
 
 fn models() -> Models {
     Models::new(&Sensor::reference(), ContactLaw::Sneddon)
@@ -146,11 +148,11 @@ fn nineteen_in_twenty_intervals_hold_the_truth() {
     const SEED: u64 = 41;
     const TRIALS: u32 = 4000;
     let models = models();
-    let mut random = Random(SEED);
+    let mut random = Stream::new(SEED, 1);
     let mut covered = 0;
     for _ in 0..TRIALS {
-        let young_mpa = 0.03 * (0.649_f64 / 0.03).powf(random.even());
-        let degrees = 45.0 * random.even();
+        let young_mpa = 0.03 * (0.649_f64 / 0.03).powf(random.uniform());
+        let degrees = 45.0 * random.uniform();
         let direction = random.pick(&Direction::ALL);
         let meant = contact(direction, degrees, MOVED);
         let real = leaning(

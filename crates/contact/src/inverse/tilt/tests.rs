@@ -1,5 +1,7 @@
+use rig_model::random::Stream;
+
 use super::*;
-use crate::{Sensor, SensorDesign, random::Random};
+use crate::{Sensor, SensorDesign};
 
 fn models() -> Models {
     Models::new(&Sensor::reference(), ContactLaw::Sneddon)
@@ -179,14 +181,14 @@ fn nineteen_in_twenty_intervals_hold_stiffness_and_angle() {
     const SEED: u64 = 7;
     const TRIALS: u32 = 400;
     let models = models();
-    let mut random = Random(SEED);
+    let mut random = Stream::new(SEED, 1);
     let touch_model =
         TouchModel { shared_depth_sigma_mm: 0.02, depth_sigma_mm: 0.005, ..TOUCH_MODEL };
     let (mut of_young, mut of_angle) = (0, 0);
     for _ in 0..TRIALS {
-        let young_mpa = 0.045 * (0.649_f64 / 0.045).powf(random.even());
-        let degrees = 45.0 * random.even();
-        let azimuth = TAU * random.even();
+        let young_mpa = 0.045 * (0.649_f64 / 0.045).powf(random.uniform());
+        let degrees = 45.0 * random.uniform();
+        let azimuth = TAU * random.uniform();
         let shared = 0.02 * random.normal();
         let ways = FOUR_SPINS.map(|(spin, depth)| (spin, depth + shared + 0.005 * random.normal()));
         let mut touches = touches(&models, young_mpa, degrees, azimuth, &ways);

@@ -1,5 +1,5 @@
 use super::*;
-use crate::{Direction, Friction};
+use crate::{Direction, Friction, Validity};
 
 const SUNK: Depth = Depth::Indentation { along_probe_mm: 0.5 };
 const MOVED: Depth = Depth::Stage { along_probe_mm: 0.5 };

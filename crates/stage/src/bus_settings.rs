@@ -1,0 +1,66 @@
+//! How a line is used, and its counters.
+
+use std::time::Duration;
+
+/// How frames travel on a line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Framing {
+    /// Modbus RTU: on a serial line, or through a gateway that passes its bytes on.
+    Rtu,
+    /// Modbus TCP.
+    Tcp,
+}
+
+/// How a line is used.
+#[derive(Debug, Clone, Copy)]
+pub struct BusSettings {
+    /// How frames travel.
+    pub framing: Framing,
+    /// The silence between two frames, where it is not to be that of the standard: some devices
+    /// need more, and a line that ends in this computer needs none.
+    pub silence: Option<Duration>,
+    /// How long a device may think before its answer begins; the time on the wire comes on top.
+    pub reply_within: Duration,
+    /// How long the line is only listened to after a fault. No answer may be later than this.
+    pub quarantine: Duration,
+    /// How often a request is sent at most.
+    pub attempts: u32,
+    /// How long a device may say that it is busy.
+    pub busy_within: Duration,
+    /// The pause before a busy device is asked again.
+    pub busy_pause: Duration,
+}
+
+impl BusSettings {
+    /// Modbus RTU, with times that suit drives.
+    pub const fn rtu() -> Self {
+        Self {
+            framing: Framing::Rtu,
+            silence: None,
+            // Drives answer within some milliseconds, USB adapters add up to 16.
+            reply_within: Duration::from_millis(100),
+            quarantine: Duration::from_millis(500),
+            attempts: 3,
+            busy_within: Duration::from_secs(2),
+            busy_pause: Duration::from_millis(20),
+        }
+    }
+
+    /// Modbus TCP, with time for a network between.
+    pub const fn tcp() -> Self {
+        Self { framing: Framing::Tcp, reply_within: Duration::from_millis(500), ..Self::rtu() }
+    }
+}
+
+/// How a line has done so far.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Health {
+    /// Requests carried out or tried.
+    pub requests: u64,
+    /// Attempts that were repeated.
+    pub retries: u64,
+    /// Requests that a device refused.
+    pub refusals: u64,
+    /// Requests that failed in spite of all attempts.
+    pub faults: u64,
+}

@@ -1,0 +1,80 @@
+//! The devices of a rig and its ports.
+
+use std::time::Duration;
+
+use rig_model::{AnalyzerMake, DriveMake};
+
+use crate::modbus::NotModbus;
+
+/// What stands on the bench and how it is connected.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Wiring {
+    /// The impedance analyzer.
+    pub analyzer: AnalyzerMake,
+    /// The drive of the linear stage.
+    pub linear: AxisWiring,
+    /// The drive of the rotary stage.
+    pub rotary: AxisWiring,
+    /// How the drives' line carries its frames.
+    pub carrier: Carrier,
+}
+
+/// How a stage is driven.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AxisWiring {
+    /// The make of its drive.
+    pub make: DriveMake,
+    /// The drive's unit id on the line.
+    pub unit_id: u8,
+    /// Millimetres or degrees a step of the drive; negative when the motor counts the other way.
+    pub units_per_step: f64,
+    /// Where the axis is when the drive counts zero, mm or degrees.
+    pub zero: f64,
+}
+
+/// One of the rig's ports.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PortId {
+    /// The analyzer's.
+    Analyzer,
+    /// The line of the drives.
+    Bus,
+}
+
+/// The port closes the connection: what came over it cannot be read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("the port hangs up")]
+pub struct HangUp;
+
+impl From<NotModbus> for HangUp {
+    fn from(_: NotModbus) -> Self {
+        Self
+    }
+}
+
+/// How a line carries its frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Carrier {
+    /// A serial line at this many baud, eleven bits a character.
+    Serial {
+        /// Bits per second.
+        baud: u32,
+    },
+    /// A network connection.
+    Tcp,
+}
+
+impl Carrier {
+    /// How long `bytes` characters are under way.
+    pub(crate) fn duration_of(self, bytes: usize) -> Duration {
+        match self {
+            Self::Serial { baud } => Duration::from_secs_f64(11.0 * bytes as f64 / f64::from(baud)),
+            Self::Tcp => Duration::ZERO,
+        }
+    }
+
+    /// The silence that ends a frame: 3.5 characters, but never less than 1.75 ms.
+    pub(crate) fn silence(self) -> Duration {
+        self.duration_of(7).div_f64(2.0).max(Duration::from_micros(1750))
+    }
+}
