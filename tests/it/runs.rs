@@ -1,7 +1,8 @@
 //! Whole runs.
 
 use rig_engine::RunStatus;
-use rig_store::{Record, SweepVerdict, Verdict, export};
+use rig_report::export;
+use rig_store::{Record, SweepVerdict, Verdict};
 use rig_tests::{TestRig, changed, text};
 
 #[tokio::test]

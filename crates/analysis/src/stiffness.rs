@@ -98,6 +98,14 @@ impl SampleStiffness {
 }
 
 impl Compensation {
+    /// Within 0.05 Hz of the reference at the cost of a closed form, for either kind of depth.
+    pub const TIER: Tier = Tier::E1s;
+
+    /// Resonance of the free sensor, Hz.
+    pub fn no_load_hz(&self) -> f64 {
+        self.models.no_load_hz(self.tier)
+    }
+
     /// The stiffness of one touch.
     ///
     /// # Errors

@@ -6,6 +6,8 @@
 //!
 //! `svg` gives a chart for an HTML page with [`STYLE`] in its head; `file` gives a file of its own.
 
+#![deny(clippy::disallowed_methods)]
+
 mod axis;
 mod chart;
 mod error;

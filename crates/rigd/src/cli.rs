@@ -40,7 +40,8 @@ use std::{
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use rig_engine::{CommandRefusal, RigState};
 use rig_model::{Clearance, Mm, Position, with_causes};
-use rig_store::{Reader, StoreError, export::ExportError};
+use rig_report::export::ExportError;
+use rig_store::{Reader, StoreError};
 
 use crate::{
     doctor::advice,

@@ -12,7 +12,6 @@ pub mod loaded_rig;
 pub mod operator;
 mod predict;
 pub mod protocol_file;
-pub mod report;
 pub mod rig;
 pub mod rig_file;
 pub mod run_files;

@@ -6,13 +6,14 @@
 
 use std::fmt;
 
+use rig_analysis::sensor::SensorDescription;
 use rig_contact::{
     Circuit, Contact, Models, Pose, PoseError, Refusal, Requirements, Tier, Tissue, TissueError,
 };
 use rig_model::Window;
 use rig_protocol::{Action, Plan, Touch};
 
-use crate::{loaded_rig::LoadedRig, rig_file::SensorFile};
+use crate::loaded_rig::LoadedRig;
 
 /// A resonance nearer than this to an edge of its window is warned of: the line falls to half its
 /// power at half of it, and the other half is for what the description of the sensor gets wrong.
@@ -225,7 +226,7 @@ struct Bench<'a> {
     models: Models,
     tier: Tier,
     free: Circuit,
-    sensor: &'a SensorFile,
+    sensor: &'a SensorDescription,
     /// The samples that are known, and how stiff they are, MPa.
     known: Vec<(String, f64)>,
 }
@@ -233,7 +234,7 @@ struct Bench<'a> {
 impl<'a> Bench<'a> {
     /// Chooses the cheapest tier with an impedance whose error is small against the linewidth in
     /// every contact of the plan; the reference where none is known to be.
-    fn new(plan: &Plan, sensor: &'a SensorFile, known: Vec<(String, f64)>) -> Self {
+    fn new(plan: &Plan, sensor: &'a SensorDescription, known: Vec<(String, f64)>) -> Self {
         let models = Models::new(&sensor.sensor, sensor.law);
         let free = models.free_circuit();
         let in_plan = |(name, mpa): &(String, f64)| plan.samples.contains(name).then_some(*mpa);

@@ -14,10 +14,9 @@ mod tests;
 
 use std::path::{Path, PathBuf};
 
+use rig_analysis::sensor::SensorDescription;
 use rig_model::{AnalyzerMake, Bench, Deg, DriveMake, LineSettings, Mm, Scale, Terminator};
 use rig_settings::{Faults, Place};
-
-pub use sensor::{SensorFile, Uncertainty};
 
 /// A rig file, read and checked.
 #[derive(Debug, Clone)]
@@ -37,7 +36,7 @@ pub struct RigFile {
     /// The axis that tilts the sample.
     pub rotary: AxisFile<Deg>,
     /// The sensor by which shifts are turned into stiffness.
-    pub sensor: SensorFile,
+    pub sensor: SensorDescription,
     /// The samples whose stiffness was measured otherwise.
     pub samples: Vec<KnownSample>,
 }

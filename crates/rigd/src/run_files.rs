@@ -1,17 +1,25 @@
-//! What a run leaves as files: the report and the data, in a folder of its own.
+//! The files of a run: the report and the data, in a folder of its own.
 
 use std::{
     fs, io,
     path::{Path, PathBuf},
 };
 
-use rig_store::{Reader, RunId, StoreError, export};
+use rig_record::{Run, StoredRecord, UnreadableRecord};
+use rig_report::{
+    RunResults, RunSummary,
+    export::{self, ExportError},
+};
+use rig_store::{Reader, RunId, StoreError};
+use serde::Serialize;
 
-use crate::report;
+use crate::rig_file::RigFile;
 
 /// The files of a run.
 #[derive(Debug)]
 pub struct RunFiles {
+    /// The results of the run.
+    pub results: RunResults,
     /// One HTML file.
     pub report: PathBuf,
     /// The folder with the tables and the records.
@@ -34,7 +42,7 @@ pub enum RunFilesError {
     Store(#[from] StoreError),
     /// A table cannot be made.
     #[error(transparent)]
-    Export(#[from] export::ExportError),
+    Export(#[from] ExportError),
 }
 
 /// Where the files of a run are. The name says whether the run was simulated.
@@ -42,6 +50,34 @@ pub fn folder(data: &Path, reader: &Reader, run: RunId) -> PathBuf {
     let suffix = if reader.is_simulated(run) { "-simulated" } else { "" };
     data.join("runs").join(format!("{run}{suffix}"))
 }
+
+/// The results of a run from its records.
+///
+/// # Errors
+/// [`UnreadableRecord`] when a record cannot be understood.
+pub fn results(run: &Run, records: &[StoredRecord]) -> Result<RunResults, UnreadableRecord> {
+    RunResults::new(run, records, &|rig| Ok(RigFile::read(&rig.name, &rig.toml)?.sensor))
+}
+
+/// The results of a run for programs, and its files.
+#[derive(Debug, Serialize)]
+pub struct ResultsView {
+    #[serde(flatten)]
+    summary: RunSummary,
+    /// The report.
+    report: PathBuf,
+    /// The folder with the data.
+    data: PathBuf,
+}
+
+impl ResultsView {
+    /// The results of a run whose files are in `folder`.
+    pub fn new(results: &RunResults, folder: PathBuf) -> Self {
+        Self { summary: results.summary(), report: folder.join(REPORT), data: folder }
+    }
+}
+
+const REPORT: &str = "report.html";
 
 /// Writes the report and the data of a run.
 ///
@@ -52,34 +88,31 @@ pub fn write(data: &Path, run: RunId) -> Result<RunFiles, RunFilesError> {
     let folder = folder(data, &reader, run);
     fs::create_dir_all(&folder)
         .map_err(|source| RunFilesError::File { path: folder.clone(), source })?;
-    let report = folder.join("report.html");
-    write_report(&reader, run, &report)?;
+    let report = folder.join(REPORT);
+    let results = write_report(&reader, run, &report)?;
     let records = reader.records(run)?;
-    let mut bytes = Vec::new();
-    report::touches_csv(&reader.run(run)?, &records, &mut bytes)?;
-    write_file(&folder.join("touches.csv"), &bytes)?;
-    bytes.clear();
-    export::sweeps_csv(&records, &mut bytes)?;
-    write_file(&folder.join("sweeps.csv"), &bytes)?;
-    bytes.clear();
-    export::readings_csv(&records, &mut bytes)?;
-    write_file(&folder.join("readings.csv"), &bytes)?;
-    bytes.clear();
-    export::searches_csv(&records, &mut bytes)?;
-    write_file(&folder.join("searches.csv"), &bytes)?;
-    bytes.clear();
-    export::jsonl(&records, &mut bytes)?;
-    write_file(&folder.join("records.jsonl"), &bytes)?;
-    Ok(RunFiles { report, data: folder })
+    let file = |name: &str, table: &dyn Fn(&mut Vec<u8>) -> Result<(), ExportError>| {
+        let mut bytes = Vec::new();
+        table(&mut bytes)?;
+        write_file(&folder.join(name), &bytes)
+    };
+    file("touches.csv", &|out| results.touches_csv(out))?;
+    file("sweeps.csv", &|out| export::sweeps_csv(&records, out))?;
+    file("readings.csv", &|out| export::readings_csv(&records, out))?;
+    file("searches.csv", &|out| export::searches_csv(&records, out))?;
+    file("records.jsonl", &|out| export::jsonl(&records, out))?;
+    Ok(RunFiles { results, report, data: folder })
 }
 
 /// Writes the report of a run to a file.
 ///
 /// # Errors
 /// [`RunFilesError`] names the file.
-pub fn write_report(reader: &Reader, run: RunId, path: &Path) -> Result<(), RunFilesError> {
-    let html = report::render(&reader.run(run)?, &reader.chain(run)?).map_err(StoreError::from)?;
-    write_file(path, html.as_bytes())
+pub fn write_report(reader: &Reader, run: RunId, path: &Path) -> Result<RunResults, RunFilesError> {
+    let (run, chain) = (reader.run(run)?, reader.chain(run)?);
+    let results = results(&run, &chain.records).map_err(StoreError::from)?;
+    write_file(path, results.html(&chain.verdict).as_bytes())?;
+    Ok(results)
 }
 
 fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RunFilesError> {

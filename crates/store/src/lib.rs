@@ -11,7 +11,6 @@
 //! of the run: two runs of the same protocol with the same seed have the same chain.
 
 mod error;
-pub mod export;
 mod journal;
 mod lock;
 mod reader;

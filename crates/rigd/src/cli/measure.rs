@@ -8,7 +8,8 @@ use std::{
 use clap::Args;
 use rig_engine::Command;
 use rig_model::{Deg, Mm, Position, SweepRequest};
-use rig_store::{Reader, Reading, Sweep, export};
+use rig_report::export;
+use rig_store::{Reader, Reading, Sweep};
 use serde::Serialize;
 
 use super::{

@@ -34,7 +34,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     if !args.output.json {
         note(&format!("report: {}\ndata:   {}\n", files.report.display(), files.data.display()));
     }
-    runs::print_results(data, run, args.output.json)?;
+    runs::print_results(data, &files.results, args.output.json)?;
     match ending {
         RunStatus::Completed => Ok(()),
         RunStatus::CompletedWithRefusals => Err(Failure::TouchesRefused),

@@ -5,7 +5,9 @@ use std::{
     path::Path,
 };
 
-use rig_store::{Reader, Run, RunId, RunKind, StoreError, export};
+use rig_record::StoredRecord;
+use rig_report::{RunResults, export};
+use rig_store::{Reader, Run, RunKind, StoreError};
 use serde::Serialize;
 
 use super::{
@@ -14,8 +16,7 @@ use super::{
 };
 use crate::{
     interruption::{ADVICE, InterruptionView},
-    report::{self, RunSummary},
-    run_files,
+    run_files::{self, ResultsView},
 };
 
 /// A run in a list, for a program.
@@ -34,11 +35,11 @@ struct RunView {
     interruption: Option<InterruptionView>,
 }
 
-/// The results of a run, for a program.
+/// The results of a run and its interruption, for a program.
 #[derive(Debug, Serialize)]
-struct ResultsView {
+struct ShowView {
     #[serde(flatten)]
-    summary: RunSummary,
+    results: ResultsView,
     #[serde(skip_serializing_if = "Option::is_none")]
     interruption: Option<InterruptionView>,
 }
@@ -88,8 +89,10 @@ pub(super) fn list(args: &RunsArgs) -> Result<(), Failure> {
 }
 
 pub(super) fn show(args: &ShowArgs) -> Result<(), Failure> {
-    let run = args.data.journal()?.find(&args.run)?;
-    print_results(&args.data.data, run.id, args.output.json)
+    let reader = args.data.journal()?;
+    let run = reader.find(&args.run)?;
+    let results = results_of(&run, &reader.records(run.id)?)?;
+    print_results(&args.data.data, &results, args.output.json)
 }
 
 pub(super) fn export(args: &ExportArgs) -> Result<(), Failure> {
@@ -106,7 +109,7 @@ pub(super) fn export(args: &ExportArgs) -> Result<(), Failure> {
     };
     match table {
         None => export::jsonl(&records, &mut out)?,
-        Some(ExportTable::Touches) => report::touches_csv(&run, &records, &mut out)?,
+        Some(ExportTable::Touches) => results_of(&run, &records)?.touches_csv(&mut out)?,
         Some(ExportTable::Sweeps) => export::sweeps_csv(&records, &mut out)?,
         Some(ExportTable::Readings) => export::readings_csv(&records, &mut out)?,
         Some(ExportTable::Searches) => export::searches_csv(&records, &mut out)?,
@@ -129,23 +132,30 @@ pub(super) fn report(args: &ReportArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Prints what a run has found.
-pub(super) fn print_results(data: &Path, run: RunId, is_json: bool) -> Result<(), Failure> {
+/// Prints the results of a run.
+pub(super) fn print_results(
+    data: &Path,
+    results: &RunResults,
+    is_json: bool,
+) -> Result<(), Failure> {
     let reader = Reader::open(data)?;
-    let folder = run_files::folder(data, &reader, run);
-    let (run, records) = (reader.run(run)?, reader.records(run)?);
-    let interruption = InterruptionView::read(&reader, &run)?;
+    let run = results.run();
+    let interruption = InterruptionView::read(&reader, run)?;
     if is_json {
-        let summary = report::summary(&run, &records, &folder).map_err(StoreError::from)?;
-        if summary.touches_measured < summary.touches_planned {
-            note(&summary.touches_sentence());
+        if let Some(sentence) = results.shortfall() {
+            note(&sentence);
         }
-        return print_json(&ResultsView { summary, interruption });
+        let results = ResultsView::new(results, run_files::folder(data, &reader, run.id));
+        return print_json(&ShowView { results, interruption });
     }
-    print(report::text(&run, &records).map_err(StoreError::from)?.trim_end())?;
+    print(results.text().trim_end())?;
     match interruption {
         Some(left) if left.is_open() => print(&format!("{}; {ADVICE}", left.message)),
         Some(left) => print(&left.message),
         None => Ok(()),
     }
+}
+
+fn results_of(run: &Run, records: &[StoredRecord]) -> Result<RunResults, Failure> {
+    Ok(run_files::results(run, records).map_err(StoreError::from)?)
 }

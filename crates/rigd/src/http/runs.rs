@@ -9,7 +9,8 @@ use axum::{
 };
 use rig_engine::Command;
 use rig_model::with_causes;
-use rig_store::{Reader, Record, Run, RunId, RunKind, export};
+use rig_report::export;
+use rig_store::{Reader, Record, Run, RunId, RunKind};
 use serde::{Deserialize, Serialize};
 
 use super::{Problem, Shared};
@@ -17,8 +18,7 @@ use crate::{
     interruption::InterruptionView,
     operator::Operator,
     protocol_file::LoadedProtocol,
-    report::{self, RunSummary},
-    run_files,
+    run_files::{self, ResultsView},
 };
 
 /// A run in the list of runs.
@@ -42,7 +42,7 @@ pub(super) struct RunDetail {
     run: RunView,
     #[serde(skip_serializing_if = "Option::is_none")]
     interruption: Option<InterruptionView>,
-    results: RunSummary,
+    results: ResultsView,
 }
 
 /// A protocol in a JSON body.
@@ -101,7 +101,7 @@ pub(super) async fn show(
     let detail = shared.read(move |reader| {
         let (run, records) = (reader.run(id)?, reader.records(id)?);
         let folder = run_files::folder(&data, reader, id);
-        let results = report::summary(&run, &records, &folder)?;
+        let results = ResultsView::new(&run_files::results(&run, &records)?, folder);
         let interruption = InterruptionView::read(reader, &run)?;
         Ok(RunDetail { run: RunView::new(reader, run), interruption, results })
     });
@@ -113,7 +113,10 @@ pub(super) async fn report(
     Path(id): Path<String>,
 ) -> Result<Html<String>, Problem> {
     let id: RunId = id.parse()?;
-    let html = shared.read(move |reader| Ok(report::render(&reader.run(id)?, &reader.chain(id)?)?));
+    let html = shared.read(move |reader| {
+        let (run, chain) = (reader.run(id)?, reader.chain(id)?);
+        Ok(run_files::results(&run, &chain.records)?.html(&chain.verdict))
+    });
     html.await.map(Html)
 }
 
@@ -137,7 +140,7 @@ pub(super) async fn export(
         let disposition = format!("attachment; filename=\"{id}{simulated}-{file}\"");
         let (records, mut bytes) = (reader.records(id)?, Vec::new());
         match format {
-            ExportFormat::Csv => report::touches_csv(&run, &records, &mut bytes),
+            ExportFormat::Csv => run_files::results(&run, &records)?.touches_csv(&mut bytes),
             ExportFormat::Sweeps => export::sweeps_csv(&records, &mut bytes),
             ExportFormat::Readings => export::readings_csv(&records, &mut bytes),
             ExportFormat::Searches => export::searches_csv(&records, &mut bytes),

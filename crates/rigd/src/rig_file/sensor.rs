@@ -2,75 +2,21 @@
 //!
 //! Nothing of it moves anything: only the analysis of a run and the check of a protocol read it.
 
+use rig_analysis::sensor::{SensorDescription, Uncertainty};
 use rig_contact::{
-    ContactLaw, CoreMaterial, Depth, Friction, PiezoMaterial, Sensor, SensorDesign, Tissue,
-    TissueError, inverse::TissueKind,
+    ContactLaw, CoreMaterial, Friction, PiezoMaterial, Sensor, SensorDesign, inverse::TissueKind,
 };
 use rig_model::Geometry;
 use rig_settings::Table;
 
 use super::refusal::Refusal;
 
-/// The sensor and how it meets its samples.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SensorFile {
-    /// The sensor.
-    pub sensor: Sensor,
-    /// Whether the sensor gives way when the stage moves, or the whole move is an indentation.
-    pub gives_way: bool,
-    /// How the contact grows with depth.
-    pub law: ContactLaw,
-    /// What it does sideways while it vibrates.
-    pub friction: Friction,
-    /// What is known of every sample besides its stiffness.
-    pub kind: TissueKind,
-    /// What else a stiffness depends on.
-    pub uncertainty: Uncertainty,
-}
-
-impl SensorFile {
-    /// What a depth of the stage below the surface is to a sample, mm along the probe.
-    pub(crate) const fn depth(&self, along_probe_mm: f64) -> Depth {
-        if self.gives_way {
-            Depth::Stage { along_probe_mm }
-        } else {
-            Depth::Indentation { along_probe_mm }
-        }
-    }
-
-    /// A sample of this stiffness, MPa.
-    ///
-    /// # Errors
-    /// [`TissueError`].
-    pub(crate) fn tissue(&self, stiffness_mpa: f64) -> Result<Tissue, TissueError> {
-        Tissue::new(stiffness_mpa, self.kind.poisson, self.kind.loss)
-    }
-}
-
-/// Standard deviations of what a stiffness depends on besides the shift.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Uncertainty {
-    /// Of the indentation of each touch, mm, beside what the search for the surface says of itself.
-    pub depth_mm: f64,
-    /// Of the contact angle, degrees.
-    pub angle_deg: f64,
-    /// Of the stiffness from one point of a sample to the next, relative.
-    pub sample_rel: f64,
-    /// Of the factor by which every stiffness may be wrong, when no sample is known.
-    pub scale_rel: f64,
-}
-
-/// Twenty micrometres and a degree are what a good stage and a levelled sample give; a tenth is how
-/// well the constants of a bimorph are known without a measurement.
-const UNCERTAINTY: Uncertainty =
-    Uncertainty { depth_mm: 0.02, angle_deg: 1.0, sample_rel: 0.03, scale_rel: 0.1 };
-
 /// The section as it was read, its sensor not yet checked.
 struct SensorRead {
     design: SensorDesign,
     /// Whether every dimension could be read.
     is_sound: bool,
-    gives_way: bool,
+    deflects: bool,
     law: ContactLaw,
     friction: Friction,
     kind: TissueKind,
@@ -78,7 +24,7 @@ struct SensorRead {
 }
 
 /// Reads the section; its ball is that of the `geometry`, when this could be read.
-pub(super) fn sensor(table: &mut Table<'_>, geometry: Option<&Geometry>) -> SensorFile {
+pub(super) fn sensor(table: &mut Table<'_>, geometry: Option<&Geometry>) -> SensorDescription {
     let mut reference = SensorDesign::reference();
     if let Some(geometry) = geometry {
         reference.probe_radius_mm = geometry.probe_radius_mm;
@@ -86,11 +32,11 @@ pub(super) fn sensor(table: &mut Table<'_>, geometry: Option<&Geometry>) -> Sens
     let default = SensorRead {
         design: reference,
         is_sound: true,
-        gives_way: false,
+        deflects: false,
         law: ContactLaw::Sneddon,
         friction: Friction::Sticking,
         kind: TissueKind::SOFT,
-        uncertainty: UNCERTAINTY,
+        uncertainty: Uncertainty::TYPICAL,
     };
     let section = table.section("sensor", |table| section(table, &reference)).or(default);
     let sensor = Sensor::new(section.value.design).unwrap_or_else(|error| {
@@ -99,8 +45,8 @@ pub(super) fn sensor(table: &mut Table<'_>, geometry: Option<&Geometry>) -> Sens
         }
         Sensor::reference()
     });
-    let SensorRead { gives_way, law, friction, kind, uncertainty, .. } = section.value;
-    SensorFile { sensor, gives_way, law, friction, kind, uncertainty }
+    let SensorRead { deflects, law, friction, kind, uncertainty, .. } = section.value;
+    SensorDescription { sensor, deflects, law, friction, kind, uncertainty }
 }
 
 fn section(table: &mut Table<'_>, reference: &SensorDesign) -> SensorRead {
@@ -112,14 +58,14 @@ fn section(table: &mut Table<'_>, reference: &SensorDesign) -> SensorRead {
     SensorRead {
         design,
         is_sound,
-        gives_way: table.choice("depth", depths).or(false).value,
+        deflects: table.choice("depth", depths).or(false).value,
         law: table.choice("law", laws).or(ContactLaw::Sneddon).value,
         friction: table.choice("friction", frictions).or(Friction::Sticking).value,
         kind: TissueKind {
             poisson: table.number("poisson").range(0.0..=0.5).or(soft.poisson).value,
             loss: table.number("tissue_loss").range(0.0..=1.0).or(soft.loss).value,
         },
-        uncertainty: table.section("uncertainty", uncertainty).or(UNCERTAINTY).value,
+        uncertainty: table.section("uncertainty", uncertainty).or(Uncertainty::TYPICAL).value,
     }
 }
 
@@ -178,9 +124,9 @@ fn core(table: &mut Table<'_>) -> CoreMaterial {
 fn uncertainty(table: &mut Table<'_>) -> Uncertainty {
     let mut size = |key, most, default| table.number(key).range(0.0..=most).or(default).value;
     Uncertainty {
-        depth_mm: size("depth_mm", 5.0, UNCERTAINTY.depth_mm),
-        angle_deg: size("angle_deg", 45.0, UNCERTAINTY.angle_deg),
-        sample_rel: size("sample_rel", 1.0, UNCERTAINTY.sample_rel),
-        scale_rel: size("scale_rel", 1.0, UNCERTAINTY.scale_rel),
+        depth_mm: size("depth_mm", 5.0, Uncertainty::TYPICAL.depth_mm),
+        angle_deg: size("angle_deg", 45.0, Uncertainty::TYPICAL.angle_deg),
+        sample_rel: size("sample_rel", 1.0, Uncertainty::TYPICAL.sample_rel),
+        scale_rel: size("scale_rel", 1.0, Uncertainty::TYPICAL.scale_rel),
     }
 }

@@ -1,19 +1,17 @@
 //! A run of the paper's protocol as its journal would hold it.
 
-use std::{
-    fs,
-    path::PathBuf,
-    sync::atomic::{AtomicU32, Ordering},
-};
-
+use rig_analysis::sensor::SensorDescription;
 use rig_record::{
-    Action, BlackBox, Chain, Clearance, Device, Direction, Ending, Fault, Frame, Indented, Phase,
-    PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, Reading, ReadingFlag, Record,
-    RefusedTouch, Run, RunFinished, RunId, RunKind, RunStarted, Sample, Source, StepStarted, Sweep,
-    SweepPurpose, SweepVerdict, Touch, TouchSettings,
+    Action, BlackBox, Chain, Clearance, Device, Digest, Direction, Ending, Fault, Frame, Indented,
+    Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, Reading, ReadingFlag, Record,
+    RefusedTouch, Run, RunFinished, RunId, RunKind, RunStarted, RunStatus, Sample, Source,
+    StepStarted, StoredRecord, Sweep, SweepPurpose, SweepVerdict, Touch, TouchSettings, Verdict,
 };
 use rig_resonance::Circuit;
-use rig_store::{Journal, Reader, Store};
+use rig_settings::Faults;
+use uuid::Uuid;
+
+use crate::RunResults;
 
 const SAMPLES: [(&str, f64); 5] =
     [("1", 0.045), ("2", 0.104), ("3", 0.235), ("4", 0.320), ("5", 0.649)];
@@ -21,7 +19,7 @@ const NO_LOAD_HZ: f64 = 137.6;
 
 /// What the sample run goes through.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Story {
+pub(crate) enum Story {
     /// Every touch of the paper, all well.
     Complete,
     /// A fault after seven touches.
@@ -32,57 +30,58 @@ pub(super) enum Story {
     Empty,
 }
 
-/// A journal with one run in a directory that is removed with the value.
-pub(super) struct SampleRun {
-    directory: PathBuf,
-    pub(super) run: Run,
-    pub(super) chain: Chain,
+/// A run and its records.
+pub(crate) struct SampleRun {
+    pub(crate) run: Run,
+    pub(crate) chain: Chain,
 }
 
-impl Drop for SampleRun {
-    fn drop(&mut self) {
-        _ = fs::remove_dir_all(&self.directory);
-    }
-}
+const ID: RunId = RunId::new(Uuid::from_u128(0x019a_a5b0_0000_7000_8000_0000_0000_0001));
 
 impl SampleRun {
-    pub(super) fn new(story: Story) -> Self {
-        static COUNT: AtomicU32 = AtomicU32::new(0);
-        let number = COUNT.fetch_add(1, Ordering::Relaxed);
-        let name = format!("rigd-report-{}-{number}", std::process::id());
-        let directory = std::env::temp_dir().join(name);
-        let store = Store::open(&directory).unwrap();
-        let journal = store.begin(RunKind::Run, "three-direction").unwrap();
-        let id = Teller {
-            journal,
+    pub(crate) fn new(story: Story) -> Self {
+        let (records, ending) = Teller {
             story,
             records: Vec::new(),
             planned: Vec::new(),
-            now_us: 12_000_000,
+            now_us: BEGIN_US,
             sweeps: 0,
             noise: 7,
         }
         .tell();
-        let reader = Reader::open(&directory).unwrap();
-        let mut run = reader.run(id).unwrap();
-        // What differs from one run of the tests to the next.
-        run.started_at = "2026-11-21T08:15:42.120Z".to_owned();
-        run.finished_at = Some("2026-11-21T08:15:46.300Z".to_owned());
-        run.wall_s = Some(4.18);
-        let chain = reader.chain(id).unwrap();
-        Self { directory, run, chain }
+        let chain = chain(&records);
+        let run = Run {
+            id: ID,
+            kind: RunKind::Run,
+            name: "three-direction".to_owned(),
+            number: 1,
+            started_at: "2026-11-21T08:15:42.120Z".to_owned(),
+            finished_at: Some("2026-11-21T08:15:46.300Z".to_owned()),
+            wall_s: Some(4.18),
+            status: RunStatus::Ended(ending),
+            records: chain.records.len() as u64,
+        };
+        Self { run, chain }
     }
 
-    /// The same run, had it begun otherwise.
-    pub(super) fn change_start(&mut self, change: impl FnOnce(&mut RunStarted)) {
+    pub(crate) fn results(&self) -> RunResults {
+        RunResults::new(&self.run, &self.chain.records, &read_sensor).unwrap()
+    }
+
+    pub(crate) fn html(&self) -> String {
+        self.results().html(&self.chain.verdict)
+    }
+
+    /// The same run with another beginning.
+    pub(crate) fn change_start(&mut self, change: impl FnOnce(&mut RunStarted)) {
         let first = &mut self.chain.records[0];
         let Record::RunStarted(mut started) = first.record().unwrap() else { panic!("{first:?}") };
         change(&mut started);
         first.payload = serde_json::to_string(&Record::RunStarted(started)).unwrap();
     }
 
-    /// The same run, had its touches given something else.
-    pub(super) fn change_touches(&mut self, mut change: impl FnMut(&mut Touch)) {
+    /// The same run with other touches.
+    pub(crate) fn change_touches(&mut self, mut change: impl FnMut(&mut Touch)) {
         for stored in &mut self.chain.records {
             let Record::TouchResult(mut touch) = stored.record().unwrap() else { continue };
             change(&mut touch);
@@ -91,8 +90,37 @@ impl SampleRun {
     }
 }
 
+/// On the rig's clock, µs.
+const BEGIN_US: u64 = 12_000_000;
+
+/// The records as a journal would store them.
+pub(crate) fn chain(records: &[(u64, Record)]) -> Chain {
+    let (mut stored, mut digest) = (Vec::new(), Digest::START);
+    for ((rig_us, record), seq) in records.iter().zip(1_u64..) {
+        let (kind, payload) = (record.kind().to_owned(), serde_json::to_string(record).unwrap());
+        digest = digest.next(seq, *rig_us, &kind, &payload);
+        let at = Some(time(rig_us - records[0].0));
+        let rig_us = *rig_us;
+        stored.push(StoredRecord { event: seq, run: ID, seq, rig_us, at, kind, payload, digest });
+    }
+    let verdict = Verdict::Intact { records: stored.len() as u64, digest };
+    Chain { records: stored, verdict }
+}
+
+/// The wall clock this many µs, less than 44 minutes, after the beginning of the run.
+fn time(since_us: u64) -> String {
+    let ms = since_us / 1000 + 42_120;
+    format!("2026-11-21T08:{:02}:{:02}.{:03}Z", 15 + ms / 60_000, ms / 1000 % 60, ms % 1000)
+}
+
+const RIG: &str = include_str!("../../../../config/rigs/simulated.toml");
+
+/// The sensor of the shipped rig file, which is the reference.
+pub(crate) fn read_sensor(rig: &Source) -> Result<SensorDescription, Faults> {
+    if rig.toml == RIG { Ok(SensorDescription::reference()) } else { Err(Faults::new(&rig.name)) }
+}
+
 struct Teller {
-    journal: Journal,
     story: Story,
     /// What happened, each with its time in µs.
     records: Vec<(u64, Record)>,
@@ -103,8 +131,8 @@ struct Teller {
 }
 
 impl Teller {
-    fn tell(mut self) -> RunId {
-        let began_us = self.now_us;
+    /// Every record with its time in µs, and the ending.
+    fn tell(mut self) -> (Vec<(u64, Record)>, Ending) {
         let made = match self.story {
             Story::Complete | Story::Refused => usize::MAX,
             Story::Faulted => 7,
@@ -132,12 +160,8 @@ impl Teller {
             Story::Empty => Ending::Aborted,
         };
         self.write(Record::RunFinished(RunFinished { status: ending }));
-        self.journal.append(began_us, &started(self.planned)).unwrap();
-        for (at_us, record) in &self.records {
-            self.journal.append(*at_us, record).unwrap();
-        }
-        self.journal.commit().unwrap();
-        self.journal.id()
+        self.records.insert(0, (BEGIN_US, started(self.planned)));
+        (self.records, ending)
     }
 
     fn write(&mut self, record: Record) {
@@ -329,7 +353,7 @@ impl Teller {
     }
 }
 
-fn started(touches: Vec<TouchSettings>) -> Record {
+pub(crate) fn started(touches: Vec<TouchSettings>) -> Record {
     let source = |name: &str, toml: &str| Source { name: name.to_owned(), toml: toml.to_owned() };
     let device = |role: &str, identity: &str| Device {
         role: role.to_owned(),
@@ -346,7 +370,7 @@ fn started(touches: Vec<TouchSettings>) -> Record {
             "three-direction",
             "name = \"three-direction\"\nangles_deg = [0, 15, 30, 45]\n",
         ),
-        rig: source("simulated", include_str!("../../../../../config/rigs/simulated.toml")),
+        rig: source("simulated", RIG),
         is_simulated: true,
         scene: Some(source("paper", "name = \"paper\"\n")),
         devices: vec![

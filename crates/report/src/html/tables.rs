@@ -3,16 +3,16 @@
 use rig_analysis::shift::{DirectionMean, Mean};
 use rig_chart::Escaped;
 
-use super::{
-    data::{LogKind, RunData},
-    html::{add, table},
-    results::{Classification, DIRECTIONS, RunResults},
-    touches::{GridRow, Tally, TouchRow, TouchStatus},
+use super::element::{add, table};
+use crate::{
+    RunResults, TouchRow, TouchStatus,
+    data::{DIRECTIONS, LogKind, RunData},
+    results::{classification::Classification, grid::GridRow, status::Tally},
     units::{clock, decimals_for, fixed, with_sigma},
 };
 
 /// Every shift with its uncertainties, and what stands in the place of those that are missing.
-pub(super) fn shifts(data: &RunData, results: &RunResults) -> String {
+pub(crate) fn shifts(data: &RunData, results: &RunResults) -> String {
     let directions = results.directions();
     let mut heads = vec!["sample".to_owned(), "angle".to_owned()];
     heads.extend(directions.iter().map(|&d| format!("{} (Hz)", DIRECTIONS[d].name())));
@@ -22,10 +22,10 @@ pub(super) fn shifts(data: &RunData, results: &RunResults) -> String {
         let name = &data.samples()[sample].name;
         let mut row = vec![Escaped(name).to_string(), format!("{angle_deg}°")];
         for &direction in &directions {
-            let cell = results.cell(sample, angle_deg, direction);
+            let cell = results.direction_mean(sample, angle_deg, direction);
             row.push(of_some(planned.directions[direction], cell.map(shift)));
         }
-        let mean = results.mean(sample, angle_deg).map(|mean| mean.mean);
+        let mean = results.angle_mean(sample, angle_deg).map(|mean| mean.mean);
         let with_error = |mean: Mean| with_sigma(mean.shift_hz, mean.standard_error_hz());
         let bold = mean.map(|mean| format!("<b>{}</b>", with_error(mean)));
         row.push(of_some(planned.over_directions(), bold));
@@ -64,7 +64,7 @@ fn shift(cell: &DirectionMean) -> String {
 }
 
 /// Which sample fell into which cluster.
-pub(super) fn confusion(data: &RunData, classification: &Classification) -> String {
+pub(crate) fn confusion(data: &RunData, classification: &Classification) -> String {
     let score = &classification.score;
     let mut heads = vec!["sample".to_owned()];
     for (cluster, centre_hz) in classification.centres_hz.iter().enumerate() {
@@ -91,7 +91,7 @@ pub(super) fn confusion(data: &RunData, classification: &Classification) -> Stri
 }
 
 /// Every planned touch with what became of it.
-pub(super) fn touches(rows: &[TouchRow]) -> String {
+pub(crate) fn touches(rows: &[TouchRow]) -> String {
     let heads = ["touch", "sample", "status", "shift (Hz)", "stiffness (MPa)", "class", "reason"];
     let row = |row: &TouchRow| {
         let pair = |value: Option<f64>, sigma: Option<f64>| {
@@ -120,7 +120,7 @@ pub(super) fn touches(rows: &[TouchRow]) -> String {
 }
 
 /// What persons were asked and did, and what went wrong.
-pub(super) fn log(data: &RunData) -> String {
+pub(crate) fn log(data: &RunData) -> String {
     let heads = ["rig time", "kind", "what", "step"].map(str::to_owned);
     let mut rows = Vec::new();
     for entry in &data.log {
@@ -136,6 +136,6 @@ pub(super) fn log(data: &RunData) -> String {
 }
 
 /// What stands where there is nothing.
-pub(super) fn dash() -> String {
+pub(crate) fn dash() -> String {
     "–".to_owned()
 }

@@ -1,26 +1,26 @@
 //! Numbers as people read them.
 
 /// A value with its standard deviation, to two digits of the latter: `140.403 ± 0.012`.
-pub(super) fn with_sigma(value: f64, sigma: f64) -> String {
+pub(crate) fn with_sigma(value: f64, sigma: f64) -> String {
     let (value, sigma) = value_and_sigma(value, sigma);
     format!("{value} ± {sigma}")
 }
 
 /// The two parts of [`with_sigma`].
-pub(super) fn value_and_sigma(value: f64, sigma: f64) -> (String, String) {
+pub(crate) fn value_and_sigma(value: f64, sigma: f64) -> (String, String) {
     let decimals = decimals_for(sigma);
     (fixed(value, decimals), fixed(sigma, decimals))
 }
 
 /// A value with this many decimals and a true minus sign.
-pub(super) fn fixed(value: f64, decimals: usize) -> String {
+pub(crate) fn fixed(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     let is_zero = text.chars().all(|digit| matches!(digit, '-' | '0' | '.'));
     if is_zero { text.replacen('-', "", 1) } else { text.replacen('-', "−", 1) }
 }
 
 /// The decimals that show two digits of a standard deviation.
-pub(super) fn decimals_for(sigma: f64) -> usize {
+pub(crate) fn decimals_for(sigma: f64) -> usize {
     (0..=6).find(|&decimals| sigma * 10.0_f64.powi(decimals) >= 9.5).map_or_else(
         || if sigma > 0.0 { 6 } else { 3 },
         |decimals| usize::try_from(decimals).unwrap_or(6),
@@ -28,18 +28,18 @@ pub(super) fn decimals_for(sigma: f64) -> usize {
 }
 
 /// A share in percent: `92 %`, `94.1 %`.
-pub(super) fn percent(share: f64) -> String {
+pub(crate) fn percent(share: f64) -> String {
     let text = format!("{:.1}", share * 100.0);
     format!("{} %", text.strip_suffix(".0").unwrap_or(&text))
 }
 
 /// Two shares in whole percent: `81 % to 97 %`.
-pub(super) fn percent_range((low, high): (f64, f64)) -> String {
+pub(crate) fn percent_range((low, high): (f64, f64)) -> String {
     format!("{:.0} % to {:.0} %", low * 100.0, high * 100.0)
 }
 
 /// A time: `3.2 s`, `4 min 07 s`, `2 h 05 min`.
-pub(super) fn duration(seconds: f64) -> String {
+pub(crate) fn duration(seconds: f64) -> String {
     if seconds < 59.95 {
         return format!("{seconds:.1} s");
     }
@@ -53,7 +53,7 @@ pub(super) fn duration(seconds: f64) -> String {
 }
 
 /// A time into the run: `0:04:07.3`.
-pub(super) fn clock(seconds: f64) -> String {
+pub(crate) fn clock(seconds: f64) -> String {
     let tenths = (seconds * 10.0).round();
     let (hours, rest) = ((tenths / 36_000.0).floor(), tenths.rem_euclid(36_000.0));
     let (minutes, rest) = ((rest / 600.0).floor(), rest.rem_euclid(600.0));

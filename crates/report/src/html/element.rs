@@ -7,7 +7,7 @@ use rig_chart::Escaped;
 /// A table: what it shows, the heads of its columns, its rows.
 ///
 /// The first column names the rows. Cells are HTML already; everything else is text.
-pub(super) fn table(caption: &str, heads: &[String], rows: &[Vec<String>]) -> String {
+pub(crate) fn table(caption: &str, heads: &[String], rows: &[Vec<String>]) -> String {
     let mut html = format!("<table>\n<caption>{}</caption>\n<thead><tr>", Escaped(caption));
     for head in heads {
         add(&mut html, format_args!("<th scope=\"col\">{}</th>", Escaped(head)));
@@ -33,6 +33,6 @@ pub(super) fn table(caption: &str, heads: &[String], rows: &[Vec<String>]) -> St
 }
 
 /// Appends formatted text.
-pub(super) fn add(text: &mut String, more: fmt::Arguments<'_>) {
+pub(crate) fn add(text: &mut String, more: fmt::Arguments<'_>) {
     text.write_fmt(more).expect("a string takes all text");
 }

@@ -1,49 +1,54 @@
-//! The records of a run, sorted by what the report says of them.
+//! The records of a run, sorted by kind.
+
+use std::fmt::Write as _;
 
 use rig_record::{
-    Action, Clearance, Prompt, Record, RefusedTouch, RunStarted, Sample, StoredRecord, Sweep,
-    SweepVerdict, Touch, TouchSettings, UnreadableRecord,
+    Action, Clearance, Direction, Prompt, Record, RefusedTouch, RunStarted, Sample, StoredRecord,
+    Sweep, SweepVerdict, Touch, TouchSettings, UnreadableRecord,
 };
 
-use super::{html::add, units::duration};
+use crate::units::duration;
 
-/// What a run left behind.
+/// The directions, in the order of their indices in the analysis.
+pub(crate) const DIRECTIONS: [Direction; 3] = [Direction::Front, Direction::Back, Direction::Left];
+
+/// The records of a run, by kind.
 #[derive(Debug, Default)]
-pub(super) struct RunData {
+pub(crate) struct RunData {
     /// The first record, unless the journal is damaged there.
-    pub(super) started: Option<RunStarted>,
+    pub(crate) started: Option<RunStarted>,
     /// When that was, on the rig's clock, µs.
-    pub(super) begin_us: u64,
+    pub(crate) begin_us: u64,
     /// The time of the last record, on the rig's clock, µs.
-    pub(super) end_us: u64,
+    pub(crate) end_us: u64,
     /// Every sweep, in order.
-    pub(super) sweeps: Vec<Sweep>,
+    pub(crate) sweeps: Vec<Sweep>,
     /// Every touch that gave a shift, in order.
-    pub(super) touches: Vec<Touch>,
+    pub(crate) touches: Vec<Touch>,
     /// Every planned touch, in order, with what became of it.
-    pub(super) planned: Vec<PlannedTouch>,
+    pub(crate) planned: Vec<PlannedTouch>,
     /// Prompts that were answered.
-    pub(super) prompts: u32,
+    pub(crate) prompts: u32,
     /// What persons were asked and did, and what went wrong.
-    pub(super) log: Vec<LogEntry>,
+    pub(crate) log: Vec<LogEntry>,
     /// The first thing that went wrong.
-    pub(super) fault: Option<String>,
+    pub(crate) fault: Option<String>,
 }
 
 /// A planned touch.
 #[derive(Debug)]
-pub(super) struct PlannedTouch {
+pub(crate) struct PlannedTouch {
     /// What was to be touched, and how.
-    pub(super) settings: TouchSettings,
+    pub(crate) settings: TouchSettings,
     /// When it began: UTC, RFC 3339.
-    pub(super) began_at: Option<String>,
+    pub(crate) began_at: Option<String>,
     /// What became of it; none when it has not ended.
-    pub(super) outcome: Option<Outcome>,
+    pub(crate) outcome: Option<Outcome>,
 }
 
 /// How a touch ended.
 #[derive(Debug)]
-pub(super) enum Outcome {
+pub(crate) enum Outcome {
     /// It gave a shift: its place in [`RunData::touches`].
     Measured(usize),
     /// It gave none.
@@ -52,20 +57,20 @@ pub(super) enum Outcome {
 
 /// A line of the log.
 #[derive(Debug)]
-pub(super) struct LogEntry {
+pub(crate) struct LogEntry {
     /// When, on the rig's clock, µs.
-    pub(super) rig_us: u64,
+    pub(crate) rig_us: u64,
     /// Where it happened, when that is a step.
-    pub(super) step: Option<String>,
+    pub(crate) step: Option<String>,
     /// What kind of line it is.
-    pub(super) kind: LogKind,
+    pub(crate) kind: LogKind,
     /// What happened.
-    pub(super) text: String,
+    pub(crate) text: String,
 }
 
 /// The kind of a line of the log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum LogKind {
+pub(crate) enum LogKind {
     /// A person was asked or answered.
     Prompt,
     /// A person gave a command.
@@ -80,7 +85,7 @@ pub(super) enum LogKind {
 
 impl LogKind {
     /// The word in the log.
-    pub(super) const fn name(self) -> &'static str {
+    pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Prompt => "prompt",
             Self::Command => "command",
@@ -93,7 +98,7 @@ impl LogKind {
 
 impl RunData {
     /// Sorts the records of a run.
-    pub(super) fn read(records: &[StoredRecord]) -> Result<Self, UnreadableRecord> {
+    pub(crate) fn read(records: &[StoredRecord]) -> Result<Self, UnreadableRecord> {
         let mut data = Self {
             begin_us: records.first().map_or(0, |first| first.rig_us),
             end_us: records.last().map_or(0, |last| last.rig_us),
@@ -106,32 +111,32 @@ impl RunData {
     }
 
     /// From the first record to the last on the rig's clock, s.
-    pub(super) fn rig_s(&self) -> f64 {
+    pub(crate) fn rig_s(&self) -> f64 {
         (self.end_us - self.begin_us) as f64 / 1e6
     }
 
     /// The samples, in the protocol's order.
-    pub(super) fn samples(&self) -> &[Sample] {
+    pub(crate) fn samples(&self) -> &[Sample] {
         self.started.as_ref().map_or(&[], |started| &started.samples)
     }
 
     /// What went wrong.
-    pub(super) fn faults(&self) -> impl Iterator<Item = &LogEntry> {
+    pub(crate) fn faults(&self) -> impl Iterator<Item = &LogEntry> {
         self.log.iter().filter(|entry| entry.kind == LogKind::Fault)
     }
 
     /// The sweep with this number.
-    pub(super) fn sweep(&self, number: u64) -> Option<&Sweep> {
+    pub(crate) fn sweep(&self, number: u64) -> Option<&Sweep> {
         self.sweeps.iter().find(|sweep| sweep.number == number)
     }
 
     /// Whether no real device took part.
-    pub(super) fn is_simulated(&self) -> bool {
+    pub(crate) fn is_simulated(&self) -> bool {
         self.started.as_ref().is_some_and(RunStarted::is_simulated)
     }
 
     /// The sample with this name.
-    pub(super) fn sample(&self, name: &str) -> Option<usize> {
+    pub(crate) fn sample(&self, name: &str) -> Option<usize> {
         self.samples().iter().position(|sample| sample.name == name)
     }
 
@@ -152,7 +157,8 @@ impl RunData {
         let is_question = |entry: &&mut LogEntry| entry.kind == LogKind::Prompt;
         if let Some(asked) = self.log.iter_mut().rev().find(is_question) {
             let waited = duration((rig_us - asked.rig_us) as f64 / 1e6);
-            add(&mut asked.text, format_args!("; done after {waited}, says {by}"));
+            write!(asked.text, "; done after {waited}, says {by}")
+                .expect("a string takes all text");
         }
     }
 

@@ -4,31 +4,32 @@ use rig_chart::{Axis, Chart, ChartError, Escaped, Marker, Point, Series, Stroke,
 use rig_record::{Direction, Phase, Reading, Sample, Sweep, SweepVerdict};
 use rig_resonance::Circuit;
 
-use super::{
-    data::RunData,
-    results::{Classification, DIRECTIONS, RunResults},
+use crate::{
+    RunResults,
+    data::{DIRECTIONS, RunData},
+    results::classification::Classification,
     units::{fixed, with_sigma},
 };
 
 /// Width of one of three charts in a row, and the height of all charts in a row, in pixels.
 const PANEL_PX: (u32, u32) = (290, 310);
 /// Of one of two charts in a row.
-pub(super) const HALF_PX: (u32, u32) = (446, 310);
+pub(crate) const HALF_PX: (u32, u32) = (446, 310);
 /// Of a chart with a row of its own.
 const WIDE_PX: (u32, u32) = (912, 360);
 
 /// Shift against angle, one chart for each direction: the paper's Figure 11.
-pub(super) fn by_direction(data: &RunData, results: &RunResults) -> String {
+pub(crate) fn by_direction(data: &RunData, results: &RunResults) -> String {
     let highest = results
-        .cells
+        .direction_means
         .iter()
-        .map(|cell| cell.mean.shift_hz + cell.mean.sigma_hz)
+        .map(|one| one.mean.shift_hz + one.mean.sigma_hz)
         .fold(0.0, f64::max);
     let angles = results.angles_deg();
     let mut charts = String::new();
     for (direction, name) in DIRECTIONS.map(Direction::name).into_iter().enumerate() {
-        let cells = || results.cells.iter().filter(move |cell| cell.direction == direction);
-        if cells().next().is_none() {
+        let means = || results.direction_means.iter().filter(move |one| one.direction == direction);
+        if means().next().is_none() {
             continue;
         }
         let mut chart = Chart::new(
@@ -39,11 +40,11 @@ pub(super) fn by_direction(data: &RunData, results: &RunResults) -> String {
         );
         chart.size_px = PANEL_PX;
         for (index, sample) in touched_samples(data, results) {
-            let points = cells().filter(|cell| cell.sample == index).map(|cell| Point {
-                x: cell.angle_deg,
-                y: cell.mean.shift_hz,
-                error: Some(cell.mean.sigma_hz),
-                note: Some(note(sample, cell.angle_deg, cell.mean.shift_hz, cell.mean.sigma_hz)),
+            let points = means().filter(|one| one.sample == index).map(|one| Point {
+                x: one.angle_deg,
+                y: one.mean.shift_hz,
+                error: Some(one.mean.sigma_hz),
+                note: Some(note(sample, one.angle_deg, one.mean.shift_hz, one.mean.sigma_hz)),
             });
             let series = Series::joined(&label(sample), index, points);
             chart.series.push(Series { name: None, ..series });
@@ -64,13 +65,14 @@ fn touched_samples<'a>(
     data: &'a RunData,
     results: &'a RunResults,
 ) -> impl Iterator<Item = (usize, &'a Sample)> {
-    let is_touched =
-        |&(index, _): &(usize, &Sample)| results.means.iter().any(|mean| mean.sample == index);
+    let is_touched = |&(index, _): &(usize, &Sample)| {
+        results.angle_means.iter().any(|mean| mean.sample == index)
+    };
     data.samples().iter().enumerate().filter(is_touched)
 }
 
 /// Shift against angle, averaged over the directions: the paper's Figure 12.
-pub(super) fn averaged(data: &RunData, results: &RunResults) -> String {
+pub(crate) fn averaged(data: &RunData, results: &RunResults) -> String {
     let mut chart = Chart::new(
         "Mean of the directions",
         "Frequency shift of each sample against the contact angle, averaged over the directions.",
@@ -79,7 +81,7 @@ pub(super) fn averaged(data: &RunData, results: &RunResults) -> String {
     );
     chart.size_px = WIDE_PX;
     for (index, sample) in touched_samples(data, results) {
-        let means = results.means.iter().filter(|mean| mean.sample == index);
+        let means = results.angle_means.iter().filter(|mean| mean.sample == index);
         let points = means.map(|mean| Point {
             x: mean.angle_deg,
             y: mean.mean.shift_hz,
@@ -99,7 +101,7 @@ pub(super) fn averaged(data: &RunData, results: &RunResults) -> String {
 }
 
 /// The blind touches by cluster: the paper's Figure 13.
-pub(super) fn classification(data: &RunData, classification: &Classification) -> String {
+pub(crate) fn classification(data: &RunData, classification: &Classification) -> String {
     let mut chart = Chart::new(
         "Blind touches by cluster",
         "Frequency shift of each blind touch; its shape and colour tell the cluster, a ring that it \
@@ -142,7 +144,7 @@ pub(super) fn classification(data: &RunData, classification: &Classification) ->
 }
 
 /// The reference over the run.
-pub(super) fn no_load(data: &RunData, results: &RunResults) -> String {
+pub(crate) fn no_load(data: &RunData, results: &RunResults) -> String {
     const SECONDS_PER_MINUTE: f64 = 60.0;
     let begin_s = data.begin_us as f64 / 1e6;
     let minutes = |time_s: f64| (time_s - begin_s) / SECONDS_PER_MINUTE;
@@ -183,7 +185,7 @@ pub(super) fn no_load(data: &RunData, results: &RunResults) -> String {
 
 /// One touch and its reference as they were measured, with the circuits fitted: the main touch
 /// with the largest shift, where the tissue damps the resonance most.
-pub(super) fn example(data: &RunData) -> Option<String> {
+pub(crate) fn example(data: &RunData) -> Option<String> {
     let touch = data
         .touches
         .iter()
@@ -206,7 +208,7 @@ pub(super) fn example(data: &RunData) -> Option<String> {
 }
 
 /// Every refused sweep as it was measured, with its reason.
-pub(super) fn refused(data: &RunData) -> String {
+pub(crate) fn refused(data: &RunData) -> String {
     let mut html = String::new();
     for sweep in &data.sweeps {
         let SweepVerdict::Refused { reason } = &sweep.verdict else { continue };
@@ -304,13 +306,13 @@ fn note(sample: &Sample, angle_deg: f64, shift_hz: f64, sigma_hz: f64) -> String
 }
 
 /// A chart, or why there is none: a report is never lost for a figure.
-pub(super) fn drawn(svg: &Result<String, ChartError>) -> String {
+pub(crate) fn drawn(svg: &Result<String, ChartError>) -> String {
     match svg {
         Ok(svg) => svg.clone(),
         Err(error) => format!("<p class=\"note\">{}</p>\n", Escaped(&error.to_string())),
     }
 }
 
-pub(super) fn figure(content: &str, caption: &str) -> String {
+pub(crate) fn figure(content: &str, caption: &str) -> String {
     format!("<figure>\n{content}<figcaption>{}</figcaption>\n</figure>\n", Escaped(caption))
 }

@@ -1,8 +1,8 @@
-//! A table as CSV, in which every cell has the type of its column whichever program reads it.
+//! A table as CSV. Programs read every value with the type of its column.
 //!
-//! Text stands in quotes, so that a label such as `"01"` is one. A number with a fraction has a
+//! Text stands in quotes, so that a label such as `"01"` stays text. A number with a fraction has a
 //! decimal point in every row, so that a column that begins with `0.0` is not taken for whole
-//! numbers. A cell without a value is empty.
+//! numbers. A missing value is empty.
 
 use std::io::{self, Write};
 
@@ -10,9 +10,9 @@ use csv::{QuoteStyle, Writer, WriterBuilder};
 
 use super::ExportError;
 
-/// What stands in a cell.
+/// A value of a table.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Cell<'a> {
+pub(super) enum TableValue<'a> {
     /// Nothing.
     Empty,
     /// A label or a sentence.
@@ -21,7 +21,7 @@ pub enum Cell<'a> {
     Whole(u64),
     /// Yes or no.
     Flag(bool),
-    /// A number, with as many digits as tell it from every other one.
+    /// A number, with the digits that distinguish it from every other one.
     Exact(f64),
     /// A number with this many decimals.
     Decimals(f64, usize),
@@ -29,15 +29,15 @@ pub enum Cell<'a> {
     Digits(f64, usize),
 }
 
-impl Cell<'_> {
-    /// What `cell` makes of a value, where there is one.
-    pub fn of<T>(value: Option<T>, cell: impl FnOnce(T) -> Self) -> Self {
-        value.map_or(Self::Empty, cell)
+impl TableValue<'_> {
+    /// `table_value` of a value; `Empty` without one.
+    pub(super) fn of<T>(value: Option<T>, table_value: impl FnOnce(T) -> Self) -> Self {
+        value.map_or(Self::Empty, table_value)
     }
 
-    /// A value and its standard deviation, both as far as three digits of the latter go: rounding
-    /// then adds nothing to it.
-    pub fn with_sigma(value: f64, sigma: f64) -> [Self; 2] {
+    /// A value and its standard deviation, both to three digits of the latter. Rounding then adds
+    /// nothing to it.
+    pub(super) fn with_sigma(value: f64, sigma: f64) -> [Self; 2] {
         let is_short = |decimals: &i32| sigma * 10_f64.powi(*decimals) < 99.5;
         let decimals = if sigma > 0.0 { (1..12).take_while(is_short).count() + 1 } else { 6 };
         [Self::Decimals(value, decimals), Self::Decimals(sigma, decimals)]
@@ -70,7 +70,7 @@ fn pointed(number: String) -> String {
 
 /// Writes a table row by row.
 #[derive(Debug)]
-pub struct Table<W: Write> {
+pub(super) struct Table<W: Write> {
     writer: Writer<W>,
 }
 
@@ -78,34 +78,34 @@ impl<W: Write> Table<W> {
     /// A table with these columns.
     ///
     /// # Errors
-    /// What writing reports.
-    pub fn new(columns: &[&str], out: W) -> Result<Self, ExportError> {
+    /// Errors of the writer.
+    pub(super) fn new(columns: &[&str], out: W) -> Result<Self, ExportError> {
         let mut writer = WriterBuilder::new().quote_style(QuoteStyle::Never).from_writer(out);
         writer.write_record(columns).map_err(failed)?;
         Ok(Self { writer })
     }
 
-    /// Adds a row, which has a cell for each column.
+    /// Adds a row, which has a value for each column.
     ///
     /// # Errors
-    /// What writing reports.
-    pub fn row<'a>(
+    /// Errors of the writer.
+    pub(super) fn row<'a>(
         &mut self,
-        cells: impl IntoIterator<Item = Cell<'a>>,
+        values: impl IntoIterator<Item = TableValue<'a>>,
     ) -> Result<(), ExportError> {
-        self.writer.write_record(cells.into_iter().map(Cell::text)).map_err(failed)
+        self.writer.write_record(values.into_iter().map(TableValue::text)).map_err(failed)
     }
 
-    /// Writes what has not been written yet.
+    /// Flushes the writer.
     ///
     /// # Errors
-    /// What writing reports.
-    pub fn finish(mut self) -> Result<(), ExportError> {
+    /// Errors of the writer.
+    pub(super) fn finish(mut self) -> Result<(), ExportError> {
         Ok(self.writer.flush()?)
     }
 }
 
-/// Keeps the kind of what the system reports: a reader that has seen enough is no failure.
+/// Keeps the kind of the system's error: a closed pipe is no failure.
 fn failed(error: csv::Error) -> ExportError {
     match error.into_kind() {
         csv::ErrorKind::Io(error) => error.into(),
@@ -120,26 +120,26 @@ mod tests {
     #[test]
     fn a_number_with_a_fraction_always_has_a_point_and_is_read_back() {
         #[track_caller]
-        fn check(cell: Cell<'_>, expected: &str) {
-            assert_eq!(cell.text(), expected);
+        fn check(value: TableValue<'_>, expected: &str) {
+            assert_eq!(value.text(), expected);
         }
-        check(Cell::Exact(0.0), "0.0");
-        check(Cell::Exact(15.0), "15.0");
-        check(Cell::Exact(17.66), "17.66");
-        check(Cell::Exact(1e-7), "1.0e-7");
-        check(Cell::Exact(2.74e-8), "2.74e-8");
-        check(Cell::Exact(1e20), "1.0e20");
-        check(Cell::Decimals(10.0, 4), "10.0000");
-        check(Cell::Digits(2.740_000_3e-8, 6), "2.74e-8");
-        check(Cell::Digits(33.0, 6), "33.0");
-        check(Cell::Digits(33.123_456_7, 6), "33.1235");
+        check(TableValue::Exact(0.0), "0.0");
+        check(TableValue::Exact(15.0), "15.0");
+        check(TableValue::Exact(17.66), "17.66");
+        check(TableValue::Exact(1e-7), "1.0e-7");
+        check(TableValue::Exact(2.74e-8), "2.74e-8");
+        check(TableValue::Exact(1e20), "1.0e20");
+        check(TableValue::Decimals(10.0, 4), "10.0000");
+        check(TableValue::Digits(2.740_000_3e-8, 6), "2.74e-8");
+        check(TableValue::Digits(33.0, 6), "33.0");
+        check(TableValue::Digits(33.123_456_7, 6), "33.1235");
     }
 
     #[test]
     fn a_value_ends_where_three_digits_of_its_standard_deviation_end() {
         #[track_caller]
         fn check(value: f64, sigma: f64, expected: [&str; 2]) {
-            assert_eq!(Cell::with_sigma(value, sigma).map(Cell::text), expected);
+            assert_eq!(TableValue::with_sigma(value, sigma).map(TableValue::text), expected);
         }
         check(140.403_123, 0.012_34, ["140.4031", "0.0123"]);
         check(140.403_123, 0.099_96, ["140.403", "0.100"]);
@@ -153,12 +153,12 @@ mod tests {
     fn labels_are_quoted_and_a_row_that_is_too_short_is_refused() {
         let mut bytes = Vec::new();
         let mut table = Table::new(&["sample", "count"], &mut bytes).unwrap();
-        table.row([Cell::Text("01"), Cell::Whole(1)]).unwrap();
-        table.row([Cell::Text("agar, \"soft\""), Cell::Empty]).unwrap();
+        table.row([TableValue::Text("01"), TableValue::Whole(1)]).unwrap();
+        table.row([TableValue::Text("agar, \"soft\""), TableValue::Empty]).unwrap();
         table.finish().unwrap();
         let text = String::from_utf8(bytes).unwrap();
         assert_eq!(text, "sample,count\n\"01\",1\n\"agar, \"\"soft\"\"\",\n");
         let mut table = Table::new(&["sample", "count"], Vec::new()).unwrap();
-        assert!(table.row([Cell::Flag(true)]).is_err());
+        assert!(table.row([TableValue::Flag(true)]).is_err());
     }
 }

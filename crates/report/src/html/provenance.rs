@@ -3,10 +3,11 @@
 use rig_chart::Escaped;
 use rig_record::{Run, RunStarted, Source, Verdict};
 
-use super::{data::RunData, html::add};
+use super::element::add;
+use crate::data::RunData;
 
 /// Everything needed to judge the run and to repeat it.
-pub(super) fn provenance(run: &Run, verdict: &Verdict, data: &RunData) -> String {
+pub(crate) fn provenance(run: &Run, verdict: &Verdict, data: &RunData) -> String {
     let mut html = String::from("<dl class=\"facts\">\n");
     let mut fact = |name: &str, value: &str| {
         let (name, value) = (Escaped(name), Escaped(value));

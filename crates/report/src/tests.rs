@@ -1,6 +1,6 @@
 //! The report of runs that went well, went wrong, and never began.
 
-mod sample;
+pub(crate) mod sample;
 
 use std::collections::BTreeMap;
 
@@ -10,8 +10,7 @@ use super::*;
 use sample::{SampleRun, Story};
 
 fn rendered(story: Story) -> String {
-    let sample = SampleRun::new(story);
-    render(&sample.run, &sample.chain).unwrap()
+    SampleRun::new(story).html()
 }
 
 /// The text of an element with this opening tag.
@@ -85,9 +84,8 @@ fn a_complete_run_has_every_figure() {
 #[test]
 fn as_many_touches_are_ringed_as_are_wrong() {
     let sample = SampleRun::new(Story::Complete);
-    let html = render(&sample.run, &sample.chain).unwrap();
-    let folder = Path::new("run");
-    let found = summary(&sample.run, &sample.chain.records, folder).unwrap();
+    let html = sample.html();
+    let found = sample.results().summary();
     let blind = found.classification.unwrap();
     assert!(0 < blind.correct && blind.correct < blind.trials, "nothing to be seen: {blind:?}");
     let figure = inside(&html, "<title id=\"fig-blind-t\">", "</svg>");
@@ -120,7 +118,7 @@ fn a_damaged_journal_is_reported_as_far_as_it_can_be_read() {
     let keep = 200;
     let verdict = Verdict::Broken { seq: keep as u64 + 1, flaw: Flaw::Altered };
     let chain = Chain { records: sample.chain.records[..keep].to_vec(), verdict };
-    let html = render(&sample.run, &chain).unwrap();
+    let html = SampleRun { chain, ..sample }.html();
     check_markup(&html);
     assert!(html.contains(
         "<b>The journal of this run is damaged.</b> Record 201: the record is not what was written."
@@ -131,14 +129,14 @@ fn a_damaged_journal_is_reported_as_far_as_it_can_be_read() {
 #[test]
 fn a_program_finds_the_fields_that_it_was_promised() {
     let sample = SampleRun::new(Story::Complete);
-    let found = summary(&sample.run, &sample.chain.records, Path::new("runs/1")).unwrap();
+    let found = sample.results().summary();
     let json = serde_json::to_value(&found).unwrap();
     let fields = |value: &serde_json::Value| {
         value.as_object().unwrap().keys().cloned().collect::<Vec<_>>().join(" ")
     };
     assert_eq!(
         fields(&json),
-        "classification data is_simulated no_load_hz prompts recognition report rig_seconds run_id \
+        "classification is_simulated no_load_hz prompts recognition rig_seconds run_id \
          sensitivity_hz_per_mpa shifts status stiffness touch_results touches touches_measured \
          touches_not_reached touches_planned touches_refused wall_seconds"
     );
@@ -154,14 +152,13 @@ fn a_program_finds_the_fields_that_it_was_promised() {
     assert_eq!(json["prompts"], 65);
     assert_eq!(json["rig_seconds"], 1297.0);
     assert_eq!(json["wall_seconds"], 4.18);
-    assert_eq!(json["report"], "runs/1/report.html");
     assert_eq!(found.shifts.len(), 60);
 }
 
 #[test]
 fn the_numbers_are_those_of_the_touches() {
     let sample = SampleRun::new(Story::Complete);
-    let found = summary(&sample.run, &sample.chain.records, Path::new("run")).unwrap();
+    let found = sample.results().summary();
     let touches: Vec<rig_record::Touch> = sample
         .chain
         .records
@@ -195,9 +192,9 @@ fn the_numbers_are_those_of_the_touches() {
 #[test]
 fn stiffness_is_scaled_by_the_samples_that_are_known_and_says_so() {
     let sample = SampleRun::new(Story::Complete);
-    let html = render(&sample.run, &sample.chain).unwrap();
+    let html = sample.html();
     assert!(html.contains("The touches at 0° of 5 samples of known stiffness say"));
-    let found = summary(&sample.run, &sample.chain.records, Path::new("run")).unwrap();
+    let found = sample.results().summary();
     for sample in &found.stiffness {
         let known_mpa = sample.known_mpa.unwrap();
         let (found_mpa, sigma_mpa) = (sample.stiffness_mpa.unwrap(), sample.sigma_mpa.unwrap());
@@ -215,16 +212,16 @@ fn stiffness_is_scaled_by_the_samples_that_are_known_and_says_so() {
 #[test]
 fn without_known_samples_the_scale_is_as_uncertain_as_the_rig_file_says() {
     let mut sample = SampleRun::new(Story::Complete);
-    let known = summary(&sample.run, &sample.chain.records, Path::new("run")).unwrap();
+    let known = sample.results().summary();
     sample.change_start(|started| {
         for sample in &mut started.samples {
             sample.stiffness_mpa = None;
         }
     });
-    let html = render(&sample.run, &sample.chain).unwrap();
+    let html = sample.html();
     check_markup(&html);
     assert!(html.contains("No sample is known") && !html.contains("fig-stiffness"));
-    let found = summary(&sample.run, &sample.chain.records, Path::new("run")).unwrap();
+    let found = sample.results().summary();
     for found in &found.stiffness {
         assert_eq!(found.known_mpa, None);
         assert!(found.sigma_mpa.unwrap() / found.stiffness_mpa.unwrap() > 0.1, "{found:?}");
@@ -234,17 +231,17 @@ fn without_known_samples_the_scale_is_as_uncertain_as_the_rig_file_says() {
 }
 
 #[test]
-fn angles_that_nobody_knows_are_found_with_the_stiffness_or_said_to_be_lost() {
+fn unknown_angles_are_found_with_the_stiffness_or_said_to_be_lost() {
     let mut sample = SampleRun::new(Story::Complete);
-    let known = summary(&sample.run, &sample.chain.records, Path::new("run")).unwrap();
+    let known = sample.results().summary();
     sample.change_start(|started| started.protocol.toml += "angle = \"unknown\"\n");
-    let html = render(&sample.run, &sample.chain).unwrap();
+    let html = sample.html();
     check_markup(&html);
-    let places = inside(&html, "<caption>Stiffness, contact angle and azimuth", "</table>");
-    assert_eq!(places.matches("<tr><th scope=\"row\">").count(), 20);
+    let sites = inside(&html, "<caption>Stiffness, contact angle and azimuth", "</table>");
+    assert_eq!(sites.matches("<tr><th scope=\"row\">").count(), 20);
     // Upright, the directions do not differ, and nothing tells the azimuth.
-    assert!(places.contains("not identified"));
-    let found = summary(&sample.run, &sample.chain.records, Path::new("run")).unwrap();
+    assert!(sites.contains("not identified"));
+    let found = sample.results().summary();
     for (found, known) in found.stiffness.iter().zip(&known.stiffness) {
         let known_mpa = found.known_mpa.unwrap();
         let (found_mpa, sigma_mpa) = (found.stiffness_mpa.unwrap(), found.sigma_mpa.unwrap());
@@ -254,7 +251,7 @@ fn angles_that_nobody_knows_are_found_with_the_stiffness_or_said_to_be_lost() {
 }
 
 #[test]
-fn a_place_that_was_not_touched_at_all_is_refused_with_the_reason() {
+fn a_site_that_was_not_touched_at_all_is_refused_with_the_reason() {
     let mut sample = SampleRun::new(Story::Complete);
     sample.change_start(|started| started.protocol.toml += "angle = \"unknown\"\n");
     let mut is_first = true;
@@ -263,21 +260,21 @@ fn a_place_that_was_not_touched_at_all_is_refused_with_the_reason() {
             touch.shift_hz = -20.0;
         }
     });
-    let html = render(&sample.run, &sample.chain).unwrap();
+    let html = sample.html();
     check_markup(&html);
-    let places = inside(&html, "<caption>Stiffness, contact angle and azimuth", "</table>");
-    assert_eq!(places.matches("a shift of -").count(), 1, "{places}");
+    let sites = inside(&html, "<caption>Stiffness, contact angle and azimuth", "</table>");
+    assert_eq!(sites.matches("a shift of -").count(), 1, "{sites}");
 }
 
 #[test]
 fn a_journal_whose_rig_file_cannot_be_read_has_everything_but_stiffness() {
     let mut sample = SampleRun::new(Story::Complete);
     sample.change_start(|started| started.rig.toml = "name = \"<old>\"\n".to_owned());
-    let html = render(&sample.run, &sample.chain).unwrap();
+    let html = sample.html();
     check_markup(&html);
     assert!(html.contains("No stiffness: the rig file in the journal"));
     assert!(html.contains("fig-blind-t"));
-    let found = summary(&sample.run, &sample.chain.records, Path::new("run")).unwrap();
+    let found = sample.results().summary();
     assert!(found.stiffness.is_empty());
     assert_eq!(found.recognition.len(), 2);
 }
@@ -285,9 +282,9 @@ fn a_journal_whose_rig_file_cannot_be_read_has_everything_but_stiffness() {
 #[test]
 fn a_person_at_a_terminal_reads_a_table() {
     let sample = SampleRun::new(Story::Complete);
-    insta::assert_snapshot!(text(&sample.run, &sample.chain.records).unwrap());
+    insta::assert_snapshot!(sample.results().text());
     let sample = SampleRun::new(Story::Empty);
-    let nothing = text(&sample.run, &sample.chain.records).unwrap();
+    let nothing = sample.results().text();
     assert!(nothing.ends_with(
         "aborted: 0.0 s of rig time in 4.2 s\n0 of 110 touches measured; 110 not reached\n"
     ));
@@ -297,7 +294,7 @@ fn a_person_at_a_terminal_reads_a_table() {
 /// The rows of the table of touches by the address of their step.
 fn table(sample: &SampleRun) -> Vec<BTreeMap<String, String>> {
     let mut bytes = Vec::new();
-    touches_csv(&sample.run, &sample.chain.records, &mut bytes).unwrap();
+    sample.results().touches_csv(&mut bytes).unwrap();
     csv::Reader::from_reader(bytes.as_slice()).deserialize().map(Result::unwrap).collect()
 }
 
@@ -319,13 +316,13 @@ fn every_planned_touch_has_a_row_in_every_output() {
             assert_eq!(row["shift_hz"].is_empty(), row["status"] != "measured", "{row:?}");
             assert_eq!(row["stiffness_mpa"].is_empty(), row["status"] != "measured", "{row:?}");
         }
-        let found = summary(&sample.run, &sample.chain.records, Path::new("run")).unwrap();
+        let found = sample.results().summary();
         let counts = (found.touches_measured, found.touches_refused, found.touches_not_reached);
         assert_eq!((counts, found.touches_planned), (expected, 110));
         let steps = |rows: &[TouchRow]| rows.iter().map(|r| r.step.clone()).collect::<Vec<_>>();
         let in_table: Vec<_> = rows.iter().map(|row| row["step"].clone()).collect();
         assert_eq!(steps(&found.touch_results), in_table);
-        let html = render(&sample.run, &sample.chain).unwrap();
+        let html = sample.html();
         let touches = inside(&html, "<caption>Every planned touch", "</table>");
         assert_eq!(touches.matches("<tr><th scope=\"row\">").count(), 110);
         for (status, count) in [("refused", expected.1), ("not reached", expected.2)] {
@@ -339,7 +336,7 @@ fn every_planned_touch_has_a_row_in_every_output() {
 fn a_refused_touch_is_told_with_its_reason_wherever_results_are() {
     let sample = SampleRun::new(Story::Refused);
     let reason = "the analyzer flagged <overload> at 152.3 Hz in 3 of 3 tries";
-    let text = text(&sample.run, &sample.chain.records).unwrap();
+    let text = sample.results().text();
     assert!(text.contains(&format!("\nmain/2/left/45/1  {reason}\n")), "{text}");
     assert!(text.contains(&format!("\nblind/3           {reason}\n")), "{text}");
     assert!(text.contains("(11 of 12 touches)") && text.contains("(2 of 3)"), "{text}");
@@ -351,7 +348,7 @@ fn a_refused_touch_is_told_with_its_reason_wherever_results_are() {
         ),
         "{text}"
     );
-    let html = render(&sample.run, &sample.chain).unwrap();
+    let html = sample.html();
     check_markup(&html);
     assert!(html.contains("<span class=\"status partial\">completed with refusals</span>"));
     assert!(html.contains("<span class=\"fault\">11 of 12 touches</span>"));
@@ -389,7 +386,7 @@ fn the_table_of_touches_says_what_is_known_of_each() {
     assert_eq!((row["class"].as_str(), row["run_id"].clone()), ("", sample.run.id.to_string()));
     assert_eq!(row["started_at"].len(), "2026-11-21T08:15:42.120Z".len());
     assert!(rows[0]["started_at"] < row["started_at"], "{row:?}");
-    let found = summary(&sample.run, &sample.chain.records, Path::new("run")).unwrap();
+    let found = sample.results().summary();
     for row in &found.touch_results {
         let (known, sigma) = (row.known_mpa.unwrap(), row.stiffness_sigma_mpa.unwrap());
         assert!((row.stiffness_mpa.unwrap() - known).abs() < 6.0 * sigma, "{row:?}");

@@ -1,18 +1,21 @@
-//! A run as files that other programs read.
+//! The records of a run as tables that other programs read.
 //!
 //! Each function writes one file from the records of a run. The same records give the same bytes,
 //! and neither wall time nor the id of the run is in them: two runs of the same protocol with the
-//! same seed give the same files. The table of touches needs the analysis of a run and is left to
-//! `rigd`, which writes it as a [`Table`] too.
+//! same seed give the same files. [`RunResults::touches_csv`](crate::RunResults::touches_csv) writes
+//! the table of touches, which needs the results.
 
 mod table;
+#[cfg(test)]
+mod tests;
+mod touches;
 
 use std::io::{self, Write};
 
 use rig_record::{
     Circuit, Pose, Reading, Record, StoredRecord, Sweep, SweepVerdict, UnreadableRecord,
 };
-pub use table::{Cell, Table};
+use table::{Table, TableValue};
 
 /// Why a run could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -75,37 +78,40 @@ pub fn sweeps_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), 
             }
             SweepVerdict::Refused { reason } => ("refused", None, Some(reason.as_str())),
         };
-        let [resonance, sigma] = found.map_or([Cell::Empty; 2], |(resonance_hz, sigma_hz, ..)| {
-            Cell::with_sigma(resonance_hz, sigma_hz)
-        });
+        let [resonance, sigma] = found
+            .map_or([TableValue::Empty; 2], |(resonance_hz, sigma_hz, ..)| {
+                TableValue::with_sigma(resonance_hz, sigma_hz)
+            });
         let moment = found.and_then(|(_, _, moment_s, _)| moment_s);
         let circuit = found.and_then(|(.., circuit)| circuit);
         // Their uncertainty is not in the journal; no sweep knows them better than this.
-        let of = |value: fn(Circuit) -> f64| Cell::of(circuit.map(value), |v| Cell::Digits(v, 6));
+        let of = |value: fn(Circuit) -> f64| {
+            TableValue::of(circuit.map(value), |v| TableValue::Digits(v, 6))
+        };
         let loss = circuit.map(|circuit| (circuit.loss_tangent, circuit.loss_tangent_sigma));
         let [loss, loss_sigma] = match loss {
-            Some((loss, Some(sigma))) => Cell::with_sigma(loss, sigma),
-            Some((loss, None)) => [Cell::Digits(loss, 6), Cell::Empty],
-            None => [Cell::Empty; 2],
+            Some((loss, Some(sigma))) => TableValue::with_sigma(loss, sigma),
+            Some((loss, None)) => [TableValue::Digits(loss, 6), TableValue::Empty],
+            None => [TableValue::Empty; 2],
         };
         table.row([
-            Cell::Whole(sweep.number),
-            Cell::Text(sweep.purpose.name()),
-            Cell::of(sweep.step.as_deref(), Cell::Text),
+            TableValue::Whole(sweep.number),
+            TableValue::Text(sweep.purpose.name()),
+            TableValue::of(sweep.step.as_deref(), TableValue::Text),
             direction,
             angle,
-            Cell::Whole(sweep.readings.len() as u64),
-            Cell::Text(verdict),
+            TableValue::Whole(sweep.readings.len() as u64),
+            TableValue::Text(verdict),
             resonance,
             sigma,
-            Cell::of(moment, |moment_s| Cell::Decimals(moment_s, 6)),
+            TableValue::of(moment, |moment_s| TableValue::Decimals(moment_s, 6)),
             of(|circuit| circuit.quality_factor),
             of(|circuit| circuit.static_capacitance_f),
             of(|circuit| circuit.capacitance_ratio),
             loss,
             loss_sigma,
-            Cell::of(reason, Cell::Text),
-            Cell::Flag(is_simulated),
+            TableValue::of(reason, TableValue::Text),
+            TableValue::Flag(is_simulated),
         ])?;
     }
     table.finish()
@@ -125,13 +131,13 @@ pub fn readings_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<()
         let Record::Sweep(sweep) = stored.record()? else { continue };
         for (index, one) in sweep.readings.iter().enumerate() {
             let head = [
-                Cell::Whole(sweep.number),
-                Cell::Text(sweep.purpose.name()),
-                Cell::of(sweep.step.as_deref(), Cell::Text),
-                Cell::Whole(index as u64 + 1),
+                TableValue::Whole(sweep.number),
+                TableValue::Text(sweep.purpose.name()),
+                TableValue::of(sweep.step.as_deref(), TableValue::Text),
+                TableValue::Whole(index as u64 + 1),
             ];
             let cells = head.into_iter().chain(reading(one)).chain(of_sweep(&sweep, index));
-            table.row(cells.chain([Cell::Flag(is_simulated)]))?;
+            table.row(cells.chain([TableValue::Flag(is_simulated)]))?;
         }
     }
     table.finish()
@@ -162,32 +168,34 @@ pub fn searches_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<()
     for stored in records.iter().filter(is_search) {
         let (step, at, [position, sigma], trail) = match stored.record()? {
             Record::SurfaceFound(found) => {
-                let place = Cell::with_sigma(found.position_mm, found.sigma_mm);
+                let place = TableValue::with_sigma(found.position_mm, found.sigma_mm);
                 (found.step, found.pose, place, found.trail)
             }
-            Record::SurfaceNotFound(lost) => (lost.step, lost.pose, [Cell::Empty; 2], lost.trail),
+            Record::SurfaceNotFound(lost) => {
+                (lost.step, lost.pose, [TableValue::Empty; 2], lost.trail)
+            }
             _ => continue,
         };
         let (direction, angle) = pose(Some(at));
         for (index, tried) in trail.iter().enumerate() {
             let head = [
-                Cell::Text(&step),
+                TableValue::Text(&step),
                 direction,
                 angle,
                 position,
                 sigma,
-                Cell::Whole(index as u64 + 1),
-                Cell::Decimals(tried.position_mm, POSITION_DECIMALS),
+                TableValue::Whole(index as u64 + 1),
+                TableValue::Decimals(tried.position_mm, POSITION_DECIMALS),
             ];
             let cells = head.into_iter().chain(reading(&tried.reading));
-            table.row(cells.chain([Cell::Flag(is_simulated)]))?;
+            table.row(cells.chain([TableValue::Flag(is_simulated)]))?;
         }
     }
     table.finish()
 }
 
 /// A drive knows its position to a tenth of a micrometre, or of a millidegree, at best.
-pub const POSITION_DECIMALS: usize = 4;
+const POSITION_DECIMALS: usize = 4;
 
 /// The columns of a reading.
 const READING: [&str; 7] = [
@@ -200,15 +208,15 @@ const READING: [&str; 7] = [
     "flag",
 ];
 
-fn reading(reading: &Reading) -> [Cell<'static>; 7] {
+fn reading(reading: &Reading) -> [TableValue<'static>; 7] {
     [
-        Cell::Exact(reading.frequency_hz),
-        Cell::of(reading.resistance_ohm, Cell::Exact),
-        Cell::of(reading.reactance_ohm, Cell::Exact),
-        Cell::Exact(reading.started_s),
-        Cell::Exact(reading.settle_s),
-        Cell::Exact(reading.integration_s),
-        Cell::Text(reading.flag.name()),
+        TableValue::Exact(reading.frequency_hz),
+        TableValue::of(reading.resistance_ohm, TableValue::Exact),
+        TableValue::of(reading.reactance_ohm, TableValue::Exact),
+        TableValue::Exact(reading.started_s),
+        TableValue::Exact(reading.settle_s),
+        TableValue::Exact(reading.integration_s),
+        TableValue::Text(reading.flag.name()),
     ]
 }
 
@@ -229,24 +237,24 @@ const OF_SWEEP: [&str; 13] = [
     "fit_near_loss_tangent",
 ];
 
-fn of_sweep(sweep: &Sweep, reading: usize) -> [Cell<'static>; 13] {
+fn of_sweep(sweep: &Sweep, reading: usize) -> [TableValue<'static>; 13] {
     let fit = sweep.fit;
     let noise = fit.and_then(|fit| fit.noise);
     let near = fit.and_then(|fit| fit.near);
     [
-        Cell::Flag(reading >= sweep.looks && sweep.readings[reading].is_normal()),
-        Cell::of(fit, |fit| Cell::Exact(fit.window_hz[0])),
-        Cell::of(fit, |fit| Cell::Exact(fit.window_hz[1])),
-        Cell::of(noise, |noise| Cell::Exact(noise.at_ten_cycles)),
-        Cell::of(noise, |noise| Cell::Exact(noise.degrees_of_freedom)),
-        Cell::of(fit, |fit| Cell::Text(fit.timing.name())),
-        Cell::of(fit, |fit| Cell::Flag(fit.always_loss)),
-        Cell::of(fit.and_then(|fit| fit.target_sigma_hz), Cell::Exact),
-        Cell::of(near, |near| Cell::Exact(near.resonance_hz)),
-        Cell::of(near, |near| Cell::Exact(near.circuit.quality_factor)),
-        Cell::of(near, |near| Cell::Exact(near.circuit.static_capacitance_f)),
-        Cell::of(near, |near| Cell::Exact(near.circuit.capacitance_ratio)),
-        Cell::of(near, |near| Cell::Exact(near.circuit.loss_tangent)),
+        TableValue::Flag(reading >= sweep.looks && sweep.readings[reading].is_normal()),
+        TableValue::of(fit, |fit| TableValue::Exact(fit.window_hz[0])),
+        TableValue::of(fit, |fit| TableValue::Exact(fit.window_hz[1])),
+        TableValue::of(noise, |noise| TableValue::Exact(noise.at_ten_cycles)),
+        TableValue::of(noise, |noise| TableValue::Exact(noise.degrees_of_freedom)),
+        TableValue::of(fit, |fit| TableValue::Text(fit.timing.name())),
+        TableValue::of(fit, |fit| TableValue::Flag(fit.always_loss)),
+        TableValue::of(fit.and_then(|fit| fit.target_sigma_hz), TableValue::Exact),
+        TableValue::of(near, |near| TableValue::Exact(near.resonance_hz)),
+        TableValue::of(near, |near| TableValue::Exact(near.circuit.quality_factor)),
+        TableValue::of(near, |near| TableValue::Exact(near.circuit.static_capacitance_f)),
+        TableValue::of(near, |near| TableValue::Exact(near.circuit.capacitance_ratio)),
+        TableValue::of(near, |near| TableValue::Exact(near.circuit.loss_tangent)),
     ]
 }
 
@@ -257,7 +265,7 @@ fn is_simulated(records: &[StoredRecord]) -> bool {
 }
 
 /// Direction and contact angle.
-fn pose(pose: Option<Pose>) -> (Cell<'static>, Cell<'static>) {
-    let direction = Cell::of(pose, |pose| Cell::Text(pose.direction.name()));
-    (direction, Cell::of(pose, |pose| Cell::Exact(pose.angle_deg)))
+fn pose(pose: Option<Pose>) -> (TableValue<'static>, TableValue<'static>) {
+    let direction = TableValue::of(pose, |pose| TableValue::Text(pose.direction.name()));
+    (direction, TableValue::of(pose, |pose| TableValue::Exact(pose.angle_deg)))
 }

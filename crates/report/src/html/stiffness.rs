@@ -4,23 +4,23 @@
 use rig_chart::{Axis, Chart, Escaped, Marker, Point, Rule, Series};
 use rig_contact::inverse::Interval;
 
-use super::{Calibration, Place, Reading, SampleStiffness, ScaleSource, Stiffness};
-use crate::report::{
-    data::RunData,
+use super::{
+    element::table,
     figures::{HALF_PX, drawn, figure},
-    html::table,
-    recognition::{Method, Recognition},
-    results::RunResults,
     tables::dash,
+};
+use crate::{
+    RunResults,
+    data::RunData,
+    results::{
+        recognition::{Method, Recognition},
+        stiffness::{Calibration, SampleStiffness, ScaleSource, Site, Stiffness, TouchStiffness},
+    },
     units::{fixed, percent, percent_range, with_sigma},
 };
 
 /// The content of the section.
-pub(in crate::report) fn section(
-    data: &RunData,
-    stiffness: &Stiffness,
-    results: &RunResults,
-) -> String {
+pub(crate) fn section(data: &RunData, stiffness: &Stiffness, results: &RunResults) -> String {
     let by_stiffness = |found: &&Recognition| found.method == Method::CalibratedStiffness;
     let recognition = results.recognitions.iter().find(by_stiffness);
     let known = stiffness.samples.iter().any(|sample| sample.known_mpa.is_some());
@@ -39,15 +39,15 @@ pub(in crate::report) fn section(
     } else {
         figure(&format!("<div class=\"row\">\n{charts}</div>\n"), caption)
     };
-    let places = stiffness.places.as_ref().map(|found| places(data, stiffness, found));
-    let angle = match &stiffness.places {
+    let sites = stiffness.sites.as_ref().map(|found| sites(data, stiffness, found));
+    let angle = match &stiffness.sites {
         None => "and with the contact angle of each touch known",
         Some(_) => "and without knowing the contact angles",
     };
     calibration(&stiffness.calibration, angle)
         + &figure
         + &samples(data, stiffness, results)
-        + &places.unwrap_or_default()
+        + &sites.unwrap_or_default()
 }
 
 /// Which calibration was used, and what it adds.
@@ -115,7 +115,7 @@ fn blind(data: &RunData, stiffness: &Stiffness, recognition: &Recognition) -> St
         Axis::log("stiffness (MPa)"),
     );
     chart.size_px = HALF_PX;
-    let touches: Vec<(&Reading, Option<usize>)> =
+    let touches: Vec<(&TouchStiffness, Option<usize>)> =
         stiffness.blind.iter().zip(recognition.taken_for.iter().copied()).collect();
     for (index, sample) in data.samples().iter().enumerate() {
         let taken = touches.iter().filter(|(_, taken)| *taken == Some(index));
@@ -135,7 +135,7 @@ fn blind(data: &RunData, stiffness: &Stiffness, recognition: &Recognition) -> St
     drawn(&chart.svg("fig-blind-stiffness"))
 }
 
-fn point(data: &RunData, reading: &Reading) -> Option<Point> {
+fn point(data: &RunData, reading: &TouchStiffness) -> Option<Point> {
     let young = reading.young.ok()?;
     let name = &data.samples()[reading.sample].name;
     Some(Point {
@@ -156,17 +156,17 @@ fn samples(data: &RunData, stiffness: &Stiffness, results: &RunResults) -> Strin
         "known (MPa)",
         "found (MPa)",
         "deviation",
-        if stiffness.places.is_some() { "places" } else { "touches" },
+        if stiffness.sites.is_some() { "sites" } else { "touches" },
         "spread (MPa)",
     ];
     let row = |sample: usize| {
-        let (found, support) = (stiffness.of_sample(sample), stiffness.support(data, sample));
+        let (found, basis) = (stiffness.of_sample(sample), stiffness.basis(data, sample));
         let known_mpa = data.samples()[sample].stiffness_mpa;
         let deviation = |found: &SampleStiffness| {
             let deviation = found.young_mpa / found.known_mpa? - 1.0;
             Some(format!("{} %", fixed(100.0 * deviation, 1)))
         };
-        let used = support.used.to_string();
+        let used = basis.used.to_string();
         vec![
             Escaped(&data.samples()[sample].name).to_string(),
             known_mpa.map_or_else(dash, |known| known.to_string()),
@@ -175,9 +175,7 @@ fn samples(data: &RunData, stiffness: &Stiffness, results: &RunResults) -> Strin
                 |found| format!("<b>{}</b>", with_sigma(found.young_mpa, found.sigma_mpa)),
             ),
             found.and_then(deviation).unwrap_or_else(dash),
-            support
-                .shortfall()
-                .map_or(used, |short| format!("<span class=\"fault\">{short}</span>")),
+            basis.shortfall().map_or(used, |short| format!("<span class=\"fault\">{short}</span>")),
             found.and_then(|found| found.spread_mpa).map_or_else(dash, |spread| fixed(spread, 4)),
         ]
     };
@@ -187,14 +185,14 @@ fn samples(data: &RunData, stiffness: &Stiffness, results: &RunResults) -> Strin
     table(caption, &heads.map(str::to_owned), &rows)
 }
 
-/// What was found at each place without knowing its angle.
-fn places(data: &RunData, stiffness: &Stiffness, places: &[Place]) -> String {
+/// What was found at each site without knowing its angle.
+fn sites(data: &RunData, stiffness: &Stiffness, sites: &[Site]) -> String {
     let heads =
         ["sample", "angle set", "touches", "stiffness (MPa)", "angle found", "azimuth found"];
-    let row = |(place, reading): (&Place, &Reading)| {
-        let name = Escaped(&data.samples()[place.sample].name).to_string();
-        let mut row = vec![name, format!("{}°", place.angle_deg), place.touches.to_string()];
-        match (reading.young, place.found) {
+    let row = |(site, reading): (&Site, &TouchStiffness)| {
+        let name = Escaped(&data.samples()[site.sample].name).to_string();
+        let mut row = vec![name, format!("{}°", site.angle_deg), site.touches.to_string()];
+        match (reading.young, site.found) {
             (Ok(young), Ok(found)) => {
                 let degrees = |of: &Interval, is_identified: bool| {
                     let found = with_sigma(of.value.to_degrees(), of.sigma.to_degrees());
@@ -211,16 +209,16 @@ fn places(data: &RunData, stiffness: &Stiffness, places: &[Place]) -> String {
         }
         row
     };
-    let rows: Vec<_> = places.iter().zip(&stiffness.main).map(row).collect();
+    let rows: Vec<_> = sites.iter().zip(&stiffness.main).map(row).collect();
     let caption = "Stiffness, contact angle and azimuth found together from the touches of each \
-                   place, with their standard deviations. An angle or azimuth is not identified \
+                   site, with their standard deviations. An angle or azimuth is not identified \
                    when the touches leave more than half of the uncertainty that there was before \
                    them; the stiffness then holds for all of its values.";
     table(caption, &heads.map(str::to_owned), &rows)
 }
 
 /// The methods of recognition side by side.
-pub(in crate::report) fn recognitions(recognitions: &[Recognition]) -> String {
+pub(crate) fn recognitions(recognitions: &[Recognition]) -> String {
     let heads = ["method", "recognised", "of", "rate", "95 % interval"].map(str::to_owned);
     let row = |found: &Recognition| {
         vec![

@@ -1,21 +1,34 @@
 //! The page: its frame, its head and the order of its parts.
 
+mod element;
+mod figures;
+mod provenance;
+mod stiffness;
+mod tables;
+
 use rig_analysis::sensitivity::Sensitivity;
 use rig_chart::Escaped;
 use rig_record::{Ending, Phase, Run, RunStatus, Verdict};
 
-use super::{
+use crate::{
+    RunResults, TouchRow,
     data::RunData,
-    figures,
-    html::add,
-    provenance::provenance,
-    results::{RunResults, SweepCost},
-    stiffness, tables,
-    touches::{self, Tally, TouchRow},
+    results::{cost::SweepCost, status::Tally, touches::sentence},
     units::{duration, fixed, percent, percent_range, value_and_sigma, with_sigma},
 };
+use element::add;
+use provenance::provenance;
 
-pub(super) fn page(run: &Run, verdict: &Verdict, data: &RunData, results: &RunResults) -> String {
+impl RunResults {
+    /// The report as one HTML file. Of a damaged journal it shows the records before the damage, and
+    /// says so: `verdict` is the check of its chain.
+    pub fn html(&self, verdict: &Verdict) -> String {
+        page(self, verdict)
+    }
+}
+
+fn page(results: &RunResults, verdict: &Verdict) -> String {
+    let RunResults { run, data, touches: rows, .. } = results;
     let title = Escaped(&run.name);
     let simulated = if data.is_simulated() { " (simulated)" } else { "" };
     let mut html = format!(
@@ -25,17 +38,16 @@ pub(super) fn page(run: &Run, verdict: &Verdict, data: &RunData, results: &RunRe
          <meta http-equiv=\"Content-Security-Policy\" \
          content=\"default-src 'none'; style-src 'unsafe-inline'\">\n\
          <title>{title}{simulated} – report</title>\n<style>\n{}{}</style>\n</head>\n<body>\n<main>\n",
-        include_str!("style.css"),
+        include_str!("html/style.css"),
         rig_chart::STYLE,
     );
-    let rows = touches::rows(run, data, results);
-    html += &head(run, verdict, data, results, &rows);
+    html += &head(run, verdict, data, results, rows);
     section(&mut html, "Frequency shift", &shifts(data, results));
     section(&mut html, "Stiffness", &stiffness(data, results));
     section(&mut html, "Recognition", &recognition(data, results));
     section(&mut html, "The free sensor", &free_sensor(data, results));
     section(&mut html, "One touch in detail", &detail(data, results));
-    section(&mut html, "Touches", &touches_section(data, &rows));
+    section(&mut html, "Touches", &touches_section(data, rows));
     section(&mut html, "Log", &log(data));
     section(&mut html, "Provenance", &provenance(run, verdict, data));
     html += "</main>\n</body>\n</html>\n";
@@ -84,13 +96,13 @@ fn head(
         let step = Escaped(step);
         add(&mut html, format_args!("<p class=\"alarm\"><b>Fault in {step}.</b> {text}</p>\n"));
     }
-    let tally = Tally::of(rows);
+    let tally = Tally::of(rows.iter().map(|row| row.status));
     if tally.measured < tally.planned && run.status != RunStatus::Running {
-        let sentence = touches::sentence(rows);
+        let sentence = sentence(rows);
         add(&mut html, format_args!("<p class=\"alarm\"><b>{}.</b></p>\n", Escaped(&sentence)));
     }
     html += "<dl class=\"tiles\">\n";
-    for Tile { name, value, unit, below } in tiles(run, data, results, tally) {
+    for KeyNumber { name, value, unit, below } in key_numbers(run, data, results, tally) {
         let (value, below) = (Escaped(&value), Escaped(&below));
         add(
             &mut html,
@@ -105,27 +117,27 @@ fn head(
 }
 
 /// A key number.
-struct Tile {
+struct KeyNumber {
     name: &'static str,
     value: String,
     unit: &'static str,
     below: String,
 }
 
-fn tiles(run: &Run, data: &RunData, results: &RunResults, tally: Tally) -> Vec<Tile> {
-    let mut tiles = Vec::new();
+fn key_numbers(run: &Run, data: &RunData, results: &RunResults, tally: Tally) -> Vec<KeyNumber> {
+    let mut numbers = Vec::new();
     if let Some(no_load) = results.no_load {
         let span = fixed(no_load.max_hz - no_load.min_hz, 3);
         let below = format!("mean of {} references within {span}\u{a0}Hz", no_load.count);
         let value = fixed(no_load.mean_hz, 3);
-        tiles.push(Tile { name: "Free resonance", value, unit: "Hz", below });
+        numbers.push(KeyNumber { name: "Free resonance", value, unit: "Hz", below });
     }
     if let Some(found) = &results.sensitivity {
         let Sensitivity { chord, line, .. } = found.sensitivity;
         let (value, sigma) = value_and_sigma(chord.hz_per_mpa, chord.sigma_hz_per_mpa);
         let (line, _) = value_and_sigma(line.hz_per_mpa, line.sigma_hz_per_mpa);
         let below = format!("± {sigma}; chord at {}°, least squares {line}", found.angle_deg);
-        tiles.push(Tile { name: "Sensitivity", value, unit: "Hz/MPa", below });
+        numbers.push(KeyNumber { name: "Sensitivity", value, unit: "Hz/MPa", below });
     }
     if let Some(classification) = &results.classification {
         let score = &classification.score;
@@ -133,7 +145,7 @@ fn tiles(run: &Run, data: &RunData, results: &RunResults, tally: Tally) -> Vec<T
         let (correct, trials, range) =
             (score.correct, score.trials, percent_range(score.interval()));
         let below = format!("{correct} of {trials}; 95\u{a0}% interval {range}");
-        tiles.push(Tile { name: "Blind recognition", value, unit: "", below });
+        numbers.push(KeyNumber { name: "Blind recognition", value, unit: "", below });
     }
     let prompts = counted(data.prompts, "prompt");
     let faults = counted(u32::try_from(data.faults().count()).unwrap_or(u32::MAX), "fault");
@@ -146,12 +158,12 @@ fn tiles(run: &Run, data: &RunData, results: &RunResults, tally: Tally) -> Vec<T
     }
     add(&mut below, format_args!("{prompts}, {faults}"));
     let value = measured.to_string();
-    tiles.push(Tile { name: "Touches", value, unit: "", below });
+    numbers.push(KeyNumber { name: "Touches", value, unit: "", below });
     let below = run.wall_s.map_or("still running".to_owned(), |wall_s| {
         format!("{} by the clock on the wall", duration(wall_s))
     });
-    tiles.push(Tile { name: "Rig time", value: duration(data.rig_s()), unit: "", below });
-    tiles
+    numbers.push(KeyNumber { name: "Rig time", value: duration(data.rig_s()), unit: "", below });
+    numbers
 }
 
 fn counted(count: u32, one: &str) -> String {
@@ -159,7 +171,7 @@ fn counted(count: u32, one: &str) -> String {
 }
 
 fn shifts(data: &RunData, results: &RunResults) -> String {
-    if results.cells.is_empty() {
+    if results.direction_means.is_empty() {
         let nothing = nothing("No touch of the main phase gave a shift.");
         let is_planned = !results.grid.is_empty();
         return if is_planned { nothing + &tables::shifts(data, results) } else { nothing };

@@ -1,4 +1,4 @@
-//! How well the samples of the blind touches are recognised, by several methods side by side.
+//! Recognition of the samples of the blind touches, by several methods side by side.
 
 use rig_analysis::{
     classify::{Classifier, Decision},
@@ -6,40 +6,40 @@ use rig_analysis::{
 };
 
 use super::{
-    data::RunData,
-    results::Classification,
-    stiffness::{Reading, Stiffness},
+    classification::Classification,
+    stiffness::{Stiffness, TouchStiffness},
 };
+use crate::data::RunData;
 
-/// A method and how it did.
+/// The result of one method.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Recognition {
+pub(crate) struct Recognition {
     /// The method.
-    pub(super) method: Method,
+    pub(crate) method: Method,
     /// Blind touches.
-    pub(super) trials: u32,
-    /// Of which recognised. A touch that a method refuses is not.
-    pub(super) correct: u32,
-    /// For each blind touch the sample it was taken for.
-    pub(super) taken_for: Vec<Option<usize>>,
+    pub(crate) trials: u32,
+    /// Recognised blind touches. A touch that a method refuses is not recognised.
+    pub(crate) correct: u32,
+    /// For each blind touch, the sample it was taken for.
+    pub(crate) taken_for: Vec<Option<usize>>,
 }
 
-/// How blind touches are sorted.
+/// A method of recognition.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Method {
-    /// By k-means on the shifts, as the paper has it; clusters are named afterwards, in the best
-    /// way.
+pub(crate) enum Method {
+    /// The paper's: k-means on the shifts. Each cluster gets the sample afterwards so that most touches
+    /// agree.
     KMeans,
-    /// By k-means on their logarithms, named in the same way.
+    /// k-means on the logarithms of the shifts, with the same assignment.
     KMeansLog,
-    /// By stiffness, with the angle compensated when it is known, into classes that the main
-    /// touches calibrated.
+    /// Stiffness, with the angle compensated when it is known, in classes calibrated by the main
+    /// touches.
     CalibratedStiffness,
 }
 
 impl Method {
     /// The word in files.
-    pub(super) const fn name(self) -> &'static str {
+    pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::KMeans => "k-means",
             Self::KMeansLog => "k-means-log",
@@ -48,7 +48,7 @@ impl Method {
     }
 
     /// The words in the report.
-    pub(super) const fn describe(self) -> &'static str {
+    pub(crate) const fn describe(self) -> &'static str {
         match self {
             Self::KMeans => "k-means on the shifts",
             Self::KMeansLog => "k-means on the logarithms of the shifts",
@@ -58,13 +58,13 @@ impl Method {
 }
 
 impl Recognition {
-    /// The share of recognised touches.
-    pub(super) fn rate(&self) -> f64 {
+    /// Share of recognised touches.
+    pub(crate) fn rate(&self) -> f64 {
         f64::from(self.correct) / f64::from(self.trials)
     }
 
-    /// Its 95 % interval by Wilson.
-    pub(super) fn interval(&self) -> (f64, f64) {
+    /// Wilson's 95 % interval of the rate.
+    pub(crate) fn interval(&self) -> (f64, f64) {
         score::wilson_95(self.correct, self.trials)
     }
 
@@ -76,8 +76,8 @@ impl Recognition {
     }
 }
 
-/// Every method that can be used on this run; none without blind touches.
-pub(super) fn recognitions(
+/// Every method that this run allows; none without blind touches.
+pub(crate) fn recognitions(
     data: &RunData,
     classification: Option<&Classification>,
     stiffness: Option<&Stiffness>,
@@ -110,7 +110,7 @@ fn k_means_log(
     Some(clustering.clusters.iter().map(|&cluster| score.label_of[cluster]).collect())
 }
 
-/// The likeliest sample of each blind touch, by classes calibrated on the main touches; none when
+/// The likeliest sample of each blind touch, by classes calibrated on the main touches; `None` when
 /// these do not give every sample a class.
 fn calibrated(stiffness: &Stiffness, samples: usize) -> Option<Vec<Option<usize>>> {
     let usable = stiffness.main.iter().filter_map(|reading| {
@@ -119,7 +119,7 @@ fn calibrated(stiffness: &Stiffness, samples: usize) -> Option<Vec<Option<usize>
     });
     let (values, labels): (Vec<f64>, Vec<usize>) = usable.unzip();
     let classifier = Classifier::calibrated(&values, &labels, samples).ok()?;
-    let taken_for = |reading: &Reading| {
+    let taken_for = |reading: &TouchStiffness| {
         let young = reading.young.ok()?;
         match classifier.classify(young.mpa, young.sigma_mpa / young.mpa)? {
             Decision::Class { class, .. } => Some(class),

@@ -1,0 +1,198 @@
+//! The results of a run, built once from its records; every output is a view of them.
+
+pub(crate) mod classification;
+pub(crate) mod cost;
+pub(crate) mod grid;
+pub(crate) mod recognition;
+pub(crate) mod status;
+pub(crate) mod stiffness;
+pub(crate) mod touches;
+
+use rig_analysis::{
+    no_load::{self, NoLoadMeasurement, NoLoadSummary},
+    sensitivity::{self, SampleShift, Sensitivity},
+    shift::{self, AngleMean, DirectionMean, TouchShift},
+};
+use rig_record::{
+    Direction, Phase, Run, StoredRecord, Sweep, SweepPurpose, SweepVerdict, Touch, UnreadableRecord,
+};
+
+use crate::data::{DIRECTIONS, RunData};
+use classification::Classification;
+use cost::SweepCost;
+use grid::GridRow;
+use recognition::{Recognition, recognitions};
+use status::TouchStatus;
+use stiffness::{NoStiffness, ReadSensor, Stiffness};
+use touches::TouchRow;
+
+/// The results of a run.
+#[derive(Debug)]
+pub struct RunResults {
+    pub(crate) run: Run,
+    pub(crate) data: RunData,
+    /// The planned main touches, by sample and angle.
+    pub(crate) grid: Vec<GridRow>,
+    /// The measured main touches, by sample, angle and direction.
+    pub(crate) direction_means: Vec<DirectionMean>,
+    /// The same, averaged over the directions.
+    pub(crate) angle_means: Vec<AngleMean>,
+    pub(crate) sensitivity: Option<SensitivityAt>,
+    /// The no-load sweeps.
+    pub(crate) references: Vec<NoLoadMeasurement>,
+    pub(crate) no_load: Option<NoLoadSummary>,
+    /// The blind touches, sorted by k-means.
+    pub(crate) classification: Option<Classification>,
+    /// The stiffness of the samples, with the angle compensated.
+    pub(crate) stiffness: Result<Stiffness, NoStiffness>,
+    /// The blind touches, recognised by several methods.
+    pub(crate) recognitions: Vec<Recognition>,
+    pub(crate) cost: SweepCost,
+    /// A row for every planned touch, in the order of the plan.
+    pub(crate) touches: Vec<TouchRow>,
+}
+
+/// The growth of the shift with stiffness at one angle.
+#[derive(Debug)]
+pub(crate) struct SensitivityAt {
+    /// Contact angle, degrees.
+    pub(crate) angle_deg: f64,
+    pub(crate) sensitivity: Sensitivity,
+}
+
+impl RunResults {
+    /// The results of the `records` of a run. `read_sensor` reads the sensor from the rig file in
+    /// the journal.
+    ///
+    /// # Errors
+    /// [`UnreadableRecord`] when a record cannot be understood.
+    pub fn new(
+        run: &Run,
+        records: &[StoredRecord],
+        read_sensor: ReadSensor<'_>,
+    ) -> Result<Self, UnreadableRecord> {
+        let data = RunData::read(records)?;
+        let shifts_of = |phase| data.touches.iter().filter(move |t| t.touch.phase == phase);
+        let main = shifts_of(Phase::Main);
+        let main: Vec<TouchShift> = main.filter_map(|touch| shift_of(touch, &data)).collect();
+        let direction_means = shift::by_direction(&main);
+        let angle_means = shift::by_angle(&direction_means);
+        let references: Vec<NoLoadMeasurement> = data.sweeps.iter().filter_map(reference).collect();
+        let classification = Classification::of(&data);
+        let stiffness = Stiffness::of(&data, read_sensor);
+        let known_stiffness = stiffness.as_ref().ok();
+        Ok(Self {
+            run: run.clone(),
+            grid: grid::grid(&data),
+            sensitivity: sensitivity_at_smallest_angle(&data, &angle_means),
+            no_load: no_load::summarize(&references),
+            recognitions: recognitions(&data, classification.as_ref(), known_stiffness),
+            cost: SweepCost::of(&data.sweeps),
+            touches: touches::rows(run, &data, known_stiffness, classification.as_ref()),
+            direction_means,
+            angle_means,
+            references,
+            classification,
+            stiffness,
+            data,
+        })
+    }
+
+    /// The run in the list of runs.
+    pub fn run(&self) -> &Run {
+        &self.run
+    }
+
+    /// How many touches were measured, and the refused ones, in a sentence for a person; `None` when
+    /// every planned touch was measured.
+    pub fn shortfall(&self) -> Option<String> {
+        let is_measured = |row: &TouchRow| row.status == TouchStatus::Measured;
+        (!self.touches.iter().all(is_measured)).then(|| touches::sentence(&self.touches))
+    }
+
+    /// Every planned touch with its result, in the order of the plan.
+    pub fn touches(&self) -> &[TouchRow] {
+        &self.touches
+    }
+
+    /// The mean shift of a sample at an angle in a direction; `None` if it was not measured.
+    pub(crate) fn direction_mean(
+        &self,
+        sample: usize,
+        angle_deg: f64,
+        direction: usize,
+    ) -> Option<&DirectionMean> {
+        let is_here = |mean: &&DirectionMean| {
+            (mean.sample, mean.angle_deg, mean.direction) == (sample, angle_deg, direction)
+        };
+        self.direction_means.iter().find(is_here)
+    }
+
+    /// The mean of the directions of a sample at an angle; `None` if none was measured.
+    pub(crate) fn angle_mean(&self, sample: usize, angle_deg: f64) -> Option<&AngleMean> {
+        self.angle_means.iter().find(|mean| (mean.sample, mean.angle_deg) == (sample, angle_deg))
+    }
+
+    /// The samples of the planned main touches.
+    pub(crate) fn samples(&self) -> Vec<usize> {
+        let mut samples: Vec<usize> = self.grid.iter().map(|row| row.sample).collect();
+        samples.dedup();
+        samples
+    }
+
+    /// The directions of the planned main touches.
+    pub(crate) fn directions(&self) -> Vec<usize> {
+        let is_planned =
+            |&direction: &usize| self.grid.iter().any(|row| row.directions[direction].planned > 0);
+        (0..DIRECTIONS.len()).filter(is_planned).collect()
+    }
+
+    /// The contact angles of the measured main touches, ascending, degrees.
+    pub(crate) fn angles_deg(&self) -> Vec<f64> {
+        let mut angles: Vec<f64> = self.direction_means.iter().map(|mean| mean.angle_deg).collect();
+        angles.sort_by(f64::total_cmp);
+        angles.dedup();
+        angles
+    }
+}
+
+fn shift_of(touch: &Touch, data: &RunData) -> Option<TouchShift> {
+    Some(TouchShift {
+        sample: data.sample(&touch.touch.sample)?,
+        direction: match touch.touch.pose.direction {
+            Direction::Front => 0,
+            Direction::Back => 1,
+            Direction::Left => 2,
+        },
+        angle_deg: touch.touch.pose.angle_deg,
+        shift_hz: touch.shift_hz,
+        sigma_hz: touch.shift_sigma_hz,
+    })
+}
+
+fn reference(sweep: &Sweep) -> Option<NoLoadMeasurement> {
+    let SweepVerdict::Accepted { resonance_hz, sigma_hz, .. } = sweep.verdict else { return None };
+    let first = sweep.readings.first()?;
+    (sweep.purpose == SweepPurpose::NoLoad).then_some(NoLoadMeasurement {
+        time_s: first.started_s,
+        frequency_hz: resonance_hz,
+        sigma_hz,
+    })
+}
+
+/// The sensitivity from the samples of known stiffness, averaged over the directions. The smallest
+/// angle is nearest to the touch along the normal, by which others define a sensitivity.
+fn sensitivity_at_smallest_angle(data: &RunData, means: &[AngleMean]) -> Option<SensitivityAt> {
+    let angle_deg = means.iter().map(|mean| mean.angle_deg).min_by(f64::total_cmp)?;
+    let point = |mean: &AngleMean| {
+        Some(SampleShift {
+            stiffness_mpa: data.samples().get(mean.sample)?.stiffness_mpa?,
+            shift_hz: mean.mean.shift_hz,
+            sigma_hz: mean.mean.standard_error_hz(),
+        })
+    };
+    let points: Vec<SampleShift> =
+        means.iter().filter(|mean| mean.angle_deg == angle_deg).filter_map(point).collect();
+    let sensitivity = sensitivity::sensitivity(&points).ok()?;
+    Some(SensitivityAt { angle_deg, sensitivity })
+}

@@ -1,0 +1,90 @@
+//! The status of planned touches, and counts of it.
+
+use serde::Serialize;
+
+use crate::data::{Outcome, PlannedTouch};
+
+/// The result of a planned touch.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TouchStatus {
+    /// It gave a shift.
+    Measured,
+    /// It was made and gave none.
+    Refused,
+    /// It was not made, or not to its end.
+    #[default]
+    NotReached,
+}
+
+impl TouchStatus {
+    /// The word for programs.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Measured => "measured",
+            Self::Refused => "refused",
+            Self::NotReached => "not_reached",
+        }
+    }
+
+    /// The words for people.
+    pub(crate) const fn describe(self) -> &'static str {
+        match self {
+            Self::NotReached => "not reached",
+            status => status.name(),
+        }
+    }
+}
+
+/// Counts of planned touches by their status.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) struct Tally {
+    pub(crate) planned: usize,
+    pub(crate) measured: usize,
+    pub(crate) refused: usize,
+    pub(crate) not_reached: usize,
+}
+
+impl Tally {
+    pub(crate) fn add(&mut self, status: TouchStatus) {
+        self.planned += 1;
+        *match status {
+            TouchStatus::Measured => &mut self.measured,
+            TouchStatus::Refused => &mut self.refused,
+            TouchStatus::NotReached => &mut self.not_reached,
+        } += 1;
+    }
+
+    pub(crate) fn of(statuses: impl IntoIterator<Item = TouchStatus>) -> Self {
+        let mut tally = Self::default();
+        for status in statuses {
+            tally.add(status);
+        }
+        tally
+    }
+
+    /// The words in place of a value when nothing was measured.
+    pub(crate) const fn missing(self) -> &'static str {
+        match self {
+            Self { planned: 0, .. } => "–",
+            Self { refused: 0, .. } => TouchStatus::NotReached.describe(),
+            _ => TouchStatus::Refused.describe(),
+        }
+    }
+
+    /// `2 of 3`; `None` when all planned touches were measured.
+    pub(crate) fn shortfall(self) -> Option<String> {
+        let Self { planned, measured, .. } = self;
+        (measured < planned).then(|| format!("{measured} of {planned}"))
+    }
+}
+
+impl PlannedTouch {
+    pub(crate) const fn status(&self) -> TouchStatus {
+        match self.outcome {
+            Some(Outcome::Measured(_)) => TouchStatus::Measured,
+            Some(Outcome::Refused(_)) => TouchStatus::Refused,
+            None => TouchStatus::NotReached,
+        }
+    }
+}

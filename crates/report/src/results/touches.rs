@@ -1,0 +1,199 @@
+//! A row for every planned touch with its result.
+
+use rig_record::{Ending, Indented, Phase, Run, RunStatus, Touch};
+use serde::Serialize;
+
+use super::{
+    classification::Classification,
+    status::{Tally, TouchStatus},
+    stiffness::Stiffness,
+};
+use crate::data::{Outcome, PlannedTouch, RunData};
+
+/// A planned touch with its result. The fields are an interface: scripts read them.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct TouchRow {
+    /// Address of the step.
+    pub step: String,
+    /// `main` or `blind`.
+    pub phase: &'static str,
+    /// Name of the sample.
+    pub sample: String,
+    /// `front`, `back` or `left`.
+    pub direction: &'static str,
+    /// The contact angle, degrees.
+    pub angle_deg: f64,
+    /// The repeat of this pose, or the number of the blind touch; from 1.
+    pub repeat: u32,
+    /// Measured, refused or not reached.
+    pub status: TouchStatus,
+    /// Reason why it was not measured, or why a measured touch has no stiffness.
+    pub reason: Option<String>,
+    /// Number of the sweep that gave the reference.
+    pub no_load_sweep: Option<u64>,
+    /// The reference, Hz.
+    pub no_load_hz: Option<f64>,
+    /// Its standard deviation, Hz.
+    pub no_load_sigma_hz: Option<f64>,
+    /// Number of the last sweep in contact.
+    pub sweep: Option<u64>,
+    /// The resonance in contact, Hz.
+    pub resonance_hz: Option<f64>,
+    /// Its standard deviation, Hz.
+    pub sigma_hz: Option<f64>,
+    /// Resonance in contact less the reference, Hz.
+    pub shift_hz: Option<f64>,
+    /// Its standard deviation, Hz.
+    pub shift_sigma_hz: Option<f64>,
+    /// Where the surface was found, mm.
+    pub surface_mm: Option<f64>,
+    /// Its standard deviation, mm.
+    pub surface_sigma_mm: Option<f64>,
+    /// Depth below it along the probe, mm.
+    pub indentation_mm: Option<f64>,
+    /// The linear stage as read back before the sweep, mm.
+    pub linear_mm: Option<f64>,
+    /// The rotary stage as read back, degrees.
+    pub rotary_deg: Option<f64>,
+    /// Young's modulus, calibrated by the known samples, MPa. If the contact angle is
+    /// unknown, that of the site of the touch.
+    pub stiffness_mpa: Option<f64>,
+    /// Its standard deviation, that of the calibration included, MPa.
+    pub stiffness_sigma_mpa: Option<f64>,
+    /// For a blind touch: the sample that its cluster stands for.
+    pub class: Option<String>,
+    /// Known Young's modulus of the sample, MPa.
+    pub known_mpa: Option<f64>,
+    /// When it began: UTC, RFC 3339, on the rig's clock from the beginning of the run on.
+    pub started_at: Option<String>,
+}
+
+/// Largest number of refused touches named in a sentence.
+const NAMED_MAX: usize = 5;
+
+/// `107 of 110 touches measured; 3 refused: …`, with the addresses of those.
+pub(crate) fn sentence(rows: &[TouchRow]) -> String {
+    let Tally { planned, measured, refused, not_reached } =
+        Tally::of(rows.iter().map(|row| row.status));
+    let mut parts = vec![format!("{measured} of {planned} touches measured")];
+    if refused > 0 {
+        let is_refused = |row: &&TouchRow| row.status == TouchStatus::Refused;
+        let names = rows.iter().filter(is_refused).map(|row| row.step.as_str());
+        let named = names.take(NAMED_MAX).collect::<Vec<_>>().join(", ");
+        let more = match refused.saturating_sub(NAMED_MAX) {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        parts.push(format!("{refused} refused: {named}{more}"));
+    }
+    if not_reached > 0 {
+        parts.push(format!("{not_reached} not reached"));
+    }
+    parts.join("; ")
+}
+
+/// A row for every planned touch, in the order of the plan.
+pub(super) fn rows(
+    run: &Run,
+    data: &RunData,
+    stiffness: Option<&Stiffness>,
+    classification: Option<&Classification>,
+) -> Vec<TouchRow> {
+    let row = |planned: &PlannedTouch| {
+        let settings = &planned.settings;
+        let sample = data.sample(&settings.sample);
+        let mut row = TouchRow {
+            step: settings.step.clone(),
+            phase: settings.phase.name(),
+            sample: settings.sample.clone(),
+            direction: settings.pose.direction.name(),
+            angle_deg: settings.pose.angle_deg,
+            repeat: settings.repeat,
+            status: planned.status(),
+            known_mpa: sample.and_then(|sample| data.samples()[sample].stiffness_mpa),
+            started_at: planned.began_at.clone(),
+            ..TouchRow::default()
+        };
+        match &planned.outcome {
+            Some(Outcome::Measured(place)) => {
+                row.measured(&data.touches[*place], data, stiffness, classification);
+            }
+            Some(Outcome::Refused(refused)) => {
+                row.reason = Some(refused.reason.clone());
+                row.no_load_sweep = Some(refused.no_load_sweep);
+                row.no_load_hz = Some(refused.no_load_hz);
+                row.no_load_sigma_hz = Some(refused.no_load_sigma_hz);
+                row.rotary_deg = Some(refused.rotary_deg);
+                if let Some(indented) = refused.indented {
+                    row.indented(indented);
+                }
+            }
+            None => row.reason = Some(not_reached(run, data, planned)),
+        }
+        row
+    };
+    data.planned.iter().map(row).collect()
+}
+
+impl TouchRow {
+    fn measured(
+        &mut self,
+        touch: &Touch,
+        data: &RunData,
+        stiffness: Option<&Stiffness>,
+        classification: Option<&Classification>,
+    ) {
+        self.no_load_sweep = Some(touch.no_load_sweep);
+        self.no_load_hz = Some(touch.no_load_hz);
+        self.no_load_sigma_hz = Some(touch.no_load_sigma_hz);
+        self.sweep = Some(touch.sweep);
+        self.resonance_hz = Some(touch.resonance_hz);
+        self.sigma_hz = Some(touch.sigma_hz);
+        self.shift_hz = Some(touch.shift_hz);
+        self.shift_sigma_hz = Some(touch.shift_sigma_hz);
+        self.surface_mm = Some(touch.surface_mm);
+        self.surface_sigma_mm = Some(touch.surface_sigma_mm);
+        self.indentation_mm = Some(touch.indentation_mm);
+        self.linear_mm = touch.linear_mm;
+        self.rotary_deg = touch.rotary_deg;
+        match stiffness.and_then(|stiffness| stiffness.of_touch(&self.step)) {
+            Some(Ok(young)) => {
+                self.stiffness_mpa = Some(young.mpa);
+                self.stiffness_sigma_mpa = Some(young.sigma_mpa);
+            }
+            Some(Err(error)) => self.reason = Some(format!("no stiffness: {error}")),
+            None => {}
+        }
+        let class = classification.filter(|_| touch.touch.phase == Phase::Blind);
+        let class = class.and_then(|found| found.class_of(touch.touch.repeat));
+        self.class = class.map(|sample| data.samples()[sample].name.clone());
+    }
+
+    const fn indented(&mut self, indented: Indented) {
+        self.sweep = Some(indented.sweep);
+        self.surface_mm = Some(indented.surface_mm);
+        self.surface_sigma_mm = Some(indented.surface_sigma_mm);
+        self.indentation_mm = Some(indented.indentation_mm);
+        self.linear_mm = Some(indented.linear_mm);
+    }
+}
+
+/// The reason why a touch has no end in the journal.
+fn not_reached(run: &Run, data: &RunData, planned: &PlannedTouch) -> String {
+    let during = if planned.began_at.is_some() { " during this touch" } else { "" };
+    match run.status {
+        RunStatus::Running if planned.began_at.is_some() => "the touch is under way".to_owned(),
+        RunStatus::Running => "the run is under way".to_owned(),
+        RunStatus::Ended(Ending::Aborted) => format!("the run was aborted{during}"),
+        RunStatus::Ended(Ending::Faulted) => {
+            let cause = data.fault.as_deref().map_or_else(String::new, |why| format!(": {why}"));
+            format!("a fault ended the run{during}{cause}")
+        }
+        RunStatus::Interrupted | RunStatus::Ended(Ending::Interrupted) => {
+            format!("rigd ended{during}, before the run did")
+        }
+        RunStatus::Ended(Ending::Completed | Ending::CompletedWithRefusals) => {
+            "its record is missing from the journal".to_owned()
+        }
+    }
+}

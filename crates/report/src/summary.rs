@@ -1,0 +1,176 @@
+//! The results for programs.
+
+use serde::Serialize;
+
+use crate::{
+    RunResults, TouchRow,
+    data::DIRECTIONS,
+    results::{recognition::Recognition, status::Tally, stiffness::Stiffness},
+};
+
+/// The results of a run. The fields are an interface: scripts read them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RunSummary {
+    /// Id of the run.
+    pub run_id: String,
+    /// Whether no real device took part.
+    pub is_simulated: bool,
+    /// `running`, or the ending.
+    pub status: &'static str,
+    /// Touches that gave a shift; the same as `touches_measured`.
+    pub touches: usize,
+    /// Touches of the protocol.
+    pub touches_planned: usize,
+    /// Touches that gave a shift.
+    pub touches_measured: usize,
+    /// Touches that were made and gave none.
+    pub touches_refused: usize,
+    /// Touches that were not made to their end.
+    pub touches_not_reached: usize,
+    /// Prompts that were answered.
+    pub prompts: u32,
+    /// From beginning to end on the rig's clock, s.
+    pub rig_seconds: f64,
+    /// From beginning to end by the wall clock, s; none while the run goes on.
+    pub wall_seconds: Option<f64>,
+    /// Mean resonance with the probe clear, Hz.
+    pub no_load_hz: Option<f64>,
+    /// The shifts of the main touches.
+    pub shifts: Vec<ShiftSummary>,
+    /// Shift against known stiffness: the chord from the softest to the stiffest sample at the
+    /// smallest angle, mean of the directions, Hz/MPa.
+    pub sensitivity_hz_per_mpa: Option<f64>,
+    /// The blind touches by k-means on their shifts.
+    pub classification: Option<ClassificationSummary>,
+    /// The stiffness of the samples from the main touches, with the angle compensated.
+    pub stiffness: Vec<StiffnessSummary>,
+    /// The blind touches by every method, that of `classification` first.
+    pub recognition: Vec<RecognitionSummary>,
+    /// Every planned touch with its result.
+    pub touch_results: Vec<TouchRow>,
+}
+
+/// The shift of one sample at one pose.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ShiftSummary {
+    /// Name of the sample.
+    pub sample: String,
+    /// The direction: `front`, `back` or `left`.
+    pub direction: &'static str,
+    /// The contact angle, degrees.
+    pub angle_deg: f64,
+    /// The shift, Hz; the mean of the repeats.
+    pub shift_hz: f64,
+    /// Its standard deviation from the fits, Hz.
+    pub sigma_hz: f64,
+}
+
+/// The recognition of the blind touches by k-means on their shifts.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ClassificationSummary {
+    /// Blind touches.
+    pub trials: u32,
+    /// Blind touches in the cluster of their sample.
+    pub correct: u32,
+    /// `correct` over `trials`.
+    pub rate: f64,
+}
+
+/// The stiffness of a sample.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct StiffnessSummary {
+    /// Name of the sample.
+    pub sample: String,
+    /// Young's modulus, MPa; none when no touch gave one.
+    pub stiffness_mpa: Option<f64>,
+    /// Its standard deviation, that of the calibration included, MPa.
+    pub sigma_mpa: Option<f64>,
+    /// Known Young's modulus, MPa.
+    pub known_mpa: Option<f64>,
+    /// Number of touches with a stiffness; of sites, when the angle is unknown.
+    pub used: usize,
+    /// Number of planned touches or sites.
+    pub planned: usize,
+}
+
+/// The recognition of the blind touches by one method.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct RecognitionSummary {
+    /// The method: `k-means`, `k-means-log` or `calibrated-stiffness`.
+    pub method: &'static str,
+    /// Blind touches.
+    pub trials: u32,
+    /// Recognised blind touches.
+    pub correct: u32,
+    /// `correct` over `trials`.
+    pub rate: f64,
+    /// The lower end of its 95 % interval.
+    pub low: f64,
+    /// The upper end.
+    pub high: f64,
+}
+
+impl RunResults {
+    /// The results for programs.
+    pub fn summary(&self) -> RunSummary {
+        let Self { run, data, .. } = self;
+        let shift = |mean: &rig_analysis::shift::DirectionMean| ShiftSummary {
+            sample: data.samples()[mean.sample].name.clone(),
+            direction: DIRECTIONS[mean.direction].name(),
+            angle_deg: mean.angle_deg,
+            shift_hz: mean.mean.shift_hz,
+            sigma_hz: mean.mean.sigma_hz,
+        };
+        let classification = self.classification.as_ref().and_then(|classification| {
+            let score = &classification.score;
+            let (trials, correct, rate) = (score.trials, score.correct, score.rate()?);
+            Some(ClassificationSummary { trials, correct, rate })
+        });
+        let stiffness = |stiffness: &Stiffness, sample: usize| {
+            let (found, basis) = (stiffness.of_sample(sample), stiffness.basis(data, sample));
+            StiffnessSummary {
+                sample: data.samples()[sample].name.clone(),
+                stiffness_mpa: found.map(|found| found.young_mpa),
+                sigma_mpa: found.map(|found| found.sigma_mpa),
+                known_mpa: data.samples()[sample].stiffness_mpa,
+                used: basis.used,
+                planned: basis.planned,
+            }
+        };
+        let statuses = self.touches.iter().map(|row| row.status);
+        let Tally { planned, measured, refused, not_reached } = Tally::of(statuses);
+        let recognition = |found: &Recognition| {
+            let (low, high) = found.interval();
+            let Recognition { method, trials, correct, .. } = *found;
+            let (method, rate) = (method.name(), found.rate());
+            RecognitionSummary { method, trials, correct, rate, low, high }
+        };
+        RunSummary {
+            run_id: run.id.to_string(),
+            is_simulated: data.is_simulated(),
+            status: run.status.name(),
+            touches: measured,
+            touches_planned: planned,
+            touches_measured: measured,
+            touches_refused: refused,
+            touches_not_reached: not_reached,
+            prompts: data.prompts,
+            rig_seconds: data.rig_s(),
+            wall_seconds: run.wall_s,
+            no_load_hz: self.no_load.map(|no_load| no_load.mean_hz),
+            shifts: self.direction_means.iter().map(shift).collect(),
+            sensitivity_hz_per_mpa: self
+                .sensitivity
+                .as_ref()
+                .map(|found| found.sensitivity.chord.hz_per_mpa),
+            classification,
+            stiffness: self
+                .stiffness
+                .iter()
+                .flat_map(|found| self.samples().into_iter().map(|sample| stiffness(found, sample)))
+                .collect(),
+            recognition: self.recognitions.iter().map(recognition).collect(),
+            touch_results: self.touches.clone(),
+        }
+    }
+}

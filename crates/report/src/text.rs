@@ -1,0 +1,156 @@
+//! The results for a person at a terminal.
+
+use rig_record::Phase;
+
+use crate::{
+    RunResults, TouchRow, TouchStatus,
+    data::{DIRECTIONS, RunData},
+    results::{
+        grid::GridRow,
+        recognition::{Method, Recognition},
+        status::Tally,
+        stiffness::Stiffness,
+        touches::sentence,
+    },
+    units::{duration, fixed, percent, percent_range, with_sigma},
+};
+
+impl RunResults {
+    /// The results for a person at a terminal: the table of shifts, the sensitivity, the stiffness
+    /// of the samples and the rate of recognition.
+    pub fn text(&self) -> String {
+        let mut lines = Vec::new();
+        if self.data.is_simulated() {
+            lines.extend(["SIMULATED: no real device took part", ""].map(str::to_owned));
+        }
+        if !self.grid.is_empty() {
+            lines.push("frequency shift in Hz".to_owned());
+            lines.extend(table(self));
+            lines.push(String::new());
+        }
+        lines.extend(refused(&self.touches));
+        lines.extend(facts(self).into_iter().map(|(name, value)| format!("{name:<23}{value}")));
+        let wall = self.run.wall_s;
+        let wall = wall.map_or_else(String::new, |wall_s| format!(" in {}", duration(wall_s)));
+        let (status, rig_time) = (self.run.status.describe(), duration(self.data.rig_s()));
+        lines.push(format!("{status}: {rig_time} of rig time{wall}"));
+        lines.push(sentence(&self.touches));
+        lines.join("\n") + "\n"
+    }
+}
+
+/// The single results, each with its name.
+fn facts(results: &RunResults) -> Vec<(String, String)> {
+    let mut facts = Vec::new();
+    let mut fact = |name: &str, value: String| facts.push((name.to_owned(), value));
+    if let Some(no_load) = &results.no_load {
+        let (mean, span) = (fixed(no_load.mean_hz, 3), fixed(no_load.max_hz - no_load.min_hz, 3));
+        let count = no_load.count;
+        fact("no-load resonance", format!("{mean} Hz, {count} references within {span} Hz"));
+    }
+    if let Some(found) = &results.sensitivity {
+        let chord = found.sensitivity.chord;
+        let slope = with_sigma(chord.hz_per_mpa, chord.sigma_hz_per_mpa);
+        fact(&format!("sensitivity at {}°", found.angle_deg), format!("{slope} Hz/MPa"));
+    }
+    if let Some(classification) = &results.classification {
+        let score = &classification.score;
+        let is_blind = |row: &&TouchRow| row.phase == Phase::Blind.name();
+        let planned = results.touches.iter().filter(is_blind).count();
+        let missing = match planned.saturating_sub(score.trials as usize) {
+            0 => String::new(),
+            missing => format!("; {missing} without a shift"),
+        };
+        let rate = score.rate().unwrap_or_default();
+        let rate = recognised(score.correct, score.trials, rate, score.interval());
+        fact("blind classification", format!("{rate}{missing}"));
+    }
+    match &results.stiffness {
+        Ok(stiffness) => {
+            let of_sample = |sample| of_sample(&results.data, stiffness, sample);
+            let samples: Vec<_> = results.samples().into_iter().map(of_sample).collect();
+            fact("stiffness in MPa", samples.join(", "));
+        }
+        Err(reason) if !results.grid.is_empty() => fact("stiffness", format!("none: {reason}")),
+        Err(_) => {}
+    }
+    let by_stiffness = |found: &&Recognition| found.method == Method::CalibratedStiffness;
+    if let Some(found) = results.recognitions.iter().find(by_stiffness) {
+        let rate = recognised(found.correct, found.trials, found.rate(), found.interval());
+        fact("blind, by stiffness", rate);
+    }
+    facts
+}
+
+fn recognised(correct: u32, trials: u32, rate: f64, interval: (f64, f64)) -> String {
+    let (rate, range) = (percent(rate), percent_range(interval));
+    format!("{correct} of {trials} correct, {rate} (95 % interval {range})")
+}
+
+/// The refused touches with their reasons, under a title.
+fn refused(rows: &[TouchRow]) -> Vec<String> {
+    let is_refused = |row: &&TouchRow| row.status == TouchStatus::Refused;
+    let refused = || rows.iter().filter(is_refused);
+    let Some(width) = refused().map(|row| row.step.chars().count()).max() else {
+        return Vec::new();
+    };
+    let row = |row: &TouchRow| {
+        format!("{:width$}  {}", row.step, row.reason.as_deref().unwrap_or_default())
+    };
+    let title = ["refused touches".to_owned()];
+    title.into_iter().chain(refused().map(row)).chain([String::new()]).collect()
+}
+
+/// The stiffness of a sample, with the count of its touches when some are missing.
+fn of_sample(data: &RunData, stiffness: &Stiffness, sample: usize) -> String {
+    let name = &data.samples()[sample].name;
+    let found = stiffness
+        .of_sample(sample)
+        .map_or_else(|| "none".to_owned(), |found| with_sigma(found.young_mpa, found.sigma_mpa));
+    match stiffness.basis(data, sample).shortfall() {
+        Some(shortfall) => format!("{name}: {found} ({shortfall})"),
+        None => format!("{name}: {found}"),
+    }
+}
+
+/// The rows of the table of shifts, each cell as wide as the widest of its column.
+fn table(results: &RunResults) -> Vec<String> {
+    let directions = results.directions();
+    let mut rows = vec![vec!["sample".to_owned(), "angle".to_owned()]];
+    rows[0].extend(directions.iter().map(|&direction| DIRECTIONS[direction].name().to_owned()));
+    rows[0].push("mean".to_owned());
+    for planned in &results.grid {
+        let GridRow { sample, angle_deg, .. } = *planned;
+        let mut row = vec![results.data.samples()[sample].name.clone(), format!("{angle_deg}°")];
+        for &direction in &directions {
+            let mean = results.direction_mean(sample, angle_deg, direction);
+            row.push(of_some(
+                planned.directions[direction],
+                mean.map(|mean| with_sigma(mean.mean.shift_hz, mean.mean.sigma_hz)),
+            ));
+        }
+        let mean = results.angle_mean(sample, angle_deg);
+        let mean = mean.map(|mean| with_sigma(mean.mean.shift_hz, mean.mean.standard_error_hz()));
+        row.push(of_some(planned.over_directions(), mean));
+        rows.push(row);
+    }
+    let columns = rows[0].len();
+    let width = |column: usize| {
+        rows.iter().map(|row| row[column].chars().count()).max().unwrap_or_default()
+    };
+    let widths: Vec<usize> = (0..columns).map(width).collect();
+    let padded = |row: &Vec<String>| {
+        let cells = row.iter().zip(&widths).map(|(cell, &width)| format!("{cell:>width$}"));
+        cells.collect::<Vec<_>>().join("  ")
+    };
+    rows.iter().map(padded).collect()
+}
+
+/// A value, with the count of its touches when some are missing, or the status of the touches.
+fn of_some(tally: Tally, value: Option<String>) -> String {
+    match (value, tally.shortfall()) {
+        (Some(value), Some(shortfall)) => format!("{value} ({shortfall})"),
+        (Some(value), None) => value,
+        (None, _) => tally.missing().to_owned(),
+    }
+}
