@@ -1,7 +1,8 @@
-//! The simulated analyzer of the studies: the exact sensor in time, with noise and a clock.
+//! The simulated analyzer of the studies: the exact response of the sensor in time, with noise and
+//! a clock.
 //!
-//! Sensor and lock-in are those of the simulated bench. Nothing here is shared with the estimators
-//! that are judged by it.
+//! Sensor and lock-in are those of the simulated bench. The estimators under study share no code
+//! with this module.
 
 use std::time::Duration;
 
@@ -10,10 +11,10 @@ use rig_contact::Circuit;
 use rig_model::{Impedance, Measured, Reading, RigTime, SweepPoint, Window, random::Stream};
 use rig_sim::plant::Plant;
 
-/// Where the resonance is sought, Hz.
+/// The search window for the resonance.
 pub(crate) const WINDOW: Window = Window { min_hz: 112.0, max_hz: 168.0 };
 
-/// A sensor without contact, of a quality and a coupling (fp² − fs²)/fp².
+/// A sensor without contact, with a given quality factor and coupling (fp² − fs²)/fp².
 pub(crate) fn sensor(series_resonance_hz: f64, q: f64, coupling: f64) -> Circuit {
     Circuit {
         series_resonance_hz,
@@ -25,34 +26,34 @@ pub(crate) fn sensor(series_resonance_hz: f64, q: f64, coupling: f64) -> Circuit
     }
 }
 
-/// The time constant with which the motion of a sensor dies away, s.
+/// The decay time constant of a sensor, s.
 pub(crate) fn time_constant_s(circuit: &Circuit) -> f64 {
     circuit.q / (std::f64::consts::PI * circuit.series_resonance_hz)
 }
 
-/// An analyzer with a sensor on it, whose drive never stops.
+/// An analyzer that drives a sensor without interruption.
 #[derive(Debug, Clone)]
 pub(crate) struct Analyzer {
     plant: Plant,
     noise: f64,
-    chance: Stream,
+    random: Stream,
     now: RigTime,
 }
 
 impl Analyzer {
-    /// A sensor at rest, whose drive begins with the first point. `noise` is the standard deviation
-    /// of each part of the relative error of a reading of ten cycles.
-    pub(crate) fn at_rest(circuit: Circuit, noise: f64, chance: Stream) -> Self {
+    /// Starts with a sensor at rest. `noise` is the standard deviation of each part of the relative
+    /// error of a reading of ten cycles.
+    pub(crate) fn at_rest(circuit: Circuit, noise: f64, random: Stream) -> Self {
         let plant = Plant::at_rest(circuit, WINDOW.min_hz).expect("the studies' sensors ring");
-        Self { plant, noise, chance, now: RigTime::ZERO }
+        Self { plant, noise, random, now: RigTime::ZERO }
     }
 
-    /// The time since the beginning, s.
+    /// The elapsed time, s.
     pub(crate) fn elapsed_s(&self) -> f64 {
         self.now.as_seconds()
     }
 
-    /// Changes the sensor now; its motion goes on.
+    /// Changes the sensor now. Its motion continues.
     pub(crate) fn set_circuit(&mut self, circuit: Circuit) {
         self.plant.set_circuit(circuit).expect("the studies' sensors ring");
     }
@@ -64,7 +65,7 @@ impl Analyzer {
         self.plant.advance(point.settle_s);
         let exact = self.plant.measure(point.cycles);
         let error = self.noise * (10.0 / f64::from(point.cycles)).sqrt();
-        let [re, im] = [self.chance.normal(), self.chance.normal()];
+        let [re, im] = [self.random.normal(), self.random.normal()];
         let impedance = exact * (1.0 + error * Complex64::new(re, im));
         self.now = self.now + Duration::from_secs_f64(point.duration_s());
         reading(point, impedance, started)
@@ -85,7 +86,7 @@ pub(crate) fn reading(point: &SweepPoint, impedance: Complex64, started: RigTime
     }
 }
 
-/// Points at equal distances over a window, from end to end.
+/// Evenly spaced points from one end of a window to the other.
 pub(crate) fn evenly(window: Window, points: u32, settle_s: f64, cycles: u32) -> Vec<SweepPoint> {
     let step_hz = (window.max_hz - window.min_hz) / f64::from(points.max(2) - 1);
     (0..points)

@@ -1,8 +1,8 @@
-//! The Cramér–Rao bound: the least standard deviation that any unbiased estimator of the resonance
-//! can have, given the readings.
+//! The Cramér–Rao bound: the smallest standard deviation of any unbiased estimator of the resonance
+//! for the given readings.
 //!
-//! The slopes of the readings by the five elements of the circuit are differences of the plant
-//! itself, so that the bound knows of settling and ring-up and shares no code with an estimator.
+//! The derivatives of the readings by the five circuit elements are differences of the simulated
+//! plant. The bound therefore includes settling and ring-up, and shares no code with an estimator.
 
 use num_complex::Complex64;
 use rig_contact::Circuit;
@@ -11,21 +11,22 @@ use rig_sim::plant::Plant;
 
 /// Elements of the circuit: ln resonance first, ln quality, ln C0, ln C1/C0, loss tangent.
 const ELEMENTS: usize = 5;
-/// Half the distance of a difference: its error is the square of this, and rounding is far below.
+/// Half the step of a central difference. Its error is the square of this; rounding is far below.
 const STEP: f64 = 1e-5;
 
-/// What readings tell of the elements: the Fisher information for noise of variance 1 at ten cycles.
+/// Fisher information of the elements, for noise of variance 1 at ten cycles.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Information([[f64; ELEMENTS]; ELEMENTS]);
 
 impl Information {
-    /// Of points measured one after the other from rest, as the plant answers in time.
+    /// The information of points measured in sequence from rest.
     pub(crate) fn in_time(circuit: &Circuit, points: &[SweepPoint]) -> Self {
-        let mut ringing = Ringing::at_rest(circuit, points.first().map_or(1.0, |p| p.frequency_hz));
-        points.iter().fold(Self::default(), |sum, point| sum.plus(1.0, &ringing.visit(point)))
+        let mut plants =
+            PerturbedPlants::at_rest(circuit, points.first().map_or(1.0, |p| p.frequency_hz));
+        points.iter().fold(Self::default(), |sum, point| sum.plus(1.0, &plants.visit(point)))
     }
 
-    /// Of points at which all motion has settled.
+    /// The information of settled points.
     pub(crate) fn settled(circuit: &Circuit, points: &[SweepPoint]) -> Self {
         let pairs: [[Circuit; 2]; ELEMENTS] =
             std::array::from_fn(|element| [STEP, -STEP].map(|by| moved(circuit, element, by)));
@@ -35,14 +36,15 @@ impl Information {
         })
     }
 
-    /// Of one point, from its impedance with each element a step larger, and a step smaller.
+    /// The information of one point, from its impedance with each element one step larger and one
+    /// step smaller.
     fn of(point: &SweepPoint, pairs: &[[Complex64; 2]; ELEMENTS]) -> Self {
         let slopes = pairs.map(|[up, down]| (up / down).ln() / (2.0 * STEP));
         let weight = 0.1 * f64::from(point.cycles);
         Self(slopes.map(|one| slopes.map(|other| weight * (one.conj() * other).re)))
     }
 
-    /// The sum of this and so many times another.
+    /// The sum of this information and `times` times the other.
     pub(crate) fn plus(&self, times: f64, other: &Self) -> Self {
         let mut sum = *self;
         for (row, other) in sum.0.iter_mut().zip(&other.0) {
@@ -54,13 +56,13 @@ impl Information {
     }
 
     /// The bound of the relative standard deviation of the resonance for noise 1 at ten cycles;
-    /// infinite where the readings do not determine it.
+    /// infinite when the readings do not determine it.
     pub(crate) fn relative_bound(&self) -> f64 {
         let column = self.inverse_column();
         column.map_or(f64::INFINITY, |column| column[0].sqrt())
     }
 
-    /// How fast the variance of ln resonance falls as readings of this other information are added.
+    /// The rate at which the variance of ln resonance falls when this other information is added.
     pub(crate) fn gain(&self, other: &Self) -> f64 {
         let Some(column) = self.inverse_column() else { return 0.0 };
         let mut sum = 0.0;
@@ -74,7 +76,7 @@ impl Information {
 
     /// The first column of the inverse, by elimination from the last element to the first.
     fn inverse_column(&self) -> Option<[f64; ELEMENTS]> {
-        // A pivot below this part of its diagonal element is rounding.
+        // A pivot below this share of its diagonal element is rounding.
         const SINGULAR: f64 = 1e-13;
         let mut rest = self.0;
         for k in (0..ELEMENTS).rev() {
@@ -90,7 +92,7 @@ impl Information {
                 }
             }
         }
-        // Below the first element the columns right of the diagonal are spent: L x = e₁, forwards.
+        // Forward substitution L x = e₁; the columns right of the diagonal are no longer needed.
         let mut column = [0.0; ELEMENTS];
         column[0] = 1.0 / rest[0][0];
         for k in 1..ELEMENTS {
@@ -101,10 +103,10 @@ impl Information {
     }
 }
 
-/// Sensors that are measured alike, and differ by a step of one element.
-struct Ringing([[Plant; 2]; ELEMENTS]);
+/// Simulated plants that see the same drive and differ by one step of one element.
+struct PerturbedPlants([[Plant; 2]; ELEMENTS]);
 
-impl Ringing {
+impl PerturbedPlants {
     fn at_rest(circuit: &Circuit, frequency_hz: f64) -> Self {
         let plant = |element, by| {
             let circuit = moved(circuit, element, by);
@@ -113,7 +115,7 @@ impl Ringing {
         Self(std::array::from_fn(|element| [STEP, -STEP].map(|by| plant(element, by))))
     }
 
-    /// What one more point tells.
+    /// The information of one more point.
     fn visit(&mut self, point: &SweepPoint) -> Information {
         let pairs = self.0.each_mut().map(|pair| {
             pair.each_mut().map(|plant| {
@@ -126,8 +128,8 @@ impl Ringing {
     }
 }
 
-/// The time of measuring these points from rest until the bound is as low as wanted, s; infinite
-/// where that takes longer than `limit_s`. `wanted` is relative, for noise 1 at ten cycles.
+/// The measuring time of these points from rest until the bound falls to `wanted`, s; infinite if
+/// it exceeds `limit_s`. `wanted` is relative, for noise 1 at ten cycles.
 pub(crate) fn time_to_reach_s(
     circuit: &Circuit,
     points: impl IntoIterator<Item = SweepPoint>,
@@ -136,14 +138,14 @@ pub(crate) fn time_to_reach_s(
 ) -> f64 {
     let mut points = points.into_iter().peekable();
     let Some(first) = points.peek() else { return f64::INFINITY };
-    let mut ringing = Ringing::at_rest(circuit, first.frequency_hz);
+    let mut plants = PerturbedPlants::at_rest(circuit, first.frequency_hz);
     let (mut information, mut time_s) = (Information::default(), 0.0);
     for point in points {
         time_s += point.duration_s();
         if time_s > limit_s {
             break;
         }
-        information = information.plus(1.0, &ringing.visit(&point));
+        information = information.plus(1.0, &plants.visit(&point));
         if information.relative_bound() <= wanted {
             return time_s;
         }
@@ -151,8 +153,8 @@ pub(crate) fn time_to_reach_s(
     f64::INFINITY
 }
 
-/// The bound times the root of the time integrated, for noise 1 at ten cycles, when nothing ever
-/// waits and every moment is spent at the frequencies that tell most: Hz·√s.
+/// The bound times the square root of the integration time, for noise 1 at ten cycles, without
+/// waiting and with the best frequencies: Hz·√s.
 ///
 /// # Source
 /// The multiplicative algorithm for optimal designs: Silvey, Titterington and Torsney,
@@ -222,14 +224,14 @@ mod tests {
             let found = 140.0 * found * 401.0_f64.sqrt();
             assert!((found / uniform - 1.0).abs() < 0.01, "{q} {coupling}: {found} {uniform}");
             let frequencies: Vec<f64> = points.iter().map(|point| point.frequency_hz).collect();
-            // Ten cycles take a fourteenth of a second.
+            // Ten cycles last one fourteenth of a second.
             let floor = integration_floor(&circuit, &frequencies) * 14.0_f64.sqrt();
             assert!((0.97..1.12).contains(&(floor / best)), "{q} {coupling}: {floor} {best}");
         }
     }
 
     #[test]
-    fn waiting_long_enough_makes_the_plant_tell_what_the_settled_circuit_tells() {
+    fn the_information_of_settled_readings_is_that_of_the_settled_circuit() {
         let circuit = sensor(140.0, 30.0, 0.1);
         let bounds = |settle_s: f64| {
             let points = evenly(WINDOW, 21, settle_s, 10);
@@ -247,7 +249,7 @@ mod tests {
         let two = Information::settled(&circuit, &two).relative_bound();
         let three = evenly(WINDOW, 3, 0.0, 10);
         let three = Information::settled(&circuit, &three).relative_bound();
-        // What is left of the former is the rounding of the slopes.
+        // The former is finite only by the rounding of the slopes.
         assert!(three < 10.0 && two > 1e4, "{two} {three}");
     }
 }

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::outcome::StudyError;
 
-/// The sensor: the reference sensor, with what is given changed.
+/// The sensor: the reference sensor with changes.
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub(crate) struct SensorArgs {
     /// Free length of the bimorph, mm.
@@ -18,7 +18,7 @@ pub(crate) struct SensorArgs {
     /// Radius of the ball at the tip of the probe, mm.
     #[arg(long, default_value_t = SensorDesign::reference().probe_radius_mm)]
     radius_mm: f64,
-    /// Probe from the middle of the bimorph to the centre of the ball, mm.
+    /// Length of the probe from the middle of the bimorph to the centre of the ball, mm.
     #[arg(long, default_value_t = SensorDesign::reference().arm_mm)]
     arm_mm: f64,
     /// Width of the bimorph, mm.
@@ -43,28 +43,28 @@ impl SensorArgs {
     }
 }
 
-/// The contact and what is known of the tissue besides its stiffness.
+/// The contact, and the properties of the tissue except its stiffness.
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub(crate) struct ContactArgs {
     /// Angle between probe and surface normal, degrees.
     #[arg(long, default_value_t = 0.0)]
     angle_deg: f64,
-    /// Which way the surface leans.
+    /// Direction in which the surface leans.
     #[arg(long, default_value = "front", value_parser = direction_parser())]
     direction: Direction,
     /// Indentation along the probe, mm.
     #[arg(long, default_value_t = 0.5)]
     indentation_mm: f64,
-    /// Take the indentation as a move of the stage, to which the sensor gives way.
+    /// Take the indentation as a move of the stage, which also deflects the sensor.
     #[arg(long)]
     stage: bool,
-    /// Contact law; the paper's for T0 and T0b, Sneddon's for all others unless given.
+    /// Contact law. Default: the paper's for T0 and T0b, Sneddon's for the other tiers.
     #[arg(long, value_parser = law_parser())]
     law: Option<ContactLaw>,
-    /// Coefficient of friction up to which the contact sticks; without it, it always sticks.
+    /// Coefficient of friction. Default: the contact always sticks.
     #[arg(long, conflicts_with = "frictionless")]
     friction: Option<f64>,
-    /// Let the contact slide without resistance.
+    /// The contact slides without resistance.
     #[arg(long)]
     frictionless: bool,
     /// Poisson's ratio of the tissue.
@@ -87,7 +87,7 @@ impl ContactArgs {
         })
     }
 
-    /// The same kind of depth, another value.
+    /// A depth of the selected kind.
     pub(crate) fn depth(&self, along_probe_mm: f64) -> Depth {
         if self.stage {
             Depth::Stage { along_probe_mm }
@@ -116,7 +116,7 @@ impl ContactArgs {
     }
 }
 
-/// A contact as results name it.
+/// The description of a contact in results.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub(crate) struct ContactNames {
     direction: &'static str,
@@ -146,14 +146,14 @@ impl ContactNames {
     }
 }
 
-/// One of a list by its name, whatever its case.
+/// A parser of names, without regard to case.
 fn named<T: Copy + Send + Sync + 'static>(
     all: &'static [T],
     name: fn(T) -> &'static str,
 ) -> impl TypedValueParser<Value = T> {
     PossibleValuesParser::new(all.iter().map(|&one| name(one))).map(move |given| {
         let is_given = |one: &&T| name(**one).eq_ignore_ascii_case(&given);
-        *all.iter().find(is_given).expect("the parser lets only these names through")
+        *all.iter().find(is_given).expect("the parser accepts only these names")
     })
 }
 

@@ -1,8 +1,8 @@
-//! `rig-study design`: which length, ball, indentation and probe arm a sensor should have.
+//! `rig-study design`: length, ball, indentation and probe arm of a sensor.
 //!
-//! Every design of a grid is judged by four merits that pull against each other; those that no other
-//! design beats in all four are the front. The rows go to a file as they are found, so that a study
-//! that was interrupted goes on where it stopped.
+//! Every design of a grid is judged by four competing merits. The designs that no other design
+//! beats in all four form the front. The rows go to a file as they are found, so that an
+//! interrupted study can continue.
 
 mod document;
 mod front;
@@ -18,7 +18,7 @@ use std::{
 use rayon::prelude::*;
 
 use crate::{files::Folder, outcome::StudyError, paper_bench::Control, progress};
-use grid::{Design, Grid, Span};
+use grid::{Design, Grid, GridAxis};
 use merit::Merit;
 use rows::Rows;
 
@@ -27,24 +27,24 @@ use rows::Rows;
 pub(crate) struct Args {
     /// Lengths of the bimorph, mm.
     #[arg(long, default_value = "15:60:200", value_name = "FROM:TO:COUNT")]
-    length_mm: Span,
+    length_mm: GridAxis,
     /// Radii of the ball, mm.
     #[arg(long, default_value = "0.25:1.5:200", value_name = "FROM:TO:COUNT")]
-    radius_mm: Span,
+    radius_mm: GridAxis,
     /// Indentations, mm.
     #[arg(long, default_value = "0.5", value_name = "FROM:TO:COUNT")]
-    indentation_mm: Span,
+    indentation_mm: GridAxis,
     /// Lengths of the probe arm, mm.
     #[arg(long, default_value = "8", value_name = "FROM:TO:COUNT")]
-    arm_mm: Span,
-    /// Let the stage hold the depth, to which the sensor gives way.
+    arm_mm: GridAxis,
+    /// Hold the position of the stage instead of the indentation; the sensor deflects.
     #[arg(long)]
     stage: bool,
     /// Folder for `design.md`, `design.html`, and the charts in `design`.
     #[arg(long, default_value = "target/study")]
     out: PathBuf,
-    /// File of all designs judged, beside which `front.csv` comes; a study that was interrupted goes
-    /// on where it stopped.
+    /// File of all judged designs, with `front.csv` beside it. An interrupted study continues from
+    /// this file.
     #[arg(long, default_value = "target/study/design.csv")]
     rows: PathBuf,
 }
@@ -71,7 +71,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
     Ok(())
 }
 
-/// Judges the designs that the file does not have yet, a length at a time.
+/// Judges the designs that are missing in the file, one length at a time.
 fn judge_all(grid: &Grid, path: &Path) -> Result<Vec<(Design, Option<Merit>)>, StudyError> {
     let mut rows = Rows::open(path, grid)?;
     let blocks = grid.blocks();

@@ -1,4 +1,4 @@
-//! The folder that a study writes to.
+//! Output files of a study.
 
 use std::{
     fs,
@@ -7,19 +7,19 @@ use std::{
 
 use crate::outcome::StudyError;
 
-/// A folder for results.
+/// An output folder.
 #[derive(Debug)]
 pub(crate) struct Folder(PathBuf);
 
 impl Folder {
-    /// The folder, made where it is missing.
+    /// Opens the folder, and creates it if necessary.
     pub(crate) fn at(path: &Path) -> Result<Self, StudyError> {
         fs::create_dir_all(path)
             .map_err(|source| StudyError::File { path: path.to_owned(), source })?;
         Ok(Self(path.to_owned()))
     }
 
-    /// Where a file of this name is.
+    /// The path of a file in the folder.
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.0.join(name)
     }
@@ -31,7 +31,7 @@ impl Folder {
     }
 }
 
-/// Rows of numbers and words with a header, comma-separated.
+/// A table in CSV.
 #[derive(Debug)]
 pub(crate) struct Csv(String);
 

@@ -1,6 +1,6 @@
-//! `rig-study inverses`: how well a stiffness can be known, by angle, by protocol and by stiffness.
+//! `rig-study inverses`: the uncertainty of an inferred stiffness by angle, protocol and stiffness.
 //!
-//! What this is worth over many random touches is the business of `rig-study compensation`.
+//! `rig-study compensation` tests the inference on many random touches.
 
 mod known;
 mod protocols;
@@ -26,14 +26,15 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
 }
 
 fn page() -> Page {
-    let mut page = Page { title: "What inverses know".to_owned(), parts: Vec::new() };
+    let mut page =
+        Page { title: "Uncertainty of the inferred stiffness".to_owned(), parts: Vec::new() };
     let Nuisances { shift_hz, depth_mm, angle_deg, .. } = Nuisances::BENCH;
     page.text(format!(
-        "This page is written by `cargo run --release -p rig-study -- inverses --out docs`. \
-         The sensor is the reference sensor; unless a row says otherwise a touch has errors of \
-         {shift_hz} Hz of its shift, {depth_mm} mm of the depth at which the surface was found, and \
-         {angle_deg}° of its angle. What this is worth over many random touches, \
-         [compensation.md](compensation.md) says."
+        "This page is written by `cargo run --release -p rig-study -- inverses --out \
+         docs/studies`. The sensor is the reference sensor. Unless a row says otherwise, the \
+         standard deviations of a touch are {shift_hz} Hz for its shift, {depth_mm} mm for the \
+         surface found, and {angle_deg}° for its angle. [compensation.md](compensation.md) tests \
+         the inference on many random touches."
     ));
     known::add(&mut page);
     protocols::add(&mut page);
@@ -47,6 +48,6 @@ mod tests {
 
     #[test]
     fn the_document_is_what_the_models_say_today() {
-        assert_eq!(page().markdown("inverses"), include_str!("../../../docs/inverses.md"));
+        assert_eq!(page().markdown("inverses"), include_str!("../../../docs/studies/inverses.md"));
     }
 }

@@ -1,4 +1,4 @@
-//! `rig-study invert`: from shifts back to stiffness.
+//! `rig-study invert`: the stiffness for a measured shift.
 
 use std::{f64::consts::PI, io::Write, str::FromStr};
 
@@ -16,38 +16,38 @@ use crate::{
     outcome::{StudyError, print_json},
 };
 
-/// The stiffness of one touch at a known angle, or of several with the angle unknown.
+/// The stiffness of one touch at a known angle, or of several touches at an unknown angle.
 #[derive(Debug, clap::Args)]
 #[command(allow_negative_numbers = true)]
 #[command(group(clap::ArgGroup::new("what").required(true).args(["shift_hz", "touch"])))]
 pub(crate) struct Args {
-    /// The tier.
+    /// Model of the vibration.
     #[arg(value_parser = tier_parser(), ignore_case = true)]
     tier: Tier,
-    /// The shift of one touch at the angle and direction given, Hz.
+    /// Shift of one touch at the given angle and direction, Hz.
     #[arg(long)]
     shift_hz: Option<f64>,
-    /// A touch of a place at an unknown angle: spin of the probe in degrees, indentation in mm and
-    /// shift in Hz; several are needed.
+    /// A touch of a site at an unknown angle: spin of the probe in degrees, indentation in mm and
+    /// shift in Hz. Several touches are needed.
     #[arg(long, value_name = "SPIN,DEPTH,SHIFT", conflicts_with_all = ["angle_deg", "direction"])]
     touch: Vec<TouchArg>,
     /// Standard deviation of a shift, Hz.
     #[arg(long, default_value_t = 0.3)]
     shift_sigma_hz: f64,
-    /// Standard deviation of the depth, mm; of several touches, that which they share.
+    /// Standard deviation of the depth, mm; for several touches that of the shared error.
     #[arg(long, default_value_t = 0.02)]
     depth_sigma_mm: f64,
-    /// Standard deviation of the depth of each of several touches by itself, mm.
+    /// Standard deviation of the independent depth error of each of several touches, mm.
     #[arg(long, default_value_t = 0.0, requires = "touch")]
     each_depth_sigma_mm: f64,
     /// Standard deviation of the angle, degrees.
     #[arg(long, default_value_t = 1.0)]
     angle_sigma_deg: f64,
-    /// Largest angle that several touches may have been made at, degrees.
+    /// Largest possible angle of several touches, degrees.
     #[arg(long, default_value_t = 45.0, requires = "touch")]
     angle_max_deg: f64,
-    /// Azimuth of the surface's normal at zero spin, degrees from the front towards the left;
-    /// unknown unless given.
+    /// Azimuth of the normal at zero spin, degrees from the front towards the left. Default:
+    /// unknown.
     #[arg(long, requires = "touch")]
     azimuth_deg: Option<f64>,
     #[command(flatten)]
@@ -63,7 +63,7 @@ pub(crate) struct Args {
 #[derive(Debug, Clone, Copy)]
 struct TouchArg([f64; 3]);
 
-/// A touch is three numbers.
+/// A malformed touch.
 #[derive(Debug, thiserror::Error)]
 #[error("a touch is SPIN,DEPTH,SHIFT in degrees, mm and Hz")]
 struct TouchArgError;
@@ -96,7 +96,7 @@ struct OneAnswer {
 }
 
 #[derive(Debug, Serialize)]
-struct PlaceAnswer {
+struct SiteAnswer {
     status: &'static str,
     tier: &'static str,
     stiffness_mpa: IntervalAnswer,
@@ -129,7 +129,7 @@ impl IntervalAnswer {
     }
 }
 
-impl PlaceAnswer {
+impl SiteAnswer {
     fn of(tier: Tier, found: &TiltInference) -> Self {
         Self {
             status: "ok",
@@ -151,7 +151,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
     let models = Models::new(&sensor, args.contact.law(args.tier));
     match args.shift_hz {
         Some(shift_hz) => one(args, &models, shift_hz, out),
-        None => place(args, &models, out),
+        None => site(args, &models, out),
     }
 }
 
@@ -162,13 +162,13 @@ fn one(
     out: &mut impl Write,
 ) -> Result<(), StudyError> {
     let contact = args.contact.contact(args.tier)?;
-    let spread = TouchSigmas {
+    let sigmas = TouchSigmas {
         shift_hz: args.shift_sigma_hz,
         depth_mm: args.depth_sigma_mm,
         angle_rad: args.angle_sigma_deg.to_radians(),
     };
     let found = models
-        .stiffness_of_touch(args.tier, shift_hz, spread, args.contact.kind(), &contact)
+        .stiffness_of_touch(args.tier, shift_hz, sigmas, args.contact.kind(), &contact)
         .map_err(StudyError::refused);
     let answer = found.map(|found| OneAnswer {
         status: "ok",
@@ -189,13 +189,13 @@ fn one(
     writeln!(out, "stiffness {value:.6} MPa, standard deviation {sigma:.6} MPa")?;
     writeln!(
         out,
-        "of which {:.6} by the shift, {:.6} by the depth, {:.6} by the angle",
+        "of which {:.6} due to the shift, {:.6} due to the depth, {:.6} due to the angle",
         answer.sigma_of_shift_mpa, answer.sigma_of_depth_mpa, answer.sigma_of_angle_mpa
     )?;
     Ok(())
 }
 
-fn place(args: &Args, models: &Models, out: &mut impl Write) -> Result<(), StudyError> {
+fn site(args: &Args, models: &Models, out: &mut impl Write) -> Result<(), StudyError> {
     let touches: Vec<SiteTouch> = args
         .touch
         .iter()
@@ -220,12 +220,12 @@ fn place(args: &Args, models: &Models, out: &mut impl Write) -> Result<(), Study
         .map_or(AzimuthPrior::Unknown, |degrees| AzimuthPrior::Known(degrees.to_radians()));
     let found =
         infer_tilt(models, &touches, &touch_model, angle, azimuth).map_err(StudyError::refused);
-    let answer = found.map(|found| PlaceAnswer::of(args.tier, &found));
+    let answer = found.map(|found| SiteAnswer::of(args.tier, &found));
     if args.json {
         return print_json(answer, out);
     }
     let answer = answer?;
-    // An azimuth that was given is no answer.
+    // A given azimuth is not a result.
     let azimuth = args.azimuth_deg.is_none().then_some((
         "azimuth",
         answer.azimuth_deg,
@@ -239,7 +239,7 @@ fn place(args: &Args, models: &Models, out: &mut impl Write) -> Result<(), Study
     .into_iter()
     .chain(azimuth)
     {
-        let doubt = if is_known { "" } else { ": not told by these touches" };
+        let doubt = if is_known { "" } else { ": not identified by these touches" };
         writeln!(
             out,
             "{what} {value:.5} {unit}, standard deviation {sigma:.5} {unit}, 95 % in \
@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_answer_is_refused_with_its_reason() {
+    fn a_shift_without_contact_is_refused_with_its_reason() {
         let (result, answer) = run_json("E1 --shift-hz -1");
         assert!(matches!(result, Err(StudyError::Refused(_))));
         assert_eq!(answer["reason"], "a shift of -1 Hz shows no contact");

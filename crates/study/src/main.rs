@@ -1,7 +1,7 @@
 //! Offline studies: the paper's figures, charts of speed against accuracy, failure maps.
 //!
-//! Each subcommand is a module of its own with its arguments and a `run`. Data go to standard output
-//! or to the folder asked for, everything else to standard error.
+//! Each subcommand is a module with its arguments and a `run`. Results go to standard output or to
+//! a folder, messages to standard error.
 
 mod analyzer;
 mod bound;

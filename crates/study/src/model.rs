@@ -14,7 +14,7 @@ use crate::{
 #[derive(Debug, clap::Args)]
 #[command(allow_negative_numbers = true)]
 pub(crate) struct Args {
-    /// The tier.
+    /// Model of the vibration.
     #[arg(value_parser = tier_parser(), ignore_case = true)]
     tier: Tier,
     /// Young's modulus of the tissue, MPa.
@@ -63,10 +63,11 @@ struct ValidityAnswer {
     depth_rel: f64,
     depth_rel_max: f64,
     stiffness_ratio: f64,
-    /// None without a limit.
+    /// `None` for a tier without a limit.
     stiffness_ratio_max: Option<f64>,
     takes_stage_moves: bool,
-    /// Largest error against the reference up to this angle and stiffness, where it is known.
+    /// Largest error against the reference up to this angle and stiffness; `None` outside the
+    /// table.
     largest_error_hz: Option<f64>,
 }
 
@@ -122,14 +123,14 @@ fn answer(args: &Args) -> Result<Answer, StudyError> {
         .transpose()
         .map_err(StudyError::refused)?;
     let limit = validity.stiffness_ratio_max;
-    let scene = Requirements {
+    let required = Requirements {
         sensor,
         stiffest: tissue,
         deepest: contact.depth,
         tilt_max_rad: contact.pose.angle_rad(),
         needs_impedance: false,
     };
-    let largest_error_hz = scene
+    let largest_error_hz = required
         .tier_errors()
         .ok()
         .and_then(|errors| {

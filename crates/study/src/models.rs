@@ -1,4 +1,4 @@
-//! `rig-study models`: what each tier costs, how wrong it is, and where it fails.
+//! `rig-study models`: cost, error and limits of each tier.
 
 mod cost;
 mod effects;
@@ -12,14 +12,14 @@ use std::{io::Write, path::PathBuf};
 use crate::{files::Folder, outcome::StudyError, page::Page};
 use cost::{Costs, ImpedanceCosts};
 
-/// Cost against error for every tier, the size of each effect, and maps of where tiers fail.
+/// Cost against error for every tier, the size of each effect, and maps of the failures of tiers.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Folder for `models.md`, `models.html`, and the tables and charts in `models`.
     #[arg(long, default_value = "target/study")]
     out: PathBuf,
-    /// Measure the costs on this machine now, instead of taking those measured once. Only ratios
-    /// of one run mean anything.
+    /// Measure the costs on this machine instead of using the stored ones. Only ratios within one
+    /// run are meaningful.
     #[arg(long)]
     measure: bool,
 }
@@ -37,15 +37,15 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
 }
 
 fn page(is_measured: bool, costs: &Costs, of_impedance: &ImpedanceCosts) -> Page {
-    let title = "Models: cost, error, and where they end".to_owned();
+    let title = "Models: cost, error and limits".to_owned();
     let mut page = Page { title, parts: Vec::new() };
     page.text(introduction(is_measured));
     tiers::add(&mut page, costs, of_impedance);
     errors::add(&mut page, costs);
     effects::add(&mut page);
     failures::add(&mut page);
-    page.heading("The costs");
-    page.text("Each the least of several runs on one core, all in one run.");
+    page.heading("Costs");
+    page.text("Each cost is the shortest of several runs on one core, all in one session.");
     page.data("cost.csv", cost::csv(costs));
     page.data("impedance.csv", cost::impedance_csv(of_impedance));
     page
@@ -53,14 +53,14 @@ fn page(is_measured: bool, costs: &Costs, of_impedance: &ImpedanceCosts) -> Page
 
 fn introduction(is_measured: bool) -> String {
     let costs = if is_measured {
-        "The costs were measured in the run that wrote it."
+        "The costs were measured in the run that wrote this page."
     } else {
-        "The costs were measured once and are kept apart from everything else, which is the same \
-         wherever it is computed; `--measure` measures them anew."
+        "The costs were measured once and are stored apart, so that the rest of the page is the \
+         same on every computer; `--measure` measures them again."
     };
     format!(
-        "This page is written by `cargo run --release -p rig-study -- models --out docs`. It says what \
-         each model of the sensor costs, how wrong it is, and where it ends, for the reference sensor: \
+        "This page is written by `cargo run --release -p rig-study -- models --out docs/studies`. \
+         It compares the models of the sensor by cost, error and limits, for the reference sensor: \
          35 mm long, with a ball of 0.5 mm at the end of an arm of 8 mm. {costs}"
     )
 }
@@ -72,6 +72,6 @@ mod tests {
     #[test]
     fn the_document_is_what_the_models_say_today() {
         let page = page(false, &cost::stored(), &cost::stored_impedance());
-        assert_eq!(page.markdown("models"), include_str!("../../../docs/models.md"));
+        assert_eq!(page.markdown("models"), include_str!("../../../docs/studies/models.md"));
     }
 }

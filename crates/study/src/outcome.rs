@@ -1,4 +1,4 @@
-//! How a study ends.
+//! Errors and exit codes of studies.
 
 use std::{error::Error, io, io::Write as _, path::PathBuf, process::ExitCode};
 
@@ -6,13 +6,13 @@ use rig_chart::ChartError;
 use rig_model::with_causes;
 use serde::Serialize;
 
-/// Why a study did not end well.
+/// A failed study.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum StudyError {
-    /// The models refuse the question; the answer says why.
+    /// The models refuse the request.
     #[error("refused")]
     Refused(#[source] Box<dyn Error>),
-    /// The arguments contradict each other or describe nothing that exists.
+    /// The arguments are contradictory or invalid.
     #[error("arguments")]
     Arguments(#[source] Box<dyn Error>),
     /// Standard output could not be written.
@@ -23,33 +23,33 @@ pub(crate) enum StudyError {
     File {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The error of the operating system.
         source: io::Error,
     },
-    /// A chart has nothing to show.
+    /// A chart cannot be drawn.
     #[error("cannot draw a chart")]
     Chart(#[from] ChartError),
-    /// A result could not be turned into JSON.
+    /// A result could not be serialised.
     #[error("cannot write JSON")]
     Json(#[from] serde_json::Error),
 }
 
 impl StudyError {
-    /// The arguments are at fault.
+    /// An error of the arguments.
     pub(crate) fn arguments(error: impl Error + 'static) -> Self {
         Self::Arguments(Box::new(error))
     }
 
-    /// The models refuse.
+    /// A refusal by the models.
     pub(crate) fn refused(error: impl Error + 'static) -> Self {
         Self::Refused(Box::new(error))
     }
 }
 
-/// Says what went wrong, and ends with 0, 1 for files, 2 for arguments, 3 for a refusal.
+/// Prints the error and returns the exit code: 0 success, 1 file error, 2 bad arguments, 3 refusal.
 pub(crate) fn exit(result: Result<(), StudyError>) -> ExitCode {
     let Err(error) = result else { return ExitCode::SUCCESS };
-    // Nobody is left to be told when standard error is closed.
+    // A closed standard error cannot take the message.
     let _ = writeln!(io::stderr(), "rig-study: {}", with_causes(&error));
     match error {
         StudyError::Arguments(_) => ExitCode::from(2),
@@ -61,7 +61,7 @@ pub(crate) fn exit(result: Result<(), StudyError>) -> ExitCode {
     }
 }
 
-/// Prints a result as JSON, or the reason for a refusal, which is passed on.
+/// Prints a result as JSON, or the reason of a refusal, and passes the refusal on.
 pub(crate) fn print_json<T: Serialize>(
     result: Result<T, StudyError>,
     out: &mut impl io::Write,

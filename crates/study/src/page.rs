@@ -1,4 +1,4 @@
-//! A page of text, tables and charts, as Markdown and as one HTML file.
+//! A page of text, tables and charts, as Markdown and as HTML.
 
 use std::fmt::Write as _;
 
@@ -6,29 +6,29 @@ use rig_chart::{Chart, ChartError, Escaped, HeatMap, STYLE};
 
 use crate::{files::Folder, outcome::StudyError};
 
-/// A page.
+/// A page under construction.
 #[derive(Debug, Default)]
 pub(crate) struct Page {
     pub(crate) title: String,
     pub(crate) parts: Vec<Part>,
 }
 
-/// A part of a page.
+/// An element of a page.
 #[derive(Debug)]
 pub(crate) enum Part {
     /// A heading.
     Heading(String),
-    /// A paragraph of plain text; words in backquotes are code.
+    /// A paragraph of plain text; words in backquotes become code.
     Text(String),
     /// A table.
     Table(Table),
-    /// A chart, kept in a file of this name.
+    /// A chart in a file of this name.
     Chart(String, Drawing),
-    /// A table that is too long to show, kept in a file of this name.
+    /// A data table in a file of this name.
     Data(String, String),
 }
 
-/// What is drawn.
+/// A chart or a map.
 #[derive(Debug)]
 pub(crate) enum Drawing {
     Chart(Box<Chart>),
@@ -108,7 +108,7 @@ impl Page {
         self.parts.push(Part::Data(file.to_owned(), csv.into()));
     }
 
-    /// Writes `NAME.md`, `NAME.html`, and charts and data into the folder `NAME` beside them.
+    /// Writes `NAME.md` and `NAME.html`, and charts and data into the folder `NAME`.
     pub(crate) fn write(&self, folder: &Folder, name: &str) -> Result<(), StudyError> {
         let charts = Folder::at(&folder.path(name))?;
         for part in &self.parts {
@@ -123,7 +123,7 @@ impl Page {
         folder.write(&format!("{name}.html"), &self.html(name)?)
     }
 
-    /// The page as Markdown, with its charts in the folder `name`.
+    /// The page as Markdown, with charts in the folder `name`.
     pub(crate) fn markdown(&self, name: &str) -> String {
         let mut text = format!("# {}\n", self.title);
         for part in &self.parts {
@@ -136,7 +136,7 @@ impl Page {
                     put(&mut text, format_args!("![{}]({name}/{file})\n", chart.title()));
                 }
                 Part::Data(file, _) => {
-                    put(&mut text, format_args!("The numbers: [{file}]({name}/{file})\n"));
+                    put(&mut text, format_args!("Data: [{file}]({name}/{file})\n"));
                 }
             }
         }
@@ -163,10 +163,7 @@ impl Page {
                 }
                 Part::Data(file, _) => {
                     let path = format!("{name}/{file}");
-                    put(
-                        &mut text,
-                        format_args!("<p>The numbers: <a href=\"{path}\">{file}</a></p>\n"),
-                    );
+                    put(&mut text, format_args!("<p>Data: <a href=\"{path}\">{file}</a></p>\n"));
                 }
             }
         }
@@ -193,7 +190,7 @@ code { font-size: 0.9em; }
 
 /// Writing to a string does not fail.
 fn put(text: &mut String, what: std::fmt::Arguments<'_>) {
-    text.write_fmt(what).expect("a string takes all that is written to it");
+    text.write_fmt(what).expect("a string accepts all text");
 }
 
 fn markdown_table(text: &mut String, table: &Table) {
@@ -222,7 +219,7 @@ fn html_table(text: &mut String, table: &Table) {
     text.push_str("</table>\n");
 }
 
-/// Escaped, with what stands in backquotes as code.
+/// Escapes the text and marks backquoted words as code.
 fn with_code(text: &str) -> String {
     let mut html = String::new();
     for (index, piece) in Escaped(text).to_string().split('`').enumerate() {

@@ -1,4 +1,4 @@
-//! `rig-study paper`: everything that the paper computes, recomputed and judged.
+//! `rig-study paper`: the computations of the paper, repeated and judged.
 
 mod bench;
 mod claims;
@@ -18,27 +18,27 @@ use crate::{
     page::{Page, Part},
 };
 
-/// The paper's figures, tables and claims, with ours beside them.
+/// The paper's figures, tables and claims, beside the results of this project.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Folder for `paper.md`, `paper.html` and the charts.
     #[arg(long, default_value = "target/study")]
     out: PathBuf,
-    /// Run the daemon's protocol on the simulated bench for Figures 11 to 13, with this program.
+    /// The program rigd, which runs the protocol on the simulated bench for Figures 11 to 13.
     #[arg(long, value_name = "RIGD")]
     rigd: Option<PathBuf>,
-    /// The protocol that it runs.
+    /// The protocol of that run.
     #[arg(long, default_value = "config/protocols/three-direction.toml")]
     protocol: PathBuf,
-    /// How often random experiments are repeated.
+    /// Number of repeats of each random experiment.
     #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(10..=100_000))]
     repeats: u32,
-    /// Seed of all that is random.
+    /// Random seed.
     #[arg(long, default_value_t = 2020)]
     seed: u64,
 }
 
-/// A sensor that the paper compares.
+/// A sensor in the paper's comparison.
 struct Compared {
     name: &'static str,
     length_mm: f64,
@@ -46,7 +46,7 @@ struct Compared {
     models: Models,
 }
 
-/// The paper's sensor and the two that it is compared with, in the order of its Figure 8.
+/// The paper's sensor and the two that it is compared with, in the order of Figure 8.
 fn compared(law: ContactLaw) -> [Compared; 3] {
     [("L 35, R 0.5", 35.0, 0.5), ("L 35, R 1", 35.0, 1.0), ("L 20, R 0.5", 20.0, 0.5)].map(
         |(name, length_mm, radius_mm)| {
@@ -64,7 +64,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
         title: "The paper, recomputed and judged".to_owned(),
         parts: introduction(args).into_iter().map(Part::Text).collect(),
     };
-    without_chance(&mut page);
+    deterministic(&mut page);
     lattice::add(&mut page, args.repeats, args.seed);
     search::add(&mut page, args.seed);
     clustering::add(&mut page, args.repeats, args.seed);
@@ -74,8 +74,8 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
     Ok(())
 }
 
-/// What is computed without chance and without the daemon.
-fn without_chance(page: &mut Page) {
+/// The parts without random numbers and without the daemon.
+fn deterministic(page: &mut Page) {
     claims::add(page);
     tables::add(page);
     figures::add(page);
@@ -85,19 +85,21 @@ fn introduction(args: &Args) -> Vec<String> {
     let with_bench = if args.rigd.is_some() { " --rigd target/release/rigd" } else { "" };
     vec![
         format!(
-            "This page is written by `cargo run --release -p rig-study -- paper --out docs{with_bench}`. \
-             It recomputes \"A Piezoelectric Tactile Sensor for Tissue Stiffness Detection with \
-             Arbitrary Contact Angle\" (Sensors 20 (2020) 6607) and says of each claim whether it \
-             holds. Its figures were not at hand as numbers: only what its text prints is compared. The same arguments give \
-             the same bytes."
+            "This page is written by `cargo run --release -p rig-study -- paper --out \
+             docs/studies{with_bench}`, in half a minute on two cores. It repeats the computations \
+             of \"A Piezoelectric Tactile Sensor for Tissue Stiffness Detection with Arbitrary \
+             Contact Angle\" (Sensors 20 (2020) 6607) and judges each claim. Only printed numbers \
+             of the paper are compared; its figures give no numbers. The same arguments give the \
+             same bytes."
         ),
-        "Ours are computed for one sensor that has the paper's two printed facts, 140.4 Hz without \
+        "Our numbers are for one sensor with the two facts that the paper prints, 140.4 Hz without \
          contact and 134.11 Hz/MPa: 35 mm long, 5.888 mm wide, two layers of PZT-5A and one of \
          carbon of 0.2 mm each, a tip of 0.418 g, a ball of 0.5 mm at the end of an arm of 8 mm \
-         across the bimorph. Length, ball and materials are the paper's; width and mass follow from \
-         the two facts; layers, arm and losses are assumed, and other arms with other widths give \
-         the same two facts. Unless a row says otherwise, the contact is Sneddon's, sticks, and is \
-         held at its indentation, and the model is the reference of sixteen elements."
+         across the bimorph. Length, ball and materials are those of the paper. Width and mass \
+         follow from the two facts. Layers, arm and losses are assumed; other arms with other \
+         widths give the same two facts. Unless a row says otherwise, the contact follows Sneddon, \
+         sticks, and is held at its indentation, and the model is the reference of sixteen \
+         elements."
             .to_owned(),
     ]
 }
@@ -106,16 +108,16 @@ fn introduction(args: &Args) -> Vec<String> {
 mod tests {
     use super::*;
 
-    /// What follows, with chance and with the daemon, takes too long for a test.
+    /// The random parts and the run of the daemon take too long for a test.
     #[test]
     fn the_document_holds_what_the_models_say_today() {
         const HEAD: &str = "# \n";
         let mut page = Page::default();
-        without_chance(&mut page);
+        deterministic(&mut page);
         let markdown = page.markdown("paper");
-        let document = include_str!("../../../docs/paper.md");
+        let document = include_str!("../../../docs/studies/paper.md");
         for line in markdown.trim_start_matches(HEAD).lines() {
-            assert!(document.contains(line), "docs/paper.md is to be written anew: {line}");
+            assert!(document.contains(line), "docs/studies/paper.md is out of date: {line}");
         }
     }
 }

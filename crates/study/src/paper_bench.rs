@@ -1,4 +1,4 @@
-//! What the paper's bench touches, and how.
+//! The samples, angles and depth of the paper's bench.
 
 use rig_contact::{Contact, ContactLaw, Depth, Direction, Pose, Tissue};
 
@@ -7,17 +7,17 @@ use rig_contact::{Contact, ContactLaw, Depth, Direction, Pose, Tissue};
 /// # Source
 /// Sensors 20 (2020) 6607, Table 2.
 pub(crate) const SAMPLES_MPA: [f64; 5] = [0.045, 0.104, 0.235, 0.320, 0.649];
-/// Its contact angles, degrees.
+/// Contact angles of the paper, degrees.
 pub(crate) const ANGLES_DEG: [f64; 4] = [0.0, 15.0, 30.0, 45.0];
-/// Its indentation, mm.
+/// Indentation of the paper, mm.
 pub(crate) const INDENTATION_MM: f64 = 0.5;
 
-/// What the depth of a contact is held by.
+/// The quantity that is held at the nominal depth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum Control {
-    /// The indentation itself.
+    /// The indentation.
     Indentation,
-    /// The stage, to which the sensor gives way.
+    /// The position of the stage; the sensor deflects.
     Stage,
 }
 

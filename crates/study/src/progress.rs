@@ -1,8 +1,8 @@
-//! How far a study is, on standard error.
+//! Progress of a study on standard error.
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// A bar over so many pieces of work.
+/// A progress bar.
 pub(crate) fn bar(pieces: usize, what: &str) -> ProgressBar {
     let style = ProgressStyle::with_template("{bar:40} {pos} of {len} {msg}, {eta} left")
         .unwrap_or_else(|_| ProgressStyle::default_bar());

@@ -1,17 +1,17 @@
-//! `rig-study speed-accuracy`: the time that a resonance costs on the bench against its error.
+//! `rig-study speed-accuracy`: measuring time against the error of a resonance.
 
 mod accuracy;
 mod best_plan;
-mod cell;
+mod case;
 mod charts;
 mod document;
+mod estimator;
 mod finder;
 mod goals;
 mod host;
-mod reader;
+mod method;
 mod trial;
 mod warm;
-mod way;
 
 use std::{io::Write, path::PathBuf};
 
@@ -20,24 +20,25 @@ use crate::{
     outcome::StudyError,
     progress,
 };
-use cell::Cell;
+use case::Case;
 use goals::Evidence;
+use method::{LIMIT_S, Method};
 use trial::Group;
-use way::{LIMIT_S, Way};
 
-/// Time of measuring against error, by every planner and every estimator.
+/// Measuring time against error for every planner and every estimator.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Folder for `speed-accuracy.md` and, in `speed-accuracy/`, the tables and charts.
     #[arg(long, default_value = "target/study")]
     out: PathBuf,
-    /// Decides all chance.
+    /// Random seed.
     #[arg(long, default_value_t = 2020)]
     seed: u64,
-    /// Sweeps of each way in each cell.
+    /// Sweeps of each method in each case.
     #[arg(long, default_value_t = 40, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     trials: u32,
-    /// Measure what fits cost on this computer instead, into `speed-accuracy/host.csv` and `.svg`.
+    /// Measure the cost of fits on this computer instead, into `speed-accuracy/host.csv` and
+    /// `.svg`.
     #[arg(long)]
     host: bool,
 }
@@ -51,8 +52,8 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
     let searches = finder::try_all(args.trials, args.seed);
     document::page(args, &evidence, &searches).write(&folder, NAME)?;
     for goal in goals::judge(&evidence) {
-        let verdict = if goal.is_met { "met" } else { "NOT MET" };
-        writeln!(out, "{verdict}: {}: {} (goal {})", goal.what, goal.measured, goal.wanted)?;
+        let met = if goal.is_met { "met" } else { "NOT MET" };
+        writeln!(out, "{met}: {}: {} (goal {})", goal.quantity, goal.measured, goal.limit)?;
     }
     writeln!(out, "{}", folder.path("speed-accuracy.md").display())?;
     Ok(())
@@ -60,9 +61,9 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
 
 /// The name of the page and of its folder.
 const NAME: &str = "speed-accuracy";
-/// Accuracy is judged to a hundredth, which takes more sweeps than a chart does.
+/// Factor on the trials for the accuracy, which is judged to a hundredth.
 const TRIALS_OF_ACCURACY: u32 = 100;
-/// The share of the runs that are fast enough is judged to a hundredth as well.
+/// Factor on the trials for the share of fast runs, which is judged to a hundredth.
 const TRIALS_OF_GOALS: u32 = 10;
 
 fn measure(args: &Args) -> Evidence {
@@ -72,44 +73,44 @@ fn measure(args: &Args) -> Evidence {
     Evidence {
         groups,
         cold: goals::start(TRIALS_OF_GOALS * trials, seed),
-        chart_cells: accuracy::of_charts(TRIALS_OF_ACCURACY * trials, seed),
-        map_cells: accuracy::of_map(TRIALS_OF_ACCURACY * trials, seed),
+        chart_cases: accuracy::of_charts(TRIALS_OF_ACCURACY * trials, seed),
+        map_cases: accuracy::of_map(TRIALS_OF_ACCURACY * trials, seed),
         warm_transient,
         warm_settled,
     }
 }
 
-/// The standard deviations that planners are asked for, Hz.
+/// Target standard deviations of the planners, Hz.
 const TARGETS_HZ: [f64; 4] = [0.1, 0.03, 0.01, 0.003];
 
-/// The ways that are compared in a cell.
-fn ways(cell: &Cell) -> Vec<Way> {
-    let even = [201, 101, 51, 21].map(|points| Way::Even { points });
+/// The compared methods in a case.
+fn methods(case: &Case) -> Vec<Method> {
+    let even = [201, 101, 51, 21].map(|points| Method::Even { points });
     let fast = [(51, 2), (101, 2), (101, 10)];
-    let fast = fast.map(|(points, cycles)| Way::Fast { points, cycles });
-    let targets_hz = targets_hz(cell);
-    let settled = targets_hz.iter().map(|&target_hz| Way::Settled { target_hz });
-    let transient = targets_hz.iter().map(|&target_hz| Way::Transient { target_hz });
+    let fast = fast.map(|(points, cycles)| Method::Fast { points, cycles });
+    let targets_hz = targets_hz(case);
+    let settled = targets_hz.iter().map(|&target_hz| Method::Settled { target_hz });
+    let transient = targets_hz.iter().map(|&target_hz| Method::Transient { target_hz });
     even.into_iter().chain(fast).chain(settled).chain(transient).collect()
 }
 
-/// The targets that integration alone could reach in the time allowed, or the first: the others
-/// would only show its end, again and again.
-fn targets_hz(cell: &Cell) -> &'static [f64] {
-    let at_the_limit_hz = charts::floor_hz(cell, LIMIT_S);
+/// The targets that integration alone can reach within the time limit, at least the first one. The
+/// others would only show the limit.
+fn targets_hz(case: &Case) -> &'static [f64] {
+    let at_the_limit_hz = charts::floor_hz(case, LIMIT_S);
     let within_reach = TARGETS_HZ.iter().filter(|&&target_hz| target_hz > at_the_limit_hz).count();
     &TARGETS_HZ[..within_reach.max(1)]
 }
 
 fn try_all(args: &Args) -> Vec<Group> {
-    let jobs: Vec<(Cell, Way)> = Cell::all()
+    let jobs: Vec<(Case, Method)> = Case::all()
         .into_iter()
-        .flat_map(|cell| ways(&cell).into_iter().map(move |way| (cell, way)))
+        .flat_map(|case| methods(&case).into_iter().map(move |method| (case, method)))
         .collect();
-    let bar = progress::bar(jobs.len(), "ways to measure");
+    let bar = progress::bar(jobs.len(), "methods to measure");
     let mut groups = Vec::new();
-    for (cell, way) in jobs {
-        groups.extend(trial::run(cell, way, args.trials, args.seed));
+    for (case, method) in jobs {
+        groups.extend(trial::run(case, method, args.trials, args.seed));
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -121,7 +122,7 @@ fn sweeps_table(groups: &[Group]) -> String {
         "q",
         "k_eff_squared",
         "noise_percent",
-        "way",
+        "method",
         "detail",
         "estimator",
         "sweeps",
@@ -135,14 +136,14 @@ fn sweeps_table(groups: &[Group]) -> String {
     ]);
     let number = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:.5}"));
     for group in groups {
-        let Cell { q, coupling, noise } = group.cell;
+        let Case { q, coupling, noise } = group.case;
         table.row([
             q.to_string(),
             coupling.to_string(),
             (100.0 * noise).to_string(),
-            group.way.name().to_owned(),
-            group.way.detail(),
-            group.reader.name().to_owned(),
+            group.method.name().to_owned(),
+            group.method.detail(),
+            group.estimator.name().to_owned(),
             group.trials.len().to_string(),
             group.answers().to_string(),
             format!("{:.4}", group.time_s(0.5)),
@@ -160,33 +161,35 @@ fn sweeps_table(groups: &[Group]) -> String {
 mod tests {
     use super::*;
 
-    const CELL: Cell = Cell { q: 30.0, coupling: 0.1, noise: cell::NOISE };
+    const CASE: Case = Case { q: 30.0, coupling: 0.1, noise: case::NOISE };
 
-    /// A ratio of 200 sweeps is known to a twentieth.
+    /// The ratio over 200 sweeps has a standard deviation of a twentieth.
     #[test]
     fn the_error_of_the_production_fit_is_near_the_bound_of_every_way() {
-        let ways = [
-            Way::Steady { points: 101 },
-            Way::Even { points: 51 },
-            Way::Fast { points: 51, cycles: 2 },
-            Way::Transient { target_hz: 0.01 },
+        let methods = [
+            Method::Steady { points: 101 },
+            Method::Even { points: 51 },
+            Method::Fast { points: 51, cycles: 2 },
+            Method::Transient { target_hz: 0.01 },
         ];
-        for way in ways {
-            let groups = trial::run(CELL, way, 200, 7);
-            let group = groups.iter().find(|group| group.reader == reader::Reader::Production);
+        for method in methods {
+            let groups = trial::run(CASE, method, 200, 7);
+            let group = groups
+                .iter()
+                .find(|group| group.estimator == estimator::SweepEstimator::Production);
             let group = group.unwrap();
             let ratio = group.rmse_hz().unwrap() / group.bound_hz().unwrap();
-            assert!((0.85..1.2).contains(&ratio), "{way:?}: {ratio}");
-            assert!(group.answers() >= 199, "{way:?}: {}", group.answers());
-            assert!(group.worst_sigmas().unwrap() < 4.5, "{way:?}: {:?}", group.worst_sigmas());
+            assert!((0.85..1.2).contains(&ratio), "{method:?}: {ratio}");
+            assert!(group.answers() >= 199, "{method:?}: {}", group.answers());
+            assert!(group.worst_sigmas().unwrap() < 4.5, "{method:?}: {:?}", group.worst_sigmas());
         }
     }
 
     #[test]
-    fn practice_takes_the_time_that_it_is_known_for() {
+    fn the_laboratory_sweep_takes_the_expected_time() {
         for (q, seconds) in [(10.0, 37.0), (30.0, 83.0), (100.0, 243.0)] {
-            let cell = Cell { q, ..CELL };
-            let time_s = trial::run(cell, way::PRACTICE, 5, 7)[0].time_s(0.5);
+            let case = Case { q, ..CASE };
+            let time_s = trial::run(case, method::LABORATORY, 5, 7)[0].time_s(0.5);
             assert!((time_s / seconds - 1.0).abs() < 0.1, "Q {q}: {time_s}");
         }
     }
@@ -194,10 +197,10 @@ mod tests {
     #[test]
     fn the_same_seed_gives_the_same_bytes_and_another_one_others() {
         let bytes = |seed| {
-            let ways = [Way::Even { points: 21 }, Way::Transient { target_hz: 0.1 }];
+            let methods = [Method::Even { points: 21 }, Method::Transient { target_hz: 0.1 }];
             let groups: Vec<Group> =
-                ways.into_iter().flat_map(|way| trial::run(CELL, way, 8, seed)).collect();
-            let chart = charts::time_against_error(&CELL, &groups).file().unwrap();
+                methods.into_iter().flat_map(|method| trial::run(CASE, method, 8, seed)).collect();
+            let chart = charts::time_against_error(&CASE, &groups).file().unwrap();
             (sweeps_table(&groups), chart)
         };
         assert_eq!(bytes(1), bytes(1));

@@ -1,4 +1,4 @@
-//! The protocols that are compared: what is touched, and how it is read.
+//! The compared protocols: touches and their inference.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -14,195 +14,216 @@ use rig_contact::{
     },
 };
 
-use super::bench::{Bench, ENCODER_MM, MAX_ANGLE_RAD, NUISANCES};
+use super::truth::{ENCODER_MM, MAX_ANGLE_RAD, NUISANCES, TruthModel};
 use crate::paper_bench::{ANGLES_DEG, INDENTATION_MM, SAMPLES_MPA, contact, tissue};
 use rig_model::random::Stream;
 
-/// How a sample is touched and read.
+/// A protocol of touches with its inference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Protocol {
-    /// One shift among the shifts of all poses: no angle is compensated, and there is no stiffness.
+pub(super) enum TouchProtocol {
+    /// One shift, classified among the shifts of all poses, without compensation or stiffness.
     ShiftAlone,
-    /// One touch whose angle and direction are known to the slope of the surface.
+    /// One touch at a known direction and angle; the slope of the surface is unknown.
     KnownAngle,
-    /// One touch whose direction is known and whose angle is not.
-    OneReading,
-    /// Two depths of one point, its direction known and its angle not.
+    /// One touch at a known direction and an unknown angle.
+    OneTouch,
+    /// Two depths at one point, at a known direction and an unknown angle.
     TwoDepths,
-    /// Four spins of the probe on one point, of which neither angle nor azimuth are known.
+    /// Four spins of the probe at one point; angle and azimuth are unknown.
     Spins,
-    /// One touch from each of three directions on three points of a sample, of which neither angle
-    /// nor azimuth are known.
+    /// One touch from each of three directions at three points of a sample; angle and azimuth are
+    /// unknown.
     Directions,
 }
 
-/// The smaller depth of [`Protocol::TwoDepths`], mm.
+/// The smaller depth of [`TouchProtocol::TwoDepths`], mm.
 const SHALLOW_MM: f64 = 0.25;
-/// Half of a 95 % interval in standard deviations.
+/// Half width of a 95 % interval in standard deviations.
 const HALF_95: f64 = 1.959963984540054;
 
-/// What one trial came to.
+/// The result of one trial.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Trial {
-    /// Which sample it was.
+    /// Index of the true sample.
     pub(super) sample: usize,
-    /// At which angle, rad.
+    /// Contact angle, rad.
     pub(super) angle_rad: f64,
-    /// Which sample it was taken for.
-    pub(super) taken_for: Option<usize>,
-    /// The stiffness, unless it was refused.
-    pub(super) found: Option<Found>,
+    /// Index of the recognised sample; `None` if none was recognised.
+    pub(super) recognised_as: Option<usize>,
+    /// Error of the stiffness; `None` for a refusal.
+    pub(super) stiffness: Option<StiffnessError>,
 }
 
-/// A stiffness beside the truth.
+/// A stiffness compared with the truth.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Found {
-    /// The stiffness over the true one, less one.
+pub(super) struct StiffnessError {
+    /// Relative error of the stiffness.
     pub(super) error_rel: f64,
-    /// Whether the 95 % interval holds the truth.
+    /// Whether the 95 % interval contains the truth.
     pub(super) is_covered: bool,
 }
 
-/// All that reads touches.
+/// The inference and the classifiers.
 #[derive(Debug)]
-pub(super) struct Reader {
+pub(super) struct Analysis {
     compensation: Compensation,
-    /// Of shifts of all poses.
+    /// Classes of the shifts of all poses.
     shifts: Classifier,
-    /// Of stiffness.
+    /// Classes of the stiffness.
     stiffness: Classifier,
 }
 
-impl Protocol {
+impl TouchProtocol {
     pub(super) const ALL: [Self; 6] = [
         Self::ShiftAlone,
         Self::KnownAngle,
-        Self::OneReading,
+        Self::OneTouch,
         Self::TwoDepths,
         Self::Spins,
         Self::Directions,
     ];
 
-    /// The word in tables.
+    /// The name in tables.
     pub(super) const fn name(self) -> &'static str {
         match self {
             Self::ShiftAlone => "shift alone",
             Self::KnownAngle => "angle known",
-            Self::OneReading => "unknown one reading",
+            Self::OneTouch => "unknown one touch",
             Self::TwoDepths => "unknown two depths",
             Self::Spins => "unknown four spins",
             Self::Directions => "unknown three directions",
         }
     }
 
-    /// One trial on the bench.
-    pub(super) fn trial(self, bench: &Bench, reader: &Reader, random: &mut Stream) -> Trial {
+    /// One trial.
+    pub(super) fn trial(
+        self,
+        truth: &TruthModel,
+        analysis: &Analysis,
+        random: &mut Stream,
+    ) -> Trial {
         let sample = random.pick(&[0, 1, 2, 3, 4]);
         let angle_rad = MAX_ANGLE_RAD * random.uniform();
-        let place = Place { bench, sample, angle_rad };
-        let (taken_for, found) = match self {
-            Self::ShiftAlone => (place.shift_alone(reader, random), None),
-            Self::KnownAngle => place.known_angle(reader, random),
-            Self::OneReading => place.depths(reader, &[INDENTATION_MM], random),
-            Self::TwoDepths => place.depths(reader, &[SHALLOW_MM, INDENTATION_MM], random),
-            Self::Spins => place.spins(reader, random),
-            Self::Directions => place.directions(reader, random),
+        let site = Site { truth, sample, angle_rad };
+        let Outcome { recognised_as, stiffness } = match self {
+            Self::ShiftAlone => site.shift_alone(analysis, random),
+            Self::KnownAngle => site.known_angle(analysis, random),
+            Self::OneTouch => site.depths(analysis, &[INDENTATION_MM], random),
+            Self::TwoDepths => site.depths(analysis, &[SHALLOW_MM, INDENTATION_MM], random),
+            Self::Spins => site.spins(analysis, random),
+            Self::Directions => site.directions(analysis, random),
         };
-        Trial { sample, angle_rad, taken_for, found }
+        Trial { sample, angle_rad, recognised_as, stiffness }
     }
 }
 
-/// Where a trial touches.
-struct Place<'a> {
-    bench: &'a Bench,
+/// A touch in a known direction, with the true stiffness of its point.
+struct TiltedTouch {
+    shift_hz: f64,
+    direction: Direction,
+    young_mpa: f64,
+}
+
+/// The site of a trial.
+struct Site<'a> {
+    truth: &'a TruthModel,
     sample: usize,
     angle_rad: f64,
 }
 
-/// The sample that a trial was taken for, and the stiffness found.
-type Answer = (Option<usize>, Option<Found>);
+/// The outcome of an inference; the default is a refusal.
+#[derive(Debug, Clone, Copy, Default)]
+struct Outcome {
+    recognised_as: Option<usize>,
+    stiffness: Option<StiffnessError>,
+}
 
 const DEPTH: Depth = Depth::Indentation { along_probe_mm: INDENTATION_MM };
 
-impl Place<'_> {
-    fn shift_alone(&self, reader: &Reader, random: &mut Stream) -> Option<usize> {
-        let (shift_hz, ..) = self.tilted_touch(random);
-        class(&reader.shifts, shift_hz, NUISANCES.shift_hz / shift_hz)
+impl Site<'_> {
+    fn shift_alone(&self, analysis: &Analysis, random: &mut Stream) -> Outcome {
+        let TiltedTouch { shift_hz, .. } = self.tilted_touch(random);
+        let sigma_rel = NUISANCES.shift_hz / shift_hz;
+        Outcome { recognised_as: class(&analysis.shifts, shift_hz, sigma_rel), stiffness: None }
     }
 
-    /// One touch with the slope of its surface: the shift, the direction, the true stiffness.
-    fn tilted_touch(&self, random: &mut Stream) -> (f64, Direction, f64) {
+    /// One touch with the slope of its surface.
+    fn tilted_touch(&self, random: &mut Stream) -> TiltedTouch {
         let direction = random.pick(&Direction::ALL);
-        let point = Bench::point(self.sample, random);
-        let angle_rad = self.angle_rad + Bench::slope_rad(random);
+        let point = TruthModel::point(self.sample, random);
+        let angle_rad = self.angle_rad + TruthModel::slope_rad(random);
         let azimuth_rad = direction.azimuth_rad();
         let shift_hz =
-            self.bench.measure_hz(&point, angle_rad, azimuth_rad, INDENTATION_MM, random);
-        (shift_hz, direction, point.young_mpa)
+            self.truth.measure_hz(&point, angle_rad, azimuth_rad, INDENTATION_MM, random);
+        TiltedTouch { shift_hz, direction, young_mpa: point.young_mpa }
     }
 
-    fn known_angle(&self, reader: &Reader, random: &mut Stream) -> Answer {
-        let (shift_hz, direction, truth_mpa) = self.tilted_touch(random);
+    fn known_angle(&self, analysis: &Analysis, random: &mut Stream) -> Outcome {
+        let TiltedTouch { shift_hz, direction, young_mpa: truth_mpa } = self.tilted_touch(random);
         let pose = Pose::leaning(direction, self.angle_rad).expect("the angle is acute");
         let sigma_hz = NUISANCES.shift_hz;
         let touch = PosedTouch { sample: self.sample, pose, depth: DEPTH, shift_hz, sigma_hz };
-        let Ok(one) = reader.compensation.of_touch(&touch) else { return (None, None) };
-        let found = Found {
+        let Ok(one) = analysis.compensation.of_touch(&touch) else { return Outcome::default() };
+        let stiffness = StiffnessError {
             error_rel: one.young_mpa / truth_mpa - 1.0,
             is_covered: (one.young_mpa - truth_mpa).abs() <= HALF_95 * one.sigma_mpa,
         };
-        let taken_for = class(&reader.stiffness, one.young_mpa, one.sigma_mpa / one.young_mpa);
-        (taken_for, Some(found))
+        let recognised_as =
+            class(&analysis.stiffness, one.young_mpa, one.sigma_mpa / one.young_mpa);
+        Outcome { recognised_as, stiffness: Some(stiffness) }
     }
 
-    fn depths(&self, reader: &Reader, depths_mm: &[f64], random: &mut Stream) -> Answer {
+    fn depths(&self, analysis: &Analysis, depths_mm: &[f64], random: &mut Stream) -> Outcome {
         let azimuth_rad = random.pick(&Direction::ALL).azimuth_rad();
-        let point = Bench::point(self.sample, random);
+        let point = TruthModel::point(self.sample, random);
         let touch = |&depth_mm: &f64| SiteTouch {
-            shift_hz: self.bench.measure_hz(&point, self.angle_rad, azimuth_rad, depth_mm, random),
+            shift_hz: self.truth.measure_hz(&point, self.angle_rad, azimuth_rad, depth_mm, random),
             sigma_hz: NUISANCES.shift_hz,
             spin_rad: 0.0,
             depth: Depth::Indentation { along_probe_mm: depth_mm },
         };
         let touches: Vec<SiteTouch> = depths_mm.iter().map(touch).collect();
-        let touch_model = reader.touch_model(NUISANCES.depth_mm, ENCODER_MM);
+        let touch_model = analysis.touch_model(NUISANCES.depth_mm, ENCODER_MM);
         let azimuth = AzimuthPrior::Known(azimuth_rad);
-        reader.answer(&reader.infer(&touches, &touch_model, azimuth), point.young_mpa)
+        analysis.outcome(&analysis.infer(&touches, &touch_model, azimuth), point.young_mpa)
     }
 
-    fn spins(&self, reader: &Reader, random: &mut Stream) -> Answer {
+    fn spins(&self, analysis: &Analysis, random: &mut Stream) -> Outcome {
         let azimuth_rad = 4.0 * FRAC_PI_2 * random.uniform();
-        let point = Bench::point(self.sample, random);
+        let point = TruthModel::point(self.sample, random);
         let touches = [0.0, 1.0, 2.0, 3.0].map(|quarters| {
             let spin_rad = quarters * FRAC_PI_2;
             let at_rad = azimuth_rad - spin_rad;
             let shift_hz =
-                self.bench.measure_hz(&point, self.angle_rad, at_rad, INDENTATION_MM, random);
+                self.truth.measure_hz(&point, self.angle_rad, at_rad, INDENTATION_MM, random);
             SiteTouch { shift_hz, sigma_hz: NUISANCES.shift_hz, spin_rad, depth: DEPTH }
         });
-        let touch_model = reader.touch_model(NUISANCES.depth_mm, ENCODER_MM);
-        reader.answer(&reader.infer(&touches, &touch_model, AzimuthPrior::Unknown), point.young_mpa)
+        let touch_model = analysis.touch_model(NUISANCES.depth_mm, ENCODER_MM);
+        analysis.outcome(
+            &analysis.infer(&touches, &touch_model, AzimuthPrior::Unknown),
+            point.young_mpa,
+        )
     }
 
-    /// Each direction touches a point of its own, with its own stiffness, slope and surface; the
-    /// truth is that of the sample.
-    fn directions(&self, reader: &Reader, random: &mut Stream) -> Answer {
+    /// Each direction touches another point, with its own stiffness, slope and surface. The truth
+    /// is the stiffness of the sample.
+    fn directions(&self, analysis: &Analysis, random: &mut Stream) -> Outcome {
         let touches = Direction::ALL.map(|direction| {
-            let point = Bench::point(self.sample, random);
-            let angle_rad = self.angle_rad + Bench::slope_rad(random);
+            let point = TruthModel::point(self.sample, random);
+            let angle_rad = self.angle_rad + TruthModel::slope_rad(random);
             let at_rad = direction.azimuth_rad();
-            let shift_hz = self.bench.measure_hz(&point, angle_rad, at_rad, INDENTATION_MM, random);
-            // No shift grows faster than the stiffness does.
+            let shift_hz = self.truth.measure_hz(&point, angle_rad, at_rad, INDENTATION_MM, random);
+            // A shift grows at most as fast as the stiffness.
             let sigma_hz = NUISANCES.shift_hz.hypot(NUISANCES.young_rel * shift_hz);
             SiteTouch { shift_hz, sigma_hz, spin_rad: -at_rad, depth: DEPTH }
         });
-        let touch_model = reader.touch_model(0.0, NUISANCES.depth_mm.hypot(ENCODER_MM));
-        let found = reader.infer(&touches, &touch_model, AzimuthPrior::Unknown);
-        reader.answer(&found, SAMPLES_MPA[self.sample])
+        let touch_model = analysis.touch_model(0.0, NUISANCES.depth_mm.hypot(ENCODER_MM));
+        let found = analysis.infer(&touches, &touch_model, AzimuthPrior::Unknown);
+        analysis.outcome(&found, SAMPLES_MPA[self.sample])
     }
 }
 
-impl Reader {
+impl Analysis {
     pub(super) fn new() -> Self {
         let models = Models::new(&Sensor::reference(), ContactLaw::Sneddon);
         let compensation = Compensation {
@@ -236,17 +257,18 @@ impl Reader {
         infer_tilt(&self.compensation.models, touches, touch_model, angle, azimuth)
     }
 
-    fn answer(&self, found: &Result<TiltInference, InverseError>, truth_mpa: f64) -> Answer {
-        let Ok(TiltInference { young_mpa: young, .. }) = found else { return (None, None) };
-        let found = Found {
+    fn outcome(&self, found: &Result<TiltInference, InverseError>, truth_mpa: f64) -> Outcome {
+        let Ok(TiltInference { young_mpa: young, .. }) = found else { return Outcome::default() };
+        let stiffness = StiffnessError {
             error_rel: young.value / truth_mpa - 1.0,
             is_covered: young.contains(truth_mpa),
         };
-        (class(&self.stiffness, young.value, young.sigma / young.value), Some(found))
+        let recognised_as = class(&self.stiffness, young.value, young.sigma / young.value);
+        Outcome { recognised_as, stiffness: Some(stiffness) }
     }
 }
 
-/// Classes of shifts, calibrated on the paper's poses.
+/// Classes of shifts, calibrated at the paper's poses.
 fn shift_classes(models: &Models) -> Classifier {
     let (mut shifts, mut labels) = (Vec::new(), Vec::new());
     for (sample, &young_mpa) in SAMPLES_MPA.iter().enumerate() {

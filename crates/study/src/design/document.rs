@@ -15,13 +15,13 @@ use crate::{
 
 type Judged = (Design, Option<Merit>);
 
-/// The paper's choice and the two sensors that it compares it with.
+/// The sensor that the paper chooses, and the two that it compares with it.
 const COMPARED: [(&str, f64, f64); 3] = [
     ("35 mm, 0.5 mm (chosen)", 35.0, 0.5),
     ("35 mm, 1 mm", 35.0, 1.0),
     ("20 mm, 0.5 mm", 20.0, 0.5),
 ];
-/// Length of the reference sensor's probe arm.
+/// Length of the probe arm of the reference sensor, mm.
 const ARM_MM: f64 = 8.0;
 
 /// The page: the paper's sensors among all designs, the ends of the front, and its charts.
@@ -29,21 +29,22 @@ pub(super) fn page(grid: &Grid, designs: &[Judged], front: &[usize]) -> Page {
     let mut page = Page { title: "Sensor designs".to_owned(), parts: Vec::new() };
     let usable = designs.iter().filter(|(_, merit)| merit.is_some()).count();
     page.text(format!(
-        "This page is written by `cargo run --release -p rig-study -- design --out docs`: {} designs \
-         ({grid}, all in mm), of which {usable} are within the models. All designs go to \
-         `target/study/design.csv` as they are judged, so that a study that was interrupted goes on \
-         where it stopped, and all take a few seconds on two cores; the {} on the front go to `front.csv` beside it.",
+        "This page is written by `cargo run --release -p rig-study -- design --out docs/studies`, \
+         in a few seconds on two cores: {} designs ({grid}, all in mm), of which {usable} are \
+         within the models. All designs go to `target/study/design.csv` as they are judged, so \
+         that an interrupted study can continue; the {} on the front go to `front.csv` beside it.",
         designs.len(),
         front.len()
     ));
     page.text(
-        "Four merits pull against each other. Angle influence: the largest fall of a shift from upright \
-         to 45°, over samples and directions; less is better. Discrimination: the smallest gap between \
-         the shifts of neighbouring samples over all angles and directions, relative to the softer one; \
-         negative when their ranges overlap; more is better. Sensitivity from the softest to the \
-         stiffest sample. Time of one frequency: settling to a hundredth and ten cycles. A design is on \
-         the front when no other is at least as good in all four and better in one. Everything but \
-         length, ball, indentation and arm is the reference sensor's.",
+        "Four merits compete. Angle influence is the largest relative fall of a shift from upright \
+         to 45°, over samples and directions; less is better. Discrimination is the smallest gap \
+         between the shifts of neighbouring samples over all angles and directions, relative to \
+         the softer one; more is better, and it is negative for overlapping ranges. Sensitivity is \
+         the slope from the softest to the stiffest sample. Time is that of one frequency: \
+         settling to a hundredth and ten cycles. A design is on the front if no other design is at \
+         least as good in all four and better in one. All other dimensions are those of the \
+         reference sensor.",
     );
     page.heading("The paper's choice");
     compared(&mut page, grid.control, designs);
@@ -77,10 +78,10 @@ fn table(first: &[&str]) -> Table {
 
 fn compared(page: &mut Page, control: Control, designs: &[Judged]) {
     page.text(
-        "The paper's sensors, how many designs of the grid beat each in every merit or equal it, and the \
-         one of them whose smallest gain is the largest. Making the ball larger than the indentation \
-         and the sensor shorter buys speed and discrimination without losing sensitivity: the paper's \
-         R = Δ is not on the front.",
+        "The paper's sensors, the number of designs of the grid that are at least as good in every \
+         merit and better in one, and the best of these by its smallest gain. A ball larger than \
+         the indentation and a shorter sensor improve speed and discrimination without loss of \
+         sensitivity: the paper's R = Δ is not on the front.",
     );
     let mut rows = table(&["sensor", "beaten by"]);
     for (name, length_mm, radius_mm) in COMPARED {
@@ -103,15 +104,15 @@ fn compared(page: &mut Page, control: Control, designs: &[Judged]) {
     page.table(rows);
 }
 
-/// The best of each merit.
+/// The best design by each merit.
 fn ends(page: &mut Page, designs: &[Judged], front: &[usize]) {
-    page.text("The ends of the front, each the best of one merit:");
+    page.text("The ends of the front, each the best by one merit:");
     let mut rows = table(&["best", "design"]);
     let on_front: Vec<(&Design, &Merit)> = front
         .iter()
         .filter_map(|&index| Some((&designs[index].0, designs[index].1.as_ref()?)))
         .collect();
-    // Of each the less the better.
+    // For each merit, less is better.
     let costs = |merit: &Merit| {
         let Merit { angle_influence, discrimination, sensitivity_hz_per_mpa, point_s } = *merit;
         [angle_influence, -discrimination, -sensitivity_hz_per_mpa, point_s]
@@ -128,10 +129,11 @@ fn ends(page: &mut Page, designs: &[Judged], front: &[usize]) {
 
 fn indentation_and_arm(page: &mut Page, control: Control) {
     page.text(
-        "The paper's sensor with other arms and indentations, which it does not discuss. The arm is what \
-         the direction acts through: at 1 to 2 mm front and back are alike, and the samples no longer \
-         overlap to 45°. With an arm of 8 mm that takes nearly twice the length, and the time. Deeper is \
-         more sensitive and less influenced by the angle.",
+        "The paper's sensor with other arms and indentations, which the paper does not discuss. \
+         The direction acts through the arm: with 1 to 2 mm front and back are alike, and the \
+         samples no longer overlap up to 45°. With an arm of 8 mm this takes nearly twice the \
+         length, and the time. A deeper indentation is more sensitive and less influenced by the \
+         angle.",
     );
     let mut rows = table(&["arm, mm", "indentation, mm"]);
     for arm_mm in [0.0, 1.0, 2.0, 4.0, 8.0] {
@@ -148,9 +150,8 @@ fn indentation_and_arm(page: &mut Page, control: Control) {
 /// Two views of the front: influence against sensitivity, and discrimination against time.
 fn charts(control: Control, designs: &[Judged], front: &[usize]) -> [(&'static str, Chart); 2] {
     let view = |title: &str, x: Axis, y: Axis, of: fn(&Merit) -> (f64, f64)| {
-        let description = "Points stand for the designs that no other beats in angle influence, \
-                           discrimination, sensitivity and time together; the paper's three \
-                           sensors stand out.";
+        let description = "Each point is a design that no other beats in angle influence, discrimination, \
+            sensitivity and time together, beside the three sensors of the paper.";
         let mut chart = Chart::new(title, description, x, y);
         let on_front = front.iter().filter_map(|&index| {
             let (design, merit) = &designs[index];
@@ -187,7 +188,7 @@ fn charts(control: Control, designs: &[Judged], front: &[usize]) -> [(&'static s
     ]
 }
 
-/// Few enough points to be told apart: the first in each field of a raster over them all.
+/// A readable selection of the points: the first in each field of a raster.
 fn thinned(points: Vec<Point>) -> Vec<Point> {
     const FIELDS: f64 = 50.0;
     let ends = |of: fn(&Point) -> f64| {
@@ -198,7 +199,7 @@ fn thinned(points: Vec<Point>) -> Vec<Point> {
     let (x, y) = (ends(|point| point.x), ends(|point| point.y));
     let mut taken = BTreeSet::new();
     let field = |value: f64, (least, width): (f64, f64)| {
-        // Whole numbers from 0 to 50, compared by their bits.
+        // Integers from 0 to 50, compared by their bits.
         ((value - least) / width * FIELDS).floor().to_bits()
     };
     points
@@ -211,14 +212,14 @@ fn thinned(points: Vec<Point>) -> Vec<Point> {
 mod tests {
     use super::*;
 
-    /// The grid itself takes too long for a test.
+    /// The full grid takes too long for a test.
     #[test]
     fn the_document_holds_what_the_models_say_today() {
         let mut page = Page::default();
         indentation_and_arm(&mut page, Control::Indentation);
-        let document = include_str!("../../../../docs/design.md");
+        let document = include_str!("../../../../docs/studies/design.md");
         for line in page.markdown("design").lines().skip(1) {
-            assert!(document.contains(line), "docs/design.md is to be written anew: {line}");
+            assert!(document.contains(line), "docs/studies/design.md is out of date: {line}");
         }
     }
 }

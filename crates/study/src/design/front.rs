@@ -1,17 +1,17 @@
-//! The designs that no other beats.
+//! The front: the designs that no other design beats.
 
 use rayon::prelude::*;
 
 use super::{grid::Design, merit::Merit};
 
-/// Indices of the designs that no other beats in all merits, in their order.
+/// Indices of the designs that no other design beats in all merits, in their order.
 pub(super) fn front(designs: &[(Design, Option<Merit>)]) -> Vec<usize> {
     let mut merits: Vec<(usize, Merit)> = designs
         .iter()
         .enumerate()
         .filter_map(|(index, (_, merit))| Some((index, (*merit)?)))
         .collect();
-    // Those that beat many come first, so that most comparisons end early.
+    // Designs that beat many come first, so that most comparisons end early.
     merits.sort_by(|a, b| a.1.angle_influence.total_cmp(&b.1.angle_influence));
     let mut front: Vec<usize> = merits
         .par_iter()

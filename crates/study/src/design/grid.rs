@@ -1,4 +1,4 @@
-//! The designs of a study.
+//! The grid of designs.
 
 use std::{fmt, str::FromStr};
 
@@ -6,29 +6,29 @@ use crate::paper_bench::Control;
 
 /// Evenly spaced values.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Span {
+pub(super) struct GridAxis {
     from: f64,
     to: f64,
     count: u32,
 }
 
-/// A span is one value, or a beginning, an end and a count.
+/// A malformed span.
 #[derive(Debug, thiserror::Error)]
 #[error(
     "a range is VALUE or FROM:TO:COUNT with positive, rising values and a count from 2 to 2000"
 )]
-pub(super) struct SpanError;
+pub(super) struct GridAxisError;
 
-impl FromStr for Span {
-    type Err = SpanError;
+impl FromStr for GridAxis {
+    type Err = GridAxisError;
 
-    fn from_str(text: &str) -> Result<Self, SpanError> {
+    fn from_str(text: &str) -> Result<Self, GridAxisError> {
         let parts: Vec<&str> = text.split(':').collect();
         let number = |text: &str| {
             text.parse::<f64>()
                 .ok()
                 .filter(|value| value.is_finite() && *value > 0.0)
-                .ok_or(SpanError)
+                .ok_or(GridAxisError)
         };
         match parts[..] {
             [one] => Ok(Self { from: number(one)?, to: number(one)?, count: 1 }),
@@ -36,17 +36,17 @@ impl FromStr for Span {
                 let span = Self {
                     from: number(from)?,
                     to: number(to)?,
-                    count: count.parse().map_err(|_| SpanError)?,
+                    count: count.parse().map_err(|_| GridAxisError)?,
                 };
                 let is_good = span.from < span.to && (2..=2000).contains(&span.count);
-                if is_good { Ok(span) } else { Err(SpanError) }
+                if is_good { Ok(span) } else { Err(GridAxisError) }
             }
-            _ => Err(SpanError),
+            _ => Err(GridAxisError),
         }
     }
 }
 
-impl fmt::Display for Span {
+impl fmt::Display for GridAxis {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.count == 1 {
             return write!(f, "{}", self.from);
@@ -55,14 +55,14 @@ impl fmt::Display for Span {
     }
 }
 
-impl Span {
+impl GridAxis {
     fn values(self) -> impl Iterator<Item = f64> + Clone {
         let steps = f64::from(self.count.max(2) - 1);
         (0..self.count).map(move |i| self.from + (self.to - self.from) * f64::from(i) / steps)
     }
 }
 
-/// A sensor and how deep it is pressed in; all else is the reference sensor's.
+/// A sensor with its indentation. All other dimensions are those of the reference sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Design {
     pub(super) length_mm: f64,
@@ -83,10 +83,10 @@ impl fmt::Display for Design {
 /// All designs of a study.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Grid {
-    pub(super) lengths_mm: Span,
-    pub(super) radii_mm: Span,
-    pub(super) indentations_mm: Span,
-    pub(super) arms_mm: Span,
+    pub(super) lengths_mm: GridAxis,
+    pub(super) radii_mm: GridAxis,
+    pub(super) indentations_mm: GridAxis,
+    pub(super) arms_mm: GridAxis,
     pub(super) control: Control,
 }
 
@@ -129,11 +129,11 @@ mod tests {
 
     #[test]
     fn a_span_is_one_value_or_evenly_spaced_ones() {
-        let values = |text: &str| text.parse::<Span>().unwrap().values().collect::<Vec<_>>();
+        let values = |text: &str| text.parse::<GridAxis>().unwrap().values().collect::<Vec<_>>();
         assert_eq!(values("8"), [8.0]);
         assert_eq!(values("1:2:3"), [1.0, 1.5, 2.0]);
         for wrong in ["", "0", "2:1:3", "1:2:1", "1:2", "1:2:x", "1:2:3:4", "-1:2:3", "1:inf:3"] {
-            assert!(wrong.parse::<Span>().is_err(), "{wrong}");
+            assert!(wrong.parse::<GridAxis>().is_err(), "{wrong}");
         }
     }
 }

@@ -7,28 +7,28 @@ use rig_contact::{ContactLaw, Direction, Models, Sensor, SensorDesign, Tier};
 use super::grid::Design;
 use crate::paper_bench::{ANGLES_DEG, SAMPLES_MPA, contact, tissue};
 
-/// How good a design is.
+/// The merits of a design.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Merit {
-    /// The largest fall of a shift from upright to 45°, relative, over samples and directions; less
-    /// is better.
-    pub(super) angle_influence: f64,
-    /// The smallest gap between the shifts of neighbouring samples over all angles and directions,
-    /// relative to the softer one; negative when their ranges overlap. More is better.
-    pub(super) discrimination: f64,
-    /// Shift between the stiffest and the softest sample over their difference, upright; more is
+    /// Largest relative fall of a shift from upright to 45°, over samples and directions; less is
     /// better.
+    pub(super) angle_influence: f64,
+    /// Smallest gap between the shifts of neighbouring samples over all angles and directions,
+    /// relative to the softer one; negative for overlapping ranges. More is better.
+    pub(super) discrimination: f64,
+    /// Difference of the shifts of the stiffest and the softest sample over that of their
+    /// stiffnesses, upright; more is better.
     pub(super) sensitivity_hz_per_mpa: f64,
-    /// What a frequency takes on the free sensor, settling and ten cycles; less is better.
+    /// Time of one frequency on the free sensor, with settling and ten cycles, s; less is better.
     pub(super) point_s: f64,
 }
 
-/// Time constants to settle to less than a hundredth.
+/// Time constants until the motion has settled to less than a hundredth.
 const SETTLE_TIME_CONSTANTS: f64 = 5.0;
 const CYCLES: f64 = 10.0;
 
 impl Merit {
-    /// The merits of a design, or none outside of the models.
+    /// The merits of a design; `None` outside the models.
     pub(super) fn of(design: &Design) -> Option<Self> {
         let made_of = SensorDesign {
             length_mm: design.length_mm,
@@ -73,7 +73,7 @@ impl Merit {
         })
     }
 
-    /// Whether it is at least as good in every merit, and better in one.
+    /// Whether this design is at least as good in every merit, and better in one.
     pub(super) fn beats(&self, other: &Self) -> bool {
         let no_worse = self.angle_influence <= other.angle_influence
             && self.discrimination >= other.discrimination
@@ -93,7 +93,7 @@ impl Merit {
         gains.into_iter().fold(f64::INFINITY, f64::min)
     }
 
-    /// The merits as they stand in tables.
+    /// The merits as table cells.
     pub(super) fn cells(&self) -> [String; 4] {
         [
             format!("{:.4}", 100.0 * self.angle_influence),
@@ -103,7 +103,7 @@ impl Merit {
         ]
     }
 
-    /// The merits of such cells.
+    /// The merits from table cells.
     pub(super) fn of_cells(cells: &[&str]) -> Option<Self> {
         let numbers: Vec<f64> =
             cells.iter().map(|cell| cell.parse().ok()).collect::<Option<_>>()?;

@@ -1,4 +1,4 @@
-//! The file of judged designs, to which an interrupted study goes back.
+//! The file of judged designs, from which an interrupted study continues.
 
 use std::{
     fs::{self, File, OpenOptions},
@@ -23,7 +23,7 @@ const COLUMNS: [&str; 8] = [
     "point_s",
 ];
 
-/// The file with the designs of its finished blocks.
+/// The file with the designs of its complete blocks.
 pub(super) struct Rows {
     path: PathBuf,
     file: File,
@@ -32,8 +32,8 @@ pub(super) struct Rows {
 }
 
 impl Rows {
-    /// Opens the file of a study: the finished blocks of the same grid are kept, anything else is
-    /// begun anew.
+    /// Opens the file of a study. Complete blocks of the same grid are kept; other content is
+    /// dropped.
     pub(super) fn open(path: &Path, grid: &Grid) -> Result<Self, StudyError> {
         let wrong = |source| StudyError::File { path: path.to_owned(), source };
         let before = match fs::read_to_string(path) {
@@ -65,7 +65,7 @@ impl Rows {
         Ok(Self { path: path.to_owned(), file, designs, blocks_done })
     }
 
-    /// How many blocks the file already has.
+    /// Number of complete blocks in the file.
     pub(super) const fn blocks_done(&self) -> usize {
         self.blocks_done
     }
@@ -76,7 +76,7 @@ impl Rows {
         self.file
             .write_all(text.as_bytes())
             .map_err(|source| StudyError::File { path: self.path.clone(), source })?;
-        // As the file has them, so that a study in one go and one in two end the same.
+        // Rounded as in the file, so that an interrupted study ends with the same bytes.
         self.designs.extend(judged.iter().map(|(design, merit)| {
             let rounded = merit.and_then(|merit| {
                 let cells = merit.cells();
@@ -93,14 +93,14 @@ impl Rows {
     }
 }
 
-/// A table of some designs.
+/// A table of designs.
 pub(super) fn table<'a>(designs: impl Iterator<Item = &'a (Design, Option<Merit>)>) -> String {
     let mut text = Csv::new(&COLUMNS).text().to_owned();
     text.extend(designs.map(row));
     text
 }
 
-/// A row of the table; a design outside of the models has no merits.
+/// A row of the table. A design outside the models has no merits.
 fn row((design, merit): &(Design, Option<Merit>)) -> String {
     let Design { length_mm, radius_mm, indentation_mm, arm_mm, .. } = design;
     let merits = merit.map_or_else(|| ",,,".to_owned(), |merit| merit.cells().join(","));
@@ -132,9 +132,9 @@ mod tests {
         done
     }
 
-    /// Cut at every byte, the file is finished to the same bytes.
+    /// A file cut at any byte is completed to the same bytes.
     #[test]
-    fn a_study_interrupted_anywhere_ends_as_if_it_had_not_been() {
+    fn an_interrupted_study_ends_with_the_same_bytes() {
         let folder = std::env::temp_dir().join(format!("rig-study-rows-{}", std::process::id()));
         fs::create_dir_all(&folder).unwrap();
         let path = folder.join("design.csv");
@@ -147,12 +147,12 @@ mod tests {
             assert_eq!(fs::read(&path).unwrap(), whole, "cut at {cut}");
         }
         assert_eq!(finish(&path, &grid, 3), 3, "nothing is left to do");
-        // Another grid begins anew.
+        // Another grid starts from the beginning.
         assert_eq!(finish(&path, &super::tests::grid("20:40:3"), 3), 0);
         fs::remove_dir_all(&folder).unwrap();
     }
 
-    /// A ball of 0.2 mm pressed in by 0.5 mm is deeper than the contact law.
+    /// A ball of 0.2 mm at a depth of 0.5 mm is beyond the contact law.
     #[test]
     fn a_design_outside_of_the_models_has_a_row_without_merits() {
         let design = grid("35").blocks()[0][0];

@@ -1,11 +1,11 @@
-//! What is varied, from harmless to hopeless.
+//! The axes of the maps, from harmless to hopeless.
 
 use rig_resonance::{Reason, Rung, Timing};
 
-use super::scene::Scene;
+use super::simulated_sweep::SimulatedSweep;
 use crate::analyzer::WINDOW;
 
-/// A way to go wrong.
+/// A cause of failure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Axis {
     Noise,
@@ -24,7 +24,7 @@ pub(super) enum Axis {
     Digits,
 }
 
-/// Quality and coupling of the sensors that every axis is gone through with.
+/// Quality factor and coupling of the sensors on every axis.
 pub(super) const SENSORS: [(f64, f64); 6] =
     [(10.0, 0.02), (10.0, 0.1), (30.0, 0.02), (30.0, 0.1), (100.0, 0.02), (100.0, 0.1)];
 
@@ -66,7 +66,7 @@ impl Axis {
         }
     }
 
-    /// What its values are.
+    /// The label of the values.
     pub(super) const fn label(self) -> &'static str {
         match self {
             Self::Noise => "noise of a reading (%)",
@@ -76,19 +76,19 @@ impl Axis {
             Self::Drift => "drift during a rising sweep (Hz)",
             Self::DriftBothWays => "drift during a sweep up and down (Hz)",
             Self::SecondMode => "second mode a linewidth above, of the first (%)",
-            Self::Outliers => "readings that are anything (%)",
+            Self::Outliers => "outliers among the readings (%)",
             Self::DriveLevel => "softening at the peak over the linewidth, one level",
             Self::DriveLevelStep => {
                 "softening at the peak over the linewidth, with a step of the level"
             }
-            Self::Settling => "time constants waited for",
-            Self::SettlingUnknown => "time constants waited for, of which nobody tells",
+            Self::Settling => "time constants of settling",
+            Self::SettlingUnknown => "time constants of settling, unknown to the fit",
             Self::DielectricLoss => "dielectric loss tangent",
             Self::Digits => "digits of the readings",
         }
     }
 
-    /// Its values, harmless first.
+    /// The values, from harmless to hopeless.
     pub(super) const fn values(self) -> &'static [f64] {
         match self {
             Self::Noise => &[0.01, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0],
@@ -107,21 +107,22 @@ impl Axis {
         }
     }
 
-    /// The sweep of a sensor with this value; nothing where there are too few readings to speak of
-    /// a sweep, or where the sensor makes no difference.
-    pub(super) fn scene(self, (q, coupling): (f64, f64), value: f64) -> Option<Scene> {
-        let good = Scene::good(q, coupling);
+    /// The sweep of a sensor with this value; `None` for too few readings, or for an axis without
+    /// effect on this sensor.
+    pub(super) fn simulated(self, (q, coupling): (f64, f64), value: f64) -> Option<SimulatedSweep> {
+        let good = SimulatedSweep::good(q, coupling);
         let half_span_hz = 0.5 * (WINDOW.max_hz - WINDOW.min_hz);
-        // Half a half span from the middle: drift in the middle of a sweep does nothing.
-        let aside = Scene { resonance_hz: good.resonance_hz + 0.5 * half_span_hz, ..good };
-        let scene = match self {
-            Self::Noise => Scene { noise: 0.01 * value, ..good },
+        // A quarter span from the middle: a drift has no effect on a resonance at the middle of a
+        // sweep.
+        let aside = SimulatedSweep { resonance_hz: good.resonance_hz + 0.5 * half_span_hz, ..good };
+        let simulated = match self {
+            Self::Noise => SimulatedSweep { noise: 0.01 * value, ..good },
             Self::FigureOfMerit => {
                 let ratio = value / q;
-                Scene { coupling: ratio / (1.0 + ratio), ..good }
+                SimulatedSweep { coupling: ratio / (1.0 + ratio), ..good }
             }
             Self::WindowOffset => {
-                Scene { resonance_hz: good.resonance_hz + value * half_span_hz, ..good }
+                SimulatedSweep { resonance_hz: good.resonance_hz + value * half_span_hz, ..good }
             }
             Self::PointsPerLinewidth => {
                 let linewidth_hz = good.resonance_hz / q;
@@ -131,33 +132,36 @@ impl Axis {
                     reason = "at most a few thousand points"
                 )]
                 let points = (value * 2.0 * half_span_hz / linewidth_hz).round() as u32 + 1;
-                Scene { points, ..good }
+                SimulatedSweep { points, ..good }
             }
-            Self::Drift => Scene { drift_hz: value, ..aside },
-            Self::DriftBothWays => Scene { drift_hz: value, is_both_ways: true, ..aside },
-            Self::SecondMode => Scene { second: 0.01 * value, ..good },
-            Self::Outliers => Scene { outliers: 0.01 * value, ..good },
-            Self::DriveLevel | Self::DriveLevelStep => Scene { softening: value, ..good },
-            Self::Settling | Self::SettlingUnknown => Scene { waited: Some(value), ..good },
-            Self::DielectricLoss => Scene { dielectric_loss: value, ..good },
+            Self::Drift => SimulatedSweep { drift_hz: value, ..aside },
+            Self::DriftBothWays => SimulatedSweep { drift_hz: value, is_both_ways: true, ..aside },
+            Self::SecondMode => SimulatedSweep { second: 0.01 * value, ..good },
+            Self::Outliers => SimulatedSweep { outliers: 0.01 * value, ..good },
+            Self::DriveLevel | Self::DriveLevelStep => SimulatedSweep { softening: value, ..good },
+            Self::Settling | Self::SettlingUnknown => {
+                SimulatedSweep { waited: Some(value), ..good }
+            }
+            Self::DielectricLoss => SimulatedSweep { dielectric_loss: value, ..good },
             #[expect(clippy::cast_possible_truncation, reason = "a digit or a few")]
-            Self::Digits => Scene { digits: Some(value as i32), ..good },
+            Self::Digits => SimulatedSweep { digits: Some(value as i32), ..good },
         };
-        (scene.points >= 5).then_some(scene)
+        (simulated.points >= 5).then_some(simulated)
     }
 
-    /// Whether its values are shown at distances as they differ, and not by their ratios.
+    /// Whether the axis of a chart is linear.
     pub(super) const fn is_linear(self) -> bool {
         matches!(self, Self::WindowOffset | Self::Settling | Self::SettlingUnknown | Self::Digits)
     }
 
-    /// Whether one sweep cannot tell: what is wrong changes the readings as another resonance would.
-    /// It is no part of the grid on which nothing may be silently wrong.
+    /// Whether one sweep cannot detect the cause, because it changes the readings as another
+    /// resonance does. Such an axis is outside the grid on which the production fit may never be
+    /// silently wrong.
     pub(super) const fn is_beyond_one_sweep(self) -> bool {
         matches!(self, Self::DriveLevel)
     }
 
-    /// What the production fit is told of the times.
+    /// The timing that the production fit gets.
     pub(super) const fn timing(self) -> Timing {
         match self {
             Self::SettlingUnknown => Timing::Unknown,
@@ -165,7 +169,7 @@ impl Axis {
         }
     }
 
-    /// Whether a refusal for this reason names what is wrong.
+    /// Whether a refusal for this reason names the cause.
     pub(super) const fn is_named_by(self, reason: &Reason) -> bool {
         match self {
             Self::Noise => matches!(reason, Reason::TooNoisy { .. }),
@@ -185,7 +189,7 @@ impl Axis {
         }
     }
 
-    /// Whether an accepted model of this rung has what is wrong in it.
+    /// Whether an accepted model of this order includes the cause.
     pub(super) const fn is_modelled_by(self, rung: Rung) -> bool {
         match self {
             Self::Drift | Self::DriftBothWays => matches!(rung, Rung::Drift),

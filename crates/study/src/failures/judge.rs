@@ -1,4 +1,4 @@
-//! Right, flagged, or silently wrong.
+//! Judgement of an estimate: right, refused, or silently wrong.
 
 use rayon::prelude::*;
 use rig_model::{Reading, random::Stream};
@@ -6,38 +6,38 @@ use rig_resonance::{Estimator, FitOptions, Reason, Rung, Verdict, fit};
 
 use super::{
     axis::{Axis, SENSORS},
-    scene::Scene,
+    simulated_sweep::SimulatedSweep,
 };
 use crate::bound::Information;
 
-/// What came of a sweep.
+/// The outcome of a sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Outcome {
-    /// An answer within what can be expected.
+    /// A result within the expected error.
     Right,
-    /// No answer, and it is said so.
-    Flagged,
-    /// An answer that is wrong, and nobody is told.
+    /// A refusal.
+    Refused,
+    /// A wrong result without a warning.
     SilentlyWrong,
 }
 
-/// Answers of an estimator that claims an uncertainty may be so many of its own standard deviations
-/// off: chance is further off once in two million.
+/// Largest error of an estimator with an uncertainty, in its own standard deviations. Noise alone
+/// exceeds it once in two million sweeps.
 const OWN_SIGMAS: f64 = 5.0;
-/// Answers of the others may be so many Cramér–Rao bounds of a good sweep off.
+/// Largest error of the other estimators, in Cramér–Rao bounds of an undisturbed sweep.
 const BOUNDS: f64 = 10.0;
 
-/// The outcomes of one estimator at one value of an axis.
+/// The outcomes of one estimator at one point of an axis.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Counts {
     pub(super) right: u32,
-    pub(super) flagged: u32,
+    pub(super) refused: u32,
     pub(super) wrong: u32,
 }
 
 impl Counts {
     pub(super) const fn sweeps(&self) -> u32 {
-        self.right + self.flagged + self.wrong
+        self.right + self.refused + self.wrong
     }
 
     pub(super) fn share(&self, of: u32) -> f64 {
@@ -47,56 +47,56 @@ impl Counts {
     fn add(&mut self, outcome: Outcome) {
         match outcome {
             Outcome::Right => self.right += 1,
-            Outcome::Flagged => self.flagged += 1,
+            Outcome::Refused => self.refused += 1,
             Outcome::SilentlyWrong => self.wrong += 1,
         }
     }
 }
 
-/// What the production fit said of one sweep.
+/// The result of the production fit for one sweep.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Told {
+pub(super) struct FitResult {
     pub(super) outcome: Outcome,
     pub(super) reason: Option<Reason>,
     pub(super) rung: Option<Rung>,
-    /// Error over claimed standard deviation of an answer.
+    /// Error of a result over its stated standard deviation.
     pub(super) sigmas: Option<f64>,
-    /// Whether two results that should be the same are not, where there are two.
-    pub(super) is_apart: Option<bool>,
+    /// Whether two results that should agree differ; `None` for a single result.
+    pub(super) differ: Option<bool>,
 }
 
-/// All sweeps at one value of an axis.
+/// All sweeps at one point of an axis.
 #[derive(Debug, Clone)]
-pub(super) struct Place {
+pub(super) struct AxisPoint {
     pub(super) axis: Axis,
     pub(super) value: f64,
-    /// In the order of [`Estimator::ALL`], of which the production fit is the last.
+    /// In the order of [`Estimator::ALL`]; the last one is the production fit.
     pub(super) counts: [Counts; Estimator::ALL.len()],
-    pub(super) told: Vec<Told>,
+    pub(super) result: Vec<FitResult>,
 }
 
-/// Every estimator on so many sweeps of each sensor. Nothing where no sensor has a sweep.
-pub(super) fn judge(axis: Axis, place: usize, trials: u32, seed: u64) -> Option<Place> {
-    let value = axis.values()[place];
-    let scenes: Vec<(u64, Scene)> = SENSORS
+/// Judges every estimator on `trials` sweeps of each sensor; `None` if no sensor has a sweep here.
+pub(super) fn judge(axis: Axis, point: usize, trials: u32, seed: u64) -> Option<AxisPoint> {
+    let value = axis.values()[point];
+    let simulated: Vec<(u64, SimulatedSweep)> = SENSORS
         .into_iter()
         .zip(0_u64..)
-        .filter_map(|(sensor, number)| Some((number, axis.scene(sensor, value)?)))
+        .filter_map(|(sensor, number)| Some((number, axis.simulated(sensor, value)?)))
         .collect();
-    let sweeps: Vec<(u64, Scene, u32)> = scenes
+    let sweeps: Vec<(u64, SimulatedSweep, u32)> = simulated
         .into_iter()
-        .flat_map(|(number, scene)| (0..trials).map(move |trial| (number, scene, trial)))
+        .flat_map(|(number, simulated)| (0..trials).map(move |trial| (number, simulated, trial)))
         .collect();
     if sweeps.is_empty() {
         return None;
     }
-    // Axes and values have sweeps of their own: what is common to all is then no coincidence.
+    // Each point of each axis has its own random sweeps.
     let axis_number = Axis::ALL.iter().position(|one| *one == axis).map_or(0, |one| one as u64);
     let name = |sensor: u64, trial: u32| {
-        u64::from(trial) << 32 | axis_number << 16 | (place as u64) << 8 | sensor
+        u64::from(trial) << 32 | axis_number << 16 | (point as u64) << 8 | sensor
     };
-    let one = |&(sensor, scene, trial): &(u64, Scene, u32)| {
-        sweep(axis, scene, Stream::new(seed, name(sensor, trial)))
+    let one = |&(sensor, simulated, trial): &(u64, SimulatedSweep, u32)| {
+        sweep(axis, simulated, Stream::new(seed, name(sensor, trial)))
     };
     let outcomes: Vec<_> = sweeps.par_iter().map(one).collect();
     let mut counts = [Counts::default(); Estimator::ALL.len()];
@@ -105,109 +105,123 @@ pub(super) fn judge(axis: Axis, place: usize, trials: u32, seed: u64) -> Option<
             counts.add(*outcome);
         }
     }
-    Some(Place { axis, value, counts, told: outcomes.into_iter().map(|(_, told)| told).collect() })
+    Some(AxisPoint {
+        axis,
+        value,
+        counts,
+        result: outcomes.into_iter().map(|(_, result)| result).collect(),
+    })
 }
 
-/// One sweep, by every estimator.
-fn sweep(axis: Axis, scene: Scene, mut chance: Stream) -> ([Outcome; Estimator::ALL.len()], Told) {
-    // No place on the grid is favoured.
-    let step_hz = (scene.window.max_hz - scene.window.min_hz) / f64::from(scene.points);
+/// Judges every estimator on one sweep.
+fn sweep(
+    axis: Axis,
+    simulated: SimulatedSweep,
+    mut random: Stream,
+) -> ([Outcome; Estimator::ALL.len()], FitResult) {
+    // The resonance is shifted at random within one step of the grid.
+    let step_hz = (simulated.window.max_hz - simulated.window.min_hz) / f64::from(simulated.points);
     let moved_hz = match axis {
-        // The sides of the window's edge are what this axis is about.
+        // This axis compares both sides of the window's edge.
         Axis::WindowOffset => 0.0,
-        _ => step_hz * (chance.uniform() - 0.5),
+        _ => step_hz * (random.uniform() - 0.5),
     };
-    let scene = Scene { resonance_hz: scene.resonance_hz + moved_hz, ..scene };
-    let (readings, told) = if axis == Axis::DriveLevelStep {
-        with_step(axis, &scene, chance)
+    let simulated = SimulatedSweep { resonance_hz: simulated.resonance_hz + moved_hz, ..simulated };
+    let (readings, result) = if axis == Axis::DriveLevelStep {
+        with_step(axis, &simulated, random)
     } else {
-        let readings = scene.measure(chance);
-        let told = production(axis, &scene, &readings);
-        (readings, told)
+        let readings = simulated.measure(random);
+        let result = production(axis, &simulated, &readings);
+        (readings, result)
     };
-    let allowed_hz = BOUNDS * bound_hz(&scene);
+    let allowed_hz = BOUNDS * bound_hz(&simulated);
     let outcomes = Estimator::ALL.map(|estimator| match estimator {
-        Estimator::MaximumLikelihood => told.outcome,
+        Estimator::MaximumLikelihood => result.outcome,
         baseline => {
-            let found_hz = baseline.estimate(&readings, scene.window).ok();
-            of_answer(found_hz, &scene, allowed_hz)
+            let found_hz = baseline.estimate(&readings, simulated.window).ok();
+            of_answer(found_hz, &simulated, allowed_hz)
         }
     });
-    (outcomes, told)
+    (outcomes, result)
 }
 
-/// The fit of the daemon.
-fn production(axis: Axis, scene: &Scene, readings: &[Reading]) -> Told {
-    let is_apart = scene.is_both_ways.then(|| {
+/// Judges the fit of the daemon.
+fn production(axis: Axis, simulated: &SimulatedSweep, readings: &[Reading]) -> FitResult {
+    let differ = simulated.is_both_ways.then(|| {
         let (up, down) = readings.split_at(readings.len() / 2);
-        are_apart(&verdict(axis, scene, up), &verdict(axis, scene, down))
+        differ(&verdict(axis, simulated, up), &verdict(axis, simulated, down))
     });
-    let verdict = verdict(axis, scene, readings);
-    // What it is told for is the resonance of the moment that it names.
+    let verdict = verdict(axis, simulated, readings);
+    // The truth is the resonance at the effective time of the result.
     let moment_s =
-        verdict.accepted().and_then(|found| found.moment_s(readings, &options(axis, scene)));
-    let scene = moment_s.map_or(*scene, |moment_s| scene.at(moment_s, readings));
-    Told { is_apart, ..told(&scene, &verdict) }
+        verdict.accepted().and_then(|found| found.moment_s(readings, &options(axis, simulated)));
+    let simulated = moment_s.map_or(*simulated, |moment_s| simulated.at(moment_s, readings));
+    FitResult { differ, ..result(&simulated, &verdict) }
 }
 
-/// The sensor at its level and at half of it.
-fn with_step(axis: Axis, scene: &Scene, mut chance: Stream) -> (Vec<Reading>, Told) {
-    let half = Scene { softening: 0.25 * scene.softening, ..*scene };
-    let low = half.measure(chance.fork());
+/// Sweeps at the full level and at half of it.
+fn with_step(
+    axis: Axis,
+    simulated: &SimulatedSweep,
+    mut random: Stream,
+) -> (Vec<Reading>, FitResult) {
+    let half = SimulatedSweep { softening: 0.25 * simulated.softening, ..*simulated };
+    let low = half.measure(random.fork());
     let of_low = verdict(axis, &half, &low);
-    let of_high = verdict(axis, scene, &scene.measure(chance));
-    let is_apart = are_apart(&of_low, &of_high);
+    let of_high = verdict(axis, simulated, &simulated.measure(random));
+    let differ = differ(&of_low, &of_high);
     let verdict = of_low.without_drive(&of_high, 2.0);
-    (low, Told { is_apart: Some(is_apart), ..told(scene, &verdict) })
+    (low, FitResult { differ: Some(differ), ..result(simulated, &verdict) })
 }
 
-fn verdict(axis: Axis, scene: &Scene, readings: &[Reading]) -> Verdict {
-    fit(readings, &options(axis, scene))
+fn verdict(axis: Axis, simulated: &SimulatedSweep, readings: &[Reading]) -> Verdict {
+    fit(readings, &options(axis, simulated))
 }
 
-fn options(axis: Axis, scene: &Scene) -> FitOptions {
-    FitOptions { window: Some(scene.window), timing: axis.timing(), ..FitOptions::default() }
+fn options(axis: Axis, simulated: &SimulatedSweep) -> FitOptions {
+    FitOptions { window: Some(simulated.window), timing: axis.timing(), ..FitOptions::default() }
 }
 
-/// Whether two results differ by more than chance; not where one of them is none.
-fn are_apart(one: &Verdict, other: &Verdict) -> bool {
+/// Whether two results differ significantly; false if one is refused.
+fn differ(one: &Verdict, other: &Verdict) -> bool {
     let both = one.accepted().zip(other.accepted());
     both.is_some_and(|(one, other)| one.is_apart_from(other))
 }
 
-fn told(scene: &Scene, verdict: &Verdict) -> Told {
+fn result(simulated: &SimulatedSweep, verdict: &Verdict) -> FitResult {
     match verdict {
         Verdict::Accepted(found) => {
             let allowed_hz = OWN_SIGMAS * found.sigma_hz;
-            let error_hz = scene.truth_hz().map(|truth_hz| (found.resonance_hz - truth_hz).abs());
-            Told {
-                outcome: of_answer(Some(found.resonance_hz), scene, allowed_hz),
+            let error_hz =
+                simulated.truth_hz().map(|truth_hz| (found.resonance_hz - truth_hz).abs());
+            FitResult {
+                outcome: of_answer(Some(found.resonance_hz), simulated, allowed_hz),
                 reason: None,
                 rung: Some(found.rung),
                 sigmas: error_hz.map(|error_hz| error_hz / found.sigma_hz),
-                is_apart: None,
+                differ: None,
             }
         }
-        Verdict::Refused(refusal) => Told {
-            outcome: Outcome::Flagged,
+        Verdict::Refused(refusal) => FitResult {
+            outcome: Outcome::Refused,
             reason: Some(refusal.reason),
             rung: None,
             sigmas: None,
-            is_apart: None,
+            differ: None,
         },
     }
 }
 
-fn of_answer(found_hz: Option<f64>, scene: &Scene, allowed_hz: f64) -> Outcome {
-    match (found_hz, scene.truth_hz()) {
-        (None, _) => Outcome::Flagged,
+fn of_answer(found_hz: Option<f64>, simulated: &SimulatedSweep, allowed_hz: f64) -> Outcome {
+    match (found_hz, simulated.truth_hz()) {
+        (None, _) => Outcome::Refused,
         (Some(found), Some(truth)) if (found - truth).abs() <= allowed_hz => Outcome::Right,
         (Some(_), _) => Outcome::SilentlyWrong,
     }
 }
 
-/// The Cramér–Rao bound of the sweep if nothing were wrong with it.
-fn bound_hz(scene: &Scene) -> f64 {
-    let information = Information::settled(&scene.circuit(), &scene.points());
-    scene.noise * scene.resonance_hz * information.relative_bound()
+/// The Cramér–Rao bound of the undisturbed sweep, Hz.
+fn bound_hz(simulated: &SimulatedSweep) -> f64 {
+    let information = Information::settled(&simulated.circuit(), &simulated.points());
+    simulated.noise * simulated.resonance_hz * information.relative_bound()
 }

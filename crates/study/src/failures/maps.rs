@@ -1,25 +1,25 @@
-//! The maps, and the table behind them.
+//! The maps and their data.
 
 use rig_chart::{Category, HeatMap, Tone};
 use rig_resonance::Estimator;
 
 use super::{
     axis::Axis,
-    judge::{Counts, Place},
+    judge::{AxisPoint, Counts},
 };
 use crate::files::Csv;
 
-/// What a cell of a map is.
+/// The rating of a cell of a map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Cell {
+enum Rating {
     Right,
-    Flagged,
+    Refused,
     SometimesWrong,
     MostlyWrong,
 }
 
-impl Cell {
-    const ALL: [Self; 4] = [Self::Right, Self::Flagged, Self::SometimesWrong, Self::MostlyWrong];
+impl Rating {
+    const ALL: [Self; 4] = [Self::Right, Self::Refused, Self::SometimesWrong, Self::MostlyWrong];
 
     fn of(counts: &Counts) -> Self {
         let wrong = counts.share(counts.wrong);
@@ -27,8 +27,8 @@ impl Cell {
             Self::MostlyWrong
         } else if counts.wrong > 0 {
             Self::SometimesWrong
-        } else if counts.flagged > 0 {
-            Self::Flagged
+        } else if counts.refused > 0 {
+            Self::Refused
         } else {
             Self::Right
         }
@@ -37,7 +37,7 @@ impl Cell {
     fn category(self) -> Category {
         let (name, tone, symbol) = match self {
             Self::Right => ("all right", Tone::Good, ""),
-            Self::Flagged => ("right or flagged", Tone::Fair, "–"),
+            Self::Refused => ("right or refused", Tone::Fair, "–"),
             Self::SometimesWrong => ("some silently wrong", Tone::Bad, "×"),
             Self::MostlyWrong => ("most silently wrong", Tone::Bad, "××"),
         };
@@ -45,43 +45,44 @@ impl Cell {
     }
 }
 
-/// The map of an axis: estimators by values.
-pub(super) fn map(axis: Axis, places: &[Place]) -> HeatMap {
-    let places: Vec<&Place> = places.iter().filter(|place| place.axis == axis).collect();
-    let cell = |estimator: usize, place: &Place| {
-        let cell = Cell::of(&place.counts[estimator]);
-        Cell::ALL.iter().position(|one| *one == cell).expect("every cell is listed")
+/// The map of an axis: estimators over values.
+pub(super) fn map(axis: Axis, points: &[AxisPoint]) -> HeatMap {
+    let points: Vec<&AxisPoint> = points.iter().filter(|point| point.axis == axis).collect();
+    let cell = |estimator: usize, point: &AxisPoint| {
+        let cell = Rating::of(&point.counts[estimator]);
+        Rating::ALL.iter().position(|one| *one == cell).expect("every cell is listed")
     };
     HeatMap {
         title: format!("Where estimators fail: {}", axis.label()),
-        description: "Each cell says whether all sweeps at the column's value were read right, or \
-                      flagged, or some of them silently wrong, by the row's estimator; the last \
-                      row is the production fit."
-            .to_owned(),
+        description:
+            "Each cell shows whether the row's estimator was right in all sweeps at the column's \
+            value, refused some, or was silently wrong in some; the last row is the production \
+            fit."
+                .to_owned(),
         x_label: axis.label().to_owned(),
         y_label: "estimator".to_owned(),
-        columns: places.iter().map(|place| place.value.to_string()).collect(),
+        columns: points.iter().map(|point| point.value.to_string()).collect(),
         rows: Estimator::ALL.map(|estimator| estimator.name().to_owned()).to_vec(),
-        categories: Cell::ALL.map(Cell::category).to_vec(),
+        categories: Rating::ALL.map(Rating::category).to_vec(),
         cells: (0..Estimator::ALL.len())
-            .flat_map(|row| places.iter().map(move |place| cell(row, place)))
+            .flat_map(|row| points.iter().map(move |point| cell(row, point)))
             .collect(),
     }
 }
 
-/// Every count.
-pub(super) fn table(places: &[Place]) -> String {
+/// The table of all counts.
+pub(super) fn table(points: &[AxisPoint]) -> String {
     let mut table =
-        Csv::new(&["axis", "value", "estimator", "sweeps", "right", "flagged", "silently_wrong"]);
-    for place in places {
-        for (estimator, counts) in Estimator::ALL.into_iter().zip(&place.counts) {
+        Csv::new(&["axis", "value", "estimator", "sweeps", "right", "refused", "silently_wrong"]);
+    for point in points {
+        for (estimator, counts) in Estimator::ALL.into_iter().zip(&point.counts) {
             table.row([
-                place.axis.file().to_owned(),
-                place.value.to_string(),
+                point.axis.file().to_owned(),
+                point.value.to_string(),
                 estimator.name().to_owned(),
                 counts.sweeps().to_string(),
                 counts.right.to_string(),
-                counts.flagged.to_string(),
+                counts.refused.to_string(),
                 counts.wrong.to_string(),
             ]);
         }

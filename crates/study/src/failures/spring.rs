@@ -1,23 +1,23 @@
-//! A spring that gets softer with the amplitude, by harmonic balance.
+//! A spring that softens with the amplitude, by harmonic balance.
 
 use num_complex::Complex64;
 
-/// A resonator with the response D(u) = 1 + κa² − u² + ju/Q, where a is its amplitude over the peak
-/// of the linear one. A negative κ softens.
+/// A resonator with the response D(u) = 1 + κa² − u² + ju/Q, where a is its amplitude over the
+/// linear peak. A negative κ softens.
 #[derive(Debug, Clone)]
 pub(super) struct Spring {
     q: f64,
     kappa: f64,
-    /// The squared amplitude of the last response: where there are several, the nearest goes on.
+    /// Squared amplitude of the last response. Of several solutions, the nearest one continues.
     squared: f64,
 }
 
-/// Squared amplitudes looked at on the way from none to the highest.
-const LOOKS: u32 = 400;
+/// Number of squared amplitudes tried between zero and the highest one.
+const SAMPLES: u32 = 400;
 const BISECTIONS: u32 = 60;
 
 impl Spring {
-    /// A resonator of a quality whose stiffness falls by this part at the linear peak.
+    /// A resonator with a quality factor, whose stiffness falls by this share at the linear peak.
     pub(super) const fn new(q: f64, softer_by: f64) -> Self {
         Self { q, kappa: -softer_by, squared: 0.0 }
     }
@@ -27,7 +27,7 @@ impl Spring {
         Complex64::new(1.0 - u * u, u / q)
     }
 
-    /// The response at a frequency over the resonance, coming from the one asked for last.
+    /// The response at a frequency relative to the resonance, starting from the last response.
     pub(super) fn response(&mut self, u: f64) -> Complex64 {
         let linear = Self::linear(self.q, u);
         if self.kappa == 0.0 {
@@ -40,18 +40,19 @@ impl Spring {
         };
         // Damping alone limits the amplitude, to 1/u of the linear peak.
         let highest = (1.0 / (u * u)).max(1.0) * 1.001;
-        let at = |look: u32| highest * f64::from(look) / f64::from(LOOKS);
+        let at = |sample: u32| highest * f64::from(sample) / f64::from(SAMPLES);
         let last = self.squared;
-        let crossings = (0..LOOKS).filter(|&look| excess(at(look)) * excess(at(look + 1)) <= 0.0);
+        let crossings =
+            (0..SAMPLES).filter(|&sample| excess(at(sample)) * excess(at(sample + 1)) <= 0.0);
         let nearest = crossings
-            .map(|look| bisect(excess, at(look), at(look + 1)))
+            .map(|sample| bisect(excess, at(sample), at(sample + 1)))
             .min_by(|a, b| (a - last).abs().total_cmp(&(b - last).abs()));
         self.squared = nearest.unwrap_or(last);
         linear + self.kappa * self.squared
     }
 }
 
-/// Where a function that changes its sign between two places does so.
+/// The zero of a function between two arguments with opposite signs.
 fn bisect(of: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
     let sign = of(low).signum();
     for _ in 0..BISECTIONS {
@@ -82,22 +83,23 @@ mod tests {
         }
     }
 
-    /// A weak spring is single-valued; a strong one jumps elsewhere on the way back.
+    /// A weakly softening spring is single-valued; a strongly softening one jumps at another
+    /// frequency on the way back.
     #[test]
     fn only_a_strong_spring_has_a_memory() {
         for (softening, has_memory) in [(0.5, false), (3.0, true)] {
             let peak = |falling: bool| {
                 let mut spring = Spring::new(30.0, softening / 30.0);
-                let place = |step: u32| 0.85 + 0.0005 * f64::from(step);
-                let mut places: Vec<f64> = (0..500).map(place).collect();
+                let point = |step: u32| 0.85 + 0.0005 * f64::from(step);
+                let mut points: Vec<f64> = (0..500).map(point).collect();
                 if falling {
-                    places.reverse();
+                    points.reverse();
                 }
-                let sizes = places.iter().map(|&u| (u, 1.0 / spring.response(u).norm()));
+                let sizes = points.iter().map(|&u| (u, 1.0 / spring.response(u).norm()));
                 sizes.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap().0
             };
-            let apart = (peak(false) - peak(true)).abs();
-            assert_eq!(apart > 0.002, has_memory, "{softening}: {apart}");
+            let differing = (peak(false) - peak(true)).abs();
+            assert_eq!(differing > 0.002, has_memory, "{softening}: {differing}");
         }
     }
 }

@@ -11,7 +11,7 @@ use crate::{
     simulate::Nuisances,
 };
 
-/// The bench's errors of one touch, without the scatter of the sample itself.
+/// The errors of one touch on the bench, without the variation of the sample.
 pub(super) const TOUCH_SIGMAS: TouchSigmas = TouchSigmas {
     shift_hz: Nuisances::BENCH.shift_hz,
     depth_mm: Nuisances::BENCH.depth_mm,
@@ -21,9 +21,9 @@ pub(super) const TOUCH_SIGMAS: TouchSigmas = TouchSigmas {
 pub(super) fn add(page: &mut Page) {
     page.heading("One touch at a known angle");
     page.text(
-        "Relative standard deviation of the stiffness, and how much of it comes from the shift, the \
-         depth and the angle. Left uncompensated, an angle of 45° makes the stiffness come out \
-         lower by what the last column says.",
+        "Relative standard deviation of the stiffness, and the parts due to the shift, the depth \
+         and the angle. The last column is the error of the stiffness without compensation of the \
+         angle.",
     );
     let models = Models::new(&Sensor::reference(), ContactLaw::Sneddon);
     let mut table = Table::new(&[
@@ -31,9 +31,9 @@ pub(super) fn add(page: &mut Page) {
         "direction",
         "angle",
         "standard deviation, %",
-        "by the shift",
-        "by the depth",
-        "by the angle",
+        "due to the shift",
+        "due to the depth",
+        "due to the angle",
         "uncompensated, %",
     ]);
     for (sample, &young_mpa) in SAMPLES_MPA.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Several touches of one place at an unknown angle: which protocol tells what.
+//! Protocols with several touches of one site at an unknown angle.
 
 use std::f64::consts::FRAC_PI_4;
 
@@ -12,10 +12,20 @@ use crate::{
     paper_bench::{Control, SAMPLES_MPA, tissue},
 };
 
-/// Touches of a protocol: spin of the probe in degrees and indentation in mm.
+/// One touch of a protocol.
+struct Spin {
+    spin_deg: f64,
+    indentation_mm: f64,
+}
+
+const fn spin(spin_deg: f64, indentation_mm: f64) -> Spin {
+    Spin { spin_deg, indentation_mm }
+}
+
+/// A protocol of touches of one site.
 struct Protocol {
     name: &'static str,
-    touches: &'static [(f64, f64)],
+    touches: &'static [Spin],
     azimuth: AzimuthPrior,
 }
 
@@ -23,38 +33,38 @@ struct Protocol {
 const BACK: AzimuthPrior = AzimuthPrior::Known(std::f64::consts::PI);
 
 const PROTOCOLS: [Protocol; 6] = [
-    Protocol { name: "one touch, azimuth known", touches: &[(0.0, 0.5)], azimuth: BACK },
+    Protocol { name: "one touch, azimuth known", touches: &[spin(0.0, 0.5)], azimuth: BACK },
     Protocol {
         name: "depths 0.25 and 0.5 mm, azimuth known",
-        touches: &[(0.0, 0.25), (0.0, 0.5)],
+        touches: &[spin(0.0, 0.25), spin(0.0, 0.5)],
         azimuth: BACK,
     },
     Protocol {
         name: "depths 0.25 and 1 mm, azimuth known",
-        touches: &[(0.0, 0.25), (0.0, 1.0)],
+        touches: &[spin(0.0, 0.25), spin(0.0, 1.0)],
         azimuth: BACK,
     },
     Protocol {
         name: "spins 0° and 180°, azimuth known",
-        touches: &[(0.0, 0.5), (180.0, 0.5)],
+        touches: &[spin(0.0, 0.5), spin(180.0, 0.5)],
         azimuth: BACK,
     },
     Protocol {
         name: "spins 0°, 90°, 180°, 270°",
-        touches: &[(0.0, 0.5), (90.0, 0.5), (180.0, 0.5), (270.0, 0.5)],
+        touches: &[spin(0.0, 0.5), spin(90.0, 0.5), spin(180.0, 0.5), spin(270.0, 0.5)],
         azimuth: AzimuthPrior::Unknown,
     },
     Protocol {
         name: "the same at 0.25 and 0.5 mm",
         touches: &[
-            (0.0, 0.25),
-            (90.0, 0.25),
-            (180.0, 0.25),
-            (270.0, 0.25),
-            (0.0, 0.5),
-            (90.0, 0.5),
-            (180.0, 0.5),
-            (270.0, 0.5),
+            spin(0.0, 0.25),
+            spin(90.0, 0.25),
+            spin(180.0, 0.25),
+            spin(270.0, 0.25),
+            spin(0.0, 0.5),
+            spin(90.0, 0.5),
+            spin(180.0, 0.5),
+            spin(270.0, 0.5),
         ],
         azimuth: AzimuthPrior::Unknown,
     },
@@ -66,13 +76,13 @@ const SIGMA_HZ: f64 = 0.1;
 pub(super) fn add(page: &mut Page) {
     page.heading("Several touches at an unknown angle");
     page.text(format!(
-        "Standard deviations of the posterior for sample 3, shifts known to {SIGMA_HZ} Hz, any angle \
-         up to 45° equally likely beforehand (its standard deviation is then 13°). Depth errors are \
-         either none, 0.02 mm shared by all touches of the place, or 0.02 mm in each by itself. \
-         Depths know one combination of stiffness and angle only, because a shallow contact depends \
-         on their product alone; turning the probe uses that front and back differ. An angle whose \
-         standard deviation is more than half of what it was beforehand is marked: the touches do \
-         not tell it.",
+        "Standard deviations of the posterior for sample 3, with a standard deviation of \
+         {SIGMA_HZ} Hz of each shift and an even prior of the angle up to 45°, whose standard \
+         deviation is 13°. The depth errors are none, 0.02 mm shared by all touches of the site, \
+         or 0.02 mm in each touch independently. Depths determine only one combination of \
+         stiffness and angle, because a shallow contact depends on their product; turns of the \
+         probe use the difference between front and back. An angle counts as identified if its \
+         standard deviation is below half of the prior's.",
     ));
     let models = Models::new(&Sensor::reference(), ContactLaw::Sneddon);
     let mut table = Table::new(&[
@@ -82,7 +92,7 @@ pub(super) fn add(page: &mut Page) {
         "stiffness, %",
         "angle, °",
         "correlation",
-        "angle told",
+        "angle identified",
     ]);
     for protocol in &PROTOCOLS {
         for angle_deg in [10.0, 30.0, 45.0] {
@@ -108,8 +118,8 @@ fn infer(
     let touches: Vec<SiteTouch> = protocol
         .touches
         .iter()
-        .map(|&(spin_deg, along_probe_mm)| {
-            let depth = Control::Indentation.depth(along_probe_mm);
+        .map(|&Spin { spin_deg, indentation_mm }| {
+            let depth = Control::Indentation.depth(indentation_mm);
             let spin_rad = spin_deg.to_radians();
             let pose = Pose::new(angle_deg.to_radians(), std::f64::consts::PI - spin_rad)
                 .expect("the protocols' angles are below a right angle");

@@ -1,4 +1,4 @@
-//! From 0.005 to 3 MPa: sensitivity, uncertainty and the models' own error.
+//! From 0.001 to 30 MPa: sensitivity, uncertainty and the models' own error.
 
 use rig_chart::{Axis, Chart, Point, Series};
 use rig_contact::{ContactLaw, Direction, Models, Sensor, Tier, inverse::TissueKind};
@@ -13,27 +13,27 @@ use crate::{
 const TABLE_MPA: [f64; 14] =
     [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 3.0, 10.0, 30.0];
 
-/// What is to be said of one stiffness.
-struct Reach {
+/// The results for one stiffness.
+struct RangePoint {
     shift_hz: f64,
     slope_hz_per_mpa: f64,
-    /// Relative standard deviation of the stiffness, or the reason for none.
+    /// Relative standard deviation of the stiffness, or the reason of a refusal.
     sigma: Result<f64, String>,
-    /// Error of tier E1 taken for the truth, relative to the stiffness.
+    /// Relative error of the stiffness by tier E1s, with the reference as truth.
     model: Result<f64, String>,
 }
 
 pub(super) fn add(page: &mut Page) {
-    page.heading("From 0.005 to 3 MPa");
+    page.heading("From 0.001 to 30 MPa");
     page.text(
-        "Upright, with the bench's errors of a touch, and a little beyond the range on both sides. Below \
-         about 0.003 MPa the shift is lost in the noise of 0.3 Hz, and the stiffness is refused. Above, \
-         the shift saturates slowly while the indentation is held: the slope is half of what it was at \
-         1 MPa, and a third at 3 MPa, but a shift of hundreds of hertz needs no more. With the stage \
-         held the sensor gives way and a sample much stiffer than the sensor is told by how little of \
-         the move is left for it: the depth's error then counts more and more. The last column is by how \
-         much tier E1 misses a stiffness that the reference has made the shift of; where the contact is \
-         more than thirty times as stiff as the sensor, it refuses.",
+        "Upright, with the errors of a touch on the bench, over a range that exceeds the samples' \
+         on both sides. Below about 0.003 MPa the shift is lost in its noise of 0.3 Hz, and the \
+         stiffness is refused. With the indentation held the shift saturates slowly at high \
+         stiffness: the slope falls to a half at 1 MPa and to a third at 3 MPa, which a shift of \
+         hundreds of hertz outweighs. With the stage held the sensor deflects, and the indentation \
+         of a sample much stiffer than the sensor is a small part of the move, so that the error \
+         of the depth dominates. The last column is the error of tier E1s for a shift by the \
+         reference; the tier refuses contacts of more than thirty sensor stiffnesses.",
     );
     let mut table = Table::new(&[
         "held",
@@ -41,12 +41,12 @@ pub(super) fn add(page: &mut Page) {
         "shift, Hz",
         "slope, Hz/MPa",
         "standard deviation, %",
-        "error of tier E1, %",
+        "error of tier E1s, %",
     ]);
     let models = Models::new(&Sensor::reference(), ContactLaw::Sneddon);
     for control in Control::ALL {
         for young_mpa in TABLE_MPA {
-            let reach = reach(&models, control, young_mpa);
+            let range_point = range_point(&models, control, young_mpa);
             let percent = |value: Result<f64, String>, digits: usize| match value {
                 Ok(value) => format!("{:.digits$}", 100.0 * value),
                 Err(reason) => format!("refused: {reason}"),
@@ -54,10 +54,10 @@ pub(super) fn add(page: &mut Page) {
             table.row([
                 control.name().to_owned(),
                 young_mpa.to_string(),
-                format!("{:.3}", reach.shift_hz),
-                format!("{:.1}", reach.slope_hz_per_mpa),
-                percent(reach.sigma, 2),
-                percent(reach.model, 2),
+                format!("{:.3}", range_point.shift_hz),
+                format!("{:.1}", range_point.slope_hz_per_mpa),
+                percent(range_point.sigma, 2),
+                percent(range_point.model, 2),
             ]);
         }
     }
@@ -66,13 +66,13 @@ pub(super) fn add(page: &mut Page) {
     page.chart("range.svg", uncertainty_chart(&models));
 }
 
-fn reach(models: &Models, control: Control, young_mpa: f64) -> Reach {
+fn range_point(models: &Models, control: Control, young_mpa: f64) -> RangePoint {
     let depth = control.depth(INDENTATION_MM);
     let contact = contact(Direction::Front, 0.0, depth, ContactLaw::Sneddon);
     let shift = |young_mpa: f64| {
         models
             .predict(Tier::Reference, &tissue(young_mpa), &contact)
-            .expect("the reference reaches far beyond 3 MPa")
+            .expect("the reference holds far beyond 3 MPa")
             .shift_hz
     };
     let shift_hz = shift(young_mpa);
@@ -86,7 +86,7 @@ fn reach(models: &Models, control: Control, young_mpa: f64) -> Reach {
         .map(|found| found / young_mpa - 1.0)
         .map_err(|refusal| refusal.to_string());
     let slope_hz_per_mpa = (shift(young_mpa * 1.01) - shift(young_mpa * 0.99)) / (0.02 * young_mpa);
-    Reach { shift_hz, slope_hz_per_mpa, sigma, model }
+    RangePoint { shift_hz, slope_hz_per_mpa, sigma, model }
 }
 
 /// Stiffnesses of the curves, from 0.001 to 10 MPa.
@@ -97,13 +97,13 @@ fn curve_mpa() -> impl Iterator<Item = f64> {
 fn sensitivity_chart(models: &Models) -> Chart {
     let mut chart = Chart::new(
         "Sensitivity of the shift over the stiffness",
-        "Slope of the shift, upright at 0.5 mm, with the indentation held and with the stage held: it \
-         falls as the contact becomes stiffer than the sensor.",
+        "Slope of the shift, upright at 0.5 mm, with the indentation held and with the stage held. \
+         It falls as the contact becomes stiffer than the sensor.",
         Axis::log("stiffness, MPa"),
         Axis::log("slope, Hz/MPa"),
     );
     for (colour, control) in Control::ALL.into_iter().enumerate() {
-        let point = |young: f64| (young, reach(models, control, young).slope_hz_per_mpa);
+        let point = |young: f64| (young, range_point(models, control, young).slope_hz_per_mpa);
         let points: Vec<(f64, f64)> = curve_mpa().map(point).collect();
         chart.series.push(Series::line(&format!("{} held", control.name()), colour, points));
     }
@@ -113,15 +113,15 @@ fn sensitivity_chart(models: &Models) -> Chart {
 fn uncertainty_chart(models: &Models) -> Chart {
     let mut chart = Chart::new(
         "Relative standard deviation of the stiffness of one touch",
-        "Over the stiffness from 0.001 to 10 MPa, with the indentation held and with the stage held; \
-         the curves end where the stiffness is refused.",
+        "Over the stiffness from 0.001 to 10 MPa, with the indentation held and with the stage \
+         held. The curves end with the first refusal.",
         Axis::log("stiffness, MPa"),
         Axis::log("standard deviation, %"),
     );
     for (colour, control) in Control::ALL.into_iter().enumerate() {
         let points: Vec<Point> = curve_mpa()
             .filter_map(|young_mpa| {
-                let sigma = reach(models, control, young_mpa).sigma.ok()?;
+                let sigma = range_point(models, control, young_mpa).sigma.ok()?;
                 Some(Point::from((young_mpa, 100.0 * sigma)))
             })
             .collect();

@@ -1,7 +1,7 @@
-//! What an evaluation costs, the contact at rest included.
+//! The cost of an evaluation, including the contact at rest.
 //!
-//! Costs are of a computer and an hour. They are kept in files by themselves, so that everything
-//! else that the study writes is the same wherever it runs.
+//! Costs depend on the computer and its load. They are stored in separate files, so that the rest
+//! of the study is reproducible.
 
 use std::{
     collections::BTreeMap,
@@ -12,19 +12,20 @@ use std::{
 use num_complex::Complex64;
 use rig_contact::{ContactLaw, Direction, Models, Sensor, Tier};
 
-use super::errors::Way;
+use super::errors::Variant;
 use crate::{
     files::Csv,
     paper_bench::{Control, INDENTATION_MM, contact, tissue},
 };
 
-/// Nanoseconds of each way to a shift.
-pub(super) type Costs = BTreeMap<Way, f64>;
+/// Nanoseconds of an evaluation by each variant.
+pub(super) type Costs = BTreeMap<Variant, f64>;
 
-/// Measured once in one run on one core, release build; `rig-study models --measure` measures anew.
+/// Measured once in one session on one core, release build; `rig-study models --measure` measures
+/// again.
 const STORED: &str = include_str!("cost.csv");
 
-/// The costs measured once.
+/// The stored costs.
 pub(super) fn stored() -> Costs {
     let line = |line: &str| {
         let [tier, law, control, nanoseconds] =
@@ -32,43 +33,43 @@ pub(super) fn stored() -> Costs {
         let tier = Tier::ALL.into_iter().find(|one| one.name() == tier)?;
         let law = ContactLaw::ALL.into_iter().find(|one| one.name() == law)?;
         let control = Control::ALL.into_iter().find(|one| one.name() == control)?;
-        Some((Way { tier, law, control }, nanoseconds.parse().ok()?))
+        Some((Variant { tier, law, control }, nanoseconds.parse().ok()?))
     };
     STORED.lines().filter_map(line).collect()
 }
 
-/// Measures every way in turn, each by the least of several runs.
+/// Measures every variant in turn, each by the shortest of several runs.
 pub(super) fn measure() -> Costs {
-    Way::all().map(|way| (way, measure_one(way))).collect()
+    Variant::all().map(|variant| (variant, measure_one(variant))).collect()
 }
 
-/// The table.
+/// The costs as a table.
 pub(super) fn csv(costs: &Costs) -> String {
     let mut table = Csv::new(&["tier", "law", "control", "nanoseconds"]);
-    for (way, nanoseconds) in costs {
-        let names = [way.tier.name(), way.law.name(), way.control.name()];
+    for (variant, nanoseconds) in costs {
+        let names = [variant.tier.name(), variant.law.name(), variant.control.name()];
         table.row(names.map(str::to_owned).into_iter().chain([format!("{nanoseconds:.0}")]));
     }
     table.text().to_owned()
 }
 
-/// Runs of which the least counts, and evaluations in each.
+/// Number of runs, of which the shortest counts, and evaluations in each run.
 const RUNS: u32 = 9;
 const EVALUATIONS: u32 = 2000;
 
-fn measure_one(way: Way) -> f64 {
-    let models = Models::new(&Sensor::reference(), way.law);
-    let depth = way.control.depth(INDENTATION_MM);
-    let contacts = Direction::ALL.map(|direction| contact(direction, 30.0, depth, way.law));
+fn measure_one(variant: Variant) -> f64 {
+    let models = Models::new(&Sensor::reference(), variant.law);
+    let depth = variant.control.depth(INDENTATION_MM);
+    let contacts = Direction::ALL.map(|direction| contact(direction, 30.0, depth, variant.law));
     let least = (0..RUNS)
         .map(|_| {
             let start = Instant::now();
             for index in 0..EVALUATIONS {
                 let tissue = tissue(black_box(0.02 + 1e-4 * f64::from(index)));
                 let contact = &contacts[index as usize % contacts.len()];
-                // The shift of a refused contact would cost nothing.
-                let found = models.predict(way.tier, &tissue, black_box(contact));
-                black_box(found.expect("the ways are within their tiers"));
+                // A refusal would take less time.
+                let found = models.predict(variant.tier, &tissue, black_box(contact));
+                black_box(found.expect("the variants are within their tiers"));
             }
             start.elapsed()
         })
@@ -76,13 +77,13 @@ fn measure_one(way: Way) -> f64 {
     least.unwrap_or(Duration::MAX).as_secs_f64() * 1e9 / f64::from(EVALUATIONS)
 }
 
-/// Nanoseconds of each step to an impedance.
+/// Nanoseconds of each step of an impedance.
 pub(super) type ImpedanceCosts = [(&'static str, f64); 3];
 
 const IMPEDANCE: &str = include_str!("impedance.csv");
 const STEPS: [&str; 3] = ["circuit of E1", "circuit of the reference", "201 points of a circuit"];
 
-/// The costs measured once.
+/// The stored costs.
 pub(super) fn stored_impedance() -> ImpedanceCosts {
     STEPS.map(|step| {
         let line = IMPEDANCE.lines().find_map(|line| line.strip_prefix(step)?.strip_prefix(','));
@@ -90,7 +91,7 @@ pub(super) fn stored_impedance() -> ImpedanceCosts {
     })
 }
 
-/// The table.
+/// The impedance costs as a table.
 pub(super) fn impedance_csv(costs: &ImpedanceCosts) -> String {
     let mut table = Csv::new(&["step", "nanoseconds"]);
     for (step, nanoseconds) in costs {
@@ -99,7 +100,7 @@ pub(super) fn impedance_csv(costs: &ImpedanceCosts) -> String {
     table.text().to_owned()
 }
 
-/// Measures a circuit by two tiers, and 201 points of impedance of one.
+/// Measures the circuit of two tiers, and 201 points of impedance of a circuit.
 pub(super) fn measure_impedance() -> ImpedanceCosts {
     let sensor = Sensor::reference();
     let models = Models::new(&sensor, ContactLaw::SneddonSeries);
@@ -128,7 +129,7 @@ pub(super) fn measure_impedance() -> ImpedanceCosts {
     ]
 }
 
-/// The least of several runs of an evaluation.
+/// The shortest of several runs of an evaluation.
 fn least_ns<T>(mut evaluate: impl FnMut() -> T) -> f64 {
     const IN_EACH: u32 = 200;
     let least = (0..RUNS)

@@ -1,4 +1,4 @@
-//! How much each effect changes a shift: what a model may leave out.
+//! The size of each effect on a shift: the error of a model that neglects it.
 
 use rig_contact::{
     Contact, ContactLaw, Direction, Friction, Models, Pose, Sensor, SensorDesign, Tier, Tissue,
@@ -12,7 +12,7 @@ use crate::{
     paper_bench::{Control, INDENTATION_MM, SAMPLES_MPA, contact, tissue},
 };
 
-/// One contact: what every effect is measured against.
+/// The contact against which every effect is measured.
 struct Baseline {
     models: Models,
     tissue: Tissue,
@@ -20,14 +20,14 @@ struct Baseline {
     shift_hz: f64,
 }
 
-/// Adds the table of effects: all of it as data, sample 5 to be read.
+/// Adds the table of effects: all of it as data, sample 5 as a table.
 pub(super) fn add(page: &mut Page) {
     page.heading("The size of each effect");
     page.text(
-        "By how many hertz a shift changes when one thing is modelled otherwise, sample 5 at 0.5 mm; \
-         all else stays as it is, the sensor's constants too. What is about a tenth of a hertz or less, \
-         the tissue's mass and loss and the lateral bending, only the reference has, or none. An empty \
-         cell is a read-out that the curve does not offer.",
+        "The change of a shift in hertz for one change of the model, for sample 5 at 0.5 mm; all \
+         else stays, including the constants of the sensor. Effects of about a tenth of a hertz or \
+         less (mass and loss of the tissue, lateral bending) are modelled by the reference only, \
+         or not at all. An empty cell means that the impedance curve has no such read-out.",
     );
     let cases = [
         (Direction::Front, 0.0),
@@ -72,7 +72,7 @@ pub(super) fn add(page: &mut Page) {
     page.data("effects.csv", all.text());
 }
 
-/// By how much a shift changes; nothing for a read-out that does not exist.
+/// The change of a shift; empty for a read-out that does not exist.
 fn change(changed_hz: Option<f64>, shift_hz: f64, decimals: usize) -> String {
     let Some(hz) = changed_hz else { return String::new() };
     let text = format!("{:+.decimals$}", hz - shift_hz);
@@ -90,7 +90,7 @@ fn shift(models: &Models, tissue: &Tissue, contact: &Contact) -> f64 {
         .shift_hz
 }
 
-/// Each effect with the shift that it leads to.
+/// Each effect with the changed shift.
 fn effects(base: &Baseline) -> Vec<(&'static str, Option<f64>)> {
     let Baseline { models, tissue, contact, shift_hz } = base;
     let with_contact = |changed: Contact| Some(shift(models, tissue, &changed));
@@ -129,7 +129,7 @@ fn effects(base: &Baseline) -> Vec<(&'static str, Option<f64>)> {
     effects
 }
 
-/// The share of the shift that the mass of equation (1) takes: ω² times mass over stiffness.
+/// The share of the shift that the mass in equation (1) takes: ω² times mass over stiffness.
 fn mass_share(base: &Baseline) -> f64 {
     let load =
         base.models.sensor().load(&base.tissue, &base.contact).expect("the baseline has a load");

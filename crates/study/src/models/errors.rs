@@ -1,4 +1,4 @@
-//! How far each tier is from the reference, over the contacts that the paper makes and a few more.
+//! The error of each tier against the reference, over the paper's contacts and a few more.
 
 use rig_chart::{Axis, COLOURS, Chart, Marker, Point, Rule, Series};
 use rig_contact::{ContactLaw, Direction, Models, Requirements, Sensor, Tier};
@@ -10,16 +10,16 @@ use crate::{
     paper_bench::{Control, INDENTATION_MM, SAMPLES_MPA, contact, tissue},
 };
 
-/// A way to a shift: a tier, a contact law, and what the depth is held by.
+/// A variant of a model: a tier, a contact law, and the held quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Way {
+pub(super) struct Variant {
     pub(super) tier: Tier,
     pub(super) law: ContactLaw,
     pub(super) control: Control,
 }
 
-impl Way {
-    /// Every way worth comparing: both forms of the same contact, and no refused one.
+impl Variant {
+    /// All variants worth a comparison: both forms of the same contact, without refused ones.
     pub(super) fn all() -> impl Iterator<Item = Self> {
         let laws = [ContactLaw::SneddonSeries, ContactLaw::Sneddon];
         Tier::ALL.into_iter().flat_map(move |tier| {
@@ -39,8 +39,8 @@ impl Way {
 const STIFFNESSES_MPA: [f64; 7] = [0.02, 0.045, 0.104, 0.235, 0.320, 0.649, 1.0];
 const ANGLES_DEG: [f64; 7] = [0.0, 7.5, 15.0, 22.5, 30.0, 37.5, 45.0];
 
-/// What scenes ask of their model: a name, Hz, and why so much.
-const SCENES: [(&str, f64, &str); 4] = [
+/// The tolerance of each use, in Hz, with its reason.
+const USES: [(&str, f64, &str); 4] = [
     ("demonstration", 3.0, "shifts of neighbouring samples differ by 10 Hz and more"),
     ("figures", 1.0, "a hundredth of the paper's scale"),
     ("bench", 0.3, "the scatter of a touch on the simulated bench"),
@@ -55,14 +55,14 @@ pub(super) struct Errors {
     max_upright_hz: f64,
 }
 
-/// Adds the charts of cost against error, their numbers, and what each scene gets.
+/// Adds the charts of cost against error, their data, and the tier for each use.
 pub(super) fn add(page: &mut Page, costs: &Costs) {
     page.heading("Cost against error");
     page.text(format!(
-        "One evaluation, from the contact to the shift, against the largest error over {} stiffnesses \
-         from {} to {} MPa, {} angles to 45° and three directions, at 0.5 mm. Each line is a tier, from \
-         the series contact radius to the exact one. The truth is the reference with the exact radius; \
-         dashed lines are what scenes ask for.",
+        "The cost of one evaluation, from the contact to the shift, against the largest error over \
+         {} stiffnesses from {} to {} MPa, {} angles up to 45° and three directions, at 0.5 mm. \
+         Each line is a tier, from the series contact radius to the exact one. The truth is the \
+         reference with the exact radius; dashed lines are the tolerances of uses.",
         STIFFNESSES_MPA.len(),
         STIFFNESSES_MPA[0],
         STIFFNESSES_MPA[STIFFNESSES_MPA.len() - 1],
@@ -79,16 +79,16 @@ pub(super) fn add(page: &mut Page, costs: &Costs) {
         "max_upright_hz",
     ]);
     for truth in Control::ALL {
-        let measured: Vec<(Way, Errors)> = Way::all()
-            .filter(|way| way.tier != Tier::Reference && is_answer(*way, truth))
-            .map(|way| (way, measure(way, truth)))
+        let measured: Vec<(Variant, Errors)> = Variant::all()
+            .filter(|variant| variant.tier != Tier::Reference && is_answer(*variant, truth))
+            .map(|variant| (variant, measure(variant, truth)))
             .collect();
-        for (way, errors) in &measured {
+        for (variant, errors) in &measured {
             all.row([
-                way.tier.name().to_owned(),
-                way.law.name().to_owned(),
+                variant.tier.name().to_owned(),
+                variant.law.name().to_owned(),
                 truth.name().to_owned(),
-                way.control.name().to_owned(),
+                variant.control.name().to_owned(),
                 format!("{:.4}", errors.rms_hz),
                 format!("{:.4}", errors.max_hz),
                 format!("{:.5}", errors.max_rel),
@@ -97,38 +97,39 @@ pub(super) fn add(page: &mut Page, costs: &Costs) {
         }
         page.text(match truth {
             Control::Indentation => {
-                "With the indentation held. T2 is the first tier that knows the angle; E1 costs a \
-                 third more and errs a fifth as much."
+                "With the indentation held. T2 is the first tier that includes the angle; E1 costs \
+                 a third more and has a fifth of the error."
             }
             Control::Stage => {
-                "With the stage held, to which the sensor gives way. A tier that takes the stage's \
-                 move for an indentation errs by tens of hertz, whatever else it knows: the balance is \
-                 worth more than all the rest."
+                "With the stage held, which deflects the sensor. A tier that takes the move of the \
+                 stage for an indentation errs by tens of hertz: the static deflection matters \
+                 more than all other effects."
             }
         });
         let name = format!("cost-against-error-{}.svg", truth.name());
         page.chart(&name, chart(truth, &measured, costs));
     }
     page.data("errors.csv", all.text());
-    scenes(page);
+    uses(page);
 }
 
-/// Whether a way is an answer to this truth: its own control, or, for a tier that knows no balance,
-/// a stage's move taken for an indentation.
-fn is_answer(way: Way, truth: Control) -> bool {
-    way.control == truth || (truth == Control::Stage && !way.tier.validity().takes_stage_moves)
+/// Whether a variant applies to this truth: the same held quantity, or, for a tier without static
+/// deflection, a stage move taken for an indentation.
+fn is_answer(variant: Variant, truth: Control) -> bool {
+    variant.control == truth
+        || (truth == Control::Stage && !variant.tier.validity().takes_stage_moves)
 }
 
-/// Which tier each scene gets, over the paper's samples and angles.
-fn scenes(page: &mut Page) {
+/// The tier for each use, over the paper's samples and angles.
+fn uses(page: &mut Page) {
     page.text(
-        "What `Tier::cheapest_for` gives such scenes, by the table that the library keeps and a test \
-         measures anew, for the paper's samples and angles. The simulator chooses its tier by it and \
-         says so in its log.",
+        "The choice of `Tier::cheapest_for` for each use, for the paper's samples and angles, by \
+         the stored table that a test measures again. The simulator chooses its tier in the same \
+         way and logs the choice.",
     );
     let mut table =
-        Table::new(&["scene", "allowed, Hz", "because", "held", "tier", "law", "its error, Hz"]);
-    for (scene, tolerance_hz, because) in SCENES {
+        Table::new(&["use", "allowed, Hz", "reason", "held", "tier", "law", "error, Hz"]);
+    for (usage, tolerance_hz, because) in USES {
         for control in Control::ALL {
             let asked = Requirements {
                 sensor: Sensor::reference(),
@@ -140,7 +141,7 @@ fn scenes(page: &mut Page) {
             let choice = Tier::cheapest_for(&asked, tolerance_hz)
                 .expect("the paper's indentation is within the contact law");
             table.row([
-                scene.to_owned(),
+                usage.to_owned(),
                 tolerance_hz.to_string(),
                 because.to_owned(),
                 control.name().to_owned(),
@@ -153,8 +154,8 @@ fn scenes(page: &mut Page) {
     page.table(table);
 }
 
-pub(super) fn measure(way: Way, truth: Control) -> Errors {
-    let models = Models::new(&Sensor::reference(), way.law);
+pub(super) fn measure(variant: Variant, truth: Control) -> Errors {
+    let models = Models::new(&Sensor::reference(), variant.law);
     let (mut squares, mut count) = (0.0, 0.0);
     let mut errors = Errors { rms_hz: 0.0, max_hz: 0.0, max_rel: 0.0, max_upright_hz: 0.0 };
     for young_mpa in STIFFNESSES_MPA {
@@ -169,7 +170,7 @@ pub(super) fn measure(way: Way, truth: Control) -> Errors {
                         .shift_hz
                 };
                 let expected = at(Tier::Reference, truth, ContactLaw::Sneddon);
-                let error = (at(way.tier, way.control, way.law) - expected).abs();
+                let error = (at(variant.tier, variant.control, variant.law) - expected).abs();
                 squares += error * error;
                 count += 1.0;
                 errors.max_hz = errors.max_hz.max(error);
@@ -184,35 +185,35 @@ pub(super) fn measure(way: Way, truth: Control) -> Errors {
     errors
 }
 
-fn chart(truth: Control, points: &[(Way, Errors)], costs: &Costs) -> Chart {
+fn chart(truth: Control, points: &[(Variant, Errors)], costs: &Costs) -> Chart {
     let mut chart = Chart::new(
         &format!("Cost and error of each tier, depth held by the {}", truth.name()),
         "Nanoseconds of one evaluation against the largest error in Hz. Each line is a tier, from \
-         the series contact radius to the exact one; dashed lines are what scenes ask for.",
+         the series contact radius to the exact one; dashed lines are the tolerances of uses.",
         Axis::log("one evaluation, ns"),
         Axis::log("largest error, Hz"),
     );
     for (colour, tier) in Tier::ALL.into_iter().enumerate() {
-        // Without a stage's move the two tiers that know it are those that do not.
+        // T2s and E1s differ from T2 and E1 for stage moves only.
         if truth == Control::Indentation && matches!(tier, Tier::T2s | Tier::E1s) {
             continue;
         }
-        let of_tier = points.iter().filter(|(way, _)| way.tier == tier);
+        let of_tier = points.iter().filter(|(variant, _)| variant.tier == tier);
         let points: Vec<Point> = of_tier
-            .filter_map(|(way, errors)| {
-                let note = Some(format!("{}, {}", tier.name(), way.law.name()));
-                Some(Point { x: *costs.get(way)?, y: errors.max_hz, error: None, note })
+            .filter_map(|(variant, errors)| {
+                let note = Some(format!("{}, {}", tier.name(), variant.law.name()));
+                Some(Point { x: *costs.get(variant)?, y: errors.max_hz, error: None, note })
             })
             .collect();
         if !points.is_empty() {
             let joined = Series::joined(tier.name(), colour, points);
-            // Colours come round again, and with another marker.
+            // Repeated colours get another marker.
             let marker = Some(Marker::of(colour + colour / COLOURS));
             chart.series.push(Series { marker, ..joined });
         }
     }
-    for (scene, tolerance_hz, _) in SCENES {
-        let label = format!("{scene}: {tolerance_hz} Hz");
+    for (usage, tolerance_hz, _) in USES {
+        let label = format!("{usage}: {tolerance_hz} Hz");
         chart.rules.push(Rule::AtY { value: tolerance_hz, label });
     }
     chart
@@ -226,22 +227,22 @@ mod tests {
     #[test]
     fn every_way_has_a_cost_in_the_stored_table() {
         let costs = cost::stored();
-        for way in Way::all() {
-            assert!(costs.contains_key(&way), "{way:?}");
+        for variant in Variant::all() {
+            assert!(costs.contains_key(&variant), "{variant:?}");
         }
     }
 
-    /// The order of the ladder: each rung is worth its cost.
+    /// Each tier on the list is more accurate than the one before it.
     #[test]
     fn each_richer_tier_is_nearer_to_the_reference() {
         let rms = |tier, control, truth| {
-            measure(Way { tier, law: ContactLaw::SneddonSeries, control }, truth).rms_hz
+            measure(Variant { tier, law: ContactLaw::SneddonSeries, control }, truth).rms_hz
         };
         let (sunk, moved) = (Control::Indentation, Control::Stage);
         let ladder = [Tier::T0, Tier::T0b, Tier::T1, Tier::T2, Tier::E1, Tier::Exact]
             .map(|tier| rms(tier, sunk, sunk));
         assert!(ladder.is_sorted_by(|a, b| a > b), "{ladder:?}");
-        // On a stage, knowing its balance is worth more than everything else.
+        // On a stage, static deflection matters more than all other effects.
         let (misread, known) = (rms(Tier::E1, sunk, moved), rms(Tier::E1s, moved, moved));
         assert!(misread > 50.0 * known, "{misread} {known}");
     }

@@ -1,4 +1,4 @@
-//! Maps of where tiers, contact laws and read-outs are right, doubtful, wrong, or refuse.
+//! Maps of the failures of tiers, contact laws and read-outs.
 
 use rig_chart::{Category, HeatMap, Tone};
 use rig_contact::{
@@ -12,7 +12,7 @@ use crate::{
     paper_bench::{Control, INDENTATION_MM, contact, tissue},
 };
 
-/// What a cell of a map is.
+/// The grade of a cell of a map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Grade {
     Right,
@@ -53,7 +53,7 @@ impl Grade {
     }
 }
 
-/// A map: names of rows and columns, and a grade for each cell.
+/// A map with a grade for each cell.
 struct Map {
     file: &'static str,
     title: &'static str,
@@ -65,43 +65,45 @@ struct Map {
 
 /// Adds every map, as chart and table.
 pub(super) fn add(page: &mut Page) {
-    page.heading("Where models fail");
+    page.heading("Failures of the models");
     page.text(
-        "Against the reference with the exact contact, the worst of the three directions where there \
-         are several: within 1 %, within 10 % (~), beyond (×), or refused (–). A refusal is what a tier \
-         or a law gives outside its validity. What T0 and T1 give at an angle is wrong and not refused, \
-         because they are the paper's own formula for it: `Tier::cheapest_for` does not choose them.",
+        "The error against the reference with the exact contact, the worst of the three \
+         directions: within 1 %, within 10 % (~), beyond (×), or refused (–). A tier or a law \
+         refuses contacts outside its validity. T0 and T1 are wrong at an angle and do not refuse, \
+         because they are the paper's own formula; `Tier::cheapest_for` does not choose them \
+         there.",
     );
-    for (says, map) in [
+    for (text, map) in [
         (
-            "Over the contact angle, sample 3 at 0.5 mm. T1 is right upright and wrong from 30° on; \
-             equation (7) is not even right upright, because a straight line through the range is low in \
-             its middle. T2 holds to 75°, E1 to the end. 90° is refused.",
+            "Over the contact angle, for sample 3 at 0.5 mm. T1 is right upright and wrong from \
+             30° on. Equation (7) is wrong even upright, because a straight line through the range \
+             is low in the middle. T2 holds up to 75°, E1 up to 89.9°.",
             over_angle(),
         ),
         (
-            "Over the stiffness of the contact in that of the sensor's tip, upright. From 1e-16 on no \
-             tier loses its digits: what the lumped tiers miss there is the slope of a line that was \
-             fitted elsewhere. Beyond 10 the beam takes another shape, and they refuse.",
+            "Over the stiffness of the contact relative to that of the sensor's tip, upright. No \
+             tier loses digits down to 1e-16; the error of the lumped tiers there is the slope of \
+             a line that was fitted elsewhere. Beyond 10 the mode shape changes, and they refuse.",
             over_ratio(),
         ),
         (
-            "Contact laws over the depth. Beyond two radii the ball is sunk to its top: equation (4) \
-             would let the radius fall again there, and be imaginary beyond four.",
+            "Contact laws over the depth. At two radii the top of the ball is level with the \
+             surface. Beyond, the radius by equation (4) would fall, and be imaginary beyond four \
+             radii.",
             over_depth(),
         ),
         (
-            "Over the tissue's loss. The tiers hold; what people read off an impedance curve does not. \
-             The zero of the phase is the first to go.",
+            "Over the loss of the tissue. The tiers hold; the read-outs of an impedance curve \
+             fail, zero phase first.",
             over_loss(),
         ),
         (
-            "Over friction: where a contact pressed in at an angle would slip, it is refused. The \
-             paper's 0.1 holds to 8.5°.",
+            "Over friction. A contact that would slip is refused. The paper's coefficient of 0.1 \
+             holds up to 8.5°.",
             over_friction(),
         ),
     ] {
-        page.text(says);
+        page.text(text);
         let mut table = Csv::new(&["row", "column", "grade"]);
         for (row, grades) in &map.rows {
             for (column, grade) in map.columns.iter().zip(grades) {
@@ -121,8 +123,8 @@ impl Map {
         HeatMap {
             title: self.title.to_owned(),
             description: format!(
-                "{}: each cell says whether the row is right at the column's value, against the \
-                 reference with the exact contact.",
+                "{}: each cell grades the row at the column's value, against the reference with \
+                 the exact contact.",
                 self.title
             ),
             x_label: self.x_label.to_owned(),
@@ -143,7 +145,7 @@ fn shift(models: &Models, tier: Tier, tissue: &Tissue, contact: &Contact) -> Res
     models.predict(tier, tissue, contact).map(|found| found.shift_hz)
 }
 
-/// Tiers that differ in their shape of the beam; the balance of the stage is not at stake here.
+/// Tiers with different models of the beam, without stage moves.
 const TIERS: [Tier; 7] =
     [Tier::T0, Tier::T0b, Tier::T1, Tier::T2, Tier::E1, Tier::Exact, Tier::Reference];
 
@@ -173,7 +175,7 @@ fn over_angle() -> Map {
     }
 }
 
-/// The gravest of the grades: a wrong answer is graver than none.
+/// The worst of the grades. A wrong result is worse than a refusal.
 fn worst_of<const N: usize>(grades: [Grade; N]) -> Grade {
     [Grade::Wrong, Grade::Refused, Grade::Doubtful]
         .into_iter()
@@ -193,7 +195,7 @@ fn over_ratio() -> Map {
     let unit = ratio_of_one_mpa(&models, &contact);
     let grade = |tier: Tier, ratio: f64| {
         let shift = |tier| shift(&models, tier, &tissue(ratio / unit), &contact).ok();
-        // Where the reference ends the exact beam is all there is.
+        // Beyond the reference only the exact beam holds.
         let expected = shift(Tier::Reference).or(shift(Tier::Exact)).unwrap_or(f64::NAN);
         Grade::of(shift(tier), expected)
     };
@@ -224,9 +226,9 @@ fn over_depth() -> Map {
         ContactLaw::NeoHookean,
         ContactLaw::Sneddon,
     ];
-    let radius = |law: ContactLaw, depth: f64| law.at(depth).ok().map(|spot| spot.radius_rel);
+    let radius = |law: ContactLaw, depth: f64| law.at(depth).ok().map(|patch| patch.radius_rel);
     let grade = |law: ContactLaw, depth: f64| {
-        // Where Sneddon's solution is refused there is nothing to be right against.
+        // Beyond Sneddon's solution there is no truth.
         radius(ContactLaw::Sneddon, depth)
             .map_or(Grade::Refused, |expected| Grade::of(radius(law, depth), expected))
     };

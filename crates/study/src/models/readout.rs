@@ -1,4 +1,4 @@
-//! Where people read a resonance off an impedance curve.
+//! Read-outs of a resonance from an impedance curve.
 
 use num_complex::Complex64;
 
@@ -28,15 +28,15 @@ impl ReadOut {
         }
     }
 
-    /// The frequency read from an admittance curve around `near_hz`, or none where the curve has
-    /// no such place.
+    /// The frequency by this definition on an admittance curve around `near_hz`; `None` if the
+    /// curve has no such frequency.
     pub(crate) fn read_hz(
         self,
         near_hz: f64,
         admittance_s: impl Fn(f64) -> Complex64,
     ) -> Option<f64> {
-        // Without the capacitor's slope a magnitude of admittance has two turning points only when
-        // the resonance is strong; the windows end where the capacitor would win.
+        // The capacitor's slope hides the turning points of a weak resonance; the window ends
+        // before the slope dominates.
         let from = near_hz * (1.0 - WINDOW);
         let at = |index: u32| from + 2.0 * WINDOW * near_hz * f64::from(index) / f64::from(POINTS);
         let value = |frequency: f64| {
@@ -69,7 +69,7 @@ impl ReadOut {
 const WINDOW: f64 = 0.12;
 const POINTS: u32 = 2400;
 
-/// Where a function that is at most zero at `low` and positive at `high` crosses.
+/// The zero of a function that is at most zero at `low` and positive at `high`.
 fn bisect(mut low: f64, mut high: f64, value: impl Fn(f64) -> f64) -> f64 {
     for _ in 0..60 {
         let middle = 0.5 * (low + high);

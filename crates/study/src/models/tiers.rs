@@ -1,10 +1,10 @@
-//! The tiers: what each is, where it holds, what it costs, and what it misses.
+//! The tiers: description, validity, cost and error.
 
 use rig_contact::{ContactLaw, Tier};
 
 use super::{
     cost::{Costs, ImpedanceCosts},
-    errors::{Way, measure},
+    errors::{Variant, measure},
 };
 use crate::{
     page::{Page, Table},
@@ -14,14 +14,15 @@ use crate::{
 pub(super) fn add(page: &mut Page, costs: &Costs, of_impedance: &ImpedanceCosts) {
     page.heading("The tiers");
     page.text(
-        "A tier refuses what lies outside its validity: a contact stiffer than so many times the \
-         sensor's tip, or a move of the stage when it does not know that the sensor gives way. Cost and \
-         error here are those with the series contact radius and the indentation held, except for T2s \
-         and E1s, for which the stage is; every other column is in the charts below.",
+        "A tier refuses contacts outside its validity: a contact above its limit of stiffness \
+         relative to the sensor's tip, or a move of the stage if it does not model the static \
+         deflection of the sensor. Cost and error are those with the series contact radius and the \
+         indentation held, or the stage held for T2s and E1s; the charts below show the other \
+         combinations.",
     );
     let mut table = Table::new(&[
         "tier",
-        "what it is",
+        "description",
         "stiffness ratio up to",
         "stage moves",
         "impedance",
@@ -34,15 +35,15 @@ pub(super) fn add(page: &mut Page, costs: &Costs, of_impedance: &ImpedanceCosts)
             Tier::T2s | Tier::E1s => Control::Stage,
             _ => Control::Indentation,
         };
-        let way = Way { tier, law: ContactLaw::SneddonSeries, control };
+        let variant = Variant { tier, law: ContactLaw::SneddonSeries, control };
         let error = match tier {
-            Tier::Reference => "the yardstick".to_owned(),
-            _ => format!("{:.2}", measure(way, control).max_hz),
+            Tier::Reference => "the reference".to_owned(),
+            _ => format!("{:.2}", measure(variant, control).max_hz),
         };
         let yes = |is: bool| if is { "yes" } else { "no" }.to_owned();
         table.row([
             tier.name().to_owned(),
-            what(tier).to_owned(),
+            description(tier).to_owned(),
             if validity.stiffness_ratio_max.is_finite() {
                 validity.stiffness_ratio_max.to_string()
             } else {
@@ -50,12 +51,12 @@ pub(super) fn add(page: &mut Page, costs: &Costs, of_impedance: &ImpedanceCosts)
             },
             yes(validity.takes_stage_moves),
             yes(validity.has_impedance),
-            costs.get(&way).map_or(String::new(), |ns| format!("{ns:.0}")),
+            costs.get(&variant).map_or(String::new(), |ns| format!("{ns:.0}")),
             error,
         ]);
     }
     page.table(table);
-    page.text("What an impedance costs, as an analyzer reads it:");
+    page.text("The cost of an impedance:");
     let mut table = Table::new(&["step", "cost, ns"]);
     for (step, ns) in of_impedance {
         table.row([(*step).to_owned(), format!("{ns:.0}")]);
@@ -63,15 +64,15 @@ pub(super) fn add(page: &mut Page, costs: &Costs, of_impedance: &ImpedanceCosts)
     page.table(table);
 }
 
-const fn what(tier: Tier) -> &'static str {
+const fn description(tier: Tier) -> &'static str {
     match tier {
         Tier::T0 => "equation (7): proportional to the contact stiffness",
         Tier::T0b => "equation (7) with the loaded sensor's frequency",
         Tier::T1 => "one mass between two springs",
         Tier::T2 => "T1 with tangential stiffness, tilt and probe arm",
-        Tier::T2s => "T2 with the stage's balance",
+        Tier::T2s => "T2 with static deflection",
         Tier::E1 => "one beam element in closed form",
-        Tier::E1s => "E1 with the stage's balance",
+        Tier::E1s => "E1 with static deflection",
         Tier::Exact => "the exact beam without losses",
         Tier::Reference => "sixteen elements in space with losses and electrodes",
     }

@@ -1,4 +1,4 @@
-//! Figures 11, 12 and 13: the paper's experiment, by the real daemon on the simulated bench.
+//! Figures 11, 12 and 13: the paper's experiment, by the daemon on the simulated bench.
 
 mod run;
 
@@ -29,7 +29,7 @@ pub(super) fn add(page: &mut Page, args: &Args) -> Result<(), StudyError> {
     page.heading("Figures 11 to 13: the experiment on the simulated bench");
     let Some(rigd) = &args.rigd else {
         page.text(
-            "Not run: `--rigd target/release/rigd` lets the daemon replay the paper's protocol on \
+            "Not run: with `--rigd target/release/rigd` the daemon replays the paper's protocol on \
              the simulated bench.",
         );
         return Ok(());
@@ -37,8 +37,8 @@ pub(super) fn add(page: &mut Page, args: &Args) -> Result<(), StudyError> {
     let run = BenchRun::of(rigd, &args.protocol)?;
     page.text(format!(
         "The daemon replayed `{}` through its drivers against simulated instruments: {} touches in \
-         {:.0} s of the rig's time. Its shifts, found as a laboratory would find them, with the \
-         surface sought before each touch and the resonance fitted to noisy impedances:",
+         {:.0} s on the rig's clock. As in a laboratory, it finds the surface before each touch \
+         and fits the resonance to noisy impedances. The shifts:",
         args.protocol.display(),
         run.touches.len(),
         run.rig_seconds
@@ -47,9 +47,9 @@ pub(super) fn add(page: &mut Page, args: &Args) -> Result<(), StudyError> {
     page.chart("figure-12.svg", figure_12(&run));
     page.table(shifts(&run));
     page.text(
-        "The paper's figures have no numbers; it calls them consistent with its simulation. Here the \
-         bench has what the model of Figure 7 has not: noise, scatter of the samples, a surface that is \
-         sought. The means of the three directions, beside those of Figure 7:",
+        "The paper's figures have no numbers; the paper calls them consistent with its simulation. \
+         The bench adds noise, scatter of the samples and an uncertain surface to the model of \
+         Figure 7. The means of the three directions beside those of Figure 7:",
     );
     page.table(against_model(&run));
     summary(page, &run);
@@ -57,7 +57,7 @@ pub(super) fn add(page: &mut Page, args: &Args) -> Result<(), StudyError> {
     Ok(())
 }
 
-/// Touches of the main phase: the mean shift of a sample in a direction at an angle.
+/// The mean shift of the main touches of a sample in a direction at an angle.
 fn mean_hz(run: &BenchRun, sample: usize, direction: Option<Direction>, angle: f64) -> Option<f64> {
     let of_cell: Vec<f64> = run
         .touches
@@ -128,7 +128,7 @@ fn shifts(run: &BenchRun) -> Table {
     table
 }
 
-/// Figure 12 against Figure 7.
+/// Figure 12 beside Figure 7.
 fn against_model(run: &BenchRun) -> Table {
     let mut table = Table::new(&[
         "sample",
@@ -142,11 +142,11 @@ fn against_model(run: &BenchRun) -> Table {
         "fall, model",
     ]);
     let models = Models::new(&Sensor::reference(), ContactLaw::Sneddon);
-    let way = noiseless(&models, Tier::Reference, Control::Indentation);
+    let simulation = noiseless(&models, Tier::Reference, Control::Indentation);
     for (sample, &young) in SAMPLES_MPA.iter().enumerate() {
         let pair = |angle| {
             let found = mean_hz(run, sample, None, angle)?;
-            Some((found, figures::mean_hz(&way, young, angle)))
+            Some((found, figures::mean_hz(&simulation, young, angle)))
         };
         let (Some(upright), Some(leaning)) = (pair(0.0), pair(45.0)) else { continue };
         let cells = |(found, model): (f64, f64)| {
@@ -173,13 +173,13 @@ fn summary(page: &mut Page, run: &BenchRun) {
     row("sensitivity, Hz/MPa (simulation)", 134.11, run.sensitivity_hz_per_mpa);
     page.table(table);
     page.text(
-        "The experiment's 137.6 Hz is 2 % below the simulation's 140.4 Hz, which 0.4 mm more of \
-         free length at the clamp would give: a no-load resonance is to be measured at every \
-         session, and here is for every touch.",
+        "The 137.6 Hz of the experiment are 2 % below the 140.4 Hz of the simulation. A free \
+         length that is 0.4 mm longer at the clamp would explain it. The no-load resonance must \
+         therefore be measured in every session; here it is measured for every touch.",
     );
 }
 
-/// Figure 13, by the paper's method and by ours.
+/// Figure 13, by the paper's method and by the methods of this project.
 fn blind(page: &mut Page, run: &BenchRun) {
     let blind: Vec<&BenchTouch> = run.touches.iter().filter(|touch| touch.is_blind).collect();
     let known: Vec<&BenchTouch> = run.touches.iter().filter(|touch| !touch.is_blind).collect();
@@ -214,7 +214,7 @@ fn blind(page: &mut Page, run: &BenchRun) {
         ("k-means on shifts (the paper's)", "46 of 50", by_k_means(&shifts)),
         ("k-means on logarithms of shifts", "", by_k_means(&logs)),
         ("centres calibrated on the main phase, shifts", "", calibrated(&|t| Some(t.shift_hz))),
-        ("the same on stiffnesses, the angle compensated", "", calibrated(&young)),
+        ("centres calibrated on the main phase, compensated stiffness", "", calibrated(&young)),
     ] {
         let Some(right) = right else { continue };
         let (low, high) = wilson_95(right, trials);
@@ -229,9 +229,9 @@ fn blind(page: &mut Page, run: &BenchRun) {
     }
     page.table(table);
     page.text(
-        "The samples' stiffnesses from their touches, with the angle compensated. What the touches of \
-         one mounting share, the error of the surface found and of the screw, does not show in their \
-         scatter: it is one to two percent.",
+        "The stiffness of each sample from its touches, with the angle compensated. Errors that \
+         all touches of one mounting share, of the surface found and of the screw, do not show in \
+         their scatter; they are one to two percent.",
     );
     page.table(stiffnesses(&compensation, &known));
 }

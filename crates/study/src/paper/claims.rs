@@ -1,4 +1,4 @@
-//! The paper's claims, one by one: what holds, what does not, and what cannot be decided.
+//! The assessment of the paper's claims.
 
 mod bounds;
 mod equations;
@@ -8,33 +8,33 @@ mod sensor;
 
 use crate::page::{Page, Table};
 
-/// A claim with its verdict and the numbers that it rests on.
+/// A claim with its assessment and the supporting numbers.
 #[derive(Clone)]
 struct Claim {
-    place: &'static str,
-    says: &'static str,
-    verdict: Verdict,
+    section: &'static str,
+    statement: &'static str,
+    assessment: Assessment,
     numbers: String,
 }
 
 fn claim(
-    place: &'static str,
-    says: &'static str,
-    verdict: Verdict,
+    section: &'static str,
+    statement: &'static str,
+    assessment: Assessment,
     numbers: impl Into<String>,
 ) -> Claim {
-    Claim { place, says, verdict, numbers: numbers.into() }
+    Claim { section, statement, assessment, numbers: numbers.into() }
 }
 
 #[derive(Clone, Copy)]
-enum Verdict {
+enum Assessment {
     Holds,
     HoldsInPart,
     DoesNotHold,
     Undecided,
 }
 
-impl Verdict {
+impl Assessment {
     const fn name(self) -> &'static str {
         match self {
             Self::Holds => "holds",
@@ -47,7 +47,7 @@ impl Verdict {
 
 pub(super) fn add(page: &mut Page) {
     page.heading("Claim by claim");
-    let mut table = Table::new(&["place", "claim", "verdict", "numbers"]);
+    let mut table = Table::new(&["section", "claim", "assessment", "numbers"]);
     let all = [
         equations::claims(),
         bounds::claims(),
@@ -56,8 +56,13 @@ pub(super) fn add(page: &mut Page) {
         experiment::claims(),
     ];
     for claims in all {
-        for Claim { place, says, verdict, numbers } in claims {
-            table.row([place.to_owned(), says.to_owned(), verdict.name().to_owned(), numbers]);
+        for Claim { section, statement, assessment, numbers } in claims {
+            table.row([
+                section.to_owned(),
+                statement.to_owned(),
+                assessment.name().to_owned(),
+                numbers,
+            ]);
         }
     }
     page.table(table);

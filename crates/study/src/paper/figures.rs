@@ -10,7 +10,7 @@ use rig_contact::{ContactLaw, Direction, Friction, Models, Sensor, Tier};
 use crate::{
     page::Page,
     paper_bench::Control,
-    simulate::{Nuisances, Way},
+    simulate::{Nuisances, TouchSimulation},
 };
 
 pub(super) fn add(page: &mut Page) {
@@ -22,8 +22,8 @@ pub(super) fn add(page: &mut Page) {
     sensors::add(page);
 }
 
-pub(super) fn noiseless(models: &Models, tier: Tier, control: Control) -> Way<'_> {
-    Way {
+pub(super) fn noiseless(models: &Models, tier: Tier, control: Control) -> TouchSimulation<'_> {
+    TouchSimulation {
         models,
         tier,
         law: ContactLaw::Sneddon,
@@ -34,9 +34,11 @@ pub(super) fn noiseless(models: &Models, tier: Tier, control: Control) -> Way<'_
 }
 
 /// The mean of the three directions, Hz.
-pub(super) fn mean_hz(way: &Way<'_>, young_mpa: f64, angle_deg: f64) -> f64 {
-    let sum: f64 =
-        Direction::ALL.iter().map(|&direction| way.exact_hz(young_mpa, direction, angle_deg)).sum();
+pub(super) fn mean_hz(simulation: &TouchSimulation<'_>, young_mpa: f64, angle_deg: f64) -> f64 {
+    let sum: f64 = Direction::ALL
+        .iter()
+        .map(|&direction| simulation.exact_hz(young_mpa, direction, angle_deg))
+        .sum();
     sum / Direction::ALL.len() as f64
 }
 

@@ -11,7 +11,7 @@ use super::compared;
 use crate::{
     page::{Page, Table},
     paper_bench::{Control, SAMPLES_MPA},
-    simulate::{Nuisances, Way},
+    simulate::{Nuisances, TouchSimulation},
 };
 use rig_model::random::Stream;
 
@@ -23,26 +23,26 @@ pub(super) const INTERVALS_DEG: [f64; 4] = [0.0, 15.0, 30.0, 45.0];
 pub(super) const PRINTED: [[f64; 4]; 3] =
     [[100.0, 100.0, 100.0, 94.1], [100.0, 96.7, 79.6, 73.7], [100.0, 77.3, 67.0, 55.4]];
 
-/// Where a sample's range of shifts comes from.
+/// The definition of a sample's range of shifts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum RangeOf {
-    /// The ends of the interval of angles, as the paper words it.
+    /// The shifts at the ends of the interval of angles, as the paper words it.
     Ends,
     /// The least and the greatest shift in the interval.
     Interval,
 }
 
-/// What becomes of a point that lies in no range at all.
+/// The treatment of a point outside every range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Outside {
-    /// It is not recognised.
+    /// The point is not recognised.
     Lost,
-    /// It is taken for the sample with the nearest range.
+    /// The point counts for the sample with the nearest range.
     Nearest,
 }
 
 impl Outside {
-    /// The shift by which a point is judged: in the second reading that of the nearest range's end.
+    /// The shift that is judged: for `Nearest` the nearest end of a range.
     fn judged_hz(self, ranges: &[Range], shift_hz: f64) -> f64 {
         if self == Self::Lost || ranges.iter().any(|range| range.contains(shift_hz)) {
             return shift_hz;
@@ -54,10 +54,14 @@ impl Outside {
 }
 
 /// Each sample's range of shifts over an interval of angles, in all directions.
-pub(super) fn ranges(way: &Way<'_>, largest_deg: f64, of: RangeOf) -> Vec<Range> {
+pub(super) fn ranges(
+    simulation: &TouchSimulation<'_>,
+    largest_deg: f64,
+    of: RangeOf,
+) -> Vec<Range> {
     let range = |&young_mpa: &f64| {
         let shifts = Direction::ALL.into_iter().flat_map(|direction| {
-            let shift = |angle: f64| way.exact_hz(young_mpa, direction, angle);
+            let shift = |angle: f64| simulation.exact_hz(young_mpa, direction, angle);
             let highest = (of == RangeOf::Interval).then(|| highest(shift, largest_deg));
             [shift(0.0), shift(largest_deg)].into_iter().chain(highest)
         });
@@ -66,9 +70,9 @@ pub(super) fn ranges(way: &Way<'_>, largest_deg: f64, of: RangeOf) -> Vec<Range>
     SAMPLES_MPA.iter().map(range).collect()
 }
 
-/// The greatest shift in an interval of angles: a shift rises at most once before it falls.
+/// The largest shift in an interval of angles, for a shift with a single maximum.
 fn highest(shift: impl Fn(f64) -> f64, largest_deg: f64) -> f64 {
-    /// Thirds of the interval that are cut off: to 3e-4 of it, which the shift feels squared.
+    /// Cuts of a third of the interval, down to 3e-4 of it; the shift is flat at its maximum.
     const CUTS: u32 = 20;
     let (mut low, mut high) = (0.0, largest_deg);
     for _ in 0..CUTS {
@@ -80,7 +84,7 @@ fn highest(shift: impl Fn(f64) -> f64, largest_deg: f64) -> f64 {
 
 /// One pass over the lattices of all samples.
 pub(super) fn pass(
-    way: &Way<'_>,
+    simulation: &TouchSimulation<'_>,
     ranges: &[Range],
     outside: Outside,
     largest_deg: f64,
@@ -92,7 +96,7 @@ pub(super) fn pass(
         for _ in 0..points {
             let direction = random.pick(&Direction::ALL);
             let angle = largest_deg * random.uniform();
-            let shift = way.read_hz(young_mpa, direction, angle, random);
+            let shift = simulation.read_hz(young_mpa, direction, angle, random);
             tally.add(judge(ranges, sample, outside.judged_hz(ranges, shift)));
         }
     }
@@ -102,26 +106,27 @@ pub(super) fn pass(
 pub(super) fn add(page: &mut Page, repeats: u32, seed: u64) {
     page.heading("Figure 9: blind recognition in simulation");
     page.text(
-        "As the paper defines it: a sample's range of shifts runs over the interval of angles; a \
-         point at a random angle is recognised when it lies in its own range and in no other, and \
-         \"may be misjudged\" when it lies in another too. Such points are counted by half. Rates of \
-         100 points of 5 samples are multiples of 0.2 %; of the printed ones 96.7, 77.3, 73.7 and \
-         94.1 are not, so that points were counted in parts or by directions. The paper says that \
-         the range is taken at the boundary of the interval; where the probe's arm makes the shift \
-         to the front rise first, such a range misses the points in between.",
+        "As the paper defines it, a sample's range of shifts runs over the interval of angles. A \
+         point at a random angle is recognised if it lies in its own range and in no other, and \
+         \"may be misjudged\" if it lies in another range too. Such points count by half here. \
+         Rates of 100 points of 5 samples are multiples of 0.2 %; of the printed rates 96.7, 77.3, \
+         73.7 and 94.1 are not, so that points were counted in parts or by directions. The paper \
+         takes the range at the boundary of the interval; with an arm, the shift to the front \
+         rises first, and such a range misses the points in between.",
     );
     page.table(by_ranges(repeats, seed));
     page.text(
-        "The first row comes out of mechanics alone, without any noise, when ranges hold the whole \
-         interval: only samples 3 and 4 overlap, and only beyond 30°. The other two rows do not: by \
-         the same mechanics they are as good as the first.",
+        "With ranges over the whole interval, the first row follows from mechanics alone, without \
+         noise: only samples 3 and 4 overlap, and only beyond 30°. The other two rows do not \
+         follow: by the same mechanics they are as good as the first.",
     );
-    page.heading("Recognition as a statistician would");
+    page.heading("Figure 9: recognition by calibrated classes");
     page.text(format!(
         "The same five samples and intervals, with the errors of a bench: {} Hz, {} mm of depth, \
-         {}° of angle, {} % of stiffness from place to place. Logarithms of shifts are compared \
+         {}° of angle, {} % of stiffness from point to point. Logarithms of shifts are compared \
          with centres calibrated on twelve touches of each sample, in the paper's directions and \
-         angles. With the angle known the shift is first divided by that of the same pose.",
+         angles. With a known angle the shift is first divided by that of the reference sample at \
+         the same pose.",
         Nuisances::BENCH.shift_hz,
         Nuisances::BENCH.depth_mm,
         Nuisances::BENCH.angle_deg,
@@ -137,14 +142,14 @@ fn by_ranges(repeats: u32, seed: u64) -> Table {
         "printed, %",
         "ours, no noise, %",
         "difference",
-        "doubtful not counted / counted in full",
+        "ambiguous not counted / counted in full",
         "ranges from the ends, %",
         "ours on the bench, %",
     ]);
     for (index, sensor) in compared(ContactLaw::Sneddon).iter().enumerate() {
         for (interval, &largest_deg) in INTERVALS_DEG.iter().enumerate() {
             let rate = |nuisances: Nuisances, of: RangeOf, credit: Credit| {
-                let way = Way {
+                let simulation = TouchSimulation {
                     models: &sensor.models,
                     tier: Tier::E1,
                     law: ContactLaw::Sneddon,
@@ -152,10 +157,11 @@ fn by_ranges(repeats: u32, seed: u64) -> Table {
                     control: Control::Indentation,
                     nuisances,
                 };
-                let ranges = ranges(&way, largest_deg, of);
+                let ranges = ranges(&simulation, largest_deg, of);
                 let mut random = Stream::new(seed, (4 * index + interval) as u64);
                 let points = POINTS * repeats;
-                let tally = pass(&way, &ranges, Outside::Lost, largest_deg, points, &mut random);
+                let tally =
+                    pass(&simulation, &ranges, Outside::Lost, largest_deg, points, &mut random);
                 100.0 * tally.rate(credit).expect("points were judged")
             };
             let quiet = |of, credit| rate(Nuisances::NONE, of, credit);
@@ -163,7 +169,7 @@ fn by_ranges(repeats: u32, seed: u64) -> Table {
             let [none, full] =
                 [Credit::None, Credit::Full].map(|credit| quiet(RangeOf::Interval, credit));
             let printed = PRINTED[index][interval];
-            // A range without width recognises nothing once there is noise.
+            // A range without width recognises no noisy point.
             let on_bench = if largest_deg > 0.0 {
                 format!("{:.1}", rate(Nuisances::BENCH, RangeOf::Interval, Credit::Shared))
             } else {
@@ -195,7 +201,7 @@ fn by_classifier(repeats: u32, seed: u64) -> Table {
         "95 % interval",
     ]);
     for (index, sensor) in compared(ContactLaw::Sneddon).iter().enumerate() {
-        let way = Way {
+        let simulation = TouchSimulation {
             models: &sensor.models,
             tier: Tier::E1,
             law: ContactLaw::Sneddon,
@@ -207,7 +213,7 @@ fn by_classifier(repeats: u32, seed: u64) -> Table {
             let mut random = Stream::new(seed, 100 + (4 * index + interval) as u64);
             let counts = [false, true].map(|is_known| {
                 (0..repeats)
-                    .map(|_| recognised(&way, largest_deg, is_known, &mut random))
+                    .map(|_| recognised(&simulation, largest_deg, is_known, &mut random))
                     .sum::<u32>()
             });
             let trials = repeats * TRIALS;
@@ -230,19 +236,24 @@ fn by_classifier(repeats: u32, seed: u64) -> Table {
 /// Blind touches after each calibration.
 const TRIALS: u32 = 100;
 
-/// How many of the blind touches are recognised after one calibration.
-fn recognised(way: &Way<'_>, largest_deg: f64, is_known: bool, random: &mut Stream) -> u32 {
-    // Without a pose to compare with, a shift is compared as it is.
-    let yardstick = |direction, angle| {
-        if is_known { way.exact_hz(SAMPLES_MPA[2], direction, angle) } else { 1.0 }
+/// The number of recognised blind touches after one calibration.
+fn recognised(
+    simulation: &TouchSimulation<'_>,
+    largest_deg: f64,
+    is_known: bool,
+    random: &mut Stream,
+) -> u32 {
+    // With an unknown pose the shift is compared without division.
+    let divisor = |direction, angle| {
+        if is_known { simulation.exact_hz(SAMPLES_MPA[2], direction, angle) } else { 1.0 }
     };
     let (mut values, mut labels) = (Vec::new(), Vec::new());
     for (sample, &young_mpa) in SAMPLES_MPA.iter().enumerate() {
         for direction in Direction::ALL {
             for share in [0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0] {
                 let angle = share * largest_deg;
-                let shift = way.read_hz(young_mpa, direction, angle, random);
-                values.push(shift / yardstick(direction, angle));
+                let shift = simulation.read_hz(young_mpa, direction, angle, random);
+                values.push(shift / divisor(direction, angle));
                 labels.push(sample);
             }
         }
@@ -253,8 +264,8 @@ fn recognised(way: &Way<'_>, largest_deg: f64, is_known: bool, random: &mut Stre
         let sample = random.pick(&[0, 1, 2, 3, 4]);
         let direction = random.pick(&Direction::ALL);
         let angle = largest_deg * random.uniform();
-        let shift = way.read_hz(SAMPLES_MPA[sample], direction, angle, random);
-        let verdict = classifier.classify(shift / yardstick(direction, angle), 0.0);
+        let shift = simulation.read_hz(SAMPLES_MPA[sample], direction, angle, random);
+        let verdict = classifier.classify(shift / divisor(direction, angle), 0.0);
         matches!(verdict, Some(Decision::Class { class, .. }) if class == sample)
     };
     (0..TRIALS).map(|_| u32::from(is_right(random))).sum()

@@ -1,4 +1,4 @@
-//! Whether any nuisances of any size give all printed rates of Figure 9 together.
+//! The search for nuisances that give all printed rates of Figure 9.
 
 use rayon::prelude::*;
 use rig_analysis::recognition::Credit;
@@ -8,11 +8,11 @@ use super::lattice::{INTERVALS_DEG, Outside, PRINTED, RangeOf, pass, ranges};
 use crate::{
     page::{Page, Table},
     paper_bench::Control,
-    simulate::{Nuisances, Way},
+    simulate::{Nuisances, TouchSimulation},
 };
 use rig_model::random::Stream;
 
-/// What is searched over, each in the unit interval, and what it stands for at one.
+/// The unknowns, each in the unit interval, with the value at one.
 const UNKNOWNS: [(&str, f64); 7] = [
     ("arm, mm", 10.0),
     ("tangential over normal stiffness", 1.0),
@@ -22,8 +22,8 @@ const UNKNOWNS: [(&str, f64); 7] = [
     ("stiffness scatter, relative", 0.4),
     ("pivot eccentricity, mm", 1.5),
 ];
-/// Candidates, how often they are improved, and the share of unknowns that a challenger mixes.
-const CROWD: u64 = 64;
+/// Number of candidates, number of generations, and share of the unknowns that a challenger mixes.
+const POPULATION: u64 = 64;
 const GENERATIONS: u64 = 100;
 const CROSSING: f64 = 0.9;
 /// Points of each sample in a trial.
@@ -31,12 +31,12 @@ const POINTS: u32 = 60;
 
 type Unknowns = [f64; UNKNOWNS.len()];
 
-/// What a candidate must reproduce.
+/// The rates that a candidate must reproduce.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Goal {
     /// All three sensors with the same nuisances.
     Together,
-    /// The same, where a point outside every range counts for the nearest.
+    /// All three sensors; a point outside every range counts for the nearest one.
     TogetherNearest,
     /// One sensor by itself.
     Alone(usize),
@@ -62,7 +62,7 @@ impl Goal {
     const fn name(self) -> &'static str {
         match self {
             Self::Together => "all three",
-            Self::TogetherNearest => "all three, lost points to the nearest range",
+            Self::TogetherNearest => "all three, outside points to the nearest range",
             Self::Alone(0) => "L 35, R 0.5 alone",
             Self::Alone(1) => "L 35, R 1 alone",
             Self::Alone(_) => "L 20, R 0.5 alone",
@@ -71,12 +71,13 @@ impl Goal {
 }
 
 pub(super) fn add(page: &mut Page, seed: u64) {
-    page.heading("Figure 9: the search for what could give it");
+    page.heading("Figure 9: the search for an explanation");
     page.text(format!(
-        "{CROWD} random combinations of {} unknowns, improved {GENERATIONS} times by differential \
-         evolution, against the printed rates of the intervals that have a width; at 0° a range \
-         without width recognises everything or, with noise, nothing. A model that explains the rates \
-         would bring the root mean square below about 1.5 points, the scatter of 500 points.",
+        "{POPULATION} random combinations of {} unknowns, improved over {GENERATIONS} generations \
+         of differential evolution, against the printed rates of the intervals with a width; at 0° \
+         a range without width recognises everything or, with noise, nothing. A model that \
+         explains the rates would have a root mean square below about 1.5 points, the scatter of \
+         500 points.",
         UNKNOWNS.len()
     ));
     let mut columns = vec!["fitted", "rms, points", "rates, %"];
@@ -96,17 +97,17 @@ pub(super) fn add(page: &mut Page, seed: u64) {
     }
     page.table(table);
     page.text(
-        "The paper does not say what becomes of a point that no range holds; both readings are tried. \
-         Each row by itself has nuisances that give it or come near, and those of one are not those of \
-         another; the three together have none that comes within three times the scatter of chance. \
-         Noise of the frequency cannot make the ball of 1 mm worse than that of 0.5 mm, because its \
-         shifts are larger; noise of depth, angle or stiffness acts alike on two sensors with the same \
-         ball, whatever their length. What the paper changed between its sensors besides length and \
-         ball, it does not say. The second and third rows cannot be reproduced by any sensible model.",
+        "The paper does not say how a point outside every range counts; both readings are tried. \
+         Nuisances exist that give each row by itself, exactly or nearly, but they differ from row \
+         to row; none gives the three rows together within three times the random scatter. \
+         Frequency noise cannot make the ball of 1 mm worse than that of 0.5 mm, because its \
+         shifts are larger; noise of depth, angle or stiffness acts equally on two sensors with \
+         the same ball, whatever their length. The paper does not say what else changed between \
+         its sensors. No sensible model reproduces the second and the third row.",
     );
 }
 
-/// The best combination for a goal and its root mean square, in points.
+/// The best combination for a goal with its root mean square, in points.
 ///
 /// Differential evolution: each candidate is challenged by a mixture of itself, the best and the
 /// difference of two others.
@@ -117,24 +118,24 @@ fn search(goal: Goal, seed: u64) -> (Unknowns, f64) {
     let judged = |unknowns: Unknowns| (unknowns, misfit(goal, &unknowns, seed));
     let stream =
         |generation: u64, index: u64| Stream::new(seed, (generation << 32) | (1000 + index));
-    let mut crowd: Vec<(Unknowns, f64)> = (0..CROWD)
+    let mut population: Vec<(Unknowns, f64)> = (0..POPULATION)
         .into_par_iter()
         .map(|index| {
             let mut random = stream(0, index);
             judged(std::array::from_fn(|_| random.uniform()))
         })
         .collect();
-    let best_of = |crowd: &[(Unknowns, f64)]| {
-        *crowd.iter().min_by(|a, b| a.1.total_cmp(&b.1)).expect("the crowd is not empty")
+    let best_of = |population: &[(Unknowns, f64)]| {
+        *population.iter().min_by(|a, b| a.1.total_cmp(&b.1)).expect("the population is not empty")
     };
     for generation in 1..=GENERATIONS {
-        let best = best_of(&crowd).0;
-        crowd = crowd
+        let best = best_of(&population).0;
+        population = population
             .par_iter()
             .enumerate()
             .map(|(index, old)| {
                 let mut random = stream(generation, index as u64);
-                let [one, other] = [random.pick(&crowd).0, random.pick(&crowd).0];
+                let [one, other] = [random.pick(&population).0, random.pick(&population).0];
                 let pull = 0.4 + 0.5 * random.uniform();
                 let mixed = std::array::from_fn(|at| {
                     if random.uniform() > CROSSING {
@@ -148,7 +149,7 @@ fn search(goal: Goal, seed: u64) -> (Unknowns, f64) {
             })
             .collect();
     }
-    best_of(&crowd)
+    best_of(&population)
 }
 
 fn misfit(goal: Goal, unknowns: &Unknowns, seed: u64) -> f64 {
@@ -161,7 +162,7 @@ fn misfit(goal: Goal, unknowns: &Unknowns, seed: u64) -> f64 {
     (squares.sum::<f64>() / count).sqrt()
 }
 
-/// The rates of the goal's sensors in percent, or none when a sensor cannot be built.
+/// The rates of the goal's sensors, percent; `None` if a sensor cannot be built.
 fn rates(goal: Goal, unknowns: &Unknowns, seed: u64) -> Option<Vec<[f64; 4]>> {
     let value = |index: usize| unknowns[index] * UNKNOWNS[index].1;
     let sensors = [(35.0, 0.5), (35.0, 1.0), (20.0, 0.5)];
@@ -175,7 +176,7 @@ fn rates(goal: Goal, unknowns: &Unknowns, seed: u64) -> Option<Vec<[f64; 4]>> {
             ..SensorDesign::reference()
         };
         let models = Models::new(&Sensor::new(design).ok()?, ContactLaw::Sneddon);
-        let way = Way {
+        let simulation = TouchSimulation {
             models: &models,
             tier: Tier::E1,
             law: ContactLaw::SneddonSeries,
@@ -189,13 +190,14 @@ fn rates(goal: Goal, unknowns: &Unknowns, seed: u64) -> Option<Vec<[f64; 4]>> {
                 eccentricity_mm: value(6),
             },
         };
-        // At one angle a range has no width, and the rate is 100 % or means nothing.
+        // At 0° a range has no width, and the rate is 100 % or meaningless.
         let mut row = [100.0; 4];
         for (rate, &largest_deg) in row.iter_mut().zip(&INTERVALS_DEG).skip(1) {
-            // The same draws for every candidate, so that their difference is not chance.
+            // All candidates get the same draws, so that their difference is not random.
             let mut random = Stream::new(seed, 50 + index as u64);
-            let ranges = ranges(&way, largest_deg, RangeOf::Interval);
-            let tally = pass(&way, &ranges, goal.outside(), largest_deg, POINTS, &mut random);
+            let ranges = ranges(&simulation, largest_deg, RangeOf::Interval);
+            let tally =
+                pass(&simulation, &ranges, goal.outside(), largest_deg, POINTS, &mut random);
             *rate = 100.0 * tally.rate(Credit::Shared)?;
         }
         rates.push(row);

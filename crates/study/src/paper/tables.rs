@@ -1,4 +1,4 @@
-//! Tables 1 to 3: what the paper was simulated with, and what it measured of its samples.
+//! Tables 1 to 3: materials, samples and hardness.
 
 use rig_contact::{ContactLaw, Direction, Models, SensorDesign, Tier};
 
@@ -6,7 +6,7 @@ use super::figures::noiseless;
 use crate::{
     page::{Page, Table},
     paper_bench::{Control, SAMPLES_MPA},
-    simulate::Way,
+    simulate::TouchSimulation,
 };
 
 pub(super) fn add(page: &mut Page) {
@@ -18,8 +18,8 @@ pub(super) fn add(page: &mut Page) {
 
 fn materials(page: &mut Page) {
     page.text(
-        "Table 1 names materials and gives no constants. Ours are those of the literature; width, \
-         thicknesses, probe and losses are not printed at all.",
+        "Table 1 names materials and gives no constants. Ours are from the literature. Width, \
+         thicknesses, probe and losses are not printed.",
     );
     let SensorDesign { piezo, core, .. } = SensorDesign::reference();
     let mut table = Table::new(&["part", "printed", "ours"]);
@@ -27,7 +27,7 @@ fn materials(page: &mut Page) {
         "probe".to_owned(),
         "stainless steel".to_owned(),
         format!(
-            "rigid against every sample; its mass, {} g with its fixture, follows from 140.4 Hz",
+            "rigid against every sample; its mass, {} g with the fixture, follows from 140.4 Hz",
             SensorDesign::reference().tip_mass_g
         ),
     ]);
@@ -53,20 +53,22 @@ fn materials(page: &mut Page) {
         ),
     ]);
     let models = Models::new(&rig_contact::Sensor::reference(), ContactLaw::Sneddon);
-    let way = noiseless(&models, Tier::Reference, Control::Indentation);
+    let simulation = noiseless(&models, Tier::Reference, Control::Indentation);
     let change = |law: ContactLaw| {
-        let other = Way { law, ..way };
-        let hz = |way: &Way<'_>| way.exact_hz(SAMPLES_MPA[4], Direction::Front, 0.0);
-        hz(&other) - hz(&way)
+        let other = TouchSimulation { law, ..simulation };
+        let hz = |simulation: &TouchSimulation<'_>| {
+            simulation.exact_hz(SAMPLES_MPA[4], Direction::Front, 0.0)
+        };
+        hz(&other) - hz(&simulation)
     };
     table.row([
         "samples".to_owned(),
         "Mooney-Rivlin".to_owned(),
         format!(
             "linear and incompressible (Sneddon); the two constants are not printed. A neo-Hookean \
-             sample, which is Mooney-Rivlin with one of them zero, would change the shift of sample 5 \
-             at 0.5 mm by {:+.1} Hz, the other extreme, which stays close to Hertz, by up to {:+.1} Hz: \
-             both before the sensor's width is fitted anew to 134.11 Hz/MPa",
+             sample, which is Mooney-Rivlin with one constant zero, would change the shift of \
+             sample 5 at 0.5 mm by {:+.1} Hz; the other extreme, close to Hertz, by up to {:+.1} \
+             Hz. Both numbers are before a new fit of the sensor's width to 134.11 Hz/MPa",
             change(ContactLaw::NeoHookean),
             change(ContactLaw::Hertz)
         ),
@@ -76,8 +78,8 @@ fn materials(page: &mut Page) {
 
 fn samples(page: &mut Page) {
     page.text(
-        "Table 2 is an input and used as printed. The text says that lumps are 5 to 15 times as stiff \
-         as normal tissue; of its own lumps only samples 3 to 5 are.",
+        "Table 2 is an input and is used as printed. The text says that lumps are 5 to 15 times as \
+         stiff as normal tissue; of its own lumps only samples 3 to 5 are.",
     );
     let mut table = Table::new(&[
         "sample",
@@ -105,11 +107,11 @@ const SHORE_OO: [f64; 5] = [24.0, 32.0, 60.0, 68.0, 75.0];
 
 fn hardness(page: &mut Page) {
     page.text(
-        "Table 3 gives the hardness of the experiment's samples, which the text calls consistent with \
-         the simulation. Shore OO is no modulus. With the durometer's nominal ball and spring, not \
-         confirmed, and Sneddon's contact, the samples were stiffer than Table 2 by half to twice, \
-         and differently spaced. The order is right; whether the sensor was tried on stiffnesses such \
-         as it was simulated with cannot be decided.",
+        "Table 3 gives the hardness of the experiment's samples, which the text calls consistent \
+         with the simulation. Shore OO is not a modulus. With the durometer's nominal ball and \
+         spring (not confirmed) and Sneddon's contact, the samples were stiffer than in Table 2, \
+         and their ratios differ. The order is right; whether experiment and simulation used the \
+         same stiffnesses cannot be decided.",
     );
     let mut table = Table::new(&[
         "sample",
@@ -148,10 +150,10 @@ fn young_of_shore_oo_mpa(hardness: f64) -> f64 {
     let ball_mm = 25.4 * 3.0 / 64.0;
     let depth_mm = 2.5 * (1.0 - hardness / 100.0);
     let force_n = 0.203 + 0.009_08 * hardness;
-    let spot =
+    let patch =
         ContactLaw::Sneddon.at(depth_mm / ball_mm).expect("the ball is at most sunk to its top");
     // F = E* R² f, and E* = E/(1 − ν²).
-    0.75 * force_n / (ball_mm * ball_mm * spot.force_rel)
+    0.75 * force_n / (ball_mm * ball_mm * patch.force_rel)
 }
 
 #[cfg(test)]

@@ -1,57 +1,62 @@
-//! The best plan found by somebody who knows the sensor beforehand: what planners are held against.
+//! The best plan for a known sensor, with which planners are compared.
 
 use rayon::prelude::*;
 use rig_contact::Circuit;
 use rig_model::SweepPoint;
 
-use super::cell::Cell;
+use super::case::Case;
 use crate::{analyzer::WINDOW, bound::time_to_reach_s};
 
-/// Three frequencies in turn, from rest and without waiting: with two, five unknowns are not determined
-/// once the motion has settled.
+/// Three frequencies in turn, from rest and without waiting. Two settled frequencies would not
+/// determine five unknowns.
 #[derive(Debug, Clone, Copy)]
-struct Hops {
-    /// Distances from the resonance, in linewidths.
-    offsets: [f64; PLACES],
-    cycles: [f64; PLACES],
+struct FrequencyCycle {
+    /// Offsets from the resonance, linewidths.
+    offsets: [f64; FREQUENCIES],
+    cycles: [f64; FREQUENCIES],
 }
 
-const PLACES: usize = 3;
-/// Distances and lengths that searches begin with.
+const FREQUENCIES: usize = 3;
+/// Offsets and cycles of the start values.
 const OFFSETS: [f64; 6] = [-5.0, -1.5, -0.4, 0.4, 1.5, 5.0];
 const CYCLES: [f64; 3] = [2.0, 8.0, 30.0];
-/// Where a search ends, as a part of its first step.
+/// Smallest step of a search, relative to the first.
 const FINEST: f64 = 0.02;
-/// Cycles of the longest visit considered.
+/// Largest number of cycles of one visit.
 const CYCLES_MAX: f64 = 500.0;
-/// Searches that are followed to their end.
+/// Number of start values that are refined.
 const STARTS: usize = 12;
 
-/// The least time found in which the Cramér–Rao bound of the readings is down at the target, s.
-pub(super) fn time_s(cell: &Cell, target_hz: f64, limit_s: f64) -> f64 {
-    let circuit = cell.middle();
-    let wanted = target_hz / circuit.series_resonance_hz / cell.noise;
-    let of_hops = |hops: &Hops| time_to_reach_s(&circuit, hops.points(&circuit), wanted, limit_s);
-    let mut starts: Vec<(f64, Hops)> = Hops::starts()
+/// The shortest time found in which the Cramér–Rao bound of the readings falls to the target, s.
+pub(super) fn time_s(case: &Case, target_hz: f64, limit_s: f64) -> f64 {
+    let circuit = case.middle();
+    let wanted = target_hz / circuit.series_resonance_hz / case.noise;
+    let of_cycle =
+        |cycle: &FrequencyCycle| time_to_reach_s(&circuit, cycle.points(&circuit), wanted, limit_s);
+    let mut starts: Vec<(f64, FrequencyCycle)> = FrequencyCycle::starts()
         .into_par_iter()
-        .map(|hops| (of_hops(&hops), hops))
+        .map(|cycle| (of_cycle(&cycle), cycle))
         .filter(|(time_s, _)| time_s.is_finite())
         .collect();
     starts.sort_by(|a, b| a.0.total_cmp(&b.0));
     starts.truncate(STARTS);
-    let ends = starts.into_par_iter().map(|(time, hops)| descend(time, hops, &of_hops));
+    let ends = starts.into_par_iter().map(|(time, cycle)| descend(time, cycle, &of_cycle));
     ends.reduce(|| f64::INFINITY, f64::min)
 }
 
-/// Steps of one number at a time for as long as they help, then smaller ones.
-fn descend(mut best_s: f64, mut hops: Hops, time_s: &impl Fn(&Hops) -> f64) -> f64 {
+/// Coordinate descent with shrinking steps.
+fn descend(
+    mut best_s: f64,
+    mut cycle: FrequencyCycle,
+    time_s: &impl Fn(&FrequencyCycle) -> f64,
+) -> f64 {
     let mut size = 1.0;
     while size > FINEST {
         let before_s = best_s;
-        for neighbour in hops.neighbours(size) {
+        for neighbour in cycle.neighbours(size) {
             let time_s = time_s(&neighbour);
             if time_s < best_s {
-                (best_s, hops) = (time_s, neighbour);
+                (best_s, cycle) = (time_s, neighbour);
             }
         }
         if best_s >= before_s {
@@ -61,7 +66,7 @@ fn descend(mut best_s: f64, mut hops: Hops, time_s: &impl Fn(&Hops) -> f64) -> f
     best_s
 }
 
-impl Hops {
+impl FrequencyCycle {
     fn starts() -> Vec<Self> {
         let mut starts = Vec::new();
         for first in OFFSETS {
@@ -69,7 +74,7 @@ impl Hops {
                 for third in OFFSETS.into_iter().filter(|&third| third != second && third != first)
                 {
                     let offsets = [first, second, third];
-                    starts.extend(CYCLES.map(|n| Self { offsets, cycles: [n; PLACES] }));
+                    starts.extend(CYCLES.map(|n| Self { offsets, cycles: [n; FREQUENCIES] }));
                 }
             }
         }
@@ -78,7 +83,7 @@ impl Hops {
 
     fn neighbours(&self, size: f64) -> Vec<Self> {
         let mut all = Vec::new();
-        for which in 0..PLACES {
+        for which in 0..FREQUENCIES {
             for by in [-size, size] {
                 let mut one = *self;
                 one.offsets[which] += by;
@@ -95,7 +100,7 @@ impl Hops {
     fn points(self, circuit: &Circuit) -> impl Iterator<Item = SweepPoint> {
         let resonance_hz = circuit.series_resonance_hz;
         let linewidth_hz = resonance_hz / circuit.q;
-        let points = std::array::from_fn::<_, PLACES, _>(|which| {
+        let points = std::array::from_fn::<_, FREQUENCIES, _>(|which| {
             #[expect(
                 clippy::cast_possible_truncation,
                 clippy::cast_sign_loss,
@@ -113,15 +118,15 @@ impl Hops {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::speed_accuracy::cell::NOISE;
+    use crate::speed_accuracy::case::NOISE;
 
-    /// The best of an independent search of pairs and of even sweeps, four unknowns.
+    /// The best plans of an independent search over pairs and even sweeps, with four unknowns.
     #[test]
     fn plans_are_no_worse_than_those_of_an_independent_search() {
         for (q, coupling, target_hz, seconds) in
             [(100.0, 0.1, 0.01, 0.25), (30.0, 0.1, 0.01, 0.30), (100.0, 0.02, 0.03, 0.21)]
         {
-            let found_s = time_s(&Cell { q, coupling, noise: NOISE }, target_hz, 5.0);
+            let found_s = time_s(&Case { q, coupling, noise: NOISE }, target_hz, 5.0);
             assert!((0.2 * seconds..seconds).contains(&found_s), "{q} {coupling}: {found_s}");
         }
     }

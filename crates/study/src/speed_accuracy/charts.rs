@@ -1,61 +1,61 @@
-//! The charts of time against error.
+//! Charts of measuring time against error.
 
 use rig_chart::{Axis, Chart, Series, Stroke};
 
 use super::{
-    cell::Cell,
-    reader::Reader,
+    case::Case,
+    estimator::SweepEstimator,
+    method::{LIMIT_S, Method},
     trial::Group,
-    way::{LIMIT_S, Way},
 };
 use crate::{analyzer::WINDOW, bound::integration_floor};
 
-/// The least part of the sweeps that must be answered for the error to be shown.
+/// Smallest share of accepted sweeps for a point on the chart.
 const ANSWERS_MIN: f64 = 0.5;
 
-/// Time of measuring against error in one cell.
-pub(super) fn time_against_error(cell: &Cell, groups: &[Group]) -> Chart {
+/// Measuring time against error in one case.
+pub(super) fn time_against_error(case: &Case, groups: &[Group]) -> Chart {
     let mut chart = Chart::new(
-        &format!("Time of measuring against error: {cell}"),
-        "Root mean square error of the resonance, bias included, against the time that its sweep \
-         takes; dashed in the same colour the Cramér–Rao bound of the same sweeps, and below all \
-         the bound of integrating at the best frequencies without ever waiting.",
-        Axis::log("time of measuring (s)"),
+        &format!("Measuring time against error: {case}"),
+        "Root mean square error of the resonance, including bias, against the duration of the \
+         sweep; dashed in the same colour the Cramér–Rao bound of the same sweeps, and the bound \
+         of integration at the best frequencies without waiting.",
+        Axis::log("measuring time (s)"),
         Axis::log("error (Hz rms)"),
     );
     chart.size_px = (720, 460);
-    let of_cell = || groups.iter().filter(|group| group.cell == *cell);
-    let is_of = |group: &Group, name: &str, reader: Reader| {
-        group.way.name() == name && group.reader == reader
+    let of_case = || groups.iter().filter(|group| group.case == *case);
+    let is_of = |group: &Group, name: &str, estimator: SweepEstimator| {
+        group.method.name() == name && group.estimator == estimator
     };
-    for (colour, name) in WAYS.into_iter().enumerate() {
-        let of_way = || of_cell().filter(|group| is_of(group, name, Reader::Production));
-        let found = of_way().filter_map(|group| point(group, Group::rmse_hz));
-        push(&mut chart, Series::joined(name, colour, found));
-        let bounds = of_way().filter_map(|group| point(group, Group::bound_hz));
+    for (colour, name) in METHODS.into_iter().enumerate() {
+        let of_method = || of_case().filter(|group| is_of(group, name, SweepEstimator::Production));
+        let results = of_method().filter_map(|group| point(group, Group::rmse_hz));
+        push(&mut chart, Series::joined(name, colour, results));
+        let bounds = of_method().filter_map(|group| point(group, Group::bound_hz));
         let bounds = Series { name: None, ..Series::line(name, colour, bounds) };
         push(&mut chart, Series { stroke: Some(Stroke::Dashed), ..bounds });
     }
-    for (index, reader) in Reader::SHOWN.into_iter().enumerate() {
-        let even = of_cell().filter(|group| is_of(group, WAYS[0], reader));
-        let found = even.filter_map(|group| point(group, Group::rmse_hz));
-        let name = format!("uniform, {}", reader.name());
-        push(&mut chart, Series::scatter(&name, WAYS.len() + index, found));
+    for (index, estimator) in SweepEstimator::SHOWN.into_iter().enumerate() {
+        let even = of_case().filter(|group| is_of(group, METHODS[0], estimator));
+        let results = even.filter_map(|group| point(group, Group::rmse_hz));
+        let name = format!("uniform, {}", estimator.name());
+        push(&mut chart, Series::scatter(&name, METHODS.len() + index, results));
     }
-    let floor = Series::line("integration alone", 6, floor(cell));
+    let floor = Series::line("integration alone", 6, floor(case));
     push(&mut chart, Series { stroke: Some(Stroke::Dashed), ..floor });
     chart
 }
 
-/// The kinds of ways, in the order of their colours.
-const WAYS: [&str; 4] = [
-    Way::Even { points: 0 }.name(),
-    Way::Fast { points: 0, cycles: 0 }.name(),
-    Way::Settled { target_hz: 0.0 }.name(),
-    Way::Transient { target_hz: 0.0 }.name(),
+/// The kinds of methods, in the order of their colours.
+const METHODS: [&str; 4] = [
+    Method::Even { points: 0 }.name(),
+    Method::Fast { points: 0, cycles: 0 }.name(),
+    Method::Settled { target_hz: 0.0 }.name(),
+    Method::Transient { target_hz: 0.0 }.name(),
 ];
 
-/// A chart says nothing of series without points.
+/// Adds a series unless it is empty.
 fn push(chart: &mut Chart, series: Series) {
     if !series.points.is_empty() {
         chart.series.push(series);
@@ -68,13 +68,13 @@ fn point(group: &Group, error_hz: impl Fn(&Group) -> Option<f64>) -> Option<(f64
     Some((group.time_s(0.5), error_hz(group)?))
 }
 
-/// The bound of integration alone, over the times that planners take.
-fn floor(cell: &Cell) -> Vec<(f64, f64)> {
-    [0.05, LIMIT_S].map(|time_s| (time_s, floor_hz(cell, time_s))).to_vec()
+/// The bound of integration alone over the planners' times.
+fn floor(case: &Case) -> Vec<(f64, f64)> {
+    [0.05, LIMIT_S].map(|time_s| (time_s, floor_hz(case, time_s))).to_vec()
 }
 
-/// The bound of integrating for so long at the best frequencies, without ever waiting, Hz.
-pub(super) fn floor_hz(cell: &Cell, time_s: f64) -> f64 {
+/// The bound for integration at the best frequencies without waiting, Hz.
+pub(super) fn floor_hz(case: &Case, time_s: f64) -> f64 {
     let frequencies: Vec<f64> = (0..=280).map(|i| WINDOW.min_hz + 0.2 * f64::from(i)).collect();
-    cell.noise * integration_floor(&cell.middle(), &frequencies) / time_s.sqrt()
+    case.noise * integration_floor(&case.middle(), &frequencies) / time_s.sqrt()
 }

@@ -1,8 +1,7 @@
-//! The surface finder: the time of an approach against the error of the depth's zero.
+//! The surface search: duration against the error of the surface found.
 //!
-//! The daemon's search drives the simulated world, with its screws, noise and mountings, in the time
-//! that stage and analyzer take. Its error is how deep the tip really is where the search says that
-//! the surface begins.
+//! The daemon's search drives the simulated world, with its screws, noise and mountings, in the
+//! time that stage and analyzer take. The error is the true depth of the tip at the surface found.
 
 use rayon::prelude::*;
 use rig_chart::{Axis, Chart, Series, Stroke};
@@ -16,11 +15,11 @@ use rig_sim::{
 
 use crate::{analyzer::reading, files::Csv};
 
-/// The samples searched for: the softest, the middle and the stiffest.
+/// The samples: the softest, the middle and the stiffest.
 pub(super) const SAMPLES: [&str; 3] = ["1", "3", "5"];
-/// Waited for at each step, s.
+/// Settling at each step, s.
 const SETTLINGS_S: [f64; 3] = [0.02, 0.1, 0.5];
-/// What the shipped protocol asks for.
+/// The approach of the shipped protocol.
 const SHIPPED: Approach = Approach {
     start_above_mm: 0.8,
     give_up_below_mm: 0.8,
@@ -30,46 +29,55 @@ const SHIPPED: Approach = Approach {
     settle_s: 0.1,
     cycles: 10,
 };
-/// Where the shipped rig expects the surface, and how fast it approaches it, mm and mm/s.
+/// The expected surface of the shipped rig, mm, and its speeds, mm/s.
 const EXPECTED_MM: f64 = 10.0;
 const CONTACT_SPEED: f64 = 1.0;
 const TRAVEL_SPEED: f64 = 20.0;
 const ACCELERATION: f64 = 200.0;
-/// What a step of the shipped drive is, mm.
+/// Step of the shipped drive, mm.
 const STEP_MM: f64 = 0.001;
-/// Time constants that the daemon waits before it reads the free sensor, and after a contact.
+/// Time constants of settling before the baseline, and after a contact.
 const BASELINE_TIME_CONSTANTS: f64 = 8.0;
 const AFTER_CONTACT_TIME_CONSTANTS: f64 = 5.0;
 
-/// Searches of one kind.
+/// A search that found the surface.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SurfaceFound {
+    /// Duration of the search, s.
+    time_s: f64,
+    /// True depth of the tip at the surface found, mm; positive inside the sample.
+    error_mm: f64,
+}
+
+/// Searches with the same sample and approach.
 #[derive(Debug, Clone)]
 pub(super) struct Searches {
     pub(super) sample: &'static str,
     pub(super) approach: Approach,
-    /// Time, s, and error, mm, of those that found the surface.
-    pub(super) found: Vec<(f64, f64)>,
+    /// The searches that found the surface.
+    pub(super) found: Vec<SurfaceFound>,
     pub(super) count: u32,
 }
 
 impl Searches {
     pub(super) fn mean_time_s(&self) -> f64 {
-        self.mean(|(time_s, _)| time_s)
+        self.mean(|one| one.time_s)
     }
 
     pub(super) fn bias_um(&self) -> f64 {
-        1000.0 * self.mean(|(_, error_mm)| error_mm)
+        1000.0 * self.mean(|one| one.error_mm)
     }
 
     pub(super) fn rmse_um(&self) -> f64 {
-        1000.0 * self.mean(|(_, error_mm)| error_mm.powi(2)).sqrt()
+        1000.0 * self.mean(|one| one.error_mm.powi(2)).sqrt()
     }
 
-    fn mean(&self, of: impl Fn((f64, f64)) -> f64) -> f64 {
-        self.found.iter().map(|&one| of(one)).sum::<f64>() / self.found.len() as f64
+    fn mean(&self, of: impl Fn(&SurfaceFound) -> f64) -> f64 {
+        self.found.iter().map(of).sum::<f64>() / self.found.len() as f64
     }
 }
 
-/// Searches with every fineness and settling, on every sample.
+/// Searches with every fine step and settling time, on every sample.
 pub(super) fn try_all(searches: u32, seed: u64) -> Vec<Searches> {
     let mut all = Vec::new();
     for sample in SAMPLES {
@@ -85,14 +93,15 @@ pub(super) fn try_all(searches: u32, seed: u64) -> Vec<Searches> {
     all
 }
 
-/// One search: its time, s, and its error, mm, positive where the tip is in the sample already.
-fn search(approach: Approach, sample: &str, seed: u64) -> Option<(f64, f64)> {
+/// One search; `None` if it does not find the surface.
+fn search(approach: Approach, sample: &str, seed: u64) -> Option<SurfaceFound> {
     let world = World::new(scene::paper(), seed).expect("the shipped scene is sound");
-    let mut bench = Bench { world, now: RigTime::ZERO, frequency_hz: 0.0, time_constant_s: 0.0 };
+    let mut bench =
+        SearchBench { world, now: RigTime::ZERO, frequency_hz: 0.0, time_constant_s: 0.0 };
     bench.world.place_sample(bench.now, sample).expect("the shipped scene has the sample");
     bench.move_to(EXPECTED_MM + 20.0, TRAVEL_SPEED);
     let free = bench.world.truth(bench.now).no_load_hz;
-    // The shipped sensor's quality without contact is that of its beam loss of 0.015.
+    // The quality factor of the free sensor is the reciprocal of its beam loss of 0.015.
     (bench.frequency_hz, bench.time_constant_s) =
         (free, 1.0 / (0.015 * std::f64::consts::PI * free));
     let baseline = bench.read(BASELINE_TIME_CONSTANTS * bench.time_constant_s, approach.cycles);
@@ -117,27 +126,28 @@ fn search(approach: Approach, sample: &str, seed: u64) -> Option<(f64, f64)> {
             }
             SearchStep::Found(surface) => {
                 let time_s = bench.now.as_seconds() - begun_s;
-                // From above, as every reading that counted was taken.
+                // Approached from above, as for every reading of the search.
                 let position_mm = surface.position.value();
                 bench.move_to(position_mm + approach.coarse_step_mm, CONTACT_SPEED);
                 bench.move_to(position_mm, CONTACT_SPEED);
-                return Some((time_s, bench.world.truth(bench.now).indentation_mm));
+                let error_mm = bench.world.truth(bench.now).indentation_mm;
+                return Some(SurfaceFound { time_s, error_mm });
             }
             SearchStep::Flagged | SearchStep::Fault(_) => return None,
         };
     }
 }
 
-/// The world and its time.
-struct Bench {
+/// The simulated world with its clock.
+struct SearchBench {
     world: World,
     now: RigTime,
     frequency_hz: f64,
     time_constant_s: f64,
 }
 
-impl Bench {
-    /// Moves the tip, and says where the encoder sees it.
+impl SearchBench {
+    /// Moves the tip, and returns the position of the encoder.
     fn move_to(&mut self, target_mm: f64, speed: f64) -> Position<Mm> {
         let profile = Profile { speed, acceleration: ACCELERATION, deceleration: ACCELERATION };
         let in_steps = |mm: f64| (mm / STEP_MM).round() * STEP_MM;
@@ -169,8 +179,8 @@ pub(super) fn table(searches: &[Searches]) -> String {
         "searches",
         "found",
         "time_mean_s",
-        "zero_bias_um",
-        "zero_rmse_um",
+        "surface_bias_um",
+        "surface_rmse_um",
     ]);
     for one in searches {
         table.row([
@@ -189,11 +199,11 @@ pub(super) fn table(searches: &[Searches]) -> String {
 
 pub(super) fn chart(searches: &[Searches]) -> Chart {
     let mut chart = Chart::new(
-        "Time of an approach against the error of the depth's zero",
-        "Root mean square error of the surface found against the time of the search, for steps of \
-         50 to 2 µm, three settling times, and the softest and the stiffest sample.",
-        Axis::linear("time of the search (s)").including(0.0),
-        Axis::log("error of the zero (µm rms)"),
+        "Duration of a search against the error of the surface found",
+        "Root mean square error of the surface found against the duration of the search, for steps \
+         of 50 to 2 µm, three settling times, and the softest and the stiffest sample.",
+        Axis::linear("duration of the search (s)").including(0.0),
+        Axis::log("error of the surface (µm rms)"),
     );
     for (colour, settle_s) in SETTLINGS_S.into_iter().enumerate() {
         for (sample, stroke) in [(SAMPLES[0], Stroke::Solid), (SAMPLES[2], Stroke::Dashed)] {

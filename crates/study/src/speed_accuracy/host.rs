@@ -1,5 +1,5 @@
-//! What a fit and a step of a planner cost on this computer. These numbers are not the same twice,
-//! and stand apart from everything that is.
+//! The time of a fit and of a planning step on this computer. These numbers are not reproducible,
+//! and are stored apart from the others.
 
 use std::{hint::black_box, io::Write, time::Instant};
 
@@ -8,10 +8,10 @@ use rig_model::{Reading, SweepMethod, random::Stream};
 use rig_resonance::{Estimator, FitOptions, Fitter, Next, Planner};
 
 use super::{
-    cell::{COUPLINGS, Cell, NOISE, QUALITIES},
-    reader::Reader,
+    case::{COUPLINGS, Case, NOISE, QUALITIES},
+    estimator::SweepEstimator,
+    method::{Measured, Method, cold, request},
     trial::{self, quantile},
-    way::{Measured, Way, cold, request},
 };
 use crate::{
     analyzer::{Analyzer, WINDOW, sensor},
@@ -19,18 +19,18 @@ use crate::{
     outcome::StudyError,
 };
 
-/// The sensor that fits are timed with.
-const CELL: Cell = Cell { q: 30.0, coupling: 0.1, noise: NOISE };
-/// Sweeps fitted in turn, so that no fit sees the same readings twice in a row.
+/// The case of the timed fits.
+const CASE: Case = Case { q: 30.0, coupling: 0.1, noise: NOISE };
+/// Number of sweeps fitted in turn, so that no fit gets the same readings twice in a row.
 const SWEEPS: u64 = 64;
-/// Times that each of them is fitted.
+/// Number of fits of each sweep.
 const ROUNDS: usize = 31;
-/// (points, goal in µs) of the production fit.
+/// Points and time goal, µs, of the production fit.
 const GOALS: [(u32, f64); 3] = [(21, 2.0), (101, 5.0), (401, 16.0)];
 const LOSS_GOAL_US: f64 = 7.0;
 const PLANNING_GOAL_MS: f64 = 1.0;
 
-/// Measures, writes `host.csv` and `host.svg`, and says what was aimed at.
+/// Measures, writes `host.csv` and `host.svg`, and prints the goals.
 pub(super) fn run(folder: &Folder, seed: u64, out: &mut impl Write) -> Result<(), StudyError> {
     let mut table = Csv::new(&["what", "points", "median_us", "goal_us"]);
     let mut tell = |what: &str, points: Option<u32>, micros: f64, goal_us: Option<f64>| {
@@ -39,12 +39,12 @@ pub(super) fn run(folder: &Folder, seed: u64, out: &mut impl Write) -> Result<()
         let of_points =
             if points.is_empty() { String::new() } else { format!(", {points} points") };
         table.row([what.to_owned(), points, format!("{micros:.2}"), goal]);
-        let verdict = match goal_us {
+        let judgement = match goal_us {
             None => String::new(),
             Some(goal) if micros <= goal => format!(" (goal {goal} µs: met)"),
             Some(goal) => format!(" (goal {goal} µs: NOT MET)"),
         };
-        writeln!(out, "{what}{of_points}: {micros:.2} µs{verdict}")
+        writeln!(out, "{what}{of_points}: {micros:.2} µs{judgement}")
     };
     for (points, goal_us) in GOALS {
         let micros = production_us(points, false, seed);
@@ -52,12 +52,12 @@ pub(super) fn run(folder: &Folder, seed: u64, out: &mut impl Write) -> Result<()
     }
     let with_loss = production_us(101, true, seed);
     tell("maximum-likelihood with loss", Some(101), with_loss, Some(LOSS_GOAL_US))?;
-    let mut costs = vec![(Reader::Production, production_us(101, false, seed))];
+    let mut costs = vec![(SweepEstimator::Production, production_us(101, false, seed))];
     for estimator in Estimator::ALL {
         if estimator != Estimator::MaximumLikelihood {
             let micros = baseline_us(estimator, seed);
             tell(estimator.name(), Some(101), micros, None)?;
-            costs.push((Reader::Baseline(estimator), micros));
+            costs.push((SweepEstimator::Baseline(estimator), micros));
         }
     }
     for method in [SweepMethod::Adaptive, SweepMethod::Transient] {
@@ -69,12 +69,12 @@ pub(super) fn run(folder: &Folder, seed: u64, out: &mut impl Write) -> Result<()
     Ok(())
 }
 
-/// Sweeps of so many points.
+/// Sweeps with a number of points.
 fn sweeps(points: u32, seed: u64) -> Vec<Measured> {
     let sweep = |number| {
-        let mut chance = Stream::new(seed, number);
-        let circuit = sensor(135.0 + 10.0 * chance.uniform(), CELL.q, CELL.coupling);
-        Way::Steady { points }.measure(&circuit, &CELL, chance)
+        let mut random = Stream::new(seed, number);
+        let circuit = sensor(135.0 + 10.0 * random.uniform(), CASE.q, CASE.coupling);
+        Method::Steady { points }.measure(&circuit, &CASE, random)
     };
     (0..SWEEPS).map(sweep).collect()
 }
@@ -89,7 +89,7 @@ fn production_us(points: u32, always_loss: bool, seed: u64) -> f64 {
 
 fn baseline_us(estimator: Estimator, seed: u64) -> f64 {
     median_us(&sweeps(101, seed), |readings| {
-        // A refusal takes its time as well.
+        // A refusal takes time as well.
         let _ = black_box(estimator.estimate(readings, WINDOW));
     })
 }
@@ -110,15 +110,16 @@ fn median_us(sweeps: &[Measured], mut fit: impl FnMut(&[Reading])) -> f64 {
     quantile(&times, 0.5)
 }
 
-/// The median time between a reading and the next point, over cold sweeps to 10 mHz in every cell.
+/// The median time between a reading and the next point, ms, over cold sweeps to 10 mHz in every
+/// case.
 fn planning_ms(method: SweepMethod, seed: u64) -> f64 {
     let mut times = Vec::new();
     for q in QUALITIES {
         for coupling in COUPLINGS {
-            let cell = Cell { q, coupling, noise: NOISE };
-            let chance = Stream::new(seed, cell.number());
-            let mut analyzer = Analyzer::at_rest(cell.middle(), cell.noise, chance);
-            let mut planner = Planner::new(&request(method, 0.01), Some(&cold(cell.noise)));
+            let case = Case { q, coupling, noise: NOISE };
+            let random = Stream::new(seed, case.number());
+            let mut analyzer = Analyzer::at_rest(case.middle(), case.noise, random);
+            let mut planner = Planner::new(&request(method, 0.01), Some(&cold(case.noise)));
             loop {
                 let begun = Instant::now();
                 let next = planner.next();
@@ -137,8 +138,8 @@ fn planning_ms(method: SweepMethod, seed: u64) -> f64 {
     quantile(&times, 0.5)
 }
 
-/// Microseconds of a fit against the error of practice's sweep of 101 points, over its bound.
-fn chart(costs: &[(Reader, f64)], seed: u64) -> Chart {
+/// Time of a fit against its error over the bound, on sweeps of 101 settled points.
+fn chart(costs: &[(SweepEstimator, f64)], seed: u64) -> Chart {
     const TRIALS: u32 = 400;
     let mut chart = Chart::new(
         "Time of a fit on this computer against its error",
@@ -149,13 +150,15 @@ fn chart(costs: &[(Reader, f64)], seed: u64) -> Chart {
     );
     chart.size_px = (720, 460);
     chart.rules.push(Rule::AtY { value: 1.0, label: "Cramér–Rao bound".to_owned() });
-    let groups = trial::run(CELL, Way::Even { points: 101 }, TRIALS, seed);
-    for (colour, (reader, micros)) in costs.iter().enumerate() {
-        let Some(group) = groups.iter().find(|group| group.reader == *reader) else { continue };
+    let groups = trial::run(CASE, Method::Even { points: 101 }, TRIALS, seed);
+    for (colour, (estimator, micros)) in costs.iter().enumerate() {
+        let Some(group) = groups.iter().find(|group| group.estimator == *estimator) else {
+            continue;
+        };
         if let (Some(rmse_hz), Some(bound_hz)) = (group.rmse_hz(), group.bound_hz()) {
             let mut series =
-                Series::scatter(reader.name(), colour, [(*micros, rmse_hz / bound_hz)]);
-            // There are more estimators than colours; the shape then tells them apart.
+                Series::scatter(estimator.name(), colour, [(*micros, rmse_hz / bound_hz)]);
+            // Repeated colours get another marker.
             series.marker = Some(Marker::of(colour + colour / rig_chart::COLOURS));
             chart.series.push(series);
         }

@@ -1,92 +1,101 @@
-//! Sweeps, many times over, and what came out.
+//! Repeated sweeps and their results.
 
 use rayon::prelude::*;
 
 use super::{
-    cell::{Cell, RESONANCES_HZ},
-    reader::Reader,
-    way::Way,
+    case::{Case, RESONANCES_HZ},
+    estimator::SweepEstimator,
+    method::Method,
 };
 use crate::{analyzer::sensor, bound::Information};
 use rig_model::random::Stream;
 
-/// One sweep, as one reader read it.
+/// The result of one estimator for one sweep.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Trial {
     pub(super) time_s: f64,
-    /// The Cramér–Rao bound of the points measured.
+    /// The Cramér–Rao bound of the measured points, Hz.
     pub(super) bound_hz: f64,
-    /// What was found; nothing for a refusal.
-    pub(super) found: Option<Found>,
+    /// The estimate; `None` for a refusal.
+    pub(super) found: Option<Estimate>,
 }
 
-/// A resonance that was found.
+/// An estimated resonance.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Found {
+pub(super) struct Estimate {
     pub(super) error_hz: f64,
-    /// What the reader claims; baselines claim nothing.
+    /// The stated standard deviation; `None` for baselines.
     pub(super) sigma_hz: Option<f64>,
 }
 
-/// All sweeps of one way in one cell by one reader.
+/// All sweeps of one method in one case by one estimator.
 #[derive(Debug, Clone)]
 pub(super) struct Group {
-    pub(super) cell: Cell,
-    pub(super) way: Way,
-    pub(super) reader: Reader,
+    pub(super) case: Case,
+    pub(super) method: Method,
+    pub(super) estimator: SweepEstimator,
     pub(super) trials: Vec<Trial>,
 }
 
-/// Measures so many times, and lets every reader that can read them.
-pub(super) fn run(cell: Cell, way: Way, trials: u32, seed: u64) -> Vec<Group> {
-    let readers = Reader::of(way);
-    let sweeps: Vec<Vec<Trial>> =
-        (0..trials).into_par_iter().map(|trial| one(cell, way, &readers, seed, trial)).collect();
-    let group = |(place, &reader): (usize, &Reader)| {
+/// Measures `trials` sweeps and applies every suitable estimator.
+pub(super) fn run(case: Case, method: Method, trials: u32, seed: u64) -> Vec<Group> {
+    let estimators = SweepEstimator::of(method);
+    let sweeps: Vec<Vec<Trial>> = (0..trials)
+        .into_par_iter()
+        .map(|trial| one(case, method, &estimators, seed, trial))
+        .collect();
+    let group = |(place, &estimator): (usize, &SweepEstimator)| {
         let trials = sweeps.iter().map(|by_reader| by_reader[place]).collect();
-        Group { cell, way, reader, trials }
+        Group { case, method, estimator, trials }
     };
-    readers.iter().enumerate().map(group).collect()
+    estimators.iter().enumerate().map(group).collect()
 }
 
-/// One sweep, by every reader.
-fn one(cell: Cell, way: Way, readers: &[Reader], seed: u64, trial: u32) -> Vec<Trial> {
-    let mut chance = Stream::new(seed, cell.number() << 20 | u64::from(trial));
+/// Applies every estimator to one sweep.
+fn one(
+    case: Case,
+    method: Method,
+    estimators: &[SweepEstimator],
+    seed: u64,
+    trial: u32,
+) -> Vec<Trial> {
+    let mut random = Stream::new(seed, case.number() << 20 | u64::from(trial));
     let (low_hz, high_hz) = RESONANCES_HZ;
-    let resonance_hz = low_hz + (high_hz - low_hz) * chance.uniform();
-    let circuit = sensor(resonance_hz, cell.q, cell.coupling);
-    let measured = way.measure(&circuit, &cell, chance);
+    let resonance_hz = low_hz + (high_hz - low_hz) * random.uniform();
+    let circuit = sensor(resonance_hz, case.q, case.coupling);
+    let measured = method.measure(&circuit, &case, random);
     let points = &measured.points;
-    let information = match way {
-        Way::Steady { .. } => Information::settled(&circuit, points),
+    let information = match method {
+        Method::Steady { .. } => Information::settled(&circuit, points),
         _ => Information::in_time(&circuit, points),
     };
-    let bound_hz = cell.noise * resonance_hz * information.relative_bound();
-    let read = |reader: &Reader| {
-        let found = reader
-            .read(&measured)
-            .map(|(found_hz, sigma_hz)| Found { error_hz: found_hz - resonance_hz, sigma_hz });
+    let bound_hz = case.noise * resonance_hz * information.relative_bound();
+    let read = |estimator: &SweepEstimator| {
+        let found = estimator.estimate(&measured).map(|one| Estimate {
+            error_hz: one.resonance_hz - resonance_hz,
+            sigma_hz: one.sigma_hz,
+        });
         Trial { time_s: measured.time_s, bound_hz, found }
     };
-    readers.iter().map(read).collect()
+    estimators.iter().map(read).collect()
 }
 
 impl Group {
-    fn found(&self) -> impl Iterator<Item = Found> + '_ {
+    fn found(&self) -> impl Iterator<Item = Estimate> + '_ {
         self.trials.iter().filter_map(|trial| trial.found)
     }
 
-    /// How many sweeps gave a resonance.
+    /// Number of accepted sweeps.
     pub(super) fn answers(&self) -> usize {
         self.found().count()
     }
 
-    /// The mean error of the answers, Hz.
+    /// The mean error of the estimates, Hz.
     pub(super) fn bias_hz(&self) -> Option<f64> {
         mean(self.found().map(|found| found.error_hz))
     }
 
-    /// The root mean square of the errors of the answers, bias included, Hz.
+    /// The root mean square error of the estimates, including bias, Hz.
     pub(super) fn rmse_hz(&self) -> Option<f64> {
         mean(self.found().map(|found| found.error_hz.powi(2))).map(f64::sqrt)
     }
@@ -97,21 +106,21 @@ impl Group {
         mean(squares).map(f64::sqrt).filter(|bound| bound.is_finite())
     }
 
-    /// The largest error in units of what the reader claimed.
+    /// The largest error in units of the stated standard deviation.
     pub(super) fn worst_sigmas(&self) -> Option<f64> {
         self.found()
             .filter_map(|found| Some((found.error_hz / found.sigma_hz?).abs()))
             .max_by(f64::total_cmp)
     }
 
-    /// The time that this share of the sweeps needs at most, s.
+    /// The time within which this share of the sweeps ends, s.
     pub(super) fn time_s(&self, share: f64) -> f64 {
         let mut times: Vec<f64> = self.trials.iter().map(|trial| trial.time_s).collect();
         times.sort_by(f64::total_cmp);
         quantile(&times, share)
     }
 
-    /// The share of all sweeps that reach this claimed standard deviation within this time.
+    /// The share of all sweeps that reach this stated standard deviation within this time.
     pub(super) fn reached(&self, target_hz: f64, within_s: f64) -> f64 {
         let reaches = |trial: &&Trial| {
             let sigma_hz = trial.found.and_then(|found| found.sigma_hz);
@@ -120,7 +129,8 @@ impl Group {
         self.trials.iter().filter(reaches).count() as f64 / self.trials.len() as f64
     }
 
-    /// The time within which this share of all sweeps reaches the target, s; nothing where fewer do.
+    /// The time within which this share of all sweeps reaches the target, s; `None` if fewer sweeps
+    /// do.
     pub(super) fn time_to_reach_s(&self, target_hz: f64, share: f64) -> Option<f64> {
         let reaching = |trial: &&Trial| {
             trial.found.is_some_and(|found| found.sigma_hz.is_some_and(|sigma| sigma <= target_hz))
@@ -137,7 +147,7 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     (count > 0).then(|| sum / count as f64)
 }
 
-/// The value that this share of the sorted values does not exceed.
+/// The quantile of sorted values.
 pub(super) fn quantile(sorted: &[f64], share: f64) -> f64 {
     #[expect(
         clippy::cast_possible_truncation,

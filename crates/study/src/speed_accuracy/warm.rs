@@ -1,54 +1,60 @@
-//! Readings one after the other of a resonance that moves in between, as in a run.
+//! Repeated readings of a resonance that moves in between, as in a run.
 
 use rayon::prelude::*;
 use rig_model::{SweepMethod, Window, random::Stream};
 use rig_resonance::{Past, Prior, Resonance};
 
 use super::{
-    cell::{Cell, RESONANCES_HZ},
-    way::{cold, plan, request},
+    case::{Case, RESONANCES_HZ},
+    method::{cold, plan, request},
 };
 use crate::analyzer::{Analyzer, sensor};
 
-/// How far the resonance is believed to move between two readings, Hz.
+/// Largest assumed move of the resonance between two readings, Hz.
 const MOVES_HZ: f64 = 1.0;
-/// The part of it that it does move at most: what was believed also has an error.
+/// Largest actual move, relative to the assumed one: the last estimate also has an error.
 const MOVES_PART: f64 = 0.9;
-/// Readings in a row.
+/// Number of readings in a row.
 const READINGS: usize = 20;
 
-/// Warm readings of one kind.
+/// Warm readings in one case.
 #[derive(Debug, Clone)]
 pub(super) struct Warm {
-    pub(super) cell: Cell,
+    pub(super) case: Case,
     pub(super) target_hz: f64,
-    /// The time of each reading, s, in rising order; infinite where it was refused or not as good
-    /// as asked.
+    /// The time of each reading, s, sorted; infinite for a reading that is refused or misses the
+    /// target.
     pub(super) times_s: Vec<f64>,
-    /// The time of all together, s.
+    /// Total time, s.
     pub(super) total_s: f64,
-    /// The largest error in units of what was claimed.
+    /// Largest error in units of the stated standard deviation.
     pub(super) worst_sigmas: f64,
 }
 
 impl Warm {
-    /// Good readings per second.
+    /// Readings per second that reach the target.
     pub(super) fn per_second(&self) -> f64 {
         let good = self.times_s.iter().filter(|time| time.is_finite()).count();
         good as f64 / self.total_s
     }
 }
 
-/// Tracks a resonance in so many runs.
-pub(super) fn track(method: SweepMethod, cell: Cell, target_hz: f64, runs: u32, seed: u64) -> Warm {
+/// One reading of a run.
+struct WarmReading {
+    time_s: f64,
+    found: Option<Resonance>,
+    error_hz: f64,
+}
+
+/// Tracks a resonance in `runs` runs.
+pub(super) fn track(method: SweepMethod, case: Case, target_hz: f64, runs: u32, seed: u64) -> Warm {
     let one = |run: u32| {
-        let chance = Stream::new(seed, cell.number() << 20 | u64::from(run));
-        follow(method, &cell, target_hz, chance)
+        let random = Stream::new(seed, case.number() << 20 | u64::from(run));
+        follow(method, &case, target_hz, random)
     };
-    let runs: Vec<Vec<(f64, Option<Resonance>, f64)>> =
-        (0..runs).into_par_iter().map(one).collect();
-    let mut warm = Warm { cell, target_hz, times_s: Vec::new(), total_s: 0.0, worst_sigmas: 0.0 };
-    for (time_s, found, error_hz) in runs.into_iter().flatten() {
+    let runs: Vec<Vec<WarmReading>> = (0..runs).into_par_iter().map(one).collect();
+    let mut warm = Warm { case, target_hz, times_s: Vec::new(), total_s: 0.0, worst_sigmas: 0.0 };
+    for WarmReading { time_s, found, error_hz } in runs.into_iter().flatten() {
         let is_good = found.is_some_and(|found| found.sigma_hz <= target_hz);
         warm.times_s.push(if is_good { time_s } else { f64::INFINITY });
         warm.total_s += time_s;
@@ -59,21 +65,21 @@ pub(super) fn track(method: SweepMethod, cell: Cell, target_hz: f64, runs: u32, 
     warm
 }
 
-/// One run: times, results and errors of the readings after the first.
+/// One run: the readings after the first one.
 fn follow(
     method: SweepMethod,
-    cell: &Cell,
+    case: &Case,
     target_hz: f64,
-    mut chance: Stream,
-) -> Vec<(f64, Option<Resonance>, f64)> {
+    mut random: Stream,
+) -> Vec<WarmReading> {
     let (low_hz, high_hz) = RESONANCES_HZ;
     let between = |part: f64| low_hz + (high_hz - low_hz) * part;
-    let mut resonance_hz = between(chance.uniform());
-    let circuit = |resonance_hz: f64| sensor(resonance_hz, cell.q, cell.coupling);
-    let steps: [f64; READINGS] = std::array::from_fn(|_| 2.0 * chance.uniform() - 1.0);
-    let mut analyzer = Analyzer::at_rest(circuit(resonance_hz), cell.noise, chance);
+    let mut resonance_hz = between(random.uniform());
+    let circuit = |resonance_hz: f64| sensor(resonance_hz, case.q, case.coupling);
+    let steps: [f64; READINGS] = std::array::from_fn(|_| 2.0 * random.uniform() - 1.0);
+    let mut analyzer = Analyzer::at_rest(circuit(resonance_hz), case.noise, random);
     let request = request(method, target_hz);
-    let first = plan(&mut analyzer, &request, &cold(cell.noise));
+    let first = plan(&mut analyzer, &request, &cold(case.noise));
     let Some(mut last) = first.verdict.accepted().copied() else { return Vec::new() };
     let mut readings = Vec::new();
     for step in steps {
@@ -81,16 +87,16 @@ fn follow(
         analyzer.set_circuit(circuit(resonance_hz));
         let within =
             Window { min_hz: last.resonance_hz - MOVES_HZ, max_hz: last.resonance_hz + MOVES_HZ };
-        // The noise of the analyzer is known from all of its readings, not from the last few alone.
+        // The noise of the analyzer is known from all of its readings.
         let prior = Prior {
-            noise: cold(cell.noise).noise,
+            noise: cold(case.noise).noise,
             past: Past::Unknown,
             ..Prior::moved(&last, within)
         };
         let measured = plan(&mut analyzer, &request, &prior);
         let found = measured.verdict.accepted().copied();
         let error_hz = found.map_or(0.0, |found| found.resonance_hz - resonance_hz);
-        readings.push((measured.time_s, found, error_hz));
+        readings.push(WarmReading { time_s: measured.time_s, found, error_hz });
         let Some(found) = found else { break };
         last = found;
     }

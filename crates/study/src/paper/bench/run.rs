@@ -1,4 +1,4 @@
-//! One run of the daemon, read back from what it prints and exports.
+//! One run of the daemon, from its output and its export.
 
 use std::{
     fs,
@@ -11,7 +11,7 @@ use serde::Deserialize;
 
 use crate::outcome::StudyError;
 
-/// What is used of a run.
+/// The results of a run that the page uses.
 #[derive(Debug)]
 pub(super) struct BenchRun {
     pub(super) rig_seconds: f64,
@@ -20,11 +20,11 @@ pub(super) struct BenchRun {
     pub(super) touches: Vec<BenchTouch>,
 }
 
-/// A touch as the daemon exports it.
+/// A touch in the export of the daemon.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct BenchTouch {
     pub(super) is_blind: bool,
-    /// Index into the samples; the truth also for a blind touch.
+    /// Index of the true sample, also for a blind touch.
     pub(super) sample: usize,
     pub(super) direction: Direction,
     pub(super) angle_deg: f64,
@@ -33,7 +33,7 @@ pub(super) struct BenchTouch {
     pub(super) indentation_mm: f64,
 }
 
-/// The object that `rigd run --json` ends with.
+/// The last JSON object of `rigd run --json`.
 #[derive(Debug, Deserialize)]
 struct Printed {
     rig_seconds: f64,
@@ -42,7 +42,7 @@ struct Printed {
     data: PathBuf,
 }
 
-/// Why a run of the daemon cannot be used.
+/// A failed run of the daemon.
 #[derive(Debug, thiserror::Error)]
 enum BenchError {
     #[error("{} ended with {status}: {said}", program.display())]
@@ -56,7 +56,7 @@ impl BenchRun {
     pub(super) fn of(rigd: &Path, protocol: &Path) -> Result<Self, StudyError> {
         let data = std::env::temp_dir().join(format!("rig-study-bench-{}", std::process::id()));
         let found = Self::run(rigd, protocol, &data);
-        // Only a copy of what was read is left behind.
+        // The folder is temporary; its results have been read.
         let _ = fs::remove_dir_all(&data);
         found
     }
@@ -91,7 +91,7 @@ impl BenchRun {
     }
 }
 
-/// The touches of an export, or the number of the first line that is none.
+/// The touches of an export, or the number of the first malformed line.
 fn touches(text: &str) -> Result<Vec<BenchTouch>, usize> {
     let mut lines = text.lines();
     let columns: Vec<&str> = lines.next().ok_or(1_usize)?.split(',').collect();

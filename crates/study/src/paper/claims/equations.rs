@@ -7,7 +7,7 @@ use rig_contact::{
     equations::{Press, TissueConstants, TissueImpedance, contact_radius_mm},
 };
 
-use super::{Claim, Verdict, claim};
+use super::{Assessment, Claim, claim};
 use crate::{
     paper::figures::noiseless,
     paper_bench::{Control, SAMPLES_MPA},
@@ -39,29 +39,29 @@ fn impedance() -> Vec<Claim> {
         claim(
             "eq. (1)",
             "the tissue is a resistance, a compliance and a mass",
-            Verdict::HoldsInPart,
+            Assessment::HoldsInPart,
             format!(
-                "1/cx is exactly the stiffness of a rigid punch, 2 E* a = {punch:.1} N/m for sample 3 \
-                 (equation: {:.1}); a11 and a12 have no values; the text calls c1 the damping, and it \
-                 is a compliance",
+                "1/cx is exactly the stiffness of a rigid punch, 2 E* a = {punch:.1} N/m for \
+                 sample 3 (equation: {:.1}); a11 and a12 have no values; the text calls c1 the \
+                 damping, but it is a compliance",
                 impedance.stiffness_n_per_m
             ),
         ),
         claim(
             "eq. (2)",
             "the shift of the sensor's resonance",
-            Verdict::DoesNotHold,
+            Assessment::DoesNotHold,
             format!(
-                "it is the formula of a rod vibrating along its length, C its undefined sound speed: \
-                 a rod of PZT of 35 mm resonates at {:.1} kHz, not at 140 Hz; only C/(ω L Z1) as one \
-                 fitted constant can be used",
+                "it is the formula of a rod vibrating along its length, with the undefined sound \
+                 speed C: a rod of PZT of 35 mm resonates at {:.1} kHz and not at 140 Hz; only \
+                 C/(ω L Z1) is usable, as one fitted constant",
                 sound / (2.0 * 0.035) * 1e-3
             ),
         ),
         claim(
             "eq. (2) to (3)",
             "the tissue's mass lx may be dropped",
-            Verdict::Holds,
+            Assessment::Holds,
             format!(
                 "with a11 = 1 it takes {:.2} % of the shift of sample 5 at 229 Hz and {:.1} % of \
                  sample 1's at 148 Hz",
@@ -78,11 +78,12 @@ fn shift_and_contact() -> Vec<Claim> {
         claim(
             "eq. (3), (7)",
             "the shift is proportional to the stiffness",
-            Verdict::DoesNotHold,
+            Assessment::DoesNotHold,
             format!(
-                "true for shifts far below the resonance; the printed sensitivity means {:.0} Hz on \
-                 140.4 Hz for sample 5, {:.0} %, where the shift of a vibrating mass grows like \
-                 √(1 + r) − 1; ω is not said to be the free or the loaded one",
+                "true for shifts far below the resonance; with the printed sensitivity the shift \
+                 of sample 5 is {:.0} Hz of 140.4 Hz, {:.0} %, where the shift of a vibrating mass \
+                 grows like √(1 + r) − 1; the text does not say whether ω is that of the free or \
+                 of the loaded sensor",
                 134.11 * SAMPLES_MPA[4],
                 100.0 * 134.11 * SAMPLES_MPA[4] / 140.4
             ),
@@ -90,11 +91,11 @@ fn shift_and_contact() -> Vec<Claim> {
         claim(
             "eq. (4)",
             "a = √(Rδ − δ²/4), a ≤ R",
-            Verdict::HoldsInPart,
+            Assessment::HoldsInPart,
             format!(
-                "the radius of the ball's section at half depth; at δ = R it is {:.4} R, linear \
-                 elasticity says {:.4} R, Hertz 1 R; a ≤ R always holds, what it needs is δ ≤ 2R, \
-                 beyond which the radius falls with the depth",
+                "the radius of the ball's section at half the depth; at δ = R it is {:.4} R, where \
+                 linear elasticity gives {:.4} R and Hertz 1 R; a ≤ R always holds, but the \
+                 equation needs δ ≤ 2R, because the radius falls with the depth beyond",
                 radius(ContactLaw::Paper),
                 radius(ContactLaw::Sneddon)
             ),
@@ -102,7 +103,7 @@ fn shift_and_contact() -> Vec<Claim> {
         claim(
             "eq. (5) to (7)",
             "the larger the angle, the smaller area and shift",
-            Verdict::HoldsInPart,
+            Assessment::HoldsInPart,
             front_rise(),
         ),
     ]
@@ -114,16 +115,16 @@ fn radius(law: ContactLaw) -> f64 {
     law.at(1.0).expect("a depth of one radius is within every law").radius_rel
 }
 
-/// Where the shift to the front has its maximum.
+/// The maximum of the shift to the front.
 fn front_rise() -> String {
     let models = Models::new(&Sensor::reference(), ContactLaw::Sneddon);
-    let way = noiseless(&models, Tier::Reference, Control::Indentation);
-    let shift = |angle: f64| way.exact_hz(SAMPLES_MPA[4], Direction::Front, angle);
+    let simulation = noiseless(&models, Tier::Reference, Control::Indentation);
+    let shift = |angle: f64| simulation.exact_hz(SAMPLES_MPA[4], Direction::Front, angle);
     let best = (0..=450).map(|tenth| f64::from(tenth) / 10.0);
     let best = best.max_by(|a, b| shift(*a).total_cmp(&shift(*b))).unwrap_or(0.0);
     format!(
         "true of the equations for δ cos α < 2R; with the probe's arm the shift of sample 5 to the \
-         front first rises, from {:.2} Hz to {:.2} Hz at {best:.0}°",
+         front rises first, from {:.2} Hz to {:.2} Hz at {best:.0}°",
         shift(0.0),
         shift(best)
     )

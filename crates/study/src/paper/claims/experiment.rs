@@ -2,7 +2,7 @@
 
 use rig_contact::{ContactLaw, Models, Sensor, SensorDesign, Tier};
 
-use super::{Claim, Verdict, claim};
+use super::{Assessment, Claim, claim};
 
 pub(super) fn claims() -> Vec<Claim> {
     let per_length = {
@@ -17,13 +17,13 @@ pub(super) fn claims() -> Vec<Claim> {
         claim(
             "section 3.2",
             "the samples' stiffness is consistent with the simulation",
-            Verdict::Undecided,
-            "Shore OO is no modulus; see Table 3 below: the order is right, the ratios are not",
+            Assessment::Undecided,
+            "Shore OO is not a modulus; in Table 3 below the order is right and the ratios are not",
         ),
         claim(
             "section 3.2",
             "137.6 Hz is about the simulation's 140.4 Hz",
-            Verdict::Holds,
+            Assessment::Holds,
             format!(
                 "{:.1} %; with d ln f/d ln L = {per_length:.2} this is {:.2} mm of free length at the \
                  clamp",
@@ -34,9 +34,10 @@ pub(super) fn claims() -> Vec<Claim> {
         claim(
             "section 3.2",
             "the experiment is consistent with the simulation, and both with the theory",
-            Verdict::Undecided,
-            "no shifts are printed; see Figures 7 and 12 below: equation (7) falls by 11.9 %, a sensor \
-             with tilt by 20 to 23 %, and a figure of five curves that fall a little shows either",
+            Assessment::Undecided,
+            "no shifts are printed; in Figures 7 and 12 below, equation (7) falls by 11.9 % and a \
+             sensor with tilt by 20 to 23 %, and a figure of five slightly falling curves shows \
+             either",
         ),
     ]
 }

@@ -1,6 +1,6 @@
 //! Claims on recognition rates.
 
-use super::{Claim, Verdict, claim};
+use super::{Assessment, Claim, claim};
 
 pub(super) fn claims() -> Vec<Claim> {
     let possible = |rate: f64| (rate * 5.0 - (rate * 5.0).round()).abs() < 1e-9;
@@ -11,7 +11,7 @@ pub(super) fn claims() -> Vec<Claim> {
         claim(
             "abstract",
             "94.1 % is 38.7 % higher than the unoptimised sensor",
-            Verdict::HoldsInPart,
+            Assessment::HoldsInPart,
             format!(
                 "{:.1} percentage points above the worse of the two others, {:.1} above the better; \
                  relative to them {:.0} % and {:.0} %",
@@ -24,32 +24,32 @@ pub(super) fn claims() -> Vec<Claim> {
         claim(
             "Figure 9",
             "rates of 5 lattices of 10 × 10 points",
-            Verdict::DoesNotHold,
+            Assessment::DoesNotHold,
             format!(
-                "500 points give multiples of 0.2 %; {} % are none; with half credit for doubtful \
-                 points, or three directions, they are possible",
+                "500 points give multiples of 0.2 %; {} % are not; they are possible with half \
+                 credit for ambiguous points or with three directions",
                 impossible.join(", ")
             ),
         ),
         claim(
             "Figure 9",
             "the first row, 100/100/100/94.1 %",
-            Verdict::Holds,
-            "comes out of tilt, tangential stiffness and arm without any noise",
+            Assessment::Holds,
+            "follows from tilt, tangential stiffness and arm without any noise",
         ),
         claim(
             "Figure 9",
             "far better than the other two sensors",
-            Verdict::DoesNotHold,
-            "by the same mechanics all three are equally good; the search below finds no nuisances that \
-             give the three rows together",
+            Assessment::DoesNotHold,
+            "all three are equally good by the same mechanics; the search below finds no nuisances \
+             that give the three rows together",
         ),
         claim(
             "Figure 13",
             "92 % by k-means",
-            Verdict::Holds,
-            "within what one experiment of fifty can show, 81 to 97 %; k-means itself loses most of what \
-             is lost, see below",
+            Assessment::Holds,
+            "within the interval of one experiment of fifty, 81 to 97 %; most of the errors are \
+             those of k-means itself, see below",
         ),
     ]
 }

@@ -2,7 +2,7 @@
 
 use rig_contact::{Circuit, Contact, ContactLaw, Direction, Models, Sensor, SensorDesign, Tier};
 
-use super::{Claim, Verdict, claim};
+use super::{Assessment, Claim, claim};
 use crate::{
     models::readout::ReadOut,
     paper::figures::noiseless,
@@ -14,11 +14,14 @@ pub(super) fn claims() -> Vec<Claim> {
     [shifts(&models), simulation(&models), bench(&models)].concat()
 }
 
-/// How the shift goes with stiffness and angle.
+/// Claims on the shift over stiffness and angle.
 fn shifts(models: &Models) -> Vec<Claim> {
-    let way = noiseless(models, Tier::Reference, Control::Indentation);
+    let simulation = noiseless(models, Tier::Reference, Control::Indentation);
     let mean = |young: f64, angle: f64| {
-        Direction::ALL.iter().map(|&direction| way.exact_hz(young, direction, angle)).sum::<f64>()
+        Direction::ALL
+            .iter()
+            .map(|&direction| simulation.exact_hz(young, direction, angle))
+            .sum::<f64>()
             / 3.0
     };
     let fall = |sample: usize| {
@@ -31,9 +34,9 @@ fn shifts(models: &Models) -> Vec<Claim> {
         claim(
             "section 3.1.1",
             "sensitivity 134.11 Hz/MPa with 140.4 Hz without contact",
-            Verdict::HoldsInPart,
+            Assessment::HoldsInPart,
             format!(
-                "possible, and two facts for two unknowns (width and mass); but the shift is then \
+                "possible: two facts for two unknowns (width and mass); but then the shift is \
                  concave: {:.0} Hz/MPa at 0.045 MPa, {:.0} at 0.649, {:.0} at 1",
                 slope(0.045),
                 slope(0.649),
@@ -43,10 +46,10 @@ fn shifts(models: &Models) -> Vec<Claim> {
         claim(
             "section 3.2",
             "the softer the lump, the smaller the influence of the angle",
-            Verdict::HoldsInPart,
+            Assessment::HoldsInPart,
             format!(
-                "in hertz ({soft_hz:.2} Hz for sample 1, {hard_hz:.2} Hz for sample 5); relative to \
-                 the shift it is the reverse ({:.1} % and {:.1} %)",
+                "in hertz ({soft_hz:.2} Hz for sample 1, {hard_hz:.2} Hz for sample 5); relative \
+                 to the shift it is the opposite ({:.1} % and {:.1} %)",
                 100.0 * soft,
                 100.0 * hard
             ),
@@ -54,13 +57,13 @@ fn shifts(models: &Models) -> Vec<Claim> {
     ]
 }
 
-/// How it was simulated.
+/// Claims on the simulation.
 fn simulation(models: &Models) -> Vec<Claim> {
-    let way = noiseless(models, Tier::Reference, Control::Indentation);
+    let simulation = noiseless(models, Tier::Reference, Control::Indentation);
     let swing = |young: f64, depth_mm: f64| {
         let contact = Contact {
             depth: Control::Indentation.depth(depth_mm),
-            ..way.contact(Direction::Front, 0.0)
+            ..simulation.contact(Direction::Front, 0.0)
         };
         let circuit = models.circuit(Tier::Reference, &tissue(young), &contact);
         ball_swing_mm(models.sensor().design(), &circuit.expect("within the law"), 5.0)
@@ -69,7 +72,7 @@ fn simulation(models: &Models) -> Vec<Claim> {
     let curve = |depth_mm: f64, read_out: ReadOut| {
         let contact = Contact {
             depth: Control::Indentation.depth(depth_mm),
-            ..way.contact(Direction::Front, 0.0)
+            ..simulation.contact(Direction::Front, 0.0)
         };
         let circuit = models.circuit(Tier::Reference, &stiffest, &contact).expect("within the law");
         read_out
@@ -82,11 +85,12 @@ fn simulation(models: &Models) -> Vec<Claim> {
         claim(
             "section 3.1.1",
             "at 5 V the vibration is much smaller than the indentation",
-            Verdict::Undecided,
+            Assessment::Undecided,
             format!(
-                "the damping is not printed; with the losses assumed here (quality factor {:.0}) the \
-                 ball would swing by {:.2} mm without contact, {:.2} mm on sample 1 and {:.2} mm on \
-                 sample 5, beside an indentation of 0.5 mm: it takes a tenth of the voltage",
+                "the damping is not printed; with the losses assumed here (quality factor {:.0}) \
+                 the amplitude of the ball would be {:.2} mm without contact, {:.2} mm on sample 1 \
+                 and {:.2} mm on sample 5, at an indentation of 0.5 mm; a tenth of the voltage \
+                 would suffice",
                 models.sensor().design().beam_loss.recip(),
                 swing(SAMPLES_MPA[0], 0.0),
                 swing(SAMPLES_MPA[0], 0.5),
@@ -96,11 +100,11 @@ fn simulation(models: &Models) -> Vec<Claim> {
         claim(
             "section 3.1.1",
             "the impedance curve records the resonance",
-            Verdict::Undecided,
+            Assessment::Undecided,
             format!(
-                "which point of it is not said: the greatest impedance would give {:+.1} Hz for the \
-                 shift of sample 5, the least {:+.1} Hz, against the peak of the conductance, and zero \
-                 phase is no longer reached",
+                "the text does not say which point of the curve: against the peak of the \
+                 conductance, the largest impedance changes the shift of sample 5 by {:+.1} Hz and \
+                 the smallest by {:+.1} Hz, and zero phase does not occur",
                 read(ReadOut::GreatestImpedance),
                 read(ReadOut::LeastImpedance)
             ),
@@ -108,17 +112,17 @@ fn simulation(models: &Models) -> Vec<Claim> {
         claim(
             "section 2.2.2",
             "Poisson's ratio of tissue: \"0.7 to 0.99\", and \"around 0.5\"",
-            Verdict::HoldsInPart,
-            "no isotropic material has more than 0.5, where equation (1) is to be used; the range is \
-             that of the anisotropy factor at best",
+            Assessment::HoldsInPart,
+            "no isotropic material has more than 0.5, the value for equation (1); the range is at \
+             best that of the anisotropy factor",
         ),
     ]
 }
 
-/// How far the ball swings to each side at resonance.
+/// Amplitude of the ball at resonance, mm.
 ///
-/// The electrodes' motional charge tells the slope at the end of the beam, and the shape of the
-/// first bending mode with a mass at its end, φ L/w = 1.5, the deflection.
+/// The motional charge of the electrodes gives the slope at the end of the beam. The shape of the
+/// first bending mode with a mass at its end, φ L/w = 1.5, gives the deflection.
 fn ball_swing_mm(design: &SensorDesign, circuit: &Circuit, volts: f64) -> f64 {
     let arm_m = 0.5e-3 * (design.piezo_thickness_mm + design.core_thickness_mm);
     let moment_n_m_per_v = 2.0 * design.piezo.coupling_c_per_m2 * design.width_mm * 1e-3 * arm_m;
@@ -126,11 +130,11 @@ fn ball_swing_mm(design: &SensorDesign, circuit: &Circuit, volts: f64) -> f64 {
     charge_c / moment_n_m_per_v * design.length_mm / 1.5
 }
 
-/// How the sensor touches.
+/// Claims on the contact.
 fn bench(models: &Models) -> Vec<Claim> {
-    let way = noiseless(models, Tier::Reference, Control::Indentation);
+    let simulation = noiseless(models, Tier::Reference, Control::Indentation);
     let contact = |young: f64| {
-        let contact = way.contact(Direction::Front, 0.0);
+        let contact = simulation.contact(Direction::Front, 0.0);
         let load = models.sensor().load(&tissue(young), &contact).expect("within the law");
         load.normal_n_per_m
     };
@@ -144,10 +148,10 @@ fn bench(models: &Models) -> Vec<Claim> {
         claim(
             "section 2.2.2",
             "no slip between 0° and 45°",
-            Verdict::DoesNotHold,
+            Assessment::DoesNotHold,
             format!(
-                "with the friction of 0.1 of section 3.1.1 a ball pressed in along the probe sticks up \
-                 to tan α = μ/τ, {:.2}°; 45° needs a friction of {:.3}",
+                "with the friction of 0.1 of section 3.1.1 a ball pressed in along the probe \
+                 sticks up to tan α = μ/τ, {:.2}°; 45° needs a friction of {:.3}",
                 (0.1_f64 / (2.0 / 3.0)).atan().to_degrees(),
                 2.0 / 3.0
             ),
@@ -155,11 +159,11 @@ fn bench(models: &Models) -> Vec<Claim> {
         claim(
             "section 3.2",
             "the stage ensures an indentation of 0.5 mm",
-            Verdict::DoesNotHold,
+            Assessment::DoesNotHold,
             format!(
-                "the sensor that gives 134.11 Hz/MPa has 433 N/m at its ball, the contact {:.0} to \
-                 {:.0} N/m: a stage moved by 0.5 mm indents sample 5 by {stage:.2} mm; the paper does \
-                 not mention it",
+                "a sensor with 134.11 Hz/MPa has 433 N/m at its ball, and the contact {:.0} to \
+                 {:.0} N/m: a stage move of 0.5 mm indents sample 5 by {stage:.2} mm; the paper \
+                 does not mention it",
                 contact(SAMPLES_MPA[0]),
                 contact(SAMPLES_MPA[4])
             ),
@@ -167,16 +171,17 @@ fn bench(models: &Models) -> Vec<Claim> {
         claim(
             "Figure 8",
             "(35, 0.5) has the best D1 and D1/D2",
-            Verdict::DoesNotHold,
-            "see Figure 8 below: D1 of the shorter sensor is smaller in every model that vibrates; only \
+            Assessment::DoesNotHold,
+            "in Figure 8 below, D1 of the shorter sensor is smaller in every vibrating model; only \
              T1 gives the paper's order of D1/D2",
         ),
         claim(
             "Figures 6, 11",
             "the direction has no significant influence",
-            Verdict::Undecided,
-            "true of a sticking contact with an arm of 1 to 2 mm, or a stiffer sideways one; with 8 mm \
-             front and back differ by 15 to 20 % at 45°; the arm is not printed. See Figure 6 below",
+            Assessment::Undecided,
+            "true for a sticking contact with an arm of 1 to 2 mm, or for a stiffer sideways one; \
+             with 8 mm front and back differ by 15 to 20 % at 45° (Figure 6 below); the arm is not \
+             printed",
         ),
     ]
 }

@@ -1,4 +1,4 @@
-//! Figure 6: whether the direction of the tilt counts.
+//! Figure 6: the influence of the direction of the tilt.
 
 use rig_chart::{Axis, Chart, Marker, Point, Series};
 use rig_contact::{ContactLaw, Direction, Friction, Models, Sensor, SensorDesign, Tier};
@@ -7,16 +7,17 @@ use super::{curve, mean_hz, noiseless};
 use crate::{
     page::{Page, Table},
     paper_bench::{ANGLES_DEG, Control, SAMPLES_MPA},
-    simulate::Way,
+    simulate::TouchSimulation,
 };
 
-pub(super) fn add(page: &mut Page, way: &Way<'_>) {
+pub(super) fn add(page: &mut Page, simulation: &TouchSimulation<'_>) {
     page.heading("Figure 6: front, back and left");
     page.text(
-        "The paper: \"the detected direction has no significant influence\". With the arm of 8 mm it \
-         has: the probe's slope turns the surface's normal stiffness into a pull along the bimorph, \
-         forward or backward. The difference vanishes where h cos α = τ R/(1 − τ), twice the ball's \
-         radius for an incompressible sample. The paper prints no numbers and no arm.",
+        "The paper: \"the detected direction has no significant influence\". With the arm of 8 mm \
+         it has: through the slope of the probe the normal stiffness of the surface pulls along \
+         the bimorph, forward or backward. The difference vanishes for h cos α = τ R/(1 − τ), \
+         which is twice the ball's radius for an incompressible sample. The paper prints neither \
+         numbers nor the arm.",
     );
     let mut chart = Chart::new(
         "Figure 6: shift over the angle in three directions",
@@ -29,11 +30,12 @@ pub(super) fn add(page: &mut Page, way: &Way<'_>) {
         for (direction, marker) in
             Direction::ALL.into_iter().zip([Marker::of(0), Marker::of(1), Marker::of(2)])
         {
-            let line = curve().map(|angle| (angle, way.exact_hz(young_mpa, direction, angle)));
+            let line =
+                curve().map(|angle| (angle, simulation.exact_hz(young_mpa, direction, angle)));
             chart
                 .series
                 .push(Series { name: None, ..Series::line("", sample, line.collect::<Vec<_>>()) });
-            let shifts = ANGLES_DEG.map(|angle| way.exact_hz(young_mpa, direction, angle));
+            let shifts = ANGLES_DEG.map(|angle| simulation.exact_hz(young_mpa, direction, angle));
             let points: Vec<Point> = ANGLES_DEG.into_iter().zip(shifts).map(Point::from).collect();
             let name = (direction == Direction::Front).then(|| format!("sample {}", sample + 1));
             chart.series.push(Series {
@@ -50,12 +52,12 @@ pub(super) fn add(page: &mut Page, way: &Way<'_>) {
     page.chart("figure-6.svg", chart);
     page.table(table);
     page.text(
-        "The search for a probe whose direction does not count: the spread of the directions at 45°, \
-         relative to their mean and the largest of the five samples, over the arm and the tangential \
-         over normal stiffness τ (0 slides, 0.667 sticks on an incompressible sample, 1 is as stiff \
-         both ways). A spread that a figure would not show, of 2 %, needs a probe that slides and has no \
-         arm, one that sticks and has an arm of 1 to 2 mm, or a longer arm and more τ than an elastic \
-         half space has.",
+        "The search for a probe without influence of the direction: the spread of the directions \
+         at 45°, relative to their mean, and the largest over the five samples, by the arm and the \
+         tangential over normal stiffness τ (0 slides, 0.667 sticks on an incompressible sample, 1 \
+         is equally stiff both ways). A spread of 2 %, too small for a figure, needs a probe that \
+         slides and has no arm, one that sticks and has an arm of 1 to 2 mm, or a longer arm and a \
+         larger τ than an elastic half space has.",
     );
     page.table(spread_by_arm());
 }
@@ -70,15 +72,16 @@ fn spread_by_arm() -> Table {
         let sensor = Sensor::new(design).expect("these arms can be built");
         let models = Models::new(&sensor, ContactLaw::Sneddon);
         let spread = |tangential_ratio: f64| {
-            let way = Way {
+            let simulation = TouchSimulation {
                 friction: Friction::Elastic { tangential_ratio },
                 ..noiseless(&models, Tier::Reference, Control::Indentation)
             };
             let of_sample = |&young: &f64| {
-                let shifts = Direction::ALL.map(|direction| way.exact_hz(young, direction, 45.0));
+                let shifts =
+                    Direction::ALL.map(|direction| simulation.exact_hz(young, direction, 45.0));
                 let most = shifts.into_iter().fold(f64::MIN, f64::max);
                 let least = shifts.into_iter().fold(f64::MAX, f64::min);
-                (most - least) / mean_hz(&way, young, 45.0)
+                (most - least) / mean_hz(&simulation, young, 45.0)
             };
             let largest = SAMPLES_MPA.iter().map(of_sample).fold(0.0, f64::max);
             format!("{:.1}", 100.0 * largest)

@@ -1,4 +1,4 @@
-//! The sensitivity, and how straight the line is that it is the slope of.
+//! The sensitivity, and the deviation from a straight line.
 
 use rig_contact::{Direction, Models, Tier};
 
@@ -12,8 +12,8 @@ pub(super) fn add(page: &mut Page, models: &Models) {
     page.heading("The sensitivity");
     page.text(
         "The paper prints 134.11 Hz/MPa from 0.045 to 0.649 MPa. Any model with one free constant \
-         can have that; what it cannot have is a straight line. The shift is concave in the \
-         stiffness, so that the slope depends on where it is taken:",
+         can have this chord, but not a straight line: the shift is concave in the stiffness, so \
+         that the slope depends on the stiffness:",
     );
     let mut table = Table::new(&[
         "model",
@@ -34,8 +34,8 @@ pub(super) fn add(page: &mut Page, models: &Models) {
         ("reference, indentation held", Tier::Reference, Control::Indentation),
         ("reference, stage held", Tier::Reference, Control::Stage),
     ] {
-        let way = noiseless(models, tier, control);
-        let at = |young: f64| way.exact_hz(young, Direction::Front, 0.0);
+        let simulation = noiseless(models, tier, control);
+        let at = |young: f64| simulation.exact_hz(young, Direction::Front, 0.0);
         let chord = (at(SAMPLES_MPA[4]) - at(SAMPLES_MPA[0])) / (SAMPLES_MPA[4] - SAMPLES_MPA[0]);
         let slope = |young: f64| {
             // Tier T0 ends with the range that it was fitted on.
@@ -58,8 +58,9 @@ pub(super) fn add(page: &mut Page, models: &Models) {
     }
     page.table(table);
     page.text(
-        "The least-squares line through the shifts of the five samples. A concave curve has a \
-         coefficient of determination above 0.99 as well, so that a line in a figure proves nothing:",
+        "The least-squares line through the shifts of the five samples. The coefficient of \
+         determination of a concave curve exceeds 0.99 as well, so that a line in a figure proves \
+         nothing:",
     );
     page.table(lines);
 }

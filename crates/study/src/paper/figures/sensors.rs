@@ -15,11 +15,11 @@ use crate::{
 pub(super) fn add(page: &mut Page) {
     page.heading("Figure 8: the three sensors");
     page.text(
-        "The paper prints no numbers; it says that (35, 0.5) has the best D1 and the best D1/D2, the \
-         smallest ones. Its own equation (9) does not contain the length at all. Equation (8) gives its \
-         order of D1 only when ω and Z1 are those of the long sensor for the short one too; a shorter \
-         sensor resonates higher, and its shifts and D1 are smaller. No model that vibrates gives the \
-         paper's order of D1, and only T1, which knows no tilt, that of D1/D2.",
+        "The paper prints no numbers; it says that (35, 0.5) has the best, that is the smallest, \
+         D1 and D1/D2. Its own equation (9) does not contain the length. Equation (8) gives the \
+         paper's order of D1 only if ω and Z1 of the long sensor are used for the short one too; a \
+         shorter sensor resonates higher, and its shifts and D1 are smaller. No vibrating model \
+         gives the paper's order of D1, and only T1, which lacks the tilt, that of D1/D2.",
     );
     let mut table = Table::new(&[
         "model",
@@ -53,9 +53,9 @@ pub(super) fn add(page: &mut Page) {
         ("reference, stage held", Tier::Reference, Control::Stage),
     ] {
         let d1_d2 = sensors.each_ref().map(|sensor| {
-            let way = noiseless(&sensor.models, tier, control);
-            let [soft, hard] = [0, 2].map(|sample| mean_hz(&way, SAMPLES_MPA[sample], 0.0));
-            let d1 = hard - mean_hz(&way, SAMPLES_MPA[2], 45.0);
+            let simulation = noiseless(&sensor.models, tier, control);
+            let [soft, hard] = [0, 2].map(|sample| mean_hz(&simulation, SAMPLES_MPA[sample], 0.0));
+            let d1 = hard - mean_hz(&simulation, SAMPLES_MPA[2], 45.0);
             (d1, d1 / (hard - soft))
         });
         push(&mut table, name, "D1 of sample 3, Hz", d1_d2.map(|(d1, _)| d1), 2);
@@ -65,8 +65,8 @@ pub(super) fn add(page: &mut Page) {
     page.text("No-load resonance and sensitivity of the three:");
     let mut facts = Table::new(&["sensor", "no-load resonance, Hz", "sensitivity, Hz/MPa"]);
     for sensor in &sensors {
-        let way = noiseless(&sensor.models, Tier::Reference, Control::Indentation);
-        let at = |young: f64| way.exact_hz(young, Direction::Front, 0.0);
+        let simulation = noiseless(&sensor.models, Tier::Reference, Control::Indentation);
+        let at = |young: f64| simulation.exact_hz(young, Direction::Front, 0.0);
         let chord = (at(SAMPLES_MPA[4]) - at(SAMPLES_MPA[0])) / (SAMPLES_MPA[4] - SAMPLES_MPA[0]);
         let no_load = sensor.models.no_load_hz(Tier::Reference);
         facts.row([sensor.name.to_owned(), format!("{no_load:.1}"), format!("{chord:.1}")]);
@@ -74,11 +74,11 @@ pub(super) fn add(page: &mut Page) {
     page.table(facts);
 }
 
-/// A row: of both quantities the smallest is the best.
+/// A row. The smallest value of either quantity is the best.
 fn push(table: &mut Table, model: &str, quantity: &str, values: [f64; 3], digits: usize) {
     const NAMES: [&str; 3] = ["L 35, R 0.5", "L 35, R 1", "L 20, R 0.5"];
     let least = values.into_iter().fold(f64::MAX, f64::min);
-    // Equal to rounding is no better.
+    // Values that are equal within rounding share the rank.
     let best: Vec<&str> = NAMES
         .into_iter()
         .zip(values)

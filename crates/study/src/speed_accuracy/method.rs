@@ -1,0 +1,151 @@
+//! The methods of measuring a resonance: the choice of the points.
+
+use num_complex::Complex64;
+use rig_contact::Circuit;
+use rig_model::{
+    DriveLevel, Reading, RigTime, SweepMethod, SweepPoint, SweepRequest, random::Stream,
+};
+use rig_resonance::{FitOptions, Next, NoisePrior, Past, Planner, Prior, Timing, Verdict, fit};
+
+use super::case::Case;
+use crate::analyzer::{Analyzer, WINDOW, evenly, reading, time_constant_s};
+
+/// A method of measuring a resonance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Method {
+    /// Even settled points of ten cycles.
+    Steady { points: u32 },
+    /// Even points of ten cycles, each after five time constants of settling.
+    Even { points: u32 },
+    /// Even points without settling.
+    Fast { points: u32, cycles: u32 },
+    /// The planner for settled points, up to a target standard deviation.
+    Settled { target_hz: f64 },
+    /// The transient-aware planner, up to a target standard deviation.
+    Transient { target_hz: f64 },
+}
+
+/// The sweep of a careful laboratory.
+pub(super) const LABORATORY: Method = Method::Even { points: 201 };
+/// Time limit of a planner, s.
+pub(super) const LIMIT_S: f64 = 5.0;
+
+/// A measured sweep.
+#[derive(Debug)]
+pub(super) struct Measured {
+    pub(super) points: Vec<SweepPoint>,
+    pub(super) readings: Vec<Reading>,
+    pub(super) time_s: f64,
+    /// The result of the production fit.
+    pub(super) verdict: Verdict,
+}
+
+impl Method {
+    /// The name without parameters.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::Steady { .. } => "ideal",
+            Self::Even { .. } => "uniform",
+            Self::Fast { .. } => "fast uniform",
+            Self::Settled { .. } => "settled planner",
+            Self::Transient { .. } => "transient-aware planner",
+        }
+    }
+
+    /// The parameters.
+    pub(super) fn detail(self) -> String {
+        match self {
+            Self::Steady { points } => format!("{points} points; 10 cycles"),
+            Self::Even { points } => format!("{points} points; 10 cycles; 5 time constants"),
+            Self::Fast { points, cycles } => format!("{points} points; {cycles} cycles"),
+            Self::Settled { target_hz } | Self::Transient { target_hz } => {
+                format!("{:.0} mHz", 1000.0 * target_hz)
+            }
+        }
+    }
+
+    /// Measures a sensor at rest. Only the window and the noise of the analyzer are known.
+    pub(super) fn measure(self, circuit: &Circuit, case: &Case, random: Stream) -> Measured {
+        let at_rest = |random| Analyzer::at_rest(*circuit, case.noise, random);
+        let planned = |method, target_hz, random| {
+            plan(&mut at_rest(random), &request(method, target_hz), &cold(case.noise))
+        };
+        match self {
+            Self::Steady { points } => steady(circuit, case.noise, points, random),
+            Self::Even { points } => {
+                let settle_s = 5.0 * time_constant_s(circuit);
+                sweep(at_rest(random), evenly(WINDOW, points, settle_s, 10), Timing::Waited)
+            }
+            Self::Fast { points, cycles } => {
+                let timing = Timing::Exact(Past::Rest);
+                sweep(at_rest(random), evenly(WINDOW, points, 0.0, cycles), timing)
+            }
+            Self::Settled { target_hz } => planned(SweepMethod::Adaptive, target_hz, random),
+            Self::Transient { target_hz } => planned(SweepMethod::Transient, target_hz, random),
+        }
+    }
+}
+
+/// The prior before the first sweep: only the noise of the analyzer.
+pub(super) fn cold(noise: f64) -> Prior {
+    let noise = NoisePrior { at_ten_cycles: noise, degrees_of_freedom: 1000.0 };
+    Prior { circuit: None, within: WINDOW, noise: Some(noise), past: Past::Rest }
+}
+
+/// The request for a sweep with a target standard deviation.
+pub(super) fn request(method: SweepMethod, target_sigma_hz: f64) -> SweepRequest {
+    SweepRequest {
+        window: WINDOW,
+        method,
+        target_sigma_hz,
+        time_limit_s: LIMIT_S,
+        cycles: 10,
+        settle_s: 0.5,
+        level: DriveLevel { volt: 1.0 },
+    }
+}
+
+/// Readings of the settled circuit.
+fn steady(circuit: &Circuit, noise: f64, points: u32, mut random: Stream) -> Measured {
+    // Longer than the decay of any sensor.
+    const SETTLE_S: f64 = 60.0;
+    let points = evenly(WINDOW, points, SETTLE_S, 10);
+    let read = |point: &SweepPoint| {
+        let error = Complex64::new(random.normal(), random.normal());
+        let impedance = circuit.impedance_ohm(point.frequency_hz) * (1.0 + noise * error);
+        reading(point, impedance, RigTime::ZERO)
+    };
+    let readings: Vec<Reading> = points.iter().map(read).collect();
+    let time_s = points.iter().map(SweepPoint::duration_s).sum();
+    let verdict = fit(&readings, &FitOptions { window: Some(WINDOW), ..FitOptions::default() });
+    Measured { points, readings, time_s, verdict }
+}
+
+fn sweep(mut analyzer: Analyzer, points: Vec<SweepPoint>, timing: Timing) -> Measured {
+    let readings: Vec<Reading> = points.iter().map(|point| analyzer.visit(point)).collect();
+    let options = FitOptions { window: Some(WINDOW), timing, ..FitOptions::default() };
+    let verdict = fit(&readings, &options);
+    Measured { points, readings, time_s: analyzer.elapsed_s(), verdict }
+}
+
+/// Runs a planner to its end. Its time starts with its first point.
+pub(super) fn plan(analyzer: &mut Analyzer, request: &SweepRequest, prior: &Prior) -> Measured {
+    let begun_s = analyzer.elapsed_s();
+    let mut planner = Planner::new(request, Some(prior));
+    let mut visited = Vec::new();
+    loop {
+        match planner.next() {
+            Next::Measure(points) => {
+                for point in points {
+                    planner.add(&[analyzer.visit(&point)]);
+                    visited.push(point);
+                }
+            }
+            Next::Finished(verdict) => {
+                let time_s = analyzer.elapsed_s() - begun_s;
+                let readings = planner.readings().to_vec();
+                return Measured { points: visited, readings, time_s, verdict };
+            }
+        }
+    }
+}
