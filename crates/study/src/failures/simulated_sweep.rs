@@ -203,10 +203,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_good_scene_is_the_settled_circuit() {
-        let scene = Scene { noise: 0.0, ..Scene::good(30.0, 0.1) };
-        for reading in scene.measure(Stream::new(1, 1)) {
-            let expected = scene.circuit().impedance_ohm(reading.frequency_hz);
+    fn a_good_sweep_is_the_settled_circuit() {
+        let sweep = SimulatedSweep { noise: 0.0, ..SimulatedSweep::good(30.0, 0.1) };
+        for reading in sweep.measure(Stream::new(1, 1)) {
+            let expected = sweep.circuit().impedance_ohm(reading.frequency_hz);
             let value = reading.impedance().unwrap();
             let found = Complex64::new(value.resistance_ohm, value.reactance_ohm);
             assert!((found - expected).norm() < 1e-12 * expected.norm(), "{found} {expected}");

@@ -94,7 +94,10 @@ impl BenchRun {
 /// The touches of an export, or the number of the first malformed line.
 fn touches(text: &str) -> Result<Vec<BenchTouch>, usize> {
     let mut lines = text.lines();
-    let columns: Vec<&str> = lines.next().ok_or(1_usize)?.split(',').collect();
+    // Text stands in quotes. The cells that are read here hold no comma.
+    let cells =
+        |line| -> Vec<&str> { str::split(line, ',').map(|it| it.trim_matches('"')).collect() };
+    let columns = cells(lines.next().ok_or(1_usize)?);
     let index = |name: &str| columns.iter().position(|&column| column == name).ok_or(1_usize);
     let [phase, sample, direction, angle, shift, sigma, indentation] = [
         index("phase")?,
@@ -106,7 +109,7 @@ fn touches(text: &str) -> Result<Vec<BenchTouch>, usize> {
         index("indentation_mm")?,
     ];
     let touch = |line: &str| {
-        let cells: Vec<&str> = line.split(',').collect();
+        let cells = cells(line);
         let number = |index: usize| cells.get(index)?.parse::<f64>().ok();
         let name = *cells.get(direction)?;
         Some(BenchTouch {
@@ -133,7 +136,8 @@ mod tests {
     #[test]
     fn touches_are_read_by_the_names_of_their_columns() {
         let text = format!(
-            "{HEAD}\nmain/1,main,1,front,0,7.9,0.003,0.5\nb/1,blind,5,left,12.25,80,0.1,0.5\n"
+            "{HEAD}\n\"main/1\",\"main\",\"1\",\"front\",0.0,7.9,0.003,0.5\n\
+             \"b/1\",\"blind\",\"5\",\"left\",12.25,80.0,0.1,0.5\n"
         );
         let found = touches(&text).unwrap();
         assert_eq!(found.len(), 2);
