@@ -91,12 +91,14 @@ impl BenchRun {
     }
 }
 
+/// The cells of a line. Text stands in quotes; the cells that this page reads hold no comma.
+fn cells(line: &str) -> Vec<&str> {
+    line.split(',').map(|cell| cell.trim_matches('"')).collect()
+}
+
 /// The touches of an export, or the number of the first malformed line.
 fn touches(text: &str) -> Result<Vec<BenchTouch>, usize> {
     let mut lines = text.lines();
-    // Text stands in quotes. The cells that are read here hold no comma.
-    let cells =
-        |line| -> Vec<&str> { str::split(line, ',').map(|it| it.trim_matches('"')).collect() };
     let columns = cells(lines.next().ok_or(1_usize)?);
     let index = |name: &str| columns.iter().position(|&column| column == name).ok_or(1_usize);
     let [phase, sample, direction, angle, shift, sigma, indentation] = [
