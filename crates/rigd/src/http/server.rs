@@ -45,7 +45,7 @@ const GRACE: Duration = Duration::from_secs(2);
 /// After a connection could not be accepted, such as for want of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
-/// Serves until `closing`; after that, requests under way have [`GRACE`] to end.
+/// Serves until `closing`; after that, requests under way have `GRACE` to end.
 pub async fn serve(listener: TcpListener, router: Router, closing: CancellationToken) {
     let ordinary = Arc::new(Semaphore::new(CONNECTIONS_MAX));
     let spares = Arc::new(Semaphore::new(SPARES_MAX));
