@@ -26,7 +26,7 @@ use rustix::{
 use tempfile::TempDir;
 
 /// Nothing here takes longer.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(180);
 const ROWS: u16 = 24;
 /// Rows that have gone up and out of sight are looked at too.
 const SCROLLBACK: usize = 500;
