@@ -7,7 +7,7 @@ use std::{
 };
 
 use rig_engine::RunStatus;
-use rig_store::{Record, SweepVerdict};
+use rig_store::{Record, SweepOutcome};
 use rig_tests::TestRig;
 
 use crate::case::Case;
@@ -76,7 +76,7 @@ async fn played(case: &Case) -> Outcome {
         match stored.record() {
             Ok(Record::Sweep(sweep)) => {
                 sweeps += 1;
-                if let SweepVerdict::Refused { reason } = sweep.verdict {
+                if let SweepOutcome::Refused { reason } = sweep.outcome {
                     refusals.push(reason);
                 }
             }

@@ -5,7 +5,9 @@ use std::fs;
 
 use rig_engine::{Command, RigState, RunStatus};
 use rig_model::{DriveLevel, SweepMethod, SweepRequest, Window};
-use rig_store::{Reading, ReadingFlag, Record, RunId, StoredRecord, SweepVerdict, Verdict};
+use rig_store::{
+    ChainCheck, ReadingFlag, ReadingRecord, Record, RunId, StoredRecord, SweepOutcome,
+};
 use rig_tests::{TestRig, shipped};
 
 const TCP: (&str, &str) =
@@ -48,8 +50,8 @@ fn request(level_v: f64) -> SweepRequest {
     }
 }
 
-/// Measures by hand, and returns the readings and the verdict from the journal.
-async fn measure(rig: &TestRig, level_v: f64) -> (Vec<Reading>, SweepVerdict) {
+/// Measures by hand, and returns the readings and the outcome from the journal.
+async fn measure(rig: &TestRig, level_v: f64) -> (Vec<ReadingRecord>, SweepOutcome) {
     let number = rig.handle.sweep(request(level_v), "test").await.unwrap();
     let status = rig.wait_for("the sweep", |status| status.sweep.is_none()).await;
     let sweep =
@@ -58,10 +60,10 @@ async fn measure(rig: &TestRig, level_v: f64) -> (Vec<Reading>, SweepVerdict) {
             _ => None,
         });
     let sweep = sweep.expect("the sweep is in the journal");
-    (sweep.readings, sweep.verdict)
+    (sweep.readings, sweep.outcome)
 }
 
-fn flagged(readings: &[Reading]) -> usize {
+fn flagged(readings: &[ReadingRecord]) -> usize {
     readings.iter().filter(|reading| reading.flag == ReadingFlag::Overload).count()
 }
 
@@ -82,7 +84,7 @@ fn touches(records: &[StoredRecord]) -> (usize, Vec<String>) {
 #[track_caller]
 fn assert_journal_is_open(rig: &TestRig, run: RunId) {
     assert_eq!(rig.handle.status().borrow().journal_error, None);
-    assert!(matches!(rig.reader().verify(run).unwrap(), Verdict::Intact { .. }));
+    assert!(matches!(rig.reader().verify(run).unwrap(), ChainCheck::Intact { .. }));
 }
 
 #[tokio::test]
@@ -90,15 +92,15 @@ async fn a_flagged_reading_is_measured_again_and_one_that_stays_is_refused_by_na
     for (changes, level_v) in FAMILIES {
         let rig = TestRig::open_changed(changes).await;
         rig.fault("fault analyzer overload");
-        let (readings, verdict) = measure(&rig, level_v).await;
-        assert!(matches!(verdict, SweepVerdict::Accepted { .. }), "{changes:?}: {verdict:?}");
+        let (readings, outcome) = measure(&rig, level_v).await;
+        assert!(matches!(outcome, SweepOutcome::Accepted { .. }), "{changes:?}: {outcome:?}");
         assert_eq!(flagged(&readings), 1, "{changes:?}");
-        let is_value = |one: &&Reading| one.impedance_ohm().is_some();
+        let is_value = |one: &&ReadingRecord| one.impedance_ohm().is_some();
         assert_eq!(readings.iter().filter(is_value).count(), readings.len() - 1);
 
         rig.fault("fault analyzer overload rate=1");
-        let (readings, verdict) = measure(&rig, level_v).await;
-        let SweepVerdict::Refused { reason } = verdict else { panic!("{changes:?}: {verdict:?}") };
+        let (readings, outcome) = measure(&rig, level_v).await;
+        let SweepOutcome::Refused { reason } = outcome else { panic!("{changes:?}: {outcome:?}") };
         let hz = readings[0].frequency_hz;
         let expected = format!("the analyzer flagged overload at {hz} Hz in 3 of 3 tries");
         assert_eq!((reason, flagged(&readings)), (expected, 3), "{changes:?}");

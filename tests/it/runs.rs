@@ -2,7 +2,7 @@
 
 use rig_engine::RunStatus;
 use rig_report::export;
-use rig_store::{Record, SweepVerdict, Verdict};
+use rig_store::{ChainCheck, Record, SweepOutcome};
 use rig_tests::{TestRig, changed, text};
 
 #[tokio::test]
@@ -35,7 +35,7 @@ async fn the_papers_protocol_gives_a_shift_for_every_touch() {
             _ => {}
         }
     }
-    assert!(matches!(rig.reader().verify(run).unwrap(), Verdict::Intact { .. }));
+    assert!(matches!(rig.reader().verify(run).unwrap(), ChainCheck::Intact { .. }));
     rig.close().await;
 }
 
@@ -75,7 +75,7 @@ async fn a_scene_in_which_a_sweep_did_not_end_is_measured() {
     for stored in rig.records(run) {
         if let Record::Sweep(sweep) = stored.record().unwrap() {
             sweeps += 1;
-            let is_accepted = matches!(sweep.verdict, SweepVerdict::Accepted { .. });
+            let is_accepted = matches!(sweep.outcome, SweepOutcome::Accepted { .. });
             assert!(is_accepted && sweep.readings.len() < 100, "{sweep:?}");
         }
     }
@@ -96,9 +96,9 @@ async fn a_resonance_beyond_the_window_is_refused_in_time() {
         let (mut measured, mut refused) = (0, 0);
         for stored in rig.records(run) {
             let Record::Sweep(sweep) = stored.record().unwrap() else { continue };
-            match sweep.verdict {
-                SweepVerdict::Accepted { .. } => measured += 1,
-                SweepVerdict::Refused { ref reason } => {
+            match sweep.outcome {
+                SweepOutcome::Accepted { .. } => measured += 1,
+                SweepOutcome::Refused { ref reason } => {
                     refused += 1;
                     let last = sweep.readings.last().unwrap();
                     let end_s = last.started_s + last.settle_s + last.integration_s;

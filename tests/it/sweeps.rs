@@ -2,7 +2,7 @@
 
 use rig_engine::Command;
 use rig_model::{DriveLevel, SweepMethod, SweepRequest, Window};
-use rig_store::{Record, Sweep, SweepVerdict};
+use rig_store::{Record, Sweep, SweepOutcome};
 use rig_tests::TestRig;
 
 fn request(min_hz: f64, max_hz: f64, method: SweepMethod) -> SweepRequest {
@@ -50,8 +50,8 @@ async fn the_planner_finds_the_free_resonance_wherever_it_lies_in_the_window() {
         (130.0, 150.0),
     ] {
         let sweep = sweep(&rig, request(min_hz, max_hz, SweepMethod::Adaptive)).await;
-        let SweepVerdict::Accepted { resonance_hz, sigma_hz, .. } = sweep.verdict else {
-            panic!("[{min_hz}, {max_hz}]: {:?}", sweep.verdict)
+        let SweepOutcome::Accepted { resonance_hz, sigma_hz, .. } = sweep.outcome else {
+            panic!("[{min_hz}, {max_hz}]: {:?}", sweep.outcome)
         };
         assert!(sigma_hz <= 0.02, "[{min_hz}, {max_hz}]: ± {sigma_hz}");
         // The scene lets it drift by tenths of a hertz.
@@ -68,9 +68,9 @@ async fn a_uniform_sweep_agrees_with_the_planner() {
     let uniform = SweepMethod::Uniform { points: 61 };
     let uniform = sweep(&rig, request(130.0, 150.0, uniform)).await;
     let planned = sweep(&rig, request(130.0, 150.0, SweepMethod::Adaptive)).await;
-    let resonance = |sweep: &Sweep| match sweep.verdict {
-        SweepVerdict::Accepted { resonance_hz, sigma_hz, .. } => (resonance_hz, sigma_hz),
-        SweepVerdict::Refused { ref reason } => panic!("{reason}"),
+    let resonance = |sweep: &Sweep| match sweep.outcome {
+        SweepOutcome::Accepted { resonance_hz, sigma_hz, .. } => (resonance_hz, sigma_hz),
+        SweepOutcome::Refused { ref reason } => panic!("{reason}"),
     };
     let ((one, sigma_one), (two, sigma_two)) = (resonance(&uniform), resonance(&planned));
     // The resonance drifts meanwhile by far less than the planner is asked for.
@@ -85,7 +85,7 @@ async fn a_uniform_sweep_agrees_with_the_planner() {
 async fn a_window_without_a_resonance_is_refused() {
     let rig = TestRig::open().await;
     let sweep = sweep(&rig, request(170.0, 230.0, SweepMethod::Adaptive)).await;
-    assert!(matches!(sweep.verdict, SweepVerdict::Refused { .. }), "{:?}", sweep.verdict);
+    assert!(matches!(sweep.outcome, SweepOutcome::Refused { .. }), "{:?}", sweep.outcome);
     // And the rig is ready for the next command.
     rig.command(Command::Stop).await.unwrap();
     rig.close().await;

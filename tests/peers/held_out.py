@@ -249,7 +249,7 @@ def judge(rigd, folder, kind, trial, seed):
     if answer["status"] == "refused":
         return "refused", 0.0, f"{what}: {answer['reason']}"
     exists = kind is not none and kind is not beyond
-    truth = scene.at(answer["moment_s"]) if kind is drift_one_way else scene.fs
+    truth = scene.at(answer["effective_time_s"]) if kind is drift_one_way else scene.fs
     score = (answer["resonance_hz"] - truth) / answer["sigma_hz"]
     right = exists and abs(score) <= SIGMAS
     return ("right" if right else "wrong"), score, f"{what}: {answer['resonance_hz']:.4f}, {score:+.1f} sigma"

@@ -146,7 +146,7 @@ def main():
     mine = {}
     worst = 0.0
     for sweep in table(data / "sweeps.csv"):
-        if sweep["verdict"] != "accepted":
+        if sweep["outcome"] != "accepted":
             continue
         rows = readings[sweep["sweep"]]
         column = lambda name: np.array([float(row[name]) for row in rows])

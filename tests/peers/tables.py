@@ -19,7 +19,7 @@ from bench import SCENE, check, equal
 
 LABELS = ("sample", "class")
 WHOLE = ("repeat", "no_load_sweep", "sweep", "readings", "reading", "try")
-WORDS = ("step", "phase", "direction", "status", "reason", "started_at", "run_id", "purpose", "verdict",
+WORDS = ("step", "phase", "direction", "status", "reason", "started_at", "run_id", "purpose", "outcome",
          "flag", "fit_timing", *LABELS)
 FLAGS = ("is_simulated", "is_used", "fit_always_loss")
 

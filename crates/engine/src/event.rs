@@ -53,21 +53,21 @@ impl SweepPurpose {
     }
 }
 
-/// A finished sweep.
+/// A finished sweep with its outcome.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SweepOutcome {
+pub struct FinishedSweep {
     /// What it was for.
     pub purpose: SweepPurpose,
     /// Every reading, in the order taken.
     pub readings: Vec<Reading>,
-    /// How many of the first readings only served to find the resonance. The verdict rests on the
-    /// others.
-    pub looks: usize,
-    /// What they say.
-    pub verdict: Verdict,
-    /// The moment for which an accepted resonance holds, s on the clock of the readings.
-    pub moment_s: Option<f64>,
-    /// What the fit was told besides the readings.
+    /// Number of readings at the beginning that only located the resonance. The outcome rests on
+    /// the others.
+    pub probe_readings: usize,
+    /// The fitted resonance, or the reason why there is none.
+    pub outcome: Verdict,
+    /// The time for which an accepted resonance holds, s on the clock of the readings.
+    pub effective_time_s: Option<f64>,
+    /// The settings of the fit.
     pub fit: FitOptions,
     /// The standard deviation without which no resonance was accepted, Hz.
     pub target_hz: Option<f64>,
@@ -226,7 +226,7 @@ pub enum Event {
         trail: Vec<(Position<Mm>, Reading)>,
     },
     /// A sweep is done.
-    SweepFinished(Box<SweepOutcome>),
+    SweepFinished(Box<FinishedSweep>),
     /// A touch is done and the probe is clear.
     TouchFinished(Box<TouchResult>),
     /// A person did something.

@@ -32,8 +32,8 @@ pub use command::{Command, CommandRefusal};
 pub use effect::{Effect, Input};
 pub use engine::{Admitted, Engine, Progress, Snapshot};
 pub use event::{
-    Contact, Event, LoweringPurpose, RigState, RunStatus, SweepOutcome, SweepPurpose, TouchOutcome,
-    TouchResult,
+    Contact, Event, FinishedSweep, LoweringPurpose, RigState, RunStatus, SweepPurpose,
+    TouchOutcome, TouchResult,
 };
 pub use fault::{Device, Failure, FailureKind, Fault};
 pub use interlock::{Interlock, InterlockError};

@@ -201,7 +201,7 @@ impl NoLoad {
             let refusal = match step {
                 SweepStep::Measure(operation) => return MachineStep::Do(operation),
                 SweepStep::Fault(fault) => return MachineStep::Fault(fault),
-                SweepStep::Finished(outcome) => match outcome.verdict {
+                SweepStep::Finished(sweep) => match sweep.outcome {
                     Verdict::Accepted(resonance) => return MachineStep::Done(resonance),
                     Verdict::Refused(refusal) => refusal,
                 },

@@ -4,7 +4,7 @@ use rig_model::{DriveLevel, Reading, RigTime, SweepRequest};
 use rig_resonance::{Next, Planner, Prior, Verdict};
 
 use crate::{
-    Event, Fault, Operation, SweepOutcome, SweepPurpose,
+    Event, Fault, FinishedSweep, Operation, SweepPurpose,
     measured::{flagged, values},
 };
 
@@ -18,7 +18,7 @@ pub(crate) enum SweepStep {
     /// Measure, then call [`Sweep::measured`].
     Measure(Operation),
     /// Done; the outcome has been noted.
-    Finished(Box<SweepOutcome>),
+    Finished(Box<FinishedSweep>),
     /// It cannot go on.
     Fault(Fault),
 }
@@ -89,27 +89,27 @@ impl Sweep {
                 self.asked = points.len();
                 SweepStep::Measure(Operation::Measure { points, level: self.level })
             }
-            Next::Finished(verdict) => self.finish(verdict, notes),
+            Next::Finished(outcome) => self.finish(outcome, notes),
         }
     }
 
-    fn finish(&mut self, verdict: Verdict, notes: &mut Vec<Event>) -> SweepStep {
+    fn finish(&mut self, outcome: Verdict, notes: &mut Vec<Event>) -> SweepStep {
         let readings = std::mem::take(&mut self.readings);
         // The planner knows of values only.
-        let looks = values(&readings).take(self.planner.looks()).last();
-        let is_last = |reading: &Reading| Some(reading) == looks;
-        let looks = readings.iter().rposition(is_last).map_or(0, |last| last + 1);
-        let moment_s = self.planner.moment_s(&verdict);
-        let outcome = Box::new(SweepOutcome {
+        let last_probe = values(&readings).take(self.planner.looks()).last();
+        let is_last = |reading: &Reading| Some(reading) == last_probe;
+        let probe_readings = readings.iter().rposition(is_last).map_or(0, |last| last + 1);
+        let effective_time_s = self.planner.moment_s(&outcome);
+        let finished = Box::new(FinishedSweep {
             purpose: self.purpose,
             readings,
-            looks,
-            verdict,
-            moment_s,
+            probe_readings,
+            outcome,
+            effective_time_s,
             fit: self.planner.fit_options(),
             target_hz: self.planner.target_hz(),
         });
-        notes.push(Event::SweepFinished(outcome.clone()));
-        SweepStep::Finished(outcome)
+        notes.push(Event::SweepFinished(finished.clone()));
+        SweepStep::Finished(finished)
     }
 }

@@ -242,8 +242,8 @@ impl TouchMachine {
         match step {
             SweepStep::Measure(operation) => MachineStep::Do(operation),
             SweepStep::Fault(fault) => MachineStep::Fault(fault),
-            SweepStep::Finished(outcome) => {
-                let outcome = match outcome.verdict {
+            SweepStep::Finished(sweep) => {
+                let outcome = match sweep.outcome {
                     Verdict::Accepted(loaded) => TouchOutcome::Measured { contact, loaded },
                     Verdict::Refused(_) if retries_left > 0 => {
                         return self.sweep(contact, retries_left - 1, context);

@@ -621,7 +621,7 @@ fn the_time_between_the_readings_of_a_sweep_counts_against_its_limit() {
     }
     assert_eq!(world.engine.snapshot().state, RigState::Idle);
     let refusal = world.events.iter().find_map(|event| match event {
-        Event::SweepFinished(outcome) => Some(format!("{:?}", outcome.verdict)),
+        Event::SweepFinished(sweep) => Some(format!("{:?}", sweep.outcome)),
         _ => None,
     });
     assert!(refusal.as_ref().is_some_and(|refusal| refusal.contains("Time {")), "{refusal:?}");

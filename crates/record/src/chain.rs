@@ -63,12 +63,12 @@ pub struct Chain {
     /// Records whose digests are right.
     pub records: Vec<StoredRecord>,
     /// Whether these are all.
-    pub verdict: Verdict,
+    pub check: ChainCheck,
 }
 
 /// Whether the chain of a run holds.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Verdict {
+pub enum ChainCheck {
     /// All records are there, as they were written.
     Intact {
         /// How many.

@@ -9,13 +9,13 @@ mod digest;
 mod record;
 mod run;
 
-pub use chain::{Chain, Flaw, StoredRecord, UnreadableRecord, Verdict};
+pub use chain::{Chain, ChainCheck, Flaw, StoredRecord, UnreadableRecord};
 pub use digest::Digest;
 pub use record::{
     Action, Axis, BlackBox, Circuit, Clearance, Device, Direction, Ending, Fault, FitNoise,
-    FitSettings, FitTiming, Frame, Indented, Intent, LostSurface, Move, MoveReason, NearCircuit,
-    Operator, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, Reading, ReadingFlag,
-    Record, RefusedTouch, RunFinished, RunStarted, Sample, Source, StateChanged, StepStarted,
-    Surface, SurfaceReading, Sweep, SweepPurpose, SweepVerdict, Touch, TouchSettings,
+    FitSettings, FitTiming, Frame, Intent, LostSurface, Move, MoveReason, NearCircuit, Operator,
+    Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, ReadingFlag, ReadingRecord, Record,
+    RefusedTouch, RunFinished, RunStarted, Sample, Source, StateChanged, StepStarted, Surface,
+    SurfaceReading, Sweep, SweepOutcome, SweepPurpose, Touch, TouchPosition, TouchSettings,
 };
 pub use run::{NotARunId, Run, RunId, RunKind, RunStatus};

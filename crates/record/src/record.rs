@@ -16,10 +16,10 @@ pub use motion::{Axis, Intent, LostSurface, Move, MoveReason, Surface, SurfaceRe
 pub use person::{Operator, Prompt, PromptAnswered, PromptAsked};
 pub use start::{Action, Device, PlanSize, RunStarted, Sample, Source, StepStarted};
 pub use sweep::{
-    Circuit, FitNoise, FitSettings, FitTiming, NearCircuit, Reading, ReadingFlag, Sweep,
-    SweepPurpose, SweepVerdict,
+    Circuit, FitNoise, FitSettings, FitTiming, NearCircuit, ReadingFlag, ReadingRecord, Sweep,
+    SweepOutcome, SweepPurpose,
 };
-pub use touch::{Direction, Indented, Phase, Pose, RefusedTouch, Touch, TouchSettings};
+pub use touch::{Direction, Phase, Pose, RefusedTouch, Touch, TouchPosition, TouchSettings};
 
 /// One record of a journal.
 ///

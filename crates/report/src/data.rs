@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use rig_record::{
     Action, Clearance, Direction, Prompt, Record, RefusedTouch, RunStarted, Sample, StoredRecord,
-    Sweep, SweepVerdict, Touch, TouchSettings, UnreadableRecord,
+    Sweep, SweepOutcome, Touch, TouchSettings, UnreadableRecord,
 };
 
 use crate::units::duration;
@@ -132,7 +132,7 @@ impl RunData {
 
     /// Whether no real device took part.
     pub(crate) fn is_simulated(&self) -> bool {
-        self.started.as_ref().is_some_and(RunStarted::is_simulated)
+        self.started.as_ref().is_some_and(|started| started.is_simulated)
     }
 
     /// The sample with this name.
@@ -197,7 +197,7 @@ impl RunData {
                 note(fault.step, LogKind::Fault, text);
             }
             Record::Sweep(sweep) => {
-                if let SweepVerdict::Refused { reason } = &sweep.verdict {
+                if let SweepOutcome::Refused { reason } = &sweep.outcome {
                     let text = format!("sweep {}: {reason}", sweep.number);
                     note(sweep.step.clone(), LogKind::Refusal, text);
                 }

@@ -13,7 +13,7 @@ mod touches;
 use std::io::{self, Write};
 
 use rig_record::{
-    Circuit, Pose, Reading, Record, StoredRecord, Sweep, SweepVerdict, UnreadableRecord,
+    Circuit, Pose, ReadingRecord, Record, StoredRecord, Sweep, SweepOutcome, UnreadableRecord,
 };
 use table::{Table, TableValue};
 
@@ -55,10 +55,10 @@ pub fn sweeps_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), 
         "direction",
         "angle_deg",
         "readings",
-        "verdict",
+        "outcome",
         "resonance_hz",
         "sigma_hz",
-        "moment_s",
+        "effective_time_s",
         "quality_factor",
         "static_capacitance_f",
         "capacitance_ratio",
@@ -72,17 +72,17 @@ pub fn sweeps_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), 
     for stored in records.iter().filter(|stored| stored.kind == "sweep") {
         let Record::Sweep(sweep) = stored.record()? else { continue };
         let (direction, angle) = pose(sweep.pose);
-        let (verdict, found, reason) = match &sweep.verdict {
-            SweepVerdict::Accepted { resonance_hz, sigma_hz, moment_s, circuit } => {
-                ("accepted", Some((*resonance_hz, *sigma_hz, *moment_s, *circuit)), None)
+        let (outcome, found, reason) = match &sweep.outcome {
+            SweepOutcome::Accepted { resonance_hz, sigma_hz, effective_time_s, circuit } => {
+                ("accepted", Some((*resonance_hz, *sigma_hz, *effective_time_s, *circuit)), None)
             }
-            SweepVerdict::Refused { reason } => ("refused", None, Some(reason.as_str())),
+            SweepOutcome::Refused { reason } => ("refused", None, Some(reason.as_str())),
         };
         let [resonance, sigma] = found
             .map_or([TableValue::Empty; 2], |(resonance_hz, sigma_hz, ..)| {
                 TableValue::with_sigma(resonance_hz, sigma_hz)
             });
-        let moment = found.and_then(|(_, _, moment_s, _)| moment_s);
+        let moment = found.and_then(|(_, _, effective_time_s, _)| effective_time_s);
         let circuit = found.and_then(|(.., circuit)| circuit);
         // Their uncertainty is not in the journal; no sweep knows them better than this.
         let of = |value: fn(Circuit) -> f64| {
@@ -101,10 +101,10 @@ pub fn sweeps_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), 
             direction,
             angle,
             TableValue::Whole(sweep.readings.len() as u64),
-            TableValue::Text(verdict),
+            TableValue::Text(outcome),
             resonance,
             sigma,
-            TableValue::of(moment, |moment_s| TableValue::Decimals(moment_s, 6)),
+            TableValue::of(moment, |effective_time_s| TableValue::Decimals(effective_time_s, 6)),
             of(|circuit| circuit.quality_factor),
             of(|circuit| circuit.static_capacitance_f),
             of(|circuit| circuit.capacitance_ratio),
@@ -208,7 +208,7 @@ const READING: [&str; 7] = [
     "flag",
 ];
 
-fn reading(reading: &Reading) -> [TableValue<'static>; 7] {
+fn reading(reading: &ReadingRecord) -> [TableValue<'static>; 7] {
     [
         TableValue::Exact(reading.frequency_hz),
         TableValue::of(reading.resistance_ohm, TableValue::Exact),
@@ -242,7 +242,7 @@ fn of_sweep(sweep: &Sweep, reading: usize) -> [TableValue<'static>; 13] {
     let noise = fit.and_then(|fit| fit.noise);
     let near = fit.and_then(|fit| fit.near);
     [
-        TableValue::Flag(reading >= sweep.looks && sweep.readings[reading].is_normal()),
+        TableValue::Flag(reading >= sweep.probe_readings && sweep.readings[reading].is_normal()),
         TableValue::of(fit, |fit| TableValue::Exact(fit.window_hz[0])),
         TableValue::of(fit, |fit| TableValue::Exact(fit.window_hz[1])),
         TableValue::of(noise, |noise| TableValue::Exact(noise.at_ten_cycles)),
@@ -261,7 +261,7 @@ fn of_sweep(sweep: &Sweep, reading: usize) -> [TableValue<'static>; 13] {
 /// Whether no real device took part in the run. No, where its first record is missing.
 fn is_simulated(records: &[StoredRecord]) -> bool {
     let first = records.first().map(StoredRecord::record);
-    matches!(first, Some(Ok(Record::RunStarted(started))) if started.is_simulated())
+    matches!(first, Some(Ok(Record::RunStarted(started))) if started.is_simulated)
 }
 
 /// Direction and contact angle.

@@ -8,7 +8,7 @@ mod tables;
 
 use rig_analysis::sensitivity::Sensitivity;
 use rig_chart::Escaped;
-use rig_record::{Ending, Phase, Run, RunStatus, Verdict};
+use rig_record::{ChainCheck, Ending, Phase, Run, RunStatus};
 
 use crate::{
     RunResults, TouchRow,
@@ -21,13 +21,13 @@ use provenance::provenance;
 
 impl RunResults {
     /// The report as one HTML file. Of a damaged journal it shows the records before the damage, and
-    /// says so: `verdict` is the check of its chain.
-    pub fn html(&self, verdict: &Verdict) -> String {
-        page(self, verdict)
+    /// says so: `check` is the check of its chain.
+    pub fn html(&self, check: &ChainCheck) -> String {
+        page(self, check)
     }
 }
 
-fn page(results: &RunResults, verdict: &Verdict) -> String {
+fn page(results: &RunResults, check: &ChainCheck) -> String {
     let RunResults { run, data, touches: rows, .. } = results;
     let title = Escaped(&run.name);
     let simulated = if data.is_simulated() { " (simulated)" } else { "" };
@@ -41,7 +41,7 @@ fn page(results: &RunResults, verdict: &Verdict) -> String {
         include_str!("html/style.css"),
         rig_chart::STYLE,
     );
-    html += &head(run, verdict, data, results, rows);
+    html += &head(run, check, data, results, rows);
     section(&mut html, "Frequency shift", &shifts(data, results));
     section(&mut html, "Stiffness", &stiffness(data, results));
     section(&mut html, "Recognition", &recognition(data, results));
@@ -49,7 +49,7 @@ fn page(results: &RunResults, verdict: &Verdict) -> String {
     section(&mut html, "One touch in detail", &detail(data, results));
     section(&mut html, "Touches", &touches_section(data, rows));
     section(&mut html, "Log", &log(data));
-    section(&mut html, "Provenance", &provenance(run, verdict, data));
+    section(&mut html, "Provenance", &provenance(run, check, data));
     html += "</main>\n</body>\n</html>\n";
     html
 }
@@ -61,7 +61,7 @@ fn section(html: &mut String, title: &str, content: &str) {
 /// What the run is, how it ended, and its key numbers.
 fn head(
     run: &Run,
-    verdict: &Verdict,
+    check: &ChainCheck,
     data: &RunData,
     results: &RunResults,
     rows: &[TouchRow],
@@ -81,7 +81,7 @@ fn head(
         run.status.describe(),
         Escaped(&began),
     );
-    if let Verdict::Broken { seq, flaw } = verdict {
+    if let ChainCheck::Broken { seq, flaw } = check {
         let flaw = Escaped(&flaw.to_string()).to_string();
         add(
             &mut html,

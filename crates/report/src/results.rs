@@ -14,7 +14,7 @@ use rig_analysis::{
     shift::{self, AngleMean, DirectionMean, TouchShift},
 };
 use rig_record::{
-    Direction, Phase, Run, StoredRecord, Sweep, SweepPurpose, SweepVerdict, Touch, UnreadableRecord,
+    Direction, Phase, Run, StoredRecord, Sweep, SweepOutcome, SweepPurpose, Touch, UnreadableRecord,
 };
 
 use crate::data::{DIRECTIONS, RunData};
@@ -171,7 +171,7 @@ fn shift_of(touch: &Touch, data: &RunData) -> Option<TouchShift> {
 }
 
 fn reference(sweep: &Sweep) -> Option<NoLoadMeasurement> {
-    let SweepVerdict::Accepted { resonance_hz, sigma_hz, .. } = sweep.verdict else { return None };
+    let SweepOutcome::Accepted { resonance_hz, sigma_hz, .. } = sweep.outcome else { return None };
     let first = sweep.readings.first()?;
     (sweep.purpose == SweepPurpose::NoLoad).then_some(NoLoadMeasurement {
         time_s: first.started_s,

@@ -4,7 +4,7 @@ pub(crate) mod sample;
 
 use std::collections::BTreeMap;
 
-use rig_record::{Chain, Flaw, Verdict};
+use rig_record::{Chain, ChainCheck, Flaw};
 
 use super::*;
 use sample::{SampleRun, Story};
@@ -116,8 +116,8 @@ fn a_faulted_run_says_what_happened_first_and_what_is_missing() {
 fn a_damaged_journal_is_reported_as_far_as_it_can_be_read() {
     let sample = SampleRun::new(Story::Complete);
     let keep = 200;
-    let verdict = Verdict::Broken { seq: keep as u64 + 1, flaw: Flaw::Altered };
-    let chain = Chain { records: sample.chain.records[..keep].to_vec(), verdict };
+    let check = ChainCheck::Broken { seq: keep as u64 + 1, flaw: Flaw::Altered };
+    let chain = Chain { records: sample.chain.records[..keep].to_vec(), check };
     let html = SampleRun { chain, ..sample }.html();
     check_markup(&html);
     assert!(html.contains(

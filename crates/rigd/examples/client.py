@@ -39,7 +39,7 @@ rig = wait_while("/rig", "state", "preparing")
 print(f"the rig is {rig['state']}, the probe is {rig['probe']}")
 
 sweep = json.loads(request("POST", "/sweeps", {"min_hz": 120, "max_hz": 165}))
-found = wait_while(f"/sweeps/{sweep['id']}", "status", "running")["verdict"]
+found = wait_while(f"/sweeps/{sweep['id']}", "status", "running")["outcome"]
 print(f"no-load resonance: {found['resonance_hz']:.3f} Hz ± {found['sigma_hz']:.3f} Hz")
 
 run = json.loads(request("POST", "/runs"))["id"]

@@ -19,6 +19,7 @@ mod fit;
 mod identify;
 mod measure;
 mod moves;
+mod outcome;
 mod ports;
 mod prompt;
 mod run;
@@ -28,7 +29,6 @@ mod serve;
 mod session;
 mod signals;
 mod table;
-mod verdict;
 
 use std::{
     io::{self, IsTerminal},

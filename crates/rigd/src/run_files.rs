@@ -111,7 +111,7 @@ pub fn write(data: &Path, run: RunId) -> Result<RunFiles, RunFilesError> {
 pub fn write_report(reader: &Reader, run: RunId, path: &Path) -> Result<RunResults, RunFilesError> {
     let (run, chain) = (reader.run(run)?, reader.chain(run)?);
     let results = results(&run, &chain.records).map_err(StoreError::from)?;
-    write_file(path, results.html(&chain.verdict).as_bytes())?;
+    write_file(path, results.html(&chain.check).as_bytes())?;
     Ok(results)
 }
 

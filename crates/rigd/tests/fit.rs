@@ -63,7 +63,10 @@ fn check_accepted(output: &Output, resonance_hz: f64, q: f64, figure_of_merit: f
 fn what_meters_and_network_analyzers_export_is_fitted() {
     let lcr = rigd(&["fit", &data("lcr-meter.csv"), "--json"]);
     let view = check_accepted(&lcr, 140.25, 30.0, 30.0 * 0.05 / 0.95);
-    assert_eq!((&view["rung"], view["readings"].as_u64()), (&"dielectric loss".into(), Some(61)));
+    assert_eq!(
+        (&view["model_order"], view["readings"].as_u64()),
+        (&"dielectric loss".into(), Some(61))
+    );
     let crystal = rigd(&["fit", &data("network-analyzer.s1p"), "--json"]);
     let view = check_accepted(&crystal, 9.998e6, 60_000.0, 270.0);
     assert!(view["sigma_hz"].as_f64().unwrap() < 1.0, "{view}");
@@ -182,7 +185,7 @@ fn check_same(fitted: &Value, rig: &Value) {
     assert_eq!(fitted["status"], rig["status"], "{fitted} {rig}");
     // A journal keeps the sentence for which a sweep was refused; a fit says a word, too.
     assert_eq!(fitted["message"], rig["reason"], "{fitted} {rig}");
-    for key in ["resonance_hz", "sigma_hz", "moment_s", "q", "static_capacitance_f"] {
+    for key in ["resonance_hz", "sigma_hz", "effective_time_s", "q", "static_capacitance_f"] {
         let [fitted_is, rig_is] = [fitted, rig].map(|view| view[key].as_f64());
         let is_same = match (fitted_is, rig_is) {
             (Some(fitted), Some(rig)) => (fitted / rig - 1.0).abs() < 1e-12,
@@ -236,11 +239,10 @@ fn what_rigd_exports_it_fits_again_and_finds_the_same() {
     let fitted = json(&all)["sweeps"].as_array().unwrap().clone();
     assert_eq!(fitted.len(), rig.len());
     for (fitted, rig) in fitted.iter().zip(&rig) {
-        let mut verdict = rig["verdict"].clone();
-        verdict["status"] = verdict["verdict"].take();
-        verdict["q"] = verdict["circuit"]["quality_factor"].clone();
-        verdict["static_capacitance_f"] = verdict["circuit"]["static_capacitance_f"].clone();
-        check_same(fitted, &verdict);
+        let mut outcome = rig["outcome"].clone();
+        outcome["q"] = outcome["circuit"]["quality_factor"].clone();
+        outcome["static_capacitance_f"] = outcome["circuit"]["static_capacitance_f"].clone();
+        check_same(fitted, &outcome);
         assert_eq!(fitted["sweep"], rig["number"]);
     }
     let refused = fitted.iter().filter(|view| view["status"] == "refused").count();

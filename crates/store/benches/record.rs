@@ -10,8 +10,8 @@ use std::{
 };
 
 use rig_store::{
-    Axis, Journal, Move, Reading, ReadingFlag, Record, RunKind, Store, Sweep, SweepPurpose,
-    SweepVerdict,
+    Axis, Journal, Move, ReadingFlag, ReadingRecord, Record, RunKind, Store, Sweep, SweepOutcome,
+    SweepPurpose,
 };
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -54,7 +54,7 @@ fn median<E>(times: usize, mut work: impl FnMut() -> Result<(), E>) -> Result<Du
 }
 
 fn sweep(readings: u32) -> Record {
-    let reading = |index: u32| Reading {
+    let reading = |index: u32| ReadingRecord {
         frequency_hz: 140.0 + f64::from(index) / 7.0,
         resistance_ohm: Some(1e5 / f64::from(index + 3)),
         reactance_ohm: Some(-4e4 - f64::from(index).sqrt()),
@@ -69,12 +69,12 @@ fn sweep(readings: u32) -> Record {
         step: None,
         pose: None,
         readings: (0..readings).map(reading).collect(),
-        looks: 0,
+        probe_readings: 0,
         fit: None,
-        verdict: SweepVerdict::Accepted {
+        outcome: SweepOutcome::Accepted {
             resonance_hz: 141.0,
             sigma_hz: 0.01,
-            moment_s: None,
+            effective_time_s: None,
             circuit: None,
         },
     })

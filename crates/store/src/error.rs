@@ -19,12 +19,15 @@ pub enum StoreError {
     /// Another program writes to this directory.
     #[error("in use by another rigd")]
     InUse,
-    /// The database was written by a newer program.
-    #[error("journal format {found} is newer than {known}, the newest that this program knows")]
-    Newer {
+    /// The database was written by another version of the program.
+    #[error(
+        "journal format {found} is not {known}, which this rigd reads and writes: use the rigd that \
+         wrote it, or another data directory"
+    )]
+    OtherFormat {
         /// The format found.
         found: u32,
-        /// The newest format known.
+        /// The format of this program.
         known: u32,
     },
     /// No space is left.

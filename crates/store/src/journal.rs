@@ -64,7 +64,7 @@ impl Store {
     ///
     /// # Errors
     /// [`StoreError::InUse`] while another store is open on the directory, in this program or
-    /// another; [`StoreError::Newer`]; or what the system or SQLite reports.
+    /// another; [`StoreError::OtherFormat`]; or what the system or SQLite reports.
     pub fn open(directory: &Path) -> Result<Self, StoreError> {
         let lock = DirectoryLock::take(directory)?;
         let connection = schema::open_to_write(&schema::database(directory))?;

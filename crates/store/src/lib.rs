@@ -22,11 +22,11 @@ pub use error::{SqliteError, StoreError};
 pub use journal::{Journal, Store};
 pub use reader::{Interruption, ProbeWord, Reader};
 pub use rig_record::{
-    Action, Axis, BlackBox, Chain, Circuit, Clearance, Device, Digest, Direction, Ending, Fault,
-    FitNoise, FitSettings, FitTiming, Flaw, Frame, Indented, Intent, LostSurface, Move, MoveReason,
-    NearCircuit, Operator, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, Reading,
-    ReadingFlag, Record, RefusedTouch, Run, RunFinished, RunId, RunKind, RunStarted, RunStatus,
-    Sample, Source, StateChanged, StepStarted, StoredRecord, Surface, SurfaceReading, Sweep,
-    SweepPurpose, SweepVerdict, Touch, TouchSettings, Verdict,
+    Action, Axis, BlackBox, Chain, ChainCheck, Circuit, Clearance, Device, Digest, Direction,
+    Ending, Fault, FitNoise, FitSettings, FitTiming, Flaw, Frame, Intent, LostSurface, Move,
+    MoveReason, NearCircuit, Operator, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked,
+    ReadingFlag, ReadingRecord, Record, RefusedTouch, Run, RunFinished, RunId, RunKind, RunStarted,
+    RunStatus, Sample, Source, StateChanged, StepStarted, StoredRecord, Surface, SurfaceReading,
+    Sweep, SweepOutcome, SweepPurpose, Touch, TouchPosition, TouchSettings,
 };
 pub use schema::FORMAT;

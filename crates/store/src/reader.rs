@@ -12,8 +12,8 @@ use rusqlite::{Connection, OptionalExtension, Params, Row, params};
 pub use interruption::{Interruption, ProbeWord};
 
 use crate::{
-    Chain, Digest, Flaw, Record, Run, RunId, RunKind, RunStatus, StoreError, StoredRecord, Verdict,
-    lock, schema,
+    Chain, ChainCheck, Digest, Flaw, Record, Run, RunId, RunKind, RunStatus, StoreError,
+    StoredRecord, lock, schema,
 };
 
 /// A connection that reads what has been committed. Each thread needs its own.
@@ -27,7 +27,7 @@ impl Reader {
     /// Opens the journal in `directory`.
     ///
     /// # Errors
-    /// [`StoreError::NoJournal`] where there is none, [`StoreError::Newer`], or what the system or
+    /// [`StoreError::NoJournal`] where there is none, [`StoreError::OtherFormat`], or what the system or
     /// SQLite reports.
     pub fn open(directory: &Path) -> Result<Self, StoreError> {
         let path = schema::database(directory);
@@ -46,7 +46,7 @@ impl Reader {
     /// Whether no real device took part in a run. No, where its first record cannot be read.
     pub fn is_simulated(&self, run: RunId) -> bool {
         let first = self.first_record(run);
-        matches!(first, Ok(Some(Record::RunStarted(started))) if started.is_simulated())
+        matches!(first, Ok(Some(Record::RunStarted(started))) if started.is_simulated)
     }
 
     /// All runs and sessions, the latest first.
@@ -135,10 +135,10 @@ impl Reader {
     /// [`StoreError::Broken`] at the first flaw; [`Reader::chain`] gives what stands before it.
     /// [`StoreError::NoSuchRun`], or what the system or SQLite reports.
     pub fn records(&self, id: RunId) -> Result<Vec<StoredRecord>, StoreError> {
-        let Chain { records, verdict } = self.chain(id)?;
-        match verdict {
-            Verdict::Intact { .. } => Ok(records),
-            Verdict::Broken { seq, flaw } => Err(StoreError::Broken { run: id, seq, flaw }),
+        let Chain { records, check } = self.chain(id)?;
+        match check {
+            ChainCheck::Intact { .. } => Ok(records),
+            ChainCheck::Broken { seq, flaw } => Err(StoreError::Broken { run: id, seq, flaw }),
         }
     }
 
@@ -149,8 +149,8 @@ impl Reader {
     ///
     /// # Errors
     /// [`StoreError::NoSuchRun`], or what the system or SQLite reports about the list of runs.
-    pub fn verify(&self, id: RunId) -> Result<Verdict, StoreError> {
-        self.chain(id).map(|chain| chain.verdict)
+    pub fn verify(&self, id: RunId) -> Result<ChainCheck, StoreError> {
+        self.chain(id).map(|chain| chain.check)
     }
 
     /// The records of a run up to the first flaw, and what that is.
@@ -167,9 +167,9 @@ impl Reader {
         let mut rows = statement.query([id.to_string()])?;
         let mut records = Vec::new();
         let mut digest = Digest::START;
-        let verdict = loop {
+        let check = loop {
             let seq = records.len() as u64 + 1;
-            let broken = |flaw| Verdict::Broken { seq, flaw };
+            let broken = |flaw| ChainCheck::Broken { seq, flaw };
             match rows.next() {
                 Ok(Some(row)) => match record_from(row) {
                     Ok(record) if record.seq > seq => break broken(Flaw::Missing),
@@ -183,7 +183,7 @@ impl Reader {
                 Err(error) => break broken(Flaw::Unreadable { reason: error.to_string() }),
             }
         };
-        Ok(Chain { records, verdict })
+        Ok(Chain { records, check })
     }
 
     /// Up to `limit` records of all runs behind the event with this id, in order.
@@ -206,7 +206,7 @@ impl Reader {
 }
 
 /// A run that has ended has a last record that says so, and the list of runs says the same.
-fn end_of(records: &[StoredRecord], status: RunStatus, digest: Digest) -> Verdict {
+fn end_of(records: &[StoredRecord], status: RunStatus, digest: Digest) -> ChainCheck {
     let count = records.len() as u64;
     let end = records.last().and_then(|last| match last.record() {
         Ok(Record::RunFinished(finished)) => Some(finished.status),
@@ -214,13 +214,13 @@ fn end_of(records: &[StoredRecord], status: RunStatus, digest: Digest) -> Verdic
     });
     match (end, status) {
         (None, RunStatus::Running | RunStatus::Interrupted) => {
-            Verdict::Intact { records: count, digest }
+            ChainCheck::Intact { records: count, digest }
         }
         (Some(end), RunStatus::Ended(ending)) if end == ending => {
-            Verdict::Intact { records: count, digest }
+            ChainCheck::Intact { records: count, digest }
         }
-        (None, RunStatus::Ended(_)) => Verdict::Broken { seq: count + 1, flaw: Flaw::Missing },
-        (Some(_), _) => Verdict::Broken { seq: count, flaw: Flaw::EndDiffers },
+        (None, RunStatus::Ended(_)) => ChainCheck::Broken { seq: count + 1, flaw: Flaw::Missing },
+        (Some(_), _) => ChainCheck::Broken { seq: count, flaw: Flaw::EndDiffers },
     }
 }
 

@@ -6,11 +6,8 @@ use rusqlite::{Connection, OpenFlags};
 
 use crate::StoreError;
 
-/// The version of the records and tables that this crate writes. A reader refuses a newer one and
-/// reads every older one.
-///
-/// Since 2 a run names its touches when it begins, and a touch that is refused has a record.
-pub const FORMAT: u32 = 2;
+/// The version of the records and tables. A journal of another version is refused.
+pub const FORMAT: u32 = 3;
 
 /// `records.id` is the id of the event and never given twice; `(run, seq)` counts without gaps.
 /// While a run goes on, `finished_at` is when something was last written to it.
@@ -51,12 +48,9 @@ pub(crate) fn open_to_write(path: &Path) -> Result<Connection, StoreError> {
     connection.pragma_update(None, "synchronous", "FULL")?;
     connection.pragma_update(None, "foreign_keys", true)?;
     let found = check_format(&connection)?;
-    if found < FORMAT {
+    if found == 0 {
         let transaction = connection.transaction()?;
-        if found == 0 {
-            transaction.execute_batch(TABLES)?;
-        }
-        // The tables of format 1 are the same, and its records stay as they are.
+        transaction.execute_batch(TABLES)?;
         transaction.pragma_update(None, "user_version", FORMAT)?;
         transaction.commit()?;
     }
@@ -79,7 +73,12 @@ pub(crate) fn open_to_read(path: &Path) -> Result<Connection, StoreError> {
 /// Longer than any checkpoint takes.
 const BUSY: std::time::Duration = std::time::Duration::from_secs(10);
 
+/// The format of a database, 0 if it has no tables yet.
 fn check_format(connection: &Connection) -> Result<u32, StoreError> {
     let found = connection.pragma_query_value(None, "user_version", |row| row.get(0))?;
-    if found > FORMAT { Err(StoreError::Newer { found, known: FORMAT }) } else { Ok(found) }
+    if [0, FORMAT].contains(&found) {
+        Ok(found)
+    } else {
+        Err(StoreError::OtherFormat { found, known: FORMAT })
+    }
 }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Pose, Reading};
+use super::{Pose, ReadingRecord};
 
 /// An axis, and the unit of its positions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -97,5 +97,5 @@ pub struct SurfaceReading {
     /// Position of the linear axis as read back, mm.
     pub position_mm: f64,
     /// The impedance there.
-    pub reading: Reading,
+    pub reading: ReadingRecord,
 }

@@ -15,8 +15,7 @@ pub struct RunStarted {
     pub protocol: Source,
     /// The rig as it was read.
     pub rig: Source,
-    /// Whether no real device took part. Journals before this field tell it by their `scene`.
-    #[serde(default)]
+    /// Whether no real device took part.
     pub is_simulated: bool,
     /// The scene behind a simulated rig.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -27,8 +26,7 @@ pub struct RunStarted {
     pub samples: Vec<Sample>,
     /// What there is to do.
     pub plan: PlanSize,
-    /// Every planned touch, in order. Journals of format 1 do not name them.
-    #[serde(default)]
+    /// Every planned touch, in order.
     pub touches: Vec<TouchSettings>,
     /// Into how many classes the blind touches are sorted, when there are any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -36,13 +34,6 @@ pub struct RunStarted {
     /// What the client called its request, so that asking twice begins one run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub idempotency_key: Option<String>,
-}
-
-impl RunStarted {
-    /// Whether no real device took part.
-    pub const fn is_simulated(&self) -> bool {
-        self.is_simulated || self.scene.is_some()
-    }
 }
 
 /// A file that was read.

@@ -58,7 +58,7 @@ impl ReadingFlag {
 
 /// One impedance reading.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Reading {
+pub struct ReadingRecord {
     /// Frequency, Hz.
     pub frequency_hz: f64,
     /// Real part of the impedance, ohm; none where there was no value.
@@ -78,7 +78,7 @@ pub struct Reading {
     pub flag: ReadingFlag,
 }
 
-impl Reading {
+impl ReadingRecord {
     /// Real and imaginary part of the impedance, ohm, where there is a value.
     pub fn impedance_ohm(&self) -> Option<(f64, f64)> {
         self.resistance_ohm.zip(self.reactance_ohm)
@@ -103,24 +103,24 @@ pub struct Circuit {
     pub capacitance_ratio: f64,
     /// tan δ of C₀, never below 0.
     pub loss_tangent: f64,
-    /// Its standard deviation, where it was fitted. Journals of format 1 do not hold it.
+    /// Its standard deviation, if it was fitted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub loss_tangent_sigma: Option<f64>,
 }
 
-/// What was made of a sweep.
+/// The outcome of a sweep.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "verdict", rename_all = "snake_case")]
-pub enum SweepVerdict {
+#[serde(tag = "status", rename_all = "snake_case")]
+pub enum SweepOutcome {
     /// A resonance was found.
     Accepted {
         /// Series resonance, Hz.
         resonance_hz: f64,
         /// Its standard deviation, Hz.
         sigma_hz: f64,
-        /// The moment for which it holds, s since the rig was opened.
+        /// The time for which it holds, s since the rig was opened.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        moment_s: Option<f64>,
+        effective_time_s: Option<f64>,
         /// The circuit, when one was fitted.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         circuit: Option<Circuit>,
@@ -210,14 +210,13 @@ pub struct Sweep {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose: Option<Pose>,
     /// Every reading, in the order in which it was taken.
-    pub readings: Vec<Reading>,
-    /// How many of the first readings only served to find the resonance. The verdict rests on the
-    /// others.
-    #[serde(default)]
-    pub looks: usize,
-    /// What the fit was told. Older journals do not hold it.
+    pub readings: Vec<ReadingRecord>,
+    /// Number of readings at the beginning that only located the resonance. The outcome rests on
+    /// the others.
+    pub probe_readings: usize,
+    /// The settings of the fit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fit: Option<FitSettings>,
-    /// What was made of them.
-    pub verdict: SweepVerdict,
+    /// What was fitted to them.
+    pub outcome: SweepOutcome,
 }

@@ -96,12 +96,10 @@ pub struct Touch {
     pub surface_sigma_mm: f64,
     /// Depth below it along the probe axis during the sweep, mm.
     pub indentation_mm: f64,
-    /// The linear axis as read back before the sweep, mm. Journals of format 1 do not hold it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub linear_mm: Option<f64>,
-    /// The tilt of the sample as read back, degrees. Likewise.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rotary_deg: Option<f64>,
+    /// The linear axis as read back before the sweep, mm.
+    pub linear_mm: f64,
+    /// The tilt of the sample as read back, degrees.
+    pub rotary_deg: f64,
 }
 
 /// A touch that gave no frequency shift.
@@ -121,12 +119,12 @@ pub struct RefusedTouch {
     pub rotary_deg: f64,
     /// How deep the probe was, when it came to that.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub indented: Option<Indented>,
+    pub indented: Option<TouchPosition>,
 }
 
 /// How the probe stood in a sample that gave no resonance.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Indented {
+pub struct TouchPosition {
     /// Number of the last sweep in contact.
     pub sweep: u64,
     /// The surface found, as a position of the linear axis, mm.

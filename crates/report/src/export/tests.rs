@@ -1,8 +1,8 @@
 //! The tables of records, and their independence of time and id.
 
 use rig_record::{
-    Circuit, Direction, FitNoise, FitSettings, FitTiming, Pose, Reading, ReadingFlag, Record,
-    StoredRecord, Surface, SurfaceReading, Sweep, SweepPurpose, SweepVerdict,
+    Circuit, Direction, FitNoise, FitSettings, FitTiming, Pose, ReadingFlag, ReadingRecord, Record,
+    StoredRecord, Surface, SurfaceReading, Sweep, SweepOutcome, SweepPurpose,
 };
 
 use super::*;
@@ -34,8 +34,8 @@ fn text(table: impl Fn(&mut Vec<u8>) -> Result<(), ExportError>) -> String {
     String::from_utf8(bytes).unwrap()
 }
 
-fn reading(resonance_hz: f64, index: u32) -> Reading {
-    Reading {
+fn reading(resonance_hz: f64, index: u32) -> ReadingRecord {
+    ReadingRecord {
         frequency_hz: resonance_hz + 0.1 * f64::from(index),
         resistance_ohm: (index != 3).then(|| 1e5 / f64::from(index + 3)),
         reactance_ohm: (index != 3).then(|| -4e4 - f64::from(index).sqrt()),
@@ -67,12 +67,12 @@ fn sweep(number: u64, purpose: SweepPurpose, resonance_hz: f64) -> Sweep {
         step: Some("main/1/back/30/1".to_owned()),
         pose: Some(POSE),
         readings: (0..12).map(reading).collect(),
-        looks: 0,
+        probe_readings: 0,
         fit: (purpose == SweepPurpose::Touch).then_some(FIT),
-        verdict: SweepVerdict::Accepted {
+        outcome: SweepOutcome::Accepted {
             resonance_hz,
             sigma_hz: 0.02,
-            moment_s: Some(1.25),
+            effective_time_s: Some(1.25),
             circuit: Some(Circuit {
                 quality_factor: 33.0,
                 static_capacitance_f: 27.4e-9,
@@ -97,8 +97,8 @@ fn tables_have_a_row_for_each_sweep_and_reading() {
     };
     assert_eq!(
         sweeps,
-        "sweep,purpose,step,direction,angle_deg,readings,verdict,resonance_hz,sigma_hz,\
-         moment_s,quality_factor,static_capacitance_f,capacitance_ratio,loss_tangent,\
+        "sweep,purpose,step,direction,angle_deg,readings,outcome,resonance_hz,sigma_hz,\
+         effective_time_s,quality_factor,static_capacitance_f,capacitance_ratio,loss_tangent,\
          loss_tangent_sigma,reason,is_simulated\n"
             .to_owned()
             + &row(1, "no_load", "140.4000")
@@ -128,7 +128,7 @@ fn tables_have_a_row_for_each_sweep_and_reading() {
 #[test]
 fn a_refused_sweep_keeps_its_columns() {
     let mut refused = sweep(1, SweepPurpose::Manual, 140.0);
-    refused.verdict = SweepVerdict::Refused { reason: "no resonance, none at all".to_owned() };
+    refused.outcome = SweepOutcome::Refused { reason: "no resonance, none at all".to_owned() };
     (refused.step, refused.pose) = (None, None);
     let records = sample::chain(&[(0, Record::Sweep(refused))]).records;
     let sweeps = text(|out| sweeps_csv(&records, out));

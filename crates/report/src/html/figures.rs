@@ -1,7 +1,7 @@
 //! The figures of the report.
 
 use rig_chart::{Axis, Chart, ChartError, Escaped, Marker, Point, Series, Stroke, legend};
-use rig_record::{Direction, Phase, Reading, Sample, Sweep, SweepVerdict};
+use rig_record::{Direction, Phase, ReadingRecord, Sample, Sweep, SweepOutcome};
 use rig_resonance::Circuit;
 
 use crate::{
@@ -211,7 +211,7 @@ pub(crate) fn example(data: &RunData) -> Option<String> {
 pub(crate) fn refused(data: &RunData) -> String {
     let mut html = String::new();
     for sweep in &data.sweeps {
-        let SweepVerdict::Refused { reason } = &sweep.verdict else { continue };
+        let SweepOutcome::Refused { reason } = &sweep.outcome else { continue };
         let step = sweep.step.as_deref().unwrap_or("no step");
         let name = sweep.purpose.name().replace('_', "-");
         let caption = format!(
@@ -244,7 +244,8 @@ fn impedance(suffix: &str, sweeps: &[(usize, &str, &Sweep)]) -> String {
         Axis::linear("phase (°)"),
     );
     for &(colour, name, sweep) in sweeps {
-        let value = |reading: &Reading| Some((reading.frequency_hz, reading.impedance_ohm()?));
+        let value =
+            |reading: &ReadingRecord| Some((reading.frequency_hz, reading.impedance_ohm()?));
         let values = || sweep.readings.iter().filter_map(value);
         let magnitude = values().map(|(hz, (r, x))| (hz, r.hypot(x)));
         size.series.push(Series::scatter(name, colour, magnitude));
@@ -264,7 +265,7 @@ fn impedance(suffix: &str, sweeps: &[(usize, &str, &Sweep)]) -> String {
 }
 
 fn circuit_of(sweep: &Sweep) -> Option<Circuit> {
-    let SweepVerdict::Accepted { resonance_hz, circuit, .. } = sweep.verdict else { return None };
+    let SweepOutcome::Accepted { resonance_hz, circuit, .. } = sweep.outcome else { return None };
     let circuit = circuit?;
     Some(Circuit {
         resonance_hz,

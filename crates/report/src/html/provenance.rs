@@ -1,13 +1,13 @@
 //! Where the numbers come from.
 
 use rig_chart::Escaped;
-use rig_record::{Run, RunStarted, Source, Verdict};
+use rig_record::{ChainCheck, Run, RunStarted, Source};
 
 use super::element::add;
 use crate::data::RunData;
 
 /// Everything needed to judge the run and to repeat it.
-pub(crate) fn provenance(run: &Run, verdict: &Verdict, data: &RunData) -> String {
+pub(crate) fn provenance(run: &Run, check: &ChainCheck, data: &RunData) -> String {
     let mut html = String::from("<dl class=\"facts\">\n");
     let mut fact = |name: &str, value: &str| {
         let (name, value) = (Escaped(name), Escaped(value));
@@ -23,12 +23,12 @@ pub(crate) fn provenance(run: &Run, verdict: &Verdict, data: &RunData) -> String
             fact(&device.role, &device.identity);
         }
     }
-    match verdict {
-        Verdict::Intact { records, digest } => {
+    match check {
+        ChainCheck::Intact { records, digest } => {
             fact("journal", &format!("{records} records, chain intact"));
             fact("digest", &digest.to_string());
         }
-        Verdict::Broken { seq, flaw } => {
+        ChainCheck::Broken { seq, flaw } => {
             fact("journal", &format!("damaged at record {seq}: {flaw}"));
         }
     }

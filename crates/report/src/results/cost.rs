@@ -1,6 +1,6 @@
 //! The time of the sweeps beside that of common practice.
 
-use rig_record::{Circuit, Sweep, SweepVerdict};
+use rig_record::{Circuit, Sweep, SweepOutcome};
 
 /// Time of the sweeps on the rig's clock, and the time that common practice would have taken.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -17,7 +17,7 @@ impl SweepCost {
     pub(super) fn of(sweeps: &[Sweep]) -> Self {
         let mut cost = Self::default();
         for sweep in sweeps {
-            let SweepVerdict::Accepted { resonance_hz, circuit: Some(circuit), .. } = sweep.verdict
+            let SweepOutcome::Accepted { resonance_hz, circuit: Some(circuit), .. } = sweep.outcome
             else {
                 continue;
             };

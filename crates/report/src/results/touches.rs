@@ -1,6 +1,6 @@
 //! A row for every planned touch with its result.
 
-use rig_record::{Ending, Indented, Phase, Run, RunStatus, Touch};
+use rig_record::{Ending, Phase, Run, RunStatus, Touch, TouchPosition};
 use serde::Serialize;
 
 use super::{
@@ -154,8 +154,8 @@ impl TouchRow {
         self.surface_mm = Some(touch.surface_mm);
         self.surface_sigma_mm = Some(touch.surface_sigma_mm);
         self.indentation_mm = Some(touch.indentation_mm);
-        self.linear_mm = touch.linear_mm;
-        self.rotary_deg = touch.rotary_deg;
+        self.linear_mm = Some(touch.linear_mm);
+        self.rotary_deg = Some(touch.rotary_deg);
         match stiffness.and_then(|stiffness| stiffness.of_touch(&self.step)) {
             Some(Ok(young)) => {
                 self.stiffness_mpa = Some(young.mpa);
@@ -169,7 +169,7 @@ impl TouchRow {
         self.class = class.map(|sample| data.samples()[sample].name.clone());
     }
 
-    const fn indented(&mut self, indented: Indented) {
+    const fn indented(&mut self, indented: TouchPosition) {
         self.sweep = Some(indented.sweep);
         self.surface_mm = Some(indented.surface_mm);
         self.surface_sigma_mm = Some(indented.surface_sigma_mm);

@@ -2,10 +2,11 @@
 
 use rig_analysis::sensor::SensorDescription;
 use rig_record::{
-    Action, BlackBox, Chain, Clearance, Device, Digest, Direction, Ending, Fault, Frame, Indented,
-    Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, Reading, ReadingFlag, Record,
-    RefusedTouch, Run, RunFinished, RunId, RunKind, RunStarted, RunStatus, Sample, Source,
-    StepStarted, StoredRecord, Sweep, SweepPurpose, SweepVerdict, Touch, TouchSettings, Verdict,
+    Action, BlackBox, Chain, ChainCheck, Clearance, Device, Digest, Direction, Ending, Fault,
+    Frame, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, ReadingFlag, ReadingRecord,
+    Record, RefusedTouch, Run, RunFinished, RunId, RunKind, RunStarted, RunStatus, Sample, Source,
+    StepStarted, StoredRecord, Sweep, SweepOutcome, SweepPurpose, Touch, TouchPosition,
+    TouchSettings,
 };
 use rig_resonance::Circuit;
 use rig_settings::Faults;
@@ -69,7 +70,7 @@ impl SampleRun {
     }
 
     pub(crate) fn html(&self) -> String {
-        self.results().html(&self.chain.verdict)
+        self.results().html(&self.chain.check)
     }
 
     /// The same run with another beginning.
@@ -103,8 +104,8 @@ pub(crate) fn chain(records: &[(u64, Record)]) -> Chain {
         let rig_us = *rig_us;
         stored.push(StoredRecord { event: seq, run: ID, seq, rig_us, at, kind, payload, digest });
     }
-    let verdict = Verdict::Intact { records: stored.len() as u64, digest };
-    Chain { records: stored, verdict }
+    let check = ChainCheck::Intact { records: stored.len() as u64, digest };
+    Chain { records: stored, check }
 }
 
 /// The wall clock this many µs, less than 44 minutes, after the beginning of the run.
@@ -257,8 +258,8 @@ impl Teller {
             surface_mm: 10.1,
             surface_sigma_mm: 0.003,
             indentation_mm: 0.5,
-            linear_mm: Some(9.6),
-            rotary_deg: Some(pose.angle_deg),
+            linear_mm: 9.6,
+            rotary_deg: pose.angle_deg,
         }));
     }
 
@@ -266,7 +267,7 @@ impl Teller {
     fn refuse(&mut self, touch: TouchSettings, no_load_hz: f64) {
         let reason = "the analyzer flagged <overload> at 152.3 Hz in 3 of 3 tries".to_owned();
         if let Some((_, Record::Sweep(sweep))) = self.records.last_mut() {
-            sweep.verdict = SweepVerdict::Refused { reason: reason.clone() };
+            sweep.outcome = SweepOutcome::Refused { reason: reason.clone() };
         }
         let rotary_deg = touch.pose.angle_deg;
         self.write(Record::TouchRefused(RefusedTouch {
@@ -276,7 +277,7 @@ impl Teller {
             no_load_hz,
             no_load_sigma_hz: 0.012,
             rotary_deg,
-            indented: Some(Indented {
+            indented: Some(TouchPosition {
                 sweep: self.sweeps,
                 surface_mm: 10.1,
                 surface_sigma_mm: 0.003,
@@ -297,7 +298,7 @@ impl Teller {
             let frequency_hz = resonance_hz * (1.0 + 0.12 * off * off * off.signum());
             let impedance_ohm = circuit.impedance_ohm(frequency_hz);
             let noise = 1.0 + 0.004 * self.about_zero();
-            readings.push(Reading {
+            readings.push(ReadingRecord {
                 frequency_hz,
                 resistance_ohm: Some(impedance_ohm.re * noise),
                 reactance_ohm: Some(impedance_ohm.im * noise),
@@ -321,12 +322,12 @@ impl Teller {
             step: Some(step.to_owned()),
             pose: Some(pose),
             readings,
-            looks: 0,
+            probe_readings: 0,
             fit: None,
-            verdict: SweepVerdict::Accepted {
+            outcome: SweepOutcome::Accepted {
                 resonance_hz,
                 sigma_hz: 0.012,
-                moment_s: None,
+                effective_time_s: None,
                 circuit: Some(circuit),
             },
         }));

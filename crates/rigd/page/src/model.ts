@@ -16,7 +16,7 @@ export interface LiveSweep {
   estimates: Estimate[];
   circuit: (Circuit & { resonance_hz: number }) | undefined;
   /** What became of it, once it is finished. */
-  verdict: { resonance_hz: number; sigma_hz: number } | { reason: string } | undefined;
+  outcome: { resonance_hz: number; sigma_hz: number } | { reason: string } | undefined;
 }
 
 export interface Touch {
@@ -101,10 +101,10 @@ export function withLive(model: Model, news: LiveNews): Model {
     readings: [...(same?.readings.slice(0, firstReading) ?? []), ...news.readings],
     estimates: [...(same?.estimates.slice(0, firstEstimate) ?? []), ...news.estimates],
     circuit: news.circuit ?? same?.circuit,
-    verdict: same?.verdict,
+    outcome: same?.outcome,
   };
   const words = { no_load: "measuring the free resonance", touch: "sweep in contact", manual: "single sweep" };
-  return { ...model, sweep, activity: sweep.verdict ? model.activity : words[news.purpose] };
+  return { ...model, sweep, activity: sweep.outcome ? model.activity : words[news.purpose] };
 }
 
 export function withPlan(model: Model, id: string, plan: Plan, detail: RunDetail): Model {
@@ -156,20 +156,20 @@ function apply(model: Model, { run: id, record }: Event, rig_s: number): Model {
     case "surface_found":
       return { ...model, surface_mm: record.position_mm, activity: "pressing into the sample" };
     case "sweep": {
-      const verdict = record.verdict.verdict === "accepted"
-        ? { resonance_hz: record.verdict.resonance_hz, sigma_hz: record.verdict.sigma_hz }
-        : { reason: record.verdict.reason };
-      const circuit = record.verdict.verdict === "accepted" && record.verdict.circuit
-        ? { ...record.verdict.circuit, resonance_hz: record.verdict.resonance_hz }
+      const outcome = record.outcome.status === "accepted"
+        ? { resonance_hz: record.outcome.resonance_hz, sigma_hz: record.outcome.sigma_hz }
+        : { reason: record.outcome.reason };
+      const circuit = record.outcome.status === "accepted" && record.outcome.circuit
+        ? { ...record.outcome.circuit, resonance_hz: record.outcome.resonance_hz }
         : undefined;
       const last = model.sweep;
       // Events that are replayed belong to sweeps before the one that is watched.
       const isThis = last && last.readings.length === record.readings.length
         && last.readings[0]?.started_s === record.readings[0]?.started_s;
-      const sweep = isThis ? { ...last, verdict, circuit: circuit ?? last.circuit } : last;
+      const sweep = isThis ? { ...last, outcome, circuit: circuit ?? last.circuit } : last;
       const run = ofRun(model, id);
-      const freeHz = run && record.purpose === "no_load" && record.verdict.verdict === "accepted"
-        ? [...run.freeHz, { rig_s, hz: record.verdict.resonance_hz, sigma: record.verdict.sigma_hz }].slice(-FREE_MAX)
+      const freeHz = run && record.purpose === "no_load" && record.outcome.status === "accepted"
+        ? [...run.freeHz, { rig_s, hz: record.outcome.resonance_hz, sigma: record.outcome.sigma_hz }].slice(-FREE_MAX)
         : run?.freeHz;
       const activity = record.purpose === "touch" ? "going up" : undefined;
       return { ...model, sweep, run: run && { ...run, freeHz: freeHz ?? [] }, activity };
@@ -237,9 +237,9 @@ function describe(record: JournalRecord): Pick<Happening, "text" | "tone"> | und
     case "touch_result": return plain(`${nameOf(record.touch)}: shift ${fixed(record.shift_hz, 2)} Hz`);
     case "touch_refused": return { text: `${nameOf(record.touch)}: refused, ${record.reason}`, tone: "bad" };
     case "sweep":
-      return record.purpose !== "manual" ? undefined : record.verdict.verdict === "accepted"
-        ? plain(`single sweep: ${fixed(record.verdict.resonance_hz, 3)} Hz`)
-        : { text: `single sweep: refused, ${record.verdict.reason}`, tone: "bad" };
+      return record.purpose !== "manual" ? undefined : record.outcome.status === "accepted"
+        ? plain(`single sweep: ${fixed(record.outcome.resonance_hz, 3)} Hz`)
+        : { text: `single sweep: refused, ${record.outcome.reason}`, tone: "bad" };
     case "operator": return plain(`${record.action}, asked by ${record.who}`);
     case "fault": return { text: record.cause, tone: "bad" };
     case "state_changed": return plain(`rig: ${record.state}`);

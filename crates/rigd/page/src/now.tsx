@@ -82,7 +82,7 @@ function useLastGoodRun(model: Model): { name: string | undefined; touches: Touc
 function liveTouch(model: Model): LiveTouch | undefined {
   const { sweep, run } = model;
   const free = run?.freeHz.at(-1);
-  const now = sweep?.purpose === "touch" && !sweep.verdict ? resonanceOf(sweep) : undefined;
+  const now = sweep?.purpose === "touch" && !sweep.outcome ? resonanceOf(sweep) : undefined;
   if (!now || !free || !run?.step) return undefined;
   return { step: run.step, shift_hz: now.hz - free.hz, sigma_hz: Math.hypot(now.sigma, free.sigma) };
 }
@@ -178,11 +178,11 @@ export function SweepCard({ model, live, before }: { model: Model; live?: LiveTo
   const last = before?.touches.find((t) => t.step === run?.step && t.shift_hz !== undefined);
   const [first, newest] = [sweep.readings[0], sweep.readings.at(-1)];
   const took = first && newest ? newest.started_s + newest.settle_s + newest.integration_s - first.started_s : 0;
-  const refused = sweep.verdict && "reason" in sweep.verdict ? sweep.verdict.reason : undefined;
+  const refused = sweep.outcome && "reason" in sweep.outcome ? sweep.outcome.reason : undefined;
   return (
     <section class="card sweep-card" aria-label="Sweep">
       <div class="row values">
-        <div><h2>{PURPOSE[sweep.purpose]}{sweep.verdict ? "" : ", so far"}</h2>
+        <div><h2>{PURPOSE[sweep.purpose]}{sweep.outcome ? "" : ", so far"}</h2>
           <p class="value">{refused !== undefined ? <span class="refused-word">✕ refused</span> : found ? <Value value={found.hz} sigma={found.sigma} unit="Hz" /> : <span class="soft">not yet known</span>}</p></div>
         {shift && sweep.purpose === "touch" && <div><h2>Shift</h2><p class="value second"><Value value={shift.shift_hz} sigma={shift.sigma_hz} unit="Hz" /></p></div>}
         {last?.shift_hz !== undefined && sweep.purpose === "touch" && <div><h2>Last good run here</h2><p class="value third">{fixed(last.shift_hz, 2)} <span class="unit">Hz</span></p></div>}

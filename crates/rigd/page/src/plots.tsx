@@ -143,8 +143,8 @@ function markResonance(u: uPlot, sweep: LiveSweep): void {
 
 /** The resonance as it is believed now, or as it was found. */
 export function resonanceOf(sweep: LiveSweep): { hz: number; sigma: number } | undefined {
-  const { verdict } = sweep;
-  if (verdict) return "resonance_hz" in verdict ? { hz: verdict.resonance_hz, sigma: verdict.sigma_hz } : undefined;
+  const { outcome } = sweep;
+  if (outcome) return "resonance_hz" in outcome ? { hz: outcome.resonance_hz, sigma: outcome.sigma_hz } : undefined;
   const last = sweep.estimates.at(-1);
   return last && { hz: last.resonance_hz, sigma: last.sigma_hz };
 }

@@ -84,9 +84,9 @@ export interface LiveNews {
   circuit?: Circuit & { resonance_hz: number };
 }
 
-export type Verdict =
-  | { verdict: "accepted"; resonance_hz: number; sigma_hz: number; circuit?: Circuit }
-  | { verdict: "refused"; reason: string };
+export type Outcome =
+  | { status: "accepted"; resonance_hz: number; sigma_hz: number; circuit?: Circuit }
+  | { status: "refused"; reason: string };
 
 export interface Sweep {
   number: number;
@@ -94,7 +94,7 @@ export interface Sweep {
   step?: string;
   pose?: Pose;
   readings: Reading[];
-  verdict: Verdict;
+  outcome: Outcome;
 }
 
 export interface Pose { direction: Direction; angle_deg: number }

@@ -15,8 +15,8 @@ use serde::Serialize;
 use super::{
     Failure, OutputArgs,
     check::FaultView,
+    outcome::OutcomeView,
     table::{columns, facts, print, print_json},
-    verdict::VerdictView,
 };
 use crate::{
     files::{FileError, FileKind, read_bytes},
@@ -137,7 +137,7 @@ struct FileFitView {
     #[serde(skip_serializing_if = "Option::is_none")]
     sweep: Option<u64>,
     #[serde(flatten)]
-    verdict: VerdictView,
+    outcome: OutcomeView,
     readings: usize,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     estimators: Vec<EstimatorView>,
@@ -169,7 +169,7 @@ impl FileFitView {
         if let Some(missing) = missing {
             return Err(Failure::NoTimes { missing });
         }
-        let verdict = match (&sweep.given_up, sweep.told.target_hz) {
+        let outcome = match (&sweep.given_up, sweep.told.target_hz) {
             (Some(refusal), _) => Verdict::Refused(refusal.clone()),
             (None, Some(target_hz)) => {
                 fit(readings, &options).held_to(target_hz, readings.len(), Limit::Past)
@@ -180,17 +180,18 @@ impl FileFitView {
             args.estimators.iter().any(|name| name == "all" || name == estimator.name())
         };
         let window = options.window.unwrap_or_else(|| span(readings));
-        let view = |estimator| EstimatorView::of(estimator, readings, window, &verdict);
+        let view = |estimator| EstimatorView::of(estimator, readings, window, &outcome);
         let estimators = Estimator::ALL.into_iter().filter(is_asked).map(view).collect();
-        let moment_s = verdict.accepted().and_then(|found| found.moment_s(readings, &options));
-        let verdict =
-            VerdictView::from(&verdict).at(moment_s.map(|moment_s| sweep.begins_s + moment_s));
-        Ok(Self { sweep: sweep.number, verdict, readings: readings.len(), estimators })
+        let effective_time_s =
+            outcome.accepted().and_then(|found| found.moment_s(readings, &options));
+        let outcome = OutcomeView::from(&outcome)
+            .at(effective_time_s.map(|effective_time_s| sweep.begins_s + effective_time_s));
+        Ok(Self { sweep: sweep.number, outcome, readings: readings.len(), estimators })
     }
 
     /// For a person.
     fn text(&self) -> String {
-        let mut rows = self.verdict.rows();
+        let mut rows = self.outcome.rows();
         rows.push(("readings", self.readings.to_string()));
         let text = facts(&rows);
         if self.estimators.is_empty() {
@@ -211,10 +212,10 @@ impl FileFitsView {
         header.push("refused for");
         let row = |fit: &FileFitView| {
             let mut row = vec![fit.sweep.map_or_else(String::new, |number| number.to_string())];
-            row.extend(fit.verdict.cells());
+            row.extend(fit.outcome.cells());
             row.push(fit.readings.to_string());
             row.extend(fit.estimators.iter().map(EstimatorView::found));
-            row.push(fit.verdict.reason().unwrap_or_default().to_owned());
+            row.push(fit.outcome.reason().unwrap_or_default().to_owned());
             row
         };
         columns(&header, &self.sweeps.iter().map(row).collect::<Vec<_>>())
@@ -222,7 +223,7 @@ impl FileFitsView {
 
     /// That some of the sweeps have no resonance, as the end of the command.
     fn refusal(&self) -> Option<Failure> {
-        let refused = self.sweeps.iter().filter(|fit| fit.verdict.refusal().is_some()).count();
+        let refused = self.sweeps.iter().filter(|fit| fit.outcome.refusal().is_some()).count();
         let sweeps = self.sweeps.len();
         (refused > 0).then_some(Failure::NoResonances { refused, sweeps })
     }
@@ -245,8 +246,8 @@ struct EstimatorView {
 }
 
 impl EstimatorView {
-    fn of(estimator: Estimator, readings: &[Reading], window: Window, verdict: &Verdict) -> Self {
-        let circuit = match verdict {
+    fn of(estimator: Estimator, readings: &[Reading], window: Window, outcome: &Verdict) -> Self {
+        let circuit = match outcome {
             Verdict::Accepted(found) => Some(found.circuit()),
             Verdict::Refused(refusal) => refusal.estimate.map(|estimate| estimate.circuit()),
         };
@@ -284,7 +285,7 @@ pub(super) fn fit_file(args: &FitArgs) -> Result<(), Failure> {
     let refusal = match sweeps.pop() {
         Some(fit) if args.sweep.is_some() || !is_numbered => {
             show(&fit, &fit.text(), args)?;
-            fit.verdict.refusal()
+            fit.outcome.refusal()
         }
         last => {
             sweeps.extend(last);

@@ -9,15 +9,15 @@ use clap::Args;
 use rig_engine::Command;
 use rig_model::{Deg, Mm, Position, SweepRequest};
 use rig_report::export;
-use rig_store::{Reader, Reading, Sweep};
+use rig_store::{Reader, ReadingRecord, Sweep};
 use serde::Serialize;
 
 use super::{
     DataArgs, Failure, OperatorArgs, RigArgs,
     moves::{linear_target, positions, rotary_target},
+    outcome::OutcomeView,
     session::{Session, with_rig},
     table::{facts, print, print_json},
-    verdict::VerdictView,
 };
 use crate::{
     rig::{Refusal, Status},
@@ -66,14 +66,14 @@ struct Measured {
 #[derive(Debug, Serialize)]
 struct MeasureView {
     #[serde(flatten)]
-    verdict: VerdictView,
+    outcome: OutcomeView,
     #[serde(skip_serializing_if = "Option::is_none")]
     linear_mm: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     rotary_deg: Option<f64>,
     /// How many of the first readings only served to find the resonance.
-    looks: usize,
-    readings: Vec<Reading>,
+    probe_readings: usize,
+    readings: Vec<ReadingRecord>,
 }
 
 pub(super) fn measure(args: &MeasureArgs) -> Result<(), Failure> {
@@ -113,22 +113,22 @@ async fn sweep(
 }
 
 fn show(args: &MeasureArgs, Measured { sweep, status }: Measured) -> Result<(), Failure> {
-    let verdict = VerdictView::from(&sweep.verdict);
-    let refusal = verdict.refusal();
+    let outcome = OutcomeView::from(&sweep.outcome);
+    let refusal = outcome.refusal();
     if args.csv {
         let mut out = io::stdout().lock();
         export::sweep_csv(&sweep, &mut out)?;
         out.flush().map_err(|source| Failure::System { what: "stdout", source })?;
     } else if args.json {
         print_json(&MeasureView {
-            verdict,
+            outcome,
             linear_mm: status.snapshot.linear.map(Position::value),
             rotary_deg: status.snapshot.rotary.map(Position::value),
-            looks: sweep.looks,
+            probe_readings: sweep.probe_readings,
             readings: sweep.readings,
         })?;
     } else {
-        let mut rows = verdict.rows();
+        let mut rows = outcome.rows();
         rows.push(("readings", sweep.readings.len().to_string()));
         rows.extend(positions(&status));
         print(&facts(&rows))?;

@@ -95,7 +95,7 @@ pub(super) async fn of_run(
         // Both were checked before the run began; another version may see them otherwise.
         let rig = RigFile::read(&started.rig.name, &started.rig.toml);
         let bench = rig.map_err(|faults| Problem::protocol(&faults))?.bench;
-        let is_simulated = started.is_simulated();
+        let is_simulated = started.is_simulated;
         let facts = RigFacts {
             name: started.rig.name,
             bench,

@@ -115,7 +115,7 @@ pub(super) async fn report(
     let id: RunId = id.parse()?;
     let html = shared.read(move |reader| {
         let (run, chain) = (reader.run(id)?, reader.chain(id)?);
-        Ok(run_files::results(&run, &chain.records)?.html(&chain.verdict))
+        Ok(run_files::results(&run, &chain.records)?.html(&chain.check))
     });
     html.await.map(Html)
 }

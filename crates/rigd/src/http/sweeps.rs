@@ -58,9 +58,9 @@ pub(super) async fn show(
     let found = shared.read(move |reader| Ok(sweeps::find(reader, session, number)?));
     match found.await? {
         Some(sweep) => {
-            let status = match sweep.verdict {
-                rig_store::SweepVerdict::Accepted { .. } => "accepted",
-                rig_store::SweepVerdict::Refused { .. } => "refused",
+            let status = match sweep.outcome {
+                rig_store::SweepOutcome::Accepted { .. } => "accepted",
+                rig_store::SweepOutcome::Refused { .. } => "refused",
             };
             Ok(Json(SweepView { id, status, sweep: Some(sweep) }))
         }

@@ -6,7 +6,7 @@
 use std::{fmt::Write as _, sync::Arc};
 
 use rig_engine::{
-    Contact, Event, RunStatus, SweepOutcome, SweepPurpose, TouchOutcome, TouchResult,
+    Contact, Event, FinishedSweep, RunStatus, SweepPurpose, TouchOutcome, TouchResult,
 };
 use rig_link::{Flow, Frame, Transcript};
 use rig_model::{Clearance, Direction, Mm, Position, Reading, ReadingFlag};
@@ -217,18 +217,18 @@ impl Recorder {
         self.sweeps
     }
 
-    fn sweep(&mut self, outcome: &SweepOutcome) -> Record {
-        if outcome.purpose != SweepPurpose::Manual {
+    fn sweep(&mut self, finished: &FinishedSweep) -> Record {
+        if finished.purpose != SweepPurpose::Manual {
             self.sweeps += 1;
         }
-        if outcome.purpose == SweepPurpose::NoLoad {
+        if finished.purpose == SweepPurpose::NoLoad {
             self.no_load_sweep = self.sweeps;
         }
-        let verdict = match &outcome.verdict {
-            Verdict::Accepted(resonance) => store::SweepVerdict::Accepted {
+        let outcome = match &finished.outcome {
+            Verdict::Accepted(resonance) => store::SweepOutcome::Accepted {
                 resonance_hz: resonance.resonance_hz,
                 sigma_hz: resonance.sigma_hz,
-                moment_s: outcome.moment_s,
+                effective_time_s: finished.effective_time_s,
                 circuit: Some(store::Circuit {
                     loss_tangent: resonance.loss_tangent,
                     loss_tangent_sigma: resonance.loss_tangent_sigma(),
@@ -236,22 +236,22 @@ impl Recorder {
                 }),
             },
             Verdict::Refused(refusal) => {
-                store::SweepVerdict::Refused { reason: refusal.to_string() }
+                store::SweepOutcome::Refused { reason: refusal.to_string() }
             }
         };
         Record::Sweep(store::Sweep {
             number: self.sweeps,
-            purpose: match outcome.purpose {
+            purpose: match finished.purpose {
                 SweepPurpose::NoLoad => store::SweepPurpose::NoLoad,
                 SweepPurpose::Touch => store::SweepPurpose::Touch,
                 SweepPurpose::Manual => store::SweepPurpose::Manual,
             },
             step: self.step_id(),
             pose: self.pose(),
-            readings: outcome.readings.iter().map(reading_of).collect(),
-            looks: outcome.looks,
-            fit: fit_settings(outcome),
-            verdict,
+            readings: finished.readings.iter().map(reading_of).collect(),
+            probe_readings: finished.probe_readings,
+            fit: fit_settings(finished),
+            outcome,
         })
     }
 
@@ -260,7 +260,7 @@ impl Recorder {
         let (no_load_sweep, no_load) = (self.no_load_sweep, &result.no_load);
         let (no_load_hz, no_load_sigma_hz) = (no_load.resonance_hz, no_load.sigma_hz);
         let rotary_deg = result.rotary.value();
-        let indented = |contact: &Contact| store::Indented {
+        let indented = |contact: &Contact| store::TouchPosition {
             sweep: self.sweeps,
             surface_mm: contact.surface.position.value(),
             surface_sigma_mm: contact.surface.sigma_mm,
@@ -281,7 +281,7 @@ impl Recorder {
                 });
             }
         };
-        let store::Indented { sweep, surface_mm, surface_sigma_mm, indentation_mm, linear_mm } =
+        let store::TouchPosition { sweep, surface_mm, surface_sigma_mm, indentation_mm, linear_mm } =
             indented(contact);
         Record::TouchResult(store::Touch {
             touch,
@@ -296,8 +296,8 @@ impl Recorder {
             surface_mm,
             surface_sigma_mm,
             indentation_mm,
-            linear_mm: Some(linear_mm),
-            rotary_deg: Some(rotary_deg),
+            linear_mm,
+            rotary_deg,
         })
     }
 }
@@ -387,7 +387,7 @@ fn circuit_of(circuit: &Circuit) -> store::Circuit {
 }
 
 /// What a sweep was fitted with; its window is known to every planner.
-fn fit_settings(outcome: &SweepOutcome) -> Option<store::FitSettings> {
+fn fit_settings(outcome: &FinishedSweep) -> Option<store::FitSettings> {
     let options = &outcome.fit;
     let window = options.window?;
     Some(store::FitSettings {
@@ -411,9 +411,9 @@ fn fit_settings(outcome: &SweepOutcome) -> Option<store::FitSettings> {
     })
 }
 
-fn reading_of(reading: &Reading) -> store::Reading {
+fn reading_of(reading: &Reading) -> store::ReadingRecord {
     let impedance = reading.impedance();
-    store::Reading {
+    store::ReadingRecord {
         frequency_hz: reading.frequency_hz,
         resistance_ohm: impedance.map(|impedance| impedance.resistance_ohm),
         reactance_ohm: impedance.map(|impedance| impedance.reactance_ohm),

@@ -8,8 +8,8 @@ use std::{
 
 use super::sample::{Directory, append, records, run_started, sweep};
 use crate::{
-    Flaw, Reader, Record, RunId, RunKind, RunStatus, Store, StoreError, StoredRecord, SweepPurpose,
-    Verdict,
+    ChainCheck, Flaw, Reader, Record, RunId, RunKind, RunStatus, Store, StoreError, StoredRecord,
+    SweepPurpose,
 };
 
 /// Numbers below `bound`, the same for the same seed (Steele, Lea, Flood 2014: `SplitMix64`).
@@ -81,13 +81,13 @@ fn a_flipped_bit_is_never_read_as_a_record() {
             let here = format!("seed {SEED}, bit {bit} of byte {byte}");
             let kept = texts(&chain.records);
             assert_eq!(kept, texts(&expected[..kept.len()]), "{here}");
-            match chain.verdict {
-                Verdict::Intact { .. } => {
+            match chain.check {
+                ChainCheck::Intact { .. } => {
                     assert_eq!(kept.len(), expected.len(), "{here}");
                     intact += 1;
                 }
-                Verdict::Broken { flaw: Flaw::Altered, .. } => altered += 1,
-                Verdict::Broken { .. } => otherwise_broken += 1,
+                ChainCheck::Broken { flaw: Flaw::Altered, .. } => altered += 1,
+                ChainCheck::Broken { .. } => otherwise_broken += 1,
             }
         }
     }
@@ -105,15 +105,15 @@ fn a_changed_lost_or_added_record_is_pointed_at() {
         changed.unwrap();
         let reader = Reader::open(directory.path()).unwrap();
         let (seq, flaw) = expected;
-        let verdict = reader.verify(runs[1].0).unwrap();
-        assert_eq!(verdict, Verdict::Broken { seq, flaw: flaw.clone() }, "{change}");
+        let check = reader.verify(runs[1].0).unwrap();
+        assert_eq!(check, ChainCheck::Broken { seq, flaw: flaw.clone() }, "{change}");
         let refusal = reader.records(runs[1].0).unwrap_err();
         assert!(
             matches!(&refusal, StoreError::Broken { seq: at, flaw: what, .. } if *at == seq && *what == flaw),
             "{change}: {refusal}"
         );
         // The damage stays in its run.
-        assert!(matches!(reader.verify(runs[0].0).unwrap(), Verdict::Intact { .. }), "{change}");
+        assert!(matches!(reader.verify(runs[0].0).unwrap(), ChainCheck::Intact { .. }), "{change}");
     }
     check(
         "UPDATE records SET payload = replace(payload, '158.3', '158.4') WHERE run = 2 AND seq = 10",
@@ -164,7 +164,7 @@ fn what_was_committed_survives_a_log_cut_at_any_length() {
         let promised = acknowledged.iter().rev().find(|(length, _)| *length <= cut).unwrap().1;
         let reopened = Store::open(crashed.path()).unwrap();
         let reader = reopened.reader().unwrap();
-        let Verdict::Intact { records, .. } = reader.verify(journal.id()).unwrap() else {
+        let ChainCheck::Intact { records, .. } = reader.verify(journal.id()).unwrap() else {
             panic!("the chain is broken after a cut at byte {cut}");
         };
         let is_ended = reader.run(journal.id()).unwrap().status != RunStatus::Running;
@@ -204,7 +204,7 @@ fn a_damaged_log_loses_its_tail_and_nothing_else() {
         let here = format!("seed {SEED}, bit {bit} of byte {byte}");
         let kept: Vec<Record> = chain.records.iter().map(|kept| kept.record().unwrap()).collect();
         assert_eq!(kept, written[..kept.len()], "{here}");
-        assert!(matches!(chain.verdict, Verdict::Intact { .. }), "{here}: {:?}", chain.verdict);
+        assert!(matches!(chain.check, ChainCheck::Intact { .. }), "{here}: {:?}", chain.check);
         opened += 1;
         shortened += u32::from(kept.len() < written.len());
     }

@@ -43,7 +43,7 @@ fn a_run_goes_on_as_long_as_its_program_lives() {
     assert_eq!(reader.runs().unwrap(), std::slice::from_ref(&run));
     let left = reader.interruption(&run).unwrap().unwrap();
     assert!(left.at >= run.started_at && Some(&left.at) == run.finished_at.as_ref(), "{left:?}");
-    assert!(matches!(reader.verify(id).unwrap(), crate::Verdict::Intact { records: 1, .. }));
+    assert!(matches!(reader.verify(id).unwrap(), crate::ChainCheck::Intact { records: 1, .. }));
 
     // Whatever opens the journal next marks it, and leaves the time of its end as it was.
     let store = Store::open(directory.path()).unwrap();

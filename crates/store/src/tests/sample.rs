@@ -7,10 +7,10 @@ use std::{
 
 use crate::{
     Action, Axis, Circuit, Clearance, Device, Direction, Ending, Fault, FitNoise, FitSettings,
-    FitTiming, Indented, Intent, Journal, Move, MoveReason, Phase, PlanSize, Pose, Prompt,
-    PromptAnswered, PromptAsked, Reading, ReadingFlag, Record, RefusedTouch, RunFinished,
-    RunStarted, Sample, Source, StepStarted, Surface, SurfaceReading, Sweep, SweepPurpose,
-    SweepVerdict, Touch, TouchSettings,
+    FitTiming, Intent, Journal, Move, MoveReason, Phase, PlanSize, Pose, Prompt, PromptAnswered,
+    PromptAsked, ReadingFlag, ReadingRecord, Record, RefusedTouch, RunFinished, RunStarted, Sample,
+    Source, StepStarted, Surface, SurfaceReading, Sweep, SweepOutcome, SweepPurpose, Touch,
+    TouchPosition, TouchSettings,
 };
 
 /// A directory that is removed with the value.
@@ -121,8 +121,8 @@ fn touch_result() -> Record {
         surface_mm: 10.1,
         surface_sigma_mm: 0.01 / 12.0_f64.sqrt(),
         indentation_mm: 0.5,
-        linear_mm: Some(9.6),
-        rotary_deg: Some(-30.0),
+        linear_mm: 9.6,
+        rotary_deg: -30.0,
     })
 }
 
@@ -134,7 +134,7 @@ fn touch_refused() -> Record {
         no_load_hz: 140.4,
         no_load_sigma_hz: 0.01,
         rotary_deg: 29.99,
-        indented: Some(Indented {
+        indented: Some(TouchPosition {
             sweep: 2,
             surface_mm: 10.1,
             surface_sigma_mm: 0.003,
@@ -172,8 +172,8 @@ pub(super) fn run_started() -> Record {
     })
 }
 
-fn reading(resonance_hz: f64, index: u32) -> Reading {
-    Reading {
+fn reading(resonance_hz: f64, index: u32) -> ReadingRecord {
+    ReadingRecord {
         frequency_hz: resonance_hz + 0.1 * f64::from(index),
         resistance_ohm: (index != 3).then(|| 1e5 / f64::from(index + 3)),
         reactance_ohm: (index != 3).then(|| -4e4 - f64::from(index).sqrt()),
@@ -205,12 +205,12 @@ pub(super) fn sweep(number: u64, purpose: SweepPurpose, resonance_hz: f64) -> Re
         step: Some("main/1/back/30/1".to_owned()),
         pose: Some(POSE),
         readings: (0..12).map(reading).collect(),
-        looks: 0,
+        probe_readings: 0,
         fit: (purpose == SweepPurpose::Touch).then_some(FIT),
-        verdict: SweepVerdict::Accepted {
+        outcome: SweepOutcome::Accepted {
             resonance_hz,
             sigma_hz: 0.02,
-            moment_s: Some(1.25),
+            effective_time_s: Some(1.25),
             circuit: Some(Circuit {
                 quality_factor: 33.0,
                 static_capacitance_f: 27.4e-9,

@@ -1,14 +1,14 @@
-//! What was made of a sweep, for a person and for a program.
+//! The outcome of a sweep, for a person and for a program.
 
 use rig_resonance::{Reason, Resonance, Verdict};
-use rig_store::{Circuit, SweepVerdict};
+use rig_store::{Circuit, SweepOutcome};
 use serde::Serialize;
 
 use super::Failure;
 
-/// The verdict on a sweep. What does not apply is left out.
+/// The outcome of a sweep. Keys that do not apply are left out.
 #[derive(Debug, Default, Serialize)]
-pub(super) struct VerdictView {
+pub(super) struct OutcomeView {
     /// `accepted` or `refused`.
     status: &'static str,
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
@@ -32,9 +32,9 @@ pub(super) struct VerdictView {
 struct FoundView {
     resonance_hz: f64,
     sigma_hz: f64,
-    /// The moment for which it holds, on the clock of the readings.
+    /// The time for which it holds, s on the clock of the readings.
     #[serde(skip_serializing_if = "Option::is_none")]
-    moment_s: Option<f64>,
+    effective_time_s: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     q: Option<f64>,
     /// Q times the ratio of the capacitances. Below 2 the phase does not cross zero.
@@ -56,7 +56,7 @@ struct FoundView {
 /// How well the model describes the readings.
 #[derive(Debug, Serialize)]
 struct FitView {
-    rung: &'static str,
+    model_order: &'static str,
     points: usize,
     chi_squared_per_dof: f64,
     /// Relative, of each part of a reading of ten cycles.
@@ -64,11 +64,11 @@ struct FitView {
     condition: f64,
 }
 
-impl VerdictView {
-    /// The same with the moment for which an accepted resonance holds.
-    pub(super) fn at(mut self, moment_s: Option<f64>) -> Self {
+impl OutcomeView {
+    /// Adds the time for which an accepted resonance holds, s on the clock of the readings.
+    pub(super) fn at(mut self, effective_time_s: Option<f64>) -> Self {
         if let Some(found) = &mut self.accepted {
-            found.moment_s = moment_s;
+            found.effective_time_s = effective_time_s;
         }
         self
     }
@@ -122,7 +122,10 @@ impl FoundView {
         let digits = self.digits();
         let resonance = format!("{resonance_hz:.digits$} Hz ± {sigma_hz:.digits$} Hz{comment}");
         let mut rows = vec![(name, resonance)];
-        rows.extend(self.moment_s.map(|moment_s| ("at the time", format!("{moment_s:.3} s"))));
+        rows.extend(
+            self.effective_time_s
+                .map(|effective_time_s| ("at the time", format!("{effective_time_s:.3} s"))),
+        );
         rows.extend(self.q.map(|q| ("Q", format!("{q:.1}"))));
         rows.extend(self.figure_of_merit.map(|merit| ("figure of merit", format!("{merit:.2}"))));
         rows.extend(self.k_eff_squared.map(|k| ("coupling k_eff²", format!("{k:.5}"))));
@@ -132,7 +135,7 @@ impl FoundView {
         let sigma = self.loss_tangent_sigma.map_or_else(String::new, |s| format!(" ± {s:.4}"));
         rows.extend(self.loss_tangent.map(|loss| ("loss tangent", format!("{loss:.4}{sigma}"))));
         if let Some(fit) = &self.fit {
-            rows.push(("model", fit.rung.to_owned()));
+            rows.push(("model", fit.model_order.to_owned()));
             rows.push(("readings used", fit.points.to_string()));
             rows.push(("chi² per degree", format!("{:.2}", fit.chi_squared_per_dof)));
             rows.push(("noise", format!("{:.3} %", 100.0 * fit.noise_at_ten_cycles)));
@@ -150,7 +153,7 @@ impl From<&Resonance> for FoundView {
         Self {
             resonance_hz: found.resonance_hz,
             sigma_hz: found.sigma_hz,
-            moment_s: None,
+            effective_time_s: None,
             q: Some(found.q),
             figure_of_merit: Some(found.figure_of_merit),
             k_eff_squared: Some(found.k_eff_squared),
@@ -158,7 +161,7 @@ impl From<&Resonance> for FoundView {
             loss_tangent: Some(found.loss_tangent),
             loss_tangent_sigma: found.loss_tangent_sigma(),
             fit: Some(FitView {
-                rung: found.rung.name(),
+                model_order: found.rung.name(),
                 points: found.points,
                 chi_squared_per_dof: found.chi_squared_per_dof,
                 noise_at_ten_cycles: found.noise_at_ten_cycles,
@@ -168,9 +171,9 @@ impl From<&Resonance> for FoundView {
     }
 }
 
-impl From<&Verdict> for VerdictView {
-    fn from(verdict: &Verdict) -> Self {
-        match verdict {
+impl From<&Verdict> for OutcomeView {
+    fn from(outcome: &Verdict) -> Self {
+        match outcome {
             Verdict::Accepted(found) => {
                 Self { status: "accepted", accepted: Some(found.into()), ..Self::default() }
             }
@@ -189,15 +192,15 @@ impl From<&Verdict> for VerdictView {
     }
 }
 
-impl From<&SweepVerdict> for VerdictView {
-    fn from(verdict: &SweepVerdict) -> Self {
-        match verdict {
-            SweepVerdict::Accepted { resonance_hz, sigma_hz, moment_s, circuit } => {
+impl From<&SweepOutcome> for OutcomeView {
+    fn from(outcome: &SweepOutcome) -> Self {
+        match outcome {
+            SweepOutcome::Accepted { resonance_hz, sigma_hz, effective_time_s, circuit } => {
                 let of = |value: fn(&Circuit) -> f64| circuit.as_ref().map(value);
                 let found = FoundView {
                     resonance_hz: *resonance_hz,
                     sigma_hz: *sigma_hz,
-                    moment_s: *moment_s,
+                    effective_time_s: *effective_time_s,
                     q: of(|circuit| circuit.quality_factor),
                     figure_of_merit: of(|circuit| {
                         circuit.quality_factor * circuit.capacitance_ratio
@@ -212,7 +215,7 @@ impl From<&SweepVerdict> for VerdictView {
                 };
                 Self { status: "accepted", accepted: Some(found), ..Self::default() }
             }
-            SweepVerdict::Refused { reason } => {
+            SweepOutcome::Refused { reason } => {
                 Self { status: "refused", reason: Some(reason.clone()), ..Self::default() }
             }
         }
