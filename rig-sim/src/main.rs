@@ -161,7 +161,7 @@ impl Failure {
 fn load(path: &Path) -> Result<Scene, String> {
     let name = path.display().to_string();
     let bytes = std::fs::read(path).map_err(|error| format!("{name}: {error}"))?;
-    let text = rig_settings::text(&name, &bytes);
+    let text = rig_files::settings::text(&name, &bytes);
     text.and_then(|text| scene::read(&name, text)).map_err(|faults| faults.to_string())
 }
 

@@ -3,8 +3,11 @@
 use std::fmt;
 
 use rig_contact::{ContactLaw, CoreMaterial, PiezoMaterial, Sensor, SensorDesign, SensorError};
+use rig_files::{
+    Complaint, Faults,
+    settings::{Setting, Table},
+};
 use rig_model::Orientation;
-use rig_settings::{Complaint, Faults, Setting, Table};
 
 use crate::world::{Drift, Mechanics, Nuisances, Place, Sample, Scene, SensorScene};
 
@@ -20,7 +23,7 @@ const TOLERANCE_HZ: f64 = 0.5;
 /// # Errors
 /// Everything that is wrong with it.
 pub fn read(file: &str, text: &str) -> Result<Scene, Faults> {
-    let (scene, faults) = rig_settings::read(file, text, scene);
+    let (scene, faults) = rig_files::settings::read(file, text, scene);
     faults.finish(scene)
 }
 

@@ -7,7 +7,7 @@ use serde_json::Value;
 /// Crates without I/O, clock or runtime.
 const PURE: [&str; 11] = [
     "rig-model",
-    "rig-settings",
+    "rig-files",
     "rig-scpi",
     "rig-contact",
     "rig-resonance",
@@ -22,12 +22,12 @@ const PURE: [&str; 11] = [
 /// What each crate of the house may use of the house. A new arrow is a decision: write it down.
 const ARROWS: [(&str, &[&str]); 18] = [
     ("rig-model", &[]),
-    ("rig-settings", &[]),
+    ("rig-files", &[]),
     ("rig-scpi", &[]),
     ("rig-contact", &["rig-model"]),
     ("rig-resonance", &["rig-model"]),
     ("rig-analysis", &["rig-model", "rig-contact"]),
-    ("rig-protocol", &["rig-model", "rig-settings"]),
+    ("rig-protocol", &["rig-model", "rig-files"]),
     ("rig-engine", &["rig-model", "rig-protocol", "rig-resonance"]),
     ("rig-link", &["rig-model"]),
     ("rig-analyzer", &["rig-model", "rig-link", "rig-scpi"]),
@@ -38,7 +38,7 @@ const ARROWS: [(&str, &[&str]); 18] = [
     (
         "rig-report",
         &[
-            "rig-settings",
+            "rig-files",
             "rig-contact",
             "rig-resonance",
             "rig-analysis",
@@ -47,12 +47,12 @@ const ARROWS: [(&str, &[&str]); 18] = [
             "rig-chart",
         ],
     ),
-    ("rig-sim", &["rig-model", "rig-settings", "rig-scpi", "rig-contact"]),
+    ("rig-sim", &["rig-model", "rig-files", "rig-scpi", "rig-contact"]),
     (
         "rigd",
         &[
             "rig-model",
-            "rig-settings",
+            "rig-files",
             "rig-protocol",
             "rig-engine",
             "rig-contact",

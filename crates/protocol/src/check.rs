@@ -2,8 +2,8 @@
 
 use std::fmt::Display;
 
+use rig_files::{Faults, Location, settings::Setting};
 use rig_model::{Bench, ContactAngle, Direction, Mm, Position};
-use rig_settings::{Faults, Place, Setting};
 
 use crate::{
     Pose, Protocol,
@@ -19,7 +19,7 @@ impl Protocol {
     /// Reads the `text` of a protocol `file`. What is wrong with it is kept: see
     /// [`Protocol::faults`].
     pub fn read(file: &str, text: &str) -> Self {
-        let (protocol, mut faults) = rig_settings::read(file, text, protocol::protocol);
+        let (protocol, mut faults) = rig_files::settings::read(file, text, protocol::protocol);
         by_itself(&protocol, &mut faults);
         Self { faults, ..protocol }
     }
@@ -152,15 +152,15 @@ fn sweep(sweep: &SweepKeys, bench: &Bench, faults: &mut Faults) {
 /// An angle that limits what the protocol asks of the stages, and where it was written.
 struct Tilt {
     angle: ContactAngle,
-    place: Place,
+    location: Location,
     /// As messages name it.
     subject: String,
 }
 
 fn tilts(protocol: &Protocol) -> Vec<Tilt> {
     fn tilt<T: Display>(setting: &Setting<T>, angle: impl Fn(&T) -> ContactAngle) -> Option<Tilt> {
-        let (place, subject) = (setting.place, setting.to_string());
-        setting.sound().map(|value| Tilt { angle: angle(value), place, subject })
+        let (location, subject) = (setting.location, setting.to_string());
+        setting.sound().map(|value| Tilt { angle: angle(value), location, subject })
     }
     let listed = protocol.angles.iter().filter_map(|setting| tilt(setting, |angle| *angle));
     let drawn = protocol.blind.iter().filter_map(|blind| {
@@ -181,18 +181,18 @@ fn rotary(protocol: &Protocol, tilts: &[Tilt], bench: &Bench, faults: &mut Fault
     };
     let reach_deg = directions(protocol).map(reach).fold(f64::INFINITY, f64::min);
     let clear = bench.linear.rest_target().position();
-    for Tilt { angle, place, subject } in tilts {
+    for Tilt { angle, location, subject } in tilts {
         let is_beyond = |direction: &Direction| !soft.contains(direction.rotary_position(*angle));
         if let Some(direction) = directions(protocol).find(is_beyond) {
             let rotary = direction.rotary_position(*angle);
             let subject = subject.clone();
             let refusal = Refusal::OutOfReach { subject, direction, rotary, soft, reach_deg };
-            faults.refuse(*place, &refusal);
+            faults.refuse(*location, &refusal);
         }
         let highest = bench.geometry.highest_sample_point(angle.degrees());
         if highest >= clear {
             let subject = subject.clone();
-            faults.refuse(*place, &Refusal::NotCleared { subject, highest, clear });
+            faults.refuse(*location, &Refusal::NotCleared { subject, highest, clear });
         }
     }
 }

@@ -6,8 +6,8 @@
 //! repeats follow each other. A random order shuffles the samples and what lies within one
 //! mounting: it costs travel and no prompt. The trials of the blind phase are never put in order.
 
+use rig_files::Faults;
 use rig_model::{Bench, Orientation, random::Stream};
-use rig_settings::Faults;
 
 use crate::{
     Action, Phase, Plan, Pose, Prompt, Protocol, Step, StepId, Touch, check,

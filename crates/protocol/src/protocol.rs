@@ -2,8 +2,11 @@
 
 use std::ops::RangeInclusive;
 
+use rig_files::{
+    Faults,
+    settings::{Setting, Table},
+};
 use rig_model::{ContactAngle, Direction};
-use rig_settings::{Faults, Setting, Table};
 
 use crate::{
     Approach, TouchSettings,

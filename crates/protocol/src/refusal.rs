@@ -2,8 +2,8 @@
 
 use std::fmt;
 
+use rig_files::{Complaint, settings::unit_hint};
 use rig_model::{ContactAngle, Deg, Direction, Mm, Position, Span, SweepRequestError};
-use rig_settings::{Complaint, slip};
 
 use crate::Pose;
 
@@ -160,8 +160,8 @@ impl Complaint for Refusal {
 /// What to write instead of a number that is outside its limits.
 fn stay_within(key: &str, found: f64, min: f64, max: f64) -> String {
     let (side, limit) = if found < min { ("at least", min) } else { ("at most", max) };
-    let slip = slip(key, found, |meant| min <= meant && meant <= max);
-    format!("use {side} {limit}{}", slip.map(|slip| format!("; {slip}")).unwrap_or_default())
+    let hint = unit_hint(key, found, |meant| min <= meant && meant <= max);
+    format!("use {side} {limit}{}", hint.map(|hint| format!("; {hint}")).unwrap_or_default())
 }
 
 fn sweep_suggestion(error: &SweepRequestError) -> Option<String> {

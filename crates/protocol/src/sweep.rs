@@ -1,7 +1,10 @@
 //! The sections that say how a resonance is measured.
 
+use rig_files::{
+    Location,
+    settings::{Setting, Table},
+};
 use rig_model::{DriveLevel, SweepMethod, SweepRequest, SweepRequestError, Window};
-use rig_settings::{Place, Setting, Table};
 
 use crate::refusal::Refusal;
 
@@ -32,13 +35,13 @@ pub(crate) fn read(table: &mut Table<'_>) -> SweepKeys {
     let level_v = table.number("level_v").required();
     let points = table.count("points").optional();
     let settle_s = table.number("settle_s").optional();
-    for (key, place) in [
-        ("points", points.as_ref().map(Place::from)),
-        ("settle_s", settle_s.as_ref().map(Place::from)),
+    for (key, location) in [
+        ("points", points.as_ref().map(Location::from)),
+        ("settle_s", settle_s.as_ref().map(Location::from)),
     ] {
-        match (method.sound(), place) {
-            (Some(Method::Adaptive), Some(place)) => {
-                table.refuse(place, &Refusal::OnlyUniform { key });
+        match (method.sound(), location) {
+            (Some(Method::Adaptive), Some(location)) => {
+                table.refuse(location, &Refusal::OnlyUniform { key });
             }
             (Some(Method::Uniform), None) => table.refuse(&method, &Refusal::UniformNeeds { key }),
             _ => {}
@@ -65,24 +68,24 @@ pub(crate) fn read(table: &mut Table<'_>) -> SweepKeys {
         written(&cycles),
         written(&level_v),
     ];
-    let window = min_hz.sound().and(max_hz.sound()).map(|_| max_hz.place);
+    let window = min_hz.sound().and(max_hz.sound()).map(|_| max_hz.location);
     for error in request.faults() {
-        let place = match error {
+        let location = match error {
             SweepRequestError::Window { .. } => window,
             SweepRequestError::OutOfRange { what, .. } => {
                 let at_fault = written.iter().flatten().find(|(key, _)| *key == what);
-                at_fault.map(|(_, place)| *place)
+                at_fault.map(|(_, location)| *location)
             }
-            SweepRequestError::TooLong { .. } => Some(time_limit_s.place),
+            SweepRequestError::TooLong { .. } => Some(time_limit_s.location),
         };
-        if let Some(place) = place {
-            table.refuse(place, &Refusal::Sweep(error));
+        if let Some(location) = location {
+            table.refuse(location, &Refusal::Sweep(error));
         }
     }
     SweepKeys { request, min_hz, max_hz, level_v }
 }
 
-/// The key and its place, when what was written there could be read.
-fn written<T>(setting: &Setting<T>) -> Option<(&'static str, Place)> {
-    setting.sound().map(|_| (setting.key, setting.place))
+/// The key and its location, when what was written there could be read.
+fn written<T>(setting: &Setting<T>) -> Option<(&'static str, Location)> {
+    setting.sound().map(|_| (setting.key, setting.location))
 }

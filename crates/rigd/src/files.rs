@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use rig_settings::{Complaint, Faults, Place};
+use rig_files::{Complaint, Faults, Location};
 
 /// The kinds of files that a person gives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -114,7 +114,7 @@ impl FileKind {
         match Self::of(text) {
             Some(found) if found != self => {
                 let mut faults = Faults::new(file);
-                faults.refuse(Place::START, &OtherKind { expected: self, found });
+                faults.refuse(Location::START, &OtherKind { expected: self, found });
                 Err(faults)
             }
             _ => Ok(()),
@@ -157,7 +157,7 @@ fn is_sweep(text: &str) -> bool {
 /// The name of a file, as faults show it, and its text, which is of the kind expected.
 pub(crate) fn read(path: &Path, kind: FileKind) -> Result<(String, String), FileError> {
     let (name, bytes) = read_bytes(path)?;
-    let text = rig_settings::text(&name, &bytes).map_err(FileError::Faults)?.to_owned();
+    let text = rig_files::settings::text(&name, &bytes).map_err(FileError::Faults)?.to_owned();
     kind.expect(&name, &text).map_err(FileError::Faults)?;
     Ok((name, text))
 }

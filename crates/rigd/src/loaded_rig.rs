@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use rig_files::{Complaint, Faults};
 use rig_model::Bench;
-use rig_settings::{Complaint, Faults};
 use rig_sim::world::Scene;
 use rig_store::Source;
 
@@ -123,10 +123,10 @@ fn at_its_name(error: FileError, rig: &str, connection: &Connection) -> FileErro
     match (error, connection) {
         (
             FileError::Missing { instead, .. },
-            Connection::Simulated(Simulation { scene, scene_place, .. }),
+            Connection::Simulated(Simulation { scene, scene_location, .. }),
         ) => {
             let mut faults = Faults::new(rig);
-            faults.refuse(*scene_place, &NoScene { scene: scene.clone(), instead });
+            faults.refuse(*scene_location, &NoScene { scene: scene.clone(), instead });
             FileError::Faults(faults)
         }
         (error, _) => error,

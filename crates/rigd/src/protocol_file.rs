@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use rig_files::Faults;
 use rig_protocol::{Plan, Protocol, Summary};
-use rig_settings::Faults;
 use rig_store::Source;
 
 use crate::{

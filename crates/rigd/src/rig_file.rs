@@ -15,8 +15,8 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 use rig_analysis::sensor::SensorDescription;
+use rig_files::{Faults, Location};
 use rig_model::{AnalyzerMake, Bench, Deg, DriveMake, LineSettings, Mm, Scale, Terminator};
-use rig_settings::{Faults, Place};
 
 /// A rig file, read and checked.
 #[derive(Debug, Clone)]
@@ -56,7 +56,7 @@ pub struct Simulation {
     /// The scene file, relative to the directory of the rig file.
     pub scene: PathBuf,
     /// Where the rig file names it.
-    pub scene_place: Place,
+    pub scene_location: Location,
     /// How fast time passes.
     pub pace: Pace,
     /// Who answers the prompts.
@@ -144,7 +144,7 @@ impl RigFile {
     /// # Errors
     /// Everything that is wrong with it.
     pub fn read(file: &str, text: &str) -> Result<Self, Faults> {
-        let (rig, faults) = rig_settings::read(file, text, bench::rig);
+        let (rig, faults) = rig_files::settings::read(file, text, bench::rig);
         faults.finish(rig)
     }
 

@@ -21,9 +21,9 @@ mod tests;
 use std::ops::RangeInclusive;
 
 use num_complex::Complex64;
+use rig_files::{Complaint, Faults, Location};
 use rig_model::{Reading, Window};
 use rig_resonance::{Circuit, FitOptions, NoisePrior, Timing};
-use rig_settings::{Complaint, Faults, Place};
 
 use head::Quantity;
 use refusal::Refusal;
@@ -94,7 +94,7 @@ impl SweepFile {
         };
         let is_empty = sweeps.iter().all(|sweep| sweep.readings.is_empty());
         if is_empty && notes.faults.is_empty() {
-            notes.refuse(Place::START, &Refusal::Empty);
+            notes.refuse(Location::START, &Refusal::Empty);
         }
         notes.faults.finish(Self { sweeps })
     }
@@ -142,10 +142,10 @@ struct Notes {
 }
 
 impl Notes {
-    fn refuse(&mut self, place: Place, refusal: &Refusal) {
+    fn refuse(&mut self, location: Location, refusal: &Refusal) {
         match self.faults.len() {
-            0..FAULTS_MAX => self.faults.refuse(place, refusal as &dyn Complaint),
-            FAULTS_MAX => self.faults.refuse(place, &Refusal::More { shown: FAULTS_MAX }),
+            0..FAULTS_MAX => self.faults.refuse(location, refusal as &dyn Complaint),
+            FAULTS_MAX => self.faults.refuse(location, &Refusal::More { shown: FAULTS_MAX }),
             _ => {}
         }
     }
@@ -162,9 +162,9 @@ fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     lines.enumerate().map(|(index, line)| (index + 1, line))
 }
 
-/// The place of a byte of a line.
-fn place(text: &str, line: usize, at: usize) -> Place {
-    Place { line, column: 1 + text[..at].chars().count() }
+/// The location of a byte of a line.
+fn location(text: &str, line: usize, at: usize) -> Location {
+    Location { line, column: 1 + text[..at].chars().count() }
 }
 
 /// An impedance, if it can have been measured.

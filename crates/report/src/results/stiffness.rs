@@ -17,9 +17,9 @@ use rig_contact::{
     Pose,
     inverse::{InverseError, OneTouch, TiltInference},
 };
+use rig_files::Faults;
 use rig_protocol::{AngleKnowledge, Protocol};
 use rig_record::{Direction, Phase, Sample, Source, Touch};
-use rig_settings::Faults;
 
 pub(crate) use calibration::{Calibration, ScaleSource};
 pub(crate) use site::Site;

@@ -1,6 +1,7 @@
 //! A run of the paper's protocol as its journal would hold it.
 
 use rig_analysis::sensor::SensorDescription;
+use rig_files::Faults;
 use rig_record::{
     Action, BlackBox, Chain, ChainCheck, Clearance, Device, Digest, Direction, Ending, Fault,
     Frame, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, ReadingFlag, ReadingRecord,
@@ -9,7 +10,6 @@ use rig_record::{
     TouchSettings,
 };
 use rig_resonance::Circuit;
-use rig_settings::Faults;
 use uuid::Uuid;
 
 use crate::RunResults;

@@ -138,11 +138,11 @@ fn load(args: &CheckArgs) -> Result<(LoadedRig, LoadedProtocol), FileError> {
 }
 
 impl FaultView {
-    pub(super) fn of(fault: &rig_settings::Fault) -> Self {
+    pub(super) fn of(fault: &rig_files::Fault) -> Self {
         Self {
             file: fault.file.clone(),
-            line: fault.place.line,
-            column: fault.place.column,
+            line: fault.location.line,
+            column: fault.location.column,
             message: fault.message.clone(),
             suggestion: fault.suggestion.clone(),
         }

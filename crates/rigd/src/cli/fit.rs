@@ -7,9 +7,9 @@ use std::{
 };
 
 use clap::{Args, ValueEnum, builder::PossibleValuesParser};
+use rig_files::Faults;
 use rig_model::{Reading, SweepRequestError, Window};
 use rig_resonance::{Estimator, Limit, NoisePrior, Past, Timing, Verdict, fit};
-use rig_settings::Faults;
 use serde::Serialize;
 
 use super::{
@@ -98,8 +98,8 @@ fn window(text: &str) -> Result<Window, NoWindow> {
 enum NoNoise {
     #[error(transparent)]
     NotANumber(#[from] ParseFloatError),
-    #[error("{found} is outside (0, {NOISE_MAX}]{}", slip.as_deref().map(|slip| format!("; {slip}")).unwrap_or_default())]
-    OutOfRange { found: f64, slip: Option<String> },
+    #[error("{found} is outside (0, {NOISE_MAX}]{}", hint.as_deref().map(|hint| format!("; {hint}")).unwrap_or_default())]
+    OutOfRange { found: f64, hint: Option<String> },
 }
 
 /// Above this, readings tell nothing.
@@ -111,7 +111,10 @@ fn noise(text: &str) -> Result<f64, NoNoise> {
     if is_right(found) {
         return Ok(found);
     }
-    Err(NoNoise::OutOfRange { found, slip: rig_settings::slip("noise", found, is_right) })
+    Err(NoNoise::OutOfRange {
+        found,
+        hint: rig_files::settings::unit_hint("noise", found, is_right),
+    })
 }
 
 fn estimators() -> PossibleValuesParser {

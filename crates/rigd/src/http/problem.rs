@@ -7,9 +7,9 @@ use axum::{
     response::{IntoResponse, Response},
 };
 use rig_engine::CommandRefusal;
+use rig_files::Faults;
 use rig_model::with_causes;
 use rig_record::{NotARunId, UnreadableRecord};
-use rig_settings::Faults;
 use rig_store::StoreError;
 use serde::Serialize;
 
@@ -161,9 +161,9 @@ impl Problem {
     pub(super) fn protocol(faults: &Faults) -> Self {
         let count = faults.iter().count();
         let detail = format!("the protocol has {count} fault{}", if count == 1 { "" } else { "s" });
-        let view = |fault: &rig_settings::Fault| FaultView {
-            line: fault.place.line,
-            column: fault.place.column,
+        let view = |fault: &rig_files::Fault| FaultView {
+            line: fault.location.line,
+            column: fault.location.column,
             message: fault.message.clone(),
             suggestion: fault.suggestion.clone(),
         };

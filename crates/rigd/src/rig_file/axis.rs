@@ -2,8 +2,8 @@
 
 use std::ops::RangeInclusive;
 
+use rig_files::settings::{Setting, Table};
 use rig_model::{Axis, AxisError, AxisLimits, DriveMake, Position, Scale, Span, Unit};
-use rig_settings::{Setting, Table};
 
 use super::{AxisFile, refusal::Refusal};
 
@@ -124,11 +124,11 @@ where
     let checked = limits().and_then(|limits| match Axis::new(keys.name, limits) {
         Ok(axis) => Some(axis),
         Err(error) => {
-            let place = match error {
-                AxisError::RestOutOfReach { .. } => rest.place,
-                _ => soft_limits.place,
+            let location = match error {
+                AxisError::RestOutOfReach { .. } => rest.location,
+                _ => soft_limits.location,
             };
-            table.refuse(place, &Refusal::from(error));
+            table.refuse(location, &Refusal::from(error));
             None
         }
     });

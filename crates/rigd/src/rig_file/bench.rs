@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
+use rig_files::settings::{Setting, Table};
 use rig_model::{
     AnalyzerMake, AnalyzerRange, Bench, Deg, DriveMake, Geometry, Mm, MotionLimits, Parity,
     Position, Terminator,
 };
-use rig_settings::{Setting, Table};
 
 use super::{
     AnalyzerFile, Connection, KnownSample, Pace, PortFile, RigFile, SimulatedPerson, Simulation,
@@ -88,7 +88,7 @@ fn simulation(table: &mut Table<'_>) -> Simulation {
     let person = [("answers", SimulatedPerson::Answers), ("waits", SimulatedPerson::Waits)];
     let person = table.choice("person", person).or(SimulatedPerson::Answers).value;
     let scene = table.text("scene").required();
-    Simulation { scene_place: scene.place, scene: PathBuf::from(scene.value), pace, person }
+    Simulation { scene_location: scene.location, scene: PathBuf::from(scene.value), pace, person }
 }
 
 struct AnalyzerRead {

@@ -1,7 +1,10 @@
 //! Where a device is.
 
+use rig_files::{
+    Location,
+    settings::{Setting, Table},
+};
 use rig_model::{LineSettings, Parity, StopBits};
-use rig_settings::{Place, Setting, Table};
 
 use super::{PortFile, refusal::Refusal};
 
@@ -16,7 +19,7 @@ pub(super) fn port(table: &mut Table<'_>, parity: Result<Parity, Refusal>) -> Po
     let stop_bits = table.count("stop_bits").range(1..=2).optional();
 
     match (&serial, &tcp) {
-        (None, None) if table.is_there() => table.refuse(table.place(), &Refusal::NeitherPort),
+        (None, None) if table.is_there() => table.refuse(table.location(), &Refusal::NeitherPort),
         (Some(_), Some(tcp)) => table.refuse(tcp, &Refusal::BothPorts),
         (Some(serial), None) if is_address(&serial.value) && !serial.value.contains('/') => {
             table.refuse(serial, &Refusal::NotADevice { address: serial.value.clone() });
@@ -26,10 +29,13 @@ pub(super) fn port(table: &mut Table<'_>, parity: Result<Parity, Refusal>) -> Po
             if tcp.sound().is_some_and(|address| !is_address(address)) {
                 table.refuse(tcp, &Refusal::NotAnAddress { address: tcp.value.clone() });
             }
-            let serial_only =
-                [place(baud.as_ref()), place(parity_given.as_ref()), place(stop_bits.as_ref())];
-            for (key, place) in serial_only.into_iter().flatten() {
-                table.refuse(place, &Refusal::NotSerial { key });
+            let serial_only = [
+                location(baud.as_ref()),
+                location(parity_given.as_ref()),
+                location(stop_bits.as_ref()),
+            ];
+            for (key, location) in serial_only.into_iter().flatten() {
+                table.refuse(location, &Refusal::NotSerial { key });
             }
         }
         _ => {}
@@ -53,8 +59,8 @@ pub(super) fn port(table: &mut Table<'_>, parity: Result<Parity, Refusal>) -> Po
     }
 }
 
-fn place<T>(setting: Option<&Setting<T>>) -> Option<(&'static str, Place)> {
-    setting.map(|setting| (setting.key, setting.place))
+fn location<T>(setting: Option<&Setting<T>>) -> Option<(&'static str, Location)> {
+    setting.map(|setting| (setting.key, setting.location))
 }
 
 fn is_address(address: &str) -> bool {

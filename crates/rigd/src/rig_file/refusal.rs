@@ -1,8 +1,8 @@
 //! What a rig file can be refused for, beyond its shape.
 
 use rig_contact::SensorError;
+use rig_files::{Complaint, settings::unit_hint};
 use rig_model::{AnalyzerMake, AxisError, Deg, DriveMake, Mm, Position};
-use rig_settings::{Complaint, slip};
 
 /// One reason. Values and limits are in the unit that their key names.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -107,15 +107,15 @@ impl Complaint for Refusal {
             }
             Self::Linear(AxisError::RestOutOfReach { rest, soft, .. }) => {
                 let is_within = |mm| soft.contains(Position::new(mm));
-                with_slip("put it within".into(), "clear_mm", rest.value(), is_within)
+                with_hint("put it within".into(), "clear_mm", rest.value(), is_within)
             }
             Self::Sensor(SensorError::OutOfRange { what, found, limit }) => {
                 let is_within = |meant| 0.0 <= meant && meant <= *limit;
-                with_slip(format!("use at most {limit}"), what, *found, is_within)
+                with_hint(format!("use at most {limit}"), what, *found, is_within)
             }
             Self::Sensor(SensorError::NotSlender { length_mm, limit_mm }) => {
                 let is_within = |meant| *limit_mm <= meant && meant <= LONGEST_MM;
-                with_slip(format!("use at least {limit_mm:.3}"), "length_mm", *length_mm, is_within)
+                with_hint(format!("use at least {limit_mm:.3}"), "length_mm", *length_mm, is_within)
             }
             // It names the field.
             Self::Sensor(SensorError::NotPositive { .. }) => return None,
@@ -129,22 +129,22 @@ impl Complaint for Refusal {
                 // A drive may count the other way.
                 let least = finest.copysign(*found);
                 let key = if *key == "mm_per_step" { "step_mm" } else { key };
-                with_slip(format!("use {least} or coarser"), key, *found, is_right)
+                with_hint(format!("use {least} or coarser"), key, *found, is_right)
             }
             Self::Narrow { key, min, max, narrowest, .. } => {
                 let is_right = |meant| *narrowest <= meant && meant <= LONGEST_MM;
-                let meant = slip(key, max - min, is_right)
+                let meant = unit_hint(key, max - min, is_right)
                     .map(|_| format!("; if it is in metres, write [{}, {}]", 1e3 * min, 1e3 * max));
                 format!("give what the mechanics allow{}", meant.unwrap_or_default())
             }
             Self::NotClear { clear, highest } => {
                 let advice = format!("use more than {:.3}", highest.value());
                 let is_right = |mm| highest.value() < mm && mm <= LONGEST_MM;
-                with_slip(advice, "clear_mm", *clear, is_right)
+                with_hint(advice, "clear_mm", *clear, is_right)
             }
             Self::NoRoomBelow { found, limit, room } => {
                 let is_right = |mm| limit + room <= mm && mm <= LONGEST_MM;
-                with_slip(format!("use at least {}", limit + room), "surface_mm", *found, is_right)
+                with_hint(format!("use at least {}", limit + room), "surface_mm", *found, is_right)
             }
         };
         Some(suggestion)
@@ -155,9 +155,9 @@ impl Complaint for Refusal {
 const LONGEST_MM: f64 = 2000.0;
 
 /// Advice, and the unit in which the number may have been meant.
-fn with_slip(advice: String, key: &str, found: f64, is_right: impl Fn(f64) -> bool) -> String {
-    match slip(key, found, is_right) {
-        Some(slip) => format!("{advice}; {slip}"),
+fn with_hint(advice: String, key: &str, found: f64, is_right: impl Fn(f64) -> bool) -> String {
+    match unit_hint(key, found, is_right) {
+        Some(hint) => format!("{advice}; {hint}"),
         None => advice,
     }
 }

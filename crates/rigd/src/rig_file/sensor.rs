@@ -6,8 +6,8 @@ use rig_analysis::sensor::{SensorDescription, Uncertainty};
 use rig_contact::{
     ContactLaw, CoreMaterial, Friction, PiezoMaterial, Sensor, SensorDesign, inverse::TissueKind,
 };
+use rig_files::settings::Table;
 use rig_model::Geometry;
-use rig_settings::Table;
 
 use super::refusal::Refusal;
 

@@ -4,18 +4,17 @@ use std::{f64::consts::PI, time::Duration};
 
 use num_complex::Complex64;
 use rig_engine::flagged;
+use rig_files::Location;
 use rig_model::{Impedance, Measured, Reading, ReadingFlag, RigTime, Window};
 use rig_resonance::{Circuit, NoisePrior, Past, Timing};
-use rig_settings::Place;
 
 use super::{
     FileSweep, Notes, Told, behind,
     cells::{Separator, cells},
     head::Quantity,
     header::{Column, Header, is_comment},
-    inverse, lines, measured,
+    inverse, lines, location, measured,
     number::{Numbers, Value, excerpt},
-    place,
     refusal::Refusal,
 };
 
@@ -42,8 +41,8 @@ pub(super) fn read(text: &str, sweep: Option<u64>, notes: &mut Notes) -> Vec<Fil
     let Some(header) = Header::find(text, notes) else { return Vec::new() };
     let mut rows = rows(&header, text, notes);
     match (header.column(Quantity::Sweep), sweep) {
-        (Some(column), Some(asked)) => choose(&mut rows, asked, column.place, notes),
-        (None, Some(_)) => notes.refuse(header.columns[0].place, &Refusal::NoNumbers),
+        (Some(column), Some(asked)) => choose(&mut rows, asked, column.location, notes),
+        (None, Some(_)) => notes.refuse(header.columns[0].location, &Refusal::NoNumbers),
         (_, None) => {}
     }
     rows.sort_by_key(|row| row.sweep);
@@ -90,13 +89,13 @@ fn told(rows: &[Row], notes: &mut Notes) -> Told {
         Quantity::NearLoss,
     ];
     for row in rows {
-        let place = Place { line: row.line, column: 1 };
+        let location = Location { line: row.line, column: 1 };
         let is_other = |quantity: &Quantity| row.told(*quantity) != first.told(*quantity);
         let other = numbers.into_iter().find(is_other);
         let other = other.or((row.timing != first.timing).then_some(Quantity::FitTiming));
         let other = other.or((row.has_loss != first.has_loss).then_some(Quantity::FitLoss));
         if let Some(quantity) = other {
-            notes.refuse(place, &Refusal::ToldOtherwise { quantity });
+            notes.refuse(location, &Refusal::ToldOtherwise { quantity });
             break;
         }
     }
@@ -105,8 +104,8 @@ fn told(rows: &[Row], notes: &mut Notes) -> Told {
     let window = min_hz.zip(max_hz).map(|(min_hz, max_hz)| Window { min_hz, max_hz });
     if let Some(Window { min_hz, max_hz }) = window.filter(|window| window.max_hz <= window.min_hz)
     {
-        let place = Place { line: first.line, column: 1 };
-        notes.refuse(place, &Refusal::FitWindow { min_hz, max_hz });
+        let location = Location { line: first.line, column: 1 };
+        notes.refuse(location, &Refusal::FitWindow { min_hz, max_hz });
     }
     let noise = at_ten_cycles.map(|at_ten_cycles| NoisePrior {
         at_ten_cycles,
@@ -146,7 +145,7 @@ fn rows(header: &Header<'_>, text: &str, notes: &mut Notes) -> Vec<Row> {
             && !rows.is_empty()
             && rows.iter().all(|row| row.of(phase).abs() <= PI)
         {
-            notes.refuse(column.place, &Refusal::UnitlessPhase { key: phase.key() });
+            notes.refuse(column.location, &Refusal::UnitlessPhase { key: phase.key() });
         }
     }
     rows
@@ -163,7 +162,7 @@ fn row(
     let mut cells = match cells(text, header.separator) {
         Ok(cells) => cells,
         Err(at) => {
-            notes.refuse(place(text, line, at), &Refusal::OpenQuote);
+            notes.refuse(location(text, line, at), &Refusal::OpenQuote);
             return None;
         }
     };
@@ -173,7 +172,7 @@ fn row(
     let needed = header.columns.iter().map(|column| column.index + 1).max().unwrap_or(0);
     if cells.len() < needed || cells.len() > header.width {
         let refusal = Refusal::Cells { found: cells.len(), expected: header.width };
-        notes.refuse(Place { line, column: 1 }, &refusal);
+        notes.refuse(Location { line, column: 1 }, &refusal);
         return None;
     }
     let mut row = Row {
@@ -193,7 +192,7 @@ fn row(
     for column in flags.into_iter().chain(others) {
         let cell = &cells[column.index];
         if let Err(refusal) = row.take(column, &cell.text, numbers) {
-            notes.refuse(place(text, line, cell.at), &refusal);
+            notes.refuse(location(text, line, cell.at), &refusal);
             is_complete = false;
         }
     }
@@ -203,7 +202,7 @@ fn row(
             .impedance_ohm(first)
             .map_err(|refusal| {
                 let at = header.column(first).map_or(0, |column| cells[column.index].at);
-                notes.refuse(place(text, line, at), &refusal);
+                notes.refuse(location(text, line, at), &refusal);
             })
             .ok()?;
     }
@@ -330,7 +329,7 @@ fn timing(text: &str) -> Result<Timing, Refusal> {
 }
 
 /// Leaves the rows of one sweep.
-fn choose(rows: &mut Vec<Row>, asked: u64, place: Place, notes: &mut Notes) {
+fn choose(rows: &mut Vec<Row>, asked: u64, location: Location, notes: &mut Notes) {
     let mut numbers: Vec<u64> = rows.iter().map(|row| row.sweep).collect();
     numbers.sort_unstable();
     numbers.dedup();
@@ -338,7 +337,7 @@ fn choose(rows: &mut Vec<Row>, asked: u64, place: Place, notes: &mut Notes) {
         && !numbers.contains(&asked)
     {
         let (count, first, last) = (numbers.len(), *first, *last);
-        notes.refuse(place, &Refusal::NoSuchSweep { asked, count, first, last });
+        notes.refuse(location, &Refusal::NoSuchSweep { asked, count, first, last });
     }
     rows.retain(|row| row.sweep == asked);
 }

@@ -1,14 +1,13 @@
 //! The line that names the columns.
 
-use rig_settings::Place;
+use rig_files::Location;
 
 use super::{
     Notes,
     cells::{Cell, Separator, cells},
     head::{Head, Quantity},
-    lines,
+    lines, location,
     number::excerpt,
-    place,
     refusal::Refusal,
 };
 
@@ -41,7 +40,7 @@ pub(super) struct Header<'a> {
 #[derive(Debug)]
 pub(super) struct Column {
     pub(super) index: usize,
-    pub(super) place: Place,
+    pub(super) location: Location,
     pub(super) head: Head,
     text: String,
 }
@@ -66,18 +65,20 @@ impl<'a> Header<'a> {
         }
         match best {
             Some(best) => {
-                let place = best.columns[0].place;
+                let location = best.columns[0].location;
                 if best.column(Quantity::Frequency).is_none() {
-                    notes.refuse(place, &Refusal::NoFrequency);
+                    notes.refuse(location, &Refusal::NoFrequency);
                 }
                 if best.pair.is_none() {
-                    notes.refuse(place, &Refusal::NoImpedance);
+                    notes.refuse(location, &Refusal::NoImpedance);
                 }
             }
             None => {
                 match lines(text).find(|(_, text)| !text.trim().is_empty() && !is_comment(text)) {
-                    Some((line, _)) => notes.refuse(Place { line, column: 1 }, &Refusal::NoHeader),
-                    None => notes.refuse(Place::START, &Refusal::Empty),
+                    Some((line, _)) => {
+                        notes.refuse(Location { line, column: 1 }, &Refusal::NoHeader);
+                    }
+                    None => notes.refuse(Location::START, &Refusal::Empty),
                 }
             }
         }
@@ -93,9 +94,9 @@ impl<'a> Header<'a> {
         }
         let before = text.len() - bare.len();
         let column = |(index, cell): (usize, &Cell<'_>)| {
-            let place = place(text, line, before + cell.at);
+            let location = location(text, line, before + cell.at);
             let head = Head::of(&cell.text)?;
-            Some(Column { index, place, text: excerpt(&cell.text), head })
+            Some(Column { index, location, text: excerpt(&cell.text), head })
         };
         let mut columns: Vec<_> = all.iter().enumerate().filter_map(column).collect();
         let is_there = |quantity: &Quantity| columns.iter().any(|it| it.head.quantity == *quantity);
@@ -120,11 +121,11 @@ impl<'a> Header<'a> {
             let Head { quantity, factor, ref unit } = column.head;
             if self.columns[..index].iter().any(|other| other.head.quantity == quantity) {
                 let header = column.text.clone();
-                notes.refuse(column.place, &Refusal::Twice { header, quantity });
+                notes.refuse(column.location, &Refusal::Twice { header, quantity });
             }
             if factor.is_none() {
                 let unit = excerpt(unit.as_deref().unwrap_or_default());
-                notes.refuse(column.place, &Refusal::UnknownUnit { unit, quantity });
+                notes.refuse(column.location, &Refusal::UnknownUnit { unit, quantity });
             }
         }
         notes.faults.is_empty()

@@ -1,6 +1,6 @@
 //! What a sweep file can be refused for.
 
-use rig_settings::Complaint;
+use rig_files::Complaint;
 
 use super::head::Quantity;
 

@@ -5,16 +5,15 @@
 //! p. 4–6; that Z and Y are divided by R and 1/R, p. 6.
 
 use num_complex::Complex64;
+use rig_files::Location;
 use rig_model::{Impedance, Measured, Reading, RigTime};
-use rig_settings::Place;
 
 use super::{
     FREQUENCY_HZ, IMPEDANCE_OHM, Notes, behind,
     cells::{Cell, Separator, cells},
     head::Quantity,
-    inverse, lines, measured,
+    inverse, lines, location, measured,
     number::{Numbers, Value, excerpt},
-    place,
     refusal::Refusal,
 };
 
@@ -62,7 +61,7 @@ pub(super) fn is_it(name: &str, text: &str) -> bool {
     });
     let first = lines(text).map(|(_, line)| bare(line)).find(|line| !line.trim().is_empty());
     let is_option_line = |line: &str| {
-        let mut notes = Notes { faults: rig_settings::Faults::new("") };
+        let mut notes = Notes { faults: rig_files::Faults::new("") };
         let is_bare = line.trim_start_matches([' ', '\t', '#']).is_empty();
         line.trim_start().starts_with('#')
             && !is_bare
@@ -85,7 +84,7 @@ pub(super) fn read(text: &str, notes: &mut Notes) -> Vec<Reading> {
             break;
         }
         if start.starts_with('[') {
-            notes.refuse(Place { line, column: 1 }, &Refusal::LaterVersion);
+            notes.refuse(Location { line, column: 1 }, &Refusal::LaterVersion);
             break;
         }
         if start.starts_with('#') {
@@ -119,7 +118,7 @@ impl Options {
         let mut is_good = true;
         while let Some(word) = words.next() {
             let mut refuse = |refusal: &Refusal| {
-                notes.refuse(place(text, line, word.at), refusal);
+                notes.refuse(location(text, line, word.at), refusal);
                 is_good = false;
             };
             match word.text.to_ascii_uppercase().as_str() {
@@ -161,7 +160,7 @@ impl Options {
     ) -> Option<Reading> {
         let [_, first, _] = cells else {
             let refusal = Refusal::Numbers { found: cells.len() };
-            notes.refuse(Place { line, column: 1 }, &refusal);
+            notes.refuse(Location { line, column: 1 }, &refusal);
             return None;
         };
         let mut numbers = [0.0; 3];
@@ -172,7 +171,7 @@ impl Options {
                 Ok(Value::Number(found)) if !cell.text.contains(',') => *number = found,
                 _ => {
                     let refusal = Refusal::NotANumber { text: excerpt(&cell.text) };
-                    notes.refuse(place(text, line, cell.at), &refusal);
+                    notes.refuse(location(text, line, cell.at), &refusal);
                     is_good = false;
                 }
             }
@@ -189,7 +188,7 @@ impl Options {
                 min: *FREQUENCY_HZ.start(),
                 max: *FREQUENCY_HZ.end(),
             };
-            notes.refuse(place(text, line, cells[0].at), &refusal);
+            notes.refuse(location(text, line, cells[0].at), &refusal);
             return None;
         }
         match self.impedance_ohm(a, b) {
@@ -204,7 +203,7 @@ impl Options {
                 integration_s: 0.0,
             }),
             Err(refusal) => {
-                notes.refuse(place(text, line, first.at), &refusal);
+                notes.refuse(location(text, line, first.at), &refusal);
                 None
             }
         }

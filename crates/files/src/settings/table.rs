@@ -1,4 +1,4 @@
-//! Tables and what is asked of them.
+//! Tables and their entries.
 
 use std::ops::RangeInclusive;
 
@@ -7,25 +7,26 @@ use toml::{
     de::{DeTable, DeValue},
 };
 
-use crate::{
-    Choice, Complaint, Flag, Interval, Kind, List, Number, Place, Section, Setting, Text, Whole,
-    kind::Slot, shape::Record, source::Source, wrong::Limit,
+use super::{
+    Choice, Flag, Integer, Interval, Kind, List, Number, Section, Setting, Text, keys::TableKeys,
+    kind::Slot, source::Source, value_fault::Limit,
 };
+use crate::{Complaint, Location};
 
-/// A table of the file while it is read.
+/// A table of the file during the reading.
 ///
-/// Each method names a key and says what it holds; the [`Entry`] that it returns says what
-/// happens when the key is not there.
+/// Each method takes a key and the kind of its value. The methods of the [`Entry`] that it returns
+/// say whether the key is required.
 #[derive(Debug)]
 pub struct Table<'d> {
     source: &'d Source<'d>,
-    /// `None` when the table is not there, which has been noted already.
+    /// `None` if the file does not have the table, which has been reported.
     entries: Option<&'d DeTable<'d>>,
-    record: Record,
+    keys: TableKeys,
 }
 
-/// A key and what it holds. The value comes with [`required`](Entry::required),
-/// [`optional`](Entry::optional) or [`or`](Entry::or).
+/// A key and the kind of its value. [`required`](Entry::required), [`optional`](Entry::optional) or
+/// [`or`](Entry::or) reads the value.
 #[derive(Debug)]
 #[must_use = "a key is read by `required`, `optional` or `or`"]
 pub struct Entry<'t, 'd, K> {
@@ -35,35 +36,35 @@ pub struct Entry<'t, 'd, K> {
 }
 
 impl<'d> Table<'d> {
-    /// A finite number. What it may be is said with [`range`](Entry::range) and its likes.
+    /// A finite number. [`range`](Entry::range) and the methods after it limit the number.
     pub fn number(&mut self, key: &'static str) -> Entry<'_, 'd, Number> {
         self.entry(key, Number::default())
     }
 
     /// A whole number that fits in 32 bits.
-    pub fn count(&mut self, key: &'static str) -> Entry<'_, 'd, Whole<u32>> {
-        self.entry(key, Whole { min: 0, max: u32::MAX })
+    pub fn count(&mut self, key: &'static str) -> Entry<'_, 'd, Integer<u32>> {
+        self.entry(key, Integer { min: 0, max: u32::MAX })
     }
 
     /// A whole number that fits in 64 bits.
-    pub fn whole(&mut self, key: &'static str) -> Entry<'_, 'd, Whole<u64>> {
-        self.entry(key, Whole { min: 0, max: u64::MAX })
+    pub fn whole(&mut self, key: &'static str) -> Entry<'_, 'd, Integer<u64>> {
+        self.entry(key, Integer { min: 0, max: u64::MAX })
     }
 
-    /// True or false.
+    /// `true` or `false`.
     pub fn flag(&mut self, key: &'static str) -> Entry<'_, 'd, Flag> {
         self.entry(key, Flag)
     }
 
-    /// Text in one line that is not empty.
+    /// Text of one line that is not empty.
     pub fn text(&mut self, key: &'static str) -> Entry<'_, 'd, Text> {
         self.entry(key, Text { max_chars: 250 })
     }
 
-    /// One of a few words, each with its meaning. The first stands in for a faulty one.
+    /// One of a few words, each with its meaning. The first meaning replaces a faulty word.
     ///
     /// # Panics
-    /// When there are no words.
+    /// If there are no words.
     pub fn choice<T: Clone>(
         &mut self,
         key: &'static str,
@@ -74,7 +75,7 @@ impl<'d> Table<'d> {
         self.entry(key, Choice { words })
     }
 
-    /// A table of its own, read by `reader`.
+    /// A table with its own keys, read by `reader`.
     pub fn section<T, F: Fn(&mut Table<'_>) -> T>(
         &mut self,
         key: &'static str,
@@ -83,17 +84,17 @@ impl<'d> Table<'d> {
         self.entry(key, Section { reader })
     }
 
-    /// Notes a complaint about a setting that was read well by itself.
-    pub fn refuse(&self, place: impl Into<Place>, complaint: &impl Complaint) {
-        self.source.refuse(place.into(), complaint);
+    /// Adds a complaint about a setting.
+    pub fn refuse(&self, location: impl Into<Location>, complaint: &impl Complaint) {
+        self.source.refuse(location.into(), complaint);
     }
 
-    /// Where the table begins.
-    pub fn place(&self) -> Place {
-        self.record.place
+    /// Start of the table.
+    pub fn location(&self) -> Location {
+        self.keys.location
     }
 
-    /// Whether the file has this table. When it has not, every value read is a placeholder.
+    /// Whether the file has this table. Otherwise every value is a placeholder.
     pub fn is_there(&self) -> bool {
         self.entries.is_some()
     }
@@ -101,78 +102,84 @@ impl<'d> Table<'d> {
     pub(crate) fn new(
         source: &'d Source<'d>,
         path: String,
-        place: Place,
+        location: Location,
         entries: Option<&'d DeTable<'d>>,
     ) -> Self {
-        Self { source, entries, record: Record::new(path, place) }
+        Self { source, entries, keys: TableKeys::new(path, location) }
     }
 
-    /// Lets the reader take what it wants; what it left is reported.
+    /// Runs the reader, and reports the keys that it did not ask for.
     pub(crate) fn read<T>(mut self, reader: impl FnOnce(&mut Self) -> T) -> T {
         let value = reader(&mut self);
-        let Self { source, entries, mut record } = self;
+        let Self { source, entries, mut keys } = self;
         for key in entries.into_iter().flat_map(DeTable::keys) {
             let name = key.get_ref().as_ref();
-            if !record.asked.contains(&name) {
-                record.unknown.push((name.to_owned(), source.place(key.span().start)));
+            if !keys.asked.contains(&name) {
+                keys.unknown.push((name.to_owned(), source.location(key.span().start)));
             }
         }
-        source.record(record);
+        source.close(keys);
         value
     }
 
     fn entry<K>(&mut self, key: &'static str, kind: K) -> Entry<'_, 'd, K> {
-        self.record.asked.push(key);
+        self.keys.asked.push(key);
         Entry { table: self, key, kind }
     }
 }
 
 impl<'t, 'd, K: Kind> Entry<'t, 'd, K> {
-    /// The value; it is a fault when the key is not there.
+    /// The value. A missing key is a fault.
     pub fn required(mut self) -> Setting<K::Value> {
         let value = self.find();
         if value.is_none() && self.table.is_there() {
-            self.table.record.missing.push(self.key);
+            self.table.keys.missing.push(self.key);
         }
         self.slot(value).setting(&self.kind, value)
     }
 
-    /// The value, if the key is there.
+    /// The value, if the table has the key.
     pub fn optional(mut self) -> Option<Setting<K::Value>> {
         let value = self.find();
         let slot = self.slot(value);
         if value.is_none() {
-            // Only to learn the keys of a section that is not there.
+            // This registers the keys of a section that the file does not have.
             self.kind.placeholder(&slot);
         }
         value.map(|value| slot.setting(&self.kind, Some(value)))
     }
 
-    /// The value, or `default` when the key is not there.
+    /// The value, or `default` if the table does not have the key.
     pub fn or(self, default: K::Value) -> Setting<K::Value> {
-        let (key, place, is_sound) = (self.key, self.table.place(), self.table.is_there());
-        self.optional().unwrap_or(Setting { value: default, place, key, is_item: false, is_sound })
+        let (key, location, is_sound) = (self.key, self.table.location(), self.table.is_there());
+        self.optional().unwrap_or(Setting {
+            value: default,
+            location,
+            key,
+            is_item: false,
+            is_sound,
+        })
     }
 
-    /// A list of at least one and at most a thousand such values.
+    /// A list of 1 to 1000 such values.
     pub fn list(self) -> Entry<'t, 'd, List<K>> {
         let Self { table, key, kind } = self;
         Entry { table, key, kind: List { items: kind, max_items: 1000 } }
     }
 
-    /// The value of the key, if it is there.
+    /// The value of the key, if the table has it.
     fn find(&mut self) -> Option<&'d Spanned<DeValue<'d>>> {
         let value = self.table.entries?.get(self.key)?;
-        self.table.record.present.push(self.key);
+        self.table.keys.present.push(self.key);
         Some(value)
     }
 
     fn slot(&self, value: Option<&Spanned<DeValue<'_>>>) -> Slot<'d> {
-        let Record { path, place, .. } = &self.table.record;
+        let TableKeys { path, location, .. } = &self.table.keys;
         let source = self.table.source;
-        let place = value.map_or(*place, |value| source.place(value.span().start));
+        let location = value.map_or(*location, |value| source.location(value.span().start));
         let path = if path.is_empty() { self.key.into() } else { format!("{path}.{}", self.key) };
-        Slot { source, path, key: self.key, is_item: false, place }
+        Slot { source, path, key: self.key, is_item: false, location }
     }
 }
 
@@ -225,7 +232,7 @@ impl Entry<'_, '_, Text> {
     }
 }
 
-impl<T> Entry<'_, '_, Whole<T>> {
+impl<T> Entry<'_, '_, Integer<T>> {
     /// The number lies in this range.
     pub fn range(mut self, range: RangeInclusive<T>) -> Self {
         (self.kind.min, self.kind.max) = range.into_inner();

@@ -1,8 +1,9 @@
-//! What a person reads about a faulty file.
+//! The faults of a file, as a person reads them.
 
-use crate::{Complaint, Faults, Setting, Table, read};
+use super::{Setting, Table, read};
+use crate::{Complaint, Faults};
 
-/// A reader that uses every kind of value.
+/// A file with every kind of value.
 #[derive(Debug)]
 struct Touch {
     name: String,
@@ -77,7 +78,7 @@ cycles = 10
 "#;
 
 #[test]
-fn a_good_file_is_read_as_it_stands() {
+fn a_good_file_is_read() {
     let (touch, faults) = read("touch.toml", GOOD, touch);
     let touch = faults.finish(touch).unwrap();
     assert_eq!(touch.name, "five soft samples");
@@ -90,16 +91,16 @@ fn a_good_file_is_read_as_it_stands() {
 }
 
 #[test]
-fn every_value_remembers_where_it_stands() {
+fn every_value_has_its_location() {
     let (touch, _) = read("touch.toml", GOOD, touch);
-    let place = |setting: &Setting<f64>| (setting.place.line, setting.place.column);
-    let places: Vec<_> = touch.angles_deg.value.iter().map(place).collect();
-    assert_eq!(places, [(3, 15), (3, 18), (3, 22), (3, 27)]);
+    let location = |setting: &Setting<f64>| (setting.location.line, setting.location.column);
+    let locations: Vec<_> = touch.angles_deg.value.iter().map(location).collect();
+    assert_eq!(locations, [(3, 15), (3, 18), (3, 22), (3, 27)]);
     assert_eq!(touch.angles_deg.value[2].to_string(), "30 in angles_deg");
 }
 
 #[test]
-fn keys_that_may_be_left_out_need_not_be_there() {
+fn optional_keys_may_be_left_out() {
     let text = "name = \"a\"\nangles_deg = [0]\n[window]\nmin_hz = 1\nmax_hz = 2\n";
     assert_eq!(faults(text).to_string(), "");
 }
@@ -200,7 +201,7 @@ fn text_is_one_line_and_lists_are_not_endless() {
 }
 
 #[test]
-fn what_is_repeated_in_a_message_is_short_and_in_one_line() {
+fn a_quotation_in_a_message_is_one_short_line() {
     let long = "x".repeat(1000);
     let text = format!("name = {long:?}\norder = \"\"\"a\nb\"\"\"\n\"a\\nb\" = 1\n{long} = 2\n");
     let messages: Vec<_> = faults(&text).iter().map(ToString::to_string).collect();
@@ -253,7 +254,7 @@ max_hz = 0
 }
 
 #[test]
-fn a_broken_header_does_not_bring_a_crowd_of_other_faults() {
+fn a_broken_header_is_one_fault() {
     let text = "name = \"a\"\nangles_deg = [0]\n[window\nmin_hz = 1\nmax_hz = 2\n";
     insta::assert_snapshot!(
         faults(text),
@@ -266,7 +267,7 @@ fn any_cut_of_a_file_is_refused_or_read_without_a_panic() {
     for end in (0..GOOD.len()).filter(|&end| GOOD.is_char_boundary(end)) {
         let (_, faults) = read("touch.toml", &GOOD[..end], touch);
         for fault in &faults {
-            assert!(fault.place.line <= 12 && fault.place.column <= 43, "{fault}");
+            assert!(fault.location.line <= 12 && fault.location.column <= 43, "{fault}");
         }
     }
 }
@@ -277,6 +278,6 @@ fn faults_stay_in_the_order_of_the_lines_when_a_later_check_adds_one() {
     let complaint = |_: &f64| Some(EmptyWindow { min: 0.0, max: 0.0 });
     touch.angles_deg.value[3].check(&mut faults, complaint);
     touch.angles_deg.value[0].check(&mut faults, complaint);
-    let columns: Vec<_> = faults.iter().map(|fault| fault.place.column).collect();
+    let columns: Vec<_> = faults.iter().map(|fault| fault.location.column).collect();
     assert_eq!(columns, [15, 27]);
 }

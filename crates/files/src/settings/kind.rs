@@ -4,24 +4,25 @@ use std::fmt;
 
 use toml::{Spanned, de::DeValue};
 
-use crate::{
-    Place, Setting, Table,
-    shape::{nearest, shortened},
-    slip::slip,
+use super::{
+    Setting, Table,
+    keys::{nearest, shortened},
     source::Source,
-    wrong::{Bound, Limit, Subject, Wrong},
+    unit_hint::unit_hint,
+    value_fault::{Bound, FaultyValue, Limit, ValueFault},
 };
+use crate::Location;
 
-/// How a value is read. The kinds of this crate are all there are.
+/// A kind of value. Only this module has kinds.
 pub trait Kind: sealed::Sealed {
-    /// What the value becomes.
+    /// The type of the value in Rust.
     type Value;
 
-    /// The value, or `None` after its faults were noted.
+    /// The value, or `None` after its faults were reported.
     #[doc(hidden)]
     fn read<'d>(&self, slot: &Slot<'d>, value: &'d Spanned<DeValue<'d>>) -> Option<Self::Value>;
 
-    /// What stands in for a value that is missing or faulty.
+    /// The value that replaces a missing or faulty one.
     #[doc(hidden)]
     fn placeholder(&self, slot: &Slot<'_>) -> Self::Value;
 }
@@ -29,7 +30,7 @@ pub trait Kind: sealed::Sealed {
 mod sealed {
     pub trait Sealed {}
     impl Sealed for super::Number {}
-    impl<T> Sealed for super::Whole<T> {}
+    impl<T> Sealed for super::Integer<T> {}
     impl Sealed for super::Flag {}
     impl Sealed for super::Text {}
     impl<T> Sealed for super::Choice<T> {}
@@ -38,36 +39,36 @@ mod sealed {
     impl Sealed for super::Interval {}
 }
 
-/// Where a value stands or should stand.
+/// The location of a value, also of a missing one.
 #[doc(hidden)]
 #[derive(Debug, Clone)]
 pub struct Slot<'d> {
     pub(crate) source: &'d Source<'d>,
-    /// Dotted name of the table that it would be, if it were one.
+    /// Dotted name of the value, used if it is a table.
     pub(crate) path: String,
     pub(crate) key: &'static str,
     pub(crate) is_item: bool,
-    pub(crate) place: Place,
+    pub(crate) location: Location,
 }
 
 impl Slot<'_> {
-    fn subject(&self, value: &Spanned<DeValue<'_>>) -> Subject {
+    fn subject(&self, value: &Spanned<DeValue<'_>>) -> FaultyValue {
         let is_long = matches!(value.get_ref(), DeValue::Array(_) | DeValue::Table(_));
         let written = (!is_long).then(|| shortened(self.source.written(value.span())));
-        Subject { key: self.key, written, is_item: self.is_item }
+        FaultyValue { key: self.key, written, is_item: self.is_item }
     }
 
-    fn refuse<T>(&self, wrong: &Wrong) -> Option<T> {
-        self.source.refuse(self.place, wrong);
+    fn refuse<T>(&self, fault: &ValueFault) -> Option<T> {
+        self.source.refuse(self.location, fault);
         None
     }
 
     fn expected<T>(&self, expected: &'static str, value: &Spanned<DeValue<'_>>) -> Option<T> {
-        self.refuse(&Wrong::kind(self.subject(value), expected, value.get_ref()))
+        self.refuse(&ValueFault::kind(self.subject(value), expected, value.get_ref()))
     }
 }
 
-/// A finite number, whole or not.
+/// A finite number; it may have a fraction.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Number {
     pub(crate) limits: [Option<Limit<f64>>; 2],
@@ -85,15 +86,15 @@ impl Kind for Number {
             _ => return slot.expected("a number", value),
         };
         let Some(number) = number.filter(|number: &f64| number.is_finite()) else {
-            return slot.refuse(&Wrong::NotFinite(slot.subject(value)));
+            return slot.refuse(&ValueFault::NotFinite(slot.subject(value)));
         };
         let broken = self.limits.into_iter().flatten().find(|limit| !limit.allows(number));
         match broken {
             Some(limit) => {
                 let is_right =
                     |meant| self.limits.into_iter().flatten().all(|limit| limit.allows(meant));
-                let slip = slip(slot.key, number, is_right);
-                slot.refuse(&Wrong::outside(slot.subject(value), limit, slip))
+                let hint = unit_hint(slot.key, number, is_right);
+                slot.refuse(&ValueFault::outside(slot.subject(value), limit, hint))
             }
             None => Some(number),
         }
@@ -106,29 +107,29 @@ impl Kind for Number {
 
 /// A whole number.
 #[derive(Debug, Clone, Copy)]
-pub struct Whole<T> {
+pub struct Integer<T> {
     pub(crate) min: T,
     pub(crate) max: T,
 }
 
-impl<T: Copy + fmt::Display + TryFrom<i128> + Into<i128>> Kind for Whole<T> {
+impl<T: Copy + fmt::Display + TryFrom<i128> + Into<i128>> Kind for Integer<T> {
     type Value = T;
 
     fn read<'d>(&self, slot: &Slot<'d>, value: &'d Spanned<DeValue<'d>>) -> Option<T> {
         let DeValue::Integer(whole) = value.get_ref() else {
             return slot.expected("a whole number", value);
         };
-        // What does not fit is beyond any limit.
+        // A number beyond 128 bits is beyond any limit.
         let beyond = if whole.as_str().starts_with('-') { i128::MIN } else { i128::MAX };
         let whole = i128::from_str_radix(whole.as_str(), whole.radix()).unwrap_or(beyond);
         let (min, max) = (self.min.into(), self.max.into());
         if whole < min {
             let limit = Limit { bound: Bound::AtLeast, value: min };
-            return slot.refuse(&Wrong::outside(slot.subject(value), limit, None));
+            return slot.refuse(&ValueFault::outside(slot.subject(value), limit, None));
         }
         if whole > max {
             let limit = Limit { bound: Bound::AtMost, value: max };
-            return slot.refuse(&Wrong::outside(slot.subject(value), limit, None));
+            return slot.refuse(&ValueFault::outside(slot.subject(value), limit, None));
         }
         T::try_from(whole).ok()
     }
@@ -138,7 +139,7 @@ impl<T: Copy + fmt::Display + TryFrom<i128> + Into<i128>> Kind for Whole<T> {
     }
 }
 
-/// True or false.
+/// `true` or `false`.
 #[derive(Debug, Clone, Copy)]
 pub struct Flag;
 
@@ -154,7 +155,7 @@ impl Kind for Flag {
     }
 }
 
-/// Text in one line that is not empty.
+/// Text of one line that is not empty.
 #[derive(Debug, Clone, Copy)]
 pub struct Text {
     pub(crate) max_chars: usize,
@@ -169,15 +170,15 @@ impl Kind for Text {
         };
         let subject = || slot.subject(value);
         if text.trim().is_empty() {
-            return slot.refuse(&Wrong::EmptyText(subject()));
+            return slot.refuse(&ValueFault::EmptyText(subject()));
         }
         if let Some(character) = text.chars().find(|character| character.is_control()) {
-            return slot.refuse(&Wrong::ControlCharacter { subject: subject(), character });
+            return slot.refuse(&ValueFault::ControlCharacter { subject: subject(), character });
         }
         let count = text.chars().count();
         if count > self.max_chars {
             let max = self.max_chars;
-            return slot.refuse(&Wrong::LongText { subject: subject(), count, max });
+            return slot.refuse(&ValueFault::LongText { subject: subject(), count, max });
         }
         Some(text.to_owned())
     }
@@ -206,7 +207,7 @@ impl<T: Clone> Kind for Choice<T> {
         }
         let words: Vec<_> = self.words.iter().map(|(word, _)| *word).collect();
         let meant = nearest(text, &words);
-        slot.refuse(&Wrong::NotAChoice { subject: slot.subject(value), words, meant })
+        slot.refuse(&ValueFault::NotAChoice { subject: slot.subject(value), words, meant })
     }
 
     fn placeholder(&self, _: &Slot<'_>) -> T {
@@ -229,29 +230,29 @@ impl<K: Kind> Kind for List<K> {
             return slot.expected("a list", value);
         };
         if items.is_empty() {
-            return slot.refuse(&Wrong::EmptyList(slot.key));
+            return slot.refuse(&ValueFault::EmptyList(slot.key));
         }
         let (key, count, max) = (slot.key, items.len(), self.max_items);
         if count > max {
-            return slot.refuse(&Wrong::LongList { key, count, max });
+            return slot.refuse(&ValueFault::LongList { key, count, max });
         }
         let read_item = |item: &'d Spanned<DeValue<'d>>| {
-            let place = slot.source.place(item.span().start);
+            let location = slot.source.location(item.span().start);
             let path = format!("[{}]", slot.path);
-            let slot = Slot { path, is_item: true, place, ..slot.clone() };
+            let slot = Slot { path, is_item: true, location, ..slot.clone() };
             slot.setting(&self.items, Some(item))
         };
         Some(items.iter().map(read_item).collect())
     }
 
     fn placeholder(&self, slot: &Slot<'_>) -> Self::Value {
-        // The keys of a section are learnt even when the file has none of it.
+        // This registers the keys of a section that the file does not have.
         self.items.placeholder(&Slot { path: format!("[{}]", slot.path), ..slot.clone() });
         Vec::new()
     }
 }
 
-/// Two rising numbers.
+/// Two numbers, the smaller one first.
 #[derive(Debug, Clone, Copy)]
 pub struct Interval {
     pub(crate) ends: Number,
@@ -267,7 +268,7 @@ impl Kind for Interval {
         }
         match ends[..] {
             [min, max] if min.value < max.value => Some((min.value, max.value)),
-            _ => slot.refuse(&Wrong::NotAnInterval { key: slot.key, count: ends.len() }),
+            _ => slot.refuse(&ValueFault::NotAnInterval { key: slot.key, count: ends.len() }),
         }
     }
 
@@ -277,7 +278,7 @@ impl Kind for Interval {
     }
 }
 
-/// A table of its own.
+/// A table with its own keys.
 #[derive(Debug, Clone, Copy)]
 pub struct Section<F> {
     pub(crate) reader: F,
@@ -291,27 +292,27 @@ impl<T, F: Fn(&mut Table<'_>) -> T> Kind for Section<F> {
             return slot.expected("a table", value);
         };
         Some(
-            Table::new(slot.source, slot.path.clone(), slot.place, Some(entries))
+            Table::new(slot.source, slot.path.clone(), slot.location, Some(entries))
                 .read(&self.reader),
         )
     }
 
     fn placeholder(&self, slot: &Slot<'_>) -> T {
-        Table::new(slot.source, slot.path.clone(), slot.place, None).read(&self.reader)
+        Table::new(slot.source, slot.path.clone(), slot.location, None).read(&self.reader)
     }
 }
 
 impl<'d> Slot<'d> {
-    /// Reads the value that stands here, or finds a placeholder for it.
+    /// Reads the value, or replaces it by a placeholder.
     pub(crate) fn setting<K: Kind>(
         &self,
         kind: &K,
         value: Option<&'d Spanned<DeValue<'d>>>,
     ) -> Setting<K::Value> {
-        let is_broken = self.source.is_broken(self.place);
+        let is_broken = self.source.is_broken(self.location);
         let read = value.filter(|_| !is_broken).and_then(|value| kind.read(self, value));
         let is_sound = read.is_some();
         let value = read.unwrap_or_else(|| kind.placeholder(self));
-        Setting { value, place: self.place, key: self.key, is_item: self.is_item, is_sound }
+        Setting { value, location: self.location, key: self.key, is_item: self.is_item, is_sound }
     }
 }

@@ -1,8 +1,8 @@
-//! The text of a file whose bytes were read.
+//! The bytes of a file as text.
 
-use crate::{Complaint, Faults, Place};
+use crate::{Complaint, Faults, Location};
 
-/// Why bytes are no text that can be read.
+/// Reasons why bytes are not text.
 #[derive(Debug, thiserror::Error)]
 enum NoText {
     #[error("the file is UTF-16")]
@@ -24,17 +24,17 @@ impl Complaint for NoText {
     }
 }
 
-/// The text of a `file` with these bytes, without the mark with which some editors begin UTF-8.
+/// The text of a `file` with these bytes, without the byte order mark of some editors.
 ///
 /// # Errors
-/// The one fault of bytes that are no UTF-8, with the place of the first of them.
+/// One fault at the first byte that is not UTF-8.
 pub fn text<'a>(file: &str, bytes: &'a [u8]) -> Result<&'a str, Faults> {
     let refused = |at: usize, complaint: NoText| {
         let mut faults = Faults::new(file);
-        faults.refuse(place(bytes, at), &complaint);
+        faults.refuse(location(bytes, at), &complaint);
         Err(faults)
     };
-    // Text in Latin letters has a zero in every other byte of UTF-16, also without a mark.
+    // In UTF-16, every second byte of Latin letters is zero, also without a mark.
     let is_wide = matches!(bytes, [0xFF, 0xFE, ..] | [0xFE, 0xFF, ..])
         || matches!(bytes, [0, b, ..] | [b, 0, ..] if b.is_ascii() && *b != 0);
     if is_wide {
@@ -48,18 +48,18 @@ pub fn text<'a>(file: &str, bytes: &'a [u8]) -> Result<&'a str, Faults> {
         Err(error) => {
             let at = error.valid_up_to();
             let byte = bytes[at];
-            // Below are the control characters of Latin-1, which nobody writes.
+            // Lower bytes are control characters of Latin-1, which are not used in text.
             let is_letter = byte >= 0xA0;
             refused(at, if is_letter { NoText::Latin1 { byte } } else { NoText::NoUtf8 { byte } })
         }
     }
 }
 
-/// The place of a byte, before which all is UTF-8.
-fn place(bytes: &[u8], at: usize) -> Place {
+/// The location of a byte after valid UTF-8.
+fn location(bytes: &[u8], at: usize) -> Location {
     let before = String::from_utf8_lossy(&bytes[..at]);
     let start = before.rfind('\n').map_or(0, |newline| newline + 1);
-    Place {
+    Location {
         line: 1 + before.matches('\n').count(),
         column: 1 + before[start..].trim_start_matches('\u{feff}').chars().count(),
     }

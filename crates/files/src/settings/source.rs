@@ -1,4 +1,4 @@
-//! The text of a file: where its bytes stand, and what is wrong with its syntax.
+//! The text of a file: the locations of its bytes, and the faults of its syntax.
 
 use std::{cell::RefCell, collections::BTreeSet, ops::Range};
 
@@ -7,34 +7,32 @@ use toml::{
     de::{DeTable, Error},
 };
 
-use crate::{
-    Complaint, Faults, Place,
-    shape::{self, Record},
-};
+use super::keys::{self, TableKeys};
+use crate::{Complaint, Faults, Location};
 
-/// One file while it is read.
+/// A file during the reading.
 #[derive(Debug)]
 pub(crate) struct Source<'a> {
     text: &'a str,
-    /// Byte offset at which each line begins.
+    /// Byte offset of the start of each line.
     lines: Vec<usize>,
-    /// Lines with faulty syntax. What stands there is not looked at again.
+    /// Lines with faulty syntax. Their values are ignored.
     broken_lines: BTreeSet<usize>,
-    /// Whether faulty syntax may have hidden a key.
+    /// Whether faulty syntax may hide a key.
     may_hide_keys: bool,
-    /// Whether a header is among it, so that keys may have landed in another table.
+    /// Whether the syntax of a header is faulty, so that keys may be in the wrong table.
     may_misplace_keys: bool,
-    found: RefCell<Found>,
+    findings: RefCell<Findings>,
 }
 
-/// What the tables report while they are read.
+/// Faults and keys found during the reading.
 #[derive(Debug)]
-struct Found {
+struct Findings {
     faults: Faults,
-    records: Vec<Record>,
+    tables: Vec<TableKeys>,
 }
 
-/// What the parser says of the syntax.
+/// A fault of the syntax.
 #[derive(Debug, thiserror::Error)]
 enum Syntax {
     #[error("`{0}` is given twice")]
@@ -56,18 +54,18 @@ impl Complaint for Syntax {
 }
 
 impl<'a> Source<'a> {
-    /// Parses as much of `text` as can be understood.
+    /// Parses `text` as far as its syntax is right.
     pub(crate) fn parse(file: &str, text: &'a str) -> (Self, Spanned<DeTable<'a>>) {
         let (tree, errors) = DeTable::parse_recoverable(text);
         let newlines = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n');
-        let found = Found { faults: Faults::new(file), records: Vec::new() };
+        let findings = Findings { faults: Faults::new(file), tables: Vec::new() };
         let mut source = Self {
             text,
             lines: std::iter::once(0).chain(newlines.map(|(at, _)| at + 1)).collect(),
             broken_lines: BTreeSet::new(),
             may_hide_keys: false,
             may_misplace_keys: false,
-            found: RefCell::new(found),
+            findings: RefCell::new(findings),
         };
         for error in &errors {
             source.note_syntax(error);
@@ -75,19 +73,19 @@ impl<'a> Source<'a> {
         (source, tree)
     }
 
-    /// One fault for each line, because the first error often brings others with it.
+    /// Reports one fault per line, because the first error often causes others.
     fn note_syntax(&mut self, error: &Error) {
         let span = error.span().unwrap_or(self.text.len()..self.text.len());
-        let place = self.place(span.start);
+        let location = self.location(span.start);
         let syntax = self.syntax(error.message(), span);
         if matches!(syntax, Syntax::Duplicate(_)) {
-            self.refuse(place, &syntax);
+            self.refuse(location, &syntax);
             return;
         }
         self.may_hide_keys = true;
-        self.may_misplace_keys |= self.line(place.line).trim_start().starts_with('[');
-        if self.broken_lines.insert(place.line) {
-            self.refuse(place, &syntax);
+        self.may_misplace_keys |= self.line(location.line).trim_start().starts_with('[');
+        if self.broken_lines.insert(location.line) {
+            self.refuse(location, &syntax);
         }
     }
 
@@ -98,7 +96,7 @@ impl<'a> Source<'a> {
             .strip_prefix(',')
             .is_some_and(|rest| rest.trim_start().starts_with(|c: char| c.is_ascii_digit()));
         if message == "duplicate key" {
-            Syntax::Duplicate(shape::shortened(self.written(span)))
+            Syntax::Duplicate(keys::shortened(self.written(span)))
         } else if digit_before && comma_after {
             Syntax::Comma("a decimal comma is not TOML")
         } else {
@@ -106,44 +104,44 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// The place of a byte. Past the end it is the end.
-    pub(crate) fn place(&self, offset: usize) -> Place {
+    /// The location of a byte. An offset beyond the end gives the end.
+    pub(crate) fn location(&self, offset: usize) -> Location {
         let offset = offset.min(self.text.len());
         let line = self.lines.partition_point(|&start| start <= offset);
         let start = self.lines[line - 1];
-        Place { line, column: self.text[start..offset].chars().count() + 1 }
+        Location { line, column: self.text[start..offset].chars().count() + 1 }
     }
 
     fn line(&self, line: usize) -> &'a str {
         self.text[self.lines[line - 1]..].lines().next().unwrap_or_default()
     }
 
-    /// What is written there.
+    /// The text at these bytes.
     pub(crate) fn written(&self, span: Range<usize>) -> &'a str {
         self.text.get(span).unwrap_or_default()
     }
 
-    /// Whether the syntax there is faulty, so that its value means nothing.
-    pub(crate) fn is_broken(&self, place: Place) -> bool {
-        self.broken_lines.contains(&place.line)
+    /// Whether the syntax of this line is faulty.
+    pub(crate) fn is_broken(&self, location: Location) -> bool {
+        self.broken_lines.contains(&location.line)
     }
 
-    pub(crate) fn refuse(&self, place: Place, complaint: &impl Complaint) {
-        self.found.borrow_mut().faults.refuse(place, complaint);
+    pub(crate) fn refuse(&self, location: Location, complaint: &impl Complaint) {
+        self.findings.borrow_mut().faults.refuse(location, complaint);
     }
 
-    pub(crate) fn record(&self, record: Record) {
-        self.found.borrow_mut().records.push(record);
+    pub(crate) fn close(&self, table: TableKeys) {
+        self.findings.borrow_mut().tables.push(table);
     }
 
-    /// Everything that is wrong, after the last table is closed.
+    /// All faults, after the last table is closed.
     pub(crate) fn into_faults(self) -> Faults {
-        let Found { mut faults, records } = self.found.into_inner();
-        for (place, complaint) in shape::complaints(&records) {
+        let Findings { mut faults, tables } = self.findings.into_inner();
+        for (location, complaint) in keys::complaints(&tables) {
             let is_doubtful =
                 if complaint.is_missing() { self.may_hide_keys } else { self.may_misplace_keys };
-            if !is_doubtful && !self.broken_lines.contains(&place.line) {
-                faults.refuse(place, &complaint);
+            if !is_doubtful && !self.broken_lines.contains(&location.line) {
+                faults.refuse(location, &complaint);
             }
         }
         faults
@@ -157,14 +155,14 @@ mod tests {
     #[test]
     fn columns_count_characters_and_the_end_of_the_file_has_a_place() {
         let (source, _) = Source::parse("x.toml", "a = 1\r\nb = \"µ°\" # µ\n");
-        let place = |needle: &str| {
-            let Place { line, column } = source.place(source.text.find(needle).unwrap());
+        let location = |needle: &str| {
+            let Location { line, column } = source.location(source.text.find(needle).unwrap());
             (line, column)
         };
-        assert_eq!(place("a"), (1, 1));
-        assert_eq!(place("\r"), (1, 6));
-        assert_eq!(place("b"), (2, 1));
-        assert_eq!(place("\" #"), (2, 8));
-        assert_eq!(source.place(usize::MAX), Place { line: 3, column: 1 });
+        assert_eq!(location("a"), (1, 1));
+        assert_eq!(location("\r"), (1, 6));
+        assert_eq!(location("b"), (2, 1));
+        assert_eq!(location("\" #"), (2, 8));
+        assert_eq!(source.location(usize::MAX), Location { line: 3, column: 1 });
     }
 }

@@ -1,4 +1,4 @@
-//! What can be wrong with a single value.
+//! Faults of a single value.
 
 use std::fmt;
 
@@ -6,16 +6,16 @@ use toml::de::DeValue;
 
 use crate::Complaint;
 
-/// The value that is complained about.
+/// The value at fault, in the words of a message.
 #[derive(Debug)]
-pub(crate) struct Subject {
+pub(crate) struct FaultyValue {
     pub(crate) key: &'static str,
-    /// As it was written; lists and tables are too long to repeat.
+    /// Its text in the file; `None` for lists and tables, which are too long for a message.
     pub(crate) written: Option<String>,
     pub(crate) is_item: bool,
 }
 
-impl fmt::Display for Subject {
+impl fmt::Display for FaultyValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { key, written, is_item } = self;
         match (written, is_item) {
@@ -27,7 +27,7 @@ impl fmt::Display for Subject {
     }
 }
 
-/// On which side of a limit a number must lie.
+/// The allowed side of a limit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Bound {
     /// At the limit or above.
@@ -67,26 +67,26 @@ impl<T: Copy + PartialOrd> Limit<T> {
     }
 }
 
-/// What is wrong with a value.
+/// A fault of a value.
 #[derive(Debug, thiserror::Error)]
-pub(crate) enum Wrong {
+pub(crate) enum ValueFault {
     #[error("{subject} must be {expected}, not {found}")]
     Kind {
-        subject: Subject,
+        subject: FaultyValue,
         expected: &'static str,
         found: &'static str,
         suggestion: Option<String>,
     },
     #[error("{0} is not a finite number")]
-    NotFinite(Subject),
+    NotFinite(FaultyValue),
     #[error("{subject} is {side} the limit of {limit}")]
-    Outside { subject: Subject, side: &'static str, limit: String, suggestion: String },
+    Outside { subject: FaultyValue, side: &'static str, limit: String, suggestion: String },
     #[error("{0} is empty")]
-    EmptyText(Subject),
+    EmptyText(FaultyValue),
     #[error("{subject} has the control character U+{:04X}", u32::from(*character))]
-    ControlCharacter { subject: Subject, character: char },
+    ControlCharacter { subject: FaultyValue, character: char },
     #[error("{subject} has {count} characters, above the limit of {max}")]
-    LongText { subject: Subject, count: usize, max: usize },
+    LongText { subject: FaultyValue, count: usize, max: usize },
     #[error("{0} is an empty list")]
     EmptyList(&'static str),
     #[error("{key} has {count} entries, above the limit of {max}")]
@@ -94,12 +94,12 @@ pub(crate) enum Wrong {
     #[error("{key} is not two rising numbers")]
     NotAnInterval { key: &'static str, count: usize },
     #[error("{subject} is not one of {}", quoted(words))]
-    NotAChoice { subject: Subject, words: Vec<&'static str>, meant: Option<&'static str> },
+    NotAChoice { subject: FaultyValue, words: Vec<&'static str>, meant: Option<&'static str> },
 }
 
-impl Wrong {
+impl ValueFault {
     /// A value of another type than the expected one.
-    pub(crate) fn kind(subject: Subject, expected: &'static str, value: &DeValue<'_>) -> Self {
+    pub(crate) fn kind(subject: FaultyValue, expected: &'static str, value: &DeValue<'_>) -> Self {
         let (found, suggestion) = match value {
             DeValue::String(text) => {
                 let is_number = text.parse::<f64>().is_ok() && expected.contains("number");
@@ -120,11 +120,11 @@ impl Wrong {
         Self::Kind { subject, expected, found, suggestion }
     }
 
-    /// A number on the wrong side of a limit, which may have been meant in another unit.
+    /// A number beyond a limit. `hint` names another unit in which it is right.
     pub(crate) fn outside<T: fmt::Display>(
-        subject: Subject,
+        subject: FaultyValue,
         limit: Limit<T>,
-        slip: Option<String>,
+        hint: Option<String>,
     ) -> Self {
         let Limit { bound, value } = limit;
         let (side, use_what) = match bound {
@@ -132,14 +132,14 @@ impl Wrong {
             Bound::Above => ("not above", "more than"),
             Bound::AtMost => ("above", "at most"),
         };
-        let slip = slip.map(|slip| format!("; {slip}")).unwrap_or_default();
-        let suggestion = format!("use {use_what} {value}{slip}");
+        let hint = hint.map(|hint| format!("; {hint}")).unwrap_or_default();
+        let suggestion = format!("use {use_what} {value}{hint}");
         let limit = format!("{value}{}", unit(subject.key));
         Self::Outside { subject, side, limit, suggestion }
     }
 }
 
-impl Complaint for Wrong {
+impl Complaint for ValueFault {
     fn suggestion(&self) -> Option<String> {
         match self {
             Self::Kind { suggestion, .. } => suggestion.clone(),
@@ -165,9 +165,9 @@ fn quoted(words: &[&str]) -> String {
     quoted.join(", ")
 }
 
-/// The unit that the name of a key ends in, as it follows a number.
+/// The unit of a key, in the form that follows a number.
 fn unit(key: &str) -> &'static str {
-    // The longer endings first: `_mm_per_s` ends in `_s` too.
+    // Longer endings come first: `_mm_per_s` also ends in `_s`.
     const UNITS: [(&str, &str); 9] = [
         ("_mm_per_s", " mm/s"),
         ("_deg_per_s", " °/s"),

@@ -1,53 +1,46 @@
-//! What is wrong with a file, and where.
+//! A fault of a file: its location, a message and advice.
 
 use std::fmt;
 
-use crate::Setting;
-
-/// A place in a file.
+/// A character of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Place {
-    /// Counts from 1.
+pub struct Location {
+    /// Number of the line, from 1.
     pub line: usize,
-    /// In characters, from 1.
+    /// Number of the character in its line, from 1.
     pub column: usize,
 }
 
-impl Place {
-    /// Where a file begins.
+impl Location {
+    /// The first character of a file.
     pub const START: Self = Self { line: 1, column: 1 };
 }
 
-impl<T> From<&Setting<T>> for Place {
-    fn from(setting: &Setting<T>) -> Self {
-        setting.place
-    }
-}
-
-/// What can be said against a setting: the crate that knows a rule has an enum of these.
+/// The reason of a fault. The crate that knows a rule has an enum of its complaints, each displayed
+/// as a fragment that names the key, its value and the limit.
 pub trait Complaint: fmt::Display {
-    /// What the person may do about it: a fragment such as `use at most 2`.
+    /// Advice to the person: a fragment such as `use at most 2`.
     fn suggestion(&self) -> Option<String> {
         None
     }
 }
 
-/// One thing that is wrong with a file.
+/// One fault of a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fault {
-    /// The file, by the name that the person gave.
+    /// Name of the file, as the person gave it.
     pub file: String,
-    /// Where in it.
-    pub place: Place,
-    /// What is wrong: a fragment that names the key, its value and the limit.
+    /// Location of the faulty value.
+    pub location: Location,
+    /// The reason: a fragment that names the key, its value and the limit.
     pub message: String,
-    /// What to do about it.
+    /// Advice to the person.
     pub suggestion: Option<String>,
 }
 
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { file, place: Place { line, column }, message, suggestion } = self;
+        let Self { file, location: Location { line, column }, message, suggestion } = self;
         write!(f, "{file}:{line}:{column}: {message}")?;
         match suggestion {
             Some(suggestion) => write!(f, "; {suggestion}"),
@@ -56,7 +49,7 @@ impl fmt::Display for Fault {
     }
 }
 
-/// Everything that is wrong with a file, in the order of its lines.
+/// All faults of a file, in the order of its lines.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Faults {
     file: String,
@@ -64,31 +57,31 @@ pub struct Faults {
 }
 
 impl Faults {
-    /// No faults of this file yet.
+    /// An empty list for the file of this name.
     pub fn new(file: impl Into<String>) -> Self {
         Self { file: file.into(), list: Vec::new() }
     }
 
-    /// Notes a complaint about the setting at `place`.
-    pub fn refuse(&mut self, place: impl Into<Place>, complaint: &(impl Complaint + ?Sized)) {
-        let place = place.into();
+    /// Adds a complaint about the setting at `location`.
+    pub fn refuse(&mut self, location: impl Into<Location>, complaint: &(impl Complaint + ?Sized)) {
+        let location = location.into();
         let fault = Fault {
             file: self.file.clone(),
-            place,
+            location,
             message: complaint.to_string(),
             suggestion: complaint.suggestion(),
         };
-        // After those at the same place, so that a reader's own order is kept.
-        let at = self.list.partition_point(|earlier| earlier.place <= place);
+        // Faults at one location keep the order in which the reader found them.
+        let at = self.list.partition_point(|earlier| earlier.location <= location);
         self.list.insert(at, fault);
     }
 
-    /// Whether nothing is wrong.
+    /// Whether the file has no faults.
     pub fn is_empty(&self) -> bool {
         self.list.is_empty()
     }
 
-    /// How many there are.
+    /// Number of faults.
     pub fn len(&self) -> usize {
         self.list.len()
     }
@@ -98,15 +91,15 @@ impl Faults {
         self.list.iter()
     }
 
-    /// The faults of another file, after those of this one.
+    /// Adds the faults of another file at the end.
     pub fn append(&mut self, other: Self) {
         self.list.extend(other.list);
     }
 
-    /// The value, when nothing is wrong.
+    /// The value of a file without faults.
     ///
     /// # Errors
-    /// The faults, when there are any.
+    /// The faults, if there are any.
     pub fn finish<T>(self, value: T) -> Result<T, Self> {
         if self.list.is_empty() { Ok(value) } else { Err(self) }
     }

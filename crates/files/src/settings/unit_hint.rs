@@ -1,11 +1,10 @@
-//! Numbers in another unit than that of their key.
+//! Numbers that are right in another unit than that of their key.
 
-/// What a number may be in instead of the unit in which its key ends: the factor between the two,
-/// and how a person says it.
-type Slips = &'static [(f64, &'static str)];
+/// Units that a person may use by mistake: the factor to the unit of the key, and the unit in words.
+type OtherUnits = &'static [(f64, &'static str)];
 
-/// By the ending of the key, the longer ones first: `_mm_per_s` ends in `_s` too.
-const SLIPS: [(&str, Slips); 10] = [
+/// The units by the ending of the key. Longer endings come first: `_mm_per_s` also ends in `_s`.
+const OTHER_UNITS: [(&str, OtherUnits); 10] = [
     ("_mm_per_s2", &[(1e3, "in m/s²"), (1e-3, "in µm/s²")]),
     ("_mm_per_s", &[(1e3, "in m/s"), (1e-3, "in µm/s"), (1.0 / 60.0, "in mm/min")]),
     ("_per_s", &[]),
@@ -18,26 +17,26 @@ const SLIPS: [(&str, Slips); 10] = [
     ("_ohm", &[]),
 ];
 
-/// What a bare number may be instead of a share of one.
-const SHARE: Slips = &[(0.01, "per cent")];
+/// Units of a number whose key has no unit: it is a share of one.
+const SHARE: OtherUnits = &[(0.01, "per cent")];
 
-/// A number that is wrong by no more than this factor is wrong in the unit of its key; a bare one
-/// by no more than the other.
+/// A number that is within this factor of the range was meant in the unit of its key.
 const NEAR: f64 = 3.0;
+/// The same for a number without a unit.
 const NEAR_SHARE: f64 = 1.5;
 
-/// That a number which is far from right for its key would be right if it were in another unit, and
-/// what to write then: `if 0.0005 is in metres, write 0.5`.
-pub fn slip(key: &str, found: f64, is_right: impl Fn(f64) -> bool) -> Option<String> {
-    let known = SLIPS.iter().find(|(ending, _)| key.ends_with(ending));
-    let slips = known.map_or(SHARE, |(_, slips)| slips);
+/// Advice for a number that is far outside its range but right in another unit: `if 0.0005 is in
+/// metres, write 0.5`.
+pub fn unit_hint(key: &str, found: f64, is_right: impl Fn(f64) -> bool) -> Option<String> {
+    let known = OTHER_UNITS.iter().find(|(ending, _)| key.ends_with(ending));
+    let units = known.map_or(SHARE, |(_, units)| units);
     let near = if known.is_some() { NEAR } else { NEAR_SHARE };
     if is_right(near * found) || is_right(found / near) {
         return None;
     }
-    // Twelve digits are more than anybody writes, and fewer than a product of floats gets wrong.
+    // Twelve digits: more than a person writes, and fewer than the rounding of a product spoils.
     let meant = |factor: f64| format!("{:.11e}", found * factor).parse::<f64>().ok();
-    slips.iter().find_map(|&(factor, unit)| {
+    units.iter().find_map(|&(factor, unit)| {
         let meant = meant(factor).filter(|meant| *meant != 0.0 && is_right(*meant))?;
         Some(format!("if {found} is {unit}, write {meant}"))
     })
@@ -48,11 +47,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_number_that_would_be_right_in_another_unit_is_told_so() {
+    fn a_number_that_is_right_in_another_unit_gets_a_hint() {
         #[track_caller]
         fn check(key: &str, found: f64, range: (f64, f64), expected: Option<&str>) {
-            let told = slip(key, found, |meant| range.0 <= meant && meant <= range.1);
-            assert_eq!(told.as_deref(), expected, "{key} = {found}");
+            let hint = unit_hint(key, found, |meant| range.0 <= meant && meant <= range.1);
+            assert_eq!(hint.as_deref(), expected, "{key} = {found}");
         }
         let depth = (0.005, 20.0);
         check("indentation_mm", 0.0005, depth, Some("if 0.0005 is in metres, write 0.5"));
