@@ -190,7 +190,7 @@ impl RunData {
                 let probe = match fault.probe {
                     Clearance::Clear => "clear",
                     Clearance::InContact => "in contact",
-                    Clearance::Unknown => "in an unknown place",
+                    Clearance::Unknown => "at an unknown position",
                 };
                 let text = format!("{}. The probe was {probe}. {}", fault.cause, fault.hint);
                 self.fault.get_or_insert(fault.cause);

@@ -6,66 +6,66 @@ mod provenance;
 mod stiffness;
 mod tables;
 
+use maud::{DOCTYPE, Markup, PreEscaped, html};
 use rig_analysis::sensitivity::Sensitivity;
-use rig_chart::Escaped;
-use rig_record::{ChainCheck, Ending, Phase, Run, RunStatus};
+use rig_record::{ChainCheck, Ending, Phase, RunStatus};
 
 use crate::{
-    RunResults, TouchRow,
+    RunResults, TouchStatus,
     data::RunData,
-    results::{cost::SweepCost, status::Tally, touches::sentence},
+    results::{SensitivityAt, cost::SweepCost, status::Tally, touches::sentence},
     units::{duration, fixed, percent, percent_range, value_and_sigma, with_sigma},
 };
-use element::add;
+use element::note;
 use provenance::provenance;
 
 impl RunResults {
     /// The report as one HTML file. Of a damaged journal it shows the records before the damage, and
-    /// says so: `check` is the check of its chain.
+    /// says so: `check` is the result of the check of its chain.
     pub fn html(&self, check: &ChainCheck) -> String {
-        page(self, check)
+        page(self, check).into_string()
     }
 }
 
-fn page(results: &RunResults, check: &ChainCheck) -> String {
-    let RunResults { run, data, touches: rows, .. } = results;
-    let title = Escaped(&run.name);
+fn page(results: &RunResults, check: &ChainCheck) -> Markup {
+    let RunResults { run, data, .. } = results;
     let simulated = if data.is_simulated() { " (simulated)" } else { "" };
-    let mut html = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <meta name=\"color-scheme\" content=\"light dark\">\n\
-         <meta http-equiv=\"Content-Security-Policy\" \
-         content=\"default-src 'none'; style-src 'unsafe-inline'\">\n\
-         <title>{title}{simulated} – report</title>\n<style>\n{}{}</style>\n</head>\n<body>\n<main>\n",
-        include_str!("html/style.css"),
-        rig_chart::STYLE,
-    );
-    html += &head(run, check, data, results, rows);
-    section(&mut html, "Frequency shift", &shifts(data, results));
-    section(&mut html, "Stiffness", &stiffness(data, results));
-    section(&mut html, "Recognition", &recognition(data, results));
-    section(&mut html, "The free sensor", &free_sensor(data, results));
-    section(&mut html, "One touch in detail", &detail(data, results));
-    section(&mut html, "Touches", &touches_section(data, rows));
-    section(&mut html, "Log", &log(data));
-    section(&mut html, "Provenance", &provenance(run, check, data));
-    html += "</main>\n</body>\n</html>\n";
-    html
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="color-scheme" content="light dark";
+                meta http-equiv="Content-Security-Policy"
+                    content="default-src 'none'; style-src 'unsafe-inline'";
+                title { (run.name) (simulated) " – report" }
+                style { (PreEscaped(include_str!("html/style.css"))) (PreEscaped(rig_chart::STYLE)) }
+            }
+            body {
+                main {
+                    (head(results, check))
+                    (section("Frequency shift", &shifts(results)))
+                    (section("Stiffness", &stiffness(results)))
+                    (section("Recognition", &recognition(results)))
+                    (section("The free sensor", &free_sensor(results)))
+                    (section("One touch in detail", &detail(results)))
+                    (section("Touches", &touches(results)))
+                    (section("Log", &log(data)))
+                    (section("Provenance", &provenance(run, check, data)))
+                }
+            }
+        }
+    }
 }
 
-fn section(html: &mut String, title: &str, content: &str) {
-    add(html, format_args!("<section>\n<h2>{title}</h2>\n{content}</section>\n"));
+fn section(title: &str, content: &Markup) -> Markup {
+    html! { section { h2 { (title) } (content) } }
 }
 
-/// What the run is, how it ended, and its key numbers.
-fn head(
-    run: &Run,
-    check: &ChainCheck,
-    data: &RunData,
-    results: &RunResults,
-    rows: &[TouchRow],
-) -> String {
+/// The name of the run, its status, and its key numbers.
+fn head(results: &RunResults, check: &ChainCheck) -> Markup {
+    let RunResults { run, data, touches, .. } = results;
     let class = match run.status {
         RunStatus::Running => "running",
         RunStatus::Ended(Ending::Completed) => "completed",
@@ -73,47 +73,33 @@ fn head(
         RunStatus::Interrupted | RunStatus::Ended(_) => "failed",
     };
     let began = run.started_at.replace('T', " ").chars().take(16).collect::<String>();
-    let mut html = format!(
-        "<header>\n<p class=\"eyebrow\">Run report{}</p>\n<h1>{}</h1>\n\
-         <p class=\"meta\"><span class=\"status {class}\">{}</span> {} UTC</p>\n</header>\n",
-        if data.is_simulated() { " <b class=\"simulated\">simulated</b>" } else { "" },
-        Escaped(&run.name),
-        run.status.describe(),
-        Escaped(&began),
-    );
-    if let ChainCheck::Broken { seq, flaw } = check {
-        let flaw = Escaped(&flaw.to_string()).to_string();
-        add(
-            &mut html,
-            format_args!(
-                "<p class=\"alarm\"><b>The journal of this run is damaged.</b> Record {seq}: \
-                 {flaw}. This report is made from the records before it.</p>\n"
-            ),
-        );
+    let is_short = run.status != RunStatus::Running
+        && touches.iter().any(|row| row.status != TouchStatus::Measured);
+    html! {
+        header {
+            p.eyebrow { "Run report" @if data.is_simulated() { " " b.simulated { "simulated" } } }
+            h1 { (run.name) }
+            p.meta { span.status.(class) { (run.status.describe()) } " " (began) " UTC" }
+        }
+        @if let ChainCheck::Broken { seq, flaw } = check {
+            p.alarm {
+                b { "The journal of this run is damaged." }
+                " Record " (seq) ": " (flaw.to_string())
+                ". This report is made from the records before it."
+            }
+        }
+        @for fault in data.faults() {
+            p.alarm {
+                b { "Fault in " (fault.step.as_deref().unwrap_or("no step")) "." } " " (fault.text)
+            }
+        }
+        @if is_short { p.alarm { b { (sentence(touches)) "." } } }
+        dl.tiles {
+            @for KeyNumber { name, value, unit, below } in key_numbers(results) {
+                div { dt { (name) } dd { (value) " " small { (unit) } } dd.below { (below) } }
+            }
+        }
     }
-    for fault in data.faults() {
-        let (step, text) = (fault.step.as_deref().unwrap_or("no step"), Escaped(&fault.text));
-        let step = Escaped(step);
-        add(&mut html, format_args!("<p class=\"alarm\"><b>Fault in {step}.</b> {text}</p>\n"));
-    }
-    let tally = Tally::of(rows.iter().map(|row| row.status));
-    if tally.measured < tally.planned && run.status != RunStatus::Running {
-        let sentence = sentence(rows);
-        add(&mut html, format_args!("<p class=\"alarm\"><b>{}.</b></p>\n", Escaped(&sentence)));
-    }
-    html += "<dl class=\"tiles\">\n";
-    for KeyNumber { name, value, unit, below } in key_numbers(run, data, results, tally) {
-        let (value, below) = (Escaped(&value), Escaped(&below));
-        add(
-            &mut html,
-            format_args!(
-                "<div><dt>{name}</dt><dd>{value} <small>{unit}</small></dd>\
-                 <dd class=\"below\">{below}</dd></div>\n"
-            ),
-        );
-    }
-    html += "</dl>\n";
-    html
 }
 
 /// A key number.
@@ -124,7 +110,8 @@ struct KeyNumber {
     below: String,
 }
 
-fn key_numbers(run: &Run, data: &RunData, results: &RunResults, tally: Tally) -> Vec<KeyNumber> {
+fn key_numbers(results: &RunResults) -> Vec<KeyNumber> {
+    let RunResults { run, data, .. } = results;
     let mut numbers = Vec::new();
     if let Some(no_load) = results.no_load {
         let span = fixed(no_load.max_hz - no_load.min_hz, 3);
@@ -149,19 +136,18 @@ fn key_numbers(run: &Run, data: &RunData, results: &RunResults, tally: Tally) ->
     }
     let prompts = counted(data.prompts, "prompt");
     let faults = counted(u32::try_from(data.faults().count()).unwrap_or(u32::MAX), "fault");
-    let Tally { planned, measured, refused, not_reached } = tally;
-    let mut below = format!("measured of {planned} planned; ");
-    for (count, what) in [(refused, "refused"), (not_reached, "not reached")] {
-        if count > 0 {
-            add(&mut below, format_args!("{count} {what}, "));
-        }
-    }
-    add(&mut below, format_args!("{prompts}, {faults}"));
+    let statuses = results.touches.iter().map(|row| row.status);
+    let Tally { planned, measured, refused, not_reached } = Tally::of(statuses);
+    let missing = [(refused, "refused"), (not_reached, "not reached")];
+    let missing = missing.into_iter().filter(|(count, _)| *count > 0);
+    let counts = missing.map(|(count, status)| format!("{count} {status}"));
+    let counts = counts.chain([prompts, faults]).collect::<Vec<_>>().join(", ");
+    let below = format!("measured of {planned} planned; {counts}");
     let value = measured.to_string();
     numbers.push(KeyNumber { name: "Touches", value, unit: "", below });
-    let below = run.wall_s.map_or("still running".to_owned(), |wall_s| {
-        format!("{} by the clock on the wall", duration(wall_s))
-    });
+    let below = run
+        .wall_s
+        .map_or("still running".to_owned(), |wall_s| format!("{} of wall time", duration(wall_s)));
     numbers.push(KeyNumber { name: "Rig time", value: duration(data.rig_s()), unit: "", below });
     numbers
 }
@@ -170,107 +156,108 @@ fn counted(count: u32, one: &str) -> String {
     if count == 1 { format!("1 {one}") } else { format!("{count} {one}s") }
 }
 
-fn shifts(data: &RunData, results: &RunResults) -> String {
+fn shifts(results: &RunResults) -> Markup {
     if results.direction_means.is_empty() {
-        let nothing = nothing("No touch of the main phase gave a shift.");
-        let is_planned = !results.grid.is_empty();
-        return if is_planned { nothing + &tables::shifts(data, results) } else { nothing };
+        return html! {
+            (note("No touch of the main phase gave a shift."))
+            @if !results.grid.is_empty() { (tables::shifts(results)) }
+        };
     }
-    let mut html = figures::by_direction(data, results) + &figures::averaged(data, results);
-    if let Some(found) = &results.sensitivity {
-        let Sensitivity { chord, line, max_deviation_hz, .. } = found.sensitivity;
-        let (angle, worst) = (found.angle_deg, fixed(max_deviation_hz, 1));
-        let chord = with_sigma(chord.hz_per_mpa, chord.sigma_hz_per_mpa);
-        let line = with_sigma(line.hz_per_mpa, line.sigma_hz_per_mpa);
-        add(
-            &mut html,
-            format_args!(
-                "<p>Sensitivity at {angle}°, mean of the directions: <b>{chord} Hz/MPa</b> from the \
-                 softest to the stiffest sample; {line} Hz/MPa by least squares through all samples, \
-                 from which they lie up to {worst} Hz away. The uncertainties are those of the \
-                 means.</p>\n"
-            ),
-        );
+    html! {
+        (figures::by_direction(results))
+        (figures::averaged(results))
+        @if let Some(found) = &results.sensitivity { (sensitivity(found)) }
+        (tables::shifts(results))
     }
-    html + &tables::shifts(data, results)
 }
 
-fn stiffness(data: &RunData, results: &RunResults) -> String {
+fn sensitivity(found: &SensitivityAt) -> Markup {
+    let Sensitivity { chord, line, max_deviation_hz, .. } = found.sensitivity;
+    let (angle, worst) = (found.angle_deg, fixed(max_deviation_hz, 1));
+    let chord = with_sigma(chord.hz_per_mpa, chord.sigma_hz_per_mpa);
+    let line = with_sigma(line.hz_per_mpa, line.sigma_hz_per_mpa);
+    html! {
+        p {
+            "Sensitivity at " (angle) "°, mean of the directions: " b { (chord) " Hz/MPa" }
+            " from the softest to the stiffest sample; " (line) " Hz/MPa by least squares through \
+             all samples, from which the worst sample lies " (worst) " Hz away. The uncertainties are \
+             those of the means."
+        }
+    }
+}
+
+fn stiffness(results: &RunResults) -> Markup {
     match &results.stiffness {
-        Ok(stiffness) => stiffness::section(data, stiffness, results),
-        Err(reason) => nothing(&Escaped(&format!("No stiffness: {reason}.")).to_string()),
+        Ok(stiffness) => stiffness::section(results, stiffness),
+        Err(reason) => note(&format!("No stiffness: {reason}.")),
     }
 }
 
-fn recognition(data: &RunData, results: &RunResults) -> String {
-    let Some(classification) = &results.classification else {
-        return nothing("No blind touches were classified.");
+fn recognition(results: &RunResults) -> Markup {
+    let RunResults { data, classification: Some(classification), .. } = results else {
+        return note("No blind touches were classified.");
     };
     let score = &classification.score;
+    let (correct, trials) = (score.correct, score.trials);
     let (rate, range) = (score.rate().unwrap_or_default(), percent_range(score.interval()));
-    let sentence = format!(
-        "<p><b>{} of {} blind touches are in the cluster of their sample: {}</b>, with a 95 % \
-         interval from {range} (Wilson).</p>\n",
-        score.correct,
-        score.trials,
-        percent(rate),
-    );
     let planned = data.planned.iter().filter(|touch| touch.settings.phase == Phase::Blind).count();
-    let missing = planned.saturating_sub(score.trials as usize);
-    let missing = match missing {
-        0 => String::new(),
-        missing => nothing(&format!("Of {planned} planned, {missing} gave no shift.")),
-    };
-    sentence
-        + &missing
-        + &figures::classification(data, classification)
-        + &tables::confusion(data, classification)
-        + &stiffness::recognitions(&results.recognitions)
-}
-
-fn free_sensor(data: &RunData, results: &RunResults) -> String {
-    if results.references.is_empty() {
-        return nothing("No reference was measured.");
+    let missing = planned.saturating_sub(trials as usize);
+    html! {
+        p {
+            b {
+                (correct) " of " (trials) " blind touches are in the cluster of their sample: "
+                (percent(rate))
+            }
+            ", with a 95 % interval from " (range) " (Wilson)."
+        }
+        @if missing > 0 { (note(&format!("Of {planned} planned, {missing} gave no shift."))) }
+        (figures::classification(data, classification))
+        (tables::confusion(data, classification))
+        (stiffness::recognitions(&results.recognitions))
     }
-    figures::no_load(data, results)
 }
 
-fn detail(data: &RunData, results: &RunResults) -> String {
-    let example = figures::example(data)
-        .unwrap_or_else(|| nothing("No touch of the main phase gave a shift."));
-    example + &cost(&results.cost)
+fn free_sensor(results: &RunResults) -> Markup {
+    if results.references.is_empty() {
+        return note("No reference was measured.");
+    }
+    figures::no_load(results)
 }
 
-/// What the sweeps cost, beside common practice.
-fn cost(cost: &SweepCost) -> String {
+fn detail(results: &RunResults) -> Markup {
+    let example = figures::example(&results.data)
+        .unwrap_or_else(|| note("No touch of the main phase gave a shift."));
+    html! { (example) (cost(&results.cost)) }
+}
+
+/// The time of the sweeps beside that of common practice.
+fn cost(cost: &SweepCost) -> Markup {
     let SweepCost { sweeps, taken_s, practice_s } = *cost;
     if sweeps == 0 || taken_s <= 0.0 {
-        return String::new();
+        return html! {};
     }
     let (taken, practice) = (duration(taken_s), duration(practice_s));
     let times = fixed(practice_s / taken_s, 1);
-    format!(
-        "<p>The {sweeps} sweeps took <b>{taken}</b> of rig time. Common practice, 201 points with \
-         five time constants of settling and ten cycles of integration at each, would have taken \
-         {practice} for the same resonances: {times} times as long.</p>\n"
-    )
+    html! {
+        p {
+            "The " (sweeps) " sweeps took " b { (taken) } " of rig time. Common practice, 201 points \
+             with five time constants of settling and ten cycles of integration at each, would have \
+             taken " (practice) " for the same resonances: " (times) " times as long."
+        }
+    }
 }
 
 /// Every planned touch, and the sweeps that were refused.
-fn touches_section(data: &RunData, rows: &[TouchRow]) -> String {
-    if rows.is_empty() {
-        return nothing("No touch was planned.");
+fn touches(results: &RunResults) -> Markup {
+    if results.touches.is_empty() {
+        return note("No touch was planned.");
     }
-    tables::touches(rows) + &figures::refused(data)
+    html! { (tables::touches(&results.touches)) (figures::refused(&results.data)) }
 }
 
-fn log(data: &RunData) -> String {
+fn log(data: &RunData) -> Markup {
     if data.log.is_empty() {
-        return nothing("Nobody was asked for anything, and nothing went wrong.");
+        return note("No prompts, commands, faults or refused sweeps.");
     }
     tables::log(data)
-}
-
-fn nothing(text: &str) -> String {
-    format!("<p class=\"note\">{text}</p>\n")
 }

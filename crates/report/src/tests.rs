@@ -193,7 +193,7 @@ fn the_numbers_are_those_of_the_touches() {
 fn stiffness_is_scaled_by_the_samples_that_are_known_and_says_so() {
     let sample = SampleRun::new(Story::Complete);
     let html = sample.html();
-    assert!(html.contains("The touches at 0° of 5 samples of known stiffness say"));
+    assert!(html.contains("The touches at 0° of 5 samples of known stiffness give"));
     let found = sample.results().summary();
     for sample in &found.stiffness {
         let known_mpa = sample.known_mpa.unwrap();

@@ -53,7 +53,7 @@ impl TableValue<'_> {
             Self::Decimals(number, decimals) => format!("{number:.decimals$}"),
             Self::Digits(number, digits) => {
                 let rounded = format!("{number:.*e}", digits.saturating_sub(1));
-                // ReadingRecord back what was just written cannot fail.
+                // Rust reads back every number that it writes.
                 rounded.parse().map_or(rounded, |number: f64| pointed(format!("{number:?}")))
             }
         }

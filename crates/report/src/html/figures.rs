@@ -1,9 +1,11 @@
 //! The figures of the report.
 
-use rig_chart::{Axis, Chart, ChartError, Escaped, Marker, Point, Series, Stroke, legend};
+use maud::{Markup, PreEscaped, html};
+use rig_chart::{Axis, Chart, Marker, Point, Series, Stroke, legend};
 use rig_record::{Direction, Phase, ReadingRecord, Sample, Sweep, SweepOutcome};
 use rig_resonance::Circuit;
 
+use super::element::{drawn, figure, figure_row};
 use crate::{
     RunResults,
     data::{DIRECTIONS, RunData},
@@ -14,19 +16,19 @@ use crate::{
 /// Width of one of three charts in a row, and the height of all charts in a row, in pixels.
 const PANEL_PX: (u32, u32) = (290, 310);
 /// Of one of two charts in a row.
-pub(crate) const HALF_PX: (u32, u32) = (446, 310);
+pub(super) const HALF_PX: (u32, u32) = (446, 310);
 /// Of a chart with a row of its own.
 const WIDE_PX: (u32, u32) = (912, 360);
 
 /// Shift against angle, one chart for each direction: the paper's Figure 11.
-pub(crate) fn by_direction(data: &RunData, results: &RunResults) -> String {
+pub(super) fn by_direction(results: &RunResults) -> Markup {
     let highest = results
         .direction_means
         .iter()
         .map(|one| one.mean.shift_hz + one.mean.sigma_hz)
         .fold(0.0, f64::max);
     let angles = results.angles_deg();
-    let mut charts = String::new();
+    let mut charts = Vec::new();
     for (direction, name) in DIRECTIONS.map(Direction::name).into_iter().enumerate() {
         let means = || results.direction_means.iter().filter(move |one| one.direction == direction);
         if means().next().is_none() {
@@ -39,7 +41,7 @@ pub(crate) fn by_direction(data: &RunData, results: &RunResults) -> String {
             Axis::linear("frequency shift (Hz)").including(0.0).including(1.05 * highest),
         );
         chart.size_px = PANEL_PX;
-        for (index, sample) in touched_samples(data, results) {
+        for (index, sample) in touched_samples(results) {
             let points = means().filter(|one| one.sample == index).map(|one| Point {
                 x: one.angle_deg,
                 y: one.mean.shift_hz,
@@ -49,30 +51,32 @@ pub(crate) fn by_direction(data: &RunData, results: &RunResults) -> String {
             let series = Series::joined(&label(sample), index, points);
             chart.series.push(Series { name: None, ..series });
         }
-        charts += &drawn(&chart.svg(&format!("fig-{name}")));
+        charts.push(drawn(&chart, &format!("fig-{name}")));
     }
-    let touched = touched_samples(data, results);
+    let touched = touched_samples(results);
     let keys: Vec<Series> =
         touched.map(|(index, sample)| Series::joined::<Point>(&label(sample), index, [])).collect();
     let legend = legend(&keys, "fig-samples", WIDE_PX.0);
     let caption = "Shift against contact angle in each direction. Bars show the standard \
-                   deviation of the fits; where none is seen it is smaller than the mark.";
-    figure(&format!("{legend}<div class=\"row\">\n{charts}</div>\n"), caption)
+                   deviation of the fits; a bar smaller than the mark is not visible.";
+    let charts = html! {
+        // The legend escapes its texts.
+        (PreEscaped(legend))
+        div.row { @for chart in &charts { (chart) } }
+    };
+    figure(&charts, caption)
 }
 
 /// The samples that were touched in the main phase, each with its index.
-fn touched_samples<'a>(
-    data: &'a RunData,
-    results: &'a RunResults,
-) -> impl Iterator<Item = (usize, &'a Sample)> {
+fn touched_samples(results: &RunResults) -> impl Iterator<Item = (usize, &Sample)> {
     let is_touched = |&(index, _): &(usize, &Sample)| {
         results.angle_means.iter().any(|mean| mean.sample == index)
     };
-    data.samples().iter().enumerate().filter(is_touched)
+    results.data.samples().iter().enumerate().filter(is_touched)
 }
 
 /// Shift against angle, averaged over the directions: the paper's Figure 12.
-pub(crate) fn averaged(data: &RunData, results: &RunResults) -> String {
+pub(super) fn averaged(results: &RunResults) -> Markup {
     let mut chart = Chart::new(
         "Mean of the directions",
         "Frequency shift of each sample against the contact angle, averaged over the directions.",
@@ -80,7 +84,7 @@ pub(crate) fn averaged(data: &RunData, results: &RunResults) -> String {
         Axis::linear("frequency shift (Hz)").including(0.0),
     );
     chart.size_px = WIDE_PX;
-    for (index, sample) in touched_samples(data, results) {
+    for (index, sample) in touched_samples(results) {
         let means = results.angle_means.iter().filter(|mean| mean.sample == index);
         let points = means.map(|mean| Point {
             x: mean.angle_deg,
@@ -97,15 +101,15 @@ pub(crate) fn averaged(data: &RunData, results: &RunResults) -> String {
     }
     let caption = "Shift against contact angle, averaged over the directions. Bars show the \
                    standard deviation between the directions.";
-    figure(&drawn(&chart.svg("fig-mean")), caption)
+    figure(&drawn(&chart, "fig-mean"), caption)
 }
 
 /// The blind touches by cluster: the paper's Figure 13.
-pub(crate) fn classification(data: &RunData, classification: &Classification) -> String {
+pub(super) fn classification(data: &RunData, classification: &Classification) -> Markup {
     let mut chart = Chart::new(
         "Blind touches by cluster",
-        "Frequency shift of each blind touch; its shape and colour tell the cluster, a ring that it \
-         is in the wrong one.",
+        "Frequency shift of each blind touch; shape and colour show the cluster, a ring marks a touch \
+         in the wrong cluster.",
         Axis::linear("blind touch"),
         Axis::linear("frequency shift (Hz)").including(0.0),
     );
@@ -138,16 +142,15 @@ pub(crate) fn classification(data: &RunData, classification: &Classification) ->
         chart.series.push(Series { marker: Some(Marker::Ring), ..rings });
     }
     let caption = "The blind touches, sorted by k-means on their shifts alone: the partition with \
-                   the smallest sum of squares. The labels served for the score only; each cluster \
+                   the smallest sum of squares. The labels are used for the score only; each cluster \
                    stands for one sample, matched so that most touches agree.";
-    figure(&drawn(&chart.svg("fig-blind")), caption)
+    figure(&drawn(&chart, "fig-blind"), caption)
 }
 
 /// The reference over the run.
-pub(crate) fn no_load(data: &RunData, results: &RunResults) -> String {
-    const SECONDS_PER_MINUTE: f64 = 60.0;
-    let begin_s = data.begin_us as f64 / 1e6;
-    let minutes = |time_s: f64| (time_s - begin_s) / SECONDS_PER_MINUTE;
+pub(super) fn no_load(results: &RunResults) -> Markup {
+    let begin_s = results.data.begin_us as f64 / 1e6;
+    let minutes = |time_s: f64| (time_s - begin_s) / 60.0;
     let mut chart = Chart::new(
         "Resonance with the probe clear",
         "The no-load resonance over the time of the run.",
@@ -180,12 +183,12 @@ pub(crate) fn no_load(data: &RunData, results: &RunResults) -> String {
     }
     let caption = "Every reference of the run, with the standard deviation of its fit. Each shift \
                    refers to the last one before the touch.";
-    figure(&drawn(&chart.svg("fig-no-load")), caption)
+    figure(&drawn(&chart, "fig-no-load"), caption)
 }
 
 /// One touch and its reference as they were measured, with the circuits fitted: the main touch
 /// with the largest shift, where the tissue damps the resonance most.
-pub(crate) fn example(data: &RunData) -> Option<String> {
+pub(super) fn example(data: &RunData) -> Option<Markup> {
     let touch = data
         .touches
         .iter()
@@ -204,31 +207,33 @@ pub(crate) fn example(data: &RunData) -> Option<String> {
         with_sigma(touch.resonance_hz, touch.sigma_hz),
         with_sigma(touch.shift_hz, touch.shift_sigma_hz),
     );
-    Some(figure(&format!("<div class=\"row\">\n{charts}</div>\n"), &caption))
+    Some(figure_row(&charts, &caption))
 }
 
 /// Every refused sweep as it was measured, with its reason.
-pub(crate) fn refused(data: &RunData) -> String {
-    let mut html = String::new();
-    for sweep in &data.sweeps {
-        let SweepOutcome::Refused { reason } = &sweep.outcome else { continue };
-        let step = sweep.step.as_deref().unwrap_or("no step");
-        let name = sweep.purpose.name().replace('_', "-");
-        let caption = format!(
-            "Refused sweep {} ({name}, {step}, {} readings): {reason}.",
-            sweep.number,
-            sweep.readings.len()
-        );
-        let suffix = format!("-{}", sweep.number);
-        let charts = impedance(&suffix, &[(1, name.as_str(), sweep)]);
-        html += &figure(&format!("<div class=\"row\">\n{charts}</div>\n"), &caption);
+pub(super) fn refused(data: &RunData) -> Markup {
+    html! {
+        @for sweep in &data.sweeps {
+            @if let SweepOutcome::Refused { reason } = &sweep.outcome { (refused_sweep(sweep, reason)) }
+        }
     }
-    html
+}
+
+fn refused_sweep(sweep: &Sweep, reason: &str) -> Markup {
+    let step = sweep.step.as_deref().unwrap_or("no step");
+    let name = sweep.purpose.name().replace('_', "-");
+    let caption = format!(
+        "Refused sweep {} ({name}, {step}, {} readings): {reason}.",
+        sweep.number,
+        sweep.readings.len()
+    );
+    let charts = impedance(&format!("-{}", sweep.number), &[(1, name.as_str(), sweep)]);
+    figure_row(&charts, &caption)
 }
 
 /// Magnitude and phase of sweeps against frequency, with the circuits fitted, side by side. Each
 /// sweep has a colour and a name.
-fn impedance(suffix: &str, sweeps: &[(usize, &str, &Sweep)]) -> String {
+fn impedance(suffix: &str, sweeps: &[(usize, &str, &Sweep)]) -> Markup {
     let axis = || Axis::linear("frequency (Hz)");
     let of = sweeps.iter().map(|&(_, name, _)| name).collect::<Vec<_>>().join(" and ");
     let mut size = Chart::new(
@@ -260,8 +265,10 @@ fn impedance(suffix: &str, sweeps: &[(usize, &str, &Sweep)]) -> String {
         }
     }
     (size.size_px, phase.size_px) = (HALF_PX, HALF_PX);
-    drawn(&size.svg(&format!("fig-size{suffix}")))
-        + &drawn(&phase.svg(&format!("fig-phase{suffix}")))
+    html! {
+        (drawn(&size, &format!("fig-size{suffix}")))
+        (drawn(&phase, &format!("fig-phase{suffix}")))
+    }
 }
 
 fn circuit_of(sweep: &Sweep) -> Option<Circuit> {
@@ -304,16 +311,4 @@ fn note(sample: &Sample, angle_deg: f64, shift_hz: f64, sigma_hz: f64) -> String
         fixed(angle_deg, 1),
         with_sigma(shift_hz, sigma_hz)
     )
-}
-
-/// A chart, or why there is none: a report is never lost for a figure.
-pub(crate) fn drawn(svg: &Result<String, ChartError>) -> String {
-    match svg {
-        Ok(svg) => svg.clone(),
-        Err(error) => format!("<p class=\"note\">{}</p>\n", Escaped(&error.to_string())),
-    }
-}
-
-pub(crate) fn figure(content: &str, caption: &str) -> String {
-    format!("<figure>\n{content}<figcaption>{}</figcaption>\n</figure>\n", Escaped(caption))
 }

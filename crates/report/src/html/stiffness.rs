@@ -1,13 +1,12 @@
-//! The section of the report about stiffness: how it was calibrated, against what is known, and
-//! what it says of the blind touches.
+//! The section about stiffness: its calibration, the samples against known values, the blind touches.
 
-use rig_chart::{Axis, Chart, Escaped, Marker, Point, Rule, Series};
+use maud::{Markup, html};
+use rig_chart::{Axis, Chart, Marker, Point, Rule, Series};
 use rig_contact::inverse::Interval;
 
 use super::{
-    element::table,
-    figures::{HALF_PX, drawn, figure},
-    tables::dash,
+    element::{dash, drawn, fault, figure_row, table, text},
+    figures::HALF_PX,
 };
 use crate::{
     RunResults,
@@ -20,38 +19,32 @@ use crate::{
 };
 
 /// The content of the section.
-pub(crate) fn section(data: &RunData, stiffness: &Stiffness, results: &RunResults) -> String {
+pub(super) fn section(results: &RunResults, stiffness: &Stiffness) -> Markup {
+    let data = &results.data;
     let by_stiffness = |found: &&Recognition| found.method == Method::CalibratedStiffness;
     let recognition = results.recognitions.iter().find(by_stiffness);
-    let known = stiffness.samples.iter().any(|sample| sample.known_mpa.is_some());
-    let mut charts = String::new();
-    if known {
-        charts += &against_known(data, stiffness);
-    }
-    if let Some(recognition) = recognition {
-        charts += &blind(data, stiffness, recognition);
-    }
-    let caption = "Stiffness of the samples against what is known of it; and of each blind touch, \
-                   with a ring around those taken for another sample or for none. Bars show the \
+    let is_known = stiffness.samples.iter().any(|sample| sample.known_mpa.is_some());
+    let charts = html! {
+        @if is_known { (against_known(data, stiffness)) }
+        @if let Some(recognition) = recognition { (blind(data, stiffness, recognition)) }
+    };
+    let caption = "Deviation of the samples from their known stiffness, and the stiffness of each blind \
+                   touch. A ring marks a touch taken for another sample or for none. Bars show the \
                    standard deviation, for the samples with that of the calibration.";
-    let figure = if charts.is_empty() {
-        String::new()
-    } else {
-        figure(&format!("<div class=\"row\">\n{charts}</div>\n"), caption)
-    };
-    let sites = stiffness.sites.as_ref().map(|found| sites(data, stiffness, found));
     let angle = match &stiffness.sites {
-        None => "and with the contact angle of each touch known",
-        Some(_) => "and without knowing the contact angles",
+        None => "and the known contact angle of each touch",
+        Some(_) => "and without the contact angles",
     };
-    calibration(&stiffness.calibration, angle)
-        + &figure
-        + &samples(data, stiffness, results)
-        + &sites.unwrap_or_default()
+    html! {
+        (calibration(&stiffness.calibration, angle))
+        @if is_known || recognition.is_some() { (figure_row(&charts, caption)) }
+        (samples(results, stiffness))
+        @if let Some(found) = &stiffness.sites { (sites(data, stiffness, found)) }
+    }
 }
 
-/// Which calibration was used, and what it adds.
-fn calibration(calibration: &Calibration, angle: &str) -> String {
+/// The calibration and its uncertainty.
+fn calibration(calibration: &Calibration, angle: &str) -> Markup {
     let Calibration { resonance_ratio, factor, sigma_rel, source } = *calibration;
     let ratio = fixed(resonance_ratio, 4);
     let adds = percent(sigma_rel);
@@ -60,28 +53,29 @@ fn calibration(calibration: &Calibration, angle: &str) -> String {
             let at = angle_deg.map_or_else(String::new, |angle| format!(" at {angle}°"));
             let factor = with_sigma(factor, sigma_rel * factor);
             format!(
-                "The touches{at} of {samples} samples of known stiffness say {factor} times what is \
-                 known, by which all stiffness was divided: one factor for the run. It is uncertain \
-                 by {adds}, which is part of every standard deviation of a sample below. So only \
-                 the ratios between samples and between angles are a test against what is known."
+                "The touches{at} of {samples} samples of known stiffness give {factor} times the \
+                 known values. Every stiffness was divided by this one factor of the run. Its \
+                 uncertainty of {adds} is part of every standard deviation of a sample below. Only \
+                 the ratios between samples and between angles are a test against known values."
             )
         }
         ScaleSource::Described => format!(
-            "No sample is known, so that the scale rests on the description of the sensor alone. \
-             It is taken as uncertain by {adds}, which is part of every standard deviation of a \
-             sample below."
+            "No sample is known: the scale rests on the description of the sensor alone. Its assumed \
+             uncertainty of {adds} is part of every standard deviation of a sample below."
         ),
     };
-    format!(
-        "<p>Young's modulus of each sample from its main touches, by the sensor that the rig file \
-         describes {angle}. The free resonance measured was {ratio} times \
-         the one described, and each shift was scaled by that. {scale}</p>\n"
-    )
+    html! {
+        p {
+            "Young's modulus of each sample from its main touches, with the sensor of the rig file \
+             " (angle) ". The free resonance measured was " (ratio) " times the one \
+             described, and each shift was scaled by that. " (scale)
+        }
+    }
 }
 
-/// How far each sample is from what is known of it. On a chart of one against the other nobody
-/// would see the error bars.
-fn against_known(data: &RunData, stiffness: &Stiffness) -> String {
+/// The deviation of each sample from its known stiffness. In a chart of one against the other, the
+/// error bars would be too small to see.
+fn against_known(data: &RunData, stiffness: &Stiffness) -> Markup {
     let mut chart = Chart::new(
         "Samples",
         "Deviation of each sample's stiffness from the known one, against the known one.",
@@ -102,15 +96,15 @@ fn against_known(data: &RunData, stiffness: &Stiffness) -> String {
         chart.series.push(Series::scatter(&name, sample.sample, [point]));
     }
     chart.rules.push(Rule::AtY { value: 0.0, label: String::new() });
-    drawn(&chart.svg("fig-stiffness"))
+    drawn(&chart, "fig-stiffness")
 }
 
-/// The blind touches by what they were taken for.
-fn blind(data: &RunData, stiffness: &Stiffness, recognition: &Recognition) -> String {
+/// The blind touches by the samples that they were taken for.
+fn blind(data: &RunData, stiffness: &Stiffness, recognition: &Recognition) -> Markup {
     let mut chart = Chart::new(
         "Blind touches",
-        "Young's modulus of each blind touch; its shape and colour tell the sample it was taken \
-         for, a ring that this is wrong.",
+        "Young's modulus of each blind touch; shape and colour show the sample that it was taken \
+         for, a ring marks a wrong one.",
         Axis::linear("blind touch"),
         Axis::log("stiffness (MPa)"),
     );
@@ -119,38 +113,39 @@ fn blind(data: &RunData, stiffness: &Stiffness, recognition: &Recognition) -> St
         stiffness.blind.iter().zip(recognition.taken_for.iter().copied()).collect();
     for (index, sample) in data.samples().iter().enumerate() {
         let taken = touches.iter().filter(|(_, taken)| *taken == Some(index));
-        let points: Vec<Point> = taken.filter_map(|(reading, _)| point(data, reading)).collect();
+        let points: Vec<Point> = taken.filter_map(|(touch, _)| point(data, touch)).collect();
         if !points.is_empty() {
             let series = Series::scatter(&format!("sample {}", sample.name), index, points);
             chart.series.push(series);
         }
     }
-    let wrong = touches.iter().filter(|(reading, taken)| *taken != Some(reading.sample));
-    let wrong: Vec<Point> = wrong.filter_map(|(reading, _)| point(data, reading)).collect();
+    let wrong = touches.iter().filter(|(touch, taken)| *taken != Some(touch.sample));
+    let wrong: Vec<Point> = wrong.filter_map(|(touch, _)| point(data, touch)).collect();
     if !wrong.is_empty() {
         let wrong = wrong.into_iter().map(|point| Point { error: None, note: None, ..point });
         let rings = Series::scatter("not recognised", rig_chart::COLOURS - 1, wrong);
         chart.series.push(Series { marker: Some(Marker::Ring), ..rings });
     }
-    drawn(&chart.svg("fig-blind-stiffness"))
+    drawn(&chart, "fig-blind-stiffness")
 }
 
-fn point(data: &RunData, reading: &TouchStiffness) -> Option<Point> {
-    let young = reading.young.ok()?;
-    let name = &data.samples()[reading.sample].name;
+fn point(data: &RunData, touch: &TouchStiffness) -> Option<Point> {
+    let young = touch.young.ok()?;
+    let name = &data.samples()[touch.sample].name;
     Some(Point {
-        x: f64::from(reading.number),
+        x: f64::from(touch.number),
         y: young.mpa,
         error: Some(young.sigma_mpa),
         note: Some(format!(
             "touch {}: sample {name}, {} MPa",
-            reading.number,
+            touch.number,
             with_sigma(young.mpa, young.sigma_mpa)
         )),
     })
 }
 
-fn samples(data: &RunData, stiffness: &Stiffness, results: &RunResults) -> String {
+fn samples(results: &RunResults, stiffness: &Stiffness) -> Markup {
+    let data = &results.data;
     let heads = [
         "sample",
         "known (MPa)",
@@ -164,46 +159,46 @@ fn samples(data: &RunData, stiffness: &Stiffness, results: &RunResults) -> Strin
         let known_mpa = data.samples()[sample].stiffness_mpa;
         let deviation = |found: &SampleStiffness| {
             let deviation = found.young_mpa / found.known_mpa? - 1.0;
-            Some(format!("{} %", fixed(100.0 * deviation, 1)))
+            Some(text(format!("{} %", fixed(100.0 * deviation, 1))))
         };
-        let used = basis.used.to_string();
+        let value = |found: &SampleStiffness| {
+            html! { b { (with_sigma(found.young_mpa, found.sigma_mpa)) } }
+        };
+        let spread = found.and_then(|found| found.spread_mpa);
         vec![
-            Escaped(&data.samples()[sample].name).to_string(),
-            known_mpa.map_or_else(dash, |known| known.to_string()),
-            found.map_or_else(
-                || "none".to_owned(),
-                |found| format!("<b>{}</b>", with_sigma(found.young_mpa, found.sigma_mpa)),
-            ),
+            text(&data.samples()[sample].name),
+            known_mpa.map_or_else(dash, text),
+            found.map_or_else(|| text("none"), value),
             found.and_then(deviation).unwrap_or_else(dash),
-            basis.shortfall().map_or(used, |short| format!("<span class=\"fault\">{short}</span>")),
-            found.and_then(|found| found.spread_mpa).map_or_else(dash, |spread| fixed(spread, 4)),
+            basis.shortfall().map_or_else(|| text(basis.used), |shortfall| fault(&shortfall)),
+            spread.map_or_else(dash, |spread| text(fixed(spread, 4))),
         ]
     };
     let rows: Vec<_> = results.samples().into_iter().map(row).collect();
     let caption = "Young's modulus of the samples with its standard deviation, and the standard \
                    deviation of single ones about it.";
-    table(caption, &heads.map(str::to_owned), &rows)
+    table(caption, &heads, &rows)
 }
 
-/// What was found at each site without knowing its angle.
-fn sites(data: &RunData, stiffness: &Stiffness, sites: &[Site]) -> String {
+/// Stiffness, angle and azimuth of each site, from touches at an unknown angle.
+fn sites(data: &RunData, stiffness: &Stiffness, sites: &[Site]) -> Markup {
     let heads =
         ["sample", "angle set", "touches", "stiffness (MPa)", "angle found", "azimuth found"];
-    let row = |(site, reading): (&Site, &TouchStiffness)| {
-        let name = Escaped(&data.samples()[site.sample].name).to_string();
-        let mut row = vec![name, format!("{}°", site.angle_deg), site.touches.to_string()];
-        match (reading.young, site.found) {
+    let row = |(site, touch): (&Site, &TouchStiffness)| {
+        let name = &data.samples()[site.sample].name;
+        let mut row = vec![text(name), text(format!("{}°", site.angle_deg)), text(site.touches)];
+        match (touch.young, site.found) {
             (Ok(young), Ok(found)) => {
                 let degrees = |of: &Interval, is_identified: bool| {
                     let found = with_sigma(of.value.to_degrees(), of.sigma.to_degrees());
                     if is_identified { format!("{found}°") } else { "not identified".to_owned() }
                 };
-                row.push(format!("<b>{}</b>", with_sigma(young.mpa, young.sigma_mpa)));
-                row.push(degrees(&found.angle_rad, found.is_angle_identified));
-                row.push(degrees(&found.azimuth_rad, found.is_azimuth_identified));
+                row.push(html! { b { (with_sigma(young.mpa, young.sigma_mpa)) } });
+                row.push(text(degrees(&found.angle_rad, found.is_angle_identified)));
+                row.push(text(degrees(&found.azimuth_rad, found.is_azimuth_identified)));
             }
             (Err(error), _) | (_, Err(error)) => {
-                row.push(format!("<span class=\"fault\">{}</span>", Escaped(&error.to_string())));
+                row.push(fault(&error.to_string()));
                 row.extend([dash(), dash()]);
             }
         }
@@ -212,26 +207,26 @@ fn sites(data: &RunData, stiffness: &Stiffness, sites: &[Site]) -> String {
     let rows: Vec<_> = sites.iter().zip(&stiffness.main).map(row).collect();
     let caption = "Stiffness, contact angle and azimuth found together from the touches of each \
                    site, with their standard deviations. An angle or azimuth is not identified \
-                   when the touches leave more than half of the uncertainty that there was before \
-                   them; the stiffness then holds for all of its values.";
-    table(caption, &heads.map(str::to_owned), &rows)
+                   when the touches leave more than half of the prior uncertainty; the stiffness then holds \
+                   for all of its values.";
+    table(caption, &heads, &rows)
 }
 
 /// The methods of recognition side by side.
-pub(crate) fn recognitions(recognitions: &[Recognition]) -> String {
-    let heads = ["method", "recognised", "of", "rate", "95 % interval"].map(str::to_owned);
+pub(super) fn recognitions(recognitions: &[Recognition]) -> Markup {
+    let heads = ["method", "recognised", "of", "rate", "95 % interval"];
     let row = |found: &Recognition| {
         vec![
-            found.method.describe().to_owned(),
-            found.correct.to_string(),
-            found.trials.to_string(),
-            percent(found.rate()),
-            percent_range(found.interval()),
+            text(found.method.describe()),
+            text(found.correct),
+            text(found.trials),
+            text(percent(found.rate())),
+            text(percent_range(found.interval())),
         ]
     };
     let rows: Vec<_> = recognitions.iter().map(row).collect();
-    let caption = "Blind touches recognised by each method, with Wilson's interval. The clusters of \
-                   k-means are named afterwards so that most touches agree, which flatters it; the \
-                   classes are fixed by the main touches before.";
+    let caption = "Blind touches recognised by each method, with Wilson's interval. Clusters of k-means \
+                   get their samples afterwards, so that most touches agree, which flatters these \
+                   methods. Classes are fixed before, by the main touches.";
     table(caption, &heads, &rows)
 }

@@ -1,9 +1,9 @@
 //! The tables of the report.
 
+use maud::{Markup, html};
 use rig_analysis::shift::{DirectionMean, Mean};
-use rig_chart::Escaped;
 
-use super::element::{add, table};
+use super::element::{dash, fault, table, text};
 use crate::{
     RunResults, TouchRow, TouchStatus,
     data::{DIRECTIONS, LogKind, RunData},
@@ -11,73 +11,71 @@ use crate::{
     units::{clock, decimals_for, fixed, with_sigma},
 };
 
-/// Every shift with its uncertainties, and what stands in the place of those that are missing.
-pub(crate) fn shifts(data: &RunData, results: &RunResults) -> String {
+/// Every shift with its uncertainties, or the status of the touches without one.
+pub(super) fn shifts(results: &RunResults) -> Markup {
     let directions = results.directions();
     let mut heads = vec!["sample".to_owned(), "angle".to_owned()];
     heads.extend(directions.iter().map(|&d| format!("{} (Hz)", DIRECTIONS[d].name())));
     heads.extend(["mean (Hz)".to_owned(), "between directions (Hz)".to_owned()]);
     let row = |planned: &GridRow| {
         let GridRow { sample, angle_deg, .. } = *planned;
-        let name = &data.samples()[sample].name;
-        let mut row = vec![Escaped(name).to_string(), format!("{angle_deg}°")];
+        let name = &results.data.samples()[sample].name;
+        let mut row = vec![text(name), text(format!("{angle_deg}°"))];
         for &direction in &directions {
-            let cell = results.direction_mean(sample, angle_deg, direction);
-            row.push(of_some(planned.directions[direction], cell.map(shift)));
+            let mean = results.direction_mean(sample, angle_deg, direction);
+            row.push(of_some(planned.directions[direction], mean.map(shift)));
         }
         let mean = results.angle_mean(sample, angle_deg).map(|mean| mean.mean);
         let with_error = |mean: Mean| with_sigma(mean.shift_hz, mean.standard_error_hz());
-        let bold = mean.map(|mean| format!("<b>{}</b>", with_error(mean)));
+        let bold = mean.map(|mean| html! { b { (with_error(mean)) } });
         row.push(of_some(planned.over_directions(), bold));
-        let spread = |spread| fixed(spread, decimals_for(spread).min(3));
+        let spread = |spread| text(fixed(spread, decimals_for(spread).min(3)));
         row.push(mean.and_then(|mean| mean.spread_hz).map_or_else(dash, spread));
         row
     };
     let rows: Vec<_> = results.grid.iter().map(row).collect();
-    let caption = "Frequency shifts with the standard deviation of their fits; their mean with that \
-                   of a mean, from the fits or from the scatter between the directions, whichever \
-                   is larger; and that scatter, as a standard deviation.";
+    let caption = "Frequency shifts with the standard deviation of their fits; their mean with \
+                   its standard error, the larger of that from the fits and that from the scatter \
+                   between the directions; and this scatter, as a standard deviation.";
     table(caption, &heads, &rows)
 }
 
-/// A value, and of how many it is where some are missing; or why there is none.
-fn of_some(tally: Tally, value: Option<String>) -> String {
+/// A value, with the count of its touches when some are missing, or the status of the touches.
+fn of_some(tally: Tally, value: Option<Markup>) -> Markup {
     match (value, tally.shortfall()) {
-        (Some(value), Some(shortfall)) => {
-            format!("{value}<br><small class=\"fault\">{shortfall}</small>")
-        }
+        (Some(value), Some(shortfall)) => html! { (value) br; small.fault { (shortfall) } },
         (Some(value), None) => value,
-        (None, _) => format!("<span class=\"fault\">{}</span>", tally.missing()),
+        (None, _) => fault(tally.missing()),
     }
 }
 
-/// The shift of a cell, with the spread of its repeats where there were several.
-fn shift(cell: &DirectionMean) -> String {
-    let shift = with_sigma(cell.mean.shift_hz, cell.mean.sigma_hz);
-    match cell.mean.spread_hz {
-        Some(spread) => {
-            let (spread, count) = (fixed(spread, decimals_for(spread).min(3)), cell.mean.count);
-            format!("{shift}<br><small>{count} touches, spread {spread}</small>")
+/// The mean shift in a direction, with the spread of its repeats.
+fn shift(of: &DirectionMean) -> Markup {
+    let Mean { shift_hz, sigma_hz, spread_hz, count, .. } = of.mean;
+    html! {
+        (with_sigma(shift_hz, sigma_hz))
+        @if let Some(spread) = spread_hz {
+            br;
+            small { (count) " touches, spread " (fixed(spread, decimals_for(spread).min(3))) }
         }
-        None => shift,
     }
 }
 
-/// Which sample fell into which cluster.
-pub(crate) fn confusion(data: &RunData, classification: &Classification) -> String {
+/// The counts of blind touches by sample and cluster.
+pub(super) fn confusion(data: &RunData, classification: &Classification) -> Markup {
     let score = &classification.score;
     let mut heads = vec!["sample".to_owned()];
     for (cluster, centre_hz) in classification.centres_hz.iter().enumerate() {
         heads.push(format!("cluster {} ({} Hz)", cluster + 1, fixed(*centre_hz, 1)));
     }
     let row = |(sample, counts): (usize, &Vec<u32>)| {
-        let mut row = vec![Escaped(&data.samples()[sample].name).to_string()];
+        let mut row = vec![text(&data.samples()[sample].name)];
         for (cluster, &count) in counts.iter().enumerate() {
             let is_own = score.label_of[cluster] == Some(sample);
             row.push(match (is_own, count) {
-                (true, count) => format!("<b class=\"own\">{count}</b>"),
-                (false, 0) => "·".to_owned(),
-                (false, count) => format!("<b class=\"wrong\">{count}</b>"),
+                (true, count) => html! { b.own { (count) } },
+                (false, 0) => text("·"),
+                (false, count) => html! { b.wrong { (count) } },
             });
         }
         row
@@ -90,52 +88,43 @@ pub(crate) fn confusion(data: &RunData, classification: &Classification) -> Stri
     table(caption, &heads, &rows)
 }
 
-/// Every planned touch with what became of it.
-pub(crate) fn touches(rows: &[TouchRow]) -> String {
+/// Every planned touch with its result.
+pub(super) fn touches(rows: &[TouchRow]) -> Markup {
     let heads = ["touch", "sample", "status", "shift (Hz)", "stiffness (MPa)", "class", "reason"];
     let row = |row: &TouchRow| {
         let pair = |value: Option<f64>, sigma: Option<f64>| {
-            value.zip(sigma).map_or_else(dash, |(value, sigma)| with_sigma(value, sigma))
+            value.zip(sigma).map_or_else(dash, |(value, sigma)| text(with_sigma(value, sigma)))
         };
-        let status = match row.status {
-            TouchStatus::Measured => row.status.describe().to_owned(),
-            other => format!("<span class=\"fault\">{}</span>", other.describe()),
-        };
+        let status = row.status.describe();
         vec![
-            Escaped(&row.step).to_string(),
-            Escaped(&row.sample).to_string(),
-            status,
+            text(&row.step),
+            text(&row.sample),
+            if row.status == TouchStatus::Measured { text(status) } else { fault(status) },
             pair(row.shift_hz, row.shift_sigma_hz),
             pair(row.stiffness_mpa, row.stiffness_sigma_mpa),
-            row.class.as_deref().map_or_else(dash, |class| Escaped(class).to_string()),
-            Escaped(row.reason.as_deref().unwrap_or_default()).to_string(),
+            row.class.as_ref().map_or_else(dash, text),
+            text(row.reason.as_deref().unwrap_or_default()),
         ]
     };
     let rows: Vec<_> = rows.iter().map(row).collect();
     let caption = "Every planned touch, in order. The stiffness is that of the touch by itself, with \
-                   the uncertainty of the calibration; the class is the sample for whose cluster a \
-                   blind touch was taken.";
-    let table = table(caption, &heads.map(str::to_owned), &rows);
-    format!("<div class=\"log touches\">\n{table}</div>\n")
+                   the uncertainty of the calibration; the class of a blind touch is the sample \
+                   that its cluster stands for.";
+    html! { div.log.touches { (table(caption, &heads, &rows)) } }
 }
 
-/// What persons were asked and did, and what went wrong.
-pub(crate) fn log(data: &RunData) -> String {
-    let heads = ["rig time", "kind", "what", "step"].map(str::to_owned);
+/// Prompts, commands, faults and refused sweeps, in order.
+pub(super) fn log(data: &RunData) -> Markup {
+    let heads = ["rig time", "kind", "event", "step"];
     let mut rows = Vec::new();
     for entry in &data.log {
         let time = clock((entry.rig_us - data.begin_us) as f64 * 1e-6);
-        let class = if entry.kind == LogKind::Fault { " class=\"fault\"" } else { "" };
-        let mut kind = String::new();
-        add(&mut kind, format_args!("<span{class}>{}</span>", entry.kind.name()));
-        let step = Escaped(entry.step.as_deref().unwrap_or_default()).to_string();
-        rows.push(vec![time, kind, Escaped(&entry.text).to_string(), step]);
+        let kind = match entry.kind {
+            LogKind::Fault => fault(entry.kind.name()),
+            kind => html! { span { (kind.name()) } },
+        };
+        let step = entry.step.as_deref().unwrap_or_default();
+        rows.push(vec![text(time), kind, text(&entry.text), text(step)]);
     }
-    let table = table("What was asked, done and refused, in order.", &heads, &rows);
-    format!("<div class=\"log\">\n{table}</div>\n")
-}
-
-/// What stands where there is nothing.
-pub(crate) fn dash() -> String {
-    "–".to_owned()
+    html! { div.log { (table("Prompts, commands, faults and refused sweeps, in order.", &heads, &rows)) } }
 }

@@ -190,7 +190,7 @@ fn not_reached(run: &Run, data: &RunData, planned: &PlannedTouch) -> String {
             format!("a fault ended the run{during}{cause}")
         }
         RunStatus::Interrupted | RunStatus::Ended(Ending::Interrupted) => {
-            format!("rigd ended{during}, before the run did")
+            format!("rigd ended{during}, before the end of the run")
         }
         RunStatus::Ended(Ending::Completed | Ending::CompletedWithRefusals) => {
             "its record is missing from the journal".to_owned()
