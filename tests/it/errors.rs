@@ -98,7 +98,7 @@ fn an_error_is_told_once_with_all_its_causes() {
     check(&reopen, "the port was lost: line 1: cannot be opened");
     let asked = rig_analyzer::AnalyzerError::Line {
         asked: "*IDN?".into(),
-        wrong_end: None,
+        unexpected_terminator: None,
         intruders: Vec::new(),
         source: late(),
     };

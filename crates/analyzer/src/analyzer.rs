@@ -4,7 +4,8 @@ use rig_link::{Port, StopSignal, Transcript};
 use rig_model::{DriveLevel, Reading, RigTime, SweepPoint};
 
 use crate::{
-    AnalyzerError, Dialect, Identity, Terms, dialect::CommandSet, point::Shot, trace, wire::Wire,
+    AnalyzerError, Dialect, Identity, TransportSettings, dialect::CommandSet,
+    instrument_port::InstrumentPort, point::TriggerSettings, trace,
 };
 
 /// The longest settling that is waited for, s.
@@ -20,13 +21,13 @@ const TRIES: usize = 3;
 /// An impedance analyzer and its port.
 ///
 /// ```text
-///          ┌────────────────── lost or strange answer ──────────────────┐
-///          ▼                                                            │
-///   out of step ── silence, no errors, same identity ──▶ in step ── level ──▶ set up
+///          ┌──────────────────── lost or unexpected answer ───────────────────┐
+///          ▼                                                                  │
+///   unsynchronised ── silence, no errors, same identity ──▶ synchronised ── level ──▶ set up
 /// ```
 #[derive(Debug)]
 pub struct Analyzer {
-    pub(crate) wire: Wire,
+    pub(crate) port: InstrumentPort,
     pub(crate) dialect: &'static Dialect,
     pub(crate) identity: Option<Identity>,
     /// Whether several questions may stand in one message; found out at the first greeting.
@@ -34,12 +35,12 @@ pub struct Analyzer {
     /// Whether it has the option that drives more.
     pub(crate) has_high_power: bool,
     /// Whether the next answer is known to belong to the next question.
-    pub(crate) is_in_step: bool,
+    pub(crate) is_synchronised: bool,
     /// The level to measure at, and whether the instrument has it.
     pub(crate) level: Option<DriveLevel>,
     pub(crate) is_set_up: bool,
     /// What the instrument is set to, as far as it has confirmed.
-    pub(crate) current: Option<Shot>,
+    pub(crate) current: Option<TriggerSettings>,
     /// When its frequency was last set.
     pub(crate) frequency_set_at: RigTime,
 }
@@ -47,18 +48,18 @@ pub struct Analyzer {
 impl Analyzer {
     /// An analyzer of this dialect at this port. Nothing is sent yet.
     pub fn open(port: Port, dialect: &'static Dialect) -> Self {
-        Self::open_with(port, dialect, Terms::default())
+        Self::open_with(port, dialect, TransportSettings::default())
     }
 
     /// The same where terminator and patience are not the usual ones.
-    pub fn open_with(port: Port, dialect: &'static Dialect, terms: Terms) -> Self {
+    pub fn open_with(port: Port, dialect: &'static Dialect, settings: TransportSettings) -> Self {
         Self {
-            wire: Wire::new(port, dialect.quirks, terms),
+            port: InstrumentPort::new(port, dialect.transport, settings),
             dialect,
             identity: None,
             can_chain: None,
             has_high_power: false,
-            is_in_step: false,
+            is_synchronised: false,
             level: None,
             is_set_up: false,
             current: None,
@@ -73,7 +74,7 @@ impl Analyzer {
 
     /// The last frames of the port.
     pub fn transcript(&self) -> Transcript {
-        self.wire.port().transcript()
+        self.port.link().transcript()
     }
 
     /// Finds out who answers.
@@ -82,8 +83,8 @@ impl Analyzer {
     /// [`AnalyzerError::WrongInstrument`] when it is not one of this dialect,
     /// [`AnalyzerError::Swapped`] when it is not the one identified before.
     pub async fn identify(&mut self) -> Result<Identity, AnalyzerError> {
-        self.is_in_step = false;
-        self.persist(async |this| this.get_in_step().await).await
+        self.is_synchronised = false;
+        self.retry(async |this| this.synchronise().await).await
     }
 
     /// Prepares measurements at this level. Does nothing when they are prepared.
@@ -92,18 +93,18 @@ impl Analyzer {
     /// [`AnalyzerError::OutOfRange`] for a level that the instrument cannot give; it was not sent
     /// then. [`AnalyzerError::Refused`], [`AnalyzerError::NotTaken`].
     pub async fn configure(&mut self, level: DriveLevel) -> Result<(), AnalyzerError> {
-        if self.is_in_step && self.is_set_up && self.level == Some(level) {
+        if self.is_synchronised && self.is_set_up && self.level == Some(level) {
             return Ok(());
         }
         // Which options it has is known once it is identified.
-        self.persist(async |this| this.get_in_step().await).await?;
+        self.retry(async |this| this.synchronise().await).await?;
         let (min, max) = self.dialect.make.level_v();
         let high_power = self.dialect.high_power.filter(|_| self.has_high_power);
         let max = high_power.map_or(max, |high_power| high_power.max_v);
         self.within("level in V", level.volt, (min, max))?;
         self.level = Some(level);
         self.is_set_up = false;
-        let done = self.persist(async |this| this.get_set_up().await).await;
+        let done = self.retry(async |this| this.set_up().await).await;
         if done.is_err() {
             self.level = None;
         }
@@ -125,7 +126,7 @@ impl Analyzer {
         stop: &StopSignal,
     ) -> Result<Vec<Reading>, AnalyzerError> {
         if self.level.is_none() {
-            return Err(AnalyzerError::NotConfigured { port: self.wire.name() });
+            return Err(AnalyzerError::NotConfigured { port: self.port.name() });
         }
         let commands = self.dialect.commands;
         let (settle_max_s, cycles_max) = match commands {
@@ -143,10 +144,10 @@ impl Analyzer {
             let rest = &points[done..];
             let more = match commands {
                 _ if stop.is_raised() => Vec::new(),
-                CommandSet::Trace => self.persist(async |this| this.try_trace(rest).await).await?,
+                CommandSet::Trace => self.retry(async |this| this.try_trace(rest).await).await?,
                 CommandSet::Points(commands) => {
                     let first = &rest[0];
-                    self.persist(async |this| this.try_point(commands, first, stop).await).await?
+                    self.retry(async |this| this.try_point(commands, first, stop).await).await?
                 }
             };
             if more.is_empty() {

@@ -21,7 +21,7 @@ pub struct Dialect {
     /// The longest delay between trigger and measurement that it can be told, s.
     pub delay_max_s: f64,
     /// How messages travel.
-    pub quirks: Quirks,
+    pub transport: TransportRules,
     pub(crate) commands: CommandSet,
 }
 
@@ -83,7 +83,7 @@ pub struct HighPower {
 
 /// How messages travel, apart from what they say.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Quirks {
+pub struct TransportRules {
     /// What ends a message to the instrument. What it sends ends with a line feed, and a carriage
     /// return before that is dropped.
     pub ending: Ending,
@@ -133,7 +133,7 @@ pub static HIOKI_IM3536: Dialect = Dialect {
     resolution: Resolution::Digits(5, 0.01),
     high_power: None,
     delay_max_s: hioki::DELAY_MAX_S,
-    quirks: Quirks {
+    transport: TransportRules {
         ending: Ending::CrLf,
         has_headers: true,
         has_error_queue: false,
@@ -142,7 +142,7 @@ pub static HIOKI_IM3536: Dialect = Dialect {
     commands: CommandSet::Points(PointCommands::Hioki),
 };
 
-const SCPI: Quirks = Quirks {
+const SCPI: TransportRules = TransportRules {
     ending: Ending::Lf,
     has_headers: false,
     has_error_queue: true,
@@ -160,7 +160,7 @@ pub static KEYSIGHT_E4980A: Dialect = Dialect {
     resolution: Resolution::Digits(4, 0.0),
     high_power: Some(HighPower { option: "001", max_v: 20.0, switch: None }),
     delay_max_s: lcr::DELAY_MAX_S,
-    quirks: SCPI,
+    transport: SCPI,
     commands: CommandSet::Points(PointCommands::Lcr(&lcr::E4980A)),
 };
 
@@ -176,7 +176,7 @@ pub static HP_4284A: Dialect = Dialect {
     resolution: Resolution::Nearest(0.01),
     high_power: Some(HighPower { option: "001", max_v: 20.0, switch: Some(":OUTPut:HPOWer") }),
     delay_max_s: lcr::OLD_DELAY_MAX_S,
-    quirks: SCPI,
+    transport: SCPI,
     commands: CommandSet::Points(PointCommands::Lcr(&lcr::HP_4284A)),
 };
 
@@ -191,7 +191,7 @@ pub static TONGHUI_TH283X: Dialect = Dialect {
     resolution: Resolution::Digits(4, 0.0),
     high_power: None,
     delay_max_s: lcr::OLD_DELAY_MAX_S,
-    quirks: Quirks { handshake: Handshake::EchoEachCharacter, ..SCPI },
+    transport: TransportRules { handshake: Handshake::EchoEachCharacter, ..SCPI },
     commands: CommandSet::Points(PointCommands::Lcr(&lcr::TH283X)),
 };
 
@@ -206,7 +206,7 @@ pub static KEYSIGHT_E4990A: Dialect = Dialect {
     resolution: Resolution::Step(0.001),
     high_power: None,
     delay_max_s: trace::DELAY_MAX_S,
-    quirks: SCPI,
+    transport: SCPI,
     commands: CommandSet::Trace,
 };
 

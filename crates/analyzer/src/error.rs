@@ -48,12 +48,12 @@ impl fmt::Display for EventStatus {
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum AnalyzerError {
     /// The line failed: what the instrument heard or did is not known.
-    #[error("asked `{asked}`{}{}", in_parentheses(*wrong_end), also(intruders))]
+    #[error("asked `{asked}`{}{}", in_parentheses(*unexpected_terminator), also(intruders))]
     Line {
         /// What was asked.
         asked: Box<str>,
-        /// What came looks whole but for its ending.
-        wrong_end: Option<WrongEnd>,
+        /// The terminator that arrived instead of the expected one.
+        unexpected_terminator: Option<UnexpectedTerminator>,
         /// Programs that have the port open too, where the answer stayed lost.
         intruders: Vec<Holder>,
         /// What happened.
@@ -120,7 +120,7 @@ pub enum AnalyzerError {
         port: Arc<str>,
         /// What was asked.
         asked: Box<str>,
-        /// What an answer looks like.
+        /// The expected form of an answer.
         expected: &'static str,
         /// What came.
         found: Box<str>,
@@ -205,14 +205,14 @@ impl AnalyzerError {
 
 /// An answer that ends otherwise than is expected of this instrument.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum WrongEnd {
+pub enum UnexpectedTerminator {
     /// In a carriage return, where a line feed was expected.
     CrForLf,
     /// In a line feed, where a carriage return was expected.
     LfForCr,
 }
 
-impl fmt::Display for WrongEnd {
+impl fmt::Display for UnexpectedTerminator {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::CrForLf => "the answer ended in CR where LF was expected",
@@ -221,8 +221,8 @@ impl fmt::Display for WrongEnd {
     }
 }
 
-fn in_parentheses(wrong_end: Option<WrongEnd>) -> String {
-    wrong_end.map(|end| format!(" ({end})")).unwrap_or_default()
+fn in_parentheses(unexpected_terminator: Option<UnexpectedTerminator>) -> String {
+    unexpected_terminator.map(|end| format!(" ({end})")).unwrap_or_default()
 }
 
 fn also(intruders: &[Holder]) -> String {

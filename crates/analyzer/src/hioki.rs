@@ -8,7 +8,7 @@ use rig_scpi::{DataError, Datum};
 
 use crate::{
     message::Message,
-    point::{Integration, Shot, measured},
+    point::{Integration, TriggerSettings, measured},
 };
 
 /// The longest trigger delay, s.
@@ -43,15 +43,19 @@ pub(crate) fn integration(cycles: u32) -> Integration {
 }
 
 /// Adds the settings of a shot that differ from those before it.
-pub(crate) fn settings(mut message: Message, shot: &Shot, before: Option<&Shot>) -> Message {
-    if before.is_none_or(|before| before.frequency_hz != shot.frequency_hz) {
-        message = message.set(FREQUENCY, shot.frequency_hz);
+pub(crate) fn settings(
+    mut message: Message,
+    wanted: &TriggerSettings,
+    before: Option<&TriggerSettings>,
+) -> Message {
+    if before.is_none_or(|before| before.frequency_hz != wanted.frequency_hz) {
+        message = message.set(FREQUENCY, wanted.frequency_hz);
     }
-    if before.is_none_or(|before| before.averages != shot.averages) {
-        message = message.set(":AVERaging", shot.averages.into());
+    if before.is_none_or(|before| before.averages != wanted.averages) {
+        message = message.set(":AVERaging", wanted.averages.into());
     }
-    if before.is_none_or(|before| before.delay_s != shot.delay_s) {
-        message = message.set(":TRIGger:DELay", shot.delay_s);
+    if before.is_none_or(|before| before.delay_s != wanted.delay_s) {
+        message = message.set(":TRIGger:DELay", wanted.delay_s);
     }
     message
 }

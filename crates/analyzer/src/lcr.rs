@@ -5,7 +5,7 @@ use rig_scpi::{DataError, Datum};
 
 use crate::{
     message::Message,
-    point::{Integration, Shot, measured},
+    point::{Integration, TriggerSettings, measured},
 };
 
 /// The longest trigger delay, s.
@@ -96,18 +96,18 @@ fn whole_cycles(frequency_hz: f64, times: &[(f64, f64)]) -> u32 {
 /// Adds the settings of a shot that differ from those before it.
 pub(crate) fn settings(
     mut message: Message,
-    shot: &Shot,
-    before: Option<&Shot>,
+    wanted: &TriggerSettings,
+    before: Option<&TriggerSettings>,
     variant: &LcrVariant,
 ) -> Message {
-    if before.is_none_or(|before| before.frequency_hz != shot.frequency_hz) {
-        message = message.set(FREQUENCY, shot.frequency_hz);
+    if before.is_none_or(|before| before.frequency_hz != wanted.frequency_hz) {
+        message = message.set(FREQUENCY, wanted.frequency_hz);
     }
-    if before.is_none_or(|before| before.averages != shot.averages) {
-        message = message.choose(":APERture", "SHORt").number(shot.averages.into());
+    if before.is_none_or(|before| before.averages != wanted.averages) {
+        message = message.choose(":APERture", "SHORt").number(wanted.averages.into());
     }
-    if before.is_none_or(|before| before.delay_s != shot.delay_s) {
-        message = message.set(variant.delay, shot.delay_s);
+    if before.is_none_or(|before| before.delay_s != wanted.delay_s) {
+        message = message.set(variant.delay, wanted.delay_s);
     }
     message
 }

@@ -5,7 +5,7 @@ use rig_scpi::{DataError, Datum};
 
 /// What the instrument is set to for a trigger.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Shot {
+pub(crate) struct TriggerSettings {
     /// As the instrument will round it.
     pub(crate) frequency_hz: f64,
     /// Measurements that one trigger averages.

@@ -12,7 +12,7 @@ use crate::{
     dialect::PointCommands,
     hioki, lcr,
     message::Message,
-    point::{Integration, Shot, mean},
+    point::{Integration, TriggerSettings, mean},
     questions::shown,
 };
 
@@ -30,13 +30,13 @@ impl Analyzer {
         point: &SweepPoint,
         stop: &StopSignal,
     ) -> Result<Vec<Reading>, AnalyzerError> {
-        self.get_set_up().await?;
+        self.set_up().await?;
         let frequency_hz = self.dialect.resolution.round(point.frequency_hz);
         let integration = commands.integration(point.cycles, frequency_hz);
         let delay_s = point.settle_s.min(self.dialect.delay_max_s);
-        let mut shot = Shot { frequency_hz, averages: integration.averages, delay_s };
+        let mut wanted = TriggerSettings { frequency_hz, averages: integration.averages, delay_s };
         let rest_s = point.settle_s - delay_s;
-        if 0.0 < rest_s && !self.settle(commands, &shot, rest_s, stop).await? {
+        if 0.0 < rest_s && !self.settle(commands, &wanted, rest_s, stop).await? {
             return Ok(Vec::new());
         }
         let trigger_s = integration.cycles_per_trigger() / frequency_hz;
@@ -46,11 +46,11 @@ impl Analyzer {
             if stop.is_raised() {
                 return Ok(Vec::new());
             }
-            let (one, found_hz, asked_at) = self.shoot(commands, &shot, trigger_s).await?;
+            let (one, found_hz, asked_at) = self.trigger_once(commands, &wanted, trigger_s).await?;
             measured.push(one);
             first.get_or_insert((found_hz, asked_at));
             // What has settled stays so.
-            shot.delay_s = 0.0;
+            wanted.delay_s = 0.0;
         }
         let Some((found_hz, asked_at)) = first else { return Ok(Vec::new()) };
         let waited_s = asked_at.since(self.frequency_set_at).as_secs_f64();
@@ -68,17 +68,17 @@ impl Analyzer {
     async fn settle(
         &mut self,
         commands: PointCommands,
-        shot: &Shot,
+        wanted: &TriggerSettings,
         seconds: f64,
         stop: &StopSignal,
     ) -> Result<bool, AnalyzerError> {
         let before = self.current.take();
-        let message = commands.settings(Message::new(), shot, before.as_ref());
+        let message = commands.settings(Message::new(), wanted, before.as_ref());
         self.confirm(message).await?;
-        if before.is_none_or(|before| before.frequency_hz != shot.frequency_hz) {
-            self.frequency_set_at = self.wire.port().clock().now();
+        if before.is_none_or(|before| before.frequency_hz != wanted.frequency_hz) {
+            self.frequency_set_at = self.port.link().clock().now();
         }
-        self.current = Some(*shot);
+        self.current = Some(*wanted);
         tokio::select! {
             biased;
             () = stop.raised() => Ok(false),
@@ -87,22 +87,22 @@ impl Analyzer {
     }
 
     /// Sets what is not set, triggers once, and has frequency and status confirmed.
-    async fn shoot(
+    async fn trigger_once(
         &mut self,
         commands: PointCommands,
-        shot: &Shot,
+        wanted: &TriggerSettings,
         trigger_s: f64,
     ) -> Result<(Measured, f64, rig_model::RigTime), AnalyzerError> {
         // Until it has confirmed, nothing is known about its settings.
         let before = self.current.take();
         let frequency_header = commands.frequency_header();
-        let within = self.wire.reply_within()
-            + Duration::from_secs_f64(shot.delay_s + MEASURE_TIMES * trigger_s);
+        let within = self.port.reply_within()
+            + Duration::from_secs_f64(wanted.delay_s + MEASURE_TIMES * trigger_s);
         let deadline = Instant::now() + within;
         let (answers, asked_at, message) = self
             .ask_all(
                 &[
-                    &|m| commands.trigger(commands.settings(m, shot, before.as_ref())),
+                    &|m| commands.trigger(commands.settings(m, wanted, before.as_ref())),
                     &|m| m.query(frequency_header),
                     &|m| m.query("*ESR"),
                 ],
@@ -115,9 +115,9 @@ impl Analyzer {
         let status = self.read_status(&message, status.first())?;
         self.check(&message, status).await?;
         let found_hz = self.number(frequency_header, frequency)?;
-        let tolerance_hz = self.dialect.resolution.tolerance_hz(shot.frequency_hz);
-        if (found_hz - shot.frequency_hz).abs() > tolerance_hz {
-            let (port, wanted) = (self.wire.name(), shot.frequency_hz);
+        let tolerance_hz = self.dialect.resolution.tolerance_hz(wanted.frequency_hz);
+        if (found_hz - wanted.frequency_hz).abs() > tolerance_hz {
+            let (port, wanted) = (self.port.name(), wanted.frequency_hz);
             let what = "frequency in Hz";
             return Err(AnalyzerError::NotTaken { port, what, wanted, found: found_hz });
         }
@@ -126,10 +126,10 @@ impl Analyzer {
             Ok(None) => self.fetch_until(deadline).await?,
             Err(_) => return Err(self.not_a_reading(&message, reading)),
         };
-        if before.is_none_or(|before| before.frequency_hz != shot.frequency_hz) {
+        if before.is_none_or(|before| before.frequency_hz != wanted.frequency_hz) {
             self.frequency_set_at = asked_at;
         }
-        self.current = Some(*shot);
+        self.current = Some(*wanted);
         Ok((measured, found_hz, asked_at))
     }
 
@@ -138,7 +138,7 @@ impl Analyzer {
         loop {
             sleep(POLL).await;
             let (answers, _, message) =
-                self.ask_all(&[&|m| m.query(lcr::FETCH)], self.wire.reply_within()).await?;
+                self.ask_all(&[&|m| m.query(lcr::FETCH)], self.port.reply_within()).await?;
             match lcr::reading(&answers[0]) {
                 Ok(Some(measured)) => return Ok(measured),
                 Ok(None) if Instant::now() < deadline => {}
@@ -150,7 +150,7 @@ impl Analyzer {
     fn not_a_reading(&self, asked: &Message, data: &[Datum]) -> AnalyzerError {
         let found = shown(data);
         let expected = "resistance and reactance in ohm, and a status";
-        self.wire.unexpected(asked, expected, found.as_bytes())
+        self.port.unexpected(asked, expected, found.as_bytes())
     }
 }
 
@@ -162,10 +162,15 @@ impl PointCommands {
         }
     }
 
-    fn settings(self, message: Message, shot: &Shot, before: Option<&Shot>) -> Message {
+    fn settings(
+        self,
+        message: Message,
+        wanted: &TriggerSettings,
+        before: Option<&TriggerSettings>,
+    ) -> Message {
         match self {
-            Self::Hioki => hioki::settings(message, shot, before),
-            Self::Lcr(variant) => lcr::settings(message, shot, before, variant),
+            Self::Hioki => hioki::settings(message, wanted, before),
+            Self::Lcr(variant) => lcr::settings(message, wanted, before, variant),
         }
     }
 

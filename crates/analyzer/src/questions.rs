@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use rig_model::RigTime;
-use rig_scpi::{Datum, ErrorReport, Expect};
+use rig_scpi::{Datum, ErrorReport, ExpectedResponse};
 
-use crate::{Analyzer, AnalyzerError, EventStatus, message::Message, wire::Answered};
+use crate::{Analyzer, AnalyzerError, EventStatus, instrument_port::TimedAnswer, message::Message};
 
 /// More errors than this are not read out of an error queue.
 const REPORTS_MAX: usize = 20;
@@ -18,8 +18,9 @@ impl Analyzer {
     /// was lost from one that was heard.
     pub(crate) async fn confirm(&mut self, message: Message) -> Result<(), AnalyzerError> {
         let message = message.query("*ESR");
-        let answered = self.wire.ask(&message, Expect::Data, self.wire.reply_within()).await?;
-        let status = self.read_status(&message, answered.response.datum().ok().as_ref())?;
+        let answer =
+            self.port.ask(&message, ExpectedResponse::Data, self.port.reply_within()).await?;
+        let status = self.read_status(&message, answer.response.datum().ok().as_ref())?;
         self.check(&message, status).await
     }
 
@@ -32,15 +33,15 @@ impl Analyzer {
     ) -> Result<(Vec<Vec<Datum>>, RigTime, Message), AnalyzerError> {
         let all = questions.iter().fold(Message::new(), |message, ask| ask(message));
         if self.can_chain == Some(true) {
-            let Answered { response, asked_at } =
-                self.wire.ask(&all, Expect::Data, first_within).await?;
+            let TimedAnswer { response, asked_at } =
+                self.port.ask(&all, ExpectedResponse::Data, first_within).await?;
             let answers: Vec<Vec<Datum>> = match response.units() {
                 Ok(units) => units.into_iter().map(|unit| unit.data).collect(),
                 Err(_) => Vec::new(),
             };
             if answers.len() != questions.len() {
                 let expected = "an answer to each question";
-                return Err(self.wire.unexpected(&all, expected, response.bytes()));
+                return Err(self.port.unexpected(&all, expected, response.bytes()));
             }
             return Ok((answers, asked_at, all));
         }
@@ -48,12 +49,12 @@ impl Analyzer {
         let mut first_asked_at = None;
         for ask in questions {
             let message = ask(Message::new());
-            let within = if answers.is_empty() { first_within } else { self.wire.reply_within() };
-            let Answered { response, asked_at } =
-                self.wire.ask(&message, Expect::Data, within).await?;
+            let within = if answers.is_empty() { first_within } else { self.port.reply_within() };
+            let TimedAnswer { response, asked_at } =
+                self.port.ask(&message, ExpectedResponse::Data, within).await?;
             first_asked_at.get_or_insert(asked_at);
             let Ok(data) = response.data() else {
-                return Err(self.wire.unexpected(&message, "one answer", response.bytes()));
+                return Err(self.port.unexpected(&message, "one answer", response.bytes()));
             };
             answers.push(data);
         }
@@ -62,8 +63,9 @@ impl Analyzer {
 
     pub(crate) async fn event_status(&mut self) -> Result<EventStatus, AnalyzerError> {
         let message = Message::new().query("*ESR");
-        let answered = self.wire.ask(&message, Expect::Data, self.wire.reply_within()).await?;
-        self.read_status(&message, answered.response.datum().ok().as_ref())
+        let answer =
+            self.port.ask(&message, ExpectedResponse::Data, self.port.reply_within()).await?;
+        self.read_status(&message, answer.response.datum().ok().as_ref())
     }
 
     pub(crate) fn read_status(
@@ -74,7 +76,7 @@ impl Analyzer {
         let status = datum.and_then(|datum| u8::try_from(datum.integer().ok()?).ok());
         status.map(EventStatus).ok_or_else(|| {
             let found = shown(datum);
-            self.wire.unexpected(asked, "an event status", found.as_bytes())
+            self.port.unexpected(asked, "an event status", found.as_bytes())
         })
     }
 
@@ -85,7 +87,7 @@ impl Analyzer {
         status: EventStatus,
     ) -> Result<(), AnalyzerError> {
         if status.is_power_on() {
-            return Err(AnalyzerError::Restarted { port: self.wire.name() });
+            return Err(AnalyzerError::Restarted { port: self.port.name() });
         }
         if status.is_error() {
             return Err(self.refused(asked.to_string().into(), status).await);
@@ -96,14 +98,15 @@ impl Analyzer {
     pub(crate) async fn refused(&mut self, asked: Box<str>, status: EventStatus) -> AnalyzerError {
         let mut reports = Vec::new();
         let question = Message::new().query(":SYSTem:ERRor");
-        while self.dialect.quirks.has_error_queue && reports.len() < REPORTS_MAX {
-            let answered = self.wire.ask(&question, Expect::Data, self.wire.reply_within()).await;
-            match answered.map(|answered| ErrorReport::parse(&answered.response)) {
+        while self.dialect.transport.has_error_queue && reports.len() < REPORTS_MAX {
+            let answer =
+                self.port.ask(&question, ExpectedResponse::Data, self.port.reply_within()).await;
+            match answer.map(|answer| ErrorReport::parse(&answer.response)) {
                 Ok(Ok(Some(report))) => reports.push(report),
                 _ => break,
             }
         }
-        AnalyzerError::Refused { port: self.wire.name(), asked, status, reports }
+        AnalyzerError::Refused { port: self.port.name(), asked, status, reports }
     }
 
     pub(crate) fn number(&self, asked: &str, data: &[Datum]) -> Result<f64, AnalyzerError> {
@@ -112,7 +115,7 @@ impl Analyzer {
             _ => {
                 let found = shown(data);
                 let asked = Message::new().query(asked);
-                Err(self.wire.unexpected(&asked, "a number", found.as_bytes()))
+                Err(self.port.unexpected(&asked, "a number", found.as_bytes()))
             }
         }
     }

@@ -27,12 +27,12 @@ impl Analyzer {
         &mut self,
         points: &[SweepPoint],
     ) -> Result<Vec<Reading>, AnalyzerError> {
-        self.get_set_up().await?;
-        let (resolution, clock) = (self.dialect.resolution, self.wire.port().clock());
+        self.set_up().await?;
+        let (resolution, clock) = (self.dialect.resolution, self.port.link().clock());
         let tolerance_hz = |hz: f64| resolution.tolerance_hz(hz) + FREQUENCY_TOLERANCE_REL * hz;
         let (trace, run) = Trace::first_of(points, 2.0 * resolution.tolerance_hz(1.0));
         self.confirm(trace.settings(Message::new())).await?;
-        let within = SWEEP_SLACK.max(self.wire.reply_within())
+        let within = SWEEP_SLACK.max(self.port.reply_within())
             + Duration::from_secs_f64(SWEEP_TIMES * trace.duration_s());
         let (_, triggered_at, _) = self.ask_all(&[&Trace::trigger], within).await?;
         let seconds_a_point = clock.now().since(triggered_at).as_secs_f64() / trace.points as f64;
@@ -41,7 +41,7 @@ impl Analyzer {
                 &[&trace::frequencies, &trace::resistances, &trace::reactances, &|m| {
                     m.query("*ESR")
                 }],
-                self.wire.reply_within(),
+                self.port.reply_within(),
             )
             .await?;
         let [frequencies, resistances, reactances, status] = &answers[..] else {
@@ -52,13 +52,13 @@ impl Analyzer {
         let Ok(measured) = trace::readings(resistances, reactances, trace.points) else {
             let found = format!("{} and {} numbers", resistances.len(), reactances.len());
             let expected = "two numbers for each point";
-            return Err(self.wire.unexpected(&message, expected, found.as_bytes()));
+            return Err(self.port.unexpected(&message, expected, found.as_bytes()));
         };
         for (n, wanted) in trace.frequencies_hz().enumerate() {
             let found = frequencies.get(n).and_then(|datum| datum.number().ok());
             let found = found.unwrap_or(f64::NAN);
             if found.is_nan() || tolerance_hz(wanted) < (found - wanted).abs() {
-                let (port, what) = (self.wire.name(), "frequency in Hz");
+                let (port, what) = (self.port.name(), "frequency in Hz");
                 return Err(AnalyzerError::NotTaken { port, what, wanted, found });
             }
         }

@@ -17,7 +17,7 @@ pub enum LineError {
         /// How long it was waited for.
         waited: Duration,
         /// What arrived.
-        arrived: Box<Arrived>,
+        arrived: Box<PartialAnswer>,
     },
     /// The other side takes no bytes.
     #[error("{port}: {bytes} bytes could not be sent within {} ms", waited.as_millis())]
@@ -60,14 +60,14 @@ pub enum LineError {
 
 /// What arrived of an answer that is not whole.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Arrived {
+pub struct PartialAnswer {
     /// All of it.
     pub bytes: Vec<u8>,
     /// From the end of the question to the last byte.
     pub last_after: Duration,
 }
 
-impl fmt::Display for Arrived {
+impl fmt::Display for PartialAnswer {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let n = self.bytes.len();
         if n == 0 {

@@ -17,7 +17,7 @@ mod transport;
 pub use attached::{AttachedPort, Holder, UsbIdentity, attached_ports, holders};
 pub use clock::Clock;
 pub use endpoint::{Endpoint, Plug};
-pub use error::{Arrived, LineError, OpenError, escaped};
+pub use error::{LineError, OpenError, PartialAnswer, escaped};
 pub use port::Port;
 pub use stop::StopSignal;
 pub use transcript::{Flow, Frame, Transcript};

@@ -14,7 +14,8 @@ use tokio::{
 };
 
 use crate::{
-    Arrived, Clock, Endpoint, Flow, Holder, LineError, OpenError, Transcript, Transport, holders,
+    Clock, Endpoint, Flow, Holder, LineError, OpenError, PartialAnswer, Transcript, Transport,
+    holders,
 };
 use rig_model::LineSettings;
 
@@ -254,7 +255,7 @@ impl Port {
             Err(_) => Err(LineError::TimedOut {
                 port: self.name.clone(),
                 waited: deadline - asked,
-                arrived: Box::new(Arrived {
+                arrived: Box::new(PartialAnswer {
                     bytes: answer.clone(),
                     last_after: self.last_activity.saturating_duration_since(asked),
                 }),

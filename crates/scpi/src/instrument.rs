@@ -22,11 +22,11 @@ use crate::{
     grammar::param::Param,
     grammar::parse::{self, Header},
     grammar::scan::Rules,
-    grammar::splitter::{Arrival, MessageSplitter},
+    grammar::splitter::{MessageSplitter, SplitMessage},
     grammar::value::Value,
-    instrument::dialect::{AfterError, AfterQuery, Dialect, Unread},
+    instrument::dialect::{AfterErrorPolicy, AfterQueryPolicy, Dialect, UnreadPolicy},
     instrument::status::Status,
-    instrument::tree::{Arity, Found, Tree},
+    instrument::tree::{Arity, HeaderMatch, Tree},
 };
 use builtin::Builtin;
 use message::Message;
@@ -79,7 +79,7 @@ pub struct Instrument<C> {
 pub struct Session {
     splitter: MessageSplitter,
     message: Message,
-    waiting: Option<Waiting>,
+    blocked_by: Option<BlockedBy>,
     output: Vec<u8>,
 }
 
@@ -89,7 +89,7 @@ impl Session {
         Self {
             splitter: MessageSplitter::with_rules(rules(dialect), dialect.input_limit_bytes),
             message: Message::default(),
-            waiting: None,
+            blocked_by: None,
             output: Vec::new(),
         }
     }
@@ -104,7 +104,7 @@ enum Target<C> {
 
 /// Why the next unit is not carried out yet.
 #[derive(Debug, Clone, PartialEq, Eq)]
-enum Waiting {
+enum BlockedBy {
     /// The host carries out a call. `heading` goes before its answer.
     Call { heading: String },
     /// As above, but the message is gone, and the answer will go nowhere.
@@ -162,13 +162,13 @@ impl<C: Copy> Instrument<C> {
     /// [operations](Self::set_operation_pending).
     pub fn poll(&mut self) -> Option<Call<C>> {
         loop {
-            match &self.session.waiting {
-                Some(Waiting::Call { .. } | Waiting::AbandonedCall) => return None,
+            match &self.session.blocked_by {
+                Some(BlockedBy::Call { .. } | BlockedBy::AbandonedCall) => return None,
                 Some(_) if self.is_operation_pending => return None,
-                Some(Waiting::OperationsThenAnswer) => self.respond("", &[Value::Integer(1)]),
-                Some(Waiting::Operations) | None => {}
+                Some(BlockedBy::OperationsThenAnswer) => self.respond("", &[Value::Integer(1)]),
+                Some(BlockedBy::Operations) | None => {}
             }
-            self.session.waiting = None;
+            self.session.blocked_by = None;
             if !self.session.message.is_running && !self.begin_message() {
                 return None;
             }
@@ -188,12 +188,12 @@ impl<C: Copy> Instrument<C> {
     /// # Panics
     /// When no call is under way: that is a mistake of the host.
     pub fn answer(&mut self, result: Result<Vec<Value>, ScpiError>) {
-        match self.session.waiting.take() {
-            Some(Waiting::Call { heading }) => match result {
+        match self.session.blocked_by.take() {
+            Some(BlockedBy::Call { heading }) => match result {
                 Ok(values) => self.respond(&heading, &values),
                 Err(error) => self.fail(error),
             },
-            Some(Waiting::AbandonedCall) => {}
+            Some(BlockedBy::AbandonedCall) => {}
             _ => panic!("no call is under way"),
         }
     }
@@ -242,8 +242,10 @@ impl<C: Copy> Instrument<C> {
         self.session.message = Message::default();
         self.session.output.clear();
         self.wants_operation_complete = false;
-        self.session.waiting = match self.session.waiting.take() {
-            Some(Waiting::Call { .. } | Waiting::AbandonedCall) => Some(Waiting::AbandonedCall),
+        self.session.blocked_by = match self.session.blocked_by.take() {
+            Some(BlockedBy::Call { .. } | BlockedBy::AbandonedCall) => {
+                Some(BlockedBy::AbandonedCall)
+            }
             _ => None,
         };
     }
@@ -252,7 +254,8 @@ impl<C: Copy> Instrument<C> {
     pub fn status_byte(&self) -> u8 {
         let has_errors = self.errors.as_ref().is_some_and(|errors| !errors.is_empty());
         // Where answers are not fetched, a finished one is on its way and no longer available.
-        let has_output = self.dialect.unread != Unread::Keep && !self.session.output.is_empty();
+        let has_output =
+            self.dialect.unread != UnreadPolicy::Keep && !self.session.output.is_empty();
         self.status.byte(has_errors, has_output || self.session.message.answer.has_data)
     }
 
@@ -275,11 +278,11 @@ impl<C: Copy> Instrument<C> {
         loop {
             match self.session.splitter.next_message(&mut self.session.message.bytes) {
                 None => return false,
-                Some(Arrival::Overrun) => self.report(ScpiError::new(-363)),
-                Some(Arrival::Message) => break,
+                Some(SplitMessage::Overrun) => self.report(ScpiError::new(-363)),
+                Some(SplitMessage::Message) => break,
             }
         }
-        if !self.session.output.is_empty() && self.dialect.unread == Unread::Drop {
+        if !self.session.output.is_empty() && self.dialect.unread == UnreadPolicy::Drop {
             self.session.output.clear();
             self.report_query_error(-410);
         }
@@ -323,7 +326,7 @@ impl<C: Copy> Instrument<C> {
                 Ok(None)
             }
             Target::Host(command) => {
-                self.session.waiting = Some(Waiting::Call { heading });
+                self.session.blocked_by = Some(BlockedBy::Call { heading });
                 let (is_query, suffixes) = (header.is_query, found.suffixes);
                 Ok(Some(Call { command, is_query, suffixes, params }))
             }
@@ -331,7 +334,7 @@ impl<C: Copy> Instrument<C> {
     }
 
     /// What a header from the root means. The host's commands go before the built-in ones.
-    fn find(&self, path: &[u8], header: &Header<'_>) -> Option<(Target<C>, Found)> {
+    fn find(&self, path: &[u8], header: &Header<'_>) -> Option<(Target<C>, HeaderMatch)> {
         if let Some((command, found)) = self.commands.find(path, header) {
             return Some((Target::Host(command), found));
         }
@@ -343,7 +346,7 @@ impl<C: Copy> Instrument<C> {
     fn heading(
         &self,
         target: &Target<C>,
-        found: &Found,
+        found: &HeaderMatch,
         path: &[u8],
         header: &Header<'_>,
     ) -> String {
@@ -359,7 +362,7 @@ impl<C: Copy> Instrument<C> {
     /// Nothing can follow data that only the end of the message ends (IEEE 488.2, 6.5.7.5), and with
     /// some instruments nothing can follow a query.
     fn refuse_after_query(&mut self, header: &Header<'_>) -> Result<(), ScpiError> {
-        if self.session.message.has_query && self.dialect.after_query == AfterQuery::Refuse {
+        if self.session.message.has_query && self.dialect.after_query == AfterQueryPolicy::Refuse {
             self.session.message.skip_rest();
             return Err(ScpiError::new(-400));
         }
@@ -398,14 +401,14 @@ impl<C: Copy> Instrument<C> {
     /// An error in the message that is carried out.
     fn fail(&mut self, error: ScpiError) {
         self.report(error);
-        if self.dialect.after_error == AfterError::SkipMessage {
+        if self.dialect.after_error == AfterErrorPolicy::SkipMessage {
             self.session.message.skip_rest();
         }
     }
 }
 
 /// The data of a header that was found, as far as the tree says what is right.
-fn check(found: &Found, data: &[u8]) -> Result<Vec<Param>, ScpiError> {
+fn check(found: &HeaderMatch, data: &[u8]) -> Result<Vec<Param>, ScpiError> {
     if found.is_out_of_range {
         return Err(ScpiError::new(-114));
     }

@@ -67,7 +67,7 @@ mod controller;
 mod grammar;
 mod instrument;
 
-pub use controller::decoder::{Expect, FrameError, Framing, ResponseDecoder};
+pub use controller::decoder::{ExpectedResponse, FrameError, Framing, ResponseDecoder};
 pub use controller::program::{Program, ProgramError};
 pub use controller::report::{ErrorReport, Identity};
 pub use controller::response::{DataError, Datum, Response, ResponseUnit};
@@ -76,10 +76,12 @@ pub use grammar::list::{ChannelRange, NumericRange};
 pub use grammar::mnemonic::short_form;
 pub use grammar::param::{Limits, Numeric, Param};
 pub use grammar::scan::{Ending, Terminators};
-pub use grammar::splitter::{Arrival, MessageSplitter};
+pub use grammar::splitter::{MessageSplitter, SplitMessage};
 pub use grammar::unit::Unit;
 pub use grammar::value::{INFINITY, NOT_A_NUMBER, RealFormat, Value};
-pub use instrument::dialect::{AfterError, AfterQuery, Dialect, ErrorFormat, QUERY_ERRORS, Unread};
+pub use instrument::dialect::{
+    AfterErrorPolicy, AfterQueryPolicy, Dialect, ErrorFormat, QUERY_ERRORS, UnreadPolicy,
+};
 pub use instrument::pattern::PatternFault;
 pub use instrument::status::{Register, Status};
 pub use instrument::tree::{Node, Tree, TreeError, command, query, setting};

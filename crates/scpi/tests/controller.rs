@@ -2,8 +2,8 @@
 //! of cutting its bytes in two.
 
 use rig_scpi::{
-    DataError, Datum, Ending, ErrorReport, Expect, FrameError, Framing, Identity, Program,
-    ProgramError, Response, ResponseDecoder,
+    DataError, Datum, Ending, ErrorReport, ExpectedResponse, FrameError, Framing, Identity,
+    Program, ProgramError, Response, ResponseDecoder,
 };
 
 /// What came out: the bytes of an answer, or the fault.
@@ -105,7 +105,7 @@ fn a_line_is_taken_as_it_stands() {
     let identity = b"ACME,5\" PROBE,#12345,V1\n";
     for cut in 0..identity.len() {
         let mut decoder = ResponseDecoder::new(Framing::default());
-        decoder.expect(Expect::Line);
+        decoder.expect(ExpectedResponse::Line);
         let (head, tail) = identity.split_at(cut);
         decoder.push(head);
         assert_eq!(decoder.poll(), Ok(None));

@@ -5,7 +5,8 @@ mod meter;
 
 use meter::{Host, standard};
 use rig_scpi::{
-    AfterError, AfterQuery, Dialect, Ending, QUERY_ERRORS, Session, Terminators, Unread, Value,
+    AfterErrorPolicy, AfterQueryPolicy, Dialect, Ending, QUERY_ERRORS, Session, Terminators,
+    UnreadPolicy, Value,
 };
 
 #[track_caller]
@@ -227,7 +228,7 @@ fn errors_fill_the_queue_and_the_last_becomes_an_overflow() {
 #[test]
 fn an_instrument_without_error_queue_reports_in_the_event_register_only() {
     let dialect = Dialect {
-        after_error: AfterError::SkipMessage,
+        after_error: AfterErrorPolicy::SkipMessage,
         ending: Ending::CrLf,
         headers: Some(false),
         ..Dialect::common_only("HIOKI,IM3536,123456789,V1.00")
@@ -261,10 +262,10 @@ fn an_answer_that_was_not_read_follows_the_dialect() {
         (answers, host.say(b"SYST:ERR?\n"), host)
     };
     let none = b"0,\"No error\"\n".to_vec();
-    assert_eq!(answers(Unread::Keep, QUERY_ERRORS).0, b"MA,IN,0,VER\n1\n");
-    let (found, error, _) = answers(Unread::Drop, &[]);
+    assert_eq!(answers(UnreadPolicy::Keep, QUERY_ERRORS).0, b"MA,IN,0,VER\n1\n");
+    let (found, error, _) = answers(UnreadPolicy::Drop, &[]);
     assert_eq!((found, error), (b"1\n".to_vec(), none.clone()));
-    let (found, error, mut host) = answers(Unread::Drop, QUERY_ERRORS);
+    let (found, error, mut host) = answers(UnreadPolicy::Drop, QUERY_ERRORS);
     assert_eq!((found, error), (b"1\n".to_vec(), b"-410,\"Query INTERRUPTED\"\n".to_vec()));
 
     assert_eq!(host.instrument.fetch_output(), None);
@@ -279,7 +280,7 @@ fn an_answer_that_was_not_read_follows_the_dialect() {
 
 #[test]
 fn a_unit_after_a_query_is_refused_where_the_dialect_says_so() {
-    let dialect = Dialect { after_query: AfterQuery::Refuse, ..standard() };
+    let dialect = Dialect { after_query: AfterQueryPolicy::Refuse, ..standard() };
     check_with(&dialect, b"FREQ 200;FREQ?;\n", b"200\n");
     check_with(
         &dialect,

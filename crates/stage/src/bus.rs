@@ -8,14 +8,14 @@ use tokio::sync::{mpsc, oneshot};
 
 use crate::{
     BusError, BusSettings, Health, LineFault, Reply, Request,
-    line::{Canary, Line},
+    line::{CheckRegisters, Line},
 };
 
 /// A way to use a line. All handles reach the same owner, which carries out one request at a time
 /// and each of them to its end, even when whoever asked is gone.
 #[derive(Debug, Clone)]
 pub struct BusHandle {
-    orders: mpsc::Sender<Order>,
+    orders: mpsc::Sender<LineRequest>,
     name: Arc<str>,
     clock: rig_link::Clock,
     transcript: Transcript,
@@ -23,7 +23,7 @@ pub struct BusHandle {
 
 /// What the owner of the line can be told.
 #[derive(Debug)]
-enum Order {
+enum LineRequest {
     Request {
         unit: u8,
         request: Request,
@@ -34,9 +34,9 @@ enum Order {
         request: Request,
         answer: oneshot::Sender<Result<(), BusError>>,
     },
-    Canary {
+    CheckRegisters {
         unit: u8,
-        canary: Option<Canary>,
+        registers: Option<CheckRegisters>,
         answer: oneshot::Sender<()>,
     },
     Health {
@@ -99,7 +99,7 @@ impl BusHandle {
         is_urgent: bool,
     ) -> Result<Reply, BusError> {
         let (answer, answered) = oneshot::channel();
-        self.send(Order::Request { unit, request, is_urgent, answer }).await?;
+        self.send(LineRequest::Request { unit, request, is_urgent, answer }).await?;
         answered.await.map_err(|_| LineFault::Closed)?
     }
 
@@ -121,7 +121,7 @@ impl BusHandle {
     /// [`BusError::Failed`] when the line does not become silent or is lost.
     pub async fn broadcast(&self, request: Request) -> Result<(), BusError> {
         let (answer, answered) = oneshot::channel();
-        self.send(Order::Broadcast { request, answer }).await?;
+        self.send(LineRequest::Broadcast { request, answer }).await?;
         answered.await.map_err(|_| LineFault::Closed)?
     }
 
@@ -131,7 +131,7 @@ impl BusHandle {
     /// [`LineFault::Closed`] when its owner has ended.
     pub async fn health(&self) -> Result<Health, BusError> {
         let (answer, answered) = oneshot::channel();
-        self.send(Order::Health { answer }).await?;
+        self.send(LineRequest::Health { answer }).await?;
         Ok(answered.await.map_err(|_| LineFault::Closed)?)
     }
 
@@ -141,35 +141,39 @@ impl BusHandle {
     ///
     /// # Errors
     /// [`LineFault::Closed`] when the owner of the line has ended.
-    pub async fn set_canary(&self, unit: u8, canary: Option<Canary>) -> Result<(), BusError> {
+    pub async fn set_check_registers(
+        &self,
+        unit: u8,
+        registers: Option<CheckRegisters>,
+    ) -> Result<(), BusError> {
         let (answer, answered) = oneshot::channel();
-        self.send(Order::Canary { unit, canary, answer }).await?;
+        self.send(LineRequest::CheckRegisters { unit, registers, answer }).await?;
         Ok(answered.await.map_err(|_| LineFault::Closed)?)
     }
 
-    async fn send(&self, order: Order) -> Result<(), BusError> {
+    async fn send(&self, order: LineRequest) -> Result<(), BusError> {
         self.orders.send(order).await.map_err(|_| LineFault::Closed.into())
     }
 }
 
-async fn own(mut line: Line, mut inbox: mpsc::Receiver<Order>) {
+async fn own(mut line: Line, mut inbox: mpsc::Receiver<LineRequest>) {
     while let Some(order) = inbox.recv().await {
         // Whoever asked may be gone; the exchange was finished all the same.
         match order {
-            Order::Request { unit, request, is_urgent, answer } => {
+            LineRequest::Request { unit, request, is_urgent, answer } => {
                 if is_urgent {
-                    line.blurt(unit, &request).await;
+                    line.send_urgently(unit, &request).await;
                 }
                 _ = answer.send(line.request(unit, &request).await);
             }
-            Order::Broadcast { request, answer } => {
+            LineRequest::Broadcast { request, answer } => {
                 _ = answer.send(line.broadcast(&request).await);
             }
-            Order::Canary { unit, canary, answer } => {
-                line.set_canary(unit, canary);
+            LineRequest::CheckRegisters { unit, registers, answer } => {
+                line.set_check_registers(unit, registers);
                 _ = answer.send(());
             }
-            Order::Health { answer } => _ = answer.send(line.health()),
+            LineRequest::Health { answer } => _ = answer.send(line.health()),
         }
     }
 }

@@ -58,7 +58,7 @@ impl fmt::Display for Exception {
 /// The device understood and refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{port}: unit {unit} refused to {request}: {exception}")]
-pub struct Refusal {
+pub struct DeviceRefusal {
     /// Name of the port.
     pub port: Arc<str>,
     /// The device.
@@ -143,7 +143,7 @@ fn also(intruders: &[Holder]) -> String {
 pub enum BusError {
     /// The device refused.
     #[error(transparent)]
-    Refused(#[from] Refusal),
+    Refused(#[from] DeviceRefusal),
     /// The line failed.
     #[error(transparent)]
     Failed(#[from] LineFault),

@@ -6,27 +6,27 @@
 
 mod bus;
 mod bus_settings;
+mod drive_reading;
 mod echo;
 mod error;
 mod line;
-mod look;
 pub mod map;
 pub mod maps;
 mod order;
+mod port_loan;
 mod profile;
 mod request;
+mod rotation;
 mod stage;
 mod symptom;
-mod tap;
-mod turn;
 
 pub use bus::BusHandle;
 pub use bus_settings::{BusSettings, Framing, Health};
-pub use error::{BusError, Exception, LineFault, Refusal, StageError};
-pub use line::Canary;
-pub use look::{Alarm, AxisStatus};
+pub use drive_reading::{Alarm, AxisStatus};
+pub use error::{BusError, DeviceRefusal, Exception, LineFault, StageError};
+pub use line::CheckRegisters;
 pub use map::RegisterMap;
 pub use request::{Reply, Request};
+pub use rotation::RotationWrap;
 pub use stage::Stage;
 pub use symptom::Symptom;
-pub use turn::Turn;

@@ -14,8 +14,8 @@ use tokio_modbus::{
 };
 
 use crate::{
-    BusError, BusSettings, Exception, Framing, Health, LineFault, Refusal, Reply, Request, Symptom,
-    tap::Tap,
+    BusError, BusSettings, DeviceRefusal, Exception, Framing, Health, LineFault, Reply, Request,
+    Symptom, port_loan::PortLoan,
 };
 
 /// As many bytes as this between two exchanges are a frame that nobody asked for; fewer are the
@@ -32,7 +32,7 @@ const BROADCAST: u8 = 0;
 /// in which it is asked, so that once this answer has come, every earlier one has too, however late
 /// it was.
 #[derive(Debug, Clone)]
-pub struct Canary {
+pub struct CheckRegisters {
     /// Reads them.
     pub request: Request,
     /// What they hold; None while it is not known, when any answer of their length will do.
@@ -40,7 +40,7 @@ pub struct Canary {
 }
 
 /// What is wrong with one exchange.
-enum Trouble {
+enum ExchangeFault {
     /// The device refused; the line is fine.
     Refused(Exception),
     /// The answer cannot be used, of which these bytes came.
@@ -61,10 +61,10 @@ enum Trouble {
 ///              ▲   reopened when lost,  │
 ///              │   quarantine, silence  │
 ///              └────────────────────────┘
-///   In order again, each device is asked for its canary before it is believed.
+///   In order again, the check registers of each device are read before it is trusted.
 /// ```
 pub(crate) struct Line {
-    tap: Tap,
+    port_loan: PortLoan,
     name: Arc<str>,
     settings: BusSettings,
     /// Between two frames.
@@ -72,7 +72,7 @@ pub(crate) struct Line {
     /// Present while the line is in order. Dropped after any fault, because a late answer would
     /// become the answer to the next request.
     context: Option<Context>,
-    canaries: BTreeMap<u8, Canary>,
+    check_registers: BTreeMap<u8, CheckRegisters>,
     /// The devices that have not been recognised since the last fault.
     doubtful: BTreeSet<u8>,
     health: Health,
@@ -82,25 +82,25 @@ impl Line {
     pub(crate) fn new(port: Port, settings: BusSettings) -> Self {
         let name = port.name().clone();
         let silence = settings.silence.unwrap_or_else(|| port.frame_silence());
-        let tap = Tap::new(port, settings.framing == Framing::Rtu);
-        let context = Some(attach(&tap, settings.framing));
+        let port_loan = PortLoan::new(port, settings.framing == Framing::Rtu);
+        let context = Some(attach(&port_loan, settings.framing));
         Self {
-            tap,
+            port_loan,
             name,
             settings,
             silence,
             context,
-            canaries: BTreeMap::new(),
+            check_registers: BTreeMap::new(),
             doubtful: BTreeSet::new(),
             health: Health::default(),
         }
     }
 
     /// By what a device is recognised from now on, if by anything.
-    pub(crate) fn set_canary(&mut self, unit: u8, canary: Option<Canary>) {
-        match canary {
-            Some(canary) => _ = self.canaries.insert(unit, canary),
-            None => _ = self.canaries.remove(&unit),
+    pub(crate) fn set_check_registers(&mut self, unit: u8, registers: Option<CheckRegisters>) {
+        match registers {
+            Some(registers) => _ = self.check_registers.insert(unit, registers),
+            None => _ = self.check_registers.remove(&unit),
         }
     }
 
@@ -116,28 +116,28 @@ impl Line {
         let mut attempts = 0;
         loop {
             attempts += 1;
-            let trouble = match self.attempt(unit, request).await {
+            let fault = match self.attempt(unit, request).await {
                 Ok(reply) => return Ok(reply),
-                Err(trouble) => trouble,
+                Err(fault) => fault,
             };
-            match trouble {
-                Trouble::Refused(Exception::Busy | Exception::Acknowledge)
+            match fault {
+                ExchangeFault::Refused(Exception::Busy | Exception::Acknowledge)
                     if Instant::now() < busy_until =>
                 {
                     // To be busy is an answer, not a failed attempt.
                     attempts -= 1;
                     sleep(self.settings.busy_pause).await;
                 }
-                Trouble::Refused(exception) => {
+                ExchangeFault::Refused(exception) => {
                     self.health.refusals += 1;
                     let (port, request) = (self.name.clone(), request.clone());
-                    return Err(Refusal { port, unit, request, exception }.into());
+                    return Err(DeviceRefusal { port, unit, request, exception }.into());
                 }
-                Trouble::Unusable(symptom, _) if attempts < self.settings.attempts => {
+                ExchangeFault::Unusable(symptom, _) if attempts < self.settings.attempts => {
                     self.health.retries += 1;
                     tracing::warn!(port = %self.name, unit, %request, %symptom, attempts, "again");
                 }
-                Trouble::Unusable(symptom, received) => {
+                ExchangeFault::Unusable(symptom, received) => {
                     self.health.faults += 1;
                     let fault = LineFault::NoAnswer {
                         port: self.name.clone(),
@@ -146,11 +146,11 @@ impl Line {
                         symptom,
                         received: received.into(),
                         attempts,
-                        intruders: self.tap.lock().port.intruders(),
+                        intruders: self.port_loan.lock().port.intruders(),
                     };
                     return Err(fault.into());
                 }
-                Trouble::Fatal(fault) => {
+                ExchangeFault::Fatal(fault) => {
                     self.health.faults += 1;
                     return Err(fault.into());
                 }
@@ -160,8 +160,8 @@ impl Line {
 
     /// Sends a request on a line that is suspect, and waits for no answer: whatever comes is
     /// thrown away before the next request. Does nothing on a line that is in order.
-    pub(crate) async fn blurt(&mut self, unit: u8, request: &Request) {
-        if self.context.is_none() && !self.tap.lock().port.is_lost() {
+    pub(crate) async fn send_urgently(&mut self, unit: u8, request: &Request) {
+        if self.context.is_none() && !self.port_loan.lock().port.is_lost() {
             self.say(unit, request).await;
         }
     }
@@ -169,38 +169,42 @@ impl Line {
     /// Sends to all devices. None of them answers, so that nothing is waited for.
     pub(crate) async fn broadcast(&mut self, request: &Request) -> Result<(), BusError> {
         self.health.requests += 1;
-        self.tap.lock().port.settle(self.silence).await.map_err(LineFault::from)?;
+        self.port_loan.lock().port.settle(self.silence).await.map_err(LineFault::from)?;
         self.say(BROADCAST, request).await;
         Ok(())
     }
 
     /// Sends, and leaves no trace in the library.
     async fn say(&mut self, unit: u8, request: &Request) {
-        self.tap.lock().begin();
-        let mut context = attach(&self.tap, self.settings.framing);
+        self.port_loan.lock().begin();
+        let mut context = attach(&self.port_loan, self.settings.framing);
         context.set_slave(Slave(unit));
         // The call sends at its first poll, and is dropped when it waits.
         _ = timeout(Duration::ZERO, context.call(request.to_wire())).await;
     }
 
-    async fn attempt(&mut self, unit: u8, request: &Request) -> Result<Reply, Trouble> {
+    async fn attempt(&mut self, unit: u8, request: &Request) -> Result<Reply, ExchangeFault> {
         let outcome = self.trust_and_exchange(unit, request).await;
-        if matches!(outcome, Err(Trouble::Unusable(..) | Trouble::Fatal(_))) {
+        if matches!(outcome, Err(ExchangeFault::Unusable(..) | ExchangeFault::Fatal(_))) {
             self.context = None;
         }
         outcome
     }
 
-    async fn trust_and_exchange(&mut self, unit: u8, request: &Request) -> Result<Reply, Trouble> {
+    async fn trust_and_exchange(
+        &mut self,
+        unit: u8,
+        request: &Request,
+    ) -> Result<Reply, ExchangeFault> {
         if self.context.is_some() {
-            let strays = self.tap.lock().port.settle(self.silence).await.map_err(fatal)?;
+            let strays = self.port_loan.lock().port.settle(self.silence).await.map_err(fatal)?;
             if STRAY_FRAME_BYTES <= strays {
                 tracing::warn!(port = %self.name, strays, "bytes that nobody asked for");
                 self.context = None;
             }
         }
         if self.context.is_none() {
-            self.put_in_order().await.map_err(Trouble::Fatal)?;
+            self.put_in_order().await.map_err(ExchangeFault::Fatal)?;
         }
         if self.doubtful.contains(&unit) {
             self.recognise(unit).await?;
@@ -210,45 +214,45 @@ impl Line {
 
     /// Opens the port again where it was lost, and waits until no late answer can arrive.
     async fn put_in_order(&mut self) -> Result<(), LineFault> {
-        self.doubtful.extend(self.canaries.keys());
-        let mut tap = self.tap.lock();
+        self.doubtful.extend(self.check_registers.keys());
+        let mut port_loan = self.port_loan.lock();
         // A new connection cannot carry answers to the requests of the old one.
-        let is_tcp = self.settings.framing == Framing::Tcp && tap.port.can_reopen();
-        if tap.port.is_lost() || is_tcp {
-            let reopened = tap.port.reopen().await;
+        let is_tcp = self.settings.framing == Framing::Tcp && port_loan.port.can_reopen();
+        if port_loan.port.is_lost() || is_tcp {
+            let reopened = port_loan.port.reopen().await;
             reopened.map_err(|source| LineFault::Reopen { source: Arc::new(source) })?;
         }
-        let discarded = tap.port.quarantine(self.settings.quarantine).await?;
-        drop(tap);
+        let discarded = port_loan.port.quarantine(self.settings.quarantine).await?;
+        drop(port_loan);
         tracing::info!(port = %self.name, discarded, "the line is in order again");
-        self.context = Some(attach(&self.tap, self.settings.framing));
+        self.context = Some(attach(&self.port_loan, self.settings.framing));
         Ok(())
     }
 
-    async fn recognise(&mut self, unit: u8) -> Result<(), Trouble> {
-        if let Some(canary) = self.canaries.get(&unit).cloned() {
-            let found = self.exchange(unit, &canary.request).await?;
-            if canary.expected.is_some_and(|expected| expected != found) {
-                let (port, request) = (self.name.clone(), canary.request);
-                return Err(Trouble::Fatal(LineFault::Changed { port, unit, request }));
+    async fn recognise(&mut self, unit: u8) -> Result<(), ExchangeFault> {
+        if let Some(registers) = self.check_registers.get(&unit).cloned() {
+            let found = self.exchange(unit, &registers.request).await?;
+            if registers.expected.is_some_and(|expected| expected != found) {
+                let (port, request) = (self.name.clone(), registers.request);
+                return Err(ExchangeFault::Fatal(LineFault::Changed { port, unit, request }));
             }
-            // The canary was an exchange, and this is the next one.
-            self.tap.lock().port.settle(self.silence).await.map_err(fatal)?;
+            // The check was an exchange; this is the next one.
+            self.port_loan.lock().port.settle(self.silence).await.map_err(fatal)?;
         }
         self.doubtful.remove(&unit);
         Ok(())
     }
 
     /// One request and one answer on a line that is in order and silent.
-    async fn exchange(&mut self, unit: u8, request: &Request) -> Result<Reply, Trouble> {
+    async fn exchange(&mut self, unit: u8, request: &Request) -> Result<Reply, ExchangeFault> {
         let deadline = {
-            let mut tap = self.tap.lock();
-            tap.begin();
+            let mut port_loan = self.port_loan.lock();
+            port_loan.begin();
             let mut bytes = request.wire_len() + request.reply_wire_len();
-            if tap.is_echoing() {
+            if port_loan.is_echoing() {
                 bytes += request.wire_len();
             }
-            Instant::now() + tap.port.duration_of(bytes) + self.settings.reply_within
+            Instant::now() + port_loan.port.duration_of(bytes) + self.settings.reply_within
         };
         let context = self.context.as_mut().expect("the line was put in order");
         context.set_slave(Slave(unit));
@@ -260,36 +264,36 @@ impl Line {
                 Some(reply) => (Ok(reply), request.reply_wire_len()),
                 None => return Err(self.diagnose(unit, request)),
             },
-            Ok(Err(code)) => (Err(Trouble::Refused(Exception::from_code(code.into()))), 5),
+            Ok(Err(code)) => (Err(ExchangeFault::Refused(Exception::from_code(code.into()))), 5),
             // The library calls an answer that is shorter than it says an end of the stream, so
             // that only the port can tell whether it is lost.
             Err(tokio_modbus::Error::Transport(error)) if self.has_failed(&error) => {
-                return Err(fatal(self.tap.lock().port.explain(error)));
+                return Err(fatal(self.port_loan.lock().port.explain(error)));
             }
             Err(_) => return Err(self.diagnose(unit, request)),
         };
-        let surplus = self.tap.lock().n_passed().saturating_sub(length);
+        let surplus = self.port_loan.lock().n_passed().saturating_sub(length);
         if self.settings.framing == Framing::Rtu && STRAY_FRAME_BYTES <= surplus {
-            return Err(Trouble::Unusable(Symptom::Surplus, self.last_frame().1));
+            return Err(ExchangeFault::Unusable(Symptom::Surplus, self.last_frame().1));
         }
         outcome
     }
 
     /// Whether an error is one of the port, and not of the answer that came over it.
     fn has_failed(&self, error: &std::io::Error) -> bool {
-        self.tap.lock().port.is_lost() || error.raw_os_error().is_some()
+        self.port_loan.lock().port.is_lost() || error.raw_os_error().is_some()
     }
 
     /// Says what came in place of an answer.
-    fn diagnose(&self, unit: u8, request: &Request) -> Trouble {
+    fn diagnose(&self, unit: u8, request: &Request) -> ExchangeFault {
         let (sent, received) = self.last_frame();
         let symptom = Symptom::of(self.settings.framing, &sent, &received, unit, request);
-        Trouble::Unusable(symptom, received)
+        ExchangeFault::Unusable(symptom, received)
     }
 
     /// What was sent last, and what came then, from the black box.
     fn last_frame(&self) -> (Vec<u8>, Vec<u8>) {
-        let mut frames = self.tap.lock().port.transcript().frames();
+        let mut frames = self.port_loan.lock().port.transcript().frames();
         let Some(start) = frames.iter().rposition(|frame| frame.flow == Flow::Sent) else {
             return (Vec::new(), Vec::new());
         };
@@ -299,13 +303,13 @@ impl Line {
     }
 }
 
-fn attach(tap: &Tap, framing: Framing) -> Context {
+fn attach(port_loan: &PortLoan, framing: Framing) -> Context {
     match framing {
-        Framing::Rtu => rtu::attach(tap.clone()),
-        Framing::Tcp => tcp::attach(tap.clone()),
+        Framing::Rtu => rtu::attach(port_loan.clone()),
+        Framing::Tcp => tcp::attach(port_loan.clone()),
     }
 }
 
-fn fatal(error: LineError) -> Trouble {
-    Trouble::Fatal(error.into())
+fn fatal(error: LineError) -> ExchangeFault {
+    ExchangeFault::Fatal(error.into())
 }

@@ -67,7 +67,7 @@ pub enum Step {
         /// First register.
         address: u16,
         /// What they become.
-        slots: &'static [Slot],
+        contents: &'static [RegisterContent],
     },
     /// One register.
     Register {
@@ -92,7 +92,7 @@ pub enum Step {
 
 /// What stands in the registers of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Slot {
+pub enum RegisterContent {
     /// A constant in one register.
     Word(u16),
     /// A constant in two registers.
@@ -196,9 +196,9 @@ pub enum AlarmSource {
     },
 }
 
-/// What is put into the drive once: its own soft limits where it has them, kept against a host
-/// that has lost its mind. Their values are known from then on, so that they also serve to
-/// recognise the drive after a fault of the line.
+/// Settings that are written to the drive once: its own soft limits, if it has them, against a
+/// faulty host. Their values are known from then on, so that they also identify the drive after a
+/// fault of the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DriveSettings {
     /// Writes them.
@@ -206,14 +206,14 @@ pub struct DriveSettings {
     /// Reads them back.
     pub read: Block,
     /// What is then found.
-    pub expect: &'static [Slot],
+    pub expect: &'static [RegisterContent],
 }
 
-/// By what a drive of a make is told from whatever else answers: quantities that are never zero in a
-/// drive that is switched on, and that nobody here writes. Makes without a register that names them
-/// have nothing better.
+/// Registers that distinguish a drive of this make from another device: quantities that are never
+/// zero in a drive that is switched on, and that rigd never writes. No make here has a register with
+/// its name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Mark {
+pub struct MakeSignature {
     /// What is read, as people say it, with its unit.
     pub what: &'static str,
     /// Where. Its answer has another length than that to the settings.
@@ -231,9 +231,9 @@ pub struct RegisterMap {
     pub drives: &'static str,
     /// Whether it was tried on no hardware and its sources disagree.
     pub is_to_be_verified: bool,
-    /// By what such a drive is told from another device.
-    pub mark: Mark,
-    /// What one look at the drive reads, in order. The answers to these blocks and to the settings
+    /// Registers that distinguish the drive from another device.
+    pub signature: MakeSignature,
+    /// The blocks of one status reading, in order. The answers to these blocks and to the settings
     /// all have different lengths, so that none is ever taken for another.
     pub status: &'static [Block],
     /// Measured position, counts.

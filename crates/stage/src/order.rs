@@ -5,8 +5,8 @@ use std::time::Duration;
 use rig_model::{Axis, Position, Scale, Unit};
 
 use crate::{
-    RegisterMap, Request, StageError, Turn,
-    map::{AccelerationUnit, Quantity, Route, Slot, SpeedUnit, Step, Width},
+    RegisterMap, Request, RotationWrap, StageError,
+    map::{AccelerationUnit, Quantity, RegisterContent, Route, SpeedUnit, Step, Width},
     profile,
 };
 
@@ -26,14 +26,14 @@ pub(crate) struct Order {
     route: i32,
     /// The soft limits, counts, the lower one first.
     limits: (i32, i32),
-    turn: Option<Turn>,
+    rotation: Option<RotationWrap>,
     counts_per_s: f64,
     counts_per_s2: f64,
 }
 
 /// What a command step is carried out by.
 #[derive(Debug)]
-pub(crate) enum Deed {
+pub(crate) enum StepAction {
     /// A request to the drive.
     Ask(Request),
     /// Waiting while the drive holds the level.
@@ -58,7 +58,7 @@ impl Order {
             acceleration: 0,
             route: 0,
             limits: (a.min(b), a.max(b)),
-            turn: None,
+            rotation: None,
             counts_per_s: 0.0,
             counts_per_s2: 0.0,
         })
@@ -75,7 +75,7 @@ impl Order {
         map: &RegisterMap,
         scale: &Scale<U>,
         axis: &Axis<U>,
-        turn: Option<Turn>,
+        rotation: Option<RotationWrap>,
     ) -> Result<Self, StageError<U>> {
         let max = axis.max_speed_per_s();
         if !(0.0 < speed_per_s && speed_per_s <= max) {
@@ -84,7 +84,7 @@ impl Order {
         let Some(target) = scale.counts(wanted) else {
             return Err(StageError::Uncountable { wanted });
         };
-        let route = turn.map_or(Route::Direct, |turn| turn.route);
+        let route = rotation.map_or(Route::Direct, |rotation| rotation.route);
         let Some(&(_, route)) = map.routes.iter().find(|known| known.0 == route) else {
             return Err(StageError::NoRoute { route, drives: map.drives });
         };
@@ -114,7 +114,7 @@ impl Order {
             speed: whole(speed),
             acceleration: whole(acceleration.max(1.0)),
             route,
-            turn,
+            rotation,
             counts_per_s: speed / per_count_per_s,
             counts_per_s2,
             ..Self::at_rest(scale, axis)?
@@ -123,12 +123,12 @@ impl Order {
 
     /// Whether two counts are the same place.
     pub(crate) fn is_same(&self, a: i32, b: i32) -> bool {
-        self.turn.map_or(a == b, |turn| turn.nearest(a, b) == i64::from(b))
+        self.rotation.map_or(a == b, |rotation| rotation.nearest(a, b) == i64::from(b))
     }
 
     /// A measured count, of all that are the same place the one nearest to the target.
     pub(crate) fn near_target(&self, counts: i32) -> i64 {
-        self.turn.map_or(counts.into(), |turn| turn.nearest(counts, self.target))
+        self.rotation.map_or(counts.into(), |rotation| rotation.nearest(counts, self.target))
     }
 
     /// How long the move takes from a count, from rest to rest.
@@ -144,15 +144,15 @@ impl Order {
 
     fn distance_from(&self, counts: i32) -> f64 {
         let straight = (f64::from(self.target) - f64::from(counts)).abs();
-        self.turn.map_or(straight, |turn| turn.distance(counts, self.target))
+        self.rotation.map_or(straight, |rotation| rotation.distance(counts, self.target))
     }
 
     /// What carries out a step of the command.
-    pub(crate) fn deed(&self, step: Step) -> Deed {
-        Deed::Ask(match step {
-            Step::Hold { ms } => return Deed::Wait(Duration::from_millis(ms.into())),
-            Step::Registers { address, slots } => {
-                Request::WriteRegisters { address, values: self.words(slots) }
+    pub(crate) fn action(&self, step: Step) -> StepAction {
+        StepAction::Ask(match step {
+            Step::Hold { ms } => return StepAction::Wait(Duration::from_millis(ms.into())),
+            Step::Registers { address, contents } => {
+                Request::WriteRegisters { address, values: self.words(contents) }
             }
             Step::Register { address, value } => Request::WriteRegister { address, value },
             Step::Coil { address, is_on } => Request::WriteCoil { address, is_on },
@@ -160,13 +160,13 @@ impl Order {
     }
 
     /// The registers that a command writes.
-    pub(crate) fn words(&self, slots: &[Slot]) -> Vec<u16> {
-        let mut words = Vec::with_capacity(2 * slots.len());
-        for &slot in slots {
-            let (value, width) = match slot {
-                Slot::Word(word) => (i32::from(word), Width::U16),
-                Slot::Long(value) => (value, Width::I32),
-                Slot::Of(quantity, width) => (self.value(quantity), width),
+    pub(crate) fn words(&self, contents: &[RegisterContent]) -> Vec<u16> {
+        let mut words = Vec::with_capacity(2 * contents.len());
+        for &content in contents {
+            let (value, width) = match content {
+                RegisterContent::Word(word) => (i32::from(word), Width::U16),
+                RegisterContent::Long(value) => (value, Width::I32),
+                RegisterContent::Of(quantity, width) => (self.value(quantity), width),
             };
             match width {
                 // A speed or a ramp beyond one register becomes the gentlest that it holds.

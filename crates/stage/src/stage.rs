@@ -7,21 +7,21 @@ use rig_model::{Axis, Position, Scale, Target, Unit};
 use tokio::time::{Instant, sleep, sleep_until};
 
 use crate::{
-    Alarm, AxisStatus, BusError, BusHandle, LineFault, RegisterMap, Reply, Request, StageError,
-    Turn,
-    line::Canary,
-    look::{Look, alarm, number, read_request},
+    Alarm, AxisStatus, BusError, BusHandle, LineFault, RegisterMap, Reply, Request, RotationWrap,
+    StageError,
+    drive_reading::{DriveReading, alarm, number, read_request},
+    line::CheckRegisters,
     map::Step,
-    order::{Deed, Order},
+    order::{Order, StepAction},
 };
 
-/// The least and the longest time between two looks at a moving axis. An alarm on the way is seen
-/// after the longest.
-const LOOK_MIN: Duration = Duration::from_millis(10);
-const LOOK_MAX: Duration = Duration::from_secs(1);
+/// The shortest and the longest time between two readings of a moving axis. An alarm during a move
+/// is seen after the longest at the latest.
+const READ_INTERVAL_MIN: Duration = Duration::from_millis(10);
+const READ_INTERVAL_MAX: Duration = Duration::from_secs(1);
 
-/// The time between two looks at an axis of which it is not known how long it will move.
-const LOOK_HOMING: Duration = Duration::from_millis(250);
+/// The time between two readings of an axis that homes: the duration of homing is unknown.
+const READ_INTERVAL_HOMING: Duration = Duration::from_millis(250);
 
 /// A move may take twice as long as computed, and this much on top, before it is stopped.
 const MOVE_SLACK: Duration = Duration::from_secs(2);
@@ -46,9 +46,9 @@ pub struct Stage<U: Unit> {
     unit: u8,
     scale: Scale<U>,
     axis: Axis<U>,
-    turn: Option<Turn>,
+    rotation: Option<RotationWrap>,
     /// What was seen of the drive last. None until it was identified.
-    seen: Option<Look>,
+    seen: Option<DriveReading>,
 }
 
 impl<U: Unit> Stage<U> {
@@ -60,12 +60,12 @@ impl<U: Unit> Stage<U> {
         scale: Scale<U>,
         axis: Axis<U>,
     ) -> Self {
-        Self { bus, map, unit, scale, axis, turn: None, seen: None }
+        Self { bus, map, unit, scale, axis, rotation: None, seen: None }
     }
 
     /// The same for an axis that comes back to where it was after a turn.
-    pub fn with_turn(self, turn: Turn) -> Self {
-        Self { turn: Some(turn), ..self }
+    pub fn with_rotation(self, rotation: RotationWrap) -> Self {
+        Self { rotation: Some(rotation), ..self }
     }
 
     /// The axis.
@@ -73,9 +73,9 @@ impl<U: Unit> Stage<U> {
         &self.axis
     }
 
-    /// Finds the drive, tells it from another device, puts its settings into it, reads them back, makes it take commands from
-    /// here, and looks at it. From then on it is recognised by the settings after each fault of the
-    /// line. Nothing moves.
+    /// Identifies the drive: checks its signature, writes and reads back its settings, makes it take
+    /// commands from here, and reads its status. After each fault of the line, the settings identify
+    /// it again. Nothing moves.
     ///
     /// # Errors
     /// [`StageError::Bus`] when it does not answer, refuses, or keeps other settings than it was
@@ -84,9 +84,9 @@ impl<U: Unit> Stage<U> {
         let order = Order::at_rest(&self.scale, &self.axis)?;
         let settings = self.map.settings;
         let request = read_request(settings.read);
-        // A drive that was switched off has forgotten by what it was recognised.
+        // A drive that was switched off has lost the settings that identified it.
         self.recognise_by(request.clone(), None).await?;
-        self.tell_from_others().await?;
+        self.check_signature().await?;
         let expected = Reply::Words(order.words(settings.expect));
         if self.ask(request.clone()).await? != expected {
             self.take_all(settings.write, &order).await?;
@@ -101,12 +101,12 @@ impl<U: Unit> Stage<U> {
         self.status().await
     }
 
-    /// Nothing is written to what may be another device.
-    async fn tell_from_others(&self) -> Result<(), StageError<U>> {
-        let (mark, drives) = (self.map.mark, self.map.drives);
-        let reply = self.ask(read_request(mark.read)).await?;
-        for &(address, width, min, max) in mark.ranges {
-            let (what, found) = (mark.what, number(mark.read, &reply, address, width));
+    /// Checks, before anything is written, that the device is a drive of this make.
+    async fn check_signature(&self) -> Result<(), StageError<U>> {
+        let (signature, drives) = (self.map.signature, self.map.drives);
+        let reply = self.ask(read_request(signature.read)).await?;
+        for &(address, width, min, max) in signature.ranges {
+            let (what, found) = (signature.what, number(signature.read, &reply, address, width));
             if found < min || max < found {
                 return Err(StageError::Unrecognised { what, found, min, max, drives });
             }
@@ -119,24 +119,24 @@ impl<U: Unit> Stage<U> {
         request: Request,
         expected: Option<Reply>,
     ) -> Result<(), StageError<U>> {
-        let canary = Some(Canary { request, expected });
-        Ok(self.bus.set_canary(self.unit, canary).await?)
+        let registers = Some(CheckRegisters { request, expected });
+        Ok(self.bus.set_check_registers(self.unit, registers).await?)
     }
 
-    /// Looks at the drive.
+    /// Reads the status of the drive.
     ///
     /// # Errors
     /// [`StageError::Bus`].
     pub async fn status(&mut self) -> Result<AxisStatus<U>, StageError<U>> {
-        let look = self.look().await?;
+        let reading = self.read_drive().await?;
         Ok(AxisStatus {
             at: self.bus.now(),
-            position: self.scale.position(look.position.into()),
-            target: self.scale.position(look.target.into()),
-            is_moving: look.is_moving,
-            is_ready: look.is_ready,
-            is_homed: look.is_homed,
-            alarm: self.alarm_of(&look).await?,
+            position: self.scale.position(reading.position.into()),
+            target: self.scale.position(reading.target.into()),
+            is_moving: reading.is_moving,
+            is_ready: reading.is_ready,
+            is_homed: reading.is_homed,
+            alarm: self.alarm_of(&reading).await?,
         })
     }
 
@@ -151,7 +151,7 @@ impl<U: Unit> Stage<U> {
             return Err(StageError::Unhomed { at });
         }
         // An axis that comes back to where it was after a turn is beyond nothing.
-        if self.turn.is_none() && !self.axis.can_be_at(at) {
+        if self.rotation.is_none() && !self.axis.can_be_at(at) {
             return Err(StageError::BeyondTravel { at, travel });
         }
         Ok(at)
@@ -173,8 +173,8 @@ impl<U: Unit> Stage<U> {
     ) -> Result<Position<U>, StageError<U>> {
         self.believe_position()?;
         let from = self.seen.ok_or(StageError::NotIdentified)?.position;
-        let (wanted, turn) = (target.position(), self.turn);
-        let order = Order::to(wanted, speed_per_s, self.map, &self.scale, &self.axis, turn)?;
+        let (wanted, rotation) = (target.position(), self.rotation);
+        let order = Order::to(wanted, speed_per_s, self.map, &self.scale, &self.axis, rotation)?;
         if stop.is_raised() {
             return Err(self.stopped_at(from));
         }
@@ -182,7 +182,7 @@ impl<U: Unit> Stage<U> {
         self.follow(target, &order, from, stop).await
     }
 
-    /// Waits for the end of a move, with as few looks as its computed duration allows.
+    /// Waits for the end of a move, with as few readings as its computed duration allows.
     async fn follow(
         &mut self,
         target: Target<U>,
@@ -193,43 +193,50 @@ impl<U: Unit> Stage<U> {
         let started = Instant::now();
         let expected = order.duration_from(from);
         let deadline = started + expected.saturating_mul(2) + MOVE_SLACK;
-        let mut next_look = started + expected.clamp(LOOK_MIN, LOOK_MAX);
+        let mut next_reading_at = started + expected.clamp(READ_INTERVAL_MIN, READ_INTERVAL_MAX);
         // Standing still elsewhere is believed only when it lasts.
         let mut still_since = None;
         loop {
-            if !wait(next_look, stop).await {
+            if !wait(next_reading_at, stop).await {
                 return Err(self.stop_and_say().await?);
             }
-            let look = self.look().await?;
-            let at = self.scale.position(order.near_target(look.position));
-            self.refuse_alarm(&look, at).await?;
+            let reading = self.read_drive().await?;
+            let at = self.scale.position(order.near_target(reading.position));
+            self.refuse_alarm(&reading, at).await?;
             let now = Instant::now();
-            if look.is_moving {
+            if reading.is_moving {
                 if deadline <= now {
                     return Err(self.overdue("move", now - started).await?);
                 }
                 still_since = None;
-                next_look = now + order.rest_from(look.position).clamp(LOOK_MIN, LOOK_MAX);
+                next_reading_at = now
+                    + order.rest_from(reading.position).clamp(READ_INTERVAL_MIN, READ_INTERVAL_MAX);
                 continue;
             }
-            let has_target = order.is_same(look.target, order.target);
+            let has_target = order.is_same(reading.target, order.target);
             if has_target && self.axis.is_at(at, target) {
                 return Ok(at);
             }
             let patience = if has_target { SETTLE_WITHIN } else { self.start_within() };
             if *still_since.get_or_insert(now) + patience <= now {
-                return Err(self.not_there(target, order, from, &look));
+                return Err(self.not_there(target, order, from, &reading));
             }
-            next_look = now + LOOK_MIN;
+            next_reading_at = now + READ_INTERVAL_MIN;
         }
     }
 
     /// What it means that the axis stands still and is not at its target.
-    fn not_there(&self, target: Target<U>, order: &Order, from: i32, look: &Look) -> StageError<U> {
+    fn not_there(
+        &self,
+        target: Target<U>,
+        order: &Order,
+        from: i32,
+        reading: &DriveReading,
+    ) -> StageError<U> {
         let wanted = target.position();
-        let at = self.scale.position(order.near_target(look.position));
+        let at = self.scale.position(order.near_target(reading.position));
         let moved = self.scale.position(from.into()).value() - at.value();
-        if !order.is_same(look.target, order.target) || moved.abs() <= self.axis.tolerance() {
+        if !order.is_same(reading.target, order.target) || moved.abs() <= self.axis.tolerance() {
             return StageError::Ignored { wanted, at, hint: self.map.ignored_hint };
         }
         StageError::NotThere { wanted, at, off: (at.value() - wanted.value()).abs() }
@@ -247,22 +254,22 @@ impl<U: Unit> Stage<U> {
         self.command(self.map.home).await?;
         let started = Instant::now();
         let shows_by = started + self.start_within();
-        let mut next_look = shows_by;
+        let mut next_reading_at = shows_by;
         loop {
-            if !wait(next_look, stop).await {
+            if !wait(next_reading_at, stop).await {
                 return Err(self.stop_and_say().await?);
             }
-            let look = self.look().await?;
-            let at = self.scale.position(look.position.into());
-            self.refuse_alarm(&look, at).await?;
+            let reading = self.read_drive().await?;
+            let at = self.scale.position(reading.position.into());
+            self.refuse_alarm(&reading, at).await?;
             let now = Instant::now();
-            if !look.is_moving {
-                return if look.is_homed { Ok(at) } else { Err(StageError::NotHomed { at }) };
+            if !reading.is_moving {
+                return if reading.is_homed { Ok(at) } else { Err(StageError::NotHomed { at }) };
             }
             if started + HOME_WITHIN <= now {
                 return Err(self.overdue("homing", now - started).await?);
             }
-            next_look = now + LOOK_HOMING;
+            next_reading_at = now + READ_INTERVAL_HOMING;
         }
     }
 
@@ -273,13 +280,13 @@ impl<U: Unit> Stage<U> {
     pub async fn stop(&mut self) -> Result<Position<U>, StageError<U>> {
         let order = Order::at_rest(&self.scale, &self.axis)?;
         for &step in self.map.stop {
-            self.take(step, &order, Haste::Urgent).await?;
+            self.take(step, &order, Priority::Urgent).await?;
         }
         let started = Instant::now();
         let at = loop {
-            let look = self.look().await?;
-            let at = self.scale.position(look.position.into());
-            if !look.is_moving {
+            let reading = self.read_drive().await?;
+            let at = self.scale.position(reading.position.into());
+            if !reading.is_moving {
                 break at;
             }
             let waited = started.elapsed();
@@ -287,7 +294,7 @@ impl<U: Unit> Stage<U> {
                 let seconds = waited.as_secs_f64();
                 return Err(StageError::WillNotStop { seconds, at });
             }
-            sleep(LOOK_MIN).await;
+            sleep(READ_INTERVAL_MIN).await;
         };
         self.command(self.map.release_stop).await?;
         Ok(at)
@@ -308,7 +315,7 @@ impl<U: Unit> Stage<U> {
                 Some(alarm) if give_up <= Instant::now() => {
                     return Err(StageError::AlarmPersists { alarm });
                 }
-                Some(_) => sleep(LOOK_MIN).await,
+                Some(_) => sleep(READ_INTERVAL_MIN).await,
             }
         }
     }
@@ -343,37 +350,42 @@ impl<U: Unit> Stage<U> {
 
     async fn take_all(&self, steps: &[Step], order: &Order) -> Result<(), StageError<U>> {
         for &step in steps {
-            self.take(step, order, Haste::None).await?;
+            self.take(step, order, Priority::None).await?;
         }
         Ok(())
     }
 
-    async fn take(&self, step: Step, order: &Order, haste: Haste) -> Result<(), StageError<U>> {
-        match order.deed(step) {
-            Deed::Ask(request) => match haste {
-                Haste::None => self.ask(request).await.map(drop),
-                Haste::Urgent => Ok(self.bus.urge(self.unit, request).await.map(drop)?),
+    async fn take(
+        &self,
+        step: Step,
+        order: &Order,
+        priority: Priority,
+    ) -> Result<(), StageError<U>> {
+        match order.action(step) {
+            StepAction::Ask(request) => match priority {
+                Priority::None => self.ask(request).await.map(drop),
+                Priority::Urgent => Ok(self.bus.urge(self.unit, request).await.map(drop)?),
             },
-            Deed::Wait(duration) => {
+            StepAction::Wait(duration) => {
                 sleep(duration).await;
                 Ok(())
             }
         }
     }
 
-    async fn look(&mut self) -> Result<Look, StageError<U>> {
+    async fn read_drive(&mut self) -> Result<DriveReading, StageError<U>> {
         let mut replies = Vec::with_capacity(self.map.status.len());
         for &block in self.map.status {
             replies.push(self.ask(read_request(block)).await?);
         }
-        let look = Look::new(self.map, &replies);
-        self.seen = Some(look);
-        Ok(look)
+        let reading = DriveReading::new(self.map, &replies);
+        self.seen = Some(reading);
+        Ok(reading)
     }
 
-    async fn alarm_of(&self, look: &Look) -> Result<Option<Alarm>, StageError<U>> {
-        let code = match look.alarm_block {
-            None => look.alarm_code,
+    async fn alarm_of(&self, reading: &DriveReading) -> Result<Option<Alarm>, StageError<U>> {
+        let code = match reading.alarm_block {
+            None => reading.alarm_code,
             Some(block) => match self.ask(read_request(block)).await? {
                 Reply::Words(words) => words[0],
                 Reply::Bits(_) | Reply::Written => unreachable!("a read is answered by words"),
@@ -382,8 +394,12 @@ impl<U: Unit> Stage<U> {
         Ok(alarm(self.map, code))
     }
 
-    async fn refuse_alarm(&self, look: &Look, at: Position<U>) -> Result<(), StageError<U>> {
-        match self.alarm_of(look).await? {
+    async fn refuse_alarm(
+        &self,
+        reading: &DriveReading,
+        at: Position<U>,
+    ) -> Result<(), StageError<U>> {
+        match self.alarm_of(reading).await? {
             None => Ok(()),
             Some(alarm) => Err(StageError::Alarmed { alarm, at }),
         }
@@ -396,7 +412,7 @@ impl<U: Unit> Stage<U> {
 
 /// Whether a request may wait for a line to be in order.
 #[derive(Debug, Clone, Copy)]
-enum Haste {
+enum Priority {
     None,
     Urgent,
 }

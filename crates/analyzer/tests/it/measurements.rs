@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, time::Duration};
 
-use rig_analyzer::{Analyzer, AnalyzerError, HIOKI_IM3536, Terms};
+use rig_analyzer::{Analyzer, AnalyzerError, HIOKI_IM3536, TransportSettings};
 use rig_link::{Clock, Port, StopSignal};
 use rig_model::{
     DriveLevel, LineSettings, Measured, Reading, ReadingFlag, SweepPoint, Terminator, with_causes,
@@ -232,8 +232,8 @@ async fn an_instrument_that_ends_its_lines_otherwise_or_is_slow_is_spoken_to_as_
         let answering = instrument.clone();
         tokio::spawn(async move { serve_ending_in(ending, device, answering, faults).await });
         let port = Port::new("line 2", host, None, Clock::start());
-        let terms = Terms { terminator: Some(terminator), reply_within: slow };
-        let mut analyzer = Analyzer::open_with(port, &HIOKI_IM3536, terms);
+        let settings = TransportSettings { terminator: Some(terminator), reply_within: slow };
+        let mut analyzer = Analyzer::open_with(port, &HIOKI_IM3536, settings);
         let readings = sweep(&mut analyzer, &[200.0]).await.unwrap();
         assert_eq!(readings.len(), 1, "{terminator:?}");
     }
@@ -246,8 +246,9 @@ async fn an_instrument_that_ends_its_lines_otherwise_or_is_slow_is_spoken_to_as_
         }
     });
     let port = Port::new("line 2", host, None, Clock::start());
-    let terms = Terms { terminator: Some(Terminator::Cr), ..Terms::default() };
-    let error = Analyzer::open_with(port, &HIOKI_IM3536, terms).identify().await.unwrap_err();
+    let settings =
+        TransportSettings { terminator: Some(Terminator::Cr), ..TransportSettings::default() };
+    let error = Analyzer::open_with(port, &HIOKI_IM3536, settings).identify().await.unwrap_err();
     let text = with_causes(&error);
     assert!(text.contains("(the answer ended in LF where CR was expected)"), "{text}");
 }

@@ -3,7 +3,7 @@
 //! Advice names what to look at, never a cause that nobody has seen, and what belongs to a serial
 //! line only where there is one. Nothing here moves an axis.
 
-use rig_analyzer::{AnalyzerError, WrongEnd};
+use rig_analyzer::{AnalyzerError, UnexpectedTerminator};
 use rig_link::LineError;
 use rig_stage::{BusError, LineFault, StageError, Symptom};
 
@@ -66,11 +66,15 @@ fn on_analyzer(error: &AnalyzerError, is_serial: bool) -> &'static str {
         AnalyzerError::WrongInstrument { .. } | AnalyzerError::Swapped { .. } => {
             "name its dialect in the rig file, or connect the instrument that is named there"
         }
-        AnalyzerError::Line { wrong_end: Some(WrongEnd::CrForLf), .. } => {
+        AnalyzerError::Line {
+            unexpected_terminator: Some(UnexpectedTerminator::CrForLf), ..
+        } => {
             "write terminator = \"cr\" in [analyzer] of the rig file, or have the instrument end its \
              answers in LF"
         }
-        AnalyzerError::Line { wrong_end: Some(WrongEnd::LfForCr), .. } => {
+        AnalyzerError::Line {
+            unexpected_terminator: Some(UnexpectedTerminator::LfForCr), ..
+        } => {
             "correct terminator in [analyzer] of the rig file, or have the instrument end its answers \
              in CR"
         }

@@ -2,11 +2,13 @@
 
 use std::{sync::Arc, time::Duration};
 
-use rig_analyzer::{AnalyzerError, Identity, WrongEnd};
-use rig_link::{Arrived, Holder, LineError, OpenError as LinkError};
+use rig_analyzer::{AnalyzerError, Identity, UnexpectedTerminator};
+use rig_link::{Holder, LineError, OpenError as LinkError, PartialAnswer};
 use rig_model::Deg;
 use rig_scpi::FrameError;
-use rig_stage::{Alarm, BusError, Exception, LineFault, Refusal, Request, StageError, Symptom};
+use rig_stage::{
+    Alarm, BusError, DeviceRefusal, Exception, LineFault, Request, StageError, Symptom,
+};
 
 use super::{
     Level::{Ok as Well, Problem, Warning},
@@ -141,11 +143,17 @@ fn an_axis_is_judged_by_how_it_stands() {
 }
 
 /// A question to an analyzer of which these bytes came back.
-fn unanswered(bytes: &[u8], wrong_end: Option<WrongEnd>) -> DeviceError {
-    let arrived = Box::new(Arrived { bytes: bytes.to_vec(), last_after: Duration::ZERO });
+fn unanswered(bytes: &[u8], unexpected_terminator: Option<UnexpectedTerminator>) -> DeviceError {
+    let arrived = Box::new(PartialAnswer { bytes: bytes.to_vec(), last_after: Duration::ZERO });
     let waited = Duration::from_secs(1);
     let source = LineError::TimedOut { port: "port".into(), waited, arrived };
-    AnalyzerError::Line { asked: "*IDN?".into(), wrong_end, intruders: Vec::new(), source }.into()
+    AnalyzerError::Line {
+        asked: "*IDN?".into(),
+        unexpected_terminator,
+        intruders: Vec::new(),
+        source,
+    }
+    .into()
 }
 
 /// A request to a drive with this in place of an answer.
@@ -172,7 +180,7 @@ fn errors() -> Vec<(DeviceError, &'static str, &'static str)> {
     let request = Request::ReadHolding { address: 1, count: 2 };
     let changed = LineFault::Changed { port: port.clone(), unit: 2, request: request.clone() };
     let exception = Exception::IllegalAddress;
-    let refused = Refusal { port: port.clone(), unit: 2, request, exception };
+    let refused = DeviceRefusal { port: port.clone(), unit: 2, request, exception };
     let found = Box::new(Identity {
         manufacturer: "ACME".to_owned(),
         model: "1".to_owned(),
@@ -190,15 +198,19 @@ fn errors() -> Vec<(DeviceError, &'static str, &'static str)> {
     let lost = |is_serial| LineError::Lost { port: port.clone(), is_serial };
     let gone = |is_serial| AnalyzerError::Line {
         asked: "*IDN?".into(),
-        wrong_end: None,
+        unexpected_terminator: None,
         intruders: Vec::new(),
         source: lost(is_serial),
     };
     vec![
         (unanswered(b"", None), "parity", "port for commands"),
         (unanswered(b"HIO", None), "reply_timeout_s", "reply_timeout_s"),
-        (unanswered(b"a\r", Some(WrongEnd::CrForLf)), "terminator = \"cr\"", "terminator = \"cr\""),
-        (unanswered(b"a\n", Some(WrongEnd::LfForCr)), "terminator", "terminator"),
+        (
+            unanswered(b"a\r", Some(UnexpectedTerminator::CrForLf)),
+            "terminator = \"cr\"",
+            "terminator = \"cr\"",
+        ),
+        (unanswered(b"a\n", Some(UnexpectedTerminator::LfForCr)), "terminator", "terminator"),
         (garbled.into(), "parity", "address and port"),
         (strays.into(), "cable", "network"),
         (gone(true).into(), "cable", "network"),

@@ -2,7 +2,7 @@
 
 use std::{path::PathBuf, sync::Arc, time::Duration};
 
-use rig_analyzer::{Analyzer, AnalyzerError, Dialect, Terms};
+use rig_analyzer::{Analyzer, AnalyzerError, Dialect, TransportSettings};
 use rig_link::{Clock, Endpoint, Port, Transcript};
 use rig_model::{Deg, LineSettings, Mm, Unit};
 use rig_protocol::Prompt;
@@ -198,7 +198,7 @@ impl Ports {
 /// An analyzer as the rig file describes it. A simulated one ends its messages as is usual.
 pub(super) fn analyzer_on(port: Port, file: &RigFile) -> Analyzer {
     let AnalyzerFile { make, terminator, reply_timeout_s, .. } = &file.analyzer;
-    let terms = Terms {
+    let terms = TransportSettings {
         terminator: terminator.filter(|_| file.connection == Connection::Ports),
         reply_within: Duration::from_secs_f64(*reply_timeout_s),
     };

@@ -8,7 +8,7 @@ use libfuzzer_sys::fuzz_target;
 mod meter;
 
 use meter::{Host, standard};
-use rig_scpi::{AfterError, AfterQuery, Dialect, Ending, QUERY_ERRORS, Terminators, Unread};
+use rig_scpi::{AfterErrorPolicy, AfterQueryPolicy, Dialect, Ending, QUERY_ERRORS, Terminators, UnreadPolicy};
 
 fuzz_target!(|input: (u8, Vec<(u8, &[u8])>)| {
     let (flags, steps) = input;
@@ -20,9 +20,9 @@ fuzz_target!(|input: (u8, Vec<(u8, &[u8])>)| {
             Terminators::LineFeedOrCarriageReturn
         },
         strings_span_lines: is(1),
-        after_error: if is(2) { AfterError::Continue } else { AfterError::SkipMessage },
-        after_query: if is(3) { AfterQuery::Continue } else { AfterQuery::Refuse },
-        unread: if is(4) { Unread::Keep } else { Unread::Drop },
+        after_error: if is(2) { AfterErrorPolicy::Continue } else { AfterErrorPolicy::SkipMessage },
+        after_query: if is(3) { AfterQueryPolicy::Continue } else { AfterQueryPolicy::Refuse },
+        unread: if is(4) { UnreadPolicy::Keep } else { UnreadPolicy::Drop },
         query_errors: if is(5) { QUERY_ERRORS } else { &[] },
         headers: if is(6) { Some(true) } else { None },
         input_limit_bytes: if is(7) { 64 } else { 4096 },

@@ -4,7 +4,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use rig_scpi::{
-    Ending, ErrorReport, Expect, FrameError, Framing, Identity, Response, ResponseDecoder,
+    Ending, ErrorReport, ExpectedResponse, FrameError, Framing, Identity, Response, ResponseDecoder,
 };
 
 fuzz_target!(|input: (u8, u8, &[u8])| {
@@ -14,7 +14,7 @@ fuzz_target!(|input: (u8, u8, &[u8])| {
         limit_bytes: if flags & 0x40 == 0 { 1024 } else { 16 },
         allows_indefinite_blocks: flags & 0x80 != 0,
     };
-    let expect = if flags & 0x20 == 0 { Expect::Data } else { Expect::Line };
+    let expect = if flags & 0x20 == 0 { ExpectedResponse::Data } else { ExpectedResponse::Line };
     let (head, tail) = bytes.split_at(usize::from(at).min(bytes.len()));
     let whole = decode(framing, expect, &[bytes]);
     assert_eq!(decode(framing, expect, &[head, tail]), whole);
@@ -36,7 +36,7 @@ fuzz_target!(|input: (u8, u8, &[u8])| {
 
 fn decode(
     framing: Framing,
-    expect: Expect,
+    expect: ExpectedResponse,
     pieces: &[&[u8]],
 ) -> (Vec<Response>, Option<FrameError>) {
     let mut decoder = ResponseDecoder::new(framing);

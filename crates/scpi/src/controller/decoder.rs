@@ -24,7 +24,7 @@ impl Default for Framing {
 
 /// What the next answer looks like.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Expect {
+pub enum ExpectedResponse {
     /// Data, in which endings inside strings and blocks do not count.
     #[default]
     Data,
@@ -80,19 +80,19 @@ pub enum FrameError {
 #[derive(Debug, Clone)]
 pub struct ResponseDecoder {
     framing: Framing,
-    expect: Expect,
+    expect: ExpectedResponse,
     // Invariant: `buffer[start..]` begins with the first byte of an answer, and `scanned` bytes of it
-    // led to `place`.
+    // led to `position`.
     buffer: Vec<u8>,
     start: usize,
     scanned: usize,
-    place: Place,
+    position: Position,
     skips_line_feed: bool,
     fault: Option<FrameError>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Place {
+enum Position {
     DataStart,
     Data,
     Text,
@@ -108,11 +108,11 @@ impl ResponseDecoder {
     pub const fn new(framing: Framing) -> Self {
         Self {
             framing,
-            expect: Expect::Data,
+            expect: ExpectedResponse::Data,
             buffer: Vec::new(),
             start: 0,
             scanned: 0,
-            place: Place::DataStart,
+            position: Position::DataStart,
             skips_line_feed: false,
             fault: None,
         }
@@ -121,7 +121,7 @@ impl ResponseDecoder {
     /// Says what the next answer looks like; data, unless it is said again for each line.
     ///
     /// To be called before its bytes are pushed.
-    pub const fn expect(&mut self, expect: Expect) {
+    pub const fn expect(&mut self, expect: ExpectedResponse) {
         self.expect = expect;
     }
 
@@ -168,7 +168,7 @@ impl ResponseDecoder {
         if self.scanned == 0 {
             return Ok(None);
         }
-        if matches!(self.place, Place::Length { .. } | Place::Block { .. }) {
+        if matches!(self.position, Position::Length { .. } | Position::Block { .. }) {
             let fault = FrameError::BlockLength { offset: self.scanned };
             self.fault = Some(fault);
             return Err(fault);
@@ -198,14 +198,14 @@ impl ResponseDecoder {
         let end = self.start + self.scanned;
         let mut line = &self.buffer[self.start..end - usize::from(has_ending)];
         let is_lf = self.framing.ending != Ending::Cr;
-        if is_lf && self.place != Place::Indefinite {
+        if is_lf && self.position != Position::Indefinite {
             line = line.strip_suffix(b"\r").unwrap_or(line);
         }
         let response = Response::new(line.to_vec());
         self.start = end;
         self.scanned = 0;
-        self.place = Place::DataStart;
-        self.expect = Expect::Data;
+        self.position = Position::DataStart;
+        self.expect = ExpectedResponse::Data;
         self.skips_line_feed = !is_lf;
         // Moving what is left costs as much as it frees at least as often as it is done.
         if self.buffer.len() <= 2 * self.start {
@@ -228,11 +228,11 @@ impl ResponseDecoder {
             }
             let offset = self.scanned;
             let byte = self.buffer[self.start + offset];
-            let place = self.place;
+            let position = self.position;
             self.scanned += 1;
             if self.step(byte, offset)? {
                 // How an answer ended decides whether a carriage return belongs to it.
-                self.place = place;
+                self.position = position;
                 return Ok(true);
             }
         }
@@ -243,9 +243,9 @@ impl ResponseDecoder {
     fn skip(&mut self) -> bool {
         let end = self.buffer.len().min(self.start.saturating_add(self.framing.limit_bytes));
         let window = &self.buffer[self.start + self.scanned..end];
-        let n_skipped = match self.place {
-            Place::Block { left } => left.min(window.len()),
-            Place::Data | Place::DataStart => {
+        let n_skipped = match self.position {
+            Position::Block { left } => left.min(window.len()),
+            Position::Data | Position::DataStart => {
                 window.iter().take_while(|byte| is_plain(**byte)).count()
             }
             _ => 0,
@@ -254,10 +254,10 @@ impl ResponseDecoder {
             return false;
         }
         self.scanned += n_skipped;
-        self.place = match self.place {
-            Place::Block { left } if left == n_skipped => Place::BlockEnd,
-            Place::Block { left } => Place::Block { left: left - n_skipped },
-            _ => Place::Data,
+        self.position = match self.position {
+            Position::Block { left } if left == n_skipped => Position::BlockEnd,
+            Position::Block { left } => Position::Block { left: left - n_skipped },
+            _ => Position::Data,
         };
         true
     }
@@ -268,60 +268,61 @@ impl ResponseDecoder {
             Ending::Lf | Ending::CrLf => byte == b'\n',
             Ending::Cr => byte == b'\r',
         };
-        if is_ending && !(self.place == Place::Text && self.expect == Expect::Data) {
-            return match self.place {
-                Place::Length { .. } => Err(FrameError::BlockLength { offset }),
+        if is_ending && !(self.position == Position::Text && self.expect == ExpectedResponse::Data)
+        {
+            return match self.position {
+                Position::Length { .. } => Err(FrameError::BlockLength { offset }),
                 _ => Ok(true),
             };
         }
-        if self.place == Place::Indefinite {
+        if self.position == Position::Indefinite {
             return Ok(false);
         }
         if !byte.is_ascii() {
             return Err(FrameError::NotAscii { byte, offset });
         }
-        if self.expect == Expect::Line {
+        if self.expect == ExpectedResponse::Line {
             return Ok(false);
         }
-        self.place = match self.place {
-            Place::Text if byte == b'"' => Place::Data,
-            Place::Text => Place::Text,
-            Place::Hash => match byte {
-                b'0' if self.framing.allows_indefinite_blocks => Place::Indefinite,
+        self.position = match self.position {
+            Position::Text if byte == b'"' => Position::Data,
+            Position::Text => Position::Text,
+            Position::Hash => match byte {
+                b'0' if self.framing.allows_indefinite_blocks => Position::Indefinite,
                 b'0' => return Err(FrameError::IndefiniteBlock { offset }),
-                b'1'..=b'9' => Place::Length { n_digits_left: byte - b'0', declared: 0 },
-                _ => Place::Data,
+                b'1'..=b'9' => Position::Length { n_digits_left: byte - b'0', declared: 0 },
+                _ => Position::Data,
             },
-            Place::Length { n_digits_left, declared } => {
+            Position::Length { n_digits_left, declared } => {
                 if !byte.is_ascii_digit() {
                     return Err(FrameError::BlockLength { offset });
                 }
                 self.length(n_digits_left - 1, declared * 10 + usize::from(byte - b'0'))?
             }
-            Place::BlockEnd => match byte {
-                b',' | b';' => Place::DataStart,
-                b'\r' => Place::BlockEnd,
+            Position::BlockEnd => match byte {
+                b',' | b';' => Position::DataStart,
+                b'\r' => Position::BlockEnd,
                 _ => return Err(FrameError::BlockEnd { byte, offset }),
             },
-            Place::DataStart if byte == b'#' => Place::Hash,
+            Position::DataStart if byte == b'#' => Position::Hash,
             _ => match byte {
-                b'"' => Place::Text,
-                b',' | b';' | b' ' => Place::DataStart,
-                _ => Place::Data,
+                b'"' => Position::Text,
+                b',' | b';' | b' ' => Position::DataStart,
+                _ => Position::Data,
             },
         };
         Ok(false)
     }
 
-    fn length(&self, n_digits_left: u8, declared: usize) -> Result<Place, FrameError> {
+    fn length(&self, n_digits_left: u8, declared: usize) -> Result<Position, FrameError> {
         // Refused before it is awaited: a damaged length must not hang the exchange.
         if self.framing.limit_bytes <= declared {
             return Err(FrameError::TooLong { limit_bytes: self.framing.limit_bytes });
         }
         Ok(match (n_digits_left, declared) {
-            (0, 0) => Place::BlockEnd,
-            (0, left) => Place::Block { left },
-            _ => Place::Length { n_digits_left, declared },
+            (0, 0) => Position::BlockEnd,
+            (0, left) => Position::Block { left },
+            _ => Position::Length { n_digits_left, declared },
         })
     }
 }

@@ -46,7 +46,7 @@ pub enum Terminators {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Place {
+enum Position {
     /// Before the header of a unit.
     Blank,
     Header,
@@ -82,7 +82,7 @@ enum Place {
 /// The state between two bytes of a stream.
 #[derive(Debug, Clone)]
 pub(crate) struct Scanner {
-    place: Place,
+    position: Position,
     rules: Rules,
 }
 
@@ -96,7 +96,7 @@ pub(crate) struct Rules {
 
 impl Scanner {
     pub(crate) const fn new(rules: Rules) -> Self {
-        Self { place: Place::Blank, rules }
+        Self { position: Position::Blank, rules }
     }
 
     /// Consumes bytes up to and including the next boundary. `None` when there is none; then all
@@ -104,19 +104,19 @@ impl Scanner {
     pub(crate) fn scan(&mut self, bytes: &[u8]) -> Option<(usize, Boundary)> {
         let mut at = 0;
         while at < bytes.len() {
-            if let Place::Block { left } = self.place {
+            if let Position::Block { left } = self.position {
                 let n_taken = left.min(bytes.len() - at);
                 at += n_taken;
-                self.place = match left - n_taken {
-                    0 => Place::Data,
-                    left => Place::Block { left },
+                self.position = match left - n_taken {
+                    0 => Position::Data,
+                    left => Position::Block { left },
                 };
                 continue;
             }
             let boundary = self.step(bytes[at]);
             at += 1;
             if boundary.is_some() {
-                self.place = Place::Blank;
+                self.position = Position::Blank;
                 return boundary.map(|boundary| (at, boundary));
             }
         }
@@ -129,56 +129,57 @@ impl Scanner {
     }
 
     fn step(&mut self, byte: u8) -> Option<Boundary> {
-        self.place = match self.place {
+        self.position = match self.position {
             // Only in a counted block or a string is a terminator data.
-            Place::Block { left: 0 | 1 } => Place::Data,
-            Place::Block { left } => Place::Block { left: left - 1 },
-            Place::Text { quote, depth }
+            Position::Block { left: 0 | 1 } => Position::Data,
+            Position::Block { left } => Position::Block { left: left - 1 },
+            Position::Text { quote, depth }
                 if self.rules.strings_span_lines || !self.is_terminator(byte) =>
             {
                 match depth {
-                    _ if byte != quote => Place::Text { quote, depth },
-                    0 => Place::TextEnd { quote },
-                    _ => Place::Expression(depth),
+                    _ if byte != quote => Position::Text { quote, depth },
+                    0 => Position::TextEnd { quote },
+                    _ => Position::Expression(depth),
                 }
             }
             _ if self.is_terminator(byte) => return Some(Boundary::Message),
-            Place::Indefinite => return None,
+            Position::Indefinite => return None,
             _ if byte == b';' => return Some(Boundary::Unit),
-            Place::Blank if is_blank(byte) => Place::Blank,
-            Place::Blank | Place::Header => match byte {
-                b',' => Place::DataStart,
-                _ if is_blank(byte) => Place::DataStart,
-                _ => Place::Header,
+            Position::Blank if is_blank(byte) => Position::Blank,
+            Position::Blank | Position::Header => match byte {
+                b',' => Position::DataStart,
+                _ if is_blank(byte) => Position::DataStart,
+                _ => Position::Header,
             },
-            Place::TextEnd { quote } if byte == quote => Place::Text { quote, depth: 0 },
-            Place::DataStart => match byte {
-                b'#' => Place::Hash,
-                b'"' | b'\'' => Place::Text { quote: byte, depth: 0 },
+            Position::TextEnd { quote } if byte == quote => Position::Text { quote, depth: 0 },
+            Position::DataStart => match byte {
+                b'#' => Position::Hash,
+                b'"' | b'\'' => Position::Text { quote: byte, depth: 0 },
                 _ => in_data(byte),
             },
-            Place::Hash => match byte {
-                b'0' => Place::Indefinite,
-                b'1'..=b'9' => Place::Length { n_digits_left: byte - b'0', declared: 0 },
+            Position::Hash => match byte {
+                b'0' => Position::Indefinite,
+                b'1'..=b'9' => Position::Length { n_digits_left: byte - b'0', declared: 0 },
                 _ => in_data(byte),
             },
-            Place::Length { n_digits_left, declared } if byte.is_ascii_digit() => {
+            Position::Length { n_digits_left, declared } if byte.is_ascii_digit() => {
                 let declared = declared * 10 + usize::from(byte - b'0');
                 match (n_digits_left, declared) {
-                    (1, 0) => Place::Data,
-                    (1, left) => Place::Block { left },
-                    _ => Place::Length { n_digits_left: n_digits_left - 1, declared },
+                    (1, 0) => Position::Data,
+                    (1, left) => Position::Block { left },
+                    _ => Position::Length { n_digits_left: n_digits_left - 1, declared },
                 }
             }
-            Place::Length { .. } | Place::TextEnd { .. } | Place::Text { .. } | Place::Data => {
-                in_data(byte)
-            }
-            Place::Expression(depth) => match byte {
-                b'(' => Place::Expression(depth.saturating_add(1)),
-                b')' if depth == 1 => Place::Data,
-                b')' => Place::Expression(depth - 1),
-                b'"' | b'\'' => Place::Text { quote: byte, depth },
-                _ => Place::Expression(depth),
+            Position::Length { .. }
+            | Position::TextEnd { .. }
+            | Position::Text { .. }
+            | Position::Data => in_data(byte),
+            Position::Expression(depth) => match byte {
+                b'(' => Position::Expression(depth.saturating_add(1)),
+                b')' if depth == 1 => Position::Data,
+                b')' => Position::Expression(depth - 1),
+                b'"' | b'\'' => Position::Text { quote: byte, depth },
+                _ => Position::Expression(depth),
             },
         };
         None
@@ -190,11 +191,11 @@ pub(crate) const fn is_blank(byte: u8) -> bool {
     byte <= b' ' && byte != b'\n'
 }
 
-const fn in_data(byte: u8) -> Place {
+const fn in_data(byte: u8) -> Position {
     match byte {
-        b',' => Place::DataStart,
-        b'(' => Place::Expression(1),
-        _ if is_blank(byte) => Place::DataStart,
-        _ => Place::Data,
+        b',' => Position::DataStart,
+        b'(' => Position::Expression(1),
+        _ if is_blank(byte) => Position::DataStart,
+        _ => Position::Data,
     }
 }

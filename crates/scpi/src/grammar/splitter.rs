@@ -6,7 +6,7 @@ use crate::grammar::scan::{Boundary, Rules, Scanner, Terminators, is_blank};
 
 /// What came out of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Arrival {
+pub enum SplitMessage {
     /// A whole message, without its terminator, was written to the buffer of the caller.
     Message,
     /// A message was longer than the room left for it, and is lost: −363.
@@ -24,14 +24,14 @@ pub struct MessageSplitter {
     rules: Rules,
     // The whole messages in `ready`, one behind the other, then the beginning of the next.
     buffer: VecDeque<u8>,
-    ready: VecDeque<Ready>,
+    ready: VecDeque<SplitState>,
     n_partial: usize,
     is_overrun: bool,
     limit_bytes: usize,
 }
 
 #[derive(Debug, Clone, Copy)]
-enum Ready {
+enum SplitState {
     Message { n_bytes: usize },
     Overrun,
 }
@@ -93,13 +93,13 @@ impl MessageSplitter {
     }
 
     /// Writes the next whole message over `message`. Blank messages are passed over.
-    pub fn next_message(&mut self, message: &mut Vec<u8>) -> Option<Arrival> {
+    pub fn next_message(&mut self, message: &mut Vec<u8>) -> Option<SplitMessage> {
         match self.ready.pop_front()? {
-            Ready::Overrun => Some(Arrival::Overrun),
-            Ready::Message { n_bytes } => {
+            SplitState::Overrun => Some(SplitMessage::Overrun),
+            SplitState::Message { n_bytes } => {
                 message.clear();
                 message.extend(self.buffer.drain(..n_bytes));
-                Some(Arrival::Message)
+                Some(SplitMessage::Message)
             }
         }
     }
@@ -119,8 +119,8 @@ impl MessageSplitter {
         if self.is_overrun {
             self.is_overrun = false;
             // Several lost messages in a row are one fault, and need one entry.
-            if !matches!(self.ready.back(), Some(Ready::Overrun)) {
-                self.ready.push_back(Ready::Overrun);
+            if !matches!(self.ready.back(), Some(SplitState::Overrun)) {
+                self.ready.push_back(SplitState::Overrun);
             }
             return;
         }
@@ -129,7 +129,7 @@ impl MessageSplitter {
         if is_empty {
             self.buffer.truncate(start);
         } else {
-            self.ready.push_back(Ready::Message { n_bytes: self.n_partial });
+            self.ready.push_back(SplitState::Message { n_bytes: self.n_partial });
         }
         self.n_partial = 0;
     }

@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use super::{Instrument, Waiting};
+use super::{BlockedBy, Instrument};
 use crate::{
     grammar::error::{ErrorClass, ErrorQueue, ScpiError},
     grammar::param::Param,
@@ -31,21 +31,21 @@ pub(super) enum Builtin {
     Version,
     Preset,
     Header,
-    Event(Which),
-    Condition(Which),
-    Enable(Which),
-    PositiveTransition(Which),
-    NegativeTransition(Which),
+    Event(ScpiRegister),
+    Condition(ScpiRegister),
+    Enable(ScpiRegister),
+    PositiveTransition(ScpiRegister),
+    NegativeTransition(ScpiRegister),
 }
 
 /// One of the two registers of SCPI.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Which {
+pub(super) enum ScpiRegister {
     Operation,
     Questionable,
 }
 
-use Which::{Operation, Questionable};
+use ScpiRegister::{Operation, Questionable};
 
 /// Every built-in command; [`has`] says which of them a dialect knows.
 pub(super) static TREE: LazyLock<Tree<Builtin>> = LazyLock::new(|| {
@@ -123,7 +123,7 @@ impl<C: Copy> Instrument<C> {
     ) -> Result<(), ScpiError> {
         let value = match builtin {
             Builtin::OperationComplete if is_query => {
-                self.session.waiting = Some(Waiting::OperationsThenAnswer);
+                self.session.blocked_by = Some(BlockedBy::OperationsThenAnswer);
                 return Ok(());
             }
             Builtin::NextError => {
@@ -190,7 +190,7 @@ impl<C: Copy> Instrument<C> {
             Builtin::OperationComplete => {
                 self.status.raise(ErrorClass::OperationComplete.event_bit());
             }
-            Builtin::Wait => self.session.waiting = Some(Waiting::Operations),
+            Builtin::Wait => self.session.blocked_by = Some(BlockedBy::Operations),
             Builtin::Preset => self.status.preset(),
             Builtin::EventEnable => self.status.event_enable = byte(param)?,
             Builtin::ServiceEnable => {
@@ -221,7 +221,7 @@ impl<C: Copy> Instrument<C> {
         Ok(())
     }
 
-    fn register(&mut self, which: Which) -> &mut Register {
+    fn register(&mut self, which: ScpiRegister) -> &mut Register {
         match which {
             Operation => &mut self.status.operation,
             Questionable => &mut self.status.questionable,

@@ -28,11 +28,11 @@ pub struct Dialect {
     /// The answer to `SYSTem:VERSion?`; `None` for an instrument that has none.
     pub scpi_version: Option<&'static str>,
     /// What happens to the rest of a message after an error in it.
-    pub after_error: AfterError,
+    pub after_error: AfterErrorPolicy,
     /// What happens to a message after a query in it.
-    pub after_query: AfterQuery,
+    pub after_query: AfterQueryPolicy,
     /// What happens to an answer that was not read when the next message comes.
-    pub unread: Unread,
+    pub unread: UnreadPolicy,
     /// Which of the query errors there are; others pass in silence. See [`QUERY_ERRORS`].
     pub query_errors: &'static [i16],
     /// Most bytes of answers that were not read. More are lost, which is −430.
@@ -47,7 +47,7 @@ pub struct Dialect {
 
 /// What happens to the rest of a message after an error in it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum AfterError {
+pub enum AfterErrorPolicy {
     /// The next unit is carried out.
     #[default]
     Continue,
@@ -57,7 +57,7 @@ pub enum AfterError {
 
 /// What happens to a message after a query in it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum AfterQuery {
+pub enum AfterQueryPolicy {
     /// The next unit is carried out.
     #[default]
     Continue,
@@ -68,7 +68,7 @@ pub enum AfterQuery {
 
 /// What happens to an answer that was not read when the next message comes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Unread {
+pub enum UnreadPolicy {
     /// It stays: on a serial line or a socket it is on its way already.
     #[default]
     Keep,
@@ -103,9 +103,9 @@ impl Dialect {
             error_format: ErrorFormat { has_plus: false, has_info: true },
             has_status_registers: true,
             scpi_version: Some("1999.0"),
-            after_error: AfterError::Continue,
-            after_query: AfterQuery::Continue,
-            unread: Unread::Keep,
+            after_error: AfterErrorPolicy::Continue,
+            after_query: AfterQueryPolicy::Continue,
+            unread: UnreadPolicy::Keep,
             query_errors: &[-430],
             output_limit_bytes: 16 * 1024 * 1024,
             headers: None,

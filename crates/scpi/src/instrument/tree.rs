@@ -119,7 +119,7 @@ pub enum TreeError {
 
 /// What a header says beyond the command it names.
 #[derive(Debug, Clone)]
-pub(crate) struct Found {
+pub(crate) struct HeaderMatch {
     at: usize,
     pub(crate) arity: Arity,
     /// The command can be set and asked for.
@@ -166,7 +166,7 @@ impl<C: Copy> Tree<C> {
     }
 
     /// Looks up the mnemonics of a whole header, from the root.
-    pub(crate) fn find(&self, path: &[u8], header: &Header<'_>) -> Option<(C, Found)> {
+    pub(crate) fn find(&self, path: &[u8], header: &Header<'_>) -> Option<(C, HeaderMatch)> {
         let first = path.split(|byte| *byte == b':').next().unwrap_or(path);
         let stem = split_digits(first).0;
         let start = self.index.partition_point(|(known, _)| cmp_upper(known, stem).is_lt());
@@ -177,11 +177,11 @@ impl<C: Copy> Tree<C> {
     }
 
     /// What an answer to `header` begins with, where answers repeat it.
-    pub(crate) fn heading(&self, found: &Found, path: &[u8]) -> String {
+    pub(crate) fn heading(&self, found: &HeaderMatch, path: &[u8]) -> String {
         self.entries[found.at].pattern.canonical(path) + " "
     }
 
-    fn found(&self, at: usize, path: &[u8], header: &Header<'_>) -> Option<(C, Found)> {
+    fn found(&self, at: usize, path: &[u8], header: &Header<'_>) -> Option<(C, HeaderMatch)> {
         let Entry { pattern, node } = &self.entries[at];
         let arity = if header.is_query { node.query? } else { node.command? };
         if pattern.is_common != header.is_common {
@@ -189,7 +189,7 @@ impl<C: Copy> Tree<C> {
         }
         let Match { suffixes, is_out_of_range } = pattern.matches(path)?;
         let is_setting = node.command.is_some() && node.query.is_some();
-        Some((node.id, Found { at, arity, is_setting, suffixes, is_out_of_range }))
+        Some((node.id, HeaderMatch { at, arity, is_setting, suffixes, is_out_of_range }))
     }
 }
 

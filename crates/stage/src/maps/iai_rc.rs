@@ -10,8 +10,8 @@
 use rig_model::DriveMake;
 
 use crate::map::{
-    AccelerationUnit, AlarmSource, Block, DriveSettings, Field, Flag, Mark, Quantity, RegisterMap,
-    Route, Slot, SpeedUnit, Step, Table, TargetReadBack, Width,
+    AccelerationUnit, AlarmSource, Block, DriveSettings, Field, Flag, MakeSignature, Quantity,
+    RegisterContent, RegisterMap, Route, SpeedUnit, Step, Table, TargetReadBack, Width,
 };
 
 /// From the present position to the system status.
@@ -29,7 +29,7 @@ const PCMD: u16 = 0x9900;
 /// nothing.
 const INP: u16 = 0x9902;
 /// 0.02 mm: narrower than the tolerance of a measurement, and no default of the controller.
-const INP_SLOTS: &[Slot] = &[Slot::Long(2)];
+const INP_SLOTS: &[RegisterContent] = &[RegisterContent::Long(2)];
 
 const SERVO_ON: u16 = 0x0403;
 const ALARM_RESET: u16 = 0x0407;
@@ -46,7 +46,7 @@ pub static IAI_RC: RegisterMap = RegisterMap {
     drives: "IAI RC controllers (PCON, ACON, SCON, ERC)",
     is_to_be_verified: false,
     // A controller that is switched on is ready, or has an alarm or an emergency stop.
-    mark: Mark {
+    signature: MakeSignature {
         what: "device status",
         read: Block { table: Table::Holding, address: DSS1, count: 1 },
         ranges: &[(DSS1, Width::U16, 1, 0xFFFF)],
@@ -75,13 +75,13 @@ pub static IAI_RC: RegisterMap = RegisterMap {
     // The lower word of PCMD starts the move, so that all of it goes in one request.
     start: &[Step::Registers {
         address: PCMD,
-        slots: &[
-            Slot::Of(Quantity::Target, Width::I32),
-            Slot::Long(2), // INP, as above
-            Slot::Of(Quantity::Speed, Width::I32),
-            Slot::Of(Quantity::Acceleration, Width::U16),
-            Slot::Word(0), // PPOW: no pushing
-            Slot::Word(0), // CTLF: absolute, trapezoid
+        contents: &[
+            RegisterContent::Of(Quantity::Target, Width::I32),
+            RegisterContent::Long(2), // INP, as above
+            RegisterContent::Of(Quantity::Speed, Width::I32),
+            RegisterContent::Of(Quantity::Acceleration, Width::U16),
+            RegisterContent::Word(0), // PPOW: no pushing
+            RegisterContent::Word(0), // CTLF: absolute, trapezoid
         ],
     }],
     // On the edge from off to on.
@@ -101,7 +101,7 @@ pub static IAI_RC: RegisterMap = RegisterMap {
         Step::Coil { address: ALARM_RESET, is_on: false },
     ],
     settings: DriveSettings {
-        write: &[Step::Registers { address: INP, slots: INP_SLOTS }],
+        write: &[Step::Registers { address: INP, contents: INP_SLOTS }],
         read: Block { table: Table::Holding, address: INP, count: 2 },
         expect: INP_SLOTS,
     },

@@ -10,8 +10,8 @@
 use rig_model::DriveMake;
 
 use crate::map::{
-    AccelerationUnit, AlarmSource, Block, DriveSettings, Field, Flag, Mark, Quantity, RegisterMap,
-    Route, Slot, SpeedUnit, Step, Table, TargetReadBack, Width,
+    AccelerationUnit, AlarmSource, Block, DriveSettings, Field, Flag, MakeSignature, Quantity,
+    RegisterContent, RegisterMap, Route, SpeedUnit, Step, Table, TargetReadBack, Width,
 };
 
 const STATUS: usize = 0;
@@ -25,8 +25,10 @@ const LIMITS: u16 = 0x6006;
 /// Path 0: mode, position, speed, ramps, pause, trigger.
 const PATH_0: u16 = 0x6200;
 
-const LIMIT_SLOTS: &[Slot] =
-    &[Slot::Of(Quantity::LimitMax, Width::I32), Slot::Of(Quantity::LimitMin, Width::I32)];
+const LIMIT_SLOTS: &[RegisterContent] = &[
+    RegisterContent::Of(Quantity::LimitMax, Width::I32),
+    RegisterContent::Of(Quantity::LimitMin, Width::I32),
+];
 
 /// Leadshine with position registers. A count is one pulse of the resolution set in the drive.
 pub static LEADSHINE_PR: RegisterMap = RegisterMap {
@@ -34,7 +36,7 @@ pub static LEADSHINE_PR: RegisterMap = RegisterMap {
     drives: "Leadshine CL2C-RS, DM556RS, iEM-RS",
     is_to_be_verified: true,
     // A stepping motor has two hundred full steps.
-    mark: Mark {
+    signature: MakeSignature {
         what: "pulses per revolution",
         read: Block { table: Table::Holding, address: 0x0001, count: 1 },
         ranges: &[(0x0001, Width::U16, 200, 0xFFFF)],
@@ -71,14 +73,14 @@ pub static LEADSHINE_PR: RegisterMap = RegisterMap {
     prepare: &[Step::Register { address: 0x000F, value: 1 }],
     start: &[Step::Registers {
         address: PATH_0,
-        slots: &[
-            Slot::Word(1), // absolute positioning
-            Slot::Of(Quantity::Target, Width::I32),
-            Slot::Of(Quantity::Speed, Width::U16),
-            Slot::Of(Quantity::Acceleration, Width::U16),
-            Slot::Of(Quantity::Deceleration, Width::U16),
-            Slot::Word(0),    // no pause
-            Slot::Word(0x10), // run path 0
+        contents: &[
+            RegisterContent::Word(1), // absolute positioning
+            RegisterContent::Of(Quantity::Target, Width::I32),
+            RegisterContent::Of(Quantity::Speed, Width::U16),
+            RegisterContent::Of(Quantity::Acceleration, Width::U16),
+            RegisterContent::Of(Quantity::Deceleration, Width::U16),
+            RegisterContent::Word(0),    // no pause
+            RegisterContent::Word(0x10), // run path 0
         ],
     }],
     home: &[Step::Register { address: TRIGGER, value: 0x20 }],
@@ -88,7 +90,7 @@ pub static LEADSHINE_PR: RegisterMap = RegisterMap {
     reset: &[Step::Register { address: 0x1801, value: 0x1111 }],
     settings: DriveSettings {
         write: &[
-            Step::Registers { address: LIMITS, slots: LIMIT_SLOTS },
+            Step::Registers { address: LIMITS, contents: LIMIT_SLOTS },
             // Soft limits on.
             Step::Register { address: PATH_CONTROL, value: 1 << 1 },
         ],

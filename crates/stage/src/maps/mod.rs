@@ -26,17 +26,17 @@ impl RegisterMap {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::map::{AlarmSource, Block, Field, Flag, Slot, Step, Table, Width};
+    use crate::map::{AlarmSource, Block, Field, Flag, RegisterContent, Step, Table, Width};
 
     fn contains(block: Block, address: u16, n: u16) -> bool {
         block.address <= address && address + n <= block.address + block.count
     }
 
     /// Registers of a slot.
-    fn len(slot: Slot) -> u16 {
-        match slot {
-            Slot::Word(_) | Slot::Of(_, Width::U16) => 1,
-            Slot::Long(_) | Slot::Of(_, Width::I32) => 2,
+    fn len(content: RegisterContent) -> u16 {
+        match content {
+            RegisterContent::Word(_) | RegisterContent::Of(_, Width::U16) => 1,
+            RegisterContent::Long(_) | RegisterContent::Of(_, Width::I32) => 2,
         }
     }
 
@@ -53,12 +53,12 @@ mod tests {
                 let is_word = matches!(block.table, Table::Holding | Table::Input);
                 assert!(flag.bit < if is_word { 16 } else { 1 }, "{}: {flag:?}", map.make);
             };
-            for &(address, width, min, max) in map.mark.ranges {
+            for &(address, width, min, max) in map.signature.ranges {
                 let n = if width == Width::I32 { 2 } else { 1 };
-                assert!(contains(map.mark.read, address, n), "{}: {address:#06x}", map.make);
+                assert!(contains(map.signature.read, address, n), "{}: {address:#06x}", map.make);
                 assert!(0 < min && min <= max, "{}: a drive of zeros would do", map.make);
             }
-            assert_ne!(map.mark.read.count, map.settings.read.count, "{}", map.make);
+            assert_ne!(map.signature.read.count, map.settings.read.count, "{}", map.make);
             field(map.position);
             field(map.target.field());
             for known in [map.moving, map.ready, map.homed] {
@@ -94,8 +94,8 @@ mod tests {
                 map.settings.write,
             ];
             for step in commands.into_iter().flatten() {
-                if let Step::Registers { slots, .. } = step {
-                    let registers: u16 = slots.iter().copied().map(len).sum();
+                if let Step::Registers { contents, .. } = step {
+                    let registers: u16 = contents.iter().copied().map(len).sum();
                     assert!((1..=123).contains(&registers), "{}: {registers}", map.make);
                 }
             }

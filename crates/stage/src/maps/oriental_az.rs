@@ -6,8 +6,8 @@
 use rig_model::DriveMake;
 
 use crate::map::{
-    AccelerationUnit, AlarmSource, Block, DriveSettings, Field, Flag, Mark, Quantity, RegisterMap,
-    Route, Slot, SpeedUnit, Step, Table, TargetReadBack, Width,
+    AccelerationUnit, AlarmSource, Block, DriveSettings, Field, Flag, MakeSignature, Quantity,
+    RegisterContent, RegisterMap, Route, SpeedUnit, Step, Table, TargetReadBack, Width,
 };
 
 /// Lower word of the driver output status, and the present alarm.
@@ -23,10 +23,10 @@ const INPUT_NONE: u16 = 0;
 
 /// The soft limits, with what happens at them.
 const LIMITS: u16 = 0x0386;
-const LIMIT_SLOTS: &[Slot] = &[
-    Slot::Long(1), // decelerate to a stop
-    Slot::Of(Quantity::LimitMax, Width::I32),
-    Slot::Of(Quantity::LimitMin, Width::I32),
+const LIMIT_SLOTS: &[RegisterContent] = &[
+    RegisterContent::Long(1), // decelerate to a stop
+    RegisterContent::Of(Quantity::LimitMax, Width::I32),
+    RegisterContent::Of(Quantity::LimitMin, Width::I32),
 ];
 
 /// Oriental Motor AZ. A count is one step of the resolution set in the drive.
@@ -35,7 +35,7 @@ pub static ORIENTAL_AZ: RegisterMap = RegisterMap {
     drives: "Oriental Motor AZ series",
     is_to_be_verified: false,
     // Neither is ever at the freezing point of water.
-    mark: Mark {
+    signature: MakeSignature {
         what: "temperature of driver or motor in 0.1 °C",
         read: Block { table: Table::Holding, address: 0x00F8, count: 4 },
         ranges: &[(0x00F8, Width::I32, 1, 1200), (0x00FA, Width::I32, 1, 1200)],
@@ -90,15 +90,15 @@ pub static ORIENTAL_AZ: RegisterMap = RegisterMap {
     // Direct data operation: the trigger is the last of the same request.
     start: &[Step::Registers {
         address: 0x0058,
-        slots: &[
-            Slot::Long(0), // operation data number
-            Slot::Of(Quantity::Route, Width::I32),
-            Slot::Of(Quantity::Target, Width::I32),
-            Slot::Of(Quantity::Speed, Width::I32),
-            Slot::Of(Quantity::Acceleration, Width::I32),
-            Slot::Of(Quantity::Deceleration, Width::I32),
-            Slot::Long(1000), // operating current, 0.1 %
-            Slot::Long(1),    // start when all of it has arrived
+        contents: &[
+            RegisterContent::Long(0), // operation data number
+            RegisterContent::Of(Quantity::Route, Width::I32),
+            RegisterContent::Of(Quantity::Target, Width::I32),
+            RegisterContent::Of(Quantity::Speed, Width::I32),
+            RegisterContent::Of(Quantity::Acceleration, Width::I32),
+            RegisterContent::Of(Quantity::Deceleration, Width::I32),
+            RegisterContent::Long(1000), // operating current, 0.1 %
+            RegisterContent::Long(1),    // start when all of it has arrived
         ],
     }],
     home: &[
@@ -109,12 +109,12 @@ pub static ORIENTAL_AZ: RegisterMap = RegisterMap {
     release_stop: &[Step::Register { address: DRIVER_INPUT, value: INPUT_NONE }],
     // On the edge from 0 to 1.
     reset: &[
-        Step::Registers { address: 0x0180, slots: &[Slot::Long(0)] },
-        Step::Registers { address: 0x0180, slots: &[Slot::Long(1)] },
-        Step::Registers { address: 0x0180, slots: &[Slot::Long(0)] },
+        Step::Registers { address: 0x0180, contents: &[RegisterContent::Long(0)] },
+        Step::Registers { address: 0x0180, contents: &[RegisterContent::Long(1)] },
+        Step::Registers { address: 0x0180, contents: &[RegisterContent::Long(0)] },
     ],
     settings: DriveSettings {
-        write: &[Step::Registers { address: LIMITS, slots: LIMIT_SLOTS }],
+        write: &[Step::Registers { address: LIMITS, contents: LIMIT_SLOTS }],
         read: Block { table: Table::Holding, address: LIMITS, count: 6 },
         expect: LIMIT_SLOTS,
     },

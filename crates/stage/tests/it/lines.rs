@@ -9,8 +9,8 @@ use std::{
 use rig_link::{Clock, Endpoint, LineError, Port, Transport};
 use rig_model::LineSettings;
 use rig_stage::{
-    BusError, BusHandle, BusSettings, Canary, Exception, Framing, Health, LineFault, Refusal,
-    Reply, Request, Symptom,
+    BusError, BusHandle, BusSettings, CheckRegisters, DeviceRefusal, Exception, Framing, Health,
+    LineFault, Reply, Request, Symptom,
 };
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt, DuplexStream, duplex},
@@ -119,7 +119,7 @@ async fn a_late_answer_is_taken_by_the_library_and_never_here() {
 async fn recognise(bus: &BusHandle) {
     let request = Request::ReadHolding { address: 0x0386, count: 6 };
     let expected = Some(bus.request(1, request.clone()).await.unwrap());
-    bus.set_canary(1, Some(Canary { request, expected })).await.unwrap();
+    bus.set_check_registers(1, Some(CheckRegisters { request, expected })).await.unwrap();
 }
 
 /// What an echo of something else does to the library, and what it does here.
@@ -246,7 +246,7 @@ async fn what_is_wrong_with_a_line_is_said_in_words() {
     }
     let bus = bus_with(always(Fault::Exception(3)));
     let error = bus.read(1, 0x80, 2).await.unwrap_err();
-    let BusError::Refused(Refusal { exception, .. }) = error else { panic!("{error}") };
+    let BusError::Refused(DeviceRefusal { exception, .. }) = error else { panic!("{error}") };
     assert_eq!(exception, Exception::IllegalValue);
 }
 

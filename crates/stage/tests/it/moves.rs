@@ -11,7 +11,9 @@ use std::{
 
 use rig_link::{Clock, Port, StopSignal};
 use rig_model::{Axis, AxisLimits, DriveMake, LineSettings, Mm, Position, Scale, Span, Target};
-use rig_stage::{BusError, BusHandle, BusSettings, LineFault, Stage, StageError, Turn, map::Route};
+use rig_stage::{
+    BusError, BusHandle, BusSettings, LineFault, RotationWrap, Stage, StageError, map::Route,
+};
 use tokio::time::{Instant, sleep};
 
 use crate::{
@@ -149,12 +151,12 @@ async fn a_move_ends_at_its_target_after_the_time_it_takes() {
 async fn a_move_costs_one_write_and_a_look_a_second() {
     for make in MAKES {
         let (drive, mut stage) = ready(make).await;
-        let looks = make.map.status.len();
+        let reads = make.map.status.len();
         for (mm, seconds) in [(1.0, 1), (0.98, 1), (40.0, 7), (-40.0, 14), (-39.5, 1)] {
             let before = drive.seen().len();
             stage.move_to(target(mm), 6.0, &StopSignal::new()).await.unwrap();
             let requests = drive.seen().len() - before;
-            let expected = 1 + (1 + seconds) * looks;
+            let expected = 1 + (1 + seconds) * reads;
             assert!(requests <= expected, "{} to {mm}: {requests}", make.map.make);
         }
     }
@@ -288,7 +290,7 @@ async fn what_cannot_be_done_is_refused_before_it_is_sent() {
     // One revolution a minute is a tenth of a millimetre a second.
     let error = stage.move_to(target(10.0), 0.09, &stop).await.unwrap_err();
     assert_eq!(error.to_string(), "speed 0.09 mm/s is below the slowest of the drive, 0.1000");
-    let mut turning = stage.with_turn(Turn { counts: 36_000, route: Route::Shortest });
+    let mut turning = stage.with_rotation(RotationWrap { counts: 36_000, route: Route::Shortest });
     let error = turning.move_to(target(10.0), 6.0, &stop).await.unwrap_err();
     assert_eq!(error.to_string(), "Leadshine CL2C-RS, DM556RS, iEM-RS has no route `shortest`");
     assert_eq!(drive.seen().len(), frames);
@@ -400,8 +402,8 @@ async fn homing_ends_when_the_drive_knows_where_it_is() {
 #[tokio::test(start_paused = true)]
 async fn a_turning_axis_is_told_the_route_and_compared_within_a_turn() {
     let drive = Drive::new(&AZ, 1);
-    let turn = Turn { counts: 100_000, route: Route::Shortest };
-    let mut stage = stage_on(&AZ, &drive, []).with_turn(turn);
+    let rotation = RotationWrap { counts: 100_000, route: Route::Shortest };
+    let mut stage = stage_on(&AZ, &drive, []).with_rotation(rotation);
     stage.identify().await.unwrap();
     // 48 mm are 80 000 counts, a fifth of a turn the other way. The scripted drive goes the long
     // way, and ends at the same place.

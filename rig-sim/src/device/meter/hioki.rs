@@ -11,8 +11,8 @@
 mod tests;
 
 use rig_scpi::{
-    AfterError, Call, Dialect, Ending, Limits, Node, Param, RealFormat, ScpiError, Tree, Unit,
-    Value, command, query, setting,
+    AfterErrorPolicy, Call, Dialect, Ending, Limits, Node, Param, RealFormat, ScpiError, Tree,
+    Unit, Value, command, query, setting,
 };
 
 use super::{
@@ -197,7 +197,7 @@ impl Model for Hioki {
         Dialect {
             ending: Ending::CrLf,
             input_limit_bytes: 1024,
-            after_error: AfterError::SkipMessage,
+            after_error: AfterErrorPolicy::SkipMessage,
             headers: Some(false),
             real_format: RealFormat::Scientific { n_decimals: 5, n_exponent: 2, has_plus: false },
             ..Dialect::common_only("HIOKI,IM3536,190512345,V1.21")

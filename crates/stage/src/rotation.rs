@@ -6,14 +6,14 @@ use crate::map::Route;
 ///
 /// The drive must be set to the same turn, and its positions are then compared within one turn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Turn {
+pub struct RotationWrap {
     /// Counts of a whole turn, at least one.
     pub counts: u32,
     /// Which way it goes.
     pub route: Route,
 }
 
-impl Turn {
+impl RotationWrap {
     /// How far it is from one count to another on the way that the axis takes.
     pub(crate) fn distance(self, from: i32, to: i32) -> f64 {
         let turn = i64::from(self.counts.max(1));
@@ -42,7 +42,7 @@ mod tests {
 
     #[test]
     fn the_way_round_is_the_one_that_the_route_says() {
-        let turn = |route| Turn { counts: 36_000, route };
+        let turn = |route| RotationWrap { counts: 36_000, route };
         let rows = [
             (Route::Direct, 1000, 35_000, 34_000.0),
             (Route::Shortest, 1000, 35_000, 2000.0),

@@ -1,19 +1,20 @@
-//! How an analyzer and the host find a common footing, and find it again after a lost answer.
+//! Synchronises host and analyzer, at the start and after a lost answer.
 
 use std::time::Duration;
 
 use rig_link::LineError;
 use rig_model::with_causes;
-use rig_scpi::Expect;
+use rig_scpi::ExpectedResponse;
 
 use crate::{
     Analyzer, AnalyzerError, Identity,
     dialect::{CommandSet, PointCommands},
-    hioki, lcr,
+    hioki,
+    instrument_port::TimedAnswer,
+    lcr,
     message::Message,
     questions::Question,
     trace,
-    wire::Answered,
 };
 
 /// How often a measurement is begun anew after its answer was lost.
@@ -27,8 +28,8 @@ const QUARANTINE: Duration = Duration::from_millis(500);
 const LEVEL_TOLERANCE_REL: f64 = 0.005;
 
 impl Analyzer {
-    /// Does it again from its beginning while the trouble is one that passes.
-    pub(crate) async fn persist<T>(
+    /// Repeats an operation from its beginning while its errors are transient.
+    pub(crate) async fn retry<T>(
         &mut self,
         mut what: impl AsyncFnMut(&mut Self) -> Result<T, AnalyzerError>,
     ) -> Result<T, AnalyzerError> {
@@ -37,12 +38,12 @@ impl Analyzer {
             attempts += 1;
             match what(self).await {
                 Ok(done) => return Ok(done),
-                Err(error) if !is_passing(&error) => {
-                    self.is_in_step &= !is_of_the_line(&error);
+                Err(error) if !is_transient(&error) => {
+                    self.is_synchronised &= !is_of_the_line(&error);
                     return Err(error);
                 }
                 Err(error) => {
-                    self.is_in_step = false;
+                    self.is_synchronised = false;
                     if attempts == ATTEMPTS {
                         return Err(self.explain(error).await);
                     }
@@ -56,35 +57,37 @@ impl Analyzer {
     /// Says why an answer stayed lost. An instrument that ignores the rest of a message after an
     /// error in it is silent too, so that it is asked whether that was so.
     async fn explain(&mut self, error: AnalyzerError) -> AnalyzerError {
-        let AnalyzerError::Line { asked, wrong_end, source, .. } = error else { return error };
-        if self.wire.put_in_order(QUARANTINE).await.is_ok()
+        let AnalyzerError::Line { asked, unexpected_terminator, source, .. } = error else {
+            return error;
+        };
+        if self.port.wait_for_silence(QUARANTINE).await.is_ok()
             && let Ok(status) = self.event_status().await
             && status.is_error()
         {
             return self.refused(asked, status).await;
         }
-        let intruders = self.wire.port().intruders();
-        AnalyzerError::Line { asked, wrong_end, intruders, source }
+        let intruders = self.port.link().intruders();
+        AnalyzerError::Line { asked, unexpected_terminator, intruders, source }
     }
 
-    /// Finds a common footing: silence, no old errors, the instrument that is expected.
-    pub(crate) async fn get_in_step(&mut self) -> Result<Identity, AnalyzerError> {
-        if let (true, Some(identity)) = (self.is_in_step, &self.identity) {
+    /// Synchronises with the instrument: silence, no old errors, the expected identity.
+    pub(crate) async fn synchronise(&mut self) -> Result<Identity, AnalyzerError> {
+        if let (true, Some(identity)) = (self.is_synchronised, &self.identity) {
             return Ok(identity.clone());
         }
         self.is_set_up = false;
-        self.wire.put_in_order(QUARANTINE).await?;
+        self.port.wait_for_silence(QUARANTINE).await?;
         let mut greeting = Message::new();
-        if self.dialect.quirks.has_headers {
+        if self.dialect.transport.has_headers {
             greeting = greeting.choose(":HEADer", "OFF");
         }
         let greeting = greeting.command("*CLS").query("*IDN");
-        let Answered { response, .. } =
-            self.wire.ask(&greeting, Expect::Line, self.wire.reply_within()).await?;
+        let TimedAnswer { response, .. } =
+            self.port.ask(&greeting, ExpectedResponse::Line, self.port.reply_within()).await?;
         let Ok(found) = rig_scpi::Identity::parse(&response).map(Identity::from) else {
-            return Err(self.wire.unexpected(&greeting, "an identity", response.bytes()));
+            return Err(self.port.unexpected(&greeting, "an identity", response.bytes()));
         };
-        let (port, expected) = (self.wire.name(), self.dialect.models);
+        let (port, expected) = (self.port.name(), self.dialect.models);
         if !self.dialect.model_prefixes.iter().any(|prefix| found.model.starts_with(prefix)) {
             let found = Box::new(found);
             return Err(AnalyzerError::WrongInstrument { port, expected, found });
@@ -98,21 +101,21 @@ impl Analyzer {
             self.has_high_power = self.find_high_power().await?;
         }
         self.identity = Some(found.clone());
-        self.is_in_step = true;
+        self.is_synchronised = true;
         Ok(found)
     }
 
     /// Whether two questions in one message get two answers in one line.
     async fn try_chain(&mut self) -> Result<bool, AnalyzerError> {
         let twice = Message::new().query("*ESR").query("*ESR");
-        match self.wire.ask(&twice, Expect::Data, self.wire.reply_within()).await {
-            Ok(answered) if answered.response.bytes() == b"0;0" => return Ok(true),
+        match self.port.ask(&twice, ExpectedResponse::Data, self.port.reply_within()).await {
+            Ok(answer) if answer.response.bytes() == b"0;0" => return Ok(true),
             // One answer or none is what comes where it is not allowed.
             Ok(_) | Err(AnalyzerError::Line { source: LineError::TimedOut { .. }, .. }) => {}
             Err(error) => return Err(error),
         }
         // Where it is not allowed, it was an error. It is read, and forgotten with that.
-        self.wire.put_in_order(QUARANTINE).await?;
+        self.port.wait_for_silence(QUARANTINE).await?;
         self.event_status().await?;
         Ok(false)
     }
@@ -120,16 +123,17 @@ impl Analyzer {
     async fn find_high_power(&mut self) -> Result<bool, AnalyzerError> {
         let Some(high_power) = self.dialect.high_power else { return Ok(false) };
         let options = Message::new().query("*OPT");
-        let answered = self.wire.ask(&options, Expect::Line, self.wire.reply_within()).await?;
-        let text = String::from_utf8_lossy(answered.response.bytes()).into_owned();
+        let answer =
+            self.port.ask(&options, ExpectedResponse::Line, self.port.reply_within()).await?;
+        let text = String::from_utf8_lossy(answer.response.bytes()).into_owned();
         Ok(text.split(',').any(|option| option.trim() == high_power.option))
     }
 
     /// Gives the instrument its settings, if it has lost them or never had them.
-    pub(crate) async fn get_set_up(&mut self) -> Result<(), AnalyzerError> {
-        self.get_in_step().await?;
+    pub(crate) async fn set_up(&mut self) -> Result<(), AnalyzerError> {
+        self.synchronise().await?;
         let Some(level) = self.level else {
-            return Err(AnalyzerError::NotConfigured { port: self.wire.name() });
+            return Err(AnalyzerError::NotConfigured { port: self.port.name() });
         };
         if self.is_set_up {
             return Ok(());
@@ -148,12 +152,12 @@ impl Analyzer {
             self.confirm(message).await?;
         }
         let questions: [Question<'_>; 2] = [&|m| m.query(level_header), &|m| m.query("*ESR")];
-        let (answers, _, asked) = self.ask_all(&questions, self.wire.reply_within()).await?;
+        let (answers, _, asked) = self.ask_all(&questions, self.port.reply_within()).await?;
         let status = self.read_status(&asked, answers[1].first())?;
         self.check(&asked, status).await?;
         let found = self.number(level_header, &answers[0])?;
         if (found - level.volt).abs() > LEVEL_TOLERANCE_REL * level.volt {
-            let (port, wanted) = (self.wire.name(), level.volt);
+            let (port, wanted) = (self.port.name(), level.volt);
             return Err(AnalyzerError::NotTaken { port, what: "level in V", wanted, found });
         }
         self.is_set_up = true;
@@ -163,7 +167,7 @@ impl Analyzer {
 
 /// Whether it makes sense to try again: the answer was lost or damaged, or the instrument was
 /// switched off and on, but it did not refuse.
-const fn is_passing(error: &AnalyzerError) -> bool {
+const fn is_transient(error: &AnalyzerError) -> bool {
     match error {
         AnalyzerError::Line { source, .. } => matches!(source, LineError::TimedOut { .. }),
         AnalyzerError::Answer { .. }

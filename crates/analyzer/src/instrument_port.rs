@@ -4,18 +4,18 @@ use std::{sync::Arc, time::Duration};
 
 use rig_link::{LineError, Port, escaped};
 use rig_model::{RigTime, Terminator};
-use rig_scpi::{Ending, Expect, Framing, Response, ResponseDecoder};
+use rig_scpi::{Ending, ExpectedResponse, Framing, Response, ResponseDecoder};
 use tokio::time::Instant;
 
 use crate::{
-    AnalyzerError, WrongEnd,
-    dialect::{Handshake, Quirks},
+    AnalyzerError, UnexpectedTerminator,
+    dialect::{Handshake, TransportRules},
     message::Message,
 };
 
 /// How messages travel to and from an instrument, where that is set on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Terms {
+pub struct TransportSettings {
     /// What ends a message, either way. What the dialect says where it is None; the answers of all
     /// dialects end in a line feed.
     pub terminator: Option<Terminator>,
@@ -24,7 +24,7 @@ pub struct Terms {
     pub reply_within: Duration,
 }
 
-impl Default for Terms {
+impl Default for TransportSettings {
     fn default() -> Self {
         Self { terminator: None, reply_within: Duration::from_secs(1) }
     }
@@ -38,42 +38,42 @@ const ANSWER_BYTES: usize = 256;
 
 /// A port with an instrument at its end.
 #[derive(Debug)]
-pub(crate) struct Wire {
+pub(crate) struct InstrumentPort {
     port: Port,
-    quirks: Quirks,
-    terms: Terms,
+    transport: TransportRules,
+    settings: TransportSettings,
     decoder: ResponseDecoder,
     /// A question is out whose answer has not come. Whoever asked may have stopped waiting.
-    owes_an_answer: bool,
+    is_answer_pending: bool,
 }
 
 /// An answer, and when the question had left the host.
 #[derive(Debug)]
-pub(crate) struct Answered {
+pub(crate) struct TimedAnswer {
     pub(crate) response: Response,
     pub(crate) asked_at: RigTime,
 }
 
-impl Wire {
-    pub(crate) fn new(port: Port, quirks: Quirks, terms: Terms) -> Self {
-        let sent = match terms.terminator {
-            None => quirks.ending,
+impl InstrumentPort {
+    pub(crate) fn new(port: Port, transport: TransportRules, settings: TransportSettings) -> Self {
+        let sent = match settings.terminator {
+            None => transport.ending,
             Some(Terminator::Lf) => Ending::Lf,
             Some(Terminator::CrLf) => Ending::CrLf,
             Some(Terminator::Cr) => Ending::Cr,
         };
         let ending = if sent == Ending::Cr { Ending::Cr } else { Ending::Lf };
         let decoder = ResponseDecoder::new(Framing { ending, ..Framing::default() });
-        let quirks = Quirks { ending: sent, ..quirks };
-        Self { port, quirks, terms, decoder, owes_an_answer: false }
+        let transport = TransportRules { ending: sent, ..transport };
+        Self { port, transport, settings, decoder, is_answer_pending: false }
     }
 
     /// How long the instrument may take to answer a question about its settings.
     pub(crate) const fn reply_within(&self) -> Duration {
-        self.terms.reply_within
+        self.settings.reply_within
     }
 
-    pub(crate) const fn port(&self) -> &Port {
+    pub(crate) const fn link(&self) -> &Port {
         &self.port
     }
 
@@ -85,21 +85,21 @@ impl Wire {
     pub(crate) async fn ask(
         &mut self,
         message: &Message,
-        expect: Expect,
+        expect: ExpectedResponse,
         within: Duration,
-    ) -> Result<Answered, AnalyzerError> {
+    ) -> Result<TimedAnswer, AnalyzerError> {
         let drained = self.port.drain().await.map_err(|error| self.failed(message, error))?;
         let surplus = drained + self.decoder.n_buffered();
         self.decoder.reset();
-        if surplus > 0 || self.owes_an_answer {
+        if surplus > 0 || self.is_answer_pending {
             // The next answer may be that to an earlier question.
             return Err(AnalyzerError::Strays { port: self.name(), bytes: surplus });
         }
         self.decoder.expect(expect);
-        self.owes_an_answer = true;
+        self.is_answer_pending = true;
         self.send(message).await?;
         let asked = Instant::now();
-        let bytes = message.bytes(self.quirks.ending).len();
+        let bytes = message.bytes(self.transport.ending).len();
         let asked_at = self.port.clock().at(asked) + self.port.duration_of(bytes);
         let deadline = asked + within + self.port.duration_of(bytes + ANSWER_BYTES);
         let mut received = Vec::new();
@@ -107,8 +107,8 @@ impl Wire {
         loop {
             match self.decoder.poll() {
                 Ok(Some(response)) => {
-                    self.owes_an_answer = false;
-                    return Ok(Answered { response, asked_at });
+                    self.is_answer_pending = false;
+                    return Ok(TimedAnswer { response, asked_at });
                 }
                 Ok(None) => {}
                 Err(fault) => {
@@ -128,8 +128,8 @@ impl Wire {
     }
 
     async fn send(&mut self, message: &Message) -> Result<(), AnalyzerError> {
-        let bytes = message.bytes(self.quirks.ending);
-        match self.quirks.handshake {
+        let bytes = message.bytes(self.transport.ending);
+        match self.transport.handshake {
             Handshake::None => {
                 let sent = self.port.send(&bytes).await;
                 sent.map_err(|error| self.failed(message, error))
@@ -163,14 +163,17 @@ impl Wire {
     }
 
     /// Opens a lost port again, and waits until nothing is on its way any more.
-    pub(crate) async fn put_in_order(&mut self, at_least: Duration) -> Result<(), AnalyzerError> {
+    pub(crate) async fn wait_for_silence(
+        &mut self,
+        at_least: Duration,
+    ) -> Result<(), AnalyzerError> {
         self.decoder.reset();
         if self.port.is_lost() {
             let reopened = self.port.reopen().await;
             reopened.map_err(|source| AnalyzerError::Reopen { source: Arc::new(source) })?;
         }
         let quiet = self.port.quarantine(at_least).await;
-        self.owes_an_answer = false;
+        self.is_answer_pending = false;
         quiet.map(drop).map_err(|source| AnalyzerError::Unquiet { source })
     }
 
@@ -191,16 +194,16 @@ impl Wire {
 
     /// A question whose answer was lost.
     fn failed(&self, asked: &Message, source: LineError) -> AnalyzerError {
-        let is_cr = self.quirks.ending == Ending::Cr;
-        let wrong_end = match &source {
+        let is_cr = self.transport.ending == Ending::Cr;
+        let unexpected_terminator = match &source {
             LineError::TimedOut { arrived, .. } => match arrived.bytes.last() {
-                Some(b'\r') if !is_cr => Some(WrongEnd::CrForLf),
-                Some(b'\n') if is_cr => Some(WrongEnd::LfForCr),
+                Some(b'\r') if !is_cr => Some(UnexpectedTerminator::CrForLf),
+                Some(b'\n') if is_cr => Some(UnexpectedTerminator::LfForCr),
                 _ => None,
             },
             _ => None,
         };
         let asked = asked.to_string().into();
-        AnalyzerError::Line { asked, wrong_end, intruders: Vec::new(), source }
+        AnalyzerError::Line { asked, unexpected_terminator, intruders: Vec::new(), source }
     }
 }

@@ -18,7 +18,7 @@ use crate::echo::EchoFilter;
 /// Lends the port to one context of the library, so that the context can be dropped after a fault
 /// and the port stays.
 #[derive(Debug, Clone)]
-pub(crate) struct Tap {
+pub(crate) struct PortLoan {
     inner: Arc<Mutex<Inner>>,
 }
 
@@ -34,7 +34,7 @@ pub(crate) struct Inner {
     n_passed: usize,
 }
 
-impl Tap {
+impl PortLoan {
     /// A port whose echoes are taken out, if it may have any.
     pub(crate) fn new(port: Port, may_echo: bool) -> Self {
         let echo = may_echo.then(EchoFilter::default);
@@ -87,7 +87,7 @@ impl Inner {
     }
 }
 
-impl AsyncRead for Tap {
+impl AsyncRead for PortLoan {
     fn poll_read(
         self: Pin<&mut Self>,
         cx: &mut Context<'_>,
@@ -97,7 +97,7 @@ impl AsyncRead for Tap {
     }
 }
 
-impl AsyncWrite for Tap {
+impl AsyncWrite for PortLoan {
     fn poll_write(
         self: Pin<&mut Self>,
         cx: &mut Context<'_>,

@@ -1,4 +1,4 @@
-//! One look at a drive, and what its registers say.
+//! A reading of the status registers of a drive.
 
 use std::fmt;
 
@@ -24,7 +24,7 @@ impl fmt::Display for Alarm {
     }
 }
 
-/// One look at a drive.
+/// The status of an axis, read from its drive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisStatus<U> {
     /// When it was read.
@@ -43,9 +43,9 @@ pub struct AxisStatus<U> {
     pub alarm: Option<Alarm>,
 }
 
-/// One look at a drive, in counts.
+/// The status registers of a drive, in counts.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Look {
+pub(crate) struct DriveReading {
     pub(crate) position: i32,
     pub(crate) target: i32,
     pub(crate) is_moving: bool,
@@ -57,7 +57,7 @@ pub(crate) struct Look {
     pub(crate) alarm_block: Option<Block>,
 }
 
-impl Look {
+impl DriveReading {
     /// Reads it out of the replies to the status blocks of a map.
     pub(crate) fn new(map: &RegisterMap, replies: &[Reply]) -> Self {
         let view = View { map, replies };
