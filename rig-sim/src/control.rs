@@ -1,26 +1,26 @@
-//! The control interface: one line of text is one deed of a person or of fate.
+//! The control interface: one line of text is one action of a technician or one injected fault.
 //!
-//! Who speaks it sees what no instrument shows. The words are in [`HELP`].
+//! It also shows the true state, which no instrument shows. The commands are in [`HELP`].
 
 use std::{fmt::Write, str::FromStr, time::Duration};
 
 use rig_model::{Orientation, RigTime};
 
 use crate::{
-    faults::{DeviceFault, Fault, FaultKind, ReplyFault, RequestFault, When},
+    faults::{DeviceFault, Fault, FaultKind, FaultTrigger, ReplyFault, RequestFault},
     rig::Rig,
     wiring::PortId,
     world::{NoSuchSample, Truth, Violation},
 };
 
-/// What can be said.
+/// The commands.
 pub const HELP: &str = "\
 help
 place NAME             put a sample under the probe
 take-away              take the sample away
 turn front/back|left   turn the sensor about its axis
-truth                  how things really are
-violations             what must never happen and did
+truth                  the true state of the bench
+violations             safety violations so far
 fault PORT KIND [KEY=VALUE ...] [unit=N] [nth=N|next=N|rate=P]
   PORT: analyzer, bus
   requests: drop-request, busy, exception code=N, disconnect
@@ -28,9 +28,10 @@ fault PORT KIND [KEY=VALUE ...] [unit=N] [nth=N|next=N|rate=P]
             wrong-unit as=N, disconnect-reply
   devices:  reboot, alarm code=N, stall, jam, lose-steps by=X, limit-switch, overload,
             blind-contact, stuck-contact
-  nth: once, at the n-th frame from now; next: at so many frames; rate: at each with this
-  probability. Without it a device suffers at once, and the next frame is struck.
-clear                  take all faults back";
+  nth: once, at the N-th frame from now; next: at each of the next N frames; rate: at each
+  frame with this probability. By default a fault of a device is injected at once, any other
+  at the next frame.
+clear                  clear all faults";
 
 /// Why a line was refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -60,7 +61,7 @@ pub enum ControlError {
     Sample(#[from] NoSuchSample),
 }
 
-/// Does what a line says, and answers in one or more lines.
+/// Executes a line, and answers in one or more lines.
 ///
 /// # Errors
 /// [`ControlError`]; nothing was done then.
@@ -114,7 +115,7 @@ fn one_of<T: Copy>(what: &'static str, word: &str, known: &[(&str, T)]) -> Resul
     found.map(|(_, value)| *value).ok_or_else(|| ControlError::Word { what, word: word.to_owned() })
 }
 
-/// The words behind the kind of a fault.
+/// The options of a fault.
 struct Options<'a>(Vec<&'a str>);
 
 impl Options<'_> {
@@ -133,7 +134,7 @@ impl Options<'_> {
     }
 }
 
-/// The code with which a Modbus unit says that it is busy.
+/// The exception code of a busy Modbus unit.
 const BUSY: u8 = 6;
 
 fn fault_kind(kind: &str, options: &Options<'_>) -> Result<FaultKind, ControlError> {
@@ -182,23 +183,23 @@ fn inject(
     }
     let kind = fault_kind(kind, options)?;
     let unit = options.get("unit")?;
-    let when = match (options.get("nth")?, options.get("next")?, options.get("rate")?) {
-        (Some(nth), None, None) => When::Nth(nth),
-        (None, Some(next), None) => When::Next(next),
-        (None, None, Some(rate)) => When::Rate(rate),
+    let trigger = match (options.get("nth")?, options.get("next")?, options.get("rate")?) {
+        (Some(nth), None, None) => FaultTrigger::Nth(nth),
+        (None, Some(next), None) => FaultTrigger::Next(next),
+        (None, None, Some(rate)) => FaultTrigger::Rate(rate),
         (None, None, None) => {
             if let FaultKind::Device(fault) = kind {
-                rig.suffer(now, port, unit, fault);
+                rig.apply_fault(now, port, unit, fault);
                 return Ok(());
             }
-            When::Nth(1)
+            FaultTrigger::Nth(1)
         }
         _ => {
             let word = "more than one of nth, next and rate".to_owned();
             return Err(ControlError::Word { what: "time", word });
         }
     };
-    rig.add_fault(Fault { port, unit, kind, when });
+    rig.add_fault(Fault { port, unit, kind, trigger });
     Ok(())
 }
 
@@ -232,7 +233,7 @@ fn list(violations: &[Violation]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{AxisWiring, Carrier, Wiring, scene::paper};
+    use crate::{AxisWiring, LineTransport, Wiring, scene::paper};
     use rig_model::{AnalyzerMake, DriveMake};
 
     fn rig() -> Rig {
@@ -246,7 +247,7 @@ mod tests {
             analyzer: AnalyzerMake::HiokiIm3536,
             linear: axis(1),
             rotary: axis(2),
-            carrier: Carrier::Serial { baud: 115_200 },
+            transport: LineTransport::Serial { baud: 115_200 },
         };
         Rig::new(paper(), &wiring, 1).unwrap()
     }
@@ -293,9 +294,9 @@ mod tests {
         ];
         for kind in kinds {
             assert!(HELP.contains(kind), "{kind}");
-            for when in ["", "nth=3", "next=2 unit=1", "rate=0.01"] {
+            for trigger in ["", "nth=3", "next=2 unit=1", "rate=0.01"] {
                 for port in ["bus", "analyzer"] {
-                    let line = format!("fault {port} {kind} {options} {when}");
+                    let line = format!("fault {port} {kind} {options} {trigger}");
                     assert_eq!(
                         execute(RigTime::ZERO, &mut rig, &line).as_deref(),
                         Ok("ok"),

@@ -1,4 +1,4 @@
-//! The fault menu: what goes wrong on the wire and in the devices, and when.
+//! The fault menu: faults on the wire and in the devices, and their triggers.
 //!
 //! A fault waits for its frame. Faults of requests and of devices count the requests that arrive,
 //! faults of replies count the replies that leave; each may be for one unit of a line only.
@@ -9,42 +9,42 @@ use rig_model::random::Stream;
 
 use crate::{wiring::PortId, world::World};
 
-/// A fault that is going to happen.
+/// A scheduled fault.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fault {
     /// The port at which it happens.
     pub port: PortId,
-    /// The only unit of the line that it is for; all of them if none.
+    /// The unit of the line; `None` for all units.
     pub unit: Option<u8>,
-    /// What happens.
+    /// The kind of the fault.
     pub kind: FaultKind,
-    /// When.
-    pub when: When,
+    /// When it happens.
+    pub trigger: FaultTrigger,
 }
 
 /// When a fault happens.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum When {
+pub enum FaultTrigger {
     /// Once, at the n-th frame from now. The next one is the first.
     Nth(u64),
-    /// At so many frames from now on.
+    /// At each of the next n frames.
     Next(u64),
-    /// At each frame with this probability, for ever.
+    /// At each frame with this probability, without end.
     Rate(f64),
 }
 
-/// What happens.
+/// The kind of a fault.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FaultKind {
-    /// To a request.
+    /// A fault of a request.
     Request(RequestFault),
-    /// In the device, when a request arrives.
+    /// A fault of the device, when a request arrives.
     Device(DeviceFault),
-    /// To a reply.
+    /// A fault of a reply.
     Reply(ReplyFault),
 }
 
-/// What happens to a request.
+/// A fault of a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RequestFault {
     /// It is lost.
@@ -55,7 +55,7 @@ pub enum RequestFault {
     Disconnect,
 }
 
-/// What happens to a reply.
+/// A fault of a reply.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ReplyFault {
     /// It is lost. What it answers was done.
@@ -68,7 +68,7 @@ pub enum ReplyFault {
     Corrupt,
     /// It ends early.
     Truncate,
-    /// So many random bytes come before it.
+    /// This number of random bytes comes before it.
     Noise(usize),
     /// The request comes back before it, as from an adapter that hears itself.
     Echo,
@@ -78,7 +78,7 @@ pub enum ReplyFault {
     Disconnect,
 }
 
-/// What happens in a device.
+/// A fault of a device.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum DeviceFault {
     /// It is switched off and on again.
@@ -101,21 +101,21 @@ pub enum DeviceFault {
     StuckContact,
 }
 
-/// What devices are up against: the world, and the faults that wait for them.
+/// The surroundings of a device: the world and the scheduled faults.
 #[derive(Debug)]
-pub(crate) struct Fate<'a> {
+pub(crate) struct DeviceContext<'a> {
     pub(crate) world: &'a mut World,
-    pub(crate) faults: &'a mut Faults,
+    pub(crate) faults: &'a mut FaultSchedule,
 }
 
-/// The faults that are waiting.
+/// The scheduled faults.
 #[derive(Debug)]
-pub(crate) struct Faults {
+pub(crate) struct FaultSchedule {
     waiting: Vec<Fault>,
     stream: Stream,
 }
 
-impl Faults {
+impl FaultSchedule {
     pub(crate) fn new(stream: Stream) -> Self {
         Self { waiting: Vec::new(), stream }
     }
@@ -128,25 +128,25 @@ impl Faults {
         self.waiting.clear();
     }
 
-    /// What happens in the device when a request arrives.
+    /// The faults of the device that are due when a request arrives.
     pub(crate) fn on_device(&mut self, port: PortId, unit: Option<u8>) -> Vec<DeviceFault> {
-        self.strike(port, unit, |kind| match kind {
+        self.due(port, unit, |kind| match kind {
             FaultKind::Device(fault) => Some(fault),
             _ => None,
         })
     }
 
-    /// What happens to a request that arrives.
+    /// The faults of a request that are due when it arrives.
     pub(crate) fn on_request(&mut self, port: PortId, unit: Option<u8>) -> Vec<RequestFault> {
-        self.strike(port, unit, |kind| match kind {
+        self.due(port, unit, |kind| match kind {
             FaultKind::Request(fault) => Some(fault),
             _ => None,
         })
     }
 
-    /// What happens to a reply that leaves.
+    /// The faults of a reply that are due when it leaves.
     pub(crate) fn on_reply(&mut self, port: PortId, unit: Option<u8>) -> Vec<ReplyFault> {
-        self.strike(port, unit, |kind| match kind {
+        self.due(port, unit, |kind| match kind {
             FaultKind::Reply(fault) => Some(fault),
             _ => None,
         })
@@ -160,36 +160,36 @@ impl Faults {
         drawn.min(bound - 1)
     }
 
-    /// Lets one frame pass the faults of one sort, and returns those whose time has come.
-    fn strike<T>(
+    /// Counts one frame for the faults of one sort, and returns those that are due.
+    fn due<T>(
         &mut self,
         port: PortId,
         unit: Option<u8>,
         sort: impl Fn(FaultKind) -> Option<T>,
     ) -> Vec<T> {
-        let mut struck = Vec::new();
+        let mut applied = Vec::new();
         let stream = &mut self.stream;
         self.waiting.retain_mut(|fault| {
             let is_for = fault.port == port && (fault.unit.is_none() || fault.unit == unit);
             let Some(kind) = sort(fault.kind).filter(|_| is_for) else { return true };
-            let (is_struck, is_kept) = match &mut fault.when {
-                When::Nth(left) => {
+            let (is_due, is_kept) = match &mut fault.trigger {
+                FaultTrigger::Nth(left) => {
                     *left = left.saturating_sub(1);
                     (*left == 0, *left > 0)
                 }
-                When::Next(left) => {
-                    let is_struck = *left > 0;
+                FaultTrigger::Next(left) => {
+                    let is_due = *left > 0;
                     *left = left.saturating_sub(1);
-                    (is_struck, *left > 0)
+                    (is_due, *left > 0)
                 }
-                When::Rate(rate) => (stream.uniform() < *rate, true),
+                FaultTrigger::Rate(rate) => (stream.uniform() < *rate, true),
             };
-            if is_struck {
-                struck.push(kind);
+            if is_due {
+                applied.push(kind);
             }
             is_kept
         });
-        struck
+        applied
     }
 }
 
@@ -197,10 +197,10 @@ impl Faults {
 mod tests {
     use super::*;
 
-    fn strikes(when: When, frames: usize) -> Vec<bool> {
-        let mut faults = Faults::new(Stream::new(1, 1));
+    fn is_due(trigger: FaultTrigger, frames: usize) -> Vec<bool> {
+        let mut faults = FaultSchedule::new(Stream::new(1, 1));
         let kind = FaultKind::Reply(ReplyFault::Drop);
-        faults.add(Fault { port: PortId::Bus, unit: Some(2), kind, when });
+        faults.add(Fault { port: PortId::Bus, unit: Some(2), kind, trigger });
         (0..frames)
             .map(|_| {
                 // Frames of another sort, another unit or another port do not count.
@@ -214,15 +214,15 @@ mod tests {
 
     #[test]
     fn a_fault_happens_at_its_frame_and_not_before_or_after() {
-        assert_eq!(strikes(When::Nth(3), 5), [false, false, true, false, false]);
-        assert_eq!(strikes(When::Nth(1), 2), [true, false]);
-        assert_eq!(strikes(When::Next(2), 4), [true, true, false, false]);
+        assert_eq!(is_due(FaultTrigger::Nth(3), 5), [false, false, true, false, false]);
+        assert_eq!(is_due(FaultTrigger::Nth(1), 2), [true, false]);
+        assert_eq!(is_due(FaultTrigger::Next(2), 4), [true, true, false, false]);
     }
 
     #[test]
     fn a_rate_is_a_rate() {
-        let struck = strikes(When::Rate(0.1), 10_000).into_iter().filter(|is| *is).count();
-        assert!((900..1100).contains(&struck), "{struck}");
-        assert!(!strikes(When::Rate(0.0), 100).contains(&true));
+        let applied = is_due(FaultTrigger::Rate(0.1), 10_000).into_iter().filter(|is| *is).count();
+        assert!((900..1100).contains(&applied), "{applied}");
+        assert!(!is_due(FaultTrigger::Rate(0.0), 100).contains(&true));
     }
 }

@@ -18,5 +18,5 @@ mod wiring;
 pub mod world;
 
 pub use rig::{Connection, Rig};
-pub use shell::{Person, SimHandle, SimRig};
-pub use wiring::{AxisWiring, Carrier, HangUp, PortId, Wiring};
+pub use shell::{SimHandle, SimRig, Technician};
+pub use wiring::{AxisWiring, HangUp, LineTransport, PortId, Wiring};

@@ -13,7 +13,7 @@ use clap::{
 };
 use rig_model::{AnalyzerMake, DriveMake, with_causes};
 use rig_sim::{
-    AxisWiring, Carrier, SimRig, Wiring, scene,
+    AxisWiring, LineTransport, SimRig, Wiring, scene,
     serve::{Role, Server},
     world::Scene,
 };
@@ -24,11 +24,11 @@ use tokio::signal::unix::{SignalKind, signal};
 #[command(version)]
 struct Cli {
     #[command(subcommand)]
-    command: Command,
+    command: CliCommand,
 }
 
 #[derive(Debug, Subcommand)]
-enum Command {
+enum CliCommand {
     /// Opens the ports of a simulated rig and serves them in real time until it is stopped.
     ///
     /// Each port is announced in a line of its own: what it is and where. A device without any port
@@ -117,7 +117,7 @@ const EXIT_INPUT: u8 = 2;
 const EXIT_PORT: u8 = 1;
 
 fn main() -> ExitCode {
-    let Command::Serve(args) = Cli::parse().command;
+    let CliCommand::Serve(args) = Cli::parse().command;
     tracing_subscriber::fmt()
         .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
         .with_writer(std::io::stderr)
@@ -171,7 +171,7 @@ async fn serve(args: &Serve, scene: Scene) -> Result<(), Failure> {
     let seed = args.seed.unwrap_or(scene.seed);
     let rig = SimRig::start(scene, &wiring(args), seed).map_err(Failure::input)?;
     if let Some(name) = &args.sample {
-        rig.person().place_sample(name).map_err(Failure::input)?;
+        rig.technician().place_sample(name).map_err(Failure::input)?;
     }
     if args.instant {
         rig.handle().with(|_, rig| rig.answer_at_once());
@@ -194,14 +194,14 @@ fn wiring(args: &Serve) -> Wiring {
         analyzer: args.analyzer,
         linear: axis(args.linear, args.linear_unit, args.mm_per_step),
         rotary: axis(args.rotary, args.rotary_unit, args.deg_per_step),
-        carrier: Carrier::Serial { baud: args.baud },
+        transport: LineTransport::Serial { baud: args.baud },
     }
 }
 
 /// Opens what was asked for and says where it is, one line a port.
 async fn open_ports(args: &Serve, rig: &SimRig) -> Result<Server, Failure> {
     let mut server = Server::new(rig.handle());
-    let serial = Carrier::Serial { baud: args.baud };
+    let serial = LineTransport::Serial { baud: args.baud };
     let bus = Role::Bus(serial);
     let has_bus_tcp = args.bus_tcp.is_some() || args.bus_rtu_tcp.is_some();
     let ptys = [
@@ -220,7 +220,7 @@ async fn open_ports(args: &Serve, rig: &SimRig) -> Result<Server, Failure> {
     }
     let listeners = [
         ("analyzer-tcp", Role::Analyzer, args.analyzer_tcp),
-        ("bus-tcp", Role::Bus(Carrier::Tcp), args.bus_tcp),
+        ("bus-tcp", Role::Bus(LineTransport::Tcp), args.bus_tcp),
         ("bus-rtu-tcp", bus, args.bus_rtu_tcp),
     ];
     for (name, role, address) in listeners {

@@ -11,8 +11,8 @@ use crate::{
         drive::Drive,
         meter::{E4980a, E4990a, Hioki, Hp4284a, Lcr, Meter, Th2832},
     },
-    faults::{DeviceFault, Fate, Fault, Faults},
-    wiring::{AxisWiring, Carrier, HangUp, PortId, Wiring},
+    faults::{DeviceContext, DeviceFault, Fault, FaultSchedule},
+    wiring::{AxisWiring, HangUp, LineTransport, PortId, Wiring},
     world::{AxisId, Scene, SceneError, World},
 };
 
@@ -25,8 +25,8 @@ pub struct Rig {
     world: World,
     analyzer: Socket,
     bus: Bus,
-    carrier: Carrier,
-    faults: Faults,
+    transport: LineTransport,
+    faults: FaultSchedule,
 }
 
 /// A client's connection to a port. Several may be open; each gets the answers to its own requests.
@@ -76,10 +76,10 @@ impl Rig {
         let units =
             vec![drive(AxisId::Linear, wiring.linear), drive(AxisId::Rotary, wiring.rotary)];
         let bus = Bus::new(TURNAROUND, units);
-        let faults = Faults::new(Stream::new(seed, FAULT_STREAM));
+        let faults = FaultSchedule::new(Stream::new(seed, FAULT_STREAM));
         let echoes = wiring.analyzer == AnalyzerMake::TonghuiTh283x;
         let analyzer = Socket::new(analyzer, echoes);
-        Ok(Self { world, analyzer, bus, carrier: wiring.carrier, faults })
+        Ok(Self { world, analyzer, bus, transport: wiring.transport, faults })
     }
 
     /// The world behind the devices.
@@ -91,14 +91,14 @@ impl Rig {
     pub fn connect(&mut self, port: PortId) -> Connection {
         match port {
             PortId::Analyzer => Connection(End::Analyzer(self.analyzer.plug())),
-            PortId::Bus => Self::connect_bus(self.carrier, Duration::ZERO),
+            PortId::Bus => Self::connect_bus(self.transport, Duration::ZERO),
         }
     }
 
     /// A new connection to the line of the drives by any carrier. `patience` is how long the bytes
     /// of one frame may be torn apart on their way: an operating system has pauses of its own.
-    pub fn connect_bus(carrier: Carrier, patience: Duration) -> Connection {
-        Connection(End::Bus(BusLine::new(carrier, patience)))
+    pub fn connect_bus(transport: LineTransport, patience: Duration) -> Connection {
+        Connection(End::Bus(BusLine::new(transport, patience)))
     }
 
     /// Takes bytes that came over a connection at `now`.
@@ -112,10 +112,10 @@ impl Rig {
         bytes: &[u8],
     ) -> Result<(), HangUp> {
         let Self { world, analyzer, bus, faults, .. } = self;
-        let fate = Fate { world, faults };
+        let context = DeviceContext { world, faults };
         match &mut connection.0 {
-            End::Analyzer(cable) => analyzer.push(now, cable, bytes, fate),
-            End::Bus(line) => bus.push(now, line, bytes, fate),
+            End::Analyzer(cable) => analyzer.push(now, cable, bytes, context),
+            End::Bus(line) => bus.push(now, line, bytes, context),
         }
     }
 
@@ -125,38 +125,44 @@ impl Rig {
     /// [`HangUp`] when the port closes the connection.
     pub fn poll(&mut self, now: RigTime, connection: &mut Connection) -> Result<Vec<u8>, HangUp> {
         let Self { world, analyzer, bus, faults, .. } = self;
-        let fate = Fate { world, faults };
+        let context = DeviceContext { world, faults };
         match &mut connection.0 {
-            End::Analyzer(cable) => analyzer.poll(now, cable, fate),
-            End::Bus(line) => bus.poll(now, line, fate),
+            End::Analyzer(cable) => analyzer.poll(now, cable, context),
+            End::Bus(line) => bus.poll(now, line, context),
         }
     }
 
-    /// Lets the drives answer at once from now on: neither they nor their line take any time. For
-    /// whoever measures how long everything else takes.
+    /// Makes the drives and their line answer without delay from now on, for measurements of the time
+    /// that everything else takes.
     pub fn answer_at_once(&mut self) {
         self.bus.answer_at_once();
     }
 
-    /// Lets a fault wait for its frame.
+    /// Schedules a fault for its frame.
     pub fn add_fault(&mut self, fault: Fault) {
         self.faults.add(fault);
     }
 
-    /// Lets a fault befall a device now: the drive at `unit`, or all devices of the port.
-    pub fn suffer(&mut self, now: RigTime, port: PortId, unit: Option<u8>, fault: DeviceFault) {
+    /// Injects a fault into a device: the drive at `unit`, or all devices of the port.
+    pub fn apply_fault(
+        &mut self,
+        now: RigTime,
+        port: PortId,
+        unit: Option<u8>,
+        fault: DeviceFault,
+    ) {
         match port {
-            PortId::Analyzer => self.analyzer.suffer(now, fault, &mut self.world),
-            PortId::Bus => self.bus.suffer(now, unit, fault, &mut self.world),
+            PortId::Analyzer => self.analyzer.apply_fault(now, fault, &mut self.world),
+            PortId::Bus => self.bus.apply_fault(now, unit, fault, &mut self.world),
         }
     }
 
-    /// Takes all faults back: none waits any more, and what is jammed or stuck is free. Alarms and
-    /// lost steps stay.
+    /// Clears all faults: none is scheduled, and nothing is jammed or stuck. Alarms and lost steps
+    /// stay.
     pub fn clear_faults(&mut self, now: RigTime) {
         self.faults.clear();
-        self.analyzer.mend();
-        self.world.mend(now);
+        self.analyzer.clear_faults();
+        self.world.clear_faults(now);
     }
 }
 
@@ -166,21 +172,21 @@ mod tests {
 
     use super::*;
     use crate::{
-        faults::{FaultKind, ReplyFault, RequestFault, When},
+        faults::{FaultKind, FaultTrigger, ReplyFault, RequestFault},
         modbus::with_checksum,
         scene::paper,
     };
 
     /// A rig and one exchange at a time with one of its ports.
-    struct Bench {
+    struct TestRig {
         rig: Rig,
         analyzer: Connection,
         bus: Connection,
         now: RigTime,
     }
 
-    impl Bench {
-        fn new(carrier: Carrier) -> Self {
+    impl TestRig {
+        fn new(transport: LineTransport) -> Self {
             let axis = |unit_id, units_per_step| AxisWiring {
                 make: DriveMake::OrientalAz,
                 unit_id,
@@ -189,14 +195,14 @@ mod tests {
             };
             let (linear, rotary) = (axis(1, 0.001), axis(2, 0.01));
             let analyzer = AnalyzerMake::HiokiIm3536;
-            let wiring = Wiring { analyzer, linear, rotary, carrier };
+            let wiring = Wiring { analyzer, linear, rotary, transport };
             let mut rig = Rig::new(paper(), &wiring, 1).unwrap();
             let (analyzer, bus) = (rig.connect(PortId::Analyzer), rig.connect(PortId::Bus));
             Self { rig, analyzer, bus, now: RigTime::ZERO }
         }
 
         fn serial() -> Self {
-            Self::new(Carrier::Serial { baud: 115_200 })
+            Self::new(LineTransport::Serial { baud: 115_200 })
         }
 
         /// What comes back until nothing more will, and when the first of it came.
@@ -219,7 +225,7 @@ mod tests {
         }
 
         fn add(&mut self, port: PortId, kind: FaultKind) {
-            self.rig.add_fault(Fault { port, unit: None, kind, when: When::Nth(1) });
+            self.rig.add_fault(Fault { port, unit: None, kind, trigger: FaultTrigger::Nth(1) });
         }
     }
 
@@ -232,12 +238,12 @@ mod tests {
     fn check(fault: ReplyFault, expected: impl Fn(&[u8], &[u8], &[u8]) -> bool) {
         for (port, request) in [(PortId::Bus, request()), (PortId::Analyzer, b"*IDN?\r\n".to_vec())]
         {
-            let mut bench = Bench::serial();
-            let (good, _) = bench.ask(port, &request).unwrap();
-            bench.add(port, FaultKind::Reply(fault));
-            let (bad, _) = bench.ask(port, &request).unwrap();
+            let mut test = TestRig::serial();
+            let (good, _) = test.ask(port, &request).unwrap();
+            test.add(port, FaultKind::Reply(fault));
+            let (bad, _) = test.ask(port, &request).unwrap();
             assert!(expected(&request, &good, &bad), "{port:?}: {good:02x?} became {bad:02x?}");
-            assert_eq!(bench.ask(port, &request).unwrap().0, good, "and then all is well");
+            assert_eq!(test.ask(port, &request).unwrap().0, good, "and then all is well");
         }
     }
 
@@ -259,25 +265,25 @@ mod tests {
 
     #[test]
     fn a_client_gets_no_answer_to_what_another_one_asked() {
-        let mut bench = Bench::serial();
-        let (identity, _) = bench.ask(PortId::Analyzer, b"*IDN?\r\n").unwrap();
+        let mut test = TestRig::serial();
+        let (identity, _) = test.ask(PortId::Analyzer, b"*IDN?\r\n").unwrap();
         for begun in [&b"*TRG;:MEAS?\r\n"[..], b":FREQ 'abc\r\n", b"*ID"] {
             // The first client is gone in the middle of it.
-            bench.rig.push(bench.now, &mut bench.analyzer, begun).unwrap();
-            bench.analyzer = bench.rig.connect(PortId::Analyzer);
-            let (said, _) = bench.ask(PortId::Analyzer, b"*IDN?\r\n").unwrap();
+            test.rig.push(test.now, &mut test.analyzer, begun).unwrap();
+            test.analyzer = test.rig.connect(PortId::Analyzer);
+            let (said, _) = test.ask(PortId::Analyzer, b"*IDN?\r\n").unwrap();
             assert_eq!(said, identity, "after {}", begun.escape_ascii());
         }
     }
 
     #[test]
     fn a_late_reply_is_late_and_a_reply_from_another_unit_has_its_checksum() {
-        let mut bench = Bench::serial();
+        let mut test = TestRig::serial();
         let late = Duration::from_millis(300);
-        let (good, usual) = bench.ask(PortId::Bus, &request()).unwrap();
-        bench.add(PortId::Bus, FaultKind::Reply(ReplyFault::Delay(late)));
-        bench.add(PortId::Bus, FaultKind::Reply(ReplyFault::Unit(7)));
-        let (bad, delayed) = bench.ask(PortId::Bus, &request()).unwrap();
+        let (good, usual) = test.ask(PortId::Bus, &request()).unwrap();
+        test.add(PortId::Bus, FaultKind::Reply(ReplyFault::Delay(late)));
+        test.add(PortId::Bus, FaultKind::Reply(ReplyFault::Unit(7)));
+        let (bad, delayed) = test.ask(PortId::Bus, &request()).unwrap();
         assert_eq!(delayed, usual + late);
         let mut expected = good[..good.len() - 2].to_vec();
         expected[0] = 7;
@@ -297,98 +303,98 @@ mod tests {
             (RequestFault::Disconnect, Err(HangUp)),
         ];
         for (fault, expected) in rows {
-            let mut bench = Bench::serial();
-            bench.add(PortId::Bus, FaultKind::Request(fault));
-            assert_eq!(bench.ask(PortId::Bus, &frame).map(|said| said.0), expected);
-            let start = bench.rig.world().truth(bench.now).tip_mm;
-            bench.now = bench.now + Duration::from_secs(1);
-            assert_eq!(bench.rig.world().truth(bench.now).tip_mm, start);
+            let mut test = TestRig::serial();
+            test.add(PortId::Bus, FaultKind::Request(fault));
+            assert_eq!(test.ask(PortId::Bus, &frame).map(|said| said.0), expected);
+            let start = test.rig.world().truth(test.now).tip_mm;
+            test.now = test.now + Duration::from_secs(1);
+            assert_eq!(test.rig.world().truth(test.now).tip_mm, start);
             // A reply that is lost, on the other hand, answers what was done.
-            bench.add(PortId::Bus, FaultKind::Reply(ReplyFault::Drop));
-            assert_eq!(bench.ask(PortId::Bus, &frame).unwrap().0, b"");
-            bench.now = bench.now + Duration::from_secs(1);
-            let moved = bench.rig.world().truth(bench.now).tip_mm - start;
+            test.add(PortId::Bus, FaultKind::Reply(ReplyFault::Drop));
+            assert_eq!(test.ask(PortId::Bus, &frame).unwrap().0, b"");
+            test.now = test.now + Duration::from_secs(1);
+            let moved = test.rig.world().truth(test.now).tip_mm - start;
             assert!((moved - 1.0).abs() < 0.1, "{moved}");
         }
     }
 
     #[test]
     fn faults_of_a_drive_show_where_they_should() {
-        let mut bench = Bench::serial();
-        let suffer = |bench: &mut Bench, fault| {
-            bench.rig.suffer(bench.now, PortId::Bus, Some(1), fault);
+        let mut test = TestRig::serial();
+        let apply_fault = |test: &mut TestRig, fault| {
+            test.rig.apply_fault(test.now, PortId::Bus, Some(1), fault);
         };
-        let alarm = |bench: &mut Bench| {
-            bench.ask(PortId::Bus, &with_checksum(&[1, 3, 0, 0x80, 0, 2])).unwrap().0[6]
+        let alarm = |test: &mut TestRig| {
+            test.ask(PortId::Bus, &with_checksum(&[1, 3, 0, 0x80, 0, 2])).unwrap().0[6]
         };
-        suffer(&mut bench, DeviceFault::Alarm(0x30));
-        assert_eq!(alarm(&mut bench), 0x30);
-        suffer(&mut bench, DeviceFault::LimitSwitch);
-        assert_eq!(alarm(&mut bench), 0x66);
-        let before = bench.rig.world().truth(bench.now).tip_mm;
-        let (counts, _) = bench.ask(PortId::Bus, &request()).unwrap();
-        suffer(&mut bench, DeviceFault::LoseSteps(-0.5));
-        let lost = before - bench.rig.world().truth(bench.now).tip_mm;
+        apply_fault(&mut test, DeviceFault::Alarm(0x30));
+        assert_eq!(alarm(&mut test), 0x30);
+        apply_fault(&mut test, DeviceFault::LimitSwitch);
+        assert_eq!(alarm(&mut test), 0x66);
+        let before = test.rig.world().truth(test.now).tip_mm;
+        let (counts, _) = test.ask(PortId::Bus, &request()).unwrap();
+        apply_fault(&mut test, DeviceFault::LoseSteps(-0.5));
+        let lost = before - test.rig.world().truth(test.now).tip_mm;
         assert!((lost - 0.5).abs() < 0.1, "{lost}");
-        assert_eq!(bench.ask(PortId::Bus, &request()).unwrap().0, counts);
+        assert_eq!(test.ask(PortId::Bus, &request()).unwrap().0, counts);
     }
 
     #[test]
-    fn a_broken_contact_sense_lies_and_is_mended() {
-        let mut bench = Bench::serial();
+    fn a_broken_contact_sense_lies_until_its_fault_is_cleared() {
+        let mut test = TestRig::serial();
         let set_up = b":TRIG EXT;:FREQ 140;:TRIG:DEL 5;:SPEE FAST;:AVER 256;:PAR1 RS\r\n";
-        bench.ask(PortId::Analyzer, set_up).unwrap();
-        let measure = |bench: &mut Bench| -> f64 {
-            let (said, _) = bench.ask(PortId::Analyzer, b"*TRG;:MEAS?\r\n").unwrap();
+        test.ask(PortId::Analyzer, set_up).unwrap();
+        let measure = |test: &mut TestRig| -> f64 {
+            let (said, _) = test.ask(PortId::Analyzer, b"*TRG;:MEAS?\r\n").unwrap();
             String::from_utf8(said).unwrap().split(',').nth(1).unwrap().parse().unwrap()
         };
-        let free = measure(&mut bench);
-        bench.add(PortId::Analyzer, FaultKind::Device(DeviceFault::StuckContact));
-        let stuck = measure(&mut bench);
+        let free = measure(&mut test);
+        test.add(PortId::Analyzer, FaultKind::Device(DeviceFault::StuckContact));
+        let stuck = measure(&mut test);
         assert!(stuck / free < 0.5, "{free} {stuck}");
-        bench.rig.clear_faults(bench.now);
-        let mended = measure(&mut bench);
-        assert!((mended / free - 1.0).abs() < 0.05, "{free} {mended}");
+        test.rig.clear_faults(test.now);
+        let cleared = measure(&mut test);
+        assert!((cleared / free - 1.0).abs() < 0.05, "{free} {cleared}");
     }
 
     #[test]
     fn modbus_tcp_is_answered_and_what_is_none_is_hung_up_on() {
-        let mut bench = Bench::new(Carrier::Tcp);
-        let (said, _) = bench.ask(PortId::Bus, &[0, 9, 0, 0, 0, 6, 1, 3, 0, 0x80, 0, 2]).unwrap();
+        let mut test = TestRig::new(LineTransport::Tcp);
+        let (said, _) = test.ask(PortId::Bus, &[0, 9, 0, 0, 0, 6, 1, 3, 0, 0x80, 0, 2]).unwrap();
         assert_eq!(said, [0, 9, 0, 0, 0, 7, 1, 3, 4, 0, 0, 0, 0]);
-        assert_eq!(bench.ask(PortId::Bus, b"GET / HTTP/1.1\r\n"), Err(HangUp));
-        bench.bus = bench.rig.connect(PortId::Bus);
-        assert!(bench.ask(PortId::Bus, &[0, 1, 0, 0, 0, 6, 1, 3, 0, 0x80, 0, 2]).is_ok());
+        assert_eq!(test.ask(PortId::Bus, b"GET / HTTP/1.1\r\n"), Err(HangUp));
+        test.bus = test.rig.connect(PortId::Bus);
+        assert!(test.ask(PortId::Bus, &[0, 1, 0, 0, 0, 6, 1, 3, 0, 0x80, 0, 2]).is_ok());
     }
 
     #[test]
     fn clients_do_not_get_each_others_answers() {
-        let mut bench = Bench::serial();
-        let mut second = Rig::connect_bus(Carrier::Tcp, Duration::ZERO);
-        bench.rig.push(bench.now, &mut bench.bus, &request()).unwrap();
-        bench.rig.push(bench.now, &mut second, &[0, 1, 0, 0, 0, 6, 1, 3, 0, 0x80, 0, 2]).unwrap();
-        let later = bench.now + Duration::from_secs(1);
-        assert_eq!(bench.rig.poll(later, &mut bench.bus).unwrap().len(), 9);
-        assert_eq!(bench.rig.poll(later, &mut second).unwrap().len(), 13);
+        let mut test = TestRig::serial();
+        let mut second = Rig::connect_bus(LineTransport::Tcp, Duration::ZERO);
+        test.rig.push(test.now, &mut test.bus, &request()).unwrap();
+        test.rig.push(test.now, &mut second, &[0, 1, 0, 0, 0, 6, 1, 3, 0, 0x80, 0, 2]).unwrap();
+        let later = test.now + Duration::from_secs(1);
+        assert_eq!(test.rig.poll(later, &mut test.bus).unwrap().len(), 9);
+        assert_eq!(test.rig.poll(later, &mut second).unwrap().len(), 13);
     }
 
     #[test]
     fn a_client_that_measures_for_long_keeps_no_other_from_identifying_the_analyzer() {
         const IDENTITY: &[u8] = b"HIOKI,IM3536,190512345,V1.21\r\n";
-        let mut bench = Bench::serial();
-        let mut second = bench.rig.connect(PortId::Analyzer);
+        let mut test = TestRig::serial();
+        let mut second = test.rig.connect(PortId::Analyzer);
         let measure = b":TRIG EXT;:TRIG:DEL 9;:FREQ 100;*TRG;:MEAS?\n";
-        bench.rig.push(bench.now, &mut bench.analyzer, measure).unwrap();
-        let long = bench.analyzer.deadline().expect("it measures");
-        assert!(long.since(bench.now) > Duration::from_secs(8));
-        let soon = bench.now + Duration::from_millis(100);
-        bench.rig.push(soon, &mut second, b"*IDN?\n:FREQ 200;:FREQ?\n").unwrap();
+        test.rig.push(test.now, &mut test.analyzer, measure).unwrap();
+        let long = test.analyzer.deadline().expect("it measures");
+        assert!(long.since(test.now) > Duration::from_secs(8));
+        let soon = test.now + Duration::from_millis(100);
+        test.rig.push(soon, &mut second, b"*IDN?\n:FREQ 200;:FREQ?\n").unwrap();
         let answered = soon + Duration::from_millis(100);
-        assert_eq!(bench.rig.poll(answered, &mut second).unwrap(), IDENTITY);
+        assert_eq!(test.rig.poll(answered, &mut second).unwrap(), IDENTITY);
         // The frequency waits, and the measurement is that of the first client.
         let done = long + Duration::from_secs(1);
-        assert_eq!(bench.rig.poll(done, &mut second).unwrap(), b"2.0000E+02\r\n");
-        let said = bench.rig.poll(done, &mut bench.analyzer).unwrap();
+        assert_eq!(test.rig.poll(done, &mut second).unwrap(), b"2.0000E+02\r\n");
+        let said = test.rig.poll(done, &mut test.analyzer).unwrap();
         let fields = String::from_utf8(said).unwrap();
         assert_eq!(fields.split(',').count(), 3, "{fields}");
     }

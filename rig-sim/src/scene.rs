@@ -9,7 +9,7 @@ use rig_files::{
 };
 use rig_model::Orientation;
 
-use crate::world::{Drift, Mechanics, Nuisances, Place, Sample, Scene, SensorScene};
+use crate::world::{Drift, Mechanics, Nuisances, Sample, Scene, SensorScene, TrueGeometry};
 
 /// Largest seed: TOML has no larger whole numbers.
 const MAX_SEED: u64 = i64::MAX as u64;
@@ -139,9 +139,9 @@ fn core(table: &mut Table<'_>) -> CoreMaterial {
     }
 }
 
-fn place(table: &mut Table<'_>) -> Place {
+fn place(table: &mut Table<'_>) -> TrueGeometry {
     let mut number = |key| table.number(key).required().value;
-    Place {
+    TrueGeometry {
         surface_mm: number("surface_mm"),
         surface_above_pivot_mm: number("surface_above_pivot_mm"),
         probe_beside_pivot_mm: number("probe_beside_pivot_mm"),

@@ -29,17 +29,17 @@ pub struct SimRig {
     ports: JoinSet<()>,
 }
 
-/// A handle of a running rig, for whoever serves its ports or plays its fate.
+/// A handle of a running rig, with which its ports are served and faults are injected.
 #[derive(Debug, Clone)]
 pub struct SimHandle {
     rig: Arc<Mutex<Rig>>,
-    /// Told when a client of the analyzer has spoken: another one may wait for less, or for more.
+    /// Notified after each message of a client of the analyzer: it may change the wait of another.
     spoken: Arc<Notify>,
     opened: Instant,
 }
 
 impl SimHandle {
-    /// Does something to the rig at this moment.
+    /// Runs `act` on the rig at the present time.
     pub fn with<T>(&self, act: impl FnOnce(RigTime, &mut Rig) -> T) -> T {
         let now = self.now();
         act(now, &mut self.lock())
@@ -87,23 +87,23 @@ impl SimRig {
         theirs
     }
 
-    /// A handle, with which faults are made and further ports are served.
+    /// A handle, with which faults are injected and further ports are served.
     pub fn handle(&self) -> SimHandle {
         self.handle.clone()
     }
 
-    /// The hands of the person at the bench.
-    pub fn person(&self) -> Person {
-        Person(self.handle.clone())
+    /// The technician at the bench.
+    pub fn technician(&self) -> Technician {
+        Technician(self.handle.clone())
     }
 
-    /// How things really are now.
+    /// The true state of the bench now.
     pub fn truth(&self) -> Truth {
         let now = self.handle.now();
         self.handle.lock().world().truth(now)
     }
 
-    /// What must never happen and did.
+    /// The safety violations so far.
     pub fn violations(&self) -> Vec<Violation> {
         let now = self.handle.now();
         self.handle.lock().world().violations(now).to_vec()
@@ -117,11 +117,11 @@ impl SimRig {
     }
 }
 
-/// What a technician does by hand.
+/// The manual work of a technician.
 #[derive(Debug, Clone)]
-pub struct Person(SimHandle);
+pub struct Technician(SimHandle);
 
-impl Person {
+impl Technician {
     /// Puts a sample under the probe.
     ///
     /// # Errors
@@ -192,7 +192,7 @@ impl SimHandle {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{AxisWiring, Carrier, modbus::with_checksum, scene::paper};
+    use crate::{AxisWiring, LineTransport, modbus::with_checksum, scene::paper};
     use rig_model::{AnalyzerMake, DriveMake};
 
     fn start(seed: u64) -> SimRig {
@@ -210,7 +210,7 @@ mod tests {
             analyzer,
             linear: axis(1, 0.001),
             rotary: axis(2, 0.01),
-            carrier: Carrier::Serial { baud: 115_200 },
+            transport: LineTransport::Serial { baud: 115_200 },
         };
         SimRig::start(paper(), &wiring, seed).unwrap()
     }
@@ -252,7 +252,7 @@ mod tests {
         for seed in [7, 7, 8] {
             let mut rig = start(seed);
             let (mut meter, mut bus) = (rig.analyzer_port(), rig.bus_port());
-            rig.person().place_sample("5").unwrap();
+            rig.technician().place_sample("5").unwrap();
             let clear = line(&mut meter, SET_UP).await;
             assert!(!rig.truth().is_in_contact());
             lower(&mut bus, 9_500).await;
@@ -275,10 +275,10 @@ mod tests {
         use crate::world::ViolationKind::{PressedTooDeep, SampleChangedInContact};
         let mut rig = start(1);
         let mut bus = rig.bus_port();
-        rig.person().place_sample("1").unwrap();
-        assert!(rig.person().place_sample("6").is_err());
+        rig.technician().place_sample("1").unwrap();
+        assert!(rig.technician().place_sample("6").is_err());
         lower(&mut bus, 8_000).await;
-        rig.person().take_sample_away();
+        rig.technician().take_sample_away();
         let kinds: Vec<_> = rig.violations().iter().map(|violation| violation.kind).collect();
         assert!(
             matches!(kinds[..], [PressedTooDeep { .. }, SampleChangedInContact { .. }]),

@@ -16,7 +16,7 @@ pub struct Wiring {
     /// The drive of the rotary stage.
     pub rotary: AxisWiring,
     /// How the drives' line carries its frames.
-    pub carrier: Carrier,
+    pub transport: LineTransport,
 }
 
 /// How a stage is driven.
@@ -54,7 +54,7 @@ impl From<NotModbus> for HangUp {
 
 /// How a line carries its frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Carrier {
+pub enum LineTransport {
     /// A serial line at this many baud, eleven bits a character.
     Serial {
         /// Bits per second.
@@ -64,7 +64,7 @@ pub enum Carrier {
     Tcp,
 }
 
-impl Carrier {
+impl LineTransport {
     /// How long `bytes` characters are under way.
     pub(crate) fn duration_of(self, bytes: usize) -> Duration {
         match self {

@@ -8,7 +8,7 @@
 use std::time::Duration;
 
 use rig_model::{AnalyzerMake, DriveMake, RigTime, random::Stream};
-use rig_sim::{AxisWiring, Carrier, Connection, PortId, Rig, Wiring, scene};
+use rig_sim::{AxisWiring, Connection, LineTransport, PortId, Rig, Wiring, scene};
 
 const SEED: u64 = 2020;
 
@@ -32,8 +32,8 @@ impl Chance {
 
 fn rig(analyzer: AnalyzerMake, drive: DriveMake) -> Rig {
     let axis = |unit_id| AxisWiring { make: drive, unit_id, units_per_step: 0.01, zero: 0.0 };
-    let carrier = Carrier::Serial { baud: 115_200 };
-    let wiring = Wiring { analyzer, linear: axis(1), rotary: axis(2), carrier };
+    let transport = LineTransport::Serial { baud: 115_200 };
+    let wiring = Wiring { analyzer, linear: axis(1), rotary: axis(2), transport };
     let mut rig = Rig::new(scene::paper(), &wiring, SEED).unwrap();
     rig.world().place_sample(RigTime::ZERO, "3").unwrap();
     rig

@@ -12,8 +12,8 @@ use std::{
 
 use rig_model::{AnalyzerMake, DriveMake};
 use rig_sim::{
-    AxisWiring, Carrier, PortId, SimRig, Wiring,
-    faults::{Fault, FaultKind, ReplyFault, When},
+    AxisWiring, LineTransport, PortId, SimRig, Wiring,
+    faults::{Fault, FaultKind, FaultTrigger, ReplyFault},
     scene,
     serve::{Role, Server},
 };
@@ -25,7 +25,7 @@ use tokio::{
     time::timeout,
 };
 
-const SERIAL: Carrier = Carrier::Serial { baud: 115_200 };
+const SERIAL: LineTransport = LineTransport::Serial { baud: 115_200 };
 
 /// Longer than anything here takes, on a machine that is busy with other things.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -41,7 +41,7 @@ fn start() -> (SimRig, Server) {
         analyzer: AnalyzerMake::HiokiIm3536,
         linear: axis(1, 0.001),
         rotary: axis(2, 0.01),
-        carrier: SERIAL,
+        transport: SERIAL,
     };
     let rig = SimRig::start(scene::paper(), &wiring, 1).unwrap();
     let server = Server::new(rig.handle());
@@ -146,7 +146,7 @@ async fn a_link_never_replaces_a_file_of_somebody_else() {
 async fn tcp_carries_both_framings_to_several_clients_and_control_stands_beside_them() {
     let (_rig, mut server) = start();
     let any = "127.0.0.1:0".parse().unwrap();
-    let modbus = server.listen(Role::Bus(Carrier::Tcp), any).await.unwrap();
+    let modbus = server.listen(Role::Bus(LineTransport::Tcp), any).await.unwrap();
     let raw = server.listen(Role::Bus(SERIAL), any).await.unwrap();
     let control = server.listen_control(any).await.unwrap();
 
@@ -190,7 +190,12 @@ async fn a_terminal_that_is_unplugged_comes_back_behind_its_link() {
     let first = server.open_pty(Role::Analyzer, Some(&link)).expect("a terminal is opened");
     rig.handle().with(|_, rig| {
         let kind = FaultKind::Reply(ReplyFault::Disconnect);
-        rig.add_fault(Fault { port: PortId::Analyzer, unit: None, kind, when: When::Nth(1) });
+        rig.add_fault(Fault {
+            port: PortId::Analyzer,
+            unit: None,
+            kind,
+            trigger: FaultTrigger::Nth(1),
+        });
     });
     client(move || {
         let mut port = open(&first);

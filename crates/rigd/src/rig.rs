@@ -215,7 +215,7 @@ impl RigHandle {
         self.status.clone()
     }
 
-    /// The simulated bench, for whoever plays its fate; none when the rig is real.
+    /// The simulated bench, in which faults are injected; `None` for a real rig.
     pub const fn simulation(&self) -> Option<&SimHandle> {
         self.simulation.as_ref()
     }

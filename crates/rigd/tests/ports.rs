@@ -11,8 +11,8 @@ use std::{
 
 use rig_model::{AnalyzerMake, DriveMake};
 use rig_sim::{
-    AxisWiring, Carrier, PortId, SimHandle, SimRig, Wiring,
-    faults::{DeviceFault, Fault, FaultKind, RequestFault, When},
+    AxisWiring, LineTransport, PortId, SimHandle, SimRig, Wiring,
+    faults::{DeviceFault, Fault, FaultKind, FaultTrigger, RequestFault},
 };
 use rig_store::{Reader, Record};
 use serde_json::Value;
@@ -50,7 +50,7 @@ impl Bench {
             analyzer: AnalyzerMake::HiokiIm3536,
             linear: axis(1, 0.001),
             rotary: axis(2, 0.01),
-            carrier: Carrier::Tcp,
+            transport: LineTransport::Tcp,
         };
         let seed = scene.seed;
         let sim = SimRig::start(scene, &wiring, seed).unwrap().handle();
@@ -61,7 +61,7 @@ impl Bench {
     }
 
     fn disturb(&self, port: PortId, unit: Option<u8>, kind: FaultKind) {
-        let fault = Fault { port, unit, kind, when: When::Rate(1.0) };
+        let fault = Fault { port, unit, kind, trigger: FaultTrigger::Rate(1.0) };
         self.sim.with(|_, rig| rig.add_fault(fault));
     }
 

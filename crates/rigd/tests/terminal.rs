@@ -15,7 +15,7 @@ use std::{
 
 use rig_model::{AnalyzerMake, DriveMake, Orientation};
 use rig_sim::{
-    AxisWiring, Carrier, Person, SimRig, Wiring,
+    AxisWiring, LineTransport, SimRig, Technician, Wiring,
     serve::{Role, Server},
 };
 use rustix::{
@@ -71,7 +71,7 @@ fn shipped(path: &str) -> String {
 
 /// A simulated rig behind TCP ports, for which rigd asks a person as on a real one.
 struct Bench {
-    person: Person,
+    person: Technician,
     rig: PathBuf,
     protocol: PathBuf,
     _sim: SimRig,
@@ -91,13 +91,13 @@ impl Bench {
             analyzer: AnalyzerMake::HiokiIm3536,
             linear: axis(1, 0.001),
             rotary: axis(2, 0.01),
-            carrier: Carrier::Tcp,
+            transport: LineTransport::Tcp,
         };
         let sim = SimRig::start(scene, &wiring, 1).unwrap();
         let mut server = Server::new(sim.handle());
         let any = SocketAddr::from(([127, 0, 0, 1], 0));
         let analyzer = server.listen(Role::Analyzer, any).await.unwrap();
-        let bus = server.listen(Role::Bus(Carrier::Tcp), any).await.unwrap();
+        let bus = server.listen(Role::Bus(LineTransport::Tcp), any).await.unwrap();
         let mut text = shipped("rigs/simulated.toml");
         let changes = [
             ("connection = \"simulated\"", "connection = \"ports\"".to_owned()),
@@ -117,7 +117,7 @@ impl Bench {
         let (rig, protocol) = (folder.join("rig.toml"), folder.join("protocol.toml"));
         fs::write(&rig, text).unwrap();
         fs::write(&protocol, PROTOCOL).unwrap();
-        Self { person: sim.person(), rig, protocol, _sim: sim, _server: server }
+        Self { person: sim.technician(), rig, protocol, _sim: sim, _server: server }
     }
 }
 

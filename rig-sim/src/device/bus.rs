@@ -5,14 +5,14 @@ use std::time::Duration;
 use rig_model::RigTime;
 
 use super::{
+    corruption::{self, Reply},
     drive::Drive,
-    outbox::Outbox,
-    spoil::{self, Reply},
+    output_queue::OutputQueue,
 };
 use crate::{
-    faults::{DeviceFault, Fate, RequestFault},
+    faults::{DeviceContext, DeviceFault, RequestFault},
     modbus::{Frame, RtuDecoder, TcpDecoder},
-    wiring::{Carrier, HangUp, PortId},
+    wiring::{HangUp, LineTransport, PortId},
     world::World,
 };
 
@@ -23,10 +23,12 @@ enum Decoder {
 }
 
 impl Decoder {
-    fn new(carrier: Carrier, patience: Duration) -> Self {
-        match carrier {
-            Carrier::Serial { .. } => Self::Rtu(RtuDecoder::new(carrier.silence().max(patience))),
-            Carrier::Tcp => Self::Tcp(TcpDecoder::default()),
+    fn new(transport: LineTransport, patience: Duration) -> Self {
+        match transport {
+            LineTransport::Serial { .. } => {
+                Self::Rtu(RtuDecoder::new(transport.silence().max(patience)))
+            }
+            LineTransport::Tcp => Self::Tcp(TcpDecoder::default()),
         }
     }
 }
@@ -44,16 +46,20 @@ pub(crate) struct Bus {
 /// A client's connection to the line.
 #[derive(Debug)]
 pub(crate) struct BusLine {
-    carrier: Carrier,
+    transport: LineTransport,
     decoder: Decoder,
-    outbox: Outbox,
+    output: OutputQueue,
 }
 
 impl BusLine {
     /// A connection on which nothing was said. `patience` is how long the bytes of one frame may be
     /// torn apart on their way.
-    pub(crate) fn new(carrier: Carrier, patience: Duration) -> Self {
-        Self { carrier, decoder: Decoder::new(carrier, patience), outbox: Outbox::default() }
+    pub(crate) fn new(transport: LineTransport, patience: Duration) -> Self {
+        Self {
+            transport,
+            decoder: Decoder::new(transport, patience),
+            output: OutputQueue::default(),
+        }
     }
 
     /// When something will happen without further bytes.
@@ -62,7 +68,7 @@ impl BusLine {
             Decoder::Rtu(decoder) => decoder.deadline(),
             Decoder::Tcp(_) => None,
         };
-        [silence, self.outbox.deadline()].into_iter().flatten().min()
+        [silence, self.output.deadline()].into_iter().flatten().min()
     }
 }
 
@@ -83,13 +89,13 @@ impl Bus {
         now: RigTime,
         line: &mut BusLine,
         bytes: &[u8],
-        fate: Fate<'_>,
+        context: DeviceContext<'_>,
     ) -> Result<(), HangUp> {
         match &mut line.decoder {
             Decoder::Rtu(decoder) => decoder.push(now, bytes),
             Decoder::Tcp(decoder) => decoder.push(bytes),
         }
-        self.advance(now, line, fate)
+        self.advance(now, line, context)
     }
 
     /// What has been said by `now`.
@@ -97,14 +103,14 @@ impl Bus {
         &mut self,
         now: RigTime,
         line: &mut BusLine,
-        fate: Fate<'_>,
+        context: DeviceContext<'_>,
     ) -> Result<Vec<u8>, HangUp> {
-        self.advance(now, line, fate)?;
-        Ok(line.outbox.poll(now))
+        self.advance(now, line, context)?;
+        Ok(line.output.poll(now))
     }
 
-    /// Lets a fault befall the drive at `unit`, or all of them, now.
-    pub(crate) fn suffer(
+    /// Injects a fault into the drive at `unit`, or into all drives.
+    pub(crate) fn apply_fault(
         &mut self,
         now: RigTime,
         unit: Option<u8>,
@@ -113,7 +119,7 @@ impl Bus {
     ) {
         for (known, drive) in &mut self.units {
             if unit.is_none_or(|unit| unit == *known) {
-                drive.suffer(now, fault, world);
+                drive.apply_fault(now, fault, world);
             }
         }
     }
@@ -122,7 +128,7 @@ impl Bus {
         &mut self,
         now: RigTime,
         line: &mut BusLine,
-        mut fate: Fate<'_>,
+        mut context: DeviceContext<'_>,
     ) -> Result<(), HangUp> {
         loop {
             let frame = match &mut line.decoder {
@@ -130,7 +136,7 @@ impl Bus {
                 Decoder::Tcp(decoder) => decoder.poll()?,
             };
             let Some(frame) = frame else { return Ok(()) };
-            self.handle(now, line, &frame, &mut fate)?;
+            self.handle(now, line, &frame, &mut context)?;
         }
     }
 
@@ -139,25 +145,26 @@ impl Bus {
         now: RigTime,
         line: &mut BusLine,
         frame: &Frame,
-        fate: &mut Fate<'_>,
+        context: &mut DeviceContext<'_>,
     ) -> Result<(), HangUp> {
-        let is_broadcast = frame.unit == 0 && matches!(line.carrier, Carrier::Serial { .. });
+        let is_broadcast =
+            frame.unit == 0 && matches!(line.transport, LineTransport::Serial { .. });
         for (unit, drive) in &mut self.units {
             if !(is_broadcast || *unit == frame.unit) {
                 continue;
             }
-            let bytes = match ask(now, (*unit, drive), frame, fate)? {
+            let bytes = match ask(now, (*unit, drive), frame, context)? {
                 // Nobody answers a broadcast, not even to refuse it.
                 Some(_) if is_broadcast => continue,
                 Some(bytes) => bytes,
                 None => continue,
             };
-            let on_the_wire = line.carrier.duration_of(frame.bytes().len() + bytes.len());
-            let struck = fate.faults.on_reply(PortId::Bus, Some(*unit));
+            let on_the_wire = line.transport.duration_of(frame.bytes().len() + bytes.len());
+            let applied = context.faults.on_reply(PortId::Bus, Some(*unit));
             let due = if self.is_instant { now } else { now + on_the_wire + self.turnaround };
             let reply = Reply { due, request: frame.bytes(), bytes: bytes.clone() };
             let readdress = |unit| Some(frame.readdressed(&bytes, unit));
-            spoil::send(reply, &struck, readdress, fate.faults, &mut line.outbox)?;
+            corruption::send(reply, &applied, readdress, context.faults, &mut line.output)?;
         }
         Ok(())
     }
@@ -168,10 +175,10 @@ fn ask(
     now: RigTime,
     (unit, drive): (u8, &mut Drive),
     frame: &Frame,
-    Fate { world, faults }: &mut Fate<'_>,
+    DeviceContext { world, faults }: &mut DeviceContext<'_>,
 ) -> Result<Option<Vec<u8>>, HangUp> {
     for fault in faults.on_device(PortId::Bus, Some(unit)) {
-        drive.suffer(now, fault, world);
+        drive.apply_fault(now, fault, world);
     }
     match faults.on_request(PortId::Bus, Some(unit)).first() {
         Some(RequestFault::Drop) => return Ok(None),
@@ -192,15 +199,16 @@ mod tests {
 
     use super::*;
     use crate::{
-        device::drive::az::alarm, faults::Faults, scene::paper, wiring::AxisWiring, world::AxisId,
+        device::drive::az::alarm, faults::FaultSchedule, scene::paper, wiring::AxisWiring,
+        world::AxisId,
     };
 
     /// Two drives on one line, 0.001 mm and 0.01° a step, with the master's side of the protocol.
-    struct Bench {
+    struct TestLine {
         bus: Bus,
         line: BusLine,
         world: World,
-        faults: Faults,
+        faults: FaultSchedule,
         now: RigTime,
     }
 
@@ -210,7 +218,7 @@ mod tests {
         AxisWiring { make: DriveMake::OrientalAz, unit_id, units_per_step, zero: 0.0 }
     }
 
-    impl Bench {
+    impl TestLine {
         fn new() -> Self {
             let mut world = World::new(paper(), 1).unwrap();
             world.place_sample(RigTime::ZERO, "3").unwrap();
@@ -218,20 +226,20 @@ mod tests {
                 (1, Drive::new(AxisId::Linear, wiring(1, MM), &world)),
                 (2, Drive::new(AxisId::Rotary, wiring(2, 0.01), &world)),
             ];
-            let line = BusLine::new(Carrier::Serial { baud: 115_200 }, Duration::ZERO);
+            let line = BusLine::new(LineTransport::Serial { baud: 115_200 }, Duration::ZERO);
             let bus = Bus::new(Duration::from_millis(2), units);
-            let faults = Faults::new(Stream::new(1, 1));
+            let faults = FaultSchedule::new(Stream::new(1, 1));
             Self { bus, line, world, faults, now: RigTime::ZERO }
         }
 
         fn push(&mut self, bytes: &[u8]) {
-            let fate = Fate { world: &mut self.world, faults: &mut self.faults };
-            self.bus.push(self.now, &mut self.line, bytes, fate).unwrap();
+            let context = DeviceContext { world: &mut self.world, faults: &mut self.faults };
+            self.bus.push(self.now, &mut self.line, bytes, context).unwrap();
         }
 
         fn poll(&mut self) -> Vec<u8> {
-            let fate = Fate { world: &mut self.world, faults: &mut self.faults };
-            self.bus.poll(self.now, &mut self.line, fate).unwrap()
+            let context = DeviceContext { world: &mut self.world, faults: &mut self.faults };
+            self.bus.poll(self.now, &mut self.line, context).unwrap()
         }
 
         /// Sends a request without its checksum; the answer comes back without unit and checksum.
@@ -279,136 +287,132 @@ mod tests {
 
     #[test]
     fn a_move_takes_its_time_and_ends_where_it_was_sent() {
-        let mut bench = Bench::new();
-        let start = bench.read(1, 0x00CC);
-        bench.go(1, start + 5000, 10_000);
-        assert_eq!(bench.read(1, 0x007E) & (READY | MOVE | IN_POSITION), MOVE);
-        bench.wait(0.25);
-        let half = bench.read(1, 0x00CC) - start;
+        let mut line = TestLine::new();
+        let start = line.read(1, 0x00CC);
+        line.go(1, start + 5000, 10_000);
+        assert_eq!(line.read(1, 0x007E) & (READY | MOVE | IN_POSITION), MOVE);
+        line.wait(0.25);
+        let half = line.read(1, 0x00CC) - start;
         assert!((2000..3500).contains(&half), "{half}");
-        bench.wait(0.3);
-        assert_eq!(bench.read(1, 0x007E) & (READY | MOVE | IN_POSITION), READY | IN_POSITION);
-        assert!((bench.read(1, 0x00CC) - start - 5000).abs() <= 3);
-        assert_eq!(bench.read(1, 0x00C6), start + 5000);
+        line.wait(0.3);
+        assert_eq!(line.read(1, 0x007E) & (READY | MOVE | IN_POSITION), READY | IN_POSITION);
+        assert!((line.read(1, 0x00CC) - start - 5000).abs() <= 3);
+        assert_eq!(line.read(1, 0x00C6), start + 5000);
         // The other drive on the line did not take part.
-        assert_eq!(bench.read(2, 0x00C6), 0);
+        assert_eq!(line.read(2, 0x00C6), 0);
     }
 
     #[test]
     fn a_broadcast_is_obeyed_and_nobody_answers() {
-        let mut bench = Bench::new();
-        bench.go(1, 30_000, 1000);
-        bench.wait(0.5);
+        let mut line = TestLine::new();
+        line.go(1, 30_000, 1000);
+        line.wait(0.5);
         // STOP to all.
-        assert_eq!(bench.ask(&[0, 6, 0, 0x7D, 0, 0x20]), None);
-        bench.wait(0.1);
-        assert_eq!(bench.read(1, 0x007E) & (READY | MOVE), 0);
+        assert_eq!(line.ask(&[0, 6, 0, 0x7D, 0, 0x20]), None);
+        line.wait(0.1);
+        assert_eq!(line.read(1, 0x007E) & (READY | MOVE), 0);
         // While STOP is on, a move is refused without a word.
-        let before = bench.read(2, 0x00C6);
-        bench.go(2, 1000, 1000);
-        bench.wait(2.0);
-        assert_eq!((bench.read(2, 0x00C6), bench.read(2, 0x0080)), (before, 0));
+        let before = line.read(2, 0x00C6);
+        line.go(2, 1000, 1000);
+        line.wait(2.0);
+        assert_eq!((line.read(2, 0x00C6), line.read(2, 0x0080)), (before, 0));
     }
 
     #[test]
     fn foreign_units_and_damaged_frames_are_met_with_silence() {
-        let mut bench = Bench::new();
-        assert_eq!(bench.ask(&[9, 3, 0, 0xCC, 0, 2]), None);
-        bench.push(&[1, 3, 0, 0xCC, 0, 2, 0, 0]);
-        bench.now = bench.line.deadline().unwrap();
-        assert!(bench.poll().is_empty());
-        assert_eq!(bench.line.deadline(), None);
+        let mut line = TestLine::new();
+        assert_eq!(line.ask(&[9, 3, 0, 0xCC, 0, 2]), None);
+        line.push(&[1, 3, 0, 0xCC, 0, 2, 0, 0]);
+        line.now = line.line.deadline().unwrap();
+        assert!(line.poll().is_empty());
+        assert_eq!(line.line.deadline(), None);
     }
 
     #[test]
     fn what_the_map_does_not_have_is_an_exception() {
-        let mut bench = Bench::new();
-        assert_eq!(bench.ask(&[1, 3, 0x70, 0, 0, 2]), Some(vec![0x83, 2]));
-        assert_eq!(
-            bench.ask(&[1, 6, 0, 0x80, 0, 0]),
-            Some(vec![0x86, 2]),
-            "the alarm is read only"
-        );
-        assert_eq!(bench.ask(&[1, 4, 0, 0xCC, 0, 2]), Some(vec![0x84, 1]));
-        assert_eq!(bench.write(1, 0x0060, &[0]), [0x90, 3], "no acceleration of zero");
-        assert_eq!(bench.ask(&[1, 8, 0, 0, 0x12, 0x34]), Some(vec![8, 0, 0, 0x12, 0x34]));
+        let mut line = TestLine::new();
+        assert_eq!(line.ask(&[1, 3, 0x70, 0, 0, 2]), Some(vec![0x83, 2]));
+        assert_eq!(line.ask(&[1, 6, 0, 0x80, 0, 0]), Some(vec![0x86, 2]), "the alarm is read only");
+        assert_eq!(line.ask(&[1, 4, 0, 0xCC, 0, 2]), Some(vec![0x84, 1]));
+        assert_eq!(line.write(1, 0x0060, &[0]), [0x90, 3], "no acceleration of zero");
+        assert_eq!(line.ask(&[1, 8, 0, 0, 0x12, 0x34]), Some(vec![8, 0, 0, 0x12, 0x34]));
     }
 
     #[test]
     fn a_software_limit_stops_the_move_and_raises_the_alarm_until_it_is_reset() {
-        let mut bench = Bench::new();
-        let start = bench.read(1, 0x00C6);
-        assert_eq!(bench.write(1, 0x0386, &[3, start + 1000, start - 1000]), [16, 3, 0x86, 0, 6]);
-        bench.go(1, start + 2000, 10_000);
-        bench.wait(1.0);
-        assert_eq!(bench.read(1, 0x00C6), start + 1000);
-        assert_eq!(bench.read(1, 0x0080), i32::from(alarm::SOFTWARE_OVERTRAVEL));
-        assert_eq!(bench.read(1, 0x007E) & (READY | ALARM), ALARM);
+        let mut line = TestLine::new();
+        let start = line.read(1, 0x00C6);
+        assert_eq!(line.write(1, 0x0386, &[3, start + 1000, start - 1000]), [16, 3, 0x86, 0, 6]);
+        line.go(1, start + 2000, 10_000);
+        line.wait(1.0);
+        assert_eq!(line.read(1, 0x00C6), start + 1000);
+        assert_eq!(line.read(1, 0x0080), i32::from(alarm::SOFTWARE_OVERTRAVEL));
+        assert_eq!(line.read(1, 0x007E) & (READY | ALARM), ALARM);
         // An alarm refuses moves without a word.
-        bench.go(1, start, 10_000);
-        bench.wait(1.0);
-        assert_eq!(bench.read(1, 0x00C6), start + 1000);
-        bench.write(1, 0x0180, &[1]);
-        bench.write(1, 0x0180, &[0]);
-        bench.go(1, start, 10_000);
-        bench.wait(1.0);
-        assert_eq!((bench.read(1, 0x00C6), bench.read(1, 0x0080)), (start, 0));
-        assert_eq!(bench.read(1, 0x0082), i32::from(alarm::SOFTWARE_OVERTRAVEL), "in the history");
+        line.go(1, start, 10_000);
+        line.wait(1.0);
+        assert_eq!(line.read(1, 0x00C6), start + 1000);
+        line.write(1, 0x0180, &[1]);
+        line.write(1, 0x0180, &[0]);
+        line.go(1, start, 10_000);
+        line.wait(1.0);
+        assert_eq!((line.read(1, 0x00C6), line.read(1, 0x0080)), (start, 0));
+        assert_eq!(line.read(1, 0x0082), i32::from(alarm::SOFTWARE_OVERTRAVEL), "in the history");
     }
 
     #[test]
     fn software_limits_outside_the_travel_do_not_lead_out_of_it() {
         for (limits, side) in [([80_000, 60_000], 1.0), ([-8_000, -20_000], -1.0)] {
-            let mut bench = Bench::new();
-            bench.write(1, 0x0386, &[3, limits[0], limits[1]]);
-            bench.go(1, 30_000, 50_000);
-            bench.wait(10.0);
-            let (low, high) = bench.world.travel(AxisId::Linear);
+            let mut line = TestLine::new();
+            line.write(1, 0x0386, &[3, limits[0], limits[1]]);
+            line.go(1, 30_000, 50_000);
+            line.wait(10.0);
+            let (low, high) = line.world.travel(AxisId::Linear);
             let end = if side > 0.0 { high } else { low };
-            assert_eq!(f64::from(bench.read(1, 0x00C6)) * MM, end);
-            assert_eq!(bench.read(1, 0x0080), i32::from(alarm::HARDWARE_OVERTRAVEL));
+            assert_eq!(f64::from(line.read(1, 0x00C6)) * MM, end);
+            assert_eq!(line.read(1, 0x0080), i32::from(alarm::HARDWARE_OVERTRAVEL));
         }
     }
 
     #[test]
     fn the_limit_switch_is_an_alarm_of_the_hardware() {
-        let mut bench = Bench::new();
-        bench.go(1, 10_000_000, 50_000);
-        bench.wait(10.0);
-        assert_eq!(bench.read(1, 0x0080), i32::from(alarm::HARDWARE_OVERTRAVEL));
-        let travel = bench.world.travel(AxisId::Linear).1;
-        assert_eq!(f64::from(bench.read(1, 0x00C6)) * MM, travel);
+        let mut line = TestLine::new();
+        line.go(1, 10_000_000, 50_000);
+        line.wait(10.0);
+        assert_eq!(line.read(1, 0x0080), i32::from(alarm::HARDWARE_OVERTRAVEL));
+        let travel = line.world.travel(AxisId::Linear).1;
+        assert_eq!(f64::from(line.read(1, 0x00C6)) * MM, travel);
     }
 
     #[test]
     fn relative_moves_triggers_and_home() {
-        let mut bench = Bench::new();
-        let start = bench.read(1, 0x00C6);
+        let mut line = TestLine::new();
+        let start = line.read(1, 0x00C6);
         // Incremental from the command position, triggered by the position item alone.
-        bench.write(1, 0x0058, &[0, 2, 0, 10_000, 1_000_000, 1_000_000, 1000, -5]);
-        bench.wait(0.1);
+        line.write(1, 0x0058, &[0, 2, 0, 10_000, 1_000_000, 1_000_000, 1000, -5]);
+        line.wait(0.1);
         for _ in 0..2 {
-            bench.write(1, 0x005C, &[500]);
-            bench.wait(0.5);
+            line.write(1, 0x005C, &[500]);
+            line.wait(0.5);
         }
         // Once by the first request, whose position is zero, and twice by 500.
-        assert_eq!(bench.read(1, 0x00C6), start + 1000);
-        bench.ask(&[1, 6, 0, 0x7D, 0, 0x10]).unwrap();
-        assert_eq!(bench.read(1, 0x00D4), 0, "home is lost until it is found");
-        bench.wait(20.0);
-        assert_eq!((bench.read(1, 0x00C6), bench.read(1, 0x00D4)), (0, 1 << 16));
+        assert_eq!(line.read(1, 0x00C6), start + 1000);
+        line.ask(&[1, 6, 0, 0x7D, 0, 0x10]).unwrap();
+        assert_eq!(line.read(1, 0x00D4), 0, "home is lost until it is found");
+        line.wait(20.0);
+        assert_eq!((line.read(1, 0x00C6), line.read(1, 0x00D4)), (0, 1 << 16));
     }
 
     #[test]
     fn a_restart_forgets_settings_and_keeps_the_place() {
-        let mut bench = Bench::new();
-        bench.go(1, 21_000, 10_000);
-        bench.wait(0.2);
-        bench.bus.suffer(bench.now, Some(1), DeviceFault::Reboot, &mut bench.world);
-        assert_eq!(bench.ask(&[1, 3, 0, 0xCC, 0, 2]), None, "it boots");
-        bench.wait(5.0);
-        let place = bench.read(1, 0x00C6);
-        assert!((bench.read(1, 0x00CC) - place).abs() <= 3);
-        assert_eq!(bench.read(1, 0x005E), 1000, "the speed is the one of the factory");
+        let mut line = TestLine::new();
+        line.go(1, 21_000, 10_000);
+        line.wait(0.2);
+        line.bus.apply_fault(line.now, Some(1), DeviceFault::Reboot, &mut line.world);
+        assert_eq!(line.ask(&[1, 3, 0, 0xCC, 0, 2]), None, "it boots");
+        line.wait(5.0);
+        let place = line.read(1, 0x00C6);
+        assert!((line.read(1, 0x00CC) - place).abs() <= 3);
+        assert_eq!(line.read(1, 0x005E), 1000, "the speed is the one of the factory");
     }
 }

@@ -1,4 +1,4 @@
-//! An analyzer at the end of its cable, where faults befall its messages.
+//! An analyzer at the end of its cable, where faults are injected into its messages.
 
 use std::{
     fmt,
@@ -9,12 +9,12 @@ use std::{
 use rig_model::RigTime;
 
 use super::{
+    corruption::{self, Reply},
     meter::{ClientId, Meter, Model},
-    outbox::Outbox,
-    spoil::{self, Reply},
+    output_queue::OutputQueue,
 };
 use crate::{
-    faults::{DeviceFault, Fate, RequestFault},
+    faults::{DeviceContext, DeviceFault, RequestFault},
     wiring::{HangUp, PortId},
     world::{ContactFault, World},
 };
@@ -33,7 +33,7 @@ pub(crate) trait Analyzer: fmt::Debug + Send {
     fn take_said(&mut self, id: ClientId) -> Vec<(RigTime, Vec<u8>)>;
     fn hang_up(&mut self, id: ClientId);
     fn overload(&mut self);
-    fn mend(&mut self);
+    fn clear_faults(&mut self);
     fn restart(&mut self, now: RigTime, world: &mut World);
 }
 
@@ -62,8 +62,8 @@ impl<M: Model<Command: Send + Sync> + Send> Analyzer for Meter<M> {
         self.overload();
     }
 
-    fn mend(&mut self) {
-        self.mend();
+    fn clear_faults(&mut self) {
+        self.clear_faults();
     }
 
     fn restart(&mut self, now: RigTime, world: &mut World) {
@@ -94,7 +94,7 @@ pub(crate) struct Cable {
     begun: Vec<u8>,
     /// The last message, for an echo.
     last: Vec<u8>,
-    outbox: Outbox,
+    output: OutputQueue,
     /// When the instrument itself does something next.
     instrument_at: Option<RigTime>,
 }
@@ -102,7 +102,7 @@ pub(crate) struct Cable {
 impl Cable {
     /// When something will happen without further bytes.
     pub(crate) fn deadline(&self) -> Option<RigTime> {
-        [self.instrument_at, self.outbox.deadline()].into_iter().flatten().min()
+        [self.instrument_at, self.output.deadline()].into_iter().flatten().min()
     }
 }
 
@@ -125,7 +125,7 @@ impl Socket {
             _plug: plug,
             begun: Vec::new(),
             last: Vec::new(),
-            outbox: Outbox::default(),
+            output: OutputQueue::default(),
             instrument_at: None,
         }
     }
@@ -136,21 +136,21 @@ impl Socket {
         now: RigTime,
         cable: &mut Cable,
         bytes: &[u8],
-        mut fate: Fate<'_>,
+        mut context: DeviceContext<'_>,
     ) -> Result<(), HangUp> {
         for &byte in bytes {
             if self.echoes && self.boots_until <= now {
-                cable.outbox.push(now, vec![byte]);
+                cable.output.push(now, vec![byte]);
             }
             if cable.begun.len() < MAX_MESSAGE {
                 cable.begun.push(byte);
             }
             if byte == b'\n' {
                 cable.last = std::mem::take(&mut cable.begun);
-                self.take(now, cable.id, &cable.last, &mut fate)?;
+                self.take(now, cable.id, &cable.last, &mut context)?;
             }
         }
-        self.say(now, cable, &mut fate)
+        self.say(now, cable, &mut context)
     }
 
     /// What has been said by `now`.
@@ -158,14 +158,14 @@ impl Socket {
         &mut self,
         now: RigTime,
         cable: &mut Cable,
-        mut fate: Fate<'_>,
+        mut context: DeviceContext<'_>,
     ) -> Result<Vec<u8>, HangUp> {
-        self.say(now, cable, &mut fate)?;
-        Ok(cable.outbox.poll(now))
+        self.say(now, cable, &mut context)?;
+        Ok(cable.output.poll(now))
     }
 
-    /// Lets a fault befall the analyzer now.
-    pub(crate) fn suffer(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
+    /// Injects a fault into the analyzer.
+    pub(crate) fn apply_fault(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
         match fault {
             DeviceFault::Reboot => {
                 self.analyzer.restart(now, world);
@@ -174,7 +174,7 @@ impl Socket {
             DeviceFault::Overload => self.analyzer.overload(),
             DeviceFault::BlindContact => world.set_contact_fault(now, Some(ContactFault::Blind)),
             DeviceFault::StuckContact => world.set_contact_fault(now, Some(ContactFault::Stuck)),
-            // These befall drives.
+            // These are faults of drives.
             DeviceFault::Alarm(_)
             | DeviceFault::Stall
             | DeviceFault::Jam
@@ -183,9 +183,9 @@ impl Socket {
         }
     }
 
-    /// Takes back what has not happened yet.
-    pub(crate) fn mend(&mut self) {
-        self.analyzer.mend();
+    /// Clears the faults that have not happened yet.
+    pub(crate) fn clear_faults(&mut self) {
+        self.analyzer.clear_faults();
     }
 
     fn take(
@@ -193,13 +193,13 @@ impl Socket {
         now: RigTime,
         id: ClientId,
         message: &[u8],
-        fate: &mut Fate<'_>,
+        context: &mut DeviceContext<'_>,
     ) -> Result<(), HangUp> {
-        for fault in fate.faults.on_device(PortId::Analyzer, None) {
-            self.suffer(now, fault, fate.world);
+        for fault in context.faults.on_device(PortId::Analyzer, None) {
+            self.apply_fault(now, fault, context.world);
         }
         let mut is_lost = now < self.boots_until;
-        for fault in fate.faults.on_request(PortId::Analyzer, None) {
+        for fault in context.faults.on_request(PortId::Analyzer, None) {
             match fault {
                 RequestFault::Drop => is_lost = true,
                 RequestFault::Disconnect => return Err(HangUp),
@@ -208,20 +208,25 @@ impl Socket {
             }
         }
         if !is_lost {
-            self.analyzer.push(now, id, message, fate.world);
+            self.analyzer.push(now, id, message, context.world);
         }
         Ok(())
     }
 
     /// Lets the instrument live up to `now`, and takes what it says on a cable.
-    fn say(&mut self, now: RigTime, cable: &mut Cable, fate: &mut Fate<'_>) -> Result<(), HangUp> {
-        self.analyzer.advance(now, fate.world);
+    fn say(
+        &mut self,
+        now: RigTime,
+        cable: &mut Cable,
+        context: &mut DeviceContext<'_>,
+    ) -> Result<(), HangUp> {
+        self.analyzer.advance(now, context.world);
         for (at, bytes) in self.analyzer.take_said(cable.id) {
-            let struck = fate.faults.on_reply(PortId::Analyzer, None);
+            let applied = context.faults.on_reply(PortId::Analyzer, None);
             // It is one instrument: what it says later never comes earlier.
-            let due = cable.outbox.last_due().map_or(at, |last| last.max(at));
+            let due = cable.output.last_due().map_or(at, |last| last.max(at));
             let reply = Reply { due, request: &cable.last, bytes };
-            spoil::send(reply, &struck, |_| None, fate.faults, &mut cable.outbox)?;
+            corruption::send(reply, &applied, |_| None, context.faults, &mut cable.output)?;
         }
         cable.instrument_at = self.analyzer.deadline();
         Ok(())

@@ -43,18 +43,18 @@ impl Drive {
         }
     }
 
-    /// Lets a fault befall the drive now.
-    pub(crate) fn suffer(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
+    /// Injects a fault into the drive.
+    pub(crate) fn apply_fault(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
         match self {
-            Self::Az(drive) => drive.suffer(now, fault, world),
-            Self::Iai(drive) => drive.suffer(now, fault, world),
-            Self::Leadshine(drive) => drive.suffer(now, fault, world),
+            Self::Az(drive) => drive.apply_fault(now, fault, world),
+            Self::Iai(drive) => drive.apply_fault(now, fault, world),
+            Self::Leadshine(drive) => drive.apply_fault(now, fault, world),
         }
     }
 }
 
 #[cfg(test)]
-mod bench {
+mod test_drive {
     //! A drive at the linear axis of a bench without nuisances, 0.01 mm a count.
 
     use std::time::Duration;
@@ -67,13 +67,13 @@ mod bench {
     };
 
     #[derive(Debug)]
-    pub(super) struct Bench {
+    pub(super) struct TestDrive {
         pub(super) drive: Drive,
         pub(super) world: World,
         pub(super) now: RigTime,
     }
 
-    impl Bench {
+    impl TestDrive {
         pub(super) fn new(make: DriveMake) -> Self {
             let scene = Scene { nuisances: Nuisances::NONE, ..paper() };
             let world = World::new(scene, 1).unwrap();

@@ -16,14 +16,14 @@
 //!                                        └────── next point ────────┘
 //! ```
 
-#[cfg(test)]
-mod bench;
 mod e4990a;
 mod hioki;
-mod kept;
 mod lcr;
 mod model;
 mod quantity;
+mod setting_store;
+#[cfg(test)]
+mod test_meter;
 
 use std::{collections::BTreeMap, time::Duration};
 
@@ -37,7 +37,7 @@ pub(crate) use self::{
     model::Model,
 };
 use self::{
-    model::{Drive, Job, Memory, Outcome, Point, Reading},
+    model::{Drive, FinishedPoint, Job, Memory, Outcome, Point},
     quantity::{Quantity, round_step},
 };
 
@@ -58,11 +58,11 @@ fn binary(numbers: impl Iterator<Item = f64>, is_swapped: bool) -> Value {
 #[derive(Debug)]
 enum Phase {
     Waiting,
-    Integrating(Reading),
+    Integrating(FinishedPoint),
 }
 
 #[derive(Debug)]
-struct UnderWay<C> {
+struct RunningMeasurement<C> {
     job: Job,
     /// Who began it, and with what.
     client: ClientId,
@@ -70,7 +70,7 @@ struct UnderWay<C> {
     busy_bits: u16,
     phase: Phase,
     until: RigTime,
-    readings: Vec<Reading>,
+    readings: Vec<FinishedPoint>,
 }
 
 /// Who talks to the instrument.
@@ -91,8 +91,8 @@ pub(crate) struct Meter<M: Model> {
     instrument: Instrument<M::Command>,
     model: M,
     clients: BTreeMap<ClientId, Client<M::Command>>,
-    under_way: Option<UnderWay<M::Command>>,
-    readings: Vec<Reading>,
+    running: Option<RunningMeasurement<M::Command>>,
+    readings: Vec<FinishedPoint>,
     /// How long the instrument takes over a command.
     per_command: Duration,
     /// When it is done with the last command.
@@ -107,7 +107,7 @@ impl<M: Model> Meter<M> {
             instrument: Instrument::new(M::commands(), M::dialect()),
             model: M::default(),
             clients: BTreeMap::new(),
-            under_way: None,
+            running: None,
             readings: Vec::new(),
             per_command,
             free_at: RigTime::ZERO,
@@ -126,7 +126,7 @@ impl<M: Model> Meter<M> {
 
     /// When the measurement goes on.
     pub(crate) fn deadline(&self) -> Option<RigTime> {
-        self.under_way.as_ref().map(|under_way| under_way.until)
+        self.running.as_ref().map(|running| running.until)
     }
 
     /// What has been said to a client up to now, with the time of each answer.
@@ -145,7 +145,7 @@ impl<M: Model> Meter<M> {
     }
 
     /// What has not overloaded a measurement yet will not.
-    pub(crate) fn mend(&mut self) {
+    pub(crate) fn clear_faults(&mut self) {
         self.overloads = 0;
     }
 
@@ -159,7 +159,7 @@ impl<M: Model> Meter<M> {
     /// Lives up to `now`.
     pub(crate) fn advance(&mut self, now: RigTime, world: &mut World) {
         loop {
-            if self.under_way.as_ref().is_some_and(|under_way| under_way.until <= now) {
+            if self.running.as_ref().is_some_and(|running| running.until <= now) {
                 self.go_on(world);
             } else if let Some((id, call)) = self.next_call() {
                 self.carry_out(id, call, world);
@@ -178,7 +178,7 @@ impl<M: Model> Meter<M> {
 
     fn next_call_of(&mut self, id: ClientId) -> Option<Call<M::Command>> {
         let blocking = self.blocking_client();
-        let is_measuring = self.under_way.is_some();
+        let is_measuring = self.running.is_some();
         let client = self.clients.get_mut(&id)?;
         if blocking == Some(id) || (is_measuring && client.held.is_some()) {
             return None;
@@ -196,9 +196,7 @@ impl<M: Model> Meter<M> {
 
     /// The client that does nothing else until the measurement is over.
     fn blocking_client(&self) -> Option<ClientId> {
-        self.under_way
-            .as_ref()
-            .and_then(|under_way| under_way.job.is_blocking.then_some(under_way.client))
+        self.running.as_ref().and_then(|running| running.job.is_blocking.then_some(running.client))
     }
 
     /// Carries a command out, unless it has to wait.
@@ -208,7 +206,7 @@ impl<M: Model> Meter<M> {
         // its commands take.
         let Some(client) = self.clients.get_mut(&id) else { return };
         let at = self.free_at.max(client.heard_at) + self.per_command;
-        let is_measuring = self.under_way.is_some();
+        let is_measuring = self.running.is_some();
         let would_disturb = self.blocking_client().is_some();
         if would_disturb && !(call.is_query || M::may_interrupt(call.command)) {
             self.hold(id, call);
@@ -276,7 +274,7 @@ impl<M: Model> Meter<M> {
         }
         let busy_bits = self.model.busy_bits();
         self.set_busy(busy_bits, true);
-        self.under_way = Some(UnderWay {
+        self.running = Some(RunningMeasurement {
             job,
             client,
             command,
@@ -290,7 +288,9 @@ impl<M: Model> Meter<M> {
 
     /// Ends the measurement that is under way without a result.
     fn abort(&mut self, at: RigTime) {
-        let Some(UnderWay { job, client, busy_bits, .. }) = self.under_way.take() else { return };
+        let Some(RunningMeasurement { job, client, busy_bits, .. }) = self.running.take() else {
+            return;
+        };
         if M::ENDS_ARE_EVENTS {
             self.instrument.status_mut().operation.negative_transition &= !busy_bits;
         }
@@ -315,17 +315,17 @@ impl<M: Model> Meter<M> {
 
     /// Begins the next point of the measurement, or ends it.
     fn next_point(&mut self, at: RigTime, world: &mut World) {
-        let Some(under_way) = &mut self.under_way else { return };
-        if let Some(point) = under_way.job.points.front() {
+        let Some(running) = &mut self.running else { return };
+        if let Some(point) = running.job.points.front() {
             world.set_frequency(at, point.frequency_hz);
-            under_way.phase = Phase::Waiting;
-            under_way.until = at + Duration::from_secs_f64(point.delay_s);
+            running.phase = Phase::Waiting;
+            running.until = at + Duration::from_secs_f64(point.delay_s);
             if point.delay_s == 0.0 {
                 self.go_on(world);
             }
             return;
         }
-        let Some(ended) = self.under_way.take() else { return };
+        let Some(ended) = self.running.take() else { return };
         self.readings = ended.readings;
         self.set_busy(ended.busy_bits, false);
         self.free_at = self.free_at.max(at);
@@ -339,21 +339,21 @@ impl<M: Model> Meter<M> {
 
     /// What follows when the present phase is over.
     fn go_on(&mut self, world: &mut World) {
-        let Some(under_way) = &mut self.under_way else { return };
-        let at = under_way.until;
-        match under_way.phase {
+        let Some(running) = &mut self.running else { return };
+        let at = running.until;
+        match running.phase {
             Phase::Waiting => {
-                let Some(point) = under_way.job.points.pop_front() else { return };
+                let Some(point) = running.job.points.pop_front() else { return };
                 let (impedance_ohm, until) = world.measure(at, point.cycles);
                 let is_overloaded = self.overloads > 0;
                 self.overloads = self.overloads.saturating_sub(1);
                 let impedance_ohm = (!is_overloaded).then_some(impedance_ohm);
                 let frequency_hz = point.frequency_hz;
-                under_way.phase = Phase::Integrating(Reading { frequency_hz, impedance_ohm });
-                under_way.until = until;
+                running.phase = Phase::Integrating(FinishedPoint { frequency_hz, impedance_ohm });
+                running.until = until;
             }
             Phase::Integrating(reading) => {
-                under_way.readings.push(reading);
+                running.readings.push(reading);
                 self.next_point(at, world);
             }
         }

@@ -5,7 +5,7 @@
 
 pub(crate) mod bus;
 pub(crate) mod cable;
+mod corruption;
 pub(crate) mod drive;
 pub(crate) mod meter;
-mod outbox;
-mod spoil;
+mod output_queue;

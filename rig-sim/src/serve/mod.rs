@@ -22,7 +22,7 @@ use tokio::{
 };
 
 use self::pty::Pty;
-use crate::{Carrier, Connection, PortId, Rig, SimHandle, control};
+use crate::{Connection, LineTransport, PortId, Rig, SimHandle, control};
 
 /// How long an operating system may tear the bytes of one frame apart.
 const PATIENCE: Duration = Duration::from_millis(20);
@@ -57,7 +57,7 @@ pub enum Role {
     /// The analyzer: messages of text.
     Analyzer,
     /// The line of the drives.
-    Bus(Carrier),
+    Bus(LineTransport),
 }
 
 /// The ports that are served. They close when it is dropped.
@@ -156,7 +156,7 @@ impl Drop for Link {
 fn connect(handle: &SimHandle, role: Role) -> Connection {
     match role {
         Role::Analyzer => handle.with(|_, rig| rig.connect(PortId::Analyzer)),
-        Role::Bus(carrier) => Rig::connect_bus(carrier, PATIENCE),
+        Role::Bus(transport) => Rig::connect_bus(transport, PATIENCE),
     }
 }
 

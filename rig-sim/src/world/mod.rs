@@ -1,4 +1,4 @@
-//! The physical bench: two stages, a sample, a sensor, and what befalls them.
+//! The physical bench: two stages, a sample, a sensor, and their disturbances.
 //!
 //! It is deterministic: the same seed and the same commands at the same times give the same bytes.
 //! Time only ever comes in as an argument. Nothing here knows how it is commanded; that is the
@@ -6,12 +6,12 @@
 
 mod motion;
 mod nuisance;
-mod place;
 mod scene;
 mod sensor;
 mod stage;
 #[cfg(test)]
 mod tests;
+mod true_geometry;
 mod truth;
 
 use std::mem::Discriminant;
@@ -26,21 +26,21 @@ use rig_model::{
 pub use self::{
     motion::Profile,
     nuisance::{Drift, Nuisances},
-    place::Place,
     scene::{AxisId, Mechanics, NoSuchSample, Sample, Scene, SceneError},
     sensor::SensorScene,
     stage::{Drivetrain, Stage},
+    true_geometry::TrueGeometry,
     truth::{Truth, Violation, ViolationKind},
 };
 use self::{
     nuisance::{DriftPath, Point},
-    sensor::{SensorModel, Touched},
+    sensor::{SensorModel, WorldContact},
 };
 use crate::{clock::after, plant::Plant};
 
 /// A sample as it lies under the probe.
 #[derive(Debug, Clone, Copy)]
-struct Mounted {
+struct MountedSample {
     sample: usize,
     /// Counts every placing of a sample.
     number: u64,
@@ -54,14 +54,14 @@ const MOST_SIGMAS: f64 = 2.5;
 const RINGS: &str = "loss factors of at most 1 leave a quality of at least 1";
 
 /// What a sensor feels to which something sticks.
-const STUCK: Touched = Touched {
+const STUCK: WorldContact = WorldContact {
     stiffness_mpa: 0.1,
     indentation_mm: 0.2,
     contact_deg: 0.0,
     orientation: Orientation::FrontBack,
 };
 
-/// While the rotary stage turns, contact is looked for this many times between two looks.
+/// While the rotary stage turns, contact is checked this many times between two events.
 const LOOKS_PER_TURN: u64 = 64;
 
 /// The bench and everything on it.
@@ -73,7 +73,7 @@ pub struct World {
     linear: Stage,
     rotary: Stage,
     orientation: Orientation,
-    mounted: Option<Mounted>,
+    mounted: Option<MountedSample>,
     placings: u64,
     drift: DriftPath,
     plant: Plant,
@@ -212,7 +212,7 @@ impl World {
         let key = [stream::MOUNTING, self.placings, 0];
         let draw = normal_at(self.seed, key).clamp(-MOST_SIGMAS, MOST_SIGMAS);
         let raised_mm = self.scene.nuisances.mounting_mm * draw;
-        self.mounted = Some(Mounted { sample, number: self.placings, raised_mm });
+        self.mounted = Some(MountedSample { sample, number: self.placings, raised_mm });
         self.follow_plant(now);
         Ok(())
     }
@@ -247,7 +247,7 @@ impl World {
         self.plant.scale_drive(factor);
     }
 
-    /// Breaks or mends the way in which the sensor feels contact.
+    /// Sets or clears a fault of the contact sense.
     pub fn set_contact_fault(&mut self, now: RigTime, fault: Option<ContactFault>) {
         self.follow_plant(now);
         self.contact_fault = fault;
@@ -255,7 +255,7 @@ impl World {
     }
 
     /// Mends what faults have broken.
-    pub fn mend(&mut self, now: RigTime) {
+    pub fn clear_faults(&mut self, now: RigTime) {
         for axis in [AxisId::Linear, AxisId::Rotary] {
             if self.stage(axis).is_jammed() {
                 self.drive(now, axis).set_jammed(now, false);
@@ -401,7 +401,7 @@ impl World {
         })
     }
 
-    fn point(&self, now: RigTime, mounted: Mounted) -> Point {
+    fn point(&self, now: RigTime, mounted: MountedSample) -> Point {
         let turn = match self.orientation {
             Orientation::FrontBack => 0,
             Orientation::Left => 1,
@@ -415,15 +415,15 @@ impl World {
         self.rotary.load(now) + slope_deg
     }
 
-    fn stiffness_mpa(&self, now: RigTime, mounted: Mounted) -> f64 {
+    fn stiffness_mpa(&self, now: RigTime, mounted: MountedSample) -> f64 {
         let nominal_mpa = self.scene.samples[mounted.sample].stiffness_mpa;
         nominal_mpa * self.point(now, mounted).stiffness_factor
     }
 
-    fn touched(&self, now: RigTime) -> Option<Touched> {
+    fn touched(&self, now: RigTime) -> Option<WorldContact> {
         let mounted = self.mounted?;
         let indentation_mm = self.indentation_mm(now);
-        (indentation_mm > 0.0).then(|| Touched {
+        (indentation_mm > 0.0).then(|| WorldContact {
             stiffness_mpa: self.stiffness_mpa(now, mounted),
             indentation_mm,
             contact_deg: self.contact_deg(now),

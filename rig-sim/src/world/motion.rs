@@ -17,14 +17,14 @@ pub struct Profile {
 
 /// A stretch of constant acceleration.
 #[derive(Debug, Clone, Copy)]
-struct Leg {
+struct MotionSegment {
     duration_s: f64,
     start: f64,
     speed: f64,
     acceleration: f64,
 }
 
-impl Leg {
+impl MotionSegment {
     fn position(&self, s: f64) -> f64 {
         self.start + self.speed * s + 0.5 * self.acceleration * s * s
     }
@@ -34,13 +34,13 @@ impl Leg {
 #[derive(Debug, Clone)]
 pub(super) struct Motion {
     began: RigTime,
-    legs: Vec<Leg>,
+    segments: Vec<MotionSegment>,
     target: f64,
 }
 
 impl Motion {
     pub(super) fn resting_at(position: f64) -> Self {
-        Self { began: RigTime::ZERO, legs: Vec::new(), target: position }
+        Self { began: RigTime::ZERO, segments: Vec::new(), target: position }
     }
 
     /// From here to `target`. A motor that is under way stops first: the direction may change.
@@ -61,9 +61,9 @@ impl Motion {
                 (cruise_s, sign * top, 0.0),
                 (down_s, sign * top, -sign * deceleration),
             ] {
-                let leg = Leg { duration_s, start: place, speed, acceleration };
-                place = leg.position(duration_s);
-                next.legs.push(leg);
+                let segment = MotionSegment { duration_s, start: place, speed, acceleration };
+                place = segment.position(duration_s);
+                next.segments.push(segment);
             }
         }
         next.target = target;
@@ -75,10 +75,10 @@ impl Motion {
         let (start, speed) = self.state(now);
         let duration_s = speed.abs() / deceleration;
         let acceleration = -speed.signum() * deceleration;
-        let leg = Leg { duration_s, start, speed, acceleration };
-        let target = leg.position(duration_s);
-        let legs = if speed == 0.0 { Vec::new() } else { vec![leg] };
-        Self { began: now, legs, target }
+        let segment = MotionSegment { duration_s, start, speed, acceleration };
+        let target = segment.position(duration_s);
+        let segments = if speed == 0.0 { Vec::new() } else { vec![segment] };
+        Self { began: now, segments, target }
     }
 
     /// To rest at once, as against a wall.
@@ -100,24 +100,24 @@ impl Motion {
 
     /// The moment at which the motor comes to rest, rounded up to the clock.
     pub(super) fn ends(&self) -> RigTime {
-        let seconds: f64 = self.legs.iter().map(|leg| leg.duration_s).sum();
+        let seconds: f64 = self.segments.iter().map(|segment| segment.duration_s).sum();
         after(self.began, seconds)
     }
 
     /// Where the motor turned round on the way, when it has done so by `now`.
     pub(super) fn turned_at(&self, now: RigTime) -> Option<f64> {
-        let first = self.legs.first().filter(|leg| leg.speed != 0.0)?;
+        let first = self.segments.first().filter(|segment| segment.speed != 0.0)?;
         let elapsed_s = now.since(self.began).as_secs_f64();
         (elapsed_s > first.duration_s).then(|| first.position(first.duration_s))
     }
 
     fn state(&self, now: RigTime) -> (f64, f64) {
         let mut left_s = now.since(self.began).as_secs_f64();
-        for leg in &self.legs {
-            if left_s < leg.duration_s {
-                return (leg.position(left_s), leg.speed + leg.acceleration * left_s);
+        for segment in &self.segments {
+            if left_s < segment.duration_s {
+                return (segment.position(left_s), segment.speed + segment.acceleration * left_s);
             }
-            left_s -= leg.duration_s;
+            left_s -= segment.duration_s;
         }
         (self.target, 0.0)
     }

@@ -27,7 +27,7 @@ pub struct Nuisances {
     pub drift: Drift,
     /// Relative standard deviation of each part of an impedance integrated over ten cycles.
     pub impedance_rel: f64,
-    /// How long the analyzer takes over each command, s: whoever times its drive cannot know.
+    /// How long the analyzer takes over each command, s: a client that times its drive does not know it.
     pub analyzer_command_s: f64,
 }
 

@@ -5,7 +5,7 @@ use std::fmt;
 use rig_contact::{SensorError, TissueError};
 use rig_model::Orientation;
 
-use super::{nuisance::Nuisances, place::Place, sensor::SensorScene};
+use super::{nuisance::Nuisances, sensor::SensorScene, true_geometry::TrueGeometry};
 use crate::plant::NotRinging;
 
 /// Everything that a world is made of.
@@ -20,7 +20,7 @@ pub struct Scene {
     /// What there is to touch.
     pub samples: Vec<Sample>,
     /// Where things are.
-    pub place: Place,
+    pub place: TrueGeometry,
     /// The stage that carries the sensor, in mm.
     pub linear: Mechanics,
     /// The stage that tilts the sample, in degrees.

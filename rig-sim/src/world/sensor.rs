@@ -27,7 +27,7 @@ pub struct SensorScene {
 
 /// A contact as the world has it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Touched {
+pub(super) struct WorldContact {
     pub(super) stiffness_mpa: f64,
     /// Along the probe.
     pub(super) indentation_mm: f64,
@@ -86,9 +86,9 @@ impl SensorModel {
     }
 
     /// The circuit without contact or in contact, with the free resonance shifted by `shift_hz`.
-    pub(super) fn circuit(&self, touched: Option<Touched>, shift_hz: f64) -> Circuit {
+    pub(super) fn circuit(&self, touched: Option<WorldContact>, shift_hz: f64) -> Circuit {
         // Without depth any tissue leaves the free sensor.
-        let circuit = self.touching(touched.unwrap_or(Touched {
+        let circuit = self.touching(touched.unwrap_or(WorldContact {
             stiffness_mpa: 1.0,
             indentation_mm: 0.0,
             contact_deg: 0.0,
@@ -99,7 +99,7 @@ impl SensorModel {
         Circuit { series_resonance_hz: circuit.series_resonance_hz * factor, ..circuit }
     }
 
-    fn touching(&self, touched: Touched) -> Circuit {
+    fn touching(&self, touched: WorldContact) -> Circuit {
         let tissue = self.tissue(touched.stiffness_mpa).expect("stiffness was checked");
         let direction = match touched.orientation {
             Orientation::FrontBack if touched.contact_deg < 0.0 => Direction::Back,
@@ -148,7 +148,8 @@ mod tests {
     fn circuit(gives_way: bool, indentation_mm: f64, contact_deg: f64) -> Circuit {
         let scene = SensorScene { gives_way, ..paper().sensor };
         let orientation = Orientation::FrontBack;
-        let touched = Touched { stiffness_mpa: 0.649, indentation_mm, contact_deg, orientation };
+        let touched =
+            WorldContact { stiffness_mpa: 0.649, indentation_mm, contact_deg, orientation };
         SensorModel::new(scene, 0.649, 1.0).unwrap().circuit(Some(touched), 0.0)
     }
 

@@ -7,7 +7,7 @@ use rig_analyzer::{
 use rig_link::{Clock, Port, StopSignal};
 use rig_model::{AnalyzerMake, DriveLevel, DriveMake, Reading, ReadingFlag, SweepPoint};
 use rig_sim::{
-    AxisWiring, Carrier, SimRig, Wiring, control,
+    AxisWiring, LineTransport, SimRig, Wiring, control,
     scene::paper,
     world::{Nuisances, Scene},
 };
@@ -20,8 +20,8 @@ fn bench(model: AnalyzerMake) -> SimRig {
         units_per_step: 0.001,
         zero: 0.0,
     };
-    let carrier = Carrier::Serial { baud: 115_200 };
-    let wiring = Wiring { analyzer: model, linear: axis(1), rotary: axis(2), carrier };
+    let transport = LineTransport::Serial { baud: 115_200 };
+    let wiring = Wiring { analyzer: model, linear: axis(1), rotary: axis(2), transport };
     let scene = Scene { nuisances: Nuisances::NONE, ..paper() };
     SimRig::start(scene, &wiring, 1).unwrap()
 }

@@ -6,7 +6,7 @@ use rig_analyzer::{Analyzer, AnalyzerError, Dialect, TransportSettings};
 use rig_link::{Clock, Endpoint, Port, Transcript};
 use rig_model::{Deg, LineSettings, Mm, Unit};
 use rig_protocol::Prompt;
-use rig_sim::{AxisWiring, Carrier, Person, SimHandle, SimRig, Wiring};
+use rig_sim::{AxisWiring, LineTransport, SimHandle, SimRig, Technician, Wiring};
 use rig_stage::{BusHandle, BusSettings, RegisterMap, Stage, StageError};
 use rig_store::StoreError;
 
@@ -92,7 +92,7 @@ pub(super) struct Opened {
 
 /// What there is besides the devices when the rig is simulated.
 pub(super) struct Simulation {
-    person: Person,
+    person: Technician,
     /// Whether that person also says that it is done.
     pub(super) is_answering: bool,
     /// The rig lives as long as this.
@@ -190,7 +190,7 @@ impl Ports {
             &file.connection,
             Connection::Simulated(simulation) if simulation.person == SimulatedPerson::Waits
         );
-        let simulation = Some(Simulation { person: rig.person(), is_answering, rig });
+        let simulation = Some(Simulation { person: rig.technician(), is_answering, rig });
         Ok(Self { analyzer: Ok(analyzer), bus: Ok(bus), simulation })
     }
 }
@@ -224,9 +224,9 @@ fn wiring(file: &RigFile) -> Wiring {
         analyzer: file.analyzer.make,
         linear: axis_wiring(&file.linear),
         rotary: axis_wiring(&file.rotary),
-        carrier: match line(&file.bus) {
-            Some(line) => Carrier::Serial { baud: line.baud },
-            None => Carrier::Tcp,
+        transport: match line(&file.bus) {
+            Some(line) => LineTransport::Serial { baud: line.baud },
+            None => LineTransport::Tcp,
         },
     }
 }

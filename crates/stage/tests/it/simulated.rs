@@ -6,7 +6,9 @@ use rig_link::{Clock, Port, StopSignal};
 use rig_model::{
     AnalyzerMake, Axis, AxisLimits, Deg, DriveMake, LineSettings, Mm, Position, Scale, Span, Unit,
 };
-use rig_sim::{AxisWiring, Carrier, PortId, SimRig, Wiring, faults::DeviceFault, scene::paper};
+use rig_sim::{
+    AxisWiring, LineTransport, PortId, SimRig, Wiring, faults::DeviceFault, scene::paper,
+};
 use rig_stage::{BusError, BusHandle, BusSettings, LineFault, RegisterMap, Stage, StageError};
 use tokio::time::sleep;
 
@@ -42,7 +44,7 @@ async fn bench(make: DriveMake, per_count: f64) -> Bench {
         analyzer: AnalyzerMake::HiokiIm3536,
         linear: wiring(1),
         rotary: wiring(2),
-        carrier: Carrier::Serial { baud: 115_200 },
+        transport: LineTransport::Serial { baud: 115_200 },
     };
     let mut rig = SimRig::start(paper(), &wiring, 1).unwrap();
     let line = LineSettings::eight_e_one(115_200);
@@ -65,8 +67,8 @@ async fn bench(make: DriveMake, per_count: f64) -> Bench {
 }
 
 /// Something befalls the drive of the linear stage.
-fn suffer(rig: &SimRig, fault: DeviceFault) {
-    rig.handle().with(|now, rig| rig.suffer(now, PortId::Bus, Some(1), fault));
+fn apply_fault(rig: &SimRig, fault: DeviceFault) {
+    rig.handle().with(|now, rig| rig.apply_fault(now, PortId::Bus, Some(1), fault));
 }
 
 async fn move_to<U: Unit>(stage: &mut Stage<U>, wanted: f64) -> Result<f64, StageError<U>> {
@@ -116,7 +118,7 @@ async fn what_befalls_a_drive_is_told() {
         // An alarm, at once and for the next move, until it is reset.
         let Bench { rig, mut linear, .. } = bench(make, per_count).await;
         move_to(&mut linear, 40.0).await.unwrap();
-        suffer(&rig, DeviceFault::Alarm(0x20));
+        apply_fault(&rig, DeviceFault::Alarm(0x20));
         let error = move_to(&mut linear, 30.0).await.unwrap_err();
         let StageError::Alarmed { alarm, .. } = error else { panic!("{make}: {error:?}") };
         assert_eq!(alarm.code, 0x20);
@@ -124,7 +126,7 @@ async fn what_befalls_a_drive_is_told() {
         move_to(&mut linear, 30.0).await.unwrap();
 
         // A motor that does not move.
-        suffer(&rig, DeviceFault::Jam);
+        apply_fault(&rig, DeviceFault::Jam);
         let error = move_to(&mut linear, 35.0).await.unwrap_err();
         let is_told = matches!(
             error,
@@ -143,7 +145,7 @@ async fn a_drive_that_restarts_has_to_be_identified_again() {
     for (make, per_count) in MAKES {
         let Bench { rig, mut linear, .. } = bench(make, per_count).await;
         move_to(&mut linear, 40.0).await.unwrap();
-        suffer(&rig, DeviceFault::Reboot);
+        apply_fault(&rig, DeviceFault::Reboot);
         // It is silent at first, so that it has to be recognised when it answers again.
         let error = move_to(&mut linear, 30.0).await.unwrap_err();
         let is_told = matches!(

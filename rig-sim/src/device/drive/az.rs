@@ -185,8 +185,8 @@ impl Az {
         })
     }
 
-    /// Lets a fault befall the drive now.
-    pub(super) fn suffer(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
+    /// Injects a fault into the drive.
+    pub(super) fn apply_fault(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
         self.notice_end(now, world);
         match fault {
             DeviceFault::Reboot => self.restart(now, world),
@@ -194,7 +194,7 @@ impl Az {
             DeviceFault::LimitSwitch => {
                 self.raise_alarm(now, alarm::HARDWARE_OVERTRAVEL, world);
             }
-            _ => self.motor.suffer(now, fault, world),
+            _ => self.motor.apply_fault(now, fault, world),
         }
     }
 

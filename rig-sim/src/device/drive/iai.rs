@@ -174,7 +174,7 @@ impl Iai {
         })
     }
 
-    pub(super) fn suffer(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
+    pub(super) fn apply_fault(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
         self.notice_end(now, world);
         match fault {
             DeviceFault::Reboot => {
@@ -183,7 +183,7 @@ impl Iai {
             }
             DeviceFault::Alarm(code) => self.raise(now, u16::from(code), world),
             DeviceFault::LimitSwitch => self.raise(now, alarm::STROKE, world),
-            _ => self.motor.suffer(now, fault, world),
+            _ => self.motor.apply_fault(now, fault, world),
         }
     }
 

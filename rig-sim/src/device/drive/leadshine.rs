@@ -140,7 +140,7 @@ impl Leadshine {
         })
     }
 
-    pub(super) fn suffer(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
+    pub(super) fn apply_fault(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
         self.notice_end(now, world);
         match fault {
             DeviceFault::Reboot => {
@@ -151,10 +151,10 @@ impl Leadshine {
             // A limit switch only stops it.
             DeviceFault::LimitSwitch => self.stop(now, world),
             DeviceFault::Stall => {
-                self.motor.suffer(now, fault, world);
+                self.motor.apply_fault(now, fault, world);
                 self.alarm = POSITION_ERROR;
             }
-            _ => self.motor.suffer(now, fault, world),
+            _ => self.motor.apply_fault(now, fault, world),
         }
     }
 
@@ -311,86 +311,86 @@ mod tests {
     use super::*;
     use rig_model::DriveMake;
 
-    use crate::device::drive::bench::Bench;
+    use crate::device::drive::test_drive::TestDrive;
 
-    fn ready() -> Bench {
-        let mut bench = Bench::new(DriveMake::LeadshinePr);
-        bench.set(register::PULSES_PER_REVOLUTION, 1000);
-        bench.set(register::TRIGGER, HOME);
-        assert_eq!(bench.read(register::STATUS, 1)[0], status::ENABLED | status::RUNNING);
-        bench.wait(5.0);
-        bench
+    fn ready() -> TestDrive {
+        let mut test_drive = TestDrive::new(DriveMake::LeadshinePr);
+        test_drive.set(register::PULSES_PER_REVOLUTION, 1000);
+        test_drive.set(register::TRIGGER, HOME);
+        assert_eq!(test_drive.read(register::STATUS, 1)[0], status::ENABLED | status::RUNNING);
+        test_drive.wait(5.0);
+        test_drive
     }
 
     /// Path 0 to `position` at 300 revolutions a minute, started by its last register.
-    fn path(bench: &mut Bench, mode: u16, position: i32) {
+    fn path(test_drive: &mut TestDrive, mode: u16, position: i32) {
         let (high, low) = (word(position, true), word(position, false));
-        bench.write(register::PATH_MODE, &[mode, high, low, 300, 100, 100, 0, RUN_PATH_0]);
+        test_drive.write(register::PATH_MODE, &[mode, high, low, 300, 100, 100, 0, RUN_PATH_0]);
     }
 
     const DONE: u16 = status::ENABLED | status::COMMAND_DONE | status::PATH_DONE | status::HOMED;
 
     #[test]
     fn a_path_runs_from_one_request_and_takes_its_time() {
-        let mut bench = ready();
-        assert_eq!(bench.read(register::STATUS, 1)[0], DONE);
-        path(&mut bench, MODE_POSITION, 2000);
+        let mut test_drive = ready();
+        assert_eq!(test_drive.read(register::STATUS, 1)[0], DONE);
+        path(&mut test_drive, MODE_POSITION, 2000);
         assert_eq!(
-            bench.read(register::STATUS, 1)[0],
+            test_drive.read(register::STATUS, 1)[0],
             status::ENABLED | status::RUNNING | status::HOMED
         );
         // 5000 pulses a second, reached after 30 ms.
-        bench.wait(0.2);
-        let half = bench.read_long(register::POSITION);
+        test_drive.wait(0.2);
+        let half = test_drive.read_long(register::POSITION);
         assert!((900..950).contains(&half), "{half}");
-        assert_eq!(bench.read(register::SPEED, 1), [300]);
-        bench.wait(1.0);
-        assert_eq!(bench.read_long(register::POSITION), 2000);
-        path(&mut bench, MODE_POSITION | RELATIVE, -500);
-        bench.wait(1.0);
-        assert_eq!(bench.read_long(register::POSITION), 1500);
-        assert_eq!(bench.read(register::PATH_TRIGGER, 1), [0]);
+        assert_eq!(test_drive.read(register::SPEED, 1), [300]);
+        test_drive.wait(1.0);
+        assert_eq!(test_drive.read_long(register::POSITION), 2000);
+        path(&mut test_drive, MODE_POSITION | RELATIVE, -500);
+        test_drive.wait(1.0);
+        assert_eq!(test_drive.read_long(register::POSITION), 1500);
+        assert_eq!(test_drive.read(register::PATH_TRIGGER, 1), [0]);
     }
 
     #[test]
     fn limits_stops_and_zero() {
-        let mut bench = ready();
-        bench.write(register::LIMIT_POSITIVE, &[0, 1000, 0xFFFF, 0xFFF6]);
-        bench.set(register::PATH_CONTROL, HAS_LIMITS);
-        path(&mut bench, MODE_POSITION, 2000);
-        bench.wait(2.0);
-        assert_eq!(bench.read_long(register::POSITION), 1000);
-        bench.set(register::PATH_CONTROL, 0);
-        path(&mut bench, MODE_POSITION, 4000);
-        bench.wait(0.3);
-        bench.set(register::TRIGGER, QUICK_STOP);
-        bench.wait(2.0);
-        let stopped = bench.read_long(register::POSITION);
+        let mut test_drive = ready();
+        test_drive.write(register::LIMIT_POSITIVE, &[0, 1000, 0xFFFF, 0xFFF6]);
+        test_drive.set(register::PATH_CONTROL, HAS_LIMITS);
+        path(&mut test_drive, MODE_POSITION, 2000);
+        test_drive.wait(2.0);
+        assert_eq!(test_drive.read_long(register::POSITION), 1000);
+        test_drive.set(register::PATH_CONTROL, 0);
+        path(&mut test_drive, MODE_POSITION, 4000);
+        test_drive.wait(0.3);
+        test_drive.set(register::TRIGGER, QUICK_STOP);
+        test_drive.wait(2.0);
+        let stopped = test_drive.read_long(register::POSITION);
         assert!((2300..2700).contains(&stopped), "{stopped}");
-        bench.set(register::TRIGGER, SET_ZERO);
-        assert_eq!(bench.read_long(register::POSITION), 0);
-        path(&mut bench, MODE_POSITION, 100);
-        bench.wait(1.0);
-        assert_eq!(bench.read_long(register::POSITION), 100);
+        test_drive.set(register::TRIGGER, SET_ZERO);
+        assert_eq!(test_drive.read_long(register::POSITION), 0);
+        path(&mut test_drive, MODE_POSITION, 100);
+        test_drive.wait(1.0);
+        assert_eq!(test_drive.read_long(register::POSITION), 100);
     }
 
     #[test]
     fn a_fault_refuses_moves_until_it_is_reset_and_unknown_registers_are_refused() {
-        let mut bench = ready();
-        let now = bench.now;
-        bench.drive.suffer(now, DeviceFault::Alarm(0xA1), &mut bench.world);
-        assert_eq!(bench.read(register::ALARM, 1), [0xA1]);
-        assert_eq!(bench.read(register::STATUS, 1)[0] & (status::FAULT | status::ENABLED), 1);
-        path(&mut bench, MODE_POSITION, 2000);
-        bench.wait(2.0);
-        assert_eq!(bench.read_long(register::POSITION), 0);
-        bench.set(register::CONTROL, RESET_ALARM);
-        path(&mut bench, MODE_POSITION, 2000);
-        bench.wait(2.0);
-        assert_eq!(bench.read_long(register::POSITION), 2000);
+        let mut test_drive = ready();
+        let now = test_drive.now;
+        test_drive.drive.apply_fault(now, DeviceFault::Alarm(0xA1), &mut test_drive.world);
+        assert_eq!(test_drive.read(register::ALARM, 1), [0xA1]);
+        assert_eq!(test_drive.read(register::STATUS, 1)[0] & (status::FAULT | status::ENABLED), 1);
+        path(&mut test_drive, MODE_POSITION, 2000);
+        test_drive.wait(2.0);
+        assert_eq!(test_drive.read_long(register::POSITION), 0);
+        test_drive.set(register::CONTROL, RESET_ALARM);
+        path(&mut test_drive, MODE_POSITION, 2000);
+        test_drive.wait(2.0);
+        assert_eq!(test_drive.read_long(register::POSITION), 2000);
         let read = |address| Request::ReadHoldingRegisters(Block { address, count: 1 });
-        bench.refused(&read(0x7000), Exception::Address);
+        test_drive.refused(&read(0x7000), Exception::Address);
         let write = Request::WriteRegister { address: register::STATUS, value: 0 };
-        bench.refused(&write, Exception::Address);
+        test_drive.refused(&write, Exception::Address);
     }
 }

@@ -93,7 +93,7 @@ impl Motor {
     }
 
     /// What faults do to a motor. Those of its drive are the drive's business.
-    pub(super) fn suffer(&self, now: RigTime, fault: DeviceFault, world: &mut World) {
+    pub(super) fn apply_fault(&self, now: RigTime, fault: DeviceFault, world: &mut World) {
         match fault {
             DeviceFault::Stall => world.drive(now, self.axis).halt(now),
             DeviceFault::Jam => world.drive(now, self.axis).set_jammed(now, true),

@@ -12,12 +12,12 @@ use rig_scpi::{
 };
 
 use super::{
-    Drive, Job, Memory, Model, Outcome, Point, Quantity, Reading, binary,
-    kept::{self, Kept, Settings, action, number, switch, word},
+    Drive, FinishedPoint, Job, Memory, Model, Outcome, Point, Quantity, binary,
+    setting_store::{self, SettingStore, StoredSetting, action, number, switch, word},
 };
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Command {
+pub(crate) enum E4990aCommand {
     Abort,
     Alc,
     Aperture,
@@ -32,7 +32,7 @@ pub(crate) enum Command {
     Init,
     Format,
     /// A row of [`KEPT`].
-    Kept(usize),
+    StoredSetting(usize),
     Mode,
     Options,
     ParameterCount,
@@ -50,39 +50,39 @@ pub(crate) enum Command {
     Volt,
 }
 
-const COMMANDS: &[Node<Command>] = &[
-    query("*OPT", Command::Options),
-    command("*RST", Command::Reset),
-    command("*TRG", Command::Trigger),
-    command(":ABORt", Command::Abort),
-    query(":CALCulate#[:SELected]:DATA:FDATa", Command::FormattedData),
-    query(":CALCulate#[:SELected]:DATA:RDATa", Command::RawData),
-    query(":CALCulate#[:SELected]:DATA:XAXis", Command::Frequencies),
-    setting(":CALCulate#:PARameter:COUNt", Command::ParameterCount).asks(0, 0),
-    setting(":CALCulate#:PARameter#:DEFine", Command::Define).asks(0, 0),
-    command(":CALCulate#:PARameter#:SELect", Command::Select),
-    setting(":FORMat:BORDer", Command::ByteOrder).asks(0, 0),
-    setting(":FORMat:DATA", Command::Format).asks(0, 0),
-    command(":INITiate#[:IMMediate]", Command::Init),
-    setting(":INITiate#:CONTinuous", Command::Continuous).asks(0, 0),
-    setting(":SENSe#:APERture[:TIME]", Command::Aperture).asks(0, 0),
-    setting(":SENSe#:AVERage[:STATe]", Command::Average).asks(0, 0),
-    setting(":SENSe#:AVERage:COUNt", Command::AverageCount).asks(0, 0),
-    setting(":SENSe#:FREQuency:CENTer", Command::Center),
-    query(":SENSe#:FREQuency:DATA", Command::Frequencies),
-    setting(":SENSe#:FREQuency:SPAN", Command::Span),
-    setting(":SENSe#:FREQuency:STARt", Command::Start),
-    setting(":SENSe#:FREQuency:STOP", Command::Stop),
-    setting(":SENSe#:SWEep:DELay", Command::PointDelay),
-    setting(":SENSe#:SWEep:POINts", Command::Points),
-    setting(":SENSe#:SWEep:TYPE", Command::SweepType).asks(0, 0),
-    setting(":SOURce#:ALC[:STATe]", Command::Alc).asks(0, 0),
-    setting(":SOURce#:MODE", Command::Mode).asks(0, 0),
-    setting(":SOURce#:VOLTage[:LEVel]", Command::Volt),
-    command(":SYSTem:PRESet", Command::Reset),
-    setting(":TRIGger[:SEQuence]:SOURce", Command::Source).asks(0, 0),
-    command(":TRIGger[:SEQuence]:SINGle", Command::Trigger),
-    command(":TRIGger[:SEQuence][:IMMediate]", Command::Trigger),
+const COMMANDS: &[Node<E4990aCommand>] = &[
+    query("*OPT", E4990aCommand::Options),
+    command("*RST", E4990aCommand::Reset),
+    command("*TRG", E4990aCommand::Trigger),
+    command(":ABORt", E4990aCommand::Abort),
+    query(":CALCulate#[:SELected]:DATA:FDATa", E4990aCommand::FormattedData),
+    query(":CALCulate#[:SELected]:DATA:RDATa", E4990aCommand::RawData),
+    query(":CALCulate#[:SELected]:DATA:XAXis", E4990aCommand::Frequencies),
+    setting(":CALCulate#:PARameter:COUNt", E4990aCommand::ParameterCount).asks(0, 0),
+    setting(":CALCulate#:PARameter#:DEFine", E4990aCommand::Define).asks(0, 0),
+    command(":CALCulate#:PARameter#:SELect", E4990aCommand::Select),
+    setting(":FORMat:BORDer", E4990aCommand::ByteOrder).asks(0, 0),
+    setting(":FORMat:DATA", E4990aCommand::Format).asks(0, 0),
+    command(":INITiate#[:IMMediate]", E4990aCommand::Init),
+    setting(":INITiate#:CONTinuous", E4990aCommand::Continuous).asks(0, 0),
+    setting(":SENSe#:APERture[:TIME]", E4990aCommand::Aperture).asks(0, 0),
+    setting(":SENSe#:AVERage[:STATe]", E4990aCommand::Average).asks(0, 0),
+    setting(":SENSe#:AVERage:COUNt", E4990aCommand::AverageCount).asks(0, 0),
+    setting(":SENSe#:FREQuency:CENTer", E4990aCommand::Center),
+    query(":SENSe#:FREQuency:DATA", E4990aCommand::Frequencies),
+    setting(":SENSe#:FREQuency:SPAN", E4990aCommand::Span),
+    setting(":SENSe#:FREQuency:STARt", E4990aCommand::Start),
+    setting(":SENSe#:FREQuency:STOP", E4990aCommand::Stop),
+    setting(":SENSe#:SWEep:DELay", E4990aCommand::PointDelay),
+    setting(":SENSe#:SWEep:POINts", E4990aCommand::Points),
+    setting(":SENSe#:SWEep:TYPE", E4990aCommand::SweepType).asks(0, 0),
+    setting(":SOURce#:ALC[:STATe]", E4990aCommand::Alc).asks(0, 0),
+    setting(":SOURce#:MODE", E4990aCommand::Mode).asks(0, 0),
+    setting(":SOURce#:VOLTage[:LEVel]", E4990aCommand::Volt),
+    command(":SYSTem:PRESet", E4990aCommand::Reset),
+    setting(":TRIGger[:SEQuence]:SOURce", E4990aCommand::Source).asks(0, 0),
+    command(":TRIGger[:SEQuence]:SINGle", E4990aCommand::Trigger),
+    command(":TRIGger[:SEQuence][:IMMediate]", E4990aCommand::Trigger),
 ];
 
 /// What is kept: the display, and what belongs to a bias or to corrections of ideal terminals. One
@@ -90,7 +90,7 @@ const COMMANDS: &[Node<Command>] = &[
 ///
 /// # Source
 /// Commands that public drivers and scripts send to the E4990A when they connect.
-const KEPT: &[Kept] = &[
+const KEPT: &[StoredSetting] = &[
     action(":CALCulate#:AVERage:CLEar"),
     word(":CALCulate#:AVERage[:STATe]", &["OFF"]),
     switch(":CALCulate#:MARKer#[:STATe]", false),
@@ -176,7 +176,7 @@ pub(crate) struct E4990a {
     selected: usize,
     is_binary: bool,
     is_swapped: bool,
-    kept: Settings,
+    setting_store: SettingStore,
 }
 
 impl Default for E4990a {
@@ -200,7 +200,7 @@ impl Default for E4990a {
             selected: 0,
             is_binary: false,
             is_swapped: false,
-            kept: Settings::default(),
+            setting_store: SettingStore::default(),
         }
     }
 }
@@ -216,11 +216,11 @@ const POINTS: std::ops::RangeInclusive<i64> = 2..=1601;
 const INVALID: &str = "1.#QNB";
 
 impl Model for E4990a {
-    type Command = Command;
+    type Command = E4990aCommand;
 
-    fn commands() -> Tree<Command> {
-        let rows = kept::nodes(KEPT, Command::Kept);
-        let nodes: Vec<Node<Command>> = COMMANDS.iter().copied().chain(rows).collect();
+    fn commands() -> Tree<E4990aCommand> {
+        let rows = setting_store::nodes(KEPT, E4990aCommand::StoredSetting);
+        let nodes: Vec<Node<E4990aCommand>> = COMMANDS.iter().copied().chain(rows).collect();
         Tree::new(&nodes).expect("the commands are constants, and a test builds them")
     }
 
@@ -234,44 +234,46 @@ impl Model for E4990a {
 
     fn carry_out(
         &mut self,
-        call: &Call<Command>,
+        call: &Call<E4990aCommand>,
         memory: Memory<'_>,
     ) -> Result<Outcome, ScpiError> {
         match call.command {
-            Command::Reset => {
+            E4990aCommand::Reset => {
                 *self = Self::default();
                 Ok(Outcome::Abort)
             }
-            Command::Abort => Ok(Outcome::Abort),
-            Command::Init => {
+            E4990aCommand::Abort => Ok(Outcome::Abort),
+            E4990aCommand::Init => {
                 self.is_armed = true;
                 Ok(Outcome::Done(Vec::new()))
             }
-            Command::Trigger if !(self.is_continuous || self.is_armed) => Err(ScpiError::new(-211)),
-            Command::Trigger if self.source == Source::Internal => Err(ScpiError::new(-211)),
-            Command::Trigger => {
+            E4990aCommand::Trigger if !(self.is_continuous || self.is_armed) => {
+                Err(ScpiError::new(-211))
+            }
+            E4990aCommand::Trigger if self.source == Source::Internal => Err(ScpiError::new(-211)),
+            E4990aCommand::Trigger => {
                 self.is_armed = false;
                 let points = self.points();
                 Ok(Outcome::Measure(Job { points, is_blocking: false, is_answered: false }))
             }
-            Command::Options => Ok(Outcome::Done(vec![Value::Verbatim("0".into())])),
-            Command::Kept(row) => {
-                self.kept.obey(&KEPT[row], row, call, REAL_FORMAT).map(Outcome::Done)
+            E4990aCommand::Options => Ok(Outcome::Done(vec![Value::Verbatim("0".into())])),
+            E4990aCommand::StoredSetting(row) => {
+                self.setting_store.obey(&KEPT[row], row, call, REAL_FORMAT).map(Outcome::Done)
             }
-            Command::FormattedData | Command::RawData => {
+            E4990aCommand::FormattedData | E4990aCommand::RawData => {
                 Ok(Outcome::Done(self.answer(call.command, memory.readings)))
             }
-            Command::Select => {
+            E4990aCommand::Select => {
                 self.selected = self.parameter(call)?;
                 Ok(Outcome::Done(Vec::new()))
             }
-            Command::Frequencies => {
+            E4990aCommand::Frequencies => {
                 let frequencies: Vec<f64> =
                     self.points().iter().map(|point| point.frequency_hz).collect();
                 Ok(Outcome::Done(self.in_format(frequencies.into_iter().map(Some))))
             }
             // A change of the source ends a sweep that is under way.
-            Command::Source if !call.is_query => self.set(call).map(|()| Outcome::Abort),
+            E4990aCommand::Source if !call.is_query => self.set(call).map(|()| Outcome::Abort),
             _ if call.is_query => self.ask(call).map(|value| Outcome::Done(vec![value])),
             _ => self.set(call).map(|()| Outcome::Done(Vec::new())),
         }
@@ -288,10 +290,10 @@ impl Model for E4990a {
 
     /// Two numbers for each point: of the selected trace, where the second is zero, or resistance and
     /// reactance as they were measured.
-    fn answer(&self, command: Command, readings: &[Reading]) -> Vec<Value> {
+    fn answer(&self, command: E4990aCommand, readings: &[FinishedPoint]) -> Vec<Value> {
         let quantity = self.parameters[self.selected];
         self.in_format(readings.iter().flat_map(|reading| match (command, reading.impedance_ohm) {
-            (Command::RawData, z) => [z.map(|z| z.re), z.map(|z| z.im)],
+            (E4990aCommand::RawData, z) => [z.map(|z| z.re), z.map(|z| z.im)],
             (_, z) => [z.map(|z| quantity.of(z, reading.frequency_hz)), Some(0.0)],
         }))
     }
@@ -323,51 +325,51 @@ impl E4990a {
             .collect()
     }
 
-    fn parameter(&self, call: &Call<Command>) -> Result<usize, ScpiError> {
+    fn parameter(&self, call: &Call<E4990aCommand>) -> Result<usize, ScpiError> {
         let index = usize::try_from(call.suffix(1)).unwrap_or(usize::MAX).wrapping_sub(1);
         if index < self.parameters.len() { Ok(index) } else { Err(ScpiError::new(-114)) }
     }
 
-    fn set(&mut self, call: &Call<Command>) -> Result<(), ScpiError> {
+    fn set(&mut self, call: &Call<E4990aCommand>) -> Result<(), ScpiError> {
         let value = call.param(0)?;
         let whole = |range| -> Result<u32, ScpiError> {
             u32::try_from(value.integer(range)?).map_err(|_| ScpiError::new(-222))
         };
         match call.command {
-            Command::Start => self.start_hz = value.real(Unit::HERTZ, FREQUENCY)?,
-            Command::Stop => self.stop_hz = value.real(Unit::HERTZ, FREQUENCY)?,
-            Command::Center => {
+            E4990aCommand::Start => self.start_hz = value.real(Unit::HERTZ, FREQUENCY)?,
+            E4990aCommand::Stop => self.stop_hz = value.real(Unit::HERTZ, FREQUENCY)?,
+            E4990aCommand::Center => {
                 let half_hz = 0.5 * (self.stop_hz - self.start_hz);
                 let center_hz = value.real(Unit::HERTZ, FREQUENCY)?;
                 self.window(center_hz, half_hz);
             }
-            Command::Span => {
+            E4990aCommand::Span => {
                 let limits = Limits { min: 0.0, ..FREQUENCY };
                 let half_hz = 0.5 * value.real(Unit::HERTZ, limits)?;
                 self.window(0.5 * (self.start_hz + self.stop_hz), half_hz);
             }
-            Command::Points => self.points = whole(POINTS)?,
-            Command::SweepType => {
+            E4990aCommand::Points => self.points = whole(POINTS)?,
+            E4990aCommand::SweepType => {
                 self.is_logarithmic = value.choice(&[("LINear", false), ("LOGarithmic", true)])?;
             }
-            Command::PointDelay => self.point_delay_s = value.real(Unit::SECOND, DELAY)?,
-            Command::Volt => self.level_v = value.real(Unit::VOLT, LEVEL)?,
-            Command::Alc => self.has_alc = value.boolean()?,
-            Command::Aperture => self.aperture = whole(1..=5)? as usize - 1,
-            Command::Average => self.has_averaging = value.boolean()?,
-            Command::AverageCount => self.averages = whole(1..=999)?,
-            Command::Source => self.source = value.choice(SOURCES)?,
-            Command::Continuous => self.is_continuous = value.boolean()?,
-            Command::ParameterCount => self.traces = whole(1..=4)?,
-            Command::Define => {
+            E4990aCommand::PointDelay => self.point_delay_s = value.real(Unit::SECOND, DELAY)?,
+            E4990aCommand::Volt => self.level_v = value.real(Unit::VOLT, LEVEL)?,
+            E4990aCommand::Alc => self.has_alc = value.boolean()?,
+            E4990aCommand::Aperture => self.aperture = whole(1..=5)? as usize - 1,
+            E4990aCommand::Average => self.has_averaging = value.boolean()?,
+            E4990aCommand::AverageCount => self.averages = whole(1..=999)?,
+            E4990aCommand::Source => self.source = value.choice(SOURCES)?,
+            E4990aCommand::Continuous => self.is_continuous = value.boolean()?,
+            E4990aCommand::ParameterCount => self.traces = whole(1..=4)?,
+            E4990aCommand::Define => {
                 let index = self.parameter(call)?;
                 self.parameters[index] = value.choice(QUANTITIES)?;
             }
-            Command::Mode => value.choice(&[("VOLTage", ())])?,
-            Command::Format => {
+            E4990aCommand::Mode => value.choice(&[("VOLTage", ())])?,
+            E4990aCommand::Format => {
                 self.is_binary = value.choice(&[("ASCii", false), ("REAL", true)])?;
             }
-            Command::ByteOrder => {
+            E4990aCommand::ByteOrder => {
                 self.is_swapped = value.choice(&[("NORMal", false), ("SWAPped", true)])?;
             }
             _ => return Err(ScpiError::new(-113)),
@@ -380,40 +382,44 @@ impl E4990a {
         self.stop_hz = (center_hz + half_hz).min(FREQUENCY.max);
     }
 
-    fn ask(&self, call: &Call<Command>) -> Result<Value, ScpiError> {
+    fn ask(&self, call: &Call<E4990aCommand>) -> Result<Value, ScpiError> {
         let limited = |present: f64, unit: Unit, limits: Limits| {
             let asked = call.params.first().map(|word| word.real(unit, limits)).transpose()?;
             Ok(Value::Real(asked.unwrap_or(present)))
         };
         Ok(match call.command {
-            Command::Start => return limited(self.start_hz, Unit::HERTZ, FREQUENCY),
-            Command::Stop => return limited(self.stop_hz, Unit::HERTZ, FREQUENCY),
-            Command::Center => Value::Real(0.5 * (self.start_hz + self.stop_hz)),
-            Command::Span => Value::Real(self.stop_hz - self.start_hz),
-            Command::Points => Value::Integer(self.points.into()),
-            Command::SweepType => {
+            E4990aCommand::Start => return limited(self.start_hz, Unit::HERTZ, FREQUENCY),
+            E4990aCommand::Stop => return limited(self.stop_hz, Unit::HERTZ, FREQUENCY),
+            E4990aCommand::Center => Value::Real(0.5 * (self.start_hz + self.stop_hz)),
+            E4990aCommand::Span => Value::Real(self.stop_hz - self.start_hz),
+            E4990aCommand::Points => Value::Integer(self.points.into()),
+            E4990aCommand::SweepType => {
                 Value::Characters(if self.is_logarithmic { "LOG" } else { "LIN" })
             }
-            Command::PointDelay => return limited(self.point_delay_s, Unit::SECOND, DELAY),
-            Command::Volt => return limited(self.level_v, Unit::VOLT, LEVEL),
-            Command::Alc => Value::Boolean(self.has_alc),
-            Command::Aperture => Value::Integer(i64::try_from(self.aperture + 1).unwrap_or(1)),
-            Command::Average => Value::Boolean(self.has_averaging),
-            Command::AverageCount => Value::Integer(self.averages.into()),
-            Command::Source => {
+            E4990aCommand::PointDelay => return limited(self.point_delay_s, Unit::SECOND, DELAY),
+            E4990aCommand::Volt => return limited(self.level_v, Unit::VOLT, LEVEL),
+            E4990aCommand::Alc => Value::Boolean(self.has_alc),
+            E4990aCommand::Aperture => {
+                Value::Integer(i64::try_from(self.aperture + 1).unwrap_or(1))
+            }
+            E4990aCommand::Average => Value::Boolean(self.has_averaging),
+            E4990aCommand::AverageCount => Value::Integer(self.averages.into()),
+            E4990aCommand::Source => {
                 let known = SOURCES.iter().find(|entry| entry.1 == self.source);
                 Value::Characters(known.expect("every source has a word").0)
             }
-            Command::Continuous => Value::Boolean(self.is_continuous),
-            Command::ParameterCount => Value::Integer(self.traces.into()),
-            Command::Define => {
+            E4990aCommand::Continuous => Value::Boolean(self.is_continuous),
+            E4990aCommand::ParameterCount => Value::Integer(self.traces.into()),
+            E4990aCommand::Define => {
                 let shown = self.parameters[self.parameter(call)?];
                 let known = QUANTITIES.iter().find(|entry| entry.1 == shown);
                 Value::Characters(known.expect("every quantity has a word").0)
             }
-            Command::Mode => Value::Characters("VOLT"),
-            Command::Format => Value::Characters(if self.is_binary { "REAL" } else { "ASC" }),
-            Command::ByteOrder => Value::Characters(if self.is_swapped { "SWAP" } else { "NORM" }),
+            E4990aCommand::Mode => Value::Characters("VOLT"),
+            E4990aCommand::Format => Value::Characters(if self.is_binary { "REAL" } else { "ASC" }),
+            E4990aCommand::ByteOrder => {
+                Value::Characters(if self.is_swapped { "SWAP" } else { "NORM" })
+            }
             _ => return Err(ScpiError::new(-113)),
         })
     }

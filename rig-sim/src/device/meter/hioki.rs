@@ -16,20 +16,19 @@ use rig_scpi::{
 };
 
 use super::{
-    Drive, Job, Memory, Model, Outcome, Point, Quantity, Reading,
-    kept::{self, Kept, Settings, number, word},
-    round_step,
+    Drive, FinishedPoint, Job, Memory, Model, Outcome, Point, Quantity, round_step,
+    setting_store::{self, SettingStore, StoredSetting, number, word},
 };
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Command {
+pub(crate) enum HiokiCommand {
     Averaging,
     DelayTime,
     Frequency,
     Format,
     Item,
     /// A row of [`KEPT`].
-    Kept(usize),
+    StoredSetting(usize),
     Level,
     LevelVolt,
     Mode,
@@ -47,34 +46,34 @@ pub(crate) enum Command {
     Valid,
 }
 
-const COMMANDS: &[Node<Command>] = &[
-    command("*RST", Command::Reset),
-    command("*TRG", Command::Trigger),
-    setting(":AVERaging", Command::Averaging).asks(0, 0),
-    setting(":FORMat:DATA", Command::Format).asks(0, 0),
-    setting(":FREQuency", Command::Frequency).asks(0, 0),
-    setting(":LEVel", Command::Level).asks(0, 0),
-    setting(":LEVel:VOLTage", Command::LevelVolt).asks(0, 0),
-    query(":MEASure", Command::Read),
-    setting(":MEASure:ITEM", Command::Item).takes(1, 3).asks(0, 0),
-    setting(":MEASure:OUTPut:AUTO", Command::OutputAuto).asks(0, 0),
-    setting(":MEASure:VALid", Command::Valid).asks(0, 0),
-    setting(":MODE", Command::Mode).asks(0, 0),
-    query(":MONitor", Command::Monitor),
-    setting(":PARameter#", Command::Parameter).asks(0, 0),
-    command(":PRESet", Command::Preset),
-    setting(":RANGe", Command::Range).asks(0, 0),
-    setting(":RANGe:AUTO", Command::RangeAuto).asks(0, 0),
-    setting(":SPEEd", Command::Speed).asks(0, 0),
-    setting(":TRIGger", Command::TriggerSource).asks(0, 0),
-    setting(":TRIGger:DELay", Command::DelayTime).asks(0, 0),
+const COMMANDS: &[Node<HiokiCommand>] = &[
+    command("*RST", HiokiCommand::Reset),
+    command("*TRG", HiokiCommand::Trigger),
+    setting(":AVERaging", HiokiCommand::Averaging).asks(0, 0),
+    setting(":FORMat:DATA", HiokiCommand::Format).asks(0, 0),
+    setting(":FREQuency", HiokiCommand::Frequency).asks(0, 0),
+    setting(":LEVel", HiokiCommand::Level).asks(0, 0),
+    setting(":LEVel:VOLTage", HiokiCommand::LevelVolt).asks(0, 0),
+    query(":MEASure", HiokiCommand::Read),
+    setting(":MEASure:ITEM", HiokiCommand::Item).takes(1, 3).asks(0, 0),
+    setting(":MEASure:OUTPut:AUTO", HiokiCommand::OutputAuto).asks(0, 0),
+    setting(":MEASure:VALid", HiokiCommand::Valid).asks(0, 0),
+    setting(":MODE", HiokiCommand::Mode).asks(0, 0),
+    query(":MONitor", HiokiCommand::Monitor),
+    setting(":PARameter#", HiokiCommand::Parameter).asks(0, 0),
+    command(":PRESet", HiokiCommand::Preset),
+    setting(":RANGe", HiokiCommand::Range).asks(0, 0),
+    setting(":RANGe:AUTO", HiokiCommand::RangeAuto).asks(0, 0),
+    setting(":SPEEd", HiokiCommand::Speed).asks(0, 0),
+    setting(":TRIGger", HiokiCommand::TriggerSource).asks(0, 0),
+    setting(":TRIGger:DELay", HiokiCommand::DelayTime).asks(0, 0),
 ];
 
 /// What is kept: there is nothing to correct at ideal terminals, and nothing is compared.
 ///
 /// # Source
 /// Commands that public drivers send to the IM3533, IM3536 and IM3570 when they connect.
-const KEPT: &[Kept] = &[
+const KEPT: &[StoredSetting] = &[
     word(":BEEPer:JUDGment", &["OFF", "IN", "NG"]),
     word(":BEEPer:KEY", &["ON", "OFF"]),
     word(":COMParator", &["OFF"]),
@@ -147,7 +146,7 @@ pub(crate) struct Hioki {
     parameters: [Quantity; 4],
     range: i64,
     is_range_auto: bool,
-    kept: Settings,
+    setting_store: SettingStore,
 }
 
 impl Default for Hioki {
@@ -165,7 +164,7 @@ impl Default for Hioki {
             parameters: [Quantity::Z, Quantity::Off, Quantity::PhaseDeg, Quantity::Off],
             range: 1,
             is_range_auto: true,
-            kept: Settings::default(),
+            setting_store: SettingStore::default(),
         }
     }
 }
@@ -185,11 +184,11 @@ const RANGES: std::ops::RangeInclusive<i64> = 1..=10;
 const DIGITS_OF_FREQUENCY: i32 = 5;
 
 impl Model for Hioki {
-    type Command = Command;
+    type Command = HiokiCommand;
 
-    fn commands() -> Tree<Command> {
-        let rows = kept::nodes(KEPT, Command::Kept);
-        let nodes: Vec<Node<Command>> = COMMANDS.iter().copied().chain(rows).collect();
+    fn commands() -> Tree<HiokiCommand> {
+        let rows = setting_store::nodes(KEPT, HiokiCommand::StoredSetting);
+        let nodes: Vec<Node<HiokiCommand>> = COMMANDS.iter().copied().chain(rows).collect();
         Tree::new(&nodes).expect("the commands are constants, and a test builds them")
     }
 
@@ -206,22 +205,22 @@ impl Model for Hioki {
 
     fn carry_out(
         &mut self,
-        call: &Call<Command>,
+        call: &Call<HiokiCommand>,
         memory: Memory<'_>,
     ) -> Result<Outcome, ScpiError> {
         match call.command {
-            Command::Trigger if self.is_external => Ok(self.measure(self.is_output_auto)),
+            HiokiCommand::Trigger if self.is_external => Ok(self.measure(self.is_output_auto)),
             // Ignored while the instrument triggers itself.
-            Command::Trigger => Err(ScpiError::new(-211)),
-            Command::Read if !self.is_external => Ok(self.measure(true)),
-            Command::Read if memory.readings.is_empty() => Err(ScpiError::new(-230)),
-            Command::Read => Ok(Outcome::Done(self.answer(call.command, memory.readings))),
-            Command::Kept(row) => {
+            HiokiCommand::Trigger => Err(ScpiError::new(-211)),
+            HiokiCommand::Read if !self.is_external => Ok(self.measure(true)),
+            HiokiCommand::Read if memory.readings.is_empty() => Err(ScpiError::new(-230)),
+            HiokiCommand::Read => Ok(Outcome::Done(self.answer(call.command, memory.readings))),
+            HiokiCommand::StoredSetting(row) => {
                 let format = RealFormat::Fixed { n_decimals: 2 };
-                self.kept.obey(&KEPT[row], row, call, format).map(Outcome::Done)
+                self.setting_store.obey(&KEPT[row], row, call, format).map(Outcome::Done)
             }
-            Command::Monitor => Ok(Outcome::Done(self.monitored(memory.readings))),
-            Command::Reset | Command::Preset => {
+            HiokiCommand::Monitor => Ok(Outcome::Done(self.monitored(memory.readings))),
+            HiokiCommand::Reset | HiokiCommand::Preset => {
                 *self = Self::default();
                 Ok(Outcome::Abort)
             }
@@ -230,8 +229,8 @@ impl Model for Hioki {
         }
     }
 
-    fn may_interrupt(command: Command) -> bool {
-        matches!(command, Command::Reset | Command::Preset)
+    fn may_interrupt(command: HiokiCommand) -> bool {
+        matches!(command, HiokiCommand::Reset | HiokiCommand::Preset)
     }
 
     fn drive(&self) -> Drive {
@@ -239,7 +238,7 @@ impl Model for Hioki {
     }
 
     /// The status first, unless it was switched off, and then what the display shows.
-    fn answer(&self, _command: Command, readings: &[Reading]) -> Vec<Value> {
+    fn answer(&self, _command: HiokiCommand, readings: &[FinishedPoint]) -> Vec<Value> {
         let Some(reading) = readings.first() else { return Vec::new() };
         let status = if reading.impedance_ohm.is_none() { OVERLOADED } else { 0 };
         let status = (self.valid != 0).then_some(Value::Integer(status));
@@ -251,7 +250,7 @@ impl Model for Hioki {
 }
 
 /// A value with the digits of the display.
-fn field(shown: Quantity, reading: &Reading) -> Value {
+fn field(shown: Quantity, reading: &FinishedPoint) -> Value {
     let Some(impedance_ohm) = reading.impedance_ohm else {
         return Value::Verbatim(NO_VALUE.into());
     };
@@ -272,7 +271,7 @@ impl Hioki {
     }
 
     /// Voltage and current at the terminals with the last reading, V and A.
-    fn monitored(&self, readings: &[Reading]) -> Vec<Value> {
+    fn monitored(&self, readings: &[FinishedPoint]) -> Vec<Value> {
         let impedance_ohm = readings.last().and_then(|reading| reading.impedance_ohm);
         let Some(z) = impedance_ohm else { return vec![Value::Verbatim(NO_VALUE.into()); 2] };
         let ampere = self.level_v / (z + SOURCE_OHM).norm();
@@ -285,54 +284,56 @@ impl Hioki {
         Outcome::Measure(Job { points: [point].into(), is_blocking: true, is_answered })
     }
 
-    fn set(&mut self, call: &Call<Command>) -> Result<(), ScpiError> {
+    fn set(&mut self, call: &Call<HiokiCommand>) -> Result<(), ScpiError> {
         let s = self;
         let value = call.param(0)?;
         match call.command {
-            Command::Frequency => {
+            HiokiCommand::Frequency => {
                 s.frequency_hz = round_digits(value.real(Unit::HERTZ, FREQUENCY)?);
             }
-            Command::LevelVolt => s.level_v = round_step(value.real(Unit::VOLT, LEVEL)?, 1e-3),
-            Command::DelayTime => s.delay_s = round_step(value.real(Unit::SECOND, DELAY)?, 1e-4),
-            Command::Averaging => s.averages = averages(value)?,
-            Command::Speed => {
+            HiokiCommand::LevelVolt => s.level_v = round_step(value.real(Unit::VOLT, LEVEL)?, 1e-3),
+            HiokiCommand::DelayTime => {
+                s.delay_s = round_step(value.real(Unit::SECOND, DELAY)?, 1e-4);
+            }
+            HiokiCommand::Averaging => s.averages = averages(value)?,
+            HiokiCommand::Speed => {
                 let words: [(&str, usize); 4] = std::array::from_fn(|i| (SPEEDS[i].0, i));
                 s.speed = value.choice(&words)?;
             }
-            Command::TriggerSource => {
+            HiokiCommand::TriggerSource => {
                 s.is_external = value.choice(&[("INTernal", false), ("EXTernal", true)])?;
             }
-            Command::Parameter => {
+            HiokiCommand::Parameter => {
                 let shown = value.choice(QUANTITIES)?;
                 *parameter(s, call)? = shown;
             }
-            Command::OutputAuto => s.is_output_auto = value.boolean()?,
-            Command::Valid => s.valid = value.integer(0..=255)?,
-            Command::Item => {
+            HiokiCommand::OutputAuto => s.is_output_auto = value.boolean()?,
+            HiokiCommand::Valid => s.valid = value.integer(0..=255)?,
+            HiokiCommand::Item => {
                 for (index, item) in s.item.iter_mut().enumerate().take(call.params.len()) {
                     *item = call.param(index)?.integer(0..=255)?;
                 }
             }
-            Command::Range => {
+            HiokiCommand::Range => {
                 s.range = value.integer(RANGES)?;
                 s.is_range_auto = false;
             }
-            Command::RangeAuto => s.is_range_auto = value.boolean()?,
+            HiokiCommand::RangeAuto => s.is_range_auto = value.boolean()?,
             // The simulated terminals are driven by voltage, without bias, and text is answered.
-            Command::Level => value.choice(&[("V", ())])?,
-            Command::Mode => value.choice(&[("LCR", ())])?,
-            Command::Format => value.choice(&[("ASCii", ())])?,
-            Command::Kept(_)
-            | Command::Monitor
-            | Command::Preset
-            | Command::Read
-            | Command::Reset
-            | Command::Trigger => {}
+            HiokiCommand::Level => value.choice(&[("V", ())])?,
+            HiokiCommand::Mode => value.choice(&[("LCR", ())])?,
+            HiokiCommand::Format => value.choice(&[("ASCii", ())])?,
+            HiokiCommand::StoredSetting(_)
+            | HiokiCommand::Monitor
+            | HiokiCommand::Preset
+            | HiokiCommand::Read
+            | HiokiCommand::Reset
+            | HiokiCommand::Trigger => {}
         }
         Ok(())
     }
 
-    fn ask(&mut self, call: &Call<Command>) -> Result<Value, ScpiError> {
+    fn ask(&mut self, call: &Call<HiokiCommand>) -> Result<Value, ScpiError> {
         let word = |word: &str| Value::Verbatim(word.to_ascii_uppercase().into());
         let switch = |is_on: bool| word(if is_on { "ON" } else { "OFF" });
         let scientific = |value, n_decimals| {
@@ -341,34 +342,40 @@ impl Hioki {
         };
         let s = self;
         Ok(match call.command {
-            Command::Frequency => scientific(s.frequency_hz, 4),
-            Command::LevelVolt => Value::Formatted(s.level_v, RealFormat::Fixed { n_decimals: 3 }),
-            Command::DelayTime => Value::Formatted(s.delay_s, RealFormat::Fixed { n_decimals: 4 }),
-            Command::Averaging => Value::Integer(s.averages.into()),
-            Command::Speed => word(SPEEDS[s.speed].0),
-            Command::TriggerSource => word(if s.is_external { "EXTERNAL" } else { "INTERNAL" }),
-            Command::Parameter => {
+            HiokiCommand::Frequency => scientific(s.frequency_hz, 4),
+            HiokiCommand::LevelVolt => {
+                Value::Formatted(s.level_v, RealFormat::Fixed { n_decimals: 3 })
+            }
+            HiokiCommand::DelayTime => {
+                Value::Formatted(s.delay_s, RealFormat::Fixed { n_decimals: 4 })
+            }
+            HiokiCommand::Averaging => Value::Integer(s.averages.into()),
+            HiokiCommand::Speed => word(SPEEDS[s.speed].0),
+            HiokiCommand::TriggerSource => {
+                word(if s.is_external { "EXTERNAL" } else { "INTERNAL" })
+            }
+            HiokiCommand::Parameter => {
                 let shown = *parameter(s, call)?;
                 let known = QUANTITIES.iter().find(|entry| entry.1 == shown);
                 word(known.expect("every quantity has a word").0)
             }
-            Command::OutputAuto => switch(s.is_output_auto),
-            Command::Valid => Value::Integer(s.valid),
-            Command::Item => {
+            HiokiCommand::OutputAuto => switch(s.is_output_auto),
+            HiokiCommand::Valid => Value::Integer(s.valid),
+            HiokiCommand::Item => {
                 let [a, b, c] = s.item;
                 Value::Verbatim(format!("{a},{b},{c}").into())
             }
-            Command::Range => Value::Integer(s.range),
-            Command::RangeAuto => switch(s.is_range_auto),
-            Command::Level => word("V"),
-            Command::Mode => word("LCR"),
-            Command::Format => word("ASCII"),
-            Command::Kept(_)
-            | Command::Monitor
-            | Command::Preset
-            | Command::Read
-            | Command::Reset
-            | Command::Trigger => {
+            HiokiCommand::Range => Value::Integer(s.range),
+            HiokiCommand::RangeAuto => switch(s.is_range_auto),
+            HiokiCommand::Level => word("V"),
+            HiokiCommand::Mode => word("LCR"),
+            HiokiCommand::Format => word("ASCII"),
+            HiokiCommand::StoredSetting(_)
+            | HiokiCommand::Monitor
+            | HiokiCommand::Preset
+            | HiokiCommand::Read
+            | HiokiCommand::Reset
+            | HiokiCommand::Trigger => {
                 return Err(ScpiError::new(-113));
             }
         })
@@ -386,7 +393,7 @@ fn averages(value: &Param) -> Result<u32, ScpiError> {
 
 fn parameter<'a>(
     settings: &'a mut Hioki,
-    call: &Call<Command>,
+    call: &Call<HiokiCommand>,
 ) -> Result<&'a mut Quantity, ScpiError> {
     let index = usize::try_from(call.suffix(0)).unwrap_or(usize::MAX).wrapping_sub(1);
     settings.parameters.get_mut(index).ok_or(ScpiError::new(-114))

@@ -21,10 +21,13 @@ use rig_scpi::{
 
 pub(crate) use self::make::{E4980a, Hp4284a, Th2832};
 use self::{
-    commands::{APERTURES, Command, FUNCTIONS, KEPT, Monitor, PAGES, SOURCES, Source},
+    commands::{APERTURES, FUNCTIONS, KEPT, LcrCommand, Monitor, PAGES, SOURCES, Source},
     make::Make,
 };
-use super::{Drive, Job, Memory, Model, Outcome, Point, Reading, kept::Settings, round_step};
+use super::{
+    Drive, FinishedPoint, Job, Memory, Model, Outcome, Point, round_step,
+    setting_store::SettingStore,
+};
 
 /// The resistance of the source, ohm. A current is set as what flows through it alone.
 const SOURCE_OHM: f64 = 100.0;
@@ -68,8 +71,8 @@ pub(crate) struct Lcr<M> {
     list_hz: Vec<f64>,
     is_stepped: bool,
     page: &'static str,
-    kept: Settings,
-    kept_by_make: Settings,
+    setting_store: SettingStore,
+    kept_by_make: SettingStore,
 }
 
 impl<M> Default for Lcr<M> {
@@ -99,8 +102,8 @@ impl<M> Default for Lcr<M> {
             list_hz: Vec::new(),
             is_stepped: false,
             page: "MEAS",
-            kept: Settings::default(),
-            kept_by_make: Settings::default(),
+            setting_store: SettingStore::default(),
+            kept_by_make: SettingStore::default(),
         }
     }
 }
@@ -110,11 +113,11 @@ const LIST: u16 = 1 << 3;
 const MEASUREMENT: u16 = 1 << 4;
 
 impl<M: Make> Model for Lcr<M> {
-    type Command = Command;
+    type Command = LcrCommand;
 
     const ENDS_ARE_EVENTS: bool = true;
 
-    fn commands() -> Tree<Command> {
+    fn commands() -> Tree<LcrCommand> {
         commands::tree(M::KEPT)
     }
 
@@ -127,53 +130,53 @@ impl<M: Make> Model for Lcr<M> {
 
     fn carry_out(
         &mut self,
-        call: &Call<Command>,
+        call: &Call<LcrCommand>,
         memory: Memory<'_>,
     ) -> Result<Outcome, ScpiError> {
         let done = |values| Ok(Outcome::Done(values));
         let Memory { readings, is_measuring } = memory;
         match call.command {
-            Command::Reset => {
+            LcrCommand::Reset => {
                 *self = Self::default();
                 Ok(Outcome::Abort)
             }
-            Command::Abort => Ok(Outcome::Abort),
-            Command::Options => done(vec![Value::Verbatim(M::OPTIONS.into())]),
-            Command::TriggerAndRead if self.source == Source::Bus => Ok(self.measure(true)),
-            Command::Trigger if self.source != Source::Internal => Ok(self.measure(false)),
-            Command::Trigger | Command::TriggerAndRead => Err(ScpiError::new(-211)),
-            Command::Monitor(Monitor::Vdc | Monitor::Idc)
-            | Command::FetchMonitor(Monitor::Vdc | Monitor::Idc)
+            LcrCommand::Abort => Ok(Outcome::Abort),
+            LcrCommand::Options => done(vec![Value::Verbatim(M::OPTIONS.into())]),
+            LcrCommand::TriggerAndRead if self.source == Source::Bus => Ok(self.measure(true)),
+            LcrCommand::Trigger if self.source != Source::Internal => Ok(self.measure(false)),
+            LcrCommand::Trigger | LcrCommand::TriggerAndRead => Err(ScpiError::new(-211)),
+            LcrCommand::Monitor(Monitor::Vdc | Monitor::Idc)
+            | LcrCommand::FetchMonitor(Monitor::Vdc | Monitor::Idc)
                 if !M::MONITORS_BIAS =>
             {
                 Err(ScpiError::new(-113))
             }
             // While it triggers itself, the next measurement is the one to read.
-            Command::Fetch | Command::FetchImpedance | Command::FetchMonitor(_)
+            LcrCommand::Fetch | LcrCommand::FetchImpedance | LcrCommand::FetchMonitor(_)
                 if self.source == Source::Internal =>
             {
                 Ok(self.measure(true))
             }
-            Command::Fetch if is_measuring && !M::FETCH_WAITS => done(self.not_yet()),
-            Command::Fetch | Command::FetchImpedance | Command::FetchMonitor(_)
+            LcrCommand::Fetch if is_measuring && !M::FETCH_WAITS => done(self.not_yet()),
+            LcrCommand::Fetch | LcrCommand::FetchImpedance | LcrCommand::FetchMonitor(_)
                 if is_measuring || readings.is_empty() =>
             {
                 Ok(Outcome::Wait)
             }
-            Command::Fetch | Command::FetchImpedance | Command::FetchMonitor(_) => {
+            LcrCommand::Fetch | LcrCommand::FetchImpedance | LcrCommand::FetchMonitor(_) => {
                 done(self.answer(call.command, readings))
             }
-            Command::Kept(row) => {
-                self.kept.obey(&KEPT[row], row, call, scientific(5)).and_then(done)
+            LcrCommand::StoredSetting(row) => {
+                self.setting_store.obey(&KEPT[row], row, call, scientific(5)).and_then(done)
             }
-            Command::Own(row) => {
+            LcrCommand::Own(row) => {
                 self.kept_by_make.obey(&M::KEPT[row], row, call, scientific(5)).and_then(done)
             }
-            Command::ListClear => {
+            LcrCommand::ListClear => {
                 self.list_hz.clear();
                 done(Vec::new())
             }
-            Command::Init => done(Vec::new()),
+            LcrCommand::Init => done(Vec::new()),
             _ if call.is_query => self.ask(call, readings).and_then(done),
             _ => self.set(call).map(|()| Outcome::Done(Vec::new())),
         }
@@ -183,7 +186,7 @@ impl<M: Make> Model for Lcr<M> {
         Drive { frequency_hz: self.frequency_hz, level_v: self.open_v() }
     }
 
-    fn answer(&self, command: Command, readings: &[Reading]) -> Vec<Value> {
+    fn answer(&self, command: LcrCommand, readings: &[FinishedPoint]) -> Vec<Value> {
         self.answer_with(command, readings)
     }
 
@@ -191,8 +194,8 @@ impl<M: Make> Model for Lcr<M> {
         if self.shows_list() { LIST | MEASUREMENT } else { MEASUREMENT }
     }
 
-    fn may_interrupt(command: Command) -> bool {
-        matches!(command, Command::Abort | Command::Reset)
+    fn may_interrupt(command: LcrCommand) -> bool {
+        matches!(command, LcrCommand::Abort | LcrCommand::Reset)
     }
 }
 
@@ -269,71 +272,71 @@ impl<M: Make> Lcr<M> {
         cycles.max(1)
     }
 
-    fn set(&mut self, call: &Call<Command>) -> Result<(), ScpiError> {
+    fn set(&mut self, call: &Call<LcrCommand>) -> Result<(), ScpiError> {
         let value = call.param(0)?;
         match call.command {
-            Command::Frequency => {
+            LcrCommand::Frequency => {
                 self.frequency_hz = M::nearest_hz(value.real(Unit::HERTZ, Self::frequency())?);
             }
-            Command::Volt => {
+            LcrCommand::Volt => {
                 let volt = value.real(Unit::VOLT, self.level())?;
                 self.level = Level::Volt(round_step(volt, 1e-3));
             }
-            Command::Current => {
+            LcrCommand::Current => {
                 self.level = Level::Ampere(value.real(Unit::AMPERE, self.current())?);
             }
-            Command::BiasVolt => self.bias = Level::Volt(value.real(Unit::VOLT, self.bias())?),
-            Command::BiasCurrent => {
+            LcrCommand::BiasVolt => self.bias = Level::Volt(value.real(Unit::VOLT, self.bias())?),
+            LcrCommand::BiasCurrent => {
                 self.bias = Level::Ampere(value.real(Unit::AMPERE, BIAS_CURRENT)?);
             }
             // The sensor is linear: a bias changes nothing.
-            Command::BiasState => self.has_bias = value.boolean()?,
-            Command::HighPower if M::MAX_V.0 == M::MAX_V.1 => return Err(ScpiError::new(-113)),
-            Command::HighPower => self.has_high_power = value.boolean()?,
-            Command::Alc => self.has_alc = value.boolean()?,
-            Command::Aperture => {
+            LcrCommand::BiasState => self.has_bias = value.boolean()?,
+            LcrCommand::HighPower if M::MAX_V.0 == M::MAX_V.1 => return Err(ScpiError::new(-113)),
+            LcrCommand::HighPower => self.has_high_power = value.boolean()?,
+            LcrCommand::Alc => self.has_alc = value.boolean()?,
+            LcrCommand::Aperture => {
                 self.aperture = value.choice(&APERTURES)?;
                 if let Ok(averages) = call.param(1) {
                     let averages = averages.integer(1..=256)?;
                     self.averages = u32::try_from(averages).expect("it is at most 256");
                 }
             }
-            Command::Function => {
+            LcrCommand::Function => {
                 let index = |wanted| FUNCTIONS.iter().position(|entry| entry.1 == wanted);
                 self.function = index(value.choice(FUNCTIONS)?).expect("it is one of them");
             }
-            Command::Source => self.source = value.choice(SOURCES)?,
-            Command::Continuous => self.is_continuous = value.boolean()?,
-            Command::TriggerDelay if !M::HAS_TRIGGER_DELAY => return Err(ScpiError::new(-113)),
-            Command::TriggerDelay => {
+            LcrCommand::Source => self.source = value.choice(SOURCES)?,
+            LcrCommand::Continuous => self.is_continuous = value.boolean()?,
+            LcrCommand::TriggerDelay if !M::HAS_TRIGGER_DELAY => return Err(ScpiError::new(-113)),
+            LcrCommand::TriggerDelay => {
                 self.trigger_delay_s = value.real(Unit::SECOND, Self::delay())?;
             }
-            Command::StepDelay => self.step_delay_s = value.real(Unit::SECOND, Self::delay())?,
-            Command::Comparator => self.has_comparator = value.boolean()?,
-            Command::LongDigits => self.has_long_digits = value.boolean()?,
-            Command::List => {
+            LcrCommand::StepDelay => self.step_delay_s = value.real(Unit::SECOND, Self::delay())?,
+            LcrCommand::Comparator => self.has_comparator = value.boolean()?,
+            LcrCommand::LongDigits => self.has_long_digits = value.boolean()?,
+            LcrCommand::List => {
                 let read = |param: &Param| param.real(Unit::HERTZ, Self::frequency());
                 let list: Result<Vec<f64>, ScpiError> = call.params.iter().map(read).collect();
                 self.list_hz = list?.into_iter().map(M::nearest_hz).collect();
             }
-            Command::ListMode => {
+            LcrCommand::ListMode => {
                 self.is_stepped = value.choice(&[("SEQuence", false), ("STEPped", true)])?;
             }
-            Command::Page => self.page = value.choice(PAGES)?,
-            Command::RangeAuto => self.is_range_auto = value.boolean()?,
-            Command::Range => {
+            LcrCommand::Page => self.page = value.choice(PAGES)?,
+            LcrCommand::RangeAuto => self.is_range_auto = value.boolean()?,
+            LcrCommand::Range => {
                 let (min, max) = (RANGES_OHM[0], RANGES_OHM[RANGES_OHM.len() - 1]);
                 let asked = value.real(Unit::OHM, Limits { min, max, default: max })?;
                 self.range_ohm = range_below(asked);
                 self.is_range_auto = false;
             }
-            Command::Monitor(monitor) => self.monitors[monitor as usize] = value.boolean()?,
-            Command::Format => {
+            LcrCommand::Monitor(monitor) => self.monitors[monitor as usize] = value.boolean()?,
+            LcrCommand::Format => {
                 self.is_binary = value.choice(&[("ASCii", false), ("REAL", true)])?;
                 // The only length there is, in bits.
                 call.params.get(1).map(|bits| bits.integer(64..=64)).transpose()?;
             }
-            Command::ByteOrder => {
+            LcrCommand::ByteOrder => {
                 self.is_swapped = value.choice(&[("NORMal", false), ("SWAPped", true)])?;
             }
             _ => return Err(ScpiError::new(-113)),

@@ -31,7 +31,7 @@ pub(crate) trait Model: fmt::Debug + Default {
     fn drive(&self) -> Drive;
 
     /// The answer of a measurement to the command that began it.
-    fn answer(&self, command: Self::Command, readings: &[Reading]) -> Vec<Value>;
+    fn answer(&self, command: Self::Command, readings: &[FinishedPoint]) -> Vec<Value>;
 
     /// Whether the command may end a measurement that another client waits for.
     fn may_interrupt(_command: Self::Command) -> bool {
@@ -55,7 +55,7 @@ pub(crate) struct Drive {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Memory<'a> {
     /// The points of the last finished measurement.
-    pub(crate) readings: &'a [Reading],
+    pub(crate) readings: &'a [FinishedPoint],
     /// Whether another measurement is under way.
     pub(crate) is_measuring: bool,
 }
@@ -94,7 +94,7 @@ pub(crate) struct Point {
 
 /// A finished point.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Reading {
+pub(crate) struct FinishedPoint {
     pub(crate) frequency_hz: f64,
     /// `None` when the input was overloaded.
     pub(crate) impedance_ohm: Option<Complex64>,

@@ -1,7 +1,7 @@
 use super::*;
-use crate::device::meter::bench;
+use crate::device::meter::test_meter;
 
-type Bench = bench::Bench<E4990a>;
+type TestMeter = test_meter::TestMeter<E4990a>;
 
 const SET_UP: &str = ":SYST:PRES;:SENS1:FREQ:STAR 120;STOP 160;:SENS1:SWE:POIN 5;DEL 3;\
     :SOUR1:MODE VOLT;VOLT 1;:CALC1:PAR:COUN 2;:CALC1:PAR1:DEF R;:CALC1:PAR2:DEF X;\
@@ -14,53 +14,53 @@ fn every_command_has_its_place_in_the_tree() {
 
 #[test]
 fn a_sweep_is_waited_for_and_read_trace_by_trace() {
-    let mut bench = Bench::new();
-    bench.say(SET_UP);
-    bench.send(":TRIG:SING");
-    bench.send("*OPC?");
-    assert_eq!(bench.heard(), "", "the sweep is under way");
-    assert_eq!(bench.say(""), "1\n");
+    let mut meter = TestMeter::new();
+    meter.say(SET_UP);
+    meter.send(":TRIG:SING");
+    meter.send("*OPC?");
+    assert_eq!(meter.heard(), "", "the sweep is under way");
+    assert_eq!(meter.say(""), "1\n");
     // Five delays, and two cycles at each of five frequencies.
     let cycles_s: f64 = [120.0, 130.0, 140.0, 150.0, 160.0].iter().map(|hz| 2.0 / hz).sum();
-    assert!((bench.now.as_seconds() - 15.0 - cycles_s).abs() < 1e-5, "{}", bench.now);
+    assert!((meter.now.as_seconds() - 15.0 - cycles_s).abs() < 1e-5, "{}", meter.now);
     let numbers = |line: String| -> Vec<f64> {
         line.trim_end().split(',').map(|field| field.parse().unwrap()).collect()
     };
-    assert_eq!(numbers(bench.say(":SENS1:FREQ:DATA?")), [120.0, 130.0, 140.0, 150.0, 160.0]);
-    let r = numbers(bench.say(":CALC1:PAR1:SEL;:CALC1:DATA:FDAT?"));
-    let x = numbers(bench.say(":CALC1:PAR2:SEL;:CALC1:DATA:FDAT?"));
-    let expected = bench.settled_ohm(140.0);
+    assert_eq!(numbers(meter.say(":SENS1:FREQ:DATA?")), [120.0, 130.0, 140.0, 150.0, 160.0]);
+    let r = numbers(meter.say(":CALC1:PAR1:SEL;:CALC1:DATA:FDAT?"));
+    let x = numbers(meter.say(":CALC1:PAR2:SEL;:CALC1:DATA:FDAT?"));
+    let expected = meter.settled_ohm(140.0);
     assert_eq!((r.len(), r[5], x[5]), (10, 0.0, 0.0));
     assert!((r[4] / expected.re - 1.0).abs() < 1e-6 && (x[4] / expected.im - 1.0).abs() < 1e-6);
-    assert_eq!(bench.say("SYST:ERR?"), "+0,\"No error\"\n");
+    assert_eq!(meter.say("SYST:ERR?"), "+0,\"No error\"\n");
 }
 
 #[test]
 fn a_second_trigger_does_not_disturb_the_sweep() {
-    let mut bench = Bench::new();
-    bench.say(SET_UP);
-    bench.send(":TRIG:SING");
-    let until = bench.meter.deadline();
-    bench.send(":TRIG:SING;:SYST:ERR?");
-    assert!(bench.heard().starts_with("-211"));
-    assert_eq!(bench.meter.deadline(), until);
-    assert_eq!(bench.say(":CALC1:DATA:FDAT?;*OPC?"), "1\n");
-    assert_eq!(bench.say(":CALC1:DATA:FDAT?").split(',').count(), 10);
+    let mut meter = TestMeter::new();
+    meter.say(SET_UP);
+    meter.send(":TRIG:SING");
+    let until = meter.meter.deadline();
+    meter.send(":TRIG:SING;:SYST:ERR?");
+    assert!(meter.heard().starts_with("-211"));
+    assert_eq!(meter.meter.deadline(), until);
+    assert_eq!(meter.say(":CALC1:DATA:FDAT?;*OPC?"), "1\n");
+    assert_eq!(meter.say(":CALC1:DATA:FDAT?").split(',').count(), 10);
 }
 
 #[test]
 fn a_change_of_the_trigger_source_ends_the_sweep() {
-    let mut bench = Bench::new();
-    bench.say(SET_UP);
-    bench.send(":TRIG:SING;:TRIG:SOUR BUS;*OPC?");
-    assert_eq!(bench.heard(), "1\n");
-    assert_eq!(bench.meter.deadline(), None);
+    let mut meter = TestMeter::new();
+    meter.say(SET_UP);
+    meter.send(":TRIG:SING;:TRIG:SOUR BUS;*OPC?");
+    assert_eq!(meter.heard(), "1\n");
+    assert_eq!(meter.meter.deadline(), None);
 }
 
 #[test]
 fn what_cannot_be_is_told_and_a_bad_point_is_no_number() {
-    let mut bench = Bench::new();
-    bench.say(SET_UP);
+    let mut meter = TestMeter::new();
+    meter.say(SET_UP);
     let rows = [
         (":SOUR1:VOLT 5", "-222"),
         (":SENS1:FREQ:STAR 10", "-222"),
@@ -68,19 +68,19 @@ fn what_cannot_be_is_told_and_a_bad_point_is_no_number() {
         (":CALC1:PAR9:DEF Z", "-114"),
     ];
     for (line, number) in rows {
-        assert_eq!(bench.say(line), "", "{line}");
-        let told = bench.say("SYST:ERR?");
+        assert_eq!(meter.say(line), "", "{line}");
+        let told = meter.say("SYST:ERR?");
         assert!(told.starts_with(number), "{line}: {told}");
     }
-    bench.meter.overload();
-    bench.say(":INIT1;:TRIG:SING");
-    let line = bench.say(":CALC1:DATA:FDAT?");
+    meter.meter.overload();
+    meter.say(":INIT1;:TRIG:SING");
+    let line = meter.say(":CALC1:DATA:FDAT?");
     assert!(line.starts_with("1.#QNB,+0.00000000000E+000,+"), "{line}");
 }
 
 #[test]
 fn public_drivers_are_answered() {
-    let mut bench = Bench::new();
+    let mut meter = TestMeter::new();
     let rows = [
         ("*CLS;:FORM:DATA REAL;:FORM:BORD NORM;:FORM:DATA?;:FORM:DATA ASC", "REAL\n"),
         ("*OPT?;:SENS:FIXT:SEL?", "0;NONE\n"),
@@ -96,24 +96,24 @@ fn public_drivers_are_answered() {
         (":SYST:ERR?", "+0,\"No error\"\n"),
     ];
     for (line, answer) in rows {
-        assert_eq!(bench.say(line), answer, "{line}");
+        assert_eq!(meter.say(line), answer, "{line}");
     }
 }
 
 #[test]
 fn raw_data_are_resistance_and_reactance_in_text_and_in_blocks() {
-    let mut bench = Bench::new();
-    bench.say(SET_UP);
-    bench.send(":TRIG:SING");
-    bench.send(":STAT:OPER:COND?");
-    assert_eq!(bench.heard(), "16\n");
-    bench.say("");
-    let line = bench.say(":CALC1:DATA:RDAT?");
+    let mut meter = TestMeter::new();
+    meter.say(SET_UP);
+    meter.send(":TRIG:SING");
+    meter.send(":STAT:OPER:COND?");
+    assert_eq!(meter.heard(), "16\n");
+    meter.say("");
+    let line = meter.say(":CALC1:DATA:RDAT?");
     let numbers: Vec<f64> = line.trim_end().split(',').map(|x| x.parse().unwrap()).collect();
-    let z = bench.settled_ohm(140.0);
+    let z = meter.settled_ohm(140.0);
     assert!((numbers[4] / z.re - 1.0).abs() < 1e-6 && (numbers[5] / z.im - 1.0).abs() < 1e-6);
-    bench.send(":FORM:DATA REAL;:CALC1:DATA:RDAT?");
-    let (_, said) = bench.meter.take_said(0).remove(0);
+    meter.send(":FORM:DATA REAL;:CALC1:DATA:RDAT?");
+    let (_, said) = meter.meter.take_said(0).remove(0);
     assert!(said.starts_with(b"#280"), "{}", said.escape_ascii());
     for (bytes, expected) in said[4..].chunks_exact(8).zip(numbers) {
         let number = f64::from_be_bytes(bytes.try_into().unwrap());

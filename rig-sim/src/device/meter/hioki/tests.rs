@@ -1,7 +1,7 @@
 use super::*;
-use crate::device::meter::bench;
+use crate::device::meter::test_meter;
 
-type Bench = bench::Bench<Hioki>;
+type TestMeter = test_meter::TestMeter<Hioki>;
 
 const SET_UP: &str = "*RST;:MODE LCR;:TRIGger EXTernal;:SPEEd FAST;:AVERaging 10;\
     :PARameter1 RS;:PARameter3 X;:MEASure:VALid 0;:LEVel V;:LEVel:VOLTage 5";
@@ -13,34 +13,34 @@ fn every_command_has_its_place_in_the_tree() {
 
 #[test]
 fn a_settled_measurement_is_the_impedance_of_the_circuit_to_six_digits() {
-    let mut bench = Bench::new();
-    assert_eq!(bench.say(SET_UP), "");
-    let before = bench.now;
-    let line = bench.say(":FREQuency 139.998;:TRIGger:DELay 3;*TRG;:MEASure?");
+    let mut meter = TestMeter::new();
+    assert_eq!(meter.say(SET_UP), "");
+    let before = meter.now;
+    let line = meter.say(":FREQuency 139.998;:TRIGger:DELay 3;*TRG;:MEASure?");
     // 3 s of delay and ten cycles at the 140.00 Hz that the panel makes of it.
-    assert_eq!(bench.now.since(before).as_micros(), 3_071_429);
+    assert_eq!(meter.now.since(before).as_micros(), 3_071_429);
     let fields: Vec<f64> = line.trim_end().split(',').map(|x| x.parse().unwrap()).collect();
-    let expected = bench.settled_ohm(140.0);
+    let expected = meter.settled_ohm(140.0);
     assert!((fields[0] / expected.re - 1.0).abs() < 1e-5, "{line} {expected}");
     assert!((fields[1] / expected.im - 1.0).abs() < 1e-5, "{line} {expected}");
-    assert_eq!(bench.say("*ESR?"), "128\r\n", "power on, and no error");
+    assert_eq!(meter.say("*ESR?"), "128\r\n", "power on, and no error");
 }
 
 #[test]
 fn a_reading_taken_too_early_remembers_the_frequency_before() {
-    let mut bench = Bench::new();
-    bench.say(SET_UP);
-    bench.say(":AVERaging 1");
-    let early = bench.say(":FREQuency 140;*TRG;:MEASure?");
-    let late = bench.say(":TRIGger:DELay 2;*TRG;:MEASure?");
+    let mut meter = TestMeter::new();
+    meter.say(SET_UP);
+    meter.say(":AVERaging 1");
+    let early = meter.say(":FREQuency 140;*TRG;:MEASure?");
+    let late = meter.say(":TRIGger:DELay 2;*TRG;:MEASure?");
     assert_ne!(early, late);
 }
 
 #[test]
 fn settings_are_answered_in_long_words_and_with_their_headers_when_asked_for() {
-    let mut bench = Bench::new();
-    bench.say(SET_UP);
-    bench.say(":FREQuency 140.406;:LEVel:VOLTage 1.00049");
+    let mut meter = TestMeter::new();
+    meter.say(SET_UP);
+    meter.say(":FREQuency 140.406;:LEVel:VOLTage 1.00049");
     let rows = [
         (":FREQuency?", "1.4041E+02\r\n"),
         (":LEVel?;:LEVel:VOLTage?", "V;1.000\r\n"),
@@ -52,14 +52,14 @@ fn settings_are_answered_in_long_words_and_with_their_headers_when_asked_for() {
         (":MEASure:ITEM 31,31,0;:MEASure:ITEM?", "31,31,0\r\n"),
     ];
     for (line, answer) in rows {
-        assert_eq!(bench.say(line), answer, "{line}");
+        assert_eq!(meter.say(line), answer, "{line}");
     }
 }
 
 #[test]
 fn errors_are_told_in_the_event_register_only_and_end_the_line() {
-    let mut bench = Bench::new();
-    bench.say("*CLS");
+    let mut meter = TestMeter::new();
+    meter.say("*CLS");
     let rows = [
         (":FREQuency 1;:AVERaging 7", "16\r\n"),
         (":LEVel:VOLTage 5.1", "16\r\n"),
@@ -71,50 +71,50 @@ fn errors_are_told_in_the_event_register_only_and_end_the_line() {
         (":AVERaging 256", "0\r\n"),
     ];
     for (line, event) in rows {
-        assert_eq!(bench.say(line), "", "{line}");
-        assert_eq!(bench.say("*ESR?"), event, "{line}");
+        assert_eq!(meter.say(line), "", "{line}");
+        assert_eq!(meter.say("*ESR?"), event, "{line}");
     }
-    assert_eq!(bench.say(":FREQuency?;:AVERaging?"), "1.0000E+03;256\r\n");
+    assert_eq!(meter.say(":FREQuency?;:AVERaging?"), "1.0000E+03;256\r\n");
 }
 
 #[test]
 fn it_listens_while_it_measures_and_answers_afterwards() {
-    let mut bench = Bench::new();
-    bench.say(SET_UP);
-    bench.say(":FREQuency 100");
-    let before = bench.now;
-    bench.send("*TRG\r\n:FREQuency 200\r\n:FREQuency?");
-    assert_eq!(bench.heard(), "");
-    assert_eq!(bench.meter.deadline().unwrap().since(before).as_micros(), 100_000);
-    assert_eq!(bench.say(""), "2.0000E+02\r\n");
+    let mut meter = TestMeter::new();
+    meter.say(SET_UP);
+    meter.say(":FREQuency 100");
+    let before = meter.now;
+    meter.send("*TRG\r\n:FREQuency 200\r\n:FREQuency?");
+    assert_eq!(meter.heard(), "");
+    assert_eq!(meter.meter.deadline().unwrap().since(before).as_micros(), 100_000);
+    assert_eq!(meter.say(""), "2.0000E+02\r\n");
 }
 
 #[test]
 fn a_trigger_answers_by_itself_when_told_to_and_status_and_overload_show() {
-    let mut bench = Bench::new();
-    bench.say(SET_UP);
-    bench.say(":MEASure:OUTPut:AUTO ON;:MEASure:VALid 1;:FREQuency 140;:TRIGger:DELay 5");
-    let answer = bench.say("*TRG");
+    let mut meter = TestMeter::new();
+    meter.say(SET_UP);
+    meter.say(":MEASure:OUTPut:AUTO ON;:MEASure:VALid 1;:FREQuency 140;:TRIGger:DELay 5");
+    let answer = meter.say("*TRG");
     assert!(answer.starts_with("0,") && answer.matches(',').count() == 2, "{answer}");
-    assert_eq!(bench.say(":MEASure?"), answer);
-    bench.meter.overload();
-    assert_eq!(bench.say("*TRG"), "2,**********,**********\r\n");
-    assert_eq!(bench.say("*TRG"), answer);
+    assert_eq!(meter.say(":MEASure?"), answer);
+    meter.meter.overload();
+    assert_eq!(meter.say("*TRG"), "2,**********,**********\r\n");
+    assert_eq!(meter.say("*TRG"), answer);
 }
 
 #[test]
 fn a_restart_forgets_the_settings_and_says_so() {
-    let mut bench = Bench::new();
-    bench.say(SET_UP);
-    bench.say("*CLS");
-    bench.meter.restart(bench.now, &mut bench.world);
-    assert_eq!(bench.say("*ESR?;:AVERaging?"), "128;1\r\n");
+    let mut meter = TestMeter::new();
+    meter.say(SET_UP);
+    meter.say("*CLS");
+    meter.meter.restart(meter.now, &mut meter.world);
+    assert_eq!(meter.say("*ESR?;:AVERaging?"), "128;1\r\n");
 }
 
 #[test]
 fn public_drivers_are_answered() {
-    let mut bench = Bench::new();
-    bench.say("*CLS");
+    let mut meter = TestMeter::new();
+    meter.say("*CLS");
     let rows = [
         (":PRESet;*CLS;:TRIGger EXTernal;:FORMat:DATA ASCii;:AVERaging 10", ""),
         (":LEVel V;:LEVel:VOLTage 10e-3;:PARameter3 OFF;:PARameter4 OFF", ""),
@@ -124,25 +124,25 @@ fn public_drivers_are_answered() {
         (":MODE LCR;:MODE?", "LCR\r\n"),
     ];
     for (line, answer) in rows {
-        assert_eq!(bench.say(line), answer, "{line}");
-        assert_eq!(bench.say("*ESR?"), "0\r\n", "{line}");
+        assert_eq!(meter.say(line), answer, "{line}");
+        assert_eq!(meter.say("*ESR?"), "0\r\n", "{line}");
     }
 }
 
 #[test]
 fn the_items_of_a_measurement_are_picked_by_bits() {
-    let mut bench = Bench::new();
-    bench.say(":MEASure:VALid 0;:MEASure:ITEM 31,31,0;:TRIG:DEL 3;:FREQ 140;:LEV:VOLT 1");
-    let line = bench.say(":MEASure?");
+    let mut meter = TestMeter::new();
+    meter.say(":MEASure:VALid 0;:MEASure:ITEM 31,31,0;:TRIG:DEL 3;:FREQ 140;:LEV:VOLT 1");
+    let line = meter.say(":MEASure?");
     let fields: Vec<f64> = line.trim_end().split(',').map(|x| x.parse().unwrap()).collect();
-    let z = bench.settled_ohm(140.0);
+    let z = meter.settled_ohm(140.0);
     assert_eq!(fields.len(), 10, "{line}");
     for (index, expected) in [(0, z.norm()), (1, z.inv().norm()), (6, z.re), (9, z.im)] {
         assert!((fields[index] / expected - 1.0).abs() < 1e-5, "{line} {z}");
     }
-    let line = bench.say(":MONitor?");
+    let line = meter.say(":MONitor?");
     let (volt, ampere) = line.trim_end().split_once(',').unwrap();
     let ratio = volt.parse::<f64>().unwrap() / ampere.parse::<f64>().unwrap();
     assert!((ratio / z.norm() - 1.0).abs() < 1e-4, "{line} {z}");
-    assert_eq!(bench.say(":MEASure:ITEM 0,0;:MEASure?").split(',').count(), 2);
+    assert_eq!(meter.say(":MEASure:ITEM 0,0;:MEASure?").split(',').count(), 2);
 }

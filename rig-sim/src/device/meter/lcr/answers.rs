@@ -4,9 +4,9 @@ use num_complex::Complex64;
 use rig_scpi::{Call, Limits, ScpiError, Unit, Value};
 
 use super::{
-    super::{Reading, binary},
+    super::{FinishedPoint, binary},
     BIAS_CURRENT, Lcr, Level, RANGES_OHM, SOURCE_OHM,
-    commands::{APERTURES, Command, FUNCTIONS, Monitor, SOURCES},
+    commands::{APERTURES, FUNCTIONS, LcrCommand, Monitor, SOURCES},
     make::Make,
     range_below, scientific,
 };
@@ -23,10 +23,14 @@ enum Field {
 
 impl<M: Make> Lcr<M> {
     /// The answer to a command that fetches.
-    pub(super) fn answer_with(&self, command: Command, readings: &[Reading]) -> Vec<Value> {
+    pub(super) fn answer_with(
+        &self,
+        command: LcrCommand,
+        readings: &[FinishedPoint],
+    ) -> Vec<Value> {
         match command {
-            Command::FetchMonitor(monitor) => vec![self.real(self.monitored(monitor, readings))],
-            Command::FetchImpedance => {
+            LcrCommand::FetchMonitor(monitor) => vec![self.real(self.monitored(monitor, readings))],
+            LcrCommand::FetchImpedance => {
                 let pair = |z: Complex64| [z.re, z.im];
                 let fields = readings.iter().flat_map(|reading| {
                     reading.impedance_ohm.map_or([NO_VALUE; 2], pair).map(|value| self.real(value))
@@ -38,7 +42,7 @@ impl<M: Make> Lcr<M> {
     }
 
     /// What a monitor shows beside the last reading. The sensor blocks a bias: no current flows.
-    fn monitored(&self, monitor: Monitor, readings: &[Reading]) -> f64 {
+    fn monitored(&self, monitor: Monitor, readings: &[FinishedPoint]) -> f64 {
         let impedance_ohm = readings.last().and_then(|reading| reading.impedance_ohm);
         let ampere = impedance_ohm.map(|z| self.open_v() / (z + SOURCE_OHM).norm());
         let shown = match (monitor, self.bias) {
@@ -52,7 +56,7 @@ impl<M: Make> Lcr<M> {
     }
 
     /// The range in use, which follows the impedance unless it is held.
-    fn range_ohm(&self, readings: &[Reading]) -> f64 {
+    fn range_ohm(&self, readings: &[FinishedPoint]) -> f64 {
         let last = readings.last().and_then(|reading| reading.impedance_ohm);
         match last.filter(|_| self.is_range_auto) {
             Some(z) => range_below(z.norm()),
@@ -61,7 +65,7 @@ impl<M: Make> Lcr<M> {
     }
 
     /// Two values and a status, and the bin of the comparator, which a list always has.
-    fn fields(&self, reading: &Reading) -> impl Iterator<Item = Field> + use<M> {
+    fn fields(&self, reading: &FinishedPoint) -> impl Iterator<Item = Field> + use<M> {
         let (a, b) = FUNCTIONS[self.function].1;
         let pair = [a, b].map(|quantity| {
             let found = reading.impedance_ohm.map(|z| quantity.of(z, reading.frequency_hz));
@@ -101,8 +105,8 @@ impl<M: Make> Lcr<M> {
 
     pub(super) fn ask(
         &self,
-        call: &Call<Command>,
-        readings: &[Reading],
+        call: &Call<LcrCommand>,
+        readings: &[FinishedPoint],
     ) -> Result<Vec<Value>, ScpiError> {
         let limited = |present: f64, unit: Unit, limits: Limits| {
             // `FREQ? MAX` asks for the limit instead.
@@ -123,49 +127,53 @@ impl<M: Make> Lcr<M> {
         let switch = |is_on: bool| vec![Value::Boolean(is_on)];
         let word = |word: &'static str| vec![Value::Characters(word)];
         Ok(match call.command {
-            Command::Frequency => {
+            LcrCommand::Frequency => {
                 return limited(self.frequency_hz, Unit::HERTZ, Self::frequency());
             }
-            Command::Volt => return limited(known(volt(self.level))?, Unit::VOLT, self.level()),
-            Command::Current => {
+            LcrCommand::Volt => return limited(known(volt(self.level))?, Unit::VOLT, self.level()),
+            LcrCommand::Current => {
                 return limited(known(ampere(self.level))?, Unit::AMPERE, self.current());
             }
-            Command::BiasVolt => return limited(known(volt(self.bias))?, Unit::VOLT, self.bias()),
-            Command::BiasCurrent => {
+            LcrCommand::BiasVolt => {
+                return limited(known(volt(self.bias))?, Unit::VOLT, self.bias());
+            }
+            LcrCommand::BiasCurrent => {
                 return limited(known(ampere(self.bias))?, Unit::AMPERE, BIAS_CURRENT);
             }
-            Command::Range => return limited(self.range_ohm(readings), Unit::OHM, ranges),
-            Command::TriggerDelay => {
+            LcrCommand::Range => return limited(self.range_ohm(readings), Unit::OHM, ranges),
+            LcrCommand::TriggerDelay => {
                 return limited(self.trigger_delay_s, Unit::SECOND, Self::delay());
             }
-            Command::StepDelay => return limited(self.step_delay_s, Unit::SECOND, Self::delay()),
-            Command::HighPower => switch(self.has_high_power),
-            Command::Alc => switch(self.has_alc),
-            Command::BiasState => switch(self.has_bias),
-            Command::Continuous => switch(self.is_continuous),
-            Command::Comparator => switch(self.has_comparator),
-            Command::LongDigits => switch(self.has_long_digits),
-            Command::RangeAuto => switch(self.is_range_auto),
-            Command::Monitor(monitor) => switch(self.monitors[monitor as usize]),
-            Command::Aperture => {
+            LcrCommand::StepDelay => {
+                return limited(self.step_delay_s, Unit::SECOND, Self::delay());
+            }
+            LcrCommand::HighPower => switch(self.has_high_power),
+            LcrCommand::Alc => switch(self.has_alc),
+            LcrCommand::BiasState => switch(self.has_bias),
+            LcrCommand::Continuous => switch(self.is_continuous),
+            LcrCommand::Comparator => switch(self.has_comparator),
+            LcrCommand::LongDigits => switch(self.has_long_digits),
+            LcrCommand::RangeAuto => switch(self.is_range_auto),
+            LcrCommand::Monitor(monitor) => switch(self.monitors[monitor as usize]),
+            LcrCommand::Aperture => {
                 let averages = Value::Integer(self.averages.into());
                 vec![Value::Characters(APERTURES[self.aperture].0), averages]
             }
-            Command::Function => word(FUNCTIONS[self.function].0),
-            Command::Source => {
+            LcrCommand::Function => word(FUNCTIONS[self.function].0),
+            LcrCommand::Source => {
                 let known = SOURCES.iter().find(|entry| entry.1 == self.source);
                 word(known.expect("every source has a word").0)
             }
-            Command::List => {
+            LcrCommand::List => {
                 self.list_hz.iter().map(|hz| Value::Formatted(*hz, scientific(9))).collect()
             }
-            Command::ListMode => word(if self.is_stepped { "STEP" } else { "SEQ" }),
-            Command::Page => word(self.page),
-            Command::Format if self.is_binary => {
+            LcrCommand::ListMode => word(if self.is_stepped { "STEP" } else { "SEQ" }),
+            LcrCommand::Page => word(self.page),
+            LcrCommand::Format if self.is_binary => {
                 vec![Value::Characters("REAL"), Value::Integer(64)]
             }
-            Command::Format => word("ASC"),
-            Command::ByteOrder => word(if self.is_swapped { "SWAP" } else { "NORM" }),
+            LcrCommand::Format => word("ASC"),
+            LcrCommand::ByteOrder => word(if self.is_swapped { "SWAP" } else { "NORM" }),
             _ => return Err(ScpiError::new(-113)),
         })
     }

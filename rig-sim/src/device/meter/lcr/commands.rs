@@ -4,11 +4,11 @@ use rig_scpi::{Limits, Node, Tree, Unit, command, query, setting};
 
 use super::super::{
     Quantity,
-    kept::{self, Kept, action, number, switch, text, whole, word},
+    setting_store::{self, StoredSetting, action, number, switch, text, whole, word},
 };
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Command {
+pub(crate) enum LcrCommand {
     Abort,
     Alc,
     Aperture,
@@ -28,7 +28,7 @@ pub(crate) enum Command {
     HighPower,
     Init,
     /// A row of [`KEPT`].
-    Kept(usize),
+    StoredSetting(usize),
     List,
     ListClear,
     ListMode,
@@ -58,48 +58,48 @@ pub(crate) enum Monitor {
     Idc,
 }
 
-pub(super) const COMMANDS: &[Node<Command>] = &[
-    query("*OPT", Command::Options),
-    command("*RST", Command::Reset),
-    command("*TRG", Command::TriggerAndRead),
-    command(":ABORt", Command::Abort),
-    setting(":AMPLitude:ALC", Command::Alc).asks(0, 0),
-    setting(":APERture", Command::Aperture).takes(1, 2).asks(0, 0),
-    setting(":BIAS:CURRent[:LEVel]", Command::BiasCurrent),
-    setting(":BIAS:STATe", Command::BiasState).asks(0, 0),
-    setting(":BIAS:VOLTage[:LEVel]", Command::BiasVolt),
-    setting(":COMParator[:STATe]", Command::Comparator).asks(0, 0),
-    setting(":CURRent[:LEVel]", Command::Current),
-    setting(":DISPlay:PAGE", Command::Page).asks(0, 0),
-    query(":FETCh[:IMPedance][:FORMatted]", Command::Fetch),
-    query(":FETCh[:IMPedance]:CORRected", Command::FetchImpedance),
-    query(":FETCh:SMONitor:IAC", Command::FetchMonitor(Monitor::Iac)),
-    query(":FETCh:SMONitor:IDC", Command::FetchMonitor(Monitor::Idc)),
-    query(":FETCh:SMONitor:VAC", Command::FetchMonitor(Monitor::Vac)),
-    query(":FETCh:SMONitor:VDC", Command::FetchMonitor(Monitor::Vdc)),
-    setting(":FORMat[:DATA]", Command::Format).takes(1, 2).asks(0, 0),
-    setting(":FORMat:ASCii:LONG", Command::LongDigits).asks(0, 0),
-    setting(":FORMat:BORDer", Command::ByteOrder).asks(0, 0),
-    setting(":FREQuency[:CW]", Command::Frequency),
-    setting(":FUNCtion:IMPedance[:TYPE]", Command::Function).asks(0, 0),
-    setting(":FUNCtion:IMPedance:RANGe[:VALue]", Command::Range),
-    setting(":FUNCtion:IMPedance:RANGe:AUTO", Command::RangeAuto).asks(0, 0),
-    setting(":FUNCtion:SMONitor:IAC[:STATe]", Command::Monitor(Monitor::Iac)).asks(0, 0),
-    setting(":FUNCtion:SMONitor:IDC[:STATe]", Command::Monitor(Monitor::Idc)).asks(0, 0),
-    setting(":FUNCtion:SMONitor:VAC[:STATe]", Command::Monitor(Monitor::Vac)).asks(0, 0),
-    setting(":FUNCtion:SMONitor:VDC[:STATe]", Command::Monitor(Monitor::Vdc)).asks(0, 0),
-    setting(":OUTPut:HPOWer", Command::HighPower).asks(0, 0),
-    command(":INITiate[:IMMediate]", Command::Init),
-    setting(":INITiate:CONTinuous", Command::Continuous).asks(0, 0),
-    command(":LIST:CLEar:ALL", Command::ListClear),
-    setting(":LIST:FREQuency", Command::List).takes(1, MAX_LIST).asks(0, 0),
-    setting(":LIST:MODE", Command::ListMode).asks(0, 0),
-    command(":SYSTem:PRESet", Command::Reset),
-    command(":TRIGger[:IMMediate]", Command::Trigger),
-    setting(":TRIGger:DELay", Command::StepDelay),
-    setting(":TRIGger:SOURce", Command::Source).asks(0, 0),
-    setting(":TRIGger:TDELay", Command::TriggerDelay),
-    setting(":VOLTage[:LEVel]", Command::Volt),
+pub(super) const COMMANDS: &[Node<LcrCommand>] = &[
+    query("*OPT", LcrCommand::Options),
+    command("*RST", LcrCommand::Reset),
+    command("*TRG", LcrCommand::TriggerAndRead),
+    command(":ABORt", LcrCommand::Abort),
+    setting(":AMPLitude:ALC", LcrCommand::Alc).asks(0, 0),
+    setting(":APERture", LcrCommand::Aperture).takes(1, 2).asks(0, 0),
+    setting(":BIAS:CURRent[:LEVel]", LcrCommand::BiasCurrent),
+    setting(":BIAS:STATe", LcrCommand::BiasState).asks(0, 0),
+    setting(":BIAS:VOLTage[:LEVel]", LcrCommand::BiasVolt),
+    setting(":COMParator[:STATe]", LcrCommand::Comparator).asks(0, 0),
+    setting(":CURRent[:LEVel]", LcrCommand::Current),
+    setting(":DISPlay:PAGE", LcrCommand::Page).asks(0, 0),
+    query(":FETCh[:IMPedance][:FORMatted]", LcrCommand::Fetch),
+    query(":FETCh[:IMPedance]:CORRected", LcrCommand::FetchImpedance),
+    query(":FETCh:SMONitor:IAC", LcrCommand::FetchMonitor(Monitor::Iac)),
+    query(":FETCh:SMONitor:IDC", LcrCommand::FetchMonitor(Monitor::Idc)),
+    query(":FETCh:SMONitor:VAC", LcrCommand::FetchMonitor(Monitor::Vac)),
+    query(":FETCh:SMONitor:VDC", LcrCommand::FetchMonitor(Monitor::Vdc)),
+    setting(":FORMat[:DATA]", LcrCommand::Format).takes(1, 2).asks(0, 0),
+    setting(":FORMat:ASCii:LONG", LcrCommand::LongDigits).asks(0, 0),
+    setting(":FORMat:BORDer", LcrCommand::ByteOrder).asks(0, 0),
+    setting(":FREQuency[:CW]", LcrCommand::Frequency),
+    setting(":FUNCtion:IMPedance[:TYPE]", LcrCommand::Function).asks(0, 0),
+    setting(":FUNCtion:IMPedance:RANGe[:VALue]", LcrCommand::Range),
+    setting(":FUNCtion:IMPedance:RANGe:AUTO", LcrCommand::RangeAuto).asks(0, 0),
+    setting(":FUNCtion:SMONitor:IAC[:STATe]", LcrCommand::Monitor(Monitor::Iac)).asks(0, 0),
+    setting(":FUNCtion:SMONitor:IDC[:STATe]", LcrCommand::Monitor(Monitor::Idc)).asks(0, 0),
+    setting(":FUNCtion:SMONitor:VAC[:STATe]", LcrCommand::Monitor(Monitor::Vac)).asks(0, 0),
+    setting(":FUNCtion:SMONitor:VDC[:STATe]", LcrCommand::Monitor(Monitor::Vdc)).asks(0, 0),
+    setting(":OUTPut:HPOWer", LcrCommand::HighPower).asks(0, 0),
+    command(":INITiate[:IMMediate]", LcrCommand::Init),
+    setting(":INITiate:CONTinuous", LcrCommand::Continuous).asks(0, 0),
+    command(":LIST:CLEar:ALL", LcrCommand::ListClear),
+    setting(":LIST:FREQuency", LcrCommand::List).takes(1, MAX_LIST).asks(0, 0),
+    setting(":LIST:MODE", LcrCommand::ListMode).asks(0, 0),
+    command(":SYSTem:PRESet", LcrCommand::Reset),
+    command(":TRIGger[:IMMediate]", LcrCommand::Trigger),
+    setting(":TRIGger:DELay", LcrCommand::StepDelay),
+    setting(":TRIGger:SOURce", LcrCommand::Source).asks(0, 0),
+    setting(":TRIGger:TDELay", LcrCommand::TriggerDelay),
+    setting(":VOLTage[:LEVel]", LcrCommand::Volt),
 ];
 
 /// The longest list.
@@ -122,7 +122,7 @@ const LOAD: &[&str] = &[
 /// # Source
 /// Commands that public drivers send to the E4980A and the 4284A when they connect, or in their
 /// getters: `QCoDeS`, `PyMeasure`, `SweepMe!`, `gotmc/ivi`, and scripts of laboratories.
-pub(super) const KEPT: &[Kept] = &[
+pub(super) const KEPT: &[StoredSetting] = &[
     switch(":COMParator:ABIN", false),
     action(":COMParator:BIN:CLEar"),
     switch(":COMParator:BIN:COUNt[:STATe]", false),
@@ -155,7 +155,7 @@ pub(super) const KEPT: &[Kept] = &[
 ];
 
 /// What only the E4980A keeps.
-pub(super) const E4980A_KEPT: &[Kept] = &[
+pub(super) const E4980A_KEPT: &[StoredSetting] = &[
     switch(":BIAS:POLarity:AUTO", false),
     switch(":BIAS:RANGe:AUTO", true),
     switch(":FUNCtion:DCResistance:RANGe:AUTO", true),
@@ -168,12 +168,13 @@ pub(super) const E4980A_KEPT: &[Kept] = &[
 ];
 
 /// What only the TH2832 keeps: the resistance of its source, ohm.
-pub(super) const TH2832_KEPT: &[Kept] = &[whole(":ORESister", Unit::OHM, &[100, 30, 50])];
+pub(super) const TH2832_KEPT: &[StoredSetting] = &[whole(":ORESister", Unit::OHM, &[100, 30, 50])];
 
 /// The commands of a make that keeps these settings besides those of the family.
-pub(super) fn tree(own: &[Kept]) -> Tree<Command> {
-    let rows = kept::nodes(KEPT, Command::Kept).chain(kept::nodes(own, Command::Own));
-    let nodes: Vec<Node<Command>> = COMMANDS.iter().copied().chain(rows).collect();
+pub(super) fn tree(own: &[StoredSetting]) -> Tree<LcrCommand> {
+    let rows = setting_store::nodes(KEPT, LcrCommand::StoredSetting)
+        .chain(setting_store::nodes(own, LcrCommand::Own));
+    let nodes: Vec<Node<LcrCommand>> = COMMANDS.iter().copied().chain(rows).collect();
     Tree::new(&nodes).expect("the commands are constants, and a test builds them")
 }
 

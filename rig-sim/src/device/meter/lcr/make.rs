@@ -7,7 +7,7 @@
 use std::fmt;
 
 use super::commands::{E4980A_KEPT, TH2832_KEPT};
-use crate::device::meter::{kept::Kept, round_step};
+use crate::device::meter::{round_step, setting_store::StoredSetting};
 
 /// What differs from make to make.
 pub(crate) trait Make: fmt::Debug + Send + Sync + 'static {
@@ -31,7 +31,7 @@ pub(crate) trait Make: fmt::Debug + Send + Sync + 'static {
     /// Whether it measures the bias as well.
     const MONITORS_BIAS: bool;
     /// Settings of its own that are kept.
-    const KEPT: &'static [Kept];
+    const KEPT: &'static [StoredSetting];
     /// Whether the delay of a trigger is told apart from that of a step.
     const HAS_TRIGGER_DELAY: bool;
     /// Whether a reading is waited for. Otherwise its status says that there is none yet.
@@ -55,7 +55,7 @@ impl Make for E4980a {
     const MAX_A: (f64, f64) = (0.1, 0.1);
     const MAX_BIAS_V: (f64, f64) = (40.0, 40.0);
     const MONITORS_BIAS: bool = true;
-    const KEPT: &'static [Kept] = E4980A_KEPT;
+    const KEPT: &'static [StoredSetting] = E4980A_KEPT;
     const MAX_DELAY_S: f64 = 999.0;
     const HAS_TRIGGER_DELAY: bool = true;
     const FETCH_WAITS: bool = true;
@@ -79,7 +79,7 @@ impl Make for Hp4284a {
     const MAX_A: (f64, f64) = (0.02, 0.2);
     const MAX_BIAS_V: (f64, f64) = (2.0, 40.0);
     const MONITORS_BIAS: bool = false;
-    const KEPT: &'static [Kept] = &[];
+    const KEPT: &'static [StoredSetting] = &[];
     const MAX_DELAY_S: f64 = 60.0;
     const HAS_TRIGGER_DELAY: bool = false;
     const FETCH_WAITS: bool = true;
@@ -109,7 +109,7 @@ impl Make for Th2832 {
     const MAX_A: (f64, f64) = (0.02, 0.02);
     const MAX_BIAS_V: (f64, f64) = (2.0, 2.0);
     const MONITORS_BIAS: bool = false;
-    const KEPT: &'static [Kept] = TH2832_KEPT;
+    const KEPT: &'static [StoredSetting] = TH2832_KEPT;
     const MAX_DELAY_S: f64 = 60.0;
     const HAS_TRIGGER_DELAY: bool = false;
     const FETCH_WAITS: bool = false;

@@ -6,11 +6,11 @@ type Lines = &'static [(&'static str, &'static str)];
 
 #[track_caller]
 fn check<M: Make>(name: &str, lines: Lines) {
-    let mut bench = bench::Bench::<Lcr<M>>::new();
+    let mut meter = test_meter::TestMeter::<Lcr<M>>::new();
     for (line, answer) in lines {
-        assert_eq!(bench.say(line).trim_end(), *answer, "{name}: {line}");
+        assert_eq!(meter.say(line).trim_end(), *answer, "{name}: {line}");
     }
-    assert_eq!(bench.say("SYST:ERR?"), "+0,\"No error\"\n", "{name}");
+    assert_eq!(meter.say("SYST:ERR?"), "+0,\"No error\"\n", "{name}");
 }
 
 #[test]

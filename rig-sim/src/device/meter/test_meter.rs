@@ -9,13 +9,13 @@ use crate::{
 };
 
 #[derive(Debug)]
-pub(crate) struct Bench<M: Model> {
+pub(crate) struct TestMeter<M: Model> {
     pub(crate) meter: Meter<M>,
     pub(crate) world: World,
     pub(crate) now: RigTime,
 }
 
-impl<M: Model> Bench<M> {
+impl<M: Model> TestMeter<M> {
     pub(crate) fn new() -> Self {
         let scene = Scene { nuisances: Nuisances::NONE, ..paper() };
         let world = World::new(scene, 1).unwrap();

@@ -3,7 +3,7 @@
 
 /// Where things really are. Lengths in mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
+pub struct TrueGeometry {
     /// Position of the linear stage at which the tip touches the level sample as drawn.
     pub surface_mm: f64,
     /// How far that surface lies above the rotary axis.
@@ -13,7 +13,7 @@ pub struct Place {
     pub probe_beside_pivot_mm: f64,
 }
 
-impl Place {
+impl TrueGeometry {
     /// How deep the ball has gone into the undeformed surface along the probe, in mm; negative
     /// while it is clear. `raised_mm` is how much thicker this mounting is than drawn.
     pub(super) fn indentation_mm(
@@ -41,8 +41,11 @@ mod tests {
 
     #[test]
     fn the_ball_touches_where_the_daemon_expects_it_when_the_bench_is_as_drawn() {
-        let place =
-            Place { surface_mm: 10.0, surface_above_pivot_mm: 4.0, probe_beside_pivot_mm: 0.3 };
+        let geometry = TrueGeometry {
+            surface_mm: 10.0,
+            surface_above_pivot_mm: 4.0,
+            probe_beside_pivot_mm: 0.3,
+        };
         let drawn = Geometry {
             surface: Position::new(10.0),
             surface_above_pivot_mm: 4.0,
@@ -57,10 +60,10 @@ mod tests {
                 let tip = drawn.surface_at(direction, angle).value();
                 let tilt = direction.rotary_position(angle).value();
                 assert!(
-                    place.indentation_mm(tip, tilt, 0.5, 0.0).abs() < 1e-12,
+                    geometry.indentation_mm(tip, tilt, 0.5, 0.0).abs() < 1e-12,
                     "{direction} {angle}"
                 );
-                let deeper = place.indentation_mm(tip - 0.5, tilt, 0.5, 0.0);
+                let deeper = geometry.indentation_mm(tip - 0.5, tilt, 0.5, 0.0);
                 assert!((deeper - 0.5).abs() < 1e-12, "{direction} {angle}: {deeper}");
             }
         }

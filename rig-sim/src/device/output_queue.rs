@@ -6,9 +6,9 @@ use rig_model::RigTime;
 
 /// Bytes with the moment at which the last of them has arrived, in the order of arrival.
 #[derive(Debug, Default)]
-pub(crate) struct Outbox(VecDeque<(RigTime, Vec<u8>)>);
+pub(crate) struct OutputQueue(VecDeque<(RigTime, Vec<u8>)>);
 
-impl Outbox {
+impl OutputQueue {
     /// Puts bytes on their way. What is due earlier overtakes what is late: the devices of a line
     /// do not wait for each other.
     pub(crate) fn push(&mut self, due: RigTime, bytes: Vec<u8>) {

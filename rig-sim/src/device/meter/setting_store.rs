@@ -9,13 +9,13 @@ use rig_scpi::{Call, Limits, Node, Param, RealFormat, ScpiError, Unit, Value, co
 
 /// A setting that is kept.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Kept {
+pub(crate) struct StoredSetting {
     pattern: &'static str,
-    kind: Kind,
+    kind: SettingKind,
 }
 
 #[derive(Debug, Clone, Copy)]
-enum Kind {
+enum SettingKind {
     Switch(bool),
     Number(Unit, Limits),
     /// One of some whole numbers of a unit, the first unless it is set.
@@ -28,52 +28,59 @@ enum Kind {
 }
 
 /// On or off.
-pub(crate) const fn switch(pattern: &'static str, default: bool) -> Kept {
-    Kept { pattern, kind: Kind::Switch(default) }
+pub(crate) const fn switch(pattern: &'static str, default: bool) -> StoredSetting {
+    StoredSetting { pattern, kind: SettingKind::Switch(default) }
 }
 
 /// A number within limits.
-pub(crate) const fn number(pattern: &'static str, unit: Unit, limits: Limits) -> Kept {
-    Kept { pattern, kind: Kind::Number(unit, limits) }
+pub(crate) const fn number(pattern: &'static str, unit: Unit, limits: Limits) -> StoredSetting {
+    StoredSetting { pattern, kind: SettingKind::Number(unit, limits) }
 }
 
 /// One of some whole numbers, the first unless it is set.
-pub(crate) const fn whole(pattern: &'static str, unit: Unit, choices: &'static [i64]) -> Kept {
-    Kept { pattern, kind: Kind::Whole(unit, choices) }
+pub(crate) const fn whole(
+    pattern: &'static str,
+    unit: Unit,
+    choices: &'static [i64],
+) -> StoredSetting {
+    StoredSetting { pattern, kind: SettingKind::Whole(unit, choices) }
 }
 
 /// One of some words, the first unless it is set.
-pub(crate) const fn word(pattern: &'static str, choices: &'static [&'static str]) -> Kept {
-    Kept { pattern, kind: Kind::Word(choices) }
+pub(crate) const fn word(pattern: &'static str, choices: &'static [&'static str]) -> StoredSetting {
+    StoredSetting { pattern, kind: SettingKind::Word(choices) }
 }
 
 /// Any text.
-pub(crate) const fn text(pattern: &'static str) -> Kept {
-    Kept { pattern, kind: Kind::Text }
+pub(crate) const fn text(pattern: &'static str) -> StoredSetting {
+    StoredSetting { pattern, kind: SettingKind::Text }
 }
 
 /// Something that is done, and leaves no trace.
-pub(crate) const fn action(pattern: &'static str) -> Kept {
-    Kept { pattern, kind: Kind::Action }
+pub(crate) const fn action(pattern: &'static str) -> StoredSetting {
+    StoredSetting { pattern, kind: SettingKind::Action }
 }
 
 /// The commands of a table; `id` makes a command of a row.
-pub(crate) fn nodes<C: Copy>(table: &[Kept], id: fn(usize) -> C) -> impl Iterator<Item = Node<C>> {
-    table.iter().enumerate().map(move |(row, kept)| match kept.kind {
-        Kind::Action => command(kept.pattern, id(row)),
-        _ => setting(kept.pattern, id(row)).asks(0, 0),
+pub(crate) fn nodes<C: Copy>(
+    table: &[StoredSetting],
+    id: fn(usize) -> C,
+) -> impl Iterator<Item = Node<C>> {
+    table.iter().enumerate().map(move |(row, stored)| match stored.kind {
+        SettingKind::Action => command(stored.pattern, id(row)),
+        _ => setting(stored.pattern, id(row)).asks(0, 0),
     })
 }
 
 /// What was set, by row of the table and the suffixes of the header.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Settings(BTreeMap<(usize, Vec<u32>), Value>);
+pub(crate) struct SettingStore(BTreeMap<(usize, Vec<u32>), Value>);
 
-impl Settings {
+impl SettingStore {
     /// Sets a row of the table, or answers what it is set to.
     pub(crate) fn obey<C>(
         &mut self,
-        kept: &Kept,
+        stored: &StoredSetting,
         row: usize,
         call: &Call<C>,
         format: RealFormat,
@@ -81,16 +88,16 @@ impl Settings {
         let suffixes = (0..call.suffixes.len()).map(|index| call.suffix(index)).collect();
         if call.is_query {
             let set = self.0.get(&(row, suffixes)).cloned();
-            return Ok(vec![set.unwrap_or_else(|| kept.kind.default(format))]);
+            return Ok(vec![set.unwrap_or_else(|| stored.kind.default(format))]);
         }
-        if let Some(value) = kept.kind.read(call, format)? {
+        if let Some(value) = stored.kind.read(call, format)? {
             self.0.insert((row, suffixes), value);
         }
         Ok(Vec::new())
     }
 }
 
-impl Kind {
+impl SettingKind {
     fn default(self, format: RealFormat) -> Value {
         match self {
             Self::Switch(is_on) => Value::Boolean(is_on),

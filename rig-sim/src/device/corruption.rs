@@ -4,9 +4,9 @@ use std::time::Duration;
 
 use rig_model::RigTime;
 
-use super::outbox::Outbox;
+use super::output_queue::OutputQueue;
 use crate::{
-    faults::{Faults, ReplyFault},
+    faults::{FaultSchedule, ReplyFault},
     wiring::HangUp,
 };
 
@@ -27,14 +27,14 @@ pub(super) struct Reply<'a> {
 /// [`HangUp`] when the connection breaks.
 pub(super) fn send(
     reply: Reply<'_>,
-    struck: &[ReplyFault],
+    applied: &[ReplyFault],
     readdress: impl Fn(u8) -> Option<Vec<u8>>,
-    faults: &mut Faults,
-    outbox: &mut Outbox,
+    faults: &mut FaultSchedule,
+    output: &mut OutputQueue,
 ) -> Result<(), HangUp> {
     let Reply { due, request, mut bytes } = reply;
     let (mut before, mut copies, mut delay) = (Vec::new(), 1, Duration::ZERO);
-    for fault in struck {
+    for fault in applied {
         match *fault {
             ReplyFault::Drop => copies = 0,
             ReplyFault::Delay(longer) => delay += longer,
@@ -60,6 +60,6 @@ pub(super) fn send(
     for _ in 0..copies {
         sent.extend_from_slice(&bytes);
     }
-    outbox.push(due + delay, sent);
+    output.push(due + delay, sent);
     Ok(())
 }
