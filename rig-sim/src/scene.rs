@@ -1,27 +1,27 @@
-//! Scene files. What they may say is shown, with comments, in `config/scenes/paper.toml`.
+//! Scene files. The comments in `config/scenes/paper.toml` are the manual of their keys.
 
-use std::fmt;
-
-use rig_contact::{ContactLaw, CoreMaterial, PiezoMaterial, Sensor, SensorDesign, SensorError};
+use rig_contact::{Friction, SensorDesign};
 use rig_files::{
     Complaint, Faults,
-    settings::{Setting, Table},
+    samples::{KnownSample, samples},
+    sensor::{self, ContactKeys, DesignKeys},
+    settings::{Presence, Setting, Table},
 };
 use rig_model::Orientation;
 
 use crate::world::{Drift, Mechanics, Nuisances, Sample, Scene, SensorScene, TrueGeometry};
 
-/// Largest seed: TOML has no larger whole numbers.
+/// Largest whole number of TOML.
 const MAX_SEED: u64 = i64::MAX as u64;
+
+/// Allowed error of the model of the sensor, Hz, for a scene without this key: half a percent of the
+/// largest shift, and less than the difference between two mountings on a bench.
+const TOLERANCE_HZ: f64 = 0.5;
 
 /// Reads and checks the `text` of a scene `file`.
 ///
-/// By how much the model of the sensor may be wrong where the scene does not say, Hz: half a percent
-/// of the largest shift, and less than a bench repeats in two mountings.
-const TOLERANCE_HZ: f64 = 0.5;
-
 /// # Errors
-/// Everything that is wrong with it.
+/// All faults of the file.
 pub fn read(file: &str, text: &str) -> Result<Scene, Faults> {
     let (scene, faults) = rig_files::settings::read(file, text, scene);
     faults.finish(scene)
@@ -37,25 +37,17 @@ pub fn paper() -> Scene {
 }
 
 fn scene(table: &mut Table<'_>) -> Scene {
-    let samples = table.section("samples", sample).list().required();
-    for (index, sample) in samples.value.iter().enumerate() {
-        let name = &sample.value.name;
-        let is_known = samples.value[..index].iter().any(|known| known.value.name == *name);
-        if is_known && sample.sound().is_some() {
-            table.refuse(sample, &Refusal::SampleTwice { name: name.clone() });
-        }
-    }
+    let samples = samples(table, Presence::Required, sample);
     let contact = table.section("contact", contact).required().value;
-    let design = table.section("sensor", sensor).required();
-    if let Some(Err(error)) = design.sound().map(|design| Sensor::new(*design)) {
-        table.refuse(&design, &Refusal::Sensor(error));
-    }
+    let design = |table: &mut Table<'_>| DesignKeys::read(table, Presence::Required, None);
+    let section = table.section("sensor", design).required();
+    let sensor = section.value.sensor(table, &section);
     Scene {
         name: table.text("name").required().value,
         seed: table.whole("seed").range(0..=MAX_SEED).or(1).value,
         orientation: table.choice("orientation", ORIENTATIONS).or(Orientation::FrontBack).value,
-        sensor: SensorScene { design: design.value, ..contact },
-        samples: samples.value.into_iter().map(|sample| sample.value).collect(),
+        sensor: SensorScene { design: *sensor.design(), ..contact },
+        samples,
         place: table.section("place", place).required().value,
         linear: table
             .section("linear", |table| mechanics(table, "start_mm", "travel_mm"))
@@ -74,68 +66,23 @@ const ORIENTATIONS: [(&str, Orientation); 2] = [
     (Orientation::Left.name(), Orientation::Left),
 ];
 
-fn sample(table: &mut Table<'_>) -> Sample {
-    Sample {
-        name: table.text("name").required().value,
-        stiffness_mpa: table.number("stiffness_mpa").above(0.0).required().value,
-        max_indentation_mm: table.number("max_indentation_mm").above(0.0).required().value,
-    }
+fn sample(table: &mut Table<'_>, known: KnownSample) -> Sample {
+    let KnownSample { name, stiffness_mpa } = known;
+    let max_indentation_mm = table.number("max_indentation_mm").above(0.0).required().value;
+    Sample { name, stiffness_mpa, max_indentation_mm }
 }
 
-/// The contact, with a sensor that is replaced by that of its own section.
+/// Reads the contact. The design is replaced by that of the section `[sensor]`.
 fn contact(table: &mut Table<'_>) -> SensorScene {
-    let depths = [("indentation", false), ("stage", true)];
-    let frictions = [("sticking", true), ("frictionless", false)];
+    let ContactKeys { deflects, law, friction, kind } = sensor::contact(table, Presence::Required);
     SensorScene {
         design: SensorDesign::reference(),
-        gives_way: table.choice("depth", depths).required().value,
-        law: table.choice("law", ContactLaw::ALL.map(|law| (law.name(), law))).required().value,
-        sticks: table.choice("friction", frictions).required().value,
+        gives_way: deflects,
+        law,
+        sticks: friction == Friction::Sticking,
         tolerance_hz: table.number("tolerance_hz").above(0.0).or(TOLERANCE_HZ).value,
-        poisson: table.number("poisson").range(0.0..=0.5).required().value,
-        tissue_loss: table.number("tissue_loss").range(0.0..=1.0).required().value,
-    }
-}
-
-/// What these numbers may be is the business of [`Sensor::new`], which names the field at fault.
-fn sensor(table: &mut Table<'_>) -> SensorDesign {
-    let reference = SensorDesign::reference();
-    let piezo = table.section("piezo", piezo).or(reference.piezo).value;
-    let core = table.section("core", core).or(reference.core).value;
-    let mut number = |key| table.number(key).required().value;
-    SensorDesign {
-        length_mm: number("length_mm"),
-        width_mm: number("width_mm"),
-        piezo_thickness_mm: number("piezo_thickness_mm"),
-        core_thickness_mm: number("core_thickness_mm"),
-        probe_radius_mm: number("probe_radius_mm"),
-        arm_mm: number("arm_mm"),
-        tip_mass_g: number("tip_mass_g"),
-        tip_gyration_mm: number("tip_gyration_mm"),
-        piezo,
-        core,
-        beam_loss: number("beam_loss"),
-        dielectric_loss: number("dielectric_loss"),
-    }
-}
-
-fn piezo(table: &mut Table<'_>) -> PiezoMaterial {
-    let mut number = |key| table.number(key).required().value;
-    PiezoMaterial {
-        modulus_gpa: number("modulus_gpa"),
-        shear_gpa: number("shear_gpa"),
-        density_kg_per_m3: number("density_kg_per_m3"),
-        coupling_c_per_m2: number("coupling_c_per_m2"),
-        permittivity_nf_per_m: number("permittivity_nf_per_m"),
-    }
-}
-
-fn core(table: &mut Table<'_>) -> CoreMaterial {
-    let mut number = |key| table.number(key).required().value;
-    CoreMaterial {
-        modulus_gpa: number("modulus_gpa"),
-        shear_gpa: number("shear_gpa"),
-        density_kg_per_m3: number("density_kg_per_m3"),
+        poisson: kind.poisson,
+        tissue_loss: kind.loss,
     }
 }
 
@@ -154,7 +101,7 @@ fn mechanics(table: &mut Table<'_>, start: &'static str, travel: &'static str) -
     if let (Some(place), Some((min, max))) = (start.sound(), travel.sound())
         && !(min..=max).contains(&place)
     {
-        table.refuse(&start, &Refusal::BeyondTravel(start, travel));
+        table.refuse(&start, &StartBeyondTravel { start, travel });
     }
     Mechanics { start: start.value, travel: travel.value }
 }
@@ -190,28 +137,15 @@ fn drift(table: &mut Table<'_>) -> Drift {
     }
 }
 
-/// What is wrong with a scene whose values are right one by one.
-#[derive(Debug)]
-enum Refusal {
-    BeyondTravel(Setting<f64>, Setting<(f64, f64)>),
-    SampleTwice { name: String },
-    Sensor(SensorError),
+/// An axis that starts outside its travel.
+#[derive(Debug, thiserror::Error)]
+#[error("{start} is outside {} = [{}, {}]", travel.key, travel.value.0, travel.value.1)]
+struct StartBeyondTravel {
+    start: Setting<f64>,
+    travel: Setting<(f64, f64)>,
 }
 
-impl fmt::Display for Refusal {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::BeyondTravel(start, travel) => {
-                let (min, max) = travel.value;
-                write!(f, "{start} is outside {} = [{min}, {max}]", travel.key)
-            }
-            Self::SampleTwice { name } => write!(f, "there are two samples named \"{name}\""),
-            Self::Sensor(error) => write!(f, "{error}"),
-        }
-    }
-}
-
-impl Complaint for Refusal {}
+impl Complaint for StartBeyondTravel {}
 
 #[cfg(test)]
 mod tests {
@@ -237,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn what_may_be_left_out_is_none() {
+    fn optional_sections_may_be_left_out() {
         let text = include_str!("../../config/scenes/paper.toml");
         let (start, end) = (text.find("[sensor.piezo]").unwrap(), text.find("[contact]").unwrap());
         let nuisances = text.find("[nuisances]").unwrap();
@@ -248,10 +182,12 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_by_its_key() {
+    fn a_fault_names_its_key() {
         check("start_mm = 40", "start_mm = 60", "start_mm = 60 is outside travel_mm = [0, 50]");
         check("name = \"2\"", "name = \"1\"", "there are two samples named \"1\"");
         check("length_mm = 35", "length_mm = 5.9", "sensor length_mm = 5.9 is below 6.000");
+        check("length_mm = 35", "length_mm = 0.035", "if 0.035 is in metres, write 35");
+        check("length_mm = 35\n", "", "`length_mm` is missing in [sensor]");
         check("stiffness_mpa = 0.104", "stiffness_mpa = 0", "stiffness_mpa = 0");
         check("law = \"sneddon\"", "law = \"snedon\"", "did you mean \"sneddon\"");
         check("slope_deg = 1", "slope_degrees = 1", "`slope_degrees` is not a key in [nuisances]");

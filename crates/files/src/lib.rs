@@ -3,11 +3,20 @@
 //! Nothing here opens a file. A reader never stops at the first fault: each fault has its line, its
 //! column, and advice ([`Faults`]).
 //!
-//! - [`settings`] reads TOML. Protocol and scene files use it from their own crates.
+//! - [`settings`] reads TOML. Protocol and scene files are read with it in their own crates, because
+//!   their values are types of these crates.
+//! - [`rig_file`] is the description of a rig; [`sensor`] and [`samples`] are the sections that it
+//!   shares with scene files.
+//! - [`FileKind`] recognises a file of another kind than the expected one.
 
 #![deny(clippy::disallowed_methods)]
 
 mod fault;
+mod kind;
+pub mod rig_file;
+pub mod samples;
+pub mod sensor;
 pub mod settings;
 
 pub use fault::{Complaint, Fault, Faults, Location};
+pub use kind::FileKind;

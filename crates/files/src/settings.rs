@@ -43,9 +43,10 @@ mod tests;
 
 pub use kind::{Choice, Flag, Integer, Interval, Kind, List, Number, Section, Text};
 pub use setting::Setting;
-pub use table::{Entry, Table};
+pub use table::{Entry, Presence, Table};
 pub use text::text;
 pub use unit_hint::unit_hint;
+pub(crate) use unit_hint::with_unit_hint;
 
 use crate::{Faults, Location};
 use source::Source;

@@ -1,160 +1,37 @@
-//! Files that a person names: what kind they are, which there are in their place, and their text.
+//! Opens the files that a person names.
 
 use std::{
     fs, io,
     path::{Path, PathBuf},
 };
 
-use rig_files::{Complaint, Faults, Location};
+use rig_files::{Faults, FileKind};
 
-/// The kinds of files that a person gives.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum FileKind {
-    /// Which device is on which port, and what the bench can do.
-    Rig,
-    /// What to do.
-    Protocol,
-    /// What stands on a simulated bench.
-    Scene,
-    /// The readings of a sweep, CSV or Touchstone.
-    Sweep,
-}
-
-/// Why a file cannot be used.
+/// An unusable file.
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
-    /// There is no file of this name.
+    /// No file has this name.
     #[error("{}: {instead}", path.display())]
     Missing {
-        /// The name.
+        /// Name that the person gave.
         path: PathBuf,
-        /// What there is instead.
+        /// Files with similar names, or the missing directory.
         instead: String,
     },
-    /// It cannot be read.
+    /// The file cannot be read.
     #[error("{}", path.display())]
     Unreadable {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// It has faults.
+    /// The file has faults.
     #[error(transparent)]
     Faults(Faults),
 }
 
-/// A file of another kind than the one expected.
-#[derive(Debug, thiserror::Error)]
-#[error("this looks like a {}, not like a {}", found.name(), expected.name())]
-struct OtherKind {
-    expected: FileKind,
-    found: FileKind,
-}
-
-impl Complaint for OtherKind {
-    fn suggestion(&self) -> Option<String> {
-        let suggestion = match (self.expected, self.found) {
-            (FileKind::Rig, _) => "give the rig file with --rig",
-            (FileKind::Protocol, FileKind::Rig) => {
-                "give a protocol file here, and this one with --rig"
-            }
-            (FileKind::Protocol, FileKind::Sweep) => "`rigd fit` takes sweeps",
-            (FileKind::Protocol, _) => "give a protocol file",
-            (FileKind::Scene, _) => "name a scene file in [simulation] of the rig file",
-            (FileKind::Sweep, _) => "give the readings of a sweep, as CSV or Touchstone",
-        };
-        Some(suggestion.to_owned())
-    }
-}
-
-impl FileKind {
-    /// The kind in words.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Rig => "rig file",
-            Self::Protocol => "protocol file",
-            Self::Scene => "scene file",
-            Self::Sweep => "sweep file",
-        }
-    }
-
-    /// Keys and sections at the top of files of this kind and of no other.
-    const fn marks(self) -> &'static [&'static str] {
-        match self {
-            Self::Rig => &["connection", "simulation", "analyzer", "bus", "geometry"],
-            Self::Protocol => {
-                &["directions", "angles_deg", "touch", "approach", "no_load_sweep", "contact_sweep"]
-            }
-            Self::Scene => &["orientation", "contact", "place", "nuisances"],
-            Self::Sweep => &[],
-        }
-    }
-
-    /// What a text looks like, if it looks like one kind more than like any other. Its syntax may be
-    /// faulty.
-    fn of(text: &str) -> Option<Self> {
-        if is_sweep(text) {
-            return Some(Self::Sweep);
-        }
-        let names = top_names(text);
-        let count = |kind: Self| kind.marks().iter().filter(|mark| names.contains(*mark)).count();
-        let mut counts = [Self::Rig, Self::Protocol, Self::Scene].map(|kind| (count(kind), kind));
-        counts.sort_by_key(|&(count, _)| count);
-        let [_, (second, _), (most, kind)] = counts;
-        // One mark alone may be a slip.
-        (most >= 2 && second < most).then_some(kind)
-    }
-
-    /// Refuses a text that looks like another kind: its faults as this kind would tell nothing.
-    ///
-    /// # Errors
-    /// The one fault of such a text.
-    pub fn expect(self, file: &str, text: &str) -> Result<(), Faults> {
-        match Self::of(text) {
-            Some(found) if found != self => {
-                let mut faults = Faults::new(file);
-                faults.refuse(Location::START, &OtherKind { expected: self, found });
-                Err(faults)
-            }
-            _ => Ok(()),
-        }
-    }
-}
-
-/// The names of keys before the first section, and of sections.
-fn top_names(text: &str) -> Vec<&str> {
-    let mut is_top = true;
-    let name = |line: &'_ str| {
-        let end = line.find(|c: char| !(c.is_ascii_alphanumeric() || c == '_'));
-        end.unwrap_or(line.len())
-    };
-    let mut names = Vec::new();
-    for line in text.lines().map(str::trim_start) {
-        if line.starts_with('[') {
-            is_top = false;
-            let header = line.trim_start_matches(['[', ' ']);
-            names.push(&header[..name(header)]);
-        } else if is_top && !line.starts_with('#') {
-            names.push(&line[..name(line)]);
-        }
-    }
-    names
-}
-
-/// Whether a text begins as tables of readings do.
-fn is_sweep(text: &str) -> bool {
-    let mut lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
-    let Some(first) = lines.next() else { return false };
-    let first = first.to_ascii_lowercase();
-    // Touchstone begins with comments, or with its option line.
-    let is_touchstone = first.starts_with('!')
-        || ["# hz ", "# khz ", "# mhz ", "# ghz "].iter().any(|unit| first.starts_with(unit));
-    let is_table = first.contains("freq") && first.contains([',', ';', '\t']);
-    is_touchstone || is_table && !first.starts_with('#')
-}
-
-/// The name of a file, as faults show it, and its text, which is of the kind expected.
+/// The name of a file for its faults, and its text of the expected kind.
 pub(crate) fn read(path: &Path, kind: FileKind) -> Result<(String, String), FileError> {
     let (name, bytes) = read_bytes(path)?;
     let text = rig_files::settings::text(&name, &bytes).map_err(FileError::Faults)?.to_owned();
@@ -162,7 +39,7 @@ pub(crate) fn read(path: &Path, kind: FileKind) -> Result<(String, String), File
     Ok((name, text))
 }
 
-/// The name of a file, as faults show it, and its bytes.
+/// The name of a file for its faults, and its bytes.
 pub(crate) fn read_bytes(path: &Path) -> Result<(String, Vec<u8>), FileError> {
     match fs::read(path) {
         Ok(bytes) => Ok((path.display().to_string(), bytes)),
@@ -177,7 +54,7 @@ pub(crate) fn read_bytes(path: &Path) -> Result<(String, Vec<u8>), FileError> {
     }
 }
 
-/// What there is in place of a file that is not there.
+/// The existing files beside a missing one.
 fn instead(path: &Path) -> String {
     let folder = match path.parent() {
         Some(folder) if folder.as_os_str().is_empty() => Path::new("."),
@@ -190,9 +67,9 @@ fn instead(path: &Path) -> String {
     format!("no such file; {}", listed(folder, path.extension()))
 }
 
-/// What a directory holds, or only those files that have the extension of the one that was meant.
+/// The names in a directory: all of them, or those of files with this extension.
 fn listed(folder: &Path, extension: Option<&std::ffi::OsStr>) -> String {
-    /// As many as a person looks through.
+    /// A person reads so short a list.
     const SHOWN: usize = 8;
     let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let is_like = |path: &PathBuf| {
@@ -216,38 +93,6 @@ fn listed(folder: &Path, extension: Option<&std::ffi::OsStr>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const RIG: &str = include_str!("../../../config/rigs/bench.toml");
-    const PROTOCOL: &str = include_str!("../../../config/protocols/smoke.toml");
-    const SCENE: &str = include_str!("../../../config/scenes/paper.toml");
-
-    #[test]
-    fn a_file_of_another_kind_is_known_by_its_keys_also_when_it_is_faulty() {
-        let kinds = [
-            (FileKind::Rig, RIG),
-            (FileKind::Protocol, PROTOCOL),
-            (FileKind::Scene, SCENE),
-            (FileKind::Sweep, "frequency_hz,resistance_ohm,reactance_ohm\n140,1,2\n"),
-            (FileKind::Sweep, "\n! a network analyzer\n# HZ S RI R 50\n"),
-            (FileKind::Sweep, "Freq (Hz);Rs;X\n"),
-        ];
-        for (kind, text) in kinds {
-            assert_eq!(FileKind::of(text), Some(kind), "{text}");
-            // With the quotation marks gone, nothing is TOML any more.
-            assert_eq!(FileKind::of(&text.replace('"', "")), Some(kind), "{text}");
-            for expected in [FileKind::Rig, FileKind::Protocol, FileKind::Scene, FileKind::Sweep] {
-                assert_eq!(expected.expect("x", text).is_ok(), expected == kind, "{text}");
-            }
-        }
-        for text in ["", "name = 1\n", "{\"name\": 1}", "# a, comment on frequency\nx = 1"] {
-            assert_eq!(FileKind::of(text), None, "{text}");
-        }
-        assert_eq!(
-            FileKind::Rig.expect("smoke.toml", PROTOCOL).unwrap_err().to_string(),
-            "smoke.toml:1:1: this looks like a protocol file, not like a rig file; give the rig file \
-             with --rig"
-        );
-    }
 
     #[test]
     fn a_file_that_is_not_there_is_told_with_those_that_are() {

@@ -13,7 +13,6 @@ pub mod operator;
 mod predict;
 pub mod protocol_file;
 pub mod rig;
-pub mod rig_file;
 pub mod run_files;
 pub mod sweep_file;
 mod sweep_order;

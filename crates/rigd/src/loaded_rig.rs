@@ -2,16 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
-use rig_files::{Complaint, Faults};
+use rig_files::{
+    Complaint, Faults, FileKind,
+    rig_file::{Connection, Pace, RigFile, Simulation},
+};
 use rig_model::Bench;
 use rig_sim::world::Scene;
 use rig_store::Source;
 
 pub use crate::files::FileError;
-use crate::{
-    files::{FileKind, read},
-    rig_file::{Connection, Pace, RigFile, Simulation},
-};
+use crate::files::read;
 
 /// A rig that can be opened.
 #[derive(Debug)]

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use rig_files::Faults;
+use rig_files::{Faults, FileKind};
 use rig_protocol::{Plan, Protocol, Summary};
 use rig_store::Source;
 
 use crate::{
-    files::{FileKind, read},
+    files::read,
     loaded_rig::{FileError, RigFacts},
 };
 

@@ -5,6 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use rig_files::rig_file::RigFile;
 use rig_record::{Run, StoredRecord, UnreadableRecord};
 use rig_report::{
     RunResults, RunSummary,
@@ -12,8 +13,6 @@ use rig_report::{
 };
 use rig_store::{Reader, RunId, StoreError};
 use serde::Serialize;
-
-use crate::rig_file::RigFile;
 
 /// The files of a run.
 #[derive(Debug)]

@@ -8,7 +8,17 @@ use std::{
     process::{Command, Output},
 };
 
+use rig_files::rig_file::RigFile;
+use rig_protocol::{Plan, Protocol};
 use tempfile::TempDir;
+
+const SIMULATED: &str = include_str!("../../../config/rigs/simulated.toml");
+const BENCH: &str = include_str!("../../../config/rigs/bench.toml");
+const SCENE: &str = include_str!("../../../config/scenes/paper.toml");
+const PROTOCOLS: [&str; 2] = [
+    include_str!("../../../config/protocols/three-direction.toml"),
+    include_str!("../../../config/protocols/smoke.toml"),
+];
 
 fn config(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config").join(path)
@@ -157,4 +167,33 @@ fn a_run_that_is_not_there_or_not_one_is_told_with_those_that_are() {
     let with = |run| [&show(run)[..], &[data.as_path()]].concat();
     check(&with("smoke-3"), 3, &["rigd: no run `smoke-3`", "→ `rigd runs` lists those"]);
     check(&with("smoke"), 3, &["`smoke` fits 2 runs: smoke-2 (", ", smoke-1 ("]);
+}
+
+#[test]
+fn the_shipped_protocols_run_on_the_shipped_rigs() {
+    let scene = rig_sim::scene::read("scene.toml", SCENE).unwrap();
+    let samples: Vec<_> = scene.samples.into_iter().map(|sample| sample.name).collect();
+    for rig in [SIMULATED, BENCH] {
+        let rig = RigFile::read("rig.toml", rig).unwrap();
+        for protocol in PROTOCOLS {
+            let protocol = Protocol::read("protocol.toml", protocol);
+            let plan = Plan::new(&protocol, &rig.bench, Some(&samples)).unwrap();
+            assert!(plan.steps.len() > 20);
+        }
+    }
+}
+
+#[test]
+fn the_simulated_rig_is_described_as_well_as_a_person_measures() {
+    let rig = RigFile::read("rig.toml", SIMULATED).unwrap();
+    let place = rig_sim::scene::read("scene.toml", SCENE).unwrap().place;
+    let geometry = rig.bench.geometry;
+    let pairs = [
+        (geometry.surface.value(), place.surface_mm),
+        (geometry.surface_above_pivot_mm, place.surface_above_pivot_mm),
+        (geometry.probe_beside_pivot_mm, place.probe_beside_pivot_mm),
+    ];
+    for (described, real) in pairs {
+        assert!((described - real).abs() < 0.1, "{described} mm for {real} mm");
+    }
 }

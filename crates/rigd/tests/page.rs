@@ -11,11 +11,11 @@ use axum::{
 };
 use futures_util::StreamExt;
 use rig_engine::RigState;
+use rig_files::rig_file::{Connection, SimulatedPerson};
 use rigd::{
     http::{Shared, doors::Doors, router},
     loaded_rig::LoadedRig,
     rig::{self, RigHandle, RigThread},
-    rig_file::{Connection, SimulatedPerson},
 };
 use serde_json::Value;
 use tempfile::TempDir;

@@ -35,6 +35,25 @@ pub struct Entry<'t, 'd, K> {
     kind: K,
 }
 
+/// Whether a file must give a key. Two kinds of file may share keys and differ in this.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Presence {
+    /// A missing key is a fault.
+    Required,
+    /// A missing key has its default.
+    Optional,
+}
+
+impl Presence {
+    /// Reads the value of an entry.
+    pub fn read<K: Kind>(self, entry: Entry<'_, '_, K>, default: K::Value) -> Setting<K::Value> {
+        match self {
+            Self::Required => entry.required(),
+            Self::Optional => entry.or(default),
+        }
+    }
+}
+
 impl<'d> Table<'d> {
     /// A finite number. [`range`](Entry::range) and the methods after it limit the number.
     pub fn number(&mut self, key: &'static str) -> Entry<'_, 'd, Number> {

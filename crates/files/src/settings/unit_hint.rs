@@ -42,6 +42,19 @@ pub fn unit_hint(key: &str, found: f64, is_right: impl Fn(f64) -> bool) -> Optio
     })
 }
 
+/// Advice with its hint about the unit, if there is one.
+pub(crate) fn with_unit_hint(
+    advice: String,
+    key: &str,
+    found: f64,
+    is_right: impl Fn(f64) -> bool,
+) -> String {
+    match unit_hint(key, found, is_right) {
+        Some(hint) => format!("{advice}; {hint}"),
+        None => advice,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

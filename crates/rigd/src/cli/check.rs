@@ -3,6 +3,7 @@
 
 use std::fmt::Write as _;
 
+use rig_files::FileKind;
 use rig_model::Bench;
 use rig_protocol::{Plan, Protocol};
 use serde::Serialize;
@@ -13,7 +14,7 @@ use super::{
 };
 use crate::{
     describe,
-    files::{FileError, FileKind, read},
+    files::{FileError, read},
     loaded_rig::LoadedRig,
     predict::{EDGE_LINEWIDTHS, Edge, NotPredicted, Predicted, Predictions, Warning},
     protocol_file::LoadedProtocol,

@@ -7,7 +7,7 @@ use std::{
 };
 
 use clap::{Args, ValueEnum, builder::PossibleValuesParser};
-use rig_files::Faults;
+use rig_files::{Faults, FileKind};
 use rig_model::{Reading, SweepRequestError, Window};
 use rig_resonance::{Estimator, Limit, NoisePrior, Past, Timing, Verdict, fit};
 use serde::Serialize;
@@ -19,7 +19,7 @@ use super::{
     table::{columns, facts, print, print_json},
 };
 use crate::{
-    files::{FileError, FileKind, read_bytes},
+    files::{FileError, read_bytes},
     sweep_file::{FileSweep, SweepFile},
 };
 

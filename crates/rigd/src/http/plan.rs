@@ -7,13 +7,14 @@ use axum::{
     http::{HeaderMap, header},
     response::IntoResponse,
 };
+use rig_files::rig_file::RigFile;
 use rig_model::Bench;
 use rig_protocol::{Action, Plan, Pose, Step};
 use rig_store::{Reader, Record, RunId, RunStarted, Sweep};
 use serde::Serialize;
 
 use super::{Problem, Shared, progress::AskedFor, runs};
-use crate::{describe, loaded_rig::RigFacts, protocol_file::LoadedProtocol, rig_file::RigFile};
+use crate::{describe, loaded_rig::RigFacts, protocol_file::LoadedProtocol};
 
 /// A protocol laid out for a bench.
 #[derive(Debug, Serialize)]

@@ -4,6 +4,7 @@
 use std::{fs, path::Path};
 
 use rig_analyzer::{Analyzer, AnalyzerError};
+use rig_files::rig_file::{PortFile, RigFile};
 use rig_link::{Clock, Flow, Holder, Port, Transcript, attached_ports};
 use rig_model::{Axis, Bench, DriveLevel, Unit};
 use rig_stage::{Alarm, AxisStatus, BusHandle, Stage, StageError};
@@ -12,10 +13,7 @@ use super::{
     DeviceError, OpenError,
     open::{Ports, analyzer_on, bus_settings, describe, stage},
 };
-use crate::{
-    loaded_rig::LoadedRig,
-    rig_file::{PortFile, RigFile},
-};
+use crate::loaded_rig::LoadedRig;
 
 /// An axis is looked at this often, for its round trips.
 const LOOKS: u32 = 10;

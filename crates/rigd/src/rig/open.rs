@@ -3,6 +3,7 @@
 use std::{path::PathBuf, sync::Arc, time::Duration};
 
 use rig_analyzer::{Analyzer, AnalyzerError, Dialect, TransportSettings};
+use rig_files::rig_file::{AnalyzerFile, AxisFile, Connection, PortFile, RigFile, SimulatedPerson};
 use rig_link::{Clock, Endpoint, Port, Transcript};
 use rig_model::{Deg, LineSettings, Mm, Unit};
 use rig_protocol::Prompt;
@@ -11,10 +12,7 @@ use rig_stage::{BusHandle, BusSettings, RegisterMap, Stage, StageError};
 use rig_store::StoreError;
 
 use super::{Identity, Setting, devices::Devices};
-use crate::{
-    loaded_rig::{LoadedRig, LoadedScene},
-    rig_file::{AnalyzerFile, Connection, PortFile, RigFile, SimulatedPerson},
-};
+use crate::loaded_rig::{LoadedRig, LoadedScene};
 
 /// Why a rig cannot be opened.
 #[derive(Debug, thiserror::Error)]
@@ -207,14 +205,14 @@ pub(super) fn analyzer_on(port: Port, file: &RigFile) -> Analyzer {
 
 pub(super) fn stage<U: Unit>(
     bus: &BusHandle,
-    file: &crate::rig_file::AxisFile<U>,
+    file: &AxisFile<U>,
     axis: rig_model::Axis<U>,
 ) -> Stage<U> {
     Stage::new(bus.clone(), RegisterMap::of(file.make), file.unit_id, file.scale, axis)
 }
 
 /// What a drive is. Few of them say so themselves.
-pub(super) fn describe<U>(file: &crate::rig_file::AxisFile<U>) -> String {
+pub(super) fn describe<U>(file: &AxisFile<U>) -> String {
     format!("{} at unit {}", file.make, file.unit_id)
 }
 
@@ -231,7 +229,7 @@ fn wiring(file: &RigFile) -> Wiring {
     }
 }
 
-fn axis_wiring<U: Unit>(file: &crate::rig_file::AxisFile<U>) -> AxisWiring {
+fn axis_wiring<U: Unit>(file: &AxisFile<U>) -> AxisWiring {
     AxisWiring {
         make: file.make,
         unit_id: file.unit_id,

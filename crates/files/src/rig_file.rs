@@ -1,12 +1,12 @@
-//! The rig file: which device is on which port, and what the bench can do.
+//! The rig file: the devices with their ports, and the limits and the geometry of the bench.
 //!
-//! What it may say is shown, with comments, in the files that are shipped in `config/rigs`. The
-//! value `connection` decides whether a rig is real or simulated; nothing else has to differ.
+//! The files in `config/rigs` are the manual of its keys. The value `connection` decides whether a rig
+//! is real or simulated; no other value has to differ.
 
 mod axis;
-mod bench;
+mod fault;
 mod port;
-mod refusal;
+mod sections;
 mod sensor;
 
 #[cfg(test)]
@@ -14,137 +14,128 @@ mod tests;
 
 use std::path::{Path, PathBuf};
 
+use crate::{Faults, Location, samples::KnownSample, settings};
 use rig_analysis::sensor::SensorDescription;
-use rig_files::{Faults, Location};
 use rig_model::{AnalyzerMake, Bench, Deg, DriveMake, LineSettings, Mm, Scale, Terminator};
 
-/// A rig file, read and checked.
+/// A checked rig file.
 #[derive(Debug, Clone)]
 pub struct RigFile {
-    /// The name of the rig.
+    /// Name of the rig.
     pub name: String,
-    /// Whether its devices are there or simulated.
+    /// Whether its devices are real or simulated.
     pub connection: Connection,
-    /// What the protocol and the engine have to know of it.
+    /// Axes, geometry and limits, for the protocol and the engine.
     pub bench: Bench,
     /// The impedance analyzer.
     pub analyzer: AnalyzerFile,
-    /// Where the line is on which both axes are.
+    /// Port of the line of both axes.
     pub bus: PortFile,
-    /// The vertical axis.
+    /// Drive of the vertical axis.
     pub linear: AxisFile<Mm>,
-    /// The axis that tilts the sample.
+    /// Drive of the axis that tilts the sample.
     pub rotary: AxisFile<Deg>,
     /// The sensor by which shifts are turned into stiffness.
     pub sensor: SensorDescription,
-    /// The samples whose stiffness was measured otherwise.
+    /// Samples whose stiffness was measured by another method.
     pub samples: Vec<KnownSample>,
 }
 
-/// The one value in which a simulated and a real rig differ.
+/// The value in which a simulated and a real rig differ.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Connection {
-    /// The devices are on their ports.
+    /// Real devices on their ports.
     Ports,
-    /// Simulated devices take their place, behind the same drivers.
+    /// Simulated devices behind the same drivers.
     Simulated(Simulation),
 }
 
-/// What is simulated.
+/// The settings of a simulation.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Simulation {
     /// The scene file, relative to the directory of the rig file.
     pub scene: PathBuf,
-    /// Where the rig file names it.
+    /// Location of its name in the rig file.
     pub scene_location: Location,
-    /// How fast time passes.
+    /// Speed of its time.
     pub pace: Pace,
-    /// Who answers the prompts.
+    /// The answers to prompts.
     pub person: SimulatedPerson,
 }
 
-/// How fast time passes on a simulated rig.
+/// Speed of time on a simulated rig.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pace {
-    /// As fast as it can be computed.
+    /// As fast as the simulation computes.
     Virtual,
-    /// As on the wall.
+    /// Real time.
     Real,
 }
 
-/// Who answers the prompts of a simulated rig.
+/// The simulated person, who does what a prompt asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SimulatedPerson {
-    /// The simulated person does what is asked, and says so.
+    /// The person answers the prompt.
     Answers,
-    /// The simulated person does it as soon as somebody else says that it is done.
+    /// The person waits for the answer of a user, and acts then.
     Waits,
 }
 
 /// The impedance analyzer.
 #[derive(Debug, Clone)]
 pub struct AnalyzerFile {
-    /// Its make, which says how to speak to it.
+    /// Make, which selects the dialect.
     pub make: AnalyzerMake,
-    /// Where it is.
+    /// Port.
     pub port: PortFile,
-    /// What ends a message, either way; what is usual for the make where it is None.
+    /// End of a message in both directions; `None` for the usual one of the make.
     pub terminator: Option<Terminator>,
-    /// How long it may take to answer a question about its settings, s.
+    /// Longest time for an answer about its settings, s.
     pub reply_timeout_s: f64,
 }
 
-/// Where a device is.
+/// The port of a device.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PortFile {
-    /// On a serial port.
+    /// A serial port.
     Serial {
-        /// The device file.
+        /// Device file of the operating system.
         path: String,
-        /// How characters travel.
+        /// Speed and format of characters.
         line: LineSettings,
     },
-    /// On the network, `host:port`.
+    /// A TCP port.
     Tcp {
-        /// The address.
+        /// Address in the form `host:port`.
         address: String,
     },
 }
 
 impl PortFile {
-    /// Whether it is a serial line, and no connection.
+    /// Whether the port is serial.
     pub const fn is_serial(&self) -> bool {
         matches!(self, Self::Serial { .. })
     }
 }
 
-/// The controller of an axis.
+/// The drive of an axis.
 #[derive(Debug, Clone)]
 pub struct AxisFile<U> {
-    /// The make of the drive, which says how to speak to it.
+    /// Make, which selects the register map.
     pub make: DriveMake,
-    /// Its address on the bus.
+    /// Modbus address, 1 to 247.
     pub unit_id: u8,
-    /// How its counts correspond to positions.
+    /// Positions of its counts.
     pub scale: Scale<U>,
-}
-
-/// A sample whose stiffness was measured otherwise.
-#[derive(Debug, Clone, PartialEq)]
-pub struct KnownSample {
-    /// The name on its label.
-    pub name: String,
-    /// Its Young's modulus, in MPa.
-    pub stiffness_mpa: f64,
 }
 
 impl RigFile {
     /// Reads and checks the `text` of a rig `file`.
     ///
     /// # Errors
-    /// Everything that is wrong with it.
+    /// All faults of the file.
     pub fn read(file: &str, text: &str) -> Result<Self, Faults> {
-        let (rig, faults) = rig_files::settings::read(file, text, bench::rig);
+        let (rig, faults) = settings::read(file, text, sections::rig);
         faults.finish(rig)
     }
 

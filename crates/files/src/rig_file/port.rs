@@ -1,16 +1,16 @@
-//! Where a device is.
+//! The keys of a port.
 
-use rig_files::{
+use rig_model::{LineSettings, Parity, StopBits};
+
+use super::{PortFile, fault::RigFileFault};
+use crate::{
     Location,
     settings::{Setting, Table},
 };
-use rig_model::{LineSettings, Parity, StopBits};
 
-use super::{PortFile, refusal::Refusal};
-
-/// Reads a port. `parity` is what devices of this kind are set to when they leave the factory, or
-/// why that is not known.
-pub(super) fn port(table: &mut Table<'_>, parity: Result<Parity, Refusal>) -> PortFile {
+/// Reads a port. `parity` is the factory setting of the devices on the line, or the reason why there
+/// is none.
+pub(super) fn port(table: &mut Table<'_>, parity: Result<Parity, RigFileFault>) -> PortFile {
     let serial = table.text("serial").optional();
     let tcp = table.text("tcp").optional();
     let baud = table.count("baud").range(300..=4_000_000).optional();
@@ -19,15 +19,17 @@ pub(super) fn port(table: &mut Table<'_>, parity: Result<Parity, Refusal>) -> Po
     let stop_bits = table.count("stop_bits").range(1..=2).optional();
 
     match (&serial, &tcp) {
-        (None, None) if table.is_there() => table.refuse(table.location(), &Refusal::NeitherPort),
-        (Some(_), Some(tcp)) => table.refuse(tcp, &Refusal::BothPorts),
-        (Some(serial), None) if is_address(&serial.value) && !serial.value.contains('/') => {
-            table.refuse(serial, &Refusal::NotADevice { address: serial.value.clone() });
+        (None, None) if table.is_there() => {
+            table.refuse(table.location(), &RigFileFault::NeitherPort);
         }
-        (Some(serial), None) if baud.is_none() => table.refuse(serial, &Refusal::NoBaud),
+        (Some(_), Some(tcp)) => table.refuse(tcp, &RigFileFault::BothPorts),
+        (Some(serial), None) if is_address(&serial.value) && !serial.value.contains('/') => {
+            table.refuse(serial, &RigFileFault::NotADevice { address: serial.value.clone() });
+        }
+        (Some(serial), None) if baud.is_none() => table.refuse(serial, &RigFileFault::NoBaud),
         (None, Some(tcp)) => {
             if tcp.sound().is_some_and(|address| !is_address(address)) {
-                table.refuse(tcp, &Refusal::NotAnAddress { address: tcp.value.clone() });
+                table.refuse(tcp, &RigFileFault::NotAnAddress { address: tcp.value.clone() });
             }
             let serial_only = [
                 location(baud.as_ref()),
@@ -35,7 +37,7 @@ pub(super) fn port(table: &mut Table<'_>, parity: Result<Parity, Refusal>) -> Po
                 location(stop_bits.as_ref()),
             ];
             for (key, location) in serial_only.into_iter().flatten() {
-                table.refuse(location, &Refusal::NotSerial { key });
+                table.refuse(location, &RigFileFault::NotSerial { key });
             }
         }
         _ => {}

@@ -1,21 +1,15 @@
-//! The shipped files, and what is said of faulty ones.
+//! The shipped rig files, and the faults of changed ones.
 
 use std::path::{Path, PathBuf};
 
 use rig_model::{AnalyzerMake, DriveMake, LineSettings, Parity};
-use rig_protocol::{Plan, Protocol};
 
 use super::{Connection, Pace, PortFile, RigFile};
 
 const SIMULATED: &str = include_str!("../../../../config/rigs/simulated.toml");
 const BENCH: &str = include_str!("../../../../config/rigs/bench.toml");
-const SCENE: &str = include_str!("../../../../config/scenes/paper.toml");
-const PROTOCOLS: [&str; 2] = [
-    include_str!("../../../../config/protocols/three-direction.toml"),
-    include_str!("../../../../config/protocols/smoke.toml"),
-];
 
-/// What is said of the simulated rig's file with some of its lines changed. Each must be there.
+/// The faults of the simulated rig's file after changes of its text. Each old text must be there.
 #[track_caller]
 fn complaints(changes: &[(&str, &str)]) -> String {
     let mut text = SIMULATED.to_owned();
@@ -24,35 +18,6 @@ fn complaints(changes: &[(&str, &str)]) -> String {
         text = text.replacen(old, new, 1);
     }
     RigFile::read("rig.toml", &text).unwrap_err().to_string()
-}
-
-#[test]
-fn the_shipped_protocols_run_on_the_shipped_rigs() {
-    let scene = rig_sim::scene::read("scene.toml", SCENE).unwrap();
-    let samples: Vec<_> = scene.samples.into_iter().map(|sample| sample.name).collect();
-    for rig in [SIMULATED, BENCH] {
-        let rig = RigFile::read("rig.toml", rig).unwrap();
-        for protocol in PROTOCOLS {
-            let protocol = Protocol::read("protocol.toml", protocol);
-            let plan = Plan::new(&protocol, &rig.bench, Some(&samples)).unwrap();
-            assert!(plan.steps.len() > 20);
-        }
-    }
-}
-
-#[test]
-fn the_simulated_rig_is_described_as_well_as_a_person_measures() {
-    let rig = RigFile::read("rig.toml", SIMULATED).unwrap();
-    let place = rig_sim::scene::read("scene.toml", SCENE).unwrap().place;
-    let geometry = rig.bench.geometry;
-    let pairs = [
-        (geometry.surface.value(), place.surface_mm),
-        (geometry.surface_above_pivot_mm, place.surface_above_pivot_mm),
-        (geometry.probe_beside_pivot_mm, place.probe_beside_pivot_mm),
-    ];
-    for (described, real) in pairs {
-        assert!((described - real).abs() < 0.1, "{described} mm for {real} mm");
-    }
 }
 
 #[test]
@@ -233,4 +198,11 @@ fn a_sensor_that_cannot_be_is_refused() {
         ("poisson = 0.5", "poisson = 0.6"),
         ("angle_deg = 1", "angle_deg = -1"),
     ]));
+}
+
+#[test]
+fn two_samples_of_one_name_are_refused() {
+    let text = BENCH.replacen("name = \"2\"", "name = \"1\"", 1);
+    let faults = RigFile::read("rig.toml", &text).unwrap_err().to_string();
+    assert!(faults.ends_with("there are two samples named \"1\"; remove one"), "{faults}");
 }

@@ -1,13 +1,13 @@
-//! The sections of the two axes, which differ in their unit.
+//! The sections of the two axes, whose keys differ in the unit.
 
 use std::ops::RangeInclusive;
 
-use rig_files::settings::{Setting, Table};
 use rig_model::{Axis, AxisError, AxisLimits, DriveMake, Position, Scale, Span, Unit};
 
-use super::{AxisFile, refusal::Refusal};
+use super::{AxisFile, fault::RigFileFault};
+use crate::settings::{Setting, Table};
 
-/// The keys of an axis, which end in its unit.
+/// The keys of an axis, with its unit.
 #[derive(Debug)]
 pub(super) struct AxisKeys {
     name: &'static str,
@@ -16,19 +16,19 @@ pub(super) struct AxisKeys {
     acceleration: &'static str,
     travel: &'static str,
     soft_limits: &'static str,
-    /// Where it waits; level when there is no key.
+    /// Rest position; 0, which is level, for an axis without this key.
     rest: Option<&'static str>,
     tolerance: &'static str,
     max_speed: &'static str,
     ranges: Ranges,
 }
 
-/// What an axis of a bench can be like, in its unit and seconds. Beyond, the unit is another one.
+/// Ranges of real axes, in their unit and in seconds. Numbers beyond have another unit.
 #[derive(Debug)]
 struct Ranges {
-    /// The narrowest travel.
+    /// Narrowest travel.
     narrowest: f64,
-    /// The finest step of a drive.
+    /// Finest step of a drive.
     finest: f64,
     tolerance: RangeInclusive<f64>,
     speed: RangeInclusive<f64>,
@@ -73,12 +73,12 @@ pub(super) const ROTARY: AxisKeys = AxisKeys {
     },
 };
 
-/// An axis as it was read, with what other sections are held against.
+/// An axis, with the settings that other sections are checked against.
 #[derive(Debug)]
 pub(super) struct AxisRead<U> {
     pub(super) axis: Axis<U>,
     pub(super) file: AxisFile<U>,
-    /// None where it could not be read.
+    /// `None` if it is faulty.
     pub(super) make: Option<DriveMake>,
     pub(super) unit_id: Setting<u32>,
     pub(super) soft_limits: Setting<(f64, f64)>,
@@ -86,10 +86,10 @@ pub(super) struct AxisRead<U> {
     pub(super) max_speed: Setting<f64>,
 }
 
-/// Reads an axis and checks it by itself.
+/// Reads and checks an axis.
 pub(super) fn axis<U: Unit>(table: &mut Table<'_>, keys: &AxisKeys) -> AxisRead<U>
 where
-    Refusal: From<AxisError<U>>,
+    RigFileFault: From<AxisError<U>>,
 {
     let makes = DriveMake::ALL.map(|make| (make.name(), make));
     let make = table.choice("register_map", makes).required();
@@ -128,7 +128,7 @@ where
                 AxisError::RestOutOfReach { .. } => rest.location,
                 _ => soft_limits.location,
             };
-            table.refuse(location, &Refusal::from(error));
+            table.refuse(location, &RigFileFault::from(error));
             None
         }
     });
@@ -153,17 +153,17 @@ where
     }
 }
 
-/// Whether an interval is not too narrow to be one of a bench.
+/// Whether an interval is as wide as those of real axes.
 fn is_wide<U: Unit>(table: &Table<'_>, span: &Setting<(f64, f64)>, ranges: &Ranges) -> bool {
     let (key, narrowest, unit) = (span.key, ranges.narrowest, U::SYMBOL);
     let Some(&(min, max)) = span.sound().filter(|(min, max)| max - min < narrowest) else {
         return true;
     };
-    table.refuse(span, &Refusal::Narrow { key, min, max, narrowest, unit });
+    table.refuse(span, &RigFileFault::Narrow { key, min, max, narrowest, unit });
     false
 }
 
-/// Checks how far a step of the drive moves the axis.
+/// Checks the distance of one step of the drive.
 fn step<U: Unit>(
     table: &Table<'_>,
     per_count: &Setting<f64>,
@@ -173,18 +173,19 @@ fn step<U: Unit>(
     if let Some(&found) = per_count.sound() {
         let (key, finest) = (per_count.key, ranges.finest);
         if found == 0.0 {
-            table.refuse(per_count, &Refusal::NoStep { key });
+            table.refuse(per_count, &RigFileFault::NoStep { key });
         } else if found.abs() < finest {
-            table.refuse(per_count, &Refusal::FineStep { key, found, finest, unit: U::SYMBOL });
+            table
+                .refuse(per_count, &RigFileFault::FineStep { key, found, finest, unit: U::SYMBOL });
         } else if let Some(&tolerance) = tolerance.sound()
             && found.abs() > 2.0 * tolerance
         {
-            table.refuse(per_count, &Refusal::CoarseStep { key, found, tolerance });
+            table.refuse(per_count, &RigFileFault::CoarseStep { key, found, tolerance });
         }
     }
 }
 
-/// Stands in for an axis that was refused.
+/// Replaces a faulty axis.
 fn placeholder<U: Unit>() -> Axis<U> {
     let span = Span::new(0.0, 1.0);
     let rest = Position::new(0.0);

@@ -1,19 +1,22 @@
-//! The whole file: its sections, and what they have to agree on.
+//! The sections of the file, and the checks between them.
 
 use std::path::PathBuf;
 
-use rig_files::settings::{Setting, Table};
 use rig_model::{
     AnalyzerMake, AnalyzerRange, Bench, Deg, DriveMake, Geometry, Mm, MotionLimits, Parity,
     Position, Terminator,
 };
 
 use super::{
-    AnalyzerFile, Connection, KnownSample, Pace, PortFile, RigFile, SimulatedPerson, Simulation,
+    AnalyzerFile, Connection, Pace, PortFile, RigFile, SimulatedPerson, Simulation,
     axis::{self, AxisRead},
+    fault::RigFileFault,
     port::port,
-    refusal::Refusal,
     sensor,
+};
+use crate::{
+    samples::samples,
+    settings::{Presence, Setting, Table},
 };
 
 /// Reads a rig file from its root.
@@ -32,18 +35,18 @@ pub(super) fn rig(table: &mut Table<'_>) -> RigFile {
     let geometry = table.section("geometry", geometry).required().value;
     let limits = table.section("limits", limits).required().value;
     let sensor = sensor::sensor(table, geometry.is_sound.then_some(&geometry.geometry));
-    let samples = samples(table);
+    let samples = samples(table, Presence::Optional, |_, known| known);
 
     if let (PortFile::Serial { path, .. }, PortFile::Serial { path: other, .. }) =
         (&analyzer.value.file.port, &bus.value)
         && path == other
         && !path.is_empty()
     {
-        table.refuse(&bus, &Refusal::SharedPort { port: path.clone() });
+        table.refuse(&bus, &RigFileFault::SharedPort { port: path.clone() });
     }
     if linear.unit_id.sound().is_some_and(|unit_id| rotary.unit_id.sound() == Some(unit_id)) {
         let unit_id = rotary.unit_id.value;
-        table.refuse(&rotary.unit_id, &Refusal::SharedUnit { unit_id });
+        table.refuse(&rotary.unit_id, &RigFileFault::SharedUnit { unit_id });
     }
     speeds(table, &limits, &linear, &rotary);
     heights(table, &geometry, &limits, &linear, &rotary);
@@ -70,12 +73,12 @@ pub(super) fn rig(table: &mut Table<'_>) -> RigFile {
 fn connection(table: &mut Table<'_>) -> Connection {
     let words = [("ports", false), ("simulated", true)];
     let is_simulated = table.choice("connection", words).required();
-    // The section may stay in the file of a real rig, whose rehearsal then is one word away.
+    // A real rig may keep the section: then one word changes it into its simulation.
     let simulation = table.section("simulation", simulation).optional();
     match (is_simulated.value, simulation) {
         (true, Some(simulation)) => Connection::Simulated(simulation.value),
         (true, None) => {
-            table.refuse(&is_simulated, &Refusal::NothingToSimulate);
+            table.refuse(&is_simulated, &RigFileFault::NothingToSimulate);
             Connection::Ports
         }
         (false, _) => Connection::Ports,
@@ -108,11 +111,11 @@ fn analyzer(table: &mut Table<'_>) -> AnalyzerRead {
     if let Some(&make) = make.sound() {
         let ((min, max), (_, limit)) = (make.frequency_hz(), make.level_v());
         if frequency_hz.sound().is_some_and(|&(lowest, highest)| lowest < min || max < highest) {
-            let refusal = Refusal::BeyondDialect { make, min, max };
+            let refusal = RigFileFault::BeyondDialect { make, min, max };
             table.refuse(&frequency_hz, &refusal);
         }
         if let Some(&found) = max_level_v.sound().filter(|&&level| level > limit) {
-            let refusal = Refusal::LevelBeyondDialect { found, limit, make };
+            let refusal = RigFileFault::LevelBeyondDialect { found, limit, make };
             table.refuse(&max_level_v, &refusal);
         }
     }
@@ -128,11 +131,14 @@ fn analyzer(table: &mut Table<'_>) -> AnalyzerRead {
     }
 }
 
-/// The parity of a line on which these drives are as they left the factory.
-fn line_parity(linear: Option<DriveMake>, rotary: Option<DriveMake>) -> Result<Parity, Refusal> {
+/// The parity of a line whose drives have their factory settings.
+fn line_parity(
+    linear: Option<DriveMake>,
+    rotary: Option<DriveMake>,
+) -> Result<Parity, RigFileFault> {
     match (linear, rotary) {
         (Some(linear), Some(rotary)) if linear.parity() != rotary.parity() => {
-            Err(Refusal::NoParity { linear, rotary })
+            Err(RigFileFault::NoParity { linear, rotary })
         }
         (make, other) => Ok(make.or(other).map_or(Parity::None, DriveMake::parity)),
     }
@@ -141,7 +147,7 @@ fn line_parity(linear: Option<DriveMake>, rotary: Option<DriveMake>) -> Result<P
 struct GeometryRead {
     geometry: Geometry,
     surface_mm: Setting<f64>,
-    /// Whether all of it could be read.
+    /// Whether none of its values is faulty.
     is_sound: bool,
 }
 
@@ -149,7 +155,7 @@ fn geometry(table: &mut Table<'_>) -> GeometryRead {
     let surface_mm = table.number("surface_mm").required();
     let surface_above_pivot_mm = table.number("surface_above_pivot_mm").required();
     let probe_beside_pivot_mm = table.number("probe_beside_pivot_mm").or(0.0);
-    // From what nobody makes to what no bench of this kind has: beyond, the unit is another one.
+    // Real benches are within these ranges. Other numbers have another unit.
     let probe_radius_mm = table.number("probe_radius_mm").range(0.01..=50.0).required();
     let sample_half_width_mm = table.number("sample_half_width_mm").range(0.5..=500.0).required();
     let surface_tolerance_mm = table.number("surface_tolerance_mm").range(0.0..=50.0).required();
@@ -184,7 +190,7 @@ struct LimitsRead {
 
 fn limits(table: &mut Table<'_>) -> LimitsRead {
     LimitsRead {
-        // As in geometry, and as the axes themselves.
+        // The ranges are those of the geometry and of the axes.
         max_indentation_mm: table.number("max_indentation_mm").range(0.005..=50.0).required(),
         travel_speed_mm_per_s: table.number("travel_speed_mm_per_s").range(0.1..=2000.0).required(),
         contact_speed_mm_per_s: table
@@ -209,25 +215,7 @@ impl LimitsRead {
     }
 }
 
-fn samples(table: &mut Table<'_>) -> Vec<KnownSample> {
-    let read = |table: &mut Table<'_>| {
-        (
-            table.text("name").required(),
-            table.number("stiffness_mpa").range(1e-5..=1000.0).required().value,
-        )
-    };
-    let Some(listed) = table.section("samples", read).list().optional() else { return Vec::new() };
-    let mut samples: Vec<KnownSample> = Vec::new();
-    for (name, stiffness_mpa) in listed.value.into_iter().map(|sample| sample.value) {
-        if name.sound().is_some_and(|name| samples.iter().any(|sample| sample.name == *name)) {
-            table.refuse(&name, &Refusal::KnownTwice { name: name.value.clone() });
-        }
-        samples.push(KnownSample { name: name.value, stiffness_mpa });
-    }
-    samples
-}
-
-/// No speed is above the one that limits it.
+/// Checks each speed against its limit.
 fn speeds(table: &Table<'_>, limits: &LimitsRead, linear: &AxisRead<Mm>, rotary: &AxisRead<Deg>) {
     let pairs = [
         (&limits.travel_speed_mm_per_s, &linear.max_speed),
@@ -239,13 +227,13 @@ fn speeds(table: &Table<'_>, limits: &LimitsRead, linear: &AxisRead<Mm>, rotary:
             && found > limit
         {
             let (key, limit_key) = (speed.key, highest.key);
-            table.refuse(speed, &Refusal::TooFast { key, found, limit_key, limit });
+            table.refuse(speed, &RigFileFault::TooFast { key, found, limit_key, limit });
         }
     }
 }
 
-/// The clear position is above anything that the rotary stage can lift, and there is room below
-/// the surface.
+/// Checks that the clear position is above every point of a tilted sample, and that the linear stage
+/// reaches the deepest indentation.
 fn heights(
     table: &Table<'_>,
     geometry: &GeometryRead,
@@ -259,7 +247,7 @@ fn heights(
     if let (Some(&clear), Some(&(min, max))) = (linear.rest.sound(), rotary.soft_limits.sound()) {
         let highest = geometry.geometry.highest_sample_point(f64::max(min.abs(), max.abs()));
         if clear <= highest.value() {
-            table.refuse(&linear.rest, &Refusal::NotClear { clear, highest });
+            table.refuse(&linear.rest, &RigFileFault::NotClear { clear, highest });
         }
     }
     if let (Some(&depth), Some(&(limit, _))) =
@@ -268,7 +256,7 @@ fn heights(
         let room = depth + geometry.geometry.surface_tolerance_mm;
         let found = geometry.surface_mm.value;
         if found - room < limit {
-            table.refuse(&geometry.surface_mm, &Refusal::NoRoomBelow { found, room, limit });
+            table.refuse(&geometry.surface_mm, &RigFileFault::NoRoomBelow { found, room, limit });
         }
     }
 }

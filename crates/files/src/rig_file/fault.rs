@@ -1,12 +1,16 @@
-//! What a rig file can be refused for, beyond its shape.
+//! The faults of a rig file whose single values are right.
 
-use rig_contact::SensorError;
-use rig_files::{Complaint, settings::unit_hint};
 use rig_model::{AnalyzerMake, AxisError, Deg, DriveMake, Mm, Position};
 
-/// One reason. Values and limits are in the unit that their key names.
+use crate::{
+    Complaint,
+    sensor::LONGEST_MM,
+    settings::{unit_hint, with_unit_hint},
+};
+
+/// A fault. Values and limits have the unit of their key.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub(super) enum Refusal {
+pub(super) enum RigFileFault {
     // Ports.
     #[error("connection = \"simulated\" needs the section [simulation]")]
     NothingToSimulate,
@@ -66,26 +70,16 @@ pub(super) enum Refusal {
          linear stage: no room for surface_tolerance_mm and max_indentation_mm"
     )]
     NoRoomBelow { found: f64, room: f64, limit: f64 },
-
-    // The sensor.
-    #[error(transparent)]
-    Sensor(#[from] SensorError),
-
-    // The samples.
-    #[error("\"{name}\" is listed twice")]
-    KnownTwice { name: String },
 }
 
-impl Complaint for Refusal {
+impl Complaint for RigFileFault {
     fn suggestion(&self) -> Option<String> {
         let suggestion = match self {
             Self::NothingToSimulate => "add it, or write connection = \"ports\"".into(),
             Self::NeitherPort => {
                 "write { serial = \"/dev/…\", baud = … } or { tcp = \"host:port\" }".into()
             }
-            Self::BothPorts | Self::NotSerial { .. } | Self::KnownTwice { .. } => {
-                "remove one".into()
-            }
+            Self::BothPorts | Self::NotSerial { .. } => "remove one".into(),
             Self::NoBaud => "see the display or the switches of the device".into(),
             Self::NoParity { .. } => {
                 "set both drives to one parity, and write it here: parity = \"none\" or \"even\""
@@ -107,29 +101,19 @@ impl Complaint for Refusal {
             }
             Self::Linear(AxisError::RestOutOfReach { rest, soft, .. }) => {
                 let is_within = |mm| soft.contains(Position::new(mm));
-                with_hint("put it within".into(), "clear_mm", rest.value(), is_within)
+                with_unit_hint("put it within".into(), "clear_mm", rest.value(), is_within)
             }
-            Self::Sensor(SensorError::OutOfRange { what, found, limit }) => {
-                let is_within = |meant| 0.0 <= meant && meant <= *limit;
-                with_hint(format!("use at most {limit}"), what, *found, is_within)
-            }
-            Self::Sensor(SensorError::NotSlender { length_mm, limit_mm }) => {
-                let is_within = |meant| *limit_mm <= meant && meant <= LONGEST_MM;
-                with_hint(format!("use at least {limit_mm:.3}"), "length_mm", *length_mm, is_within)
-            }
-            // It names the field.
-            Self::Sensor(SensorError::NotPositive { .. }) => return None,
-            // A stage is not asked for targets here, and the other numbers were read as positive.
+            // Targets are not in a rig file, and the ranges of the keys exclude the other errors.
             Self::Linear(_) | Self::Rotary(_) => return None,
             Self::NoStep { .. } => "give how far one count of the drive moves the axis".into(),
             Self::CoarseStep { tolerance, .. } => format!("use at most {}", 2.0 * tolerance),
             Self::TooFast { limit, .. } => format!("use at most {limit}"),
             Self::FineStep { key, found, finest, .. } => {
                 let is_right = |meant: f64| *finest <= meant.abs() && meant.abs() <= 1.0;
-                // A drive may count the other way.
+                // A drive may count downwards.
                 let least = finest.copysign(*found);
                 let key = if *key == "mm_per_step" { "step_mm" } else { key };
-                with_hint(format!("use {least} or coarser"), key, *found, is_right)
+                with_unit_hint(format!("use {least} or coarser"), key, *found, is_right)
             }
             Self::Narrow { key, min, max, narrowest, .. } => {
                 let is_right = |meant| *narrowest <= meant && meant <= LONGEST_MM;
@@ -140,24 +124,18 @@ impl Complaint for Refusal {
             Self::NotClear { clear, highest } => {
                 let advice = format!("use more than {:.3}", highest.value());
                 let is_right = |mm| highest.value() < mm && mm <= LONGEST_MM;
-                with_hint(advice, "clear_mm", *clear, is_right)
+                with_unit_hint(advice, "clear_mm", *clear, is_right)
             }
             Self::NoRoomBelow { found, limit, room } => {
                 let is_right = |mm| limit + room <= mm && mm <= LONGEST_MM;
-                with_hint(format!("use at least {}", limit + room), "surface_mm", *found, is_right)
+                with_unit_hint(
+                    format!("use at least {}", limit + room),
+                    "surface_mm",
+                    *found,
+                    is_right,
+                )
             }
         };
         Some(suggestion)
-    }
-}
-
-/// Longer than any part of a bench, mm.
-const LONGEST_MM: f64 = 2000.0;
-
-/// Advice, and the unit in which the number may have been meant.
-fn with_hint(advice: String, key: &str, found: f64, is_right: impl Fn(f64) -> bool) -> String {
-    match unit_hint(key, found, is_right) {
-        Some(hint) => format!("{advice}; {hint}"),
-        None => advice,
     }
 }
