@@ -29,7 +29,7 @@ async fn the_papers_protocol_gives_a_shift_for_every_touch() {
             Record::Intent(intent) => floor_mm = intent.to,
             Record::Moved(moved) if moved.axis == rig_store::Axis::LinearMm => {
                 let is_rest =
-                    moved.target >= rig.facts.bench.linear.rest_target().position().value();
+                    moved.target >= rig.facts.limits.linear.rest_target().position().value();
                 assert!(is_rest || moved.target >= floor_mm, "seq {}: {moved:?}", stored.seq);
             }
             _ => {}

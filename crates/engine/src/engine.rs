@@ -13,7 +13,7 @@
 
 mod stopping;
 
-use rig_model::{Bench, Clearance, Deg, Mm, Position, RigTime};
+use rig_model::{Clearance, Deg, Mm, Position, RigLimits, RigTime};
 use rig_protocol::Prompt;
 
 use crate::{
@@ -30,7 +30,7 @@ use crate::{
 /// Decides what the rig does next.
 #[derive(Debug)]
 pub struct Engine {
-    bench: Bench,
+    limits: RigLimits,
     interlock: Interlock,
     activity: Activity,
     pending: Option<Pending>,
@@ -105,11 +105,11 @@ pub struct Snapshot {
 }
 
 impl Engine {
-    /// An engine for this bench. Nothing moves until [`Command::Prepare`].
-    pub const fn new(bench: Bench) -> Self {
+    /// An engine for a rig with these limits. Nothing moves until [`Command::Prepare`].
+    pub const fn new(limits: RigLimits) -> Self {
         Self {
-            bench,
-            interlock: Interlock::new(bench.linear),
+            limits,
+            interlock: Interlock::new(limits.linear),
             activity: Activity::Unprepared,
             pending: None,
             wait_until: None,
@@ -200,24 +200,24 @@ impl Engine {
 
     /// The move that a person asks for, within the limits. The probe goes down slowly.
     fn manual_move(&self, command: &Command) -> Result<Option<Operation>, CommandRefusal> {
-        let Bench { linear, rotary, limits, .. } = &self.bench;
+        let RigLimits { linear, rotary, motion, .. } = &self.limits;
         let operation = match *command {
             Command::MoveRotary(to) => Operation::MoveRotary {
                 target: rotary.target(to).map_err(CommandRefusal::RotaryTarget)?,
-                speed_deg_per_s: limits.rotary_speed_deg_per_s,
+                speed_deg_per_s: motion.rotary_speed_deg_per_s,
             },
             Command::MoveLinear(to) => {
                 let target = linear.target(to).map_err(CommandRefusal::LinearTarget)?;
                 let tilt = self.rotary.unwrap_or(rotary.rest_target().position());
-                let floor = self.bench.floor_at(tilt);
+                let floor = self.limits.floor_at(tilt);
                 if to < floor {
                     return Err(CommandRefusal::TooDeep { wanted: to, floor });
                 }
                 let is_lowering = to < linear.rest_target().position();
                 let speed_mm_per_s = if is_lowering {
-                    limits.contact_speed_mm_per_s
+                    motion.contact_speed_mm_per_s
                 } else {
-                    limits.travel_speed_mm_per_s
+                    motion.travel_speed_mm_per_s
                 };
                 Operation::MoveLinear { target, speed_mm_per_s }
             }
@@ -380,7 +380,7 @@ impl Engine {
         let Some(operation) = operation else { return };
         if let Operation::MoveLinear { target, .. } = &operation {
             let to = target.position();
-            if to < self.bench.linear.rest_target().position() {
+            if to < self.limits.linear.rest_target().position() {
                 self.declare(to, LoweringPurpose::ByHand, effects);
             }
         }
@@ -438,7 +438,7 @@ impl Engine {
         run: &mut Run,
         event: MachineEvent,
     ) -> MachineStep<RunStatus> {
-        run.advance(now, event, &self.bench, self.interlock.clearance(), &mut self.notes)
+        run.advance(now, event, &self.limits, self.interlock.clearance(), &mut self.notes)
     }
 
     fn pause(&mut self, now: RigTime, command: &Command, effects: &mut Vec<Effect>) {
@@ -465,7 +465,7 @@ impl Engine {
     fn prepare(&mut self, now: RigTime, effects: &mut Vec<Effect>) {
         let first = Preparing::HomingLinear;
         self.activity = Activity::Preparing(first);
-        self.issue(now, first.operation(&self.bench), effects);
+        self.issue(now, first.operation(&self.limits), effects);
     }
 
     fn preparing(&mut self, now: RigTime, effects: &mut Vec<Effect>) {
@@ -473,7 +473,7 @@ impl Engine {
         match stage.next() {
             Some(next) => {
                 self.activity = Activity::Preparing(next);
-                self.issue(now, next.operation(&self.bench), effects);
+                self.issue(now, next.operation(&self.limits), effects);
             }
             None => self.activity = Activity::Idle,
         }
@@ -517,12 +517,12 @@ impl Engine {
     }
 
     fn linear_mm(&self) -> f64 {
-        let travel = self.bench.linear.travel();
+        let travel = self.limits.linear.travel();
         travel.max.value() - travel.min.value()
     }
 
     fn rotary_deg(&self) -> f64 {
-        let travel = self.bench.rotary.travel();
+        let travel = self.limits.rotary.travel();
         travel.max.value() - travel.min.value()
     }
 }

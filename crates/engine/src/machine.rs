@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use rig_model::{Bench, Clearance, Deg, Mm, Position, Reading, RigTime};
+use rig_model::{Clearance, Deg, Mm, Position, Reading, RigLimits, RigTime};
 use rig_protocol::{Plan, Pose, Prompt};
 
 use crate::{
@@ -91,31 +91,31 @@ impl From<Report> for MachineEvent {
 pub(crate) struct MachineContext<'a> {
     pub(crate) now: RigTime,
     pub(crate) plan: &'a Plan,
-    pub(crate) bench: &'a Bench,
+    pub(crate) limits: &'a RigLimits,
     pub(crate) clearance: Clearance,
     pub(crate) notes: &'a mut Vec<Event>,
 }
 
 impl MachineContext<'_> {
     pub(crate) fn rotate_to<T>(&self, pose: Pose) -> MachineStep<T> {
-        match self.bench.rotary.target(pose.direction.rotary_position(pose.angle)) {
+        match self.limits.rotary.target(pose.direction.rotary_position(pose.angle)) {
             Ok(target) => MachineStep::Do(Operation::MoveRotary {
                 target,
-                speed_deg_per_s: self.bench.limits.rotary_speed_deg_per_s,
+                speed_deg_per_s: self.limits.motion.rotary_speed_deg_per_s,
             }),
             Err(error) => MachineStep::Fault(Fault::RotaryTarget(error)),
         }
     }
 
     pub(crate) fn move_linear<T>(&self, to: Position<Mm>, speed_mm_per_s: f64) -> MachineStep<T> {
-        match self.bench.linear.target(to) {
+        match self.limits.linear.target(to) {
             Ok(target) => MachineStep::Do(Operation::MoveLinear { target, speed_mm_per_s }),
             Err(error) => MachineStep::Fault(Fault::LinearTarget(error)),
         }
     }
 
     pub(crate) fn retract<T>(&self) -> MachineStep<T> {
-        MachineStep::Do(retract(self.bench))
+        MachineStep::Do(retract(self.limits))
     }
 
     pub(crate) fn surface_not_found(&mut self, trail: Vec<(Position<Mm>, Reading)>) {

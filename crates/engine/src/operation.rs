@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use rig_model::{Bench, Deg, DriveLevel, Mm, Position, Reading, RigTime, SweepPoint, Target};
+use rig_model::{Deg, DriveLevel, Mm, Position, Reading, RigLimits, RigTime, SweepPoint, Target};
 
 /// Tells one operation from another, so that a late report is never taken for a present one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -55,10 +55,10 @@ pub enum Report {
 }
 
 /// The move that takes the probe clear. It is always allowed.
-pub(crate) fn retract(bench: &Bench) -> Operation {
+pub(crate) fn retract(limits: &RigLimits) -> Operation {
     Operation::MoveLinear {
-        target: bench.linear.rest_target(),
-        speed_mm_per_s: bench.limits.travel_speed_mm_per_s,
+        target: limits.linear.rest_target(),
+        speed_mm_per_s: limits.motion.travel_speed_mm_per_s,
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Also the way into service: home what is not homed, with the probe moving up first.
 
-use rig_model::{Bench, Clearance};
+use rig_model::{Clearance, RigLimits};
 
 use crate::{Failure, FailureKind, Operation, operation::retract};
 
@@ -39,7 +39,7 @@ impl Recovery {
     ///
     /// The stop is not repeated when it fails: the retract that follows is the safest thing to do
     /// whether or not the rotary stage has answered.
-    pub(crate) fn ended(&mut self, clearance: Clearance, bench: &Bench) -> RecoveryStep {
+    pub(crate) fn ended(&mut self, clearance: Clearance, limits: &RigLimits) -> RecoveryStep {
         if clearance == Clearance::Clear && self.attempts_left < RETRACT_ATTEMPTS {
             return RecoveryStep::Finished(clearance);
         }
@@ -47,7 +47,7 @@ impl Recovery {
             return RecoveryStep::Finished(Clearance::Unknown);
         }
         self.attempts_left -= 1;
-        RecoveryStep::Do(retract(bench))
+        RecoveryStep::Do(retract(limits))
     }
 }
 
@@ -62,14 +62,14 @@ pub(crate) enum Preparing {
 
 impl Preparing {
     /// What this stage does.
-    pub(crate) fn operation(self, bench: &Bench) -> Operation {
+    pub(crate) fn operation(self, limits: &RigLimits) -> Operation {
         match self {
             Self::HomingLinear => Operation::PrepareLinear,
-            Self::Clearing => retract(bench),
+            Self::Clearing => retract(limits),
             Self::HomingRotary => Operation::PrepareRotary,
             Self::Levelling => Operation::MoveRotary {
-                target: bench.rotary.rest_target(),
-                speed_deg_per_s: bench.limits.rotary_speed_deg_per_s,
+                target: limits.rotary.rest_target(),
+                speed_deg_per_s: limits.motion.rotary_speed_deg_per_s,
             },
         }
     }

@@ -1,6 +1,6 @@
 //! Replays a plan, one step at a time.
 
-use rig_model::{Bench, Clearance, RigTime, Window};
+use rig_model::{Clearance, RigLimits, RigTime, Window};
 use rig_protocol::{Action, Plan, Pose, Prompt};
 use rig_resonance::{Prior, Resonance, Verdict};
 
@@ -58,13 +58,13 @@ impl Run {
         &mut self,
         now: RigTime,
         event: MachineEvent,
-        bench: &Bench,
+        limits: &RigLimits,
         clearance: Clearance,
         notes: &mut Vec<Event>,
     ) -> MachineStep<RunStatus> {
-        let mut context = MachineContext { now, plan: &self.plan, bench, clearance, notes };
+        let mut context = MachineContext { now, plan: &self.plan, limits, clearance, notes };
         let step = match &mut self.machine {
-            Machine::Between => return self.next_step(now, bench, clearance, notes),
+            Machine::Between => return self.next_step(now, limits, clearance, notes),
             Machine::Prompting(prompt) => prompting(*prompt, event, &mut context),
             Machine::NoLoad(machine) => {
                 let last = self.no_load.as_ref();
@@ -82,7 +82,7 @@ impl Run {
         step.and_then(|()| {
             self.machine = Machine::Between;
             self.index += 1;
-            self.next_step(now, bench, clearance, notes)
+            self.next_step(now, limits, clearance, notes)
         })
     }
 
@@ -90,7 +90,7 @@ impl Run {
     fn next_step(
         &mut self,
         now: RigTime,
-        bench: &Bench,
+        limits: &RigLimits,
         clearance: Clearance,
         notes: &mut Vec<Event>,
     ) -> MachineStep<RunStatus> {
@@ -119,7 +119,7 @@ impl Run {
             },
         };
         notes.push(Event::StepStarted { index: self.index });
-        self.advance(now, MachineEvent::Begin, bench, clearance, notes)
+        self.advance(now, MachineEvent::Begin, limits, clearance, notes)
     }
 }
 
@@ -132,8 +132,8 @@ fn prompting(
     match (event, prompt) {
         (MachineEvent::Begin, Prompt::PlaceSample { .. }) => {
             MachineStep::Do(Operation::MoveRotary {
-                target: context.bench.rotary.rest_target(),
-                speed_deg_per_s: context.bench.limits.rotary_speed_deg_per_s,
+                target: context.limits.rotary.rest_target(),
+                speed_deg_per_s: context.limits.motion.rotary_speed_deg_per_s,
             })
         }
         (MachineEvent::Begin, Prompt::TurnSensor { .. }) | (MachineEvent::RotaryAt(_), _) => {

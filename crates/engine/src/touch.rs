@@ -77,7 +77,7 @@ impl TouchMachine {
             (Phase::Baseline, MachineEvent::Readings(readings)) => {
                 let last = readings.last().map(|last| last.measured);
                 let Some(Measured::Value(baseline)) = last else {
-                    let here = context.bench.linear.rest_target().position();
+                    let here = context.limits.linear.rest_target().position();
                     let trail = readings.iter().map(|reading| (here, *reading)).collect();
                     return self.unreadable(trail, context);
                 };
@@ -89,22 +89,22 @@ impl TouchMachine {
                 let approach = context.plan.touch.approach;
                 let (search, step) = Search::begin(approach, self.expected(context), baseline);
                 self.phase = Phase::Searching(search);
-                let speed = context.bench.limits.travel_speed_mm_per_s;
+                let speed = context.limits.motion.travel_speed_mm_per_s;
                 self.follow(step, speed, context)
             }
             (Phase::Searching(search), MachineEvent::LinearAt(read_back)) => {
                 let step = search.arrived(read_back);
-                let speed = context.bench.limits.contact_speed_mm_per_s;
+                let speed = context.limits.motion.contact_speed_mm_per_s;
                 self.follow(step, speed, context)
             }
             (Phase::Searching(search), MachineEvent::Readings(readings)) => {
                 let step = readings.iter().fold(SearchStep::Flagged, |_, one| search.read(*one));
-                let speed = context.bench.limits.contact_speed_mm_per_s;
+                let speed = context.limits.motion.contact_speed_mm_per_s;
                 self.follow(step, speed, context)
             }
             (&mut Phase::DeclaringIndentation { surface }, MachineEvent::Declared) => {
                 self.phase = Phase::Indenting { surface };
-                let speed = context.bench.limits.contact_speed_mm_per_s;
+                let speed = context.limits.motion.contact_speed_mm_per_s;
                 context.move_linear(indented(surface, context), speed)
             }
             (&mut Phase::Indenting { surface }, MachineEvent::LinearAt(linear)) => {
@@ -157,7 +157,7 @@ impl TouchMachine {
     /// Where the surface should be at this pose.
     fn expected(&self, context: &MachineContext<'_>) -> Position<Mm> {
         let pose = self.touch.pose;
-        context.bench.geometry.surface_at(pose.direction, pose.angle)
+        context.limits.geometry.surface_at(pose.direction, pose.angle)
     }
 
     /// Reads the impedance at the no-load resonance, where a contact changes it most.

@@ -11,8 +11,8 @@ use rig_engine::{
     OperationId, Report, RigState, RunStatus, TouchOutcome,
 };
 use rig_model::{
-    AnalyzerRange, Axis, AxisLimits, Bench, Clearance, ContactAngle, Direction, DriveLevel,
-    Geometry, Impedance, Measured, MotionLimits, Orientation, Position, Reading, RigTime, Span,
+    AnalyzerRange, Axis, AxisLimits, Clearance, ContactAngle, Direction, DriveLevel, Geometry,
+    Impedance, Measured, MotionLimits, Orientation, Position, Reading, RigLimits, RigTime, Span,
     SweepMethod, SweepPoint, SweepRequest, Window,
 };
 use rig_protocol::{
@@ -24,8 +24,8 @@ const SURFACE_MM: f64 = 10.07;
 const FREE_HZ: f64 = 140.0;
 const LOADED_HZ: f64 = 158.0;
 
-fn bench() -> Bench {
-    Bench {
+fn limits() -> RigLimits {
+    RigLimits {
         linear: Axis::new(
             "linear stage",
             AxisLimits {
@@ -56,7 +56,7 @@ fn bench() -> Bench {
             sample_half_width_mm: 20.0,
             surface_tolerance_mm: 0.5,
         },
-        limits: MotionLimits {
+        motion: MotionLimits {
             max_indentation_mm: 0.6,
             travel_speed_mm_per_s: 10.0,
             contact_speed_mm_per_s: 1.0,
@@ -162,7 +162,7 @@ struct World {
 impl World {
     fn new(trouble: Option<(usize, Trouble)>) -> Self {
         Self {
-            engine: Engine::new(bench()),
+            engine: Engine::new(limits()),
             now: RigTime::ZERO,
             linear_mm: 7.0,
             rotary_deg: 12.0,

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 
 use crate::{Faults, Location, samples::KnownSample, settings};
 use rig_analysis::sensor::SensorDescription;
-use rig_model::{AnalyzerMake, Bench, Deg, DriveMake, LineSettings, Mm, Scale, Terminator};
+use rig_model::{AnalyzerMake, Deg, DriveMake, LineSettings, Mm, RigLimits, Scale, Terminator};
 
 /// A checked rig file.
 #[derive(Debug, Clone)]
@@ -26,7 +26,7 @@ pub struct RigFile {
     /// Whether its devices are real or simulated.
     pub connection: Connection,
     /// Axes, geometry and limits, for the protocol and the engine.
-    pub bench: Bench,
+    pub limits: RigLimits,
     /// The impedance analyzer.
     pub analyzer: AnalyzerFile,
     /// Port of the line of both axes.

@@ -7,21 +7,21 @@
 #![deny(clippy::disallowed_methods)]
 
 mod axis;
-mod bench;
 mod causes;
 mod make;
 mod pose;
 pub mod random;
+mod rig_limits;
 mod scale;
 mod serial;
 mod sweep;
 mod time;
 
 pub use axis::{Axis, AxisError, AxisLimits, Deg, Mm, Position, Span, Target, Unit};
-pub use bench::{AnalyzerRange, Bench, Clearance, Geometry, MotionLimits};
 pub use causes::with_causes;
 pub use make::{AnalyzerMake, DriveMake};
 pub use pose::{ContactAngle, ContactAngleError, Direction, Orientation};
+pub use rig_limits::{AnalyzerRange, Clearance, Geometry, MotionLimits, RigLimits};
 pub use scale::Scale;
 pub use serial::{LineSettings, Parity, StopBits, Terminator};
 pub use sweep::{

@@ -1,18 +1,18 @@
-//! What a protocol is refused for, by itself and on a bench.
+//! The checks of a protocol, by itself and against the limits of a rig.
 
 use std::fmt::Display;
 
 use rig_files::{Faults, Location, settings::Setting};
-use rig_model::{Bench, ContactAngle, Direction, Mm, Position};
+use rig_model::{ContactAngle, Direction, Mm, Position, RigLimits};
 
 use crate::{
     Pose, Protocol,
-    protocol::{self, ApproachKeys, Blind},
-    refusal::{DepthLimit, Refusal},
+    fault::{DepthLimit, ProtocolFault},
+    protocol::{self, ApproachKeys, BlindPhase},
     sweep::SweepKeys,
 };
 
-/// More would keep a bench busy for a month.
+/// More touches would keep a rig busy for a month.
 const MAX_TOUCHES: usize = 100_000;
 
 impl Protocol {
@@ -25,12 +25,12 @@ impl Protocol {
     }
 }
 
-/// Checks that need no bench.
+/// Checks that need no rig.
 fn by_itself(protocol: &Protocol, faults: &mut Faults) {
     for sample in &protocol.samples {
         sample.check(faults, |name| {
             let is_fit = name.trim() == name && !name.contains('/');
-            (!is_fit).then(|| Refusal::SampleName { name: name.clone() })
+            (!is_fit).then(|| ProtocolFault::SampleName { name: name.clone() })
         });
     }
     listed_twice(&protocol.samples, |name| format!("\"{name}\""), faults);
@@ -39,8 +39,8 @@ fn by_itself(protocol: &Protocol, faults: &mut Faults) {
     let poses = protocol.samples.len() * protocol.directions.len() * protocol.angles.len();
     protocol.repeats.check(faults, |&repeats| {
         let touches = poses * repeats as usize;
-        let refusal = Refusal::TooManyTouches { touches, limit: MAX_TOUCHES };
-        (touches > MAX_TOUCHES).then_some(refusal)
+        let fault = ProtocolFault::TooManyTouches { touches, limit: MAX_TOUCHES };
+        (touches > MAX_TOUCHES).then_some(fault)
     });
     approach(protocol, faults);
     if let Some(blind) = &protocol.blind {
@@ -59,7 +59,7 @@ fn listed_twice<T: PartialEq>(
             list[..index]
                 .iter()
                 .any(is_there)
-                .then(|| Refusal::ListedTwice { item: written(value), key: item.key })
+                .then(|| ProtocolFault::ListedTwice { item: written(value), key: item.key })
         });
     }
 }
@@ -69,84 +69,86 @@ fn approach(protocol: &Protocol, faults: &mut Faults) {
     if let (Some(&coarse), Some(&fine)) = (keys.coarse_step_mm.sound(), keys.fine_step_mm.sound())
         && fine > coarse
     {
-        faults.refuse(&keys.fine_step_mm, &Refusal::FineAboveCoarse { fine, coarse });
+        faults.refuse(&keys.fine_step_mm, &ProtocolFault::FineAboveCoarse { fine, coarse });
     }
     let Some(&indentation) = protocol.touch.indentation_mm.sound() else { return };
     keys.coarse_step_mm.check(faults, |&coarse| {
-        (coarse > indentation).then_some(Refusal::CoarseAboveIndentation { coarse, indentation })
+        (coarse > indentation)
+            .then_some(ProtocolFault::CoarseAboveIndentation { coarse, indentation })
     });
 }
 
-fn blind_phase(blind: &Blind, samples: usize, faults: &mut Faults) {
-    let Blind { trials, classes, min_angle_deg, max_angle_deg } = blind;
+fn blind_phase(blind: &BlindPhase, samples: usize, faults: &mut Faults) {
+    let BlindPhase { trials, classes, min_angle_deg, max_angle_deg } = blind;
     classes.check(faults, |&classes| {
         // No samples are the placeholder of a faulty list.
         (samples > 0 && classes as usize > samples)
-            .then_some(Refusal::MoreClassesThanSamples { classes, samples })
+            .then_some(ProtocolFault::MoreClassesThanSamples { classes, samples })
     });
     if let (Some(&trials_), Some(&classes)) = (trials.sound(), classes.sound())
         && trials_ < classes
     {
-        faults.refuse(trials, &Refusal::FewerTrialsThanClasses { trials: trials_, classes });
+        faults.refuse(trials, &ProtocolFault::FewerTrialsThanClasses { trials: trials_, classes });
     }
     if let (Some(&min), Some(&max)) = (min_angle_deg.sound(), max_angle_deg.sound())
         && blind.angles().is_empty()
     {
-        faults.refuse(max_angle_deg, &Refusal::NoBlindAngle { min, max });
+        faults.refuse(max_angle_deg, &ProtocolFault::NoBlindAngle { min, max });
     }
 }
 
-/// Checks against the bench.
-pub(crate) fn on_bench(protocol: &Protocol, bench: &Bench, faults: &mut Faults) {
-    depths(protocol, bench, faults);
-    sweep(&protocol.no_load_sweep, bench, faults);
-    sweep(&protocol.contact_sweep, bench, faults);
+/// Checks against the limits of a rig.
+pub(crate) fn on_rig(protocol: &Protocol, limits: &RigLimits, faults: &mut Faults) {
+    depths(protocol, limits, faults);
+    sweep(&protocol.no_load_sweep, limits, faults);
+    sweep(&protocol.contact_sweep, limits, faults);
     let tilts = tilts(protocol);
-    rotary(protocol, &tilts, bench, faults);
-    linear(protocol, &tilts, bench, faults);
+    rotary(protocol, &tilts, limits, faults);
+    linear(protocol, &tilts, limits, faults);
 }
 
 /// Checks that the simulated rig has the samples.
 pub(crate) fn samples_are_known(protocol: &Protocol, known: &[String], faults: &mut Faults) {
     for sample in &protocol.samples {
         sample.check(faults, |name| {
-            let refusal = || Refusal::UnknownSample { name: name.clone(), known: known.to_vec() };
-            (!known.contains(name)).then(refusal)
+            let fault =
+                || ProtocolFault::UnknownSample { name: name.clone(), known: known.to_vec() };
+            (!known.contains(name)).then(fault)
         });
     }
 }
 
-fn depths(protocol: &Protocol, bench: &Bench, faults: &mut Faults) {
+fn depths(protocol: &Protocol, limits: &RigLimits, faults: &mut Faults) {
     let own = protocol.max_indentation_mm().and_then(Setting::sound).copied();
-    let rig = bench.limits.max_indentation_mm;
-    let probe = 2.0 * bench.geometry.probe_radius_mm;
+    let rig = limits.motion.max_indentation_mm;
+    let probe = 2.0 * limits.geometry.probe_radius_mm;
     protocol.touch.indentation_mm.check(faults, |&found| {
         // Only the strictest limit: keeping it keeps the others.
         let whose = [(rig, DepthLimit::Rig), (probe, DepthLimit::Probe)];
         let own = own.map(|own| (own, DepthLimit::Protocol));
         let limits = own.into_iter().chain(whose);
         let (limit, whose) = limits.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        (found > limit).then_some(Refusal::TooDeep { found, limit, whose })
+        (found > limit).then_some(ProtocolFault::TooDeep { found, limit, whose })
     });
-    let limit = bench.linear.tolerance();
+    let limit = limits.linear.tolerance();
     protocol.approach.fine_step_mm.check(faults, |&found| {
-        (found < limit).then_some(Refusal::FinerThanStage { found, limit })
+        (found < limit).then_some(ProtocolFault::FinerThanStage { found, limit })
     });
 }
 
-fn sweep(sweep: &SweepKeys, bench: &Bench, faults: &mut Faults) {
-    let (min, max) = bench.analyzer.frequency_hz;
+fn sweep(sweep: &SweepKeys, limits: &RigLimits, faults: &mut Faults) {
+    let (min, max) = limits.analyzer.frequency_hz;
     for edge in [&sweep.min_hz, &sweep.max_hz] {
         let key = edge.key;
         edge.check(faults, |&found| {
             let is_within = min <= found && found <= max;
-            (!is_within).then_some(Refusal::BeyondAnalyzer { key, found, min, max })
+            (!is_within).then_some(ProtocolFault::BeyondAnalyzer { key, found, min, max })
         });
     }
-    let limit = bench.analyzer.max_level_v;
-    sweep
-        .level_v
-        .check(faults, |&found| (found > limit).then_some(Refusal::LevelTooHigh { found, limit }));
+    let limit = limits.analyzer.max_level_v;
+    sweep.level_v.check(faults, |&found| {
+        (found > limit).then_some(ProtocolFault::LevelTooHigh { found, limit })
+    });
 }
 
 /// An angle that limits what the protocol asks of the stages, and where it was written.
@@ -173,64 +175,64 @@ fn directions(protocol: &Protocol) -> impl Iterator<Item = Direction> + Clone {
     protocol.directions.iter().filter_map(Setting::sound).copied()
 }
 
-fn rotary(protocol: &Protocol, tilts: &[Tilt], bench: &Bench, faults: &mut Faults) {
-    let soft = bench.rotary.soft();
+fn rotary(protocol: &Protocol, tilts: &[Tilt], limits: &RigLimits, faults: &mut Faults) {
+    let soft = limits.rotary.soft();
     let reach = |direction| match direction {
         Direction::Front | Direction::Left => soft.max.value(),
         Direction::Back => -soft.min.value(),
     };
     let reach_deg = directions(protocol).map(reach).fold(f64::INFINITY, f64::min);
-    let clear = bench.linear.rest_target().position();
+    let clear = limits.linear.rest_target().position();
     for Tilt { angle, location, subject } in tilts {
         let is_beyond = |direction: &Direction| !soft.contains(direction.rotary_position(*angle));
         if let Some(direction) = directions(protocol).find(is_beyond) {
             let rotary = direction.rotary_position(*angle);
             let subject = subject.clone();
-            let refusal = Refusal::OutOfReach { subject, direction, rotary, soft, reach_deg };
-            faults.refuse(*location, &refusal);
+            let fault = ProtocolFault::OutOfReach { subject, direction, rotary, soft, reach_deg };
+            faults.refuse(*location, &fault);
         }
-        let highest = bench.geometry.highest_sample_point(angle.degrees());
+        let highest = limits.geometry.highest_sample_point(angle.degrees());
         if highest >= clear {
             let subject = subject.clone();
-            faults.refuse(*location, &Refusal::NotCleared { subject, highest, clear });
+            faults.refuse(*location, &ProtocolFault::NotCleared { subject, highest, clear });
         }
     }
 }
 
-fn linear(protocol: &Protocol, tilts: &[Tilt], bench: &Bench, faults: &mut Faults) {
+fn linear(protocol: &Protocol, tilts: &[Tilt], limits: &RigLimits, faults: &mut Faults) {
     let ApproachKeys { start_above_mm, give_up_below_mm, .. } = &protocol.approach;
     let steepest = tilts.iter().map(|tilt| tilt.angle).reduce(|a, b| if b > a { b } else { a });
     if let Some(angle) = steepest {
         // Along the vertical, a surface that lies elsewhere by t along its normal does so by t/cos α.
-        let limit = bench.geometry.surface_tolerance_mm / angle.radians().cos();
+        let limit = limits.geometry.surface_tolerance_mm / angle.radians().cos();
         for setting in [start_above_mm, give_up_below_mm] {
             let key = setting.key;
             setting.check(faults, |&found| {
-                let refusal = Refusal::WithinSurfaceTolerance { key, found, limit, angle };
-                (found < limit).then_some(refusal)
+                let fault = ProtocolFault::WithinSurfaceTolerance { key, found, limit, angle };
+                (found < limit).then_some(fault)
             });
         }
     }
     let touch = protocol.touch_settings();
-    let start = |pose: Pose| (touch.start(bench, pose), pose);
+    let start = |pose: Pose| (touch.start(limits, pose), pose);
     let starts: Vec<_> = poses(protocol).into_iter().map(start).collect();
     let by_height =
         |a: &&(Position<Mm>, _), b: &&(Position<Mm>, _)| a.0.value().total_cmp(&b.0.value());
     let highest = starts.iter().max_by(by_height);
     let lowest = starts.iter().min_by(by_height);
 
-    let clear = bench.linear.rest_target().position();
+    let clear = limits.linear.rest_target().position();
     if let Some(&(start, pose)) = highest {
         start_above_mm.check(faults, |&found| {
-            let refusal = Refusal::StartsAboveClear { found, start, pose, clear };
-            (start >= clear).then_some(refusal)
+            let fault = ProtocolFault::StartsAboveClear { found, start, pose, clear };
+            (start >= clear).then_some(fault)
         });
     }
-    let soft = bench.linear.soft();
+    let soft = limits.linear.soft();
     if let (Some(&(_, pose)), Some(_)) = (lowest, protocol.touch.indentation_mm.sound()) {
         give_up_below_mm.check(faults, |_| {
-            let floor = touch.floor(bench, pose);
-            (floor < soft.min).then_some(Refusal::BelowSoftLimits { floor, pose, soft })
+            let floor = touch.floor(limits, pose);
+            (floor < soft.min).then_some(ProtocolFault::BelowSoftLimits { floor, pose, soft })
         });
     }
 }
@@ -238,7 +240,7 @@ fn linear(protocol: &Protocol, tilts: &[Tilt], bench: &Bench, faults: &mut Fault
 /// Every pose in which the protocol may touch, those that a blind trial can draw included.
 fn poses(protocol: &Protocol) -> Vec<Pose> {
     let listed = protocol.angles.iter().filter_map(Setting::sound).copied();
-    let drawn = protocol.blind.iter().flat_map(Blind::angles);
+    let drawn = protocol.blind.iter().flat_map(BlindPhase::angles);
     let angles: Vec<_> = listed.chain(drawn).collect();
     let in_direction = |direction| angles.iter().map(move |&angle| Pose { direction, angle });
     directions(protocol).flat_map(in_direction).collect()

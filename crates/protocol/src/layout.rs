@@ -7,12 +7,12 @@
 //! mounting: it costs travel and no prompt. The trials of the blind phase are never put in order.
 
 use rig_files::Faults;
-use rig_model::{Bench, Orientation, random::Stream};
+use rig_model::{Orientation, RigLimits, random::Stream};
 
 use crate::{
     Action, Phase, Plan, Pose, Prompt, Protocol, Step, StepId, Touch, check,
-    protocol::{Blind, NoLoadPolicy, Order},
-    refusal::Refusal,
+    fault::ProtocolFault,
+    protocol::{BlindPhase, NoLoadPolicy, Order},
 };
 
 /// The purpose of a stream of draws. Their streams are independent, so that a change in one part of
@@ -33,20 +33,20 @@ impl Draws {
 }
 
 impl Plan {
-    /// Holds the protocol against the bench and lays out its steps.
+    /// Checks the protocol against the limits of a rig and lays out its steps.
     ///
     /// `known_samples` are the names of the samples that there are, where that is known: a
     /// simulated rig knows them, a real one takes what the person puts there.
     ///
     /// # Errors
-    /// Everything that is wrong with the file by itself and on this bench.
+    /// Every fault of the file, by itself and on this rig.
     pub fn new(
         protocol: &Protocol,
-        bench: &Bench,
+        limits: &RigLimits,
         known_samples: Option<&[String]>,
     ) -> Result<Self, Faults> {
         let mut faults = protocol.faults.clone();
-        check::on_bench(protocol, bench, &mut faults);
+        check::on_rig(protocol, limits, &mut faults);
         if let Some(known) = known_samples {
             check::samples_are_known(protocol, known, &mut faults);
         }
@@ -64,9 +64,9 @@ impl Plan {
             seed: protocol.seed,
         };
         if let Some(limit) = protocol.max_duration_h() {
-            let expected = plan.summary(bench).duration_s / 3600.0;
+            let expected = plan.summary(limits).duration_s / 3600.0;
             limit.check(&mut faults, |&limit| {
-                (expected > limit).then_some(Refusal::TooLong { expected, limit })
+                (expected > limit).then_some(ProtocolFault::TooLong { expected, limit })
             });
         }
         faults.finish(plan)
@@ -151,7 +151,7 @@ impl<'a> Layout<'a> {
         touches
     }
 
-    fn blind(&mut self, blind: &Blind) {
+    fn blind(&mut self, blind: &BlindPhase) {
         let mut random = Draws::Blind.stream(self.protocol.seed);
         let angles = blind.angles();
         for trial in 1..=blind.trials.value {

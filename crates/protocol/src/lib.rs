@@ -1,8 +1,8 @@
 //! Protocol TOML in; a checked plan of addressable steps out.
 //!
-//! [`Protocol::read`] takes the text of a protocol file and never fails: it keeps what it found
-//! wrong. [`Plan::new`] holds the protocol against a bench and gives either a plan, or everything
-//! that is wrong with the file by itself and on this bench, each fault with line and column.
+//! [`Protocol::read`] takes the text of a protocol file and never fails: it keeps the faults.
+//! [`Plan::new`] checks the protocol against the limits of a rig and gives either a plan, or all
+//! faults of the file, by itself and on this rig, each with line and column.
 //!
 //! What a protocol may say is shown, with comments, in the files that are shipped with the daemon.
 //! This crate decides no motion: it lays out poses and prompts, and the engine replays them.
@@ -10,10 +10,10 @@
 #![deny(clippy::disallowed_methods)]
 
 mod check;
+mod fault;
 mod layout;
 mod plan;
 mod protocol;
-mod refusal;
 mod summary;
 mod sweep;
 

@@ -4,7 +4,7 @@ use std::fmt;
 
 use rig_model::{ContactAngle, Direction, Orientation, SweepRequest};
 
-/// A protocol that this bench can run, laid out in order.
+/// A protocol that this rig can run, laid out in steps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// Name of the protocol.

@@ -35,7 +35,7 @@ pub struct Protocol {
     pub(crate) approach: ApproachKeys,
     pub(crate) no_load_sweep: SweepKeys,
     pub(crate) contact_sweep: SweepKeys,
-    pub(crate) blind: Option<Blind>,
+    pub(crate) blind: Option<BlindPhase>,
     pub(crate) limits: Option<Limits>,
     pub(crate) faults: Faults,
 }
@@ -91,14 +91,14 @@ pub(crate) struct ApproachKeys {
 
 /// The random touches that are classified without their labels.
 #[derive(Debug, Clone)]
-pub(crate) struct Blind {
+pub(crate) struct BlindPhase {
     pub(crate) trials: Setting<u32>,
     pub(crate) classes: Setting<u32>,
     pub(crate) min_angle_deg: Setting<f64>,
     pub(crate) max_angle_deg: Setting<f64>,
 }
 
-impl Blind {
+impl BlindPhase {
     /// The angles that a trial may draw: whole hundredths of a degree, finer than anyone sets up a
     /// sample.
     pub(crate) fn angles(&self) -> Vec<ContactAngle> {
@@ -121,7 +121,7 @@ impl Protocol {
         &self.name
     }
 
-    /// What is wrong with the file by itself, on any bench.
+    /// The faults of the file by itself, on any rig.
     pub fn faults(&self) -> &Faults {
         &self.faults
     }
@@ -232,8 +232,8 @@ fn approach(table: &mut Table<'_>) -> ApproachKeys {
     }
 }
 
-fn blind(table: &mut Table<'_>) -> Blind {
-    Blind {
+fn blind(table: &mut Table<'_>) -> BlindPhase {
+    BlindPhase {
         trials: table.count("trials").range(1..=100_000).required(),
         classes: table.count("classes").at_least(1).required(),
         min_angle_deg: table.number("min_angle_deg").range(0.0..=MAX_ANGLE_DEG).or(0.0),

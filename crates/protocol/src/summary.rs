@@ -2,11 +2,11 @@
 
 use std::f64::consts::PI;
 
-use rig_model::{Bench, Deg, Mm, Position, Span, SweepMethod, SweepRequest, Unit};
+use rig_model::{Deg, Mm, Position, RigLimits, Span, SweepMethod, SweepRequest, Unit};
 
 use crate::{Action, Approach, Plan, Pose, Step, Touch, TouchSettings};
 
-/// The extent of a plan on a bench.
+/// The extent of a plan on a rig.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Summary {
     /// Touches, of both phases.
@@ -43,7 +43,7 @@ const REFINEMENT: f64 = 5.0;
 const MOVE_S: f64 = 0.04;
 
 impl Plan {
-    /// The extent of the plan on this bench.
+    /// The extent of the plan on a rig with these limits.
     ///
     /// The duration is a sum over the steps, in which the surface is found where it is expected:
     ///
@@ -56,14 +56,14 @@ impl Plan {
     /// ```
     ///
     /// with f in the middle of the window and τ = Q/(π f) for a Q of 60.
-    pub fn summary(&self, bench: &Bench) -> Summary {
-        let level = bench.rotary.rest_target().position();
-        let clear = bench.linear.rest_target().position();
+    pub fn summary(&self, limits: &RigLimits) -> Summary {
+        let level = limits.rotary.rest_target().position();
+        let clear = limits.linear.rest_target().position();
         let mut summary = Summary {
             touches: 0,
             no_loads: 0,
             prompts: 0,
-            duration_s: self.durations_s(bench).iter().sum(),
+            duration_s: self.durations_s(limits).iter().sum(),
             linear: Span { min: clear, max: clear },
             rotary: Span { min: level, max: level },
         };
@@ -79,7 +79,7 @@ impl Plan {
                 }
                 Action::Touch(Touch { pose, .. }) => {
                     summary.touches += 1;
-                    include(&mut summary.linear, self.touch.floor(bench, pose));
+                    include(&mut summary.linear, self.touch.floor(limits, pose));
                     pose
                 }
             };
@@ -90,34 +90,34 @@ impl Plan {
 
     /// How long each step is expected to take on the rig's clock, s: the terms of the sum in
     /// [`Plan::summary`]. A prompt takes the rig no time.
-    pub fn durations_s(&self, bench: &Bench) -> Vec<f64> {
-        let mut here = bench.rotary.rest_target().position();
+    pub fn durations_s(&self, limits: &RigLimits) -> Vec<f64> {
+        let mut here = limits.rotary.rest_target().position();
         let mut duration = |step: &Step| {
             let (pose, at_pose_s) = match step.action {
                 Action::Prompt(_) => return 0.0,
                 Action::NoLoad(pose) => (pose, sweep_s(&self.no_load_sweep)),
-                Action::Touch(Touch { pose, .. }) => (pose, self.touch_s(bench, pose)),
+                Action::Touch(Touch { pose, .. }) => (pose, self.touch_s(limits, pose)),
             };
             let there = pose.direction.rotary_position(pose.angle);
             let way_deg = (there.value() - here.value()).abs();
             here = there;
-            way_deg / bench.limits.rotary_speed_deg_per_s + at_pose_s
+            way_deg / limits.motion.rotary_speed_deg_per_s + at_pose_s
         };
         self.steps.iter().map(&mut duration).collect()
     }
 
     /// A touch, without the rotation.
-    fn touch_s(&self, bench: &Bench, pose: Pose) -> f64 {
-        let clear = bench.linear.rest_target().position();
-        let way_mm = clear.value() - self.touch.start(bench, pose).value();
-        let travel_s = 2.0 * (way_mm / bench.limits.travel_speed_mm_per_s + MOVE_S);
+    fn touch_s(&self, limits: &RigLimits, pose: Pose) -> f64 {
+        let clear = limits.linear.rest_target().position();
+        let way_mm = clear.value() - self.touch.start(limits, pose).value();
+        let travel_s = 2.0 * (way_mm / limits.motion.travel_speed_mm_per_s + MOVE_S);
         let baseline_s = BASELINE_TIME_CONSTANTS * time_constant_s(&self.no_load_sweep);
-        let contact_s = self.search_s(bench) + self.touch.dwell_s + sweep_s(&self.contact_sweep);
+        let contact_s = self.search_s(limits) + self.touch.dwell_s + sweep_s(&self.contact_sweep);
         travel_s + baseline_s + contact_s
     }
 
     /// Finding the surface, and the indentation.
-    fn search_s(&self, bench: &Bench) -> f64 {
+    fn search_s(&self, limits: &RigLimits) -> f64 {
         let Approach { start_above_mm, coarse_step_mm, fine_step_mm, settle_s, cycles, .. } =
             self.touch.approach;
         let passes = ((coarse_step_mm / fine_step_mm).ln() / REFINEMENT.ln()).ceil();
@@ -128,20 +128,20 @@ impl Plan {
         let way_mm = start_above_mm + passes * 2.0 * coarse_step_mm + self.touch.indentation_mm;
         let ringing_s = AFTER_CONTACT_TIME_CONSTANTS * time_constant_s(&self.no_load_sweep);
         let waits_s = passes * (ringing_s - settle_s).max(0.0);
-        readings * reading_s + waits_s + way_mm / bench.limits.contact_speed_mm_per_s
+        readings * reading_s + waits_s + way_mm / limits.motion.contact_speed_mm_per_s
     }
 }
 
 impl TouchSettings {
     /// Where the search for the surface begins at a pose.
-    pub(crate) fn start(&self, bench: &Bench, pose: Pose) -> Position<Mm> {
-        let surface = bench.geometry.surface_at(pose.direction, pose.angle);
+    pub(crate) fn start(&self, limits: &RigLimits, pose: Pose) -> Position<Mm> {
+        let surface = limits.geometry.surface_at(pose.direction, pose.angle);
         surface.offset(self.approach.start_above_mm)
     }
 
     /// The lowest position that a touch at a pose may ask for.
-    pub(crate) fn floor(&self, bench: &Bench, pose: Pose) -> Position<Mm> {
-        let surface = bench.geometry.surface_at(pose.direction, pose.angle);
+    pub(crate) fn floor(&self, limits: &RigLimits, pose: Pose) -> Position<Mm> {
+        let surface = limits.geometry.surface_at(pose.direction, pose.angle);
         surface.offset(-self.approach.give_up_below_mm - self.indentation_mm)
     }
 }

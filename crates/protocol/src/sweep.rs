@@ -6,7 +6,7 @@ use rig_files::{
 };
 use rig_model::{DriveLevel, SweepMethod, SweepRequest, SweepRequestError, Window};
 
-use crate::refusal::Refusal;
+use crate::fault::ProtocolFault;
 
 /// A sweep as it stands in the file.
 #[derive(Debug, Clone)]
@@ -41,9 +41,11 @@ pub(crate) fn read(table: &mut Table<'_>) -> SweepKeys {
     ] {
         match (method.sound(), location) {
             (Some(Method::Adaptive), Some(location)) => {
-                table.refuse(location, &Refusal::OnlyUniform { key });
+                table.refuse(location, &ProtocolFault::OnlyUniform { key });
             }
-            (Some(Method::Uniform), None) => table.refuse(&method, &Refusal::UniformNeeds { key }),
+            (Some(Method::Uniform), None) => {
+                table.refuse(&method, &ProtocolFault::UniformNeeds { key });
+            }
             _ => {}
         }
     }
@@ -79,7 +81,7 @@ pub(crate) fn read(table: &mut Table<'_>) -> SweepKeys {
             SweepRequestError::TooLong { .. } => Some(time_limit_s.location),
         };
         if let Some(location) = location {
-            table.refuse(location, &Refusal::Sweep(error));
+            table.refuse(location, &ProtocolFault::Sweep(error));
         }
     }
     SweepKeys { request, min_hz, max_hz, level_v }

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use rig_model::{
-    AnalyzerRange, Axis, AxisLimits, Bench, Geometry, MotionLimits, Orientation, Position, Span,
+    AnalyzerRange, Axis, AxisLimits, Geometry, MotionLimits, Orientation, Position, RigLimits, Span,
 };
 
 use crate::{Action, AngleKnowledge, Phase, Plan, Prompt, Protocol, Touch, layout::Draws};
@@ -11,7 +11,7 @@ use crate::{Action, AngleKnowledge, Phase, Plan, Prompt, Protocol, Touch, layout
 const THREE_DIRECTION: &str = include_str!("../../../config/protocols/three-direction.toml");
 const SMOKE: &str = include_str!("../../../config/protocols/smoke.toml");
 
-fn bench() -> Bench {
+fn limits() -> RigLimits {
     let linear = AxisLimits {
         travel: Span::new(0.0, 100.0),
         soft: Span::new(15.0, 95.0),
@@ -26,7 +26,7 @@ fn bench() -> Bench {
         tolerance: 0.02,
         max_speed_per_s: 60.0,
     };
-    Bench {
+    RigLimits {
         linear: Axis::new("linear stage", linear).unwrap(),
         rotary: Axis::new("rotary stage", rotary).unwrap(),
         geometry: Geometry {
@@ -37,7 +37,7 @@ fn bench() -> Bench {
             sample_half_width_mm: 25.0,
             surface_tolerance_mm: 0.2,
         },
-        limits: MotionLimits {
+        motion: MotionLimits {
             max_indentation_mm: 0.8,
             travel_speed_mm_per_s: 20.0,
             contact_speed_mm_per_s: 1.0,
@@ -48,7 +48,7 @@ fn bench() -> Bench {
 }
 
 fn plan_of(text: &str) -> Plan {
-    Plan::new(&Protocol::read("protocol.toml", text), &bench(), None).unwrap()
+    Plan::new(&Protocol::read("protocol.toml", text), &limits(), None).unwrap()
 }
 
 /// The three-direction protocol with some of its lines changed. Each must be there.
@@ -64,10 +64,10 @@ fn changed(changes: &[(&str, &str)]) -> String {
 
 /// What is said of a protocol, without the place, which each test would have to count out.
 #[track_caller]
-fn complaints(changes: &[(&str, &str)], bench: &Bench) -> String {
+fn complaints(changes: &[(&str, &str)], limits: &RigLimits) -> String {
     let protocol = Protocol::read("protocol.toml", &changed(changes));
     let known: Vec<_> = ["1", "2", "3", "4", "5"].map(str::to_owned).into();
-    let faults = Plan::new(&protocol, bench, Some(&known)).unwrap_err();
+    let faults = Plan::new(&protocol, limits, Some(&known)).unwrap_err();
     faults.iter().map(|fault| fault.to_string() + "\n").collect()
 }
 
@@ -232,7 +232,7 @@ fn the_sensor_is_not_turned_when_all_directions_need_it_to_stand_the_same_way() 
 
 #[test]
 fn a_summary_holds_the_extremes_that_the_touches_ask_for() {
-    let summary = plan_of(THREE_DIRECTION).summary(&bench());
+    let summary = plan_of(THREE_DIRECTION).summary(&limits());
     assert_eq!((summary.touches, summary.no_loads), (110, 110));
     assert_eq!(summary.rotary, Span::new(-45.0, 45.0));
     // The level surface at 20 mm, 0.8 mm to give up and 0.5 mm of indentation.
@@ -267,7 +267,7 @@ fn the_expected_duration_is_the_sum_that_the_documentation_gives() {
     let contact_s = 11.0 * (0.3 + 20.0 / 195.0);
     let touch_s = 8.0 * time_constant_s + travel_s + search_s + 0.5 + contact_s;
 
-    let found = plan_of(&text).summary(&bench()).duration_s;
+    let found = plan_of(&text).summary(&limits()).duration_s;
     let expected = no_load_s + 2.0 * touch_s;
     assert!((found - expected).abs() < 1e-9 * expected, "{found} {expected}");
 }
@@ -288,14 +288,14 @@ fn ten_faults_of_a_protocol_give_ten_messages_whatever_their_kind() {
         ("max_angle_deg = 45", "max_angle_deg = 55"),
     ]);
     let protocol = Protocol::read("protocol.toml", &text);
-    insta::assert_snapshot!(Plan::new(&protocol, &bench(), None).unwrap_err());
+    insta::assert_snapshot!(Plan::new(&protocol, &limits(), None).unwrap_err());
 }
 
 #[test]
 fn a_uniform_sweep_that_takes_longer_than_it_may_is_refused() {
     let uniform = |settle_s: f64| {
         let method = format!("method = \"uniform\"\npoints = 101\nsettle_s = {settle_s}");
-        complaints(&[("method = \"adaptive\"", &method)], &bench())
+        complaints(&[("method = \"adaptive\"", &method)], &limits())
     };
     let complaint = uniform(0.5);
     assert!(
@@ -317,7 +317,7 @@ fn a_number_in_another_unit_is_told_what_it_would_be() {
         ("level_v = 5", "level_v = 5000"),
         ("max_indentation_mm = 0.5", "max_indentation_mm = 500"),
     ];
-    insta::assert_snapshot!(complaints(&changes, &bench()));
+    insta::assert_snapshot!(complaints(&changes, &limits()));
 }
 
 #[test]
@@ -334,15 +334,15 @@ fn a_protocol_that_contradicts_itself_is_refused() {
         ("min_angle_deg = 0\nmax_angle_deg = 45", "min_angle_deg = 30\nmax_angle_deg = 20"),
         ("max_indentation_mm = 0.5", "max_indentation_mm = 0.3"),
     ];
-    insta::assert_snapshot!(complaints(&changes, &bench()));
+    insta::assert_snapshot!(complaints(&changes, &limits()));
 }
 
 #[test]
 fn a_protocol_that_the_bench_cannot_run_is_refused() {
-    let bench = Bench {
-        geometry: Geometry { surface_tolerance_mm: 0.5, ..bench().geometry },
+    let limits = RigLimits {
+        geometry: Geometry { surface_tolerance_mm: 0.5, ..limits().geometry },
         analyzer: AnalyzerRange { frequency_hz: (128.0, 250.0), max_level_v: 1.0 },
-        ..bench()
+        ..limits()
     };
     let changes = [
         ("[0, 15, 30, 45]", "[0, 15, 30, 52]"),
@@ -350,7 +350,7 @@ fn a_protocol_that_the_bench_cannot_run_is_refused() {
         ("\nindentation_mm = 0.5", "\nindentation_mm = 1.2"),
         ("\nmax_indentation_mm = 0.5", ""),
     ];
-    insta::assert_snapshot!(complaints(&changes, &bench));
+    insta::assert_snapshot!(complaints(&changes, &limits));
 }
 
 #[test]
@@ -359,20 +359,20 @@ fn a_search_that_leaves_the_reach_of_the_linear_stage_is_refused() {
         ("start_above_mm = 0.8", "start_above_mm = 25"),
         ("give_up_below_mm = 0.8", "give_up_below_mm = 6"),
     ];
-    insta::assert_snapshot!(complaints(&changes, &bench()));
+    insta::assert_snapshot!(complaints(&changes, &limits()));
 }
 
 #[test]
 fn a_sample_whose_edge_rises_above_the_clear_position_is_refused() {
-    let geometry = Geometry { sample_half_width_mm: 40.0, ..bench().geometry };
-    insta::assert_snapshot!(complaints(&[("name", "name")], &Bench { geometry, ..bench() }));
+    let geometry = Geometry { sample_half_width_mm: 40.0, ..limits().geometry };
+    insta::assert_snapshot!(complaints(&[("name", "name")], &RigLimits { geometry, ..limits() }));
 }
 
 #[test]
 fn a_protocol_that_takes_too_long_is_refused() {
     insta::assert_snapshot!(complaints(
         &[("max_duration_h = 8", "max_duration_h = 0.1")],
-        &bench()
+        &limits()
     ));
 }
 
@@ -383,7 +383,7 @@ fn a_protocol_that_would_never_end_is_refused() {
         ("[0, 15, 30, 45]", &*format!("[{}]", angles.join(", "))),
         ("repeats = 1", "repeats = 1000"),
     ];
-    insta::assert_snapshot!(complaints(&changes, &bench()));
+    insta::assert_snapshot!(complaints(&changes, &limits()));
 }
 
 #[test]
@@ -413,7 +413,7 @@ fn whatever_stands_in_a_protocol_it_is_read_or_refused_without_a_panic() {
             lines[at] = format!("{key} = {}", JUNK[random.below(JUNK.len())]);
         }
         let text = lines.join("\n");
-        let plan = Plan::new(&Protocol::read("protocol.toml", &text), &bench(), None);
+        let plan = Plan::new(&Protocol::read("protocol.toml", &text), &limits(), None);
         match plan {
             Ok(plan) => check_that_every_touch_is_prepared(&plan),
             Err(faults) => {
@@ -434,7 +434,7 @@ fn every_single_line_may_be_lost_without_a_panic() {
         let text = kept.join("\n");
         let protocol = Protocol::read("protocol.toml", &text);
         // What is left either runs or says why not.
-        if let Err(faults) = Plan::new(&protocol, &bench(), None) {
+        if let Err(faults) = Plan::new(&protocol, &limits(), None) {
             assert!(!faults.is_empty());
         }
     }

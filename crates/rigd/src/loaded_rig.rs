@@ -6,7 +6,7 @@ use rig_files::{
     Complaint, Faults, FileKind,
     rig_file::{Connection, Pace, RigFile, Simulation},
 };
-use rig_model::Bench;
+use rig_model::RigLimits;
 use rig_sim::world::Scene;
 use rig_store::Source;
 
@@ -39,7 +39,7 @@ pub struct RigFacts {
     /// Name of the rig.
     pub name: String,
     /// Its bench.
-    pub bench: Bench,
+    pub limits: RigLimits,
     /// The samples that there are. A real bench takes what the person puts there.
     pub known_samples: Option<Vec<String>>,
     /// Whether nothing in the rig is real.
@@ -79,7 +79,7 @@ impl LoadedRig {
         };
         RigFacts {
             name: self.file.name.clone(),
-            bench: self.file.bench,
+            limits: self.file.limits,
             known_samples: self.scene.as_ref().map(names),
             is_simulated: self.is_simulated(),
             is_virtual_time: self.is_virtual_time(),

@@ -91,14 +91,14 @@ pub(crate) enum Edge {
 impl Predictions {
     /// Predicts the resonance of each step of a plan on a rig.
     pub(crate) fn of(plan: &Plan, rig: &LoadedRig) -> Self {
-        let bench = Bench::new(plan, &rig.file.sensor, rig.known_samples());
+        let model = PlanningModel::new(plan, &rig.file.sensor, rig.known_samples());
         let step = |action: &Action| match action {
             Action::Prompt(_) => None,
-            Action::NoLoad(_) => Some(Ok(bench.no_load(plan))),
-            Action::Touch(touch) => Some(bench.touch(plan, touch)),
+            Action::NoLoad(_) => Some(Ok(model.no_load(plan))),
+            Action::Touch(touch) => Some(model.touch(plan, touch)),
         };
         let steps = plan.steps.iter().map(|planned| step(&planned.action)).collect();
-        Self { tier: bench.tier, steps }
+        Self { tier: model.tier, steps }
     }
 
     /// The windows that should be wider.
@@ -222,7 +222,7 @@ impl fmt::Display for Placing {
 }
 
 /// The sensor and its samples, in the model that is good enough for a plan.
-struct Bench<'a> {
+struct PlanningModel<'a> {
     models: Models,
     tier: Tier,
     free: Circuit,
@@ -231,7 +231,7 @@ struct Bench<'a> {
     known: Vec<(String, f64)>,
 }
 
-impl<'a> Bench<'a> {
+impl<'a> PlanningModel<'a> {
     /// Chooses the cheapest tier with an impedance whose error is small against the linewidth in
     /// every contact of the plan; the reference where none is known to be.
     fn new(plan: &Plan, sensor: &'a SensorDescription, known: Vec<(String, f64)>) -> Self {

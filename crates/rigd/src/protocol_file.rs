@@ -39,8 +39,8 @@ impl LoadedProtocol {
     pub fn check(file: &str, text: &str, rig: &RigFacts) -> Result<Self, Faults> {
         FileKind::Protocol.expect(file, text)?;
         let protocol = Protocol::read(file, text);
-        let plan = Plan::new(&protocol, &rig.bench, rig.known_samples.as_deref())?;
-        let summary = plan.summary(&rig.bench);
+        let plan = Plan::new(&protocol, &rig.limits, rig.known_samples.as_deref())?;
+        let summary = plan.summary(&rig.limits);
         let source = Source { name: plan.name.clone(), toml: text.to_owned() };
         Ok(Self { plan, summary, source })
     }

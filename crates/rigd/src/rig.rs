@@ -21,7 +21,7 @@ mod shell;
 use std::{path::PathBuf, sync::Arc, thread, time::Instant};
 
 use rig_engine::{Command, CommandRefusal, Snapshot};
-use rig_model::{Bench, RigTime, SweepRequest, with_causes};
+use rig_model::{RigLimits, RigTime, SweepRequest, with_causes};
 use rig_protocol::{Action, Plan, Prompt};
 use rig_sim::SimHandle;
 use rig_store::{RunId, StoreError};
@@ -337,7 +337,7 @@ const PACE_FROM_TOUCHES: usize = 5;
 /// What the rig thread knows of the rig besides its devices.
 #[derive(Debug)]
 struct Setting {
-    bench: Bench,
+    limits: RigLimits,
     rig: rig_store::Source,
     scene: Option<rig_store::Source>,
     devices: Arc<[Identity]>,

@@ -177,7 +177,7 @@ fn the_shipped_protocols_run_on_the_shipped_rigs() {
         let rig = RigFile::read("rig.toml", rig).unwrap();
         for protocol in PROTOCOLS {
             let protocol = Protocol::read("protocol.toml", protocol);
-            let plan = Plan::new(&protocol, &rig.bench, Some(&samples)).unwrap();
+            let plan = Plan::new(&protocol, &rig.limits, Some(&samples)).unwrap();
             assert!(plan.steps.len() > 20);
         }
     }
@@ -187,7 +187,7 @@ fn the_shipped_protocols_run_on_the_shipped_rigs() {
 fn the_simulated_rig_is_described_as_well_as_a_person_measures() {
     let rig = RigFile::read("rig.toml", SIMULATED).unwrap();
     let place = rig_sim::scene::read("scene.toml", SCENE).unwrap().place;
-    let geometry = rig.bench.geometry;
+    let geometry = rig.limits.geometry;
     let pairs = [
         (geometry.surface.value(), place.surface_mm),
         (geometry.surface_above_pivot_mm, place.surface_above_pivot_mm),

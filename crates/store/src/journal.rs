@@ -33,13 +33,13 @@ pub struct Store {
 pub struct Journal {
     writer: Arc<Mutex<Writer>>,
     id: RunId,
-    tail: Tail,
+    last: LastRecord,
     has_ended: bool,
 }
 
 /// The last record of a run.
 #[derive(Debug, Clone, Copy)]
-struct Tail {
+struct LastRecord {
     run: i64,
     seq: u64,
     digest: Digest,
@@ -100,8 +100,8 @@ impl Store {
     pub fn begin(&self, kind: RunKind, name: &str) -> Result<Journal, StoreError> {
         let id = RunId::new(Uuid::now_v7());
         let run = locked(&self.writer, |writer| writer.insert_run(id, kind, name))?;
-        let tail = Tail { run, seq: 0, digest: Digest::START };
-        Ok(Journal { writer: Arc::clone(&self.writer), id, tail, has_ended: false })
+        let last = LastRecord { run, seq: 0, digest: Digest::START };
+        Ok(Journal { writer: Arc::clone(&self.writer), id, last, has_ended: false })
     }
 }
 
@@ -122,7 +122,7 @@ impl Journal {
 
     /// The digest of the last record.
     pub const fn digest(&self) -> Digest {
-        self.tail.digest
+        self.last.digest
     }
 
     /// Appends a record, `rig_us` microseconds after the rig was opened, and returns the id of its
@@ -137,14 +137,14 @@ impl Journal {
             return Err(StoreError::Ended { run: self.id, kind });
         }
         let payload = encode::payload(record)?;
-        let (id, tail) = locked(&self.writer, |writer| {
-            let appended = writer.insert_record(self.tail, rig_us, kind, &payload)?;
+        let (id, last) = locked(&self.writer, |writer| {
+            let appended = writer.insert_record(self.last, rig_us, kind, &payload)?;
             if let Record::RunFinished(finished) = record {
-                writer.end_run(self.tail.run, finished.status)?;
+                writer.end_run(self.last.run, finished.status)?;
             }
             Ok(appended)
         })?;
-        self.tail = tail;
+        self.last = last;
         self.has_ended = matches!(record, Record::RunFinished(_));
         Ok(id)
     }
@@ -217,22 +217,22 @@ impl Writer {
 
     fn insert_record(
         &mut self,
-        tail: Tail,
+        last: LastRecord,
         rig_us: u64,
         kind: &str,
         payload: &str,
-    ) -> Result<(u64, Tail), StoreError> {
+    ) -> Result<(u64, LastRecord), StoreError> {
         self.begin()?;
-        self.touched.insert(tail.run);
-        let seq = tail.seq + 1;
-        let digest = tail.digest.next(seq, rig_us, kind, payload);
+        self.touched.insert(last.run);
+        let seq = last.seq + 1;
+        let digest = last.digest.next(seq, rig_us, kind, payload);
         self.connection
             .prepare_cached(
                 "INSERT INTO records (run, seq, rig_us, kind, payload, digest)
                  VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
             )?
             .execute(params![
-                tail.run,
+                last.run,
                 seq.cast_signed(),
                 rig_us.cast_signed(),
                 kind,
@@ -240,7 +240,7 @@ impl Writer {
                 digest.as_bytes(),
             ])?;
         let id = self.connection.last_insert_rowid().cast_unsigned();
-        Ok((id, Tail { seq, digest, ..tail }))
+        Ok((id, LastRecord { seq, digest, ..last }))
     }
 
     fn end_run(&mut self, run: i64, ending: Ending) -> Result<(), StoreError> {
@@ -270,9 +270,9 @@ impl Writer {
             .collect::<Result<Vec<(i64, String)>, _>>()?;
         let mut runs = Vec::new();
         for (run, id) in unended {
-            let (tail, rig_us) = self.tail(run)?;
+            let (last, rig_us) = self.last(run)?;
             let record = Record::RunFinished(RunFinished { status: Ending::Interrupted });
-            self.insert_record(tail, rig_us, record.kind(), &encode::payload(&record)?)?;
+            self.insert_record(last, rig_us, record.kind(), &encode::payload(&record)?)?;
             self.end_interrupted(run)?;
             runs.push(id.parse()?);
         }
@@ -281,7 +281,7 @@ impl Writer {
     }
 
     /// The last record of a run, and its time on the rig's clock in µs.
-    fn tail(&self, run: i64) -> Result<(Tail, u64), StoreError> {
+    fn last(&self, run: i64) -> Result<(LastRecord, u64), StoreError> {
         let last = self
             .connection
             .query_row(
@@ -293,9 +293,9 @@ impl Writer {
         Ok(match last {
             Some((seq, digest, rig_us)) => {
                 let digest = Digest::from_bytes(digest);
-                (Tail { run, seq: seq.cast_unsigned(), digest }, rig_us.cast_unsigned())
+                (LastRecord { run, seq: seq.cast_unsigned(), digest }, rig_us.cast_unsigned())
             }
-            None => (Tail { run, seq: 0, digest: Digest::START }, 0),
+            None => (LastRecord { run, seq: 0, digest: Digest::START }, 0),
         })
     }
 }

@@ -92,7 +92,7 @@ impl Engine {
     pub(super) fn retracting(&mut self, now: RigTime, effects: &mut Vec<Effect>) {
         let clearance = self.interlock.clearance();
         if let Activity::Retracting(recovery, ..) = &mut self.activity {
-            let step = recovery.ended(clearance, &self.bench);
+            let step = recovery.ended(clearance, &self.limits);
             self.follow_recovery(now, step, effects);
         }
     }

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use rig_model::{
-    AnalyzerMake, AnalyzerRange, Bench, Deg, DriveMake, Geometry, Mm, MotionLimits, Parity,
-    Position, Terminator,
+    AnalyzerMake, AnalyzerRange, Deg, DriveMake, Geometry, Mm, MotionLimits, Parity, Position,
+    RigLimits, Terminator,
 };
 
 use super::{
@@ -54,11 +54,11 @@ pub(super) fn rig(table: &mut Table<'_>) -> RigFile {
     RigFile {
         name,
         connection,
-        bench: Bench {
+        limits: RigLimits {
             linear: linear.axis,
             rotary: rotary.axis,
             geometry: geometry.geometry,
-            limits: limits.limits(),
+            motion: limits.limits(),
             analyzer: analyzer.value.range,
         },
         analyzer: analyzer.value.file,

@@ -39,7 +39,7 @@ fn a_rig_file_says_where_everything_is() {
     let path = "/dev/serial/by-id/drives".to_owned();
     assert_eq!(rig.bus, PortFile::Serial { path, line: LineSettings::eight_e_one(115_200) });
     assert_eq!((rig.linear.unit_id, rig.rotary.unit_id), (1, 2));
-    assert_eq!(rig.bench.linear.rest_target().position().value(), 30.0);
+    assert_eq!(rig.limits.linear.rest_target().position().value(), 30.0);
     assert_eq!(rig.linear.make, DriveMake::OrientalAz);
 }
 
@@ -51,7 +51,7 @@ fn a_real_rig_is_rehearsed_by_changing_one_word() {
     let text = BENCH.replacen("connection = \"ports\"", "connection = \"simulated\"", 1);
     let rehearsal = RigFile::read("rig.toml", &text).unwrap();
     assert!(matches!(rehearsal.connection, Connection::Simulated(_)));
-    assert_eq!(rehearsal.bench, real.bench);
+    assert_eq!(rehearsal.limits, real.limits);
     assert_eq!(rehearsal.samples, real.samples);
 }
 

@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 
 use rig_files::FileKind;
-use rig_model::Bench;
+use rig_model::RigLimits;
 use rig_protocol::{Plan, Protocol};
 use serde::Serialize;
 
@@ -208,7 +208,7 @@ impl Checked<'_> {
             Edge::Max => (window.max_hz, "above", "below"),
         };
         let (section, key) = (section.name(), edge.key());
-        let advice = advice(*edge, *wanted_hz, &self.rig.file.bench);
+        let advice = advice(*edge, *wanted_hz, &self.rig.file.limits);
         format!(
             "[{section}] {key} = {edge_hz} Hz: resonances are predicted {beyond} it, or less than \
              {EDGE_LINEWIDTHS} linewidth {this_side} it; {advice}"
@@ -297,8 +297,8 @@ impl Checked<'_> {
 }
 
 /// What to write instead, as far as the analyzer goes.
-fn advice(edge: Edge, wanted_hz: f64, bench: &Bench) -> String {
-    let (lowest_hz, highest_hz) = bench.analyzer.frequency_hz;
+fn advice(edge: Edge, wanted_hz: f64, limits: &RigLimits) -> String {
+    let (lowest_hz, highest_hz) = limits.analyzer.frequency_hz;
     let (is_possible, verb, limit_hz) = match edge {
         Edge::Min => (lowest_hz <= wanted_hz, "at most", lowest_hz),
         Edge::Max => (wanted_hz <= highest_hz, "at least", highest_hz),

@@ -78,13 +78,13 @@ struct MeasureView {
 
 pub(super) fn measure(args: &MeasureArgs) -> Result<(), Failure> {
     let rig = args.rig.load()?;
-    let bench = rig.file.bench;
+    let limits = rig.file.limits;
     let order = Order {
-        sweep: args.sweep.request(&bench.analyzer)?,
-        linear: args.at_mm.map(|mm| linear_target(&bench, mm)).transpose()?,
-        rotary: args.angle_deg.map(|deg| rotary_target(&bench, deg)).transpose()?,
+        sweep: args.sweep.request(&limits.analyzer)?,
+        linear: args.at_mm.map(|mm| linear_target(&limits, mm)).transpose()?,
+        rotary: args.angle_deg.map(|deg| rotary_target(&limits, deg)).transpose()?,
     };
-    let (data, rest) = (&args.data.data, bench.linear.rest_target().position());
+    let (data, rest) = (&args.data.data, limits.linear.rest_target().position());
     let measured = with_rig(rig, data, &args.operator.name(), async |session| {
         if let Some(target) = order.rotary {
             session.carry_out(Command::MoveRotary(target)).await?;

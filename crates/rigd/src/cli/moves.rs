@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use rig_engine::{Command, CommandRefusal};
-use rig_model::{Bench, Clearance, Deg, Mm, Position};
+use rig_model::{Clearance, Deg, Mm, Position, RigLimits};
 use serde::Serialize;
 
 use super::{
@@ -63,8 +63,8 @@ struct PositionsView {
 pub(super) fn to(args: &MoveArgs) -> Result<(), Failure> {
     let rig = args.rig.load()?;
     let command = match args.axis {
-        MoveAxis::Linear => Command::MoveLinear(linear_target(&rig.file.bench, args.to)?),
-        MoveAxis::Rotary => Command::MoveRotary(rotary_target(&rig.file.bench, args.to)?),
+        MoveAxis::Linear => Command::MoveLinear(linear_target(&rig.file.limits, args.to)?),
+        MoveAxis::Rotary => Command::MoveRotary(rotary_target(&rig.file.limits, args.to)?),
     };
     let moved = async |session: &mut Session| session.carry_out(command).await;
     show(&with_rig(rig, &args.data.data, &args.operator.name(), moved)?, &args.output)
@@ -79,14 +79,14 @@ pub(super) fn home(args: &HomeArgs) -> Result<(), Failure> {
 
 /// A height that is not beyond the soft limits. Asked before the rig is opened, so that a slip of
 /// the finger moves nothing; the engine asks again, with what it knows of the probe.
-pub(super) fn linear_target(bench: &Bench, mm: f64) -> Result<Position<Mm>, Failure> {
-    let target = bench.linear.target(Position::new(mm));
+pub(super) fn linear_target(limits: &RigLimits, mm: f64) -> Result<Position<Mm>, Failure> {
+    let target = limits.linear.target(Position::new(mm));
     Ok(target.map_err(|error| Refusal::from(CommandRefusal::LinearTarget(error)))?.position())
 }
 
 /// The same for a tilt.
-pub(super) fn rotary_target(bench: &Bench, deg: f64) -> Result<Position<Deg>, Failure> {
-    let target = bench.rotary.target(Position::new(deg));
+pub(super) fn rotary_target(limits: &RigLimits, deg: f64) -> Result<Position<Deg>, Failure> {
+    let target = limits.rotary.target(Position::new(deg));
     Ok(target.map_err(|error| Refusal::from(CommandRefusal::RotaryTarget(error)))?.position())
 }
 

@@ -8,7 +8,7 @@ use axum::{
     response::IntoResponse,
 };
 use rig_files::rig_file::RigFile;
-use rig_model::Bench;
+use rig_model::RigLimits;
 use rig_protocol::{Action, Plan, Pose, Step};
 use rig_store::{Reader, Record, RunId, RunStarted, Sweep};
 use serde::Serialize;
@@ -82,7 +82,7 @@ pub(super) async fn check(
     body: Bytes,
 ) -> Result<Json<PlanView>, Problem> {
     let protocol = runs::posted(&shared, &headers, &body)?;
-    Ok(Json(PlanView::of(&protocol, &shared.inner.facts.bench)))
+    Ok(Json(PlanView::of(&protocol, &shared.inner.facts.limits)))
 }
 
 /// What a run is to do, on the bench on which it was begun.
@@ -95,11 +95,11 @@ pub(super) async fn of_run(
         let started = started(reader, id)?;
         // Both were checked before the run began; another version may see them otherwise.
         let rig = RigFile::read(&started.rig.name, &started.rig.toml);
-        let bench = rig.map_err(|faults| Problem::protocol(&faults))?.bench;
+        let limits = rig.map_err(|faults| Problem::protocol(&faults))?.limits;
         let is_simulated = started.is_simulated;
         let facts = RigFacts {
             name: started.rig.name,
-            bench,
+            limits,
             known_samples: None,
             is_simulated,
             is_virtual_time: false,
@@ -107,7 +107,7 @@ pub(super) async fn of_run(
         let (name, toml) = (started.protocol.name, started.protocol.toml);
         let protocol = LoadedProtocol::check(&name, &toml, &facts);
         let protocol = protocol.map_err(|faults| Problem::protocol(&faults))?;
-        Ok(PlanView::of(&protocol, &facts.bench))
+        Ok(PlanView::of(&protocol, &facts.limits))
     });
     view.await.map(Json)
 }
@@ -152,9 +152,9 @@ fn started(reader: &Reader, id: RunId) -> Result<RunStarted, Problem> {
 }
 
 impl PlanView {
-    fn of(loaded: &LoadedProtocol, bench: &Bench) -> Self {
+    fn of(loaded: &LoadedProtocol, limits: &RigLimits) -> Self {
         let (plan, summary) = (&loaded.plan, &loaded.summary);
-        let durations_s = plan.durations_s(bench);
+        let durations_s = plan.durations_s(limits);
         let step = |((index, step), duration_s): ((usize, &Step), f64)| StepView {
             step: step.id.to_string(),
             what_is_done: describe::step(plan, index),
@@ -171,7 +171,7 @@ impl PlanView {
             linear_mm: [summary.linear.min.value(), summary.linear.max.value()],
             rotary_deg: [summary.rotary.min.value(), summary.rotary.max.value()],
             indentation_mm: plan.touch.indentation_mm,
-            max_indentation_mm: bench.limits.max_indentation_mm,
+            max_indentation_mm: limits.motion.max_indentation_mm,
             target_sigma_hz: plan.contact_sweep.target_sigma_hz,
             steps: plan.steps.iter().enumerate().zip(durations_s).map(step).collect(),
             protocol_toml: loaded.source.toml.clone(),

@@ -3,7 +3,7 @@
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use rig_engine::Progress;
-use rig_model::{Axis, Bench, RigTime, Unit};
+use rig_model::{Axis, RigLimits, RigTime, Unit};
 use rig_protocol::{Action, Plan, Prompt};
 use serde::Serialize;
 
@@ -82,16 +82,16 @@ struct AxisLimits {
 }
 
 impl Limits {
-    pub(super) fn of(bench: &Bench) -> Self {
+    pub(super) fn of(limits: &RigLimits) -> Self {
         fn of<U: Unit>(axis: &Axis<U>) -> AxisLimits {
             let (soft, rest) = (axis.soft(), axis.rest_target().position());
             AxisLimits { min: soft.min.value(), max: soft.max.value(), rest: rest.value() }
         }
         Self {
-            linear_mm: of(&bench.linear),
-            rotary_deg: of(&bench.rotary),
-            surface_mm: bench.geometry.surface.value(),
-            surface_above_pivot_mm: bench.geometry.surface_above_pivot_mm,
+            linear_mm: of(&limits.linear),
+            rotary_deg: of(&limits.rotary),
+            surface_mm: limits.geometry.surface.value(),
+            surface_above_pivot_mm: limits.geometry.surface_above_pivot_mm,
         }
     }
 }

@@ -150,7 +150,7 @@ pub(super) fn view(facts: &RigFacts, status: &Status) -> RigView {
         session: status.session.to_string(),
         is_simulated: facts.is_simulated,
         is_virtual_time: facts.is_virtual_time,
-        limits: Limits::of(&facts.bench),
+        limits: Limits::of(&facts.limits),
         devices: status.devices.iter().map(device).collect(),
         run,
         last_run: status.run.as_ref().and_then(progress::last_run),

@@ -28,7 +28,7 @@ pub(super) async fn begin(
     order: Result<Json<SweepOrder>, JsonRejection>,
 ) -> Result<impl IntoResponse, Problem> {
     let Json(order) = order?;
-    let request = order.request(&shared.inner.facts.bench.analyzer);
+    let request = order.request(&shared.inner.facts.limits.analyzer);
     let request = request.map_err(|faults| Problem::unprocessable(faults.to_string()))?;
     let number = shared.inner.rig.sweep(request, operator.as_str()).await?;
     let session = shared.inner.rig.status().borrow().session;

@@ -6,7 +6,7 @@ use std::{fs, path::Path};
 use rig_analyzer::{Analyzer, AnalyzerError};
 use rig_files::rig_file::{PortFile, RigFile};
 use rig_link::{Clock, Flow, Holder, Port, Transcript, attached_ports};
-use rig_model::{Axis, Bench, DriveLevel, Unit};
+use rig_model::{Axis, DriveLevel, RigLimits, Unit};
 use rig_stage::{Alarm, AxisStatus, BusHandle, Stage, StageError};
 
 use super::{
@@ -163,14 +163,14 @@ async fn look_at_analyzer(
         Err(error) => return (seen(Err(error)), device(None)),
     };
     let (intruders, transcript) = (port.intruders(), port.transcript());
-    let outcome = greet(analyzer_on(port, file), &file.bench).await;
+    let outcome = greet(analyzer_on(port, file), &file.limits).await;
     (seen(Ok(port_facts(&name, intruders, &transcript))), device(Some(outcome)))
 }
 
-async fn greet(mut analyzer: Analyzer, bench: &Bench) -> Result<DeviceFacts, DeviceError> {
+async fn greet(mut analyzer: Analyzer, limits: &RigLimits) -> Result<DeviceFacts, DeviceError> {
     let mut identity = analyzer.identify().await?;
     let firmware = identity.firmware.take();
-    let volt = TRIAL_LEVEL_V.min(bench.analyzer.max_level_v);
+    let volt = TRIAL_LEVEL_V.min(limits.analyzer.max_level_v);
     let settings = analyzer.configure(DriveLevel { volt }).await;
     Ok(DeviceFacts { identity: identity.to_string(), firmware, settings, axis: None })
 }
@@ -191,8 +191,8 @@ async fn look_at_bus(
     };
     let (intruders, transcript) = (port.intruders(), port.transcript());
     let bus = BusHandle::open(port, bus_settings(&file.bus));
-    let linear = look_at_axis(stage(&bus, &file.linear, file.bench.linear)).await;
-    let rotary = look_at_axis(stage(&bus, &file.rotary, file.bench.rotary)).await;
+    let linear = look_at_axis(stage(&bus, &file.linear, file.limits.linear)).await;
+    let rotary = look_at_axis(stage(&bus, &file.rotary, file.limits.rotary)).await;
     let linear = linear.map(|axis| axis_facts(describe(&file.linear), axis));
     let rotary = rotary.map(|axis| axis_facts(describe(&file.rotary), axis));
     (

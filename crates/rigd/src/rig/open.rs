@@ -130,8 +130,8 @@ pub(super) async fn open_rig(rig: LoadedRig, clock: Clock) -> Result<Opened, Ope
         [&analyzer_port, &bus_port].map(|port| (port.name().clone(), port.transcript()));
     let mut analyzer = analyzer_on(analyzer_port, &file);
     let bus = BusHandle::open(bus_port, bus_settings(&file.bus));
-    let mut linear = stage(&bus, &file.linear, file.bench.linear);
-    let mut rotary = stage(&bus, &file.rotary, file.bench.rotary);
+    let mut linear = stage(&bus, &file.linear, file.limits.linear);
+    let mut rotary = stage(&bus, &file.rotary, file.limits.rotary);
     let identity = analyzer.identify().await.map_err(device("analyzer", &file.analyzer.port))?;
     look_at(&mut linear).await.map_err(device("linear stage", &file.bus))?;
     look_at(&mut rotary).await.map_err(device("rotary stage", &file.bus))?;
@@ -140,7 +140,7 @@ pub(super) async fn open_rig(rig: LoadedRig, clock: Clock) -> Result<Opened, Ope
         Identity { role: "linear stage", identity: describe(&file.linear) },
         Identity { role: "rotary stage", identity: describe(&file.rotary) },
     ]);
-    let setting = Setting { bench: file.bench, rig: source, scene: scene_source, devices };
+    let setting = Setting { limits: file.limits, rig: source, scene: scene_source, devices };
     let devices = Devices { analyzer, linear, rotary };
     Ok(Opened { setting, devices, simulation, black_boxes, known_samples })
 }

@@ -116,7 +116,7 @@ impl Shell {
         let Opened { setting, devices, simulation, black_boxes, known_samples } =
             open_rig(rig, clock).await?;
         let session = store.begin(RunKind::Session, &setting.rig.name).map_err(data_error)?;
-        let engine = Engine::new(setting.bench);
+        let engine = Engine::new(setting.limits);
         let view = Status {
             snapshot: engine.snapshot(),
             now: clock.now(),
@@ -275,7 +275,7 @@ impl Shell {
         let started = Recorder::run_started(&protocol, &self.setting, &self.known_samples, key);
         journal.append(self.clock.now().as_micros(), &started)?;
         let id = journal.id();
-        let durations_s = protocol.plan.durations_s(&self.setting.bench).into();
+        let durations_s = protocol.plan.durations_s(&self.setting.limits).into();
         let plan = Arc::new(protocol.plan);
         self.run = Some((journal, Recorder::for_run(Arc::clone(&plan))));
         let view = RunView {
@@ -355,7 +355,7 @@ impl Shell {
         let is_way_out = match &operation {
             Operation::StopMotion => true,
             Operation::MoveLinear { target, .. } => {
-                *target == self.setting.bench.linear.rest_target()
+                *target == self.setting.limits.linear.rest_target()
             }
             _ => false,
         };

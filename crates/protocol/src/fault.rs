@@ -28,7 +28,7 @@ impl fmt::Display for DepthLimit {
 
 /// One reason. Values and limits are in the unit that their key names.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub(crate) enum Refusal {
+pub(crate) enum ProtocolFault {
     // Lists.
     #[error("\"{name}\" in samples cannot be part of a step's address")]
     SampleName { name: String },
@@ -116,7 +116,7 @@ pub(crate) enum Refusal {
     TooLong { expected: f64, limit: f64 },
 }
 
-impl Complaint for Refusal {
+impl Complaint for ProtocolFault {
     fn suggestion(&self) -> Option<String> {
         let suggestion = match self {
             Self::SampleName { .. } => "use no \"/\", and no blank at the ends".into(),

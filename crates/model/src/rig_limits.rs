@@ -1,4 +1,4 @@
-//! What the bench is: its axes, its geometry and its limits.
+//! The limits of a rig: axes, geometry, motion and analyzer range.
 
 use crate::{
     Axis, ContactAngle, Deg, Direction, Mm, Position, SweepRequest, SweepRequestError, Window,
@@ -90,7 +90,7 @@ pub struct MotionLimits {
     pub rotary_speed_deg_per_s: f64,
 }
 
-/// What the analyzer can be asked for on this bench.
+/// The range of the analyzer of a rig.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AnalyzerRange {
     /// Lowest and highest frequency, in Hz.
@@ -117,9 +117,9 @@ impl AnalyzerRange {
     }
 }
 
-/// The bench as the protocol and the engine see it.
+/// The limits of a rig, for protocol and engine.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bench {
+pub struct RigLimits {
     /// The vertical stage that carries the sensor.
     pub linear: Axis<Mm>,
     /// The stage that tilts the sample.
@@ -127,16 +127,16 @@ pub struct Bench {
     /// Where things are.
     pub geometry: Geometry,
     /// How fast and how deep.
-    pub limits: MotionLimits,
+    pub motion: MotionLimits,
     /// What can be measured.
     pub analyzer: AnalyzerRange,
 }
 
-impl Bench {
+impl RigLimits {
     /// The lowest position that any touch may need at this tilt: the deepest indentation into a
     /// surface that lies as low as it may.
     pub fn floor_at(&self, tilt: Position<Deg>) -> Position<Mm> {
-        let below_mm = self.geometry.surface_tolerance_mm + self.limits.max_indentation_mm;
+        let below_mm = self.geometry.surface_tolerance_mm + self.motion.max_indentation_mm;
         self.geometry.surface_at_tilt(tilt).offset(-below_mm)
     }
 }
