@@ -141,7 +141,7 @@ impl Compensation {
     }
 
     /// Stiffness, angle and azimuth of one site at an unknown angle of at most `max_angle_rad`, from
-    /// touches at different spins of the probe.
+    /// touches at different depths or spins of the probe.
     ///
     /// # Errors
     /// [`InverseError`].
@@ -149,33 +149,30 @@ impl Compensation {
         &self,
         touches: &[SiteTouch],
         max_angle_rad: f64,
+        azimuth: AzimuthPrior,
     ) -> Result<TiltInference, InverseError> {
         let Self { tier, law, friction, kind, shared_depth_sigma_mm, depth_sigma_mm, .. } = *self;
         let touch_model =
             TouchModel { tier, law, friction, kind, shared_depth_sigma_mm, depth_sigma_mm };
         let angle = AnglePrior::Within { max_rad: max_angle_rad };
-        infer_tilt(&self.models, touches, &touch_model, angle, AzimuthPrior::Unknown)
+        infer_tilt(&self.models, touches, &touch_model, angle, azimuth)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use rig_contact::{Direction, Sensor};
+    use rig_contact::Direction;
 
     use super::*;
+    use crate::sensor::SensorDescription;
 
     const MOVED: Depth = Depth::Stage { along_probe_mm: 0.5 };
 
     fn compensation() -> Compensation {
         Compensation {
-            models: Models::new(&Sensor::reference(), ContactLaw::Sneddon),
-            tier: Tier::E1s,
-            law: ContactLaw::Sneddon,
-            friction: Friction::Sticking,
-            kind: TissueKind::SOFT,
             shared_depth_sigma_mm: 0.02,
             depth_sigma_mm: 0.002,
-            angle_sigma_rad: 0.017,
+            ..SensorDescription::reference().compensation(0.0)
         }
     }
 
@@ -240,7 +237,8 @@ mod tests {
                 compensation.models.predict(Tier::Reference, &tissue, &contact).unwrap().shift_hz;
             SiteTouch { shift_hz, sigma_hz: 0.1, spin_rad, depth: MOVED }
         });
-        let found = compensation.of_site(&spins, 45.0_f64.to_radians()).unwrap();
+        let found =
+            compensation.of_site(&spins, 45.0_f64.to_radians(), AzimuthPrior::Unknown).unwrap();
         assert!(found.young_mpa.contains(0.32), "{found:?}");
         assert!(found.angle_rad.contains(0.4), "{found:?}");
         assert!(found.young_mpa.sigma / 0.32 < 0.04, "{found:?}");

@@ -16,7 +16,7 @@ mod tests;
 mod text;
 mod units;
 
-pub use results::{RunResults, status::TouchStatus, stiffness::ReadSensor, touches::TouchRow};
+pub use results::{RunResults, status::TouchStatus, touches::TouchRow};
 pub use summary::{
     ClassificationSummary, RecognitionSummary, RunSummary, ShiftSummary, StiffnessSummary,
 };

@@ -23,7 +23,7 @@ use cost::SweepCost;
 use grid::GridRow;
 use recognition::{Recognition, recognitions};
 use status::TouchStatus;
-use stiffness::{NoStiffness, ReadSensor, Stiffness};
+use stiffness::{NoStiffness, Stiffness};
 use touches::TouchRow;
 
 /// The results of a run.
@@ -61,16 +61,11 @@ pub(crate) struct SensitivityAt {
 }
 
 impl RunResults {
-    /// The results of the `records` of a run. `read_sensor` reads the sensor from the rig file in
-    /// the journal.
+    /// The results of the `records` of a run.
     ///
     /// # Errors
     /// [`UnreadableRecord`] when a record cannot be understood.
-    pub fn new(
-        run: &Run,
-        records: &[StoredRecord],
-        read_sensor: ReadSensor<'_>,
-    ) -> Result<Self, UnreadableRecord> {
+    pub fn new(run: &Run, records: &[StoredRecord]) -> Result<Self, UnreadableRecord> {
         let data = RunData::read(records)?;
         let shifts_of = |phase| data.touches.iter().filter(move |t| t.touch.phase == phase);
         let main = shifts_of(Phase::Main);
@@ -79,7 +74,7 @@ impl RunResults {
         let angle_means = shift::by_angle(&direction_means);
         let references: Vec<NoLoadMeasurement> = data.sweeps.iter().filter_map(reference).collect();
         let classification = Classification::of(&data);
-        let stiffness = Stiffness::of(&data, read_sensor);
+        let stiffness = Stiffness::of(&data);
         let known_stiffness = stiffness.as_ref().ok();
         Ok(Self {
             run: run.clone(),

@@ -5,8 +5,6 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use rig_files::rig_file::RigFile;
-use rig_record::{Run, StoredRecord, UnreadableRecord};
 use rig_report::{
     RunResults, RunSummary,
     export::{self, ExportError},
@@ -48,14 +46,6 @@ pub enum RunFilesError {
 pub fn folder(data: &Path, reader: &Reader, run: RunId) -> PathBuf {
     let suffix = if reader.is_simulated(run) { "-simulated" } else { "" };
     data.join("runs").join(format!("{run}{suffix}"))
-}
-
-/// The results of a run from its records.
-///
-/// # Errors
-/// [`UnreadableRecord`] when a record cannot be understood.
-pub fn results(run: &Run, records: &[StoredRecord]) -> Result<RunResults, UnreadableRecord> {
-    RunResults::new(run, records, &|rig| Ok(RigFile::read(&rig.name, &rig.toml)?.sensor))
 }
 
 /// The results of a run for programs, and its files.
@@ -109,7 +99,7 @@ pub fn write(data: &Path, run: RunId) -> Result<RunFiles, RunFilesError> {
 /// [`RunFilesError`] names the file.
 pub fn write_report(reader: &Reader, run: RunId, path: &Path) -> Result<RunResults, RunFilesError> {
     let (run, chain) = (reader.run(run)?, reader.chain(run)?);
-    let results = results(&run, &chain.records).map_err(StoreError::from)?;
+    let results = RunResults::new(&run, &chain.records).map_err(StoreError::from)?;
     write_file(path, results.html(&chain.check).as_bytes())?;
     Ok(results)
 }

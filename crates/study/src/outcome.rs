@@ -15,6 +15,9 @@ pub(crate) enum StudyError {
     /// The arguments are contradictory or invalid.
     #[error("arguments")]
     Arguments(#[source] Box<dyn Error>),
+    /// A run on the simulated bench failed.
+    #[error("simulated bench")]
+    Bench(#[source] Box<dyn Error>),
     /// Standard output could not be written.
     #[error("cannot write the result")]
     Output(#[from] io::Error),
@@ -40,13 +43,18 @@ impl StudyError {
         Self::Arguments(Box::new(error))
     }
 
+    /// A failed run on the simulated bench.
+    pub(crate) fn bench(error: impl Error + 'static) -> Self {
+        Self::Bench(Box::new(error))
+    }
+
     /// A refusal by the models.
     pub(crate) fn refused(error: impl Error + 'static) -> Self {
         Self::Refused(Box::new(error))
     }
 }
 
-/// Prints the error and returns the exit code: 0 success, 1 file error, 2 bad arguments, 3 refusal.
+/// Prints the error and returns the exit code: 0 success, 1 failed run or file, 2 bad arguments, 3 refusal.
 pub(crate) fn exit(result: Result<(), StudyError>) -> ExitCode {
     let Err(error) = result else { return ExitCode::SUCCESS };
     // A closed standard error cannot take the message.
@@ -55,6 +63,7 @@ pub(crate) fn exit(result: Result<(), StudyError>) -> ExitCode {
         StudyError::Arguments(_) => ExitCode::from(2),
         StudyError::Refused(_) => ExitCode::from(3),
         StudyError::Output(_)
+        | StudyError::Bench(_)
         | StudyError::File { .. }
         | StudyError::Chart(_)
         | StudyError::Json(_) => ExitCode::FAILURE,

@@ -24,9 +24,12 @@ pub(crate) struct Args {
     /// Folder for `paper.md`, `paper.html` and the charts.
     #[arg(long, default_value = "target/study")]
     out: PathBuf,
-    /// The program rigd, which runs the protocol on the simulated bench for Figures 11 to 13.
-    #[arg(long, value_name = "RIGD")]
-    rigd: Option<PathBuf>,
+    /// Run the protocol on the simulated bench, for Figures 11 to 13.
+    #[arg(long)]
+    bench: bool,
+    /// The rig file of that bench.
+    #[arg(long, default_value = "config/rigs/simulated.toml")]
+    rig: PathBuf,
     /// The protocol of that run.
     #[arg(long, default_value = "config/protocols/three-direction.toml")]
     protocol: PathBuf,
@@ -82,7 +85,7 @@ fn deterministic(page: &mut Page) {
 }
 
 fn introduction(args: &Args) -> Vec<String> {
-    let with_bench = if args.rigd.is_some() { " --rigd target/release/rigd" } else { "" };
+    let with_bench = if args.bench { " --bench" } else { "" };
     vec![
         format!(
             "This page is written by `cargo run --release -p rig-study -- paper --out \

@@ -17,9 +17,9 @@ use rig_contact::{
     Pose,
     inverse::{InverseError, OneTouch, TiltInference},
 };
-use rig_files::Faults;
+use rig_files::{Faults, rig_file::RigFile};
 use rig_protocol::{AngleKnowledge, Protocol};
-use rig_record::{Direction, Phase, Sample, Source, Touch};
+use rig_record::{Direction, Phase, Sample, Touch};
 
 pub(crate) use calibration::{Calibration, ScaleSource};
 pub(crate) use site::Site;
@@ -27,9 +27,6 @@ pub(crate) use site::Site;
 use crate::data::{PlannedTouch, RunData};
 use calibration::ComparedAt;
 use site::{RepeatedTouch, UnknownAngle};
-
-/// Reads the sensor from the text of a rig file.
-pub type ReadSensor<'a> = &'a dyn Fn(&Source) -> Result<SensorDescription, Faults>;
 
 /// The stiffness of the samples and of the blind touches.
 #[derive(Debug)]
@@ -107,9 +104,10 @@ pub(crate) enum NoStiffness {
 }
 
 impl Stiffness {
-    pub(super) fn of(data: &RunData, read_sensor: ReadSensor<'_>) -> Result<Self, NoStiffness> {
+    pub(super) fn of(data: &RunData) -> Result<Self, NoStiffness> {
         let started = data.started.as_ref().ok_or(NoStiffness::NoRigFile)?;
-        let sensor = read_sensor(&started.rig).map_err(NoStiffness::RigFile)?;
+        let rig = RigFile::read(&started.rig.name, &started.rig.toml);
+        let sensor = rig.map_err(NoStiffness::RigFile)?.sensor;
         let compensation = sensor.compensation(surface_sigma_mm(data));
         let free_hz = compensation.no_load_hz();
         let (mut main, mut blind) = (Vec::new(), Vec::new());

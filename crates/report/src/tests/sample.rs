@@ -1,7 +1,5 @@
 //! A run of the paper's protocol as its journal would hold it.
 
-use rig_analysis::sensor::SensorDescription;
-use rig_files::Faults;
 use rig_record::{
     Action, BlackBox, Chain, ChainCheck, Clearance, Device, Digest, Direction, Ending, Fault,
     Frame, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, ReadingFlag, ReadingRecord,
@@ -66,7 +64,7 @@ impl SampleRun {
     }
 
     pub(crate) fn results(&self) -> RunResults {
-        RunResults::new(&self.run, &self.chain.records, &read_sensor).unwrap()
+        RunResults::new(&self.run, &self.chain.records).unwrap()
     }
 
     pub(crate) fn html(&self) -> String {
@@ -115,11 +113,6 @@ fn time(since_us: u64) -> String {
 }
 
 const RIG: &str = include_str!("../../../../config/rigs/simulated.toml");
-
-/// The sensor of the shipped rig file, which is the reference.
-pub(crate) fn read_sensor(rig: &Source) -> Result<SensorDescription, Faults> {
-    if rig.toml == RIG { Ok(SensorDescription::reference()) } else { Err(Faults::new(&rig.name)) }
-}
 
 struct Teller {
     story: Story,

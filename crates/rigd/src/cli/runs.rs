@@ -157,5 +157,5 @@ pub(super) fn print_results(
 }
 
 fn results_of(run: &Run, records: &[StoredRecord]) -> Result<RunResults, Failure> {
-    Ok(run_files::results(run, records).map_err(StoreError::from)?)
+    Ok(RunResults::new(run, records).map_err(StoreError::from)?)
 }

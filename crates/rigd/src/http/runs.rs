@@ -9,7 +9,7 @@ use axum::{
 };
 use rig_engine::Command;
 use rig_model::with_causes;
-use rig_report::export;
+use rig_report::{RunResults, export};
 use rig_store::{Reader, Record, Run, RunId, RunKind};
 use serde::{Deserialize, Serialize};
 
@@ -101,7 +101,7 @@ pub(super) async fn show(
     let detail = shared.read(move |reader| {
         let (run, records) = (reader.run(id)?, reader.records(id)?);
         let folder = run_files::folder(&data, reader, id);
-        let results = ResultsView::new(&run_files::results(&run, &records)?, folder);
+        let results = ResultsView::new(&RunResults::new(&run, &records)?, folder);
         let interruption = InterruptionView::read(reader, &run)?;
         Ok(RunDetail { run: RunView::new(reader, run), interruption, results })
     });
@@ -115,7 +115,7 @@ pub(super) async fn report(
     let id: RunId = id.parse()?;
     let html = shared.read(move |reader| {
         let (run, chain) = (reader.run(id)?, reader.chain(id)?);
-        Ok(run_files::results(&run, &chain.records)?.html(&chain.check))
+        Ok(RunResults::new(&run, &chain.records)?.html(&chain.check))
     });
     html.await.map(Html)
 }
@@ -140,7 +140,7 @@ pub(super) async fn export(
         let disposition = format!("attachment; filename=\"{id}{simulated}-{file}\"");
         let (records, mut bytes) = (reader.records(id)?, Vec::new());
         match format {
-            ExportFormat::Csv => run_files::results(&run, &records)?.touches_csv(&mut bytes),
+            ExportFormat::Csv => RunResults::new(&run, &records)?.touches_csv(&mut bytes),
             ExportFormat::Sweeps => export::sweeps_csv(&records, &mut bytes),
             ExportFormat::Readings => export::readings_csv(&records, &mut bytes),
             ExportFormat::Searches => export::searches_csv(&records, &mut bytes),

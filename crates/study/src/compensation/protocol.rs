@@ -4,14 +4,12 @@ use std::f64::consts::FRAC_PI_2;
 
 use rig_analysis::{
     classify::{Class, Classifier, Decision},
+    sensor::SensorDescription,
     stiffness::{Compensation, PosedTouch},
 };
 use rig_contact::{
-    ContactLaw, Depth, Direction, Friction, Models, Pose, Sensor, Tier,
-    inverse::{
-        AnglePrior, AzimuthPrior, InverseError, SiteTouch, TiltInference, TissueKind, TouchModel,
-        infer_tilt,
-    },
+    ContactLaw, Depth, Direction, Models, Pose, Tier,
+    inverse::{AzimuthPrior, InverseError, SiteTouch, TiltInference},
 };
 
 use super::truth::{ENCODER_MM, MAX_ANGLE_RAD, NUISANCES, TruthModel};
@@ -66,7 +64,10 @@ pub(super) struct StiffnessError {
 /// The inference and the classifiers.
 #[derive(Debug)]
 pub(super) struct Analysis {
+    /// Touches of one point, whose surface is found once.
     compensation: Compensation,
+    /// Touches of several points, each with its own surface.
+    across_points: Compensation,
     /// Classes of the shifts of all poses.
     shifts: Classifier,
     /// Classes of the stiffness.
@@ -183,9 +184,9 @@ impl Site<'_> {
             depth: Depth::Indentation { along_probe_mm: depth_mm },
         };
         let touches: Vec<SiteTouch> = depths_mm.iter().map(touch).collect();
-        let touch_model = analysis.touch_model(NUISANCES.depth_mm, ENCODER_MM);
         let azimuth = AzimuthPrior::Known(azimuth_rad);
-        analysis.outcome(&analysis.infer(&touches, &touch_model, azimuth), point.young_mpa)
+        let found = analysis.compensation.of_site(&touches, MAX_ANGLE_RAD, azimuth);
+        analysis.outcome(&found, point.young_mpa)
     }
 
     fn spins(&self, analysis: &Analysis, random: &mut Stream) -> Outcome {
@@ -198,11 +199,9 @@ impl Site<'_> {
                 self.truth.measure_hz(&point, self.angle_rad, at_rad, INDENTATION_MM, random);
             SiteTouch { shift_hz, sigma_hz: NUISANCES.shift_hz, spin_rad, depth: DEPTH }
         });
-        let touch_model = analysis.touch_model(NUISANCES.depth_mm, ENCODER_MM);
-        analysis.outcome(
-            &analysis.infer(&touches, &touch_model, AzimuthPrior::Unknown),
-            point.young_mpa,
-        )
+        let azimuth = AzimuthPrior::Unknown;
+        let found = analysis.compensation.of_site(&touches, MAX_ANGLE_RAD, azimuth);
+        analysis.outcome(&found, point.young_mpa)
     }
 
     /// Each direction touches another point, with its own stiffness, slope and surface. The truth
@@ -217,44 +216,30 @@ impl Site<'_> {
             let sigma_hz = NUISANCES.shift_hz.hypot(NUISANCES.young_rel * shift_hz);
             SiteTouch { shift_hz, sigma_hz, spin_rad: -at_rad, depth: DEPTH }
         });
-        let touch_model = analysis.touch_model(0.0, NUISANCES.depth_mm.hypot(ENCODER_MM));
-        let found = analysis.infer(&touches, &touch_model, AzimuthPrior::Unknown);
+        let azimuth = AzimuthPrior::Unknown;
+        let found = analysis.across_points.of_site(&touches, MAX_ANGLE_RAD, azimuth);
         analysis.outcome(&found, SAMPLES_MPA[self.sample])
     }
 }
 
 impl Analysis {
     pub(super) fn new() -> Self {
-        let models = Models::new(&Sensor::reference(), ContactLaw::Sneddon);
+        let described = Compensation {
+            angle_sigma_rad: NUISANCES.angle_deg.to_radians(),
+            ..SensorDescription::reference().compensation(0.0)
+        };
         let compensation = Compensation {
-            models,
-            tier: Tier::E1s,
-            law: ContactLaw::Sneddon,
-            friction: Friction::Sticking,
-            kind: TissueKind::SOFT,
             shared_depth_sigma_mm: NUISANCES.depth_mm,
             depth_sigma_mm: ENCODER_MM,
-            angle_sigma_rad: NUISANCES.angle_deg.to_radians(),
+            ..described.clone()
         };
+        let depth_sigma_mm = NUISANCES.depth_mm.hypot(ENCODER_MM);
+        let across_points = Compensation { depth_sigma_mm, ..described };
         let class = |young: f64| Class { centre: young.ln(), spread: NUISANCES.young_rel };
         let stiffness =
             Classifier::with_classes(SAMPLES_MPA.map(class).to_vec()).expect("the samples differ");
-        Self { shifts: shift_classes(&models), compensation, stiffness }
-    }
-
-    fn touch_model(&self, shared_depth_sigma_mm: f64, depth_sigma_mm: f64) -> TouchModel {
-        let Compensation { tier, law, friction, kind, .. } = self.compensation;
-        TouchModel { tier, law, friction, kind, shared_depth_sigma_mm, depth_sigma_mm }
-    }
-
-    fn infer(
-        &self,
-        touches: &[SiteTouch],
-        touch_model: &TouchModel,
-        azimuth: AzimuthPrior,
-    ) -> Result<TiltInference, InverseError> {
-        let angle = AnglePrior::Within { max_rad: MAX_ANGLE_RAD };
-        infer_tilt(&self.compensation.models, touches, touch_model, angle, azimuth)
+        let shifts = shift_classes(&compensation.models);
+        Self { compensation, across_points, shifts, stiffness }
     }
 
     fn outcome(&self, found: &Result<TiltInference, InverseError>, truth_mpa: f64) -> Outcome {

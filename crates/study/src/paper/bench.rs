@@ -6,12 +6,11 @@ use rig_analysis::{
     classify::{Classifier, Decision},
     cluster::optimal,
     score::{score, wilson_95},
+    sensor::SensorDescription,
     stiffness::{Compensation, PosedTouch},
 };
 use rig_chart::{Axis, Chart, Marker, Point, Series};
-use rig_contact::{
-    ContactLaw, Depth, Direction, Friction, Models, Pose, Sensor, Tier, inverse::TissueKind,
-};
+use rig_contact::{ContactLaw, Depth, Direction, Models, Pose, Sensor, Tier};
 
 use self::run::{BenchRun, BenchTouch};
 use super::{
@@ -22,19 +21,18 @@ use crate::{
     outcome::StudyError,
     page::{Page, Table},
     paper_bench::{ANGLES_DEG, Control, SAMPLES_MPA},
-    simulate::Nuisances,
 };
 
 pub(super) fn add(page: &mut Page, args: &Args) -> Result<(), StudyError> {
     page.heading("Figures 11 to 13: the experiment on the simulated bench");
-    let Some(rigd) = &args.rigd else {
+    if !args.bench {
         page.text(
-            "Not run: with `--rigd target/release/rigd` the daemon replays the paper's protocol on \
-             the simulated bench.",
+            "Not run: with `--bench`, the rig of the daemon replays the paper's protocol on the \
+             simulated bench.",
         );
         return Ok(());
-    };
-    let run = BenchRun::of(rigd, &args.protocol)?;
+    }
+    let run = BenchRun::of(&args.rig, &args.protocol).map_err(StudyError::bench)?;
     page.text(format!(
         "The daemon replayed `{}` through its drivers against simulated instruments: {} touches in \
          {:.0} s on the rig's clock. As in a laboratory, it finds the surface before each touch \
@@ -195,7 +193,7 @@ fn blind(page: &mut Page, run: &BenchRun) {
         let clusters = optimal(values, count).ok()?.clusters;
         Some(score(&labels, &clusters, count, count).correct)
     };
-    let compensation = compensation();
+    let compensation = SensorDescription::reference().compensation(0.0);
     let young = |touch: &BenchTouch| Some(compensation.of_touch(&posed(touch)).ok()?.young_mpa);
     let calibrated = |value: &dyn Fn(&BenchTouch) -> Option<f64>| {
         let usable: Vec<(f64, usize)> =
@@ -252,19 +250,6 @@ fn figure_13(blind: &[&BenchTouch]) -> Chart {
         chart.series.push(Series::scatter(&name, sample, points.collect::<Vec<_>>()));
     }
     chart
-}
-
-fn compensation() -> Compensation {
-    Compensation {
-        models: Models::new(&Sensor::reference(), ContactLaw::Sneddon),
-        tier: Tier::E1,
-        law: ContactLaw::Sneddon,
-        friction: Friction::Sticking,
-        kind: TissueKind::SOFT,
-        shared_depth_sigma_mm: 0.0,
-        depth_sigma_mm: Nuisances::BENCH.depth_mm,
-        angle_sigma_rad: Nuisances::BENCH.angle_deg.to_radians(),
-    }
 }
 
 fn posed(touch: &BenchTouch) -> PosedTouch {

@@ -2,7 +2,7 @@
 //! from several directions as if the probe had been turned about its own axis.
 
 use rig_analysis::stiffness::{Compensation, PosedTouch};
-use rig_contact::inverse::{InverseError, SiteTouch, TiltInference};
+use rig_contact::inverse::{AzimuthPrior, InverseError, SiteTouch, TiltInference};
 
 /// The result of the touches of a site together.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -80,6 +80,6 @@ impl UnknownAngle<'_> {
             depth: touch.depth,
         };
         let touches: Vec<SiteTouch> = touches.into_iter().map(touch).collect();
-        self.compensation.of_site(&touches, self.max_angle_rad)
+        self.compensation.of_site(&touches, self.max_angle_rad, AzimuthPrior::Unknown)
     }
 }

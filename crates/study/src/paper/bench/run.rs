@@ -1,15 +1,19 @@
-//! One run of the daemon, from its output and its export.
+//! One run of the daemon's rig on the simulated bench, in this process.
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-    process::Command,
-};
+use std::{io, path::Path};
 
 use rig_contact::Direction;
-use serde::Deserialize;
-
-use crate::outcome::StudyError;
+use rig_engine::{RigState, RunStatus};
+use rig_report::{RunResults, TouchRow};
+use rig_store::{Reader, RunId, StoreError};
+use rigd::{
+    files::FileError,
+    loaded_rig::LoadedRig,
+    protocol_file::LoadedProtocol,
+    rig::{self, OpenError, Refusal},
+};
+use tempfile::TempDir;
+use tokio::sync::watch::error::RecvError;
 
 /// The results of a run that the page uses.
 #[derive(Debug)]
@@ -20,7 +24,7 @@ pub(super) struct BenchRun {
     pub(super) touches: Vec<BenchTouch>,
 }
 
-/// A touch in the export of the daemon.
+/// A measured touch.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct BenchTouch {
     pub(super) is_blind: bool,
@@ -33,129 +37,121 @@ pub(super) struct BenchTouch {
     pub(super) indentation_mm: f64,
 }
 
-/// The last JSON object of `rigd run --json`.
-#[derive(Debug, Deserialize)]
-struct Printed {
-    rig_seconds: f64,
-    no_load_hz: Option<f64>,
-    sensitivity_hz_per_mpa: Option<f64>,
-    data: PathBuf,
-}
-
-/// A failed run of the daemon.
+/// A failed run.
 #[derive(Debug, thiserror::Error)]
-enum BenchError {
-    #[error("{} ended with {status}: {said}", program.display())]
-    Failed { program: PathBuf, status: std::process::ExitStatus, said: String },
-    #[error("{} line {line} is not a touch", path.display())]
-    NotATouch { path: PathBuf, line: usize },
+pub(super) enum BenchError {
+    #[error(transparent)]
+    File(#[from] FileError),
+    #[error("the rig is not simulated: a study moves no real bench")]
+    NotSimulated,
+    #[error("temporary directory")]
+    Directory(#[from] io::Error),
+    #[error("the rig cannot be opened")]
+    Open(#[from] OpenError),
+    #[error("the rig refused the run")]
+    Refused(#[from] Refusal),
+    #[error("the rig ended before the run")]
+    Closed(#[from] RecvError),
+    #[error("the run did not complete: {ending:?}")]
+    Ended { ending: RunStatus },
+    #[error(transparent)]
+    Journal(#[from] StoreError),
+    #[error("touch {step} has no result, or a sample that the paper does not have")]
+    NotATouch { step: String },
 }
 
 impl BenchRun {
-    /// Runs a protocol and reads its touches.
-    pub(super) fn of(rigd: &Path, protocol: &Path) -> Result<Self, StudyError> {
-        let data = std::env::temp_dir().join(format!("rig-study-bench-{}", std::process::id()));
-        let found = Self::run(rigd, protocol, &data);
-        // The folder is temporary; its results have been read.
-        let _ = fs::remove_dir_all(&data);
-        found
-    }
-
-    fn run(rigd: &Path, protocol: &Path, data: &Path) -> Result<Self, StudyError> {
-        let output = Command::new(rigd)
-            .arg("run")
-            .arg(protocol)
-            .arg("--json")
-            .arg("--data")
-            .arg(data)
-            .output()
-            .map_err(|source| StudyError::File { path: rigd.to_owned(), source })?;
-        if !output.status.success() {
-            let said = String::from_utf8_lossy(&output.stderr).trim().to_owned();
-            let (program, status) = (rigd.to_owned(), output.status);
-            return Err(StudyError::arguments(BenchError::Failed { program, status, said }));
+    /// Runs a protocol on a simulated rig.
+    pub(super) fn of(rig: &Path, protocol: &Path) -> Result<Self, BenchError> {
+        let rig = LoadedRig::load(rig)?;
+        if !rig.is_simulated() {
+            return Err(BenchError::NotSimulated);
         }
-        let printed: Printed = serde_json::from_slice(&output.stdout)?;
-        let path = printed.data.join("touches.csv");
-        let text = fs::read_to_string(&path)
-            .map_err(|source| StudyError::File { path: path.clone(), source })?;
-        let touches = touches(&text).map_err(|line| {
-            StudyError::arguments(BenchError::NotATouch { path: path.clone(), line })
-        })?;
+        let protocol = LoadedProtocol::load(protocol, &rig.facts())?;
+        let data = TempDir::new()?;
+        let runtime = tokio::runtime::Builder::new_current_thread().build()?;
+        let run = runtime.block_on(replay(rig, protocol, data.path()))?;
+        let reader = Reader::open(data.path())?;
+        let results = RunResults::new(&reader.run(run)?, &reader.records(run)?);
+        Self::from_results(&results.map_err(StoreError::from)?)
+    }
+
+    fn from_results(results: &RunResults) -> Result<Self, BenchError> {
+        let summary = results.summary();
+        let touch = |row: &TouchRow| {
+            BenchTouch::of(row).ok_or_else(|| BenchError::NotATouch { step: row.step.clone() })
+        };
         Ok(Self {
-            rig_seconds: printed.rig_seconds,
-            no_load_hz: printed.no_load_hz,
-            sensitivity_hz_per_mpa: printed.sensitivity_hz_per_mpa,
-            touches,
+            rig_seconds: summary.rig_seconds,
+            no_load_hz: summary.no_load_hz,
+            sensitivity_hz_per_mpa: summary.sensitivity_hz_per_mpa,
+            touches: results.touches().iter().map(touch).collect::<Result<_, _>>()?,
         })
     }
 }
 
-/// The cells of a line. Text stands in quotes; the cells that this page reads hold no comma.
-fn cells(line: &str) -> Vec<&str> {
-    line.split(',').map(|cell| cell.trim_matches('"')).collect()
+impl BenchTouch {
+    fn of(row: &TouchRow) -> Option<Self> {
+        Some(Self {
+            is_blind: row.phase == "blind",
+            // The protocol numbers its samples from one, softest first.
+            sample: row.sample.parse::<usize>().ok()?.checked_sub(1)?,
+            direction: Direction::ALL.into_iter().find(|one| one.name() == row.direction)?,
+            angle_deg: row.angle_deg,
+            shift_hz: row.shift_hz?,
+            shift_sigma_hz: row.shift_sigma_hz?,
+            indentation_mm: row.indentation_mm?,
+        })
+    }
 }
 
-/// The touches of an export, or the number of the first malformed line.
-fn touches(text: &str) -> Result<Vec<BenchTouch>, usize> {
-    let mut lines = text.lines();
-    let columns = cells(lines.next().ok_or(1_usize)?);
-    let index = |name: &str| columns.iter().position(|&column| column == name).ok_or(1_usize);
-    let [phase, sample, direction, angle, shift, sigma, indentation] = [
-        index("phase")?,
-        index("sample")?,
-        index("direction")?,
-        index("angle_deg")?,
-        index("shift_hz")?,
-        index("shift_sigma_hz")?,
-        index("indentation_mm")?,
-    ];
-    let touch = |line: &str| {
-        let cells = cells(line);
-        let number = |index: usize| cells.get(index)?.parse::<f64>().ok();
-        let name = *cells.get(direction)?;
-        Some(BenchTouch {
-            is_blind: *cells.get(phase)? == "blind",
-            // The protocol numbers its samples from one, softest first.
-            sample: cells.get(sample)?.parse::<usize>().ok()?.checked_sub(1)?,
-            direction: Direction::ALL.into_iter().find(|one| one.name() == name)?,
-            angle_deg: number(angle)?,
-            shift_hz: number(shift)?,
-            shift_sigma_hz: number(sigma)?,
-            indentation_mm: number(indentation)?,
-        })
-    };
-    lines.enumerate().map(|(index, line)| touch(line).ok_or(index + 2)).collect()
+/// Replays the protocol to its end and closes the rig.
+async fn replay(
+    rig: LoadedRig,
+    protocol: LoadedProtocol,
+    data: &Path,
+) -> Result<RunId, BenchError> {
+    let (handle, thread) = rig::open(rig, data.to_owned())?;
+    let mut status = handle.status();
+    // After opening, the rig homes its axes and proves that the probe is clear.
+    let is_ready = |state| matches!(state, RigState::Idle | RigState::Latched);
+    status.wait_for(|status| is_ready(status.snapshot.state)).await?;
+    let id = handle.run(protocol, "rig-study").await?;
+    let ended = status.wait_for(|status| {
+        status.run.as_ref().is_some_and(|run| run.id == id && run.ending.is_some())
+    });
+    let ending = ended.await?.run.as_ref().and_then(|run| run.ending);
+    handle.close().await;
+    thread.join();
+    match ending {
+        Some(RunStatus::Completed) | None => Ok(id),
+        Some(ending) => Err(BenchError::Ended { ending }),
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const HEAD: &str =
-        "step,phase,sample,direction,angle_deg,shift_hz,shift_sigma_hz,indentation_mm";
+    #[test]
+    fn every_touch_of_a_run_in_this_process_is_read() {
+        let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config");
+        let (rig, protocol) =
+            (config.join("rigs/simulated.toml"), config.join("protocols/smoke.toml"));
+        let run = BenchRun::of(&rig, &protocol).unwrap();
+        assert_eq!(run.touches.len(), 18);
+        assert_eq!(run.touches.iter().filter(|touch| touch.is_blind).count(), 6);
+        let first = &run.touches[0];
+        assert_eq!((first.sample, first.direction, first.angle_deg), (0, Direction::Front, 0.0));
+        assert!((first.shift_hz - 8.0).abs() < 1.0, "{first:?}");
+        assert!((run.no_load_hz.unwrap() - 140.4).abs() < 0.2, "{run:?}");
+    }
 
     #[test]
-    fn touches_are_read_by_the_names_of_their_columns() {
-        let text = format!(
-            "{HEAD}\n\"main/1\",\"main\",\"1\",\"front\",0.0,7.9,0.003,0.5\n\
-             \"b/1\",\"blind\",\"5\",\"left\",12.25,80.0,0.1,0.5\n"
-        );
-        let found = touches(&text).unwrap();
-        assert_eq!(found.len(), 2);
-        assert_eq!(
-            found[1],
-            BenchTouch {
-                is_blind: true,
-                sample: 4,
-                direction: Direction::Left,
-                angle_deg: 12.25,
-                shift_hz: 80.0,
-                shift_sigma_hz: 0.1,
-                indentation_mm: 0.5,
-            }
-        );
-        assert_eq!(touches(&format!("{HEAD}\nx,main,0,front,0,1,1,1\n")), Err(2));
-        assert_eq!(touches("a,b\n"), Err(1));
+    fn a_real_bench_is_refused() {
+        let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config");
+        let (rig, protocol) = (config.join("rigs/bench.toml"), config.join("protocols/smoke.toml"));
+        let refused = BenchRun::of(&rig, &protocol);
+        assert!(matches!(refused, Err(BenchError::NotSimulated)), "{refused:?}");
     }
 }
