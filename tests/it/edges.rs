@@ -22,7 +22,7 @@ const PURE: [&str; 11] = [
 /// What each crate of the house may use of the house. A new arrow is a decision: write it down.
 const ARROWS: [(&str, &[&str]); 18] = [
     ("rig-model", &[]),
-    ("rig-files", &["rig-model", "rig-contact", "rig-analysis"]),
+    ("rig-files", &["rig-model", "rig-contact", "rig-resonance", "rig-analysis"]),
     ("rig-scpi", &[]),
     ("rig-contact", &["rig-model"]),
     ("rig-resonance", &["rig-model"]),

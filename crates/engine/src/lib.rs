@@ -20,7 +20,6 @@ mod event;
 mod fault;
 mod interlock;
 mod machine;
-mod measured;
 mod operation;
 mod recovery;
 mod run;
@@ -37,6 +36,5 @@ pub use event::{
 };
 pub use fault::{Device, Failure, FailureKind, Fault};
 pub use interlock::{Interlock, InterlockError};
-pub use measured::flagged;
 pub use operation::{Operation, OperationId, Report};
 pub use search::{Search, SearchStep, Surface};

@@ -1,12 +1,9 @@
 //! Measures one resonance: asks the planner for points until it has an answer.
 
-use rig_model::{DriveLevel, Reading, RigTime, SweepRequest};
-use rig_resonance::{Next, Planner, Prior, Verdict};
+use rig_model::{DriveLevel, Measured, Reading, RigTime, SweepRequest};
+use rig_resonance::{Next, Planner, Prior, Verdict, flagged};
 
-use crate::{
-    Event, Fault, FinishedSweep, Operation, SweepPurpose,
-    measured::{flagged, values},
-};
+use crate::{Event, Fault, FinishedSweep, Operation, SweepPurpose};
 
 /// How far the free resonance may have drifted since it was last measured, relative to it. A warm
 /// laboratory moves a bimorph by a few tenths of a percent.
@@ -112,4 +109,9 @@ impl Sweep {
         notes.push(Event::SweepFinished(finished.clone()));
         SweepStep::Finished(finished)
     }
+}
+
+/// The readings without a flag.
+fn values(readings: &[Reading]) -> impl Iterator<Item = &Reading> {
+    readings.iter().filter(|reading| matches!(reading.measured, Measured::Value(_)))
 }

@@ -12,12 +12,11 @@ use std::time::Duration;
 
 use rig_model::{Clearance, Deg, Impedance, Measured, Mm, Position, Reading, SweepPoint, Window};
 use rig_protocol::{StepId, Touch};
-use rig_resonance::{Prior, Resonance, Verdict};
+use rig_resonance::{Prior, Resonance, Verdict, flagged};
 
 use crate::{
     Contact, Fault, LoweringPurpose, Operation, SweepPurpose, TouchOutcome, TouchResult,
     machine::{MachineContext, MachineEvent, MachineStep},
-    measured::flagged,
     search::{Search, SearchStep, Surface},
     sweep::{DRIFT, Sweep, SweepStep},
 };

@@ -7,6 +7,7 @@
 //!   their values are types of these crates.
 //! - [`rig_file`] is the description of a rig; [`sensor`] and [`samples`] are the sections that it
 //!   shares with scene files.
+//! - [`sweep_file`] is a sweep of any instrument, for the fit.
 //! - [`FileKind`] recognises a file of another kind than the expected one.
 
 #![deny(clippy::disallowed_methods)]
@@ -17,6 +18,7 @@ pub mod rig_file;
 pub mod samples;
 pub mod sensor;
 pub mod settings;
+pub mod sweep_file;
 
 pub use fault::{Complaint, Fault, Faults, Location};
 pub use kind::FileKind;

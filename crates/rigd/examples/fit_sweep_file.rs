@@ -4,8 +4,8 @@
 
 use std::{env, error::Error, fs};
 
+use rig_files::sweep_file::SweepFile;
 use rig_resonance::{Verdict, fit};
-use rigd::sweep_file::SweepFile;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let path = env::args().nth(1).ok_or("usage: fit_sweep_file SWEEP")?;

@@ -14,6 +14,5 @@ mod predict;
 pub mod protocol_file;
 pub mod rig;
 pub mod run_files;
-pub mod sweep_file;
 mod sweep_order;
 mod sweeps;

@@ -7,7 +7,10 @@ use std::{
 };
 
 use clap::{Args, ValueEnum, builder::PossibleValuesParser};
-use rig_files::{Faults, FileKind};
+use rig_files::{
+    Faults, FileKind,
+    sweep_file::{FileSweep, SweepFile},
+};
 use rig_model::{Reading, SweepRequestError, Window};
 use rig_resonance::{Estimator, Limit, NoisePrior, Past, Timing, Verdict, fit};
 use serde::Serialize;
@@ -18,10 +21,7 @@ use super::{
     outcome::OutcomeView,
     table::{columns, facts, print, print_json},
 };
-use crate::{
-    files::{FileError, read_bytes},
-    sweep_file::{FileSweep, SweepFile},
-};
+use crate::files::{FileError, read_bytes};
 
 #[derive(Debug, Args)]
 pub(super) struct FitArgs {
@@ -172,7 +172,7 @@ impl FileFitView {
         if let Some(missing) = missing {
             return Err(Failure::NoTimes { missing });
         }
-        let outcome = match (&sweep.given_up, sweep.told.target_hz) {
+        let outcome = match (&sweep.given_up, sweep.fit.target_hz) {
             (Some(refusal), _) => Verdict::Refused(refusal.clone()),
             (None, Some(target_hz)) => {
                 fit(readings, &options).held_to(target_hz, readings.len(), Limit::Past)

@@ -1,10 +1,10 @@
-//! What a column holds, by the names that people and instruments give it.
+//! The quantities of columns, with the names and units of people and instruments.
 
 use std::ops::RangeInclusive;
 
 use super::{FREQUENCY_HZ, IMPEDANCE_OHM};
 
-/// What a column can hold.
+/// The quantity of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Quantity {
     Frequency,
@@ -39,7 +39,7 @@ pub(super) enum Quantity {
     NearLoss,
 }
 
-/// Names as they are left by [`plain`].
+/// Names of the quantities, in the form of [`plain`].
 const NAMES: [(Quantity, &[&str]); 30] = [
     (Quantity::Frequency, &["frequency", "freq", "f"]),
     (
@@ -110,7 +110,7 @@ const NAMES: [(Quantity, &[&str]); 30] = [
     (Quantity::NearLoss, &["fitnearlosstangent"]),
 ];
 
-/// Units as they are written, and what one of them is in the unit without a prefix.
+/// Units with their factors to the unit without a prefix.
 const HERTZ: [(&str, f64); 4] = [("hz", 1.0), ("khz", 1e3), ("mhz", 1e6), ("ghz", 1e9)];
 const SECOND: [(&str, f64); 5] =
     [("s", 1.0), ("sec", 1.0), ("ms", 1e-3), ("us", 1e-6), ("µs", 1e-6)];
@@ -123,10 +123,10 @@ const ANGLE: [(&str, f64); 5] = [
 ];
 
 impl Quantity {
-    /// How many there are.
+    /// Number of quantities.
     pub(super) const COUNT: usize = Self::NearLoss as usize + 1;
 
-    /// Whether it is a part of the impedance.
+    /// Whether it is one of the two quantities of an impedance.
     pub(super) const fn is_impedance(self) -> bool {
         matches!(
             self,
@@ -144,7 +144,7 @@ impl Quantity {
         )
     }
 
-    /// In a message.
+    /// Its name in a message.
     pub(super) const fn name(self) -> &'static str {
         match self {
             Self::Frequency => "frequency",
@@ -166,20 +166,20 @@ impl Quantity {
             Self::Sweep => "sweep",
             Self::FitMin => "lower end of the window of the fit",
             Self::FitMax => "upper end of the window of the fit",
-            Self::FitNoise => "noise that the fit is told",
-            Self::FitNoiseDegrees => "degrees of freedom of the noise that the fit is told",
-            Self::FitTiming => "timing that the fit is told",
-            Self::FitLoss => "loss that the fit is told",
+            Self::FitNoise => "noise for the fit",
+            Self::FitNoiseDegrees => "degrees of freedom of the noise for the fit",
+            Self::FitTiming => "timing for the fit",
+            Self::FitLoss => "loss for the fit",
             Self::FitTarget => "standard deviation that the fit must reach",
-            Self::NearResonance => "resonance that the fit is told",
-            Self::NearQuality => "quality factor that the fit is told",
-            Self::NearCapacitance => "static capacitance that the fit is told",
-            Self::NearRatio => "ratio of capacitances that the fit is told",
-            Self::NearLoss => "loss tangent that the fit is told",
+            Self::NearResonance => "resonance for the weights of the fit",
+            Self::NearQuality => "quality factor for the weights of the fit",
+            Self::NearCapacitance => "static capacitance for the weights of the fit",
+            Self::NearRatio => "ratio of capacitances for the weights of the fit",
+            Self::NearLoss => "loss tangent for the weights of the fit",
         }
     }
 
-    /// At the head of its column.
+    /// Its key, which the header of `rigd` has.
     pub(super) const fn key(self) -> &'static str {
         match self {
             Self::Frequency => "frequency_hz",
@@ -215,9 +215,8 @@ impl Quantity {
         }
     }
 
-    /// Whether it says what the fit is told of a sweep, and not what was read. It may be left out of
-    /// a row, which then says nothing of it.
-    pub(super) const fn is_told(self) -> bool {
+    /// Whether it is a setting of the fit. A row may leave it out.
+    pub(super) const fn is_fit_setting(self) -> bool {
         matches!(
             self,
             Self::FitMin
@@ -235,7 +234,7 @@ impl Quantity {
         )
     }
 
-    /// What it can be, in the unit of its key.
+    /// Its range, in the unit of its key.
     pub(super) const fn range(self) -> RangeInclusive<f64> {
         match self {
             Self::Frequency
@@ -243,7 +242,7 @@ impl Quantity {
             | Self::FitMax
             | Self::FitTarget
             | Self::NearResonance => FREQUENCY_HZ,
-            // Beyond its own value a reading says nothing.
+            // A reading whose noise exceeds its value is useless.
             Self::FitNoise => 1e-12..=1.0,
             Self::FitNoiseDegrees => 0.1..=1e9,
             Self::NearQuality => 1e-3..=1e12,
@@ -255,7 +254,7 @@ impl Quantity {
             Self::ReflectionReal | Self::ReflectionImaginary => -1e3..=1e3,
             Self::ReflectionMagnitude => 0.0..=1e3,
             Self::ReflectionDecibel => -1e3..=60.0,
-            // Seconds since 1970 are times too.
+            // A time may be in seconds since 1970.
             Self::Time => -1e10..=1e10,
             Self::Settle => 0.0..=1e5,
             Self::Integration => 1e-9..=1e5,
@@ -267,14 +266,14 @@ impl Quantity {
         matches!(self, Self::Time | Self::Settle | Self::Integration)
     }
 
-    /// What one of this unit is in the unit of the key.
+    /// The factor from this unit to the unit of the key.
     fn factor(self, unit: &str) -> Option<f64> {
         let lower = unit.trim_end_matches('.').to_lowercase();
         let among = |units: &[(&str, f64)]| {
             units.iter().find(|(name, _)| *name == lower).map(|(_, factor)| *factor)
         };
         match self {
-            // Only a lower-case m before a capital H is surely meant to be a thousandth.
+            // Only this spelling surely means a thousandth.
             Self::Frequency if unit == "mHz" => Some(1e-3),
             Self::Frequency => among(&HERTZ),
             Self::FitMin | Self::FitMax | Self::FitTarget | Self::NearResonance => {
@@ -305,7 +304,7 @@ impl Quantity {
     }
 }
 
-/// What one of this unit is, its name with or without a prefix.
+/// The factor of a unit with one of these names, with or without a prefix.
 fn prefixed(unit: &str, names: &[&str]) -> Option<f64> {
     let is_name = |text: &str| names.contains(&text.to_lowercase().as_str());
     if is_name(unit) {
@@ -323,18 +322,18 @@ fn prefixed(unit: &str, names: &[&str]) -> Option<f64> {
     is_name(rest.as_str()).then_some(factor)
 }
 
-/// What the head of a column says.
+/// The name and the unit at the head of a column.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Head {
+pub(super) struct ColumnHead {
     pub(super) quantity: Quantity,
-    /// By what a number is to be multiplied; `None` where the unit is not one of the quantity.
+    /// Factor to the unit of the key; `None` for a unit of another quantity.
     pub(super) factor: Option<f64>,
-    /// The unit as it is written.
+    /// The unit in the file.
     pub(super) unit: Option<String>,
 }
 
-impl Head {
-    /// What this cell names, if it names anything.
+impl ColumnHead {
+    /// The head in this cell, if it names a known quantity.
     pub(super) fn of(cell: &str) -> Option<Self> {
         let cell = cell.trim();
         // `Trace |Z| (Ohm)` of Digilent, `theta-z(deg)-data` of Keysight.
@@ -345,10 +344,10 @@ impl Head {
         }
         let (name, unit) = name_and_unit(cell)?;
         let (quantity, sign) = match name {
-            // Some write nothing but the unit.
+            // Some files name only the unit.
             "" if Quantity::Frequency.factor(unit).is_some() => (Quantity::Frequency, 1.0),
             "" if Quantity::Phase.factor(unit).is_some() => (Quantity::Phase, 1.0),
-            // Of a reflection the unit tells which part it is.
+            // The unit of a reflection names its part.
             "S11" | "s11" if Quantity::ReflectionDecibel.factor(unit).is_some() => {
                 (Quantity::ReflectionDecibel, 1.0)
             }
@@ -356,7 +355,7 @@ impl Head {
             name => named(name)?,
         };
         let factor = quantity.factor(unit).map(|factor| sign * factor);
-        // `Phase margin` is another quantity, and a time in no unit that of a calendar.
+        // `Phase margin` is another quantity, and a time without a unit is a date.
         let is_marked = cell.ends_with([')', ']']) || cell.contains('/');
         let is_meant = factor.is_some() || (is_marked && !quantity.is_time());
         is_meant.then(|| Self { quantity, factor, unit: Some(unit.to_owned()) })
@@ -372,7 +371,7 @@ fn name_and_unit(cell: &str) -> Option<(&str, &str)> {
     Some((name.trim().trim_end_matches('/'), unit.trim()))
 }
 
-/// The quantity of this name, and −1 where a minus stands before it.
+/// The quantity of this name, with −1 for a minus before the name and 1 otherwise.
 fn named(name: &str) -> Option<(Quantity, f64)> {
     let plain = plain(name);
     let find = |name: &str| {
@@ -382,12 +381,12 @@ fn named(name: &str) -> Option<(Quantity, f64)> {
     if let Some(quantity) = find(&plain) {
         return Some((quantity, 1.0));
     }
-    // Nyquist and Bode diagrams of capacitors are drawn upside down, and exported so.
+    // Diagrams of capacitors often show the negative reactance or phase, and are exported so.
     let is_turned = |quantity: &Quantity| matches!(quantity, Quantity::Reactance | Quantity::Phase);
     plain.strip_prefix('-').and_then(find).filter(is_turned).map(|quantity| (quantity, -1.0))
 }
 
-/// A name without what differs from one file to the next.
+/// A name in lower case, without blanks and punctuation.
 fn plain(name: &str) -> String {
     let mut plain = String::new();
     for character in name.trim().chars().flat_map(char::to_lowercase) {

@@ -1,15 +1,15 @@
-//! What a sweep file can be refused for.
+//! The faults of a sweep file.
 
-use rig_files::Complaint;
+use crate::Complaint;
 
-use super::head::Quantity;
+use super::quantity::Quantity;
 
-/// One reason.
+/// A fault.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub(super) enum Refusal {
+pub(super) enum SweepFileFault {
     #[error("the file holds no readings")]
     Empty,
-    #[error("more is wrong than the {shown} faults above")]
+    #[error("the file has more faults than the {shown} above")]
     More { shown: usize },
 
     // The header.
@@ -20,7 +20,7 @@ pub(super) enum Refusal {
     #[error("no columns make an impedance")]
     NoImpedance,
     #[error("`{header}` gives the {} a second time", quantity.name())]
-    Twice { header: String, quantity: Quantity },
+    RepeatedColumn { header: String, quantity: Quantity },
     #[error("`{unit}` is not a unit of the {}", quantity.name())]
     UnknownUnit { unit: String, quantity: Quantity },
     #[error("the phase has no unit, and within ±π it may be in degrees or in radians")]
@@ -51,8 +51,8 @@ pub(super) enum Refusal {
     NotASweep { text: String },
     #[error("`{text}` is none of unknown, waited, exact, exact-from-rest")]
     UnknownTiming { text: String },
-    #[error("the {} is not that of the first row of the sweep", quantity.name())]
-    ToldOtherwise { quantity: Quantity },
+    #[error("the {} differs from that of the first row of the sweep", quantity.name())]
+    UnequalSetting { quantity: Quantity },
     #[error("fit_max_hz = {max_hz} is not above fit_min_hz = {min_hz}")]
     FitWindow { min_hz: f64, max_hz: f64 },
 
@@ -77,20 +77,20 @@ pub(super) enum Refusal {
     OpenCircuit,
 }
 
-impl Complaint for Refusal {
+impl Complaint for SweepFileFault {
     fn suggestion(&self) -> Option<String> {
         let suggestion = match self {
             Self::Empty | Self::NoHeader => {
                 "begin with the line `frequency_hz,resistance_ohm,reactance_ohm`, then one line \
                  for each reading"
             }
-            Self::More { .. } => "mend them, and look again",
+            Self::More { .. } => "correct these first",
             Self::NoFrequency => "name one `frequency_hz`",
             Self::NoImpedance => {
                 "name two `resistance_ohm` and `reactance_ohm`, or `impedance_magnitude_ohm` and \
                  `phase_deg`, or `conductance_s` and `susceptance_s`, or `s11_real` and `s11_imag`"
             }
-            Self::Twice { .. } => "rename or remove one of them",
+            Self::RepeatedColumn { .. } => "rename or remove one of them",
             Self::UnknownUnit { quantity, .. } => {
                 return Some(format!("write `{}`", quantity.key()));
             }
@@ -114,8 +114,8 @@ impl Complaint for Refusal {
             Self::UnknownFlag { .. } | Self::NotABool { .. } | Self::UnknownTiming { .. } => {
                 "correct it or remove the column"
             }
-            Self::ToldOtherwise { .. } => {
-                "say the same in every row of a sweep, or number the sweeps"
+            Self::UnequalSetting { .. } => {
+                "write one value in all rows of a sweep, or number the sweeps"
             }
             Self::FitWindow { .. } => "correct one of them, or remove both columns",
             Self::NotASweep { .. } => "count sweeps from 0, or rename the column",

@@ -1,32 +1,32 @@
-//! Rows of cells under a header.
+//! Sweeps as rows of cells below a header.
 
 use std::{f64::consts::PI, time::Duration};
 
 use num_complex::Complex64;
-use rig_engine::flagged;
-use rig_files::Location;
 use rig_model::{Impedance, Measured, Reading, ReadingFlag, RigTime, Window};
-use rig_resonance::{Circuit, NoisePrior, Past, Timing};
+use rig_resonance::{Circuit, NoisePrior, Past, Timing, flagged};
 
 use super::{
-    FileSweep, Notes, Told, behind,
+    FaultCollector, FileSweep, FitSettings,
     cells::{Separator, cells},
-    head::Quantity,
+    fault::SweepFileFault,
     header::{Column, Header, is_comment},
-    inverse, lines, location, measured,
+    lines, location, measured,
     number::{Numbers, Value, excerpt},
-    refusal::Refusal,
+    of_admittance, of_reflection,
+    quantity::Quantity,
 };
+use crate::Location;
 
-/// Of the reflections in a table, which do not say their reference.
+/// Reference of reflections in a table, which does not state it.
 const REFERENCE_OHM: f64 = 50.0;
 
-/// What a row says.
+/// The values of a row.
 #[derive(Debug, Clone, Copy)]
 struct Row {
-    /// By quantity, in the units of their keys.
+    /// Values by quantity, in the units of the keys.
     values: [Option<f64>; Quantity::COUNT],
-    /// Zero where it was overloaded.
+    /// Impedance; zero for an overload.
     impedance_ohm: Complex64,
     flag: Option<ReadingFlag>,
     is_used: bool,
@@ -36,31 +36,31 @@ struct Row {
     line: usize,
 }
 
-/// Reads a file of rows: all of its sweeps, or the one that is asked for.
-pub(super) fn read(text: &str, sweep: Option<u64>, notes: &mut Notes) -> Vec<FileSweep> {
-    let Some(header) = Header::find(text, notes) else { return Vec::new() };
-    let mut rows = rows(&header, text, notes);
+/// Reads a file of rows: all sweeps, or the selected one.
+pub(super) fn read(text: &str, sweep: Option<u64>, faults: &mut FaultCollector) -> Vec<FileSweep> {
+    let Some(header) = Header::find(text, faults) else { return Vec::new() };
+    let mut rows = rows(&header, text, faults);
     match (header.column(Quantity::Sweep), sweep) {
-        (Some(column), Some(asked)) => choose(&mut rows, asked, column.location, notes),
-        (None, Some(_)) => notes.refuse(header.columns[0].location, &Refusal::NoNumbers),
+        (Some(column), Some(asked)) => choose(&mut rows, asked, column.location, faults),
+        (None, Some(_)) => faults.refuse(header.columns[0].location, &SweepFileFault::NoNumbers),
         (_, None) => {}
     }
     rows.sort_by_key(|row| row.sweep);
-    rows.chunk_by(|a, b| a.sweep == b.sweep).map(|rows| one(&header, rows, notes)).collect()
+    rows.chunk_by(|a, b| a.sweep == b.sweep).map(|rows| one(&header, rows, faults)).collect()
 }
 
 /// The rows of one sweep.
-fn one(header: &Header<'_>, rows: &[Row], notes: &mut Notes) -> FileSweep {
+fn one(header: &Header<'_>, rows: &[Row], faults: &mut FaultCollector) -> FileSweep {
     let has = |quantity| header.column(quantity).is_some();
-    let told = told(rows, notes);
+    let fit = fit_settings(rows, faults);
     let number = header.column(Quantity::Sweep).and(rows.first()).map(|row| row.sweep);
     let mut rows = rows.to_vec();
-    let begins_s = if has(Quantity::Time) { put_in_time(&mut rows) } else { 0.0 };
-    // Others do not measure again what their analyzer flags.
-    let is_rigs = told.timing.is_some();
+    let begins_s = if has(Quantity::Time) { sort_by_time(&mut rows) } else { 0.0 };
+    // Only rigd measures again after a flag.
+    let is_rigs = fit.timing.is_some();
     let all: Vec<Reading> = rows.iter().map(Row::reading).collect();
-    // What had hardly settled counts for as much as it has, where the noise is told.
-    let is_used = |row: &Row| row.is_used || (told.noise.is_some() && row.flag.is_none());
+    // With a known noise, the fit gives readings that have hardly settled a small weight.
+    let is_used = |row: &Row| row.is_used || (fit.noise.is_some() && row.flag.is_none());
     let used = rows.iter().zip(&all).filter(|(row, _)| is_used(row));
     FileSweep {
         number,
@@ -68,14 +68,14 @@ fn one(header: &Header<'_>, rows: &[Row], notes: &mut Notes) -> FileSweep {
         has_dwell: has(Quantity::Settle) && has(Quantity::Integration),
         has_time: has(Quantity::Time),
         begins_s,
-        told,
+        fit,
         given_up: if is_rigs { flagged(&all) } else { None },
     }
 }
 
-/// What the rows of a sweep tell the fit, which is the same in each.
-fn told(rows: &[Row], notes: &mut Notes) -> Told {
-    let Some(first) = rows.first() else { return Told::default() };
+/// The settings of the fit, which are the same in all rows of a sweep.
+fn fit_settings(rows: &[Row], faults: &mut FaultCollector) -> FitSettings {
+    let Some(first) = rows.first() else { return FitSettings::default() };
     let numbers = [
         Quantity::FitMin,
         Quantity::FitMax,
@@ -90,22 +90,22 @@ fn told(rows: &[Row], notes: &mut Notes) -> Told {
     ];
     for row in rows {
         let location = Location { line: row.line, column: 1 };
-        let is_other = |quantity: &Quantity| row.told(*quantity) != first.told(*quantity);
+        let is_other = |quantity: &Quantity| row.value(*quantity) != first.value(*quantity);
         let other = numbers.into_iter().find(is_other);
         let other = other.or((row.timing != first.timing).then_some(Quantity::FitTiming));
         let other = other.or((row.has_loss != first.has_loss).then_some(Quantity::FitLoss));
         if let Some(quantity) = other {
-            notes.refuse(location, &Refusal::ToldOtherwise { quantity });
+            faults.refuse(location, &SweepFileFault::UnequalSetting { quantity });
             break;
         }
     }
     let [min_hz, max_hz, at_ten_cycles, degrees, target_hz, near @ ..] =
-        numbers.map(|quantity| first.told(quantity));
+        numbers.map(|quantity| first.value(quantity));
     let window = min_hz.zip(max_hz).map(|(min_hz, max_hz)| Window { min_hz, max_hz });
     if let Some(Window { min_hz, max_hz }) = window.filter(|window| window.max_hz <= window.min_hz)
     {
         let location = Location { line: first.line, column: 1 };
-        notes.refuse(location, &Refusal::FitWindow { min_hz, max_hz });
+        faults.refuse(location, &SweepFileFault::FitWindow { min_hz, max_hz });
     }
     let noise = at_ten_cycles.map(|at_ten_cycles| NoisePrior {
         at_ten_cycles,
@@ -119,11 +119,11 @@ fn told(rows: &[Row], notes: &mut Notes) -> Told {
         }
         _ => None,
     };
-    Told { window, noise, timing: first.timing, always_loss, target_hz, near }
+    FitSettings { window, noise, timing: first.timing, always_loss, target_hz, near }
 }
 
 /// The rows below the header.
-fn rows(header: &Header<'_>, text: &str, notes: &mut Notes) -> Vec<Row> {
+fn rows(header: &Header<'_>, text: &str, faults: &mut FaultCollector) -> Vec<Row> {
     let mut numbers = Numbers::default();
     let mut rows = Vec::new();
     for (line, text) in lines(text).skip(header.line) {
@@ -133,11 +133,11 @@ fn rows(header: &Header<'_>, text: &str, notes: &mut Notes) -> Vec<Row> {
         if is_comment || text.trim().is_empty() || text == header.text {
             continue;
         }
-        // As Keysight and Agilent end a block.
-        if notes.is_full() || text.trim() == "END" {
+        // The end of a block of Keysight and Agilent.
+        if faults.is_full() || text.trim() == "END" {
             break;
         }
-        rows.extend(row(header, line, text, &mut numbers, notes));
+        rows.extend(row(header, line, text, &mut numbers, faults));
     }
     for phase in [Quantity::Phase, Quantity::ReflectionPhase] {
         if let Some(column) = header.column(phase)
@@ -145,24 +145,24 @@ fn rows(header: &Header<'_>, text: &str, notes: &mut Notes) -> Vec<Row> {
             && !rows.is_empty()
             && rows.iter().all(|row| row.of(phase).abs() <= PI)
         {
-            notes.refuse(column.location, &Refusal::UnitlessPhase { key: phase.key() });
+            faults.refuse(column.location, &SweepFileFault::UnitlessPhase { key: phase.key() });
         }
     }
     rows
 }
 
-/// One row, if nothing is wrong with it.
+/// A row without faults.
 fn row(
     header: &Header<'_>,
     line: usize,
     text: &str,
     numbers: &mut Numbers,
-    notes: &mut Notes,
+    faults: &mut FaultCollector,
 ) -> Option<Row> {
     let mut cells = match cells(text, header.separator) {
         Ok(cells) => cells,
         Err(at) => {
-            notes.refuse(location(text, line, at), &Refusal::OpenQuote);
+            faults.refuse(location(text, line, at), &SweepFileFault::OpenQuote);
             return None;
         }
     };
@@ -171,8 +171,8 @@ fn row(
     }
     let needed = header.columns.iter().map(|column| column.index + 1).max().unwrap_or(0);
     if cells.len() < needed || cells.len() > header.width {
-        let refusal = Refusal::Cells { found: cells.len(), expected: header.width };
-        notes.refuse(Location { line, column: 1 }, &refusal);
+        let refusal = SweepFileFault::Cells { found: cells.len(), expected: header.width };
+        faults.refuse(Location { line, column: 1 }, &refusal);
         return None;
     }
     let mut row = Row {
@@ -186,13 +186,13 @@ fn row(
         line,
     };
     let mut is_complete = true;
-    // A row that says it was overloaded needs no impedance.
+    // An overloaded row needs no impedance, so the flag is read first.
     let is_flag = |column: &&Column| column.head.quantity == Quantity::Flag;
     let (flags, others): (Vec<_>, Vec<_>) = header.columns.iter().partition(is_flag);
     for column in flags.into_iter().chain(others) {
         let cell = &cells[column.index];
         if let Err(refusal) = row.take(column, &cell.text, numbers) {
-            notes.refuse(location(text, line, cell.at), &refusal);
+            faults.refuse(location(text, line, cell.at), &refusal);
             is_complete = false;
         }
     }
@@ -202,7 +202,7 @@ fn row(
             .impedance_ohm(first)
             .map_err(|refusal| {
                 let at = header.column(first).map_or(0, |column| cells[column.index].at);
-                notes.refuse(location(text, line, at), &refusal);
+                faults.refuse(location(text, line, at), &refusal);
             })
             .ok()?;
     }
@@ -210,26 +210,32 @@ fn row(
 }
 
 impl Row {
-    /// Takes in what a cell says.
-    fn take(&mut self, column: &Column, text: &str, numbers: &mut Numbers) -> Result<(), Refusal> {
+    /// Reads a cell.
+    fn take(
+        &mut self,
+        column: &Column,
+        text: &str,
+        numbers: &mut Numbers,
+    ) -> Result<(), SweepFileFault> {
         let quantity = column.head.quantity;
         if text.is_empty() {
             let is_overloaded = self.flag == Some(ReadingFlag::Overload);
-            let may_be_empty = quantity.is_told() || (is_overloaded && quantity.is_impedance());
-            return if may_be_empty { Ok(()) } else { Err(Refusal::EmptyCell { quantity }) };
+            let may_be_empty =
+                quantity.is_fit_setting() || (is_overloaded && quantity.is_impedance());
+            return if may_be_empty { Ok(()) } else { Err(SweepFileFault::EmptyCell { quantity }) };
         }
         let flag_of = |text: &str| {
-            let refusal = |_| Refusal::NotABool { text: excerpt(text) };
+            let refusal = |_| SweepFileFault::NotABool { text: excerpt(text) };
             text.to_ascii_lowercase().parse().map_err(refusal)
         };
         match quantity {
-            Quantity::Flag => self.flag_up(flag(text)?),
+            Quantity::Flag => self.set_flag(flag(text)?),
             Quantity::IsUsed => self.is_used = flag_of(text)?,
             Quantity::FitLoss => self.has_loss = Some(flag_of(text)?),
             Quantity::FitTiming => self.timing = Some(timing(text)?),
             Quantity::Sweep => {
                 self.sweep =
-                    text.parse().map_err(|_| Refusal::NotASweep { text: excerpt(text) })?;
+                    text.parse().map_err(|_| SweepFileFault::NotASweep { text: excerpt(text) })?;
             }
             _ => match numbers.read(text)? {
                 Value::Number(number) => {
@@ -237,47 +243,50 @@ impl Row {
                     let range = quantity.range();
                     if !range.contains(&found) {
                         let (min, max) = (*range.start(), *range.end());
-                        return Err(Refusal::OutOfRange { quantity, found, min, max });
+                        return Err(SweepFileFault::OutOfRange { quantity, found, min, max });
                     }
                     self.values[quantity as usize] = Some(found);
                 }
                 Value::Overload if quantity.is_impedance() => {
-                    self.flag_up(Some(ReadingFlag::Overload));
+                    self.set_flag(Some(ReadingFlag::Overload));
                 }
-                Value::Overload => return Err(Refusal::NotANumber { text: excerpt(text) }),
+                Value::Overload => return Err(SweepFileFault::NotANumber { text: excerpt(text) }),
             },
         }
         Ok(())
     }
 
-    /// An overload stays one, whatever a flag says.
-    fn flag_up(&mut self, flag: Option<ReadingFlag>) {
+    /// Sets the flag; an overload stays.
+    fn set_flag(&mut self, flag: Option<ReadingFlag>) {
         if self.flag != Some(ReadingFlag::Overload) {
             self.flag = flag;
         }
     }
 
-    /// Zero where there is no such column.
+    /// The value, or zero without its column.
     fn of(&self, quantity: Quantity) -> f64 {
-        self.told(quantity).unwrap_or(0.0)
+        self.value(quantity).unwrap_or(0.0)
     }
 
-    const fn told(&self, quantity: Quantity) -> Option<f64> {
+    /// The value, if the row has it.
+    const fn value(&self, quantity: Quantity) -> Option<f64> {
         self.values[quantity as usize]
     }
 
-    /// The impedance, when `first` is the first of the columns that make it.
-    fn impedance_ohm(&self, first: Quantity) -> Result<Complex64, Refusal> {
+    /// The impedance. `first` is the first of its two quantities.
+    fn impedance_ohm(&self, first: Quantity) -> Result<Complex64, SweepFileFault> {
         let of = |re, im| Complex64::new(self.of(re), self.of(im));
         measured(match first {
             Quantity::Magnitude => {
                 let radians = self.of(Quantity::Phase).to_radians();
                 Complex64::from_polar(self.of(Quantity::Magnitude), radians)
             }
-            Quantity::Conductance => inverse(of(Quantity::Conductance, Quantity::Susceptance))?,
+            Quantity::Conductance => {
+                of_admittance(of(Quantity::Conductance, Quantity::Susceptance))?
+            }
             Quantity::ReflectionReal => {
                 let reflection = of(Quantity::ReflectionReal, Quantity::ReflectionImaginary);
-                REFERENCE_OHM * behind(reflection)?
+                REFERENCE_OHM * of_reflection(reflection)?
             }
             Quantity::ReflectionMagnitude | Quantity::ReflectionDecibel => {
                 let magnitude = if first == Quantity::ReflectionDecibel {
@@ -286,7 +295,7 @@ impl Row {
                     self.of(first)
                 };
                 let radians = self.of(Quantity::ReflectionPhase).to_radians();
-                REFERENCE_OHM * behind(Complex64::from_polar(magnitude, radians))?
+                REFERENCE_OHM * of_reflection(Complex64::from_polar(magnitude, radians))?
             }
             _ => of(Quantity::Resistance, Quantity::Reactance),
         })
@@ -309,27 +318,27 @@ impl Row {
     }
 }
 
-fn flag(text: &str) -> Result<Option<ReadingFlag>, Refusal> {
+fn flag(text: &str) -> Result<Option<ReadingFlag>, SweepFileFault> {
     match text.to_ascii_lowercase().as_str() {
         "normal" => Ok(None),
         "low_signal" => Ok(Some(ReadingFlag::LowSignal)),
         "overload" => Ok(Some(ReadingFlag::Overload)),
-        _ => Err(Refusal::UnknownFlag { text: excerpt(text) }),
+        _ => Err(SweepFileFault::UnknownFlag { text: excerpt(text) }),
     }
 }
 
-fn timing(text: &str) -> Result<Timing, Refusal> {
+fn timing(text: &str) -> Result<Timing, SweepFileFault> {
     match text.to_ascii_lowercase().as_str() {
         "unknown" => Ok(Timing::Unknown),
         "waited" => Ok(Timing::Waited),
         "exact" => Ok(Timing::Exact(Past::Unknown)),
         "exact-from-rest" => Ok(Timing::Exact(Past::Rest)),
-        _ => Err(Refusal::UnknownTiming { text: excerpt(text) }),
+        _ => Err(SweepFileFault::UnknownTiming { text: excerpt(text) }),
     }
 }
 
-/// Leaves the rows of one sweep.
-fn choose(rows: &mut Vec<Row>, asked: u64, location: Location, notes: &mut Notes) {
+/// Keeps the rows of one sweep.
+fn choose(rows: &mut Vec<Row>, asked: u64, location: Location, faults: &mut FaultCollector) {
     let mut numbers: Vec<u64> = rows.iter().map(|row| row.sweep).collect();
     numbers.sort_unstable();
     numbers.dedup();
@@ -337,14 +346,13 @@ fn choose(rows: &mut Vec<Row>, asked: u64, location: Location, notes: &mut Notes
         && !numbers.contains(&asked)
     {
         let (count, first, last) = (numbers.len(), *first, *last);
-        notes.refuse(location, &Refusal::NoSuchSweep { asked, count, first, last });
+        faults.refuse(location, &SweepFileFault::NoSuchSweep { asked, count, first, last });
     }
     rows.retain(|row| row.sweep == asked);
 }
 
-/// Brings the rows into the order in which they were taken, and lets the time begin with the first.
-/// Returns when that was.
-fn put_in_time(rows: &mut [Row]) -> f64 {
+/// Sorts the rows by time, and counts the time from the first row. Returns the time of the first row.
+fn sort_by_time(rows: &mut [Row]) -> f64 {
     rows.sort_by(|a, b| a.of(Quantity::Time).total_cmp(&b.of(Quantity::Time)));
     let first_s = rows.first().map_or(0.0, |row| row.of(Quantity::Time));
     for row in rows {

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use rig_model::{Impedance, Reading, ReadingFlag, Window};
 use rig_resonance::{NoisePrior, Past, Timing};
 
-use super::{FileSweep, SweepFile, Told};
+use super::{FileSweep, FitSettings, SweepFile};
 
 fn read_all(name: &str, text: &str) -> Vec<FileSweep> {
     let file = SweepFile::read(name, text, None);
@@ -47,7 +47,7 @@ fn check_faults(name: &str, text: &str, expected: &[&str]) {
 }
 
 #[test]
-fn rows_are_read_whoever_wrote_them() {
+fn rows_of_every_origin_are_read() {
     let polar = "47008.61623149527\t-88.90298084780932";
     let second = "39051.248379533274\t-87.06432655357884";
     let admittance = "4.072748335829777e-07\t2.1268796864888837e-05";
@@ -174,14 +174,14 @@ fn what_a_file_tells_the_fit_is_read_with_the_readings() {
     let header = "frequency_hz,resistance_ohm,reactance_ohm,is_used,fit_min_hz,fit_max_hz,\
                   fit_noise_at_ten_cycles,fit_noise_degrees_of_freedom,fit_timing,fit_always_loss,\
                   fit_target_sigma_hz";
-    let told = |cells: &str| {
+    let settings = |cells: &str| {
         let text = format!("{header}\n120,900,-47000,false{cells}\n140,2000,-39000,true{cells}\n");
         let sweep = read("a.csv", &text);
-        (sweep.readings.len(), sweep.told)
+        (sweep.readings.len(), sweep.fit)
     };
     let window = Some(Window { min_hz: 125.0, max_hz: 160.0 });
     let noise = |degrees_of_freedom| NoisePrior { at_ten_cycles: 0.005, degrees_of_freedom };
-    let all = Told {
+    let all = FitSettings {
         window,
         noise: Some(noise(4.0)),
         timing: Some(Timing::Exact(Past::Rest)),
@@ -189,32 +189,32 @@ fn what_a_file_tells_the_fit_is_read_with_the_readings() {
         target_hz: Some(0.05),
         near: None,
     };
-    // With the noise told, readings count for as much as they have settled, and none is left out.
-    assert_eq!(told(",125,160,0.005,4,exact-from-rest,true,0.05"), (2, all));
-    let stated = Told {
+    // With a known noise, no reading is left out: the fit weighs them by their settling.
+    assert_eq!(settings(",125,160,0.005,4,exact-from-rest,true,0.05"), (2, all));
+    let stated = FitSettings {
         window,
         noise: Some(noise(NoisePrior::STATED_DEGREES)),
         timing: Some(Timing::Waited),
-        ..Told::default()
+        ..FitSettings::default()
     };
-    assert_eq!(told(",125,160,0.005,,\"Waited\",FALSE,"), (2, stated));
-    assert_eq!(told(",,,,,,,"), (1, Told::default()));
+    assert_eq!(settings(",125,160,0.005,,\"Waited\",FALSE,"), (2, stated));
+    assert_eq!(settings(",,,,,,,"), (1, FitSettings::default()));
     for (word, timing) in [("unknown", Timing::Unknown), ("exact", Timing::Exact(Past::Unknown))] {
-        assert_eq!(told(&format!(",,,,,{word},,")).1.timing, Some(timing));
+        assert_eq!(settings(&format!(",,,,,{word},,")).1.timing, Some(timing));
     }
 
     let near = "f,R,X,fit_near_resonance_hz,fit_near_quality_factor,fit_near_static_capacitance_f,\
                 fit_near_capacitance_ratio,fit_near_loss_tangent\n\
                 120,900,-47000,140,60,2e-8,0.05,-0.0\n140,2000,-39000,140,60,2e-8,0.05,-0.0\n";
-    let circuit = read("a.csv", near).told.near.unwrap();
+    let circuit = read("a.csv", near).fit.near.unwrap();
     assert_eq!((circuit.resonance_hz, circuit.q), (140.0, 60.0));
     assert_eq!((circuit.c0_farad, circuit.c1_farad, circuit.loss_tangent), (2e-8, 1e-9, 0.0));
-    // Without one of its parts it is none.
-    assert_eq!(read("a.csv", &near.replace(",60,", ",,")).told.near, None);
+    // All parts are needed.
+    assert_eq!(read("a.csv", &near.replace(",60,", ",,")).fit.near, None);
 }
 
 #[test]
-fn what_the_analyzer_flagged_was_measured_again_or_given_up_in_a_sweep_of_rigd() {
+fn a_flagged_reading_of_rigd_was_repeated_or_ended_the_sweep() {
     let rows = "120,900,-47000,true,normal,TIMING\n130,1,-1,false,low_signal,TIMING\n\
                 130,900,-47000,false,normal,TIMING\n140,,,false,overload,TIMING\n\
                 140,,,false,overload,TIMING\n";
@@ -239,7 +239,7 @@ fn what_the_analyzer_flagged_was_measured_again_or_given_up_in_a_sweep_of_rigd()
 }
 
 #[test]
-fn what_a_file_tells_the_fit_and_cannot_mean_is_a_fault() {
+fn an_impossible_setting_of_the_fit_is_a_fault() {
     check_faults(
         "a.csv",
         "f,R,X,fit_min_hz,fit_max_hz\n120,900,-47000,160,125\n140,2000,-39000,160,125\n",
@@ -262,13 +262,15 @@ fn what_a_file_tells_the_fit_and_cannot_mean_is_a_fault() {
     check_faults(
         "a.csv",
         "sweep,f,R,X,fit_max_hz\n1,120,900,-47000,160\n2,120,900,-47000,170\n1,140,2000,-39000,165\n",
-        &["a.csv:4:1: the upper end of the window of the fit is not that of the first row of the \
-           sweep; say the same in every row of a sweep, or number the sweeps"],
+        &[
+            "a.csv:4:1: the upper end of the window of the fit differs from that of the first row of \
+           the sweep; write one value in all rows of a sweep, or number the sweeps",
+        ],
     );
 }
 
 #[test]
-fn every_fault_is_said_at_once_with_its_place() {
+fn all_faults_are_reported_at_once() {
     check_faults(
         "a.csv",
         "frequency_hz,resistance_ohm,reactance_ohm\n120,900\n-130,900,abc\n140,,-39000\n150,1,2,3\n\
@@ -303,14 +305,15 @@ fn every_fault_is_said_at_once_with_its_place() {
     let rows = "x,900,-47000\n".repeat(50);
     let faults = SweepFile::read("a.csv", &format!("f,R,X\n{rows}"), None).unwrap_err();
     assert_eq!(faults.len(), 21);
-    assert!(faults.to_string().ends_with(
-        "more is wrong than the 20 faults above; mend them, and \
-         look again"
-    ));
+    assert!(
+        faults
+            .to_string()
+            .ends_with("the file has more faults than the 20 above; correct these first")
+    );
 }
 
 #[test]
-fn a_header_that_does_not_do_is_refused_for_what_it_lacks() {
+fn a_faulty_header_is_refused() {
     let begin = "begin with the line `frequency_hz,resistance_ohm,reactance_ohm`, then one line \
                  for each reading";
     let pairs = "no columns make an impedance; name two `resistance_ohm` and `reactance_ohm`, or \
@@ -343,7 +346,7 @@ fn a_header_that_does_not_do_is_refused_for_what_it_lacks() {
 }
 
 #[test]
-fn touchstone_that_does_not_do_is_refused() {
+fn faulty_touchstone_is_refused() {
     for (text, fault) in [
         (
             "# HZ S RI R 50 Q\n",
@@ -384,7 +387,7 @@ fn touchstone_that_does_not_do_is_refused() {
 }
 
 #[test]
-fn bytes_are_read_as_what_instruments_write() {
+fn bytes_are_read_in_the_encodings_of_instruments() {
     let text = "f;|Z| [Ω];θ [°]";
     let wide = |mark: u16, bytes: fn(u16) -> [u8; 2]| -> Vec<u8> {
         [mark].into_iter().chain(text.encode_utf16()).flat_map(bytes).collect()
@@ -399,16 +402,16 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 4_000, ..ProptestConfig::default() })]
 
     #[test]
-    fn no_input_makes_it_panic(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+    fn no_input_causes_a_panic(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
         let text = SweepFile::decode(&bytes);
         for name in ["a.csv", "a.s1p"] {
             let _ = SweepFile::read(name, &text, None);
         }
     }
 
-    /// Texts of the pieces that files are made of get further in than random bytes.
+    /// Random texts of the words of real files test more than random bytes.
     #[test]
-    fn what_is_read_is_readable(
+    fn accepted_readings_are_positive_and_finite(
         pieces in proptest::collection::vec(
             proptest::sample::select(vec![
                 "f", "R", "X", "|Z|", "S11(DB)", "s11_deg", "theta", "deg", "G", "B", "time_s", "settle_s", "sweep",

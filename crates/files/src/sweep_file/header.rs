@@ -1,17 +1,16 @@
 //! The line that names the columns.
 
-use rig_files::Location;
-
 use super::{
-    Notes,
-    cells::{Cell, Separator, cells},
-    head::{Head, Quantity},
+    FaultCollector,
+    cells::{CsvCell, Separator, cells},
+    fault::SweepFileFault,
     lines, location,
     number::excerpt,
-    refusal::Refusal,
+    quantity::{ColumnHead, Quantity},
 };
+use crate::Location;
 
-/// In the order of preference where a file has more than one.
+/// The pairs of quantities that give an impedance. In a file with several, the first one counts.
 const PAIRS: [[Quantity; 2]; 6] = [
     [Quantity::Resistance, Quantity::Reactance],
     [Quantity::Magnitude, Quantity::Phase],
@@ -25,29 +24,29 @@ const PAIRS: [[Quantity; 2]; 6] = [
 #[derive(Debug)]
 pub(super) struct Header<'a> {
     pub(super) text: &'a str,
-    /// Counts from 1.
+    /// Number of the line, from 1.
     pub(super) line: usize,
     pub(super) separator: Separator,
-    /// How many cells a row may have.
+    /// Largest number of cells of a row.
     pub(super) width: usize,
-    /// Those that are known. Of those that make an impedance only one pair is here.
+    /// The known columns, with one pair for the impedance.
     pub(super) columns: Vec<Column>,
-    /// The two columns that make the impedance.
+    /// The two quantities of the impedance.
     pub(super) pair: Option<[Quantity; 2]>,
 }
 
-/// A column that is known.
+/// A known column.
 #[derive(Debug)]
 pub(super) struct Column {
     pub(super) index: usize,
     pub(super) location: Location,
-    pub(super) head: Head,
+    pub(super) head: ColumnHead,
     text: String,
 }
 
 impl<'a> Header<'a> {
-    /// The first line that names a frequency and an impedance. What stands above it is no data.
-    pub(super) fn find(text: &'a str, notes: &mut Notes) -> Option<Self> {
+    /// The first line that names a frequency and an impedance. The lines above it are not data.
+    pub(super) fn find(text: &'a str, faults: &mut FaultCollector) -> Option<Self> {
         let mut best: Option<Self> = None;
         for (line, text) in lines(text) {
             for separator in Separator::ALL {
@@ -56,7 +55,7 @@ impl<'a> Header<'a> {
                 }
                 let Some(header) = Self::of(text, line, separator) else { continue };
                 if header.pair.is_some() && header.column(Quantity::Frequency).is_some() {
-                    return header.check(notes).then_some(header);
+                    return header.check(faults).then_some(header);
                 }
                 if header.columns.len() > best.as_ref().map_or(0, |best| best.columns.len()) {
                     best = Some(header);
@@ -67,25 +66,25 @@ impl<'a> Header<'a> {
             Some(best) => {
                 let location = best.columns[0].location;
                 if best.column(Quantity::Frequency).is_none() {
-                    notes.refuse(location, &Refusal::NoFrequency);
+                    faults.refuse(location, &SweepFileFault::NoFrequency);
                 }
                 if best.pair.is_none() {
-                    notes.refuse(location, &Refusal::NoImpedance);
+                    faults.refuse(location, &SweepFileFault::NoImpedance);
                 }
             }
             None => {
                 match lines(text).find(|(_, text)| !text.trim().is_empty() && !is_comment(text)) {
                     Some((line, _)) => {
-                        notes.refuse(Location { line, column: 1 }, &Refusal::NoHeader);
+                        faults.refuse(Location { line, column: 1 }, &SweepFileFault::NoHeader);
                     }
-                    None => notes.refuse(Location::START, &Refusal::Empty),
+                    None => faults.refuse(Location::START, &SweepFileFault::Empty),
                 }
             }
         }
         None
     }
 
-    /// The columns that this line names. It may stand in a comment.
+    /// The columns of this line, which may be a comment.
     fn of(text: &'a str, line: usize, separator: Separator) -> Option<Self> {
         let bare = text.trim_start().trim_start_matches(['#', '!', ';']);
         let mut all = cells(bare, separator).ok()?;
@@ -93,9 +92,9 @@ impl<'a> Header<'a> {
             all.pop();
         }
         let before = text.len() - bare.len();
-        let column = |(index, cell): (usize, &Cell<'_>)| {
+        let column = |(index, cell): (usize, &CsvCell<'_>)| {
             let location = location(text, line, before + cell.at);
-            let head = Head::of(&cell.text)?;
+            let head = ColumnHead::of(&cell.text)?;
             Some(Column { index, location, text: excerpt(&cell.text), head })
         };
         let mut columns: Vec<_> = all.iter().enumerate().filter_map(column).collect();
@@ -115,24 +114,25 @@ impl<'a> Header<'a> {
         self.columns.iter().find(|column| column.head.quantity == quantity)
     }
 
-    /// Whether every column is there once and has a unit that is known.
-    fn check(&self, notes: &mut Notes) -> bool {
+    /// Whether no column is repeated and every unit is known.
+    fn check(&self, faults: &mut FaultCollector) -> bool {
         for (index, column) in self.columns.iter().enumerate() {
-            let Head { quantity, factor, ref unit } = column.head;
+            let ColumnHead { quantity, factor, ref unit } = column.head;
             if self.columns[..index].iter().any(|other| other.head.quantity == quantity) {
                 let header = column.text.clone();
-                notes.refuse(column.location, &Refusal::Twice { header, quantity });
+                faults
+                    .refuse(column.location, &SweepFileFault::RepeatedColumn { header, quantity });
             }
             if factor.is_none() {
                 let unit = excerpt(unit.as_deref().unwrap_or_default());
-                notes.refuse(column.location, &Refusal::UnknownUnit { unit, quantity });
+                faults.refuse(column.location, &SweepFileFault::UnknownUnit { unit, quantity });
             }
         }
-        notes.faults.is_empty()
+        faults.list.is_empty()
     }
 }
 
-/// Whether a line above the header is only for people.
+/// Whether a line is a comment.
 pub(super) fn is_comment(line: &str) -> bool {
     line.trim_start().starts_with(['#', '!', ';'])
 }

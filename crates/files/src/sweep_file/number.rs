@@ -1,31 +1,31 @@
-//! Numbers as instruments and spreadsheets write them.
+//! Numbers in the formats of instruments and spreadsheets.
 
-use super::refusal::Refusal;
+use super::fault::SweepFileFault;
 
-/// How SCPI instruments write that there is no number: 9.91e37 and the infinities beside it.
+/// Smallest of the numbers that mean none in SCPI: 9.9e37 is infinity, 9.91e37 is not a number.
 const NO_NUMBER: f64 = 9.9e37;
 
-/// Reads numbers of one file, which has one kind of decimal mark.
+/// Reads the numbers of a file, which has one kind of decimal mark.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Numbers {
     mark: Option<char>,
 }
 
-/// What stands in a cell.
+/// The value of a cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Value {
     Number(f64),
-    /// The instrument could not measure.
+    /// The instrument was overloaded.
     Overload,
 }
 
 impl Numbers {
     /// The number in a cell.
-    pub(super) fn read(&mut self, text: &str) -> Result<Value, Refusal> {
+    pub(super) fn read(&mut self, text: &str) -> Result<Value, SweepFileFault> {
         if ["OL", "OF", "OVLD", "OVERLOAD"].iter().any(|word| text.eq_ignore_ascii_case(word)) {
             return Ok(Value::Overload);
         }
-        let refused = || Refusal::NotANumber { text: excerpt(text) };
+        let refused = || SweepFileFault::NotANumber { text: excerpt(text) };
         let mut marks = text.chars().filter(|character| matches!(character, '.' | ','));
         let number: f64 = match (marks.next(), marks.next()) {
             (Some(_), Some(_)) => return Err(refused()),
@@ -39,13 +39,13 @@ impl Numbers {
         if let Some(mark) = text.chars().find(|character| matches!(character, '.' | ','))
             && *self.mark.get_or_insert(mark) != mark
         {
-            return Err(Refusal::MixedMarks { text: excerpt(text) });
+            return Err(SweepFileFault::MixedMarks { text: excerpt(text) });
         }
         Ok(if number.abs() < NO_NUMBER { Value::Number(number) } else { Value::Overload })
     }
 }
 
-/// As much of a text as fits into a message.
+/// The start of a text, for a message.
 pub(super) fn excerpt(text: &str) -> String {
     const CHARACTERS: usize = 40;
     match text.char_indices().nth(CHARACTERS) {

@@ -1,8 +1,8 @@
-//! A line cut into cells.
+//! The cells of a line.
 
 use std::{borrow::Cow, ops::Range};
 
-/// What stands between two cells.
+/// The character between two cells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Separator {
     Tab,
@@ -12,10 +12,10 @@ pub(super) enum Separator {
 }
 
 impl Separator {
-    /// What is rarer within a cell comes first.
+    /// Characters that are rarer within a cell come first.
     pub(super) const ALL: [Self; 4] = [Self::Tab, Self::Semicolon, Self::Comma, Self::Spaces];
 
-    /// Whether a line without it need not be looked at: without any separator it is one cell.
+    /// Whether a line without this character can be skipped: other separators find its one cell.
     pub(super) const fn is_rare(self) -> bool {
         matches!(self, Self::Tab | Self::Semicolon)
     }
@@ -30,19 +30,19 @@ impl Separator {
     }
 }
 
-/// A cell without the blanks and the quotation marks around it.
+/// A cell, without the blanks and quotation marks around it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Cell<'a> {
+pub(super) struct CsvCell<'a> {
     pub(super) text: Cow<'a, str>,
-    /// Where it begins, in bytes of the line.
+    /// Byte of the line at which it begins.
     pub(super) at: usize,
 }
 
 /// The cells of a line.
 ///
 /// # Errors
-/// Where a quotation mark stands that is not closed.
-pub(super) fn cells(line: &str, separator: Separator) -> Result<Vec<Cell<'_>>, usize> {
+/// The byte of a quotation mark that is not closed.
+pub(super) fn cells(line: &str, separator: Separator) -> Result<Vec<CsvCell<'_>>, usize> {
     let mut found = Vec::new();
     let mut begin = 0;
     // Where the open mark of a cell stands that begins with one.
@@ -65,7 +65,7 @@ pub(super) fn cells(line: &str, separator: Separator) -> Result<Vec<Cell<'_>>, u
     Ok(found)
 }
 
-fn push<'a>(found: &mut Vec<Cell<'a>>, line: &'a str, cell: Range<usize>, separator: Separator) {
+fn push<'a>(found: &mut Vec<CsvCell<'a>>, line: &'a str, cell: Range<usize>, separator: Separator) {
     let raw = &line[cell.clone()];
     let text = raw.trim();
     if separator == Separator::Spaces && text.is_empty() {
@@ -77,5 +77,5 @@ fn push<'a>(found: &mut Vec<Cell<'a>>, line: &'a str, cell: Range<usize>, separa
         Some(inner) => Cow::Borrowed(inner.trim()),
         None => Cow::Borrowed(text),
     };
-    found.push(Cell { text, at });
+    found.push(CsvCell { text, at });
 }

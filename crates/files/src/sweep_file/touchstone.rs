@@ -5,19 +5,20 @@
 //! p. 4–6; that Z and Y are divided by R and 1/R, p. 6.
 
 use num_complex::Complex64;
-use rig_files::Location;
 use rig_model::{Impedance, Measured, Reading, RigTime};
 
 use super::{
-    FREQUENCY_HZ, IMPEDANCE_OHM, Notes, behind,
-    cells::{Cell, Separator, cells},
-    head::Quantity,
-    inverse, lines, location, measured,
+    FREQUENCY_HZ, FaultCollector, IMPEDANCE_OHM,
+    cells::{CsvCell, Separator, cells},
+    fault::SweepFileFault,
+    lines, location, measured,
     number::{Numbers, Value, excerpt},
-    refusal::Refusal,
+    of_admittance, of_reflection,
+    quantity::Quantity,
 };
+use crate::{Faults, Location};
 
-/// What the numbers of a row mean.
+/// The option line: the meaning of the numbers of a row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Options {
     hertz: f64,
@@ -33,7 +34,7 @@ enum Parameter {
     Admittance,
 }
 
-/// How a complex number is written.
+/// The two parts of a complex number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Format {
     RealImaginary,
@@ -52,7 +53,7 @@ impl Default for Options {
     }
 }
 
-/// Whether a text is Touchstone: by its name, or by an option line before anything else.
+/// Whether a file is Touchstone: it has the name of one, or begins with an option line.
 pub(super) fn is_it(name: &str, text: &str) -> bool {
     let name = name.to_ascii_lowercase();
     let is_named = name.rsplit_once(".s").is_some_and(|(_, rest)| {
@@ -61,17 +62,17 @@ pub(super) fn is_it(name: &str, text: &str) -> bool {
     });
     let first = lines(text).map(|(_, line)| bare(line)).find(|line| !line.trim().is_empty());
     let is_option_line = |line: &str| {
-        let mut notes = Notes { faults: rig_files::Faults::new("") };
+        let mut faults = FaultCollector { list: Faults::new("") };
         let is_bare = line.trim_start_matches([' ', '\t', '#']).is_empty();
         line.trim_start().starts_with('#')
             && !is_bare
-            && Options::read(line, 1, &mut notes).is_some()
+            && Options::read(line, 1, &mut faults).is_some()
     };
     is_named || first.is_some_and(is_option_line)
 }
 
 /// Reads a file.
-pub(super) fn read(text: &str, notes: &mut Notes) -> Vec<Reading> {
+pub(super) fn read(text: &str, faults: &mut FaultCollector) -> Vec<Reading> {
     let mut options = None;
     let mut readings = Vec::new();
     for (line, text) in lines(text) {
@@ -80,25 +81,25 @@ pub(super) fn read(text: &str, notes: &mut Notes) -> Vec<Reading> {
         if start.is_empty() {
             continue;
         }
-        if notes.is_full() {
+        if faults.is_full() {
             break;
         }
         if start.starts_with('[') {
-            notes.refuse(Location { line, column: 1 }, &Refusal::LaterVersion);
+            faults.refuse(Location { line, column: 1 }, &SweepFileFault::LaterVersion);
             break;
         }
         if start.starts_with('#') {
-            // Only the first one counts.
+            // Further option lines are ignored.
             if options.is_none() {
-                let Some(found) = Options::read(text, line, notes) else { break };
+                let Some(found) = Options::read(text, line, faults) else { break };
                 options = Some(found);
             }
             continue;
         }
         let options = *options.get_or_insert_default();
-        // Quotation marks mean nothing here and are found not to be numbers.
+        // Quotation marks are not special here, and are not numbers.
         let cells = cells(text, Separator::Spaces).unwrap_or_default();
-        readings.extend(options.row(&cells, line, text, notes));
+        readings.extend(options.row(&cells, line, text, faults));
     }
     readings
 }
@@ -109,16 +110,16 @@ fn bare(line: &str) -> &str {
 }
 
 impl Options {
-    fn read(text: &str, line: usize, notes: &mut Notes) -> Option<Self> {
+    fn read(text: &str, line: usize, faults: &mut FaultCollector) -> Option<Self> {
         let mut options = Self::default();
-        // The mark may touch the first word.
+        // A blank may be missing after the mark.
         let blank = text.replacen('#', " ", 1);
         let words = cells(&blank, Separator::Spaces).ok()?;
         let mut words = words.iter();
         let mut is_good = true;
         while let Some(word) = words.next() {
-            let mut refuse = |refusal: &Refusal| {
-                notes.refuse(location(text, line, word.at), refusal);
+            let mut refuse = |refusal: &SweepFileFault| {
+                faults.refuse(location(text, line, word.at), refusal);
                 is_good = false;
             };
             match word.text.to_ascii_uppercase().as_str() {
@@ -131,7 +132,7 @@ impl Options {
                 "Y" => options.parameter = Parameter::Admittance,
                 "G" | "H" => {
                     let name = if word.text.eq_ignore_ascii_case("g") { 'G' } else { 'H' };
-                    refuse(&Refusal::NotOnePort { name });
+                    refuse(&SweepFileFault::NotOnePort { name });
                 }
                 "RI" => options.format = Format::RealImaginary,
                 "MA" => options.format = Format::MagnitudeDegrees,
@@ -142,10 +143,10 @@ impl Options {
                         Ok(ohm) if ohm > 0.0 && IMPEDANCE_OHM.contains(&ohm) => {
                             options.reference_ohm = ohm;
                         }
-                        _ => refuse(&Refusal::NoReference { text: excerpt(text) }),
+                        _ => refuse(&SweepFileFault::NoReference { text: excerpt(text) }),
                     }
                 }
-                _ => refuse(&Refusal::UnknownOption { text: excerpt(&word.text) }),
+                _ => refuse(&SweepFileFault::UnknownOption { text: excerpt(&word.text) }),
             }
         }
         is_good.then_some(options)
@@ -153,25 +154,25 @@ impl Options {
 
     fn row(
         &self,
-        cells: &[Cell<'_>],
+        cells: &[CsvCell<'_>],
         line: usize,
         text: &str,
-        notes: &mut Notes,
+        faults: &mut FaultCollector,
     ) -> Option<Reading> {
         let [_, first, _] = cells else {
-            let refusal = Refusal::Numbers { found: cells.len() };
-            notes.refuse(Location { line, column: 1 }, &refusal);
+            let refusal = SweepFileFault::Numbers { found: cells.len() };
+            faults.refuse(Location { line, column: 1 }, &refusal);
             return None;
         };
         let mut numbers = [0.0; 3];
         let mut is_good = true;
         for (number, cell) in numbers.iter_mut().zip(cells) {
             match Numbers::default().read(&cell.text) {
-                // A comma is no decimal mark here.
+                // A comma is not a decimal mark here.
                 Ok(Value::Number(found)) if !cell.text.contains(',') => *number = found,
                 _ => {
-                    let refusal = Refusal::NotANumber { text: excerpt(&cell.text) };
-                    notes.refuse(location(text, line, cell.at), &refusal);
+                    let refusal = SweepFileFault::NotANumber { text: excerpt(&cell.text) };
+                    faults.refuse(location(text, line, cell.at), &refusal);
                     is_good = false;
                 }
             }
@@ -182,13 +183,13 @@ impl Options {
         let [frequency, a, b] = numbers;
         let frequency_hz = frequency * self.hertz;
         if !FREQUENCY_HZ.contains(&frequency_hz) {
-            let refusal = Refusal::OutOfRange {
+            let refusal = SweepFileFault::OutOfRange {
                 quantity: Quantity::Frequency,
                 found: frequency_hz,
                 min: *FREQUENCY_HZ.start(),
                 max: *FREQUENCY_HZ.end(),
             };
-            notes.refuse(location(text, line, cells[0].at), &refusal);
+            faults.refuse(location(text, line, cells[0].at), &refusal);
             return None;
         }
         match self.impedance_ohm(a, b) {
@@ -203,21 +204,21 @@ impl Options {
                 integration_s: 0.0,
             }),
             Err(refusal) => {
-                notes.refuse(location(text, line, first.at), &refusal);
+                faults.refuse(location(text, line, first.at), &refusal);
                 None
             }
         }
     }
 
-    fn impedance_ohm(&self, a: f64, b: f64) -> Result<Complex64, Refusal> {
+    fn impedance_ohm(&self, a: f64, b: f64) -> Result<Complex64, SweepFileFault> {
         let value = match self.format {
             Format::RealImaginary => Complex64::new(a, b),
             Format::MagnitudeDegrees => Complex64::from_polar(a, b.to_radians()),
             Format::DecibelDegrees => Complex64::from_polar(10_f64.powf(a / 20.0), b.to_radians()),
         };
         let one = match self.parameter {
-            Parameter::Scattering => behind(value)?,
-            Parameter::Admittance => inverse(value)?,
+            Parameter::Scattering => of_reflection(value)?,
+            Parameter::Admittance => of_admittance(value)?,
             Parameter::Impedance => value,
         };
         measured(self.reference_ohm * one)

@@ -1,0 +1,196 @@
+//! Sweep files: CSV of this program, of LCR meters and of spreadsheets, and Touchstone of network
+//! analyzers.
+//!
+//! The reader reports all faults of a file, each with its line and column. An ambiguous value (a phase
+//! without a unit, two kinds of decimal mark) is a fault, because a wrong number gives a wrong
+//! resonance. `rig-resonance` fits the readings.
+
+mod cells;
+mod csv;
+mod fault;
+mod header;
+mod number;
+mod quantity;
+mod touchstone;
+
+#[cfg(test)]
+mod tests;
+
+use std::ops::RangeInclusive;
+
+use num_complex::Complex64;
+use rig_model::{Reading, Window};
+use rig_resonance::{Circuit, FitOptions, NoisePrior, Timing};
+
+use crate::{Complaint, Faults, Location};
+use fault::SweepFileFault;
+use quantity::Quantity;
+
+/// One sweep of a file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FileSweep {
+    /// Number of the sweep, in a file that numbers its sweeps.
+    pub number: Option<u64>,
+    /// Readings in the order of their times, or of the file if it has no times.
+    pub readings: Vec<Reading>,
+    /// Whether the file has the settling and the integration time of each reading.
+    pub has_dwell: bool,
+    /// Whether the file has the time of each reading.
+    pub has_time: bool,
+    /// Time of the first reading by the clock of the file, s. The times of the readings start there.
+    pub begins_s: f64,
+    /// Settings of the fit in the file.
+    pub fit: FitSettings,
+    /// Reason for which rigd gave the sweep up, which makes its readings useless.
+    pub given_up: Option<rig_resonance::Refusal>,
+}
+
+/// Settings of the fit in a file that `rigd` wrote.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct FitSettings {
+    /// Frequency range of the sweep.
+    pub window: Option<Window>,
+    /// Noise of the readings, if it was known.
+    pub noise: Option<NoisePrior>,
+    /// Meaning of the times.
+    pub timing: Option<Timing>,
+    /// Whether the dielectric loss is always a free parameter.
+    pub always_loss: bool,
+    /// Largest accepted standard deviation of the resonance, Hz.
+    pub target_hz: Option<f64>,
+    /// Circuit that gives the weights of readings that have not settled.
+    pub near: Option<Circuit>,
+}
+
+/// A sweep file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SweepFile {
+    /// Its sweeps in the order of their numbers; at least one.
+    pub sweeps: Vec<FileSweep>,
+}
+
+/// Largest number of reported faults. More of them rarely help a person.
+const FAULTS_MAX: usize = 20;
+
+const FREQUENCY_HZ: RangeInclusive<f64> = 1e-6..=1e12;
+const IMPEDANCE_OHM: RangeInclusive<f64> = -1e15..=1e15;
+
+impl SweepFile {
+    /// Reads the text of a file. The faults have its `name`; the ending `.s1p` marks a Touchstone file
+    /// whose text is ambiguous. `sweep` selects a sweep by its number; `None` selects all.
+    ///
+    /// # Errors
+    /// The faults of the file, at most twenty, and a last one if there are more.
+    pub fn read(name: &str, text: &str, sweep: Option<u64>) -> Result<Self, Faults> {
+        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+        let mut faults = FaultCollector { list: Faults::new(name) };
+        let sweeps = if touchstone::is_it(name, text) {
+            vec![FileSweep::of(touchstone::read(text, &mut faults))]
+        } else {
+            csv::read(text, sweep, &mut faults)
+        };
+        let is_empty = sweeps.iter().all(|sweep| sweep.readings.is_empty());
+        if is_empty && faults.list.is_empty() {
+            faults.refuse(Location::START, &SweepFileFault::Empty);
+        }
+        faults.list.finish(Self { sweeps })
+    }
+
+    /// The text of a file: UTF-8, UTF-16 with a byte order mark, or otherwise Latin-1, which older
+    /// instruments use for `°` and `µ`.
+    pub fn decode(bytes: &[u8]) -> String {
+        let wide = |rest: &[u8], unit: fn([u8; 2]) -> u16| {
+            let units: Vec<u16> =
+                rest.chunks_exact(2).map(|pair| unit([pair[0], pair[1]])).collect();
+            String::from_utf16_lossy(&units)
+        };
+        match bytes {
+            [0xff, 0xfe, rest @ ..] => wide(rest, u16::from_le_bytes),
+            [0xfe, 0xff, rest @ ..] => wide(rest, u16::from_be_bytes),
+            _ => match str::from_utf8(bytes) {
+                Ok(text) => text.to_owned(),
+                Err(_) => bytes.iter().copied().map(char::from).collect(),
+            },
+        }
+    }
+}
+
+impl FileSweep {
+    /// A sweep of readings without times and settings.
+    fn of(readings: Vec<Reading>) -> Self {
+        let (has_dwell, has_time, begins_s) = (false, false, 0.0);
+        let (number, fit, given_up) = (None, FitSettings::default(), None);
+        Self { number, readings, has_dwell, has_time, begins_s, fit, given_up }
+    }
+
+    /// The options for the fit of this sweep. An unknown dwell makes the fit allow for readings that
+    /// have not settled.
+    pub fn fit_options(&self) -> FitOptions {
+        let FitSettings { window, noise, timing, always_loss, near, .. } = self.fit;
+        let guessed = if self.has_dwell { Timing::Waited } else { Timing::Unknown };
+        let timing = timing.unwrap_or(guessed);
+        FitOptions { window, noise, timing, always_loss, near }
+    }
+}
+
+/// The faults found so far, up to a limit.
+struct FaultCollector {
+    list: Faults,
+}
+
+impl FaultCollector {
+    fn refuse(&mut self, location: Location, fault: &SweepFileFault) {
+        match self.list.len() {
+            0..FAULTS_MAX => self.list.refuse(location, fault as &dyn Complaint),
+            FAULTS_MAX => self.list.refuse(location, &SweepFileFault::More { shown: FAULTS_MAX }),
+            _ => {}
+        }
+    }
+
+    fn is_full(&self) -> bool {
+        self.list.len() > FAULTS_MAX
+    }
+}
+
+/// The lines of a text with their numbers. Lines end with LF, CR LF or CR.
+fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    let end = if text.contains('\n') { '\n' } else { '\r' };
+    let lines = text.split(end).map(|line| line.strip_suffix('\r').unwrap_or(line));
+    lines.enumerate().map(|(index, line)| (index + 1, line))
+}
+
+/// The location of a byte of a line.
+fn location(text: &str, line: usize, at: usize) -> Location {
+    Location { line, column: 1 + text[..at].chars().count() }
+}
+
+/// Checks that an impedance is measurable: not zero and not too large.
+fn measured(impedance_ohm: Complex64) -> Result<Complex64, SweepFileFault> {
+    let found = impedance_ohm.norm();
+    let max = *IMPEDANCE_OHM.end();
+    if found == 0.0 {
+        Err(SweepFileFault::ZeroImpedance)
+    } else if found <= max {
+        Ok(impedance_ohm)
+    } else {
+        Err(SweepFileFault::OutOfRange { quantity: Quantity::Magnitude, found, min: 0.0, max })
+    }
+}
+
+/// The impedance of a reflection, as a multiple of the reference.
+fn of_reflection(reflection: Complex64) -> Result<Complex64, SweepFileFault> {
+    if reflection == Complex64::ONE {
+        Err(SweepFileFault::OpenCircuit)
+    } else {
+        Ok((1.0 + reflection) / (1.0 - reflection))
+    }
+}
+
+/// The impedance of an admittance.
+fn of_admittance(admittance: Complex64) -> Result<Complex64, SweepFileFault> {
+    if admittance == Complex64::ZERO {
+        Err(SweepFileFault::ZeroAdmittance)
+    } else {
+        Ok(1.0 / admittance)
+    }
+}

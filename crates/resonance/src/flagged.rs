@@ -1,0 +1,15 @@
+//! Measurements that the analyzer gave up.
+
+use rig_model::Reading;
+
+use crate::{Reason, Refusal};
+
+/// The reason of a measurement whose last reading is flagged: the analyzer gave up on this point after
+/// its last try.
+pub fn flagged(readings: &[Reading]) -> Option<Refusal> {
+    let last = readings.last()?;
+    let flag = last.flag()?;
+    let tries = readings.iter().rev().take_while(|reading| reading.flag().is_some()).count();
+    let reason = Reason::Flagged { flag, frequency_hz: last.frequency_hz, tries };
+    Some(Refusal { reason, estimate: None })
+}
