@@ -4,6 +4,8 @@ import { render } from "preact";
 import { useEffect, useState } from "preact/hooks";
 import { FaultCard, Progress, PromptCard, Running, SweepCard } from "./now.tsx";
 import { Protocols } from "./protocols.tsx";
+import { RigPage } from "./rig.tsx";
+import { RunPage, Runs } from "./runs.tsx";
 import { Band, hasSingleKeys, KeysDialog, pauseOrResume, StateRow, TABS, Tabs, TokenDialog, type Tab } from "./shell.tsx";
 import { follow, present, useView, type View } from "./store.ts";
 
@@ -62,6 +64,8 @@ function Screen({ view, place }: { view: View; place: Place }) {
   if (rig.asked) return <main class="prompting" id="main"><PromptCard view={view} asked={rig.asked} key={rig.asked.step} /><Progress view={view} isSmall /></main>;
   if (rig.state === "latched" && place.tab === "now") return <FaultCard view={view} />;
   if (rig.run && place.tab === "now") return <Running view={view} />;
+  if (place.tab === "runs") return place.id === undefined ? <Runs view={view} /> : <RunPage key={place.id} id={place.id} model={view.model} />;
+  if (place.tab === "rig") return <RigPage view={view} />;
   if (place.tab === "now" && rig.state === "running") return <main id="main" class="idle"><SweepCard model={view.model} /></main>;
   // When nothing is under way, what comes next is a start.
   return <Protocols view={view} again={place.tab === "protocols" ? place.id : undefined} />;

@@ -19,6 +19,9 @@ export interface LiveSweep {
   outcome: { resonance_hz: number; sigma_hz: number } | { reason: string } | undefined;
 }
 
+/** A sweep as the journal has it. */
+type Finished = Pick<LiveSweep, "readings" | "outcome" | "circuit">;
+
 export interface Touch {
   step: string;
   phase: "main" | "blind";
@@ -53,6 +56,8 @@ export interface CurrentRun {
 export interface Model {
   rig: Rig | undefined;
   sweep: LiveSweep | undefined;
+  /** The sweep that was finished last. */
+  finished: Finished | undefined;
   run: CurrentRun | undefined;
   asked: Partial<Record<Axis, { target: number; readBack: number }>>;
   /** What the touch under way is at. */
@@ -72,7 +77,7 @@ const HAPPENINGS_MAX = 200;
 const FREE_MAX = 500;
 
 export const empty = (): Model => ({
-  rig: undefined, sweep: undefined, run: undefined, asked: {}, activity: undefined,
+  rig: undefined, sweep: undefined, finished: undefined, run: undefined, asked: {}, activity: undefined,
   surface_mm: undefined, sample: undefined, orientation: undefined, fault: undefined,
   happenings: [], answered: undefined,
 });
@@ -103,8 +108,16 @@ export function withLive(model: Model, news: LiveNews): Model {
     circuit: news.circuit ?? same?.circuit,
     outcome: same?.outcome,
   };
+  const last = model.finished ? ended(sweep, model.finished) : sweep;
   const words = { no_load: "measuring the free resonance", touch: "sweep in contact", manual: "single sweep" };
-  return { ...model, sweep, activity: sweep.outcome ? model.activity : words[news.purpose] };
+  return { ...model, sweep: last, activity: last.outcome ? model.activity : words[news.purpose] };
+}
+
+/** The journal and the live readings come side by side: either may tell first that a sweep is over. */
+function ended(sweep: LiveSweep, finished: Finished): LiveSweep {
+  const isThis = sweep.readings[0]?.started_s === finished.readings[0]?.started_s;
+  if (!isThis || sweep.readings.length === 0) return sweep;
+  return { ...sweep, ...finished, circuit: finished.circuit ?? sweep.circuit };
 }
 
 export function withPlan(model: Model, id: string, plan: Plan, detail: RunDetail): Model {
@@ -162,17 +175,14 @@ function apply(model: Model, { run: id, record }: Event, rig_s: number): Model {
       const circuit = record.outcome.status === "accepted" && record.outcome.circuit
         ? { ...record.outcome.circuit, resonance_hz: record.outcome.resonance_hz }
         : undefined;
-      const last = model.sweep;
-      // Events that are replayed belong to sweeps before the one that is watched.
-      const isThis = last && last.readings.length === record.readings.length
-        && last.readings[0]?.started_s === record.readings[0]?.started_s;
-      const sweep = isThis ? { ...last, outcome, circuit: circuit ?? last.circuit } : last;
+      const finished = { readings: record.readings, outcome, circuit };
+      const sweep = model.sweep && ended(model.sweep, finished);
       const run = ofRun(model, id);
       const freeHz = run && record.purpose === "no_load" && record.outcome.status === "accepted"
         ? [...run.freeHz, { rig_s, hz: record.outcome.resonance_hz, sigma: record.outcome.sigma_hz }].slice(-FREE_MAX)
         : run?.freeHz;
       const activity = record.purpose === "touch" ? "going up" : undefined;
-      return { ...model, sweep, run: run && { ...run, freeHz: freeHz ?? [] }, activity };
+      return { ...model, sweep, finished, run: run && { ...run, freeHz: freeHz ?? [] }, activity };
     }
     case "touch_result":
       return withTouch(model, id, {

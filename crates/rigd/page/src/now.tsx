@@ -8,7 +8,7 @@ import { CirclePlot, NarrowingPlot, SweepPlots, resonanceOf } from "./plots.tsx"
 import { AskButton, Confirm } from "./shell.tsx";
 import { get, operator, post, useAsking, type View } from "./store.ts";
 import { Said } from "./shell.tsx";
-import type { Asked, Rig, RunDetail, RunEntry, TouchRow } from "./wire.ts";
+import type { Asked, Rig, RunDetail, RunEntry } from "./wire.ts";
 import { touchOfRow } from "./model.ts";
 
 /** When something on the rig's clock was, by the wall clock, ms. */
@@ -186,7 +186,7 @@ export function SweepCard({ model, live, before }: { model: Model; live?: LiveTo
           <p class="value">{refused !== undefined ? <span class="refused-word">✕ refused</span> : found ? <Value value={found.hz} sigma={found.sigma} unit="Hz" /> : <span class="soft">not yet known</span>}</p></div>
         {shift && sweep.purpose === "touch" && <div><h2>Shift</h2><p class="value second"><Value value={shift.shift_hz} sigma={shift.sigma_hz} unit="Hz" /></p></div>}
         {last?.shift_hz !== undefined && sweep.purpose === "touch" && <div><h2>Last good run here</h2><p class="value third">{fixed(last.shift_hz, 2)} <span class="unit">Hz</span></p></div>}
-        <p class="soft right">{sweep.readings.length} readings<br />{fixed(took, 1)} s of {fixed(sweep.time_limit_s, 0)} s</p>
+        <p class="soft right">{sweep.readings.length} {sweep.readings.length === 1 ? "reading" : "readings"}<br />{fixed(took, 1)} s of {fixed(sweep.time_limit_s, 0)} s</p>
         <div class="choice" role="group" aria-label="What is drawn">
           <button type="button" aria-pressed={mode === "z"} onClick={() => setMode("z")}>|Z|, phase</button>
           <button type="button" aria-pressed={mode === "gb"} onClick={() => setMode("gb")}>G, B</button>
@@ -373,5 +373,3 @@ function FrameList({ frames, rig }: { frames: { port: string; frames: { rig_us: 
     </details>
   );
 }
-
-export const rowOf = (row: TouchRow): Touch => touchOfRow(row);

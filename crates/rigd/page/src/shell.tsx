@@ -132,7 +132,7 @@ function StopButton({ view }: { view: View }) {
     : asking.at === "refused" ? asking.why : isLost ? "may not arrive: use the wired stop" : undefined;
   return (
     <button type="button" class={`stop${isLost ? " outlined" : ""}`} onClick={go}>
-      <Icon name="stop" size={26} /><span class="stop-word">Stop all</span>
+      <Icon name="stop" size={26} /><span class="stop-word">Stop all</span>{" "}
       {note === undefined ? <kbd>Esc Esc</kbd> : <span class="stop-note" role="status">{note}</span>}
     </button>
   );

@@ -71,6 +71,7 @@ export const operator = () => {
   return isName(name) ? name : "";
 };
 export const setOperator = (name: string) => { keep(localStorage, "operator", name.trim()); changed(); };
+export const hasToken = () => stored(sessionStorage, "token") !== "";
 export const setToken = (token: string) => { keep(sessionStorage, "token", token.trim()); needsToken = false; changed(); };
 
 function headers(more: Record<string, string> = {}): Record<string, string> {
@@ -186,13 +187,12 @@ export async function text(path: string): Promise<string> {
 }
 
 /** A link to what the daemon has, opened as a file: links cannot carry the token. */
-export async function open(path: string, name: string | undefined): Promise<void> {
+export async function open(path: string, name: string): Promise<void> {
   const blob = await (await ask(path, { headers: headers() })).blob();
   const url = URL.createObjectURL(blob);
   const link = document.createElement("a");
   link.href = url;
-  if (name) link.download = name;
-  else link.target = "_blank";
+  link.download = name;
   link.click();
   setTimeout(() => URL.revokeObjectURL(url), 60_000);
 }

@@ -1,0 +1,236 @@
+// The runs of this rig, and what one of them found.
+import { useEffect, useState } from "preact/hooks";
+import { day, degrees, duration, ending, fixed, stiffness } from "./format.ts";
+import { ShiftCharts } from "./drawings.tsx";
+import { Icon, SampleMark } from "./icons.tsx";
+import { touchOfRow, type LiveSweep, type Model } from "./model.ts";
+import { Legend } from "./now.tsx";
+import { NarrowingPlot, SweepPlots } from "./plots.tsx";
+import { get, hasToken, open, reasonOf, type View } from "./store.ts";
+import type { Direction, RunDetail, RunEntry, Sweep, TouchRow } from "./wire.ts";
+
+/** What a run that has ended found does not change; it is asked for once. */
+const known = new Map<string, RunDetail>();
+const KNOWN_MAX = 200;
+
+async function detailOf(run: RunEntry): Promise<RunDetail> {
+  const found = known.get(run.id);
+  if (found) return found;
+  const detail = await get<RunDetail>(`runs/${run.id}`);
+  if (detail.status !== "running" && known.size < KNOWN_MAX) known.set(run.id, detail);
+  return detail;
+}
+
+/** Rows whose figures are read at once; more are read when they are asked for. */
+const PAGE = 12;
+
+export function Runs({ view }: { view: View }) {
+  const [runs, setRuns] = useState<RunEntry[]>();
+  const [details, setDetails] = useState<Map<string, RunDetail>>(new Map());
+  const [wanted, setWanted] = useState("");
+  const [count, setCount] = useState(PAGE);
+  const status = view.model.run?.status;
+  const id = view.model.run?.id;
+  useEffect(() => { get<RunEntry[]>("runs").then((all) => setRuns([...all].sort((a, b) => b.started_at.localeCompare(a.started_at))), () => undefined); }, [status, id]);
+  const shown = (runs ?? []).filter((run) => `${run.name} ${run.protocol} ${ending(run.status)} ${day(run.started_at)}`.toLowerCase().includes(wanted.toLowerCase()));
+  const page = shown.slice(0, count);
+  useEffect(() => {
+    let isOver = false;
+    // One after the other: the journal is read for each.
+    void (async () => {
+      for (const run of page) {
+        if (isOver) return;
+        const detail = await detailOf(run).catch(() => undefined);
+        if (detail && !isOver) setDetails((old) => (old.get(run.id) === detail ? old : new Map(old).set(run.id, detail)));
+      }
+    })();
+    return () => { isOver = true; };
+  }, [runs, wanted, count]);
+  return (
+    <main class="runs" id="main">
+      <section class="card" aria-label="Runs">
+        <div class="row find"><label class="hidden" for="find">Find a run</label><input id="find" type="search" placeholder="Find: name, protocol, end, day" value={wanted} onInput={(event) => setWanted(event.currentTarget.value)} /><span class="soft">{runs ? runs.length === 1 ? "1 run" : `${runs.length} runs` : "reading…"}</span></div>
+        {runs?.length === 0 && <p>No runs yet. <a href="#/protocols">Start with smoke, about 5 minutes.</a></p>}
+        {page.length > 0 && (
+          <div class="scroll"><table class="run-list">
+            <thead><tr><th scope="col">run</th><th scope="col">shift by angle</th><th scope="col">end</th><th scope="col">measured</th><th scope="col">took</th></tr></thead>
+            <tbody>{page.map((run) => <RunRow key={run.id} run={run} detail={details.get(run.id)} />)}</tbody>
+          </table></div>
+        )}
+        {shown.length > count && <button type="button" onClick={() => setCount(count + PAGE)}>Show {Math.min(PAGE, shown.length - count)} more</button>}
+      </section>
+    </main>
+  );
+}
+
+function RunRow({ run, detail }: { run: RunEntry; detail: RunDetail | undefined }) {
+  const results = detail?.results;
+  return (
+    <tr>
+      <th scope="row"><a href={`#/runs/${run.id}`}>{run.name}</a><br /><span class="soft">{day(run.started_at)}</span></th>
+      <td>{results && <Thumbnail rows={results.touch_results} />}</td>
+      <td><EndChip status={run.status} /></td>
+      <td>{results && <><Share measured={results.touches_measured} refused={results.touches_refused} planned={results.touches_planned} />
+        {results.touches_measured} of {results.touches_planned}{results.touches_refused > 0 && <span class="refused-word">, ✕ {results.touches_refused}</span>}</>}</td>
+      <td>{results && duration(results.rig_seconds)}</td>
+    </tr>
+  );
+}
+
+function EndChip({ status }: { status: string }) {
+  const [tone, icon] = status.startsWith("completed") ? ["good", "check"] as const : status === "running" ? ["busy", "play"] as const
+    : status === "faulted" ? ["bad", "fault"] as const : ["ask", "cross"] as const;
+  return <span class={`chip ${tone}`}><Icon name={icon} size={16} />{ending(status)}</span>;
+}
+
+function Share({ measured, refused, planned }: { measured: number; refused: number; planned: number }) {
+  const of = (n: number) => (100 * n) / Math.max(1, planned);
+  return <svg class="share" width="110" height="9" aria-hidden="true"><rect class="cell" width="100%" height="9" /><rect class="span" width={`${of(measured)}%`} height="9" /><rect class="refused-fill" x={`${of(measured)}%`} width={`${of(refused)}%`} height="9" /></svg>;
+}
+
+function Thumbnail({ rows }: { rows: TouchRow[] }) {
+  const main = rows.filter((row) => row.phase === "main" && row.shift_hz != null);
+  const directions = [...new Set(rows.filter((r) => r.phase === "main").map((row) => row.direction))];
+  const samples = [...new Set(rows.map((row) => row.sample))];
+  const most = Math.max(1, ...main.map((row) => row.shift_hz ?? 0));
+  return (
+    <svg class="thumbnail" width={44 * Math.max(1, directions.length)} height="34" aria-hidden="true">
+      {directions.map((direction, d) => samples.map((sample, s) => {
+        const of = main.filter((row) => row.direction === direction && row.sample === sample).sort((a, b) => a.angle_deg - b.angle_deg);
+        const path = of.map((row, i) => `${i ? "L" : "M"}${d * 44 + 3 + (36 * row.angle_deg) / 45} ${31 - (28 * (row.shift_hz ?? 0)) / most}`).join("");
+        return path && <path key={`${direction}${sample}`} class={`line s${s % 5}`} d={path} />;
+      }))}
+    </svg>
+  );
+}
+
+// ---- One run ----------------------------------------------------------------------------------------
+
+export function RunPage({ id, model }: { id: string; model: Model }) {
+  const [detail, set] = useState<RunDetail>();
+  const [error, setError] = useState<string>();
+  const [opened, openTouch] = useState<TouchRow>();
+  const made = model.run?.id === id ? [...model.run.touches.values()].filter((t) => t.status !== "not_reached").length : 0;
+  useEffect(() => { get<RunDetail>(`runs/${id}`).then(set, (e: unknown) => setError(reasonOf(e))); }, [id, made, model.run?.status]);
+  if (error !== undefined) return <main id="main"><section class="card"><p role="alert">{error}</p><p><a href="#/runs">All runs</a></p></section></main>;
+  if (!detail) return <main id="main"><section class="card"><p class="soft">The journal is being read…</p></section></main>;
+  const { results } = detail;
+  const samples = [...new Set(results.touch_results.map((row) => row.sample))];
+  const mainRows = results.touch_results.filter((row) => row.phase === "main");
+  const blind = results.touch_results.filter((row) => row.phase === "blind");
+  const refused = results.touch_results.filter((row) => row.status === "refused");
+  const recognition = results.recognition[0];
+  return (
+    <main class="run-page" id="main">
+      <div class="row head">
+        <div><h2 class="title">{detail.name} <EndChip status={detail.status} /></h2>
+          <p class="soft">{day(detail.started_at)}{detail.finished_at ? ` to ${day(detail.finished_at)}` : ""} · {detail.protocol} · {duration(results.rig_seconds)} of rig · {results.prompts} prompts answered{results.no_load_hz != null ? ` · free resonance ${fixed(results.no_load_hz, 3)} Hz` : ""}</p></div>
+        <Downloads id={id} name={detail.name} />
+      </div>
+      <section class="card" aria-label="Stiffness">
+        <h2>Stiffness (Young's modulus) from shift by the model, ± σ with that of the calibration</h2>
+        {results.stiffness.length === 0 ? <p class="soft">None: too few touches were measured.</p> : (
+          <div class="stiffness">{results.stiffness.map((s) => {
+            const value = s.stiffness_mpa != null && s.sigma_mpa != null ? stiffness(s.stiffness_mpa, s.sigma_mpa) : undefined;
+            return (
+              <div key={s.sample}><h3><SampleMark index={samples.indexOf(s.sample)} /> sample {s.sample}</h3>
+                <p class="value second">{value ? <>{value.value} <span class="sigma">± {value.sigma}</span> <span class="unit">{value.unit}</span></> : <span class="refused-word">none</span>}</p>
+                <p class="soft">{s.used} of {s.planned} touches{s.known_mpa != null ? ` · known: ${fixed(s.known_mpa, 3)} MPa` : ""}</p>
+                {s.planned > s.used && <p class="refused-word">{s.planned - s.used} without a value</p>}</div>
+            );
+          })}</div>
+        )}
+      </section>
+      <section class="card matrix-card" aria-label="Touches">
+        <h2>Planned {results.touches_planned} · measured {results.touches_measured} · refused {results.touches_refused} · not reached {results.touches_not_reached} <span class="soft">(frequency shift, Hz; open one for its sweep)</span></h2>
+        {mainRows.length > 0 && <Matrix rows={mainRows} samples={samples} onOpen={openTouch} />}
+        {blind.length > 0 && (
+          <div class="blind"><h3>Blind touches, in order</h3>
+            {recognition && <p><strong>{recognition.correct} of {recognition.trials} right, {fixed(recognition.rate * 100, 0)} %</strong> <span class="soft">(95 %: {fixed(recognition.low * 100, 0)} to {fixed(recognition.high * 100, 0)})</span></p>}
+            <ol class="blind-cells">{blind.map((row) => <li key={row.step}><TouchCell row={row} label={row.status === "measured" ? (row.class == null ? "·" : row.class === row.sample ? "✓" : "✗") : undefined} onOpen={openTouch} /></li>)}</ol></div>
+        )}
+        {refused.length > 0 && <div><h3>Refused, with reasons</h3><ul class="reasons">{refused.map((row) => <li key={row.step}><button type="button" class="link-button" onClick={() => openTouch(row)}>{row.phase === "blind" ? `blind ${row.repeat}` : `sample ${row.sample}, ${row.direction} ${degrees(row.angle_deg)}`}</button> {row.reason}</li>)}</ul></div>}
+      </section>
+      <section class="card curves" aria-label="Shift by angle">
+        <div class="row"><h2>Shift (Hz) by angle</h2><Legend samples={samples} hasBefore={false} beforeName={undefined} /></div>
+        <ShiftCharts samples={samples} touches={results.touch_results.map(touchOfRow)} height={170} />
+      </section>
+      {opened && <SweepDialog id={id} row={opened} onClose={() => openTouch(undefined)} />}
+    </main>
+  );
+}
+
+function Downloads({ id, name }: { id: string; name: string }) {
+  const base = `/api/v1/runs/${id}`;
+  const files: [string, string, string][] = [
+    ["Touches, CSV", "csv", "touches.csv"], ["Sweeps, CSV", "sweeps", "sweeps.csv"],
+    ["Readings, CSV", "readings", "readings.csv"], ["All records, JSONL", "jsonl", "records.jsonl"],
+  ];
+  return (
+    <div class="buttons">
+      <a class="button primary" href={`${base}/report`} target="_blank" rel="noopener" onClick={(event) => { if (hasToken()) { event.preventDefault(); void open(`runs/${id}/report`, `${name}-report.html`); } }}>Open report</a>
+      {files.map(([label, format, file]) => <button key={format} type="button" onClick={() => void open(`runs/${id}/export?format=${format}`, `${name}-${file}`)}><Icon name="down" size={16} />{label}</button>)}
+      <a class="button" href={`#/protocols/${id}`}>Run again…</a>
+    </div>
+  );
+}
+
+function Matrix({ rows, samples, onOpen }: { rows: TouchRow[]; samples: string[]; onOpen: (row: TouchRow) => void }) {
+  const directions = (["front", "back", "left"] as Direction[]).filter((d) => rows.some((row) => row.direction === d));
+  const angles = [...new Set(rows.map((row) => row.angle_deg))].sort((a, b) => a - b);
+  return (
+    <div class="scroll"><table class="matrix">
+      <thead>
+        <tr><td></td>{directions.map((d) => <th key={d} scope="colgroup" colSpan={angles.length}>{d}</th>)}</tr>
+        <tr><th scope="col">sample</th>{directions.flatMap((d) => angles.map((a) => <th key={`${d}${a}`} scope="col">{degrees(a)}</th>))}</tr>
+      </thead>
+      <tbody>{samples.map((sample, i) => (
+        <tr key={sample}><th scope="row"><SampleMark index={i} /> {sample}</th>
+          {directions.flatMap((d) => angles.map((a) => {
+            const cells = rows.filter((row) => row.sample === sample && row.direction === d && row.angle_deg === a);
+            return <td key={`${d}${a}`}>{cells.map((row) => <TouchCell key={row.step} row={row} label={undefined} onOpen={onOpen} />)}</td>;
+          }))}</tr>
+      ))}</tbody>
+    </table></div>
+  );
+}
+
+function TouchCell({ row, label, onOpen }: { row: TouchRow; label: string | undefined; onOpen: (row: TouchRow) => void }) {
+  const text = label ?? (row.status === "measured" ? fixed(row.shift_hz ?? 0, 2) : row.status === "refused" ? "✕ refused" : "not reached");
+  const where = row.phase === "blind" ? `blind touch ${row.repeat}` : `sample ${row.sample}, ${row.direction} ${degrees(row.angle_deg)}`;
+  const words = { "✓": "recognised", "✗": "taken for another sample", "·": "measured" }[text] ?? text;
+  if (row.sweep == null) return <span class={`touch-cell ${row.status}`} title={row.reason ?? where}>{text}</span>;
+  return <button type="button" class={`touch-cell ${row.status}${text === "✗" ? " wrong" : ""}`} title={row.reason ?? where} aria-label={`${where}: ${words}`} onClick={() => onOpen(row)}>{text}</button>;
+}
+
+/** The sweep behind a touch: its readings, and the circuit where one was found. */
+function SweepDialog({ id, row, onClose }: { id: string; row: TouchRow; onClose: () => void }) {
+  const [sweep, set] = useState<LiveSweep>();
+  const [error, setError] = useState<string>();
+  useEffect(() => {
+    get<Sweep>(`runs/${id}/sweeps/${row.sweep}`).then((found) => set(asLive(found)), (e: unknown) => setError(reasonOf(e)));
+  }, [row.step]);
+  const verdict = sweep?.verdict;
+  return (
+    <dialog ref={(element) => { if (element && !element.open) element.showModal(); }} class="card sweep-dialog" aria-labelledby="sweep-title" onClose={onClose}>
+      <h2 id="sweep-title">{row.phase === "blind" ? `Blind touch ${row.repeat}` : `Sample ${row.sample}`}, {row.direction} {degrees(row.angle_deg)}</h2>
+      {verdict && ("reason" in verdict ? <p class="refusal">Refused: {verdict.reason}. No value is stored.</p>
+        : <p>Resonance in contact {fixed(verdict.resonance_hz, 3)} ± {fixed(verdict.sigma_hz, 3)} Hz{row.shift_hz != null ? `, shift ${fixed(row.shift_hz, 3)} ± ${fixed(row.shift_sigma_hz ?? 0, 3)} Hz` : ""}.</p>)}
+      {error !== undefined && <p class="refusal">{error}</p>}
+      {sweep && <SweepPlots sweep={sweep} height={340} />}
+      {sweep && sweep.estimates.length > 1 && <NarrowingPlot sweep={sweep} height={200} />}
+      <div class="buttons"><button type="button" onClick={onClose}>Close</button></div>
+    </dialog>
+  );
+}
+
+function asLive(sweep: Sweep): LiveSweep {
+  const frequencies = sweep.readings.map((reading) => reading.frequency_hz);
+  const accepted = sweep.verdict.verdict === "accepted" ? sweep.verdict : undefined;
+  return {
+    id: sweep.number, purpose: sweep.purpose, readings: sweep.readings, estimates: [],
+    min_hz: Math.min(...frequencies), max_hz: Math.max(...frequencies), target_sigma_hz: 0, time_limit_s: 0,
+    circuit: accepted?.circuit && { ...accepted.circuit, resonance_hz: accepted.resonance_hz },
+    verdict: sweep.verdict.verdict === "accepted" ? { resonance_hz: sweep.verdict.resonance_hz, sigma_hz: sweep.verdict.sigma_hz } : { reason: sweep.verdict.reason },
+  };
+}

@@ -1,0 +1,237 @@
+// The page in Chromium: every screen on the simulated rig, at the pace of the wall and in virtual
+// time. What is waited for is a condition on the page; the times in here are those of its rules.
+import assert from "node:assert/strict";
+import { spawn } from "node:child_process";
+import { mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { createRequire } from "node:module";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { chromium } from "playwright-core";
+
+const [rigd, shots] = process.argv.slice(2);
+const config = join(import.meta.dirname ?? new URL(".", import.meta.url).pathname, "../../config");
+const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
+const executablePath = process.env.CHROMIUM ?? "/usr/bin/chromium";
+const work = mkdtempSync(join(tmpdir(), "rigd-page-"));
+const children = [];
+
+/** A daemon on the simulated rig. */
+async function serve(name, change) {
+  const directory = join(work, name);
+  mkdirSync(directory);
+  const rig = join(directory, "rig.toml");
+  const text = readFileSync(join(config, "rigs/simulated.toml"), "utf8");
+  writeFileSync(rig, change(text.replace("../scenes/paper.toml", join(config, "scenes/paper.toml"))));
+  const args = ["serve", join(config, "protocols/smoke.toml"), "--rig", rig, "--data", join(directory, "data"), "--listen", "127.0.0.1:0"];
+  const child = spawn(rigd, args, { stdio: ["ignore", "ignore", "pipe"] });
+  children.push(child);
+  let said = "";
+  const base = await new Promise((resolve, reject) => {
+    child.stderr.on("data", (data) => {
+      said += data;
+      const found = /http:\/\/[\d.]+:\d+/.exec(said);
+      if (found) resolve(found[0]);
+    });
+    child.on("exit", (code) => reject(new Error(`rigd ended with ${code}: ${said}`)));
+  });
+  return { base, child };
+}
+
+const browser = await chromium.launch({ executablePath, args: ["--no-sandbox"] });
+const complaints = [];
+
+/** A page whose errors, and whose requests to anybody else, fail the test. */
+async function visit(base, { width = 1440, height = 900, colorScheme = "light" } = {}) {
+  const context = await browser.newContext({ viewport: { width, height }, colorScheme, reducedMotion: "reduce" });
+  const page = await context.newPage();
+  page.isExpecting = () => false;
+  // While the page is written: its files from a directory, in place of those inside rigd.
+  if (process.env.PAGE_DIST) {
+    const types = { "index.html": "text/html", "page.js": "text/javascript", "page.css": "text/css", "icon.svg": "image/svg+xml" };
+    for (const [file, contentType] of Object.entries(types)) {
+      const path = join(process.env.PAGE_DIST, file);
+      await page.route(`${base}/${file.replace("index.html", "")}`, (route) => route.fulfill({ path, contentType }));
+    }
+  }
+  page.on("console", (message) => {
+    if (["error", "warning"].includes(message.type()) && !page.isExpecting(message.text())) complaints.push(`console: ${message.text()}`);
+  });
+  page.on("pageerror", (error) => complaints.push(`page error: ${error.message}`));
+  page.on("request", (request) => {
+    const url = new URL(request.url());
+    if (url.origin !== base && url.protocol !== "blob:") complaints.push(`foreign request: ${request.url()}`);
+  });
+  await page.goto(base);
+  await page.evaluate(() => {
+    // When each word of the state stood on the screen.
+    window.seen = [];
+    const note = () => requestAnimationFrame(() => window.seen.push([document.querySelector("h1")?.textContent, Date.now()]));
+    new MutationObserver(note).observe(document.body, { subtree: true, childList: true, characterData: true });
+  });
+  return page;
+}
+
+const state = (page, word) => page.getByRole("heading", { level: 1, name: word, exact: true }).waitFor({ timeout: 60_000 });
+const button = (page, name) => page.getByRole("button", { name });
+
+/** No violation of accessibility, in both themes and three sizes, with a picture of each. */
+async function look(page, name) {
+  const sizes = { wide: [1440, 900], small: [1280, 720], phone: [390, 844] };
+  for (const colorScheme of ["light", "dark"]) {
+    await page.emulateMedia({ colorScheme, reducedMotion: "reduce" });
+    for (const [size, [width, height]] of Object.entries(sizes)) {
+      await page.setViewportSize({ width, height });
+      await page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
+      await page.screenshot({ path: join(shots, `${name}-${size}-${colorScheme}.png`) });
+      const overflow = await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
+      assert.ok(overflow <= 0, `${name} is ${overflow} px wider than the ${size} screen`);
+      if (size === "small") continue;
+      await page.evaluate(axe);
+      const { violations } = await page.evaluate(() => window.axe.run(document, { resultTypes: ["violations"] }));
+      for (const { id, nodes } of violations) {
+        complaints.push(`axe: ${name}, ${size}, ${colorScheme}: ${id}: ${nodes.map((node) => `${node.target} ${node.any[0]?.message ?? ""}`).slice(0, 3).join("; ")}`);
+      }
+    }
+  }
+  await page.setViewportSize({ width: sizes.wide[0], height: sizes.wide[1] });
+  await page.emulateMedia({ colorScheme: "light", reducedMotion: "reduce" });
+}
+
+const rigOf = async (base) => (await fetch(`${base}/api/v1/rig`)).json();
+
+/** From the change of the state, by the clock of the rig, to the frame that shows it, ms. */
+async function latency(page, base, word) {
+  const rig = await rigOf(base);
+  const changed = rig.unix_ms - (rig.rig_time_s - rig.state_since_s) * 1000;
+  const shown = await page.evaluate((wanted) => window.seen.findLast(([text], i, all) => text === wanted && all[i - 1]?.[0] !== wanted)?.[1], word);
+  return Math.max(0, shown - changed);
+}
+
+async function atThePaceOfTheWall() {
+  const { base, child } = await serve("wall", (text) => text.replace('pace = "virtual"', 'pace = "real"').replace('person = "answers"', 'person = "waits"'));
+  const page = await visit(base);
+  const latencies = [];
+  const changed = async (word) => { await state(page, word); latencies.push(await latency(page, base, word)); };
+  await state(page, "Ready");
+  assert.ok(await page.getByText("SIMULATED", { exact: true }).isVisible());
+  await page.getByText("can run on simulated bench").waitFor();
+  await look(page, "protocols");
+  await page.getByLabel("Operator, for the record").fill("Jürgen");
+  // An Enter that comes with the prompt was meant for something else.
+  await page.evaluate(() => {
+    new MutationObserver((_, observer) => {
+      const title = document.getElementById("prompt-title");
+      if (!title) return;
+      observer.disconnect();
+      setTimeout(() => title.dispatchEvent(new KeyboardEvent("keydown", { key: "Enter", bubbles: true })));
+    }).observe(document.body, { subtree: true, childList: true });
+  });
+  await button(page, "Start smoke").click();
+  await changed("Waiting for you");
+  const first = (await rigOf(base)).asked;
+  assert.equal(first.what, "place_sample");
+  assert.match(await page.title(), /^● Sample 1/);
+  assert.equal(await page.evaluate(() => document.activeElement?.id), "prompt-title");
+  await look(page, "prompt-sample");
+  await page.getByRole("heading", { name: "Put sample 1 under the probe" }).focus();
+  await page.keyboard.press("Enter");
+  await page.getByRole("heading", { name: "Turn the sensor to front/back" }).waitFor();
+  assert.equal((await rigOf(base)).asked.what, "turn_sensor");
+  await look(page, "prompt-turn");
+  // Answered somewhere else: this page goes on.
+  const other = await visit(base, { width: 390, height: 844 });
+  await button(other, /^Done$/).click();
+  await changed("Running");
+  await other.context().close();
+  await page.getByRole("img", { name: /^Impedance: [5-9] readings/ }).waitFor({ timeout: 60_000 });
+  assert.ok(await page.getByRole("button", { name: "Pause" }).isVisible());
+  await page.getByText("In contact", { exact: true }).waitFor({ timeout: 60_000 });
+  await look(page, "running");
+  await page.keyboard.press("p");
+  await changed("Pausing");
+  await state(page, "Paused");
+  await button(page, "Go on").click();
+  await changed("Running");
+  const touched = page.getByRole("region", { name: "Latest touches" }).getByRole("row", { name: /front 0°/ });
+  await touched.waitFor({ timeout: 120_000 });
+  // Nothing is heard from a daemon that stands still.
+  page.isExpecting = (text) => text.includes("Failed to load resource") || text.includes("net::ERR");
+  child.kill("SIGSTOP");
+  await page.getByText(/^late/).waitFor({ timeout: 4_000 });
+  await state(page, "Link lost");
+  assert.ok(await button(page, /Stop all may not arrive/).isVisible());
+  assert.ok(await page.getByRole("button", { name: "Pause" }).isDisabled());
+  await look(page, "link-lost");
+  child.kill("SIGCONT");
+  await changed("Running");
+  page.isExpecting = () => false;
+  await page.keyboard.press("Escape");
+  await page.keyboard.press("Escape");
+  await changed("Latched, nothing moves");
+  assert.match(await page.getByRole("alert").innerText(), /stopped by Jürgen|Stopped by Jürgen/);
+  await look(page, "latched");
+  await button(page, /^Acknowledge/).click();
+  await state(page, "Ready");
+  await page.context().close();
+  return latencies;
+}
+
+async function inVirtualTime() {
+  const { base } = await serve("virtual", (text) => text);
+  const page = await visit(base);
+  await state(page, "Ready");
+  await button(page, "Start smoke").click();
+  await page.getByText("smoke-1 ended: completed", { exact: false }).waitFor({ timeout: 120_000 });
+  await page.keyboard.press("3");
+  await page.getByRole("link", { name: "smoke-1" }).waitFor();
+  await page.getByText("18 of 18").waitFor({ timeout: 30_000 });
+  await look(page, "runs");
+  await page.getByRole("link", { name: "smoke-1" }).click();
+  await page.getByRole("heading", { name: /^Planned 18 · measured/ }).waitFor();
+  await look(page, "run");
+  await button(page, /^sample 5, left 45°: \d/).click();
+  await page.getByRole("dialog").getByRole("img", { name: /^Impedance/ }).waitFor();
+  await look(page, "sweep");
+  await button(page, "Close").click();
+  const [download] = await Promise.all([page.waitForEvent("download"), button(page, "Touches, CSV").click()]);
+  assert.equal(readFileSync(await download.path(), "utf8").trim().split("\n").length, 19);
+  const [report] = await Promise.all([page.waitForEvent("popup"), page.getByRole("link", { name: "Open report" }).click()]);
+  await report.getByRole("heading").first().waitFor();
+  await report.close();
+  await page.keyboard.press("4");
+  await button(page, "up 1 mm").click();
+  await page.getByRole("group", { name: "Probe" }).getByText("31.000 mm").waitFor();
+  await button(page, "Retract to 30 mm").click();
+  await page.getByRole("group", { name: "Probe" }).getByText("tip at 30.000 mm").waitFor();
+  await button(page, "Measure").click();
+  await page.getByText(/^single sweep: \d/).waitFor({ timeout: 30_000 });
+  await look(page, "rig");
+  await page.keyboard.press("2");
+  const file = { name: "wrong.toml", mimeType: "application/toml", buffer: Buffer.from('name = "wrong"\nsamples = ["9"]\n') };
+  await page.getByLabel("Open a file…").setInputFiles(file);
+  page.isExpecting = (text) => text.includes("422");
+  await page.getByText("cannot run here").waitFor();
+  await look(page, "faults");
+  await page.context().close();
+}
+
+try {
+  const latencies = await atThePaceOfTheWall();
+  await inVirtualTime();
+  const worst = Math.max(...latencies);
+  console.log(`state change to pixel: ${latencies.map((ms) => ms.toFixed(0)).join(", ")} ms; pictures: ${shots}`);
+  assert.ok(worst < 1000, `a change of state took ${worst} ms to be seen`);
+  assert.deepEqual(complaints, []);
+  console.log("the page: every screen, no error on the console, no foreign request, no violation of axe");
+} catch (error) {
+  for (const context of browser.contexts()) {
+    for (const page of context.pages()) await page.screenshot({ path: join(shots, "failed.png") }).catch(() => undefined);
+  }
+  console.error(complaints.join("\n"));
+  throw error;
+} finally {
+  await browser.close();
+  // A daemon that stands still would not hear that it is to end.
+  for (const child of children) for (const signal of ["SIGCONT", "SIGTERM"]) child.kill(signal);
+  rmSync(work, { recursive: true, force: true });
+}
