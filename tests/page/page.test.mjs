@@ -159,7 +159,7 @@ async function atThePaceOfTheWall() {
   child.kill("SIGSTOP");
   await page.getByText(/^late/).waitFor({ timeout: 4_000 });
   await state(page, "Link lost");
-  assert.ok(await button(page, /Stop all may not arrive/).isVisible());
+  await button(page, /Stop all\s+may not arrive/).waitFor({ timeout: 4_000 });
   assert.ok(await page.getByRole("button", { name: "Pause" }).isDisabled());
   await look(page, "link-lost");
   child.kill("SIGCONT");

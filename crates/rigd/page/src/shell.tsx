@@ -131,10 +131,13 @@ function StopButton({ view }: { view: View }) {
   const note = asking.at === "asked" ? (asking.isLate ? "no answer: press again, or use the wired stop" : "asked…")
     : asking.at === "refused" ? asking.why : isLost ? "may not arrive: use the wired stop" : undefined;
   return (
-    <button type="button" class={`stop${isLost ? " outlined" : ""}`} onClick={go}>
-      <Icon name="stop" size={26} /><span class="stop-word">Stop all</span>{" "}
-      {note === undefined ? <kbd>Esc Esc</kbd> : <span class="stop-note" role="status">{note}</span>}
-    </button>
+    <>
+      <button type="button" class={`stop${isLost ? " outlined" : ""}`} onClick={go}>
+        <Icon name="stop" size={26} /><span class="stop-word">Stop all</span>{" "}
+        {note === undefined ? <kbd>Esc Esc</kbd> : <span class="stop-note">{note}</span>}
+      </button>
+      <span class="hidden" role="status">{note}</span>
+    </>
   );
 }
 
