@@ -90,8 +90,8 @@ test("readings that come in pieces, twice or anew make one sweep", () => {
 
 test("a sweep is over whichever tells it first, its last reading or the journal", () => {
   const readings = [reading(1), reading(2)];
-  const verdict = { verdict: "accepted" as const, resonance_hz: 141, sigma_hz: 0.1 };
-  const event = { run: "r", seq: 1, rig_us: 1, record: { kind: "sweep" as const, number: 1, purpose: "touch" as const, readings, verdict } };
+  const outcome = { status: "accepted" as const, resonance_hz: 141, sigma_hz: 0.1 };
+  const event = { run: "r", seq: 1, rig_us: 1, record: { kind: "sweep" as const, number: 1, purpose: "touch" as const, readings, outcome } };
   const [early, late] = [news({ readings: readings.slice(0, 1) }), news({ from: [1, 0], readings: readings.slice(1) })];
   const orders = [
     withEvent(withLive(withLive(empty(), early), late), event),
@@ -99,12 +99,12 @@ test("a sweep is over whichever tells it first, its last reading or the journal"
     withLive(withLive(withEvent(empty(), event), early), late),
   ];
   for (const model of orders) {
-    assert.deepEqual(model.sweep?.verdict, { resonance_hz: 141, sigma_hz: 0.1 });
+    assert.deepEqual(model.sweep?.outcome, { resonance_hz: 141, sigma_hz: 0.1 });
     assert.equal(model.sweep?.readings.length, 2);
   }
   // The sweep after it is another one.
   const next = withLive(orders[0] ?? empty(), news({ sweep: 2, readings: [reading(3)] }));
-  assert.equal(next.sweep?.verdict, undefined);
+  assert.equal(next.sweep?.outcome, undefined);
 });
 
 test("a refused touch is kept with its reason, and never as a value", () => {

@@ -210,12 +210,12 @@ function SweepDialog({ id, row, onClose }: { id: string; row: TouchRow; onClose:
   useEffect(() => {
     get<Sweep>(`runs/${id}/sweeps/${row.sweep}`).then((found) => set(asLive(found)), (e: unknown) => setError(reasonOf(e)));
   }, [row.step]);
-  const verdict = sweep?.verdict;
+  const outcome = sweep?.outcome;
   return (
     <dialog ref={(element) => { if (element && !element.open) element.showModal(); }} class="card sweep-dialog" aria-labelledby="sweep-title" onClose={onClose}>
       <h2 id="sweep-title">{row.phase === "blind" ? `Blind touch ${row.repeat}` : `Sample ${row.sample}`}, {row.direction} {degrees(row.angle_deg)}</h2>
-      {verdict && ("reason" in verdict ? <p class="refusal">Refused: {verdict.reason}. No value is stored.</p>
-        : <p>Resonance in contact {fixed(verdict.resonance_hz, 3)} ± {fixed(verdict.sigma_hz, 3)} Hz{row.shift_hz != null ? `, shift ${fixed(row.shift_hz, 3)} ± ${fixed(row.shift_sigma_hz ?? 0, 3)} Hz` : ""}.</p>)}
+      {outcome && ("reason" in outcome ? <p class="refusal">Refused: {outcome.reason}. No value is stored.</p>
+        : <p>Resonance in contact {fixed(outcome.resonance_hz, 3)} ± {fixed(outcome.sigma_hz, 3)} Hz{row.shift_hz != null ? `, shift ${fixed(row.shift_hz, 3)} ± ${fixed(row.shift_sigma_hz ?? 0, 3)} Hz` : ""}.</p>)}
       {error !== undefined && <p class="refusal">{error}</p>}
       {sweep && <SweepPlots sweep={sweep} height={340} />}
       {sweep && sweep.estimates.length > 1 && <NarrowingPlot sweep={sweep} height={200} />}
@@ -226,11 +226,11 @@ function SweepDialog({ id, row, onClose }: { id: string; row: TouchRow; onClose:
 
 function asLive(sweep: Sweep): LiveSweep {
   const frequencies = sweep.readings.map((reading) => reading.frequency_hz);
-  const accepted = sweep.verdict.verdict === "accepted" ? sweep.verdict : undefined;
+  const accepted = sweep.outcome.status === "accepted" ? sweep.outcome : undefined;
   return {
     id: sweep.number, purpose: sweep.purpose, readings: sweep.readings, estimates: [],
     min_hz: Math.min(...frequencies), max_hz: Math.max(...frequencies), target_sigma_hz: 0, time_limit_s: 0,
     circuit: accepted?.circuit && { ...accepted.circuit, resonance_hz: accepted.resonance_hz },
-    verdict: sweep.verdict.verdict === "accepted" ? { resonance_hz: sweep.verdict.resonance_hz, sigma_hz: sweep.verdict.sigma_hz } : { reason: sweep.verdict.reason },
+    outcome: sweep.outcome.status === "accepted" ? { resonance_hz: sweep.outcome.resonance_hz, sigma_hz: sweep.outcome.sigma_hz } : { reason: sweep.outcome.reason },
   };
 }
