@@ -148,7 +148,7 @@ async function atThePaceOfTheWall() {
   await page.getByText("In contact", { exact: true }).waitFor({ timeout: 60_000 });
   await look(page, "running");
   await page.keyboard.press("p");
-  await changed("Pausing");
+  await state(page, "Pausing");
   await state(page, "Paused");
   await button(page, "Go on").click();
   await changed("Running");
@@ -163,7 +163,7 @@ async function atThePaceOfTheWall() {
   assert.ok(await page.getByRole("button", { name: "Pause" }).isDisabled());
   await look(page, "link-lost");
   child.kill("SIGCONT");
-  await changed("Running");
+  await state(page, "Running");
   page.isExpecting = () => false;
   await page.keyboard.press("Escape");
   await page.keyboard.press("Escape");
