@@ -166,6 +166,10 @@ async function atThePaceOfTheWall() {
   await state(page, "Running");
   page.isExpecting = () => false;
   await page.keyboard.press("Escape");
+  // The page is drawn again between the two presses.
+  await page.evaluate(() => new Promise((done) => {
+    new MutationObserver((_, observer) => { observer.disconnect(); done(); }).observe(document.body, { subtree: true, childList: true, characterData: true, attributes: true });
+  }));
   await page.keyboard.press("Escape");
   await changed("Latched, nothing moves");
   assert.match(await page.getByRole("alert").innerText(), /stopped by Jürgen|Stopped by Jürgen/);

@@ -116,14 +116,15 @@ function StopButton({ view }: { view: View }) {
   const state = view.model.rig?.state;
   const isLost = view.link === "lost";
   const [asking, go] = useAsking(stopping, state === "latched" || state === "retracting");
+  // Kept across renders: the readings of a sweep draw the page again between two presses.
+  const last = useRef(-Infinity);
   useEffect(() => {
-    let last = 0;
     const onKey = (event: KeyboardEvent) => {
       if (event.key !== "Escape" || event.repeat) return;
-      if (event.timeStamp - last < 1000) {
-        last = 0;
+      if (event.timeStamp - last.current < 1000) {
+        last.current = -Infinity;
         go();
-      } else last = event.timeStamp;
+      } else last.current = event.timeStamp;
     };
     addEventListener("keydown", onKey, { capture: true });
     return () => removeEventListener("keydown", onKey, { capture: true });
