@@ -3,14 +3,14 @@
 use std::{io, path::Path};
 
 use rig_contact::Direction;
-use rig_engine::{RigState, RunStatus};
+use rig_engine::RigState;
 use rig_report::{RunResults, TouchRow};
-use rig_store::{Reader, RunId, StoreError};
+use rig_store::{Ending, Reader, RunId, RunStatus, StoreError};
 use rigd::{
     files::FileError,
     loaded_rig::LoadedRig,
     protocol_file::LoadedProtocol,
-    rig::{self, OpenError, Refusal},
+    rig::{self, OpenError, Refusal, RunView},
 };
 use tempfile::TempDir;
 use tokio::sync::watch::error::RecvError;
@@ -52,8 +52,8 @@ pub(super) enum BenchError {
     Refused(#[from] Refusal),
     #[error("the rig ended before the run")]
     Closed(#[from] RecvError),
-    #[error("the run did not complete: {ending:?}")]
-    Ended { ending: RunStatus },
+    #[error("the run is not completed but {status}")]
+    NotCompleted { status: String },
     #[error(transparent)]
     Journal(#[from] StoreError),
     #[error("touch {step} has no result, or a sample that the paper does not have")]
@@ -77,7 +77,10 @@ impl BenchRun {
     }
 
     fn from_results(results: &RunResults) -> Result<Self, BenchError> {
-        let summary = results.summary();
+        let (status, summary) = (results.run().status, results.summary());
+        if status != RunStatus::Ended(Ending::Completed) {
+            return Err(BenchError::NotCompleted { status: status.describe() });
+        }
         let touch = |row: &TouchRow| {
             BenchTouch::of(row).ok_or_else(|| BenchError::NotATouch { step: row.step.clone() })
         };
@@ -117,16 +120,11 @@ async fn replay(
     let is_ready = |state| matches!(state, RigState::Idle | RigState::Latched);
     status.wait_for(|status| is_ready(status.snapshot.state)).await?;
     let id = handle.run(protocol, "rig-study").await?;
-    let ended = status.wait_for(|status| {
-        status.run.as_ref().is_some_and(|run| run.id == id && run.ending.is_some())
-    });
-    let ending = ended.await?.run.as_ref().and_then(|run| run.ending);
+    let is_ended = |run: &RunView| run.id == id && run.ending.is_some();
+    status.wait_for(|status| status.run.as_ref().is_some_and(is_ended)).await?;
     handle.close().await;
     thread.join();
-    match ending {
-        Some(RunStatus::Completed) | None => Ok(id),
-        Some(ending) => Err(BenchError::Ended { ending }),
-    }
+    Ok(id)
 }
 
 #[cfg(test)]
