@@ -6,7 +6,7 @@
 
 use std::{error::Error, fs, hint::black_box, num::NonZero, time::Instant};
 
-use rig_model::{Impedance, Measured, Reading, RigTime};
+use rig_model::{Impedance, PointResult, Reading, RigTime};
 use rig_resonance::{FitOptions, Fitter, Verdict};
 
 /// Prints one line for each sweep: the resonance and its standard deviation in Hz and the model, or
@@ -53,7 +53,7 @@ fn sweeps(bytes: &[u8]) -> Result<Vec<Vec<Reading>>, Box<dyn Error>> {
         let reading = |frequency_hz: &f64| {
             Ok(Reading {
                 frequency_hz: *frequency_hz,
-                measured: Measured::Value(Impedance {
+                measured: PointResult::Value(Impedance {
                     resistance_ohm: next()?,
                     reactance_ohm: next()?,
                 }),

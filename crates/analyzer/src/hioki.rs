@@ -3,7 +3,7 @@
 //! There is no error queue: errors show only as bits of `*ESR?`. A message that contains an error
 //! is not carried out beyond it, so that a query behind it stays without an answer.
 
-use rig_model::{DriveLevel, Measured, ReadingFlag};
+use rig_model::{DriveLevel, PointResult, ReadingFlag};
 use rig_scpi::{DataError, Datum};
 
 use crate::{
@@ -67,7 +67,7 @@ pub(crate) fn trigger(message: Message) -> Message {
 
 /// Reads a status, resistance and reactance. A value that could not be measured is a row of
 /// asterisks.
-pub(crate) fn reading(data: &[Datum]) -> Result<Measured, DataError> {
+pub(crate) fn reading(data: &[Datum]) -> Result<PointResult, DataError> {
     let [status, resistance, reactance] = data else {
         return Err(DataError::FieldCount { expected: 3, found: data.len() });
     };

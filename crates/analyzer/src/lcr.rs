@@ -1,6 +1,6 @@
 //! The commands of the HP 4284A and of those that follow it.
 
-use rig_model::{DriveLevel, Measured, ReadingFlag};
+use rig_model::{DriveLevel, PointResult, ReadingFlag};
 use rig_scpi::{DataError, Datum};
 
 use crate::{
@@ -122,7 +122,7 @@ pub(crate) const FETCH: &str = ":FETCh";
 
 /// Reads resistance, reactance, status, and the bin where the comparator is on. `None` while the
 /// measurement is under way.
-pub(crate) fn reading(data: &[Datum]) -> Result<Option<Measured>, DataError> {
+pub(crate) fn reading(data: &[Datum]) -> Result<Option<PointResult>, DataError> {
     let ([resistance, reactance, status] | [resistance, reactance, status, _]) = data else {
         return Err(DataError::FieldCount { expected: 3, found: data.len() });
     };
@@ -156,9 +156,9 @@ mod tests {
         let value = Impedance { resistance_ohm: 1.0, reactance_ohm: 2.0 };
         let read = |status| reading(&data(status)).unwrap();
         assert_eq!(read(-1), None);
-        assert_eq!(read(0), Some(Measured::Value(value)));
-        assert_eq!(read(1), Some(Measured::Overload));
-        assert_eq!(read(4), Some(Measured::LowSignal(value)));
+        assert_eq!(read(0), Some(PointResult::Value(value)));
+        assert_eq!(read(1), Some(PointResult::Overload));
+        assert_eq!(read(4), Some(PointResult::LowSignal(value)));
         assert!(reading(&data(0)[..2]).is_err());
     }
 }

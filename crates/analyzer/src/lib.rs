@@ -8,7 +8,6 @@ mod analyzer;
 mod dialect;
 mod error;
 mod hioki;
-mod identity;
 mod instrument_port;
 mod lcr;
 mod message;
@@ -25,5 +24,5 @@ pub use dialect::{
     Resolution, TONGHUI_TH283X, TransportRules,
 };
 pub use error::{AnalyzerError, EventStatus, UnexpectedTerminator};
-pub use identity::Identity;
 pub use instrument_port::TransportSettings;
+pub use rig_scpi::Identity;

@@ -1,6 +1,6 @@
 //! How one frequency is measured: how often it is triggered, and what the instrument averages.
 
-use rig_model::{Impedance, Measured, ReadingFlag};
+use rig_model::{Impedance, PointResult, ReadingFlag};
 use rig_scpi::{DataError, Datum};
 
 /// What the instrument is set to for a trigger.
@@ -42,38 +42,38 @@ pub(crate) fn measured(
     resistance: &Datum,
     reactance: &Datum,
     flag: Option<ReadingFlag>,
-) -> Result<Measured, DataError> {
+) -> Result<PointResult, DataError> {
     match (resistance.number(), reactance.number(), flag) {
         (Err(error @ (DataError::Malformed { .. } | DataError::Type { .. })), _, _)
         | (_, Err(error @ (DataError::Malformed { .. } | DataError::Type { .. })), _) => Err(error),
         (Ok(resistance_ohm), Ok(reactance_ohm), None) => {
-            Ok(Measured::Value(Impedance { resistance_ohm, reactance_ohm }))
+            Ok(PointResult::Value(Impedance { resistance_ohm, reactance_ohm }))
         }
         (Ok(resistance_ohm), Ok(reactance_ohm), Some(ReadingFlag::LowSignal)) => {
-            Ok(Measured::LowSignal(Impedance { resistance_ohm, reactance_ohm }))
+            Ok(PointResult::LowSignal(Impedance { resistance_ohm, reactance_ohm }))
         }
-        _ => Ok(Measured::Overload),
+        _ => Ok(PointResult::Overload),
     }
 }
 
 /// The mean of several triggers. What one of them lacks, the mean lacks, and what one doubts is
 /// doubted.
-pub(crate) fn mean(all: &[Measured]) -> Measured {
+pub(crate) fn mean(all: &[PointResult]) -> PointResult {
     let (mut sum, mut is_doubted) = (Impedance { resistance_ohm: 0.0, reactance_ohm: 0.0 }, false);
     for one in all {
-        let (Measured::Value(value) | Measured::LowSignal(value)) = one else {
-            return Measured::Overload;
+        let (PointResult::Value(value) | PointResult::LowSignal(value)) = one else {
+            return PointResult::Overload;
         };
         sum.resistance_ohm += value.resistance_ohm;
         sum.reactance_ohm += value.reactance_ohm;
-        is_doubted |= matches!(one, Measured::LowSignal(_));
+        is_doubted |= matches!(one, PointResult::LowSignal(_));
     }
     let count = all.len() as f64;
     let mean = Impedance {
         resistance_ohm: sum.resistance_ohm / count,
         reactance_ohm: sum.reactance_ohm / count,
     };
-    if is_doubted { Measured::LowSignal(mean) } else { Measured::Value(mean) }
+    if is_doubted { PointResult::LowSignal(mean) } else { PointResult::Value(mean) }
 }
 
 #[cfg(test)]
@@ -104,20 +104,20 @@ mod tests {
         let (one, two) = (Datum::Real(1.5), Datum::Integer(-2));
         let value = |resistance_ohm| Impedance { resistance_ohm, reactance_ohm: -2.0 };
         let normal = measured(&one, &two, None).unwrap();
-        assert_eq!(normal, Measured::Value(value(1.5)));
+        assert_eq!(normal, PointResult::Value(value(1.5)));
         for bad in [Datum::Missing, Datum::Overload { is_negative: false }] {
             for flag in [None, Some(ReadingFlag::LowSignal), Some(ReadingFlag::Overload)] {
-                assert_eq!(measured(&one, &bad, flag), Ok(Measured::Overload));
-                assert_eq!(measured(&bad, &two, flag), Ok(Measured::Overload));
+                assert_eq!(measured(&one, &bad, flag), Ok(PointResult::Overload));
+                assert_eq!(measured(&bad, &two, flag), Ok(PointResult::Overload));
             }
         }
         let overload = Some(ReadingFlag::Overload);
-        assert_eq!(measured(&one, &two, overload), Ok(Measured::Overload));
+        assert_eq!(measured(&one, &two, overload), Ok(PointResult::Overload));
         let word = Datum::Characters("NEAR".to_owned());
         assert!(measured(&word, &two, None).is_err());
-        let low = Measured::LowSignal(value(1.5));
-        let other = Measured::Value(value(4.5));
-        assert_eq!(mean(&[normal, low, other]), Measured::LowSignal(value(2.5)));
-        assert_eq!(mean(&[normal, Measured::Overload, low]), Measured::Overload);
+        let low = PointResult::LowSignal(value(1.5));
+        let other = PointResult::Value(value(4.5));
+        assert_eq!(mean(&[normal, low, other]), PointResult::LowSignal(value(2.5)));
+        assert_eq!(mean(&[normal, PointResult::Overload, low]), PointResult::Overload);
     }
 }

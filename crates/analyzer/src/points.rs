@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use rig_link::StopSignal;
-use rig_model::{Measured, Reading, SweepPoint};
+use rig_model::{PointResult, Reading, SweepPoint};
 use rig_scpi::{DataError, Datum};
 use tokio::time::{Instant, sleep};
 
@@ -92,7 +92,7 @@ impl Analyzer {
         commands: PointCommands,
         wanted: &TriggerSettings,
         trigger_s: f64,
-    ) -> Result<(Measured, f64, rig_model::RigTime), AnalyzerError> {
+    ) -> Result<(PointResult, f64, rig_model::RigTime), AnalyzerError> {
         // Until it has confirmed, nothing is known about its settings.
         let before = self.current.take();
         let frequency_header = commands.frequency_header();
@@ -134,7 +134,7 @@ impl Analyzer {
     }
 
     /// Asks again for a measurement that was not ready.
-    async fn fetch_until(&mut self, deadline: Instant) -> Result<Measured, AnalyzerError> {
+    async fn fetch_until(&mut self, deadline: Instant) -> Result<PointResult, AnalyzerError> {
         loop {
             sleep(POLL).await;
             let (answers, _, message) =
@@ -189,7 +189,7 @@ impl PointCommands {
     }
 
     /// What a trigger measured; none while it is still at it.
-    fn reading(self, data: &[Datum]) -> Result<Option<Measured>, DataError> {
+    fn reading(self, data: &[Datum]) -> Result<Option<PointResult>, DataError> {
         match self {
             Self::Hioki => hioki::reading(data).map(Some),
             Self::Lcr(_) => lcr::reading(data),

@@ -84,7 +84,7 @@ impl Analyzer {
         let greeting = greeting.command("*CLS").query("*IDN");
         let TimedAnswer { response, .. } =
             self.port.ask(&greeting, ExpectedResponse::Line, self.port.reply_within()).await?;
-        let Ok(found) = rig_scpi::Identity::parse(&response).map(Identity::from) else {
+        let Ok(found) = Identity::parse(&response) else {
             return Err(self.port.unexpected(&greeting, "an identity", response.bytes()));
         };
         let (port, expected) = (self.port.name(), self.dialect.models);

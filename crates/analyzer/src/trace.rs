@@ -1,6 +1,6 @@
 //! The commands of the E4990A, which measures a trace of evenly spaced frequencies at a time.
 
-use rig_model::{DriveLevel, Measured, SweepPoint};
+use rig_model::{DriveLevel, PointResult, SweepPoint};
 use rig_scpi::{DataError, Datum};
 
 use crate::{message::Message, point::measured};
@@ -125,7 +125,7 @@ pub(crate) fn readings(
     resistances: &[Datum],
     reactances: &[Datum],
     points: usize,
-) -> Result<Vec<Measured>, DataError> {
+) -> Result<Vec<PointResult>, DataError> {
     for trace in [resistances, reactances] {
         if trace.len() != 2 * points {
             return Err(DataError::FieldCount { expected: 2 * points, found: trace.len() });
@@ -176,7 +176,7 @@ mod tests {
         let reactances = [pair(-3.0), [Datum::Missing, Datum::Real(0.0)]].concat();
         let found = readings(&resistances, &reactances, 2).unwrap();
         let value = Impedance { resistance_ohm: 1.0, reactance_ohm: -3.0 };
-        assert_eq!(found, [Measured::Value(value), Measured::Overload]);
+        assert_eq!(found, [PointResult::Value(value), PointResult::Overload]);
         let error = readings(&resistances[..3], &reactances, 2).unwrap_err();
         assert_eq!(error, DataError::FieldCount { expected: 4, found: 3 });
     }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use rig_model::{Measured, Reading, SweepPoint};
+use rig_model::{PointResult, Reading, SweepPoint};
 
 use crate::{
     Analyzer, AnalyzerError,
@@ -65,7 +65,7 @@ impl Analyzer {
         // A single point was measured twice.
         let measured = if run == 1 { vec![mean(&measured)] } else { measured };
         let times = if run == 1 { 2.0 } else { 1.0 };
-        let reading = |(n, measured): (usize, Measured)| {
+        let reading = |(n, measured): (usize, PointResult)| {
             let frequency_hz = points[n].frequency_hz;
             Reading {
                 frequency_hz,

@@ -4,7 +4,7 @@
 //! goes back above the last clear place and comes down again in finer steps, always from above, so
 //! that the backlash of the stage is the same in every reading that counts.
 
-use rig_model::{Impedance, Measured, Mm, Position, Reading};
+use rig_model::{Impedance, Mm, PointResult, Position, Reading};
 use rig_protocol::Approach;
 
 use crate::Fault;
@@ -105,7 +105,7 @@ impl Search {
     /// The impedance here has been read.
     pub fn read(&mut self, reading: Reading) -> SearchStep {
         self.trail.push((self.here, reading));
-        let Measured::Value(impedance) = reading.measured else { return SearchStep::Flagged };
+        let PointResult::Value(impedance) = reading.measured else { return SearchStep::Flagged };
         let change = relative_change(self.baseline, impedance);
         // What cannot be compared counts as contact, so that the probe goes no further.
         let is_clear = change <= self.approach.contact_threshold;
@@ -185,7 +185,7 @@ mod tests {
     fn reading(resistance_ohm: f64) -> Reading {
         Reading {
             frequency_hz: 140.0,
-            measured: Measured::Value(impedance(resistance_ohm)),
+            measured: PointResult::Value(impedance(resistance_ohm)),
             started: RigTime::ZERO,
             settle_s: 0.1,
             integration_s: 0.07,
@@ -238,14 +238,14 @@ mod tests {
             search
         };
         let mut search = begin(impedance(1000.0));
-        for measured in [Measured::Overload, Measured::LowSignal(impedance(1000.0))] {
+        for measured in [PointResult::Overload, PointResult::LowSignal(impedance(1000.0))] {
             let flagged = Reading { measured, ..reading(1000.0) };
             assert_eq!(search.read(flagged), SearchStep::Flagged);
         }
         assert!(matches!(search.read(reading(1000.0)), SearchStep::MoveTo(_)));
         assert_eq!(search.trail().len(), 3);
         let nothing = Impedance { resistance_ohm: 0.0, reactance_ohm: 0.0 };
-        let shorted = Reading { measured: Measured::Value(nothing), ..reading(1000.0) };
+        let shorted = Reading { measured: PointResult::Value(nothing), ..reading(1000.0) };
         let step = begin(nothing).read(shorted);
         assert!(matches!(step, SearchStep::Fault(Fault::ContactTooEarly { .. })), "{step:?}");
     }

@@ -1,6 +1,6 @@
 //! Measures one resonance: asks the planner for points until it has an answer.
 
-use rig_model::{DriveLevel, Measured, Reading, RigTime, SweepRequest};
+use rig_model::{DriveLevel, PointResult, Reading, RigTime, SweepRequest};
 use rig_resonance::{Next, Planner, Prior, Verdict, flagged};
 
 use crate::{Event, Fault, FinishedSweep, Operation, SweepPurpose};
@@ -113,5 +113,5 @@ impl Sweep {
 
 /// The readings without a flag.
 fn values(readings: &[Reading]) -> impl Iterator<Item = &Reading> {
-    readings.iter().filter(|reading| matches!(reading.measured, Measured::Value(_)))
+    readings.iter().filter(|reading| matches!(reading.measured, PointResult::Value(_)))
 }

@@ -10,7 +10,9 @@
 
 use std::time::Duration;
 
-use rig_model::{Clearance, Deg, Impedance, Measured, Mm, Position, Reading, SweepPoint, Window};
+use rig_model::{
+    Clearance, Deg, Impedance, Mm, PointResult, Position, Reading, SweepPoint, Window,
+};
 use rig_protocol::{StepId, Touch};
 use rig_resonance::{Prior, Resonance, Verdict, flagged};
 
@@ -75,7 +77,7 @@ impl TouchMachine {
             }
             (Phase::Baseline, MachineEvent::Readings(readings)) => {
                 let last = readings.last().map(|last| last.measured);
-                let Some(Measured::Value(baseline)) = last else {
+                let Some(PointResult::Value(baseline)) = last else {
                     let here = context.limits.linear.rest_target().position();
                     let trail = readings.iter().map(|reading| (here, *reading)).collect();
                     return self.unreadable(trail, context);

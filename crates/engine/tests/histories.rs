@@ -12,7 +12,7 @@ use rig_engine::{
 };
 use rig_model::{
     AnalyzerRange, Axis, AxisLimits, Clearance, ContactAngle, Direction, DriveLevel, Geometry,
-    Impedance, Measured, MotionLimits, Orientation, Position, Reading, RigLimits, RigTime, Span,
+    Impedance, MotionLimits, Orientation, PointResult, Position, Reading, RigLimits, RigTime, Span,
     SweepMethod, SweepPoint, SweepRequest, Window,
 };
 use rig_protocol::{
@@ -266,7 +266,7 @@ impl World {
             Some(Trouble::Flags | Trouble::FlagsOnce) => {
                 if let Operation::Measure { points, .. } = &operation {
                     let flagged =
-                        Reading { measured: Measured::Overload, ..self.reading(&points[0]) };
+                        Reading { measured: PointResult::Overload, ..self.reading(&points[0]) };
                     let readings = if trouble == Some(Trouble::Flags) {
                         vec![flagged; 3]
                     } else {
@@ -354,7 +354,7 @@ impl World {
         let (noise_re, noise_im) = (self.noise(), self.noise());
         Reading {
             frequency_hz: point.frequency_hz,
-            measured: Measured::Value(Impedance {
+            measured: PointResult::Value(Impedance {
                 resistance_ohm: (g + s * noise_im) / size * (1.0 + noise_re),
                 reactance_ohm: (-s + g * noise_im) / size * (1.0 + noise_re),
             }),

@@ -25,7 +25,7 @@ pub use rig_limits::{AnalyzerRange, Clearance, Geometry, MotionLimits, RigLimits
 pub use scale::Scale;
 pub use serial::{LineSettings, Parity, StopBits, Terminator};
 pub use sweep::{
-    DriveLevel, Impedance, Measured, Reading, ReadingFlag, SweepMethod, SweepPoint, SweepRequest,
-    SweepRequestError, Window,
+    DriveLevel, Impedance, PointResult, Reading, ReadingFlag, SweepMethod, SweepPoint,
+    SweepRequest, SweepRequestError, Window,
 };
 pub use time::RigTime;

@@ -169,19 +169,19 @@ impl Impedance {
     }
 }
 
-/// What an instrument made of a point.
+/// The result of an instrument at one point of a sweep.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Measured {
+pub enum PointResult {
     /// A value.
     Value(Impedance),
-    /// A value that the instrument itself doubts: the signal was too small for the range, or not at
-    /// the level asked for.
+    /// A value with a warning: the signal was too small for the range, or not at the level asked
+    /// for.
     LowSignal(Impedance),
     /// No value: the input was overloaded.
     Overload,
 }
 
-/// What an instrument says of a reading that is not to be relied on.
+/// The reason why an instrument flags a reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ReadingFlag {
     /// The input was overloaded; there is no value.
@@ -206,7 +206,7 @@ pub struct Reading {
     /// Frequency at which the instrument says it measured, Hz.
     pub frequency_hz: f64,
     /// What it measured there.
-    pub measured: Measured,
+    pub measured: PointResult,
     /// When the frequency was set: settling starts here.
     pub started: RigTime,
     /// The settling that was waited for, s.
@@ -219,17 +219,17 @@ impl Reading {
     /// The impedance, where there is one.
     pub const fn impedance(&self) -> Option<Impedance> {
         match self.measured {
-            Measured::Value(impedance) | Measured::LowSignal(impedance) => Some(impedance),
-            Measured::Overload => None,
+            PointResult::Value(impedance) | PointResult::LowSignal(impedance) => Some(impedance),
+            PointResult::Overload => None,
         }
     }
 
     /// What the instrument says against it, if anything.
     pub const fn flag(&self) -> Option<ReadingFlag> {
         match self.measured {
-            Measured::Value(_) => None,
-            Measured::LowSignal(_) => Some(ReadingFlag::LowSignal),
-            Measured::Overload => Some(ReadingFlag::Overload),
+            PointResult::Value(_) => None,
+            PointResult::LowSignal(_) => Some(ReadingFlag::LowSignal),
+            PointResult::Overload => Some(ReadingFlag::Overload),
         }
     }
 }

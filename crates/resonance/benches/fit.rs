@@ -8,7 +8,7 @@ use std::{hint::black_box, time::Instant};
 
 use rand_core::Rng;
 use rand_pcg::Pcg64;
-use rig_model::{Impedance, Measured, Reading, RigTime};
+use rig_model::{Impedance, PointResult, Reading, RigTime};
 use rig_resonance::{Circuit, FitOptions, Fitter, Verdict};
 
 const CALLS: usize = 20_000;
@@ -58,7 +58,7 @@ fn sweeps(points: usize, loss_tangent: f64) -> Vec<Vec<Reading>> {
                     let (re, im) = (1.0 + 0.005 * normal(), 0.005 * normal());
                     Reading {
                         frequency_hz,
-                        measured: Measured::Value(Impedance {
+                        measured: PointResult::Value(Impedance {
                             resistance_ohm: impedance.re * re - impedance.im * im,
                             reactance_ohm: impedance.re * im + impedance.im * re,
                         }),

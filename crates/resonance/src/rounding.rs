@@ -103,14 +103,14 @@ fn exponent(x: f64) -> i32 {
 
 #[cfg(test)]
 mod tests {
-    use rig_model::{Measured, RigTime};
+    use rig_model::{PointResult, RigTime};
 
     use super::*;
 
     fn reading(resistance_ohm: f64, reactance_ohm: f64) -> Reading {
         Reading {
             frequency_hz: 140.0,
-            measured: Measured::Value(Impedance { resistance_ohm, reactance_ohm }),
+            measured: PointResult::Value(Impedance { resistance_ohm, reactance_ohm }),
             started: RigTime::ZERO,
             settle_s: 0.0,
             integration_s: 0.0,

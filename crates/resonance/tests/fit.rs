@@ -4,7 +4,7 @@
 mod support;
 
 use num_complex::Complex64;
-use rig_model::{Measured, Reading};
+use rig_model::{PointResult, Reading};
 use rig_resonance::{FitOptions, Reason, Rung, Side, Verdict, fit};
 use support::{Random, circuit, impedance, measured, reading, sweep};
 
@@ -138,7 +138,7 @@ fn readings_that_cannot_be_used_are_refused_with_their_reason() {
         let mut bad = good.clone();
         bad[4] = reading(130.0, Complex64::new(impedance, impedance));
         check_refused(&bad, |r| *r == Reason::NotFinite { index: 4 });
-        bad[4].measured = Measured::Overload;
+        bad[4].measured = PointResult::Overload;
         let verdict = fit(&bad, &FitOptions::default());
         assert_eq!(verdict.accepted().unwrap().points, 19);
     }
@@ -146,7 +146,7 @@ fn readings_that_cannot_be_used_are_refused_with_their_reason() {
     bad[3].frequency_hz = -130.0;
     check_refused(&bad, |r| *r == Reason::NotFinite { index: 3 });
     for reading in &mut bad[3..] {
-        reading.measured = Measured::Overload;
+        reading.measured = PointResult::Overload;
     }
     check_refused(&bad, |r| *r == Reason::Saturated { overloaded: 17, readings: 20 });
 }

@@ -73,7 +73,7 @@ pub struct Status {
     /// How many manual sweeps were begun in this session.
     pub sweeps: u64,
     /// Who answered on the ports.
-    pub devices: Arc<[Identity]>,
+    pub devices: Arc<[DeviceIdentity]>,
     /// The sweep under way or the last one.
     pub live: Option<Arc<LiveSweep>>,
     /// When the state became what it is, on the rig's clock.
@@ -111,7 +111,7 @@ pub struct RunView {
 
 /// A device that answered.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Identity {
+pub struct DeviceIdentity {
     /// What it is on the rig, such as `analyzer`.
     pub role: &'static str,
     /// What it says that it is.
@@ -340,5 +340,5 @@ struct Setting {
     limits: RigLimits,
     rig: rig_store::Source,
     scene: Option<rig_store::Source>,
-    devices: Arc<[Identity]>,
+    devices: Arc<[DeviceIdentity]>,
 }

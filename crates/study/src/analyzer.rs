@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use num_complex::Complex64;
 use rig_contact::Circuit;
-use rig_model::{Impedance, Measured, Reading, RigTime, SweepPoint, Window, random::Stream};
+use rig_model::{Impedance, PointResult, Reading, RigTime, SweepPoint, Window, random::Stream};
 use rig_sim::plant::Plant;
 
 /// The search window for the resonance.
@@ -76,7 +76,7 @@ impl Analyzer {
 pub(crate) fn reading(point: &SweepPoint, impedance: Complex64, started: RigTime) -> Reading {
     Reading {
         frequency_hz: point.frequency_hz,
-        measured: Measured::Value(Impedance {
+        measured: PointResult::Value(Impedance {
             resistance_ohm: impedance.re,
             reactance_ohm: impedance.im,
         }),

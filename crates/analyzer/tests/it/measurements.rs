@@ -5,7 +5,8 @@ use std::{collections::BTreeMap, time::Duration};
 use rig_analyzer::{Analyzer, AnalyzerError, HIOKI_IM3536, TransportSettings};
 use rig_link::{Clock, Port, StopSignal};
 use rig_model::{
-    DriveLevel, LineSettings, Measured, Reading, ReadingFlag, SweepPoint, Terminator, with_causes,
+    DriveLevel, LineSettings, PointResult, Reading, ReadingFlag, SweepPoint, Terminator,
+    with_causes,
 };
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 
@@ -45,7 +46,7 @@ async fn sweep(
 fn assert_true_at(reading: &Reading, frequency_hz: f64) {
     let (resistance, reactance) = impedance(frequency_hz);
     assert_eq!(reading.frequency_hz, frequency_hz);
-    let Measured::Value(found) = reading.measured else { panic!("{reading:?}") };
+    let PointResult::Value(found) = reading.measured else { panic!("{reading:?}") };
     assert!((found.resistance_ohm / resistance - 1.0).abs() < 1e-6, "{reading:?}");
     assert!((found.reactance_ohm / reactance - 1.0).abs() < 1e-6, "{reading:?}");
 }

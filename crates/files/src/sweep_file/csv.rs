@@ -3,7 +3,7 @@
 use std::{f64::consts::PI, time::Duration};
 
 use num_complex::Complex64;
-use rig_model::{Impedance, Measured, Reading, ReadingFlag, RigTime, Window};
+use rig_model::{Impedance, PointResult, Reading, ReadingFlag, RigTime, Window};
 use rig_resonance::{Circuit, NoisePrior, Past, Timing, flagged};
 
 use super::{
@@ -307,9 +307,9 @@ impl Row {
         Reading {
             frequency_hz: self.of(Quantity::Frequency),
             measured: match self.flag {
-                None => Measured::Value(impedance),
-                Some(ReadingFlag::LowSignal) => Measured::LowSignal(impedance),
-                Some(ReadingFlag::Overload) => Measured::Overload,
+                None => PointResult::Value(impedance),
+                Some(ReadingFlag::LowSignal) => PointResult::LowSignal(impedance),
+                Some(ReadingFlag::Overload) => PointResult::Overload,
             },
             started: RigTime::ZERO + Duration::from_secs_f64(self.of(Quantity::Time)),
             settle_s: self.of(Quantity::Settle),

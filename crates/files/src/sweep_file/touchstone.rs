@@ -5,7 +5,7 @@
 //! p. 4–6; that Z and Y are divided by R and 1/R, p. 6.
 
 use num_complex::Complex64;
-use rig_model::{Impedance, Measured, Reading, RigTime};
+use rig_model::{Impedance, PointResult, Reading, RigTime};
 
 use super::{
     FREQUENCY_HZ, FaultCollector, IMPEDANCE_OHM,
@@ -195,7 +195,7 @@ impl Options {
         match self.impedance_ohm(a, b) {
             Ok(impedance) => Some(Reading {
                 frequency_hz,
-                measured: Measured::Value(Impedance {
+                measured: PointResult::Value(Impedance {
                     resistance_ohm: impedance.re,
                     reactance_ohm: impedance.im,
                 }),

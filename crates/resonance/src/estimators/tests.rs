@@ -3,7 +3,7 @@
 use num_complex::Complex64;
 use rand_core::Rng;
 use rand_pcg::Pcg64;
-use rig_model::{Impedance, Measured, Reading, RigTime, Window};
+use rig_model::{Impedance, PointResult, Reading, RigTime, Window};
 
 use super::{Definition, Estimator, NoEstimate};
 use crate::{Circuit, Reason, Side};
@@ -31,7 +31,7 @@ fn sweep(circuit: &Circuit, window: Window) -> Vec<Reading> {
             circuit.impedance_ohm(frequency_hz) * Complex64::new(1.0 + error(), error());
         Reading {
             frequency_hz,
-            measured: Measured::Value(Impedance {
+            measured: PointResult::Value(Impedance {
                 resistance_ohm: impedance.re,
                 reactance_ohm: impedance.im,
             }),
@@ -175,13 +175,13 @@ fn too_few_or_unusable_readings_are_refused() {
         );
         let mut bad = readings.clone();
         let not_finite = Impedance { resistance_ohm: f64::NAN, reactance_ohm: -1000.0 };
-        bad[7].measured = Measured::Value(not_finite);
+        bad[7].measured = PointResult::Value(not_finite);
         assert_eq!(
             estimator.estimate(&bad, WINDOW),
             Err(NoEstimate::NotFinite { index: 7 }),
             "{estimator:?}"
         );
-        bad[7].measured = Measured::Overload;
+        bad[7].measured = PointResult::Overload;
         let (with, without) =
             (estimator.estimate(&readings, WINDOW), estimator.estimate(&bad, WINDOW));
         let (with, without) = (with.unwrap_or(0.0), without.unwrap_or(0.0));

@@ -6,7 +6,7 @@ use num_complex::Complex64;
 use rand_core::Rng;
 use rand_pcg::Pcg64;
 use rig_model::{
-    DriveLevel, Impedance, Measured, Reading, RigTime, SweepMethod, SweepPoint, SweepRequest,
+    DriveLevel, Impedance, PointResult, Reading, RigTime, SweepMethod, SweepPoint, SweepRequest,
     Window,
 };
 use rig_resonance::Circuit;
@@ -59,8 +59,8 @@ pub(crate) fn circuit(q: f64, k_eff_squared: f64) -> Circuit {
     Circuit { resonance_hz: 140.0, q, c0_farad: 27e-9, c1_farad, loss_tangent: 0.0 }
 }
 
-pub(crate) fn measured(impedance: Complex64) -> Measured {
-    Measured::Value(Impedance { resistance_ohm: impedance.re, reactance_ohm: impedance.im })
+pub(crate) fn measured(impedance: Complex64) -> PointResult {
+    PointResult::Value(Impedance { resistance_ohm: impedance.re, reactance_ohm: impedance.im })
 }
 
 pub(crate) fn impedance(reading: &Reading) -> Complex64 {

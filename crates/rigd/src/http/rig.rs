@@ -134,7 +134,7 @@ pub(super) fn view(facts: &RigFacts, status: &Status) -> RigView {
         cause: fault.to_string(),
         hint: hint::after(fault, snapshot.clearance).over_http(),
     });
-    let device = |device: &crate::rig::Identity| DeviceView {
+    let device = |device: &crate::rig::DeviceIdentity| DeviceView {
         role: device.role,
         identity: device.identity.clone(),
     };

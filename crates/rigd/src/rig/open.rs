@@ -11,7 +11,7 @@ use rig_sim::{AxisWiring, LineTransport, SimHandle, SimRig, Technician, Wiring};
 use rig_stage::{BusHandle, BusSettings, RegisterMap, Stage, StageError};
 use rig_store::StoreError;
 
-use super::{Identity, Setting, devices::Devices};
+use super::{DeviceIdentity, Setting, devices::Devices};
 use crate::loaded_rig::{LoadedRig, LoadedScene};
 
 /// Why a rig cannot be opened.
@@ -135,10 +135,10 @@ pub(super) async fn open_rig(rig: LoadedRig, clock: Clock) -> Result<Opened, Ope
     let identity = analyzer.identify().await.map_err(device("analyzer", &file.analyzer.port))?;
     look_at(&mut linear).await.map_err(device("linear stage", &file.bus))?;
     look_at(&mut rotary).await.map_err(device("rotary stage", &file.bus))?;
-    let devices: Arc<[Identity]> = Arc::new([
-        Identity { role: "analyzer", identity: identity.to_string() },
-        Identity { role: "linear stage", identity: describe(&file.linear) },
-        Identity { role: "rotary stage", identity: describe(&file.rotary) },
+    let devices: Arc<[DeviceIdentity]> = Arc::new([
+        DeviceIdentity { role: "analyzer", identity: identity.to_string() },
+        DeviceIdentity { role: "linear stage", identity: describe(&file.linear) },
+        DeviceIdentity { role: "rotary stage", identity: describe(&file.rotary) },
     ]);
     let setting = Setting { limits: file.limits, rig: source, scene: scene_source, devices };
     let devices = Devices { analyzer, linear, rotary };

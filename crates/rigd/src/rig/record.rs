@@ -68,7 +68,7 @@ impl Recorder {
             _ => None,
         };
         let touches: Vec<_> = plan.steps.iter().filter_map(touch).collect();
-        let device = |device: &super::Identity| store::Device {
+        let device = |device: &super::DeviceIdentity| store::Device {
             role: device.role.to_owned(),
             identity: device.identity.clone(),
         };

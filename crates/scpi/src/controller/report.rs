@@ -1,22 +1,24 @@
-//! What an instrument says of itself: its identity and its errors.
+//! The identity and the errors that an instrument reports.
+
+use std::fmt;
 
 use crate::controller::response::{DataError, Response};
 
 /// The answer to `*IDN?`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Identity {
-    /// Who made it.
+    /// Name of the manufacturer.
     pub manufacturer: String,
-    /// What it is.
+    /// Name of the model.
     pub model: String,
-    /// Which one it is; `None` where the instrument does not say (`0`, or nothing).
+    /// Serial number; `None` if the instrument answers `0` or nothing.
     pub serial: Option<String>,
-    /// Its firmware and options; `None` where the instrument does not say.
+    /// Version of the firmware, with options; `None` if the instrument answers `0` or nothing.
     pub firmware: Option<String>,
 }
 
 impl Identity {
-    /// Reads four fields with commas between them. Whatever follows the third comma is the firmware.
+    /// Reads four fields with commas between them. Everything behind the third comma is the firmware.
     ///
     /// # Errors
     /// [`DataError::FieldCount`] when there is no model, [`DataError::Malformed`] beyond ASCII.
@@ -35,6 +37,19 @@ impl Identity {
                 Err(DataError::FieldCount { expected: 4, found: usize::from(first.is_some()) })
             }
         }
+    }
+}
+
+impl fmt::Display for Identity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", self.manufacturer, self.model)?;
+        if let Some(serial) = &self.serial {
+            write!(f, ", serial number {serial}")?;
+        }
+        if let Some(firmware) = &self.firmware {
+            write!(f, ", firmware {firmware}")?;
+        }
+        Ok(())
     }
 }
 

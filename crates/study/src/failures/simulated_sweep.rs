@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 
 use num_complex::Complex64;
 use rig_contact::Circuit;
-use rig_model::{Measured, Reading, RigTime, SweepPoint, Window, random::Stream};
+use rig_model::{PointResult, Reading, RigTime, SweepPoint, Window, random::Stream};
 
 use super::spring::Spring;
 use crate::analyzer::{Analyzer, WINDOW, evenly, reading, sensor, time_constant_s};
@@ -126,7 +126,7 @@ impl SimulatedSweep {
             if burst == 0 && random.uniform() < self.outliers / BURST_MEAN {
                 (burst, kind) = (burst_length(random.uniform()), random.uniform());
             }
-            let Measured::Value(value) = &mut reading.measured else { continue };
+            let PointResult::Value(value) = &mut reading.measured else { continue };
             if burst > 0 {
                 burst -= 1;
                 let factor = 10_f64.powf(4.0 * random.uniform() - 2.0);
