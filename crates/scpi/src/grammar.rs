@@ -1,7 +1,6 @@
 //! What both ends share: messages and their parts, values, units and error numbers.
 
 pub(crate) mod error;
-pub(crate) mod list;
 pub(crate) mod mnemonic;
 pub(crate) mod param;
 pub(crate) mod parse;

@@ -87,7 +87,7 @@ impl Session {
     /// A client that has said nothing yet.
     pub fn new(dialect: &Dialect) -> Self {
         Self {
-            splitter: MessageSplitter::with_rules(rules(dialect), dialect.input_limit_bytes),
+            splitter: MessageSplitter::new(rules(dialect), dialect.input_limit_bytes),
             message: Message::default(),
             blocked_by: None,
             output: Vec::new(),
@@ -251,7 +251,7 @@ impl<C: Copy> Instrument<C> {
     }
 
     /// The status byte, as a serial poll or `*STB?` would show it.
-    pub fn status_byte(&self) -> u8 {
+    pub(crate) fn status_byte(&self) -> u8 {
         let has_errors = self.errors.as_ref().is_some_and(|errors| !errors.is_empty());
         // Where answers are not fetched, a finished one is on its way and no longer available.
         let has_output =

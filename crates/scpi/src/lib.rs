@@ -71,14 +71,11 @@ pub use controller::decoder::{ExpectedResponse, FrameError, Framing, ResponseDec
 pub use controller::program::{Program, ProgramError};
 pub use controller::report::{ErrorReport, Identity};
 pub use controller::response::{DataError, Datum, Response, ResponseUnit};
-pub use grammar::error::{ErrorClass, ErrorQueue, ScpiError, standard_text};
-pub use grammar::list::{ChannelRange, NumericRange};
-pub use grammar::mnemonic::short_form;
-pub use grammar::param::{Limits, Numeric, Param};
+pub use grammar::error::ScpiError;
+pub use grammar::param::{Limits, Param};
 pub use grammar::scan::{Ending, Terminators};
-pub use grammar::splitter::{MessageSplitter, SplitMessage};
 pub use grammar::unit::Unit;
-pub use grammar::value::{INFINITY, NOT_A_NUMBER, RealFormat, Value};
+pub use grammar::value::{RealFormat, Value};
 pub use instrument::dialect::{
     AfterErrorPolicy, AfterQueryPolicy, Dialect, ErrorFormat, QUERY_ERRORS, UnreadPolicy,
 };

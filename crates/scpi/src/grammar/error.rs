@@ -28,7 +28,7 @@ impl ScpiError {
 
     /// Adds what only the device knows; it is reported behind the text and a semicolon.
     #[must_use]
-    pub fn with_info(mut self, info: impl Into<Box<str>>) -> Self {
+    pub(crate) fn with_info(mut self, info: impl Into<Box<str>>) -> Self {
         self.info = Some(info.into());
         self
     }
@@ -49,7 +49,7 @@ impl ScpiError {
     }
 
     /// The class, which names the bit of the event status register. 0 has none.
-    pub const fn class(&self) -> Option<ErrorClass> {
+    pub(crate) const fn class(&self) -> Option<ErrorClass> {
         match self.number {
             0 => None,
             -199..=-100 => Some(ErrorClass::Command),
@@ -79,7 +79,7 @@ impl std::error::Error for ScpiError {}
 
 /// Classes of errors and events.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ErrorClass {
+pub(crate) enum ErrorClass {
     /// −1xx: the message was not understood.
     Command,
     /// −2xx: the message was understood and could not be carried out.
@@ -100,7 +100,7 @@ pub enum ErrorClass {
 
 impl ErrorClass {
     /// The bit of the event status register, as a mask.
-    pub const fn event_bit(self) -> u8 {
+    pub(crate) const fn event_bit(self) -> u8 {
         match self {
             Self::OperationComplete => 0x01,
             Self::RequestControl => 0x02,
@@ -117,20 +117,20 @@ impl ErrorClass {
 /// First in, first out. When it is full, its newest entry is replaced by −350, so the oldest errors,
 /// which usually are the cause, survive.
 #[derive(Debug, Clone)]
-pub struct ErrorQueue {
+pub(crate) struct ErrorQueue {
     entries: VecDeque<ScpiError>,
     capacity: usize,
 }
 
 impl ErrorQueue {
     /// An empty queue for `capacity` errors; the standard asks for at least 2, and so does this.
-    pub fn new(capacity: usize) -> Self {
+    pub(crate) fn new(capacity: usize) -> Self {
         let capacity = capacity.max(2);
         Self { entries: VecDeque::new(), capacity }
     }
 
     /// Queues an error. Returns false when the queue overflowed and holds −350 instead.
-    pub fn push(&mut self, error: ScpiError) -> bool {
+    pub(crate) fn push(&mut self, error: ScpiError) -> bool {
         if self.entries.len() < self.capacity {
             self.entries.push_back(error);
             return true;
@@ -142,28 +142,28 @@ impl ErrorQueue {
     }
 
     /// Takes the oldest error.
-    pub fn pop(&mut self) -> Option<ScpiError> {
+    pub(crate) fn pop(&mut self) -> Option<ScpiError> {
         self.entries.pop_front()
     }
 
     /// How many errors wait.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.entries.len()
     }
 
     /// Whether no error waits.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.entries.is_empty()
     }
 
     /// Forgets all errors.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.entries.clear();
     }
 }
 
 /// The text of a number, or that of its class.
-pub fn standard_text(number: i16) -> &'static str {
+pub(crate) fn standard_text(number: i16) -> &'static str {
     match STANDARD.binary_search_by(|(known, _)| number.cmp(known)) {
         Ok(index) => STANDARD[index].1,
         Err(_) => match ScpiError::new(number).class() {

@@ -61,7 +61,7 @@ pub(crate) fn split_digits(word: &[u8]) -> (&[u8], &[u8]) {
 
 /// The short form of a word written as in a manual: `MEASure` gives `MEAS`, `PARameter1` `PAR1`. A
 /// word without lower case is its own short form.
-pub fn short_form(word: &str) -> String {
+pub(crate) fn short_form(word: &str) -> String {
     let mnemonic = Mnemonic::new(word);
     format!("{}{}", mnemonic.short(), mnemonic.digits())
 }

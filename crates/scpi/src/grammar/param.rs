@@ -28,7 +28,7 @@ pub enum Param {
 
 /// What a numeric parameter may say.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Numeric {
+pub(crate) enum Numeric {
     /// A number in the unit of the command.
     Value(f64),
     /// `MINimum`.
@@ -66,7 +66,7 @@ impl Param {
     /// # Errors
     /// −138 and −131 for a suffix that is not allowed here, −224 for an unknown word, and the
     /// "not allowed" number of its type for everything else.
-    pub fn numeric(&self, unit: Unit) -> Result<Numeric, ScpiError> {
+    pub(crate) fn numeric(&self, unit: Unit) -> Result<Numeric, ScpiError> {
         const WORDS: &[(Mnemonic<'static>, Numeric)] = &[
             (Mnemonic::new("MINimum"), Numeric::Minimum),
             (Mnemonic::new("MAXimum"), Numeric::Maximum),
@@ -184,7 +184,7 @@ impl Param {
     }
 
     /// "This type of data is not allowed here": −128, −148, −158, −168 or −178.
-    pub fn not_allowed(&self) -> ScpiError {
+    pub(crate) fn not_allowed(&self) -> ScpiError {
         ScpiError::new(match self {
             Self::Number { .. } | Self::NonDecimal(_) => -128,
             Self::Characters(_) => -148,

@@ -2,11 +2,11 @@
 
 use std::collections::VecDeque;
 
-use crate::grammar::scan::{Boundary, Rules, Scanner, Terminators, is_blank};
+use crate::grammar::scan::{Boundary, Rules, Scanner, is_blank};
 
 /// What came out of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SplitMessage {
+pub(crate) enum SplitMessage {
     /// A whole message, without its terminator, was written to the buffer of the caller.
     Message,
     /// A message was longer than the room left for it, and is lost: −363.
@@ -19,7 +19,7 @@ pub enum SplitMessage {
 /// A line feed inside a string or a block does not end a message. What does not fit is scanned, so
 /// that its end is found, but not kept; memory never exceeds the limit.
 #[derive(Debug, Clone)]
-pub struct MessageSplitter {
+pub(crate) struct MessageSplitter {
     scanner: Scanner,
     rules: Rules,
     // The whole messages in `ready`, one behind the other, then the beginning of the next.
@@ -38,17 +38,7 @@ enum SplitState {
 
 impl MessageSplitter {
     /// A splitter that holds at most `limit_bytes` of messages that were not taken yet.
-    pub fn new(terminators: Terminators, limit_bytes: usize) -> Self {
-        Self::with_rules(Rules { terminators, strings_span_lines: true }, limit_bytes)
-    }
-
-    /// A splitter for which a terminator inside a string ends the message too. Then a forgotten
-    /// quote costs one message, and not all that follow.
-    pub fn with_strings_in_one_line(terminators: Terminators, limit_bytes: usize) -> Self {
-        Self::with_rules(Rules { terminators, strings_span_lines: false }, limit_bytes)
-    }
-
-    pub(crate) fn with_rules(rules: Rules, limit_bytes: usize) -> Self {
+    pub(crate) fn new(rules: Rules, limit_bytes: usize) -> Self {
         Self {
             scanner: Scanner::new(rules),
             rules,
@@ -62,12 +52,12 @@ impl MessageSplitter {
 
     /// How many more bytes are taken without loss. A host that cannot slow its peer down may ignore
     /// it, as the input buffer of a real instrument does.
-    pub fn room(&self) -> usize {
+    pub(crate) fn room(&self) -> usize {
         self.limit_bytes - self.buffer.len()
     }
 
     /// Takes bytes in, cut anywhere.
-    pub fn push(&mut self, mut bytes: &[u8]) {
+    pub(crate) fn push(&mut self, mut bytes: &[u8]) {
         while !bytes.is_empty() {
             let found = self.scanner.scan(bytes);
             let (head, tail) = bytes.split_at(found.map_or(bytes.len(), |(n_bytes, _)| n_bytes));
@@ -82,18 +72,18 @@ impl MessageSplitter {
     }
 
     /// The transport says that the message ends here (END of IEEE 488.1, or a packet that says so).
-    pub fn end_of_message(&mut self) {
+    pub(crate) fn end_of_message(&mut self) {
         self.scanner = Scanner::new(self.rules);
         self.end();
     }
 
     /// Forgets everything that was not taken, as a device clear does.
-    pub fn clear(&mut self) {
-        *self = Self::with_rules(self.rules, self.limit_bytes);
+    pub(crate) fn clear(&mut self) {
+        *self = Self::new(self.rules, self.limit_bytes);
     }
 
     /// Writes the next whole message over `message`. Blank messages are passed over.
-    pub fn next_message(&mut self, message: &mut Vec<u8>) -> Option<SplitMessage> {
+    pub(crate) fn next_message(&mut self, message: &mut Vec<u8>) -> Option<SplitMessage> {
         match self.ready.pop_front()? {
             SplitState::Overrun => Some(SplitMessage::Overrun),
             SplitState::Message { n_bytes } => {

@@ -25,25 +25,8 @@ impl Unit {
     pub const AMPERE: Self = Self::new("A");
     /// Ohm; `MOHM` is a megohm.
     pub const OHM: Self = Self { m_is_mega: true, ..Self::new("OHM") };
-    /// Siemens.
-    pub const SIEMENS: Self = Self::new("SIE");
-    /// Farad.
-    pub const FARAD: Self = Self::new("F");
-    /// Henry.
-    pub const HENRY: Self = Self::new("H");
-    /// Watt.
-    pub const WATT: Self = Self::new("W");
     /// Second.
     pub const SECOND: Self = Self { also: &[("MIN", 60.0), ("HR", 3600.0)], ..Self::new("S") };
-    /// Degree of angle.
-    pub const DEGREE: Self =
-        Self { also: &[("RAD", 180.0 / std::f64::consts::PI)], ..Self::new("DEG") };
-    /// Degree Celsius.
-    pub const CELSIUS: Self = Self::new("CEL");
-    /// Percent.
-    pub const PERCENT: Self = Self::new("PCT");
-    /// Decibel.
-    pub const DECIBEL: Self = Self::new("DB");
 
     /// A unit that takes the usual multipliers.
     pub const fn new(symbol: &'static str) -> Self {
@@ -112,8 +95,8 @@ mod tests {
             (Unit::VOLT, 3.3, "UV", Some(3.3e-6)),
             (Unit::AMPERE, 7.0, "MA", Some(7e-3)),
             (Unit::AMPERE, 7.0, "A", Some(7.0)),
-            (Unit::FARAD, 1.0, "PF", Some(1e-12)),
-            (Unit::FARAD, 1.0, "F", Some(1.0)),
+            (Unit::new("F"), 1.0, "PF", Some(1e-12)),
+            (Unit::new("F"), 1.0, "F", Some(1.0)),
             (Unit::SECOND, 2.0, "MIN", Some(120.0)),
             (Unit::VOLT, 1.0, "HZ", None),
             (Unit::VOLT, 1.0, "XV", None),

@@ -5,9 +5,9 @@ use std::{borrow::Cow, io::Write};
 use crate::grammar::mnemonic::short_form;
 
 /// Stands for +∞ on the wire, and for a reading that is too large.
-pub const INFINITY: f64 = 9.9e37;
+pub(crate) const INFINITY: f64 = 9.9e37;
 /// Stands for "not a number" on the wire, and for a reading that does not exist.
-pub const NOT_A_NUMBER: f64 = 9.91e37;
+pub(crate) const NOT_A_NUMBER: f64 = 9.91e37;
 
 /// One datum of an answer.
 #[derive(Debug, Clone, PartialEq)]

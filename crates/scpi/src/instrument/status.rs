@@ -46,7 +46,7 @@ impl Register {
     }
 
     /// Sets the bits that are true now; what changed becomes an event where the filters let it.
-    pub const fn set_condition(&mut self, condition: u16) {
+    pub(crate) const fn set_condition(&mut self, condition: u16) {
         let condition = condition & REGISTER_MASK;
         let rose = condition & !self.condition & self.positive_transition;
         let fell = !condition & self.condition & self.negative_transition;
@@ -61,7 +61,7 @@ impl Register {
     }
 
     /// The events since the last time, which are forgotten by this.
-    pub const fn take_event(&mut self) -> u16 {
+    pub(crate) const fn take_event(&mut self) -> u16 {
         let event = self.event;
         self.event = 0;
         event
@@ -98,29 +98,24 @@ impl Status {
     }
 
     /// `*ESR?`: the standard events since the last time, which are forgotten by this.
-    pub const fn take_standard_event(&mut self) -> u8 {
+    pub(crate) const fn take_standard_event(&mut self) -> u8 {
         let event = self.standard_event;
         self.standard_event = 0;
         event
     }
 
-    /// The standard events, which stay.
-    pub const fn standard_event(&self) -> u8 {
-        self.standard_event
-    }
-
     /// `*SRE?`.
-    pub const fn service_enable(&self) -> u8 {
+    pub(crate) const fn service_enable(&self) -> u8 {
         self.service_enable
     }
 
     /// `*SRE`. Bit 6 is not kept: a request for service cannot ask for itself.
-    pub const fn set_service_enable(&mut self, mask: u8) {
+    pub(crate) const fn set_service_enable(&mut self, mask: u8) {
         self.service_enable = mask & !MASTER_SUMMARY;
     }
 
     /// `*CLS`, without the error queue. What is enabled stays enabled.
-    pub const fn clear_events(&mut self) {
+    pub(crate) const fn clear_events(&mut self) {
         self.standard_event = 0;
         self.operation.event = 0;
         self.questionable.event = 0;
