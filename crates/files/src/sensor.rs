@@ -59,7 +59,7 @@ pub fn contact(table: &mut Table<'_>, presence: Presence) -> ContactKeys {
 pub struct DesignKeys {
     /// The values. A faulty one is replaced.
     pub design: SensorDesign,
-    /// Whether no dimension, mass or loss is faulty.
+    /// Whether none of the values is faulty.
     is_sound: bool,
 }
 
@@ -72,9 +72,9 @@ impl DesignKeys {
     /// Reads the keys. The ball has its own key, unless its radius in mm is given.
     pub fn read(table: &mut Table<'_>, presence: Presence, probe_radius_mm: Option<f64>) -> Self {
         let reference = SensorDesign::reference();
-        let piezo = table.section("piezo", piezo).or(reference.piezo).value;
-        let core = table.section("core", core).or(reference.core).value;
-        let mut is_sound = true;
+        let (piezo, is_piezo) = table.section("piezo", piezo).or((reference.piezo, true)).value;
+        let (core, is_core) = table.section("core", core).or((reference.core, true)).value;
+        let mut is_sound = is_piezo && is_core;
         let mut number = |key, range, default| {
             let read = presence.read(table.number(key).range(range), default);
             is_sound &= read.sound().is_some();
@@ -120,24 +120,36 @@ impl DesignKeys {
     }
 }
 
-fn piezo(table: &mut Table<'_>) -> PiezoMaterial {
-    let mut number = |key| table.number(key).required().value;
-    PiezoMaterial {
+/// The material of the piezoelectric layers, and whether none of its constants is faulty.
+fn piezo(table: &mut Table<'_>) -> (PiezoMaterial, bool) {
+    let mut is_sound = true;
+    let mut number = |key| constant(table, key, &mut is_sound);
+    let material = PiezoMaterial {
         modulus_gpa: number("modulus_gpa"),
         shear_gpa: number("shear_gpa"),
         density_kg_per_m3: number("density_kg_per_m3"),
         coupling_c_per_m2: number("coupling_c_per_m2"),
         permittivity_nf_per_m: number("permittivity_nf_per_m"),
-    }
+    };
+    (material, is_sound)
 }
 
-fn core(table: &mut Table<'_>) -> CoreMaterial {
-    let mut number = |key| table.number(key).required().value;
-    CoreMaterial {
+/// The material of the core, and whether none of its constants is faulty.
+fn core(table: &mut Table<'_>) -> (CoreMaterial, bool) {
+    let mut is_sound = true;
+    let mut number = |key| constant(table, key, &mut is_sound);
+    let material = CoreMaterial {
         modulus_gpa: number("modulus_gpa"),
         shear_gpa: number("shear_gpa"),
         density_kg_per_m3: number("density_kg_per_m3"),
-    }
+    };
+    (material, is_sound)
+}
+
+fn constant(table: &mut Table<'_>, key: &'static str, is_sound: &mut bool) -> f64 {
+    let read = table.number(key).required();
+    *is_sound &= read.sound().is_some();
+    read.value
 }
 
 /// A sensor that cannot be built.

@@ -1,4 +1,4 @@
-//! A rig file with the scene it names, read and checked: everything that is needed to open a rig.
+//! Loads a rig file and the scene that it names, for opening the rig.
 
 use std::path::{Path, PathBuf};
 
@@ -13,42 +13,42 @@ use rig_store::Source;
 pub use crate::files::FileError;
 use crate::files::read;
 
-/// A rig that can be opened.
+/// A rig file with its scene.
 #[derive(Debug)]
 pub struct LoadedRig {
-    /// What the rig file says.
+    /// The rig file.
     pub file: RigFile,
     /// Its text, for the journal.
     pub source: Source,
-    /// What stands on the bench, when it is simulated.
+    /// The scene of a simulated rig.
     pub scene: Option<LoadedScene>,
 }
 
-/// A scene behind a simulated rig.
+/// The scene of a simulated rig.
 #[derive(Debug)]
 pub struct LoadedScene {
-    /// What the scene file says.
+    /// The scene.
     pub scene: Scene,
     /// Its text, for the journal.
     pub source: Source,
 }
 
-/// What a protocol is checked against.
+/// The facts about a rig that a protocol is checked against.
 #[derive(Debug, Clone)]
 pub struct RigFacts {
     /// Name of the rig.
     pub name: String,
     /// Its bench.
     pub limits: RigLimits,
-    /// The samples that there are. A real bench takes what the person puts there.
+    /// Names of the samples of a simulated rig. On a real bench, a person places the samples.
     pub known_samples: Option<Vec<String>>,
-    /// Whether nothing in the rig is real.
+    /// Whether the rig is simulated.
     pub is_simulated: bool,
-    /// Whether time passes as fast as the simulation can go.
+    /// Whether time passes as fast as the simulation computes.
     pub is_virtual_time: bool,
 }
 
-/// A scene that a rig file names and that is not there.
+/// A missing scene that a rig file names.
 #[derive(Debug, thiserror::Error)]
 #[error("scene = \"{}\": {instead}", scene.display())]
 struct NoScene {
@@ -72,7 +72,7 @@ impl LoadedRig {
         Ok(Self { file, source, scene })
     }
 
-    /// What a protocol is checked against.
+    /// The facts that a protocol is checked against.
     pub fn facts(&self) -> RigFacts {
         let names = |loaded: &LoadedScene| {
             loaded.scene.samples.iter().map(|sample| sample.name.clone()).collect()
@@ -86,8 +86,8 @@ impl LoadedRig {
         }
     }
 
-    /// The samples whose stiffness is known, and how stiff they are, MPa. A simulated rig knows its
-    /// own.
+    /// Names and stiffness, MPa, of the known samples: those of the scene on a simulated rig, those of
+    /// the rig file on a real one.
     pub fn known_samples(&self) -> Vec<(String, f64)> {
         if let Some(loaded) = &self.scene {
             let samples = loaded.scene.samples.iter();
@@ -97,12 +97,12 @@ impl LoadedRig {
         samples.map(|sample| (sample.name.clone(), sample.stiffness_mpa)).collect()
     }
 
-    /// Whether nothing in the rig is real.
+    /// Whether the rig is simulated.
     pub const fn is_simulated(&self) -> bool {
         self.scene.is_some()
     }
 
-    /// Whether time passes as fast as the simulation can go.
+    /// Whether time passes as fast as the simulation computes.
     pub const fn is_virtual_time(&self) -> bool {
         matches!(&self.file.connection, Connection::Simulated(Simulation { pace, .. }) if matches!(pace, Pace::Virtual))
     }
@@ -112,13 +112,13 @@ impl LoadedScene {
     fn load(path: &Path) -> Result<Self, FileError> {
         let (name, toml) = read(path, FileKind::Scene)?;
         let scene = rig_sim::scene::read(&name, &toml).map_err(FileError::Faults)?;
-        // Not the path, so that the same run gives the same bytes wherever its files are.
+        // The journal has no path, so that a run gives the same bytes wherever its files are.
         let source = Source { name: scene.name.clone(), toml };
         Ok(Self { scene, source })
     }
 }
 
-/// A scene that is not there is a fault of the rig file that names it.
+/// Makes a missing scene a fault of the rig file.
 fn at_its_name(error: FileError, rig: &str, connection: &Connection) -> FileError {
     match (error, connection) {
         (

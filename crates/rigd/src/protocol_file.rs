@@ -1,4 +1,4 @@
-//! A protocol file, read and held against a rig.
+//! Loads a protocol file and checks it against a rig.
 
 use std::path::Path;
 
@@ -11,12 +11,12 @@ use crate::{
     loaded_rig::{FileError, RigFacts},
 };
 
-/// A protocol that can run.
+/// A protocol that a rig can run.
 #[derive(Debug, Clone)]
 pub struct LoadedProtocol {
-    /// What will be done.
+    /// Steps of the protocol.
     pub plan: Plan,
-    /// What it will cost.
+    /// Number of steps, extremes and duration.
     pub summary: Summary,
     /// The text, for the journal.
     pub source: Source,

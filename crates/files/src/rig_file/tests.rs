@@ -30,7 +30,7 @@ fn the_shipped_file_names_every_make_that_there_is() {
 }
 
 #[test]
-fn a_rig_file_says_where_everything_is() {
+fn a_rig_file_has_ports_addresses_and_positions() {
     let rig = RigFile::read("rig.toml", SIMULATED).unwrap();
     let Connection::Simulated(simulation) = &rig.connection else { panic!("{rig:?}") };
     assert_eq!(simulation.pace, Pace::Virtual);
@@ -56,7 +56,7 @@ fn a_real_rig_is_rehearsed_by_changing_one_word() {
 }
 
 #[test]
-fn ports_take_what_their_devices_are_set_to() {
+fn a_port_takes_the_settings_of_its_device() {
     #[track_caller]
     fn check(port: &str, expected: Result<PortFile, &str>) {
         let text =
@@ -83,7 +83,7 @@ fn ports_take_what_their_devices_are_set_to() {
 }
 
 #[test]
-fn a_line_without_a_parity_has_the_one_that_its_drives_leave_the_factory_with() {
+fn a_line_without_a_parity_has_the_factory_setting_of_its_drives() {
     let parity = |linear: &str, rotary: &str, port: &str| {
         let (head, tail) = SIMULATED.split_once("[rotary]").expect("the section");
         let text = [
@@ -133,7 +133,7 @@ fn a_rig_that_contradicts_itself_is_refused() {
 }
 
 #[test]
-fn a_number_in_another_unit_is_told_what_it_would_be() {
+fn a_number_in_another_unit_gets_a_hint() {
     insta::assert_snapshot!(complaints(&[
         ("mm_per_step = 0.001", "mm_per_step = -0.000001"),
         ("travel_mm = [0, 50]", "travel_mm = [0, 0.05]"),
@@ -154,7 +154,7 @@ fn a_number_in_another_unit_is_told_what_it_would_be() {
 }
 
 #[test]
-fn a_device_file_and_an_address_are_told_apart() {
+fn a_device_file_and_an_address_are_distinguished() {
     insta::assert_snapshot!(complaints(&[
         (
             "{ serial = \"/dev/serial/by-id/analyzer\", baud = 38400 }",
@@ -165,7 +165,7 @@ fn a_device_file_and_an_address_are_told_apart() {
 }
 
 #[test]
-fn what_is_missing_and_misspelt_is_said_once_for_each() {
+fn each_missing_or_misspelt_key_is_one_fault() {
     insta::assert_snapshot!(complaints(&[
         ("connection = \"simulated\"", "connection = \"simulate\""),
         ("dialect = \"hioki-im3536\"", "dialect = \"hioki-3536\""),
@@ -177,7 +177,7 @@ fn what_is_missing_and_misspelt_is_said_once_for_each() {
 }
 
 #[test]
-fn a_sensor_that_nobody_described_is_the_reference_with_the_ball_of_the_rig() {
+fn a_missing_sensor_is_the_reference_with_the_ball_of_the_rig() {
     let described = RigFile::read("rig.toml", SIMULATED).unwrap().sensor;
     assert_eq!(described.sensor, rig_contact::Sensor::reference());
     let (start, end) =
@@ -190,7 +190,7 @@ fn a_sensor_that_nobody_described_is_the_reference_with_the_ball_of_the_rig() {
 }
 
 #[test]
-fn a_sensor_that_cannot_be_is_refused() {
+fn an_impossible_sensor_is_refused() {
     insta::assert_snapshot!(complaints(&[("length_mm = 35", "length_mm = 5.9")]));
     insta::assert_snapshot!(complaints(&[
         ("length_mm = 35", "length_m = 5.9"),

@@ -45,7 +45,7 @@ pub(super) struct CsvCell<'a> {
 pub(super) fn cells(line: &str, separator: Separator) -> Result<Vec<CsvCell<'_>>, usize> {
     let mut found = Vec::new();
     let mut begin = 0;
-    // Where the open mark of a cell stands that begins with one.
+    // The open quotation mark of a cell that begins with one.
     let (mut is_quoted, mut open) = (false, None);
     for (at, character) in line.char_indices() {
         if character == '"' {

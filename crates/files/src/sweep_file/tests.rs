@@ -1,4 +1,4 @@
-//! Files of many makers, and what is said of faulty ones.
+//! Files of many makers, and the faults of changed ones.
 
 use proptest::prelude::*;
 use rig_model::{Impedance, Reading, ReadingFlag, Window};
@@ -33,7 +33,7 @@ fn check(name: &str, text: &str) {
     }
 }
 
-/// What is said of a text, one fault a line.
+/// The faults of a text.
 #[track_caller]
 fn check_faults(name: &str, text: &str, expected: &[&str]) {
     match SweepFile::read(name, text, None) {
