@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 
 use rig_record::{
-    Action, Clearance, Direction, Prompt, Record, RefusedTouch, RunStarted, Sample, StoredRecord,
-    Sweep, SweepOutcome, Touch, TouchSettings, UnreadableRecord,
+    Clearance, Direction, Prompt, Record, RefusedTouch, RunStarted, Sample, StoredRecord, Sweep,
+    SweepOutcome, Touch, TouchSettings, UnreadableRecord,
 };
 
 use crate::units::duration;
@@ -17,54 +17,53 @@ pub(crate) const DIRECTIONS: [Direction; 3] = [Direction::Front, Direction::Back
 pub(crate) struct RunData {
     /// The first record, unless the journal is damaged there.
     pub(crate) started: Option<RunStarted>,
-    /// When that was, on the rig's clock, µs.
+    /// Time of the first record on the rig's clock, µs.
     pub(crate) begin_us: u64,
-    /// The time of the last record, on the rig's clock, µs.
+    /// Time of the last record on the rig's clock, µs.
     pub(crate) end_us: u64,
     /// Every sweep, in order.
     pub(crate) sweeps: Vec<Sweep>,
     /// Every touch that gave a shift, in order.
     pub(crate) touches: Vec<Touch>,
-    /// Every planned touch, in order, with what became of it.
+    /// Every planned touch, in order, with its outcome.
     pub(crate) planned: Vec<PlannedTouch>,
-    /// Prompts that were answered.
+    /// Number of answered prompts.
     pub(crate) prompts: u32,
-    /// What persons were asked and did, and what went wrong.
+    /// Prompts, commands, faults and refused sweeps, in order.
     pub(crate) log: Vec<LogEntry>,
-    /// The first thing that went wrong.
+    /// Cause of the first fault.
     pub(crate) fault: Option<String>,
 }
 
 /// A planned touch.
 #[derive(Debug)]
 pub(crate) struct PlannedTouch {
-    /// What was to be touched, and how.
+    /// Address, sample, pose and repeat.
     pub(crate) settings: TouchSettings,
-    /// When it began: UTC, RFC 3339.
+    /// Time of its beginning: UTC, RFC 3339.
     pub(crate) began_at: Option<String>,
-    /// What became of it; none when it has not ended.
+    /// `None` when it has not ended.
     pub(crate) outcome: Option<Outcome>,
 }
 
-/// How a touch ended.
+/// The outcome of a touch.
 #[derive(Debug)]
 pub(crate) enum Outcome {
-    /// It gave a shift: its place in [`RunData::touches`].
+    /// It gave a shift: its index in [`RunData::touches`].
     Measured(usize),
-    /// It gave none.
+    /// It gave no shift.
     Refused(Box<RefusedTouch>),
 }
 
 /// A line of the log.
 #[derive(Debug)]
 pub(crate) struct LogEntry {
-    /// When, on the rig's clock, µs.
+    /// Time on the rig's clock, µs.
     pub(crate) rig_us: u64,
-    /// Where it happened, when that is a step.
+    /// The step in which it happened.
     pub(crate) step: Option<String>,
-    /// What kind of line it is.
     pub(crate) kind: LogKind,
-    /// What happened.
+    /// The event in words.
     pub(crate) text: String,
 }
 
@@ -79,7 +78,7 @@ pub(crate) enum LogKind {
     Fault,
     /// A sweep gave no resonance.
     Refusal,
-    /// What went over a port was kept.
+    /// The last frames of a port were kept.
     BlackBox,
 }
 
@@ -110,7 +109,7 @@ impl RunData {
         Ok(data)
     }
 
-    /// From the first record to the last on the rig's clock, s.
+    /// Time from the first record to the last on the rig's clock, s.
     pub(crate) fn rig_s(&self) -> f64 {
         (self.end_us - self.begin_us) as f64 / 1e6
     }
@@ -120,7 +119,7 @@ impl RunData {
         self.started.as_ref().map_or(&[], |started| &started.samples)
     }
 
-    /// What went wrong.
+    /// The faults in the log.
     pub(crate) fn faults(&self) -> impl Iterator<Item = &LogEntry> {
         self.log.iter().filter(|entry| entry.kind == LogKind::Fault)
     }
@@ -135,23 +134,24 @@ impl RunData {
         self.started.as_ref().is_some_and(|started| started.is_simulated)
     }
 
-    /// The sample with this name.
+    /// Index of the sample with this name.
     pub(crate) fn sample(&self, name: &str) -> Option<usize> {
         self.samples().iter().position(|sample| sample.name == name)
     }
 
-    /// The planned touch at the address of `settings`. A journal of format 1 names its touches only
-    /// when they begin.
-    fn planned(&mut self, settings: &TouchSettings) -> &mut PlannedTouch {
-        let known = self.planned.iter().position(|known| known.settings.step == settings.step);
-        let index = known.unwrap_or(self.planned.len());
-        if known.is_none() {
-            self.planned.push(PlannedTouch::new(settings.clone()));
+    /// Records the outcome of the touch at an address.
+    fn end_touch(&mut self, step: &str, outcome: Outcome) {
+        if let Some(planned) = self.planned(step) {
+            planned.outcome = Some(outcome);
         }
-        &mut self.planned[index]
     }
 
-    /// Adds the answer to the last question.
+    /// The planned touch at an address.
+    fn planned(&mut self, step: &str) -> Option<&mut PlannedTouch> {
+        self.planned.iter_mut().find(|planned| planned.settings.step == step)
+    }
+
+    /// Adds an answer to the line of its prompt.
     fn answer(&mut self, rig_us: u64, by: &str) {
         self.prompts += 1;
         let is_question = |entry: &&mut LogEntry| entry.kind == LogKind::Prompt;
@@ -174,9 +174,8 @@ impl RunData {
                 self.started = Some(started);
             }
             Record::StepStarted(begun) => {
-                if let Action::Touch { phase, sample, pose, repeat } = begun.action {
-                    let settings = TouchSettings { step: begun.step, phase, sample, pose, repeat };
-                    self.planned(&settings).began_at.clone_from(&stored.at);
+                if let Some(planned) = self.planned(&begun.step) {
+                    planned.began_at.clone_from(&stored.at);
                 }
             }
             Record::PromptAsked(asked) => {
@@ -204,13 +203,12 @@ impl RunData {
                 self.sweeps.push(sweep);
             }
             Record::TouchResult(touch) => {
-                let place = self.touches.len();
-                self.planned(&touch.touch).outcome = Some(Outcome::Measured(place));
+                self.end_touch(&touch.touch.step, Outcome::Measured(self.touches.len()));
                 self.touches.push(touch);
             }
             Record::TouchRefused(refused) => {
-                let planned = self.planned(&refused.touch);
-                planned.outcome = Some(Outcome::Refused(Box::new(refused)));
+                let step = refused.touch.step.clone();
+                self.end_touch(&step, Outcome::Refused(Box::new(refused)));
             }
             Record::BlackBox(kept) => {
                 let (count, port) = (kept.frames.len(), kept.port);
@@ -233,7 +231,7 @@ impl PlannedTouch {
     }
 }
 
-/// What a prompt asks for, in words.
+/// A prompt in words.
 fn request(prompt: &Prompt) -> String {
     match prompt {
         Prompt::PlaceSample { sample } => format!("place sample {sample} under the probe"),

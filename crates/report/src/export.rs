@@ -5,33 +5,22 @@
 //! same seed give the same files. [`RunResults::touches_csv`](crate::RunResults::touches_csv) writes
 //! the table of touches, which needs the results.
 
+mod error;
 mod table;
 #[cfg(test)]
 mod tests;
 mod touches;
 
-use std::io::{self, Write};
+use std::io::Write;
 
-use rig_record::{
-    Circuit, Pose, ReadingRecord, Record, StoredRecord, Sweep, SweepOutcome, UnreadableRecord,
-};
-use table::{Table, TableValue};
-
-/// Why a run could not be written.
-#[derive(Debug, thiserror::Error)]
-pub enum ExportError {
-    /// The file cannot be written.
-    #[error("export")]
-    Io(#[from] io::Error),
-    /// A record cannot be understood.
-    #[error("export")]
-    Record(#[from] UnreadableRecord),
-}
+pub use error::ExportError;
+use rig_record::{Circuit, Pose, ReadingRecord, Record, StoredRecord, Sweep, SweepOutcome};
+use table::{POSITION_DECIMALS, Table, TableValue};
 
 /// Every record in order, one JSON object a line: `seq`, `rig_us`, `digest` and the `record`.
 ///
 /// # Errors
-/// What writing reports.
+/// Errors of the writer.
 pub fn jsonl(records: &[StoredRecord], out: &mut impl Write) -> Result<(), ExportError> {
     for StoredRecord { seq, rig_us, digest, payload, .. } in records {
         writeln!(
@@ -42,11 +31,10 @@ pub fn jsonl(records: &[StoredRecord], out: &mut impl Write) -> Result<(), Expor
     Ok(())
 }
 
-/// One row for each sweep: what it was for and what was made of it. Columns that do not apply are
-/// empty.
+/// One row for each sweep with its purpose and outcome. Columns that do not apply are empty.
 ///
 /// # Errors
-/// What writing reports, or a record that cannot be understood.
+/// Errors of the writer, or a record that cannot be understood.
 pub fn sweeps_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), ExportError> {
     let columns = [
         "sweep",
@@ -84,7 +72,7 @@ pub fn sweeps_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), 
             });
         let moment = found.and_then(|(_, _, effective_time_s, _)| effective_time_s);
         let circuit = found.and_then(|(.., circuit)| circuit);
-        // Their uncertainty is not in the journal; no sweep knows them better than this.
+        // Their uncertainty is not in the journal; six digits are more than any sweep gives.
         let of = |value: fn(Circuit) -> f64| {
             TableValue::of(circuit.map(value), |v| TableValue::Digits(v, 6))
         };
@@ -117,11 +105,11 @@ pub fn sweeps_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), 
     table.finish()
 }
 
-/// One row for each impedance reading of each sweep, with all of its digits and with what the fit was
-/// told: `rigd fit` finds in the file what was found in the run.
+/// One row for each reading of each sweep, with all of its digits and the settings of the fit:
+/// `rigd fit` of the file gives the resonances of the run.
 ///
 /// # Errors
-/// What writing reports, or a record that cannot be understood.
+/// Errors of the writer, or a record that cannot be understood.
 pub fn readings_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), ExportError> {
     let columns = ["sweep", "purpose", "step", "reading"];
     let is_simulated = is_simulated(records);
@@ -143,10 +131,11 @@ pub fn readings_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<()
     table.finish()
 }
 
-/// One row for each reading of a sweep, with the same columns, but for those that tell sweeps apart.
+/// One row for each reading of a sweep, with the columns of [`readings_csv`] except those that name the
+/// sweep.
 ///
 /// # Errors
-/// What writing reports.
+/// Errors of the writer.
 pub fn sweep_csv(sweep: &Sweep, out: &mut impl Write) -> Result<(), ExportError> {
     let mut table = Table::new(&[&READING[..], &OF_SWEEP].concat(), out)?;
     for (index, one) in sweep.readings.iter().enumerate() {
@@ -155,10 +144,10 @@ pub fn sweep_csv(sweep: &Sweep, out: &mut impl Write) -> Result<(), ExportError>
     table.finish()
 }
 
-/// One row for each reading on the way to a surface; those of a surface that was not found have none.
+/// One row for each reading of each search for a surface. The surface is empty if it was not found.
 ///
 /// # Errors
-/// What writing reports, or a record that cannot be understood.
+/// Errors of the writer, or a record that cannot be understood.
 pub fn searches_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), ExportError> {
     let columns =
         ["step", "direction", "angle_deg", "surface_mm", "surface_sigma_mm", "try", "position_mm"];
@@ -194,9 +183,6 @@ pub fn searches_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<()
     table.finish()
 }
 
-/// A drive knows its position to a tenth of a micrometre, or of a millidegree, at best.
-const POSITION_DECIMALS: usize = 4;
-
 /// The columns of a reading.
 const READING: [&str; 7] = [
     "frequency_hz",
@@ -220,7 +206,7 @@ fn reading(reading: &ReadingRecord) -> [TableValue<'static>; 7] {
     ]
 }
 
-/// What the fit made of a reading, and what it was told besides the readings.
+/// Whether the fit used a reading, and the settings of the fit.
 const OF_SWEEP: [&str; 13] = [
     "is_used",
     "fit_min_hz",
@@ -258,7 +244,7 @@ fn of_sweep(sweep: &Sweep, reading: usize) -> [TableValue<'static>; 13] {
     ]
 }
 
-/// Whether no real device took part in the run. No, where its first record is missing.
+/// Whether no real device took part in the run; false if its first record is missing.
 fn is_simulated(records: &[StoredRecord]) -> bool {
     let first = records.first().map(StoredRecord::record);
     matches!(first, Some(Ok(Record::RunStarted(started))) if started.is_simulated)

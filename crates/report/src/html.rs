@@ -11,9 +11,13 @@ use rig_analysis::sensitivity::Sensitivity;
 use rig_record::{ChainCheck, Ending, Phase, RunStatus};
 
 use crate::{
-    RunResults, TouchStatus,
     data::RunData,
-    results::{SensitivityAt, cost::SweepCost, status::Tally, touches::sentence},
+    results::{
+        RunResults, SensitivityAt,
+        cost::SweepCost,
+        status::{Tally, TouchStatus},
+        touches::sentence,
+    },
     units::{duration, fixed, percent, percent_range, value_and_sigma, with_sigma},
 };
 use element::note;

@@ -3,9 +3,11 @@
 use serde::Serialize;
 
 use crate::{
-    RunResults, TouchRow,
     data::DIRECTIONS,
-    results::{recognition::Recognition, status::Tally, stiffness::Stiffness},
+    results::{
+        RunResults, recognition::Recognition, status::Tally, stiffness::Stiffness,
+        touches::TouchRow,
+    },
 };
 
 /// The results of a run. The fields are an interface: scripts read them.

@@ -1,4 +1,4 @@
-//! The report of runs that went well, went wrong, and never began.
+//! The results of a complete, a refused, a faulted and an empty run.
 
 pub(crate) mod sample;
 
@@ -44,7 +44,7 @@ fn check_markup(html: &str) {
 }
 
 #[test]
-fn every_report_is_one_well_formed_file_that_asks_nobody_for_anything() {
+fn every_report_is_one_well_formed_file_without_requests() {
     for story in [Story::Complete, Story::Refused, Story::Faulted, Story::Empty] {
         let html = rendered(story);
         check_markup(&html);
@@ -127,7 +127,7 @@ fn a_damaged_journal_is_reported_as_far_as_it_can_be_read() {
 }
 
 #[test]
-fn a_program_finds_the_fields_that_it_was_promised() {
+fn the_summary_has_the_documented_fields() {
     let sample = SampleRun::new(Story::Complete);
     let found = sample.results().summary();
     let json = serde_json::to_value(&found).unwrap();
@@ -239,7 +239,7 @@ fn unknown_angles_are_found_with_the_stiffness_or_said_to_be_lost() {
     check_markup(&html);
     let sites = inside(&html, "<caption>Stiffness, contact angle and azimuth", "</table>");
     assert_eq!(sites.matches("<tr><th scope=\"row\">").count(), 20);
-    // Upright, the directions do not differ, and nothing tells the azimuth.
+    // Upright, the directions do not differ, and the touches say nothing about the azimuth.
     assert!(sites.contains("not identified"));
     let found = sample.results().summary();
     for (found, known) in found.stiffness.iter().zip(&known.stiffness) {
@@ -251,7 +251,7 @@ fn unknown_angles_are_found_with_the_stiffness_or_said_to_be_lost() {
 }
 
 #[test]
-fn a_site_that_was_not_touched_at_all_is_refused_with_the_reason() {
+fn a_site_without_contact_is_refused_with_the_reason() {
     let mut sample = SampleRun::new(Story::Complete);
     sample.change_start(|started| started.protocol.toml += "angle = \"unknown\"\n");
     let mut is_first = true;
@@ -333,7 +333,7 @@ fn every_planned_touch_has_a_row_in_every_output() {
 }
 
 #[test]
-fn a_refused_touch_is_told_with_its_reason_wherever_results_are() {
+fn every_output_names_a_refused_touch_with_its_reason() {
     let sample = SampleRun::new(Story::Refused);
     let reason = "the analyzer flagged <overload> at 152.3 Hz in 3 of 3 tries";
     let text = sample.results().text();
@@ -362,7 +362,7 @@ fn a_refused_touch_is_told_with_its_reason_wherever_results_are() {
 }
 
 #[test]
-fn what_was_not_reached_says_why() {
+fn a_touch_that_was_not_reached_has_a_reason() {
     let rows = table(&SampleRun::new(Story::Faulted));
     let reason = |step: &str| &rows.iter().find(|row| row["step"] == step).unwrap()["reason"];
     assert_eq!(
@@ -374,7 +374,7 @@ fn what_was_not_reached_says_why() {
 }
 
 #[test]
-fn the_table_of_touches_says_what_is_known_of_each() {
+fn the_table_of_touches_has_every_value_of_a_touch() {
     let sample = SampleRun::new(Story::Complete);
     let rows = table(&sample);
     let row = &rows[1];

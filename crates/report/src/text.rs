@@ -3,14 +3,14 @@
 use rig_record::Phase;
 
 use crate::{
-    RunResults, TouchRow, TouchStatus,
     data::{DIRECTIONS, RunData},
     results::{
+        RunResults,
         grid::GridRow,
         recognition::{Method, Recognition},
-        status::Tally,
+        status::{Tally, TouchStatus},
         stiffness::Stiffness,
-        touches::sentence,
+        touches::{TouchRow, sentence},
     },
     units::{duration, fixed, percent, percent_range, with_sigma},
 };

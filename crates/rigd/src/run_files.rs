@@ -9,7 +9,7 @@ use rig_report::{
     RunResults, RunSummary,
     export::{self, ExportError},
 };
-use rig_store::{Reader, RunId, StoreError};
+use rig_store::{Chain, Reader, RunId, StoreError};
 use serde::Serialize;
 
 /// The files of a run.
@@ -78,8 +78,8 @@ pub fn write(data: &Path, run: RunId) -> Result<RunFiles, RunFilesError> {
     fs::create_dir_all(&folder)
         .map_err(|source| RunFilesError::File { path: folder.clone(), source })?;
     let report = folder.join(REPORT);
-    let results = write_report(&reader, run, &report)?;
-    let records = reader.records(run)?;
+    let (results, chain) = write_report(&reader, run, &report)?;
+    let records = rig_store::intact(run, chain)?;
     let file = |name: &str, table: &dyn Fn(&mut Vec<u8>) -> Result<(), ExportError>| {
         let mut bytes = Vec::new();
         table(&mut bytes)?;
@@ -93,15 +93,19 @@ pub fn write(data: &Path, run: RunId) -> Result<RunFiles, RunFilesError> {
     Ok(RunFiles { results, report, data: folder })
 }
 
-/// Writes the report of a run to a file.
+/// Writes the report of a run to a file, and returns its results and records.
 ///
 /// # Errors
 /// [`RunFilesError`] names the file.
-pub fn write_report(reader: &Reader, run: RunId, path: &Path) -> Result<RunResults, RunFilesError> {
+pub fn write_report(
+    reader: &Reader,
+    run: RunId,
+    path: &Path,
+) -> Result<(RunResults, Chain), RunFilesError> {
     let (run, chain) = (reader.run(run)?, reader.chain(run)?);
     let results = RunResults::new(&run, &chain.records).map_err(StoreError::from)?;
     write_file(path, results.html(&chain.check).as_bytes())?;
-    Ok(results)
+    Ok((results, chain))
 }
 
 fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RunFilesError> {

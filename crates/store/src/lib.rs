@@ -20,7 +20,7 @@ mod tests;
 
 pub use error::{SqliteError, StoreError};
 pub use journal::{Journal, Store};
-pub use reader::{Interruption, ProbeWord, Reader};
+pub use reader::{Interruption, ProbeWord, Reader, intact};
 pub use rig_record::{
     Action, Axis, BlackBox, Chain, ChainCheck, Circuit, Clearance, Device, Digest, Direction,
     Ending, Fault, FitNoise, FitSettings, FitTiming, Flaw, Frame, Intent, LostSurface, Move,

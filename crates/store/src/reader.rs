@@ -135,11 +135,7 @@ impl Reader {
     /// [`StoreError::Broken`] at the first flaw; [`Reader::chain`] gives what stands before it.
     /// [`StoreError::NoSuchRun`], or what the system or SQLite reports.
     pub fn records(&self, id: RunId) -> Result<Vec<StoredRecord>, StoreError> {
-        let Chain { records, check } = self.chain(id)?;
-        match check {
-            ChainCheck::Intact { .. } => Ok(records),
-            ChainCheck::Broken { seq, flaw } => Err(StoreError::Broken { run: id, seq, flaw }),
-        }
+        intact(id, self.chain(id)?)
     }
 
     /// Checks the chain of a run.
@@ -202,6 +198,17 @@ impl Reader {
             records.push(record_from(row)?);
         }
         Ok(records)
+    }
+}
+
+/// The records of the chain of a run, if all are there.
+///
+/// # Errors
+/// [`StoreError::Broken`] at the first flaw.
+pub fn intact(run: RunId, chain: Chain) -> Result<Vec<StoredRecord>, StoreError> {
+    match chain.check {
+        ChainCheck::Intact { .. } => Ok(chain.records),
+        ChainCheck::Broken { seq, flaw } => Err(StoreError::Broken { run, seq, flaw }),
     }
 }
 

@@ -8,7 +8,10 @@ use std::io::{self, Write};
 
 use csv::{QuoteStyle, Writer, WriterBuilder};
 
-use super::ExportError;
+use super::error::ExportError;
+
+/// A drive reads back a tenth of a micrometre or of a millidegree at best.
+pub(super) const POSITION_DECIMALS: usize = 4;
 
 /// A value of a table.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -109,7 +109,7 @@ fn tables_have_a_row_for_each_sweep_and_reading() {
     assert!(readings.lines().all(|line| line.split(',').count() == columns), "{readings}");
     let first = "\n1,\"no_load\",\"main/1/back/30/1\",1,140.4,33333.333333333336,-40000.0,";
     assert!(readings.contains(first), "{readings}");
-    // What the fit was told, where the journal holds it; two readings of each sweep are flagged.
+    // The settings of the fit, if the journal has them; two readings of each sweep are flagged.
     let ends = |end: &str| readings.lines().filter(|line| line.ends_with(end)).count();
     assert_eq!(ends(",true,130.0,260.0,0.005,4.0,\"waited\",true,,,,,,,true"), 10, "{readings}");
     assert_eq!(ends(",true,,,,,,,,,,,,,true"), 10, "{readings}");
@@ -134,7 +134,7 @@ fn a_refused_sweep_keeps_its_columns() {
     let sweeps = text(|out| sweeps_csv(&records, out));
     let (header, row) = sweeps.split_once('\n').unwrap();
     assert_eq!(row, "1,\"manual\",,,,12,\"refused\",,,,,,,,,\"no resonance, none at all\",false\n");
-    // The comma in the reason is one more.
+    // The reason contains a comma.
     assert_eq!(row.matches(',').count(), header.matches(',').count() + 1);
 }
 

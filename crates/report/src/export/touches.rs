@@ -2,8 +2,11 @@
 
 use std::io::Write;
 
-use super::{ExportError, POSITION_DECIMALS, Table, TableValue};
-use crate::RunResults;
+use super::{
+    error::ExportError,
+    table::{POSITION_DECIMALS, Table, TableValue},
+};
+use crate::results::RunResults;
 
 /// The columns of `touches.csv`. Those that differ between two runs of one seed are the last.
 const COLUMNS: [&str; 28] = [

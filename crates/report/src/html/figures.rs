@@ -7,17 +7,16 @@ use rig_resonance::Circuit;
 
 use super::element::{drawn, figure, figure_row};
 use crate::{
-    RunResults,
     data::{DIRECTIONS, RunData},
-    results::classification::Classification,
+    results::{RunResults, classification::Classification},
     units::{fixed, with_sigma},
 };
 
-/// Width of one of three charts in a row, and the height of all charts in a row, in pixels.
+/// Width and height of one of three charts in a row, pixels.
 const PANEL_PX: (u32, u32) = (290, 310);
-/// Of one of two charts in a row.
+/// Width and height of one of two charts in a row, pixels.
 pub(super) const HALF_PX: (u32, u32) = (446, 310);
-/// Of a chart with a row of its own.
+/// Width and height of a chart with a row of its own, pixels.
 const WIDE_PX: (u32, u32) = (912, 360);
 
 /// Shift against angle, one chart for each direction: the paper's Figure 11.
@@ -67,7 +66,7 @@ pub(super) fn by_direction(results: &RunResults) -> Markup {
     figure(&charts, caption)
 }
 
-/// The samples that were touched in the main phase, each with its index.
+/// The samples with a measured main touch, with their indices.
 fn touched_samples(results: &RunResults) -> impl Iterator<Item = (usize, &Sample)> {
     let is_touched = |&(index, _): &(usize, &Sample)| {
         results.angle_means.iter().any(|mean| mean.sample == index)
@@ -147,7 +146,7 @@ pub(super) fn classification(data: &RunData, classification: &Classification) ->
     figure(&drawn(&chart, "fig-blind"), caption)
 }
 
-/// The reference over the run.
+/// The no-load resonance over the run.
 pub(super) fn no_load(results: &RunResults) -> Markup {
     let begin_s = results.data.begin_us as f64 / 1e6;
     let minutes = |time_s: f64| (time_s - begin_s) / 60.0;
@@ -186,8 +185,8 @@ pub(super) fn no_load(results: &RunResults) -> Markup {
     figure(&drawn(&chart, "fig-no-load"), caption)
 }
 
-/// One touch and its reference as they were measured, with the circuits fitted: the main touch
-/// with the largest shift, where the tissue damps the resonance most.
+/// The readings of one touch and of its no-load sweep, with the fitted circuits. It is the main touch
+/// with the largest shift: there the tissue damps the resonance most.
 pub(super) fn example(data: &RunData) -> Option<Markup> {
     let touch = data
         .touches
@@ -210,7 +209,7 @@ pub(super) fn example(data: &RunData) -> Option<Markup> {
     Some(figure_row(&charts, &caption))
 }
 
-/// Every refused sweep as it was measured, with its reason.
+/// The readings of every refused sweep, with its reason.
 pub(super) fn refused(data: &RunData) -> Markup {
     html! {
         @for sweep in &data.sweeps {
@@ -231,8 +230,8 @@ fn refused_sweep(sweep: &Sweep, reason: &str) -> Markup {
     figure_row(&charts, &caption)
 }
 
-/// Magnitude and phase of sweeps against frequency, with the circuits fitted, side by side. Each
-/// sweep has a colour and a name.
+/// Magnitude and phase of sweeps against frequency, side by side, with the fitted circuits. Each sweep
+/// has a colour and a name.
 fn impedance(suffix: &str, sweeps: &[(usize, &str, &Sweep)]) -> Markup {
     let axis = || Axis::linear("frequency (Hz)");
     let of = sweeps.iter().map(|&(_, name, _)| name).collect::<Vec<_>>().join(" and ");

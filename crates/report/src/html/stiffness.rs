@@ -9,9 +9,9 @@ use super::{
     figures::HALF_PX,
 };
 use crate::{
-    RunResults,
     data::RunData,
     results::{
+        RunResults,
         recognition::{Method, Recognition},
         stiffness::{Calibration, SampleStiffness, ScaleSource, Site, Stiffness, TouchStiffness},
     },

@@ -5,9 +5,14 @@ use rig_analysis::shift::{DirectionMean, Mean};
 
 use super::element::{dash, fault, table, text};
 use crate::{
-    RunResults, TouchRow, TouchStatus,
     data::{DIRECTIONS, LogKind, RunData},
-    results::{classification::Classification, grid::GridRow, status::Tally},
+    results::{
+        RunResults,
+        classification::Classification,
+        grid::GridRow,
+        status::{Tally, TouchStatus},
+        touches::TouchRow,
+    },
     units::{clock, decimals_for, fixed, with_sigma},
 };
 

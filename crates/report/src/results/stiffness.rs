@@ -6,6 +6,7 @@
 
 mod calibration;
 mod site;
+mod values;
 
 use std::collections::BTreeMap;
 
@@ -23,6 +24,7 @@ use rig_record::{Direction, Phase, Sample, Touch};
 
 pub(crate) use calibration::{Calibration, ScaleSource};
 pub(crate) use site::Site;
+pub(crate) use values::{SampleStiffness, TouchStiffness};
 
 use crate::data::{PlannedTouch, RunData};
 use calibration::ComparedAt;
@@ -45,23 +47,6 @@ pub(crate) struct Stiffness {
     by_step: BTreeMap<String, Result<Young, InverseError>>,
 }
 
-/// The stiffness of a sample.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct SampleStiffness {
-    /// Index of the sample.
-    pub(crate) sample: usize,
-    /// Young's modulus, MPa.
-    pub(crate) young_mpa: f64,
-    /// Its standard deviation, that of the calibration included, MPa.
-    pub(crate) sigma_mpa: f64,
-    /// Standard deviation of the touches about it, MPa, when there are several.
-    pub(crate) spread_mpa: Option<f64>,
-    /// Known Young's modulus, MPa.
-    pub(crate) known_mpa: Option<f64>,
-    /// Number of touches or sites with a stiffness.
-    pub(crate) touches: usize,
-}
-
 /// The touches or sites behind the stiffness of a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct StiffnessBasis {
@@ -79,17 +64,6 @@ impl StiffnessBasis {
         let Self { used, planned, of } = self;
         (used < planned).then(|| format!("{used} of {planned} {of}"))
     }
-}
-
-/// The stiffness under one touch or site.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct TouchStiffness {
-    /// Index of the sample; for a blind touch, only for the score.
-    pub(crate) sample: usize,
-    /// Number among the repeats, or among the blind touches.
-    pub(crate) number: u32,
-    /// The calibrated stiffness, without the uncertainty of the calibration, which all share.
-    pub(crate) young: Result<Young, InverseError>,
 }
 
 /// Reason why a run has no stiffness.

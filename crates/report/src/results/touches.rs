@@ -115,8 +115,8 @@ pub(super) fn rows(
             ..TouchRow::default()
         };
         match &planned.outcome {
-            Some(Outcome::Measured(place)) => {
-                row.measured(&data.touches[*place], data, stiffness, classification);
+            Some(Outcome::Measured(index)) => {
+                row.measured(&data.touches[*index], data, stiffness, classification);
             }
             Some(Outcome::Refused(refused)) => {
                 row.reason = Some(refused.reason.clone());

@@ -1,4 +1,4 @@
-//! A run of the paper's protocol as its journal would hold it.
+//! The records of a run of the paper's protocol.
 
 use rig_record::{
     Action, BlackBox, Chain, ChainCheck, Clearance, Device, Digest, Direction, Ending, Fault,
@@ -10,22 +10,22 @@ use rig_record::{
 use rig_resonance::Circuit;
 use uuid::Uuid;
 
-use crate::RunResults;
+use crate::results::RunResults;
 
 const SAMPLES: [(&str, f64); 5] =
     [("1", 0.045), ("2", 0.104), ("3", 0.235), ("4", 0.320), ("5", 0.649)];
 const NO_LOAD_HZ: f64 = 137.6;
 
-/// What the sample run goes through.
+/// The course of the sample run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Story {
-    /// Every touch of the paper, all well.
+    /// Every touch of the paper is measured.
     Complete,
     /// A fault after seven touches.
     Faulted,
     /// The touches of sample 2 at 45° from the left and the third blind one are refused.
     Refused,
-    /// Ended before anything was measured.
+    /// Aborted before the first measurement.
     Empty,
 }
 
@@ -39,7 +39,7 @@ const ID: RunId = RunId::new(Uuid::from_u128(0x019a_a5b0_0000_7000_8000_0000_000
 
 impl SampleRun {
     pub(crate) fn new(story: Story) -> Self {
-        let (records, ending) = Teller {
+        let (records, ending) = Recorder {
             story,
             records: Vec::new(),
             planned: Vec::new(),
@@ -47,7 +47,7 @@ impl SampleRun {
             sweeps: 0,
             noise: 7,
         }
-        .tell();
+        .record();
         let chain = chain(&records);
         let run = Run {
             id: ID,
@@ -89,7 +89,7 @@ impl SampleRun {
     }
 }
 
-/// On the rig's clock, µs.
+/// Beginning of the run on the rig's clock, µs.
 const BEGIN_US: u64 = 12_000_000;
 
 /// The records as a journal would store them.
@@ -114,9 +114,9 @@ fn time(since_us: u64) -> String {
 
 const RIG: &str = include_str!("../../../../config/rigs/simulated.toml");
 
-struct Teller {
+struct Recorder {
     story: Story,
-    /// What happened, each with its time in µs.
+    /// The records, each with its time in µs.
     records: Vec<(u64, Record)>,
     planned: Vec<TouchSettings>,
     now_us: u64,
@@ -124,9 +124,9 @@ struct Teller {
     noise: u64,
 }
 
-impl Teller {
+impl Recorder {
     /// Every record with its time in µs, and the ending.
-    fn tell(mut self) -> (Vec<(u64, Record)>, Ending) {
+    fn record(mut self) -> (Vec<(u64, Record)>, Ending) {
         let made = match self.story {
             Story::Complete | Story::Refused => usize::MAX,
             Story::Faulted => 7,
@@ -327,7 +327,7 @@ impl Teller {
         self.now_us += 2_000_000;
     }
 
-    /// Evenly between 0 and 1 (Knuth's MMIX generator).
+    /// A random number between 0 and 1 (Knuth's MMIX generator).
     fn unit(&mut self) -> f64 {
         self.noise = self.noise.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         (self.noise >> 11) as f64 / (1_u64 << 53) as f64
@@ -341,7 +341,7 @@ impl Teller {
             .into()
     }
 
-    /// About zero with unit variance.
+    /// A random number with mean 0 and variance 1.
     fn about_zero(&mut self) -> f64 {
         (0..12).map(|_| self.unit()).sum::<f64>() - 6.0
     }

@@ -4,10 +4,9 @@ mod run;
 
 use rig_analysis::{
     classify::{Classifier, Decision},
-    cluster::optimal,
-    score::{score, wilson_95},
+    score::wilson_95,
     sensor::SensorDescription,
-    stiffness::{Compensation, PosedTouch},
+    stiffness::PosedTouch,
 };
 use rig_chart::{Axis, Chart, Marker, Point, Series};
 use rig_contact::{ContactLaw, Depth, Direction, Models, Pose, Sensor, Tier};
@@ -185,34 +184,21 @@ fn blind(page: &mut Page, run: &BenchRun) {
         return;
     }
     page.chart("figure-13.svg", figure_13(&blind));
-    let labels: Vec<usize> = blind.iter().map(|touch| touch.sample).collect();
-    let count = SAMPLES_MPA.len();
-    let shifts: Vec<f64> = blind.iter().map(|touch| touch.shift_hz).collect();
-    let logs: Vec<f64> = shifts.iter().map(|shift| shift.ln()).collect();
-    let by_k_means = |values: &[f64]| {
-        let clusters = optimal(values, count).ok()?.clusters;
-        Some(score(&labels, &clusters, count, count).correct)
-    };
-    let compensation = SensorDescription::reference().compensation(0.0);
-    let young = |touch: &BenchTouch| Some(compensation.of_touch(&posed(touch)).ok()?.young_mpa);
-    let calibrated = |value: &dyn Fn(&BenchTouch) -> Option<f64>| {
-        let usable: Vec<(f64, usize)> =
-            known.iter().filter_map(|touch| Some((value(touch)?, touch.sample))).collect();
-        let (values, of): (Vec<f64>, Vec<usize>) = usable.into_iter().unzip();
-        let classifier = Classifier::calibrated(&values, &of, count).ok()?;
-        let is_right = |touch: &&&BenchTouch| {
-            let verdict = value(touch).and_then(|value| classifier.classify(value, 0.0));
-            matches!(verdict, Some(Decision::Class { class, .. }) if class == touch.sample)
-        };
-        u32::try_from(blind.iter().filter(is_right).count()).ok()
+    let by_method = |method: &str| {
+        let found = run.recognition.iter().find(|found| found.method == method);
+        found.map(|found| found.correct)
     };
     let mut table = Table::new(&["method", "printed", "ours, right", "of", "%", "95 % interval"]);
     let trials = u32::try_from(blind.len()).unwrap_or(u32::MAX);
     for (method, printed, right) in [
-        ("k-means on shifts (the paper's)", "46 of 50", by_k_means(&shifts)),
-        ("k-means on logarithms of shifts", "", by_k_means(&logs)),
-        ("centres calibrated on the main phase, shifts", "", calibrated(&|t| Some(t.shift_hz))),
-        ("centres calibrated on the main phase, compensated stiffness", "", calibrated(&young)),
+        ("k-means on shifts (the paper's)", "46 of 50", by_method("k-means")),
+        ("k-means on logarithms of shifts", "", by_method("k-means-log")),
+        ("centres calibrated on the main phase, shifts", "", by_calibrated_shift(&known, &blind)),
+        (
+            "centres calibrated on the main phase, compensated stiffness",
+            "",
+            by_method("calibrated-stiffness"),
+        ),
     ] {
         let Some(right) = right else { continue };
         let (low, high) = wilson_95(right, trials);
@@ -231,7 +217,19 @@ fn blind(page: &mut Page, run: &BenchRun) {
          all touches of one mounting share, of the surface found and of the screw, do not show in \
          their scatter; they are one to two percent.",
     );
-    page.table(stiffnesses(&compensation, &known));
+    page.table(stiffnesses(&known));
+}
+
+/// The number of blind touches that centres calibrated on the shifts of the main touches recognise.
+fn by_calibrated_shift(known: &[&BenchTouch], blind: &[&BenchTouch]) -> Option<u32> {
+    let (shifts, samples): (Vec<f64>, Vec<usize>) =
+        known.iter().map(|touch| (touch.shift_hz, touch.sample)).unzip();
+    let classifier = Classifier::calibrated(&shifts, &samples, SAMPLES_MPA.len()).ok()?;
+    let is_right = |touch: &&&BenchTouch| {
+        let decision = classifier.classify(touch.shift_hz, 0.0);
+        matches!(decision, Some(Decision::Class { class, .. }) if class == touch.sample)
+    };
+    u32::try_from(blind.iter().filter(is_right).count()).ok()
 }
 
 fn figure_13(blind: &[&BenchTouch]) -> Chart {
@@ -264,7 +262,8 @@ fn posed(touch: &BenchTouch) -> PosedTouch {
     }
 }
 
-fn stiffnesses(compensation: &Compensation, known: &[&BenchTouch]) -> Table {
+fn stiffnesses(known: &[&BenchTouch]) -> Table {
+    let compensation = SensorDescription::reference().compensation(0.0);
     let touches: Vec<PosedTouch> = known.iter().map(|touch| posed(touch)).collect();
     let mut table = Table::new(&[
         "sample",

@@ -6,7 +6,7 @@ use rig_analysis::{
 };
 use rig_record::Sample;
 
-use super::{SampleStiffness, TouchStiffness};
+use super::values::{SampleStiffness, TouchStiffness};
 
 /// The correction of the sensor's description by the run.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -4,7 +4,7 @@ use std::{io, path::Path};
 
 use rig_contact::Direction;
 use rig_engine::RigState;
-use rig_report::{RunResults, TouchRow};
+use rig_report::{RecognitionSummary, RunResults, TouchRow};
 use rig_store::{Ending, Reader, RunId, RunStatus, StoreError};
 use rigd::{
     files::FileError,
@@ -21,6 +21,7 @@ pub(super) struct BenchRun {
     pub(super) rig_seconds: f64,
     pub(super) no_load_hz: Option<f64>,
     pub(super) sensitivity_hz_per_mpa: Option<f64>,
+    pub(super) recognition: Vec<RecognitionSummary>,
     pub(super) touches: Vec<BenchTouch>,
 }
 
@@ -88,6 +89,7 @@ impl BenchRun {
             rig_seconds: summary.rig_seconds,
             no_load_hz: summary.no_load_hz,
             sensitivity_hz_per_mpa: summary.sensitivity_hz_per_mpa,
+            recognition: summary.recognition,
             touches: results.touches().iter().map(touch).collect::<Result<_, _>>()?,
         })
     }
