@@ -45,12 +45,12 @@ use rig_store::{Reader, StoreError};
 
 use crate::{
     doctor::advice,
-    http::doors::TokenError,
+    http::access::TokenError,
     loaded_rig::{FileError, LoadedRig},
     operator::Operator,
-    rig::{OpenError, Refusal},
+    rig::{OpenError, RequestRefusal},
     run_files::RunFilesError,
-    sweep_order::SweepFaults,
+    sweep_form::SweepFaults,
 };
 
 const EXIT_CODES: &str = "\
@@ -253,7 +253,7 @@ enum Failure {
     #[error(transparent)]
     Export(#[from] ExportError),
     #[error(transparent)]
-    Refused(#[from] Refusal),
+    Refused(#[from] RequestRefusal),
     #[error(transparent)]
     Sweep(#[from] SweepFaults),
     #[error("{reason}")]
@@ -307,7 +307,7 @@ impl Failure {
             | Self::NoTimes { .. }
             | Self::NoToken { .. }
             | Self::Token(_)
-            | Self::Refused(Refusal::Command(
+            | Self::Refused(RequestRefusal::Command(
                 CommandRefusal::LinearTarget(_)
                 | CommandRefusal::RotaryTarget(_)
                 | CommandRefusal::TooDeep { .. },

@@ -25,12 +25,12 @@ pub(crate) struct Hint {
     /// What to see to, whichever way the person speaks to the rig.
     pub(crate) text: &'static str,
     /// What comes after that.
-    then: Then,
+    then: NextAction,
 }
 
 /// What comes after the cause of a fault was seen to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Then {
+enum NextAction {
     /// The rig is prepared again, and the probe, which may be in contact, is retracted first.
     Retract,
     /// The rig is prepared again.
@@ -43,9 +43,9 @@ impl Hint {
     /// For somebody who speaks to the daemon.
     pub(crate) fn over_http(self) -> String {
         let then = match self.then {
-            Then::Retract => "POST /api/v1/acknowledge, which retracts the probe first",
-            Then::Prepare => "POST /api/v1/acknowledge",
-            Then::Restart => "start rigd again",
+            NextAction::Retract => "POST /api/v1/acknowledge, which retracts the probe first",
+            NextAction::Prepare => "POST /api/v1/acknowledge",
+            NextAction::Restart => "start rigd again",
         };
         format!("{}; then {then}", self.text)
     }
@@ -53,13 +53,13 @@ impl Hint {
     /// For somebody at a terminal, where every command opens the rig anew.
     pub(crate) fn at_a_terminal(self) -> String {
         match self.then {
-            Then::Retract => {
+            NextAction::Retract => {
                 format!(
                     "{}; the next command that opens the rig retracts the probe first",
                     self.text
                 )
             }
-            Then::Prepare | Then::Restart => self.text.to_owned(),
+            NextAction::Prepare | NextAction::Restart => self.text.to_owned(),
         }
     }
 }
@@ -71,16 +71,16 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
         _ => None,
     };
     if let Some((_, FailureKind::Lost)) = device {
-        return Hint { text: advice::LOST, then: Then::Restart };
+        return Hint { text: advice::LOST, then: NextAction::Restart };
     }
     if clearance != Clearance::Clear {
         let text = "the probe may still be in contact: do not touch the sample or the stages; check \
                     by eye, and cure the cause";
-        return Hint { text, then: Then::Retract };
+        return Hint { text, then: NextAction::Retract };
     }
     if let Some((Device::Journal, FailureKind::Line)) = device {
         let text = "see to the disk of the data directory";
-        return Hint { text, then: Then::Restart };
+        return Hint { text, then: NextAction::Restart };
     }
     let text = match fault {
         Fault::Device(failure) => match (failure.device, failure.kind) {
@@ -106,5 +106,5 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
         | Fault::Overdue { .. }
         | Fault::NotProvenClear => "keep the journal of this run for the maintainer of rigd",
     };
-    Hint { text, then: Then::Prepare }
+    Hint { text, then: NextAction::Prepare }
 }

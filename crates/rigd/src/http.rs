@@ -24,7 +24,7 @@
 //!
 //! A handler asks the rig thread and waits for its word; the rig thread never waits for a handler.
 
-pub mod doors;
+pub mod access;
 mod events;
 mod guard;
 mod index;
@@ -52,7 +52,7 @@ use tokio::sync::{Mutex, Semaphore};
 use tokio_util::sync::CancellationToken;
 
 use crate::{loaded_rig::RigFacts, protocol_file::LoadedProtocol, rig::RigHandle};
-use doors::Doors;
+use access::Access;
 use problem::Problem;
 pub use server::serve;
 
@@ -68,7 +68,7 @@ struct Inner {
     facts: RigFacts,
     loaded: Option<LoadedProtocol>,
     data: PathBuf,
-    doors: Doors,
+    access: Access,
     /// The event streams that may still be opened.
     streams: Arc<Semaphore>,
     /// Held from the search for a key in the journal until the run that it belongs to has begun, so
@@ -86,12 +86,12 @@ impl Shared {
         facts: RigFacts,
         loaded: Option<LoadedProtocol>,
         data: PathBuf,
-        doors: Doors,
+        access: Access,
         closing: CancellationToken,
     ) -> Self {
         let streams = Arc::new(Semaphore::new(events::STREAMS_MAX));
         let keyed = Mutex::new(());
-        let inner = Inner { rig, facts, loaded, data, doors, streams, keyed, closing };
+        let inner = Inner { rig, facts, loaded, data, access, streams, keyed, closing };
         Self { inner: Arc::new(inner) }
     }
 

@@ -62,7 +62,7 @@ impl From<Interruption> for InterruptionView {
 
 /// What was left behind on a rig by whatever had it open last.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct LeftBehind {
+pub(crate) struct InterruptedRig {
     /// It was not closed in order.
     pub(crate) is_interrupted: bool,
     /// The probe may be in the sample.
@@ -71,7 +71,7 @@ pub(crate) struct LeftBehind {
     pub(crate) message: String,
 }
 
-impl LeftBehind {
+impl InterruptedRig {
     /// What the latest session with a rig left behind, when there is one and it has ended.
     ///
     /// # Errors

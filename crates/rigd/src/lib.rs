@@ -14,5 +14,5 @@ mod predict;
 pub mod protocol_file;
 pub mod rig;
 pub mod run_files;
-mod sweep_order;
+mod sweep_form;
 mod sweeps;

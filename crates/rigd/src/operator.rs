@@ -19,7 +19,7 @@ pub struct Operator(String);
     "the name of an operator is 1 to {LENGTH_MAX} letters, digits, spaces and any of . - _ @ ' \\, \
      and does not begin or end with a space"
 )]
-pub struct BadName;
+pub struct OperatorError;
 
 impl Operator {
     /// The user who is logged in, as the environment says; otherwise the number of the user.
@@ -36,14 +36,14 @@ impl Operator {
 }
 
 impl FromStr for Operator {
-    type Err = BadName;
+    type Err = OperatorError;
 
-    fn from_str(name: &str) -> Result<Self, BadName> {
+    fn from_str(name: &str) -> Result<Self, OperatorError> {
         let is_allowed = |letter: char| letter.is_alphanumeric() || MARKS.contains(letter);
         let is_name = (1..=LENGTH_MAX).contains(&name.chars().count())
             && name.chars().all(is_allowed)
             && name.trim() == name;
-        if is_name { Ok(Self(name.to_owned())) } else { Err(BadName) }
+        if is_name { Ok(Self(name.to_owned())) } else { Err(OperatorError) }
     }
 }
 
@@ -69,7 +69,7 @@ mod tests {
         let control = ["a\nb", "a\0", "\u{1b}[2J", "a\u{202e}b"];
         let markup = ["<b>", "=1+1", "a,b", "a\"b", "", " ", " ada", "ada ", &longer];
         for name in control.into_iter().chain(markup) {
-            assert_eq!(name.parse::<Operator>(), Err(BadName), "{name:?}");
+            assert_eq!(name.parse::<Operator>(), Err(OperatorError), "{name:?}");
         }
     }
 }

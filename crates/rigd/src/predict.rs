@@ -50,7 +50,7 @@ pub(crate) struct Predicted {
 
 /// How a resonance lies in its window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Placing {
+pub(crate) enum WindowPosition {
     Inside,
     NearEdge,
     Outside,
@@ -73,7 +73,7 @@ pub(crate) enum NotPredicted {
 #[derive(Debug, PartialEq)]
 pub(crate) struct Warning {
     pub(crate) section: SweepSection,
-    pub(crate) edge: Edge,
+    pub(crate) edge: WindowEdge,
     pub(crate) window: Window,
     /// The steps whose resonance lies beyond the edge or near it, by index, the worst first.
     pub(crate) steps: Vec<usize>,
@@ -83,7 +83,7 @@ pub(crate) struct Warning {
 
 /// An edge of a window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Edge {
+pub(crate) enum WindowEdge {
     Min,
     Max,
 }
@@ -104,12 +104,13 @@ impl Predictions {
     /// The windows that should be wider.
     pub(crate) fn warnings(&self) -> Vec<Warning> {
         let sections = [SweepSection::NoLoad, SweepSection::Contact];
-        let edges =
-            sections.into_iter().flat_map(|section| [(section, Edge::Min), (section, Edge::Max)]);
+        let edges = sections
+            .into_iter()
+            .flat_map(|section| [(section, WindowEdge::Min), (section, WindowEdge::Max)]);
         edges.filter_map(|(section, edge)| self.warning(section, edge)).collect()
     }
 
-    fn warning(&self, section: SweepSection, edge: Edge) -> Option<Warning> {
+    fn warning(&self, section: SweepSection, edge: WindowEdge) -> Option<Warning> {
         let of_section = |(index, step): (usize, &Option<Result<Predicted, NotPredicted>>)| {
             let predicted = step.as_ref()?.as_ref().ok()?;
             (predicted.section == section).then_some((index, *predicted))
@@ -122,8 +123,8 @@ impl Predictions {
         let window = near.first()?.1.window;
         let wanted = near.iter().map(|(_, predicted)| predicted.wanted_hz(edge));
         let wanted_hz = match edge {
-            Edge::Min => wanted.fold(f64::INFINITY, f64::min).floor(),
-            Edge::Max => wanted.fold(0.0, f64::max).ceil(),
+            WindowEdge::Min => wanted.fold(f64::INFINITY, f64::min).floor(),
+            WindowEdge::Max => wanted.fold(0.0, f64::max).ceil(),
         };
         let steps = near.into_iter().map(|(index, _)| index).collect();
         Some(Warning { section, edge, window, steps, wanted_hz })
@@ -150,32 +151,32 @@ impl Predicted {
     }
 
     /// How the resonance lies in its window.
-    pub(crate) fn placing(&self) -> Placing {
-        let room = self.room_linewidths(Edge::Min).min(self.room_linewidths(Edge::Max));
+    pub(crate) fn placing(&self) -> WindowPosition {
+        let room = self.room_linewidths(WindowEdge::Min).min(self.room_linewidths(WindowEdge::Max));
         if room < 0.0 {
-            Placing::Outside
+            WindowPosition::Outside
         } else if room < EDGE_LINEWIDTHS {
-            Placing::NearEdge
+            WindowPosition::NearEdge
         } else {
-            Placing::Inside
+            WindowPosition::Inside
         }
     }
 
     /// The room between the resonance and an edge, in linewidths; below zero beyond the edge.
-    fn room_linewidths(&self, edge: Edge) -> f64 {
+    fn room_linewidths(&self, edge: WindowEdge) -> f64 {
         let room_hz = match edge {
-            Edge::Min => self.resonance_hz - self.window.min_hz,
-            Edge::Max => self.window.max_hz - self.resonance_hz,
+            WindowEdge::Min => self.resonance_hz - self.window.min_hz,
+            WindowEdge::Max => self.window.max_hz - self.resonance_hz,
         };
         room_hz / self.linewidth_hz
     }
 
     /// Where the edge would leave room.
-    fn wanted_hz(&self, edge: Edge) -> f64 {
+    fn wanted_hz(&self, edge: WindowEdge) -> f64 {
         let room_hz = EDGE_LINEWIDTHS * self.linewidth_hz;
         match edge {
-            Edge::Min => self.resonance_hz - room_hz,
-            Edge::Max => self.resonance_hz + room_hz,
+            WindowEdge::Min => self.resonance_hz - room_hz,
+            WindowEdge::Max => self.resonance_hz + room_hz,
         }
     }
 }
@@ -190,7 +191,7 @@ impl SweepSection {
     }
 }
 
-impl Edge {
+impl WindowEdge {
     /// The key of a protocol file.
     pub(crate) const fn key(self) -> &'static str {
         match self {
@@ -200,7 +201,7 @@ impl Edge {
     }
 }
 
-impl Placing {
+impl WindowPosition {
     /// The word in results.
     pub(crate) const fn name(self) -> &'static str {
         match self {
@@ -211,7 +212,7 @@ impl Placing {
     }
 }
 
-impl fmt::Display for Placing {
+impl fmt::Display for WindowPosition {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Inside => "inside",

@@ -28,7 +28,7 @@ use rig_store::{RunId, StoreError};
 use tokio::sync::{mpsc, oneshot, watch};
 
 pub use inspect::{
-    AxisFacts, AxisPlace, AxisState, DeviceFacts, DeviceSeen, Inspection, PortFacts, PortSeen,
+    AxisFacts, AxisPosition, AxisState, DeviceFacts, DeviceSeen, Inspection, PortFacts, PortSeen,
     RoundTrips, inspect,
 };
 pub use live::{LiveEstimate, LiveSweep};
@@ -120,7 +120,7 @@ pub struct DeviceIdentity {
 
 /// Why a request was not taken.
 #[derive(Debug, Clone, thiserror::Error)]
-pub enum Refusal {
+pub enum RequestRefusal {
     /// The state forbids it.
     #[error(transparent)]
     Command(#[from] CommandRefusal),
@@ -154,24 +154,24 @@ enum Request {
         protocol: Box<LoadedProtocol>,
         by: String,
         key: Option<String>,
-        reply: oneshot::Sender<Result<RunId, Refusal>>,
+        reply: oneshot::Sender<Result<RunId, RequestRefusal>>,
     },
     Sweep {
         request: SweepRequest,
         by: String,
-        reply: oneshot::Sender<Result<u64, Refusal>>,
+        reply: oneshot::Sender<Result<u64, RequestRefusal>>,
     },
     Command {
         command: Command,
         run: Option<RunId>,
         by: String,
-        reply: oneshot::Sender<Result<(), Refusal>>,
+        reply: oneshot::Sender<Result<(), RequestRefusal>>,
     },
     Answer {
         run: RunId,
         step: String,
         by: String,
-        reply: oneshot::Sender<Result<(), Refusal>>,
+        reply: oneshot::Sender<Result<(), RequestRefusal>>,
     },
     Close {
         reply: oneshot::Sender<()>,
@@ -223,21 +223,21 @@ impl RigHandle {
     /// Replays a protocol.
     ///
     /// # Errors
-    /// [`Refusal`]; nothing has changed then.
-    pub async fn run(&self, protocol: LoadedProtocol, by: &str) -> Result<RunId, Refusal> {
+    /// [`RequestRefusal`]; nothing has changed then.
+    pub async fn run(&self, protocol: LoadedProtocol, by: &str) -> Result<RunId, RequestRefusal> {
         self.keyed_run(protocol, by, None).await
     }
 
     /// The same, with the idempotency key of the request, which the journal keeps.
     ///
     /// # Errors
-    /// [`Refusal`]; nothing has changed then.
+    /// [`RequestRefusal`]; nothing has changed then.
     pub async fn keyed_run(
         &self,
         protocol: LoadedProtocol,
         by: &str,
         key: Option<String>,
-    ) -> Result<RunId, Refusal> {
+    ) -> Result<RunId, RequestRefusal> {
         let (reply, answer) = oneshot::channel();
         let (protocol, by) = (Box::new(protocol), by.to_owned());
         self.ask(Request::Run { protocol, by, key, reply }, answer).await?
@@ -246,8 +246,8 @@ impl RigHandle {
     /// Measures one resonance at the present pose and returns the number of the sweep.
     ///
     /// # Errors
-    /// [`Refusal`]; nothing has changed then.
-    pub async fn sweep(&self, request: SweepRequest, by: &str) -> Result<u64, Refusal> {
+    /// [`RequestRefusal`]; nothing has changed then.
+    pub async fn sweep(&self, request: SweepRequest, by: &str) -> Result<u64, RequestRefusal> {
         let (reply, answer) = oneshot::channel();
         self.ask(Request::Sweep { request, by: by.to_owned(), reply }, answer).await?
     }
@@ -255,13 +255,13 @@ impl RigHandle {
     /// Gives a command; with `run`, only if that run is under way.
     ///
     /// # Errors
-    /// [`Refusal`]; nothing has changed then.
+    /// [`RequestRefusal`]; nothing has changed then.
     pub async fn command(
         &self,
         command: Command,
         run: Option<RunId>,
         by: &str,
-    ) -> Result<(), Refusal> {
+    ) -> Result<(), RequestRefusal> {
         let (reply, answer) = oneshot::channel();
         self.ask(Request::Command { command, run, by: by.to_owned(), reply }, answer).await?
     }
@@ -269,8 +269,8 @@ impl RigHandle {
     /// Says that what was asked at this step of this run has been done.
     ///
     /// # Errors
-    /// [`Refusal`]; nothing has changed then. What is asked at another step stays unanswered.
-    pub async fn answer(&self, run: RunId, step: String, by: &str) -> Result<(), Refusal> {
+    /// [`RequestRefusal`]; nothing has changed then. What is asked at another step stays unanswered.
+    pub async fn answer(&self, run: RunId, step: String, by: &str) -> Result<(), RequestRefusal> {
         let (reply, answer) = oneshot::channel();
         self.ask(Request::Answer { run, step, by: by.to_owned(), reply }, answer).await?
     }
@@ -282,13 +282,17 @@ impl RigHandle {
         _ = self.ask(Request::Close { reply }, answer).await;
     }
 
-    async fn ask<T>(&self, request: Request, answer: oneshot::Receiver<T>) -> Result<T, Refusal> {
-        self.requests.send(request).await.map_err(|_| Refusal::Closed)?;
-        answer.await.map_err(|_| Refusal::Closed)
+    async fn ask<T>(
+        &self,
+        request: Request,
+        answer: oneshot::Receiver<T>,
+    ) -> Result<T, RequestRefusal> {
+        self.requests.send(request).await.map_err(|_| RequestRefusal::Closed)?;
+        answer.await.map_err(|_| RequestRefusal::Closed)
     }
 }
 
-impl From<StoreError> for Refusal {
+impl From<StoreError> for RequestRefusal {
     fn from(error: StoreError) -> Self {
         Self::Journal { reason: with_causes(&error).into() }
     }

@@ -12,7 +12,7 @@ use axum::{
 use rig_engine::{Command, RigState};
 use rig_store::{Reader, Record};
 use rigd::{
-    http::{Shared, doors::Doors, router},
+    http::{Shared, access::Access, router},
     loaded_rig::LoadedRig,
     rig::{self, RigHandle, RigThread},
 };
@@ -53,8 +53,8 @@ impl Daemon {
         let (handle, thread) = rig::open(rig, data.path().to_owned()).unwrap();
         let (directory, closing) = (data.path().to_owned(), CancellationToken::new());
         let operator = "the lab".parse().unwrap();
-        let doors = Doors::new(Ipv4Addr::LOCALHOST.into(), [], None, operator);
-        let shared = Shared::new(handle.clone(), facts, None, directory, doors, closing);
+        let access = Access::new(Ipv4Addr::LOCALHOST.into(), [], None, operator);
+        let shared = Shared::new(handle.clone(), facts, None, directory, access, closing);
         let daemon = Self { router: router(shared), handle, thread, data };
         daemon.wait_until_idle().await;
         daemon

@@ -13,7 +13,7 @@ use futures_util::StreamExt;
 use rig_engine::RigState;
 use rig_files::rig_file::{Connection, SimulatedPerson};
 use rigd::{
-    http::{Shared, doors::Doors, router},
+    http::{Shared, access::Access, router},
     loaded_rig::LoadedRig,
     rig::{self, RigHandle, RigThread},
 };
@@ -40,9 +40,9 @@ impl Daemon {
         let (handle, thread) = rig::open(rig, data.path().to_owned()).unwrap();
         let directory = data.path().to_owned();
         let operator = "the lab".parse().unwrap();
-        let doors = Doors::new(Ipv4Addr::LOCALHOST.into(), [], None, operator);
+        let access = Access::new(Ipv4Addr::LOCALHOST.into(), [], None, operator);
         let closing = CancellationToken::new();
-        let shared = Shared::new(handle.clone(), facts, None, directory, doors, closing);
+        let shared = Shared::new(handle.clone(), facts, None, directory, access, closing);
         let daemon = Self { router: router(shared), handle, thread, _data: data };
         daemon.wait_for(RigState::Idle).await;
         daemon

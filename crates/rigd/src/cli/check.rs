@@ -16,7 +16,7 @@ use crate::{
     describe,
     files::{FileError, read},
     loaded_rig::LoadedRig,
-    predict::{EDGE_LINEWIDTHS, Edge, NotPredicted, Predicted, Predictions, Warning},
+    predict::{EDGE_LINEWIDTHS, NotPredicted, Predicted, Predictions, Warning, WindowEdge},
     protocol_file::LoadedProtocol,
 };
 
@@ -91,7 +91,8 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
     match load(args) {
         Ok((rig, protocol)) => {
             let predictions = Predictions::of(&protocol.plan, &rig);
-            let checked = Checked { rig: &rig, protocol: &protocol, predictions: &predictions };
+            let checked =
+                CheckedProtocol { rig: &rig, protocol: &protocol, predictions: &predictions };
             if !args.output.json {
                 return print(&checked.text());
             }
@@ -151,13 +152,13 @@ impl FaultView {
 }
 
 /// A protocol that can run, with where its resonances will be.
-struct Checked<'a> {
+struct CheckedProtocol<'a> {
     rig: &'a LoadedRig,
     protocol: &'a LoadedProtocol,
     predictions: &'a Predictions,
 }
 
-impl Checked<'_> {
+impl CheckedProtocol<'_> {
     fn view(&self) -> PlanView {
         let (plan, summary) = (&self.protocol.plan, &self.protocol.summary);
         let steps = plan.steps.iter().zip(&self.predictions.steps).enumerate();
@@ -204,8 +205,8 @@ impl Checked<'_> {
     fn message(&self, warning: &Warning) -> String {
         let Warning { section, edge, window, wanted_hz, .. } = warning;
         let (edge_hz, beyond, this_side) = match edge {
-            Edge::Min => (window.min_hz, "below", "above"),
-            Edge::Max => (window.max_hz, "above", "below"),
+            WindowEdge::Min => (window.min_hz, "below", "above"),
+            WindowEdge::Max => (window.max_hz, "above", "below"),
         };
         let (section, key) = (section.name(), edge.key());
         let advice = advice(*edge, *wanted_hz, &self.rig.file.limits);
@@ -297,11 +298,11 @@ impl Checked<'_> {
 }
 
 /// What to write instead, as far as the analyzer goes.
-fn advice(edge: Edge, wanted_hz: f64, limits: &RigLimits) -> String {
+fn advice(edge: WindowEdge, wanted_hz: f64, limits: &RigLimits) -> String {
     let (lowest_hz, highest_hz) = limits.analyzer.frequency_hz;
     let (is_possible, verb, limit_hz) = match edge {
-        Edge::Min => (lowest_hz <= wanted_hz, "at most", lowest_hz),
-        Edge::Max => (wanted_hz <= highest_hz, "at least", highest_hz),
+        WindowEdge::Min => (lowest_hz <= wanted_hz, "at most", lowest_hz),
+        WindowEdge::Max => (wanted_hz <= highest_hz, "at least", highest_hz),
     };
     if is_possible {
         return format!("set it to {verb} {wanted_hz} Hz");

@@ -20,15 +20,15 @@ use super::{
     table::{facts, print, print_json},
 };
 use crate::{
-    rig::{Refusal, Status},
-    sweep_order::SweepOrder,
+    rig::{RequestRefusal, Status},
+    sweep_form::SweepForm,
     sweeps,
 };
 
 #[derive(Debug, Args)]
 pub(super) struct MeasureArgs {
     #[command(flatten)]
-    sweep: SweepOrder,
+    sweep: SweepForm,
     /// Lower the probe to this height for it, and retract it afterwards
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     at_mm: Option<f64>,
@@ -57,7 +57,7 @@ struct Order {
 }
 
 /// What was done, and how the rig stood then.
-struct Measured {
+struct Measurement {
     sweep: Sweep,
     status: Status,
 }
@@ -102,17 +102,17 @@ async fn sweep(
     session: &mut Session,
     request: SweepRequest,
     data: &Path,
-) -> Result<Measured, Failure> {
+) -> Result<Measurement, Failure> {
     let number = session.handle.sweep(request, session.operator()).await?;
     let status = session.finished().await?;
     let found = sweeps::find(&Reader::open(data)?, status.session, number)?;
-    let sweep = found.ok_or_else(|| Refusal::Journal {
+    let sweep = found.ok_or_else(|| RequestRefusal::Journal {
         reason: status.journal_error.clone().unwrap_or_else(|| "the sweep is missing".into()),
     })?;
-    Ok(Measured { sweep, status })
+    Ok(Measurement { sweep, status })
 }
 
-fn show(args: &MeasureArgs, Measured { sweep, status }: Measured) -> Result<(), Failure> {
+fn show(args: &MeasureArgs, Measurement { sweep, status }: Measurement) -> Result<(), Failure> {
     let outcome = OutcomeView::from(&sweep.outcome);
     let refusal = outcome.refusal();
     if args.csv {

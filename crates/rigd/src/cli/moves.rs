@@ -10,7 +10,7 @@ use super::{
     session::{Session, with_rig},
     table::{facts, note, print, print_json},
 };
-use crate::rig::{Refusal, Status};
+use crate::rig::{RequestRefusal, Status};
 
 #[derive(Debug, Args)]
 pub(super) struct MoveArgs {
@@ -81,13 +81,17 @@ pub(super) fn home(args: &HomeArgs) -> Result<(), Failure> {
 /// the finger moves nothing; the engine asks again, with what it knows of the probe.
 pub(super) fn linear_target(limits: &RigLimits, mm: f64) -> Result<Position<Mm>, Failure> {
     let target = limits.linear.target(Position::new(mm));
-    Ok(target.map_err(|error| Refusal::from(CommandRefusal::LinearTarget(error)))?.position())
+    Ok(target
+        .map_err(|error| RequestRefusal::from(CommandRefusal::LinearTarget(error)))?
+        .position())
 }
 
 /// The same for a tilt.
 pub(super) fn rotary_target(limits: &RigLimits, deg: f64) -> Result<Position<Deg>, Failure> {
     let target = limits.rotary.target(Position::new(deg));
-    Ok(target.map_err(|error| Refusal::from(CommandRefusal::RotaryTarget(error)))?.position())
+    Ok(target
+        .map_err(|error| RequestRefusal::from(CommandRefusal::RotaryTarget(error)))?
+        .position())
 }
 
 /// Where the axes stand, for a person.

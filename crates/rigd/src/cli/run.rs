@@ -69,7 +69,7 @@ async fn replay(
             return Ok((run, ending, now));
         }
         tokio::select! {
-            changed = session.status.changed() => changed.map_err(|_| rig::Refusal::Closed)?,
+            changed = session.status.changed() => changed.map_err(|_| rig::RequestRefusal::Closed)?,
             // Below a prompt, and below the advice on how to stop, nothing is drawn.
             _ = redraw.tick() => {
                 let is_asking = terminal.as_ref().is_some_and(Terminal::is_asking);

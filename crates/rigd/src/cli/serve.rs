@@ -20,7 +20,7 @@ use super::{
 use crate::{
     http::{
         self,
-        doors::{Doors, HostName, Token},
+        access::{Access, HostName, Token},
     },
     protocol_file::LoadedProtocol,
 };
@@ -52,7 +52,7 @@ const READERS_MAX: usize = 8;
 const READING_TIME: Duration = Duration::from_secs(1);
 
 pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
-    let doors = doors(args)?;
+    let access = access(args)?;
     let rig = args.rig.load()?;
     let facts = rig.facts();
     let loaded =
@@ -75,7 +75,8 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
         let address = listener.local_addr().map_err(failed)?;
         let (handle, thread) = open(rig, data.clone(), &mut signals).await?;
         let closing = CancellationToken::new();
-        let shared = http::Shared::new(handle.clone(), facts, loaded, data, doors, closing.clone());
+        let shared =
+            http::Shared::new(handle.clone(), facts, loaded, data, access, closing.clone());
         let serving = tokio::spawn(http::serve(listener, http::router(shared), closing.clone()));
         if signals.count == 0 {
             say(&format!("rigd: listening on {}", called(address)));
@@ -158,13 +159,13 @@ fn called(address: SocketAddr) -> String {
 }
 
 /// Who may come in. From another computer, only whoever knows the token.
-fn doors(args: &ServeArgs) -> Result<Doors, Failure> {
+fn access(args: &ServeArgs) -> Result<Access, Failure> {
     let address = args.listen.ip().to_canonical();
     let token = args.token_file.as_ref().map(|path| Token::read(path)).transpose()?;
     if !address.is_loopback() && token.is_none() {
         return Err(Failure::NoToken { listen: args.listen });
     }
-    Ok(Doors::new(address, args.allow_host.iter().cloned(), token, args.operator.name()))
+    Ok(Access::new(address, args.allow_host.iter().cloned(), token, args.operator.name()))
 }
 
 #[cfg(test)]

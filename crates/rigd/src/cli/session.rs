@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{
     hint,
-    interruption::LeftBehind,
+    interruption::InterruptedRig,
     loaded_rig::LoadedRig,
     operator::Operator,
     rig::{self, OpenError, RigHandle, RigThread, Status},
@@ -81,7 +81,7 @@ pub(super) async fn open(
 /// Whoever opens a rig hears what the last one left behind, before anything moves. What is wrong with
 /// the journal is said by the opening.
 fn say_what_was_left(data: &Path, rig: &str) {
-    let left = Reader::open(data).and_then(|reader| LeftBehind::read(&reader, rig));
+    let left = Reader::open(data).and_then(|reader| InterruptedRig::read(&reader, rig));
     if let Ok(Some(left)) = left
         && left.is_interrupted
     {
@@ -107,7 +107,7 @@ impl Session {
                 return Err(Failure::Interrupted);
             }
             tokio::select! {
-                changed = self.status.changed() => changed.map_err(|_| rig::Refusal::Closed)?,
+                changed = self.status.changed() => changed.map_err(|_| rig::RequestRefusal::Closed)?,
                 () = self.signals.next() => {}
             }
         }
@@ -135,7 +135,7 @@ impl Session {
                 _ => {}
             }
             tokio::select! {
-                changed = self.status.changed() => changed.map_err(|_| rig::Refusal::Closed)?,
+                changed = self.status.changed() => changed.map_err(|_| rig::RequestRefusal::Closed)?,
                 () = self.signals.next() => self.end_early().await?,
             }
         }

@@ -10,7 +10,7 @@ use rig_model::with_causes;
 use rig_store::{Reader, StoreError};
 
 use super::{Finding, Findings};
-use crate::interruption::{ADVICE, LeftBehind};
+use crate::interruption::{ADVICE, InterruptedRig};
 
 /// A run leaves some megabytes; below this, the next one may not fit.
 const SPACE_MIN_BYTES: u64 = 100 << 20;
@@ -69,7 +69,7 @@ fn space(findings: &mut Findings, free_bytes: u64) {
 /// The journal is only read: whatever was interrupted is left as it is.
 fn journal(findings: &mut Findings, data: &Path, rig: &str) {
     let left = Reader::open(data).and_then(|reader| {
-        let left = LeftBehind::read(&reader, rig)?;
+        let left = InterruptedRig::read(&reader, rig)?;
         Ok((reader.has_writer(), left))
     });
     match left {
@@ -83,18 +83,18 @@ fn journal(findings: &mut Findings, data: &Path, rig: &str) {
         Ok((false, left)) => {
             findings.ok("journal", "can be opened");
             match left {
-                Some(LeftBehind { is_open: true, message, is_interrupted: true }) => {
+                Some(InterruptedRig { is_open: true, message, is_interrupted: true }) => {
                     findings.problem("probe", message, ADVICE);
                 }
-                Some(LeftBehind { is_open: true, message, .. }) => {
+                Some(InterruptedRig { is_open: true, message, .. }) => {
                     findings.warning("probe", message, ADVICE);
                 }
-                Some(LeftBehind { is_interrupted: true, message, .. }) => findings.warning(
+                Some(InterruptedRig { is_interrupted: true, message, .. }) => findings.warning(
                     "last session",
                     message,
                     "what was measured until then is in the journal: `rigd runs`, `rigd show`",
                 ),
-                Some(LeftBehind { message, .. }) => findings.ok("probe", message),
+                Some(InterruptedRig { message, .. }) => findings.ok("probe", message),
                 None => {}
             }
         }

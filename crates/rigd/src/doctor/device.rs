@@ -6,7 +6,7 @@ use super::{
     Finding, Findings,
     advice::{LOST, NOT_HOMED, on_device},
 };
-use crate::rig::{AxisFacts, AxisPlace, AxisState, DeviceError, DeviceSeen};
+use crate::rig::{AxisFacts, AxisPosition, AxisState, DeviceError, DeviceSeen};
 
 pub(super) fn findings(device: &DeviceSeen) -> Vec<Finding> {
     let mut findings = Findings::of(device.role);
@@ -39,12 +39,14 @@ pub(super) fn findings(device: &DeviceSeen) -> Vec<Finding> {
 
 fn stands(findings: &mut Findings, AxisFacts { at, place, state }: &AxisFacts) {
     match place {
-        AxisPlace::InLimits => findings.ok("position", format!("{at}, within its soft limits")),
-        AxisPlace::NotHomed => findings.warning("position", format!("{at}, not homed"), NOT_HOMED),
-        AxisPlace::BeyondTravel(travel) => {
+        AxisPosition::InLimits => findings.ok("position", format!("{at}, within its soft limits")),
+        AxisPosition::NotHomed => {
+            findings.warning("position", format!("{at}, not homed"), NOT_HOMED)
+        }
+        AxisPosition::BeyondTravel(travel) => {
             findings.problem("position", format!("{at}, outside its travel {travel}"), LOST);
         }
-        AxisPlace::BeyondLimits(soft) => findings.warning(
+        AxisPosition::BeyondLimits(soft) => findings.warning(
             "position",
             format!("{at}, outside its soft limits {soft}"),
             "look whether it stands there; if not, correct the sign and the size of its step and \

@@ -15,7 +15,7 @@ use super::{
     *,
 };
 use crate::rig::{
-    AxisFacts, AxisPlace, AxisState, DeviceError, DeviceFacts, DeviceSeen, PortFacts, PortSeen,
+    AxisFacts, AxisPosition, AxisState, DeviceError, DeviceFacts, DeviceSeen, PortFacts, PortSeen,
     RoundTrips,
 };
 
@@ -91,7 +91,7 @@ fn device(outcome: Option<Result<DeviceFacts, DeviceError>>) -> Vec<Finding> {
     device_on(true, outcome)
 }
 
-fn axis(place: AxisPlace, state: AxisState) -> DeviceFacts {
+fn axis(place: AxisPosition, state: AxisState) -> DeviceFacts {
     DeviceFacts {
         identity: "oriental-az at unit 2".to_owned(),
         firmware: None,
@@ -103,7 +103,7 @@ fn axis(place: AxisPlace, state: AxisState) -> DeviceFacts {
 #[test]
 fn an_axis_is_judged_by_how_it_stands() {
     let place = |place| axis(place, AxisState::Ready);
-    let state = |state| axis(AxisPlace::InLimits, state);
+    let state = |state| axis(AxisPosition::InLimits, state);
     let span = || "[-50.000 °, 50.000 °]".to_owned();
     let alarm = Alarm { code: 0x30, name: "overload" };
     let rows: [(DeviceFacts, Row, Row); 7] = [
@@ -120,17 +120,17 @@ fn an_axis_is_judged_by_how_it_stands() {
             ("state", Problem, "resets the alarm"),
         ),
         (
-            place(AxisPlace::NotHomed),
+            place(AxisPosition::NotHomed),
             ("position", Warning, "clear the whole travel"),
             ("state", Well, ""),
         ),
         (
-            place(AxisPlace::BeyondLimits(span())),
+            place(AxisPosition::BeyondLimits(span())),
             ("position", Warning, "look whether it stands there"),
             ("state", Well, ""),
         ),
         (
-            place(AxisPlace::BeyondTravel(span())),
+            place(AxisPosition::BeyondTravel(span())),
             ("position", Problem, "move nothing"),
             ("state", Well, ""),
         ),

@@ -28,7 +28,7 @@ use http_body_util::{BodyExt, LengthLimitError, Limited};
 
 use super::{
     Problem, Shared,
-    doors::{Doors, HostName},
+    access::{Access, HostName},
     page,
     problem::PROBLEM_JSON,
 };
@@ -53,7 +53,7 @@ pub(super) struct Connection {
 
 /// Lets a request pass to its handler, or answers it.
 pub(super) async fn check(State(shared): State<Shared>, request: Request, next: Next) -> Response {
-    let answer = match admit(&shared.inner.doors, request).await {
+    let answer = match admit(&shared.inner.access, request).await {
         Ok(request) => next.run(request).await,
         Err(problem) => problem.into_response(),
     };
@@ -78,12 +78,12 @@ const HEADERS: [(header::HeaderName, &str); 4] = [
     (header::HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
 ];
 
-async fn admit(doors: &Doors, mut request: Request) -> Result<Request, Problem> {
+async fn admit(access: &Access, mut request: Request) -> Result<Request, Problem> {
     let connection = request.extensions().get::<Connection>().copied();
     let headers = request.headers();
     let host = host(headers, request.uri())?;
     let arrived_at = connection.and_then(|connection| connection.arrived_at);
-    if !doors.knows(&HostName::of_authority(&host), arrived_at) {
+    if !access.knows(&HostName::of_authority(&host), arrived_at) {
         return Err(Problem::misdirected(format!("{host} is no name of this daemon")));
     }
     if let Some(from) = elsewhere(headers, &host) {
@@ -92,13 +92,13 @@ async fn admit(doors: &Doors, mut request: Request) -> Result<Request, Problem> 
         )));
     }
     if !page::is_public(request.method(), request.uri().path(), headers) {
-        check_token(doors, headers)?;
+        check_token(access, headers)?;
     }
     let is_stop = request.method() == Method::POST && request.uri().path() == "/api/v1/stop";
-    let operator = operator(headers, doors);
+    let operator = operator(headers, access);
     if is_stop {
         // Stopping is never hard: neither a name nor a body stands in its way.
-        let operator = operator.unwrap_or_else(|_| doors.operator().clone());
+        let operator = operator.unwrap_or_else(|_| access.operator().clone());
         request.extensions_mut().insert(operator);
         return Ok(request);
     }
@@ -155,8 +155,8 @@ fn is_same_origin(origin: &str, host: &Authority) -> bool {
     origin.authority().is_some_and(|origin| place(origin) == place(host))
 }
 
-fn check_token(doors: &Doors, headers: &HeaderMap) -> Result<(), Problem> {
-    let Some(token) = doors.token() else { return Ok(()) };
+fn check_token(access: &Access, headers: &HeaderMap) -> Result<(), Problem> {
+    let Some(token) = access.token() else { return Ok(()) };
     let Some(given) = headers.get(header::AUTHORIZATION) else {
         return Err(Problem::unauthorized("this daemon asks for a token".to_owned()));
     };
@@ -171,8 +171,8 @@ fn check_token(doors: &Doors, headers: &HeaderMap) -> Result<(), Problem> {
     }
 }
 
-fn operator(headers: &HeaderMap, doors: &Doors) -> Result<Operator, Problem> {
-    let Some(name) = headers.get("x-operator") else { return Ok(doors.operator().clone()) };
+fn operator(headers: &HeaderMap, access: &Access) -> Result<Operator, Problem> {
+    let Some(name) = headers.get("x-operator") else { return Ok(access.operator().clone()) };
     let name = std::str::from_utf8(name.as_bytes()).unwrap_or_default();
     name.parse().map_err(|error| Problem::bad_request(format!("X-Operator: {error}")))
 }

@@ -15,7 +15,7 @@ use crate::operator::Operator;
 /// What a client asks for. There is no position by which it could forget to name the axis.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "axis", rename_all = "lowercase", deny_unknown_fields)]
-pub(super) enum MoveOrder {
+pub(super) enum MoveForm {
     Linear {
         /// Height of the probe, mm.
         to: f64,
@@ -30,12 +30,12 @@ pub(super) enum MoveOrder {
 pub(super) async fn begin(
     State(shared): State<Shared>,
     Extension(operator): Extension<Operator>,
-    order: Result<Json<MoveOrder>, JsonRejection>,
+    order: Result<Json<MoveForm>, JsonRejection>,
 ) -> Result<(StatusCode, Json<RigView>), Problem> {
     let Json(order) = order?;
     let command = match order {
-        MoveOrder::Linear { to } => Command::MoveLinear(Position::new(to)),
-        MoveOrder::Rotary { to } => Command::MoveRotary(Position::new(to)),
+        MoveForm::Linear { to } => Command::MoveLinear(Position::new(to)),
+        MoveForm::Rotary { to } => Command::MoveRotary(Position::new(to)),
     };
     shared.inner.rig.command(command, None, operator.as_str()).await?;
     Ok((StatusCode::ACCEPTED, rig::show(State(shared)).await))

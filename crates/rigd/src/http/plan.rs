@@ -13,7 +13,7 @@ use rig_protocol::{Action, Plan, Pose, Step};
 use rig_store::{Reader, Record, RunId, RunStarted, Sweep};
 use serde::Serialize;
 
-use super::{Problem, Shared, progress::AskedFor, runs};
+use super::{Problem, Shared, progress::PromptAction, runs};
 use crate::{describe, loaded_rig::RigFacts, protocol_file::LoadedProtocol};
 
 /// A protocol laid out for a bench.
@@ -54,7 +54,7 @@ struct StepView {
 enum ActionView {
     Prompt {
         #[serde(flatten)]
-        prompt: AskedFor,
+        prompt: PromptAction,
     },
     NoLoad {
         #[serde(flatten)]
@@ -186,7 +186,7 @@ impl ActionView {
             angle_deg: pose.angle.degrees(),
         };
         match *action {
-            Action::Prompt(prompt) => Self::Prompt { prompt: AskedFor::of(plan, prompt) },
+            Action::Prompt(prompt) => Self::Prompt { prompt: PromptAction::of(plan, prompt) },
             Action::NoLoad(at) => Self::NoLoad { pose: pose(at) },
             Action::Touch(touch) => Self::Touch {
                 phase: touch.phase.name(),

@@ -14,7 +14,7 @@ use rig_store::StoreError;
 use serde::Serialize;
 
 use super::guard::{BODY_MAX, BODY_TIME};
-use crate::{hint, rig::Refusal};
+use crate::{hint, rig::RequestRefusal};
 
 /// What a client is told when something cannot be done.
 #[derive(Debug, Serialize)]
@@ -171,33 +171,35 @@ impl Problem {
     }
 }
 
-impl From<Refusal> for Problem {
-    fn from(refusal: Refusal) -> Self {
+impl From<RequestRefusal> for Problem {
+    fn from(refusal: RequestRefusal) -> Self {
         let detail = refusal.to_string();
         match refusal {
-            Refusal::Command(CommandRefusal::State { state, .. }) => {
+            RequestRefusal::Command(CommandRefusal::State { state, .. }) => {
                 let hint = hint::while_in(state);
                 Self { hint, ..Self::new(StatusCode::CONFLICT, "not in this state", detail) }
             }
-            Refusal::Command(CommandRefusal::NotClear { .. }) => Self {
+            RequestRefusal::Command(CommandRefusal::NotClear { .. }) => Self {
                 hint: Some("retract first: move the linear stage to its clear position"),
                 ..Self::new(StatusCode::CONFLICT, "not in this state", detail)
             },
-            Refusal::Command(
+            RequestRefusal::Command(
                 CommandRefusal::LinearTarget(_)
                 | CommandRefusal::RotaryTarget(_)
                 | CommandRefusal::TooDeep { .. },
             ) => Self::unprocessable(detail),
-            Refusal::NotUnderWay { .. } => Self::new(StatusCode::CONFLICT, "not under way", detail),
-            Refusal::NotAsked { .. } => Self {
+            RequestRefusal::NotUnderWay { .. } => {
+                Self::new(StatusCode::CONFLICT, "not under way", detail)
+            }
+            RequestRefusal::NotAsked { .. } => Self {
                 hint: Some("look at what is asked now in GET /api/v1/rig"),
                 ..Self::new(StatusCode::CONFLICT, "not asked", detail)
             },
-            Refusal::Journal { .. } => Self {
+            RequestRefusal::Journal { .. } => Self {
                 hint: Some("free the disk and start the daemon again"),
                 ..Self::new(StatusCode::SERVICE_UNAVAILABLE, "no journal", detail)
             },
-            Refusal::Closed => Self::new(StatusCode::SERVICE_UNAVAILABLE, "closed", detail),
+            RequestRefusal::Closed => Self::new(StatusCode::SERVICE_UNAVAILABLE, "closed", detail),
         }
     }
 }

@@ -11,7 +11,7 @@ use crate::rig::{RunView, Status};
 
 /// What is still to come of a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub(super) struct Ahead {
+pub(super) struct Forecast {
     /// It pauses before the next step.
     is_pausing: bool,
     /// Since it began, s on the rig's clock.
@@ -34,11 +34,11 @@ struct NextPrompt {
 
 /// What a person is asked for now.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub(super) struct Asked {
+pub(super) struct OpenPrompt {
     /// Address of the step, for the answer.
     step: String,
     #[serde(flatten)]
-    what: AskedFor,
+    what: PromptAction,
     /// Which of all prompts of the run, from 1.
     number: usize,
     prompts: usize,
@@ -47,7 +47,7 @@ pub(super) struct Asked {
 /// What a person is to do.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "what", rename_all = "snake_case")]
-pub(super) enum AskedFor {
+pub(super) enum PromptAction {
     /// Put this sample under the probe.
     PlaceSample { sample: String },
     /// Turn the sensor, so that it stands like this.
@@ -96,7 +96,7 @@ impl Limits {
     }
 }
 
-impl AskedFor {
+impl PromptAction {
     pub(super) fn of(plan: &Plan, prompt: Prompt) -> Self {
         match prompt {
             Prompt::PlaceSample { sample } => {
@@ -109,7 +109,7 @@ impl AskedFor {
     }
 }
 
-pub(super) fn ahead(run: &RunView, progress: &Progress, now: RigTime) -> Ahead {
+pub(super) fn ahead(run: &RunView, progress: &Progress, now: RigTime) -> Forecast {
     let (steps, durations_s) = (&run.plan.steps, &run.durations_s);
     let here = progress.step.min(steps.len());
     let elapsed_s = now.since(run.started).as_secs_f64();
@@ -132,7 +132,7 @@ pub(super) fn ahead(run: &RunView, progress: &Progress, now: RigTime) -> Ahead {
         })
     });
     let remaining_s = [remaining.least_s, remaining.most_s];
-    Ahead { is_pausing: progress.is_pausing, elapsed_s, remaining_s, next_prompt }
+    Forecast { is_pausing: progress.is_pausing, elapsed_s, remaining_s, next_prompt }
 }
 
 pub(super) fn last_run(run: &RunView) -> Option<LastRun> {
@@ -140,14 +140,14 @@ pub(super) fn last_run(run: &RunView) -> Option<LastRun> {
     Some(LastRun { id: run.id.to_string(), status })
 }
 
-pub(super) fn asked(status: &Status) -> Option<Asked> {
+pub(super) fn asked(status: &Status) -> Option<OpenPrompt> {
     let (prompt, run) = status.snapshot.prompt.zip(status.run.as_ref())?;
     let index = status.snapshot.progress.as_ref()?.step;
     let is_prompt = |step: &&rig_protocol::Step| matches!(step.action, Action::Prompt(_));
     let steps = &run.plan.steps;
-    Some(Asked {
+    Some(OpenPrompt {
         step: steps.get(index)?.id.to_string(),
-        what: AskedFor::of(&run.plan, prompt),
+        what: PromptAction::of(&run.plan, prompt),
         number: steps[..=index].iter().filter(is_prompt).count(),
         prompts: steps.iter().filter(is_prompt).count(),
     })

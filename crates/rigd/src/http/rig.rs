@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::{
     Problem, Shared,
-    progress::{self, Ahead, Asked, LastRun, Limits},
+    progress::{self, Forecast, LastRun, Limits, OpenPrompt},
 };
 use crate::{hint, loaded_rig::RigFacts, operator::Operator, rig::Status};
 
@@ -39,7 +39,7 @@ pub(super) struct RigView {
     #[serde(skip_serializing_if = "Option::is_none")]
     prompt: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    asked: Option<Asked>,
+    asked: Option<OpenPrompt>,
     #[serde(skip_serializing_if = "Option::is_none")]
     fault: Option<FaultView>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -72,7 +72,7 @@ struct RunProgress {
     touches_refused: usize,
     doing: String,
     #[serde(flatten)]
-    ahead: Ahead,
+    ahead: Forecast,
 }
 
 #[derive(Debug, Serialize)]

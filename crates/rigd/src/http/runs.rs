@@ -48,7 +48,7 @@ pub(super) struct RunDetail {
 /// A protocol in a JSON body.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct RunOrder {
+struct RunForm {
     protocol_toml: String,
 }
 
@@ -273,7 +273,7 @@ pub(super) fn posted(
             std::str::from_utf8(body).map_err(not_text)?.to_owned()
         }
         Some("application/json") => {
-            serde_json::from_slice::<RunOrder>(body)
+            serde_json::from_slice::<RunForm>(body)
                 .map_err(|error| Problem::bad_request(error.to_string()))?
                 .protocol_toml
         }

@@ -10,7 +10,7 @@ use rig_store::{RunId, Sweep};
 use serde::Serialize;
 
 use super::{Problem, Shared};
-use crate::{operator::Operator, sweep_order::SweepOrder, sweeps};
+use crate::{operator::Operator, sweep_form::SweepForm, sweeps};
 
 /// A sweep as a resource.
 #[derive(Debug, Serialize)]
@@ -25,7 +25,7 @@ pub(super) struct SweepView {
 pub(super) async fn begin(
     State(shared): State<Shared>,
     Extension(operator): Extension<Operator>,
-    order: Result<Json<SweepOrder>, JsonRejection>,
+    order: Result<Json<SweepForm>, JsonRejection>,
 ) -> Result<impl IntoResponse, Problem> {
     let Json(order) = order?;
     let request = order.request(&shared.inner.facts.limits.analyzer);

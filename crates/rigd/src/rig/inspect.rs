@@ -95,14 +95,14 @@ pub struct AxisFacts {
     /// Where, by its own account, with its unit.
     pub at: String,
     /// Whether it can be there.
-    pub place: AxisPlace,
+    pub place: AxisPosition,
     /// What it is fit for.
     pub state: AxisState,
 }
 
 /// Whether an axis can be where it says; the first of these that applies.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum AxisPlace {
+pub enum AxisPosition {
     /// It does not know where it is.
     NotHomed,
     /// It cannot be there: outside this travel.
@@ -219,13 +219,13 @@ fn standing<U: Unit>(axis: &Axis<U>, status: &AxisStatus<U>) -> AxisFacts {
         None => AxisState::Ready,
     };
     let place = if !status.is_homed {
-        AxisPlace::NotHomed
+        AxisPosition::NotHomed
     } else if !axis.can_be_at(status.position) {
-        AxisPlace::BeyondTravel(axis.travel().to_string())
+        AxisPosition::BeyondTravel(axis.travel().to_string())
     } else if axis.target(status.position).is_err() {
-        AxisPlace::BeyondLimits(axis.soft().to_string())
+        AxisPosition::BeyondLimits(axis.soft().to_string())
     } else {
-        AxisPlace::InLimits
+        AxisPosition::InLimits
     };
     AxisFacts { at: status.position.to_string(), place, state }
 }

@@ -19,7 +19,7 @@ use rustix::time::{ClockId, clock_gettime};
 use tokio::sync::{mpsc, oneshot, watch};
 
 use super::{
-    OpenError, Pace, Refusal, Request, RunView, Setting, Status,
+    OpenError, Pace, Request, RequestRefusal, RunView, Setting, Status,
     devices::Devices,
     live::LiveSweep,
     open::{Opened, Simulation, open_rig},
@@ -239,7 +239,7 @@ impl Shell {
             Request::Command { command, run, by, reply } => {
                 let under_way = self.run.as_ref().map(|(journal, _)| journal.id());
                 let result = match run {
-                    Some(run) if under_way != Some(run) => Err(Refusal::NotUnderWay { run }),
+                    Some(run) if under_way != Some(run) => Err(RequestRefusal::NotUnderWay { run }),
                     _ => self.command(command, &by),
                 };
                 _ = reply.send(result);
@@ -251,13 +251,20 @@ impl Shell {
         }
     }
 
-    fn answer(&mut self, run: rig_store::RunId, step: String, by: &str) -> Result<(), Refusal> {
-        let Some((journal, recorder)) = &self.run else { return Err(Refusal::NotUnderWay { run }) };
+    fn answer(
+        &mut self,
+        run: rig_store::RunId,
+        step: String,
+        by: &str,
+    ) -> Result<(), RequestRefusal> {
+        let Some((journal, recorder)) = &self.run else {
+            return Err(RequestRefusal::NotUnderWay { run });
+        };
         if journal.id() != run {
-            return Err(Refusal::NotUnderWay { run });
+            return Err(RequestRefusal::NotUnderWay { run });
         }
         if recorder.step_id().as_deref() != Some(&*step) {
-            return Err(Refusal::NotAsked { step });
+            return Err(RequestRefusal::NotAsked { step });
         }
         self.command(Command::Answer, by)
     }
@@ -267,7 +274,7 @@ impl Shell {
         protocol: LoadedProtocol,
         by: &str,
         key: Option<String>,
-    ) -> Result<rig_store::RunId, Refusal> {
+    ) -> Result<rig_store::RunId, RequestRefusal> {
         let command = Command::Run(Box::new(protocol.plan.clone()));
         let admitted = self.engine.admit(command)?;
         self.journal_is_fine()?;
@@ -296,14 +303,14 @@ impl Shell {
         Ok(id)
     }
 
-    fn journal_is_fine(&self) -> Result<(), Refusal> {
+    fn journal_is_fine(&self) -> Result<(), RequestRefusal> {
         match &self.view.journal_error {
-            Some(reason) => Err(Refusal::Journal { reason: Arc::clone(reason) }),
+            Some(reason) => Err(RequestRefusal::Journal { reason: Arc::clone(reason) }),
             None => Ok(()),
         }
     }
 
-    fn command(&mut self, command: Command, by: &str) -> Result<(), Refusal> {
+    fn command(&mut self, command: Command, by: &str) -> Result<(), RequestRefusal> {
         let is_sweep = matches!(command, Command::Sweep(_));
         let admitted = self.engine.admit(command)?;
         if is_sweep {

@@ -13,7 +13,7 @@ use rig_engine::RigState;
 use rigd::{
     http::{
         Shared,
-        doors::{Doors, Token},
+        access::{Access, Token},
         router,
     },
     loaded_rig::LoadedRig,
@@ -48,9 +48,9 @@ impl Daemon {
             Token::read(&path).unwrap()
         });
         let (allowed, operator) = (["bench.lab".parse().unwrap()], "ada".parse().unwrap());
-        let doors = Doors::new(Ipv4Addr::LOCALHOST.into(), allowed, token, operator);
+        let access = Access::new(Ipv4Addr::LOCALHOST.into(), allowed, token, operator);
         let (folder, closing) = (data.path().to_owned(), CancellationToken::new());
-        let shared = Shared::new(handle.clone(), facts, Some(smoke), folder, doors, closing);
+        let shared = Shared::new(handle.clone(), facts, Some(smoke), folder, access, closing);
         let mut status = handle.status();
         status.wait_for(|status| status.snapshot.state == RigState::Idle).await.unwrap();
         Self { router: router(shared), handle, _data: data }

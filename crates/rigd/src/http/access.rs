@@ -26,13 +26,13 @@ const MODE_FORBIDDEN: u32 = 0o037;
 
 /// Who may come in.
 #[derive(Debug)]
-pub struct Doors {
+pub struct Access {
     hosts: BTreeSet<HostName>,
     token: Option<Token>,
     operator: Operator,
 }
 
-impl Doors {
+impl Access {
     /// Admits whoever calls the daemon by a loopback name, by the address on which it listens or by
     /// one of the names `allowed`, and knows the token, if there is one. `operator` is said to have
     /// asked when a client does not name itself.
@@ -93,18 +93,18 @@ impl HostName {
 #[error(
     "expected the name or the address of a host, such as bench.lab.example, without port or path"
 )]
-pub struct BadHostName;
+pub struct HostNameError;
 
 impl FromStr for HostName {
-    type Err = BadHostName;
+    type Err = HostNameError;
 
-    fn from_str(name: &str) -> Result<Self, BadHostName> {
+    fn from_str(name: &str) -> Result<Self, HostNameError> {
         let is_allowed = |letter: char| letter.is_ascii_alphanumeric() || "-._".contains(letter);
         let is_name = !name.is_empty() && name.chars().all(is_allowed);
         if is_name || name.parse::<IpAddr>().is_ok() {
             Ok(Self::of(name))
         } else {
-            Err(BadHostName)
+            Err(HostNameError)
         }
     }
 }
@@ -193,11 +193,11 @@ mod tests {
     fn only_the_names_of_this_daemon_are_its_names() {
         let allowed = ["Bench.lab.example".parse().unwrap()];
         let listen = "192.0.2.7".parse().unwrap();
-        let doors = Doors::new(listen, allowed, None, Operator::login());
+        let access = Access::new(listen, allowed, None, Operator::login());
         let knows = |authority: &str, arrived_at: Option<&str>| {
             let authority: Authority = authority.parse().unwrap();
             let arrived_at = arrived_at.map(|address| address.parse().unwrap());
-            doors.knows(&HostName::of_authority(&authority), arrived_at)
+            access.knows(&HostName::of_authority(&authority), arrived_at)
         };
         let ours = [
             "localhost",

@@ -7,7 +7,7 @@ use serde::Deserialize;
 /// Only the window has to be given.
 #[derive(Debug, Clone, clap::Args, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct SweepOrder {
+pub(crate) struct SweepForm {
     /// Lower end of the window in which the resonance is looked for
     #[arg(long, value_name = "HZ")]
     min_hz: f64,
@@ -64,7 +64,7 @@ const fn default_level_v() -> f64 {
 #[error("{}", self.0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
 pub(crate) struct SweepFaults(Vec<SweepRequestError>);
 
-impl SweepOrder {
+impl SweepForm {
     /// The sweep, for a bench with this analyzer.
     ///
     /// # Errors
