@@ -91,9 +91,9 @@ enum CliCommand {
     Ports(ports::PortsArgs),
     /// Ask every device of a rig who it is
     Identify(identify::IdentifyArgs),
-    /// Say whether a rig is fit for use, and what to do where it is not
+    /// Check a rig and advise on each problem
     Doctor(doctor::DoctorArgs),
-    /// Home what is not homed, retract the probe, level the sample
+    /// Home each lost axis, retract the probe, level the sample
     Home(moves::HomeArgs),
     /// Move one axis, as far as any touch may go
     Move(moves::MoveArgs),
@@ -122,10 +122,10 @@ struct DataArgs {
     data: PathBuf,
 }
 
-/// Who asks.
+/// The operator of a command.
 #[derive(Debug, Args)]
 struct OperatorArgs {
-    /// Name that stands in the journal beside what is asked for [default: the login user]
+    /// Name that the journal keeps with the command [default: the login user]
     #[arg(long, value_name = "NAME")]
     operator: Option<Operator>,
 }
@@ -267,7 +267,7 @@ enum Failure {
     #[error("{problems} {}", if *problems == 1 { "problem" } else { "problems" })]
     Unfit { problems: usize },
     #[error(
-        "--listen {listen} would let whoever reaches that address move the rig; give --token-file \
+        "--listen {listen} would let every computer that reaches that address move the rig; give --token-file \
          with a file that holds a secret (`openssl rand -hex 32`, mode 600), which clients then \
          send as `Authorization: Bearer`, or listen on 127.0.0.1"
     )]
@@ -399,7 +399,7 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// The log goes to stderr; `RUST_LOG` chooses what it holds.
+/// The log goes to stderr; `RUST_LOG` selects its contents.
 fn start_log() {
     use tracing_subscriber::{EnvFilter, fmt};
     let filter =

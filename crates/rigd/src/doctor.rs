@@ -1,4 +1,4 @@
-//! Whether a rig is fit for use, and what to do where it is not.
+//! Checks a rig and advises on each problem.
 //!
 //! Everything that was looked at gives a finding, also what is well: a person must see that it was
 //! looked at.

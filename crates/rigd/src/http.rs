@@ -7,10 +7,10 @@
 //! | `GET /api/v1/sweeps/{id}` | that sweep |
 //! | `POST /api/v1/moves` | moves one axis by hand |
 //! | `GET /` | the page |
-//! | `POST /api/v1/protocols/check` | what a protocol would do, or its faults |
+//! | `POST /api/v1/protocols/check` | the plan of a protocol, or its faults |
 //! | `POST /api/v1/runs` | replays the loaded protocol, or the one in the body |
 //! | `GET /api/v1/runs`, `GET /api/v1/runs/{id}` | the runs; one run with its results |
-//! | `GET /api/v1/runs/{id}/plan`, `protocol` | what it is to do, step by step; its protocol as TOML |
+//! | `GET /api/v1/runs/{id}/plan`, `protocol` | its plan, step by step; its protocol as TOML |
 //! | `GET /api/v1/runs/{id}/sweeps/{number}` | one of its sweeps |
 //! | `GET /api/v1/runs/{id}/report` | its report as HTML |
 //! | `GET /api/v1/runs/{id}/export?format=csv` | its touches; `sweeps` or `jsonl` for the rest |

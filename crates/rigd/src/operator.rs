@@ -1,4 +1,4 @@
-//! Who asks: the name that stands in the journal beside each command.
+//! The operator: the name that the journal keeps with each command.
 
 use std::{env, fmt, str::FromStr};
 

@@ -27,7 +27,7 @@ const TOLERANCE_LINEWIDTHS: f64 = 0.1 * EDGE_LINEWIDTHS;
 pub(crate) struct Predictions {
     /// The model by which they were predicted.
     pub(crate) tier: Tier,
-    /// For each step of the plan, what is predicted of its sweep. A prompt has none.
+    /// The prediction for the sweep of each step of the plan. A prompt has none.
     pub(crate) steps: Vec<Option<Result<Predicted, NotPredicted>>>,
 }
 

@@ -55,7 +55,7 @@ pub struct RigThread {
     thread: thread::JoinHandle<()>,
 }
 
-/// What the rig is doing, for whoever watches.
+/// The state of the rig, as it is published.
 #[derive(Debug, Clone)]
 pub struct Status {
     /// The engine's view.
@@ -76,7 +76,7 @@ pub struct Status {
     pub devices: Arc<[DeviceIdentity]>,
     /// The sweep under way or the last one.
     pub live: Option<Arc<LiveSweep>>,
-    /// When the state became what it is, on the rig's clock.
+    /// Time of the last change of state, on the rig's clock.
     pub state_since: RigTime,
     /// The first event of this session in the journal.
     pub first_event: u64,
@@ -136,7 +136,7 @@ pub enum RequestRefusal {
         /// What the store says.
         reason: Arc<str>,
     },
-    /// What is answered is not what is asked now.
+    /// The answer is for another prompt than the open one.
     #[error("nobody is asked for anything at step {step}")]
     NotAsked {
         /// The step named.
@@ -184,7 +184,7 @@ enum Request {
 /// [`Status`] shows.
 ///
 /// # Errors
-/// [`OpenError`] names the device or the directory, what was tried, and what to do.
+/// [`OpenError`] names the device or the directory, the attempt, and the advice.
 pub fn open(rig: LoadedRig, data: PathBuf) -> Result<(RigHandle, RigThread), OpenError> {
     let (requests, inbox) = mpsc::channel(REQUESTS_MAX);
     let (opened, is_open) = std::sync::mpsc::sync_channel(1);
@@ -266,7 +266,7 @@ impl RigHandle {
         self.ask(Request::Command { command, run, by: by.to_owned(), reply }, answer).await?
     }
 
-    /// Says that what was asked at this step of this run has been done.
+    /// Answers the prompt of this step of this run.
     ///
     /// # Errors
     /// [`RequestRefusal`]; nothing has changed then. What is asked at another step stays unanswered.
@@ -275,7 +275,7 @@ impl RigHandle {
         self.ask(Request::Answer { run, step, by: by.to_owned(), reply }, answer).await?
     }
 
-    /// Ends what is under way, leaves the probe clear, and ends the rig thread.
+    /// Ends the current operation, leaves the probe clear, and ends the rig thread.
     pub async fn close(&self) {
         let (reply, answer) = oneshot::channel();
         // A rig that is closed already is closed.
@@ -338,7 +338,7 @@ impl RunView {
 /// From this many touches on, what they took says more about the rest than the plan.
 const PACE_FROM_TOUCHES: usize = 5;
 
-/// What the rig thread knows of the rig besides its devices.
+/// Facts about the rig that the rig thread keeps beside its devices.
 #[derive(Debug)]
 struct Setting {
     limits: RigLimits,

@@ -23,7 +23,7 @@ use crate::{
 /// Steps that a warning names one by one.
 const STEPS_NAMED: usize = 5;
 
-/// What a program is told.
+/// The result of a check as JSON.
 #[derive(Debug, Serialize)]
 struct CheckView {
     protocol: String,
@@ -201,7 +201,7 @@ impl CheckedProtocol<'_> {
         self.protocol.plan.steps[step].id.to_string()
     }
 
-    /// What is wrong with an edge, and what to write instead.
+    /// The fault of a window edge and the value to write instead.
     fn message(&self, warning: &Warning) -> String {
         let Warning { section, edge, window, wanted_hz, .. } = warning;
         let (edge_hz, beyond, this_side) = match edge {

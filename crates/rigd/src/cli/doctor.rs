@@ -1,4 +1,4 @@
-//! `rigd doctor`: whether a rig is fit for use, and what to do where it is not.
+//! `rigd doctor`: checks a rig and advises on each problem.
 
 use clap::Args;
 use serde::Serialize;
@@ -22,7 +22,7 @@ pub(super) struct DoctorArgs {
     output: OutputArgs,
 }
 
-/// What a program is told.
+/// The findings as JSON.
 #[derive(Debug, Serialize)]
 struct DoctorView {
     rig: String,
@@ -56,7 +56,7 @@ pub(super) fn doctor(args: &DoctorArgs) -> Result<(), Failure> {
     if problems > 0 { Err(Failure::Unfit { problems }) } else { Ok(()) }
 }
 
-/// One line a finding, and what to do below it.
+/// One line for each finding, with its advice below.
 fn text(findings: &[Finding]) -> String {
     let mut lines = Vec::new();
     for Finding { part, check, level, text, advice } in findings {

@@ -41,7 +41,7 @@ pub(super) struct FitArgs {
     /// left out
     #[arg(long, value_name = "PART", value_parser = noise)]
     noise: Option<f64>,
-    /// Show beside it what another estimator makes of the sweep; `all` for every one
+    /// Show the result of another estimator as well; `all` for every one
     #[arg(long = "estimator", value_name = "NAME", value_parser = estimators())]
     estimators: Vec<String>,
     #[command(flatten)]
@@ -147,12 +147,12 @@ struct FileFitView {
 }
 
 impl FileFitView {
-    /// Fits a sweep, told what the file tells unless somebody knows better.
+    /// Fits a sweep with the timing and noise of the file, unless options replace them.
     fn of(args: &FitArgs, sweep: &FileSweep) -> Result<Self, Failure> {
         let readings = &sweep.readings;
         let mut options = sweep.fit_options();
         if args.timing.is_some() || args.noise.is_some() {
-            // Whoever knows better of times and noise has the readings weighed anew.
+            // Other timing or noise changes the weights of the readings.
             options.near = None;
         }
         options.window = args.window.or(options.window);

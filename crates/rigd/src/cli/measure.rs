@@ -1,4 +1,4 @@
-//! `rigd measure`: one sweep by hand, with the probe clear or where it is told to be.
+//! `rigd measure`: one sweep by hand, with the probe clear or at a given height.
 
 use std::{
     io::{self, Write as _},

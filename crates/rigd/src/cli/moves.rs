@@ -1,4 +1,4 @@
-//! `rigd move` and `rigd home`: one axis by hand, within what the interlock admits.
+//! `rigd move` and `rigd home`: one axis by hand, within the limits of the interlock.
 
 use clap::{Args, ValueEnum};
 use rig_engine::{Command, CommandRefusal};

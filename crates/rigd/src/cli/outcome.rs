@@ -27,7 +27,7 @@ pub(super) struct OutcomeView {
     estimate: Option<FoundView>,
 }
 
-/// A resonance with what is known of it.
+/// A resonance with its uncertainty and its circuit.
 #[derive(Debug, Default, Serialize)]
 struct FoundView {
     resonance_hz: f64,

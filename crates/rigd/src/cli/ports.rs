@@ -1,4 +1,4 @@
-//! `rigd ports`: what is attached to this computer, and who has it open.
+//! `rigd ports`: the serial ports of this computer and the programs that have them open.
 
 use clap::Args;
 use rig_link::{AttachedPort, UsbIdentity, attached_ports};

@@ -1,4 +1,4 @@
-//! Prompts at the terminal: what the bench cannot do is asked of the person who sits there.
+//! Prompts at the terminal.
 
 use std::{
     io::{self, IsTerminal},
@@ -78,7 +78,7 @@ fn ask(text: &str) {
     say_clearly(&format!("{text} Press Enter when that is done."));
 }
 
-/// What was typed before a question is no answer to it; what a script has written into a pipe is.
+/// Discards keys typed before a question. Input from a pipe counts as an answer.
 fn forget_input() {
     let stdin = io::stdin();
     if stdin.is_terminal() {

@@ -98,7 +98,7 @@ async fn replay(
     }
 }
 
-/// Often enough that nobody sees it jump, and nothing beside what a terminal can take.
+/// Interval of the progress line: smooth to the eye, and slow for a terminal.
 const REDRAW_INTERVAL: Duration = Duration::from_millis(100);
 
 /// While somebody draws the border of a window, nothing is said again.

@@ -13,13 +13,13 @@ use unicode_width::{UnicodeWidthChar, UnicodeWidthStr};
 
 /// Where the system does not know how wide the terminal is.
 const COLUMNS: usize = 80;
-/// Takes what stands in the line of the cursor away.
+/// Clears the line of the cursor.
 const ERASE: &str = "\r\x1b[K";
 
 static SCREEN: Mutex<Screen> = Mutex::new(Screen { progress: String::new() });
 
 struct Screen {
-    /// The line that tells how far a run has come, as it was drawn; empty where there is none.
+    /// The progress line as it was drawn last; empty if there is none.
     progress: String,
 }
 

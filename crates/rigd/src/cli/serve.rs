@@ -158,7 +158,7 @@ fn called(address: SocketAddr) -> String {
     }
 }
 
-/// Who may come in. From another computer, only whoever knows the token.
+/// The access rules. Another computer needs the token.
 fn access(args: &ServeArgs) -> Result<Access, Failure> {
     let address = args.listen.ip().to_canonical();
     let token = args.token_file.as_ref().map(|path| Token::read(path)).transpose()?;

@@ -78,7 +78,7 @@ pub(super) async fn open(
     }
 }
 
-/// Whoever opens a rig hears what the last one left behind, before anything moves. What is wrong with
+/// Reports an interrupted session before anything moves. What is wrong with
 /// the journal is said by the opening.
 fn say_what_was_left(data: &Path, rig: &str) {
     let left = Reader::open(data).and_then(|reader| InterruptedRig::read(&reader, rig));
@@ -113,7 +113,7 @@ impl Session {
         }
     }
 
-    /// Who asks.
+    /// The operator, for the journal.
     pub(super) fn operator(&self) -> &str {
         self.operator.as_str()
     }
@@ -124,7 +124,7 @@ impl Session {
         self.finished().await
     }
 
-    /// Waits until what was begun has ended well.
+    /// Waits until the command has ended well.
     pub(super) async fn finished(&mut self) -> Result<Status, Failure> {
         loop {
             let status = self.status.borrow_and_update().clone();
@@ -155,7 +155,7 @@ impl Session {
         Ok(())
     }
 
-    /// Says what goes on since the last signal, and what the next one would do.
+    /// Says what the last signal began and what the next one would do.
     pub(super) fn repeat_advice(&self) {
         match self.signals.count {
             0 => {}
@@ -186,13 +186,13 @@ impl Session {
     }
 }
 
-/// That the program ends although the rig is not at rest, with what is known of the probe.
+/// The program ends although the rig is not at rest. Says the last known position of the probe.
 pub(super) fn left(status: &Status) -> Failure {
     let snapshot = &status.snapshot;
     Failure::Left { state: snapshot.state, probe: snapshot.clearance, linear: snapshot.linear }
 }
 
-/// That the rig is latched, with what to do about it.
+/// The rig is latched. Says why and what to do.
 pub(super) fn latched(status: &Status) -> Failure {
     let fault = status.snapshot.fault.as_ref();
     let hint = fault.map(|fault| hint::after(fault, status.snapshot.clearance).at_a_terminal());

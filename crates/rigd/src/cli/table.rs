@@ -12,7 +12,7 @@ pub(super) fn note(text: &str) {
     screen::say(text);
 }
 
-/// A result, for whoever reads stdout.
+/// Writes a result to stdout.
 pub(super) fn print(text: &str) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     writeln!(out, "{text}")

@@ -1,7 +1,7 @@
 //! What to do about a port that does not open and a device that does not answer as it should.
 //!
-//! Advice names what to look at, never a cause that nobody has seen, and what belongs to a serial
-//! line only where there is one. Nothing here moves an axis.
+//! Advice names the thing to look at and never a cause that was not observed. It mentions serial
+//! settings for serial lines only, and it never moves an axis.
 
 use rig_analyzer::{AnalyzerError, UnexpectedTerminator};
 use rig_link::LineError;

@@ -73,7 +73,7 @@ fn journal(findings: &mut Findings, data: &Path, rig: &str) {
         Ok((reader.has_writer(), left))
     });
     match left {
-        // One is begun where there is none.
+        // A missing journal is created at the next start.
         Err(StoreError::NoJournal) => {}
         Ok((true, _)) => findings.warning(
             "journal",
@@ -92,7 +92,7 @@ fn journal(findings: &mut Findings, data: &Path, rig: &str) {
                 Some(InterruptedRig { is_interrupted: true, message, .. }) => findings.warning(
                     "last session",
                     message,
-                    "what was measured until then is in the journal: `rigd runs`, `rigd show`",
+                    "all measurements up to then are in the journal: `rigd runs`, `rigd show`",
                 ),
                 Some(InterruptedRig { message, .. }) => findings.ok("probe", message),
                 None => {}
@@ -101,7 +101,7 @@ fn journal(findings: &mut Findings, data: &Path, rig: &str) {
         Err(error) => findings.problem(
             "journal",
             with_causes(&error),
-            "keep the directory for whoever maintains rigd, and begin another with --data",
+            "keep the directory for the maintainer of rigd, and start another one with --data",
         ),
     }
 }
@@ -137,7 +137,7 @@ mod tests {
         let found = findings(&data, "bench");
         assert_eq!(found[0].level, Level::Ok, "{found:?}");
         assert!(!data.exists() && scratch.path().read_dir().unwrap().next().is_none());
-        // A file stands in the way.
+        // The path is a file.
         fs::write(data.parent().unwrap(), "").unwrap();
         assert_eq!(findings(&data, "bench")[0].level, Level::Problem);
     }

@@ -41,7 +41,7 @@ fn stands(findings: &mut Findings, AxisFacts { at, place, state }: &AxisFacts) {
     match place {
         AxisPosition::InLimits => findings.ok("position", format!("{at}, within its soft limits")),
         AxisPosition::NotHomed => {
-            findings.warning("position", format!("{at}, not homed"), NOT_HOMED)
+            findings.warning("position", format!("{at}, not homed"), NOT_HOMED);
         }
         AxisPosition::BeyondTravel(travel) => {
             findings.problem("position", format!("{at}, outside its travel {travel}"), LOST);

@@ -5,7 +5,7 @@ use rig_model::with_causes;
 use super::{Finding, Findings, advice::on_port};
 use crate::rig::{PortSeen, RoundTrips};
 
-/// A USB adapter that hands on what it has received at once does so within this time, ms.
+/// Longest latency timer of a USB adapter that forwards received bytes at once, ms.
 const ADAPTER_DELAY_BEST_MS: u32 = 1;
 
 /// Half of the answers of devices that are well come within this time, ms. A drive is given up
@@ -32,7 +32,7 @@ pub(super) fn findings(port: &PortSeen) -> Vec<Finding> {
     match facts.adapter_delay_ms {
         Some(delay) if delay > ADAPTER_DELAY_BEST_MS => findings.warning(
             "adapter",
-            format!("may keep back what it has received for {delay} ms"),
+            format!("may hold back received bytes for {delay} ms"),
             "write 1 into latency_timer of the adapter, below /sys/bus/usb-serial/devices",
         ),
         Some(delay) => findings.ok("adapter", format!("hands on within {delay} ms")),

@@ -1,4 +1,4 @@
-//! Findings on what the simulated rig does not have by itself.
+//! Findings about conditions that the simulated rig does not have.
 
 use std::{sync::Arc, time::Duration};
 
@@ -174,7 +174,7 @@ fn on_bus(error: impl Into<BusError>) -> DeviceError {
     DeviceError::Rotary(StageError::<Deg>::Bus(error.into()))
 }
 
-/// Errors with what their advice says on a serial line, and on a network.
+/// Errors with their advice on a serial line and on a network.
 fn errors() -> Vec<(DeviceError, &'static str, &'static str)> {
     let port: Arc<str> = "port".into();
     let request = Request::ReadHolding { address: 1, count: 2 };

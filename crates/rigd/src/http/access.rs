@@ -1,5 +1,5 @@
 //! Who may come in: the names by which the daemon may be called, the secret that a client must know,
-//! and the name of whoever asks when the client does not say.
+//! and the operator of requests that name none.
 
 use std::{
     collections::BTreeSet,

@@ -37,7 +37,7 @@ struct Cursor {
     _place: OwnedSemaphorePermit,
 }
 
-/// What a client wants besides the journal.
+/// Options of the event stream.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct StreamOptions {

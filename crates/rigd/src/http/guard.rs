@@ -4,7 +4,7 @@
 //! |---|---|
 //! | one `Host`, and a name of this daemon | 400, 421 |
 //! | no `Origin` but our own; `Sec-Fetch-Site` says nothing of another site | 403 |
-//! | the token, where there is one | 401 |
+//! | the token, if one is set | 401 |
 //! | a connection of its own, or a stop | 503 |
 //! | a name that the journal takes, or none | 400 |
 //! | a body of JSON or TOML, small, and in time | 415, 413, 408 |
@@ -97,7 +97,7 @@ async fn admit(access: &Access, mut request: Request) -> Result<Request, Problem
     let is_stop = request.method() == Method::POST && request.uri().path() == "/api/v1/stop";
     let operator = operator(headers, access);
     if is_stop {
-        // Stopping is never hard: neither a name nor a body stands in its way.
+        // A stop needs neither an operator nor a body.
         let operator = operator.unwrap_or_else(|_| access.operator().clone());
         request.extensions_mut().insert(operator);
         return Ok(request);
@@ -207,7 +207,7 @@ async fn read(headers: &HeaderMap, body: Body) -> Result<Body, Problem> {
     }
 }
 
-/// An answer in which an error is described as every error is, whoever made it.
+/// Turns every error answer into a problem document, whichever layer made it.
 async fn described(answer: Response) -> Response {
     let status = answer.status();
     let is_error = status.is_client_error() || status.is_server_error();

@@ -43,7 +43,7 @@ const FILES: [File; 4] = [
     },
 ];
 
-/// What the page may do: what its own files say, asking nobody but the daemon.
+/// The content security policy: the page uses its own files and calls this daemon only.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
     img-src 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'; \
     frame-ancestors 'none'";

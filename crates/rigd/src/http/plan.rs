@@ -1,4 +1,4 @@
-//! What a protocol would do, and what a run is to do: checked, laid out in steps, with their times.
+//! The plan of a protocol or of a run: checked, in steps, with their times.
 
 use axum::{
     Json,
@@ -75,7 +75,7 @@ struct PoseView {
     angle_deg: f64,
 }
 
-/// Whether a protocol can run here, and what it would do. Nothing moves.
+/// Checks a protocol and returns its plan. Nothing moves.
 pub(super) async fn check(
     State(shared): State<Shared>,
     headers: HeaderMap,

@@ -16,7 +16,7 @@ use serde::Serialize;
 use super::guard::{BODY_MAX, BODY_TIME};
 use crate::{hint, rig::RequestRefusal};
 
-/// What a client is told when something cannot be done.
+/// A problem document (RFC 9457).
 #[derive(Debug, Serialize)]
 pub(super) struct Problem {
     title: &'static str,
@@ -111,7 +111,9 @@ impl Problem {
     /// Without the token.
     pub(super) fn unauthorized(detail: String) -> Self {
         Self {
-            hint: Some("send `Authorization: Bearer` with what the file of --token-file holds"),
+            hint: Some(
+                "send `Authorization: Bearer` with the token in the file given by --token-file",
+            ),
             header: Some(("www-authenticate", "Bearer realm=\"rigd\"")),
             ..Self::of(StatusCode::UNAUTHORIZED, detail)
         }
@@ -149,7 +151,7 @@ impl Problem {
         Self { header, ..Self::of(StatusCode::REQUEST_TIMEOUT, detail) }
     }
 
-    /// The request is well formed, but what it asks for cannot be done.
+    /// The request is well formed, but it cannot be carried out.
     pub(super) fn unprocessable(detail: String) -> Self {
         Self::of(StatusCode::UNPROCESSABLE_ENTITY, detail)
     }
@@ -192,7 +194,7 @@ impl From<RequestRefusal> for Problem {
                 Self::new(StatusCode::CONFLICT, "not under way", detail)
             }
             RequestRefusal::NotAsked { .. } => Self {
-                hint: Some("look at what is asked now in GET /api/v1/rig"),
+                hint: Some("look at the open prompt in GET /api/v1/rig"),
                 ..Self::new(StatusCode::CONFLICT, "not asked", detail)
             },
             RequestRefusal::Journal { .. } => Self {

@@ -1,4 +1,4 @@
-//! How far a run has come, what is asked now, and what comes next.
+//! Progress of a run, the open prompt, and the forecast.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::rig::{RunView, Status};
 
-/// What is still to come of a run.
+/// The rest of a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct Forecast {
     /// It pauses before the next step.
@@ -32,7 +32,7 @@ struct NextPrompt {
     touches: usize,
 }
 
-/// What a person is asked for now.
+/// The prompt that waits for an answer.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct OpenPrompt {
     /// Address of the step, for the answer.
@@ -44,7 +44,7 @@ pub(super) struct OpenPrompt {
     prompts: usize,
 }
 
-/// What a person is to do.
+/// The action that a prompt asks for.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "what", rename_all = "snake_case")]
 pub(super) enum PromptAction {
@@ -119,7 +119,7 @@ pub(super) fn ahead(run: &RunView, progress: &Progress, now: RigTime) -> Forecas
     let (done, left) = durations_s.split_at(here.min(durations_s.len()));
     let remaining =
         run.pace.remaining(now, (sum_s(done), sum_s(left)), elapsed_s, run.touches_done, prompts);
-    // What is asked now is not what comes next.
+    // The open prompt is not the next one.
     let next = steps.iter().enumerate().skip(here + 1).find(|(_, step)| is_prompt(&step.action));
     let left_s = sum_s(left).max(f64::MIN_POSITIVE);
     let next_prompt = next.and_then(|(index, step)| {

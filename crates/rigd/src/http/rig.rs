@@ -23,7 +23,7 @@ pub(super) struct RigView {
     rig_time_s: f64,
     /// The wall clock of the daemon, ms since 1970.
     unix_ms: u64,
-    /// When the state became what it is, on the rig's clock, s.
+    /// Time of the last change of state on the rig's clock, s.
     state_since_s: f64,
     /// The journal of what happens between runs.
     session: String,

@@ -35,7 +35,7 @@ pub(super) struct RunView {
     records: u64,
 }
 
-/// One run with what it has found so far.
+/// One run with its results so far.
 #[derive(Debug, Serialize)]
 pub(super) struct RunDetail {
     #[serde(flatten)]
@@ -55,7 +55,7 @@ struct RunForm {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct AnswerOptions {
-    /// The step at which it was asked. An answer that comes too late is refused by it.
+    /// The step of the prompt. The rig refuses an answer to an earlier prompt.
     step: Option<String>,
 }
 
@@ -189,7 +189,7 @@ pub(super) async fn begin(
     }
 }
 
-/// By what the client tells one request from another, when it does.
+/// The idempotency key of a request, if it has one.
 fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
     let Some(key) = headers.get("idempotency-key") else { return Ok(None) };
     match key.to_str() {

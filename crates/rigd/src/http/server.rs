@@ -35,7 +35,7 @@ const SPARE_HEAD_TIME: Duration = Duration::from_secs(1);
 const HEAD_MAX: usize = 16 << 10;
 /// What is read ahead of a request; the library takes no less than 8 kB.
 const BUFFER_MAX: usize = 32 << 10;
-/// How long a connection lives whose client neither takes nor acknowledges what was sent.
+/// Lifetime of a connection whose client acknowledges no data.
 const UNHEARD_TIME: Duration = Duration::from_secs(20);
 /// How long, and for how many bytes, a client may go on sending after the last answer to it.
 const LEAVE_TIME: Duration = Duration::from_secs(1);

@@ -83,7 +83,7 @@ async fn prepare<U: Unit>(
     device: Device,
 ) -> Result<rig_model::Position<U>, Failure> {
     let prepared = async {
-        // Whoever answers now may not be the one who answered before a fault.
+        // Another device may answer now than before the fault.
         let status = stage.identify().await?;
         if status.is_homed {
             stage.believe_position()?;

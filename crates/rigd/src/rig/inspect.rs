@@ -35,7 +35,7 @@ pub struct Inspection {
 pub struct PortSeen {
     /// What is on it.
     pub role: &'static str,
-    /// Its name.
+    /// The path of the port, or the address of the host.
     pub name: String,
     /// What was seen of it, or why it could not be opened.
     pub outcome: Result<PortFacts, rig_link::OpenError>,
@@ -46,7 +46,7 @@ pub struct PortSeen {
 pub struct PortFacts {
     /// Other programs that have it open too, as far as this user may know.
     pub intruders: Vec<Holder>,
-    /// By how much its adapter may delay what it has received, ms, where that can be read.
+    /// The latency timer of its adapter, ms, if the system tells it.
     pub adapter_delay_ms: Option<u32>,
     /// How long the devices on it took to answer.
     pub round_trips: Option<RoundTrips>,
@@ -239,7 +239,7 @@ fn port_facts(name: &str, intruders: Vec<Holder>, transcript: &Transcript) -> Po
     PortFacts { intruders, adapter_delay_ms, round_trips: round_trips(transcript) }
 }
 
-/// None for what is no serial port of this computer.
+/// None for a path that is no serial port of this computer.
 fn adapter_delay_ms(path: &Path) -> Option<u32> {
     let device = fs::canonicalize(path).ok()?;
     attached_ports().into_iter().find(|port| Path::new(&port.device) == device)?.latency_ms
@@ -260,7 +260,7 @@ fn round_trips(transcript: &Transcript) -> Option<RoundTrips> {
     Some(RoundTrips { count: all.len(), median_ms, longest_ms })
 }
 
-/// The name of a port as it was opened, or else as it stands in the rig file.
+/// The name of a port as it was opened, or as the rig file gives it.
 fn name(file: &PortFile, port: &Result<Port, rig_link::OpenError>) -> String {
     match (port, file) {
         (Ok(port), _) => port.name().to_string(),

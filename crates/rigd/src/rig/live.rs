@@ -1,4 +1,4 @@
-//! The sweep under way, for whoever watches. The journal has it when it is finished.
+//! The sweep in progress. The journal holds a sweep once it is finished.
 
 use rig_engine::SweepPurpose;
 use rig_model::{Reading, SweepRequest};

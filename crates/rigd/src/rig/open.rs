@@ -88,7 +88,7 @@ pub(super) struct Opened {
     pub(super) known_samples: Vec<(String, f64)>,
 }
 
-/// What there is besides the devices when the rig is simulated.
+/// The simulation behind a simulated rig.
 pub(super) struct Simulation {
     person: Technician,
     /// Whether that person also says that it is done.
@@ -102,7 +102,7 @@ impl Simulation {
         self.rig.handle()
     }
 
-    /// Does what a person is asked for.
+    /// Carries out the prompts of a run.
     pub(super) fn perform(&self, prompt: &Prompt, samples: &[String]) {
         match *prompt {
             Prompt::PlaceSample { sample } => {

@@ -1,4 +1,4 @@
-//! How a run goes on: what the rig does by itself, and how long it waits for persons.
+//! The pace of a run: the time of the rig, and the time spent waiting for people.
 
 use rig_model::RigTime;
 

@@ -1,5 +1,5 @@
-//! The loop of the rig thread: whatever wakes it becomes an input of the engine; what the engine
-//! decides is carried out.
+//! The loop of the rig thread. Each event becomes an input of the engine, and the loop carries out
+//! the effects that the engine returns.
 
 use std::{
     path::PathBuf,
@@ -57,7 +57,7 @@ pub(super) fn run(
     runtime.block_on(async {
         match Shell::open(rig, data).await {
             Ok((mut shell, status)) => {
-                // Whoever opened the rig may have gone; the rig is then closed by its inbox.
+                // The caller may have gone. The closed inbox then closes the rig.
                 let simulation = shell.simulation.as_ref().map(Simulation::handle);
                 _ = opened.send(Ok((status, simulation)));
                 shell.serve(inbox).await;
@@ -226,7 +226,7 @@ impl Shell {
     }
 
     fn take(&mut self, request: Request) {
-        // Whoever asked may have gone meanwhile; what was asked for happens all the same.
+        // The caller may have gone. Its command is carried out all the same.
         match request {
             Request::Run { protocol, by, key, reply } => {
                 _ = reply.send(self.start_run(*protocol, &by, key));
@@ -465,7 +465,7 @@ impl Shell {
         }
     }
 
-    /// Has the simulated person do what is asked for.
+    /// Lets the simulated technician carry out a prompt.
     fn perform(&self, prompt: &rig_protocol::Prompt) {
         if let (Some(simulation), Some((_, recorder))) = (&self.simulation, &self.run) {
             simulation.perform(prompt, recorder.samples());
