@@ -140,7 +140,7 @@ impl TestRig {
     ///
     /// # Errors
     /// What the rig says.
-    pub async fn command(&self, command: Command) -> Result<(), rig::Refusal> {
+    pub async fn command(&self, command: Command) -> Result<(), rig::RequestRefusal> {
         self.handle.command(command, None, "test").await
     }
 
