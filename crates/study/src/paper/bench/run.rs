@@ -10,7 +10,7 @@ use rigd::{
     files::FileError,
     loaded_rig::LoadedRig,
     protocol_file::LoadedProtocol,
-    rig::{self, OpenError, Refusal, RunView},
+    rig::{self, OpenError, RequestRefusal, RunView},
 };
 use tempfile::TempDir;
 use tokio::sync::watch::error::RecvError;
@@ -50,7 +50,7 @@ pub(super) enum BenchError {
     #[error("the rig cannot be opened")]
     Open(#[from] OpenError),
     #[error("the rig refused the run")]
-    Refused(#[from] Refusal),
+    Refused(#[from] RequestRefusal),
     #[error("the rig ended before the run")]
     Closed(#[from] RecvError),
     #[error("the run is not completed but {status}")]
