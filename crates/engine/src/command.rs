@@ -1,14 +1,14 @@
-//! What a person or a program can ask for.
+//! A command of a person or a program.
 
 use rig_model::{AxisError, Clearance, Deg, Mm, Position, SweepRequest};
 use rig_protocol::Plan;
 
 use crate::RigState;
 
-/// What a person or a program can ask for.
+/// A command of a person or a program.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Command {
-    /// Home what is not homed, and prove the probe clear.
+    /// Home the axes that are not homed, and prove the probe clear.
     Prepare,
     /// Replay a plan.
     Run(Box<Plan>),
@@ -18,13 +18,13 @@ pub enum Command {
     MoveLinear(Position<Mm>),
     /// Tilt the sample.
     MoveRotary(Position<Deg>),
-    /// Wait at the next step that begins with the probe clear.
+    /// Pause before the next step, with the probe clear.
     Pause,
-    /// Go on.
+    /// Continue a paused run.
     Resume,
-    /// End the run in order.
+    /// End the run or sweep, and retract.
     Abort,
-    /// What was asked of a person has been done.
+    /// Answer the open prompt: the person has done the work.
     Answer,
     /// Stop everything, retract and latch.
     Stop,
@@ -33,7 +33,7 @@ pub enum Command {
 }
 
 impl Command {
-    /// The command as one word.
+    /// The command in messages.
     pub const fn name(&self) -> &'static str {
         match self {
             Self::Prepare => "prepare",
@@ -51,32 +51,32 @@ impl Command {
     }
 }
 
-/// Why a command was not taken. Nothing has changed.
+/// The reason why a command was refused. Nothing has changed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CommandRefusal {
-    /// The state forbids it.
+    /// The state forbids the command.
     #[error("cannot {command} while the rig is {}", .state.name())]
     State {
-        /// The command.
+        /// Name of the command.
         command: &'static str,
-        /// The state.
+        /// State of the rig.
         state: RigState,
     },
-    /// It begins with the probe clear, and the probe is not.
+    /// The command needs a clear probe, and the probe is not clear.
     #[error("cannot {command} while the probe is {}", .clearance.name())]
     NotClear {
-        /// The command.
+        /// Name of the command.
         command: &'static str,
-        /// What is known of the probe.
+        /// Clearance of the probe.
         clearance: Clearance,
     },
-    /// The linear stage may not go there.
+    /// The target is outside the limits of the linear stage.
     #[error(transparent)]
     LinearTarget(AxisError<Mm>),
-    /// The rotary stage may not go there.
+    /// The target is outside the limits of the rotary stage.
     #[error(transparent)]
     RotaryTarget(AxisError<Deg>),
-    /// No touch goes as deep.
+    /// The target is deeper than any touch may go.
     #[error("linear stage: target {wanted} is below {floor}, the deepest that a touch may go here")]
     TooDeep {
         /// The position asked for.

@@ -1,21 +1,21 @@
-//! What goes into the engine and what comes out of it.
+//! Inputs and effects of the engine.
 
 use crate::{Event, Failure, Operation, OperationId, Report};
 
-/// What the shell has to carry out, in order.
+/// An effect, which the shell carries out in order.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Effect {
-    /// Write this into the journal.
+    /// Write the event into the journal.
     Note(Event),
     /// Make everything noted so far durable before going on.
     Commit,
-    /// Do this and report.
+    /// Carry out the operation and report.
     Do(OperationId, Operation),
     /// Have the operation in flight end early. It still reports.
     Interrupt,
 }
 
-/// What wakes the engine.
+/// An input that wakes the engine.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Input {
     /// An operation has ended.

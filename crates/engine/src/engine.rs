@@ -27,7 +27,7 @@ use crate::{
     sweep::{Sweep, SweepStep},
 };
 
-/// Decides what the rig does next.
+/// Decides the next operation of the rig.
 #[derive(Debug)]
 pub struct Engine {
     limits: RigLimits,
@@ -44,7 +44,7 @@ pub struct Engine {
 
 #[derive(Debug)]
 enum Activity {
-    /// Nothing has been asked for yet.
+    /// No command has been given yet.
     Unprepared,
     Preparing(Preparing),
     Idle,
@@ -63,16 +63,16 @@ enum Activity {
 /// Whether a run was under way, so that its end must be noted.
 type HadRun = bool;
 
-/// How far a run has come.
+/// Progress of a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Progress {
     /// Name of the protocol.
     pub protocol: String,
     /// Index of the step under way.
     pub step: usize,
-    /// How many steps there are.
+    /// Number of steps of the plan.
     pub steps: usize,
-    /// It pauses before the next step.
+    /// Whether the run pauses before the next step.
     pub is_pausing: bool,
 }
 
@@ -90,7 +90,7 @@ pub struct Admitted {
 pub struct Snapshot {
     /// State of the rig.
     pub state: RigState,
-    /// What is known of the probe.
+    /// Clearance of the probe.
     pub clearance: Clearance,
     /// The linear stage as last read back.
     pub linear: Option<Position<Mm>>,
@@ -98,9 +98,9 @@ pub struct Snapshot {
     pub rotary: Option<Position<Deg>>,
     /// The run under way.
     pub progress: Option<Progress>,
-    /// What a person is asked for.
+    /// The open prompt.
     pub prompt: Option<Prompt>,
-    /// Why the rig is latched.
+    /// First cause of the latch.
     pub fault: Option<Fault>,
 }
 
@@ -121,7 +121,7 @@ impl Engine {
         }
     }
 
-    /// When the engine wants to be woken by [`Input::Tick`], whatever else happens.
+    /// The time at which the engine needs [`Input::Tick`].
     pub fn deadline(&self) -> Option<RigTime> {
         let pending = self.pending.as_ref().map(|pending| pending.deadline);
         pending.into_iter().chain(self.wait_until).min()
@@ -266,11 +266,11 @@ impl Engine {
         self.settle(effects);
     }
 
-    /// Takes a report or a deadline and appends what has to be done about it.
+    /// Takes a report or a deadline and appends the effects that follow.
     pub fn handle(&mut self, now: RigTime, input: Input, effects: &mut Vec<Effect>) {
         match input {
             Input::Done(id, result) => {
-                // Whatever does not answer the operation in flight is too late to matter.
+                // A report of another operation than the one in flight is too late.
                 if let Some(pending) = self.pending.take_if(|pending| pending.id == id) {
                     self.interlock.ended(&pending.operation, result.as_ref().ok());
                     self.note_motion(&pending.operation, result.as_ref().ok());
@@ -330,7 +330,8 @@ impl Engine {
         };
         let fault = Fault::Overdue { what: name(&pending.operation) };
         if pending.is_interrupted {
-            // It was asked to end and does not. Nothing else can be sent, so nothing may move.
+            // The operation was interrupted and does not end. Nothing else can be sent, so nothing
+            // may move.
             pending.deadline = RigTime::from_micros(u64::MAX);
             self.freeze(fault);
         } else {
@@ -338,7 +339,7 @@ impl Engine {
         }
     }
 
-    /// Carries out what a run wants.
+    /// Carries out the next step of a run.
     fn follow_run(
         &mut self,
         now: RigTime,
@@ -502,7 +503,7 @@ impl Engine {
         }
     }
 
-    /// Notes a change of state, and hands over what has been noted.
+    /// Notes a change of state, and turns the notes into effects.
     fn settle(&mut self, effects: &mut Vec<Effect>) {
         let state = self.activity.state();
         if state != self.state {

@@ -1,4 +1,4 @@
-//! What happened, for the journal and for whoever watches.
+//! Events, for the journal and for clients.
 
 use rig_model::{Clearance, Deg, Mm, Position, Reading, SweepRequest};
 use rig_protocol::{Prompt, StepId, Touch};
@@ -6,7 +6,7 @@ use rig_resonance::{Estimate, FitOptions, Refusal, Resonance, Verdict};
 
 use crate::{Fault, Surface};
 
-/// What became of a run.
+/// The end of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RunStatus {
     /// Every step was done, and every touch was measured.
@@ -31,14 +31,14 @@ impl RunStatus {
     }
 }
 
-/// What a sweep is for.
+/// The purpose of a sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SweepPurpose {
     /// The free sensor, as the reference of the touches after it.
     NoLoad,
     /// The sensor on the sample.
     Touch,
-    /// A person asked for it.
+    /// A person or a program asked for the sweep.
     Manual,
 }
 
@@ -56,7 +56,7 @@ impl SweepPurpose {
 /// A finished sweep with its outcome.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FinishedSweep {
-    /// What it was for.
+    /// Purpose of the sweep.
     pub purpose: SweepPurpose,
     /// Every reading, in the order taken.
     pub readings: Vec<Reading>,
@@ -76,38 +76,38 @@ pub struct FinishedSweep {
 /// A finished touch.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TouchResult {
-    /// Its address.
+    /// Address of the step.
     pub step: StepId,
-    /// What was touched, and how.
+    /// Sample and pose.
     pub touch: Touch,
-    /// The reference it is compared with.
+    /// The no-load resonance before the touch.
     pub no_load: Resonance,
     /// The tilt of the sample as read back.
     pub rotary: Position<Deg>,
-    /// What came of it.
+    /// Outcome of the touch.
     pub outcome: TouchOutcome,
 }
 
-/// What came of a touch.
+/// The outcome of a touch.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TouchOutcome {
     /// A resonance in contact.
     Measured {
-        /// How the probe stood.
+        /// Position of the probe in the sample.
         contact: Contact,
-        /// The resonance.
+        /// The resonance in contact.
         loaded: Resonance,
     },
-    /// None to be relied on.
+    /// No trusted resonance.
     Refused {
-        /// How the probe stood, when it came to that.
+        /// Position of the probe in the sample, if it was reached.
         contact: Option<Contact>,
-        /// Why.
+        /// The reason.
         refusal: Refusal,
     },
 }
 
-/// How the probe stands in a sample.
+/// The position of the probe in a sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
     /// Where the surface was found.
@@ -124,7 +124,7 @@ impl Contact {
 }
 
 impl TouchResult {
-    /// Whether it gave no resonance.
+    /// Whether the touch has no frequency shift.
     pub const fn is_refused(&self) -> bool {
         matches!(self.outcome, TouchOutcome::Refused { .. })
     }
@@ -137,18 +137,18 @@ impl TouchResult {
     }
 }
 
-/// Why the probe is lowered.
+/// The purpose of a move downwards.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LoweringPurpose {
     /// To find the surface of the sample.
     FindSurface,
     /// To press into it.
     Indent,
-    /// A person moves it.
+    /// To move it for a person.
     ByHand,
 }
 
-/// Something that happened, for the journal and for whoever watches.
+/// An event, for the journal and for clients.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event {
     /// The state of the rig has changed.
@@ -158,69 +158,69 @@ pub enum Event {
         /// Its index in the plan.
         index: usize,
     },
-    /// A person is needed.
+    /// A prompt for a person.
     PromptAsked(Prompt),
-    /// A person has done it.
+    /// A person has answered a prompt.
     PromptAnswered {
-        /// What was asked.
+        /// The prompt.
         prompt: Prompt,
-        /// Who.
+        /// Name of the operator.
         by: String,
     },
     /// The probe is about to go down, at most as far as this.
     Intent {
         /// The lowest position of the moves that follow.
         down_to: Position<Mm>,
-        /// Why.
+        /// The reason.
         purpose: LoweringPurpose,
     },
     /// The linear stage has moved.
     LinearMoved {
-        /// Where it was sent.
+        /// The target.
         target: Position<Mm>,
-        /// Where it is.
+        /// The read-back.
         read_back: Position<Mm>,
         /// Whether this shows the probe to be clear.
         is_clear: bool,
     },
     /// The rotary stage has moved.
     RotaryMoved {
-        /// Where it was sent.
+        /// The target.
         target: Position<Deg>,
-        /// Where it is.
+        /// The read-back.
         read_back: Position<Deg>,
     },
     /// The surface has been found.
     SurfaceFound {
-        /// Where.
+        /// Position of the linear stage.
         position: Position<Mm>,
         /// Standard uncertainty, mm.
         sigma_mm: f64,
         /// Every position tried, with its reading.
         trail: Vec<(Position<Mm>, Reading)>,
     },
-    /// It has been decided how a sweep goes on.
+    /// The planner has decided on the next readings of a sweep.
     Planned {
-        /// Readings that it has so far.
+        /// Number of readings so far.
         readings: usize,
-        /// What was computed for it, in readings with their slopes.
+        /// Counted work of the planner, in readings with their derivatives.
         work: u64,
     },
     /// A sweep begins.
     SweepBegun {
-        /// What it is for.
+        /// Purpose of the sweep.
         purpose: SweepPurpose,
-        /// What is asked of it.
+        /// Request of the sweep.
         request: SweepRequest,
     },
     /// Readings of the sweep under way.
     Measured {
-        /// Those by which the analyzer stands, in the order taken.
+        /// The readings without a flag, in the order taken.
         readings: Vec<Reading>,
-        /// What all of them so far say, once they say something.
+        /// Estimate from all readings so far, if there is one.
         estimate: Option<Estimate>,
     },
-    /// The surface has been sought and not found; why follows.
+    /// The surface was not found. The reason follows in another event.
     SurfaceNotFound {
         /// Every position tried, with its reading.
         trail: Vec<(Position<Mm>, Reading)>,
@@ -229,25 +229,25 @@ pub enum Event {
     SweepFinished(Box<FinishedSweep>),
     /// A touch is done and the probe is clear.
     TouchFinished(Box<TouchResult>),
-    /// A person did something.
+    /// A command of a person or a program.
     Operator {
-        /// What, as one word.
+        /// Name of the command.
         action: &'static str,
-        /// Who.
+        /// Name of the operator.
         by: String,
     },
-    /// Something went wrong.
+    /// A fault.
     Faulted {
-        /// What.
+        /// The fault.
         fault: Fault,
-        /// What was known of the probe then.
+        /// Clearance of the probe at that time.
         clearance: Clearance,
     },
     /// A run has ended.
     RunFinished(RunStatus),
 }
 
-/// The state of the rig in a word.
+/// The state of the rig.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RigState {
     /// Homing, and proving that the probe is clear.
@@ -256,7 +256,7 @@ pub enum RigState {
     Idle,
     /// A run or a sweep is under way.
     Running,
-    /// Waiting for a person to do what was asked.
+    /// Waiting for the answer to a prompt.
     WaitingForPerson,
     /// Paused between two steps, probe clear.
     Paused,

@@ -1,4 +1,4 @@
-//! What can go wrong.
+//! Failures of devices, and faults of the rig.
 
 use rig_model::{AxisError, Deg, Mm, Position};
 use rig_protocol::StepId;
@@ -19,7 +19,7 @@ pub enum Device {
 }
 
 impl Device {
-    /// The words that people read.
+    /// Name of the part in messages.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Analyzer => "analyzer",
@@ -33,29 +33,29 @@ impl Device {
 /// How an operation failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FailureKind {
-    /// It ended early because it was asked to.
+    /// It was interrupted.
     Interrupted,
-    /// The device answered and said no, or is not where it was sent.
+    /// The device refused, or is not at its target.
     Refused,
-    /// The device did not answer, or not intelligibly.
+    /// The device did not answer, or its answer cannot be read.
     Line,
-    /// An axis does not know where it is, or says that it is where it cannot be. No move from there
-    /// is safe, not even a retract.
+    /// An axis does not know its position, or reports one outside its travel. No move from there is
+    /// safe, not even a retract.
     Lost,
 }
 
-/// An operation that did not do what was asked.
+/// A failed operation.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Failure {
-    /// Which part of the rig.
+    /// The part of the rig.
     pub device: Device,
-    /// How.
+    /// Kind of the failure.
     pub kind: FailureKind,
-    /// What the driver says, with all its causes.
+    /// Message of the driver, with all its causes.
     pub detail: String,
 }
 
-/// Why the rig had to stop.
+/// The cause of a stop.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Fault {
     /// A device failed.
@@ -73,18 +73,18 @@ pub enum Fault {
         /// The touch.
         step: StepId,
     },
-    /// Something was reported that cannot have happened.
+    /// A report came that nothing had asked for.
     #[error("{what} was reported in {during}, where none was asked for")]
     OutOfOrder {
-        /// What was reported.
+        /// The report.
         what: &'static str,
-        /// What was going on.
+        /// The activity during which it came.
         during: &'static str,
     },
-    /// The engine was about to do what the interlock forbids.
+    /// The interlock refused an operation of the engine.
     #[error(transparent)]
     Interlock(InterlockError),
-    /// The probe felt something where only air should be.
+    /// Contact at the start of the search, above the expected surface.
     #[error(
         "contact at {at}, where the search begins; the surface was expected at {expected}: \
          the impedance had changed by {change_percent:.1} %"
@@ -97,7 +97,7 @@ pub enum Fault {
         /// Relative change of the impedance, in percent.
         change_percent: f64,
     },
-    /// The probe went as deep as it may and felt nothing.
+    /// No contact down to the lowest position of the search.
     #[error("no contact down to {at}; the surface was expected at {expected}")]
     NoContact {
         /// The lowest position tried.
@@ -105,10 +105,10 @@ pub enum Fault {
         /// Where the surface was expected.
         expected: Position<Mm>,
     },
-    /// The no-load resonance could not be measured, so nothing after it would mean anything.
+    /// The no-load resonance could not be measured, so there is no reference.
     #[error("the no-load resonance was refused {attempts} times: {reason}")]
     NoReference {
-        /// How often it was tried.
+        /// Number of attempts.
         attempts: u32,
         /// The last refusal.
         reason: String,
@@ -116,15 +116,15 @@ pub enum Fault {
     /// The analyzer gave fewer readings than asked for.
     #[error("the analyzer gave {given} of {asked} readings")]
     MissingReadings {
-        /// How many came.
+        /// Number of readings.
         given: usize,
-        /// How many were asked for.
+        /// Number of requested readings.
         asked: usize,
     },
     /// An operation took far longer than it can.
     #[error("{what} did not end in the time it can take")]
     Overdue {
-        /// What was being done.
+        /// The operation.
         what: &'static str,
     },
     /// The probe was to be retracted and could not be shown to be clear.
@@ -133,7 +133,7 @@ pub enum Fault {
     /// A person pressed Stop.
     #[error("stopped by {by}")]
     Stopped {
-        /// Who.
+        /// Name of the operator.
         by: String,
     },
 }
@@ -146,14 +146,14 @@ impl Fault {
     }
 }
 
-/// Why a run or a sweep is ended early.
+/// The reason why a run or a sweep ends early.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum StopReason {
-    /// A person wants it ended in order: the rig is ready again afterwards.
+    /// A person aborts it: the rig is ready again afterwards.
     Abort {
-        /// Who.
+        /// Name of the operator.
         by: String,
     },
-    /// Something is wrong: the rig latches afterwards.
+    /// A fault: the rig latches afterwards.
     Fault(Fault),
 }

@@ -10,31 +10,31 @@
 //!       └───────────── read-back of a move to rest ── Unknown ◀┘
 //! ```
 //!
-//! It is a plain table of what is known and what follows, so that every state can be enumerated.
+//! It is a table of states and transitions, so that a test can enumerate every history.
 
 use rig_model::{Axis, Clearance, Mm, Position};
 
 use crate::{Operation, Report};
 
-/// What the interlock forbids.
+/// An operation that the interlock forbids.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum InterlockError {
     /// The sample may be tilted only when the probe is proven clear.
     #[error("the rotary stage must not move: the probe is {}", .clearance.name())]
     RotaryNotClear {
-        /// What is known of the probe.
+        /// Clearance of the probe.
         clearance: Clearance,
     },
     /// The probe may be lowered only from a known state.
     #[error("the probe must not be lowered to {target}: it is not known where it is")]
     LoweringFromUnknown {
-        /// Where it was to go.
+        /// The target.
         target: Position<Mm>,
     },
     /// The probe may be lowered only as far as was declared before.
     #[error("the probe must not be lowered to {target}: the lowest declared is {floor}")]
     BelowDeclared {
-        /// Where it was to go.
+        /// The target.
         target: Position<Mm>,
         /// The lowest position declared.
         floor: Position<Mm>,
@@ -50,13 +50,13 @@ pub struct Interlock {
 }
 
 impl Interlock {
-    /// Starts with nothing known: the probe may be anywhere.
+    /// Starts with an unknown clearance: the probe may be anywhere.
     pub const fn new(linear: Axis<Mm>) -> Self {
         let floor = linear.rest_target().position();
         Self { linear, clearance: Clearance::Unknown, floor }
     }
 
-    /// What is known of the probe.
+    /// Clearance of the probe.
     pub const fn clearance(&self) -> Clearance {
         self.clearance
     }
@@ -66,10 +66,11 @@ impl Interlock {
         self.floor = down_to;
     }
 
-    /// Admits an operation that is about to be sent, and notes what it may do to the probe.
+    /// Admits an operation that is about to be sent, and updates the clearance of the probe.
     ///
     /// # Errors
-    /// [`InterlockError`] when the operation is not safe in what is known. Nothing changes then.
+    /// [`InterlockError`] when the operation is not safe in the present state. Nothing changes
+    /// then.
     pub fn admit(&mut self, operation: &Operation) -> Result<(), InterlockError> {
         let rest = self.linear.rest_target();
         match operation {
@@ -95,7 +96,7 @@ impl Interlock {
         Ok(())
     }
 
-    /// Learns how an admitted operation ended.
+    /// Takes the report of an admitted operation.
     pub fn ended(&mut self, operation: &Operation, report: Option<&Report>) {
         match (operation, report) {
             (Operation::MoveLinear { target, .. }, Some(Report::LinearAt(read_back))) => {

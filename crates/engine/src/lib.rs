@@ -1,4 +1,4 @@
-//! Decides what the rig does next, without I/O and without a clock.
+//! Decides the next operation of the rig, without I/O and without a clock.
 //!
 //! ```text
 //!             command ──▶ ┌────────┐ ──▶ Effect::Note      (into the journal, in order)
@@ -7,9 +7,9 @@
 //!   time passed ────────▶ └────────┘ ──▶ Effect::Interrupt (end the running one early)
 //! ```
 //!
-//! The engine knows no device. It speaks of a linear axis, a rotary axis and an analyzer, and is
-//! told what became of each operation. Everything that lowers the probe or turns the sample passes
-//! the [`Interlock`].
+//! The engine knows no device. It commands a linear axis, a rotary axis and an analyzer, and gets a
+//! report of each operation. Every operation that lowers the probe or turns the sample passes the
+//! [`Interlock`].
 
 #![deny(clippy::disallowed_methods)]
 

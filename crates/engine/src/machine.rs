@@ -9,22 +9,22 @@ use crate::{
     Event, Fault, LoweringPurpose, Operation, Report, operation::retract, search::Surface,
 };
 
-/// What a machine wants next.
+/// The next step of a machine.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum MachineStep<T> {
     /// Carry out this operation.
     Do(Operation),
     /// Note the intent to lower the probe, make it durable, and allow it.
     Declare { down_to: Position<Mm>, purpose: LoweringPurpose },
-    /// Let this much time pass.
+    /// Wait for this time.
     Wait(Duration),
     /// Ask a person and wait for the answer.
     Ask(Prompt),
     /// Wait for a person to go on.
     Pause,
-    /// Done.
+    /// The machine is finished.
     Done(T),
-    /// It cannot go on.
+    /// The machine cannot go on.
     Fault(Fault),
 }
 
@@ -43,7 +43,7 @@ impl<T> MachineStep<T> {
     }
 }
 
-/// What wakes a machine.
+/// An event that wakes a machine.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum MachineEvent {
     Begin,
@@ -87,7 +87,7 @@ impl From<Report> for MachineEvent {
     }
 }
 
-/// What a machine reads and writes while it handles an event.
+/// The surroundings of a machine while it handles an event.
 pub(crate) struct MachineContext<'a> {
     pub(crate) now: RigTime,
     pub(crate) plan: &'a Plan,

@@ -1,14 +1,14 @@
-//! What the devices are asked to do, one thing at a time, and what they report.
+//! Operations of the devices, one at a time, and their reports.
 
 use std::time::Duration;
 
 use rig_model::{Deg, DriveLevel, Mm, Position, Reading, RigLimits, RigTime, SweepPoint, Target};
 
-/// Tells one operation from another, so that a late report is never taken for a present one.
+/// Identifies an operation, so that a late report is never taken for a present one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct OperationId(pub u64);
 
-/// Something for the devices to do. One is in flight at a time, and none is ever abandoned.
+/// An operation of the devices. One is in flight at a time, and none is ever abandoned.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Operation {
     /// Home the linear stage if it is not homed. It homes upwards.
@@ -17,16 +17,16 @@ pub enum Operation {
     PrepareRotary,
     /// Move the probe up or down and read back where it is.
     MoveLinear {
-        /// Where to.
+        /// The target.
         target: Target<Mm>,
-        /// How fast, mm/s.
+        /// Speed, mm/s.
         speed_mm_per_s: f64,
     },
     /// Tilt the sample and read back where it is.
     MoveRotary {
-        /// Where to.
+        /// The target.
         target: Target<Deg>,
-        /// How fast, °/s.
+        /// Speed, °/s.
         speed_deg_per_s: f64,
     },
     /// Measure the impedance at these frequencies, in this order.
@@ -40,15 +40,15 @@ pub enum Operation {
     StopMotion,
 }
 
-/// What an operation achieved.
+/// The report of an operation.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Report {
-    /// The linear stage stands here, read back after the move.
+    /// The read-back of the linear stage.
     LinearAt(Position<Mm>),
-    /// The rotary stage stands here, read back after the move.
+    /// The read-back of the rotary stage.
     RotaryAt(Position<Deg>),
-    /// The readings: one by which the analyzer stands for each point asked for, and before it those
-    /// that it flagged. The last one is flagged when it gave up on that point.
+    /// The readings: one without a flag for each requested point, after its flagged ones. The last
+    /// one is flagged if the analyzer gave up on its point.
     Measured(Vec<Reading>),
     /// Both axes have stopped.
     Stopped,
@@ -62,7 +62,7 @@ pub(crate) fn retract(limits: &RigLimits) -> Operation {
     }
 }
 
-/// How long an operation may take before something must be wrong.
+/// The longest time that an operation may take.
 ///
 /// Drivers have tighter limits of their own; this one catches a driver that never reports.
 pub(crate) fn limit(operation: &Operation, travel_mm: f64, travel_deg: f64) -> Duration {
@@ -80,7 +80,7 @@ pub(crate) fn limit(operation: &Operation, travel_mm: f64, travel_deg: f64) -> D
     Duration::from_secs_f64(seconds + SLACK_S)
 }
 
-/// What an operation is called in a message.
+/// Name of an operation in messages.
 pub(crate) const fn name(operation: &Operation) -> &'static str {
     match operation {
         Operation::PrepareLinear => "homing the linear stage",
@@ -98,6 +98,6 @@ pub(crate) struct Pending {
     pub(crate) id: OperationId,
     pub(crate) operation: Operation,
     pub(crate) deadline: RigTime,
-    /// It has been asked to end early.
+    /// Whether it was asked to end early.
     pub(crate) is_interrupted: bool,
 }

@@ -9,11 +9,11 @@ use crate::{Failure, FailureKind, Operation, operation::retract};
 /// A retract that cannot be shown to have worked is repeated this often. After that nothing moves.
 const RETRACT_ATTEMPTS: u32 = 3;
 
-/// What comes next on the way to safety.
+/// The next step of a recovery.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum RecoveryStep {
     Do(Operation),
-    /// The probe is clear, or was given up with nothing moving.
+    /// The recovery is finished: the probe is clear, or nothing moves and it is unknown.
     Finished(Clearance),
 }
 
@@ -24,18 +24,18 @@ pub(crate) struct Recovery {
 }
 
 impl Recovery {
-    /// Nothing is retracted where the linear stage is lost: which way is up, it does not know.
+    /// No retract if the linear stage is lost: it does not know which way is up.
     pub(crate) const fn begin(is_linear_lost: bool) -> (Self, RecoveryStep) {
         let recovery = Self { attempts_left: if is_linear_lost { 0 } else { RETRACT_ATTEMPTS } };
         (recovery, RecoveryStep::Do(Operation::StopMotion))
     }
 
-    /// The linear stage was lost on the way: it is not moved again.
+    /// The linear stage was lost during the recovery: it is not moved again.
     pub(crate) const fn give_up(&mut self) {
         self.attempts_left = 0;
     }
 
-    /// An operation of the recovery has ended, well or not; `clearance` is what is known now.
+    /// An operation of the recovery has ended or failed; `clearance` is the present one.
     ///
     /// The stop is not repeated when it fails: the retract that follows is the safest thing to do
     /// whether or not the rotary stage has answered.
@@ -61,7 +61,7 @@ pub(crate) enum Preparing {
 }
 
 impl Preparing {
-    /// What this stage does.
+    /// The operation of this stage.
     pub(crate) fn operation(self, limits: &RigLimits) -> Operation {
         match self {
             Self::HomingLinear => Operation::PrepareLinear,

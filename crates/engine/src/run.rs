@@ -11,7 +11,7 @@ use crate::{
     touch::TouchMachine,
 };
 
-/// The no-load resonance is tried this often before the run gives up.
+/// Attempts at the no-load resonance before the run gives up.
 const NO_LOAD_ATTEMPTS: u32 = 2;
 
 #[derive(Debug)]
@@ -210,7 +210,7 @@ impl NoLoad {
                 let reason = refusal.to_string();
                 return MachineStep::Fault(Fault::NoReference { attempts: self.attempt, reason });
             }
-            // Without the belief that may have misled it.
+            // Without the prior, which may be wrong.
             step = self.begin(None, context);
         }
     }

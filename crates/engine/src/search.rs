@@ -13,25 +13,26 @@ use crate::Fault;
 /// as one pass of the last width, so a factor near five keeps the number of readings small.
 const REFINEMENT: f64 = 5.0;
 
-/// What the search for the surface wants next.
+/// The next step of a search for the surface.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SearchStep {
     /// Go here, then call [`Search::arrived`].
     MoveTo(Position<Mm>),
     /// Read the impedance, then call [`Search::read`].
     Read {
-        /// The probe has just left the sample: what the contact set ringing must die away first.
+        /// Whether the probe has just left the sample: the vibration of the contact must decay
+        /// first.
         is_after_contact: bool,
     },
-    /// The analyzer does not stand by its reading, which says nothing: read again, or give up.
+    /// The analyzer flagged its reading, which is not usable: read again, or give up.
     Flagged,
     /// Done.
     Found(Surface),
-    /// It cannot go on.
+    /// The search cannot go on.
     Fault(Fault),
 }
 
-/// Where the surface is.
+/// A surface that was found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Surface {
     /// The position of the linear axis at which the tip touches.
@@ -47,7 +48,7 @@ pub struct Search {
     expected: Position<Mm>,
     baseline: Impedance,
     step_mm: f64,
-    /// The lowest place of this pass at which nothing was felt.
+    /// The lowest position of this pass without contact.
     last_clear: Option<Position<Mm>>,
     /// Where to go after the backlash has been taken up.
     after_take_up: Option<Position<Mm>>,
@@ -107,7 +108,8 @@ impl Search {
         self.trail.push((self.here, reading));
         let PointResult::Value(impedance) = reading.measured else { return SearchStep::Flagged };
         let change = relative_change(self.baseline, impedance);
-        // What cannot be compared counts as contact, so that the probe goes no further.
+        // An impedance that cannot be compared counts as contact, so that the probe goes no
+        // further.
         let is_clear = change <= self.approach.contact_threshold;
         match (!is_clear, self.last_clear) {
             (true, None) => SearchStep::Fault(Fault::ContactTooEarly {
@@ -153,7 +155,7 @@ impl Search {
     }
 }
 
-/// By how much the impedance has changed, relative to the baseline.
+/// Change of the impedance relative to the baseline.
 fn relative_change(baseline: Impedance, now: Impedance) -> f64 {
     let change = Impedance {
         resistance_ohm: now.resistance_ohm - baseline.resistance_ohm,

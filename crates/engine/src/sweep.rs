@@ -9,14 +9,14 @@ use crate::{Event, Fault, FinishedSweep, Operation, SweepPurpose};
 /// laboratory moves a bimorph by a few tenths of a percent.
 pub(crate) const DRIFT: f64 = 0.01;
 
-/// What the sweep wants next.
+/// The next step of a sweep.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum SweepStep {
     /// Measure, then call [`Sweep::measured`].
     Measure(Operation),
-    /// Done; the outcome has been noted.
+    /// The sweep is finished, and its outcome is noted.
     Finished(Box<FinishedSweep>),
-    /// It cannot go on.
+    /// The sweep cannot go on.
     Fault(Fault),
 }
 
@@ -92,7 +92,7 @@ impl Sweep {
 
     fn finish(&mut self, outcome: Verdict, notes: &mut Vec<Event>) -> SweepStep {
         let readings = std::mem::take(&mut self.readings);
-        // The planner knows of values only.
+        // The planner counts values only.
         let last_probe = values(&readings).take(self.planner.looks()).last();
         let is_last = |reading: &Reading| Some(reading) == last_probe;
         let probe_readings = readings.iter().rposition(is_last).map_or(0, |last| last + 1);

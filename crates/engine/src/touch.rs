@@ -6,7 +6,7 @@
 //!                       on disk)   steps)    on disk)                        └─┘ once more if refused
 //! ```
 //!
-//! Whatever goes wrong ends in a [`Fault`]; the engine then stops, retracts and latches.
+//! Every failure ends in a [`Fault`]; the engine then stops, retracts and latches.
 
 use std::time::Duration;
 
@@ -23,12 +23,12 @@ use crate::{
     sweep::{DRIFT, Sweep, SweepStep},
 };
 
-/// The baseline is read after this many time constants of the ring-down, so that what is left of
-/// the transient (e⁻⁸ = 0.03 %) is far below any contact threshold.
+/// The baseline is read after this many time constants of the ring-down, so that the residual
+/// transient (e⁻⁸ = 0.03 %) is far below any contact threshold.
 const BASELINE_TIME_CONSTANTS: f64 = 8.0;
 
-/// What a contact has set ringing is let die away for this many time constants after the probe has
-/// left the sample: e⁻⁵ = 0.7 % of the change that the contact made.
+/// After the probe has left the sample, the vibration decays for this many time constants, to e⁻⁵ =
+/// 0.7 % of the change by the contact.
 const AFTER_CONTACT_TIME_CONSTANTS: f64 = 5.0;
 
 /// A refused sweep in contact is repeated this often before the touch is refused.
@@ -134,8 +134,7 @@ impl TouchMachine {
         }
     }
 
-    /// Ends the touch before the probe is in the sample, because the analyzer does not stand by what
-    /// it reads.
+    /// Ends the touch before the probe is in the sample, because the analyzer flags its readings.
     fn unreadable(
         &mut self,
         trail: Vec<(Position<Mm>, Reading)>,
@@ -170,7 +169,7 @@ impl TouchMachine {
         MachineStep::Do(Operation::Measure { points: vec![point], level })
     }
 
-    /// Carries out what the search wants.
+    /// Carries out the next step of the search.
     fn follow(
         &mut self,
         step: SearchStep,
@@ -216,7 +215,7 @@ impl TouchMachine {
         context: &mut MachineContext<'_>,
     ) -> MachineStep<TouchResult> {
         let request = &context.plan.contact_sweep;
-        // A refused sweep is repeated without the belief that may have misled it.
+        // A refused sweep is repeated without the prior, which may be wrong.
         let prior = (retries_left == RETRIES).then(|| self.stiffened(request.window));
         let (sweep, step) =
             Sweep::begin(context.now, SweepPurpose::Touch, request, prior.as_ref(), context.notes);
@@ -224,8 +223,8 @@ impl TouchMachine {
         self.swept(step, context)
     }
 
-    /// What is believed of the sensor in contact: a contact adds stiffness, so the resonance can
-    /// only have risen, apart from the drift since the reference.
+    /// The prior of the sensor in contact: a contact adds stiffness, so the resonance can only
+    /// rise, apart from the drift since the reference.
     fn stiffened(&self, window: Window) -> Prior {
         let free_hz = self.no_load.resonance_hz;
         let min_hz = window.min_hz.max(free_hz * (1.0 - DRIFT)).min(window.max_hz);

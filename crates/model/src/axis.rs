@@ -81,7 +81,7 @@ impl<U: Unit> fmt::Display for Span<U> {
 /// Why an axis or a target was refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum AxisError<U: Unit> {
-    /// The soft limits allow what the mechanics do not.
+    /// The soft limits reach beyond the travel.
     #[error("{axis}: soft limits {soft} reach beyond the travel {travel}")]
     SoftBeyondTravel {
         /// Name of the axis.
@@ -111,7 +111,7 @@ pub enum AxisError<U: Unit> {
         /// Its value.
         found: f64,
     },
-    /// A target outside the soft limits. It is refused, never clamped.
+    /// A target outside the soft limits.
     #[error("{axis}: target {wanted} is outside the soft limits {soft}")]
     OutsideSoftLimits {
         /// Name of the axis.
@@ -123,12 +123,12 @@ pub enum AxisError<U: Unit> {
     },
 }
 
-/// What an axis is made of, before it is checked.
+/// The limits of an axis, before they are checked.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisLimits<U> {
-    /// What the mechanics allow.
+    /// Mechanical travel.
     pub travel: Span<U>,
-    /// What the software allows.
+    /// Soft limits, inside the travel.
     pub soft: Span<U>,
     /// Where the axis waits: the clear position of the linear stage, level for the rotary stage.
     pub rest: Position<U>,

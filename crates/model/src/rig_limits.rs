@@ -11,7 +11,7 @@ pub enum Clearance {
     Clear,
     /// The probe was lowered towards the sample and has not been shown clear since.
     InContact,
-    /// Nothing is known, as after a start or a fault. Treated as contact.
+    /// Unknown, as after a start or a fault. Treated as contact.
     Unknown,
 }
 
@@ -26,7 +26,7 @@ impl Clearance {
     }
 }
 
-/// Where things are.
+/// Geometry of the bench.
 ///
 /// The linear stage carries the sensor; its position is the height of the probe tip and grows
 /// upwards. The rotary stage tilts the sample about a horizontal axis.
@@ -43,7 +43,7 @@ pub struct Geometry {
     pub probe_radius_mm: f64,
     /// Half the width of the largest sample, in mm: its edge rises when it is tilted.
     pub sample_half_width_mm: f64,
-    /// By how much the surface of a sample may lie elsewhere than expected, in mm.
+    /// Tolerance of the height of a surface, in mm.
     pub surface_tolerance_mm: f64,
 }
 
@@ -77,7 +77,7 @@ impl Geometry {
     }
 }
 
-/// How fast and how deep the probe may go.
+/// Limits of motion: speeds and depth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionLimits {
     /// Deepest indentation below the surface found, in mm.
@@ -124,11 +124,11 @@ pub struct RigLimits {
     pub linear: Axis<Mm>,
     /// The stage that tilts the sample.
     pub rotary: Axis<Deg>,
-    /// Where things are.
+    /// Geometry of the bench.
     pub geometry: Geometry,
-    /// How fast and how deep.
+    /// Speeds and depth.
     pub motion: MotionLimits,
-    /// What can be measured.
+    /// Range of the analyzer.
     pub analyzer: AnalyzerRange,
 }
 

@@ -1,4 +1,4 @@
-//! What is asked of an impedance analyzer, and what it answers.
+//! Requests to an impedance analyzer, and its readings.
 
 use crate::RigTime;
 
@@ -46,7 +46,7 @@ impl SweepPoint {
 /// How the points of a sweep are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SweepMethod {
-    /// The planner chooses each next point from what is known so far.
+    /// The planner chooses each next point from the readings so far.
     Adaptive,
     /// The same, and nothing waits for settling: the ring-up is part of the model. Only for
     /// analyzers that tell when each point began and how long it took, with a drive that goes on
@@ -92,7 +92,7 @@ pub enum SweepRequestError {
     /// A quantity is outside its range.
     #[error("sweep {what} = {found} is outside [{min}, {max}]")]
     OutOfRange {
-        /// The key as it stands in a protocol.
+        /// Key of the protocol file.
         what: &'static str,
         /// The value asked for.
         found: f64,
@@ -205,7 +205,7 @@ impl ReadingFlag {
 pub struct Reading {
     /// Frequency at which the instrument says it measured, Hz.
     pub frequency_hz: f64,
-    /// What it measured there.
+    /// Result at the point.
     pub measured: PointResult,
     /// When the frequency was set: settling starts here.
     pub started: RigTime,
@@ -224,7 +224,7 @@ impl Reading {
         }
     }
 
-    /// What the instrument says against it, if anything.
+    /// Flag of the instrument, if there is one.
     pub const fn flag(&self) -> Option<ReadingFlag> {
         match self.measured {
             PointResult::Value(_) => None,

@@ -16,8 +16,7 @@ use crate::{
 const MAX_TOUCHES: usize = 100_000;
 
 impl Protocol {
-    /// Reads the `text` of a protocol `file`. What is wrong with it is kept: see
-    /// [`Protocol::faults`].
+    /// Reads the `text` of a protocol `file`, and keeps its faults: see [`Protocol::faults`].
     pub fn read(file: &str, text: &str) -> Self {
         let (protocol, mut faults) = rig_files::settings::read(file, text, protocol::protocol);
         by_itself(&protocol, &mut faults);
@@ -151,7 +150,7 @@ fn sweep(sweep: &SweepKeys, limits: &RigLimits, faults: &mut Faults) {
     });
 }
 
-/// An angle that limits what the protocol asks of the stages, and where it was written.
+/// An angle that sets the extremes of the stages, with its location.
 struct Tilt {
     angle: ContactAngle,
     location: Location,

@@ -1,4 +1,4 @@
-//! What a protocol can be refused for, beyond the shape of its file.
+//! The faults of a protocol, beyond the shape of its file.
 
 use std::fmt;
 
@@ -26,7 +26,7 @@ impl fmt::Display for DepthLimit {
     }
 }
 
-/// One reason. Values and limits are in the unit that their key names.
+/// A fault of a protocol. Values and limits are in the unit of their key.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(crate) enum ProtocolFault {
     // Lists.

@@ -1,4 +1,4 @@
-//! Lays the steps out so that the person is asked little and the stages travel little.
+//! Lays the steps out with few prompts and little travel.
 //!
 //! Samples are outermost, because changing one takes a person. Within a sample the sensor begins
 //! as it stands and is turned at most once, so that the next sample begins where this one ended.
@@ -35,8 +35,8 @@ impl Draws {
 impl Plan {
     /// Checks the protocol against the limits of a rig and lays out its steps.
     ///
-    /// `known_samples` are the names of the samples that there are, where that is known: a
-    /// simulated rig knows them, a real one takes what the person puts there.
+    /// `known_samples` are the names of the available samples, if they are known: a simulated rig
+    /// knows them, a real one takes the sample that the person places.
     ///
     /// # Errors
     /// Every fault of the file, by itself and on this rig.
@@ -73,7 +73,7 @@ impl Plan {
     }
 }
 
-/// The steps so far, and how the bench stands after them.
+/// The steps so far, and the state of the bench after them.
 struct Layout<'a> {
     protocol: &'a Protocol,
     steps: Vec<Step>,
@@ -120,7 +120,7 @@ impl<'a> Layout<'a> {
         }
     }
 
-    /// How the sensor has to stand for the directions listed; first as it stands now.
+    /// The orientations of the listed directions, the present one first.
     fn orientations(&self) -> Vec<Orientation> {
         let mut orientations = Vec::new();
         let listed = self.protocol.directions.iter().map(|direction| direction.value.orientation());
@@ -165,7 +165,7 @@ impl<'a> Layout<'a> {
         }
     }
 
-    /// A touch and what has to come before it.
+    /// A touch and the steps that it needs before it.
     fn touch(&mut self, id: &str, touch: Touch) {
         let Touch { sample, pose, .. } = touch;
         if self.sample != Some(sample) {

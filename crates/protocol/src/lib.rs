@@ -4,7 +4,7 @@
 //! [`Plan::new`] checks the protocol against the limits of a rig and gives either a plan, or all
 //! faults of the file, by itself and on this rig, each with line and column.
 //!
-//! What a protocol may say is shown, with comments, in the files that are shipped with the daemon.
+//! The shipped protocol files, with their comments, are the manual of the keys.
 //! This crate decides no motion: it lays out poses and prompts, and the engine replays them.
 
 #![deny(clippy::disallowed_methods)]

@@ -1,4 +1,4 @@
-//! The checked plan: what the engine replays, step by step.
+//! The checked plan, which the engine replays step by step.
 
 use std::fmt;
 
@@ -11,7 +11,7 @@ pub struct Plan {
     pub name: String,
     /// Names of the samples; steps refer to them by index.
     pub samples: Vec<String>,
-    /// What is done, in order.
+    /// The steps, in order.
     pub steps: Vec<Step>,
     /// How the surface is sought and how deep the probe goes.
     pub touch: TouchSettings,
@@ -19,7 +19,7 @@ pub struct Plan {
     pub no_load_sweep: SweepRequest,
     /// How resonance is measured in contact.
     pub contact_sweep: SweepRequest,
-    /// How the blind touches are to be classified, when there are any.
+    /// Classification of the blind touches, if there are any.
     pub classes: Option<usize>,
     /// The seed that chose every random order, angle and sample in it.
     pub seed: u64,
@@ -30,7 +30,7 @@ pub struct Plan {
 pub struct Step {
     /// The address.
     pub id: StepId,
-    /// What is done.
+    /// Action of the step.
     pub action: Action,
 }
 
@@ -44,10 +44,10 @@ impl fmt::Display for StepId {
     }
 }
 
-/// What a step does.
+/// The action of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Action {
-    /// A person is asked to do what the bench cannot.
+    /// A prompt: the bench cannot do this by itself.
     Prompt(Prompt),
     /// The no-load resonance is measured at a pose, with the probe clear.
     NoLoad(Pose),
@@ -55,7 +55,7 @@ pub enum Action {
     Touch(Touch),
 }
 
-/// What a person is asked for.
+/// A prompt for a person.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Prompt {
     /// Put this sample under the probe.
@@ -65,17 +65,17 @@ pub enum Prompt {
     },
     /// Turn the sensor about its own axis.
     TurnSensor {
-        /// How it must stand afterwards.
+        /// Orientation after the turn.
         orientation: Orientation,
     },
 }
 
-/// How the surface stands to the probe.
+/// The pose of the surface against the probe.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
-    /// Which way the surface leans.
+    /// Direction of the tilt.
     pub direction: Direction,
-    /// By how much.
+    /// Contact angle.
     pub angle: ContactAngle,
 }
 
@@ -103,9 +103,9 @@ impl Phase {
 pub struct Touch {
     /// Which part of the protocol it belongs to.
     pub phase: Phase,
-    /// Index into [`Plan::samples`]. In the blind phase the analysis is not told.
+    /// Index into [`Plan::samples`]. The analysis of the blind phase does not use it.
     pub sample: usize,
-    /// How the surface stands.
+    /// Pose of the surface.
     pub pose: Pose,
     /// Counts from 1: the repeat of this pose in the main phase, the trial in the blind phase.
     pub repeat: u32,

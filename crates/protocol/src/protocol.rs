@@ -19,7 +19,7 @@ const MAX_SEED: u64 = (1 << 53) - 1;
 /// Beyond this the probe would rather slide along the surface than indent it.
 const MAX_ANGLE_DEG: f64 = 85.0;
 
-/// A protocol file as it was read, together with what is wrong with it.
+/// A protocol file and its faults.
 #[derive(Debug, Clone)]
 pub struct Protocol {
     pub(crate) name: String,
@@ -58,17 +58,17 @@ pub(crate) enum NoLoadPolicy {
     EveryPose,
     /// Whenever a person has touched the bench.
     EverySample,
-    /// At the very beginning.
+    /// At the beginning of the run.
     Once,
 }
 
-/// What the analysis may use of the contact angles. The touches are the same.
+/// The knowledge of the contact angles in the analysis. The touches are the same.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AngleKnowledge {
     /// Direction and angle of each touch, as the stage set them.
     Known,
-    /// Only that the touches of one sample at one angle have it in common, and by how much the
-    /// probe was turned between them.
+    /// Only that the touches of one sample at one angle share it, and the turn of the probe between
+    /// them.
     Unknown,
 }
 
@@ -108,7 +108,7 @@ impl BlindPhase {
     }
 }
 
-/// What the protocol itself does not want to exceed.
+/// The limits of the protocol itself.
 #[derive(Debug, Clone)]
 pub(crate) struct Limits {
     pub(crate) max_indentation_mm: Option<Setting<f64>>,
@@ -126,7 +126,7 @@ impl Protocol {
         &self.faults
     }
 
-    /// What the analysis may use of the contact angles.
+    /// The knowledge of the contact angles in the analysis.
     pub fn angle(&self) -> AngleKnowledge {
         self.angle
     }

@@ -1,4 +1,4 @@
-//! What a plan will cost, before it is run.
+//! The cost of a plan: touches, prompts, extremes and duration.
 
 use std::f64::consts::PI;
 
@@ -13,7 +13,7 @@ pub struct Summary {
     pub touches: usize,
     /// No-load measurements.
     pub no_loads: usize,
-    /// How often a person is asked for something.
+    /// Number of prompts.
     pub prompts: usize,
     /// Expected time on the rig's clock, without the time that a person takes, in s.
     pub duration_s: f64,
@@ -32,14 +32,14 @@ const AFTER_CONTACT_TIME_CONSTANTS: f64 = 5.0;
 /// The first reading of a touch waits for this many time constants of the ring.
 const BASELINE_TIME_CONSTANTS: f64 = 8.0;
 
-/// So many time constants an adaptive sweep takes: it waits for six or so at each of the few points
-/// on which most rests, and the cycles that it integrates hardly count beside that.
+/// Duration of an adaptive sweep in time constants: it waits for about six at each of its few
+/// decisive points, and the integrated cycles hardly count.
 const ADAPTIVE_TIME_CONSTANTS: f64 = 30.0;
 
 /// Each pass of the search for the surface is finer than the one before it by this factor.
 const REFINEMENT: f64 = 5.0;
 
-/// What a move takes besides its way: starting, stopping, and asking the drive, s.
+/// Overhead of a move: starting, stopping, and requests to the drive, s.
 const MOVE_S: f64 = 0.04;
 
 impl Plan {

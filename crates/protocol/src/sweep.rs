@@ -8,7 +8,7 @@ use rig_model::{DriveLevel, SweepMethod, SweepRequest, SweepRequestError, Window
 
 use crate::fault::ProtocolFault;
 
-/// A sweep as it stands in the file.
+/// The keys of a sweep.
 #[derive(Debug, Clone)]
 pub(crate) struct SweepKeys {
     pub(crate) request: SweepRequest,
@@ -87,7 +87,7 @@ pub(crate) fn read(table: &mut Table<'_>) -> SweepKeys {
     SweepKeys { request, min_hz, max_hz, level_v }
 }
 
-/// The key and its location, when what was written there could be read.
+/// The key and its location, if its value could be read.
 fn written<T>(setting: &Setting<T>) -> Option<(&'static str, Location)> {
     setting.sound().map(|_| (setting.key, setting.location))
 }

@@ -1,4 +1,4 @@
-//! Plans of the shipped files, and what is said of faulty ones.
+//! Plans of the shipped files, and the messages for faulty ones.
 
 use std::collections::BTreeSet;
 
@@ -62,7 +62,7 @@ fn changed(changes: &[(&str, &str)]) -> String {
     text
 }
 
-/// What is said of a protocol, without the place, which each test would have to count out.
+/// The messages for a protocol, without the location, which each test would have to count out.
 #[track_caller]
 fn complaints(changes: &[(&str, &str)], limits: &RigLimits) -> String {
     let protocol = Protocol::read("protocol.toml", &changed(changes));
@@ -433,7 +433,7 @@ fn every_single_line_may_be_lost_without_a_panic() {
         let kept: Vec<_> = [&lines[..lost], &lines[lost + 1..]].concat();
         let text = kept.join("\n");
         let protocol = Protocol::read("protocol.toml", &text);
-        // What is left either runs or says why not.
+        // The changed file either runs or has a message.
         if let Err(faults) = Plan::new(&protocol, &limits(), None) {
             assert!(!faults.is_empty());
         }

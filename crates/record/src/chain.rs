@@ -45,7 +45,7 @@ impl StoredRecord {
     }
 }
 
-/// A stored record that cannot be understood.
+/// A stored record that cannot be read.
 #[derive(Debug, thiserror::Error)]
 #[error("run {run}, record {seq}")]
 pub struct UnreadableRecord {
@@ -53,7 +53,7 @@ pub struct UnreadableRecord {
     pub run: RunId,
     /// The record's number in the run.
     pub seq: u64,
-    /// Where it went wrong.
+    /// The error of the JSON.
     source: serde_json::Error,
 }
 
@@ -62,7 +62,7 @@ pub struct UnreadableRecord {
 pub struct Chain {
     /// Records whose digests are right.
     pub records: Vec<StoredRecord>,
-    /// Whether these are all.
+    /// Whether the chain is complete.
     pub check: ChainCheck,
 }
 
@@ -71,7 +71,7 @@ pub struct Chain {
 pub enum ChainCheck {
     /// All records are there, as they were written.
     Intact {
-        /// How many.
+        /// Number of records.
         records: u64,
         /// The digest of the last one.
         digest: Digest,
@@ -80,24 +80,24 @@ pub enum ChainCheck {
     Broken {
         /// The number of the first bad record in the run.
         seq: u64,
-        /// What is wrong with it.
+        /// The flaw.
         flaw: Flaw,
     },
 }
 
-/// What is wrong with a record.
+/// A flaw of a record.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Flaw {
-    /// It is not there.
+    /// The record is missing.
     Missing,
-    /// It is not what was written.
+    /// The record differs from the one that was written.
     Altered,
-    /// The database is damaged where it stands.
+    /// The database is damaged at the record.
     Unreadable {
-        /// What SQLite says.
+        /// Message of SQLite.
         reason: String,
     },
-    /// It says that the run ended otherwise than the list of runs says.
+    /// The last record and the list of runs have different ends of the run.
     EndDiffers,
 }
 

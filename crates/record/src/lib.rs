@@ -1,4 +1,4 @@
-//! What a journal holds: the types of its records, the chain of their digests, runs and their ids.
+//! The contents of a journal: types of records, the chain of their digests, runs and their ids.
 //!
 //! `rig-store` writes and reads these; `rig-report` makes results of them. Nothing here does I/O.
 

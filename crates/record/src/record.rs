@@ -1,4 +1,4 @@
-//! What can be written into a journal.
+//! The records of a journal.
 //!
 //! These types belong to the file format. They mirror the vocabulary of the rig without being it,
 //! so that a change of the code cannot silently change what old journals mean. Every quantity has
@@ -34,7 +34,7 @@ pub enum Record {
     StepStarted(StepStarted),
     /// A person was asked for something.
     PromptAsked(PromptAsked),
-    /// They answered.
+    /// A person answered.
     PromptAnswered(PromptAnswered),
     /// An axis is about to be moved. On disk before the frame leaves when the probe may go down.
     Intent(Intent),
@@ -42,7 +42,7 @@ pub enum Record {
     Moved(Move),
     /// The surface of the sample was found.
     SurfaceFound(Surface),
-    /// It was sought in vain.
+    /// The surface of the sample was not found.
     SurfaceNotFound(LostSurface),
     /// The impedance was measured over a range of frequencies.
     Sweep(Sweep),
@@ -94,21 +94,21 @@ pub enum Clearance {
     Clear,
     /// Lowered and not shown clear since.
     InContact,
-    /// Nothing is known.
+    /// Unknown.
     Unknown,
 }
 
-/// Why the rig is latched.
+/// A fault that latched the rig.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Fault {
     /// The step in which it happened, in a run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub step: Option<String>,
-    /// What happened.
+    /// The cause of the fault.
     pub cause: String,
-    /// Where the probe is.
+    /// Clearance of the probe.
     pub probe: Clearance,
-    /// What to do next.
+    /// Hint for the next action.
     pub hint: String,
 }
 
@@ -135,9 +135,9 @@ pub struct Frame {
 /// A change of state.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StateChanged {
-    /// The new state, in the engine's word for it.
+    /// Name of the new state.
     pub state: String,
-    /// Why, where that is not plain.
+    /// The reason, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
 }
@@ -159,7 +159,7 @@ pub enum Ending {
 }
 
 impl Ending {
-    /// Every way.
+    /// All ends.
     pub const ALL: [Self; 5] = [
         Self::Completed,
         Self::CompletedWithRefusals,

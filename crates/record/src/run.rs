@@ -39,12 +39,12 @@ impl FromStr for RunId {
     }
 }
 
-/// What a journal is for.
+/// The kind of a journal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RunKind {
-    /// A protocol.
+    /// The run of a protocol.
     Run,
-    /// What happens between runs: single sweeps, moves by hand, faults.
+    /// A session: single sweeps, manual moves and faults between runs.
     Session,
 }
 
@@ -57,19 +57,19 @@ impl RunKind {
         }
     }
 
-    /// The one with this name.
+    /// The value with this name.
     pub fn from_name(name: &str) -> Option<Self> {
         [Self::Run, Self::Session].into_iter().find(|kind| kind.name() == name)
     }
 }
 
-/// Where a run stands.
+/// The status of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RunStatus {
     /// Not ended yet.
     Running,
-    /// Not ended, and the program that wrote it is gone. Whatever opens the journal to write next
-    /// marks it as [`Ending::Interrupted`].
+    /// Not ended, and its program is gone. The next writer of the journal marks the run as
+    /// [`Ending::Interrupted`].
     Interrupted,
     /// Ended.
     Ended(Ending),
@@ -90,49 +90,49 @@ impl RunStatus {
         matches!(self, Self::Interrupted | Self::Ended(Ending::Interrupted))
     }
 
-    /// The words for people.
+    /// The status in messages.
     pub fn describe(self) -> String {
         self.name().replace('_', " ")
     }
 
-    /// The one with this name.
+    /// The value with this name.
     pub fn from_name(name: &str) -> Option<Self> {
         let endings = Ending::ALL.into_iter().map(Self::Ended);
         endings.chain([Self::Running]).find(|status| status.name() == name)
     }
 }
 
-/// A run as it stands in the list of runs.
+/// An entry of the list of runs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
     /// Its id.
     pub id: RunId,
-    /// What it is.
+    /// Kind of the journal.
     pub kind: RunKind,
     /// Its name: that of the protocol, for a run.
     pub name: String,
-    /// Which of the runs of this kind and name it is, from 1.
+    /// Number among the runs of this kind and name, from 1.
     pub number: u64,
     /// When it began: wall clock, UTC, RFC 3339 with milliseconds.
     pub started_at: String,
-    /// When it ended, likewise; of an interrupted run, when something was last written to it.
+    /// When it ended, UTC, RFC 3339; of an interrupted run, the time of its last record.
     pub finished_at: Option<String>,
-    /// From its beginning to its end by the wall clock, s.
+    /// Duration by the wall clock, s.
     pub wall_s: Option<f64>,
-    /// Where it stands.
+    /// Status of the run.
     pub status: RunStatus,
-    /// How many records it has.
+    /// Number of records.
     pub records: u64,
 }
 
 impl Run {
-    /// What a person calls it: the name of the protocol and the number, such as `smoke-7`.
+    /// Short name: the name of the protocol and the number, such as `smoke-7`.
     pub fn short_name(&self) -> String {
         format!("{}-{}", self.name, self.number)
     }
 }
 
-/// The short name, the id and the time of the beginning, by which a person tells runs apart.
+/// The short name, the id and the time of the beginning, which distinguish runs.
 impl fmt::Display for Run {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} ({}, {})", self.short_name(), self.id, self.started_at)

@@ -42,7 +42,8 @@ pub enum StoreError {
     /// SQLite refused for another reason.
     #[error("the database refused")]
     Sqlite(#[source] SqliteError),
-    /// An earlier write failed. What was not committed then is lost, and nothing can be added.
+    /// An earlier write failed. The records that were not committed then are lost, and nothing can
+    /// be added.
     #[error("closed by an earlier failure")]
     Closed,
     /// The run has ended.
@@ -71,23 +72,23 @@ pub enum StoreError {
         run: RunId,
         /// The number of the first bad record in the run.
         seq: u64,
-        /// What is wrong with it.
+        /// The flaw.
         flaw: Flaw,
     },
     /// There is no such run.
     #[error("no run `{wanted}`")]
     NoSuchRun {
-        /// What was asked for.
+        /// The requested run.
         wanted: String,
     },
-    /// What was asked for fits more than one run.
+    /// The request fits more than one run.
     #[error(
         "`{wanted}` fits {} runs: {}; give one of these names, or more of an id",
         candidates.len(),
         listed(candidates)
     )]
     Ambiguous {
-        /// What was asked for.
+        /// The requested run.
         wanted: String,
         /// Which fit, the latest first.
         candidates: Vec<Run>,
@@ -101,7 +102,7 @@ pub struct SqliteError(rusqlite::Error);
 
 /// The first runs of a list, and how many more there are.
 fn listed(runs: &[Run]) -> String {
-    /// As many as a person looks through.
+    /// The number of runs that a message lists.
     const SHOWN: usize = 5;
     let mut listed: Vec<_> = runs.iter().take(SHOWN).map(ToString::to_string).collect();
     if runs.len() > SHOWN {

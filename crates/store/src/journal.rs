@@ -26,8 +26,9 @@ pub struct Store {
 
 /// The journal of one run. Several may be open at a time; they share one transaction.
 ///
-/// What was appended is on disk when [`Journal::commit`] has returned, and not before. After a
-/// failure nothing more can be appended to any journal of the store: what is on disk is only known
+/// Appended records are on disk when [`Journal::commit`] has returned, and not before. After a
+/// failure nothing more can be appended to any journal of the store: the contents of the disk are
+/// only known
 /// when it is opened again.
 #[derive(Debug)]
 pub struct Journal {
@@ -88,7 +89,7 @@ impl Store {
     /// A reader of the same journal.
     ///
     /// # Errors
-    /// What the system or SQLite reports.
+    /// [`StoreError`] of the system or of SQLite.
     pub fn reader(&self) -> Result<Reader, StoreError> {
         Reader::open(&self.directory)
     }
@@ -96,7 +97,7 @@ impl Store {
     /// Begins a run. It is on disk with the first commit.
     ///
     /// # Errors
-    /// What the system or SQLite reports, or [`StoreError::Closed`].
+    /// [`StoreError`] of the system or of SQLite, or [`StoreError::Closed`].
     pub fn begin(&self, kind: RunKind, name: &str) -> Result<Journal, StoreError> {
         let id = RunId::new(Uuid::now_v7());
         let run = locked(&self.writer, |writer| writer.insert_run(id, kind, name))?;

@@ -16,7 +16,7 @@ use crate::{
     StoredRecord, lock, schema,
 };
 
-/// A connection that reads what has been committed. Each thread needs its own.
+/// A connection that reads the committed records. Each thread needs its own.
 #[derive(Debug)]
 pub struct Reader {
     connection: Connection,
@@ -52,7 +52,7 @@ impl Reader {
     /// All runs and sessions, the latest first.
     ///
     /// # Errors
-    /// What the system or SQLite reports.
+    /// [`StoreError`] of the system or of SQLite.
     pub fn runs(&self) -> Result<Vec<Run>, StoreError> {
         self.select_runs("ORDER BY key DESC", [])
     }
@@ -60,7 +60,7 @@ impl Reader {
     /// One run.
     ///
     /// # Errors
-    /// [`StoreError::NoSuchRun`], or what the system or SQLite reports.
+    /// [`StoreError::NoSuchRun`], or an error of the system or of SQLite.
     pub fn run(&self, id: RunId) -> Result<Run, StoreError> {
         let id = id.to_string();
         let found = self.select_runs("WHERE id = ?1", [&id])?.pop();
@@ -93,7 +93,7 @@ impl Reader {
     /// The first record of the run that was asked for with this idempotency key.
     ///
     /// # Errors
-    /// What the system or SQLite reports.
+    /// [`StoreError`] of the system or of SQLite.
     pub fn keyed_run(&self, key: &str) -> Result<Option<StoredRecord>, StoreError> {
         let mut statement = self.connection.prepare_cached(&select_records(
             "WHERE records.kind = 'run_started' AND seq = 1 AND json_valid(payload)
@@ -133,7 +133,7 @@ impl Reader {
     ///
     /// # Errors
     /// [`StoreError::Broken`] at the first flaw; [`Reader::chain`] gives what stands before it.
-    /// [`StoreError::NoSuchRun`], or what the system or SQLite reports.
+    /// [`StoreError::NoSuchRun`], or an error of the system or of SQLite.
     pub fn records(&self, id: RunId) -> Result<Vec<StoredRecord>, StoreError> {
         intact(id, self.chain(id)?)
     }
@@ -144,15 +144,15 @@ impl Reader {
     /// because its last record says that it is the last.
     ///
     /// # Errors
-    /// [`StoreError::NoSuchRun`], or what the system or SQLite reports about the list of runs.
+    /// [`StoreError::NoSuchRun`], or an error of the system or of SQLite about the list of runs.
     pub fn verify(&self, id: RunId) -> Result<ChainCheck, StoreError> {
         self.chain(id).map(|chain| chain.check)
     }
 
-    /// The records of a run up to the first flaw, and what that is.
+    /// The records of a run up to the first flaw, and the flaw.
     ///
     /// # Errors
-    /// [`StoreError::NoSuchRun`], or what the system or SQLite reports about the list of runs.
+    /// [`StoreError::NoSuchRun`], or an error of the system or of SQLite about the list of runs.
     pub fn chain(&self, id: RunId) -> Result<Chain, StoreError> {
         // One view of both tables: the run may end between two statements.
         let _view = self.connection.unchecked_transaction()?;
@@ -185,7 +185,7 @@ impl Reader {
     /// Up to `limit` records of all runs behind the event with this id, in order.
     ///
     /// # Errors
-    /// What the system or SQLite reports.
+    /// [`StoreError`] of the system or of SQLite.
     pub fn events_after(&self, event: u64, limit: u32) -> Result<Vec<StoredRecord>, StoreError> {
         let mut statement = self.connection.prepare_cached(&select_records(
             "WHERE records.id > ?1 ORDER BY records.id LIMIT ?2",

@@ -1,4 +1,4 @@
-//! Moves and what is found by them.
+//! Moves, and searches for the surface.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,34 +14,34 @@ pub enum Axis {
     RotaryDeg,
 }
 
-/// What a move is for.
+/// The purpose of a move.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MoveReason {
-    /// To the reference of the axis.
+    /// Homing of the axis.
     Home,
-    /// From one place to another with the probe clear.
+    /// Travel with the probe clear.
     Travel,
-    /// Down, seeking the surface.
+    /// Search for the surface.
     Approach,
-    /// Down into the sample.
+    /// Indentation of the sample.
     Indent,
-    /// As a person at the bench wants it.
+    /// Manual move of a person.
     ByHand,
-    /// Up to the clear position.
+    /// Retract to the clear position.
     Retract,
-    /// To a contact angle.
+    /// Rotation to a contact angle.
     Rotate,
 }
 
 /// A move that is about to be commanded. Positions are in the unit of the axis.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Intent {
-    /// What it is for.
+    /// Purpose of the move.
     pub what: MoveReason,
     /// The axis.
     pub axis: Axis,
-    /// The last known position, where there is one.
+    /// Last known position.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub from: Option<f64>,
     /// The target.
@@ -58,40 +58,40 @@ pub struct Move {
     pub axis: Axis,
     /// The target.
     pub target: f64,
-    /// Where the axis says it stands.
+    /// Read-back.
     pub read_back: f64,
     /// Whether this shows the probe to be clear.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub is_clear: bool,
 }
 
-/// Where the probe meets the sample.
+/// The surface of a sample.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Surface {
     /// The step.
     pub step: String,
-    /// How the sample stands.
+    /// Pose of the sample.
     pub pose: Pose,
     /// Position of the linear axis, mm.
     pub position_mm: f64,
     /// Its standard deviation, mm.
     pub sigma_mm: f64,
-    /// Every place that was tried, with its reading, in order.
+    /// Every position of the search with its reading, in order.
     pub trail: Vec<SurfaceReading>,
 }
 
-/// The surface was sought and not found; why is in the record that follows.
+/// A search that found no surface. The next record has the reason.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LostSurface {
     /// The step.
     pub step: String,
-    /// How the sample stands.
+    /// Pose of the sample.
     pub pose: Pose,
-    /// Every place that was tried, with its reading, in order.
+    /// Every position of the search with its reading, in order.
     pub trail: Vec<SurfaceReading>,
 }
 
-/// A place that was tried on the way to the surface.
+/// A position of the search for the surface.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SurfaceReading {
     /// Position of the linear axis as read back, mm.

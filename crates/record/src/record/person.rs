@@ -1,46 +1,46 @@
-//! What was asked of a person, and what a person asked for.
+//! Prompts for a person, and commands of a person.
 
 use serde::{Deserialize, Serialize};
 
-/// What a person is asked for.
+/// A prompt for a person.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "what", rename_all = "snake_case")]
 pub enum Prompt {
     /// Put a sample under the probe.
     PlaceSample {
-        /// Its name.
+        /// Name of the sample.
         sample: String,
     },
     /// Turn the sensor about its own axis.
     TurnSensor {
-        /// How it must stand afterwards: `front/back` or `left`.
+        /// Orientation of the sensor: `front/back` or `left`.
         orientation: String,
     },
 }
 
-/// A question to a person.
+/// A prompt that was asked.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PromptAsked {
     /// The step.
     pub step: String,
-    /// What is asked for.
+    /// The prompt.
     pub prompt: Prompt,
 }
 
-/// The answer to a question.
+/// The answer to a prompt.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PromptAnswered {
     /// The step.
     pub step: String,
-    /// Who answered.
+    /// Name of the operator.
     pub by: String,
 }
 
-/// A command and who gave it.
+/// A command and its operator.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Operator {
-    /// The command in a word, such as `run`, `pause`, `stop` or `acknowledge`.
+    /// The command, such as `run`, `pause`, `stop` or `acknowledge`.
     pub action: String,
-    /// Who asked.
+    /// Name of the operator.
     pub who: String,
 }

@@ -20,18 +20,18 @@ pub struct RunStarted {
     /// The scene behind a simulated rig.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scene: Option<Source>,
-    /// Who answered on the ports.
+    /// Devices on the ports.
     pub devices: Vec<Device>,
     /// The samples, in the protocol's order.
     pub samples: Vec<Sample>,
-    /// What there is to do.
+    /// Size of the plan.
     pub plan: PlanSize,
     /// Every planned touch, in order.
     pub touches: Vec<TouchSettings>,
-    /// Into how many classes the blind touches are sorted, when there are any.
+    /// Number of classes of the blind touches, if there are any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub classes: Option<u32>,
-    /// What the client called its request, so that asking twice begins one run.
+    /// Idempotency key of the request: a repeated request begins no second run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub idempotency_key: Option<String>,
 }
@@ -39,18 +39,18 @@ pub struct RunStarted {
 /// A file that was read.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Source {
-    /// The name that it gives itself.
+    /// Name in the file.
     pub name: String,
-    /// All of its text.
+    /// Text of the file.
     pub toml: String,
 }
 
 /// A device that answered.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Device {
-    /// What it is on the rig, such as `analyzer`.
+    /// Role on the rig, such as `analyzer`.
     pub role: String,
-    /// What it says that it is.
+    /// Identity that the device reported.
     pub identity: String,
 }
 
@@ -59,7 +59,7 @@ pub struct Device {
 pub struct Sample {
     /// Its name.
     pub name: String,
-    /// Its stiffness in MPa, where it is known by other means.
+    /// Stiffness known by other means, MPa.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stiffness_mpa: Option<f64>,
 }
@@ -75,18 +75,18 @@ pub struct PlanSize {
     pub prompts: u32,
 }
 
-/// What a step does.
+/// The action of a step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "action", rename_all = "snake_case")]
 pub enum Action {
     /// A person is asked for something.
     Prompt {
-        /// What.
+        /// The prompt.
         prompt: Prompt,
     },
     /// The resonance is measured with the probe clear.
     NoLoad {
-        /// How the surface stands.
+        /// Pose of the surface.
         pose: Pose,
     },
     /// One touch, from clear to clear.
@@ -95,9 +95,9 @@ pub enum Action {
         phase: Phase,
         /// Name of the sample.
         sample: String,
-        /// How the surface stands.
+        /// Pose of the surface.
         pose: Pose,
-        /// Counts from 1.
+        /// Number of the repeat, from 1.
         repeat: u32,
     },
 }
@@ -105,12 +105,12 @@ pub enum Action {
 /// The beginning of a step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StepStarted {
-    /// Its address.
+    /// Address of the step.
     pub step: String,
-    /// Its place in the plan, from 1.
+    /// Number of the step in the plan, from 1.
     pub index: u32,
-    /// How many steps the plan has.
+    /// Number of steps of the plan.
     pub count: u32,
-    /// What it does.
+    /// Action of the step.
     pub action: Action,
 }

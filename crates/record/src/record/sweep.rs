@@ -1,10 +1,10 @@
-//! Impedance sweeps and what was fitted to them.
+//! Impedance sweeps and their outcomes.
 
 use serde::{Deserialize, Serialize};
 
 use super::Pose;
 
-/// What a sweep was for.
+/// The purpose of a sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SweepPurpose {
@@ -12,7 +12,7 @@ pub enum SweepPurpose {
     NoLoad,
     /// In contact.
     Touch,
-    /// Asked for by itself.
+    /// A single sweep of a person or a program.
     Manual,
 }
 
@@ -27,11 +27,11 @@ impl SweepPurpose {
     }
 }
 
-/// What the instrument said against a reading.
+/// The flag of a reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ReadingFlag {
-    /// Nothing.
+    /// No flag.
     #[default]
     Normal,
     /// The input was overloaded: there is no value.
@@ -61,10 +61,10 @@ impl ReadingFlag {
 pub struct ReadingRecord {
     /// Frequency, Hz.
     pub frequency_hz: f64,
-    /// Real part of the impedance, ohm; none where there was no value.
+    /// Real part of the impedance, ohm; `None` without a value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub resistance_ohm: Option<f64>,
-    /// Imaginary part of the impedance, ohm; likewise.
+    /// Imaginary part of the impedance, ohm; `None` without a value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reactance_ohm: Option<f64>,
     /// When the frequency was set, on the rig's clock, s.
@@ -73,18 +73,18 @@ pub struct ReadingRecord {
     pub settle_s: f64,
     /// Integration, s.
     pub integration_s: f64,
-    /// What the instrument said against it.
+    /// Flag of the instrument.
     #[serde(default, skip_serializing_if = "ReadingFlag::is_normal")]
     pub flag: ReadingFlag,
 }
 
 impl ReadingRecord {
-    /// Real and imaginary part of the impedance, ohm, where there is a value.
+    /// Real and imaginary part of the impedance, ohm; `None` without a value.
     pub fn impedance_ohm(&self) -> Option<(f64, f64)> {
         self.resistance_ohm.zip(self.reactance_ohm)
     }
 
-    /// Whether the instrument stands by it.
+    /// Whether the reading has no flag.
     pub fn is_normal(&self) -> bool {
         self.flag == ReadingFlag::Normal
     }
@@ -125,24 +125,24 @@ pub enum SweepOutcome {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         circuit: Option<Circuit>,
     },
-    /// None that can be trusted.
+    /// No trusted resonance.
     Refused {
-        /// Why.
+        /// The reason.
         reason: String,
     },
 }
 
-/// What is known of the times of readings.
+/// The known timing of readings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FitTiming {
-    /// Nothing.
+    /// No flag.
     Unknown,
-    /// How long each point was waited for and integrated.
+    /// Settling and integration of each point.
     Waited,
-    /// Everything; the drive went on from point to point.
+    /// All times; the drive continued from point to point.
     Exact,
-    /// The same, and the sensor was at rest before.
+    /// All times, and the sensor was at rest before.
     ExactFromRest,
 }
 
@@ -158,32 +158,33 @@ impl FitTiming {
     }
 }
 
-/// What the fit of a sweep was told besides its readings. Told the same, it says the same again.
+/// The settings of the fit of a sweep. With the same settings and readings, the fit has the same
+/// result.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FitSettings {
-    /// Where the resonance was sought, Hz.
+    /// Window of the resonance, Hz.
     pub window_hz: [f64; 2],
-    /// What was known of the noise.
+    /// Noise known from earlier readings.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<FitNoise>,
-    /// What was known of the times.
+    /// Known timing of the readings.
     pub timing: FitTiming,
-    /// Whether dielectric loss was a free parameter whatever the readings asked for.
+    /// Whether dielectric loss was always a free parameter.
     pub always_loss: bool,
-    /// The standard deviation without which no resonance was accepted, Hz.
+    /// Largest standard deviation of an accepted resonance, Hz.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target_sigma_hz: Option<f64>,
-    /// The circuit for which readings that had not settled were weighed.
+    /// Circuit by which unsettled readings were weighted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub near: Option<NearCircuit>,
 }
 
-/// The circuit that was believed in before the last fit.
+/// The estimated circuit before the last fit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct NearCircuit {
     /// Its series resonance, Hz.
     pub resonance_hz: f64,
-    /// The rest of it.
+    /// The other parameters.
     pub circuit: Circuit,
 }
 
@@ -192,7 +193,7 @@ pub struct NearCircuit {
 pub struct FitNoise {
     /// Standard deviation of the relative error of a reading of ten cycles.
     pub at_ten_cycles: f64,
-    /// How many independent errors this came from.
+    /// Number of independent errors behind the estimate.
     pub degrees_of_freedom: f64,
 }
 
@@ -201,12 +202,12 @@ pub struct FitNoise {
 pub struct Sweep {
     /// Its number in the run, from 1.
     pub number: u64,
-    /// What it was for.
+    /// Purpose of the sweep.
     pub purpose: SweepPurpose,
     /// The step in which it was taken, in a run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub step: Option<String>,
-    /// How the surface stood, where that is known.
+    /// Pose of the surface, if it is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose: Option<Pose>,
     /// Every reading, in the order in which it was taken.
@@ -217,6 +218,6 @@ pub struct Sweep {
     /// The settings of the fit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fit: Option<FitSettings>,
-    /// What was fitted to them.
+    /// Outcome of the sweep.
     pub outcome: SweepOutcome,
 }

@@ -1,4 +1,4 @@
-//! Touches: their place in the protocol, their pose and their results.
+//! Touches: settings, pose and results.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Direction {
-    /// In the plane of bending, positive angle.
+    /// In the plane of bending, at a positive angle.
     Front,
-    /// In the plane of bending, negative angle.
+    /// In the plane of bending, at a negative angle.
     Back,
     /// Across the plane of bending.
     Left,
@@ -25,12 +25,12 @@ impl Direction {
     }
 }
 
-/// How the surface stands to the probe.
+/// The pose of the surface against the probe.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
-    /// Which way it leans.
+    /// Direction of the tilt.
     pub direction: Direction,
-    /// By how much, in degrees.
+    /// Contact angle, degrees.
     pub angle_deg: f64,
 }
 
@@ -63,9 +63,9 @@ pub struct TouchSettings {
     pub phase: Phase,
     /// Name of the sample.
     pub sample: String,
-    /// How the surface stood.
+    /// Pose of the surface.
     pub pose: Pose,
-    /// Counts from 1.
+    /// Number of the repeat, from 1.
     pub repeat: u32,
 }
 
@@ -107,7 +107,7 @@ pub struct Touch {
 pub struct RefusedTouch {
     /// Which touch it was.
     pub touch: TouchSettings,
-    /// Why there is none.
+    /// The reason of the refusal.
     pub reason: String,
     /// Number of the sweep that gave the reference.
     pub no_load_sweep: u64,
@@ -117,12 +117,12 @@ pub struct RefusedTouch {
     pub no_load_sigma_hz: f64,
     /// The tilt of the sample as read back, degrees.
     pub rotary_deg: f64,
-    /// How deep the probe was, when it came to that.
+    /// Position of the probe in the sample, if it was reached.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub indented: Option<TouchPosition>,
 }
 
-/// How the probe stood in a sample that gave no resonance.
+/// The position of the probe in a sample whose touch was refused.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TouchPosition {
     /// Number of the last sweep in contact.

@@ -5,7 +5,7 @@ use rusqlite::{OptionalExtension, params};
 use super::{Reader, record_from, select_records};
 use crate::{Axis, Clearance, Record, Run, RunId, RunKind, StoreError};
 
-/// What the journal says last of the probe.
+/// The last state of the probe in the journal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ProbeWord {
     /// It was shown clear by a read-back, and was not lowered since.
@@ -28,7 +28,7 @@ pub struct Interruption {
     pub at: String,
     /// The step under way.
     pub step: Option<String>,
-    /// What is known of the probe at that moment.
+    /// Clearance of the probe at that time.
     pub probe: ProbeWord,
     /// Whether a later session of the same rig has shown the probe to be clear.
     pub is_cleared_since: bool,
@@ -38,7 +38,7 @@ impl Reader {
     /// The latest session with a rig of this name.
     ///
     /// # Errors
-    /// What the system or SQLite reports.
+    /// [`StoreError`] of the system or of SQLite.
     pub fn latest_session(&self, rig: &str) -> Result<Option<Run>, StoreError> {
         let sessions = self.runs()?.into_iter();
         Ok(sessions.into_iter().find(|run| run.kind == RunKind::Session && run.name == rig))
@@ -47,7 +47,7 @@ impl Reader {
     /// How an interrupted run or session was left; nothing for any other.
     ///
     /// # Errors
-    /// What the system or SQLite reports, or [`StoreError::Unreadable`].
+    /// [`StoreError`] of the system or of SQLite, or [`StoreError::Unreadable`].
     pub fn interruption(&self, run: &Run) -> Result<Option<Interruption>, StoreError> {
         if !run.status.is_interrupted() {
             return Ok(None);
@@ -66,7 +66,7 @@ impl Reader {
     /// its runs, which are all that follow until the next session.
     ///
     /// # Errors
-    /// What the system or SQLite reports, or [`StoreError::Unreadable`].
+    /// [`StoreError`] of the system or of SQLite, or [`StoreError::Unreadable`].
     pub fn probe_word(&self, run: &Run) -> Result<ProbeWord, StoreError> {
         let mut statement = self.connection.prepare_cached(&select_records(
             "JOIN runs AS owner ON owner.key = records.run

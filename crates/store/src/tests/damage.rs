@@ -1,4 +1,4 @@
-//! What is left after a crash, a cut file, a flipped bit, a full disk.
+//! The journal after a crash, a cut file, a flipped bit, a full disk.
 
 use std::{
     fs,
@@ -211,8 +211,8 @@ fn a_damaged_log_loses_its_tail_and_nothing_else() {
     assert!(opened > 100 && shortened > 50, "{opened} opened, {shortened} of them shortened");
 }
 
-/// Not a test by itself: what the next test starts as a program of its own. It commits as many
-/// records as it is told, appends one more, and dies without a word.
+/// Not a test: the program that the next test starts. It commits the given number of records,
+/// appends one more, and dies.
 #[test]
 fn crash_when_told_to() {
     let Ok(directory) = std::env::var("RIG_STORE_CRASH_IN") else { return };

@@ -1,4 +1,4 @@
-//! What the journal tells of a program that was killed, and what survives it.
+//! The journal after its program was killed.
 
 use super::sample::{Directory, append, records, run_started};
 use crate::{
@@ -36,7 +36,7 @@ fn a_run_goes_on_as_long_as_its_program_lives() {
     assert_eq!((run.status, &run.finished_at, run.wall_s), (RunStatus::Running, &None, None));
     assert!(reader.has_writer() && reader.interruption(&run).unwrap().is_none());
 
-    // The lock goes with the program, however that ends.
+    // The lock ends with the program.
     drop((journal, store));
     let run = reader.run(id).unwrap();
     assert!(!reader.has_writer() && run.status == RunStatus::Interrupted, "{run:?}");

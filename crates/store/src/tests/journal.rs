@@ -1,4 +1,4 @@
-//! What the journal keeps, for whom it is visible when, and what it refuses.
+//! Contents, visibility and refusals of the journal.
 
 use super::sample::{Directory, append, records, run_started, sweep};
 use crate::{
