@@ -58,7 +58,7 @@ pub enum RequestFault {
 /// A fault of a reply.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ReplyFault {
-    /// It is lost. What it answers was done.
+    /// It is lost. Its request was carried out.
     Drop,
     /// It comes later by this much.
     Delay(Duration),
@@ -74,7 +74,7 @@ pub enum ReplyFault {
     Echo,
     /// It says that it comes from this unit.
     Unit(u8),
-    /// The connection breaks instead of it. What it answers was done.
+    /// The connection breaks instead of it. Its request was carried out.
     Disconnect,
 }
 

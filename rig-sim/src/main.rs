@@ -198,7 +198,7 @@ fn wiring(args: &Serve) -> Wiring {
     }
 }
 
-/// Opens what was asked for and says where it is, one line a port.
+/// Opens the requested ports and prints one line for each.
 async fn open_ports(args: &Serve, rig: &SimRig) -> Result<Server, Failure> {
     let mut server = Server::new(rig.handle());
     let serial = LineTransport::Serial { baud: args.baud };

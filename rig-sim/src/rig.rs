@@ -119,7 +119,7 @@ impl Rig {
         }
     }
 
-    /// What is said over a connection by `now`.
+    /// Takes the output of a connection up to `now`.
     ///
     /// # Errors
     /// [`HangUp`] when the port closes the connection.
@@ -205,7 +205,7 @@ mod tests {
             Self::new(LineTransport::Serial { baud: 115_200 })
         }
 
-        /// What comes back until nothing more will, and when the first of it came.
+        /// The complete answer, and the delay of its first byte.
         fn ask(&mut self, port: PortId, bytes: &[u8]) -> Result<(Vec<u8>, Duration), HangUp> {
             let connection = match port {
                 PortId::Analyzer => &mut self.analyzer,
@@ -309,7 +309,7 @@ mod tests {
             let start = test.rig.world().truth(test.now).tip_mm;
             test.now = test.now + Duration::from_secs(1);
             assert_eq!(test.rig.world().truth(test.now).tip_mm, start);
-            // A reply that is lost, on the other hand, answers what was done.
+            // A lost reply, on the other hand, belongs to a request that was carried out.
             test.add(PortId::Bus, FaultKind::Reply(ReplyFault::Drop));
             assert_eq!(test.ask(PortId::Bus, &frame).unwrap().0, b"");
             test.now = test.now + Duration::from_secs(1);

@@ -41,7 +41,7 @@ pub enum PortId {
     Bus,
 }
 
-/// The port closes the connection: what came over it cannot be read.
+/// The port closes the connection: the bytes on it cannot be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("the port hangs up")]
 pub struct HangUp;

@@ -1,4 +1,4 @@
-//! The sensor as its rig describes it, and what the stiffness of a touch depends on.
+//! The sensor of a rig, and the quantities on which the stiffness of a touch depends.
 
 use rig_contact::{
     ContactLaw, Depth, Friction, Models, Sensor, Tissue, TissueError, inverse::TissueKind,

@@ -39,7 +39,7 @@ pub struct Analyzer {
     /// The level to measure at, and whether the instrument has it.
     pub(crate) level: Option<DriveLevel>,
     pub(crate) is_set_up: bool,
-    /// What the instrument is set to, as far as it has confirmed.
+    /// The confirmed settings of the instrument.
     pub(crate) current: Option<TriggerSettings>,
     /// When its frequency was last set.
     pub(crate) frequency_set_at: RigTime,
@@ -51,7 +51,7 @@ impl Analyzer {
         Self::open_with(port, dialect, TransportSettings::default())
     }
 
-    /// The same where terminator and patience are not the usual ones.
+    /// The same, with other transport settings.
     pub fn open_with(port: Port, dialect: &'static Dialect, settings: TransportSettings) -> Self {
         Self {
             port: InstrumentPort::new(port, dialect.transport, settings),
@@ -67,7 +67,7 @@ impl Analyzer {
         }
     }
 
-    /// What the instrument is known to be.
+    /// The dialect of the instrument.
     pub const fn dialect(&self) -> &'static Dialect {
         self.dialect
     }
@@ -77,7 +77,7 @@ impl Analyzer {
         self.port.link().transcript()
     }
 
-    /// Finds out who answers.
+    /// Identifies the instrument.
     ///
     /// # Errors
     /// [`AnalyzerError::WrongInstrument`] when it is not one of this dialect,
@@ -113,13 +113,13 @@ impl Analyzer {
 
     /// Measures at these points, in this order. Ends between two points when a stop is asked for.
     ///
-    /// A point that the instrument flags is measured again; what was flagged is among the readings,
-    /// in front of what followed. When the last try is flagged too, it is the last reading.
+    /// A point that the instrument flags is measured again; its flagged readings stand before the
+    /// ones that follow. When the last try is flagged too, it is the last reading.
     ///
     /// # Errors
     /// [`AnalyzerError::Stopped`], [`AnalyzerError::NotConfigured`],
-    /// [`AnalyzerError::OutOfRange`] before anything is sent, and what a lost answer led to when
-    /// it stayed lost.
+    /// [`AnalyzerError::OutOfRange`] before anything is sent, and the error of an answer that
+    /// stayed lost.
     pub async fn measure(
         &mut self,
         points: &[SweepPoint],

@@ -1,26 +1,26 @@
-//! Which analyzers are known, and what each can do.
+//! The known analyzers and their abilities.
 
 use rig_model::AnalyzerMake;
 use rig_scpi::Ending;
 
 use crate::{hioki, lcr, lcr::LcrVariant, trace};
 
-/// What must be known of an analyzer before anything is sent to it.
+/// The command set, ranges and transport rules of a make of analyzers.
 #[derive(Debug, Clone, Copy)]
 pub struct Dialect {
     /// The make, with its name in rig files and its ranges.
     pub make: AnalyzerMake,
     /// The models it is for, as people read them.
     pub models: &'static str,
-    /// How the model field of the identity begins, one of these.
+    /// Beginnings of the model field of the identity.
     pub model_prefixes: &'static [&'static str],
     /// How finely the frequency can be set.
     pub resolution: Resolution,
     /// An option that drives more.
     pub high_power: Option<HighPower>,
-    /// The longest delay between trigger and measurement that it can be told, s.
+    /// Longest delay between trigger and measurement, s.
     pub delay_max_s: f64,
-    /// How messages travel.
+    /// Transport rules.
     pub transport: TransportRules,
     pub(crate) commands: CommandSet,
 }
@@ -30,9 +30,9 @@ pub struct Dialect {
 pub enum Resolution {
     /// A fixed step, Hz.
     Step(f64),
-    /// So many digits, but no finer than this, Hz.
+    /// A number of digits, but no finer than this, Hz.
     Digits(i32, f64),
-    /// Frequencies of its own, of which it takes the nearest; never further off than this share.
+    /// Its own list of frequencies, of which it takes the nearest; within this share.
     Nearest(f64),
 }
 
@@ -49,7 +49,7 @@ impl Resolution {
         }
     }
 
-    /// How far what the instrument says may be from that.
+    /// Tolerance of the reported frequency, Hz.
     pub(crate) fn tolerance_hz(self, frequency_hz: f64) -> f64 {
         match self {
             Self::Nearest(share) => share * frequency_hz,
@@ -73,19 +73,19 @@ impl Resolution {
 /// An option that drives more.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HighPower {
-    /// What `*OPT?` then contains.
+    /// Name of the option in the answer to `*OPT?`.
     pub option: &'static str,
     /// Highest level with it, V.
     pub max_v: f64,
-    /// What has to be switched on for it, if anything.
+    /// Command that switches it on, if it needs one.
     pub(crate) switch: Option<&'static str>,
 }
 
-/// How messages travel, apart from what they say.
+/// Transport of messages, apart from their contents.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TransportRules {
-    /// What ends a message to the instrument. What it sends ends with a line feed, and a carriage
-    /// return before that is dropped.
+    /// Terminator of messages to the instrument. Its answers end with a line feed; a carriage
+    /// return before it is dropped.
     pub ending: Ending,
     /// Whether answers may begin with their header, which has to be switched off first.
     pub has_headers: bool,
@@ -105,7 +105,7 @@ pub enum Handshake {
     EchoEachCharacter,
 }
 
-/// What is sent.
+/// The commands of an analyzer.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum CommandSet {
     /// One frequency after the other.

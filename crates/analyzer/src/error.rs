@@ -44,26 +44,26 @@ impl fmt::Display for EventStatus {
     }
 }
 
-/// An analyzer did not do what it was asked. That it is the analyzer, the one who asked knows.
+/// An operation of an analyzer failed. The caller knows which analyzer.
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum AnalyzerError {
-    /// The line failed: what the instrument heard or did is not known.
+    /// The line failed: it is unknown whether the instrument received or did anything.
     #[error("asked `{asked}`{}{}", in_parentheses(*unexpected_terminator), also(intruders))]
     Line {
-        /// What was asked.
+        /// The message that was sent.
         asked: Box<str>,
         /// The terminator that arrived instead of the expected one.
         unexpected_terminator: Option<UnexpectedTerminator>,
         /// Programs that have the port open too, where the answer stayed lost.
         intruders: Vec<Holder>,
-        /// What happened.
+        /// The error of the line.
         #[source]
         source: LineError,
     },
     /// Silence was waited for, and did not come.
     #[error("the line does not become silent")]
     Unquiet {
-        /// What happened.
+        /// The error of the line.
         #[source]
         source: LineError,
     },
@@ -74,16 +74,16 @@ pub enum AnalyzerError {
         #[source]
         source: Arc<OpenError>,
     },
-    /// What came cannot be an answer of any kind.
+    /// The bytes that arrived are no answer.
     #[error("{port}: asked `{asked}`, found `{found}`")]
     Frame {
         /// Name of the port.
         port: Arc<str>,
-        /// What was asked.
+        /// The message that was sent.
         asked: Box<str>,
-        /// What came.
+        /// The bytes that arrived.
         found: Box<str>,
-        /// What is wrong with it.
+        /// The fault of the frame.
         #[source]
         source: FrameError,
     },
@@ -92,7 +92,7 @@ pub enum AnalyzerError {
     Refused {
         /// Name of the port.
         port: Arc<str>,
-        /// What was asked.
+        /// The message that was sent.
         asked: Box<str>,
         /// Its reason.
         status: EventStatus,
@@ -118,11 +118,11 @@ pub enum AnalyzerError {
     Answer {
         /// Name of the port.
         port: Arc<str>,
-        /// What was asked.
+        /// The message that was sent.
         asked: Box<str>,
         /// The expected form of an answer.
         expected: &'static str,
-        /// What came.
+        /// The bytes that arrived.
         found: Box<str>,
     },
     /// A setting that the instrument took is not the one it was given.
@@ -132,9 +132,9 @@ pub enum AnalyzerError {
         port: Arc<str>,
         /// The setting, with its unit.
         what: &'static str,
-        /// What was asked.
+        /// The message that was sent.
         wanted: f64,
-        /// What it has.
+        /// The value that the instrument reports.
         found: f64,
     },
     /// Something outside the range of the instrument. It was not sent.
@@ -144,7 +144,7 @@ pub enum AnalyzerError {
         dialect: &'static str,
         /// The quantity, with its unit.
         what: &'static str,
-        /// What was asked.
+        /// The message that was sent.
         asked: f64,
         /// The least it can do.
         min: f64,
@@ -188,8 +188,8 @@ pub enum AnalyzerError {
 }
 
 impl AnalyzerError {
-    /// Whether the line failed, so that it is not known what the instrument heard or did. The
-    /// others are what the instrument refused, or what was never sent.
+    /// Whether the line failed, so that it is unknown whether the instrument received anything. The
+    /// other errors are refusals of the instrument, or messages that were never sent.
     pub const fn is_line_failure(&self) -> bool {
         matches!(
             self,

@@ -14,13 +14,13 @@ use crate::{
 /// The longest trigger delay, s.
 pub(crate) const DELAY_MAX_S: f64 = 9.9999;
 
-/// One trigger averages at most so many measurements, each of one cycle at the speed FAST.
+/// Largest number of measurements that one trigger averages, each of one cycle at the speed FAST.
 const AVERAGES_MAX: u32 = 256;
 
 pub(crate) const LEVEL: &str = ":LEVel:VOLTage";
 pub(crate) const FREQUENCY: &str = ":FREQuency";
 
-/// What a measurement at a level needs, once.
+/// The settings of measurements at a level.
 pub(crate) fn setup(level: DriveLevel) -> Vec<Message> {
     vec![
         Message::new()
@@ -60,7 +60,7 @@ pub(crate) fn settings(
     message
 }
 
-/// Adds the trigger, and asks for what it measures.
+/// Adds the trigger and the query of its measurement.
 pub(crate) fn trigger(message: Message) -> Message {
     message.command("*TRG").query(":MEASure")
 }

@@ -13,11 +13,11 @@ use crate::{
     message::Message,
 };
 
-/// How messages travel to and from an instrument, where that is set on it.
+/// Settings of the transport that can be changed on an instrument.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TransportSettings {
-    /// What ends a message, either way. What the dialect says where it is None; the answers of all
-    /// dialects end in a line feed.
+    /// Terminator of messages, in both directions; `None` for that of the dialect. The answers of
+    /// all dialects end in a line feed.
     pub terminator: Option<Terminator>,
     /// How long the instrument may take to answer a question about its settings, and how much
     /// longer than delay and integration a measurement may take.
@@ -43,7 +43,7 @@ pub(crate) struct InstrumentPort {
     transport: TransportRules,
     settings: TransportSettings,
     decoder: ResponseDecoder,
-    /// A question is out whose answer has not come. Whoever asked may have stopped waiting.
+    /// A question was sent, and its answer has not come. The caller may have stopped waiting.
     is_answer_pending: bool,
 }
 

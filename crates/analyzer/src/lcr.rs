@@ -19,7 +19,7 @@ const AVERAGES_MAX: u32 = 256;
 pub(crate) const LEVEL: &str = ":VOLTage";
 pub(crate) const FREQUENCY: &str = ":FREQuency";
 
-/// What differs within the family.
+/// The differences within the family.
 #[derive(Debug)]
 pub(crate) struct LcrVariant {
     /// What sets the time between trigger and measurement.
@@ -112,7 +112,7 @@ pub(crate) fn settings(
     message
 }
 
-/// Adds the trigger, and asks for what it measures.
+/// Adds the trigger and the query of its measurement.
 pub(crate) fn trigger(message: Message) -> Message {
     message.command(":TRIGger").query(FETCH)
 }

@@ -1,9 +1,9 @@
-//! How one frequency is measured: how often it is triggered, and what the instrument averages.
+//! The measurement of one frequency: number of triggers, and averages of each.
 
 use rig_model::{Impedance, PointResult, ReadingFlag};
 use rig_scpi::{DataError, Datum};
 
-/// What the instrument is set to for a trigger.
+/// The settings of the instrument for a trigger.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TriggerSettings {
     /// As the instrument will round it.
@@ -14,7 +14,7 @@ pub(crate) struct TriggerSettings {
     pub(crate) delay_s: f64,
 }
 
-/// How many measurements, in how many triggers, make up so many cycles at least.
+/// The triggers and measurements that contain a requested number of cycles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Integration {
     pub(crate) triggers: u32,
@@ -36,8 +36,8 @@ impl Integration {
     }
 }
 
-/// What two data of an answer and the flag beside them say. Where one of them is no number, there is
-/// no value, and nothing that could be mistaken for one.
+/// The result of two data of an answer and their flag. If one of them is no number, there is no
+/// value.
 pub(crate) fn measured(
     resistance: &Datum,
     reactance: &Datum,
@@ -56,8 +56,8 @@ pub(crate) fn measured(
     }
 }
 
-/// The mean of several triggers. What one of them lacks, the mean lacks, and what one doubts is
-/// doubted.
+/// The mean of several triggers. A missing or flagged value of one trigger makes the mean missing
+/// or flagged.
 pub(crate) fn mean(all: &[PointResult]) -> PointResult {
     let (mut sum, mut is_doubted) = (Impedance { resistance_ohm: 0.0, reactance_ohm: 0.0 }, false);
     for one in all {

@@ -23,7 +23,7 @@ const MEASURE_TIMES: f64 = 3.0;
 const POLL: Duration = Duration::from_millis(20);
 
 impl Analyzer {
-    /// Measures one point; none when a stop was asked for.
+    /// Measures one point; no reading when a stop was raised.
     pub(crate) async fn try_point(
         &mut self,
         commands: PointCommands,
@@ -49,7 +49,7 @@ impl Analyzer {
             let (one, found_hz, asked_at) = self.trigger_once(commands, &wanted, trigger_s).await?;
             measured.push(one);
             first.get_or_insert((found_hz, asked_at));
-            // What has settled stays so.
+            // The next trigger needs no settling.
             wanted.delay_s = 0.0;
         }
         let Some((found_hz, asked_at)) = first else { return Ok(Vec::new()) };
@@ -86,7 +86,7 @@ impl Analyzer {
         }
     }
 
-    /// Sets what is not set, triggers once, and has frequency and status confirmed.
+    /// Sends the changed settings, triggers once, and confirms frequency and status.
     async fn trigger_once(
         &mut self,
         commands: PointCommands,
@@ -188,7 +188,7 @@ impl PointCommands {
         }
     }
 
-    /// What a trigger measured; none while it is still at it.
+    /// The result of a trigger; `None` while the measurement is under way.
     fn reading(self, data: &[Datum]) -> Result<Option<PointResult>, DataError> {
         match self {
             Self::Hioki => hioki::reading(data).map(Some),

@@ -1,4 +1,4 @@
-//! Questions to an analyzer, and what its answers mean.
+//! Questions to an analyzer and their answers.
 
 use std::time::Duration;
 
@@ -14,8 +14,8 @@ const REPORTS_MAX: usize = 20;
 pub(crate) type Question<'a> = &'a (dyn Fn(Message) -> Message + Sync);
 
 impl Analyzer {
-    /// Sends a message and asks for the event status behind it. The question tells a message that
-    /// was lost from one that was heard.
+    /// Sends a message and asks for the event status behind it. The answer shows that the message
+    /// was received.
     pub(crate) async fn confirm(&mut self, message: Message) -> Result<(), AnalyzerError> {
         let message = message.query("*ESR");
         let answer =
@@ -80,7 +80,7 @@ impl Analyzer {
         })
     }
 
-    /// Makes an error of what the instrument reports.
+    /// Returns the error that the instrument reports.
     pub(crate) async fn check(
         &mut self,
         asked: &Message,

@@ -110,11 +110,11 @@ impl Analyzer {
         let twice = Message::new().query("*ESR").query("*ESR");
         match self.port.ask(&twice, ExpectedResponse::Data, self.port.reply_within()).await {
             Ok(answer) if answer.response.bytes() == b"0;0" => return Ok(true),
-            // One answer or none is what comes where it is not allowed.
+            // An instrument that does not allow it gives one answer or none.
             Ok(_) | Err(AnalyzerError::Line { source: LineError::TimedOut { .. }, .. }) => {}
             Err(error) => return Err(error),
         }
-        // Where it is not allowed, it was an error. It is read, and forgotten with that.
+        // In that case it was an error. Reading the status clears it.
         self.port.wait_for_silence(QUARANTINE).await?;
         self.event_status().await?;
         Ok(false)
@@ -178,7 +178,7 @@ const fn is_transient(error: &AnalyzerError) -> bool {
     }
 }
 
-/// Whether it is not known any more to what the next answer belongs.
+/// Whether the next answer can no longer be assigned to a question.
 const fn is_of_the_line(error: &AnalyzerError) -> bool {
     matches!(
         error,

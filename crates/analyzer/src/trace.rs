@@ -19,7 +19,7 @@ const TRACE_MAX_S: f64 = 2.0;
 
 pub(crate) const LEVEL: &str = ":SOURce1:VOLTage";
 
-/// What a measurement at a level needs, once.
+/// The settings of measurements at a level.
 pub(crate) fn setup(level: DriveLevel) -> Vec<Message> {
     vec![
         Message::new().command(":SYSTem:PRESet"),

@@ -1,4 +1,4 @@
-//! Serial ports of this computer: which there are, what they are plugged into, who has them open.
+//! The serial ports of this computer: names, USB adapters, and programs that have them open.
 
 use std::{
     fmt, fs,
@@ -15,7 +15,7 @@ pub struct AttachedPort {
     pub device: String,
     /// The name that stays with the adapter, if it has one.
     pub stable_name: Option<String>,
-    /// What it is, for an adapter on USB.
+    /// Identity of an adapter on USB.
     pub usb: Option<UsbIdentity>,
     /// By how much the adapter may delay what it has received, ms. One millisecond is best; many
     /// begin with 16.
@@ -24,7 +24,7 @@ pub struct AttachedPort {
     pub holders: Vec<Holder>,
 }
 
-/// What an adapter on USB says it is.
+/// The identity of an adapter on USB.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct UsbIdentity {
     /// Vendor.
@@ -35,7 +35,7 @@ pub struct UsbIdentity {
     pub serial_number: Option<String>,
     /// Who made it.
     pub manufacturer: Option<String>,
-    /// What it is.
+    /// Name of the product.
     pub product: Option<String>,
 }
 
@@ -108,7 +108,7 @@ fn stable_name_in(by_id: &Path, device: &Path) -> Option<String> {
     names.first()?.to_str().map(str::to_owned)
 }
 
-/// What is in a directory, or nothing where there is none.
+/// The entries of a directory; none if it does not exist.
 fn entries(directory: &Path) -> impl Iterator<Item = PathBuf> {
     fs::read_dir(directory).into_iter().flatten().flatten().map(|entry| entry.path())
 }
@@ -136,7 +136,7 @@ mod tests {
 
     use super::*;
 
-    /// An empty directory of its own, which goes with the test.
+    /// An empty directory, which is removed after the test.
     struct Scratch(PathBuf);
 
     impl Scratch {

@@ -137,7 +137,7 @@ fn explain(port: Arc<str>, device: &Path, error: tokio_serial::Error) -> OpenErr
     match error.kind() {
         Io(PermissionDenied) => OpenError::Permission { port },
         Io(NotFound) => OpenError::Absent { port },
-        // The library says so too when another program holds the lock.
+        // The library reports the same when another program holds the lock.
         NoDevice if device.exists() => OpenError::Busy { port, holders: attached::holders(device) },
         NoDevice => OpenError::Absent { port },
         _ => OpenError::Io { port, source: error.into() },

@@ -4,7 +4,7 @@ use std::{fmt, io, sync::Arc, time::Duration};
 
 use crate::Holder;
 
-/// The line failed: what the device heard or did is not known.
+/// The line failed: it is unknown whether the device received or did anything.
 ///
 /// That a device understood and refused is never one of these; the drivers have types for it.
 #[derive(Debug, Clone, thiserror::Error)]
@@ -16,7 +16,7 @@ pub enum LineError {
         port: Arc<str>,
         /// How long it was waited for.
         waited: Duration,
-        /// What arrived.
+        /// The incomplete answer.
         arrived: Box<PartialAnswer>,
     },
     /// The other side takes no bytes.
@@ -52,13 +52,13 @@ pub enum LineError {
     Io {
         /// Name of the port.
         port: Arc<str>,
-        /// What it reports.
+        /// The error of the operating system.
         #[source]
         source: Arc<io::Error>,
     },
 }
 
-/// What arrived of an answer that is not whole.
+/// The bytes of an incomplete answer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PartialAnswer {
     /// All of it.
@@ -81,7 +81,7 @@ impl fmt::Display for PartialAnswer {
 
 /// Bytes as a person reads them, without those in the middle where there are many.
 pub fn escaped(bytes: &[u8]) -> String {
-    /// What is shown of the beginning and of the end, bytes.
+    /// Bytes that are shown of the beginning and of the end.
     const SHOWN: usize = 40;
     if bytes.len() <= 2 * SHOWN {
         return bytes.escape_ascii().to_string();
@@ -99,12 +99,12 @@ pub enum OpenError {
         /// Name of the port.
         port: Arc<str>,
     },
-    /// What has this name is no serial port.
+    /// The file with this name is no serial port.
     #[error("{port}: {what}, not a serial port")]
     NotAPort {
         /// The name given.
         port: Arc<str>,
-        /// What it is.
+        /// Kind of the file.
         what: &'static str,
     },
     /// Another program has it.
@@ -134,7 +134,7 @@ pub enum OpenError {
     Unconnected {
         /// Name of the port.
         port: Arc<str>,
-        /// What the operating system reports.
+        /// The error of the operating system.
         #[source]
         source: io::Error,
     },
@@ -143,7 +143,7 @@ pub enum OpenError {
     Io {
         /// Name of the port.
         port: Arc<str>,
-        /// What it reports.
+        /// The error of the operating system.
         #[source]
         source: io::Error,
     },

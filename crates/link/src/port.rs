@@ -50,8 +50,7 @@ impl Port {
     /// Opens a port.
     ///
     /// # Errors
-    /// [`OpenError`], with the reason told apart: absent, held by another program, not permitted,
-    /// nobody there.
+    /// [`OpenError`], by its reason: absent, held by another program, not permitted, nobody there.
     pub async fn open(mut endpoint: Endpoint, clock: Clock) -> Result<Self, OpenError> {
         let (name, line) = (endpoint.name(), endpoint.line());
         let transport = endpoint.connect().await?;
@@ -164,7 +163,7 @@ impl Port {
         self.discard_until_silent(silence, Instant::now(), patience).await
     }
 
-    /// Throws away what has already arrived, without waiting for more. Returns how much that was.
+    /// Discards the bytes that have arrived, without waiting for more. Returns their number.
     ///
     /// # Errors
     /// As [`settle`](Self::settle).
@@ -263,7 +262,7 @@ impl Port {
         }
     }
 
-    /// What an error of the operating system means for this port.
+    /// Translates an error of the operating system.
     pub fn explain(&self, error: io::Error) -> LineError {
         let port = self.name.clone();
         if is_gone(&error) {
@@ -281,7 +280,7 @@ impl Port {
     }
 }
 
-/// What a future has to say now, if anything.
+/// The result of a future, if it is ready now.
 async fn look<T>(future: impl Future<Output = T>) -> Option<T> {
     let mut future = std::pin::pin!(future);
     std::future::poll_fn(|cx| match future.as_mut().poll(cx) {
@@ -296,9 +295,9 @@ fn is_gone(error: &io::Error) -> bool {
     use io::ErrorKind::{
         BrokenPipe, ConnectionAborted, ConnectionReset, NotConnected, UnexpectedEof,
     };
-    /// What a terminal reports whose other side is gone.
+    /// The error of a terminal whose other side is gone.
     const EIO: i32 = 5;
-    /// What a terminal reports whose hardware is gone.
+    /// The error of a terminal whose hardware is gone.
     const ENXIO: i32 = 6;
     matches!(
         error.kind(),

@@ -34,7 +34,7 @@ use message::Message;
 /// A command that the host must carry out and then [answer](Instrument::answer).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Call<C> {
-    /// What the tree calls it.
+    /// Name of the command in the tree.
     pub command: C,
     /// Whether it ended in `?`.
     pub is_query: bool,
@@ -73,8 +73,8 @@ pub struct Instrument<C> {
     wants_operation_complete: bool,
 }
 
-/// What an instrument hears from one client and has to say to it. Status, errors and settings are
-/// the instrument's, whoever asks.
+/// The input and output of one client. Status, errors and settings belong to the instrument and are
+/// the same for all clients.
 #[derive(Debug, Clone)]
 pub struct Session {
     splitter: MessageSplitter,
@@ -156,7 +156,7 @@ impl<C: Copy> Instrument<C> {
         self.session.splitter.room()
     }
 
-    /// Carries out what is built in and returns the next call for the host.
+    /// Carries out the built-in commands and returns the next call for the host.
     ///
     /// `None` when more bytes are needed, a call is under way, or `*WAI` or `*OPC?` waits for
     /// [operations](Self::set_operation_pending).
@@ -333,7 +333,7 @@ impl<C: Copy> Instrument<C> {
         }
     }
 
-    /// What a header from the root means. The host's commands go before the built-in ones.
+    /// Finds a header from the root. The host's commands take precedence over the built-in ones.
     fn find(&self, path: &[u8], header: &Header<'_>) -> Option<(Target<C>, HeaderMatch)> {
         if let Some((command, found)) = self.commands.find(path, header) {
             return Some((Target::Host(command), found));
@@ -342,7 +342,7 @@ impl<C: Copy> Instrument<C> {
         builtin::has(&self.dialect, builtin).then_some((Target::Builtin(builtin), found))
     }
 
-    /// What the answer begins with.
+    /// Beginning of the answer.
     fn heading(
         &self,
         target: &Target<C>,
@@ -407,7 +407,7 @@ impl<C: Copy> Instrument<C> {
     }
 }
 
-/// The data of a header that was found, as far as the tree says what is right.
+/// Checks the data of a header against the tree.
 fn check(found: &HeaderMatch, data: &[u8]) -> Result<Vec<Param>, ScpiError> {
     if found.is_out_of_range {
         return Err(ScpiError::new(-114));

@@ -12,7 +12,7 @@ use crate::{
 };
 
 /// A way to use a line. All handles reach the same owner, which carries out one request at a time
-/// and each of them to its end, even when whoever asked is gone.
+/// and each of them to its end, even if its caller is gone.
 #[derive(Debug, Clone)]
 pub struct BusHandle {
     orders: mpsc::Sender<LineRequest>,
@@ -21,7 +21,7 @@ pub struct BusHandle {
     transcript: Transcript,
 }
 
-/// What the owner of the line can be told.
+/// A request to the owner of the line.
 #[derive(Debug)]
 enum LineRequest {
     Request {
@@ -158,7 +158,7 @@ impl BusHandle {
 
 async fn own(mut line: Line, mut inbox: mpsc::Receiver<LineRequest>) {
     while let Some(order) = inbox.recv().await {
-        // Whoever asked may be gone; the exchange was finished all the same.
+        // The caller may be gone; the exchange was finished all the same.
         match order {
             LineRequest::Request { unit, request, is_urgent, answer } => {
                 if is_urgent {

@@ -31,15 +31,15 @@ pub struct AxisStatus<U> {
     pub at: RigTime,
     /// Measured position.
     pub position: Position<U>,
-    /// Where the drive says it is to be.
+    /// Target that the drive reports.
     pub target: Position<U>,
     /// Whether it moves.
     pub is_moving: bool,
-    /// Whether it would take a move.
+    /// Whether the drive accepts a move.
     pub is_ready: bool,
-    /// Whether it knows where it is.
+    /// Whether the axis is homed.
     pub is_homed: bool,
-    /// What is wrong.
+    /// The alarm of the drive, if there is one.
     pub alarm: Option<Alarm>,
 }
 

@@ -1,11 +1,11 @@
-//! Takes the host's own bytes out of what it receives.
+//! Removes the host's own bytes from the received ones.
 //!
 //! Some RS-485 adapters hear themselves. The answer to the write of one register or coil is the
 //! request itself, so that one cannot be told from an echo by looking at it; the answers to all
 //! other requests differ from them within their first bytes. Whether there is an echo is therefore
 //! learnt from those.
 
-/// What is known about the echo of a line, and what is held back of the present exchange.
+/// The echo of a line, and the bytes that are held back in the present exchange.
 #[derive(Debug, Default)]
 pub(crate) struct EchoFilter {
     is_echoing: bool,

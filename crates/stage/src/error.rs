@@ -55,7 +55,7 @@ impl fmt::Display for Exception {
     }
 }
 
-/// The device understood and refused.
+/// A refusal of the device.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{port}: unit {unit} refused to {request}: {exception}")]
 pub struct DeviceRefusal {
@@ -63,9 +63,9 @@ pub struct DeviceRefusal {
     pub port: Arc<str>,
     /// The device.
     pub unit: u8,
-    /// What was asked.
+    /// The request.
     pub request: Request,
-    /// What it said.
+    /// Exception of the device.
     pub exception: Exception,
 }
 
@@ -75,7 +75,7 @@ pub enum LineFault {
     /// The port itself failed.
     #[error(transparent)]
     Port(#[from] LineError),
-    /// No answer could be used, in so many attempts.
+    /// No answer could be used, in all attempts.
     #[error(
         "{port}: unit {unit}: {request}: {symptom} ({attempts} attempts){}{}",
         came(received),
@@ -86,13 +86,13 @@ pub enum LineFault {
         port: Arc<str>,
         /// The device.
         unit: u8,
-        /// What was asked.
+        /// The request.
         request: Request,
-        /// What was seen last.
+        /// The last symptom.
         symptom: Symptom,
         /// The bytes in which it was seen.
         received: Box<[u8]>,
-        /// How often it was tried.
+        /// Number of attempts.
         attempts: u32,
         /// Programs that have the port open too.
         intruders: Vec<Holder>,
@@ -100,7 +100,7 @@ pub enum LineFault {
     /// A port that was lost cannot be opened again.
     #[error("the port was lost")]
     Reopen {
-        /// Why not.
+        /// The reason.
         #[source]
         source: Arc<OpenError>,
     },
@@ -112,7 +112,7 @@ pub enum LineFault {
         port: Arc<str>,
         /// The device.
         unit: u8,
-        /// What was asked.
+        /// The request.
         request: Request,
     },
     /// The task that owns the line has ended.
@@ -122,7 +122,7 @@ pub enum LineFault {
 
 /// Bytes of a frame as people write them: `01 03 04`.
 fn came(received: &[u8]) -> String {
-    /// As many as the longest frame of a drive here, of which the beginning tells the most.
+    /// The length of the longest frame of a drive; the beginning is the most useful part.
     const SHOWN: usize = 32;
     let shown: Vec<_> = received.iter().take(SHOWN).map(|byte| format!("{byte:02X}")).collect();
     let more = if received.len() > SHOWN { " …" } else { "" };
@@ -149,7 +149,7 @@ pub enum BusError {
     Failed(#[from] LineFault),
 }
 
-/// An axis did not do what it was asked. Which axis, the one who asked knows.
+/// An operation of an axis failed. The caller knows which axis.
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum StageError<U: Unit> {
     /// The bus failed or the drive refused.
@@ -158,18 +158,18 @@ pub enum StageError<U: Unit> {
     /// Moved before [`Stage::identify`](crate::Stage::identify).
     #[error("not identified yet")]
     NotIdentified,
-    /// What answers reads as no drive of this make does. Nothing was written to it.
+    /// The device reads like no drive of this make. Nothing was written to it.
     #[error(
         "cannot be told from another device: {what} reads {found}, outside [{min}, {max}] of {drives}"
     )]
     Unrecognised {
-        /// What was read, with its unit.
+        /// The quantity, with its unit.
         what: &'static str,
-        /// What it was.
+        /// Value that was read.
         found: i32,
-        /// The least that it can be.
+        /// Smallest valid value.
         min: i32,
-        /// The most that it can be.
+        /// Largest valid value.
         max: i32,
         /// The drives of the map.
         drives: &'static str,
@@ -178,30 +178,30 @@ pub enum StageError<U: Unit> {
     /// was not sent.
     #[error("stands at {at}, outside its travel {travel}")]
     BeyondTravel {
-        /// Where it stands, by its own account.
+        /// Position that the drive reports.
         at: Position<U>,
-        /// What the mechanics allow.
+        /// Mechanical travel.
         travel: Span<U>,
     },
     /// The drive does not know where the axis is, so that no move from there is safe. It was not
     /// sent.
     #[error("not homed: its position {at} tells nothing")]
     Unhomed {
-        /// Where it stands, by its own account.
+        /// Position that the drive reports.
         at: Position<U>,
     },
     /// A speed that is not allowed.
     #[error("speed {asked} {}/s is outside (0, {max}]", U::SYMBOL)]
     Speed {
-        /// What was asked.
+        /// The request.
         asked: f64,
         /// The fastest allowed.
         max: f64,
     },
-    /// A speed below what the drive can be told.
+    /// A speed below the slowest of the drive.
     #[error("speed {asked} {}/s is below the slowest of the drive, {min:.4}", U::SYMBOL)]
     TooSlow {
-        /// What was asked.
+        /// The request.
         asked: f64,
         /// The slowest.
         min: f64,
@@ -209,7 +209,7 @@ pub enum StageError<U: Unit> {
     /// A way round that the drive does not know.
     #[error("{drives} has no route `{}`", route.name())]
     NoRoute {
-        /// What was asked.
+        /// The request.
         route: Route,
         /// The drives of the map.
         drives: &'static str,
@@ -217,33 +217,33 @@ pub enum StageError<U: Unit> {
     /// A position that the drive cannot count to.
     #[error("{wanted} is beyond what the drive can count")]
     Uncountable {
-        /// What was asked.
+        /// The request.
         wanted: Position<U>,
     },
     /// The drive reports an alarm.
     #[error("alarm {alarm}, at {at}")]
     Alarmed {
-        /// What it reports.
+        /// The alarm.
         alarm: Alarm,
-        /// Where it stands.
+        /// Read-back.
         at: Position<U>,
     },
     /// The drive stands still and never took the target, without an alarm.
     #[error("the drive ignored the move to {wanted} and stands at {at}; {hint}")]
     Ignored {
-        /// What was asked.
+        /// The request.
         wanted: Position<U>,
-        /// Where it stands.
+        /// Read-back.
         at: Position<U>,
-        /// What usually causes it.
+        /// Usual cause, and what to check.
         hint: &'static str,
     },
     /// The drive took the target and stands elsewhere.
     #[error("stands at {at}, {off:.4} {} from its target {wanted}", U::SYMBOL)]
     NotThere {
-        /// What was asked.
+        /// The request.
         wanted: Position<U>,
-        /// Where it stands.
+        /// Read-back.
         at: Position<U>,
         /// How far off, in the unit `U`.
         off: f64,
@@ -251,37 +251,37 @@ pub enum StageError<U: Unit> {
     /// The stop that was asked for. The axis stands still.
     #[error("stopped at {at}")]
     Stopped {
-        /// Where it stands.
+        /// Read-back.
         at: Position<U>,
     },
     /// It took too long and was stopped. The axis stands still.
     #[error("{doing} not finished after {seconds:.1} s, stopped at {at}")]
     Overdue {
-        /// What it was doing.
+        /// The operation.
         doing: &'static str,
-        /// How long it was waited for.
+        /// Waiting time, s.
         seconds: f64,
-        /// Where it stands.
+        /// Read-back.
         at: Position<U>,
     },
     /// The stop was sent and the axis still reports motion.
     #[error("still moving {seconds:.1} s after the stop, at {at}")]
     WillNotStop {
-        /// How long it was waited for.
+        /// Waiting time, s.
         seconds: f64,
-        /// Where it is.
+        /// Read-back.
         at: Position<U>,
     },
     /// An alarm that a reset did not clear.
     #[error("alarm {alarm} is still there after the reset")]
     AlarmPersists {
-        /// What it reports.
+        /// The alarm.
         alarm: Alarm,
     },
     /// The drive ended its homing without knowing where it is.
     #[error("homing ended at {at} without success")]
     NotHomed {
-        /// Where it stands.
+        /// Read-back.
         at: Position<U>,
     },
 }

@@ -1,4 +1,4 @@
-//! What each Modbus axis controller must be told; register maps are data.
+//! Drivers of Modbus axis controllers; register maps are data.
 //!
 //! A [`Bus`](BusHandle) is the one owner of a line; a [`Stage`] is one axis on it. Nothing here
 //! decides where an axis goes: a stage takes only a [`Target`](rig_model::Target), and a move is

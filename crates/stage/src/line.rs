@@ -1,4 +1,4 @@
-//! One exchange at a time on one line, and what is done before the next one when it went wrong.
+//! One exchange at a time on one line, and the recovery after a failed one.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -35,11 +35,12 @@ const BROADCAST: u8 = 0;
 pub struct CheckRegisters {
     /// Reads them.
     pub request: Request,
-    /// What they hold; None while it is not known, when any answer of their length will do.
+    /// Expected contents; `None` while they are unknown: then any answer of their length is
+    /// accepted.
     pub expected: Option<Reply>,
 }
 
-/// What is wrong with one exchange.
+/// The fault of one exchange.
 enum ExchangeFault {
     /// The device refused; the line is fine.
     Refused(Exception),
@@ -96,7 +97,7 @@ impl Line {
         }
     }
 
-    /// By what a device is recognised from now on, if by anything.
+    /// Sets the registers that identify a device, if there are any.
     pub(crate) fn set_check_registers(&mut self, unit: u8, registers: Option<CheckRegisters>) {
         match registers {
             Some(registers) => _ = self.check_registers.insert(unit, registers),
@@ -284,14 +285,14 @@ impl Line {
         self.port_loan.lock().port.is_lost() || error.raw_os_error().is_some()
     }
 
-    /// Says what came in place of an answer.
+    /// Classifies the bytes that came in place of an answer.
     fn diagnose(&self, unit: u8, request: &Request) -> ExchangeFault {
         let (sent, received) = self.last_frame();
         let symptom = Symptom::of(self.settings.framing, &sent, &received, unit, request);
         ExchangeFault::Unusable(symptom, received)
     }
 
-    /// What was sent last, and what came then, from the black box.
+    /// The last sent frame and the bytes after it, from the black box.
     fn last_frame(&self) -> (Vec<u8>, Vec<u8>) {
         let mut frames = self.port_loan.lock().port.transcript().frames();
         let Some(start) = frames.iter().rposition(|frame| frame.flow == Flow::Sent) else {

@@ -22,7 +22,7 @@ pub struct Block {
     pub table: Table,
     /// First address.
     pub address: u16,
-    /// How many.
+    /// Number of addresses.
     pub count: u16,
 }
 
@@ -66,31 +66,31 @@ pub enum Step {
     Registers {
         /// First register.
         address: u16,
-        /// What they become.
+        /// Values of the registers.
         contents: &'static [RegisterContent],
     },
     /// One register.
     Register {
         /// The register.
         address: u16,
-        /// What it becomes.
+        /// Value of the register or coil.
         value: u16,
     },
     /// One coil.
     Coil {
         /// The coil.
         address: u16,
-        /// What it becomes.
+        /// Value of the register or coil.
         is_on: bool,
     },
-    /// The drive needs the level for so long before the next step.
+    /// The drive needs the level for this time before the next step.
     Hold {
-        /// How long, in milliseconds.
+        /// Time, ms.
         ms: u16,
     },
 }
 
-/// What stands in the registers of a command.
+/// The content of registers of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RegisterContent {
     /// A constant in one register.
@@ -104,15 +104,15 @@ pub enum RegisterContent {
 /// The quantities of a move, in the drive's own units.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
-    /// Where to.
+    /// Target.
     Target,
-    /// How fast.
+    /// Speed.
     Speed,
-    /// How quickly up to speed.
+    /// Acceleration.
     Acceleration,
-    /// How quickly back to rest.
+    /// Deceleration.
     Deceleration,
-    /// Which way round, for an axis that turns.
+    /// Route of an axis that turns.
     Route,
     /// The lower limit of position.
     LimitMin,
@@ -182,7 +182,7 @@ impl Route {
     }
 }
 
-/// How the drive tells its alarm.
+/// The source of the alarm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AlarmSource {
     /// By a code in its status, zero for none.
@@ -205,7 +205,7 @@ pub struct DriveSettings {
     pub write: &'static [Step],
     /// Reads them back.
     pub read: Block,
-    /// What is then found.
+    /// Expected values.
     pub expect: &'static [RegisterContent],
 }
 
@@ -214,7 +214,7 @@ pub struct DriveSettings {
 /// its name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MakeSignature {
-    /// What is read, as people say it, with its unit.
+    /// Name of the quantity, with its unit.
     pub what: &'static str,
     /// Where. Its answer has another length than that to the settings.
     pub read: Block,
@@ -242,19 +242,19 @@ pub struct RegisterMap {
     pub target: TargetReadBack,
     /// Whether it moves.
     pub moving: Flag,
-    /// Whether it would take a move.
+    /// Whether the drive accepts a move.
     pub ready: Flag,
-    /// Whether it knows where it is.
+    /// Whether the axis is homed.
     pub homed: Flag,
     /// Alarm.
     pub alarm: AlarmSource,
-    /// What the codes mean.
+    /// Names of the alarm codes.
     pub alarms: &'static [(u16, &'static str)],
     /// Unit of speed.
     pub speed: SpeedUnit,
     /// Unit of acceleration.
     pub acceleration: AccelerationUnit,
-    /// The routes it knows, and what it calls them.
+    /// Known routes, with their values.
     pub routes: &'static [(Route, i32)],
     /// How long after its start a move may take to show, in milliseconds.
     pub start_within_ms: u16,
@@ -270,8 +270,8 @@ pub struct RegisterMap {
     pub release_stop: &'static [Step],
     /// Clears an alarm.
     pub reset: &'static [Step],
-    /// What is put into the drive once.
+    /// Settings of the drive.
     pub settings: DriveSettings,
-    /// What usually is the matter when the drive ignores a move.
+    /// Usual cause when the drive ignores a move, and what to check.
     pub ignored_hint: &'static str,
 }

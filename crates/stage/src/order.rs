@@ -16,7 +16,7 @@ const FREE_FALL_MM_PER_S2: f64 = 9806.65;
 /// The quantities of a command. One that is not a move needs only the limits.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Order {
-    /// Where to, counts.
+    /// Target, counts.
     pub(crate) target: i32,
     /// In the unit of the map.
     speed: i32,
@@ -31,7 +31,7 @@ pub(crate) struct Order {
     counts_per_s2: f64,
 }
 
-/// What a command step is carried out by.
+/// The action of a command step.
 #[derive(Debug)]
 pub(crate) enum StepAction {
     /// A request to the drive.
@@ -93,7 +93,7 @@ impl Order {
             SpeedUnit::CountsPerSecond => 1.0,
             SpeedUnit::RevolutionsPerMinute => rpm_per_count_per_s,
         };
-        // A product that should be whole may come out a trifle below.
+        // A product that should be whole may be slightly below.
         let speed = (scale.counts_per_s(speed_per_s) * per_count_per_s + 1e-6).floor();
         if speed < 1.0 {
             let min = scale.per_count.abs() / per_count_per_s;
@@ -147,7 +147,7 @@ impl Order {
         self.rotation.map_or(straight, |rotation| rotation.distance(counts, self.target))
     }
 
-    /// What carries out a step of the command.
+    /// The action of a step of the command.
     pub(crate) fn action(&self, step: Step) -> StepAction {
         StepAction::Ask(match step {
             Step::Hold { ms } => return StepAction::Wait(Duration::from_millis(ms.into())),

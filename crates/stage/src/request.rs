@@ -1,4 +1,4 @@
-//! What can be asked of a Modbus device, and which answers answer it.
+//! Requests to a Modbus device, and their answers.
 
 use std::{borrow::Cow, fmt};
 
@@ -39,21 +39,21 @@ pub enum Request {
     WriteCoil {
         /// The coil.
         address: u16,
-        /// What it becomes.
+        /// Value of the register or coil.
         is_on: bool,
     },
     /// Function 6.
     WriteRegister {
         /// The register.
         address: u16,
-        /// What it becomes.
+        /// Value of the register or coil.
         value: u16,
     },
     /// Function 16.
     WriteRegisters {
         /// First register.
         address: u16,
-        /// What they become.
+        /// Values of the registers.
         values: Vec<u16>,
     },
 }

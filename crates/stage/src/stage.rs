@@ -1,4 +1,4 @@
-//! One axis: what it is asked, and what the drive confirms.
+//! One axis: its commands and their confirmation by the drive.
 
 use std::time::Duration;
 
@@ -47,7 +47,7 @@ pub struct Stage<U: Unit> {
     scale: Scale<U>,
     axis: Axis<U>,
     rotation: Option<RotationWrap>,
-    /// What was seen of the drive last. None until it was identified.
+    /// The last reading of the drive. `None` until it is identified.
     seen: Option<DriveReading>,
 }
 
@@ -140,7 +140,7 @@ impl<U: Unit> Stage<U> {
         })
     }
 
-    /// Whether the position that was read last can be believed, so that a move may start from it.
+    /// The position of the last reading, if it is plausible, so that a move may start from it.
     ///
     /// # Errors
     /// [`StageError::Unhomed`], [`StageError::BeyondTravel`], [`StageError::NotIdentified`].
@@ -225,7 +225,7 @@ impl<U: Unit> Stage<U> {
         }
     }
 
-    /// What it means that the axis stands still and is not at its target.
+    /// The error of an axis that stands still and is not at its target.
     fn not_there(
         &self,
         target: Target<U>,
@@ -320,7 +320,7 @@ impl<U: Unit> Stage<U> {
         }
     }
 
-    /// Stops and returns the error that says so.
+    /// Stops and returns [`StageError::Stopped`].
     async fn stop_and_say(&mut self) -> Result<StageError<U>, StageError<U>> {
         let at = self.stop().await?;
         Ok(StageError::Stopped { at })

@@ -1,10 +1,10 @@
-//! What the bytes tell that came in place of an answer.
+//! Classifies the bytes that came in place of an answer.
 
 use std::fmt;
 
 use crate::{Framing, Request};
 
-/// What came in place of an answer.
+/// A classification of the bytes that came in place of an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Symptom {
     /// Nothing.

@@ -98,7 +98,7 @@ impl Bus {
         self.advance(now, line, context)
     }
 
-    /// What has been said by `now`.
+    /// Takes the output up to `now`.
     pub(crate) fn poll(
         &mut self,
         now: RigTime,
@@ -170,7 +170,7 @@ impl Bus {
     }
 }
 
-/// What a drive answers, in bytes, under the faults of the moment.
+/// The answer of a drive in bytes, with the faults that are due.
 fn ask(
     now: RigTime,
     (unit, drive): (u8, &mut Drive),

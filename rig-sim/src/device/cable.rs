@@ -112,7 +112,7 @@ impl Socket {
         Self { analyzer, echoes, plugged, cables, boots_until: RigTime::ZERO }
     }
 
-    /// A new cable, on which nothing was said. What was said on cables that are gone is forgotten.
+    /// A new cable without input or output. The output for cables that are gone is discarded.
     pub(crate) fn plug(&mut self) -> Cable {
         for (id, _) in self.plugged.extract_if(.., |(_, plug)| plug.strong_count() == 0) {
             self.analyzer.hang_up(id);
@@ -153,7 +153,7 @@ impl Socket {
         self.say(now, cable, &mut context)
     }
 
-    /// What has been said by `now`.
+    /// Takes the output up to `now`.
     pub(crate) fn poll(
         &mut self,
         now: RigTime,
@@ -213,7 +213,7 @@ impl Socket {
         Ok(())
     }
 
-    /// Lets the instrument live up to `now`, and takes what it says on a cable.
+    /// Advances the instrument to `now`, and takes its output for a cable.
     fn say(
         &mut self,
         now: RigTime,
@@ -223,7 +223,7 @@ impl Socket {
         self.analyzer.advance(now, context.world);
         for (at, bytes) in self.analyzer.take_said(cable.id) {
             let applied = context.faults.on_reply(PortId::Analyzer, None);
-            // It is one instrument: what it says later never comes earlier.
+            // One instrument never overtakes its own answers.
             let due = cable.output.last_due().map_or(at, |last| last.max(at));
             let reply = Reply { due, request: &cable.last, bytes };
             corruption::send(reply, &applied, |_| None, context.faults, &mut cable.output)?;

@@ -1,4 +1,4 @@
-//! What faults make of a reply on its way.
+//! Applies faults to a reply on its way.
 
 use std::time::Duration;
 
@@ -15,7 +15,7 @@ use crate::{
 pub(super) struct Reply<'a> {
     /// When it will have arrived.
     pub(super) due: RigTime,
-    /// What it answers.
+    /// Request of the reply.
     pub(super) request: &'a [u8],
     /// Its bytes.
     pub(super) bytes: Vec<u8>,

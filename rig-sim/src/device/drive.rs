@@ -34,7 +34,7 @@ impl Drive {
         }
     }
 
-    /// Does what a request asks.
+    /// Carries out a request.
     pub(crate) fn handle(&mut self, now: RigTime, request: &Request, world: &mut World) -> Answer {
         match self {
             Self::Az(drive) => drive.handle(now, request, world),

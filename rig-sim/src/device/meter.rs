@@ -46,7 +46,7 @@ use crate::world::World;
 /// Tells the clients of an instrument apart.
 pub(crate) type ClientId = u64;
 
-/// What is left at the terminals when the level is zero, V.
+/// Residual level at the terminals when the level is zero, V.
 const LEAKAGE_V: f64 = 1e-6;
 
 /// Numbers of 64 bits in a block, the most significant byte first unless they are swapped.
@@ -81,7 +81,7 @@ struct Client<C> {
     held: Option<Call<C>>,
     /// When it was last heard.
     heard_at: RigTime,
-    /// What was said to it, and when.
+    /// Its messages with their times of arrival.
     said: Vec<(RigTime, Vec<u8>)>,
 }
 
@@ -129,12 +129,12 @@ impl<M: Model> Meter<M> {
         self.running.as_ref().map(|running| running.until)
     }
 
-    /// What has been said to a client up to now, with the time of each answer.
+    /// The answers to a client up to now, with their times.
     pub(crate) fn take_said(&mut self, id: ClientId) -> Vec<(RigTime, Vec<u8>)> {
         self.clients.get_mut(&id).map(|client| std::mem::take(&mut client.said)).unwrap_or_default()
     }
 
-    /// A client is gone. What it said last is forgotten, and what it began ends without an answer.
+    /// A client is gone. Its last message is discarded, and its measurement ends without an answer.
     pub(crate) fn hang_up(&mut self, id: ClientId) {
         self.clients.remove(&id);
     }
@@ -144,7 +144,7 @@ impl<M: Model> Meter<M> {
         self.overloads += 1;
     }
 
-    /// What has not overloaded a measurement yet will not.
+    /// Clears an overload that is not applied yet.
     pub(crate) fn clear_faults(&mut self) {
         self.overloads = 0;
     }
@@ -227,7 +227,7 @@ impl<M: Model> Meter<M> {
         self.free_at = at;
         self.apply_drive(at, before, world);
         match outcome {
-            // Triggers do not interrupt what they have begun.
+            // A trigger does not interrupt a running measurement.
             Ok(Outcome::Measure(_)) if is_measuring => {
                 self.reply(id, at, Err(ScpiError::new(-211)));
             }
@@ -337,7 +337,7 @@ impl<M: Model> Meter<M> {
         }
     }
 
-    /// What follows when the present phase is over.
+    /// Advances to the next phase when the present one is over.
     fn go_on(&mut self, world: &mut World) {
         let Some(running) = &mut self.running else { return };
         let at = running.until;
@@ -365,7 +365,7 @@ impl<M: Model> Meter<M> {
         self.collect(id, at);
     }
 
-    /// Keeps what the instrument has finished saying to a client.
+    /// Stores the finished output for a client.
     fn collect(&mut self, id: ClientId, at: RigTime) {
         let bytes = self.turned_to(id, Instrument::take_output).unwrap_or_default();
         if let Some(client) = self.clients.get_mut(&id)

@@ -1,4 +1,4 @@
-//! The instruments: what they say on the wire and what they do to the world.
+//! The instruments, with their bytes on the wire and their actions on the world.
 //!
 //! Each is a state machine without I/O: bytes go in with the time at which they came, bytes come
 //! out when they are due, and a deadline says when that will be.

@@ -1,4 +1,4 @@
-//! What a device has said and when it will be on the wire.
+//! The output of a device, with the time of each answer on the wire.
 
 use std::collections::VecDeque;
 

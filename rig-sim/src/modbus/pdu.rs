@@ -3,7 +3,7 @@
 //! # Source
 //! Modbus Application Protocol Specification V1.1b3, chapter 6.
 
-/// What a master asks.
+/// A request of a master.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Request {
     /// Function 1.
@@ -96,7 +96,7 @@ pub enum Exception {
     Busy = 6,
 }
 
-/// What a unit answers to a request that it did.
+/// The answer of a unit to a request that it carried out.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Reply {
     /// Coils or discrete inputs.
@@ -300,7 +300,7 @@ mod tests {
         }
     }
 
-    /// A request, what the unit makes of it, and the bytes of the answer.
+    /// A request, the reply of the unit, and the bytes of the answer.
     type Row = (&'static [u8], Result<Reply, Exception>, &'static [u8]);
 
     #[test]

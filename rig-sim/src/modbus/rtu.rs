@@ -12,7 +12,7 @@ use super::{Frame, Framing, pdu::Length};
 /// The longest frame that the specification allows.
 const MAX_FRAME: usize = 256;
 
-/// Finds the frames of a master in what comes over a serial line.
+/// Finds the frames of a master on a serial line.
 ///
 /// The specification ends a frame by silence. An operating system delivers bytes in lumps with
 /// silences of its own, so a frame whose length is known and whose checksum is right is taken at
@@ -33,14 +33,14 @@ impl RtuDecoder {
     /// Takes bytes that came at `now`.
     pub fn push(&mut self, now: RigTime, bytes: &[u8]) {
         if self.deadline().is_some_and(|deadline| deadline <= now) {
-            // Nobody asked in time; the silence has ended what was there.
+            // The silence has ended the frame before the poll.
             self.buffer.clear();
         }
         self.buffer.extend_from_slice(bytes);
         self.last_byte = now;
     }
 
-    /// When silence will end what has come so far.
+    /// The time at which silence ends the present frame.
     pub fn deadline(&self) -> Option<RigTime> {
         (!self.buffer.is_empty()).then(|| self.last_byte + self.silence)
     }

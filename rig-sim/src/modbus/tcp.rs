@@ -5,7 +5,7 @@
 
 use super::{Frame, Framing};
 
-/// Transaction, protocol, length: what comes before the unit.
+/// Transaction, protocol and length, before the unit.
 pub(super) const HEADER: usize = 6;
 
 /// The largest length that the specification allows: unit and the longest request.
@@ -36,7 +36,7 @@ impl TcpDecoder {
     /// The next frame, if one is complete.
     ///
     /// # Errors
-    /// [`NotModbus`]; what follows it cannot be read.
+    /// [`NotModbus`]; the bytes after it cannot be read.
     pub fn poll(&mut self) -> Result<Option<Frame>, NotModbus> {
         let Some((header, rest)) = self.buffer.split_first_chunk::<HEADER>() else {
             return Ok(None);

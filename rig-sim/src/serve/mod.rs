@@ -38,7 +38,7 @@ pub enum ServeError {
     Link {
         /// The link.
         link: PathBuf,
-        /// What the system says.
+        /// The error of the system.
         source: io::Error,
     },
     /// An address cannot be listened on.
@@ -46,7 +46,7 @@ pub enum ServeError {
     Listen {
         /// The address.
         address: SocketAddr,
-        /// What the system says.
+        /// The error of the system.
         source: io::Error,
     },
 }

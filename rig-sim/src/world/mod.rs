@@ -53,7 +53,7 @@ const MOST_SIGMAS: f64 = 2.5;
 /// Why every circuit of a checked sensor rings.
 const RINGS: &str = "loss factors of at most 1 leave a quality of at least 1";
 
-/// What a sensor feels to which something sticks.
+/// The load of a stuck contact.
 const STUCK: WorldContact = WorldContact {
     stiffness_mpa: 0.1,
     indentation_mm: 0.2,
@@ -89,7 +89,7 @@ pub struct World {
     contact_fault: Option<ContactFault>,
 }
 
-/// What may be wrong with the way in which the sensor feels contact.
+/// A fault of the contact sense.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ContactFault {
     /// It feels none.
@@ -179,7 +179,7 @@ impl World {
         }
     }
 
-    /// A stage for its drive to command. What it did until now has been watched.
+    /// A stage for the commands of its drive. Its motion up to now is checked for violations.
     pub fn drive(&mut self, now: RigTime, axis: AxisId) -> &mut Stage {
         self.watch(now);
         match axis {
@@ -284,7 +284,7 @@ impl World {
         self.scene.nuisances.encoder_steps * self.encoder.normal()
     }
 
-    /// What must never happen and did, up to `now`.
+    /// The safety violations up to `now`.
     pub fn violations(&mut self, now: RigTime) -> &[Violation] {
         self.watch(now);
         &self.violations

@@ -1,4 +1,4 @@
-//! What the bench does to a measurement that nobody asked for and no estimator is told of.
+//! Disturbances of a measurement on the bench, unknown to every estimator.
 
 use rig_model::RigTime;
 
@@ -104,7 +104,7 @@ impl DriftPath {
 /// A point of a sample under the probe: the mounting, and the pose in steps of this many degrees.
 const POINT_DEG: f64 = 2.0;
 
-/// What one touched point differs by from the sample's nominal properties.
+/// The deviations of one touched point from the sample's nominal properties.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Point {
     pub(super) stiffness_factor: f64,

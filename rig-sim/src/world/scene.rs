@@ -1,4 +1,4 @@
-//! What a world is made of.
+//! The contents of a simulated world.
 
 use std::fmt;
 
@@ -11,13 +11,13 @@ use crate::plant::NotRinging;
 /// Everything that a world is made of.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
-    /// What it is called.
+    /// Name of the scene.
     pub name: String,
     /// Decides all that is left to chance.
     pub seed: u64,
     /// The sensor.
     pub sensor: SensorScene,
-    /// What there is to touch.
+    /// The samples.
     pub samples: Vec<Sample>,
     /// Where things are.
     pub place: TrueGeometry,
@@ -31,7 +31,7 @@ pub struct Scene {
     pub nuisances: Nuisances,
 }
 
-/// What a stage is made of, in the unit of its axis.
+/// The mechanics of a stage, in the unit of its axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mechanics {
     /// Where it stands at first.
@@ -83,7 +83,7 @@ pub enum SceneError {
     Sample {
         /// The name of the sample.
         name: String,
-        /// What is wrong with it.
+        /// The fault of the value.
         source: TissueError,
     },
     /// A stage does not stand between its limit switches.

@@ -1,4 +1,4 @@
-//! The sensor: what it looks like to the analyzer, clear and in contact.
+//! The sensor and its impedance, clear and in contact.
 
 use rig_contact::{
     Choice, Circuit, Contact, ContactLaw, Depth, Direction, Friction, Models, Pose, SensorDesign,
@@ -9,9 +9,9 @@ use rig_model::Orientation;
 /// The sensor and how it meets its samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SensorScene {
-    /// What it is made of.
+    /// Dimensions and materials.
     pub design: SensorDesign,
-    /// Whether it gives way to the sample, as a real one does, or the indentation is held.
+    /// Whether it deflects at the sample, as a real one does, or the indentation is held.
     pub gives_way: bool,
     /// How the contact grows with depth.
     pub law: ContactLaw,
@@ -36,7 +36,7 @@ pub(super) struct WorldContact {
     pub(super) orientation: Orientation,
 }
 
-/// A checked sensor with what the model of it needs.
+/// A checked sensor with its models.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SensorModel {
     scene: SensorScene,
@@ -131,7 +131,7 @@ fn tissue(scene: &SensorScene, stiffness_mpa: f64) -> Result<Tissue, TissueError
     Tissue::new(stiffness_mpa, scene.poisson, scene.tissue_loss)
 }
 
-/// What a move of the stage by this much is to the sample.
+/// The depth in the sample of a move of the stage.
 const fn depth(scene: &SensorScene, along_probe_mm: f64) -> Depth {
     if scene.gives_way {
         Depth::Stage { along_probe_mm }
@@ -162,7 +162,7 @@ mod tests {
         // 134.11 Hz/MPa between samples 1 and 5 leaves 88.99 Hz for sample 5 (0.5 mm, upright).
         let shift_hz = circuit(false, 0.5, 0.0).series_resonance_hz - free_hz;
         assert!((shift_hz - 88.99).abs() < 1.0, "{shift_hz}");
-        // A sensor that gives way indents sample 5 by half of it only.
+        // A sensor that deflects indents sample 5 by half of the move only.
         let shift_hz = circuit(true, 0.5, 0.0).series_resonance_hz - free_hz;
         assert!((shift_hz - 74.3).abs() < 1.0, "{shift_hz}");
     }

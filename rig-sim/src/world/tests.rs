@@ -21,7 +21,7 @@ fn below(world: &World, depth_mm: f64) -> f64 {
     world.scene().place.surface_mm - depth_mm
 }
 
-/// How deep the probe is, what is done then, and what is to be recorded.
+/// The depth of the probe, the action, and the expected violation.
 type Row = (f64, fn(&mut World), fn(&ViolationKind) -> bool);
 
 #[test]

@@ -1,4 +1,4 @@
-//! How things really are, and what must never happen. Only tests may ask.
+//! The true state of the bench and its safety violations, for tests only.
 
 use rig_model::{Orientation, RigTime};
 
@@ -11,7 +11,7 @@ pub struct Violation {
     pub kind: ViolationKind,
 }
 
-/// What must never happen on a bench.
+/// A safety violation.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum ViolationKind {
     /// The rotary stage moved while the probe was in the sample.
@@ -37,7 +37,7 @@ pub enum ViolationKind {
     PressedTooDeep {
         /// Indentation, mm.
         indentation_mm: f64,
-        /// What the sample bears, mm.
+        /// Deepest indentation of the sample, mm.
         limit_mm: f64,
     },
 }
@@ -74,7 +74,7 @@ pub struct Truth {
     pub stiffness_mpa: Option<f64>,
     /// The resonance at this moment, Hz.
     pub resonance_hz: f64,
-    /// What it would be without contact, Hz.
+    /// Resonance without contact, Hz.
     pub no_load_hz: f64,
 }
 

@@ -22,7 +22,7 @@ impl Default for Framing {
     }
 }
 
-/// What the next answer looks like.
+/// The form of the next answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ExpectedResponse {
     /// Data, in which endings inside strings and blocks do not count.
@@ -118,7 +118,7 @@ impl ResponseDecoder {
         }
     }
 
-    /// Says what the next answer looks like; data, unless it is said again for each line.
+    /// Sets the form of the next answer; data, unless it is set again for each line.
     ///
     /// To be called before its bytes are pushed.
     pub const fn expect(&mut self, expect: ExpectedResponse) {
@@ -207,7 +207,7 @@ impl ResponseDecoder {
         self.position = Position::DataStart;
         self.expect = ExpectedResponse::Data;
         self.skips_line_feed = !is_lf;
-        // Moving what is left costs as much as it frees at least as often as it is done.
+        // Moving the remaining bytes costs no more than they free.
         if self.buffer.len() <= 2 * self.start {
             self.buffer.drain(..self.start);
             self.start = 0;
@@ -215,7 +215,7 @@ impl ResponseDecoder {
         response
     }
 
-    /// Scans what was not scanned yet. True when an answer is whole.
+    /// Scans the new bytes. True when an answer is complete.
     fn scan(&mut self) -> Result<bool, FrameError> {
         let limit_bytes = self.framing.limit_bytes;
         let too_long = FrameError::TooLong { limit_bytes };

@@ -58,9 +58,9 @@ impl fmt::Display for Identity {
 pub struct ErrorReport {
     /// The number; negative for errors of the standard, positive for those of the device.
     pub number: i64,
-    /// The text that goes with the number.
+    /// The text that belongs to the number.
     pub text: String,
-    /// What the device added behind a semicolon.
+    /// Device-dependent information behind a semicolon.
     pub info: Option<String>,
 }
 

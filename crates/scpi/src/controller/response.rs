@@ -58,7 +58,7 @@ pub enum Datum {
     Missing,
 }
 
-/// Why an answer is not what was asked for.
+/// The reason why an answer has the wrong type or form.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum DataError {
     /// A field is not one datum.
@@ -172,7 +172,7 @@ impl Datum {
     ///
     /// # Errors
     /// [`DataError::Overload`] and [`DataError::Missing`] for what stands in place of a number, and
-    /// [`DataError::Type`] for what is none.
+    /// [`DataError::Type`] for data of another type.
     pub fn number(&self) -> Result<f64, DataError> {
         match self {
             Self::Integer(value) => Ok(*value as f64),
@@ -336,7 +336,7 @@ fn number(input: &[u8]) -> Parsed<'_, Datum> {
     Ok((input, value))
 }
 
-/// A real number, or what it stands for.
+/// A real number, or the variant that it stands for.
 fn real(value: f64) -> Datum {
     let magnitude = value.abs();
     let is_near = |sentinel: f64| (magnitude - sentinel).abs() <= sentinel * SENTINEL_TOLERANCE_REL;

@@ -26,7 +26,7 @@ impl ScpiError {
         Self { number, own_text: Some(text), info: None }
     }
 
-    /// Adds what only the device knows; it is reported behind the text and a semicolon.
+    /// Adds device-dependent information, which is reported behind the text and a semicolon.
     #[must_use]
     pub(crate) fn with_info(mut self, info: impl Into<Box<str>>) -> Self {
         self.info = Some(info.into());
@@ -38,12 +38,12 @@ impl ScpiError {
         self.number
     }
 
-    /// The text that goes with the number.
+    /// The text that belongs to the number.
     pub fn text(&self) -> &'static str {
         self.own_text.unwrap_or_else(|| standard_text(self.number))
     }
 
-    /// What the device added.
+    /// Device-dependent information.
     pub fn info(&self) -> Option<&str> {
         self.info.as_deref()
     }
@@ -59,7 +59,7 @@ impl ScpiError {
             -699..=-600 => Some(ErrorClass::UserRequest),
             -799..=-700 => Some(ErrorClass::RequestControl),
             -899..=-800 => Some(ErrorClass::OperationComplete),
-            // −300 to −399, all positive numbers, and what the standard leaves open.
+            // −300 to −399, all positive numbers, and numbers that the standard does not define.
             _ => Some(ErrorClass::Device),
         }
     }

@@ -1,4 +1,4 @@
-//! Program data as an instrument receives them, and what they mean to a command.
+//! Program data that an instrument receives, and their meaning for a command.
 
 use std::ops::RangeInclusive;
 
@@ -26,7 +26,7 @@ pub enum Param {
     Expression(Box<str>),
 }
 
-/// What a numeric parameter may say.
+/// The value of a numeric parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Numeric {
     /// A number in the unit of the command.

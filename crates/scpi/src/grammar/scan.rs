@@ -26,7 +26,7 @@ impl Ending {
     }
 }
 
-/// What the scanner found.
+/// A boundary that the scanner found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Boundary {
     /// A semicolon between two units.

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use crate::grammar::scan::{Boundary, Rules, Scanner, is_blank};
 
-/// What came out of a stream.
+/// A message, or a lost message, of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum SplitMessage {
     /// A whole message, without its terminator, was written to the buffer of the caller.
@@ -71,7 +71,7 @@ impl MessageSplitter {
         }
     }
 
-    /// The transport says that the message ends here (END of IEEE 488.1, or a packet that says so).
+    /// The transport marks the end of the message (END of IEEE 488.1, or the end of a packet).
     pub(crate) fn end_of_message(&mut self) {
         self.scanner = Scanner::new(self.rules);
         self.end();

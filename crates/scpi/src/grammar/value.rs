@@ -37,7 +37,7 @@ pub enum Value {
     /// Arbitrary ASCII response data, such as the identity. Nothing may follow it in the same
     /// message.
     ArbitraryAscii(Cow<'static, str>),
-    /// What no other variant writes, as it stands.
+    /// Text that is written unchanged.
     Verbatim(Cow<'static, str>),
 }
 

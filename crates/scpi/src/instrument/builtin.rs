@@ -1,4 +1,4 @@
-//! What every instrument knows: common commands, error queue, status registers.
+//! The built-in commands of every instrument: common commands, error queue, status registers.
 
 use std::sync::LazyLock;
 

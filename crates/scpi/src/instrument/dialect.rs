@@ -1,4 +1,4 @@
-//! What differs between instruments that speak the same grammar.
+//! The differences between instruments with the same grammar.
 
 use crate::{
     grammar::scan::{Ending, Terminators},
@@ -27,11 +27,11 @@ pub struct Dialect {
     pub has_status_registers: bool,
     /// The answer to `SYSTem:VERSion?`; `None` for an instrument that has none.
     pub scpi_version: Option<&'static str>,
-    /// What happens to the rest of a message after an error in it.
+    /// Treatment of the rest of a message after an error.
     pub after_error: AfterErrorPolicy,
-    /// What happens to a message after a query in it.
+    /// Treatment of a message after a query.
     pub after_query: AfterQueryPolicy,
-    /// What happens to an answer that was not read when the next message comes.
+    /// Treatment of an unread answer when the next message comes.
     pub unread: UnreadPolicy,
     /// Which of the query errors there are; others pass in silence. See [`QUERY_ERRORS`].
     pub query_errors: &'static [i16],
@@ -45,7 +45,7 @@ pub struct Dialect {
     pub real_format: RealFormat,
 }
 
-/// What happens to the rest of a message after an error in it.
+/// Treatment of the rest of a message after an error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum AfterErrorPolicy {
     /// The next unit is carried out.
@@ -55,7 +55,7 @@ pub enum AfterErrorPolicy {
     SkipMessage,
 }
 
-/// What happens to a message after a query in it.
+/// Treatment of a message after a query.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum AfterQueryPolicy {
     /// The next unit is carried out.
@@ -66,7 +66,7 @@ pub enum AfterQueryPolicy {
     Refuse,
 }
 
-/// What happens to an answer that was not read when the next message comes.
+/// Treatment of an unread answer when the next message comes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum UnreadPolicy {
     /// It stays: on a serial line or a socket it is on its way already.
@@ -81,7 +81,7 @@ pub enum UnreadPolicy {
 pub struct ErrorFormat {
     /// `+0` where others write `0`.
     pub has_plus: bool,
-    /// Whether what the device knows beyond the text is written behind a semicolon.
+    /// Whether device-dependent information is written behind a semicolon.
     pub has_info: bool,
 }
 

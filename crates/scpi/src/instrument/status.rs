@@ -114,7 +114,7 @@ impl Status {
         self.service_enable = mask & !MASTER_SUMMARY;
     }
 
-    /// `*CLS`, without the error queue. What is enabled stays enabled.
+    /// `*CLS`, without the error queue. The enable registers keep their values.
     pub(crate) const fn clear_events(&mut self) {
         self.standard_event = 0;
         self.operation.event = 0;

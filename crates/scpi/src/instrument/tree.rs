@@ -94,7 +94,7 @@ pub enum TreeError {
     Pattern {
         /// The pattern as declared.
         pattern: &'static str,
-        /// What is wrong with it.
+        /// The fault of the pattern.
         fault: PatternFault,
     },
     /// Some header would mean two commands.
@@ -176,7 +176,7 @@ impl<C: Copy> Tree<C> {
             .find_map(|(_, at)| self.found(*at, path, header))
     }
 
-    /// What an answer to `header` begins with, where answers repeat it.
+    /// Beginning of an answer to `header`, if answers repeat their header.
     pub(crate) fn heading(&self, found: &HeaderMatch, path: &[u8]) -> String {
         self.entries[found.at].pattern.canonical(path) + " "
     }

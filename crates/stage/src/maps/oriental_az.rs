@@ -21,7 +21,7 @@ const INPUT_HOME: u16 = 1 << 4;
 const INPUT_STOP: u16 = 1 << 5;
 const INPUT_NONE: u16 = 0;
 
-/// The soft limits, with what happens at them.
+/// The soft limits, with the reaction of the drive.
 const LIMITS: u16 = 0x0386;
 const LIMIT_SLOTS: &[RegisterContent] = &[
     RegisterContent::Long(1), // decelerate to a stop

@@ -65,7 +65,7 @@ mod item {
     pub(super) const LIMIT_NEGATIVE: u16 = 0x038A;
 }
 
-/// What can be written, with its value at power-on and the range that the drive accepts.
+/// Writable values with their power-on values and accepted ranges.
 const SETTINGS: [(u16, i32, i32, i32); 20] = [
     (item::DATA_NUMBER, 0, 0, 255),
     (item::TYPE, 2, 0, 22),
@@ -134,7 +134,7 @@ pub(crate) struct Az {
     motor: Motor,
     /// Everything that can be written, by the address of its upper word.
     settings: BTreeMap<u16, i32>,
-    /// What the position counter is ahead of the encoder since the last preset, in steps.
+    /// Offset of the position counter from the encoder since the last preset, in steps.
     preset: f64,
     alarm: u8,
     history: [u8; HISTORY],
@@ -164,7 +164,7 @@ impl Az {
         }
     }
 
-    /// Does what a request asks.
+    /// Carries out a request.
     pub(super) fn handle(&mut self, now: RigTime, request: &Request, world: &mut World) -> Answer {
         if now < self.boots_until {
             return None;
@@ -217,7 +217,7 @@ impl Az {
         self.history[0] = code;
     }
 
-    /// What happened at the end of the last move, if that is over.
+    /// The end of the last move, if it is over.
     fn notice_end(&mut self, now: RigTime, world: &World) {
         if self.motor.is_moving(now, world) {
             return;
@@ -343,7 +343,7 @@ impl Az {
         Ok(Reply::Done)
     }
 
-    /// What follows at once from writing one value.
+    /// Applies the immediate effect of writing one value.
     fn obey(&mut self, now: RigTime, address: u16, before: i32, value: i32, world: &mut World) {
         let is_executed = before == 0 && value == 1;
         match address {
@@ -412,7 +412,7 @@ impl Az {
             2 => self.motor.command(now, world) + position,
             3 => self.motor.encoder(now, world) + position,
             7 => speed.signum() * f64::INFINITY,
-            // Push-motion and speed control need what this stage does not have.
+            // Push-motion and speed control are not simulated.
             _ => return,
         };
         self.start(now, target, speed.abs(), world);

@@ -103,7 +103,7 @@ const HOME_SPEED: f64 = 2000.0;
 /// How long a controller needs until it listens after it was switched on.
 const BOOT: Duration = Duration::from_secs(1);
 
-/// What the coils switch.
+/// The states of the coils.
 #[derive(Debug, Clone, Copy, Default)]
 #[expect(clippy::struct_excessive_bools, reason = "each is a coil of the controller")]
 struct Switches {
@@ -125,7 +125,7 @@ pub(crate) struct Iai {
     alarm: u16,
     is_homed: bool,
     is_homing: bool,
-    /// What is left of a move that was paused.
+    /// The rest of a move that was paused.
     paused: Option<(f64, Pace)>,
     boots_until: RigTime,
 }
@@ -291,7 +291,7 @@ impl Iai {
                     long(deviation, monitor::DEVIATION, address)
                 }
                 monitor::FIRST..=monitor::LAST => 0,
-                // The details of the last alarm: its code, and what only the maker can read.
+                // The details of the last alarm: its code, and registers for the manufacturer.
                 0x0500 => self.alarm,
                 0x0501..=0x0505 => 0,
                 order::POSITION..=order::LAST => {

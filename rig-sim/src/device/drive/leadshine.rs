@@ -41,7 +41,7 @@ mod register {
     pub(super) const PATH_TRIGGER: u16 = 0x6207;
 }
 
-/// What can be written, with its value at power-on: single registers and ranges of one.
+/// Writable registers with their values at power-on, alone or as ranges.
 const SETTINGS: [(u16, u16, u16); 15] = [
     (register::PULSES_PER_REVOLUTION, register::PULSES_PER_REVOLUTION, 10_000),
     (register::ENABLE, register::ENABLE, 1),
@@ -100,7 +100,7 @@ const BOOT: Duration = Duration::from_secs(1);
 pub(crate) struct Leadshine {
     motor: Motor,
     settings: BTreeMap<u16, u16>,
-    /// What the position counter is ahead of the encoder since zero was set.
+    /// Offset of the position counter from the encoder since zero was set.
     preset: f64,
     alarm: u16,
     is_homed: bool,

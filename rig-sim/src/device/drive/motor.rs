@@ -112,7 +112,7 @@ impl Motor {
     }
 }
 
-/// What a counter of a drive shows.
+/// The value of a counter of a drive.
 #[expect(clippy::cast_possible_truncation, reason = "a float cast saturates, as the counter does")]
 pub(super) fn counts(value: f64) -> i32 {
     value.round() as i32

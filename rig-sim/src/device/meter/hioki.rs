@@ -90,7 +90,7 @@ const KEPT: &[StoredSetting] = &[
 /// The resistance of the source, ohm.
 const SOURCE_OHM: f64 = 100.0;
 
-/// What a parameter of the display may show.
+/// The quantities that a parameter of the display can show.
 const QUANTITIES: &[(&str, Quantity)] = &[
     ("OFF", Quantity::Off),
     ("Z", Quantity::Z),

@@ -35,7 +35,7 @@ const SOURCE_OHM: f64 = 100.0;
 /// The ranges of impedance, ohm.
 const RANGES_OHM: [f64; 10] = [0.1, 1.0, 10.0, 100.0, 300.0, 1e3, 3e3, 1e4, 3e4, 1e5];
 
-/// What a source holds. The one that is not set cannot be asked for.
+/// The quantity that a source holds. The other one cannot be queried.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Level {
     Volt(f64),

@@ -1,4 +1,4 @@
-//! What a make of analyzer is: its commands, and what comes of each.
+//! A make of analyzers: its commands and their outcomes.
 
 use std::{collections::VecDeque, fmt};
 
@@ -20,7 +20,7 @@ pub(crate) trait Model: fmt::Debug + Default {
     /// How it speaks.
     fn dialect() -> Dialect;
 
-    /// Does what a command says, or says what that takes.
+    /// Carries out a command, or returns the job that it needs.
     fn carry_out(
         &mut self,
         call: &Call<Self::Command>,
@@ -51,7 +51,7 @@ pub(crate) struct Drive {
     pub(crate) level_v: f64,
 }
 
-/// What has been measured.
+/// The finished points of the instrument.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Memory<'a> {
     /// The points of the last finished measurement.
@@ -60,10 +60,10 @@ pub(crate) struct Memory<'a> {
     pub(crate) is_measuring: bool,
 }
 
-/// What comes of a command.
+/// The outcome of a command.
 #[derive(Debug)]
 pub(crate) enum Outcome {
-    /// It is done, with what it answers.
+    /// The command is done, with its answer.
     Done(Vec<Value>),
     /// It measures.
     Measure(Job),

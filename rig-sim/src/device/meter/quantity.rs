@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-/// What a reading is called on the displays of these instruments.
+/// The quantities on the displays of these instruments.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Quantity {
     Off,

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use rig_scpi::{Call, Limits, Node, Param, RealFormat, ScpiError, Unit, Value, command, setting};
 
-/// A setting that is kept.
+/// A setting that is stored and changes nothing.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct StoredSetting {
     pattern: &'static str,
@@ -23,11 +23,11 @@ enum SettingKind {
     /// One of some words, the first unless it is set.
     Word(&'static [&'static str]),
     Text,
-    /// Something that is done, and leaves no trace.
+    /// An action without a stored value.
     Action,
 }
 
-/// On or off.
+/// A switch.
 pub(crate) const fn switch(pattern: &'static str, default: bool) -> StoredSetting {
     StoredSetting { pattern, kind: SettingKind::Switch(default) }
 }
@@ -56,7 +56,7 @@ pub(crate) const fn text(pattern: &'static str) -> StoredSetting {
     StoredSetting { pattern, kind: SettingKind::Text }
 }
 
-/// Something that is done, and leaves no trace.
+/// An action without a stored value.
 pub(crate) const fn action(pattern: &'static str) -> StoredSetting {
     StoredSetting { pattern, kind: SettingKind::Action }
 }
@@ -72,12 +72,12 @@ pub(crate) fn nodes<C: Copy>(
     })
 }
 
-/// What was set, by row of the table and the suffixes of the header.
+/// Values by row of the table and suffixes of the header.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct SettingStore(BTreeMap<(usize, Vec<u32>), Value>);
 
 impl SettingStore {
-    /// Sets a row of the table, or answers what it is set to.
+    /// Sets a row of the table, or answers its value.
     pub(crate) fn obey<C>(
         &mut self,
         stored: &StoredSetting,

@@ -37,7 +37,7 @@ impl<M: Model> TestMeter<M> {
         self.send_as(0, line);
     }
 
-    /// What was said up to now.
+    /// The output up to now.
     pub(crate) fn heard(&mut self) -> String {
         self.heard_by(0)
     }
@@ -47,13 +47,13 @@ impl<M: Model> TestMeter<M> {
         self.meter.push(self.now, client, format!("{line}\r\n").as_bytes(), &mut self.world);
     }
 
-    /// What was said up to now to one of several clients.
+    /// The output up to now for one of several clients.
     pub(crate) fn heard_by(&mut self, client: ClientId) -> String {
         let said = self.meter.take_said(client);
         said.into_iter().map(|(_, bytes)| String::from_utf8(bytes).unwrap()).collect()
     }
 
-    /// What a settled instrument measures at this frequency.
+    /// The impedance of a settled measurement at this frequency.
     pub(crate) fn settled_ohm(&self, frequency_hz: f64) -> Complex64 {
         let mut world = World::new(self.world.scene().clone(), 1).unwrap();
         world.set_frequency(RigTime::ZERO, frequency_hz);

@@ -1,4 +1,4 @@
-//! What the family answers.
+//! The answers of the family.
 
 use num_complex::Complex64;
 use rig_scpi::{Call, Limits, ScpiError, Unit, Value};
@@ -41,7 +41,7 @@ impl<M: Make> Lcr<M> {
         }
     }
 
-    /// What a monitor shows beside the last reading. The sensor blocks a bias: no current flows.
+    /// The value of a monitor beside the last reading. The sensor blocks a bias: no current flows.
     fn monitored(&self, monitor: Monitor, readings: &[FinishedPoint]) -> f64 {
         let impedance_ohm = readings.last().and_then(|reading| reading.impedance_ohm);
         let ampere = impedance_ohm.map(|z| self.open_v() / (z + SOURCE_OHM).norm());
@@ -76,7 +76,7 @@ impl<M: Make> Lcr<M> {
         pair.into_iter().chain([Field::Status(status)]).chain(bin)
     }
 
-    /// What is answered while there is no reading.
+    /// The answer while there is no reading.
     pub(super) fn not_yet(&self) -> Vec<Value> {
         let value = Field::Value(NO_VALUE);
         self.in_format([value, value, Field::Status(-1)].into_iter())

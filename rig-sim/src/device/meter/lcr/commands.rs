@@ -1,4 +1,4 @@
-//! What the family is told: its command tree, and the settings that are merely kept.
+//! The command tree of the family, and its stored settings.
 
 use rig_scpi::{Limits, Node, Tree, Unit, command, query, setting};
 
@@ -49,7 +49,7 @@ pub(crate) enum LcrCommand {
     Volt,
 }
 
-/// What is measured at the terminals beside the impedance.
+/// The quantities at the terminals beside the impedance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Monitor {
     Vac,
@@ -154,7 +154,7 @@ pub(super) const KEPT: &[StoredSetting] = &[
     switch(":SYSTem:KLOCk", false),
 ];
 
-/// What only the E4980A keeps.
+/// The stored settings of the E4980A only.
 pub(super) const E4980A_KEPT: &[StoredSetting] = &[
     switch(":BIAS:POLarity:AUTO", false),
     switch(":BIAS:RANGe:AUTO", true),
@@ -167,10 +167,10 @@ pub(super) const E4980A_KEPT: &[StoredSetting] = &[
     whole(":SYSTem:BEEPer:TONE", Unit::NONE, &[3, 1, 2, 4, 5]),
 ];
 
-/// What only the TH2832 keeps: the resistance of its source, ohm.
+/// The stored setting of the TH2832 only: the resistance of its source, ohm.
 pub(super) const TH2832_KEPT: &[StoredSetting] = &[whole(":ORESister", Unit::OHM, &[100, 30, 50])];
 
-/// The commands of a make that keeps these settings besides those of the family.
+/// The commands of a make that stores these settings in addition to those of the family.
 pub(super) fn tree(own: &[StoredSetting]) -> Tree<LcrCommand> {
     let rows = setting_store::nodes(KEPT, LcrCommand::StoredSetting)
         .chain(setting_store::nodes(own, LcrCommand::Own));

@@ -9,7 +9,7 @@ use std::fmt;
 use super::commands::{E4980A_KEPT, TH2832_KEPT};
 use crate::device::meter::{round_step, setting_store::StoredSetting};
 
-/// What differs from make to make.
+/// The differences between the makes.
 pub(crate) trait Make: fmt::Debug + Send + Sync + 'static {
     /// The answer to `*IDN?`.
     const IDENTITY: &'static str;
@@ -32,7 +32,7 @@ pub(crate) trait Make: fmt::Debug + Send + Sync + 'static {
     const MONITORS_BIAS: bool;
     /// Settings of its own that are kept.
     const KEPT: &'static [StoredSetting];
-    /// Whether the delay of a trigger is told apart from that of a step.
+    /// Whether the delay of a trigger and that of a step are separate.
     const HAS_TRIGGER_DELAY: bool;
     /// Whether a reading is waited for. Otherwise its status says that there is none yet.
     const FETCH_WAITS: bool;

@@ -156,7 +156,7 @@ fn one_client_is_not_disturbed_by_another_and_does_not_keep_it_waiting_for_long(
         meter.heard_by(2),
         "+1.400000000E+02;Keysight Technologies,E4980A,MY46516789,A.06.16\n"
     );
-    // What it sets, and measures, comes after what the first one measures.
+    // Its settings and its measurement follow the measurement of the first client.
     meter.send_as(2, "FREQ 150;:FREQ?;*TRG");
     assert_eq!(meter.heard_by(2), "");
     meter.say("");
