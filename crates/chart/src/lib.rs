@@ -20,4 +20,4 @@ pub use chart::{Band, BandEdge, Chart, Point, Rule, Series, Stroke, legend};
 pub use error::ChartError;
 pub use heat_map::{Category, HeatMap, Tone};
 pub use marker::{COLOURS, Marker};
-pub use svg::{Escaped, STYLE};
+pub use svg::STYLE;

@@ -2,7 +2,8 @@
 
 use std::fmt::Write as _;
 
-use rig_chart::{Chart, ChartError, Escaped, HeatMap, STYLE};
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use rig_chart::{Chart, ChartError, HeatMap, STYLE};
 
 use crate::{files::Folder, outcome::StudyError};
 
@@ -144,31 +145,36 @@ impl Page {
     }
 
     fn html(&self, name: &str) -> Result<String, ChartError> {
-        let mut text = String::from("<!doctype html>\n<html lang=\"en\">\n<head>\n");
-        put(&mut text, format_args!("<meta charset=\"utf-8\">\n<title>{}</title>\n", self.title));
-        put(&mut text, format_args!("<style>\n{PAGE_STYLE}{STYLE}</style>\n</head>\n<body>\n"));
-        put(&mut text, format_args!("<h1>{}</h1>\n", Escaped(&self.title)));
+        let mut parts = Vec::new();
         for (index, part) in self.parts.iter().enumerate() {
-            match part {
-                Part::Heading(heading) => {
-                    put(&mut text, format_args!("<h2>{}</h2>\n", Escaped(heading)));
-                }
-                Part::Text(paragraph) => {
-                    put(&mut text, format_args!("<p>{}</p>\n", with_code(paragraph)));
-                }
-                Part::Table(table) => html_table(&mut text, table),
+            parts.push(match part {
+                Part::Heading(heading) => html! { h2 { (heading) } },
+                Part::Text(paragraph) => html! { p { (with_code(paragraph)) } },
+                Part::Table(table) => html_table(table),
                 Part::Chart(_, chart) => {
-                    let svg = chart.svg(&format!("chart-{index}"))?;
-                    put(&mut text, format_args!("<figure>\n{svg}\n</figure>\n"));
+                    // The chart escapes its texts.
+                    html! { figure { (PreEscaped(chart.svg(&format!("chart-{index}"))?)) } }
                 }
                 Part::Data(file, _) => {
-                    let path = format!("{name}/{file}");
-                    put(&mut text, format_args!("<p>Data: <a href=\"{path}\">{file}</a></p>\n"));
+                    html! { p { "Data: " a href={ (name) "/" (file) } { (file) } } }
+                }
+            });
+        }
+        let page = html! {
+            (DOCTYPE)
+            html lang="en" {
+                head {
+                    meta charset="utf-8";
+                    title { (self.title) }
+                    style { (PreEscaped(PAGE_STYLE)) (PreEscaped(STYLE)) }
+                }
+                body {
+                    h1 { (self.title) }
+                    @for part in &parts { (part) }
                 }
             }
-        }
-        text.push_str("</body>\n</html>\n");
-        Ok(text)
+        };
+        Ok(page.into_string())
     }
 }
 
@@ -205,31 +211,24 @@ fn markdown_table(text: &mut String, table: &Table) {
     }
 }
 
-fn html_table(text: &mut String, table: &Table) {
-    let line = |tag: &str, cells: &[String]| {
-        let cells: Vec<String> =
-            cells.iter().map(|cell| format!("<{tag}>{}</{tag}>", with_code(cell))).collect();
-        format!("<tr>{}</tr>\n", cells.concat())
-    };
-    text.push_str("<table>\n");
-    text.push_str(&line("th", &table.columns));
-    for row in &table.rows {
-        text.push_str(&line("td", row));
-    }
-    text.push_str("</table>\n");
-}
-
-/// Escapes the text and marks backquoted words as code.
-fn with_code(text: &str) -> String {
-    let mut html = String::new();
-    for (index, piece) in Escaped(text).to_string().split('`').enumerate() {
-        if index % 2 == 1 {
-            put(&mut html, format_args!("<code>{piece}</code>"));
-        } else {
-            html.push_str(piece);
+fn html_table(table: &Table) -> Markup {
+    html! {
+        table {
+            tr { @for column in &table.columns { th { (with_code(column)) } } }
+            @for row in &table.rows {
+                tr { @for value in row { td { (with_code(value)) } } }
+            }
         }
     }
-    html
+}
+
+/// Text with its backquoted words as code.
+fn with_code(text: &str) -> Markup {
+    html! {
+        @for (index, piece) in text.split('`').enumerate() {
+            @if index % 2 == 1 { code { (piece) } } @else { (piece) }
+        }
+    }
 }
 
 #[cfg(test)]
@@ -251,9 +250,10 @@ mod tests {
         );
         let html = page.html("x").unwrap();
         for part in [
+            "<title>A &amp; B</title>",
             "<h1>A &amp; B</h1>",
             "<p>Run <code>cargo run</code> for a &lt; b.</p>",
-            "<tr><th>what</th><th>value</th></tr>\n<tr><td>a|b</td><td>1</td></tr>",
+            "<tr><th>what</th><th>value</th></tr><tr><td>a|b</td><td>1</td></tr>",
         ] {
             assert!(html.contains(part), "{part} is not in\n{html}");
         }
