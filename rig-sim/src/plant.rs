@@ -131,6 +131,11 @@ impl Plant {
         self.drive *= factor;
     }
 
+    /// Turns the phase of the drive now, by this many radians.
+    pub fn turn_drive(&mut self, radians: f64) {
+        self.drive *= Complex64::cis(radians);
+    }
+
     /// Lets time pass.
     pub fn advance(&mut self, seconds: f64) {
         let transient = self.transient();
@@ -283,6 +288,18 @@ mod tests {
         }
         let (whole, cut) = (whole.measure(2), cut.measure(2));
         assert!((whole - cut).norm() < 1e-11 * whole.norm(), "{whole} {cut}");
+    }
+
+    #[test]
+    fn a_turn_of_the_drive_sets_the_branch_ringing_at_its_own_frequency() {
+        let mut plant = Plant::at_rest(circuit(140.4, 30.0), 140.4).unwrap();
+        plant.advance(5.0);
+        let settled = plant.measure(1);
+        plant.turn_drive(std::f64::consts::PI);
+        let turned = plant.measure(1);
+        assert!((turned - settled).norm() > settled.norm(), "{turned} {settled}");
+        plant.advance(5.0);
+        assert!((plant.measure(1) - settled).norm() < 1e-10 * settled.norm());
     }
 
     #[test]

@@ -3,8 +3,8 @@
 
 Usage: recompute.py RUN.json   (the output of `rigd run … --json`)
 
-Reads `readings.csv` of the run, fits the Butterworth–Van Dyke circuit with dielectric loss to every
-accepted sweep by scipy's least squares from starts of its own, and compares resonances, shifts, the
+Reads `readings.csv` of the run, fits the Butterworth–Van Dyke circuit with dielectric loss and the free
+decay after each change of frequency to every accepted sweep by scipy's least squares, and compares resonances, shifts, the
 table, the sensitivity and the classification with what rigd says. Exits 1 when anything differs by
 more than it may: a resonance or a shift by more than half of its stated standard deviation. Which
 reading counts for how much depends a little on the noise, which rigd learns as it goes, and this
@@ -29,81 +29,128 @@ def table(path):
         return list(csv.DictReader(file))
 
 
-# Standard deviation of the noise of ten cycles, beside which a reading has settled or not, and by how
-# much more what is left of the motion is feared.
+# Standard deviation of the noise of ten cycles, and of the time between two readings of a stay, s.
 NOISE = 0.005
-MARGIN = 1.5
+GAP_SIGMA_S = 0.58e-3
+# The gap between two readings where none has been seen, s.
+GAP_S = 1e-3
+# The part of the square of a free decay that each part of its amplitude may have, its phase being random.
+AMPLITUDE_SHARE = 0.75
+# What is known beforehand of ln Q, C0, C1 and C0 tan δ, the capacitances in units of the first reading.
+MEAN = np.array([np.log(30), 1.0, 0.0, 0.0])
+SPREAD = np.array([1.0, 1.0, 0.15, 0.03])
 
 
-def left_over(parameters, frequency_hz, started_s, settle_s, integration_s):
-    """The variance of each part of the relative error that the motion left over from earlier points
-    adds to each reading, when the drive between two points may have had any phase."""
-    f, q, _, m = np.exp(parameters[:4])
-    response = 1 / (1 - (frequency_hz / f) ** 2 + 1j * frequency_hz / f / q)
-    s = 2 * np.pi * f * (-0.5 / q + 1j * np.sqrt(1 - 0.25 / q**2))
-    variance = np.zeros(len(frequency_hz))
-    # The drive before the first point may have been at the resonance.
-    amplitude, before, end_s = 0.0, q, started_s[0]
-    for i, (hz, begun_s) in enumerate(zip(frequency_hz, started_s)):
-        is_new = i == 0 or hz != frequency_hz[i - 1]
-        amplitude *= np.exp(2 * s.real * max(begun_s - end_s, 0.0))
-        if is_new:
-            amplitude += abs(response[i]) ** 2 + before**2
-            before = abs(response[i])
-        is_same_stay = i > 0 and not is_new and begun_s == started_s[i - 1]
-        wait_s = begun_s + settle_s[i] - end_s if is_same_stay else settle_s[i]
-        duration_s = integration_s[i]
-        heard = sum(
-            abs(z * (np.exp(z * duration_s) - 1) / ((z - 2j * np.pi * hz) * duration_s)) ** 2
-            for z in (s, s.conjugate())
-        )
-        total = 2 * np.pi * hz * (1 - 1j * parameters[4] + m * response[i])
-        now = amplitude * np.exp(2 * s.real * wait_s)
-        # Readings of one stay hear the same motion: only what has died away in between is new.
-        new = 1 if is_new else max(1 - now / read, 1e-12)
-        read = now
-        part = 0.5 * MARGIN * now * heard / new
-        variance[i] = part * m**2 / abs(total) ** 2
-        amplitude *= np.exp(2 * s.real * (wait_s + duration_s))
-        end_s = begun_s + settle_s[i] + duration_s
-    return variance
+def stays_of(frequency_hz, begin_s, integration_s):
+    """The readings of each stay at one frequency, and for each reading the time since the first of its
+    stay. A reading that would end after the next has begun was reported late by the analyzer."""
+    stays, since_s, start_s = [], [], np.zeros(len(frequency_hz))
+    for i, hz in enumerate(frequency_hz):
+        after_s = begin_s[i] - begin_s[i - 1] if i else 0.0
+        if i == 0 or hz != frequency_hz[i - 1]:
+            since_s.append((start_s[i - 1] if i else 0.0) + after_s)
+            stays.append([i])
+            continue
+        stay = stays[-1]
+        start_s[i] = start_s[i - 1] + after_s
+        end_s = start_s[i - 1] + integration_s[i - 1]
+        if start_s[i] < end_s:
+            gaps = [start_s[k + 1] - start_s[k] - integration_s[k] for k in stay[:-1]]
+            gaps = [GAP_S] + [gap for gap in gaps if gap > 0]
+            late_s = end_s + sum(gaps) / len(gaps) - start_s[i]
+            if len(stay) == 1:
+                start_s[i] += late_s
+            else:
+                start_s[i - 1] -= late_s
+        stay.append(i)
+    return stays, np.array(since_s), start_s
 
 
-def fit(frequency_hz, impedance_ohm, *times, stated):
-    """The series resonance of the readings, Hz. Each counts for as much as it was integrated for, and
-    for as much as it has settled if the circuit is nearly the stated one."""
-    variance = 10 / (times[-1] * frequency_hz)
-    variance += left_over(stated, frequency_hz, *times) / NOISE**2
-    return float(np.exp(fit_weighted(frequency_hz, impedance_ohm, variance)[0]))
+def decay(rate, start_s, integration_s):
+    """The mean of exp(rate t) over a reading."""
+    x = rate * integration_s
+    return np.exp(rate * start_s) * (np.exp(x) - 1) / x
 
 
-def fit_weighted(frequency_hz, impedance_ohm, variance):
-    """The most likely circuit, for readings of these relative variances."""
+def fit(frequency_hz, impedance_ohm, started_s, settle_s, integration_s, stated):
+    """The series resonance of readings that still ring, Hz: the circuit, the amplitude of the free decay
+    of each stay and the error of the time of each reading are fitted at once."""
+    stays, since_s, start_s = stays_of(frequency_hz, started_s + settle_s, integration_s)
+    firsts = np.array([stay[0] for stay in stays])
+    stay_of = np.concatenate([[n] * len(stay) for n, stay in enumerate(stays)])
+    begins = np.isin(np.arange(len(frequency_hz)), firsts)
+    omega = 2 * np.pi * frequency_hz
+    unit = 1 / (omega[0] * abs(impedance_ohm[0]))
+    z = impedance_ohm * unit
+    weight = 1 / np.sqrt(NOISE**2 * 10 / (integration_s * frequency_hz))
 
-    def model(parameters, u_of):
-        log_f, log_q, log_c0, log_m, loss = parameters
-        f, q, c0, m = np.exp([log_f, log_q, log_c0, log_m])
-        u = u_of / f
-        return 1j * 2 * np.pi * u_of * c0 * ((1 - 1j * loss) + m / (1 - u * u + 1j * u / q))
+    def circuit(x):
+        f, q = np.exp(x[:2])
+        response = 1 / (1 - (frequency_hz / f) ** 2 + 1j * frequency_hz / f / q)
+        s = 2 * np.pi * f * (-0.5 / q + 1j * np.sqrt(1 - 0.25 / q**2))
+        steady = 1j * omega * (x[2] - 1j * x[4]) + x[3] * 1j * omega * response
+        return f, q, s, response, steady
 
-    weight = 1 / np.sqrt(variance / variance.min())
+    def amplitudes(x):
+        """The root mean square of the amplitude of the free decay of each stay."""
+        f, q, s, response, _ = circuit(x)
+        square, forced, out = 0.0, q**2, []
+        for first, since in zip(firsts, since_s):
+            now = abs(response[first]) ** 2
+            square = now + forced + square * np.exp(2 * s.real * since)
+            forced = now
+            out.append(np.sqrt(square) * abs(x[3]) * 2 * np.pi * f)
+        return np.array(out)
 
-    def residuals(parameters):
-        # Nearly ln x, and bounded where a reading is nowhere near.
-        x = impedance_ohm * model(parameters, frequency_hz)
-        r = weight * 2 * (x - 1) / (x + 1)
-        return np.concatenate([r.real, r.imag])
+    def late(steps):
+        """The error of the time of each reading: the steps add up along a stay."""
+        total = np.cumsum(np.where(begins, 0.0, steps))
+        return total - total[firsts][stay_of]
 
-    admittance = 1 / impedance_ohm
-    c0 = np.median(admittance.imag / (2 * np.pi * frequency_hz))
-    best = None
-    starts = itertools.product(frequency_hz[np.argsort(-admittance.real)[:3]], (15, 50))
-    starts = [[np.log(f), np.log(q), np.log(abs(c0)), np.log(0.05), 0.01] for f, q in starts]
-    for start in starts:
-        found = least_squares(residuals, start, method="lm", xtol=1e-14, ftol=1e-14, gtol=1e-14)
-        if best is None or found.cost < best.cost:
-            best = found
-    return best.x
+    def residuals(x, rms, size):
+        _, _, s, _, steady = circuit(x)
+        n = len(stays)
+        a = (x[5 : 5 + n] + 1j * x[5 + n : 5 + 2 * n]) * rms
+        steps = x[5 + 2 * n :] * GAP_SIGMA_S
+        times = start_s + late(steps)
+        model = steady + a[stay_of] * decay(s - 1j * omega, times, integration_s)
+        # What turns against the drive is as large, and has any phase.
+        counter = decay(s.conjugate() - 1j * omega, times, integration_s)
+        variance = weight**-2 + 0.5 * (size[stay_of] * abs(counter) / abs(model)) ** 2
+        r = 2 * (z * model - 1) / (z * model + 1) / np.sqrt(variance)
+        amplitude = x[5 : 5 + 2 * n] / np.sqrt(AMPLITUDE_SHARE)
+        known = (x[1:5] - MEAN) / SPREAD
+        return np.concatenate([r.real, r.imag, amplitude, x[5 + 2 * n :][~begins], known])
+
+    f, q, c0, m, loss = stated
+    x = np.array([f + 0.03 / np.exp(q), q + 0.1, np.exp(c0) / unit, np.exp(c0 + m) / unit, 0.0])
+    x[4] = loss * x[2]
+    n = len(stays)
+    _, _, s, _, steady = circuit(x)
+    e = decay(s - 1j * omega, start_s, integration_s)
+    rms = amplitudes(x)
+    first = []
+    for k, stay in enumerate(stays):
+        column, rest = z[stay] * e[stay] * weight[stay], (1 - z[stay] * steady[stay]) * weight[stay]
+        first.append(np.vdot(column, rest) / (np.vdot(column, column).real + rms[k] ** -2))
+    a = np.array(first)
+    steps = np.zeros(len(frequency_hz))
+    for _ in range(3):
+        rms, size = amplitudes(x), abs(a)
+        start = np.concatenate([x[:5], (a / rms).real, (a / rms).imag, steps])
+        # Steps that are no unknowns stay where they are.
+        free = np.concatenate([np.ones(5 + 2 * n, bool), ~begins])
+
+        def some(y):
+            full = start.copy()
+            full[free] = y
+            return residuals(full, rms, size)
+
+        found = least_squares(some, start[free], method="lm", xtol=1e-12, ftol=1e-12)
+        start[free] = found.x
+        x, steps = start[:5], start[5 + 2 * n :]
+        a = (start[5 : 5 + n] + 1j * start[5 + n : 5 + 2 * n]) * rms
+    return float(np.exp(x[0]))
 
 
 def k_means(values, k):

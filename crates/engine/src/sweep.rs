@@ -92,10 +92,8 @@ impl Sweep {
 
     fn finish(&mut self, outcome: Verdict, notes: &mut Vec<Event>) -> SweepStep {
         let readings = std::mem::take(&mut self.readings);
-        // The planner counts values only.
-        let last_probe = values(&readings).take(self.planner.looks()).last();
-        let is_last = |reading: &Reading| Some(reading) == last_probe;
-        let probe_readings = readings.iter().rposition(is_last).map_or(0, |last| last + 1);
+        // Every reading is fitted.
+        let probe_readings = 0;
         let effective_time_s = self.planner.moment_s(&outcome);
         let finished = Box::new(FinishedSweep {
             purpose: self.purpose,

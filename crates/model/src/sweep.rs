@@ -46,9 +46,11 @@ impl SweepPoint {
 /// How the points of a sweep are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SweepMethod {
-    /// The planner chooses each next point from the readings so far.
+    /// The planner chooses each next stay at one frequency from what is known so far. Nothing waits for
+    /// settling: the free decay after each change of frequency is fitted, whatever the phase of the
+    /// drive was. For any analyzer whose readings follow each other at times known to a millisecond.
     Adaptive,
-    /// The same, and nothing waits for settling: the ring-up is part of the model. Only for
+    /// The same with a drive that is known at every moment: the ring-up is part of the model. Only for
     /// analyzers that tell when each point began and how long it took, with a drive that goes on
     /// between the points and never jumps in phase.
     Transient,

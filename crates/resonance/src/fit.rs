@@ -3,6 +3,8 @@
 //! Most sweeps are good, and nothing is gained by doubting them at length: the fit itself shows
 //! whether anything is unusual. Only then everything else that could explain the readings is tried.
 
+pub(crate) mod decay;
+
 use rig_model::{Reading, Window};
 
 use crate::{
@@ -54,6 +56,9 @@ const NOISE_MAX_LINEWIDTHS: f64 = 0.1;
 /// not noise but what other causes might do, none of which the readings ask for.
 pub(crate) const SIGMA_MAX_LINEWIDTHS: f64 = 0.5;
 
+/// More than the square of the coupling factor k33 of the softest ceramics, 0.56.
+const K_SQUARED_MAX: f64 = 0.6;
+
 /// Finds the resonance in readings, in the order in which they were taken.
 pub fn fit(readings: &[Reading], options: &FitOptions) -> Verdict {
     Fitter::default().fit(readings, options)
@@ -70,11 +75,15 @@ impl Fitter {
     /// Finds the resonance in readings, in the order in which they were taken.
     pub fn fit(&mut self, readings: &[Reading], options: &FitOptions) -> Verdict {
         let refused = |reason| Verdict::Refused(Refusal { reason, estimate: None });
+        if options.timing == Timing::AnyPhase {
+            return decay::judge::fit(readings, options);
+        }
         if let Err(reason) = self.load(readings) {
             return refused(reason);
         }
         let Points { lowest_hz: min_hz, highest_hz: max_hz, .. } = self.quick.points;
-        let window = options.window.unwrap_or(Window { min_hz, max_hz });
+        let span = Window { min_hz, max_hz };
+        let window = options.window.unwrap_or(span);
         let rounding = rounding::variances(readings);
         let mut start = None;
         if options.timing.is_steady()
@@ -86,6 +95,7 @@ impl Fitter {
                 && !rounding::matters(&rounding, readings, &resonance)
                 && doubt_existence(&resonance, found.gain).is_none()
                 && doubt_place(&resonance, window).is_none()
+                && doubt_circuit(&resonance, span).is_none()
                 && let told = self.told(&resonance, at, readings, options.timing)
                 && doubt_precision(&told, resonance.sigma_hz).is_none()
             {
@@ -96,7 +106,7 @@ impl Fitter {
         let near = options.near.map(|circuit| Believed::of(&circuit, unit_farad));
         let start = near.or(start);
         match Model::find(readings, &rounding, window, unit_farad, start, options) {
-            Ok(model) => judge(&model, window, options),
+            Ok(model) => judge(&model, window, span, options),
             Err(reason) => refused(reason),
         }
     }
@@ -112,7 +122,7 @@ impl Fitter {
         let unit_farad = self.quick.points.reference_farad;
         match timing {
             Timing::Unknown => untold::widened(found, at, readings, unit_farad),
-            Timing::Waited | Timing::Exact(_) => *found,
+            Timing::Waited | Timing::Exact(_) | Timing::AnyPhase => *found,
         }
     }
 
@@ -131,7 +141,7 @@ impl Fitter {
 }
 
 /// The verdict on a model that was found with all doubts.
-fn judge(model: &Model, window: Window, options: &FitOptions) -> Verdict {
+fn judge(model: &Model, window: Window, span: Window, options: &FitOptions) -> Verdict {
     let gain = model.gain_over_capacitor();
     let Some(found) = model.resonance(options) else {
         let is_nothing = gain < GAIN_MIN;
@@ -143,6 +153,7 @@ fn judge(model: &Model, window: Window, options: &FitOptions) -> Verdict {
     let reason = doubt_existence(&found, gain)
         .or_else(|| (model.found.end == End::OutOfSteps).then_some(Reason::NotConverged))
         .or_else(|| doubt_place(&found, window))
+        .or_else(|| doubt_circuit(&found, span))
         // A fit to many outliers says nothing of the resonance.
         .map(|reason| model.outliers_in_the_way().unwrap_or(reason))
         // Something in series explains a little of nearly everything, and much of mere noise.
@@ -166,14 +177,14 @@ fn judge(model: &Model, window: Window, options: &FitOptions) -> Verdict {
 }
 
 /// Whether there is a resonance at all.
-fn doubt_existence(found: &Resonance, gain: f64) -> Option<Reason> {
+pub(crate) fn doubt_existence(found: &Resonance, gain: f64) -> Option<Reason> {
     // What is not a number must be refused as well, here and below.
     let exists = gain > GAIN_MIN && found.figure_of_merit > 0.0;
     (!exists).then_some(Reason::NoResonance { found: gain, needed: GAIN_MIN })
 }
 
 /// Whether it is where it was sought.
-fn doubt_place(found: &Resonance, window: Window) -> Option<Reason> {
+pub(crate) fn doubt_place(found: &Resonance, window: Window) -> Option<Reason> {
     let estimate_hz = found.resonance_hz;
     let side = if estimate_hz < window.min_hz {
         Side::Below
@@ -185,8 +196,25 @@ fn doubt_place(found: &Resonance, window: Window) -> Option<Reason> {
     Some(Reason::OutsideWindow { side, estimate_hz, window })
 }
 
+/// Whether it can be a sensor at all: something else may look a little like a resonance.
+pub(crate) fn doubt_circuit(found: &Resonance, window: Window) -> Option<Reason> {
+    let circuit = found.circuit();
+    let span_hz = window.max_hz - window.min_hz;
+    [
+        ("linewidth in Hz", circuit.linewidth_hz(), span_hz),
+        ("coupling factor squared", circuit.k_eff_squared(), K_SQUARED_MAX),
+    ]
+    .into_iter()
+    .find(|(_, found, limit)| {
+        // What is not a number is no sensor either.
+        let is_possible = found < limit;
+        !is_possible
+    })
+    .map(|(quantity, found, limit)| Reason::NotASensor { quantity, found, limit })
+}
+
 /// Whether it is known well enough to be told, with so much of its uncertainty by noise alone.
-fn doubt_precision(found: &Resonance, sigma_by_noise_hz: f64) -> Option<Reason> {
+pub(crate) fn doubt_precision(found: &Resonance, sigma_by_noise_hz: f64) -> Option<Reason> {
     let linewidth_hz = found.circuit().linewidth_hz();
     let [by_noise, by_all] = [
         (sigma_by_noise_hz, NOISE_MAX_LINEWIDTHS * linewidth_hz),

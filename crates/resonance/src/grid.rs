@@ -26,8 +26,8 @@ const LINEAR: usize = 5;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Expected {
     /// (ln resonance, ln Q, C0, C1, C0·tan δ), capacitances in the unit of the readings.
-    mean: [f64; CIRCUIT],
-    spread: [f64; CIRCUIT],
+    pub(crate) mean: [f64; CIRCUIT],
+    pub(crate) spread: [f64; CIRCUIT],
 }
 
 pub(crate) const Q_TYPICAL: f64 = 30.0;
@@ -37,18 +37,17 @@ const LN_Q_SPREAD: f64 = 1.0;
 const CHANGED_MIN: f64 = 0.1;
 const C0_CHANGES: f64 = 0.1;
 const LOSS_CHANGES: f64 = 0.01;
-const VAGUE: f64 = 100.0;
 /// Spread of an unknown past motion in units of C0.
 const PAST_SPREAD: f64 = 3.0;
 /// C1 in units of C0 where only the size of an error depends on it.
-const C1_TYPICAL: f64 = 0.07;
+pub(crate) const C1_TYPICAL: f64 = 0.07;
 
 /// Distance of the trial frequencies, relative: at a quality of 150 one linewidth.
-const STEP: f64 = 0.007;
+pub(crate) const STEP: f64 = 0.007;
 /// Most steps over a window: from 4 Hz to 8 MHz, further than any impedance analyzer goes. Beyond it the
 /// steps get longer.
 const STEPS_MAX: u32 = 2100;
-const QUALITIES: [f64; 7] = [6.0, 10.0, 17.0, 30.0, 52.0, 90.0, 150.0];
+pub(crate) const QUALITIES: [f64; 7] = [6.0, 10.0, 17.0, 30.0, 52.0, 90.0, 150.0];
 
 /// All trials.
 #[derive(Debug, Clone)]
@@ -142,7 +141,7 @@ impl Cell {
         let omega = TAU * sample.visit.frequency_hz;
         let heard = match timing {
             Timing::Exact(_) => self.motion.visit(&sample.visit, &mut self.past),
-            Timing::Waited | Timing::Unknown => {
+            Timing::Waited | Timing::Unknown | Timing::AnyPhase => {
                 let u = sample.visit.frequency_hz / self.resonance_hz;
                 let response = 1.0 / Complex64::new(1.0 - u * u, u / self.q);
                 let motional = Complex64::new(0.0, omega) * response;
@@ -224,11 +223,6 @@ impl Expected {
             mean: [middle, circuit.q.ln(), 1.0, ratio, circuit.loss_tangent],
             spread: [half, changed, C0_CHANGES, changed * ratio, LOSS_CHANGES],
         }
-    }
-
-    /// The same, hardly believed.
-    pub(crate) fn vaguely(self) -> Self {
-        Self { spread: self.spread.map(|spread| VAGUE * spread), ..self }
     }
 
     /// Adds it to the normal equations, for noise of this variance.

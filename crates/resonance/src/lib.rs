@@ -23,6 +23,7 @@ mod leftover;
 mod mains;
 mod moment;
 mod outliers;
+mod plan;
 mod planner;
 mod points;
 mod quick;

@@ -22,6 +22,7 @@ use rig_model::Reading;
 use crate::{
     Circuit, FitOptions, Resonance, Rung, Timing,
     dense::Cholesky,
+    fit,
     solve::Normal,
     trace::{Believed, Besides, CIRCUIT, Trace, UNKNOWNS, middle_s},
 };
@@ -35,6 +36,10 @@ impl Resonance {
         let (first, last) = (readings.first()?, readings.last()?);
         if first.started >= last.started {
             return None;
+        }
+        if options.timing == Timing::AnyPhase {
+            let begin_s = first.started.as_seconds() + first.settle_s;
+            return Some(begin_s + fit::decay::judge::moment_s(readings, options)?);
         }
         let mut trace = Trace::of(readings, options.timing, self.c0_farad);
         let circuit = self.circuit();

@@ -4,17 +4,16 @@
 //! and is asked again, until it has a verdict. The readings say how long they took; what passes besides,
 //! it is told, and its own thinking it counts.
 
-mod limit;
-mod settled;
+pub(crate) mod limit;
 mod tracker;
 mod transient;
 
 use rig_model::{Reading, SweepMethod, SweepPoint, SweepRequest, Window};
 
+use crate::plan::decay::{self, Decay};
 use crate::{
     Circuit, FitOptions, Fitter, NoisePrior, Past, Reason, Refusal, Resonance, Timing, Verdict,
-    fit::POINTS_MIN,
-    trace::{CIRCUIT, Sample},
+    fit::POINTS_MIN, trace::CIRCUIT,
 };
 pub(crate) use limit::Deviation;
 pub use limit::Limit;
@@ -22,7 +21,6 @@ use limit::{
     READINGS_MAX, READINGS_SHORT, ROWS_PER_PLAN, ROWS_PER_READING_JUDGED, SECONDS_PER_ROW,
     SHORTEST_SHARE, VERDICTS_MAX,
 };
-use settled::Settled;
 use tracker::Tracker;
 use transient::Transient;
 
@@ -102,16 +100,14 @@ pub struct Estimate {
 #[derive(Debug, Clone)]
 enum Method {
     Uniform { points: u32, is_asked: bool },
-    Settled(Box<Settled>),
+    Adaptive(Box<Decay>),
     Transient(Box<Transient>),
 }
 
 /// What an analyzer is taken for until its readings tell.
-const NOISE: NoisePrior = NoisePrior { at_ten_cycles: 0.005, degrees_of_freedom: 4.0 };
+pub(crate) const NOISE: NoisePrior = NoisePrior { at_ten_cycles: 0.005, degrees_of_freedom: 4.0 };
 /// Noise may change: what earlier sweeps say of it counts for no more than this.
 const NOISE_DEGREES_MAX: f64 = 1000.0;
-/// A reading that counts for less than this part of a settled one is a look.
-const LOOK_WEIGHT: f64 = 1e-3;
 /// The part of the asked standard deviation that is aimed at: what is planned with estimates falls
 /// short half of the time.
 const AIM: f64 = 0.99;
@@ -119,10 +115,6 @@ const AIM: f64 = 0.99;
 const MORE: f64 = 0.95;
 /// By how much less where it refuses: many refusals of nearly the same readings would be one.
 const MUCH_MORE: f64 = 0.9;
-/// How far a result may be from the circuit for which its readings were weighed: in standard
-/// deviations, and in the logarithm of the quality.
-const OFF_SIGMAS: f64 = 0.3;
-const OFF_LN_Q: f64 = 0.15;
 /// Standard deviations that a normal number exceeds once in a hundred times.
 const ONE_IN_A_HUNDRED: f64 = 2.33;
 /// A refusal may be chance while the readings are few; so many in a row are none.
@@ -139,7 +131,7 @@ impl Planner {
                 (Method::Uniform { points, is_asked: false }, Timing::Waited)
             }
             SweepMethod::Adaptive => {
-                (Method::Settled(Box::new(Settled::new(request, prior, &noise))), Timing::Waited)
+                (Method::Adaptive(Box::new(Decay::new(request, prior))), Timing::AnyPhase)
             }
             SweepMethod::Transient => {
                 let transient = Transient::new(request, prior, past, &noise);
@@ -148,8 +140,7 @@ impl Planner {
         };
         let options = FitOptions {
             window: Some(request.window),
-            // How far a reading has settled can only be held against some noise.
-            noise: known.or_else(|| matches!(method, Method::Settled(_)).then_some(NOISE)),
+            noise: known,
             timing,
             always_loss: true,
             near: None,
@@ -185,7 +176,8 @@ impl Planner {
                 Next::Measure(evenly(window, *points, settle_s, cycles))
             }
             Method::Uniform { .. } => Next::Finished(self.verdict()),
-            Method::Settled(_) | Method::Transient(_) => self.next_point(),
+            Method::Adaptive(_) => self.next_stay(),
+            Method::Transient(_) => self.next_point(),
         }
     }
 
@@ -203,11 +195,20 @@ impl Planner {
     }
 
     /// The most that is computed between two readings, as [`Self::work`] counts it.
-    pub const WORK_MAX: u64 = limit::STEP_WORK_MAX;
+    pub const WORK_MAX: u64 = if limit::STEP_WORK_MAX > decay::STEP_WORK_MAX {
+        limit::STEP_WORK_MAX
+    } else {
+        decay::STEP_WORK_MAX
+    };
 
     /// How much has been computed so far, in readings with their slopes.
     pub fn work(&self) -> u64 {
-        self.work + self.tracker().map_or(0, Tracker::work)
+        let of_method = match &self.method {
+            Method::Uniform { .. } => 0,
+            Method::Adaptive(decay) => decay.work(),
+            Method::Transient(transient) => transient.tracker().work(),
+        };
+        self.work + of_method
     }
 
     /// The time that counts against the limit, s: what has passed, and the thinking.
@@ -220,7 +221,7 @@ impl Planner {
         self.work += ROWS_PER_READING_JUDGED * self.readings.len() as u64;
         self.options.near = match &mut self.method {
             Method::Uniform { .. } => None,
-            Method::Settled(settled) => settled.tracker_mut().circuit(),
+            Method::Adaptive(decay) => decay.circuit(),
             Method::Transient(transient) => transient.tracker_mut().circuit(),
         };
         self.fitter.fit(&self.readings, &self.options)
@@ -248,20 +249,6 @@ impl Planner {
         }
     }
 
-    /// Whether a result is what the plan took for granted: with settled points the circuit for which
-    /// the readings were weighed, without waiting times that are as they were told. What is wrong
-    /// with the latter shows in few readings as scatter only.
-    fn is_consistent(&self, found: &Resonance) -> bool {
-        match (&self.method, self.options.near) {
-            (Method::Settled(_), Some(near)) => {
-                let off_sigmas = (found.resonance_hz - near.resonance_hz) / found.sigma_hz;
-                off_sigmas.abs() < OFF_SIGMAS && (found.q / near.q).ln().abs() < OFF_LN_Q
-            }
-            (Method::Transient(_), _) => !scatters(found, &self.options),
-            _ => true,
-        }
-    }
-
     /// What the last verdict was told besides the readings.
     pub const fn fit_options(&self) -> FitOptions {
         self.options
@@ -272,7 +259,7 @@ impl Planner {
     pub const fn target_hz(&self) -> Option<f64> {
         match self.method {
             Method::Uniform { .. } => None,
-            Method::Settled(_) | Method::Transient(_) => Some(self.request.target_sigma_hz),
+            Method::Adaptive(_) | Method::Transient(_) => Some(self.request.target_sigma_hz),
         }
     }
 
@@ -283,24 +270,56 @@ impl Planner {
 
     fn tracker(&self) -> Option<&Tracker> {
         match &self.method {
-            Method::Uniform { .. } => None,
-            Method::Settled(settled) => Some(settled.tracker()),
+            Method::Uniform { .. } | Method::Adaptive(_) => None,
             Method::Transient(transient) => Some(transient.tracker()),
         }
     }
 
-    /// How many of the first readings only served to find the resonance: they had settled so little
-    /// that together they count for next to nothing. The others still lie on both sides of it.
-    pub fn looks(&self) -> usize {
-        let Method::Settled(settled) = &self.method else { return 0 };
-        let Some((trace, at)) = settled.tracker().best() else { return self.readings.len() };
-        let is_look = |sample: &&Sample| sample.weight < LOOK_WEIGHT * sample.length;
-        let is_below = |sample: &Sample| sample.visit.frequency_hz < at.resonance_hz;
-        let last_below = trace.samples.iter().rposition(is_below).unwrap_or(0);
-        let last_above = trace.samples.iter().rposition(|sample| !is_below(sample)).unwrap_or(0);
-        let most = self.readings.len().saturating_sub(POINTS_MIN);
-        let looks = trace.samples.iter().take_while(is_look).count();
-        looks.min(most).min(last_below).min(last_above)
+    /// The next stay of a sweep that fits the free decay, as far as the time allowed goes.
+    fn next_stay(&mut self) -> Next {
+        if let Some(limit) = self.limit() {
+            return self.finish(limit);
+        }
+        let window = self.request.window;
+        let is_enough = match &mut self.method {
+            Method::Adaptive(decay) => decay.is_enough(window),
+            _ => false,
+        };
+        if is_enough {
+            let verdict = self.verdict();
+            let target_hz = self.request.target_sigma_hz;
+            if let Method::Adaptive(decay) = &mut self.method
+                && decay.is_final(&verdict, target_hz)
+            {
+                return Next::Finished(verdict);
+            }
+        }
+        let (elapsed_s, limit_s) = (self.elapsed_s(), self.request.time_limit_s);
+        let points = match &mut self.method {
+            Method::Adaptive(decay) => decay.next(&self.request, &self.readings, elapsed_s),
+            _ => Ok(Vec::new()),
+        };
+        self.work += ROWS_PER_PLAN;
+        let mut points = match points {
+            Ok(points) => points,
+            Err(reason) => {
+                return Next::Finished(Verdict::Refused(Refusal { reason, estimate: None }));
+            }
+        };
+        if points.is_empty() {
+            return self.finish(Limit::Plan);
+        }
+        let mut end_s = elapsed_s;
+        let is_in_time = |point: &&SweepPoint| {
+            end_s += point.duration_s();
+            end_s <= limit_s
+        };
+        let count = points.iter().take_while(is_in_time).count();
+        points.truncate(count.min(READINGS_MAX - self.readings.len()));
+        if points.is_empty() {
+            return self.finish(Limit::Time { limit_s });
+        }
+        Next::Measure(points)
     }
 
     fn next_point(&mut self) -> Next {
@@ -321,7 +340,7 @@ impl Planner {
                     self.aim_hz = expected_hz * (target_hz / found.sigma_hz).max(MORE);
                     self.refusals = 0;
                 }
-                Some(found) if !self.is_consistent(found) => self.aim_hz = expected_hz * MORE,
+                Some(found) if scatters(found, &self.options) => self.aim_hz = expected_hz * MORE,
                 Some(_) => return Next::Finished(verdict),
                 None => {
                     self.aim_hz = expected_hz * MUCH_MORE;
@@ -340,8 +359,7 @@ impl Planner {
         };
         let goal = Goal { window: self.request.window, aim_hz: self.aim_hz, shortest_s };
         let point = match &mut self.method {
-            Method::Uniform { .. } => None,
-            Method::Settled(settled) => settled.next(readings, &goal),
+            Method::Uniform { .. } | Method::Adaptive(_) => None,
             Method::Transient(transient) => transient.next(readings, &goal),
         };
         self.work += ROWS_PER_PLAN;
@@ -359,7 +377,7 @@ impl Planner {
     pub fn add(&mut self, readings: &[Reading]) {
         self.readings.extend_from_slice(readings);
         match &mut self.method {
-            Method::Settled(settled) => settled.add(readings),
+            Method::Adaptive(decay) => decay.add(readings, self.request.window),
             Method::Transient(transient) => transient.add(readings),
             Method::Uniform { .. } => {}
         }
@@ -368,6 +386,9 @@ impl Planner {
     /// What the readings so far say, once one circuit explains them. A result it is not: the fit may
     /// still refuse it.
     pub fn estimate(&self) -> Option<Estimate> {
+        if let Method::Adaptive(decay) = &self.method {
+            return decay.estimate();
+        }
         let tracker = self.tracker()?;
         let (trace, at) = tracker.best()?;
         let sigma_hz = tracker.sigma_hz();

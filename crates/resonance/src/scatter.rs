@@ -21,6 +21,11 @@ impl Pool {
         Self { sum: degrees * noise.at_ten_cycles.powi(2), degrees }
     }
 
+    /// The same as it is told to others.
+    pub(crate) fn prior(self) -> NoisePrior {
+        NoisePrior { at_ten_cycles: self.deviation(), degrees_of_freedom: self.degrees }
+    }
+
     /// Together with the weighted sum of |r|² of readings.
     pub(crate) fn with(self, cost: f64, degrees: f64) -> Self {
         Self { sum: self.sum + cost, degrees: self.degrees + degrees }

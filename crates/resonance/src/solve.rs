@@ -31,6 +31,17 @@ impl<const N: usize> Default for Normal<N> {
 }
 
 impl<const N: usize> Normal<N> {
+    /// Adds the sums of other readings.
+    pub(crate) fn sum(&mut self, other: &Self) {
+        for i in 0..N {
+            self.gradient[i] += other.gradient[i];
+            for j in 0..N {
+                self.matrix[i][j] += other.matrix[i][j];
+            }
+        }
+        self.cost += other.cost;
+    }
+
     /// Adds one residual with its slopes.
     pub(crate) fn add(&mut self, residual: Complex64, row: &[Complex64; N], weight: f64) {
         self.add_leading::<N>(residual, row, weight);

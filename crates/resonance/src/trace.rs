@@ -35,6 +35,9 @@ pub enum Timing {
     /// Everything: the times are exact, the drive goes on from one point to the next, and its phase
     /// never jumps. Nothing has to have settled.
     Exact(Past),
+    /// When each reading began, to a millisecond, and nothing of the phase of the drive after a change
+    /// of frequency: the free decay is fitted, and nothing has to have settled.
+    AnyPhase,
 }
 
 impl Timing {
@@ -249,7 +252,7 @@ impl Trace {
     pub(crate) fn besides(&self) -> Besides {
         match self.timing {
             Timing::Exact(Past::Unknown) => Besides::Past,
-            Timing::Exact(Past::Rest) | Timing::Waited | Timing::Unknown => Besides::Nothing,
+            _ => Besides::Nothing,
         }
     }
 
@@ -273,7 +276,7 @@ impl Trace {
         for sample in &self.samples {
             let heard = match self.timing {
                 Timing::Exact(_) => motion.visit(&sample.visit, &mut past),
-                Timing::Waited | Timing::Unknown => steady(at, sample),
+                Timing::Waited | Timing::Unknown | Timing::AnyPhase => steady(at, sample),
             };
             each(sample, &heard);
         }
@@ -377,13 +380,6 @@ fn steady(at: &Believed, sample: &Sample) -> Heard<Dual> {
     let zero = Dual::constant(Complex64::ZERO);
     let motional = branch(resonance_hz, at.q, sample.visit.frequency_hz);
     Heard { motional, past: [zero; 2] }
-}
-
-/// The slopes of a settled reading by the unknowns of the circuit.
-pub(crate) fn steady_slopes(at: &Believed, frequency_hz: f64) -> [Complex64; UNKNOWNS] {
-    let visit = Visit { frequency_hz, settle_s: 0.0, integration_s: 0.0, rest_s: 0.0 };
-    let sample = Sample::ideal(visit, 1.0);
-    ideal_row(at, &sample, &steady(at, &sample)).slopes
 }
 
 /// jω/D of a branch, with its slopes by the logarithms of frequency and quality.

@@ -301,6 +301,19 @@ pub enum Reason {
         /// The window.
         window: Window,
     },
+    /// The circuit that explains the readings best cannot be a piezoelectric sensor.
+    #[error(
+        "no resonance of a sensor: the best circuit has a {quantity} of {found:.3}, at most \
+         {limit:.3} is possible here"
+    )]
+    NotASensor {
+        /// What is impossible, with its unit.
+        quantity: &'static str,
+        /// Its value.
+        found: f64,
+        /// The largest possible.
+        limit: f64,
+    },
     /// The uncertainty is not small against the linewidth, so that it is not to be trusted either.
     #[error(
         "too noisy: the standard deviation {sigma_hz:.3} Hz exceeds {limit_hz:.3} Hz, which is all \
@@ -391,6 +404,7 @@ impl Reason {
             Self::TooFewPoints { .. } => "too_few_points",
             Self::NoResonance { .. } => "no_resonance",
             Self::OutsideWindow { .. } => "outside_window",
+            Self::NotASensor { .. } => "not_a_sensor",
             Self::TooNoisy { .. } => "too_noisy",
             Self::Outliers { .. } => "outliers",
             Self::SecondMode { .. } => "second_mode",

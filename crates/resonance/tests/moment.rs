@@ -119,7 +119,7 @@ fn a_planned_sweep_of_a_moving_resonance_holds_for_its_moment() {
         let moment_s = planner.moment_s(&verdict).unwrap();
         let off = |moment_s: f64| (found.resonance_hz - 140.0 - 0.1 * moment_s) / found.sigma_hz;
         assert!(off(moment_s).abs() < 4.5, "seed {seed}: {moment_s} s: {found:?}");
-        most_off = most_off.max(off(0.5 * now.as_seconds()).abs());
+        most_off = most_off.max(off(0.0).abs());
     }
-    assert!(answers >= 8 && most_off > 5.0, "{answers} {most_off}");
+    assert!(answers >= 8 && most_off > 2.0, "{answers} {most_off}");
 }

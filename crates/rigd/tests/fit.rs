@@ -276,7 +276,11 @@ fn a_person_who_knows_better_than_the_file_is_believed() {
     let fit = |flags: &[&str]| rigd_fit_stdin(&csv, &[&["--json"], flags].concat());
     assert_eq!(json(&fit(&["--window", "150..160"]))["side"], "below");
     assert_eq!(json(&fit(&["--timing", "unknown"]))["status"], "refused");
-    assert_eq!(json(&fit(&["--noise", "0.02"]))["noise_at_ten_cycles"], 0.02);
+    // Quiet readings among a hundred errors of the noise that was stated.
+    let noisy = json(&fit(&["--noise", "0.02"]));
+    let found = if noisy["status"] == "accepted" { &noisy } else { &noisy["estimate"] };
+    let noise = found["noise_at_ten_cycles"].as_f64().unwrap();
+    assert!((0.015..0.02).contains(&noise), "{noisy}");
 
     // What is asked of a sweep is asked of its fit.
     let asked_more = text(&csv).replace(",true,0.05,", ",true,0.001,");

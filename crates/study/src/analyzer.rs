@@ -4,7 +4,7 @@
 //! Sensor and lock-in are those of the simulated bench. The estimators under study share no code
 //! with this module.
 
-use std::time::Duration;
+use std::{f64::consts::TAU, time::Duration};
 
 use num_complex::Complex64;
 use rig_contact::Circuit;
@@ -38,14 +38,37 @@ pub(crate) struct Analyzer {
     noise: f64,
     random: Stream,
     now: RigTime,
+    any_phase: Option<AnyPhase>,
 }
+
+/// The state of an analyzer whose drive starts at any phase at each change of frequency, and whose times
+/// are known to a millisecond.
+#[derive(Debug, Clone)]
+struct AnyPhase {
+    random: Stream,
+    frequency_hz: f64,
+    /// The error of the clock of the readings, s.
+    clock_error_s: f64,
+}
+
+/// The longest gap before a reading, with the dead time of a change of frequency, s.
+const GAP_MAX_S: f64 = 3e-3;
+/// The largest error of the length of a gap, s.
+const GAP_ERROR_S: f64 = 1e-3;
 
 impl Analyzer {
     /// Starts with a sensor at rest. `noise` is the standard deviation of each part of the relative
     /// error of a reading of ten cycles.
     pub(crate) fn at_rest(circuit: Circuit, noise: f64, random: Stream) -> Self {
         let plant = Plant::at_rest(circuit, WINDOW.min_hz).expect("the studies' sensors ring");
-        Self { plant, noise, random, now: RigTime::ZERO }
+        Self { plant, noise, random, now: RigTime::ZERO, any_phase: None }
+    }
+
+    /// The same with a drive of any phase and with gaps of which the length is not quite known.
+    pub(crate) fn with_any_phase(mut self) -> Self {
+        let random = self.random.fork();
+        self.any_phase = Some(AnyPhase { random, frequency_hz: 0.0, clock_error_s: 0.0 });
+        self
     }
 
     /// The elapsed time, s.
@@ -60,8 +83,20 @@ impl Analyzer {
 
     /// Measures one point.
     pub(crate) fn visit(&mut self, point: &SweepPoint) -> Reading {
-        let started = self.now;
+        let mut started = self.now;
         self.plant.set_frequency(point.frequency_hz);
+        if let Some(any) = &mut self.any_phase {
+            if any.frequency_hz.to_bits() != point.frequency_hz.to_bits() {
+                any.frequency_hz = point.frequency_hz;
+                self.plant.turn_drive(TAU * any.random.uniform());
+            }
+            let gap_s = GAP_MAX_S * any.random.uniform();
+            self.plant.advance(gap_s);
+            self.now = self.now + Duration::from_secs_f64(gap_s);
+            any.clock_error_s += GAP_ERROR_S * (2.0 * any.random.uniform() - 1.0);
+            // One second later, so that no error of the clock leads to a time before the start.
+            started = self.now + Duration::from_secs_f64((1.0 + any.clock_error_s).max(0.0));
+        }
         self.plant.advance(point.settle_s);
         let exact = self.plant.measure(point.cycles);
         let error = self.noise * (10.0 / f64::from(point.cycles)).sqrt();

@@ -69,14 +69,14 @@ const TRIALS_OF_GOALS: u32 = 10;
 fn measure(args: &Args) -> Evidence {
     let Args { trials, seed, .. } = *args;
     let groups = try_all(args);
-    let (warm_transient, warm_settled) = goals::track(trials.div_ceil(2), seed);
+    let (warm_transient, warm_decay) = goals::track(trials.div_ceil(2), seed);
     Evidence {
         groups,
         cold: goals::start(TRIALS_OF_GOALS * trials, seed),
         chart_cases: accuracy::of_charts(TRIALS_OF_ACCURACY * trials, seed),
         map_cases: accuracy::of_map(TRIALS_OF_ACCURACY * trials, seed),
         warm_transient,
-        warm_settled,
+        warm_decay,
     }
 }
 
@@ -89,9 +89,9 @@ fn methods(case: &Case) -> Vec<Method> {
     let fast = [(51, 2), (101, 2), (101, 10)];
     let fast = fast.map(|(points, cycles)| Method::Fast { points, cycles });
     let targets_hz = targets_hz(case);
-    let settled = targets_hz.iter().map(|&target_hz| Method::Settled { target_hz });
+    let decay = targets_hz.iter().map(|&target_hz| Method::Decay { target_hz });
     let transient = targets_hz.iter().map(|&target_hz| Method::Transient { target_hz });
-    even.into_iter().chain(fast).chain(settled).chain(transient).collect()
+    even.into_iter().chain(fast).chain(decay).chain(transient).collect()
 }
 
 /// The targets that integration alone can reach within the time limit, at least the first one. The

@@ -14,7 +14,7 @@ mod tests;
 mod true_geometry;
 mod truth;
 
-use std::mem::Discriminant;
+use std::{f64::consts::TAU, mem::Discriminant};
 
 use num_complex::Complex64;
 use rig_contact::Circuit;
@@ -81,6 +81,7 @@ pub struct World {
     plant_at: RigTime,
     noise: Stream,
     encoder: Stream,
+    drive_phase: Stream,
     /// The time up to which violations have been looked for.
     watched_until: RigTime,
     violations: Vec<Violation>,
@@ -106,6 +107,7 @@ mod stream {
     pub(super) const LINEAR_SCREW: u64 = 4;
     pub(super) const ROTARY_SCREW: u64 = 5;
     pub(super) const MOUNTING: u64 = 6;
+    pub(super) const DRIVE_PHASE: u64 = 7;
 }
 
 impl World {
@@ -156,6 +158,7 @@ impl World {
             plant_at: RigTime::ZERO,
             noise: Stream::new(seed, stream::NOISE),
             encoder: Stream::new(seed, stream::ENCODER),
+            drive_phase: Stream::new(seed, stream::DRIVE_PHASE),
             watched_until: RigTime::ZERO,
             violations: Vec::new(),
             told: Vec::new(),
@@ -235,10 +238,14 @@ impl World {
         self.follow_plant(now);
     }
 
-    /// Sets the frequency of the drive now, in Hz.
+    /// Sets the frequency of the drive now, in Hz. A synthesizer that is set anew starts at any phase:
+    /// no make of analyzer promises another.
     pub fn set_frequency(&mut self, now: RigTime, frequency_hz: f64) {
         self.follow_plant(now);
-        self.plant.set_frequency(frequency_hz);
+        if frequency_hz != self.plant.frequency_hz() {
+            self.plant.set_frequency(frequency_hz);
+            self.plant.turn_drive(TAU * self.drive_phase.uniform());
+        }
     }
 
     /// Changes the amplitude of the drive by a factor now.

@@ -333,6 +333,7 @@ fn timing(text: &str) -> Result<Timing, SweepFileFault> {
         "waited" => Ok(Timing::Waited),
         "exact" => Ok(Timing::Exact(Past::Unknown)),
         "exact-from-rest" => Ok(Timing::Exact(Past::Rest)),
+        "any-phase" => Ok(Timing::AnyPhase),
         _ => Err(SweepFileFault::UnknownTiming { text: excerpt(text) }),
     }
 }

@@ -49,7 +49,7 @@ pub(super) enum SweepFileFault {
     NotABool { text: String },
     #[error("`{text}` is not the number of a sweep")]
     NotASweep { text: String },
-    #[error("`{text}` is none of unknown, waited, exact, exact-from-rest")]
+    #[error("`{text}` is none of unknown, waited, exact, exact-from-rest, any-phase")]
     UnknownTiming { text: String },
     #[error("the {} differs from that of the first row of the sweep", quantity.name())]
     UnequalSetting { quantity: Quantity },

@@ -252,8 +252,8 @@ fn an_impossible_setting_of_the_fit_is_a_fault() {
         "a.csv",
         "f,R,X,fit_timing,fit_always_loss,fit_noise_at_ten_cycles\n120,900,-47000,soon,maybe,0\n",
         &[
-            "a.csv:2:16: `soon` is none of unknown, waited, exact, exact-from-rest; correct it or \
-             remove the column",
+            "a.csv:2:16: `soon` is none of unknown, waited, exact, exact-from-rest, any-phase; correct it \
+             or remove the column",
             "a.csv:2:21: `maybe` is neither true nor false; correct it or remove the column",
             "a.csv:2:27: fit_noise_at_ten_cycles = 0 is outside [1e-12, 1e0]; look at the unit in \
              the header",

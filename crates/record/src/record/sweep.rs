@@ -144,6 +144,8 @@ pub enum FitTiming {
     Exact,
     /// All times, and the sensor was at rest before.
     ExactFromRest,
+    /// To a millisecond; the phase of the drive at each change of frequency is not known.
+    AnyPhase,
 }
 
 impl FitTiming {
@@ -154,6 +156,7 @@ impl FitTiming {
             Self::Waited => "waited",
             Self::Exact => "exact",
             Self::ExactFromRest => "exact-from-rest",
+            Self::AnyPhase => "any-phase",
         }
     }
 }

@@ -10,15 +10,15 @@ use crate::{grid::Grid, solve::STEPS_MAX};
 
 /// Most readings of one sweep. Sweeps that reach their target take up to 120 of them; beyond
 /// [`READINGS_SHORT`] each lasts so long that a day of measuring does not take twice as many.
-pub(super) const READINGS_MAX: usize = 180;
+pub(crate) const READINGS_MAX: usize = 180;
 /// From this many readings on none is shorter than this part of the time so far: what has not been
 /// found in as many short looks is found by reading longer, and the work for each grows with their
 /// number.
 pub(super) const READINGS_SHORT: usize = 64;
 pub(super) const SHORTEST_SHARE: f64 = 0.1;
 /// How often one sweep is judged: hardly ever 30 times where it reaches its target, and each time costs
-/// as much as a reading.
-pub(super) const VERDICTS_MAX: usize = 36;
+/// as much as a few readings.
+pub(crate) const VERDICTS_MAX: usize = 36;
 
 /// What a row of work stands for, s: about what a desktop computer takes. Work counts against the time
 /// limit as the clock does, so that thinking is bounded where the clock stands still meanwhile, and

@@ -101,7 +101,7 @@ impl Tracker {
         let linewidths = (max_hz - min_hz) / circuit.linewidth_hz();
         let narrow = match self.timing {
             Timing::Exact(_) => NARROW_LINEWIDTHS_RINGING,
-            Timing::Waited | Timing::Unknown => NARROW_LINEWIDTHS,
+            Timing::Waited | Timing::Unknown | Timing::AnyPhase => NARROW_LINEWIDTHS,
         };
         if linewidths > narrow || min_hz > max_hz {
             return self;
@@ -187,12 +187,6 @@ impl Tracker {
         self.has_rival
     }
 
-    /// The variance of the noise at ten cycles as it was known beforehand, beside which readings have
-    /// settled or not.
-    pub(super) fn known_variance(&self) -> f64 {
-        self.noise.variance()
-    }
-
     /// The standard deviation of the resonance that the readings so far should give, Hz.
     pub(super) fn sigma_hz(&self) -> f64 {
         let Some((trace, at)) = self.best() else { return f64::INFINITY };
@@ -200,26 +194,10 @@ impl Tracker {
         variance(&trace.normal(at), free).sqrt() * at.resonance_hz * self.noise()
     }
 
-    /// The standard deviation of the resonance, with all that is believed of it, Hz.
-    pub(super) fn spread_hz(&self) -> f64 {
-        let Some((trace, at)) = self.best() else { return f64::INFINITY };
-        let free = CIRCUIT + trace.besides().count();
-        variance(&self.normal(trace, at), free).sqrt() * at.resonance_hz * self.noise()
-    }
-
     /// The normal equations there, with what is believed beforehand.
     pub(super) fn normal(&self, trace: &Trace, at: &Believed) -> Normal<UNKNOWNS> {
         let mut normal = trace.normal(at);
         self.expected.add_to(&mut normal, at, self.noise.variance());
-        normal
-    }
-
-    /// The normal equations there, with just so much of what is believed beforehand that they have a
-    /// solution.
-    pub(super) fn solvable(&self, trace: &Trace, at: &Believed) -> Normal<UNKNOWNS> {
-        let mut normal = trace.normal(at);
-        let variance = self.noise.variance();
-        self.expected.vaguely().add_to(&mut normal, at, variance);
         normal
     }
 

@@ -59,6 +59,9 @@ enum FileTiming {
     Exact,
     /// The same, and the sensor was at rest when the drive began with the first point
     ExactFromRest,
+    /// `time_s` is known to a millisecond, and the drive had any phase after each change of frequency:
+    /// nothing has to have settled
+    AnyPhase,
 }
 
 impl FileTiming {
@@ -68,6 +71,7 @@ impl FileTiming {
             Self::Waited => Timing::Waited,
             Self::Exact => Timing::Exact(Past::Unknown),
             Self::ExactFromRest => Timing::Exact(Past::Rest),
+            Self::AnyPhase => Timing::AnyPhase,
         }
     }
 }
@@ -163,10 +167,10 @@ impl FileFitView {
         });
         options.noise = stated.or(options.noise);
         let missing = match options.timing {
-            Timing::Waited | Timing::Exact(_) if !sweep.has_dwell => {
+            Timing::Waited | Timing::Exact(_) | Timing::AnyPhase if !sweep.has_dwell => {
                 Some("settle_s and integration_s")
             }
-            Timing::Exact(_) if !sweep.has_time => Some("time_s"),
+            Timing::Exact(_) | Timing::AnyPhase if !sweep.has_time => Some("time_s"),
             _ => None,
         };
         if let Some(missing) = missing {

@@ -401,6 +401,7 @@ fn fit_settings(outcome: &FinishedSweep) -> Option<store::FitSettings> {
             Timing::Waited => store::FitTiming::Waited,
             Timing::Exact(Past::Unknown) => store::FitTiming::Exact,
             Timing::Exact(Past::Rest) => store::FitTiming::ExactFromRest,
+            Timing::AnyPhase => store::FitTiming::AnyPhase,
         },
         always_loss: options.always_loss,
         target_sigma_hz: outcome.target_hz,

@@ -51,7 +51,7 @@ pub(super) fn time_against_error(case: &Case, groups: &[Group]) -> Chart {
 const METHODS: [&str; 4] = [
     Method::Even { points: 0 }.name(),
     Method::Fast { points: 0, cycles: 0 }.name(),
-    Method::Settled { target_hz: 0.0 }.name(),
+    Method::Decay { target_hz: 0.0 }.name(),
     Method::Transient { target_hz: 0.0 }.name(),
 ];
 

@@ -80,8 +80,10 @@ fn introduction(page: &mut Page, args: &Args) {
     page.text(
         "`uniform`: even points with ten cycles, each after five time constants of settling (201, \
          101, 51 and 21 points; the first is careful laboratory laboratory). `fast uniform`: even \
-         points without waiting; the model includes the ring-up. `settled planner` and \
-         `transient-aware planner`: those of the daemon, with targets of 100, 30, 10 and 3 mHz. \
+         points without waiting; the model includes the ring-up. `free-decay planner`: that of the \
+         daemon, on an analyzer whose drive starts at any phase at each change of frequency, with \
+         gaps of up to 3 ms before each reading, known to 1 ms. `transient-aware planner`: with \
+         a known drive and exact times. Both have targets of 100, 30, 10 and 3 mHz. \
          Errors are root mean squares, including bias. The dashed line of integration alone is the \
          bound of settled readings at the best frequencies, without lost time. The ring-up carries \
          information on the resonance too, so that methods without waiting may lie below it. \
@@ -105,7 +107,7 @@ fn costs(groups: &[Group]) -> Table {
         "case",
         "laboratory sweep",
         "transient-aware, 10 mHz",
-        "settled, 10 mHz",
+        "free decay, 10 mHz",
         "fast uniform, 101 points, 2 cycles",
         "fastest method as accurate as the laboratory sweep",
     ]);
@@ -117,7 +119,7 @@ fn costs(groups: &[Group]) -> Table {
     let methods = [
         LABORATORY,
         Method::Transient { target_hz: 0.01 },
-        Method::Settled { target_hz: 0.01 },
+        Method::Decay { target_hz: 0.01 },
         Method::Fast { points: 101, cycles: 2 },
     ];
     for q in QUALITIES {

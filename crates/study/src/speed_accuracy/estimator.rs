@@ -33,7 +33,7 @@ impl SweepEstimator {
             Method::Even { .. } => &Estimator::ALL,
             Method::Steady { .. }
             | Method::Fast { .. }
-            | Method::Settled { .. }
+            | Method::Decay { .. }
             | Method::Transient { .. } => &[],
         };
         let baselines = baselines.iter().filter(|&&one| one != Estimator::MaximumLikelihood);

@@ -29,7 +29,7 @@ pub(super) struct Evidence {
     pub(super) chart_cases: Vec<Group>,
     pub(super) map_cases: Vec<Group>,
     pub(super) warm_transient: Vec<Warm>,
-    pub(super) warm_settled: Warm,
+    pub(super) warm_decay: Warm,
 }
 
 /// A goal of a planner from rest.
@@ -78,9 +78,16 @@ const BEST_LIMIT_S: f64 = 10.0;
 /// A target at which measuring, and not the search, takes the time.
 const FINE_TARGET_HZ: f64 = 0.01;
 const WARM_PER_SECOND: f64 = 4.0;
-const SETTLED_TARGET_HZ: f64 = 0.03;
-const SETTLED_COLD_S: f64 = 2.5;
-const SETTLED_WARM_S: f64 = 0.9;
+const DECAY_TARGET_HZ: f64 = 0.03;
+/// The goals of the free-decay planner from rest, the stays that exclude a second mode included.
+const COLD_DECAY: [ColdGoal; 5] = [
+    cold_goal(100.0, 0.1, 0.01, 0.90),
+    cold_goal(100.0, 0.02, 0.01, 1.1),
+    cold_goal(30.0, 0.1, 0.01, 0.95),
+    cold_goal(30.0, 0.02, 0.01, 2.2),
+    cold_goal(10.0, 0.1, 0.01, 4.8),
+];
+const DECAY_WARM_S: f64 = 0.5;
 
 /// The warm runs of the goals.
 pub(super) fn track(runs: u32, seed: u64) -> (Vec<Warm>, Warm) {
@@ -88,16 +95,14 @@ pub(super) fn track(runs: u32, seed: u64) -> (Vec<Warm>, Warm) {
     let transient = WARM_TRANSIENT.map(|(q, coupling)| {
         warm::track(SweepMethod::Transient, case(q, coupling), 0.01, runs, seed)
     });
-    let settled =
-        warm::track(SweepMethod::Adaptive, case(30.0, 0.1), SETTLED_TARGET_HZ, runs, seed);
-    (transient.to_vec(), settled)
+    let decay = warm::track(SweepMethod::Adaptive, case(30.0, 0.1), DECAY_TARGET_HZ, runs, seed);
+    (transient.to_vec(), decay)
 }
 
 /// The runs from rest of the goals.
 pub(super) fn start(runs: u32, seed: u64) -> Vec<ColdRuns> {
     let transient = COLD_TRANSIENT.map(|goal| (goal, true));
-    let settled = cold_goal(30.0, 0.1, SETTLED_TARGET_HZ, SETTLED_COLD_S);
-    let all = transient.into_iter().chain([(settled, false)]);
+    let all = transient.into_iter().chain(COLD_DECAY.map(|goal| (goal, false)));
     all.flat_map(|(goal, is_transient)| {
         let ColdGoal { q, coupling, target_hz, .. } = goal;
         let case = Case { q, coupling, noise: NOISE };
@@ -105,7 +110,7 @@ pub(super) fn start(runs: u32, seed: u64) -> Vec<ColdRuns> {
         let method = if is_transient {
             Method::Transient { target_hz }
         } else {
-            Method::Settled { target_hz }
+            Method::Decay { target_hz }
         };
         let groups = trial::run(case, method, runs, seed);
         groups.into_iter().map(move |group| ColdRuns { group, goal, best_s })
@@ -124,7 +129,7 @@ pub(super) fn judge(evidence: &Evidence) -> Vec<Goal> {
     goals.extend(evidence.cold.iter().map(cold));
     goals.push(near_the_best(&evidence.cold));
     goals.extend(evidence.warm_transient.iter().map(warm_rate));
-    goals.push(warm_settled(&evidence.warm_settled));
+    goals.push(warm_free_decay(&evidence.warm_decay));
     goals
 }
 
@@ -216,21 +221,21 @@ fn warm_rate(warm: &Warm) -> Goal {
     }
 }
 
-fn warm_settled(warm: &Warm) -> Goal {
+fn warm_free_decay(warm: &Warm) -> Goal {
     let time_s = trial::quantile(&warm.times_s, RUNS);
     Goal {
         quantity: format!(
-            "settled planner, warm, {}: {:.0} mHz",
+            "free-decay planner, warm, {}: {:.0} mHz",
             warm.case,
             1000.0 * warm.target_hz
         ),
-        limit: format!("{SETTLED_WARM_S} s in > 95 % of the runs"),
+        limit: format!("{DECAY_WARM_S} s in > 95 % of the runs"),
         measured: if time_s.is_finite() {
             format!("95 % of the runs within {time_s:.2} s")
         } else {
             "fewer than 95 % of the runs reach the target".to_owned()
         },
-        is_met: time_s <= SETTLED_WARM_S,
+        is_met: time_s <= DECAY_WARM_S,
     }
 }
 

@@ -19,8 +19,8 @@ pub(super) enum Method {
     Even { points: u32 },
     /// Even points without settling.
     Fast { points: u32, cycles: u32 },
-    /// The planner for settled points, up to a target standard deviation.
-    Settled { target_hz: f64 },
+    /// The planner that fits the free decay, up to a target standard deviation.
+    Decay { target_hz: f64 },
     /// The transient-aware planner, up to a target standard deviation.
     Transient { target_hz: f64 },
 }
@@ -47,7 +47,7 @@ impl Method {
             Self::Steady { .. } => "ideal",
             Self::Even { .. } => "uniform",
             Self::Fast { .. } => "fast uniform",
-            Self::Settled { .. } => "settled planner",
+            Self::Decay { .. } => "free-decay planner",
             Self::Transient { .. } => "transient-aware planner",
         }
     }
@@ -58,7 +58,7 @@ impl Method {
             Self::Steady { points } => format!("{points} points; 10 cycles"),
             Self::Even { points } => format!("{points} points; 10 cycles; 5 time constants"),
             Self::Fast { points, cycles } => format!("{points} points; {cycles} cycles"),
-            Self::Settled { target_hz } | Self::Transient { target_hz } => {
+            Self::Decay { target_hz } | Self::Transient { target_hz } => {
                 format!("{:.0} mHz", 1000.0 * target_hz)
             }
         }
@@ -80,7 +80,11 @@ impl Method {
                 let timing = Timing::Exact(Past::Rest);
                 sweep(at_rest(random), evenly(WINDOW, points, 0.0, cycles), timing)
             }
-            Self::Settled { target_hz } => planned(SweepMethod::Adaptive, target_hz, random),
+            // No more is known of the drive and of the times than of those of a real analyzer.
+            Self::Decay { target_hz } => {
+                let mut analyzer = at_rest(random).with_any_phase();
+                plan(&mut analyzer, &request(SweepMethod::Adaptive, target_hz), &cold(case.noise))
+            }
             Self::Transient { target_hz } => planned(SweepMethod::Transient, target_hz, random),
         }
     }

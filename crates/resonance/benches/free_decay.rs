@@ -1,0 +1,219 @@
+//! How long do planned sweeps take on an analyzer of which little is known, and are they right?
+//!
+//! `cargo bench -p rig-resonance --bench free_decay -- [RUNS [SEED [SECOND_MODE [TARGET_HZ]]]]` plans
+//! this number of sweeps from nothing for each sensor: the drive has any phase after each change of
+//! frequency, dead times and gaps are up to 3 ms long, and their lengths are known to a millisecond. A
+//! second mode of this part of the first capacitance lies one linewidth above. For each sensor it
+//! prints how many sweeps were accepted, their median, 95 % and longest time on the rig, bias, error and
+//! coverage, how many were off by more than five standard deviations, readings and stays of a sweep,
+//! the mean and the longest time of a planning step, and why the others were refused.
+
+#![expect(clippy::print_stdout, reason = "printing is what it is for")]
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "numbers of runs, seeds and places are small and positive"
+)]
+
+use std::{
+    collections::BTreeMap,
+    f64::consts::TAU,
+    time::{Duration, Instant},
+};
+
+use num_complex::Complex64;
+use rig_contact::Circuit;
+use rig_model::{DriveLevel, Reading, RigTime, SweepMethod, SweepPoint, SweepRequest, Window};
+use rig_resonance::{Next, NoisePrior, Past, Planner, Prior, Verdict};
+use rig_sim::plant::Plant;
+use support::Random;
+
+#[expect(dead_code, reason = "the tests use the rest")]
+#[path = "../tests/support/mod.rs"]
+mod support;
+
+/// Quality factors and couplings of the sensors.
+const SENSORS: [(f64, f64); 5] =
+    [(10.0, 0.1), (30.0, 0.02), (30.0, 0.1), (100.0, 0.02), (100.0, 0.1)];
+const CAPACITANCE_F: f64 = 22e-9;
+const WINDOW: Window = Window { min_hz: 112.0, max_hz: 168.0 };
+const NOISE: NoisePrior = NoisePrior { at_ten_cycles: 0.005, degrees_of_freedom: 1000.0 };
+/// The longest gap before a reading, and the largest error of its length, s.
+const GAP_MAX_S: f64 = 3e-3;
+const GAP_ERROR_S: f64 = 1e-3;
+const WRONG_SIGMAS: f64 = 5.0;
+
+fn main() {
+    // Cargo adds a flag of its own.
+    let numbers: Vec<f64> = std::env::args().filter_map(|text| text.parse().ok()).collect();
+    let number = |place: usize, otherwise: f64| numbers.get(place).copied().unwrap_or(otherwise);
+    let (runs, seed) = (number(0, 100.0), number(1, 1.0));
+    let (second, target_hz) = (number(2, 0.0), number(3, 0.01));
+    println!(
+        "Q   k²   accepted  median  95 %   max s  bias   rms mHz  |z|<1.96  worst  >5  readings stays  \
+         ms a step  max  refused"
+    );
+    for (q, coupling) in SENSORS {
+        let mut tally = Tally::default();
+        let mut random = Random::new((1e6 * seed + 1e4 * q + 1e3 * coupling) as u64);
+        for _ in 0..runs as u64 {
+            tally.run(q, coupling, second, target_hz, &mut random);
+        }
+        tally.print(q, coupling);
+    }
+}
+
+/// A sensor, perhaps with a second mode, on an analyzer.
+struct Bench {
+    modes: Vec<Plant>,
+    frequency_hz: f64,
+    now_s: f64,
+    /// By how much the clock of the readings is off, s.
+    clock_error_s: f64,
+}
+
+impl Bench {
+    fn new(resonance_hz: f64, q: f64, coupling: f64, second: f64) -> Self {
+        let circuit = |resonance_hz: f64, part: f64, dielectric_loss: f64| Circuit {
+            series_resonance_hz: resonance_hz,
+            q,
+            capacitance_f: CAPACITANCE_F,
+            capacitance_ratio: part * coupling / (1.0 - coupling),
+            dielectric_loss,
+        };
+        let mut circuits = vec![circuit(resonance_hz, 1.0, 0.018)];
+        if second > 0.0 {
+            circuits.push(circuit(resonance_hz * (1.0 + 1.0 / q), second, 0.0));
+        }
+        let plant = |circuit| Plant::at_rest(circuit, WINDOW.min_hz).expect("these sensors ring");
+        let modes = circuits.into_iter().map(plant).collect();
+        Self { modes, frequency_hz: 0.0, now_s: 0.0, clock_error_s: 0.0 }
+    }
+
+    fn measure(&mut self, point: &SweepPoint, random: &mut Random) -> Reading {
+        let hz = point.frequency_hz;
+        if hz.to_bits() != self.frequency_hz.to_bits() {
+            self.frequency_hz = hz;
+            let turn = random.between(0.0, TAU);
+            for mode in &mut self.modes {
+                mode.set_frequency(hz);
+                mode.turn_drive(turn);
+            }
+        }
+        let gap_s = random.between(0.0, GAP_MAX_S);
+        self.clock_error_s += random.between(-GAP_ERROR_S, GAP_ERROR_S);
+        // One second later, so that no error of the clock leads to a time before the start.
+        let started_s = 1.0 + self.now_s + gap_s + self.clock_error_s;
+        let static_s = Complex64::new(0.0, TAU * hz * CAPACITANCE_F);
+        let mut admittance = Complex64::new(0.0, 0.0);
+        for (n, mode) in self.modes.iter_mut().enumerate() {
+            mode.advance(gap_s);
+            // The static capacitance is that of the first alone.
+            let less = if n == 0 { Complex64::new(0.0, 0.0) } else { static_s };
+            admittance += 1.0 / mode.measure(point.cycles) - less;
+        }
+        let sigma = NOISE.at_ten_cycles * (10.0 / f64::from(point.cycles)).sqrt();
+        let integration_s = f64::from(point.cycles) / hz;
+        self.now_s += gap_s + integration_s;
+        Reading {
+            frequency_hz: hz,
+            measured: support::measured((1.0 + sigma * random.normal()) / admittance),
+            started: RigTime::ZERO + Duration::from_secs_f64(started_s),
+            settle_s: 0.0,
+            integration_s,
+        }
+    }
+}
+
+/// What became of the sweeps.
+#[derive(Default)]
+struct Tally {
+    times_s: Vec<f64>,
+    errors_hz: Vec<f64>,
+    sigmas: Vec<f64>,
+    refused: BTreeMap<&'static str, usize>,
+    readings: usize,
+    stays: usize,
+    steps_ms: Vec<f64>,
+}
+
+impl Tally {
+    fn run(&mut self, q: f64, coupling: f64, second: f64, target_hz: f64, random: &mut Random) {
+        let resonance_hz = random.between(130.0, 150.0);
+        let mut bench = Bench::new(resonance_hz, q, coupling, second);
+        let request = SweepRequest {
+            window: WINDOW,
+            method: SweepMethod::Adaptive,
+            target_sigma_hz: target_hz,
+            time_limit_s: 60.0,
+            cycles: 10,
+            settle_s: 0.5,
+            level: DriveLevel { volt: 1.0 },
+        };
+        let past = Past::Unknown;
+        let prior = Prior { circuit: None, within: WINDOW, noise: Some(NOISE), past };
+        let mut planner = Planner::new(&request, Some(&prior));
+        let mut last_hz = 0.0;
+        let verdict = loop {
+            let began = Instant::now();
+            let next = planner.next();
+            let mut passed = began.elapsed();
+            let points = match next {
+                Next::Measure(points) => points,
+                Next::Finished(verdict) => break verdict,
+            };
+            self.stays += usize::from(points[0].frequency_hz.to_bits() != f64::to_bits(last_hz));
+            last_hz = points[0].frequency_hz;
+            let readings: Vec<Reading> =
+                points.iter().map(|point| bench.measure(point, random)).collect();
+            self.readings += readings.len();
+            let began = Instant::now();
+            planner.add(&readings);
+            passed += began.elapsed();
+            self.steps_ms.push(1000.0 * passed.as_secs_f64());
+        };
+        match verdict {
+            Verdict::Accepted(found) => {
+                let error_hz = found.resonance_hz - resonance_hz;
+                self.times_s.push(bench.now_s);
+                self.errors_hz.push(error_hz);
+                self.sigmas.push((error_hz / found.sigma_hz).abs());
+            }
+            Verdict::Refused(refusal) => {
+                *self.refused.entry(refusal.reason.code()).or_default() += 1;
+            }
+        }
+    }
+
+    fn print(&mut self, q: f64, coupling: f64) {
+        let accepted = self.times_s.len();
+        let all = (accepted + self.refused.values().sum::<usize>()).max(1) as f64;
+        let mean = |values: &mut dyn Iterator<Item = f64>, count: usize| {
+            values.sum::<f64>() / count.max(1) as f64
+        };
+        self.times_s.sort_by(f64::total_cmp);
+        let time_s = |part: f64| {
+            let place = (part * accepted as f64) as usize;
+            self.times_s.get(place.min(accepted.max(1) - 1)).copied().unwrap_or(f64::NAN)
+        };
+        let bias = 1e3 * mean(&mut self.errors_hz.iter().copied(), accepted);
+        let rms = 1e3 * mean(&mut self.errors_hz.iter().map(|e| e * e), accepted).sqrt();
+        let share = |limit: f64| self.sigmas.iter().filter(|z| **z < limit).count();
+        let worst = self.sigmas.iter().copied().fold(0.0, f64::max);
+        let steps = self.steps_ms.len();
+        let step_ms = mean(&mut self.steps_ms.iter().copied(), steps);
+        let longest_ms = self.steps_ms.iter().copied().fold(0.0, f64::max);
+        println!(
+            "{q:3} {coupling:4} {accepted:5}/{all} {:7.3} {:6.3} {:6.3} {bias:6.1} {rms:6.1} {:10.3} \
+             {worst:8.1} {:3} {:8.1} {:5.1} {step_ms:8.2} {longest_ms:7.1}  {:?}",
+            time_s(0.5),
+            time_s(0.95),
+            time_s(1.0),
+            share(1.96) as f64 / accepted.max(1) as f64,
+            accepted - share(WRONG_SIGMAS),
+            self.readings as f64 / all,
+            self.stays as f64 / all,
+            self.refused
+        );
+    }
+}

@@ -1,0 +1,324 @@
+//! Readings taken while the resonance still rings, with a drive whose phase nobody knows.
+//!
+//! A change of frequency sets the motional branch ringing. It rings at its own frequency and with its
+//! own quality, whatever the drive did, so that every reading of a stay at one frequency is
+//!
+//! ```text
+//!   Y = jωC0(1 − j tan δ) + jωC1/D(ω) + a·E(s) + b·E(s*),   E(s) = ⟨e^{(s − jω)t}⟩ over the reading
+//! ```
+//!
+//! with s the complex frequency of the free decay. The amplitude a has a random phase and is
+//! eliminated from the normal equations of the circuit under its Gaussian prior; so is an error in time
+//! after every reading, which adds up along the stay. What turns against the drive, b, is as large as a
+//! but turns by radians within a millisecond: it is an error of known size and unknown phase.
+
+pub(crate) mod judge;
+pub(crate) mod mode;
+pub(crate) mod model;
+pub(crate) mod search;
+pub(crate) mod start;
+mod stay;
+
+use std::{cell::Cell, f64::consts::TAU};
+
+use num_complex::Complex64;
+use rig_model::Reading;
+
+use crate::{
+    dense::Cholesky,
+    grid::Expected,
+    solve::{Descent, End, Normal},
+    trace::{Believed, CIRCUIT, Past, UNKNOWNS, complex_ohm, weight},
+};
+use model::{Amplitude, Model, Ring};
+use stay::State;
+
+/// A gap between two readings where none has been seen, s.
+const GAP_S: f64 = 1e-3;
+/// Standard deviation of the error in the time between two readings: within a millisecond.
+const GAP_SIGMA_S: f64 = 0.58e-3;
+
+/// What is known of the analyzer before a fit.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Known {
+    /// Variance of each part of the relative error of a reading of ten cycles.
+    pub(crate) variance: f64,
+    /// Standard deviation of the time between two readings of a stay, s.
+    pub(crate) gap_sigma_s: f64,
+    pub(crate) past: Past,
+}
+
+impl Known {
+    /// Of an analyzer with this noise, whose times are known to a millisecond.
+    pub(crate) const fn with(variance: f64) -> Self {
+        Self { variance, gap_sigma_s: GAP_SIGMA_S, past: Past::Unknown }
+    }
+}
+
+/// One reading of a stay.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sample {
+    /// From the begin of the first integration of the stay to that of this one, s.
+    pub(crate) start_s: f64,
+    pub(crate) integration_s: f64,
+    /// Measured impedance times the unit of capacitance, s.
+    pub(crate) impedance: Option<Complex64>,
+    /// How many times ten cycles; 0 for a reading that is left out.
+    pub(crate) length: f64,
+}
+
+/// Readings at one frequency.
+#[derive(Debug, Clone)]
+pub(crate) struct Stay {
+    pub(crate) frequency_hz: f64,
+    /// From the begin of the first integration of the stay before, s.
+    pub(crate) since_s: f64,
+    pub(crate) samples: Vec<Sample>,
+}
+
+/// All readings of a sweep.
+#[derive(Debug, Clone)]
+pub(crate) struct Stays {
+    pub(crate) all: Vec<Stay>,
+    pub(crate) unit_farad: f64,
+    pub(crate) known: Known,
+    last: Option<Reading>,
+    /// Readings with their slopes that were computed so far.
+    pub(crate) work: Cell<u64>,
+}
+
+/// A circuit and how well it explains the readings.
+#[derive(Debug, Clone)]
+pub(crate) struct Hypothesis {
+    pub(crate) at: Believed,
+    pub(crate) normal: Normal<UNKNOWNS>,
+    pub(crate) end: End,
+    states: Vec<State>,
+}
+
+impl Hypothesis {
+    /// Variance of the logarithm of the resonance.
+    pub(crate) fn variance(&self) -> f64 {
+        variance(&self.normal, CIRCUIT)
+    }
+
+    /// Standard deviation of the resonance, Hz.
+    pub(crate) fn sigma_hz(&self) -> f64 {
+        self.variance().sqrt() * self.at.resonance_hz
+    }
+
+    /// Full width at half power, Hz.
+    pub(crate) fn linewidth_hz(&self) -> f64 {
+        self.at.resonance_hz / self.at.q
+    }
+}
+
+/// Variance of the first unknown with so many free; infinite where it is not determined.
+pub(crate) fn variance(normal: &Normal<UNKNOWNS>, free: usize) -> f64 {
+    let mut unit = [0.0; UNKNOWNS];
+    unit[0] = 1.0;
+    let factor = Cholesky::new(&normal.matrix, free, 0.0);
+    factor.map_or(f64::INFINITY, |factor| factor.solve(&unit)[0])
+}
+
+impl Stay {
+    /// A reading whose settings were sent with it is told of late: then it would end after the next
+    /// has begun. It began so much earlier that the usual gap is left.
+    fn mend_last(&mut self, next: &mut Sample) {
+        let gaps = self.samples.windows(2).map(|two| two[1].start_s - two[0].end_s());
+        let (sum, count) = gaps
+            .filter(|gap_s| *gap_s > 0.0)
+            .fold((GAP_S, 1.0), |(sum, count), gap_s| (sum + gap_s, count + 1.0));
+        let is_first = self.samples.len() == 1;
+        let Some(last) = self.samples.last_mut() else { return };
+        let late_s = last.end_s() + sum / count - next.start_s;
+        if next.start_s >= last.end_s() {
+            return;
+        }
+        if is_first {
+            // Time begins with the first reading.
+            next.start_s += late_s;
+        } else {
+            last.start_s -= late_s;
+        }
+    }
+}
+
+impl Sample {
+    fn end_s(&self) -> f64 {
+        self.start_s + self.integration_s
+    }
+}
+
+impl Stays {
+    /// With a first reading that has an impedance, which gives the unit of capacitance; `None` for one
+    /// without.
+    pub(crate) fn new(known: Known, first: &Reading) -> Option<Self> {
+        let ohm = complex_ohm(first)?.norm();
+        let unit_farad = 1.0 / (TAU * first.frequency_hz * ohm);
+        let (all, last, work) = (Vec::new(), None, Cell::new(0));
+        Some(Self { all, unit_farad, known, last, work })
+    }
+
+    /// These readings, or `None` where none has an impedance.
+    pub(crate) fn of(known: Known, readings: &[Reading]) -> Option<Self> {
+        let first = readings.iter().find(|reading| complex_ohm(reading).is_some())?;
+        let mut stays = Self::new(known, first)?;
+        for reading in readings {
+            stays.push(reading);
+        }
+        Some(stays)
+    }
+
+    /// Takes in one more reading. Gives whether it begins a stay.
+    pub(crate) fn push(&mut self, reading: &Reading) -> bool {
+        let impedance = complex_ohm(reading).map(|ohm| ohm * self.unit_farad);
+        let mut sample = Sample {
+            start_s: 0.0,
+            integration_s: reading.integration_s,
+            impedance,
+            length: if impedance.is_some() { weight(reading) } else { 0.0 },
+        };
+        let last = self.last.replace(*reading);
+        let begins_s = |one: &Reading| one.started.as_seconds() + one.settle_s;
+        let after_s = last.map_or(0.0, |last| begins_s(reading) - begins_s(&last));
+        #[expect(clippy::float_cmp, reason = "it is the same number where the frequency stayed")]
+        let goes_on = last.is_some_and(|last| last.frequency_hz == reading.frequency_hz);
+        match self.all.last_mut() {
+            Some(stay) if goes_on => {
+                sample.start_s = stay.samples.last().map_or(0.0, |one| one.start_s) + after_s;
+                stay.mend_last(&mut sample);
+                stay.samples.push(sample);
+            }
+            stay => {
+                let before_s = stay.and_then(|stay| stay.samples.last()).map_or(0.0, |x| x.start_s);
+                self.all.push(Stay {
+                    frequency_hz: reading.frequency_hz,
+                    since_s: before_s + after_s,
+                    samples: vec![sample],
+                });
+            }
+        }
+        !goes_on
+    }
+
+    /// Readings that take part.
+    pub(crate) fn count(&self) -> usize {
+        let samples = self.all.iter().flat_map(|stay| &stay.samples);
+        samples.filter(|sample| sample.length > 0.0).count()
+    }
+
+    /// Degrees of freedom that a circuit leaves.
+    pub(crate) fn degrees(&self) -> f64 {
+        (2 * self.count()) as f64 - (CIRCUIT + 2 * self.all.len()) as f64
+    }
+
+    /// The model of each stay, and the mean square of its free motion.
+    fn models(&self, at: &Believed) -> impl Iterator<Item = (&Stay, Model, f64)> {
+        let mut amplitude = Amplitude::new(at, self.known.past);
+        let at = *at;
+        self.all.iter().map(move |stay| {
+            let square = amplitude.change(stay.frequency_hz, stay.since_s);
+            (stay, Model::new(&at, stay.frequency_hz), square)
+        })
+    }
+
+    /// The normal equations of the circuit there, everything else eliminated; only the readings.
+    /// `states` are those of the stays at a circuit near this one, and empty at first.
+    fn normal(&self, at: &Believed, states: &mut Vec<State>) -> Normal<UNKNOWNS> {
+        let mut normal = Normal::default();
+        states.resize_with(self.all.len(), State::default);
+        for ((stay, model, square), state) in self.models(at).zip(states) {
+            let prior = model.prior(square);
+            let of_stay = state.moved(at, stay, prior, &self.known).unwrap_or_else(|| {
+                let (of_stay, rounds) = model.normal(at, stay, prior, &self.known, state);
+                self.work.update(|work| work + (rounds * stay.samples.len()) as u64);
+                of_stay
+            });
+            normal.sum(&of_stay);
+        }
+        normal
+    }
+
+    /// When the resonance was what a fit gives that takes it for constant, s after the first reading
+    /// began: each stay counts for what it tells of the resonance.
+    pub(crate) fn moment_s(&self, best: &Hypothesis) -> Option<f64> {
+        let (mut sum, mut begin_s) = ([0.0; UNKNOWNS], 0.0);
+        let mut states = best.states.clone();
+        for (n, ((stay, model, square), state)) in
+            self.models(&best.at).zip(&mut states).enumerate()
+        {
+            begin_s += if n == 0 { 0.0 } else { stay.since_s };
+            let middle_s = begin_s + 0.5 * stay.samples.last().map_or(0.0, Sample::end_s);
+            let (normal, _) = model.normal(&best.at, stay, model.prior(square), &self.known, state);
+            for (sum, row) in sum.iter_mut().zip(&normal.matrix) {
+                *sum += row[0] * middle_s;
+            }
+        }
+        Some(Cholesky::new(&best.normal.matrix, CIRCUIT, 0.0)?.solve(&sum)[0])
+    }
+
+    /// The model and the free motion of the last stay, and the amplitude with which the next begins.
+    pub(crate) fn last(&self, best: &Hypothesis) -> Option<(Model, Ring, Amplitude)> {
+        let mut amplitude = Amplitude::new(&best.at, self.known.past);
+        let mut square = 0.0;
+        for stay in &self.all {
+            square = amplitude.change(stay.frequency_hz, stay.since_s);
+        }
+        let model = Model::new(&best.at, self.all.last()?.frequency_hz);
+        let ring = Ring { square, amplitude: best.states.last()?.amplitude() };
+        Some((model, ring, amplitude))
+    }
+
+    /// The most likely circuit near `start`.
+    pub(crate) fn minimum(&self, start: Believed, expected: &Expected) -> Hypothesis {
+        self.descend(start, expected, Vec::new(), |_, _| ())
+    }
+
+    /// The most likely circuit near one that was the most likely of some of the readings.
+    pub(crate) fn follow(&self, earlier: Hypothesis, expected: &Expected) -> Hypothesis {
+        self.descend(earlier.at, expected, earlier.states, |_, _| ())
+    }
+
+    fn descend(
+        &self,
+        start: Believed,
+        expected: &Expected,
+        mut states: Vec<State>,
+        more: impl Fn(&Believed, &mut Normal<UNKNOWNS>),
+    ) -> Hypothesis {
+        let count = self.count();
+        let descent = Descent { count, weight: 0.0, free: CIRCUIT };
+        let (at, normal, end) = descent.run(start, |at| {
+            let mut normal = self.normal(at, &mut states);
+            expected.add_to(&mut normal, at, 1.0);
+            more(at, &mut normal);
+            normal
+        });
+        Hypothesis { at, normal, end, states }
+    }
+
+    /// The standard deviation of the resonance by where the profile likelihood has fallen as it does
+    /// two standard deviations away, Hz; the wider of both sides and of the curvature.
+    pub(crate) fn profile_sigma_hz(&self, best: &Hypothesis, expected: &Expected) -> f64 {
+        const SIGMAS: f64 = 2.0;
+        let sigma = best.variance().sqrt();
+        let side = |sign: f64| {
+            let wanted = best.at.resonance_hz.ln() + sign * SIGMAS * sigma;
+            let hard = 1e8 / (sigma * sigma);
+            let start = Believed { resonance_hz: wanted.exp(), ..best.at };
+            let found = self.descend(start, expected, best.states.clone(), |at, normal| {
+                let away = at.resonance_hz.ln() - wanted;
+                normal.matrix[0][0] += hard;
+                normal.gradient[0] += hard * away;
+                normal.cost += hard * away * away;
+            });
+            let rise = (found.normal.cost - best.normal.cost).max(1e-3);
+            SIGMAS * sigma / rise.sqrt()
+        };
+        best.at.resonance_hz * sigma.max(side(1.0)).max(side(-1.0))
+    }
+}
+
+#[cfg(test)]
+mod tests;

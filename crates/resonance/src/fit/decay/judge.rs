@@ -1,0 +1,174 @@
+//! What readings of a free decay say, and whether to believe it.
+
+use rig_model::{Reading, Window};
+
+use super::{
+    Hypothesis, Known, Stays,
+    mode::Modes,
+    search::{CHI_SQUARED_SIGMAS, Effort, Search},
+    start::Trials,
+};
+use crate::{
+    FitOptions, Reason, Refusal, Resonance, Rung, Verdict,
+    dense::{Cholesky, condition, sandwich},
+    fit::{POINTS_MIN, doubt_circuit, doubt_existence, doubt_place, doubt_precision},
+    grid::{Expected, Q_TYPICAL},
+    planner::NOISE,
+    scatter::{self, Pool},
+    solve::End,
+    trace::{Believed, CIRCUIT},
+    verdict::Spread,
+};
+
+/// Twice the log-likelihood that a second mode must gain to be taken for real: chance gains as much at
+/// any place once in thirty sweeps, which are then looked at for longer.
+pub(crate) const MODE_GAIN: f64 = 7.0;
+/// By how much wider the resonance may be if a second mode may have any size: one that pulls it by
+/// four standard deviations then gains sixteen.
+pub(crate) const MODE_WIDENS: f64 = 1.4;
+
+/// Finds the resonance in readings of stays without settling.
+pub(crate) fn fit(readings: &[Reading], options: &FitOptions) -> Verdict {
+    let refused = |reason| Verdict::Refused(Refusal { reason, estimate: None });
+    let noise = Pool::known(&options.noise.unwrap_or(NOISE));
+    let known = Known::with(noise.variance());
+    let found = readings.iter().filter(|reading| reading.impedance().is_some()).count();
+    if 2 * found < readings.len() {
+        let overloaded = readings.len() - found;
+        return refused(Reason::Saturated { overloaded, readings: readings.len() });
+    }
+    let Some(mut stays) = Stays::of(known, readings).filter(|_| found >= POINTS_MIN) else {
+        return refused(Reason::TooFewPoints { found, needed: POINTS_MIN });
+    };
+    if stays.degrees() < 1.0 {
+        return refused(Reason::TooFewPoints { found, needed: found + 1 });
+    }
+    let frequencies = || readings.iter().map(|reading| reading.frequency_hz);
+    let window = options.window.unwrap_or_else(|| Window {
+        min_hz: frequencies().fold(f64::INFINITY, f64::min),
+        max_hz: frequencies().fold(0.0, f64::max),
+    });
+    let Some((best, expected)) = best(&mut stays, window, noise, options) else {
+        return refused(Reason::NotConverged);
+    };
+    judge(&stays, &best, &expected, noise, window)
+}
+
+/// The moment for which the resonance with this circuit holds, s after the first reading began.
+pub(crate) fn moment_s(readings: &[Reading], options: &FitOptions) -> Option<f64> {
+    let noise = Pool::known(&options.noise.unwrap_or(NOISE));
+    let mut stays = Stays::of(Known::with(noise.variance()), readings)?;
+    let (best, _) = best(&mut stays, options.window?, noise, options)?;
+    stays.moment_s(&best)
+}
+
+/// The most likely circuit, with the noise that the readings have; `None` where another explains them
+/// nearly as well.
+fn best(
+    stays: &mut Stays,
+    window: Window,
+    noise: Pool,
+    options: &FitOptions,
+) -> Option<(Hypothesis, Expected)> {
+    let expected = Expected::any(Q_TYPICAL).within(window);
+    let mut trials = Trials::none();
+    let mut found = if let Some(near) = options.near {
+        vec![stays.minimum(Believed::of(&near, stays.unit_farad), &expected)]
+    } else {
+        trials = Trials::new(window, &stays.known);
+        trials.add_all(stays);
+        let search = Search { stays, trials: &trials, expected: &expected, noise };
+        search.run(Vec::new(), None, Effort::Trials)
+    };
+    let best = found.pop().filter(|_| found.is_empty())?;
+    let search = Search { stays, trials: &trials, expected: &expected, noise };
+    if search.is_misfit(&best) {
+        return Some((best, expected));
+    }
+    // Where little is known of the noise, the readings tell.
+    let degrees = stays.degrees();
+    let cost = best.normal.cost * stays.known.variance;
+    stays.known.variance = noise.with(cost, degrees).variance();
+    let best = stays.minimum(best.at, &expected);
+    Some((best, expected))
+}
+
+/// The result, if nothing speaks against it.
+fn judge(
+    stays: &Stays,
+    best: &Hypothesis,
+    expected: &Expected,
+    noise: Pool,
+    window: Window,
+) -> Verdict {
+    let refused = |reason, estimate| Verdict::Refused(Refusal { reason, estimate });
+
+    let degrees = stays.degrees();
+    // Against the noise as it was known, not as these readings say.
+    let scatter = best.normal.cost / degrees * stays.known.variance / noise.variance();
+    let allowed = scatter::allowed(degrees, Some(&noise.prior()), CHI_SQUARED_SIGMAS);
+    let modes = Modes::new(stays, best);
+    let (mut likeliest, mut widest) = (None::<(f64, f64)>, 0.0_f64);
+    for mode in modes.all(expected, window) {
+        widest = widest.max(mode.variance);
+        if likeliest.is_none_or(|(_, gain)| mode.gain > gain) {
+            likeliest = Some((mode.resonance_hz, mode.gain));
+        }
+    }
+    let by_modes_hz = best.at.resonance_hz * widest.sqrt() / MODE_WIDENS;
+    let curvature_hz = best.sigma_hz();
+    let doubt = if best.end == End::OutOfSteps {
+        Some(Reason::NotConverged)
+    } else if let Some((near_hz, _)) = likeliest.filter(|(_, gain)| *gain > MODE_GAIN) {
+        Some(Reason::SecondMode { near_hz })
+    } else {
+        // What is not a number is no good description either.
+        let is_described = scatter < allowed;
+        (!is_described).then_some(Reason::Misfit { found: scatter, allowed })
+    };
+    if let Some(reason) = doubt {
+        return refused(reason, resonance(stays, best, noise, curvature_hz));
+    }
+    let sigma_hz = stays.profile_sigma_hz(best, expected).max(by_modes_hz);
+    let Some(found) = resonance(stays, best, noise, sigma_hz) else {
+        return refused(Reason::NotConverged, None);
+    };
+    let unit = stays.unit_farad;
+    let gain = (best.at.c1 * unit).powi(2) / found.covariance[3][3];
+    doubt_existence(&found, gain)
+        .or_else(|| doubt_place(&found, window))
+        .or_else(|| doubt_circuit(&found, window))
+        .or_else(|| doubt_precision(&found, found.sigma_hz))
+        .map_or(Verdict::Accepted(found), |reason| refused(reason, Some(found)))
+}
+
+/// The circuit with its uncertainty, the resonance having this standard deviation by its profile.
+fn resonance(stays: &Stays, best: &Hypothesis, noise: Pool, sigma_hz: f64) -> Option<Resonance> {
+    let (at, matrix) = (&best.at, &best.normal.matrix);
+    let inverse = Cholesky::new(matrix, CIRCUIT, 0.0)?.inverse();
+    let farad = stays.unit_farad;
+    let slope = [
+        [at.resonance_hz, 0.0, 0.0, 0.0, 0.0],
+        [0.0, at.q, 0.0, 0.0, 0.0],
+        [0.0, 0.0, farad, 0.0, 0.0],
+        [0.0, 0.0, 0.0, farad, 0.0],
+        [0.0, 0.0, -at.g / (at.c0 * at.c0), 0.0, 1.0 / at.c0],
+    ];
+    let variance = stays.known.variance;
+    let leading = std::array::from_fn(|i| std::array::from_fn(|j| inverse[i][j] / variance));
+    let cost = best.normal.cost * variance;
+    let spread = Spread {
+        covariance: sandwich(&slope, &leading),
+        condition: condition(matrix, &inverse, CIRCUIT),
+        cost,
+        neighbours: variance,
+        correlation: 1.0,
+        count: stays.count(),
+        degrees: stays.degrees(),
+        settled: (cost, stays.degrees()),
+        widened: 0.0,
+    };
+    let found = Resonance::new(&at.circuit(farad), &spread, Rung::RingUp, Some(&noise.prior()));
+    let wider = sigma_hz * sigma_hz - best.sigma_hz() * best.sigma_hz();
+    Some(found.widened(wider.max(0.0)))
+}

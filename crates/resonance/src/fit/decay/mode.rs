@@ -1,0 +1,140 @@
+//! A second mode that the readings may or may not exclude.
+//!
+//! A small branch beside the resonance pulls the result before it shows in the scatter. What it would
+//! do follows from the normal equations with its size as one more unknown: by how much the readings
+//! ask for it, and how much less the resonance is known if it may have any size.
+
+use num_complex::Complex64;
+use rig_model::Window;
+
+use super::{Hypothesis, Stays, model::Branch, variance};
+use crate::{
+    dense::Cholesky,
+    grid::Expected,
+    solve::Normal,
+    trace::{Believed, CIRCUIT, UNKNOWNS},
+};
+
+/// Where a second mode is looked for, in linewidths from the resonance: nearer ones are hard to tell
+/// from the resonance itself and hardly pull it, and those between two places are seen from both.
+pub(crate) const PLACES: usize = 10;
+const AT: [f64; PLACES] = [-4.0, -3.0, -2.0, -1.5, -1.0, 1.0, 1.5, 2.0, 3.0, 4.0];
+/// The circuit and the second modes after it.
+pub(crate) const WITH_MODES: usize = CIRCUIT + PLACES;
+
+/// The standard deviation of its capacitance, in units of that of the first, from which on it is seen
+/// where it matters: one of a twentieth gains twenty-five.
+pub(crate) const SIZE_SEEN: f64 = 0.01;
+
+/// A second mode with the quality of the first.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SecondMode {
+    pub(crate) place: usize,
+    pub(crate) resonance_hz: f64,
+    /// Twice the log-likelihood that it gains; 0 where it would be negative.
+    pub(crate) gain: f64,
+    /// Its capacitance.
+    pub(crate) size: f64,
+    /// Variance of the logarithm of the first resonance if the second has any size; 0 where a size that
+    /// matters would have been seen.
+    pub(crate) variance: f64,
+}
+
+/// What each stay says of a second mode at each place.
+#[derive(Debug, Clone)]
+pub(crate) struct Modes {
+    of_stays: Vec<Normal<WITH_MODES>>,
+    /// The modes in the last stay.
+    last: [Branch; PLACES],
+    at: Believed,
+}
+
+impl Modes {
+    pub(crate) fn new(stays: &Stays, best: &Hypothesis) -> Self {
+        let at = best.at;
+        let hz = AT.map(|place| at.resonance_hz * (1.0 + place / at.q));
+        // Nothing is known of the motion before the first stay, and it has decayed when it matters.
+        let mut before: Option<(Complex64, [Complex64; PLACES])> = None;
+        let mut last =
+            [Branch::new(at.resonance_hz, at.q, at.resonance_hz, Complex64::ZERO); PLACES];
+        let mut of_stays = Vec::with_capacity(stays.all.len());
+        let ends_s = stays.all.iter().skip(1).map(|next| next.since_s).chain([0.0]);
+        for (((stay, model, _), state), end_s) in stays.models(&at).zip(&best.states).zip(ends_s) {
+            let begin = model.motion(&at, state.amplitude(), 0.0);
+            // The drive jumps in phase at a change of frequency, for all modes alike.
+            let turn = before.map_or(Complex64::ZERO, |(end, _)| begin / end);
+            let turn = if turn.is_normal() { turn / turn.norm() } else { Complex64::ZERO };
+            let ends = before.map_or([Complex64::ZERO; PLACES], |(_, ends)| ends);
+            last = std::array::from_fn(|i| {
+                Branch::new(hz[i], at.q, stay.frequency_hz, ends[i] * turn)
+            });
+            of_stays.push(model.normal_with_modes(stay, &stays.known, state, &last));
+            let end = model.motion(&at, state.amplitude(), end_s);
+            before = Some((end, last.map(|mode| mode.motion(end_s))));
+        }
+        stays.work.update(|work| work + 4 * stays.count() as u64);
+        Self { of_stays, last, at }
+    }
+
+    /// The first stays with the second mode at this place as the unknown after the circuit.
+    pub(crate) fn normal(&self, place: usize, stays: usize) -> Normal<UNKNOWNS> {
+        let mut sum = Normal::<UNKNOWNS>::default();
+        let mode = CIRCUIT + place;
+        for normal in self.of_stays.iter().take(stays) {
+            let Normal { matrix, gradient, cost } = normal;
+            for i in 0..CIRCUIT {
+                for (element, more) in sum.matrix[i].iter_mut().zip(&matrix[i][..CIRCUIT]) {
+                    *element += more;
+                }
+                sum.matrix[i][CIRCUIT] += matrix[i][mode];
+                sum.matrix[CIRCUIT][i] += matrix[mode][i];
+                sum.gradient[i] += gradient[i];
+            }
+            sum.matrix[CIRCUIT][CIRCUIT] += matrix[mode][mode];
+            sum.gradient[CIRCUIT] += gradient[mode];
+            sum.cost += cost;
+        }
+        sum
+    }
+
+    /// The mode at this place in the last stay.
+    pub(crate) fn last(&self, place: usize) -> Branch {
+        self.last[place]
+    }
+
+    /// The mode at this place in a stay at this frequency which begins with this motion.
+    pub(crate) fn branch(&self, place: usize, frequency_hz: f64, motion: Complex64) -> Branch {
+        Branch::new(self.hz(place), self.at.q, frequency_hz, motion)
+    }
+
+    fn hz(&self, place: usize) -> f64 {
+        self.at.resonance_hz * (1.0 + AT[place] / self.at.q)
+    }
+
+    /// What the readings say of a second mode at each place of this window.
+    pub(crate) fn all(
+        &self,
+        expected: &Expected,
+        window: Window,
+    ) -> impl Iterator<Item = SecondMode> {
+        let is_inside = move |place: &usize| window.contains(self.hz(*place));
+        (0..PLACES).filter(is_inside).filter_map(move |place| {
+            let mut normal = self.normal(place, self.of_stays.len());
+            expected.add_to(&mut normal, &self.at, 1.0);
+            let with = Cholesky::new(&normal.matrix, CIRCUIT + 1, 0.0)?;
+            let without = with.solve_leading(&normal.gradient, CIRCUIT);
+            let solved = with.solve(&normal.gradient);
+            let saved = |step: &[f64; UNKNOWNS]| -> f64 {
+                step.iter().zip(&normal.gradient).map(|(a, b)| a * b).sum()
+            };
+            let size = -solved[CIRCUIT];
+            let gain = if size > 0.0 { saved(&solved) - saved(&without) } else { 0.0 };
+            let mut unit = [0.0; UNKNOWNS];
+            unit[CIRCUIT] = 1.0;
+            let is_seen = with.solve(&unit)[CIRCUIT] < (SIZE_SEEN * self.at.c1).powi(2);
+            let variance = if is_seen { 0.0 } else { variance(&normal, CIRCUIT + 1) };
+            let resonance_hz = self.hz(place);
+            Some(SecondMode { place, resonance_hz, gain, size, variance })
+        })
+    }
+}

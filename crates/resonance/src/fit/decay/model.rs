@@ -1,0 +1,151 @@
+//! What a circuit makes of readings at one frequency whose free decay is still heard.
+
+use std::f64::consts::TAU;
+
+use num_complex::Complex64;
+
+use crate::trace::{Believed, CIRCUIT, Past};
+
+/// The mean square of the free motion after each change of frequency, in units of the static
+/// deflection: what the forced motions before and after differ by, and what was left.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Amplitude {
+    at: Believed,
+    square: f64,
+    forced: f64,
+}
+
+impl Amplitude {
+    pub(crate) fn new(at: &Believed, past: Past) -> Self {
+        let forced = if past == Past::Rest { 0.0 } else { at.q * at.q };
+        Self { at: *at, square: 0.0, forced }
+    }
+
+    /// A change to this frequency so long after the change before.
+    pub(crate) fn change(&mut self, frequency_hz: f64, since_s: f64) -> f64 {
+        let Believed { resonance_hz, q, .. } = self.at;
+        let u = frequency_hz / resonance_hz;
+        let forced = 1.0 / Complex64::new(1.0 - u * u, u / q).norm_sqr();
+        let left = self.square * (-TAU * resonance_hz / q * since_s).exp();
+        self.square = forced + self.forced + left;
+        self.forced = forced;
+        self.square
+    }
+}
+
+/// What a circuit makes of readings at one frequency.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Model {
+    /// s − jω.
+    pub(super) rate: Complex64,
+    /// |s* − jω|².
+    pub(super) mirrored: f64,
+    /// ds/d ln fs and ds/d ln Q.
+    pub(super) rate_by: [Complex64; 2],
+    /// The settled admittance and its slopes.
+    pub(super) steady: Complex64,
+    pub(super) by: [Complex64; CIRCUIT],
+    /// C1·ωs: the admittance that a free motion of the size of the static deflection has.
+    pub(super) unit: f64,
+}
+
+impl Model {
+    pub(crate) fn new(at: &Believed, frequency_hz: f64) -> Self {
+        let (omega, omega_s) = (TAU * frequency_hz, TAU * at.resonance_hz);
+        let j_omega = Complex64::new(0.0, omega);
+        let gamma = 0.5 * omega_s / at.q;
+        let root = (1.0 - 0.25 / (at.q * at.q)).max(1e-3).sqrt();
+        let s = Complex64::new(-gamma, omega_s * root);
+        let u = frequency_hz / at.resonance_hz;
+        let response = 1.0 / Complex64::new(1.0 - u * u, u / at.q);
+        let branch = j_omega * response;
+        let slope = -branch * response * at.c1;
+        Self {
+            rate: s - j_omega,
+            mirrored: (s.conj() - j_omega).norm_sqr(),
+            rate_by: [s, Complex64::new(gamma, omega_s * 0.25 / (at.q * at.q * root))],
+            steady: omega * Complex64::new(at.g, at.c0) + at.c1 * branch,
+            by: [
+                slope * Complex64::new(2.0 * u * u, -u / at.q),
+                slope * Complex64::new(0.0, -u / at.q),
+                j_omega,
+                branch,
+                Complex64::from(omega),
+            ],
+            unit: at.c1.abs().max(1e-6) * omega_s,
+        }
+    }
+
+    /// E, dE/ds, and |E(s*)|².
+    pub(super) fn decay(&self, start_s: f64, integration_s: f64) -> (Complex64, Complex64, f64) {
+        let x = self.rate * integration_s;
+        let (begin, over) = ((self.rate * start_s).exp(), x.exp());
+        let mean = (over - 1.0) / x;
+        let turns = self.mirrored * integration_s * integration_s;
+        let mirrored = begin.norm_sqr() * (over - 1.0).norm_sqr() / turns;
+        (begin * mean, begin * (mean * start_s + (over - mean) / self.rate), mirrored)
+    }
+
+    /// The motional admittance, settled.
+    fn forced(&self, at: &Believed) -> Complex64 {
+        at.c1 * self.by[3]
+    }
+
+    /// The motional admittance so long after the stay began, with this amplitude of the free decay.
+    pub(crate) fn motion(&self, at: &Believed, amplitude: Complex64, after_s: f64) -> Complex64 {
+        self.forced(at) + amplitude * (self.rate * after_s).exp()
+    }
+
+    /// The amplitude of the free decay when the motion begins with this admittance.
+    pub(crate) fn amplitude(&self, at: &Believed, motion: Complex64) -> Complex64 {
+        motion - self.forced(at)
+    }
+
+    /// How many times ten cycles an integration takes.
+    pub(super) fn tens_of_cycles(&self, integration_s: f64) -> f64 {
+        // The slope by the loss is the angular frequency.
+        0.1 * integration_s * self.by[4].re / TAU
+    }
+}
+
+/// A second mode in a stay, for a capacitance of 1.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Branch {
+    /// Its own decay and turning against the drive, rad/s.
+    rate: Complex64,
+    /// Its admittance when it has settled, and the amplitude of its free decay.
+    forced: Complex64,
+    free: Complex64,
+}
+
+impl Branch {
+    /// A mode with this resonance and quality at this frequency, which begins with this motion.
+    pub(crate) fn new(mode_hz: f64, q: f64, frequency_hz: f64, motion: Complex64) -> Self {
+        let u = frequency_hz / mode_hz;
+        let omega = TAU * frequency_hz;
+        let forced = Complex64::new(0.0, omega) / Complex64::new(1.0 - u * u, u / q);
+        let root = (1.0 - 0.25 / (q * q)).max(1e-3).sqrt();
+        let rate = TAU * mode_hz * Complex64::new(-0.5 / q, root) - Complex64::new(0.0, omega);
+        Self { rate, forced, free: motion - forced }
+    }
+
+    /// The motion so long after the stay began.
+    pub(crate) fn motion(&self, after_s: f64) -> Complex64 {
+        self.forced + self.free * (self.rate * after_s).exp()
+    }
+
+    /// The mean admittance over a reading.
+    pub(super) fn mean(&self, start_s: f64, integration_s: f64) -> Complex64 {
+        let x = self.rate * integration_s;
+        self.forced + self.free * (self.rate * start_s).exp() * ((x.exp() - 1.0) / x)
+    }
+}
+
+/// The free motion of a stay.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Ring {
+    /// Its mean square before anything was read, in units of the static deflection.
+    pub(crate) square: f64,
+    /// a, in units of the admittance.
+    pub(crate) amplitude: Complex64,
+}

@@ -1,0 +1,178 @@
+//! Trials of resonance and quality over a window, for readings that still ring.
+//!
+//! With both given, everything else is linear: capacitances, loss, and the amplitude of the decay of
+//! each stay. A trial takes in one reading after the other and costs one small system.
+
+use num_complex::Complex64;
+use rig_model::Window;
+
+use super::{
+    Known, Sample, Stays,
+    model::{Amplitude, Model},
+};
+use crate::{
+    dense::Cholesky,
+    grid::{C1_TYPICAL, Expected, QUALITIES, STEP, are_apart},
+    solve::Normal,
+    trace::{Believed, Besides},
+};
+
+/// C0, C1 and C0·tan δ.
+const LINEAR: usize = 3;
+
+/// All trials.
+#[derive(Debug, Clone)]
+pub(crate) struct Trials {
+    trials: Vec<Trial>,
+}
+
+#[derive(Debug, Clone)]
+struct Trial {
+    at: Believed,
+    amplitude: Amplitude,
+    model: Model,
+    /// Stays that are over.
+    done: Normal<LINEAR>,
+    /// This stay: its sums, and those with the amplitude of its decay.
+    now: Normal<LINEAR>,
+    with: [Complex64; LINEAR],
+    top: Complex64,
+    bottom: f64,
+}
+
+impl Trials {
+    /// No trials at all.
+    pub(crate) const fn none() -> Self {
+        Self { trials: Vec::new() }
+    }
+
+    /// Takes in all readings.
+    pub(crate) fn add_all(&mut self, stays: &Stays) {
+        for stay in &stays.all {
+            for (n, sample) in stay.samples.iter().enumerate() {
+                let begins = (n == 0).then_some((stay.frequency_hz, stay.since_s));
+                self.add(sample, begins, &stays.known);
+            }
+        }
+    }
+
+    pub(crate) fn new(window: Window, known: &Known) -> Self {
+        let Window { min_hz, max_hz } = window;
+        let steps = ((max_hz / min_hz).ln() / STEP).ceil().max(1.0);
+        let mut trials = Vec::new();
+        let mut step = 0.0;
+        while step <= steps {
+            let resonance_hz = min_hz * (max_hz / min_hz).powf(step / steps);
+            trials.extend(QUALITIES.iter().map(|&q| Trial::new(resonance_hz, q, known)));
+            step += 1.0;
+        }
+        Self { trials }
+    }
+
+    /// Takes in one more reading, and where it begins a stay, that one's frequency and the time since
+    /// the one before.
+    pub(crate) fn add(&mut self, sample: &Sample, stay: Option<(f64, f64)>, known: &Known) {
+        for trial in &mut self.trials {
+            if let Some((frequency_hz, since_s)) = stay {
+                trial.change(frequency_hz, since_s, known);
+            }
+            trial.add(sample);
+        }
+    }
+
+    /// The best trials, none of them near a better one.
+    pub(crate) fn best(&self, expected: &Expected, known: &Known, most: usize) -> Vec<Believed> {
+        let mut ranked: Vec<(f64, Believed)> =
+            self.trials.iter().filter_map(|trial| trial.best(expected, known)).collect();
+        ranked.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        let mut best: Vec<Believed> = Vec::new();
+        for (_, at) in ranked {
+            if best.len() == most {
+                break;
+            }
+            if best.iter().all(|other| are_apart(other, &at, 1.5)) {
+                best.push(at);
+            }
+        }
+        best
+    }
+}
+
+impl Trial {
+    fn new(resonance_hz: f64, q: f64, known: &Known) -> Self {
+        let besides = Besides::Nothing;
+        let at =
+            Believed { resonance_hz, q, c0: 1.0, c1: C1_TYPICAL, g: 0.0, besides, extra: [0.0; 3] };
+        Self {
+            at,
+            amplitude: Amplitude::new(&at, known.past),
+            model: Model::new(&at, resonance_hz),
+            done: Normal::default(),
+            now: Normal::default(),
+            with: [Complex64::ZERO; LINEAR],
+            top: Complex64::ZERO,
+            bottom: 0.0,
+        }
+    }
+
+    fn change(&mut self, frequency_hz: f64, since_s: f64, known: &Known) {
+        self.done = self.sum();
+        let square = self.amplitude.change(frequency_hz, since_s);
+        self.model = Model::new(&self.at, frequency_hz);
+        self.now = Normal::default();
+        self.with = [Complex64::ZERO; LINEAR];
+        self.top = Complex64::ZERO;
+        self.bottom = known.variance / self.model.prior(square);
+    }
+
+    fn add(&mut self, sample: &Sample) {
+        let Some(z) = sample.impedance else { return };
+        let weight = sample.length;
+        let rate = self.model.rate;
+        let x = rate * sample.integration_s;
+        let e = z * (rate * sample.start_s).exp() * (x.exp() - 1.0) / x;
+        let [_, _, c0, c1, g] = self.model.by;
+        let columns = [z * c0, z * c1, z * g];
+        self.now.add(Complex64::from(-1.0), &columns, weight);
+        for (with, column) in self.with.iter_mut().zip(&columns) {
+            *with += weight * e.conj() * column;
+        }
+        self.top -= weight * e.conj();
+        self.bottom += weight * e.norm_sqr();
+    }
+
+    /// All readings, with the amplitudes eliminated.
+    fn sum(&self) -> Normal<LINEAR> {
+        let mut sum = self.done;
+        let inverse = if self.bottom > 0.0 { 1.0 / self.bottom } else { 0.0 };
+        for i in 0..LINEAR {
+            for k in 0..LINEAR {
+                let less = (self.with[i].conj() * self.with[k]).re * inverse;
+                sum.matrix[i][k] += self.now.matrix[i][k] - less;
+            }
+            let less = (self.with[i].conj() * self.top).re * inverse;
+            sum.gradient[i] += self.now.gradient[i] - less;
+        }
+        sum.cost += self.now.cost - self.top.norm_sqr() * inverse;
+        sum
+    }
+
+    /// The linear unknowns that are most likely with this resonance and quality, and the cost.
+    fn best(&self, expected: &Expected, known: &Known) -> Option<(f64, Believed)> {
+        let mut normal = self.sum();
+        for i in 0..LINEAR {
+            let (mean, spread) = (expected.mean[i + 2], expected.spread[i + 2]);
+            let precision = known.variance / (spread * spread);
+            normal.matrix[i][i] += precision;
+            normal.gradient[i] -= precision * mean;
+            normal.cost += precision * mean * mean;
+        }
+        let step = Cholesky::new(&normal.matrix, LINEAR, 0.0)?.solve(&normal.gradient);
+        let saved: f64 = step.iter().zip(&normal.gradient).map(|(a, b)| a * b).sum();
+        let away = |value: f64, i: usize| ((value - expected.mean[i]) / expected.spread[i]).powi(2);
+        let beforehand = away(self.at.resonance_hz.ln(), 0) + away(self.at.q.ln(), 1);
+        let cost = normal.cost - saved + known.variance * beforehand;
+        let [c0, c1, g] = step.map(|x| -x);
+        (c0 > 0.0 && c1 > 0.0).then_some((cost, Believed { c0, c1, g, ..self.at }))
+    }
+}

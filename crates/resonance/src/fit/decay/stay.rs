@@ -1,0 +1,405 @@
+//! The readings of one stay as normal equations of the circuit, with what is only of this stay
+//! eliminated: the amplitude of the free decay and the errors in time.
+
+use num_complex::Complex64;
+
+use super::{
+    Known, Sample, Stay,
+    mode::{PLACES, WITH_MODES},
+    model::{Branch, Model, Ring},
+};
+use crate::{
+    solve::Normal,
+    trace::{Believed, CIRCUIT, UNKNOWNS},
+};
+
+/// Where the unknowns of a stay are: the circuit, the amplitude, the error in time, second modes.
+const A: usize = CIRCUIT;
+const TIME: usize = CIRCUIT + 2;
+/// How many there are without a second mode, with one, and with one at each place.
+const ALONE: usize = CIRCUIT + 3;
+const WITH_ONE: usize = ALONE + 1;
+const WITH_ALL: usize = ALONE + PLACES;
+/// A random phase leaves each part of the amplitude with half of its square; half as much again for
+/// what is not known of the circuit.
+pub(super) const AMPLITUDE_SHARE: f64 = 0.75;
+/// Rounds in which the amplitude of a stay is found.
+const ROUNDS: usize = 6;
+/// … unless they lower the cost by less than this.
+const SAVED: f64 = 0.01;
+/// … and turn the decay against the drive by less than this, rad.
+const TURNED: f64 = 0.01;
+/// A stay is not computed anew for a circuit that is this near to the last, in squares of the standard
+/// deviations that the stay alone gives: its equations are linear over so little.
+const LINEAR: f64 = 0.02;
+/// … nor while the amplitude expected beforehand and the noise have hardly changed.
+const PRIOR_CHANGED: f64 = 0.1;
+const VARIANCE_CHANGED: f64 = 0.02;
+
+/// What is found of a stay while a circuit is sought.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct State {
+    amplitude: Complex64,
+    /// Its variance beforehand, and its mean square.
+    prior: f64,
+    square: f64,
+    /// By how much each reading began later than its time says, s.
+    late_s: Vec<f64>,
+    rows: Vec<Row>,
+    last: Option<Computed>,
+}
+
+/// The equations of a stay as they were last computed.
+#[derive(Debug, Clone, Copy)]
+struct Computed {
+    at: Believed,
+    normal: Normal<UNKNOWNS>,
+    readings: usize,
+    /// The variance of the noise that they were weighed with.
+    variance: f64,
+}
+
+/// A reading as it depends on the amplitude and on its time.
+#[derive(Debug, Clone, Copy)]
+struct Row {
+    residual: Complex64,
+    by_amplitude: Complex64,
+    in_time: Complex64,
+    weight: f64,
+}
+
+impl State {
+    /// The equations there, if they follow from those computed last.
+    pub(super) fn moved(
+        &self,
+        at: &Believed,
+        stay: &Stay,
+        prior: f64,
+        known: &Known,
+    ) -> Option<Normal<UNKNOWNS>> {
+        let Computed { at: last, normal, readings, variance } = self.last.as_ref()?;
+        let has_changed = |ratio: f64, part: f64| (ratio - 1.0).abs() > part;
+        if *readings != stay.samples.len()
+            || has_changed(prior / self.prior, PRIOR_CHANGED)
+            || has_changed(known.variance / variance, VARIANCE_CHANGED)
+        {
+            return None;
+        }
+        let away = [
+            (at.resonance_hz / last.resonance_hz).ln(),
+            (at.q / last.q).ln(),
+            at.c0 - last.c0,
+            at.c1 - last.c1,
+            at.g - last.g,
+        ];
+        let mut moved = *normal;
+        let mut distance = 0.0;
+        for (i, row) in normal.matrix.iter().enumerate().take(CIRCUIT) {
+            let by: f64 = row.iter().zip(&away).map(|(a, b)| a * b).sum();
+            moved.cost += away[i] * (2.0 * normal.gradient[i] + by);
+            moved.gradient[i] += by;
+            distance += away[i] * by;
+        }
+        (distance < LINEAR).then_some(moved)
+    }
+
+    /// The amplitude of the free decay that was found.
+    pub(super) const fn amplitude(&self) -> Complex64 {
+        self.amplitude
+    }
+
+    /// Forgets the equations, so that they are computed anew.
+    #[cfg(test)]
+    pub(super) fn thaw(&mut self) {
+        self.last = None;
+    }
+}
+
+impl Model {
+    /// The variance of each part of an amplitude of this mean square.
+    pub(super) fn prior(&self, square: f64) -> f64 {
+        AMPLITUDE_SHARE * square * self.unit * self.unit
+    }
+
+    /// The normal equations of the circuit by these readings, and how often each was computed.
+    pub(super) fn normal(
+        &self,
+        at: &Believed,
+        stay: &Stay,
+        prior: f64,
+        known: &Known,
+        state: &mut State,
+    ) -> (Normal<UNKNOWNS>, usize) {
+        let has_begun = state.late_s.len() == stay.samples.len()
+            && (prior / state.prior - 1.0).abs() <= PRIOR_CHANGED;
+        if !has_begun {
+            *state = self.first(&stay.samples, prior, known);
+        }
+        let mut round = 1;
+        loop {
+            let mut sums = Sums::<ALONE>::new(state.amplitude, state.prior, state.square);
+            state.rows.clear();
+            for (sample, late_s) in stay.samples.iter().zip(&state.late_s) {
+                state.rows.push(sums.add(self, sample, state.amplitude, *late_s, known, &[]));
+            }
+            let normal = sums.without_time();
+            let (step, saved) = amplitude_step(&normal);
+            state.amplitude -= step;
+            for row in &mut state.rows {
+                row.residual -= step * row.by_amplitude;
+            }
+            let moved_s = shift(&mut state.late_s, &state.rows, known.gap_sigma_s);
+            let is_still = saved < SAVED && moved_s * self.rate.norm() < TURNED;
+            if round == ROUNDS || is_still {
+                let normal = eliminated(&normal);
+                let (readings, variance) = (stay.samples.len(), known.variance);
+                state.last = Some(Computed { at: *at, normal, readings, variance });
+                return (normal, round);
+            }
+            round += 1;
+        }
+    }
+
+    /// The same with a second mode at each place as more unknowns after the circuit.
+    pub(super) fn normal_with_modes(
+        &self,
+        stay: &Stay,
+        known: &Known,
+        state: &State,
+        modes: &[Branch; PLACES],
+    ) -> Normal<WITH_MODES> {
+        let mut sums = Sums::<WITH_ALL>::new(state.amplitude, state.prior, state.square);
+        for (sample, late_s) in stay.samples.iter().zip(&state.late_s) {
+            sums.add(self, sample, state.amplitude, *late_s, known, modes);
+        }
+        eliminated(&sums.without_time())
+    }
+
+    /// The plain relative error is linear in a: a first value from nothing.
+    fn first(&self, samples: &[Sample], prior: f64, known: &Known) -> State {
+        let (mut top, mut bottom) = (Complex64::ZERO, known.variance / prior);
+        for sample in samples {
+            let Some(impedance) = sample.impedance else { continue };
+            let (e, _, _) = self.decay(sample.start_s, sample.integration_s);
+            let column = impedance * e;
+            let rest = 1.0 - impedance * self.steady;
+            top += sample.length * column.conj() * rest;
+            bottom += sample.length * column.norm_sqr();
+        }
+        let amplitude = top / bottom;
+        let (square, rows) = (amplitude.norm_sqr(), Vec::with_capacity(samples.len()));
+        State { amplitude, prior, square, late_s: vec![0.0; samples.len()], rows, last: None }
+    }
+
+    /// What readings would tell if they came as the model says: those of a stay that is already there,
+    /// and more at even distances after it, for each number of these. A second mode follows the circuit.
+    pub(crate) fn told(
+        &self,
+        (ring, mode): (&Ring, Branch),
+        there: &[Sample],
+        reading: (f64, f64),
+        counts: &[usize],
+        known: &Known,
+        mut each: impl FnMut(usize, Normal<UNKNOWNS>),
+    ) {
+        let (step_s, integration_s) = reading;
+        let square = ring.amplitude.norm_sqr();
+        let mut sums = Sums::<WITH_ONE>::new(Complex64::ZERO, self.prior(ring.square), square);
+        for sample in there {
+            let ideal = Sample { impedance: None, ..*sample };
+            sums.add(self, &ideal, ring.amplitude, 0.0, known, &[mode]);
+        }
+        let begin_s = there.last().map_or(0.0, |last| last.start_s + step_s);
+        let (mut taken, length) = (0, self.tens_of_cycles(integration_s));
+        for &count in counts {
+            while taken < count {
+                let start_s = begin_s + taken as f64 * step_s;
+                let ideal = Sample { start_s, integration_s, impedance: None, length };
+                sums.add(self, &ideal, ring.amplitude, 0.0, known, &[mode]);
+                taken += 1;
+            }
+            each(count, eliminated(&sums.without_time()));
+        }
+    }
+}
+
+/// Readings of a stay as sums.
+#[derive(Debug, Clone, Copy)]
+struct Sums<const N: usize> {
+    normal: Normal<N>,
+    /// |a|².
+    square: f64,
+    /// By how much the last reading began later than its time says, as far as it is known; none before
+    /// it.
+    late_s: Option<f64>,
+}
+
+impl<const N: usize> Sums<N> {
+    fn new(amplitude: Complex64, prior: f64, square: f64) -> Self {
+        let mut normal = Normal::default();
+        let precision = 1.0 / prior.max(f64::MIN_POSITIVE);
+        for (k, part) in [amplitude.re, amplitude.im].into_iter().enumerate() {
+            normal.matrix[A + k][A + k] = precision;
+            normal.gradient[A + k] = precision * part;
+            normal.cost += precision * part * part;
+        }
+        Self { normal, square, late_s: None }
+    }
+
+    /// Adds a reading that began this much later than its time says; one without an impedance is what
+    /// the model says.
+    fn add(
+        &mut self,
+        model: &Model,
+        sample: &Sample,
+        amplitude: Complex64,
+        late_s: f64,
+        known: &Known,
+        modes: &[Branch],
+    ) -> Row {
+        let (e, e_by, mirrored) = model.decay(sample.start_s + late_s, sample.integration_s);
+        let admittance = model.steady + amplitude * e;
+        let x = sample.impedance.map_or(Complex64::ONE, |impedance| impedance * admittance);
+        let more = 1.0 / (x + 1.0);
+        let slope = 4.0 * x * more * more / admittance;
+        let mut columns = [Complex64::ZERO; N];
+        columns[..CIRCUIT].copy_from_slice(&model.by);
+        for (column, by_rate) in columns.iter_mut().zip(&model.rate_by) {
+            *column += amplitude * e_by * by_rate;
+        }
+        columns[A] = e;
+        columns[A + 1] = Complex64::I * e;
+        columns[TIME] = amplitude * model.rate * e;
+        for (column, mode) in columns.iter_mut().skip(ALONE).zip(modes) {
+            *column = mode.mean(sample.start_s + late_s, sample.integration_s);
+        }
+        match self.late_s {
+            // Time begins with the first reading.
+            None => columns[TIME] = Complex64::ZERO,
+            Some(before_s) => self.wait(late_s - before_s, known.gap_sigma_s),
+        }
+        self.late_s = Some(late_s);
+        let counter = 0.5 * self.square * mirrored / admittance.norm_sqr();
+        let weight = 1.0 / (known.variance / sample.length + counter);
+        let residual = 2.0 * (x - 1.0) * more;
+        let columns = columns.map(|by| by * slope);
+        self.normal.add(residual, &columns, weight);
+        Row { residual, by_amplitude: columns[A], in_time: columns[TIME], weight }
+    }
+
+    /// A gap whose length is not quite known: the error in time takes one more step, of which this
+    /// much has been taken into account.
+    fn wait(&mut self, taken_s: f64, sigma_s: f64) {
+        let Normal { matrix, gradient, cost } = &mut self.normal;
+        let square = sigma_s * sigma_s;
+        let known = matrix[TIME][TIME];
+        if known == 0.0 {
+            matrix[TIME][TIME] = 1.0 / square;
+            gradient[TIME] = taken_s / square;
+            *cost += taken_s * taken_s / square;
+            return;
+        }
+        *cost += taken_s * (2.0 * gradient[TIME] + known * taken_s);
+        for (element, by_time) in gradient.iter_mut().zip(&matrix[TIME]) {
+            *element += by_time * taken_s;
+        }
+        let kept = 1.0 / (1.0 + known * square);
+        let (column, right) = (matrix[TIME], gradient[TIME]);
+        for i in (0..N).filter(|i| *i != TIME) {
+            let factor = column[i] * square * kept;
+            for (element, other) in matrix[i].iter_mut().zip(&column) {
+                *element -= factor * other;
+            }
+            gradient[i] -= factor * right;
+            matrix[i][TIME] = column[i] * kept;
+            matrix[TIME][i] = column[i] * kept;
+        }
+        *cost -= right * right * square * kept;
+        matrix[TIME][TIME] = known * kept;
+        gradient[TIME] = right * kept;
+    }
+
+    /// The same without the error in time.
+    fn without_time(&self) -> Normal<N> {
+        let mut normal = self.normal;
+        let known = normal.matrix[TIME][TIME];
+        if known > 0.0 {
+            let (column, right) = (normal.matrix[TIME], normal.gradient[TIME]);
+            for (i, row) in normal.matrix.iter_mut().enumerate() {
+                let factor = column[i] / known;
+                for (element, other) in row.iter_mut().zip(&column) {
+                    *element -= factor * other;
+                }
+                normal.gradient[i] -= factor * right;
+            }
+            normal.cost -= right * right / known;
+        }
+        normal
+    }
+}
+
+/// Moves the times of the readings to where they are most likely with these amplitudes: the steps
+/// between them are independent, which makes one tridiagonal system of them. Gives by how much they
+/// moved at most, s.
+fn shift(late_s: &mut [f64], rows: &[Row], sigma_s: f64) -> f64 {
+    let precision = 1.0 / (sigma_s * sigma_s);
+    let count = rows.len();
+    let (mut upper, mut right) = (vec![0.0; count], vec![0.0; count]);
+    // Forwards; the first reading stays.
+    for i in 1..count {
+        let row = &rows[i];
+        let known = row.weight * row.in_time.norm_sqr();
+        let pull = row.weight * (row.in_time.conj() * row.residual).re;
+        let neighbours = if i + 1 < count { 2.0 } else { 1.0 };
+        let diagonal = known + neighbours * precision;
+        let pivot = diagonal - precision * upper[i - 1];
+        upper[i] = precision / pivot;
+        right[i] = (known * late_s[i] - pull + precision * right[i - 1]) / pivot;
+    }
+    let (mut next, mut moved_s) = (0.0, 0.0_f64);
+    for i in (1..count).rev() {
+        next = right[i] + upper[i] * next;
+        moved_s = moved_s.max((next - late_s[i]).abs());
+        late_s[i] = next;
+    }
+    moved_s
+}
+
+/// The amplitude alone: how far it is from the best one of this circuit, and the cost of that.
+fn amplitude_step<const N: usize>(normal: &Normal<N>) -> (Complex64, f64) {
+    let Some(inverse) = inverse(normal) else { return (Complex64::ZERO, 0.0) };
+    let right = [normal.gradient[A], normal.gradient[A + 1]];
+    let step = times(&inverse, &right);
+    (Complex64::new(step[0], step[1]), step[0] * right[0] + step[1] * right[1])
+}
+
+/// The inverse of the block of the amplitude.
+fn inverse<const N: usize>(normal: &Normal<N>) -> Option<[[f64; 2]; 2]> {
+    let [[a, b], [c, d]]: [[f64; 2]; 2] =
+        std::array::from_fn(|i| std::array::from_fn(|k| normal.matrix[A + i][A + k]));
+    let determinant = a * d - b * c;
+    (determinant > 0.0).then(|| [[d, -b], [-c, a]].map(|row| row.map(|x| x / determinant)))
+}
+
+fn times(matrix: &[[f64; 2]; 2], [x, y]: &[f64; 2]) -> [f64; 2] {
+    matrix.map(|[a, b]| a * x + b * y)
+}
+
+/// The circuit and the second modes after it, with the amplitude eliminated.
+fn eliminated<const N: usize, const K: usize>(normal: &Normal<N>) -> Normal<K> {
+    let mut rest = Normal::<K>::default();
+    let Some(inverse) = inverse(normal) else { return rest };
+    let right = [normal.gradient[A], normal.gradient[A + 1]];
+    let kept = || (0..CIRCUIT).chain(ALONE..N).enumerate();
+    for (i, from) in kept() {
+        let solved = times(&inverse, &[normal.matrix[from][A], normal.matrix[from][A + 1]]);
+        for (k, to) in kept() {
+            let less = solved[0] * normal.matrix[to][A] + solved[1] * normal.matrix[to][A + 1];
+            rest.matrix[i][k] = normal.matrix[from][to] - less;
+        }
+        rest.gradient[i] = normal.gradient[from] - solved[0] * right[0] - solved[1] * right[1];
+    }
+    let solved = times(&inverse, &right);
+    rest.cost = normal.cost - solved[0] * right[0] - solved[1] * right[1];
+    rest
+}

@@ -1,0 +1,83 @@
+//! The gradient is that of the cost, and the circuit comes out.
+
+use super::*;
+use crate::trace::Besides;
+
+/// Stays of a circuit whose readings came a little late, and are a little wrong.
+fn stays(at: &Believed) -> Stays {
+    let known = Known { variance: 2.5e-5, gap_sigma_s: 0.58e-3, past: Past::Rest };
+    let (all, last, work) = (Vec::new(), None, Cell::new(0));
+    let mut stays = Stays { all, unit_farad: 1.0, known, last, work };
+    let mut amplitude = Amplitude::new(at, Past::Rest);
+    for (n, frequency_hz) in [137.2, 140.9, 138.5, 143.0].into_iter().enumerate() {
+        let since_s = 0.09;
+        let square = amplitude.change(frequency_hz, since_s);
+        let model = Model::new(at, frequency_hz);
+        let a = 0.7 * Complex64::from_polar(square.sqrt() * model.unit, 2.0 * n as f64);
+        let samples = (0..6)
+            .map(|k| {
+                let wave = |x: f64| (x + f64::from(k) + 1.7 * n as f64).sin();
+                let (start_s, integration_s) = (0.016 * f64::from(k), 2.0 / frequency_hz);
+                let late_s = if k == 0 { 0.0 } else { 0.7e-3 * wave(0.3) };
+                let (e, _, _) = model.decay(start_s + late_s, integration_s);
+                let error = 1.0 + 0.01 * Complex64::new(wave(1.0), wave(2.0));
+                let impedance = error / (model.steady + a * e);
+                Sample { start_s, integration_s, impedance: Some(impedance), length: 0.2 }
+            })
+            .collect();
+        stays.all.push(Stay { frequency_hz, since_s, samples });
+    }
+    stays
+}
+
+const AT: Believed = Believed {
+    resonance_hz: 140.0,
+    q: 60.0,
+    c0: 1.0,
+    c1: 0.05,
+    g: 0.018,
+    besides: Besides::Nothing,
+    extra: [0.0; 3],
+};
+
+#[test]
+fn the_gradient_is_that_of_the_cost() {
+    let stays = stays(&AT);
+    let here = Believed { resonance_hz: 140.02, q: 61.0, ..AT };
+    let mut states = Vec::new();
+    let anew = |at: &Believed, states: &mut Vec<State>| {
+        states.iter_mut().for_each(State::thaw);
+        stays.normal(at, states)
+    };
+    let normal = (0..5).map(|_| anew(&here, &mut states)).last().unwrap();
+    let cost = |at: &Believed| {
+        // The same prior on both sides.
+        let mut states = states.clone();
+        (0..5).fold(0.0, |_, _| anew(at, &mut states).cost)
+    };
+    let moved = |i: usize, h: f64| match i {
+        0 => Believed { resonance_hz: here.resonance_hz * h.exp(), ..here },
+        1 => Believed { q: here.q * h.exp(), ..here },
+        2 => Believed { c0: here.c0 + h, ..here },
+        3 => Believed { c1: here.c1 + h, ..here },
+        _ => Believed { g: here.g + h, ..here },
+    };
+    for i in 0..CIRCUIT {
+        let step = 0.02 / normal.matrix[i][i].sqrt();
+        let found = (cost(&moved(i, step)) - cost(&moved(i, -step))) / (4.0 * step);
+        let error = (found - normal.gradient[i]).abs() / normal.matrix[i][i].sqrt();
+        assert!(error < 0.02, "{i}: {found} {} {error}", normal.gradient[i]);
+    }
+}
+
+#[test]
+fn the_circuit_comes_out_although_times_are_a_little_wrong() {
+    let stays = stays(&AT);
+    let start = Believed { resonance_hz: 140.3, q: 45.0, c1: 0.04, ..AT };
+    let expected = Expected::any(30.0);
+    let found = stays.minimum(start, &expected);
+    let sigma_hz = stays.profile_sigma_hz(&found, &expected);
+    let off_hz = found.at.resonance_hz - AT.resonance_hz;
+    assert!(off_hz.abs() < 4.0 * sigma_hz && sigma_hz < 0.1, "{off_hz} {sigma_hz}");
+    assert!((found.at.q / AT.q).ln().abs() < 0.2, "{:?}", found.at);
+}

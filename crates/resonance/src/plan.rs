@@ -1,0 +1,3 @@
+//! Which frequency to measure next, by the model of the free decay.
+
+pub(crate) mod decay;

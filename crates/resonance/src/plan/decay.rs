@@ -1,0 +1,361 @@
+//! A sweep that never waits: the free decay after each change of frequency is fitted.
+//!
+//! The first stay rings, and where its ring beats against the drive tells the resonance to a fraction
+//! of a hertz. From then on each stay is the one that promises the uncertainty asked for soonest; at
+//! most half of it is done before the circuit is fitted and the rest is planned again. The uncertainty
+//! is also the one that a second mode of any size would leave, so that both flanks are looked at as far
+//! as that needs. A result is asked for when no other circuit explains the readings nearly as well.
+
+mod options;
+
+use rig_model::{Reading, SweepPoint, SweepRequest, Window};
+
+use crate::{
+    Circuit, Reason, Verdict,
+    fit::decay::{
+        Hypothesis, Known, Stays,
+        judge::{MODE_GAIN, MODE_WIDENS},
+        mode::{Modes, SecondMode},
+        search::{DESCENTS_MAX, Effort, Search},
+        start::Trials,
+    },
+    fit::{GAIN_MIN, POINTS_MIN},
+    grid::{Expected, Q_TYPICAL},
+    planner::{Estimate, NOISE, Prior, limit::READINGS_MAX},
+    scatter::Pool,
+    trace::Believed,
+};
+use options::{Aim, Ground, Pace};
+
+/// The first stay: its readings, and the cycles of each.
+const OPENING: (u32, usize) = (2, 5);
+/// Ratio of the frequencies of two first stays, at most, and how many there are at most.
+const OPENING_RATIO: f64 = 1.52;
+const OPENINGS_MAX: usize = 24;
+/// Where a warm sweep begins, in linewidths above the last resonance.
+const OPENING_OFF: f64 = 0.3;
+/// Until the standard deviation is this part of the linewidth, other circuits are looked for, and a
+/// second mode is not.
+const CERTAIN: f64 = 0.1;
+/// Searches beside a circuit that does not describe the readings.
+const SEARCHES_MAX: usize = 3;
+/// Stays after which a misfit or a rival is no longer chance.
+const FORCED_MAX: usize = 6;
+/// Stays that are to remove a doubt: cycles and readings, and where they are, in linewidths from the
+/// resonance.
+const FORCED: (u32, usize) = (4, 8);
+const FORCED_AT: [f64; 6] = [0.5, -0.5, 0.9, -0.9, 0.0, 0.3];
+/// Stays that look for a second mode.
+const LOOKS_MAX: usize = 4;
+/// A second mode that is there gains so much after them.
+const MODE_SURE: f64 = 16.0;
+/// The part of the asked standard deviation that is planned for: the profile is a little wider than
+/// the curvature says.
+const AIM: f64 = 0.97;
+/// … and no less than this part of what was planned for before.
+const NARROWER: f64 = 0.85;
+/// No sweep takes more steps than these: far above what one takes that reaches its target.
+const STEPS_MAX: usize = 150;
+/// The most rows between two readings: all descents of a search, to the end and in a verdict as well.
+pub(crate) const STEP_WORK_MAX: u64 = {
+    let rounds = 6;
+    ((2 * DESCENTS_MAX + 8) * (crate::solve::STEPS_MAX + 2) * rounds * READINGS_MAX) as u64
+};
+
+/// The plan of one sweep.
+#[derive(Debug, Clone)]
+pub(crate) struct Decay {
+    within: Window,
+    last_circuit: Option<Circuit>,
+    expected: Expected,
+    noise: Pool,
+    known: Known,
+    stays: Option<Stays>,
+    trials: Trials,
+    hypotheses: Vec<Hypothesis>,
+    /// What the readings say of second modes, once a resonance is certain.
+    modes: Option<Modes>,
+    seen: Vec<SecondMode>,
+    steps: usize,
+    searches: usize,
+    forced: usize,
+    looks: usize,
+    /// Whether the circuit has been looked for everywhere since the last reading.
+    is_searched: bool,
+    /// The standard deviation that stays are planned for, Hz.
+    aim_hz: f64,
+    /// Why the last verdict was a refusal.
+    doubt: Option<Reason>,
+}
+
+impl Decay {
+    pub(crate) fn new(request: &SweepRequest, prior: Option<&Prior>) -> Self {
+        let within = prior.map_or(request.window, |prior| prior.within);
+        let noise = Pool::known(&prior.and_then(|prior| prior.noise).unwrap_or(NOISE));
+        let last_circuit = prior.and_then(|prior| prior.circuit);
+        let known = Known::with(noise.variance());
+        let q = last_circuit.map_or(Q_TYPICAL, |circuit| circuit.q);
+        Self {
+            within,
+            last_circuit,
+            expected: Expected::any(q).within(within),
+            noise,
+            known,
+            stays: None,
+            trials: Trials::new(within, &known),
+            hypotheses: Vec::new(),
+            modes: None,
+            seen: Vec::new(),
+            steps: 0,
+            searches: 0,
+            forced: 0,
+            looks: 0,
+            is_searched: false,
+            aim_hz: AIM * request.target_sigma_hz,
+            doubt: None,
+        }
+    }
+
+    pub(crate) fn add(&mut self, readings: &[Reading], window: Window) {
+        for reading in readings {
+            let Some(stays) = self.stays.as_mut() else {
+                // Nothing tells how large impedances are until one has come.
+                self.stays = Stays::new(self.known, reading);
+                if let Some(stays) = &mut self.stays {
+                    stays.push(reading);
+                    self.trials.add_all(stays);
+                }
+                continue;
+            };
+            let begins = stays.push(reading);
+            if let Some(stay) = stays.all.last()
+                && let Some(sample) = stay.samples.last()
+            {
+                let begins = begins.then_some((stay.frequency_hz, stay.since_s));
+                self.trials.add(sample, begins, &stays.known);
+            }
+        }
+        self.is_searched = false;
+        if self.stays.as_ref().is_some_and(|stays| stays.all.len() >= self.openings()) {
+            self.refit(false);
+            self.look_for_modes(window);
+        }
+    }
+
+    /// Whether a verdict should be asked for: nothing is left to be known better, or to be told apart.
+    pub(crate) fn is_enough(&mut self, window: Window) -> bool {
+        let is_enough = |decay: &Self| {
+            decay.hypotheses.len() == 1 && decay.told_hz().is_some_and(|hz| hz <= decay.aim_hz)
+        };
+        if !is_enough(self) {
+            return false;
+        }
+        if !self.is_searched {
+            self.refit(true);
+            self.look_for_modes(window);
+        }
+        is_enough(self)
+    }
+
+    /// The circuit to begin a fit with.
+    pub(crate) fn circuit(&self) -> Option<Circuit> {
+        let (stays, best) = (self.stays.as_ref()?, self.hypotheses.first()?);
+        Some(best.at.circuit(stays.unit_farad))
+    }
+
+    /// Takes note of a verdict on the readings so far; gives whether it is the last.
+    pub(crate) fn is_final(&mut self, verdict: &Verdict, target_hz: f64) -> bool {
+        self.doubt = None;
+        let refusal = match verdict {
+            Verdict::Accepted(found) if found.sigma_hz <= target_hz => return true,
+            Verdict::Accepted(found) => {
+                self.tighten(target_hz / found.sigma_hz);
+                return false;
+            }
+            Verdict::Refused(refusal) => refusal,
+        };
+        match refusal.reason {
+            Reason::TooNoisy { .. } => self.tighten(NARROWER),
+            Reason::SecondMode { .. } => {
+                self.looks += 1;
+                self.doubt = Some(refusal.reason);
+            }
+            _ => {
+                self.forced += 1;
+                self.doubt = Some(refusal.reason);
+            }
+        }
+        self.looks > LOOKS_MAX || self.forced > FORCED_MAX
+    }
+
+    fn tighten(&mut self, ratio: f64) {
+        let now_hz = self.told_hz().unwrap_or(self.aim_hz);
+        self.aim_hz = AIM * ratio.clamp(NARROWER, 1.0) * now_hz.min(self.aim_hz);
+    }
+
+    /// The next stay, empty where none would help, or the reason why there is none.
+    pub(crate) fn next(
+        &mut self,
+        request: &SweepRequest,
+        readings: &[Reading],
+        elapsed_s: f64,
+    ) -> Result<Vec<SweepPoint>, Reason> {
+        self.steps += 1;
+        let (stays, count) =
+            self.stays.as_ref().map_or((0, 0), |stays| (stays.all.len(), stays.count()));
+        if self.steps > STEPS_MAX {
+            return Ok(Vec::new());
+        }
+        if self.steps > self.openings() && 2 * count < readings.len().max(1) {
+            let overloaded = readings.len() - count;
+            return Err(match readings.len() {
+                0 => Reason::TooFewPoints { found: 0, needed: POINTS_MIN },
+                readings => Reason::Saturated { overloaded, readings },
+            });
+        }
+        let (Some(of), Some(best)) = (&self.stays, self.hypotheses.first()) else {
+            let is_opening = stays < self.openings() || self.steps <= self.openings() + FORCED_MAX;
+            return if is_opening {
+                Ok(self.opening(request, self.steps - 1))
+            } else {
+                Err(Reason::NoResonance { found: 0.0, needed: GAIN_MIN })
+            };
+        };
+        if stays < self.openings() {
+            return Ok(self.opening(request, stays));
+        }
+        let is_rival = self.hypotheses.len() > 1 && best.sigma_hz() <= self.aim_hz;
+        let is_doubt = !matches!(self.doubt, None | Some(Reason::SecondMode { .. }));
+        if is_rival || is_doubt {
+            if is_rival {
+                self.forced += 1;
+            }
+            if self.forced > FORCED_MAX {
+                return Err(Reason::NotConverged);
+            }
+            let off = FORCED_AT[self.forced % FORCED_AT.len()];
+            let frequency_hz = best.at.resonance_hz + off * best.linewidth_hz();
+            return Ok(points(request.window, frequency_hz, FORCED));
+        }
+        let pace = Pace::of(of, elapsed_s);
+        let ground = Ground {
+            stays: of,
+            best,
+            expected: &self.expected,
+            window: request.window,
+            aim: self.aim(best),
+            modes: self.modes.as_ref(),
+            pace,
+            left_s: request.time_limit_s - elapsed_s,
+        };
+        let (frequency_hz, cycles, count) = ground.choose();
+        Ok(points(request.window, frequency_hz, (cycles, count)))
+    }
+
+    /// What the next stays are to reach.
+    fn aim(&self, best: &Hypothesis) -> Aim {
+        let relative = self.aim_hz / best.at.resonance_hz;
+        let variance = relative * relative;
+        let likeliest = self.likeliest().filter(|mode| {
+            matches!(self.doubt, Some(Reason::SecondMode { .. })) && mode.gain > MODE_GAIN
+        });
+        if let Some(mode) = likeliest {
+            let size_variance = Some(mode.size * mode.size / MODE_SURE);
+            return Aim { variance, place: Some(mode.place), size_variance };
+        }
+        let unseen = self.seen.iter().filter(|mode| mode.variance > 0.0);
+        let widest = unseen.max_by(|a, b| a.variance.total_cmp(&b.variance));
+        Aim { variance, place: widest.map(|mode| mode.place), size_variance: None }
+    }
+
+    fn likeliest(&self) -> Option<&SecondMode> {
+        self.seen.iter().max_by(|a, b| a.gain.total_cmp(&b.gain))
+    }
+
+    /// The standard deviation that a result would have, Hz.
+    fn told_hz(&self) -> Option<f64> {
+        let best = self.hypotheses.first()?;
+        let widest = self.seen.iter().map(|mode| mode.variance).fold(0.0, f64::max);
+        Some(best.sigma_hz().max(best.at.resonance_hz * widest.sqrt() / MODE_WIDENS))
+            .filter(|_| self.modes.is_some())
+    }
+
+    fn look_for_modes(&mut self, window: Window) {
+        self.seen.clear();
+        self.modes = None;
+        let (Some(stays), [best]) = (&self.stays, &self.hypotheses[..]) else { return };
+        if best.sigma_hz() < CERTAIN * best.linewidth_hz() {
+            let modes = Modes::new(stays, best);
+            self.seen.extend(modes.all(&self.expected, window));
+            self.modes = Some(modes);
+        }
+    }
+
+    /// Readings with their slopes that were computed so far.
+    pub(crate) fn work(&self) -> u64 {
+        self.stays.as_ref().map_or(0, |stays| stays.work.get())
+    }
+
+    /// What the readings so far say.
+    pub(crate) fn estimate(&self) -> Option<Estimate> {
+        let (circuit, best) = (self.circuit()?, self.hypotheses.first()?);
+        let sigma_hz = best.sigma_hz();
+        sigma_hz.is_finite().then_some(Estimate { circuit, sigma_hz })
+    }
+
+    /// The next of the first stays, by how many there have been: close enough together that a resonance
+    /// between two of them is seen from one.
+    fn opening(&self, request: &SweepRequest, done: usize) -> Vec<SweepPoint> {
+        let Window { min_hz, max_hz } = self.within;
+        let places = self.openings();
+        let part = (done % places) as f64 + 0.5;
+        let middle_hz = min_hz * (max_hz / min_hz).powf(part / places as f64);
+        let off_hz = self.last_circuit.map_or(0.0, |last| OPENING_OFF * last.linewidth_hz());
+        points(request.window, middle_hz + off_hz.min(0.5 * (max_hz - min_hz)), OPENING)
+    }
+
+    fn openings(&self) -> usize {
+        let ratio = (self.within.max_hz / self.within.min_hz).max(1.0);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small")]
+        let places = (ratio.ln() / OPENING_RATIO.ln()).ceil() as usize;
+        places.clamp(1, OPENINGS_MAX)
+    }
+
+    /// Follows the circuits so far, and looks for others unless it is certain.
+    fn refit(&mut self, look_around: bool) {
+        let Some(stays) = &self.stays else { return };
+        let search =
+            Search { stays, trials: &self.trials, expected: &self.expected, noise: self.noise };
+        let is_certain = match &self.hypotheses[..] {
+            [alone] => alone.sigma_hz() < CERTAIN * alone.linewidth_hz(),
+            _ => false,
+        };
+        let last = self.last_circuit.map(|last| Believed::of(&last, stays.unit_farad));
+        let effort = if look_around || !is_certain { Effort::Trials } else { Effort::Follow };
+        let mut found = search.run(std::mem::take(&mut self.hypotheses), last, effort);
+        if found.iter().all(|one| search.is_misfit(one)) && self.searches < SEARCHES_MAX {
+            self.searches += 1;
+            found = search.run(found, last, Effort::Beside);
+        }
+        self.is_searched = look_around;
+        // Where little is known of the noise, the readings tell.
+        let degrees = stays.degrees();
+        let variance = match &found[..] {
+            [alone] if degrees > 3.0 && !search.is_misfit(alone) => {
+                let cost = alone.normal.cost * stays.known.variance;
+                Some(self.noise.with(cost, degrees).variance())
+            }
+            _ => None,
+        };
+        self.hypotheses = found;
+        if let (Some(stays), Some(variance)) = (&mut self.stays, variance) {
+            stays.known.variance = variance;
+        }
+    }
+}
+
+/// Readings at one frequency, one after the other.
+fn points(window: Window, frequency_hz: f64, (cycles, count): (u32, usize)) -> Vec<SweepPoint> {
+    let frequency_hz = frequency_hz.clamp(window.min_hz, window.max_hz);
+    vec![SweepPoint { frequency_hz, settle_s: 0.0, cycles }; count]
+}

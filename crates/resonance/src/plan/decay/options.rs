@@ -1,0 +1,319 @@
+//! Which stay is worth its time most.
+
+use std::{borrow::Cow, f64::consts::TAU};
+
+use num_complex::Complex64;
+use rig_model::Window;
+
+use crate::{
+    fit::decay::{
+        Hypothesis, Stay, Stays,
+        judge::MODE_WIDENS,
+        mode::{Modes, SIZE_SEEN},
+        model::{Amplitude, Model, Ring},
+    },
+    grid::Expected,
+    solve::Normal,
+    trace::{CIRCUIT, UNKNOWNS},
+};
+
+/// Places of a new stay, in linewidths from the resonance; the ends of the window come besides.
+const PLACES: [f64; 7] = [-1.5, -0.7, -0.3, 0.0, 0.3, 0.7, 1.5];
+const CYCLES: [u32; 3] = [2, 6, 20];
+/// Above this quality the longest readings gain nothing.
+const LONG_Q: f64 = 60.0;
+const COUNTS: [usize; 7] = [2, 3, 5, 8, 12, 18, 27];
+/// Counts of which pairs of stays are made.
+const PAIRED: [usize; 4] = [2, 5, 12, 27];
+/// Phases that the free motion of a new stay may have.
+const PHASES: usize = 3;
+/// A second stay is within this many linewidths: one that only beats is no evidence.
+const NEAR: f64 = 1.0;
+/// Further off than this many linewidths a decay beats so fast that it only tells the errors in time.
+const FAR: f64 = 4.0;
+/// The part of a plan, and of the time spent, after which it is made anew.
+const PART: f64 = 0.5;
+/// Stays shorter than this are done in one go, s.
+const SHORT_S: f64 = 0.03;
+/// A gap where none has been seen yet, s.
+const GAP_S: f64 = 1.5e-3;
+/// What is missing where nothing is known yet, as a ratio of variances.
+const MISSING_MAX: f64 = 1e12;
+
+/// How long things take.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pace {
+    /// The mean time between two readings of a stay, s.
+    gap_s: f64,
+    /// What the sweep has taken so far, s.
+    pub(super) spent_s: f64,
+}
+
+impl Pace {
+    pub(super) fn of(stays: &Stays, spent_s: f64) -> Self {
+        let (mut sum, mut count) = (GAP_S, 1.0);
+        for pair in stays.all.iter().flat_map(|one| one.samples.windows(2)) {
+            sum += (pair[1].start_s - pair[0].start_s - pair[0].integration_s).max(0.0);
+            count += 1.0;
+        }
+        Self { gap_s: sum / count, spent_s }
+    }
+
+    /// One reading with the gap before it, s.
+    pub(super) fn reading_s(&self, cycles: u32, frequency_hz: f64) -> f64 {
+        self.gap_s + f64::from(cycles) / frequency_hz
+    }
+}
+
+/// What a plan stands on.
+#[derive(Debug)]
+pub(super) struct Ground<'a> {
+    pub(super) stays: &'a Stays,
+    pub(super) best: &'a Hypothesis,
+    pub(super) expected: &'a Expected,
+    pub(super) window: Window,
+    pub(super) aim: Aim,
+    pub(super) modes: Option<&'a Modes>,
+    pub(super) pace: Pace,
+    /// What is left of the time allowed, s.
+    pub(super) left_s: f64,
+}
+
+/// What is to be known.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Aim {
+    /// The variance of the logarithm of the resonance.
+    pub(super) variance: f64,
+    /// The place of a second mode that may be there.
+    pub(super) place: Option<usize>,
+    /// The variance of its size; that of the resonance does not count then.
+    pub(super) size_variance: Option<f64>,
+}
+
+/// The circuit, and a second mode after it.
+const FREE: usize = CIRCUIT + 1;
+
+type Matrix = [[f64; FREE]; FREE];
+
+/// A stay that may be next.
+#[derive(Debug, Clone, Copy)]
+struct Candidate {
+    frequency_hz: f64,
+    cycles: u32,
+    count: usize,
+    seconds: f64,
+    /// What is known by it, at each phase of its free motion.
+    adds: [Matrix; PHASES],
+}
+
+impl Aim {
+    /// How far it is from what is known, as a ratio of variances.
+    fn missing(&self, matrix: &Matrix, c1: f64) -> f64 {
+        // All unknowns between the resonance and the second mode are eliminated.
+        let mut rest = *matrix;
+        for last in 1..CIRCUIT {
+            let pivot = rest[last][last];
+            if pivot <= 0.0 {
+                return f64::INFINITY;
+            }
+            let column = rest[last];
+            for i in (0..1).chain(last + 1..FREE) {
+                let factor = column[i] / pivot;
+                for (element, other) in rest[i].iter_mut().zip(&column) {
+                    *element -= factor * other;
+                }
+            }
+        }
+        let (alone, mixed, size) = (rest[0][0], rest[0][CIRCUIT], rest[CIRCUIT][CIRCUIT]);
+        let over = |precision: f64, wanted: f64| {
+            if precision > 0.0 { 1.0 / (precision * wanted) } else { f64::INFINITY }
+        };
+        if self.place.is_none() {
+            return over(alone, self.variance);
+        }
+        if let Some(wanted) = self.size_variance {
+            return over(size - mixed * mixed / alone, wanted);
+        }
+        let widened = self.variance * MODE_WIDENS * MODE_WIDENS;
+        let seen = (SIZE_SEEN * c1).powi(2);
+        let by_mode = over(alone - mixed * mixed / size, widened)
+            .min(over(size - mixed * mixed / alone, seen));
+        over(alone, self.variance).max(by_mode)
+    }
+}
+
+impl Ground<'_> {
+    /// The frequency, the cycles of each reading, and how many readings.
+    pub(super) fn choose(&self) -> (f64, u32, usize) {
+        let at = &self.best.at;
+        let Some(present) = self.present() else { return (at.resonance_hz, CYCLES[0], COUNTS[2]) };
+        let candidates = self.candidates(&present);
+        let missing = |adds: &[Matrix; PHASES], more: Option<&[Matrix; PHASES]>| {
+            let of = |phase: usize| {
+                let mut all = sum(&present.now, &adds[phase]);
+                if let Some(more) = more {
+                    all = sum(&all, &more[phase]);
+                }
+                self.aim.missing(&all, at.c1)
+            };
+            (0..PHASES).map(of).sum::<f64>() / PHASES as f64
+        };
+        let before = self.aim.missing(&present.now, at.c1);
+        let (mut best, mut least_s) = (None, f64::INFINITY);
+        let (mut steepest, mut slope) = (None, f64::NEG_INFINITY);
+        for (i, one) in candidates.iter().enumerate() {
+            let after = missing(&one.adds, None);
+            if after <= 1.0 && one.seconds < least_s {
+                (best, least_s) = (Some(i), one.seconds);
+            }
+            let gain = (before.min(MISSING_MAX) / after).ln() / one.seconds;
+            if gain > slope {
+                (steepest, slope) = (Some(i), gain);
+            }
+        }
+        let paired: Vec<usize> =
+            (0..candidates.len()).filter(|&i| PAIRED.contains(&candidates[i].count)).collect();
+        for (n, &i) in paired.iter().enumerate() {
+            for &k in &paired[n + 1..] {
+                let (one, other) = (&candidates[i], &candidates[k]);
+                let seconds = one.seconds + other.seconds;
+                if seconds < least_s
+                    && one.frequency_hz.to_bits() != other.frequency_hz.to_bits()
+                    && missing(&one.adds, Some(&other.adds)) <= 1.0
+                {
+                    best = Some(if one.seconds > other.seconds { i } else { k });
+                    least_s = seconds;
+                }
+            }
+        }
+        let Some(chosen) = best.or(steepest).map(|i| &candidates[i]) else {
+            return (at.resonance_hz, CYCLES[0], COUNTS[2]);
+        };
+        let reading_s = self.pace.reading_s(chosen.cycles, chosen.frequency_hz);
+        let allowed_s =
+            (PART * chosen.seconds).min(PART * self.pace.spent_s).min(self.left_s).max(SHORT_S);
+        let whole = chosen.seconds <= SHORT_S;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small")]
+        let part = ((allowed_s / reading_s).ceil() as usize).clamp(2, chosen.count.max(2));
+        (chosen.frequency_hz, chosen.cycles, if whole { chosen.count } else { part })
+    }
+
+    /// The present stay, and what is known with and without it.
+    fn present(&self) -> Option<Present<'_>> {
+        let at = &self.best.at;
+        let stays = &self.stays.all;
+        let modes = match self.modes {
+            Some(modes) => Cow::Borrowed(modes),
+            None => Cow::Owned(Modes::new(self.stays, self.best)),
+        };
+        let place = self.aim.place.unwrap_or(0);
+        let of = |count: usize| {
+            let mut normal = modes.normal(place, count);
+            self.expected.add_to(&mut normal, at, 1.0);
+            leading(&normal)
+        };
+        let (model, ring, amplitude) = self.stays.last(self.best)?;
+        let (now, without) = (of(stays.len()), of(stays.len().saturating_sub(1)));
+        Some(Present { stay: stays.last()?, model, ring, amplitude, now, without, modes, place })
+    }
+
+    fn candidates(&self, present: &Present<'_>) -> Vec<Candidate> {
+        let Window { min_hz, max_hz } = self.window;
+        let linewidth_hz = self.best.linewidth_hz();
+        let mut candidates = Vec::new();
+        self.going_on(present, &mut candidates);
+        let is_first = self.stays.all.len() == 1;
+        // The second stay must tell more than a beat.
+        let near = PLACES.into_iter().filter(|place| !is_first || place.abs() <= NEAR);
+        let resonance_hz = self.best.at.resonance_hz;
+        let is_far = |end_hz: &f64| (end_hz - resonance_hz).abs() > FAR * linewidth_hz;
+        let ends = [min_hz, max_hz].into_iter().filter(|end_hz| !is_first && !is_far(end_hz));
+        let places = near.map(|place| resonance_hz + place * linewidth_hz).chain(ends);
+        for frequency_hz in places.filter(|&hz| min_hz <= hz && hz <= max_hz) {
+            self.stays_at(frequency_hz, present, &mut candidates);
+        }
+        candidates
+    }
+
+    /// The lengths of a reading that are worth trying.
+    fn cycles(&self) -> impl Iterator<Item = u32> {
+        let q = self.best.at.q;
+        CYCLES.into_iter().filter(move |&n| n < 20 || q < LONG_Q)
+    }
+
+    /// More readings of the present stay.
+    fn going_on(&self, present: &Present<'_>, candidates: &mut Vec<Candidate>) {
+        let Present { stay, model, ring, now, without, modes, place, .. } = present;
+        let mode = modes.last(*place);
+        for cycles in self.cycles() {
+            let frequency_hz = stay.frequency_hz;
+            let reading_s = self.pace.reading_s(cycles, frequency_hz);
+            let reading = (reading_s, f64::from(cycles) / frequency_hz);
+            let known = &self.stays.known;
+            model.told((ring, mode), &stay.samples, reading, &COUNTS, known, |count, told| {
+                let after = sum(without, &leading(&told));
+                let adds = [difference(&after, now); PHASES];
+                let seconds = count as f64 * reading_s;
+                candidates.push(Candidate { frequency_hz, cycles, count, seconds, adds });
+            });
+        }
+    }
+
+    /// A new stay at this frequency, the drive having any phase in it.
+    fn stays_at(&self, frequency_hz: f64, present: &Present<'_>, candidates: &mut Vec<Candidate>) {
+        let at = &self.best.at;
+        let known = &self.stays.known;
+        let since_s =
+            present.stay.samples.last().map_or(0.0, |last| last.start_s + last.integration_s);
+        let square = { present.amplitude }.change(frequency_hz, since_s);
+        let model = Model::new(at, frequency_hz);
+        let end = present.model.motion(at, present.ring.amplitude, since_s);
+        let end_of_mode = present.modes.last(present.place).motion(since_s);
+        for cycles in self.cycles() {
+            let reading_s = self.pace.reading_s(cycles, frequency_hz);
+            let reading = (reading_s, f64::from(cycles) / frequency_hz);
+            let first = candidates.len();
+            for phase in 0..PHASES {
+                let turn = Complex64::cis(TAU * phase as f64 / PHASES as f64);
+                let ring = Ring { square, amplitude: model.amplitude(at, end * turn) };
+                let mode = present.modes.branch(present.place, frequency_hz, end_of_mode * turn);
+                let mut place = first;
+                model.told((&ring, mode), &[], reading, &COUNTS, known, |count, told| {
+                    if phase == 0 {
+                        let seconds = count as f64 * reading_s;
+                        let adds = [[[0.0; FREE]; FREE]; PHASES];
+                        candidates.push(Candidate { frequency_hz, cycles, count, seconds, adds });
+                    }
+                    candidates[place].adds[phase] = leading(&told);
+                    place += 1;
+                });
+            }
+        }
+    }
+}
+
+/// The stay that goes on, and what is known.
+#[derive(Debug)]
+struct Present<'a> {
+    stay: &'a Stay,
+    model: Model,
+    ring: Ring,
+    amplitude: Amplitude,
+    /// With all readings, and with those of the stays before.
+    now: Matrix,
+    without: Matrix,
+    modes: Cow<'a, Modes>,
+    place: usize,
+}
+
+fn leading(normal: &Normal<UNKNOWNS>) -> Matrix {
+    std::array::from_fn(|i| std::array::from_fn(|k| normal.matrix[i][k]))
+}
+
+fn sum(a: &Matrix, b: &Matrix) -> Matrix {
+    std::array::from_fn(|i| std::array::from_fn(|k| a[i][k] + b[i][k]))
+}
+
+fn difference(a: &Matrix, b: &Matrix) -> Matrix {
+    std::array::from_fn(|i| std::array::from_fn(|k| a[i][k] - b[i][k]))
+}
