@@ -3,8 +3,6 @@
 use rig_engine::{Device, FailureKind, Fault, RigState};
 use rig_model::Clearance;
 
-use crate::doctor::advice;
-
 /// What to do when a command is refused in this state.
 pub(crate) const fn while_in(state: RigState) -> Option<&'static str> {
     match state {
@@ -64,14 +62,20 @@ impl Hint {
     }
 }
 
-/// What to do next after a fault.
+/// Advice for an axis with an impossible position. Nothing here may move it: a
+/// move that starts from a wrong position, or goes the wrong way, ends in the sample.
+pub(crate) const LOST: &str = "move nothing, not with the tool of the drive either: with the \
+    drives off, look where the axis stands, and correct the sign and the size of its step, its \
+    zero or its travel in the rig file";
+
+/// Advice after a fault.
 pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
     let device = match fault {
         Fault::Device(failure) => Some((failure.device, failure.kind)),
         _ => None,
     };
     if let Some((_, FailureKind::Lost)) = device {
-        return Hint { text: advice::LOST, then: NextAction::Restart };
+        return Hint { text: LOST, then: NextAction::Restart };
     }
     if clearance != Clearance::Clear {
         let text = "the probe may still be in contact: do not touch the sample or the stages; check \

@@ -28,6 +28,7 @@ pub mod access;
 mod events;
 mod guard;
 mod index;
+mod limits;
 mod live;
 mod moves;
 mod page;

@@ -6,6 +6,7 @@ mod errors;
 mod failures;
 pub(crate) mod readout;
 mod tiers;
+mod variant;
 
 use std::{io::Write, path::PathBuf};
 

@@ -7,13 +7,10 @@ use rig_analyzer::{AnalyzerError, UnexpectedTerminator};
 use rig_link::LineError;
 use rig_stage::{BusError, LineFault, StageError, Symptom};
 
-use crate::rig::{DeviceError, OpenError};
-
-/// What to do about an axis that says that it is where it cannot be. Nothing here may move it: a
-/// move that starts from a wrong position, or goes the wrong way, ends in the sample.
-pub(crate) const LOST: &str = "move nothing, not with the tool of the drive either: with the \
-    drives off, look where the axis stands, and correct the sign and the size of its step, its \
-    zero or its travel in the rig file";
+use crate::{
+    hint::LOST,
+    rig::{DeviceError, OpenError},
+};
 
 /// What to do about an axis that is not homed. Which way it homes is set in the drive.
 pub(super) const NOT_HOMED: &str = "clear the whole travel of the axis before the rig is opened \

@@ -4,9 +4,12 @@ use rig_model::with_causes;
 
 use super::{
     Finding, Findings,
-    advice::{LOST, NOT_HOMED, on_device},
+    advice::{NOT_HOMED, on_device},
 };
-use crate::rig::{AxisFacts, AxisPosition, AxisState, DeviceError, DeviceSeen};
+use crate::{
+    hint::LOST,
+    rig::{AxisFacts, AxisPosition, AxisState, DeviceError, DeviceSeen},
+};
 
 pub(super) fn findings(device: &DeviceSeen) -> Vec<Finding> {
     let mut findings = Findings::of(device.role);

@@ -12,7 +12,7 @@
 //! A page of another site can make a browser send requests here. It cannot give them our name as
 //! host, and it cannot hide where they come from.
 
-use std::{net::IpAddr, time::Duration};
+use std::net::IpAddr;
 
 use axum::{
     body::{Body, HttpBody, to_bytes},
@@ -29,15 +29,11 @@ use http_body_util::{BodyExt, LengthLimitError, Limited};
 use super::{
     Problem, Shared,
     access::{Access, HostName},
+    limits::{BODY_MAX, BODY_TIME},
     page,
     problem::PROBLEM_JSON,
 };
 use crate::operator::Operator;
-
-/// The largest protocol shipped has 2 kB; a protocol of a thousand samples has 60 kB.
-pub(super) const BODY_MAX: usize = 256 << 10;
-/// 256 KiB take two seconds over the slowest link that anybody works on, 1 Mbit/s.
-pub(super) const BODY_TIME: Duration = Duration::from_secs(10);
 
 /// What a body may be said to be.
 const BODY_TYPES: [&str; 3] = ["application/json", "application/toml", "text/x-toml"];

@@ -13,7 +13,7 @@ use rig_record::{NotARunId, UnreadableRecord};
 use rig_store::StoreError;
 use serde::Serialize;
 
-use super::guard::{BODY_MAX, BODY_TIME};
+use super::limits::{BODY_MAX, BODY_TIME};
 use crate::{hint, rig::RequestRefusal};
 
 /// A problem document (RFC 9457).

@@ -12,7 +12,7 @@ use std::{
 use num_complex::Complex64;
 use rig_contact::{ContactLaw, Direction, Models, Sensor, Tier};
 
-use super::errors::Variant;
+use super::variant::Variant;
 use crate::{
     files::Csv,
     paper_bench::{Control, INDENTATION_MM, contact, tissue},

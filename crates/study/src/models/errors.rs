@@ -3,37 +3,12 @@
 use rig_chart::{Axis, COLOURS, Chart, Marker, Point, Rule, Series};
 use rig_contact::{ContactLaw, Direction, Models, Requirements, Sensor, Tier};
 
-use super::cost::Costs;
+use super::{cost::Costs, variant::Variant};
 use crate::{
     files::Csv,
     page::{Page, Table},
     paper_bench::{Control, INDENTATION_MM, SAMPLES_MPA, contact, tissue},
 };
-
-/// A variant of a model: a tier, a contact law, and the held quantity.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Variant {
-    pub(super) tier: Tier,
-    pub(super) law: ContactLaw,
-    pub(super) control: Control,
-}
-
-impl Variant {
-    /// All variants worth a comparison: both forms of the same contact, without refused ones.
-    pub(super) fn all() -> impl Iterator<Item = Self> {
-        let laws = [ContactLaw::SneddonSeries, ContactLaw::Sneddon];
-        Tier::ALL.into_iter().flat_map(move |tier| {
-            laws.into_iter().flat_map(move |law| {
-                Control::ALL
-                    .into_iter()
-                    .filter(move |&control| {
-                        control == Control::Indentation || tier.validity().takes_stage_moves
-                    })
-                    .map(move |control| Self { tier, law, control })
-            })
-        })
-    }
-}
 
 /// Contacts on which errors are measured.
 const STIFFNESSES_MPA: [f64; 7] = [0.02, 0.045, 0.104, 0.235, 0.320, 0.649, 1.0];

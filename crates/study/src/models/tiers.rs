@@ -4,7 +4,8 @@ use rig_contact::{ContactLaw, Tier};
 
 use super::{
     cost::{Costs, ImpedanceCosts},
-    errors::{Variant, measure},
+    errors::measure,
+    variant::Variant,
 };
 use crate::{
     page::{Page, Table},
