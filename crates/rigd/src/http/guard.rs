@@ -229,6 +229,8 @@ const DETAIL_MAX: usize = 4096;
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use axum::http::StatusCode;
     use futures_util::stream;
 
