@@ -39,7 +39,7 @@ pub enum ControlError {
     /// The first word is no command.
     #[error("\"{word}\" is no command; say help")]
     Command {
-        /// The word.
+        /// The unknown word.
         word: String,
     },
     /// A word is missing.
@@ -53,7 +53,7 @@ pub enum ControlError {
     Word {
         /// What should stand there.
         what: &'static str,
-        /// The word.
+        /// The unknown word.
         word: String,
     },
     /// There is no such sample.

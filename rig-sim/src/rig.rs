@@ -19,7 +19,7 @@ use crate::{
 /// How long a drive thinks before it answers, as its factory sets it.
 const TURNAROUND: Duration = Duration::from_millis(3);
 
-/// The rig.
+/// The simulated rig without I/O.
 #[derive(Debug)]
 pub struct Rig {
     world: World,

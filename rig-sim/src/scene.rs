@@ -77,7 +77,7 @@ fn contact(table: &mut Table<'_>) -> SensorScene {
     let ContactKeys { deflects, law, friction, kind } = sensor::contact(table, Presence::Required);
     SensorScene {
         design: SensorDesign::reference(),
-        gives_way: deflects,
+        deflects,
         law,
         sticks: friction == Friction::Sticking,
         tolerance_hz: table.number("tolerance_hz").above(0.0).or(TOLERANCE_HZ).value,

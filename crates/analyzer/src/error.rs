@@ -70,7 +70,7 @@ pub enum AnalyzerError {
     /// A port that was lost cannot be opened again.
     #[error("the port was lost")]
     Reopen {
-        /// Why not.
+        /// The error of opening the port.
         #[source]
         source: Arc<OpenError>,
     },
@@ -94,7 +94,7 @@ pub enum AnalyzerError {
         port: Arc<str>,
         /// The message that was sent.
         asked: Box<str>,
-        /// Its reason.
+        /// Event status, with its error bits.
         status: EventStatus,
         /// Its reason in words, from those that have an error queue.
         reports: Vec<ErrorReport>,

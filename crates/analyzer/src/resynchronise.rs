@@ -107,8 +107,8 @@ impl Analyzer {
 
     /// Whether two questions in one message get two answers in one line.
     async fn try_chain(&mut self) -> Result<bool, AnalyzerError> {
-        let twice = Message::new().query("*ESR").query("*ESR");
-        match self.port.ask(&twice, ExpectedResponse::Data, self.port.reply_within()).await {
+        let two_queries = Message::new().query("*ESR").query("*ESR");
+        match self.port.ask(&two_queries, ExpectedResponse::Data, self.port.reply_within()).await {
             Ok(answer) if answer.response.bytes() == b"0;0" => return Ok(true),
             // An instrument that does not allow it gives one answer or none.
             Ok(_) | Err(AnalyzerError::Line { source: LineError::TimedOut { .. }, .. }) => {}

@@ -44,7 +44,7 @@ pub struct HeatMap {
     pub columns: Vec<String>,
     /// Names of the rows, from the top.
     pub rows: Vec<String>,
-    /// The categories.
+    /// Categories of the cells, in the order of the legend.
     pub categories: Vec<Category>,
     /// Index of the category of each cell, row by row.
     pub cells: Vec<usize>,

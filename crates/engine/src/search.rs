@@ -26,7 +26,7 @@ pub enum SearchStep {
     },
     /// The analyzer flagged its reading, which is not usable: read again, or give up.
     Flagged,
-    /// Done.
+    /// The surface is found.
     Found(Surface),
     /// The search cannot go on.
     Fault(Fault),

@@ -44,7 +44,7 @@ pub struct UsbIdentity {
 pub struct Holder {
     /// Its process id.
     pub pid: u32,
-    /// Its name.
+    /// Name of the program.
     pub name: String,
 }
 

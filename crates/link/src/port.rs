@@ -200,7 +200,7 @@ impl Port {
             let silent_at = (self.last_activity + silence).max(not_before);
             let outcome = if silent_at <= Instant::now() {
                 // A timer that is over already would still wait for its next tick.
-                look(self.read(&mut buffer)).await
+                poll_once(self.read(&mut buffer)).await
             } else {
                 timeout_at(silent_at, self.read(&mut buffer)).await.ok()
             };
@@ -281,7 +281,7 @@ impl Port {
 }
 
 /// The result of a future, if it is ready now.
-async fn look<T>(future: impl Future<Output = T>) -> Option<T> {
+async fn poll_once<T>(future: impl Future<Output = T>) -> Option<T> {
     let mut future = std::pin::pin!(future);
     std::future::poll_fn(|cx| match future.as_mut().poll(cx) {
         Poll::Ready(value) => Poll::Ready(Some(value)),

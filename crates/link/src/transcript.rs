@@ -42,7 +42,7 @@ impl fmt::Display for Frame {
 }
 
 /// The last frames of a port. Clones show the same frames, so that the daemon can keep one and
-/// write it down after a fault, whoever owns the port by then.
+/// write it down after a fault, also when the port has another owner by then.
 #[derive(Debug, Clone)]
 pub struct Transcript {
     ring: Arc<Mutex<Ring>>,

@@ -108,7 +108,7 @@ pub enum AxisError<U: Unit> {
         axis: &'static str,
         /// The quantity at fault.
         what: &'static str,
-        /// Its value.
+        /// The value, in the unit of the axis.
         found: f64,
     },
     /// A target outside the soft limits.

@@ -56,7 +56,7 @@ pub enum SweepMethod {
     Transient,
     /// Evenly spaced points over the whole window.
     Uniform {
-        /// How many.
+        /// Number of points.
         points: u32,
     },
 }

@@ -28,7 +28,7 @@ pub struct Plan {
 /// One step, with an address that stays the same from run to run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Step {
-    /// The address.
+    /// Address of the step.
     pub id: StepId,
     /// Action of the step.
     pub action: Action,

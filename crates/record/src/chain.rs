@@ -9,7 +9,7 @@ use crate::{Digest, Record, RunId};
 pub struct StoredRecord {
     /// The id of the event, rising over all runs of the data directory.
     pub event: u64,
-    /// The run.
+    /// Id of the run.
     pub run: RunId,
     /// Its number in the run, from 1.
     pub seq: u64,
@@ -22,7 +22,7 @@ pub struct StoredRecord {
     pub kind: String,
     /// The record as JSON.
     pub payload: String,
-    /// Its digest.
+    /// Digest of the record and of the ones before it.
     pub digest: Digest,
 }
 
@@ -49,7 +49,7 @@ impl StoredRecord {
 #[derive(Debug, thiserror::Error)]
 #[error("run {run}, record {seq}")]
 pub struct UnreadableRecord {
-    /// The run.
+    /// Id of the run.
     pub run: RunId,
     /// The record's number in the run.
     pub seq: u64,

@@ -27,7 +27,7 @@ impl fmt::Display for RunId {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("`{text}` is not the id of a run")]
 pub struct NotARunId {
-    /// The text.
+    /// The text that is no id.
     pub text: String,
 }
 
@@ -105,7 +105,7 @@ impl RunStatus {
 /// An entry of the list of runs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
-    /// Its id.
+    /// Id of the run.
     pub id: RunId,
     /// Kind of the journal.
     pub kind: RunKind,

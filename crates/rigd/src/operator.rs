@@ -5,8 +5,8 @@ use std::{env, fmt, str::FromStr};
 /// Longer than any login name and any full name that fits a line of the report.
 const LENGTH_MAX: usize = 64;
 
-/// What a name may hold besides letters and digits: what full names, login names, mail addresses
-/// and Windows accounts are made of.
+/// Characters of a name in addition to letters and digits, as in full names, login names, mail
+/// addresses and Windows accounts.
 const MARKS: &str = " .-_@'\\";
 
 /// The name of a person or a program that gives commands.

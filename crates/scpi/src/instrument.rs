@@ -259,7 +259,7 @@ impl<C: Copy> Instrument<C> {
         self.status.byte(has_errors, has_output || self.session.message.answer.has_data)
     }
 
-    /// The registers.
+    /// The status registers.
     pub const fn status(&self) -> &Status {
         &self.status
     }
@@ -269,7 +269,7 @@ impl<C: Copy> Instrument<C> {
         &mut self.status
     }
 
-    /// The dialect.
+    /// The dialect of the instrument.
     pub const fn dialect(&self) -> &Dialect {
         &self.dialect
     }

@@ -61,7 +61,7 @@ impl fmt::Display for Exception {
 pub struct DeviceRefusal {
     /// Name of the port.
     pub port: Arc<str>,
-    /// The device.
+    /// Unit id of the device.
     pub unit: u8,
     /// The request.
     pub request: Request,
@@ -84,7 +84,7 @@ pub enum LineFault {
     NoAnswer {
         /// Name of the port.
         port: Arc<str>,
-        /// The device.
+        /// Unit id of the device.
         unit: u8,
         /// The request.
         request: Request,
@@ -110,7 +110,7 @@ pub enum LineFault {
     Changed {
         /// Name of the port.
         port: Arc<str>,
-        /// The device.
+        /// Unit id of the device.
         unit: u8,
         /// The request.
         request: Request,
@@ -159,9 +159,7 @@ pub enum StageError<U: Unit> {
     #[error("not identified yet")]
     NotIdentified,
     /// The device reads like no drive of this make. Nothing was written to it.
-    #[error(
-        "cannot be told from another device: {what} reads {found}, outside [{min}, {max}] of {drives}"
-    )]
+    #[error("not recognised: {what} reads {found}, outside [{min}, {max}] of {drives}")]
     Unrecognised {
         /// The quantity, with its unit.
         what: &'static str,
@@ -203,7 +201,7 @@ pub enum StageError<U: Unit> {
     TooSlow {
         /// The request.
         asked: f64,
-        /// The slowest.
+        /// Slowest speed of the drive.
         min: f64,
     },
     /// A way round that the drive does not know.

@@ -18,7 +18,7 @@ pub enum Table {
 /// Neighbouring addresses that are read in one request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Block {
-    /// The table.
+    /// Table of the addresses.
     pub table: Table,
     /// First address.
     pub address: u16,
@@ -71,14 +71,14 @@ pub enum Step {
     },
     /// One register.
     Register {
-        /// The register.
+        /// Address of the register.
         address: u16,
         /// Value of the register or coil.
         value: u16,
     },
     /// One coil.
     Coil {
-        /// The coil.
+        /// Address of the coil.
         address: u16,
         /// Value of the register or coil.
         is_on: bool,
@@ -189,7 +189,7 @@ pub enum AlarmSource {
     Code(Field),
     /// By a flag in its status, and a code that is read only then.
     Flagged {
-        /// The flag.
+        /// Flag of an alarm.
         flag: Flag,
         /// The register of the code.
         code: Block,

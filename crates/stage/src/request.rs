@@ -11,40 +11,40 @@ pub enum Request {
     ReadCoils {
         /// First coil.
         address: u16,
-        /// How many.
+        /// Number of addresses.
         count: u16,
     },
     /// Function 2.
     ReadDiscreteInputs {
         /// First input.
         address: u16,
-        /// How many.
+        /// Number of addresses.
         count: u16,
     },
     /// Function 3.
     ReadHolding {
         /// First register.
         address: u16,
-        /// How many.
+        /// Number of addresses.
         count: u16,
     },
     /// Function 4.
     ReadInput {
         /// First register.
         address: u16,
-        /// How many.
+        /// Number of addresses.
         count: u16,
     },
     /// Function 5.
     WriteCoil {
-        /// The coil.
+        /// Address of the coil.
         address: u16,
         /// Value of the register or coil.
         is_on: bool,
     },
     /// Function 6.
     WriteRegister {
-        /// The register.
+        /// Address of the register.
         address: u16,
         /// Value of the register or coil.
         value: u16,

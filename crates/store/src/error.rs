@@ -49,7 +49,7 @@ pub enum StoreError {
     /// The run has ended.
     #[error("run {run} has ended; no {kind} can be added")]
     Ended {
-        /// The run.
+        /// Id of the run.
         run: RunId,
         /// The kind of record refused.
         kind: &'static str,
@@ -68,7 +68,7 @@ pub enum StoreError {
     /// The chain of a run is broken. What stands before the flaw can still be read.
     #[error("run {run}, record {seq}: {flaw}")]
     Broken {
-        /// The run.
+        /// Id of the run.
         run: RunId,
         /// The number of the first bad record in the run.
         seq: u64,

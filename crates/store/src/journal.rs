@@ -1,4 +1,4 @@
-//! The writer.
+//! The writer of the journal: one in each data directory.
 
 mod encode;
 

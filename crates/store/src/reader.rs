@@ -27,8 +27,8 @@ impl Reader {
     /// Opens the journal in `directory`.
     ///
     /// # Errors
-    /// [`StoreError::NoJournal`] where there is none, [`StoreError::OtherFormat`], or what the system or
-    /// SQLite reports.
+    /// [`StoreError::NoJournal`] if the directory has none, [`StoreError::OtherFormat`], or an error of
+    /// the system or of SQLite.
     pub fn open(directory: &Path) -> Result<Self, StoreError> {
         let path = schema::database(directory);
         if !path.exists() {

@@ -17,7 +17,7 @@ pub(super) struct Reply<'a> {
     pub(super) due: RigTime,
     /// Request of the reply.
     pub(super) request: &'a [u8],
-    /// Its bytes.
+    /// Bytes of the reply.
     pub(super) bytes: Vec<u8>,
 }
 

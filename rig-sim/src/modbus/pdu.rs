@@ -32,7 +32,7 @@ pub enum Request {
     Diagnose {
         /// The sub-function.
         function: u16,
-        /// Its data.
+        /// Data of the request behind the function.
         data: u16,
     },
     /// Function 15.
@@ -74,7 +74,7 @@ pub enum Request {
 pub struct Block {
     /// Address of the first.
     pub address: u16,
-    /// How many.
+    /// Number of addresses.
     pub count: u16,
 }
 

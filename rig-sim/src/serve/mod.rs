@@ -36,7 +36,7 @@ pub enum ServeError {
     /// A link to a pseudo-terminal cannot be made.
     #[error("link {}", link.display())]
     Link {
-        /// The link.
+        /// Path of the link.
         link: PathBuf,
         /// The error of the system.
         source: io::Error,
@@ -44,7 +44,7 @@ pub enum ServeError {
     /// An address cannot be listened on.
     #[error("{address}")]
     Listen {
-        /// The address.
+        /// Address of the listener.
         address: SocketAddr,
         /// The error of the system.
         source: io::Error,

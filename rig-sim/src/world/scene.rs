@@ -15,7 +15,7 @@ pub struct Scene {
     pub name: String,
     /// Decides all that is left to chance.
     pub seed: u64,
-    /// The sensor.
+    /// The sensor and its description.
     pub sensor: SensorScene,
     /// The samples.
     pub samples: Vec<Sample>,

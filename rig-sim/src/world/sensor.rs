@@ -12,7 +12,7 @@ pub struct SensorScene {
     /// Dimensions and materials.
     pub design: SensorDesign,
     /// Whether it deflects at the sample, as a real one does, or the indentation is held.
-    pub gives_way: bool,
+    pub deflects: bool,
     /// How the contact grows with depth.
     pub law: ContactLaw,
     /// Whether the contact sticks sideways while it vibrates; it slides without resistance if not.
@@ -133,7 +133,7 @@ fn tissue(scene: &SensorScene, stiffness_mpa: f64) -> Result<Tissue, TissueError
 
 /// The depth in the sample of a move of the stage.
 const fn depth(scene: &SensorScene, along_probe_mm: f64) -> Depth {
-    if scene.gives_way {
+    if scene.deflects {
         Depth::Stage { along_probe_mm }
     } else {
         Depth::Indentation { along_probe_mm }
@@ -145,8 +145,8 @@ mod tests {
     use super::*;
     use crate::scene::paper;
 
-    fn circuit(gives_way: bool, indentation_mm: f64, contact_deg: f64) -> Circuit {
-        let scene = SensorScene { gives_way, ..paper().sensor };
+    fn circuit(deflects: bool, indentation_mm: f64, contact_deg: f64) -> Circuit {
+        let scene = SensorScene { deflects, ..paper().sensor };
         let orientation = Orientation::FrontBack;
         let touched =
             WorldContact { stiffness_mpa: 0.649, indentation_mm, contact_deg, orientation };

@@ -5,9 +5,9 @@ use rig_model::{Orientation, RigTime};
 /// Something that must never happen on a bench.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Violation {
-    /// When.
+    /// Time of the violation.
     pub at: RigTime,
-    /// What.
+    /// Kind of the violation.
     pub kind: ViolationKind,
 }
 

@@ -68,7 +68,7 @@ pub struct Move {
 /// The surface of a sample.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Surface {
-    /// The step.
+    /// Address of the step.
     pub step: String,
     /// Pose of the sample.
     pub pose: Pose,
@@ -83,7 +83,7 @@ pub struct Surface {
 /// A search that found no surface. The next record has the reason.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LostSurface {
-    /// The step.
+    /// Address of the step.
     pub step: String,
     /// Pose of the sample.
     pub pose: Pose,

@@ -21,7 +21,7 @@ pub enum Prompt {
 /// A prompt that was asked.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PromptAsked {
-    /// The step.
+    /// Address of the step.
     pub step: String,
     /// The prompt.
     pub prompt: Prompt,
@@ -30,7 +30,7 @@ pub struct PromptAsked {
 /// The answer to a prompt.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PromptAnswered {
-    /// The step.
+    /// Address of the step.
     pub step: String,
     /// Name of the operator.
     pub by: String,

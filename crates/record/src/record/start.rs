@@ -57,7 +57,7 @@ pub struct Device {
 /// A sample.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Sample {
-    /// Its name.
+    /// Name in the protocol.
     pub name: String,
     /// Stiffness known by other means, MPa.
     #[serde(default, skip_serializing_if = "Option::is_none")]

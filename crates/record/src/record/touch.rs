@@ -57,7 +57,7 @@ impl Phase {
 /// What identifies a touch.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TouchSettings {
-    /// The step.
+    /// Address of the step.
     pub step: String,
     /// The part of the protocol.
     pub phase: Phase,

@@ -48,7 +48,7 @@ function LinkWord({ view: { link, sinceMs } }: { view: View }) {
   return <span class={`link ${link}`}><span class="dot" aria-hidden="true" />{word}{note}</span>;
 }
 
-/** The clock of the rig, in the time zone of whoever looks. */
+/** The clock of the rig, in the time zone of the browser. */
 function Clock({ unixMs, sinceMs, link }: { unixMs: number | undefined; sinceMs: number; link: Link }) {
   const [, tick] = useState(0);
   useEffect(() => {

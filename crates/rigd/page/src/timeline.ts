@@ -28,7 +28,7 @@ export function timeline(plan: Plan, touches: ReadonlyMap<string, Touch>, now: s
   return groups;
 }
 
-/** Groups laid out in rows of at most so many cells; a group that is too long is cut. */
+/** Groups laid out in rows of limited length; a group that is too long is cut. */
 export function rows(groups: Group[], cellsMax: number): Group[][] {
   const out: Group[][] = [[]];
   let used = 0;

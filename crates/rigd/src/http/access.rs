@@ -33,8 +33,8 @@ pub struct Access {
 }
 
 impl Access {
-    /// Admits whoever calls the daemon by a loopback name, by the address on which it listens or by
-    /// one of the names `allowed`, and knows the token, if there is one. `operator` is said to have
+    /// Admits clients that call the daemon by a loopback name, by the address on which it listens or by
+    /// one of the names `allowed`, and know the token, if there is one. `operator` is said to have
     /// asked when a client does not name itself.
     pub fn new(
         listen: IpAddr,

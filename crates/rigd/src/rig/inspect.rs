@@ -137,10 +137,10 @@ pub fn inspect(rig: LoadedRig) -> Result<Inspection, OpenError> {
         .start_paused(rig.is_virtual_time())
         .build()
         .map_err(|source| OpenError::Thread { source })?;
-    runtime.block_on(look(rig))
+    runtime.block_on(inspect_devices(rig))
 }
 
-async fn look(rig: LoadedRig) -> Result<Inspection, OpenError> {
+async fn inspect_devices(rig: LoadedRig) -> Result<Inspection, OpenError> {
     let LoadedRig { file, scene, .. } = rig;
     let Ports { analyzer, bus, simulation } = Ports::open(&file, scene, Clock::start()).await?;
     let (analyzer_port, analyzer) = look_at_analyzer(&file, analyzer).await;

@@ -44,9 +44,8 @@ impl Pace {
         self.waited_s + self.asked.map_or(0.0, |asked| now.since(asked).as_secs_f64())
     }
 
-    /// How much longer a run takes that the plan expects to need `done_s` up to here and `left_s`
-    /// from here, and that did the first in `elapsed_s` with all waits, with so many touches done
-    /// and so many prompts to come.
+    /// The remaining time of a run. The plan expects `done_s` for its finished part and `left_s` for
+    /// the rest; the finished part took `elapsed_s` with all waits.
     pub fn remaining(
         &self,
         now: RigTime,

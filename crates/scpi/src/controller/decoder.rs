@@ -44,7 +44,7 @@ pub enum FrameError {
     /// A byte beyond ASCII outside a block: a wrong baud rate, or a damaged line.
     #[error("byte 0x{byte:02X} at offset {offset} of an answer is not ASCII")]
     NotAscii {
-        /// The byte.
+        /// The unexpected byte.
         byte: u8,
         /// Its place in the answer.
         offset: usize,

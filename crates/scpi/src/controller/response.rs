@@ -30,7 +30,7 @@ pub struct Response {
 pub struct ResponseUnit {
     /// The header in front of the data, for instruments that repeat it, such as `:FREQUENCY`.
     pub header: Option<String>,
-    /// The data.
+    /// Data of the unit, without its header.
     pub data: Vec<Datum>,
 }
 
@@ -168,7 +168,7 @@ impl Response {
 }
 
 impl Datum {
-    /// The number.
+    /// The datum as a number.
     ///
     /// # Errors
     /// [`DataError::Overload`] and [`DataError::Missing`] for what stands in place of a number, and

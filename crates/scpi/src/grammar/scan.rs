@@ -16,7 +16,7 @@ pub enum Ending {
 }
 
 impl Ending {
-    /// The bytes.
+    /// The bytes of the terminator.
     pub const fn bytes(self) -> &'static [u8] {
         match self {
             Self::Lf => b"\n",

@@ -333,21 +333,21 @@ async fn identify_storage(make: &'static Make, value: u16) -> (String, usize) {
 async fn a_device_that_is_no_drive_is_not_taken_for_one() {
     for make in MAKES {
         let (said, writes) = identify_storage(make, 0).await;
-        assert!(said.starts_with("cannot be told from another device: "), "{said}");
+        assert!(said.starts_with("not recognised: "), "{said}");
         assert!(said.contains(" reads 0, outside ["), "{said}");
         assert_eq!(writes, 0, "{}: something was written to it", make.map.make);
     }
     let (said, _) = identify_storage(&AZ, 0).await;
     assert_eq!(
         said,
-        "cannot be told from another device: temperature of driver or motor in 0.1 °C reads 0, \
+        "not recognised: temperature of driver or motor in 0.1 °C reads 0, \
          outside [1, 1200] of Oriental Motor AZ series"
     );
     // A value in every register.
     for value in [1, 7, 100] {
         for make in [&AZ, &LEADSHINE] {
             let (said, writes) = identify_storage(make, value).await;
-            assert!(said.contains("cannot be told") && writes == 0, "{value}: {said}");
+            assert!(said.contains("not recognised") && writes == 0, "{value}: {said}");
         }
     }
 }

@@ -17,7 +17,7 @@ pub enum ProbeWord {
         /// The lowest position that it was allowed to go to, mm.
         down_to_mm: Option<f64>,
     },
-    /// Nothing.
+    /// No record about the probe.
     Silent,
 }
 
