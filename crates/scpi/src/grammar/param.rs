@@ -98,7 +98,8 @@ impl Param {
     /// The number within `limits`, in `unit`; `MIN`, `MAX` and `DEF` give the limits.
     ///
     /// # Errors
-    /// −222 outside the limits, −224 for another word, and as [`Self::numeric`].
+    /// −222 outside the limits, −224 for another word, −138 and −131 for a suffix that is not allowed,
+    /// and the "not allowed" number of the type for everything else.
     pub fn real(&self, unit: Unit, limits: Limits) -> Result<f64, ScpiError> {
         match self.numeric(unit)? {
             Numeric::Value(value) if limits.min <= value && value <= limits.max => Ok(value),

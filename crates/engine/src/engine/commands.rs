@@ -1,0 +1,174 @@
+//! Commands: their admission, and their beginning.
+
+use rig_model::{Clearance, RigLimits, RigTime};
+
+use super::{Activity, Engine};
+use crate::{
+    Command, CommandRefusal, Effect, Event, Fault, LoweringPurpose, Operation, SweepPurpose,
+    fault::StopReason, machine::MachineEvent, recovery::Preparing, run::Run, sweep::Sweep,
+};
+
+/// A command that [`Engine::admit`] has admitted. It holds for the state in which it was admitted,
+/// so [`Engine::begin`] takes it before any other input reaches the engine.
+#[derive(Debug)]
+pub struct Admitted {
+    command: Command,
+    /// The move of a manual command, to targets that were checked.
+    operation: Option<Operation>,
+}
+
+impl Engine {
+    /// Admits a command in the present state, for [`Engine::begin`].
+    ///
+    /// This is the only place that decides whether a command may begin.
+    ///
+    /// # Errors
+    /// [`CommandRefusal`] names the command and the state or the limit that forbids it.
+    pub fn admit(&self, command: Command) -> Result<Admitted, CommandRefusal> {
+        let is_admitted = match &command {
+            Command::Prepare => matches!(self.activity, Activity::Unprepared),
+            Command::Run(_)
+            | Command::Sweep(_)
+            | Command::MoveLinear(_)
+            | Command::MoveRotary(_) => matches!(self.activity, Activity::Idle),
+            Command::Pause => {
+                matches!(self.activity, Activity::Running(_) | Activity::Waiting(..))
+            }
+            Command::Resume => match &self.activity {
+                Activity::Paused(_) => true,
+                Activity::Running(run) | Activity::Waiting(run, _) => run.is_pause_asked,
+                _ => false,
+            },
+            Command::Abort => matches!(
+                self.activity,
+                Activity::Running(_)
+                    | Activity::Waiting(..)
+                    | Activity::Paused(_)
+                    | Activity::Sweeping(_)
+                    | Activity::Moving
+            ),
+            Command::Answer => matches!(self.activity, Activity::Waiting(..)),
+            // Stopping is never refused.
+            Command::Stop => true,
+            Command::Acknowledge => {
+                matches!(self.activity, Activity::Latched(_)) && self.pending.is_none()
+            }
+        };
+        let (name, clearance) = (command.name(), self.interlock.clearance());
+        if !is_admitted {
+            return Err(CommandRefusal::State { command: name, state: self.state });
+        }
+        if matches!(command, Command::Run(_) | Command::MoveRotary(_))
+            && clearance != Clearance::Clear
+        {
+            return Err(CommandRefusal::NotClear { command: name, clearance });
+        }
+        let operation = self.manual_move(&command)?;
+        Ok(Admitted { command, operation })
+    }
+
+    /// The move that a person asks for, within the limits. The probe goes down slowly.
+    fn manual_move(&self, command: &Command) -> Result<Option<Operation>, CommandRefusal> {
+        let RigLimits { linear, rotary, motion, .. } = &self.limits;
+        let operation = match *command {
+            Command::MoveRotary(to) => Operation::MoveRotary {
+                target: rotary.target(to).map_err(CommandRefusal::RotaryTarget)?,
+                speed_deg_per_s: motion.rotary_speed_deg_per_s,
+            },
+            Command::MoveLinear(to) => {
+                let target = linear.target(to).map_err(CommandRefusal::LinearTarget)?;
+                let tilt = self.rotary.unwrap_or(rotary.rest_target().position());
+                let floor = self.limits.floor_at(tilt);
+                if to < floor {
+                    return Err(CommandRefusal::TooDeep { wanted: to, floor });
+                }
+                let is_lowering = to < linear.rest_target().position();
+                let speed_mm_per_s = if is_lowering {
+                    motion.contact_speed_mm_per_s
+                } else {
+                    motion.travel_speed_mm_per_s
+                };
+                Operation::MoveLinear { target, speed_mm_per_s }
+            }
+            _ => return Ok(None),
+        };
+        Ok(Some(operation))
+    }
+
+    /// Begins a command of `by` that was admitted in the present state, and appends its effects.
+    pub fn begin(&mut self, now: RigTime, admitted: Admitted, by: &str, effects: &mut Vec<Effect>) {
+        let Admitted { command, operation } = admitted;
+        // An answer has an event of its own.
+        if !matches!(command, Command::Answer) {
+            self.notes.push(Event::Operator { action: command.name(), by: by.to_owned() });
+        }
+        match command {
+            Command::Prepare | Command::Acknowledge => self.prepare(now, effects),
+            Command::Run(plan) => {
+                let mut run = Box::new(Run::new(*plan));
+                let step = self.advance(now, &mut run, MachineEvent::Begin);
+                self.activity = Activity::Running(run);
+                self.follow_run(now, step, effects);
+            }
+            Command::Sweep(request) => {
+                let (sweep, step) =
+                    Sweep::begin(now, SweepPurpose::Manual, &request, None, &mut self.notes);
+                self.activity = Activity::Sweeping(Box::new(sweep));
+                self.follow_sweep(now, step, effects);
+            }
+            Command::MoveLinear(_) | Command::MoveRotary(_) => {
+                self.move_manually(now, operation, effects);
+            }
+            Command::Pause | Command::Resume => self.pause(now, &command, effects),
+            Command::Abort => {
+                self.stop(now, StopReason::Abort { by: by.to_owned() }, effects);
+            }
+            Command::Answer => {
+                let event = MachineEvent::Answered { by: by.to_owned() };
+                self.advance_run(now, event, effects);
+            }
+            Command::Stop => {
+                let fault = Fault::Stopped { by: by.to_owned() };
+                self.stop(now, StopReason::Fault(fault), effects);
+            }
+        }
+        self.settle(effects);
+    }
+
+    /// Moves one axis for a person. A move of the probe below its clear position is declared first.
+    fn move_manually(
+        &mut self,
+        now: RigTime,
+        operation: Option<Operation>,
+        effects: &mut Vec<Effect>,
+    ) {
+        let Some(operation) = operation else { return };
+        if let Operation::MoveLinear { target, .. } = &operation {
+            let to = target.position();
+            if to < self.limits.linear.rest_target().position() {
+                self.declare(to, LoweringPurpose::ByHand, effects);
+            }
+        }
+        self.activity = Activity::Moving;
+        self.issue(now, operation, effects);
+    }
+
+    fn pause(&mut self, now: RigTime, command: &Command, effects: &mut Vec<Effect>) {
+        let is_pause = matches!(command, Command::Pause);
+        match &mut self.activity {
+            Activity::Running(run) | Activity::Waiting(run, _) => run.is_pause_asked = is_pause,
+            Activity::Paused(run) => {
+                run.is_pause_asked = is_pause;
+                self.replace_run(Activity::Running);
+                self.advance_run(now, MachineEvent::Resumed, effects);
+            }
+            _ => {}
+        }
+    }
+
+    fn prepare(&mut self, now: RigTime, effects: &mut Vec<Effect>) {
+        let first = Preparing::HomingLinear;
+        self.activity = Activity::Preparing(first);
+        self.issue(now, first.operation(&self.limits), effects);
+    }
+}
