@@ -17,7 +17,7 @@ pub(crate) mod mode;
 pub(crate) mod model;
 pub(crate) mod search;
 pub(crate) mod start;
-mod stay;
+pub(crate) mod stay;
 
 use std::{cell::Cell, f64::consts::TAU};
 

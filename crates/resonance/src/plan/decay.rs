@@ -38,7 +38,7 @@ const OPENING_OFF: f64 = 0.3;
 /// second mode is not.
 const CERTAIN: f64 = 0.1;
 /// Searches beside a circuit that does not describe the readings.
-const SEARCHES_MAX: usize = 3;
+const SEARCHES_MAX: usize = 2;
 /// Stays after which a misfit or a rival is no longer chance.
 const FORCED_MAX: usize = 6;
 /// Stays that are to remove a doubt: cycles and readings, and where they are, in linewidths from the
@@ -333,7 +333,8 @@ impl Decay {
         let last = self.last_circuit.map(|last| Believed::of(&last, stays.unit_farad));
         let effort = if look_around || !is_certain { Effort::Trials } else { Effort::Follow };
         let mut found = search.run(std::mem::take(&mut self.hypotheses), last, effort);
-        if found.iter().all(|one| search.is_misfit(one)) && self.searches < SEARCHES_MAX {
+        let is_misfit = !found.is_empty() && found.iter().all(|one| search.is_misfit(one));
+        if is_misfit && self.searches < SEARCHES_MAX {
             self.searches += 1;
             found = search.run(found, last, Effort::Beside);
         }

@@ -18,8 +18,8 @@ const SAME_SIGMAS: f64 = 3.0;
 /// factor another quality is.
 const BESIDE: [f64; 6] = [-0.8, -0.4, -0.15, 0.15, 0.4, 0.8];
 const OTHER_Q: [f64; 2] = [0.75, 1.33];
-/// Descents of one search.
-pub(crate) const DESCENTS_MAX: usize = KEPT + STARTS + BESIDE.len() * OTHER_Q.len() + 1;
+/// Descents of a search among trials and of one beside the best.
+pub(crate) const DESCENTS_MAX: usize = 2 * KEPT + STARTS + BESIDE.len() * OTHER_Q.len() + 1;
 /// χ² may exceed its mean by this many of its standard deviations.
 pub(crate) const CHI_SQUARED_SIGMAS: f64 = 3.1;
 
@@ -30,8 +30,7 @@ pub(crate) enum Effort {
     Follow,
     /// Where the trials say.
     Trials,
-    /// There, and beside the best circuit: beats that were counted wrong lead into a valley beside the
-    /// right one.
+    /// Beside the best circuit: beats that were counted wrong lead into a valley beside the right one.
     Beside,
 }
 
@@ -80,7 +79,7 @@ impl Search<'_> {
                 found.extend(from(Believed { resonance_hz, q: by * at.q, ..at }));
             }
         }
-        if effort != Effort::Follow {
+        if effort == Effort::Trials {
             let mut starts = self.trials.best(self.expected, &self.stays.known, STARTS);
             starts.extend(last.filter(|_| found.is_empty()));
             for start in starts {

@@ -190,36 +190,52 @@ impl Model {
         let (square, rows) = (amplitude.norm_sqr(), Vec::with_capacity(samples.len()));
         State { amplitude, prior, square, late_s: vec![0.0; samples.len()], rows, last: None }
     }
+}
 
-    /// What readings would tell if they came as the model says: those of a stay that is already there,
-    /// and more at even distances after it, for each number of these. A second mode follows the circuit.
-    pub(crate) fn told(
-        &self,
-        (ring, mode): (&Ring, Branch),
+/// What readings of a stay would tell if they came as the model says: those that are already there, and
+/// more at even distances after them. A second mode follows the circuit.
+#[derive(Debug)]
+pub(crate) struct Forecast<'a> {
+    model: &'a Model,
+    known: &'a Known,
+    amplitude: Complex64,
+    mode: Branch,
+    sums: Sums<WITH_ONE>,
+    /// The reading that comes next, and the time from one to the next, s.
+    next: Sample,
+    step_s: f64,
+    taken: usize,
+}
+
+impl<'a> Forecast<'a> {
+    /// With these readings, each `step_s` after the one before and of this integration, s.
+    pub(crate) fn new(
+        (model, known): (&'a Model, &'a Known),
+        ring: &Ring,
+        mode: Branch,
         there: &[Sample],
-        reading: (f64, f64),
-        counts: &[usize],
-        known: &Known,
-        mut each: impl FnMut(usize, Normal<UNKNOWNS>),
-    ) {
-        let (step_s, integration_s) = reading;
+        (step_s, integration_s): (f64, f64),
+    ) -> Self {
         let square = ring.amplitude.norm_sqr();
-        let mut sums = Sums::<WITH_ONE>::new(Complex64::ZERO, self.prior(ring.square), square);
+        let mut sums = Sums::new(Complex64::ZERO, model.prior(ring.square), square);
         for sample in there {
             let ideal = Sample { impedance: None, ..*sample };
-            sums.add(self, &ideal, ring.amplitude, 0.0, known, &[mode]);
+            sums.add(model, &ideal, ring.amplitude, 0.0, known, &[mode]);
         }
-        let begin_s = there.last().map_or(0.0, |last| last.start_s + step_s);
-        let (mut taken, length) = (0, self.tens_of_cycles(integration_s));
-        for &count in counts {
-            while taken < count {
-                let start_s = begin_s + taken as f64 * step_s;
-                let ideal = Sample { start_s, integration_s, impedance: None, length };
-                sums.add(self, &ideal, ring.amplitude, 0.0, known, &[mode]);
-                taken += 1;
-            }
-            each(count, eliminated(&sums.without_time()));
+        let start_s = there.last().map_or(0.0, |last| last.start_s + step_s);
+        let length = model.tens_of_cycles(integration_s);
+        let next = Sample { start_s, integration_s, impedance: None, length };
+        Self { model, known, amplitude: ring.amplitude, mode, sums, next, step_s, taken: 0 }
+    }
+
+    /// The equations with this many more readings, no fewer than before.
+    pub(crate) fn with(&mut self, count: usize) -> Normal<UNKNOWNS> {
+        while self.taken < count {
+            self.sums.add(self.model, &self.next, self.amplitude, 0.0, self.known, &[self.mode]);
+            self.next.start_s += self.step_s;
+            self.taken += 1;
         }
+        eliminated(&self.sums.without_time())
     }
 }
 

@@ -11,6 +11,7 @@ use crate::{
         judge::MODE_WIDENS,
         mode::{Modes, SIZE_SEEN},
         model::{Amplitude, Model, Ring},
+        stay::Forecast,
     },
     grid::Expected,
     solve::Normal,
@@ -90,7 +91,7 @@ pub(super) struct Aim {
     pub(super) size_variance: Option<f64>,
 }
 
-/// The circuit, and a second mode after it.
+/// The circuit and a second mode.
 const FREE: usize = CIRCUIT + 1;
 
 type Matrix = [[f64; FREE]; FREE];
@@ -109,22 +110,22 @@ struct Candidate {
 impl Aim {
     /// How far it is from what is known, as a ratio of variances.
     fn missing(&self, matrix: &Matrix, c1: f64) -> f64 {
-        // All unknowns between the resonance and the second mode are eliminated.
+        // All unknowns after the resonance and the second mode are eliminated, the last first.
         let mut rest = *matrix;
-        for last in 1..CIRCUIT {
-            let pivot = rest[last][last];
+        for last in (2..FREE).rev() {
+            let row = rest[last];
+            let pivot = row[last];
             if pivot <= 0.0 {
                 return f64::INFINITY;
             }
-            let column = rest[last];
-            for i in (0..1).chain(last + 1..FREE) {
-                let factor = column[i] / pivot;
-                for (element, other) in rest[i].iter_mut().zip(&column) {
-                    *element -= factor * other;
+            for i in 0..last {
+                let factor = row[i] / pivot;
+                for k in 0..=i {
+                    rest[i][k] -= factor * row[k];
                 }
             }
         }
-        let (alone, mixed, size) = (rest[0][0], rest[0][CIRCUIT], rest[CIRCUIT][CIRCUIT]);
+        let (alone, mixed, size) = (rest[0][0], rest[1][0], rest[1][1]);
         let over = |precision: f64, wanted: f64| {
             if precision > 0.0 { 1.0 / (precision * wanted) } else { f64::INFINITY }
         };
@@ -142,52 +143,89 @@ impl Aim {
     }
 }
 
+/// The candidates so far, and the best of them.
+#[derive(Debug)]
+struct Shortlist<'a> {
+    aim: Aim,
+    c1: f64,
+    now: &'a Matrix,
+    before: f64,
+    all: Vec<Candidate>,
+    /// The one that reaches the aim soonest, and when, s.
+    best: Option<usize>,
+    least_s: f64,
+    /// The one that gains most in its time, and how much, for where none reaches the aim.
+    steepest: Option<usize>,
+    slope: f64,
+}
+
+impl<'a> Shortlist<'a> {
+    fn new(aim: Aim, c1: f64, now: &'a Matrix) -> Self {
+        let before = aim.missing(now, c1).min(MISSING_MAX);
+        let (best, least_s) = (None, f64::INFINITY);
+        let (steepest, slope) = (None, f64::NEG_INFINITY);
+        Self { aim, c1, now, before, all: Vec::new(), best, least_s, steepest, slope }
+    }
+
+    /// How far the aim is after one candidate, in the mean over the phases.
+    fn missing(&self, one: &Candidate) -> f64 {
+        let of = |adds| self.aim.missing(&sum(self.now, adds), self.c1);
+        one.adds.iter().map(of).sum::<f64>() / PHASES as f64
+    }
+
+    /// Whether two candidates reach the aim, in the mean over the phases.
+    fn is_reached(&self, one: &Candidate, other: &Candidate) -> bool {
+        let mut total = 0.0;
+        one.adds.iter().zip(&other.adds).all(|(one, other)| {
+            total += self.aim.missing(&sum(&sum(self.now, one), other), self.c1);
+            total <= PHASES as f64
+        })
+    }
+
+    fn add(&mut self, one: &Candidate) {
+        let after = self.missing(one);
+        let place = self.all.len();
+        if after <= 1.0 && one.seconds < self.least_s {
+            (self.best, self.least_s) = (Some(place), one.seconds);
+        }
+        let gain = (self.before / after).ln() / one.seconds;
+        if gain > self.slope {
+            (self.steepest, self.slope) = (Some(place), gain);
+        }
+        self.all.push(*one);
+    }
+
+    /// Looks for two stays that reach the aim sooner; the longer of them is the best one then.
+    fn pair(&mut self) {
+        let is_paired = |i: &usize| PAIRED.contains(&self.all[*i].count);
+        let paired: Vec<usize> = (0..self.all.len()).filter(is_paired).collect();
+        for (n, &i) in paired.iter().enumerate() {
+            for &k in &paired[n + 1..] {
+                let (one, other) = (&self.all[i], &self.all[k]);
+                let seconds = one.seconds + other.seconds;
+                if seconds < self.least_s
+                    && one.frequency_hz.to_bits() != other.frequency_hz.to_bits()
+                    && self.is_reached(one, other)
+                {
+                    self.best = Some(if one.seconds > other.seconds { i } else { k });
+                    self.least_s = seconds;
+                }
+            }
+        }
+    }
+}
+
 impl Ground<'_> {
     /// The frequency, the cycles of each reading, and how many readings.
     pub(super) fn choose(&self) -> (f64, u32, usize) {
         let at = &self.best.at;
-        let Some(present) = self.present() else { return (at.resonance_hz, CYCLES[0], COUNTS[2]) };
-        let candidates = self.candidates(&present);
-        let missing = |adds: &[Matrix; PHASES], more: Option<&[Matrix; PHASES]>| {
-            let of = |phase: usize| {
-                let mut all = sum(&present.now, &adds[phase]);
-                if let Some(more) = more {
-                    all = sum(&all, &more[phase]);
-                }
-                self.aim.missing(&all, at.c1)
-            };
-            (0..PHASES).map(of).sum::<f64>() / PHASES as f64
-        };
-        let before = self.aim.missing(&present.now, at.c1);
-        let (mut best, mut least_s) = (None, f64::INFINITY);
-        let (mut steepest, mut slope) = (None, f64::NEG_INFINITY);
-        for (i, one) in candidates.iter().enumerate() {
-            let after = missing(&one.adds, None);
-            if after <= 1.0 && one.seconds < least_s {
-                (best, least_s) = (Some(i), one.seconds);
-            }
-            let gain = (before.min(MISSING_MAX) / after).ln() / one.seconds;
-            if gain > slope {
-                (steepest, slope) = (Some(i), gain);
-            }
-        }
-        let paired: Vec<usize> =
-            (0..candidates.len()).filter(|&i| PAIRED.contains(&candidates[i].count)).collect();
-        for (n, &i) in paired.iter().enumerate() {
-            for &k in &paired[n + 1..] {
-                let (one, other) = (&candidates[i], &candidates[k]);
-                let seconds = one.seconds + other.seconds;
-                if seconds < least_s
-                    && one.frequency_hz.to_bits() != other.frequency_hz.to_bits()
-                    && missing(&one.adds, Some(&other.adds)) <= 1.0
-                {
-                    best = Some(if one.seconds > other.seconds { i } else { k });
-                    least_s = seconds;
-                }
-            }
-        }
-        let Some(chosen) = best.or(steepest).map(|i| &candidates[i]) else {
-            return (at.resonance_hz, CYCLES[0], COUNTS[2]);
+        let otherwise = (at.resonance_hz, CYCLES[0], COUNTS[2]);
+        let Some(present) = self.present() else { return otherwise };
+        let mut list = Shortlist::new(self.aim, at.c1, &present.now);
+        self.fill(&present, &mut list);
+        list.pair();
+        let Some(chosen) = list.best.or(list.steepest).map(|i| &list.all[i]) else {
+            return otherwise;
         };
         let reading_s = self.pace.reading_s(chosen.cycles, chosen.frequency_hz);
         let allowed_s =
@@ -217,11 +255,10 @@ impl Ground<'_> {
         Some(Present { stay: stays.last()?, model, ring, amplitude, now, without, modes, place })
     }
 
-    fn candidates(&self, present: &Present<'_>) -> Vec<Candidate> {
+    fn fill(&self, present: &Present<'_>, list: &mut Shortlist<'_>) {
         let Window { min_hz, max_hz } = self.window;
         let linewidth_hz = self.best.linewidth_hz();
-        let mut candidates = Vec::new();
-        self.going_on(present, &mut candidates);
+        self.going_on(present, list);
         let is_first = self.stays.all.len() == 1;
         // The second stay must tell more than a beat.
         let near = PLACES.into_iter().filter(|place| !is_first || place.abs() <= NEAR);
@@ -230,9 +267,8 @@ impl Ground<'_> {
         let ends = [min_hz, max_hz].into_iter().filter(|end_hz| !is_first && !is_far(end_hz));
         let places = near.map(|place| resonance_hz + place * linewidth_hz).chain(ends);
         for frequency_hz in places.filter(|&hz| min_hz <= hz && hz <= max_hz) {
-            self.stays_at(frequency_hz, present, &mut candidates);
+            self.stays_at(frequency_hz, present, list);
         }
-        candidates
     }
 
     /// The lengths of a reading that are worth trying.
@@ -242,27 +278,30 @@ impl Ground<'_> {
     }
 
     /// More readings of the present stay.
-    fn going_on(&self, present: &Present<'_>, candidates: &mut Vec<Candidate>) {
+    fn going_on(&self, present: &Present<'_>, list: &mut Shortlist<'_>) {
         let Present { stay, model, ring, now, without, modes, place, .. } = present;
-        let mode = modes.last(*place);
         for cycles in self.cycles() {
             let frequency_hz = stay.frequency_hz;
             let reading_s = self.pace.reading_s(cycles, frequency_hz);
             let reading = (reading_s, f64::from(cycles) / frequency_hz);
-            let known = &self.stays.known;
-            model.told((ring, mode), &stay.samples, reading, &COUNTS, known, |count, told| {
-                let after = sum(without, &leading(&told));
-                let adds = [difference(&after, now); PHASES];
+            let model = (model, &self.stays.known);
+            let mut told = Forecast::new(model, ring, modes.last(*place), &stay.samples, reading);
+            for count in COUNTS {
                 let seconds = count as f64 * reading_s;
-                candidates.push(Candidate { frequency_hz, cycles, count, seconds, adds });
-            });
+                if seconds >= list.least_s {
+                    break;
+                }
+                let after = sum(without, &leading(&told.with(count)));
+                let adds = [difference(&after, now); PHASES];
+                list.add(&Candidate { frequency_hz, cycles, count, seconds, adds });
+            }
         }
     }
 
-    /// A new stay at this frequency, the drive having any phase in it.
-    fn stays_at(&self, frequency_hz: f64, present: &Present<'_>, candidates: &mut Vec<Candidate>) {
+    /// A new stay at this frequency, the drive having any phase in it. Longer ones than the best are
+    /// left out: neither they nor a pair with them can be better.
+    fn stays_at(&self, frequency_hz: f64, present: &Present<'_>, list: &mut Shortlist<'_>) {
         let at = &self.best.at;
-        let known = &self.stays.known;
         let since_s =
             present.stay.samples.last().map_or(0.0, |last| last.start_s + last.integration_s);
         let square = { present.amplitude }.change(frequency_hz, since_s);
@@ -272,21 +311,19 @@ impl Ground<'_> {
         for cycles in self.cycles() {
             let reading_s = self.pace.reading_s(cycles, frequency_hz);
             let reading = (reading_s, f64::from(cycles) / frequency_hz);
-            let first = candidates.len();
-            for phase in 0..PHASES {
+            let mut told: [Forecast<'_>; PHASES] = std::array::from_fn(|phase| {
                 let turn = Complex64::cis(TAU * phase as f64 / PHASES as f64);
                 let ring = Ring { square, amplitude: model.amplitude(at, end * turn) };
                 let mode = present.modes.branch(present.place, frequency_hz, end_of_mode * turn);
-                let mut place = first;
-                model.told((&ring, mode), &[], reading, &COUNTS, known, |count, told| {
-                    if phase == 0 {
-                        let seconds = count as f64 * reading_s;
-                        let adds = [[[0.0; FREE]; FREE]; PHASES];
-                        candidates.push(Candidate { frequency_hz, cycles, count, seconds, adds });
-                    }
-                    candidates[place].adds[phase] = leading(&told);
-                    place += 1;
-                });
+                Forecast::new((&model, &self.stays.known), &ring, mode, &[], reading)
+            });
+            for count in COUNTS {
+                let seconds = count as f64 * reading_s;
+                if seconds >= list.least_s {
+                    break;
+                }
+                let adds = told.each_mut().map(|told| leading(&told.with(count)));
+                list.add(&Candidate { frequency_hz, cycles, count, seconds, adds });
             }
         }
     }
@@ -306,8 +343,10 @@ struct Present<'a> {
     place: usize,
 }
 
+/// The resonance and the second mode first.
 fn leading(normal: &Normal<UNKNOWNS>) -> Matrix {
-    std::array::from_fn(|i| std::array::from_fn(|k| normal.matrix[i][k]))
+    const ORDER: [usize; FREE] = [0, CIRCUIT, 1, 2, 3, 4];
+    ORDER.map(|i| ORDER.map(|k| normal.matrix[i][k]))
 }
 
 fn sum(a: &Matrix, b: &Matrix) -> Matrix {
