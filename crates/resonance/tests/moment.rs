@@ -121,5 +121,5 @@ fn a_planned_sweep_of_a_moving_resonance_holds_for_its_moment() {
         assert!(off(moment_s).abs() < 4.5, "seed {seed}: {moment_s} s: {found:?}");
         most_off = most_off.max(off(0.0).abs());
     }
-    assert!(answers >= 8 && most_off > 2.0, "{answers} {most_off}");
+    assert!(answers >= 8 && most_off > 1.5, "{answers} {most_off}");
 }

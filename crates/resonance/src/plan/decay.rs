@@ -46,7 +46,7 @@ const FORCED_MAX: usize = 6;
 const FORCED: (u32, usize) = (4, 8);
 const FORCED_AT: [f64; 6] = [0.5, -0.5, 0.9, -0.9, 0.0, 0.3];
 /// Stays that look for a second mode.
-const LOOKS_MAX: usize = 4;
+const LOOKS_MAX: usize = 6;
 /// A second mode that is there gains so much after them.
 const MODE_SURE: f64 = 16.0;
 /// The part of the asked standard deviation that is planned for: the profile is a little wider than

@@ -5,7 +5,7 @@ use rig_model::{Reading, Window};
 use super::{
     Hypothesis, Known, Stays,
     mode::Modes,
-    search::{CHI_SQUARED_SIGMAS, Effort, Search},
+    search::{Effort, Search, allowed},
     start::Trials,
 };
 use crate::{
@@ -14,7 +14,7 @@ use crate::{
     fit::{POINTS_MIN, doubt_circuit, doubt_existence, doubt_place, doubt_precision},
     grid::{Expected, Q_TYPICAL},
     planner::NOISE,
-    scatter::{self, Pool},
+    scatter::Pool,
     solve::End,
     trace::{Believed, CIRCUIT},
     verdict::Spread,
@@ -106,7 +106,7 @@ fn judge(
     let degrees = stays.degrees();
     // Against the noise as it was known, not as these readings say.
     let scatter = best.normal.cost / degrees * stays.known.variance / noise.variance();
-    let allowed = scatter::allowed(degrees, Some(&noise.prior()), CHI_SQUARED_SIGMAS);
+    let allowed = allowed(degrees, noise);
     let modes = Modes::new(stays, best);
     let (mut likeliest, mut widest) = (None::<(f64, f64)>, 0.0_f64);
     for mode in modes.all(expected, window) {

@@ -21,7 +21,13 @@ const OTHER_Q: [f64; 2] = [0.75, 1.33];
 /// Descents of a search among trials and of one beside the best.
 pub(crate) const DESCENTS_MAX: usize = 2 * KEPT + STARTS + BESIDE.len() * OTHER_Q.len() + 1;
 /// χ² may exceed its mean by this many of its standard deviations.
-pub(crate) const CHI_SQUARED_SIGMAS: f64 = 3.1;
+const CHI_SQUARED_SIGMAS: f64 = 3.1;
+/// Noise that comes from no more errors than these is a guess: analyzers differ by a factor of five
+/// from it, which half an error stands for.
+const GUESSED_DEGREES: f64 = 4.0;
+const DEGREES_OF_A_GUESS: f64 = 0.5;
+/// … once the readings leave so many degrees of freedom that a wrong circuit shows otherwise.
+const ENOUGH_DEGREES: f64 = 30.0;
 
 /// Where a search looks besides the circuits found before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,13 +49,21 @@ pub(crate) struct Search<'a> {
     pub(crate) noise: Pool,
 }
 
+/// What χ² per degree of freedom may be, against this noise.
+pub(crate) fn allowed(degrees: f64, noise: Pool) -> f64 {
+    let mut prior = noise.prior();
+    if prior.degrees_of_freedom <= GUESSED_DEGREES && degrees > ENOUGH_DEGREES {
+        prior.degrees_of_freedom = DEGREES_OF_A_GUESS;
+    }
+    scatter::allowed(degrees, Some(&prior), CHI_SQUARED_SIGMAS)
+}
+
 impl Search<'_> {
     /// Whether readings scatter more about this circuit than their noise allows.
     pub(crate) fn is_misfit(&self, one: &Hypothesis) -> bool {
         let degrees = self.stays.degrees();
-        let allowed = scatter::allowed(degrees, Some(&self.noise.prior()), CHI_SQUARED_SIGMAS);
         let found = one.normal.cost / degrees * self.stays.known.variance;
-        degrees > 0.0 && found > allowed * self.noise.variance()
+        degrees > 0.0 && found > allowed(degrees, self.noise) * self.noise.variance()
     }
 
     /// The best circuits, the best first, none near a better one.
