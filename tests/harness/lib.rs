@@ -39,7 +39,7 @@ pub fn changed(text: &str, changes: &[(&str, &str)]) -> String {
     })
 }
 
-/// A simulated rig that is open, with a journal that goes with it.
+/// An open simulated rig with its journal.
 #[derive(Debug)]
 pub struct TestRig {
     /// Speaks to the rig.

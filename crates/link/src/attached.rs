@@ -17,7 +17,7 @@ pub struct AttachedPort {
     pub stable_name: Option<String>,
     /// Identity of an adapter on USB.
     pub usb: Option<UsbIdentity>,
-    /// By how much the adapter may delay what it has received, ms. One millisecond is best; many
+    /// Latency timer of the adapter, ms. One millisecond is best; many
     /// begin with 16.
     pub latency_ms: Option<u32>,
     /// Who has it open.

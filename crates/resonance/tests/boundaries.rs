@@ -123,7 +123,7 @@ fn noise_that_leaves_the_resonance_in_sight_is_no_reason_to_refuse() {
             }
         }
         assert!(answers + 5 >= SWEEPS, "{noisy:?}: {answers} of {SWEEPS}");
-        // Of so many, the share of 95 % has a standard deviation of 1 %.
+        // With this number of sweeps the share of 95 % has a standard deviation of 1 %.
         let share = 92 * answers..=98 * answers;
         assert!(share.contains(&(100 * covered)), "{noisy:?}: {covered} of {answers}");
     }

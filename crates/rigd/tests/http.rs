@@ -1,4 +1,4 @@
-//! What a client of the daemon can ask for besides runs.
+//! Requests of a client, other than runs.
 
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
@@ -172,7 +172,7 @@ async fn the_journal_says_who_asked() {
 #[tokio::test]
 async fn a_sweep_that_was_aborted_is_not_taken_for_the_next_one() {
     let daemon = Daemon::start().await;
-    // So many points that it cannot be over before the abort.
+    // Enough points that the sweep cannot end before the abort.
     let long = json!({
         "min_hz": 120, "max_hz": 165, "points": 10_000, "settle_s": 7, "time_limit_s": 86_400,
     });

@@ -167,7 +167,7 @@ impl Terminal {
         Self { child, master, output, screen }
     }
 
-    /// What stands on the screen, with what has been scrolled out of it; lines are not told apart.
+    /// The text of the screen and of the scrollback, without line ends.
     fn text(&mut self) -> String {
         let mut text = String::new();
         self.screen.screen_mut().set_scrollback(usize::MAX);
@@ -252,7 +252,7 @@ fn check(bench: &Bench, folder: &Path, columns: u16, changed: u16) {
     bench.person.turn_sensor(Orientation::Left);
     terminal.press_enter();
     terminal.wait_for_text("sample 1 of 2");
-    // Whoever presses Enter now has not been asked.
+    // An Enter before the prompt is no answer.
     terminal.press_enter();
     terminal.press_enter();
     terminal.wait_for_text(SECOND);

@@ -51,7 +51,7 @@ impl Nuisances {
 /// How the free resonance wanders: a warm-up that dies away and a random walk.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Drift {
-    /// By how much the warm-up shifts the resonance in the end, Hz.
+    /// Shift of the resonance at the end of the warm-up, Hz.
     pub warm_up_hz: f64,
     /// Time constant of the warm-up, s.
     pub warm_up_s: f64,
@@ -76,7 +76,7 @@ impl DriftPath {
         Self { drift, stream, walk_hz: vec![0.0] }
     }
 
-    /// By how much the free resonance has moved by `now`, in Hz.
+    /// Drift of the free resonance until `now`, Hz.
     pub(super) fn shift_hz(&mut self, now: RigTime) -> f64 {
         let elapsed_s = now.as_seconds();
         let Drift { warm_up_hz, warm_up_s, walk_hz_per_sqrt_hour } = self.drift;

@@ -21,7 +21,7 @@ pub struct SensorScene {
     pub poisson: f64,
     /// Loss factor of all samples.
     pub tissue_loss: f64,
-    /// By how much the model may be wrong, Hz. The cheapest one that keeps to it is used.
+    /// Largest error allowed to the model, Hz. The cheapest model within it is used.
     pub tolerance_hz: f64,
 }
 

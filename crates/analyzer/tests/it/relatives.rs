@@ -1,4 +1,4 @@
-//! The relatives of the E4980A: what each wants besides.
+//! The relatives of the E4980A: the extra commands of each.
 
 use std::{
     sync::{Arc, Mutex},

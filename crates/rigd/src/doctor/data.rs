@@ -19,7 +19,7 @@ const SPACE_GOOD_BYTES: u64 = 1 << 30;
 
 pub(super) fn findings(data: &Path, rig: &str) -> Vec<Finding> {
     let mut findings = Findings::of("data directory");
-    // Where there is none yet, it will be made where it is to be.
+    // A missing directory will be made at this path.
     let place = existing(data);
     match try_to_write(&place) {
         Ok(()) => findings.ok("writable", data.display().to_string()),
