@@ -7,7 +7,7 @@
 use std::{error::Error, fs, hint::black_box, num::NonZero, time::Instant};
 
 use rig_model::{Impedance, PointResult, Reading, RigTime};
-use rig_resonance::{FitOptions, Fitter, Verdict};
+use rig_resonance::{FitOptions, FitOutcome, Fitter};
 
 /// Prints one line for each sweep: the resonance and its standard deviation in Hz and the model, or
 /// `refused` and the reason; then the 10th percentile, the median, the mean and the 99th percentile
@@ -20,10 +20,10 @@ pub(crate) fn time(file: &str, rounds: NonZero<u32>) -> Result<(), Box<dyn Error
     // The first round warms up, and prints.
     for readings in &sweeps {
         match fitter.fit(readings, &options) {
-            Verdict::Accepted(found) => {
-                println!("{} {} {}", found.resonance_hz, found.sigma_hz, found.rung.name());
+            FitOutcome::Accepted(found) => {
+                println!("{} {} {}", found.resonance_hz, found.sigma_hz, found.model_order.name());
             }
-            Verdict::Refused(refusal) => println!("refused {}", refusal.reason.code()),
+            FitOutcome::Refused(refusal) => println!("refused {}", refusal.reason.code()),
         }
     }
     for _ in 0..rounds.get() {

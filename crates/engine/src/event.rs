@@ -2,7 +2,7 @@
 
 use rig_model::{Clearance, Deg, Mm, Position, Reading, SweepRequest};
 use rig_protocol::{Prompt, StepId, Touch};
-use rig_resonance::{Estimate, FitOptions, Refusal, Resonance, Verdict};
+use rig_resonance::{Estimate, FitOptions, FitOutcome, Refusal, Resonance};
 
 use crate::{Fault, Surface};
 
@@ -64,7 +64,7 @@ pub struct FinishedSweep {
     /// the others.
     pub probe_readings: usize,
     /// The fitted resonance, or the reason why there is none.
-    pub outcome: Verdict,
+    pub outcome: FitOutcome,
     /// The time for which an accepted resonance holds, s on the clock of the readings.
     pub effective_time_s: Option<f64>,
     /// The settings of the fit.

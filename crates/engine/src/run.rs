@@ -2,7 +2,7 @@
 
 use rig_model::{Clearance, RigLimits, RigTime, Window};
 use rig_protocol::{Action, Plan, Pose, Prompt};
-use rig_resonance::{Prior, Resonance, Verdict};
+use rig_resonance::{FitOutcome, Prior, Resonance};
 
 use crate::{
     Event, Fault, Operation, RunStatus, SweepPurpose,
@@ -202,8 +202,8 @@ impl NoLoad {
                 SweepStep::Measure(operation) => return MachineStep::Do(operation),
                 SweepStep::Fault(fault) => return MachineStep::Fault(fault),
                 SweepStep::Finished(sweep) => match sweep.outcome {
-                    Verdict::Accepted(resonance) => return MachineStep::Done(resonance),
-                    Verdict::Refused(refusal) => refusal,
+                    FitOutcome::Accepted(resonance) => return MachineStep::Done(resonance),
+                    FitOutcome::Refused(refusal) => refusal,
                 },
             };
             if self.attempt >= NO_LOAD_ATTEMPTS {

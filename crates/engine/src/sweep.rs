@@ -1,7 +1,7 @@
 //! Measures one resonance: asks the planner for points until it has an answer.
 
 use rig_model::{DriveLevel, PointResult, Reading, RigTime, SweepRequest};
-use rig_resonance::{Next, Planner, Prior, Verdict, flagged};
+use rig_resonance::{FitOutcome, Next, Planner, Prior, flagged};
 
 use crate::{Event, Fault, FinishedSweep, Operation, SweepPurpose};
 
@@ -62,7 +62,7 @@ impl Sweep {
         self.readings.extend_from_slice(readings);
         let values: Vec<Reading> = values(readings).copied().collect();
         if let Some(refusal) = flagged(readings) {
-            return self.finish(Verdict::Refused(refusal), notes);
+            return self.finish(FitOutcome::Refused(refusal), notes);
         }
         if values.len() != self.asked {
             let fault = Fault::MissingReadings { given: values.len(), asked: self.asked };
@@ -90,7 +90,7 @@ impl Sweep {
         }
     }
 
-    fn finish(&mut self, outcome: Verdict, notes: &mut Vec<Event>) -> SweepStep {
+    fn finish(&mut self, outcome: FitOutcome, notes: &mut Vec<Event>) -> SweepStep {
         let readings = std::mem::take(&mut self.readings);
         // Every reading is fitted.
         let probe_readings = 0;

@@ -14,7 +14,7 @@ use rig_model::{
     Clearance, Deg, Impedance, Mm, PointResult, Position, Reading, SweepPoint, Window,
 };
 use rig_protocol::{StepId, Touch};
-use rig_resonance::{Prior, Resonance, Verdict, flagged};
+use rig_resonance::{FitOutcome, Prior, Resonance, flagged};
 
 use crate::{
     Contact, Fault, LoweringPurpose, Operation, SweepPurpose, TouchOutcome, TouchResult,
@@ -244,11 +244,11 @@ impl TouchMachine {
             SweepStep::Fault(fault) => MachineStep::Fault(fault),
             SweepStep::Finished(sweep) => {
                 let outcome = match sweep.outcome {
-                    Verdict::Accepted(loaded) => TouchOutcome::Measured { contact, loaded },
-                    Verdict::Refused(_) if retries_left > 0 => {
+                    FitOutcome::Accepted(loaded) => TouchOutcome::Measured { contact, loaded },
+                    FitOutcome::Refused(_) if retries_left > 0 => {
                         return self.sweep(contact, retries_left - 1, context);
                     }
-                    Verdict::Refused(refusal) => {
+                    FitOutcome::Refused(refusal) => {
                         TouchOutcome::Refused { contact: Some(contact), refusal }
                     }
                 };

@@ -9,7 +9,7 @@
 
 use std::{collections::BTreeMap, fmt, num::NonZero, thread};
 
-use rig_resonance::{Verdict, fit};
+use rig_resonance::{FitOutcome, fit};
 use scenes::{Kind, Rounding, Scene};
 use support::Random;
 
@@ -114,10 +114,10 @@ struct Tally {
 
 impl Tally {
     /// Counts a verdict; gives how many standard deviations it is off, 0 where it was refused.
-    fn count(&mut self, verdict: &Verdict, truth: Option<(f64, f64)>) -> f64 {
+    fn count(&mut self, verdict: &FitOutcome, truth: Option<(f64, f64)>) -> f64 {
         self.scenes += 1;
         match verdict {
-            Verdict::Accepted(found) => {
+            FitOutcome::Accepted(found) => {
                 let sigmas = truth.map_or(f64::INFINITY, |(low, high)| {
                     let nearest_hz = found.resonance_hz.clamp(low, high);
                     (found.resonance_hz - nearest_hz).abs() / found.sigma_hz
@@ -129,7 +129,7 @@ impl Tally {
                 self.worst = self.worst.max(sigmas);
                 sigmas
             }
-            Verdict::Refused(refusal) => {
+            FitOutcome::Refused(refusal) => {
                 let name = format!("{:?}", refusal.reason);
                 let name = name.split([' ', '{']).next().unwrap_or_default();
                 *self.refused.entry(name.to_owned()).or_default() += 1;

@@ -9,7 +9,7 @@ use std::{hint::black_box, time::Instant};
 use rand_core::Rng;
 use rand_pcg::Pcg64;
 use rig_model::{Impedance, PointResult, Reading, RigTime};
-use rig_resonance::{Circuit, FitOptions, Fitter, Verdict};
+use rig_resonance::{Circuit, FitOptions, FitOutcome, Fitter};
 
 const CALLS: usize = 20_000;
 const SWEEPS: usize = 64;
@@ -28,7 +28,7 @@ fn main() {
                     let start = Instant::now();
                     let verdict = black_box(fitter.fit(readings, &options));
                     let micros = start.elapsed().as_secs_f64() * 1e6;
-                    accepted += usize::from(matches!(verdict, Verdict::Accepted(_)));
+                    accepted += usize::from(matches!(verdict, FitOutcome::Accepted(_)));
                     micros
                 })
                 .collect();

@@ -24,7 +24,7 @@ use std::{
 use num_complex::Complex64;
 use rig_contact::Circuit;
 use rig_model::{DriveLevel, Reading, RigTime, SweepMethod, SweepPoint, SweepRequest, Window};
-use rig_resonance::{Next, NoisePrior, Past, Planner, Prior, Verdict};
+use rig_resonance::{FitOutcome, Next, NoisePrior, Past, Planner, Prior};
 use rig_sim::plant::Plant;
 use support::Random;
 
@@ -173,13 +173,13 @@ impl Tally {
             self.steps_ms.push(1000.0 * passed.as_secs_f64());
         };
         match verdict {
-            Verdict::Accepted(found) => {
+            FitOutcome::Accepted(found) => {
                 let error_hz = found.resonance_hz - resonance_hz;
                 self.times_s.push(bench.now_s);
                 self.errors_hz.push(error_hz);
                 self.sigmas.push((error_hz / found.sigma_hz).abs());
             }
-            Verdict::Refused(refusal) => {
+            FitOutcome::Refused(refusal) => {
                 *self.refused.entry(refusal.reason.code()).or_default() += 1;
             }
         }

@@ -13,7 +13,7 @@ use crate::{
     dense::Cholesky,
     ringup::{Motion, Visit, plain},
     solve::Normal,
-    trace::{Believed, Besides, Minimum, Row, Sample, Timing, Trace, UNKNOWNS},
+    trace::{ExtraTerm, Minimum, ModelEstimate, Row, Sample, Timing, Trace, UNKNOWNS},
 };
 
 /// A way in which a sweep goes wrong.
@@ -29,7 +29,7 @@ pub(crate) enum Cause {
     NotSettled,
     /// Another resonance at this frequency, with this quality, overlapping the first or not.
     SecondMode { frequency_hz: f64, q: f64, is_near: bool },
-    /// The peak has not the shape of one resonance, for whatever reason.
+    /// The peak does not look like a single resonance; the cause is unknown.
     Shape,
     /// Something in series.
     Stray,
@@ -81,7 +81,7 @@ pub(crate) struct Alternative {
 #[derive(Debug)]
 pub(crate) struct Fitted<'a> {
     pub(crate) trace: &'a Trace,
-    pub(crate) at: Believed,
+    pub(crate) at: ModelEstimate,
     /// How many of the unknowns are free.
     pub(crate) free: usize,
     rows: Vec<(usize, Row)>,
@@ -118,7 +118,7 @@ impl<'a> Fitted<'a> {
     }
 
     /// The fit that ended here, with so many free unknowns.
-    pub(crate) fn at(trace: &'a Trace, at: Believed, free: usize) -> Self {
+    pub(crate) fn at(trace: &'a Trace, at: ModelEstimate, free: usize) -> Self {
         let mut rows = Vec::with_capacity(trace.samples.len());
         let mut motional = Vec::with_capacity(trace.samples.len());
         let mut admittance = Vec::with_capacity(trace.samples.len());
@@ -146,7 +146,7 @@ impl<'a> Fitted<'a> {
     pub(crate) fn alternatives(&self) -> Vec<Alternative> {
         let mut found = Vec::new();
         let mut consider = |alternative: Option<Alternative>| found.extend(alternative);
-        if self.at.besides != Besides::Drift {
+        if self.at.extra_term != ExtraTerm::Drift {
             let pattern =
                 |i: usize, row: &Row| [row.slopes[0] * self.sample(i).when, NOTHING, NOTHING];
             consider(self.alternative(Cause::Drift, 1, pattern));
@@ -166,14 +166,14 @@ impl<'a> Fitted<'a> {
             if self.trace.weighed_for.is_none() && self.may_not_have_settled() {
                 consider(self.not_settled());
             }
-            if self.at.besides != Besides::SecondMode {
+            if self.at.extra_term != ExtraTerm::SecondMode {
                 for mode in self.second_modes() {
                     consider(mode);
                 }
             }
             consider(self.alternative(Cause::Shape, 3, |i, row| self.shape(i, row)));
         }
-        if self.at.besides != Besides::Stray {
+        if self.at.extra_term != ExtraTerm::Stray {
             let pattern = |i: usize, _: &Row| {
                 let omega = TAU * self.sample(i).visit.frequency_hz;
                 [self.admittance[i], self.admittance[i] * Complex64::new(0.0, omega), NOTHING]
@@ -235,14 +235,14 @@ impl<'a> Fitted<'a> {
     fn after(&self, visit: impl Fn(&Sample) -> Visit) -> Option<Alternative> {
         let mut motion = Motion::at_rest(plain(self.at.resonance_hz, self.at.q));
         let mut past = NOTHING;
-        let heard: Vec<_> = self
+        let response: Vec<_> = self
             .trace
             .samples
             .iter()
             .map(|sample| self.at.c1 * motion.visit(&visit(sample), &mut past).motional)
             .collect();
         let pattern = |i: usize, _: &Row| {
-            [(heard[i] - self.motional[i]) / self.admittance[i], NOTHING, NOTHING]
+            [(response[i] - self.motional[i]) / self.admittance[i], NOTHING, NOTHING]
         };
         self.alternative(Cause::NotSettled, 1, pattern)
     }

@@ -17,7 +17,7 @@ use num_complex::Complex64;
 use rig_model::{Reading, Window};
 
 use crate::{
-    FitOptions, Reason, Side, Timing, Verdict, fit, points::Points, solve::rational_start,
+    FitOptions, FitOutcome, Reason, Side, Timing, fit, points::Points, solve::rational_start,
     trace::complex_ohm,
 };
 
@@ -253,7 +253,7 @@ fn most_likely(readings: &[Reading], window: Window) -> Result<f64, NoEstimate> 
     let timing = if is_timed { Timing::Waited } else { Timing::Unknown };
     let options = FitOptions { window: Some(window), timing, ..FitOptions::default() };
     match fit(readings, &options) {
-        Verdict::Accepted(found) => Ok(found.resonance_hz),
-        Verdict::Refused(refusal) => Err(NoEstimate::Refused(refusal.reason)),
+        FitOutcome::Accepted(found) => Ok(found.resonance_hz),
+        FitOutcome::Refused(refusal) => Err(NoEstimate::Refused(refusal.reason)),
     }
 }

@@ -8,8 +8,8 @@ pub(crate) mod decay;
 use rig_model::{Reading, Window};
 
 use crate::{
-    Circuit, Reason, Refusal, Resonance, Side, Timing, Verdict, points::Points, quick::Quick,
-    rounding, scatter, solve::End, thorough::Model, trace::Believed, untold,
+    Circuit, FitOutcome, Reason, Refusal, Resonance, Side, Timing, full_fit::Model, points::Points,
+    rounding, scatter, solve::End, steady_fit::SteadyFit, trace::ModelEstimate, unknown_dwell,
 };
 
 /// What is known besides the readings.
@@ -60,7 +60,7 @@ pub(crate) const SIGMA_MAX_LINEWIDTHS: f64 = 0.5;
 const K_SQUARED_MAX: f64 = 0.6;
 
 /// Finds the resonance in readings, in the order in which they were taken.
-pub fn fit(readings: &[Reading], options: &FitOptions) -> Verdict {
+pub fn fit(readings: &[Reading], options: &FitOptions) -> FitOutcome {
     Fitter::default().fit(readings, options)
 }
 
@@ -68,13 +68,13 @@ pub fn fit(readings: &[Reading], options: &FitOptions) -> Verdict {
 /// readings before.
 #[derive(Debug, Clone, Default)]
 pub struct Fitter {
-    quick: Quick,
+    quick: SteadyFit,
 }
 
 impl Fitter {
     /// Finds the resonance in readings, in the order in which they were taken.
-    pub fn fit(&mut self, readings: &[Reading], options: &FitOptions) -> Verdict {
-        let refused = |reason| Verdict::Refused(Refusal { reason, estimate: None });
+    pub fn fit(&mut self, readings: &[Reading], options: &FitOptions) -> FitOutcome {
+        let refused = |reason| FitOutcome::Refused(Refusal { reason, estimate: None });
         if options.timing == Timing::AnyPhase {
             return decay::judge::fit(readings, options);
         }
@@ -99,11 +99,11 @@ impl Fitter {
                 && let told = self.told(&resonance, at, readings, options.timing)
                 && doubt_precision(&told, resonance.sigma_hz).is_none()
             {
-                return Verdict::Accepted(told);
+                return FitOutcome::Accepted(told);
             }
         }
         let unit_farad = self.quick.points.reference_farad;
-        let near = options.near.map(|circuit| Believed::of(&circuit, unit_farad));
+        let near = options.near.map(|circuit| ModelEstimate::of(&circuit, unit_farad));
         let start = near.or(start);
         match Model::find(readings, &rounding, window, unit_farad, start, options) {
             Ok(model) => judge(&model, window, span, options),
@@ -115,13 +115,13 @@ impl Fitter {
     fn told(
         &self,
         found: &Resonance,
-        at: Believed,
+        at: ModelEstimate,
         readings: &[Reading],
         timing: Timing,
     ) -> Resonance {
         let unit_farad = self.quick.points.reference_farad;
         match timing {
-            Timing::Unknown => untold::widened(found, at, readings, unit_farad),
+            Timing::Unknown => unknown_dwell::widened(found, at, readings, unit_farad),
             Timing::Waited | Timing::Exact(_) | Timing::AnyPhase => *found,
         }
     }
@@ -141,14 +141,14 @@ impl Fitter {
 }
 
 /// The verdict on a model that was found with all doubts.
-fn judge(model: &Model, window: Window, span: Window, options: &FitOptions) -> Verdict {
+fn judge(model: &Model, window: Window, span: Window, options: &FitOptions) -> FitOutcome {
     let gain = model.gain_over_capacitor();
     let Some(found) = model.resonance(options) else {
         let is_nothing = gain < GAIN_MIN;
         let nothing = Reason::NoResonance { found: gain, needed: GAIN_MIN };
         let reason = if is_nothing { nothing } else { Reason::NotConverged };
         let reason = model.outliers_in_the_way().unwrap_or(reason);
-        return Verdict::Refused(Refusal { reason, estimate: None });
+        return FitOutcome::Refused(Refusal { reason, estimate: None });
     };
     let reason = doubt_existence(&found, gain)
         .or_else(|| (model.found.end == End::OutOfSteps).then_some(Reason::NotConverged))
@@ -171,8 +171,8 @@ fn judge(model: &Model, window: Window, span: Window, options: &FitOptions) -> V
             (!is_described).then_some(Reason::Misfit { found, allowed })
         });
     match reason {
-        None => Verdict::Accepted(found),
-        Some(reason) => Verdict::Refused(Refusal { reason, estimate: Some(found) }),
+        None => FitOutcome::Accepted(found),
+        Some(reason) => FitOutcome::Refused(Refusal { reason, estimate: Some(found) }),
     }
 }
 

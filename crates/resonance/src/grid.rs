@@ -12,10 +12,10 @@ use rig_model::Window;
 use crate::{
     Circuit,
     dense::Cholesky,
-    leftover::Leftover,
-    ringup::{Heard, Motion, plain},
+    residual_transient::ResidualTransient,
+    ringup::{Motion, Response, plain},
     solve::Normal,
-    trace::{Believed, Besides, CIRCUIT, Past, Sample, Timing, UNKNOWNS},
+    trace::{CIRCUIT, ExtraTerm, ModelEstimate, Past, Sample, Timing, UNKNOWNS},
 };
 
 /// What a reading depends on linearly: C0, C1, C0·tan δ, and the past motion.
@@ -24,7 +24,7 @@ const LINEAR: usize = 5;
 /// What is believed of a circuit beforehand. It keeps the first readings from being explained by
 /// absurd circuits, and is nothing against a dozen of them.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Expected {
+pub(crate) struct CircuitPrior {
     /// (ln resonance, ln Q, C0, C1, C0·tan δ), capacitances in the unit of the readings.
     pub(crate) mean: [f64; CIRCUIT],
     pub(crate) spread: [f64; CIRCUIT],
@@ -54,17 +54,17 @@ pub(crate) const QUALITIES: [f64; 7] = [6.0, 10.0, 17.0, 30.0, 52.0, 90.0, 150.0
 pub(crate) struct Grid {
     timing: Timing,
     variance: Option<f64>,
-    cells: Vec<Cell>,
+    cells: Vec<GridTrial>,
 }
 
 /// One trial.
 #[derive(Debug, Clone)]
-struct Cell {
+struct GridTrial {
     resonance_hz: f64,
     q: f64,
     motion: Motion<Complex64>,
     past: Complex64,
-    leftover: Leftover,
+    leftover: ResidualTransient,
     ln_determinant: f64,
     normal: Normal<LINEAR>,
 }
@@ -82,7 +82,7 @@ impl Grid {
         let mut step = 0.0;
         while step <= steps {
             let resonance_hz = min_hz * (max_hz / min_hz).powf(step / steps);
-            cells.extend(QUALITIES.iter().map(|&q| Cell::new(resonance_hz, q)));
+            cells.extend(QUALITIES.iter().map(|&q| GridTrial::new(resonance_hz, q)));
             step += 1.0;
         }
         Self { timing, variance, cells }
@@ -112,7 +112,11 @@ impl Grid {
 
     /// The best circuit of every trial with its cost, the best first, for noise of this variance at
     /// ten cycles.
-    pub(crate) fn ranked(&self, expected: Expected, variance: f64) -> Vec<(f64, Believed)> {
+    pub(crate) fn ranked(
+        &self,
+        expected: CircuitPrior,
+        variance: f64,
+    ) -> Vec<(f64, ModelEstimate)> {
         let mut ranked: Vec<_> = self
             .cells
             .iter()
@@ -123,14 +127,14 @@ impl Grid {
     }
 }
 
-impl Cell {
+impl GridTrial {
     fn new(resonance_hz: f64, q: f64) -> Self {
         Self {
             resonance_hz,
             q,
             motion: Motion::at_rest(plain(resonance_hz, q)),
             past: Complex64::ONE,
-            leftover: Leftover::new(resonance_hz, q),
+            leftover: ResidualTransient::new(resonance_hz, q),
             ln_determinant: 0.0,
             normal: Normal::default(),
         }
@@ -139,13 +143,13 @@ impl Cell {
     fn add(&mut self, sample: &Sample, timing: Timing, variance: Option<f64>) {
         let mut weight = sample.weight;
         let omega = TAU * sample.visit.frequency_hz;
-        let heard = match timing {
+        let response = match timing {
             Timing::Exact(_) => self.motion.visit(&sample.visit, &mut self.past),
             Timing::Waited | Timing::Unknown | Timing::AnyPhase => {
                 let u = sample.visit.frequency_hz / self.resonance_hz;
                 let response = 1.0 / Complex64::new(1.0 - u * u, u / self.q);
                 let motional = Complex64::new(0.0, omega) * response;
-                Heard { motional, past: [Complex64::ZERO; 2] }
+                Response { motional, past: [Complex64::ZERO; 2] }
             }
         };
         if let (Timing::Waited, Some(variance)) = (timing, variance) {
@@ -160,17 +164,22 @@ impl Cell {
             let z = sample.impedance;
             let row = [
                 z * Complex64::new(0.0, omega),
-                z * heard.motional,
+                z * response.motional,
                 z * omega,
-                z * heard.past[0],
-                z * heard.past[1],
+                z * response.past[0],
+                z * response.past[1],
             ];
             self.normal.add(Complex64::from(-1.0), &row, weight);
         }
     }
 
     /// The best circuit with this resonance and quality, and its cost.
-    fn best(&self, expected: Expected, variance: f64, timing: Timing) -> Option<(f64, Believed)> {
+    fn best(
+        &self,
+        expected: CircuitPrior,
+        variance: f64,
+        timing: Timing,
+    ) -> Option<(f64, ModelEstimate)> {
         let mut matrix = self.normal.matrix;
         let mut gradient = self.normal.gradient;
         let [ln_resonance, ln_q, c0, c1, loss] = expected.spread;
@@ -180,9 +189,12 @@ impl Cell {
             matrix[i][i] += precision;
             gradient[i] -= precision * mean.get(i).copied().unwrap_or(0.0);
         }
-        let besides =
-            if timing == Timing::Exact(Past::Unknown) { Besides::Past } else { Besides::Nothing };
-        let free = LINEAR - 2 + besides.count();
+        let extra_term = if timing == Timing::Exact(Past::Unknown) {
+            ExtraTerm::Past
+        } else {
+            ExtraTerm::Nothing
+        };
+        let free = LINEAR - 2 + extra_term.count();
         let step = Cholesky::new(&matrix, free, 0.0)?.solve(&gradient);
         let saved: f64 = step.iter().zip(gradient).map(|(a, b)| a * b).sum();
         let [c0, c1, g, b1, b2] = step.map(|x| -x);
@@ -191,12 +203,13 @@ impl Cell {
         let cost = self.normal.cost - saved
             + variance * (ln_resonance * ln_resonance + ln_q * ln_q + self.ln_determinant);
         let (resonance_hz, q) = (self.resonance_hz, self.q);
-        let believed = Believed { resonance_hz, q, c0, c1, g, besides, extra: [b1, b2, 0.0] };
-        (c1 > 0.0 && c0 > 0.0).then_some((cost, believed))
+        let estimate =
+            ModelEstimate { resonance_hz, q, c0, c1, g, extra_term, extra: [b1, b2, 0.0] };
+        (c1 > 0.0 && c0 > 0.0).then_some((cost, estimate))
     }
 }
 
-impl Expected {
+impl CircuitPrior {
     /// Of any sensor: a resonance anywhere, Q within a factor of e, C0 as the first reading gives it,
     /// and spreads of C1 and of the loss in units of C0.
     pub(crate) fn any(q: f64) -> Self {
@@ -226,7 +239,7 @@ impl Expected {
     }
 
     /// Adds it to the normal equations, for noise of this variance.
-    pub(crate) fn add_to(self, normal: &mut Normal<UNKNOWNS>, at: &Believed, variance: f64) {
+    pub(crate) fn add_to(self, normal: &mut Normal<UNKNOWNS>, at: &ModelEstimate, variance: f64) {
         let mut add = |i: usize, away: f64, spread: f64| {
             let precision = variance / (spread * spread);
             normal.matrix[i][i] += precision;
@@ -237,7 +250,7 @@ impl Expected {
         for (i, value) in values.into_iter().enumerate() {
             add(i, value - self.mean[i], self.spread[i]);
         }
-        if at.besides == Besides::Past {
+        if at.extra_term == ExtraTerm::Past {
             add(CIRCUIT, at.extra[0], PAST_SPREAD);
             add(CIRCUIT + 1, at.extra[1], PAST_SPREAD);
         }
@@ -251,6 +264,6 @@ fn logarithms(Window { min_hz, max_hz }: Window) -> (f64, f64) {
 }
 
 /// Whether two resonances are more than `steps` steps of a grid apart.
-pub(crate) fn are_apart(a: &Believed, b: &Believed, steps: f64) -> bool {
+pub(crate) fn are_apart(a: &ModelEstimate, b: &ModelEstimate, steps: f64) -> bool {
     (a.resonance_hz / b.resonance_hz).ln().abs() > steps * STEP
 }

@@ -18,8 +18,8 @@
 )]
 
 use crate::{
-    lanes::{Four, Lanes, Machine, on_this_machine},
     points::Block,
+    simd::{F64x4, Isa, Lanes, on_this_machine},
     solve::Normal,
 };
 
@@ -65,7 +65,7 @@ on_this_machine! {
 }
 
 #[inline(always)]
-fn normal_of<M: Machine>(on: M, blocks: &[Block], theta: &Theta) -> Normal<PARAMETERS> {
+fn normal_of<M: Isa>(on: M, blocks: &[Block], theta: &Theta) -> Normal<PARAMETERS> {
     let nu = on.splat(theta.nu);
     let alpha = on.splat(theta.alpha);
     let (c, kappa, g) = (on.splat(theta.c), on.splat(theta.kappa), on.splat(theta.g));
@@ -129,7 +129,7 @@ fn assemble(s: &[f64; 18], kappa: f64) -> Normal<PARAMETERS> {
 }
 
 #[inline(always)]
-fn rational_of<M: Machine>(on: M, blocks: &[Block], earlier: Option<(f64, f64)>) -> Rational {
+fn rational_of<M: Isa>(on: M, blocks: &[Block], earlier: Option<(f64, f64)>) -> Rational {
     let one = on.splat(1.0);
     let mut s = [on.splat(0.0); 13];
     for block in blocks {
@@ -205,12 +205,7 @@ pub(crate) struct Residual {
 }
 
 #[inline(always)]
-fn look_of<M: Machine>(
-    on: M,
-    blocks: &[Block],
-    theta: &Theta,
-    residuals: &mut Vec<Residual>,
-) -> Look {
+fn look_of<M: Isa>(on: M, blocks: &[Block], theta: &Theta, residuals: &mut Vec<Residual>) -> Look {
     let nu = on.splat(theta.nu);
     let alpha = on.splat(theta.alpha);
     let (c, kappa, g) = (on.splat(theta.c), on.splat(theta.kappa), on.splat(theta.g));
@@ -279,7 +274,7 @@ fn look_of<M: Machine>(
 /// The sum over neighbours of |r − r′|² over their variances: a lane holds readings that follow
 /// one another.
 #[inline(always)]
-fn differences<M: Machine>(on: M, blocks: &[Block], residuals: &[Residual]) -> f64 {
+fn differences<M: Isa>(on: M, blocks: &[Block], residuals: &[Residual]) -> f64 {
     let mut sum = on.splat(0.0);
     for (pair, r) in blocks.windows(2).zip(residuals.windows(2)) {
         let re = on.of(&r[1].re) - on.of(&r[0].re);
@@ -295,7 +290,7 @@ fn differences<M: Machine>(on: M, blocks: &[Block], residuals: &[Residual]) -> f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lanes::Any;
+    use crate::simd::Any;
 
     #[test]
     fn every_machine_gets_the_same_bits() {

@@ -9,7 +9,7 @@ use crate::{
     dense::Cholesky,
     scatter::VARIANCE_MIN,
     solve::Normal,
-    trace::{Believed, Minimum, Trace, UNKNOWNS},
+    trace::{Minimum, ModelEstimate, Trace, UNKNOWNS},
 };
 
 /// One reading in ten may be an outlier. With more, the rest is not to be trusted either.
@@ -44,7 +44,7 @@ pub(crate) fn count(trace: &Trace, found: &Minimum) -> usize {
 pub(crate) fn without(
     trace: &Trace,
     plain: &Minimum,
-    near: Option<Believed>,
+    near: Option<ModelEstimate>,
 ) -> Option<(Trace, Minimum, bool)> {
     let readings = trace.used().0;
     let mut best = match near {

@@ -12,7 +12,7 @@ use rig_model::{Reading, SweepMethod, SweepPoint, SweepRequest, Window};
 
 use crate::plan::decay::{self, Decay};
 use crate::{
-    Circuit, FitOptions, Fitter, NoisePrior, Past, Reason, Refusal, Resonance, Timing, Verdict,
+    Circuit, FitOptions, FitOutcome, Fitter, NoisePrior, Past, Reason, Refusal, Resonance, Timing,
     fit::POINTS_MIN, trace::CIRCUIT,
 };
 pub(crate) use limit::Deviation;
@@ -31,7 +31,7 @@ pub enum Next {
     /// Measure these points in this order, and add the readings.
     Measure(Vec<SweepPoint>),
     /// Nothing more to measure.
-    Finished(Verdict),
+    Finished(FitOutcome),
 }
 
 /// What is believed before the first reading.
@@ -216,7 +216,7 @@ impl Planner {
         self.passed_s.max(elapsed_s(&self.readings)) + SECONDS_PER_ROW * self.work() as f64
     }
 
-    fn verdict(&mut self) -> Verdict {
+    fn verdict(&mut self) -> FitOutcome {
         self.verdicts += 1;
         self.work += ROWS_PER_READING_JUDGED * self.readings.len() as u64;
         self.options.near = match &mut self.method {
@@ -264,7 +264,7 @@ impl Planner {
     }
 
     /// The moment for which this verdict's resonance holds, s on the clock of the readings.
-    pub fn moment_s(&self, verdict: &Verdict) -> Option<f64> {
+    pub fn moment_s(&self, verdict: &FitOutcome) -> Option<f64> {
         verdict.accepted()?.moment_s(&self.readings, &self.options)
     }
 
@@ -303,7 +303,7 @@ impl Planner {
         let mut points = match points {
             Ok(points) => points,
             Err(reason) => {
-                return Next::Finished(Verdict::Refused(Refusal { reason, estimate: None }));
+                return Next::Finished(FitOutcome::Refused(Refusal { reason, estimate: None }));
             }
         };
         if points.is_empty() {
@@ -410,12 +410,12 @@ fn scatters(found: &Resonance, options: &FitOptions) -> bool {
 }
 
 /// Whether a refusal only says that more has to be read.
-fn needs_more(verdict: &Verdict) -> bool {
-    let Verdict::Refused(refusal) = verdict else { return false };
+fn needs_more(verdict: &FitOutcome) -> bool {
+    let FitOutcome::Refused(refusal) = verdict else { return false };
     matches!(refusal.reason, Reason::TooNoisy { .. } | Reason::TooFewPoints { .. })
 }
 
-impl Verdict {
+impl FitOutcome {
     /// The verdict where this standard deviation was asked for, Hz, and there is no more to read:
     /// what is not as good is a refusal, with what there is as evidence.
     #[must_use]

@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 use rig_model::Reading;
 
 use crate::{
-    lanes::{LANES, Lanes, Machine},
+    simd::{Isa, LANES, Lanes},
     trace::weight,
 };
 
@@ -133,7 +133,7 @@ impl Points {
 impl Block {
     /// The same in what this machine computes with.
     #[inline(always)]
-    pub(crate) fn on<M: Machine>(&self, machine: M) -> Block<M::Four> {
+    pub(crate) fn on<M: Isa>(&self, machine: M) -> Block<M::F64x4> {
         let Self { w, v, p_re, p_im, weight } = self;
         Block {
             w: machine.of(w),

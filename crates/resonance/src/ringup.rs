@@ -58,7 +58,7 @@ pub(crate) struct Motion<V> {
 
 /// A reading as the branch makes it.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Heard<V> {
+pub(crate) struct Response<V> {
     /// The motional admittance per farad of C1, rad/s.
     pub(crate) motional: V,
     /// The same for a free motion of unit amplitude at the start of the first visit, whose phase is
@@ -106,7 +106,7 @@ impl<V: Value> Motion<V> {
 
     /// One visit: what is read, and the state after it. `past` is how much of a free motion at the
     /// start of the first visit is left; it is carried on.
-    pub(crate) fn visit(&mut self, visit: &Visit, past: &mut V) -> Heard<V> {
+    pub(crate) fn visit(&mut self, visit: &Visit, past: &mut V) -> Response<V> {
         self.drive_at(visit.frequency_hz);
         self.rest(visit.settle_s, past);
         let (omega, t) = (self.omega, visit.integration_s);
@@ -118,15 +118,15 @@ impl<V: Value> Motion<V> {
         let direct = (self.s * (decay - one) * (self.s - shift).recip()).times(turned);
         let mirrored = self.s.conj();
         let mirrored = (mirrored * (decay.conj() - one) * (mirrored - shift).recip()).times(turned);
-        let heard = |free: V| free * direct + free.conj() * mirrored;
-        let motional = self.forced.times(J * omega) + heard(self.free);
-        let past_now = [heard(*past), heard(past.times(J))];
+        let response = |free: V| free * direct + free.conj() * mirrored;
+        let motional = self.forced.times(J * omega) + response(self.free);
+        let past_now = [response(*past), response(past.times(J))];
         let stay = t + visit.rest_s;
         let left =
             if visit.rest_s > 0.0 { self.s.times(Complex64::from(stay)).exp() } else { decay };
         self.pass(stay, left);
         *past = *past * left;
-        Heard { motional, past: past_now }
+        Response { motional, past: past_now }
     }
 
     /// The drive goes on for some time.
@@ -175,14 +175,14 @@ mod tests {
     use super::*;
 
     /// Charge and current of a branch of 1 F under 1 V, integrated blindly, and the lock-in.
-    struct Blind {
+    struct DriveIntegral {
         omega_s: f64,
         q: f64,
         state: [f64; 2],
         phase: f64,
     }
 
-    impl Blind {
+    impl DriveIntegral {
         fn drive(&mut self, frequency_hz: f64, seconds: f64) -> Complex64 {
             let omega = TAU * frequency_hz;
             let steps = (seconds * frequency_hz * 3000.0).ceil().max(1.0);
@@ -230,17 +230,17 @@ mod tests {
         for q in [0.8, 8.0, 100.0] {
             let omega_s = TAU * 140.0;
             for state in [[0.0, 0.0], [1.7, -300.0]] {
-                let mut blind = Blind { omega_s, q, state, phase: 0.0 };
+                let mut blind = DriveIntegral { omega_s, q, state, phase: 0.0 };
                 let mut motion = Motion::at_rest(plain(140.0, q));
                 let mut past = Complex64::ONE;
                 // Re a = charge and Re sa = current.
                 let s = motion.s;
                 let amplitude = [state[0], (s.re * state[0] - state[1]) / s.im];
                 for visit in VISITS {
-                    let heard = motion.visit(&visit, &mut past);
-                    let found = heard.motional
-                        + amplitude[0] * heard.past[0]
-                        + amplitude[1] * heard.past[1];
+                    let response = motion.visit(&visit, &mut past);
+                    let found = response.motional
+                        + amplitude[0] * response.past[0]
+                        + amplitude[1] * response.past[1];
                     blind.drive(visit.frequency_hz, visit.settle_s.max(1e-12));
                     let expected = blind.drive(visit.frequency_hz, visit.integration_s);
                     blind.drive(visit.frequency_hz, visit.rest_s.max(1e-12));
@@ -258,8 +258,8 @@ mod tests {
             let mut motion = Motion::at_rest(plain(frequency_hz, q));
             let mut past = Complex64::ONE;
             VISITS.map(|visit| {
-                let heard = motion.visit(&visit, &mut past);
-                [heard.motional, heard.past[0], heard.past[1]]
+                let response = motion.visit(&visit, &mut past);
+                [response.motional, response.past[0], response.past[1]]
             })
         };
         let mut motion = Motion::at_rest(with_slopes(140.0, 30.0));
@@ -268,8 +268,10 @@ mod tests {
         let (higher, lower) = (run(140.0 * up, 30.0), run(140.0 / up, 30.0));
         let (sharper, broader) = (run(140.0, 30.0 * up), run(140.0, 30.0 / up));
         for (i, visit) in VISITS.iter().enumerate() {
-            let heard = motion.visit(visit, &mut past);
-            for (k, found) in [heard.motional, heard.past[0], heard.past[1]].iter().enumerate() {
+            let response = motion.visit(visit, &mut past);
+            for (k, found) in
+                [response.motional, response.past[0], response.past[1]].iter().enumerate()
+            {
                 let by_frequency = (higher[i][k] - lower[i][k]) / (2.0 * h);
                 let by_q = (sharper[i][k] - broader[i][k]) / (2.0 * h);
                 let size = found.value.norm() + by_frequency.norm() + by_q.norm();
@@ -283,10 +285,10 @@ mod tests {
     fn after_many_time_constants_only_the_steady_response_is_left() {
         let mut motion = Motion::at_rest(plain(140.0, 30.0));
         let mut past = Complex64::ONE;
-        let heard = motion.visit(&visit(139.0, 5.0, 3.0, 0.0), &mut past);
+        let response = motion.visit(&visit(139.0, 5.0, 3.0, 0.0), &mut past);
         let u = 139.0 / 140.0;
         let steady = Complex64::new(0.0, TAU * 139.0) / Complex64::new(1.0 - u * u, u / 30.0);
-        assert!((heard.motional - steady).norm() < 1e-12 * steady.norm());
-        assert!(past.norm() < 1e-30 && heard.past[0].norm() < 1e-20);
+        assert!((response.motional - steady).norm() < 1e-12 * steady.norm());
+        assert!(past.norm() < 1e-30 && response.past[0].norm() < 1e-20);
     }
 }

@@ -19,8 +19,8 @@ use crate::{
     kernel::PARAMETERS,
     outliers::TRIMMED,
     points::Points,
-    quick::circuit_of,
     solve::{rational_start, solve},
+    steady_fit::circuit_of,
     trace::{complex_ohm, weight},
 };
 

@@ -8,12 +8,12 @@ pub(crate) const VARIANCE_MIN: f64 = 1e-8 * 1e-8;
 
 /// A variance with the number of independent errors that it comes from.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Pool {
+pub(crate) struct PooledVariance {
     sum: f64,
     degrees: f64,
 }
 
-impl Pool {
+impl PooledVariance {
     /// What is known beforehand.
     pub(crate) fn known(noise: &NoisePrior) -> Self {
         // Beyond a million what is added would be lost in rounding.

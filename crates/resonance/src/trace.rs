@@ -13,8 +13,8 @@ use rig_model::Reading;
 use crate::{
     Circuit,
     dual::{Dual, Value},
-    leftover::Leftover,
-    ringup::{Heard, Motion, Visit, with_slopes},
+    residual_transient::ResidualTransient,
+    ringup::{Motion, Response, Visit, with_slopes},
     solve::{Descent, End, Normal, Step},
 };
 
@@ -59,7 +59,7 @@ pub enum Past {
 
 /// What a model may have besides the circuit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Besides {
+pub(crate) enum ExtraTerm {
     Nothing,
     /// Free motion from before the first reading: two amplitudes.
     Past,
@@ -71,7 +71,7 @@ pub(crate) enum Besides {
     Stray,
 }
 
-impl Besides {
+impl ExtraTerm {
     /// How many unknowns it adds.
     pub(crate) const fn count(self) -> usize {
         match self {
@@ -110,13 +110,13 @@ impl Sample {
 
 /// A model and its parameters. Capacitances are in units of the [`Trace`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Believed {
+pub(crate) struct ModelEstimate {
     pub(crate) resonance_hz: f64,
     pub(crate) q: f64,
     pub(crate) c0: f64,
     pub(crate) c1: f64,
     pub(crate) g: f64,
-    pub(crate) besides: Besides,
+    pub(crate) extra_term: ExtraTerm,
     pub(crate) extra: [f64; 3],
 }
 
@@ -231,8 +231,8 @@ impl Trace {
 
     /// Lets every reading count for as much as it has settled if this is the circuit; otherwise like
     /// [`Self::weigh`].
-    pub(crate) fn weigh_settling(&mut self, at: &Believed, variance: f64) -> f64 {
-        let mut leftover = Leftover::new(at.resonance_hz, at.q);
+    pub(crate) fn weigh_settling(&mut self, at: &ModelEstimate, variance: f64) -> f64 {
+        let mut leftover = ResidualTransient::new(at.resonance_hz, at.q);
         let circuit = at.circuit(1.0);
         for sample in &mut self.samples {
             let admittance = circuit.admittance_siemens(sample.visit.frequency_hz).norm_sqr();
@@ -249,10 +249,10 @@ impl Trace {
     }
 
     /// What a model of these readings must have besides the circuit.
-    pub(crate) fn besides(&self) -> Besides {
+    pub(crate) fn extra_term(&self) -> ExtraTerm {
         match self.timing {
-            Timing::Exact(Past::Unknown) => Besides::Past,
-            _ => Besides::Nothing,
+            Timing::Exact(Past::Unknown) => ExtraTerm::Past,
+            _ => ExtraTerm::Nothing,
         }
     }
 
@@ -266,36 +266,36 @@ impl Trace {
 
     /// Every reading as the model sees it, left-out ones too, and the state of the motion after
     /// the last.
-    pub(crate) fn rows(&self, at: &Believed, mut each: impl FnMut(&Sample, Row)) -> State {
-        self.walk(at, |sample, heard| each(sample, row(at, sample, heard)))
+    pub(crate) fn rows(&self, at: &ModelEstimate, mut each: impl FnMut(&Sample, Row)) -> State {
+        self.walk(at, |sample, response| each(sample, row(at, sample, response)))
     }
 
-    fn walk(&self, at: &Believed, mut each: impl FnMut(&Sample, &Heard<Dual>)) -> State {
+    fn walk(&self, at: &ModelEstimate, mut each: impl FnMut(&Sample, &Response<Dual>)) -> State {
         let mut motion = Motion::at_rest(with_slopes(at.resonance_hz, at.q));
         let mut past = Dual::constant(Complex64::ONE);
         for sample in &self.samples {
-            let heard = match self.timing {
+            let response = match self.timing {
                 Timing::Exact(_) => motion.visit(&sample.visit, &mut past),
                 Timing::Waited | Timing::Unknown | Timing::AnyPhase => steady(at, sample),
             };
-            each(sample, &heard);
+            each(sample, &response);
         }
         State { motion, past }
     }
 
     /// Every reading as if it were what the model says.
-    pub(crate) fn ideal_rows(&self, at: &Believed, mut each: impl FnMut(Row)) {
-        self.walk(at, |sample, heard| each(ideal_row(at, sample, heard)));
+    pub(crate) fn ideal_rows(&self, at: &ModelEstimate, mut each: impl FnMut(Row)) {
+        self.walk(at, |sample, response| each(ideal_row(at, sample, response)));
     }
 
     /// The normal equations.
-    pub(crate) fn normal(&self, at: &Believed) -> Normal<UNKNOWNS> {
+    pub(crate) fn normal(&self, at: &ModelEstimate) -> Normal<UNKNOWNS> {
         let mut normal = Normal::default();
         self.rows(at, |sample, row| {
-            match at.besides {
+            match at.extra_term {
                 _ if sample.weight <= 0.0 => {}
                 // Half of the time of planning would go into zeros.
-                Besides::Nothing => {
+                ExtraTerm::Nothing => {
                     normal.add_leading::<CIRCUIT>(row.residual, &row.slopes, sample.weight);
                 }
                 _ => normal.add(row.residual, &row.slopes, sample.weight),
@@ -305,7 +305,7 @@ impl Trace {
     }
 
     /// The most likely model of this kind near `start`.
-    pub(crate) fn minimum(&self, start: Believed, free: usize) -> Minimum {
+    pub(crate) fn minimum(&self, start: ModelEstimate, free: usize) -> Minimum {
         let (at, normal, end) = self.solve_with(start, free, |_, _| ());
         Minimum { at, normal, end, free }
     }
@@ -314,10 +314,10 @@ impl Trace {
     /// equations.
     pub(crate) fn solve_with(
         &self,
-        start: Believed,
+        start: ModelEstimate,
         free: usize,
-        add: impl Fn(&Believed, &mut Normal<UNKNOWNS>),
-    ) -> (Believed, Normal<UNKNOWNS>, End) {
+        add: impl Fn(&ModelEstimate, &mut Normal<UNKNOWNS>),
+    ) -> (ModelEstimate, Normal<UNKNOWNS>, End) {
         let (count, weight) = self.used();
         Descent { count, weight, free }.run(start, |at| {
             let mut normal = self.normal(at);
@@ -330,7 +330,7 @@ impl Trace {
 /// A model at which the cost is least.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Minimum {
-    pub(crate) at: Believed,
+    pub(crate) at: ModelEstimate,
     /// The normal equations there.
     pub(crate) normal: Normal<UNKNOWNS>,
     pub(crate) end: End,
@@ -374,12 +374,12 @@ fn is_same_stay(previous: &Reading, reading: &Reading) -> bool {
 }
 
 /// What is heard after all transients.
-fn steady(at: &Believed, sample: &Sample) -> Heard<Dual> {
-    let drift = if at.besides == Besides::Drift { at.extra[0] * sample.when } else { 0.0 };
+fn steady(at: &ModelEstimate, sample: &Sample) -> Response<Dual> {
+    let drift = if at.extra_term == ExtraTerm::Drift { at.extra[0] * sample.when } else { 0.0 };
     let resonance_hz = at.resonance_hz * (1.0 + drift);
     let zero = Dual::constant(Complex64::ZERO);
     let motional = branch(resonance_hz, at.q, sample.visit.frequency_hz);
-    Heard { motional, past: [zero; 2] }
+    Response { motional, past: [zero; 2] }
 }
 
 /// jω/D of a branch, with its slopes by the logarithms of frequency and quality.
@@ -396,8 +396,8 @@ fn branch(resonance_hz: f64, q: f64, frequency_hz: f64) -> Dual {
 /// The residual is 2(x − 1)/(x + 1) with x = Z(measured)/Z(model), which is ln x but for a third
 /// order. The plain x − 1 would carry the noise into its slopes: fitted together with a pattern
 /// free of it, they would make a model out of noise.
-fn row(at: &Believed, sample: &Sample, heard: &Heard<Dual>) -> Row {
-    let Model { admittance, slopes, series } = model(at, sample, heard);
+fn row(at: &ModelEstimate, sample: &Sample, response: &Response<Dual>) -> Row {
+    let Model { admittance, slopes, series } = model(at, sample, response);
     let x = (sample.impedance - series) * admittance;
     let more = 1.0 / (x + 1.0);
     let slope = 4.0 * x * more * more;
@@ -405,8 +405,8 @@ fn row(at: &Believed, sample: &Sample, heard: &Heard<Dual>) -> Row {
 }
 
 /// A reading as it would be if the model were exact.
-pub(crate) fn ideal_row(at: &Believed, sample: &Sample, heard: &Heard<Dual>) -> Row {
-    Row { residual: Complex64::ZERO, slopes: model(at, sample, heard).slopes }
+pub(crate) fn ideal_row(at: &ModelEstimate, sample: &Sample, response: &Response<Dual>) -> Row {
+    Row { residual: Complex64::ZERO, slopes: model(at, sample, response).slopes }
 }
 
 /// What a model says of a reading.
@@ -418,30 +418,30 @@ struct Model {
     series: Complex64,
 }
 
-fn model(at: &Believed, sample: &Sample, heard: &Heard<Dual>) -> Model {
+fn model(at: &ModelEstimate, sample: &Sample, response: &Response<Dual>) -> Model {
     let omega = TAU * sample.visit.frequency_hz;
-    let mut admittance = Complex64::new(at.g, at.c0) * omega + at.c1 * heard.motional.value;
-    let mut by = [at.c1 * heard.motional.by[0], at.c1 * heard.motional.by[1]];
+    let mut admittance = Complex64::new(at.g, at.c0) * omega + at.c1 * response.motional.value;
+    let mut by = [at.c1 * response.motional.by[0], at.c1 * response.motional.by[1]];
     let mut more = [Complex64::ZERO; UNKNOWNS - CIRCUIT];
     let mut series = Complex64::ZERO;
-    match at.besides {
-        Besides::Nothing => {}
-        Besides::Past => {
-            for (i, part) in heard.past.iter().enumerate() {
+    match at.extra_term {
+        ExtraTerm::Nothing => {}
+        ExtraTerm::Past => {
+            for (i, part) in response.past.iter().enumerate() {
                 admittance += at.extra[i] * part.value;
                 by[0] += at.extra[i] * part.by[0];
                 by[1] += at.extra[i] * part.by[1];
                 more[i] = part.value;
             }
         }
-        Besides::Drift => more[0] = by[0] * (sample.when / (1.0 + at.extra[0] * sample.when)),
-        Besides::SecondMode => {
+        ExtraTerm::Drift => more[0] = by[0] * (sample.when / (1.0 + at.extra[0] * sample.when)),
+        ExtraTerm::SecondMode => {
             let [ln_hz, ln_q, c] = at.extra;
             let second = branch(ln_hz.exp(), ln_q.exp(), sample.visit.frequency_hz);
             admittance += c * second.value;
             more = [c * second.by[0], c * second.by[1], second.value];
         }
-        Besides::Stray => {
+        ExtraTerm::Stray => {
             series = Complex64::new(at.extra[0], omega * at.extra[1]);
             // Of ln (Z − Zs)Y, where Z − Zs is 1/Y.
             let squared = admittance * admittance;
@@ -449,14 +449,14 @@ fn model(at: &Believed, sample: &Sample, heard: &Heard<Dual>) -> Model {
             more[1] = -squared * Complex64::new(0.0, omega);
         }
     }
-    let static_by = [Complex64::new(0.0, omega), heard.motional.value, Complex64::from(omega)];
+    let static_by = [Complex64::new(0.0, omega), response.motional.value, Complex64::from(omega)];
     let [by_c0, by_c1, by_g] = static_by;
     let inverse = 1.0 / admittance;
     let slopes = [by[0], by[1], by_c0, by_c1, by_g, more[0], more[1], more[2]];
     Model { admittance, slopes: slopes.map(|by| by * inverse), series }
 }
 
-impl Believed {
+impl ModelEstimate {
     /// A circuit, and nothing besides.
     pub(crate) fn of(circuit: &Circuit, unit_farad: f64) -> Self {
         let c0 = circuit.c0_farad / unit_farad;
@@ -466,7 +466,7 @@ impl Believed {
             c0,
             c1: circuit.c1_farad / unit_farad,
             g: circuit.loss_tangent * c0,
-            besides: Besides::Nothing,
+            extra_term: ExtraTerm::Nothing,
             extra: [0.0; 3],
         }
     }
@@ -498,7 +498,7 @@ impl Believed {
     }
 }
 
-impl Step<UNKNOWNS> for Believed {
+impl Step<UNKNOWNS> for ModelEstimate {
     fn minus(&self, step: &[f64; UNKNOWNS]) -> Self {
         // A long step in a logarithm leaves the region in which the slopes mean anything.
         let by = |step: f64, limit: f64| (-step).clamp(-limit, limit);
@@ -506,7 +506,7 @@ impl Step<UNKNOWNS> for Believed {
         for (extra, step) in extra.iter_mut().zip(&step[CIRCUIT..]) {
             *extra -= *step;
         }
-        if self.besides == Besides::SecondMode {
+        if self.extra_term == ExtraTerm::SecondMode {
             extra[0] = self.extra[0] + by(step[CIRCUIT], 0.05);
             extra[1] = self.extra[1] + by(step[CIRCUIT + 1], 1.0);
         }
@@ -516,7 +516,7 @@ impl Step<UNKNOWNS> for Believed {
             c0: self.c0 - step[2],
             c1: self.c1 - step[3],
             g: self.g - step[4],
-            besides: self.besides,
+            extra_term: self.extra_term,
             extra,
         }
     }

@@ -6,7 +6,7 @@ mod scenes;
 #[expect(dead_code, reason = "each test file uses its part")]
 mod support;
 
-use rig_resonance::{FitOptions, Reason, Resonance, Rung, Side, Timing, Verdict, fit};
+use rig_resonance::{FitOptions, FitOutcome, ModelOrder, Reason, Resonance, Side, Timing, fit};
 use scenes::{Kind, Rounding, Scene};
 use support::Random;
 
@@ -23,16 +23,16 @@ const SENSOR: Scene = Scene {
 };
 
 /// What a sweep must come to.
-enum Expected {
+enum CircuitPrior {
     /// The truth within four standard deviations, and something about it.
     Told(fn(&Resonance) -> bool),
     Refused(fn(&Reason) -> bool),
 }
-use Expected::{Refused, Told};
+use CircuitPrior::{Refused, Told};
 
 /// Fits sweeps up and down, with and without times, with several noises each.
 #[track_caller]
-fn check(rows: &[(Scene, Kind, Expected)]) {
+fn check(rows: &[(Scene, Kind, CircuitPrior)]) {
     for (row, (sensor, kind, expected)) in rows.iter().enumerate() {
         for seed in 0..12 {
             let mut random = Random::new(seed);
@@ -41,12 +41,12 @@ fn check(rows: &[(Scene, Kind, Expected)]) {
             let (readings, truth) = sensor.sweep(*kind, &mut random);
             let verdict = fit(&readings, &sensor.options());
             let is_expected = match (expected, &verdict) {
-                (Told(is_right), Verdict::Accepted(found)) => {
+                (Told(is_right), FitOutcome::Accepted(found)) => {
                     let (low, high) = truth.expect("there is a resonance");
                     let off_hz = found.resonance_hz - found.resonance_hz.clamp(low, high);
                     off_hz.abs() < 4.0 * found.sigma_hz && is_right(found)
                 }
-                (Refused(is_right), Verdict::Refused(refusal)) => is_right(&refusal.reason),
+                (Refused(is_right), FitOutcome::Refused(refusal)) => is_right(&refusal.reason),
                 _ => false,
             };
             assert!(is_expected, "row {row}, seed {seed}, {kind:?}: {verdict:?}");
@@ -54,7 +54,7 @@ fn check(rows: &[(Scene, Kind, Expected)]) {
     }
 }
 
-const PLAIN: Expected = Told(|found| found.rung <= Rung::Loss);
+const PLAIN: CircuitPrior = Told(|found| found.model_order <= ModelOrder::Loss);
 
 #[test]
 fn the_edge_of_the_window() {
@@ -116,7 +116,7 @@ fn noise_that_leaves_the_resonance_in_sight_is_no_reason_to_refuse() {
         let (mut answers, mut covered) = (0, 0);
         for seed in 0..SWEEPS {
             let (readings, _) = noisy.sweep(Kind::Nominal, &mut Random::new(seed));
-            if let Verdict::Accepted(found) = fit(&readings, &noisy.options()) {
+            if let FitOutcome::Accepted(found) = fit(&readings, &noisy.options()) {
                 let off_hz = (found.resonance_hz - noisy.resonance_hz).abs();
                 answers += 1;
                 covered += u64::from(off_hz < 1.96 * found.sigma_hz);
@@ -154,7 +154,7 @@ fn few_wrong_readings_hardly_ever_cost_the_sweep_and_never_the_truth() {
             let sensor = Scene::random(&mut random);
             let kind = Kind::Outliers(random.between(shares.0, shares.1));
             let (readings, _) = sensor.sweep(kind, &mut random);
-            if let Verdict::Accepted(found) = fit(&readings, &sensor.options()) {
+            if let FitOutcome::Accepted(found) = fit(&readings, &sensor.options()) {
                 let sigmas = (found.resonance_hz - sensor.resonance_hz) / found.sigma_hz;
                 assert!(sigmas.abs() < 5.0, "seed {seed}: {sigmas} of {found:?}");
                 accepted += 1;
@@ -176,7 +176,11 @@ fn the_strength_of_a_second_mode() {
     let is_second = |reason: &Reason| matches!(reason, Reason::SecondMode { .. });
     check(&[
         (SENSOR, Kind::SecondMode(0.0005, 3.0), PLAIN),
-        (SENSOR, Kind::SecondMode(0.2, 3.0), Told(|found| found.rung == Rung::SecondMode)),
+        (
+            SENSOR,
+            Kind::SecondMode(0.2, 3.0),
+            Told(|found| found.model_order == ModelOrder::SecondMode),
+        ),
         (SENSOR, Kind::SecondMode(0.95, 3.0), Refused(is_second)),
     ]);
 }
@@ -188,7 +192,7 @@ fn the_rate_of_drift() {
         (
             Scene { noise: 0.0003, resonance_hz: 132.0, ..SENSOR },
             Kind::DriftBothWays(0.2),
-            Told(|found| found.rung == Rung::Drift),
+            Told(|found| found.model_order == ModelOrder::Drift),
         ),
     ]);
 }
@@ -212,7 +216,7 @@ fn a_wait_of_which_nobody_tells_is_in_the_uncertainty() {
     let (mut answers, mut widest, mut widened) = (0, 0.0_f64, 0.0_f64);
     for seed in 0..40 {
         let (readings, _) = weak.sweep(Kind::Unsettled(0.0), &mut Random::new(seed));
-        if let Verdict::Accepted(found) = fit(&readings, &untold) {
+        if let FitOutcome::Accepted(found) = fit(&readings, &untold) {
             let sigmas = (found.resonance_hz - weak.resonance_hz) / found.sigma_hz;
             assert!(sigmas.abs() < 4.5, "seed {seed}: {sigmas} of {found:?}");
             (answers, widest) = (answers + 1, widest.max(found.sigma_hz));

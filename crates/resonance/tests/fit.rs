@@ -5,7 +5,7 @@ mod support;
 
 use num_complex::Complex64;
 use rig_model::{PointResult, Reading};
-use rig_resonance::{FitOptions, Reason, Rung, Side, Verdict, fit};
+use rig_resonance::{FitOptions, FitOutcome, ModelOrder, Reason, Side, fit};
 use support::{Random, circuit, impedance, measured, reading, sweep};
 
 const WINDOW: (f64, f64) = (112.0, 168.0);
@@ -13,8 +13,8 @@ const WINDOW: (f64, f64) = (112.0, 168.0);
 #[track_caller]
 fn check_refused(readings: &[Reading], is_expected: impl Fn(&Reason) -> bool) {
     match fit(readings, &FitOptions::default()) {
-        Verdict::Refused(refusal) => assert!(is_expected(&refusal.reason), "{refusal:?}"),
-        Verdict::Accepted(found) => panic!("accepted: {found:?}"),
+        FitOutcome::Refused(refusal) => assert!(is_expected(&refusal.reason), "{refusal:?}"),
+        FitOutcome::Accepted(found) => panic!("accepted: {found:?}"),
     }
 }
 
@@ -40,7 +40,7 @@ fn the_error_reaches_the_cramer_rao_bound_and_is_what_is_claimed() {
                 circuit.resonance_hz += random.between(-0.56, 0.56);
                 let readings = sweep(WINDOW, 101, noise, &mut random, |f| circuit.impedance_ohm(f));
                 all += 1;
-                let Verdict::Accepted(found) = fit(&readings, &FitOptions::default()) else {
+                let FitOutcome::Accepted(found) = fit(&readings, &FitOptions::default()) else {
                     refused += 1;
                     continue;
                 };
@@ -65,7 +65,7 @@ fn every_parameter_comes_out_of_noiseless_readings() {
         circuit.loss_tangent = loss_tangent;
         let readings = sweep(WINDOW, 21, 0.0, &mut Random::new(1), |f| circuit.impedance_ohm(f));
         let verdict = fit(&readings, &FitOptions::default());
-        let Verdict::Accepted(found) = verdict else { panic!("{verdict:?}") };
+        let FitOutcome::Accepted(found) = verdict else { panic!("{verdict:?}") };
         let pairs = [
             (found.resonance_hz, 140.0),
             (found.q, 30.0),
@@ -76,8 +76,8 @@ fn every_parameter_comes_out_of_noiseless_readings() {
         for (found, expected) in pairs {
             assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
         }
-        let rung = if loss_tangent > 0.0 { Rung::Loss } else { Rung::Circuit };
-        assert_eq!(found.rung, rung);
+        let model_order = if loss_tangent > 0.0 { ModelOrder::Loss } else { ModelOrder::Circuit };
+        assert_eq!(found.model_order, model_order);
     }
 }
 

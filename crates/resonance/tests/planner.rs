@@ -8,7 +8,7 @@ use std::time::Duration;
 use num_complex::Complex64;
 use rig_model::{RigTime, SweepMethod, SweepRequest, Window};
 use rig_resonance::{
-    Circuit, Limit, Next, NoisePrior, Past, Planner, Prior, Reason, Resonance, Verdict,
+    Circuit, FitOutcome, Limit, Next, NoisePrior, Past, Planner, Prior, Reason, Resonance,
 };
 use support::{Plant, Random, circuit, request};
 
@@ -21,7 +21,7 @@ fn run(
     request: &SweepRequest,
     prior: Option<&Prior>,
     seed: u64,
-) -> (Verdict, f64, usize) {
+) -> (FitOutcome, f64, usize) {
     run_disturbed(circuit, request, prior, seed, |_, _, _| ())
 }
 
@@ -33,7 +33,7 @@ fn run_disturbed(
     prior: Option<&Prior>,
     seed: u64,
     mut disturb: impl FnMut(&mut Plant, f64, &mut Random),
-) -> (Verdict, f64, usize) {
+) -> (FitOutcome, f64, usize) {
     let mut random = Random::new(seed);
     let mut plant = Plant::at_rest(*circuit);
     let mut planner = Planner::new(request, prior);
@@ -103,7 +103,7 @@ fn check(
 }
 
 #[track_caller]
-fn accepted(verdict: &Verdict) -> &Resonance {
+fn accepted(verdict: &FitOutcome) -> &Resonance {
     verdict.accepted().unwrap_or_else(|| panic!("{verdict:?}"))
 }
 
@@ -214,7 +214,7 @@ fn check_disturbed(disturb: impl Fn(&mut Plant, f64, &mut Random)) {
                 run_disturbed(&circuit, &request, Some(&prior), seed, &disturb).0
             };
             let verdict = sweep(SweepMethod::Transient, 0.002);
-            assert!(matches!(verdict, Verdict::Refused(_)), "Q {q}, seed {seed}: {verdict:?}");
+            assert!(matches!(verdict, FitOutcome::Refused(_)), "Q {q}, seed {seed}: {verdict:?}");
             let verdict = sweep(SweepMethod::Adaptive, 0.03);
             let found = accepted(&verdict);
             let error = found.resonance_hz - 140.0;
@@ -283,7 +283,7 @@ fn a_sensor_without_a_resonance_in_the_window_is_refused() {
         for resonance_hz in [80.0, 240.0] {
             let circuit = Circuit { resonance_hz, ..circuit(30.0, 0.05) };
             let (verdict, seconds, _) = run(&circuit, &request, None, 3);
-            assert!(matches!(verdict, Verdict::Refused(_)), "{method:?} {verdict:?}");
+            assert!(matches!(verdict, FitOutcome::Refused(_)), "{method:?} {verdict:?}");
             assert!(seconds < 10.0, "{seconds}");
         }
     }
@@ -299,7 +299,7 @@ fn a_planner_without_readings_ends_with_a_refusal() {
             Next::Finished(verdict) => Some(verdict),
             Next::Measure(_) => None,
         });
-        assert!(matches!(end, Some(Verdict::Refused(_))), "{end:?}");
+        assert!(matches!(end, Some(FitOutcome::Refused(_))), "{end:?}");
     }
 }
 
@@ -341,7 +341,7 @@ fn a_place_that_was_read_promises_nothing_new() {
 fn settled(
     request: &SweepRequest,
     impedance: impl Fn(f64) -> Complex64,
-) -> (Planner, Verdict, u64) {
+) -> (Planner, FitOutcome, u64) {
     let mut planner = Planner::new(request, None);
     let (mut random, mut now) = (Random::new(7), RigTime::ZERO);
     let (mut before, mut most) = (0, 0);
@@ -367,13 +367,13 @@ fn settled(
 
 /// What ended a sweep that did not reach its target.
 #[track_caller]
-fn limit(verdict: &Verdict) -> Limit {
+fn limit(verdict: &FitOutcome) -> Limit {
     match verdict {
-        Verdict::Refused(refusal) => match refusal.reason {
+        FitOutcome::Refused(refusal) => match refusal.reason {
             Reason::TargetNotReached { limit, .. } => limit,
             _ => panic!("{refusal}"),
         },
-        Verdict::Accepted(found) => panic!("{found:?}"),
+        FitOutcome::Accepted(found) => panic!("{found:?}"),
     }
 }
 
@@ -413,7 +413,7 @@ fn the_work_for_a_reading_is_bounded_where_there_is_no_resonance() {
             let circuit = Circuit { resonance_hz, ..circuit(25.0, 0.05) };
             let (_, verdict, work) =
                 settled(&request(method), |frequency_hz| circuit.impedance_ohm(frequency_hz));
-            assert!(matches!(verdict, Verdict::Refused(_)), "{method:?} {verdict:?}");
+            assert!(matches!(verdict, FitOutcome::Refused(_)), "{method:?} {verdict:?}");
             assert!(work <= Planner::WORK_MAX, "{method:?} {resonance_hz}: {work}");
         }
     }

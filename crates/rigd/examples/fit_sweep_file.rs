@@ -5,7 +5,7 @@
 use std::{env, error::Error, fs};
 
 use rig_files::sweep_file::SweepFile;
-use rig_resonance::{Verdict, fit};
+use rig_resonance::{FitOutcome, fit};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let path = env::args().nth(1).ok_or("usage: fit_sweep_file SWEEP")?;
@@ -13,11 +13,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     // The third argument chooses one sweep of a file that numbers them.
     for sweep in SweepFile::read(&path, &text, None)?.sweeps {
         match fit(&sweep.readings, &sweep.fit_options()) {
-            Verdict::Accepted(found) => {
+            FitOutcome::Accepted(found) => {
                 println!("resonance {:.3} Hz ± {:.3} Hz", found.resonance_hz, found.sigma_hz);
                 println!("Q {:.1}, k_eff² {:.4}", found.q, found.k_eff_squared);
             }
-            Verdict::Refused(refusal) => println!("no resonance: {refusal}"),
+            FitOutcome::Refused(refusal) => println!("no resonance: {refusal}"),
         }
     }
     Ok(())

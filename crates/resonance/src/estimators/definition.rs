@@ -88,7 +88,7 @@ struct Slope {
 
 /// Derivatives by the frequency.
 #[derive(Debug, Clone, Copy)]
-struct By {
+struct FrequencyDerivatives {
     admittance: Complex64,
     /// Of the logarithm of the admittance.
     logarithm: Complex64,
@@ -101,17 +101,21 @@ impl Slope {
     }
 
     /// At u = f/fs, where Y = ju·((1 − j tan δ) + m/(1 − u² + ju/Q)).
-    fn at(&self, u: f64) -> By {
+    fn at(&self, u: f64) -> FrequencyDerivatives {
         let i = Complex64::I;
         let response = 1.0 / Complex64::new(1.0 - u * u, u / self.q);
         let by_u = -response * response * Complex64::new(-2.0 * u, 1.0 / self.q);
         let capacitance = Complex64::new(1.0, -self.loss_tangent) + self.ratio * response;
         let admittance = i * (capacitance + u * self.ratio * by_u);
-        By { admittance, logarithm: admittance / (i * u * capacitance) }
+        FrequencyDerivatives { admittance, logarithm: admittance / (i * u * capacitance) }
     }
 
     /// The first u at which this derivative passes through zero, rising or falling.
-    fn first(&self, is_rising: bool, derivative: impl Fn(&By) -> f64) -> Option<f64> {
+    fn first(
+        &self,
+        is_rising: bool,
+        derivative: impl Fn(&FrequencyDerivatives) -> f64,
+    ) -> Option<f64> {
         let value = |u: f64| {
             let value = derivative(&self.at(u));
             if is_rising { value } else { -value }

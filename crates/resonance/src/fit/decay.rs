@@ -26,9 +26,9 @@ use rig_model::Reading;
 
 use crate::{
     dense::Cholesky,
-    grid::Expected,
+    grid::CircuitPrior,
     solve::{Descent, End, Normal},
-    trace::{Believed, CIRCUIT, Past, UNKNOWNS, complex_ohm, weight},
+    trace::{CIRCUIT, ModelEstimate, Past, UNKNOWNS, complex_ohm, weight},
 };
 use model::{Amplitude, Model, Ring};
 use stay::State;
@@ -90,7 +90,7 @@ pub(crate) struct Stays {
 /// A circuit and how well it explains the readings.
 #[derive(Debug, Clone)]
 pub(crate) struct Hypothesis {
-    pub(crate) at: Believed,
+    pub(crate) at: ModelEstimate,
     pub(crate) normal: Normal<UNKNOWNS>,
     pub(crate) end: End,
     states: Vec<State>,
@@ -214,7 +214,7 @@ impl Stays {
     }
 
     /// The model of each stay, and the mean square of its free motion.
-    fn models(&self, at: &Believed) -> impl Iterator<Item = (&Stay, Model, f64)> {
+    fn models(&self, at: &ModelEstimate) -> impl Iterator<Item = (&Stay, Model, f64)> {
         let mut amplitude = Amplitude::new(at, self.known.past);
         let at = *at;
         self.all.iter().map(move |stay| {
@@ -225,7 +225,7 @@ impl Stays {
 
     /// The normal equations of the circuit there, everything else eliminated; only the readings.
     /// `states` are those of the stays at a circuit near this one, and empty at first.
-    fn normal(&self, at: &Believed, states: &mut Vec<State>) -> Normal<UNKNOWNS> {
+    fn normal(&self, at: &ModelEstimate, states: &mut Vec<State>) -> Normal<UNKNOWNS> {
         let mut normal = Normal::default();
         states.resize_with(self.all.len(), State::default);
         for ((stay, model, square), state) in self.models(at).zip(states) {
@@ -271,21 +271,21 @@ impl Stays {
     }
 
     /// The most likely circuit near `start`.
-    pub(crate) fn minimum(&self, start: Believed, expected: &Expected) -> Hypothesis {
+    pub(crate) fn minimum(&self, start: ModelEstimate, expected: &CircuitPrior) -> Hypothesis {
         self.descend(start, expected, Vec::new(), |_, _| ())
     }
 
     /// The most likely circuit near one that was the most likely of some of the readings.
-    pub(crate) fn follow(&self, earlier: Hypothesis, expected: &Expected) -> Hypothesis {
+    pub(crate) fn follow(&self, earlier: Hypothesis, expected: &CircuitPrior) -> Hypothesis {
         self.descend(earlier.at, expected, earlier.states, |_, _| ())
     }
 
     fn descend(
         &self,
-        start: Believed,
-        expected: &Expected,
+        start: ModelEstimate,
+        expected: &CircuitPrior,
         mut states: Vec<State>,
-        more: impl Fn(&Believed, &mut Normal<UNKNOWNS>),
+        more: impl Fn(&ModelEstimate, &mut Normal<UNKNOWNS>),
     ) -> Hypothesis {
         let count = self.count();
         let descent = Descent { count, weight: 0.0, free: CIRCUIT };
@@ -300,13 +300,13 @@ impl Stays {
 
     /// The standard deviation of the resonance by where the profile likelihood has fallen as it does
     /// two standard deviations away, Hz; the wider of both sides and of the curvature.
-    pub(crate) fn profile_sigma_hz(&self, best: &Hypothesis, expected: &Expected) -> f64 {
+    pub(crate) fn profile_sigma_hz(&self, best: &Hypothesis, expected: &CircuitPrior) -> f64 {
         const SIGMAS: f64 = 2.0;
         let sigma = best.variance().sqrt();
         let side = |sign: f64| {
             let wanted = best.at.resonance_hz.ln() + sign * SIGMAS * sigma;
             let hard = 1e8 / (sigma * sigma);
-            let start = Believed { resonance_hz: wanted.exp(), ..best.at };
+            let start = ModelEstimate { resonance_hz: wanted.exp(), ..best.at };
             let found = self.descend(start, expected, best.states.clone(), |at, normal| {
                 let away = at.resonance_hz.ln() - wanted;
                 normal.matrix[0][0] += hard;

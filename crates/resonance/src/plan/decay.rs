@@ -11,7 +11,7 @@ mod options;
 use rig_model::{Reading, SweepPoint, SweepRequest, Window};
 
 use crate::{
-    Circuit, Reason, Verdict,
+    Circuit, FitOutcome, Reason,
     fit::decay::{
         Hypothesis, Known, Stays,
         judge::{MODE_GAIN, MODE_WIDENS},
@@ -20,12 +20,12 @@ use crate::{
         start::Trials,
     },
     fit::{GAIN_MIN, POINTS_MIN},
-    grid::{Expected, Q_TYPICAL},
+    grid::{CircuitPrior, Q_TYPICAL},
     planner::{Estimate, NOISE, Prior, limit::READINGS_MAX},
-    scatter::Pool,
-    trace::Believed,
+    scatter::PooledVariance,
+    trace::ModelEstimate,
 };
-use options::{Aim, Ground, Pace};
+use options::{Aim, Pace, PlanStart};
 
 /// The first stay: its readings, and the cycles of each.
 const OPENING: (u32, usize) = (2, 5);
@@ -67,8 +67,8 @@ pub(crate) const STEP_WORK_MAX: u64 = {
 pub(crate) struct Decay {
     within: Window,
     last_circuit: Option<Circuit>,
-    expected: Expected,
-    noise: Pool,
+    expected: CircuitPrior,
+    noise: PooledVariance,
     known: Known,
     stays: Option<Stays>,
     trials: Trials,
@@ -91,14 +91,14 @@ pub(crate) struct Decay {
 impl Decay {
     pub(crate) fn new(request: &SweepRequest, prior: Option<&Prior>) -> Self {
         let within = prior.map_or(request.window, |prior| prior.within);
-        let noise = Pool::known(&prior.and_then(|prior| prior.noise).unwrap_or(NOISE));
+        let noise = PooledVariance::known(&prior.and_then(|prior| prior.noise).unwrap_or(NOISE));
         let last_circuit = prior.and_then(|prior| prior.circuit);
         let known = Known::with(noise.variance());
         let q = last_circuit.map_or(Q_TYPICAL, |circuit| circuit.q);
         Self {
             within,
             last_circuit,
-            expected: Expected::any(q).within(within),
+            expected: CircuitPrior::any(q).within(within),
             noise,
             known,
             stays: None,
@@ -164,15 +164,15 @@ impl Decay {
     }
 
     /// Takes note of a verdict on the readings so far; gives whether it is the last.
-    pub(crate) fn is_final(&mut self, verdict: &Verdict, target_hz: f64) -> bool {
+    pub(crate) fn is_final(&mut self, verdict: &FitOutcome, target_hz: f64) -> bool {
         self.doubt = None;
         let refusal = match verdict {
-            Verdict::Accepted(found) if found.sigma_hz <= target_hz => return true,
-            Verdict::Accepted(found) => {
+            FitOutcome::Accepted(found) if found.sigma_hz <= target_hz => return true,
+            FitOutcome::Accepted(found) => {
                 self.tighten(target_hz / found.sigma_hz);
                 return false;
             }
-            Verdict::Refused(refusal) => refusal,
+            FitOutcome::Refused(refusal) => refusal,
         };
         match refusal.reason {
             Reason::TooNoisy { .. } => self.tighten(NARROWER),
@@ -238,7 +238,7 @@ impl Decay {
             return Ok(points(request.window, frequency_hz, FORCED));
         }
         let pace = Pace::of(of, elapsed_s);
-        let ground = Ground {
+        let ground = PlanStart {
             stays: of,
             best,
             expected: &self.expected,
@@ -330,7 +330,7 @@ impl Decay {
             [alone] => alone.sigma_hz() < CERTAIN * alone.linewidth_hz(),
             _ => false,
         };
-        let last = self.last_circuit.map(|last| Believed::of(&last, stays.unit_farad));
+        let last = self.last_circuit.map(|last| ModelEstimate::of(&last, stays.unit_farad));
         let effort = if look_around || !is_certain { Effort::Trials } else { Effort::Follow };
         let mut found = search.run(std::mem::take(&mut self.hypotheses), last, effort);
         let is_misfit = !found.is_empty() && found.iter().all(|one| search.is_misfit(one));

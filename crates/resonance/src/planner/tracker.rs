@@ -8,10 +8,10 @@ use super::Prior;
 use crate::{
     Circuit,
     dense::Cholesky,
-    grid::{self, Expected, Grid, Q_TYPICAL},
-    scatter::Pool,
+    grid::{self, CircuitPrior, Grid, Q_TYPICAL},
+    scatter::PooledVariance,
     solve::{End, Normal},
-    trace::{Believed, CIRCUIT, Timing, Trace, UNKNOWNS},
+    trace::{CIRCUIT, ModelEstimate, Timing, Trace, UNKNOWNS},
 };
 
 /// Follows the readings with a grid of trials until one circuit stands out, and with that circuit
@@ -19,16 +19,16 @@ use crate::{
 #[derive(Debug, Clone)]
 pub(super) struct Tracker {
     timing: Timing,
-    expected: Expected,
+    expected: CircuitPrior,
     /// `None` once one circuit stands out.
     grid: Option<Grid>,
     trace: Option<Trace>,
-    best: Option<Believed>,
+    best: Option<ModelEstimate>,
     /// Whether a circuit with clearly another resonance explains the readings nearly as well.
     has_rival: bool,
     /// What is known of the noise beforehand, and what the readings tell besides.
-    noise: Pool,
-    seen: Pool,
+    noise: PooledVariance,
+    seen: PooledVariance,
     /// Rows computed so far: readings as the model sees them, with their slopes.
     work: u64,
 }
@@ -68,13 +68,13 @@ impl Tracker {
         request: &SweepRequest,
         prior: Option<&Prior>,
         timing: Timing,
-        noise: Pool,
+        noise: PooledVariance,
     ) -> Self {
         let window = prior.map_or(request.window, |prior| prior.within);
         let circuit = prior.and_then(|prior| prior.circuit);
         let grid = Some(Grid::new(window, timing, Some(noise.variance())));
         let q = circuit.map_or(Q_TYPICAL, |last| last.q);
-        let any = Expected::any(q);
+        let any = CircuitPrior::any(q);
         // Readings that have not settled hardly say where it is.
         let expected = if timing == Timing::Waited { any.within(window) } else { any };
         let (trace, best) = (None, None);
@@ -109,9 +109,11 @@ impl Tracker {
         let resonance_hz = circuit.resonance_hz.clamp(min_hz, max_hz);
         let trace = Trace::new(self.timing, circuit.c0_farad);
         let circuit = Circuit { resonance_hz, ..circuit };
-        let best =
-            Believed { besides: trace.besides(), ..Believed::of(&circuit, trace.unit_farad) };
-        let expected = Expected::nearly(&circuit, window);
+        let best = ModelEstimate {
+            extra_term: trace.extra_term(),
+            ..ModelEstimate::of(&circuit, trace.unit_farad)
+        };
+        let expected = CircuitPrior::nearly(&circuit, window);
         Self { expected, trace: Some(trace), best: Some(best), ..self }
     }
 
@@ -137,7 +139,7 @@ impl Tracker {
     }
 
     /// The readings and the circuit that explains them best.
-    pub(super) fn best(&self) -> Option<(&Trace, &Believed)> {
+    pub(super) fn best(&self) -> Option<(&Trace, &ModelEstimate)> {
         Some((self.trace.as_ref()?, self.best.as_ref()?))
     }
 
@@ -157,7 +159,7 @@ impl Tracker {
 
     /// The circuit that explains the readings best when they count for as much as they have settled
     /// if it is the circuit, and nothing that was believed beforehand counts.
-    fn consistent(&self, work: &Cell<u64>) -> Option<Believed> {
+    fn consistent(&self, work: &Cell<u64>) -> Option<ModelEstimate> {
         let (trace, &best) = self.best()?;
         if self.timing != Timing::Waited {
             return Some(best);
@@ -170,7 +172,8 @@ impl Tracker {
                 break;
             }
             trace.weigh_settling(&at, self.noise.variance());
-            let count = |_: &Believed, _: &mut Normal<UNKNOWNS>| work.update(|done| done + rows);
+            let count =
+                |_: &ModelEstimate, _: &mut Normal<UNKNOWNS>| work.update(|done| done + rows);
             let (minimum, ..) = trace.solve_with(at, CIRCUIT, count);
             at = at.towards(&minimum, CONSISTENT_PART);
         }
@@ -190,12 +193,12 @@ impl Tracker {
     /// The standard deviation of the resonance that the readings so far should give, Hz.
     pub(super) fn sigma_hz(&self) -> f64 {
         let Some((trace, at)) = self.best() else { return f64::INFINITY };
-        let free = CIRCUIT + trace.besides().count();
+        let free = CIRCUIT + trace.extra_term().count();
         variance(&trace.normal(at), free).sqrt() * at.resonance_hz * self.noise()
     }
 
     /// The normal equations there, with what is believed beforehand.
-    pub(super) fn normal(&self, trace: &Trace, at: &Believed) -> Normal<UNKNOWNS> {
+    pub(super) fn normal(&self, trace: &Trace, at: &ModelEstimate) -> Normal<UNKNOWNS> {
         let mut normal = trace.normal(at);
         self.expected.add_to(&mut normal, at, self.noise.variance());
         normal
@@ -203,7 +206,7 @@ impl Tracker {
 
     fn follow(&mut self) {
         let Some(trace) = &self.trace else { return };
-        let mut starts: Vec<Believed> = self.best.into_iter().collect();
+        let mut starts: Vec<ModelEstimate> = self.best.into_iter().collect();
         if let Some(grid) = &self.grid {
             for (_, start) in grid.ranked(self.expected, self.noise.variance()) {
                 if starts.len() > STARTS {
@@ -216,11 +219,12 @@ impl Tracker {
         }
         if let (Timing::Waited, Some(best)) = (self.timing, self.best) {
             // The weights pull towards the quality that they were made with.
-            starts.extend([Q_AWAY, 1.0 / Q_AWAY].map(|by| Believed { q: best.q * by, ..best }));
+            starts
+                .extend([Q_AWAY, 1.0 / Q_AWAY].map(|by| ModelEstimate { q: best.q * by, ..best }));
         }
-        let free = CIRCUIT + trace.besides().count();
+        let free = CIRCUIT + trace.extra_term().count();
         let work = Cell::new(0);
-        let mut ends: Vec<Valley> = starts
+        let mut ends: Vec<LocalMinimum> = starts
             .into_iter()
             .map_while(|start| {
                 (work.get() < WORK_MAX).then(|| self.valley(trace, start, free, &work))
@@ -234,7 +238,7 @@ impl Tracker {
         let (readings, _) = trace.used();
         let degrees = (2 * readings).saturating_sub(free) as f64;
         let scatter = self.noise.with(best.cost, degrees);
-        let is_near = |other: &Valley| other.rank - best.rank < LEAD * scatter.variance();
+        let is_near = |other: &LocalMinimum| other.rank - best.rank < LEAD * scatter.variance();
         let is_alone = !is_cut
             && !ends.iter().filter(|other| grid::are_apart(&other.at, &best.at, 1.0)).any(is_near);
         if is_alone && degrees >= MIN_DEGREES {
@@ -257,16 +261,22 @@ impl Tracker {
     }
 
     /// The bottom of the valley in which a trial lies.
-    fn valley(&self, trace: &Trace, start: Believed, free: usize, work: &Cell<u64>) -> Valley {
+    fn valley(
+        &self,
+        trace: &Trace,
+        start: ModelEstimate,
+        free: usize,
+        work: &Cell<u64>,
+    ) -> LocalMinimum {
         let variance = self.noise.variance();
-        let add = |at: &Believed, normal: &mut Normal<UNKNOWNS>| {
+        let add = |at: &ModelEstimate, normal: &mut Normal<UNKNOWNS>| {
             work.update(|rows| rows + trace.samples.len() as u64);
             self.expected.add_to(normal, at, variance);
         };
         let bottom = |trace: &Trace, start| {
             let (at, normal, end) = trace.solve_with(start, free, add);
             let rank = if end == End::OutOfSteps { f64::INFINITY } else { normal.cost };
-            Valley { rank, cost: normal.cost, at }
+            LocalMinimum { rank, cost: normal.cost, at }
         };
         if self.timing != Timing::Waited {
             return bottom(trace, start);
@@ -274,12 +284,15 @@ impl Tracker {
         // The weights depend on the circuit, and the circuit on the weights: the best circuit with the
         // weights of another may be worse with its own.
         let mut weighed = trace.clone();
-        let mut weigh = |at: Believed| {
+        let mut weigh = |at: ModelEstimate| {
             let ln_determinant = weighed.weigh_settling(&at, variance);
             let mut normal = weighed.normal(&at);
             add(&at, &mut normal);
-            let valley =
-                Valley { rank: normal.cost + variance * ln_determinant, cost: normal.cost, at };
+            let valley = LocalMinimum {
+                rank: normal.cost + variance * ln_determinant,
+                cost: normal.cost,
+                at,
+            };
             (valley, bottom(&weighed, at).at)
         };
         let (mut best, mut goal) = weigh(start);
@@ -306,11 +319,11 @@ const BACK: f64 = 0.4;
 
 /// A circuit near which no other explains the readings better.
 #[derive(Debug, Clone, Copy)]
-struct Valley {
+struct LocalMinimum {
     /// The cost by which it is compared with others.
     rank: f64,
     cost: f64,
-    at: Believed,
+    at: ModelEstimate,
 }
 
 /// Degrees of freedom below which the noise may still hide that the circuit is wrong.

@@ -19,9 +19,9 @@ use crate::{
     NoisePrior, Past, Timing,
     dual::Dual,
     ringup::{Motion, Visit},
-    scatter::Pool,
+    scatter::PooledVariance,
     solve::Normal,
-    trace::{Believed, CIRCUIT, Sample, UNKNOWNS, ideal_row},
+    trace::{CIRCUIT, ModelEstimate, Sample, UNKNOWNS, ideal_row},
 };
 
 /// The plan of one sweep.
@@ -30,13 +30,13 @@ pub(super) struct Transient {
     tracker: Tracker,
     opening: std::array::IntoIter<SweepPoint, 2>,
     elsewhere: std::array::IntoIter<SweepPoint, 3>,
-    hops: Option<Hops>,
+    hops: Option<FrequencyCycle>,
 }
 
 /// Three frequencies in turn, and how long at each: settled readings at two do not determine five
 /// unknowns.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Hops {
+struct FrequencyCycle {
     /// Distance from the resonance, Hz.
     offset_hz: [f64; PLACES],
     cycles: [f64; PLACES],
@@ -79,7 +79,8 @@ impl Transient {
         noise: &NoisePrior,
     ) -> Self {
         let window = prior.map_or(request.window, |prior| prior.within);
-        let tracker = Tracker::new(request, prior, Timing::Exact(past), Pool::known(noise));
+        let tracker =
+            Tracker::new(request, prior, Timing::Exact(past), PooledVariance::known(noise));
         // Two short visits, each near half of the window: whatever resonates in it, rings after them.
         let opening = OPENING.map(|part| short_visit(window, part)).into_iter();
         let elsewhere = ELSEWHERE.map(|part| short_visit(request.window, part)).into_iter();
@@ -105,7 +106,7 @@ impl Transient {
         if let Some(point) = self.opening.next() {
             return Some(point);
         }
-        let Some(ground) = Ground::new(&self.tracker, readings, goal) else {
+        let Some(ground) = PlanStart::new(&self.tracker, readings, goal) else {
             return self.elsewhere.next();
         };
         let hops = ground.plan(self.hops.as_ref());
@@ -117,8 +118,8 @@ impl Transient {
 
 /// Where a plan starts from.
 #[derive(Debug)]
-struct Ground {
-    at: Believed,
+struct PlanStart {
+    at: ModelEstimate,
     normal: Normal<UNKNOWNS>,
     motion: Motion<Dual>,
     past: Dual,
@@ -130,7 +131,7 @@ struct Ground {
     window: Window,
 }
 
-impl Hops {
+impl FrequencyCycle {
     /// The same, beginning with another of them.
     fn from(mut self, first: usize) -> Self {
         self.offset_hz.rotate_left(first);
@@ -139,7 +140,7 @@ impl Hops {
     }
 }
 
-impl Ground {
+impl PlanStart {
     fn new(tracker: &Tracker, readings: &[Reading], goal: &Goal) -> Option<Self> {
         let (trace, at) = tracker.best()?;
         let state = trace.rows(at, |_, _| ());
@@ -148,7 +149,7 @@ impl Ground {
             normal: tracker.normal(trace, at),
             motion: state.motion,
             past: state.past,
-            free: CIRCUIT + trace.besides().count(),
+            free: CIRCUIT + trace.extra_term().count(),
             rest_s: typical_rest_s(readings),
             wanted: (goal.aim_hz / at.resonance_hz / tracker.noise()).powi(2),
             window: goal.window,
@@ -156,7 +157,7 @@ impl Ground {
     }
 
     /// The best plan found near the last one and near some that are never far off.
-    fn plan(&self, last: Option<&Hops>) -> Hops {
+    fn plan(&self, last: Option<&FrequencyCycle>) -> FrequencyCycle {
         let width = self.at.resonance_hz / self.at.q;
         let mut best = Tried::default();
         if let Some(last) = last {
@@ -170,7 +171,7 @@ impl Ground {
             for offsets in STARTS {
                 let offset_hz =
                     offsets.map(|offset| (offset.abs() * width).max(1.0).copysign(offset));
-                let hops = Hops { offset_hz, cycles: [cycles; PLACES] };
+                let hops = FrequencyCycle { offset_hz, cycles: [cycles; PLACES] };
                 for first in 0..PLACES {
                     best.consider(self, hops.from(first));
                 }
@@ -200,7 +201,7 @@ impl Ground {
     }
 
     /// The time until the wanted variance is reached, s.
-    fn time_s(&self, hops: &Hops) -> f64 {
+    fn time_s(&self, hops: &FrequencyCycle) -> f64 {
         let (mut normal, mut motion, mut past) = (self.normal, self.motion, self.past);
         let mut elapsed_s = 0.0;
         let mut before = variance(&normal, self.free);
@@ -236,7 +237,7 @@ impl Ground {
     }
 
     /// The first visit of a plan, no longer than it must be.
-    fn point(&self, hops: &Hops, shortest_s: f64, longest_s: f64) -> SweepPoint {
+    fn point(&self, hops: &FrequencyCycle, shortest_s: f64, longest_s: f64) -> SweepPoint {
         let frequency_hz = self.visit(hops.offset_hz[0], 1.0).frequency_hz;
         let longest = hops.cycles[0].max(shortest_s * frequency_hz);
         let longest = longest.min(longest_s * frequency_hz).clamp(CYCLES_MIN, CYCLES_MAX);
@@ -266,17 +267,17 @@ impl Ground {
         past: &mut Dual,
     ) -> f64 {
         let visit = self.visit(offset_hz, cycles);
-        let heard = motion.visit(&visit, past);
+        let response = motion.visit(&visit, past);
         let at = &self.at;
         let omega = TAU * visit.frequency_hz;
-        let motional = at.c1 * heard.motional.value
-            + at.extra[0] * heard.past[0].value
-            + at.extra[1] * heard.past[1].value;
+        let motional = at.c1 * response.motional.value
+            + at.extra[0] * response.past[0].value
+            + at.extra[1] * response.past[1].value;
         let admittance = Complex64::new(at.g, at.c0) * omega + motional;
         let null = NULL * omega * at.c0;
         let weight = 0.1 * cycles * (admittance.norm_sqr() / (null * null)).min(1.0);
         let sample = Sample::ideal(visit, weight);
-        normal.add(Complex64::ZERO, &ideal_row(at, &sample, &heard).slopes, weight);
+        normal.add(Complex64::ZERO, &ideal_row(at, &sample, &response).slopes, weight);
         visit.integration_s + visit.rest_s
     }
 }
@@ -290,20 +291,20 @@ fn short_visit(window: Window, part: f64) -> SweepPoint {
 /// The best of the plans considered.
 #[derive(Debug)]
 struct Tried {
-    hops: Hops,
+    hops: FrequencyCycle,
     time_s: f64,
     count: usize,
 }
 
 impl Default for Tried {
     fn default() -> Self {
-        let hops = Hops { offset_hz: [0.0; PLACES], cycles: [4.0; PLACES] };
+        let hops = FrequencyCycle { offset_hz: [0.0; PLACES], cycles: [4.0; PLACES] };
         Self { hops, time_s: f64::INFINITY, count: 0 }
     }
 }
 
 impl Tried {
-    fn consider(&mut self, ground: &Ground, hops: Hops) {
+    fn consider(&mut self, ground: &PlanStart, hops: FrequencyCycle) {
         let time_s = ground.time_s(&hops);
         self.count += 1;
         if time_s < self.time_s {

@@ -200,12 +200,12 @@ impl Scene {
                         .map(|multiple| {
                             // A lock-in over whole cycles at f hears what beats slowly against it.
                             let turns = LONG_CYCLES * (f64::from(multiple) * mains_hz / f - 1.0);
-                            let heard = if turns.abs() < 1e-9 {
+                            let response = if turns.abs() < 1e-9 {
                                 1.0
                             } else {
                                 (PI * turns).sin() / (PI * turns)
                             };
-                            Complex64::from_polar(part * heard, random.between(0.0, TAU))
+                            Complex64::from_polar(part * response, random.between(0.0, TAU))
                         })
                         .sum();
                     steady(f, self.resonance_hz) / (1.0 + picked_up)

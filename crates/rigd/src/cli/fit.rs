@@ -12,7 +12,7 @@ use rig_files::{
     sweep_file::{FileSweep, SweepFile},
 };
 use rig_model::{Reading, SweepRequestError, Window};
-use rig_resonance::{Estimator, Limit, NoisePrior, Past, Timing, Verdict, fit};
+use rig_resonance::{Estimator, FitOutcome, Limit, NoisePrior, Past, Timing, fit};
 use serde::Serialize;
 
 use super::{
@@ -177,7 +177,7 @@ impl FileFitView {
             return Err(Failure::NoTimes { missing });
         }
         let outcome = match (&sweep.given_up, sweep.fit.target_hz) {
-            (Some(refusal), _) => Verdict::Refused(refusal.clone()),
+            (Some(refusal), _) => FitOutcome::Refused(refusal.clone()),
             (None, Some(target_hz)) => {
                 fit(readings, &options).held_to(target_hz, readings.len(), Limit::Past)
             }
@@ -253,10 +253,15 @@ struct EstimatorView {
 }
 
 impl EstimatorView {
-    fn of(estimator: Estimator, readings: &[Reading], window: Window, outcome: &Verdict) -> Self {
+    fn of(
+        estimator: Estimator,
+        readings: &[Reading],
+        window: Window,
+        outcome: &FitOutcome,
+    ) -> Self {
         let circuit = match outcome {
-            Verdict::Accepted(found) => Some(found.circuit()),
-            Verdict::Refused(refusal) => refusal.estimate.map(|estimate| estimate.circuit()),
+            FitOutcome::Accepted(found) => Some(found.circuit()),
+            FitOutcome::Refused(refusal) => refusal.estimate.map(|estimate| estimate.circuit()),
         };
         let found = estimator.estimate(readings, window);
         let definition = estimator.definition();

@@ -1,6 +1,6 @@
 //! The outcome of a sweep, for a person and for a program.
 
-use rig_resonance::{Reason, Resonance, Verdict};
+use rig_resonance::{FitOutcome, Reason, Resonance};
 use rig_store::{Circuit, SweepOutcome};
 use serde::Serialize;
 
@@ -161,7 +161,7 @@ impl From<&Resonance> for FoundView {
             loss_tangent: Some(found.loss_tangent),
             loss_tangent_sigma: found.loss_tangent_sigma(),
             fit: Some(FitView {
-                model_order: found.rung.name(),
+                model_order: found.model_order.name(),
                 points: found.points,
                 chi_squared_per_dof: found.chi_squared_per_dof,
                 noise_at_ten_cycles: found.noise_at_ten_cycles,
@@ -171,13 +171,13 @@ impl From<&Resonance> for FoundView {
     }
 }
 
-impl From<&Verdict> for OutcomeView {
-    fn from(outcome: &Verdict) -> Self {
+impl From<&FitOutcome> for OutcomeView {
+    fn from(outcome: &FitOutcome) -> Self {
         match outcome {
-            Verdict::Accepted(found) => {
+            FitOutcome::Accepted(found) => {
                 Self { status: "accepted", accepted: Some(found.into()), ..Self::default() }
             }
-            Verdict::Refused(refusal) => Self {
+            FitOutcome::Refused(refusal) => Self {
                 status: "refused",
                 reason: Some(refusal.reason.code().to_owned()),
                 message: Some(refusal.reason.to_string()),

@@ -11,7 +11,7 @@ use rig_engine::{
 use rig_link::{Flow, Frame, Transcript};
 use rig_model::{Clearance, Direction, Mm, Position, Reading, ReadingFlag};
 use rig_protocol::{Action, Phase, Plan, Pose, Prompt, Step, StepId, Touch};
-use rig_resonance::{Circuit, Past, Timing, Verdict};
+use rig_resonance::{Circuit, FitOutcome, Past, Timing};
 use rig_store as store;
 use rig_store::Record;
 
@@ -225,7 +225,7 @@ impl Recorder {
             self.no_load_sweep = self.sweeps;
         }
         let outcome = match &finished.outcome {
-            Verdict::Accepted(resonance) => store::SweepOutcome::Accepted {
+            FitOutcome::Accepted(resonance) => store::SweepOutcome::Accepted {
                 resonance_hz: resonance.resonance_hz,
                 sigma_hz: resonance.sigma_hz,
                 effective_time_s: finished.effective_time_s,
@@ -235,7 +235,7 @@ impl Recorder {
                     ..circuit_of(&resonance.circuit())
                 }),
             },
-            Verdict::Refused(refusal) => {
+            FitOutcome::Refused(refusal) => {
                 store::SweepOutcome::Refused { reason: refusal.to_string() }
             }
         };

@@ -1,6 +1,6 @@
 //! The axes of the maps, from harmless to hopeless.
 
-use rig_resonance::{Reason, Rung, Timing};
+use rig_resonance::{ModelOrder, Reason, Timing};
 
 use super::simulated_sweep::SimulatedSweep;
 use crate::analyzer::WINDOW;
@@ -190,11 +190,11 @@ impl Axis {
     }
 
     /// Whether an accepted model of this order includes the cause.
-    pub(super) const fn is_modelled_by(self, rung: Rung) -> bool {
+    pub(super) const fn is_modelled_by(self, model_order: ModelOrder) -> bool {
         match self {
-            Self::Drift | Self::DriftBothWays => matches!(rung, Rung::Drift),
-            Self::SecondMode => matches!(rung, Rung::SecondMode),
-            Self::DielectricLoss => matches!(rung, Rung::Loss),
+            Self::Drift | Self::DriftBothWays => matches!(model_order, ModelOrder::Drift),
+            Self::SecondMode => matches!(model_order, ModelOrder::SecondMode),
+            Self::DielectricLoss => matches!(model_order, ModelOrder::Loss),
             _ => false,
         }
     }

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 use rig_model::{Reading, random::Stream};
-use rig_resonance::{Estimator, FitOptions, Reason, Rung, Verdict, fit};
+use rig_resonance::{Estimator, FitOptions, FitOutcome, ModelOrder, Reason, fit};
 
 use super::{
     axis::{Axis, SENSORS},
@@ -58,7 +58,7 @@ impl Counts {
 pub(super) struct FitResult {
     pub(super) outcome: Outcome,
     pub(super) reason: Option<Reason>,
-    pub(super) rung: Option<Rung>,
+    pub(super) model_order: Option<ModelOrder>,
     /// Error of a result over its stated standard deviation.
     pub(super) sigmas: Option<f64>,
     /// Whether two results that should agree differ; `None` for a single result.
@@ -174,7 +174,7 @@ fn with_step(
     (low, FitResult { differ: Some(differ), ..result(simulated, &verdict) })
 }
 
-fn verdict(axis: Axis, simulated: &SimulatedSweep, readings: &[Reading]) -> Verdict {
+fn verdict(axis: Axis, simulated: &SimulatedSweep, readings: &[Reading]) -> FitOutcome {
     fit(readings, &options(axis, simulated))
 }
 
@@ -183,29 +183,29 @@ fn options(axis: Axis, simulated: &SimulatedSweep) -> FitOptions {
 }
 
 /// Whether two results differ significantly; false if one is refused.
-fn differ(one: &Verdict, other: &Verdict) -> bool {
+fn differ(one: &FitOutcome, other: &FitOutcome) -> bool {
     let both = one.accepted().zip(other.accepted());
     both.is_some_and(|(one, other)| one.is_apart_from(other))
 }
 
-fn result(simulated: &SimulatedSweep, verdict: &Verdict) -> FitResult {
+fn result(simulated: &SimulatedSweep, verdict: &FitOutcome) -> FitResult {
     match verdict {
-        Verdict::Accepted(found) => {
+        FitOutcome::Accepted(found) => {
             let allowed_hz = OWN_SIGMAS * found.sigma_hz;
             let error_hz =
                 simulated.truth_hz().map(|truth_hz| (found.resonance_hz - truth_hz).abs());
             FitResult {
                 outcome: of_answer(Some(found.resonance_hz), simulated, allowed_hz),
                 reason: None,
-                rung: Some(found.rung),
+                model_order: Some(found.model_order),
                 sigmas: error_hz.map(|error_hz| error_hz / found.sigma_hz),
                 differ: None,
             }
         }
-        Verdict::Refused(refusal) => FitResult {
+        FitOutcome::Refused(refusal) => FitResult {
             outcome: Outcome::Refused,
             reason: Some(refusal.reason),
-            rung: None,
+            model_order: None,
             sigmas: None,
             differ: None,
         },

@@ -40,7 +40,9 @@ impl Power {
         Self {
             value: point.value,
             named: share(&is_named),
-            modelled: share(&|result| result.rung.is_some_and(|rung| axis.is_modelled_by(rung))),
+            modelled: share(&|result| {
+                result.model_order.is_some_and(|model_order| axis.is_modelled_by(model_order))
+            }),
             refused: share(&|result| result.reason.is_some() && !is_named(result)),
             differing: share(&|result| result.differ == Some(true)),
             wrong: 100.0 * wrong.share(wrong.wrong),

@@ -5,7 +5,7 @@ use rig_contact::Circuit;
 use rig_model::{
     DriveLevel, Reading, RigTime, SweepMethod, SweepPoint, SweepRequest, random::Stream,
 };
-use rig_resonance::{FitOptions, Next, NoisePrior, Past, Planner, Prior, Timing, Verdict, fit};
+use rig_resonance::{FitOptions, FitOutcome, Next, NoisePrior, Past, Planner, Prior, Timing, fit};
 
 use super::case::Case;
 use crate::analyzer::{Analyzer, WINDOW, evenly, reading, time_constant_s};
@@ -37,7 +37,7 @@ pub(super) struct Measured {
     pub(super) readings: Vec<Reading>,
     pub(super) time_s: f64,
     /// The result of the production fit.
-    pub(super) verdict: Verdict,
+    pub(super) verdict: FitOutcome,
 }
 
 impl Method {

@@ -9,15 +9,15 @@ use super::{
     start::Trials,
 };
 use crate::{
-    FitOptions, Reason, Refusal, Resonance, Rung, Verdict,
+    FitOptions, FitOutcome, ModelOrder, Reason, Refusal, Resonance,
     dense::{Cholesky, condition, sandwich},
     fit::{POINTS_MIN, doubt_circuit, doubt_existence, doubt_place, doubt_precision},
-    grid::{Expected, Q_TYPICAL},
+    grid::{CircuitPrior, Q_TYPICAL},
+    outcome::Spread,
     planner::NOISE,
-    scatter::Pool,
+    scatter::PooledVariance,
     solve::End,
-    trace::{Believed, CIRCUIT},
-    verdict::Spread,
+    trace::{CIRCUIT, ModelEstimate},
 };
 
 /// Twice the log-likelihood that a second mode must gain to be taken for real: chance gains as much at
@@ -28,9 +28,9 @@ pub(crate) const MODE_GAIN: f64 = 7.0;
 pub(crate) const MODE_WIDENS: f64 = 1.4;
 
 /// Finds the resonance in readings of stays without settling.
-pub(crate) fn fit(readings: &[Reading], options: &FitOptions) -> Verdict {
-    let refused = |reason| Verdict::Refused(Refusal { reason, estimate: None });
-    let noise = Pool::known(&options.noise.unwrap_or(NOISE));
+pub(crate) fn fit(readings: &[Reading], options: &FitOptions) -> FitOutcome {
+    let refused = |reason| FitOutcome::Refused(Refusal { reason, estimate: None });
+    let noise = PooledVariance::known(&options.noise.unwrap_or(NOISE));
     let known = Known::with(noise.variance());
     let found = readings.iter().filter(|reading| reading.impedance().is_some()).count();
     if 2 * found < readings.len() {
@@ -56,7 +56,7 @@ pub(crate) fn fit(readings: &[Reading], options: &FitOptions) -> Verdict {
 
 /// The moment for which the resonance with this circuit holds, s after the first reading began.
 pub(crate) fn moment_s(readings: &[Reading], options: &FitOptions) -> Option<f64> {
-    let noise = Pool::known(&options.noise.unwrap_or(NOISE));
+    let noise = PooledVariance::known(&options.noise.unwrap_or(NOISE));
     let mut stays = Stays::of(Known::with(noise.variance()), readings)?;
     let (best, _) = best(&mut stays, options.window?, noise, options)?;
     stays.moment_s(&best)
@@ -67,13 +67,13 @@ pub(crate) fn moment_s(readings: &[Reading], options: &FitOptions) -> Option<f64
 fn best(
     stays: &mut Stays,
     window: Window,
-    noise: Pool,
+    noise: PooledVariance,
     options: &FitOptions,
-) -> Option<(Hypothesis, Expected)> {
-    let expected = Expected::any(Q_TYPICAL).within(window);
+) -> Option<(Hypothesis, CircuitPrior)> {
+    let expected = CircuitPrior::any(Q_TYPICAL).within(window);
     let mut trials = Trials::none();
     let mut found = if let Some(near) = options.near {
-        vec![stays.minimum(Believed::of(&near, stays.unit_farad), &expected)]
+        vec![stays.minimum(ModelEstimate::of(&near, stays.unit_farad), &expected)]
     } else {
         trials = Trials::new(window, &stays.known);
         trials.add_all(stays);
@@ -97,11 +97,11 @@ fn best(
 fn judge(
     stays: &Stays,
     best: &Hypothesis,
-    expected: &Expected,
-    noise: Pool,
+    expected: &CircuitPrior,
+    noise: PooledVariance,
     window: Window,
-) -> Verdict {
-    let refused = |reason, estimate| Verdict::Refused(Refusal { reason, estimate });
+) -> FitOutcome {
+    let refused = |reason, estimate| FitOutcome::Refused(Refusal { reason, estimate });
 
     let degrees = stays.degrees();
     // Against the noise as it was known, not as these readings say.
@@ -139,11 +139,16 @@ fn judge(
         .or_else(|| doubt_place(&found, window))
         .or_else(|| doubt_circuit(&found, window))
         .or_else(|| doubt_precision(&found, found.sigma_hz))
-        .map_or(Verdict::Accepted(found), |reason| refused(reason, Some(found)))
+        .map_or(FitOutcome::Accepted(found), |reason| refused(reason, Some(found)))
 }
 
 /// The circuit with its uncertainty, the resonance having this standard deviation by its profile.
-fn resonance(stays: &Stays, best: &Hypothesis, noise: Pool, sigma_hz: f64) -> Option<Resonance> {
+fn resonance(
+    stays: &Stays,
+    best: &Hypothesis,
+    noise: PooledVariance,
+    sigma_hz: f64,
+) -> Option<Resonance> {
     let (at, matrix) = (&best.at, &best.normal.matrix);
     let inverse = Cholesky::new(matrix, CIRCUIT, 0.0)?.inverse();
     let farad = stays.unit_farad;
@@ -168,7 +173,8 @@ fn resonance(stays: &Stays, best: &Hypothesis, noise: Pool, sigma_hz: f64) -> Op
         settled: (cost, stays.degrees()),
         widened: 0.0,
     };
-    let found = Resonance::new(&at.circuit(farad), &spread, Rung::RingUp, Some(&noise.prior()));
+    let found =
+        Resonance::new(&at.circuit(farad), &spread, ModelOrder::RingUp, Some(&noise.prior()));
     let wider = sigma_hz * sigma_hz - best.sigma_hz() * best.sigma_hz();
     Some(found.widened(wider.max(0.0)))
 }

@@ -10,9 +10,9 @@ use rig_model::Window;
 use super::{Hypothesis, Stays, model::Branch, variance};
 use crate::{
     dense::Cholesky,
-    grid::Expected,
+    grid::CircuitPrior,
     solve::Normal,
-    trace::{Believed, CIRCUIT, UNKNOWNS},
+    trace::{CIRCUIT, ModelEstimate, UNKNOWNS},
 };
 
 /// Where a second mode is looked for, in linewidths from the resonance: nearer ones are hard to tell
@@ -46,7 +46,7 @@ pub(crate) struct Modes {
     of_stays: Vec<Normal<WITH_MODES>>,
     /// The modes in the last stay.
     last: [Branch; PLACES],
-    at: Believed,
+    at: ModelEstimate,
 }
 
 impl Modes {
@@ -114,7 +114,7 @@ impl Modes {
     /// What the readings say of a second mode at each place of this window.
     pub(crate) fn all(
         &self,
-        expected: &Expected,
+        expected: &CircuitPrior,
         window: Window,
     ) -> impl Iterator<Item = SecondMode> {
         let is_inside = move |place: &usize| window.contains(self.hz(*place));

@@ -4,26 +4,26 @@ use std::f64::consts::TAU;
 
 use num_complex::Complex64;
 
-use crate::trace::{Believed, CIRCUIT, Past};
+use crate::trace::{CIRCUIT, ModelEstimate, Past};
 
 /// The mean square of the free motion after each change of frequency, in units of the static
 /// deflection: what the forced motions before and after differ by, and what was left.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Amplitude {
-    at: Believed,
+    at: ModelEstimate,
     square: f64,
     forced: f64,
 }
 
 impl Amplitude {
-    pub(crate) fn new(at: &Believed, past: Past) -> Self {
+    pub(crate) fn new(at: &ModelEstimate, past: Past) -> Self {
         let forced = if past == Past::Rest { 0.0 } else { at.q * at.q };
         Self { at: *at, square: 0.0, forced }
     }
 
     /// A change to this frequency so long after the change before.
     pub(crate) fn change(&mut self, frequency_hz: f64, since_s: f64) -> f64 {
-        let Believed { resonance_hz, q, .. } = self.at;
+        let ModelEstimate { resonance_hz, q, .. } = self.at;
         let u = frequency_hz / resonance_hz;
         let forced = 1.0 / Complex64::new(1.0 - u * u, u / q).norm_sqr();
         let left = self.square * (-TAU * resonance_hz / q * since_s).exp();
@@ -50,7 +50,7 @@ pub(crate) struct Model {
 }
 
 impl Model {
-    pub(crate) fn new(at: &Believed, frequency_hz: f64) -> Self {
+    pub(crate) fn new(at: &ModelEstimate, frequency_hz: f64) -> Self {
         let (omega, omega_s) = (TAU * frequency_hz, TAU * at.resonance_hz);
         let j_omega = Complex64::new(0.0, omega);
         let gamma = 0.5 * omega_s / at.q;
@@ -87,17 +87,22 @@ impl Model {
     }
 
     /// The motional admittance, settled.
-    fn forced(&self, at: &Believed) -> Complex64 {
+    fn forced(&self, at: &ModelEstimate) -> Complex64 {
         at.c1 * self.by[3]
     }
 
     /// The motional admittance so long after the stay began, with this amplitude of the free decay.
-    pub(crate) fn motion(&self, at: &Believed, amplitude: Complex64, after_s: f64) -> Complex64 {
+    pub(crate) fn motion(
+        &self,
+        at: &ModelEstimate,
+        amplitude: Complex64,
+        after_s: f64,
+    ) -> Complex64 {
         self.forced(at) + amplitude * (self.rate * after_s).exp()
     }
 
     /// The amplitude of the free decay when the motion begins with this admittance.
-    pub(crate) fn amplitude(&self, at: &Believed, motion: Complex64) -> Complex64 {
+    pub(crate) fn amplitude(&self, at: &ModelEstimate, motion: Complex64) -> Complex64 {
         motion - self.forced(at)
     }
 

@@ -2,9 +2,9 @@
 
 use super::{Hypothesis, Stays, start::Trials};
 use crate::{
-    grid::{Expected, are_apart},
-    scatter::{self, Pool},
-    trace::Believed,
+    grid::{CircuitPrior, are_apart},
+    scatter::{self, PooledVariance},
+    trace::ModelEstimate,
 };
 
 /// Trials that are followed to their minimum, and circuits that are kept.
@@ -45,12 +45,12 @@ pub(crate) enum Effort {
 pub(crate) struct Search<'a> {
     pub(crate) stays: &'a Stays,
     pub(crate) trials: &'a Trials,
-    pub(crate) expected: &'a Expected,
-    pub(crate) noise: Pool,
+    pub(crate) expected: &'a CircuitPrior,
+    pub(crate) noise: PooledVariance,
 }
 
 /// What χ² per degree of freedom may be, against this noise.
-pub(crate) fn allowed(degrees: f64, noise: Pool) -> f64 {
+pub(crate) fn allowed(degrees: f64, noise: PooledVariance) -> f64 {
     let mut prior = noise.prior();
     if prior.degrees_of_freedom <= GUESSED_DEGREES && degrees > ENOUGH_DEGREES {
         prior.degrees_of_freedom = DEGREES_OF_A_GUESS;
@@ -70,7 +70,7 @@ impl Search<'_> {
     pub(crate) fn run(
         &self,
         earlier: Vec<Hypothesis>,
-        last: Option<Believed>,
+        last: Option<ModelEstimate>,
         effort: Effort,
     ) -> Vec<Hypothesis> {
         let is_circuit = |one: &Hypothesis| {
@@ -90,7 +90,7 @@ impl Search<'_> {
         {
             for (step, by) in BESIDE.iter().flat_map(|step| OTHER_Q.map(|by| (step, by))) {
                 let resonance_hz = at.resonance_hz * (1.0 + step / at.q);
-                found.extend(from(Believed { resonance_hz, q: by * at.q, ..at }));
+                found.extend(from(ModelEstimate { resonance_hz, q: by * at.q, ..at }));
             }
         }
         if effort == Effort::Trials {

@@ -12,9 +12,9 @@ use super::{
 };
 use crate::{
     dense::Cholesky,
-    grid::{C1_TYPICAL, Expected, QUALITIES, STEP, are_apart},
+    grid::{C1_TYPICAL, CircuitPrior, QUALITIES, STEP, are_apart},
     solve::Normal,
-    trace::{Believed, Besides},
+    trace::{ExtraTerm, ModelEstimate},
 };
 
 /// C0, C1 and C0·tan δ.
@@ -28,7 +28,7 @@ pub(crate) struct Trials {
 
 #[derive(Debug, Clone)]
 struct Trial {
-    at: Believed,
+    at: ModelEstimate,
     amplitude: Amplitude,
     model: Model,
     /// Stays that are over.
@@ -81,11 +81,16 @@ impl Trials {
     }
 
     /// The best trials, none of them near a better one.
-    pub(crate) fn best(&self, expected: &Expected, known: &Known, most: usize) -> Vec<Believed> {
-        let mut ranked: Vec<(f64, Believed)> =
+    pub(crate) fn best(
+        &self,
+        expected: &CircuitPrior,
+        known: &Known,
+        most: usize,
+    ) -> Vec<ModelEstimate> {
+        let mut ranked: Vec<(f64, ModelEstimate)> =
             self.trials.iter().filter_map(|trial| trial.best(expected, known)).collect();
         ranked.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-        let mut best: Vec<Believed> = Vec::new();
+        let mut best: Vec<ModelEstimate> = Vec::new();
         for (_, at) in ranked {
             if best.len() == most {
                 break;
@@ -100,9 +105,16 @@ impl Trials {
 
 impl Trial {
     fn new(resonance_hz: f64, q: f64, known: &Known) -> Self {
-        let besides = Besides::Nothing;
-        let at =
-            Believed { resonance_hz, q, c0: 1.0, c1: C1_TYPICAL, g: 0.0, besides, extra: [0.0; 3] };
+        let extra_term = ExtraTerm::Nothing;
+        let at = ModelEstimate {
+            resonance_hz,
+            q,
+            c0: 1.0,
+            c1: C1_TYPICAL,
+            g: 0.0,
+            extra_term,
+            extra: [0.0; 3],
+        };
         Self {
             at,
             amplitude: Amplitude::new(&at, known.past),
@@ -158,7 +170,7 @@ impl Trial {
     }
 
     /// The linear unknowns that are most likely with this resonance and quality, and the cost.
-    fn best(&self, expected: &Expected, known: &Known) -> Option<(f64, Believed)> {
+    fn best(&self, expected: &CircuitPrior, known: &Known) -> Option<(f64, ModelEstimate)> {
         let mut normal = self.sum();
         for i in 0..LINEAR {
             let (mean, spread) = (expected.mean[i + 2], expected.spread[i + 2]);
@@ -173,6 +185,6 @@ impl Trial {
         let beforehand = away(self.at.resonance_hz.ln(), 0) + away(self.at.q.ln(), 1);
         let cost = normal.cost - saved + known.variance * beforehand;
         let [c0, c1, g] = step.map(|x| -x);
-        (c0 > 0.0 && c1 > 0.0).then_some((cost, Believed { c0, c1, g, ..self.at }))
+        (c0 > 0.0 && c1 > 0.0).then_some((cost, ModelEstimate { c0, c1, g, ..self.at }))
     }
 }

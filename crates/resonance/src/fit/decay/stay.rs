@@ -10,7 +10,7 @@ use super::{
 };
 use crate::{
     solve::Normal,
-    trace::{Believed, CIRCUIT, UNKNOWNS},
+    trace::{CIRCUIT, ModelEstimate, UNKNOWNS},
 };
 
 /// Where the unknowns of a stay are: the circuit, the amplitude, the error in time, second modes.
@@ -52,7 +52,7 @@ pub(crate) struct State {
 /// The equations of a stay as they were last computed.
 #[derive(Debug, Clone, Copy)]
 struct Computed {
-    at: Believed,
+    at: ModelEstimate,
     normal: Normal<UNKNOWNS>,
     readings: usize,
     /// The variance of the noise that they were weighed with.
@@ -72,7 +72,7 @@ impl State {
     /// The equations there, if they follow from those computed last.
     pub(super) fn moved(
         &self,
-        at: &Believed,
+        at: &ModelEstimate,
         stay: &Stay,
         prior: f64,
         known: &Known,
@@ -124,7 +124,7 @@ impl Model {
     /// The normal equations of the circuit by these readings, and how often each was computed.
     pub(super) fn normal(
         &self,
-        at: &Believed,
+        at: &ModelEstimate,
         stay: &Stay,
         prior: f64,
         known: &Known,

@@ -1,10 +1,10 @@
 //! The gradient is that of the cost, and the circuit comes out.
 
 use super::*;
-use crate::trace::Besides;
+use crate::trace::ExtraTerm;
 
 /// Stays of a circuit whose readings came a little late, and are a little wrong.
-fn stays(at: &Believed) -> Stays {
+fn stays(at: &ModelEstimate) -> Stays {
     let known = Known { variance: 2.5e-5, gap_sigma_s: 0.58e-3, past: Past::Rest };
     let (all, last, work) = (Vec::new(), None, Cell::new(0));
     let mut stays = Stays { all, unit_farad: 1.0, known, last, work };
@@ -30,37 +30,37 @@ fn stays(at: &Believed) -> Stays {
     stays
 }
 
-const AT: Believed = Believed {
+const AT: ModelEstimate = ModelEstimate {
     resonance_hz: 140.0,
     q: 60.0,
     c0: 1.0,
     c1: 0.05,
     g: 0.018,
-    besides: Besides::Nothing,
+    extra_term: ExtraTerm::Nothing,
     extra: [0.0; 3],
 };
 
 #[test]
 fn the_gradient_is_that_of_the_cost() {
     let stays = stays(&AT);
-    let here = Believed { resonance_hz: 140.02, q: 61.0, ..AT };
+    let here = ModelEstimate { resonance_hz: 140.02, q: 61.0, ..AT };
     let mut states = Vec::new();
-    let anew = |at: &Believed, states: &mut Vec<State>| {
+    let anew = |at: &ModelEstimate, states: &mut Vec<State>| {
         states.iter_mut().for_each(State::thaw);
         stays.normal(at, states)
     };
     let normal = (0..5).map(|_| anew(&here, &mut states)).last().unwrap();
-    let cost = |at: &Believed| {
+    let cost = |at: &ModelEstimate| {
         // The same prior on both sides.
         let mut states = states.clone();
         (0..5).fold(0.0, |_, _| anew(at, &mut states).cost)
     };
     let moved = |i: usize, h: f64| match i {
-        0 => Believed { resonance_hz: here.resonance_hz * h.exp(), ..here },
-        1 => Believed { q: here.q * h.exp(), ..here },
-        2 => Believed { c0: here.c0 + h, ..here },
-        3 => Believed { c1: here.c1 + h, ..here },
-        _ => Believed { g: here.g + h, ..here },
+        0 => ModelEstimate { resonance_hz: here.resonance_hz * h.exp(), ..here },
+        1 => ModelEstimate { q: here.q * h.exp(), ..here },
+        2 => ModelEstimate { c0: here.c0 + h, ..here },
+        3 => ModelEstimate { c1: here.c1 + h, ..here },
+        _ => ModelEstimate { g: here.g + h, ..here },
     };
     for i in 0..CIRCUIT {
         let step = 0.02 / normal.matrix[i][i].sqrt();
@@ -73,8 +73,8 @@ fn the_gradient_is_that_of_the_cost() {
 #[test]
 fn the_circuit_comes_out_although_times_are_a_little_wrong() {
     let stays = stays(&AT);
-    let start = Believed { resonance_hz: 140.3, q: 45.0, c1: 0.04, ..AT };
-    let expected = Expected::any(30.0);
+    let start = ModelEstimate { resonance_hz: 140.3, q: 45.0, c1: 0.04, ..AT };
+    let expected = CircuitPrior::any(30.0);
     let found = stays.minimum(start, &expected);
     let sigma_hz = stays.profile_sigma_hz(&found, &expected);
     let off_hz = found.at.resonance_hz - AT.resonance_hz;

@@ -13,7 +13,7 @@ use crate::{
         model::{Amplitude, Model, Ring},
         stay::Forecast,
     },
-    grid::Expected,
+    grid::CircuitPrior,
     solve::Normal,
     trace::{CIRCUIT, UNKNOWNS},
 };
@@ -68,10 +68,10 @@ impl Pace {
 
 /// What a plan stands on.
 #[derive(Debug)]
-pub(super) struct Ground<'a> {
+pub(super) struct PlanStart<'a> {
     pub(super) stays: &'a Stays,
     pub(super) best: &'a Hypothesis,
-    pub(super) expected: &'a Expected,
+    pub(super) expected: &'a CircuitPrior,
     pub(super) window: Window,
     pub(super) aim: Aim,
     pub(super) modes: Option<&'a Modes>,
@@ -215,7 +215,7 @@ impl<'a> Shortlist<'a> {
     }
 }
 
-impl Ground<'_> {
+impl PlanStart<'_> {
     /// The frequency, the cycles of each reading, and how many readings.
     pub(super) fn choose(&self) -> (f64, u32, usize) {
         let at = &self.best.at;

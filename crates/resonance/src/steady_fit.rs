@@ -4,14 +4,14 @@
 use rig_model::Reading;
 
 use crate::{
-    Circuit, FitOptions, Resonance, Rung, Timing,
+    Circuit, FitOptions, ModelOrder, Resonance, Timing,
     dense::{Cholesky, condition, sandwich},
     kernel::{self, Look, PARAMETERS, PATTERNS, Residual, Theta, WIDE},
+    outcome::{LOSS_GAIN_MIN, Spread},
     points::{NotFinite, Points},
     scatter,
     solve::{End, Normal, Solution, Step, rational_start, solve},
-    trace::{Believed, Besides},
-    verdict::{LOSS_GAIN_MIN, Spread},
+    trace::{ExtraTerm, ModelEstimate},
 };
 
 /// What may be left of the motion, relative to the noise, without a closer look.
@@ -34,7 +34,7 @@ mod unusual {
 
 /// The readings of a steady fit and what is left of them.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Quick {
+pub(crate) struct SteadyFit {
     pub(crate) points: Points,
     residuals: Vec<Residual>,
 }
@@ -49,10 +49,10 @@ pub(crate) struct Found {
     /// Whether nothing about the readings asks for a closer look.
     pub(crate) is_usual: bool,
     /// Where a closer look starts.
-    pub(crate) start: Option<Believed>,
+    pub(crate) start: Option<ModelEstimate>,
 }
 
-impl Quick {
+impl SteadyFit {
     /// Takes in the readings.
     pub(crate) fn load(&mut self, readings: &[Reading]) -> Result<(), NotFinite> {
         self.points.load(readings)
@@ -62,18 +62,18 @@ impl Quick {
     pub(crate) fn fit(&mut self, options: &FitOptions) -> Option<Found> {
         let start = rational_start(&self.points)?;
         let mut solution = solve(&self.points, start, PARAMETERS);
-        let (mut free, mut rung) = (PARAMETERS, Rung::Loss);
+        let (mut free, mut model_order) = (PARAMETERS, ModelOrder::Loss);
         if !options.always_loss
             && let Some((gain, without)) = self.gain_by_loss(&solution)
         {
-            rung = Rung::by_loss(gain, self.points.count);
+            model_order = ModelOrder::by_loss(gain, self.points.count);
             if gain < LOSS_GAIN_MIN {
                 (free, solution) = (PARAMETERS - 1, without);
             }
         }
         let Self { points, residuals } = self;
         let look = kernel::look(&points.blocks, &solution.theta, residuals);
-        let resonance = self.resonance(&solution, &look, free, rung, options);
+        let resonance = self.resonance(&solution, &look, free, model_order, options);
         let capacitor = self.points.total_weight - look.capacitor;
         Some(Found {
             gain: self.degrees(free) * (capacitor / solution.normal.cost).ln(),
@@ -82,7 +82,7 @@ impl Quick {
                 && resonance
                     .as_ref()
                     .is_some_and(|found| self.is_usual(&solution, &look, free, found, options)),
-            start: self.believed(&solution),
+            start: self.estimate(&solution),
             resonance,
         })
     }
@@ -145,16 +145,16 @@ impl Quick {
     }
 
     /// Where a closer look starts.
-    fn believed(&self, solution: &Solution) -> Option<Believed> {
+    fn estimate(&self, solution: &Solution) -> Option<ModelEstimate> {
         let theta = solution.theta;
         let circuit = circuit_of(&self.points, solution)?;
-        (theta.c > 0.0 && theta.kappa > 0.0).then_some(Believed {
+        (theta.c > 0.0 && theta.kappa > 0.0).then_some(ModelEstimate {
             resonance_hz: circuit.resonance_hz,
             q: circuit.q,
             c0: theta.c,
             c1: theta.kappa / (1.0 + theta.nu),
             g: theta.g,
-            besides: Besides::Nothing,
+            extra_term: ExtraTerm::Nothing,
             extra: [0.0; 3],
         })
     }
@@ -164,7 +164,7 @@ impl Quick {
         solution: &Solution,
         look: &Look,
         free: usize,
-        rung: Rung,
+        model_order: ModelOrder,
         options: &FitOptions,
     ) -> Option<Resonance> {
         let circuit = circuit_of(&self.points, solution)?;
@@ -192,7 +192,7 @@ impl Quick {
             settled: (solution.normal.cost, self.degrees(free)),
             widened: 0.0,
         };
-        Some(Resonance::new(&circuit, &spread, rung, options.noise.as_ref()))
+        Some(Resonance::new(&circuit, &spread, model_order, options.noise.as_ref()))
     }
 }
 

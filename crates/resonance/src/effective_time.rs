@@ -20,11 +20,11 @@ use num_complex::Complex64;
 use rig_model::Reading;
 
 use crate::{
-    Circuit, FitOptions, Resonance, Rung, Timing,
+    Circuit, FitOptions, ModelOrder, Resonance, Timing,
     dense::Cholesky,
     fit,
     solve::Normal,
-    trace::{Believed, Besides, CIRCUIT, Trace, UNKNOWNS, middle_s},
+    trace::{CIRCUIT, ExtraTerm, ModelEstimate, Trace, UNKNOWNS, middle_s},
 };
 
 impl Resonance {
@@ -43,15 +43,19 @@ impl Resonance {
         }
         let mut trace = Trace::of(readings, options.timing, self.c0_farad);
         let circuit = self.circuit();
-        let at = Believed::of(&circuit, self.c0_farad);
-        let besides = if self.rung == Rung::Drift { Besides::Drift } else { trace.besides() };
-        let at = Believed { besides, ..at };
+        let at = ModelEstimate::of(&circuit, self.c0_farad);
+        let extra_term = if self.model_order == ModelOrder::Drift {
+            ExtraTerm::Drift
+        } else {
+            trace.extra_term()
+        };
+        let at = ModelEstimate { extra_term, ..at };
         if let (Timing::Waited, Some(noise)) = (options.timing, options.noise) {
             trace.weigh_settling(&at, noise.at_ten_cycles.powi(2));
         }
         // What is fitted besides comes after the loss.
-        let is_lossless = self.loss_tangent_sigma().is_none() && besides == Besides::Nothing;
-        let free = if is_lossless { CIRCUIT - 1 } else { CIRCUIT + besides.count() };
+        let is_lossless = self.loss_tangent_sigma().is_none() && extra_term == ExtraTerm::Nothing;
+        let free = if is_lossless { CIRCUIT - 1 } else { CIRCUIT + extra_term.count() };
         let (mut normal, mut times) = (Normal::<UNKNOWNS>::default(), readings.iter());
         trace.rows(&at, |sample, row| {
             let middle_s = times.next().map_or(0.0, |reading| middle_s(reading, first));

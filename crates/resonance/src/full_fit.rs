@@ -12,14 +12,14 @@ use crate::{
     alternatives::{Alternative, Cause, Fitted},
     dense::{Cholesky, condition, sandwich},
     fit::GAIN_MIN,
-    grid::{Expected, Grid, Q_TYPICAL, are_apart},
+    grid::{CircuitPrior, Grid, Q_TYPICAL, are_apart},
+    outcome::{LOSS_GAIN_MIN, ModelOrder, Spread},
     outliers::{self, GAIN_PER_OUTLIER, READINGS_PER_OUTLIER},
     robust,
-    scatter::{self, Pool},
+    scatter::{self, PooledVariance},
     solve::End,
-    trace::{Believed, Besides, CIRCUIT, Minimum, Timing, Trace},
-    untold,
-    verdict::{LOSS_GAIN_MIN, Rung, Spread},
+    trace::{CIRCUIT, ExtraTerm, Minimum, ModelEstimate, Timing, Trace},
+    unknown_dwell,
 };
 
 /// The most likely model, and what speaks against it.
@@ -27,7 +27,7 @@ use crate::{
 pub(crate) struct Model {
     trace: Trace,
     pub(crate) found: Minimum,
-    rung: Rung,
+    order: ModelOrder,
     /// The least variance at ten cycles that the noise can have: that of the noise that weighs
     /// rounding, and 0 where nothing was rounded.
     known: f64,
@@ -105,29 +105,29 @@ impl Model {
         rounding: &[f64],
         window: Window,
         unit_farad: f64,
-        start: Option<Believed>,
+        start: Option<ModelEstimate>,
         options: &FitOptions,
     ) -> Result<Self, Reason> {
         let mut trace = Trace::of(readings, options.timing, unit_farad);
         trace.added.extend(rounding);
-        let free = CIRCUIT + trace.besides().count();
+        let free = CIRCUIT + trace.extra_term().count();
         // What few wrong readings cannot lead astray; readings that ring have no settled circuit.
         let is_settled = options.timing.is_steady() && options.near.is_none();
         let robust = is_settled.then(|| robust::circuit(readings)).flatten();
         let robust = robust
-            .map(|circuit| Believed::of(&circuit, unit_farad))
+            .map(|circuit| ModelEstimate::of(&circuit, unit_farad))
             .filter(|circuit| circuit.c0 > 0.0 && circuit.c1 > 0.0);
         let start = match start {
             Some(start) => start,
             None => from_nothing(&trace, window, free).or_else(|none| robust.ok_or(none))?,
         };
-        let start = Believed { besides: trace.besides(), ..start };
+        let start = ModelEstimate { extra_term: trace.extra_term(), ..start };
         let (trace, found) = weighed(trace, start, free, options);
-        let rung = if options.timing.is_steady() { Rung::Loss } else { Rung::RingUp };
+        let order = if options.timing.is_steady() { ModelOrder::Loss } else { ModelOrder::RingUp };
         let mut model = Self {
             trace,
             found,
-            rung,
+            order,
             known: 0.0,
             mains_hz: None,
             too_many: None,
@@ -160,7 +160,7 @@ impl Model {
     }
 
     /// The model of the readings without outliers, where they are all that is wrong.
-    fn without_outliers(mut self, robust: Option<Believed>, options: &FitOptions) -> Self {
+    fn without_outliers(mut self, robust: Option<ModelEstimate>, options: &FitOptions) -> Self {
         if robust.is_none() && outliers::count(&self.trace, &self.found) == 0 {
             return self;
         }
@@ -196,10 +196,10 @@ impl Model {
 
     /// Does without dielectric loss where that errs by less than its estimate would.
     fn try_without_loss(&mut self) {
-        let lossless = Believed { g: 0.0, ..self.found.at };
+        let lossless = ModelEstimate { g: 0.0, ..self.found.at };
         let plain = self.trace.minimum(lossless, CIRCUIT - 1);
         let gain = self.degrees() * (plain.normal.cost / self.found.normal.cost).ln();
-        self.rung = Rung::by_loss(gain, self.trace.used().0);
+        self.order = ModelOrder::by_loss(gain, self.trace.used().0);
         if gain < LOSS_GAIN_MIN {
             self.found = plain;
         }
@@ -234,12 +234,12 @@ impl Model {
             return;
         }
         higher.reason = self::strongest(&higher.doubts(options)).map(Reason::from);
-        let Believed { besides, resonance_hz, c0, c1, extra, .. } = higher.found.at;
+        let ModelEstimate { extra_term, resonance_hz, c0, c1, extra, .. } = higher.found.at;
         let omega = TAU * resonance_hz;
-        let is_absurd = match besides {
-            Besides::SecondMode => extra[2] > EQUALS * c1,
-            Besides::Stray => omega * c0 * extra[0].hypot(omega * extra[1]) > STRAY_MAX,
-            Besides::Nothing | Besides::Past | Besides::Drift => false,
+        let is_absurd = match extra_term {
+            ExtraTerm::SecondMode => extra[2] > EQUALS * c1,
+            ExtraTerm::Stray => omega * c0 * extra[0].hypot(omega * extra[1]) > STRAY_MAX,
+            ExtraTerm::Nothing | ExtraTerm::Past | ExtraTerm::Drift => false,
         };
         if is_absurd {
             higher.reason = Some(cause.into());
@@ -275,7 +275,11 @@ impl Model {
 
     /// What not being told of the times adds to the relative variance of the resonance.
     fn unsettled(&self, fitted: &Fitted<'_>, variance: f64) -> f64 {
-        if self.trace.timing == Timing::Unknown { untold::variance(fitted, variance) } else { 0.0 }
+        if self.trace.timing == Timing::Unknown {
+            unknown_dwell::variance(fitted, variance)
+        } else {
+            0.0
+        }
     }
 
     /// What the best cause other than a second mode gains, which would follow any single reading.
@@ -298,20 +302,20 @@ impl Model {
         if !self.trace.timing.is_steady() {
             return None;
         }
-        let (besides, extra, rung) = match *cause {
-            Cause::Drift => (Besides::Drift, [0.0; 3], Rung::Drift),
-            Cause::Stray => (Besides::Stray, [0.0; 3], Rung::Stray),
+        let (extra_term, extra, order) = match *cause {
+            Cause::Drift => (ExtraTerm::Drift, [0.0; 3], ModelOrder::Drift),
+            Cause::Stray => (ExtraTerm::Stray, [0.0; 3], ModelOrder::Stray),
             Cause::SecondMode { frequency_hz, q, .. } => {
                 let start = [frequency_hz.ln(), q.ln(), 0.01 * self.found.at.c1];
-                (Besides::SecondMode, start, Rung::SecondMode)
+                (ExtraTerm::SecondMode, start, ModelOrder::SecondMode)
             }
             Cause::Hysteresis | Cause::Nonlinear | Cause::NotSettled | Cause::Shape => return None,
         };
         let trace = self.trace.clone();
-        let start = Believed { besides, extra, ..self.found.at };
-        let found = trace.minimum(start, CIRCUIT + besides.count());
+        let start = ModelEstimate { extra_term, extra, ..self.found.at };
+        let found = trace.minimum(start, CIRCUIT + extra_term.count());
         let Self { known, mains_hz, too_many, .. } = *self;
-        Some(Self { trace, found, rung, known, mains_hz, too_many, widened: 0.0, reason: None })
+        Some(Self { trace, found, order, known, mains_hz, too_many, widened: 0.0, reason: None })
     }
 
     /// Whether what is left of the motion does not matter, given how long each point was waited
@@ -332,9 +336,13 @@ impl Model {
     }
 
     /// What is known of the noise beforehand and from what is left.
-    fn noise(&self, options: &FitOptions) -> Pool {
+    fn noise(&self, options: &FitOptions) -> PooledVariance {
         let (cost, degrees) = self.settled();
-        options.noise.as_ref().map_or_else(Pool::default, Pool::known).with(cost, degrees)
+        options
+            .noise
+            .as_ref()
+            .map_or_else(PooledVariance::default, PooledVariance::known)
+            .with(cost, degrees)
     }
 
     /// The cost and the degrees of freedom of the readings that have settled: the noise of the
@@ -384,7 +392,7 @@ impl Model {
             settled: self.settled(),
             widened: self.widened * at.resonance_hz.powi(2),
         };
-        let found = Resonance::new(&at.circuit(farad), &spread, self.rung, options.noise.as_ref());
+        let found = Resonance::new(&at.circuit(farad), &spread, self.order, options.noise.as_ref());
         Some(Resonance { mains_hz: self.mains_hz, ..found })
     }
 
@@ -442,7 +450,7 @@ fn strongest(alternatives: &[(Alternative, f64)]) -> Option<Cause> {
 /// is known: what is left of the motion is only an error beside another one.
 fn weighed(
     mut trace: Trace,
-    start: Believed,
+    start: ModelEstimate,
     free: usize,
     options: &FitOptions,
 ) -> (Trace, Minimum) {
@@ -465,15 +473,15 @@ fn weighed(
 }
 
 /// A start from a grid over the window and its surroundings.
-fn from_nothing(trace: &Trace, window: Window, free: usize) -> Result<Believed, Reason> {
+fn from_nothing(trace: &Trace, window: Window, free: usize) -> Result<ModelEstimate, Reason> {
     let wider = Window { min_hz: window.min_hz * 0.8, max_hz: window.max_hz * 1.25 };
     let mut grid = Grid::new(wider, trace.timing, None);
     for sample in &trace.samples {
         grid.add(sample);
         grid.rest(sample.visit.rest_s);
     }
-    let mut starts: Vec<Believed> = Vec::new();
-    for (_, start) in grid.ranked(Expected::any(Q_TYPICAL), GRID_VARIANCE) {
+    let mut starts: Vec<ModelEstimate> = Vec::new();
+    for (_, start) in grid.ranked(CircuitPrior::any(Q_TYPICAL), GRID_VARIANCE) {
         if starts.iter().all(|other| are_apart(other, &start, 2.5)) {
             starts.push(start);
         }

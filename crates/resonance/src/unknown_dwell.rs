@@ -14,7 +14,7 @@ use rig_model::Reading;
 use crate::{
     Resonance,
     alternatives::Fitted,
-    trace::{Believed, CIRCUIT, Timing, Trace},
+    trace::{CIRCUIT, ModelEstimate, Timing, Trace},
 };
 
 /// Beyond this twice the log-likelihood nothing else is possible, and numbers overflow.
@@ -37,7 +37,7 @@ pub(crate) fn variance(fitted: &Fitted<'_>, noise: f64) -> f64 {
 /// A resonance found in readings about which nothing else is unusual.
 pub(crate) fn widened(
     found: &Resonance,
-    at: Believed,
+    at: ModelEstimate,
     readings: &[Reading],
     unit_farad: f64,
 ) -> Resonance {

@@ -4,7 +4,7 @@
 //! would: a second sweep at another level shows it. So do sweeps up and down where the resonance
 //! depends on the direction.
 
-use crate::{Reason, Refusal, Resonance, Verdict, fit::SIGMA_MAX_LINEWIDTHS};
+use crate::{FitOutcome, Reason, Refusal, Resonance, fit::SIGMA_MAX_LINEWIDTHS};
 
 /// Chance makes two results differ by more standard deviations once in ten thousand times.
 const APART_SIGMAS: f64 = 4.0;
@@ -18,7 +18,7 @@ impl Resonance {
     }
 }
 
-impl Verdict {
+impl FitOutcome {
     /// The resonance of a vanishing drive, from this sweep and one at a level `ratio` times as high.
     /// What softens a spring goes with the square of the amplitude, so that a straight line through the
     /// two leads there. Refused where one of the two is, and as [`Reason::Nonlinear`] where they are
@@ -53,7 +53,7 @@ impl Verdict {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Rung, verdict::Spread};
+    use crate::{ModelOrder, outcome::Spread};
 
     /// A result of a sensor with a linewidth of 4.7 Hz.
     fn found(resonance_hz: f64) -> Resonance {
@@ -75,7 +75,7 @@ mod tests {
             settled: (1.0, 1.0),
             widened: 0.0,
         };
-        let found = Resonance::new(&circuit, &spread, Rung::Circuit, None);
+        let found = Resonance::new(&circuit, &spread, ModelOrder::Circuit, None);
         Resonance { sigma_hz: 0.01, ..found }
     }
 
@@ -91,21 +91,21 @@ mod tests {
     #[test]
     fn a_straight_line_in_the_square_of_the_level_leads_to_no_drive() {
         // Softer by 10 mHz at level 1, so by 40 mHz at level 2 and by 90 mHz at level 3.
-        let at = |level: f64| Verdict::Accepted(found(140.0 - 0.01 * level * level));
+        let at = |level: f64| FitOutcome::Accepted(found(140.0 - 0.01 * level * level));
         for (low, high) in [(1.0, 2.0), (2.0, 1.0), (0.5, 2.0)] {
             let verdict = at(low).without_drive(&at(high), high / low);
             let found = verdict.accepted().unwrap();
             assert!((found.resonance_hz - 140.0).abs() < 1e-9, "{found:?}");
             assert!(found.sigma_hz > 0.01, "{found:?}");
         }
-        let Verdict::Refused(refusal) = at(1.0).without_drive(&at(3.0), 3.0) else { panic!() };
+        let FitOutcome::Refused(refusal) = at(1.0).without_drive(&at(3.0), 3.0) else { panic!() };
         assert_eq!(refusal.reason, Reason::Nonlinear);
     }
 
     #[test]
     fn the_same_level_twice_leads_nowhere() {
-        let one = Verdict::Accepted(found(140.0));
-        let Verdict::Refused(refusal) = one.without_drive(&one, 1.0) else { panic!() };
+        let one = FitOutcome::Accepted(found(140.0));
+        let FitOutcome::Refused(refusal) = one.without_drive(&one, 1.0) else { panic!() };
         assert!(matches!(refusal.reason, Reason::TooNoisy { .. }), "{refusal}");
         assert_eq!(refusal.estimate, None);
     }
@@ -113,7 +113,7 @@ mod tests {
     #[test]
     fn a_sweep_that_is_refused_alone_stays_so() {
         let refusal = Refusal { reason: Reason::NotSettled, estimate: None };
-        let (one, refused) = (Verdict::Accepted(found(140.0)), Verdict::Refused(refusal));
+        let (one, refused) = (FitOutcome::Accepted(found(140.0)), FitOutcome::Refused(refusal));
         assert_eq!(one.without_drive(&refused, 2.0), refused);
         assert_eq!(refused.without_drive(&one, 2.0), refused);
     }

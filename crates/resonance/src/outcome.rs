@@ -12,14 +12,14 @@ use crate::{
 
 /// The outcome of a fit.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Verdict {
+pub enum FitOutcome {
     /// A resonance that can be relied on within its stated uncertainty.
     Accepted(Resonance),
     /// No number to rely on.
     Refused(Refusal),
 }
 
-impl Verdict {
+impl FitOutcome {
     /// The resonance, when there is one to rely on.
     pub fn accepted(&self) -> Option<&Resonance> {
         match self {
@@ -59,7 +59,7 @@ pub struct Resonance {
     /// How many independent errors that comes from, of this and of earlier sweeps.
     pub noise_degrees_of_freedom: f64,
     /// How much model the readings asked for.
-    pub rung: Rung,
+    pub model_order: ModelOrder,
     /// The multiple of the mains frequency near which readings were disturbed and count for less,
     /// Hz.
     pub mains_hz: Option<f64>,
@@ -128,7 +128,7 @@ impl Resonance {
     pub(crate) fn new(
         circuit: &Circuit,
         spread: &Spread,
-        rung: Rung,
+        model_order: ModelOrder,
         noise: Option<&NoisePrior>,
     ) -> Self {
         let found = spread.cost / spread.degrees;
@@ -157,7 +157,7 @@ impl Resonance {
             chi_squared_per_dof: found / against,
             noise_at_ten_cycles: variance.sqrt(),
             noise_degrees_of_freedom: degrees,
-            rung,
+            model_order,
             mains_hz: None,
             points: spread.count,
             covariance,
@@ -168,7 +168,7 @@ impl Resonance {
 
 /// How much model the readings ask for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Rung {
+pub enum ModelOrder {
     /// A capacitor with loss, and no resonance.
     Capacitor,
     /// The circuit of four elements.
@@ -189,7 +189,7 @@ pub enum Rung {
 /// standard deviation. To leave out what is larger errs by more than fitting it does.
 pub(crate) const LOSS_GAIN_MIN: f64 = 1.0;
 
-impl Rung {
+impl ModelOrder {
     /// Whether so many readings ask for dielectric loss, by the Bayesian information criterion.
     pub(crate) fn by_loss(gain: f64, readings: usize) -> Self {
         if gain > (2.0 * readings as f64).ln() { Self::Loss } else { Self::Circuit }
@@ -360,7 +360,7 @@ pub enum Reason {
     #[error("a stray resistance or inductance in series: repeat the open and short correction")]
     Stray,
     /// The peak is not that of one resonance, and no single cause was recognised.
-    #[error("the peak has not the shape of one resonance")]
+    #[error("the peak does not look like a single resonance")]
     Distorted,
     /// No best circuit was found.
     #[error("the fit did not converge")]

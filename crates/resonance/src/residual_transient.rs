@@ -23,7 +23,7 @@ const MARGIN: f64 = 1.5;
 
 /// The free motion of a branch of unit motional capacitance under a drive of 1 V.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Leftover {
+pub(crate) struct ResidualTransient {
     /// ωs and Q.
     omega_s: f64,
     q: f64,
@@ -39,7 +39,7 @@ pub(crate) struct Leftover {
     forced: f64,
 }
 
-impl Leftover {
+impl ResidualTransient {
     pub(crate) fn new(resonance_hz: f64, q: f64) -> Self {
         let omega_s = TAU * resonance_hz;
         let ringing = omega_s * (1.0 - 0.25 / (q * q)).max(0.0).sqrt();
@@ -63,11 +63,11 @@ impl Leftover {
         let part = |s: Complex64| {
             (s * ((s * integration_s).exp() - 1.0) / ((s - omega) * integration_s)).norm_sqr()
         };
-        let heard = part(self.s) + part(self.s.conj());
+        let response = part(self.s) + part(self.s.conj());
         let square = self.square * (2.0 * self.s.re * settle_s).exp();
         // Readings of one stay hear the same motion. Only what has died away in between is new.
         let new = (1.0 - square / self.read).max(f64::MIN_POSITIVE);
-        let variance = 0.5 * MARGIN * square * heard / new;
+        let variance = 0.5 * MARGIN * square * response / new;
         self.read = square;
         self.rest(settle_s + integration_s + rest_s);
         variance
@@ -94,7 +94,7 @@ mod tests {
             rest_s: 0.0,
         };
         let (first, second) = (visit(139.0, 2.0, 5.0), visit(147.0, 0.05, 6.0));
-        let mut leftover = Leftover::new(140.0, 30.0);
+        let mut leftover = ResidualTransient::new(140.0, 30.0);
         leftover.visit(&first);
         let expected = leftover.visit(&second) / MARGIN;
         let u: f64 = 147.0 / 140.0;
@@ -114,8 +114,8 @@ mod tests {
                     &Visit { settle_s: gap, integration_s: 1e-6, ..visit(1e6, 0.0, 1.0) },
                     &mut past,
                 );
-                let heard = motion.visit(&second, &mut past).motional;
-                sum += 0.5 * (heard - settled).norm_sqr();
+                let response = motion.visit(&second, &mut past).motional;
+                sum += 0.5 * (response - settled).norm_sqr();
             }
         }
         let found = sum / f64::from(turns * turns);
@@ -124,7 +124,7 @@ mod tests {
 
     #[test]
     fn it_dies_away_with_the_time_constant_and_starts_anew_only_with_the_frequency() {
-        let mut leftover = Leftover::new(140.0, 30.0);
+        let mut leftover = ResidualTransient::new(140.0, 30.0);
         let stay =
             |frequency_hz| Visit { frequency_hz, settle_s: 0.05, integration_s: 0.02, rest_s: 0.0 };
         let first = leftover.visit(&stay(139.0));

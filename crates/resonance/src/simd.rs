@@ -22,8 +22,8 @@ macro_rules! on_this_machine {
     ) => {
         $(#[$about])*
         $public fn $name<'a>($($input: $kind),*) -> $output {
-            struct Work<'a, M> { machine: M, $($input: $kind),* }
-            impl<'a, M: $crate::lanes::Machine> pulp::NullaryFnOnce for Work<'a, M> {
+            struct Kernel<'a, M> { machine: M, $($input: $kind),* }
+            impl<'a, M: $crate::simd::Isa> pulp::NullaryFnOnce for Kernel<'a, M> {
                 type Output = $output;
                 #[inline(always)]
                 fn call(self) -> $output {
@@ -32,9 +32,9 @@ macro_rules! on_this_machine {
             }
             #[cfg(target_arch = "x86_64")]
             if let Some(machine) = pulp::x86::V3::try_new() {
-                return machine.vectorize(Work { machine, $($input),* });
+                return machine.vectorize(Kernel { machine, $($input),* });
             }
-            pulp::NullaryFnOnce::call(Work { machine: $crate::lanes::Any, $($input),* })
+            pulp::NullaryFnOnce::call(Kernel { machine: $crate::simd::Any, $($input),* })
         }
     };
 }
@@ -65,7 +65,7 @@ impl Lanes {
 }
 
 /// Four numbers in whatever holds them on some machine.
-pub(crate) trait Four:
+pub(crate) trait F64x4:
     Copy
     + Add<Output = Self>
     + Sub<Output = Self>
@@ -81,14 +81,14 @@ pub(crate) trait Four:
 }
 
 /// What a machine computes with.
-pub(crate) trait Machine: Copy {
+pub(crate) trait Isa: Copy {
     /// What holds four numbers.
-    type Four: Four;
+    type F64x4: F64x4;
     /// These four numbers.
-    fn of(self, lanes: &Lanes) -> Self::Four;
+    fn of(self, lanes: &Lanes) -> Self::F64x4;
     /// Four times the same number.
     #[inline(always)]
-    fn splat(self, value: f64) -> Self::Four {
+    fn splat(self, value: f64) -> Self::F64x4 {
         self.of(&Lanes::splat(value))
     }
 }
@@ -97,15 +97,15 @@ pub(crate) trait Machine: Copy {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Any;
 
-impl Machine for Any {
-    type Four = Lanes;
+impl Isa for Any {
+    type F64x4 = Lanes;
     #[inline(always)]
     fn of(self, lanes: &Lanes) -> Lanes {
         *lanes
     }
 }
 
-impl Four for Lanes {
+impl F64x4 for Lanes {
     #[inline(always)]
     fn lanes(self) -> Lanes {
         self
@@ -122,21 +122,21 @@ mod x86 {
 
     use pulp::{Simd, f64x4, x86::V3};
 
-    use super::{Four, Lanes, Machine};
+    use super::{F64x4, Isa, Lanes};
 
     /// Four numbers in one register of AVX2.
     #[derive(Clone, Copy)]
     pub(crate) struct Register(V3, f64x4);
 
-    impl Machine for V3 {
-        type Four = Register;
+    impl Isa for V3 {
+        type F64x4 = Register;
         #[inline(always)]
         fn of(self, lanes: &Lanes) -> Register {
             Register(self, pulp::bytemuck::cast(lanes.0))
         }
     }
 
-    impl Four for Register {
+    impl F64x4 for Register {
         #[inline(always)]
         fn lanes(self) -> Lanes {
             Lanes(pulp::bytemuck::cast(self.1))
