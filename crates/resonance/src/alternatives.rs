@@ -1,4 +1,4 @@
-//! What else could explain the readings.
+//! Alternative explanations of the readings.
 //!
 //! Each way in which a sweep goes wrong leaves a pattern of its own in the residuals. A pattern is
 //! fitted to them together with the circuit, to first order: how much better the readings are then
@@ -25,7 +25,7 @@ pub(crate) enum Cause {
     Hysteresis,
     /// Resonance and damping change with the amplitude.
     Nonlinear,
-    /// What was left of the motion at the point before is still heard.
+    /// The residual transient of the previous point is still present.
     NotSettled,
     /// Another resonance at this frequency, with this quality, overlapping the first or not.
     SecondMode { frequency_hz: f64, q: f64, is_near: bool },
@@ -56,13 +56,13 @@ impl From<Cause> for Reason {
     }
 }
 
-/// What a cause makes of a fit.
+/// The effect of a cause on a fit.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Alternative {
     pub(crate) cause: Cause,
-    /// How much the cost falls.
+    /// Decrease of the cost.
     pub(crate) saved: f64,
-    /// By how much the logarithm of the resonance changes.
+    /// Change of the logarithm of the resonance.
     pub(crate) shift: f64,
     /// Variance of the logarithm of the resonance for noise of variance 1, the cause being unknown.
     pub(crate) variance: f64,
@@ -82,7 +82,7 @@ pub(crate) struct Alternative {
 pub(crate) struct Fitted<'a> {
     pub(crate) trace: &'a Trace,
     pub(crate) at: ModelEstimate,
-    /// How many of the unknowns are free.
+    /// Number of free unknowns.
     pub(crate) free: usize,
     rows: Vec<(usize, Row)>,
     /// The motional part of the admittance of each sample, and all of it, both settled.
@@ -117,7 +117,7 @@ impl<'a> Fitted<'a> {
         Self::at(trace, found.at, found.free)
     }
 
-    /// The fit that ended here, with so many free unknowns.
+    /// The fit that ended here, with `free` unknowns.
     pub(crate) fn at(trace: &'a Trace, at: ModelEstimate, free: usize) -> Self {
         let mut rows = Vec::with_capacity(trace.samples.len());
         let mut motional = Vec::with_capacity(trace.samples.len());
@@ -218,7 +218,7 @@ impl<'a> Fitted<'a> {
         best
     }
 
-    /// What is left of the motion, of size 1, after each of the dwells that there may have been.
+    /// The residual transient of a motion of size 1 after each possible dwell.
     pub(crate) fn dwells(&self) -> impl Iterator<Item = Alternative> + '_ {
         let time_constant_s = self.time_constant_s();
         DWELLS.into_iter().filter_map(move |(dwell, cycles)| {

@@ -4,7 +4,7 @@ use std::ops::{Add, Mul, Neg, Sub};
 
 use num_complex::Complex64;
 
-/// What the ring-up is computed with: a plain complex number, or one with derivatives.
+/// Numbers for the ring-up: complex, or complex with derivatives.
 pub(crate) trait Value:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self>
 {

@@ -53,7 +53,7 @@ impl Resonance {
         if let (Timing::Waited, Some(noise)) = (options.timing, options.noise) {
             trace.weigh_settling(&at, noise.at_ten_cycles.powi(2));
         }
-        // What is fitted besides comes after the loss.
+        // Extra terms come after the loss.
         let is_lossless = self.loss_tangent_sigma().is_none() && extra_term == ExtraTerm::Nothing;
         let free = if is_lossless { CIRCUIT - 1 } else { CIRCUIT + extra_term.count() };
         let (mut normal, mut times) = (Normal::<UNKNOWNS>::default(), readings.iter());

@@ -2,7 +2,7 @@
 //! number from elsewhere means.
 //!
 //! They give a frequency without an uncertainty and do not look at what is unusual about readings.
-//! What is to be relied on comes from [`fit`](crate::fit()).
+//! Use [`fit`](crate::fit()) for results.
 
 mod circle;
 mod definition;
@@ -54,7 +54,7 @@ pub enum Estimator {
     MaximumLikelihood,
 }
 
-/// Why an estimator gives no frequency.
+/// The reason why an estimator gives no frequency.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum NoEstimate {
     /// Too few readings at different frequencies within the window.
@@ -62,9 +62,9 @@ pub enum NoEstimate {
         "{found} readings at different frequencies in the window, at least {needed} are needed"
     )]
     TooFewPoints {
-        /// How many there are.
+        /// The number given.
         found: usize,
-        /// How many are needed.
+        /// The number needed.
         needed: usize,
     },
     /// A reading is not a finite impedance at a positive frequency.
@@ -85,7 +85,7 @@ pub enum NoEstimate {
     /// Too few readings are above half of the peak, or they have no peak.
     #[error("{found} readings above half of the peak make no peak")]
     NoPeak {
-        /// How many there are.
+        /// The number given.
         found: usize,
     },
     /// No best parameters were found.
@@ -152,7 +152,7 @@ impl Estimator {
         }
     }
 
-    /// What its frequency means.
+    /// The definition of its frequency.
     pub const fn definition(self) -> Definition {
         match self {
             Self::MagnitudeMinimum | Self::MagnitudeParabola => Definition::MagnitudeMinimum,

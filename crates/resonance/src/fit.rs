@@ -12,14 +12,14 @@ use crate::{
     rounding, scatter, solve::End, steady_fit::SteadyFit, trace::ModelEstimate, unknown_dwell,
 };
 
-/// What is known besides the readings.
+/// The inputs of a fit other than the readings.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct FitOptions {
-    /// Where the resonance was sought; the span of the readings where this is not given.
+    /// The window; the span of the readings if absent.
     pub window: Option<Window>,
-    /// What is known of the noise; estimated from the residuals where this is not given.
+    /// The prior of the noise; estimated from the residuals if absent.
     pub noise: Option<NoisePrior>,
-    /// What is known of the times of the readings.
+    /// Knowledge of the times of the readings.
     pub timing: Timing,
     /// Whether dielectric loss is a free parameter even where the readings do not ask for it. Few
     /// readings at the frequencies that tell most of the resonance tell hardly anything of loss,
@@ -36,12 +36,12 @@ pub struct NoisePrior {
     /// Standard deviation of the real and of the imaginary part of the relative error of a reading
     /// of ten cycles.
     pub at_ten_cycles: f64,
-    /// How many independent errors this comes from; infinite where it is certain.
+    /// Degrees of freedom; infinite if it is certain.
     pub degrees_of_freedom: f64,
 }
 
 impl NoisePrior {
-    /// How many independent errors the noise is taken to come from that a person states.
+    /// Degrees of freedom of a noise given by a person.
     pub const STATED_DEGREES: f64 = 100.0;
 }
 
@@ -183,7 +183,7 @@ pub(crate) fn doubt_existence(found: &Resonance, gain: f64) -> Option<Reason> {
     (!exists).then_some(Reason::NoResonance { found: gain, needed: GAIN_MIN })
 }
 
-/// Whether it is where it was sought.
+/// Whether it lies inside the window.
 pub(crate) fn doubt_place(found: &Resonance, window: Window) -> Option<Reason> {
     let estimate_hz = found.resonance_hz;
     let side = if estimate_hz < window.min_hz {

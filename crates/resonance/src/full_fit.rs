@@ -38,7 +38,7 @@ pub(crate) struct Model {
     /// What must be added to the relative variance of the resonance, because a cause that would
     /// shift it is not excluded.
     widened: f64,
-    /// What speaks against it.
+    /// The evidence against it.
     pub(crate) reason: Option<Reason>,
 }
 
@@ -52,7 +52,7 @@ const EVEN_BELOW: f64 = 4.0;
 const EQUALS: f64 = 0.7;
 /// What an open and short correction leaves is a small part of the impedance; more is no stray.
 const STRAY_MAX: f64 = 0.05;
-/// How often readings are weighed by the circuit that was found with the weights before.
+/// Number of times that readings get new weights from the latest circuit.
 const WEIGHINGS: usize = 3;
 /// An error of the resonance below this many of its standard deviations does not matter.
 const SETTLED_SIGMAS: f64 = 0.5;
@@ -85,7 +85,7 @@ fn told_apart(cause: &Cause, is_planned: bool) -> f64 {
     }
 }
 
-/// By how much an explanation must beat the others.
+/// Gain by which an explanation must beat the others.
 const CLEARLY: f64 = 10.0;
 
 /// By how much a cause that can be modelled must beat one that cannot, which was tried to first
@@ -273,7 +273,7 @@ impl Model {
         alternatives
     }
 
-    /// What not being told of the times adds to the relative variance of the resonance.
+    /// Relative variance of the resonance added by unknown times.
     fn unsettled(&self, fitted: &Fitted<'_>, variance: f64) -> f64 {
         if self.trace.timing == Timing::Unknown {
             unknown_dwell::variance(fitted, variance)
@@ -335,7 +335,7 @@ impl Model {
         self.found.normal.cost.max(self.degrees() * self.known.max(scatter::VARIANCE_MIN))
     }
 
-    /// What is known of the noise beforehand and from what is left.
+    /// The prior of the noise, updated by the residuals.
     fn noise(&self, options: &FitOptions) -> PooledVariance {
         let (cost, degrees) = self.settled();
         options

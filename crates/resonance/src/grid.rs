@@ -18,7 +18,7 @@ use crate::{
     trace::{CIRCUIT, ExtraTerm, ModelEstimate, Past, Sample, Timing, UNKNOWNS},
 };
 
-/// What a reading depends on linearly: C0, C1, C0·tan δ, and the past motion.
+/// Linear unknowns of a reading: C0, C1, C0·tan δ, and the past motion.
 const LINEAR: usize = 5;
 
 /// What is believed of a circuit beforehand. It keeps the first readings from being explained by
@@ -88,7 +88,7 @@ impl Grid {
         Self { timing, variance, cells }
     }
 
-    /// How many trials there are.
+    /// Number of trials.
     pub(crate) fn trials(&self) -> usize {
         self.cells.len()
     }

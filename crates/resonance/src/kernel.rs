@@ -23,7 +23,7 @@ use crate::{
     solve::Normal,
 };
 
-/// How many parameters the circuit has.
+/// Number of parameters of the circuit.
 pub(crate) const PARAMETERS: usize = 5;
 
 /// The circuit in the units of [`Points`], in the order (ν, α, c, κ, g). Without dielectric loss
@@ -173,20 +173,20 @@ fn rational_of<M: Isa>(on: M, blocks: &[Block], earlier: Option<(f64, f64)>) -> 
     }
 }
 
-/// How many patterns [`look`] fits to the residuals.
+/// Number of patterns that [`look`] fits to the residuals.
 pub(crate) const PATTERNS: usize = 3;
 
 /// The circuit and the patterns together.
 pub(crate) const WIDE: usize = PARAMETERS + PATTERNS;
 
-/// What the residuals look like.
+/// Statistics of the residuals.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Look {
     /// The sum of the squares of |r|² times weight.
     pub(crate) fourth: f64,
     /// The largest |r|² times weight.
     pub(crate) largest: f64,
-    /// By how much the best capacitor with loss brings the cost below the sum of the weights.
+    /// Decrease of the cost below the sum of the weights by the best capacitor with loss.
     pub(crate) capacitor: f64,
     /// The sum over neighbours of |r − r′|² over the sum of their variances.
     pub(crate) differences: f64,

@@ -1,4 +1,4 @@
-//! What a fit says: a resonance with its uncertainty, or why there is none to report.
+//! The outcome of a fit: a resonance with its uncertainty, or a refusal with its reason.
 
 use std::fmt;
 
@@ -56,9 +56,9 @@ pub struct Resonance {
     /// Standard deviation of the real and of the imaginary part of the relative error of a reading
     /// of ten cycles.
     pub noise_at_ten_cycles: f64,
-    /// How many independent errors that comes from, of this and of earlier sweeps.
+    /// Its degrees of freedom, from this and earlier sweeps.
     pub noise_degrees_of_freedom: f64,
-    /// How much model the readings asked for.
+    /// The model order that the readings needed.
     pub model_order: ModelOrder,
     /// The multiple of the mains frequency near which readings were disturbed and count for less,
     /// Hz.
@@ -100,7 +100,7 @@ impl Resonance {
     }
 }
 
-/// What a fit knows of its uncertainty, for noise of variance 1.
+/// The uncertainty of a fit for noise of variance 1.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Spread {
     /// Covariance of (resonance in Hz, Q, C0 in F, C1 in F, loss tangent).
@@ -110,7 +110,7 @@ pub(crate) struct Spread {
     pub(crate) cost: f64,
     /// The variance of one part of a reading of ten cycles by the differences of neighbours.
     pub(crate) neighbours: f64,
-    /// How many times the variance exceeds that for independent errors.
+    /// Ratio of the variance to that of independent errors.
     pub(crate) correlation: f64,
     /// Readings used.
     pub(crate) count: usize,
@@ -166,7 +166,7 @@ impl Resonance {
     }
 }
 
-/// How much model the readings ask for.
+/// The model order that the readings need.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum ModelOrder {
     /// A capacitor with loss, and no resonance.
@@ -190,7 +190,7 @@ pub enum ModelOrder {
 pub(crate) const LOSS_GAIN_MIN: f64 = 1.0;
 
 impl ModelOrder {
-    /// Whether so many readings ask for dielectric loss, by the Bayesian information criterion.
+    /// Whether this number of readings needs dielectric loss, by the Bayesian information criterion.
     pub(crate) fn by_loss(gain: f64, readings: usize) -> Self {
         if gain > (2.0 * readings as f64).ln() { Self::Loss } else { Self::Circuit }
     }
@@ -242,7 +242,7 @@ impl fmt::Display for Side {
     }
 }
 
-/// Why there is no resonance to report.
+/// The reason of a refusal.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Reason {
     /// A reading is not a finite impedance at a positive frequency.
@@ -262,11 +262,11 @@ pub enum Reason {
     /// The analyzer does not stand by what it reads, so that nothing can be fitted.
     #[error("the analyzer flagged {} at {frequency_hz} Hz in {tries} of {tries} tries", flag.name())]
     Flagged {
-        /// What it says of its last reading.
+        /// The flag of its last reading.
         flag: ReadingFlag,
         /// Where, Hz.
         frequency_hz: f64,
-        /// How often it was tried.
+        /// Number of tries.
         tries: usize,
     },
     /// Too few readings for the number of unknowns.
@@ -285,7 +285,7 @@ pub enum Reason {
     NoResonance {
         /// Twice the difference of the log-likelihoods.
         found: f64,
-        /// What chance does not reach.
+        /// The threshold that chance does not reach.
         needed: f64,
     },
     /// The resonance lies where nothing was measured.
@@ -296,7 +296,7 @@ pub enum Reason {
     OutsideWindow {
         /// On which side.
         side: Side,
-        /// Where about, Hz.
+        /// Its approximate frequency, Hz.
         estimate_hz: f64,
         /// The window.
         window: Window,
@@ -307,7 +307,7 @@ pub enum Reason {
          {limit:.3} is possible here"
     )]
     NotASensor {
-        /// What is impossible, with its unit.
+        /// The impossible value, with its unit.
         quantity: &'static str,
         /// Its value.
         found: f64,
@@ -335,13 +335,13 @@ pub enum Reason {
         found: usize,
         /// All readings.
         readings: usize,
-        /// How many may be left out.
+        /// Largest number that may be left out.
         allowed: usize,
     },
     /// Another resonance is near, and the two could not be told apart.
     #[error("a second mode near {near_hz:.2} Hz")]
     SecondMode {
-        /// Where it is, Hz.
+        /// Its frequency, Hz.
         near_hz: f64,
     },
     /// The resonance moved while it was measured.
@@ -373,7 +373,7 @@ pub enum Reason {
     Misfit {
         /// chi² per degree of freedom.
         found: f64,
-        /// What chance does not exceed.
+        /// The threshold that chance does not exceed.
         allowed: f64,
     },
     /// A planned sweep ended before the standard deviation asked for was reached.
@@ -389,7 +389,7 @@ pub enum Reason {
         target_hz: f64,
         /// All readings.
         readings: usize,
-        /// What ended the sweep.
+        /// The bound that ended the sweep.
         limit: Limit,
     },
 }

@@ -18,7 +18,7 @@ pub(crate) const READINGS_PER_OUTLIER: usize = 10;
 pub(crate) const GAIN_PER_OUTLIER: f64 = 28.0;
 /// Rounds of reweighting; each brings the scale nearer to that of the good readings.
 const ROUNDS: usize = 12;
-/// Where Cauchy's weight has fallen to a half, in means of |r|².
+/// The point of half Cauchy weight, in means of |r|².
 const CAUCHY_MEANS: f64 = 3.0;
 /// The variance may rise by this factor when outliers are left out.
 const LOST: f64 = 2.0;
@@ -28,7 +28,7 @@ pub(crate) const TRIMMED: f64 = 0.8;
 /// The mean of an exponential distribution of mean 1 up to its 80 % point.
 const TRIMMED_MEAN: f64 = 0.5977;
 
-/// How many readings in use are outliers of a model.
+/// Number of readings in use that are outliers of a model.
 pub(crate) fn count(trace: &Trace, found: &Minimum) -> usize {
     let far = far(trace, found);
     let (sizes, usual) = sizes(trace, found);
@@ -98,7 +98,7 @@ fn far(trace: &Trace, found: &Minimum) -> f64 {
     half * ((1e6_f64.ln() / half).exp() - 1.0)
 }
 
-/// Whether what is left tells nearly as much of the resonance as all readings would.
+/// Whether the remaining readings determine the resonance nearly as well as all would.
 fn tells_as_much(all: &Trace, rest: &Trace, found: &Minimum) -> bool {
     let variance = |trace: &Trace| {
         let mut normal = Normal::default();

@@ -24,7 +24,7 @@ use limit::{
 use tracker::Tracker;
 use transient::Transient;
 
-/// What to do next.
+/// The next action.
 #[derive(Debug, Clone, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "one is alive at a time")]
 pub enum Next {
@@ -34,16 +34,16 @@ pub enum Next {
     Finished(FitOutcome),
 }
 
-/// What is believed before the first reading.
+/// The knowledge before the first reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prior {
     /// The circuit as it was last found.
     pub circuit: Option<Circuit>,
-    /// Where its resonance may be now.
+    /// The possible range of its resonance.
     pub within: Window,
     /// The noise of the analyzer, where it is known.
     pub noise: Option<NoisePrior>,
-    /// How the sensor moves when the sweep begins.
+    /// The motion of the sensor at the start of the sweep.
     pub past: Past,
 }
 
@@ -70,15 +70,15 @@ pub struct Planner {
     aim_hz: f64,
     /// Refusals in a row.
     refusals: usize,
-    /// How often the readings were judged.
+    /// Number of judgements of the readings.
     verdicts: usize,
     /// The time since the sweep began, s.
     passed_s: f64,
-    /// Rows computed so far, besides those of the tracker.
+    /// Rows computed so far, without those of the tracker.
     work: u64,
 }
 
-/// What the next point is to lead to.
+/// The aim of the next point.
 #[derive(Debug)]
 struct Goal {
     window: Window,
@@ -88,7 +88,7 @@ struct Goal {
     shortest_s: f64,
 }
 
-/// What is believed of a resonance while it is being measured.
+/// The estimate of a resonance during its measurement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimate {
     /// The circuit that explains the readings so far.
@@ -104,7 +104,7 @@ enum Method {
     Transient(Box<Transient>),
 }
 
-/// What an analyzer is taken for until its readings tell.
+/// The assumed noise of an analyzer before its readings show it.
 pub(crate) const NOISE: NoisePrior = NoisePrior { at_ten_cycles: 0.005, degrees_of_freedom: 4.0 };
 /// Noise may change: what earlier sweeps say of it counts for no more than this.
 const NOISE_DEGREES_MAX: f64 = 1000.0;
@@ -186,10 +186,10 @@ impl Planner {
         self.passed_s = since_begin_s;
     }
 
-    /// How often one sweep is judged before it ends.
+    /// Largest number of judgements of one sweep.
     pub const VERDICTS_MAX: usize = limit::VERDICTS_MAX;
 
-    /// How often the readings were judged.
+    /// Number of judgements of the readings.
     pub const fn verdicts(&self) -> usize {
         self.verdicts
     }
@@ -201,7 +201,7 @@ impl Planner {
         decay::STEP_WORK_MAX
     };
 
-    /// How much has been computed so far, in readings with their slopes.
+    /// Work so far, in readings with their slopes.
     pub fn work(&self) -> u64 {
         let of_method = match &self.method {
             Method::Uniform { .. } => 0,
@@ -249,7 +249,7 @@ impl Planner {
         }
     }
 
-    /// What the last verdict was told besides the readings.
+    /// The inputs of the last outcome, other than the readings.
     pub const fn fit_options(&self) -> FitOptions {
         self.options
     }
@@ -409,7 +409,7 @@ fn scatters(found: &Resonance, options: &FitOptions) -> bool {
     found.chi_squared_per_dof.ln() > ONE_IN_A_HUNDRED * spread
 }
 
-/// Whether a refusal only says that more has to be read.
+/// Whether a refusal only means that more readings are needed.
 fn needs_more(verdict: &FitOutcome) -> bool {
     let FitOutcome::Refused(refusal) = verdict else { return false };
     matches!(refusal.reason, Reason::TooNoisy { .. } | Reason::TooFewPoints { .. })

@@ -26,11 +26,11 @@ pub(crate) struct Block<F = Lanes> {
     pub(crate) v: F,
     pub(crate) p_re: F,
     pub(crate) p_im: F,
-    /// How many times ten cycles were integrated; 0 in lanes without a reading.
+    /// Cycles integrated, in units of ten; 0 in lanes without a reading.
     pub(crate) weight: F,
 }
 
-/// Why a reading can be left out.
+/// The reason why a reading can be left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct NotFinite {
     /// Its place among the readings.
@@ -41,9 +41,9 @@ pub(crate) struct NotFinite {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Points {
     pub(crate) blocks: Vec<Block>,
-    /// How many readings there are.
+    /// Number of readings.
     pub(crate) count: usize,
-    /// How many were left out because the input was overloaded.
+    /// Number of overloaded readings, which are left out.
     pub(crate) overloaded: usize,
     pub(crate) reference_hz: f64,
     pub(crate) reference_farad: f64,
@@ -91,7 +91,7 @@ impl Points {
         Ok(())
     }
 
-    /// How many readings have a neighbour in the block after theirs.
+    /// Number of readings with a neighbour in the next block.
     pub(crate) fn pairs(&self) -> usize {
         let lanes = self.count.div_ceil(self.blocks.len().max(1));
         self.count - lanes

@@ -1,4 +1,4 @@
-//! What a reading shows while the resonance still rings up.
+//! The model of a reading during the ring-up.
 //!
 //! A motional branch answers a change of the drive with its free motion, which dies away over
 //! Q/(πf): a tenth of a second and more. Where the drive is known at every moment, that motion is
@@ -224,7 +224,7 @@ mod tests {
         Visit { frequency_hz, settle_s, integration_s: cycles / frequency_hz, rest_s }
     }
 
-    /// What is heard with the motion at rest before, and with a free motion of charge and current.
+    /// The response with the sensor at rest before, and to a free motion of charge and current.
     #[test]
     fn the_closed_form_agrees_with_blind_integration() {
         for q in [0.8, 8.0, 100.0] {

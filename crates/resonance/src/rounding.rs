@@ -1,4 +1,4 @@
-//! How finely readings were written, seen from their digits.
+//! The resolution of readings, found from their digits.
 //!
 //! An analyzer shows so many digits, of resistance and reactance or of magnitude and phase, and what
 //! is beyond them is lost. Where that is more than the noise, the residuals no longer tell what it
@@ -57,7 +57,7 @@ fn phase_deg(impedance: Impedance) -> f64 {
     impedance.reactance_ohm.atan2(impedance.resistance_ohm).to_degrees()
 }
 
-/// How a column of numbers was written.
+/// The format of a column of numbers.
 #[derive(Debug, Clone, Copy)]
 struct Written {
     /// The most significant digits of any number.

@@ -1,4 +1,4 @@
-//! How much readings may scatter about a model.
+//! The allowed scatter of readings about a model.
 
 use crate::NoisePrior;
 
@@ -14,14 +14,14 @@ pub(crate) struct PooledVariance {
 }
 
 impl PooledVariance {
-    /// What is known beforehand.
+    /// The prior.
     pub(crate) fn known(noise: &NoisePrior) -> Self {
         // Beyond a million what is added would be lost in rounding.
         let degrees = noise.degrees_of_freedom.min(1e6);
         Self { sum: degrees * noise.at_ten_cycles.powi(2), degrees }
     }
 
-    /// The same as it is told to others.
+    /// The same as a public value.
     pub(crate) fn prior(self) -> NoisePrior {
         NoisePrior { at_ten_cycles: self.deviation(), degrees_of_freedom: self.degrees }
     }
@@ -66,7 +66,7 @@ pub(crate) fn allowed(degrees: f64, noise: Option<&NoisePrior>, sigmas: f64) -> 
     if inverse > 0.0 { 1.0 / inverse } else { f64::INFINITY }
 }
 
-/// By how much the 97.5 % point of Student's distribution exceeds that of the normal one.
+/// Ratio of the 97.5 % points of Student's and the normal distribution.
 ///
 /// # Source
 /// Abramowitz and Stegun 26.7.5, two terms; within 0.5 % from 8 degrees of freedom upwards.

@@ -40,7 +40,7 @@ macro_rules! on_this_machine {
 }
 pub(crate) use on_this_machine;
 
-/// How many numbers stand side by side.
+/// Numbers per vector.
 pub(crate) const LANES: usize = 4;
 
 /// Four numbers.
@@ -80,9 +80,9 @@ pub(crate) trait F64x4:
     fn max(self, other: Self) -> Self;
 }
 
-/// What a machine computes with.
+/// The operations of an instruction set.
 pub(crate) trait Isa: Copy {
-    /// What holds four numbers.
+    /// A vector of four numbers.
     type F64x4: F64x4;
     /// These four numbers.
     fn of(self, lanes: &Lanes) -> Self::F64x4;

@@ -68,13 +68,13 @@ impl<const N: usize> Normal<N> {
     }
 }
 
-/// What an iteration walks through.
+/// The unknowns of an iteration.
 pub(crate) trait Step<const N: usize>: Copy {
     /// The place after this step backwards, as far as it makes sense to go at once.
     fn minus(&self, step: &[f64; N]) -> Self;
 }
 
-/// Why an iteration ended.
+/// The reason why an iteration ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum End {
     /// The next step would be far below the uncertainty.
@@ -98,11 +98,11 @@ const RATIONAL_PASSES: usize = 2;
 /// Gauss–Newton, damped where it does not lower the cost.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Descent {
-    /// How many complex residuals there are.
+    /// Number of complex residuals.
     pub(crate) count: usize,
     /// The sum of their weights.
     pub(crate) weight: f64,
-    /// How many parameters take part: the leading ones.
+    /// Number of free parameters, which are the leading ones.
     pub(crate) free: usize,
 }
 

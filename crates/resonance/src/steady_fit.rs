@@ -14,10 +14,10 @@ use crate::{
     trace::{ExtraTerm, ModelEstimate},
 };
 
-/// What may be left of the motion, relative to the noise, without a closer look.
+/// Largest residual transient, relative to the noise, that needs no full fit.
 const SURELY_SETTLED: f64 = 0.3;
 
-/// What few good sweeps show, for each of the signs that ask for a closer look.
+/// Thresholds of the signs that call for a full fit; few good sweeps exceed them.
 mod unusual {
     /// The largest |r|² over its mean; exponentially distributed, so that one good sweep of a hundred
     /// readings in two hundred shows it. An outlier has 14 times the mean of the others.
@@ -39,16 +39,16 @@ pub(crate) struct SteadyFit {
     residuals: Vec<Residual>,
 }
 
-/// How a quick fit ended.
+/// The end of a steady fit.
 #[derive(Debug)]
 pub(crate) struct Found {
     /// The result, where the readings determine one.
     pub(crate) resonance: Option<Resonance>,
     /// Twice the log-likelihood gained over a capacitor.
     pub(crate) gain: f64,
-    /// Whether nothing about the readings asks for a closer look.
+    /// Whether the readings need no full fit.
     pub(crate) is_usual: bool,
-    /// Where a closer look starts.
+    /// The start of the full fit.
     pub(crate) start: Option<ModelEstimate>,
 }
 
@@ -107,7 +107,7 @@ impl SteadyFit {
         (2 * self.points.count - free) as f64
     }
 
-    /// Whether nothing about the residuals asks for a closer look.
+    /// Whether the residuals need no full fit.
     fn is_usual(
         &self,
         solution: &Solution,
@@ -131,7 +131,7 @@ impl SteadyFit {
                 .is_some_and(|saved| saved * self.degrees(free) < unusual::PATTERNS * mean * count)
     }
 
-    /// Whether what is left of the motion after the shortest settling cannot matter.
+    /// Whether the residual transient after the shortest settling is negligible.
     fn has_surely_settled(&self, found: &Resonance) -> bool {
         let Points { settle_s, lowest_hz, highest_hz, count, .. } = self.points;
         let circuit = found.circuit();
@@ -144,7 +144,7 @@ impl SteadyFit {
         error < SURELY_SETTLED * found.noise_at_ten_cycles
     }
 
-    /// Where a closer look starts.
+    /// The start of the full fit.
     fn estimate(&self, solution: &Solution) -> Option<ModelEstimate> {
         let theta = solution.theta;
         let circuit = circuit_of(&self.points, solution)?;

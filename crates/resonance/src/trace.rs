@@ -2,7 +2,7 @@
 //! them.
 //!
 //! Where [`crate::kernel`] is fast and knows one model, this knows them all: readings that have
-//! settled or are still ringing up, and what a circuit may have besides its five parameters. Every
+//! settled or are still ringing up, and extra terms beyond the five parameters of a circuit. Every
 //! model gives the same thing, a [`Row`] for each reading, and everything else works on rows.
 
 use std::f64::consts::TAU;
@@ -18,12 +18,12 @@ use crate::{
     solve::{Descent, End, Normal, Step},
 };
 
-/// Unknowns: ln resonance, ln Q, C0, C1, C0·tan δ, and up to three of what comes besides.
+/// Unknowns: ln resonance, ln Q, C0, C1, C0·tan δ, and up to three of an extra term.
 pub(crate) const UNKNOWNS: usize = 8;
-/// How many of them make the circuit.
+/// The unknowns of the circuit.
 pub(crate) const CIRCUIT: usize = 5;
 
-/// What is known of the times of the readings.
+/// Knowledge of the times of the readings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Timing {
     /// Nothing: each reading may or may not have settled.
@@ -41,13 +41,13 @@ pub enum Timing {
 }
 
 impl Timing {
-    /// Whether the model of a reading is that of a settled one.
+    /// Whether readings are modelled as settled.
     pub(crate) const fn is_steady(self) -> bool {
         !matches!(self, Self::Exact(_))
     }
 }
 
-/// What is known of the sensor's motion before the first reading.
+/// Knowledge of the sensor's motion before the first reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Past {
     /// The drive begins with the first point, at its crest, on a sensor at rest.
@@ -57,7 +57,7 @@ pub enum Past {
     Unknown,
 }
 
-/// What a model may have besides the circuit.
+/// An extra term of a model, beyond the circuit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum ExtraTerm {
     Nothing,
@@ -72,7 +72,7 @@ pub(crate) enum ExtraTerm {
 }
 
 impl ExtraTerm {
-    /// How many unknowns it adds.
+    /// Number of unknowns it adds.
     pub(crate) const fn count(self) -> usize {
         match self {
             Self::Nothing => 0,
@@ -89,7 +89,7 @@ pub(crate) struct Sample {
     pub(crate) visit: Visit,
     /// Measured impedance times the unit of capacitance, s.
     pub(crate) impedance: Complex64,
-    /// How many times ten cycles.
+    /// Cycles, in units of ten.
     pub(crate) length: f64,
     /// The variance that what is left of the motion adds to each part of the relative error.
     pub(crate) unsettled: f64,
@@ -242,13 +242,13 @@ impl Trace {
         self.weigh(variance)
     }
 
-    /// Whether a reading has settled as far as its noise shows.
+    /// Whether a reading has settled within its noise.
     pub(crate) fn has_settled(&self, sample: &Sample) -> bool {
         let excess = |variance| sample.length * sample.unsettled / variance;
         self.weighed_for.is_none_or(|variance| excess(variance) < SETTLED_EXCESS)
     }
 
-    /// What a model of these readings must have besides the circuit.
+    /// The extra term that a model of these readings needs.
     pub(crate) fn extra_term(&self) -> ExtraTerm {
         match self.timing {
             Timing::Exact(Past::Unknown) => ExtraTerm::Past,
@@ -256,7 +256,7 @@ impl Trace {
         }
     }
 
-    /// How many readings take part, and the sum of their weights.
+    /// Number of readings in use, and the sum of their weights.
     pub(crate) fn used(&self) -> (usize, f64) {
         self.samples
             .iter()
@@ -334,7 +334,7 @@ pub(crate) struct Minimum {
     /// The normal equations there.
     pub(crate) normal: Normal<UNKNOWNS>,
     pub(crate) end: End,
-    /// How many of the unknowns were free.
+    /// Number of free unknowns.
     pub(crate) free: usize,
 }
 
@@ -350,7 +350,7 @@ pub(crate) fn complex_ohm(reading: &Reading) -> Option<Complex64> {
     reading.impedance().map(|one| Complex64::new(one.resistance_ohm, one.reactance_ohm))
 }
 
-/// How many times ten cycles were integrated; 1 where the time is not known.
+/// Cycles integrated, in units of ten; 1 if the time is unknown.
 #[inline]
 pub(crate) fn weight(reading: &Reading) -> f64 {
     tens_of_cycles(reading.integration_s * reading.frequency_hz)
@@ -367,13 +367,13 @@ pub(crate) fn middle_s(reading: &Reading, first: &Reading) -> f64 {
     started_s + reading.settle_s + 0.5 * reading.integration_s
 }
 
-/// Whether the frequency was not set anew between two readings.
+/// Whether the frequency stayed the same between two readings.
 #[expect(clippy::float_cmp, reason = "it is the same number where the frequency stayed")]
 fn is_same_stay(previous: &Reading, reading: &Reading) -> bool {
     previous.frequency_hz == reading.frequency_hz && previous.started == reading.started
 }
 
-/// What is heard after all transients.
+/// The response after all transients.
 fn steady(at: &ModelEstimate, sample: &Sample) -> Response<Dual> {
     let drift = if at.extra_term == ExtraTerm::Drift { at.extra[0] * sample.when } else { 0.0 };
     let resonance_hz = at.resonance_hz * (1.0 + drift);
@@ -409,12 +409,12 @@ pub(crate) fn ideal_row(at: &ModelEstimate, sample: &Sample, response: &Response
     Row { residual: Complex64::ZERO, slopes: model(at, sample, response).slopes }
 }
 
-/// What a model says of a reading.
+/// The prediction of a model for a reading.
 struct Model {
     admittance: Complex64,
     /// Slopes of the logarithm of Z(measured)/Z(model).
     slopes: [Complex64; UNKNOWNS],
-    /// What lies in series with it.
+    /// The impedance in series with it.
     series: Complex64,
 }
 
@@ -457,7 +457,7 @@ fn model(at: &ModelEstimate, sample: &Sample, response: &Response<Dual>) -> Mode
 }
 
 impl ModelEstimate {
-    /// A circuit, and nothing besides.
+    /// A circuit without an extra term.
     pub(crate) fn of(circuit: &Circuit, unit_farad: f64) -> Self {
         let c0 = circuit.c0_farad / unit_farad;
         Self {

@@ -1,4 +1,4 @@
-//! What one sweep cannot tell, and two can.
+//! Nonlinearity from two sweeps at different levels.
 //!
 //! A spring that is a little softer at the peak changes the readings of one sweep as another resonance
 //! would: a second sweep at another level shows it. So do sweeps up and down where the resonance

@@ -1,4 +1,4 @@
-//! What it costs not to be told how long points were waited for.
+//! Extra uncertainty when the dwell time is unknown.
 //!
 //! A sweep that goes on before the motion has settled reads every point a little as it read the one
 //! before. To first order that is what a resonance a little further along looks like, and no fit can

@@ -1,4 +1,4 @@
-//! What people call the resonance of a circuit, and how far each is from the series resonance.
+//! Definitions of the resonance of a circuit, and their distances from the series resonance.
 
 use num_complex::Complex64;
 
@@ -12,15 +12,15 @@ use crate::Circuit;
 pub enum Definition {
     /// 1/(2π√(L1 C1)).
     SeriesResonance,
-    /// Where the magnitude of the impedance has its local minimum.
+    /// The local minimum of the magnitude of the impedance.
     MagnitudeMinimum,
-    /// Where the magnitude of the impedance has its local maximum, the antiresonance.
+    /// The local maximum of the magnitude of the impedance, the antiresonance.
     MagnitudeMaximum,
     /// The lower of the two frequencies at which the impedance is real.
     PhaseZero,
-    /// Where the phase of the impedance is highest.
+    /// The maximum of the phase of the impedance.
     PhaseMaximum,
-    /// Where the conductance has its local maximum.
+    /// The local maximum of the conductance.
     ConductanceMaximum,
 }
 
@@ -71,7 +71,7 @@ impl Definition {
         Some(u * circuit.resonance_hz)
     }
 
-    /// How far that frequency lies above the series resonance, Hz.
+    /// That frequency less the series resonance, Hz.
     pub fn bias_hz(self, circuit: &Circuit) -> Option<f64> {
         self.frequency_hz(circuit).map(|frequency_hz| frequency_hz - circuit.resonance_hz)
     }
@@ -146,7 +146,7 @@ impl Slope {
     }
 }
 
-/// Where a function that is negative at `low` and not at `high` passes through zero.
+/// The zero of a function that is negative at `low` and not at `high`.
 fn root(mut low: f64, mut high: f64, value: impl Fn(f64) -> f64) -> f64 {
     loop {
         let middle = 0.5 * (low + high);

@@ -24,7 +24,7 @@ pub(super) fn parabola(points: &[Point], value: impl Fn(&Point) -> f64) -> Resul
     Ok(middle.frequency_hz + if shift.is_finite() { shift } else { 0.0 })
 }
 
-/// Where the phase first rises through zero.
+/// The first zero of the rising phase.
 pub(super) fn zero_phase(points: &[Point]) -> Result<f64, NoEstimate> {
     at_least(2, points)?;
     let rises = |pair: &&[Point]| {

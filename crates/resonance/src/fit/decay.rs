@@ -38,7 +38,7 @@ const GAP_S: f64 = 1e-3;
 /// Standard deviation of the error in the time between two readings: within a millisecond.
 const GAP_SIGMA_S: f64 = 0.58e-3;
 
-/// What is known of the analyzer before a fit.
+/// Prior knowledge of the analyzer.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Known {
     /// Variance of each part of the relative error of a reading of ten cycles.
@@ -63,7 +63,7 @@ pub(crate) struct Sample {
     pub(crate) integration_s: f64,
     /// Measured impedance times the unit of capacitance, s.
     pub(crate) impedance: Option<Complex64>,
-    /// How many times ten cycles; 0 for a reading that is left out.
+    /// Cycles, in units of ten; 0 for a reading that is left out.
     pub(crate) length: f64,
 }
 
@@ -113,7 +113,7 @@ impl Hypothesis {
     }
 }
 
-/// Variance of the first unknown with so many free; infinite where it is not determined.
+/// Variance of the first unknown with `free` unknowns; infinite if it is not determined.
 pub(crate) fn variance(normal: &Normal<UNKNOWNS>, free: usize) -> f64 {
     let mut unit = [0.0; UNKNOWNS];
     unit[0] = 1.0;

@@ -1,4 +1,4 @@
-//! What a reading counts for, where that is not its integration alone: rounding and pick-up.
+//! Weights of readings from rounding and pick-up, in addition to their integration.
 
 use super::{CLEARLY, Model};
 use crate::{FitOptions, alternatives::Fitted, mains, outliers};

@@ -32,7 +32,7 @@ const OPENING: (u32, usize) = (2, 5);
 /// Ratio of the frequencies of two first stays, at most, and how many there are at most.
 const OPENING_RATIO: f64 = 1.52;
 const OPENINGS_MAX: usize = 24;
-/// Where a warm sweep begins, in linewidths above the last resonance.
+/// Start of a warm sweep, in linewidths above the last resonance.
 const OPENING_OFF: f64 = 0.3;
 /// Until the standard deviation is this part of the linewidth, other circuits are looked for, and a
 /// second mode is not.
@@ -73,18 +73,18 @@ pub(crate) struct Decay {
     stays: Option<Stays>,
     trials: Trials,
     hypotheses: Vec<Hypothesis>,
-    /// What the readings say of second modes, once a resonance is certain.
+    /// The evidence for second modes, once a resonance is certain.
     modes: Option<Modes>,
     seen: Vec<SecondMode>,
     steps: usize,
     searches: usize,
     forced: usize,
     looks: usize,
-    /// Whether the circuit has been looked for everywhere since the last reading.
+    /// Whether the whole window has been searched since the last reading.
     is_searched: bool,
     /// The standard deviation that stays are planned for, Hz.
     aim_hz: f64,
-    /// Why the last verdict was a refusal.
+    /// The reason of the last refusal.
     doubt: Option<Reason>,
 }
 
@@ -193,7 +193,7 @@ impl Decay {
         self.aim_hz = AIM * ratio.clamp(NARROWER, 1.0) * now_hz.min(self.aim_hz);
     }
 
-    /// The next stay, empty where none would help, or the reason why there is none.
+    /// The next stay, empty if none would help, or the reason for its absence.
     pub(crate) fn next(
         &mut self,
         request: &SweepRequest,
@@ -252,7 +252,7 @@ impl Decay {
         Ok(points(request.window, frequency_hz, (cycles, count)))
     }
 
-    /// What the next stays are to reach.
+    /// The aim of the next stays.
     fn aim(&self, best: &Hypothesis) -> Aim {
         let relative = self.aim_hz / best.at.resonance_hz;
         let variance = relative * relative;
@@ -296,7 +296,7 @@ impl Decay {
         self.stays.as_ref().map_or(0, |stays| stays.work.get())
     }
 
-    /// What the readings so far say.
+    /// The outcome of the readings so far.
     pub(crate) fn estimate(&self) -> Option<Estimate> {
         let (circuit, best) = (self.circuit()?, self.hypotheses.first()?);
         let sigma_hz = best.sigma_hz();

@@ -1,4 +1,4 @@
-//! What bounds a planned sweep.
+//! The bounds of a planned sweep.
 //!
 //! Every sweep ends: at its time limit, or where one of these counts is used up. They are far above
 //! what a sweep needs that reaches its target, so that whoever meets one has asked for too much.
@@ -40,7 +40,7 @@ pub(super) const STEP_WORK_MAX: u64 = {
         + ROWS_PER_READING_JUDGED * readings
 };
 
-/// What ends a planned sweep that has not reached its target.
+/// The bound that ended a planned sweep before its target.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Limit {
     /// No further reading can be made in the time allowed.
@@ -51,7 +51,7 @@ pub enum Limit {
         /// The time allowed, s.
         limit_s: f64,
     },
-    /// As many readings as are taken in one sweep.
+    /// The largest number of readings of one sweep.
     #[error("no more than {max} are taken in one sweep: ask for less")]
     Readings {
         /// The most that are taken.
@@ -60,7 +60,7 @@ pub enum Limit {
     /// The readings were judged as often as is done in one sweep, and never sufficed.
     #[error("they were judged {max} times without being enough: ask for less")]
     Verdicts {
-        /// How often they are judged at most.
+        /// Largest number of judgements.
         max: usize,
     },
     /// No further reading is known that would help.

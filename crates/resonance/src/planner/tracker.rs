@@ -1,4 +1,4 @@
-//! What is believed of the circuit while its ring-up is being read.
+//! The estimate of the circuit during its ring-up.
 
 use std::{cell::Cell, f64::consts::TAU};
 
@@ -24,9 +24,9 @@ pub(super) struct Tracker {
     grid: Option<Grid>,
     trace: Option<Trace>,
     best: Option<ModelEstimate>,
-    /// Whether a circuit with clearly another resonance explains the readings nearly as well.
+    /// Whether a circuit with a clearly different resonance explains the readings nearly as well.
     has_rival: bool,
-    /// What is known of the noise beforehand, and what the readings tell besides.
+    /// The prior of the noise, updated by the readings.
     noise: PooledVariance,
     seen: PooledVariance,
     /// Rows computed so far: readings as the model sees them, with their slopes.
@@ -185,7 +185,7 @@ impl Tracker {
         self.seen.deviation()
     }
 
-    /// Whether a circuit with clearly another resonance explains the readings nearly as well.
+    /// Whether a circuit with a clearly different resonance explains the readings nearly as well.
     pub(super) fn has_rival(&self) -> bool {
         self.has_rival
     }
@@ -314,7 +314,7 @@ impl Tracker {
 
 /// Rounds of weighing.
 const WEIGHINGS: usize = 5;
-/// What part of a step that leads too far is tried.
+/// Factor for a step that leads too far.
 const BACK: f64 = 0.4;
 
 /// A circuit near which no other explains the readings better.

@@ -54,18 +54,18 @@ const LONGEST_SHARE: f64 = 0.3;
 /// Shortest and longest visit considered, in cycles.
 const CYCLES_MIN: f64 = 2.0;
 const CYCLES_MAX: f64 = 2000.0;
-/// What is counted for a visit besides its time, s: it has to be ordered and answered.
+/// Overhead of a visit for command and answer, s.
 const VISIT_COST_S: f64 = 0.002;
 /// Visits that a plan is followed for.
 const VISITS_AHEAD: usize = 24;
-/// Where searches for a plan begin: distances from the resonance in linewidths, and cycles.
+/// Starts of the search for a plan: distances from the resonance in linewidths, and cycles.
 const STARTS: [[f64; PLACES]; 3] = [[-0.4, 0.4, 0.1], [-0.5, 1.2, -1.5], [-1.5, 1.5, 0.4]];
 const STARTS_CYCLES: [f64; 4] = [2.0, 5.0, 12.0, 30.0];
 /// Plans tried for each visit; about a millisecond.
 const EFFORT: usize = 240;
 /// A plan must be better than the last one by this factor to replace it.
 const FAITH: f64 = 0.95;
-/// Where the search for a better plan ends, as a part of its first step.
+/// Last step of the search for a better plan, relative to its first step.
 const FINEST: f64 = 0.2;
 /// Below this part of the static admittance a reading is not counted on to be as precise as others:
 /// where static and motional current cancel, a relative error would become no error at all.
@@ -116,7 +116,7 @@ impl Transient {
     }
 }
 
-/// Where a plan starts from.
+/// The start of a plan.
 #[derive(Debug)]
 struct PlanStart {
     at: ModelEstimate,
@@ -124,7 +124,7 @@ struct PlanStart {
     motion: Motion<Dual>,
     past: Dual,
     free: usize,
-    /// The time that every visit costs besides, s; the drive goes on in it.
+    /// Overhead of every visit, s; the drive goes on during it.
     rest_s: f64,
     /// Variance of the logarithm of the resonance that is wanted, for noise of variance 1.
     wanted: f64,

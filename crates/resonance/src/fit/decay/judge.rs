@@ -1,4 +1,4 @@
-//! What readings of a free decay say, and whether to believe it.
+//! The fit of readings with a free decay, and its checks.
 
 use rig_model::{Reading, Window};
 

@@ -40,7 +40,7 @@ pub(crate) struct SecondMode {
     pub(crate) variance: f64,
 }
 
-/// What each stay says of a second mode at each place.
+/// The evidence of each stay for a second mode at each place.
 #[derive(Debug, Clone)]
 pub(crate) struct Modes {
     of_stays: Vec<Normal<WITH_MODES>>,
@@ -111,7 +111,7 @@ impl Modes {
         self.at.resonance_hz * (1.0 + AT[place] / self.at.q)
     }
 
-    /// What the readings say of a second mode at each place of this window.
+    /// The evidence of the readings for a second mode at each place of this window.
     pub(crate) fn all(
         &self,
         expected: &CircuitPrior,

@@ -1,4 +1,4 @@
-//! What a circuit makes of readings at one frequency whose free decay is still heard.
+//! The model of readings at one frequency with a free decay.
 
 use std::f64::consts::TAU;
 
@@ -33,7 +33,7 @@ impl Amplitude {
     }
 }
 
-/// What a circuit makes of readings at one frequency.
+/// The model of readings at one frequency.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Model {
     /// s − jω.
@@ -106,7 +106,7 @@ impl Model {
         motion - self.forced(at)
     }
 
-    /// How many times ten cycles an integration takes.
+    /// Cycles of an integration, in units of ten.
     pub(super) fn tens_of_cycles(&self, integration_s: f64) -> f64 {
         // The slope by the loss is the angular frequency.
         0.1 * integration_s * self.by[4].re / TAU

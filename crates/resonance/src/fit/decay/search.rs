@@ -29,18 +29,18 @@ const DEGREES_OF_A_GUESS: f64 = 0.5;
 /// … once the readings leave so many degrees of freedom that a wrong circuit shows otherwise.
 const ENOUGH_DEGREES: f64 = 30.0;
 
-/// Where a search looks besides the circuits found before.
+/// Further starts of a search, beyond the circuits found before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Effort {
     /// Nowhere.
     Follow,
-    /// Where the trials say.
+    /// The starts given by the trials.
     Trials,
     /// Beside the best circuit: beats that were counted wrong lead into a valley beside the right one.
     Beside,
 }
 
-/// What a search goes by.
+/// The criteria of a search.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Search<'a> {
     pub(crate) stays: &'a Stays,
@@ -49,7 +49,7 @@ pub(crate) struct Search<'a> {
     pub(crate) noise: PooledVariance,
 }
 
-/// What χ² per degree of freedom may be, against this noise.
+/// Largest χ² per degree of freedom for this noise.
 pub(crate) fn allowed(degrees: f64, noise: PooledVariance) -> f64 {
     let mut prior = noise.prior();
     if prior.degrees_of_freedom <= GUESSED_DEGREES && degrees > ENOUGH_DEGREES {

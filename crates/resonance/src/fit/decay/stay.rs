@@ -16,7 +16,7 @@ use crate::{
 /// Where the unknowns of a stay are: the circuit, the amplitude, the error in time, second modes.
 const A: usize = CIRCUIT;
 const TIME: usize = CIRCUIT + 2;
-/// How many there are without a second mode, with one, and with one at each place.
+/// Numbers of unknowns without a second mode, with one, and with one at each place.
 const ALONE: usize = CIRCUIT + 3;
 const WITH_ONE: usize = ALONE + 1;
 const WITH_ALL: usize = ALONE + PLACES;
@@ -36,14 +36,14 @@ const LINEAR: f64 = 0.02;
 const PRIOR_CHANGED: f64 = 0.1;
 const VARIANCE_CHANGED: f64 = 0.02;
 
-/// What is found of a stay while a circuit is sought.
+/// The state of a stay during the search for a circuit.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct State {
     amplitude: Complex64,
     /// Its variance beforehand, and its mean square.
     prior: f64,
     square: f64,
-    /// By how much each reading began later than its time says, s.
+    /// Delay of each reading after its recorded time, s.
     late_s: Vec<f64>,
     rows: Vec<Row>,
     last: Option<Computed>,

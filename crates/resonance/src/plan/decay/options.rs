@@ -38,15 +38,15 @@ const PART: f64 = 0.5;
 const SHORT_S: f64 = 0.03;
 /// A gap where none has been seen yet, s.
 const GAP_S: f64 = 1.5e-3;
-/// What is missing where nothing is known yet, as a ratio of variances.
+/// The gap before any knowledge, as a ratio of variances.
 const MISSING_MAX: f64 = 1e12;
 
-/// How long things take.
+/// Durations.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pace {
     /// The mean time between two readings of a stay, s.
     gap_s: f64,
-    /// What the sweep has taken so far, s.
+    /// Duration of the sweep so far, s.
     pub(super) spent_s: f64,
 }
 
@@ -66,7 +66,7 @@ impl Pace {
     }
 }
 
-/// What a plan stands on.
+/// The inputs of a plan.
 #[derive(Debug)]
 pub(super) struct PlanStart<'a> {
     pub(super) stays: &'a Stays,
@@ -76,11 +76,11 @@ pub(super) struct PlanStart<'a> {
     pub(super) aim: Aim,
     pub(super) modes: Option<&'a Modes>,
     pub(super) pace: Pace,
-    /// What is left of the time allowed, s.
+    /// Remaining time, s.
     pub(super) left_s: f64,
 }
 
-/// What is to be known.
+/// The quantity to determine.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Aim {
     /// The variance of the logarithm of the resonance.
@@ -103,12 +103,12 @@ struct Candidate {
     cycles: u32,
     count: usize,
     seconds: f64,
-    /// What is known by it, at each phase of its free motion.
+    /// Its information at each phase of its free motion.
     adds: [Matrix; PHASES],
 }
 
 impl Aim {
-    /// How far it is from what is known, as a ratio of variances.
+    /// The gap to the present knowledge, as a ratio of variances.
     fn missing(&self, matrix: &Matrix, c1: f64) -> f64 {
         // All unknowns after the resonance and the second mode are eliminated, the last first.
         let mut rest = *matrix;
@@ -167,13 +167,13 @@ impl<'a> Shortlist<'a> {
         Self { aim, c1, now, before, all: Vec::new(), best, least_s, steepest, slope }
     }
 
-    /// How far the aim is after one candidate, in the mean over the phases.
+    /// The gap to the aim after one candidate, averaged over the phases.
     fn missing(&self, one: &Candidate) -> f64 {
         let of = |adds| self.aim.missing(&sum(self.now, adds), self.c1);
         one.adds.iter().map(of).sum::<f64>() / PHASES as f64
     }
 
-    /// Whether two candidates reach the aim, in the mean over the phases.
+    /// Whether two candidates reach the aim, averaged over the phases.
     fn is_reached(&self, one: &Candidate, other: &Candidate) -> bool {
         let mut total = 0.0;
         one.adds.iter().zip(&other.adds).all(|(one, other)| {
