@@ -45,13 +45,13 @@ pub enum ControlError {
     /// A word is missing.
     #[error("{what} is missing; say help")]
     Missing {
-        /// What should stand there.
+        /// The expected form.
         what: &'static str,
     },
     /// A word is not one of those that may stand there.
     #[error("\"{word}\" is no {what}; say help")]
     Word {
-        /// What should stand there.
+        /// The expected form.
         what: &'static str,
         /// The unknown word.
         word: String,

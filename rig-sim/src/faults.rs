@@ -18,11 +18,11 @@ pub struct Fault {
     pub unit: Option<u8>,
     /// The kind of the fault.
     pub kind: FaultKind,
-    /// When it happens.
+    /// Its time.
     pub trigger: FaultTrigger,
 }
 
-/// When a fault happens.
+/// The time of a fault.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FaultTrigger {
     /// Once, at the n-th frame from now. The next one is the first.

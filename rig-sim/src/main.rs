@@ -78,7 +78,7 @@ struct Serve {
     /// The unit id of that drive.
     #[arg(long, default_value_t = 2)]
     rotary_unit: u8,
-    /// How fast the serial line of the drives is.
+    /// Rate of the serial line of the drives.
     #[arg(long, default_value_t = 115_200)]
     baud: u32,
     /// Opens the line of the drives as a pseudo-terminal (Modbus RTU), and LINK pointing to it.
@@ -142,7 +142,7 @@ fn fail(message: &str, code: u8) -> ExitCode {
     ExitCode::from(code)
 }
 
-/// What ends the program early.
+/// The reason of an early end of the program.
 struct Failure {
     message: String,
     code: u8,

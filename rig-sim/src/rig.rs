@@ -16,7 +16,7 @@ use crate::{
     world::{AxisId, Scene, SceneError, World},
 };
 
-/// How long a drive thinks before it answers, as its factory sets it.
+/// Response delay of a drive, as set by its factory.
 const TURNAROUND: Duration = Duration::from_millis(3);
 
 /// The simulated rig without I/O.

@@ -6,7 +6,7 @@ use rig_model::{AnalyzerMake, DriveMake};
 
 use crate::modbus::NotModbus;
 
-/// What stands on the bench and how it is connected.
+/// The devices of the bench and their connections.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wiring {
     /// The impedance analyzer.
@@ -15,11 +15,11 @@ pub struct Wiring {
     pub linear: AxisWiring,
     /// The drive of the rotary stage.
     pub rotary: AxisWiring,
-    /// How the drives' line carries its frames.
+    /// The framing of the drives' line.
     pub transport: LineTransport,
 }
 
-/// How a stage is driven.
+/// The drive of a stage.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisWiring {
     /// The make of its drive.
@@ -52,7 +52,7 @@ impl From<NotModbus> for HangUp {
     }
 }
 
-/// How a line carries its frames.
+/// The framing of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LineTransport {
     /// A serial line at this many baud, eleven bits a character.
@@ -65,7 +65,7 @@ pub enum LineTransport {
 }
 
 impl LineTransport {
-    /// How long `bytes` characters are under way.
+    /// Transfer time of `bytes` characters.
     pub(crate) fn duration_of(self, bytes: usize) -> Duration {
         match self {
             Self::Serial { baud } => Duration::from_secs_f64(11.0 * bytes as f64 / f64::from(baud)),

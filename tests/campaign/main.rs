@@ -29,13 +29,13 @@ struct Arguments {
     /// The first seed.
     #[arg(long, value_name = "K", default_value_t = 1)]
     first_seed: u64,
-    /// How many seeds.
+    /// Number of seeds.
     #[arg(long, value_name = "N", default_value_t = 100)]
     seeds: u64,
     /// Runs at a time.
     #[arg(long, value_name = "J", default_value_t = 1)]
     jobs: usize,
-    /// What is run, named from the root of the repository.
+    /// The protocol, relative to the root of the repository.
     #[arg(long, value_name = "FILE", default_value = "config/protocols/smoke.toml")]
     protocol: String,
     /// Draw also what else is on the bench (noise, quality, coupling, capacitance, probe radius, drift)

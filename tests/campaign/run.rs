@@ -15,7 +15,7 @@ use crate::case::Case;
 /// A run that takes longer by the clock on the wall has no end: the longest take half a minute.
 const PATIENCE: Duration = Duration::from_secs(300);
 
-/// How a run ended.
+/// The end of a run.
 #[derive(Debug)]
 pub(crate) enum Outcome {
     /// By itself.

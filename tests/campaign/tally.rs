@@ -16,7 +16,7 @@ use tracing_subscriber::{Layer, filter::Targets, layer::Context, prelude::*};
 
 use crate::run::Outcome;
 
-/// How the runs ended.
+/// The ends of the runs.
 #[derive(Debug, Default)]
 pub(crate) struct Tally {
     completed: usize,

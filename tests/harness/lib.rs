@@ -44,7 +44,7 @@ pub fn changed(text: &str, changes: &[(&str, &str)]) -> String {
 pub struct TestRig {
     /// Speaks to the rig.
     pub handle: RigHandle,
-    /// What protocols are checked against.
+    /// The limits for protocols.
     pub facts: RigFacts,
     thread: Option<RigThread>,
     data: TempDir,
@@ -139,7 +139,7 @@ impl TestRig {
     /// Gives a command.
     ///
     /// # Errors
-    /// What the rig says.
+    /// The answer of the rig.
     pub async fn command(&self, command: Command) -> Result<(), rig::RequestRefusal> {
         self.handle.command(command, None, "test").await
     }

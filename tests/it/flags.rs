@@ -67,7 +67,7 @@ fn flagged(readings: &[ReadingRecord]) -> usize {
     readings.iter().filter(|reading| reading.flag == ReadingFlag::Overload).count()
 }
 
-/// How many touches of a run were measured, and why the others were refused.
+/// Number of measured touches of a run, and the reasons of the refused ones.
 fn touches(records: &[StoredRecord]) -> (usize, Vec<String>) {
     let (mut measured, mut refused) = (0, Vec::new());
     for stored in records {

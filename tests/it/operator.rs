@@ -1,4 +1,4 @@
-//! What a person can do while a run goes on.
+//! Commands of a person during a run.
 
 use std::fs;
 

@@ -14,7 +14,7 @@ pub struct Dialect {
     pub models: &'static str,
     /// Beginnings of the model field of the identity.
     pub model_prefixes: &'static [&'static str],
-    /// How finely the frequency can be set.
+    /// Resolution of the frequency setting.
     pub resolution: Resolution,
     /// An option that drives more.
     pub high_power: Option<HighPower>,
@@ -25,7 +25,7 @@ pub struct Dialect {
     pub(crate) commands: CommandSet,
 }
 
-/// How finely a frequency can be set.
+/// Resolution of a frequency setting.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Resolution {
     /// A fixed step, Hz.
@@ -91,11 +91,11 @@ pub struct TransportRules {
     pub has_headers: bool,
     /// Whether there is an error queue behind the bits of `*ESR?`.
     pub has_error_queue: bool,
-    /// How characters are handed over.
+    /// The transfer of characters.
     pub handshake: Handshake,
 }
 
-/// How characters are handed over.
+/// The transfer of characters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Handshake {
     /// One after the other.

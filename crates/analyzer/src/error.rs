@@ -110,7 +110,7 @@ pub enum AnalyzerError {
     Strays {
         /// Name of the port.
         port: Arc<str>,
-        /// How much.
+        /// The amount.
         bytes: usize,
     },
     /// The answer is not one to this question.

@@ -30,7 +30,7 @@ impl Default for TransportSettings {
     }
 }
 
-/// How long an instrument may take to echo a character.
+/// Time limit for the echo of a character.
 const ECHO_WITHIN: Duration = Duration::from_millis(200);
 
 /// Answers are some hundred characters long, or twenty for each number of a trace.

@@ -22,7 +22,7 @@ pub(crate) const FREQUENCY: &str = ":FREQuency";
 /// The differences within the family.
 #[derive(Debug)]
 pub(crate) struct LcrVariant {
-    /// What sets the time between trigger and measurement.
+    /// The command for the delay between trigger and measurement.
     delay: &'static str,
     /// Commands that only this one has.
     extra: &'static [(&'static str, &'static str)],

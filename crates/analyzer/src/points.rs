@@ -19,7 +19,7 @@ use crate::{
 /// Integration may take this many times the cycles asked for while the range is sought.
 const MEASURE_TIMES: f64 = 3.0;
 
-/// How long before a measurement that is not ready is asked for again.
+/// Interval between queries for a measurement that is not ready.
 const POLL: Duration = Duration::from_millis(20);
 
 impl Analyzer {

@@ -17,10 +17,10 @@ use crate::{
     trace,
 };
 
-/// How often a measurement is begun anew after its answer was lost.
+/// Number of new starts of a measurement after a lost answer.
 const ATTEMPTS: u32 = 3;
 
-/// How long the line is only listened to after a lost answer.
+/// Listening time after a lost answer.
 const QUARANTINE: Duration = Duration::from_millis(500);
 
 /// How far the level that the instrument reports may be from the one asked for: it prints three

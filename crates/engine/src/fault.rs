@@ -30,7 +30,7 @@ impl Device {
     }
 }
 
-/// How an operation failed.
+/// The failure of an operation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FailureKind {
     /// It was interrupted.

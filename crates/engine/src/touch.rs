@@ -149,7 +149,7 @@ impl TouchMachine {
         context.retract()
     }
 
-    /// How fast the free sensor rings down, s.
+    /// Time constant of the ring-down of the free sensor, s.
     fn time_constant_s(&self) -> f64 {
         self.no_load.q / (std::f64::consts::PI * self.no_load.resonance_hz)
     }

@@ -1,4 +1,4 @@
-//! Where a port is, and how it is opened, also once more after it was lost.
+//! The address of a port, and how it is opened and reopened.
 
 use std::{fmt, io, os::unix::fs::FileTypeExt, path::Path, sync::Arc, time::Duration};
 
@@ -8,7 +8,7 @@ use tokio_serial::SerialPortBuilderExt;
 use crate::{OpenError, Transport, attached};
 use rig_model::{LineSettings, Parity, StopBits};
 
-/// How long a TCP connection may take to come up.
+/// Time limit of a TCP connection attempt.
 const CONNECT_WITHIN: Duration = Duration::from_secs(3);
 
 /// Where a port is.

@@ -1,4 +1,4 @@
-//! What goes wrong between the host and a device, as far as a port can tell.
+//! Faults between the host and a device, as a port sees them.
 
 use std::{fmt, io, sync::Arc, time::Duration};
 
@@ -14,7 +14,7 @@ pub enum LineError {
     TimedOut {
         /// Name of the port.
         port: Arc<str>,
-        /// How long it was waited for.
+        /// Duration of the wait.
         waited: Duration,
         /// The incomplete answer.
         arrived: Box<PartialAnswer>,
@@ -24,9 +24,9 @@ pub enum LineError {
     Blocked {
         /// Name of the port.
         port: Arc<str>,
-        /// How many bytes were to be sent.
+        /// Number of bytes to send.
         bytes: usize,
-        /// How long it was tried.
+        /// Duration of the attempts.
         waited: Duration,
     },
     /// Bytes keep coming that nobody asked for.
@@ -34,9 +34,9 @@ pub enum LineError {
     NeverSilent {
         /// Name of the port.
         port: Arc<str>,
-        /// How long silence was waited for.
+        /// Duration of the wait for silence.
         waited: Duration,
-        /// How much was thrown away.
+        /// Number of discarded bytes.
         discarded: usize,
     },
     /// The adapter is gone, or the other side has closed the connection.
@@ -126,7 +126,7 @@ pub enum OpenError {
     TimedOut {
         /// Name of the port.
         port: Arc<str>,
-        /// How long it was tried.
+        /// Duration of the attempts.
         waited: Duration,
     },
     /// The connection was refused, or there is no way to the address.

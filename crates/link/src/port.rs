@@ -22,7 +22,7 @@ use rig_model::LineSettings;
 /// How many frames the black box holds: some seconds of a busy line.
 const TRANSCRIPT_FRAMES: usize = 256;
 
-/// How long the operating system may take to accept a request.
+/// Time limit for the operating system to accept a request.
 const SEND_WITHIN: Duration = Duration::from_secs(1);
 
 /// A quarantine ends at the latest after this many times the time asked for.
@@ -40,7 +40,7 @@ pub struct Port {
     line: Option<LineSettings>,
     clock: Clock,
     transcript: Transcript,
-    /// When a byte last went either way, as far as the host knows.
+    /// Time of the last byte in either direction, as far as the host knows.
     last_activity: Instant,
     /// Bytes that arrive now are not waited for.
     is_discarding: bool,
@@ -143,7 +143,7 @@ impl Port {
         matches!(self.endpoint, Some(Endpoint::Serial { .. })) || self.line.is_some()
     }
 
-    /// How long `bytes` characters occupy the line; nothing on a network.
+    /// Transfer time of `bytes` characters; zero on a network.
     pub fn duration_of(&self, bytes: usize) -> Duration {
         self.line.map_or(Duration::ZERO, |line| line.duration_of(bytes))
     }

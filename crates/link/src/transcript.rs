@@ -26,7 +26,7 @@ pub struct Frame {
     pub at: RigTime,
     /// Which way.
     pub flow: Flow,
-    /// What went.
+    /// The bytes.
     pub bytes: Vec<u8>,
 }
 

@@ -1,4 +1,4 @@
-//! What carries the bytes of a port.
+//! The transports of a port.
 
 use std::fmt;
 

@@ -1,4 +1,4 @@
-//! How the probe stands to the sample.
+//! The pose of the probe to the sample.
 
 use std::{
     f64::consts::{FRAC_PI_2, PI},
@@ -34,7 +34,7 @@ impl Direction {
         }
     }
 
-    /// How the sensor must be mounted for this direction.
+    /// The orientation of the sensor for this direction.
     pub const fn orientation(self) -> Orientation {
         match self {
             Self::Front | Self::Back => Orientation::FrontBack,
@@ -69,7 +69,7 @@ impl fmt::Display for Direction {
     }
 }
 
-/// How the sensor is mounted about its own axis. A person turns it.
+/// The orientation of the sensor about its own axis. A person turns it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Orientation {
     /// The rotary stage leans the surface in the plane of bending.

@@ -34,7 +34,7 @@ impl Clearance {
 pub struct Geometry {
     /// Linear position at which the tip touches the level sample.
     pub surface: Position<Mm>,
-    /// How far that surface lies above the rotary axis (negative when below), in mm.
+    /// Height of that surface above the rotary axis (negative below), mm.
     pub surface_above_pivot_mm: f64,
     /// How far the probe stands beside the rotary axis, in mm, positive to the side that sinks at
     /// positive angles.

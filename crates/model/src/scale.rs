@@ -2,7 +2,7 @@
 
 use crate::{Position, Unit};
 
-/// How the counts of a drive correspond to positions of the axis.
+/// The scale between counts of a drive and positions of the axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scale<U> {
     /// How far one count moves the axis, in the unit `U`; negative when the drive counts the other

@@ -1,4 +1,4 @@
-//! How characters travel on a serial line, and how long they take.
+//! Settings and timing of a serial line.
 
 use std::{fmt, time::Duration};
 
@@ -22,7 +22,7 @@ pub enum StopBits {
     Two,
 }
 
-/// What ends a line of text.
+/// The terminator of a line of text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Terminator {
     /// Line feed.
@@ -70,7 +70,7 @@ impl LineSettings {
         Self { baud, parity: Parity::Even, stop_bits: StopBits::One }
     }
 
-    /// How long `bytes` characters occupy the line.
+    /// Transfer time of `bytes` characters.
     pub fn duration_of(&self, bytes: usize) -> Duration {
         let parity = u32::from(self.parity != Parity::None);
         let stop = if self.stop_bits == StopBits::Two { 2 } else { 1 };

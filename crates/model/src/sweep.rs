@@ -30,9 +30,9 @@ pub struct DriveLevel {
 pub struct SweepPoint {
     /// Frequency, Hz.
     pub frequency_hz: f64,
-    /// How long to wait after the frequency is set, s.
+    /// Settling time after the frequency is set, s.
     pub settle_s: f64,
-    /// How many whole cycles to integrate.
+    /// Whole cycles of integration.
     pub cycles: u32,
 }
 
@@ -43,7 +43,7 @@ impl SweepPoint {
     }
 }
 
-/// How the points of a sweep are chosen.
+/// The choice of the points of a sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SweepMethod {
     /// The planner chooses each next stay at one frequency from what is known so far. Nothing waits for
@@ -66,7 +66,7 @@ pub enum SweepMethod {
 pub struct SweepRequest {
     /// Where to look.
     pub window: Window,
-    /// How to choose the points.
+    /// The choice of the points.
     pub method: SweepMethod,
     /// The standard deviation asked for, Hz.
     pub target_sigma_hz: f64,
@@ -106,7 +106,7 @@ pub enum SweepRequestError {
     /// A uniform sweep takes longer than it may.
     #[error("{points} points take {takes_s:.0} s, longer than time_limit_s = {limit_s}")]
     TooLong {
-        /// How many points.
+        /// Number of points.
         points: u32,
         /// The time that they take, s.
         takes_s: f64,

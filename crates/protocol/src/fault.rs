@@ -7,7 +7,7 @@ use rig_model::{ContactAngle, Deg, Direction, Mm, Position, Span, SweepRequestEr
 
 use crate::Pose;
 
-/// What limits the depth of a touch.
+/// The limit of the depth of a touch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum DepthLimit {
     Protocol,
@@ -157,7 +157,7 @@ impl Complaint for ProtocolFault {
     }
 }
 
-/// What to write instead of a number that is outside its limits.
+/// The suggestion for a number outside its limits.
 fn stay_within(key: &str, found: f64, min: f64, max: f64) -> String {
     let (side, limit) = if found < min { ("at least", min) } else { ("at most", max) };
     let hint = unit_hint(key, found, |meant| min <= meant && meant <= max);

@@ -13,11 +13,11 @@ pub struct Plan {
     pub samples: Vec<String>,
     /// The steps, in order.
     pub steps: Vec<Step>,
-    /// How the surface is sought and how deep the probe goes.
+    /// The settings of the search and the indentation.
     pub touch: TouchSettings,
-    /// How resonance is measured with the probe clear.
+    /// The no-load sweep.
     pub no_load_sweep: SweepRequest,
-    /// How resonance is measured in contact.
+    /// The sweep in contact.
     pub contact_sweep: SweepRequest,
     /// Classification of the blind touches, if there are any.
     pub classes: Option<usize>,
@@ -111,27 +111,27 @@ pub struct Touch {
     pub repeat: u32,
 }
 
-/// How a touch is made.
+/// The settings of a touch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TouchSettings {
     /// Depth below the surface found, along the probe axis, in mm.
     pub indentation_mm: f64,
     /// Rest between the indentation and the sweep, so that the tissue relaxes, in s.
     pub dwell_s: f64,
-    /// How the surface is sought.
+    /// The settings of the search for the surface.
     pub approach: Approach,
 }
 
-/// How the surface is sought.
+/// The settings of the search for the surface.
 ///
 /// The probe goes down in steps. At each one the impedance at the no-load resonance is compared
 /// with that of the clear probe. After the first change it goes back above the last clear step and
 /// comes down again in finer steps, until the finest step brackets the surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Approach {
-    /// How far above the expected surface the search begins, in mm.
+    /// Start of the search above the expected surface, mm.
     pub start_above_mm: f64,
-    /// How far below the expected surface it gives up, in mm.
+    /// End of the search below the expected surface, mm.
     pub give_up_below_mm: f64,
     /// The first step, in mm.
     pub coarse_step_mm: f64,

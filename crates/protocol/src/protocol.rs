@@ -139,7 +139,7 @@ impl Protocol {
         self.limits.as_ref()?.max_duration_h.as_ref()
     }
 
-    /// How the probe is lowered, as the engine wants it.
+    /// The settings of the descent, for the engine.
     pub(crate) fn touch_settings(&self) -> TouchSettings {
         let ApproachKeys { contact_threshold, settle_s, cycles, .. } = self.approach;
         TouchSettings {

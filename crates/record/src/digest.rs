@@ -14,7 +14,7 @@ use sha2::{Digest as _, Sha256};
 pub struct Digest([u8; 32]);
 
 impl Digest {
-    /// What stands before the first record of a run.
+    /// The digest before the first record of a run.
     pub const START: Self = Self([0; 32]);
 
     /// A digest as it was stored.

@@ -142,7 +142,7 @@ pub struct StateChanged {
     pub reason: Option<String>,
 }
 
-/// How a run ended.
+/// The end of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Ending {
@@ -183,6 +183,6 @@ impl Ending {
 /// The end of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RunFinished {
-    /// How it ended.
+    /// Its end.
     pub status: Ending,
 }

@@ -136,7 +136,7 @@ impl OperatorArgs {
     }
 }
 
-/// How to print.
+/// The output format.
 #[derive(Debug, Args)]
 struct OutputArgs {
     /// Print JSON for a program instead of text for a person
@@ -335,7 +335,7 @@ impl Failure {
 }
 
 impl Failure {
-    /// What to do about it, where its message does not say so.
+    /// Advice, if the message has none.
     fn advice(&self) -> Option<&'static str> {
         match self {
             Self::Store(StoreError::NoSuchRun { .. }) => {

@@ -3,7 +3,7 @@
 use rig_model::{Direction, Orientation};
 use rig_protocol::{Action, Phase, Plan, Pose, Prompt};
 
-/// What a person is asked to do.
+/// The text of a prompt.
 pub(crate) fn prompt(plan: &Plan, prompt: &Prompt) -> String {
     match *prompt {
         Prompt::PlaceSample { sample } => {
@@ -18,7 +18,7 @@ pub(crate) fn prompt(plan: &Plan, prompt: &Prompt) -> String {
     }
 }
 
-/// What a step does, such as `sample 3 of 5, left, 30°`.
+/// The description of a step, such as `sample 3 of 5, left, 30°`.
 pub(crate) fn step(plan: &Plan, index: usize) -> String {
     let Some(step) = plan.steps.get(index) else { return "done".to_owned() };
     match step.action {

@@ -14,7 +14,7 @@ use std::path::Path;
 
 use crate::rig::Inspection;
 
-/// How grave a finding is.
+/// The severity of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Level {
     /// As it should be.
@@ -36,17 +36,17 @@ impl Level {
     }
 }
 
-/// What was found when one thing was looked at.
+/// The result of one check.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Finding {
     /// The part of the rig.
     pub(crate) part: &'static str,
-    /// What was looked at.
+    /// The thing checked.
     pub(crate) check: &'static str,
     pub(crate) level: Level,
-    /// What was seen.
+    /// The observation.
     pub(crate) text: String,
-    /// What to do about it; nothing where all is well.
+    /// Advice; empty if all is well.
     pub(crate) advice: Option<&'static str>,
 }
 

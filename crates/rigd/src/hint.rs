@@ -1,9 +1,9 @@
-//! What a person can do after a fault.
+//! Advice after a fault.
 
 use rig_engine::{Device, FailureKind, Fault, RigState};
 use rig_model::Clearance;
 
-/// What to do when a command is refused in this state.
+/// Advice for a command refused in this state.
 pub(crate) const fn while_in(state: RigState) -> Option<&'static str> {
     match state {
         RigState::Latched => {
@@ -17,16 +17,16 @@ pub(crate) const fn while_in(state: RigState) -> Option<&'static str> {
     }
 }
 
-/// What to do next, for a person at the bench.
+/// Advice for a person at the bench.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Hint {
-    /// What to see to, whichever way the person speaks to the rig.
+    /// The advice, for every interface.
     pub(crate) text: &'static str,
-    /// What comes after that.
+    /// The next action.
     then: NextAction,
 }
 
-/// What comes after the cause of a fault was seen to.
+/// The next action after the cause of a fault is removed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum NextAction {
     /// The rig is prepared again, and the probe, which may be in contact, is retracted first.

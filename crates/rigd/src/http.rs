@@ -57,7 +57,7 @@ use access::Access;
 use problem::Problem;
 pub use server::serve;
 
-/// What the handlers share.
+/// The state shared by the handlers.
 #[derive(Debug, Clone)]
 pub struct Shared {
     inner: Arc<Inner>,

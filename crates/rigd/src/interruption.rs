@@ -31,10 +31,10 @@ pub(crate) struct InterruptionView {
 }
 
 impl InterruptionView {
-    /// How a run or session was left, when its program did not end it.
+    /// The state in which a killed program left a run or session.
     ///
     /// # Errors
-    /// What the journal says.
+    /// The record of the journal.
     pub(crate) fn read(reader: &Reader, run: &Run) -> Result<Option<Self>, StoreError> {
         Ok(reader.interruption(run)?.map(Self::from))
     }
@@ -60,7 +60,7 @@ impl From<Interruption> for InterruptionView {
     }
 }
 
-/// What was left behind on a rig by whatever had it open last.
+/// The state in which the last program left a rig.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct InterruptedRig {
     /// It was not closed in order.
@@ -75,7 +75,7 @@ impl InterruptedRig {
     /// What the latest session with a rig left behind, when there is one and it has ended.
     ///
     /// # Errors
-    /// What the journal says.
+    /// The record of the journal.
     pub(crate) fn read(reader: &Reader, rig: &str) -> Result<Option<Self>, StoreError> {
         let Some(session) = reader.latest_session(rig)? else { return Ok(None) };
         if session.status == RunStatus::Running {
@@ -126,7 +126,7 @@ fn sentence(left: &Interruption) -> String {
     format!("interrupted at {at} UTC{step}; {probe}")
 }
 
-/// What the journal knows of a probe that was not shown clear.
+/// The journal's knowledge of a probe that was not shown clear.
 fn whereabouts(probe: ProbeWord) -> String {
     let ProbeWord::MayTouch { at_mm, down_to_mm } = probe else { return String::new() };
     let at = at_mm.map(|at_mm| format!("last read back at {at_mm:.3} mm"));

@@ -48,7 +48,7 @@ pub(crate) struct Predicted {
     pub(crate) window: Window,
 }
 
-/// How a resonance lies in its window.
+/// The position of a resonance in its window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum WindowPosition {
     Inside,
@@ -150,7 +150,7 @@ impl Predicted {
         Self { section, resonance_hz, linewidth_hz: resonance_hz / q, window }
     }
 
-    /// How the resonance lies in its window.
+    /// The position of the resonance in its window.
     pub(crate) fn placing(&self) -> WindowPosition {
         let room = self.room_linewidths(WindowEdge::Min).min(self.room_linewidths(WindowEdge::Max));
         if room < 0.0 {

@@ -70,7 +70,7 @@ pub struct Status {
     pub session: RunId,
     /// Number of the manual sweep under way.
     pub sweep: Option<u64>,
-    /// How many manual sweeps were begun in this session.
+    /// Number of manual sweeps begun in this session.
     pub sweeps: u64,
     /// Who answered on the ports.
     pub devices: Arc<[DeviceIdentity]>,
@@ -91,30 +91,30 @@ pub struct Status {
 pub struct RunView {
     /// Its id.
     pub id: RunId,
-    /// What it replays.
+    /// Its protocol.
     pub plan: Arc<Plan>,
     /// When it began, on the rig's clock.
     pub started: RigTime,
-    /// How long it was expected to take, s.
+    /// Its expected duration, s.
     pub expected_s: f64,
-    /// How long each of its steps was, s.
+    /// Duration of each of its steps, s.
     pub durations_s: Arc<[f64]>,
     /// The touches that are done, also those that were refused.
     pub touches_done: usize,
     /// The touches that were refused.
     pub touches_refused: usize,
-    /// How long persons have kept it waiting.
+    /// Time that it has waited for people.
     pub pace: Pace,
-    /// How it ended.
+    /// Its end.
     pub ending: Option<rig_engine::RunStatus>,
 }
 
 /// A device that answered.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DeviceIdentity {
-    /// What it is on the rig, such as `analyzer`.
+    /// Its role on the rig, such as `analyzer`.
     pub role: &'static str,
-    /// What it says that it is.
+    /// Its reported identity.
     pub identity: String,
 }
 
@@ -133,7 +133,7 @@ pub enum RequestRefusal {
     /// The journal cannot be written, so nothing may begin.
     #[error("the journal cannot be written: {reason}")]
     Journal {
-        /// What the store says.
+        /// The error of the store.
         reason: Arc<str>,
     },
     /// The answer is for another prompt than the open one.
@@ -306,17 +306,17 @@ impl Status {
 }
 
 impl RunView {
-    /// What a step of this run does.
+    /// The description of a step of this run.
     pub fn describe_step(&self, index: usize) -> String {
         describe::step(&self.plan, index)
     }
 
-    /// What a person is asked to do.
+    /// The text of a prompt.
     pub fn ask(&self, prompt: &Prompt) -> String {
         describe::prompt(&self.plan, prompt)
     }
 
-    /// How many touches there are to do.
+    /// Number of planned touches.
     pub fn touches_planned(&self) -> usize {
         let is_touch = |step: &&rig_protocol::Step| matches!(step.action, Action::Touch(_));
         self.plan.steps.iter().filter(is_touch).count()

@@ -31,7 +31,7 @@ pub enum RunFilesError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the system.
         source: io::Error,
     },
     /// The journal cannot be read.

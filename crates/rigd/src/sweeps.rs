@@ -5,7 +5,7 @@ use rig_store::{Reader, Record, RunId, StoreError, Sweep};
 /// The sweep with this number, if it has been finished.
 ///
 /// # Errors
-/// What the journal reports.
+/// The error of the journal.
 pub(crate) fn find(
     reader: &Reader,
     session: RunId,

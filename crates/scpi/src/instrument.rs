@@ -151,7 +151,7 @@ impl<C: Copy> Instrument<C> {
         self.session.splitter.end_of_message();
     }
 
-    /// How many bytes [`Self::push`] takes without an overrun.
+    /// Number of bytes that [`Self::push`] takes without an overrun.
     pub fn room(&self) -> usize {
         self.session.splitter.room()
     }

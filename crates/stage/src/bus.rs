@@ -125,7 +125,7 @@ impl BusHandle {
         answered.await.map_err(|_| LineFault::Closed)?
     }
 
-    /// How the line has done so far.
+    /// Counters of the line.
     ///
     /// # Errors
     /// [`LineFault::Closed`] when its owner has ended.

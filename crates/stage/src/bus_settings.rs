@@ -1,8 +1,8 @@
-//! How a line is used, and its counters.
+//! Settings and counters of a line.
 
 use std::time::Duration;
 
-/// How frames travel on a line.
+/// The framing of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Framing {
     /// Modbus RTU: on a serial line, or through a gateway that passes its bytes on.
@@ -11,10 +11,10 @@ pub enum Framing {
     Tcp,
 }
 
-/// How a line is used.
+/// Settings of a line.
 #[derive(Debug, Clone, Copy)]
 pub struct BusSettings {
-    /// How frames travel.
+    /// The framing.
     pub framing: Framing,
     /// The silence between two frames, where it is not to be that of the standard: some devices
     /// need more, and a line that ends in this computer needs none.
@@ -23,9 +23,9 @@ pub struct BusSettings {
     pub reply_within: Duration,
     /// How long the line is only listened to after a fault. No answer may be later than this.
     pub quarantine: Duration,
-    /// How often a request is sent at most.
+    /// Largest number of attempts of a request.
     pub attempts: u32,
-    /// How long a device may say that it is busy.
+    /// Time limit for a busy device.
     pub busy_within: Duration,
     /// The pause before a busy device is asked again.
     pub busy_pause: Duration,
@@ -52,7 +52,7 @@ impl BusSettings {
     }
 }
 
-/// How a line has done so far.
+/// Counters of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Health {
     /// Requests carried out or tried.

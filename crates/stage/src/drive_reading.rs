@@ -14,7 +14,7 @@ use crate::{
 pub struct Alarm {
     /// The drive's code.
     pub code: u16,
-    /// What its manual calls it.
+    /// Its name in the manual.
     pub name: &'static str,
 }
 

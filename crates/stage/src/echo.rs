@@ -69,7 +69,7 @@ mod tests {
     const READ_REPLY: &[u8] = &[1, 3, 6, 0, 0, 0, 0, 0, 0, 0x21, 0x75];
     const WRITE: &[u8] = &[1, 6, 0, 0x7D, 0, 0x20, 0x18, 0x0A];
 
-    /// What passes when the stream is cut in two at every place.
+    /// The output for a stream cut in two at every place.
     #[track_caller]
     fn check(filter: impl Fn() -> EchoFilter, request: &[u8], stream: &[u8], expected: &[u8]) {
         for cut in 0..=stream.len() {

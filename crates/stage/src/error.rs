@@ -243,7 +243,7 @@ pub enum StageError<U: Unit> {
         wanted: Position<U>,
         /// Read-back.
         at: Position<U>,
-        /// How far off, in the unit `U`.
+        /// The deviation, in the unit `U`.
         off: f64,
     },
     /// The stop that was asked for. The axis stands still.

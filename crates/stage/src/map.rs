@@ -33,11 +33,11 @@ pub struct Field {
     pub block: usize,
     /// Address of its first register.
     pub address: u16,
-    /// How it is laid out.
+    /// Its layout.
     pub width: Width,
 }
 
-/// How a number is laid out in registers. Two words come high word first.
+/// The layout of a number in registers, high word first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Width {
     /// One register, unsigned.
@@ -140,7 +140,7 @@ pub enum AccelerationUnit {
     MillisecondsPer1000Rpm,
 }
 
-/// How the drive tells which target it has.
+/// The read-back of the drive's target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TargetReadBack {
     /// The position that the drive commands its motor to; equal to the target after the move.
@@ -256,7 +256,7 @@ pub struct RegisterMap {
     pub acceleration: AccelerationUnit,
     /// Known routes, with their values.
     pub routes: &'static [(Route, i32)],
-    /// How long after its start a move may take to show, in milliseconds.
+    /// Longest delay between the start of a move and its first sign, ms.
     pub start_within_ms: u16,
     /// Makes the drive take commands from here. Moves nothing.
     pub prepare: &'static [Step],

@@ -131,12 +131,12 @@ impl Order {
         self.rotation.map_or(counts.into(), |rotation| rotation.nearest(counts, self.target))
     }
 
-    /// How long the move takes from a count, from rest to rest.
+    /// Duration of the move from a count, from rest to rest.
     pub(crate) fn duration_from(&self, counts: i32) -> Duration {
         profile::duration(self.distance_from(counts), self.counts_per_s, self.counts_per_s2)
     }
 
-    /// How long the rest of the move takes at full speed.
+    /// Duration of the rest of the move at full speed.
     pub(crate) fn rest_from(&self, counts: i32) -> Duration {
         let seconds = self.distance_from(counts) / self.counts_per_s;
         Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)

@@ -30,7 +30,7 @@ pub(crate) struct Inner {
     echo: Option<EchoFilter>,
     /// Received and not yet taken by the library.
     passed: Vec<u8>,
-    /// How many bytes of the present exchange have passed.
+    /// Bytes of the present exchange so far.
     n_passed: usize,
 }
 
@@ -58,7 +58,7 @@ impl Inner {
         }
     }
 
-    /// How many bytes of the present exchange have come that are not its echo.
+    /// Bytes of the present exchange that are not its echo.
     pub(crate) const fn n_passed(&self) -> usize {
         self.n_passed
     }

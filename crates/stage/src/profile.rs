@@ -1,4 +1,4 @@
-//! How long a move takes.
+//! The duration of a move.
 
 use std::time::Duration;
 

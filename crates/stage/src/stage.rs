@@ -29,13 +29,13 @@ const MOVE_SLACK: Duration = Duration::from_secs(2);
 /// How long a measured position may take to settle into the tolerance after the motion has ended.
 const SETTLE_WITHIN: Duration = Duration::from_millis(500);
 
-/// How long a stop may take.
+/// Time limit of a stop.
 const STOP_WITHIN: Duration = Duration::from_secs(3);
 
-/// How long homing may take.
+/// Time limit of homing.
 const HOME_WITHIN: Duration = Duration::from_secs(120);
 
-/// How long a drive may take to clear its alarm.
+/// Time limit for clearing an alarm.
 const RESET_WITHIN: Duration = Duration::from_secs(2);
 
 /// One axis on a bus.

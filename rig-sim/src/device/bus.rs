@@ -36,7 +36,7 @@ impl Decoder {
 /// The drives of a line.
 #[derive(Debug)]
 pub(crate) struct Bus {
-    /// How long a drive thinks before it answers.
+    /// Response delay of a drive.
     turnaround: Duration,
     /// Neither the drives nor the line take any time.
     is_instant: bool,

@@ -19,7 +19,7 @@ use crate::{
     world::{ContactFault, World},
 };
 
-/// How long an analyzer needs until it listens after it was switched on.
+/// Boot time of an analyzer.
 const BOOT: Duration = Duration::from_secs(3);
 
 /// A message longer than this never ends: it is thrown away, as an instrument's buffer overruns.

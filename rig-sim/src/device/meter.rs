@@ -93,9 +93,9 @@ pub(crate) struct Meter<M: Model> {
     clients: BTreeMap<ClientId, Client<M::Command>>,
     running: Option<RunningMeasurement<M::Command>>,
     readings: Vec<FinishedPoint>,
-    /// How long the instrument takes over a command.
+    /// Time of a command in the instrument.
     per_command: Duration,
-    /// When it is done with the last command.
+    /// End of the last command.
     free_at: RigTime,
     overloads: u32,
 }

@@ -60,7 +60,7 @@ pub enum Request {
     },
     /// Function 23: the write comes first.
     ReadWrite {
-        /// What to read.
+        /// The block to read.
         read: Block,
         /// Address of the first register to write.
         address: u16,
@@ -118,7 +118,7 @@ const MAX_WRITTEN_REGISTERS: u16 = 123;
 /// Most registers that a combined request may write.
 const MAX_COMBINED_REGISTERS: u16 = 121;
 
-/// How long the request is that begins with these bytes, function code first.
+/// Length of the request that begins with these bytes, function code first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Length {
     /// This many bytes.

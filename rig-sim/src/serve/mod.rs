@@ -24,7 +24,7 @@ use tokio::{
 use self::pty::Pty;
 use crate::{Connection, LineTransport, PortId, Rig, SimHandle, control};
 
-/// How long an operating system may tear the bytes of one frame apart.
+/// Longest gap that an operating system may put inside one frame.
 const PATIENCE: Duration = Duration::from_millis(20);
 
 /// Why a port cannot be served.

@@ -23,7 +23,7 @@ use tokio::{
     net::unix::pipe,
 };
 
-/// How long bytes are on their way from one side of a terminal to the other.
+/// Delay of bytes between the two sides of a terminal.
 const WITHIN_THE_SYSTEM: Duration = Duration::from_millis(5);
 
 /// The side of the device. To the runtime a terminal is a pipe for each way.
@@ -62,7 +62,7 @@ impl Pty {
         Ok(Self { path, terminal, line: Line(line), clients })
     }
 
-    /// What clients open.
+    /// The path that clients open.
     pub(super) fn path(&self) -> &Path {
         &self.path
     }

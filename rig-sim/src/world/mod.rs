@@ -297,7 +297,7 @@ impl World {
         &self.violations
     }
 
-    /// How things really are.
+    /// The true state.
     pub fn truth(&mut self, now: RigTime) -> Truth {
         let touched = self.touched(now);
         let shift_hz = self.drift.shift_hz(now);

@@ -4,7 +4,7 @@ use rig_model::RigTime;
 
 use crate::clock::after;
 
-/// How a move is made, in units of the axis and seconds.
+/// The profile of a move, in units of the axis and seconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Profile {
     /// Highest speed, per second.

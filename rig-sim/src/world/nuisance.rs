@@ -23,7 +23,7 @@ pub struct Nuisances {
     pub rotary_backlash_deg: f64,
     /// Standard deviation of the position that an encoder reports, in steps of its drive.
     pub encoder_steps: f64,
-    /// How the free resonance wanders.
+    /// The drift of the free resonance.
     pub drift: Drift,
     /// Relative standard deviation of each part of an impedance integrated over ten cycles.
     pub impedance_rel: f64,

@@ -25,9 +25,9 @@ pub struct Scene {
     pub linear: Mechanics,
     /// The stage that tilts the sample, in degrees.
     pub rotary: Mechanics,
-    /// How the sensor is mounted at first.
+    /// The initial orientation of the sensor.
     pub orientation: Orientation,
-    /// What disturbs.
+    /// The nuisances.
     pub nuisances: Nuisances,
 }
 
@@ -65,7 +65,7 @@ pub struct Sample {
     pub name: String,
     /// Nominal elastic modulus, MPa.
     pub stiffness_mpa: f64,
-    /// How deep it may be pressed before it tears, mm.
+    /// Depth at which it tears, mm.
     pub max_indentation_mm: f64,
 }
 

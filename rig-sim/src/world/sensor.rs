@@ -13,7 +13,7 @@ pub struct SensorScene {
     pub design: SensorDesign,
     /// Whether it deflects at the sample, as a real one does, or the indentation is held.
     pub deflects: bool,
-    /// How the contact grows with depth.
+    /// The contact law.
     pub law: ContactLaw,
     /// Whether the contact sticks sideways while it vibrates; it slides without resistance if not.
     pub sticks: bool,

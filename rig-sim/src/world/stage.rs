@@ -5,7 +5,7 @@ use rig_model::RigTime;
 use super::motion::{Motion, Profile};
 use rig_model::random::normal_at;
 
-/// What separates the load of a stage from its motor, in units of the axis.
+/// The backlash between motor and load of a stage, in units of the axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Drivetrain {
     /// Play between motor and load.
@@ -77,7 +77,7 @@ impl Stage {
         self.is_jammed
     }
 
-    /// How fast the motor turns, in units per second.
+    /// Speed of the motor, in units per second.
     pub fn speed(&self, now: RigTime) -> f64 {
         self.motion.speed(now)
     }

@@ -6,7 +6,7 @@
 pub struct TrueGeometry {
     /// Position of the linear stage at which the tip touches the level sample as drawn.
     pub surface_mm: f64,
-    /// How far that surface lies above the rotary axis.
+    /// Height of that surface above the rotary axis.
     pub surface_above_pivot_mm: f64,
     /// How far the probe stands beside the rotary axis, positive to the side that sinks at positive
     /// angles.

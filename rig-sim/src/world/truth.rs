@@ -43,7 +43,7 @@ pub enum ViolationKind {
 }
 
 impl ViolationKind {
-    /// How deep the probe was in the sample at the worst, mm.
+    /// Largest depth of the probe in the sample, mm.
     pub const fn indentation_mm(&self) -> f64 {
         match *self {
             Self::RotatedInContact { indentation_mm }
@@ -54,12 +54,12 @@ impl ViolationKind {
     }
 }
 
-/// How things really are, for tests.
+/// The true state, for tests.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Truth {
     /// Name of the sample under the probe.
     pub sample: Option<String>,
-    /// How the sensor is mounted.
+    /// The orientation of the sensor.
     pub orientation: Orientation,
     /// Where the tip of the probe is on the linear axis, mm.
     pub tip_mm: f64,

@@ -54,7 +54,7 @@ impl Phase {
     }
 }
 
-/// What identifies a touch.
+/// The identity of a touch.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TouchSettings {
     /// Address of the step.

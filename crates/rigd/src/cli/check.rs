@@ -68,7 +68,7 @@ struct StepView {
     prediction: Option<PredictionView>,
 }
 
-/// What is predicted of a step, or why nothing is.
+/// The prediction for a step, or the reason for its absence.
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
 enum PredictionView {
@@ -297,7 +297,7 @@ impl CheckedProtocol<'_> {
     }
 }
 
-/// What to write instead, as far as the analyzer goes.
+/// The suggestion within the range of the analyzer.
 fn advice(edge: WindowEdge, wanted_hz: f64, limits: &RigLimits) -> String {
     let (lowest_hz, highest_hz) = limits.analyzer.frequency_hz;
     let (is_possible, verb, limit_hz) = match edge {

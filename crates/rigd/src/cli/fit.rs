@@ -48,7 +48,7 @@ pub(super) struct FitArgs {
     output: OutputArgs,
 }
 
-/// What is known of the times of the readings.
+/// Knowledge of the times of the readings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum FileTiming {
     /// Nothing: no reading may be relied on to have settled
@@ -236,11 +236,11 @@ impl FileFitsView {
     }
 }
 
-/// What another estimator makes of the readings.
+/// The result of another estimator.
 #[derive(Debug, Serialize)]
 struct EstimatorView {
     name: &'static str,
-    /// What its frequency means.
+    /// The definition of its frequency.
     definition: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
     frequency_hz: Option<f64>,

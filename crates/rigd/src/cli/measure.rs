@@ -49,14 +49,14 @@ pub(super) struct MeasureArgs {
     operator: OperatorArgs,
 }
 
-/// What is to be done.
+/// The action.
 struct Order {
     sweep: SweepRequest,
     linear: Option<Position<Mm>>,
     rotary: Option<Position<Deg>>,
 }
 
-/// What was done, and how the rig stood then.
+/// The sweep and the state of the rig after it.
 struct Measurement {
     sweep: Sweep,
     status: Status,
@@ -71,7 +71,7 @@ struct MeasureView {
     linear_mm: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     rotary_deg: Option<f64>,
-    /// How many of the first readings only served to find the resonance.
+    /// Number of first readings that only helped to find the resonance.
     probe_readings: usize,
     readings: Vec<ReadingRecord>,
 }

@@ -53,7 +53,7 @@ struct FoundView {
     fit: Option<FitView>,
 }
 
-/// How well the model describes the readings.
+/// The goodness of fit.
 #[derive(Debug, Serialize)]
 struct FitView {
     model_order: &'static str,

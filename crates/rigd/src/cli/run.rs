@@ -125,7 +125,7 @@ async fn answer(terminal: &mut Option<Terminal>) -> Option<()> {
 const COLUMNS_WITH_BAR: usize = 80;
 const BAR_COLUMNS: usize = 16;
 
-/// How far the run has come.
+/// The progress of the run.
 fn draw(status: &Status) {
     let (Some(run), Some(progress)) = (&status.run, &status.snapshot.progress) else { return };
     let elapsed_s = status.now.since(run.started).as_secs_f64();

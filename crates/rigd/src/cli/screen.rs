@@ -23,7 +23,7 @@ struct Screen {
     progress: String,
 }
 
-/// How many columns the terminal has, where stderr is one.
+/// Columns of the terminal, if stderr is one.
 pub(super) fn columns() -> Option<usize> {
     let stderr = io::stderr();
     if !stderr.is_terminal() {

@@ -48,7 +48,7 @@ pub(super) struct ServeArgs {
 
 /// Journals are read on threads of their own. With more of them the disk would be no faster.
 const READERS_MAX: usize = 8;
-/// How long reading may go on when the daemon ends.
+/// Time limit for reading at the end of the daemon.
 const READING_TIME: Duration = Duration::from_secs(1);
 
 pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {

@@ -14,7 +14,7 @@ pub(super) struct Signals {
     terminate: Signal,
     /// Nothing where hanging up is to be ignored, as `nohup` asks for.
     hangup: Option<Signal>,
-    /// How many have come.
+    /// Number of signals so far.
     pub(super) count: u32,
 }
 

@@ -1,4 +1,4 @@
-//! What to do about a port that does not open and a device that does not answer as it should.
+//! Advice for a port that does not open and a device with a wrong answer.
 //!
 //! Advice names the thing to look at and never a cause that was not observed. It mentions serial
 //! settings for serial lines only, and it never moves an axis.
@@ -12,11 +12,11 @@ use crate::{
     rig::{DeviceError, OpenError},
 };
 
-/// What to do about an axis that is not homed. Which way it homes is set in the drive.
+/// Advice for an axis that is not homed. The drive's settings fix the direction of homing.
 pub(super) const NOT_HOMED: &str = "clear the whole travel of the axis before the rig is opened \
     for work: it is homed then, by the procedure that is set in the drive";
 
-/// What to do about a rig that cannot be opened, where that is known.
+/// Advice for a rig that cannot be opened, if there is any.
 pub(crate) fn on_rig(error: &OpenError) -> Option<&'static str> {
     match error {
         OpenError::Port { source, .. } => Some(on_port(source)),
@@ -25,7 +25,7 @@ pub(crate) fn on_rig(error: &OpenError) -> Option<&'static str> {
     }
 }
 
-/// What to do about a port that cannot be opened.
+/// Advice for a port that cannot be opened.
 pub(super) const fn on_port(error: &rig_link::OpenError) -> &'static str {
     use rig_link::OpenError;
     match error {
@@ -49,7 +49,7 @@ pub(super) const fn on_port(error: &rig_link::OpenError) -> &'static str {
     }
 }
 
-/// What to do about a device that does not answer as it should.
+/// Advice for a device with a wrong answer.
 pub(super) fn on_device(error: &DeviceError, is_serial: bool) -> &'static str {
     match error {
         DeviceError::Analyzer(error) => on_analyzer(error, is_serial),

@@ -120,7 +120,7 @@ pub enum TokenError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the system.
         source: io::Error,
     },
     /// Other users could read or change it.
@@ -135,7 +135,7 @@ pub enum TokenError {
         /// Its permissions.
         mode: u32,
     },
-    /// What it holds is no token.
+    /// Its content is no token.
     #[error(
         "token file {} must hold one line of {TOKEN_MIN} to {TOKEN_MAX} visible ASCII characters, \
          such as `openssl rand -hex 32` writes",

@@ -21,7 +21,7 @@ use tokio::sync::{OwnedSemaphorePermit, watch};
 use super::{Problem, Shared, live};
 use crate::rig::Status;
 
-/// How many records are read at a time. A slow client holds this many, and no more.
+/// Records read at a time, which is the most that a slow client can hold.
 const PAGE: u32 = 16;
 
 /// A page has one stream, a program one; some technicians and programs look on.

@@ -1,4 +1,4 @@
-//! What every request passes before a handler sees it, and what every error becomes on its way out.
+//! The checks before every handler, and the form of every error.
 //!
 //! | check | otherwise |
 //! |---|---|
@@ -35,10 +35,10 @@ use super::{
 };
 use crate::operator::Operator;
 
-/// What a body may be said to be.
+/// The media types of a body.
 const BODY_TYPES: [&str; 3] = ["application/json", "application/toml", "text/x-toml"];
 
-/// What is known of the connection on which a request came.
+/// Facts about the connection of a request.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Connection {
     /// The address on which it arrived.

@@ -109,7 +109,7 @@ impl Cursor {
         event("rig", &rig::view(&self.shared.inner.facts, &status))
     }
 
-    /// What came of a sweep since the last event.
+    /// The news of a sweep since the last event.
     fn news(&mut self, live: &Arc<LiveSweep>) -> Option<Event> {
         if self.sweep != live.serial {
             (self.sweep, self.from) = (live.serial, [0, 0]);

@@ -71,7 +71,7 @@ pub(super) fn is_public(method: &Method, path: &str, headers: &HeaderMap) -> boo
     is_file && *method == Method::GET && (path != "/" || is_wanted(headers))
 }
 
-/// What stands at `/` for a browser.
+/// The page at `/` for a browser.
 pub(super) fn start(headers: &HeaderMap) -> Response {
     serve(&FILES[0], headers)
 }

@@ -85,7 +85,7 @@ pub(super) async fn check(
     Ok(Json(PlanView::of(&protocol, &shared.inner.facts.limits)))
 }
 
-/// What a run is to do, on the bench on which it was begun.
+/// The plan of a run, on the bench of its start.
 pub(super) async fn of_run(
     State(shared): State<Shared>,
     Path(id): Path<String>,

@@ -22,7 +22,7 @@ pub(super) struct Problem {
     title: &'static str,
     status: u16,
     detail: String,
-    /// What to do about it.
+    /// Advice.
     #[serde(skip_serializing_if = "Option::is_none")]
     hint: Option<&'static str>,
     /// Every fault of a protocol, with its place.

@@ -16,13 +16,13 @@ pub(super) struct Forecast {
     is_pausing: bool,
     /// Since it began, s on the rig's clock.
     elapsed_s: f64,
-    /// How much longer at least, and at most, s on the rig's clock.
+    /// Least and largest remaining time, s on the rig's clock.
     remaining_s: [f64; 2],
     #[serde(skip_serializing_if = "Option::is_none")]
     next_prompt: Option<NextPrompt>,
 }
 
-/// When a person is needed next.
+/// The time of the next prompt.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 struct NextPrompt {
     prompt: String,
@@ -58,7 +58,7 @@ pub(super) enum PromptAction {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct LastRun {
     id: String,
-    /// How it ended.
+    /// Its end.
     status: &'static str,
 }
 
@@ -69,7 +69,7 @@ pub(super) struct Limits {
     rotary_deg: AxisLimits,
     /// Position of the linear stage at which the tip touches the level sample, mm.
     surface_mm: f64,
-    /// How far that surface lies above the axis of the rotary stage, mm.
+    /// Height of that surface above the axis of the rotary stage, mm.
     surface_above_pivot_mm: f64,
 }
 

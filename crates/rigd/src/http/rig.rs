@@ -59,7 +59,7 @@ impl RigView {
     }
 }
 
-/// How far the run under way has come.
+/// The progress of the current run.
 #[derive(Debug, Serialize)]
 struct RunProgress {
     id: String,

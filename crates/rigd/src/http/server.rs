@@ -40,7 +40,7 @@ const UNHEARD_TIME: Duration = Duration::from_secs(20);
 /// How long, and for how many bytes, a client may go on sending after the last answer to it.
 const LEAVE_TIME: Duration = Duration::from_secs(1);
 const LEAVE_MAX: u64 = 4 << 20;
-/// How long requests that are under way may take when the daemon ends.
+/// Time limit for current requests at the end of the daemon.
 const GRACE: Duration = Duration::from_secs(2);
 /// After a connection could not be accepted, such as for want of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);

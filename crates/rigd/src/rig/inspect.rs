@@ -21,7 +21,7 @@ const LOOKS: u32 = 10;
 /// The level at which the settings of an analyzer are tried, V; less where the rig allows less.
 const TRIAL_LEVEL_V: f64 = 1.0;
 
-/// What was seen of a rig.
+/// Facts about a rig.
 #[derive(Debug)]
 pub struct Inspection {
     /// The port of the analyzer and that of the drives.
@@ -33,11 +33,11 @@ pub struct Inspection {
 /// A port of the rig.
 #[derive(Debug)]
 pub struct PortSeen {
-    /// What is on it.
+    /// Its devices.
     pub role: &'static str,
     /// The path of the port, or the address of the host.
     pub name: String,
-    /// What was seen of it, or why it could not be opened.
+    /// Facts about it, or the reason why it could not be opened.
     pub outcome: Result<PortFacts, rig_link::OpenError>,
 }
 
@@ -48,14 +48,14 @@ pub struct PortFacts {
     pub intruders: Vec<Holder>,
     /// The latency timer of its adapter, ms, if the system tells it.
     pub adapter_delay_ms: Option<u32>,
-    /// How long the devices on it took to answer.
+    /// Answer times of its devices.
     pub round_trips: Option<RoundTrips>,
 }
 
 /// From the first byte of a question to the first byte of its answer, over all of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RoundTrips {
-    /// How many there were.
+    /// Their number.
     pub count: usize,
     /// Half of them took no longer, ms.
     pub median_ms: f64,
@@ -66,37 +66,37 @@ pub struct RoundTrips {
 /// A device of the rig.
 #[derive(Debug)]
 pub struct DeviceSeen {
-    /// What it is on the rig.
+    /// Its role on the rig.
     pub role: &'static str,
     /// The name of its port.
     pub port: String,
     /// Whether that is a serial line.
     pub is_serial: bool,
-    /// What was seen of it; None when its port could not be opened.
+    /// Facts about it; None if its port could not be opened.
     pub outcome: Option<Result<DeviceFacts, DeviceError>>,
 }
 
 /// A device that answered.
 #[derive(Debug)]
 pub struct DeviceFacts {
-    /// What it says that it is, or how it is spoken to where it does not say.
+    /// Its reported identity, or its command set if it reports none.
     pub identity: String,
     /// The version of its firmware, if it says so.
     pub firmware: Option<String>,
     /// Whether it took its settings and gave them back. A drive that did not is not seen at all.
     pub settings: Result<(), AnalyzerError>,
-    /// How it stands, for an axis.
+    /// Its state, for an axis.
     pub axis: Option<AxisFacts>,
 }
 
-/// How an axis stands.
+/// The state of an axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AxisFacts {
     /// Where, by its own account, with its unit.
     pub at: String,
     /// Whether it can be there.
     pub place: AxisPosition,
-    /// What it is fit for.
+    /// Its fitness.
     pub state: AxisState,
 }
 

@@ -9,19 +9,19 @@ use rig_resonance::{Circuit, Estimate};
 pub struct LiveSweep {
     /// Counts the sweeps since the rig was opened, from 1.
     pub serial: u64,
-    /// What it is for.
+    /// Its purpose.
     pub purpose: SweepPurpose,
-    /// What is asked of it.
+    /// Its request.
     pub request: SweepRequest,
     /// The readings so far, in the order taken.
     pub readings: Vec<Reading>,
-    /// What was believed of the resonance on the way, oldest first.
+    /// The estimates of the resonance, oldest first.
     pub estimates: Vec<LiveEstimate>,
     /// The circuit that explains the readings so far.
     pub circuit: Option<Circuit>,
 }
 
-/// What was believed of a resonance after some of its readings.
+/// An estimate of a resonance after some of its readings.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LiveEstimate {
     /// After how many readings.

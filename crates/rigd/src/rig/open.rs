@@ -20,7 +20,7 @@ pub enum OpenError {
     /// The thread of the rig cannot be started.
     #[error("the rig thread cannot be started")]
     Thread {
-        /// What the system says.
+        /// The error of the system.
         source: std::io::Error,
     },
     /// The thread of the rig has ended without a word.
@@ -40,7 +40,7 @@ pub enum OpenError {
     /// A port cannot be opened.
     #[error("{role}")]
     Port {
-        /// What is on it.
+        /// Its devices.
         role: &'static str,
         /// Why.
         source: rig_link::OpenError,
@@ -48,16 +48,16 @@ pub enum OpenError {
     /// A device does not answer as it should.
     #[error("{role}")]
     Device {
-        /// What it is on the rig.
+        /// Its role on the rig.
         role: &'static str,
         /// Whether it is on a serial line.
         is_serial: bool,
-        /// What it did.
+        /// Its action.
         source: Box<DeviceError>,
     },
 }
 
-/// What went wrong with a device. Which one it is, the one who asked knows.
+/// The error of a device. The caller knows which one.
 #[derive(Debug, thiserror::Error)]
 pub enum DeviceError {
     /// The analyzer.
@@ -211,7 +211,7 @@ pub(super) fn stage<U: Unit>(
     Stage::new(bus.clone(), RegisterMap::of(file.make), file.unit_id, file.scale, axis)
 }
 
-/// What a drive is. Few of them say so themselves.
+/// The identity of a drive. Few drives report one.
 pub(super) fn describe<U>(file: &AxisFile<U>) -> String {
     format!("{} at unit {}", file.make, file.unit_id)
 }

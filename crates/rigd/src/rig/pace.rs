@@ -2,18 +2,18 @@
 
 use rig_model::RigTime;
 
-/// How long persons have kept a run waiting.
+/// Time that a run has waited for people.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Pace {
-    /// How long all answers together took, s.
+    /// Total time of all answers, s.
     waited_s: f64,
-    /// How many prompts were answered.
+    /// Number of answered prompts.
     answers: u32,
     /// Since when somebody is asked.
     asked: Option<RigTime>,
 }
 
-/// How much longer a run takes, s on the rig's clock.
+/// Remaining time of a run, s on the rig's clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Remaining {
     /// When every answer comes at once.
@@ -39,7 +39,7 @@ impl Pace {
         }
     }
 
-    /// How long a person has been asked for something, s.
+    /// Age of the open prompt, s.
     pub fn waited_s(&self, now: RigTime) -> f64 {
         self.waited_s + self.asked.map_or(0.0, |asked| now.since(asked).as_secs_f64())
     }

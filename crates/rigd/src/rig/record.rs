@@ -1,4 +1,4 @@
-//! What happened, as records of the journal.
+//! The events of the engine as records of the journal.
 //!
 //! The engine speaks of samples and steps by index; a record stands for itself. The recorder of a
 //! run knows the plan and where it stands in it.
@@ -386,7 +386,7 @@ fn circuit_of(circuit: &Circuit) -> store::Circuit {
     }
 }
 
-/// What a sweep was fitted with; its window is known to every planner.
+/// The inputs of the fit of a sweep; every planner has its window.
 fn fit_settings(outcome: &FinishedSweep) -> Option<store::FitSettings> {
     let options = &outcome.fit;
     let window = options.window?;

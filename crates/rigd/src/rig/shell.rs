@@ -89,7 +89,7 @@ struct Shell {
     store: Store,
     session: (Journal, Recorder),
     run: Option<(Journal, Recorder)>,
-    /// What watchers see at the end of each step.
+    /// The published state at the end of each step.
     view: Status,
     status: watch::Sender<Status>,
     is_virtual_time: bool,
@@ -100,7 +100,7 @@ struct Shell {
     unwritten: Option<String>,
     is_answer_due: bool,
     last_commit: Instant,
-    /// What the engine's last decision took of the processor.
+    /// Processor time of the engine's last decision.
     thought: Duration,
 }
 

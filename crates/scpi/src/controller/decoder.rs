@@ -2,7 +2,7 @@
 
 use crate::{controller::response::Response, grammar::scan::Ending};
 
-/// How answers end, and how long they may be.
+/// Terminator and largest length of answers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Framing {
     /// What ends an answer. With [`Ending::Lf`] and [`Ending::CrLf`] a line feed does, and a carriage

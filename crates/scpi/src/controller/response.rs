@@ -70,17 +70,17 @@ pub enum DataError {
     /// Another number of answers than queries.
     #[error("{found} answers came where {expected} was expected")]
     UnitCount {
-        /// How many were expected.
+        /// The number expected.
         expected: usize,
-        /// How many came.
+        /// The number received.
         found: usize,
     },
     /// Another number of data than asked for.
     #[error("{found} fields came where {expected} were expected")]
     FieldCount {
-        /// How many were expected.
+        /// The number expected.
         expected: usize,
-        /// How many came.
+        /// The number received.
         found: usize,
     },
     /// Another type of data.

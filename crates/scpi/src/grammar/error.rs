@@ -146,7 +146,7 @@ impl ErrorQueue {
         self.entries.pop_front()
     }
 
-    /// How many errors wait.
+    /// Number of errors in the queue.
     pub(crate) fn len(&self) -> usize {
         self.entries.len()
     }

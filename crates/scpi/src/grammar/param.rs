@@ -22,7 +22,7 @@ pub enum Param {
     Text(Box<str>),
     /// A block of arbitrary bytes.
     Block(Box<[u8]>),
-    /// What stood between parentheses, such as a channel list.
+    /// The text between parentheses, such as a channel list.
     Expression(Box<str>),
 }
 
@@ -52,11 +52,11 @@ pub(crate) enum Numeric {
 /// The values that a numeric setting may take, in its own unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
-    /// What `MIN` stands for.
+    /// The value of `MIN`.
     pub min: f64,
-    /// What `MAX` stands for.
+    /// The value of `MAX`.
     pub max: f64,
-    /// What `DEF` stands for.
+    /// The value of `DEF`.
     pub default: f64,
 }
 

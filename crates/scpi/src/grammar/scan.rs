@@ -3,7 +3,7 @@
 //! A terminator inside a string or a block is data, so the search must know about both. It knows
 //! nothing else: whether a unit makes sense is decided in [`crate::grammar`].
 
-/// What ends an answer.
+/// The terminator of an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Ending {
     /// Line feed.
@@ -86,7 +86,7 @@ pub(crate) struct Scanner {
     rules: Rules,
 }
 
-/// What ends a message.
+/// The terminator of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Rules {
     pub(crate) terminators: Terminators,

@@ -41,7 +41,7 @@ pub enum Value {
     Verbatim(Cow<'static, str>),
 }
 
-/// How real numbers are written.
+/// The format of real numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum RealFormat {
     /// The shortest digits that give the same number back: `200`, `0.1`, `1E-7`.

@@ -5,7 +5,7 @@ use crate::{
     grammar::value::RealFormat,
 };
 
-/// How an instrument behaves where the standards leave a choice, or where it breaks them.
+/// The behaviour of an instrument where the standards leave a choice or the instrument breaks them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dialect {
     /// The answer to `*IDN?`: manufacturer, model, serial number, firmware.
@@ -15,13 +15,13 @@ pub struct Dialect {
     /// Whether a terminator inside a string is part of the string, as IEEE 488.2, 7.7.5.2 has it.
     /// Otherwise it ends the message, and a forgotten quote is −151 instead of a long silence.
     pub strings_span_lines: bool,
-    /// What ends an answer.
+    /// The terminator of an answer.
     pub ending: Ending,
     /// Most bytes of messages that wait to be carried out. More is −363.
     pub input_limit_bytes: usize,
     /// Entries of the error queue; `None` for an instrument that has no `SYSTem:ERRor?`.
     pub error_queue: Option<usize>,
-    /// How `SYSTem:ERRor?` writes an error.
+    /// The format of an error in `SYSTem:ERRor?`.
     pub error_format: ErrorFormat,
     /// Whether there is `STATus:OPERation`, `STATus:QUEStionable` and `STATus:PRESet`.
     pub has_status_registers: bool,
@@ -41,7 +41,7 @@ pub struct Dialect {
     /// Only what can be set has one: no common command, and no query for a reading (HIOKI 3541
     /// Instruction Manual, p. 101; HIOKI 3174 Instruction Manual, p. 128).
     pub headers: Option<bool>,
-    /// How real numbers are answered.
+    /// The format of real numbers in answers.
     pub real_format: RealFormat,
 }
 
@@ -76,7 +76,7 @@ pub enum UnreadPolicy {
     Drop,
 }
 
-/// How `SYSTem:ERRor?` writes an error.
+/// The format of an error in `SYSTem:ERRor?`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ErrorFormat {
     /// `+0` where others write `0`.

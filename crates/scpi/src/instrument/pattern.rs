@@ -37,7 +37,7 @@ pub enum PatternFault {
     AllOptional,
 }
 
-/// What a header says beyond its name.
+/// The parts of a header beyond its name.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Match {
     /// One for every `#` of the pattern.

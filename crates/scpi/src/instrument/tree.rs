@@ -117,7 +117,7 @@ pub enum TreeError {
     },
 }
 
-/// What a header says beyond the command it names.
+/// The parts of a header beyond its command.
 #[derive(Debug, Clone)]
 pub(crate) struct HeaderMatch {
     at: usize,

@@ -116,16 +116,16 @@ pub(in crate::device) mod alarm {
     pub(in crate::device) const SOFTWARE_OVERTRAVEL: u8 = 0x67;
 }
 
-/// How far the motor may be from its command and still be in position, in steps.
+/// Largest distance of the motor from its command for "in position", in steps.
 const IN_POSITION_STEPS: f64 = 18.0;
 
 /// The resolution of the factory.
 const STEPS_PER_REVOLUTION: f64 = 1000.0;
 
-/// How long a drive needs until it listens after it was switched on.
+/// Boot time of the drive.
 const BOOT: Duration = Duration::from_secs(1);
 
-/// How many alarms the drive remembers.
+/// Number of alarms in the drive's history.
 const HISTORY: usize = 10;
 
 /// One drive.

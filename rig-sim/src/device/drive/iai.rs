@@ -98,9 +98,9 @@ const MAX_SPEED: i32 = 100_000;
 /// A hundredth of the standard acceleration of free fall, in hundredths of a millimetre a second
 /// squared.
 const HUNDREDTH_G: f64 = 9806.65;
-/// How fast it looks for home.
+/// Speed of homing.
 const HOME_SPEED: f64 = 2000.0;
-/// How long a controller needs until it listens after it was switched on.
+/// Boot time of the controller.
 const BOOT: Duration = Duration::from_secs(1);
 
 /// The states of the coils.

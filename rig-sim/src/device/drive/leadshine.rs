@@ -92,7 +92,7 @@ const HAS_LIMITS: u16 = 1 << 1;
 const OVER_CURRENT: u16 = 0xE0;
 const POSITION_ERROR: u16 = 0x180;
 
-/// How long a drive needs until it listens after it was switched on.
+/// Boot time of the drive.
 const BOOT: Duration = Duration::from_secs(1);
 
 /// One drive.

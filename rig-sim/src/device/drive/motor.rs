@@ -18,7 +18,7 @@ pub(super) struct Motor {
     commanded: f64,
 }
 
-/// How a move is made, in counts and seconds.
+/// The profile of a move, in counts and seconds.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pace {
     pub(super) speed: f64,

@@ -262,7 +262,7 @@ fn field(shown: Quantity, reading: &FinishedPoint) -> Value {
 }
 
 impl Hioki {
-    /// What `:MEASure:ITEM` picks.
+    /// The items selected by `:MEASure:ITEM`.
     fn items(&self) -> impl Iterator<Item = Quantity> {
         ITEMS.iter().zip(self.item).flat_map(|(quantities, register)| {
             let is_set = move |bit: &usize| register >> bit & 1 == 1;

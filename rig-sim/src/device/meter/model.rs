@@ -5,9 +5,9 @@ use std::{collections::VecDeque, fmt};
 use num_complex::Complex64;
 use rig_scpi::{Call, Dialect, ScpiError, Tree, Value};
 
-/// What distinguishes one make of analyzer from another.
+/// The differences between makes of analyzers.
 pub(crate) trait Model: fmt::Debug + Default {
-    /// What its commands are called.
+    /// The names of its commands.
     type Command: Copy + fmt::Debug;
 
     /// Whether the end of a measurement is an event of the operation status, whatever the filters
@@ -17,7 +17,7 @@ pub(crate) trait Model: fmt::Debug + Default {
     /// The commands, which a test builds.
     fn commands() -> Tree<Self::Command>;
 
-    /// How it speaks.
+    /// Its command set.
     fn dialect() -> Dialect;
 
     /// Carries out a command, or returns the job that it needs.
@@ -27,7 +27,7 @@ pub(crate) trait Model: fmt::Debug + Default {
         memory: Memory<'_>,
     ) -> Result<Outcome, ScpiError>;
 
-    /// What drives the terminals now.
+    /// The present drive of the terminals.
     fn drive(&self) -> Drive;
 
     /// The answer of a measurement to the command that began it.
@@ -44,7 +44,7 @@ pub(crate) trait Model: fmt::Debug + Default {
     }
 }
 
-/// What drives the terminals.
+/// The drive of the terminals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Drive {
     pub(crate) frequency_hz: f64,
@@ -76,7 +76,7 @@ pub(crate) enum Outcome {
 /// A measurement.
 #[derive(Debug)]
 pub(crate) struct Job {
-    /// What to measure, in order.
+    /// The quantities to measure, in order.
     pub(crate) points: VecDeque<Point>,
     /// Whether nothing else is done meanwhile.
     pub(crate) is_blocking: bool,

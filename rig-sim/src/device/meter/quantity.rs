@@ -1,4 +1,4 @@
-//! What analyzers show of an impedance, and how they round.
+//! The quantities and the rounding of analyzers.
 
 use num_complex::Complex64;
 
