@@ -79,7 +79,7 @@ fn introduction(page: &mut Page, args: &Args) {
     ));
     page.text(
         "`uniform`: even points with ten cycles, each after five time constants of settling (201, \
-         101, 51 and 21 points; the first is careful laboratory laboratory). `fast uniform`: even \
+         101, 51 and 21 points; the first is careful laboratory practice). `fast uniform`: even \
          points without waiting; the model includes the ring-up. `free-decay planner`: that of the \
          daemon, on an analyzer whose drive starts at any phase at each change of frequency, with \
          gaps of up to 3 ms before each reading, known to 1 ms. `transient-aware planner`: with \
