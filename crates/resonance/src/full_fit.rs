@@ -71,9 +71,9 @@ fn gain_needed(cause: &Cause) -> f64 {
     }
 }
 
-/// A cause whose being unknown raises the variance by more than this factor can hardly be told from
-/// the circuit with these readings, and is not held against them.
-fn told_apart(cause: &Cause, is_planned: bool) -> f64 {
+/// Largest factor by which an unknown cause may raise the variance and still count against the readings.
+/// Beyond it these readings hardly distinguish the cause from the circuit.
+fn inflation_max(cause: &Cause, is_planned: bool) -> f64 {
     match cause {
         // A plan reads few frequencies again and again, and would never end if what these cannot tell
         // were held against it.
@@ -261,7 +261,7 @@ impl Model {
             .iter()
             .filter(|(found, _)| {
                 found.variance
-                    < told_apart(&found.cause, options.near.is_some()) * found.variance_without
+                    < inflation_max(&found.cause, options.near.is_some()) * found.variance_without
             })
             .map(|(found, gain)| {
                 let even = gain_needed(&found.cause) - EVEN_BELOW;

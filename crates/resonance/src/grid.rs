@@ -64,7 +64,7 @@ struct GridTrial {
     q: f64,
     motion: Motion<Complex64>,
     past: Complex64,
-    leftover: ResidualTransient,
+    residual: ResidualTransient,
     ln_determinant: f64,
     normal: Normal<LINEAR>,
 }
@@ -105,7 +105,7 @@ impl Grid {
         if seconds > 0.0 {
             for cell in &mut self.cells {
                 cell.motion.rest(seconds, &mut cell.past);
-                cell.leftover.rest(seconds);
+                cell.residual.rest(seconds);
             }
         }
     }
@@ -134,7 +134,7 @@ impl GridTrial {
             q,
             motion: Motion::at_rest(plain(resonance_hz, q)),
             past: Complex64::ONE,
-            leftover: ResidualTransient::new(resonance_hz, q),
+            residual: ResidualTransient::new(resonance_hz, q),
             ln_determinant: 0.0,
             normal: Normal::default(),
         }
@@ -153,7 +153,7 @@ impl GridTrial {
             }
         };
         if let (Timing::Waited, Some(variance)) = (timing, variance) {
-            let motional = self.leftover.visit(&sample.visit);
+            let motional = self.residual.visit(&sample.visit);
             if weight > 0.0 {
                 let relative = C1_TYPICAL * C1_TYPICAL * motional * sample.impedance.norm_sqr();
                 weight = 1.0 / (1.0 / sample.length + relative / variance);

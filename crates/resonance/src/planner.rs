@@ -1,8 +1,8 @@
 //! Which frequency to measure next.
 //!
 //! The planner does not measure and has no clock: it is asked for points, is given the readings,
-//! and is asked again, until it has a verdict. The readings say how long they took; what passes besides,
-//! it is told, and its own thinking it counts.
+//! and is asked again, until it has an outcome. It takes the time of the readings from them, other time
+//! from the caller, and counts its own work.
 
 pub(crate) mod limit;
 mod tracker;

@@ -94,9 +94,9 @@ mod tests {
             rest_s: 0.0,
         };
         let (first, second) = (visit(139.0, 2.0, 5.0), visit(147.0, 0.05, 6.0));
-        let mut leftover = ResidualTransient::new(140.0, 30.0);
-        leftover.visit(&first);
-        let expected = leftover.visit(&second) / MARGIN;
+        let mut residual = ResidualTransient::new(140.0, 30.0);
+        residual.visit(&first);
+        let expected = residual.visit(&second) / MARGIN;
         let u: f64 = 147.0 / 140.0;
         let settled = Complex64::new(0.0, TAU * 147.0) / Complex64::new(1.0 - u * u, u / 30.0);
         let turns = 64;
@@ -124,13 +124,13 @@ mod tests {
 
     #[test]
     fn it_dies_away_with_the_time_constant_and_starts_anew_only_with_the_frequency() {
-        let mut leftover = ResidualTransient::new(140.0, 30.0);
+        let mut residual = ResidualTransient::new(140.0, 30.0);
         let stay =
             |frequency_hz| Visit { frequency_hz, settle_s: 0.05, integration_s: 0.02, rest_s: 0.0 };
-        let first = leftover.visit(&stay(139.0));
-        let again = leftover.visit(&stay(139.0));
+        let first = residual.visit(&stay(139.0));
+        let again = residual.visit(&stay(139.0));
         let decay = (-TAU * 140.0 / 30.0 * 0.07).exp();
         assert!((again / first / (decay / (1.0 - decay)) - 1.0).abs() < 1e-12);
-        assert!(leftover.visit(&stay(139.1)) > 0.5 * first);
+        assert!(residual.visit(&stay(139.1)) > 0.5 * first);
     }
 }

@@ -232,11 +232,11 @@ impl Trace {
     /// Lets every reading count for as much as it has settled if this is the circuit; otherwise like
     /// [`Self::weigh`].
     pub(crate) fn weigh_settling(&mut self, at: &ModelEstimate, variance: f64) -> f64 {
-        let mut leftover = ResidualTransient::new(at.resonance_hz, at.q);
+        let mut residual = ResidualTransient::new(at.resonance_hz, at.q);
         let circuit = at.circuit(1.0);
         for sample in &mut self.samples {
             let admittance = circuit.admittance_siemens(sample.visit.frequency_hz).norm_sqr();
-            sample.unsettled = at.c1 * at.c1 * leftover.visit(&sample.visit) / admittance;
+            sample.unsettled = at.c1 * at.c1 * residual.visit(&sample.visit) / admittance;
         }
         self.weighed_for = Some(variance);
         self.weigh(variance)

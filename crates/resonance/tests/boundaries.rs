@@ -1,4 +1,4 @@
-//! Both sides of every boundary between a resonance that is told and one that is refused.
+//! Both sides of every boundary between a reported resonance and a refused one.
 
 #[expect(dead_code, reason = "each test file uses its part")]
 #[path = "support/scenes.rs"]
@@ -209,14 +209,14 @@ fn the_wait_at_each_point() {
 /// A weak sensor that nobody waited for looks settled, and is several standard deviations off by the
 /// noise alone. What the readings do not exclude must be in the uncertainty, and not much more.
 #[test]
-fn a_wait_of_which_nobody_tells_is_in_the_uncertainty() {
+fn an_unknown_dwell_is_in_the_uncertainty() {
     let weak = Scene { q: 10.0, capacitance_ratio: 0.0204, noise: 0.005, ..SENSOR };
-    let untold = FitOptions { timing: Timing::Unknown, ..FitOptions::default() };
-    let told = FitOptions { timing: Timing::Waited, ..FitOptions::default() };
+    let unknown = FitOptions { timing: Timing::Unknown, ..FitOptions::default() };
+    let waited = FitOptions { timing: Timing::Waited, ..FitOptions::default() };
     let (mut answers, mut widest, mut widened) = (0, 0.0_f64, 0.0_f64);
     for seed in 0..40 {
         let (readings, _) = weak.sweep(Kind::Unsettled(0.0), &mut Random::new(seed));
-        if let FitOutcome::Accepted(found) = fit(&readings, &untold) {
+        if let FitOutcome::Accepted(found) = fit(&readings, &unknown) {
             let sigmas = (found.resonance_hz - weak.resonance_hz) / found.sigma_hz;
             assert!(sigmas.abs() < 4.5, "seed {seed}: {sigmas} of {found:?}");
             (answers, widest) = (answers + 1, widest.max(found.sigma_hz));
@@ -224,7 +224,7 @@ fn a_wait_of_which_nobody_tells_is_in_the_uncertainty() {
         let timed = Scene { is_timed: true, ..weak };
         let (readings, _) = timed.sweep(Kind::Nominal, &mut Random::new(seed));
         let sigma_hz = |options| fit(&readings, options).accepted().expect("it is good").sigma_hz;
-        widened += sigma_hz(&untold) / sigma_hz(&told) / 40.0;
+        widened += sigma_hz(&unknown) / sigma_hz(&waited) / 40.0;
     }
     assert!(answers > 30 && widest > 0.15, "{answers}, {widest} Hz");
     assert!((1.1..1.6).contains(&widened), "{widened}");

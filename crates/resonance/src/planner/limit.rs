@@ -1,7 +1,7 @@
 //! The bounds of a planned sweep.
 //!
 //! Every sweep ends: at its time limit, or where one of these counts is used up. They are far above
-//! what a sweep needs that reaches its target, so that whoever meets one has asked for too much.
+//! what a sweep needs that reaches its target, so that a sweep which meets one asks for too much.
 
 use std::fmt;
 

@@ -62,8 +62,8 @@ const NARROW_LINEWIDTHS: f64 = 2.0;
 const NARROW_LINEWIDTHS_RINGING: f64 = 0.7;
 
 impl Tracker {
-    /// Nothing is known but that the resonance lies in the window, or a circuit besides that had its
-    /// resonance in or near it.
+    /// Starts with the window, and with an earlier circuit whose resonance was in or near it, if there
+    /// is one.
     pub(super) fn new(
         request: &SweepRequest,
         prior: Option<&Prior>,

@@ -18,7 +18,7 @@ use crate::{
     trace::{CIRCUIT, UNKNOWNS},
 };
 
-/// Places of a new stay, in linewidths from the resonance; the ends of the window come besides.
+/// Places of a new stay, in linewidths from the resonance; in addition to the ends of the window.
 const PLACES: [f64; 7] = [-1.5, -0.7, -0.3, 0.0, 0.3, 0.7, 1.5];
 const CYCLES: [u32; 3] = [2, 6, 20];
 /// Above this quality the longest readings gain nothing.

@@ -1,8 +1,4 @@
-//! Plays whole runs against an ideal bench, and again with every operation failing, every moment
-//! aborted, every moment stopped. Whatever happens, the sample turns only under a clear probe, the
-//! probe is clear at the end or the rig is latched, and a run ends once.
-
-#![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
+//! An ideal bench that plays a run with one trouble at one moment, and checks each operation.
 
 use std::f64::consts::TAU;
 
@@ -11,20 +7,20 @@ use rig_engine::{
     OperationId, Report, RigState, RunStatus, TouchOutcome,
 };
 use rig_model::{
-    AnalyzerRange, Axis, AxisLimits, Clearance, ContactAngle, Direction, DriveLevel, Geometry,
-    Impedance, MotionLimits, Orientation, PointResult, Position, Reading, RigLimits, RigTime, Span,
+    AnalyzerRange, Axis, AxisLimits, ContactAngle, Direction, DriveLevel, Geometry, Impedance,
+    MotionLimits, Orientation, PointResult, Position, Reading, RigLimits, RigTime, Span,
     SweepMethod, SweepPoint, SweepRequest, Window,
 };
 use rig_protocol::{
     Action, Approach, Phase, Plan, Pose, Prompt, Step, StepId, Touch, TouchSettings,
 };
 
-const REST_MM: f64 = 40.0;
-const SURFACE_MM: f64 = 10.07;
-const FREE_HZ: f64 = 140.0;
-const LOADED_HZ: f64 = 158.0;
+pub(crate) const REST_MM: f64 = 40.0;
+pub(crate) const SURFACE_MM: f64 = 10.07;
+pub(crate) const FREE_HZ: f64 = 140.0;
+pub(crate) const LOADED_HZ: f64 = 158.0;
 
-fn limits() -> RigLimits {
+pub(crate) fn limits() -> RigLimits {
     RigLimits {
         linear: Axis::new(
             "linear stage",
@@ -66,7 +62,7 @@ fn limits() -> RigLimits {
     }
 }
 
-fn plan() -> Plan {
+pub(crate) fn plan() -> Plan {
     let sweep = |min_hz, max_hz| SweepRequest {
         window: Window { min_hz, max_hz },
         method: SweepMethod::Uniform { points: 41 },
@@ -120,7 +116,7 @@ fn plan() -> Plan {
 
 /// What an operation is made to do instead of what it should.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Trouble {
+pub(crate) enum Trouble {
     /// It fails as if the line had gone dead.
     Fails,
     /// It fails because the linear stage says that it is where it cannot be.
@@ -143,24 +139,24 @@ enum Trouble {
 
 /// An ideal bench, with its own idea of where things are.
 #[derive(Debug)]
-struct World {
-    engine: Engine,
-    now: RigTime,
-    linear_mm: f64,
-    rotary_deg: f64,
-    operations: usize,
-    events: Vec<Event>,
-    trouble: Option<(usize, Trouble)>,
+pub(crate) struct World {
+    pub(crate) engine: Engine,
+    pub(crate) now: RigTime,
+    pub(crate) linear_mm: f64,
+    pub(crate) rotary_deg: f64,
+    pub(crate) operations: usize,
+    pub(crate) events: Vec<Event>,
+    pub(crate) trouble: Option<(usize, Trouble)>,
     /// The last thing made durable was the intent of the moves that follow.
-    is_intent_durable: bool,
-    in_flight: Option<(OperationId, Operation)>,
-    was_interrupted: bool,
-    is_lost: bool,
-    random: u64,
+    pub(crate) is_intent_durable: bool,
+    pub(crate) in_flight: Option<(OperationId, Operation)>,
+    pub(crate) was_interrupted: bool,
+    pub(crate) is_lost: bool,
+    pub(crate) random: u64,
 }
 
 impl World {
-    fn new(trouble: Option<(usize, Trouble)>) -> Self {
+    pub(crate) fn new(trouble: Option<(usize, Trouble)>) -> Self {
         Self {
             engine: Engine::new(limits()),
             now: RigTime::ZERO,
@@ -177,18 +173,18 @@ impl World {
         }
     }
 
-    fn command(&mut self, command: Command) {
+    pub(crate) fn command(&mut self, command: Command) {
         let admitted = self.engine.admit(command).unwrap();
         self.begin(admitted);
     }
 
-    fn begin(&mut self, admitted: Admitted) {
+    pub(crate) fn begin(&mut self, admitted: Admitted) {
         let mut effects = Vec::new();
         self.engine.begin(self.now, admitted, "test", &mut effects);
         self.carry_out(effects);
     }
 
-    fn carry_out(&mut self, effects: Vec<Effect>) {
+    pub(crate) fn carry_out(&mut self, effects: Vec<Effect>) {
         let mut last_intent = None;
         for effect in effects {
             match effect {
@@ -213,7 +209,7 @@ impl World {
     }
 
     /// The invariants that hold for every operation that leaves the engine.
-    fn check(&self, operation: &Operation) {
+    pub(crate) fn check(&self, operation: &Operation) {
         match operation {
             Operation::MoveRotary { .. } | Operation::PrepareRotary => {
                 assert!(
@@ -233,7 +229,7 @@ impl World {
     }
 
     /// Ends the operation in flight, after the trouble that is due, if any.
-    fn step(&mut self) {
+    pub(crate) fn step(&mut self) {
         let Some((id, operation)) = self.in_flight.take() else {
             // Only a wait can be going on.
             self.now = self.engine.deadline().expect("nothing to wait for");
@@ -284,26 +280,26 @@ impl World {
         self.handle(Input::Done(id, Ok(report)));
     }
 
-    fn fail(&mut self, id: OperationId, kind: FailureKind) {
+    pub(crate) fn fail(&mut self, id: OperationId, kind: FailureKind) {
         let detail = "as it was told to".to_owned();
         let failure = Failure { device: Device::LinearStage, kind, detail };
         self.handle(Input::Done(id, Err(failure)));
     }
 
-    fn try_command(&mut self, command: Command) {
+    pub(crate) fn try_command(&mut self, command: Command) {
         // Not every state admits every command.
         if let Ok(admitted) = self.engine.admit(command) {
             self.begin(admitted);
         }
     }
 
-    fn handle(&mut self, input: Input) {
+    pub(crate) fn handle(&mut self, input: Input) {
         let mut effects = Vec::new();
         self.engine.handle(self.now, input, &mut effects);
         self.carry_out(effects);
     }
 
-    fn stalled(&mut self, operation: &Operation) -> Report {
+    pub(crate) fn stalled(&mut self, operation: &Operation) -> Report {
         match operation {
             Operation::MoveLinear { .. } | Operation::PrepareLinear => {
                 Report::LinearAt(Position::new(self.linear_mm))
@@ -316,7 +312,7 @@ impl World {
         }
     }
 
-    fn perform(&mut self, operation: &Operation) -> Report {
+    pub(crate) fn perform(&mut self, operation: &Operation) -> Report {
         match operation {
             Operation::PrepareLinear => self.linear_mm = 49.0,
             Operation::PrepareRotary => self.rotary_deg = 0.0,
@@ -331,14 +327,14 @@ impl World {
     }
 
     /// Uniform noise of 0.1 % from a linear congruential generator (Knuth's MMIX constants).
-    fn noise(&mut self) -> f64 {
+    pub(crate) fn noise(&mut self) -> f64 {
         self.random =
             self.random.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         1e-3 * ((self.random >> 11) as f64 / (1_u64 << 52) as f64 - 1.0)
     }
 
     /// The impedance of a Butterworth–Van Dyke circuit, whose resonance jumps on contact.
-    fn reading(&mut self, point: &SweepPoint) -> Reading {
+    pub(crate) fn reading(&mut self, point: &SweepPoint) -> Reading {
         let tilt = self.rotary_deg.to_radians();
         let surface_mm = SURFACE_MM + 0.5 / tilt.cos() - 0.5;
         let resonance_hz = if self.linear_mm <= surface_mm { LOADED_HZ } else { FREE_HZ };
@@ -365,11 +361,11 @@ impl World {
     }
 
     /// Prepares the rig and replays the plan until nothing is left to do.
-    fn play(&mut self) {
+    pub(crate) fn play(&mut self) {
         self.play_plan(&plan());
     }
 
-    fn play_plan(&mut self, plan: &Plan) {
+    pub(crate) fn play_plan(&mut self, plan: &Plan) {
         self.command(Command::Prepare);
         let mut is_started = false;
         for _ in 0..2000 {
@@ -390,7 +386,7 @@ impl World {
     }
 
     /// Why touches were refused.
-    fn refused(&self) -> Vec<String> {
+    pub(crate) fn refused(&self) -> Vec<String> {
         let refusal = |event: &Event| match event {
             Event::TouchFinished(result) => match &result.outcome {
                 TouchOutcome::Refused { refusal, .. } => Some(refusal.to_string()),
@@ -401,228 +397,11 @@ impl World {
         self.events.iter().filter_map(refusal).collect()
     }
 
-    fn endings(&self) -> Vec<RunStatus> {
+    pub(crate) fn endings(&self) -> Vec<RunStatus> {
         let ending = |event: &Event| match event {
             Event::RunFinished(status) => Some(*status),
             _ => None,
         };
         self.events.iter().filter_map(ending).collect()
     }
-}
-
-#[test]
-fn an_undisturbed_run_finds_the_surface_and_the_shift_at_every_touch() {
-    let mut world = World::new(None);
-    world.play();
-    assert_eq!(world.endings(), [RunStatus::Completed], "{:#?}", world.events);
-    assert_eq!(world.engine.snapshot().clearance, Clearance::Clear);
-    let mut touches = 0;
-    for event in &world.events {
-        if let Event::TouchFinished(result) = event {
-            touches += 1;
-            let (shift_hz, _) = result.shift_hz().expect("accepted");
-            assert!((shift_hz - (LOADED_HZ - FREE_HZ)).abs() < 0.01, "{shift_hz}");
-            let TouchOutcome::Measured { contact, .. } = result.outcome else {
-                panic!("{result:?}")
-            };
-            assert!((contact.indentation_mm() - 0.5).abs() < 1e-9);
-        }
-    }
-    assert_eq!(touches, 3);
-}
-
-#[test]
-fn a_refused_touch_is_finished_with_its_reason_and_the_run_says_so_at_its_end() {
-    let mut narrow = plan();
-    // The resonance in contact lies below it.
-    narrow.contact_sweep = SweepRequest {
-        window: Window { min_hz: 165.0, max_hz: 190.0 },
-        method: SweepMethod::Uniform { points: 21 },
-        ..narrow.contact_sweep
-    };
-    let mut world = World::new(None);
-    world.play_plan(&narrow);
-    assert_eq!(world.endings(), [RunStatus::CompletedWithRefusals], "{:#?}", world.events);
-    assert_eq!(world.engine.snapshot().clearance, Clearance::Clear);
-    let mut refused = 0;
-    for event in &world.events {
-        if let Event::TouchFinished(result) = event {
-            refused += 1;
-            let TouchOutcome::Refused { contact, .. } = result.outcome else {
-                panic!("{result:?}")
-            };
-            assert!((contact.unwrap().indentation_mm() - 0.5).abs() < 1e-9);
-        }
-    }
-    assert_eq!(refused, 3);
-}
-
-#[test]
-fn whatever_goes_wrong_wherever_it_ends_clear_or_latched() {
-    let mut undisturbed = World::new(None);
-    undisturbed.play();
-    let count = undisturbed.operations;
-    assert!(count > 60, "a run of {count} operations shows little");
-    let mut endings = [0_u32; 4];
-    for at in 0..count {
-        for trouble in [
-            Trouble::Fails,
-            Trouble::Loses,
-            Trouble::Stalls,
-            Trouble::Hangs,
-            Trouble::Abort,
-            Trouble::Stop,
-            Trouble::Flags,
-            Trouble::FlagsOnce,
-            Trouble::Pause,
-        ] {
-            let mut world = World::new(Some((at, trouble)));
-            world.play();
-            let end = world.engine.snapshot();
-            let context = format!("{trouble:?} at operation {at}: {end:?}");
-            assert!(world.endings().len() <= 1, "{context}");
-            for ending in world.endings() {
-                endings[ending as usize] += 1;
-            }
-            if end.state == RigState::Idle {
-                assert!((world.linear_mm - REST_MM).abs() < 0.011, "{context}");
-                assert_eq!(end.clearance, Clearance::Clear, "{context}");
-            } else {
-                assert!(end.fault.is_some(), "{context}");
-            }
-            if trouble == Trouble::FlagsOnce {
-                assert_eq!(world.endings(), [RunStatus::Completed], "{context}");
-            }
-            if trouble == Trouble::Flags {
-                let refused = world.refused();
-                let expected = if refused.is_empty() {
-                    RunStatus::Completed
-                } else {
-                    RunStatus::CompletedWithRefusals
-                };
-                assert_eq!(world.endings(), [expected], "{context}");
-                for reason in refused {
-                    let (hz, what) = ("the analyzer flagged overload at ", "in 3 of 3 tries");
-                    assert!(reason.starts_with(hz) && reason.ends_with(what), "{reason}");
-                }
-            }
-            if trouble == Trouble::Stop {
-                assert_eq!(end.state, RigState::Latched, "{context}");
-                assert_eq!(end.clearance, Clearance::Clear, "{context}");
-            }
-        }
-    }
-    assert!(endings.iter().all(|&count| count >= 25), "one-sided endings: {endings:?}");
-}
-
-#[test]
-fn a_linear_stage_that_is_lost_on_the_way_out_is_not_moved_again() {
-    for trouble in [Trouble::Fails, Trouble::Abort, Trouble::Stop] {
-        let mut world = World::new(Some((30, trouble)));
-        world.command(Command::Prepare);
-        while world.engine.snapshot().state != RigState::Retracting {
-            match world.engine.snapshot().state {
-                RigState::Idle => world.command(Command::Run(Box::new(plan()))),
-                RigState::WaitingForPerson => world.command(Command::Answer),
-                _ => world.step(),
-            }
-        }
-        while !matches!(world.in_flight, Some((_, Operation::MoveLinear { .. }))) {
-            world.step();
-        }
-        world.trouble = Some((world.operations, Trouble::Loses));
-        while world.in_flight.is_some() {
-            world.step();
-        }
-        let end = world.engine.snapshot();
-        assert!(world.is_lost && end.clearance == Clearance::Unknown, "{trouble:?}: {end:?}");
-        assert_eq!(end.state, RigState::Latched, "{trouble:?}");
-    }
-}
-
-#[test]
-fn a_latched_rig_takes_no_command_but_an_acknowledgement() {
-    let mut world = World::new(None);
-    world.command(Command::Stop);
-    while world.in_flight.is_some() {
-        world.step();
-    }
-    let denied = world.engine.admit(Command::Run(Box::new(plan()))).unwrap_err();
-    assert_eq!(denied.to_string(), "cannot run while the rig is latched");
-    assert!(world.engine.admit(Command::Sweep(plan().no_load_sweep)).is_err());
-    world.command(Command::Acknowledge);
-    while world.in_flight.is_some() {
-        world.step();
-    }
-    assert_eq!(world.engine.snapshot().state, RigState::Idle);
-}
-
-#[test]
-fn a_move_by_hand_obeys_what_a_run_obeys() {
-    let mut world = World::new(None);
-    world.command(Command::Prepare);
-    while world.in_flight.is_some() {
-        world.step();
-    }
-    let denial = |world: &World, command: Command| {
-        world.engine.admit(command).expect_err("it must be denied").to_string()
-    };
-    let linear = |mm| Command::MoveLinear(Position::new(mm));
-    let rotary = |degrees| Command::MoveRotary(Position::new(degrees));
-    assert_eq!(
-        denial(&world, linear(0.5)),
-        "linear stage: target 0.500 mm is outside the soft limits [1.000 mm, 49.000 mm]"
-    );
-    // The surface is expected at 10 mm, may lie 0.5 mm lower, and is indented by 0.6 mm at most.
-    assert_eq!(
-        denial(&world, linear(8.89)),
-        "linear stage: target 8.890 mm is below 8.900 mm, the deepest that a touch may go here"
-    );
-    assert!(denial(&world, rotary(51.0)).contains("outside the soft limits"));
-    world.command(rotary(30.0));
-    world.step();
-    world.command(linear(20.0));
-    world.step();
-    assert_eq!(world.engine.snapshot().clearance, Clearance::InContact);
-    assert_eq!(
-        denial(&world, rotary(0.0)),
-        "cannot move the rotary stage while the probe is in contact"
-    );
-    assert_eq!(
-        denial(&world, Command::Run(Box::new(plan()))),
-        "cannot run while the probe is in contact"
-    );
-    world.command(linear(REST_MM));
-    world.step();
-    assert_eq!(world.engine.snapshot().clearance, Clearance::Clear);
-    world.command(rotary(0.0));
-}
-
-/// The readings say that no time has passed, and the clock that a minute has.
-#[test]
-fn the_time_between_the_readings_of_a_sweep_counts_against_its_limit() {
-    let mut world = World::new(None);
-    world.command(Command::Prepare);
-    while world.engine.snapshot().state != RigState::Idle {
-        world.step();
-    }
-    let mut request = plan().no_load_sweep;
-    (request.method, request.time_limit_s) = (SweepMethod::Adaptive, 60.0);
-    world.command(Command::Sweep(request));
-    for passed_s in [1, 1, 58] {
-        assert_eq!(world.engine.snapshot().state, RigState::Running);
-        let (id, operation) = world.in_flight.take().unwrap();
-        let Report::Measured(mut readings) = world.perform(&operation) else { panic!() };
-        for reading in &mut readings {
-            reading.started = RigTime::ZERO;
-        }
-        world.now = world.now + std::time::Duration::from_secs(passed_s);
-        world.handle(Input::Done(id, Ok(Report::Measured(readings))));
-    }
-    assert_eq!(world.engine.snapshot().state, RigState::Idle);
-    let refusal = world.events.iter().find_map(|event| match event {
-        Event::SweepFinished(sweep) => Some(format!("{:?}", sweep.outcome)),
-        _ => None,
-    });
-    assert!(refusal.as_ref().is_some_and(|refusal| refusal.contains("Time {")), "{refusal:?}");
 }

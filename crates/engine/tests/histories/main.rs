@@ -1,0 +1,229 @@
+//! Plays whole runs against an ideal bench, and again with every operation failing, every moment
+//! aborted, every moment stopped. Whatever happens, the sample turns only under a clear probe, the
+//! probe is clear at the end or the rig is latched, and a run ends once.
+
+#![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
+
+mod world;
+
+use rig_engine::{Command, Event, Input, Operation, Report, RigState, RunStatus, TouchOutcome};
+use rig_model::{Clearance, Position, RigTime, SweepMethod, SweepRequest, Window};
+
+use world::{FREE_HZ, LOADED_HZ, REST_MM, Trouble, World, plan};
+
+#[test]
+fn an_undisturbed_run_finds_the_surface_and_the_shift_at_every_touch() {
+    let mut world = World::new(None);
+    world.play();
+    assert_eq!(world.endings(), [RunStatus::Completed], "{:#?}", world.events);
+    assert_eq!(world.engine.snapshot().clearance, Clearance::Clear);
+    let mut touches = 0;
+    for event in &world.events {
+        if let Event::TouchFinished(result) = event {
+            touches += 1;
+            let (shift_hz, _) = result.shift_hz().expect("accepted");
+            assert!((shift_hz - (LOADED_HZ - FREE_HZ)).abs() < 0.01, "{shift_hz}");
+            let TouchOutcome::Measured { contact, .. } = result.outcome else {
+                panic!("{result:?}")
+            };
+            assert!((contact.indentation_mm() - 0.5).abs() < 1e-9);
+        }
+    }
+    assert_eq!(touches, 3);
+}
+
+#[test]
+fn a_refused_touch_is_finished_with_its_reason_and_the_run_says_so_at_its_end() {
+    let mut narrow = plan();
+    // The resonance in contact lies below it.
+    narrow.contact_sweep = SweepRequest {
+        window: Window { min_hz: 165.0, max_hz: 190.0 },
+        method: SweepMethod::Uniform { points: 21 },
+        ..narrow.contact_sweep
+    };
+    let mut world = World::new(None);
+    world.play_plan(&narrow);
+    assert_eq!(world.endings(), [RunStatus::CompletedWithRefusals], "{:#?}", world.events);
+    assert_eq!(world.engine.snapshot().clearance, Clearance::Clear);
+    let mut refused = 0;
+    for event in &world.events {
+        if let Event::TouchFinished(result) = event {
+            refused += 1;
+            let TouchOutcome::Refused { contact, .. } = result.outcome else {
+                panic!("{result:?}")
+            };
+            assert!((contact.unwrap().indentation_mm() - 0.5).abs() < 1e-9);
+        }
+    }
+    assert_eq!(refused, 3);
+}
+
+#[test]
+fn whatever_goes_wrong_wherever_it_ends_clear_or_latched() {
+    let mut undisturbed = World::new(None);
+    undisturbed.play();
+    let count = undisturbed.operations;
+    assert!(count > 60, "a run of {count} operations shows little");
+    let mut endings = [0_u32; 4];
+    for at in 0..count {
+        for trouble in [
+            Trouble::Fails,
+            Trouble::Loses,
+            Trouble::Stalls,
+            Trouble::Hangs,
+            Trouble::Abort,
+            Trouble::Stop,
+            Trouble::Flags,
+            Trouble::FlagsOnce,
+            Trouble::Pause,
+        ] {
+            let mut world = World::new(Some((at, trouble)));
+            world.play();
+            let end = world.engine.snapshot();
+            let context = format!("{trouble:?} at operation {at}: {end:?}");
+            assert!(world.endings().len() <= 1, "{context}");
+            for ending in world.endings() {
+                endings[ending as usize] += 1;
+            }
+            if end.state == RigState::Idle {
+                assert!((world.linear_mm - REST_MM).abs() < 0.011, "{context}");
+                assert_eq!(end.clearance, Clearance::Clear, "{context}");
+            } else {
+                assert!(end.fault.is_some(), "{context}");
+            }
+            if trouble == Trouble::FlagsOnce {
+                assert_eq!(world.endings(), [RunStatus::Completed], "{context}");
+            }
+            if trouble == Trouble::Flags {
+                let refused = world.refused();
+                let expected = if refused.is_empty() {
+                    RunStatus::Completed
+                } else {
+                    RunStatus::CompletedWithRefusals
+                };
+                assert_eq!(world.endings(), [expected], "{context}");
+                for reason in refused {
+                    let (hz, what) = ("the analyzer flagged overload at ", "in 3 of 3 tries");
+                    assert!(reason.starts_with(hz) && reason.ends_with(what), "{reason}");
+                }
+            }
+            if trouble == Trouble::Stop {
+                assert_eq!(end.state, RigState::Latched, "{context}");
+                assert_eq!(end.clearance, Clearance::Clear, "{context}");
+            }
+        }
+    }
+    assert!(endings.iter().all(|&count| count >= 25), "one-sided endings: {endings:?}");
+}
+
+#[test]
+fn a_linear_stage_that_is_lost_on_the_way_out_is_not_moved_again() {
+    for trouble in [Trouble::Fails, Trouble::Abort, Trouble::Stop] {
+        let mut world = World::new(Some((30, trouble)));
+        world.command(Command::Prepare);
+        while world.engine.snapshot().state != RigState::Retracting {
+            match world.engine.snapshot().state {
+                RigState::Idle => world.command(Command::Run(Box::new(plan()))),
+                RigState::WaitingForPerson => world.command(Command::Answer),
+                _ => world.step(),
+            }
+        }
+        while !matches!(world.in_flight, Some((_, Operation::MoveLinear { .. }))) {
+            world.step();
+        }
+        world.trouble = Some((world.operations, Trouble::Loses));
+        while world.in_flight.is_some() {
+            world.step();
+        }
+        let end = world.engine.snapshot();
+        assert!(world.is_lost && end.clearance == Clearance::Unknown, "{trouble:?}: {end:?}");
+        assert_eq!(end.state, RigState::Latched, "{trouble:?}");
+    }
+}
+
+#[test]
+fn a_latched_rig_takes_no_command_but_an_acknowledgement() {
+    let mut world = World::new(None);
+    world.command(Command::Stop);
+    while world.in_flight.is_some() {
+        world.step();
+    }
+    let denied = world.engine.admit(Command::Run(Box::new(plan()))).unwrap_err();
+    assert_eq!(denied.to_string(), "cannot run while the rig is latched");
+    assert!(world.engine.admit(Command::Sweep(plan().no_load_sweep)).is_err());
+    world.command(Command::Acknowledge);
+    while world.in_flight.is_some() {
+        world.step();
+    }
+    assert_eq!(world.engine.snapshot().state, RigState::Idle);
+}
+
+#[test]
+fn a_move_by_hand_obeys_what_a_run_obeys() {
+    let mut world = World::new(None);
+    world.command(Command::Prepare);
+    while world.in_flight.is_some() {
+        world.step();
+    }
+    let denial = |world: &World, command: Command| {
+        world.engine.admit(command).expect_err("it must be denied").to_string()
+    };
+    let linear = |mm| Command::MoveLinear(Position::new(mm));
+    let rotary = |degrees| Command::MoveRotary(Position::new(degrees));
+    assert_eq!(
+        denial(&world, linear(0.5)),
+        "linear stage: target 0.500 mm is outside the soft limits [1.000 mm, 49.000 mm]"
+    );
+    // The surface is expected at 10 mm, may lie 0.5 mm lower, and is indented by 0.6 mm at most.
+    assert_eq!(
+        denial(&world, linear(8.89)),
+        "linear stage: target 8.890 mm is below 8.900 mm, the deepest that a touch may go here"
+    );
+    assert!(denial(&world, rotary(51.0)).contains("outside the soft limits"));
+    world.command(rotary(30.0));
+    world.step();
+    world.command(linear(20.0));
+    world.step();
+    assert_eq!(world.engine.snapshot().clearance, Clearance::InContact);
+    assert_eq!(
+        denial(&world, rotary(0.0)),
+        "cannot move the rotary stage while the probe is in contact"
+    );
+    assert_eq!(
+        denial(&world, Command::Run(Box::new(plan()))),
+        "cannot run while the probe is in contact"
+    );
+    world.command(linear(REST_MM));
+    world.step();
+    assert_eq!(world.engine.snapshot().clearance, Clearance::Clear);
+    world.command(rotary(0.0));
+}
+
+/// The readings say that no time has passed, and the clock that a minute has.
+#[test]
+fn the_time_between_the_readings_of_a_sweep_counts_against_its_limit() {
+    let mut world = World::new(None);
+    world.command(Command::Prepare);
+    while world.engine.snapshot().state != RigState::Idle {
+        world.step();
+    }
+    let mut request = plan().no_load_sweep;
+    (request.method, request.time_limit_s) = (SweepMethod::Adaptive, 60.0);
+    world.command(Command::Sweep(request));
+    for passed_s in [1, 1, 58] {
+        assert_eq!(world.engine.snapshot().state, RigState::Running);
+        let (id, operation) = world.in_flight.take().unwrap();
+        let Report::Measured(mut readings) = world.perform(&operation) else { panic!() };
+        for reading in &mut readings {
+            reading.started = RigTime::ZERO;
+        }
+        world.now = world.now + std::time::Duration::from_secs(passed_s);
+        world.handle(Input::Done(id, Ok(Report::Measured(readings))));
+    }
+    assert_eq!(world.engine.snapshot().state, RigState::Idle);
+    let refusal = world.events.iter().find_map(|event| match event {
+        Event::SweepFinished(sweep) => Some(format!("{:?}", sweep.outcome)),
+        _ => None,
+    });
+    assert!(refusal.as_ref().is_some_and(|refusal| refusal.contains("Time {")), "{refusal:?}");
+}
