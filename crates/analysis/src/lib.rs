@@ -13,6 +13,5 @@ pub mod no_load;
 pub mod recognition;
 pub mod score;
 pub mod sensitivity;
-pub mod sensor;
 pub mod shift;
 pub mod stiffness;

@@ -4,7 +4,7 @@
 //! unknown angle needs several touches, each with the probe turned.
 
 use rig_contact::{
-    Contact, ContactLaw, Depth, Friction, Models, Pose, Tier,
+    Contact, ContactLaw, Depth, Friction, Models, Pose, SensorDescription, Tier,
     inverse::{
         AnglePrior, AzimuthPrior, InverseError, OneTouch, SiteTouch, TiltInference, TissueKind,
         TouchModel, TouchSigmas, infer_tilt,
@@ -101,6 +101,22 @@ impl Compensation {
     /// Within 0.05 Hz of the reference at the cost of a closed form, for either kind of depth.
     pub const TIER: Tier = Tier::E1s;
 
+    /// The model for touches of this sensor whose surfaces were found with this standard deviation,
+    /// mm.
+    pub fn new(sensor: &SensorDescription, surface_sigma_mm: f64) -> Self {
+        Self {
+            models: Models::new(&sensor.sensor, sensor.law),
+            tier: Self::TIER,
+            law: sensor.law,
+            friction: sensor.friction,
+            kind: sensor.kind,
+            // The surface is found anew for every touch.
+            shared_depth_sigma_mm: 0.0,
+            depth_sigma_mm: sensor.uncertainty.depth_mm.hypot(surface_sigma_mm),
+            angle_sigma_rad: sensor.uncertainty.angle_deg.to_radians(),
+        }
+    }
+
     /// Resonance of the free sensor, Hz.
     pub fn no_load_hz(&self) -> f64 {
         self.models.no_load_hz(self.tier)
@@ -164,7 +180,6 @@ mod tests {
     use rig_contact::Direction;
 
     use super::*;
-    use crate::sensor::SensorDescription;
 
     const MOVED: Depth = Depth::Stage { along_probe_mm: 0.5 };
 
@@ -172,7 +187,7 @@ mod tests {
         Compensation {
             shared_depth_sigma_mm: 0.02,
             depth_sigma_mm: 0.002,
-            ..SensorDescription::reference().compensation(0.0)
+            ..Compensation::new(&SensorDescription::reference(), 0.0)
         }
     }
 

@@ -15,7 +15,7 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 use crate::{Faults, Location, samples::KnownSample, settings};
-use rig_analysis::sensor::SensorDescription;
+use rig_contact::SensorDescription;
 use rig_model::{AnalyzerMake, Deg, DriveMake, LineSettings, Mm, RigLimits, Scale, Terminator};
 
 /// A checked rig file.

@@ -6,9 +6,9 @@
 
 use std::fmt;
 
-use rig_analysis::sensor::SensorDescription;
 use rig_contact::{
-    Circuit, Contact, Models, Pose, PoseError, Refusal, Requirements, Tier, Tissue, TissueError,
+    Circuit, Contact, Models, Pose, PoseError, Refusal, Requirements, SensorDescription, Tier,
+    Tissue, TissueError,
 };
 use rig_model::Window;
 use rig_protocol::{Action, Plan, Touch};

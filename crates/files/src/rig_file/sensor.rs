@@ -1,7 +1,6 @@
 //! The section of the sensor. Only the analysis of a run and the check of a protocol use it.
 
-use rig_analysis::sensor::{SensorDescription, Uncertainty};
-use rig_contact::SensorDesign;
+use rig_contact::{SensorDescription, SensorDesign, Uncertainty};
 use rig_model::Geometry;
 
 use crate::{

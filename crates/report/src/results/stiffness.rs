@@ -10,12 +10,9 @@ mod values;
 
 use std::collections::BTreeMap;
 
-use rig_analysis::{
-    sensor::SensorDescription,
-    stiffness::{self, Compensation, PosedTouch, Young},
-};
+use rig_analysis::stiffness::{self, Compensation, PosedTouch, Young};
 use rig_contact::{
-    Pose,
+    Pose, SensorDescription,
     inverse::{InverseError, OneTouch, TiltInference},
 };
 use rig_files::{Faults, rig_file::RigFile};
@@ -82,7 +79,7 @@ impl Stiffness {
         let started = data.started.as_ref().ok_or(NoStiffness::NoRigFile)?;
         let rig = RigFile::read(&started.rig.name, &started.rig.toml);
         let sensor = rig.map_err(NoStiffness::RigFile)?.sensor;
-        let compensation = sensor.compensation(surface_sigma_mm(data));
+        let compensation = Compensation::new(&sensor, surface_sigma_mm(data));
         let free_hz = compensation.no_load_hz();
         let (mut main, mut blind) = (Vec::new(), Vec::new());
         for touch in &data.touches {

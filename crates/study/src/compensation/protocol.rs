@@ -4,11 +4,10 @@ use std::f64::consts::FRAC_PI_2;
 
 use rig_analysis::{
     classify::{Class, Classifier, Decision},
-    sensor::SensorDescription,
     stiffness::{Compensation, PosedTouch},
 };
 use rig_contact::{
-    ContactLaw, Depth, Direction, Models, Pose, Tier,
+    ContactLaw, Depth, Direction, Models, Pose, SensorDescription, Tier,
     inverse::{AzimuthPrior, InverseError, SiteTouch, TiltInference},
 };
 
@@ -226,7 +225,7 @@ impl Analysis {
     pub(super) fn new() -> Self {
         let described = Compensation {
             angle_sigma_rad: NUISANCES.angle_deg.to_radians(),
-            ..SensorDescription::reference().compensation(0.0)
+            ..Compensation::new(&SensorDescription::reference(), 0.0)
         };
         let compensation = Compensation {
             shared_depth_sigma_mm: NUISANCES.depth_mm,

@@ -5,11 +5,10 @@ mod run;
 use rig_analysis::{
     classify::{Classifier, Decision},
     score::wilson_95,
-    sensor::SensorDescription,
-    stiffness::PosedTouch,
+    stiffness::{Compensation, PosedTouch},
 };
 use rig_chart::{Axis, Chart, Marker, Point, Series};
-use rig_contact::{ContactLaw, Depth, Direction, Models, Pose, Sensor, Tier};
+use rig_contact::{ContactLaw, Depth, Direction, Models, Pose, Sensor, SensorDescription, Tier};
 
 use self::run::{BenchRun, BenchTouch};
 use super::{
@@ -263,7 +262,7 @@ fn posed(touch: &BenchTouch) -> PosedTouch {
 }
 
 fn stiffnesses(known: &[&BenchTouch]) -> Table {
-    let compensation = SensorDescription::reference().compensation(0.0);
+    let compensation = Compensation::new(&SensorDescription::reference(), 0.0);
     let touches: Vec<PosedTouch> = known.iter().map(|touch| posed(touch)).collect();
     let mut table = Table::new(&[
         "sample",

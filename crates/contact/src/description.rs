@@ -1,10 +1,6 @@
 //! The sensor of a rig, and the quantities on which the stiffness of a touch depends.
 
-use rig_contact::{
-    ContactLaw, Depth, Friction, Models, Sensor, Tissue, TissueError, inverse::TissueKind,
-};
-
-use crate::stiffness::Compensation;
+use crate::{ContactLaw, Depth, Friction, Sensor, Tissue, TissueError, inverse::TissueKind};
 
 /// A sensor, its contact with the samples, and how well both are known.
 #[derive(Debug, Clone, PartialEq)]
@@ -71,21 +67,5 @@ impl SensorDescription {
     /// [`TissueError`].
     pub fn tissue(&self, stiffness_mpa: f64) -> Result<Tissue, TissueError> {
         Tissue::new(stiffness_mpa, self.kind.poisson, self.kind.loss)
-    }
-
-    /// The model that turns shifts into stiffness, for touches whose surfaces were found with this
-    /// standard deviation, mm.
-    pub fn compensation(&self, surface_sigma_mm: f64) -> Compensation {
-        Compensation {
-            models: Models::new(&self.sensor, self.law),
-            tier: Compensation::TIER,
-            law: self.law,
-            friction: self.friction,
-            kind: self.kind,
-            // The surface is found anew for every touch.
-            shared_depth_sigma_mm: 0.0,
-            depth_sigma_mm: self.uncertainty.depth_mm.hypot(surface_sigma_mm),
-            angle_sigma_rad: self.uncertainty.angle_deg.to_radians(),
-        }
     }
 }
