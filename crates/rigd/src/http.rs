@@ -35,6 +35,7 @@ mod page;
 mod plan;
 mod problem;
 mod progress;
+mod results;
 mod rig;
 mod runs;
 mod server;
@@ -55,6 +56,7 @@ use tokio_util::sync::CancellationToken;
 use crate::{loaded_rig::RigFacts, protocol_file::LoadedProtocol, rig::RigHandle};
 use access::Access;
 use problem::Problem;
+use results::ResultsCache;
 pub use server::serve;
 
 /// The state shared by the handlers.
@@ -70,6 +72,7 @@ struct Inner {
     loaded: Option<LoadedProtocol>,
     data: PathBuf,
     access: Access,
+    results: ResultsCache,
     /// The event streams that may still be opened.
     streams: Arc<Semaphore>,
     /// Held from the search for a key in the journal until the run that it belongs to has begun, so
@@ -92,7 +95,8 @@ impl Shared {
     ) -> Self {
         let streams = Arc::new(Semaphore::new(events::STREAMS_MAX));
         let keyed = Mutex::new(());
-        let inner = Inner { rig, facts, loaded, data, access, streams, keyed, closing };
+        let results = ResultsCache::default();
+        let inner = Inner { rig, facts, loaded, data, access, results, streams, keyed, closing };
         Self { inner: Arc::new(inner) }
     }
 

@@ -79,7 +79,8 @@ pub fn write(data: &Path, run: RunId) -> Result<RunFiles, RunFilesError> {
         .map_err(|source| RunFilesError::File { path: folder.clone(), source })?;
     let report = folder.join(REPORT);
     let (results, chain) = write_report(&reader, run, &report)?;
-    let records = rig_store::intact(run, chain)?;
+    rig_store::intact(run, &chain.check)?;
+    let records = chain.records;
     let file = |name: &str, table: &dyn Fn(&mut Vec<u8>) -> Result<(), ExportError>| {
         let mut bytes = Vec::new();
         table(&mut bytes)?;

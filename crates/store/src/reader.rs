@@ -135,7 +135,22 @@ impl Reader {
     /// [`StoreError::Broken`] at the first flaw; [`Reader::chain`] gives what stands before it.
     /// [`StoreError::NoSuchRun`], or an error of the system or of SQLite.
     pub fn records(&self, id: RunId) -> Result<Vec<StoredRecord>, StoreError> {
-        intact(id, self.chain(id)?)
+        let chain = self.chain(id)?;
+        intact(id, &chain.check)?;
+        Ok(chain.records)
+    }
+
+    /// The digest of the last record of a run; `None` for a run without records.
+    ///
+    /// # Errors
+    /// [`StoreError`] of the system or of SQLite.
+    pub fn last_digest(&self, id: RunId) -> Result<Option<Digest>, StoreError> {
+        let mut statement = self.connection.prepare_cached(
+            "SELECT digest FROM records WHERE run = (SELECT key FROM runs WHERE id = ?1)
+             ORDER BY seq DESC LIMIT 1",
+        )?;
+        let digest = statement.query_row([id.to_string()], |row| row.get(0)).optional()?;
+        Ok(digest.map(Digest::from_bytes))
     }
 
     /// Checks the chain of a run.
@@ -201,14 +216,16 @@ impl Reader {
     }
 }
 
-/// The records of the chain of a run, if all are there.
+/// Checks that the chain of a run has no flaw.
 ///
 /// # Errors
 /// [`StoreError::Broken`] at the first flaw.
-pub fn intact(run: RunId, chain: Chain) -> Result<Vec<StoredRecord>, StoreError> {
-    match chain.check {
-        ChainCheck::Intact { .. } => Ok(chain.records),
-        ChainCheck::Broken { seq, flaw } => Err(StoreError::Broken { run, seq, flaw }),
+pub fn intact(run: RunId, check: &ChainCheck) -> Result<(), StoreError> {
+    match check {
+        ChainCheck::Intact { .. } => Ok(()),
+        &ChainCheck::Broken { seq, ref flaw } => {
+            Err(StoreError::Broken { run, seq, flaw: flaw.clone() })
+        }
     }
 }
 

@@ -1,5 +1,7 @@
 //! Runs.
 
+use std::sync::Arc;
+
 use axum::{
     Extension, Json,
     body::Bytes,
@@ -9,8 +11,8 @@ use axum::{
 };
 use rig_engine::Command;
 use rig_model::with_causes;
-use rig_report::{RunResults, export};
-use rig_store::{Reader, Record, Run, RunId, RunKind};
+use rig_report::export;
+use rig_store::{Reader, Record, Run, RunId, RunKind, intact};
 use serde::{Deserialize, Serialize};
 
 use super::{Problem, Shared};
@@ -97,13 +99,15 @@ pub(super) async fn show(
     Path(id): Path<String>,
 ) -> Result<Json<RunDetail>, Problem> {
     let id: RunId = id.parse()?;
-    let data = shared.inner.data.clone();
+    let inner = Arc::clone(&shared.inner);
     let detail = shared.read(move |reader| {
-        let (run, records) = (reader.run(id)?, reader.records(id)?);
-        let folder = run_files::folder(&data, reader, id);
-        let results = ResultsView::new(&RunResults::new(&run, &records)?, folder);
-        let interruption = InterruptionView::read(reader, &run)?;
-        Ok(RunDetail { run: RunView::new(reader, run), interruption, results })
+        let found = inner.results.of(reader, id)?;
+        intact(id, &found.check)?;
+        let folder = run_files::folder(&inner.data, reader, id);
+        let results = ResultsView::new(&found.results, folder);
+        let run = found.results.run();
+        let interruption = InterruptionView::read(reader, run)?;
+        Ok(RunDetail { run: RunView::new(reader, run.clone()), interruption, results })
     });
     detail.await.map(Json)
 }
@@ -113,9 +117,10 @@ pub(super) async fn report(
     Path(id): Path<String>,
 ) -> Result<Html<String>, Problem> {
     let id: RunId = id.parse()?;
+    let inner = Arc::clone(&shared.inner);
     let html = shared.read(move |reader| {
-        let (run, chain) = (reader.run(id)?, reader.chain(id)?);
-        Ok(RunResults::new(&run, &chain.records)?.html(&chain.check))
+        let found = inner.results.of(reader, id)?;
+        Ok(found.results.html(&found.check))
     });
     html.await.map(Html)
 }
@@ -134,17 +139,21 @@ pub(super) async fn export(
         ExportFormat::Readings => (CSV, "readings.csv"),
         ExportFormat::Searches => (CSV, "searches.csv"),
     };
+    let inner = Arc::clone(&shared.inner);
     let export = shared.read(move |reader| {
-        let run = reader.run(id)?;
         let simulated = if reader.is_simulated(id) { "-simulated" } else { "" };
         let disposition = format!("attachment; filename=\"{id}{simulated}-{file}\"");
-        let (records, mut bytes) = (reader.records(id)?, Vec::new());
+        let mut bytes = Vec::new();
         match format {
-            ExportFormat::Csv => RunResults::new(&run, &records)?.touches_csv(&mut bytes),
-            ExportFormat::Sweeps => export::sweeps_csv(&records, &mut bytes),
-            ExportFormat::Readings => export::readings_csv(&records, &mut bytes),
-            ExportFormat::Searches => export::searches_csv(&records, &mut bytes),
-            ExportFormat::Jsonl => export::jsonl(&records, &mut bytes),
+            ExportFormat::Csv => {
+                let found = inner.results.of(reader, id)?;
+                intact(id, &found.check)?;
+                found.results.touches_csv(&mut bytes)
+            }
+            ExportFormat::Sweeps => export::sweeps_csv(&reader.records(id)?, &mut bytes),
+            ExportFormat::Readings => export::readings_csv(&reader.records(id)?, &mut bytes),
+            ExportFormat::Searches => export::searches_csv(&reader.records(id)?, &mut bytes),
+            ExportFormat::Jsonl => export::jsonl(&reader.records(id)?, &mut bytes),
         }
         .map_err(|error| Problem::internal(&with_causes(&error)))?;
         Ok((disposition, bytes))
