@@ -5,63 +5,100 @@ mod iai;
 mod leadshine;
 mod motor;
 
+use std::{fmt, iter::Sum, ops::Range, time::Duration};
+
 use rig_model::{DriveMake, RigTime};
 
 use self::{az::Az, iai::Iai, leadshine::Leadshine, motor::Motor};
 use crate::{
     faults::DeviceFault,
-    modbus::{Answer, Request},
+    modbus::{Answer, Exception, Reply, Request},
     wiring::AxisWiring,
     world::{AxisId, World},
 };
 
+/// Boot time of every drive.
+const BOOT: Duration = Duration::from_secs(1);
+
 /// A drive of any make.
 #[derive(Debug)]
-pub(crate) enum Drive {
-    Az(Az),
-    Iai(Iai),
-    Leadshine(Leadshine),
+pub(crate) struct Drive {
+    unit: Box<dyn Unit>,
+    /// A drive that boots does not answer.
+    boots_until: RigTime,
+}
+
+/// A drive of one make after its boot.
+trait Unit: fmt::Debug + Send {
+    /// Takes note of the end of the last move, if it is over.
+    fn notice_end(&mut self, now: RigTime, world: &World);
+
+    /// Carries out a request.
+    fn answer(
+        &mut self,
+        now: RigTime,
+        request: &Request,
+        world: &mut World,
+    ) -> Result<Reply, Exception>;
+
+    /// Injects a fault other than a reboot.
+    fn apply_fault(&mut self, now: RigTime, fault: DeviceFault, world: &mut World);
+
+    /// Switches the drive off and on again.
+    fn power_cycle(&mut self, now: RigTime, world: &mut World);
 }
 
 impl Drive {
     /// A drive that was just switched on, at this axis.
     pub(crate) fn new(axis: AxisId, wiring: AxisWiring, world: &World) -> Self {
         let motor = Motor::new(axis, wiring.units_per_step, wiring.zero, world);
-        match wiring.make {
-            DriveMake::OrientalAz => Self::Az(Az::new(motor)),
-            DriveMake::IaiRc => Self::Iai(Iai::new(motor)),
-            DriveMake::LeadshinePr => Self::Leadshine(Leadshine::new(motor)),
-        }
+        let unit: Box<dyn Unit> = match wiring.make {
+            DriveMake::OrientalAz => Box::new(Az::new(motor)),
+            DriveMake::IaiRc => Box::new(Iai::new(motor)),
+            DriveMake::LeadshinePr => Box::new(Leadshine::new(motor)),
+        };
+        Self { unit, boots_until: RigTime::ZERO }
     }
 
     /// Carries out a request.
     pub(crate) fn handle(&mut self, now: RigTime, request: &Request, world: &mut World) -> Answer {
-        match self {
-            Self::Az(drive) => drive.handle(now, request, world),
-            Self::Iai(drive) => drive.handle(now, request, world),
-            Self::Leadshine(drive) => drive.handle(now, request, world),
+        if now < self.boots_until {
+            return None;
         }
+        self.unit.notice_end(now, world);
+        Some(self.unit.answer(now, request, world))
     }
 
     /// Injects a fault into the drive.
     pub(crate) fn apply_fault(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
-        match self {
-            Self::Az(drive) => drive.apply_fault(now, fault, world),
-            Self::Iai(drive) => drive.apply_fault(now, fault, world),
-            Self::Leadshine(drive) => drive.apply_fault(now, fault, world),
+        self.unit.notice_end(now, world);
+        if fault == DeviceFault::Reboot {
+            self.unit.power_cycle(now, world);
+            self.boots_until = now + BOOT;
+        } else {
+            self.unit.apply_fault(now, fault, world);
         }
     }
+}
+
+/// The bits of a status that are on.
+fn bits<T: Sum>(all: impl IntoIterator<Item = (T, bool)>) -> T {
+    all.into_iter().filter_map(|(bit, is_on)| is_on.then_some(bit)).sum()
+}
+
+/// The addresses of registers written from `first` on.
+fn addresses(first: u16, values: &[u16]) -> Result<Range<u16>, Exception> {
+    let count = u16::try_from(values.len()).map_err(|_| Exception::Value)?;
+    Ok(first..first.checked_add(count).ok_or(Exception::Address)?)
 }
 
 #[cfg(test)]
 mod test_drive {
     //! A drive at the linear axis of a bench without nuisances, 0.01 mm a count.
 
-    use std::time::Duration;
-
     use super::*;
     use crate::{
-        modbus::{Block, Exception, Reply},
+        modbus::Block,
         scene::paper,
         world::{Nuisances, Scene},
     };

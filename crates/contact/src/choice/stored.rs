@@ -16,12 +16,7 @@ pub(super) const REFERENCE: ErrorTable = ErrorTable([
             [4.281, 7.559, 8.047, 23.146, NEVER],
             [4.281, 7.559, 12.177, 27.547, NEVER],
         ],
-        [
-            [NEVER, NEVER, NEVER, NEVER, NEVER],
-            [NEVER, NEVER, NEVER, NEVER, NEVER],
-            [NEVER, NEVER, NEVER, NEVER, NEVER],
-            [NEVER, NEVER, NEVER, NEVER, NEVER],
-        ],
+        [[NEVER; 5]; 4],
     ],
     // T0b: indentation, then stage.
     [
@@ -31,12 +26,7 @@ pub(super) const REFERENCE: ErrorTable = ErrorTable([
             [5.298, 10.430, 12.106, 12.106, NEVER],
             [6.237, 13.623, 17.614, 19.761, NEVER],
         ],
-        [
-            [NEVER, NEVER, NEVER, NEVER, NEVER],
-            [NEVER, NEVER, NEVER, NEVER, NEVER],
-            [NEVER, NEVER, NEVER, NEVER, NEVER],
-            [NEVER, NEVER, NEVER, NEVER, NEVER],
-        ],
+        [[NEVER; 5]; 4],
     ],
     // T1: indentation, then stage.
     [
@@ -46,12 +36,7 @@ pub(super) const REFERENCE: ErrorTable = ErrorTable([
             [2.195, 6.273, 10.194, 14.075, 30.352],
             [3.262, 9.392, 15.277, 21.021, 43.798],
         ],
-        [
-            [NEVER, NEVER, NEVER, NEVER, NEVER],
-            [NEVER, NEVER, NEVER, NEVER, NEVER],
-            [NEVER, NEVER, NEVER, NEVER, NEVER],
-            [NEVER, NEVER, NEVER, NEVER, NEVER],
-        ],
+        [[NEVER; 5]; 4],
     ],
     // T2: indentation, then stage.
     [
@@ -61,12 +46,7 @@ pub(super) const REFERENCE: ErrorTable = ErrorTable([
             [0.184, 0.389, 0.554, 1.708, 12.643],
             [0.184, 0.389, 0.635, 1.823, 12.987],
         ],
-        [
-            [NEVER, NEVER, NEVER, NEVER, NEVER],
-            [NEVER, NEVER, NEVER, NEVER, NEVER],
-            [NEVER, NEVER, NEVER, NEVER, NEVER],
-            [NEVER, NEVER, NEVER, NEVER, NEVER],
-        ],
+        [[NEVER; 5]; 4],
     ],
     // T2s: indentation, then stage.
     [
@@ -91,12 +71,7 @@ pub(super) const REFERENCE: ErrorTable = ErrorTable([
             [0.026, 0.096, 0.202, 0.358, 1.740],
             [0.026, 0.096, 0.202, 0.358, 1.740],
         ],
-        [
-            [NEVER, NEVER, NEVER, NEVER, NEVER],
-            [NEVER, NEVER, NEVER, NEVER, NEVER],
-            [NEVER, NEVER, NEVER, NEVER, NEVER],
-            [NEVER, NEVER, NEVER, NEVER, NEVER],
-        ],
+        [[NEVER; 5]; 4],
     ],
     // E1s: indentation, then stage.
     [
@@ -130,17 +105,7 @@ pub(super) const REFERENCE: ErrorTable = ErrorTable([
     ],
     // reference: indentation, then stage.
     [
-        [
-            [0.000, 0.000, 0.000, 0.000, 0.000],
-            [0.000, 0.000, 0.000, 0.000, 0.000],
-            [0.000, 0.000, 0.000, 0.000, 0.000],
-            [0.000, 0.000, 0.000, 0.000, 0.000],
-        ],
-        [
-            [0.000, 0.000, 0.000, 0.000, 0.000],
-            [0.000, 0.000, 0.000, 0.000, 0.000],
-            [0.000, 0.000, 0.000, 0.000, 0.000],
-            [0.000, 0.000, 0.000, 0.000, 0.000],
-        ],
+        [[0.000; 5]; 4],
+        [[0.000; 5]; 4],
     ],
 ]);

@@ -26,12 +26,16 @@ fn source(table: &ErrorTable) -> String {
     let mut text = String::new();
     for (tier, controls) in Tier::ALL.into_iter().zip(&table.0) {
         writeln!(text, "    // {}: indentation, then stage.\n    [", tier.name()).unwrap();
+        let cell = |v: f64| if v.is_finite() { format!("{v:.3}") } else { "NEVER".into() };
         for cells in controls {
+            let first = cells[0][0];
+            if cells.as_flattened().iter().all(|&value| value == first) {
+                writeln!(text, "        [[{}; 5]; 4],", cell(first)).unwrap();
+                continue;
+            }
             text.push_str("        [\n");
             for tilt in cells {
-                let values =
-                    tilt.map(|v| if v.is_finite() { format!("{v:.3}") } else { "NEVER".into() });
-                writeln!(text, "            [{}],", values.join(", ")).unwrap();
+                writeln!(text, "            [{}],", tilt.map(cell).join(", ")).unwrap();
             }
             text.push_str("        ],\n");
         }

@@ -23,11 +23,13 @@ pub(super) struct AxisKeys {
     ranges: Ranges,
 }
 
-/// Ranges of real axes, in their unit and in seconds. Numbers beyond have another unit.
+/// The narrowest travel of a real axis, mm or degrees.
+const NARROWEST: f64 = 1.0;
+
+/// Ranges of real axes, in their unit and in seconds. A number outside its range is likely to be in
+/// another unit.
 #[derive(Debug)]
 struct Ranges {
-    /// Narrowest travel.
-    narrowest: f64,
     /// Finest step of a drive.
     finest: f64,
     tolerance: RangeInclusive<f64>,
@@ -46,7 +48,6 @@ pub(super) const LINEAR: AxisKeys = AxisKeys {
     tolerance: "tolerance_mm",
     max_speed: "max_speed_mm_per_s",
     ranges: Ranges {
-        narrowest: 1.0,
         finest: 1e-5,
         tolerance: 0.0001..=1.0,
         speed: 0.1..=2000.0,
@@ -65,7 +66,6 @@ pub(super) const ROTARY: AxisKeys = AxisKeys {
     tolerance: "tolerance_deg",
     max_speed: "max_speed_deg_per_s",
     ranges: Ranges {
-        narrowest: 1.0,
         finest: 1e-6,
         tolerance: 0.0001..=5.0,
         speed: 0.1..=10_000.0,
@@ -109,8 +109,7 @@ where
     let tolerance = table.number(keys.tolerance).range(ranges.tolerance.clone()).required();
     let max_speed = table.number(keys.max_speed).range(ranges.speed.clone()).required();
 
-    let are_wide =
-        [&travel, &soft_limits].map(|span| is_wide::<U>(table, span, ranges)) == [true; 2];
+    let are_wide = [&travel, &soft_limits].map(|span| is_wide::<U>(table, span)) == [true; 2];
     let limits = || {
         let (travel, soft) = (travel.sound()?, soft_limits.sound().filter(|_| are_wide)?);
         Some(AxisLimits {
@@ -154,8 +153,8 @@ where
 }
 
 /// Whether an interval is as wide as those of real axes.
-fn is_wide<U: Unit>(table: &Table<'_>, span: &Setting<(f64, f64)>, ranges: &Ranges) -> bool {
-    let (key, narrowest, unit) = (span.key, ranges.narrowest, U::SYMBOL);
+fn is_wide<U: Unit>(table: &Table<'_>, span: &Setting<(f64, f64)>) -> bool {
+    let (key, narrowest, unit) = (span.key, NARROWEST, U::SYMBOL);
     let Some(&(min, max)) = span.sound().filter(|(min, max)| max - min < narrowest) else {
         return true;
     };

@@ -1,24 +1,19 @@
 //! The tables of records, and their independence of time and id.
 
-use rig_record::{
-    Circuit, Direction, FitNoise, FitSettings, FitTiming, Pose, ReadingFlag, ReadingRecord, Record,
-    StoredRecord, Surface, SurfaceReading, Sweep, SweepOutcome, SweepPurpose,
-};
+#[path = "../../../record/tests/support/sweep.rs"]
+mod sweep;
+
+use rig_record::{Record, StoredRecord, Surface, SurfaceReading, SweepOutcome, SweepPurpose};
 
 use super::*;
 use crate::tests::sample;
-
-const POSE: Pose = Pose { direction: Direction::Back, angle_deg: 30.0 };
-
-fn step() -> String {
-    "main/1/back/30/1".to_owned()
-}
+use sweep::{POSE, STEP, reading, sweep};
 
 /// A simulated run with a search for a surface and two sweeps.
 fn records() -> Vec<StoredRecord> {
     let trail = vec![SurfaceReading { position_mm: 10.3, reading: reading(140.0, 0) }];
     let sigma_mm = 0.01 / 12.0_f64.sqrt();
-    let found = Surface { step: step(), pose: POSE, position_mm: 10.1, sigma_mm, trail };
+    let found = Surface { step: STEP.to_owned(), pose: POSE, position_mm: 10.1, sigma_mm, trail };
     let records = [
         sample::started(Vec::new()),
         Record::Sweep(sweep(1, SweepPurpose::NoLoad, 140.4)),
@@ -32,56 +27,6 @@ fn text(table: impl Fn(&mut Vec<u8>) -> Result<(), ExportError>) -> String {
     let mut bytes = Vec::new();
     table(&mut bytes).unwrap();
     String::from_utf8(bytes).unwrap()
-}
-
-fn reading(resonance_hz: f64, index: u32) -> ReadingRecord {
-    ReadingRecord {
-        frequency_hz: resonance_hz + 0.1 * f64::from(index),
-        resistance_ohm: (index != 3).then(|| 1e5 / f64::from(index + 3)),
-        reactance_ohm: (index != 3).then(|| -4e4 - f64::from(index).sqrt()),
-        started_s: 1.0 / 3.0 + f64::from(index),
-        settle_s: 0.05,
-        integration_s: 0.1,
-        flag: match index {
-            2 => ReadingFlag::LowSignal,
-            3 => ReadingFlag::Overload,
-            _ => ReadingFlag::Normal,
-        },
-    }
-}
-
-const FIT: FitSettings = FitSettings {
-    window_hz: [130.0, 260.0],
-    noise: Some(FitNoise { at_ten_cycles: 0.005, degrees_of_freedom: 4.0 }),
-    timing: FitTiming::Waited,
-    always_loss: true,
-    target_sigma_hz: None,
-    near: None,
-};
-
-fn sweep(number: u64, purpose: SweepPurpose, resonance_hz: f64) -> Sweep {
-    let reading = |index| reading(resonance_hz, index);
-    Sweep {
-        number,
-        purpose,
-        step: Some("main/1/back/30/1".to_owned()),
-        pose: Some(POSE),
-        readings: (0..12).map(reading).collect(),
-        probe_readings: 0,
-        fit: (purpose == SweepPurpose::Touch).then_some(FIT),
-        outcome: SweepOutcome::Accepted {
-            resonance_hz,
-            sigma_hz: 0.02,
-            effective_time_s: Some(1.25),
-            circuit: Some(Circuit {
-                quality_factor: 33.0,
-                static_capacitance_f: 27.4e-9,
-                capacitance_ratio: 0.08,
-                loss_tangent: 0.018,
-                loss_tangent_sigma: Some(0.000_41),
-            }),
-        },
-    }
 }
 
 #[test]

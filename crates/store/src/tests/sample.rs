@@ -5,12 +5,16 @@ use std::{
     sync::atomic::{AtomicU32, Ordering},
 };
 
+#[path = "../../../record/tests/support/sweep.rs"]
+mod sweep;
+
+use sweep::{POSE, STEP, reading};
+
 use crate::{
-    Action, Axis, Circuit, Clearance, Device, Direction, Ending, Fault, FitNoise, FitSettings,
-    FitTiming, Intent, Journal, Move, MoveReason, Phase, PlanSize, Pose, Prompt, PromptAnswered,
-    PromptAsked, ReadingFlag, ReadingRecord, Record, RefusedTouch, RunFinished, RunStarted, Sample,
-    Source, StepStarted, Surface, SurfaceReading, Sweep, SweepOutcome, SweepPurpose, Touch,
-    TouchPosition, TouchSettings,
+    Action, Axis, Clearance, Device, Ending, Fault, Intent, Journal, Move, MoveReason, Phase,
+    PlanSize, Prompt, PromptAnswered, PromptAsked, Record, RefusedTouch, RunFinished, RunStarted,
+    Sample, Source, StepStarted, Surface, SurfaceReading, SweepPurpose, Touch, TouchPosition,
+    TouchSettings,
 };
 
 /// A directory that is removed with the value.
@@ -37,8 +41,6 @@ impl Drop for Directory {
     }
 }
 
-const POSE: Pose = Pose { direction: Direction::Back, angle_deg: 30.0 };
-
 /// Appends a record `seconds` after the rig was opened.
 #[track_caller]
 pub(super) fn append(journal: &mut Journal, seconds: u64, record: &Record) -> u64 {
@@ -47,7 +49,7 @@ pub(super) fn append(journal: &mut Journal, seconds: u64, record: &Record) -> u6
 
 /// A run of one touch. The last record ends it.
 pub(super) fn records() -> Vec<Record> {
-    let step = || "main/1/back/30/1".to_owned();
+    let step = || STEP.to_owned();
     let place = Prompt::PlaceSample { sample: "agar, \"soft\"".to_owned() };
     vec![
         run_started(),
@@ -146,7 +148,7 @@ fn touch_refused() -> Record {
 
 fn touch_settings() -> TouchSettings {
     TouchSettings {
-        step: "main/1/back/30/1".to_owned(),
+        step: STEP.to_owned(),
         phase: Phase::Main,
         sample: "agar, \"soft\"".to_owned(),
         pose: POSE,
@@ -172,52 +174,6 @@ pub(super) fn run_started() -> Record {
     })
 }
 
-fn reading(resonance_hz: f64, index: u32) -> ReadingRecord {
-    ReadingRecord {
-        frequency_hz: resonance_hz + 0.1 * f64::from(index),
-        resistance_ohm: (index != 3).then(|| 1e5 / f64::from(index + 3)),
-        reactance_ohm: (index != 3).then(|| -4e4 - f64::from(index).sqrt()),
-        started_s: 1.0 / 3.0 + f64::from(index),
-        settle_s: 0.05,
-        integration_s: 0.1,
-        flag: match index {
-            2 => ReadingFlag::LowSignal,
-            3 => ReadingFlag::Overload,
-            _ => ReadingFlag::Normal,
-        },
-    }
-}
-
-const FIT: FitSettings = FitSettings {
-    window_hz: [130.0, 260.0],
-    noise: Some(FitNoise { at_ten_cycles: 0.005, degrees_of_freedom: 4.0 }),
-    timing: FitTiming::Waited,
-    always_loss: true,
-    target_sigma_hz: None,
-    near: None,
-};
-
 pub(super) fn sweep(number: u64, purpose: SweepPurpose, resonance_hz: f64) -> Record {
-    let reading = |index| reading(resonance_hz, index);
-    Record::Sweep(Sweep {
-        number,
-        purpose,
-        step: Some("main/1/back/30/1".to_owned()),
-        pose: Some(POSE),
-        readings: (0..12).map(reading).collect(),
-        probe_readings: 0,
-        fit: (purpose == SweepPurpose::Touch).then_some(FIT),
-        outcome: SweepOutcome::Accepted {
-            resonance_hz,
-            sigma_hz: 0.02,
-            effective_time_s: Some(1.25),
-            circuit: Some(Circuit {
-                quality_factor: 33.0,
-                static_capacitance_f: 27.4e-9,
-                capacitance_ratio: 0.08,
-                loss_tangent: 0.018,
-                loss_tangent_sigma: Some(0.000_41),
-            }),
-        },
-    })
+    Record::Sweep(sweep::sweep(number, purpose, resonance_hz))
 }

@@ -30,70 +30,51 @@ struct BenchModel {
     nuisances: Nuisances,
 }
 
+/// Every model is one of these with something else in it.
+const T1: BenchModel = BenchModel {
+    name: "T1, no noise",
+    tier: Tier::T1,
+    control: Control::Indentation,
+    directions: &Direction::ALL,
+    nuisances: Nuisances::NONE,
+};
+const E1: BenchModel = BenchModel { name: "E1, no noise", tier: Tier::E1, ..T1 };
+const STAGE_HELD: BenchModel = BenchModel {
+    name: "E1s, bench, stage held",
+    tier: Tier::E1s,
+    control: Control::Stage,
+    nuisances: Nuisances::BENCH,
+    ..T1
+};
+const LEFT: &[Direction] = &[Direction::Left];
+
 const BENCHES: [BenchModel; 9] = [
-    BenchModel {
-        name: "T1, no noise",
-        tier: Tier::T1,
-        control: Control::Indentation,
-        directions: &Direction::ALL,
-        nuisances: Nuisances::NONE,
-    },
+    T1,
     BenchModel {
         name: "T1, 3.4 Hz",
-        tier: Tier::T1,
-        control: Control::Indentation,
-        directions: &Direction::ALL,
         nuisances: Nuisances { shift_hz: 3.4, ..Nuisances::NONE },
+        ..T1
     },
     BenchModel {
         name: "T1, 0.1 mm of depth",
-        tier: Tier::T1,
-        control: Control::Indentation,
-        directions: &Direction::ALL,
         nuisances: Nuisances { depth_mm: 0.1, ..Nuisances::NONE },
+        ..T1
     },
     BenchModel {
         name: "T1, 10 % of stiffness",
-        tier: Tier::T1,
-        control: Control::Indentation,
-        directions: &Direction::ALL,
         nuisances: Nuisances { young_rel: 0.1, ..Nuisances::NONE },
+        ..T1
     },
-    BenchModel {
-        name: "E1, no noise",
-        tier: Tier::E1,
-        control: Control::Indentation,
-        directions: &Direction::ALL,
-        nuisances: Nuisances::NONE,
-    },
-    BenchModel {
-        name: "E1, bench",
-        tier: Tier::E1,
-        control: Control::Indentation,
-        directions: &Direction::ALL,
-        nuisances: Nuisances::BENCH,
-    },
+    E1,
+    BenchModel { name: "E1, bench", nuisances: Nuisances::BENCH, ..E1 },
     BenchModel {
         name: "E1, bench, left only",
-        tier: Tier::E1,
-        control: Control::Indentation,
-        directions: &[Direction::Left],
+        directions: LEFT,
         nuisances: Nuisances::BENCH,
+        ..E1
     },
-    BenchModel {
-        name: "E1s, bench, stage held",
-        tier: Tier::E1s,
-        control: Control::Stage,
-        directions: &Direction::ALL,
-        nuisances: Nuisances::BENCH,
-    },
-    BenchModel {
-        name: "E1s, bench, stage held, left only",
-        tier: Tier::E1s,
-        control: Control::Stage,
-        directions: &[Direction::Left],
-        nuisances: Nuisances::BENCH,
-    },
+    STAGE_HELD,
+    BenchModel { name: "E1s, bench, stage held, left only", directions: LEFT, ..STAGE_HELD },
 ];
 
 /// Methods of classification.

@@ -7,14 +7,17 @@
 //! # Source
 //! Oriental Motor, AZ Series Function Edition (HM-60262E), chapters on Modbus RTU control.
 
-use std::{collections::BTreeMap, time::Duration};
+use std::collections::BTreeMap;
 
 use rig_model::RigTime;
 
-use super::motor::{Motor, Pace, counts, word};
+use super::{
+    Unit, addresses, bits,
+    motor::{Motor, Pace, counts, word},
+};
 use crate::{
     faults::DeviceFault,
-    modbus::{Answer, Block, Exception, Reply, Request},
+    modbus::{Block, Exception, Reply, Request},
     world::World,
 };
 
@@ -122,9 +125,6 @@ const IN_POSITION_STEPS: f64 = 18.0;
 /// The resolution of the factory.
 const STEPS_PER_REVOLUTION: f64 = 1000.0;
 
-/// Boot time of the drive.
-const BOOT: Duration = Duration::from_secs(1);
-
 /// Number of alarms in the drive's history.
 const HISTORY: usize = 10;
 
@@ -142,8 +142,56 @@ pub(crate) struct Az {
     alarm_at_end: Option<u8>,
     is_homing: bool,
     is_homed: bool,
-    /// It is switched on and does not listen yet.
-    boots_until: RigTime,
+}
+
+impl Unit for Az {
+    fn notice_end(&mut self, now: RigTime, world: &World) {
+        if self.motor.is_moving(now, world) {
+            return;
+        }
+        if let Some(code) = self.alarm_at_end.take() {
+            self.set_alarm(code);
+        }
+        if std::mem::take(&mut self.is_homing) {
+            self.is_homed = true;
+        }
+    }
+
+    fn answer(
+        &mut self,
+        now: RigTime,
+        request: &Request,
+        world: &mut World,
+    ) -> Result<Reply, Exception> {
+        match request {
+            Request::ReadHoldingRegisters(block) => self.read(now, *block, world),
+            Request::WriteRegister { address, value } => {
+                self.write(now, *address, &[*value], world)
+            }
+            Request::WriteRegisters { address, values } => self.write(now, *address, values, world),
+            Request::ReadWrite { read, address, values } => {
+                self.write(now, *address, values, world).and_then(|_| self.read(now, *read, world))
+            }
+            Request::Diagnose { function: 0, .. } => Ok(Reply::Done),
+            Request::Diagnose { .. } => Err(Exception::Value),
+            _ => Err(Exception::Function),
+        }
+    }
+
+    fn apply_fault(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
+        match fault {
+            DeviceFault::Alarm(code) => self.raise_alarm(now, code, world),
+            DeviceFault::LimitSwitch => {
+                self.raise_alarm(now, alarm::HARDWARE_OVERTRAVEL, world);
+            }
+            _ => self.motor.apply_fault(now, fault, world),
+        }
+    }
+
+    /// The encoder keeps the position; settings that were not saved are lost.
+    fn power_cycle(&mut self, now: RigTime, world: &mut World) {
+        *self = Self { history: self.history, ..Self::new(self.motor.power_cycled(now, world)) };
+    }
 }
 
 impl Az {
@@ -160,41 +208,6 @@ impl Az {
             is_homing: false,
             // The absolute encoder keeps its home without power.
             is_homed: true,
-            boots_until: RigTime::ZERO,
-        }
-    }
-
-    /// Carries out a request.
-    pub(super) fn handle(&mut self, now: RigTime, request: &Request, world: &mut World) -> Answer {
-        if now < self.boots_until {
-            return None;
-        }
-        self.notice_end(now, world);
-        Some(match request {
-            Request::ReadHoldingRegisters(block) => self.read(now, *block, world),
-            Request::WriteRegister { address, value } => {
-                self.write(now, *address, &[*value], world)
-            }
-            Request::WriteRegisters { address, values } => self.write(now, *address, values, world),
-            Request::ReadWrite { read, address, values } => {
-                self.write(now, *address, values, world).and_then(|_| self.read(now, *read, world))
-            }
-            Request::Diagnose { function: 0, .. } => Ok(Reply::Done),
-            Request::Diagnose { .. } => Err(Exception::Value),
-            _ => Err(Exception::Function),
-        })
-    }
-
-    /// Injects a fault into the drive.
-    pub(super) fn apply_fault(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
-        self.notice_end(now, world);
-        match fault {
-            DeviceFault::Reboot => self.restart(now, world),
-            DeviceFault::Alarm(code) => self.raise_alarm(now, code, world),
-            DeviceFault::LimitSwitch => {
-                self.raise_alarm(now, alarm::HARDWARE_OVERTRAVEL, world);
-            }
-            _ => self.motor.apply_fault(now, fault, world),
         }
     }
 
@@ -204,30 +217,10 @@ impl Az {
         self.set_alarm(code);
     }
 
-    /// Switches the drive off and on again. The encoder keeps the position; settings that were not
-    /// saved are lost.
-    fn restart(&mut self, now: RigTime, world: &mut World) {
-        let (history, boots_until) = (self.history, now + BOOT);
-        *self = Self { history, boots_until, ..Self::new(self.motor.power_cycled(now, world)) };
-    }
-
     fn set_alarm(&mut self, code: u8) {
         self.alarm = code;
         self.history.rotate_right(1);
         self.history[0] = code;
-    }
-
-    /// The end of the last move, if it is over.
-    fn notice_end(&mut self, now: RigTime, world: &World) {
-        if self.motor.is_moving(now, world) {
-            return;
-        }
-        if let Some(code) = self.alarm_at_end.take() {
-            self.set_alarm(code);
-        }
-        if std::mem::take(&mut self.is_homing) {
-            self.is_homed = true;
-        }
     }
 
     fn read(&self, now: RigTime, block: Block, world: &mut World) -> Result<Reply, Exception> {
@@ -286,16 +279,13 @@ impl Az {
         let deviation = self.motor.command(now, world) - self.motor.encoder(now, world);
         let is_ready = !is_moving && self.can_move();
         let is_in_position = !is_moving && deviation.abs() <= IN_POSITION_STEPS;
-        [
+        bits([
             (output::HOME_END, self.is_homed),
             (output::READY, is_ready),
             (output::ALARM, self.alarm != 0),
             (output::MOVE, is_moving),
             (output::IN_POSITION, is_in_position),
-        ]
-        .into_iter()
-        .filter_map(|(bit, is_on)| is_on.then_some(bit))
-        .sum()
+        ])
     }
 
     fn can_move(&self) -> bool {
@@ -310,11 +300,10 @@ impl Az {
         values: &[u16],
         world: &mut World,
     ) -> Result<Reply, Exception> {
-        let count = u16::try_from(values.len()).map_err(|_| Exception::Value)?;
-        let end = address.checked_add(count).ok_or(Exception::Address)?;
+        let addresses = addresses(address, values)?;
         // Nothing is written unless all of it can be.
         let mut written: Vec<(u16, i32)> = Vec::new();
-        for (address, &word) in (address..end).zip(values) {
+        for (address, &word) in addresses.zip(values) {
             let upper = address & !1;
             if written.last().is_none_or(|last| last.0 != upper) {
                 written.push((upper, *self.settings.get(&upper).ok_or(Exception::Address)?));

@@ -11,18 +11,19 @@
 #[cfg(test)]
 mod tests;
 
-use std::time::Duration;
-
 use rig_model::RigTime;
 
-use super::motor::{Motor, Pace, counts, word};
+use super::{
+    Unit, addresses, bits,
+    motor::{Motor, Pace, counts, word},
+};
 use crate::{
     faults::DeviceFault,
-    modbus::{Answer, Block, Exception, Reply, Request},
+    modbus::{Block, Exception, Reply, Request},
     world::World,
 };
 
-/// Registers that tell.
+/// Registers of the status.
 mod monitor {
     pub(super) const FIRST: u16 = 0x9000;
     pub(super) const POSITION: u16 = 0x9000;
@@ -100,9 +101,6 @@ const MAX_SPEED: i32 = 100_000;
 const HUNDREDTH_G: f64 = 9806.65;
 /// Speed of homing.
 const HOME_SPEED: f64 = 2000.0;
-/// Boot time of the controller.
-const BOOT: Duration = Duration::from_secs(1);
-
 /// The states of the coils.
 #[derive(Debug, Clone, Copy, Default)]
 #[expect(clippy::struct_excessive_bools, reason = "each is a coil of the controller")]
@@ -127,7 +125,52 @@ pub(crate) struct Iai {
     is_homing: bool,
     /// The rest of a move that was paused.
     paused: Option<(f64, Pace)>,
-    boots_until: RigTime,
+}
+
+impl Unit for Iai {
+    fn notice_end(&mut self, now: RigTime, world: &World) {
+        if self.is_homing && !self.motor.is_moving(now, world) {
+            self.is_homing = false;
+            self.is_homed = true;
+        }
+    }
+
+    fn answer(
+        &mut self,
+        now: RigTime,
+        request: &Request,
+        world: &mut World,
+    ) -> Result<Reply, Exception> {
+        match request {
+            Request::ReadCoils(block) => {
+                read_bits(*block, |address| self.coil(now, address, world))
+            }
+            Request::ReadDiscreteInputs(block) => {
+                read_bits(*block, |address| self.status_bit(now, address, world))
+            }
+            Request::ReadHoldingRegisters(block) | Request::ReadInputRegisters(block) => {
+                self.read(now, *block, world)
+            }
+            Request::WriteCoil { address, value } => self.switch(now, *address, *value, world),
+            Request::WriteRegister { address, value } => {
+                self.write(now, *address, &[*value], world)
+            }
+            Request::WriteRegisters { address, values } => self.write(now, *address, values, world),
+            _ => Err(Exception::Function),
+        }
+    }
+
+    fn apply_fault(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
+        match fault {
+            DeviceFault::Alarm(code) => self.raise(now, u16::from(code), world),
+            DeviceFault::LimitSwitch => self.raise(now, alarm::STROKE, world),
+            _ => self.motor.apply_fault(now, fault, world),
+        }
+    }
+
+    fn power_cycle(&mut self, now: RigTime, world: &mut World) {
+        *self = Self::new(self.motor.power_cycled(now, world));
+    }
 }
 
 impl Iai {
@@ -146,57 +189,12 @@ impl Iai {
             is_homed: false,
             is_homing: false,
             paused: None,
-            boots_until: RigTime::ZERO,
-        }
-    }
-
-    pub(super) fn handle(&mut self, now: RigTime, request: &Request, world: &mut World) -> Answer {
-        if now < self.boots_until {
-            return None;
-        }
-        self.notice_end(now, world);
-        Some(match request {
-            Request::ReadCoils(block) => {
-                read_bits(*block, |address| self.coil(now, address, world))
-            }
-            Request::ReadDiscreteInputs(block) => {
-                read_bits(*block, |address| self.status_bit(now, address, world))
-            }
-            Request::ReadHoldingRegisters(block) | Request::ReadInputRegisters(block) => {
-                self.read(now, *block, world)
-            }
-            Request::WriteCoil { address, value } => self.switch(now, *address, *value, world),
-            Request::WriteRegister { address, value } => {
-                self.write(now, *address, &[*value], world)
-            }
-            Request::WriteRegisters { address, values } => self.write(now, *address, values, world),
-            _ => Err(Exception::Function),
-        })
-    }
-
-    pub(super) fn apply_fault(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
-        self.notice_end(now, world);
-        match fault {
-            DeviceFault::Reboot => {
-                let boots_until = now + BOOT;
-                *self = Self { boots_until, ..Self::new(self.motor.power_cycled(now, world)) };
-            }
-            DeviceFault::Alarm(code) => self.raise(now, u16::from(code), world),
-            DeviceFault::LimitSwitch => self.raise(now, alarm::STROKE, world),
-            _ => self.motor.apply_fault(now, fault, world),
         }
     }
 
     fn raise(&mut self, now: RigTime, code: u16, world: &mut World) {
         self.stop(now, world);
         self.alarm = code;
-    }
-
-    fn notice_end(&mut self, now: RigTime, world: &World) {
-        if self.is_homing && !self.motor.is_moving(now, world) {
-            self.is_homing = false;
-            self.is_homed = true;
-        }
     }
 
     /// Coils can be read back; the status is among the coils too.
@@ -230,40 +228,31 @@ impl Iai {
         let band = f64::from(self.long(order::BAND));
         let deviation = self.motor.target() - self.motor.encoder(now, world);
         let is_there = self.is_homed && !is_moving && deviation.abs() <= band;
-        [
+        bits([
             (status::IN_POSITION, is_there && self.paused.is_none()),
             (status::HOMED, self.is_homed),
             (status::PAUSED, self.switches.pause),
             (status::ALARM, self.alarm != 0),
             (status::SERVO, self.has_servo()),
             (status::READY, self.alarm == 0),
-        ]
-        .into_iter()
-        .filter_map(|(bit, is_on)| is_on.then_some(bit))
-        .sum()
+        ])
     }
 
     fn status_extended(&self, now: RigTime, world: &World) -> u16 {
-        [
+        bits([
             (status::MOVING, self.motor.is_moving(now, world)),
             (status::MODBUS, self.switches.modbus_commands),
             (status::HOMING, self.is_homing),
-        ]
-        .into_iter()
-        .filter_map(|(bit, is_on)| is_on.then_some(bit))
-        .sum()
+        ])
     }
 
     fn system_status(&self) -> i32 {
-        [
+        bits([
             (SYSTEM_POWER, true),
             (SYSTEM_SERVO_COMMAND, self.switches.servo_on),
             (SYSTEM_SERVO, self.has_servo()),
             (SYSTEM_HOMED, self.is_homed),
-        ]
-        .into_iter()
-        .filter_map(|(bit, is_on)| is_on.then_some(bit))
-        .sum()
+        ])
     }
 
     fn has_servo(&self) -> bool {
@@ -387,13 +376,12 @@ impl Iai {
         values: &[u16],
         world: &mut World,
     ) -> Result<Reply, Exception> {
-        let count = u16::try_from(values.len()).map_err(|_| Exception::Value)?;
-        let end = address.checked_add(count).ok_or(Exception::Address)?;
-        if address < order::POSITION || order::LAST + 1 < end {
+        let addresses = addresses(address, values)?;
+        if address < order::POSITION || order::LAST + 1 < addresses.end {
             return Err(Exception::Address);
         }
         let before = self.orders;
-        for (address, value) in (address..end).zip(values) {
+        for (address, value) in addresses.clone().zip(values) {
             self.orders[usize::from(address - order::POSITION)] = *value;
         }
         let is_valid = self.long(order::POSITION).abs() <= MAX_POSITION
@@ -403,7 +391,7 @@ impl Iai {
             self.orders = before;
             return Err(Exception::Value);
         }
-        let is_written = |wanted: u16| (address..end).contains(&wanted);
+        let is_written = |wanted: u16| addresses.contains(&wanted);
         // A new speed or acceleration alone acts on the target that is there.
         let starts = [order::POSITION + 1, order::SPEED + 1, order::ACCELERATION];
         if starts.into_iter().any(is_written) {

@@ -7,14 +7,17 @@
 //! # Source
 //! Leadshine, CL2C-RS Series User Manual, chapters on PR mode and the Modbus register list.
 
-use std::{collections::BTreeMap, time::Duration};
+use std::collections::BTreeMap;
 
 use rig_model::RigTime;
 
-use super::motor::{Motor, Pace, counts, word};
+use super::{
+    Unit, addresses, bits,
+    motor::{Motor, Pace, counts, word},
+};
 use crate::{
     faults::DeviceFault,
-    modbus::{Answer, Block, Exception, Reply, Request},
+    modbus::{Block, Exception, Reply, Request},
     world::World,
 };
 
@@ -92,9 +95,6 @@ const HAS_LIMITS: u16 = 1 << 1;
 const OVER_CURRENT: u16 = 0xE0;
 const POSITION_ERROR: u16 = 0x180;
 
-/// Boot time of the drive.
-const BOOT: Duration = Duration::from_secs(1);
-
 /// One drive.
 #[derive(Debug)]
 pub(crate) struct Leadshine {
@@ -105,7 +105,48 @@ pub(crate) struct Leadshine {
     alarm: u16,
     is_homed: bool,
     is_homing: bool,
-    boots_until: RigTime,
+}
+
+impl Unit for Leadshine {
+    fn notice_end(&mut self, now: RigTime, world: &World) {
+        if self.is_homing && !self.motor.is_moving(now, world) {
+            self.is_homing = false;
+            self.is_homed = true;
+        }
+    }
+
+    fn answer(
+        &mut self,
+        now: RigTime,
+        request: &Request,
+        world: &mut World,
+    ) -> Result<Reply, Exception> {
+        match request {
+            Request::ReadHoldingRegisters(block) => self.read(now, *block, world),
+            Request::WriteRegister { address, value } => {
+                self.write(now, *address, &[*value], world)
+            }
+            Request::WriteRegisters { address, values } => self.write(now, *address, values, world),
+            _ => Err(Exception::Function),
+        }
+    }
+
+    fn apply_fault(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
+        match fault {
+            DeviceFault::Alarm(code) => self.raise(now, u16::from(code), world),
+            // A limit switch only stops it.
+            DeviceFault::LimitSwitch => self.stop(now, world),
+            DeviceFault::Stall => {
+                self.motor.apply_fault(now, fault, world);
+                self.alarm = POSITION_ERROR;
+            }
+            _ => self.motor.apply_fault(now, fault, world),
+        }
+    }
+
+    fn power_cycle(&mut self, now: RigTime, world: &mut World) {
+        *self = Self::new(self.motor.power_cycled(now, world));
+    }
 }
 
 impl Leadshine {
@@ -121,53 +162,12 @@ impl Leadshine {
             alarm: 0,
             is_homed: false,
             is_homing: false,
-            boots_until: RigTime::ZERO,
-        }
-    }
-
-    pub(super) fn handle(&mut self, now: RigTime, request: &Request, world: &mut World) -> Answer {
-        if now < self.boots_until {
-            return None;
-        }
-        self.notice_end(now, world);
-        Some(match request {
-            Request::ReadHoldingRegisters(block) => self.read(now, *block, world),
-            Request::WriteRegister { address, value } => {
-                self.write(now, *address, &[*value], world)
-            }
-            Request::WriteRegisters { address, values } => self.write(now, *address, values, world),
-            _ => Err(Exception::Function),
-        })
-    }
-
-    pub(super) fn apply_fault(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
-        self.notice_end(now, world);
-        match fault {
-            DeviceFault::Reboot => {
-                let boots_until = now + BOOT;
-                *self = Self { boots_until, ..Self::new(self.motor.power_cycled(now, world)) };
-            }
-            DeviceFault::Alarm(code) => self.raise(now, u16::from(code), world),
-            // A limit switch only stops it.
-            DeviceFault::LimitSwitch => self.stop(now, world),
-            DeviceFault::Stall => {
-                self.motor.apply_fault(now, fault, world);
-                self.alarm = POSITION_ERROR;
-            }
-            _ => self.motor.apply_fault(now, fault, world),
         }
     }
 
     fn raise(&mut self, now: RigTime, code: u16, world: &mut World) {
         self.stop(now, world);
         self.alarm = if code == 0 { OVER_CURRENT } else { code };
-    }
-
-    fn notice_end(&mut self, now: RigTime, world: &World) {
-        if self.is_homing && !self.motor.is_moving(now, world) {
-            self.is_homing = false;
-            self.is_homed = true;
-        }
     }
 
     fn read(&self, now: RigTime, block: Block, world: &World) -> Result<Reply, Exception> {
@@ -189,17 +189,14 @@ impl Leadshine {
 
     fn status(&self, now: RigTime, world: &World) -> u16 {
         let is_moving = self.motor.is_moving(now, world);
-        [
+        bits([
             (status::FAULT, self.alarm != 0),
             (status::ENABLED, self.is_enabled()),
             (status::RUNNING, is_moving),
             (status::COMMAND_DONE, !is_moving),
             (status::PATH_DONE, !is_moving),
             (status::HOMED, self.is_homed),
-        ]
-        .into_iter()
-        .filter_map(|(bit, is_on)| is_on.then_some(bit))
-        .sum()
+        ])
     }
 
     fn is_enabled(&self) -> bool {
@@ -222,15 +219,14 @@ impl Leadshine {
         values: &[u16],
         world: &mut World,
     ) -> Result<Reply, Exception> {
-        let count = u16::try_from(values.len()).map_err(|_| Exception::Value)?;
-        let end = address.checked_add(count).ok_or(Exception::Address)?;
-        if !(address..end).all(|address| self.settings.contains_key(&address)) {
+        let addresses = addresses(address, values)?;
+        if !addresses.clone().all(|address| self.settings.contains_key(&address)) {
             return Err(Exception::Address);
         }
-        for (address, value) in (address..end).zip(values) {
+        for (address, value) in addresses.clone().zip(values) {
             self.settings.insert(address, *value);
         }
-        for (address, value) in (address..end).zip(values) {
+        for (address, value) in addresses.zip(values) {
             match address {
                 register::CONTROL if *value == RESET_ALARM => self.alarm = 0,
                 register::TRIGGER | register::PATH_TRIGGER => self.trigger(now, *value, world),
