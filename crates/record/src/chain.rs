@@ -15,6 +15,11 @@ pub struct StoredRecord {
     pub seq: u64,
     /// Microseconds since the rig was opened.
     pub rig_us: u64,
+    /// Number of the epoch: the opening of the journal from which `rig_us` counts.
+    pub epoch: u64,
+    /// Microseconds since the run began: by the rig's clock within an epoch, by the wall clock
+    /// between two. 0 when the beginning of the run or of this part is missing.
+    pub run_us: u64,
     /// When: the beginning of the run by the wall clock, and from there on by the rig's clock. UTC,
     /// RFC 3339 with milliseconds. None when the first record of the run is missing.
     pub at: Option<String>,
@@ -37,6 +42,15 @@ impl StoredRecord {
             seq: self.seq,
             source,
         })
+    }
+
+    /// Whether the record may be the first one of another epoch.
+    pub fn opens_epoch(&self) -> bool {
+        match self.record() {
+            Ok(Record::Resumed(resumed)) => resumed.epoch == self.epoch,
+            Ok(Record::GivenUp(given_up)) => given_up.epoch == self.epoch,
+            _ => false,
+        }
     }
 
     /// Whether this is record `seq` of its run, unaltered, behind one with the digest `before`.
@@ -99,6 +113,10 @@ pub enum Flaw {
     },
     /// The last record and the list of runs have different ends of the run.
     EndDiffers,
+    /// The entry of the run in the list of runs is not what was written.
+    ListDiffers,
+    /// The seal of the run is missing, or does not fit its records and its entry in the list of runs.
+    SealDiffers,
 }
 
 impl fmt::Display for Flaw {
@@ -108,6 +126,12 @@ impl fmt::Display for Flaw {
             Self::Altered => f.write_str("the record is not what was written"),
             Self::Unreadable { reason } => write!(f, "the record cannot be read: {reason}"),
             Self::EndDiffers => f.write_str("the list of runs has another end of the run"),
+            Self::ListDiffers => {
+                f.write_str("the entry in the list of runs is not what was written")
+            }
+            Self::SealDiffers => {
+                f.write_str("the seal is missing, or does not fit the records and the list of runs")
+            }
         }
     }
 }

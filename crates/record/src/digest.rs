@@ -29,16 +29,36 @@ impl Digest {
 
     /// The digest of the record that follows this one.
     pub fn next(&self, seq: u64, rig_us: u64, kind: &str, payload: &str) -> Self {
+        use DigestPart::{Digest, Number, Text};
+        Self::of([Digest(*self), Number(seq), Number(rig_us), Text(kind), Text(payload)])
+    }
+
+    /// SHA-256 over the parts, in this order.
+    pub fn of<'a>(parts: impl IntoIterator<Item = DigestPart<'a>>) -> Self {
         let mut hash = Sha256::new();
-        hash.update(self.0);
-        hash.update(seq.to_be_bytes());
-        hash.update(rig_us.to_be_bytes());
-        for text in [kind, payload] {
-            hash.update((text.len() as u64).to_be_bytes());
-            hash.update(text);
+        for part in parts {
+            match part {
+                DigestPart::Digest(digest) => hash.update(digest.0),
+                DigestPart::Number(number) => hash.update(number.to_be_bytes()),
+                DigestPart::Text(text) => {
+                    hash.update((text.len() as u64).to_be_bytes());
+                    hash.update(text);
+                }
+            }
         }
         Self(hash.finalize().into())
     }
+}
+
+/// An input of a digest.
+#[derive(Debug, Clone, Copy)]
+pub enum DigestPart<'a> {
+    /// The 32 bytes of a digest.
+    Digest(Digest),
+    /// A whole number, as eight big-endian bytes.
+    Number(u64),
+    /// A text, behind its length in bytes.
+    Text(&'a str),
 }
 
 impl fmt::Display for Digest {

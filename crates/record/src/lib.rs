@@ -8,14 +8,17 @@ mod chain;
 mod digest;
 mod record;
 mod run;
+mod seal;
 
 pub use chain::{Chain, ChainCheck, Flaw, StoredRecord, UnreadableRecord};
-pub use digest::Digest;
+pub use digest::{Digest, DigestPart};
 pub use record::{
-    Action, Axis, BlackBox, Circuit, Clearance, Device, Direction, Ending, Fault, FitNoise,
-    FitSettings, FitTiming, Frame, Intent, LostSurface, Move, MoveReason, NearCircuit, Operator,
-    Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, ReadingFlag, ReadingRecord, Record,
-    RefusedTouch, RunFinished, RunStarted, Sample, Source, StateChanged, StepStarted, Surface,
-    SurfaceReading, Sweep, SweepOutcome, SweepPurpose, Touch, TouchPosition, TouchSettings,
+    Action, Amended, Amendment, Axis, BlackBox, Change, Circuit, Clearance, Device, Direction,
+    Ending, Fault, FitNoise, FitSettings, FitTiming, Frame, GivenUp, Intent, LostSurface, Move,
+    MoveReason, NearCircuit, Operator, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked,
+    ReadingFlag, ReadingRecord, Record, RefusedTouch, Resumed, RunFinished, RunStarted, Sample,
+    Source, StateChanged, StepStarted, Surface, SurfaceReading, Sweep, SweepOutcome, SweepPurpose,
+    Touch, TouchPosition, TouchSettings,
 };
 pub use run::{NotARunId, Run, RunId, RunKind, RunStatus};
+pub use seal::{ListEntry, Stretch, seal};

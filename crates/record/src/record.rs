@@ -6,6 +6,7 @@
 
 mod motion;
 mod person;
+mod resume;
 mod start;
 mod sweep;
 mod touch;
@@ -14,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 pub use motion::{Axis, Intent, LostSurface, Move, MoveReason, Surface, SurfaceReading};
 pub use person::{Operator, Prompt, PromptAnswered, PromptAsked};
+pub use resume::{Amended, Amendment, Change, GivenUp, Resumed};
 pub use start::{Action, Device, PlanSize, RunStarted, Sample, Source, StepStarted};
 pub use sweep::{
     Circuit, FitNoise, FitSettings, FitTiming, NearCircuit, ReadingFlag, ReadingRecord, Sweep,
@@ -58,7 +60,14 @@ pub enum Record {
     BlackBox(BlackBox),
     /// The rig changed its state.
     StateChanged(StateChanged),
-    /// The last record of every run.
+    /// A run that had not been completed goes on: a new clock, and what has changed since.
+    Resumed(Resumed),
+    /// A person decided that a run that had not been completed does not go on.
+    GivenUp(GivenUp),
+    /// A touch of a run is measured again or left out: the first record of an amendment.
+    Amended(Amended),
+    /// The end of a run, or of a part of it: only [`Record::Resumed`] or [`Record::GivenUp`] can
+    /// follow, and nothing once the run is sealed.
     RunFinished(RunFinished),
 }
 
@@ -81,6 +90,9 @@ impl Record {
             Self::Fault(_) => "fault",
             Self::BlackBox(_) => "black_box",
             Self::StateChanged(_) => "state_changed",
+            Self::Resumed(_) => "resumed",
+            Self::GivenUp(_) => "given_up",
+            Self::Amended(_) => "amended",
             Self::RunFinished(_) => "run_finished",
         }
     }
@@ -154,7 +166,8 @@ pub enum Ending {
     Aborted,
     /// A fault ended it.
     Faulted,
-    /// The program ended during the run; this was found at the next start.
+    /// The program ended during the run, and the run was given up; or the program ended during a
+    /// session.
     Interrupted,
 }
 
@@ -167,6 +180,11 @@ impl Ending {
         Self::Faulted,
         Self::Interrupted,
     ];
+
+    /// Whether nothing is left to be measured.
+    pub const fn is_complete(self) -> bool {
+        matches!(self, Self::Completed | Self::CompletedWithRefusals)
+    }
 
     /// The word in results and messages.
     pub const fn name(self) -> &'static str {

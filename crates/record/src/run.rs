@@ -46,6 +46,8 @@ pub enum RunKind {
     Run,
     /// A session: single sweeps, manual moves and faults between runs.
     Session,
+    /// One touch of a run, measured again or left out.
+    Amendment,
 }
 
 impl RunKind {
@@ -54,12 +56,13 @@ impl RunKind {
         match self {
             Self::Run => "run",
             Self::Session => "session",
+            Self::Amendment => "amendment",
         }
     }
 
     /// The value with this name.
     pub fn from_name(name: &str) -> Option<Self> {
-        [Self::Run, Self::Session].into_iter().find(|kind| kind.name() == name)
+        [Self::Run, Self::Session, Self::Amendment].into_iter().find(|kind| kind.name() == name)
     }
 }
 
@@ -68,8 +71,8 @@ impl RunKind {
 pub enum RunStatus {
     /// Not ended yet.
     Running,
-    /// Not ended, and its program is gone. The next writer of the journal marks the run as
-    /// [`Ending::Interrupted`].
+    /// Not ended, and its program is gone. A run can be resumed; a session ends as
+    /// [`Ending::Interrupted`] when the journal is next opened to write.
     Interrupted,
     /// Ended.
     Ended(Ending),
@@ -123,9 +126,19 @@ pub struct Run {
     pub status: RunStatus,
     /// Number of records.
     pub records: u64,
+    /// Number of the epoch in which it was begun, or resumed last: the opening of the journal.
+    pub epoch: u64,
+    /// Whether it has ended for good and has a seal.
+    pub is_sealed: bool,
 }
 
 impl Run {
+    /// Whether it can be resumed or given up: the run of a protocol that is not under way and was
+    /// neither completed nor given up.
+    pub fn is_resumable(&self) -> bool {
+        self.kind == RunKind::Run && self.status != RunStatus::Running && !self.is_sealed
+    }
+
     /// Short name: the name of the protocol and the number, such as `smoke-7`.
     pub fn short_name(&self) -> String {
         format!("{}-{}", self.name, self.number)

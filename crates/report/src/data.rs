@@ -3,11 +3,11 @@
 use std::fmt::Write as _;
 
 use rig_record::{
-    Clearance, Direction, Prompt, Record, RefusedTouch, RunStarted, Sample, StoredRecord, Sweep,
-    SweepOutcome, Touch, TouchSettings, UnreadableRecord,
+    Amended, Amendment, Change, Clearance, Direction, Prompt, Record, RefusedTouch, Resumed,
+    RunStarted, Sample, StoredRecord, Sweep, SweepOutcome, Touch, TouchSettings, UnreadableRecord,
 };
 
-use crate::units::duration;
+use crate::units::{duration, with_sigma};
 
 /// The directions, in the order of their indices in the analysis.
 pub(crate) const DIRECTIONS: [Direction; 3] = [Direction::Front, Direction::Back, Direction::Left];
@@ -17,14 +17,18 @@ pub(crate) const DIRECTIONS: [Direction; 3] = [Direction::Front, Direction::Back
 pub(crate) struct RunData {
     /// The first record, unless the journal is damaged there.
     pub(crate) started: Option<RunStarted>,
-    /// Time of the first record on the rig's clock, µs.
-    pub(crate) begin_us: u64,
-    /// Time of the last record on the rig's clock, µs.
+    /// Time of the last record since the beginning of the run, µs.
     pub(crate) end_us: u64,
-    /// Every sweep, in order.
+    /// Every sweep, in order, also those of amendments.
     pub(crate) sweeps: Vec<Sweep>,
-    /// Every touch that gave a shift, in order.
+    /// For each sweep: the time of the run at zero of the clock of its readings, s.
+    pub(crate) clock_zeros_s: Vec<f64>,
+    /// Every touch that gave a shift, in order; of one that was measured again, the last.
     pub(crate) touches: Vec<Touch>,
+    /// The epochs of the records, in order: each has a clock of its own.
+    pub(crate) epochs: Vec<u64>,
+    /// The amendment whose records are being read, and the time of the run to which it is added, µs.
+    amendment: Option<(Amended, u64)>,
     /// Every planned touch, in order, with its outcome.
     pub(crate) planned: Vec<PlannedTouch>,
     /// Number of answered prompts.
@@ -44,6 +48,21 @@ pub(crate) struct PlannedTouch {
     pub(crate) began_at: Option<String>,
     /// `None` when it has not ended.
     pub(crate) outcome: Option<Outcome>,
+    /// How often it was begun.
+    pub(crate) attempts: u32,
+    /// Number of the clock on which its times count, from 1.
+    pub(crate) clock: Option<u64>,
+    /// The amendments and the outcomes that they replaced, oldest first.
+    pub(crate) amendments: Vec<Replaced>,
+}
+
+/// An amendment of a touch, and the outcome before.
+#[derive(Debug)]
+pub(crate) struct Replaced {
+    /// What was done, by whom, and why.
+    pub(crate) amendment: String,
+    /// The outcome before, in words.
+    pub(crate) before: Option<String>,
 }
 
 /// The outcome of a touch.
@@ -53,13 +72,15 @@ pub(crate) enum Outcome {
     Measured(usize),
     /// It gave no shift.
     Refused(Box<RefusedTouch>),
+    /// It was left out, for this reason.
+    Skipped(String),
 }
 
 /// A line of the log.
 #[derive(Debug)]
 pub(crate) struct LogEntry {
-    /// Time on the rig's clock, µs.
-    pub(crate) rig_us: u64,
+    /// Time since the beginning of the run, µs.
+    pub(crate) run_us: u64,
     /// The step in which it happened.
     pub(crate) step: Option<String>,
     pub(crate) kind: LogKind,
@@ -80,6 +101,10 @@ pub(crate) enum LogKind {
     Refusal,
     /// The last frames of a port were kept.
     BlackBox,
+    /// The run was resumed or given up.
+    Seam,
+    /// A touch was amended.
+    Amendment,
 }
 
 impl LogKind {
@@ -91,27 +116,29 @@ impl LogKind {
             Self::Fault => "fault",
             Self::Refusal => "refused sweep",
             Self::BlackBox => "black box",
+            Self::Seam => "resumed",
+            Self::Amendment => "amendment",
         }
     }
 }
 
 impl RunData {
-    /// Sorts the records of a run.
+    /// Sorts the records of a run and of its amendments behind them.
     pub(crate) fn read(records: &[StoredRecord]) -> Result<Self, UnreadableRecord> {
-        let mut data = Self {
-            begin_us: records.first().map_or(0, |first| first.rig_us),
-            end_us: records.last().map_or(0, |last| last.rig_us),
-            ..Self::default()
-        };
+        let run = records.first().map(|first| first.run);
+        let own = records.iter().rev().find(|record| Some(record.run) == run);
+        let end_us = own.map_or(0, |last| last.run_us);
+        let mut data = Self { end_us, epochs: epochs(records), ..Self::default() };
         for stored in records {
             data.take(stored, stored.record()?);
         }
         Ok(data)
     }
 
-    /// Time from the first record to the last on the rig's clock, s.
+    /// Time from the first record of the run to the last, s: by the rig's clock, and by the wall
+    /// clock while it was interrupted.
     pub(crate) fn rig_s(&self) -> f64 {
-        (self.end_us - self.begin_us) as f64 / 1e6
+        self.end_us as f64 / 1e6
     }
 
     /// The samples, in the protocol's order.
@@ -139,11 +166,43 @@ impl RunData {
         self.samples().iter().position(|sample| sample.name == name)
     }
 
-    /// Records the outcome of the touch at an address.
+    /// Records the outcome of the touch at an address, in place of an earlier one.
     fn end_touch(&mut self, step: &str, outcome: Outcome) {
-        if let Some(planned) = self.planned(step) {
-            planned.outcome = Some(outcome);
+        let amendment = self.amendment.as_ref().map(|(amended, _)| described(amended));
+        let Some(index) = self.planned.iter().position(|planned| planned.settings.step == step)
+        else {
+            return;
+        };
+        let earlier = self.planned[index].outcome.replace(outcome);
+        let before = earlier.as_ref().map(|earlier| self.describe(earlier));
+        if let Some(Outcome::Measured(replaced)) = earlier {
+            self.touches.remove(replaced);
+            for planned in &mut self.planned {
+                if let Some(Outcome::Measured(touch)) = &mut planned.outcome {
+                    *touch -= usize::from(*touch > replaced);
+                }
+            }
         }
+        if let Some(amendment) = amendment {
+            self.planned[index].amendments.push(Replaced { amendment, before });
+        }
+    }
+
+    /// An outcome in words.
+    fn describe(&self, outcome: &Outcome) -> String {
+        match outcome {
+            Outcome::Measured(index) => {
+                let touch = &self.touches[*index];
+                format!("shift {} Hz", with_sigma(touch.shift_hz, touch.shift_sigma_hz))
+            }
+            Outcome::Refused(refused) => format!("refused: {}", refused.reason),
+            Outcome::Skipped(why) => format!("skipped: {why}"),
+        }
+    }
+
+    /// Number of the clock of an epoch, from 1.
+    fn clock(&self, epoch: u64) -> u64 {
+        clock(&self.epochs, epoch)
     }
 
     /// The planned touch at an address.
@@ -152,20 +211,59 @@ impl RunData {
     }
 
     /// Adds an answer to the line of its prompt.
-    fn answer(&mut self, rig_us: u64, by: &str) {
+    fn answer(&mut self, run_us: u64, by: &str) {
         self.prompts += 1;
         let is_question = |entry: &&mut LogEntry| entry.kind == LogKind::Prompt;
         if let Some(asked) = self.log.iter_mut().rev().find(is_question) {
-            let waited = duration((rig_us - asked.rig_us) as f64 / 1e6);
+            let waited = duration(run_us.saturating_sub(asked.run_us) as f64 / 1e6);
             write!(asked.text, "; done after {waited}, says {by}")
                 .expect("a string takes all text");
         }
     }
 
-    fn take(&mut self, stored: &StoredRecord, record: Record) {
-        let rig_us = stored.rig_us;
+    /// The run was resumed, given up, or amended.
+    fn seam(&mut self, run_us: u64, record: Record) {
         let mut note = |step: Option<String>, kind, text| {
-            self.log.push(LogEntry { rig_us, step, kind, text });
+            self.log.push(LogEntry { run_us, step, kind, text });
+        };
+        match record {
+            Record::Resumed(resumed) => {
+                let Resumed { who, next, touches_left, changes, .. } = &resumed;
+                let next = next.as_deref().unwrap_or("the end");
+                let mut text = format!("resumed by {who} at {next}; {touches_left} touches left");
+                for Change { what, was, is } in changes {
+                    write!(text, "; other {what}: {was} → {is}").expect("a string takes all text");
+                }
+                note(resumed.next, LogKind::Seam, text);
+            }
+            Record::GivenUp(given_up) => {
+                note(None, LogKind::Seam, format!("given up by {}", given_up.who));
+            }
+            Record::Amended(amended) => {
+                let (step, end_us) = (amended.step.clone(), self.end_us.max(run_us));
+                let text = described(&amended);
+                self.log.push(LogEntry {
+                    run_us: end_us,
+                    step: Some(step.clone()),
+                    kind: LogKind::Amendment,
+                    text,
+                });
+                let skipped = (amended.what == Amendment::Skip).then(|| amended.why.clone());
+                self.amendment = Some((amended, end_us));
+                if let Some(why) = skipped {
+                    self.end_touch(&step, Outcome::Skipped(why));
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn take(&mut self, stored: &StoredRecord, record: Record) {
+        let clock = self.clock(stored.epoch);
+        let begun_us = self.amendment.as_ref().map_or(0, |(_, begun_us)| *begun_us);
+        let run_us = begun_us + stored.run_us;
+        let mut note = |step: Option<String>, kind, text| {
+            self.log.push(LogEntry { run_us, step, kind, text });
         };
         match record {
             Record::RunStarted(mut started) => {
@@ -176,12 +274,14 @@ impl RunData {
             Record::StepStarted(begun) => {
                 if let Some(planned) = self.planned(&begun.step) {
                     planned.began_at.clone_from(&stored.at);
+                    planned.attempts += 1;
+                    planned.clock = Some(clock);
                 }
             }
             Record::PromptAsked(asked) => {
                 note(Some(asked.step), LogKind::Prompt, request(&asked.prompt));
             }
-            Record::PromptAnswered(answered) => self.answer(rig_us, &answered.by),
+            Record::PromptAnswered(answered) => self.answer(run_us, &answered.by),
             Record::Operator(operator) => {
                 note(None, LogKind::Command, format!("{} by {}", operator.action, operator.who));
             }
@@ -201,10 +301,12 @@ impl RunData {
                     note(sweep.step.clone(), LogKind::Refusal, text);
                 }
                 self.sweeps.push(sweep);
+                self.clock_zeros_s.push((run_us as f64 - stored.rig_us as f64) / 1e6);
             }
             Record::TouchResult(touch) => {
-                self.end_touch(&touch.touch.step, Outcome::Measured(self.touches.len()));
+                let step = touch.touch.step.clone();
                 self.touches.push(touch);
+                self.end_touch(&step, Outcome::Measured(self.touches.len() - 1));
             }
             Record::TouchRefused(refused) => {
                 let step = refused.touch.step.clone();
@@ -214,6 +316,9 @@ impl RunData {
                 let (count, port) = (kept.frames.len(), kept.port);
                 let text = format!("the last frames on {port} are in the journal ({count})");
                 note(None, LogKind::BlackBox, text);
+            }
+            seam @ (Record::Resumed(_) | Record::GivenUp(_) | Record::Amended(_)) => {
+                self.seam(run_us, seam);
             }
             Record::Intent(_)
             | Record::Moved(_)
@@ -227,8 +332,33 @@ impl RunData {
 
 impl PlannedTouch {
     const fn new(settings: TouchSettings) -> Self {
-        Self { settings, began_at: None, outcome: None }
+        Self {
+            settings,
+            began_at: None,
+            outcome: None,
+            attempts: 0,
+            clock: None,
+            amendments: Vec::new(),
+        }
     }
+}
+
+/// The epochs of records, in order. Each has a clock of its own.
+pub(crate) fn epochs(records: &[StoredRecord]) -> Vec<u64> {
+    let mut epochs: Vec<u64> = records.iter().map(|record| record.epoch).collect();
+    epochs.sort_unstable();
+    epochs.dedup();
+    epochs
+}
+
+/// Number of the clock of an epoch, from 1.
+pub(crate) fn clock(epochs: &[u64], epoch: u64) -> u64 {
+    epochs.iter().take_while(|known| **known < epoch).count() as u64 + 1
+}
+
+/// An amendment in words.
+fn described(amended: &Amended) -> String {
+    format!("{} by {}: {}", amended.what.name(), amended.who, amended.why)
 }
 
 /// A prompt in words.

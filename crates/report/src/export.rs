@@ -13,6 +13,7 @@ mod touches;
 
 use std::io::Write;
 
+use crate::data::{clock, epochs};
 pub use error::ExportError;
 use rig_record::{Circuit, Pose, ReadingRecord, Record, StoredRecord, Sweep, SweepOutcome};
 use table::{POSITION_DECIMALS, Table, TableValue};
@@ -53,9 +54,10 @@ pub fn sweeps_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), 
         "loss_tangent",
         "loss_tangent_sigma",
         "reason",
+        "clock",
         "is_simulated",
     ];
-    let is_simulated = is_simulated(records);
+    let (is_simulated, epochs) = (is_simulated(records), epochs(records));
     let mut table = Table::new(&columns, out)?;
     for stored in records.iter().filter(|stored| stored.kind == "sweep") {
         let Record::Sweep(sweep) = stored.record()? else { continue };
@@ -99,6 +101,7 @@ pub fn sweeps_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), 
             loss,
             loss_sigma,
             TableValue::of(reason, TableValue::Text),
+            TableValue::Whole(clock(&epochs, stored.epoch)),
             TableValue::Flag(is_simulated),
         ])?;
     }
@@ -112,8 +115,8 @@ pub fn sweeps_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), 
 /// Errors of the writer, or a record that cannot be understood.
 pub fn readings_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), ExportError> {
     let columns = ["sweep", "purpose", "step", "reading"];
-    let is_simulated = is_simulated(records);
-    let columns = [&columns[..], &READING, &OF_SWEEP, &["is_simulated"]].concat();
+    let (is_simulated, epochs) = (is_simulated(records), epochs(records));
+    let columns = [&columns[..], &READING, &OF_SWEEP, &["clock", "is_simulated"]].concat();
     let mut table = Table::new(&columns, out)?;
     for stored in records.iter().filter(|stored| stored.kind == "sweep") {
         let Record::Sweep(sweep) = stored.record()? else { continue };
@@ -125,7 +128,8 @@ pub fn readings_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<()
                 TableValue::Whole(index as u64 + 1),
             ];
             let cells = head.into_iter().chain(reading(one)).chain(of_sweep(&sweep, index));
-            table.row(cells.chain([TableValue::Flag(is_simulated)]))?;
+            let clock = TableValue::Whole(clock(&epochs, stored.epoch));
+            table.row(cells.chain([clock, TableValue::Flag(is_simulated)]))?;
         }
     }
     table.finish()
@@ -151,8 +155,9 @@ pub fn sweep_csv(sweep: &Sweep, out: &mut impl Write) -> Result<(), ExportError>
 pub fn searches_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), ExportError> {
     let columns =
         ["step", "direction", "angle_deg", "surface_mm", "surface_sigma_mm", "try", "position_mm"];
-    let is_simulated = is_simulated(records);
-    let mut table = Table::new(&[&columns[..], &READING, &["is_simulated"]].concat(), out)?;
+    let (is_simulated, epochs) = (is_simulated(records), epochs(records));
+    let mut table =
+        Table::new(&[&columns[..], &READING, &["clock", "is_simulated"]].concat(), out)?;
     let is_search = |stored: &&StoredRecord| stored.kind.starts_with("surface_");
     for stored in records.iter().filter(is_search) {
         let (step, at, [position, sigma], trail) = match stored.record()? {
@@ -177,7 +182,8 @@ pub fn searches_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<()
                 TableValue::Decimals(tried.position_mm, POSITION_DECIMALS),
             ];
             let cells = head.into_iter().chain(reading(&tried.reading));
-            table.row(cells.chain([TableValue::Flag(is_simulated)]))?;
+            let clock = TableValue::Whole(clock(&epochs, stored.epoch));
+            table.row(cells.chain([clock, TableValue::Flag(is_simulated)]))?;
         }
     }
     table.finish()

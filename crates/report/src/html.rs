@@ -141,8 +141,8 @@ fn key_numbers(results: &RunResults) -> Vec<KeyNumber> {
     let prompts = counted(data.prompts, "prompt");
     let faults = counted(u32::try_from(data.faults().count()).unwrap_or(u32::MAX), "fault");
     let statuses = results.touches.iter().map(|row| row.status);
-    let Tally { planned, measured, refused, not_reached } = Tally::of(statuses);
-    let missing = [(refused, "refused"), (not_reached, "not reached")];
+    let Tally { planned, measured, refused, skipped, not_reached } = Tally::of(statuses);
+    let missing = [(refused, "refused"), (skipped, "skipped"), (not_reached, "not reached")];
     let missing = missing.into_iter().filter(|(count, _)| *count > 0);
     let counts = missing.map(|(count, status)| format!("{count} {status}"));
     let counts = counts.chain([prompts, faults]).collect::<Vec<_>>().join(", ");

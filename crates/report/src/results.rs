@@ -61,7 +61,7 @@ pub(crate) struct SensitivityAt {
 }
 
 impl RunResults {
-    /// The results of the `records` of a run.
+    /// The results of the `records` of a run, with those of its amendments behind them.
     ///
     /// # Errors
     /// [`UnreadableRecord`] when a record cannot be understood.
@@ -72,7 +72,8 @@ impl RunResults {
         let main: Vec<TouchShift> = main.filter_map(|touch| shift_of(touch, &data)).collect();
         let direction_means = shift::by_direction(&main);
         let angle_means = shift::by_angle(&direction_means);
-        let references: Vec<NoLoadMeasurement> = data.sweeps.iter().filter_map(reference).collect();
+        let references: Vec<NoLoadMeasurement> =
+            data.sweeps.iter().zip(&data.clock_zeros_s).filter_map(reference).collect();
         let classification = Classification::of(&data);
         let stiffness = Stiffness::of(&data);
         let known_stiffness = stiffness.as_ref().ok();
@@ -165,11 +166,11 @@ fn shift_of(touch: &Touch, data: &RunData) -> Option<TouchShift> {
     })
 }
 
-fn reference(sweep: &Sweep) -> Option<NoLoadMeasurement> {
+fn reference((sweep, clock_zero_s): (&Sweep, &f64)) -> Option<NoLoadMeasurement> {
     let SweepOutcome::Accepted { resonance_hz, sigma_hz, .. } = sweep.outcome else { return None };
     let first = sweep.readings.first()?;
     (sweep.purpose == SweepPurpose::NoLoad).then_some(NoLoadMeasurement {
-        time_s: first.started_s,
+        time_s: clock_zero_s + first.started_s,
         frequency_hz: resonance_hz,
         sigma_hz,
     })

@@ -19,6 +19,8 @@ pub struct RunSummary {
     pub is_simulated: bool,
     /// `running`, or the ending.
     pub status: &'static str,
+    /// Whether it has ended for good; otherwise it can be resumed.
+    pub is_sealed: bool,
     /// Touches that gave a shift; the same as `touches_measured`.
     pub touches: usize,
     /// Touches of the protocol.
@@ -27,6 +29,8 @@ pub struct RunSummary {
     pub touches_measured: usize,
     /// Touches that were made and gave none.
     pub touches_refused: usize,
+    /// Touches that a person left out.
+    pub touches_skipped: usize,
     /// Touches that were not made to their end.
     pub touches_not_reached: usize,
     /// Prompts that were answered.
@@ -140,7 +144,7 @@ impl RunResults {
             }
         };
         let statuses = self.touches.iter().map(|row| row.status);
-        let Tally { planned, measured, refused, not_reached } = Tally::of(statuses);
+        let Tally { planned, measured, refused, skipped, not_reached } = Tally::of(statuses);
         let recognition = |found: &Recognition| {
             let (low, high) = found.interval();
             let Recognition { method, trials, correct, .. } = *found;
@@ -151,10 +155,12 @@ impl RunResults {
             run_id: run.id.to_string(),
             is_simulated: data.is_simulated(),
             status: run.status.name(),
+            is_sealed: run.is_sealed,
             touches: measured,
             touches_planned: planned,
             touches_measured: measured,
             touches_refused: refused,
+            touches_skipped: skipped,
             touches_not_reached: not_reached,
             prompts: data.prompts,
             rig_seconds: data.rig_s(),

@@ -1,5 +1,6 @@
 //! The results of a complete, a refused, a faulted and an empty run.
 
+mod amended;
 pub(crate) mod sample;
 
 use std::collections::BTreeMap;
@@ -136,9 +137,9 @@ fn the_summary_has_the_documented_fields() {
     };
     assert_eq!(
         fields(&json),
-        "classification is_simulated no_load_hz prompts recognition rig_seconds run_id \
+        "classification is_sealed is_simulated no_load_hz prompts recognition rig_seconds run_id \
          sensitivity_hz_per_mpa shifts status stiffness touch_results touches touches_measured \
-         touches_not_reached touches_planned touches_refused wall_seconds"
+         touches_not_reached touches_planned touches_refused touches_skipped wall_seconds"
     );
     assert_eq!(fields(&json["shifts"][0]), "angle_deg direction sample shift_hz sigma_hz");
     assert_eq!(fields(&json["classification"]), "correct rate trials");

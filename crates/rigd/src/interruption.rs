@@ -91,9 +91,7 @@ impl InterruptedRig {
             return Ok(Some(Self { is_interrupted: false, is_open, message }));
         };
         let is_its_run = |run: &Run| {
-            run.kind == RunKind::Run
-                && run.status.is_interrupted()
-                && run.started_at >= session.started_at
+            run.kind == RunKind::Run && run.status.is_interrupted() && run.epoch == session.epoch
         };
         let is_open = left.is_open();
         let run = reader.runs()?.into_iter().find(is_its_run);

@@ -54,6 +54,20 @@ pub enum StoreError {
         /// The kind of record refused.
         kind: &'static str,
     },
+    /// The run is sealed: it was completed or given up.
+    #[error("run {run} is {status} and sealed; nothing can be added")]
+    Sealed {
+        /// Name and id of the run.
+        run: String,
+        /// Its end.
+        status: String,
+    },
+    /// The run is under way.
+    #[error("run {run} is under way")]
+    UnderWay {
+        /// Name and id of the run.
+        run: String,
+    },
     /// A record holds a number that is infinite or not a number.
     #[error("{kind} record")]
     Unwritable {

@@ -1,6 +1,7 @@
 //! The writer of the journal: one in each data directory.
 
 mod encode;
+mod list;
 
 use std::{
     collections::BTreeSet,
@@ -8,13 +9,14 @@ use std::{
     sync::{Arc, Mutex},
 };
 
-use rusqlite::{Connection, OptionalExtension, params};
+use rusqlite::{Connection, params};
 use uuid::Uuid;
 
 use crate::{
-    Digest, Ending, Reader, Record, RunFinished, RunId, RunKind, StoreError, lock::DirectoryLock,
-    schema,
+    Digest, Ending, GivenUp, Reader, Record, RunFinished, RunId, RunKind, RunStatus, StoreError,
+    lock::DirectoryLock, schema,
 };
+pub(crate) use list::{ENTRY, entry_from, link, stretches};
 
 /// The journal of a data directory, open for writing. There is one at a time.
 #[derive(Debug)]
@@ -34,8 +36,10 @@ pub struct Store {
 pub struct Journal {
     writer: Arc<Mutex<Writer>>,
     id: RunId,
+    kind: RunKind,
     last: LastRecord,
     has_ended: bool,
+    is_given_up: bool,
 }
 
 /// The last record of a run.
@@ -44,11 +48,20 @@ struct LastRecord {
     run: i64,
     seq: u64,
     digest: Digest,
+    /// Number of the epoch of the next record.
+    epoch: i64,
+    /// Whether the stretch of that epoch is in the list of stretches.
+    has_stretch: bool,
 }
 
 #[derive(Debug)]
 struct Writer {
     connection: Connection,
+    /// Ids of the journal and of its bench.
+    journal: String,
+    bench: String,
+    /// Number of this opening.
+    epoch: i64,
     // Invariant: true exactly when a transaction is open.
     has_uncommitted: bool,
     /// The runs with records in it.
@@ -61,7 +74,8 @@ struct Writer {
 impl Store {
     /// Opens the journal in `directory`, which is made where it is missing.
     ///
-    /// A run that had not ended is marked as interrupted, with a last record in its journal.
+    /// A session or an amendment that had not ended gets a last record that calls it interrupted. A
+    /// run that had not ended stays as it is, for [`Store::reopen`] or [`Store::give_up`].
     ///
     /// # Errors
     /// [`StoreError::InUse`] while another store is open on the directory, in this program or
@@ -69,14 +83,22 @@ impl Store {
     pub fn open(directory: &Path) -> Result<Self, StoreError> {
         let lock = DirectoryLock::take(directory)?;
         let connection = schema::open_to_write(&schema::database(directory))?;
+        let (journal, bench) =
+            connection.query_row("SELECT journal, bench FROM meta", [], |row| {
+                Ok((row.get(0)?, row.get(1)?))
+            })?;
         let mut writer = Writer {
             connection,
+            journal,
+            bench,
+            epoch: 0,
             has_uncommitted: false,
             touched: BTreeSet::new(),
             has_failed: false,
             _lock: lock,
         };
         let interrupted = writer.mark_interrupted()?;
+        writer.begin_epoch()?;
         let writer = Arc::new(Mutex::new(writer));
         Ok(Self { writer, interrupted, directory: directory.to_path_buf() })
     }
@@ -100,9 +122,57 @@ impl Store {
     /// [`StoreError`] of the system or of SQLite, or [`StoreError::Closed`].
     pub fn begin(&self, kind: RunKind, name: &str) -> Result<Journal, StoreError> {
         let id = RunId::new(Uuid::now_v7());
-        let run = locked(&self.writer, |writer| writer.insert_run(id, kind, name))?;
-        let last = LastRecord { run, seq: 0, digest: Digest::START };
-        Ok(Journal { writer: Arc::clone(&self.writer), id, last, has_ended: false })
+        let last = locked(&self.writer, |writer| writer.insert_run(id, kind, name))?;
+        Ok(self.journal(id, kind, last))
+    }
+
+    /// Opens a run again that was neither completed nor given up. The next record tells what has
+    /// changed since: [`Record::Resumed`] or [`Record::GivenUp`].
+    ///
+    /// # Errors
+    /// [`StoreError::Sealed`], [`StoreError::UnderWay`], [`StoreError::Broken`] when its records are
+    /// damaged, or an error of the system or of SQLite.
+    pub fn reopen(&self, id: RunId) -> Result<Journal, StoreError> {
+        let reader = self.reader()?;
+        let run = reader.run(id)?;
+        if run.status == RunStatus::Running {
+            return Err(StoreError::UnderWay { run: run.to_string() });
+        }
+        if !run.is_resumable() {
+            return Err(StoreError::Sealed { run: run.to_string(), status: run.status.describe() });
+        }
+        reader.records(id)?;
+        let last = locked(&self.writer, |writer| writer.reopen_run(&run))?;
+        Ok(self.journal(id, run.kind, last))
+    }
+
+    /// Gives up a run that was neither completed nor given up before, and seals it.
+    ///
+    /// # Errors
+    /// As for [`Store::reopen`].
+    pub fn give_up(&self, id: RunId, rig_us: u64, who: &str) -> Result<(), StoreError> {
+        let status = match self.reader()?.run(id)?.status {
+            RunStatus::Ended(ending) => ending,
+            RunStatus::Running | RunStatus::Interrupted => Ending::Interrupted,
+        };
+        let mut journal = self.reopen(id)?;
+        let epoch = self.epoch()?;
+        journal.append(rig_us, &Record::GivenUp(GivenUp { epoch, who: who.to_owned() }))?;
+        journal.append(rig_us, &Record::RunFinished(RunFinished { status }))?;
+        journal.commit()
+    }
+
+    /// Number of this opening of the journal, from 1.
+    ///
+    /// # Errors
+    /// [`StoreError::Closed`].
+    pub fn epoch(&self) -> Result<u64, StoreError> {
+        locked(&self.writer, |writer| Ok(writer.epoch.cast_unsigned()))
+    }
+
+    fn journal(&self, id: RunId, kind: RunKind, last: LastRecord) -> Journal {
+        let writer = Arc::clone(&self.writer);
+        Journal { writer, id, kind, last, has_ended: false, is_given_up: false }
     }
 }
 
@@ -138,12 +208,16 @@ impl Journal {
             return Err(StoreError::Ended { run: self.id, kind });
         }
         let payload = encode::payload(record)?;
+        self.is_given_up |= matches!(record, Record::GivenUp(_));
         let (id, last) = locked(&self.writer, |writer| {
-            let appended = writer.insert_record(self.last, rig_us, kind, &payload)?;
-            if let Record::RunFinished(finished) = record {
-                writer.end_run(self.last.run, finished.status)?;
+            let (id, last) = writer.insert_record(self.last, rig_us, kind, &payload)?;
+            if let Record::RunFinished(RunFinished { status }) = record {
+                writer.end_run(last.run, *status)?;
+                if self.kind != RunKind::Run || status.is_complete() || self.is_given_up {
+                    writer.seal(last)?;
+                }
             }
-            Ok(appended)
+            Ok((id, last))
         })?;
         self.last = last;
         self.has_ended = matches!(record, Record::RunFinished(_));
@@ -206,16 +280,6 @@ impl Writer {
         Ok(())
     }
 
-    fn insert_run(&mut self, id: RunId, kind: RunKind, name: &str) -> Result<i64, StoreError> {
-        self.begin()?;
-        self.connection.execute(
-            "INSERT INTO runs (id, kind, name, started_at, status)
-             VALUES (?1, ?2, ?3, strftime('%Y-%m-%dT%H:%M:%fZ', 'now'), 'running')",
-            params![id.to_string(), kind.name(), name],
-        )?;
-        Ok(self.connection.last_insert_rowid())
-    }
-
     fn insert_record(
         &mut self,
         last: LastRecord,
@@ -225,23 +289,27 @@ impl Writer {
     ) -> Result<(u64, LastRecord), StoreError> {
         self.begin()?;
         self.touched.insert(last.run);
+        if !last.has_stretch {
+            self.insert_stretch(last, rig_us)?;
+        }
         let seq = last.seq + 1;
         let digest = last.digest.next(seq, rig_us, kind, payload);
         self.connection
             .prepare_cached(
-                "INSERT INTO records (run, seq, rig_us, kind, payload, digest)
-                 VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
+                "INSERT INTO records (run, seq, epoch, rig_us, kind, payload, digest)
+                 VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
             )?
             .execute(params![
                 last.run,
                 seq.cast_signed(),
+                last.epoch,
                 rig_us.cast_signed(),
                 kind,
                 payload,
                 digest.as_bytes(),
             ])?;
         let id = self.connection.last_insert_rowid().cast_unsigned();
-        Ok((id, LastRecord { seq, digest, ..last }))
+        Ok((id, LastRecord { seq, digest, has_stretch: true, ..last }))
     }
 
     fn end_run(&mut self, run: i64, ending: Ending) -> Result<(), StoreError> {
@@ -251,52 +319,5 @@ impl Writer {
             params![run, ending.name()],
         )?;
         Ok(())
-    }
-
-    /// Ends a run whose program is gone. It ended when something was last written to it.
-    fn end_interrupted(&mut self, run: i64) -> Result<(), StoreError> {
-        self.connection.execute(
-            "UPDATE runs SET status = ?2, finished_at = coalesce(finished_at, started_at)
-             WHERE key = ?1",
-            params![run, Ending::Interrupted.name()],
-        )?;
-        Ok(())
-    }
-
-    fn mark_interrupted(&mut self) -> Result<Vec<RunId>, StoreError> {
-        let unended = self
-            .connection
-            .prepare("SELECT key, id FROM runs WHERE status = 'running' ORDER BY key")?
-            .query_map([], |row| Ok((row.get(0)?, row.get::<_, String>(1)?)))?
-            .collect::<Result<Vec<(i64, String)>, _>>()?;
-        let mut runs = Vec::new();
-        for (run, id) in unended {
-            let (last, rig_us) = self.last(run)?;
-            let record = Record::RunFinished(RunFinished { status: Ending::Interrupted });
-            self.insert_record(last, rig_us, record.kind(), &encode::payload(&record)?)?;
-            self.end_interrupted(run)?;
-            runs.push(id.parse()?);
-        }
-        self.commit()?;
-        Ok(runs)
-    }
-
-    /// The last record of a run, and its time on the rig's clock in µs.
-    fn last(&self, run: i64) -> Result<(LastRecord, u64), StoreError> {
-        let last = self
-            .connection
-            .query_row(
-                "SELECT seq, digest, rig_us FROM records WHERE run = ?1 ORDER BY seq DESC LIMIT 1",
-                [run],
-                |row| Ok((row.get::<_, i64>(0)?, row.get(1)?, row.get::<_, i64>(2)?)),
-            )
-            .optional()?;
-        Ok(match last {
-            Some((seq, digest, rig_us)) => {
-                let digest = Digest::from_bytes(digest);
-                (LastRecord { run, seq: seq.cast_unsigned(), digest }, rig_us.cast_unsigned())
-            }
-            None => (LastRecord { run, seq: 0, digest: Digest::START }, 0),
-        })
     }
 }

@@ -9,6 +9,10 @@
 //! A record is never changed. Its digest covers the digest before it, so that [`Reader::verify`]
 //! finds the first record that was lost or altered. The digest covers neither wall time nor the id
 //! of the run: two runs of the same protocol with the same seed have the same chain.
+//!
+//! A run that was completed or given up is sealed, and nothing can be added to it. Any other one can
+//! be opened again with [`Store::reopen`]. What the list of runs says of a run is under digests of
+//! its own.
 
 mod error;
 mod journal;
@@ -22,11 +26,12 @@ pub use error::{SqliteError, StoreError};
 pub use journal::{Journal, Store};
 pub use reader::{Interruption, ProbeWord, Reader, intact};
 pub use rig_record::{
-    Action, Axis, BlackBox, Chain, ChainCheck, Circuit, Clearance, Device, Digest, Direction,
-    Ending, Fault, FitNoise, FitSettings, FitTiming, Flaw, Frame, Intent, LostSurface, Move,
-    MoveReason, NearCircuit, Operator, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked,
-    ReadingFlag, ReadingRecord, Record, RefusedTouch, Run, RunFinished, RunId, RunKind, RunStarted,
-    RunStatus, Sample, Source, StateChanged, StepStarted, StoredRecord, Surface, SurfaceReading,
-    Sweep, SweepOutcome, SweepPurpose, Touch, TouchPosition, TouchSettings,
+    Action, Amended, Amendment, Axis, BlackBox, Chain, ChainCheck, Change, Circuit, Clearance,
+    Device, Digest, Direction, Ending, Fault, FitNoise, FitSettings, FitTiming, Flaw, Frame,
+    GivenUp, Intent, LostSurface, Move, MoveReason, NearCircuit, Operator, Phase, PlanSize, Pose,
+    Prompt, PromptAnswered, PromptAsked, ReadingFlag, ReadingRecord, Record, RefusedTouch, Resumed,
+    Run, RunFinished, RunId, RunKind, RunStarted, RunStatus, Sample, Source, StateChanged,
+    StepStarted, StoredRecord, Surface, SurfaceReading, Sweep, SweepOutcome, SweepPurpose, Touch,
+    TouchPosition, TouchSettings,
 };
 pub use schema::FORMAT;

@@ -1,6 +1,7 @@
 //! Readers.
 
 mod interruption;
+mod list;
 
 use std::{
     path::{Path, PathBuf},
@@ -69,25 +70,31 @@ impl Reader {
 
     fn select_runs(&self, tail: &str, values: impl Params + Copy) -> Result<Vec<Run>, StoreError> {
         let mut statement = self.connection.prepare_cached(&select_runs(tail))?;
-        let mut select = || statement.query_map(values, run_from)?.collect::<Result<Vec<Run>, _>>();
+        let mut select = || {
+            let rows = statement.query_map(values, |row| Ok((run_from(row)?, row.get(11)?)))?;
+            rows.collect::<Result<Vec<(Run, Option<i64>)>, _>>()
+        };
         let mut runs = select()?;
-        let is_running = |run: &&mut Run| run.status == RunStatus::Running;
-        if !runs.iter_mut().any(|run| is_running(&run)) {
-            return Ok(runs);
-        }
-        if self.has_writer() {
-            for run in runs.iter_mut().filter(is_running) {
-                (run.finished_at, run.wall_s) = (None, None);
+        let is_unended = |(run, _): &(Run, _)| run.status == RunStatus::Running;
+        let mut has_writer = false;
+        if runs.iter().any(is_unended) {
+            has_writer = self.has_writer();
+            if !has_writer {
+                // What wrote these runs is gone. It may have ended them in order since they were
+                // read, so they are read again.
+                runs = select()?;
             }
-            return Ok(runs);
         }
-        // What wrote these runs is gone. It may have ended them in order since they were read, so
-        // they are read again.
-        runs = select()?;
-        for run in runs.iter_mut().filter(is_running) {
-            run.status = RunStatus::Interrupted;
-        }
-        Ok(runs)
+        let settled = runs.into_iter().map(|(mut run, present)| {
+            let is_present = present.map(i64::cast_unsigned) == Some(run.epoch);
+            match (run.status, has_writer && is_present) {
+                (RunStatus::Running, true) => (run.finished_at, run.wall_s) = (None, None),
+                (RunStatus::Running, false) => run.status = RunStatus::Interrupted,
+                _ => {}
+            }
+            run
+        });
+        Ok(settled.collect())
     }
 
     /// The first record of the run that was asked for with this idempotency key.
@@ -176,15 +183,19 @@ impl Reader {
             "WHERE run = (SELECT key FROM runs WHERE id = ?1) ORDER BY seq",
         ))?;
         let mut rows = statement.query([id.to_string()])?;
-        let mut records = Vec::new();
+        let mut records: Vec<StoredRecord> = Vec::new();
         let mut digest = Digest::START;
-        let check = loop {
+        let mut check = loop {
             let seq = records.len() as u64 + 1;
             let broken = |flaw| ChainCheck::Broken { seq, flaw };
             match rows.next() {
                 Ok(Some(row)) => match record_from(row) {
                     Ok(record) if record.seq > seq => break broken(Flaw::Missing),
-                    Ok(record) if record.follows(seq, &digest) => {
+                    Ok(record)
+                        if record.follows(seq, &digest)
+                            && records.last().is_none_or(|last| record.epoch == last.epoch)
+                            || record.follows(seq, &digest) && record.opens_epoch() =>
+                    {
                         digest = record.digest;
                         records.push(record);
                     }
@@ -194,7 +205,39 @@ impl Reader {
                 Err(error) => break broken(Flaw::Unreadable { reason: error.to_string() }),
             }
         };
+        if let ChainCheck::Intact { records: seq, digest } = check
+            && let Some(flaw) = self.flaw_of_entry(&run, &records, digest)?
+        {
+            check = ChainCheck::Broken { seq, flaw };
+        }
         Ok(Chain { records, check })
+    }
+
+    /// The records of a run, and behind them those of its amendments, in the order in which they
+    /// were made. All are checked against their digests.
+    ///
+    /// # Errors
+    /// As for [`Reader::records`].
+    pub fn amended(&self, id: RunId) -> Result<Vec<StoredRecord>, StoreError> {
+        let mut records = self.records(id)?;
+        for amendment in self.amendments(id)? {
+            records.extend(self.records(amendment)?);
+        }
+        Ok(records)
+    }
+
+    /// The amendments of a run, oldest first.
+    ///
+    /// # Errors
+    /// [`StoreError`] of the system or of SQLite.
+    pub fn amendments(&self, id: RunId) -> Result<Vec<RunId>, StoreError> {
+        let mut statement = self.connection.prepare_cached(
+            "SELECT runs.id FROM runs JOIN records ON records.run = runs.key AND seq = 1
+             WHERE runs.kind = 'amendment' AND json_valid(payload)
+               AND json_extract(payload, '$.run') = ?1 ORDER BY runs.key",
+        )?;
+        let ids = statement.query_map([id.to_string()], |row| parsed(row, 0, |id| id.parse().ok()));
+        Ok(ids?.collect::<Result<_, _>>()?)
     }
 
     /// Up to `limit` records of all runs behind the event with this id, in order.
@@ -252,7 +295,10 @@ fn select_runs(tail: &str) -> String {
     format!(
         "SELECT id, kind, name, started_at, finished_at, status,
                 round(unixepoch(finished_at, 'subsec') - unixepoch(started_at, 'subsec'), 3),
-                (SELECT max(seq) FROM records WHERE run = key), number
+                (SELECT max(seq) FROM records WHERE run = key), number,
+                EXISTS (SELECT 1 FROM seals WHERE run = key),
+                coalesce((SELECT max(epoch) FROM stretches WHERE run = key), epoch),
+                (SELECT max(n) FROM epochs)
          FROM (SELECT *, row_number() OVER (PARTITION BY kind, name ORDER BY key) AS number
                FROM runs) {tail}"
     )
@@ -270,6 +316,8 @@ fn run_from(row: &Row<'_>) -> rusqlite::Result<Run> {
         wall_s: row.get(6)?,
         records: row.get::<_, Option<i64>>(7)?.unwrap_or(0).cast_unsigned(),
         number: row.get::<_, i64>(8)?.cast_unsigned(),
+        epoch: row.get::<_, i64>(10)?.cast_unsigned(),
+        is_sealed: row.get(9)?,
     })
 }
 
@@ -288,17 +336,17 @@ fn parsed<T>(
 }
 
 fn select_records(tail: &str) -> String {
+    let time = schema::TIME_OF_RECORD;
     format!(
-        "SELECT records.id, seq, rig_us, records.kind, payload, digest,
-                (SELECT id FROM runs WHERE key = run),
-                strftime(
-                    '%Y-%m-%dT%H:%M:%fZ',
-                    (SELECT started_at FROM runs WHERE key = run),
-                    printf('%.3f seconds', (rig_us - (
-                        SELECT rig_us FROM records AS first
-                        WHERE first.run = records.run AND first.seq = 1
-                    )) / 1e6)
-                )
+        "SELECT records.id, seq, records.rig_us, records.kind, payload, records.digest,
+                (SELECT id FROM runs WHERE key = records.run), {time}, records.epoch,
+                coalesce((
+                    SELECT records.rig_us - stretches.rig_us + CAST(round(1e6 * (
+                        unixepoch(stretches.started_at, 'subsec')
+                        - (SELECT unixepoch(started_at, 'subsec') FROM runs WHERE key = records.run)
+                    )) AS INTEGER)
+                    FROM stretches
+                    WHERE stretches.run = records.run AND stretches.epoch = records.epoch), 0)
          FROM records {tail}"
     )
 }
@@ -310,6 +358,8 @@ fn record_from(row: &Row<'_>) -> rusqlite::Result<StoredRecord> {
         run: parsed(row, 6, |id| id.parse().ok())?,
         seq: whole(1)?,
         rig_us: whole(2)?,
+        epoch: whole(8)?,
+        run_us: whole(9)?,
         at: row.get(7)?,
         kind: row.get(3)?,
         payload: row.get(4)?,

@@ -3,35 +3,78 @@
 use std::path::{Path, PathBuf};
 
 use rusqlite::{Connection, OpenFlags};
+use uuid::Uuid;
 
 use crate::StoreError;
 
 /// The version of the records and tables. A journal of another version is refused.
-pub const FORMAT: u32 = 3;
+pub const FORMAT: u32 = 4;
 
 /// `records.id` is the id of the event and never given twice; `(run, seq)` counts without gaps.
-/// While a run goes on, `finished_at` is when something was last written to it.
+/// While a run goes on, `finished_at` is when something was last written to it. docs/data.md
+/// describes every column and digest.
 const TABLES: &str = "
+CREATE TABLE meta (
+    journal TEXT NOT NULL,
+    bench TEXT NOT NULL,
+    created_at TEXT NOT NULL
+) STRICT;
+CREATE TABLE epochs (
+    n INTEGER PRIMARY KEY,
+    opened_at TEXT NOT NULL,
+    boot_id TEXT,
+    software TEXT NOT NULL,
+    is_clock_synced INTEGER
+) STRICT;
 CREATE TABLE runs (
-    key INTEGER PRIMARY KEY,
+    key INTEGER PRIMARY KEY AUTOINCREMENT,
     id TEXT NOT NULL UNIQUE,
     kind TEXT NOT NULL,
     name TEXT NOT NULL,
+    journal TEXT NOT NULL,
+    bench TEXT NOT NULL,
+    format INTEGER NOT NULL,
+    epoch INTEGER NOT NULL,
     started_at TEXT NOT NULL,
+    digest BLOB NOT NULL,
+    link BLOB NOT NULL,
     finished_at TEXT,
     status TEXT NOT NULL
+) STRICT;
+CREATE TABLE stretches (
+    run INTEGER NOT NULL REFERENCES runs (key),
+    epoch INTEGER NOT NULL REFERENCES epochs (n),
+    started_at TEXT NOT NULL,
+    rig_us INTEGER NOT NULL,
+    digest BLOB NOT NULL,
+    PRIMARY KEY (run, epoch)
 ) STRICT;
 CREATE TABLE records (
     id INTEGER PRIMARY KEY AUTOINCREMENT,
     run INTEGER NOT NULL REFERENCES runs (key),
     seq INTEGER NOT NULL,
+    epoch INTEGER NOT NULL REFERENCES epochs (n),
     rig_us INTEGER NOT NULL,
     kind TEXT NOT NULL,
     payload TEXT NOT NULL,
     digest BLOB NOT NULL,
     UNIQUE (run, seq)
 ) STRICT;
+CREATE TABLE seals (
+    run INTEGER PRIMARY KEY REFERENCES runs (key),
+    records INTEGER NOT NULL,
+    head BLOB NOT NULL,
+    seal BLOB NOT NULL,
+    signature BLOB
+) STRICT;
 ";
+
+/// When a row of `records` was made: the beginning of its stretch by the wall clock, and from there on
+/// by the rig's clock.
+pub(crate) const TIME_OF_RECORD: &str = "(
+    SELECT strftime('%Y-%m-%dT%H:%M:%fZ', stretches.started_at,
+                    printf('%.3f seconds', (records.rig_us - stretches.rig_us) / 1e6))
+    FROM stretches WHERE stretches.run = records.run AND stretches.epoch = records.epoch)";
 
 /// The file of the database in a data directory.
 pub(crate) fn database(directory: &Path) -> PathBuf {
@@ -51,6 +94,10 @@ pub(crate) fn open_to_write(path: &Path) -> Result<Connection, StoreError> {
     if found == 0 {
         let transaction = connection.transaction()?;
         transaction.execute_batch(TABLES)?;
+        transaction.execute(
+            "INSERT INTO meta VALUES (?1, ?2, strftime('%Y-%m-%dT%H:%M:%fZ', 'now'))",
+            [Uuid::now_v7().to_string(), Uuid::now_v7().to_string()],
+        )?;
         transaction.pragma_update(None, "user_version", FORMAT)?;
         transaction.commit()?;
     }

@@ -3,4 +3,5 @@
 mod damage;
 mod interruption;
 mod journal;
+mod resume;
 mod sample;

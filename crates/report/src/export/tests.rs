@@ -37,14 +37,14 @@ fn tables_have_a_row_for_each_sweep_and_reading() {
     let row = |number, purpose, hz| {
         format!(
             "{number},\"{purpose}\",\"main/1/back/30/1\",\"back\",30.0,12,\"accepted\",{hz},0.0200,\
-             1.250000,33.0,2.74e-8,0.08,0.018000,0.000410,,true\n"
+             1.250000,33.0,2.74e-8,0.08,0.018000,0.000410,,1,true\n"
         )
     };
     assert_eq!(
         sweeps,
         "sweep,purpose,step,direction,angle_deg,readings,outcome,resonance_hz,sigma_hz,\
          effective_time_s,quality_factor,static_capacitance_f,capacitance_ratio,loss_tangent,\
-         loss_tangent_sigma,reason,is_simulated\n"
+         loss_tangent_sigma,reason,clock,is_simulated\n"
             .to_owned()
             + &row(1, "no_load", "140.4000")
             + &row(2, "touch", "158.3000")
@@ -56,14 +56,14 @@ fn tables_have_a_row_for_each_sweep_and_reading() {
     assert!(readings.contains(first), "{readings}");
     // The settings of the fit, if the journal has them; two readings of each sweep are flagged.
     let ends = |end: &str| readings.lines().filter(|line| line.ends_with(end)).count();
-    assert_eq!(ends(",true,130.0,260.0,0.005,4.0,\"waited\",true,,,,,,,true"), 10, "{readings}");
-    assert_eq!(ends(",true,,,,,,,,,,,,,true"), 10, "{readings}");
+    assert_eq!(ends(",true,130.0,260.0,0.005,4.0,\"waited\",true,,,,,,,1,true"), 10, "{readings}");
+    assert_eq!(ends(",true,,,,,,,,,,,,,1,true"), 10, "{readings}");
     let header = "frequency_hz,resistance_ohm,reactance_ohm,started_s,settle_s,integration_s,flag,\
                   is_used,fit_min_hz,fit_max_hz,fit_noise_at_ten_cycles,\
                   fit_noise_degrees_of_freedom,fit_timing,fit_always_loss,fit_target_sigma_hz,\
                   fit_near_resonance_hz,fit_near_quality_factor,fit_near_static_capacitance_f,\
                   fit_near_capacitance_ratio,fit_near_loss_tangent";
-    let named = format!("sweep,purpose,step,reading,{header},is_simulated\n");
+    let named = format!("sweep,purpose,step,reading,{header},clock,is_simulated\n");
     assert!(readings.starts_with(&named), "{readings}");
     let single = text(|out| sweep_csv(&sweep(7, SweepPurpose::Touch, 158.3), out));
     assert!(single.starts_with(header), "{single}");
@@ -78,7 +78,10 @@ fn a_refused_sweep_keeps_its_columns() {
     let records = sample::chain(&[(0, Record::Sweep(refused))]).records;
     let sweeps = text(|out| sweeps_csv(&records, out));
     let (header, row) = sweeps.split_once('\n').unwrap();
-    assert_eq!(row, "1,\"manual\",,,,12,\"refused\",,,,,,,,,\"no resonance, none at all\",false\n");
+    assert_eq!(
+        row,
+        "1,\"manual\",,,,12,\"refused\",,,,,,,,,\"no resonance, none at all\",1,false\n"
+    );
     // The reason contains a comma.
     assert_eq!(row.matches(',').count(), header.matches(',').count() + 1);
 }
@@ -89,9 +92,9 @@ fn every_position_tried_on_the_way_to_the_surface_is_a_row() {
     assert_eq!(
         text(|out| searches_csv(&records, out)),
         "step,direction,angle_deg,surface_mm,surface_sigma_mm,try,position_mm,frequency_hz,\
-         resistance_ohm,reactance_ohm,started_s,settle_s,integration_s,flag,is_simulated\n\
+         resistance_ohm,reactance_ohm,started_s,settle_s,integration_s,flag,clock,is_simulated\n\
          \"main/1/back/30/1\",\"back\",30.0,10.10000,0.00289,1,10.3000,140.0,33333.333333333336,\
-         -40000.0,0.3333333333333333,0.05,0.1,\"normal\",true\n"
+         -40000.0,0.3333333333333333,0.05,0.1,\"normal\",1,true\n"
     );
 }
 

@@ -9,7 +9,7 @@ use super::{
 use crate::results::RunResults;
 
 /// The columns of `touches.csv`. Those that differ between two runs of one seed are the last.
-const COLUMNS: [&str; 28] = [
+const COLUMNS: [&str; 32] = [
     "step",
     "phase",
     "sample",
@@ -35,6 +35,10 @@ const COLUMNS: [&str; 28] = [
     "stiffness_sigma_mpa",
     "class",
     "known_mpa",
+    "attempts",
+    "clock",
+    "amended",
+    "earlier",
     "is_simulated",
     "started_at",
     "run_id",
@@ -83,6 +87,10 @@ impl RunResults {
                 stiffness_sigma,
                 TableValue::of(row.class.as_deref(), TableValue::Text),
                 TableValue::of(row.known_mpa, TableValue::Exact),
+                TableValue::Whole(row.attempts.into()),
+                TableValue::of(row.clock, TableValue::Whole),
+                TableValue::of(row.amended.as_deref(), TableValue::Text),
+                TableValue::of(row.earlier.as_deref(), TableValue::Text),
                 TableValue::Flag(is_simulated),
                 TableValue::of(row.started_at.as_deref(), TableValue::Text),
                 TableValue::Text(&run_id),

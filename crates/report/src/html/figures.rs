@@ -148,8 +148,7 @@ pub(super) fn classification(data: &RunData, classification: &Classification) ->
 
 /// The no-load resonance over the run.
 pub(super) fn no_load(results: &RunResults) -> Markup {
-    let begin_s = results.data.begin_us as f64 / 1e6;
-    let minutes = |time_s: f64| (time_s - begin_s) / 60.0;
+    let minutes = |time_s: f64| time_s / 60.0;
     let mut chart = Chart::new(
         "Resonance with the probe clear",
         "The no-load resonance over the time of the run.",

@@ -17,6 +17,7 @@ pub(super) fn provenance(run: &Run, check: &ChainCheck, data: &RunData) -> Marku
                 (fact("seed", started.seed))
                 @for device in &started.devices { (fact(&device.role, &device.identity)) }
             }
+            (fact("sealed", if run.is_sealed { "yes" } else { "no: it can be resumed" }))
             @match check {
                 ChainCheck::Intact { records, digest } => {
                     (fact("journal", format!("{records} records, chain intact")))

@@ -104,11 +104,19 @@ pub(super) fn touches(rows: &[TouchRow]) -> Markup {
         vec![
             text(&row.step),
             text(&row.sample),
-            if row.status == TouchStatus::Measured { text(status) } else { fault(status) },
+            match (row.status, &row.amended) {
+                (TouchStatus::Measured, None) => text(status),
+                (_, None) => fault(status),
+                (_, Some(amended)) => text(format!("{status} ({amended})")),
+            },
             pair(row.shift_hz, row.shift_sigma_hz),
             pair(row.stiffness_mpa, row.stiffness_sigma_mpa),
             row.class.as_ref().map_or_else(dash, text),
-            text(row.reason.as_deref().unwrap_or_default()),
+            text(match (&row.reason, &row.earlier) {
+                (reason, None) => reason.clone().unwrap_or_default(),
+                (None, Some(earlier)) => format!("before: {earlier}"),
+                (Some(reason), Some(earlier)) => format!("{reason}; before: {earlier}"),
+            }),
         ]
     };
     let rows: Vec<_> = rows.iter().map(row).collect();
@@ -123,7 +131,7 @@ pub(super) fn log(data: &RunData) -> Markup {
     let heads = ["rig time", "kind", "event", "step"];
     let mut rows = Vec::new();
     for entry in &data.log {
-        let time = clock((entry.rig_us - data.begin_us) as f64 * 1e-6);
+        let time = clock(entry.run_us as f64 * 1e-6);
         let kind = match entry.kind {
             LogKind::Fault => fault(entry.kind.name()),
             kind => html! { span { (kind.name()) } },

@@ -12,6 +12,8 @@ pub enum TouchStatus {
     Measured,
     /// It was made and gave none.
     Refused,
+    /// A person left it out.
+    Skipped,
     /// It was not made, or not to its end.
     #[default]
     NotReached,
@@ -23,6 +25,7 @@ impl TouchStatus {
         match self {
             Self::Measured => "measured",
             Self::Refused => "refused",
+            Self::Skipped => "skipped",
             Self::NotReached => "not_reached",
         }
     }
@@ -42,6 +45,7 @@ pub(crate) struct Tally {
     pub(crate) planned: usize,
     pub(crate) measured: usize,
     pub(crate) refused: usize,
+    pub(crate) skipped: usize,
     pub(crate) not_reached: usize,
 }
 
@@ -51,6 +55,7 @@ impl Tally {
         *match status {
             TouchStatus::Measured => &mut self.measured,
             TouchStatus::Refused => &mut self.refused,
+            TouchStatus::Skipped => &mut self.skipped,
             TouchStatus::NotReached => &mut self.not_reached,
         } += 1;
     }
@@ -84,6 +89,7 @@ impl PlannedTouch {
         match self.outcome {
             Some(Outcome::Measured(_)) => TouchStatus::Measured,
             Some(Outcome::Refused(_)) => TouchStatus::Refused,
+            Some(Outcome::Skipped(_)) => TouchStatus::Skipped,
             None => TouchStatus::NotReached,
         }
     }

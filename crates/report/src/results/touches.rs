@@ -25,7 +25,7 @@ pub struct TouchRow {
     pub angle_deg: f64,
     /// The repeat of this pose, or the number of the blind touch; from 1.
     pub repeat: u32,
-    /// Measured, refused or not reached.
+    /// Measured, refused, skipped or not reached.
     pub status: TouchStatus,
     /// Reason why it was not measured, or why a measured touch has no stiffness.
     pub reason: Option<String>,
@@ -64,6 +64,14 @@ pub struct TouchRow {
     pub class: Option<String>,
     /// Known Young's modulus of the sample, MPa.
     pub known_mpa: Option<f64>,
+    /// How often it was begun: more than once when it was interrupted or measured again.
+    pub attempts: u32,
+    /// Number of the clock on which the times of its sweeps count, from 1.
+    pub clock: Option<u64>,
+    /// Its last amendment: what was done, by whom, and why.
+    pub amended: Option<String>,
+    /// The outcomes that amendments replaced, oldest first.
+    pub earlier: Option<String>,
     /// When it began: UTC, RFC 3339, on the rig's clock from the beginning of the run on.
     pub started_at: Option<String>,
 }
@@ -73,7 +81,7 @@ const NAMED_MAX: usize = 5;
 
 /// `107 of 110 touches measured; 3 refused: …`, with the addresses of those.
 pub(crate) fn sentence(rows: &[TouchRow]) -> String {
-    let Tally { planned, measured, refused, not_reached } =
+    let Tally { planned, measured, refused, skipped, not_reached } =
         Tally::of(rows.iter().map(|row| row.status));
     let mut parts = vec![format!("{measured} of {planned} touches measured")];
     if refused > 0 {
@@ -85,6 +93,9 @@ pub(crate) fn sentence(rows: &[TouchRow]) -> String {
             more => format!(" and {more} more"),
         };
         parts.push(format!("{refused} refused: {named}{more}"));
+    }
+    if skipped > 0 {
+        parts.push(format!("{skipped} skipped"));
     }
     if not_reached > 0 {
         parts.push(format!("{not_reached} not reached"));
@@ -111,6 +122,10 @@ pub(super) fn rows(
             repeat: settings.repeat,
             status: planned.status(),
             known_mpa: sample.and_then(|sample| data.samples()[sample].stiffness_mpa),
+            attempts: planned.attempts,
+            clock: planned.clock,
+            amended: planned.amendments.last().map(|last| last.amendment.clone()),
+            earlier: earlier(planned),
             started_at: planned.began_at.clone(),
             ..TouchRow::default()
         };
@@ -128,6 +143,7 @@ pub(super) fn rows(
                     row.indented(indented);
                 }
             }
+            Some(Outcome::Skipped(why)) => row.reason = Some(why.clone()),
             None => row.reason = Some(not_reached(run, data, planned)),
         }
         row
@@ -176,6 +192,13 @@ impl TouchRow {
         self.indentation_mm = Some(indented.indentation_mm);
         self.linear_mm = Some(indented.linear_mm);
     }
+}
+
+/// The outcomes that amendments replaced.
+fn earlier(planned: &PlannedTouch) -> Option<String> {
+    let replaced = planned.amendments.iter().filter_map(|replaced| replaced.before.as_deref());
+    let all: Vec<&str> = replaced.collect();
+    (!all.is_empty()).then(|| all.join("; "))
 }
 
 /// The reason why a touch has no end in the journal.

@@ -59,6 +59,8 @@ impl SampleRun {
             wall_s: Some(4.18),
             status: RunStatus::Ended(ending),
             records: chain.records.len() as u64,
+            epoch: 1,
+            is_sealed: ending.is_complete(),
         };
         Self { run, chain }
     }
@@ -100,7 +102,19 @@ pub(crate) fn chain(records: &[(u64, Record)]) -> Chain {
         digest = digest.next(seq, *rig_us, &kind, &payload);
         let at = Some(time(rig_us - records[0].0));
         let rig_us = *rig_us;
-        stored.push(StoredRecord { event: seq, run: ID, seq, rig_us, at, kind, payload, digest });
+        let (event, run, epoch, run_us) = (seq, ID, 1, rig_us - records[0].0);
+        stored.push(StoredRecord {
+            event,
+            run,
+            seq,
+            rig_us,
+            epoch,
+            run_us,
+            at,
+            kind,
+            payload,
+            digest,
+        });
     }
     let check = ChainCheck::Intact { records: stored.len() as u64, digest };
     Chain { records: stored, check }

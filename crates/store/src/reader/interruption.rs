@@ -54,7 +54,7 @@ impl Reader {
         }
         let probe = match (self.probe_word(run)?, run.kind) {
             // A run begins with the probe clear.
-            (ProbeWord::Silent, RunKind::Run) => ProbeWord::Clear,
+            (ProbeWord::Silent, RunKind::Run | RunKind::Amendment) => ProbeWord::Clear,
             (word, _) => word,
         };
         let is_cleared_since = self.is_cleared_after(run)?;
@@ -62,8 +62,7 @@ impl Reader {
         Ok(Some(Interruption { at, step: self.last_step(run.id)?, probe, is_cleared_since }))
     }
 
-    /// What is said last of the probe: in a run by its own records, in a session also by those of
-    /// its runs, which are all that follow until the next session.
+    /// What is said last of the probe: in a run by its own records, in a session by all of its epoch.
     ///
     /// # Errors
     /// [`StoreError`] of the system or of SQLite, or [`StoreError::Unreadable`].
@@ -72,10 +71,8 @@ impl Reader {
             "JOIN runs AS owner ON owner.key = records.run
              JOIN runs AS asked ON asked.id = ?1
              WHERE records.kind IN ('intent', 'moved', 'fault', 'state_changed')
-               AND CASE asked.kind WHEN 'run' THEN owner.key = asked.key
-                   ELSE owner.key >= asked.key AND owner.key < coalesce(
-                       (SELECT min(key) FROM runs WHERE kind = 'session' AND key > asked.key),
-                       9223372036854775807) END
+               AND CASE asked.kind WHEN 'session' THEN records.epoch = asked.epoch
+                   ELSE owner.key = asked.key END
              ORDER BY records.id DESC",
         ))?;
         let mut rows = statement.query([run.id.to_string()])?;
@@ -115,12 +112,12 @@ impl Reader {
         })
     }
 
-    /// Whether a session that began after a run or session, with the same rig, has shown the probe
-    /// to be clear.
+    /// Whether a session of the same rig has shown the probe to be clear since a run or session was
+    /// last written to.
     fn is_cleared_after(&self, run: &Run) -> Result<bool, StoreError> {
         let rig = match run.kind {
             RunKind::Session => run.name.clone(),
-            RunKind::Run => match self.first_record(run.id)? {
+            RunKind::Run | RunKind::Amendment => match self.first_record(run.id)? {
                 Some(Record::RunStarted(started)) => started.rig.name,
                 _ => return Ok(false),
             },
@@ -128,7 +125,11 @@ impl Reader {
         let mut statement = self.connection.prepare_cached(&select_records(
             "JOIN runs AS owner ON owner.key = records.run
              WHERE owner.kind = 'session' AND owner.name = ?1
-               AND owner.key > (SELECT key FROM runs WHERE id = ?2) AND records.kind = 'moved'",
+               AND records.kind = 'moved' AND records.id > (
+                   SELECT coalesce(max(records.id), 0) FROM runs AS asked JOIN records
+                   ON CASE asked.kind WHEN 'session' THEN records.epoch = asked.epoch
+                      ELSE records.run = asked.key END
+                   WHERE asked.id = ?2)",
         ))?;
         let mut rows = statement.query(params![rig, run.id.to_string()])?;
         while let Some(row) = rows.next()? {

@@ -134,22 +134,23 @@ fn a_number_that_is_not_finite_is_refused_and_the_journal_goes_on() {
 }
 
 #[test]
-fn a_run_without_an_end_is_marked_when_the_journal_is_opened_again() {
+fn a_session_without_an_end_is_marked_when_the_journal_is_opened_again() {
     let directory = Directory::new();
     let store = Store::open(directory.path()).unwrap();
     let ended = write_run(&store);
-    let mut journal = store.begin(RunKind::Run, "cut short").unwrap();
-    append(&mut journal, 7, &run_started());
+    let mut journal = store.begin(RunKind::Session, "cut short").unwrap();
+    append(&mut journal, 7, &sweep(1, SweepPurpose::Manual, 140.0));
     journal.commit().unwrap();
     // Never committed, so never acknowledged.
-    append(&mut journal, 8, &sweep(1, SweepPurpose::NoLoad, 140.0));
+    append(&mut journal, 8, &sweep(2, SweepPurpose::Manual, 140.0));
     let (cut, reader) = (journal.id(), store.reader().unwrap());
     assert_eq!(reader.run(cut).unwrap().status, RunStatus::Running);
     drop((store, journal));
 
     let store = Store::open(directory.path()).unwrap();
     assert_eq!(store.interrupted(), [cut]);
-    assert_eq!(reader.run(cut).unwrap().status, RunStatus::Ended(Ending::Interrupted));
+    let run = reader.run(cut).unwrap();
+    assert_eq!((run.status, run.is_sealed), (RunStatus::Ended(Ending::Interrupted), true));
     let stored = reader.records(cut).unwrap();
     assert_eq!(stored.len(), 2);
     assert_eq!(stored[1].rig_us, 7_000_000, "the rig's clock says no more than the last record");
@@ -235,9 +236,9 @@ fn a_record_knows_when_it_was_made() {
     }
     journal.commit().unwrap();
     let database = rusqlite::Connection::open(directory.path().join("rigd.db")).unwrap();
-    database.execute("UPDATE runs SET started_at = '2026-12-31T23:59:59.250Z'", []).unwrap();
-    let records = store.reader().unwrap().records(journal.id()).unwrap();
-    let times: Vec<_> = records.iter().map(|stored| stored.at.as_deref().unwrap()).collect();
+    database.execute("UPDATE stretches SET started_at = '2026-12-31T23:59:59.250Z'", []).unwrap();
+    let events = store.reader().unwrap().events_after(0, 10).unwrap();
+    let times: Vec<_> = events.iter().map(|stored| stored.at.as_deref().unwrap()).collect();
     let expected =
         ["2026-12-31T23:59:59.250Z", "2027-01-01T00:00:00.250Z", "2027-01-01T23:59:59.250Z"];
     assert_eq!(times, expected);

@@ -1,0 +1,100 @@
+//! What happens to a run after it has stopped early: it goes on, is given up, or is amended.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Device, Source};
+
+/// A run goes on after an interruption, a fault or an abort. The times of the records that follow
+/// count on the clock of the epoch named here.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Resumed {
+    /// Number of the epoch: the opening of the journal from which the rig's clock counts.
+    pub epoch: u64,
+    /// Name of the operator.
+    pub who: String,
+    /// Address of the next touch; `None` when every touch has an outcome.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub next: Option<String>,
+    /// Number of touches that have an outcome.
+    pub touches_done: u32,
+    /// Number of touches that have none.
+    pub touches_left: u32,
+    /// What differs from the part before; the operator confirmed all of it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub changes: Vec<Change>,
+    /// Version of the program.
+    pub software: String,
+    /// The rig as it was read, where its file has changed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rig: Option<Source>,
+    /// The scene behind a simulated rig, where its file has changed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scene: Option<Source>,
+    /// Devices on the ports.
+    pub devices: Vec<Device>,
+}
+
+/// A difference between two parts of a run.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Change {
+    /// What has changed: `rig file`, `scene file`, `software`, or the role of a device.
+    pub what: String,
+    /// Before; of a file, its name.
+    pub was: String,
+    /// Now; of a file, its name.
+    pub is: String,
+}
+
+/// A run is given up.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct GivenUp {
+    /// Number of the epoch.
+    pub epoch: u64,
+    /// Name of the operator.
+    pub who: String,
+}
+
+/// What an amendment does to a touch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Amendment {
+    /// The touch is measured again. The earlier outcome stays in its run.
+    Redo,
+    /// The touch is left out: not measured, or its outcome not used.
+    Skip,
+}
+
+impl Amendment {
+    /// The word in results and messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Redo => "redo",
+            Self::Skip => "skip",
+        }
+    }
+}
+
+/// An amendment of a touch. The journal of the run itself stays as it is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Amended {
+    /// Id of the run.
+    pub run: String,
+    /// Digest of the last record of the run when it was amended.
+    pub head: String,
+    /// Address of the touch.
+    pub step: String,
+    /// What is done.
+    pub what: Amendment,
+    /// Name of the operator.
+    pub who: String,
+    /// The reason that the operator gave.
+    pub why: String,
+    /// Version of the program.
+    pub software: String,
+    /// Devices on the ports, for a touch that is measured again.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub devices: Vec<Device>,
+    /// What differs from the run; the operator confirmed all of it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub changes: Vec<Change>,
+}

@@ -1,0 +1,82 @@
+//! Checks of the list of runs: entries, stretches, seals, and the links between entries.
+
+use rusqlite::OptionalExtension;
+
+use super::Reader;
+use crate::{
+    Digest, Flaw, Run, RunKind, RunStatus, StoreError, StoredRecord,
+    journal::{ENTRY, entry_from, link, stretches},
+};
+
+impl Reader {
+    /// What is wrong with the entry of a run in the list of runs, its stretches and its seal.
+    pub(super) fn flaw_of_entry(
+        &self,
+        run: &Run,
+        records: &[StoredRecord],
+        head: Digest,
+    ) -> Result<Option<Flaw>, StoreError> {
+        let mut statement = self.connection.prepare_cached(&format!(
+            "SELECT {ENTRY}, finished_at, status, key, digest FROM runs WHERE id = ?1"
+        ))?;
+        let row = statement.query_row([run.id.to_string()], |row| {
+            let ended = (row.get::<_, Option<String>>(8)?, row.get::<_, String>(9)?);
+            Ok((entry_from(row)?, ended, row.get::<_, i64>(10)?, row.get::<_, Vec<u8>>(11)?))
+        });
+        let Ok((entry, (finished_at, status), key, digest)) = row else {
+            return Ok(Some(Flaw::ListDiffers));
+        };
+        let mut statement = self
+            .connection
+            .prepare_cached("SELECT digest FROM stretches WHERE run = ?1 ORDER BY epoch")?;
+        let digests: Result<Vec<Vec<u8>>, _> =
+            statement.query_map([key], |row| row.get(0))?.collect();
+        let (Ok(stretches), Ok(digests)) = (stretches(&self.connection, key), digests) else {
+            return Ok(Some(Flaw::ListDiffers));
+        };
+        let fits = stretches.iter().map(|stretch| stretch.digest(&entry.run).as_bytes().to_vec());
+        let mut epochs: Vec<u64> = records.iter().map(|record| record.epoch).collect();
+        epochs.dedup();
+        let has_all = stretches.iter().map(|stretch| stretch.epoch).eq(epochs);
+        if entry.digest().as_bytes() != &*digest || !fits.eq(digests) || !has_all {
+            return Ok(Some(Flaw::ListDiffers));
+        }
+        let mut statement =
+            self.connection.prepare_cached("SELECT seal FROM seals WHERE run = ?1")?;
+        let found: Option<Vec<u8>> = statement.query_row([key], |row| row.get(0)).optional()?;
+        let must_be_sealed = match run.status {
+            RunStatus::Ended(ending) => run.kind != RunKind::Run || ending.is_complete(),
+            RunStatus::Running | RunStatus::Interrupted => false,
+        };
+        let is_right = match (found, finished_at) {
+            (Some(found), Some(at)) => {
+                rig_record::seal(&entry, &stretches, &at, &status, records.len() as u64, head)
+                    .as_bytes()
+                    == &*found
+            }
+            (Some(_), None) => false,
+            (None, _) => !must_be_sealed,
+        };
+        Ok((!is_right).then_some(Flaw::SealDiffers))
+    }
+
+    /// The first run whose entry is not linked to the one before it, as when an entry was removed or
+    /// changed; `None` if the list is whole.
+    ///
+    /// # Errors
+    /// [`StoreError`] of the system or of SQLite.
+    pub fn broken_link(&self) -> Result<Option<String>, StoreError> {
+        let mut statement =
+            self.connection.prepare_cached("SELECT id, digest, link FROM runs ORDER BY key")?;
+        let mut rows = statement.query([])?;
+        let mut before = Digest::START;
+        while let Some(row) = rows.next()? {
+            let linked = link(before, Digest::from_bytes(row.get(1)?));
+            if linked.as_bytes() != &row.get::<_, [u8; 32]>(2)? {
+                return Ok(Some(row.get(0)?));
+            }
+            before = linked;
+        }
+        Ok(None)
+    }
+}
