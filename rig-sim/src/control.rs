@@ -23,7 +23,7 @@ truth                  the true state of the bench
 violations             safety violations so far
 fault PORT KIND [KEY=VALUE ...] [unit=N] [nth=N|next=N|rate=P]
   PORT: analyzer, bus
-  requests: drop-request, busy, exception code=N, disconnect
+  requests: drop-request, busy, exception code=N, disconnect, unplug ms=N
   replies:  drop-reply, delay ms=N, duplicate, corrupt, truncate, noise bytes=N, echo,
             wrong-unit as=N, disconnect-reply
   devices:  reboot, alarm code=N, stall, jam, lose-steps by=X, limit-switch, overload,
@@ -146,6 +146,7 @@ fn fault_kind(kind: &str, options: &Options<'_>) -> Result<FaultKind, ControlErr
         "busy" => request(RequestFault::Exception(BUSY)),
         "exception" => request(RequestFault::Exception(options.need("code")?)),
         "disconnect" => request(RequestFault::Disconnect),
+        "unplug" => request(RequestFault::Unplug(Duration::from_millis(options.need("ms")?))),
         "drop-reply" => reply(ReplyFault::Drop),
         "delay" => reply(ReplyFault::Delay(Duration::from_millis(options.need("ms")?))),
         "duplicate" => reply(ReplyFault::Duplicate),

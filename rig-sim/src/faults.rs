@@ -53,6 +53,8 @@ pub enum RequestFault {
     Exception(u8),
     /// The connection breaks before it is carried out.
     Disconnect,
+    /// The same, and for this long no new connection can be made.
+    Unplug(Duration),
 }
 
 /// A fault of a reply.
@@ -113,11 +115,13 @@ pub(crate) struct DeviceContext<'a> {
 pub(crate) struct FaultSchedule {
     waiting: Vec<Fault>,
     stream: Stream,
+    /// The port whose cable was pulled just now, and for how long.
+    pulled: Option<(PortId, Duration)>,
 }
 
 impl FaultSchedule {
     pub(crate) fn new(stream: Stream) -> Self {
-        Self { waiting: Vec::new(), stream }
+        Self { waiting: Vec::new(), stream, pulled: None }
     }
 
     pub(crate) fn add(&mut self, fault: Fault) {
@@ -126,6 +130,16 @@ impl FaultSchedule {
 
     pub(crate) fn clear(&mut self) {
         self.waiting.clear();
+    }
+
+    /// A device tells that the cable of its port was pulled.
+    pub(crate) fn pull(&mut self, port: PortId, absence: Duration) {
+        self.pulled = Some((port, absence));
+    }
+
+    /// The port whose cable was pulled just now, and for how long.
+    pub(crate) fn take_pulled(&mut self) -> Option<(PortId, Duration)> {
+        self.pulled.take()
     }
 
     /// The faults of the device that are due when a request arrives.

@@ -27,11 +27,26 @@ pub struct Rig {
     bus: Bus,
     transport: LineTransport,
     faults: FaultSchedule,
+    /// The outlets of the analyzer and of the bus.
+    outlets: [Outlet; 2],
+}
+
+/// The place where the cable of a port is plugged in.
+#[derive(Debug, Clone, Copy, Default)]
+struct Outlet {
+    /// Number of times that the cable was pulled.
+    pulls: u64,
+    /// Until when no cable is in it.
+    empty_until: RigTime,
 }
 
 /// A client's connection to a port. Several may be open; each gets the answers to its own requests.
 #[derive(Debug)]
-pub struct Connection(End);
+pub struct Connection {
+    end: End,
+    /// Its port, and how often the cable of the port had been pulled when it was made.
+    outlet: Option<(PortId, u64)>,
+}
 
 #[derive(Debug)]
 enum End {
@@ -42,7 +57,7 @@ enum End {
 impl Connection {
     /// When something will happen on it without further bytes.
     pub fn deadline(&self) -> Option<RigTime> {
-        match &self.0 {
+        match &self.end {
             End::Analyzer(cable) => cable.deadline(),
             End::Bus(line) => line.deadline(),
         }
@@ -50,7 +65,7 @@ impl Connection {
 
     /// Whether what another client says may change when this one is answered.
     pub(crate) const fn waits_for_others(&self) -> bool {
-        matches!(self.0, End::Analyzer(_))
+        matches!(self.end, End::Analyzer(_))
     }
 }
 
@@ -79,7 +94,8 @@ impl Rig {
         let faults = FaultSchedule::new(Stream::new(seed, FAULT_STREAM));
         let echoes = wiring.analyzer == AnalyzerMake::TonghuiTh283x;
         let analyzer = Socket::new(analyzer, echoes);
-        Ok(Self { world, analyzer, bus, transport: wiring.transport, faults })
+        let outlets = [Outlet::default(); 2];
+        Ok(Self { world, analyzer, bus, transport: wiring.transport, faults, outlets })
     }
 
     /// The world behind the devices.
@@ -89,16 +105,39 @@ impl Rig {
 
     /// A new connection to a port, as the rig is wired.
     pub fn connect(&mut self, port: PortId) -> Connection {
-        match port {
-            PortId::Analyzer => Connection(End::Analyzer(self.analyzer.plug())),
+        let connection = match port {
+            PortId::Analyzer => {
+                Connection { end: End::Analyzer(self.analyzer.plug()), outlet: None }
+            }
             PortId::Bus => Self::connect_bus(self.transport, Duration::ZERO),
+        };
+        Connection { outlet: Some((port, self.outlets[port as usize].pulls)), ..connection }
+    }
+
+    /// Pulls a cable, if a device says so: every connection to its port ends.
+    fn pull_cable(&mut self, now: RigTime) {
+        if let Some((port, absence)) = self.faults.take_pulled() {
+            let outlet = &mut self.outlets[port as usize];
+            outlet.pulls += 1;
+            outlet.empty_until = now + absence;
         }
+    }
+
+    /// Whether the cable of a port is plugged in.
+    pub fn is_plugged(&self, now: RigTime, port: PortId) -> bool {
+        self.outlets[port as usize].empty_until <= now
+    }
+
+    fn hang_up_if_pulled(&self, connection: &Connection) -> Result<(), HangUp> {
+        let is_pulled =
+            |(port, pulls): (PortId, u64)| self.outlets[port as usize].pulls != pulls;
+        if connection.outlet.is_some_and(is_pulled) { Err(HangUp) } else { Ok(()) }
     }
 
     /// A new connection to the line of the drives by any carrier. `patience` is how long the bytes
     /// of one frame may be torn apart on their way: an operating system has pauses of its own.
     pub fn connect_bus(transport: LineTransport, patience: Duration) -> Connection {
-        Connection(End::Bus(BusLine::new(transport, patience)))
+        Connection { end: End::Bus(BusLine::new(transport, patience)), outlet: None }
     }
 
     /// Takes bytes that came over a connection at `now`.
@@ -111,12 +150,14 @@ impl Rig {
         connection: &mut Connection,
         bytes: &[u8],
     ) -> Result<(), HangUp> {
+        self.hang_up_if_pulled(connection)?;
         let Self { world, analyzer, bus, faults, .. } = self;
         let context = DeviceContext { world, faults };
-        match &mut connection.0 {
+        match &mut connection.end {
             End::Analyzer(cable) => analyzer.push(now, cable, bytes, context),
             End::Bus(line) => bus.push(now, line, bytes, context),
         }
+        .inspect_err(|HangUp| self.pull_cable(now))
     }
 
     /// Takes the output of a connection up to `now`.
@@ -124,12 +165,14 @@ impl Rig {
     /// # Errors
     /// [`HangUp`] when the port closes the connection.
     pub fn poll(&mut self, now: RigTime, connection: &mut Connection) -> Result<Vec<u8>, HangUp> {
+        self.hang_up_if_pulled(connection)?;
         let Self { world, analyzer, bus, faults, .. } = self;
         let context = DeviceContext { world, faults };
-        match &mut connection.0 {
+        match &mut connection.end {
             End::Analyzer(cable) => analyzer.poll(now, cable, context),
             End::Bus(line) => bus.poll(now, line, context),
         }
+        .inspect_err(|HangUp| self.pull_cable(now))
     }
 
     /// Makes the drives and their line answer without delay from now on, for measurements of the time

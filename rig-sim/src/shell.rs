@@ -80,10 +80,8 @@ impl SimRig {
     }
 
     fn port(&mut self, port: PortId) -> DuplexStream {
-        let (ours, theirs) = duplex(PIPE_BYTES);
-        let connection = self.handle.lock().connect(port);
-        let handle = self.handle.clone();
-        self.ports.spawn(async move { handle.serve(connection, ours).await });
+        let (serving, theirs) = self.handle.pipe(port);
+        self.ports.spawn(serving);
         theirs
     }
 
@@ -145,6 +143,25 @@ impl Technician {
 }
 
 impl SimHandle {
+    /// A new connection to a port; `None` while its cable is pulled. It is served until either side
+    /// closes it.
+    pub fn plug(&self, port: PortId) -> Option<DuplexStream> {
+        if !self.with(|now, rig| rig.is_plugged(now, port)) {
+            return None;
+        }
+        let (serving, theirs) = self.pipe(port);
+        tokio::spawn(serving);
+        Some(theirs)
+    }
+
+    /// A pipe to a port, and the task that serves it.
+    fn pipe(&self, port: PortId) -> (impl Future<Output = ()> + use<>, DuplexStream) {
+        let (ours, theirs) = duplex(PIPE_BYTES);
+        let connection = self.lock().connect(port);
+        let handle = self.clone();
+        (async move { handle.serve(connection, ours).await }, theirs)
+    }
+
     /// Carries bytes between a stream and a connection until either side closes.
     pub async fn serve(
         &self,

@@ -8,5 +8,6 @@ mod errors;
 mod flags;
 mod makes;
 mod operator;
+mod out_of_contact;
 mod runs;
 mod sweeps;

@@ -16,7 +16,9 @@ mod stopping;
 
 pub use commands::Admitted;
 
-use rig_model::{Clearance, Deg, Mm, Position, RigLimits, RigTime};
+use std::time::Duration;
+
+use rig_model::{Clearance, Deg, Mm, Position, RigLimits, RigTime, Span};
 use rig_protocol::Prompt;
 
 use crate::{
@@ -29,6 +31,10 @@ use crate::{
     run::Run,
     sweep::{Sweep, SweepStep},
 };
+
+/// How long a linear stage that does not answer is waited for, unless the rig file says otherwise: a
+/// drive starts within seconds, and a person plugs a cable in again within a minute or two.
+const RECOVERY_PATIENCE: Duration = Duration::from_secs(120);
 
 /// Decides the next operation of the rig.
 #[derive(Debug)]
@@ -43,6 +49,12 @@ pub struct Engine {
     rotary: Option<Position<Deg>>,
     state: RigState,
     notes: Vec<Event>,
+    /// How long a linear stage that does not answer is waited for on the way out.
+    patience: Duration,
+    /// The fault noted last, so that a repeated attempt does not note it again.
+    last_fault: Option<Fault>,
+    /// Where the linear stage can be since its last confirmed read-back; `None` while it is homed.
+    reach: Option<Span<Mm>>,
 }
 
 #[derive(Debug)]
@@ -94,7 +106,7 @@ pub struct Snapshot {
     pub progress: Option<Progress>,
     /// The open prompt.
     pub prompt: Option<Prompt>,
-    /// First cause of the latch.
+    /// First cause of the latch, or of the stop and the retract that are under way.
     pub fault: Option<Fault>,
 }
 
@@ -102,6 +114,12 @@ impl Engine {
     /// An engine for a rig with these limits. Nothing moves until
     /// [`Command::Prepare`](crate::Command::Prepare).
     pub const fn new(limits: RigLimits) -> Self {
+        Self::with_patience(limits, RECOVERY_PATIENCE)
+    }
+
+    /// The same, with the time for which a linear stage that does not answer is waited for on the way
+    /// out of contact.
+    pub const fn with_patience(limits: RigLimits, patience: Duration) -> Self {
         Self {
             limits,
             interlock: Interlock::new(limits.linear),
@@ -113,6 +131,9 @@ impl Engine {
             rotary: None,
             state: RigState::Preparing,
             notes: Vec::new(),
+            patience,
+            last_fault: None,
+            reach: None,
         }
     }
 
@@ -130,7 +151,9 @@ impl Engine {
             _ => (None, None),
         };
         let fault = match &self.activity {
-            Activity::Latched(fault) => Some(fault.clone()),
+            Activity::Latched(fault)
+            | Activity::Stopping(StopReason::Fault(fault), _)
+            | Activity::Retracting(_, StopReason::Fault(fault), _) => Some(fault.clone()),
             _ => None,
         };
         Snapshot {
@@ -181,10 +204,7 @@ impl Engine {
                 self.recover(now, effects);
             }
             (Activity::Retracting(..), result) => {
-                if let Err((false, fault)) = result {
-                    self.escalate(fault);
-                }
-                self.retracting(now, effects);
+                self.retracting(now, result.map_err(|(_, fault)| fault), effects);
             }
             (Activity::Latched(_), _) => {}
             (_, Err((_, fault))) => self.stop(now, StopReason::Fault(fault), effects),
@@ -201,7 +221,11 @@ impl Engine {
     fn tick(&mut self, now: RigTime, effects: &mut Vec<Effect>) {
         if self.wait_until.is_some_and(|until| until <= now) {
             self.wait_until = None;
-            self.advance_run(now, MachineEvent::Waited, effects);
+            if matches!(self.activity, Activity::Retracting(..)) {
+                self.wait_is_over(now, effects);
+            } else {
+                self.advance_run(now, MachineEvent::Waited, effects);
+            }
         }
         let Some(pending) = self.pending.as_mut().filter(|pending| pending.deadline <= now) else {
             return;
@@ -212,6 +236,9 @@ impl Engine {
             // may move.
             pending.deadline = RigTime::from_micros(u64::MAX);
             self.freeze(fault);
+        } else if matches!(self.activity, Activity::Retracting(..)) {
+            self.interrupt(now, effects);
+            self.escalate(fault);
         } else {
             self.stop(now, StopReason::Fault(fault), effects);
         }
@@ -269,6 +296,7 @@ impl Engine {
         }
         let id = OperationId(self.next_id);
         self.next_id += 1;
+        self.extend_reach(&operation);
         let deadline = now + limit(&operation, self.linear_mm(), self.rotary_deg());
         let pending = Pending { id, operation: operation.clone(), deadline, is_interrupted: false };
         self.pending = Some(pending);
@@ -325,6 +353,7 @@ impl Engine {
         match (operation, report) {
             (Operation::MoveLinear { target, .. }, Some(&Report::LinearAt(read_back))) => {
                 self.linear = Some(read_back);
+                self.reach = Some(Span { min: read_back, max: read_back });
                 let target = target.position();
                 let is_clear = self.interlock.clearance() == Clearance::Clear;
                 self.notes.push(Event::LinearMoved { target, read_back, is_clear });
@@ -334,12 +363,29 @@ impl Engine {
                 let target = target.position();
                 self.notes.push(Event::RotaryMoved { target, read_back });
             }
-            (Operation::PrepareLinear, Some(&Report::LinearAt(read_back))) => {
+            (Operation::PrepareLinear, Some(&Report::LinearAt(read_back)))
+            | (_, Some(&Report::LinearHomed(read_back))) => {
                 self.linear = Some(read_back);
+                self.reach = Some(Span { min: read_back, max: read_back });
             }
             (Operation::PrepareRotary, Some(&Report::RotaryAt(read_back))) => {
                 self.rotary = Some(read_back);
             }
+            _ => {}
+        }
+    }
+
+    /// The linear stage may be anywhere between its last read-back and the target of its move.
+    fn extend_reach(&mut self, operation: &Operation) {
+        match operation {
+            Operation::MoveLinear { target, .. } => {
+                if let Some(reach) = &mut self.reach {
+                    let target = target.position();
+                    reach.min = if target < reach.min { target } else { reach.min };
+                    reach.max = if target > reach.max { target } else { reach.max };
+                }
+            }
+            Operation::PrepareLinear => self.reach = None,
             _ => {}
         }
     }

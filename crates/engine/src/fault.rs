@@ -3,7 +3,7 @@
 use rig_model::{AxisError, Deg, Mm, Position};
 use rig_protocol::StepId;
 
-use crate::InterlockError;
+use crate::{InterlockError, recovery::RecoveryReport};
 
 /// The parts of the rig that can fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,6 +37,8 @@ pub enum FailureKind {
     Interrupted,
     /// The device refused, or is not at its target.
     Refused,
+    /// The drive has an alarm and does not move.
+    Alarmed,
     /// The device did not answer, or its answer cannot be read.
     Line,
     /// An axis does not know its position, or reports one outside its travel. No move from there is
@@ -130,6 +132,19 @@ pub enum Fault {
     /// The probe was to be retracted and could not be shown to be clear.
     #[error("the probe was retracted but could not be shown to be clear")]
     NotProvenClear,
+    /// The linear stage is not where its last moves can have led.
+    #[error(
+        "linear stage: found at {found} after the fault, and its last moves were between {low} and \
+         {high}"
+    )]
+    PositionJumped {
+        /// The read-back.
+        found: Position<Mm>,
+        /// The lowest position that the last moves can have led to.
+        low: Position<Mm>,
+        /// The highest one.
+        high: Position<Mm>,
+    },
     /// A person pressed Stop.
     #[error("stopped by {by}")]
     Stopped {
@@ -139,10 +154,13 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// Whether it is not known any more where the linear stage is, so that it must not be moved.
-    pub(crate) fn is_linear_lost(&self) -> bool {
-        let Self::Device(failure) = self else { return false };
-        (failure.device, failure.kind) == (Device::LinearStage, FailureKind::Lost)
+    /// What it says of the linear stage.
+    pub(crate) fn of_linear(&self) -> RecoveryReport {
+        match self {
+            Self::Device(failure) if failure.device != Device::LinearStage => RecoveryReport::Done,
+            Self::Device(_) | Self::PositionJumped { .. } => RecoveryReport::of(self),
+            _ => RecoveryReport::Done,
+        }
     }
 }
 

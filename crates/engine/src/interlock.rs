@@ -74,7 +74,9 @@ impl Interlock {
     pub fn admit(&mut self, operation: &Operation) -> Result<(), InterlockError> {
         let rest = self.linear.rest_target();
         match operation {
-            Operation::PrepareLinear => self.clearance = Clearance::Unknown,
+            Operation::PrepareLinear | Operation::FindLinear { .. } => {
+                self.clearance = Clearance::Unknown;
+            }
             Operation::PrepareRotary | Operation::MoveRotary { .. } => {
                 if self.clearance != Clearance::Clear {
                     return Err(InterlockError::RotaryNotClear { clearance: self.clearance });
@@ -107,7 +109,12 @@ impl Interlock {
                     self.floor = rest.position();
                 }
             }
-            (Operation::MoveLinear { .. } | Operation::PrepareLinear, _) => {
+            (
+                Operation::MoveLinear { .. }
+                | Operation::PrepareLinear
+                | Operation::FindLinear { .. },
+                _,
+            ) => {
                 self.clearance = Clearance::Unknown;
             }
             _ => {}

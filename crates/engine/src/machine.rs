@@ -79,7 +79,7 @@ impl MachineEvent {
 impl From<Report> for MachineEvent {
     fn from(report: Report) -> Self {
         match report {
-            Report::LinearAt(position) => Self::LinearAt(position),
+            Report::LinearAt(position) | Report::LinearHomed(position) => Self::LinearAt(position),
             Report::RotaryAt(position) => Self::RotaryAt(position),
             Report::Measured(readings) => Self::Readings(readings),
             Report::Stopped => Self::Stopped,

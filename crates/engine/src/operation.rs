@@ -15,6 +15,13 @@ pub enum Operation {
     PrepareLinear,
     /// Home the rotary stage if it is not homed.
     PrepareRotary,
+    /// Find the linear stage again after a fault: open its port again, identify its drive, and read
+    /// back where it is. An axis that has lost its position is homed only if homing is known to lead
+    /// away from the sample.
+    FindLinear {
+        /// Whether an alarm of the drive is reset. Without this, an alarm is a failure.
+        may_reset_alarm: bool,
+    },
     /// Move the probe up or down and read back where it is.
     MoveLinear {
         /// The target.
@@ -45,6 +52,8 @@ pub enum Operation {
 pub enum Report {
     /// The read-back of the linear stage.
     LinearAt(Position<Mm>),
+    /// The read-back of a linear stage that had lost its position and was homed.
+    LinearHomed(Position<Mm>),
     /// The read-back of the rotary stage.
     RotaryAt(Position<Deg>),
     /// The readings: one without a flag for each requested point, after its flagged ones. The last
@@ -68,7 +77,9 @@ pub(crate) fn retract(limits: &RigLimits) -> Operation {
 pub(crate) fn limit(operation: &Operation, travel_mm: f64, travel_deg: f64) -> Duration {
     const SLACK_S: f64 = 60.0;
     let seconds = match operation {
-        Operation::PrepareLinear | Operation::PrepareRotary => 300.0,
+        Operation::PrepareLinear
+        | Operation::PrepareRotary
+        | Operation::FindLinear { .. } => 300.0,
         Operation::MoveLinear { speed_mm_per_s, .. } => travel_mm / speed_mm_per_s,
         Operation::MoveRotary { speed_deg_per_s, .. } => travel_deg / speed_deg_per_s,
         // An analyzer may be a good deal slower than the integration it is asked for.
@@ -85,6 +96,7 @@ pub(crate) const fn name(operation: &Operation) -> &'static str {
     match operation {
         Operation::PrepareLinear => "homing the linear stage",
         Operation::PrepareRotary => "homing the rotary stage",
+        Operation::FindLinear { .. } => "finding the linear stage again",
         Operation::MoveLinear { .. } => "a move of the linear stage",
         Operation::MoveRotary { .. } => "a move of the rotary stage",
         Operation::Measure { .. } => "a measurement",

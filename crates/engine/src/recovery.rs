@@ -1,53 +1,192 @@
-//! Out of whatever went wrong: stop, retract, prove it.
+//! The way out of contact after a fault or an abort: stop, retract, and prove that the probe is clear.
+//!
+//! ```text
+//!          alarm, or position lost
+//!        ┌───────────────────────────┐            ┌──────────────┐ not yet clear
+//!        │                           ▼            ▼              │
+//!  ┌──────┐  ┌────────────┐  ┌──────────────┐  ┌─────────────┐   │
+//!  │ Stop │─▶│ Retract    │  │ Find again   │─▶│ Retract     │─▶─┤
+//!  └──────┘  └────────────┘  └──────────────┘  └─────────────┘   │ clear
+//!                 │ ▲           ▲      │ no answer, alarm         ▼
+//!                 ▼ │           │      ▼                      finished
+//!               finished       ┌──────────┐ patience is over
+//!                              │ Wait     │─────────────────▶ finished, not clear
+//!                              └──────────┘
+//! ```
+//!
+//! A drive that does not answer gets time: until the patience of the rig file is over, it is asked again,
+//! identified again, and then moved. One alarm is reset once. A drive that answers and is not clear after
+//! a few retracts, or that does not know its position and has no safe way to find it, is not moved again.
 //!
 //! Also the way into service: home what is not homed, with the probe moving up first.
 
-use rig_model::{Clearance, RigLimits};
+use std::time::Duration;
 
-use crate::{Failure, FailureKind, Operation, operation::retract};
+use rig_model::{Clearance, RigLimits, RigTime};
 
-/// A retract that cannot be shown to have worked is repeated this often. After that nothing moves.
+use crate::{Failure, FailureKind, Operation, fault::Fault, operation::retract};
+
+/// Number of retracts that may end without an answer of "clear" from a drive that answers. A stage that
+/// is blocked is not pushed without end.
 const RETRACT_ATTEMPTS: u32 = 3;
+
+/// The first pause before another attempt. Each following pause is twice as long.
+const FIRST_PAUSE: Duration = Duration::from_millis(500);
+
+/// The longest pause between two attempts, so that a drive that is back is noticed soon.
+const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 
 /// The next step of a recovery.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum RecoveryStep {
     Do(Operation),
+    /// Wait, then call [`Recovery::waited`].
+    Wait(Duration),
     /// The recovery is finished: the probe is clear, or nothing moves and it is unknown.
     Finished(Clearance),
+}
+
+/// The end of an operation of the recovery, as far as the linear stage is concerned.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum RecoveryReport {
+    /// It ended in order. Whether the probe is clear is for the interlock to say.
+    Done,
+    /// No answer.
+    Silent,
+    /// The drive has an alarm.
+    Alarmed,
+    /// The drive answered and refused, or is not where it should be.
+    Refused,
+    /// The position is not known, and there is no safe way to find it.
+    Lost,
+}
+
+impl RecoveryReport {
+    /// Reads it from the fault with which an operation of the recovery ended.
+    pub(crate) fn of(fault: &Fault) -> Self {
+        match fault {
+            Fault::Device(failure) => match failure.kind {
+                FailureKind::Line => Self::Silent,
+                FailureKind::Alarmed => Self::Alarmed,
+                FailureKind::Lost => Self::Lost,
+                FailureKind::Refused | FailureKind::Interrupted => Self::Refused,
+            },
+            Fault::PositionJumped { .. } => Self::Lost,
+            _ => Self::Refused,
+        }
+    }
 }
 
 /// Stops both axes and takes the probe clear.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Recovery {
-    attempts_left: u32,
+    phase: Phase,
+    /// When waiting ends.
+    give_up_at: RigTime,
+    pause: Duration,
+    retracts_left: u32,
+    is_reset_used: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    /// Both axes are being stopped; then the drive is found again first, if its fault asks for it.
+    Stopping { cause: RecoveryReport },
+    Finding,
+    Retracting,
+    Waiting,
+    Finished,
 }
 
 impl Recovery {
-    /// No retract if the linear stage is lost: it does not know which way is up.
-    pub(crate) const fn begin(is_linear_lost: bool) -> (Self, RecoveryStep) {
-        let recovery = Self { attempts_left: if is_linear_lost { 0 } else { RETRACT_ATTEMPTS } };
+    /// Begins with a stop. `cause` is what is known of the linear stage.
+    pub(crate) fn begin(
+        now: RigTime,
+        patience: Duration,
+        cause: RecoveryReport,
+    ) -> (Self, RecoveryStep) {
+        let recovery = Self {
+            phase: Phase::Stopping { cause },
+            give_up_at: now + patience,
+            pause: FIRST_PAUSE,
+            retracts_left: RETRACT_ATTEMPTS,
+            is_reset_used: false,
+        };
         (recovery, RecoveryStep::Do(Operation::StopMotion))
     }
 
-    /// The linear stage was lost during the recovery: it is not moved again.
-    pub(crate) const fn give_up(&mut self) {
-        self.attempts_left = 0;
+    /// An operation of the recovery has ended; `clearance` is the present one.
+    ///
+    /// The stop is not repeated when it fails: the retract that follows is the safest action
+    /// whether or not the rotary stage has answered.
+    pub(crate) fn ended(
+        &mut self,
+        now: RigTime,
+        report: RecoveryReport,
+        clearance: Clearance,
+        limits: &RigLimits,
+    ) -> RecoveryStep {
+        use RecoveryReport::{Alarmed, Done, Lost, Refused, Silent};
+        match (self.phase, report) {
+            (Phase::Stopping { cause: Alarmed | Lost }, _)
+            | (Phase::Stopping { .. }, Alarmed | Lost) => self.find(),
+            (Phase::Stopping { .. } | Phase::Finding, Done)
+            | (Phase::Stopping { .. }, Silent | Refused) => self.retract(limits),
+            (Phase::Retracting, Done) if clearance == Clearance::Clear => self.finish(clearance),
+            (Phase::Retracting, Alarmed) if !self.is_reset_used => self.find(),
+            (Phase::Retracting, Lost) => self.find(),
+            (Phase::Retracting, Done | Refused | Alarmed) | (Phase::Finding, Refused) => {
+                self.retracts_left = self.retracts_left.saturating_sub(1);
+                if self.retracts_left == 0 { self.finish(Clearance::Unknown) } else { self.wait(now) }
+            }
+            (Phase::Finding, Alarmed) if !self.is_reset_used => self.find_with_reset(),
+            (Phase::Retracting | Phase::Finding, Silent) | (Phase::Finding, Alarmed) => {
+                self.wait(now)
+            }
+            (Phase::Finding, Lost) | (Phase::Waiting | Phase::Finished, _) => {
+                self.finish(Clearance::Unknown)
+            }
+        }
     }
 
-    /// An operation of the recovery has ended or failed; `clearance` is the present one.
-    ///
-    /// The stop is not repeated when it fails: the retract that follows is the safest thing to do
-    /// whether or not the rotary stage has answered.
-    pub(crate) fn ended(&mut self, clearance: Clearance, limits: &RigLimits) -> RecoveryStep {
-        if clearance == Clearance::Clear && self.attempts_left < RETRACT_ATTEMPTS {
-            return RecoveryStep::Finished(clearance);
-        }
-        if self.attempts_left == 0 {
-            return RecoveryStep::Finished(Clearance::Unknown);
-        }
-        self.attempts_left -= 1;
+    /// A pause is over.
+    pub(crate) fn waited(&mut self) -> RecoveryStep {
+        self.find()
+    }
+
+    /// Whether the drive is being found again, so that its report is a position to be checked.
+    pub(crate) const fn is_finding(&self) -> bool {
+        matches!(self.phase, Phase::Finding)
+    }
+
+    fn find(&mut self) -> RecoveryStep {
+        self.phase = Phase::Finding;
+        RecoveryStep::Do(Operation::FindLinear { may_reset_alarm: false })
+    }
+
+    fn find_with_reset(&mut self) -> RecoveryStep {
+        self.is_reset_used = true;
+        RecoveryStep::Do(Operation::FindLinear { may_reset_alarm: true })
+    }
+
+    fn retract(&mut self, limits: &RigLimits) -> RecoveryStep {
+        self.phase = Phase::Retracting;
         RecoveryStep::Do(retract(limits))
+    }
+
+    fn wait(&mut self, now: RigTime) -> RecoveryStep {
+        if self.give_up_at < now + self.pause {
+            return self.finish(Clearance::Unknown);
+        }
+        self.phase = Phase::Waiting;
+        let pause = self.pause;
+        self.pause = (2 * pause).min(LONGEST_PAUSE);
+        RecoveryStep::Wait(pause)
+    }
+
+    fn finish(&mut self, clearance: Clearance) -> RecoveryStep {
+        self.phase = Phase::Finished;
+        RecoveryStep::Finished(clearance)
     }
 }
 
@@ -55,6 +194,8 @@ impl Recovery {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Preparing {
     HomingLinear,
+    /// After a fault that may have left the probe in contact.
+    FindingLinear,
     Clearing,
     HomingRotary,
     Levelling,
@@ -65,6 +206,7 @@ impl Preparing {
     pub(crate) fn operation(self, limits: &RigLimits) -> Operation {
         match self {
             Self::HomingLinear => Operation::PrepareLinear,
+            Self::FindingLinear => Operation::FindLinear { may_reset_alarm: true },
             Self::Clearing => retract(limits),
             Self::HomingRotary => Operation::PrepareRotary,
             Self::Levelling => Operation::MoveRotary {
@@ -77,7 +219,7 @@ impl Preparing {
     /// The stage after this one.
     pub(crate) const fn next(self) -> Option<Self> {
         match self {
-            Self::HomingLinear => Some(Self::Clearing),
+            Self::HomingLinear | Self::FindingLinear => Some(Self::Clearing),
             Self::Clearing => Some(Self::HomingRotary),
             Self::HomingRotary => Some(Self::Levelling),
             Self::Levelling => None,

@@ -39,6 +39,8 @@ pub struct RigFile {
     pub sensor: SensorDescription,
     /// Samples whose stiffness was measured by another method.
     pub samples: Vec<KnownSample>,
+    /// How long a linear stage that does not answer is waited for on the way out of contact, s.
+    pub recovery_patience_s: f64,
 }
 
 /// The value in which a simulated and a real rig differ.
@@ -127,6 +129,8 @@ pub struct AxisFile<U> {
     pub unit_id: u8,
     /// Positions of its counts.
     pub scale: Scale<U>,
+    /// Whether its homing is known to move the axis upwards, away from the sample.
+    pub is_homing_up: bool,
 }
 
 impl RigFile {

@@ -68,13 +68,25 @@ pub(crate) const LOST: &str = "move nothing, not with the tool of the drive eith
     drives off, look where the axis stands, and correct the sign and the size of its step, its \
     zero or its travel in the rig file";
 
+/// Advice during the way out of contact, which goes on by itself.
+pub(crate) fn during_retract(fault: &Fault) -> String {
+    let is_silent =
+        matches!(fault, Fault::Device(failure) if failure.kind == FailureKind::Line);
+    let cure = if is_silent { "; restore the power and the cable of the device" } else { "" };
+    format!(
+        "rigd is taking the probe out of contact and goes on trying for the patience_s of the rig \
+         file: touch neither the sample nor the stages{cure}"
+    )
+}
+
 /// Advice after a fault.
 pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
     let device = match fault {
         Fault::Device(failure) => Some((failure.device, failure.kind)),
         _ => None,
     };
-    if let Some((_, FailureKind::Lost)) = device {
+    let is_lost = matches!(device, Some((_, FailureKind::Lost)));
+    if is_lost || matches!(fault, Fault::PositionJumped { .. }) {
         return Hint { text: LOST, then: NextAction::Restart };
     }
     if clearance != Clearance::Clear {
@@ -101,7 +113,8 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
             "check the cable of the sensor and the no-load window of the protocol"
         }
         Fault::Stopped { .. } => "make sure that the bench is safe",
-        Fault::LinearTarget(_)
+        Fault::PositionJumped { .. }
+        | Fault::LinearTarget(_)
         | Fault::RotaryTarget(_)
         | Fault::NoReferenceBefore { .. }
         | Fault::OutOfOrder { .. }

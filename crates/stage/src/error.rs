@@ -282,4 +282,10 @@ pub enum StageError<U: Unit> {
         /// Read-back.
         at: Position<U>,
     },
+    /// An axis that should rise while it homes was sinking. It was stopped.
+    #[error("was sinking while it homed, stopped at {at}")]
+    HomesDownwards {
+        /// Read-back.
+        at: Position<U>,
+    },
 }

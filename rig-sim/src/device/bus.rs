@@ -183,6 +183,10 @@ fn ask(
     match faults.on_request(PortId::Bus, Some(unit)).first() {
         Some(RequestFault::Drop) => return Ok(None),
         Some(RequestFault::Disconnect) => return Err(HangUp),
+        Some(RequestFault::Unplug(absence)) => {
+            faults.pull(PortId::Bus, *absence);
+            return Err(HangUp);
+        }
         Some(RequestFault::Exception(code)) => return Ok(Some(frame.exception(unit, *code))),
         None => {}
     }

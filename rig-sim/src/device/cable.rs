@@ -203,6 +203,10 @@ impl Socket {
             match fault {
                 RequestFault::Drop => is_lost = true,
                 RequestFault::Disconnect => return Err(HangUp),
+                RequestFault::Unplug(absence) => {
+                    context.faults.pull(PortId::Analyzer, absence);
+                    return Err(HangUp);
+                }
                 // There are no such replies here.
                 RequestFault::Exception(_) => {}
             }

@@ -167,7 +167,11 @@ impl Engine {
     }
 
     fn prepare(&mut self, now: RigTime, effects: &mut Vec<Effect>) {
-        let first = Preparing::HomingLinear;
+        // A stage that has been in service may be in contact now: it is found again without homing it
+        // towards the sample.
+        let is_new = self.linear.is_none() || self.interlock.clearance() == Clearance::Clear;
+        let first = if is_new { Preparing::HomingLinear } else { Preparing::FindingLinear };
+        self.last_fault = None;
         self.activity = Activity::Preparing(first);
         self.issue(now, first.operation(&self.limits), effects);
     }

@@ -1,14 +1,18 @@
 //! The way out of whatever goes wrong: end the operation in flight, stop, retract, latch or be ready.
 
-use rig_model::{Clearance, RigTime};
+use rig_model::{Clearance, Mm, Position, RigTime, Span};
 
 use super::{Activity, Engine, HadRun};
 use crate::{
-    Effect, Event, Fault, Operation, RunStatus,
+    Effect, Event, Fault, Operation, Report, RunStatus,
     fault::StopReason,
     operation::limit,
-    recovery::{Recovery, RecoveryStep},
+    recovery::{Recovery, RecoveryReport, RecoveryStep},
 };
+
+/// How far a stage that is found again may be from the way of its last moves, in tolerances of its
+/// read-back: its drive was switched off or stopped in between.
+const JUMP_TOLERANCES: f64 = 10.0;
 
 impl Engine {
     /// Ends whatever is going on, now or as soon as the operation in flight has ended.
@@ -16,6 +20,7 @@ impl Engine {
         if let StopReason::Fault(fault) = &reason {
             let clearance = self.interlock.clearance();
             self.notes.push(Event::Faulted { fault: fault.clone(), clearance });
+            self.last_fault = Some(fault.clone());
         }
         match &mut self.activity {
             // The first cause stays; a graver one takes the place of an abort.
@@ -34,18 +39,21 @@ impl Engine {
             Activity::Running(_) | Activity::Waiting(..) | Activity::Paused(_)
         );
         self.activity = Activity::Stopping(reason, had_run);
-        match &mut self.pending {
-            Some(pending) => {
-                pending.is_interrupted = true;
-                let allowed = limit(&Operation::StopMotion, self.linear_mm(), self.rotary_deg());
-                if let Some(pending) = &mut self.pending {
-                    pending.deadline = now + allowed;
-                }
-                self.flush(effects);
-                effects.push(Effect::Interrupt);
-            }
-            None => self.recover(now, effects),
+        if self.pending.is_some() {
+            self.interrupt(now, effects);
+        } else {
+            self.recover(now, effects);
         }
+    }
+
+    /// Has the operation in flight end early, and gives it the time of a stop for that.
+    pub(super) fn interrupt(&mut self, now: RigTime, effects: &mut Vec<Effect>) {
+        let allowed = limit(&Operation::StopMotion, self.linear_mm(), self.rotary_deg());
+        let Some(pending) = &mut self.pending else { return };
+        pending.is_interrupted = true;
+        pending.deadline = now + allowed;
+        self.flush(effects);
+        effects.push(Effect::Interrupt);
     }
 
     /// Latches at once, with the operation in flight still unanswered.
@@ -61,13 +69,12 @@ impl Engine {
         }
     }
 
+    /// A fault on the way out: it is noted once, and takes the place of an abort as the cause.
     pub(super) fn escalate(&mut self, fault: Fault) {
         let clearance = self.interlock.clearance();
-        self.notes.push(Event::Faulted { fault: fault.clone(), clearance });
-        if let Activity::Retracting(recovery, ..) = &mut self.activity
-            && fault.is_linear_lost()
-        {
-            recovery.give_up();
+        if self.last_fault.as_ref() != Some(&fault) {
+            self.notes.push(Event::Faulted { fault: fault.clone(), clearance });
+            self.last_fault = Some(fault.clone());
         }
         if let Activity::Stopping(reason, _) | Activity::Retracting(_, reason, _) =
             &mut self.activity
@@ -83,16 +90,58 @@ impl Engine {
             self.activity = activity;
             return;
         };
-        let is_linear_lost = matches!(&reason, StopReason::Fault(fault) if fault.is_linear_lost());
-        let (recovery, step) = Recovery::begin(is_linear_lost);
+        let cause = match &reason {
+            StopReason::Fault(fault) => fault.of_linear(),
+            StopReason::Abort { .. } => RecoveryReport::Done,
+        };
+        let (recovery, step) = Recovery::begin(now, self.patience, cause);
         self.activity = Activity::Retracting(recovery, reason, had_run);
         self.follow_recovery(now, step, effects);
     }
 
-    pub(super) fn retracting(&mut self, now: RigTime, effects: &mut Vec<Effect>) {
+    /// An operation of the recovery has ended.
+    pub(super) fn retracting(
+        &mut self,
+        now: RigTime,
+        result: Result<Report, Fault>,
+        effects: &mut Vec<Effect>,
+    ) {
+        let Activity::Retracting(recovery, ..) = &mut self.activity else { return };
+        let result = match result {
+            Ok(Report::LinearAt(found)) if recovery.is_finding() => self.refuse_jump(found),
+            Ok(_) => Ok(()),
+            Err(fault) => Err(fault),
+        };
+        let report = match &result {
+            Ok(()) => RecoveryReport::Done,
+            Err(fault) => fault.of_linear(),
+        };
+        if let Err(fault) = result {
+            self.escalate(fault);
+        }
         let clearance = self.interlock.clearance();
         if let Activity::Retracting(recovery, ..) = &mut self.activity {
-            let step = recovery.ended(clearance, &self.limits);
+            let step = recovery.ended(now, report, clearance, &self.limits);
+            self.follow_recovery(now, step, effects);
+        }
+    }
+
+    /// A drive that was switched off may believe that it is somewhere else. From there, the retract
+    /// could lead into the sample.
+    fn refuse_jump(&self, found: Position<Mm>) -> Result<(), Fault> {
+        let Some(span) = self.reach else { return Ok(()) };
+        let margin_mm = JUMP_TOLERANCES * self.limits.linear.tolerance();
+        let (low, high) = (span.min.offset(-margin_mm), span.max.offset(margin_mm));
+        if Span::contains(&Span { min: low, max: high }, found) {
+            return Ok(());
+        }
+        Err(Fault::PositionJumped { found, low: span.min, high: span.max })
+    }
+
+    /// A pause of the recovery is over.
+    pub(super) fn wait_is_over(&mut self, now: RigTime, effects: &mut Vec<Effect>) {
+        if let Activity::Retracting(recovery, ..) = &mut self.activity {
+            let step = recovery.waited();
             self.follow_recovery(now, step, effects);
         }
     }
@@ -105,6 +154,10 @@ impl Engine {
     ) {
         let clearance = match step {
             RecoveryStep::Do(operation) => return self.issue(now, operation, effects),
+            RecoveryStep::Wait(pause) => {
+                self.wait_until = Some(now + pause);
+                return;
+            }
             RecoveryStep::Finished(clearance) => clearance,
         };
         let activity = std::mem::replace(&mut self.activity, Activity::Idle);

@@ -4,6 +4,8 @@
 
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
+mod drive;
+mod out_of_contact;
 mod world;
 
 use rig_engine::{Command, Event, Input, Operation, Report, RigState, RunStatus, TouchOutcome};

@@ -15,6 +15,8 @@ use rig_protocol::{
     Action, Approach, Phase, Plan, Pose, Prompt, Step, StepId, Touch, TouchSettings,
 };
 
+use crate::drive::{Drive, DriveTrouble};
+
 pub(crate) const REST_MM: f64 = 40.0;
 pub(crate) const SURFACE_MM: f64 = 10.07;
 pub(crate) const FREE_HZ: f64 = 140.0;
@@ -115,7 +117,7 @@ pub(crate) fn plan() -> Plan {
 }
 
 /// What an operation is made to do instead of what it should.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Trouble {
     /// It fails as if the line had gone dead.
     Fails,
@@ -135,6 +137,8 @@ pub(crate) enum Trouble {
     FlagsOnce,
     /// A person pauses while it is under way, and goes on when the run is paused.
     Pause,
+    /// The linear drive is in trouble from here on.
+    Drive(DriveTrouble),
 }
 
 /// An ideal bench, with its own idea of where things are.
@@ -153,6 +157,12 @@ pub(crate) struct World {
     pub(crate) was_interrupted: bool,
     pub(crate) is_lost: bool,
     pub(crate) random: u64,
+    /// The linear drive, while it is in trouble.
+    pub(crate) drive: Option<Drive>,
+    /// The trouble after the first one.
+    pub(crate) then: Option<(usize, Trouble)>,
+    /// When the first fault was noted.
+    pub(crate) faulted_at: Option<RigTime>,
 }
 
 impl World {
@@ -170,6 +180,9 @@ impl World {
             was_interrupted: false,
             is_lost: false,
             random: 1,
+            drive: None,
+            then: None,
+            faulted_at: None,
         }
     }
 
@@ -191,6 +204,9 @@ impl World {
                 Effect::Note(event) => {
                     if let Event::Intent { down_to, .. } = event {
                         last_intent = Some(down_to);
+                    }
+                    if matches!(event, Event::Faulted { .. }) {
+                        self.faulted_at.get_or_insert(self.now);
                     }
                     self.events.push(event);
                 }
@@ -236,10 +252,18 @@ impl World {
             return self.handle(Input::Tick);
         };
         let trouble = self.trouble.filter(|(at, _)| *at == self.operations).map(|(_, what)| what);
+        let then = self.then.filter(|(at, _)| *at == self.operations).map(|(_, what)| what);
+        let trouble = trouble.or(then);
         self.operations += 1;
         self.now = self.now + std::time::Duration::from_millis(100);
+        if let Some(Trouble::Drive(trouble)) = trouble {
+            self.drive = Some(Drive::new(trouble, self.now));
+        }
+        if let Some(answer) = Drive::answer(self, &operation) {
+            return self.handle(Input::Done(id, answer));
+        }
         match trouble {
-            None => {}
+            None | Some(Trouble::Drive(_)) => {}
             Some(Trouble::Fails) => return self.fail(id, FailureKind::Line),
             Some(Trouble::Loses) => {
                 self.is_lost = true;
@@ -276,6 +300,9 @@ impl World {
             Some(Trouble::Stop) => self.try_command(Command::Stop),
             Some(Trouble::Pause) => self.try_command(Command::Pause),
         }
+        if self.is_lost && matches!(operation, Operation::FindLinear { .. }) {
+            return self.fail(id, FailureKind::Lost);
+        }
         let report = self.perform(&operation);
         self.handle(Input::Done(id, Ok(report)));
     }
@@ -301,7 +328,9 @@ impl World {
 
     pub(crate) fn stalled(&mut self, operation: &Operation) -> Report {
         match operation {
-            Operation::MoveLinear { .. } | Operation::PrepareLinear => {
+            Operation::MoveLinear { .. }
+            | Operation::PrepareLinear
+            | Operation::FindLinear { .. } => {
                 Report::LinearAt(Position::new(self.linear_mm))
             }
             Operation::MoveRotary { .. } | Operation::PrepareRotary => {
@@ -321,7 +350,7 @@ impl World {
             Operation::Measure { points, .. } => {
                 return Report::Measured(points.iter().map(|point| self.reading(point)).collect());
             }
-            Operation::StopMotion => {}
+            Operation::StopMotion | Operation::FindLinear { .. } => {}
         }
         self.stalled(operation)
     }
@@ -366,9 +395,21 @@ impl World {
     }
 
     pub(crate) fn play_plan(&mut self, plan: &Plan) {
+        self.play_while(plan, |_| true);
+    }
+
+    /// The same, until a condition holds.
+    pub(crate) fn play_until(&mut self, is_reached: impl Fn(&Self) -> bool) {
+        self.play_while(&plan(), |world| !is_reached(world));
+    }
+
+    fn play_while(&mut self, plan: &Plan, goes_on: impl Fn(&Self) -> bool) {
         self.command(Command::Prepare);
         let mut is_started = false;
         for _ in 0..2000 {
+            if !goes_on(self) {
+                return;
+            }
             let state = self.engine.snapshot().state;
             match state {
                 RigState::Idle if is_started => return,

@@ -18,6 +18,8 @@ pub(super) struct AxisKeys {
     soft_limits: &'static str,
     /// Rest position; 0, which is level, for an axis without this key.
     rest: Option<&'static str>,
+    /// Direction in which the drive homes; only one of them leads away from the sample.
+    homes: Option<&'static str>,
     tolerance: &'static str,
     max_speed: &'static str,
     ranges: Ranges,
@@ -45,6 +47,7 @@ pub(super) const LINEAR: AxisKeys = AxisKeys {
     travel: "travel_mm",
     soft_limits: "soft_limits_mm",
     rest: Some("clear_mm"),
+    homes: Some("homes"),
     tolerance: "tolerance_mm",
     max_speed: "max_speed_mm_per_s",
     ranges: Ranges {
@@ -63,6 +66,7 @@ pub(super) const ROTARY: AxisKeys = AxisKeys {
     travel: "travel_deg",
     soft_limits: "soft_limits_deg",
     rest: None,
+    homes: None,
     tolerance: "tolerance_deg",
     max_speed: "max_speed_deg_per_s",
     ranges: Ranges {
@@ -106,6 +110,9 @@ where
         Some(key) => table.number(key).required(),
         None => soft_limits.map(|_| 0.0),
     };
+    let homes = keys.homes.and_then(|key| {
+        table.choice(key, [("up", true), ("down", false)]).optional().map(|homes| homes.value)
+    });
     let tolerance = table.number(keys.tolerance).range(ranges.tolerance.clone()).required();
     let max_speed = table.number(keys.max_speed).range(ranges.speed.clone()).required();
 
@@ -143,6 +150,7 @@ where
                 counts_per_revolution: counts_per_revolution.value,
                 acceleration_per_s2: acceleration.value,
             },
+            is_homing_up: homes.unwrap_or(false),
         },
         make: make.sound().copied(),
         unit_id,

@@ -34,6 +34,7 @@ pub(super) fn rig(table: &mut Table<'_>) -> RigFile {
     let bus = bus.required();
     let geometry = table.section("geometry", geometry).required().value;
     let limits = table.section("limits", limits).required().value;
+    let recovery = table.section("recovery", recovery).optional();
     let sensor = sensor::sensor(table, geometry.is_sound.then_some(&geometry.geometry));
     let samples = samples(table, Presence::Optional, |_, known| known);
 
@@ -67,7 +68,18 @@ pub(super) fn rig(table: &mut Table<'_>) -> RigFile {
         rotary: rotary.file,
         sensor,
         samples,
+        recovery_patience_s: recovery.map_or(PATIENCE_S, |recovery| recovery.value),
     }
+}
+
+/// Patience on the way out of contact if the file has none, s: a drive starts within seconds, and a
+/// person plugs a cable in again within a minute or two.
+const PATIENCE_S: f64 = 120.0;
+
+/// The patience on the way out of contact, s. A day is longer than any person is away from a bench whose
+/// probe is in a sample.
+fn recovery(table: &mut Table<'_>) -> f64 {
+    table.number("patience_s").range(1.0..=86_400.0).or(PATIENCE_S).value
 }
 
 fn connection(table: &mut Table<'_>) -> Connection {

@@ -1,7 +1,7 @@
 //! The rig as a whole.
 
 use axum::{Extension, Json, extract::State};
-use rig_engine::Command;
+use rig_engine::{Command, RigState};
 use serde::Serialize;
 
 use super::{
@@ -132,7 +132,10 @@ pub(super) fn view(facts: &RigFacts, status: &Status) -> RigView {
     let prompt = snapshot.prompt.zip(status.run.as_ref()).map(|(prompt, run)| run.ask(&prompt));
     let fault = snapshot.fault.as_ref().map(|fault| FaultView {
         cause: fault.to_string(),
-        hint: hint::after(fault, snapshot.clearance).over_http(),
+        hint: match snapshot.state {
+            RigState::Retracting => hint::during_retract(fault),
+            _ => hint::after(fault, snapshot.clearance).over_http(),
+        },
     });
     let device = |device: &crate::rig::DeviceIdentity| DeviceView {
         role: device.role,

@@ -12,6 +12,8 @@ pub(super) struct Devices {
     pub(super) analyzer: Analyzer,
     pub(super) linear: Stage<Mm>,
     pub(super) rotary: Stage<Deg>,
+    /// Whether the linear stage is known to home upwards, away from the sample.
+    pub(super) is_homing_up: bool,
 }
 
 impl Devices {
@@ -25,6 +27,10 @@ impl Devices {
         match operation {
             Operation::PrepareLinear => {
                 prepare(&mut self.linear, stop, Device::LinearStage).await.map(Report::LinearAt)
+            }
+            &Operation::FindLinear { may_reset_alarm } => {
+                let found = find(&mut self.linear, may_reset_alarm, self.is_homing_up, stop).await;
+                found.map_err(|error| stage_failure(Device::LinearStage, &error))
             }
             Operation::PrepareRotary => {
                 prepare(&mut self.rotary, stop, Device::RotaryStage).await.map(Report::RotaryAt)
@@ -100,11 +106,40 @@ async fn prepare<U: Unit>(
     prepared.await.map_err(|error| stage_failure(device, &error))
 }
 
+/// Finds the linear stage again while the probe may be in contact. It is homed only if it has lost its
+/// position and homes upwards.
+async fn find(
+    stage: &mut Stage<Mm>,
+    may_reset_alarm: bool,
+    is_homing_up: bool,
+    stop: &StopSignal,
+) -> Result<Report, StageError<Mm>> {
+    let status = stage.identify().await?;
+    if status.is_homed {
+        stage.believe_position()?;
+    }
+    if let Some(alarm) = status.alarm {
+        if !may_reset_alarm {
+            return Err(StageError::Alarmed { alarm, at: status.position });
+        }
+        stage.reset_alarm().await?;
+    }
+    if !status.is_homed && is_homing_up {
+        stage.home_upwards(stop).await?;
+        return stage.believe_position().map(Report::LinearHomed);
+    }
+    stage.status().await?;
+    stage.believe_position().map(Report::LinearAt)
+}
+
 fn stage_failure<U: Unit>(device: Device, error: &StageError<U>) -> Failure {
     let kind = match error {
         StageError::Stopped { .. } => FailureKind::Interrupted,
         StageError::Bus(BusError::Failed(_)) => FailureKind::Line,
-        StageError::BeyondTravel { .. } | StageError::Unhomed { .. } => FailureKind::Lost,
+        StageError::BeyondTravel { .. }
+        | StageError::Unhomed { .. }
+        | StageError::HomesDownwards { .. } => FailureKind::Lost,
+        StageError::Alarmed { .. } | StageError::AlarmPersists { .. } => FailureKind::Alarmed,
         _ => FailureKind::Refused,
     };
     Failure { device, kind, detail: with_causes(error) }

@@ -4,10 +4,10 @@ use std::{path::PathBuf, sync::Arc, time::Duration};
 
 use rig_analyzer::{Analyzer, AnalyzerError, Dialect, TransportSettings};
 use rig_files::rig_file::{AnalyzerFile, AxisFile, Connection, PortFile, RigFile, SimulatedPerson};
-use rig_link::{Clock, Endpoint, Port, Transcript};
+use rig_link::{Clock, Endpoint, Port, Transcript, Transport};
 use rig_model::{Deg, LineSettings, Mm, Unit};
 use rig_protocol::Prompt;
-use rig_sim::{AxisWiring, LineTransport, SimHandle, SimRig, Technician, Wiring};
+use rig_sim::{AxisWiring, LineTransport, PortId, SimHandle, SimRig, Technician, Wiring};
 use rig_stage::{BusHandle, BusSettings, RegisterMap, Stage, StageError};
 use rig_store::StoreError;
 
@@ -86,6 +86,8 @@ pub(super) struct Opened {
     pub(super) black_boxes: [(Arc<str>, Transcript); 2],
     /// The samples whose stiffness is known, and how stiff they are, MPa.
     pub(super) known_samples: Vec<(String, f64)>,
+    /// How long a linear stage that does not answer is waited for on the way out of contact.
+    pub(super) patience: Duration,
 }
 
 /// The simulation behind a simulated rig.
@@ -141,8 +143,10 @@ pub(super) async fn open_rig(rig: LoadedRig, clock: Clock) -> Result<Opened, Ope
         DeviceIdentity { role: "rotary stage", identity: describe(&file.rotary) },
     ]);
     let setting = Setting { limits: file.limits, rig: source, scene: scene_source, devices };
-    let devices = Devices { analyzer, linear, rotary };
-    Ok(Opened { setting, devices, simulation, black_boxes, known_samples })
+    let is_homing_up = file.linear.is_homing_up;
+    let patience = Duration::from_secs_f64(file.recovery_patience_s);
+    let devices = Devices { analyzer, linear, rotary, is_homing_up };
+    Ok(Opened { setting, devices, simulation, black_boxes, known_samples, patience })
 }
 
 /// Finds a drive. An axis that does not know where it is will be homed; one that says that it is
@@ -169,7 +173,7 @@ impl Ports {
         clock: Clock,
     ) -> Result<Self, OpenError> {
         if let Some(scene) = scene {
-            return Self::simulated(file, scene, clock);
+            return Self::simulated(file, scene, clock).await;
         }
         Ok(Self {
             analyzer: open_port(&file.analyzer.port, clock).await,
@@ -178,18 +182,25 @@ impl Ports {
         })
     }
 
-    fn simulated(file: &RigFile, scene: LoadedScene, clock: Clock) -> Result<Self, OpenError> {
+    async fn simulated(file: &RigFile, scene: LoadedScene, clock: Clock) -> Result<Self, OpenError> {
         let seed = scene.scene.seed;
-        let mut rig = SimRig::start(scene.scene, &wiring(file), seed)?;
+        let rig = SimRig::start(scene.scene, &wiring(file), seed)?;
+        let open = async |name: &str, port: PortId, line| {
+            let handle = rig.handle();
+            let plug = Box::new(move || {
+                handle.plug(port).map(|pipe| Box::new(pipe) as Box<dyn Transport>)
+            });
+            Port::open(Endpoint::Memory { name: name.into(), line, plug }, clock).await
+        };
         let analyzer =
-            Port::new("simulated analyzer", rig.analyzer_port(), line(&file.analyzer.port), clock);
-        let bus = Port::new("simulated bus", rig.bus_port(), line(&file.bus), clock);
+            open("simulated analyzer", PortId::Analyzer, line(&file.analyzer.port)).await;
+        let bus = open("simulated bus", PortId::Bus, line(&file.bus)).await;
         let is_answering = !matches!(
             &file.connection,
             Connection::Simulated(simulation) if simulation.person == SimulatedPerson::Waits
         );
         let simulation = Some(Simulation { person: rig.technician(), is_answering, rig });
-        Ok(Self { analyzer: Ok(analyzer), bus: Ok(bus), simulation })
+        Ok(Self { analyzer, bus, simulation })
     }
 }
 

@@ -113,10 +113,10 @@ impl Shell {
         let data_error = |source| OpenError::Data { data: data.clone(), source };
         let store = Store::open(&data).map_err(data_error)?;
         let clock = Clock::start();
-        let Opened { setting, devices, simulation, black_boxes, known_samples } =
+        let Opened { setting, devices, simulation, black_boxes, known_samples, patience } =
             open_rig(rig, clock).await?;
         let session = store.begin(RunKind::Session, &setting.rig.name).map_err(data_error)?;
-        let engine = Engine::new(setting.limits);
+        let engine = Engine::with_patience(setting.limits, patience);
         let view = Status {
             snapshot: engine.snapshot(),
             now: clock.now(),
@@ -360,7 +360,7 @@ impl Shell {
 
     fn start(&mut self, id: OperationId, operation: Operation) {
         let is_way_out = match &operation {
-            Operation::StopMotion => true,
+            Operation::StopMotion | Operation::FindLinear { .. } => true,
             Operation::MoveLinear { target, .. } => {
                 *target == self.setting.limits.linear.rest_target()
             }

@@ -1,0 +1,93 @@
+//! The troubles of the linear drive that outlast the operation in which they begin.
+
+use std::time::Duration;
+
+use rig_engine::{Device, Failure, FailureKind, Operation, Report};
+use rig_model::{Position, RigTime};
+
+use crate::world::World;
+
+/// A trouble of the linear drive.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum DriveTrouble {
+    /// Nothing on the bus answers for this time, s.
+    Silent { seconds: u64 },
+    /// It has an alarm, which this number of resets clears.
+    Alarm { resets: u32 },
+    /// It has lost its position; homing is known to lead away from the sample, or is not.
+    Unhomed { is_homing_safe: bool },
+    /// It says that it is this much higher than it is, mm.
+    Jumped { by_mm: f64 },
+}
+
+/// A linear drive in trouble.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Drive {
+    trouble: DriveTrouble,
+    since: RigTime,
+    pub(crate) resets: u32,
+}
+
+/// What an attempt on a line without an answer takes.
+const ATTEMPT: Duration = Duration::from_secs(2);
+
+impl Drive {
+    pub(crate) const fn new(trouble: DriveTrouble, since: RigTime) -> Self {
+        Self { trouble, since, resets: 0 }
+    }
+
+    /// How an operation ends on a drive in trouble; `None` if it is as usual.
+    pub(crate) fn answer(world: &mut World, operation: &Operation) -> Option<Result<Report, Failure>> {
+        let drive = world.drive.as_mut()?;
+        let is_on_bus = !matches!(operation, Operation::Measure { .. });
+        let is_linear = is_on_bus
+            && !matches!(operation, Operation::PrepareRotary | Operation::MoveRotary { .. });
+        let is_find = matches!(operation, Operation::FindLinear { .. });
+        match drive.trouble {
+            DriveTrouble::Silent { seconds } if is_on_bus => {
+                if drive.since + Duration::from_secs(seconds) <= world.now {
+                    return None;
+                }
+                world.now = world.now + ATTEMPT;
+                let is_rotary = !is_linear;
+                let device = if is_rotary { Device::RotaryStage } else { Device::LinearStage };
+                Some(failed(device, FailureKind::Line))
+            }
+            DriveTrouble::Alarm { resets } if is_linear => {
+                let is_reset =
+                    matches!(operation, Operation::FindLinear { may_reset_alarm: true });
+                drive.resets += u32::from(is_reset);
+                let is_stop = *operation == Operation::StopMotion;
+                if resets <= drive.resets || is_stop {
+                    return None;
+                }
+                Some(failed(Device::LinearStage, FailureKind::Alarmed))
+            }
+            DriveTrouble::Unhomed { is_homing_safe } if is_linear => match operation {
+                Operation::StopMotion => None,
+                Operation::FindLinear { .. } if is_homing_safe => {
+                    world.drive = None;
+                    world.linear_mm = 49.0;
+                    Some(Ok(Report::LinearHomed(Position::new(49.0))))
+                }
+                _ => {
+                    world.is_lost |= is_find;
+                    Some(failed(Device::LinearStage, FailureKind::Lost))
+                }
+            },
+            DriveTrouble::Jumped { by_mm } => match operation {
+                Operation::FindLinear { .. } => {
+                    world.is_lost = true;
+                    Some(Ok(Report::LinearAt(Position::new(world.linear_mm + by_mm))))
+                }
+                Operation::MoveLinear { .. } => Some(failed(Device::LinearStage, FailureKind::Line)),
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+}
+
+fn failed(device: Device, kind: FailureKind) -> Result<Report, Failure> {
+    Err(Failure { device, kind, detail: "as it was told to".to_owned() })
+}

@@ -1,0 +1,120 @@
+//! The linear drive in trouble at every operation of a run: the probe ends clear, or the rig ends
+//! latched with its first cause, and nothing moves from a position that is not known.
+
+use rig_engine::{Event, Fault, RigState, Snapshot};
+use rig_model::Clearance;
+
+use crate::{
+    drive::DriveTrouble,
+    world::{REST_MM, Trouble, World},
+};
+
+/// The end of a run with a trouble at each of its operations.
+fn each_operation(trouble: DriveTrouble, mut check: impl FnMut(&World, &Snapshot, &str)) {
+    let mut undisturbed = World::new(None);
+    undisturbed.play();
+    let mut troubled = 0;
+    // The rig is prepared by four operations, the first of which reads where the stage is.
+    for at in 1..undisturbed.operations {
+        let mut world = World::new(Some((at, Trouble::Drive(trouble))));
+        world.play();
+        let end = world.engine.snapshot();
+        let context = format!("{trouble:?} at operation {at}: {end:?}");
+        if end.state != RigState::Latched {
+            // The trouble began and ended within a measurement.
+            continue;
+        }
+        troubled += 1;
+        assert!(end.fault.is_some(), "{context}");
+        check(&world, &end, &context);
+    }
+    assert!(troubled > 50, "{trouble:?} was met {troubled} times");
+}
+
+fn is_clear(world: &World, end: &Snapshot, context: &str) {
+    assert_eq!(end.clearance, Clearance::Clear, "{context}");
+    assert!((world.linear_mm - REST_MM).abs() < 0.011, "{context}");
+}
+
+#[test]
+fn a_bus_that_is_silent_for_a_while_is_waited_for_and_the_probe_retracts() {
+    for seconds in [1, 20, 100] {
+        each_operation(DriveTrouble::Silent { seconds }, is_clear);
+    }
+}
+
+#[test]
+fn a_bus_that_stays_silent_is_given_up_when_the_patience_is_over_and_not_before() {
+    each_operation(DriveTrouble::Silent { seconds: 100_000 }, |world, end, context| {
+        assert_eq!(end.clearance, Clearance::Unknown, "{context}");
+        let first = world.events.iter().position(|event| matches!(event, Event::Faulted { .. }));
+        assert!(first.is_some(), "{context}");
+        let waited_s = world.now.since(world.faulted_at.unwrap()).as_secs_f64();
+        assert!((110.0..140.0).contains(&waited_s), "gave up after {waited_s} s: {context}");
+        // A person is told at once and once, not at each attempt.
+        let faults = world.events.iter().filter(|event| matches!(event, Event::Faulted { .. }));
+        assert!(faults.count() <= 3, "{context}");
+    });
+}
+
+#[test]
+fn the_fault_is_shown_while_the_drive_is_waited_for() {
+    let trouble = Trouble::Drive(DriveTrouble::Silent { seconds: 60 });
+    let mut world = World::new(Some((30, trouble)));
+    world.play_until(|world| world.engine.snapshot().state == RigState::Retracting);
+    assert!(matches!(world.engine.snapshot().fault, Some(Fault::Device(_))));
+}
+
+#[test]
+fn an_alarm_is_reset_once_and_the_probe_retracts() {
+    each_operation(DriveTrouble::Alarm { resets: 1 }, |world, end, context| {
+        is_clear(world, end, context);
+        assert_eq!(world.drive.unwrap().resets, 1, "{context}");
+    });
+}
+
+#[test]
+fn an_alarm_that_stays_is_reset_no_second_time() {
+    each_operation(DriveTrouble::Alarm { resets: 2 }, |world, end, context| {
+        assert_eq!(end.clearance, Clearance::Unknown, "{context}");
+        assert_eq!(world.drive.unwrap().resets, 1, "{context}");
+    });
+}
+
+#[test]
+fn a_drive_that_lost_its_position_is_homed_only_away_from_the_sample() {
+    each_operation(DriveTrouble::Unhomed { is_homing_safe: true }, is_clear);
+    each_operation(DriveTrouble::Unhomed { is_homing_safe: false }, |world, end, context| {
+        // The world refuses every move from here on.
+        assert!(world.is_lost, "{context}");
+        assert_eq!(end.clearance, Clearance::Unknown, "{context}");
+    });
+}
+
+#[test]
+fn a_drive_that_says_that_it_is_elsewhere_is_not_moved() {
+    // Beyond the way of any move, also of one that was under way.
+    for by_mm in [45.0, -45.0] {
+        each_operation(DriveTrouble::Jumped { by_mm }, |world, end, context| {
+            assert!(world.is_lost, "{context}");
+            assert_eq!(end.clearance, Clearance::Unknown, "{context}");
+            let jumped = |event: &Event| {
+                matches!(event, Event::Faulted { fault: Fault::PositionJumped { .. }, .. })
+            };
+            assert!(world.events.iter().any(jumped), "{context}");
+        });
+    }
+}
+
+#[test]
+fn an_operation_of_the_recovery_that_never_ends_latches_the_rig() {
+    let mut undisturbed = World::new(Some((30, Trouble::Stop)));
+    undisturbed.play();
+    for at in 31..undisturbed.operations {
+        let mut world = World::new(Some((30, Trouble::Stop)));
+        world.then = Some((at, Trouble::Hangs));
+        world.play();
+        assert_eq!(world.engine.snapshot().state, RigState::Latched);
+        assert_ne!(world.engine.snapshot().clearance, Clearance::Clear);
+    }
+}
