@@ -129,8 +129,7 @@ impl Rig {
     }
 
     fn hang_up_if_pulled(&self, connection: &Connection) -> Result<(), HangUp> {
-        let is_pulled =
-            |(port, pulls): (PortId, u64)| self.outlets[port as usize].pulls != pulls;
+        let is_pulled = |(port, pulls): (PortId, u64)| self.outlets[port as usize].pulls != pulls;
         if connection.outlet.is_some_and(is_pulled) { Err(HangUp) } else { Ok(()) }
     }
 

@@ -80,7 +80,8 @@ async fn check_each(fault: &str, rig_file: &[(&str, &str)]) {
             }
             continue;
         };
-        let context = format!("{fault} at request {nth}: {:#?} {} {}", end.causes, end.clearance, end.tip_mm);
+        let context =
+            format!("{fault} at request {nth}: {:#?} {} {}", end.causes, end.clearance, end.tip_mm);
         assert!(end.is_out, "{context}: the probe is still down");
         assert_eq!((end.violations, end.clearance), (0, "clear"), "{context}");
         down += u32::from(end.was_down);
@@ -124,7 +125,10 @@ async fn a_drive_that_lost_its_position_is_not_moved_when_homing_may_lead_into_t
         let Some(end) = run_with("reboot", nth, &INCREMENTAL).await else { continue };
         let context = format!("{nth}: {:#?} {} mm", end.causes, end.tip_mm);
         assert_eq!((end.violations, end.clearance), (0, "unknown"), "{context}");
-        assert!(!end.is_out && end.causes.iter().any(|cause| cause.contains("not homed")), "{context}");
+        assert!(
+            !end.is_out && end.causes.iter().any(|cause| cause.contains("not homed")),
+            "{context}"
+        );
         down += u32::from(end.was_down);
     }
     assert!(down >= 3, "the probe was down {down} times");

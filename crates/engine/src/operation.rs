@@ -77,9 +77,7 @@ pub(crate) fn retract(limits: &RigLimits) -> Operation {
 pub(crate) fn limit(operation: &Operation, travel_mm: f64, travel_deg: f64) -> Duration {
     const SLACK_S: f64 = 60.0;
     let seconds = match operation {
-        Operation::PrepareLinear
-        | Operation::PrepareRotary
-        | Operation::FindLinear { .. } => 300.0,
+        Operation::PrepareLinear | Operation::PrepareRotary | Operation::FindLinear { .. } => 300.0,
         Operation::MoveLinear { speed_mm_per_s, .. } => travel_mm / speed_mm_per_s,
         Operation::MoveRotary { speed_deg_per_s, .. } => travel_deg / speed_deg_per_s,
         // An analyzer may be a good deal slower than the integration it is asked for.

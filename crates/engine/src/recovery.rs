@@ -91,7 +91,9 @@ pub(crate) struct Recovery {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
     /// Both axes are being stopped; then the drive is found again first, if its fault asks for it.
-    Stopping { cause: RecoveryReport },
+    Stopping {
+        cause: RecoveryReport,
+    },
     Finding,
     Retracting,
     Waiting,
@@ -137,7 +139,11 @@ impl Recovery {
             (Phase::Retracting, Lost) => self.find(),
             (Phase::Retracting, Done | Refused | Alarmed) | (Phase::Finding, Refused) => {
                 self.retracts_left = self.retracts_left.saturating_sub(1);
-                if self.retracts_left == 0 { self.finish(Clearance::Unknown) } else { self.wait(now) }
+                if self.retracts_left == 0 {
+                    self.finish(Clearance::Unknown)
+                } else {
+                    self.wait(now)
+                }
             }
             (Phase::Finding, Alarmed) if !self.is_reset_used => self.find_with_reset(),
             (Phase::Retracting | Phase::Finding, Silent) | (Phase::Finding, Alarmed) => {

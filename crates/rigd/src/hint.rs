@@ -70,8 +70,7 @@ pub(crate) const LOST: &str = "move nothing, not with the tool of the drive eith
 
 /// Advice during the way out of contact, which goes on by itself.
 pub(crate) fn during_retract(fault: &Fault) -> String {
-    let is_silent =
-        matches!(fault, Fault::Device(failure) if failure.kind == FailureKind::Line);
+    let is_silent = matches!(fault, Fault::Device(failure) if failure.kind == FailureKind::Line);
     let cure = if is_silent { "; restore the power and the cable of the device" } else { "" };
     format!(
         "rigd is taking the probe out of contact and goes on trying for the patience_s of the rig \

@@ -201,7 +201,8 @@ async fn trouble_with_one_device_does_not_hide_the_others() {
 async fn after_a_fault_the_last_frames_of_each_port_are_in_the_journal() {
     let bench = Bench::start().await;
     bench.disturb(PortId::Bus, Some(1), FaultKind::Device(DeviceFault::Alarm(0x30)));
-    let home = bench.rigd(&["home"]);
+    let changes = [("[geometry]", "[recovery]\npatience_s = 1\n\n[geometry]")];
+    let home = bench.rigd_with(&bench.analyzer, &bench.bus, &changes, &["home"]);
     assert_eq!(home.status.code(), Some(4), "{}", stderr(&home));
     assert!(stderr(&home).contains("alarm 0x30 (overload)"), "{}", stderr(&home));
 

@@ -37,7 +37,10 @@ impl Drive {
     }
 
     /// How an operation ends on a drive in trouble; `None` if it is as usual.
-    pub(crate) fn answer(world: &mut World, operation: &Operation) -> Option<Result<Report, Failure>> {
+    pub(crate) fn answer(
+        world: &mut World,
+        operation: &Operation,
+    ) -> Option<Result<Report, Failure>> {
         let drive = world.drive.as_mut()?;
         let is_on_bus = !matches!(operation, Operation::Measure { .. });
         let is_linear = is_on_bus
@@ -54,8 +57,7 @@ impl Drive {
                 Some(failed(device, FailureKind::Line))
             }
             DriveTrouble::Alarm { resets } if is_linear => {
-                let is_reset =
-                    matches!(operation, Operation::FindLinear { may_reset_alarm: true });
+                let is_reset = matches!(operation, Operation::FindLinear { may_reset_alarm: true });
                 drive.resets += u32::from(is_reset);
                 let is_stop = *operation == Operation::StopMotion;
                 if resets <= drive.resets || is_stop {
@@ -80,7 +82,9 @@ impl Drive {
                     world.is_lost = true;
                     Some(Ok(Report::LinearAt(Position::new(world.linear_mm + by_mm))))
                 }
-                Operation::MoveLinear { .. } => Some(failed(Device::LinearStage, FailureKind::Line)),
+                Operation::MoveLinear { .. } => {
+                    Some(failed(Device::LinearStage, FailureKind::Line))
+                }
                 _ => None,
             },
             _ => None,

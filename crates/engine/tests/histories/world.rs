@@ -330,9 +330,7 @@ impl World {
         match operation {
             Operation::MoveLinear { .. }
             | Operation::PrepareLinear
-            | Operation::FindLinear { .. } => {
-                Report::LinearAt(Position::new(self.linear_mm))
-            }
+            | Operation::FindLinear { .. } => Report::LinearAt(Position::new(self.linear_mm)),
             Operation::MoveRotary { .. } | Operation::PrepareRotary => {
                 Report::RotaryAt(Position::new(self.rotary_deg))
             }

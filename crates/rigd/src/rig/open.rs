@@ -182,7 +182,11 @@ impl Ports {
         })
     }
 
-    async fn simulated(file: &RigFile, scene: LoadedScene, clock: Clock) -> Result<Self, OpenError> {
+    async fn simulated(
+        file: &RigFile,
+        scene: LoadedScene,
+        clock: Clock,
+    ) -> Result<Self, OpenError> {
         let seed = scene.scene.seed;
         let rig = SimRig::start(scene.scene, &wiring(file), seed)?;
         let open = async |name: &str, port: PortId, line| {
