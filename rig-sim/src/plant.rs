@@ -127,7 +127,7 @@ impl Plant {
     }
 
     /// Changes the amplitude of the drive by a factor, now, without a jump of its phase.
-    pub fn scale_drive(&mut self, factor: f64) {
+    pub(crate) fn scale_drive(&mut self, factor: f64) {
         self.drive *= factor;
     }
 

@@ -135,7 +135,7 @@ impl Rig {
 
     /// A new connection to the line of the drives by any carrier. `patience` is how long the bytes
     /// of one frame may be torn apart on their way: an operating system has pauses of its own.
-    pub fn connect_bus(transport: LineTransport, patience: Duration) -> Connection {
+    pub(crate) fn connect_bus(transport: LineTransport, patience: Duration) -> Connection {
         Connection { end: End::Bus(BusLine::new(transport, patience)), outlet: None }
     }
 
@@ -201,7 +201,7 @@ impl Rig {
 
     /// Clears all faults: none is scheduled, and nothing is jammed or stuck. Alarms and lost steps
     /// stay.
-    pub fn clear_faults(&mut self, now: RigTime) {
+    pub(crate) fn clear_faults(&mut self, now: RigTime) {
         self.faults.clear();
         self.analyzer.clear_faults();
         self.world.clear_faults(now);

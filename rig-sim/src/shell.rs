@@ -106,13 +106,6 @@ impl SimRig {
         let now = self.handle.now();
         self.handle.lock().world().violations(now).to_vec()
     }
-
-    /// The nominal modulus of a sample, MPa, as its maker states it.
-    pub fn known_stiffness_mpa(&self, sample: &str) -> Option<f64> {
-        let mut rig = self.handle.lock();
-        let samples = &rig.world().scene().samples;
-        samples.iter().find(|known| known.name == sample).map(|known| known.stiffness_mpa)
-    }
 }
 
 /// The manual work of a technician.

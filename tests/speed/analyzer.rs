@@ -4,14 +4,14 @@ use std::{error::Error, time::Instant};
 
 use rig_analyzer::{Analyzer, HIOKI_IM3536};
 use rig_link::{Clock, Endpoint, Flow, Frame, Port, StopSignal};
-use rig_model::{DriveLevel, LineSettings, SweepPoint};
+use rig_model::{DriveLevel, LineSettings, Parity, StopBits, SweepPoint};
 
 /// Measures one point again and again, and prints the median time in microseconds, then the messages
 /// of the last two points: the driver does not repeat unchanged settings. The runtime is that of the
 /// rig's thread.
 #[tokio::main(flavor = "current_thread")]
 pub(crate) async fn time(path: &str, count: usize) -> Result<(), Box<dyn Error>> {
-    let line = LineSettings::eight_n_one(38_400);
+    let line = LineSettings { baud: 38_400, parity: Parity::None, stop_bits: StopBits::One };
     let endpoint = Endpoint::Serial { path: path.to_owned(), line };
     let clock = Clock::start();
     let mut analyzer = Analyzer::open(Port::open(endpoint, clock).await?, &HIOKI_IM3536);

@@ -6,7 +6,7 @@ use std::{
 };
 
 use rig_link::{Clock, Endpoint, Port};
-use rig_model::LineSettings;
+use rig_model::{LineSettings, Parity, StopBits};
 use rig_stage::{BusHandle, BusSettings};
 
 /// Reads four registers of unit 1 again and again, each time after a pause, and prints the median
@@ -20,7 +20,8 @@ pub(crate) async fn time(
 ) -> Result<(), Box<dyn Error>> {
     let (endpoint, settings) = match framing {
         "rtu" => {
-            let line = LineSettings::eight_n_one(115_200);
+            let line =
+                LineSettings { baud: 115_200, parity: Parity::None, stop_bits: StopBits::One };
             (Endpoint::Serial { path: address.to_owned(), line }, BusSettings::rtu())
         }
         _ => (Endpoint::Tcp { address: address.to_owned() }, BusSettings::tcp()),

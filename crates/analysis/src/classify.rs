@@ -123,11 +123,6 @@ impl Classifier {
         Ok(Self { classes })
     }
 
-    /// The classes, in the order of their labels.
-    pub fn classes(&self) -> &[Class] {
-        &self.classes
-    }
-
     /// Classifies a value with the relative standard deviation `sigma_rel`; `None` for a value that
     /// is not positive, and without classes.
     pub fn classify(&self, value: f64, sigma_rel: f64) -> Option<Decision> {
@@ -195,7 +190,7 @@ mod tests {
     #[test]
     fn centres_come_from_the_logarithms_and_the_spread_from_all_classes() {
         let classifier = Classifier::calibrated(&[1.0, 4.0, 10.0, 40.0], &[0, 0, 1, 1], 2).unwrap();
-        let [soft, hard] = classifier.classes() else { panic!() };
+        let [soft, hard] = &classifier.classes[..] else { panic!() };
         assert!((soft.centre - 2.0_f64.ln()).abs() < 1e-15);
         assert!((hard.centre - 20.0_f64.ln()).abs() < 1e-15);
         // Each value lies ln 2 from its centre; two of four are free.

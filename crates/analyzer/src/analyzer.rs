@@ -67,11 +67,6 @@ impl Analyzer {
         }
     }
 
-    /// The dialect of the instrument.
-    pub const fn dialect(&self) -> &'static Dialect {
-        self.dialect
-    }
-
     /// The last frames of the port.
     pub fn transcript(&self) -> Transcript {
         self.port.link().transcript()

@@ -27,12 +27,12 @@ impl EventStatus {
     ];
 
     /// Whether it reports that something was not understood or not done.
-    pub const fn is_error(self) -> bool {
+    pub(crate) const fn is_error(self) -> bool {
         self.0 & 0b0011_1100 != 0
     }
 
     /// Whether the instrument was switched on since it was last asked.
-    pub const fn is_power_on(self) -> bool {
+    pub(crate) const fn is_power_on(self) -> bool {
         self.0 & 0b1000_0000 != 0
     }
 }

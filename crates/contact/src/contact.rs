@@ -61,7 +61,7 @@ impl Contact {
     }
 
     /// The tangential over the normal contact stiffness.
-    pub fn tangential_ratio(&self, tissue: &Tissue) -> f64 {
+    pub(crate) fn tangential_ratio(&self, tissue: &Tissue) -> f64 {
         match self.friction {
             Friction::Sticking | Friction::Coulomb { .. } => tissue.tangential_ratio(),
             Friction::Elastic { tangential_ratio } => tangential_ratio,

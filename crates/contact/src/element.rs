@@ -11,10 +11,7 @@ use std::f64::consts::TAU;
 
 use num_complex::Complex64;
 
-use crate::{
-    Circuit, Contact, Load, Pose, Refusal, Sensor, Tissue, section::Section,
-    tip_stiffness::TipStiffness,
-};
+use crate::{Circuit, Load, Pose, Sensor, Tissue, section::Section, tip_stiffness::TipStiffness};
 
 /// The beam element of tier E1.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -272,23 +269,6 @@ enum Entry {
     Ww,
     Wp,
     Pp,
-}
-
-impl Sensor {
-    /// The equivalent circuit of the free sensor by tier E1.
-    pub fn free_circuit(&self) -> Circuit {
-        Element::new(self).free_circuit()
-    }
-
-    /// The equivalent circuit of the sensor in this contact by tier E1. At a depth of zero or less it
-    /// is exactly that of the free sensor.
-    ///
-    /// # Errors
-    /// As [`Sensor::load`].
-    pub fn circuit(&self, tissue: &Tissue, contact: &Contact) -> Result<Circuit, Refusal> {
-        let load = self.load(tissue, contact)?;
-        Ok(Element::new(self).circuit(&contact.pose, &load, tissue))
-    }
 }
 
 #[cfg(test)]

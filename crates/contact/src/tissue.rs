@@ -84,7 +84,7 @@ impl Tissue {
     ///
     /// # Source
     /// Mindlin, J. Appl. Mech. 16 (1949) 259.
-    pub fn tangential_ratio(&self) -> f64 {
+    pub(crate) fn tangential_ratio(&self) -> f64 {
         2.0 * (1.0 - self.poisson) / (2.0 - self.poisson)
     }
 }

@@ -128,13 +128,6 @@ impl TouchResult {
     pub const fn is_refused(&self) -> bool {
         matches!(self.outcome, TouchOutcome::Refused { .. })
     }
-
-    /// Frequency shift and its standard deviation, Hz, when the resonance was accepted.
-    pub fn shift_hz(&self) -> Option<(f64, f64)> {
-        let TouchOutcome::Measured { loaded, .. } = &self.outcome else { return None };
-        let shift = loaded.resonance_hz - self.no_load.resonance_hz;
-        Some((shift, loaded.sigma_hz.hypot(self.no_load.sigma_hz)))
-    }
 }
 
 /// The purpose of a move downwards.

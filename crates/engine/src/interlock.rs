@@ -62,7 +62,7 @@ impl Interlock {
     }
 
     /// Allows lowering as far as `down_to`. The caller has made the intent durable.
-    pub fn declare(&mut self, down_to: Position<Mm>) {
+    pub(crate) fn declare(&mut self, down_to: Position<Mm>) {
         self.floor = down_to;
     }
 

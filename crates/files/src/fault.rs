@@ -13,7 +13,7 @@ pub struct Location {
 
 impl Location {
     /// The first character of a file.
-    pub const START: Self = Self { line: 1, column: 1 };
+    pub(crate) const START: Self = Self { line: 1, column: 1 };
 }
 
 /// The reason of a fault. The crate that knows a rule has an enum of its complaints, each displayed

@@ -75,7 +75,7 @@ pub fn attached_ports() -> Vec<AttachedPort> {
 }
 
 /// The programs that have a device file open, as far as this user may know.
-pub fn holders(device: &Path) -> Vec<Holder> {
+pub(crate) fn holders(device: &Path) -> Vec<Holder> {
     holders_in(Path::new("/proc"), device)
 }
 

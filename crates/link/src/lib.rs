@@ -14,7 +14,7 @@ mod stop;
 mod transcript;
 mod transport;
 
-pub use attached::{AttachedPort, Holder, UsbIdentity, attached_ports, holders};
+pub use attached::{AttachedPort, Holder, UsbIdentity, attached_ports};
 pub use clock::Clock;
 pub use endpoint::{Endpoint, Plug};
 pub use error::{LineError, OpenError, PartialAnswer, escaped};

@@ -15,7 +15,7 @@ use tokio::{
 
 use crate::{
     Clock, Endpoint, Flow, Holder, LineError, OpenError, PartialAnswer, Transcript, Transport,
-    holders,
+    attached::holders,
 };
 use rig_model::LineSettings;
 

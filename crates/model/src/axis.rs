@@ -187,11 +187,6 @@ impl<U: Unit> Axis<U> {
         Ok(Self { name, limits })
     }
 
-    /// The name that people read, such as `linear stage`.
-    pub const fn name(&self) -> &'static str {
-        self.name
-    }
-
     /// The software limits.
     pub const fn soft(&self) -> Span<U> {
         self.limits.soft

@@ -59,7 +59,7 @@ impl Geometry {
 
     /// The linear position at which the tip is expected to touch the sample when the rotary stage
     /// stands at `tilt`. See [`Geometry::surface_at`].
-    pub fn surface_at_tilt(&self, tilt: Position<Deg>) -> Position<Mm> {
+    pub(crate) fn surface_at_tilt(&self, tilt: Position<Deg>) -> Position<Mm> {
         let tilt = tilt.value().to_radians();
         let (d, r) = (self.surface_above_pivot_mm, self.probe_radius_mm);
         let height = (d + r - self.probe_beside_pivot_mm * tilt.sin()) / tilt.cos() - r;

@@ -59,17 +59,6 @@ pub struct LineSettings {
 }
 
 impl LineSettings {
-    /// Eight data bits, no parity, one stop bit.
-    pub const fn eight_n_one(baud: u32) -> Self {
-        Self { baud, parity: Parity::None, stop_bits: StopBits::One }
-    }
-
-    /// Eight data bits, even parity, one stop bit: the setting that Modbus RTU demands of all
-    /// devices.
-    pub const fn eight_e_one(baud: u32) -> Self {
-        Self { baud, parity: Parity::Even, stop_bits: StopBits::One }
-    }
-
     /// Transfer time of `bytes` characters.
     pub fn duration_of(&self, bytes: usize) -> Duration {
         let parity = u32::from(self.parity != Parity::None);
@@ -114,11 +103,45 @@ mod tests {
     #[test]
     fn times_are_those_of_the_modbus_guide() {
         let micros = |duration: Duration| duration.as_micros();
-        assert_eq!(micros(LineSettings::eight_e_one(9_600).frame_silence()), 4_010);
-        assert_eq!(micros(LineSettings::eight_e_one(19_200).frame_silence()), 2_005);
-        assert_eq!(micros(LineSettings::eight_e_one(115_200).frame_silence()), 1_750);
-        assert_eq!(micros(LineSettings::eight_e_one(9_600).duration_of(8)), 9_166);
-        assert_eq!(micros(LineSettings::eight_n_one(9_600).duration_of(8)), 8_333);
-        assert_eq!(LineSettings::eight_e_one(115_200).to_string(), "115200 8E1");
+        assert_eq!(
+            micros(
+                LineSettings { baud: 9_600, parity: Parity::Even, stop_bits: StopBits::One }
+                    .frame_silence()
+            ),
+            4_010
+        );
+        assert_eq!(
+            micros(
+                LineSettings { baud: 19_200, parity: Parity::Even, stop_bits: StopBits::One }
+                    .frame_silence()
+            ),
+            2_005
+        );
+        assert_eq!(
+            micros(
+                LineSettings { baud: 115_200, parity: Parity::Even, stop_bits: StopBits::One }
+                    .frame_silence()
+            ),
+            1_750
+        );
+        assert_eq!(
+            micros(
+                LineSettings { baud: 9_600, parity: Parity::Even, stop_bits: StopBits::One }
+                    .duration_of(8)
+            ),
+            9_166
+        );
+        assert_eq!(
+            micros(
+                LineSettings { baud: 9_600, parity: Parity::None, stop_bits: StopBits::One }
+                    .duration_of(8)
+            ),
+            8_333
+        );
+        assert_eq!(
+            LineSettings { baud: 115_200, parity: Parity::Even, stop_bits: StopBits::One }
+                .to_string(),
+            "115200 8E1"
+        );
     }
 }

@@ -116,11 +116,6 @@ pub(crate) struct Limits {
 }
 
 impl Protocol {
-    /// The name of the protocol.
-    pub fn name(&self) -> &str {
-        &self.name
-    }
-
     /// The faults of the file by itself, on any rig.
     pub fn faults(&self) -> &Faults {
         &self.faults

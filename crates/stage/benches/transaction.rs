@@ -12,7 +12,7 @@ use std::{
 };
 
 use rig_link::{Clock, Endpoint, Port};
-use rig_model::LineSettings;
+use rig_model::{LineSettings, Parity, StopBits};
 use rig_stage::{BusHandle, BusSettings};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio_serial::{SerialPort, SerialStream};
@@ -53,7 +53,10 @@ fn plain() -> Duration {
 }
 
 async fn ours(silence: Option<Duration>, rounds: u32) -> Duration {
-    let endpoint = Endpoint::Serial { path: device(), line: LineSettings::eight_n_one(115_200) };
+    let endpoint = Endpoint::Serial {
+        path: device(),
+        line: LineSettings { baud: 115_200, parity: Parity::None, stop_bits: StopBits::One },
+    };
     let port = Port::open(endpoint, Clock::start()).await.unwrap();
     let bus = BusHandle::open(port, BusSettings { silence, ..BusSettings::rtu() });
     let started = Instant::now();
@@ -66,7 +69,8 @@ async fn ours(silence: Option<Duration>, rounds: u32) -> Duration {
 fn main() {
     println!("plain write and read          {:>8.1?}", plain());
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
-    let silence = LineSettings::eight_n_one(115_200).frame_silence();
+    let silence = LineSettings { baud: 115_200, parity: Parity::None, stop_bits: StopBits::One }
+        .frame_silence();
     runtime.block_on(async {
         println!("bus                           {:>8.1?}", ours(None, ROUNDS).await);
         println!("bus, silence of the standard  {:>8.1?}", ours(Some(silence), 500).await);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use rig_link::{Port, Transcript};
+use rig_link::Port;
 use rig_model::RigTime;
 use tokio::sync::{mpsc, oneshot};
 
@@ -18,7 +18,6 @@ pub struct BusHandle {
     orders: mpsc::Sender<LineRequest>,
     name: Arc<str>,
     clock: rig_link::Clock,
-    transcript: Transcript,
 }
 
 /// A request to the owner of the line.
@@ -29,10 +28,6 @@ enum LineRequest {
         request: Request,
         is_urgent: bool,
         answer: oneshot::Sender<Result<Reply, BusError>>,
-    },
-    Broadcast {
-        request: Request,
-        answer: oneshot::Sender<Result<(), BusError>>,
     },
     CheckRegisters {
         unit: u8,
@@ -49,12 +44,7 @@ impl BusHandle {
     /// inside a tokio runtime.
     pub fn open(port: Port, settings: BusSettings) -> Self {
         let (orders, inbox) = mpsc::channel(16);
-        let handle = Self {
-            orders,
-            name: port.name().clone(),
-            clock: port.clock(),
-            transcript: port.transcript(),
-        };
+        let handle = Self { orders, name: port.name().clone(), clock: port.clock() };
         tokio::spawn(own(Line::new(port, settings), inbox));
         handle
     }
@@ -62,11 +52,6 @@ impl BusHandle {
     /// The name of the port.
     pub fn name(&self) -> &Arc<str> {
         &self.name
-    }
-
-    /// The last frames of the line.
-    pub fn transcript(&self) -> Transcript {
-        self.transcript.clone()
     }
 
     /// The rig's time now.
@@ -88,7 +73,7 @@ impl BusHandle {
     ///
     /// # Errors
     /// As [`request`](Self::request).
-    pub async fn urge(&self, unit: u8, request: Request) -> Result<Reply, BusError> {
+    pub(crate) async fn urge(&self, unit: u8, request: Request) -> Result<Reply, BusError> {
         self.carry_out(unit, request, true).await
     }
 
@@ -112,17 +97,6 @@ impl BusHandle {
             Reply::Words(words) => Ok(words),
             Reply::Bits(_) | Reply::Written => unreachable!("a read is answered by words"),
         }
-    }
-
-    /// Has all devices on a serial line write something. None of them answers and none is waited
-    /// for, so that only a read of each device can tell whether it has heard.
-    ///
-    /// # Errors
-    /// [`BusError::Failed`] when the line does not become silent or is lost.
-    pub async fn broadcast(&self, request: Request) -> Result<(), BusError> {
-        let (answer, answered) = oneshot::channel();
-        self.send(LineRequest::Broadcast { request, answer }).await?;
-        answered.await.map_err(|_| LineFault::Closed)?
     }
 
     /// Counters of the line.
@@ -165,9 +139,6 @@ async fn own(mut line: Line, mut inbox: mpsc::Receiver<LineRequest>) {
                     line.send_urgently(unit, &request).await;
                 }
                 _ = answer.send(line.request(unit, &request).await);
-            }
-            LineRequest::Broadcast { request, answer } => {
-                _ = answer.send(line.broadcast(&request).await);
             }
             LineRequest::CheckRegisters { unit, registers, answer } => {
                 line.set_check_registers(unit, registers);

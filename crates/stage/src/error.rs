@@ -6,7 +6,7 @@ use std::{fmt, sync::Arc};
 use rig_link::{Holder, LineError, OpenError};
 use rig_model::{Position, Span, Unit};
 
-use crate::{Alarm, Request, Symptom, map::Route};
+use crate::{Alarm, Request, Symptom};
 
 /// Why a device refused, by its own account.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -203,14 +203,6 @@ pub enum StageError<U: Unit> {
         asked: f64,
         /// Slowest speed of the drive.
         min: f64,
-    },
-    /// A way round that the drive does not know.
-    #[error("{drives} has no route `{}`", route.name())]
-    NoRoute {
-        /// The request.
-        route: Route,
-        /// The drives of the map.
-        drives: &'static str,
     },
     /// A position that the drive cannot count to.
     #[error("{wanted} is beyond what the drive can count")]

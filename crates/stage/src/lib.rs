@@ -16,7 +16,6 @@ mod order;
 mod port_loan;
 mod profile;
 mod request;
-mod rotation;
 mod stage;
 mod symptom;
 
@@ -27,6 +26,5 @@ pub use error::{BusError, DeviceRefusal, Exception, LineFault, StageError};
 pub use line::CheckRegisters;
 pub use map::RegisterMap;
 pub use request::{Reply, Request};
-pub use rotation::RotationWrap;
 pub use stage::Stage;
 pub use symptom::Symptom;

@@ -22,9 +22,6 @@ use crate::{
 /// click of a transceiver.
 const STRAY_FRAME_BYTES: usize = 4;
 
-/// The unit that is all units.
-const BROADCAST: u8 = 0;
-
 /// Registers whose values are known. They are read after a fault, before anything else that their
 /// device says is believed.
 ///
@@ -165,14 +162,6 @@ impl Line {
         if self.context.is_none() && !self.port_loan.lock().port.is_lost() {
             self.say(unit, request).await;
         }
-    }
-
-    /// Sends to all devices. None of them answers, so that nothing is waited for.
-    pub(crate) async fn broadcast(&mut self, request: &Request) -> Result<(), BusError> {
-        self.health.requests += 1;
-        self.port_loan.lock().port.settle(self.silence).await.map_err(LineFault::from)?;
-        self.say(BROADCAST, request).await;
-        Ok(())
     }
 
     /// Sends, and leaves no trace in the library.

@@ -112,8 +112,6 @@ pub enum Quantity {
     Acceleration,
     /// Deceleration.
     Deceleration,
-    /// Route of an axis that turns.
-    Route,
     /// The lower limit of position.
     LimitMin,
     /// The upper limit of position.
@@ -153,31 +151,6 @@ impl TargetReadBack {
     pub(crate) const fn field(self) -> Field {
         match self {
             Self::CommandPosition(field) | Self::Register(field) => field,
-        }
-    }
-}
-
-/// Which way an axis goes to a target that it can reach in more than one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Route {
-    /// The way along the numbers: positions a turn apart are different places.
-    Direct,
-    /// The shorter way round.
-    Shortest,
-    /// Towards rising counts.
-    Forward,
-    /// Towards falling counts.
-    Reverse,
-}
-
-impl Route {
-    /// The word in messages.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Direct => "direct",
-            Self::Shortest => "shortest",
-            Self::Forward => "forward",
-            Self::Reverse => "reverse",
         }
     }
 }
@@ -254,8 +227,6 @@ pub struct RegisterMap {
     pub speed: SpeedUnit,
     /// Unit of acceleration.
     pub acceleration: AccelerationUnit,
-    /// Known routes, with their values.
-    pub routes: &'static [(Route, i32)],
     /// Longest delay between the start of a move and its first sign, ms.
     pub start_within_ms: u16,
     /// Makes the drive take commands from here. Moves nothing.

@@ -5,8 +5,8 @@ use std::time::Duration;
 use rig_model::{Axis, Position, Scale, Unit};
 
 use crate::{
-    RegisterMap, Request, RotationWrap, StageError,
-    map::{AccelerationUnit, Quantity, RegisterContent, Route, SpeedUnit, Step, Width},
+    RegisterMap, Request, StageError,
+    map::{AccelerationUnit, Quantity, RegisterContent, SpeedUnit, Step, Width},
     profile,
 };
 
@@ -22,11 +22,8 @@ pub(crate) struct Order {
     speed: i32,
     /// In the unit of the map.
     acceleration: i32,
-    /// As the map calls it.
-    route: i32,
     /// The soft limits, counts, the lower one first.
     limits: (i32, i32),
-    rotation: Option<RotationWrap>,
     counts_per_s: f64,
     counts_per_s2: f64,
 }
@@ -56,9 +53,7 @@ impl Order {
             target: 0,
             speed: 0,
             acceleration: 0,
-            route: 0,
             limits: (a.min(b), a.max(b)),
-            rotation: None,
             counts_per_s: 0.0,
             counts_per_s2: 0.0,
         })
@@ -67,15 +62,13 @@ impl Order {
     /// A move, if it is one that the drive can make. It is never faster than asked.
     ///
     /// # Errors
-    /// [`StageError::Speed`], [`StageError::TooSlow`], [`StageError::Uncountable`],
-    /// [`StageError::NoRoute`].
+    /// [`StageError::Speed`], [`StageError::TooSlow`], [`StageError::Uncountable`].
     pub(crate) fn to<U: Unit>(
         wanted: Position<U>,
         speed_per_s: f64,
         map: &RegisterMap,
         scale: &Scale<U>,
         axis: &Axis<U>,
-        rotation: Option<RotationWrap>,
     ) -> Result<Self, StageError<U>> {
         let max = axis.max_speed_per_s();
         if !(0.0 < speed_per_s && speed_per_s <= max) {
@@ -83,10 +76,6 @@ impl Order {
         }
         let Some(target) = scale.counts(wanted) else {
             return Err(StageError::Uncountable { wanted });
-        };
-        let route = rotation.map_or(Route::Direct, |rotation| rotation.route);
-        let Some(&(_, route)) = map.routes.iter().find(|known| known.0 == route) else {
-            return Err(StageError::NoRoute { route, drives: map.drives });
         };
         let rpm_per_count_per_s = 60.0 / scale.counts_per_revolution;
         let per_count_per_s = match map.speed {
@@ -113,22 +102,10 @@ impl Order {
             target,
             speed: whole(speed),
             acceleration: whole(acceleration.max(1.0)),
-            route,
-            rotation,
             counts_per_s: speed / per_count_per_s,
             counts_per_s2,
             ..Self::at_rest(scale, axis)?
         })
-    }
-
-    /// Whether two counts are the same place.
-    pub(crate) fn is_same(&self, a: i32, b: i32) -> bool {
-        self.rotation.map_or(a == b, |rotation| rotation.nearest(a, b) == i64::from(b))
-    }
-
-    /// A measured count, of all that are the same place the one nearest to the target.
-    pub(crate) fn near_target(&self, counts: i32) -> i64 {
-        self.rotation.map_or(counts.into(), |rotation| rotation.nearest(counts, self.target))
     }
 
     /// Duration of the move from a count, from rest to rest.
@@ -143,8 +120,7 @@ impl Order {
     }
 
     fn distance_from(&self, counts: i32) -> f64 {
-        let straight = (f64::from(self.target) - f64::from(counts)).abs();
-        self.rotation.map_or(straight, |rotation| rotation.distance(counts, self.target))
+        (f64::from(self.target) - f64::from(counts)).abs()
     }
 
     /// The action of a step of the command.
@@ -185,7 +161,6 @@ impl Order {
             Quantity::Target => self.target,
             Quantity::Speed => self.speed,
             Quantity::Acceleration | Quantity::Deceleration => self.acceleration,
-            Quantity::Route => self.route,
             Quantity::LimitMin => self.limits.0,
             Quantity::LimitMax => self.limits.1,
         }

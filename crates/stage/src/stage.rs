@@ -7,8 +7,7 @@ use rig_model::{Axis, Position, Scale, Target, Unit};
 use tokio::time::{Instant, sleep, sleep_until};
 
 use crate::{
-    Alarm, AxisStatus, BusError, BusHandle, LineFault, RegisterMap, Reply, Request, RotationWrap,
-    StageError,
+    Alarm, AxisStatus, BusError, BusHandle, LineFault, RegisterMap, Reply, Request, StageError,
     drive_reading::{DriveReading, alarm, number, read_request},
     line::CheckRegisters,
     map::Step,
@@ -46,7 +45,6 @@ pub struct Stage<U: Unit> {
     unit: u8,
     scale: Scale<U>,
     axis: Axis<U>,
-    rotation: Option<RotationWrap>,
     /// The last reading of the drive. `None` until it is identified.
     seen: Option<DriveReading>,
 }
@@ -60,12 +58,7 @@ impl<U: Unit> Stage<U> {
         scale: Scale<U>,
         axis: Axis<U>,
     ) -> Self {
-        Self { bus, map, unit, scale, axis, rotation: None, seen: None }
-    }
-
-    /// The same for an axis that comes back to where it was after a turn.
-    pub fn with_rotation(self, rotation: RotationWrap) -> Self {
-        Self { rotation: Some(rotation), ..self }
+        Self { bus, map, unit, scale, axis, seen: None }
     }
 
     /// The axis.
@@ -150,8 +143,7 @@ impl<U: Unit> Stage<U> {
         if !seen.is_homed {
             return Err(StageError::Unhomed { at });
         }
-        // An axis that comes back to where it was after a turn is beyond nothing.
-        if self.rotation.is_none() && !self.axis.can_be_at(at) {
+        if !self.axis.can_be_at(at) {
             return Err(StageError::BeyondTravel { at, travel });
         }
         Ok(at)
@@ -173,8 +165,8 @@ impl<U: Unit> Stage<U> {
     ) -> Result<Position<U>, StageError<U>> {
         self.believe_position()?;
         let from = self.seen.ok_or(StageError::NotIdentified)?.position;
-        let (wanted, rotation) = (target.position(), self.rotation);
-        let order = Order::to(wanted, speed_per_s, self.map, &self.scale, &self.axis, rotation)?;
+        let wanted = target.position();
+        let order = Order::to(wanted, speed_per_s, self.map, &self.scale, &self.axis)?;
         if stop.is_raised() {
             return Err(self.stopped_at(from));
         }
@@ -201,7 +193,7 @@ impl<U: Unit> Stage<U> {
                 return Err(self.stop_and_say().await?);
             }
             let reading = self.read_drive().await?;
-            let at = self.scale.position(order.near_target(reading.position));
+            let at = self.scale.position(reading.position.into());
             self.refuse_alarm(&reading, at).await?;
             let now = Instant::now();
             if reading.is_moving {
@@ -213,7 +205,7 @@ impl<U: Unit> Stage<U> {
                     + order.rest_from(reading.position).clamp(READ_INTERVAL_MIN, READ_INTERVAL_MAX);
                 continue;
             }
-            let has_target = order.is_same(reading.target, order.target);
+            let has_target = reading.target == order.target;
             if has_target && self.axis.is_at(at, target) {
                 return Ok(at);
             }
@@ -234,9 +226,9 @@ impl<U: Unit> Stage<U> {
         reading: &DriveReading,
     ) -> StageError<U> {
         let wanted = target.position();
-        let at = self.scale.position(order.near_target(reading.position));
+        let at = self.scale.position(reading.position.into());
         let moved = self.scale.position(from.into()).value() - at.value();
-        if !order.is_same(reading.target, order.target) || moved.abs() <= self.axis.tolerance() {
+        if reading.target != order.target || moved.abs() <= self.axis.tolerance() {
             return StageError::Ignored { wanted, at, hint: self.map.ignored_hint };
         }
         StageError::NotThere { wanted, at, off: (at.value() - wanted.value()).abs() }

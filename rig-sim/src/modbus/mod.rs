@@ -58,7 +58,7 @@ impl Frame {
     }
 
     /// An answer to this frame as if another unit gave it.
-    pub fn readdressed(&self, answer: &[u8], unit: u8) -> Vec<u8> {
+    pub(crate) fn readdressed(&self, answer: &[u8], unit: u8) -> Vec<u8> {
         match self.framing {
             Framing::Rtu => rtu::frame(unit, &answer[1..answer.len() - 2]),
             Framing::Tcp { transaction } => {

@@ -221,7 +221,7 @@ impl World {
     }
 
     /// A person takes the sample away.
-    pub fn take_sample_away(&mut self, now: RigTime) {
+    pub(crate) fn take_sample_away(&mut self, now: RigTime) {
         self.refuse_contact(now, |indentation_mm| ViolationKind::SampleChangedInContact {
             indentation_mm,
         });
@@ -249,20 +249,20 @@ impl World {
     }
 
     /// Changes the amplitude of the drive by a factor now.
-    pub fn scale_drive(&mut self, now: RigTime, factor: f64) {
+    pub(crate) fn scale_drive(&mut self, now: RigTime, factor: f64) {
         self.follow_plant(now);
         self.plant.scale_drive(factor);
     }
 
     /// Sets or clears a fault of the contact sense.
-    pub fn set_contact_fault(&mut self, now: RigTime, fault: Option<ContactFault>) {
+    pub(crate) fn set_contact_fault(&mut self, now: RigTime, fault: Option<ContactFault>) {
         self.follow_plant(now);
         self.contact_fault = fault;
         self.follow_plant(now);
     }
 
     /// Mends what faults have broken.
-    pub fn clear_faults(&mut self, now: RigTime) {
+    pub(crate) fn clear_faults(&mut self, now: RigTime) {
         for axis in [AxisId::Linear, AxisId::Rotary] {
             if self.stage(axis).is_jammed() {
                 self.drive(now, axis).set_jammed(now, false);

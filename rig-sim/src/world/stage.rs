@@ -57,13 +57,13 @@ impl Stage {
     }
 
     /// Halts the motor and blocks it, or frees it.
-    pub fn set_jammed(&mut self, now: RigTime, is_jammed: bool) {
+    pub(crate) fn set_jammed(&mut self, now: RigTime, is_jammed: bool) {
         self.halt(now);
         self.is_jammed = is_jammed;
     }
 
     /// Shifts the load by `distance` without the motor's knowledge.
-    pub fn lose_steps(&mut self, distance: f64) {
+    pub(crate) fn lose_steps(&mut self, distance: f64) {
         self.slip += distance;
     }
 
@@ -73,7 +73,7 @@ impl Stage {
     }
 
     /// Whether the motor is blocked.
-    pub fn is_jammed(&self) -> bool {
+    pub(crate) fn is_jammed(&self) -> bool {
         self.is_jammed
     }
 

@@ -5,8 +5,8 @@ use std::{collections::BTreeMap, time::Duration};
 use rig_analyzer::{Analyzer, AnalyzerError, HIOKI_IM3536, TransportSettings};
 use rig_link::{Clock, Port, StopSignal};
 use rig_model::{
-    DriveLevel, LineSettings, PointResult, Reading, ReadingFlag, SweepPoint, Terminator,
-    with_causes,
+    DriveLevel, LineSettings, Parity, PointResult, Reading, ReadingFlag, StopBits, SweepPoint,
+    Terminator, with_causes,
 };
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 
@@ -18,7 +18,7 @@ use crate::{
 fn analyzer_on(instrument: &Im3536, faults: impl IntoIterator<Item = (usize, Fault)>) -> Analyzer {
     let (host, device) = tokio::io::duplex(4096);
     tokio::spawn(serve(device, instrument.clone(), faults.into_iter().collect::<BTreeMap<_, _>>()));
-    let line = LineSettings::eight_n_one(57_600);
+    let line = LineSettings { baud: 57_600, parity: Parity::None, stop_bits: StopBits::One };
     Analyzer::open(Port::new("line 2", host, Some(line), Clock::start()), &HIOKI_IM3536)
 }
 

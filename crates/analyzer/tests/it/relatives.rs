@@ -7,7 +7,7 @@ use std::{
 
 use rig_analyzer::{Analyzer, AnalyzerError, Dialect, HP_4284A, TONGHUI_TH283X};
 use rig_link::{Clock, Endpoint, Port, StopSignal, Transport};
-use rig_model::{DriveLevel, LineSettings, Reading, ReadingFlag, SweepPoint};
+use rig_model::{DriveLevel, LineSettings, Parity, Reading, ReadingFlag, StopBits, SweepPoint};
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt, DuplexStream, duplex},
     sync::mpsc::unbounded_channel,
@@ -142,7 +142,7 @@ async fn analyzer_on(makes: Vec<Make>, dialect: &'static Dialect) -> (Analyzer, 
         sockets.send(device).ok()?;
         Some(Box::new(host) as Box<dyn Transport>)
     });
-    let line = Some(LineSettings::eight_n_one(9600));
+    let line = Some(LineSettings { baud: 9600, parity: Parity::None, stop_bits: StopBits::One });
     let endpoint = Endpoint::Memory { name: "line 2".into(), line, plug };
     let port = Port::open(endpoint, Clock::start()).await.unwrap();
     (Analyzer::open(port, dialect), heard, pull)

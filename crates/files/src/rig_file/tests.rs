@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use rig_model::{AnalyzerMake, DriveMake, LineSettings, Parity};
+use rig_model::{AnalyzerMake, DriveMake, LineSettings, Parity, StopBits};
 
 use super::{Connection, Pace, PortFile, RigFile};
 
@@ -37,7 +37,13 @@ fn a_rig_file_has_ports_addresses_and_positions() {
     let scene = rig.scene(Path::new("config/rigs/simulated.toml"));
     assert_eq!(scene, Some(PathBuf::from("config/rigs/../scenes/paper.toml")));
     let path = "/dev/serial/by-id/drives".to_owned();
-    assert_eq!(rig.bus, PortFile::Serial { path, line: LineSettings::eight_e_one(115_200) });
+    assert_eq!(
+        rig.bus,
+        PortFile::Serial {
+            path,
+            line: LineSettings { baud: 115_200, parity: Parity::Even, stop_bits: StopBits::One }
+        }
+    );
     assert_eq!((rig.linear.unit_id, rig.rotary.unit_id), (1, 2));
     assert_eq!(rig.limits.linear.rest_target().position().value(), 30.0);
     assert_eq!(rig.linear.make, DriveMake::OrientalAz);
@@ -67,7 +73,7 @@ fn a_port_takes_the_settings_of_its_device() {
         });
         assert_eq!(found, expected.map_err(str::to_owned));
     }
-    let line = LineSettings { parity: Parity::Odd, ..LineSettings::eight_n_one(9600) };
+    let line = LineSettings { parity: Parity::Odd, baud: 9600, stop_bits: StopBits::One };
     let serial = PortFile::Serial { path: "/dev/ttyS0".into(), line };
     check("{ serial = \"/dev/ttyS0\", baud = 9600, parity = \"odd\" }", Ok(serial));
     let tcp = PortFile::Tcp { address: "[::1]:502".into() };

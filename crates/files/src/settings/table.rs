@@ -109,7 +109,7 @@ impl<'d> Table<'d> {
     }
 
     /// Start of the table.
-    pub fn location(&self) -> Location {
+    pub(crate) fn location(&self) -> Location {
         self.keys.location
     }
 

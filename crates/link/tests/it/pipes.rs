@@ -3,13 +3,14 @@
 use std::time::Duration;
 
 use rig_link::{Clock, Endpoint, Flow, LineError, OpenError, Port, Transport};
-use rig_model::LineSettings;
+use rig_model::{LineSettings, Parity, StopBits};
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt, DuplexStream, duplex},
     time::{Instant, sleep},
 };
 
-const LINE: LineSettings = LineSettings::eight_e_one(19_200);
+const LINE: LineSettings =
+    LineSettings { baud: 19_200, parity: Parity::Even, stop_bits: StopBits::One };
 
 fn port() -> (Port, DuplexStream) {
     let (host, device) = duplex(256);

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use rig_link::{Clock, Endpoint, Holder, LineError, OpenError, Port};
-use rig_model::LineSettings;
+use rig_model::{LineSettings, Parity, StopBits};
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt},
     net::TcpListener,
@@ -12,7 +12,8 @@ use tokio::{
 use tokio_serial::{SerialPort, SerialStream};
 
 // A pseudo-terminal has no parity.
-const LINE: LineSettings = LineSettings::eight_n_one(115_200);
+const LINE: LineSettings =
+    LineSettings { baud: 115_200, parity: Parity::None, stop_bits: StopBits::One };
 
 /// A terminal that nobody has open yet, and its other side.
 fn terminal() -> (SerialStream, String) {

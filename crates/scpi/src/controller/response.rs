@@ -109,11 +109,6 @@ impl Response {
         &self.bytes
     }
 
-    /// The bytes as they came.
-    pub fn into_bytes(self) -> Vec<u8> {
-        self.bytes
-    }
-
     /// The whole answer as text.
     ///
     /// # Errors

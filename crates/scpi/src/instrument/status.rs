@@ -122,7 +122,7 @@ impl Status {
     }
 
     /// `STATus:PRESet`.
-    pub const fn preset(&mut self) {
+    pub(crate) const fn preset(&mut self) {
         self.operation.preset();
         self.questionable.preset();
     }

@@ -11,7 +11,7 @@ use rig_model::DriveMake;
 
 use crate::map::{
     AccelerationUnit, AlarmSource, Block, DriveSettings, Field, Flag, MakeSignature, Quantity,
-    RegisterContent, RegisterMap, Route, SpeedUnit, Step, Table, TargetReadBack, Width,
+    RegisterContent, RegisterMap, SpeedUnit, Step, Table, TargetReadBack, Width,
 };
 
 /// From the present position to the system status.
@@ -66,7 +66,6 @@ pub static IAI_RC: RegisterMap = RegisterMap {
     // 0.01 mm/s.
     speed: SpeedUnit::CountsPerSecond,
     acceleration: AccelerationUnit::HundredthsOfG,
-    routes: &[(Route::Direct, 0)],
     start_within_ms: 100,
     prepare: &[
         Step::Coil { address: MODBUS_IN_COMMAND, is_on: true },

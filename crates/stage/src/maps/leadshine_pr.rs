@@ -11,7 +11,7 @@ use rig_model::DriveMake;
 
 use crate::map::{
     AccelerationUnit, AlarmSource, Block, DriveSettings, Field, Flag, MakeSignature, Quantity,
-    RegisterContent, RegisterMap, Route, SpeedUnit, Step, Table, TargetReadBack, Width,
+    RegisterContent, RegisterMap, SpeedUnit, Step, Table, TargetReadBack, Width,
 };
 
 const STATUS: usize = 0;
@@ -68,7 +68,6 @@ pub static LEADSHINE_PR: RegisterMap = RegisterMap {
     ],
     speed: SpeedUnit::RevolutionsPerMinute,
     acceleration: AccelerationUnit::MillisecondsPer1000Rpm,
-    routes: &[(Route::Direct, 1)],
     start_within_ms: 100,
     prepare: &[Step::Register { address: 0x000F, value: 1 }],
     start: &[Step::Registers {

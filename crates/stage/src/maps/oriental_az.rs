@@ -7,7 +7,7 @@ use rig_model::DriveMake;
 
 use crate::map::{
     AccelerationUnit, AlarmSource, Block, DriveSettings, Field, Flag, MakeSignature, Quantity,
-    RegisterContent, RegisterMap, Route, SpeedUnit, Step, Table, TargetReadBack, Width,
+    RegisterContent, RegisterMap, SpeedUnit, Step, Table, TargetReadBack, Width,
 };
 
 /// Lower word of the driver output status, and the present alarm.
@@ -82,8 +82,6 @@ pub static ORIENTAL_AZ: RegisterMap = RegisterMap {
     speed: SpeedUnit::CountsPerSecond,
     // 0.001 kHz/s.
     acceleration: AccelerationUnit::CountsPerSecond2,
-    // Wrap proximity, forward and reverse positioning need the wrap function of the drive.
-    routes: &[(Route::Direct, 1), (Route::Shortest, 9), (Route::Forward, 10), (Route::Reverse, 11)],
     start_within_ms: 100,
     // An earlier run may have ended with its stop still on.
     prepare: &[Step::Register { address: DRIVER_INPUT, value: INPUT_NONE }],
@@ -92,7 +90,7 @@ pub static ORIENTAL_AZ: RegisterMap = RegisterMap {
         address: 0x0058,
         contents: &[
             RegisterContent::Long(0), // operation data number
-            RegisterContent::Of(Quantity::Route, Width::I32),
+            RegisterContent::Long(1), // absolute positioning
             RegisterContent::Of(Quantity::Target, Width::I32),
             RegisterContent::Of(Quantity::Speed, Width::I32),
             RegisterContent::Of(Quantity::Acceleration, Width::I32),

@@ -10,10 +10,10 @@ use std::{
 };
 
 use rig_link::{Clock, Port, StopSignal};
-use rig_model::{Axis, AxisLimits, DriveMake, LineSettings, Mm, Position, Scale, Span, Target};
-use rig_stage::{
-    BusError, BusHandle, BusSettings, LineFault, RotationWrap, Stage, StageError, map::Route,
+use rig_model::{
+    Axis, AxisLimits, DriveMake, LineSettings, Mm, Parity, Position, Scale, Span, StopBits, Target,
 };
+use rig_stage::{BusError, BusHandle, BusSettings, LineFault, Stage, StageError};
 use tokio::time::{Instant, sleep};
 
 use crate::{
@@ -69,7 +69,7 @@ fn stage_of(
     let faults: BTreeMap<_, _> = faults.into_iter().collect();
     let drive = drive.clone();
     tokio::spawn(serve(device, faulty(faults, move |request| drive.reply(request))));
-    let line = LineSettings::eight_e_one(115_200);
+    let line = LineSettings { baud: 115_200, parity: Parity::Even, stop_bits: StopBits::One };
     let port = Port::new("line 1", host, Some(line), Clock::start());
     let bus = BusHandle::open(port, BusSettings::rtu());
     Stage::new(bus, make.map, 1, scale, axis())
@@ -290,9 +290,6 @@ async fn what_cannot_be_done_is_refused_before_it_is_sent() {
     // One revolution a minute is a tenth of a millimetre a second.
     let error = stage.move_to(target(10.0), 0.09, &stop).await.unwrap_err();
     assert_eq!(error.to_string(), "speed 0.09 mm/s is below the slowest of the drive, 0.1000");
-    let mut turning = stage.with_rotation(RotationWrap { counts: 36_000, route: Route::Shortest });
-    let error = turning.move_to(target(10.0), 6.0, &stop).await.unwrap_err();
-    assert_eq!(error.to_string(), "Leadshine CL2C-RS, DM556RS, iEM-RS has no route `shortest`");
     assert_eq!(drive.seen().len(), frames);
 }
 
@@ -397,25 +394,6 @@ async fn homing_ends_when_the_drive_knows_where_it_is() {
         assert_eq!((at.value(), drive.position()), (0.0, 0));
         assert!(stage.status().await.unwrap().is_homed);
     }
-}
-
-#[tokio::test(start_paused = true)]
-async fn a_turning_axis_is_told_the_route_and_compared_within_a_turn() {
-    let drive = Drive::new(&AZ, 1);
-    let rotation = RotationWrap { counts: 100_000, route: Route::Shortest };
-    let mut stage = stage_on(&AZ, &drive, []).with_rotation(rotation);
-    stage.identify().await.unwrap();
-    // 48 mm are 80 000 counts, a fifth of a turn the other way. The scripted drive goes the long
-    // way, and ends at the same place.
-    let at = stage.move_to(target(48.0), 20.0, &StopSignal::new()).await.unwrap();
-    assert!((at.value() - 48.0).abs() < 1e-9, "{at}");
-    let types: Vec<i32> = drive
-        .seen()
-        .iter()
-        .filter(|frame| frame[..4] == [1, 16, 0, 0x58])
-        .map(|frame| i32::from_be_bytes([frame[11], frame[12], frame[13], frame[14]]))
-        .collect();
-    assert_eq!(types, [9]);
 }
 
 #[tokio::test(start_paused = true)]

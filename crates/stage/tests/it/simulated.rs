@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use rig_link::{Clock, Port, StopSignal};
 use rig_model::{
-    AnalyzerMake, Axis, AxisLimits, Deg, DriveMake, LineSettings, Mm, Position, Scale, Span, Unit,
+    AnalyzerMake, Axis, AxisLimits, Deg, DriveMake, LineSettings, Mm, Parity, Position, Scale,
+    Span, StopBits, Unit,
 };
 use rig_sim::{
     AxisWiring, LineTransport, PortId, SimRig, Wiring, faults::DeviceFault, scene::paper,
@@ -47,7 +48,7 @@ async fn bench(make: DriveMake, per_count: f64) -> Bench {
         transport: LineTransport::Serial { baud: 115_200 },
     };
     let mut rig = SimRig::start(paper(), &wiring, 1).unwrap();
-    let line = LineSettings::eight_e_one(115_200);
+    let line = LineSettings { baud: 115_200, parity: Parity::Even, stop_bits: StopBits::One };
     let port = Port::new("bus", rig.bus_port(), Some(line), Clock::start());
     let bus = BusHandle::open(port, BusSettings::rtu());
     let linear = axis("linear stage", Span::new(0.0, 49.0), 40.0, 0.02);
