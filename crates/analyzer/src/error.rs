@@ -106,7 +106,7 @@ pub enum AnalyzerError {
         port: Arc<str>,
     },
     /// Something came that nobody had asked for.
-    #[error("{port}: {bytes} bytes came that nobody had asked for")]
+    #[error("{port}: {bytes} unexpected bytes arrived before a query")]
     Strays {
         /// Name of the port.
         port: Arc<str>,

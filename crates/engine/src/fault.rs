@@ -70,13 +70,13 @@ pub enum Fault {
     #[error(transparent)]
     RotaryTarget(AxisError<Deg>),
     /// A touch was planned with no reference measured before it.
-    #[error("step {step} has no no-load resonance to be compared with")]
+    #[error("step {step} has no no-load resonance to compare with")]
     NoReferenceBefore {
         /// The touch.
         step: StepId,
     },
     /// A report came that nothing had asked for.
-    #[error("{what} was reported in {during}, where none was asked for")]
+    #[error("{what} was reported in {during}, where none was expected")]
     OutOfOrder {
         /// The report.
         what: &'static str,
@@ -116,7 +116,7 @@ pub enum Fault {
         reason: String,
     },
     /// The analyzer gave fewer readings than asked for.
-    #[error("the analyzer gave {given} of {asked} readings")]
+    #[error("the analyzer returned {given} of {asked} readings")]
     MissingReadings {
         /// Number of readings.
         given: usize,
@@ -124,7 +124,7 @@ pub enum Fault {
         asked: usize,
     },
     /// An operation took far longer than it can.
-    #[error("{what} did not end in the time it can take")]
+    #[error("{what} did not end within its longest time")]
     Overdue {
         /// The operation.
         what: &'static str,

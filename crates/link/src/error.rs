@@ -40,7 +40,8 @@ pub enum LineError {
         discarded: usize,
     },
     /// The adapter is gone, or the other side has closed the connection.
-    #[error("{port}: {}", if *is_serial { "the port is gone" } else { "closed by the other side" })]
+    #[error("{port}: {}", if *is_serial { "the port has disappeared" } else { "closed by the \
+             other side" })]
     Lost {
         /// Name of the port.
         port: Arc<str>,

@@ -34,7 +34,7 @@ pub(crate) enum ProtocolFault {
     SampleName { name: String },
     #[error("{item} in {key} is listed twice")]
     ListedTwice { item: String, key: &'static str },
-    #[error("\"{name}\" in samples is not a sample that the simulated rig has")]
+    #[error("\"{name}\" in samples is not a sample of the simulated rig")]
     UnknownSample { name: String, known: Vec<String> },
 
     #[error("all poses and repeats together are {touches} touches, above the limit of {limit}")]
@@ -51,13 +51,13 @@ pub(crate) enum ProtocolFault {
     )]
     CoarseAboveIndentation { coarse: f64, indentation: f64 },
     #[error(
-        "fine_step_mm = {found} is below {limit} mm, to which the linear stage is known to arrive \
+        "fine_step_mm = {found} is below {limit} mm, the accuracy of the linear stage \
          (linear.tolerance_mm of the rig)"
     )]
     FinerThanStage { found: f64, limit: f64 },
     #[error(
-        "{key} = {found} is below {limit:.3} mm, by which the surface may lie elsewhere at {angle} \
-         (geometry.surface_tolerance_mm of the rig)"
+        "{key} = {found} is below {limit:.3} mm, the possible error of the expected surface at \
+         {angle} (geometry.surface_tolerance_mm of the rig)"
     )]
     WithinSurfaceTolerance { key: &'static str, found: f64, limit: f64, angle: ContactAngle },
     #[error(
@@ -75,7 +75,8 @@ pub(crate) enum ProtocolFault {
 
     // How the sample is tilted.
     #[error(
-        "{subject} puts the rotary stage at {rotary} for {direction}, outside its soft limits {soft}"
+        "{subject} puts the rotary stage at {rotary} for {direction}, outside its soft limits \
+         {soft}"
     )]
     OutOfReach {
         subject: String,
@@ -85,7 +86,8 @@ pub(crate) enum ProtocolFault {
         reach_deg: f64,
     },
     #[error(
-        "{subject} lifts the edge of a sample to {highest}, not below the clear position {clear} of \
+        "{subject} lifts the edge of a sample to {highest}, not below the clear position {clear} \
+         of \
          the rig"
     )]
     NotCleared { subject: String, highest: Position<Mm>, clear: Position<Mm> },
@@ -93,12 +95,12 @@ pub(crate) enum ProtocolFault {
     // How resonance is measured.
     #[error("{key} is for the method \"uniform\" only")]
     OnlyUniform { key: &'static str },
-    #[error("`{key}` is missing, which the method \"uniform\" needs")]
+    #[error("the method \"uniform\" needs the key `{key}`")]
     UniformNeeds { key: &'static str },
     #[error(transparent)]
     Sweep(#[from] SweepRequestError),
     #[error(
-        "{key} = {found} is outside what the analyzer of the rig can do, {min} Hz to {max} Hz \
+        "{key} = {found} is outside the range of the analyzer of the rig, {min} Hz to {max} Hz \
          (analyzer.frequency_hz)"
     )]
     BeyondAnalyzer { key: &'static str, found: f64, min: f64, max: f64 },
@@ -110,7 +112,10 @@ pub(crate) enum ProtocolFault {
     MoreClassesThanSamples { classes: u32, samples: usize },
     #[error("trials = {trials} is below classes = {classes}: some class would be empty")]
     FewerTrialsThanClasses { trials: u32, classes: u32 },
-    #[error("no hundredth of a degree lies from min_angle_deg = {min} to max_angle_deg = {max}")]
+    #[error(
+        "there is no angle in steps of 0.01° from min_angle_deg = {min} to max_angle_deg = \
+             {max}"
+    )]
     NoBlindAngle { min: f64, max: f64 },
     #[error("the protocol takes {expected:.2} h, above its own limit max_duration_h = {limit}")]
     TooLong { expected: f64, limit: f64 },
@@ -143,8 +148,8 @@ impl Complaint for ProtocolFault {
                 "use smaller angles, or raise linear.clear_mm of the rig".into()
             }
             Self::OnlyUniform { .. } => "remove it, or write method = \"uniform\"".into(),
-            Self::UniformNeeds { key: "points" } => "write points = 101, say".into(),
-            Self::UniformNeeds { .. } => "write settle_s = 0.5, say".into(),
+            Self::UniformNeeds { key: "points" } => "write for example points = 101".into(),
+            Self::UniformNeeds { .. } => "write for example settle_s = 0.5".into(),
             Self::Sweep(error) => return sweep_suggestion(error),
             Self::BeyondAnalyzer { key, found, min, max } => stay_within(key, *found, *min, *max),
             Self::LevelTooHigh { limit, .. } => format!("use at most {limit}"),
@@ -170,7 +175,7 @@ fn sweep_suggestion(error: &SweepRequestError) -> Option<String> {
         SweepRequestError::OutOfRange { what: "target_sigma_hz", found, min, .. }
             if found < min =>
         {
-            Some(format!("analyzers keep their own frequency no better; use at least {min}"))
+            Some(format!("no analyzer keeps its own frequency more accurately; use at least {min}"))
         }
         SweepRequestError::OutOfRange { what, found, min, max } => {
             Some(stay_within(what, found, min, max))

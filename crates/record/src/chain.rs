@@ -115,7 +115,8 @@ pub enum Flaw {
     EndDiffers,
     /// The entry of the run in the list of runs is not what was written.
     ListDiffers,
-    /// The seal of the run is missing, or does not fit its records and its entry in the list of runs.
+    /// The seal of the run is missing, or does not fit its records and its entry in the list of
+    /// runs.
     SealDiffers,
 }
 
@@ -123,11 +124,11 @@ impl fmt::Display for Flaw {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Missing => f.write_str("the record is missing"),
-            Self::Altered => f.write_str("the record is not what was written"),
+            Self::Altered => f.write_str("the record does not match its digest"),
             Self::Unreadable { reason } => write!(f, "the record cannot be read: {reason}"),
             Self::EndDiffers => f.write_str("the list of runs has another end of the run"),
             Self::ListDiffers => {
-                f.write_str("the entry in the list of runs is not what was written")
+                f.write_str("the entry in the list of runs does not match its digest")
             }
             Self::SealDiffers => {
                 f.write_str("the seal is missing, or does not fit the records and the list of runs")

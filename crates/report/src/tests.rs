@@ -122,7 +122,8 @@ fn a_damaged_journal_is_reported_as_far_as_it_can_be_read() {
     let html = SampleRun { chain, ..sample }.html();
     check_markup(&html);
     assert!(html.contains(
-        "<b>The journal of this run is damaged.</b> Record 201: the record is not what was written."
+        "<b>The journal of this run is damaged.</b> Record 201: the record does not match its \
+         digest."
     ));
     assert!(html.contains("fig-mean"));
 }

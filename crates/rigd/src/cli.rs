@@ -262,17 +262,17 @@ enum Failure {
     NoResonances { refused: usize, sweeps: usize },
     #[error("this timing needs the columns {missing} in the file")]
     NoTimes { missing: &'static str },
-    #[error("{silent} of 3 devices did not answer as they should")]
+    #[error("{silent} of 3 devices did not answer correctly")]
     Unidentified { silent: usize },
     #[error("{problems} {}", if *problems == 1 { "problem" } else { "problems" })]
     Unfit { problems: usize },
     #[error(
-        "--listen {listen} would let every computer that reaches that address move the rig; give --token-file \
-         with a file that holds a secret (`openssl rand -hex 32`, mode 600), which clients then \
+        "--listen {listen} lets every computer on that network move the rig; give --token-file \
+         with a file that contains a secret (`openssl rand -hex 32`, mode 600), which clients then \
          send as `Authorization: Bearer`, or listen on 127.0.0.1"
     )]
     NoToken { listen: SocketAddr },
-    #[error("{address} cannot be listened on; {advice}")]
+    #[error("{address} is not an address on which rigd can listen; {advice}")]
     Listen { address: SocketAddr, advice: &'static str, source: io::Error },
     #[error(transparent)]
     Token(#[from] TokenError),
@@ -289,9 +289,9 @@ enum Failure {
     #[error("interrupted")]
     Interrupted,
     #[error(
-        "ended at once while the rig was {}; it is left as it is, and the probe is {}{}. The drives \
-         may go on with what they were told last. Look where the probe stands before anything else; \
-         whatever opens the rig next retracts it first",
+        "ended at once while the rig was {}; it is left as it is, and the probe is {}{}. The \
+         drives may still carry out their last command. First check by eye where the probe is; \
+         the next command that opens the rig retracts it",
         state.name(),
         probe.name(),
         linear.map_or_else(String::new, |at| format!(" (last read back at {at})"))
@@ -339,17 +339,21 @@ impl Failure {
     fn advice(&self) -> Option<&'static str> {
         match self {
             Self::Store(StoreError::NoSuchRun { .. }) => {
-                Some("`rigd runs` lists those of a data directory, which --data names")
+                Some("`rigd runs --data DIR` lists the runs of a data directory")
             }
             Self::Data { source: StoreError::NoJournal, .. } => {
                 Some("name the directory of an earlier run with --data")
             }
-            Self::Open(OpenError::Data { source: StoreError::InUse, .. }) => {
-                Some("end that one, or ask it over HTTP, or name another directory with --data")
-            }
+            Self::Open(OpenError::Data { source: StoreError::InUse, .. }) => Some(
+                "end the other rigd, use its HTTP interface, or name another directory with \
+                      --data",
+            ),
             Self::Open(error) => advice::on_rig(error),
             Self::BadFile(FileError::Missing { path, .. }) if path == Path::new(DEFAULT_RIG) => {
-                Some("give a rig file with --rig; without it, the shipped one is looked for here")
+                Some(
+                    "give a rig file with --rig; without --rig, rigd looks for the shipped one \
+                      here",
+                )
             }
             _ => None,
         }

@@ -7,7 +7,7 @@ use rig_model::Clearance;
 pub(crate) const fn while_in(state: RigState) -> Option<&'static str> {
     match state {
         RigState::Latched => {
-            Some("look at the fault in GET /api/v1/rig, then POST /api/v1/acknowledge")
+            Some("read the fault in GET /api/v1/rig, then POST /api/v1/acknowledge")
         }
         RigState::Running | RigState::WaitingForPerson | RigState::Paused => {
             Some("wait for the run to end, or abort it")
@@ -64,8 +64,9 @@ impl Hint {
 
 /// Advice for an axis with an impossible position. Nothing here may move it: a
 /// move that starts from a wrong position, or goes the wrong way, ends in the sample.
-pub(crate) const LOST: &str = "move nothing, not with the tool of the drive either: with the \
-    drives off, look where the axis stands, and correct the sign and the size of its step, its \
+pub(crate) const LOST: &str = "move nothing, not even with the tool of the drive: with the drives \
+                               off, check by eye where the axis is, and correct the sign and the \
+                               size of its step, its \
     zero or its travel in the rig file";
 
 /// Advice during the way out of contact, which goes on by itself.
@@ -73,7 +74,7 @@ pub(crate) fn during_retract(fault: &Fault) -> String {
     let is_silent = matches!(fault, Fault::Device(failure) if failure.kind == FailureKind::Line);
     let cure = if is_silent { "; restore the power and the cable of the device" } else { "" };
     format!(
-        "rigd is taking the probe out of contact and goes on trying for the patience_s of the rig \
+        "rigd is taking the probe out of contact and keeps trying for the patience_s of the rig \
          file: touch neither the sample nor the stages{cure}"
     )
 }
@@ -89,23 +90,24 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
         return Hint { text: LOST, then: NextAction::Restart };
     }
     if clearance != Clearance::Clear {
-        let text = "the probe may still be in contact: do not touch the sample or the stages; check \
-                    by eye, and cure the cause";
+        let text = "the probe may still be in contact: do not touch the sample or the stages; \
+                    check by eye, and remove the cause";
         return Hint { text, then: NextAction::Retract };
     }
     if let Some((Device::Journal, FailureKind::Line)) = device {
-        let text = "see to the disk of the data directory";
+        let text = "check the disk of the data directory";
         return Hint { text, then: NextAction::Restart };
     }
     let text = match fault {
         Fault::Device(failure) => match (failure.device, failure.kind) {
             (Device::Journal, _) => "keep the journal of this run for the maintainer of rigd",
             (_, FailureKind::Line) => "check the power and the cable of the device",
-            (Device::Analyzer, _) => "look at the display of the analyzer",
-            (_, _) => "look for an alarm on the drive and for what blocks the axis",
+            (Device::Analyzer, _) => "read the display of the analyzer",
+            (_, _) => "look for an alarm on the drive and for an obstacle in the way of the axis",
         },
         Fault::ContactTooEarly { .. } => {
-            "check that the sample lies where the rig file says, and that nothing touches the probe"
+            "check that the surface of the sample is at the height in the rig file, and that \
+             nothing touches the probe"
         }
         Fault::NoContact { .. } => "check that the sample is in place and the probe is intact",
         Fault::NoReference { .. } => {

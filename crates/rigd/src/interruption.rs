@@ -5,9 +5,9 @@ use serde::Serialize;
 
 /// What to do about a probe that may be in the sample. It names no move: where the probe stands is
 /// for a person to see.
-pub(crate) const ADVICE: &str = "look where the probe stands, and touch neither the sample nor the \
-                                 stages; whatever opens the rig next, such as `rigd home`, retracts \
-                                 the probe first";
+pub(crate) const ADVICE: &str = "check by eye where the probe is, and touch neither the sample \
+                                 nor the stages; the next command that opens the rig, such \
+                                 as `rigd home`, retracts the probe first";
 
 /// An interruption for a program.
 #[derive(Debug, Clone, Serialize)]
@@ -112,13 +112,17 @@ fn sentence(left: &Interruption) -> String {
     let step = left.step.as_ref().map_or_else(String::new, |step| format!(" in step {step}"));
     let probe = match (left.probe, left.is_cleared_since) {
         (ProbeWord::Clear, _) => "the probe was clear".to_owned(),
-        (ProbeWord::Silent, false) => "the probe had not been shown clear yet".to_owned(),
-        (ProbeWord::Silent, true) => "the probe was shown clear only later".to_owned(),
+        (ProbeWord::Silent, false) => {
+            "the probe had not yet been shown clear by a read-back".to_owned()
+        }
+        (ProbeWord::Silent, true) => {
+            "the probe was shown clear only by a later read-back".to_owned()
+        }
         (probe @ ProbeWord::MayTouch { .. }, false) => {
             format!("the probe may be in the sample{}", whereabouts(probe))
         }
         (ProbeWord::MayTouch { .. }, true) => {
-            "the probe may have been in the sample then, and was shown clear later".to_owned()
+            "the probe may have been in the sample; a later read-back showed it clear".to_owned()
         }
     };
     format!("interrupted at {at} UTC{step}; {probe}")
@@ -160,10 +164,10 @@ mod tests {
         let about_to = "may be in the sample (allowed down to 9.500 mm)";
         check(touching(None, Some(9.5)), false, true, about_to);
         check(touching(None, None), false, true, "may be in the sample");
-        let later = "may have been in the sample then, and was shown clear later";
+        let later = "may have been in the sample; a later read-back showed it clear";
         check(touching(Some(10.3), Some(9.5)), true, false, later);
         check(ProbeWord::Clear, false, false, "was clear");
-        check(ProbeWord::Silent, false, true, "had not been shown clear yet");
-        check(ProbeWord::Silent, true, false, "was shown clear only later");
+        check(ProbeWord::Silent, false, true, "had not yet been shown clear by a read-back");
+        check(ProbeWord::Silent, true, false, "was shown clear only by a later read-back");
     }
 }

@@ -137,7 +137,7 @@ pub enum RequestRefusal {
         reason: Arc<str>,
     },
     /// The answer is for another prompt than the open one.
-    #[error("nobody is asked for anything at step {step}")]
+    #[error("there is no open prompt at step {step}")]
     NotAsked {
         /// The step named.
         step: String,
@@ -269,7 +269,8 @@ impl RigHandle {
     /// Answers the prompt of this step of this run.
     ///
     /// # Errors
-    /// [`RequestRefusal`]; nothing has changed then. What is asked at another step stays unanswered.
+    /// [`RequestRefusal`]; nothing has changed then. What is asked at another step stays
+    /// unanswered.
     pub async fn answer(&self, run: RunId, step: String, by: &str) -> Result<(), RequestRefusal> {
         let (reply, answer) = oneshot::channel();
         self.ask(Request::Answer { run, step, by: by.to_owned(), reply }, answer).await?

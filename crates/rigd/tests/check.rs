@@ -130,14 +130,14 @@ fn a_person_reads_the_worst_steps_and_what_to_change() {
     let output = rigd(&["check", &path]);
     let (_, warning) = text(&output).split_once("\nwarning: ").unwrap();
     let expected = "\
-[contact_sweep] max_hz = 155 Hz: resonances are predicted above it, or less than 1 linewidth below \
+[contact_sweep] max_hz = 155 Hz: predicted resonances lie above it, or less than 1 linewidth below \
 it; set it to at least 164 Hz
   blind/3: 158.5 Hz, 5.3 Hz wide, outside
   main/2/left/0/1: 158.3 Hz, 5.2 Hz wide, outside
   main/2/front/0/1: 158.3 Hz, 5.2 Hz wide, outside
   main/2/back/0/1: 158.3 Hz, 5.2 Hz wide, outside
   blind/1: 157.6 Hz, 5.1 Hz wide, outside
-  and 3 more, which --json names
+  and 3 more; --json lists them
 ";
     assert_eq!(warning, expected);
     assert!(text(&output).contains("sample 2 of 2, left, 0°   158.3 Hz\n"), "{}", text(&output));
@@ -150,8 +150,8 @@ fn of_samples_that_nobody_knows_nothing_is_predicted_and_that_is_said() {
     let other = "name = \"steel\"\nstiffness_mpa = 0.649";
     let rig = changed(dir.path(), "config/rigs/bench.toml", &[(known, other)]);
     let output = rigd(&["check", SMOKE, "--rig", &rig]);
-    let said = "Nothing is predicted of touches of 5: name them and their stiffness in [[samples]] \
-                of bench to have it.";
+    let said = "There is no prediction for touches of 5: their stiffness is not in [[samples]] of \
+                bench.";
     assert!(text(&output).contains(said), "{}", text(&output));
     assert!(!text(&output).contains("warning"), "{}", text(&output));
     let output = rigd(&["check", SMOKE, "--rig", &rig, "--json"]);

@@ -111,8 +111,8 @@ fn text_in_another_encoding_is_named_with_its_place() {
     let line = smoke.lines().count() + 1;
     for (bytes, expected) in [
         ([&[0xFF, 0xFE], &utf16[..]].concat(), "smoke.toml:1:1: the file is UTF-16".to_owned()),
-        (latin1, format!("smoke.toml:{line}:5: the byte 0xB0 is no UTF-8; in Latin-1 it is `°`")),
-        (b"PK\x03\x04\0\0".to_vec(), "smoke.toml:1:5: the file is no text".to_owned()),
+        (latin1, format!("smoke.toml:{line}:5: the byte 0xB0 is not UTF-8; in Latin-1 it is `°`")),
+        (b"PK\x03\x04\0\0".to_vec(), "smoke.toml:1:5: the file is not text".to_owned()),
     ] {
         fs::write(&path, bytes).unwrap();
         check(&["check".as_ref(), &path], 2, &[&expected]);
@@ -165,7 +165,7 @@ fn a_run_that_is_not_there_or_not_one_is_told_with_those_that_are() {
     drop(store);
     let show = |run: &'static str| [Path::new("show"), Path::new(run), Path::new("--data")];
     let with = |run| [&show(run)[..], &[data.as_path()]].concat();
-    check(&with("smoke-3"), 3, &["rigd: no run `smoke-3`", "→ `rigd runs` lists those"]);
+    check(&with("smoke-3"), 3, &["rigd: no run `smoke-3`", "→ `rigd runs --data DIR` lists"]);
     check(&with("smoke"), 3, &["`smoke` fits 2 runs: smoke-2 (", ", smoke-1 ("]);
 }
 

@@ -163,8 +163,9 @@ fn a_bad_file_is_refused_with_every_fault_and_its_place() {
     let faults: Vec<_> = text(&output.stderr).lines().collect();
     let expected = [
         ":4:1: 2 cells where the header has 3; complete the line or remove it",
-        ":5:8: `9oo` is not a number; write it like 140.25, 1.4025e2 or, between semicolons, 140,25",
-        ":6:1: frequency_hz = -125 is outside [1e-6, 1e12]; look at the unit in the header",
+        ":5:8: `9oo` is not a number; write it like 140.25, 1.4025e2 or, between semicolons, \
+         140,25",
+        ":6:1: frequency_hz = -125 is outside [1e-6, 1e12]; check the unit in the header",
     ];
     assert_eq!(faults, expected.map(|fault| format!("{path}{fault}")));
     let view = rigd(&["fit", &path, "--json"]);

@@ -179,7 +179,7 @@ async fn trouble_with_one_device_does_not_hide_the_others() {
     let doctor = bench.rigd_at(&gone, &bench.bus, &["doctor", "--json"]);
     assert_eq!(doctor.status.code(), Some(1));
     check_finding(&doctor, "analyzer port, open: problem", "check address and port number");
-    check_finding(&doctor, "analyzer, identity: problem", "see to the port first");
+    check_finding(&doctor, "analyzer, identity: problem", "solve the problem of the port first");
     check_finding(&doctor, "linear stage, identity: problem", "the unit id");
     check_finding(&doctor, "rotary stage, identity: ok", "");
     check_finding(&doctor, "rotary stage, state: problem", "resets the alarm");
@@ -248,7 +248,8 @@ async fn answering(listening: &mut JoinSet<()>, answer: &'static [u8], pause: Du
     address
 }
 
-/// Servers that answer anything but what they should: what came is said, and nothing that nobody saw.
+/// Servers that answer anything but what they should: what came is said, and nothing that nobody
+/// saw.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn what_a_wrong_server_answered_is_said_with_what_to_look_at() {
     let mut bench = Bench::start().await;
@@ -347,7 +348,8 @@ async fn a_server_of_zeros_is_not_taken_for_a_drive() {
     }
 }
 
-/// A rig file that contradicts what an axis says about itself: nothing moves, whatever is asked for,
+/// A rig file that contradicts what an axis says about itself: nothing moves, whatever is asked
+/// for,
 /// and no advice moves anything.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn nothing_moves_while_an_axis_says_that_it_is_where_it_cannot_be() {

@@ -290,7 +290,10 @@ fn a_run_that_was_killed_in_contact_is_not_passed_over_in_silence() {
     let (_, _, notes) = ask(folder.path(), &["runs"]);
     assert_eq!(notes, "");
     let (_, show, _) = ask(folder.path(), &["show", "smoke-1"]);
-    assert!(show.contains("may have been in the sample then, and was shown clear later"), "{show}");
+    assert!(
+        show.contains("may have been in the sample; a later read-back showed it clear"),
+        "{show}"
+    );
 }
 
 #[test]

@@ -48,7 +48,7 @@ impl fmt::Display for Exception {
             Self::IllegalAddress => f.write_str("illegal address (2)"),
             Self::IllegalValue => f.write_str("illegal value (3)"),
             Self::DeviceFailure => f.write_str("device failure (4)"),
-            Self::Acknowledge => f.write_str("still at it (5)"),
+            Self::Acknowledge => f.write_str("still busy (5)"),
             Self::Busy => f.write_str("busy (6)"),
             Self::Other(code) => write!(f, "exception {code}"),
         }
@@ -106,7 +106,10 @@ pub enum LineFault {
     },
     /// A register does not have the value that was written to it: the device was changed, or
     /// restarted, or another one answers.
-    #[error("{port}: unit {unit}: {request}: not the values that were written there")]
+    #[error(
+        "{port}: unit {unit}: {request}: the registers do not hold the values that were \
+             written"
+    )]
     Changed {
         /// Name of the port.
         port: Arc<str>,
@@ -174,7 +177,7 @@ pub enum StageError<U: Unit> {
     },
     /// The drive says that the axis is where it cannot be, so that no move from there is safe. It
     /// was not sent.
-    #[error("stands at {at}, outside its travel {travel}")]
+    #[error("is at {at}, outside its travel {travel}")]
     BeyondTravel {
         /// Position that the drive reports.
         at: Position<U>,
@@ -183,7 +186,7 @@ pub enum StageError<U: Unit> {
     },
     /// The drive does not know where the axis is, so that no move from there is safe. It was not
     /// sent.
-    #[error("not homed: its position {at} tells nothing")]
+    #[error("not homed: its position {at} is meaningless")]
     Unhomed {
         /// Position that the drive reports.
         at: Position<U>,
@@ -205,7 +208,7 @@ pub enum StageError<U: Unit> {
         min: f64,
     },
     /// A position that the drive cannot count to.
-    #[error("{wanted} is beyond what the drive can count")]
+    #[error("{wanted} is beyond the counting range of the drive")]
     Uncountable {
         /// The request.
         wanted: Position<U>,
@@ -219,7 +222,7 @@ pub enum StageError<U: Unit> {
         at: Position<U>,
     },
     /// The drive stands still and never took the target, without an alarm.
-    #[error("the drive ignored the move to {wanted} and stands at {at}; {hint}")]
+    #[error("the drive ignored the move to {wanted} and is at {at}; {hint}")]
     Ignored {
         /// The request.
         wanted: Position<U>,
@@ -229,7 +232,7 @@ pub enum StageError<U: Unit> {
         hint: &'static str,
     },
     /// The drive took the target and stands elsewhere.
-    #[error("stands at {at}, {off:.4} {} from its target {wanted}", U::SYMBOL)]
+    #[error("is at {at}, {off:.4} {} from its target {wanted}", U::SYMBOL)]
     NotThere {
         /// The request.
         wanted: Position<U>,

@@ -189,7 +189,7 @@ impl Line {
         if self.context.is_some() {
             let strays = self.port_loan.lock().port.settle(self.silence).await.map_err(fatal)?;
             if STRAY_FRAME_BYTES <= strays {
-                tracing::warn!(port = %self.name, strays, "bytes that nobody asked for");
+                tracing::warn!(port = %self.name, strays, "unexpected bytes");
                 self.context = None;
             }
         }
@@ -214,7 +214,7 @@ impl Line {
         }
         let discarded = port_loan.port.quarantine(self.settings.quarantine).await?;
         drop(port_loan);
-        tracing::info!(port = %self.name, discarded, "the line is in order again");
+        tracing::info!(port = %self.name, discarded, "the line answers again");
         self.context = Some(attach(&self.port_loan, self.settings.framing));
         Ok(())
     }

@@ -42,13 +42,10 @@ impl fmt::Display for Symptom {
             Self::ForeignUnit(unit) => write!(f, "unit {unit} answered"),
             Self::OtherAnswer => f.write_str("the answer belongs to another request"),
             Self::WrongCount { found, expected } => {
-                write!(
-                    f,
-                    "the answer announces {found} bytes of data where {expected} were asked for"
-                )
+                write!(f, "the answer announces {found} bytes of data instead of {expected}")
             }
-            Self::Surplus => f.write_str("more came than one answer"),
-            Self::Garbage => f.write_str("what came is no Modbus frame"),
+            Self::Surplus => f.write_str("more than one answer arrived"),
+            Self::Garbage => f.write_str("the bytes are not a Modbus frame"),
         }
     }
 }

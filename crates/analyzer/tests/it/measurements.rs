@@ -191,7 +191,10 @@ async fn what_is_wrong_with_a_line_is_said_in_words() {
         (Fault::AnswerLost, format!("{asked}: {late}, nothing arrived")),
         (
             Fault::AnswerCut,
-            format!("{asked}: {late}, 27 bytes arrived, the last after 0 ms: `HIOKI,IM3536,190512345,V1.1`"),
+            format!(
+                "{asked}: {late}, 27 bytes arrived, the last after 0 ms: \
+                     `HIOKI,IM3536,190512345,V1.1`"
+            ),
         ),
         (
             Fault::AnswerEndsInCr,
@@ -207,11 +210,12 @@ async fn what_is_wrong_with_a_line_is_said_in_words() {
         ),
         (
             Fault::AnswerGarbled,
-            "line 2: asked `:HEADer OFF;*CLS;*IDN?`, found `\\xc3IOKI,IM3536,190512345,V1.10\\r\\n`: \
+            "line 2: asked `:HEADer OFF;*CLS;*IDN?`, found \
+             `\\xc3IOKI,IM3536,190512345,V1.10\\r\\n`: \
              byte 0xC3 at offset 0 of an answer is not ASCII"
                 .to_owned(),
         ),
-        (Fault::AnswerTwice, "line 2: 30 bytes came that nobody had asked for".to_owned()),
+        (Fault::AnswerTwice, "line 2: 30 unexpected bytes arrived before a query".to_owned()),
     ];
     for (fault, expected) in rows {
         let instrument = Im3536::new();

@@ -20,15 +20,13 @@ pub(super) enum RigFileFault {
     BothPorts,
     #[error("{key} is for a serial port")]
     NotSerial { key: &'static str },
-    #[error("a serial port needs its baud")]
+    #[error("a serial port needs the key baud")]
     NoBaud,
-    #[error(
-        "a line of {linear} and {rotary} needs its parity: they leave the factory with different ones"
-    )]
+    #[error("a line of {linear} and {rotary} needs its parity: their factory settings differ")]
     NoParity { linear: DriveMake, rotary: DriveMake },
     #[error("tcp = \"{address}\" is not of the form host:port")]
     NotAnAddress { address: String },
-    #[error("serial = \"{address}\" is an address, and no device file")]
+    #[error("serial = \"{address}\" is an address, not a device file")]
     NotADevice { address: String },
     #[error("the analyzer and the bus cannot share the port {port}")]
     SharedPort { port: String },
@@ -36,7 +34,7 @@ pub(super) enum RigFileFault {
     SharedUnit { unit_id: u32 },
 
     // The analyzer.
-    #[error("frequency_hz is beyond what {make} can do, {min} Hz to {max} Hz")]
+    #[error("frequency_hz is outside the range of {make}, {min} Hz to {max} Hz")]
     BeyondDialect { make: AnalyzerMake, min: f64, max: f64 },
     #[error("max_level_v = {found} is above the {limit} V that {make} can give")]
     LevelBeyondDialect { found: f64, limit: f64, make: AnalyzerMake },
@@ -49,10 +47,10 @@ pub(super) enum RigFileFault {
     #[error("{key} = 0 moves nothing")]
     NoStep { key: &'static str },
     #[error(
-        "{key} = {found} is coarser than twice the tolerance {tolerance}: no step may reach a target"
+        "{key} = {found} is coarser than twice the tolerance {tolerance}: the axis may have no step within the tolerance of a target"
     )]
     CoarseStep { key: &'static str, found: f64, tolerance: f64 },
-    #[error("{key} = {found} is finer than any drive counts, {finest} {unit}")]
+    #[error("{key} = {found} is finer than the step of any drive, {finest} {unit}")]
     FineStep { key: &'static str, found: f64, finest: f64, unit: &'static str },
     #[error("{key} = [{min}, {max}] is narrower than {narrowest} {unit}")]
     Narrow { key: &'static str, min: f64, max: f64, narrowest: f64, unit: &'static str },
@@ -80,7 +78,7 @@ impl Complaint for RigFileFault {
                 "write { serial = \"/dev/…\", baud = … } or { tcp = \"host:port\" }".into()
             }
             Self::BothPorts | Self::NotSerial { .. } => "remove one".into(),
-            Self::NoBaud => "see the display or the switches of the device".into(),
+            Self::NoBaud => "read it from the display or the switches of the device".into(),
             Self::NoParity { .. } => {
                 "set both drives to one parity, and write it here: parity = \"none\" or \"even\""
                     .into()
@@ -90,14 +88,16 @@ impl Complaint for RigFileFault {
                 format!("write {{ serial = \"{address}\", baud = … }}")
             }
             Self::NotAnAddress { .. } => "write it like \"192.168.0.10:3500\"".into(),
-            Self::SharedPort { .. } => "give each its own".into(),
-            Self::SharedUnit { .. } => "give each drive its own, in the drive and here".into(),
+            Self::SharedPort { .. } => "give each its own port".into(),
+            Self::SharedUnit { .. } => "set a different unit id on each drive, and write it \
+                                        here"
+                .into(),
             Self::BeyondDialect { min, max, .. } => format!("stay within [{min}, {max}]"),
             Self::LevelBeyondDialect { limit, .. } => format!("use at most {limit}"),
             Self::Linear(AxisError::SoftBeyondTravel { .. })
             | Self::Rotary(AxisError::SoftBeyondTravel { .. }) => "stay within the travel".into(),
             Self::Rotary(AxisError::RestOutOfReach { .. }) => {
-                "0 is level and must be within".into()
+                "0 is level and must be inside".into()
             }
             Self::Linear(AxisError::RestOutOfReach { rest, soft, .. }) => {
                 let is_within = |mm| soft.contains(Position::new(mm));
@@ -105,7 +105,9 @@ impl Complaint for RigFileFault {
             }
             // Targets are not in a rig file, and the ranges of the keys exclude the other errors.
             Self::Linear(_) | Self::Rotary(_) => return None,
-            Self::NoStep { .. } => "give how far one count of the drive moves the axis".into(),
+            Self::NoStep { .. } => "give the distance that one count of the drive moves the \
+                                    axis"
+                .into(),
             Self::CoarseStep { tolerance, .. } => format!("use at most {}", 2.0 * tolerance),
             Self::TooFast { limit, .. } => format!("use at most {limit}"),
             Self::FineStep { key, found, finest, .. } => {
@@ -119,7 +121,7 @@ impl Complaint for RigFileFault {
                 let is_right = |meant| *narrowest <= meant && meant <= LONGEST_MM;
                 let meant = unit_hint(key, max - min, is_right)
                     .map(|_| format!("; if it is in metres, write [{}, {}]", 1e3 * min, 1e3 * max));
-                format!("give what the mechanics allow{}", meant.unwrap_or_default())
+                format!("give the range of the mechanics{}", meant.unwrap_or_default())
             }
             Self::NotClear { clear, highest } => {
                 let advice = format!("use more than {:.3}", highest.value());

@@ -83,7 +83,7 @@ fn a_port_takes_the_settings_of_its_device() {
         "{ serial = \"a\", tcp = \"b:1\", baud = 9600 }",
         Err("a port is serial or tcp, not both"),
     );
-    check("{ serial = \"a\" }", Err("a serial port needs its baud"));
+    check("{ serial = \"a\" }", Err("a serial port needs the key baud"));
     check("{ tcp = \"a\" }", Err("tcp = \"a\" is not of the form host:port"));
     check("{ tcp = \"a:1\", baud = 9600 }", Err("baud is for a serial port"));
 }
@@ -113,9 +113,8 @@ fn a_line_without_a_parity_has_the_factory_setting_of_its_drives() {
         assert_eq!(parity(make, make, "baud = 115200"), Ok(Parity::None));
         let both = "baud = 115200, parity = \"none\"";
         assert_eq!(parity(az, make, both), Ok(Parity::None));
-        let needed = format!(
-            "a line of {az} and {make} needs its parity: they leave the factory with different ones"
-        );
+        let needed =
+            format!("a line of {az} and {make} needs its parity: their factory settings differ");
         assert_eq!(parity(az, make, "baud = 115200"), Err(needed));
     }
 }

@@ -7,11 +7,11 @@ use crate::{Complaint, Faults, Location};
 enum NoText {
     #[error("the file is UTF-16")]
     Utf16,
-    #[error("the byte 0x{byte:02X} is no UTF-8; in Latin-1 it is `{}`", char::from(*byte))]
+    #[error("the byte 0x{byte:02X} is not UTF-8; in Latin-1 it is `{}`", char::from(*byte))]
     Latin1 { byte: u8 },
-    #[error("the byte 0x{byte:02X} is no UTF-8")]
+    #[error("the byte 0x{byte:02X} is not UTF-8")]
     NoUtf8 { byte: u8 },
-    #[error("the file is no text: it has a zero byte here")]
+    #[error("the file is not text: it has a zero byte here")]
     Binary,
 }
 
@@ -89,15 +89,14 @@ mod tests {
         check(&[&[0xFE, 0xFF], &wide[..]].concat(), utf16);
         check(
             b"a = 1\nb = \"30\xb0\"",
-            Err("2:8: the byte 0xB0 is no UTF-8; in Latin-1 it is `°`; save it as UTF-8"),
+            Err("2:8: the byte 0xB0 is not UTF-8; in Latin-1 it is `°`; save it as UTF-8"),
         );
-        check(b"a\x80", Err("1:2: the byte 0x80 is no UTF-8; save it as UTF-8"));
+        check(b"a\x80", Err("1:2: the byte 0x80 is not UTF-8; save it as UTF-8"));
         check(
             b"SQLite format 3\0",
-            Err(
-                "1:16: the file is no text: it has a zero byte here; give the file that was written \
-                 by hand",
-            ),
+            Err("1:16: the file is not text: it has a zero byte here; give the file that was \
+                 written \
+                 by hand"),
         );
     }
 }

@@ -19,7 +19,7 @@ pub(super) enum SweepFileFault {
     NoFrequency,
     #[error("no columns make an impedance")]
     NoImpedance,
-    #[error("`{header}` gives the {} a second time", quantity.name())]
+    #[error("`{header}` is a second column for the {}", quantity.name())]
     RepeatedColumn { header: String, quantity: Quantity },
     #[error("`{unit}` is not a unit of the {}", quantity.name())]
     UnknownUnit { unit: String, quantity: Quantity },
@@ -35,7 +35,7 @@ pub(super) enum SweepFileFault {
     EmptyCell { quantity: Quantity },
     #[error("`{text}` is not a number")]
     NotANumber { text: String },
-    #[error("`{text}` has another decimal mark than the numbers before")]
+    #[error("`{text}` has a different decimal mark from the numbers before")]
     MixedMarks { text: String },
     #[error("{} = {found} is outside [{min:e}, {max:e}]", quantity.key())]
     OutOfRange { quantity: Quantity, found: f64, min: f64, max: f64 },
@@ -43,13 +43,13 @@ pub(super) enum SweepFileFault {
     ZeroImpedance,
     #[error("an admittance of zero was not measured")]
     ZeroAdmittance,
-    #[error("`{text}` is none of normal, low_signal, overload")]
+    #[error("`{text}` is not one of normal, low_signal, overload")]
     UnknownFlag { text: String },
     #[error("`{text}` is neither true nor false")]
     NotABool { text: String },
     #[error("`{text}` is not the number of a sweep")]
     NotASweep { text: String },
-    #[error("`{text}` is none of unknown, waited, exact, exact-from-rest, any-phase")]
+    #[error("`{text}` is not one of unknown, waited, exact, exact-from-rest, any-phase")]
     UnknownTiming { text: String },
     #[error("the {} differs from that of the first row of the sweep", quantity.name())]
     UnequalSetting { quantity: Quantity },
@@ -57,13 +57,13 @@ pub(super) enum SweepFileFault {
     FitWindow { min_hz: f64, max_hz: f64 },
 
     // Which sweep.
-    #[error("the file holds {count} sweeps from {first} to {last}, and not sweep {asked}")]
+    #[error("the file has {count} sweeps, from {first} to {last}, but no sweep {asked}")]
     NoSuchSweep { asked: u64, count: usize, first: u64, last: u64 },
     #[error("the file does not number its sweeps")]
     NoNumbers,
 
     // Touchstone.
-    #[error("`{text}` is not known in an option line")]
+    #[error("`{text}` is not an option of an option line")]
     UnknownOption { text: String },
     #[error("{name}-parameters do not exist for one port")]
     NotOnePort { name: char },
@@ -109,7 +109,7 @@ impl Complaint for SweepFileFault {
             Self::MixedMarks { .. } => {
                 "write all numbers with a point, without marks for thousands"
             }
-            Self::OutOfRange { .. } => "look at the unit in the header",
+            Self::OutOfRange { .. } => "check the unit in the header",
             Self::ZeroImpedance | Self::ZeroAdmittance => "remove the line",
             Self::UnknownFlag { .. } | Self::NotABool { .. } | Self::UnknownTiming { .. } => {
                 "correct it or remove the column"

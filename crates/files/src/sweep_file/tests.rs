@@ -56,14 +56,17 @@ fn rows_of_every_origin_are_read() {
         // Any order of columns, more of them, no line end at the end.
         "X,note,R,f\n-47000,a,900,120\n-39000,,2000,140".into(),
         // A mark, carriage returns, quotation marks, blanks, an empty line, a trailing separator.
-        "\u{feff}\"Freq(Hz)\", \"Rs(ohm)\", \"X(ohm)\",\r\n\"120\",900 , -47000,\r\n\r\n140,2000,-39000,\r\n".into(),
+        "\u{feff}\"Freq(Hz)\", \"Rs(ohm)\", \"X(ohm)\",\r\n\"120\",900 , \
+         -47000,\r\n\r\n140,2000,-39000,\r\n".into(),
         "Freq.[kHz];Z' / Ω;-Z'' / Ω\n0,12;900,0;47000\n0,14;2000,0;39000\n".into(),
         "frequency / MHz\tRe(Z) (kOhm)\tIm(Z) (kOhm)\r0.00012\t0.9\t-47\r0.00014\t2\t-39\r".into(),
         "Hz R X\n120 900 -47000\n 140   2.0E+3 -3.9e4\n".into(),
         // Comments and what an analyzer says of itself.
-        "!CSV A.01.01\n!maker, model; date\nBEGIN CH1_DATA\nFreq(Hz),R(Ohm),X(Ohm)\n120,900,-47000\n\
+        "!CSV A.01.01\n!maker, model; date\nBEGIN \
+         CH1_DATA\nFreq(Hz),R(Ohm),X(Ohm)\n120,900,-47000\n\
          140,2000,-39000\nEND\n120,0,0\n".into(),
-        "# a sweep\n# frequency_hz resistance_ohm reactance_ohm\n120 900 -47000\n# more\n140 2000 -39000\n"
+        "# a sweep\n# frequency_hz resistance_ohm reactance_ohm\n120 900 -47000\n# more\n140 2000 \
+         -39000\n"
             .into(),
         // Two pairs: the rectangular one is read.
         "f,|Z|,deg,Rs,Xs\n120,1,1,900,-47000\n140,1,1,2000,-39000\n".into(),
@@ -98,10 +101,14 @@ fn touchstone_is_read_in_every_format_it_has() {
     // z = Z/50, its reciprocal, and (z − 1)/(z + 1).
     for text in [
         "# HZ Z RI R 50\n120 18 -940\n140 40 -780\n",
-        "! made by hand\n#hz z ri r 1 ! these\n120 900 -47000 ! first\n\n140 2e3 -3.9e4\n# GHZ S MA R 50\n",
-        "# KHZ Z MA R 1000\n0.12 47.00861623149527 -88.90298084780932\n0.14 39.051248379533274 -87.06432655357884\n",
-        "# R 1 Hz Y DB\n120 -93.44354934545368 88.90298084780932\n140 -91.83269843682805 87.06432655357884\n",
-        "# MHZ Y RI R 50\n.00012 2.0363741679148884e-05 0.0010634398432444417\n.00014 6.557377049180327e-05 0.001278688524590164\n",
+        "! made by hand\n#hz z ri r 1 ! these\n120 900 -47000 ! first\n\n140 2e3 -3.9e4\n# GHZ S \
+         MA R 50\n",
+        "# KHZ Z MA R 1000\n0.12 47.00861623149527 -88.90298084780932\n0.14 39.051248379533274 \
+         -87.06432655357884\n",
+        "# R 1 Hz Y DB\n120 -93.44354934545368 88.90298084780932\n140 -91.83269843682805 \
+         87.06432655357884\n",
+        "# MHZ Y RI R 50\n.00012 2.0363741679148884e-05 0.0010634398432444417\n.00014 \
+         6.557377049180327e-05 0.001278688524590164\n",
     ] {
         for name in ["sweep.s1p", "-"] {
             check(name, text);
@@ -159,7 +166,7 @@ fn all_sweeps_of_a_file_are_read_or_the_one_that_is_asked_for() {
     assert_eq!(counts(Some(7)), Ok(vec![(Some(7), 2)]));
     assert_eq!(
         counts(Some(4)).unwrap_err().to_string(),
-        "r.csv:1:1: the file holds 2 sweeps from 3 to 7, and not sweep 4; choose one of them, or \
+        "r.csv:1:1: the file has 2 sweeps, from 3 to 7, but no sweep 4; choose one of them, or \
          leave out `--sweep` to fit them all"
     );
     let single = "f,R,X\n120,900,-47000\n";
@@ -243,29 +250,28 @@ fn an_impossible_setting_of_the_fit_is_a_fault() {
     check_faults(
         "a.csv",
         "f,R,X,fit_min_hz,fit_max_hz\n120,900,-47000,160,125\n140,2000,-39000,160,125\n",
-        &[
-            "a.csv:2:1: fit_max_hz = 125 is not above fit_min_hz = 160; correct one of them, or remove \
-           both columns",
-        ],
+        &["a.csv:2:1: fit_max_hz = 125 is not above fit_min_hz = 160; correct one of them, or \
+             remove \
+           both columns"],
     );
     check_faults(
         "a.csv",
         "f,R,X,fit_timing,fit_always_loss,fit_noise_at_ten_cycles\n120,900,-47000,soon,maybe,0\n",
         &[
-            "a.csv:2:16: `soon` is none of unknown, waited, exact, exact-from-rest, any-phase; correct it \
+            "a.csv:2:16: `soon` is not one of unknown, waited, exact, exact-from-rest, any-phase; \
+             correct it \
              or remove the column",
             "a.csv:2:21: `maybe` is neither true nor false; correct it or remove the column",
-            "a.csv:2:27: fit_noise_at_ten_cycles = 0 is outside [1e-12, 1e0]; look at the unit in \
+            "a.csv:2:27: fit_noise_at_ten_cycles = 0 is outside [1e-12, 1e0]; check the unit in \
              the header",
         ],
     );
     check_faults(
         "a.csv",
         "sweep,f,R,X,fit_max_hz\n1,120,900,-47000,160\n2,120,900,-47000,170\n1,140,2000,-39000,165\n",
-        &[
-            "a.csv:4:1: the upper end of the window of the fit differs from that of the first row of \
-           the sweep; write one value in all rows of a sweep, or number the sweeps",
-        ],
+        &["a.csv:4:1: the upper end of the window of the fit differs from that of the first row \
+             of \
+           the sweep; write one value in all rows of a sweep, or number the sweeps"],
     );
 }
 
@@ -277,7 +283,7 @@ fn all_faults_are_reported_at_once() {
          160,\"1,2\n170,0,0\n180,1.2.3,inf\n",
         &[
             "a.csv:2:1: 2 cells where the header has 3; complete the line or remove it",
-            "a.csv:3:1: frequency_hz = -130 is outside [1e-6, 1e12]; look at the unit in the header",
+            "a.csv:3:1: frequency_hz = -130 is outside [1e-6, 1e12]; check the unit in the header",
             "a.csv:3:10: `abc` is not a number; write it like 140.25, 1.4025e2 or, between \
              semicolons, 140,25",
             "a.csv:4:5: the resistance is missing; complete the line or remove it",
@@ -295,10 +301,12 @@ fn all_faults_are_reported_at_once() {
         "a.csv",
         "f;R;X;flag;is_used\n120;1.5;-1;odd;yes\n120;1,5;-1;normal;true\n",
         &[
-            "a.csv:2:12: `odd` is none of normal, low_signal, overload; correct it or remove the \
+            "a.csv:2:12: `odd` is not one of normal, low_signal, overload; correct it or remove \
+             the \
              column",
             "a.csv:2:16: `yes` is neither true nor false; correct it or remove the column",
-            "a.csv:3:5: `1,5` has another decimal mark than the numbers before; write all numbers \
+            "a.csv:3:5: `1,5` has a different decimal mark from the numbers before; write all \
+             numbers \
              with a point, without marks for thousands",
         ],
     );
@@ -317,7 +325,8 @@ fn a_faulty_header_is_refused() {
     let begin = "begin with the line `frequency_hz,resistance_ohm,reactance_ohm`, then one line \
                  for each reading";
     let pairs = "no columns make an impedance; name two `resistance_ohm` and `reactance_ohm`, or \
-                 `impedance_magnitude_ohm` and `phase_deg`, or `conductance_s` and `susceptance_s`, or \
+                 `impedance_magnitude_ohm` and `phase_deg`, or `conductance_s` and \
+                 `susceptance_s`, or \
                  `s11_real` and `s11_imag`";
     for (text, fault) in [
         ("", format!("1:1: the file holds no readings; {begin}")),
@@ -328,7 +337,7 @@ fn a_faulty_header_is_refused() {
         ("R,X\n1,1\n", "1:1: no column is a frequency; name one `frequency_hz`".into()),
         (
             "f,R,X,Rs\n120,1,1,1\n",
-            "1:7: `Rs` gives the resistance a second time; rename or remove one of them".into(),
+            "1:7: `Rs` is a second column for the resistance; rename or remove one of them".into(),
         ),
         (
             "f,R(dB),X\n120,1,1\n",
@@ -350,7 +359,7 @@ fn faulty_touchstone_is_refused() {
     for (text, fault) in [
         (
             "# HZ S RI R 50 Q\n",
-            "1:16: `Q` is not known in an option line; write it like `# HZ S RI R 50`",
+            "1:16: `Q` is not an option of an option line; write it like `# HZ S RI R 50`",
         ),
         (
             "# HZ H RI\n",
@@ -379,7 +388,7 @@ fn faulty_touchstone_is_refused() {
         ("# HZ S RI\n100 -1 0\n", "2:5: an impedance of zero was not measured; remove the line"),
         (
             "# HZ S RI\n0 0.5 0\n",
-            "2:1: frequency_hz = 0 is outside [1e-6, 1e12]; look at the unit in the header",
+            "2:1: frequency_hz = 0 is outside [1e-6, 1e12]; check the unit in the header",
         ),
     ] {
         check_faults("a.s1p", text, &[&format!("a.s1p:{fault}")]);

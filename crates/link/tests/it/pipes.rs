@@ -105,7 +105,7 @@ async fn a_port_whose_other_side_is_gone_is_lost_until_it_is_opened_again() {
     let mut port = Port::open(endpoint, Clock::start()).await.unwrap();
     drop(plugs.recv().await.unwrap());
     let error = port.settle(port.frame_silence()).await.unwrap_err();
-    assert_eq!(error.to_string(), "line 1: the port is gone");
+    assert_eq!(error.to_string(), "line 1: the port has disappeared");
     assert!(port.is_lost());
     assert!(matches!(port.send(b"x").await, Err(LineError::Lost { .. })));
 

@@ -1,4 +1,5 @@
-//! `rigd check`: whether a protocol can run on a rig, without moving anything, and whether its sweeps
+//! `rigd check`: whether a protocol can run on a rig, without moving anything, and whether its
+//! sweeps
 //! look where the resonances will be.
 
 use std::fmt::Write as _;
@@ -211,7 +212,7 @@ impl CheckedProtocol<'_> {
         let (section, key) = (section.name(), edge.key());
         let advice = advice(*edge, *wanted_hz, &self.rig.file.limits);
         format!(
-            "[{section}] {key} = {edge_hz} Hz: resonances are predicted {beyond} it, or less than \
+            "[{section}] {key} = {edge_hz} Hz: predicted resonances lie {beyond} it, or less than \
              {EDGE_LINEWIDTHS} linewidth {this_side} it; {advice}"
         )
     }
@@ -232,7 +233,7 @@ impl CheckedProtocol<'_> {
         }
         if warning.steps.len() > STEPS_NAMED {
             let more = warning.steps.len() - STEPS_NAMED;
-            _ = write!(text, "\n  and {more} more, which --json names");
+            _ = write!(text, "\n  and {more} more; --json lists them");
         }
         text
     }
@@ -253,7 +254,7 @@ impl CheckedProtocol<'_> {
         let mut text = format!(
             "{steps}\n\n{name} can run on {rig}: {touches} touches, {no_loads} no-load references, \
              {prompts} prompts.\nlinear stage {linear}, rotary stage {rotary}.\nexpected duration \
-             {duration}, without the time that a person takes.",
+             {duration}, without the time for prompts.",
             name = plan.name,
             rig = self.rig.file.name,
             touches = summary.touches,
@@ -278,8 +279,8 @@ impl CheckedProtocol<'_> {
             let names = unknown.join(", ");
             _ = write!(
                 text,
-                "\nNothing is predicted of touches of {names}: name them and their stiffness in \
-                 [[samples]] of {} to have it.",
+                "\nThere is no prediction for touches of {names}: their stiffness is not in \
+                 [[samples]] of {}.",
                 self.rig.source.name,
             );
         }
@@ -291,7 +292,7 @@ impl CheckedProtocol<'_> {
                 }
             });
         if let Some((step, error)) = refused {
-            _ = write!(text, "\nNothing is predicted of {step} and its like: {error}.");
+            _ = write!(text, "\nThere is no prediction for {step} and touches like it: {error}.");
         }
         text
     }

@@ -33,7 +33,8 @@ pub(super) struct FitArgs {
     /// Which sweep, of a file that numbers them; all when left out
     #[arg(long, value_name = "N")]
     sweep: Option<u64>,
-    /// What the times in the file mean; as the file says, or guessed from its columns, when left out
+    /// What the times in the file mean; as the file says, or guessed from its columns, when left
+    /// out
     #[arg(long, value_enum)]
     timing: Option<FileTiming>,
     /// Standard deviation of the relative error of a reading of ten cycles, where it is known:
@@ -55,11 +56,13 @@ enum FileTiming {
     Unknown,
     /// Each point was waited for and integrated as long as `settle_s` and `integration_s` say
     Waited,
-    /// `time_s` is exact too, and the drive went on from point to point: nothing has to have settled
+    /// `time_s` is exact too, and the drive went on from point to point: nothing has to have
+    /// settled
     Exact,
     /// The same, and the sensor was at rest when the drive began with the first point
     ExactFromRest,
-    /// `time_s` is known to a millisecond, and the drive had any phase after each change of frequency:
+    /// `time_s` is known to a millisecond, and the drive had any phase after each change of
+    /// frequency:
     /// nothing has to have settled
     AnyPhase,
 }
@@ -79,7 +82,7 @@ impl FileTiming {
 /// Why an argument is not a window.
 #[derive(Debug, thiserror::Error)]
 enum NoWindow {
-    #[error("two frequencies in Hz with `..` between them are needed, like 120..165")]
+    #[error("two frequencies in Hz, separated by `..`, are expected, such as 120..165")]
     NoDots,
     #[error(transparent)]
     NotANumber(#[from] ParseFloatError),
@@ -102,7 +105,8 @@ fn window(text: &str) -> Result<Window, NoWindow> {
 enum NoNoise {
     #[error(transparent)]
     NotANumber(#[from] ParseFloatError),
-    #[error("{found} is outside (0, {NOISE_MAX}]{}", hint.as_deref().map(|hint| format!("; {hint}")).unwrap_or_default())]
+    #[error("{found} is outside (0, {NOISE_MAX}]{}", hint.as_deref().map(|hint| format!("; \
+             {hint}")).unwrap_or_default())]
     OutOfRange { found: f64, hint: Option<String> },
 }
 

@@ -116,8 +116,8 @@ fn show(status: &Status, output: &OutputArgs) -> Result<(), Failure> {
     print(&facts(&rows))?;
     if snapshot.clearance != Clearance::Clear {
         note(
-            "the probe stays there, and counts as in contact until it is shown clear; whatever \
-             opens the rig next retracts it first",
+            "the probe stays there, and counts as in contact until a read-back shows it clear; \
+             the next command that opens the rig retracts it first",
         );
     }
     Ok(())

@@ -79,7 +79,7 @@ impl OutcomeView {
             (Some(found), _) => found.rows("resonance", ""),
             (None, Some(estimate)) => {
                 let mut rows = vec![("resonance", self.status.to_owned())];
-                rows.extend(estimate.rows("estimate", ", not to be relied on"));
+                rows.extend(estimate.rows("estimate", ", not reliable"));
                 rows
             }
             (None, None) => vec![("resonance", self.status.to_owned())],

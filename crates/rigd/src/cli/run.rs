@@ -90,7 +90,8 @@ async fn replay(
             answer = answer(&mut terminal) => if answer.is_some() {
                 session.handle.command(Command::Answer, Some(run), session.operator()).await?;
             } else {
-                screen::say_clearly("nobody can answer at this terminal any more; aborting the run");
+                screen::say_clearly("the input of this terminal has ended, so that prompts cannot \
+                                     be answered; aborting the run");
                 terminal = None;
                 _ = session.handle.command(Command::Abort, Some(run), session.operator()).await;
             },

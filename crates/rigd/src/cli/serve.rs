@@ -106,11 +106,12 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
 enum BadAddress {
     #[error("expected an address or a name and a port, such as 127.0.0.1:8137 or localhost:8137")]
     Form,
-    #[error("this computer knows no `{name}`; give an address of this computer")]
+    #[error("the name `{name}` has no address here; give an address of this computer")]
     Unknown { name: String },
 }
 
-/// An address, or the first one of a name. What is on this computer only is most often called by its
+/// An address, or the first one of a name. What is on this computer only is most often called by
+/// its
 /// address of version 4.
 fn address(text: &str) -> Result<SocketAddr, BadAddress> {
     if let Ok(address) = text.parse() {
@@ -126,7 +127,8 @@ fn address(text: &str) -> Result<SocketAddr, BadAddress> {
     addresses.min_by_key(SocketAddr::is_ipv6).ok_or_else(unknown)
 }
 
-/// Connections that the system holds until they are accepted. Where it holds no more, a client waits
+/// Connections that the system holds until they are accepted. Where it holds no more, a client
+/// waits
 /// for a second until it tries again, also one that wants to stop the rig.
 const BACKLOG: u32 = 1024;
 
@@ -141,7 +143,8 @@ fn listen(address: SocketAddr) -> io::Result<TcpListener> {
 const fn advice(kind: io::ErrorKind) -> &'static str {
     match kind {
         io::ErrorKind::AddrInUse => {
-            "end the program that has it, such as another rigd, or choose another port with --listen"
+            "end the program that has it, such as another rigd, or choose another port with \
+             --listen"
         }
         io::ErrorKind::AddrNotAvailable => "choose an address of this computer with --listen",
         io::ErrorKind::PermissionDenied => "choose a port from 1024 on with --listen",

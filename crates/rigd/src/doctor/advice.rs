@@ -66,31 +66,33 @@ fn on_analyzer(error: &AnalyzerError, is_serial: bool) -> &'static str {
         AnalyzerError::Line {
             unexpected_terminator: Some(UnexpectedTerminator::CrForLf), ..
         } => {
-            "write terminator = \"cr\" in [analyzer] of the rig file, or have the instrument end its \
+            "write terminator = \"cr\" in [analyzer] of the rig file, or have the instrument end \
+             its \
              answers in LF"
         }
         AnalyzerError::Line {
             unexpected_terminator: Some(UnexpectedTerminator::LfForCr), ..
         } => {
-            "correct terminator in [analyzer] of the rig file, or have the instrument end its answers \
+            "correct terminator in [analyzer] of the rig file, or have the instrument end its \
+             answers \
              in CR"
         }
         AnalyzerError::Line { source: LineError::TimedOut { arrived, .. }, .. }
             if !arrived.bytes.is_empty() =>
         {
-            "give it more time with reply_timeout_s in [analyzer] of the rig file; if no more comes, \
-             compare what came with what the instrument should answer"
+            "increase reply_timeout_s in [analyzer] of the rig file; if the answer stays \
+             incomplete, compare it with the manual of the instrument"
         }
         AnalyzerError::Line { source: LineError::TimedOut { .. }, .. } if is_serial => {
             "check its power and cable, then compare speed, parity and terminator in the rig file \
-             with what is set on it"
+             with its settings"
         }
         AnalyzerError::Line { source: LineError::TimedOut { .. }, .. } => {
-            "check that this is the instrument's port for commands, and that terminator in the rig \
-             file is what is set on it"
+            "check that this is the instrument's port for commands, and that its terminator is \
+             the one in the rig file"
         }
         AnalyzerError::Frame { .. } if is_serial => {
-            "compare speed and parity in the rig file with what is set on the instrument"
+            "compare speed and parity in the rig file with the settings of the instrument"
         }
         AnalyzerError::Frame { .. } => {
             "check that address and port in the rig file are those of the instrument"
@@ -100,10 +102,11 @@ fn on_analyzer(error: &AnalyzerError, is_serial: bool) -> &'static str {
         | AnalyzerError::Unquiet { .. }
         | AnalyzerError::Strays { .. } => on_lost(is_serial),
         AnalyzerError::Answer { .. } => {
-            "compare the answer with the manual of the instrument, and its model with the dialect in \
+            "compare the answer with the manual of the instrument, and its model with the dialect \
+             in \
              the rig file"
         }
-        _ => "look at the display of the instrument, and up the command in its manual",
+        _ => "read the display of the instrument, and find the command in its manual",
     }
 }
 
@@ -113,7 +116,8 @@ fn on_stage<U: rig_model::Unit>(error: &StageError<U>, is_serial: bool) -> &'sta
             on_symptom(*symptom, is_serial)
         }
         StageError::Bus(BusError::Failed(LineFault::Changed { .. })) => {
-            "check that register map and unit id in the rig file are those of the drive, and that no \
+            "check that register map and unit id in the rig file are those of the drive, and that \
+             no \
              other tool writes to it"
         }
         StageError::Bus(BusError::Failed(_)) => on_lost(is_serial),
@@ -125,21 +129,21 @@ fn on_stage<U: rig_model::Unit>(error: &StageError<U>, is_serial: bool) -> &'sta
         }
         StageError::BeyondTravel { .. } => LOST,
         StageError::Unhomed { .. } => NOT_HOMED,
-        _ => "look at the display of the drive, and up its state in its manual",
+        _ => "read the display of the drive, and find its state in its manual",
     }
 }
 
 const fn on_symptom(symptom: Symptom, is_serial: bool) -> &'static str {
     match symptom {
         Symptom::Silence | Symptom::OnlyEcho if is_serial => {
-            "check its power and cable, then compare speed, parity and unit id in the rig file with \
-             what is set on it"
+            "check its power and cable, then compare speed, parity and unit id in the rig file \
+             with its settings"
         }
         Symptom::Silence | Symptom::OnlyEcho => {
             "check its power, and that a device with the unit id of the rig file is at this address"
         }
         Symptom::Garbage if is_serial => {
-            "compare speed and parity in the rig file with what is set on the drive"
+            "compare speed and parity in the rig file with the settings of the drive"
         }
         Symptom::Garbage => {
             "check that address and port in the rig file are those of a Modbus TCP device"
@@ -147,7 +151,7 @@ const fn on_symptom(symptom: Symptom, is_serial: bool) -> &'static str {
         Symptom::Truncated | Symptom::Corrupted if is_serial => {
             "check the cable, its shield and its termination, and compare speed and parity"
         }
-        Symptom::Truncated | Symptom::Corrupted => "look at the device or gateway at this address",
+        Symptom::Truncated | Symptom::Corrupted => "check the device or gateway at this address",
         Symptom::ForeignUnit(_) | Symptom::Surplus | Symptom::OtherAnswer if is_serial => {
             "look for a second master on the line, and for two devices with the same unit id"
         }

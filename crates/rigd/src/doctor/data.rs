@@ -34,7 +34,7 @@ pub(super) fn findings(data: &Path, rig: &str) -> Vec<Finding> {
         Err(error) => findings.warning(
             "space",
             format!("{}: {error}", place.display()),
-            "find out how much is free there",
+            "check the free space there",
         ),
     }
     journal(&mut findings, data, rig);
@@ -78,7 +78,7 @@ fn journal(findings: &mut Findings, data: &Path, rig: &str) {
         Ok((true, _)) => findings.warning(
             "journal",
             StoreError::InUse.to_string(),
-            "that one also holds the ports: end it, or ask it over HTTP",
+            "the other rigd also has the ports open: end it, or use its HTTP interface",
         ),
         Ok((false, left)) => {
             findings.ok("journal", "can be opened");

@@ -16,7 +16,7 @@ pub(super) fn findings(device: &DeviceSeen) -> Vec<Finding> {
     let facts = match &device.outcome {
         None => {
             let text = format!("not asked: {} is not open", device.port);
-            findings.problem("identity", text, "see to the port first");
+            findings.problem("identity", text, "solve the problem of the port first");
             return findings.all;
         }
         Some(Err(error)) => {
@@ -52,7 +52,7 @@ fn stands(findings: &mut Findings, AxisFacts { at, place, state }: &AxisFacts) {
         AxisPosition::BeyondLimits(soft) => findings.warning(
             "position",
             format!("{at}, outside its soft limits {soft}"),
-            "look whether it stands there; if not, correct the sign and the size of its step and \
+            "check by eye that it is there; if not, correct the sign and the size of its step and \
              its zero in the rig file before anything moves",
         ),
     }
@@ -61,12 +61,12 @@ fn stands(findings: &mut Findings, AxisFacts { at, place, state }: &AxisFacts) {
         AxisState::Alarmed(alarm) => findings.problem(
             "state",
             format!("alarm {alarm}"),
-            "cure its cause; what opens the rig for work resets the alarm",
+            "remove its cause; the next command that opens the rig for work resets the alarm",
         ),
         AxisState::Moving => findings.problem(
             "state",
-            "moves, and not because of rigd",
-            "find out what else drives it, and stop that",
+            "moves without a command from rigd",
+            "find the other program or signal that drives it, and stop it",
         ),
         AxisState::NotReady => findings.problem(
             "state",

@@ -112,7 +112,7 @@ fn an_axis_is_judged_by_how_it_stands() {
         (
             state(AxisState::Moving),
             ("position", Well, ""),
-            ("state", Problem, "what else drives it"),
+            ("state", Problem, "other program or signal"),
         ),
         (
             state(AxisState::Alarmed(alarm)),
@@ -126,7 +126,7 @@ fn an_axis_is_judged_by_how_it_stands() {
         ),
         (
             place(AxisPosition::BeyondLimits(span())),
-            ("position", Warning, "look whether it stands there"),
+            ("position", Warning, "check by eye that it is there"),
             ("state", Well, ""),
         ),
         (

@@ -56,7 +56,7 @@ pub(super) async fn stream(
 ) -> Result<impl IntoResponse, Problem> {
     let Query(StreamOptions { live, back }) = options?;
     let place = Arc::clone(&shared.inner.streams).try_acquire_owned().map_err(|_| {
-        Problem::busy(format!("{STREAMS_MAX} event streams are open, and there can be no more"))
+        Problem::busy(format!("{STREAMS_MAX} event streams are open, which is the limit"))
     })?;
     let status = shared.inner.rig.status();
     let last =

@@ -80,11 +80,11 @@ async fn admit(access: &Access, mut request: Request) -> Result<Request, Problem
     let host = host(headers, request.uri())?;
     let arrived_at = connection.and_then(|connection| connection.arrived_at);
     if !access.knows(&HostName::of_authority(&host), arrived_at) {
-        return Err(Problem::misdirected(format!("{host} is no name of this daemon")));
+        return Err(Problem::misdirected(format!("{host} is not a name of this daemon")));
     }
     if let Some(from) = elsewhere(headers, &host) {
         return Err(Problem::forbidden(format!(
-            "this was asked for by a page of another site: {from}"
+            "the request comes from a page of another site: {from}"
         )));
     }
     if !page::is_public(request.method(), request.uri().path(), headers) {
@@ -99,7 +99,7 @@ async fn admit(access: &Access, mut request: Request) -> Result<Request, Problem
         return Ok(request);
     }
     if connection.is_some_and(|connection| connection.is_spare) {
-        return Err(Problem::busy("every connection is taken".to_owned()));
+        return Err(Problem::busy("all connections are in use".to_owned()));
     }
     request.extensions_mut().insert(operator?);
     let (parts, body) = request.into_parts();
@@ -111,7 +111,7 @@ async fn admit(access: &Access, mut request: Request) -> Result<Request, Problem
 fn host(headers: &HeaderMap, uri: &Uri) -> Result<Authority, Problem> {
     let mut hosts = headers.get_all(header::HOST).iter();
     let (Some(host), None) = (hosts.next(), hosts.next()) else {
-        return Err(Problem::bad_request("a request names one Host".to_owned()));
+        return Err(Problem::bad_request("a request must have exactly one Host".to_owned()));
     };
     let host: Option<Authority> = host.to_str().ok().and_then(|host| host.parse().ok());
     match host {
@@ -120,7 +120,7 @@ fn host(headers: &HeaderMap, uri: &Uri) -> Result<Authority, Problem> {
             // What the request line names, where it names a host, is what counts.
             Ok(uri.authority().cloned().unwrap_or(host))
         }
-        _ => Err(Problem::bad_request("Host is not the name of a host".to_owned())),
+        _ => Err(Problem::bad_request("the header Host is not a host name".to_owned())),
     }
 }
 
@@ -136,7 +136,8 @@ fn elsewhere(headers: &HeaderMap, host: &Authority) -> Option<String> {
     Some(format!("Sec-Fetch-Site: {other}"))
 }
 
-/// Whether an origin is the one under which this daemon was asked. What stands before the daemon may
+/// Whether an origin is the one under which this daemon was asked. What stands before the daemon
+/// may
 /// speak TLS.
 fn is_same_origin(origin: &str, host: &Authority) -> bool {
     let Ok(origin) = origin.parse::<Uri>() else { return false };
@@ -154,7 +155,7 @@ fn is_same_origin(origin: &str, host: &Authority) -> bool {
 fn check_token(access: &Access, headers: &HeaderMap) -> Result<(), Problem> {
     let Some(token) = access.token() else { return Ok(()) };
     let Some(given) = headers.get(header::AUTHORIZATION) else {
-        return Err(Problem::unauthorized("this daemon asks for a token".to_owned()));
+        return Err(Problem::unauthorized("this daemon requires a token".to_owned()));
     };
     let given = given.to_str().ok().and_then(|given| given.split_once(' '));
     match given {
@@ -163,7 +164,7 @@ fn check_token(access: &Access, headers: &HeaderMap) -> Result<(), Problem> {
         {
             Ok(())
         }
-        _ => Err(Problem::unauthorized("the token is not the one of this daemon".to_owned())),
+        _ => Err(Problem::unauthorized("the token is wrong".to_owned())),
     }
 }
 
@@ -185,7 +186,7 @@ async fn read(headers: &HeaderMap, body: Body) -> Result<Body, Problem> {
         essence.is_some_and(|essence| BODY_TYPES.contains(&essence.trim().to_lowercase().as_str()));
     let refusal = || {
         Problem::unsupported_media_type(format!(
-            "a body is sent as application/json or application/toml, not as {}",
+            "the body must be application/json or application/toml, not {}",
             essence.unwrap_or("nothing named")
         ))
     };

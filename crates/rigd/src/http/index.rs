@@ -16,7 +16,7 @@ const DOCUMENTATION: &str = include_str!("../../../../docs/http.md");
 const LINKS: [(&str, &str); 4] = [
     ("/api/v1/rig", "the rig as it is now"),
     ("/api/v1/runs", "every run"),
-    ("/api/v1/events", "what happens, as server-sent events"),
+    ("/api/v1/events", "every record of the journal, as server-sent events"),
     ("/docs/http", "how to use this interface"),
 ];
 

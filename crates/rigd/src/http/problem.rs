@@ -96,7 +96,7 @@ impl Problem {
 
     /// The daemon was called by a name that is not its own.
     pub(super) fn misdirected(detail: String) -> Self {
-        let hint = "call it localhost, or by the address on which it listens, or start it with \
+        let hint = "use localhost or the address on which it listens, or start it with \
                     --allow-host and the name";
         Self { hint: Some(hint), ..Self::of(StatusCode::MISDIRECTED_REQUEST, detail) }
     }
@@ -141,12 +141,12 @@ impl Problem {
     }
 
     pub(super) fn head_too_slow() -> Self {
-        let detail = "the head of the request was not there in time".to_owned();
+        let detail = "the head of the request did not arrive in time".to_owned();
         Self::of(StatusCode::REQUEST_TIMEOUT, detail)
     }
 
     pub(super) fn too_slow() -> Self {
-        let detail = format!("the body was not there after {} s", BODY_TIME.as_secs());
+        let detail = format!("the body did not arrive within {} s", BODY_TIME.as_secs());
         let header = Some(("connection", "close"));
         Self { header, ..Self::of(StatusCode::REQUEST_TIMEOUT, detail) }
     }
@@ -194,7 +194,7 @@ impl From<RequestRefusal> for Problem {
                 Self::new(StatusCode::CONFLICT, "not under way", detail)
             }
             RequestRefusal::NotAsked { .. } => Self {
-                hint: Some("look at the open prompt in GET /api/v1/rig"),
+                hint: Some("read the open prompt in GET /api/v1/rig"),
                 ..Self::new(StatusCode::CONFLICT, "not asked", detail)
             },
             RequestRefusal::Journal { .. } => Self {

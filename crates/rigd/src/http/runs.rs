@@ -288,7 +288,7 @@ pub(super) fn posted(
         }
         other => {
             return Err(Problem::unsupported_media_type(format!(
-                "a protocol is posted as application/toml or application/json, not as {}",
+                "a protocol must be application/toml or application/json, not {}",
                 other.unwrap_or("nothing named")
             )));
         }

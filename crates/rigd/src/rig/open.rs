@@ -112,7 +112,7 @@ impl Simulation {
                 if let Some(name) = samples.get(sample)
                     && let Err(error) = self.person.place_sample(name)
                 {
-                    tracing::error!(%error, "the simulated person found no such sample");
+                    tracing::error!(%error, "the simulated rig has no such sample");
                 }
             }
             Prompt::TurnSensor { orientation } => self.person.turn_sensor(orientation),

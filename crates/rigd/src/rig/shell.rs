@@ -372,7 +372,7 @@ impl Shell {
         }
         let Some(mut devices) = self.devices.take() else {
             // The engine has one operation in flight at a time, so the devices are here.
-            unreachable!("an operation was begun while another was in flight");
+            unreachable!("an operation began while another was in progress");
         };
         self.stop.lower();
         let stop = self.stop.clone();
@@ -522,7 +522,8 @@ impl Shell {
     }
 }
 
-/// What this thread has had of the processor: unlike the time on the wall, no matter what else runs.
+/// What this thread has had of the processor: unlike the time on the wall, no matter what else
+/// runs.
 fn processor_time() -> Duration {
     clock_gettime(ClockId::ThreadCPUTime).try_into().unwrap_or_default()
 }

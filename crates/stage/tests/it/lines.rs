@@ -204,7 +204,8 @@ async fn what_is_wrong_with_a_line_is_said_in_words() {
         ),
         (
             Fault::ReplyTruncated,
-            "line 1: unit 1: read 2 holding registers at 0x0080: the answer broke off (3 attempts), \
+            "line 1: unit 1: read 2 holding registers at 0x0080: the answer broke off (3 \
+             attempts), \
              6 bytes arrived: 01 03 04 ",
         ),
         (
@@ -214,13 +215,13 @@ async fn what_is_wrong_with_a_line_is_said_in_words() {
         ),
         (
             Fault::ReplyTwice { ms_apart: 0 },
-            "line 1: unit 1: read 2 holding registers at 0x0080: more came than one \
-             answer (3 attempts), 18 bytes arrived: 01 03 04 ",
+            "line 1: unit 1: read 2 holding registers at 0x0080: more than one answer arrived (3 \
+             attempts), 18 bytes arrived: 01 03 04 ",
         ),
         (
             Fault::Garbled,
-            "line 1: unit 1: read 2 holding registers at 0x0080: what came is no Modbus \
-             frame (3 attempts), 5 bytes arrived: ",
+            "line 1: unit 1: read 2 holding registers at 0x0080: the bytes are not a Modbus frame \
+             (3 attempts), 5 bytes arrived: ",
         ),
         (
             Fault::Exception(2),
@@ -340,7 +341,7 @@ async fn a_line_that_was_unplugged_fails_once_and_is_opened_again() {
     let bus = BusHandle::open(port, BusSettings::rtu());
     drop(plugged.recv().await.unwrap());
     let error = bus.read(1, 0x80, 2).await.unwrap_err();
-    assert_eq!(error.to_string(), "line 1: the port is gone");
+    assert_eq!(error.to_string(), "line 1: the port has disappeared");
     tokio::spawn(async move {
         serve(plugged.recv().await.unwrap(), faulty(BTreeMap::new(), truthful(1))).await;
     });
@@ -409,8 +410,8 @@ async fn an_answer_that_is_shorter_than_it_says_is_no_lost_port() {
     let error = bus.read(1, 0x80, 2).await.unwrap_err();
     assert_eq!(
         error.to_string(),
-        "line 1: unit 1: read 2 holding registers at 0x0080: the answer announces 6 bytes of data \
-         where 4 were asked for (3 attempts), 13 bytes arrived: 00 00 00 00 00 07 01 03 06 00 00 00 \
+        "line 1: unit 1: read 2 holding registers at 0x0080: the answer announces 6 bytes of data instead of 4 (3 attempts), 13 bytes arrived: 00 00 00 00 00 07 01 03 06 00 00 \
+         00 \
          01"
     );
 }

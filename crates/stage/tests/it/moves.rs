@@ -264,7 +264,7 @@ async fn a_drive_that_does_not_move_as_told_is_found_out() {
         let (drive, mut stage) = ready(make).await;
         drive.lose_counts(counts(make, 0.03));
         let error = stage.move_to(target(12.0), 6.0, &stop).await.unwrap_err();
-        assert_eq!(error.to_string(), "stands at 11.970 mm, 0.0300 mm from its target 12.000 mm");
+        assert_eq!(error.to_string(), "is at 11.970 mm, 0.0300 mm from its target 12.000 mm");
 
         drive.lose_counts(0);
         drive.raise_alarm(0xE0);
@@ -365,7 +365,7 @@ async fn nothing_moves_from_where_the_axis_cannot_be() {
             assert_eq!(
                 error.to_string(),
                 format!(
-                    "stands at {:.3} mm, outside its travel [-60.000 mm, 60.000 mm]",
+                    "is at {:.3} mm, outside its travel [-60.000 mm, 60.000 mm]",
                     12.0 * factor
                 )
             );
@@ -376,7 +376,7 @@ async fn nothing_moves_from_where_the_axis_cannot_be() {
         stage.status().await.unwrap();
         let frames = drive.seen().len();
         let error = stage.move_to(target(0.0), 6.0, &stop).await.unwrap_err();
-        assert_eq!(error.to_string(), "not homed: its position 12.000 mm tells nothing");
+        assert_eq!(error.to_string(), "not homed: its position 12.000 mm is meaningless");
         assert_eq!(drive.seen().len(), frames, "{}", make.map.make);
         stage.home(&stop).await.unwrap();
         stage.move_to(target(5.0), 6.0, &stop).await.unwrap();
