@@ -12,6 +12,15 @@ pub enum Command {
     Prepare,
     /// Replay a plan.
     Run(Box<Plan>),
+    /// Replay the rest of a plan whose run had not been completed.
+    Continue {
+        /// The plan.
+        plan: Box<Plan>,
+        /// Number of steps that are done.
+        from: usize,
+        /// Whether a touch among them was refused.
+        has_refusals: bool,
+    },
     /// Measure the resonance at the present pose.
     Sweep(SweepRequest),
     /// Move the probe up or down, no deeper than any touch may go.
@@ -38,6 +47,7 @@ impl Command {
         match self {
             Self::Prepare => "prepare",
             Self::Run(_) => "run",
+            Self::Continue { .. } => "continue",
             Self::Sweep(_) => "sweep",
             Self::MoveLinear(_) => "move the linear stage",
             Self::MoveRotary(_) => "move the rotary stage",

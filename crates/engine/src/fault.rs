@@ -145,6 +145,14 @@ pub enum Fault {
         /// The highest one.
         high: Position<Mm>,
     },
+    /// The last program ended without leaving the rig in order.
+    #[error("{left}")]
+    Interrupted {
+        /// Which run, when, in which step, and where the probe was, as the journal tells.
+        left: String,
+        /// Whether the probe may be in the sample.
+        may_touch: bool,
+    },
     /// A person pressed Stop.
     #[error("stopped by {by}")]
     Stopped {

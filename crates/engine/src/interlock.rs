@@ -61,6 +61,11 @@ impl Interlock {
         self.clearance
     }
 
+    /// Takes the probe for lowered until a read-back shows it clear.
+    pub const fn assume_contact(&mut self) {
+        self.clearance = Clearance::InContact;
+    }
+
     /// Allows lowering as far as `down_to`. The caller has made the intent durable.
     pub(crate) fn declare(&mut self, down_to: Position<Mm>) {
         self.floor = down_to;

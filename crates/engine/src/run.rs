@@ -34,13 +34,14 @@ enum Machine {
 }
 
 impl Run {
-    pub(crate) const fn new(plan: Plan) -> Self {
+    /// A run of the steps from this index on.
+    pub(crate) const fn new(plan: Plan, index: usize, has_refusals: bool) -> Self {
         Self {
             plan,
-            index: 0,
+            index,
             machine: Machine::Between,
             no_load: None,
-            has_refusals: false,
+            has_refusals,
             is_pause_asked: false,
         }
     }

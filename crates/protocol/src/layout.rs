@@ -58,6 +58,7 @@ impl Plan {
             samples: protocol.samples.iter().map(|sample| sample.value.clone()).collect(),
             steps: Layout::of(protocol),
             touch: protocol.touch_settings(),
+            no_load: protocol.no_load,
             no_load_sweep: protocol.no_load_sweep.request,
             contact_sweep: protocol.contact_sweep.request,
             classes: protocol.blind.as_ref().map(|blind| blind.classes.value as usize),
@@ -71,11 +72,47 @@ impl Plan {
         }
         faults.finish(plan)
     }
+
+    /// The plan of a run that goes on: the steps of the touches that are done, as they were, and then
+    /// the other touches in their order. A person is asked for sample and orientation anew, and the
+    /// no-load resonance is measured anew, because nobody knows what happened on the bench meanwhile.
+    /// Returns also the number of steps that are done.
+    #[must_use]
+    pub fn resumed(&self, is_done: impl Fn(&StepId) -> bool) -> (Self, usize) {
+        let mut layout = Layout::new(self.no_load);
+        let (mut done, mut before) = (Vec::new(), Vec::new());
+        for step in &self.steps {
+            match step.action {
+                Action::Touch(touch) if !is_done(&step.id) => {
+                    before.clear();
+                    layout.touch(&step.id.0, touch);
+                }
+                Action::Touch(_) => {
+                    done.append(&mut before);
+                    done.push(step.clone());
+                }
+                Action::Prompt(_) | Action::NoLoad(_) => before.push(step.clone()),
+            }
+        }
+        let from = done.len();
+        let steps = done.into_iter().chain(layout.steps).collect();
+        (Self { steps, ..self.clone() }, from)
+    }
+
+    /// A plan of one touch of this one, with the steps that it needs; `None` if there is no such touch.
+    #[must_use]
+    pub fn only(&self, wanted: &str) -> Option<Self> {
+        let step = self.steps.iter().find(|step| step.id.0 == wanted)?;
+        let Action::Touch(touch) = step.action else { return None };
+        let mut layout = Layout::new(self.no_load);
+        layout.touch(wanted, touch);
+        Some(Self { steps: layout.steps, ..self.clone() })
+    }
 }
 
 /// The steps so far, and the state of the bench after them.
-struct Layout<'a> {
-    protocol: &'a Protocol,
+struct Layout {
+    no_load: NoLoadPolicy,
     steps: Vec<Step>,
     sample: Option<usize>,
     orientation: Option<Orientation>,
@@ -83,35 +120,39 @@ struct Layout<'a> {
     no_load_pose: Option<Pose>,
 }
 
-impl<'a> Layout<'a> {
-    fn of(protocol: &'a Protocol) -> Vec<Step> {
+impl Layout {
+    const fn new(no_load: NoLoadPolicy) -> Self {
         let (sample, orientation, no_load_pose) = (None, None, None);
-        let mut layout = Self { protocol, steps: Vec::new(), sample, orientation, no_load_pose };
-        layout.main();
+        Self { no_load, steps: Vec::new(), sample, orientation, no_load_pose }
+    }
+
+    fn of(protocol: &Protocol) -> Vec<Step> {
+        let mut layout = Self::new(protocol.no_load);
+        layout.main(protocol);
         if let Some(blind) = &protocol.blind {
-            layout.blind(blind);
+            layout.blind(protocol, blind);
         }
         layout.steps
     }
 
-    fn main(&mut self) {
-        let mut random = match self.protocol.order {
+    fn main(&mut self, protocol: &Protocol) {
+        let mut random = match protocol.order {
             Order::Listed => None,
-            Order::Random => Some(Draws::Order.stream(self.protocol.seed)),
+            Order::Random => Some(Draws::Order.stream(protocol.seed)),
         };
-        let mut samples: Vec<_> = (0..self.protocol.samples.len()).collect();
+        let mut samples: Vec<_> = (0..protocol.samples.len()).collect();
         if let Some(random) = &mut random {
             random.shuffle(&mut samples);
         }
         for sample in samples {
-            for orientation in self.orientations() {
-                let mut touches = self.mounting(sample, orientation);
+            for orientation in self.orientations(protocol) {
+                let mut touches = mounting(protocol, sample, orientation);
                 if let Some(random) = &mut random {
                     random.shuffle(&mut touches);
                 }
                 for touch in touches {
                     let Pose { direction, angle } = touch.pose;
-                    let name = &self.protocol.samples[sample].value;
+                    let name = &protocol.samples[sample].value;
                     let degrees = angle.degrees();
                     let id = format!("main/{name}/{direction}/{degrees}/{}", touch.repeat);
                     self.touch(&id, touch);
@@ -121,9 +162,9 @@ impl<'a> Layout<'a> {
     }
 
     /// The orientations of the listed directions, the present one first.
-    fn orientations(&self) -> Vec<Orientation> {
+    fn orientations(&self, protocol: &Protocol) -> Vec<Orientation> {
         let mut orientations = Vec::new();
-        let listed = self.protocol.directions.iter().map(|direction| direction.value.orientation());
+        let listed = protocol.directions.iter().map(|direction| direction.value.orientation());
         for orientation in self.orientation.into_iter().chain(listed.clone()) {
             if !orientations.contains(&orientation) && listed.clone().any(|o| o == orientation) {
                 orientations.push(orientation);
@@ -132,32 +173,13 @@ impl<'a> Layout<'a> {
         orientations
     }
 
-    /// The touches of one sample with the sensor standing one way.
-    fn mounting(&self, sample: usize, orientation: Orientation) -> Vec<Touch> {
-        let mut angles: Vec<_> = self.protocol.angles.iter().map(|angle| angle.value).collect();
-        angles.sort_by(|a, b| a.degrees().total_cmp(&b.degrees()));
-        let mut touches = Vec::new();
-        for direction in self.protocol.directions.iter().map(|direction| direction.value) {
-            if direction.orientation() != orientation {
-                continue;
-            }
-            for &angle in &angles {
-                for repeat in 1..=self.protocol.repeats.value {
-                    let pose = Pose { direction, angle };
-                    touches.push(Touch { phase: Phase::Main, sample, pose, repeat });
-                }
-            }
-        }
-        touches
-    }
-
-    fn blind(&mut self, blind: &BlindPhase) {
-        let mut random = Draws::Blind.stream(self.protocol.seed);
+    fn blind(&mut self, protocol: &Protocol, blind: &BlindPhase) {
+        let mut random = Draws::Blind.stream(protocol.seed);
         let angles = blind.angles();
         for trial in 1..=blind.trials.value {
-            let sample = random.below(self.protocol.samples.len());
-            let direction = random.below(self.protocol.directions.len());
-            let direction = self.protocol.directions[direction].value;
+            let sample = random.below(protocol.samples.len());
+            let direction = random.below(protocol.directions.len());
+            let direction = protocol.directions[direction].value;
             let angle = angles[random.below(angles.len())];
             let pose = Pose { direction, angle };
             let touch = Touch { phase: Phase::Blind, sample, pose, repeat: trial };
@@ -185,7 +207,7 @@ impl<'a> Layout<'a> {
     }
 
     fn needs_no_load(&self, pose: Pose) -> bool {
-        match self.protocol.no_load {
+        match self.no_load {
             NoLoadPolicy::EveryTouch => true,
             NoLoadPolicy::EveryPose => self.no_load_pose != Some(pose),
             NoLoadPolicy::EverySample | NoLoadPolicy::Once => self.no_load_pose.is_none(),
@@ -193,7 +215,7 @@ impl<'a> Layout<'a> {
     }
 
     fn ask(&mut self, id: String, prompt: Prompt) {
-        if self.protocol.no_load != NoLoadPolicy::Once {
+        if self.no_load != NoLoadPolicy::Once {
             self.no_load_pose = None;
         }
         self.push(id, Action::Prompt(prompt));
@@ -202,4 +224,23 @@ impl<'a> Layout<'a> {
     fn push(&mut self, id: String, action: Action) {
         self.steps.push(Step { id: StepId(id), action });
     }
+}
+
+/// The touches of one sample with the sensor standing one way.
+fn mounting(protocol: &Protocol, sample: usize, orientation: Orientation) -> Vec<Touch> {
+    let mut angles: Vec<_> = protocol.angles.iter().map(|angle| angle.value).collect();
+    angles.sort_by(|a, b| a.degrees().total_cmp(&b.degrees()));
+    let mut touches = Vec::new();
+    for direction in protocol.directions.iter().map(|direction| direction.value) {
+        if direction.orientation() != orientation {
+            continue;
+        }
+        for &angle in &angles {
+            for repeat in 1..=protocol.repeats.value {
+                let pose = Pose { direction, angle };
+                touches.push(Touch { phase: Phase::Main, sample, pose, repeat });
+            }
+        }
+    }
+    touches
 }

@@ -21,5 +21,5 @@ mod sweep;
 mod tests;
 
 pub use plan::{Action, Approach, Phase, Plan, Pose, Prompt, Step, StepId, Touch, TouchSettings};
-pub use protocol::{AngleKnowledge, Protocol};
+pub use protocol::{AngleKnowledge, NoLoadPolicy, Protocol};
 pub use summary::Summary;

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use crate::NoLoadPolicy;
 use rig_model::{ContactAngle, Direction, Orientation, SweepRequest};
 
 /// A protocol that this rig can run, laid out in steps.
@@ -15,6 +16,8 @@ pub struct Plan {
     pub steps: Vec<Step>,
     /// The settings of the search and the indentation.
     pub touch: TouchSettings,
+    /// When the no-load resonance is measured anew.
+    pub no_load: NoLoadPolicy,
     /// The no-load sweep.
     pub no_load_sweep: SweepRequest,
     /// The sweep in contact.

@@ -51,7 +51,7 @@ pub(crate) enum Order {
 
 /// When the no-load resonance is measured anew.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum NoLoadPolicy {
+pub enum NoLoadPolicy {
     /// Before every touch.
     EveryTouch,
     /// Whenever the pose has changed or a person has touched the bench.

@@ -112,7 +112,7 @@ pub struct Run {
     pub id: RunId,
     /// Kind of the journal.
     pub kind: RunKind,
-    /// Its name: that of the protocol, for a run.
+    /// Its name: that of the protocol, for a run; the id of the amended run, for an amendment.
     pub name: String,
     /// Number among the runs of this kind and name, from 1.
     pub number: u64,
@@ -128,6 +128,8 @@ pub struct Run {
     pub records: u64,
     /// Number of the epoch in which it was begun, or resumed last: the opening of the journal.
     pub epoch: u64,
+    /// Number of its amendments that have ended.
+    pub amendments: u64,
     /// Whether it has ended for good and has a seal.
     pub is_sealed: bool,
 }

@@ -48,7 +48,7 @@ use crate::{
     http::access::TokenError,
     loaded_rig::{FileError, LoadedRig},
     operator::Operator,
-    rig::{OpenError, RequestRefusal},
+    rig::{OpenError, RequestRefusal, ResumeRefusal},
     run_files::RunFilesError,
     sweep_form::SweepFaults,
 };
@@ -73,8 +73,10 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum CliCommand {
-    /// Replay a protocol and write the report
+    /// Replay a protocol, or go on with a run, and write the report
     Run(RunArgs),
+    /// Seal a run that was not completed, so that it cannot be resumed
+    GiveUp(GiveUpArgs),
     /// Say whether a protocol can run on a rig, without moving anything
     Check(CheckArgs),
     /// Serve the rig over HTTP, with a protocol loaded
@@ -147,7 +149,15 @@ struct OutputArgs {
 #[derive(Debug, Args)]
 struct RunArgs {
     /// Protocol file
-    protocol: PathBuf,
+    #[arg(required_unless_present = "resume", conflicts_with = "resume")]
+    protocol: Option<PathBuf>,
+    /// Go on with a run that was not completed, at its next touch without an outcome: its name such
+    /// as `smoke-7`, its id or enough of it, or `latest`
+    #[arg(long, value_name = "RUN")]
+    resume: Option<String>,
+    /// With --resume: confirm that the rig file, the scene, the software or a device has changed
+    #[arg(long, requires = "resume")]
+    accept_changes: bool,
     #[command(flatten)]
     rig: RigArgs,
     #[command(flatten)]
@@ -174,6 +184,16 @@ struct RunsArgs {
     data: DataArgs,
     #[command(flatten)]
     output: OutputArgs,
+}
+
+#[derive(Debug, Args)]
+struct GiveUpArgs {
+    /// Run: its name such as `smoke-7`, its id or enough of it, or `latest`
+    run: String,
+    #[command(flatten)]
+    data: DataArgs,
+    #[command(flatten)]
+    operator: OperatorArgs,
 }
 
 #[derive(Debug, Args)]
@@ -291,7 +311,7 @@ enum Failure {
     #[error(
         "ended at once while the rig was {}; it is left as it is, and the probe is {}{}. The \
          drives may still carry out their last command. First check by eye where the probe is; \
-         the next command that opens the rig retracts it",
+         then `rigd home` retracts it",
         state.name(),
         probe.name(),
         linear.map_or_else(String::new, |at| format!(" (last read back at {at})"))
@@ -306,8 +326,16 @@ impl Failure {
             | Self::Sweep(_)
             | Self::NoTimes { .. }
             | Self::NoToken { .. }
-            | Self::Token(_)
-            | Self::Refused(RequestRefusal::Command(
+            | Self::Token(_) => 2,
+            Self::Refused(RequestRefusal::Resume(refusal)) => match &**refusal {
+                ResumeRefusal::Changed { .. }
+                | ResumeRefusal::OtherKind { .. }
+                | ResumeRefusal::Protocol(_) => 2,
+                ResumeRefusal::Store(StoreError::NoSuchRun { .. })
+                | ResumeRefusal::NoSuchTouch { .. } => 3,
+                _ => 1,
+            },
+            Self::Refused(RequestRefusal::Command(
                 CommandRefusal::LinearTarget(_)
                 | CommandRefusal::RotaryTarget(_)
                 | CommandRefusal::TooDeep { .. },
@@ -348,6 +376,13 @@ impl Failure {
                 "end the other rigd, use its HTTP interface, or name another directory with \
                       --data",
             ),
+            Self::Refused(RequestRefusal::Resume(refusal))
+                if matches!(**refusal, ResumeRefusal::Changed { .. }) =>
+            {
+                Some(
+                    "confirm the change with --accept-changes, or name the other rig file with --rig",
+                )
+            }
             Self::Open(error) => advice::on_rig(error),
             Self::BadFile(FileError::Missing { path, .. }) if path == Path::new(DEFAULT_RIG) => {
                 Some(
@@ -366,6 +401,7 @@ pub fn main() -> ExitCode {
     start_log();
     let result = match cli.command {
         CliCommand::Run(args) => run::run(&args),
+        CliCommand::GiveUp(args) => runs::give_up(&args),
         CliCommand::Check(args) => check::check(&args),
         CliCommand::Serve(args) => serve::serve(&args),
         CliCommand::Runs(args) => runs::list(&args),

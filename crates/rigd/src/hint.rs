@@ -53,7 +53,7 @@ impl Hint {
         match self.then {
             NextAction::Retract => {
                 format!(
-                    "{}; the next command that opens the rig retracts the probe first",
+                    "{}; then `rigd home`, which retracts the probe first, or `rigd run --resume`",
                     self.text
                 )
             }
@@ -89,6 +89,16 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
     if is_lost || matches!(fault, Fault::PositionJumped { .. }) {
         return Hint { text: LOST, then: NextAction::Restart };
     }
+    if let Fault::Interrupted { may_touch, .. } = fault {
+        let (text, then) = if *may_touch {
+            let text =
+                "check by eye where the probe is, and touch neither the sample nor the stages";
+            (text, NextAction::Retract)
+        } else {
+            ("look at the bench", NextAction::Prepare)
+        };
+        return Hint { text, then };
+    }
     if clearance != Clearance::Clear {
         let text = "the probe may still be in contact: do not touch the sample or the stages; \
                     check by eye, and remove the cause";
@@ -122,6 +132,7 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
         | Fault::Interlock(_)
         | Fault::MissingReadings { .. }
         | Fault::Overdue { .. }
+        | Fault::Interrupted { .. }
         | Fault::NotProvenClear => "keep the journal of this run for the maintainer of rigd",
     };
     Hint { text, then: NextAction::Prepare }

@@ -15,6 +15,7 @@
 //! | `GET /api/v1/runs/{id}/report` | its report as HTML |
 //! | `GET /api/v1/runs/{id}/export?format=csv` | its touches; `sweeps` or `jsonl` for the rest |
 //! | `POST /api/v1/runs/{id}/pause`, `resume`, `abort`, `answer` | a command to that run |
+//! | `POST /api/v1/runs/{id}/continue`, `give-up` | goes on with a run that was not completed; seals it |
 //! | `POST /api/v1/stop` | stops everything, retracts, latches |
 //! | `POST /api/v1/acknowledge` | leaves the latch |
 //! | `GET /api/v1/events` | everything that happens, as server-sent events |
@@ -36,6 +37,7 @@ mod plan;
 mod problem;
 mod progress;
 mod results;
+mod resume;
 mod rig;
 mod runs;
 mod server;
@@ -132,6 +134,8 @@ pub fn router(shared: Shared) -> Router {
         .route("/runs/{id}/resume", post(runs::resume))
         .route("/runs/{id}/abort", post(runs::abort))
         .route("/runs/{id}/answer", post(runs::answer))
+        .route("/runs/{id}/continue", post(resume::resume))
+        .route("/runs/{id}/give-up", post(resume::give_up))
         .route("/protocols/check", post(plan::check))
         .route("/events", get(events::stream));
     Router::new()

@@ -6,8 +6,8 @@ use serde::Serialize;
 /// What to do about a probe that may be in the sample. It names no move: where the probe stands is
 /// for a person to see.
 pub(crate) const ADVICE: &str = "check by eye where the probe is, and touch neither the sample \
-                                 nor the stages; the next command that opens the rig, such \
-                                 as `rigd home`, retracts the probe first";
+                                 nor the stages; then `rigd home` retracts the probe first, and \
+                                 `rigd run --resume` also goes on with the run";
 
 /// An interruption for a program.
 #[derive(Debug, Clone, Serialize)]
@@ -65,6 +65,9 @@ impl From<Interruption> for InterruptionView {
 pub(crate) struct InterruptedRig {
     /// It was not closed in order.
     pub(crate) is_interrupted: bool,
+    /// The rig must not move until a person acknowledges what was left: the program was killed, or it
+    /// was closed in order while latched with the probe not clear.
+    pub(crate) is_latched: bool,
     /// The probe may be in the sample.
     pub(crate) is_open: bool,
     /// Both in a sentence.
@@ -83,12 +86,15 @@ impl InterruptedRig {
         }
         let Some(left) = InterruptionView::read(reader, &session)? else {
             let probe = reader.probe_word(&session)?;
-            let message = match probe {
-                ProbeWord::Clear => "the probe was left clear".to_owned(),
-                other => format!("the probe was not retracted{}", whereabouts(other)),
-            };
             let is_open = probe != ProbeWord::Clear;
-            return Ok(Some(Self { is_interrupted: false, is_open, message }));
+            let latched = reader.latched_by(&session)?.filter(|_| is_open);
+            let message = match (probe, &latched) {
+                (ProbeWord::Clear, _) => "the probe was left clear".to_owned(),
+                (other, None) => format!("the probe was not retracted{}", whereabouts(other)),
+                (_, Some(cause)) => format!("the rig was left latched, not acknowledged: {cause}"),
+            };
+            let is_latched = latched.is_some();
+            return Ok(Some(Self { is_interrupted: false, is_latched, is_open, message }));
         };
         let is_its_run = |run: &Run| {
             run.kind == RunKind::Run && run.status.is_interrupted() && run.epoch == session.epoch
@@ -101,7 +107,7 @@ impl InterruptedRig {
             None => ("the last session".to_owned(), left),
         };
         let message = format!("{what} was {}", left.message);
-        Ok(Some(Self { is_interrupted: true, is_open, message }))
+        Ok(Some(Self { is_interrupted: true, is_latched: true, is_open, message }))
     }
 }
 

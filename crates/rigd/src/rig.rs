@@ -16,6 +16,7 @@ mod live;
 mod open;
 mod pace;
 mod record;
+mod resume;
 mod shell;
 
 use std::{path::PathBuf, sync::Arc, thread, time::Instant};
@@ -34,6 +35,8 @@ pub use inspect::{
 pub use live::{LiveEstimate, LiveSweep};
 pub use open::{DeviceError, OpenError};
 pub use pace::{Pace, Remaining};
+pub(crate) use resume::Outcomes;
+pub use resume::ResumeRefusal;
 
 use crate::{describe, loaded_rig::LoadedRig, protocol_file::LoadedProtocol};
 
@@ -99,6 +102,10 @@ pub struct RunView {
     pub expected_s: f64,
     /// Duration of each of its steps, s.
     pub durations_s: Arc<[f64]>,
+    /// Number of steps that were done before this part of the run began.
+    pub first_step: usize,
+    /// The touches that were done before this part of the run began.
+    pub touches_before: usize,
     /// The touches that are done, also those that were refused.
     pub touches_done: usize,
     /// The touches that were refused.
@@ -136,6 +143,9 @@ pub enum RequestRefusal {
         /// The error of the store.
         reason: Arc<str>,
     },
+    /// The run cannot go on or be amended.
+    #[error(transparent)]
+    Resume(Arc<ResumeRefusal>),
     /// The answer is for another prompt than the open one.
     #[error("there is no open prompt at step {step}")]
     NotAsked {
@@ -155,6 +165,17 @@ enum Request {
         by: String,
         key: Option<String>,
         reply: oneshot::Sender<Result<RunId, RequestRefusal>>,
+    },
+    Resume {
+        run: RunId,
+        is_confirmed: bool,
+        by: String,
+        reply: oneshot::Sender<Result<(), RequestRefusal>>,
+    },
+    GiveUp {
+        run: RunId,
+        by: String,
+        reply: oneshot::Sender<Result<(), RequestRefusal>>,
     },
     Sweep {
         request: SweepRequest,
@@ -243,6 +264,31 @@ impl RigHandle {
         self.ask(Request::Run { protocol, by, key, reply }, answer).await?
     }
 
+    /// Goes on with a run that had not been completed, at its next touch without an outcome.
+    /// `is_confirmed` accepts what has changed since.
+    ///
+    /// # Errors
+    /// [`RequestRefusal`]; nothing has changed then.
+    pub async fn resume(
+        &self,
+        run: RunId,
+        is_confirmed: bool,
+        by: &str,
+    ) -> Result<(), RequestRefusal> {
+        let (reply, answer) = oneshot::channel();
+        let by = by.to_owned();
+        self.ask(Request::Resume { run, is_confirmed, by, reply }, answer).await?
+    }
+
+    /// Gives up a run that had not been completed: it is sealed as it is.
+    ///
+    /// # Errors
+    /// [`RequestRefusal`]; nothing has changed then.
+    pub async fn give_up(&self, run: RunId, by: &str) -> Result<(), RequestRefusal> {
+        let (reply, answer) = oneshot::channel();
+        self.ask(Request::GiveUp { run, by: by.to_owned(), reply }, answer).await?
+    }
+
     /// Measures one resonance at the present pose and returns the number of the sweep.
     ///
     /// # Errors
@@ -299,6 +345,12 @@ impl From<StoreError> for RequestRefusal {
     }
 }
 
+impl From<ResumeRefusal> for RequestRefusal {
+    fn from(refusal: ResumeRefusal) -> Self {
+        Self::Resume(Arc::new(refusal))
+    }
+}
+
 impl Status {
     /// The rig's clock as it is now. Virtual time stands while nothing happens.
     pub fn present(&self, is_virtual_time: bool) -> RigTime {
@@ -329,10 +381,11 @@ impl RunView {
         let touches = self.touches_planned();
         let left = touches.saturating_sub(self.touches_done) as f64;
         let planned_s = self.expected_s * left / touches.max(1) as f64;
-        if self.touches_done < PACE_FROM_TOUCHES {
+        let done = self.touches_done.saturating_sub(self.touches_before);
+        if done < PACE_FROM_TOUCHES {
             return planned_s;
         }
-        elapsed_s / self.touches_done as f64 * left
+        elapsed_s / done as f64 * left
     }
 }
 

@@ -80,7 +80,7 @@ pub fn write(data: &Path, run: RunId) -> Result<RunFiles, RunFilesError> {
     let report = folder.join(REPORT);
     let (results, chain) = write_report(&reader, run, &report)?;
     rig_store::intact(run, &chain.check)?;
-    let records = chain.records;
+    let records = reader.amend(run, chain.records.clone())?;
     let file = |name: &str, table: &dyn Fn(&mut Vec<u8>) -> Result<(), ExportError>| {
         let mut bytes = Vec::new();
         table(&mut bytes)?;
@@ -90,7 +90,7 @@ pub fn write(data: &Path, run: RunId) -> Result<RunFiles, RunFilesError> {
     file("sweeps.csv", &|out| export::sweeps_csv(&records, out))?;
     file("readings.csv", &|out| export::readings_csv(&records, out))?;
     file("searches.csv", &|out| export::searches_csv(&records, out))?;
-    file("records.jsonl", &|out| export::jsonl(&records, out))?;
+    file("records.jsonl", &|out| export::jsonl(&chain.records, out))?;
     Ok(RunFiles { results, report, data: folder })
 }
 
@@ -104,7 +104,8 @@ pub fn write_report(
     path: &Path,
 ) -> Result<(RunResults, Chain), RunFilesError> {
     let (run, chain) = (reader.run(run)?, reader.chain(run)?);
-    let results = RunResults::new(&run, &chain.records).map_err(StoreError::from)?;
+    let records = reader.amend(run.id, chain.records.clone())?;
+    let results = RunResults::new(&run, &records).map_err(StoreError::from)?;
     write_file(path, results.html(&chain.check).as_bytes())?;
     Ok((results, chain))
 }

@@ -213,28 +213,38 @@ impl Reader {
         Ok(Chain { records, check })
     }
 
-    /// The records of a run, and behind them those of its amendments, in the order in which they
-    /// were made. All are checked against their digests.
+    /// The records of a run, and behind them those of its ended amendments, in the order in which
+    /// they were made. All are checked against their digests.
     ///
     /// # Errors
     /// As for [`Reader::records`].
     pub fn amended(&self, id: RunId) -> Result<Vec<StoredRecord>, StoreError> {
-        let mut records = self.records(id)?;
+        self.amend(id, self.records(id)?)
+    }
+
+    /// Appends the records of the ended amendments of a run to its own.
+    ///
+    /// # Errors
+    /// As for [`Reader::records`].
+    pub fn amend(
+        &self,
+        id: RunId,
+        mut records: Vec<StoredRecord>,
+    ) -> Result<Vec<StoredRecord>, StoreError> {
         for amendment in self.amendments(id)? {
             records.extend(self.records(amendment)?);
         }
         Ok(records)
     }
 
-    /// The amendments of a run, oldest first.
+    /// The ended amendments of a run, oldest first. The name of an amendment is the id of its run.
     ///
     /// # Errors
     /// [`StoreError`] of the system or of SQLite.
     pub fn amendments(&self, id: RunId) -> Result<Vec<RunId>, StoreError> {
         let mut statement = self.connection.prepare_cached(
-            "SELECT runs.id FROM runs JOIN records ON records.run = runs.key AND seq = 1
-             WHERE runs.kind = 'amendment' AND json_valid(payload)
-               AND json_extract(payload, '$.run') = ?1 ORDER BY runs.key",
+            "SELECT id FROM runs
+             WHERE kind = 'amendment' AND name = ?1 AND status != 'running' ORDER BY key",
         )?;
         let ids = statement.query_map([id.to_string()], |row| parsed(row, 0, |id| id.parse().ok()));
         Ok(ids?.collect::<Result<_, _>>()?)
@@ -298,9 +308,12 @@ fn select_runs(tail: &str) -> String {
                 (SELECT max(seq) FROM records WHERE run = key), number,
                 EXISTS (SELECT 1 FROM seals WHERE run = key),
                 coalesce((SELECT max(epoch) FROM stretches WHERE run = key), epoch),
-                (SELECT max(n) FROM epochs)
+                (SELECT max(n) FROM epochs),
+                (SELECT count(*) FROM runs AS amendments
+                 WHERE amendments.kind = 'amendment' AND amendments.name = all_runs.id
+                   AND amendments.status != 'running')
          FROM (SELECT *, row_number() OVER (PARTITION BY kind, name ORDER BY key) AS number
-               FROM runs) {tail}"
+               FROM runs) AS all_runs {tail}"
     )
 }
 
@@ -317,6 +330,7 @@ fn run_from(row: &Row<'_>) -> rusqlite::Result<Run> {
         records: row.get::<_, Option<i64>>(7)?.unwrap_or(0).cast_unsigned(),
         number: row.get::<_, i64>(8)?.cast_unsigned(),
         epoch: row.get::<_, i64>(10)?.cast_unsigned(),
+        amendments: row.get::<_, i64>(12)?.cast_unsigned(),
         is_sealed: row.get(9)?,
     })
 }

@@ -28,6 +28,7 @@ impl Engine {
         let is_admitted = match &command {
             Command::Prepare => matches!(self.activity, Activity::Unprepared),
             Command::Run(_)
+            | Command::Continue { .. }
             | Command::Sweep(_)
             | Command::MoveLinear(_)
             | Command::MoveRotary(_) => matches!(self.activity, Activity::Idle),
@@ -58,7 +59,7 @@ impl Engine {
         if !is_admitted {
             return Err(CommandRefusal::State { command: name, state: self.state });
         }
-        if matches!(command, Command::Run(_) | Command::MoveRotary(_))
+        if matches!(command, Command::Run(_) | Command::Continue { .. } | Command::MoveRotary(_))
             && clearance != Clearance::Clear
         {
             return Err(CommandRefusal::NotClear { command: name, clearance });
@@ -104,11 +105,9 @@ impl Engine {
         }
         match command {
             Command::Prepare | Command::Acknowledge => self.prepare(now, effects),
-            Command::Run(plan) => {
-                let mut run = Box::new(Run::new(*plan));
-                let step = self.advance(now, &mut run, MachineEvent::Begin);
-                self.activity = Activity::Running(run);
-                self.follow_run(now, step, effects);
+            Command::Run(plan) => self.begin_run(now, Run::new(*plan, 0, false), effects),
+            Command::Continue { plan, from, has_refusals } => {
+                self.begin_run(now, Run::new(*plan, from, has_refusals), effects);
             }
             Command::Sweep(request) => {
                 let (sweep, step) =
@@ -133,6 +132,29 @@ impl Engine {
             }
         }
         self.settle(effects);
+    }
+
+    /// Latches before the rig is first prepared, because the last program did not end in order.
+    /// [`Command::Acknowledge`] prepares it. Does nothing later.
+    pub fn latch_interrupted(&mut self, left: String, may_touch: bool, effects: &mut Vec<Effect>) {
+        if !matches!(self.activity, Activity::Unprepared) {
+            return;
+        }
+        if may_touch {
+            self.interlock.assume_contact();
+        }
+        let (fault, clearance) =
+            (Fault::Interrupted { left, may_touch }, self.interlock.clearance());
+        self.notes.push(Event::Faulted { fault: fault.clone(), clearance });
+        self.activity = Activity::Latched(fault);
+        self.settle(effects);
+    }
+
+    fn begin_run(&mut self, now: RigTime, run: Run, effects: &mut Vec<Effect>) {
+        let mut run = Box::new(run);
+        let step = self.advance(now, &mut run, MachineEvent::Begin);
+        self.activity = Activity::Running(run);
+        self.follow_run(now, step, effects);
     }
 
     /// Moves one axis for a person. A move of the probe below its clear position is declared first.

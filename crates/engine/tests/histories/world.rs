@@ -93,6 +93,7 @@ pub(crate) fn plan() -> Plan {
         .map(|(index, action)| Step { id: StepId(format!("step/{index}")), action })
         .collect();
     Plan {
+        no_load: rig_protocol::NoLoadPolicy::EveryTouch,
         name: "histories".to_owned(),
         samples: vec!["one".to_owned()],
         steps,

@@ -60,6 +60,7 @@ impl SampleRun {
             status: RunStatus::Ended(ending),
             records: chain.records.len() as u64,
             epoch: 1,
+            amendments: 0,
             is_sealed: ending.is_complete(),
         };
         Self { run, chain }

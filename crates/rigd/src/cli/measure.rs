@@ -16,7 +16,7 @@ use super::{
     DataArgs, Failure, OperatorArgs, RigArgs,
     moves::{linear_target, positions, rotary_target},
     outcome::OutcomeView,
-    session::{Session, with_rig},
+    session::{LeftInContact, Session, with_rig},
     table::{facts, print, print_json},
 };
 use crate::{
@@ -85,7 +85,8 @@ pub(super) fn measure(args: &MeasureArgs) -> Result<(), Failure> {
         rotary: args.angle_deg.map(|deg| rotary_target(&limits, deg)).transpose()?,
     };
     let (data, rest) = (&args.data.data, limits.linear.rest_target().position());
-    let measured = with_rig(rig, data, &args.operator.name(), async |session| {
+    let operator = args.operator.name();
+    let measured = with_rig(rig, data, &operator, LeftInContact::Refuse, async |session| {
         if let Some(target) = order.rotary {
             session.carry_out(Command::MoveRotary(target)).await?;
         }

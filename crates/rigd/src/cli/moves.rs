@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::{
     DataArgs, Failure, OperatorArgs, OutputArgs, RigArgs,
-    session::{Session, with_rig},
+    session::{LeftInContact, Session, with_rig},
     table::{facts, note, print, print_json},
 };
 use crate::rig::{RequestRefusal, Status};
@@ -67,14 +67,17 @@ pub(super) fn to(args: &MoveArgs) -> Result<(), Failure> {
         MoveAxis::Rotary => Command::MoveRotary(rotary_target(&rig.file.limits, args.to)?),
     };
     let moved = async |session: &mut Session| session.carry_out(command).await;
-    show(&with_rig(rig, &args.data.data, &args.operator.name(), moved)?, &args.output)
+    show(
+        &with_rig(rig, &args.data.data, &args.operator.name(), LeftInContact::Refuse, moved)?,
+        &args.output,
+    )
 }
 
 /// Opening a rig is what homes it.
 pub(super) fn home(args: &HomeArgs) -> Result<(), Failure> {
     let homed = async |session: &mut Session| session.finished().await;
     let (rig, operator) = (args.rig.load()?, args.operator.name());
-    show(&with_rig(rig, &args.data.data, &operator, homed)?, &args.output)
+    show(&with_rig(rig, &args.data.data, &operator, LeftInContact::Retract, homed)?, &args.output)
 }
 
 /// A height that is not beyond the soft limits. Asked before the rig is opened, so that a slip of

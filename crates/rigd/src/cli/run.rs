@@ -1,9 +1,9 @@
-//! `rigd run`: replays a protocol from beginning to end, and leaves the report.
+//! `rigd run`: replays a protocol from beginning to end, or goes on with a run, and leaves the report.
 
 use std::time::{Duration, Instant};
 
 use rig_engine::{Command, RunStatus};
-use rig_store::RunId;
+use rig_store::{Ending, RunId};
 use tokio::{
     signal::unix::{Signal, SignalKind, signal},
     time::MissedTickBehavior,
@@ -13,7 +13,7 @@ use super::{
     Failure, RunArgs,
     prompt::Terminal,
     runs, screen,
-    session::{Session, latched, with_rig},
+    session::{LeftInContact, Session, latched, with_rig},
     table::{duration, note},
 };
 use crate::{
@@ -22,36 +22,75 @@ use crate::{
     run_files,
 };
 
+/// What is to be run.
+enum Order {
+    /// A protocol from its beginning.
+    Protocol(Box<LoadedProtocol>),
+    /// The rest of a run.
+    Rest { run: RunId, is_confirmed: bool },
+}
+
 pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
-    let rig = args.rig.load()?;
-    let is_simulated = rig.is_simulated();
-    let protocol = LoadedProtocol::load(&args.protocol, &rig.facts())?;
     let data = &args.data.data;
-    let (run, ending, status) = with_rig(rig, data, &args.operator.name(), async |session| {
-        replay(session, protocol, is_simulated).await
+    let (order, rig, left) = match (&args.resume, &args.protocol) {
+        (Some(wanted), _) => {
+            let run = args.data.journal()?.find(wanted)?;
+            if let rig_store::RunStatus::Ended(ending) = run.status
+                && ending.is_complete()
+            {
+                note(&format!("{} has been {}", run.short_name(), run.status.describe()));
+                return finish(args, run.id, ending == Ending::CompletedWithRefusals);
+            }
+            let order = Order::Rest { run: run.id, is_confirmed: args.accept_changes };
+            (order, args.rig.load()?, LeftInContact::Retract)
+        }
+        (None, Some(path)) => {
+            let rig = args.rig.load()?;
+            let protocol = Box::new(LoadedProtocol::load(path, &rig.facts())?);
+            (Order::Protocol(protocol), rig, LeftInContact::Refuse)
+        }
+        // The command line asks for one of them.
+        (None, None) => return Ok(()),
+    };
+    let is_simulated = rig.is_simulated();
+    let operator = args.operator.name();
+    let (run, ending, status) = with_rig(rig, data, &operator, left, async |session| {
+        replay(session, order, is_simulated).await
     })?;
+    let finished = finish(args, run, ending == RunStatus::CompletedWithRefusals);
+    match ending {
+        RunStatus::Completed | RunStatus::CompletedWithRefusals => finished,
+        RunStatus::Aborted => finished.and(Err(Failure::Aborted)),
+        RunStatus::Faulted => finished.and(Err(latched(&status))),
+    }
+}
+
+/// Writes the files of a run and prints its results.
+fn finish(args: &RunArgs, run: RunId, has_refusals: bool) -> Result<(), Failure> {
+    let data = &args.data.data;
     let files = run_files::write(data, run)?;
     if !args.output.json {
         note(&format!("report: {}\ndata:   {}\n", files.report.display(), files.data.display()));
     }
     runs::print_results(data, &files.results, args.output.json)?;
-    match ending {
-        RunStatus::Completed => Ok(()),
-        RunStatus::CompletedWithRefusals => Err(Failure::TouchesRefused),
-        RunStatus::Aborted => Err(Failure::Aborted),
-        RunStatus::Faulted => Err(latched(&status)),
-    }
+    if has_refusals { Err(Failure::TouchesRefused) } else { Ok(()) }
 }
 
-/// Replays the protocol and waits for its end.
+/// Runs what was ordered and waits for its end.
 async fn replay(
     session: &mut Session,
-    protocol: LoadedProtocol,
+    order: Order,
     is_simulated: bool,
 ) -> Result<(RunId, RunStatus, Status), Failure> {
     let mut terminal = if is_simulated { None } else { Some(open_terminal()?) };
     let (mut resizes, mut resized) = (resizes()?, None);
-    let run = session.handle.run(protocol, session.operator()).await?;
+    let run = match order {
+        Order::Protocol(protocol) => session.handle.run(*protocol, session.operator()).await?,
+        Order::Rest { run, is_confirmed } => {
+            session.handle.resume(run, is_confirmed, session.operator()).await?;
+            run
+        }
+    };
     let mut redraw = tokio::time::interval(REDRAW_INTERVAL);
     redraw.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {

@@ -7,11 +7,11 @@ use std::{
 
 use rig_record::StoredRecord;
 use rig_report::{RunResults, export};
-use rig_store::{Reader, Run, RunKind, StoreError};
+use rig_store::{Reader, Run, RunKind, Store, StoreError};
 use serde::Serialize;
 
 use super::{
-    ExportArgs, ExportFormat, ExportTable, Failure, ReportArgs, RunsArgs, ShowArgs,
+    ExportArgs, ExportFormat, ExportTable, Failure, GiveUpArgs, ReportArgs, RunsArgs, ShowArgs,
     table::{columns, duration, note, print, print_json},
 };
 use crate::{
@@ -31,6 +31,8 @@ struct RunView {
     #[serde(skip_serializing_if = "Option::is_none")]
     finished_at: Option<String>,
     records: u64,
+    /// It can be resumed with `rigd run --resume`.
+    is_resumable: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
     interruption: Option<InterruptionView>,
 }
@@ -57,6 +59,7 @@ pub(super) fn list(args: &RunsArgs) -> Result<(), Failure> {
             |(run, is_simulated, interruption): (Run, bool, Option<InterruptionView>)| RunView {
                 run_id: run.id.to_string(),
                 name: run.short_name(),
+                is_resumable: run.is_resumable(),
                 protocol: run.name,
                 status: run.status.name(),
                 is_simulated,
@@ -91,14 +94,17 @@ pub(super) fn list(args: &RunsArgs) -> Result<(), Failure> {
 pub(super) fn show(args: &ShowArgs) -> Result<(), Failure> {
     let reader = args.data.journal()?;
     let run = reader.find(&args.run)?;
-    let results = results_of(&run, &reader.records(run.id)?)?;
+    let results = results_of(&run, &reader.amended(run.id)?)?;
     print_results(&args.data.data, &results, args.output.json)
 }
 
 pub(super) fn export(args: &ExportArgs) -> Result<(), Failure> {
     let reader = args.data.journal()?;
     let run = reader.find(&args.run)?;
-    let records = reader.records(run.id)?;
+    let records = match args.format {
+        ExportFormat::Jsonl => reader.records(run.id)?,
+        _ => reader.amended(run.id)?,
+    };
     let mut out = BufWriter::new(io::stdout().lock());
     let table = match args.format {
         ExportFormat::Jsonl => None,
@@ -129,6 +135,16 @@ pub(super) fn report(args: &ReportArgs) -> Result<(), Failure> {
         None => run_files::write(data, run.id)?.report,
     };
     note(&format!("report: {}", path.display()));
+    Ok(())
+}
+
+/// Seals a run that was not completed.
+pub(super) fn give_up(args: &GiveUpArgs) -> Result<(), Failure> {
+    let run = args.data.journal()?.find(&args.run)?;
+    let data = &args.data.data;
+    let store = Store::open(data).map_err(|source| Failure::Data { data: data.clone(), source })?;
+    store.give_up(run.id, 0, args.operator.name().as_str())?;
+    note(&format!("{} is given up and sealed", run.short_name()));
     Ok(())
 }
 

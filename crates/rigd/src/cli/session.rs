@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use rig_engine::{Command, RigState};
+use rig_engine::{Command, Fault, RigState};
 use rig_store::Reader;
 use tokio::sync::watch;
 
@@ -27,11 +27,21 @@ pub(super) struct Session {
     operator: Operator,
 }
 
+/// What a command does with a rig that its last program left with the probe perhaps in the sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum LeftInContact {
+    /// Retract: the command is there for it.
+    Retract,
+    /// Leave it to `rigd home`.
+    Refuse,
+}
+
 /// Opens a rig, does `work` with it once it is in service, and closes it.
 pub(super) fn with_rig<T>(
     rig: LoadedRig,
     data: &Path,
     operator: &Operator,
+    left: LeftInContact,
     work: impl AsyncFnOnce(&mut Session) -> Result<T, Failure>,
 ) -> Result<T, Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread()
@@ -43,7 +53,7 @@ pub(super) fn with_rig<T>(
         let (handle, thread) = open(rig, data.to_path_buf(), &mut signals).await?;
         let (status, operator) = (handle.status(), operator.clone());
         let mut session = Session { handle, status, signals, operator };
-        let outcome = match session.be_ready().await {
+        let outcome = match session.be_ready(left).await {
             Ok(()) => work(&mut session).await,
             Err(failure) => Err(failure),
         };
@@ -83,7 +93,7 @@ pub(super) async fn open(
 fn say_what_was_left(data: &Path, rig: &str) {
     let left = Reader::open(data).and_then(|reader| InterruptedRig::read(&reader, rig));
     if let Ok(Some(left)) = left
-        && left.is_interrupted
+        && left.is_latched
     {
         say(&left.message);
     }
@@ -91,16 +101,21 @@ fn say_what_was_left(data: &Path, rig: &str) {
 
 impl Session {
     /// Waits until the rig is in service.
-    async fn be_ready(&mut self) -> Result<(), Failure> {
+    async fn be_ready(&mut self, left: LeftInContact) -> Result<(), Failure> {
         loop {
-            {
-                let status = self.status.borrow_and_update();
-                match status.snapshot.state {
-                    _ if self.signals.count > 0 => {}
-                    RigState::Idle => return Ok(()),
-                    RigState::Latched => return Err(latched(&status)),
-                    _ => {}
+            let status = self.status.borrow_and_update().clone();
+            match (status.snapshot.state, &status.snapshot.fault) {
+                _ if self.signals.count > 0 => {}
+                (RigState::Idle, _) => return Ok(()),
+                // Who gives a command at the bench has read above what was left.
+                (RigState::Latched, Some(Fault::Interrupted { may_touch, .. }))
+                    if !may_touch || left == LeftInContact::Retract =>
+                {
+                    self.handle.command(Command::Acknowledge, None, self.operator()).await?;
+                    continue;
                 }
+                (RigState::Latched, _) => return Err(latched(&status)),
+                _ => {}
             }
             if self.signals.count > 0 {
                 _ = self.handle.command(Command::Stop, None, self.operator()).await;

@@ -83,7 +83,7 @@ fn journal(findings: &mut Findings, data: &Path, rig: &str) {
         Ok((false, left)) => {
             findings.ok("journal", "can be opened");
             match left {
-                Some(InterruptedRig { is_open: true, message, is_interrupted: true }) => {
+                Some(InterruptedRig { is_open: true, message, is_latched: true, .. }) => {
                     findings.problem("probe", message, ADVICE);
                 }
                 Some(InterruptedRig { is_open: true, message, .. }) => {

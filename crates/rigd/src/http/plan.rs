@@ -14,7 +14,7 @@ use rig_store::{Reader, Record, RunId, RunStarted, Sweep};
 use serde::Serialize;
 
 use super::{Problem, Shared, progress::PromptAction, runs};
-use crate::{describe, loaded_rig::RigFacts, protocol_file::LoadedProtocol};
+use crate::{describe, loaded_rig::RigFacts, protocol_file::LoadedProtocol, rig::Outcomes};
 
 /// A protocol laid out for a bench.
 #[derive(Debug, Serialize)]
@@ -85,7 +85,7 @@ pub(super) async fn check(
     Ok(Json(PlanView::of(&protocol, &shared.inner.facts.limits)))
 }
 
-/// The plan of a run, on the bench of its start.
+/// The plan of a run, on the bench of its start; as it was laid out when the run was last resumed.
 pub(super) async fn of_run(
     State(shared): State<Shared>,
     Path(id): Path<String>,
@@ -106,7 +106,14 @@ pub(super) async fn of_run(
         };
         let (name, toml) = (started.protocol.name, started.protocol.toml);
         let protocol = LoadedProtocol::check(&name, &toml, &facts);
-        let protocol = protocol.map_err(|faults| Problem::protocol(&faults))?;
+        let mut protocol = protocol.map_err(|faults| Problem::protocol(&faults))?;
+        let mut records = reader.amended(id)?;
+        if let Some(seam) = records.iter().rev().find(|stored| stored.kind == "resumed") {
+            let seam = seam.event;
+            records.retain(|stored| stored.event < seam);
+            let outcomes = Outcomes::of(&records)?;
+            protocol.plan = protocol.plan.resumed(|step| outcomes.is_done(&step.0)).0;
+        }
         Ok(PlanView::of(&protocol, &facts.limits))
     });
     view.await.map(Json)

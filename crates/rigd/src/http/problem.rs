@@ -14,7 +14,10 @@ use rig_store::StoreError;
 use serde::Serialize;
 
 use super::limits::{BODY_MAX, BODY_TIME};
-use crate::{hint, rig::RequestRefusal};
+use crate::{
+    hint,
+    rig::{RequestRefusal, ResumeRefusal},
+};
 
 /// A problem document (RFC 9457).
 #[derive(Debug, Serialize)]
@@ -193,6 +196,23 @@ impl From<RequestRefusal> for Problem {
             RequestRefusal::NotUnderWay { .. } => {
                 Self::new(StatusCode::CONFLICT, "not under way", detail)
             }
+            RequestRefusal::Resume(refusal) => match &*refusal {
+                ResumeRefusal::Store(StoreError::NoSuchRun { .. })
+                | ResumeRefusal::NoSuchTouch { .. } => Self::not_found(detail),
+                ResumeRefusal::Store(StoreError::Sealed { .. } | StoreError::UnderWay { .. })
+                | ResumeRefusal::Sealed { .. }
+                | ResumeRefusal::UnderWay { .. } => {
+                    Self::new(StatusCode::CONFLICT, "not in this state", detail)
+                }
+                ResumeRefusal::Changed { .. } => Self {
+                    hint: Some("send {\"accept_changes\": true} to confirm the change"),
+                    ..Self::new(StatusCode::CONFLICT, "changed", detail)
+                },
+                ResumeRefusal::Protocol(faults) => Self::protocol(faults),
+                ResumeRefusal::OtherKind { .. } => Self::unprocessable(detail),
+                ResumeRefusal::Store(error) => Self::internal(&with_causes(error)),
+                ResumeRefusal::NoBeginning { .. } => Self::internal(&detail),
+            },
             RequestRefusal::NotAsked { .. } => Self {
                 hint: Some("read the open prompt in GET /api/v1/rig"),
                 ..Self::new(StatusCode::CONFLICT, "not asked", detail)

@@ -117,8 +117,10 @@ pub(super) fn ahead(run: &RunView, progress: &Progress, now: RigTime) -> Forecas
     let is_prompt = |action: &Action| matches!(action, Action::Prompt(_));
     let prompts = steps[here..].iter().filter(|step| is_prompt(&step.action)).count();
     let (done, left) = durations_s.split_at(here.min(durations_s.len()));
+    let done = done.get(run.first_step..).unwrap_or_default();
+    let touches = run.touches_done.saturating_sub(run.touches_before);
     let remaining =
-        run.pace.remaining(now, (sum_s(done), sum_s(left)), elapsed_s, run.touches_done, prompts);
+        run.pace.remaining(now, (sum_s(done), sum_s(left)), elapsed_s, touches, prompts);
     // The open prompt is not the next one.
     let next = steps.iter().enumerate().skip(here + 1).find(|(_, step)| is_prompt(&step.action));
     let left_s = sum_s(left).max(f64::MIN_POSITIVE);

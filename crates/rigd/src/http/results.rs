@@ -40,7 +40,7 @@ impl ResultsCache {
             return Ok(found);
         }
         let chain = reader.chain(id)?;
-        let results = RunResults::new(&run, &chain.records)?;
+        let results = RunResults::new(&run, &reader.amend(id, chain.records)?)?;
         let checked = Arc::new(CheckedResults { results, check: chain.check });
         if matches!((run.status, &checked.check), (RunStatus::Ended(_), ChainCheck::Intact { .. }))
         {

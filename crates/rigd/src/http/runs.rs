@@ -35,6 +35,8 @@ pub(super) struct RunView {
     #[serde(skip_serializing_if = "Option::is_none")]
     finished_at: Option<String>,
     records: u64,
+    /// It can be continued.
+    is_resumable: bool,
 }
 
 /// One run with its results so far.
@@ -150,9 +152,9 @@ pub(super) async fn export(
                 intact(id, &found.check)?;
                 found.results.touches_csv(&mut bytes)
             }
-            ExportFormat::Sweeps => export::sweeps_csv(&reader.records(id)?, &mut bytes),
-            ExportFormat::Readings => export::readings_csv(&reader.records(id)?, &mut bytes),
-            ExportFormat::Searches => export::searches_csv(&reader.records(id)?, &mut bytes),
+            ExportFormat::Sweeps => export::sweeps_csv(&reader.amended(id)?, &mut bytes),
+            ExportFormat::Readings => export::readings_csv(&reader.amended(id)?, &mut bytes),
+            ExportFormat::Searches => export::searches_csv(&reader.amended(id)?, &mut bytes),
             ExportFormat::Jsonl => export::jsonl(&reader.records(id)?, &mut bytes),
         }
         .map_err(|error| Problem::internal(&with_causes(&error)))?;
@@ -297,7 +299,7 @@ pub(super) fn posted(
         .map_err(|faults| Problem::protocol(&faults))
 }
 
-fn begun(run: RunId) -> Response {
+pub(super) fn begun(run: RunId) -> Response {
     let location = [(header::LOCATION, format!("/api/v1/runs/{run}"))];
     (StatusCode::ACCEPTED, location, Json(serde_json::json!({ "id": run.to_string() })))
         .into_response()
@@ -307,6 +309,7 @@ impl RunView {
     fn new(reader: &Reader, run: Run) -> Self {
         Self {
             is_simulated: reader.is_simulated(run.id),
+            is_resumable: run.is_resumable(),
             name: run.short_name(),
             id: run.id.to_string(),
             protocol: run.name,

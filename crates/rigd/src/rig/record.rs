@@ -15,7 +15,7 @@ use rig_resonance::{Circuit, FitOutcome, Past, Timing};
 use rig_store as store;
 use rig_store::Record;
 
-use super::Setting;
+use super::{Setting, resume};
 use crate::{hint, protocol_file::LoadedProtocol};
 
 /// Turns the events of one journal into its records.
@@ -40,6 +40,12 @@ impl Recorder {
     /// For the journal of a run.
     pub(super) const fn for_run(plan: Arc<Plan>) -> Self {
         Self { plan: Some(plan), index: None, sweeps: 0, no_load_sweep: 0, linear: None }
+    }
+
+    /// For the journal of a run that goes on, or of an amendment: `sweeps` is the number of its last
+    /// sweep.
+    pub(super) const fn continued(plan: Arc<Plan>, sweeps: u64) -> Self {
+        Self { plan: Some(plan), index: None, sweeps, no_load_sweep: 0, linear: None }
     }
 
     /// The names of the samples.
@@ -68,18 +74,14 @@ impl Recorder {
             _ => None,
         };
         let touches: Vec<_> = plan.steps.iter().filter_map(touch).collect();
-        let device = |device: &super::DeviceIdentity| store::Device {
-            role: device.role.to_owned(),
-            identity: device.identity.clone(),
-        };
         Record::RunStarted(store::RunStarted {
-            software: concat!("rigd ", env!("CARGO_PKG_VERSION")).to_owned(),
+            software: resume::SOFTWARE.to_owned(),
             seed: plan.seed,
             protocol: protocol.source.clone(),
             rig: setting.rig.clone(),
             is_simulated: setting.scene.is_some(),
             scene: setting.scene.clone(),
-            devices: setting.devices.iter().map(device).collect(),
+            devices: resume::devices(setting),
             samples: plan.samples.iter().map(sample).collect(),
             plan: store::PlanSize {
                 steps: size(plan.steps.len()),

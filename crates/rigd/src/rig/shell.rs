@@ -13,8 +13,9 @@ use rig_engine::{
 };
 use rig_link::{Clock, StopSignal, Transcript};
 use rig_model::with_causes;
+use rig_protocol::Plan;
 use rig_sim::SimHandle;
-use rig_store::{Ending, Journal, Record, RunKind, Store, StoreError};
+use rig_store::{Ending, Journal, Record, RunId, RunKind, Store, StoreError};
 use rustix::time::{ClockId, clock_gettime};
 use tokio::sync::{mpsc, oneshot, watch};
 
@@ -24,8 +25,9 @@ use super::{
     live::LiveSweep,
     open::{Opened, Simulation, open_rig},
     record::{self, Recorder},
+    resume::{Known, ResumeRefusal, resumable},
 };
-use crate::{loaded_rig::LoadedRig, protocol_file::LoadedProtocol};
+use crate::{interruption::InterruptedRig, loaded_rig::LoadedRig, protocol_file::LoadedProtocol};
 
 /// In virtual time, where an operation takes microseconds, events reach watchers and the disk this
 /// often by the wall clock. Intents do not wait for it.
@@ -112,6 +114,8 @@ impl Shell {
         let is_virtual_time = rig.is_virtual_time();
         let data_error = |source| OpenError::Data { data: data.clone(), source };
         let store = Store::open(&data).map_err(data_error)?;
+        let left = store.reader().and_then(|reader| InterruptedRig::read(&reader, &rig.file.name));
+        let left = left.map_err(data_error)?;
         let clock = Clock::start();
         let Opened { setting, devices, simulation, black_boxes, known_samples, patience } =
             open_rig(rig, clock).await?;
@@ -133,7 +137,7 @@ impl Shell {
             journal_error: None,
         };
         let (status, watcher) = watch::channel(view.clone());
-        let shell = Self {
+        let mut shell = Self {
             engine,
             setting,
             devices: Some(devices),
@@ -155,13 +159,17 @@ impl Shell {
             last_commit: Instant::now(),
             thought: Duration::ZERO,
         };
+        if let Some(left) = left.filter(|left| left.is_latched) {
+            let mut effects = Vec::new();
+            shell.engine.latch_interrupted(left.message, left.is_open, &mut effects);
+            shell.carry_out(effects);
+        }
         Ok((shell, watcher))
     }
 
     async fn serve(&mut self, mut inbox: mpsc::Receiver<Request>) {
-        if self.command(Command::Prepare, "rigd").is_err() {
-            return;
-        }
+        // Latched, the rig waits for a person instead.
+        _ = self.command(Command::Prepare, "rigd");
         let mut closing: Option<Closing> = None;
         loop {
             if let Some(closing) = closing.take_if(|_| self.is_at_rest()) {
@@ -231,6 +239,14 @@ impl Shell {
             Request::Run { protocol, by, key, reply } => {
                 _ = reply.send(self.start_run(*protocol, &by, key));
             }
+            Request::Resume { run, is_confirmed, by, reply } => {
+                _ = reply.send(self.resume_run(run, is_confirmed, &by));
+            }
+            Request::GiveUp { run, by, reply } => {
+                let rig_us = self.clock.now().as_micros();
+                let given_up = self.store.give_up(run, rig_us, &by);
+                _ = reply.send(given_up.map_err(|error| ResumeRefusal::from(error).into()));
+            }
             Request::Sweep { request, by, reply } => {
                 let result = self.command(Command::Sweep(request), &by);
                 let number = result.map(|()| self.view.sweeps);
@@ -251,12 +267,7 @@ impl Shell {
         }
     }
 
-    fn answer(
-        &mut self,
-        run: rig_store::RunId,
-        step: String,
-        by: &str,
-    ) -> Result<(), RequestRefusal> {
+    fn answer(&mut self, run: RunId, step: String, by: &str) -> Result<(), RequestRefusal> {
         let Some((journal, recorder)) = &self.run else {
             return Err(RequestRefusal::NotUnderWay { run });
         };
@@ -274,7 +285,7 @@ impl Shell {
         protocol: LoadedProtocol,
         by: &str,
         key: Option<String>,
-    ) -> Result<rig_store::RunId, RequestRefusal> {
+    ) -> Result<RunId, RequestRefusal> {
         let command = Command::Run(Box::new(protocol.plan.clone()));
         let admitted = self.engine.admit(command)?;
         self.journal_is_fine()?;
@@ -282,25 +293,65 @@ impl Shell {
         let started = Recorder::run_started(&protocol, &self.setting, &self.known_samples, key);
         journal.append(self.clock.now().as_micros(), &started)?;
         let id = journal.id();
-        let durations_s = protocol.plan.durations_s(&self.setting.limits).into();
         let plan = Arc::new(protocol.plan);
         self.run = Some((journal, Recorder::for_run(Arc::clone(&plan))));
-        let view = RunView {
-            id,
-            plan,
-            started: self.clock.now(),
-            expected_s: protocol.summary.duration_s,
-            durations_s,
-            touches_done: 0,
-            touches_refused: 0,
-            pace: Pace::default(),
-            ending: None,
-        };
-        self.view.run = Some(view);
+        self.view.run = Some(self.run_view(id, plan));
         self.begin(admitted, by);
         // A client that has the id may ask for the run at once.
         self.commit();
         Ok(id)
+    }
+
+    fn run_view(&self, id: RunId, plan: Arc<Plan>) -> RunView {
+        RunView {
+            id,
+            started: self.clock.now(),
+            expected_s: plan.summary(&self.setting.limits).duration_s,
+            durations_s: plan.durations_s(&self.setting.limits).into(),
+            plan,
+            first_step: 0,
+            touches_before: 0,
+            touches_done: 0,
+            touches_refused: 0,
+            pace: Pace::default(),
+            ending: None,
+        }
+    }
+
+    /// Goes on with a run at its next touch without an outcome.
+    fn resume_run(
+        &mut self,
+        id: RunId,
+        is_confirmed: bool,
+        by: &str,
+    ) -> Result<(), RequestRefusal> {
+        let reader = self.store.reader()?;
+        resumable(&reader.run(id).map_err(ResumeRefusal::from)?)?;
+        let known = Known::read(&reader, id, &self.setting, &self.known_samples)?;
+        let rest = known.rest()?;
+        let plan = Arc::new(rest.plan.clone());
+        let command = Command::Continue {
+            plan: Box::new(rest.plan.clone()),
+            from: rest.from,
+            has_refusals: rest.touches_refused > 0,
+        };
+        let admitted = self.engine.admit(command)?;
+        self.journal_is_fine()?;
+        known.confirm(is_confirmed)?;
+        let mut journal = self.store.reopen(id).map_err(ResumeRefusal::from)?;
+        let resumed = known.resumed(&rest, self.store.epoch()?, by, &self.setting);
+        journal.append(self.clock.now().as_micros(), &resumed)?;
+        self.run = Some((journal, Recorder::continued(Arc::clone(&plan), rest.sweeps)));
+        self.view.run = Some(RunView {
+            first_step: rest.from,
+            touches_before: rest.touches_done,
+            touches_done: rest.touches_done,
+            touches_refused: rest.touches_refused,
+            ..self.run_view(id, plan)
+        });
+        self.begin(admitted, by);
+        self.commit();
+        Ok(())
     }
 
     fn journal_is_fine(&self) -> Result<(), RequestRefusal> {

@@ -100,6 +100,33 @@ impl Reader {
         Ok(if is_lost { ProbeWord::MayTouch { at_mm, down_to_mm } } else { ProbeWord::Silent })
     }
 
+    /// The cause of the latch in which a session ended; `None` if it ended otherwise.
+    ///
+    /// # Errors
+    /// [`StoreError`] of the system or of SQLite, or [`StoreError::Unreadable`].
+    pub fn latched_by(&self, session: &Run) -> Result<Option<String>, StoreError> {
+        let mut statement = self.connection.prepare_cached(&select_records(
+            "WHERE records.epoch = ?1 AND records.kind IN ('fault', 'state_changed')
+             ORDER BY records.id DESC",
+        ))?;
+        let mut rows = statement.query([session.epoch.cast_signed()])?;
+        let (mut is_latched, mut cause) = (false, None);
+        while let Some(row) = rows.next()? {
+            match record_from(row)?.record()? {
+                Record::StateChanged(change) if change.state == "latched" && !is_latched => {
+                    is_latched = true;
+                }
+                // The state before, behind which the first cause stands.
+                Record::StateChanged(change) if !is_latched || change.state != "retracting" => {
+                    break;
+                }
+                Record::Fault(fault) => cause = Some(fault.cause),
+                _ => {}
+            }
+        }
+        Ok(cause.filter(|_| is_latched))
+    }
+
     fn last_step(&self, run: RunId) -> Result<Option<String>, StoreError> {
         let mut statement = self.connection.prepare_cached(&select_records(
             "WHERE run = (SELECT key FROM runs WHERE id = ?1) AND records.kind = 'step_started'

@@ -178,7 +178,7 @@ fn amendments_stand_behind_the_records_of_their_run() {
     let reader = store.reader().unwrap();
     let before = reader.records(id).unwrap();
     for what in [Amendment::Redo, Amendment::Skip] {
-        let mut journal = store.begin(RunKind::Amendment, "short-2").unwrap();
+        let mut journal = store.begin(RunKind::Amendment, &id.to_string()).unwrap();
         let amended = Amended {
             run: id.to_string(),
             head: before[1].digest.to_string(),
@@ -200,4 +200,5 @@ fn amendments_stand_behind_the_records_of_their_run() {
     assert_eq!(kinds, expected);
     assert_eq!(reader.records(id).unwrap(), before);
     assert_eq!(reader.find("latest").unwrap().name, "short");
+    assert_eq!(reader.run(id).unwrap().amendments, 2);
 }

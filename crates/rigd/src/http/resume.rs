@@ -1,0 +1,53 @@
+//! Runs that were not completed: continue them, or give them up.
+
+use axum::{
+    Extension,
+    body::Bytes,
+    extract::{Path, State},
+    http::StatusCode,
+    response::Response,
+};
+use rig_store::RunId;
+use serde::{Deserialize, de::DeserializeOwned};
+
+use super::{Problem, Shared, runs::begun};
+use crate::operator::Operator;
+
+/// What a client confirms.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct ContinueForm {
+    /// The changes since the last part of the run are wanted.
+    accept_changes: bool,
+}
+
+/// Goes on with a run at its next touch without an outcome.
+pub(super) async fn resume(
+    State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
+    Path(id): Path<String>,
+    body: Bytes,
+) -> Result<Response, Problem> {
+    let id: RunId = id.parse()?;
+    let ContinueForm { accept_changes } = form(&body)?;
+    shared.inner.rig.resume(id, accept_changes, operator.as_str()).await?;
+    Ok(begun(id))
+}
+
+/// Seals a run as it is.
+pub(super) async fn give_up(
+    State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
+    Path(id): Path<String>,
+) -> Result<StatusCode, Problem> {
+    shared.inner.rig.give_up(id.parse()?, operator.as_str()).await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// The form in a body, or its defaults where there is no body.
+fn form<T: Default + DeserializeOwned>(body: &Bytes) -> Result<T, Problem> {
+    if body.is_empty() {
+        return Ok(T::default());
+    }
+    serde_json::from_slice(body).map_err(|error| Problem::bad_request(error.to_string()))
+}

@@ -1,0 +1,301 @@
+//! What a run needs to go on after an interruption, a fault or an abort.
+//!
+//! ```text
+//!  run_started … touch_result … ✂ │ resumed  step_started  prompt_asked … touch_result … run_finished
+//!  └──────────── as it is ────────┘ └─ seam: new clock, what changed, who went on
+//! ```
+
+use std::collections::BTreeSet;
+
+use rig_files::Faults;
+use rig_protocol::{Action, Plan};
+use rig_store::{
+    Change, Device, Reader, Record, Resumed, Run, RunId, RunStarted, RunStatus, Source, StoreError,
+    StoredRecord,
+};
+
+use super::Setting;
+use crate::{loaded_rig::RigFacts, protocol_file::LoadedProtocol};
+
+/// Why a run cannot go on. Nothing has changed.
+#[derive(Debug, thiserror::Error)]
+pub enum ResumeRefusal {
+    /// The journal.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The run was completed or given up.
+    #[error("{run} is {status} and sealed; nothing can be added to it")]
+    Sealed {
+        /// Name and id of the run.
+        run: String,
+        /// Its end.
+        status: String,
+    },
+    /// The run is under way.
+    #[error("{run} is under way")]
+    UnderWay {
+        /// Name and id of the run.
+        run: String,
+    },
+    /// The first record of the run is missing.
+    #[error("{run} has no beginning in the journal, so that its protocol is not known")]
+    NoBeginning {
+        /// Name and id of the run.
+        run: String,
+    },
+    /// Results of real and of simulated instruments would be mixed.
+    #[error("{run} was made on a {was} rig, and this rig is {is}: choose the rig file with --rig")]
+    OtherKind {
+        /// Name and id of the run.
+        run: String,
+        /// `real` or `simulated`.
+        was: &'static str,
+        /// The other one.
+        is: &'static str,
+    },
+    /// The protocol does not fit the rig any more.
+    #[error("the protocol of the run does not fit this rig: {}", first(.0))]
+    Protocol(Faults),
+    /// Something has changed since, which a person has to confirm.
+    #[error(
+        "since {run}, these have changed: {}; go on with what was used then, or confirm the change",
+        listed(.changes)
+    )]
+    Changed {
+        /// Name and id of the run.
+        run: String,
+        /// The differences.
+        changes: Vec<Change>,
+    },
+    /// The run has no such touch.
+    #[error("{run} has no touch {step}")]
+    NoSuchTouch {
+        /// Name and id of the run.
+        run: String,
+        /// The address.
+        step: String,
+    },
+}
+
+fn first(faults: &Faults) -> String {
+    faults.iter().next().map(ToString::to_string).unwrap_or_default()
+}
+
+fn listed(changes: &[Change]) -> String {
+    let one = |Change { what, was, is }: &Change| {
+        if was == is { what.clone() } else { format!("{what} ({was} → {is})") }
+    };
+    changes.iter().map(one).collect::<Vec<_>>().join(", ")
+}
+
+/// Refuses a run that is under way or sealed.
+pub(super) fn resumable(run: &Run) -> Result<(), ResumeRefusal> {
+    if run.status == RunStatus::Running {
+        return Err(ResumeRefusal::UnderWay { run: run.to_string() });
+    }
+    if !run.is_resumable() {
+        return Err(ResumeRefusal::Sealed { run: run.to_string(), status: run.status.describe() });
+    }
+    Ok(())
+}
+
+/// A run as the journal has it, for one that goes on or is amended.
+pub(super) struct Known {
+    pub(super) run: Run,
+    pub(super) records: Vec<StoredRecord>,
+    /// The protocol, laid out for the present rig.
+    pub(super) protocol: LoadedProtocol,
+    /// What differs between then and now.
+    pub(super) changes: Vec<Change>,
+}
+
+/// What a run has and what it lacks.
+pub(super) struct Rest {
+    /// The done steps and, behind them, the steps of the touches that are left.
+    pub(super) plan: Plan,
+    /// Number of done steps.
+    pub(super) from: usize,
+    pub(super) touches_done: usize,
+    pub(super) touches_refused: usize,
+    /// Number of the last sweep.
+    pub(super) sweeps: u64,
+}
+
+impl Known {
+    /// Reads a run and compares it with the present rig.
+    pub(super) fn read(
+        reader: &Reader,
+        id: RunId,
+        setting: &Setting,
+        samples: &[(String, f64)],
+    ) -> Result<Self, ResumeRefusal> {
+        let run = reader.run(id)?;
+        let records = reader.amended(id)?;
+        let Some(started) = started(&records)? else {
+            return Err(ResumeRefusal::NoBeginning { run: run.to_string() });
+        };
+        let is_simulated = setting.scene.is_some();
+        if started.is_simulated != is_simulated {
+            let word = |is_simulated| if is_simulated { "simulated" } else { "real" };
+            return Err(ResumeRefusal::OtherKind {
+                run: run.to_string(),
+                was: word(started.is_simulated),
+                is: word(is_simulated),
+            });
+        }
+        let facts = RigFacts {
+            name: setting.rig.name.clone(),
+            limits: setting.limits,
+            known_samples: is_simulated
+                .then(|| samples.iter().map(|(name, _)| name.clone()).collect()),
+            is_simulated,
+            is_virtual_time: false,
+        };
+        let Source { name, toml } = &started.protocol;
+        let protocol =
+            LoadedProtocol::check(name, toml, &facts).map_err(ResumeRefusal::Protocol)?;
+        let changes = changes(&records, &started, setting)?;
+        Ok(Self { run, records, protocol, changes })
+    }
+
+    /// Refuses changes that nobody has confirmed.
+    pub(super) fn confirm(&self, is_confirmed: bool) -> Result<(), ResumeRefusal> {
+        if self.changes.is_empty() || is_confirmed {
+            return Ok(());
+        }
+        let (run, changes) = (self.run.to_string(), self.changes.clone());
+        Err(ResumeRefusal::Changed { run, changes })
+    }
+
+    pub(super) fn rest(&self) -> Result<Rest, ResumeRefusal> {
+        let outcomes = Outcomes::of(&self.records)?;
+        let (plan, from) = self.protocol.plan.resumed(|step| outcomes.done.contains(&step.0));
+        let (touches_done, touches_refused) = (outcomes.done.len(), outcomes.refused.len());
+        Ok(Rest { plan, from, touches_done, touches_refused, sweeps: outcomes.sweeps })
+    }
+
+    /// The record at the seam.
+    pub(super) fn resumed(&self, rest: &Rest, epoch: u64, who: &str, setting: &Setting) -> Record {
+        let left = rest.plan.steps[rest.from..].iter();
+        let mut left = left.filter(|step| matches!(step.action, Action::Touch(_)));
+        let next = left.next().map(|step| step.id.to_string());
+        let has_changed = |file: &str| self.changes.iter().any(|change| change.what == file);
+        let count = |touches| u32::try_from(touches).unwrap_or(u32::MAX);
+        Record::Resumed(Resumed {
+            epoch,
+            who: who.to_owned(),
+            touches_left: count(usize::from(next.is_some()) + left.count()),
+            next,
+            touches_done: count(rest.touches_done),
+            changes: self.changes.clone(),
+            software: SOFTWARE.to_owned(),
+            rig: has_changed(RIG_FILE).then(|| setting.rig.clone()),
+            scene: setting.scene.clone().filter(|_| has_changed(SCENE_FILE)),
+            devices: devices(setting),
+        })
+    }
+}
+
+pub(super) const SOFTWARE: &str = concat!("rigd ", env!("CARGO_PKG_VERSION"));
+const RIG_FILE: &str = "rig file";
+const SCENE_FILE: &str = "scene file";
+
+pub(super) fn devices(setting: &Setting) -> Vec<Device> {
+    let device = |device: &super::DeviceIdentity| Device {
+        role: device.role.to_owned(),
+        identity: device.identity.clone(),
+    };
+    setting.devices.iter().map(device).collect()
+}
+
+fn started(records: &[StoredRecord]) -> Result<Option<RunStarted>, StoreError> {
+    match records.first().map(StoredRecord::record).transpose()? {
+        Some(Record::RunStarted(started)) => Ok(Some(started)),
+        _ => Ok(None),
+    }
+}
+
+/// What differs between the last part of a run and now.
+fn changes(
+    records: &[StoredRecord],
+    started: &RunStarted,
+    setting: &Setting,
+) -> Result<Vec<Change>, StoreError> {
+    let (mut rig, mut scene) = (&started.rig, started.scene.as_ref());
+    let (mut software, mut known) = (&started.software, &started.devices);
+    let seams: Vec<Resumed> = records
+        .iter()
+        .filter(|stored| stored.kind == "resumed")
+        .filter_map(|stored| match stored.record() {
+            Ok(Record::Resumed(resumed)) => Some(Ok(resumed)),
+            Ok(_) => None,
+            Err(error) => Some(Err(error)),
+        })
+        .collect::<Result<_, _>>()?;
+    for seam in &seams {
+        rig = seam.rig.as_ref().unwrap_or(rig);
+        scene = seam.scene.as_ref().or(scene);
+        (software, known) = (&seam.software, &seam.devices);
+    }
+    let mut changes = Vec::new();
+    let mut compare = |what: &str, was: &str, is: &str, is_same: bool| {
+        if !is_same {
+            let [what, was, is] = [what, was, is].map(str::to_owned);
+            changes.push(Change { what, was, is });
+        }
+    };
+    compare(RIG_FILE, &rig.name, &setting.rig.name, *rig == setting.rig);
+    if let (Some(was), Some(is)) = (scene, &setting.scene) {
+        compare(SCENE_FILE, &was.name, &is.name, was == is);
+    }
+    compare("software", software, SOFTWARE, software == SOFTWARE);
+    for Device { role, identity } in devices(setting) {
+        let was = known.iter().find(|known| known.role == role);
+        let was = was.map_or("none", |was| was.identity.as_str());
+        compare(&role, was, &identity, was == identity);
+    }
+    Ok(changes)
+}
+
+/// Which touches are finished. An amendment replaces the outcome of a touch.
+#[derive(Debug, Default)]
+pub(crate) struct Outcomes {
+    /// Touches with a result or a refusal, and those that a person left out.
+    done: BTreeSet<String>,
+    refused: BTreeSet<String>,
+    /// Number of the last sweep.
+    sweeps: u64,
+}
+
+impl Outcomes {
+    pub(crate) fn of(records: &[StoredRecord]) -> Result<Self, StoreError> {
+        let mut outcomes = Self::default();
+        let kinds = ["touch_result", "touch_refused", "amended", "sweep"];
+        for stored in records.iter().filter(|stored| kinds.contains(&&*stored.kind)) {
+            match stored.record()? {
+                Record::TouchResult(touch) => outcomes.done(touch.touch.step, false),
+                Record::TouchRefused(refused) => outcomes.done(refused.touch.step, true),
+                Record::Amended(amended) if amended.what == rig_store::Amendment::Skip => {
+                    outcomes.done(amended.step, false);
+                }
+                Record::Sweep(sweep) => outcomes.sweeps = outcomes.sweeps.max(sweep.number),
+                _ => {}
+            }
+        }
+        Ok(outcomes)
+    }
+
+    fn done(&mut self, step: String, is_refused: bool) {
+        if is_refused {
+            self.refused.insert(step.clone());
+        } else {
+            self.refused.remove(&step);
+        }
+        self.done.insert(step);
+    }
+
+    /// Whether a touch is finished.
+    pub(crate) fn is_done(&self, step: &str) -> bool {
+        self.done.contains(step)
+    }
+}

@@ -1,0 +1,427 @@
+//! Runs that go on: after a crash at any record, after a fault, after an abort, and after the program
+//! was killed.
+
+#![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fs,
+    path::{Path, PathBuf},
+    process::{Command, Output, Stdio},
+    time::Duration,
+};
+
+use rig_engine::{Command as RigCommand, Fault, RigState, RunStatus};
+use rig_store::{Clearance, Reader, Record, RunId, Touch};
+use rigd::{
+    loaded_rig::LoadedRig,
+    protocol_file::LoadedProtocol,
+    rig::{self, RequestRefusal, ResumeRefusal, RigHandle, RigThread},
+};
+use tempfile::TempDir;
+
+fn config() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config")
+}
+
+/// A simulated rig on which a sample has the same stiffness each time it is placed.
+fn write_rig(folder: &Path) -> PathBuf {
+    let rig = fs::read_to_string(config().join("rigs/simulated.toml")).unwrap();
+    let scene = fs::read_to_string(config().join("scenes/paper.toml")).unwrap();
+    let even: String = scene
+        .lines()
+        .map(|line| match line.split_once(" = ") {
+            Some((key @ ("mounting_mm" | "slope_deg" | "stiffness_rel" | "screw_mm"), _)) => {
+                format!("{key} = 0.0\n")
+            }
+            _ => format!("{line}\n"),
+        })
+        .collect();
+    fs::write(folder.join("scene.toml"), even).unwrap();
+    let path = folder.join("rig.toml");
+    fs::write(&path, rig.replace("../scenes/paper.toml", "scene.toml")).unwrap();
+    path
+}
+
+/// Four touches with two prompts each way, and two blind touches.
+fn write_protocol(folder: &Path) -> PathBuf {
+    write_short(folder, "[\"front\", \"left\"]")
+}
+
+fn write_short(folder: &Path, directions: &str) -> PathBuf {
+    let text = fs::read_to_string(config().join("protocols/smoke.toml")).unwrap();
+    let short = text
+        .replace(
+            "directions = [\"front\", \"back\", \"left\"]",
+            &format!("directions = {directions}"),
+        )
+        .replace("angles_deg = [0, 45]", "angles_deg = [30]")
+        .replace("trials = 6", "trials = 2");
+    assert!(short.contains("angles_deg = [30]") && short.contains("trials = 2"));
+    let path = folder.join("short.toml");
+    fs::write(&path, short).unwrap();
+    path
+}
+
+/// The rig of a folder, in a directory of its own.
+struct Bench {
+    handle: RigHandle,
+    thread: RigThread,
+}
+
+impl Bench {
+    fn open(rig: &Path, data: &Path) -> Self {
+        let (handle, thread) = rig::open(LoadedRig::load(rig).unwrap(), data.to_owned()).unwrap();
+        Self { handle, thread }
+    }
+
+    async fn wait_for(&self, state: RigState) {
+        let mut status = self.handle.status();
+        let reached = status.wait_for(|status| status.snapshot.state == state);
+        tokio::time::timeout(Duration::from_secs(60), reached).await.unwrap().unwrap();
+    }
+
+    async fn ended(&self, run: RunId) -> RunStatus {
+        let mut status = self.handle.status();
+        let is_ended = |status: &rig::Status| {
+            status.run.as_ref().is_some_and(|view| view.id == run && view.ending.is_some())
+                && status.snapshot.state != RigState::Running
+        };
+        let ended = tokio::time::timeout(Duration::from_secs(60), status.wait_for(is_ended));
+        ended.await.unwrap().unwrap().run.as_ref().unwrap().ending.unwrap()
+    }
+
+    async fn close(self) {
+        self.handle.close().await;
+        self.thread.join();
+    }
+}
+
+/// Replays a protocol to its end.
+async fn replay(rig: &Path, protocol: &Path, data: &Path) -> RunId {
+    let bench = Bench::open(rig, data);
+    bench.wait_for(RigState::Idle).await;
+    let facts = LoadedRig::load(rig).unwrap().facts();
+    let protocol = LoadedProtocol::load(protocol, &facts).unwrap();
+    let run = bench.handle.run(protocol, "Ada").await.unwrap();
+    assert_eq!(bench.ended(run).await, RunStatus::Completed);
+    bench.close().await;
+    run
+}
+
+/// A copy of a journal as a crash behind the event `last` would have left it.
+fn crashed(whole: &Path, last: u64) -> TempDir {
+    let folder = TempDir::new().unwrap();
+    fs::copy(whole.join("rigd.db"), folder.path().join("rigd.db")).unwrap();
+    let database = rusqlite::Connection::open(folder.path().join("rigd.db")).unwrap();
+    database
+        .execute_batch(&format!(
+            "DELETE FROM seals;
+             DELETE FROM records WHERE id > {last};
+             DELETE FROM stretches WHERE run NOT IN (SELECT run FROM records);
+             DELETE FROM runs WHERE key NOT IN (SELECT run FROM records);
+             UPDATE runs SET status = 'running';"
+        ))
+        .unwrap();
+    folder
+}
+
+fn touches(reader: &Reader, run: RunId) -> BTreeMap<String, Vec<Touch>> {
+    let mut touches = BTreeMap::<_, Vec<Touch>>::new();
+    for stored in reader.records(run).unwrap() {
+        if let Record::TouchResult(touch) = stored.record().unwrap() {
+            touches.entry(touch.touch.step.clone()).or_default().push(touch);
+        }
+    }
+    touches
+}
+
+/// The run has every touch of the whole one, once, with the same shift, and is sealed.
+#[track_caller]
+fn check_same(data: &Path, run: RunId, whole: &BTreeMap<String, Vec<Touch>>, here: &str) {
+    let reader = Reader::open(data).unwrap();
+    assert!(reader.run(run).unwrap().is_sealed, "{here}");
+    assert_eq!(reader.broken_link().unwrap(), None, "{here}");
+    let found = touches(&reader, run);
+    assert!(found.keys().eq(whole.keys()), "{here}: {:?}", found.keys());
+    for (step, touches) in &found {
+        assert_eq!(touches.len(), 1, "{here}: {step}");
+        let (found, known) = (&touches[0], &whole[step][0]);
+        let sigma_hz = found.shift_sigma_hz.hypot(known.shift_sigma_hz);
+        let difference = (found.shift_hz - known.shift_hz).abs() / sigma_hz;
+        assert!(difference < 6.0, "{here}: {step} differs by {difference} sigma");
+    }
+}
+
+/// A crash at every record of a run, and once more at every seventh record of the second part.
+#[tokio::test]
+async fn a_run_that_crashed_at_any_record_has_the_touches_of_one_that_did_not() {
+    let folder = TempDir::new().unwrap();
+    let (rig, protocol) = (write_rig(folder.path()), write_short(folder.path(), "[\"left\"]"));
+    let data = folder.path().join("whole");
+    let run = replay(&rig, &protocol, &data).await;
+    let reader = Reader::open(&data).unwrap();
+    let records = reader.records(run).unwrap();
+    let whole = touches(&reader, run);
+    assert_eq!(whole.len(), 4);
+    let (mut in_contact, mut clear, mut phases) = (0, 0, BTreeSet::new());
+    // The last record is on disk together with the end of the run.
+    for (index, record) in records[..records.len() - 1].iter().enumerate() {
+        let crash = crashed(&data, record.event);
+        let resumed = resume(&rig, crash.path(), run).await;
+        if resumed.was_latched_in_contact {
+            in_contact += 1;
+        } else {
+            clear += 1;
+        }
+        phases.insert(record.kind.clone());
+        let here = format!("crash behind record {} ({})", record.seq, record.kind);
+        check_same(crash.path(), run, &whole, &here);
+        if index % 7 == 0 {
+            let reader = Reader::open(crash.path()).unwrap();
+            let second = reader.records(run).unwrap();
+            let seam = second.iter().position(|stored| stored.kind == "resumed").unwrap();
+            let at = &second[seam + (index * 5) % (second.len() - seam - 1)];
+            drop(reader);
+            let again = crashed(crash.path(), at.event);
+            resume(&rig, again.path(), run).await;
+            check_same(again.path(), run, &whole, &format!("{here}, then behind {}", at.seq));
+        }
+    }
+    assert!(in_contact > 20 && clear > 20, "{in_contact} in contact, {clear} clear");
+    for kind in ["intent", "moved", "surface_found", "sweep", "touch_result", "prompt_asked"] {
+        assert!(phases.contains(kind), "no crash behind {kind}");
+    }
+}
+
+struct ResumedRun {
+    was_latched_in_contact: bool,
+}
+
+/// Opens the rig, which must be latched, acknowledges, and goes on with the run to its end.
+async fn resume(rig: &Path, data: &Path, run: RunId) -> ResumedRun {
+    let bench = Bench::open(rig, data);
+    let snapshot = bench.handle.status().borrow().snapshot.clone();
+    assert_eq!(snapshot.state, RigState::Latched);
+    let Some(Fault::Interrupted { left, may_touch }) = snapshot.fault else {
+        panic!("{:?}", snapshot.fault)
+    };
+    assert!(left.contains("-1 was interrupted at ") && left.contains(" UTC"), "{left}");
+    let is_in_contact = snapshot.clearance == rig_model::Clearance::InContact;
+    assert_eq!(is_in_contact, may_touch);
+    // Nothing but an acknowledgement leads out.
+    let refusal = bench.handle.resume(run, false, "Ada").await.unwrap_err();
+    assert!(matches!(refusal, RequestRefusal::Command(_)), "{refusal}");
+    bench.handle.command(RigCommand::Acknowledge, None, "Ada").await.unwrap();
+    bench.wait_for(RigState::Idle).await;
+    bench.handle.resume(run, false, "Ada").await.unwrap();
+    assert_eq!(bench.ended(run).await, RunStatus::Completed);
+    bench.close().await;
+    ResumedRun { was_latched_in_contact: may_touch }
+}
+
+#[tokio::test]
+async fn a_run_goes_on_after_an_abort_and_after_a_stop_in_the_same_daemon() {
+    let folder = TempDir::new().unwrap();
+    let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));
+    let whole_data = folder.path().join("whole");
+    let whole = replay(&rig, &protocol, &whole_data).await;
+    let whole = touches(&Reader::open(&whole_data).unwrap(), whole);
+    let data = folder.path().join("data");
+    let bench = Bench::open(&rig, &data);
+    bench.wait_for(RigState::Idle).await;
+    let facts = LoadedRig::load(&rig).unwrap().facts();
+    let protocol = LoadedProtocol::load(&protocol, &facts).unwrap();
+    let run = bench.handle.run(protocol, "Ada").await.unwrap();
+    let mut status = bench.handle.status();
+    for (touches, command, ending) in
+        [(1, RigCommand::Abort, RunStatus::Aborted), (3, RigCommand::Stop, RunStatus::Faulted)]
+    {
+        let far = |status: &rig::Status| {
+            status.run.as_ref().is_some_and(|view| view.touches_done >= touches)
+        };
+        status.wait_for(far).await.unwrap();
+        bench.handle.command(command, None, "Ada").await.unwrap();
+        assert_eq!(bench.ended(run).await, ending);
+        if ending == RunStatus::Faulted {
+            bench.wait_for(RigState::Latched).await;
+            bench.handle.command(RigCommand::Acknowledge, None, "Ada").await.unwrap();
+        }
+        bench.wait_for(RigState::Idle).await;
+        bench.handle.resume(run, false, "Ada").await.unwrap();
+        let refusal = bench.handle.resume(run, false, "Ada").await.unwrap_err();
+        let RequestRefusal::Resume(refusal) = refusal else { panic!("{refusal}") };
+        assert!(matches!(*refusal, ResumeRefusal::UnderWay { .. }), "{refusal}");
+        let view = bench.handle.status().borrow().run.clone().unwrap();
+        assert!(view.touches_before >= touches && view.touches_planned() == 6, "{view:?}");
+    }
+    assert_eq!(bench.ended(run).await, RunStatus::Completed);
+    bench.close().await;
+    check_same(&data, run, &whole, "resumed twice");
+}
+
+/// Runs the program to its end.
+fn rigd(folder: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_rigd"))
+        .args(args)
+        .args(["--data", folder.join("data").to_str().unwrap()])
+        .current_dir(config().parent().unwrap())
+        .stdin(Stdio::null())
+        .output()
+        .unwrap()
+}
+
+#[test]
+fn what_has_changed_is_refused_until_it_is_confirmed() {
+    let folder = TempDir::new().unwrap();
+    let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));
+    let (rig_text, protocol) = (rig.to_str().unwrap(), protocol.to_str().unwrap());
+    assert!(rigd(folder.path(), &["run", protocol, "--rig", rig_text]).status.success());
+    // A crash in the middle: the journal is cut there.
+    let data = folder.path().join("data");
+    let whole = fs::canonicalize(&data).unwrap();
+    let last = Reader::open(&data).unwrap().events_after(0, 10_000).unwrap().len() as u64 / 2;
+    let crash = crashed(&whole, last);
+    fs::remove_dir_all(&data).unwrap();
+    fs::create_dir(&data).unwrap();
+    fs::copy(crash.path().join("rigd.db"), data.join("rigd.db")).unwrap();
+
+    let changed = fs::read_to_string(&rig).unwrap() + "\n# another hand was here\n";
+    fs::write(&rig, changed).unwrap();
+    let resume = ["run", "--resume", "latest", "--rig", rig_text, "--json"];
+    let refused = rigd(folder.path(), &resume);
+    let said = String::from_utf8(refused.stderr).unwrap();
+    assert_eq!(refused.status.code(), Some(2), "{said}");
+    assert!(said.contains("have changed: rig file") && said.contains("--accept-changes"), "{said}");
+    let refused = rigd(folder.path(), &["run", "--resume", "no-such-run", "--rig", rig_text]);
+    assert_eq!(refused.status.code(), Some(3));
+
+    let confirmed = [&resume[..], &["--accept-changes"]].concat();
+    let done = rigd(folder.path(), &confirmed);
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let results: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
+    assert_eq!((&results["status"], &results["touches"]), (&"completed".into(), &6.into()));
+    let reader = Reader::open(&data).unwrap();
+    let run = reader.find("latest").unwrap();
+    let seam = reader.records(run.id).unwrap().into_iter().find(|one| one.kind == "resumed");
+    let Record::Resumed(seam) = seam.unwrap().record().unwrap() else { panic!() };
+    assert_eq!((seam.changes.len(), &*seam.changes[0].what), (1, "rig file"));
+    assert!(seam.rig.unwrap().toml.contains("another hand"));
+
+    // Asked again, it says the same.
+    let again = rigd(folder.path(), &resume);
+    assert!(again.status.success() && again.stdout == done.stdout);
+}
+
+#[test]
+fn a_rig_left_in_contact_moves_only_for_home_and_resume() {
+    let folder = TempDir::new().unwrap();
+    let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));
+    let (rig, protocol) = (rig.to_str().unwrap(), protocol.to_str().unwrap());
+    assert!(rigd(folder.path(), &["run", protocol, "--rig", rig]).status.success());
+    let data = folder.path().join("data");
+    let events = Reader::open(&data).unwrap().events_after(0, 10_000).unwrap();
+    let intent = events.iter().find(|stored| stored.kind == "intent").unwrap();
+    let crash = crashed(&data, intent.event);
+    for name in ["rigd.db-wal", "rigd.db-shm"] {
+        _ = fs::remove_file(data.join(name));
+    }
+    fs::copy(crash.path().join("rigd.db"), data.join("rigd.db")).unwrap();
+    let commands: [&[&str]; 3] =
+        [&["run", protocol], &["move", "linear", "29"], &["move", "linear", "29"]];
+    for args in commands {
+        let refused = rigd(folder.path(), &[args, &["--rig", rig]].concat());
+        let said = String::from_utf8(refused.stderr).unwrap();
+        assert_eq!(refused.status.code(), Some(4), "{args:?}: {said}");
+        assert!(said.contains("the probe may be in the sample"), "{said}");
+        assert!(said.contains("rigd home"), "{said}");
+    }
+    let reader = Reader::open(&data).unwrap();
+    let session = reader.latest_session("simulated bench").unwrap().unwrap();
+    let records = reader.records(session.id).unwrap();
+    let probe = records.iter().find_map(|stored| match stored.record().unwrap() {
+        Record::Fault(fault) => Some(fault.probe),
+        _ => None,
+    });
+    assert_eq!(probe, Some(Clearance::InContact));
+    assert!(records.iter().all(|stored| stored.kind != "moved"), "nothing has moved");
+    assert!(rigd(folder.path(), &["home", "--rig", rig]).status.success());
+    assert!(rigd(folder.path(), &["move", "linear", "29", "--rig", rig]).status.success());
+
+    let done = rigd(folder.path(), &["run", "--resume", "latest", "--rig", rig]);
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+}
+
+#[test]
+fn a_run_that_is_given_up_does_not_go_on() {
+    let folder = TempDir::new().unwrap();
+    let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));
+    let (rig, protocol) = (rig.to_str().unwrap(), protocol.to_str().unwrap());
+    assert!(rigd(folder.path(), &["run", protocol, "--rig", rig]).status.success());
+    let refused = rigd(folder.path(), &["give-up", "latest"]);
+    assert_eq!(refused.status.code(), Some(1), "it is complete");
+    let data = folder.path().join("data");
+    let crash = crashed(&data, 60);
+    fs::copy(crash.path().join("rigd.db"), data.join("rigd.db")).unwrap();
+    let given_up = rigd(folder.path(), &["give-up", "latest"]);
+    assert!(given_up.status.success(), "{}", String::from_utf8_lossy(&given_up.stderr));
+    let refused = rigd(folder.path(), &["run", "--resume", "latest", "--rig", rig]);
+    let said = String::from_utf8(refused.stderr).unwrap();
+    assert!(refused.status.code() == Some(1) && said.contains("sealed"), "{said}");
+}
+
+/// Kills the program itself, at moments spread over a run, and resumes it until it is done.
+#[test]
+fn a_program_that_is_killed_again_and_again_finishes_its_run() {
+    const KILLS: u32 = 24;
+    let folder = TempDir::new().unwrap();
+    let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));
+    let (rig, protocol) = (rig.to_str().unwrap(), protocol.to_str().unwrap());
+    let began = std::time::Instant::now();
+    assert!(rigd(folder.path(), &["run", protocol, "--rig", rig]).status.success());
+    let took = began.elapsed();
+    let data = folder.path().join("data");
+    let whole = {
+        let reader = Reader::open(&data).unwrap();
+        touches(&reader, reader.find("latest").unwrap().id)
+    };
+    fs::remove_dir_all(&data).unwrap();
+    let (mut kills, mut runs) = (0, 0);
+    while kills < KILLS {
+        let is_new = Reader::open(&data)
+            .and_then(|reader| Ok(reader.find("latest")?.is_sealed))
+            .unwrap_or(true);
+        let what: &[&str] =
+            if is_new { &["run", protocol] } else { &["run", "--resume", "latest"] };
+        let mut child = Command::new(env!("CARGO_BIN_EXE_rigd"))
+            .args(what)
+            .args(["--rig", rig, "--data", data.to_str().unwrap()])
+            .current_dir(config().parent().unwrap())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        kills += 1;
+        // Not a condition but a moment: the kills are to hit anywhere.
+        std::thread::sleep(took * (kills * 7 % KILLS) / KILLS);
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let reader = Reader::open(&data);
+        let latest = reader.as_ref().ok().and_then(|reader| reader.find("latest").ok());
+        if let (Ok(reader), Some(latest)) = (reader, latest) {
+            for (step, made) in touches(&reader, latest.id) {
+                assert_eq!(made.len(), 1, "{step} was made twice");
+            }
+        }
+    }
+    let done = rigd(folder.path(), &["run", "--resume", "latest", "--rig", rig]);
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let reader = Reader::open(&data).unwrap();
+    for run in reader.runs().unwrap() {
+        if run.kind == rig_store::RunKind::Run {
+            check_same(&data, run.id, &whole, &run.short_name());
+            runs += 1;
+        }
+    }
+    assert!(runs > 0);
+}
