@@ -9,7 +9,7 @@ use assignment::best_assignment;
 pub struct Score {
     /// Number of classified trials.
     pub trials: u32,
-    /// Trials in the cluster that stands for their label.
+    /// Trials in the cluster that represents their label.
     pub correct: u32,
     /// The label of each cluster; `None` for a surplus cluster.
     pub label_of: Vec<Option<usize>>,

@@ -14,8 +14,8 @@ const SETTLE_MAX_S: f64 = 60.0;
 /// The most cycles that are integrated at a point.
 const CYCLES_MAX: u32 = 100_000;
 
-/// How often a point is measured before it is given up because the instrument flags it. A flag that
-/// comes of a change of range or of a knock is gone at the next try; one that stays is the bench's.
+/// Largest number of measurements of a point that the instrument flags. A flag caused by a change
+/// of range or a shock is absent at the next try; a lasting one has its cause on the bench.
 const TRIES: usize = 3;
 
 /// An impedance analyzer and its port.
@@ -30,7 +30,7 @@ pub struct Analyzer {
     pub(crate) port: InstrumentPort,
     pub(crate) dialect: &'static Dialect,
     pub(crate) identity: Option<Identity>,
-    /// Whether several questions may stand in one message; found out at the first greeting.
+    /// Whether the instrument accepts several queries in one message; tested at the first contact.
     pub(crate) can_chain: Option<bool>,
     /// Whether it has the option that drives more.
     pub(crate) has_high_power: bool,
@@ -108,13 +108,12 @@ impl Analyzer {
 
     /// Measures at these points, in this order. Ends between two points when a stop is asked for.
     ///
-    /// A point that the instrument flags is measured again; its flagged readings stand before the
-    /// ones that follow. When the last try is flagged too, it is the last reading.
+    /// A flagged point is measured again, and its flagged readings come before the readings that
+    /// follow. If the last try is flagged too, it is the last reading.
     ///
     /// # Errors
-    /// [`AnalyzerError::Stopped`], [`AnalyzerError::NotConfigured`],
-    /// [`AnalyzerError::OutOfRange`] before anything is sent, and the error of an answer that
-    /// stayed lost.
+    /// [`AnalyzerError::Stopped`], [`AnalyzerError::NotConfigured`], [`AnalyzerError::OutOfRange`]
+    /// before anything is sent, and the error of an answer that did not arrive at any try.
     pub async fn measure(
         &mut self,
         points: &[SweepPoint],

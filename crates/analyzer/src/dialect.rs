@@ -40,7 +40,7 @@ impl Resolution {
     /// The frequency that the instrument will make of the one asked for, as far as can be known.
     pub(crate) fn round(self, frequency_hz: f64) -> f64 {
         let Some(step) = self.step_hz(frequency_hz) else { return frequency_hz };
-        // To the float that is nearest to the decimal.
+        // Rounded to the nearest float.
         let per_hz = 1.0 / step;
         if 1.0 <= per_hz {
             (frequency_hz * per_hz.round()).round() / per_hz.round()
@@ -57,7 +57,7 @@ impl Resolution {
         }
     }
 
-    /// The step at a frequency, where there is one.
+    /// The step at a frequency; `None` without a fixed step.
     fn step_hz(self, frequency_hz: f64) -> Option<f64> {
         match self {
             Self::Step(step) => Some(step),

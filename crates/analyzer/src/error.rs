@@ -1,5 +1,5 @@
-//! What can go wrong with an analyzer: it refused, or the line failed, or its answer does not
-//! answer the question.
+//! Errors of an analyzer: a refusal, a failure of the line, or an answer that does not fit the
+//! query.
 
 use std::{
     fmt::{self, Write},
@@ -105,7 +105,7 @@ pub enum AnalyzerError {
         /// Name of the port.
         port: Arc<str>,
     },
-    /// Something came that nobody had asked for.
+    /// Bytes arrived without a query.
     #[error("{port}: {bytes} unexpected bytes arrived before a query")]
     Strays {
         /// Name of the port.

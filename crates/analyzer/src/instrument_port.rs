@@ -138,8 +138,8 @@ impl InstrumentPort {
         }
     }
 
-    /// Sends no character before the last one has come back: while it is busy, the instrument
-    /// drops characters without a word.
+    /// Sends each character only after the echo of the one before: a busy instrument drops
+    /// characters and reports no error.
     async fn send_slowly(&mut self, message: &Message, bytes: &[u8]) -> Result<(), AnalyzerError> {
         let mut echo = Vec::new();
         for (n, &byte) in bytes.iter().enumerate() {

@@ -39,7 +39,7 @@ impl Message {
         Self { program: self.program.map(|program| program.number(value)) }
     }
 
-    /// Adds a word to the last unit.
+    /// Adds character data to the last unit.
     pub(crate) fn word(self, word: &str) -> Self {
         Self { program: self.program.map(|program| program.characters(word)) }
     }
@@ -49,7 +49,7 @@ impl Message {
         self.command(header).number(value)
     }
 
-    /// A command with a word.
+    /// A command with character data.
     pub(crate) fn choose(self, header: &str, word: &str) -> Self {
         self.command(header).word(word)
     }

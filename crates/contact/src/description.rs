@@ -28,7 +28,7 @@ pub struct Uncertainty {
     pub angle_deg: f64,
     /// Of the stiffness from one point of a sample to the next, relative.
     pub sample_rel: f64,
-    /// Of the common factor of all stiffnesses when no sample is known, relative.
+    /// Of the common factor of all stiffnesses, without a sample of known stiffness, relative.
     pub scale_rel: f64,
 }
 

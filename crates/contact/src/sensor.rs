@@ -1,8 +1,8 @@
 //! The sensor: a piezoelectric bimorph clamped at one end, with a mass and a ball probe at the
 //! other.
 //!
-//! The probe stands perpendicular to the bimorph, so that the ball moves along the probe when the
-//! beam bends. The tiers model the vibration.
+//! The probe is perpendicular to the bimorph, so that the ball moves along the probe when the beam
+//! bends. The tiers model the vibration.
 
 use crate::{SensorDesign, section::Section};
 

@@ -162,7 +162,7 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// What it says of the linear stage.
+    /// Its part about the linear stage.
     pub(crate) fn of_linear(&self) -> RecoveryReport {
         match self {
             Self::Device(failure) if failure.device != Device::LinearStage => RecoveryReport::Done,

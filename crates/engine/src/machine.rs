@@ -20,11 +20,11 @@ pub(crate) enum MachineStep<T> {
     Wait(Duration),
     /// Ask a person and wait for the answer.
     Ask(Prompt),
-    /// Wait for a person to go on.
+    /// Wait for a person to continue.
     Pause,
     /// The machine is finished.
     Done(T),
-    /// The machine cannot go on.
+    /// The machine cannot continue.
     Fault(Fault),
 }
 

@@ -14,11 +14,12 @@
 //!                              └──────────┘
 //! ```
 //!
-//! A drive that does not answer gets time: until the patience of the rig file is over, it is asked again,
-//! identified again, and then moved. One alarm is reset once. A drive that answers and is not clear after
-//! a few retracts, or that does not know its position and has no safe way to find it, is not moved again.
+//! A drive that does not answer is asked again until the patience of the rig file is over. When it
+//! answers, it is identified again and then moved. One alarm is reset once. A drive that answers
+//! and is not clear after a few retracts, or that does not know its position and has no safe way to
+//! find it, is not moved again.
 //!
-//! Also the way into service: home what is not homed, with the probe moving up first.
+//! It also prepares the rig: it homes the axes that are not homed, after moving the probe up.
 
 use std::time::Duration;
 
@@ -101,7 +102,7 @@ enum Phase {
 }
 
 impl Recovery {
-    /// Begins with a stop. `cause` is what is known of the linear stage.
+    /// Begins with a stop. `cause` is the fault of the linear stage, if it is known.
     pub(crate) fn begin(
         now: RigTime,
         patience: Duration,

@@ -176,7 +176,7 @@ impl NoLoad {
         self.follow(step, context)
     }
 
-    /// Begins a sweep; the first one near the last reference, where there is one.
+    /// Begins a sweep; the first one starts near the last reference, if there is one.
     fn begin(&mut self, last: Option<&Resonance>, context: &mut MachineContext<'_>) -> SweepStep {
         self.attempt += 1;
         let request = &context.plan.no_load_sweep;

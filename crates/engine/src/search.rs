@@ -28,7 +28,7 @@ pub enum SearchStep {
     Flagged,
     /// The surface is found.
     Found(Surface),
-    /// The search cannot go on.
+    /// The search cannot continue.
     Fault(Fault),
 }
 

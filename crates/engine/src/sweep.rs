@@ -16,7 +16,7 @@ pub(crate) enum SweepStep {
     Measure(Operation),
     /// The sweep is finished, and its outcome is noted.
     Finished(Box<FinishedSweep>),
-    /// The sweep cannot go on.
+    /// The sweep cannot continue.
     Fault(Fault),
 }
 

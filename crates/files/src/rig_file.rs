@@ -74,7 +74,7 @@ pub enum Pace {
     Real,
 }
 
-/// The simulated person, who does what a prompt asks for.
+/// The simulated person, who carries out prompts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SimulatedPerson {
     /// The person answers the prompt.

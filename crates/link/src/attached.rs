@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Names that stay with an adapter, whatever the order in which it is plugged in.
+/// Names of an adapter that do not depend on the order of plugging in.
 const BY_ID: &str = "/dev/serial/by-id";
 
 /// A serial port of this computer.

@@ -30,7 +30,7 @@ pub enum Endpoint {
     Memory {
         /// The name that people read.
         name: Arc<str>,
-        /// The settings of the serial line that the pipe stands for, if it does.
+        /// The settings of the serial line that the pipe represents, if any.
         line: Option<LineSettings>,
         /// Lays the next pipe. None when there is no more.
         plug: Plug,
@@ -102,7 +102,7 @@ fn open_serial(
         StopBits::One => tokio_serial::StopBits::One,
         StopBits::Two => tokio_serial::StopBits::Two,
     };
-    // The device file itself: the lock of the library is on it, whatever it is called by.
+    // The device file behind any symbolic links: the lock of the library is on it.
     let device = std::fs::canonicalize(path).unwrap_or_else(|_| path.into());
     if let Some(what) = what_it_is(&device) {
         return Err(OpenError::NotAPort { port: port.clone(), what });
@@ -117,7 +117,7 @@ fn open_serial(
     }
 }
 
-/// What has this name, if it is no device of characters. What is not there is found out by opening.
+/// The kind of a file that is not a character device. A missing file shows when it is opened.
 fn what_it_is(path: &Path) -> Option<&'static str> {
     let kind = std::fs::metadata(path).ok()?.file_type();
     if kind.is_char_device() {

@@ -29,7 +29,7 @@ pub enum LineError {
         /// Duration of the attempts.
         waited: Duration,
     },
-    /// Bytes keep coming that nobody asked for.
+    /// Unexpected bytes keep arriving.
     #[error("{port}: not silent after {} ms, {discarded} bytes discarded", waited.as_millis())]
     NeverSilent {
         /// Name of the port.
@@ -39,7 +39,7 @@ pub enum LineError {
         /// Number of discarded bytes.
         discarded: usize,
     },
-    /// The adapter is gone, or the other side has closed the connection.
+    /// The adapter has disappeared, or the other side has closed the connection.
     #[error("{port}: {}", if *is_serial { "the port has disappeared" } else { "closed by the \
              other side" })]
     Lost {
@@ -80,7 +80,7 @@ impl fmt::Display for PartialAnswer {
     }
 }
 
-/// Bytes as a person reads them, without those in the middle where there are many.
+/// Bytes in readable form. The middle of a long text is left out.
 pub fn escaped(bytes: &[u8]) -> String {
     /// Bytes that are shown of the beginning and of the end.
     const SHOWN: usize = 40;
@@ -122,7 +122,7 @@ pub enum OpenError {
         /// Name of the port.
         port: Arc<str>,
     },
-    /// Nobody answered at the address in time.
+    /// No answer came from the address in time.
     #[error("{port}: no connection within {} ms", waited.as_millis())]
     TimedOut {
         /// Name of the port.

@@ -1,9 +1,8 @@
 //! Owns a port: bytes, deadlines, drain, quarantine, and a transcript of the last frames.
 //!
-//! A [`Port`] is one serial line, one TCP connection or one pipe in memory; its holder is its
-//! only user. It knows time and bytes and no protocol: what an answer must look like is decided by
-//! the drivers above. All waiting is done on the runtime's clock, so that a simulated rig may run
-//! on a paused one.
+//! A [`Port`] is one serial line, one TCP connection or one pipe in memory; its holder is its only
+//! user. It handles time and bytes; the drivers above know the protocol and the form of an answer.
+//! All waiting is done on the runtime's clock, so that a simulated rig may run on a paused one.
 
 mod attached;
 mod clock;

@@ -34,8 +34,8 @@ pub struct Port {
     name: Arc<str>,
     /// Where it can be opened once more.
     endpoint: Option<Endpoint>,
-    /// None once the other side is gone. It is let go at once, because an adapter that is plugged
-    /// in again gets another name for as long as the old one is open.
+    /// `None` after the other side has closed. It is closed at once, because an adapter that is
+    /// plugged in again gets another name while the old one is open.
     transport: Option<Box<dyn Transport>>,
     line: Option<LineSettings>,
     clock: Clock,
@@ -50,7 +50,7 @@ impl Port {
     /// Opens a port.
     ///
     /// # Errors
-    /// [`OpenError`], by its reason: absent, held by another program, not permitted, nobody there.
+    /// [`OpenError`], by its reason: absent, held by another program, not permitted, no answer.
     pub async fn open(mut endpoint: Endpoint, clock: Clock) -> Result<Self, OpenError> {
         let (name, line) = (endpoint.name(), endpoint.line());
         let transport = endpoint.connect().await?;
@@ -88,7 +88,7 @@ impl Port {
     }
 
     /// Closes the port if it is open, and opens it where it was, or where the same adapter is now.
-    /// What stands behind it may be another device: it has to be identified.
+    /// The device there may be another one and has to be identified.
     ///
     /// # Errors
     /// [`OpenError`]; [`OpenError::Absent`] for a port that was made over a given transport.
@@ -102,7 +102,7 @@ impl Port {
         Ok(())
     }
 
-    /// Whether the other side is gone.
+    /// Whether the other side has closed.
     pub const fn is_lost(&self) -> bool {
         self.transport.is_none()
     }
@@ -153,8 +153,8 @@ impl Port {
         self.line.map_or(Duration::ZERO, |line| line.frame_silence())
     }
 
-    /// Waits until the line has been silent for so long, and throws away whatever still arrives.
-    /// Returns how much that was.
+    /// Waits until the line has been silent for this time, and discards the bytes that still
+    /// arrive. Returns their number.
     ///
     /// # Errors
     /// [`LineError::NeverSilent`] when bytes keep coming for a second, [`LineError::Lost`].
@@ -194,7 +194,7 @@ impl Port {
         let mut buffer = [0; 256];
         self.transcript.cut();
         self.is_discarding = true;
-        // Bytes that have arrived are only seen after the runtime has looked at the port.
+        // Bytes that have arrived become visible only after the runtime has polled the port.
         tokio::task::yield_now().await;
         let result = loop {
             let silent_at = (self.last_activity + silence).max(not_before);
@@ -237,8 +237,8 @@ impl Port {
         }
     }
 
-    /// Waits for more bytes of an answer and appends them to `answer`, which holds what has come of
-    /// it so far.
+    /// Waits for more bytes of an answer and appends them to `answer`, which has the part that has
+    /// arrived so far.
     ///
     /// # Errors
     /// [`LineError::TimedOut`] at the deadline, [`LineError::Lost`], [`LineError::Io`].
@@ -271,7 +271,7 @@ impl Port {
         LineError::Io { port, source: Arc::new(error) }
     }
 
-    /// Lets the transport go when the other side is gone.
+    /// Drops the transport when the other side has closed.
     fn notice<T>(&mut self, outcome: io::Result<T>) -> io::Result<T> {
         if outcome.as_ref().is_err_and(is_gone) {
             self.transport = None;
@@ -290,14 +290,14 @@ async fn poll_once<T>(future: impl Future<Output = T>) -> Option<T> {
     .await
 }
 
-/// Whether an error means that the other side is gone.
+/// Whether an error means that the other side has closed.
 fn is_gone(error: &io::Error) -> bool {
     use io::ErrorKind::{
         BrokenPipe, ConnectionAborted, ConnectionReset, NotConnected, UnexpectedEof,
     };
-    /// The error of a terminal whose other side is gone.
+    /// The error of a terminal whose other side has closed.
     const EIO: i32 = 5;
-    /// The error of a terminal whose hardware is gone.
+    /// The error of a terminal whose hardware has disappeared.
     const ENXIO: i32 = 6;
     matches!(
         error.kind(),

@@ -15,7 +15,7 @@ pub enum Flow {
     Sent,
     /// From the device to the host, while an answer was waited for.
     Received,
-    /// From the device to the host, when nobody waited for it. It was thrown away.
+    /// From the device to the host, without a query. The bytes were discarded.
     Discarded,
 }
 

@@ -211,7 +211,7 @@ impl<U: Unit> Axis<U> {
     ///
     /// # Errors
     /// [`AxisError::OutsideSoftLimits`]. A target is refused, never clamped, because a clamped
-    /// approach measures at a place that nobody asked for.
+    /// approach measures at another place than the requested one.
     pub fn target(&self, wanted: Position<U>) -> Result<Target<U>, AxisError<U>> {
         if self.limits.soft.contains(wanted) {
             Ok(Target(wanted))

@@ -7,10 +7,10 @@ use std::{
 
 use crate::{Deg, Position};
 
-/// Which way the surface leans, seen from the sensor.
+/// The direction in which the surface leans, seen from the sensor.
 ///
 /// Front and back are the two senses of the rotary stage. Left needs the sensor turned a quarter
-/// about its own axis, which the bench cannot do by itself.
+/// about its own axis, which needs a person.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Direction {
     /// The surface leans in the plane of bending, positive angle.
@@ -53,7 +53,7 @@ impl Direction {
         }
     }
 
-    /// Where the rotary stage stands for a contact angle in this direction.
+    /// The position of the rotary stage for a contact angle in this direction.
     pub fn rotary_position(self, angle: ContactAngle) -> Position<Deg> {
         match self {
             Self::Front | Self::Left => Position::new(angle.degrees()),

@@ -36,8 +36,8 @@ pub struct Geometry {
     pub surface: Position<Mm>,
     /// Height of that surface above the rotary axis (negative below), mm.
     pub surface_above_pivot_mm: f64,
-    /// How far the probe stands beside the rotary axis, in mm, positive to the side that sinks at
-    /// positive angles.
+    /// Distance of the probe from the rotary axis, mm, positive on the side that sinks at positive
+    /// angles.
     pub probe_beside_pivot_mm: f64,
     /// Radius of the spherical probe tip, in mm.
     pub probe_radius_mm: f64,
@@ -50,15 +50,15 @@ pub struct Geometry {
 impl Geometry {
     /// The linear position at which the tip is expected to touch the tilted sample.
     ///
-    /// A plane at distance d from the pivot, tilted by α, stands at the height (d − x sin α)/cos α
-    /// at the lateral offset x. A ball of radius R that touches it has its centre R/cos α above,
-    /// and its lowest point R below the centre.
+    /// A plane at distance d from the pivot, tilted by α, has the height (d − x sin α)/cos α at the
+    /// lateral offset x. A ball of radius R that touches it has its centre R/cos α above, and its
+    /// lowest point R below the centre.
     pub fn surface_at(&self, direction: Direction, angle: ContactAngle) -> Position<Mm> {
         self.surface_at_tilt(direction.rotary_position(angle))
     }
 
     /// The linear position at which the tip is expected to touch the sample when the rotary stage
-    /// stands at `tilt`. See [`Geometry::surface_at`].
+    /// is at `tilt`. See [`Geometry::surface_at`].
     pub(crate) fn surface_at_tilt(&self, tilt: Position<Deg>) -> Position<Mm> {
         let tilt = tilt.value().to_radians();
         let (d, r) = (self.surface_above_pivot_mm, self.probe_radius_mm);

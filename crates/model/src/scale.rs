@@ -8,7 +8,7 @@ pub struct Scale<U> {
     /// How far one count moves the axis, in the unit `U`; negative when the drive counts the other
     /// way.
     pub per_count: f64,
-    /// Where the axis stands when the drive counts zero.
+    /// Position of the axis at count zero.
     pub zero: Position<U>,
     /// Counts per revolution of the motor, for drives that take speed in revolutions per minute.
     pub counts_per_revolution: f64,
@@ -25,7 +25,7 @@ impl<U: Unit> Scale<U> {
         is_in_range.then_some(counts as i32)
     }
 
-    /// Where the axis stands at a count.
+    /// Position of the axis at a count.
     pub fn position(&self, counts: i64) -> Position<U> {
         self.zero.offset(counts as f64 * self.per_count)
     }

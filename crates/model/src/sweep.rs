@@ -46,13 +46,14 @@ impl SweepPoint {
 /// The choice of the points of a sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SweepMethod {
-    /// The planner chooses each next stay at one frequency from what is known so far. Nothing waits for
-    /// settling: the free decay after each change of frequency is fitted, whatever the phase of the
-    /// drive was. For any analyzer whose readings follow each other at times known to a millisecond.
+    /// The planner chooses each next stay at one frequency from the readings so far. It does not
+    /// wait for settling: the free decay after each change of frequency is fitted, with any phase
+    /// of the drive. For any analyzer whose readings follow each other at times known to a
+    /// millisecond.
     Adaptive,
-    /// The same with a drive that is known at every moment: the ring-up is part of the model. Only for
-    /// analyzers that tell when each point began and how long it took, with a drive that goes on
-    /// between the points and never jumps in phase.
+    /// The same with a drive that is known at all times: the ring-up is part of the model. Only for
+    /// analyzers with an exact time and duration of each point, and with a drive that continues
+    /// between the points without a jump of phase.
     Transient,
     /// Evenly spaced points over the whole window.
     Uniform {
@@ -218,7 +219,7 @@ pub struct Reading {
 }
 
 impl Reading {
-    /// The impedance, where there is one.
+    /// The impedance; `None` after an overload.
     pub const fn impedance(&self) -> Option<Impedance> {
         match self.measured {
             PointResult::Value(impedance) | PointResult::LowSignal(impedance) => Some(impedance),

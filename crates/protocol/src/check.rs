@@ -1,4 +1,4 @@
-//! The checks of a protocol, by itself and against the limits of a rig.
+//! The checks of a protocol, alone and against the limits of a rig.
 
 use std::fmt::Display;
 

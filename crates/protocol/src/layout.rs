@@ -1,10 +1,11 @@
 //! Lays the steps out with few prompts and little travel.
 //!
-//! Samples are outermost, because changing one takes a person. Within a sample the sensor begins
-//! as it stands and is turned at most once, so that the next sample begins where this one ended.
-//! Within one mounting of the sensor the directions come as they are listed, angles rising, and
-//! repeats follow each other. A random order shuffles the samples and what lies within one
-//! mounting: it costs travel and no prompt. The trials of the blind phase are never put in order.
+//! Samples are the outer loop, because a change of sample needs a person. For each sample the
+//! sensor begins in its present orientation and is turned at most once, so that the next sample
+//! begins in that orientation. For one mounting of the sensor, directions follow the listed order
+//! with rising angles, and repeats follow each other. A random order shuffles the samples and the
+//! touches of one mounting: it costs travel but no prompt. The trials of the blind phase keep their
+//! random order.
 
 use rig_files::Faults;
 use rig_model::{Orientation, RigLimits, random::Stream};
@@ -39,7 +40,7 @@ impl Plan {
     /// knows them, a real one takes the sample that the person places.
     ///
     /// # Errors
-    /// Every fault of the file, by itself and on this rig.
+    /// Every fault of the file, alone and on this rig.
     pub fn new(
         protocol: &Protocol,
         limits: &RigLimits,

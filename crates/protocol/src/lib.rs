@@ -1,11 +1,11 @@
 //! Protocol TOML in; a checked plan of addressable steps out.
 //!
 //! [`Protocol::read`] takes the text of a protocol file and never fails: it keeps the faults.
-//! [`Plan::new`] checks the protocol against the limits of a rig and gives either a plan, or all
-//! faults of the file, by itself and on this rig, each with line and column.
+//! [`Plan::new`] checks the protocol against the limits of a rig and returns a plan, or all faults
+//! of the file, alone and on this rig, each with line and column.
 //!
-//! The shipped protocol files, with their comments, are the manual of the keys.
-//! This crate decides no motion: it lays out poses and prompts, and the engine replays them.
+//! The shipped protocol files, with their comments, are the manual of the keys. This crate makes no
+//! decision about motion: it lays out poses and prompts, and the engine replays them.
 
 #![deny(clippy::disallowed_methods)]
 

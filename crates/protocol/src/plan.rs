@@ -50,7 +50,7 @@ impl fmt::Display for StepId {
 /// The action of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Action {
-    /// A prompt: the bench cannot do this by itself.
+    /// A prompt: an action that the bench cannot carry out.
     Prompt(Prompt),
     /// The no-load resonance is measured at a pose, with the probe clear.
     NoLoad(Pose),

@@ -40,7 +40,7 @@ pub struct Protocol {
     pub(crate) faults: Faults,
 }
 
-/// In which order the poses of the main phase are taken.
+/// Order of the poses of the main phase.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Order {
     /// As they are listed, angles rising.
@@ -116,7 +116,7 @@ pub(crate) struct Limits {
 }
 
 impl Protocol {
-    /// The faults of the file by itself, on any rig.
+    /// The faults of the file on any rig.
     pub fn faults(&self) -> &Faults {
         &self.faults
     }
@@ -201,8 +201,8 @@ pub(crate) fn contact_angle(degrees: f64) -> ContactAngle {
     ContactAngle::new(degrees).expect("the range of the key lies in [0°, 90°)")
 }
 
-/// How deep and how far above a sample a protocol can mean to go, mm: from what no stage keeps to
-/// more than any sample is thick. Beyond, the unit is another one.
+/// Plausible depths and heights of a protocol, mm: from below the accuracy of any stage to above
+/// the thickness of any sample. A number outside is likely to be in another unit.
 const DEPTH_MM: RangeInclusive<f64> = 0.005..=50.0;
 /// The same for the steps of a search, mm.
 const STEP_MM: RangeInclusive<f64> = 0.0005..=10.0;

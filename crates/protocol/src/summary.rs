@@ -169,7 +169,7 @@ fn sweep_s(sweep: &SweepRequest) -> f64 {
     planned_s.min(sweep.time_limit_s)
 }
 
-/// In which the ring of the sensor goes down to 1/e.
+/// Time constant of the free decay of the sensor, s.
 fn time_constant_s(sweep: &SweepRequest) -> f64 {
     ASSUMED_Q / (PI * middle_hz(sweep))
 }

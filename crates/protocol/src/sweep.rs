@@ -23,7 +23,7 @@ enum Method {
     Uniform,
 }
 
-/// Reads a sweep and checks it by itself.
+/// Reads a sweep and checks it without a rig.
 pub(crate) fn read(table: &mut Table<'_>) -> SweepKeys {
     let words = [("adaptive", Method::Adaptive), ("uniform", Method::Uniform)];
     let method = table.choice("method", words).or(Method::Adaptive);

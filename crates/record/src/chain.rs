@@ -4,7 +4,7 @@ use std::fmt;
 
 use crate::{Digest, Record, RunId};
 
-/// A record as it is stored.
+/// A stored record.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StoredRecord {
     /// The id of the event, rising over all runs of the data directory.
@@ -113,7 +113,7 @@ pub enum Flaw {
     },
     /// The last record and the list of runs have different ends of the run.
     EndDiffers,
-    /// The entry of the run in the list of runs is not what was written.
+    /// The entry of the run in the list of runs does not match its digest.
     ListDiffers,
     /// The seal of the run is missing, or does not fit its records and its entry in the list of
     /// runs.

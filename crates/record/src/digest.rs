@@ -17,7 +17,7 @@ impl Digest {
     /// The digest before the first record of a run.
     pub const START: Self = Self([0; 32]);
 
-    /// A digest as it was stored.
+    /// A stored digest.
     pub const fn from_bytes(bytes: [u8; 32]) -> Self {
         Self(bytes)
     }

@@ -60,9 +60,9 @@ pub enum Record {
     BlackBox(BlackBox),
     /// The rig changed its state.
     StateChanged(StateChanged),
-    /// A run that had not been completed goes on: a new clock, and what has changed since.
+    /// A run that had not been completed was resumed: the new clock, and the changes since.
     Resumed(Resumed),
-    /// A person decided that a run that had not been completed does not go on.
+    /// A person gave up a run that had not been completed.
     GivenUp(GivenUp),
     /// A touch of a run is measured again or left out: the first record of an amendment.
     Amended(Amended),

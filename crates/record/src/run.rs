@@ -71,7 +71,7 @@ impl RunKind {
 pub enum RunStatus {
     /// Not ended yet.
     Running,
-    /// Not ended, and its program is gone. A run can be resumed; a session ends as
+    /// Not ended, and its program has ended. A run can be resumed; a session ends as
     /// [`Ending::Interrupted`] when the journal is next opened to write.
     Interrupted,
     /// Ended.

@@ -1,11 +1,11 @@
-//! Digests of what the list of runs says: entries, and the seals of ended runs.
+//! Digests of the list of runs: its entries, and the seals of ended runs.
 
 use crate::{
     Digest,
     DigestPart::{self, Number, Text},
 };
 
-/// An entry of the list of runs, as it is when the run begins.
+/// An entry of the list of runs at the start of the run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ListEntry {
     /// Id of the bench, a UUID.

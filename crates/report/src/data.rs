@@ -59,7 +59,7 @@ pub(crate) struct PlannedTouch {
 /// An amendment of a touch, and the outcome before.
 #[derive(Debug)]
 pub(crate) struct Replaced {
-    /// What was done, by whom, and why.
+    /// The action, the person, and the reason.
     pub(crate) amendment: String,
     /// The outcome before, in words.
     pub(crate) before: Option<String>,

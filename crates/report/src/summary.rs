@@ -37,7 +37,7 @@ pub struct RunSummary {
     pub prompts: u32,
     /// From beginning to end on the rig's clock, s.
     pub rig_seconds: f64,
-    /// From beginning to end by the wall clock, s; none while the run goes on.
+    /// From beginning to end by the wall clock, s; `None` during the run.
     pub wall_seconds: Option<f64>,
     /// Mean resonance with the probe clear, Hz.
     pub no_load_hz: Option<f64>,

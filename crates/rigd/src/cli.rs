@@ -1,17 +1,17 @@
 //! The command line.
 //!
-//! What a program would read goes to stdout, everything else to stderr. Exit codes:
+//! Data goes to stdout, messages go to stderr. Exit codes:
 //!
 //! | code | meaning |
 //! |---|---|
 //! | 0 | done |
-//! | 1 | something failed: a file, a directory, a device |
+//! | 1 | a file, a directory or a device failed |
 //! | 2 | a bad command line, protocol, rig or sweep file, or a target beyond the limits |
 //! | 3 | no such run, or no resonance |
 //! | 4 | the rig is latched after a fault |
 //! | 5 | a run, a move or a sweep was aborted |
-//! | 6 | a run came to its end, and some of its touches were refused |
-//! | 130 | interrupted before anything was under way |
+//! | 6 | a run ended, and some of its touches were refused |
+//! | 130 | interrupted before any action |
 
 mod check;
 mod doctor;

@@ -1,7 +1,6 @@
 //! Checks a rig and advises on each problem.
 //!
-//! Everything that was looked at gives a finding, also what is well: a person must see that it was
-//! looked at.
+//! Every check gives a finding, also a good one, so that a person sees that the check was made.
 
 pub(crate) mod advice;
 mod data;
@@ -84,8 +83,8 @@ impl Findings {
     }
 }
 
-/// Everything that was found: of the data directory, what the last session with the rig of this name
-/// left behind, the ports, and the devices.
+/// The findings about the data directory, the last session with this rig, the ports, and the
+/// devices.
 pub(crate) fn findings(data: &Path, rig: &str, inspection: &Inspection) -> Vec<Finding> {
     let mut all = data::findings(data, rig);
     all.extend(inspection.ports.iter().flat_map(port::findings));

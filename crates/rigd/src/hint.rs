@@ -38,7 +38,7 @@ enum NextAction {
 }
 
 impl Hint {
-    /// For somebody who speaks to the daemon.
+    /// For clients of the daemon.
     pub(crate) fn over_http(self) -> String {
         let then = match self.then {
             NextAction::Retract => "POST /api/v1/acknowledge, which retracts the probe first",
@@ -48,7 +48,7 @@ impl Hint {
         format!("{}; then {then}", self.text)
     }
 
-    /// For somebody at a terminal, where every command opens the rig anew.
+    /// For a person at a terminal, where every command opens the rig again.
     pub(crate) fn at_a_terminal(self) -> String {
         match self.then {
             NextAction::Retract => {
@@ -69,7 +69,7 @@ pub(crate) const LOST: &str = "move nothing, not even with the tool of the drive
                                size of its step, its \
     zero or its travel in the rig file";
 
-/// Advice during the way out of contact, which goes on by itself.
+/// Advice during the way out of contact, which is automatic.
 pub(crate) fn during_retract(fault: &Fault) -> String {
     let is_silent = matches!(fault, Fault::Device(failure) if failure.kind == FailureKind::Line);
     let cure = if is_silent { "; restore the power and the cable of the device" } else { "" };

@@ -18,12 +18,13 @@
 //! | `POST /api/v1/runs/{id}/continue`, `give-up` | goes on with a run that was not completed; seals it |
 //! | `POST /api/v1/stop` | stops everything, retracts, latches |
 //! | `POST /api/v1/acknowledge` | leaves the latch |
-//! | `GET /api/v1/events` | everything that happens, as server-sent events |
+//! | `GET /api/v1/events` | every record of the journal, as server-sent events |
 //!
-//! `GET /` says where to go from there. Every request passes the guard first: which host, which site,
-//! which token, how large.
+//! `GET /` links to the rest. Every request passes the guard first, which checks host, site, token
+//! and size.
 //!
-//! A handler asks the rig thread and waits for its word; the rig thread never waits for a handler.
+//! A handler sends a request to the rig thread and waits for the answer; the rig thread never waits
+//! for a handler.
 
 pub mod access;
 mod events;
@@ -85,8 +86,8 @@ struct Inner {
 }
 
 impl Shared {
-    /// What the handlers need: the rig, the protocol to replay when none is posted, the directory of
-    /// the journal, and who may come in.
+    /// State for the handlers: the rig, the protocol for a run without a body, the directory of the
+    /// journal, and the rules of access.
     pub fn new(
         rig: RigHandle,
         facts: RigFacts,

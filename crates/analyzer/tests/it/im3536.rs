@@ -7,7 +7,7 @@ use std::{
 
 use crate::peer::{Instrument, Reaction};
 
-/// The instrument and what is connected to it. Clones are one instrument.
+/// The instrument and its load. Clones share one instrument.
 #[derive(Debug, Clone)]
 pub(crate) struct Im3536 {
     state: Arc<Mutex<State>>,
@@ -33,7 +33,7 @@ struct State {
     seen: Vec<String>,
 }
 
-/// What the sample answers: a resistance and a reactance that tell the frequency.
+/// The impedance of the sample, which depends on the frequency: resistance and reactance.
 pub(crate) fn impedance(frequency_hz: f64) -> (f64, f64) {
     (1000.0 + frequency_hz, -1e6 / frequency_hz)
 }

@@ -289,7 +289,7 @@ async fn a_refusal_is_told_from_a_lost_answer_although_both_are_silent() {
     );
 }
 
-/// Whatever happens to whatever message: readings that are returned are true.
+/// Any fault in any message: a returned reading is right.
 #[tokio::test(start_paused = true)]
 async fn no_single_fault_makes_a_reading_lie() {
     for refuses_chains in [false, true] {

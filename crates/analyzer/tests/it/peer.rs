@@ -7,7 +7,7 @@ use tokio::{
     time::sleep,
 };
 
-/// What an instrument does about a message: it takes its time, and answers or not.
+/// The reaction of an instrument to a message: a delay, and an answer or none.
 #[derive(Debug, Default)]
 pub(crate) struct Reaction {
     pub(crate) busy: Duration,
@@ -45,7 +45,7 @@ pub(crate) const FAULTS: [Fault; 8] = [
     Fault::Restart,
 ];
 
-/// What stands at the other end of a port.
+/// The device at the other end of a port.
 pub(crate) trait Instrument: Send + 'static {
     fn message(&mut self, message: &str) -> Reaction;
     fn restart(&mut self);

@@ -19,7 +19,7 @@ use tokio::{
 struct Make {
     identity: &'static str,
     options: &'static str,
-    /// Sends each character back, and drops what comes before that.
+    /// Echoes each character, and drops characters that arrive before the echo.
     echoes: bool,
     /// How often a measurement is not ready yet when it is asked for.
     not_ready: usize,
@@ -99,7 +99,7 @@ impl Meter {
             if self.make.echoes {
                 let mut early = [0; 64];
                 sleep(Duration::from_micros(200)).await;
-                // Whatever came before the echo is lost.
+                // Characters that arrived before the echo are lost.
                 _ = tokio::time::timeout(Duration::ZERO, io.read(&mut early)).await;
                 if io.write_u8(byte).await.is_err() {
                     return;

@@ -21,7 +21,7 @@ fn rounded_up(table: &ErrorTable) -> ErrorTable {
     rounded
 }
 
-/// The table as it stands in `choice/stored.rs`.
+/// The table in the form of `choice/stored.rs`.
 fn source(table: &ErrorTable) -> String {
     let mut text = String::new();
     for (tier, controls) in Tier::ALL.into_iter().zip(&table.0) {

@@ -125,7 +125,7 @@ fn check_rise(design: SensorDesign, direction: Direction, angle_rad: f64, tau: f
     let pose = Pose::leaning(direction, angle_rad).unwrap();
     let unit = TipStiffness::of(sensor.section(), &pose, tau);
     let clamped_hz = beam.no_load_hz().max(1667.0);
-    // Below 1e-11 of the resonance all are rounding.
+    // Differences below 1e-11 of the resonance are rounding.
     let rounding = 2e-11 * beam.no_load_hz();
     let mut before = 0.0;
     for step in -640..=240 {
@@ -155,8 +155,8 @@ fn the_lowest_root_is_found_from_the_softest_contact_to_the_stiffest() {
     }
 }
 
-/// A fixture that is wide in roll twists at 190 Hz, far below where a stiff contact holds the
-/// bending: what was taken for the first root then lay beyond the twist's.
+/// A fixture with a large moment of inertia in roll twists at 190 Hz, far below the bending
+/// resonance of a stiff contact. The first root found was once above the root of the twist.
 #[test]
 fn the_lowest_root_is_below_the_twists_own_resonance() {
     let design = SensorDesign { tip_gyration_mm: 20.0, ..SensorDesign::reference() };

@@ -35,7 +35,8 @@ fn every_tier_holds_up_to_its_stiffness_and_is_refused_just_beyond() {
     }
 }
 
-/// Down to a contact of 1e-16 of the sensor no digit is lost, whatever the direction and friction.
+/// No digit is lost down to a contact of 1e-16 of the sensor's stiffness, in any direction, with
+/// any friction.
 #[test]
 fn shifts_rise_from_the_softest_contact_to_the_stiffest_that_the_tier_takes() {
     let models = models();
@@ -82,7 +83,7 @@ fn shifts_vanish_towards_ninety_degrees() {
             for beside in [10.0, 1.0, 0.1, 1e-3, 1e-6, 1e-9] {
                 let found = shift(90.0 - beside);
                 assert!(found > 0.0 && found < before, "{tier:?} {direction:?} {beside}: {found}");
-                // At least as the square root of what is left of the depth.
+                // At least as the square root of the remaining depth.
                 assert!(found < 40.0 * beside.sqrt(), "{tier:?} {direction:?} {beside}: {found}");
                 before = found;
             }

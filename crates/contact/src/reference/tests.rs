@@ -118,7 +118,7 @@ fn the_circuit_is_the_references_impedance_near_resonance() {
     }
 }
 
-/// The simulator's circuits come from one element: the same but for the element's own 0.05 Hz.
+/// The simulator's circuits come from one element and agree within its error of 0.05 Hz.
 #[test]
 fn the_single_elements_circuit_has_the_references_losses_and_coupling() {
     let sensor = Sensor::reference();

@@ -1,4 +1,4 @@
-//! The way out of whatever goes wrong: end the operation in flight, stop, retract, latch or be ready.
+//! The reaction to any fault: end the operation in progress, stop, retract, then latch or be ready.
 
 use rig_model::{Clearance, Mm, Position, RigTime, Span};
 
@@ -15,7 +15,7 @@ use crate::{
 const JUMP_TOLERANCES: f64 = 10.0;
 
 impl Engine {
-    /// Ends whatever is going on, now or as soon as the operation in flight has ended.
+    /// Ends the present activity, now or when the operation in progress has ended.
     pub(super) fn stop(&mut self, now: RigTime, reason: StopReason, effects: &mut Vec<Effect>) {
         if let StopReason::Fault(fault) = &reason {
             let clearance = self.interlock.clearance();
@@ -126,8 +126,8 @@ impl Engine {
         }
     }
 
-    /// A drive that was switched off may believe that it is somewhere else. From there, the retract
-    /// could lead into the sample.
+    /// A drive that was switched off may have a wrong position. A retract from it could go into the
+    /// sample.
     fn refuse_jump(&self, found: Position<Mm>) -> Result<(), Fault> {
         let Some(span) = self.reach else { return Ok(()) };
         let margin_mm = JUMP_TOLERANCES * self.limits.linear.tolerance();

@@ -28,7 +28,7 @@ pub(crate) struct Drive {
     pub(crate) resets: u32,
 }
 
-/// What an attempt on a line without an answer takes.
+/// Duration of an attempt on a line without an answer.
 const ATTEMPT: Duration = Duration::from_secs(2);
 
 impl Drive {

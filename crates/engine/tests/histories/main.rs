@@ -1,5 +1,5 @@
 //! Plays whole runs against an ideal bench, and again with every operation failing, every moment
-//! aborted, every moment stopped. Whatever happens, the sample turns only under a clear probe, the
+//! aborted, every moment stopped. In every history, the sample turns only under a clear probe, the
 //! probe is clear at the end or the rig is latched, and a run ends once.
 
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]

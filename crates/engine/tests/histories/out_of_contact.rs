@@ -51,7 +51,7 @@ fn a_bus_that_stays_silent_is_given_up_when_the_patience_is_over_and_not_before(
         assert!(first.is_some(), "{context}");
         let waited_s = world.now.since(world.faulted_at.unwrap()).as_secs_f64();
         assert!((110.0..140.0).contains(&waited_s), "gave up after {waited_s} s: {context}");
-        // A person is told at once and once, not at each attempt.
+        // The fault is reported at once, and only once.
         let faults = world.events.iter().filter(|event| matches!(event, Event::Faulted { .. }));
         assert!(faults.count() <= 3, "{context}");
     });

@@ -117,7 +117,7 @@ pub(crate) fn plan() -> Plan {
     }
 }
 
-/// What an operation is made to do instead of what it should.
+/// The disturbance of an operation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Trouble {
     /// It fails as if the line had gone dead.
@@ -136,7 +136,7 @@ pub(crate) enum Trouble {
     Flags,
     /// The analyzer flags its first reading of the first point and repeats it.
     FlagsOnce,
-    /// A person pauses while it is under way, and goes on when the run is paused.
+    /// A person pauses the run during it, and resumes when the run is paused.
     Pause,
     /// The linear drive is in trouble from here on.
     Drive(DriveTrouble),

@@ -61,7 +61,7 @@ fn rows_of_every_origin_are_read() {
         "Freq.[kHz];Z' / Ω;-Z'' / Ω\n0,12;900,0;47000\n0,14;2000,0;39000\n".into(),
         "frequency / MHz\tRe(Z) (kOhm)\tIm(Z) (kOhm)\r0.00012\t0.9\t-47\r0.00014\t2\t-39\r".into(),
         "Hz R X\n120 900 -47000\n 140   2.0E+3 -3.9e4\n".into(),
-        // Comments and what an analyzer says of itself.
+        // Comments, and the header lines of an analyzer.
         "!CSV A.01.01\n!maker, model; date\nBEGIN \
          CH1_DATA\nFreq(Hz),R(Ohm),X(Ohm)\n120,900,-47000\n\
          140,2000,-39000\nEND\n120,0,0\n".into(),

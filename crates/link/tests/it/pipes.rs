@@ -1,4 +1,4 @@
-//! What a port does with time and bytes, on a paused clock.
+//! The timing and the bytes of a port, on a paused clock.
 
 use std::time::Duration;
 

@@ -15,7 +15,7 @@ use tokio_serial::{SerialPort, SerialStream};
 const LINE: LineSettings =
     LineSettings { baud: 115_200, parity: Parity::None, stop_bits: StopBits::One };
 
-/// A terminal that nobody has open yet, and its other side.
+/// A terminal that is not open yet, and its other side.
 fn terminal() -> (SerialStream, String) {
     let (device, host) = SerialStream::pair().unwrap();
     let path = host.name().unwrap();

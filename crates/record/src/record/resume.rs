@@ -1,11 +1,11 @@
-//! What happens to a run after it has stopped early: it goes on, is given up, or is amended.
+//! Records after an early end of a run: it is resumed, given up, or amended.
 
 use serde::{Deserialize, Serialize};
 
 use super::{Device, Source};
 
-/// A run goes on after an interruption, a fault or an abort. The times of the records that follow
-/// count on the clock of the epoch named here.
+/// A run is resumed after an interruption, a fault or an abort. The times of the following records
+/// count on the clock of this epoch.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Resumed {
     /// Number of the epoch: the opening of the journal from which the rig's clock counts.
@@ -24,7 +24,7 @@ pub struct Resumed {
     pub changes: Vec<Change>,
     /// Version of the program.
     pub software: String,
-    /// The rig as it was read, where its file has changed.
+    /// The text of the rig file, if it has changed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rig: Option<Source>,
     /// The scene behind a simulated rig, where its file has changed.
@@ -37,7 +37,7 @@ pub struct Resumed {
 /// A difference between two parts of a run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Change {
-    /// What has changed: `rig file`, `scene file`, `software`, or the role of a device.
+    /// The changes: `rig file`, `scene file`, `software`, or the role of a device.
     pub what: String,
     /// Before; of a file, its name.
     pub was: String,
@@ -54,7 +54,7 @@ pub struct GivenUp {
     pub who: String,
 }
 
-/// What an amendment does to a touch.
+/// The effect of an amendment on a touch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Amendment {
@@ -74,7 +74,7 @@ impl Amendment {
     }
 }
 
-/// An amendment of a touch. The journal of the run itself stays as it is.
+/// An amendment of a touch. The journal of the run itself is unchanged.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Amended {
     /// Id of the run.

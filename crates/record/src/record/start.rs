@@ -11,9 +11,9 @@ pub struct RunStarted {
     pub software: String,
     /// The seed of every random choice.
     pub seed: u64,
-    /// The protocol as it was read.
+    /// The text of the protocol file.
     pub protocol: Source,
-    /// The rig as it was read.
+    /// The text of the rig file.
     pub rig: Source,
     /// Whether no real device took part.
     pub is_simulated: bool,

@@ -1,8 +1,8 @@
 //! A table as CSV. Programs read every value with the type of its column.
 //!
-//! Text stands in quotes, so that a label such as `"01"` stays text. A number with a fraction has a
-//! decimal point in every row, so that a column that begins with `0.0` is not taken for whole
-//! numbers. A missing value is empty.
+//! Text is in quotes, so that a label such as `"01"` stays text. A fraction has a decimal point in
+//! every row, so that a column that begins with `0.0` is not read as whole numbers. A missing value
+//! is empty.
 
 use std::io::{self, Write};
 

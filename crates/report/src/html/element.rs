@@ -6,7 +6,7 @@ use rig_chart::{Chart, ChartError};
 /// A table: its caption, the heads of its columns, its rows. The first column names the rows.
 pub(super) fn table(caption: &str, heads: &[impl Render], rows: &[Vec<Markup>]) -> Markup {
     html! {
-        // A wide table scrolls by itself on a small screen, and by keyboard too.
+        // A wide table scrolls alone on a small screen, also by keyboard.
         div.scroll tabindex="0" role="region" aria-label=(caption) {
             table {
                 caption { (caption) }

@@ -55,13 +55,13 @@ impl Classification {
         Some(Self { trials, centres_hz: clustering.centres, score })
     }
 
-    /// The sample for which the cluster of this blind touch stands.
+    /// The sample that the cluster of this blind touch represents.
     pub(crate) fn class_of(&self, number: u32) -> Option<usize> {
         let trial = self.trials.iter().find(|trial| trial.number == number)?;
         self.score.label_of[trial.cluster]
     }
 
-    /// Whether a touch is in the cluster that stands for its sample.
+    /// Whether a touch is in the cluster that represents its sample.
     pub(crate) fn is_correct(&self, trial: &Trial) -> bool {
         self.score.label_of[trial.cluster] == Some(trial.sample)
     }

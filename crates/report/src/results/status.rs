@@ -20,7 +20,7 @@ pub enum TouchStatus {
 }
 
 impl TouchStatus {
-    /// The word for programs.
+    /// The name in JSON and CSV.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Measured => "measured",

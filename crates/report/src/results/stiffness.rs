@@ -172,7 +172,7 @@ struct Readings {
 type Touched<'a> = (&'a Touch, PosedTouch);
 
 impl Reader<'_> {
-    /// Each touch by itself, at the angle that was set.
+    /// Each touch alone, at its planned angle.
     fn known(&self, main: &[Touched<'_>], blind: &[Touched<'_>]) -> Readings {
         let young = |one: OneTouch| Young { mpa: one.young_mpa, sigma_mpa: one.sigma_mpa };
         let found = |(touch, posed): &Touched<'_>| TouchStiffness {
@@ -192,7 +192,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Main touches by sites, each blind touch by itself, at any angle up to the largest of the run.
+    /// Main touches by site, each blind touch alone, at any angle up to the largest of the run.
     fn unknown(&self, main: &[Touched<'_>], blind: &[Touched<'_>]) -> Readings {
         let angles = self.data.touches.iter().map(|touch| touch.touch.pose.angle_deg);
         let unknown = UnknownAngle {

@@ -60,7 +60,7 @@ pub struct TouchRow {
     pub stiffness_mpa: Option<f64>,
     /// Its standard deviation, that of the calibration included, MPa.
     pub stiffness_sigma_mpa: Option<f64>,
-    /// For a blind touch: the sample that its cluster stands for.
+    /// For a blind touch: the sample that its cluster represents.
     pub class: Option<String>,
     /// Known Young's modulus of the sample, MPa.
     pub known_mpa: Option<f64>,
@@ -68,7 +68,7 @@ pub struct TouchRow {
     pub attempts: u32,
     /// Number of the clock on which the times of its sweeps count, from 1.
     pub clock: Option<u64>,
-    /// Its last amendment: what was done, by whom, and why.
+    /// Its last amendment: action, person and reason.
     pub amended: Option<String>,
     /// The outcomes that amendments replaced, oldest first.
     pub earlier: Option<String>,

@@ -59,7 +59,7 @@ fn an_amended_touch_keeps_its_old_outcome_beside_the_new_one() {
         before.touches()[0].shift_sigma_hz.unwrap(),
     );
     assert_eq!(row.earlier, Some(format!("shift {shift} Hz")));
-    // Every other touch is what it was.
+    // Every other touch is unchanged.
     assert!(redone.touches()[1..].iter().zip(&before.touches()[1..]).all(|(a, b)| {
         (&a.step, a.shift_hz, a.amended.is_none()) == (&b.step, b.shift_hz, true)
     }));

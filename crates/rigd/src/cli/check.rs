@@ -55,7 +55,7 @@ struct PlanView {
     duration_s: f64,
     linear_mm: [f64; 2],
     rotary_deg: [f64; 2],
-    /// By which model the resonances were predicted.
+    /// The model of the predictions.
     model: &'static str,
     warnings: Vec<WarningView>,
     steps: Vec<StepView>,
@@ -271,7 +271,7 @@ impl CheckedProtocol<'_> {
         text
     }
 
-    /// Of which touches nothing is predicted, and why.
+    /// The touches without a prediction, and the reason.
     fn not_predicted(&self, plan: &Plan) -> String {
         let mut text = String::new();
         let unknown = self.predictions.unknown_samples();

@@ -1,4 +1,4 @@
-//! `rigd fit`: the resonance in a sweep that somebody has in a file.
+//! `rigd fit`: the resonance in a sweep from a file.
 
 use std::{
     io::{self, Read as _},
@@ -33,8 +33,8 @@ pub(super) struct FitArgs {
     /// Which sweep, of a file that numbers them; all when left out
     #[arg(long, value_name = "N")]
     sweep: Option<u64>,
-    /// What the times in the file mean; as the file says, or guessed from its columns, when left
-    /// out
+    /// Meaning of the times in the file; if left out, as the file says, or inferred from its
+    /// columns
     #[arg(long, value_enum)]
     timing: Option<FileTiming>,
     /// Standard deviation of the relative error of a reading of ten cycles, where it is known:
@@ -56,8 +56,8 @@ enum FileTiming {
     Unknown,
     /// Each point was waited for and integrated as long as `settle_s` and `integration_s` say
     Waited,
-    /// `time_s` is exact too, and the drive went on from point to point: nothing has to have
-    /// settled
+    /// `time_s` is exact too, and the drive was continuous from point to point; readings need not
+    /// settle
     Exact,
     /// The same, and the sensor was at rest when the drive began with the first point
     ExactFromRest,
@@ -291,7 +291,7 @@ impl EstimatorView {
 pub(super) fn fit_file(args: &FitArgs) -> Result<(), Failure> {
     let file = read(args).inspect_err(|error| {
         if let (FileError::Faults(faults), true) = (error, args.output.json) {
-            // The faults go to stderr as well, whatever becomes of stdout.
+            // The faults go to stderr as well, even if stdout is closed.
             _ = show_faults(faults);
         }
     })?;

@@ -50,7 +50,7 @@ pub(super) struct HomeArgs {
     output: OutputArgs,
 }
 
-/// Where the axes stand, as they were read back.
+/// Read-back positions of the axes.
 #[derive(Debug, Serialize)]
 struct PositionsView {
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -80,8 +80,8 @@ pub(super) fn home(args: &HomeArgs) -> Result<(), Failure> {
     show(&with_rig(rig, &args.data.data, &operator, LeftInContact::Retract, homed)?, &args.output)
 }
 
-/// A height that is not beyond the soft limits. Asked before the rig is opened, so that a slip of
-/// the finger moves nothing; the engine asks again, with what it knows of the probe.
+/// A height within the soft limits. It is checked before the rig is opened, so that a mistyped
+/// number moves nothing; the engine checks it again with the state of the probe.
 pub(super) fn linear_target(limits: &RigLimits, mm: f64) -> Result<Position<Mm>, Failure> {
     let target = limits.linear.target(Position::new(mm));
     Ok(target
@@ -97,7 +97,7 @@ pub(super) fn rotary_target(limits: &RigLimits, deg: f64) -> Result<Position<Deg
         .position())
 }
 
-/// Where the axes stand, for a person.
+/// The positions of the axes as text.
 pub(super) fn positions(status: &Status) -> Vec<(&'static str, String)> {
     let (linear, rotary) = (status.snapshot.linear, status.snapshot.rotary);
     let linear = linear.map(|at| ("linear stage", at.to_string()));

@@ -19,7 +19,7 @@ pub(super) struct OutcomeView {
     reason: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     message: Option<String>,
-    /// On which side of the window the resonance seems to be.
+    /// Side of the window on which the resonance is likely to be.
     #[serde(skip_serializing_if = "Option::is_none")]
     side: Option<String>,
     /// The best that could be made of refused readings; no result.
@@ -97,7 +97,7 @@ impl OutcomeView {
         [of(resonance_hz), of(sigma_hz), q.map_or_else(String::new, |q| format!("{q:.1}"))]
     }
 
-    /// The word for why there is none, or the sentence where a journal keeps no word.
+    /// The reason of a refusal as a word, or as a sentence if the journal has no word.
     pub(super) fn reason(&self) -> Option<&str> {
         self.reason.as_deref()
     }

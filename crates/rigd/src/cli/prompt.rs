@@ -14,7 +14,8 @@ use super::screen::say_clearly;
 pub(super) struct Terminal {
     questions: std_mpsc::Sender<()>,
     answers: mpsc::Receiver<()>,
-    /// Whether the thread is reading. It goes on when its question has gone.
+    /// Whether the thread is reading. It keeps reading after its prompt has been answered
+    /// elsewhere.
     is_reading: bool,
     asked: Option<String>,
 }
@@ -33,7 +34,7 @@ impl Terminal {
         Ok(Self { questions, answers, is_reading: false, asked: None })
     }
 
-    /// Shows a prompt once, as long as it is the same one.
+    /// Shows each prompt once.
     pub(super) fn show(&mut self, prompt: Option<String>) {
         if self.asked != prompt {
             if let Some(text) = &prompt {
@@ -52,7 +53,7 @@ impl Terminal {
         }
     }
 
-    /// Whether somebody is asked for something.
+    /// Whether a prompt is open.
     pub(super) const fn is_asking(&self) -> bool {
         self.asked.is_some()
     }
@@ -62,8 +63,8 @@ impl Terminal {
         self.asked.iter().for_each(|text| ask(text));
     }
 
-    /// Waits for the answer to the prompt that is shown; for ever when there is none. None when
-    /// nobody can answer any more.
+    /// Waits for the answer to the shown prompt, without end if there is none. `None` after the end
+    /// of the input.
     pub(super) async fn answer(&mut self) -> Option<()> {
         if self.asked.is_none() {
             std::future::pending::<()>().await;

@@ -141,7 +141,7 @@ async fn replay(
 /// Interval of the progress line: smooth to the eye, and slow for a terminal.
 const REDRAW_INTERVAL: Duration = Duration::from_millis(100);
 
-/// While somebody draws the border of a window, nothing is said again.
+/// While a person resizes the window, messages are not repeated.
 const RESIZE_PAUSE: Duration = Duration::from_millis(200);
 
 fn open_terminal() -> Result<Terminal, Failure> {
@@ -161,7 +161,7 @@ async fn answer(terminal: &mut Option<Terminal>) -> Option<()> {
     }
 }
 
-/// From this many columns on there is room for a bar of [`BAR_COLUMNS`].
+/// The smallest width with room for a bar of [`BAR_COLUMNS`].
 const COLUMNS_WITH_BAR: usize = 80;
 const BAR_COLUMNS: usize = 16;
 

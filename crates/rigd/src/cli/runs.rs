@@ -1,4 +1,4 @@
-//! `rigd runs`, `show`, `export` and `report`: what the journal holds.
+//! `rigd runs`, `show`, `export` and `report`: the contents of the journal.
 
 use std::{
     io::{self, BufWriter, Write},

@@ -19,7 +19,7 @@ const ERASE: &str = "\r\x1b[K";
 static SCREEN: Mutex<Screen> = Mutex::new(Screen { progress: String::new() });
 
 struct Screen {
-    /// The progress line as it was drawn last; empty if there is none.
+    /// The last progress line; empty if there is none.
     progress: String,
 }
 
@@ -84,7 +84,7 @@ fn write(lines: &str) {
 }
 
 fn lock() -> MutexGuard<'static, Screen> {
-    // The text is whole whatever happened.
+    // The text is complete even after a panic of another thread.
     SCREEN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 

@@ -66,7 +66,7 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     let data = args.data.data.clone();
     let served = runtime.block_on(async {
         let mut signals = Signals::new()?;
-        // The address is taken first: a daemon that nobody can reach must not move anything.
+        // The address is bound first: a daemon that cannot be reached must not move anything.
         let failed = |source: io::Error| {
             let advice = advice(source.kind());
             Failure::Listen { address: args.listen, advice, source }
@@ -110,9 +110,8 @@ enum BadAddress {
     Unknown { name: String },
 }
 
-/// An address, or the first one of a name. What is on this computer only is most often called by
-/// its
-/// address of version 4.
+/// An address, or the first one of a name. For a local name an IPv4 address is preferred, because
+/// clients use it most often.
 fn address(text: &str) -> Result<SocketAddr, BadAddress> {
     if let Ok(address) = text.parse() {
         return Ok(address);

@@ -88,8 +88,8 @@ pub(super) async fn open(
     }
 }
 
-/// Reports an interrupted session before anything moves. What is wrong with
-/// the journal is said by the opening.
+/// Reports an interrupted session before anything moves. Opening the rig reports faults of the
+/// journal.
 fn say_what_was_left(data: &Path, rig: &str) {
     let left = Reader::open(data).and_then(|reader| InterruptedRig::read(&reader, rig));
     if let Ok(Some(left)) = left
@@ -157,7 +157,7 @@ impl Session {
     }
 
     /// The first signal asks for an orderly end, the second one stops, the third one ends the
-    /// program whatever the rig does.
+    /// program in any state of the rig.
     pub(super) async fn end_early(&self) -> Result<(), Failure> {
         let command = match self.signals.count {
             1 => Command::Abort,
@@ -170,7 +170,7 @@ impl Session {
         Ok(())
     }
 
-    /// Says what the last signal began and what the next one would do.
+    /// Reports the effect of the last signal and of the next one.
     pub(super) fn repeat_advice(&self) {
         match self.signals.count {
             0 => {}
@@ -181,8 +181,8 @@ impl Session {
         }
     }
 
-    /// Leaves the probe clear and ends the rig thread; a second signal meanwhile ends the program
-    /// whatever the rig does.
+    /// Leaves the probe clear and ends the rig thread; a second signal in the meantime ends the
+    /// program in any state of the rig.
     async fn close(&mut self) -> Result<(), Failure> {
         let before = self.signals.count;
         let closed = self.handle.close();

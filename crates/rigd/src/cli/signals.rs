@@ -1,4 +1,4 @@
-//! Signals that ask the program to end. None of them ends it by itself while a rig is open: the
+//! Signals that ask the program to end. While a rig is open, none of them ends it directly: the
 //! probe is retracted first.
 
 use std::fs;
@@ -52,8 +52,7 @@ async fn received(signal: &mut Option<Signal>) {
     }
 }
 
-/// Whether a signal was set to be ignored by whatever started this program. Where the system does
-/// not say, it was not.
+/// Whether the parent process set a signal to be ignored; `false` if the system does not say.
 fn is_ignored(number: i32) -> bool {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     is_in_mask(&status, number)

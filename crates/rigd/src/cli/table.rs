@@ -27,7 +27,7 @@ pub(super) fn print_json(value: &impl serde::Serialize) -> Result<(), Failure> {
     print(&text)
 }
 
-/// Names and what belongs to each, one a line.
+/// Names and values, one pair in a line.
 pub(super) fn facts(rows: &[(&str, String)]) -> String {
     let width = rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
     let lines: Vec<_> = rows.iter().map(|(name, fact)| format!("{name:<width$}  {fact}")).collect();
@@ -35,7 +35,7 @@ pub(super) fn facts(rows: &[(&str, String)]) -> String {
 }
 
 /// Rows under a header, each column as wide as its widest cell; the first column is text, the
-/// others are numbers and stand to the right.
+/// others are right-aligned numbers.
 pub(super) fn columns(header: &[&str], rows: &[Vec<String>]) -> String {
     let width = |column: usize| {
         let cells = rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count());

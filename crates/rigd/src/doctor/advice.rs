@@ -1,6 +1,6 @@
 //! Advice for a port that does not open and a device with a wrong answer.
 //!
-//! Advice names the thing to look at and never a cause that was not observed. It mentions serial
+//! Advice names the thing to check and never a cause that was not observed. It mentions serial
 //! settings for serial lines only, and it never moves an axis.
 
 use rig_analyzer::{AnalyzerError, UnexpectedTerminator};

@@ -14,7 +14,7 @@ use crate::interruption::{ADVICE, InterruptedRig};
 
 /// A run leaves some megabytes; below this, the next one may not fit.
 const SPACE_MIN_BYTES: u64 = 100 << 20;
-/// Below this it is time to tidy up.
+/// A smaller free space gives a warning.
 const SPACE_GOOD_BYTES: u64 = 1 << 30;
 
 pub(super) fn findings(data: &Path, rig: &str) -> Vec<Finding> {
@@ -66,7 +66,7 @@ fn space(findings: &mut Findings, free_bytes: u64) {
     }
 }
 
-/// The journal is only read: whatever was interrupted is left as it is.
+/// The journal is only read: interrupted runs stay unchanged.
 fn journal(findings: &mut Findings, data: &Path, rig: &str) {
     let left = Reader::open(data).and_then(|reader| {
         let left = InterruptedRig::read(&reader, rig)?;

@@ -1,4 +1,4 @@
-//! Devices: who they are, whether they take their settings, and how an axis stands.
+//! Checks of devices: identity, settings, and state of the axes.
 
 use rig_model::with_causes;
 

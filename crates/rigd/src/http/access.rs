@@ -20,8 +20,8 @@ use crate::operator::Operator;
 const TOKEN_MIN: usize = 16;
 /// A longer one would not fit a request beside its other headers.
 const TOKEN_MAX: usize = 4096;
-/// Nobody but the owner may write the file of the token, and others may not read it: what is left
-/// is reading by the group.
+/// Permissions that the file of the token must not have: writing by the group, and any access by
+/// others. The group may read it.
 const MODE_FORBIDDEN: u32 = 0o037;
 
 /// Who may come in.
@@ -151,11 +151,11 @@ impl Token {
     /// Reads the file of a token.
     ///
     /// # Errors
-    /// [`TokenError`] says what is wrong with the file and what to do.
+    /// [`TokenError`] with the fault of the file and advice.
     pub fn read(path: &Path) -> Result<Self, TokenError> {
         let failed = |source| TokenError::File { path: path.to_path_buf(), source };
         let file = fs::File::open(path).map_err(failed)?;
-        // Of the file that was opened, whatever stands at the path by now.
+        // Of the open file, even if the path now names another one.
         let mode = file.metadata().map_err(failed)?.permissions().mode() & 0o777;
         if mode & MODE_FORBIDDEN != 0 {
             return Err(TokenError::Open { path: path.to_path_buf(), mode });
@@ -173,7 +173,7 @@ impl Token {
         Ok(Self(token.to_owned()))
     }
 
-    /// Whether a client knows the token. How long this takes tells nothing but its length.
+    /// Whether a client knows the token. The time of the comparison depends only on its length.
     pub(super) fn is(&self, given: &str) -> bool {
         self.0.as_bytes().ct_eq(given.as_bytes()).into()
     }

@@ -27,7 +27,7 @@ const PAGE: u32 = 16;
 /// A page has one stream, a program one; some technicians and programs look on.
 pub(super) const STREAMS_MAX: usize = 32;
 
-/// Where a stream stands.
+/// The position of a stream.
 struct Cursor {
     shared: Shared,
     status: watch::Receiver<Status>,
@@ -99,7 +99,7 @@ impl Cursor {
                 self.last = record.event;
                 return Some(record);
             }
-            // What is committed after this is seen by the wait below.
+            // The wait below notices later commits.
             self.status.mark_unchanged();
             let last = self.last;
             let page = self.shared.read(move |reader| Ok(reader.events_after(last, PAGE)?)).await;

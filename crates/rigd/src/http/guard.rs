@@ -62,7 +62,7 @@ pub(super) async fn check(State(shared): State<Shared>, request: Request, next: 
     answer
 }
 
-/// What a browser may do with an answer: show it by itself, and nothing else.
+/// Content policy of answers: a browser may only show them.
 const HEADERS: [(header::HeaderName, &str); 4] = [
     (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
     (header::REFERRER_POLICY, "no-referrer"),
@@ -115,9 +115,9 @@ fn host(headers: &HeaderMap, uri: &Uri) -> Result<Authority, Problem> {
     };
     let host: Option<Authority> = host.to_str().ok().and_then(|host| host.parse().ok());
     match host {
-        // Before a host may stand the name of a user, which has no business here.
+        // A URI can have a user name before the host; it is refused.
         Some(host) if !host.as_str().contains('@') => {
-            // What the request line names, where it names a host, is what counts.
+            // A host in the request line takes precedence over the header.
             Ok(uri.authority().cloned().unwrap_or(host))
         }
         _ => Err(Problem::bad_request("the header Host is not a host name".to_owned())),
@@ -136,9 +136,7 @@ fn elsewhere(headers: &HeaderMap, host: &Authority) -> Option<String> {
     Some(format!("Sec-Fetch-Site: {other}"))
 }
 
-/// Whether an origin is the one under which this daemon was asked. What stands before the daemon
-/// may
-/// speak TLS.
+/// Whether an origin is the address of the request. A proxy before the daemon may use TLS.
 fn is_same_origin(origin: &str, host: &Authority) -> bool {
     let Ok(origin) = origin.parse::<Uri>() else { return false };
     let default_port = match origin.scheme() {

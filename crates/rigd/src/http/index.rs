@@ -1,4 +1,4 @@
-//! What stands at the address that `rigd serve` prints: where to go from there.
+//! The index at the address that `rigd serve` prints.
 
 use axum::{
     Json,
@@ -12,7 +12,7 @@ use super::{Shared, page, rig::RigView};
 
 const DOCUMENTATION: &str = include_str!("../../../../docs/http.md");
 
-/// The links that hold whatever the rig does.
+/// Links that are valid in every state of the rig.
 const LINKS: [(&str, &str); 4] = [
     ("/api/v1/rig", "the rig as it is now"),
     ("/api/v1/runs", "every run"),

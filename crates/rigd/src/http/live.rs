@@ -1,9 +1,9 @@
-//! What is not in the journal: the rig whenever it changes, and the sweep under way.
+//! Events that are not in the journal: changes of the rig, and the current sweep.
 //!
-//! Two kinds of events, without an id. `rig` is what `GET /api/v1/rig` says; it comes at least once
-//! a second, so that a client knows the connection to be alive. `live_sweep` has the readings that
-//! came since the one before it. Both say how things are, not what happened: a slow client gets
-//! fewer of them and misses nothing.
+//! Two kinds of events, without an id. `rig` has the content of `GET /api/v1/rig`; it comes at
+//! least once a second, so that a client can detect a lost connection. `live_sweep` has the
+//! readings since the previous event. Both describe states, not changes: a slow client gets fewer
+//! events and misses nothing.
 
 use std::{convert::Infallible, sync::Arc, time::Duration};
 
@@ -68,7 +68,7 @@ struct CircuitView {
     loss_tangent: f64,
 }
 
-/// Where a stream of live events stands.
+/// The position of a stream of live events.
 struct Cursor {
     shared: Shared,
     status: watch::Receiver<Status>,
@@ -109,7 +109,7 @@ impl Cursor {
         event("rig", &rig::view(&self.shared.inner.facts, &status))
     }
 
-    /// The news of a sweep since the last event.
+    /// The part of a sweep since the last event.
     fn news(&mut self, live: &Arc<LiveSweep>) -> Option<Event> {
         if self.sweep != live.serial {
             (self.sweep, self.from) = (live.serial, [0, 0]);

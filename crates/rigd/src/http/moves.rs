@@ -12,7 +12,7 @@ use serde::Deserialize;
 use super::{Problem, Shared, rig, rig::RigView};
 use crate::operator::Operator;
 
-/// What a client asks for. There is no position by which it could forget to name the axis.
+/// The request of a client. The axis has no default.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "axis", rename_all = "lowercase", deny_unknown_fields)]
 pub(super) enum MoveForm {
@@ -26,7 +26,7 @@ pub(super) enum MoveForm {
     },
 }
 
-/// Begins a move. Where the axis then stands is in the status of the rig and in its events.
+/// Begins a move. The status of the rig and its events have the new position.
 pub(super) async fn begin(
     State(shared): State<Shared>,
     Extension(operator): Extension<Operator>,

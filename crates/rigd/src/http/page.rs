@@ -50,7 +50,7 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
 
 /// Tells one build of the page from another, by all of its files.
 static TAG: LazyLock<String> = LazyLock::new(|| {
-    // FNV-1a: it only has to differ, nobody gains anything by making two alike.
+    // FNV-1a: the value must only differ between versions; no attacker gains from a collision.
     let bytes = FILES.iter().flat_map(|file| file.bytes);
     let hash = bytes.fold(0xcbf2_9ce4_8422_2325_u64, |hash, &byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
@@ -64,8 +64,7 @@ pub(super) fn is_wanted(headers: &HeaderMap) -> bool {
     accept.is_some_and(|accept| accept.contains("text/html"))
 }
 
-/// Whether this is asked of every visitor before a token can be: what the page is made of, which
-/// tells nothing of the rig.
+/// Whether a request needs no token: the files of the page, which contain nothing about the rig.
 pub(super) fn is_public(method: &Method, path: &str, headers: &HeaderMap) -> bool {
     let is_file = FILES.iter().any(|file| file.path == path);
     is_file && *method == Method::GET && (path != "/" || is_wanted(headers))

@@ -85,7 +85,7 @@ fn an_upright_probe_has_no_azimuth() {
     assert!(found.young_mpa.sigma / 0.235 < 0.002, "{found:?}");
 }
 
-/// In shallow contacts only E √cos α is seen.
+/// Shallow contacts determine only E √cos α.
 #[test]
 fn two_depths_know_one_combination_and_say_so() {
     let models = models();

@@ -30,7 +30,7 @@ pub(crate) enum ScaleSource {
         /// Contact angle of the compared touches, degrees; all angles when it is unknown.
         angle_deg: Option<f64>,
     },
-    /// From the description of the sensor alone: the factor is one.
+    /// Without known samples: the factor is one.
     Described,
 }
 
