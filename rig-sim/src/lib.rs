@@ -17,6 +17,6 @@ mod shell;
 mod wiring;
 pub mod world;
 
-pub use rig::{Connection, Rig};
+pub use rig::{Connection, Overheard, Rig};
 pub use shell::{SimHandle, SimRig, Technician};
 pub use wiring::{AxisWiring, HangUp, LineTransport, PortId, Wiring};

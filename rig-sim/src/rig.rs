@@ -29,6 +29,19 @@ pub struct Rig {
     faults: FaultSchedule,
     /// The outlets of the analyzer and of the bus.
     outlets: [Outlet; 2],
+    /// What was said to the ports, since it is listened to.
+    overheard: Option<Vec<Overheard>>,
+}
+
+/// Bytes that came to a port together.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Overheard {
+    /// When they came.
+    pub at: RigTime,
+    /// Where.
+    pub port: PortId,
+    /// The bytes.
+    pub bytes: Vec<u8>,
 }
 
 /// The place where the cable of a port is plugged in.
@@ -95,7 +108,15 @@ impl Rig {
         let echoes = wiring.analyzer == AnalyzerMake::TonghuiTh283x;
         let analyzer = Socket::new(analyzer, echoes);
         let outlets = [Outlet::default(); 2];
-        Ok(Self { world, analyzer, bus, transport: wiring.transport, faults, outlets })
+        Ok(Self {
+            world,
+            analyzer,
+            bus,
+            transport: wiring.transport,
+            faults,
+            outlets,
+            overheard: None,
+        })
     }
 
     /// The world behind the devices.
@@ -150,6 +171,13 @@ impl Rig {
         bytes: &[u8],
     ) -> Result<(), HangUp> {
         self.hang_up_if_pulled(connection)?;
+        if let Some(overheard) = &mut self.overheard {
+            let port = match connection.end {
+                End::Analyzer(_) => PortId::Analyzer,
+                End::Bus(_) => PortId::Bus,
+            };
+            overheard.push(Overheard { at: now, port, bytes: bytes.to_vec() });
+        }
         let Self { world, analyzer, bus, faults, .. } = self;
         let context = DeviceContext { world, faults };
         match &mut connection.end {
@@ -178,6 +206,16 @@ impl Rig {
     /// that everything else takes.
     pub fn answer_at_once(&mut self) {
         self.bus.answer_at_once();
+    }
+
+    /// Listens to what is said to the ports from now on. What was overheard before is forgotten.
+    pub fn listen_in(&mut self) {
+        self.overheard = Some(Vec::new());
+    }
+
+    /// What was said to the ports since they are listened to, in order.
+    pub fn overheard(&self) -> &[Overheard] {
+        self.overheard.as_deref().unwrap_or_default()
     }
 
     /// Schedules a fault for its frame.

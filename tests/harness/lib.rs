@@ -1,5 +1,7 @@
 //! Shared harness of the whole-system tests: the shipped simulated rig in a directory of its own.
 
+pub mod stops;
+
 use std::{
     fs,
     path::{Path, PathBuf},

@@ -10,4 +10,5 @@ mod makes;
 mod operator;
 mod out_of_contact;
 mod runs;
+mod stops;
 mod sweeps;

@@ -11,7 +11,8 @@ pub enum Effect {
     Commit,
     /// Carry out the operation and report.
     Do(OperationId, Operation),
-    /// Have the operation in flight end early. It still reports.
+    /// Have the operation in flight end early. It still reports; of a measurement, nobody waits for
+    /// that.
     Interrupt,
 }
 

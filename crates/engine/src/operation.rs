@@ -8,7 +8,9 @@ use rig_model::{Deg, DriveLevel, Mm, Position, Reading, RigLimits, RigTime, Swee
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct OperationId(pub u64);
 
-/// An operation of the devices. One is in flight at a time, and none is ever abandoned.
+/// An operation of the devices. One is in flight at a time. Only a measurement is not waited for when it
+/// is interrupted, because the way out of contact must not wait for the analyzer: its report comes too
+/// late and is ignored.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Operation {
     /// Home the linear stage if it is not homed. It homes upwards.

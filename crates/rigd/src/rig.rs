@@ -18,6 +18,7 @@ mod pace;
 mod record;
 mod resume;
 mod shell;
+mod slot;
 
 use std::{path::PathBuf, sync::Arc, thread, time::Instant};
 

@@ -1,13 +1,17 @@
 //! The one owner of a line, and the handles through which it is used.
 
-use std::sync::Arc;
+use std::sync::{
+    Arc,
+    atomic::{AtomicU64, Ordering},
+};
 
 use rig_link::Port;
 use rig_model::RigTime;
 use tokio::sync::{mpsc, oneshot};
 
 use crate::{
-    BusError, BusSettings, Health, LineFault, Reply, Request,
+    BusError, BusSettings, HaltFrames, Health, LineFault, Reply, Request,
+    halt::{HaltOrder, Halts},
     line::{CheckRegisters, Line},
 };
 
@@ -16,6 +20,9 @@ use crate::{
 #[derive(Debug, Clone)]
 pub struct BusHandle {
     orders: mpsc::Sender<LineRequest>,
+    halts: mpsc::UnboundedSender<HaltOrder>,
+    /// Number of stops ordered so far.
+    halts_ordered: Arc<AtomicU64>,
     name: Arc<str>,
     clock: rig_link::Clock,
 }
@@ -27,6 +34,8 @@ enum LineRequest {
         unit: u8,
         request: Request,
         is_urgent: bool,
+        /// Number of stops when it was asked for.
+        halts: u64,
         answer: oneshot::Sender<Result<Reply, BusError>>,
     },
     CheckRegisters {
@@ -44,8 +53,15 @@ impl BusHandle {
     /// inside a tokio runtime.
     pub fn open(port: Port, settings: BusSettings) -> Self {
         let (orders, inbox) = mpsc::channel(16);
-        let handle = Self { orders, name: port.name().clone(), clock: port.clock() };
-        tokio::spawn(own(Line::new(port, settings), inbox));
+        let (halts, halts_inbox) = mpsc::unbounded_channel();
+        let handle = Self {
+            orders,
+            halts,
+            halts_ordered: Arc::default(),
+            name: port.name().clone(),
+            clock: port.clock(),
+        };
+        tokio::spawn(own(Line::new(port, settings, Halts::new(halts_inbox)), inbox));
         handle
     }
 
@@ -84,8 +100,20 @@ impl BusHandle {
         is_urgent: bool,
     ) -> Result<Reply, BusError> {
         let (answer, answered) = oneshot::channel();
-        self.send(LineRequest::Request { unit, request, is_urgent, answer }).await?;
+        let halts = self.halts_ordered.load(Ordering::Relaxed);
+        self.send(LineRequest::Request { unit, request, is_urgent, halts, answer }).await?;
         answered.await.map_err(|_| LineFault::Closed)?
+    }
+
+    /// Stops drives now: the frames leave before every request that waits, and between the attempts
+    /// of the one under way, whose writes are not repeated any more. Returns when they have left; a lost
+    /// line sends none. Without awaiting it, they leave all the same.
+    pub fn halt(&self, frames: HaltFrames) -> impl Future<Output = ()> + use<> {
+        let (sent, left) = oneshot::channel();
+        self.halts_ordered.fetch_add(1, Ordering::Relaxed);
+        // An owner that has ended has nothing to stop.
+        _ = self.halts.send(HaltOrder { frames, sent });
+        async move { _ = left.await }
     }
 
     /// Reads holding registers.
@@ -131,14 +159,23 @@ impl BusHandle {
 }
 
 async fn own(mut line: Line, mut inbox: mpsc::Receiver<LineRequest>) {
-    while let Some(order) = inbox.recv().await {
+    loop {
+        let order = tokio::select! {
+            biased;
+            () = line.halt_come() => {
+                line.send_halts().await;
+                continue;
+            }
+            order = inbox.recv() => order,
+        };
+        let Some(order) = order else { return };
         // The caller may be gone; the exchange was finished all the same.
         match order {
-            LineRequest::Request { unit, request, is_urgent, answer } => {
+            LineRequest::Request { unit, request, is_urgent, halts, answer } => {
                 if is_urgent {
                     line.send_urgently(unit, &request).await;
                 }
-                _ = answer.send(line.request(unit, &request).await);
+                _ = answer.send(line.request(unit, &request, halts).await);
             }
             LineRequest::CheckRegisters { unit, registers, answer } => {
                 line.set_check_registers(unit, registers);

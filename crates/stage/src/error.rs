@@ -118,6 +118,16 @@ pub enum LineFault {
         /// The request.
         request: Request,
     },
+    /// A stop came before the write was answered. It was not sent, or not repeated.
+    #[error("{port}: unit {unit}: {request}: ended by a stop")]
+    Halted {
+        /// Name of the port.
+        port: Arc<str>,
+        /// Unit id of the device.
+        unit: u8,
+        /// The request.
+        request: Request,
+    },
     /// The task that owns the line has ended.
     #[error("the owner of the line has ended")]
     Closed,

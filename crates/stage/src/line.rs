@@ -7,7 +7,7 @@ use std::{
 };
 
 use rig_link::{Flow, LineError, Port};
-use tokio::time::{Instant, sleep, timeout, timeout_at};
+use tokio::time::{Instant, sleep, sleep_until, timeout};
 use tokio_modbus::{
     client::{Client, Context, rtu, tcp},
     slave::{Slave, SlaveContext},
@@ -15,12 +15,18 @@ use tokio_modbus::{
 
 use crate::{
     BusError, BusSettings, DeviceRefusal, Exception, Framing, Health, LineFault, Reply, Request,
-    Symptom, port_loan::PortLoan,
+    Symptom,
+    halt::{HaltOrder, Halts},
+    port_loan::PortLoan,
 };
 
 /// As many bytes as this between two exchanges are a frame that nobody asked for; fewer are the
 /// click of a transceiver.
 const STRAY_FRAME_BYTES: usize = 4;
+
+/// How long a drive may take to begin an answer that is not waited for. Drives begin within some
+/// milliseconds; two frames at once would be heard by none.
+const UNHEARD_ANSWER: Duration = Duration::from_millis(15);
 
 /// Registers whose values are known. They are read after a fault, before anything else that their
 /// device says is believed.
@@ -45,6 +51,8 @@ enum ExchangeFault {
     Unusable(Symptom, Vec<u8>),
     /// It makes no sense to try again.
     Fatal(LineFault),
+    /// A stop came before the write was sent.
+    Halted,
 }
 
 /// The line and its state of trust.
@@ -74,10 +82,11 @@ pub(crate) struct Line {
     /// The devices that have not been recognised since the last fault.
     doubtful: BTreeSet<u8>,
     health: Health,
+    halts: Halts,
 }
 
 impl Line {
-    pub(crate) fn new(port: Port, settings: BusSettings) -> Self {
+    pub(crate) fn new(port: Port, settings: BusSettings, halts: Halts) -> Self {
         let name = port.name().clone();
         let silence = settings.silence.unwrap_or_else(|| port.frame_silence());
         let port_loan = PortLoan::new(port, settings.framing == Framing::Rtu);
@@ -91,6 +100,37 @@ impl Line {
             check_registers: BTreeMap::new(),
             doubtful: BTreeSet::new(),
             health: Health::default(),
+            halts,
+        }
+    }
+
+    /// Waits for a stop. May be dropped at any time.
+    pub(crate) async fn halt_come(&mut self) {
+        self.halts.come().await;
+    }
+
+    /// Sends the stops that have come: as exchanges on a line that is in order, and else without
+    /// waiting for an answer. A lost port gets none.
+    pub(crate) async fn send_halts(&mut self) {
+        for HaltOrder { frames, sent } in self.halts.take() {
+            for (unit, request) in &frames.0 {
+                if self.context.is_none() {
+                    self.send_urgently(*unit, request).await;
+                    // The answer has the line before the next frame.
+                    let bytes = request.wire_len() + request.reply_wire_len();
+                    let on_the_wire = self.port_loan.lock().port.duration_of(bytes);
+                    sleep(on_the_wire + UNHEARD_ANSWER).await;
+                    continue;
+                }
+                // The silence between two frames; what comes in it is for the next request to judge.
+                sleep(self.silence).await;
+                let answer_by = Some(Halts::answer_by(self.reply_by(request)));
+                if self.exchange(*unit, request, answer_by).await.is_err() {
+                    self.context = None;
+                }
+            }
+            // Nobody may wait for it any more.
+            _ = sent.send(());
         }
     }
 
@@ -107,14 +147,20 @@ impl Line {
     }
 
     /// Carries out one request, with as many attempts as the settings allow. Every request that
-    /// comes here may be repeated: reads, and writes that say what a register shall be.
-    pub(crate) async fn request(&mut self, unit: u8, request: &Request) -> Result<Reply, BusError> {
+    /// comes here may be repeated: reads, and writes that say what a register shall be. A write that
+    /// was asked for when `halts` stops had come does not follow another one.
+    pub(crate) async fn request(
+        &mut self,
+        unit: u8,
+        request: &Request,
+        halts: u64,
+    ) -> Result<Reply, BusError> {
         self.health.requests += 1;
         let busy_until = Instant::now() + self.settings.busy_within;
         let mut attempts = 0;
         loop {
             attempts += 1;
-            let fault = match self.attempt(unit, request).await {
+            let fault = match self.attempt(unit, request, halts).await {
                 Ok(reply) => return Ok(reply),
                 Err(fault) => fault,
             };
@@ -124,7 +170,11 @@ impl Line {
                 {
                     // To be busy is an answer, not a failed attempt.
                     attempts -= 1;
-                    sleep(self.settings.busy_pause).await;
+                    tokio::select! {
+                        biased;
+                        () = self.halts.come() => {}
+                        () = sleep(self.settings.busy_pause) => {}
+                    }
                 }
                 ExchangeFault::Refused(exception) => {
                     self.health.refusals += 1;
@@ -152,6 +202,10 @@ impl Line {
                     self.health.faults += 1;
                     return Err(fault.into());
                 }
+                ExchangeFault::Halted => {
+                    let (port, request) = (self.name.clone(), request.clone());
+                    return Err(LineFault::Halted { port, unit, request }.into());
+                }
             }
         }
     }
@@ -173,8 +227,13 @@ impl Line {
         _ = timeout(Duration::ZERO, context.call(request.to_wire())).await;
     }
 
-    async fn attempt(&mut self, unit: u8, request: &Request) -> Result<Reply, ExchangeFault> {
-        let outcome = self.trust_and_exchange(unit, request).await;
+    async fn attempt(
+        &mut self,
+        unit: u8,
+        request: &Request,
+        halts: u64,
+    ) -> Result<Reply, ExchangeFault> {
+        let outcome = self.trust_and_exchange(unit, request, halts).await;
         if matches!(outcome, Err(ExchangeFault::Unusable(..) | ExchangeFault::Fatal(_))) {
             self.context = None;
         }
@@ -185,9 +244,10 @@ impl Line {
         &mut self,
         unit: u8,
         request: &Request,
+        halts: u64,
     ) -> Result<Reply, ExchangeFault> {
         if self.context.is_some() {
-            let strays = self.port_loan.lock().port.settle(self.silence).await.map_err(fatal)?;
+            let strays = self.listen(None).await.map_err(fatal)?;
             if STRAY_FRAME_BYTES <= strays {
                 tracing::warn!(port = %self.name, strays, "unexpected bytes");
                 self.context = None;
@@ -199,7 +259,15 @@ impl Line {
         if self.doubtful.contains(&unit) {
             self.recognise(unit).await?;
         }
-        self.exchange(unit, request).await
+        self.send_halts().await;
+        if request.is_write() && halts < self.halts.taken() {
+            return Err(ExchangeFault::Halted);
+        }
+        if self.context.is_none() {
+            // A stop was not answered.
+            return Err(ExchangeFault::Unusable(Symptom::Silence, Vec::new()));
+        }
+        self.exchange(unit, request, None).await
     }
 
     /// Opens the port again where it was lost, and waits until no late answer can arrive.
@@ -212,8 +280,8 @@ impl Line {
             let reopened = port_loan.port.reopen().await;
             reopened.map_err(|source| LineFault::Reopen { source: Arc::new(source) })?;
         }
-        let discarded = port_loan.port.quarantine(self.settings.quarantine).await?;
         drop(port_loan);
+        let discarded = self.listen(Some(self.settings.quarantine)).await?;
         tracing::info!(port = %self.name, discarded, "the line answers again");
         self.context = Some(attach(&self.port_loan, self.settings.framing));
         Ok(())
@@ -221,32 +289,74 @@ impl Line {
 
     async fn recognise(&mut self, unit: u8) -> Result<(), ExchangeFault> {
         if let Some(registers) = self.check_registers.get(&unit).cloned() {
-            let found = self.exchange(unit, &registers.request).await?;
+            let found = self.exchange(unit, &registers.request, None).await?;
             if registers.expected.is_some_and(|expected| expected != found) {
                 let (port, request) = (self.name.clone(), registers.request);
                 return Err(ExchangeFault::Fatal(LineFault::Changed { port, unit, request }));
             }
             // The check was an exchange; this is the next one.
-            self.port_loan.lock().port.settle(self.silence).await.map_err(fatal)?;
+            self.listen(None).await.map_err(fatal)?;
         }
         self.doubtful.remove(&unit);
         Ok(())
     }
 
-    /// One request and one answer on a line that is in order and silent.
-    async fn exchange(&mut self, unit: u8, request: &Request) -> Result<Reply, ExchangeFault> {
-        let deadline = {
+    /// Waits for the silence between two frames, or listens for as long as a quarantine takes, and
+    /// returns the number of bytes thrown away. A stop is sent meanwhile, and the wait begins again.
+    async fn listen(&mut self, quarantine: Option<Duration>) -> Result<usize, LineError> {
+        loop {
             let mut port_loan = self.port_loan.lock();
-            port_loan.begin();
-            let mut bytes = request.wire_len() + request.reply_wire_len();
-            if port_loan.is_echoing() {
-                bytes += request.wire_len();
+            let silence = self.silence;
+            let heard = async {
+                match quarantine {
+                    Some(at_least) => port_loan.port.quarantine(at_least).await,
+                    None => port_loan.port.settle(silence).await,
+                }
+            };
+            tokio::select! {
+                biased;
+                heard = heard => return heard,
+                () = self.halts.come() => {}
             }
-            Instant::now() + port_loan.port.duration_of(bytes) + self.settings.reply_within
-        };
+            drop(port_loan);
+            self.send_halts().await;
+        }
+    }
+
+    /// When the answer to a request is too late.
+    fn reply_by(&self, request: &Request) -> Instant {
+        let port_loan = self.port_loan.lock();
+        let mut bytes = request.wire_len() + request.reply_wire_len();
+        if port_loan.is_echoing() {
+            bytes += request.wire_len();
+        }
+        Instant::now() + port_loan.port.duration_of(bytes) + self.settings.reply_within
+    }
+
+    /// One request and one answer on a line that is in order and silent. Without a time by which the
+    /// answer must come, it is waited for as the settings say, or for a moment after a stop has come.
+    async fn exchange(
+        &mut self,
+        unit: u8,
+        request: &Request,
+        answer_by: Option<Instant>,
+    ) -> Result<Reply, ExchangeFault> {
+        let deadline = self.reply_by(request);
+        self.port_loan.lock().begin();
         let context = self.context.as_mut().expect("the line was put in order");
         context.set_slave(Slave(unit));
-        let Ok(result) = timeout_at(deadline, context.call(request.to_wire())).await else {
+        let too_late = async {
+            match answer_by {
+                Some(answer_by) => sleep_until(answer_by).await,
+                None => self.halts.too_late(deadline).await,
+            }
+        };
+        let result = tokio::select! {
+            biased;
+            result = context.call(request.to_wire()) => Some(result),
+            () = too_late => None,
+        };
+        let Some(result) = result else {
             return Err(self.diagnose(unit, request));
         };
         let (outcome, length) = match result {

@@ -70,6 +70,14 @@ pub enum Reply {
 }
 
 impl Request {
+    /// Whether it changes something in the device.
+    pub(crate) const fn is_write(&self) -> bool {
+        matches!(
+            self,
+            Self::WriteCoil { .. } | Self::WriteRegister { .. } | Self::WriteRegisters { .. }
+        )
+    }
+
     pub(crate) fn to_wire(&self) -> modbus::Request<'_> {
         match self {
             Self::ReadCoils { address, count } => modbus::Request::ReadCoils(*address, *count),

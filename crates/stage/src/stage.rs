@@ -7,7 +7,8 @@ use rig_model::{Axis, Position, Scale, Target, Unit};
 use tokio::time::{Instant, sleep, sleep_until};
 
 use crate::{
-    Alarm, AxisStatus, BusError, BusHandle, LineFault, RegisterMap, Reply, Request, StageError,
+    Alarm, AxisStatus, BusError, BusHandle, HaltFrames, LineFault, RegisterMap, Reply, Request,
+    StageError,
     drive_reading::{DriveReading, alarm, number, read_request},
     line::CheckRegisters,
     map::Step,
@@ -313,6 +314,20 @@ impl<U: Unit> Stage<U> {
         };
         self.command(self.map.release_stop).await?;
         Ok(at)
+    }
+
+    /// The frames that stop this axis, for [`BusHandle::halt`]. [`stop`](Self::stop) must follow: it
+    /// confirms the standstill, and releases what the frames have set.
+    ///
+    /// # Errors
+    /// [`StageError::Uncountable`] for an axis whose limits its drive cannot count to.
+    pub fn halt_frames(&self) -> Result<HaltFrames, StageError<U>> {
+        let order = Order::at_rest(&self.scale, &self.axis)?;
+        let frames = self.map.stop.iter().filter_map(|&step| match order.action(step) {
+            StepAction::Ask(request) => Some((self.unit, request)),
+            StepAction::Wait(_) => None,
+        });
+        Ok(HaltFrames(frames.collect()))
     }
 
     /// Clears an alarm, and makes the drive take commands again. Nothing moves.

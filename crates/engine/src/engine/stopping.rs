@@ -6,7 +6,7 @@ use super::{Activity, Engine, HadRun};
 use crate::{
     Effect, Event, Fault, Operation, Report, RunStatus,
     fault::StopReason,
-    operation::limit,
+    operation::{Pending, limit},
     recovery::{Recovery, RecoveryReport, RecoveryStep},
 };
 
@@ -39,9 +39,14 @@ impl Engine {
             Activity::Running(_) | Activity::Waiting(..) | Activity::Paused(_)
         );
         self.activity = Activity::Stopping(reason, had_run);
-        if self.pending.is_some() {
-            self.interrupt(now, effects);
-        } else {
+        if self.pending.is_none() {
+            return self.recover(now, effects);
+        }
+        self.interrupt(now, effects);
+        // The axes have an owner of their own: the way out does not wait for the analyzer.
+        let is_measuring =
+            |pending: &mut Pending| matches!(pending.operation, Operation::Measure { .. });
+        if self.pending.take_if(is_measuring).is_some() {
             self.recover(now, effects);
         }
     }

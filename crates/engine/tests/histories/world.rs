@@ -162,6 +162,8 @@ pub(crate) struct World {
     pub(crate) drive: Option<Drive>,
     /// The trouble after the first one.
     pub(crate) then: Option<(usize, Trouble)>,
+    /// A measurement that is not waited for, and whose report comes too late.
+    pub(crate) abandoned: Option<OperationId>,
     /// When the first fault was noted.
     pub(crate) faulted_at: Option<RigTime>,
 }
@@ -183,6 +185,7 @@ impl World {
             random: 1,
             drive: None,
             then: None,
+            abandoned: None,
             faulted_at: None,
         }
     }
@@ -215,7 +218,13 @@ impl World {
                     assert!(last_intent.is_some(), "a commit without an intent");
                     self.is_intent_durable = true;
                 }
-                Effect::Interrupt => self.was_interrupted = true,
+                Effect::Interrupt => {
+                    self.was_interrupted = true;
+                    let is_measuring = |(_, operation): &mut (OperationId, Operation)| {
+                        matches!(operation, Operation::Measure { .. })
+                    };
+                    self.abandoned = self.in_flight.take_if(is_measuring).map(|(id, _)| id);
+                }
                 Effect::Do(id, operation) => {
                     assert!(self.in_flight.is_none(), "two operations at once");
                     self.check(&operation);
@@ -247,6 +256,10 @@ impl World {
 
     /// Ends the operation in flight, after the trouble that is due, if any.
     pub(crate) fn step(&mut self) {
+        if let Some(id) = self.abandoned.take() {
+            // Its report comes too late to be heeded.
+            self.fail(id, FailureKind::Line);
+        }
         let Some((id, operation)) = self.in_flight.take() else {
             // Only a wait can be going on.
             self.now = self.engine.deadline().expect("nothing to wait for");
@@ -279,8 +292,13 @@ impl World {
                 for _ in 0..2 {
                     self.now = self.engine.deadline().expect("every operation has a deadline");
                     self.handle(Input::Tick);
+                    assert!(self.was_interrupted);
+                    if matches!(operation, Operation::Measure { .. }) {
+                        // The way out does not wait for it.
+                        assert!(matches!(self.in_flight, Some((_, Operation::StopMotion))));
+                        return;
+                    }
                 }
-                assert!(self.was_interrupted);
                 assert_eq!(self.engine.snapshot().state, RigState::Latched);
                 return;
             }

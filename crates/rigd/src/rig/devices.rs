@@ -4,69 +4,72 @@ use rig_analyzer::{Analyzer, AnalyzerError};
 use rig_engine::{Device, Failure, FailureKind, Operation, Report};
 use rig_link::StopSignal;
 use rig_model::{Deg, Mm, Unit, with_causes};
-use rig_stage::{BusError, Stage, StageError};
+use rig_stage::{BusError, HaltFrames, LineFault, Stage, StageError};
 
-/// The drivers of the three devices.
+use super::{
+    DeviceError,
+    slot::{Ended, Perform},
+};
+
+/// The drivers of both axes, which share a bus.
 #[derive(Debug)]
-pub(super) struct Devices {
-    pub(super) analyzer: Analyzer,
+pub(super) struct Axes {
     pub(super) linear: Stage<Mm>,
     pub(super) rotary: Stage<Deg>,
     /// Whether the linear stage is known to home upwards, away from the sample.
     pub(super) is_homing_up: bool,
 }
 
-impl Devices {
-    /// Does what is asked and says how it ended. Not cancel-safe: a future that is dropped may
-    /// leave half a frame on the line. `stop` ends it early.
-    pub(super) async fn perform(
-        &mut self,
-        operation: &Operation,
-        stop: &StopSignal,
-    ) -> Result<Report, Failure> {
+impl Axes {
+    /// The frames that stop both axes.
+    pub(super) fn halt_frames(&self) -> Result<HaltFrames, DeviceError> {
+        // The probe first: it is what presses.
+        Ok(HaltFrames::of([self.linear.halt_frames()?, self.rotary.halt_frames()?]))
+    }
+}
+
+impl Perform for Axes {
+    async fn perform(&mut self, operation: &Operation, stop: &StopSignal) -> Ended {
+        let linear = |error| stage_failure(Device::LinearStage, &error);
+        let rotary = |error| stage_failure(Device::RotaryStage, &error);
         match operation {
             Operation::PrepareLinear => {
-                prepare(&mut self.linear, stop, Device::LinearStage).await.map(Report::LinearAt)
+                prepare(&mut self.linear, stop).await.map(Report::LinearAt).map_err(linear)
             }
             &Operation::FindLinear { may_reset_alarm } => {
-                let found = find(&mut self.linear, may_reset_alarm, self.is_homing_up, stop).await;
-                found.map_err(|error| stage_failure(Device::LinearStage, &error))
+                find(&mut self.linear, may_reset_alarm, self.is_homing_up, stop)
+                    .await
+                    .map_err(linear)
             }
             Operation::PrepareRotary => {
-                prepare(&mut self.rotary, stop, Device::RotaryStage).await.map(Report::RotaryAt)
+                prepare(&mut self.rotary, stop).await.map(Report::RotaryAt).map_err(rotary)
             }
-            &Operation::MoveLinear { target, speed_mm_per_s } => self
-                .linear
-                .move_to(target, speed_mm_per_s, stop)
-                .await
-                .map(Report::LinearAt)
-                .map_err(|error| stage_failure(Device::LinearStage, &error)),
-            &Operation::MoveRotary { target, speed_deg_per_s } => self
-                .rotary
-                .move_to(target, speed_deg_per_s, stop)
-                .await
-                .map(Report::RotaryAt)
-                .map_err(|error| stage_failure(Device::RotaryStage, &error)),
-            Operation::Measure { points, level } => {
-                self.measure(points, *level, stop).await.map(Report::Measured)
+            &Operation::MoveLinear { target, speed_mm_per_s } => {
+                let moved = self.linear.move_to(target, speed_mm_per_s, stop).await;
+                moved.map(Report::LinearAt).map_err(linear)
+            }
+            &Operation::MoveRotary { target, speed_deg_per_s } => {
+                let moved = self.rotary.move_to(target, speed_deg_per_s, stop).await;
+                moved.map(Report::RotaryAt).map_err(rotary)
             }
             Operation::StopMotion => {
                 // Both are told, whatever the first one answers.
-                let rotary = self.rotary.stop().await;
-                let linear = self.linear.stop().await;
-                rotary.map_err(|error| stage_failure(Device::RotaryStage, &error))?;
-                linear.map_err(|error| stage_failure(Device::LinearStage, &error))?;
+                let stopped_linear = self.linear.stop().await;
+                let stopped_rotary = self.rotary.stop().await;
+                stopped_linear.map_err(linear)?;
+                stopped_rotary.map_err(rotary)?;
                 Ok(Report::Stopped)
             }
+            Operation::Measure { .. } => unreachable!("the analyzer has an owner of its own"),
         }
     }
+}
 
-    async fn measure(
-        &mut self,
-        points: &[rig_model::SweepPoint],
-        level: rig_model::DriveLevel,
-        stop: &StopSignal,
-    ) -> Result<Vec<rig_model::Reading>, Failure> {
+impl Perform for Analyzer {
+    async fn perform(&mut self, operation: &Operation, stop: &StopSignal) -> Ended {
+        let Operation::Measure { points, level } = operation else {
+            unreachable!("the axes have an owner of their own")
+        };
         let failure = |error: AnalyzerError| Failure {
             device: Device::Analyzer,
             kind: match &error {
@@ -76,8 +79,8 @@ impl Devices {
             },
             detail: with_causes(&error),
         };
-        self.analyzer.configure(level).await.map_err(failure)?;
-        self.analyzer.measure(points, stop).await.map_err(failure)
+        self.configure(*level).await.map_err(failure)?;
+        self.measure(points, stop).await.map(Report::Measured).map_err(failure)
     }
 }
 
@@ -86,24 +89,20 @@ impl Devices {
 async fn prepare<U: Unit>(
     stage: &mut Stage<U>,
     stop: &StopSignal,
-    device: Device,
-) -> Result<rig_model::Position<U>, Failure> {
-    let prepared = async {
-        // Another device may answer now than before the fault.
-        let status = stage.identify().await?;
-        if status.is_homed {
-            stage.believe_position()?;
-        }
-        if status.alarm.is_some() {
-            stage.reset_alarm().await?;
-        }
-        if !status.is_homed {
-            stage.home(stop).await?;
-        }
-        stage.status().await?;
-        stage.believe_position()
-    };
-    prepared.await.map_err(|error| stage_failure(device, &error))
+) -> Result<rig_model::Position<U>, StageError<U>> {
+    // Another device may answer now than before the fault.
+    let status = stage.identify().await?;
+    if status.is_homed {
+        stage.believe_position()?;
+    }
+    if status.alarm.is_some() {
+        stage.reset_alarm().await?;
+    }
+    if !status.is_homed {
+        stage.home(stop).await?;
+    }
+    stage.status().await?;
+    stage.believe_position()
 }
 
 /// Finds the linear stage again while the probe may be in contact. It is homed only if it has lost its
@@ -134,7 +133,8 @@ async fn find(
 
 fn stage_failure<U: Unit>(device: Device, error: &StageError<U>) -> Failure {
     let kind = match error {
-        StageError::Stopped { .. } => FailureKind::Interrupted,
+        StageError::Stopped { .. }
+        | StageError::Bus(BusError::Failed(LineFault::Halted { .. })) => FailureKind::Interrupted,
         StageError::Bus(BusError::Failed(_)) => FailureKind::Line,
         StageError::BeyondTravel { .. }
         | StageError::Unhomed { .. }

@@ -8,10 +8,10 @@ use rig_link::{Clock, Endpoint, Port, Transcript, Transport};
 use rig_model::{Deg, LineSettings, Mm, Unit};
 use rig_protocol::Prompt;
 use rig_sim::{AxisWiring, LineTransport, PortId, SimHandle, SimRig, Technician, Wiring};
-use rig_stage::{BusHandle, BusSettings, RegisterMap, Stage, StageError};
+use rig_stage::{BusHandle, BusSettings, HaltFrames, RegisterMap, Stage, StageError};
 use rig_store::StoreError;
 
-use super::{DeviceIdentity, Setting, devices::Devices};
+use super::{DeviceIdentity, Setting, devices::Axes};
 use crate::loaded_rig::{LoadedRig, LoadedScene};
 
 /// Why a rig cannot be opened.
@@ -80,7 +80,9 @@ fn device<E: Into<DeviceError>>(role: &'static str, port: &PortFile) -> impl Fn(
 /// A rig whose devices have answered.
 pub(super) struct Opened {
     pub(super) setting: Setting,
-    pub(super) devices: Devices,
+    pub(super) analyzer: Analyzer,
+    pub(super) axes: Axes,
+    pub(super) halt: Halt,
     pub(super) simulation: Option<Simulation>,
     /// The last frames of each port, under its name.
     pub(super) black_boxes: [(Arc<str>, Transcript); 2],
@@ -88,6 +90,19 @@ pub(super) struct Opened {
     pub(super) known_samples: Vec<(String, f64)>,
     /// How long a linear stage that does not answer is waited for on the way out of contact.
     pub(super) patience: Duration,
+}
+
+/// Stops both axes without waiting for anything.
+pub(super) struct Halt {
+    bus: BusHandle,
+    frames: HaltFrames,
+}
+
+impl Halt {
+    /// The frames leave now, also when the result is not awaited. It ends when they have left.
+    pub(super) fn now(&self) -> impl Future<Output = ()> + use<> {
+        self.bus.halt(self.frames.clone())
+    }
 }
 
 /// The simulation behind a simulated rig.
@@ -145,8 +160,10 @@ pub(super) async fn open_rig(rig: LoadedRig, clock: Clock) -> Result<Opened, Ope
     let setting = Setting { limits: file.limits, rig: source, scene: scene_source, devices };
     let is_homing_up = file.linear.is_homing_up;
     let patience = Duration::from_secs_f64(file.recovery_patience_s);
-    let devices = Devices { analyzer, linear, rotary, is_homing_up };
-    Ok(Opened { setting, devices, simulation, black_boxes, known_samples, patience })
+    let axes = Axes { linear, rotary, is_homing_up };
+    let frames = axes.halt_frames().map_err(device("bus", &file.bus))?;
+    let halt = Halt { bus, frames };
+    Ok(Opened { setting, analyzer, axes, halt, simulation, black_boxes, known_samples, patience })
 }
 
 /// Finds a drive. An axis that does not know where it is will be homed; one that says that it is

@@ -7,11 +7,12 @@ use std::{
     time::{Duration, Instant},
 };
 
+use rig_analyzer::Analyzer;
 use rig_engine::{
     Admitted, Command, Device, Effect, Engine, Event, Failure, FailureKind, Fault, Input,
-    Operation, OperationId, Report, RigState,
+    Operation, OperationId, RigState,
 };
-use rig_link::{Clock, StopSignal, Transcript};
+use rig_link::{Clock, Transcript};
 use rig_model::with_causes;
 use rig_protocol::Plan;
 use rig_sim::SimHandle;
@@ -21,11 +22,12 @@ use tokio::sync::{mpsc, oneshot, watch};
 
 use super::{
     OpenError, Pace, Request, RequestRefusal, RunView, Setting, Status,
-    devices::Devices,
+    devices::Axes,
     live::LiveSweep,
-    open::{Opened, Simulation, open_rig},
+    open::{Halt, Opened, Simulation, open_rig},
     record::{self, Recorder},
     resume::{Known, ResumeRefusal, resumable},
+    slot::Slot,
 };
 use crate::{interruption::InterruptedRig, loaded_rig::LoadedRig, protocol_file::LoadedProtocol};
 
@@ -69,9 +71,8 @@ pub(super) fn run(
     });
 }
 
-/// An operation in flight. It owns the devices until it ends, so that there is only ever one.
-type InFlight = std::pin::Pin<Box<dyn Future<Output = (Devices, OperationId, Ended)>>>;
-type Ended = Result<Report, Failure>;
+/// How long the rig thread waits for the frames of a stop to leave before it goes on.
+const HALT_WITHIN: Duration = Duration::from_millis(200);
 
 /// The rig is being closed.
 struct Closing {
@@ -82,11 +83,12 @@ struct Closing {
 struct Shell {
     engine: Engine,
     setting: Setting,
-    devices: Option<Devices>,
+    axes: Slot<Axes>,
+    analyzer: Slot<Analyzer>,
+    halt: Halt,
     simulation: Option<Simulation>,
     black_boxes: [(Arc<str>, Transcript); 2],
     known_samples: Vec<(String, f64)>,
-    stop: StopSignal,
     clock: Clock,
     store: Store,
     session: (Journal, Recorder),
@@ -95,7 +97,6 @@ struct Shell {
     view: Status,
     status: watch::Sender<Status>,
     is_virtual_time: bool,
-    in_flight: Option<InFlight>,
     /// Refused before it was sent, because the journal could not be written.
     refused: Option<(OperationId, Failure)>,
     /// Why a record was not taken by the journal, until the engine has been told.
@@ -117,8 +118,9 @@ impl Shell {
         let left = store.reader().and_then(|reader| InterruptedRig::read(&reader, &rig.file.name));
         let left = left.map_err(data_error)?;
         let clock = Clock::start();
-        let Opened { setting, devices, simulation, black_boxes, known_samples, patience } =
-            open_rig(rig, clock).await?;
+        let opened = open_rig(rig, clock).await?;
+        let Opened { setting, analyzer, axes, halt, .. } = opened;
+        let Opened { simulation, black_boxes, known_samples, patience, .. } = opened;
         let session = store.begin(RunKind::Session, &setting.rig.name).map_err(data_error)?;
         let engine = Engine::with_patience(setting.limits, patience);
         let view = Status {
@@ -140,11 +142,12 @@ impl Shell {
         let mut shell = Self {
             engine,
             setting,
-            devices: Some(devices),
+            axes: Slot::new(axes),
+            analyzer: Slot::new(analyzer),
+            halt,
             simulation,
             black_boxes,
             known_samples,
-            stop: StopSignal::new(),
             clock,
             store,
             session: (session, Recorder::for_session()),
@@ -152,7 +155,6 @@ impl Shell {
             view,
             status,
             is_virtual_time,
-            in_flight: None,
             refused: None,
             unwritten: None,
             is_answer_due: false,
@@ -196,15 +198,15 @@ impl Shell {
                     Some(Request::Close { reply }) => {
                         closing = Some(self.begin_to_close(Some(reply)));
                     }
-                    Some(request) => self.take(request),
+                    Some(request) => {
+                        self.halt_if_asked(&request).await;
+                        self.take(request);
+                    }
                     // Every handle is gone, and the probe must not stay where it is.
                     None => closing = Some(self.begin_to_close(None)),
                 },
-                (devices, id, ended) = ended(&mut self.in_flight) => {
-                    self.in_flight = None;
-                    self.devices = Some(devices);
-                    self.handle(Input::Done(id, ended));
-                }
+                (id, ended) = self.axes.ended() => self.handle(Input::Done(id, ended)),
+                (id, ended) = self.analyzer.ended() => self.handle(Input::Done(id, ended)),
                 () = until(self.clock, self.engine.deadline()) => self.handle(Input::Tick),
             }
         }
@@ -228,7 +230,7 @@ impl Shell {
     /// never answers.
     fn is_at_rest(&self) -> bool {
         match self.engine.snapshot().state {
-            RigState::Idle => self.in_flight.is_none(),
+            RigState::Idle => !self.axes.is_busy() && !self.analyzer.is_busy(),
             state => state == RigState::Latched,
         }
     }
@@ -396,7 +398,7 @@ impl Shell {
             match effect {
                 Effect::Note(event) => self.note(&event),
                 Effect::Commit => self.commit(),
-                Effect::Interrupt => self.stop.raise(),
+                Effect::Interrupt => self.interrupt(),
                 Effect::Do(id, operation) => self.start(id, operation),
             }
         }
@@ -421,16 +423,36 @@ impl Shell {
             self.refused = Some((id, Failure { device: Device::Journal, kind, detail }));
             return;
         }
-        let Some(mut devices) = self.devices.take() else {
-            // The engine has one operation in flight at a time, so the devices are here.
-            unreachable!("an operation began while another was in progress");
+        match &operation {
+            Operation::Measure { .. } => self.analyzer.start(id, operation),
+            _ => self.axes.start(id, operation),
+        }
+    }
+
+    /// Ends what is under way. A moving axis stops at once, whatever its bus is busy with.
+    fn interrupt(&mut self) {
+        self.analyzer.interrupt();
+        if self.axes.is_busy() {
+            self.axes.interrupt();
+            drop(self.halt.now());
+        }
+    }
+
+    /// Stops the axes before anything is decided or written, if a request asks for that.
+    async fn halt_if_asked(&self, request: &Request) {
+        let Request::Command { command: command @ (Command::Stop | Command::Abort), run, .. } =
+            request
+        else {
+            return;
         };
-        self.stop.lower();
-        let stop = self.stop.clone();
-        self.in_flight = Some(Box::pin(async move {
-            let ended = devices.perform(&operation, &stop).await;
-            (devices, id, ended)
-        }));
+        let is_other = run.is_some_and(|run| self.run.as_ref().is_none_or(|(j, _)| j.id() != run));
+        // A retract that is under way is what a stop leads to.
+        let is_retracting = self.engine.snapshot().state == RigState::Retracting;
+        if is_other || is_retracting || self.engine.admit(command.clone()).is_err() {
+            return;
+        }
+        // A line that takes longer gets them when it can; the decision must not wait for it.
+        _ = tokio::time::timeout(HALT_WITHIN, self.halt.now()).await;
     }
 
     /// Why nothing may be begun for want of a journal; a record that was refused is said once.
@@ -577,14 +599,6 @@ impl Shell {
 /// runs.
 fn processor_time() -> Duration {
     clock_gettime(ClockId::ThreadCPUTime).try_into().unwrap_or_default()
-}
-
-/// Waits for the operation in flight; for ever, when there is none.
-async fn ended(in_flight: &mut Option<InFlight>) -> (Devices, OperationId, Ended) {
-    match in_flight {
-        Some(operation) => operation.await,
-        None => std::future::pending().await,
-    }
 }
 
 /// Waits until a time on the rig's clock; for ever, when there is none.

@@ -8,9 +8,13 @@ use rig_model::{
     Span, StopBits, Unit,
 };
 use rig_sim::{
-    AxisWiring, LineTransport, PortId, SimRig, Wiring, faults::DeviceFault, scene::paper,
+    AxisWiring, LineTransport, PortId, SimRig, Wiring,
+    faults::{DeviceFault, Fault, FaultKind, FaultTrigger, RequestFault},
+    scene::paper,
 };
-use rig_stage::{BusError, BusHandle, BusSettings, LineFault, RegisterMap, Stage, StageError};
+use rig_stage::{
+    BusError, BusHandle, BusSettings, HaltFrames, LineFault, RegisterMap, Stage, StageError,
+};
 use tokio::time::sleep;
 
 /// A simulated make and the map for it. A count of IAI is a hundredth of a millimetre.
@@ -34,6 +38,7 @@ fn scale<U: Unit>(per_count: f64) -> Scale<U> {
 
 struct Bench {
     rig: SimRig,
+    bus: BusHandle,
     linear: Stage<Mm>,
     rotary: Stage<Deg>,
 }
@@ -54,7 +59,7 @@ async fn bench(make: DriveMake, per_count: f64) -> Bench {
     let linear = axis("linear stage", Span::new(0.0, 49.0), 40.0, 0.02);
     let rotary = axis("rotary stage", Span::new(-50.0, 50.0), 0.0, 0.05);
     let mut linear = Stage::new(bus.clone(), RegisterMap::of(make), 1, scale(per_count), linear);
-    let mut rotary = Stage::new(bus, RegisterMap::of(make), 2, scale(per_count), rotary);
+    let mut rotary = Stage::new(bus.clone(), RegisterMap::of(make), 2, scale(per_count), rotary);
     let stop = StopSignal::new();
     for _ in 0..2 {
         if !linear.identify().await.unwrap().is_homed {
@@ -64,7 +69,7 @@ async fn bench(make: DriveMake, per_count: f64) -> Bench {
             rotary.home(&stop).await.unwrap();
         }
     }
-    Bench { rig, linear, rotary }
+    Bench { rig, bus, linear, rotary }
 }
 
 /// Something befalls the drive of the linear stage.
@@ -80,7 +85,7 @@ async fn move_to<U: Unit>(stage: &mut Stage<U>, wanted: f64) -> Result<f64, Stag
 #[tokio::test(start_paused = true)]
 async fn both_axes_go_where_they_are_sent() {
     for (make, per_count) in MAKES {
-        let Bench { rig, mut linear, mut rotary } = bench(make, per_count).await;
+        let Bench { rig, mut linear, mut rotary, .. } = bench(make, per_count).await;
         for (mm, degrees) in [(40.0, 30.0), (39.9, -45.0), (12.5, 0.0)] {
             let at_mm = move_to(&mut linear, mm).await.unwrap();
             let at_degrees = move_to(&mut rotary, degrees).await.unwrap();
@@ -168,4 +173,63 @@ async fn a_drive_that_restarts_has_to_be_identified_again() {
         let at = move_to(&mut linear, 30.0).await.unwrap();
         assert!((at - 30.0).abs() <= 0.02, "{make}: {at}");
     }
+}
+
+/// Number of writes to a unit among what was said to the bus from the n-th message on.
+fn writes(rig: &SimRig, unit: u8, from: usize) -> usize {
+    let is_write = |heard: &&rig_sim::Overheard| {
+        heard.bytes[0] == unit && matches!(heard.bytes[1], 5 | 6 | 16)
+    };
+    rig.handle().with(|_, rig| rig.overheard()[from..].iter().filter(is_write).count())
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_stop_reaches_both_drives_whatever_the_line_is_busy_with_and_no_write_follows_it() {
+    let silent = |unit| Fault {
+        port: PortId::Bus,
+        unit: Some(unit),
+        kind: FaultKind::Request(RequestFault::Drop),
+        trigger: FaultTrigger::Rate(1.0),
+    };
+    let mut ended = 0;
+    for (make, per_count) in MAKES {
+        for is_silent in [[false, false], [false, true], [true, false], [true, true]] {
+            for moment in 0..25 {
+                let Bench { rig, bus, linear, mut rotary } = bench(make, per_count).await;
+                let frames = [linear.halt_frames().unwrap(), rotary.halt_frames().unwrap()];
+                for unit in [1, 2].into_iter().filter(|unit| is_silent[usize::from(unit - 1)]) {
+                    rig.handle().with(|_, rig| rig.add_fault(silent(unit)));
+                }
+                rig.handle().with(|_, rig| rig.listen_in());
+                let target = rotary.axis().target(Position::new(30.0)).unwrap();
+                let stop = StopSignal::new();
+                let moving = tokio::spawn({
+                    let stop = stop.clone();
+                    async move { rotary.move_to(target, 10.0, &stop).await }
+                });
+                sleep(Duration::from_micros(2_000 + 83_137 * moment)).await;
+                let before = rig.handle().with(|_, rig| rig.overheard().len());
+                let asked = tokio::time::Instant::now();
+                bus.halt(HaltFrames::of(frames)).await;
+                let took = asked.elapsed();
+                let context = format!("{make} {is_silent:?} at {moment}: {took:?}");
+                assert!(took < Duration::from_millis(100), "{context}");
+                for unit in [1, 2] {
+                    assert_eq!(writes(&rig, unit, before), 1, "{context}: unit {unit}");
+                }
+                let after = rig.handle().with(|_, rig| rig.overheard().len());
+                sleep(Duration::from_secs(10)).await;
+                // The move itself did not hear of the stop. A silent drive has its write repeated
+                // otherwise.
+                assert_eq!(writes(&rig, 2, after), 0, "{context}");
+                let halted = StageError::Bus(BusError::Failed(LineFault::Closed));
+                let end = moving.await.unwrap().err().unwrap_or(halted);
+                ended += u32::from(matches!(
+                    end,
+                    StageError::Bus(BusError::Failed(LineFault::Halted { .. }))
+                ));
+            }
+        }
+    }
+    assert!(ended >= 10, "a write was under way in {ended} cases");
 }
