@@ -42,13 +42,13 @@ pub enum ControlError {
         /// The unknown word.
         word: String,
     },
-    /// A word is missing.
+    /// An argument is missing.
     #[error("{what} is missing; say help")]
     Missing {
         /// The expected form.
         what: &'static str,
     },
-    /// A word is not one of those that may stand there.
+    /// An argument is not one of the allowed words.
     #[error("\"{word}\" is no {what}; say help")]
     Word {
         /// The expected form.

@@ -72,7 +72,7 @@ pub enum ReplyFault {
     Truncate,
     /// This number of random bytes comes before it.
     Noise(usize),
-    /// The request comes back before it, as from an adapter that hears itself.
+    /// The request comes back before it, as from an adapter that receives its own bytes.
     Echo,
     /// It says that it comes from this unit.
     Unit(u8),
@@ -97,7 +97,7 @@ pub enum DeviceFault {
     LimitSwitch,
     /// The input of the analyzer is overloaded at the next measurement.
     Overload,
-    /// The impedance is that of a free sensor, whatever the probe touches.
+    /// The impedance is that of a free sensor, also in contact.
     BlindContact,
     /// The impedance is that of a sensor in contact, also when it is clear.
     StuckContact,

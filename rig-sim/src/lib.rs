@@ -1,7 +1,8 @@
 //! Simulated instruments on the wire and the physical world behind them.
 //!
-//! The devices answer in the bytes of the real ones, so that the drivers that talk to them are the
-//! ones that talk to a bench. All but [`SimRig`] is without I/O and takes time as an argument.
+//! The devices answer in the bytes of the real ones, so that the same drivers serve a simulated and
+//! a real bench. Except for [`SimRig`] and `serve`, the crate has no I/O and takes time as an
+//! argument.
 
 mod clock;
 pub mod control;

@@ -31,8 +31,8 @@ struct Cli {
 enum CliCommand {
     /// Opens the ports of a simulated rig and serves them in real time until it is stopped.
     ///
-    /// Each port is announced in a line of its own: what it is and where. A device without any port
-    /// asked for gets a pseudo-terminal.
+    /// Each port is announced in a line of its own, with device and address. A device without a
+    /// requested port gets a pseudo-terminal.
     Serve(Serve),
 }
 
@@ -137,7 +137,7 @@ fn main() -> ExitCode {
 }
 
 fn fail(message: &str, code: u8) -> ExitCode {
-    // Nothing can be done when nobody hears it.
+    // A failed write has no further consequence.
     _ = writeln!(std::io::stderr(), "{message}");
     ExitCode::from(code)
 }

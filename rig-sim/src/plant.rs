@@ -101,7 +101,7 @@ impl Plant {
         })
     }
 
-    /// The circuit as it is now.
+    /// The present circuit.
     pub fn circuit(&self) -> &Circuit {
         &self.circuit
     }
@@ -154,8 +154,8 @@ impl Plant {
         let omega = TAU * self.frequency_hz;
         let duration_s = f64::from(cycles) / self.frequency_hz;
         let transient = self.transient();
-        // What is left of Re(A e^{st}) after demodulation by e^{-jωt}: half of A at s − jω and half
-        // of its conjugate at s* − jω. Over whole cycles e^{-jωT} is 1.
+        // Re(A e^{st}) after demodulation by e^{-jωt}: half of A at s − jω and half of its
+        // conjugate at s* − jω. Over whole cycles e^{-jωT} is 1.
         let part = |amplitude: Complex64, s: Complex64| {
             amplitude * ((s * duration_s).exp() - 1.0) / (s - Complex64::new(0.0, omega))
         };

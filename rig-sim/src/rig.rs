@@ -348,7 +348,7 @@ mod tests {
         let mut test = TestRig::serial();
         let (identity, _) = test.ask(PortId::Analyzer, b"*IDN?\r\n").unwrap();
         for begun in [&b"*TRG;:MEAS?\r\n"[..], b":FREQ 'abc\r\n", b"*ID"] {
-            // The first client is gone in the middle of it.
+            // The first client closes in the middle of it.
             test.rig.push(test.now, &mut test.analyzer, begun).unwrap();
             test.analyzer = test.rig.connect(PortId::Analyzer);
             let (said, _) = test.ask(PortId::Analyzer, b"*IDN?\r\n").unwrap();

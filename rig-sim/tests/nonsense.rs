@@ -1,7 +1,7 @@
-//! Nothing that a client says may bring a simulated instrument down.
+//! No message of a client may crash a simulated instrument.
 //!
-//! What is said is half sense: requests with the right checksum at addresses that exist, words that
-//! the instruments know. Pure noise would be refused at the door.
+//! The messages are half valid: requests with right checksums at existing addresses, and words that
+//! the instruments know. Pure noise would be refused too early.
 
 #![expect(clippy::unwrap_used, reason = "a test may fail, also in what its tests share")]
 
@@ -59,7 +59,7 @@ fn checksum(bytes: &[u8]) -> u16 {
     })
 }
 
-/// A request whose frame is right, whatever it asks.
+/// A request with a valid frame and any content.
 fn request(chance: &mut Chance, addresses: &[u16]) -> Vec<u8> {
     let address = chance.pick(addresses).wrapping_add(u16::try_from(chance.below(12)).unwrap());
     let mut frame = vec![
@@ -171,7 +171,7 @@ const WORDS: &[&str] = &[
     "STOP",
 ];
 
-/// What may stand behind them.
+/// Their possible arguments.
 const DATA: &[&str] = &[
     "", "0", "1", "-1", "1E400", "140", "1e-9", "9.99e99", "20,30,40", "ON", "OFF", "MAX", "MIN",
     "BUS", "EXT", "INT", "FAST", "SLOW2", "SHOR,4", "RX", "Z", "LIST", "MEAS", "\"text\"", "#15ab",
@@ -207,7 +207,7 @@ fn no_message_brings_an_analyzer_down_and_it_still_knows_its_name() {
             now = now + Duration::from_millis(chance.below(2000));
         }
         assert!(spoke > 50, "{model:?} spoke {spoke} times");
-        // Whatever was begun is ended, and whatever goes on is over.
+        // Every operation has ended.
         rig.push(now, &mut analyzer, b"\n*RST\n").unwrap();
         for _ in 0..100 {
             settle(&mut rig, &mut analyzer, &mut now);

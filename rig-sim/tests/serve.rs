@@ -87,9 +87,9 @@ async fn clients_of_a_terminal_come_and_go_whatever_they_do_to_it() {
         let name = path.clone();
         client(move || {
             let mut port = open(&name);
-            // The instrument may still wait for the end of what the last one said.
+            // The instrument may still wait for the end of the last message.
             assert_eq!(line(&mut port, "\r\n*IDN?\r\n"), IDENTITY, "round {round}");
-            // It keeps the port for itself, makes it echo, and goes away in the middle of a word.
+            // It opens the port exclusively, makes it echo, and closes in the middle of a message.
             ioctl_tiocexcl(&port).unwrap();
             let mut settings = tcgetattr(&port).unwrap();
             settings.local_modes |= LocalModes::ECHO;
@@ -172,7 +172,7 @@ async fn tcp_carries_both_framings_to_several_clients_and_control_stands_beside_
             assert_eq!(said, [0, transaction, 0, 0, 0, 7, 1, 3, 4, 0, 0, 0, 0]);
             assert_eq!(raw, ANSWER);
         }
-        // What is no Modbus is hung up on, and nobody else notices.
+        // A connection that does not speak Modbus is closed, and others are not affected.
         first.write_all(b"GET / HTTP/1.1\r\n\r\n").await.unwrap();
         assert_eq!(first.read(&mut [0; 16]).await.unwrap_or(0), 0);
         second.write_all(&ASK).await.unwrap();
@@ -200,7 +200,7 @@ async fn a_terminal_that_is_unplugged_comes_back_behind_its_link() {
     client(move || {
         let mut port = open(&first);
         port.write_all(b"*IDN?\r\n").unwrap();
-        // Nobody is there any more: the end of the file, or an error, but no answer.
+        // After the close: the end of the file or an error, but no answer.
         assert_eq!(port.read(&mut [0; 64]).unwrap_or(0), 0);
     })
     .await;

@@ -1,4 +1,4 @@
-//! What one seed stands for: a scene and a protocol.
+//! The scene and the protocol of one seed.
 
 use rand_core::Rng;
 use rand_pcg::Pcg64;
@@ -62,7 +62,7 @@ impl Draw {
         ]
     }
 
-    /// The windows of the sweeps, which may leave out a resonance, and what is asked of them.
+    /// The windows of the sweeps, which may exclude a resonance, and their targets.
     fn windows(&mut self, protocol: &str) -> String {
         let targets = ["0.02", "0.05", "0.1"].map(|target| {
             let from = format!("target_sigma_hz = {target}\n");

@@ -18,7 +18,6 @@ const PATIENCE: Duration = Duration::from_secs(300);
 /// The end of a run.
 #[derive(Debug)]
 pub(crate) enum Outcome {
-    /// By itself.
     Ended {
         status: RunStatus,
         /// The cause of a fault.
@@ -50,13 +49,13 @@ impl Outcome {
     }
 }
 
-/// Runs a case to its end, on a thread of its own: what has no end must not hold up the others.
+/// Runs a case on a thread of its own, so that a case without an end does not block the others.
 pub(crate) fn play(case: Case) -> Outcome {
     let (sender, ended) = mpsc::sync_channel(1);
     thread::spawn(move || {
         let runtime = tokio::runtime::Builder::new_current_thread().build();
         let Ok(runtime) = runtime else { return };
-        // Nobody waits any more where there was no end.
+        // After a timeout there is no receiver.
         _ = sender.send(runtime.block_on(played(&case)));
     });
     match ended.recv_timeout(PATIENCE) {

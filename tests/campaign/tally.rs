@@ -96,7 +96,7 @@ impl fmt::Display for Tally {
     }
 }
 
-/// The planning steps of all rigs: what each computed, and what it took of the processor.
+/// The planning steps of all rigs: rows computed, and processor time.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Steps(Arc<Mutex<Vec<Step>>>);
 

@@ -7,7 +7,7 @@ use std::{
 
 use rig_tests::shipped;
 
-/// Every file with this ending below a folder, without what is built.
+/// Every file with this extension below a folder, without build output.
 fn files(folder: &Path, ending: &str, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap().map(Result::unwrap) {
         let (path, name) = (entry.path(), entry.file_name());

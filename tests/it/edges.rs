@@ -19,7 +19,8 @@ const PURE: [&str; 11] = [
     "rig-report",
 ];
 
-/// What each crate of the house may use of the house. A new arrow is a decision: write it down.
+/// The crates of this workspace that each crate may use. A new arrow needs a decision in
+/// docs/decisions.
 const ARROWS: [(&str, &[&str]); 18] = [
     ("rig-model", &[]),
     ("rig-files", &["rig-model", "rig-contact", "rig-resonance"]),

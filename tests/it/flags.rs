@@ -80,7 +80,7 @@ fn touches(records: &[StoredRecord]) -> (usize, Vec<String>) {
     (measured, refused)
 }
 
-/// Nothing that was flagged has closed the journal, and what it holds is sound.
+/// Flagged readings did not close the journal, and its records are intact.
 #[track_caller]
 fn assert_journal_is_open(rig: &TestRig, run: RunId) {
     assert_eq!(rig.handle.status().borrow().journal_error, None);

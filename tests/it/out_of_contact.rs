@@ -15,7 +15,7 @@ struct End {
     tip_mm: f64,
     is_out: bool,
     violations: usize,
-    /// What the rig says of the probe.
+    /// The state of the probe, as the rig reports it.
     clearance: &'static str,
 }
 

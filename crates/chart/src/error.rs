@@ -3,7 +3,7 @@
 /// A chart that cannot be drawn.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ChartError {
-    /// An axis has neither values nor a range.
+    /// An axis has no values and no range.
     #[error("chart: the axis `{axis}` has no values and no range")]
     Empty {
         /// Label of the axis.

@@ -2,10 +2,10 @@
 
 use tokio::sync::watch;
 
-/// A flag that asks the operation under way to end by itself, as soon as it safely can.
+/// A flag that asks the present operation to end as soon as this is safe.
 ///
 /// It is a level, not an edge: raised before an operation starts, it ends that operation too. All
-/// clones are one flag.
+/// clones share one flag.
 #[derive(Debug, Clone)]
 pub struct StopSignal {
     raised: watch::Sender<bool>,

@@ -135,8 +135,8 @@ pub struct Run {
 }
 
 impl Run {
-    /// Whether it can be resumed or given up: the run of a protocol that is not under way and was
-    /// neither completed nor given up.
+    /// Whether it can be resumed or given up: a run of a protocol that is not running, completed or
+    /// given up.
     pub fn is_resumable(&self) -> bool {
         self.kind == RunKind::Run && self.status != RunStatus::Running && !self.is_sealed
     }

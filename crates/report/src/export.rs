@@ -1,9 +1,9 @@
 //! The records of a run as tables that other programs read.
 //!
-//! Each function writes one file from the records of a run. The same records give the same bytes,
-//! and neither wall time nor the id of the run is in them: two runs of the same protocol with the
-//! same seed give the same files. [`RunResults::touches_csv`](crate::RunResults::touches_csv) writes
-//! the table of touches, which needs the results.
+//! Each function writes one file from the records of a run. The same records give the same bytes.
+//! They contain no wall time and no id of the run, so that two runs of one protocol with the same
+//! seed give the same files. [`RunResults::touches_csv`](crate::RunResults::touches_csv) writes the
+//! table of touches, which needs the results.
 
 mod error;
 mod table;

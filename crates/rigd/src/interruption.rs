@@ -3,8 +3,8 @@
 use rig_store::{Interruption, ProbeWord, Reader, Run, RunKind, RunStatus, StoreError};
 use serde::Serialize;
 
-/// What to do about a probe that may be in the sample. It names no move: where the probe stands is
-/// for a person to see.
+/// Advice for a probe that may be in the sample. It names no move: a person must see first where
+/// the probe is.
 pub(crate) const ADVICE: &str = "check by eye where the probe is, and touch neither the sample \
                                  nor the stages; then `rigd home` retracts the probe first, and \
                                  `rigd run --resume` also goes on with the run";
@@ -75,7 +75,8 @@ pub(crate) struct InterruptedRig {
 }
 
 impl InterruptedRig {
-    /// What the latest session with a rig left behind, when there is one and it has ended.
+    /// The state in which the latest session with a rig ended; `None` without one, or while it is
+    /// open.
     ///
     /// # Errors
     /// The record of the journal.
@@ -113,7 +114,7 @@ impl InterruptedRig {
 
 /// When, in which step, and where the probe may be.
 fn sentence(left: &Interruption) -> String {
-    // Nobody needs milliseconds, and everybody the word for the time zone.
+    // Without milliseconds, but with the time zone.
     let at = left.at.split('.').next().unwrap_or_default().replace('T', " ");
     let step = left.step.as_ref().map_or_else(String::new, |step| format!(" in step {step}"));
     let probe = match (left.probe, left.is_cleared_since) {

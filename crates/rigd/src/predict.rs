@@ -15,11 +15,11 @@ use rig_protocol::{Action, Plan, Touch};
 
 use crate::loaded_rig::LoadedRig;
 
-/// A resonance nearer than this to an edge of its window is warned of: the line falls to half its
-/// power at half of it, and the other half is for what the description of the sensor gets wrong.
+/// A predicted resonance closer than this to an edge of its window gives a warning. Half of it is
+/// the half width at half power; the other half covers errors in the description of the sensor.
 pub(crate) const EDGE_LINEWIDTHS: f64 = 1.0;
 
-/// The error allowed to the model, of a linewidth of the free sensor: a tenth of what is warned of.
+/// Allowed error of the model, in linewidths of the free sensor: a tenth of the margin.
 const TOLERANCE_LINEWIDTHS: f64 = 0.1 * EDGE_LINEWIDTHS;
 
 /// Where the resonances of a plan will lie.

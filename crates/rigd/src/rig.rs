@@ -1,5 +1,5 @@
 //! The rig at run time: a thread of its own that carries the engine's effects to the devices and
-//! their reports back, and a handle by which everyone else speaks to it.
+//! their reports back, and a handle for all other code.
 //!
 //! ```text
 //!  HTTP, terminal ──▶ RigHandle ══ bounded channel ══▶ rig thread: engine ⇄ devices
@@ -7,8 +7,8 @@
 //!                         └────────── watch of Status ◀─────┴──▶ journal
 //! ```
 //!
-//! Nothing but that channel and that watch is shared. A web client can be slow, many or hostile
-//! without the rig noticing.
+//! Only that channel and that watch are shared, so that slow, numerous or hostile web clients do
+//! not affect the rig.
 
 mod devices;
 mod inspect;
@@ -59,7 +59,7 @@ pub struct RigThread {
     thread: thread::JoinHandle<()>,
 }
 
-/// The state of the rig, as it is published.
+/// The published state of the rig.
 #[derive(Debug, Clone)]
 pub struct Status {
     /// The engine's view.
@@ -90,7 +90,7 @@ pub struct Status {
     pub journal_error: Option<Arc<str>>,
 }
 
-/// A run as it is watched.
+/// The published state of a run.
 #[derive(Debug, Clone)]
 pub struct RunView {
     /// Its id.
@@ -202,8 +202,8 @@ enum Request {
 
 /// Opens a rig on a thread of its own, and brings it into service.
 ///
-/// Returns when every device has answered; homing and proving the probe clear go on, as
-/// [`Status`] shows.
+/// Returns when every device has answered; homing and the proof that the probe is clear continue,
+/// as [`Status`] shows.
 ///
 /// # Errors
 /// [`OpenError`] names the device or the directory, the attempt, and the advice.
@@ -232,7 +232,7 @@ impl RigThread {
 }
 
 impl RigHandle {
-    /// The status, as it is now and as it changes.
+    /// The present status and its changes.
     pub fn status(&self) -> watch::Receiver<Status> {
         self.status.clone()
     }
@@ -316,8 +316,7 @@ impl RigHandle {
     /// Answers the prompt of this step of this run.
     ///
     /// # Errors
-    /// [`RequestRefusal`]; nothing has changed then. What is asked at another step stays
-    /// unanswered.
+    /// [`RequestRefusal`], after which nothing has changed. A prompt of another step stays open.
     pub async fn answer(&self, run: RunId, step: String, by: &str) -> Result<(), RequestRefusal> {
         let (reply, answer) = oneshot::channel();
         self.ask(Request::Answer { run, step, by: by.to_owned(), reply }, answer).await?
@@ -353,7 +352,7 @@ impl From<ResumeRefusal> for RequestRefusal {
 }
 
 impl Status {
-    /// The rig's clock as it is now. Virtual time stands while nothing happens.
+    /// The present time on the rig's clock. Virtual time does not pass while the rig is idle.
     pub fn present(&self, is_virtual_time: bool) -> RigTime {
         if is_virtual_time { self.now } else { self.now + self.published.elapsed() }
     }
@@ -376,8 +375,8 @@ impl RunView {
         self.plan.steps.iter().filter(is_touch).count()
     }
 
-    /// How much longer the run will take, s, by the rig's clock. The plan knows how its steps
-    /// compare; what the rig has needed so far says how it compares with the plan.
+    /// Remaining time of the run on the rig's clock, s. The plan gives the relative durations of
+    /// the steps, and the elapsed time gives the speed of the rig relative to the plan.
     pub fn remaining_s(&self, elapsed_s: f64) -> f64 {
         let touches = self.touches_planned();
         let left = touches.saturating_sub(self.touches_done) as f64;
@@ -390,7 +389,7 @@ impl RunView {
     }
 }
 
-/// From this many touches on, what they took says more about the rest than the plan.
+/// From this number of touches on, their durations predict the rest better than the plan.
 const PACE_FROM_TOUCHES: usize = 5;
 
 /// Facts about the rig that the rig thread keeps beside its devices.

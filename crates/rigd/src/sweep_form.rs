@@ -1,5 +1,4 @@
-//! What a person or a program asks for when it wants one sweep: the same keys, and the same values
-//! when they are left out, on the command line and over HTTP.
+//! The form of a single sweep, with the same keys and defaults on the command line and over HTTP.
 
 use rig_model::{AnalyzerRange, DriveLevel, SweepMethod, SweepRequest, SweepRequestError, Window};
 use serde::Deserialize;

@@ -1,4 +1,4 @@
-//! What the daemon does with requests that it should not serve.
+//! Requests that the daemon must refuse.
 
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
@@ -73,7 +73,7 @@ impl Daemon {
         self.router.clone().oneshot(request.body(body.into()).unwrap()).await.unwrap()
     }
 
-    /// Sends a request that is refused, and checks that the answer is what every error is.
+    /// Sends a request that is refused, and checks the form of the answer.
     async fn refused(
         &self,
         method: &str,
@@ -121,7 +121,7 @@ async fn only_by_its_own_names_is_the_daemon_called() {
     const BAD: (StatusCode, &str) = (StatusCode::BAD_REQUEST, "bad request");
     let daemon = Daemon::start(false).await;
     for (method, path) in REQUESTS {
-        // What a page of another site has behind it whose name was bound to this address.
+        // The host of a page whose name was rebound to this address.
         for host in ["evil.example", "evil.example:8137", "localhost.evil.example", "192.0.2.1"] {
             daemon.refused(method, path, &[("host", host)], "", MISDIRECTED).await;
         }
@@ -163,7 +163,7 @@ async fn a_page_of_another_site_begins_nothing_and_reads_nothing() {
         let hidden = [("origin", "http://localhost:8137"), ("origin", "http://evil.example")];
         daemon.refused(method, path, &hidden, "", FORBIDDEN).await;
     }
-    // What a form of a page can send.
+    // Requests that an HTML form can send.
     for content_type in ["text/plain", "application/x-www-form-urlencoded", "multipart/form-data"] {
         let headers = [("content-type", content_type), ("origin", "http://evil.example")];
         daemon.refused("POST", "/api/v1/sweeps", &headers, "{}", FORBIDDEN).await;

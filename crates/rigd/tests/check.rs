@@ -115,7 +115,7 @@ fn a_window_that_is_cut_short_is_warned_of_with_its_steps_and_what_to_write() {
         assert_eq!(warning["wanted_hz"], wanted_hz, "{to}");
         let worst = warning["steps"][0].as_str().unwrap();
         assert_eq!(predictions(&checked)[worst]["placing"], placing, "{to}: {worst}");
-        // What is advised is enough.
+        // The advice is sufficient.
         let advised = to.replace(to.rsplit(' ').next().unwrap(), &wanted_hz.to_string());
         let again = check(&[(from, &advised), ("\"5\"]", &format!("\"{sample}\"]"))]);
         assert_eq!(again["warnings"], Value::Array(Vec::new()), "{advised}");

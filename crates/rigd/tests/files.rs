@@ -1,4 +1,4 @@
-//! Wrong files and names, as a person gives them: what is said, and the exit code.
+//! Wrong files and names: messages and exit codes.
 
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
@@ -25,7 +25,7 @@ fn config(path: &str) -> PathBuf {
 }
 
 fn rigd(args: &[&Path]) -> Output {
-    // From where the rig file that is meant without --rig is.
+    // In the directory of the default rig file.
     let repository = config("..");
     Command::new(env!("CARGO_BIN_EXE_rigd")).args(args).current_dir(repository).output().unwrap()
 }
@@ -118,7 +118,7 @@ fn text_in_another_encoding_is_named_with_its_place() {
         check(&["check".as_ref(), &path], 2, &[&expected]);
         check(&["identify".as_ref(), "--rig".as_ref(), &path], 2, &[&expected]);
     }
-    // With the mark of some editors it is what it was.
+    // A byte order mark changes nothing.
     fs::write(&path, format!("\u{feff}{smoke}")).unwrap();
     let args = ["check".as_ref(), path.as_path(), "--rig".as_ref(), &config("rigs/simulated.toml")];
     let checked = rigd(&args);

@@ -180,11 +180,11 @@ fn a_bad_file_is_refused_with_every_fault_and_its_place() {
     }
 }
 
-/// Whether a fit of a file says what the rig said, to the last digits.
+/// Whether a fit of a file repeats the result of the rig, to the last digits.
 #[track_caller]
 fn check_same(fitted: &Value, rig: &Value) {
     assert_eq!(fitted["status"], rig["status"], "{fitted} {rig}");
-    // A journal keeps the sentence for which a sweep was refused; a fit says a word, too.
+    // A journal has the sentence of a refusal; a fit also has the word.
     assert_eq!(fitted["message"], rig["reason"], "{fitted} {rig}");
     for key in ["resonance_hz", "sigma_hz", "effective_time_s", "q", "static_capacitance_f"] {
         let [fitted_is, rig_is] = [fitted, rig].map(|view| view[key].as_f64());
@@ -284,7 +284,7 @@ fn a_person_who_knows_better_than_the_file_is_believed() {
     let noise = found["noise_at_ten_cycles"].as_f64().unwrap();
     assert!((0.015..0.02).contains(&noise), "{noisy}");
 
-    // What is asked of a sweep is asked of its fit.
+    // A fit is checked against the same target as its sweep.
     let asked_more = text(&csv).replace(",true,0.05,", ",true,0.001,");
     let refused = json(&rigd_fit_stdin(asked_more.as_bytes(), &["--json"]));
     assert_eq!(refused["reason"], "target_not_reached", "{refused}");

@@ -146,7 +146,7 @@ async fn the_journal_says_who_asked() {
     }
     let refused = daemon.send("POST", "moves", &order, &[("x-operator", "<b>")]).await;
     assert_eq!(refused.0, StatusCode::BAD_REQUEST, "{}", refused.1);
-    // A stop is taken whatever the name.
+    // A stop is accepted under any name.
     let stopped = daemon.send("POST", "stop", &Value::Null, &[("x-operator", "<b>")]).await;
     assert_eq!(stopped.0, StatusCode::OK, "{}", stopped.1);
 
@@ -194,7 +194,7 @@ async fn a_run_is_found_as_soon_as_it_has_an_id() {
     let daemon = Daemon::start().await;
     let protocol = include_str!("../../../config/protocols/three-direction.toml");
     for _ in 0..5 {
-        // What was just written puts the next commit off, unless something needs it.
+        // A record without urgency is committed later.
         daemon.move_to("rotary", 0.0).await;
         let (status, run) = daemon.ask("POST", "runs", &json!({ "protocol_toml": protocol })).await;
         assert_eq!(status, StatusCode::ACCEPTED, "{run}");

@@ -1,4 +1,4 @@
-//! What the page is made of, and what it asks the daemon for.
+//! The files of the page, and its requests.
 
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
@@ -169,7 +169,7 @@ async fn a_late_answer_does_not_answer_the_next_prompt() {
         }
         status.changed().await.unwrap();
     };
-    // Somebody else presses Done on what they saw before.
+    // A second person answers the earlier prompt.
     let (status, problem) = daemon.post(&path, "application/json", "").await;
     assert_eq!((status, &problem["title"]), (StatusCode::CONFLICT, &"not asked".into()));
     assert_eq!(daemon.get("rig").await["asked"], second);

@@ -1,4 +1,4 @@
-//! The program on ports: simulated devices behind real connections, with whatever trouble.
+//! The program on ports: simulated devices behind real connections, with faults.
 
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
@@ -174,7 +174,7 @@ async fn trouble_with_one_device_does_not_hide_the_others() {
     let bench = Bench::start().await;
     bench.disturb(PortId::Bus, Some(1), FaultKind::Request(RequestFault::Drop));
     bench.disturb(PortId::Bus, Some(2), FaultKind::Device(DeviceFault::Alarm(0x30)));
-    // Nobody listens at the address of a listener that is gone.
+    // The address of a closed listener.
     let gone = TcpListener::bind("127.0.0.1:0").await.unwrap().local_addr().unwrap().to_string();
     let doctor = bench.rigd_at(&gone, &bench.bus, &["doctor", "--json"]);
     assert_eq!(doctor.status.code(), Some(1));
@@ -220,7 +220,7 @@ async fn after_a_fault_the_last_frames_of_each_port_are_in_the_journal() {
         assert!(kept.frames.iter().any(|frame| !frame.is_sent), "{kept:?}");
         assert!(kept.frames.is_sorted_by_key(|frame| frame.rig_us), "{kept:?}");
     }
-    // `*IDN?` was asked, and the drive has told its alarm in the last word of its status.
+    // `*IDN?` was sent, and the last word of the status of the drive has its alarm.
     assert!(boxes[0].frames.iter().any(|frame| frame.hex.contains("2a49444e3f")), "{boxes:?}");
     let is_alarm = |frame: &rig_store::Frame| !frame.is_sent && frame.hex.ends_with("0030");
     assert!(boxes[1].frames.iter().any(is_alarm), "{boxes:?}");
@@ -248,8 +248,8 @@ async fn answering(listening: &mut JoinSet<()>, answer: &'static [u8], pause: Du
     address
 }
 
-/// Servers that answer anything but what they should: what came is said, and nothing that nobody
-/// saw.
+/// Servers with wrong answers: the message has the bytes that arrived, and no cause that was not
+/// observed.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn what_a_wrong_server_answered_is_said_with_what_to_look_at() {
     let mut bench = Bench::start().await;
@@ -348,9 +348,8 @@ async fn a_server_of_zeros_is_not_taken_for_a_drive() {
     }
 }
 
-/// A rig file that contradicts what an axis says about itself: nothing moves, whatever is asked
-/// for,
-/// and no advice moves anything.
+/// A rig file that contradicts the position of an axis: no command moves anything, and no advice
+/// suggests a move.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn nothing_moves_while_an_axis_says_that_it_is_where_it_cannot_be() {
     let bench = Bench::start().await;

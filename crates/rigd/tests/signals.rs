@@ -34,7 +34,7 @@ fn real_time_rig(folder: &Path) -> PathBuf {
     path
 }
 
-/// The program, with what it writes to stderr.
+/// The program with its output on stderr.
 struct Program {
     child: Child,
     stderr: BufReader<ChildStderr>,
@@ -81,7 +81,7 @@ impl Program {
         kill_process(Pid::from_child(&self.child), signal).unwrap();
     }
 
-    /// Waits until a record of the journal is what is wanted.
+    /// Waits for a record in the journal.
     fn wait_for_record(&self, what: &str, is_wanted: impl Fn(&Record) -> bool) {
         let began = Instant::now();
         while began.elapsed() < PATIENCE {
@@ -254,7 +254,7 @@ fn a_run_that_was_killed_in_contact_is_not_passed_over_in_silence() {
     let folder = TempDir::new().unwrap();
     let program = Program::start(folder.path(), &["run", "config/protocols/smoke.toml"]);
     program.wait_until_lowered();
-    // As long as its program lives, a run goes on.
+    // A run is running as long as its program is alive.
     let (_, runs, notes) = ask(folder.path(), &["runs"]);
     assert!(runs.contains("running") && notes.is_empty(), "{runs}{notes}");
     let (_, show, _) = ask(folder.path(), &["show", "latest"]);

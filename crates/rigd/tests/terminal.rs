@@ -1,4 +1,4 @@
-//! What a person sees at a terminal: through a pseudo-terminal, as a terminal of that width shows it.
+//! The screen of a terminal of a given width, through a pseudo-terminal.
 
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
@@ -28,7 +28,7 @@ use tempfile::TempDir;
 /// Nothing here takes longer.
 const PATIENCE: Duration = Duration::from_secs(180);
 const ROWS: u16 = 24;
-/// Rows that have gone up and out of sight are looked at too.
+/// Rows above the visible screen count too.
 const SCROLLBACK: usize = 500;
 
 /// Two samples, so that a prompt comes after a run has been drawn. The clock is real.
@@ -156,7 +156,7 @@ impl Terminal {
         let (mut reading, (sender, output)) = (master.try_clone().unwrap(), channel());
         thread::spawn(move || {
             let mut bytes = [0; 4096];
-            // Reading fails when the last one who had the terminal open is gone.
+            // Reading fails after the last user of the terminal has closed it.
             while let Ok(count @ 1..) = reading.read(&mut bytes) {
                 if sender.send(bytes[..count].to_vec()).is_err() {
                     return;

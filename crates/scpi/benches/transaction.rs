@@ -1,8 +1,8 @@
 //! The cost of a transaction on the host: `cargo bench -p rig-scpi`.
 //!
-//! Each row is the mean time of one repetition in the fastest of many short batches, so that the
-//! neighbours on the machine do not count. Nothing here waits for a port: this is what the grammar
-//! adds to the time on the wire.
+//! Each row is the mean time of one repetition in the fastest of many short batches, so that other
+//! load on the machine does not count. No port is involved: this is the time that the grammar adds
+//! to the time on the wire.
 #![expect(clippy::print_stdout, reason = "the numbers are the output of this program")]
 
 use std::{

@@ -107,7 +107,7 @@ enum Target<C> {
 enum BlockedBy {
     /// The host carries out a call. `heading` goes before its answer.
     Call { heading: String },
-    /// As above, but the message is gone, and the answer will go nowhere.
+    /// As above, but the message was discarded, and so is the answer.
     AbandonedCall,
     /// `*WAI`.
     Operations,
@@ -215,8 +215,8 @@ impl<C: Copy> Instrument<C> {
         None
     }
 
-    /// Whether operations go on that a command began, such as a sweep. `*OPC`, `*OPC?` and `*WAI`
-    /// wait for their end.
+    /// Whether operations of earlier commands are in progress, such as a sweep. `*OPC`, `*OPC?` and
+    /// `*WAI` wait for their end.
     pub fn set_operation_pending(&mut self, is_pending: bool) {
         self.is_operation_pending = is_pending;
         if !is_pending && std::mem::take(&mut self.wants_operation_complete) {
@@ -235,8 +235,8 @@ impl<C: Copy> Instrument<C> {
         }
     }
 
-    /// Device clear: input, output and the message under way are gone. Status, errors and settings
-    /// stay. A call under way must still be answered; its answer goes nowhere.
+    /// Device clear: discards input, output and the present message. Status, errors and settings
+    /// stay. A call in progress must still be answered; its answer is discarded.
     pub fn device_clear(&mut self) {
         self.session.splitter.clear();
         self.session.message = Message::default();
@@ -427,7 +427,7 @@ const fn rules(dialect: &Dialect) -> Rules {
     Rules { terminators: dialect.terminators, strings_span_lines: dialect.strings_span_lines }
 }
 
-/// The header as it was sent.
+/// The header of the query.
 fn header_text(header: &Header<'_>) -> String {
     let before = match header {
         Header { is_common: true, .. } => "*",

@@ -1,12 +1,12 @@
 //! IEEE 488.2 and SCPI-99 for a controller and for an instrument, without I/O.
 //!
-//! Ports, clocks and what the commands do are left to others: bytes go in and come out, cut
+//! Ports, clocks and the effects of commands are outside this crate: bytes go in and come out, cut
 //! anywhere, and time passes only between two calls.
 //!
 //! # An instrument
-//! declares its commands as a [`Tree`] and runs an [`Instrument`]. What the standards demand of
-//! every instrument (`*IDN?`, `*ESR?`, `SYSTem:ERRor?`, the status registers) is built in; what
-//! instruments do differently is a [`Dialect`].
+//! declares its commands as a [`Tree`] and runs an [`Instrument`]. The requirements of the
+//! standards for every instrument (`*IDN?`, `*ESR?`, `SYSTem:ERRor?`, the status registers) are
+//! built in; differences between instruments are in a [`Dialect`].
 //!
 //! ```
 //! use rig_scpi::{Dialect, Instrument, Limits, Tree, Unit, Value, setting};

@@ -1,5 +1,5 @@
-//! What a controller makes of the streams that instruments send. `check` runs each row once per way
-//! of cutting its bytes in two.
+//! Streams of instruments, as a controller decodes them. `check` runs each row once per way of
+//! cutting its bytes in two.
 
 use rig_scpi::{
     DataError, Datum, Ending, ErrorReport, ExpectedResponse, FrameError, Framing, Identity,
@@ -73,7 +73,7 @@ fn a_damaged_stream_is_a_fault_that_stays() {
     check(b"#2+3abc\n", &[Err(FrameError::BlockLength { offset: 2 })]);
     check(b"#3\n12\n", &[Err(FrameError::BlockLength { offset: 2 })]);
     check(b"#12abc\n", &[Err(FrameError::BlockEnd { byte: b'c', offset: 5 })]);
-    // What stood before the damage is still returned; what follows it is not.
+    // Messages before the damage are still returned; those after it are not.
     check(b"1\n#0abc\n2\n", &[Ok(b"1"), Err(FrameError::IndefiniteBlock { offset: 1 })]);
 
     let framing = Framing { limit_bytes: 8, ..Framing::default() };

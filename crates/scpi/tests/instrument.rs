@@ -1,5 +1,5 @@
-//! What a small meter says on the wire. `check` runs each row once per way of cutting its bytes in
-//! two, because a stream delivers them in arbitrary pieces.
+//! The messages of a small meter on the wire. `check` runs each row once per way of cutting its
+//! bytes in two, because a stream delivers them in arbitrary pieces.
 
 mod meter;
 
@@ -67,8 +67,8 @@ fn a_path_lasts_until_the_message_ends() {
     check(b"FREQ 200;VOLT?;FREQ?\n", b"#131\n2;200\n");
     check(b"SOUR:FREQ 200;VOLT?;FREQ?\n", b"#131\n2;200\n");
     check(b"SOUR:FREQ:CW 200;:FREQ?\n", b"200\n");
-    // A unit that fails after its header was understood leads there all the same; one whose header
-    // means nothing does not.
+    // A unit that fails after a valid header still sets the path; one with an unknown header does
+    // not.
     check(b"SYST:VERS? 1;ERR:COUN?\n", b"1\n");
     check(b"SYST:VERS?;FOO:BAR;ERR:COUN?\n", b"1999.0;1\n");
 }
@@ -320,7 +320,8 @@ fn a_message_beyond_the_limit_is_an_overrun_and_the_next_is_heard() {
     // What just fits is carried out, its terminator not counted.
     let fits = [b"ECHO? '".as_slice(), &[b'x'; 24], b"'\n"].concat();
     assert_eq!(host.say(&fits).len(), "T\n".len() + 24);
-    // While nobody carries messages out, those that do not fit are one fault, and the order stays.
+    // While no messages are carried out, those that do not fit give one error, and the order is
+    // kept.
     host.instrument.push(b"*OPC?;*OPC?;*OPC?;*OPC?;*OPC?\nA;B;C\nD;E;F\n*OPC?\n");
     host.run();
     assert_eq!(host.instrument.take_output(), b"1;1;1;1;1\n");
@@ -336,7 +337,7 @@ fn commands_wait_for_pending_operations_where_they_ask_for_it() {
     host.instrument.set_operation_pending(false);
     assert_eq!(host.say(b"*ESR?\n"), b"1\nMA,IN,0,VER\n1\n");
 
-    // Neither a reset nor a clear leaves the completion to come.
+    // A reset or a clear cancels the pending completion.
     for cancel in [b"*RST\n", b"*CLS\n"] {
         host.instrument.set_operation_pending(true);
         assert_eq!(host.say(b"*OPC\n"), b"");

@@ -1,5 +1,5 @@
-//! What holds for every input: nothing panics, it does not matter how a stream is cut, and what one
-//! side writes the other side reads.
+//! Properties of every input: nothing panics, the cuts of a stream have no effect, and each side
+//! reads the messages of the other.
 
 mod meter;
 
@@ -101,7 +101,7 @@ proptest! {
         found.extend(pieces.say(b""));
         prop_assert_eq!(found.escape_ascii().to_string(), expected.escape_ascii().to_string());
 
-        // Whatever happened, the next message is heard.
+        // In every case, the next message is answered.
         let answer = pieces.say(b"*OPC?\n");
         prop_assert_eq!(answer, b"1\n");
     }

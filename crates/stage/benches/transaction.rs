@@ -1,8 +1,7 @@
 //! The cost of a transaction on the host, without line and device: `cargo bench -p rig-stage`.
 //!
-//! A pseudo-terminal stands for the line, and a thread that answers at once stands for the device.
-//! A loop of plain blocking writes and reads over the same terminal shows the share of the operating
-//! system.
+//! A pseudo-terminal is the line, and a thread that answers at once is the device. A loop of plain
+//! blocking writes and reads over the same terminal shows the share of the operating system.
 #![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a measurement for people")]
 
 use std::{
@@ -19,7 +18,7 @@ use tokio_serial::{SerialPort, SerialStream};
 
 const ROUNDS: u32 = 5000;
 
-/// Reads three registers of unit 1, and what is answered.
+/// A read of three registers of unit 1, and its answer.
 const REQUEST: [u8; 8] = [1, 3, 0, 0x7F, 0, 3, 0x34, 0x13];
 const REPLY: [u8; 11] = [1, 3, 6, 0, 0, 0, 0, 0, 0, 0x21, 0x75];
 

@@ -15,8 +15,8 @@ use crate::{
     line::{CheckRegisters, Line},
 };
 
-/// A way to use a line. All handles reach the same owner, which carries out one request at a time
-/// and each of them to its end, even if its caller is gone.
+/// A handle of a line. All handles share one owner, which carries out one request at a time, and
+/// each to its end, even if the caller has gone away.
 #[derive(Debug, Clone)]
 pub struct BusHandle {
     orders: mpsc::Sender<LineRequest>,
@@ -75,17 +75,17 @@ impl BusHandle {
         self.clock.now()
     }
 
-    /// Asks one device, and takes no answer but that to this request.
+    /// Sends a request to one device, and accepts only the answer to this request.
     ///
     /// # Errors
-    /// [`BusError::Refused`] with the device's reason, [`BusError::Failed`] when no answer could
-    /// be used; then it is not known whether the device has heard the request.
+    /// [`BusError::Refused`] with the device's reason, [`BusError::Failed`] when no answer could be
+    /// used; then it is unknown whether the device has received the request.
     pub async fn request(&self, unit: u8, request: Request) -> Result<Reply, BusError> {
         self.carry_out(unit, request, false).await
     }
 
     /// The same, but on a line that is suspect the request also leaves at once, before silence is
-    /// waited for. For a stop, which may be heard twice and must not wait.
+    /// waited for. For a stop, which may arrive twice and must not wait.
     ///
     /// # Errors
     /// As [`request`](Self::request).
@@ -137,9 +137,9 @@ impl BusHandle {
         Ok(answered.await.map_err(|_| LineFault::Closed)?)
     }
 
-    /// Names registers of a device whose values are known, if any are. They are read after each
-    /// fault, before the device is believed again. Without them, only the quarantine keeps a late
-    /// answer from being taken for another.
+    /// Sets registers of a device with known values. They are read after each fault, before other
+    /// answers of the device count again. Without them, only the quarantine separates a late answer
+    /// from the right one.
     ///
     /// # Errors
     /// [`LineFault::Closed`] when the owner of the line has ended.
@@ -169,7 +169,7 @@ async fn own(mut line: Line, mut inbox: mpsc::Receiver<LineRequest>) {
             order = inbox.recv() => order,
         };
         let Some(order) = order else { return };
-        // The caller may be gone; the exchange was finished all the same.
+        // The caller may have gone away; the exchange is finished in any case.
         match order {
             LineRequest::Request { unit, request, is_urgent, halts, answer } => {
                 if is_urgent {

@@ -1,9 +1,8 @@
 //! Removes the host's own bytes from the received ones.
 //!
-//! Some RS-485 adapters hear themselves. The answer to the write of one register or coil is the
-//! request itself, so that one cannot be told from an echo by looking at it; the answers to all
-//! other requests differ from them within their first bytes. Whether there is an echo is therefore
-//! learnt from those.
+//! Some RS-485 adapters receive their own bytes. The answer to a write of one register or coil
+//! equals the request, so that it looks like an echo; the answers to all other requests differ
+//! within their first bytes. The other requests therefore show whether there is an echo.
 
 /// The echo of a line, and the bytes that are held back in the present exchange.
 #[derive(Debug, Default)]

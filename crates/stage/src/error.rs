@@ -1,5 +1,4 @@
-//! What can go wrong with an axis: the device refused, or the line failed, or the axis is not
-//! where it should be.
+//! Errors of an axis: a refusal of the device, a failure of the line, or a wrong position.
 
 use std::{fmt, sync::Arc};
 
@@ -69,7 +68,7 @@ pub struct DeviceRefusal {
     pub exception: Exception,
 }
 
-/// The line failed: whether the device has heard or done anything is not known.
+/// The line failed: it is unknown whether the device has received or done anything.
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum LineFault {
     /// The port itself failed.
@@ -231,7 +230,7 @@ pub enum StageError<U: Unit> {
         /// Read-back.
         at: Position<U>,
     },
-    /// The drive stands still and never took the target, without an alarm.
+    /// The drive is at rest and never accepted the target, without an alarm.
     #[error("the drive ignored the move to {wanted} and is at {at}; {hint}")]
     Ignored {
         /// The request.
@@ -241,7 +240,7 @@ pub enum StageError<U: Unit> {
         /// Usual cause, and what to check.
         hint: &'static str,
     },
-    /// The drive took the target and stands elsewhere.
+    /// The drive accepted the target and is elsewhere.
     #[error("is at {at}, {off:.4} {} from its target {wanted}", U::SYMBOL)]
     NotThere {
         /// The request.
@@ -251,13 +250,13 @@ pub enum StageError<U: Unit> {
         /// The deviation, in the unit `U`.
         off: f64,
     },
-    /// The stop that was asked for. The axis stands still.
+    /// The requested stop. The axis is at rest.
     #[error("stopped at {at}")]
     Stopped {
         /// Read-back.
         at: Position<U>,
     },
-    /// It took too long and was stopped. The axis stands still.
+    /// It took too long and was stopped. The axis is at rest.
     #[error("{doing} not finished after {seconds:.1} s, stopped at {at}")]
     Overdue {
         /// The operation.

@@ -20,20 +20,19 @@ use crate::{
     port_loan::PortLoan,
 };
 
-/// As many bytes as this between two exchanges are a frame that nobody asked for; fewer are the
-/// click of a transceiver.
+/// This number of bytes between two exchanges is an unexpected frame; fewer are a glitch of a
+/// transceiver.
 const STRAY_FRAME_BYTES: usize = 4;
 
 /// How long a drive may take to begin an answer that is not waited for. Drives begin within some
 /// milliseconds; two frames at once would be heard by none.
 const UNHEARD_ANSWER: Duration = Duration::from_millis(15);
 
-/// Registers whose values are known. They are read after a fault, before anything else that their
-/// device says is believed.
+/// Registers with known values. They are read after a fault, before other answers of their device
+/// count again.
 ///
 /// No other request to the device may have an answer of this length. A device answers in the order
-/// in which it is asked, so that once this answer has come, every earlier one has too, however late
-/// it was.
+/// in which it is asked, so that this answer comes after all earlier ones.
 #[derive(Debug, Clone)]
 pub struct CheckRegisters {
     /// Reads them.
@@ -146,9 +145,9 @@ impl Line {
         self.health
     }
 
-    /// Carries out one request, with as many attempts as the settings allow. Every request that
-    /// comes here may be repeated: reads, and writes that say what a register shall be. A write that
-    /// was asked for when `halts` stops had come does not follow another one.
+    /// Carries out one request, with as many attempts as the settings allow. Every request here may
+    /// be repeated: reads, and writes of absolute values. A write that was asked for when `halts`
+    /// stops had come does not follow another one.
     pub(crate) async fn request(
         &mut self,
         unit: u8,
@@ -168,7 +167,7 @@ impl Line {
                 ExchangeFault::Refused(Exception::Busy | Exception::Acknowledge)
                     if Instant::now() < busy_until =>
                 {
-                    // To be busy is an answer, not a failed attempt.
+                    // `Busy` is an answer, not a failed attempt.
                     attempts -= 1;
                     tokio::select! {
                         biased;
@@ -210,8 +209,8 @@ impl Line {
         }
     }
 
-    /// Sends a request on a line that is suspect, and waits for no answer: whatever comes is
-    /// thrown away before the next request. Does nothing on a line that is in order.
+    /// Sends a request on a suspect line without waiting for an answer: an answer is discarded
+    /// before the next request. Does nothing on a line in order.
     pub(crate) async fn send_urgently(&mut self, unit: u8, request: &Request) {
         if self.context.is_none() && !self.port_loan.lock().port.is_lost() {
             self.say(unit, request).await;

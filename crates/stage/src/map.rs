@@ -237,7 +237,7 @@ pub struct RegisterMap {
     pub home: &'static [Step],
     /// Stops with deceleration, and keeps the axis from moving where the signal is a level.
     pub stop: &'static [Step],
-    /// Takes the stop back once the axis stands still.
+    /// Releases the stop after the axis has come to rest.
     pub release_stop: &'static [Step],
     /// Clears an alarm.
     pub reset: &'static [Step],

@@ -151,13 +151,14 @@ impl<U: Unit> Stage<U> {
     }
 
     /// Moves to a target and returns where the axis is, measured. Returns only when the drive has
-    /// confirmed that it stands still, at this target, without alarm.
+    /// confirmed that it is at rest, at this target, without alarm.
     ///
     /// # Errors
-    /// [`StageError::Stopped`] when a stop was asked for: the stop was sent and the axis stands.
+    /// [`StageError::Stopped`] after a requested stop: the stop was sent and the axis is at rest.
     /// [`StageError::Alarmed`], [`StageError::Ignored`], [`StageError::NotThere`],
-    /// [`StageError::Overdue`]. Nothing was sent when the position it starts from cannot be believed:
-    /// [`StageError::Unhomed`], [`StageError::BeyondTravel`]. After [`StageError::Bus`] it is not known whether the axis moves.
+    /// [`StageError::Overdue`]. Nothing is sent from a position that is unknown or impossible:
+    /// [`StageError::Unhomed`], [`StageError::BeyondTravel`]. After [`StageError::Bus`] it is not
+    /// known whether the axis moves.
     pub async fn move_to(
         &mut self,
         target: Target<U>,
@@ -187,7 +188,7 @@ impl<U: Unit> Stage<U> {
         let expected = order.duration_from(from);
         let deadline = started + expected.saturating_mul(2) + MOVE_SLACK;
         let mut next_reading_at = started + expected.clamp(READ_INTERVAL_MIN, READ_INTERVAL_MAX);
-        // Standing still elsewhere is believed only when it lasts.
+        // Rest at another position counts only if it lasts.
         let mut still_since = None;
         loop {
             if !wait(next_reading_at, stop).await {
@@ -218,7 +219,7 @@ impl<U: Unit> Stage<U> {
         }
     }
 
-    /// The error of an axis that stands still and is not at its target.
+    /// The error of an axis that is at rest but not at its target.
     fn not_there(
         &self,
         target: Target<U>,
@@ -289,7 +290,7 @@ impl<U: Unit> Stage<U> {
         }
     }
 
-    /// Stops with deceleration and returns where the axis then stands.
+    /// Stops with deceleration and returns the position of the axis.
     ///
     /// # Errors
     /// [`StageError::WillNotStop`], [`StageError::Bus`].

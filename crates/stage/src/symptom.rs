@@ -9,7 +9,7 @@ use crate::{Framing, Request};
 pub enum Symptom {
     /// No byte.
     Silence,
-    /// Only the request itself, from an adapter that hears itself.
+    /// Only the request itself, from an adapter that receives its own bytes.
     OnlyEcho,
     /// The beginning of an answer.
     Truncated,
@@ -103,7 +103,7 @@ impl Symptom {
             .then_some(Self::WrongCount { found, expected })
     }
 
-    /// Transaction, protocol and length of Modbus TCP stand before the unit, two bytes each.
+    /// Transaction, protocol and length of Modbus TCP precede the unit, two bytes each.
     fn of_tcp(sent: &[u8], received: &[u8], unit: u8, request: &Request) -> Self {
         match received {
             [] => Self::Silence,

@@ -79,7 +79,7 @@ pub enum StoreError {
     /// A stored record cannot be understood.
     #[error(transparent)]
     Unreadable(#[from] UnreadableRecord),
-    /// The chain of a run is broken. What stands before the flaw can still be read.
+    /// The chain of a run is broken. The records before the flaw can still be read.
     #[error("run {run}, record {seq}: {flaw}")]
     Broken {
         /// Id of the run.

@@ -72,10 +72,10 @@ struct Writer {
 }
 
 impl Store {
-    /// Opens the journal in `directory`, which is made where it is missing.
+    /// Opens the journal in `directory`, which is created if it is missing.
     ///
-    /// A session or an amendment that had not ended gets a last record that calls it interrupted. A
-    /// run that had not ended stays as it is, for [`Store::reopen`] or [`Store::give_up`].
+    /// A session or an amendment that had not ended gets a last record with the end `interrupted`.
+    /// A run that had not ended stays open, for [`Store::reopen`] or [`Store::give_up`].
     ///
     /// # Errors
     /// [`StoreError::InUse`] while another store is open on the directory, in this program or
@@ -126,8 +126,8 @@ impl Store {
         Ok(self.journal(id, kind, last))
     }
 
-    /// Opens a run again that was neither completed nor given up. The next record tells what has
-    /// changed since: [`Record::Resumed`] or [`Record::GivenUp`].
+    /// Opens a run again that was neither completed nor given up. The next record has the changes
+    /// since: [`Record::Resumed`] or [`Record::GivenUp`].
     ///
     /// # Errors
     /// [`StoreError::Sealed`], [`StoreError::UnderWay`], [`StoreError::Broken`] when its records are
@@ -200,7 +200,7 @@ impl Journal {
     /// event. It is not on disk yet. [`Record::RunFinished`] ends the run.
     ///
     /// # Errors
-    /// [`StoreError::Unwritable`] and [`StoreError::Ended`] leave the journal as it was. After any
+    /// [`StoreError::Unwritable`] and [`StoreError::Ended`] leave the journal unchanged. After any
     /// other error it is closed.
     pub fn append(&mut self, rig_us: u64, record: &Record) -> Result<u64, StoreError> {
         let kind = record.kind();
@@ -228,8 +228,8 @@ impl Journal {
     ///
     /// # Errors
     /// [`StoreError::DiskFull`], [`StoreError::Io`], or [`StoreError::Closed`] after an earlier
-    /// failure. A failed commit is not tried again, because what an fsync left behind when it
-    /// failed is not known.
+    /// failure. A failed commit is not tried again, because the state of the file after a failed
+    /// fsync is unknown.
     pub fn commit(&mut self) -> Result<(), StoreError> {
         locked(&self.writer, Writer::commit)
     }
@@ -265,7 +265,7 @@ impl Writer {
 
     fn commit(&mut self) -> Result<(), StoreError> {
         if self.has_uncommitted {
-            // Of a run that is never ended, this tells until when it was alive.
+            // For a run that never ends, this is the last time of activity.
             let mut alive = self.connection.prepare_cached(
                 "UPDATE runs SET finished_at = strftime('%Y-%m-%dT%H:%M:%fZ', 'now')
                  WHERE key = ?1 AND status = 'running'",

@@ -1,10 +1,10 @@
 //! Append-only journal of every run in SQLite, each record chained by its digest; queries and
 //! exports.
 //!
-//! One data directory holds one database, `rigd.db`, with one writer. [`Store`] is that writer:
-//! it begins runs and appends [`Record`]s to them. [`Reader`]s are separate connections, as many
-//! as wanted, also in other processes; they see what has been committed. What a run means is left
-//! to `rig-analysis`; when a record is written, and what happens when that fails, to `rigd`.
+//! One data directory holds one database, `rigd.db`, with one writer. [`Store`] is that writer: it
+//! begins runs and appends [`Record`]s to them. [`Reader`]s are separate connections, as many as
+//! wanted, also in other processes; they see what has been committed. `rig-report` computes the
+//! results of a run; `rigd` decides when a record is written, and what follows an error.
 //!
 //! A record is never changed. Its digest covers the digest before it, so that [`Reader::verify`]
 //! finds the first record that was lost or altered. The digest covers neither wall time nor the id

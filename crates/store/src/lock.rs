@@ -45,8 +45,8 @@ impl DirectoryLock {
     }
 }
 
-/// Whether a program has the directory open for writing. Where the lock cannot be asked, the answer
-/// is yes: nothing then shows that the program is gone.
+/// Whether a program has the directory open for writing. If the lock cannot be tested, the answer
+/// is yes, because then nothing shows that the program has ended.
 pub(crate) fn is_held(directory: &Path) -> bool {
     match File::open(directory.join(FILE)) {
         Ok(file) => file.try_lock_shared().is_err(),

@@ -80,8 +80,8 @@ impl Reader {
         if runs.iter().any(is_unended) {
             has_writer = self.has_writer();
             if !has_writer {
-                // What wrote these runs is gone. It may have ended them in order since they were
-                // read, so they are read again.
+                // The writer of these runs has ended. It may have ended them properly since they
+                // were read, so they are read again.
                 runs = select()?;
             }
         }
@@ -139,7 +139,7 @@ impl Reader {
     /// All records of a run, each checked against its digest.
     ///
     /// # Errors
-    /// [`StoreError::Broken`] at the first flaw; [`Reader::chain`] gives what stands before it.
+    /// [`StoreError::Broken`] at the first flaw; [`Reader::chain`] returns the records before it.
     /// [`StoreError::NoSuchRun`], or an error of the system or of SQLite.
     pub fn records(&self, id: RunId) -> Result<Vec<StoredRecord>, StoreError> {
         let chain = self.chain(id)?;
@@ -162,8 +162,8 @@ impl Reader {
 
     /// Checks the chain of a run.
     ///
-    /// While the run goes on, records lost from its end cannot be noticed. Afterwards they can,
-    /// because its last record says that it is the last.
+    /// During the run, records lost from its end cannot be detected. Afterwards they can, because
+    /// the last record marks the end.
     ///
     /// # Errors
     /// [`StoreError::NoSuchRun`], or an error of the system or of SQLite about the list of runs.

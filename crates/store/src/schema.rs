@@ -10,9 +10,9 @@ use crate::StoreError;
 /// The version of the records and tables. A journal of another version is refused.
 pub const FORMAT: u32 = 4;
 
-/// `records.id` is the id of the event and never given twice; `(run, seq)` counts without gaps.
-/// While a run goes on, `finished_at` is when something was last written to it. docs/data.md
-/// describes every column and digest.
+/// `records.id` is the id of the event and is never reused; `(run, seq)` counts without gaps.
+/// During a run, `finished_at` is the time of its last record. docs/data.md describes every column
+/// and digest.
 const TABLES: &str = "
 CREATE TABLE meta (
     journal TEXT NOT NULL,
@@ -85,7 +85,7 @@ pub(crate) fn database(directory: &Path) -> PathBuf {
 pub(crate) fn open_to_write(path: &Path) -> Result<Connection, StoreError> {
     let mut connection = Connection::open(path)?;
     connection.busy_timeout(BUSY)?;
-    // Readers go on while the writer appends, and a commit is one fsync of the log.
+    // Readers work while the writer appends, and a commit is one fsync of the log.
     connection.pragma_update(None, "journal_mode", "WAL")?;
     // Without FULL the last commits may be lost with the power.
     connection.pragma_update(None, "synchronous", "FULL")?;

@@ -38,7 +38,7 @@ impl Decoder {
 pub(crate) struct Bus {
     /// Response delay of a drive.
     turnaround: Duration,
-    /// Neither the drives nor the line take any time.
+    /// The drives and the line take no time.
     is_instant: bool,
     units: Vec<(u8, Drive)>,
 }
@@ -78,7 +78,7 @@ impl Bus {
         Self { turnaround, is_instant: false, units }
     }
 
-    /// From now on answers are there at once.
+    /// From now on answers come at once.
     pub(crate) fn answer_at_once(&mut self) {
         self.is_instant = true;
     }
@@ -154,7 +154,7 @@ impl Bus {
                 continue;
             }
             let bytes = match ask(now, (*unit, drive), frame, context)? {
-                // Nobody answers a broadcast, not even to refuse it.
+                // No unit answers a broadcast, not even with a refusal.
                 Some(_) if is_broadcast => continue,
                 Some(bytes) => bytes,
                 None => continue,
@@ -315,7 +315,7 @@ mod tests {
         assert_eq!(line.ask(&[0, 6, 0, 0x7D, 0, 0x20]), None);
         line.wait(0.1);
         assert_eq!(line.read(1, 0x007E) & (READY | MOVE), 0);
-        // While STOP is on, a move is refused without a word.
+        // While STOP is on, the drive ignores a move.
         let before = line.read(2, 0x00C6);
         line.go(2, 1000, 1000);
         line.wait(2.0);
@@ -352,7 +352,7 @@ mod tests {
         assert_eq!(line.read(1, 0x00C6), start + 1000);
         assert_eq!(line.read(1, 0x0080), i32::from(alarm::SOFTWARE_OVERTRAVEL));
         assert_eq!(line.read(1, 0x007E) & (READY | ALARM), ALARM);
-        // An alarm refuses moves without a word.
+        // A drive with an alarm ignores moves.
         line.go(1, start, 10_000);
         line.wait(1.0);
         assert_eq!(line.read(1, 0x00C6), start + 1000);

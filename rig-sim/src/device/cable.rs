@@ -112,7 +112,7 @@ impl Socket {
         Self { analyzer, echoes, plugged, cables, boots_until: RigTime::ZERO }
     }
 
-    /// A new cable without input or output. The output for cables that are gone is discarded.
+    /// A new cable without input or output. The output for closed cables is discarded.
     pub(crate) fn plug(&mut self) -> Cable {
         for (id, _) in self.plugged.extract_if(.., |(_, plug)| plug.strong_count() == 0) {
             self.analyzer.hang_up(id);

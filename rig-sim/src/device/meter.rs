@@ -1,13 +1,13 @@
-//! An impedance analyzer of any make: it takes messages, and it takes time.
+//! An impedance analyzer of any make: it accepts messages, and measurements take time.
 //!
 //! What the makes have in common is here: one command after the other, a measurement that waits,
-//! integrates and then has a result, and a drive that never stops. What a make calls things is in
+//! integrates and then has a result, and a drive that never stops. The commands of a make are in
 //! its [`Model`].
 //!
 //! Several clients may be there. Each has its own messages and answers; settings, errors and status
 //! are the instrument's, and there is one measurement at a time. While one client waits for a
-//! measurement, the queries of another are answered at once; what would disturb the measurement, or
-//! needs one of its own, waits for its end in the order of arrival.
+//! measurement, the queries of another are answered at once; commands that would disturb the
+//! measurement, or need one of their own, wait for its end in the order of arrival.
 //!
 //! ```text
 //!           command that measures              delay is over            all points are there
@@ -79,7 +79,7 @@ struct Client<C> {
     session: Session,
     /// A command that waits for the measurement.
     held: Option<Call<C>>,
-    /// When it was last heard.
+    /// Time of its last message.
     heard_at: RigTime,
     /// Its messages with their times of arrival.
     said: Vec<(RigTime, Vec<u8>)>,
@@ -124,7 +124,7 @@ impl<M: Model> Meter<M> {
         self.advance(now, world);
     }
 
-    /// When the measurement goes on.
+    /// When the measurement continues.
     pub(crate) fn deadline(&self) -> Option<RigTime> {
         self.running.as_ref().map(|running| running.until)
     }
@@ -134,7 +134,8 @@ impl<M: Model> Meter<M> {
         self.clients.get_mut(&id).map(|client| std::mem::take(&mut client.said)).unwrap_or_default()
     }
 
-    /// A client is gone. Its last message is discarded, and its measurement ends without an answer.
+    /// A client has closed. Its last message is discarded, and its measurement ends without an
+    /// answer.
     pub(crate) fn hang_up(&mut self, id: ClientId) {
         self.clients.remove(&id);
     }
@@ -169,7 +170,7 @@ impl<M: Model> Meter<M> {
         }
     }
 
-    /// The next command that need not wait, of the client that was heard first.
+    /// The next command that need not wait, of the client whose message came first.
     fn next_call(&mut self) -> Option<(ClientId, Call<M::Command>)> {
         let mut ids: Vec<ClientId> = self.clients.keys().copied().collect();
         ids.sort_by_key(|id| self.clients[id].heard_at);
@@ -201,9 +202,9 @@ impl<M: Model> Meter<M> {
 
     /// Carries a command out, unless it has to wait.
     fn carry_out(&mut self, id: ClientId, call: Call<M::Command>, world: &mut World) {
-        // A command that has waited is obeyed as soon as the instrument is free, however late that
-        // is looked at. Within a message the instrument is ahead of the wire by the little time that
-        // its commands take.
+        // A waiting command takes effect at the time at which the instrument becomes free, even if
+        // it is processed later. Within a message the instrument is ahead of the wire by the little
+        // time that its commands take.
         let Some(client) = self.clients.get_mut(&id) else { return };
         let at = self.free_at.max(client.heard_at) + self.per_command;
         let is_measuring = self.running.is_some();
@@ -359,7 +360,7 @@ impl<M: Model> Meter<M> {
         }
     }
 
-    /// Answers the command of a client, unless it is gone.
+    /// Answers the command of a client, unless it has closed.
     fn reply(&mut self, id: ClientId, at: RigTime, answer: Result<Vec<Value>, ScpiError>) {
         self.turned_to(id, |instrument| instrument.answer(answer));
         self.collect(id, at);
@@ -375,7 +376,7 @@ impl<M: Model> Meter<M> {
         }
     }
 
-    /// Does something with the instrument while it is turned to a client; none when that is gone.
+    /// Acts on the instrument in the session of a client; `None` if the client has closed.
     fn turned_to<T>(
         &mut self,
         id: ClientId,

@@ -9,8 +9,8 @@ use rig_model::RigTime;
 pub(crate) struct OutputQueue(VecDeque<(RigTime, Vec<u8>)>);
 
 impl OutputQueue {
-    /// Puts bytes on their way. What is due earlier overtakes what is late: the devices of a line
-    /// do not wait for each other.
+    /// Queues bytes. Bytes that are due earlier overtake later ones: the devices of a line do not
+    /// wait for each other.
     pub(crate) fn push(&mut self, due: RigTime, bytes: Vec<u8>) {
         let at = self.0.partition_point(|(earlier, _)| *earlier <= due);
         self.0.insert(at, (due, bytes));

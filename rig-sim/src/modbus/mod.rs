@@ -14,14 +14,14 @@ pub use pdu::{Block, Exception, Reply, Request};
 pub use rtu::RtuDecoder;
 pub use tcp::{NotModbus, TcpDecoder};
 
-/// What a unit does with a request: an answer, an exception, or nothing at all, as drives do that
-/// refuse a command without a word.
+/// The reaction of a unit to a request: an answer, an exception, or none, as from drives that
+/// ignore a command.
 pub type Answer = Option<Result<Reply, Exception>>;
 
 /// A whole frame from a master, whose checksum or header is right.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Frame {
-    /// The unit that is meant; 0 is everybody on a serial line.
+    /// The addressed unit; 0 is a broadcast on a serial line.
     pub unit: u8,
     /// The request, or why a unit has to refuse it.
     pub request: Result<Request, Exception>,
@@ -52,7 +52,7 @@ impl Frame {
         self.pdu()[0]
     }
 
-    /// The frame as it was on the wire.
+    /// The bytes of the frame.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }

@@ -131,7 +131,7 @@ pub(super) enum Length {
 
 impl Length {
     pub(super) fn of(pdu: &[u8]) -> Self {
-        // Where the count of the bytes that follow it stands.
+        // Position of the byte count.
         let counted = |at: usize| {
             pdu.get(at).map_or(Self::NeedsMore, |&count| Self::Known(at + 1 + usize::from(count)))
         };

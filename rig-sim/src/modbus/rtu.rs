@@ -14,9 +14,9 @@ const MAX_FRAME: usize = 256;
 
 /// Finds the frames of a master on a serial line.
 ///
-/// The specification ends a frame by silence. An operating system delivers bytes in lumps with
-/// silences of its own, so a frame whose length is known and whose checksum is right is taken at
-/// once; silence ends the others. What is no frame is thrown away at the next silence.
+/// The specification ends a frame by silence. An operating system delivers bytes in groups with
+/// pauses of its own. A frame of known length with a right checksum is therefore accepted at once;
+/// silence ends the others. Other bytes are discarded at the next silence.
 #[derive(Debug)]
 pub struct RtuDecoder {
     buffer: Vec<u8>,

@@ -1,8 +1,8 @@
-//! Serves the ports of a rig to programs of any maker, in real time: pseudo-terminals, TCP, and a
-//! control connection beside them.
+//! Serves the ports of a rig to any program, in real time: pseudo-terminals, TCP, and a control
+//! connection beside them.
 //!
-//! Clients come and go, and several may be there at once: one that vanished without a word does not
-//! keep others out.
+//! Several clients may be connected at once, so that a client that vanished does not keep others
+//! out.
 
 mod pty;
 
@@ -88,9 +88,9 @@ impl Server {
         Ok(path)
     }
 
-    /// Waits until a pseudo-terminal is ready for its next client: the last one left and what it did
-    /// to the terminal was put right, or the terminal was plugged in again. What happened since the
-    /// last call counts once.
+    /// Waits until a pseudo-terminal is ready for its next client: the last one has closed and the
+    /// settings of the terminal were restored, or the terminal was plugged in again. Events since
+    /// the last call count once.
     pub async fn port_is_free(&self) {
         self.free.notified().await;
     }
@@ -148,7 +148,7 @@ impl Link {
 
 impl Drop for Link {
     fn drop(&mut self) {
-        // It may be gone already, and nobody is left to be told.
+        // The receiver may have been dropped already.
         _ = std::fs::remove_file(&self.0);
     }
 }

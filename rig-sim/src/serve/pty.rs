@@ -1,9 +1,9 @@
 //! A pseudo-terminal as a serial port that clients open and close.
 //!
 //! The other side is kept open here, so that the terminal stays raw and a client that closes it is
-//! no error. A client that opened it for itself alone and went away would lock it for ever, and
-//! what it did not read would be read by the next one: both are put right when the last client is
-//! gone, which the file system tells.
+//! no error. A client that opened it exclusively and closed would lock it for ever, and the next
+//! client would read the rest of its data. Both are repaired after the last client has closed,
+//! which the file system reports.
 
 use std::{
     fs::File,
@@ -73,12 +73,12 @@ impl Pty {
 }
 
 impl Line {
-    /// Makes it ready for the next client, whatever the last one did to it, and throws away what
-    /// that one did not read.
+    /// Restores the terminal for the next client, and discards the data that the last one did not
+    /// read.
     pub(super) async fn refresh(&self) -> io::Result<()> {
         ioctl_tiocnxcl(&self.0)?;
         make_raw(&self.0)?;
-        // What was written last still is on its way to where it can be thrown away.
+        // The last written bytes have not arrived yet where they can be discarded.
         tokio::time::sleep(WITHIN_THE_SYSTEM).await;
         tcflush(&self.0, QueueSelector::IFlush)?;
         Ok(())
@@ -112,7 +112,7 @@ impl Clients {
         Ok(Self { events, count: 0 })
     }
 
-    /// Waits until the last client is gone.
+    /// Waits until the last client has closed.
     pub(super) async fn gone(&mut self) -> io::Result<()> {
         loop {
             // As many events as are there; the system hands out whole ones only.
@@ -125,7 +125,7 @@ impl Clients {
                     self.count += 1;
                     is_gone = false;
                 } else {
-                    // The system may have told two openings as one.
+                    // The system may have reported two openings as one.
                     self.count = self.count.saturating_sub(1);
                     is_gone = self.count == 0;
                 }

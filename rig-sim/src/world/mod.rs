@@ -173,8 +173,8 @@ impl World {
         &self.scene
     }
 
-    /// A stage as it is. The load of the linear stage is the height of the tip in mm, that of the
-    /// rotary stage the tilt in degrees.
+    /// The true state of a stage. The load of the linear stage is the height of the tip in mm, that
+    /// of the rotary stage the tilt in degrees.
     pub fn stage(&self, axis: AxisId) -> &Stage {
         match axis {
             AxisId::Linear => &self.linear,
@@ -271,8 +271,8 @@ impl World {
         self.set_contact_fault(now, None);
     }
 
-    /// What an ideal lock-in with the noise of the scene measures over `cycles` cycles from now on,
-    /// in ohm, and when it is done.
+    /// The reading of an ideal lock-in over `cycles` cycles from now on, with the noise of the
+    /// scene, in ohm, and its end time.
     pub fn measure(&mut self, now: RigTime, cycles: u32) -> (Complex64, RigTime) {
         self.follow_plant(now);
         let duration_s = f64::from(cycles) / self.plant.frequency_hz();

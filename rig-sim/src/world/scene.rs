@@ -34,7 +34,7 @@ pub struct Scene {
 /// The mechanics of a stage, in the unit of its axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mechanics {
-    /// Where it stands at first.
+    /// Its initial position.
     pub start: f64,
     /// Where its limit switches are: the lower and the upper one.
     pub travel: (f64, f64),
@@ -86,12 +86,12 @@ pub enum SceneError {
         /// The fault of the value.
         source: TissueError,
     },
-    /// A stage does not stand between its limit switches.
+    /// The initial position of a stage is not between its limit switches.
     #[error("{axis} stage: start {start} is outside its travel [{min}, {max}]")]
     Start {
         /// Which stage.
         axis: AxisId,
-        /// Where it was to stand.
+        /// Its initial position.
         start: f64,
         /// The lower limit switch.
         min: f64,

@@ -25,7 +25,7 @@ pub struct Stage {
     motion: Motion,
     /// The load at the beginning of the motion, before the error of the screw.
     load: f64,
-    /// Steps lost: how far the load is behind a motor that believes to know where it is.
+    /// Steps lost: distance of the load behind the counted position of the motor.
     slip: f64,
     is_jammed: bool,
 }

@@ -8,7 +8,7 @@ pub struct TrueGeometry {
     pub surface_mm: f64,
     /// Height of that surface above the rotary axis.
     pub surface_above_pivot_mm: f64,
-    /// How far the probe stands beside the rotary axis, positive to the side that sinks at positive
+    /// Distance of the probe from the rotary axis, positive on the side that sinks at positive
     /// angles.
     pub probe_beside_pivot_mm: f64,
 }

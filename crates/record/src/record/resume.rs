@@ -83,7 +83,7 @@ pub struct Amended {
     pub head: String,
     /// Address of the touch.
     pub step: String,
-    /// What is done.
+    /// Whether the touch is measured again or skipped.
     pub what: Amendment,
     /// Name of the operator.
     pub who: String,

@@ -1,8 +1,7 @@
-//! What a person sees on stderr: lines that stay, and one line below them that tells how far a run
-//! has come.
+//! The output on stderr: lines that stay, and below them one line with the progress of a run.
 //!
-//! The cursor never goes up. Whatever the width of the terminal is or becomes, drawing can spoil
-//! nothing but the line that is drawn.
+//! The cursor never goes up. At any width of the terminal, drawing can damage only the progress
+//! line.
 
 use std::{
     io::{self, IsTerminal, Write},

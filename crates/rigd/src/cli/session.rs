@@ -207,7 +207,7 @@ pub(super) fn left(status: &Status) -> Failure {
     Failure::Left { state: snapshot.state, probe: snapshot.clearance, linear: snapshot.linear }
 }
 
-/// The rig is latched. Says why and what to do.
+/// The rig is latched. Prints the reason and the advice.
 pub(super) fn latched(status: &Status) -> Failure {
     let fault = status.snapshot.fault.as_ref();
     let hint = fault.map(|fault| hint::after(fault, status.snapshot.clearance).at_a_terminal());

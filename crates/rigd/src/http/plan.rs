@@ -119,7 +119,7 @@ pub(super) async fn of_run(
     view.await.map(Json)
 }
 
-/// The protocol of a run, as it was read.
+/// The text of the protocol of a run.
 pub(super) async fn protocol(
     State(shared): State<Shared>,
     Path(id): Path<String>,

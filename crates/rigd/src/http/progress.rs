@@ -50,7 +50,7 @@ pub(super) struct OpenPrompt {
 pub(super) enum PromptAction {
     /// Put this sample under the probe.
     PlaceSample { sample: String },
-    /// Turn the sensor, so that it stands like this.
+    /// Turn the sensor to this orientation.
     TurnSensor { orientation: &'static str },
 }
 

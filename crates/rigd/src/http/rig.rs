@@ -10,7 +10,7 @@ use super::{
 };
 use crate::{hint, loaded_rig::RigFacts, operator::Operator, rig::Status};
 
-/// The rig as it is now.
+/// The present state of the rig.
 #[derive(Debug, Serialize)]
 pub(super) struct RigView {
     name: String,

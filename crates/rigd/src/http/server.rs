@@ -25,7 +25,7 @@ const CONNECTIONS_MAX: usize = 128;
 /// Beyond these a connection takes one request, and only a stop is carried out: however many clients
 /// there are, stopping stays possible.
 const SPARES_MAX: usize = 64;
-/// A spare is free again after this, whatever its client does.
+/// A reserved connection is closed after this time.
 const SPARE_TIME: Duration = Duration::from_secs(10);
 /// A head fits one packet. A client that needs longer for it than this is no client.
 const HEAD_TIME: Duration = Duration::from_secs(5);
@@ -33,11 +33,11 @@ const HEAD_TIME: Duration = Duration::from_secs(5);
 const SPARE_HEAD_TIME: Duration = Duration::from_secs(1);
 /// Browsers send 1 to 2 kB; a token may have 4 kB.
 const HEAD_MAX: usize = 16 << 10;
-/// What is read ahead of a request; the library takes no less than 8 kB.
+/// Size of the read buffer; the library needs at least 8 kB.
 const BUFFER_MAX: usize = 32 << 10;
 /// Lifetime of a connection whose client acknowledges no data.
 const UNHEARD_TIME: Duration = Duration::from_secs(20);
-/// How long, and for how many bytes, a client may go on sending after the last answer to it.
+/// Longest time, and largest number of bytes, for which the server reads after its last answer.
 const LEAVE_TIME: Duration = Duration::from_secs(1);
 const LEAVE_MAX: u64 = 4 << 20;
 /// Time limit for current requests at the end of the daemon.
@@ -87,7 +87,7 @@ pub async fn serve(listener: TcpListener, router: Router, closing: CancellationT
         });
     }
     drop(listener);
-    // Whatever has not ended by then ends with the set.
+    // Connections that remain are dropped with the set.
     _ = timeout(GRACE, async { while connections.join_next().await.is_some() {} }).await;
 }
 
@@ -95,7 +95,7 @@ fn arrived_at(stream: &TcpStream) -> Option<IpAddr> {
     stream.local_addr().ok().map(|address| address.ip().to_canonical())
 }
 
-/// Has the system end a connection whose client is gone without a word or takes nothing.
+/// Makes the system close a connection whose client has vanished or does not read.
 fn watch_over(stream: &TcpStream) {
     let unheard_ms = u32::try_from(UNHEARD_TIME.as_millis()).unwrap_or(u32::MAX);
     if let Err(error) = rustix::net::sockopt::set_tcp_user_timeout(stream, unheard_ms) {
@@ -156,7 +156,7 @@ async fn take_leave(mut stream: impl AsyncRead + AsyncWrite + Unpin, is_head_lat
         stream.shutdown().await?;
         tokio::io::copy(&mut (&mut stream).take(LEAVE_MAX), &mut tokio::io::sink()).await
     };
-    // A client that is gone needs no leave.
+    // A client that has closed needs no orderly end.
     _ = timeout(LEAVE_TIME, leave).await;
 }
 
@@ -182,7 +182,7 @@ mod tests {
 
     const REQUEST: &[u8] = b"GET / HTTP/1.1\r\nhost: localhost\r\n\r\n";
 
-    /// A conversation with a client that sends what is written into the stream.
+    /// A connection to a client that sends the bytes written to the stream.
     fn begin(is_spare: bool) -> (DuplexStream, CancellationToken, JoinHandle<()>) {
         let (client, server) = duplex(1 << 10);
         let router = Router::new().route("/", get(async || "answer"));

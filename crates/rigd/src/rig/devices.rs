@@ -53,7 +53,7 @@ impl Perform for Axes {
                 moved.map(Report::RotaryAt).map_err(rotary)
             }
             Operation::StopMotion => {
-                // Both are told, whatever the first one answers.
+                // Both axes get the command, even if the first one fails.
                 let stopped_linear = self.linear.stop().await;
                 let stopped_rotary = self.rotary.stop().await;
                 stopped_linear.map_err(linear)?;

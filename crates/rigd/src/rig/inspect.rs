@@ -1,4 +1,4 @@
-//! Looks at each device of a rig by itself, so that trouble with one does not hide the others.
+//! Inspects each device of a rig separately, so that a fault of one does not hide the others.
 //! Nothing moves, and no journal is needed.
 
 use std::{fs, path::Path};
@@ -15,7 +15,7 @@ use super::{
 };
 use crate::loaded_rig::LoadedRig;
 
-/// An axis is looked at this often, for its round trips.
+/// Number of readings of an axis, for the statistics of round trips.
 const LOOKS: u32 = 10;
 
 /// The level at which the settings of an analyzer are tried, V; less where the rig allows less.
@@ -113,12 +113,12 @@ pub enum AxisPosition {
     InLimits,
 }
 
-/// What an axis is fit for; the first of these that applies.
+/// State of an axis; the first of these that applies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AxisState {
     /// The drive reports an alarm.
     Alarmed(Alarm),
-    /// It moves, and nobody told it to.
+    /// It moves without a command.
     Moving,
     /// The drive takes no moves.
     NotReady,
@@ -126,11 +126,10 @@ pub enum AxisState {
     Ready,
 }
 
-/// Opens the ports of a rig, simulated or real, and looks at each device on them.
+/// Opens the ports of a rig, simulated or real, and inspects each device on them.
 ///
 /// # Errors
-/// [`OpenError`] only when there is nothing to look at: a scene that cannot be set up. Everything
-/// else is in the [`Inspection`].
+/// [`OpenError`] for a scene that cannot be set up. All other errors are in the [`Inspection`].
 pub fn inspect(rig: LoadedRig) -> Result<Inspection, OpenError> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -214,7 +213,7 @@ fn standing<U: Unit>(axis: &Axis<U>, status: &AxisStatus<U>) -> AxisFacts {
     let state = match status.alarm {
         Some(alarm) => AxisState::Alarmed(alarm),
         None if status.is_moving => AxisState::Moving,
-        // Before it is homed, it takes none anyway.
+        // Before homing it accepts no moves.
         None if status.is_homed && !status.is_ready => AxisState::NotReady,
         None => AxisState::Ready,
     };
@@ -260,7 +259,7 @@ fn round_trips(transcript: &Transcript) -> Option<RoundTrips> {
     Some(RoundTrips { count: all.len(), median_ms, longest_ms })
 }
 
-/// The name of a port as it was opened, or as the rig file gives it.
+/// The name of the open port, or the name in the rig file.
 fn name(file: &PortFile, port: &Result<Port, rig_link::OpenError>) -> String {
     match (port, file) {
         (Ok(port), _) => port.name().to_string(),

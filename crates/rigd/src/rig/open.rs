@@ -23,7 +23,7 @@ pub enum OpenError {
         /// The error of the system.
         source: std::io::Error,
     },
-    /// The thread of the rig has ended without a word.
+    /// The thread of the rig has ended without a message.
     #[error("the rig thread has ended")]
     Gone,
     /// The journal cannot be opened.
@@ -278,7 +278,7 @@ pub(super) const fn bus_settings(port: &PortFile) -> BusSettings {
     }
 }
 
-/// How characters travel on a port; on a network connection that is nobody's business.
+/// Format of the characters on a serial port; `None` for a network connection.
 const fn line(port: &PortFile) -> Option<LineSettings> {
     match port {
         PortFile::Serial { line, .. } => Some(*line),

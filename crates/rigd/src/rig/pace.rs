@@ -9,7 +9,7 @@ pub struct Pace {
     waited_s: f64,
     /// Number of answered prompts.
     answers: u32,
-    /// Since when somebody is asked.
+    /// Start of the open prompt.
     asked: Option<RigTime>,
 }
 
@@ -24,7 +24,7 @@ pub struct Remaining {
 
 /// A person takes about as long to change a sample, s, until it is known better.
 const ANSWER_S: f64 = 30.0;
-/// What the steps of a plan are expected to take is right to about this part, until touches tell.
+/// Relative accuracy of the expected durations of a plan, before there are touches to compare.
 const PLAN_UNCERTAINTY: f64 = 0.3;
 
 impl Pace {

@@ -1,7 +1,7 @@
 //! The events of the engine as records of the journal.
 //!
-//! The engine speaks of samples and steps by index; a record stands for itself. The recorder of a
-//! run knows the plan and where it stands in it.
+//! The engine refers to samples and steps by index; a record is complete without the plan. The
+//! recorder of a run knows the plan and its position in it.
 
 use std::{fmt::Write as _, sync::Arc};
 

@@ -61,7 +61,7 @@ pub(super) fn run(
     runtime.block_on(async {
         match Shell::open(rig, data).await {
             Ok((mut shell, status)) => {
-                // The caller may have gone. The closed inbox then closes the rig.
+                // The caller may have closed its end. The closed inbox then closes the rig.
                 let simulation = shell.simulation.as_ref().map(Simulation::handle);
                 _ = opened.send(Ok((status, simulation)));
                 shell.serve(inbox).await;
@@ -99,7 +99,7 @@ struct Shell {
     is_virtual_time: bool,
     /// Refused before it was sent, because the journal could not be written.
     refused: Option<(OperationId, Failure)>,
-    /// Why a record was not taken by the journal, until the engine has been told.
+    /// Why the journal refused a record; `None` after the engine has been informed.
     unwritten: Option<String>,
     is_answer_due: bool,
     last_commit: Instant,
@@ -202,7 +202,7 @@ impl Shell {
                         self.halt_if_asked(&request).await;
                         self.take(request);
                     }
-                    // Every handle is gone, and the probe must not stay where it is.
+                    // All handles are closed, and the probe must not stay in the sample.
                     None => closing = Some(self.begin_to_close(None)),
                 },
                 (id, ended) = self.axes.ended() => self.handle(Input::Done(id, ended)),
@@ -226,8 +226,8 @@ impl Shell {
         self.commit();
     }
 
-    /// Nothing will happen by itself any more. A latched rig may have an operation in flight that
-    /// never answers.
+    /// No further event is expected. A latched rig may have an operation in progress that never
+    /// answers.
     fn is_at_rest(&self) -> bool {
         match self.engine.snapshot().state {
             RigState::Idle => !self.axes.is_busy() && !self.analyzer.is_busy(),
@@ -236,7 +236,7 @@ impl Shell {
     }
 
     fn take(&mut self, request: Request) {
-        // The caller may have gone. Its command is carried out all the same.
+        // The caller may have closed its end. Its command is carried out.
         match request {
             Request::Run { protocol, by, key, reply } => {
                 _ = reply.send(self.start_run(*protocol, &by, key));
@@ -528,7 +528,7 @@ impl Shell {
                     self.view.first_event = id;
                 }
             }
-            // The journal is as it was, and takes the fault that follows.
+            // The journal is unchanged, and accepts the fault that follows.
             Err(error @ StoreError::Unwritable { .. }) => {
                 let reason = with_causes(&error);
                 tracing::error!(%reason, "a record was lost");
@@ -545,8 +545,8 @@ impl Shell {
         }
     }
 
-    /// Writes down what went over the ports last. On a simulated rig that tells something only of
-    /// the devices: whatever else happened can be played again.
+    /// Records the last frames of the ports. On a simulated rig only after faults of devices: all
+    /// other faults can be replayed from the seed.
     fn open_black_boxes(&mut self, fault: &Fault) {
         if self.simulation.is_some() && !matches!(fault, Fault::Device(_)) {
             return;
@@ -570,8 +570,8 @@ impl Shell {
         }
     }
 
-    /// From now on only the way out of contact is open; the engine learns it with the next
-    /// operation it asks for.
+    /// From now on only the way out of contact is allowed; the engine gets the error with its next
+    /// operation.
     fn journal_failed(&mut self, error: &StoreError) {
         if self.view.journal_error.is_none() {
             let reason: Arc<str> = with_causes(error).into();
@@ -580,8 +580,7 @@ impl Shell {
         }
     }
 
-    /// Shows watchers how things are. What they are told of has been committed before, whenever
-    /// the rig is not busy.
+    /// Publishes the status. If the rig is idle, the journal is committed first.
     fn publish(&mut self) {
         self.view.now = self.clock.now();
         self.view.published = Instant::now();

@@ -1,5 +1,5 @@
-//! Any bytes and any host: pushes of any size, slow calls, device clears and operations that go on,
-//! in any order and any dialect. Afterwards the instrument still answers.
+//! Any bytes and any host: pushes of any size, slow calls, device clears and operations in
+//! progress, in any order and any dialect. Afterwards the instrument still answers.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

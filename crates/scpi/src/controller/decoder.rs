@@ -28,7 +28,7 @@ pub enum ExpectedResponse {
     /// Data, in which endings inside strings and blocks do not count.
     #[default]
     Data,
-    /// One line of text as it stands, such as an identity whose serial number may begin with `#1`.
+    /// One line of unparsed text, such as an identity whose serial number may begin with `#1`.
     Line,
 }
 
@@ -55,7 +55,7 @@ pub enum FrameError {
         /// Where its length is damaged.
         offset: usize,
     },
-    /// Behind the declared length of a block stands neither a separator nor an ending.
+    /// The declared length of a block is not followed by a separator or an ending.
     #[error("a block is followed by 0x{byte:02X} at offset {offset} of an answer")]
     BlockEnd {
         /// The byte that was found.
@@ -327,7 +327,7 @@ impl ResponseDecoder {
     }
 }
 
-/// A byte that is data wherever it stands outside strings and blocks.
+/// A byte that is always data outside strings and blocks.
 const fn is_plain(byte: u8) -> bool {
     byte.is_ascii() && !matches!(byte, b'\n' | b'\r' | b'"' | b'#' | b',' | b';' | b' ')
 }

@@ -53,7 +53,7 @@ pub enum ProgramError {
         /// The text asked for.
         text: String,
     },
-    /// A suffix is letters, digits, `.`, `/` and `-`, and stands behind a number.
+    /// A suffix consists of letters, digits, `.`, `/` and `-`, and follows a number.
     #[error("`{unit}` is not the unit of a number")]
     Unit {
         /// The unit asked for.
@@ -78,7 +78,7 @@ impl Program {
         Self { bytes: Vec::new(), has_data: false, fault: None }.unit_header(header, "?")
     }
 
-    /// Adds a command. Its header is counted from the root, whatever came before.
+    /// Adds a command. Its header starts at the root, independent of the units before.
     #[must_use]
     pub fn then(self, header: &str) -> Self {
         self.next_unit(header, "")
@@ -119,7 +119,7 @@ impl Program {
         if !(is_unit && is_behind_number) {
             return self.refuse(ProgramError::Unit { unit: unit.to_owned() });
         }
-        // `5E` would begin an exponent, so such a unit stands apart.
+        // `5E` would begin an exponent, so a blank separates such a unit.
         if unit.starts_with(['e', 'E']) {
             self.bytes.push(b' ');
         }
@@ -133,7 +133,7 @@ impl Program {
         self.characters(if is_on { "ON" } else { "OFF" })
     }
 
-    /// Adds a word, such as `BUS` or `MAX`.
+    /// Adds character data, such as `BUS` or `MAX`.
     #[must_use]
     pub fn characters(mut self, word: &str) -> Self {
         let is_word = word.starts_with(|c: char| c.is_ascii_alphabetic())

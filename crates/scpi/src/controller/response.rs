@@ -16,7 +16,7 @@ use crate::{
     grammar::value::{INFINITY, NOT_A_NUMBER},
 };
 
-/// Instruments print the two numbers that stand for something else in single precision too.
+/// Instruments also print the two special numbers in single precision.
 const SENTINEL_TOLERANCE_REL: f64 = 1e-6;
 
 /// One whole answer, without its ending.
@@ -45,7 +45,7 @@ pub enum Datum {
     NonDecimal(u64),
     /// A string, without its quotes.
     Text(String),
-    /// A word, or text that is nothing else.
+    /// Character data, or other unrecognised text.
     Characters(String),
     /// A block.
     Block(Vec<u8>),
@@ -166,7 +166,7 @@ impl Datum {
     /// The datum as a number.
     ///
     /// # Errors
-    /// [`DataError::Overload`] and [`DataError::Missing`] for what stands in place of a number, and
+    /// [`DataError::Overload`] and [`DataError::Missing`] for a marker in place of a number, and
     /// [`DataError::Type`] for data of another type.
     pub fn number(&self) -> Result<f64, DataError> {
         match self {
@@ -211,7 +211,7 @@ impl Datum {
         }
     }
 
-    /// The text of a string or a word.
+    /// The text of a string or of character data.
     ///
     /// # Errors
     /// [`DataError::Type`] for everything else.
@@ -253,7 +253,8 @@ fn unit(input: &[u8]) -> Parsed<'_, ResponseUnit> {
     Ok((input, ResponseUnit { header, data }))
 }
 
-/// `:SENSE:FREQUENCY` or `*ESR`. Without the colon or asterisk it could not be told from a word.
+/// `:SENSE:FREQUENCY` or `*ESR`. Without the colon or asterisk it could not be distinguished from
+/// character data.
 fn header(input: &[u8]) -> Parsed<'_, String> {
     let word = || {
         (
@@ -277,7 +278,7 @@ fn datum(input: &[u8]) -> Parsed<'_, Datum> {
     Ok((input, datum))
 }
 
-/// A quoted string; `"` doubled stands for itself.
+/// A quoted string; a doubled `"` is one `"`.
 fn text(input: &[u8]) -> Parsed<'_, Datum> {
     let mut inside = recognize(nom::multi::many0_count(alt((
         tag("\"\""),
@@ -331,7 +332,7 @@ fn number(input: &[u8]) -> Parsed<'_, Datum> {
     Ok((input, value))
 }
 
-/// A real number, or the variant that it stands for.
+/// A real number, or the variant for a special number.
 fn real(value: f64) -> Datum {
     let magnitude = value.abs();
     let is_near = |sentinel: f64| (magnitude - sentinel).abs() <= sentinel * SENTINEL_TOLERANCE_REL;
@@ -356,7 +357,7 @@ fn stand_in(input: &[u8]) -> Parsed<'_, Datum> {
         (opt(one_of("+-")), tag("1.#"), take_while1(|byte: u8| byte.is_ascii_alphabetic()))
             .map(|_| Datum::Missing),
     ));
-    // The C library pads what it cannot print with zeros: `1.#QNB00E+000`.
+    // The C library pads special values with zeros: `1.#QNB00E+000`.
     let padding = take_while(|byte: u8| byte.is_ascii_digit() || b"eE+-".contains(&byte));
     let asterisks = verify(plain, |field: &[u8]| field.contains(&b'*')).map(|_| Datum::Missing);
     alt((terminated(word, (padding, end_of_field)), asterisks)).parse(input)

@@ -53,14 +53,14 @@ impl<'a> Mnemonic<'a> {
     }
 }
 
-/// Parts a word from the digits at its end.
+/// Separates a mnemonic from the digits at its end.
 pub(crate) fn split_digits(word: &[u8]) -> (&[u8], &[u8]) {
     let n_digits = word.iter().rev().take_while(|byte| byte.is_ascii_digit()).count();
     word.split_at(word.len() - n_digits)
 }
 
-/// The short form of a word written as in a manual: `MEASure` gives `MEAS`, `PARameter1` `PAR1`. A
-/// word without lower case is its own short form.
+/// The short form of a mnemonic in the notation of manuals: `MEASure` gives `MEAS`, `PARameter1`
+/// gives `PAR1`. A mnemonic without lower case is its own short form.
 pub(crate) fn short_form(word: &str) -> String {
     let mnemonic = Mnemonic::new(word);
     format!("{}{}", mnemonic.short(), mnemonic.digits())

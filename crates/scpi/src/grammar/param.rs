@@ -7,7 +7,7 @@ use crate::{grammar::error::ScpiError, grammar::mnemonic::Mnemonic, grammar::uni
 /// One parameter of a command.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Param {
-    /// A decimal number with its suffix, as it was written.
+    /// A decimal number with its suffix, unconverted.
     Number {
         /// The number before the suffix is applied; always finite.
         value: f64,
@@ -16,7 +16,7 @@ pub enum Param {
     },
     /// `#H1F`, `#Q17`, `#B101`.
     NonDecimal(u64),
-    /// A word such as `MIN` or `BUS`.
+    /// Character data such as `MIN` or `BUS`.
     Characters(Box<str>),
     /// A quoted string, without its quotes.
     Text(Box<str>),
@@ -61,11 +61,11 @@ pub struct Limits {
 }
 
 impl Param {
-    /// The parameter as a number in `unit`, or one of the words that stand for a number.
+    /// The parameter as a number in `unit`, or a name for a number such as `MIN`.
     ///
     /// # Errors
-    /// −138 and −131 for a suffix that is not allowed here, −224 for an unknown word, and the
-    /// "not allowed" number of its type for everything else.
+    /// −138 and −131 for a suffix that is not allowed here, −224 for unknown character data, and
+    /// the "not allowed" number of its type for everything else.
     pub(crate) fn numeric(&self, unit: Unit) -> Result<Numeric, ScpiError> {
         const WORDS: &[(Mnemonic<'static>, Numeric)] = &[
             (Mnemonic::new("MINimum"), Numeric::Minimum),
@@ -113,11 +113,11 @@ impl Param {
         }
     }
 
-    /// A whole number within `range`; a fraction is rounded, as IEEE 488.2 has it for registers.
+    /// A whole number within `range`; a fraction is rounded, as IEEE 488.2 requires for registers.
     ///
     /// # Errors
     /// −222 outside the range, and for a decimal number of 2⁵³ or more, whose last digits are not
-    /// known; −224 for a word other than `MIN` and `MAX`, −138 with a suffix.
+    /// known; −224 for character data other than `MIN` and `MAX`, −138 with a suffix.
     pub fn integer(&self, range: RangeInclusive<i64>) -> Result<i64, ScpiError> {
         let found = match self {
             Self::NonDecimal(value) => i64::try_from(*value).ok(),
@@ -132,10 +132,11 @@ impl Param {
         found.filter(|value| range.contains(value)).ok_or(ScpiError::new(-222))
     }
 
-    /// `ON`, `OFF`, or a number: what does not round to zero is on.
+    /// `ON`, `OFF`, or a number; any number that does not round to zero is on.
     ///
     /// # Errors
-    /// −224 for another word, −138 for a suffix, and the "not allowed" number of other types.
+    /// −224 for other character data, −138 for a suffix, and the "not allowed" number of other
+    /// types.
     pub fn boolean(&self) -> Result<bool, ScpiError> {
         match self {
             Self::Characters(word) if word.eq_ignore_ascii_case("ON") => Ok(true),
@@ -196,8 +197,8 @@ impl Param {
     }
 }
 
-/// The integer that `value` is. `None` for a fraction, and from ±2⁵³ on, where one float stands for
-/// several integers.
+/// The integer that `value` is. `None` for a fraction, and from ±2⁵³ on, where floats cannot
+/// distinguish integers.
 pub(crate) fn whole(value: f64) -> Option<i64> {
     const FIRST_AMBIGUOUS: f64 = (1_i64 << f64::MANTISSA_DIGITS) as f64;
     let is_exact = value.fract() == 0.0 && value.abs() < FIRST_AMBIGUOUS;

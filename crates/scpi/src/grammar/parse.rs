@@ -181,7 +181,7 @@ fn characters(input: &[u8]) -> Parsed<'_, Param> {
     Ok((rest, Param::Characters(ascii(found))))
 }
 
-/// `NRf`, then a suffix. Blanks may stand around the exponent and before the suffix.
+/// `NRf`, then a suffix. Blanks are allowed around the exponent and before the suffix.
 fn number(input: &[u8]) -> Parsed<'_, Param> {
     let Ok((rest, (mantissa, exponent))) = decimal(input) else { return refuse(input, -121) };
     let digits = mantissa.iter().filter(|byte| byte.is_ascii_digit());
@@ -282,7 +282,7 @@ fn counted(input: &[u8]) -> Parsed<'_, &[u8]> {
     take(n_bytes).parse(tail)
 }
 
-/// A quoted string; the quote doubled stands for itself. Only ASCII, as the standard has it.
+/// A quoted string; a doubled quote is one quote. Only ASCII, as the standard requires.
 fn text(input: &[u8]) -> Parsed<'_, Param> {
     let quote = input[0];
     let mut text = String::new();

@@ -1,7 +1,7 @@
-//! Finds where units and messages end in a stream of bytes, whatever way the stream is cut.
+//! Finds the ends of units and messages in a stream of bytes that is cut anywhere.
 //!
-//! A terminator inside a string or a block is data, so the search must know about both. It knows
-//! nothing else: whether a unit makes sense is decided in [`crate::grammar`].
+//! A terminator inside a string or a block is data, so the search handles both. [`crate::grammar`]
+//! parses the units.
 
 /// The terminator of an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -60,7 +60,7 @@ enum Position {
         quote: u8,
         depth: u32,
     },
-    /// Just behind a string, where its quote repeated means that it goes on.
+    /// Directly after a string; a repeated quote continues it.
     TextEnd {
         quote: u8,
     },

@@ -16,8 +16,8 @@ pub(crate) enum SplitMessage {
 /// Incremental splitter: bytes go in by [`push`](Self::push), messages come out by
 /// [`next_message`](Self::next_message).
 ///
-/// A line feed inside a string or a block does not end a message. What does not fit is scanned, so
-/// that its end is found, but not kept; memory never exceeds the limit.
+/// A line feed inside a string or a block does not end a message. A message that is too long is
+/// scanned for its end but not kept, so that memory never exceeds the limit.
 #[derive(Debug, Clone)]
 pub(crate) struct MessageSplitter {
     scanner: Scanner,

@@ -4,9 +4,9 @@ use std::{borrow::Cow, io::Write};
 
 use crate::grammar::mnemonic::short_form;
 
-/// Stands for +∞ on the wire, and for a reading that is too large.
+/// +∞ on the wire, also for a reading that is too large.
 pub(crate) const INFINITY: f64 = 9.9e37;
-/// Stands for "not a number" on the wire, and for a reading that does not exist.
+/// "Not a number" on the wire, also for a missing reading.
 pub(crate) const NOT_A_NUMBER: f64 = 9.91e37;
 
 /// One datum of an answer.
@@ -14,7 +14,7 @@ pub(crate) const NOT_A_NUMBER: f64 = 9.91e37;
 pub enum Value {
     /// NR1.
     Integer(i64),
-    /// In the format of the dialect. Infinities and NaN become the numbers that stand for them.
+    /// In the format of the dialect. Infinities and NaN become their special numbers.
     Real(f64),
     /// In a format of its own.
     Formatted(f64, RealFormat),
@@ -26,7 +26,7 @@ pub enum Value {
     Octal(u64),
     /// `#B101`.
     Binary(u64),
-    /// A word written as in a manual (`MEASure`); its short form is answered.
+    /// Character data in the notation of manuals (`MEASure`); the answer is its short form.
     Characters(&'static str),
     /// A string, which is quoted. Only ASCII is legal on the wire.
     Text(Cow<'static, str>),
@@ -69,7 +69,7 @@ impl Value {
         matches!(self, Self::IndefiniteBlock(_) | Self::ArbitraryAscii(_))
     }
 
-    /// Appends the datum as it goes on the wire.
+    /// Appends the datum in wire format.
     ///
     /// # Panics
     /// With a block of 10⁹ bytes or more, whose length does not fit its header.

@@ -38,8 +38,8 @@ pub struct Dialect {
     /// Most bytes of answers that were not read. More are lost, which is −430.
     pub output_limit_bytes: usize,
     /// For instruments with `:HEADer ON|OFF`: whether answers begin with their header at power-on.
-    /// Only what can be set has one: no common command, and no query for a reading (HIOKI 3541
-    /// Instruction Manual, p. 101; HIOKI 3174 Instruction Manual, p. 128).
+    /// Only settings have one, not common commands or queries for a reading (HIOKI 3541 Instruction
+    /// Manual, p. 101; HIOKI 3174 Instruction Manual, p. 128).
     pub headers: Option<bool>,
     /// The format of real numbers in answers.
     pub real_format: RealFormat,

@@ -66,8 +66,8 @@ impl Message {
         [&*self.path, b":", header.text].concat()
     }
 
-    /// Makes all but the last mnemonic of `path` the path of the next unit. Common commands belong
-    /// to no subsystem and leave it as it is.
+    /// The path of the next unit is `path` without its last mnemonic. Common commands belong to no
+    /// subsystem and do not change it.
     pub(super) fn enter(&mut self, header: &Header<'_>, mut path: Vec<u8>) {
         if !header.is_common {
             path.truncate(path.iter().rposition(|byte| *byte == b':').unwrap_or(0));

@@ -13,7 +13,7 @@ pub(crate) struct Pattern {
 struct Node {
     mnemonic: Mnemonic<'static>,
     is_optional: bool,
-    /// The numbers that `#` stands for.
+    /// The allowed numbers at `#`.
     suffix: Option<(u32, u32)>,
 }
 
@@ -226,8 +226,8 @@ fn words_overlap(a: &Node, b: &Node) -> bool {
         || forms(b).iter().any(|word| a.is_named_by(word.as_bytes()))
 }
 
-/// The number that the digits behind a mnemonic stand for. None at all stand for 1 (SCPI-99,
-/// volume 1, 6.2.5.2), in a header as in a pattern.
+/// The numeric suffix of a mnemonic. Without digits it is 1 (SCPI-99, volume 1, 6.2.5.2), in a
+/// header as in a pattern.
 fn suffix_number(digits: &[u8]) -> u32 {
     if digits.is_empty() {
         return 1;

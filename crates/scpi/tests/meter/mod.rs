@@ -60,7 +60,7 @@ impl Host {
             outputs: [false; 4],
             label: String::new(),
         };
-        // Power-on is an event of its own; these tests begin after somebody has looked at it.
+        // Power-on is an event; these tests begin after it was read.
         assert!(host.say(b"*ESR?\n").starts_with(b"128"));
         host
     }

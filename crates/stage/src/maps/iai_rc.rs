@@ -1,8 +1,8 @@
 //! IAI ROBO Cylinder controllers of the RC series (PCON, ACON, SCON, ERC) on Modbus.
 //!
-//! Positions are hundredths of a millimetre, whatever the motor. The controller has no soft limits
-//! that can be set over Modbus: beyond those of its parameters it goes to 0.2 mm before the limit,
-//! which is found out as a target that was not reached.
+//! Positions are hundredths of a millimetre with every motor. The controller has no soft limits
+//! that can be set over Modbus. A target beyond the limits in its parameters moves it to 0.2 mm
+//! before the limit, which is reported as a target that was not reached.
 //!
 //! # Source
 //! IAI, Serial Communication \[Modbus Version\] Operation Manual.

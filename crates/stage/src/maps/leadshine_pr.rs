@@ -3,7 +3,7 @@
 //! To be verified on hardware before it moves anything that can break. Four public drivers were
 //! compared, and they disagree: one writes the ramps to 0x6205 and 0x6206, one address further; one
 //! header says that mode 0 is relative, where the others write 0x41; one decodes bits 4 to 6 of the
-//! status as a number. What most of them agree on stands here.
+//! status as a number. The map follows the majority.
 //!
 //! Nothing here writes 0x2211 to 0x1801: it saves to the EEPROM, which wears.
 

@@ -16,9 +16,9 @@ pub(crate) struct Make {
     pub(crate) map: &'static RegisterMap,
     /// Brings the registers that are read up to date.
     show: fn(&mut State),
-    /// Does what a write to these registers means.
+    /// Carries out a write to these registers.
     act: fn(&mut State, first: u16, last: u16),
-    /// Does what a change of a coil means.
+    /// Carries out a change of a coil.
     switch: fn(&mut State, coil: u16, is_on: bool),
 }
 
@@ -136,14 +136,14 @@ impl Drive {
         self.state.lock().unwrap().is_homed = false;
     }
 
-    /// Moves on for a minute, as after a command that nobody has seen.
+    /// Keeps moving for a minute, as after an unseen command.
     pub(crate) fn run_away(&self) {
         let mut state = self.state.lock().unwrap();
         let from = state.motion.position();
         state.motion = Motion { to: from + 60_000, seconds: 60.0, ..Motion::standing(from) };
     }
 
-    /// Off and on again: whatever was written is forgotten.
+    /// Off and on again: all written values are lost.
     pub(crate) fn restart(&self) {
         let mut state = self.state.lock().unwrap();
         state.registers.clear();
@@ -151,7 +151,7 @@ impl Drive {
         state.halt();
     }
 
-    /// Hears the next request and does not answer it.
+    /// Receives the next request and does not answer it.
     pub(crate) fn swallow_an_answer(&self) {
         self.state.lock().unwrap().is_mute = true;
     }
@@ -223,7 +223,7 @@ impl State {
         self.coils.get(&coil).copied().unwrap_or(false)
     }
 
-    /// What the encoder shows.
+    /// The position of the encoder.
     fn measured(&self) -> i32 {
         let lost = if self.motion.is_moving() { 0 } else { self.lost };
         self.motion.position() - lost

@@ -1,4 +1,4 @@
-//! One line: what is sent, what is believed, and what is done when it goes wrong.
+//! One line: its requests, the accepted answers, and the reaction to faults.
 
 use std::{
     collections::BTreeMap,
@@ -80,7 +80,7 @@ async fn frames_are_those_of_the_manuals() {
     }
 }
 
-/// What a late answer does to the library, and what it does here.
+/// The effect of a late answer on the library, and on this driver.
 #[tokio::test(start_paused = true)]
 async fn a_late_answer_is_taken_by_the_library_and_never_here() {
     let late = || faulty(BTreeMap::from([(0, Fault::ReplyLate { ms: 300 })]), truthful(1));
@@ -116,14 +116,14 @@ async fn a_late_answer_is_taken_by_the_library_and_never_here() {
     assert!(answered > 1000, "{answered}");
 }
 
-/// Reads what is known of the device, and has it recognised by that.
+/// Reads known values of the device, which identify it.
 async fn recognise(bus: &BusHandle) {
     let request = Request::ReadHolding { address: 0x0386, count: 6 };
     let expected = Some(bus.request(1, request.clone()).await.unwrap());
     bus.set_check_registers(1, Some(CheckRegisters { request, expected })).await.unwrap();
 }
 
-/// What an echo of something else does to the library, and what it does here.
+/// The effect of a wrong echo on the library, and on this driver.
 #[tokio::test(start_paused = true)]
 async fn an_answer_to_another_write_is_taken_by_the_library_and_never_here() {
     let stray = |reply: &[u8]| {
@@ -394,7 +394,7 @@ async fn modbus_tcp_begins_a_new_connection_after_a_late_answer() {
     assert!(*connections.lock().unwrap() > 10);
 }
 
-/// The library calls such an answer an end of the stream, as that of a port that is gone.
+/// The library reports such an answer as the end of the stream, like a lost port.
 #[tokio::test(start_paused = true)]
 async fn an_answer_that_is_shorter_than_it_says_is_no_lost_port() {
     let (endpoint, mut plugged) = pluggable(Framing::Tcp);

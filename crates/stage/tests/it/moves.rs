@@ -209,7 +209,7 @@ async fn a_stop_ends_the_move_at_standstill_and_the_next_move_goes() {
         assert!(!drive.is_moving());
         assert_eq!(counts(make, at.value()), drive.position());
         assert!((10.0..18.0).contains(&at.value()), "{at}");
-        // The wish still stands, so nothing starts.
+        // The stop is still requested, so nothing starts.
         let frames = drive.seen().len();
         let again = stage.move_to(target(50.0), 20.0, &stop).await;
         assert!(matches!(again, Err(StageError::Stopped { .. })), "{again:?}");
@@ -220,7 +220,7 @@ async fn a_stop_ends_the_move_at_standstill_and_the_next_move_goes() {
     }
 }
 
-/// A drive that hears and does not answer is stopped before anything else is tried.
+/// A drive that does not answer is stopped before any other attempt.
 #[tokio::test(start_paused = true)]
 async fn a_stop_does_not_wait_for_a_line_to_be_in_order() {
     for make in MAKES {
@@ -293,7 +293,7 @@ async fn what_cannot_be_done_is_refused_before_it_is_sent() {
     assert_eq!(drive.seen().len(), frames);
 }
 
-/// A Modbus device that keeps what is written to it, and is no drive.
+/// A Modbus device that stores written values and is not a drive.
 async fn identify_storage(make: &'static Make, value: u16) -> (String, usize) {
     let (host, device) = tokio::io::duplex(4096);
     let writes = Arc::new(AtomicUsize::new(0));
@@ -421,8 +421,8 @@ async fn a_drive_that_was_switched_off_is_not_believed_before_it_is_identified_a
     }
 }
 
-/// Whatever happens to whatever frame: a move that reports success is true, and one that is
-/// possible at all succeeds.
+/// Any fault in any frame: a move that reports success is at its target, and a possible move
+/// succeeds.
 #[tokio::test(start_paused = true)]
 async fn no_single_fault_makes_a_move_lie() {
     for make in MAKES {

@@ -8,7 +8,7 @@ use tokio::{
     time::sleep,
 };
 
-/// What a peer does about a request.
+/// The reaction of a peer to a request.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Action {
     Send(Vec<u8>),
@@ -178,7 +178,7 @@ pub(crate) fn truthful(unit: u8) -> impl FnMut(&[u8]) -> Vec<u8> + Send + 'stati
     }
 }
 
-/// The device behind an adapter that hears itself.
+/// The device behind an adapter that receives its own bytes.
 pub(crate) fn echoing(
     mut device: impl FnMut(&[u8]) -> Vec<u8> + Send + 'static,
 ) -> impl FnMut(&[u8]) -> Vec<Action> + Send + 'static {

@@ -9,8 +9,8 @@ use crate::{Record, StoreError};
 
 /// The JSON of a record.
 ///
-/// JSON writes `null` for a number that is infinite or not a number, and nobody could read the
-/// record again. Records leave out what they have not, so that no other `null` occurs.
+/// JSON writes `null` for a number that is infinite or not a number, and the record could not be
+/// read again. Records leave out missing values, so that no other `null` occurs.
 pub(super) fn payload(record: &Record) -> Result<String, StoreError> {
     let mut text = Vec::new();
     let mut serializer = serde_json::Serializer::with_formatter(&mut text, FiniteOnly);

@@ -1,4 +1,4 @@
-//! What the writer says in the list of runs: epochs, entries, stretches, seals.
+//! The list of runs, as the writer keeps it: epochs, entries, stretches, seals.
 
 use std::{fs, path::Path};
 
@@ -99,8 +99,8 @@ impl Writer {
         Ok(())
     }
 
-    /// Ends what cannot be resumed and was not ended by its program, which is gone. It ended when
-    /// something was last written to it. Returns also the runs that were not ended.
+    /// Ends the sessions and amendments that their program did not end, at the time of their last
+    /// record. Also returns the runs that were not ended.
     pub(super) fn mark_interrupted(&mut self) -> Result<Vec<RunId>, StoreError> {
         let unended = self
             .connection

@@ -62,7 +62,8 @@ impl Reader {
         Ok(Some(Interruption { at, step: self.last_step(run.id)?, probe, is_cleared_since }))
     }
 
-    /// What is said last of the probe: in a run by its own records, in a session by all of its epoch.
+    /// The last state of the probe: in a run by its own records, in a session by all records of its
+    /// epoch.
     ///
     /// # Errors
     /// [`StoreError`] of the system or of SQLite, or [`StoreError::Unreadable`].
@@ -92,7 +93,7 @@ impl Reader {
                     break;
                 }
                 Record::Fault(fault) => is_lost |= fault.probe != Clearance::Clear,
-                // On the way into service nothing is known.
+                // During preparation the position of the probe is unknown.
                 Record::StateChanged(change) => is_lost |= change.state == "preparing",
                 _ => {}
             }

@@ -9,7 +9,7 @@ use crate::{
 };
 
 impl Reader {
-    /// What is wrong with the entry of a run in the list of runs, its stretches and its seal.
+    /// Faults of the entry of a run in the list of runs, of its stretches and of its seal.
     pub(super) fn flaw_of_entry(
         &self,
         run: &Run,

@@ -45,7 +45,7 @@ fn a_run_goes_on_as_long_as_its_program_lives() {
     assert!(left.at >= run.started_at && Some(&left.at) == run.finished_at.as_ref(), "{left:?}");
     assert!(matches!(reader.verify(id).unwrap(), crate::ChainCheck::Intact { records: 1, .. }));
 
-    // Whatever opens the journal next leaves it open, and the time of its end as it was.
+    // The next opening of the journal leaves the run open and its end time unchanged.
     let store = Store::open(directory.path()).unwrap();
     assert_eq!(store.interrupted(), [id]);
     let still = reader.run(id).unwrap();

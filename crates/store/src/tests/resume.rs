@@ -25,7 +25,7 @@ fn end(status: Ending) -> Record {
     Record::RunFinished(RunFinished { status })
 }
 
-/// A run of the first `count` records, whose program is gone.
+/// A run of the first `count` records, whose program has ended.
 fn cut_short(directory: &Directory, count: usize) -> RunId {
     let store = Store::open(directory.path()).unwrap();
     let mut journal = store.begin(RunKind::Run, "one touch").unwrap();
@@ -73,7 +73,7 @@ fn a_run_goes_on_behind_any_of_its_records_and_is_sealed_at_its_end() {
         assert_eq!(stored.len(), cut + 6);
         let epochs: Vec<_> = stored.iter().map(|stored| stored.epoch).collect();
         assert!(epochs.is_sorted() && (epochs[0], epochs[cut + 5]) == (1, 4), "{epochs:?}");
-        // The clock of the rig began anew; the times of the run go on.
+        // The clock of the rig started again; the times of the run continue.
         assert!(stored[cut].rig_us < stored[cut - 1].rig_us);
         assert!(stored.is_sorted_by_key(|stored| stored.run_us), "cut at {cut}");
         assert!(stored.is_sorted_by_key(|stored| stored.at.clone()), "cut at {cut}");

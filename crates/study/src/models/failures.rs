@@ -228,7 +228,7 @@ fn over_depth() -> Map {
     ];
     let radius = |law: ContactLaw, depth: f64| law.at(depth).ok().map(|patch| patch.radius_rel);
     let grade = |law: ContactLaw, depth: f64| {
-        // Beyond Sneddon's solution there is no truth.
+        // Outside the range of Sneddon's solution there is no reference.
         radius(ContactLaw::Sneddon, depth)
             .map_or(Grade::Refused, |expected| Grade::of(radius(law, depth), expected))
     };

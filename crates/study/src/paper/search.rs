@@ -38,7 +38,7 @@ enum Goal {
     Together,
     /// All three sensors; a point outside every range counts for the nearest one.
     TogetherNearest,
-    /// One sensor by itself.
+    /// One sensor alone.
     Alone(usize),
 }
 

@@ -1,8 +1,8 @@
 //! A drive of Oriental Motor's AZ series as a Modbus unit.
 //!
 //! All values are 32 bits wide in two registers, the upper word first. A move is commanded by
-//! direct data operation: its items are written and a trigger starts it. What the drive cannot do
-//! it refuses without a word; only the status tells.
+//! direct data operation: its items are written and a trigger starts it. The drive ignores
+//! impossible commands; only its status shows it.
 //!
 //! # Source
 //! Oriental Motor, AZ Series Function Edition (HM-60262E), chapters on Modbus RTU control.

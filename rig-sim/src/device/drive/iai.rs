@@ -182,7 +182,8 @@ impl Iai {
         orders[usize::from(order::ACCELERATION - order::POSITION)] = 30;
         Self {
             motor,
-            // A controller in the AUTO position of its switch obeys its terminals until told.
+            // A controller with its switch at AUTO follows its terminals until Modbus takes
+            // control.
             switches: Switches::default(),
             orders,
             alarm: 0,
@@ -309,7 +310,7 @@ impl Iai {
         let s = &mut self.switches;
         match address {
             coil::MODBUS_COMMANDS => s.modbus_commands = value,
-            // Commands are the terminals' business until Modbus was given them.
+            // Until Modbus has control, commands come from the terminals.
             0x0400..=0x042F if !s.modbus_commands => return Ok(Reply::Done),
             coil::SERVO_ON => {
                 s.servo_on = value;

@@ -7,7 +7,7 @@ use crate::{
     world::{AxisId, Profile, World},
 };
 
-/// A motor and where its drive believes to have sent it.
+/// A motor and its commanded position.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Motor {
     axis: AxisId,

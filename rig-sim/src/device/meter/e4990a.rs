@@ -85,7 +85,7 @@ const COMMANDS: &[Node<E4990aCommand>] = &[
     command(":TRIGger[:SEQuence][:IMMediate]", E4990aCommand::Trigger),
 ];
 
-/// What is kept: the display, and what belongs to a bias or to corrections of ideal terminals. One
+/// Stored settings without effect: the display, the bias and corrections of ideal terminals. One
 /// sweep is measured for a trigger, so that averaging over sweeps stays off.
 ///
 /// # Source

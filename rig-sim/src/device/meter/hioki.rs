@@ -1,8 +1,8 @@
 //! HIOKI's IM3536 LCR meter.
 //!
-//! One message after the other, and while it measures it listens but does nothing. Errors are told
-//! in `*ESR?` only, and after an error the rest of the line is ignored. Frequency and level are
-//! rounded to the steps of the front panel.
+//! It processes one message after the other; during a measurement it receives but does not process.
+//! Only `*ESR?` reports errors, and after an error the rest of the line is ignored. Frequency and
+//! level are rounded to the steps of the front panel.
 //!
 //! # Source
 //! HIOKI, IM3536 Communication Instruction Manual and Instruction Manual (specifications).
@@ -69,7 +69,8 @@ const COMMANDS: &[Node<HiokiCommand>] = &[
     setting(":TRIGger:DELay", HiokiCommand::DelayTime).asks(0, 0),
 ];
 
-/// What is kept: there is nothing to correct at ideal terminals, and nothing is compared.
+/// Stored settings without effect: ideal terminals need no correction, and the comparator is not
+/// simulated.
 ///
 /// # Source
 /// Commands that public drivers send to the IM3533, IM3536 and IM3570 when they connect.
@@ -109,11 +110,11 @@ const QUANTITIES: &[(&str, Quantity)] = &[
     ("Q", Quantity::Q),
 ];
 
-/// What the bits of the two registers of `:MEASure:ITEM` stand for, from the lowest. While none is
-/// set, the parameters of the display are answered.
+/// Meaning of the bits of the two registers of `:MEASure:ITEM`, from the lowest. If none is set,
+/// the answer has the parameters of the display.
 ///
 /// # Source
-/// HIOKI 9593-01 Instruction Manual, p. 66; the IM3536 has further bits for what is not simulated.
+/// HIOKI 9593-01 Instruction Manual, p. 66; the IM3536 has further bits that are not simulated.
 const ITEMS: [&[Quantity]; 2] = [
     &[
         Quantity::Z,
@@ -169,7 +170,7 @@ impl Default for Hioki {
     }
 }
 
-/// Stands in place of a value that could not be measured.
+/// Replaces a value that could not be measured.
 const NO_VALUE: &str = "**********";
 
 /// The status of a measurement whose input was overloaded.
@@ -237,7 +238,7 @@ impl Model for Hioki {
         Drive { frequency_hz: self.frequency_hz, level_v: self.level_v }
     }
 
-    /// The status first, unless it was switched off, and then what the display shows.
+    /// The status first, unless it is switched off, and then the parameters of the display.
     fn answer(&self, _command: HiokiCommand, readings: &[FinishedPoint]) -> Vec<Value> {
         let Some(reading) = readings.first() else { return Vec::new() };
         let status = if reading.impedance_ohm.is_none() { OVERLOADED } else { 0 };

@@ -250,7 +250,7 @@ impl<M: Make> Lcr<M> {
                 Point { frequency_hz, delay_s: first_delay_s + self.step_delay_s, cycles }
             })
             .collect();
-        // A list goes on while the status is asked for; a single measurement is waited for.
+        // A status query does not wait for a list; it waits for a single measurement.
         let is_blocking = !is_sweep && (M::FETCH_WAITS || is_answered);
         Outcome::Measure(Job { points, is_blocking, is_answered })
     }

@@ -10,8 +10,8 @@ pub(crate) trait Model: fmt::Debug + Default {
     /// The names of its commands.
     type Command: Copy + fmt::Debug;
 
-    /// Whether the end of a measurement is an event of the operation status, whatever the filters
-    /// say. Otherwise the filters of the standard decide.
+    /// Whether the end of a measurement is always an event of the operation status, independent of
+    /// the filters. Otherwise the filters of the standard decide.
     const ENDS_ARE_EVENTS: bool = false;
 
     /// The commands, which a test builds.

@@ -48,7 +48,7 @@ fn increments_limits_and_refusals() {
     test_drive.wait(1.0);
     assert_eq!(test_drive.read_long(monitor::POSITION), 900);
     assert_eq!(test_drive.read(order::CONTROL, 1), [0], "the flags hold for one move");
-    // Beyond the stroke of 50 mm it goes to 0.2 mm before its end.
+    // A target beyond the stroke of 50 mm moves it to 0.2 mm before the end.
     test_drive.write(order::POSITION, &[0, 6000]);
     test_drive.wait(3.0);
     assert_eq!(test_drive.read_long(monitor::POSITION), 4980);

@@ -11,7 +11,7 @@ use super::{
     range_below, scientific,
 };
 
-/// Stands for a value that the status says is none.
+/// Replaces a missing value, as the status says.
 const NO_VALUE: f64 = 9.9e37;
 
 /// One number of an answer.

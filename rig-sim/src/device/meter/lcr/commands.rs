@@ -116,8 +116,8 @@ const LOAD: &[&str] = &[
     "LSRS", "RX", "ZTD", "ZTR", "GB", "YTD", "YTR",
 ];
 
-/// What all makes keep. There is nothing to correct at ideal terminals, so that every correction is
-/// one of nothing. A deviation from a reference would change what is read, and stays off.
+/// Stored settings of all makes. Ideal terminals need no correction, so that every correction has
+/// no effect. A deviation from a reference would change the readings, and stays off.
 ///
 /// # Source
 /// Commands that public drivers send to the E4980A and the 4284A when they connect, or in their

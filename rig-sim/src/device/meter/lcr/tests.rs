@@ -177,7 +177,7 @@ fn a_client_may_end_what_another_one_measures() {
     assert_eq!(meter.meter.deadline(), None);
     meter.send_as(1, "SYST:ERR?");
     assert!(meter.heard_by(1).starts_with("-230"));
-    // One that is gone gets no answer, and leaves nothing behind.
+    // A closed client gets no answer, and leaves no state.
     meter.send_as(1, "TRIG:TDEL 1;*TRG");
     meter.meter.hang_up(1);
     assert_eq!(meter.say("SYST:ERR?"), "+0,\"No error\"\n");
