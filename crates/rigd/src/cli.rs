@@ -48,7 +48,7 @@ use crate::{
     http::access::TokenError,
     loaded_rig::{FileError, LoadedRig},
     operator::Operator,
-    rig::{OpenError, RequestRefusal, ResumeRefusal},
+    rig::{OpenError, RequestRefusal, ResumeRefusal, TouchOrder},
     run_files::RunFilesError,
     sweep_form::SweepFaults,
 };
@@ -75,6 +75,10 @@ struct Cli {
 enum CliCommand {
     /// Replay a protocol, or go on with a run, and write the report
     Run(RunArgs),
+    /// Measure one touch of a run again; the old outcome is kept beside the new one
+    Redo(RedoArgs),
+    /// Leave one touch of a run out; its readings are kept
+    Skip(TouchArgs),
     /// Seal a run that was not completed, so that it cannot be resumed
     GiveUp(GiveUpArgs),
     /// Say whether a protocol can run on a rig, without moving anything
@@ -182,6 +186,42 @@ struct CheckArgs {
 struct RunsArgs {
     #[command(flatten)]
     data: DataArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+/// One touch of a run, and why it is amended.
+#[derive(Debug, Args)]
+struct TouchArgs {
+    /// Run: its name such as `smoke-7`, its id or enough of it, or `latest`
+    run: String,
+    /// Address of the touch, such as `main/3/left/30/1`
+    step: String,
+    /// The reason, for the journal and the report
+    #[arg(long, value_name = "TEXT")]
+    why: String,
+    #[command(flatten)]
+    data: DataArgs,
+    #[command(flatten)]
+    operator: OperatorArgs,
+}
+
+impl TouchArgs {
+    fn order(&self) -> Result<TouchOrder, Failure> {
+        let run = self.data.journal()?.find(&self.run)?.id;
+        Ok(TouchOrder { run, step: self.step.clone(), why: self.why.clone() })
+    }
+}
+
+#[derive(Debug, Args)]
+struct RedoArgs {
+    #[command(flatten)]
+    touch: TouchArgs,
+    #[command(flatten)]
+    rig: RigArgs,
+    /// Confirm that the rig file, the scene, the software or a device has changed since the run
+    #[arg(long)]
+    accept_changes: bool,
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -401,6 +441,8 @@ pub fn main() -> ExitCode {
     start_log();
     let result = match cli.command {
         CliCommand::Run(args) => run::run(&args),
+        CliCommand::Redo(args) => run::redo(&args),
+        CliCommand::Skip(args) => runs::skip(&args),
         CliCommand::GiveUp(args) => runs::give_up(&args),
         CliCommand::Check(args) => check::check(&args),
         CliCommand::Serve(args) => serve::serve(&args),

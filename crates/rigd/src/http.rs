@@ -16,6 +16,7 @@
 //! | `GET /api/v1/runs/{id}/export?format=csv` | its touches; `sweeps` or `jsonl` for the rest |
 //! | `POST /api/v1/runs/{id}/pause`, `resume`, `abort`, `answer` | a command to that run |
 //! | `POST /api/v1/runs/{id}/continue`, `give-up` | goes on with a run that was not completed; seals it |
+//! | `POST /api/v1/runs/{id}/redo`, `skip` | measures one touch again; leaves it out |
 //! | `POST /api/v1/stop` | stops everything, retracts, latches |
 //! | `POST /api/v1/acknowledge` | leaves the latch |
 //! | `GET /api/v1/events` | every record of the journal, as server-sent events |
@@ -136,6 +137,8 @@ pub fn router(shared: Shared) -> Router {
         .route("/runs/{id}/abort", post(runs::abort))
         .route("/runs/{id}/answer", post(runs::answer))
         .route("/runs/{id}/continue", post(resume::resume))
+        .route("/runs/{id}/redo", post(resume::redo))
+        .route("/runs/{id}/skip", post(resume::skip))
         .route("/runs/{id}/give-up", post(resume::give_up))
         .route("/protocols/check", post(plan::check))
         .route("/events", get(events::stream));

@@ -10,6 +10,7 @@
 //! Only that channel and that watch are shared, so that slow, numerous or hostile web clients do
 //! not affect the rig.
 
+mod amend;
 mod devices;
 mod inspect;
 mod live;
@@ -29,6 +30,7 @@ use rig_sim::SimHandle;
 use rig_store::{RunId, StoreError};
 use tokio::sync::{mpsc, oneshot, watch};
 
+pub use amend::{TouchOrder, skip};
 pub use inspect::{
     AxisFacts, AxisPosition, AxisState, DeviceFacts, DeviceSeen, Inspection, PortFacts, PortSeen,
     RoundTrips, inspect,
@@ -173,6 +175,17 @@ enum Request {
         by: String,
         reply: oneshot::Sender<Result<(), RequestRefusal>>,
     },
+    Redo {
+        order: TouchOrder,
+        is_confirmed: bool,
+        by: String,
+        reply: oneshot::Sender<Result<RunId, RequestRefusal>>,
+    },
+    Skip {
+        order: TouchOrder,
+        by: String,
+        reply: oneshot::Sender<Result<(), RequestRefusal>>,
+    },
     GiveUp {
         run: RunId,
         by: String,
@@ -279,6 +292,31 @@ impl RigHandle {
         let (reply, answer) = oneshot::channel();
         let by = by.to_owned();
         self.ask(Request::Resume { run, is_confirmed, by, reply }, answer).await?
+    }
+
+    /// Measures a touch of a run again, and returns the id of the amendment. `is_confirmed` accepts
+    /// what has changed since the run.
+    ///
+    /// # Errors
+    /// [`RequestRefusal`]; nothing has changed then.
+    pub async fn redo(
+        &self,
+        order: TouchOrder,
+        is_confirmed: bool,
+        by: &str,
+    ) -> Result<RunId, RequestRefusal> {
+        let (reply, answer) = oneshot::channel();
+        let by = by.to_owned();
+        self.ask(Request::Redo { order, is_confirmed, by, reply }, answer).await?
+    }
+
+    /// Leaves a touch of a run out.
+    ///
+    /// # Errors
+    /// [`RequestRefusal`]; nothing has changed then.
+    pub async fn skip(&self, order: TouchOrder, by: &str) -> Result<(), RequestRefusal> {
+        let (reply, answer) = oneshot::channel();
+        self.ask(Request::Skip { order, by: by.to_owned(), reply }, answer).await?
     }
 
     /// Gives up a run that had not been completed: it is sealed as it is.

@@ -370,6 +370,67 @@ fn a_run_that_is_given_up_does_not_go_on() {
     assert!(refused.status.code() == Some(1) && said.contains("sealed"), "{said}");
 }
 
+#[test]
+fn a_touch_is_measured_again_or_left_out_and_the_old_outcome_is_kept() {
+    let folder = TempDir::new().unwrap();
+    let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));
+    let (rig, protocol) = (rig.to_str().unwrap(), protocol.to_str().unwrap());
+    assert!(rigd(folder.path(), &["run", protocol, "--rig", rig]).status.success());
+    let show = || -> serde_json::Value {
+        let shown = rigd(folder.path(), &["show", "latest", "--json"]);
+        serde_json::from_slice(&shown.stdout).unwrap()
+    };
+    let chain = || rigd(folder.path(), &["export", "latest", "--format", "jsonl"]).stdout;
+    let (before, records) = (show(), chain());
+    let step = before["touch_results"][1]["step"].as_str().unwrap().to_owned();
+    let redo = ["redo", "latest", &step, "--why", "it slipped", "--operator", "Ada"];
+    let redone = rigd(folder.path(), &[&redo[..], &["--rig", rig, "--json"]].concat());
+    assert!(redone.status.success(), "{}", String::from_utf8_lossy(&redone.stderr));
+    let redone: serde_json::Value = serde_json::from_slice(&redone.stdout).unwrap();
+    let row = redone["touch_results"][1].clone();
+    assert_eq!((&row["status"], &row["attempts"]), (&"measured".into(), &2.into()));
+    assert_eq!(row["amended"], "redo by Ada: it slipped");
+    assert!(row["earlier"].as_str().unwrap().starts_with("shift "), "{row}");
+    assert!(row["sweep"].as_u64() > before["touch_results"][5]["sweep"].as_u64(), "{row}");
+    assert_eq!(redone["touches_measured"], 6);
+    // The run itself is as it was.
+    assert_eq!(chain(), records);
+
+    let skip = |step: &str| {
+        rigd(folder.path(), &["skip", "latest", step, "--why", "cracked", "--operator", "Ada"])
+    };
+    assert!(skip(&step).status.success());
+    let skipped = show();
+    let row = &skipped["touch_results"][1];
+    assert_eq!((&row["status"], &row["shift_hz"]), (&"skipped".into(), &serde_json::Value::Null));
+    assert!(row["earlier"].as_str().unwrap().matches("shift ").count() == 2, "{row}");
+    assert_eq!((&skipped["touches_measured"], &skipped["touches_skipped"]), (&5.into(), &1.into()));
+    assert_eq!(skip("main/9/left/0/1").status.code(), Some(3));
+    assert_eq!(chain(), records);
+    let report = fs::read_to_string(skipped["report"].as_str().unwrap()).unwrap();
+    assert!(report.contains("skip by Ada: cracked"));
+}
+
+#[test]
+fn a_skipped_touch_is_not_measured_when_the_run_is_resumed() {
+    let folder = TempDir::new().unwrap();
+    let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));
+    let (rig, protocol) = (rig.to_str().unwrap(), protocol.to_str().unwrap());
+    assert!(rigd(folder.path(), &["run", protocol, "--rig", rig]).status.success());
+    let data = folder.path().join("data");
+    let crash = crashed(&data, 60);
+    fs::copy(crash.path().join("rigd.db"), data.join("rigd.db")).unwrap();
+    let skipped = rigd(folder.path(), &["skip", "latest", "blind/2", "--why", "not needed"]);
+    assert!(skipped.status.success(), "{}", String::from_utf8_lossy(&skipped.stderr));
+    let done = rigd(folder.path(), &["run", "--resume", "latest", "--rig", rig, "--json"]);
+    let results: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
+    let counts = ["touches_measured", "touches_skipped", "touches_not_reached"];
+    assert_eq!(counts.map(|count| results[count].as_u64().unwrap()), [5, 1, 0]);
+    let reader = Reader::open(&data).unwrap();
+    let run = reader.find("latest").unwrap();
+    assert!(run.is_sealed && !touches(&reader, run.id).contains_key("blind/2"));
+}
+
 /// Kills the program itself, at moments spread over a run, and resumes it until it is done.
 #[test]
 fn a_program_that_is_killed_again_and_again_finishes_its_run() {

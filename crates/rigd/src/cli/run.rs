@@ -1,6 +1,9 @@
 //! `rigd run`: replays a protocol from beginning to end, or goes on with a run, and leaves the report.
 
-use std::time::{Duration, Instant};
+use std::{
+    path::Path,
+    time::{Duration, Instant},
+};
 
 use rig_engine::{Command, RunStatus};
 use rig_store::{Ending, RunId};
@@ -10,7 +13,7 @@ use tokio::{
 };
 
 use super::{
-    Failure, RunArgs,
+    Failure, OutputArgs, RedoArgs, RunArgs,
     prompt::Terminal,
     runs, screen,
     session::{LeftInContact, Session, latched, with_rig},
@@ -18,7 +21,7 @@ use super::{
 };
 use crate::{
     protocol_file::LoadedProtocol,
-    rig::{self, Status},
+    rig::{self, Status, TouchOrder},
     run_files,
 };
 
@@ -28,6 +31,8 @@ enum Order {
     Protocol(Box<LoadedProtocol>),
     /// The rest of a run.
     Rest { run: RunId, is_confirmed: bool },
+    /// One touch of a run again.
+    Redo { touch: TouchOrder, is_confirmed: bool },
 }
 
 pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
@@ -39,7 +44,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
                 && ending.is_complete()
             {
                 note(&format!("{} has been {}", run.short_name(), run.status.describe()));
-                return finish(args, run.id, ending == Ending::CompletedWithRefusals);
+                return finish(data, &args.output, run.id, ending == Ending::CompletedWithRefusals);
             }
             let order = Order::Rest { run: run.id, is_confirmed: args.accept_changes };
             (order, args.rig.load()?, LeftInContact::Retract)
@@ -57,22 +62,45 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     let (run, ending, status) = with_rig(rig, data, &operator, left, async |session| {
         replay(session, order, is_simulated).await
     })?;
-    let finished = finish(args, run, ending == RunStatus::CompletedWithRefusals);
+    end(data, &args.output, run, ending, &status)
+}
+
+/// Measures one touch of a run again.
+pub(super) fn redo(args: &RedoArgs) -> Result<(), Failure> {
+    let (data, rig) = (&args.touch.data.data, args.rig.load()?);
+    let touch = args.touch.order()?;
+    let (run, is_simulated, operator) = (touch.run, rig.is_simulated(), args.touch.operator.name());
+    let order = Order::Redo { touch, is_confirmed: args.accept_changes };
+    let redone = with_rig(rig, data, &operator, LeftInContact::Refuse, async |session| {
+        replay(session, order, is_simulated).await
+    });
+    let (_, ending, status) = redone?;
+    end(data, &args.output, run, ending, &status)
+}
+
+/// Writes the files of a run and prints its results, also when it ended early.
+fn end(
+    data: &Path,
+    output: &OutputArgs,
+    run: RunId,
+    ending: RunStatus,
+    status: &Status,
+) -> Result<(), Failure> {
+    let finished = finish(data, output, run, ending == RunStatus::CompletedWithRefusals);
     match ending {
         RunStatus::Completed | RunStatus::CompletedWithRefusals => finished,
         RunStatus::Aborted => finished.and(Err(Failure::Aborted)),
-        RunStatus::Faulted => finished.and(Err(latched(&status))),
+        RunStatus::Faulted => finished.and(Err(latched(status))),
     }
 }
 
 /// Writes the files of a run and prints its results.
-fn finish(args: &RunArgs, run: RunId, has_refusals: bool) -> Result<(), Failure> {
-    let data = &args.data.data;
+fn finish(data: &Path, output: &OutputArgs, run: RunId, has_refusals: bool) -> Result<(), Failure> {
     let files = run_files::write(data, run)?;
-    if !args.output.json {
+    if !output.json {
         note(&format!("report: {}\ndata:   {}\n", files.report.display(), files.data.display()));
     }
-    runs::print_results(data, &files.results, args.output.json)?;
+    runs::print_results(data, &files.results, output.json)?;
     if has_refusals { Err(Failure::TouchesRefused) } else { Ok(()) }
 }
 
@@ -89,6 +117,9 @@ async fn replay(
         Order::Rest { run, is_confirmed } => {
             session.handle.resume(run, is_confirmed, session.operator()).await?;
             run
+        }
+        Order::Redo { touch, is_confirmed } => {
+            session.handle.redo(touch, is_confirmed, session.operator()).await?
         }
     };
     let mut redraw = tokio::time::interval(REDRAW_INTERVAL);

@@ -12,10 +12,12 @@ use serde::Serialize;
 
 use super::{
     ExportArgs, ExportFormat, ExportTable, Failure, GiveUpArgs, ReportArgs, RunsArgs, ShowArgs,
+    TouchArgs,
     table::{columns, duration, note, print, print_json},
 };
 use crate::{
     interruption::{ADVICE, InterruptionView},
+    rig::{self, RequestRefusal},
     run_files::{self, ResultsView},
 };
 
@@ -145,6 +147,16 @@ pub(super) fn give_up(args: &GiveUpArgs) -> Result<(), Failure> {
     let store = Store::open(data).map_err(|source| Failure::Data { data: data.clone(), source })?;
     store.give_up(run.id, 0, args.operator.name().as_str())?;
     note(&format!("{} is given up and sealed", run.short_name()));
+    Ok(())
+}
+
+/// Leaves a touch of a run out.
+pub(super) fn skip(args: &TouchArgs) -> Result<(), Failure> {
+    let (data, touch) = (&args.data.data, args.order()?);
+    let store = Store::open(data).map_err(|source| Failure::Data { data: data.clone(), source })?;
+    rig::skip(&store, &touch, args.operator.name().as_str(), 0).map_err(RequestRefusal::from)?;
+    run_files::write(data, touch.run)?;
+    note(&format!("{} is left out; its readings stay in the journal", touch.step));
     Ok(())
 }
 

@@ -1,9 +1,10 @@
-//! Runs that were not completed: continue them, or give them up.
+//! Runs that were not completed: continue them, or give them up. Touches: measure one again, or leave
+//! it out.
 
 use axum::{
-    Extension,
+    Extension, Json,
     body::Bytes,
-    extract::{Path, State},
+    extract::{Path, State, rejection::JsonRejection},
     http::StatusCode,
     response::Response,
 };
@@ -11,7 +12,7 @@ use rig_store::RunId;
 use serde::{Deserialize, de::DeserializeOwned};
 
 use super::{Problem, Shared, runs::begun};
-use crate::operator::Operator;
+use crate::{operator::Operator, rig::TouchOrder};
 
 /// What a client confirms.
 #[derive(Debug, Default, Deserialize)]
@@ -32,6 +33,43 @@ pub(super) async fn resume(
     let ContinueForm { accept_changes } = form(&body)?;
     shared.inner.rig.resume(id, accept_changes, operator.as_str()).await?;
     Ok(begun(id))
+}
+
+/// One touch, and why it is amended.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TouchForm {
+    /// Address of the touch.
+    step: String,
+    why: String,
+    /// The changes since the run are wanted.
+    #[serde(default)]
+    accept_changes: bool,
+}
+
+/// Measures a touch of a run again. The answer has the id of the amendment.
+pub(super) async fn redo(
+    State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
+    Path(id): Path<String>,
+    form: Result<Json<TouchForm>, JsonRejection>,
+) -> Result<Response, Problem> {
+    let Json(TouchForm { step, why, accept_changes }) = form?;
+    let order = TouchOrder { run: id.parse()?, step, why };
+    Ok(begun(shared.inner.rig.redo(order, accept_changes, operator.as_str()).await?))
+}
+
+/// Leaves a touch of a run out.
+pub(super) async fn skip(
+    State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
+    Path(id): Path<String>,
+    form: Result<Json<TouchForm>, JsonRejection>,
+) -> Result<StatusCode, Problem> {
+    let Json(TouchForm { step, why, .. }) = form?;
+    let order = TouchOrder { run: id.parse()?, step, why };
+    shared.inner.rig.skip(order, operator.as_str()).await?;
+    Ok(StatusCode::NO_CONTENT)
 }
 
 /// Seals a run as it is.

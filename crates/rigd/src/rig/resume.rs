@@ -158,6 +158,19 @@ impl Known {
         Ok(Self { run, records, protocol, changes })
     }
 
+    /// Digest of the last record of the run itself, in hexadecimal.
+    pub(super) fn head(&self) -> String {
+        let own = self.records.iter().rev().find(|stored| stored.run == self.run.id);
+        own.map(|last| last.digest.to_string()).unwrap_or_default()
+    }
+
+    /// The plan of one of its touches.
+    pub(super) fn only(&self, step: &str) -> Result<Plan, ResumeRefusal> {
+        let none =
+            || ResumeRefusal::NoSuchTouch { run: self.run.to_string(), step: step.to_owned() };
+        self.protocol.plan.only(step).ok_or_else(none)
+    }
+
     /// Refuses changes that nobody has confirmed.
     pub(super) fn confirm(&self, is_confirmed: bool) -> Result<(), ResumeRefusal> {
         if self.changes.is_empty() || is_confirmed {
@@ -208,7 +221,7 @@ pub(super) fn devices(setting: &Setting) -> Vec<Device> {
     setting.devices.iter().map(device).collect()
 }
 
-fn started(records: &[StoredRecord]) -> Result<Option<RunStarted>, StoreError> {
+pub(super) fn started(records: &[StoredRecord]) -> Result<Option<RunStarted>, StoreError> {
     match records.first().map(StoredRecord::record).transpose()? {
         Some(Record::RunStarted(started)) => Ok(Some(started)),
         _ => Ok(None),

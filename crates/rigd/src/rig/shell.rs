@@ -21,7 +21,7 @@ use rustix::time::{ClockId, clock_gettime};
 use tokio::sync::{mpsc, oneshot, watch};
 
 use super::{
-    OpenError, Pace, Request, RequestRefusal, RunView, Setting, Status,
+    OpenError, Pace, Request, RequestRefusal, RunView, Setting, Status, TouchOrder, amend,
     devices::Axes,
     live::LiveSweep,
     open::{Halt, Opened, Simulation, open_rig},
@@ -244,6 +244,13 @@ impl Shell {
             Request::Resume { run, is_confirmed, by, reply } => {
                 _ = reply.send(self.resume_run(run, is_confirmed, &by));
             }
+            Request::Redo { order, is_confirmed, by, reply } => {
+                _ = reply.send(self.redo(&order, is_confirmed, &by));
+            }
+            Request::Skip { order, by, reply } => {
+                let skipped = amend::skip(&self.store, &order, &by, self.clock.now().as_micros());
+                _ = reply.send(skipped.map_err(RequestRefusal::from));
+            }
             Request::GiveUp { run, by, reply } => {
                 let rig_us = self.clock.now().as_micros();
                 let given_up = self.store.give_up(run, rig_us, &by);
@@ -354,6 +361,29 @@ impl Shell {
         self.begin(admitted, by);
         self.commit();
         Ok(())
+    }
+
+    /// Measures one touch of a run again, as an amendment.
+    fn redo(
+        &mut self,
+        order: &TouchOrder,
+        is_confirmed: bool,
+        by: &str,
+    ) -> Result<RunId, RequestRefusal> {
+        let known =
+            Known::read(&self.store.reader()?, order.run, &self.setting, &self.known_samples)?;
+        let (plan, sweeps) = (known.only(&order.step)?, known.rest()?.sweeps);
+        let admitted = self.engine.admit(Command::Run(Box::new(plan.clone())))?;
+        self.journal_is_fine()?;
+        known.confirm(is_confirmed)?;
+        let rig_us = self.clock.now().as_micros();
+        let journal = amend::redo(&self.store, &known, order, by, rig_us, &self.setting)?;
+        let (id, plan) = (journal.id(), Arc::new(plan));
+        self.run = Some((journal, Recorder::continued(Arc::clone(&plan), sweeps)));
+        self.view.run = Some(self.run_view(id, plan));
+        self.begin(admitted, by);
+        self.commit();
+        Ok(id)
     }
 
     fn journal_is_fine(&self) -> Result<(), RequestRefusal> {

@@ -1,0 +1,86 @@
+//! Amendments: one touch of a run measured again or left out. The run itself stays as it is.
+
+use rig_store::{
+    Amended, Amendment, Ending, Journal, Record, RunFinished, RunId, RunKind, RunStatus, Store,
+};
+
+use super::{
+    Setting,
+    resume::{Known, ResumeRefusal, SOFTWARE, devices, started},
+};
+
+/// Which touch is amended, by whom, and why.
+#[derive(Debug, Clone)]
+pub struct TouchOrder {
+    /// The run.
+    pub run: RunId,
+    /// Address of the touch.
+    pub step: String,
+    /// The reason, for the journal.
+    pub why: String,
+}
+
+/// Begins the journal of a touch that is measured again.
+pub(super) fn redo(
+    store: &Store,
+    known: &Known,
+    order: &TouchOrder,
+    who: &str,
+    rig_us: u64,
+    setting: &Setting,
+) -> Result<Journal, ResumeRefusal> {
+    let head = known.head();
+    let amended = Amended {
+        devices: devices(setting),
+        changes: known.changes.clone(),
+        ..amended(order, Amendment::Redo, who, head)
+    };
+    let mut journal = store.begin(RunKind::Amendment, &order.run.to_string())?;
+    journal.append(rig_us, &Record::Amended(amended))?;
+    Ok(journal)
+}
+
+/// Leaves a touch of a run out: its outcome is not used, and it is not measured when the run is
+/// resumed.
+///
+/// # Errors
+/// [`ResumeRefusal`]; nothing has changed then.
+pub fn skip(
+    store: &Store,
+    order: &TouchOrder,
+    who: &str,
+    rig_us: u64,
+) -> Result<(), ResumeRefusal> {
+    let reader = store.reader()?;
+    let (run, records) = (reader.run(order.run)?, reader.records(order.run)?);
+    if run.status == RunStatus::Running {
+        return Err(ResumeRefusal::UnderWay { run: run.to_string() });
+    }
+    let is_planned = started(&records)?
+        .is_some_and(|started| started.touches.iter().any(|touch| touch.step == order.step));
+    if !is_planned {
+        let (run, step) = (run.to_string(), order.step.clone());
+        return Err(ResumeRefusal::NoSuchTouch { run, step });
+    }
+    let head = records.last().map(|last| last.digest.to_string()).unwrap_or_default();
+    let mut journal = store.begin(RunKind::Amendment, &order.run.to_string())?;
+    let amended = amended(order, Amendment::Skip, who, head);
+    journal.append(rig_us, &Record::Amended(amended))?;
+    journal.append(rig_us, &Record::RunFinished(RunFinished { status: Ending::Completed }))?;
+    Ok(journal.commit()?)
+}
+
+fn amended(order: &TouchOrder, what: Amendment, who: &str, head: String) -> Amended {
+    let TouchOrder { run, step, why } = order.clone();
+    Amended {
+        run: run.to_string(),
+        head,
+        step,
+        what,
+        who: who.to_owned(),
+        why,
+        software: SOFTWARE.to_owned(),
+        devices: Vec::new(),
+        changes: Vec::new(),
+    }
+}
