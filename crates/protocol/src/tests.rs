@@ -462,3 +462,40 @@ fn a_seed_draws_what_it_has_always_drawn() {
     assert_eq!(draws(Draws::Order), [361, 728, 315, 785, 329, 329]);
     assert_eq!(draws(Draws::Blind), [661, 764, 214, 272, 457, 385]);
 }
+
+#[test]
+fn the_rest_of_a_plan_has_every_touch_that_is_left_and_what_it_needs() {
+    let plan = plan_of(SMOKE);
+    let touches = |plan: &Plan| -> Vec<String> {
+        let is_touch = |step: &&crate::Step| matches!(step.action, Action::Touch(_));
+        plan.steps.iter().filter(is_touch).map(|step| step.id.to_string()).collect()
+    };
+    let all = touches(&plan);
+    for done in 0..=all.len() {
+        // The first ones are done, and one of the others.
+        let is_done = |step: &str| {
+            all[..done].iter().any(|known| known == step) || done > 3 && step == all[all.len() - 1]
+        };
+        let (rest, from) = plan.resumed(|step| is_done(&step.0));
+        let mut found = touches(&rest);
+        let left = &rest.steps[from..];
+        assert!(left.iter().all(|step| !is_done(&step.id.0)), "{done} done");
+        assert!(rest.steps[..from].iter().all(|step| plan.steps.contains(step)));
+        if let Some(next) = left.iter().find(|step| matches!(step.action, Action::Touch(_))) {
+            // Nobody knows what stands under the probe, nor how the sensor stands.
+            let before: Vec<_> = left.iter().take(4).map(|step| step.action).collect();
+            assert!(matches!(before[0], Action::Prompt(Prompt::PlaceSample { .. })), "{next:?}");
+            assert!(matches!(before[1], Action::Prompt(Prompt::TurnSensor { .. })), "{next:?}");
+            assert!(matches!((before[2], before[3]), (Action::NoLoad(_), Action::Touch(_))));
+        }
+        found.sort();
+        let mut expected = all.clone();
+        expected.sort();
+        assert_eq!(found, expected, "{done} done");
+    }
+    // Nothing is done: the plan itself.
+    assert_eq!(plan.resumed(|_| false), (plan.clone(), 0));
+    let only = plan.only(&all[5]).unwrap();
+    assert_eq!((touches(&only), only.steps.len()), (vec![all[5].clone()], 4));
+    assert_eq!(plan.only("main/9/left/0/1"), None);
+}

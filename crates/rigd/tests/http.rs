@@ -88,7 +88,8 @@ impl Daemon {
         let answer = self.router.clone().oneshot(request).await.unwrap();
         let status = answer.status();
         let bytes = to_bytes(answer.into_body(), usize::MAX).await.unwrap();
-        (status, serde_json::from_slice(&bytes).unwrap())
+        let is_empty = bytes.is_empty();
+        (status, if is_empty { Value::Null } else { serde_json::from_slice(&bytes).unwrap() })
     }
 
     async fn move_to(&self, axis: &str, to: f64) -> (StatusCode, Value) {
@@ -235,5 +236,73 @@ async fn an_idempotency_key_is_known_after_a_restart() {
     assert_eq!(runs[0], runs[1]);
     let all = daemon.ask("GET", "runs", &Value::Null).await.1;
     assert_eq!(all.as_array().unwrap().len(), 1, "{all}");
+    daemon.close().await;
+}
+
+#[tokio::test]
+async fn a_run_is_continued_amended_and_given_up_over_http() {
+    let daemon = Daemon::start().await;
+    let smoke = include_str!("../../../config/protocols/smoke.toml");
+    let protocol = json!({ "protocol_toml": smoke });
+    let (status, begun) = daemon.ask("POST", "runs", &protocol).await;
+    assert_eq!(status, StatusCode::ACCEPTED, "{begun}");
+    let id = begun["id"].as_str().unwrap().to_owned();
+    let run = |what: &str| format!("runs/{id}/{what}");
+    let (status, refusal) = daemon.ask("POST", &run("continue"), &json!({})).await;
+    assert_eq!(status, StatusCode::CONFLICT, "{refusal}");
+    let mut rig = daemon.handle.status();
+    let has_touches =
+        |status: &rig::Status| status.run.as_ref().is_some_and(|run| run.touches_done >= 2);
+    rig.wait_for(has_touches).await.unwrap();
+    let step = json!({ "step": "main/1/front/0/1", "why": "it slipped" });
+    assert_eq!(daemon.ask("POST", &run("skip"), &step).await.0, StatusCode::CONFLICT);
+    assert_eq!(daemon.ask("POST", &run("abort"), &json!({})).await.0, StatusCode::ACCEPTED);
+    daemon.wait_until_idle().await;
+    let (_, runs) = daemon.ask("GET", "runs", &Value::Null).await;
+    assert_eq!((&runs[0]["status"], &runs[0]["is_resumable"]), (&"aborted".into(), &true.into()));
+
+    let unknown = json!({ "accept_change": true });
+    assert_eq!(daemon.ask("POST", &run("continue"), &unknown).await.0, StatusCode::BAD_REQUEST);
+    let (status, continued) = daemon.ask("POST", &run("continue"), &json!({})).await;
+    assert_eq!((status, &continued["id"]), (StatusCode::ACCEPTED, &id.as_str().into()));
+    let (_, plan) = daemon.ask("GET", &run("plan"), &Value::Null).await;
+    assert_eq!(
+        (&plan["touches"], plan["steps"].as_array().unwrap().len() > 40),
+        (&18.into(), true)
+    );
+    let is_ended =
+        |status: &rig::Status| status.run.as_ref().is_some_and(|run| run.ending.is_some());
+    rig.wait_for(is_ended).await.unwrap();
+    daemon.wait_until_idle().await;
+    let (_, detail) = daemon.ask("GET", &format!("runs/{id}"), &Value::Null).await;
+    assert_eq!(
+        (&detail["status"], &detail["results"]["touches"]),
+        (&"completed".into(), &18.into())
+    );
+    for what in ["continue", "give-up"] {
+        let (status, refusal) = daemon.ask("POST", &run(what), &json!({})).await;
+        assert_eq!(status, StatusCode::CONFLICT, "{refusal}");
+        assert!(refusal["detail"].as_str().unwrap().contains("sealed"), "{refusal}");
+    }
+
+    let (status, redone) = daemon.ask("POST", &run("redo"), &step).await;
+    assert_eq!(status, StatusCode::ACCEPTED, "{redone}");
+    assert_ne!(redone["id"], id.as_str());
+    daemon.wait_until_idle().await;
+    let amended = async || {
+        let (_, detail) = daemon.ask("GET", &format!("runs/{id}"), &Value::Null).await;
+        detail["results"]["touch_results"][0].clone()
+    };
+    let row = amended().await;
+    assert_eq!(row["amended"], "redo by the lab: it slipped", "{row}");
+    assert_eq!(daemon.ask("POST", &run("skip"), &step).await.0, StatusCode::NO_CONTENT);
+    assert_eq!(amended().await["status"], "skipped");
+    let nowhere = json!({ "step": "main/7/front/0/1", "why": "it slipped" });
+    for what in ["redo", "skip"] {
+        assert_eq!(daemon.ask("POST", &run(what), &nowhere).await.0, StatusCode::NOT_FOUND);
+    }
+    // Amendments are no runs of the list.
+    let (_, runs) = daemon.ask("GET", "runs", &Value::Null).await;
+    assert_eq!(runs.as_array().unwrap().len(), 1);
     daemon.close().await;
 }

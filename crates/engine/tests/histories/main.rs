@@ -229,3 +229,32 @@ fn the_time_between_the_readings_of_a_sweep_counts_against_its_limit() {
     });
     assert!(refusal.as_ref().is_some_and(|refusal| refusal.contains("Time {")), "{refusal:?}");
 }
+
+#[test]
+fn a_rig_that_was_left_by_a_crash_waits_for_a_person_and_then_retracts_first() {
+    for may_touch in [true, false] {
+        let mut world = World::new(None);
+        let mut effects = Vec::new();
+        world.engine.latch_interrupted(
+            "smoke-1 was interrupted".to_owned(),
+            may_touch,
+            &mut effects,
+        );
+        let snapshot = world.engine.snapshot();
+        let expected = if may_touch { Clearance::InContact } else { Clearance::Unknown };
+        assert_eq!((snapshot.state, snapshot.clearance), (RigState::Latched, expected));
+        assert_eq!(snapshot.fault.unwrap().to_string(), "smoke-1 was interrupted");
+        let is_motion = |effect: &rig_engine::Effect| matches!(effect, rig_engine::Effect::Do(..));
+        assert!(!effects.iter().any(is_motion), "{effects:?}");
+        for command in [Command::Prepare, Command::Run(Box::new(plan()))] {
+            world.engine.admit(command).unwrap_err();
+        }
+        world.engine.admit(Command::Acknowledge).unwrap();
+        // Once the rig is in service, a late call changes nothing.
+        let mut world = World::new(None);
+        world.play();
+        effects.clear();
+        world.engine.latch_interrupted("late".to_owned(), true, &mut effects);
+        assert_eq!((world.engine.snapshot().state, effects.len()), (RigState::Idle, 0));
+    }
+}

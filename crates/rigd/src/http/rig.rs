@@ -1,7 +1,7 @@
 //! The rig as a whole.
 
 use axum::{Extension, Json, extract::State};
-use rig_engine::{Command, RigState};
+use rig_engine::{Command, Fault, RigState};
 use serde::Serialize;
 
 use super::{
@@ -77,6 +77,8 @@ struct RunProgress {
 
 #[derive(Debug, Serialize)]
 struct FaultView {
+    /// `interrupted` if the last program was killed; `fault` otherwise.
+    kind: &'static str,
     cause: String,
     hint: String,
 }
@@ -131,6 +133,7 @@ pub(super) fn view(facts: &RigFacts, status: &Status) -> RigView {
     };
     let prompt = snapshot.prompt.zip(status.run.as_ref()).map(|(prompt, run)| run.ask(&prompt));
     let fault = snapshot.fault.as_ref().map(|fault| FaultView {
+        kind: if matches!(fault, Fault::Interrupted { .. }) { "interrupted" } else { "fault" },
         cause: fault.to_string(),
         hint: match snapshot.state {
             RigState::Retracting => hint::during_retract(fault),
