@@ -13,7 +13,7 @@ use crate::{
     world::{NoSuchSample, Truth, Violation},
 };
 
-/// The commands.
+/// The answer to `help`: every command with its arguments.
 pub const HELP: &str = "\
 help
 place NAME             put a sample under the probe

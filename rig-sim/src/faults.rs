@@ -18,7 +18,7 @@ pub struct Fault {
     pub unit: Option<u8>,
     /// The kind of the fault.
     pub kind: FaultKind,
-    /// Its time.
+    /// When the fault acts.
     pub trigger: FaultTrigger,
 }
 

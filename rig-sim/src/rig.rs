@@ -29,18 +29,18 @@ pub struct Rig {
     faults: FaultSchedule,
     /// The outlets of the analyzer and of the bus.
     outlets: [Outlet; 2],
-    /// What was said to the ports, since it is listened to.
+    /// Bytes sent to the ports, if they are recorded.
     overheard: Option<Vec<Overheard>>,
 }
 
-/// Bytes that came to a port together.
+/// Bytes that arrived at a port together.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Overheard {
-    /// When they came.
+    /// Time of arrival.
     pub at: RigTime,
-    /// Where.
+    /// Port at which the bytes arrived.
     pub port: PortId,
-    /// The bytes.
+    /// The bytes, in order of arrival.
     pub bytes: Vec<u8>,
 }
 

@@ -35,7 +35,7 @@ pub struct AxisWiring {
 /// One of the rig's ports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PortId {
-    /// The analyzer's.
+    /// The port of the analyzer.
     Analyzer,
     /// The line of the drives.
     Bus,

@@ -28,7 +28,7 @@ pub(crate) enum Outcome {
     },
     /// With a panic of the daemon or of this program.
     Panicked,
-    /// Not yet.
+    /// No end within the patience.
     NoEnd,
 }
 

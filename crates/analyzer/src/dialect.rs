@@ -20,7 +20,7 @@ pub struct Dialect {
     pub high_power: Option<HighPower>,
     /// Longest delay between trigger and measurement, s.
     pub delay_max_s: f64,
-    /// Transport rules.
+    /// Rules of the connection: handshake and echo of serial lines.
     pub transport: TransportRules,
     pub(crate) commands: CommandSet,
 }

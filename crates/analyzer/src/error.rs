@@ -110,7 +110,7 @@ pub enum AnalyzerError {
     Strays {
         /// Name of the port.
         port: Arc<str>,
-        /// The amount.
+        /// Number of unexpected bytes.
         bytes: usize,
     },
     /// The answer is not one to this question.
@@ -158,7 +158,7 @@ pub enum AnalyzerError {
         port: Arc<str>,
         /// The models that the dialect is for.
         expected: &'static str,
-        /// Who answers.
+        /// Identity in the answer.
         found: Box<Identity>,
     },
     /// Another instrument than before answers.
@@ -180,7 +180,7 @@ pub enum AnalyzerError {
     /// The stop that was asked for. Nothing is being measured.
     #[error("measurement stopped after {done} of {points} points")]
     Stopped {
-        /// Points measured.
+        /// Number of points measured before the stop.
         done: usize,
         /// Points asked for.
         points: usize,

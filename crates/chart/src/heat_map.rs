@@ -8,7 +8,7 @@ use crate::{
 /// The rating of a category; it gives the colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Tone {
-    /// Correct.
+    /// A correct result.
     Good,
     /// Not correct, but detected.
     Fair,

@@ -29,7 +29,7 @@ impl Svg {
         svg
     }
 
-    /// Appends SVG.
+    /// Appends SVG source without escaping.
     pub(crate) fn add(&mut self, text: fmt::Arguments<'_>) {
         self.0.write_fmt(text).expect("a string takes all text");
     }

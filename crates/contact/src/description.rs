@@ -5,7 +5,7 @@ use crate::{ContactLaw, Depth, Friction, Sensor, Tissue, TissueError, inverse::T
 /// A sensor, its contact with the samples, and how well both are known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SensorDescription {
-    /// The sensor.
+    /// Geometry and materials of the sensor.
     pub sensor: Sensor,
     /// Whether the sensor deflects when the stage moves. Otherwise the whole move is an indentation.
     pub deflects: bool,

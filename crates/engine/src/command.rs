@@ -14,7 +14,7 @@ pub enum Command {
     Run(Box<Plan>),
     /// Replay the rest of a plan whose run had not been completed.
     Continue {
-        /// The plan.
+        /// Plan of the run, checked against the rig.
         plan: Box<Plan>,
         /// Number of steps that are done.
         from: usize,

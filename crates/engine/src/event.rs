@@ -102,7 +102,7 @@ pub enum TouchOutcome {
     Refused {
         /// Position of the probe in the sample, if it was reached.
         contact: Option<Contact>,
-        /// The reason.
+        /// Why the touch has no resonance.
         refusal: Refusal,
     },
 }
@@ -155,7 +155,7 @@ pub enum Event {
     PromptAsked(Prompt),
     /// A person has answered a prompt.
     PromptAnswered {
-        /// The prompt.
+        /// Action that the person is asked for.
         prompt: Prompt,
         /// Name of the operator.
         by: String,
@@ -164,23 +164,23 @@ pub enum Event {
     Intent {
         /// The lowest position of the moves that follow.
         down_to: Position<Mm>,
-        /// The reason.
+        /// Purpose of the move.
         purpose: LoweringPurpose,
     },
     /// The linear stage has moved.
     LinearMoved {
-        /// The target.
+        /// Target of the linear stage, mm.
         target: Position<Mm>,
-        /// The read-back.
+        /// Position of the linear stage after the move, mm.
         read_back: Position<Mm>,
         /// Whether this shows the probe to be clear.
         is_clear: bool,
     },
     /// The rotary stage has moved.
     RotaryMoved {
-        /// The target.
+        /// Target of the rotary stage, degrees.
         target: Position<Deg>,
-        /// The read-back.
+        /// Position of the rotary stage after the move, degrees.
         read_back: Position<Deg>,
     },
     /// The surface has been found.
@@ -229,9 +229,9 @@ pub enum Event {
         /// Name of the operator.
         by: String,
     },
-    /// A fault.
+    /// The first fault; the rig leaves contact and latches.
     Faulted {
-        /// The fault.
+        /// Its cause, with the device.
         fault: Fault,
         /// Clearance of the probe at that time.
         clearance: Clearance,

@@ -72,13 +72,13 @@ pub enum Fault {
     /// A touch was planned with no reference measured before it.
     #[error("step {step} has no no-load resonance to compare with")]
     NoReferenceBefore {
-        /// The touch.
+        /// Address of the touch.
         step: StepId,
     },
     /// A report came that nothing had asked for.
     #[error("{what} was reported in {during}, where none was expected")]
     OutOfOrder {
-        /// The report.
+        /// Kind of the unexpected report.
         what: &'static str,
         /// The activity during which it came.
         during: &'static str,
@@ -126,7 +126,7 @@ pub enum Fault {
     /// An operation took far longer than it can.
     #[error("{what} did not end within its longest time")]
     Overdue {
-        /// The operation.
+        /// Operation that did not end.
         what: &'static str,
     },
     /// The probe was to be retracted and could not be shown to be clear.
@@ -138,7 +138,7 @@ pub enum Fault {
          {high}"
     )]
     PositionJumped {
-        /// The read-back.
+        /// Position read back after the fault, mm.
         found: Position<Mm>,
         /// The lowest position that the last moves can have led to.
         low: Position<Mm>,

@@ -28,13 +28,13 @@ pub enum InterlockError {
     /// The probe may be lowered only from a known state.
     #[error("the probe must not be lowered to {target}: it is not known where it is")]
     LoweringFromUnknown {
-        /// The target.
+        /// Refused target of the linear stage, mm.
         target: Position<Mm>,
     },
     /// The probe may be lowered only as far as was declared before.
     #[error("the probe must not be lowered to {target}: the lowest declared is {floor}")]
     BelowDeclared {
-        /// The target.
+        /// Refused target of the linear stage, mm.
         target: Position<Mm>,
         /// The lowest position declared.
         floor: Position<Mm>,

@@ -26,14 +26,14 @@ pub enum Operation {
     },
     /// Move the probe up or down and read back where it is.
     MoveLinear {
-        /// The target.
+        /// Target of the linear stage, within its soft limits, mm.
         target: Target<Mm>,
         /// Speed, mm/s.
         speed_mm_per_s: f64,
     },
     /// Tilt the sample and read back where it is.
     MoveRotary {
-        /// The target.
+        /// Target of the rotary stage, within its soft limits, degrees.
         target: Target<Deg>,
         /// Speed, °/s.
         speed_deg_per_s: f64,

@@ -52,7 +52,7 @@ pub(crate) enum RecoveryStep {
 pub(crate) enum RecoveryReport {
     /// It ended in order. Whether the probe is clear is for the interlock to say.
     Done,
-    /// No answer.
+    /// The linear drive does not answer.
     Silent,
     /// The drive has an alarm.
     Alarmed,

@@ -70,7 +70,7 @@ pub struct Simulation {
 pub enum Pace {
     /// As fast as the simulation computes.
     Virtual,
-    /// Real time.
+    /// As fast as the wall clock.
     Real,
 }
 
@@ -88,7 +88,7 @@ pub enum SimulatedPerson {
 pub struct AnalyzerFile {
     /// Make, which selects the dialect.
     pub make: AnalyzerMake,
-    /// Port.
+    /// Port of the analyzer.
     pub port: PortFile,
     /// End of a message in both directions; `None` for the usual one of the make.
     pub terminator: Option<Terminator>,

@@ -27,9 +27,9 @@ pub struct AttachedPort {
 /// The identity of an adapter on USB.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct UsbIdentity {
-    /// Vendor.
+    /// USB vendor id.
     pub vendor_id: u16,
-    /// Product.
+    /// USB product id.
     pub product_id: u16,
     /// Serial number; cheap adapters share one or have none.
     pub serial_number: Option<String>,

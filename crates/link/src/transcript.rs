@@ -24,9 +24,9 @@ pub enum Flow {
 pub struct Frame {
     /// When the first byte went.
     pub at: RigTime,
-    /// Which way.
+    /// Direction of the bytes.
     pub flow: Flow,
-    /// The bytes.
+    /// Bytes on the wire.
     pub bytes: Vec<u8>,
 }
 

@@ -175,7 +175,7 @@ impl Impedance {
 /// The result of an instrument at one point of a sweep.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PointResult {
-    /// A value.
+    /// An impedance.
     Value(Impedance),
     /// A value with a warning: the signal was too small for the range, or not at the level asked
     /// for.

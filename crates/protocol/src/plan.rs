@@ -78,7 +78,7 @@ pub enum Prompt {
 pub struct Pose {
     /// Direction of the tilt.
     pub direction: Direction,
-    /// Contact angle.
+    /// Contact angle, from 0° to below 90°.
     pub angle: ContactAngle,
 }
 

@@ -11,7 +11,7 @@ use crate::{Action, Approach, Plan, Pose, Step, Touch, TouchSettings};
 pub struct Summary {
     /// Touches, of both phases.
     pub touches: usize,
-    /// No-load measurements.
+    /// Number of no-load measurements.
     pub no_loads: usize,
     /// Number of prompts.
     pub prompts: usize,

@@ -94,7 +94,7 @@ pub enum ChainCheck {
     Broken {
         /// The number of the first bad record in the run.
         seq: u64,
-        /// The flaw.
+        /// Kind of the first flaw.
         flaw: Flaw,
     },
 }

@@ -106,7 +106,7 @@ pub enum Clearance {
     Clear,
     /// Lowered and not shown clear since.
     InContact,
-    /// Unknown.
+    /// No read-back has shown the probe clear or in contact.
     Unknown,
 }
 
@@ -201,6 +201,6 @@ impl Ending {
 /// The end of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RunFinished {
-    /// Its end.
+    /// How the run ended.
     pub status: Ending,
 }

@@ -74,7 +74,7 @@ pub enum RunStatus {
     /// Not ended, and its program has ended. A run can be resumed; a session ends as
     /// [`Ending::Interrupted`] when the journal is next opened to write.
     Interrupted,
-    /// Ended.
+    /// Ended by its program or by a person.
     Ended(Ending),
 }
 

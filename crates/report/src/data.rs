@@ -95,7 +95,7 @@ pub(crate) enum LogKind {
     Prompt,
     /// A person gave a command.
     Command,
-    /// Something failed.
+    /// A fault of a device, the journal or the line.
     Fault,
     /// A sweep gave no resonance.
     Refusal,

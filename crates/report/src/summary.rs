@@ -74,7 +74,7 @@ pub struct ShiftSummary {
 /// The recognition of the blind touches by k-means on their shifts.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ClassificationSummary {
-    /// Blind touches.
+    /// Number of classified blind touches.
     pub trials: u32,
     /// Blind touches in the cluster of their sample.
     pub correct: u32,
@@ -104,7 +104,7 @@ pub struct StiffnessSummary {
 pub struct RecognitionSummary {
     /// The method: `k-means`, `k-means-log` or `calibrated-stiffness`.
     pub method: &'static str,
-    /// Blind touches.
+    /// Number of classified blind touches.
     pub trials: u32,
     /// Recognised blind touches.
     pub correct: u32,

@@ -115,7 +115,7 @@ const DEFAULT_RIG: &str = "config/rigs/simulated.toml";
 /// The rig to use.
 #[derive(Debug, Args)]
 struct RigArgs {
-    /// Rig file
+    /// Rig file of the bench
     #[arg(long, value_name = "RIG", default_value = DEFAULT_RIG)]
     rig: PathBuf,
 }

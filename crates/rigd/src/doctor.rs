@@ -43,7 +43,7 @@ pub(crate) struct Finding {
     /// The thing checked.
     pub(crate) check: &'static str,
     pub(crate) level: Level,
-    /// The observation.
+    /// The observation, as text.
     pub(crate) text: String,
     /// Advice; empty if all is well.
     pub(crate) advice: Option<&'static str>,

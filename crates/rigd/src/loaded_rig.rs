@@ -27,7 +27,7 @@ pub struct LoadedRig {
 /// The scene of a simulated rig.
 #[derive(Debug)]
 pub struct LoadedScene {
-    /// The scene.
+    /// Contents of the simulated bench.
     pub scene: Scene,
     /// Its text, for the journal.
     pub source: Source,
@@ -38,7 +38,7 @@ pub struct LoadedScene {
 pub struct RigFacts {
     /// Name of the rig.
     pub name: String,
-    /// Its bench.
+    /// Limits of the bench for every protocol.
     pub limits: RigLimits,
     /// Names of the samples of a simulated rig. On a real bench, a person places the samples.
     pub known_samples: Option<Vec<String>>,

@@ -29,7 +29,7 @@ impl Operator {
         named.unwrap_or_else(|| Self(format!("uid {}", rustix::process::getuid())))
     }
 
-    /// The name.
+    /// The name, 1 to 64 characters.
     pub fn as_str(&self) -> &str {
         &self.0
     }

@@ -95,9 +95,9 @@ pub struct Status {
 /// The published state of a run.
 #[derive(Debug, Clone)]
 pub struct RunView {
-    /// Its id.
+    /// Id of the run in the journal.
     pub id: RunId,
-    /// Its protocol.
+    /// Plan of the run.
     pub plan: Arc<Plan>,
     /// When it began, on the rig's clock.
     pub started: RigTime,
@@ -115,7 +115,7 @@ pub struct RunView {
     pub touches_refused: usize,
     /// Time that it has waited for people.
     pub pace: Pace,
-    /// Its end.
+    /// How the run ended; `None` during the run.
     pub ending: Option<rig_engine::RunStatus>,
 }
 

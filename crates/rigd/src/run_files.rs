@@ -29,7 +29,7 @@ pub enum RunFilesError {
     /// A file cannot be written.
     #[error("{}", path.display())]
     File {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// The error of the system.
         source: io::Error,
@@ -53,7 +53,7 @@ pub fn folder(data: &Path, reader: &Reader, run: RunId) -> PathBuf {
 pub struct ResultsView {
     #[serde(flatten)]
     summary: RunSummary,
-    /// The report.
+    /// Path of the report, an HTML file.
     report: PathBuf,
     /// The folder with the data.
     data: PathBuf,

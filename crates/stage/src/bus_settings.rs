@@ -14,7 +14,7 @@ pub enum Framing {
 /// Settings of a line.
 #[derive(Debug, Clone, Copy)]
 pub struct BusSettings {
-    /// The framing.
+    /// Framing of Modbus on the line.
     pub framing: Framing,
     /// The silence between two frames, where it is not to be that of the standard: some devices
     /// need more, and a line that ends in this computer needs none.

@@ -29,7 +29,7 @@ impl fmt::Display for Alarm {
 pub struct AxisStatus<U> {
     /// When it was read.
     pub at: RigTime,
-    /// Measured position.
+    /// Position of the encoder.
     pub position: Position<U>,
     /// Target that the drive reports.
     pub target: Position<U>,

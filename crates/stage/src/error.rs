@@ -22,7 +22,7 @@ pub enum Exception {
     Acknowledge,
     /// 6: it is busy and has done nothing.
     Busy,
-    /// Another code.
+    /// An exception code outside the specification.
     Other(u8),
 }
 
@@ -62,7 +62,7 @@ pub struct DeviceRefusal {
     pub port: Arc<str>,
     /// Unit id of the device.
     pub unit: u8,
-    /// The request.
+    /// The refused request.
     pub request: Request,
     /// Exception of the device.
     pub exception: Exception,
@@ -85,7 +85,7 @@ pub enum LineFault {
         port: Arc<str>,
         /// Unit id of the device.
         unit: u8,
-        /// The request.
+        /// The request without a usable answer.
         request: Request,
         /// The last symptom.
         symptom: Symptom,
@@ -99,7 +99,7 @@ pub enum LineFault {
     /// A port that was lost cannot be opened again.
     #[error("the port was lost")]
     Reopen {
-        /// The reason.
+        /// The error of the line.
         #[source]
         source: Arc<OpenError>,
     },
@@ -114,7 +114,7 @@ pub enum LineFault {
         port: Arc<str>,
         /// Unit id of the device.
         unit: u8,
-        /// The request.
+        /// The request without a usable answer.
         request: Request,
     },
     /// A stop came before the write was answered. It was not sent, or not repeated.
@@ -124,7 +124,7 @@ pub enum LineFault {
         port: Arc<str>,
         /// Unit id of the device.
         unit: u8,
-        /// The request.
+        /// The request without a usable answer.
         request: Request,
     },
     /// The task that owns the line has ended.
@@ -203,7 +203,7 @@ pub enum StageError<U: Unit> {
     /// A speed that is not allowed.
     #[error("speed {asked} {}/s is outside (0, {max}]", U::SYMBOL)]
     Speed {
-        /// The request.
+        /// Requested speed, in the unit of the axis a second.
         asked: f64,
         /// The fastest allowed.
         max: f64,
@@ -211,7 +211,7 @@ pub enum StageError<U: Unit> {
     /// A speed below the slowest of the drive.
     #[error("speed {asked} {}/s is below the slowest of the drive, {min:.4}", U::SYMBOL)]
     TooSlow {
-        /// The request.
+        /// Requested speed, in the unit of the axis a second.
         asked: f64,
         /// Slowest speed of the drive.
         min: f64,
@@ -219,23 +219,23 @@ pub enum StageError<U: Unit> {
     /// A position that the drive cannot count to.
     #[error("{wanted} is beyond the counting range of the drive")]
     Uncountable {
-        /// The request.
+        /// Requested position.
         wanted: Position<U>,
     },
     /// The drive reports an alarm.
     #[error("alarm {alarm}, at {at}")]
     Alarmed {
-        /// The alarm.
+        /// Alarm code of the drive, with its name.
         alarm: Alarm,
-        /// Read-back.
+        /// Position read back from the drive.
         at: Position<U>,
     },
     /// The drive is at rest and never accepted the target, without an alarm.
     #[error("the drive ignored the move to {wanted} and is at {at}; {hint}")]
     Ignored {
-        /// The request.
+        /// Requested position.
         wanted: Position<U>,
-        /// Read-back.
+        /// Position read back from the drive.
         at: Position<U>,
         /// Usual cause, and what to check.
         hint: &'static str,
@@ -243,9 +243,9 @@ pub enum StageError<U: Unit> {
     /// The drive accepted the target and is elsewhere.
     #[error("is at {at}, {off:.4} {} from its target {wanted}", U::SYMBOL)]
     NotThere {
-        /// The request.
+        /// Requested position.
         wanted: Position<U>,
-        /// Read-back.
+        /// Position read back from the drive.
         at: Position<U>,
         /// The deviation, in the unit `U`.
         off: f64,
@@ -253,17 +253,17 @@ pub enum StageError<U: Unit> {
     /// The requested stop. The axis is at rest.
     #[error("stopped at {at}")]
     Stopped {
-        /// Read-back.
+        /// Position read back from the drive.
         at: Position<U>,
     },
     /// It took too long and was stopped. The axis is at rest.
     #[error("{doing} not finished after {seconds:.1} s, stopped at {at}")]
     Overdue {
-        /// The operation.
+        /// Operation that took too long.
         doing: &'static str,
         /// Waiting time, s.
         seconds: f64,
-        /// Read-back.
+        /// Position read back from the drive.
         at: Position<U>,
     },
     /// The stop was sent and the axis still reports motion.
@@ -271,25 +271,25 @@ pub enum StageError<U: Unit> {
     WillNotStop {
         /// Waiting time, s.
         seconds: f64,
-        /// Read-back.
+        /// Position read back from the drive.
         at: Position<U>,
     },
     /// An alarm that a reset did not clear.
     #[error("alarm {alarm} is still there after the reset")]
     AlarmPersists {
-        /// The alarm.
+        /// Alarm code of the drive, with its name.
         alarm: Alarm,
     },
     /// The drive ended its homing without knowing where it is.
     #[error("homing ended at {at} without success")]
     NotHomed {
-        /// Read-back.
+        /// Position read back from the drive.
         at: Position<U>,
     },
     /// An axis that should rise while it homes was sinking. It was stopped.
     #[error("was sinking while it homed, stopped at {at}")]
     HomesDownwards {
-        /// Read-back.
+        /// Position read back from the drive.
         at: Position<U>,
     },
 }

@@ -35,7 +35,7 @@ const UNHEARD_ANSWER: Duration = Duration::from_millis(15);
 /// in which it is asked, so that this answer comes after all earlier ones.
 #[derive(Debug, Clone)]
 pub struct CheckRegisters {
-    /// Reads them.
+    /// Request that reads the registers.
     pub request: Request,
     /// Expected contents; `None` while they are unknown: then any answer of their length is
     /// accepted.

@@ -20,7 +20,7 @@ pub enum Table {
 pub struct Block {
     /// Table of the addresses.
     pub table: Table,
-    /// First address.
+    /// Address of the first register or coil.
     pub address: u16,
     /// Number of addresses.
     pub count: u16,
@@ -33,7 +33,7 @@ pub struct Field {
     pub block: usize,
     /// Address of its first register.
     pub address: u16,
-    /// Its layout.
+    /// Number of registers and sign of the value.
     pub width: Width,
 }
 
@@ -69,14 +69,14 @@ pub enum Step {
         /// Values of the registers.
         contents: &'static [RegisterContent],
     },
-    /// One register.
+    /// Writes one register.
     Register {
         /// Address of the register.
         address: u16,
         /// Value of the register or coil.
         value: u16,
     },
-    /// One coil.
+    /// Writes one coil.
     Coil {
         /// Address of the coil.
         address: u16,
@@ -104,13 +104,13 @@ pub enum RegisterContent {
 /// The quantities of a move, in the drive's own units.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
-    /// Target.
+    /// Target position, counts.
     Target,
-    /// Speed.
+    /// Speed, in the unit of the map.
     Speed,
-    /// Acceleration.
+    /// Acceleration, in the unit of the map.
     Acceleration,
-    /// Deceleration.
+    /// Deceleration, in the unit of the map.
     Deceleration,
     /// The lower limit of position.
     LimitMin,
@@ -174,11 +174,11 @@ pub enum AlarmSource {
 /// fault of the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DriveSettings {
-    /// Writes them.
+    /// Steps that write the settings.
     pub write: &'static [Step],
     /// Reads them back.
     pub read: Block,
-    /// Expected values.
+    /// Values that a read of the settings must give.
     pub expect: &'static [RegisterContent],
 }
 
@@ -219,7 +219,7 @@ pub struct RegisterMap {
     pub ready: Flag,
     /// Whether the axis is homed.
     pub homed: Flag,
-    /// Alarm.
+    /// Where the drive reports an alarm.
     pub alarm: AlarmSource,
     /// Names of the alarm codes.
     pub alarms: &'static [(u16, &'static str)],
@@ -233,7 +233,7 @@ pub struct RegisterMap {
     pub prepare: &'static [Step],
     /// Starts a move.
     pub start: &'static [Step],
-    /// Starts homing.
+    /// Steps that start homing.
     pub home: &'static [Step],
     /// Stops with deceleration, and keeps the axis from moving where the signal is a level.
     pub stop: &'static [Step],

@@ -62,7 +62,7 @@ impl<U: Unit> Stage<U> {
         Self { bus, map, unit, scale, axis, seen: None }
     }
 
-    /// The axis.
+    /// The axis with its limits.
     pub const fn axis(&self) -> &Axis<U> {
         &self.axis
     }

@@ -7,7 +7,7 @@ use crate::{Framing, Request};
 /// A classification of the bytes that came in place of an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Symptom {
-    /// No byte.
+    /// No byte arrived before the deadline.
     Silence,
     /// Only the request itself, from an adapter that receives its own bytes.
     OnlyEcho,

@@ -59,7 +59,7 @@ pub enum StoreError {
     Sealed {
         /// Name and id of the run.
         run: String,
-        /// Its end.
+        /// How the run ended.
         status: String,
     },
     /// The run is under way.
@@ -86,7 +86,7 @@ pub enum StoreError {
         run: RunId,
         /// The number of the first bad record in the run.
         seq: u64,
-        /// The flaw.
+        /// Kind of the first flaw.
         flaw: Flaw,
     },
     /// There is no such run.

@@ -24,7 +24,7 @@ pub(crate) enum StudyError {
     /// A file could not be read or written.
     #[error("cannot write {}", path.display())]
     File {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// The error of the operating system.
         source: io::Error,

@@ -15,7 +15,7 @@ pub(crate) const INDENTATION_MM: f64 = 0.5;
 /// The quantity that is held at the nominal depth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum Control {
-    /// The indentation.
+    /// The indentation is held.
     Indentation,
     /// The position of the stage; the sensor deflects.
     Stage,

@@ -85,7 +85,7 @@ struct Client<C> {
     said: Vec<(RigTime, Vec<u8>)>,
 }
 
-/// An analyzer.
+/// A simulated analyzer with its sessions.
 #[derive(Debug)]
 pub(crate) struct Meter<M: Model> {
     instrument: Instrument<M::Command>,

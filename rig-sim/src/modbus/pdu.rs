@@ -30,7 +30,7 @@ pub enum Request {
     },
     /// Function 8, which echoes for sub-function 0.
     Diagnose {
-        /// The sub-function.
+        /// Number of the diagnostic sub-function.
         function: u16,
         /// Data of the request behind the function.
         data: u16,
@@ -101,7 +101,7 @@ pub enum Exception {
 pub enum Reply {
     /// Coils or discrete inputs.
     Bits(Vec<bool>),
-    /// Registers.
+    /// Values of the registers read.
     Registers(Vec<u16>),
     /// A write was done.
     Done,

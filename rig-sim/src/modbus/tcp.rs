@@ -28,7 +28,7 @@ pub struct NotModbus {
 }
 
 impl TcpDecoder {
-    /// Takes bytes.
+    /// Appends received bytes.
     pub fn push(&mut self, bytes: &[u8]) {
         self.buffer.extend_from_slice(bytes);
     }

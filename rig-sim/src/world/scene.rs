@@ -17,7 +17,7 @@ pub struct Scene {
     pub seed: u64,
     /// The sensor and its description.
     pub sensor: SensorScene,
-    /// The samples.
+    /// Samples that can be placed under the probe.
     pub samples: Vec<Sample>,
     /// Where things are.
     pub place: TrueGeometry,
@@ -27,7 +27,7 @@ pub struct Scene {
     pub rotary: Mechanics,
     /// The initial orientation of the sensor.
     pub orientation: Orientation,
-    /// The nuisances.
+    /// Drift, noise, backlash and scatter of the bench.
     pub nuisances: Nuisances,
 }
 
@@ -40,7 +40,7 @@ pub struct Mechanics {
     pub travel: (f64, f64),
 }
 
-/// Which stage.
+/// One of the two stages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum AxisId {
     /// The vertical stage that carries the sensor.
@@ -58,7 +58,7 @@ impl fmt::Display for AxisId {
     }
 }
 
-/// One sample.
+/// A sample with its true stiffness.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
     /// The name on its label.
@@ -89,7 +89,7 @@ pub enum SceneError {
     /// The initial position of a stage is not between its limit switches.
     #[error("{axis} stage: start {start} is outside its travel [{min}, {max}]")]
     Start {
-        /// Which stage.
+        /// The stage with the wrong initial position.
         axis: AxisId,
         /// Its initial position.
         start: f64,

@@ -45,7 +45,7 @@ pub struct Point {
     pub y: f64,
     /// Half the length of the error bar; `None` draws no bar.
     pub error: Option<f64>,
-    /// Tooltip.
+    /// Tooltip of the point.
     pub note: Option<String>,
 }
 

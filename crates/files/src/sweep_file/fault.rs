@@ -4,7 +4,7 @@ use crate::Complaint;
 
 use super::quantity::Quantity;
 
-/// A fault.
+/// A fault of a sweep file, without its place.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(super) enum SweepFileFault {
     #[error("the file holds no readings")]

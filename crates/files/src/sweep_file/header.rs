@@ -20,7 +20,7 @@ const PAIRS: [[Quantity; 2]; 6] = [
     [Quantity::ReflectionDecibel, Quantity::ReflectionPhase],
 ];
 
-/// A header.
+/// The header of a CSV file: a quantity for each known column.
 #[derive(Debug)]
 pub(super) struct Header<'a> {
     pub(super) text: &'a str,

@@ -39,12 +39,12 @@ pub enum MoveReason {
 pub struct Intent {
     /// Purpose of the move.
     pub what: MoveReason,
-    /// The axis.
+    /// Axis of the move; its name has the unit of the positions.
     pub axis: Axis,
     /// Last known position.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub from: Option<f64>,
-    /// The target.
+    /// Target, in the unit of the axis.
     pub to: f64,
     /// The position that must not be passed in this move.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -54,11 +54,11 @@ pub struct Intent {
 /// A move that was done. Positions are in the unit of the axis.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Move {
-    /// The axis.
+    /// Axis of the move; its name has the unit of the positions.
     pub axis: Axis,
-    /// The target.
+    /// Target, in the unit of the axis.
     pub target: f64,
-    /// Read-back.
+    /// Position after the move, in the unit of the axis.
     pub read_back: f64,
     /// Whether this shows the probe to be clear.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]

@@ -23,7 +23,7 @@ pub enum Prompt {
 pub struct PromptAsked {
     /// Address of the step.
     pub step: String,
-    /// The prompt.
+    /// Action that the person is asked for.
     pub prompt: Prompt,
 }
 

@@ -54,7 +54,7 @@ pub struct Device {
     pub identity: String,
 }
 
-/// A sample.
+/// A sample of the protocol, with its known stiffness.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Sample {
     /// Name in the protocol.
@@ -81,7 +81,7 @@ pub struct PlanSize {
 pub enum Action {
     /// A person is asked for something.
     Prompt {
-        /// The prompt.
+        /// Action that the person is asked for.
         prompt: Prompt,
     },
     /// The resonance is measured with the probe clear.

@@ -127,7 +127,7 @@ pub enum SweepOutcome {
     },
     /// No trusted resonance.
     Refused {
-        /// The reason.
+        /// Why there is no trusted resonance, as a sentence.
         reason: String,
     },
 }
@@ -136,7 +136,7 @@ pub enum SweepOutcome {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FitTiming {
-    /// No flag.
+    /// Nothing is known about settling.
     Unknown,
     /// Settling and integration of each point.
     Waited,
@@ -200,7 +200,7 @@ pub struct FitNoise {
     pub degrees_of_freedom: f64,
 }
 
-/// A sweep.
+/// A sweep with its readings and its outcome.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Sweep {
     /// Its number in the run, from 1.

@@ -16,7 +16,7 @@ pub(super) const POSITION_DECIMALS: usize = 4;
 /// A value of a table.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum TableValue<'a> {
-    /// Nothing.
+    /// A missing value.
     Empty,
     /// A label or a sentence.
     Text(&'a str),

@@ -14,9 +14,9 @@ use crate::data::RunData;
 /// The result of one method.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Recognition {
-    /// The method.
+    /// Method of the classification.
     pub(crate) method: Method,
-    /// Blind touches.
+    /// Number of classified blind touches.
     pub(crate) trials: u32,
     /// Recognised blind touches. A touch that a method refuses is not recognised.
     pub(crate) correct: u32,

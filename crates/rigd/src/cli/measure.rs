@@ -49,7 +49,7 @@ pub(super) struct MeasureArgs {
     operator: OperatorArgs,
 }
 
-/// The action.
+/// The sweep, and the moves before it.
 struct Order {
     sweep: SweepRequest,
     linear: Option<Position<Mm>>,

@@ -14,7 +14,7 @@ use crate::rig::{RequestRefusal, Status};
 
 #[derive(Debug, Args)]
 pub(super) struct MoveArgs {
-    /// Which axis
+    /// Axis to move
     #[arg(value_enum)]
     axis: MoveAxis,
     /// Where to: the height of the probe in mm, or the tilt of the sample in degrees

@@ -118,7 +118,7 @@ pub enum TokenError {
     /// The file cannot be read.
     #[error("token file {}", path.display())]
     File {
-        /// The file.
+        /// Path of the token file.
         path: PathBuf,
         /// The error of the system.
         source: io::Error,
@@ -130,9 +130,9 @@ pub enum TokenError {
         path.display(), path.display()
     )]
     Open {
-        /// The file.
+        /// Path of the token file.
         path: PathBuf,
-        /// Its permissions.
+        /// Permission bits of the file.
         mode: u32,
     },
     /// Its content is no token.
@@ -142,7 +142,7 @@ pub enum TokenError {
         path.display()
     )]
     Unusable {
-        /// The file.
+        /// Path of the token file.
         path: PathBuf,
     },
 }

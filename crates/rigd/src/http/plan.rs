@@ -41,7 +41,7 @@ pub(super) struct PlanView {
 #[derive(Debug, Serialize)]
 struct StepView {
     step: String,
-    /// In words.
+    /// The step as text.
     what_is_done: String,
     /// Expected, on the rig's clock, s.
     duration_s: f64,

@@ -25,7 +25,7 @@ pub(super) struct Problem {
     title: &'static str,
     status: u16,
     detail: String,
-    /// Advice.
+    /// What the client can do about it.
     #[serde(skip_serializing_if = "Option::is_none")]
     hint: Option<&'static str>,
     /// Every fault of a protocol, with its place.

@@ -58,7 +58,7 @@ pub(super) enum PromptAction {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct LastRun {
     id: String,
-    /// Its end.
+    /// How the run ended.
     status: &'static str,
 }
 

@@ -64,7 +64,7 @@ impl RigView {
 struct RunProgress {
     id: String,
     protocol: String,
-    /// Steps done.
+    /// Number of steps done.
     step: usize,
     steps: usize,
     touches_planned: usize,

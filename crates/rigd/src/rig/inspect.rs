@@ -33,7 +33,7 @@ pub struct Inspection {
 /// A port of the rig.
 #[derive(Debug)]
 pub struct PortSeen {
-    /// Its devices.
+    /// Role of the devices on the port.
     pub role: &'static str,
     /// The path of the port, or the address of the host.
     pub name: String,
@@ -55,7 +55,7 @@ pub struct PortFacts {
 /// From the first byte of a question to the first byte of its answer, over all of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RoundTrips {
-    /// Their number.
+    /// Number of round trips.
     pub count: usize,
     /// Half of them took no longer, ms.
     pub median_ms: f64,
@@ -96,7 +96,7 @@ pub struct AxisFacts {
     pub at: String,
     /// Whether it can be there.
     pub place: AxisPosition,
-    /// Its fitness.
+    /// Whether the axis can move, or the reason why not.
     pub state: AxisState,
 }
 

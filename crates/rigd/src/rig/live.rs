@@ -9,9 +9,9 @@ use rig_resonance::{Circuit, Estimate};
 pub struct LiveSweep {
     /// Counts the sweeps since the rig was opened, from 1.
     pub serial: u64,
-    /// Its purpose.
+    /// Purpose of the sweep.
     pub purpose: SweepPurpose,
-    /// Its request.
+    /// Window, method and target of the sweep.
     pub request: SweepRequest,
     /// The readings so far, in the order taken.
     pub readings: Vec<Reading>,

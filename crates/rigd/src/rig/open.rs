@@ -29,9 +29,9 @@ pub enum OpenError {
     /// The journal cannot be opened.
     #[error("data directory {}", data.display())]
     Data {
-        /// The directory.
+        /// The data directory.
         data: PathBuf,
-        /// Why.
+        /// The error of the journal.
         source: StoreError,
     },
     /// The scene cannot be set up.
@@ -40,9 +40,9 @@ pub enum OpenError {
     /// A port cannot be opened.
     #[error("{role}")]
     Port {
-        /// Its devices.
+        /// Role of the devices on the port.
         role: &'static str,
-        /// Why.
+        /// The error of the port.
         source: rig_link::OpenError,
     },
     /// A device does not answer as it should.
@@ -52,7 +52,7 @@ pub enum OpenError {
         role: &'static str,
         /// Whether it is on a serial line.
         is_serial: bool,
-        /// Its action.
+        /// The error of the device, with the failed action.
         source: Box<DeviceError>,
     },
 }
@@ -60,7 +60,7 @@ pub enum OpenError {
 /// The error of a device. The caller knows which one.
 #[derive(Debug, thiserror::Error)]
 pub enum DeviceError {
-    /// The analyzer.
+    /// An error of the analyzer.
     #[error(transparent)]
     Analyzer(#[from] AnalyzerError),
     /// The linear stage.

@@ -20,7 +20,7 @@ use crate::{loaded_rig::RigFacts, protocol_file::LoadedProtocol};
 /// Why a run cannot go on. Nothing has changed.
 #[derive(Debug, thiserror::Error)]
 pub enum ResumeRefusal {
-    /// The journal.
+    /// The journal cannot be read.
     #[error(transparent)]
     Store(#[from] StoreError),
     /// The run was completed or given up.
@@ -28,7 +28,7 @@ pub enum ResumeRefusal {
     Sealed {
         /// Name and id of the run.
         run: String,
-        /// Its end.
+        /// How the run ended.
         status: String,
     },
     /// The run is under way.
@@ -64,7 +64,7 @@ pub enum ResumeRefusal {
     Changed {
         /// Name and id of the run.
         run: String,
-        /// The differences.
+        /// Changes since the run began.
         changes: Vec<Change>,
     },
     /// The run has no such touch.
@@ -72,7 +72,7 @@ pub enum ResumeRefusal {
     NoSuchTouch {
         /// Name and id of the run.
         run: String,
-        /// The address.
+        /// Address of the touch.
         step: String,
     },
 }

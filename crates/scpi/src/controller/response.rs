@@ -47,7 +47,7 @@ pub enum Datum {
     Text(String),
     /// Character data, or other unrecognised text.
     Characters(String),
-    /// A block.
+    /// The bytes of a block, without its header.
     Block(Vec<u8>),
     /// The reading is too large (9.9E37, or infinite).
     Overload {

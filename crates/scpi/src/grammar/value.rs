@@ -12,7 +12,7 @@ pub(crate) const NOT_A_NUMBER: f64 = 9.91e37;
 /// One datum of an answer.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Value {
-    /// NR1.
+    /// An integer in the format NR1.
     Integer(i64),
     /// In the format of the dialect. Infinities and NaN become their special numbers.
     Real(f64),

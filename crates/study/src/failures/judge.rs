@@ -15,7 +15,7 @@ use crate::bound::Information;
 pub(super) enum Outcome {
     /// A result within the expected error.
     Right,
-    /// A refusal.
+    /// The estimator refused the sweep.
     Refused,
     /// A wrong result without a warning.
     SilentlyWrong,

@@ -52,7 +52,7 @@ impl Method {
         }
     }
 
-    /// The parameters.
+    /// Parameters of the method, for the tooltip.
     pub(super) fn detail(self) -> String {
         match self {
             Self::Steady { points } => format!("{points} points; 10 cycles"),

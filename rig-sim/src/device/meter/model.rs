@@ -65,7 +65,7 @@ pub(crate) struct Memory<'a> {
 pub(crate) enum Outcome {
     /// The command is done, with its answer.
     Done(Vec<Value>),
-    /// It measures.
+    /// Start a measurement.
     Measure(Job),
     /// It has to wait for the measurement that is under way.
     Wait,
@@ -73,7 +73,7 @@ pub(crate) enum Outcome {
     Abort,
 }
 
-/// A measurement.
+/// A measurement in progress.
 #[derive(Debug)]
 pub(crate) struct Job {
     /// The quantities to measure, in order.
