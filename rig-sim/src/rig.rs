@@ -49,7 +49,7 @@ pub struct Overheard {
 struct Outlet {
     /// Number of times that the cable was pulled.
     pulls: u64,
-    /// Until when no cable is in it.
+    /// The outlet is empty until this time.
     empty_until: RigTime,
 }
 
@@ -208,12 +208,12 @@ impl Rig {
         self.bus.answer_at_once();
     }
 
-    /// Listens to what is said to the ports from now on. What was overheard before is forgotten.
+    /// Records the bytes that arrive at the ports from now on. Earlier records are dropped.
     pub fn listen_in(&mut self) {
         self.overheard = Some(Vec::new());
     }
 
-    /// What was said to the ports since they are listened to, in order.
+    /// The recorded bytes of the ports, in order.
     pub fn overheard(&self) -> &[Overheard] {
         self.overheard.as_deref().unwrap_or_default()
     }

@@ -28,7 +28,7 @@ pub struct AxisWiring {
     pub unit_id: u8,
     /// Millimetres or degrees a step of the drive; negative when the motor counts the other way.
     pub units_per_step: f64,
-    /// Where the axis is when the drive counts zero, mm or degrees.
+    /// Position of the axis at count zero, mm or degrees.
     pub zero: f64,
 }
 

@@ -37,7 +37,7 @@ pub fn count_classes(values: &[f64], sigma_rel: f64, max: usize) -> Result<Class
     let mut costs = vec![cost(&one, 1, sigma_rel)];
     let (mut least, mut best) = (costs[0], (1, one));
     for count in 2..=max {
-        // There are more classes than different values.
+        // More classes than different values.
         let Ok(clustering) = optimal(&logs, count) else { break };
         let cost = cost(&clustering, count, sigma_rel);
         costs.push(cost);

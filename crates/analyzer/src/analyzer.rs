@@ -8,7 +8,7 @@ use crate::{
     instrument_port::InstrumentPort, point::TriggerSettings, trace,
 };
 
-/// The longest settling that is waited for, s.
+/// Longest accepted settling of a point, s.
 const SETTLE_MAX_S: f64 = 60.0;
 
 /// The most cycles that are integrated at a point.
@@ -41,7 +41,7 @@ pub struct Analyzer {
     pub(crate) is_set_up: bool,
     /// The confirmed settings of the instrument.
     pub(crate) current: Option<TriggerSettings>,
-    /// When its frequency was last set.
+    /// Time of the last change of frequency.
     pub(crate) frequency_set_at: RigTime,
 }
 
@@ -91,7 +91,7 @@ impl Analyzer {
         if self.is_synchronised && self.is_set_up && self.level == Some(level) {
             return Ok(());
         }
-        // Which options it has is known once it is identified.
+        // The options are known after the identification.
         self.retry(async |this| this.synchronise().await).await?;
         let (min, max) = self.dialect.make.level_v();
         let high_power = self.dialect.high_power.filter(|_| self.has_high_power);
@@ -106,7 +106,7 @@ impl Analyzer {
         done
     }
 
-    /// Measures at these points, in this order. Ends between two points when a stop is asked for.
+    /// Measures at these points, in this order. A requested stop ends it between two points.
     ///
     /// A flagged point is measured again, and its flagged readings come before the readings that
     /// follow. If the last try is flagged too, it is the last reading.

@@ -60,7 +60,7 @@ pub enum AnalyzerError {
         #[source]
         source: LineError,
     },
-    /// Silence was waited for, and did not come.
+    /// The line did not become silent in time.
     #[error("the line does not become silent")]
     Unquiet {
         /// The error of the line.
@@ -146,7 +146,7 @@ pub enum AnalyzerError {
         what: &'static str,
         /// The message that was sent.
         asked: f64,
-        /// The least it can do.
+        /// Smallest possible value.
         min: f64,
         /// The most it can do.
         max: f64,
@@ -166,9 +166,9 @@ pub enum AnalyzerError {
     Swapped {
         /// Name of the port.
         port: Arc<str>,
-        /// Who was identified.
+        /// Identity at the identification.
         known: Box<Identity>,
-        /// Who answers now.
+        /// Identity now.
         found: Box<Identity>,
     },
     /// Measured before [`Analyzer::configure`](crate::Analyzer::configure).

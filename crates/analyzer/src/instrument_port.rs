@@ -19,8 +19,8 @@ pub struct TransportSettings {
     /// Terminator of messages, in both directions; `None` for that of the dialect. The answers of
     /// all dialects end in a line feed.
     pub terminator: Option<Terminator>,
-    /// How long the instrument may take to answer a question about its settings, and how much
-    /// longer than delay and integration a measurement may take.
+    /// Time limit for the answer to a query about settings, and for a measurement beyond its delay
+    /// and integration.
     pub reply_within: Duration,
 }
 
@@ -68,7 +68,7 @@ impl InstrumentPort {
         Self { port, transport, settings, decoder, is_answer_pending: false }
     }
 
-    /// How long the instrument may take to answer a question about its settings.
+    /// Time limit for the answer to a query about settings.
     pub(crate) const fn reply_within(&self) -> Duration {
         self.settings.reply_within
     }

@@ -23,8 +23,7 @@ const ATTEMPTS: u32 = 3;
 /// Listening time after a lost answer.
 const QUARANTINE: Duration = Duration::from_millis(500);
 
-/// How far the level that the instrument reports may be from the one asked for: it prints three
-/// digits.
+/// Relative tolerance of the reported level: the instrument prints three digits.
 const LEVEL_TOLERANCE_REL: f64 = 0.005;
 
 impl Analyzer {
@@ -165,8 +164,8 @@ impl Analyzer {
     }
 }
 
-/// Whether it makes sense to try again: the answer was lost or damaged, or the instrument was
-/// switched off and on, but it did not refuse.
+/// Whether another attempt can succeed: after a lost or damaged answer or a restart of the
+/// instrument, but not after a refusal.
 const fn is_transient(error: &AnalyzerError) -> bool {
     match error {
         AnalyzerError::Line { source, .. } => matches!(source, LineError::TimedOut { .. }),

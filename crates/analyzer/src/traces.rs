@@ -17,8 +17,8 @@ const SWEEP_SLACK: Duration = Duration::from_secs(5);
 /// And it may take this many times as long.
 const SWEEP_TIMES: f64 = 3.0;
 
-/// How far a frequency of the trace may be from the one asked for, beyond its resolution: the
-/// instrument prints twelve digits.
+/// Relative tolerance of a frequency of the trace, in addition to its resolution: the instrument
+/// prints twelve digits.
 const FREQUENCY_TOLERANCE_REL: f64 = 1e-9;
 
 impl Analyzer {

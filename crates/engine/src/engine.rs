@@ -32,8 +32,8 @@ use crate::{
     sweep::{Sweep, SweepStep},
 };
 
-/// How long a linear stage that does not answer is waited for, unless the rig file says otherwise: a
-/// drive starts within seconds, and a person plugs a cable in again within a minute or two.
+/// Default patience with a linear stage that does not answer: a drive starts within seconds, and a
+/// person plugs a cable in again within a minute or two.
 const RECOVERY_PATIENCE: Duration = Duration::from_secs(120);
 
 /// Decides the next operation of the rig.
@@ -49,11 +49,12 @@ pub struct Engine {
     rotary: Option<Position<Deg>>,
     state: RigState,
     notes: Vec<Event>,
-    /// How long a linear stage that does not answer is waited for on the way out.
+    /// Patience with a linear stage that does not answer on the way out of contact.
     patience: Duration,
     /// The fault noted last, so that a repeated attempt does not note it again.
     last_fault: Option<Fault>,
-    /// Where the linear stage can be since its last confirmed read-back; `None` while it is homed.
+    /// Possible positions of the linear stage since its last confirmed read-back; `None` while it
+    /// is homed.
     reach: Option<Span<Mm>>,
 }
 
@@ -117,8 +118,8 @@ impl Engine {
         Self::with_patience(limits, RECOVERY_PATIENCE)
     }
 
-    /// The same, with the time for which a linear stage that does not answer is waited for on the way
-    /// out of contact.
+    /// The same, with the patience with a linear stage that does not answer on the way out of
+    /// contact.
     pub const fn with_patience(limits: RigLimits, patience: Duration) -> Self {
         Self {
             limits,

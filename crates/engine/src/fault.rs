@@ -92,9 +92,9 @@ pub enum Fault {
          the impedance had changed by {change_percent:.1} %"
     )]
     ContactTooEarly {
-        /// Where the probe was.
+        /// Position of the probe.
         at: Position<Mm>,
-        /// Where the surface was expected.
+        /// Expected position of the surface.
         expected: Position<Mm>,
         /// Relative change of the impedance, in percent.
         change_percent: f64,
@@ -104,7 +104,7 @@ pub enum Fault {
     NoContact {
         /// The lowest position tried.
         at: Position<Mm>,
-        /// Where the surface was expected.
+        /// Expected position of the surface.
         expected: Position<Mm>,
     },
     /// The no-load resonance could not be measured, so there is no reference.
@@ -148,7 +148,7 @@ pub enum Fault {
     /// The last program ended without leaving the rig in order.
     #[error("{left}")]
     Interrupted {
-        /// Which run, when, in which step, and where the probe was, as the journal tells.
+        /// The run, the time, the step and the position of the probe, from the journal.
         left: String,
         /// Whether the probe may be in the sample.
         may_touch: bool,

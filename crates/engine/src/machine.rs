@@ -1,4 +1,4 @@
-//! What passes between the engine and the state machines of a run: events in, steps out.
+//! The interface between the engine and the state machines of a run: events in, steps out.
 
 use std::time::Duration;
 

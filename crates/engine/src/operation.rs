@@ -8,9 +8,9 @@ use rig_model::{Deg, DriveLevel, Mm, Position, Reading, RigLimits, RigTime, Swee
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct OperationId(pub u64);
 
-/// An operation of the devices. One is in flight at a time. Only a measurement is not waited for when it
-/// is interrupted, because the way out of contact must not wait for the analyzer: its report comes too
-/// late and is ignored.
+/// An operation of the devices. One is in flight at a time. The engine waits for the end of each
+/// operation, except for an interrupted measurement: the way out of contact must not wait for the
+/// analyzer, and its late report is ignored.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Operation {
     /// Home the linear stage if it is not homed. It homes upwards.
@@ -82,7 +82,7 @@ pub(crate) fn limit(operation: &Operation, travel_mm: f64, travel_deg: f64) -> D
         Operation::PrepareLinear | Operation::PrepareRotary | Operation::FindLinear { .. } => 300.0,
         Operation::MoveLinear { speed_mm_per_s, .. } => travel_mm / speed_mm_per_s,
         Operation::MoveRotary { speed_deg_per_s, .. } => travel_deg / speed_deg_per_s,
-        // An analyzer may be a good deal slower than the integration it is asked for.
+        // An analyzer may be much slower than the requested integration.
         Operation::Measure { points, .. } => {
             10.0 * points.iter().map(SweepPoint::duration_s).sum::<f64>() + points.len() as f64
         }

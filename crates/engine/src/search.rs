@@ -9,8 +9,8 @@ use rig_protocol::Approach;
 
 use crate::Fault;
 
-/// How much finer each pass is than the one before it. Five passes over the bracket cost as much
-/// as one pass of the last width, so a factor near five keeps the number of readings small.
+/// Ratio of the steps of consecutive passes. Five passes over the bracket cost as much as one pass
+/// of the last width, so a factor near five keeps the number of readings small.
 const REFINEMENT: f64 = 5.0;
 
 /// The next step of a search for the surface.
@@ -50,7 +50,7 @@ pub struct Search {
     step_mm: f64,
     /// The lowest position of this pass without contact.
     last_clear: Option<Position<Mm>>,
-    /// Where to go after the backlash has been taken up.
+    /// The position to go to after the backlash has been taken up.
     after_take_up: Option<Position<Mm>>,
     is_after_contact: bool,
     commanded: Position<Mm>,
@@ -145,7 +145,7 @@ impl Search {
         self.step_mm = (self.step_mm / REFINEMENT).max(self.approach.fine_step_mm);
         self.after_take_up = Some(clear.offset(-self.step_mm));
         self.is_after_contact = true;
-        // Far enough above to take up the backlash, even when that is above the start.
+        // A position far enough above to take up the backlash, even if it is above the start.
         self.go(clear.offset(self.approach.coarse_step_mm))
     }
 

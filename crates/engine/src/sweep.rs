@@ -5,8 +5,8 @@ use rig_resonance::{FitOutcome, Next, Planner, Prior, flagged};
 
 use crate::{Event, Fault, FinishedSweep, Operation, SweepPurpose};
 
-/// How far the free resonance may have drifted since it was last measured, relative to it. A warm
-/// laboratory moves a bimorph by a few tenths of a percent.
+/// Possible drift of the free resonance since its last measurement, relative. A warm laboratory
+/// moves a bimorph by a few tenths of a percent.
 pub(crate) const DRIFT: f64 = 0.01;
 
 /// The next step of a sweep.

@@ -154,7 +154,7 @@ impl TouchMachine {
         self.no_load.q / (std::f64::consts::PI * self.no_load.resonance_hz)
     }
 
-    /// Where the surface should be at this pose.
+    /// Expected position of the surface at this pose.
     fn expected(&self, context: &MachineContext<'_>) -> Position<Mm> {
         let pose = self.touch.pose;
         context.limits.geometry.surface_at(pose.direction, pose.angle)

@@ -39,7 +39,7 @@ pub struct RigFile {
     pub sensor: SensorDescription,
     /// Samples whose stiffness was measured by another method.
     pub samples: Vec<KnownSample>,
-    /// How long a linear stage that does not answer is waited for on the way out of contact, s.
+    /// Patience with a linear stage that does not answer on the way out of contact, s.
     pub recovery_patience_s: f64,
 }
 

@@ -20,7 +20,7 @@ pub struct AttachedPort {
     /// Latency timer of the adapter, ms. One millisecond is best; many
     /// begin with 16.
     pub latency_ms: Option<u32>,
-    /// Who has it open.
+    /// The programs that have it open.
     pub holders: Vec<Holder>,
 }
 
@@ -33,7 +33,7 @@ pub struct UsbIdentity {
     pub product_id: u16,
     /// Serial number; cheap adapters share one or have none.
     pub serial_number: Option<String>,
-    /// Who made it.
+    /// Name of the manufacturer.
     pub manufacturer: Option<String>,
     /// Name of the product.
     pub product: Option<String>,

@@ -37,7 +37,7 @@ pub enum Endpoint {
     },
 }
 
-/// Lays pipes to a simulated device, one after the other is lost.
+/// Connects a pipe to a simulated device, and another one after a loss.
 pub type Plug = Box<dyn FnMut() -> Option<Box<dyn Transport>> + Send>;
 
 impl Endpoint {
@@ -149,7 +149,8 @@ async fn connect_tcp(port: &Arc<str>, address: &str) -> Result<Box<dyn Transport
     let Ok(connected) = timeout(waited, TcpStream::connect(address)).await else {
         return Err(OpenError::TimedOut { port, waited });
     };
-    // Requests are small and each answer is waited for; to collect them would only delay them.
+    // Requests are small and each waits for its answer, so that collecting them would only delay
+    // them.
     let stream = connected.and_then(|stream| stream.set_nodelay(true).map(|()| stream));
     match stream {
         Ok(stream) => Ok(Box::new(stream)),

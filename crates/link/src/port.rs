@@ -19,7 +19,7 @@ use crate::{
 };
 use rig_model::LineSettings;
 
-/// How many frames the black box holds: some seconds of a busy line.
+/// Number of frames in the black box: some seconds of a busy line.
 const TRANSCRIPT_FRAMES: usize = 256;
 
 /// Time limit for the operating system to accept a request.
@@ -32,7 +32,7 @@ const QUARANTINE_PATIENCE: u32 = 10;
 #[derive(Debug)]
 pub struct Port {
     name: Arc<str>,
-    /// Where it can be opened once more.
+    /// The endpoint for opening it again.
     endpoint: Option<Endpoint>,
     /// `None` after the other side has closed. It is closed at once, because an adapter that is
     /// plugged in again gets another name while the old one is open.
@@ -42,7 +42,7 @@ pub struct Port {
     transcript: Transcript,
     /// Time of the last byte in either direction, as far as the host knows.
     last_activity: Instant,
-    /// Bytes that arrive now are not waited for.
+    /// It does not wait for further bytes.
     is_discarding: bool,
 }
 
@@ -171,8 +171,8 @@ impl Port {
         self.settle(Duration::ZERO).await
     }
 
-    /// Reads and throws away for at least this long, and then until the line is silent. Returns
-    /// how much was thrown away.
+    /// Reads and discards bytes for at least this time, and then until the line is silent. Returns
+    /// the number of bytes discarded.
     ///
     /// # Errors
     /// [`LineError::NeverSilent`] when bytes keep coming for ten times as long,

@@ -27,12 +27,12 @@ impl StopSignal {
         self.raised.send_replace(false);
     }
 
-    /// Whether a stop is asked for.
+    /// Whether a stop is requested.
     pub fn is_raised(&self) -> bool {
         *self.raised.borrow()
     }
 
-    /// Waits until a stop is asked for. May be dropped at any time.
+    /// Waits until a stop is requested. May be dropped at any time.
     pub async fn raised(&self) {
         // The sender is borrowed for as long as this waits, so the channel cannot close.
         _ = self.raised.subscribe().wait_for(|is_raised| *is_raised).await;

@@ -8,12 +8,12 @@ use std::{
 
 use rig_model::RigTime;
 
-/// Which way bytes went.
+/// Direction of bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Flow {
     /// From the host to the device.
     Sent,
-    /// From the device to the host, while an answer was waited for.
+    /// From the device to the host, during the wait for an answer.
     Received,
     /// From the device to the host, without a query. The bytes were discarded.
     Discarded,

@@ -130,9 +130,9 @@ pub struct AxisLimits<U> {
     pub travel: Span<U>,
     /// Soft limits, inside the travel.
     pub soft: Span<U>,
-    /// Where the axis waits: the clear position of the linear stage, level for the rotary stage.
+    /// Rest position: the clear position of the linear stage, level for the rotary stage.
     pub rest: Position<U>,
-    /// How far a read-back may be from its target and still count as there, in the unit `U`.
+    /// Largest distance of a read-back from its target, in the unit `U`.
     pub tolerance: f64,
     /// The fastest move, in units per second.
     pub max_speed_per_s: f64,
@@ -202,7 +202,7 @@ impl<U: Unit> Axis<U> {
         self.limits.max_speed_per_s
     }
 
-    /// How far a read-back may be from its target and still count as there.
+    /// Largest distance of a read-back from its target, in the unit of the axis.
     pub const fn tolerance(&self) -> f64 {
         self.limits.tolerance
     }

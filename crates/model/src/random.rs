@@ -53,7 +53,8 @@ impl Stream {
     #[expect(clippy::missing_panics_doc, reason = "the remainder is below a usize")]
     pub fn below(&mut self, count: usize) -> usize {
         let count = count as u64;
-        // Draws from the incomplete last block are thrown away: they would favour small numbers.
+        // Draws from the incomplete last block are rejected, because they would favour small
+        // numbers.
         let excess = (u64::MAX % count + 1) % count;
         loop {
             let draw = self.0.next_u64();

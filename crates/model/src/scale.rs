@@ -5,7 +5,7 @@ use crate::{Position, Unit};
 /// The scale between counts of a drive and positions of the axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scale<U> {
-    /// How far one count moves the axis, in the unit `U`; negative when the drive counts the other
+    /// Move of the axis for one count, in the unit `U`; negative when the drive counts the other
     /// way.
     pub per_count: f64,
     /// Position of the axis at count zero.

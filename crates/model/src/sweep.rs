@@ -65,7 +65,7 @@ pub enum SweepMethod {
 /// A resonance to be found: where, how well, and at what cost.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SweepRequest {
-    /// Where to look.
+    /// Range of the resonance.
     pub window: Window,
     /// The choice of the points.
     pub method: SweepMethod,
@@ -212,7 +212,7 @@ pub struct Reading {
     pub measured: PointResult,
     /// When the frequency was set: settling starts here.
     pub started: RigTime,
-    /// The settling that was waited for, s.
+    /// Settling before the integration, s.
     pub settle_s: f64,
     /// The integration time, s.
     pub integration_s: f64,

@@ -40,7 +40,7 @@ pub(crate) enum ProtocolFault {
     #[error("all poses and repeats together are {touches} touches, above the limit of {limit}")]
     TooManyTouches { touches: usize, limit: usize },
 
-    // How the probe is lowered.
+    // Faults of the lowering of the probe.
     #[error("indentation_mm = {found} is above the limit of {limit} mm of {whose}")]
     TooDeep { found: f64, limit: f64, whose: DepthLimit },
     #[error("fine_step_mm = {fine} is above coarse_step_mm = {coarse}")]
@@ -73,7 +73,7 @@ pub(crate) enum ProtocolFault {
     )]
     BelowSoftLimits { floor: Position<Mm>, pose: Pose, soft: Span<Mm> },
 
-    // How the sample is tilted.
+    // Faults of the tilt of the sample.
     #[error(
         "{subject} puts the rotary stage at {rotary} for {direction}, outside its soft limits \
          {soft}"
@@ -92,7 +92,7 @@ pub(crate) enum ProtocolFault {
     )]
     NotCleared { subject: String, highest: Position<Mm>, clear: Position<Mm> },
 
-    // How resonance is measured.
+    // Faults of the sweeps.
     #[error("{key} is for the method \"uniform\" only")]
     OnlyUniform { key: &'static str },
     #[error("the method \"uniform\" needs the key `{key}`")]

@@ -74,10 +74,10 @@ impl Plan {
         faults.finish(plan)
     }
 
-    /// The plan of a run that goes on: the steps of the touches that are done, as they were, and then
-    /// the other touches in their order. A person is asked for sample and orientation anew, and the
-    /// no-load resonance is measured anew, because nobody knows what happened on the bench meanwhile.
-    /// Returns also the number of steps that are done.
+    /// The plan of a resumed run: the steps of the finished touches, unchanged, and then the other
+    /// touches in their order. Sample and orientation are asked for again, and the no-load
+    /// resonance is measured again, because the bench may have changed in the meantime. Also
+    /// returns the number of finished steps.
     #[must_use]
     pub fn resumed(&self, is_done: impl Fn(&StepId) -> bool) -> (Self, usize) {
         let mut layout = Layout::new(self.no_load);

@@ -82,7 +82,7 @@ pub struct Pose {
     pub angle: ContactAngle,
 }
 
-/// Which part of the protocol a touch belongs to.
+/// Phase of the protocol.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Phase {
     /// The grid of samples, directions and angles.
@@ -104,7 +104,7 @@ impl Phase {
 /// One touch of one sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Touch {
-    /// Which part of the protocol it belongs to.
+    /// Phase of the protocol.
     pub phase: Phase,
     /// Index into [`Plan::samples`]. The analysis of the blind phase does not use it.
     pub sample: usize,

@@ -88,8 +88,8 @@ impl Plan {
         summary
     }
 
-    /// How long each step is expected to take on the rig's clock, s: the terms of the sum in
-    /// [`Plan::summary`]. A prompt takes the rig no time.
+    /// Expected duration of each step on the rig's clock, s: the terms of the sum in
+    /// [`Plan::summary`]. A prompt counts as zero.
     pub fn durations_s(&self, limits: &RigLimits) -> Vec<f64> {
         let mut here = limits.rotary.rest_target().position();
         let mut duration = |step: &Step| {
@@ -133,7 +133,7 @@ impl Plan {
 }
 
 impl TouchSettings {
-    /// Where the search for the surface begins at a pose.
+    /// Start of the search for the surface at a pose.
     pub(crate) fn start(&self, limits: &RigLimits, pose: Pose) -> Position<Mm> {
         let surface = limits.geometry.surface_at(pose.direction, pose.angle);
         surface.offset(self.approach.start_above_mm)

@@ -48,7 +48,7 @@ pub(crate) struct PlannedTouch {
     pub(crate) began_at: Option<String>,
     /// `None` when it has not ended.
     pub(crate) outcome: Option<Outcome>,
-    /// How often it was begun.
+    /// Number of attempts.
     pub(crate) attempts: u32,
     /// Number of the clock on which its times count, from 1.
     pub(crate) clock: Option<u64>,

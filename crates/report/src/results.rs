@@ -99,8 +99,8 @@ impl RunResults {
         &self.run
     }
 
-    /// How many touches were measured, and the refused ones, in a sentence for a person; `None` when
-    /// every planned touch was measured.
+    /// The number of measured touches and the refused ones, as a sentence; `None` when every
+    /// planned touch was measured.
     pub fn shortfall(&self) -> Option<String> {
         let is_measured = |row: &TouchRow| row.status == TouchStatus::Measured;
         (!self.touches.iter().all(is_measured)).then(|| touches::sentence(&self.touches))

@@ -120,7 +120,7 @@ struct RigArgs {
     rig: PathBuf,
 }
 
-/// Where the journal is.
+/// Data directory with the journal.
 #[derive(Debug, Args)]
 struct DataArgs {
     /// Directory of the journal and the reports
@@ -343,7 +343,7 @@ enum Failure {
     Latched { cause: String },
     #[error("aborted; the probe was retracted")]
     Aborted,
-    /// Which ones has been said already.
+    /// The runs have been listed already.
     #[error("touches were refused")]
     TouchesRefused,
     #[error("interrupted")]

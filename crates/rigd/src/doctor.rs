@@ -16,7 +16,7 @@ use crate::rig::Inspection;
 /// The severity of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Level {
-    /// As it should be.
+    /// No problem.
     Ok,
     /// It works, and could be better.
     Warning,

@@ -1,4 +1,4 @@
-//! How a run or a session was left by a program that did not end it, in words and as JSON.
+//! The state in which a killed program left a run or session, as text and as JSON.
 
 use rig_store::{Interruption, ProbeWord, Reader, Run, RunKind, RunStatus, StoreError};
 use serde::Serialize;

@@ -1,8 +1,8 @@
-//! Where the resonances of a plan will lie, as far as the rig file can tell: from the sensor that it
-//! describes and the samples whose stiffness is known.
+//! Predicted resonances of a plan, from the sensor in the rig file and the samples of known
+//! stiffness.
 //!
-//! Nothing is measured for it, and no plan is refused for it. A window that misses its resonance
-//! costs a run, so a person is warned.
+//! Nothing is measured, and no plan is refused because of a prediction. A window that misses its
+//! resonance costs a run, so the person gets a warning.
 
 use std::fmt;
 
@@ -22,7 +22,7 @@ pub(crate) const EDGE_LINEWIDTHS: f64 = 1.0;
 /// Allowed error of the model, in linewidths of the free sensor: a tenth of the margin.
 const TOLERANCE_LINEWIDTHS: f64 = 0.1 * EDGE_LINEWIDTHS;
 
-/// Where the resonances of a plan will lie.
+/// Predicted resonances of a plan.
 #[derive(Debug)]
 pub(crate) struct Predictions {
     /// The model by which they were predicted.
@@ -31,7 +31,7 @@ pub(crate) struct Predictions {
     pub(crate) steps: Vec<Option<Result<Predicted, NotPredicted>>>,
 }
 
-/// Which sweep of a protocol.
+/// A sweep of a protocol.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum SweepSection {
     NoLoad,
@@ -77,7 +77,7 @@ pub(crate) struct Warning {
     pub(crate) window: Window,
     /// The steps whose resonance lies beyond the edge or near it, by index, the worst first.
     pub(crate) steps: Vec<usize>,
-    /// Where the edge would leave room for all of them, Hz.
+    /// Edge with enough margin for all of them, Hz.
     pub(crate) wanted_hz: f64,
 }
 
@@ -171,7 +171,7 @@ impl Predicted {
         room_hz / self.linewidth_hz
     }
 
-    /// Where the edge would leave room.
+    /// Edge with enough margin, Hz.
     fn wanted_hz(&self, edge: WindowEdge) -> f64 {
         let room_hz = EDGE_LINEWIDTHS * self.linewidth_hz;
         match edge {

@@ -78,7 +78,7 @@ pub struct Status {
     pub sweep: Option<u64>,
     /// Number of manual sweeps begun in this session.
     pub sweeps: u64,
-    /// Who answered on the ports.
+    /// Identities of the devices.
     pub devices: Arc<[DeviceIdentity]>,
     /// The sweep under way or the last one.
     pub live: Option<Arc<LiveSweep>>,
@@ -113,7 +113,7 @@ pub struct RunView {
     pub touches_done: usize,
     /// The touches that were refused.
     pub touches_refused: usize,
-    /// Time that it has waited for people.
+    /// Time spent waiting for people, s.
     pub pace: Pace,
     /// How the run ended; `None` during the run.
     pub ending: Option<rig_engine::RunStatus>,

@@ -42,7 +42,7 @@ pub enum RunFilesError {
     Export(#[from] ExportError),
 }
 
-/// Where the files of a run are. The name says whether the run was simulated.
+/// Folder of the files of a run. Its name says whether the run was simulated.
 pub fn folder(data: &Path, reader: &Reader, run: RunId) -> PathBuf {
     let suffix = if reader.is_simulated(run) { "-simulated" } else { "" };
     data.join("runs").join(format!("{run}{suffix}"))

@@ -118,7 +118,7 @@ fn check_clear(data: &Path) {
     assert_eq!(reader.probe_word(&session).unwrap(), ProbeWord::Clear);
 }
 
-/// Does the same for each case, all at the same time: most of it is waiting for a rig.
+/// Runs all cases in parallel, because most of the time is waiting for a rig.
 fn at_once<T: Send>(cases: impl IntoIterator<Item = T>, check: impl Fn(T) + Sync) {
     thread::scope(|scope| {
         for case in cases {

@@ -1,4 +1,4 @@
-//! What both ends share: messages and their parts, values, units and error numbers.
+//! The grammar of both ends: messages and their parts, values, units and error numbers.
 
 pub(crate) mod error;
 pub(crate) mod mnemonic;

@@ -95,7 +95,7 @@ impl Session {
     }
 }
 
-/// Who carries a unit out.
+/// The part that carries out a unit.
 #[derive(Debug, Clone, Copy)]
 enum Target<C> {
     Host(C),
@@ -253,7 +253,7 @@ impl<C: Copy> Instrument<C> {
     /// The status byte, as a serial poll or `*STB?` would show it.
     pub(crate) fn status_byte(&self) -> u8 {
         let has_errors = self.errors.as_ref().is_some_and(|errors| !errors.is_empty());
-        // Where answers are not fetched, a finished one is on its way and no longer available.
+        // Without fetching of answers, a finished answer has been sent and is no longer available.
         let has_output =
             self.dialect.unread != UnreadPolicy::Keep && !self.session.output.is_empty();
         self.status.byte(has_errors, has_output || self.session.message.answer.has_data)

@@ -19,9 +19,9 @@ pub struct BusSettings {
     /// The silence between two frames, where it is not to be that of the standard: some devices
     /// need more, and a line that ends in this computer needs none.
     pub silence: Option<Duration>,
-    /// How long a device may think before its answer begins; the time on the wire comes on top.
+    /// Longest delay before an answer begins, in addition to the time on the wire.
     pub reply_within: Duration,
-    /// How long the line is only listened to after a fault. No answer may be later than this.
+    /// Duration of the quarantine after a fault. No answer may be later than this.
     pub quarantine: Duration,
     /// Largest number of attempts of a request.
     pub attempts: u32,

@@ -10,8 +10,8 @@ use tokio::{
 
 use crate::Request;
 
-/// How much longer an answer is waited for when a stop has come. Drives answer within some milliseconds
-/// and USB adapters add up to 16.
+/// Remaining wait for an answer after a stop. Drives answer within some milliseconds and USB
+/// adapters add up to 16.
 const ANSWER_WITHIN: Duration = Duration::from_millis(30);
 
 /// The frames that stop the drives of a line.

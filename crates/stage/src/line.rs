@@ -24,8 +24,8 @@ use crate::{
 /// transceiver.
 const STRAY_FRAME_BYTES: usize = 4;
 
-/// How long a drive may take to begin an answer that is not waited for. Drives begin within some
-/// milliseconds; two frames at once would be heard by none.
+/// Longest delay of an answer that the host does not wait for. Drives begin within some
+/// milliseconds, and two frames at once would destroy each other.
 const UNHEARD_ANSWER: Duration = Duration::from_millis(15);
 
 /// Registers with known values. They are read after a fault, before other answers of their device
@@ -115,7 +115,7 @@ impl Line {
             for (unit, request) in &frames.0 {
                 if self.context.is_none() {
                     self.send_urgently(*unit, request).await;
-                    // The answer has the line before the next frame.
+                    // The answer comes before the next frame on the line.
                     let bytes = request.wire_len() + request.reply_wire_len();
                     let on_the_wire = self.port_loan.lock().port.duration_of(bytes);
                     sleep(on_the_wire + UNHEARD_ANSWER).await;
@@ -300,8 +300,8 @@ impl Line {
         Ok(())
     }
 
-    /// Waits for the silence between two frames, or listens for as long as a quarantine takes, and
-    /// returns the number of bytes thrown away. A stop is sent meanwhile, and the wait begins again.
+    /// Waits for the silence between two frames, or for the end of a quarantine, and returns the
+    /// number of discarded bytes. A stop is sent in between, and the wait begins again.
     async fn listen(&mut self, quarantine: Option<Duration>) -> Result<usize, LineError> {
         loop {
             let mut port_loan = self.port_loan.lock();
@@ -332,8 +332,8 @@ impl Line {
         Instant::now() + port_loan.port.duration_of(bytes) + self.settings.reply_within
     }
 
-    /// One request and one answer on a line that is in order and silent. Without a time by which the
-    /// answer must come, it is waited for as the settings say, or for a moment after a stop has come.
+    /// One request and one answer on a line that is in order and silent. Without a deadline the
+    /// settings limit the wait for the answer; after a stop the wait is short.
     async fn exchange(
         &mut self,
         unit: u8,

@@ -219,7 +219,7 @@ pub struct RegisterMap {
     pub ready: Flag,
     /// Whether the axis is homed.
     pub homed: Flag,
-    /// Where the drive reports an alarm.
+    /// Source of the alarm in the status.
     pub alarm: AlarmSource,
     /// Names of the alarm codes.
     pub alarms: &'static [(u16, &'static str)],

@@ -69,7 +69,7 @@ impl Inner {
     }
 
     fn poll_read(&mut self, cx: &mut Context<'_>, out: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
-        // While only an echo has come, there is nothing to hand over.
+        // An echo alone is not handed over.
         while self.passed.is_empty() {
             let mut bytes = [0; 256];
             let mut buffer = ReadBuf::new(&mut bytes);

@@ -70,7 +70,7 @@ pub enum Reply {
 }
 
 impl Request {
-    /// Whether it changes something in the device.
+    /// Whether it writes to the device.
     pub(crate) const fn is_write(&self) -> bool {
         matches!(
             self,

@@ -23,10 +23,10 @@ const READ_INTERVAL_MAX: Duration = Duration::from_secs(1);
 /// The time between two readings of an axis that homes: the duration of homing is unknown.
 const READ_INTERVAL_HOMING: Duration = Duration::from_millis(250);
 
-/// A move may take twice as long as computed, and this much on top, before it is stopped.
+/// A move is stopped after twice the computed time plus this time.
 const MOVE_SLACK: Duration = Duration::from_secs(2);
 
-/// How long a measured position may take to settle into the tolerance after the motion has ended.
+/// Longest time for a measured position to settle into the tolerance after the end of the motion.
 const SETTLE_WITHIN: Duration = Duration::from_millis(500);
 
 /// Time limit of a stop.

@@ -6,8 +6,8 @@ use rusqlite::ErrorCode;
 
 use rig_record::{Flaw, NotARunId, Run, RunId, UnreadableRecord};
 
-/// Why the journal in a data directory could not be written or read. Which directory, the one who
-/// opened it knows.
+/// Why the journal in a data directory could not be written or read. It does not name the
+/// directory.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
     /// The data directory cannot be made or its lock file not opened.
@@ -73,7 +73,7 @@ pub enum StoreError {
     Unwritable {
         /// The kind of the record.
         kind: &'static str,
-        /// Where it went wrong.
+        /// Step that failed.
         source: serde_json::Error,
     },
     /// A stored record cannot be understood.
@@ -104,12 +104,12 @@ pub enum StoreError {
     Ambiguous {
         /// The requested run.
         wanted: String,
-        /// Which fit, the latest first.
+        /// Runs that match, the latest first.
         candidates: Vec<Run>,
     },
 }
 
-/// What SQLite reports. Its own cause, a code, only says the same again.
+/// The error of SQLite, without its cause, which only repeats it as a code.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct SqliteError(rusqlite::Error);

@@ -17,8 +17,7 @@ const FILE: &str = "rigd.lock";
 const TRIES: u32 = 50;
 const PAUSE: Duration = Duration::from_millis(2);
 
-/// Held as long as the store is open. The system releases it when the program ends, however it
-/// ends.
+/// Held as long as the store is open. The system releases it at any end of the program.
 #[derive(Debug)]
 pub(crate) struct DirectoryLock {
     _file: File,

@@ -282,7 +282,7 @@ pub fn intact(run: RunId, check: &ChainCheck) -> Result<(), StoreError> {
     }
 }
 
-/// A run that has ended has a last record that says so, and the list of runs says the same.
+/// An ended run has a last record with its end, and the list of runs has the same end.
 fn end_of(records: &[StoredRecord], status: RunStatus, digest: Digest) -> ChainCheck {
     let count = records.len() as u64;
     let end = records.last().and_then(|last| match last.record() {

@@ -22,7 +22,8 @@ use crate::{
 /// Boot time of an analyzer.
 const BOOT: Duration = Duration::from_secs(3);
 
-/// A message longer than this never ends: it is thrown away, as an instrument's buffer overruns.
+/// A message longer than this never ends: it is discarded, like in an instrument whose buffer
+/// overruns.
 const MAX_MESSAGE: usize = 64 * 1024;
 
 /// An analyzer of any make.

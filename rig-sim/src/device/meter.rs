@@ -64,7 +64,7 @@ enum Phase {
 #[derive(Debug)]
 struct RunningMeasurement<C> {
     job: Job,
-    /// Who began it, and with what.
+    /// The client and the command that began it.
     client: ClientId,
     command: C,
     busy_bits: u16,
@@ -73,7 +73,7 @@ struct RunningMeasurement<C> {
     readings: Vec<FinishedPoint>,
 }
 
-/// Who talks to the instrument.
+/// A client of the instrument.
 #[derive(Debug)]
 struct Client<C> {
     session: Session,

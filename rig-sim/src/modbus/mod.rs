@@ -26,7 +26,7 @@ pub struct Frame {
     /// The request, or why a unit has to refuse it.
     pub request: Result<Request, Exception>,
     bytes: Vec<u8>,
-    /// Where function code and data are in the bytes.
+    /// Range of function code and data in the bytes.
     pdu: Range<usize>,
     framing: Framing,
 }

@@ -23,7 +23,7 @@ pub struct TcpDecoder {
 pub struct NotModbus {
     /// The protocol identifier, which has to be 0.
     pub protocol: u16,
-    /// The length, which has to be from 2 to 254.
+    /// The length in the header; valid are 2 to 254.
     pub length: u16,
 }
 

@@ -74,9 +74,9 @@ impl Server {
         Self { handle, tasks: JoinSet::new(), free: Arc::default() }
     }
 
-    /// Serves a port on a new pseudo-terminal, to which `link` points where one is asked for.
-    /// Returns the path of the terminal. When the device hangs up, that path goes away and the link
-    /// points to a new one, as when an adapter is unplugged and plugged in again.
+    /// Serves a port on a new pseudo-terminal, to which `link` points, if given. Returns the path
+    /// of the terminal. When the device hangs up, that path goes away and the link points to a new
+    /// one, as when an adapter is unplugged and plugged in again.
     ///
     /// # Errors
     /// [`ServeError::Pty`], [`ServeError::Link`].
@@ -196,8 +196,8 @@ async fn serve_ptys(
     }
 }
 
-/// Serves a terminal until the device hangs up. What happens to clients is none of its business:
-/// like a device on a cable it sees bytes only.
+/// Serves a terminal until the device hangs up. It does not notice clients: like a device on a
+/// cable it sees only bytes.
 async fn serve_pty(handle: &SimHandle, role: Role, pty: &mut Pty, free: &Notify) -> io::Result<()> {
     let (terminal, line, clients) = pty.parts();
     let mut serving = std::pin::pin!(handle.serve(connect(handle, role), terminal));
@@ -255,7 +255,8 @@ async fn accept(listener: &TcpListener) -> Option<(TcpStream, SocketAddr)> {
     loop {
         match listener.accept().await {
             Ok((stream, peer)) => {
-                // Answers are small and waited for; to collect them would only delay them.
+                // Answers are small and the client waits for them, so that collecting them would
+                // only delay them.
                 if stream.set_nodelay(true).is_ok() {
                     return Some((stream, peer));
                 }

@@ -92,7 +92,7 @@ fn make_raw(line: impl AsFd) -> io::Result<()> {
     Ok(())
 }
 
-/// Who has the other side open.
+/// Programs that have the other side open.
 #[derive(Debug)]
 pub(super) struct Clients {
     events: pipe::Receiver,

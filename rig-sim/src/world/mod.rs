@@ -191,7 +191,7 @@ impl World {
         }
     }
 
-    /// Where the limit switches of a stage are.
+    /// Positions of the limit switches of a stage.
     pub fn travel(&self, axis: AxisId) -> (f64, f64) {
         match axis {
             AxisId::Linear => self.scene.linear.travel,

@@ -30,7 +30,7 @@ impl MotionSegment {
     }
 }
 
-/// Where a motor is at any time after a command.
+/// Position of a motor at any time after a command.
 #[derive(Debug, Clone)]
 pub(super) struct Motion {
     began: RigTime,
@@ -104,7 +104,7 @@ impl Motion {
         after(self.began, seconds)
     }
 
-    /// Where the motor turned round on the way, when it has done so by `now`.
+    /// Turning point of the motor, if it has turned round by `now`.
     pub(super) fn turned_at(&self, now: RigTime) -> Option<f64> {
         let first = self.segments.first().filter(|segment| segment.speed != 0.0)?;
         let elapsed_s = now.since(self.began).as_secs_f64();

@@ -27,7 +27,7 @@ pub struct Nuisances {
     pub drift: Drift,
     /// Relative standard deviation of each part of an impedance integrated over ten cycles.
     pub impedance_rel: f64,
-    /// How long the analyzer takes over each command, s: a client that times its drive does not know it.
+    /// Time of the analyzer for each command, s: a client that times its drive does not know it.
     pub analyzer_command_s: f64,
 }
 
@@ -48,7 +48,7 @@ impl Nuisances {
     };
 }
 
-/// How the free resonance wanders: a warm-up that dies away and a random walk.
+/// Drift of the free resonance: a decaying warm-up and a random walk.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Drift {
     /// Shift of the resonance at the end of the warm-up, Hz.

@@ -19,7 +19,7 @@ pub struct Scene {
     pub sensor: SensorScene,
     /// Samples that can be placed under the probe.
     pub samples: Vec<Sample>,
-    /// Where things are.
+    /// True positions on the bench.
     pub place: TrueGeometry,
     /// The stage that carries the sensor, in mm.
     pub linear: Mechanics,
@@ -36,7 +36,7 @@ pub struct Scene {
 pub struct Mechanics {
     /// Its initial position.
     pub start: f64,
-    /// Where its limit switches are: the lower and the upper one.
+    /// Positions of its limit switches: the lower and the upper one.
     pub travel: (f64, f64),
 }
 

@@ -67,7 +67,7 @@ impl Stage {
         self.slip += distance;
     }
 
-    /// Where the encoder of the motor is.
+    /// Position of the encoder of the motor.
     pub fn motor(&self, now: RigTime) -> f64 {
         self.motion.position(now)
     }
@@ -92,12 +92,12 @@ impl Stage {
         self.motion.ends()
     }
 
-    /// Where the motor was sent, or came to rest.
+    /// Target of the motor, or its position after a halt.
     pub fn target(&self) -> f64 {
         self.motion.target()
     }
 
-    /// Where the load really is.
+    /// True position of the load.
     pub fn load(&self, now: RigTime) -> f64 {
         let nut = self.follow(now) + self.slip;
         nut + self.screw_error(nut)

@@ -1,7 +1,7 @@
-//! Where the probe is to the tilted sample. Computed from the signed distance of the ball's centre
-//! to the plane, not by the formula that the daemon uses.
+//! Position of the probe relative to the tilted sample. Computed from the signed distance of the
+//! ball's centre to the plane, not by the formula that the daemon uses.
 
-/// Where things really are. Lengths in mm.
+/// True positions, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrueGeometry {
     /// Position of the linear stage at which the tip touches the level sample as drawn.
@@ -14,8 +14,8 @@ pub struct TrueGeometry {
 }
 
 impl TrueGeometry {
-    /// How deep the ball has gone into the undeformed surface along the probe, in mm; negative
-    /// while it is clear. `raised_mm` is how much thicker this mounting is than drawn.
+    /// Depth of the ball in the undeformed surface along the probe, mm; negative while it is clear.
+    /// `raised_mm` is the excess height of this mounting.
     pub(super) fn indentation_mm(
         &self,
         tip_mm: f64,

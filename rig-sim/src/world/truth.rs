@@ -61,11 +61,11 @@ pub struct Truth {
     pub sample: Option<String>,
     /// The orientation of the sensor.
     pub orientation: Orientation,
-    /// Where the tip of the probe is on the linear axis, mm.
+    /// Position of the tip of the probe on the linear axis, mm.
     pub tip_mm: f64,
-    /// Where the rotary stage is, degrees.
+    /// Position of the rotary stage, degrees.
     pub tilt_deg: f64,
-    /// How deep the tip is below the undeformed surface along the probe, mm; negative while clear,
+    /// Depth of the tip below the undeformed surface along the probe, mm; negative while clear,
     /// minus infinity without a sample.
     pub indentation_mm: f64,
     /// The angle between the probe and the normal of the touched point, degrees, with its sign.

@@ -10,8 +10,8 @@ use crate::{
     recovery::{Recovery, RecoveryReport, RecoveryStep},
 };
 
-/// How far a stage that is found again may be from the way of its last moves, in tolerances of its
-/// read-back: its drive was switched off or stopped in between.
+/// Largest distance of a stage that is found again from the path of its last moves, in tolerances
+/// of its read-back: its drive was switched off or stopped in between.
 const JUMP_TOLERANCES: f64 = 10.0;
 
 impl Engine {

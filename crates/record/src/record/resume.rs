@@ -19,7 +19,7 @@ pub struct Resumed {
     pub touches_done: u32,
     /// Number of touches that have none.
     pub touches_left: u32,
-    /// What differs from the part before; the operator confirmed all of it.
+    /// Differences from the part before; the operator confirmed all of them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub changes: Vec<Change>,
     /// Version of the program.
@@ -94,7 +94,7 @@ pub struct Amended {
     /// Devices on the ports, for a touch that is measured again.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub devices: Vec<Device>,
-    /// What differs from the run; the operator confirmed all of it.
+    /// Differences from the run; the operator confirmed all of them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub changes: Vec<Change>,
 }

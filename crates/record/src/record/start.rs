@@ -79,7 +79,7 @@ pub struct PlanSize {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "action", rename_all = "snake_case")]
 pub enum Action {
-    /// A person is asked for something.
+    /// A prompt.
     Prompt {
         /// Action that the person is asked for.
         prompt: Prompt,

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Which way the surface leans.
+/// Direction in which the surface leans.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Direction {
@@ -72,7 +72,7 @@ pub struct TouchSettings {
 /// The result of a touch.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Touch {
-    /// Which touch it was.
+    /// Settings of the touch.
     pub touch: TouchSettings,
     /// Number of the sweep that gave the reference.
     pub no_load_sweep: u64,
@@ -105,7 +105,7 @@ pub struct Touch {
 /// A touch that gave no frequency shift.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RefusedTouch {
-    /// Which touch it was.
+    /// Settings of the touch.
     pub touch: TouchSettings,
     /// The reason of the refusal.
     pub reason: String,

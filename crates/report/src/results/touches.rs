@@ -64,7 +64,7 @@ pub struct TouchRow {
     pub class: Option<String>,
     /// Known Young's modulus of the sample, MPa.
     pub known_mpa: Option<f64>,
-    /// How often it was begun: more than once when it was interrupted or measured again.
+    /// Number of attempts: more than one if it was interrupted or measured again.
     pub attempts: u32,
     /// Number of the clock on which the times of its sweeps count, from 1.
     pub clock: Option<u64>,

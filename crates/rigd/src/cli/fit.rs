@@ -27,10 +27,10 @@ use crate::files::{FileError, read_bytes};
 pub(super) struct FitArgs {
     /// CSV or Touchstone file; `-` reads stdin
     sweep_file: PathBuf,
-    /// Where the resonance must be; as the file says, or all of the sweep, when left out
+    /// Window of the resonance; if left out, as the file says, or the whole sweep
     #[arg(long, value_name = "HZ..HZ", value_parser = window)]
     window: Option<Window>,
-    /// Which sweep, of a file that numbers them; all when left out
+    /// Number of the sweep, in a file that numbers them; all if left out
     #[arg(long, value_name = "N")]
     sweep: Option<u64>,
     /// Meaning of the times in the file; if left out, as the file says, or inferred from its
@@ -54,7 +54,7 @@ pub(super) struct FitArgs {
 enum FileTiming {
     /// Nothing: no reading may be relied on to have settled
     Unknown,
-    /// Each point was waited for and integrated as long as `settle_s` and `integration_s` say
+    /// The instrument waited and integrated at each point for `settle_s` and `integration_s`
     Waited,
     /// `time_s` is exact too, and the drive was continuous from point to point; readings need not
     /// settle
@@ -248,7 +248,7 @@ struct EstimatorView {
     definition: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
     frequency_hz: Option<f64>,
-    /// How far that meaning lies above the series resonance in the circuit that was fitted.
+    /// Difference between that definition and the series resonance in the fitted circuit, Hz.
     #[serde(skip_serializing_if = "Option::is_none")]
     bias_hz: Option<f64>,
     /// Why it gives no frequency.

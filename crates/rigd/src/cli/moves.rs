@@ -17,7 +17,7 @@ pub(super) struct MoveArgs {
     /// Axis to move
     #[arg(value_enum)]
     axis: MoveAxis,
-    /// Where to: the height of the probe in mm, or the tilt of the sample in degrees
+    /// Target: the height of the probe in mm, or the tilt of the sample in degrees
     #[arg(value_name = "MM|DEG", allow_negative_numbers = true)]
     to: f64,
     #[command(flatten)]

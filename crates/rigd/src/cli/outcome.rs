@@ -110,8 +110,7 @@ impl OutcomeView {
 }
 
 impl FoundView {
-    /// How many decimals there are in two digits of the uncertainty, as far as which the resonance
-    /// goes.
+    /// Number of decimals of a resonance: as many as two digits of its uncertainty need.
     fn digits(&self) -> usize {
         let is_short = |digits: &i32| self.sigma_hz * 10_f64.powi(*digits) < 10.0;
         (0..12).take_while(is_short).count()

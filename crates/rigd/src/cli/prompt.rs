@@ -83,7 +83,7 @@ fn ask(text: &str) {
 fn forget_input() {
     let stdin = io::stdin();
     if stdin.is_terminal() {
-        // Where this fails, so does the read.
+        // If this fails, the read fails too.
         _ = rustix::termios::tcflush(&stdin, rustix::termios::QueueSelector::IFlush);
     }
 }

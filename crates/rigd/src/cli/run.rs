@@ -25,7 +25,7 @@ use crate::{
     run_files,
 };
 
-/// What is to be run.
+/// The run to begin.
 enum Order {
     /// A protocol from its beginning.
     Protocol(Box<LoadedProtocol>),

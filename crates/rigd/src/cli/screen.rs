@@ -10,7 +10,7 @@ use std::{
 
 use unicode_width::{UnicodeWidthChar, UnicodeWidthStr};
 
-/// Where the system does not know how wide the terminal is.
+/// Width if the system does not report one.
 const COLUMNS: usize = 80;
 /// Clears the line of the cursor.
 const ERASE: &str = "\r\x1b[K";

@@ -126,9 +126,8 @@ fn address(text: &str) -> Result<SocketAddr, BadAddress> {
     addresses.min_by_key(SocketAddr::is_ipv6).ok_or_else(unknown)
 }
 
-/// Connections that the system holds until they are accepted. Where it holds no more, a client
-/// waits
-/// for a second until it tries again, also one that wants to stop the rig.
+/// Connections that the system holds until they are accepted. Beyond this number a client waits for
+/// a second before it tries again, even to stop the rig.
 const BACKLOG: u32 = 1024;
 
 fn listen(address: SocketAddr) -> io::Result<TcpListener> {
@@ -151,7 +150,7 @@ const fn advice(kind: io::ErrorKind) -> &'static str {
     }
 }
 
-/// Where a browser on this computer finds the daemon.
+/// Address of the daemon for a browser on this computer.
 fn called(address: SocketAddr) -> String {
     if address.ip().is_unspecified() {
         format!("http://localhost:{}/, and on every address of this computer", address.port())

@@ -1,4 +1,4 @@
-//! A rig that is open for as long as one command takes.
+//! A rig that is open during one command.
 
 use std::path::{Path, PathBuf};
 
@@ -27,7 +27,7 @@ pub(super) struct Session {
     operator: Operator,
 }
 
-/// What a command does with a rig that its last program left with the probe perhaps in the sample.
+/// The action of a command on a rig whose last program may have left the probe in the sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum LeftInContact {
     /// Retract: the command is there for it.
@@ -107,7 +107,7 @@ impl Session {
             match (status.snapshot.state, &status.snapshot.fault) {
                 _ if self.signals.count > 0 => {}
                 (RigState::Idle, _) => return Ok(()),
-                // Who gives a command at the bench has read above what was left.
+                // A person at the bench has read the report above.
                 (RigState::Latched, Some(Fault::Interrupted { may_touch, .. }))
                     if !may_touch || left == LeftInContact::Retract =>
                 {

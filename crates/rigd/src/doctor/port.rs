@@ -8,8 +8,8 @@ use crate::rig::{PortSeen, RoundTrips};
 /// Longest latency timer of a USB adapter that forwards received bytes at once, ms.
 const ADAPTER_DELAY_BEST_MS: u32 = 1;
 
-/// Half of the answers of devices that are well come within this time, ms. A drive is given up
-/// after a hundred.
+/// Devices in order send half of their answers within this time, ms. The driver waits for a drive
+/// for 100 ms.
 const ROUND_TRIP_MAX_MS: f64 = 50.0;
 
 pub(super) fn findings(port: &PortSeen) -> Vec<Finding> {

@@ -1,5 +1,5 @@
-//! Who may come in: the names by which the daemon may be called, the secret that a client must know,
-//! and the operator of requests that name none.
+//! Access to the daemon: its host names, the token of the clients, and the operator of requests
+//! without one.
 
 use std::{
     collections::BTreeSet,
@@ -24,7 +24,7 @@ const TOKEN_MAX: usize = 4096;
 /// others. The group may read it.
 const MODE_FORBIDDEN: u32 = 0o037;
 
-/// Who may come in.
+/// The rules of access.
 #[derive(Debug)]
 pub struct Access {
     hosts: BTreeSet<HostName>,
@@ -33,9 +33,9 @@ pub struct Access {
 }
 
 impl Access {
-    /// Admits clients that call the daemon by a loopback name, by the address on which it listens or by
-    /// one of the names `allowed`, and know the token, if there is one. `operator` is said to have
-    /// asked when a client does not name itself.
+    /// Admits requests to a loopback name, to the address on which the daemon listens or to one of
+    /// the names `allowed`, with the token, if there is one. Requests without an operator get
+    /// `operator`.
     pub fn new(
         listen: IpAddr,
         allowed: impl IntoIterator<Item = HostName>,
@@ -59,7 +59,7 @@ impl Access {
         self.token.as_ref()
     }
 
-    /// Who is said to have asked when a client does not name itself.
+    /// Operator of requests that name none.
     pub(super) const fn operator(&self) -> &Operator {
         &self.operator
     }

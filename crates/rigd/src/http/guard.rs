@@ -107,7 +107,7 @@ async fn admit(access: &Access, mut request: Request) -> Result<Request, Problem
     Ok(Request::from_parts(parts, body))
 }
 
-/// The host that is asked for, as the request names it.
+/// The host in the request.
 fn host(headers: &HeaderMap, uri: &Uri) -> Result<Authority, Problem> {
     let mut hosts = headers.get_all(header::HOST).iter();
     let (Some(host), None) = (hosts.next(), hosts.next()) else {

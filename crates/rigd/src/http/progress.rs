@@ -39,7 +39,7 @@ pub(super) struct OpenPrompt {
     step: String,
     #[serde(flatten)]
     what: PromptAction,
-    /// Which of all prompts of the run, from 1.
+    /// Number of the prompt in the run, from 1.
     number: usize,
     prompts: usize,
 }
@@ -62,7 +62,7 @@ pub(super) struct LastRun {
     status: &'static str,
 }
 
-/// Where the axes may be sent.
+/// Ranges of the targets of the axes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(super) struct Limits {
     linear_mm: AxisLimits,
@@ -77,7 +77,7 @@ pub(super) struct Limits {
 struct AxisLimits {
     min: f64,
     max: f64,
-    /// Where it waits: clear, or level.
+    /// Rest position: clear, or level.
     rest: f64,
 }
 

@@ -19,7 +19,7 @@ pub(super) struct CheckedResults {
     pub(super) check: ChainCheck,
 }
 
-/// The results of the runs that were asked for last.
+/// The results of the last requested runs.
 ///
 /// Only those of an ended run with an intact chain are kept. They hold as long as the journal has
 /// the same entry and the same last digest for the run, which covers all of its records.

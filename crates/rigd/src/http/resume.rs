@@ -14,7 +14,7 @@ use serde::{Deserialize, de::DeserializeOwned};
 use super::{Problem, Shared, runs::begun};
 use crate::{operator::Operator, rig::TouchOrder};
 
-/// What a client confirms.
+/// The confirmations of a client.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct ContinueForm {

@@ -9,7 +9,7 @@ use super::{
     resume::{Known, ResumeRefusal, SOFTWARE, devices, started},
 };
 
-/// Which touch is amended, by whom, and why.
+/// The touch to amend, the person, and the reason.
 #[derive(Debug, Clone)]
 pub struct TouchOrder {
     /// The run.

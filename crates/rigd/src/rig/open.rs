@@ -88,7 +88,7 @@ pub(super) struct Opened {
     pub(super) black_boxes: [(Arc<str>, Transcript); 2],
     /// The samples whose stiffness is known, and how stiff they are, MPa.
     pub(super) known_samples: Vec<(String, f64)>,
-    /// How long a linear stage that does not answer is waited for on the way out of contact.
+    /// Patience with a linear stage that does not answer on the way out of contact.
     pub(super) patience: Duration,
 }
 
@@ -110,7 +110,7 @@ pub(super) struct Simulation {
     person: Technician,
     /// Whether that person also says that it is done.
     pub(super) is_answering: bool,
-    /// The rig lives as long as this.
+    /// Keeps the rig alive.
     rig: SimRig,
 }
 

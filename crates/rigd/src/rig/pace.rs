@@ -2,7 +2,7 @@
 
 use rig_model::RigTime;
 
-/// Time that a run has waited for people.
+/// Time that a run has spent waiting for people.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Pace {
     /// Total time of all answers, s.
@@ -18,7 +18,7 @@ pub struct Pace {
 pub struct Remaining {
     /// When every answer comes at once.
     pub least_s: f64,
-    /// When answers take as long as they did so far.
+    /// If answers take as long as before.
     pub most_s: f64,
 }
 

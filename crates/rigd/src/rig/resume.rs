@@ -1,4 +1,4 @@
-//! What a run needs to go on after an interruption, a fault or an abort.
+//! Resuming a run after an interruption, a fault or an abort.
 //!
 //! ```text
 //!  run_started … touch_result … ✂ │ resumed  step_started  prompt_asked … touch_result … run_finished
@@ -105,11 +105,11 @@ pub(super) struct Known {
     pub(super) records: Vec<StoredRecord>,
     /// The protocol, laid out for the present rig.
     pub(super) protocol: LoadedProtocol,
-    /// What differs between then and now.
+    /// Differences between then and now.
     pub(super) changes: Vec<Change>,
 }
 
-/// What a run has and what it lacks.
+/// The finished and the missing touches of a run.
 pub(super) struct Rest {
     /// The done steps and, behind them, the steps of the touches that are left.
     pub(super) plan: Plan,
@@ -228,7 +228,7 @@ pub(super) fn started(records: &[StoredRecord]) -> Result<Option<RunStarted>, St
     }
 }
 
-/// What differs between the last part of a run and now.
+/// Differences between the last part of a run and now.
 fn changes(
     records: &[StoredRecord],
     started: &RunStarted,
@@ -270,7 +270,7 @@ fn changes(
     Ok(changes)
 }
 
-/// Which touches are finished. An amendment replaces the outcome of a touch.
+/// The finished touches. An amendment replaces the outcome of a touch.
 #[derive(Debug, Default)]
 pub(crate) struct Outcomes {
     /// Touches with a result or a refusal, and those that a person left out.

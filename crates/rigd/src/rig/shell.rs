@@ -35,7 +35,7 @@ use crate::{interruption::InterruptedRig, loaded_rig::LoadedRig, protocol_file::
 /// often by the wall clock. Intents do not wait for it.
 const COMMIT_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Who answers the prompts of a simulated rig.
+/// Operator of the answers on a simulated rig.
 const SIMULATED_PERSON: &str = "simulated person";
 
 type Opening = Result<(watch::Receiver<Status>, Option<SimHandle>), OpenError>;
@@ -71,12 +71,12 @@ pub(super) fn run(
     });
 }
 
-/// How long the rig thread waits for the frames of a stop to leave before it goes on.
+/// Longest wait of the rig thread for the frames of a stop to leave.
 const HALT_WITHIN: Duration = Duration::from_millis(200);
 
 /// The rig is being closed.
 struct Closing {
-    /// Who waits for it.
+    /// Receiver of the result.
     reply: Option<oneshot::Sender<()>>,
 }
 
@@ -485,7 +485,7 @@ impl Shell {
         _ = tokio::time::timeout(HALT_WITHIN, self.halt.now()).await;
     }
 
-    /// Why nothing may be begun for want of a journal; a record that was refused is said once.
+    /// Why nothing may begin without a journal; a refused record is reported once.
     fn journal_failure(&mut self) -> Option<(FailureKind, String)> {
         let closed = self.view.journal_error.as_ref();
         let closed =
@@ -624,8 +624,7 @@ impl Shell {
     }
 }
 
-/// What this thread has had of the processor: unlike the time on the wall, no matter what else
-/// runs.
+/// Processor time of this thread, which does not depend on other load.
 fn processor_time() -> Duration {
     clock_gettime(ClockId::ThreadCPUTime).try_into().unwrap_or_default()
 }

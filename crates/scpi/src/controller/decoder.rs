@@ -5,14 +5,13 @@ use crate::{controller::response::Response, grammar::scan::Ending};
 /// Terminator and largest length of answers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Framing {
-    /// What ends an answer. With [`Ending::Lf`] and [`Ending::CrLf`] a line feed does, and a carriage
-    /// return before it is dropped; with [`Ending::Cr`] a line feed after it is.
+    /// Ending of an answer. [`Ending::Lf`] and [`Ending::CrLf`]: a line feed; a carriage return
+    /// before it is dropped. [`Ending::Cr`]: a carriage return; a line feed after it is dropped.
     pub ending: Ending,
     /// Most bytes of one answer, with its ending.
     pub limit_bytes: usize,
-    /// Whether a block without a length is taken up to the ending. Its bytes may hold the ending
-    /// too, and then its tail would pass for the next answer; only a peer that sends text in such
-    /// blocks may be trusted with it.
+    /// Whether a block without a length is taken up to the ending. If its bytes contain the ending,
+    /// the rest looks like the next answer; use it only with a peer that sends text in such blocks.
     pub allows_indefinite_blocks: bool,
 }
 
@@ -52,7 +51,7 @@ pub enum FrameError {
     /// The length of a block is not a number.
     #[error("the block at offset {offset} of an answer has no valid length")]
     BlockLength {
-        /// Where its length is damaged.
+        /// The length is damaged.
         offset: usize,
     },
     /// The declared length of a block is not followed by a separator or an ending.

@@ -1,5 +1,5 @@
-//! Answers as a controller reads them. What instruments send instead of a number ends here: past
-//! this module a missing or overloaded reading is a variant, never 9.9E37.
+//! Answers as a controller reads them. Markers in place of numbers end here: outside this module a
+//! missing or overloaded reading is a variant, never 9.9E37.
 
 use nom::{
     IResult, Parser,
@@ -64,7 +64,7 @@ pub enum DataError {
     /// A field is not one datum.
     #[error("an answer cannot be read from offset {offset}")]
     Malformed {
-        /// Where reading stopped.
+        /// Offset at which reading stopped.
         offset: usize,
     },
     /// Another number of answers than queries.
@@ -345,7 +345,7 @@ fn real(value: f64) -> Datum {
     }
 }
 
-/// What instruments write where a number should be: words of SCPI, the C library of old Windows
+/// Markers that instruments write in place of a number: words of SCPI, the C library of old Windows
 /// (`1.#QNB`), and fields of asterisks.
 fn stand_in(input: &[u8]) -> Parsed<'_, Datum> {
     let overload = |is_negative| move |_: &[u8]| Datum::Overload { is_negative };

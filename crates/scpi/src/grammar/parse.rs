@@ -1,8 +1,8 @@
 //! The grammar of one program message unit: a header and its data.
 //!
 //! # Source
-//! IEEE 488.2, section 7 (program messages, as restated in SCPI-99, volume 1, chapters 5 to 8). Which
-//! error number a fault gets follows the examples in SCPI-99, volume 2, 21.8.
+//! IEEE 488.2, section 7 (program messages, as restated in SCPI-99, volume 1, chapters 5 to 8). The
+//! error numbers follow the examples in SCPI-99, volume 2, 21.8.
 
 use nom::{
     IResult, Parser,

@@ -35,7 +35,7 @@ pub(crate) enum Boundary {
     Message,
 }
 
-/// Which bytes end a message.
+/// Terminators of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Terminators {
     /// Line feed. A carriage return before it is white space, as in IEEE 488.2.

@@ -50,8 +50,8 @@ impl MessageSplitter {
         }
     }
 
-    /// How many more bytes are taken without loss. A host that cannot slow its peer down may ignore
-    /// it, as the input buffer of a real instrument does.
+    /// Number of further bytes that are accepted without loss. A host that cannot slow its peer
+    /// down may ignore it, like the input buffer of a real instrument.
     pub(crate) fn room(&self) -> usize {
         self.limit_bytes - self.buffer.len()
     }
@@ -77,7 +77,7 @@ impl MessageSplitter {
         self.end();
     }
 
-    /// Forgets everything that was not taken, as a device clear does.
+    /// Discards all input, as a device clear does.
     pub(crate) fn clear(&mut self) {
         *self = Self::new(self.rules, self.limit_bytes);
     }
@@ -108,7 +108,7 @@ impl MessageSplitter {
     fn end(&mut self) {
         if self.is_overrun {
             self.is_overrun = false;
-            // Several lost messages in a row are one fault, and need one entry.
+            // Consecutive lost messages are one fault with one entry.
             if !matches!(self.ready.back(), Some(SplitState::Overrun)) {
                 self.ready.push_back(SplitState::Overrun);
             }

@@ -10,7 +10,7 @@ use crate::{
 pub struct Dialect {
     /// The answer to `*IDN?`: manufacturer, model, serial number, firmware.
     pub identity: String,
-    /// Which bytes end a message that comes in.
+    /// Terminators of incoming messages.
     pub terminators: Terminators,
     /// Whether a terminator inside a string is part of the string, as IEEE 488.2, 7.7.5.2 has it.
     /// Otherwise it ends the message, and a forgotten quote is −151 instead of a long silence.
@@ -33,7 +33,7 @@ pub struct Dialect {
     pub after_query: AfterQueryPolicy,
     /// Treatment of an unread answer when the next message comes.
     pub unread: UnreadPolicy,
-    /// Which of the query errors there are; others pass in silence. See [`QUERY_ERRORS`].
+    /// The query errors that are reported. See [`QUERY_ERRORS`].
     pub query_errors: &'static [i16],
     /// Most bytes of answers that were not read. More are lost, which is −430.
     pub output_limit_bytes: usize,

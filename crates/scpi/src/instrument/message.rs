@@ -11,7 +11,7 @@ use crate::{
 pub(super) struct Message {
     pub(super) is_running: bool,
     pub(super) bytes: Vec<u8>,
-    /// Where the next unit begins; beyond the end when there is none.
+    /// Start of the next unit; the end of the message if there is none.
     position: usize,
     /// The mnemonics that a relative header is appended to.
     path: Vec<u8>,

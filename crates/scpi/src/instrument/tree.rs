@@ -33,7 +33,7 @@ pub struct Node<C> {
     query: Option<Arity>,
 }
 
-/// How many parameters are taken: at least, at most.
+/// Smallest and largest number of parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Arity {
     pub(crate) min: usize,

@@ -23,7 +23,7 @@ const COMMAND: usize = 1;
 const DSS1: u16 = 0x9005;
 const DSSE: u16 = 0x9007;
 
-/// Where the position data begin.
+/// First address of the position data.
 const PCMD: u16 = 0x9900;
 /// The width of the band around the target in which positioning is complete. To write it starts
 /// nothing.

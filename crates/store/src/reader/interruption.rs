@@ -1,4 +1,4 @@
-//! Where a program that ended in the middle of its work left the probe, as the journal tells it.
+//! Position of the probe after a killed program, from the journal.
 
 use rusqlite::{OptionalExtension, params};
 
@@ -21,7 +21,7 @@ pub enum ProbeWord {
     Silent,
 }
 
-/// How a run or a session was left by a program that did not end it.
+/// The state in which a killed program left a run or session.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Interruption {
     /// When something was last written: wall clock, UTC, RFC 3339 with milliseconds.
@@ -44,7 +44,7 @@ impl Reader {
         Ok(sessions.into_iter().find(|run| run.kind == RunKind::Session && run.name == rig))
     }
 
-    /// How an interrupted run or session was left; nothing for any other.
+    /// The state of an interrupted run or session; `None` for any other.
     ///
     /// # Errors
     /// [`StoreError`] of the system or of SQLite, or [`StoreError::Unreadable`].

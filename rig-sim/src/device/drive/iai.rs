@@ -92,7 +92,7 @@ mod alarm {
 
 /// Largest target, hundredths of a millimetre.
 const MAX_POSITION: i32 = 999_999;
-/// How far from the stroke end a move beyond it ends, hundredths of a millimetre.
+/// Distance from the stroke end at which a move beyond it ends, hundredths of a millimetre.
 const SHORT_OF_END: f64 = 20.0;
 /// Highest speed of the actuator, hundredths of a millimetre a second.
 const MAX_SPEED: i32 = 100_000;

@@ -13,7 +13,7 @@ pub(super) struct Motor {
     axis: AxisId,
     /// Millimetres or degrees a count; negative when the motor counts the other way.
     units_per_count: f64,
-    /// Where the axis is when the drive counts zero.
+    /// Position of the axis at count zero.
     zero: f64,
     commanded: f64,
 }
@@ -39,17 +39,17 @@ impl Motor {
         Self { commanded: self.encoder(now, world), ..self }
     }
 
-    /// Where the encoder is.
+    /// Position of the encoder, counts.
     pub(super) fn encoder(&self, now: RigTime, world: &World) -> f64 {
         self.counts_at(world.stage(self.axis).motor(now))
     }
 
-    /// Where the drive commands the motor to be.
+    /// Commanded position of the motor, counts.
     pub(super) fn command(&self, now: RigTime, world: &World) -> f64 {
         if self.is_moving(now, world) { self.encoder(now, world) } else { self.commanded }
     }
 
-    /// Where the drive has sent the motor.
+    /// Target of the motor, counts.
     pub(super) fn target(&self) -> f64 {
         self.commanded
     }
@@ -63,7 +63,7 @@ impl Motor {
         world.stage(self.axis).is_moving(now)
     }
 
-    /// Where the limit switches are: the lower and the upper count.
+    /// Positions of the limit switches: the lower and the upper count.
     pub(super) fn travel(&self, world: &World) -> (f64, f64) {
         let (low, high) = world.travel(self.axis);
         let (a, b) = (self.counts_at(low), self.counts_at(high));
@@ -92,7 +92,7 @@ impl Motor {
         }
     }
 
-    /// What faults do to a motor. Those of its drive are the drive's business.
+    /// The effect of faults on a motor. The drive handles its own faults.
     pub(super) fn apply_fault(&self, now: RigTime, fault: DeviceFault, world: &mut World) {
         match fault {
             DeviceFault::Stall => world.drive(now, self.axis).halt(now),

@@ -181,7 +181,7 @@ const LEVEL: Limits = Limits { min: 0.01, max: 5.0, default: 1.0 };
 const DELAY: Limits = Limits { min: 0.0, max: 9.9999, default: 0.0 };
 const RANGES: std::ops::RangeInclusive<i64> = 1..=10;
 
-/// What five digits of frequency leave: 10 mHz below 1 kHz.
+/// Resolution of a frequency with five digits: 10 mHz below 1 kHz.
 const DIGITS_OF_FREQUENCY: i32 = 5;
 
 impl Model for Hioki {

@@ -66,7 +66,7 @@ pub(crate) struct Lcr<M> {
     is_swapped: bool,
     range_ohm: f64,
     is_range_auto: bool,
-    /// Which of [`Monitor`] are on, in its order.
+    /// Whether each [`Monitor`] is on, in its order.
     monitors: [bool; 4],
     list_hz: Vec<f64>,
     is_stepped: bool,

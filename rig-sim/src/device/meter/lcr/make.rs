@@ -17,7 +17,7 @@ pub(crate) trait Make: fmt::Debug + Send + Sync + 'static {
     const OPTIONS: &'static str;
     /// The highest frequency, Hz.
     const MAX_HZ: f64;
-    /// How long one measurement takes, in s, at 20 Hz, 100 Hz, 1 kHz, 10 kHz and above, at each
+    /// Duration of one measurement, s, at 20 Hz, 100 Hz, 1 kHz, 10 kHz and above, for each
     /// aperture.
     const TIMES: [[f64; 4]; 3];
     /// The highest level, V, and with high power switched on.
@@ -34,10 +34,10 @@ pub(crate) trait Make: fmt::Debug + Send + Sync + 'static {
     const KEPT: &'static [StoredSetting];
     /// Whether the delay of a trigger and that of a step are separate.
     const HAS_TRIGGER_DELAY: bool;
-    /// Whether a reading is waited for. Otherwise its status says that there is none yet.
+    /// Whether a query waits for a reading. Otherwise the status says that there is none yet.
     const FETCH_WAITS: bool;
 
-    /// The frequency that is set when this one is asked for.
+    /// The set frequency for a requested one.
     fn nearest_hz(frequency_hz: f64) -> f64;
 }
 
