@@ -6,7 +6,7 @@ use rig_engine::RunStatus;
 use rig_store::Record;
 use rig_tests::{TestRig, shipped};
 
-/// Replays the short protocol on a rig of other makes and holds its shifts against those of the
+/// Replays the short protocol on a rig of other makes and compares its shifts with those of the
 /// shipped one.
 async fn check(changes: &[(&str, &str)], level_v: &str) {
     let smoke = fs::read_to_string(shipped("config/protocols/smoke.toml")).unwrap();
@@ -40,6 +40,8 @@ async fn every_make_of_analyzer_carries_a_run() {
     check(&[], "5").await;
     check(&[(HIOKI, r#"dialect = "keysight-e4980a""#), level("max_level_v = 2"), tcp], "2").await;
     check(&[(HIOKI, r#"dialect = "keysight-e4990a""#), level("max_level_v = 1"), tcp], "1").await;
+    check(&[(HIOKI, r#"dialect = "hp-4284a""#), level("max_level_v = 2"), tcp], "2").await;
+    check(&[(HIOKI, r#"dialect = "tonghui-th283x""#), level("max_level_v = 2")], "2").await;
 }
 
 #[tokio::test]
