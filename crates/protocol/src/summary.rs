@@ -17,6 +17,8 @@ pub struct Summary {
     pub prompts: usize,
     /// Expected time on the rig's clock, without the time that a person takes, in s.
     pub duration_s: f64,
+    /// Space that the journal and the files of the run may take, bytes.
+    pub disk_bytes: u64,
     /// The lowest position that a touch may ask for, and the clear position.
     pub linear: Span<Mm>,
     /// The extreme positions of the rotary stage.
@@ -42,6 +44,29 @@ const REFINEMENT: f64 = 5.0;
 /// Overhead of a move: starting, stopping, and requests to the drive, s.
 const MOVE_S: f64 = 0.04;
 
+/// Space of a run without touches, bytes: its files as they were read, and the report.
+const RUN_BYTES: u64 = 400_000;
+
+/// Space of a touch without its readings, bytes.
+const TOUCH_BYTES: u64 = 10_000;
+
+/// Space of a reading, bytes: in the journal, in its table, and in `records.jsonl`. The smoke run has
+/// 800 for each reading, with everything else.
+const READING_BYTES: u64 = 800;
+
+/// More readings than a search for the surface takes.
+const SEARCH_READINGS: usize = 40;
+
+/// More readings than an adaptive sweep takes.
+const ADAPTIVE_READINGS: usize = 64;
+
+fn readings(request: &SweepRequest) -> usize {
+    match request.method {
+        SweepMethod::Uniform { points } => points as usize,
+        SweepMethod::Adaptive | SweepMethod::Transient => ADAPTIVE_READINGS,
+    }
+}
+
 impl Plan {
     /// The extent of the plan on a rig with these limits.
     ///
@@ -64,6 +89,7 @@ impl Plan {
             no_loads: 0,
             prompts: 0,
             duration_s: self.durations_s(limits).iter().sum(),
+            disk_bytes: 0,
             linear: Span { min: clear, max: clear },
             rotary: Span { min: level, max: level },
         };
@@ -85,6 +111,10 @@ impl Plan {
             };
             include(&mut summary.rotary, pose.direction.rotary_position(pose.angle));
         }
+        let readings = summary.no_loads * readings(&self.no_load_sweep)
+            + summary.touches * (SEARCH_READINGS + readings(&self.contact_sweep));
+        summary.disk_bytes =
+            RUN_BYTES + TOUCH_BYTES * summary.touches as u64 + READING_BYTES * readings as u64;
         summary
     }
 

@@ -91,6 +91,8 @@ enum CliCommand {
     Show(ShowArgs),
     /// Write the data of a run to stdout
     Export(ExportArgs),
+    /// Copy what verifies of a damaged journal to a new directory
+    Salvage(SalvageArgs),
     /// Write the report of a run again
     Report(ReportArgs),
     /// List the serial ports of this computer and who has them open
@@ -222,6 +224,16 @@ struct RedoArgs {
     /// Confirm that the rig file, the scene, the software or a device has changed since the run
     #[arg(long)]
     accept_changes: bool,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+#[derive(Debug, Args)]
+struct SalvageArgs {
+    /// Directory of the new journal
+    to: PathBuf,
+    #[command(flatten)]
+    data: DataArgs,
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -409,6 +421,13 @@ impl Failure {
             Self::Store(StoreError::NoSuchRun { .. }) => {
                 Some("`rigd runs --data DIR` lists the runs of a data directory")
             }
+            Self::Data { source: StoreError::Damaged(_), .. } => Some(
+                "`rigd salvage NEW --data DIR` copies what can still be read to a new directory",
+            ),
+            Self::Store(StoreError::Broken { .. })
+            | Self::RunFiles(RunFilesError::Store(StoreError::Broken { .. })) => Some(
+                "keep the directory; `rigd salvage NEW --data DIR` copies what verifies to a new one",
+            ),
             Self::Data { source: StoreError::NoJournal, .. } => {
                 Some("name the directory of an earlier run with --data")
             }
@@ -416,6 +435,9 @@ impl Failure {
                 "end the other rigd, use its HTTP interface, or name another directory with \
                       --data",
             ),
+            Self::Refused(RequestRefusal::NoSpace { .. }) => {
+                Some("move old runs elsewhere, or choose another directory with --data")
+            }
             Self::Refused(RequestRefusal::Resume(refusal))
                 if matches!(**refusal, ResumeRefusal::Changed { .. }) =>
             {
@@ -449,6 +471,7 @@ pub fn main() -> ExitCode {
         CliCommand::Runs(args) => runs::list(&args),
         CliCommand::Show(args) => runs::show(&args),
         CliCommand::Export(args) => runs::export(&args),
+        CliCommand::Salvage(args) => runs::salvage(&args),
         CliCommand::Report(args) => runs::report(&args),
         CliCommand::Ports(args) => ports::ports(&args),
         CliCommand::Identify(args) => identify::identify(&args),

@@ -20,6 +20,7 @@ mod record;
 mod resume;
 mod shell;
 mod slot;
+mod space;
 
 use std::{path::PathBuf, sync::Arc, thread, time::Instant};
 
@@ -149,6 +150,18 @@ pub enum RequestRefusal {
     /// The run cannot go on or be amended.
     #[error(transparent)]
     Resume(Arc<ResumeRefusal>),
+    /// The disk has no room for the run.
+    #[error(
+        "the data directory has {} MiB free, and the run needs {} MiB",
+        .free_bytes >> 20,
+        .needed_bytes.div_ceil(1 << 20)
+    )]
+    NoSpace {
+        /// Free space, bytes.
+        free_bytes: u64,
+        /// Needed space, bytes.
+        needed_bytes: u64,
+    },
     /// The answer is for another prompt than the open one.
     #[error("there is no open prompt at step {step}")]
     NotAsked {

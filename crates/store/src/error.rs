@@ -16,6 +16,9 @@ pub enum StoreError {
     /// There is no journal in the directory.
     #[error("holds no journal")]
     NoJournal,
+    /// There is a journal in a directory that is to get a new one.
+    #[error("holds a journal already")]
+    NotEmpty,
     /// Another program writes to this directory.
     #[error("in use by another rigd")]
     InUse,

@@ -16,7 +16,7 @@ use crate::{
     Digest, Ending, GivenUp, Reader, Record, RunFinished, RunId, RunKind, RunStatus, StoreError,
     lock::DirectoryLock, schema,
 };
-pub(crate) use list::{ENTRY, entry_from, link, stretches};
+pub(crate) use list::{ENTRY, entry_from, insert_entry, insert_stretch, link, stretches};
 
 /// The journal of a data directory, open for writing. There is one at a time.
 #[derive(Debug)]

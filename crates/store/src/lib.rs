@@ -18,6 +18,7 @@ mod error;
 mod journal;
 mod lock;
 mod reader;
+mod salvage;
 mod schema;
 #[cfg(test)]
 mod tests;
@@ -34,4 +35,5 @@ pub use rig_record::{
     StepStarted, StoredRecord, Surface, SurfaceReading, Sweep, SweepOutcome, SweepPurpose, Touch,
     TouchPosition, TouchSettings,
 };
+pub use salvage::{SalvagedRun, salvage};
 pub use schema::FORMAT;

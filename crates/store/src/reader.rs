@@ -20,8 +20,10 @@ use crate::{
 /// A connection that reads the committed records. Each thread needs its own.
 #[derive(Debug)]
 pub struct Reader {
+    // Closed before the copy that it may read is removed.
     connection: Connection,
     directory: PathBuf,
+    _copy: Option<schema::Copied>,
 }
 
 impl Reader {
@@ -35,8 +37,8 @@ impl Reader {
         if !path.exists() {
             return Err(StoreError::NoJournal);
         }
-        let connection = schema::open_to_read(&path)?;
-        Ok(Self { connection, directory: directory.to_path_buf() })
+        let (connection, copy) = schema::open_to_read(&path)?;
+        Ok(Self { connection, directory: directory.to_path_buf(), _copy: copy })
     }
 
     /// Whether a program has the journal open to write.
@@ -71,7 +73,7 @@ impl Reader {
     fn select_runs(&self, tail: &str, values: impl Params + Copy) -> Result<Vec<Run>, StoreError> {
         let mut statement = self.connection.prepare_cached(&select_runs(tail))?;
         let mut select = || {
-            let rows = statement.query_map(values, |row| Ok((run_from(row)?, row.get(11)?)))?;
+            let rows = statement.query_map(values, |row| Ok((run_from(row)?, row.get(10)?)))?;
             rows.collect::<Result<Vec<(Run, Option<i64>)>, _>>()
         };
         let mut runs = select()?;
@@ -85,7 +87,12 @@ impl Reader {
                 runs = select()?;
             }
         }
+        let mut count = self.connection.prepare_cached(
+            "SELECT max(seq) FROM records WHERE run = (SELECT key FROM runs WHERE id = ?1)",
+        )?;
         let settled = runs.into_iter().map(|(mut run, present)| {
+            let last = count.query_row([run.id.to_string()], |row| row.get::<_, Option<i64>>(0));
+            run.records = last.ok().flatten().unwrap_or(0).cast_unsigned();
             let is_present = present.map(i64::cast_unsigned) == Some(run.epoch);
             match (run.status, has_writer && is_present) {
                 (RunStatus::Running, true) => (run.finished_at, run.wall_s) = (None, None),
@@ -305,7 +312,7 @@ fn select_runs(tail: &str) -> String {
     format!(
         "SELECT id, kind, name, started_at, finished_at, status,
                 round(unixepoch(finished_at, 'subsec') - unixepoch(started_at, 'subsec'), 3),
-                (SELECT max(seq) FROM records WHERE run = key), number,
+                number,
                 EXISTS (SELECT 1 FROM seals WHERE run = key),
                 coalesce((SELECT max(epoch) FROM stretches WHERE run = key), epoch),
                 (SELECT max(n) FROM epochs),
@@ -327,11 +334,12 @@ fn run_from(row: &Row<'_>) -> rusqlite::Result<Run> {
         finished_at: row.get(4)?,
         status: word(5, RunStatus::from_name)?,
         wall_s: row.get(6)?,
-        records: row.get::<_, Option<i64>>(7)?.unwrap_or(0).cast_unsigned(),
-        number: row.get::<_, i64>(8)?.cast_unsigned(),
-        epoch: row.get::<_, i64>(10)?.cast_unsigned(),
-        amendments: row.get::<_, i64>(12)?.cast_unsigned(),
-        is_sealed: row.get(9)?,
+        // Counted apart, so that a damaged record of one run does not hide the list of all.
+        records: 0,
+        number: row.get::<_, i64>(7)?.cast_unsigned(),
+        epoch: row.get::<_, i64>(9)?.cast_unsigned(),
+        amendments: row.get::<_, i64>(11)?.cast_unsigned(),
+        is_sealed: row.get(8)?,
     })
 }
 

@@ -1,6 +1,9 @@
 //! The tables, and how a database is opened.
 
-use std::path::{Path, PathBuf};
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+};
 
 use rusqlite::{Connection, OpenFlags};
 use uuid::Uuid;
@@ -107,14 +110,70 @@ pub(crate) fn open_to_write(path: &Path) -> Result<Connection, StoreError> {
 /// Opens the database to read.
 ///
 /// The file is opened for writing where that is allowed, because the log that a crash left behind
-/// can only be read in after it has been recovered.
-pub(crate) fn open_to_read(path: &Path) -> Result<Connection, StoreError> {
+/// can only be read in after it has been recovered. Where it is not allowed, a database without a log
+/// is read as it is; one with a log is copied to the directory for temporary files first, and the copy
+/// is returned too.
+pub(crate) fn open_to_read(path: &Path) -> Result<(Connection, Option<Copied>), StoreError> {
     let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-    let connection = Connection::open_with_flags(path, flags)?;
+    match connect(Connection::open_with_flags(path, flags)) {
+        Err(StoreError::Io(_)) => {}
+        opened => return Ok((opened?, None)),
+    }
+    let log = log_of(path);
+    if fs::metadata(&log).is_ok_and(|log| log.len() > 0) {
+        let copy = Copied::of(path, &log).map_err(StoreError::Directory)?;
+        let connection = connect(Connection::open_with_flags(database(&copy.0), flags))?;
+        return Ok((connection, Some(copy)));
+    }
+    let flags = OpenFlags::SQLITE_OPEN_READ_ONLY
+        | OpenFlags::SQLITE_OPEN_NO_MUTEX
+        | OpenFlags::SQLITE_OPEN_URI;
+    // The path is the only part of the address; these characters have a meaning there.
+    let escaped =
+        path.to_string_lossy().replace('%', "%25").replace('?', "%3f").replace('#', "%23");
+    let uri = format!("file:{escaped}?immutable=1");
+    Ok((connect(Connection::open_with_flags(uri, flags))?, None))
+}
+
+fn connect(opened: rusqlite::Result<Connection>) -> Result<Connection, StoreError> {
+    let connection = opened?;
     connection.busy_timeout(BUSY)?;
     connection.pragma_update(None, "query_only", true)?;
-    check_format(&connection)?;
+    // Its program ended before it had made the tables.
+    if check_format(&connection)? == 0 {
+        return Err(StoreError::NoJournal);
+    }
+    // The first reading of a table needs the log.
+    connection.query_row("SELECT count(*) FROM sqlite_schema", [], |row| row.get::<_, i64>(0))?;
     Ok(connection)
+}
+
+fn log_of(path: &Path) -> PathBuf {
+    let mut log = path.as_os_str().to_owned();
+    log.push("-wal");
+    log.into()
+}
+
+/// A copy of a database and its log, removed with the value.
+#[derive(Debug)]
+pub(crate) struct Copied(PathBuf);
+
+impl Copied {
+    fn of(path: &Path, log: &Path) -> io::Result<Self> {
+        let directory = std::env::temp_dir().join(format!("rigd-{}", Uuid::now_v7()));
+        fs::create_dir(&directory)?;
+        let copied = Self(directory);
+        fs::copy(path, database(&copied.0))?;
+        fs::copy(log, log_of(&database(&copied.0)))?;
+        Ok(copied)
+    }
+}
+
+impl Drop for Copied {
+    fn drop(&mut self) {
+        // Best effort: the system tidies its temporary files too.
+        _ = fs::remove_dir_all(&self.0);
+    }
 }
 
 /// Longer than any checkpoint takes.

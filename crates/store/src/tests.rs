@@ -4,4 +4,5 @@ mod damage;
 mod interruption;
 mod journal;
 mod resume;
+mod salvage;
 mod sample;

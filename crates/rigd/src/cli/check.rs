@@ -53,6 +53,8 @@ struct PlanView {
     no_loads: usize,
     prompts: usize,
     duration_s: f64,
+    /// Space that the journal and the files of the run may take, bytes.
+    disk_bytes: u64,
     linear_mm: [f64; 2],
     rotary_deg: [f64; 2],
     /// The model of the predictions.
@@ -168,6 +170,7 @@ impl CheckedProtocol<'_> {
             no_loads: summary.no_loads,
             prompts: summary.prompts,
             duration_s: summary.duration_s,
+            disk_bytes: summary.disk_bytes,
             linear_mm: [summary.linear.min.value(), summary.linear.max.value()],
             rotary_deg: [summary.rotary.min.value(), summary.rotary.max.value()],
             model: self.predictions.tier.name(),
@@ -254,7 +257,7 @@ impl CheckedProtocol<'_> {
         let mut text = format!(
             "{steps}\n\n{name} can run on {rig}: {touches} touches, {no_loads} no-load references, \
              {prompts} prompts.\nlinear stage {linear}, rotary stage {rotary}.\nexpected duration \
-             {duration}, without the time for prompts.",
+             {duration}, without the time for prompts; up to {disk_mb} MB on the disk.",
             name = plan.name,
             rig = self.rig.file.name,
             touches = summary.touches,
@@ -263,6 +266,7 @@ impl CheckedProtocol<'_> {
             linear = summary.linear,
             rotary = summary.rotary,
             duration = duration(summary.duration_s),
+            disk_mb = summary.disk_bytes.div_ceil(1_000_000),
         );
         text.push_str(&self.not_predicted(plan));
         for warning in self.predictions.warnings() {

@@ -11,8 +11,8 @@ use rig_store::{Reader, Run, RunKind, Store, StoreError};
 use serde::Serialize;
 
 use super::{
-    ExportArgs, ExportFormat, ExportTable, Failure, GiveUpArgs, ReportArgs, RunsArgs, ShowArgs,
-    TouchArgs,
+    ExportArgs, ExportFormat, ExportTable, Failure, GiveUpArgs, ReportArgs, RunsArgs, SalvageArgs,
+    ShowArgs, TouchArgs,
     table::{columns, duration, note, print, print_json},
 };
 use crate::{
@@ -147,6 +147,55 @@ pub(super) fn give_up(args: &GiveUpArgs) -> Result<(), Failure> {
     let store = Store::open(data).map_err(|source| Failure::Data { data: data.clone(), source })?;
     store.give_up(run.id, 0, args.operator.name().as_str())?;
     note(&format!("{} is given up and sealed", run.short_name()));
+    Ok(())
+}
+
+/// A run that was salvaged, for a program.
+#[derive(Debug, Serialize)]
+struct SalvagedView {
+    run_id: String,
+    name: String,
+    kind: String,
+    records: u64,
+    /// What is damaged.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    flaw: Option<String>,
+}
+
+/// Copies what verifies of a damaged journal.
+pub(super) fn salvage(args: &SalvageArgs) -> Result<(), Failure> {
+    let data_error = |source| {
+        let data = match &source {
+            StoreError::NotEmpty => &args.to,
+            _ => &args.data.data,
+        };
+        Failure::Data { data: data.clone(), source }
+    };
+    let salvaged = rig_store::salvage(&args.data.data, &args.to).map_err(data_error)?;
+    let view = |run: rig_store::SalvagedRun| SalvagedView {
+        run_id: run.id,
+        name: run.name,
+        kind: run.kind,
+        records: run.records,
+        flaw: run.flaw.map(|flaw| flaw.to_string()),
+    };
+    let views: Vec<_> = salvaged.into_iter().map(view).collect();
+    if args.output.json {
+        return print_json(&views);
+    }
+    let row = |view: &SalvagedView| {
+        let flaw = view.flaw.clone().unwrap_or_else(|| "whole".to_owned());
+        vec![
+            view.name.clone(),
+            view.kind.clone(),
+            view.records.to_string(),
+            flaw,
+            view.run_id.clone(),
+        ]
+    };
+    let rows: Vec<_> = views.iter().map(row).collect();
+    print(&columns(&["name", "kind", "records", "copied", "id"], &rows))?;
+    note(&format!("copied to {}; the old directory is unchanged", args.to.display()));
     Ok(())
 }
 

@@ -196,6 +196,10 @@ impl From<RequestRefusal> for Problem {
             RequestRefusal::NotUnderWay { .. } => {
                 Self::new(StatusCode::CONFLICT, "not under way", detail)
             }
+            RequestRefusal::NoSpace { .. } => Self {
+                hint: Some("move old runs elsewhere, or start the daemon with another --data"),
+                ..Self::new(StatusCode::INSUFFICIENT_STORAGE, "no space", detail)
+            },
             RequestRefusal::Resume(refusal) => match &*refusal {
                 ResumeRefusal::Store(StoreError::NoSuchRun { .. })
                 | ResumeRefusal::NoSuchTouch { .. } => Self::not_found(detail),

@@ -1,6 +1,8 @@
 //! The loop of the rig thread. Each event becomes an input of the engine, and the loop carries out
 //! the effects that the engine returns.
 
+mod runs;
+
 use std::{
     path::PathBuf,
     sync::{Arc, mpsc::SyncSender},
@@ -14,22 +16,21 @@ use rig_engine::{
 };
 use rig_link::{Clock, Transcript};
 use rig_model::with_causes;
-use rig_protocol::Plan;
 use rig_sim::SimHandle;
 use rig_store::{Ending, Journal, Record, RunId, RunKind, Store, StoreError};
 use rustix::time::{ClockId, clock_gettime};
 use tokio::sync::{mpsc, oneshot, watch};
 
 use super::{
-    OpenError, Pace, Request, RequestRefusal, RunView, Setting, Status, TouchOrder, amend,
+    OpenError, Request, RequestRefusal, RunView, Setting, Status, amend,
     devices::Axes,
     live::LiveSweep,
     open::{Halt, Opened, Simulation, open_rig},
     record::{self, Recorder},
-    resume::{Known, ResumeRefusal, resumable},
+    resume::ResumeRefusal,
     slot::Slot,
 };
-use crate::{interruption::InterruptedRig, loaded_rig::LoadedRig, protocol_file::LoadedProtocol};
+use crate::{interruption::InterruptedRig, loaded_rig::LoadedRig};
 
 /// In virtual time, where an operation takes microseconds, events reach watchers and the disk this
 /// often by the wall clock. Intents do not wait for it.
@@ -96,6 +97,8 @@ struct Shell {
     /// The published state at the end of each step.
     view: Status,
     status: watch::Sender<Status>,
+    /// The data directory.
+    data: PathBuf,
     is_virtual_time: bool,
     /// Refused before it was sent, because the journal could not be written.
     refused: Option<(OperationId, Failure)>,
@@ -154,6 +157,7 @@ impl Shell {
             run: None,
             view,
             status,
+            data,
             is_virtual_time,
             refused: None,
             unwritten: None,
@@ -287,110 +291,6 @@ impl Shell {
             return Err(RequestRefusal::NotAsked { step });
         }
         self.command(Command::Answer, by)
-    }
-
-    fn start_run(
-        &mut self,
-        protocol: LoadedProtocol,
-        by: &str,
-        key: Option<String>,
-    ) -> Result<RunId, RequestRefusal> {
-        let command = Command::Run(Box::new(protocol.plan.clone()));
-        let admitted = self.engine.admit(command)?;
-        self.journal_is_fine()?;
-        let mut journal = self.store.begin(RunKind::Run, &protocol.plan.name)?;
-        let started = Recorder::run_started(&protocol, &self.setting, &self.known_samples, key);
-        journal.append(self.clock.now().as_micros(), &started)?;
-        let id = journal.id();
-        let plan = Arc::new(protocol.plan);
-        self.run = Some((journal, Recorder::for_run(Arc::clone(&plan))));
-        self.view.run = Some(self.run_view(id, plan));
-        self.begin(admitted, by);
-        // A client that has the id may ask for the run at once.
-        self.commit();
-        Ok(id)
-    }
-
-    fn run_view(&self, id: RunId, plan: Arc<Plan>) -> RunView {
-        RunView {
-            id,
-            started: self.clock.now(),
-            expected_s: plan.summary(&self.setting.limits).duration_s,
-            durations_s: plan.durations_s(&self.setting.limits).into(),
-            plan,
-            first_step: 0,
-            touches_before: 0,
-            touches_done: 0,
-            touches_refused: 0,
-            pace: Pace::default(),
-            ending: None,
-        }
-    }
-
-    /// Goes on with a run at its next touch without an outcome.
-    fn resume_run(
-        &mut self,
-        id: RunId,
-        is_confirmed: bool,
-        by: &str,
-    ) -> Result<(), RequestRefusal> {
-        let reader = self.store.reader()?;
-        resumable(&reader.run(id).map_err(ResumeRefusal::from)?)?;
-        let known = Known::read(&reader, id, &self.setting, &self.known_samples)?;
-        let rest = known.rest()?;
-        let plan = Arc::new(rest.plan.clone());
-        let command = Command::Continue {
-            plan: Box::new(rest.plan.clone()),
-            from: rest.from,
-            has_refusals: rest.touches_refused > 0,
-        };
-        let admitted = self.engine.admit(command)?;
-        self.journal_is_fine()?;
-        known.confirm(is_confirmed)?;
-        let mut journal = self.store.reopen(id).map_err(ResumeRefusal::from)?;
-        let resumed = known.resumed(&rest, self.store.epoch()?, by, &self.setting);
-        journal.append(self.clock.now().as_micros(), &resumed)?;
-        self.run = Some((journal, Recorder::continued(Arc::clone(&plan), rest.sweeps)));
-        self.view.run = Some(RunView {
-            first_step: rest.from,
-            touches_before: rest.touches_done,
-            touches_done: rest.touches_done,
-            touches_refused: rest.touches_refused,
-            ..self.run_view(id, plan)
-        });
-        self.begin(admitted, by);
-        self.commit();
-        Ok(())
-    }
-
-    /// Measures one touch of a run again, as an amendment.
-    fn redo(
-        &mut self,
-        order: &TouchOrder,
-        is_confirmed: bool,
-        by: &str,
-    ) -> Result<RunId, RequestRefusal> {
-        let known =
-            Known::read(&self.store.reader()?, order.run, &self.setting, &self.known_samples)?;
-        let (plan, sweeps) = (known.only(&order.step)?, known.rest()?.sweeps);
-        let admitted = self.engine.admit(Command::Run(Box::new(plan.clone())))?;
-        self.journal_is_fine()?;
-        known.confirm(is_confirmed)?;
-        let rig_us = self.clock.now().as_micros();
-        let journal = amend::redo(&self.store, &known, order, by, rig_us, &self.setting)?;
-        let (id, plan) = (journal.id(), Arc::new(plan));
-        self.run = Some((journal, Recorder::continued(Arc::clone(&plan), sweeps)));
-        self.view.run = Some(self.run_view(id, plan));
-        self.begin(admitted, by);
-        self.commit();
-        Ok(id)
-    }
-
-    fn journal_is_fine(&self) -> Result<(), RequestRefusal> {
-        match &self.view.journal_error {
-            Some(reason) => Err(RequestRefusal::Journal { reason: Arc::clone(reason) }),
-            None => Ok(()),
-        }
     }
 
     fn command(&mut self, command: Command, by: &str) -> Result<(), RequestRefusal> {

@@ -1,0 +1,131 @@
+//! The beginning of runs and amendments: space, journal, recorder, view.
+
+use std::sync::Arc;
+
+use rig_engine::Command;
+use rig_protocol::Plan;
+use rig_store::{RunId, RunKind};
+
+use super::{Recorder, Shell};
+use crate::{
+    protocol_file::LoadedProtocol,
+    rig::{
+        Pace, RequestRefusal, ResumeRefusal, RunView, TouchOrder, amend,
+        resume::{Known, resumable},
+        space,
+    },
+};
+
+impl Shell {
+    pub(super) fn start_run(
+        &mut self,
+        protocol: LoadedProtocol,
+        by: &str,
+        key: Option<String>,
+    ) -> Result<RunId, RequestRefusal> {
+        let command = Command::Run(Box::new(protocol.plan.clone()));
+        let admitted = self.engine.admit(command)?;
+        self.journal_is_fine()?;
+        self.has_space(&protocol.plan)?;
+        let mut journal = self.store.begin(RunKind::Run, &protocol.plan.name)?;
+        let started = Recorder::run_started(&protocol, &self.setting, &self.known_samples, key);
+        journal.append(self.clock.now().as_micros(), &started)?;
+        let id = journal.id();
+        let plan = Arc::new(protocol.plan);
+        self.run = Some((journal, Recorder::for_run(Arc::clone(&plan))));
+        self.view.run = Some(self.run_view(id, plan));
+        self.begin(admitted, by);
+        // A client that has the id may ask for the run at once.
+        self.commit();
+        Ok(id)
+    }
+
+    fn run_view(&self, id: RunId, plan: Arc<Plan>) -> RunView {
+        RunView {
+            id,
+            started: self.clock.now(),
+            expected_s: plan.summary(&self.setting.limits).duration_s,
+            durations_s: plan.durations_s(&self.setting.limits).into(),
+            plan,
+            first_step: 0,
+            touches_before: 0,
+            touches_done: 0,
+            touches_refused: 0,
+            pace: Pace::default(),
+            ending: None,
+        }
+    }
+
+    /// Goes on with a run at its next touch without an outcome.
+    pub(super) fn resume_run(
+        &mut self,
+        id: RunId,
+        is_confirmed: bool,
+        by: &str,
+    ) -> Result<(), RequestRefusal> {
+        let reader = self.store.reader()?;
+        resumable(&reader.run(id).map_err(ResumeRefusal::from)?)?;
+        let known = Known::read(&reader, id, &self.setting, &self.known_samples)?;
+        let rest = known.rest()?;
+        let plan = Arc::new(rest.plan.clone());
+        let command = Command::Continue {
+            plan: Box::new(rest.plan.clone()),
+            from: rest.from,
+            has_refusals: rest.touches_refused > 0,
+        };
+        let admitted = self.engine.admit(command)?;
+        self.journal_is_fine()?;
+        known.confirm(is_confirmed)?;
+        self.has_space(&rest.plan)?;
+        let mut journal = self.store.reopen(id).map_err(ResumeRefusal::from)?;
+        let resumed = known.resumed(&rest, self.store.epoch()?, by, &self.setting);
+        journal.append(self.clock.now().as_micros(), &resumed)?;
+        self.run = Some((journal, Recorder::continued(Arc::clone(&plan), rest.sweeps)));
+        self.view.run = Some(RunView {
+            first_step: rest.from,
+            touches_before: rest.touches_done,
+            touches_done: rest.touches_done,
+            touches_refused: rest.touches_refused,
+            ..self.run_view(id, plan)
+        });
+        self.begin(admitted, by);
+        self.commit();
+        Ok(())
+    }
+
+    /// Measures one touch of a run again, as an amendment.
+    pub(super) fn redo(
+        &mut self,
+        order: &TouchOrder,
+        is_confirmed: bool,
+        by: &str,
+    ) -> Result<RunId, RequestRefusal> {
+        let known =
+            Known::read(&self.store.reader()?, order.run, &self.setting, &self.known_samples)?;
+        let (plan, sweeps) = (known.only(&order.step)?, known.rest()?.sweeps);
+        let admitted = self.engine.admit(Command::Run(Box::new(plan.clone())))?;
+        self.journal_is_fine()?;
+        known.confirm(is_confirmed)?;
+        self.has_space(&plan)?;
+        let rig_us = self.clock.now().as_micros();
+        let journal = amend::redo(&self.store, &known, order, by, rig_us, &self.setting)?;
+        let (id, plan) = (journal.id(), Arc::new(plan));
+        self.run = Some((journal, Recorder::continued(Arc::clone(&plan), sweeps)));
+        self.view.run = Some(self.run_view(id, plan));
+        self.begin(admitted, by);
+        self.commit();
+        Ok(id)
+    }
+
+    fn journal_is_fine(&self) -> Result<(), RequestRefusal> {
+        match &self.view.journal_error {
+            Some(reason) => Err(RequestRefusal::Journal { reason: Arc::clone(reason) }),
+            None => Ok(()),
+        }
+    }
+
+    /// Refuses a plan for which the disk has no room.
+    fn has_space(&self, plan: &Plan) -> Result<(), RequestRefusal> {
+        space::check(&self.data, plan.summary(&self.setting.limits).disk_bytes)
+    }
+}

@@ -1,0 +1,40 @@
+//! Whether the disk has room for a run.
+
+use std::path::Path;
+
+use super::RequestRefusal;
+
+/// Space that must be left besides a run, bytes: for the session, the records of faults, and the
+/// database at work.
+const RESERVE_BYTES: u64 = 100 << 20;
+
+/// Refuses a run for which the file system of the data directory has no room. Twice the expected
+/// size must be free: the expectation is no limit. A file system that does not tell is not refused.
+pub(super) fn check(data: &Path, run_bytes: u64) -> Result<(), RequestRefusal> {
+    let Ok(system) = rustix::fs::statvfs(data) else { return Ok(()) };
+    admit(system.f_bavail.saturating_mul(system.f_frsize), run_bytes)
+}
+
+fn admit(free_bytes: u64, run_bytes: u64) -> Result<(), RequestRefusal> {
+    let needed_bytes = run_bytes.saturating_mul(2).saturating_add(RESERVE_BYTES);
+    if free_bytes < needed_bytes {
+        return Err(RequestRefusal::NoSpace { free_bytes, needed_bytes });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_is_refused_unless_twice_its_size_and_the_reserve_are_free() {
+        admit(RESERVE_BYTES + 2000, 1000).unwrap();
+        let refusal = admit(RESERVE_BYTES + 1999, 1000).unwrap_err();
+        assert_eq!(
+            refusal.to_string(),
+            "the data directory has 100 MiB free, and the run needs 101 MiB"
+        );
+        admit(u64::MAX, u64::MAX).unwrap();
+    }
+}

@@ -1,0 +1,277 @@
+//! Copies out of a damaged journal what verifies.
+
+use std::path::Path;
+
+use rig_record::{ListEntry, Stretch, seal};
+use rusqlite::{Connection, OptionalExtension, params};
+
+use crate::{
+    Digest, Ending, Flaw, Record, RunKind, StoreError,
+    journal::{ENTRY, entry_from, insert_entry, insert_stretch, stretches},
+    lock::DirectoryLock,
+    schema,
+};
+
+/// What was copied of a run, a session or an amendment.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SalvagedRun {
+    /// Id of the run.
+    pub id: String,
+    /// Name of the run.
+    pub name: String,
+    /// Its kind, as in the list of runs.
+    pub kind: String,
+    /// Number of records copied, from the first on.
+    pub records: u64,
+    /// What is damaged; `None` if everything was copied as it was.
+    pub flaw: Option<Flaw>,
+}
+
+/// A record as it is copied.
+struct Copied {
+    event: i64,
+    epoch: i64,
+    rig_us: i64,
+    kind: String,
+    payload: String,
+    digest: [u8; 32],
+}
+
+/// Copies what verifies of the journal in `from` to a new journal in `to`: of each run the records
+/// before the first flaw, and its end and its seal if it has no flaw. A run that lost its end can be
+/// resumed from the copy. `from` stays as it is.
+///
+/// # Errors
+/// [`StoreError::NotEmpty`] if `to` has a journal already; [`StoreError::NoJournal`] or
+/// [`StoreError::Damaged`] if the list of runs cannot be read at all; or an error of the system.
+pub fn salvage(from: &Path, to: &Path) -> Result<Vec<SalvagedRun>, StoreError> {
+    let source = schema::database(from);
+    if !source.exists() {
+        return Err(StoreError::NoJournal);
+    }
+    let (old, _copy) = schema::open_to_read(&source)?;
+    let last_key: i64 =
+        old.query_row("SELECT coalesce(max(key), 0) FROM runs", [], |row| row.get(0))?;
+    let _lock = DirectoryLock::take(to)?;
+    let target = schema::database(to);
+    if target.exists() {
+        return Err(StoreError::NotEmpty);
+    }
+    let new = schema::open_to_write(&target)?;
+    new.pragma_update(None, "foreign_keys", false)?;
+    new.execute_batch("BEGIN IMMEDIATE")?;
+    copy_meta(&old, &new)?;
+    let mut salvaged = Vec::new();
+    for key in 1..=last_key {
+        // A row that cannot be read is damaged, or was never there.
+        if let Ok(run) = Found::read(&old, key) {
+            salvaged.push(run.write(&new)?);
+        }
+    }
+    // The next opening must have a number of its own.
+    new.execute(
+        "INSERT OR IGNORE INTO epochs (n, opened_at, software)
+         SELECT max(epoch), strftime('%Y-%m-%dT%H:%M:%fZ', 'now'), 'rigd salvage' FROM records
+         HAVING count(*) > 0",
+        [],
+    )?;
+    new.execute_batch("COMMIT")?;
+    Ok(salvaged)
+}
+
+/// The bench stays the same, and the epochs keep their numbers.
+fn copy_meta(old: &Connection, new: &Connection) -> Result<(), StoreError> {
+    let bench = old.query_row("SELECT bench FROM meta", [], |row| row.get::<_, String>(0));
+    if let Ok(bench) = bench {
+        new.execute("UPDATE meta SET bench = ?1", [bench])?;
+    }
+    let mut epochs =
+        old.prepare("SELECT n, opened_at, boot_id, software, is_clock_synced FROM epochs")?;
+    let mut rows = epochs.query([])?;
+    while let Ok(Some(row)) = rows.next() {
+        let (n, opened_at): (i64, String) = (row.get(0)?, row.get(1)?);
+        let (boot_id, software): (Option<String>, String) = (row.get(2)?, row.get(3)?);
+        new.execute(
+            "INSERT INTO epochs VALUES (?1, ?2, ?3, ?4, ?5)",
+            params![n, opened_at, boot_id, software, row.get::<_, Option<i64>>(4)?],
+        )?;
+    }
+    Ok(())
+}
+
+/// A run as far as it can be read.
+struct Found {
+    entry: ListEntry,
+    is_entry_right: bool,
+    finished_at: Option<String>,
+    status: String,
+    stretches: Vec<Stretch>,
+    seal: Option<[u8; 32]>,
+    records: Vec<Copied>,
+    head: Digest,
+    flaw: Option<Flaw>,
+}
+
+impl Found {
+    fn read(old: &Connection, key: i64) -> rusqlite::Result<Self> {
+        let (entry, finished_at, status, digest) = old.query_row(
+            &format!("SELECT {ENTRY}, finished_at, status, digest FROM runs WHERE key = ?1"),
+            [key],
+            |row| Ok((entry_from(row)?, row.get(8)?, row.get(9)?, row.get::<_, Vec<u8>>(10)?)),
+        )?;
+        let (records, head, flaw) = read_records(old, key);
+        let seal = old
+            .query_row("SELECT seal FROM seals WHERE run = ?1", [key], |row| row.get(0))
+            .optional()
+            .unwrap_or_default();
+        let is_entry_right = entry.digest().as_bytes() == &*digest;
+        let stretches = stretches(old, key).unwrap_or_default();
+        Ok(Self {
+            entry,
+            is_entry_right,
+            finished_at,
+            status,
+            stretches,
+            seal,
+            records,
+            head,
+            flaw,
+        })
+    }
+
+    fn write(mut self, new: &Connection) -> Result<SalvagedRun, StoreError> {
+        let count = self.records.len() as u64;
+        let seal_of = |found: &Self, stretches: &[Stretch]| {
+            let at = found.finished_at.as_deref().unwrap_or(&found.entry.started_at);
+            seal(&found.entry, stretches, at, &found.status, count, found.head)
+        };
+        let end = self.end();
+        // Without its end it is a run that was interrupted.
+        let status = end.map_or("running", Ending::name);
+        let is_final = end.is_some_and(|end| self.must_be_sealed(end));
+        let is_sealed =
+            self.seal.is_some_and(|found| seal_of(&self, &self.stretches).as_bytes() == &found);
+        let flaw = if !self.is_entry_right {
+            Some(Flaw::ListDiffers)
+        } else if status != self.status {
+            Some(if end.is_some() { Flaw::EndDiffers } else { Flaw::Missing })
+        } else {
+            (!is_sealed && (is_final || self.seal.is_some())).then_some(Flaw::SealDiffers)
+        };
+        self.flaw = self.flaw.or(flaw);
+        if self.flaw.is_some() {
+            // What the list says of it is not all that was written: this journal answers for it.
+            self.entry.journal = new.query_row("SELECT journal FROM meta", [], |row| row.get(0))?;
+        }
+        status.clone_into(&mut self.status);
+        let key = insert_entry(new, &self.entry)?;
+        self.write_stretches(new, key)?;
+        for (record, seq) in self.records.iter().zip(1_i64..) {
+            record.write(new, key, seq)?;
+        }
+        let at = self.finished_at.as_deref().unwrap_or(&self.entry.started_at);
+        new.execute(
+            "UPDATE runs SET status = ?2, finished_at = ?3 WHERE key = ?1",
+            params![key, self.status, at],
+        )?;
+        if is_final || is_sealed {
+            let seal = seal_of(&self, &stretches(new, key)?);
+            new.execute(
+                "INSERT INTO seals (run, records, head, seal) VALUES (?1, ?2, ?3, ?4)",
+                params![key, count.cast_signed(), self.head.as_bytes(), seal.as_bytes()],
+            )?;
+        }
+        let ListEntry { run: id, name, kind, .. } = self.entry;
+        Ok(SalvagedRun { id, name, kind, records: count, flaw: self.flaw })
+    }
+
+    /// The stretches that fit, and new ones where they are missing: the times are then those of the
+    /// beginning of the run.
+    fn write_stretches(&self, new: &Connection, key: i64) -> Result<(), StoreError> {
+        let mut epochs: Vec<i64> = self.records.iter().map(|record| record.epoch).collect();
+        epochs.dedup();
+        for epoch in epochs {
+            let epoch_number = epoch.cast_unsigned();
+            let known = self.stretches.iter().find(|stretch| stretch.epoch == epoch_number);
+            let first = self.records.iter().find(|record| record.epoch == epoch);
+            let stretch = known.cloned().unwrap_or_else(|| Stretch {
+                epoch: epoch_number,
+                started_at: self.entry.started_at.clone(),
+                rig_us: first.map_or(0, |first| first.rig_us.cast_unsigned()),
+            });
+            insert_stretch(new, key, &self.entry.run, &stretch)?;
+        }
+        Ok(())
+    }
+
+    /// The end that the last record tells.
+    fn end(&self) -> Option<Ending> {
+        match serde_json::from_str(&self.records.last()?.payload) {
+            Ok(Record::RunFinished(end)) => Some(end.status),
+            _ => None,
+        }
+    }
+
+    /// Whether a run with this end has a seal.
+    fn must_be_sealed(&self, end: Ending) -> bool {
+        let before = self.records.len().checked_sub(2).map(|before| &self.records[before].kind);
+        let is_given_up = before.is_some_and(|kind| kind == "given_up");
+        self.entry.kind != RunKind::Run.name() || end.is_complete() || is_given_up
+    }
+}
+
+impl Copied {
+    fn write(&self, new: &Connection, run: i64, seq: i64) -> Result<(), StoreError> {
+        let Self { event, epoch, rig_us, kind, payload, digest } = self;
+        new.prepare_cached(
+            "INSERT INTO records (id, run, seq, epoch, rig_us, kind, payload, digest)
+             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)",
+        )?
+        .execute(params![event, run, seq, epoch, rig_us, kind, payload, digest])?;
+        Ok(())
+    }
+}
+
+/// The records before the first flaw, the digest of the last one, and the flaw.
+fn read_records(old: &Connection, key: i64) -> (Vec<Copied>, Digest, Option<Flaw>) {
+    let (mut records, mut head) = (Vec::new(), Digest::START);
+    let unreadable = |error: &rusqlite::Error| Flaw::Unreadable { reason: error.to_string() };
+    let prepared = old.prepare_cached(
+        "SELECT id, seq, epoch, rig_us, kind, payload, digest FROM records
+         WHERE run = ?1 ORDER BY seq",
+    );
+    let mut statement = match prepared {
+        Ok(statement) => statement,
+        Err(error) => return (records, head, Some(unreadable(&error))),
+    };
+    let mut rows = match statement.query([key]) {
+        Ok(rows) => rows,
+        Err(error) => return (records, head, Some(unreadable(&error))),
+    };
+    loop {
+        let row = match rows.next() {
+            Ok(Some(row)) => row,
+            Ok(None) => return (records, head, None),
+            Err(error) => return (records, head, Some(unreadable(&error))),
+        };
+        let read = || -> rusqlite::Result<(i64, Copied)> {
+            let (event, seq, epoch) = (row.get(0)?, row.get(1)?, row.get(2)?);
+            let (rig_us, kind, payload) = (row.get(3)?, row.get(4)?, row.get(5)?);
+            Ok((seq, Copied { event, epoch, rig_us, kind, payload, digest: row.get(6)? }))
+        };
+        let Ok((seq, record)) = read() else {
+            return (records, head, Some(Flaw::Altered));
+        };
+        let expected = records.len() as u64 + 1;
+        if seq.cast_unsigned() > expected {
+            return (records, head, Some(Flaw::Missing));
+        }
+        let rig_us = record.rig_us.cast_unsigned();
+        let next = head.next(expected, rig_us, &record.kind, &record.payload);
+        if seq.cast_unsigned() != expected || next.as_bytes() != &record.digest {
+            return (records, head, Some(Flaw::Altered));
+        }
+        head = next;
+        records.push(record);
+    }
+}

@@ -1,0 +1,189 @@
+//! What is left of a damaged journal, and journals that can only be read.
+
+use std::{fs, path::Path};
+
+use super::sample::{Directory, append, records, sweep};
+use crate::{
+    ChainCheck, Ending, Flaw, Reader, Record, RunFinished, RunId, RunKind, Store, StoreError,
+    StoredRecord, SweepPurpose, salvage,
+};
+
+/// Runs of many pages, completed, faulted and cut short, and a session.
+fn journal() -> (Directory, Vec<(RunId, Vec<StoredRecord>)>) {
+    let directory = Directory::new();
+    let store = Store::open(directory.path()).unwrap();
+    let mut ids = Vec::new();
+    for ending in [Some(Ending::Completed), Some(Ending::Faulted), None, Some(Ending::Completed)] {
+        let mut journal = store.begin(RunKind::Run, "many pages").unwrap();
+        append(&mut journal, 0, &records()[0]);
+        for number in 1..20 {
+            append(&mut journal, number, &sweep(number, SweepPurpose::Touch, 150.0));
+        }
+        if let Some(status) = ending {
+            append(&mut journal, 30, &Record::RunFinished(RunFinished { status }));
+        }
+        journal.commit().unwrap();
+        ids.push(journal.id());
+    }
+    drop(store);
+    let reader = Reader::open(directory.path()).unwrap();
+    let runs = ids.into_iter().map(|id| (id, reader.records(id).unwrap())).collect();
+    (directory, runs)
+}
+
+fn payloads(records: &[StoredRecord]) -> Vec<&str> {
+    records.iter().map(|record| record.payload.as_str()).collect()
+}
+
+#[test]
+fn a_sound_journal_is_copied_as_it_is() {
+    let (directory, runs) = journal();
+    let target = Directory::new();
+    let salvaged = salvage(directory.path(), target.path()).unwrap();
+    assert!(salvaged.iter().all(|run| run.flaw.is_none()) && salvaged.len() == 4, "{salvaged:?}");
+    let (old, new) = (directory.path(), target.path());
+    let (old, new) = (Reader::open(old).unwrap(), Reader::open(new).unwrap());
+    assert_eq!(old.runs().unwrap(), new.runs().unwrap());
+    for (id, expected) in &runs {
+        assert_eq!(&new.records(*id).unwrap(), expected);
+    }
+    assert_eq!(new.broken_link().unwrap(), None);
+    let refusal = salvage(directory.path(), target.path()).unwrap_err();
+    assert!(matches!(refusal, StoreError::NotEmpty), "{refusal}");
+    drop(new);
+    // The copy can be written, and the run without an end goes on.
+    let store = Store::open(target.path()).unwrap();
+    assert_eq!(store.interrupted(), [runs[2].0]);
+    store.reopen(runs[2].0).unwrap();
+}
+
+#[test]
+fn a_ruined_page_costs_the_runs_that_stand_on_it_and_no_other() {
+    const PAGE: usize = 4096;
+    let (directory, runs) = journal();
+    let clean = fs::read(directory.path().join("rigd.db")).unwrap();
+    let (mut whole, mut cut, mut lost, mut resumable) = (0, 0, 0, 0);
+    // The first page is the head of the file.
+    for page in 1..clean.len() / PAGE {
+        let damaged = Directory::new();
+        let mut bytes = clean.clone();
+        bytes[page * PAGE..(page + 1) * PAGE].fill(0xa5);
+        fs::write(damaged.path().join("rigd.db"), bytes).unwrap();
+        let target = Directory::new();
+        let Ok(salvaged) = salvage(damaged.path(), target.path()) else {
+            lost += 1;
+            continue;
+        };
+        let reader = Reader::open(target.path()).unwrap();
+        let mut damaged_here = 0;
+        for (id, expected) in &runs {
+            let found = salvaged.iter().find(|run| run.id == id.to_string());
+            let Some(found) = found else {
+                damaged_here += 1;
+                continue;
+            };
+            let chain = reader.chain(*id).unwrap();
+            let here = format!("page {page}, {:?}", found.flaw);
+            assert!(matches!(chain.check, ChainCheck::Intact { .. }), "{here}: {:?}", chain.check);
+            let count = chain.records.len();
+            assert_eq!(payloads(&chain.records), payloads(&expected[..count]), "{here}");
+            assert_eq!(found.records, count as u64, "{here}");
+            match (&found.flaw, count == expected.len()) {
+                (None, true) => whole += 1,
+                (Some(_), _) => {
+                    damaged_here += 1;
+                    cut += 1;
+                    resumable += u32::from(reader.run(*id).unwrap().is_resumable());
+                }
+                (None, false) => panic!("{here}: {count} records, and nothing is said"),
+            }
+        }
+        assert!(damaged_here <= 4, "page {page}");
+        drop(reader);
+        // Whatever is left can be written to.
+        drop(Store::open(target.path()).unwrap());
+    }
+    let counts = [whole, cut, resumable];
+    assert!(counts.iter().all(|count| *count > 10) && lost < 6, "{counts:?}, {lost} lost");
+    assert!(whole > 2 * cut, "{counts:?}");
+}
+
+#[test]
+fn a_damaged_run_does_not_hide_the_list_of_runs_nor_the_others() {
+    let (directory, runs) = journal();
+    let database = rusqlite::Connection::open(directory.path().join("rigd.db")).unwrap();
+    database.execute("UPDATE records SET payload = '{' WHERE run = 2 AND seq = 3", []).unwrap();
+    drop(database);
+    let reader = Reader::open(directory.path()).unwrap();
+    assert_eq!(reader.runs().unwrap().len(), 4);
+    let target = Directory::new();
+    let salvaged = salvage(directory.path(), target.path()).unwrap();
+    let found: Vec<_> = salvaged.iter().map(|run| (run.records, run.flaw.clone())).collect();
+    assert_eq!(found, [(21, None), (2, Some(Flaw::Altered)), (20, None), (21, None)]);
+    // From the copy, the damaged run goes on behind its last good record.
+    let store = Store::open(target.path()).unwrap();
+    assert_eq!(store.reader().unwrap().run(runs[1].0).unwrap().records, 2);
+    store.reopen(runs[1].0).unwrap();
+}
+
+/// Takes the right to write away from a directory and its files, or gives it back.
+fn set_writable(directory: &Path, is_writable: bool) {
+    let paths = fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().path());
+    for path in paths.chain([directory.to_owned()]).collect::<Vec<_>>() {
+        let mut permissions = fs::metadata(&path).unwrap().permissions();
+        permissions.set_readonly(!is_writable);
+        fs::set_permissions(&path, permissions).unwrap();
+    }
+}
+
+/// Not a test: the program that the next test starts as a user who may not write.
+#[test]
+fn read_when_told_to() {
+    let Ok(directory) = std::env::var("RIG_STORE_READ_IN") else { return };
+    let reader = Reader::open(Path::new(&directory)).unwrap();
+    let runs = reader.runs().unwrap();
+    assert_eq!(runs.len(), 4);
+    for run in runs {
+        reader.records(run.id).unwrap();
+    }
+    Store::open(Path::new(&directory)).unwrap_err();
+}
+
+#[test]
+fn a_directory_that_cannot_be_written_can_be_read_with_and_without_a_log() {
+    use std::os::unix::{fs::MetadataExt, process::CommandExt};
+    const NOBODY: u32 = 65_534;
+    let (directory, runs) = journal();
+    for has_log in [false, true] {
+        let place = Directory::new();
+        fs::copy(directory.path().join("rigd.db"), place.path().join("rigd.db")).unwrap();
+        let log = place.path().join("rigd.db-wal");
+        if has_log {
+            // A store that is not closed leaves its log.
+            let store = Store::open(place.path()).unwrap();
+            let logged = Directory::new();
+            for file in ["rigd.db", "rigd.db-wal"] {
+                fs::copy(place.path().join(file), logged.path().join(file)).unwrap();
+            }
+            drop(store);
+            for file in ["rigd.db", "rigd.db-wal"] {
+                fs::copy(logged.path().join(file), place.path().join(file)).unwrap();
+            }
+        }
+        assert_eq!(fs::metadata(&log).is_ok_and(|log| log.len() > 0), has_log);
+        _ = fs::remove_file(place.path().join("rigd.db-shm"));
+        set_writable(place.path(), false);
+        let mut program = std::process::Command::new(std::env::current_exe().unwrap());
+        program
+            .args(["--exact", "tests::salvage::read_when_told_to", "--test-threads=1"])
+            .env("RIG_STORE_READ_IN", place.path());
+        // Nothing is forbidden to root.
+        if fs::metadata(place.path()).unwrap().uid() == 0 {
+            program.uid(NOBODY);
+        }
+        let read = program.output().unwrap();
+        set_writable(place.path(), true);
+        assert!(read.status.success(), "log {has_log}: {}", String::from_utf8_lossy(&read.stdout));
+        assert_eq!(runs.len(), 4);
+    }
+}
