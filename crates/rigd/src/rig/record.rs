@@ -3,18 +3,21 @@
 //! The engine refers to samples and steps by index; a record is complete without the plan. The
 //! recorder of a run knows the plan and its position in it.
 
+mod values;
+
 use std::{fmt::Write as _, sync::Arc};
 
-use rig_engine::{
-    Contact, Event, FinishedSweep, RunStatus, SweepPurpose, TouchOutcome, TouchResult,
-};
+use rig_engine::{Contact, Event, FinishedSweep, SweepPurpose, TouchOutcome, TouchResult};
 use rig_link::{Flow, Frame, Transcript};
-use rig_model::{Clearance, Direction, Mm, Position, Reading, ReadingFlag};
-use rig_protocol::{Action, Phase, Plan, Pose, Prompt, Step, StepId, Touch};
-use rig_resonance::{Circuit, FitOutcome, Past, Timing};
+use rig_model::{Mm, Position};
+use rig_protocol::{Action, Plan, Prompt, Step, StepId, Touch};
+use rig_resonance::FitOutcome;
 use rig_store as store;
 use rig_store::Record;
 
+use self::values::{
+    circuit_of, clearance_of, ending_of, fit_settings, phase_of, pose_of, reading_of, size, tried,
+};
 use super::{Setting, resume};
 use crate::{hint, protocol_file::LoadedProtocol};
 
@@ -339,99 +342,4 @@ const fn purpose_of(purpose: rig_engine::LoweringPurpose) -> store::MoveReason {
         rig_engine::LoweringPurpose::Indent => store::MoveReason::Indent,
         rig_engine::LoweringPurpose::ByHand => store::MoveReason::ByHand,
     }
-}
-
-const fn ending_of(status: RunStatus) -> store::Ending {
-    match status {
-        RunStatus::Completed => store::Ending::Completed,
-        RunStatus::CompletedWithRefusals => store::Ending::CompletedWithRefusals,
-        RunStatus::Aborted => store::Ending::Aborted,
-        RunStatus::Faulted => store::Ending::Faulted,
-    }
-}
-
-fn pose_of(pose: Pose) -> store::Pose {
-    let direction = match pose.direction {
-        Direction::Front => store::Direction::Front,
-        Direction::Back => store::Direction::Back,
-        Direction::Left => store::Direction::Left,
-    };
-    store::Pose { direction, angle_deg: pose.angle.degrees() }
-}
-
-const fn phase_of(phase: Phase) -> store::Phase {
-    match phase {
-        Phase::Main => store::Phase::Main,
-        Phase::Blind => store::Phase::Blind,
-    }
-}
-
-const fn clearance_of(clearance: Clearance) -> store::Clearance {
-    match clearance {
-        Clearance::Clear => store::Clearance::Clear,
-        Clearance::InContact => store::Clearance::InContact,
-        Clearance::Unknown => store::Clearance::Unknown,
-    }
-}
-
-fn tried((position, reading): &(Position<Mm>, Reading)) -> store::SurfaceReading {
-    store::SurfaceReading { position_mm: position.value(), reading: reading_of(reading) }
-}
-
-fn circuit_of(circuit: &Circuit) -> store::Circuit {
-    store::Circuit {
-        quality_factor: circuit.q,
-        static_capacitance_f: circuit.c0_farad,
-        capacitance_ratio: circuit.c1_farad / circuit.c0_farad,
-        loss_tangent: circuit.loss_tangent,
-        loss_tangent_sigma: None,
-    }
-}
-
-/// The inputs of the fit of a sweep; every planner has its window.
-fn fit_settings(outcome: &FinishedSweep) -> Option<store::FitSettings> {
-    let options = &outcome.fit;
-    let window = options.window?;
-    Some(store::FitSettings {
-        window_hz: [window.min_hz, window.max_hz],
-        noise: options.noise.map(|noise| store::FitNoise {
-            at_ten_cycles: noise.at_ten_cycles,
-            degrees_of_freedom: noise.degrees_of_freedom,
-        }),
-        timing: match options.timing {
-            Timing::Unknown => store::FitTiming::Unknown,
-            Timing::Waited => store::FitTiming::Waited,
-            Timing::Exact(Past::Unknown) => store::FitTiming::Exact,
-            Timing::Exact(Past::Rest) => store::FitTiming::ExactFromRest,
-            Timing::AnyPhase => store::FitTiming::AnyPhase,
-        },
-        always_loss: options.always_loss,
-        target_sigma_hz: outcome.target_hz,
-        near: options.near.map(|near| store::NearCircuit {
-            resonance_hz: near.resonance_hz,
-            circuit: circuit_of(&near),
-        }),
-    })
-}
-
-fn reading_of(reading: &Reading) -> store::ReadingRecord {
-    let impedance = reading.impedance();
-    store::ReadingRecord {
-        frequency_hz: reading.frequency_hz,
-        resistance_ohm: impedance.map(|impedance| impedance.resistance_ohm),
-        reactance_ohm: impedance.map(|impedance| impedance.reactance_ohm),
-        started_s: reading.started.as_seconds(),
-        settle_s: reading.settle_s,
-        integration_s: reading.integration_s,
-        flag: match reading.flag() {
-            None => store::ReadingFlag::Normal,
-            Some(ReadingFlag::Overload) => store::ReadingFlag::Overload,
-            Some(ReadingFlag::LowSignal) => store::ReadingFlag::LowSignal,
-        },
-    }
-}
-
-/// A count as a record holds it. A plan of four thousand million steps is refused long before.
-fn size(count: usize) -> u32 {
-    u32::try_from(count).unwrap_or(u32::MAX)
 }

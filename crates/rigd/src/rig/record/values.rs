@@ -1,0 +1,102 @@
+//! Values of the engine in the types of the journal.
+
+use rig_engine::{FinishedSweep, RunStatus};
+use rig_model::{Clearance, Direction, Mm, Position, Reading, ReadingFlag};
+use rig_protocol::{Phase, Pose};
+use rig_resonance::{Circuit, Past, Timing};
+use rig_store as store;
+
+pub(super) const fn ending_of(status: RunStatus) -> store::Ending {
+    match status {
+        RunStatus::Completed => store::Ending::Completed,
+        RunStatus::CompletedWithRefusals => store::Ending::CompletedWithRefusals,
+        RunStatus::Aborted => store::Ending::Aborted,
+        RunStatus::Faulted => store::Ending::Faulted,
+    }
+}
+
+pub(super) fn pose_of(pose: Pose) -> store::Pose {
+    let direction = match pose.direction {
+        Direction::Front => store::Direction::Front,
+        Direction::Back => store::Direction::Back,
+        Direction::Left => store::Direction::Left,
+    };
+    store::Pose { direction, angle_deg: pose.angle.degrees() }
+}
+
+pub(super) const fn phase_of(phase: Phase) -> store::Phase {
+    match phase {
+        Phase::Main => store::Phase::Main,
+        Phase::Blind => store::Phase::Blind,
+    }
+}
+
+pub(super) const fn clearance_of(clearance: Clearance) -> store::Clearance {
+    match clearance {
+        Clearance::Clear => store::Clearance::Clear,
+        Clearance::InContact => store::Clearance::InContact,
+        Clearance::Unknown => store::Clearance::Unknown,
+    }
+}
+
+pub(super) fn tried((position, reading): &(Position<Mm>, Reading)) -> store::SurfaceReading {
+    store::SurfaceReading { position_mm: position.value(), reading: reading_of(reading) }
+}
+
+pub(super) fn circuit_of(circuit: &Circuit) -> store::Circuit {
+    store::Circuit {
+        quality_factor: circuit.q,
+        static_capacitance_f: circuit.c0_farad,
+        capacitance_ratio: circuit.c1_farad / circuit.c0_farad,
+        loss_tangent: circuit.loss_tangent,
+        loss_tangent_sigma: None,
+    }
+}
+
+/// The inputs of the fit of a sweep; every planner has its window.
+pub(super) fn fit_settings(outcome: &FinishedSweep) -> Option<store::FitSettings> {
+    let options = &outcome.fit;
+    let window = options.window?;
+    Some(store::FitSettings {
+        window_hz: [window.min_hz, window.max_hz],
+        noise: options.noise.map(|noise| store::FitNoise {
+            at_ten_cycles: noise.at_ten_cycles,
+            degrees_of_freedom: noise.degrees_of_freedom,
+        }),
+        timing: match options.timing {
+            Timing::Unknown => store::FitTiming::Unknown,
+            Timing::Waited => store::FitTiming::Waited,
+            Timing::Exact(Past::Unknown) => store::FitTiming::Exact,
+            Timing::Exact(Past::Rest) => store::FitTiming::ExactFromRest,
+            Timing::AnyPhase => store::FitTiming::AnyPhase,
+        },
+        always_loss: options.always_loss,
+        target_sigma_hz: outcome.target_hz,
+        near: options.near.map(|near| store::NearCircuit {
+            resonance_hz: near.resonance_hz,
+            circuit: circuit_of(&near),
+        }),
+    })
+}
+
+pub(super) fn reading_of(reading: &Reading) -> store::ReadingRecord {
+    let impedance = reading.impedance();
+    store::ReadingRecord {
+        frequency_hz: reading.frequency_hz,
+        resistance_ohm: impedance.map(|impedance| impedance.resistance_ohm),
+        reactance_ohm: impedance.map(|impedance| impedance.reactance_ohm),
+        started_s: reading.started.as_seconds(),
+        settle_s: reading.settle_s,
+        integration_s: reading.integration_s,
+        flag: match reading.flag() {
+            None => store::ReadingFlag::Normal,
+            Some(ReadingFlag::Overload) => store::ReadingFlag::Overload,
+            Some(ReadingFlag::LowSignal) => store::ReadingFlag::LowSignal,
+        },
+    }
+}
+
+/// A count as a record holds it. A plan of four thousand million steps is refused long before.
+pub(super) fn size(count: usize) -> u32 {
+    u32::try_from(count).unwrap_or(u32::MAX)
+}
