@@ -288,6 +288,9 @@ async fn a_run_is_continued_amended_and_given_up_over_http() {
     let (status, redone) = daemon.ask("POST", &run("redo"), &step).await;
     assert_eq!(status, StatusCode::ACCEPTED, "{redone}");
     assert_ne!(redone["id"], id.as_str());
+    let amendment = format!("runs/{}/plan", redone["id"].as_str().unwrap());
+    let (_, plan) = daemon.ask("GET", &amendment, &Value::Null).await;
+    assert_eq!((&plan["touches"], plan["steps"].as_array().unwrap().len()), (&1.into(), 4));
     daemon.wait_until_idle().await;
     let amended = async || {
         let (_, detail) = daemon.ask("GET", &format!("runs/{id}"), &Value::Null).await;

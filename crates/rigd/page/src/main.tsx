@@ -64,7 +64,7 @@ function Screen({ view, place }: { view: View; place: Place }) {
   if (rig.asked) return <main class="prompting" id="main"><PromptCard view={view} asked={rig.asked} key={rig.asked.step} /><Progress view={view} isSmall /></main>;
   if (rig.state === "latched" && place.tab === "now") return <FaultCard view={view} />;
   if (rig.run && place.tab === "now") return <Running view={view} />;
-  if (place.tab === "runs") return place.id === undefined ? <Runs view={view} /> : <RunPage key={place.id} id={place.id} model={view.model} />;
+  if (place.tab === "runs") return place.id === undefined ? <Runs view={view} /> : <RunPage key={place.id} id={place.id} view={view} />;
   if (place.tab === "rig") return <RigPage view={view} />;
   if (place.tab === "now" && rig.state === "running") return <main id="main" class="idle"><SweepCard model={view.model} /></main>;
   // When nothing is under way, what comes next is a start.

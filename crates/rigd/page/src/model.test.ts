@@ -132,7 +132,7 @@ test("every state has a word and a reason", () => {
   assert.deepEqual([of({ state: "running", run }).word, of({ state: "running", run }).reason], ["Running", "Touch 3 of 4: sample 1 of 2"]);
   assert.equal(of({ state: "running", run: { ...run, is_pausing: true } }).word, "Pausing");
   assert.equal(of({ state: "waiting for a person", run, prompt: "Put sample 1 under the probe." }).reason, "Put sample 1 under the probe.");
-  assert.equal(of({ state: "latched", fault: { cause: "stopped by x", hint: "h" } }).reason, "stopped by x");
+  assert.equal(of({ state: "latched", fault: { kind: "fault", cause: "stopped by x", hint: "h" } }).reason, "stopped by x");
   for (const state of ["preparing", "paused", "retracting"] as const) assert.ok(of({ state }).reason.length > 10);
 });
 

@@ -29,7 +29,7 @@ export interface Touch {
   direction: Direction;
   angle_deg: number;
   repeat: number;
-  status: "measured" | "refused" | "not_reached";
+  status: "measured" | "refused" | "skipped" | "not_reached";
   reason?: string | undefined;
   sweep?: number | undefined;
   shift_hz?: number | undefined;
@@ -147,6 +147,7 @@ export function withEvent(model: Model, event: Event): Model {
 function apply(model: Model, { run: id, record }: Event, rig_s: number): Model {
   switch (record.kind) {
     case "run_started":
+    case "resumed":
       return { ...model, run: begun(id), activity: undefined, surface_mm: undefined };
     case "step_started": {
       const run = ofRun(model, id);
@@ -253,6 +254,9 @@ function describe(record: JournalRecord): Pick<Happening, "text" | "tone"> | und
     case "operator": return plain(`${record.action}, asked by ${record.who}`);
     case "fault": return { text: record.cause, tone: "bad" };
     case "state_changed": return plain(`rig: ${record.state}`);
+    case "resumed": return plain(`continued by ${record.who}${record.next ? `, at ${record.next}` : ""}`);
+    case "given_up": return plain(`given up by ${record.who}`);
+    case "amended": return plain(`${record.step}: ${record.what} by ${record.who}, ${record.why}`);
     case "run_finished": return { text: `the run ended: ${record.status.replaceAll("_", " ")}`, tone: record.status.startsWith("completed") ? "good" : "bad" };
     default: return undefined;
   }

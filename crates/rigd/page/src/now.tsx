@@ -340,7 +340,7 @@ export function FaultCard({ view }: { view: View }) {
           </dl>
           <div class="answer-bar fault-bar">
             <AskButton class="primary done" icon="up" send={() => post("acknowledge")} isDone={rig.state !== "latched"} disabled={view.link === "lost"}>{isClear ? "Acknowledge and prepare" : "Acknowledge and retract"}</AskButton>
-            <p class="soft">Acknowledges the fault{operator() ? `, signed ${operator()}` : ""}. {isClear ? "Both axes are checked, and homed if they must be." : "The probe goes up first, then both axes are checked."} A run does not go on by itself.</p>
+            <p class="soft">Acknowledges the fault{operator() ? `, signed ${operator()}` : ""}. {isClear ? "Both axes are checked, and homed if they must be." : "The probe goes up first, then both axes are checked."} A run does not go on by itself: continue it on its page in <a href="#/runs">Runs</a>.</p>
           </div>
         </div>
         <div>

@@ -3,13 +3,14 @@ import { useEffect, useState } from "preact/hooks";
 import { day, degrees, duration, ending, fixed, stiffness } from "./format.ts";
 import { ShiftCharts } from "./drawings.tsx";
 import { Icon, SampleMark } from "./icons.tsx";
-import { touchOfRow, type LiveSweep, type Model } from "./model.ts";
+import { touchOfRow, type LiveSweep } from "./model.ts";
 import { Legend } from "./now.tsx";
 import { NarrowingPlot, SweepPlots } from "./plots.tsx";
-import { get, hasToken, open, reasonOf, type View } from "./store.ts";
+import { AskButton, Confirm } from "./shell.tsx";
+import { get, hasToken, open, post, reasonOf, Refused, type Body, type View } from "./store.ts";
 import type { Direction, RunDetail, RunEntry, Sweep, TouchRow } from "./wire.ts";
 
-/** What a run that has ended found does not change; it is asked for once. */
+/** What a run found that cannot be continued is asked for once. */
 const known = new Map<string, RunDetail>();
 const KNOWN_MAX = 200;
 
@@ -17,7 +18,7 @@ async function detailOf(run: RunEntry): Promise<RunDetail> {
   const found = known.get(run.id);
   if (found) return found;
   const detail = await get<RunDetail>(`runs/${run.id}`);
-  if (detail.status !== "running" && known.size < KNOWN_MAX) known.set(run.id, detail);
+  if (detail.status !== "running" && !detail.is_resumable && known.size < KNOWN_MAX) known.set(run.id, detail);
   return detail;
 }
 
@@ -106,12 +107,14 @@ function Thumbnail({ rows }: { rows: TouchRow[] }) {
 
 // ---- One run ----------------------------------------------------------------------------------------
 
-export function RunPage({ id, model }: { id: string; model: Model }) {
+export function RunPage({ id, view }: { id: string; view: View }) {
+  const { model } = view;
   const [detail, set] = useState<RunDetail>();
   const [error, setError] = useState<string>();
   const [opened, openTouch] = useState<TouchRow>();
+  const [isGivenUp, setGivenUp] = useState(false);
   const made = model.run?.id === id ? [...model.run.touches.values()].filter((t) => t.status !== "not_reached").length : 0;
-  useEffect(() => { get<RunDetail>(`runs/${id}`).then(set, (e: unknown) => setError(reasonOf(e))); }, [id, made, model.run?.status]);
+  useEffect(() => { get<RunDetail>(`runs/${id}`).then(set, (e: unknown) => setError(reasonOf(e))); }, [id, made, model.run?.status, isGivenUp]);
   if (error !== undefined) return <main id="main"><section class="card"><p role="alert">{error}</p><p><a href="#/runs">All runs</a></p></section></main>;
   if (!detail) return <main id="main"><section class="card"><p class="soft">The journal is being read…</p></section></main>;
   const { results } = detail;
@@ -127,6 +130,7 @@ export function RunPage({ id, model }: { id: string; model: Model }) {
           <p class="soft">{day(detail.started_at)}{detail.finished_at ? ` to ${day(detail.finished_at)}` : ""} · {detail.protocol} · {duration(results.rig_seconds)} of rig · {results.prompts} prompts answered{results.no_load_hz != null ? ` · free resonance ${fixed(results.no_load_hz, 3)} Hz` : ""}</p></div>
         <Downloads id={id} name={detail.name} />
       </div>
+      {detail.is_resumable && <Continue detail={detail} view={view} onGivenUp={() => setGivenUp(true)} />}
       <section class="card" aria-label="Stiffness">
         <h2>Stiffness (Young's modulus) from shift by the model, ± σ with that of the calibration</h2>
         {results.stiffness.length === 0 ? <p class="soft">None: too few touches were measured.</p> : (
@@ -142,7 +146,7 @@ export function RunPage({ id, model }: { id: string; model: Model }) {
         )}
       </section>
       <section class="card matrix-card" aria-label="Touches">
-        <h2>Planned {results.touches_planned} · measured {results.touches_measured} · refused {results.touches_refused} · not reached {results.touches_not_reached} <span class="soft">(frequency shift, Hz; open one for its sweep)</span></h2>
+        <h2>Planned {results.touches_planned} · measured {results.touches_measured} · refused {results.touches_refused} · {results.touches_skipped > 0 && `skipped ${results.touches_skipped} · `}not reached {results.touches_not_reached} <span class="soft">(frequency shift, Hz; open one for its sweep)</span></h2>
         {mainRows.length > 0 && <Matrix rows={mainRows} samples={samples} onOpen={openTouch} />}
         {blind.length > 0 && (
           <div class="blind"><h3>Blind touches, in order</h3>
@@ -157,6 +161,37 @@ export function RunPage({ id, model }: { id: string; model: Model }) {
       </section>
       {opened && <SweepDialog id={id} row={opened} onClose={() => openTouch(undefined)} />}
     </main>
+  );
+}
+
+/** What to do with a run that was not completed. */
+function Continue({ detail, view, onGivenUp }: { detail: RunDetail; view: View; onGivenUp: () => void }) {
+  const [isChanged, setChanged] = useState(false);
+  const [isGivingUp, setGivingUp] = useState(false);
+  const state = view.model.rig?.state;
+  const { touches_planned: planned, touches_not_reached: left } = detail.results;
+  const why = state === "latched" ? "The rig is latched: acknowledge the fault first." : "The rig must be ready.";
+  const go = (accept: boolean) => () => {
+    const body: Body = { type: "application/json", text: JSON.stringify({ accept_changes: accept }) };
+    return post(`runs/${detail.id}/continue`, body).then(() => { location.hash = "#/"; }, (error: unknown) => {
+      if (error instanceof Refused && error.problem.title === "changed") setChanged(true);
+      throw error;
+    });
+  };
+  return (
+    <section class="card" aria-label="Continue">
+      <h2>Not completed: {left} of {planned} touches are left</h2>
+      <p class="soft">It goes on at the next touch without an outcome. You are asked for the sample and the sensor again, and the free resonance is measured again. Refused touches are not repeated.</p>
+      <div class="buttons">
+        <AskButton class="primary" icon="play" send={go(false)} disabled={state !== "idle" || view.link === "lost"} why={why}>Continue</AskButton>
+        {isChanged && <AskButton send={go(true)} disabled={state !== "idle"} why={why}>Continue with these changes</AskButton>}
+        <button type="button" onClick={() => setGivingUp(true)}>Give up…</button>
+        {state !== "idle" && <span class="soft">{why}</span>}
+      </div>
+      {isGivingUp && <Confirm title="Give up this run?" yes="Give up" onClose={() => setGivingUp(false)} isDone={false}
+        text="It is sealed as it is. What was measured stays, and the run cannot be continued any more."
+        send={() => post(`runs/${detail.id}/give-up`).then(onGivenUp)} />}
+    </section>
   );
 }
 
@@ -196,7 +231,7 @@ function Matrix({ rows, samples, onOpen }: { rows: TouchRow[]; samples: string[]
 }
 
 function TouchCell({ row, label, onOpen }: { row: TouchRow; label: string | undefined; onOpen: (row: TouchRow) => void }) {
-  const text = label ?? (row.status === "measured" ? fixed(row.shift_hz ?? 0, 2) : row.status === "refused" ? "✕ refused" : "not reached");
+  const text = label ?? (row.status === "measured" ? fixed(row.shift_hz ?? 0, 2) : row.status === "refused" ? "✕ refused" : row.status === "skipped" ? "skipped" : "not reached");
   const where = row.phase === "blind" ? `blind touch ${row.repeat}` : `sample ${row.sample}, ${row.direction} ${degrees(row.angle_deg)}`;
   const words = { "✓": "recognised", "✗": "taken for another sample", "·": "measured" }[text] ?? text;
   if (row.sweep == null) return <span class={`touch-cell ${row.status}`} title={row.reason ?? where}>{text}</span>;

@@ -26,7 +26,7 @@ export interface Rig {
   last_run?: { id: string; status: string };
   prompt?: string;
   asked?: Asked;
-  fault?: { cause: string; hint: string };
+  fault?: { kind: "fault" | "interrupted"; cause: string; hint: string };
   journal_error?: string;
 }
 
@@ -123,6 +123,9 @@ export type JournalRecord =
   | { kind: "fault"; step?: string; cause: string; probe: string; hint: string }
   | { kind: "black_box"; port: string; frames: Frame[] }
   | { kind: "state_changed"; state: string }
+  | { kind: "resumed"; who: string; next?: string; touches_left: number }
+  | { kind: "given_up"; who: string }
+  | { kind: "amended"; step: string; what: "redo" | "skip"; who: string; why: string }
   | { kind: "run_finished"; status: string };
 
 export type Axis = "linear_mm" | "rotary_deg";
@@ -158,9 +161,11 @@ export interface RunEntry {
   status: string;
   started_at: string;
   finished_at?: string;
+  /** It can be continued. */
+  is_resumable: boolean;
 }
 
-export type TouchStatus = "measured" | "refused" | "not_reached";
+export type TouchStatus = "measured" | "refused" | "skipped" | "not_reached";
 
 export interface TouchRow {
   step: string;
@@ -186,6 +191,7 @@ export interface RunDetail extends RunEntry {
     touches_planned: number;
     touches_measured: number;
     touches_refused: number;
+    touches_skipped: number;
     touches_not_reached: number;
     prompts: number;
     rig_seconds: number;

@@ -10,7 +10,7 @@ use axum::{
 use rig_files::rig_file::RigFile;
 use rig_model::RigLimits;
 use rig_protocol::{Action, Plan, Pose, Step};
-use rig_store::{Reader, Record, RunId, RunStarted, Sweep};
+use rig_store::{Amended, Reader, Record, RunId, RunKind, RunStarted, Sweep};
 use serde::Serialize;
 
 use super::{Problem, Shared, progress::PromptAction, runs};
@@ -92,7 +92,9 @@ pub(super) async fn of_run(
 ) -> Result<Json<PlanView>, Problem> {
     let id: RunId = id.parse()?;
     let view = shared.read(move |reader| {
-        let started = started(reader, id)?;
+        let amended = amended(reader, id)?;
+        let run = amended.as_ref().map_or(Ok(id), |amended| amended.run.parse())?;
+        let started = started(reader, run)?;
         // Both were checked before the run began; another version may see them otherwise.
         let rig = RigFile::read(&started.rig.name, &started.rig.toml);
         let limits = rig.map_err(|faults| Problem::protocol(&faults))?.limits;
@@ -107,6 +109,11 @@ pub(super) async fn of_run(
         let (name, toml) = (started.protocol.name, started.protocol.toml);
         let protocol = LoadedProtocol::check(&name, &toml, &facts);
         let mut protocol = protocol.map_err(|faults| Problem::protocol(&faults))?;
+        if let Some(only) = amended.and_then(|amended| protocol.plan.only(&amended.step)) {
+            protocol.summary = only.summary(&facts.limits);
+            protocol.plan = only;
+            return Ok(PlanView::of(&protocol, &facts.limits));
+        }
         let mut records = reader.amended(id)?;
         if let Some(seam) = records.iter().rev().find(|stored| stored.kind == "resumed") {
             let seam = seam.event;
@@ -146,6 +153,18 @@ pub(super) async fn sweep(
         sweeps.into_iter().find(is_wanted).ok_or_else(none)
     });
     found.await.map(Json)
+}
+
+/// What an amendment amends; `None` for a run.
+fn amended(reader: &Reader, id: RunId) -> Result<Option<Amended>, Problem> {
+    if reader.run(id)?.kind != RunKind::Amendment {
+        return Ok(None);
+    }
+    let first = reader.records(id)?.into_iter().next();
+    Ok(match first.map(|first| first.record()).transpose()? {
+        Some(Record::Amended(amended)) => Some(amended),
+        _ => None,
+    })
 }
 
 fn started(reader: &Reader, id: RunId) -> Result<RunStarted, Problem> {
