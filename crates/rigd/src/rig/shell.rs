@@ -1,6 +1,7 @@
 //! The loop of the rig thread. Each event becomes an input of the engine, and the loop carries out
 //! the effects that the engine returns.
 
+mod journal;
 mod runs;
 
 use std::{
@@ -11,13 +12,12 @@ use std::{
 
 use rig_analyzer::Analyzer;
 use rig_engine::{
-    Admitted, Command, Device, Effect, Engine, Event, Failure, FailureKind, Fault, Input,
-    Operation, OperationId, RigState,
+    Admitted, Command, Device, Effect, Engine, Event, Failure, FailureKind, Input, Operation,
+    OperationId, RigState,
 };
 use rig_link::{Clock, Transcript};
-use rig_model::with_causes;
 use rig_sim::SimHandle;
-use rig_store::{Ending, Journal, Record, RunId, RunKind, Store, StoreError};
+use rig_store::{Ending, Journal, Record, RunId, RunKind, Store};
 use rustix::time::{ClockId, clock_gettime};
 use tokio::sync::{mpsc, oneshot, watch};
 
@@ -449,25 +449,6 @@ impl Shell {
         }
     }
 
-    fn append(&mut self, record: &Record) {
-        let (journal, _) = self.run.as_mut().unwrap_or(&mut self.session);
-        match journal.append(self.clock.now().as_micros(), record) {
-            Ok(id) => {
-                self.view.last_event = id;
-                if self.view.first_event == 0 {
-                    self.view.first_event = id;
-                }
-            }
-            // The journal is unchanged, and accepts the fault that follows.
-            Err(error @ StoreError::Unwritable { .. }) => {
-                let reason = with_causes(&error);
-                tracing::error!(%reason, "a record was lost");
-                self.unwritten = Some(reason);
-            }
-            Err(error) => self.journal_failed(&error),
-        }
-    }
-
     /// Lets the simulated technician carry out a prompt.
     fn perform(&self, prompt: &rig_protocol::Prompt) {
         if let (Some(simulation), Some((_, recorder))) = (&self.simulation, &self.run) {
@@ -475,38 +456,9 @@ impl Shell {
         }
     }
 
-    /// Records the last frames of the ports. On a simulated rig only after faults of devices: all
-    /// other faults can be replayed from the seed.
-    fn open_black_boxes(&mut self, fault: &Fault) {
-        if self.simulation.is_some() && !matches!(fault, Fault::Device(_)) {
-            return;
-        }
-        let boxes = self.black_boxes.each_ref();
-        for record in boxes.map(|(port, transcript)| record::black_box(port, transcript)) {
-            self.append(&record);
-        }
-    }
-
     fn view_run(&mut self, change: impl FnOnce(&mut RunView)) {
         if let Some(view) = &mut self.view.run {
             change(view);
-        }
-    }
-
-    fn commit(&mut self) {
-        self.last_commit = Instant::now();
-        if let Err(error) = self.session.0.commit() {
-            self.journal_failed(&error);
-        }
-    }
-
-    /// From now on only the way out of contact is allowed; the engine gets the error with its next
-    /// operation.
-    fn journal_failed(&mut self, error: &StoreError) {
-        if self.view.journal_error.is_none() {
-            let reason: Arc<str> = with_causes(error).into();
-            tracing::error!(%reason, "the journal cannot be written");
-            self.view.journal_error = Some(reason);
         }
     }
 
