@@ -176,6 +176,16 @@ async function atThePaceOfTheWall() {
   await look(page, "latched");
   await button(page, /^Acknowledge/).click();
   await state(page, "Ready");
+  // The run that the stop ended goes on, and can be stopped again.
+  await page.keyboard.press("3");
+  await page.getByRole("link", { name: "smoke-1" }).click();
+  await page.getByRole("heading", { name: /^Not completed: \d+ of 18 touches are left/ }).waitFor();
+  await look(page, "continue");
+  await button(page, "Continue").click();
+  await page.getByRole("heading", { name: "Put sample 1 under the probe" }).waitFor({ timeout: 30_000 });
+  await button(page, "Stop all").click();
+  await button(page, /^Acknowledge/).click();
+  await state(page, "Ready");
   await page.context().close();
   return latencies;
 }
