@@ -12,7 +12,7 @@ use std::{
 };
 
 use rig_engine::{Command as RigCommand, Fault, RigState, RunStatus};
-use rig_store::{Clearance, Reader, Record, RunId, Touch};
+use rig_store::{Clearance, Reader, Record, RunId, StoredRecord, Touch};
 use rigd::{
     loaded_rig::LoadedRig,
     protocol_file::LoadedProtocol,
@@ -153,44 +153,76 @@ fn check_same(data: &Path, run: RunId, whole: &BTreeMap<String, Vec<Touch>>, her
     }
 }
 
-/// A crash at every record of a run, and once more at every seventh record of the second part.
-#[tokio::test]
-async fn a_run_that_crashed_at_any_record_has_the_touches_of_one_that_did_not() {
+/// What the crashes behind some records have shown.
+#[derive(Default)]
+struct Seen {
+    in_contact: u32,
+    clear: u32,
+    phases: BTreeSet<String>,
+}
+
+/// A crash behind each of these records of a run, and once more behind every seventh second part.
+async fn crash_and_resume(
+    rig: &Path,
+    data: &Path,
+    run: RunId,
+    whole: &BTreeMap<String, Vec<Touch>>,
+    records: impl Iterator<Item = &StoredRecord>,
+) -> Seen {
+    let mut seen = Seen::default();
+    for record in records {
+        let crash = crashed(data, record.event);
+        if resume(rig, crash.path(), run).await.was_latched_in_contact {
+            seen.in_contact += 1;
+        } else {
+            seen.clear += 1;
+        }
+        seen.phases.insert(record.kind.clone());
+        let here = format!("crash behind record {} ({})", record.seq, record.kind);
+        check_same(crash.path(), run, whole, &here);
+        if record.seq % 7 == 0 {
+            let second = Reader::open(crash.path()).unwrap().records(run).unwrap();
+            let seam = second.iter().position(|stored| stored.kind == "resumed").unwrap();
+            let index = usize::try_from(record.seq).unwrap();
+            let at = &second[seam + (index * 5) % (second.len() - seam - 1)];
+            let again = crashed(crash.path(), at.event);
+            resume(rig, again.path(), run).await;
+            check_same(again.path(), run, whole, &format!("{here}, then behind {}", at.seq));
+        }
+    }
+    seen
+}
+
+#[test]
+fn a_run_that_crashed_at_any_record_has_the_touches_of_one_that_did_not() {
+    const WORKERS: usize = 2;
     let folder = TempDir::new().unwrap();
     let (rig, protocol) = (write_rig(folder.path()), write_short(folder.path(), "[\"left\"]"));
     let data = folder.path().join("whole");
-    let run = replay(&rig, &protocol, &data).await;
+    let runtime = || tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    let run = runtime().block_on(replay(&rig, &protocol, &data));
     let reader = Reader::open(&data).unwrap();
     let records = reader.records(run).unwrap();
     let whole = touches(&reader, run);
     assert_eq!(whole.len(), 4);
-    let (mut in_contact, mut clear, mut phases) = (0, 0, BTreeSet::new());
     // The last record is on disk together with the end of the run.
-    for (index, record) in records[..records.len() - 1].iter().enumerate() {
-        let crash = crashed(&data, record.event);
-        let resumed = resume(&rig, crash.path(), run).await;
-        if resumed.was_latched_in_contact {
-            in_contact += 1;
-        } else {
-            clear += 1;
-        }
-        phases.insert(record.kind.clone());
-        let here = format!("crash behind record {} ({})", record.seq, record.kind);
-        check_same(crash.path(), run, &whole, &here);
-        if index % 7 == 0 {
-            let reader = Reader::open(crash.path()).unwrap();
-            let second = reader.records(run).unwrap();
-            let seam = second.iter().position(|stored| stored.kind == "resumed").unwrap();
-            let at = &second[seam + (index * 5) % (second.len() - seam - 1)];
-            drop(reader);
-            let again = crashed(crash.path(), at.event);
-            resume(&rig, again.path(), run).await;
-            check_same(again.path(), run, &whole, &format!("{here}, then behind {}", at.seq));
-        }
-    }
+    let before_end = &records[..records.len() - 1];
+    let seen: Vec<Seen> = std::thread::scope(|scope| {
+        let begin = |worker| {
+            let (rig, data, whole, runtime) = (&rig, &data, &whole, &runtime);
+            scope.spawn(move || {
+                let some = before_end.iter().skip(worker).step_by(WORKERS);
+                runtime().block_on(crash_and_resume(rig, data, run, whole, some))
+            })
+        };
+        let workers: Vec<_> = (0..WORKERS).map(begin).collect();
+        workers.into_iter().map(|worker| worker.join().unwrap()).collect()
+    });
+    let sum = |count: fn(&Seen) -> u32| seen.iter().map(count).sum::<u32>();
+    let (in_contact, clear) = (sum(|seen| seen.in_contact), sum(|seen| seen.clear));
     assert!(in_contact > 20 && clear > 20, "{in_contact} in contact, {clear} clear");
     for kind in ["intent", "moved", "surface_found", "sweep", "touch_result", "prompt_asked"] {
-        assert!(phases.contains(kind), "no crash behind {kind}");
+        assert!(seen.iter().any(|seen| seen.phases.contains(kind)), "no crash behind {kind}");
     }
 }
 
@@ -429,6 +461,38 @@ fn a_skipped_touch_is_not_measured_when_the_run_is_resumed() {
     let reader = Reader::open(&data).unwrap();
     let run = reader.find("latest").unwrap();
     assert!(run.is_sealed && !touches(&reader, run.id).contains_key("blind/2"));
+}
+
+#[test]
+fn a_refused_touch_is_finished_and_is_not_repeated_unasked() {
+    let folder = TempDir::new().unwrap();
+    let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));
+    // The resonances of the stiffer sample lie above the window.
+    let text = fs::read_to_string(&protocol).unwrap();
+    fs::write(&protocol, text.replace("max_hz = 260", "max_hz = 190")).unwrap();
+    let (rig, protocol) = (rig.to_str().unwrap(), protocol.to_str().unwrap());
+    let whole = rigd(folder.path(), &["run", protocol, "--rig", rig]);
+    assert_eq!(whole.status.code(), Some(6), "{}", String::from_utf8_lossy(&whole.stderr));
+    let data = folder.path().join("data");
+    let events = Reader::open(&data).unwrap().events_after(0, 10_000).unwrap();
+    let refused = events.iter().find(|stored| stored.kind == "touch_refused").unwrap();
+    let crash = crashed(&data, refused.event);
+    fs::copy(crash.path().join("rigd.db"), data.join("rigd.db")).unwrap();
+    let done = rigd(folder.path(), &["run", "--resume", "latest", "--rig", rig]);
+    assert_eq!(done.status.code(), Some(6), "{}", String::from_utf8_lossy(&done.stderr));
+    let reader = Reader::open(&data).unwrap();
+    let run = reader.find("latest").unwrap();
+    assert_eq!((run.status.name(), run.is_sealed), ("completed_with_refusals", true));
+    let mut outcomes = BTreeMap::<String, u32>::new();
+    for stored in reader.records(run.id).unwrap() {
+        let step = match stored.record().unwrap() {
+            Record::TouchResult(touch) => touch.touch.step,
+            Record::TouchRefused(touch) => touch.touch.step,
+            _ => continue,
+        };
+        *outcomes.entry(step).or_default() += 1;
+    }
+    assert!(outcomes.len() == 6 && outcomes.values().all(|count| *count == 1), "{outcomes:?}");
 }
 
 /// Kills the program itself, at moments spread over a run, and resumes it until it is done.

@@ -131,7 +131,7 @@ export function RunPage({ id, view }: { id: string; view: View }) {
         <Downloads id={id} name={detail.name} />
       </div>
       {detail.is_resumable && <Continue detail={detail} view={view} onGivenUp={() => setGivenUp(true)} />}
-      <section class="card" aria-label="Stiffness">
+      <section class="card wide" aria-label="Stiffness">
         <h2>Stiffness (Young's modulus) from shift by the model, ± σ with that of the calibration</h2>
         {results.stiffness.length === 0 ? <p class="soft">None: too few touches were measured.</p> : (
           <div class="stiffness">{results.stiffness.map((s) => {
@@ -179,7 +179,7 @@ function Continue({ detail, view, onGivenUp }: { detail: RunDetail; view: View; 
     });
   };
   return (
-    <section class="card" aria-label="Continue">
+    <section class="card wide" aria-label="Continue">
       <h2>Not completed: {left} of {planned} touches are left</h2>
       <p class="soft">It goes on at the next touch without an outcome. You are asked for the sample and the sensor again, and the free resonance is measured again. Refused touches are not repeated.</p>
       <div class="buttons">

@@ -226,6 +226,10 @@ pub(super) fn print_results(
         return print_json(&ShowView { results, interruption });
     }
     print(results.text().trim_end())?;
+    if run.is_resumable() {
+        let name = run.short_name();
+        print(&format!("not completed: `rigd run --resume {name}` goes on with it"))?;
+    }
     match interruption {
         Some(left) if left.is_open() => print(&format!("{}; {ADVICE}", left.message)),
         Some(left) => print(&left.message),

@@ -81,7 +81,19 @@ fn journal(findings: &mut Findings, data: &Path, rig: &str) {
             "the other rigd also has the ports open: end it, or use its HTTP interface",
         ),
         Ok((false, left)) => {
-            findings.ok("journal", "can be opened");
+            match Reader::open(data).and_then(|reader| reader.broken_link()) {
+                Ok(None) => findings.ok("journal", "can be opened; the list of runs is whole"),
+                Ok(Some(run)) => findings.problem(
+                    "journal",
+                    format!("the list of runs has been changed at run {run} or before it"),
+                    "keep the directory; `rigd salvage NEW --data DIR` copies what verifies",
+                ),
+                Err(error) => findings.problem(
+                    "journal",
+                    with_causes(&error),
+                    "keep the directory; `rigd salvage NEW --data DIR` copies what verifies",
+                ),
+            }
             match left {
                 Some(InterruptedRig { is_open: true, message, is_latched: true, .. }) => {
                     findings.problem("probe", message, ADVICE);
