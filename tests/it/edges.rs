@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, process::Command};
 use serde_json::Value;
 
 /// Crates without I/O, clock or runtime.
-const PURE: [&str; 11] = [
+const PURE: [&str; 12] = [
     "rig-model",
     "rig-files",
     "rig-scpi",
@@ -14,6 +14,7 @@ const PURE: [&str; 11] = [
     "rig-analysis",
     "rig-protocol",
     "rig-engine",
+    "rig-interlock",
     "rig-record",
     "rig-chart",
     "rig-report",
@@ -21,7 +22,7 @@ const PURE: [&str; 11] = [
 
 /// The crates of this workspace that each crate may use. A new arrow needs a decision in
 /// docs/decisions.
-const ARROWS: [(&str, &[&str]); 18] = [
+const ARROWS: [(&str, &[&str]); 19] = [
     ("rig-model", &[]),
     ("rig-files", &["rig-model", "rig-contact", "rig-resonance"]),
     ("rig-scpi", &[]),
@@ -30,6 +31,7 @@ const ARROWS: [(&str, &[&str]); 18] = [
     ("rig-analysis", &["rig-model", "rig-contact"]),
     ("rig-protocol", &["rig-model", "rig-files"]),
     ("rig-engine", &["rig-model", "rig-protocol", "rig-resonance"]),
+    ("rig-interlock", &["rig-model"]),
     ("rig-link", &["rig-model"]),
     ("rig-analyzer", &["rig-model", "rig-link", "rig-scpi"]),
     ("rig-stage", &["rig-model", "rig-link"]),
@@ -56,6 +58,7 @@ const ARROWS: [(&str, &[&str]); 18] = [
             "rig-files",
             "rig-protocol",
             "rig-engine",
+            "rig-interlock",
             "rig-contact",
             "rig-resonance",
             "rig-link",

@@ -16,6 +16,8 @@ pub enum Device {
     RotaryStage,
     /// The journal: without it nothing may begin, and the probe may only go up.
     Journal,
+    /// The interlock in front of the ports, which refused a command of the engine.
+    Interlock,
 }
 
 impl Device {
@@ -26,6 +28,7 @@ impl Device {
             Self::LinearStage => "linear stage",
             Self::RotaryStage => "rotary stage",
             Self::Journal => "journal",
+            Self::Interlock => "interlock",
         }
     }
 }

@@ -110,7 +110,9 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
     }
     let text = match fault {
         Fault::Device(failure) => match (failure.device, failure.kind) {
-            (Device::Journal, _) => "keep the journal of this run for the maintainer of rigd",
+            (Device::Journal | Device::Interlock, _) => {
+                "keep the journal of this run for the maintainer of rigd"
+            }
             (_, FailureKind::Line) => "check the power and the cable of the device",
             (Device::Analyzer, _) => "read the display of the analyzer",
             (_, _) => "look for an alarm on the drive and for an obstacle in the way of the axis",

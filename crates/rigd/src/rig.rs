@@ -12,6 +12,7 @@
 
 mod amend;
 mod devices;
+mod gate;
 mod inspect;
 mod live;
 mod open;
@@ -162,6 +163,9 @@ pub enum RequestRefusal {
         /// Needed space, bytes.
         needed_bytes: u64,
     },
+    /// The interlock refuses it.
+    #[error(transparent)]
+    Interlock(#[from] rig_interlock::Refusal),
     /// The answer is for another prompt than the open one.
     #[error("there is no open prompt at step {step}")]
     NotAsked {

@@ -217,6 +217,9 @@ impl From<RequestRefusal> for Problem {
                 ResumeRefusal::Store(error) => Self::internal(&with_causes(error)),
                 ResumeRefusal::NoBeginning { .. } => Self::internal(&detail),
             },
+            RequestRefusal::Interlock(_) => {
+                Self::new(StatusCode::CONFLICT, "refused by the interlock", detail)
+            }
             RequestRefusal::NotAsked { .. } => Self {
                 hint: Some("read the open prompt in GET /api/v1/rig"),
                 ..Self::new(StatusCode::CONFLICT, "not asked", detail)

@@ -2,12 +2,14 @@
 
 use rig_analyzer::{Analyzer, AnalyzerError};
 use rig_engine::{Device, Failure, FailureKind, Operation, Report};
+use rig_interlock::Outcome;
 use rig_link::StopSignal;
 use rig_model::{Deg, Mm, Unit, with_causes};
 use rig_stage::{BusError, HaltFrames, LineFault, Stage, StageError};
 
 use super::{
     DeviceError,
+    gate::Gate,
     slot::{Ended, Perform},
 };
 
@@ -18,6 +20,14 @@ pub(super) struct Axes {
     pub(super) rotary: Stage<Deg>,
     /// Whether the linear stage is known to home upwards, away from the sample.
     pub(super) is_homing_up: bool,
+    pub(super) gate: Gate,
+}
+
+/// The analyzer behind the interlock.
+#[derive(Debug)]
+pub(super) struct GatedAnalyzer {
+    pub(super) analyzer: Analyzer,
+    pub(super) gate: Gate,
 }
 
 impl Axes {
@@ -30,6 +40,32 @@ impl Axes {
 
 impl Perform for Axes {
     async fn perform(&mut self, operation: &Operation, stop: &StopSignal) -> Ended {
+        not_after_a_stop(Device::LinearStage, stop)?;
+        if self.gate.needs_reading(operation) {
+            self.read_linear().await.map_err(|error| stage_failure(Device::LinearStage, &error))?;
+        }
+        self.gate.admit(operation)?;
+        let ended = self.carry_out(operation, stop).await;
+        self.gate.ended(operation, &ended, stop.is_raised());
+        ended
+    }
+}
+
+impl Axes {
+    /// Reads the linear stage back, where nothing moves it.
+    async fn read_linear(&mut self) -> Result<(), StageError<Mm>> {
+        let status = self.linear.status().await?;
+        if let Some(alarm) = status.alarm {
+            return Err(StageError::Alarmed { alarm, at: status.position });
+        }
+        let at = self.linear.believe_position()?;
+        if !status.is_moving {
+            self.gate.read(Outcome::LinearAt(at));
+        }
+        Ok(())
+    }
+
+    async fn carry_out(&mut self, operation: &Operation, stop: &StopSignal) -> Ended {
         let linear = |error| stage_failure(Device::LinearStage, &error);
         let rotary = |error| stage_failure(Device::RotaryStage, &error);
         match operation {
@@ -56,8 +92,10 @@ impl Perform for Axes {
                 // Both axes get the command, even if the first one fails.
                 let stopped_linear = self.linear.stop().await;
                 let stopped_rotary = self.rotary.stop().await;
-                stopped_linear.map_err(linear)?;
-                stopped_rotary.map_err(rotary)?;
+                let at_linear = stopped_linear.map_err(linear)?;
+                let at_rotary = stopped_rotary.map_err(rotary)?;
+                self.gate.read(Outcome::LinearAt(at_linear));
+                self.gate.read(Outcome::RotaryAt(at_rotary));
                 Ok(Report::Stopped)
             }
             Operation::Measure { .. } => unreachable!("the analyzer has an owner of its own"),
@@ -65,23 +103,40 @@ impl Perform for Axes {
     }
 }
 
-impl Perform for Analyzer {
+impl Perform for GatedAnalyzer {
     async fn perform(&mut self, operation: &Operation, stop: &StopSignal) -> Ended {
-        let Operation::Measure { points, level } = operation else {
-            unreachable!("the axes have an owner of their own")
-        };
-        let failure = |error: AnalyzerError| Failure {
-            device: Device::Analyzer,
-            kind: match &error {
-                AnalyzerError::Stopped { .. } => FailureKind::Interrupted,
-                error if error.is_line_failure() => FailureKind::Line,
-                _ => FailureKind::Refused,
-            },
-            detail: with_causes(&error),
-        };
-        self.configure(*level).await.map_err(failure)?;
-        self.measure(points, stop).await.map(Report::Measured).map_err(failure)
+        not_after_a_stop(Device::Analyzer, stop)?;
+        self.gate.admit(operation)?;
+        let ended = measure(&mut self.analyzer, operation, stop).await;
+        self.gate.ended(operation, &ended, stop.is_raised());
+        ended
     }
+}
+
+/// An operation does not begin when a stop has come since it was asked for.
+fn not_after_a_stop(device: Device, stop: &StopSignal) -> Result<(), Failure> {
+    if stop.is_raised() {
+        let detail = "a stop came before the operation began".to_owned();
+        return Err(Failure { device, kind: FailureKind::Interrupted, detail });
+    }
+    Ok(())
+}
+
+async fn measure(analyzer: &mut Analyzer, operation: &Operation, stop: &StopSignal) -> Ended {
+    let Operation::Measure { points, level } = operation else {
+        unreachable!("the axes have an owner of their own")
+    };
+    let failure = |error: AnalyzerError| Failure {
+        device: Device::Analyzer,
+        kind: match &error {
+            AnalyzerError::Stopped { .. } => FailureKind::Interrupted,
+            error if error.is_line_failure() => FailureKind::Line,
+            _ => FailureKind::Refused,
+        },
+        detail: with_causes(&error),
+    };
+    analyzer.configure(*level).await.map_err(failure)?;
+    analyzer.measure(points, stop).await.map(Report::Measured).map_err(failure)
 }
 
 /// Finds the drive again, clears an old alarm, homes the axis if it is not homed, and reads back

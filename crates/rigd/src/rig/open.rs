@@ -11,7 +11,11 @@ use rig_sim::{AxisWiring, LineTransport, PortId, SimHandle, SimRig, Technician, 
 use rig_stage::{BusHandle, BusSettings, HaltFrames, RegisterMap, Stage, StageError};
 use rig_store::StoreError;
 
-use super::{DeviceIdentity, Setting, devices::Axes};
+use super::{
+    DeviceIdentity, Setting,
+    devices::{Axes, GatedAnalyzer},
+    gate::Gate,
+};
 use crate::loaded_rig::{LoadedRig, LoadedScene};
 
 /// Why a rig cannot be opened.
@@ -80,8 +84,9 @@ fn device<E: Into<DeviceError>>(role: &'static str, port: &PortFile) -> impl Fn(
 /// A rig whose devices have answered.
 pub(super) struct Opened {
     pub(super) setting: Setting,
-    pub(super) analyzer: Analyzer,
+    pub(super) analyzer: GatedAnalyzer,
     pub(super) axes: Axes,
+    pub(super) gate: Gate,
     pub(super) halt: Halt,
     pub(super) simulation: Option<Simulation>,
     /// The last frames of each port, under its name.
@@ -160,10 +165,22 @@ pub(super) async fn open_rig(rig: LoadedRig, clock: Clock) -> Result<Opened, Ope
     let setting = Setting { limits: file.limits, rig: source, scene: scene_source, devices };
     let is_homing_up = file.linear.is_homing_up;
     let patience = Duration::from_secs_f64(file.recovery_patience_s);
-    let axes = Axes { linear, rotary, is_homing_up };
+    let gate = Gate::new(file.limits, clock);
+    let axes = Axes { linear, rotary, is_homing_up, gate: gate.clone() };
+    let analyzer = GatedAnalyzer { analyzer, gate: gate.clone() };
     let frames = axes.halt_frames().map_err(device("bus", &file.bus))?;
     let halt = Halt { bus, frames };
-    Ok(Opened { setting, analyzer, axes, halt, simulation, black_boxes, known_samples, patience })
+    Ok(Opened {
+        setting,
+        analyzer,
+        axes,
+        gate,
+        halt,
+        simulation,
+        black_boxes,
+        known_samples,
+        patience,
+    })
 }
 
 /// Finds a drive. An axis that does not know where it is will be homed; one that says that it is

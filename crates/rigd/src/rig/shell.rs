@@ -10,12 +10,12 @@ use std::{
     time::{Duration, Instant},
 };
 
-use rig_analyzer::Analyzer;
 use rig_engine::{
     Admitted, Command, Device, Effect, Engine, Event, Failure, FailureKind, Input, Operation,
     OperationId, RigState,
 };
 use rig_link::{Clock, Transcript};
+use rig_model::{Mm, Position};
 use rig_sim::SimHandle;
 use rig_store::{Ending, Journal, Record, RunId, RunKind, Store};
 use rustix::time::{ClockId, clock_gettime};
@@ -23,7 +23,8 @@ use tokio::sync::{mpsc, oneshot, watch};
 
 use super::{
     OpenError, Request, RequestRefusal, RunView, Setting, Status, amend,
-    devices::Axes,
+    devices::{Axes, GatedAnalyzer},
+    gate::Gate,
     live::LiveSweep,
     open::{Halt, Opened, Simulation, open_rig},
     record::{self, Recorder},
@@ -85,8 +86,11 @@ struct Shell {
     engine: Engine,
     setting: Setting,
     axes: Slot<Axes>,
-    analyzer: Slot<Analyzer>,
+    analyzer: Slot<GatedAnalyzer>,
+    gate: Gate,
     halt: Halt,
+    /// The intent that is noted and not yet durable.
+    intent: Option<Position<Mm>>,
     simulation: Option<Simulation>,
     black_boxes: [(Arc<str>, Transcript); 2],
     known_samples: Vec<(String, f64)>,
@@ -122,7 +126,7 @@ impl Shell {
         let left = left.map_err(data_error)?;
         let clock = Clock::start();
         let opened = open_rig(rig, clock).await?;
-        let Opened { setting, analyzer, axes, halt, .. } = opened;
+        let Opened { setting, analyzer, axes, gate, halt, .. } = opened;
         let Opened { simulation, black_boxes, known_samples, patience, .. } = opened;
         let session = store.begin(RunKind::Session, &setting.rig.name).map_err(data_error)?;
         let engine = Engine::with_patience(setting.limits, patience);
@@ -147,7 +151,9 @@ impl Shell {
             setting,
             axes: Slot::new(axes),
             analyzer: Slot::new(analyzer),
+            gate,
             halt,
+            intent: None,
             simulation,
             black_boxes,
             known_samples,
@@ -295,7 +301,9 @@ impl Shell {
 
     fn command(&mut self, command: Command, by: &str) -> Result<(), RequestRefusal> {
         let is_sweep = matches!(command, Command::Sweep(_));
+        let is_acknowledgement = matches!(command, Command::Acknowledge);
         let admitted = self.engine.admit(command)?;
+        self.gate.operator(by, is_acknowledgement)?;
         if is_sweep {
             self.view.sweeps = self.session.1.begin_sweep();
             self.view.sweep = Some(self.view.sweeps);
@@ -327,7 +335,7 @@ impl Shell {
         for effect in effects {
             match effect {
                 Effect::Note(event) => self.note(&event),
-                Effect::Commit => self.commit(),
+                Effect::Commit => self.commit_intent(),
                 Effect::Interrupt => self.interrupt(),
                 Effect::Do(id, operation) => self.start(id, operation),
             }
@@ -339,6 +347,15 @@ impl Shell {
             self.commit();
         }
         self.publish();
+    }
+
+    /// Makes an intent durable, and tells the interlock when it is.
+    fn commit_intent(&mut self) {
+        self.commit();
+        let is_durable = self.view.journal_error.is_none() && self.unwritten.is_none();
+        if let Some(down_to) = self.intent.take().filter(|_| is_durable) {
+            self.gate.intent_is_durable(down_to);
+        }
     }
 
     fn start(&mut self, id: OperationId, operation: Operation) {
@@ -381,8 +398,11 @@ impl Shell {
         if is_other || is_retracting || self.engine.admit(command.clone()).is_err() {
             return;
         }
+        self.gate.stop_asked();
         // A line that takes longer gets them when it can; the decision must not wait for it.
-        _ = tokio::time::timeout(HALT_WITHIN, self.halt.now()).await;
+        if tokio::time::timeout(HALT_WITHIN, self.halt.now()).await.is_ok() {
+            self.gate.stop_sent();
+        }
     }
 
     /// Why nothing may begin without a journal; a refused record is reported once.
@@ -395,6 +415,7 @@ impl Shell {
 
     fn note(&mut self, event: &Event) {
         match event {
+            Event::Intent { down_to, .. } => self.intent = Some(*down_to),
             Event::PromptAsked(prompt) => {
                 let now = self.clock.now();
                 self.view_run(|view| view.pace.asked(now));
@@ -434,7 +455,12 @@ impl Shell {
                 self.view.sweep = None;
             }
             // One that was aborted or failed is never finished.
-            Event::StateChanged(word) if *word != RigState::Running => self.view.sweep = None,
+            Event::StateChanged(word) if *word != RigState::Running => {
+                self.view.sweep = None;
+                if *word == RigState::Latched {
+                    self.gate.latched();
+                }
+            }
             _ => {}
         }
         let (_, recorder) = self.run.as_mut().unwrap_or(&mut self.session);

@@ -1,0 +1,135 @@
+//! All rules together.
+
+use std::time::Duration;
+
+use rig_model::{Mm, Position, RigLimits, RigTime};
+
+use crate::{
+    Outcome, PortCommand, Refusal,
+    rules::{Depth, Identity, Intent, Latch, Ports, StopClock, Turn},
+};
+
+/// The interlock in front of the ports of one rig.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Interlock {
+    rest: Position<Mm>,
+    turn: Turn,
+    depth: Depth,
+    identity: Identity,
+    intent: Intent,
+    latch: Latch,
+    ports: Ports,
+    stop: StopClock,
+    /// The probe was lowered, and not read back clear since.
+    may_touch: bool,
+}
+
+impl Interlock {
+    /// Nothing is known of the axes.
+    pub fn new(limits: RigLimits) -> Self {
+        Self {
+            rest: limits.linear.rest_target().position(),
+            turn: Turn::new(limits.linear),
+            depth: Depth::new(limits),
+            identity: Identity::default(),
+            intent: Intent::default(),
+            latch: Latch::default(),
+            ports: Ports::default(),
+            stop: StopClock::default(),
+            may_touch: false,
+        }
+    }
+
+    /// Admits a command that is about to be sent. It counts as under way until [`ended`](Self::ended).
+    ///
+    /// # Errors
+    /// [`Refusal`]; nothing changes then, and the command must not be sent.
+    pub fn admit(&mut self, now: RigTime, command: &PortCommand) -> Result<(), Refusal> {
+        let is_retract = self.is_retract(command);
+        self.ports.admit(command)?;
+        self.latch.admit(command, is_retract)?;
+        self.identity.admit(command, is_retract)?;
+        self.turn.admit(now, command)?;
+        self.intent.admit(command, is_retract)?;
+        self.depth.admit(command)?;
+        if matches!(command, PortCommand::HomeLinear) && self.may_touch {
+            return Err(Refusal::HomingInContact);
+        }
+        self.ports.begun(*command);
+        self.turn.begun(command);
+        self.depth.begun(command);
+        self.may_touch |= matches!(command, PortCommand::MoveLinear { to, .. } if *to < self.rest);
+        Ok(())
+    }
+
+    /// A command that was admitted has ended.
+    pub fn ended(&mut self, now: RigTime, command: &PortCommand, outcome: &Outcome) {
+        self.ports.ended(command);
+        self.identity.ended(command, outcome);
+        if matches!(outcome, Outcome::Failed) {
+            self.latch.failed();
+        }
+        self.read(now, outcome);
+    }
+
+    /// A position was read back, at the end of a command or without one.
+    pub fn read(&mut self, now: RigTime, outcome: &Outcome) {
+        self.turn.read(now, outcome);
+        self.depth.read(outcome);
+        if matches!(outcome, Outcome::LinearAt(_)) && self.turn.is_clear() {
+            self.may_touch = false;
+            self.intent.cleared();
+            self.latch.cleared();
+        }
+    }
+
+    /// Whether the linear stage must be read back before a turn, because its last read-back is old.
+    pub fn needs_reading(&self, now: RigTime, command: &PortCommand) -> bool {
+        command.is_turn() && self.turn.needs_reading(now)
+    }
+
+    /// A record of the intent to lower the probe down to this position is durable.
+    pub const fn intent_is_durable(&mut self, down_to: Position<Mm>) {
+        self.intent.durable(down_to);
+    }
+
+    /// The rig has latched.
+    pub const fn latched(&mut self) {
+        self.latch.failed();
+    }
+
+    /// Whether a fault is open.
+    pub const fn is_latched(&self) -> bool {
+        self.latch.is_latched()
+    }
+
+    /// A person gives a command; acknowledging a fault is one.
+    ///
+    /// # Errors
+    /// [`Refusal::Anonymous`].
+    pub fn operator(&mut self, by: &str, is_acknowledgement: bool) -> Result<(), Refusal> {
+        if by.trim().is_empty() {
+            return Err(Refusal::Anonymous);
+        }
+        if is_acknowledgement {
+            self.latch.acknowledged();
+        }
+        Ok(())
+    }
+
+    /// A stop was asked for. Until the probe is clear, only the way out is open.
+    pub fn stop_asked(&mut self, now: RigTime) {
+        self.stop.asked(now);
+        self.latch.stop_begun();
+    }
+
+    /// The frames of a stop have left. Returns how long that took if it was too long.
+    pub fn stop_sent(&mut self, now: RigTime) -> Option<Duration> {
+        self.stop.sent(now)
+    }
+
+    /// A move to the clear position or above is always a way out.
+    fn is_retract(&self, command: &PortCommand) -> bool {
+        matches!(command, PortCommand::MoveLinear { to, .. } if self.rest <= *to)
+    }
+}

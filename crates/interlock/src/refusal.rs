@@ -1,0 +1,108 @@
+//! Why a command was refused.
+
+use rig_model::{Deg, Mm, Position};
+
+/// A command was refused. Nothing was sent.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Refusal {
+    /// The sample turns only under a probe that was read back clear.
+    #[error("{what}: the last command to the linear stage has not shown the probe clear")]
+    NotClear {
+        /// The command.
+        what: &'static str,
+    },
+    /// The probe was read back clear, but too long ago.
+    #[error("{what}: the probe was read back clear {age_s:.0} s ago, more than {limit_s:.0} s")]
+    ClearIsOld {
+        /// The command.
+        what: &'static str,
+        /// Age of the read-back, s.
+        age_s: f64,
+        /// Largest age, s.
+        limit_s: f64,
+    },
+    /// A target that is too deep for every sample.
+    #[error(
+        "a move of the linear stage to {to}: the deepest that a touch may go at {tilt} is {floor}"
+    )]
+    BelowFloor {
+        /// The target.
+        to: Position<Mm>,
+        /// The tilt of the sample.
+        tilt: Position<Deg>,
+        /// The floor.
+        floor: Position<Mm>,
+    },
+    /// A step that is too long where a sample may be.
+    #[error(
+        "a move of the linear stage to {to}: {step_mm:.3} mm in one step, where at most {limit_mm:.3} mm are allowed near the sample"
+    )]
+    StepTooLong {
+        /// The target.
+        to: Position<Mm>,
+        /// Length of the step below the highest possible surface, mm.
+        step_mm: f64,
+        /// Longest step, mm.
+        limit_mm: f64,
+    },
+    /// A move that is too fast.
+    #[error("{what}: speed {asked:.3} {unit}/s is above {limit:.3} {unit}/s")]
+    TooFast {
+        /// The command.
+        what: &'static str,
+        /// Speed asked for.
+        asked: f64,
+        /// Highest speed here.
+        limit: f64,
+        /// Unit of the axis.
+        unit: &'static str,
+    },
+    /// The probe is lowered only as far as a durable record says.
+    #[error(
+        "a move of the linear stage to {to}: the journal has no durable intent to go that deep"
+    )]
+    NoIntent {
+        /// The target.
+        to: Position<Mm>,
+    },
+    /// The position of an axis is not known.
+    #[error("{what}: the {axis} has not been identified and read back since it was last in doubt")]
+    NotIdentified {
+        /// The command.
+        what: &'static str,
+        /// The axis.
+        axis: &'static str,
+    },
+    /// After a fault, only the way out of contact is open until a person acknowledges the fault.
+    #[error("{what}: a fault has not been acknowledged")]
+    Latched {
+        /// The command.
+        what: &'static str,
+    },
+    /// One command at a time goes to a port.
+    #[error("{what}: {other} is still under way on the same port")]
+    PortBusy {
+        /// The command.
+        what: &'static str,
+        /// The command under way.
+        other: &'static str,
+    },
+    /// A measurement needs axes that stand still.
+    #[error("a measurement: {other} is under way")]
+    Moving {
+        /// The command under way.
+        other: &'static str,
+    },
+    /// Homing in an unknown direction while the probe may be in a sample.
+    #[error("homing the linear stage: the probe may be in contact")]
+    HomingInContact,
+    /// After a stop, only the way out of contact is open until the probe is clear.
+    #[error("{what}: a stop was asked for, and the probe has not been retracted since")]
+    Stopping {
+        /// The command.
+        what: &'static str,
+    },
+    /// A command of nobody.
+    #[error("a command without the name of an operator")]
+    Anonymous,
+}

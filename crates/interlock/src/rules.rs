@@ -1,0 +1,17 @@
+//! The rules, each an automaton of its own: what it remembers, and when it refuses.
+//!
+//! A rule refuses in `admit`, which changes nothing, and learns in the methods after it.
+
+mod depth;
+mod fault;
+mod port;
+mod position;
+mod stop;
+mod turn;
+
+pub use depth::Depth;
+pub use fault::Latch;
+pub use port::Ports;
+pub use position::{Identity, Intent};
+pub use stop::StopClock;
+pub use turn::Turn;

@@ -1,0 +1,127 @@
+//! How deep, how fast and in which steps the probe may go, from the geometry of the bench alone.
+//!
+//! ```text
+//!   clear position ───────────────────────────
+//!                      any allowed speed
+//!   highest surface ── ── ── ── ── ── ── ── ──   expected surface + tolerance
+//!                      contact speed, short steps
+//!   floor ────────────────────────────────────   expected surface − tolerance − deepest indentation
+//! ```
+
+use rig_model::{Deg, Mm, Position, RigLimits};
+
+use crate::{Outcome, PortCommand, Refusal};
+
+/// Rounding of a target to the steps of a drive, mm.
+const ROUNDING_MM: f64 = 1e-6;
+
+/// Floor, speeds and steps.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Depth {
+    limits: RigLimits,
+    /// The last read-back of the linear stage.
+    linear_mm: Option<f64>,
+    /// The last read-back of the rotary stage; `None` while it turns.
+    tilt_deg: Option<f64>,
+}
+
+impl Depth {
+    /// Neither axis has been read back.
+    pub const fn new(limits: RigLimits) -> Self {
+        Self { limits, linear_mm: None, tilt_deg: None }
+    }
+
+    pub(crate) fn admit(&self, command: &PortCommand) -> Result<(), Refusal> {
+        let motion = &self.limits.motion;
+        let what = command.name();
+        match *command {
+            PortCommand::MoveRotary { speed_deg_per_s, .. } => {
+                let limit = motion.rotary_speed_deg_per_s;
+                refuse_speed(what, speed_deg_per_s, limit, "°")
+            }
+            PortCommand::MoveLinear { to, speed_mm_per_s } => {
+                refuse_speed(what, speed_mm_per_s, motion.travel_speed_mm_per_s, "mm")?;
+                if self.limits.linear.rest_target().position() <= to {
+                    return Ok(());
+                }
+                self.admit_lowering(what, to, speed_mm_per_s)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn admit_lowering(
+        &self,
+        what: &'static str,
+        to: Position<Mm>,
+        speed_mm_per_s: f64,
+    ) -> Result<(), Refusal> {
+        let (geometry, motion) = (&self.limits.geometry, &self.limits.motion);
+        let not_read = |axis| Refusal::NotIdentified { what, axis };
+        let tilt = Position::new(self.tilt_deg.ok_or_else(|| not_read("rotary stage"))?);
+        let from_mm = self.linear_mm.ok_or_else(|| not_read("linear stage"))?;
+        // The tolerance is measured along the normal of a tilted surface.
+        let tolerance_mm = geometry.surface_tolerance_mm / tilt.value().to_radians().cos().max(0.1);
+        let expected = self.expected_surface(tilt);
+        let deepest_mm = tolerance_mm + motion.max_indentation_mm;
+        let floor = expected.offset(-deepest_mm);
+        let is_above_floor = floor.value() - ROUNDING_MM <= to.value();
+        if !is_above_floor {
+            return Err(Refusal::BelowFloor { to, tilt, floor });
+        }
+        let highest_mm = expected.offset(tolerance_mm).value();
+        if highest_mm - ROUNDING_MM <= to.value() {
+            return Ok(());
+        }
+        let step_mm = from_mm.min(highest_mm) - to.value();
+        let limit_mm = deepest_mm;
+        if limit_mm + ROUNDING_MM < step_mm {
+            return Err(Refusal::StepTooLong { to, step_mm, limit_mm });
+        }
+        if 0.0 < step_mm {
+            refuse_speed(what, speed_mm_per_s, motion.contact_speed_mm_per_s, "mm")?;
+        }
+        Ok(())
+    }
+
+    /// The linear position at which the tip touches a sample of nominal height. A ball of radius r
+    /// beside the pivot by x touches the plane x sin α + z cos α = d when its centre fulfils it for
+    /// d + r.
+    fn expected_surface(&self, tilt: Position<Deg>) -> Position<Mm> {
+        let geometry = &self.limits.geometry;
+        let (d, r) = (geometry.surface_above_pivot_mm, geometry.probe_radius_mm);
+        let (sin, cos) = tilt.value().to_radians().sin_cos();
+        let centre_mm = (d + r - geometry.probe_beside_pivot_mm * sin) / cos;
+        geometry.surface.offset(centre_mm - r - d)
+    }
+
+    pub(crate) fn begun(&mut self, command: &PortCommand) {
+        if command.is_turn() {
+            self.tilt_deg = None;
+        }
+        if command.is_linear() {
+            self.linear_mm = None;
+        }
+    }
+
+    pub(crate) fn read(&mut self, outcome: &Outcome) {
+        match outcome {
+            Outcome::LinearAt(at) => self.linear_mm = Some(at.value()),
+            Outcome::RotaryAt(at) => self.tilt_deg = Some(at.value()),
+            Outcome::Done | Outcome::Interrupted | Outcome::Failed => {}
+        }
+    }
+}
+
+fn refuse_speed(
+    what: &'static str,
+    asked: f64,
+    limit: f64,
+    unit: &'static str,
+) -> Result<(), Refusal> {
+    // A speed that is no number is refused too.
+    if 0.0 < asked && asked <= limit * (1.0 + 1e-9) {
+        return Ok(());
+    }
+    Err(Refusal::TooFast { what, asked, limit, unit })
+}

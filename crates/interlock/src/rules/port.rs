@@ -1,0 +1,38 @@
+//! One command at a time goes to a port, and a measurement needs axes that stand still.
+
+use crate::{PortCommand, Refusal};
+
+/// The commands under way.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Ports {
+    bus: Option<PortCommand>,
+    analyzer: Option<PortCommand>,
+}
+
+impl Ports {
+    pub(crate) const fn admit(&self, command: &PortCommand) -> Result<(), Refusal> {
+        let is_measurement = matches!(command, PortCommand::Measure);
+        let other = if is_measurement { &self.analyzer } else { &self.bus };
+        if let Some(other) = other {
+            return Err(Refusal::PortBusy { what: command.name(), other: other.name() });
+        }
+        if let (true, Some(moving)) = (is_measurement, &self.bus) {
+            return Err(Refusal::Moving { other: moving.name() });
+        }
+        Ok(())
+    }
+
+    pub(crate) const fn begun(&mut self, command: PortCommand) {
+        match command {
+            PortCommand::Measure => self.analyzer = Some(command),
+            _ => self.bus = Some(command),
+        }
+    }
+
+    pub(crate) const fn ended(&mut self, command: &PortCommand) {
+        match command {
+            PortCommand::Measure => self.analyzer = None,
+            _ => self.bus = None,
+        }
+    }
+}

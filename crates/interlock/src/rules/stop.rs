@@ -1,0 +1,27 @@
+//! A stop reaches the drives in time.
+
+use std::time::Duration;
+
+use rig_model::RigTime;
+
+/// The longest time from the request of a stop to its frames.
+const WITHIN: Duration = Duration::from_millis(100);
+
+/// The time of a stop that is not sent yet.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct StopClock {
+    asked: Option<RigTime>,
+}
+
+impl StopClock {
+    /// A stop was asked for.
+    pub(crate) fn asked(&mut self, now: RigTime) {
+        self.asked.get_or_insert(now);
+    }
+
+    /// The frames of the stop have left; how long it took if that was too long.
+    pub(crate) fn sent(&mut self, now: RigTime) -> Option<Duration> {
+        let took = now.since(self.asked.take()?);
+        (WITHIN < took).then_some(took)
+    }
+}

@@ -1,0 +1,7 @@
+//! The interlock: each rule by itself, and all of them under random streams of commands.
+
+#![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
+
+mod bench;
+mod rules;
+mod streams;

@@ -1,0 +1,215 @@
+//! Each rule of the interlock, by itself: what it refuses, and what it lets through beside that.
+
+use std::time::Duration;
+
+use rig_interlock::{Interlock, Outcome, PortCommand, Refusal};
+use rig_model::{Position, RigTime};
+
+use crate::bench::{FLOOR_MM, REST_MM, lift, limits, linear_at, lower, prepared, rotary_at, turn};
+
+const NOW: RigTime = RigTime::from_micros(1_000_000);
+
+#[track_caller]
+fn refused(interlock: &mut Interlock, command: PortCommand) -> Refusal {
+    let before = interlock.clone();
+    let refusal = interlock.admit(NOW, &command).expect_err("it must be refused");
+    assert_eq!(*interlock, before, "a refusal changes nothing");
+    refusal
+}
+
+#[track_caller]
+fn admitted(interlock: &mut Interlock, command: PortCommand, outcome: Outcome) {
+    interlock.admit(NOW, &command).unwrap();
+    interlock.ended(NOW, &command, &outcome);
+}
+
+#[test]
+fn the_sample_turns_only_under_a_probe_that_was_read_back_clear() {
+    let mut interlock = prepared(NOW);
+    admitted(&mut interlock, turn(30.0), rotary_at(30.0));
+    interlock.intent_is_durable(Position::new(9.5));
+    admitted(&mut interlock, lower(20.0), linear_at(20.0));
+    assert!(matches!(refused(&mut interlock, turn(0.0)), Refusal::NotClear { .. }));
+    assert!(matches!(refused(&mut interlock, PortCommand::HomeRotary), Refusal::NotClear { .. }));
+    // A retract that ends elsewhere proves nothing.
+    admitted(&mut interlock, lift(), linear_at(REST_MM - 0.02));
+    assert!(matches!(refused(&mut interlock, turn(0.0)), Refusal::NotClear { .. }));
+    admitted(&mut interlock, lift(), linear_at(REST_MM));
+    admitted(&mut interlock, turn(0.0), rotary_at(0.0));
+}
+
+#[test]
+fn an_old_proof_of_a_clear_probe_must_be_read_anew() {
+    let mut interlock = prepared(NOW);
+    let later = NOW + Duration::from_secs(61);
+    assert!(!interlock.needs_reading(NOW, &turn(30.0)));
+    assert!(interlock.needs_reading(later, &turn(30.0)));
+    let refusal = interlock.admit(later, &turn(30.0)).unwrap_err();
+    assert!(matches!(refusal, Refusal::ClearIsOld { .. }), "{refusal}");
+    let mut moved = interlock.clone();
+    moved.read(later, &linear_at(REST_MM - 0.1));
+    assert!(matches!(moved.admit(later, &turn(30.0)), Err(Refusal::NotClear { .. })));
+    interlock.read(later, &linear_at(REST_MM));
+    interlock.admit(later, &turn(30.0)).unwrap();
+}
+
+#[test]
+fn the_floor_follows_from_geometry_and_the_deepest_indentation_whatever_was_declared() {
+    let mut interlock = prepared(NOW);
+    interlock.intent_is_durable(Position::new(1.0));
+    admitted(&mut interlock, lower(10.0), linear_at(10.0));
+    assert!(matches!(refused(&mut interlock, lower(FLOOR_MM - 0.001)), Refusal::BelowFloor { .. }));
+    admitted(&mut interlock, lower(FLOOR_MM), linear_at(FLOOR_MM));
+    // At a tilt the surface lies elsewhere: the ball of 0.5 mm touches at 0.5 / cos 45° − 0.5 above.
+    admitted(&mut interlock, lift(), linear_at(REST_MM));
+    admitted(&mut interlock, turn(45.0), rotary_at(45.0));
+    interlock.intent_is_durable(Position::new(1.0));
+    let (cos, deepest_mm) = (0.5_f64.sqrt(), 0.6);
+    let floor_mm = 10.0 + 0.5 / cos - 0.5 - 0.5 / cos - deepest_mm;
+    admitted(&mut interlock, lower(10.2), linear_at(10.2));
+    assert!(matches!(refused(&mut interlock, lower(floor_mm - 0.001)), Refusal::BelowFloor { .. }));
+    admitted(&mut interlock, lower(floor_mm + 0.001), linear_at(floor_mm));
+}
+
+#[test]
+fn near_the_sample_the_probe_goes_slowly_and_in_short_steps() {
+    let mut interlock = prepared(NOW);
+    interlock.intent_is_durable(Position::new(1.0));
+    let fast = |mm| PortCommand::MoveLinear { to: Position::new(mm), speed_mm_per_s: 10.0 };
+    let too_fast = |mm| PortCommand::MoveLinear { to: Position::new(mm), speed_mm_per_s: 10.1 };
+    assert!(matches!(refused(&mut interlock, too_fast(20.0)), Refusal::TooFast { .. }));
+    assert!(matches!(refused(&mut interlock, fast(f64::NAN)), Refusal::NoIntent { .. }));
+    // 0.5 mm above the expected surface a sample may begin.
+    admitted(&mut interlock, fast(10.5), linear_at(10.5));
+    assert!(matches!(refused(&mut interlock, fast(10.4)), Refusal::TooFast { .. }));
+    let stopped = PortCommand::MoveLinear { to: Position::new(10.4), speed_mm_per_s: 0.0 };
+    assert!(matches!(refused(&mut interlock, stopped), Refusal::TooFast { .. }));
+    // 1.6 mm below is the floor; no step is longer than tolerance and indentation, 1.1 mm.
+    assert!(matches!(refused(&mut interlock, lower(9.39)), Refusal::StepTooLong { .. }));
+    admitted(&mut interlock, lower(9.41), linear_at(9.41));
+    // Up again at any speed.
+    admitted(&mut interlock, fast(9.8), linear_at(9.8));
+    let spinning = PortCommand::MoveRotary { to: Position::new(9.0), speed_deg_per_s: 20.1 };
+    admitted(&mut interlock, lift(), linear_at(REST_MM));
+    assert!(matches!(refused(&mut interlock, spinning), Refusal::TooFast { .. }));
+}
+
+#[test]
+fn the_probe_goes_down_only_as_far_as_a_durable_intent() {
+    let mut interlock = prepared(NOW);
+    assert!(matches!(refused(&mut interlock, lower(20.0)), Refusal::NoIntent { .. }));
+    interlock.intent_is_durable(Position::new(15.0));
+    assert!(matches!(refused(&mut interlock, lower(14.9)), Refusal::NoIntent { .. }));
+    admitted(&mut interlock, lower(15.0), linear_at(15.0));
+    // It ends when the probe is clear again.
+    admitted(&mut interlock, lift(), linear_at(REST_MM));
+    assert!(matches!(refused(&mut interlock, lower(20.0)), Refusal::NoIntent { .. }));
+}
+
+#[test]
+fn an_axis_moves_only_after_it_was_identified() {
+    let mut interlock = Interlock::new(limits());
+    interlock.intent_is_durable(Position::new(9.5));
+    for command in [lift(), lower(20.0), turn(30.0)] {
+        assert!(matches!(refused(&mut interlock, command), Refusal::NotIdentified { .. }));
+    }
+    admitted(&mut interlock, PortCommand::HomeLinear, linear_at(49.0));
+    assert!(matches!(refused(&mut interlock, turn(30.0)), Refusal::NotIdentified { .. }));
+    admitted(&mut interlock, lift(), linear_at(REST_MM));
+    admitted(&mut interlock, PortCommand::HomeRotary, rotary_at(0.0));
+    // After a failure it is in doubt again, and only the retract needs no new identity.
+    for (failing, next) in [(lower(20.0), lower(19.0)), (turn(10.0), turn(20.0))] {
+        let mut interlock = prepared(NOW);
+        interlock.intent_is_durable(Position::new(9.5));
+        admitted(&mut interlock, failing, Outcome::Failed);
+        interlock.operator("somebody", true).unwrap();
+        admitted(&mut interlock, lift(), linear_at(REST_MM));
+        interlock.intent_is_durable(Position::new(9.5));
+        assert!(matches!(refused(&mut interlock, next), Refusal::NotIdentified { .. }));
+    }
+}
+
+#[test]
+fn after_a_fault_only_the_way_out_is_open_until_a_person_acknowledges() {
+    let faults: [fn(&mut Interlock); 2] = [Interlock::latched, |interlock| {
+        admitted(interlock, PortCommand::Measure, Outcome::Failed);
+    }];
+    for fault in faults {
+        let mut interlock = prepared(NOW);
+        interlock.intent_is_durable(Position::new(9.5));
+        admitted(&mut interlock, lower(20.0), linear_at(20.0));
+        fault(&mut interlock);
+        for command in
+            [lower(19.0), PortCommand::Measure, PortCommand::HomeLinear, PortCommand::HomeRotary]
+        {
+            assert!(matches!(refused(&mut interlock, command), Refusal::Latched { .. }));
+        }
+        admitted(&mut interlock, PortCommand::Stop, Outcome::Done);
+        admitted(&mut interlock, PortCommand::FindLinear, linear_at(20.0));
+        admitted(&mut interlock, lift(), linear_at(REST_MM));
+        assert!(matches!(refused(&mut interlock, turn(0.0)), Refusal::Latched { .. }));
+        assert!(interlock.is_latched());
+        // Any other command of a person does not open it.
+        interlock.operator("somebody", false).unwrap();
+        assert!(matches!(refused(&mut interlock, turn(0.0)), Refusal::Latched { .. }));
+        interlock.operator("somebody", true).unwrap();
+        admitted(&mut interlock, turn(0.0), rotary_at(0.0));
+    }
+}
+
+#[test]
+fn after_a_stop_nothing_goes_on_before_the_probe_is_clear() {
+    let mut interlock = prepared(NOW);
+    interlock.intent_is_durable(Position::new(9.5));
+    admitted(&mut interlock, lower(20.0), linear_at(20.0));
+    interlock.stop_asked(NOW);
+    assert!(matches!(refused(&mut interlock, lower(19.0)), Refusal::Stopping { .. }));
+    assert!(matches!(refused(&mut interlock, PortCommand::Measure), Refusal::Stopping { .. }));
+    admitted(&mut interlock, PortCommand::Stop, Outcome::Done);
+    admitted(&mut interlock, lift(), linear_at(REST_MM));
+    admitted(&mut interlock, PortCommand::Measure, Outcome::Done);
+}
+
+#[test]
+fn a_stop_that_is_sent_late_is_told() {
+    let mut interlock = prepared(NOW);
+    for (ms, is_late) in [(0, false), (100, false), (101, true)] {
+        interlock.stop_asked(NOW);
+        let late = interlock.stop_sent(NOW + Duration::from_millis(ms));
+        assert_eq!(late.is_some(), is_late, "{ms} ms");
+        assert_eq!(interlock.stop_sent(NOW + Duration::from_secs(9)), None, "it was sent");
+    }
+}
+
+#[test]
+fn a_port_has_one_command_at_a_time_and_a_measurement_has_axes_that_stand_still() {
+    let mut interlock = prepared(NOW);
+    interlock.admit(NOW, &turn(30.0)).unwrap();
+    assert!(matches!(refused(&mut interlock, PortCommand::Stop), Refusal::PortBusy { .. }));
+    assert!(matches!(refused(&mut interlock, PortCommand::Measure), Refusal::Moving { .. }));
+    interlock.ended(NOW, &turn(30.0), &rotary_at(30.0));
+    interlock.admit(NOW, &PortCommand::Measure).unwrap();
+    assert!(matches!(refused(&mut interlock, PortCommand::Measure), Refusal::PortBusy { .. }));
+    // The way out does not wait for the analyzer.
+    admitted(&mut interlock, lift(), linear_at(REST_MM));
+}
+
+#[test]
+fn an_axis_is_not_homed_in_an_unknown_direction_while_the_probe_may_be_in_contact() {
+    let mut interlock = prepared(NOW);
+    admitted(&mut interlock, PortCommand::HomeLinear, linear_at(REST_MM));
+    interlock.intent_is_durable(Position::new(9.5));
+    admitted(&mut interlock, lower(20.0), linear_at(20.0));
+    assert_eq!(refused(&mut interlock, PortCommand::HomeLinear), Refusal::HomingInContact);
+    admitted(&mut interlock, PortCommand::FindLinear, linear_at(20.0));
+    admitted(&mut interlock, lift(), linear_at(REST_MM));
+    admitted(&mut interlock, PortCommand::HomeLinear, linear_at(REST_MM));
+}
+
+#[test]
+fn every_command_has_a_name_behind_it() {
+    let mut interlock = prepared(NOW);
+    interlock.latched();
+    assert_eq!(interlock.operator(" ", true), Err(Refusal::Anonymous));
+    assert!(interlock.is_latched());
+}

@@ -1,0 +1,258 @@
+//! Random streams of commands against a small bench with its own truth: whatever is asked for, in
+//! whatever order, what the interlock lets through keeps the invariants.
+
+use std::time::Duration;
+
+use proptest::{prelude::*, strategy::ValueTree};
+use rig_interlock::{Interlock, Outcome, PortCommand};
+use rig_model::{Position, RigTime};
+
+use crate::bench::{DEEPEST_MM, REST_MM, SURFACE_MM, TOLERANCE_MM, limits, prepared};
+
+/// One event of a stream.
+#[derive(Debug, Clone)]
+enum Step {
+    Command(PortCommand, Fate),
+    /// A measurement, during which the next steps go on.
+    BeginMeasure,
+    EndMeasure,
+    Intent(f64),
+    Acknowledge,
+    Latch,
+    Stop,
+    Pause(u64),
+    /// Somebody moves the stage by hand.
+    Nudge(f64),
+    ReadBack,
+}
+
+/// What the device makes of a command.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Fate {
+    Works,
+    /// It stops halfway without an alarm.
+    Stalls,
+    /// It is done and the answer is lost.
+    FailsDone,
+    FailsUndone,
+}
+
+fn fate() -> impl Strategy<Value = Fate> {
+    prop_oneof![
+        12 => Just(Fate::Works),
+        1 => Just(Fate::Stalls),
+        1 => Just(Fate::FailsDone),
+        1 => Just(Fate::FailsUndone),
+    ]
+}
+
+fn command() -> impl Strategy<Value = PortCommand> {
+    let heights = prop_oneof![
+        3 => Just(REST_MM),
+        1 => 1.0..49.0,
+        4 => 8.5..11.0,
+    ];
+    let linear = (heights, prop_oneof![4 => Just(1.0), 2 => Just(10.0), 1 => 0.0..15.0]);
+    let linear = linear.prop_map(|(mm, speed_mm_per_s)| PortCommand::MoveLinear {
+        to: Position::new(mm),
+        speed_mm_per_s,
+    });
+    let rotary = (-50.0..50.0, 1.0..25.0).prop_map(|(degrees, speed_deg_per_s)| {
+        PortCommand::MoveRotary { to: Position::new(degrees), speed_deg_per_s }
+    });
+    prop_oneof![
+        12 => linear,
+        4 => rotary,
+        1 => Just(PortCommand::Stop),
+        1 => Just(PortCommand::FindLinear),
+        2 => Just(PortCommand::HomeLinear),
+        2 => Just(PortCommand::HomeRotary),
+        2 => Just(PortCommand::Measure),
+    ]
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    prop_oneof![
+        16 => (command(), fate()).prop_map(|(command, fate)| Step::Command(command, fate)),
+        1 => Just(Step::BeginMeasure),
+        1 => Just(Step::EndMeasure),
+        4 => prop_oneof![3 => 8.0..10.0, 1 => 8.0..20.0].prop_map(Step::Intent),
+        3 => Just(Step::Acknowledge),
+        1 => Just(Step::Latch),
+        1 => Just(Step::Stop),
+        1 => (0_u64..200).prop_map(Step::Pause),
+        1 => (-5.0..5.0).prop_map(Step::Nudge),
+        1 => Just(Step::ReadBack),
+    ]
+}
+
+/// The bench as it is.
+struct Truth {
+    linear_mm: f64,
+    rotary_deg: f64,
+    /// Since the last nudge, nobody has read the linear stage back.
+    is_nudged: bool,
+    /// Neither an acknowledgement nor a start is behind the last fault.
+    is_latched: bool,
+    intent_mm: f64,
+    is_measuring: bool,
+    turns: u32,
+    lowerings: u32,
+}
+
+impl Truth {
+    fn expected_mm(&self) -> f64 {
+        SURFACE_MM + 0.5 / self.rotary_deg.to_radians().cos() - 0.5
+    }
+
+    /// The invariants, of a command that was let through.
+    fn check(&self, command: &PortCommand) {
+        let is_way_out = match command {
+            PortCommand::MoveLinear { to, .. } => to.value() >= REST_MM,
+            PortCommand::Stop | PortCommand::FindLinear => true,
+            _ => false,
+        };
+        assert!(is_way_out || !self.is_latched, "{command:?} while latched");
+        match *command {
+            PortCommand::MoveRotary { .. } | PortCommand::HomeRotary => {
+                let is_up = self.linear_mm >= REST_MM - 0.011;
+                assert!(is_up || self.is_nudged, "turned at {} mm", self.linear_mm);
+            }
+            PortCommand::MoveLinear { to, speed_mm_per_s } if to.value() < REST_MM => {
+                let to_mm = to.value();
+                let tolerance_mm = TOLERANCE_MM / self.rotary_deg.to_radians().cos();
+                let floor_mm = self.expected_mm() - tolerance_mm - DEEPEST_MM;
+                assert!(to_mm >= floor_mm - 1e-3, "{to_mm} is below {floor_mm}");
+                assert!(to_mm >= self.intent_mm, "{to_mm} was not declared");
+                let highest_mm = self.expected_mm() + tolerance_mm;
+                let depth_mm = self.linear_mm.min(highest_mm) - to_mm;
+                if depth_mm > 1e-3 && !self.is_nudged {
+                    assert!(speed_mm_per_s <= 1.0 + 1e-6, "{speed_mm_per_s} mm/s near the sample");
+                    assert!(depth_mm <= tolerance_mm + DEEPEST_MM + 1e-3, "a step of {depth_mm}");
+                }
+            }
+            PortCommand::Measure => assert!(!self.is_measuring),
+            _ => {}
+        }
+    }
+
+    /// Carries a command out.
+    fn perform(&mut self, command: &PortCommand, fate: Fate) -> Outcome {
+        let part = match fate {
+            Fate::Works | Fate::FailsDone => 1.0,
+            Fate::Stalls => 0.5,
+            Fate::FailsUndone => 0.0,
+        };
+        let is_failed = matches!(fate, Fate::FailsDone | Fate::FailsUndone);
+        let outcome = match *command {
+            PortCommand::MoveLinear { to, .. } => {
+                self.linear_mm += part * (to.value() - self.linear_mm);
+                self.lowerings += u32::from(to.value() < REST_MM);
+                self.is_nudged &= is_failed;
+                Outcome::LinearAt(Position::new(self.linear_mm))
+            }
+            PortCommand::HomeLinear | PortCommand::FindLinear => {
+                self.is_nudged &= is_failed;
+                Outcome::LinearAt(Position::new(self.linear_mm))
+            }
+            PortCommand::MoveRotary { to, .. } => {
+                self.rotary_deg += part * (to.value() - self.rotary_deg);
+                self.turns += 1;
+                Outcome::RotaryAt(Position::new(self.rotary_deg))
+            }
+            PortCommand::HomeRotary => Outcome::RotaryAt(Position::new(self.rotary_deg)),
+            PortCommand::Stop | PortCommand::Measure => Outcome::Done,
+        };
+        self.is_latched |= is_failed;
+        if is_failed { Outcome::Failed } else { outcome }
+    }
+}
+
+fn play(is_prepared: bool, steps: &[Step]) -> (u32, u32) {
+    let mut now = RigTime::ZERO;
+    let mut interlock = if is_prepared { prepared(now) } else { Interlock::new(limits()) };
+    let (linear_mm, rotary_deg) = if is_prepared { (REST_MM, 0.0) } else { (7.0, 12.0) };
+    let mut truth = Truth {
+        linear_mm,
+        rotary_deg,
+        is_nudged: false,
+        is_latched: false,
+        intent_mm: f64::INFINITY,
+        is_measuring: false,
+        turns: 0,
+        lowerings: 0,
+    };
+    for step in steps {
+        now = now + Duration::from_millis(10);
+        match step {
+            Step::Command(PortCommand::Measure, _) | Step::BeginMeasure => {
+                if interlock.admit(now, &PortCommand::Measure).is_ok() {
+                    truth.check(&PortCommand::Measure);
+                    truth.is_measuring = true;
+                }
+            }
+            Step::EndMeasure if truth.is_measuring => {
+                truth.is_measuring = false;
+                interlock.ended(now, &PortCommand::Measure, &Outcome::Done);
+            }
+            Step::EndMeasure => {}
+            Step::Command(command, fate) => {
+                if interlock.admit(now, command).is_ok() {
+                    truth.check(command);
+                    let outcome = truth.perform(command, *fate);
+                    interlock.ended(now, command, &outcome);
+                }
+            }
+            Step::Intent(mm) => {
+                truth.intent_mm = *mm;
+                interlock.intent_is_durable(Position::new(*mm));
+            }
+            Step::Acknowledge => {
+                truth.is_latched = false;
+                interlock.operator("somebody", true).unwrap();
+            }
+            Step::Latch => {
+                truth.is_latched = true;
+                interlock.latched();
+            }
+            Step::Stop => interlock.stop_asked(now),
+            Step::Pause(seconds) => now = now + Duration::from_secs(*seconds),
+            Step::Nudge(mm) => {
+                truth.linear_mm = (truth.linear_mm + mm).clamp(8.5, 49.0);
+                truth.is_nudged = true;
+            }
+            Step::ReadBack => {
+                truth.is_nudged = false;
+                interlock.read(now, &Outcome::LinearAt(Position::new(truth.linear_mm)));
+            }
+        }
+    }
+    (truth.turns, truth.lowerings)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 500, ..ProptestConfig::default() })]
+
+    #[test]
+    fn what_is_let_through_keeps_the_invariants(
+        is_prepared: bool,
+        steps in prop::collection::vec(step(), 1..80),
+    ) {
+        play(is_prepared, &steps);
+    }
+}
+
+/// Streams that never got anywhere would prove nothing.
+#[test]
+fn the_streams_turn_the_sample_and_lower_the_probe() {
+    let mut runner = proptest::test_runner::TestRunner::deterministic();
+    let streams = prop::collection::vec(step(), 40);
+    let (mut turns, mut lowerings) = (0, 0);
+    for _ in 0..500 {
+        let steps = streams.new_tree(&mut runner).unwrap().current();
+        let (more_turns, more_lowerings) = play(true, &steps);
+        turns += more_turns;
+        lowerings += more_lowerings;
+    }
+    assert!(turns > 200 && lowerings > 100, "{turns} turns, {lowerings} lowerings");
+}

@@ -1,0 +1,167 @@
+//! The interlock between the shell and the drivers: it sees every operation before a driver does, and
+//! its end.
+
+use std::{cell::RefCell, rc::Rc};
+
+use rig_engine::{Device, Failure, FailureKind, Operation, Report};
+use rig_interlock::{Interlock, Outcome, PortCommand, Refusal};
+use rig_link::Clock;
+use rig_model::{Mm, Position, RigLimits};
+
+use super::slot::Ended;
+
+/// The one interlock of the rig, before both ports.
+#[derive(Debug, Clone)]
+pub(super) struct Gate {
+    interlock: Rc<RefCell<Interlock>>,
+    clock: Clock,
+}
+
+impl Gate {
+    pub(super) fn new(limits: RigLimits, clock: Clock) -> Self {
+        Self { interlock: Rc::new(RefCell::new(Interlock::new(limits))), clock }
+    }
+
+    /// Whether the linear stage must be read back before the operation.
+    pub(super) fn needs_reading(&self, operation: &Operation) -> bool {
+        self.interlock.borrow().needs_reading(self.clock.now(), &command(operation))
+    }
+
+    /// Admits an operation. After this it must be brought to its [`end`](Self::ended).
+    pub(super) fn admit(&self, operation: &Operation) -> Result<(), Failure> {
+        let admitted = self.interlock.borrow_mut().admit(self.clock.now(), &command(operation));
+        admitted.map_err(|refusal| Failure {
+            device: Device::Interlock,
+            kind: FailureKind::Refused,
+            detail: refusal.to_string(),
+        })
+    }
+
+    /// An admitted operation has ended. `is_interrupted` says that nobody waits for it any more.
+    pub(super) fn ended(&self, operation: &Operation, ended: &Ended, is_interrupted: bool) {
+        let outcome = match ended {
+            Ok(Report::LinearAt(at) | Report::LinearHomed(at)) => Outcome::LinearAt(*at),
+            Ok(Report::RotaryAt(at)) => Outcome::RotaryAt(*at),
+            Ok(Report::Measured(_) | Report::Stopped) => Outcome::Done,
+            Err(failure) if failure.kind == FailureKind::Interrupted => Outcome::Interrupted,
+            Err(_) if is_interrupted && matches!(operation, Operation::Measure { .. }) => {
+                Outcome::Interrupted
+            }
+            Err(_) => Outcome::Failed,
+        };
+        self.interlock.borrow_mut().ended(self.clock.now(), &command(operation), &outcome);
+    }
+
+    /// A position was read back without an operation.
+    pub(super) fn read(&self, outcome: Outcome) {
+        self.interlock.borrow_mut().read(self.clock.now(), &outcome);
+    }
+
+    /// A record of the intent to go down is durable.
+    pub(super) fn intent_is_durable(&self, down_to: Position<Mm>) {
+        self.interlock.borrow_mut().intent_is_durable(down_to);
+    }
+
+    /// The rig has latched.
+    pub(super) fn latched(&self) {
+        self.interlock.borrow_mut().latched();
+    }
+
+    /// A person gives a command.
+    pub(super) fn operator(&self, by: &str, is_acknowledgement: bool) -> Result<(), Refusal> {
+        self.interlock.borrow_mut().operator(by, is_acknowledgement)
+    }
+
+    /// A stop was asked for.
+    pub(super) fn stop_asked(&self) {
+        self.interlock.borrow_mut().stop_asked(self.clock.now());
+    }
+
+    /// The frames of a stop have left.
+    pub(super) fn stop_sent(&self) {
+        if let Some(took) = self.interlock.borrow_mut().stop_sent(self.clock.now()) {
+            tracing::error!(ms = took.as_millis(), "a stop took longer than 100 ms to the drives");
+        }
+    }
+}
+
+/// An operation as the interlock sees it.
+fn command(operation: &Operation) -> PortCommand {
+    match *operation {
+        Operation::PrepareLinear => PortCommand::HomeLinear,
+        Operation::PrepareRotary => PortCommand::HomeRotary,
+        Operation::FindLinear { .. } => PortCommand::FindLinear,
+        Operation::MoveLinear { target, speed_mm_per_s } => {
+            PortCommand::MoveLinear { to: target.position(), speed_mm_per_s }
+        }
+        Operation::MoveRotary { target, speed_deg_per_s } => {
+            PortCommand::MoveRotary { to: target.position(), speed_deg_per_s }
+        }
+        Operation::Measure { .. } => PortCommand::Measure,
+        Operation::StopMotion => PortCommand::Stop,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rig_model::{AnalyzerRange, Axis, AxisLimits, Geometry, MotionLimits, Span};
+
+    use super::*;
+
+    fn limits() -> RigLimits {
+        let axis = |rest| AxisLimits {
+            travel: Span::new(-60.0, 60.0),
+            soft: Span::new(-50.0, 50.0),
+            rest: Position::new(rest),
+            tolerance: 0.01,
+            max_speed_per_s: 10.0,
+        };
+        let rotary = AxisLimits {
+            travel: Span::new(-60.0, 60.0),
+            soft: Span::new(-50.0, 50.0),
+            rest: Position::new(0.0),
+            tolerance: 0.01,
+            max_speed_per_s: 10.0,
+        };
+        RigLimits {
+            linear: Axis::new("linear stage", axis(30.0)).unwrap(),
+            rotary: Axis::new("rotary stage", rotary).unwrap(),
+            geometry: Geometry {
+                surface: Position::new(10.0),
+                surface_above_pivot_mm: 0.0,
+                probe_beside_pivot_mm: 0.0,
+                probe_radius_mm: 0.5,
+                sample_half_width_mm: 20.0,
+                surface_tolerance_mm: 0.5,
+            },
+            motion: MotionLimits {
+                max_indentation_mm: 0.6,
+                travel_speed_mm_per_s: 10.0,
+                contact_speed_mm_per_s: 1.0,
+                rotary_speed_deg_per_s: 10.0,
+            },
+            analyzer: AnalyzerRange { frequency_hz: (4.0, 1e6), max_level_v: 5.0 },
+        }
+    }
+
+    #[tokio::test]
+    async fn a_refused_operation_is_a_failure_of_the_interlock_with_its_reason() {
+        let gate = Gate::new(limits(), Clock::start());
+        let turn = Operation::MoveRotary {
+            target: limits().rotary.target(Position::new(30.0)).unwrap(),
+            speed_deg_per_s: 10.0,
+        };
+        let failure = gate.admit(&turn).unwrap_err();
+        assert_eq!((failure.device, failure.kind), (Device::Interlock, FailureKind::Refused));
+        assert!(failure.detail.contains("rotary stage"), "{}", failure.detail);
+        for (operation, report) in [
+            (Operation::PrepareLinear, Report::LinearAt(Position::new(30.0))),
+            (Operation::PrepareRotary, Report::RotaryAt(Position::new(0.0))),
+        ] {
+            gate.admit(&operation).unwrap();
+            gate.ended(&operation, &Ok(report), false);
+        }
+        gate.admit(&turn).unwrap();
+        gate.ended(&turn, &Ok(Report::RotaryAt(Position::new(30.0))), false);
+    }
+}
