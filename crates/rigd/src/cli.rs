@@ -421,7 +421,8 @@ impl Failure {
             Self::Store(StoreError::NoSuchRun { .. }) => {
                 Some("`rigd runs --data DIR` lists the runs of a data directory")
             }
-            Self::Data { source: StoreError::Damaged(_), .. } => Some(
+            Self::Data { source: StoreError::Damaged(_), .. }
+            | Self::Open(OpenError::Data { source: StoreError::Damaged(_), .. }) => Some(
                 "`rigd salvage NEW --data DIR` copies what can still be read to a new directory",
             ),
             Self::Store(StoreError::Broken { .. })

@@ -1,5 +1,6 @@
 //! The state in which a killed program left a run or session, as text and as JSON.
 
+use rig_model::with_causes;
 use rig_store::{Interruption, ProbeWord, Reader, Run, RunKind, RunStatus, StoreError};
 use serde::Serialize;
 
@@ -75,6 +76,29 @@ pub(crate) struct InterruptedRig {
 }
 
 impl InterruptedRig {
+    /// The same, with every record behind it checked against its digest. Where one of them is damaged,
+    /// nothing shows that the probe is clear.
+    pub(crate) fn left(reader: &Reader, rig: &str) -> Option<Self> {
+        let checked = Self::read(reader, rig).and_then(|left| {
+            if let Some(session) = reader.latest_session(rig)? {
+                reader.records(session.id)?;
+                let is_last =
+                    |run: &Run| run.kind != RunKind::Session && run.epoch == session.epoch;
+                if let Some(run) = reader.runs()?.into_iter().find(is_last) {
+                    reader.records(run.id)?;
+                }
+            }
+            Ok(left)
+        });
+        checked.unwrap_or_else(|error| {
+            let error = with_causes(&error);
+            let message = format!(
+                "the journal of the last session is damaged ({error}); the probe may be in the sample"
+            );
+            Some(Self { is_interrupted: false, is_latched: true, is_open: true, message })
+        })
+    }
+
     /// The state in which the latest session with a rig ended; `None` without one, or while it is
     /// open.
     ///

@@ -385,6 +385,40 @@ fn a_rig_left_in_contact_moves_only_for_home_and_resume() {
 }
 
 #[test]
+fn a_damaged_last_session_proves_nothing_of_the_probe() {
+    let damages = [
+        // Still JSON, and what it says is no longer what was written.
+        "payload = replace(payload, '30.0', '31.0')",
+        "payload = substr(payload, 1, 20)",
+        "digest = x'00'",
+        "digest = zeroblob(32)",
+        "rig_us = rig_us + 1",
+    ];
+    for damage in damages {
+        let folder = TempDir::new().unwrap();
+        let rig = write_rig(folder.path());
+        let rig = rig.to_str().unwrap();
+        assert!(rigd(folder.path(), &["home", "--rig", rig]).status.success());
+        let data = folder.path().join("data");
+        let database = rusqlite::Connection::open(data.join("rigd.db")).unwrap();
+        let change = format!(
+            "UPDATE records SET {damage}
+             WHERE id = (SELECT id FROM records WHERE kind = 'moved' AND payload LIKE '%linear_mm%')"
+        );
+        assert_eq!(database.execute(&change, []).unwrap(), 1);
+        drop(database);
+        let refused = rigd(folder.path(), &["move", "linear", "29", "--rig", rig]);
+        let said = String::from_utf8(refused.stderr).unwrap();
+        assert_eq!(refused.status.code(), Some(4), "{damage}: {said}");
+        assert!(said.contains("is damaged") && said.contains("may be in the sample"), "{said}");
+        let homed = rigd(folder.path(), &["home", "--rig", rig]);
+        assert!(homed.status.success(), "{damage}: {}", String::from_utf8_lossy(&homed.stderr));
+        // The session that followed is sound, and proves the probe clear.
+        assert!(rigd(folder.path(), &["move", "linear", "29", "--rig", rig]).status.success());
+    }
+}
+
+#[test]
 fn a_run_that_is_given_up_does_not_go_on() {
     let folder = TempDir::new().unwrap();
     let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));

@@ -91,10 +91,8 @@ pub(super) async fn open(
 /// Reports an interrupted session before anything moves. Opening the rig reports faults of the
 /// journal.
 fn say_what_was_left(data: &Path, rig: &str) {
-    let left = Reader::open(data).and_then(|reader| InterruptedRig::read(&reader, rig));
-    if let Ok(Some(left)) = left
-        && left.is_latched
-    {
+    let left = Reader::open(data).ok().and_then(|reader| InterruptedRig::left(&reader, rig));
+    if let Some(left) = left.filter(|left| left.is_latched) {
         say(&left.message);
     }
 }

@@ -122,8 +122,7 @@ impl Shell {
         let is_virtual_time = rig.is_virtual_time();
         let data_error = |source| OpenError::Data { data: data.clone(), source };
         let store = Store::open(&data).map_err(data_error)?;
-        let left = store.reader().and_then(|reader| InterruptedRig::read(&reader, &rig.file.name));
-        let left = left.map_err(data_error)?;
+        let left = InterruptedRig::left(&store.reader().map_err(data_error)?, &rig.file.name);
         let clock = Clock::start();
         let opened = open_rig(rig, clock).await?;
         let Opened { setting, analyzer, axes, gate, halt, .. } = opened;

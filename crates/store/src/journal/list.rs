@@ -115,7 +115,8 @@ impl Writer {
             if kind == RunKind::Run.name() {
                 continue;
             }
-            let (last, rig_us) = self.last(run)?;
+            // Nothing is added behind a record that cannot be read.
+            let Ok((last, rig_us)) = self.last(run) else { continue };
             let record = Record::RunFinished(RunFinished { status: Ending::Interrupted });
             let payload = encode::payload(&record)?;
             let (_, last) = self.insert_record(last, rig_us, record.kind(), &payload)?;
