@@ -6,9 +6,11 @@
 //! resonance. `rig-resonance` fits the readings.
 
 mod cells;
+mod column_head;
 mod csv;
 mod fault;
 mod header;
+mod impedance;
 mod number;
 mod quantity;
 mod touchstone;
@@ -16,7 +18,7 @@ mod touchstone;
 #[cfg(test)]
 mod tests;
 
-use std::ops::RangeInclusive;
+use std::{fmt, ops::RangeInclusive};
 
 use num_complex::Complex64;
 use rig_model::{Reading, Window};
@@ -43,6 +45,42 @@ pub struct FileSweep {
     pub fit: FitSettings,
     /// Reason for which rigd gave the sweep up, which makes its readings useless.
     pub given_up: Option<rig_resonance::Refusal>,
+    /// Rows that are not readings, in the order of the file.
+    pub left_out: Vec<LeftOut>,
+}
+
+/// A row that was left out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LeftOut {
+    /// Number of the line, from 1.
+    pub line: usize,
+    /// Why it was left out.
+    pub reason: LeftOutReason,
+}
+
+/// Why a row was left out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LeftOutReason {
+    /// A value is missing: `NaN`, `N/A` or `---`.
+    Missing,
+    /// The row repeats another one in every value. To count it twice would make the uncertainty too
+    /// small.
+    Repeated {
+        /// Number of the line of the other row.
+        first_line: usize,
+    },
+}
+
+impl fmt::Display for LeftOut {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "line {} was left out: ", self.line)?;
+        match self.reason {
+            LeftOutReason::Missing => f.write_str("a value is missing"),
+            LeftOutReason::Repeated { first_line } => {
+                write!(f, "it repeats line {first_line} in every value")
+            }
+        }
+    }
 }
 
 /// Settings of the fit in a file that `rigd` wrote.
@@ -120,7 +158,8 @@ impl FileSweep {
     fn of(readings: Vec<Reading>) -> Self {
         let (has_dwell, has_time, begins_s) = (false, false, 0.0);
         let (number, fit, given_up) = (None, FitSettings::default(), None);
-        Self { number, readings, has_dwell, has_time, begins_s, fit, given_up }
+        let left_out = Vec::new();
+        Self { number, readings, has_dwell, has_time, begins_s, fit, given_up, left_out }
     }
 
     /// The options for the fit of this sweep. An unknown dwell makes the fit allow for readings that

@@ -82,7 +82,7 @@ fn listed(folder: &Path, extension: Option<&std::ffi::OsStr>) -> String {
     let mut names: Vec<String> = entries.filter(is_like).filter_map(name).collect();
     names.sort();
     if names.is_empty() {
-        return format!("{} has no such files", folder.display());
+        return format!("{} has no files of this kind", folder.display());
     }
     let more = names.len().saturating_sub(SHOWN);
     names.truncate(SHOWN);
@@ -106,7 +106,7 @@ mod tests {
             error.replace(&scratch.path().display().to_string(), "DIR")
         };
         assert_eq!(said("c.toml"), "DIR/c.toml: no such file; DIR holds a.toml, b.toml");
-        assert_eq!(said("c.csv"), "DIR/c.csv: no such file; DIR has no such files");
+        assert_eq!(said("c.csv"), "DIR/c.csv: no such file; DIR has no files of this kind");
         assert_eq!(said("x/c.toml"), "DIR/x/c.toml: no such file; there is no directory DIR/x");
         assert_eq!(said(""), "DIR/: a directory, no file; DIR/ holds a.toml, b.toml, notes.txt");
         for n in 0..20 {

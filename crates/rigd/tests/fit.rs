@@ -290,3 +290,36 @@ fn a_person_who_knows_better_than_the_file_is_believed() {
     assert_eq!(refused["reason"], "target_not_reached", "{refused}");
     assert!(refused["estimate"]["sigma_hz"].as_f64() < Some(0.05), "{refused}");
 }
+
+/// The same sweep as an LCR meter writes it in its default mode, with two rows that are no readings.
+#[test]
+fn a_meter_in_its_default_mode_gives_the_same_fit_and_rows_that_are_left_out_are_named() {
+    let polar = fs::read_to_string(data("lcr-meter.csv")).unwrap();
+    let mut rows = Vec::new();
+    for line in polar.lines().skip(2) {
+        let cell = |index| line.split(',').nth(index).unwrap().parse::<f64>().unwrap();
+        let (hz, ohm, radians) = (cell(1), 1e3 * cell(2), cell(3).to_radians());
+        // Y = 1/Z, with G = |Y| cos θ and B = −|Y| sin θ.
+        let cp_f = -radians.sin() / ohm / (std::f64::consts::TAU * hz);
+        rows.push(format!("{hz},{:e},{:e}\n", 1e9 * cp_f, 1.0 / radians.tan().abs()));
+    }
+    let table = |rows: &[String]| format!("Freq,Cp,D\nHz,nF,-\n{}", rows.concat());
+    let fitted = |text: &str| rigd_fit_stdin(text.as_bytes(), &["--json"]);
+    let (whole, expected) =
+        (json(&fitted(&table(&rows))), rigd(&["fit", &data("lcr-meter.csv"), "--json"]));
+    let hz = |view: &Value| view["resonance_hz"].as_f64().unwrap();
+    assert!((hz(&whole) - hz(&json(&expected))).abs() < 1e-6, "{whole}");
+    assert!(whole.get("left_out").is_none(), "{whole}");
+
+    rows.push(rows[0].clone());
+    rows.push("140,NaN,0.01\n".to_owned());
+    let output = fitted(&table(&rows));
+    let view = json(&output);
+    assert_eq!((hz(&view), &view["readings"]), (hz(&whole), &whole["readings"]), "{view}");
+    let said = [
+        "line 64 was left out: it repeats line 3 in every value",
+        "line 65 was left out: a value is missing",
+    ];
+    assert_eq!(view["left_out"], serde_json::json!(said));
+    assert!(said.iter().all(|said| text(&output.stderr).contains(said)), "{output:?}");
+}

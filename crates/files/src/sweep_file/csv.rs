@@ -1,25 +1,22 @@
 //! Sweeps as rows of cells below a header.
 
-use std::{f64::consts::PI, time::Duration};
+use std::{collections::HashMap, f64::consts::PI, time::Duration};
 
 use num_complex::Complex64;
-use rig_model::{Impedance, PointResult, Reading, ReadingFlag, RigTime, Window};
+use rig_model::{AnalyzerMake, Impedance, PointResult, Reading, ReadingFlag, RigTime, Window};
 use rig_resonance::{Circuit, NoisePrior, Past, Timing, flagged};
 
 use super::{
-    FaultCollector, FileSweep, FitSettings,
+    FaultCollector, FileSweep, FitSettings, LeftOut, LeftOutReason,
     cells::{Separator, cells},
     fault::SweepFileFault,
     header::{Column, Header, is_comment},
-    lines, location, measured,
+    impedance::impedance_ohm,
+    lines, location,
     number::{Numbers, Value, excerpt},
-    of_admittance, of_reflection,
     quantity::Quantity,
 };
 use crate::Location;
-
-/// Reference of reflections in a table, which does not state it.
-const REFERENCE_OHM: f64 = 50.0;
 
 /// The values of a row.
 #[derive(Debug, Clone, Copy)]
@@ -30,6 +27,8 @@ struct Row {
     impedance_ohm: Complex64,
     flag: Option<ReadingFlag>,
     is_used: bool,
+    /// A value of the row is missing, as the file says.
+    is_missing: bool,
     sweep: u64,
     timing: Option<Timing>,
     has_loss: Option<bool>,
@@ -54,7 +53,7 @@ fn one(header: &Header<'_>, rows: &[Row], faults: &mut FaultCollector) -> FileSw
     let has = |quantity| header.column(quantity).is_some();
     let fit = fit_settings(rows, faults);
     let number = header.column(Quantity::Sweep).and(rows.first()).map(|row| row.sweep);
-    let mut rows = rows.to_vec();
+    let (mut rows, left_out) = leave_out(rows);
     let begins_s = if has(Quantity::Time) { sort_by_time(&mut rows) } else { 0.0 };
     // Only rigd measures again after a flag.
     let is_rigs = fit.timing.is_some();
@@ -70,7 +69,28 @@ fn one(header: &Header<'_>, rows: &[Row], faults: &mut FaultCollector) -> FileSw
         begins_s,
         fit,
         given_up: if is_rigs { flagged(&all) } else { None },
+        left_out,
     }
+}
+
+/// Separates the rows of a sweep from those that are no readings of their own.
+fn leave_out(rows: &[Row]) -> (Vec<Row>, Vec<LeftOut>) {
+    let (mut kept, mut left_out) = (Vec::new(), Vec::new());
+    let mut first_lines = HashMap::new();
+    for row in rows {
+        let first_line = *first_lines.entry(row.bits()).or_insert(row.line);
+        // Overloads have no values to compare.
+        let is_repeated = first_line != row.line && row.flag != Some(ReadingFlag::Overload);
+        let line = row.line;
+        if row.is_missing {
+            left_out.push(LeftOut { line, reason: LeftOutReason::Missing });
+        } else if is_repeated {
+            left_out.push(LeftOut { line, reason: LeftOutReason::Repeated { first_line } });
+        } else {
+            kept.push(*row);
+        }
+    }
+    (kept, left_out)
 }
 
 /// The settings of the fit, which are the same in all rows of a sweep.
@@ -139,16 +159,27 @@ fn rows(header: &Header<'_>, text: &str, faults: &mut FaultCollector) -> Vec<Row
         }
         rows.extend(row(header, line, text, &mut numbers, faults));
     }
-    for phase in [Quantity::Phase, Quantity::ReflectionPhase] {
-        if let Some(column) = header.column(phase)
-            && column.head.unit.is_none()
-            && !rows.is_empty()
-            && rows.iter().all(|row| row.of(phase).abs() <= PI)
-        {
-            faults.refuse(column.location, &SweepFileFault::UnitlessPhase { key: phase.key() });
+    for column in header.columns.iter().filter(|column| column.head.unit.is_none()) {
+        let quantity = column.head.quantity;
+        let are_all = |is_small: &dyn Fn(f64) -> bool| {
+            !rows.is_empty() && rows.iter().all(|row: &Row| is_small(row.of(quantity)))
+        };
+        if quantity.is_phase() && are_all(&|value| value.abs() <= PI) {
+            let refusal = SweepFileFault::UnitlessPhase { key: quantity.key() };
+            faults.refuse(column.location, &refusal);
+        }
+        let min_hz = lowest_frequency_hz();
+        if quantity == Quantity::Frequency && are_all(&|value| value < min_hz) {
+            faults.refuse(column.location, &SweepFileFault::UnitlessFrequency { min_hz });
         }
     }
     rows
+}
+
+/// The lowest frequency of any known analyzer, Hz.
+fn lowest_frequency_hz() -> f64 {
+    let lowest = AnalyzerMake::ALL.iter().map(|make| make.frequency_hz().0);
+    lowest.fold(f64::INFINITY, f64::min)
 }
 
 /// A row without faults.
@@ -180,6 +211,7 @@ fn row(
         impedance_ohm: Complex64::ZERO,
         flag: None,
         is_used: true,
+        is_missing: false,
         sweep: 0,
         timing: None,
         has_loss: None,
@@ -196,12 +228,12 @@ fn row(
             is_complete = false;
         }
     }
-    let [first, _] = header.pair?;
-    if is_complete && row.flag != Some(ReadingFlag::Overload) {
-        row.impedance_ohm = row
-            .impedance_ohm(first)
+    let pair = header.pair?;
+    if is_complete && !row.is_missing && row.flag != Some(ReadingFlag::Overload) {
+        let values = pair.map(|quantity| row.of(quantity));
+        row.impedance_ohm = impedance_ohm(pair, values, row.of(Quantity::Frequency))
             .map_err(|refusal| {
-                let at = header.column(first).map_or(0, |column| cells[column.index].at);
+                let at = header.column(pair[0]).map_or(0, |column| cells[column.index].at);
                 faults.refuse(location(text, line, at), &refusal);
             })
             .ok()?;
@@ -250,10 +282,21 @@ impl Row {
                 Value::Overload if quantity.is_impedance() => {
                     self.set_flag(Some(ReadingFlag::Overload));
                 }
-                Value::Overload => return Err(SweepFileFault::NotANumber { text: excerpt(text) }),
+                Value::Missing if quantity.is_impedance() || quantity == Quantity::Frequency => {
+                    self.is_missing |= self.flag != Some(ReadingFlag::Overload);
+                }
+                Value::Overload | Value::Missing => {
+                    return Err(SweepFileFault::NotANumber { text: excerpt(text) });
+                }
             },
         }
         Ok(())
+    }
+
+    /// All values of the row, to compare it with others.
+    fn bits(&self) -> ([Option<u64>; Quantity::COUNT], bool, bool) {
+        let bits = self.values.map(|value| value.map(f64::to_bits));
+        (bits, self.flag.is_some(), self.is_used)
     }
 
     /// Sets the flag; an overload stays.
@@ -271,34 +314,6 @@ impl Row {
     /// The value, if the row has it.
     const fn value(&self, quantity: Quantity) -> Option<f64> {
         self.values[quantity as usize]
-    }
-
-    /// The impedance. `first` is the first of its two quantities.
-    fn impedance_ohm(&self, first: Quantity) -> Result<Complex64, SweepFileFault> {
-        let of = |re, im| Complex64::new(self.of(re), self.of(im));
-        measured(match first {
-            Quantity::Magnitude => {
-                let radians = self.of(Quantity::Phase).to_radians();
-                Complex64::from_polar(self.of(Quantity::Magnitude), radians)
-            }
-            Quantity::Conductance => {
-                of_admittance(of(Quantity::Conductance, Quantity::Susceptance))?
-            }
-            Quantity::ReflectionReal => {
-                let reflection = of(Quantity::ReflectionReal, Quantity::ReflectionImaginary);
-                REFERENCE_OHM * of_reflection(reflection)?
-            }
-            Quantity::ReflectionMagnitude | Quantity::ReflectionDecibel => {
-                let magnitude = if first == Quantity::ReflectionDecibel {
-                    10_f64.powf(self.of(first) / 20.0)
-                } else {
-                    self.of(first)
-                };
-                let radians = self.of(Quantity::ReflectionPhase).to_radians();
-                REFERENCE_OHM * of_reflection(Complex64::from_polar(magnitude, radians))?
-            }
-            _ => of(Quantity::Resistance, Quantity::Reactance),
-        })
     }
 
     fn reading(&self) -> Reading {

@@ -23,6 +23,12 @@ pub(super) enum SweepFileFault {
     RepeatedColumn { header: String, quantity: Quantity },
     #[error("`{unit}` is not a unit of the {}", quantity.name())]
     UnknownUnit { unit: String, quantity: Quantity },
+    #[error("the phase beside |Y| may be that of the impedance or that of the admittance")]
+    PhaseOfWhat,
+    #[error(
+        "the frequency has no unit, and all values are below {min_hz}, the lowest of any analyzer in Hz"
+    )]
+    UnitlessFrequency { min_hz: f64 },
     #[error("the phase has no unit, and within ±π it may be in degrees or in radians")]
     UnitlessPhase { key: &'static str },
 
@@ -69,8 +75,12 @@ pub(super) enum SweepFileFault {
     NotOnePort { name: char },
     #[error("the reference resistance `{text}` is not a positive number")]
     NoReference { text: String },
-    #[error("this is not version 1 of the format")]
+    #[error("this is neither version 1 nor version 2 of the format")]
     LaterVersion,
+    #[error("`{text}` is not a keyword for one port")]
+    UnknownKeyword { text: String },
+    #[error("the file has {text} ports")]
+    Ports { text: String },
     #[error("{found} numbers in a row; one port has 3")]
     Numbers { found: usize },
     #[error("the reflection of an open circuit: no impedance follows from it")]
@@ -88,7 +98,15 @@ impl Complaint for SweepFileFault {
             Self::NoFrequency => "name one `frequency_hz`",
             Self::NoImpedance => {
                 "name two `resistance_ohm` and `reactance_ohm`, or `impedance_magnitude_ohm` and \
-                 `phase_deg`, or `conductance_s` and `susceptance_s`, or `s11_real` and `s11_imag`"
+                 `phase_deg`, or `conductance_s` and `susceptance_s`, or `s11_real` and `s11_imag`, \
+                 or those of an LCR meter such as `cp_f` and `d`, or `cs_f` and `rs_ohm`"
+            }
+            Self::PhaseOfWhat => {
+                "name it `admittance_phase_deg` if it is that of the admittance; otherwise export \
+                 |Z| instead of |Y|"
+            }
+            Self::UnitlessFrequency { .. } => {
+                "name the column `Freq(kHz)`, `Freq(MHz)` or `frequency_hz`"
             }
             Self::RepeatedColumn { .. } => "rename or remove one of them",
             Self::UnknownUnit { quantity, .. } => {
@@ -126,8 +144,11 @@ impl Complaint for SweepFileFault {
             Self::UnknownOption { .. } => "write it like `# HZ S RI R 50`",
             Self::NotOnePort { .. } => "export S-, Z- or Y-parameters",
             Self::NoReference { .. } => "write it like `R 50`",
-            Self::LaterVersion => "export version 1, or CSV",
-            Self::Numbers { .. } => "export one port: frequency and the two parts of one parameter",
+            Self::LaterVersion => "export version 1 or 2, or CSV",
+            Self::UnknownKeyword { .. } => "export version 1, or CSV",
+            Self::Ports { .. } | Self::Numbers { .. } => {
+                "export one port: frequency and the two parts of one parameter"
+            }
             Self::OpenCircuit => "export more digits, or remove the line",
         };
         Some(suggestion.to_owned())

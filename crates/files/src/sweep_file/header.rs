@@ -3,28 +3,20 @@
 use super::{
     FaultCollector,
     cells::{CsvCell, Separator, cells},
+    column_head::ColumnHead,
     fault::SweepFileFault,
+    impedance::PAIRS,
     lines, location,
     number::excerpt,
-    quantity::{ColumnHead, Quantity},
+    quantity::Quantity,
 };
 use crate::Location;
-
-/// The pairs of quantities that give an impedance. In a file with several, the first one counts.
-const PAIRS: [[Quantity; 2]; 6] = [
-    [Quantity::Resistance, Quantity::Reactance],
-    [Quantity::Magnitude, Quantity::Phase],
-    [Quantity::Conductance, Quantity::Susceptance],
-    [Quantity::ReflectionReal, Quantity::ReflectionImaginary],
-    [Quantity::ReflectionMagnitude, Quantity::ReflectionPhase],
-    [Quantity::ReflectionDecibel, Quantity::ReflectionPhase],
-];
 
 /// The header of a CSV file: a quantity for each known column.
 #[derive(Debug)]
 pub(super) struct Header<'a> {
     pub(super) text: &'a str,
-    /// Number of the line, from 1.
+    /// Number of the last line of the header, from 1: the row of units, if there is one.
     pub(super) line: usize,
     pub(super) separator: Separator,
     /// Largest number of cells of a row.
@@ -47,14 +39,16 @@ pub(super) struct Column {
 impl<'a> Header<'a> {
     /// The first line that names a frequency and an impedance. The lines above it are not data.
     pub(super) fn find(text: &'a str, faults: &mut FaultCollector) -> Option<Self> {
+        let whole = text;
         let mut best: Option<Self> = None;
         for (line, text) in lines(text) {
             for separator in Separator::ALL {
                 if separator.is_rare() && !text.contains(|character| separator.is(character)) {
                     continue;
                 }
-                let Some(header) = Self::of(text, line, separator) else { continue };
+                let Some(mut header) = Self::of(text, line, separator) else { continue };
                 if header.pair.is_some() && header.column(Quantity::Frequency).is_some() {
+                    header.take_units(whole);
                     return header.check(faults).then_some(header);
                 }
                 if header.columns.len() > best.as_ref().map_or(0, |best| best.columns.len()) {
@@ -68,7 +62,11 @@ impl<'a> Header<'a> {
                 if best.column(Quantity::Frequency).is_none() {
                     faults.refuse(location, &SweepFileFault::NoFrequency);
                 }
-                if best.pair.is_none() {
+                if best.column(Quantity::AdmittanceMagnitude).is_some()
+                    && best.column(Quantity::Phase).is_some()
+                {
+                    faults.refuse(location, &SweepFileFault::PhaseOfWhat);
+                } else if best.pair.is_none() {
                     faults.refuse(location, &SweepFileFault::NoImpedance);
                 }
             }
@@ -108,6 +106,22 @@ impl<'a> Header<'a> {
         }
         let width = all.len();
         Some(Self { text, line, separator, width, columns, pair })
+    }
+
+    /// Takes the units from the row below the header, if its frequency is a unit.
+    fn take_units(&mut self, text: &str) {
+        let mut below = lines(text).skip(self.line);
+        let Some((line, row)) = below.find(|(_, row)| !row.trim().is_empty()) else { return };
+        let bare = row.trim_start().trim_start_matches(['#', '!']);
+        let Ok(cells) = cells(bare, self.separator) else { return };
+        let cell = |column: &Column| cells.get(column.index).map_or("", |cell| &cell.text);
+        let frequency = self.column(Quantity::Frequency);
+        if frequency.is_some_and(|column| column.head.is_unit(cell(column))) {
+            for column in &mut self.columns {
+                column.head.take_unit(cell(column));
+            }
+            self.line = line;
+        }
     }
 
     pub(super) fn column(&self, quantity: Quantity) -> Option<&Column> {

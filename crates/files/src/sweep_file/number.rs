@@ -17,6 +17,8 @@ pub(super) enum Value {
     Number(f64),
     /// The instrument was overloaded.
     Overload,
+    /// The file says that there is no number.
+    Missing,
 }
 
 impl Numbers {
@@ -24,6 +26,9 @@ impl Numbers {
     pub(super) fn read(&mut self, text: &str) -> Result<Value, SweepFileFault> {
         if ["OL", "OF", "OVLD", "OVERLOAD"].iter().any(|word| text.eq_ignore_ascii_case(word)) {
             return Ok(Value::Overload);
+        }
+        if ["NAN", "N/A", "#N/A", "---"].iter().any(|word| text.eq_ignore_ascii_case(word)) {
+            return Ok(Value::Missing);
         }
         let refused = || SweepFileFault::NotANumber { text: excerpt(text) };
         let mut marks = text.chars().filter(|character| matches!(character, '.' | ','));

@@ -1,5 +1,7 @@
 //! Files of many makers, and the faults of changed ones.
 
+mod instruments;
+
 use proptest::prelude::*;
 use rig_model::{Impedance, Reading, ReadingFlag, Window};
 use rig_resonance::{NoisePrior, Past, Timing};
@@ -326,14 +328,14 @@ fn a_faulty_header_is_refused() {
                  for each reading";
     let pairs = "no columns make an impedance; name two `resistance_ohm` and `reactance_ohm`, or \
                  `impedance_magnitude_ohm` and `phase_deg`, or `conductance_s` and \
-                 `susceptance_s`, or \
-                 `s11_real` and `s11_imag`";
+                 `susceptance_s`, or `s11_real` and `s11_imag`, or those of an LCR meter such as \
+                 `cp_f` and `d`, or `cs_f` and `rs_ohm`";
     for (text, fault) in [
         ("", format!("1:1: the file holds no readings; {begin}")),
         ("# nothing\n\n", format!("1:1: the file holds no readings; {begin}")),
         ("f,R,X\n", format!("1:1: the file holds no readings; {begin}")),
         ("\n120,900,-47000\n", format!("2:1: no line names the columns; {begin}")),
-        ("junk\nFreq(Hz),Cp(F),D\n120,1,1\n", format!("2:1: {pairs}")),
+        ("junk\nFreq(Hz),C(F),ESR\n120,1,1\n", format!("2:1: {pairs}")),
         ("R,X\n1,1\n", "1:1: no column is a frequency; name one `frequency_hz`".into()),
         (
             "f,R,X,Rs\n120,1,1,1\n",
@@ -369,7 +371,20 @@ fn faulty_touchstone_is_refused() {
             "# HZ S R -5\n",
             "1:8: the reference resistance `-5` is not a positive number; write it like `R 50`",
         ),
-        ("[Version] 2.0\n", "1:1: this is not version 1 of the format; export version 1, or CSV"),
+        (
+            "[Version] 3.0\n",
+            "1:1: this is neither version 1 nor version 2 of the format; export version 1 or 2, or \
+             CSV",
+        ),
+        (
+            "[Version] 2.0\n# HZ S RI\n[Number of Ports] 2\n",
+            "3:1: the file has 2 ports; export one port: frequency and the two parts of one \
+             parameter",
+        ),
+        (
+            "[Version] 2.0\n[Mixed-Mode Order] D1,2\n",
+            "2:1: `[Mixed-Mode Order] D1,2` is not a keyword for one port; export version 1, or CSV",
+        ),
         (
             "! two ports\n# HZ S RI\n1 2 3 4 5 6 7 8 9\n",
             "3:1: 9 numbers in a row; one port has 3; export one port: frequency and the two parts \
@@ -423,7 +438,7 @@ proptest! {
     fn accepted_readings_are_positive_and_finite(
         pieces in proptest::collection::vec(
             proptest::sample::select(vec![
-                "f", "R", "X", "|Z|", "S11(DB)", "s11_deg", "theta", "deg", "G", "B", "time_s", "settle_s", "sweep",
+                "f", "R", "X", "|Z|", "S11(DB)", "s11_deg", "theta", "deg", "G", "B", "Cp", "Ls(mH)", "D", "Q", "|Y|", "θy", "Hz", "NaN", "[Version] 2.0\n", "time_s", "settle_s", "sweep",
                 "flag", "is_used", "fit_min_hz", "fit_timing", "waited", "true", "normal", "frequency_hz", "(kHz)", "120", "1e9", "-3",
                 "0", "1,5", "9.9e37", "inf", "OL", "1e-300", "1e-13", "1e30", ",", ",", ",", ";", ";", "\t",
                 " ", "\n", "\n", "\r\n", "\"", "\"\"", "#", "!", "# HZ S MA R 50\n", "# HZ Y DB\n",

@@ -2,7 +2,8 @@
 //!
 //! # Source
 //! Touchstone File Format Specification, EIA/IBIS Open Forum, version 1.1: option line and defaults
-//! p. 4–6; that Z and Y are divided by R and 1/R, p. 6.
+//! p. 4–6; that Z and Y are divided by R and 1/R, p. 6. Version 2.0: the keywords, and
+//! that Z and Y are not divided.
 
 use num_complex::Complex64;
 use rig_model::{Impedance, PointResult, Reading, RigTime};
@@ -25,6 +26,8 @@ struct Options {
     parameter: Parameter,
     format: Format,
     reference_ohm: f64,
+    /// Whether Z and Y are in Ω and S, as in version 2, and not relative to the reference.
+    is_absolute: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,6 +52,7 @@ impl Default for Options {
             parameter: Parameter::Scattering,
             format: Format::MagnitudeDegrees,
             reference_ohm: 50.0,
+            is_absolute: false,
         }
     }
 }
@@ -62,6 +66,9 @@ pub(super) fn is_it(name: &str, text: &str) -> bool {
     });
     let first = lines(text).map(|(_, line)| bare(line)).find(|line| !line.trim().is_empty());
     let is_option_line = |line: &str| {
+        if line.trim_start().to_ascii_lowercase().starts_with("[version]") {
+            return true;
+        }
         let mut faults = FaultCollector { list: Faults::new("") };
         let is_bare = line.trim_start_matches([' ', '\t', '#']).is_empty();
         line.trim_start().starts_with('#')
@@ -74,6 +81,7 @@ pub(super) fn is_it(name: &str, text: &str) -> bool {
 /// Reads a file.
 pub(super) fn read(text: &str, faults: &mut FaultCollector) -> Vec<Reading> {
     let mut options = None;
+    let mut second = Second::default();
     let mut readings = Vec::new();
     for (line, text) in lines(text) {
         let text = bare(text);
@@ -85,8 +93,14 @@ pub(super) fn read(text: &str, faults: &mut FaultCollector) -> Vec<Reading> {
             break;
         }
         if start.starts_with('[') {
-            faults.refuse(Location { line, column: 1 }, &SweepFileFault::LaterVersion);
-            break;
+            if let Err(refusal) = second.take(start) {
+                faults.refuse(Location { line, column: 1 }, &refusal);
+                break;
+            }
+            continue;
+        }
+        if second.is_skipped {
+            continue;
         }
         if start.starts_with('#') {
             // Further option lines are ignored.
@@ -96,12 +110,56 @@ pub(super) fn read(text: &str, faults: &mut FaultCollector) -> Vec<Reading> {
             }
             continue;
         }
-        let options = *options.get_or_insert_default();
+        let mut options = *options.get_or_insert_default();
+        options.is_absolute = second.is_in_use;
+        options.reference_ohm = second.reference_ohm.unwrap_or(options.reference_ohm);
         // Quotation marks are not special here, and are not numbers.
         let cells = cells(text, Separator::Spaces).unwrap_or_default();
         readings.extend(options.row(&cells, line, text, faults));
     }
     readings
+}
+
+/// The keywords of version 2.
+#[derive(Debug, Default)]
+struct Second {
+    is_in_use: bool,
+    reference_ohm: Option<f64>,
+    /// Whether the lines are information, noise data, or behind the end.
+    is_skipped: bool,
+}
+
+impl Second {
+    /// Takes a line such as `[Reference] 50`.
+    fn take(&mut self, line: &str) -> Result<(), SweepFileFault> {
+        let Some((keyword, value)) = line[1..].split_once(']') else {
+            return Err(SweepFileFault::UnknownKeyword { text: excerpt(line) });
+        };
+        let value = value.trim();
+        match keyword.trim().to_ascii_lowercase().as_str() {
+            "version" if matches!(value, "2.0" | "2.1") => self.is_in_use = true,
+            "version" => return Err(SweepFileFault::LaterVersion),
+            "number of ports" if value != "1" => {
+                return Err(SweepFileFault::Ports { text: excerpt(value) });
+            }
+            "reference" => match value.parse::<f64>() {
+                Ok(ohm) if ohm > 0.0 && IMPEDANCE_OHM.contains(&ohm) => {
+                    self.reference_ohm = Some(ohm);
+                }
+                _ => return Err(SweepFileFault::NoReference { text: excerpt(value) }),
+            },
+            "begin information" | "noise data" | "end" => self.is_skipped = true,
+            "end information" | "network data" => self.is_skipped = false,
+            "number of ports"
+            | "number of frequencies"
+            | "number of noise frequencies"
+            | "two-port order"
+            | "two-port data order"
+            | "matrix format" => {}
+            _ => return Err(SweepFileFault::UnknownKeyword { text: excerpt(line) }),
+        }
+        Ok(())
+    }
 }
 
 /// A line without its comment.
@@ -221,6 +279,7 @@ impl Options {
             Parameter::Admittance => of_admittance(value)?,
             Parameter::Impedance => value,
         };
-        measured(self.reference_ohm * one)
+        let is_relative = self.parameter == Parameter::Scattering || !self.is_absolute;
+        measured(if is_relative { self.reference_ohm * one } else { one })
     }
 }

@@ -19,7 +19,7 @@ use super::{
     Failure, OutputArgs,
     check::FaultView,
     outcome::OutcomeView,
-    table::{columns, facts, print, print_json},
+    table::{columns, facts, note, print, print_json},
 };
 use crate::files::{FileError, read_bytes};
 
@@ -62,8 +62,7 @@ enum FileTiming {
     /// The same, and the sensor was at rest when the drive began with the first point
     ExactFromRest,
     /// `time_s` is known to a millisecond, and the drive had any phase after each change of
-    /// frequency:
-    /// nothing has to have settled
+    /// frequency; readings need not settle
     AnyPhase,
 }
 
@@ -150,6 +149,9 @@ struct FileFitView {
     #[serde(flatten)]
     outcome: OutcomeView,
     readings: usize,
+    /// Rows of the file that are not readings, as sentences.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    left_out: Vec<String>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     estimators: Vec<EstimatorView>,
 }
@@ -197,7 +199,8 @@ impl FileFitView {
             outcome.accepted().and_then(|found| found.moment_s(readings, &options));
         let outcome = OutcomeView::from(&outcome)
             .at(effective_time_s.map(|effective_time_s| sweep.begins_s + effective_time_s));
-        Ok(Self { sweep: sweep.number, outcome, readings: readings.len(), estimators })
+        let left_out = sweep.left_out.iter().map(ToString::to_string).collect();
+        Ok(Self { sweep: sweep.number, outcome, readings: readings.len(), left_out, estimators })
     }
 
     /// For a person.
@@ -297,6 +300,7 @@ pub(super) fn fit_file(args: &FitArgs) -> Result<(), Failure> {
     })?;
     let fits = file.sweeps.iter().map(|sweep| FileFitView::of(args, sweep));
     let mut sweeps = fits.collect::<Result<Vec<_>, _>>()?;
+    note_left_out(&sweeps);
     let is_numbered = sweeps.iter().any(|fit| fit.sweep.is_some());
     let refusal = match sweeps.pop() {
         Some(fit) if args.sweep.is_some() || !is_numbered => {
@@ -311,6 +315,21 @@ pub(super) fn fit_file(args: &FitArgs) -> Result<(), Failure> {
         }
     };
     refusal.map_or(Ok(()), Err)
+}
+
+/// Most rows that are named on stderr; JSON has all of them.
+const LEFT_OUT_SHOWN: usize = 10;
+
+/// Says on stderr which rows of the file are not readings.
+fn note_left_out(fits: &[FileFitView]) {
+    let all = || fits.iter().flat_map(|fit| &fit.left_out);
+    for row in all().take(LEFT_OUT_SHOWN) {
+        note(row);
+    }
+    match all().count().saturating_sub(LEFT_OUT_SHOWN) {
+        0 => {}
+        more => note(&format!("{more} more lines were left out; --json lists them")),
+    }
 }
 
 fn show(view: &impl Serialize, text: &str, args: &FitArgs) -> Result<(), Failure> {
