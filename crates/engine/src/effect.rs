@@ -11,8 +11,8 @@ pub enum Effect {
     Commit,
     /// Carry out the operation and report.
     Do(OperationId, Operation),
-    /// Have the operation in flight end early. It still reports; of a measurement, nobody waits for
-    /// that.
+    /// Make the operation in progress end early. It still reports, but the engine does not wait for
+    /// the report of a measurement.
     Interrupt,
 }
 

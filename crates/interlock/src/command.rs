@@ -9,7 +9,8 @@ pub enum PortCommand {
     Stop,
     /// Identify the linear drive and read where the stage is; home it only away from the sample.
     FindLinear,
-    /// Bring the linear drive into service. An axis that is not homed is homed, in the direction that is
+    /// Bring the linear drive into service. An axis that is not homed is homed, in the direction
+    /// that is
     /// set in the drive.
     HomeLinear,
     /// Bring the rotary drive into service, homing it if it is not homed.
@@ -60,9 +61,9 @@ impl PortCommand {
 /// How a command ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Outcome {
-    /// The read-back of the linear stage, which stands still there without an alarm.
+    /// The read-back of the linear stage, at rest and without an alarm.
     LinearAt(Position<Mm>),
-    /// The read-back of the rotary stage, which stands still there without an alarm.
+    /// The read-back of the rotary stage, at rest and without an alarm.
     RotaryAt(Position<Deg>),
     /// In order, without a position.
     Done,

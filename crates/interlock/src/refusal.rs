@@ -35,7 +35,8 @@ pub enum Refusal {
     },
     /// A step that is too long where a sample may be.
     #[error(
-        "a move of the linear stage to {to}: {step_mm:.3} mm in one step, where at most {limit_mm:.3} mm are allowed near the sample"
+        "a move of the linear stage to {to}: {step_mm:.3} mm in one step, where at most \
+         {limit_mm:.3} mm are allowed near the sample"
     )]
     StepTooLong {
         /// The target.
@@ -87,7 +88,7 @@ pub enum Refusal {
         /// The command under way.
         other: &'static str,
     },
-    /// A measurement needs axes that stand still.
+    /// A measurement needs axes at rest.
     #[error("a measurement: {other} is under way")]
     Moving {
         /// The command under way.
@@ -102,7 +103,7 @@ pub enum Refusal {
         /// The command.
         what: &'static str,
     },
-    /// A command of nobody.
+    /// A command without an operator.
     #[error("a command without the name of an operator")]
     Anonymous,
 }

@@ -1,4 +1,4 @@
-//! The rules, each an automaton of its own: what it remembers, and when it refuses.
+//! The rules, each an automaton of its own, with its state and its refusals.
 //!
 //! A rule refuses in `admit`, which changes nothing, and learns in the methods after it.
 

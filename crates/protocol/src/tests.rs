@@ -202,7 +202,8 @@ fn the_no_load_resonance_is_measured_as_often_as_the_policy_says() {
     check("every-touch", 5 * 3 * 4 * 3 + 5);
     // The blind trials differ in their angles.
     check("every-pose", 5 * 3 * 4 + 5);
-    // Two mountings of the sensor for each of five samples, and the blind trials that need a person.
+    // Two mountings of the sensor for each of five samples, and the blind trials that need a
+    // person.
     let needing = |plan: &Plan| {
         let after_prompt = |pair: &[crate::Step]| {
             matches!(pair[0].action, Action::Prompt(_))
@@ -482,7 +483,7 @@ fn the_rest_of_a_plan_has_every_touch_that_is_left_and_what_it_needs() {
         assert!(left.iter().all(|step| !is_done(&step.id.0)), "{done} done");
         assert!(rest.steps[..from].iter().all(|step| plan.steps.contains(step)));
         if let Some(next) = left.iter().find(|step| matches!(step.action, Action::Touch(_))) {
-            // Nobody knows what stands under the probe, nor how the sensor stands.
+            // Neither the sample under the probe nor the orientation of the sensor is known.
             let before: Vec<_> = left.iter().take(4).map(|step| step.action).collect();
             assert!(matches!(before[0], Action::Prompt(Prompt::PlaceSample { .. })), "{next:?}");
             assert!(matches!(before[1], Action::Prompt(Prompt::TurnSensor { .. })), "{next:?}");

@@ -73,7 +73,7 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum CliCommand {
-    /// Replay a protocol, or go on with a run, and write the report
+    /// Replay a protocol or resume a run, and write the report
     Run(RunArgs),
     /// Measure one touch of a run again; the old outcome is kept beside the new one
     Redo(RedoArgs),
@@ -157,8 +157,8 @@ struct RunArgs {
     /// Protocol file
     #[arg(required_unless_present = "resume", conflicts_with = "resume")]
     protocol: Option<PathBuf>,
-    /// Go on with a run that was not completed, at its next touch without an outcome: its name such
-    /// as `smoke-7`, its id or enough of it, or `latest`
+    /// Resume a run that was not completed, at its next touch without an outcome: its name such as
+    /// `smoke-7`, its id or enough of it, or `latest`
     #[arg(long, value_name = "RUN")]
     resume: Option<String>,
     /// With --resume: confirm that the rig file, the scene, the software or a device has changed
@@ -422,12 +422,13 @@ impl Failure {
                 Some("`rigd runs --data DIR` lists the runs of a data directory")
             }
             Self::Data { source: StoreError::Damaged(_), .. }
-            | Self::Open(OpenError::Data { source: StoreError::Damaged(_), .. }) => Some(
-                "`rigd salvage NEW --data DIR` copies what can still be read to a new directory",
-            ),
+            | Self::Open(OpenError::Data { source: StoreError::Damaged(_), .. }) => {
+                Some("`rigd salvage NEW --data DIR` copies the readable part to a new directory")
+            }
             Self::Store(StoreError::Broken { .. })
             | Self::RunFiles(RunFilesError::Store(StoreError::Broken { .. })) => Some(
-                "keep the directory; `rigd salvage NEW --data DIR` copies what verifies to a new one",
+                "keep the directory; `rigd salvage NEW --data DIR` copies what verifies to a new \
+                 one",
             ),
             Self::Data { source: StoreError::NoJournal, .. } => {
                 Some("name the directory of an earlier run with --data")
@@ -443,7 +444,8 @@ impl Failure {
                 if matches!(**refusal, ResumeRefusal::Changed { .. }) =>
             {
                 Some(
-                    "confirm the change with --accept-changes, or name the other rig file with --rig",
+                    "confirm the change with --accept-changes, or name the other rig file with \
+                     --rig",
                 )
             }
             Self::Open(error) => advice::on_rig(error),

@@ -95,7 +95,7 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
                 "check by eye where the probe is, and touch neither the sample nor the stages";
             (text, NextAction::Retract)
         } else {
-            ("look at the bench", NextAction::Prepare)
+            ("check the bench by eye", NextAction::Prepare)
         };
         return Hint { text, then };
     }

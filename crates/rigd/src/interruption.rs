@@ -8,7 +8,7 @@ use serde::Serialize;
 /// the probe is.
 pub(crate) const ADVICE: &str = "check by eye where the probe is, and touch neither the sample \
                                  nor the stages; then `rigd home` retracts the probe first, and \
-                                 `rigd run --resume` also goes on with the run";
+                                 `rigd run --resume` also resumes the run";
 
 /// An interruption for a program.
 #[derive(Debug, Clone, Serialize)]
@@ -66,8 +66,8 @@ impl From<Interruption> for InterruptionView {
 pub(crate) struct InterruptedRig {
     /// It was not closed in order.
     pub(crate) is_interrupted: bool,
-    /// The rig must not move until a person acknowledges what was left: the program was killed, or it
-    /// was closed in order while latched with the probe not clear.
+    /// The rig must not move until a person acknowledges its state: the program was killed, or it
+    /// was closed while latched with the probe not clear.
     pub(crate) is_latched: bool,
     /// The probe may be in the sample.
     pub(crate) is_open: bool,
@@ -76,7 +76,8 @@ pub(crate) struct InterruptedRig {
 }
 
 impl InterruptedRig {
-    /// The same, with every record behind it checked against its digest. Where one of them is damaged,
+    /// The same, with every record behind it checked against its digest. Where one of them is
+    /// damaged,
     /// nothing shows that the probe is clear.
     pub(crate) fn left(reader: &Reader, rig: &str) -> Option<Self> {
         let checked = Self::read(reader, rig).and_then(|left| {
@@ -93,7 +94,8 @@ impl InterruptedRig {
         checked.unwrap_or_else(|error| {
             let error = with_causes(&error);
             let message = format!(
-                "the journal of the last session is damaged ({error}); the probe may be in the sample"
+                "the journal of the last session is damaged ({error}); the probe may be in the \
+                 sample"
             );
             Some(Self { is_interrupted: false, is_latched: true, is_open: true, message })
         })

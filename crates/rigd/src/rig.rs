@@ -148,7 +148,7 @@ pub enum RequestRefusal {
         /// The error of the store.
         reason: Arc<str>,
     },
-    /// The run cannot go on or be amended.
+    /// The run cannot be resumed or amended.
     #[error(transparent)]
     Resume(Arc<ResumeRefusal>),
     /// The disk has no room for the run.
@@ -295,8 +295,8 @@ impl RigHandle {
         self.ask(Request::Run { protocol, by, key, reply }, answer).await?
     }
 
-    /// Goes on with a run that had not been completed, at its next touch without an outcome.
-    /// `is_confirmed` accepts what has changed since.
+    /// Resumes a run that had not been completed, at its next touch without an outcome.
+    /// `is_confirmed` accepts the changes since.
     ///
     /// # Errors
     /// [`RequestRefusal`]; nothing has changed then.
@@ -312,7 +312,7 @@ impl RigHandle {
     }
 
     /// Measures a touch of a run again, and returns the id of the amendment. `is_confirmed` accepts
-    /// what has changed since the run.
+    /// the changes since the run.
     ///
     /// # Errors
     /// [`RequestRefusal`]; nothing has changed then.
@@ -336,7 +336,7 @@ impl RigHandle {
         self.ask(Request::Skip { order, by: by.to_owned(), reply }, answer).await?
     }
 
-    /// Gives up a run that had not been completed: it is sealed as it is.
+    /// Gives up a run that had not been completed, and seals it.
     ///
     /// # Errors
     /// [`RequestRefusal`]; nothing has changed then.

@@ -1,5 +1,5 @@
-//! The disk fails: at the n-th write or sync, once or from then on, or it is full. The program says
-//! so, the journal stays readable, and the run goes on when the disk is well again.
+//! The disk fails: at the n-th write or sync, once or from then on, or it is full. The program
+//! reports it, the journal stays readable, and the run can be resumed when the disk works again.
 
 #![cfg(target_os = "linux")]
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
@@ -103,7 +103,7 @@ fn a_disk_that_fails_at_any_call_costs_no_committed_record_and_no_safety() {
                 let words = ["disk", "input or output", "database", "journal"];
                 assert!(words.iter().any(|word| said.contains(word)), "{here}");
             }
-            // What is there can be read, and the probe was left clear or counts as in contact.
+            // The records can be read, and the probe was left clear or counts as in contact.
             let Ok(reader) = Reader::open(&data) else { continue };
             for run in reader.runs().unwrap() {
                 reader.records(run.id).unwrap_or_else(|error| panic!("{error}: {here}"));

@@ -226,8 +226,8 @@ async fn after_a_fault_the_last_frames_of_each_port_are_in_the_journal() {
     assert!(boxes[1].frames.iter().any(is_alarm), "{boxes:?}");
 }
 
-/// Serves every connection on a port of this computer with these bytes after each piece of a
-/// question, one after the other with a pause between where there is one.
+/// Answers each piece of a query on every connection to a local port with these bytes, one after
+/// the other, with a pause between them if given.
 async fn answering(listening: &mut JoinSet<()>, answer: &'static [u8], pause: Duration) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap().to_string();

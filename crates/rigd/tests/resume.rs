@@ -1,5 +1,4 @@
-//! Runs that go on: after a crash at any record, after a fault, after an abort, and after the program
-//! was killed.
+//! Resumed runs: after a crash at any record, a fault, an abort, and a kill of the program.
 
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
@@ -153,7 +152,7 @@ fn check_same(data: &Path, run: RunId, whole: &BTreeMap<String, Vec<Touch>>, her
     }
 }
 
-/// What the crashes behind some records have shown.
+/// Outcomes of the crashes after each kind of record.
 #[derive(Default)]
 struct Seen {
     in_contact: u32,
@@ -230,7 +229,7 @@ struct ResumedRun {
     was_latched_in_contact: bool,
 }
 
-/// Opens the rig, which must be latched, acknowledges, and goes on with the run to its end.
+/// Opens the rig, which must be latched, acknowledges, and resumes the run to its end.
 async fn resume(rig: &Path, data: &Path, run: RunId) -> ResumedRun {
     let bench = Bench::open(rig, data);
     let snapshot = bench.handle.status().borrow().snapshot.clone();
@@ -241,7 +240,7 @@ async fn resume(rig: &Path, data: &Path, run: RunId) -> ResumedRun {
     assert!(left.contains("-1 was interrupted at ") && left.contains(" UTC"), "{left}");
     let is_in_contact = snapshot.clearance == rig_model::Clearance::InContact;
     assert_eq!(is_in_contact, may_touch);
-    // Nothing but an acknowledgement leads out.
+    // Only an acknowledgement leads out.
     let refusal = bench.handle.resume(run, false, "Ada").await.unwrap_err();
     assert!(matches!(refusal, RequestRefusal::Command(_)), "{refusal}");
     bench.handle.command(RigCommand::Acknowledge, None, "Ada").await.unwrap();
@@ -387,7 +386,7 @@ fn a_rig_left_in_contact_moves_only_for_home_and_resume() {
 #[test]
 fn a_damaged_last_session_proves_nothing_of_the_probe() {
     let damages = [
-        // Still JSON, and what it says is no longer what was written.
+        // Still JSON, but not the written text.
         "payload = replace(payload, '30.0', '31.0')",
         "payload = substr(payload, 1, 20)",
         "digest = x'00'",
@@ -459,7 +458,7 @@ fn a_touch_is_measured_again_or_left_out_and_the_old_outcome_is_kept() {
     assert!(row["earlier"].as_str().unwrap().starts_with("shift "), "{row}");
     assert!(row["sweep"].as_u64() > before["touch_results"][5]["sweep"].as_u64(), "{row}");
     assert_eq!(redone["touches_measured"], 6);
-    // The run itself is as it was.
+    // The run itself is unchanged.
     assert_eq!(chain(), records);
 
     let skip = |step: &str| {

@@ -185,7 +185,7 @@ impl Terminal {
         text.split_whitespace().collect::<Vec<_>>().join(" ")
     }
 
-    /// Shows what the program writes until a condition holds.
+    /// Shows the output of the program until a condition holds.
     #[track_caller]
     fn wait_for(&mut self, what: &str, is_there: impl Fn(&str) -> bool) {
         let end = Instant::now() + PATIENCE;

@@ -105,9 +105,9 @@ impl BusHandle {
         answered.await.map_err(|_| LineFault::Closed)?
     }
 
-    /// Stops drives now: the frames leave before every request that waits, and between the attempts
-    /// of the one under way, whose writes are not repeated any more. Returns when they have left; a lost
-    /// line sends none. Without awaiting it, they leave all the same.
+    /// Stops drives now: the frames leave before all waiting requests and between the attempts of
+    /// the current one, whose writes are not repeated. Returns when they have left; a lost line
+    /// sends none. They leave even if the future is dropped.
     pub fn halt(&self, frames: HaltFrames) -> impl Future<Output = ()> + use<> {
         let (sent, left) = oneshot::channel();
         self.halts_ordered.fetch_add(1, Ordering::Relaxed);

@@ -1,5 +1,4 @@
-//! Stops that wait for nothing: they reach the drives between two frames, whatever the line is busy
-//! with.
+//! Stops without a wait: they reach the drives between any two frames of a busy line.
 
 use std::time::Duration;
 
@@ -29,7 +28,7 @@ impl HaltFrames {
 #[derive(Debug)]
 pub(crate) struct HaltOrder {
     pub(crate) frames: HaltFrames,
-    /// Told when the frames have left.
+    /// Notified when the frames have left.
     pub(crate) sent: oneshot::Sender<()>,
 }
 

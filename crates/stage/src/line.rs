@@ -121,14 +121,14 @@ impl Line {
                     sleep(on_the_wire + UNHEARD_ANSWER).await;
                     continue;
                 }
-                // The silence between two frames; what comes in it is for the next request to judge.
+                // The silence between two frames; the next request handles bytes that arrive in it.
                 sleep(self.silence).await;
                 let answer_by = Some(Halts::answer_by(self.reply_by(request)));
                 if self.exchange(*unit, request, answer_by).await.is_err() {
                     self.context = None;
                 }
             }
-            // Nobody may wait for it any more.
+            // The receiver may have been dropped.
             _ = sent.send(());
         }
     }

@@ -12,7 +12,7 @@ use crate::{
     schema,
 };
 
-/// What was copied of a run, a session or an amendment.
+/// The copied part of a run, a session or an amendment.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SalvagedRun {
     /// Id of the run.
@@ -23,11 +23,11 @@ pub struct SalvagedRun {
     pub kind: String,
     /// Number of records copied, from the first on.
     pub records: u64,
-    /// What is damaged; `None` if everything was copied as it was.
+    /// The damage; `None` for a complete copy.
     pub flaw: Option<Flaw>,
 }
 
-/// A record as it is copied.
+/// A copied record.
 struct Copied {
     event: i64,
     epoch: i64,
@@ -37,9 +37,9 @@ struct Copied {
     digest: [u8; 32],
 }
 
-/// Copies what verifies of the journal in `from` to a new journal in `to`: of each run the records
-/// before the first flaw, and its end and its seal if it has no flaw. A run that lost its end can be
-/// resumed from the copy. `from` stays as it is.
+/// Copies the intact part of the journal in `from` to a new journal in `to`: of each run the
+/// records before the first flaw, and its end and its seal if it has no flaw. A run that lost its
+/// end can be resumed from the copy. `from` is unchanged.
 ///
 /// # Errors
 /// [`StoreError::NotEmpty`] if `to` has a journal already; [`StoreError::NoJournal`] or
@@ -160,7 +160,7 @@ impl Found {
         };
         self.flaw = self.flaw.or(flaw);
         if self.flaw.is_some() {
-            // What the list says of it is not all that was written: this journal answers for it.
+            // Its entry in the list is incomplete, so that the new journal vouches for it.
             self.entry.journal = new.query_row("SELECT journal FROM meta", [], |row| row.get(0))?;
         }
         status.clone_into(&mut self.status);

@@ -72,7 +72,8 @@ CREATE TABLE seals (
 ) STRICT;
 ";
 
-/// When a row of `records` was made: the beginning of its stretch by the wall clock, and from there on
+/// When a row of `records` was made: the beginning of its stretch by the wall clock, and from there
+/// on
 /// by the rig's clock.
 pub(crate) const TIME_OF_RECORD: &str = "(
     SELECT strftime('%Y-%m-%dT%H:%M:%fZ', stretches.started_at,
@@ -109,10 +110,9 @@ pub(crate) fn open_to_write(path: &Path) -> Result<Connection, StoreError> {
 
 /// Opens the database to read.
 ///
-/// The file is opened for writing where that is allowed, because the log that a crash left behind
-/// can only be read in after it has been recovered. Where it is not allowed, a database without a log
-/// is read as it is; one with a log is copied to the directory for temporary files first, and the copy
-/// is returned too.
+/// The file is opened for writing if that is allowed, because the log of a crashed program must be
+/// recovered before it can be read. Otherwise a database without a log is read directly, and one
+/// with a log is copied to the directory for temporary files first; the copy is returned too.
 pub(crate) fn open_to_read(path: &Path) -> Result<(Connection, Option<Copied>), StoreError> {
     let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
     match connect(Connection::open_with_flags(path, flags)) {

@@ -1,4 +1,4 @@
-//! One command at a time goes to a port, and a measurement needs axes that stand still.
+//! One command at a time goes to a port, and a measurement needs axes at rest.
 
 use crate::{PortCommand, Refusal};
 

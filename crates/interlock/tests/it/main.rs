@@ -1,4 +1,4 @@
-//! The interlock: each rule by itself, and all of them under random streams of commands.
+//! The interlock: each rule alone, and all of them under random streams of commands.
 
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 

@@ -1,4 +1,4 @@
-//! Each rule of the interlock, by itself: what it refuses, and what it lets through beside that.
+//! Each rule of the interlock alone: refused commands, and admitted ones close to them.
 
 use std::time::Duration;
 
@@ -60,7 +60,8 @@ fn the_floor_follows_from_geometry_and_the_deepest_indentation_whatever_was_decl
     admitted(&mut interlock, lower(10.0), linear_at(10.0));
     assert!(matches!(refused(&mut interlock, lower(FLOOR_MM - 0.001)), Refusal::BelowFloor { .. }));
     admitted(&mut interlock, lower(FLOOR_MM), linear_at(FLOOR_MM));
-    // At a tilt the surface lies elsewhere: the ball of 0.5 mm touches at 0.5 / cos 45° − 0.5 above.
+    // At a tilt the surface lies elsewhere: the ball of 0.5 mm touches at 0.5 / cos 45° − 0.5
+    // above.
     admitted(&mut interlock, lift(), linear_at(REST_MM));
     admitted(&mut interlock, turn(45.0), rotary_at(45.0));
     interlock.intent_is_durable(Position::new(1.0));

@@ -1,5 +1,5 @@
-//! Random streams of commands against a small bench with its own truth: whatever is asked for, in
-//! whatever order, what the interlock lets through keeps the invariants.
+//! Random streams of commands against a small bench with its own truth: the commands that the
+//! interlock admits keep the invariants, for any commands in any order.
 
 use std::time::Duration;
 
@@ -13,7 +13,7 @@ use crate::bench::{DEEPEST_MM, REST_MM, SURFACE_MM, TOLERANCE_MM, limits, prepar
 #[derive(Debug, Clone)]
 enum Step {
     Command(PortCommand, Fate),
-    /// A measurement, during which the next steps go on.
+    /// A measurement, which continues during the next steps.
     BeginMeasure,
     EndMeasure,
     Intent(f64),
@@ -21,12 +21,12 @@ enum Step {
     Latch,
     Stop,
     Pause(u64),
-    /// Somebody moves the stage by hand.
+    /// A person moves the stage by hand.
     Nudge(f64),
     ReadBack,
 }
 
-/// What the device makes of a command.
+/// The effect of a command on the device.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Fate {
     Works,
@@ -86,13 +86,13 @@ fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
-/// The bench as it is.
+/// The true state of the bench.
 struct Truth {
     linear_mm: f64,
     rotary_deg: f64,
-    /// Since the last nudge, nobody has read the linear stage back.
+    /// The linear stage was not read back since it was moved by hand.
     is_nudged: bool,
-    /// Neither an acknowledgement nor a start is behind the last fault.
+    /// The last fault was not acknowledged, and no start came after it.
     is_latched: bool,
     intent_mm: f64,
     is_measuring: bool,

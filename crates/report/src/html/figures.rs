@@ -107,7 +107,8 @@ pub(super) fn averaged(results: &RunResults) -> Markup {
 pub(super) fn classification(data: &RunData, classification: &Classification) -> Markup {
     let mut chart = Chart::new(
         "Blind touches by cluster",
-        "Frequency shift of each blind touch; shape and colour show the cluster, a ring marks a touch \
+        "Frequency shift of each blind touch; shape and colour show the cluster, a ring marks a \
+         touch \
          in the wrong cluster.",
         Axis::linear("blind touch"),
         Axis::linear("frequency shift (Hz)").including(0.0),
@@ -141,8 +142,7 @@ pub(super) fn classification(data: &RunData, classification: &Classification) ->
         chart.series.push(Series { marker: Some(Marker::Ring), ..rings });
     }
     let caption = "The blind touches, sorted by k-means on their shifts alone: the partition with \
-                   the smallest sum of squares. The labels are used for the score only; each cluster \
-                   stands for one sample, matched so that most touches agree.";
+                   the smallest sum of squares. The labels are used for the score only; each cluster represents one sample, matched so that most touches agree.";
     figure(&drawn(&chart, "fig-blind"), caption)
 }
 
@@ -184,7 +184,8 @@ pub(super) fn no_load(results: &RunResults) -> Markup {
     figure(&drawn(&chart, "fig-no-load"), caption)
 }
 
-/// The readings of one touch and of its no-load sweep, with the fitted circuits. It is the main touch
+/// The readings of one touch and of its no-load sweep, with the fitted circuits. It is the main
+/// touch
 /// with the largest shift: there the tissue damps the resonance most.
 pub(super) fn example(data: &RunData) -> Option<Markup> {
     let touch = data
@@ -229,7 +230,8 @@ fn refused_sweep(sweep: &Sweep, reason: &str) -> Markup {
     figure_row(&charts, &caption)
 }
 
-/// Magnitude and phase of sweeps against frequency, side by side, with the fitted circuits. Each sweep
+/// Magnitude and phase of sweeps against frequency, side by side, with the fitted circuits. Each
+/// sweep
 /// has a colour and a name.
 fn impedance(suffix: &str, sweeps: &[(usize, &str, &Sweep)]) -> Markup {
     let axis = || Axis::linear("frequency (Hz)");

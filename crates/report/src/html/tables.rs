@@ -88,8 +88,8 @@ pub(super) fn confusion(data: &RunData, classification: &Classification) -> Mark
     let touched =
         score.counts.iter().enumerate().filter(|(_, counts)| counts.iter().any(|&c| c > 0));
     let rows: Vec<_> = touched.map(row).collect();
-    let caption = "Blind touches by sample and cluster, with the mean shift of each cluster. Boxed: \
-                   the sample for which a cluster stands.";
+    let caption = "Blind touches by sample and cluster, with the mean shift of each cluster. \
+                   Boxed: the sample that a cluster represents.";
     table(caption, &heads, &rows)
 }
 
@@ -120,9 +120,8 @@ pub(super) fn touches(rows: &[TouchRow]) -> Markup {
         ]
     };
     let rows: Vec<_> = rows.iter().map(row).collect();
-    let caption = "Every planned touch, in order. The stiffness is that of the touch by itself, with \
-                   the uncertainty of the calibration; the class of a blind touch is the sample \
-                   that its cluster stands for.";
+    let caption = "Every planned touch, in order. The stiffness is that of the touch alone, with \
+                   the uncertainty of the calibration; the class of a blind touch is the sample that its cluster represents.";
     html! { div.log.touches { (table(caption, &heads, &rows)) } }
 }
 

@@ -1,4 +1,4 @@
-//! `rigd run`: replays a protocol from beginning to end, or goes on with a run, and leaves the report.
+//! `rigd run`: replays a protocol or resumes a run, and writes the report.
 
 use std::{
     path::Path,
@@ -104,7 +104,7 @@ fn finish(data: &Path, output: &OutputArgs, run: RunId, has_refusals: bool) -> R
     if has_refusals { Err(Failure::TouchesRefused) } else { Ok(()) }
 }
 
-/// Runs what was ordered and waits for its end.
+/// Begins the requested run and waits for its end.
 async fn replay(
     session: &mut Session,
     order: Order,

@@ -157,7 +157,7 @@ struct SalvagedView {
     name: String,
     kind: String,
     records: u64,
-    /// What is damaged.
+    /// The damaged parts.
     #[serde(skip_serializing_if = "Option::is_none")]
     flaw: Option<String>,
 }
@@ -228,7 +228,7 @@ pub(super) fn print_results(
     print(results.text().trim_end())?;
     if run.is_resumable() {
         let name = run.short_name();
-        print(&format!("not completed: `rigd run --resume {name}` goes on with it"))?;
+        print(&format!("not completed: `rigd run --resume {name}` resumes it"))?;
     }
     match interruption {
         Some(left) if left.is_open() => print(&format!("{}; {ADVICE}", left.message)),

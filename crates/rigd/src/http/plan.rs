@@ -85,7 +85,7 @@ pub(super) async fn check(
     Ok(Json(PlanView::of(&protocol, &shared.inner.facts.limits)))
 }
 
-/// The plan of a run, on the bench of its start; as it was laid out when the run was last resumed.
+/// The plan of a run on the bench of its start, or the plan of its last resumption.
 pub(super) async fn of_run(
     State(shared): State<Shared>,
     Path(id): Path<String>,
@@ -155,7 +155,7 @@ pub(super) async fn sweep(
     found.await.map(Json)
 }
 
-/// What an amendment amends; `None` for a run.
+/// The run of an amendment; `None` for a run.
 fn amended(reader: &Reader, id: RunId) -> Result<Option<Amended>, Problem> {
     if reader.run(id)?.kind != RunKind::Amendment {
         return Ok(None);

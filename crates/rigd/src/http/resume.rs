@@ -1,4 +1,5 @@
-//! Runs that were not completed: continue them, or give them up. Touches: measure one again, or leave
+//! Runs that were not completed: continue them, or give them up. Touches: measure one again, or
+//! leave
 //! it out.
 
 use axum::{
@@ -22,7 +23,7 @@ struct ContinueForm {
     accept_changes: bool,
 }
 
-/// Goes on with a run at its next touch without an outcome.
+/// Resumes a run at its next touch without an outcome.
 pub(super) async fn resume(
     State(shared): State<Shared>,
     Extension(operator): Extension<Operator>,
@@ -72,7 +73,7 @@ pub(super) async fn skip(
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// Seals a run as it is.
+/// Seals a run in its present state.
 pub(super) async fn give_up(
     State(shared): State<Shared>,
     Extension(operator): Extension<Operator>,
@@ -82,7 +83,7 @@ pub(super) async fn give_up(
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// The form in a body, or its defaults where there is no body.
+/// The form in a body, or its defaults without a body.
 fn form<T: Default + DeserializeOwned>(body: &Bytes) -> Result<T, Problem> {
     if body.is_empty() {
         return Ok(T::default());

@@ -22,7 +22,8 @@ use super::{
 
 /// A page in a browser has up to six connections, a script one or two. Each costs some 100 kB.
 const CONNECTIONS_MAX: usize = 128;
-/// Beyond these a connection takes one request, and only a stop is carried out: however many clients
+/// Beyond these a connection takes one request, and only a stop is carried out: however many
+/// clients
 /// there are, stopping stays possible.
 const SPARES_MAX: usize = 64;
 /// A reserved connection is closed after this time.
@@ -99,7 +100,7 @@ fn arrived_at(stream: &TcpStream) -> Option<IpAddr> {
 fn watch_over(stream: &TcpStream) {
     let unheard_ms = u32::try_from(UNHEARD_TIME.as_millis()).unwrap_or(u32::MAX);
     if let Err(error) = rustix::net::sockopt::set_tcp_user_timeout(stream, unheard_ms) {
-        tracing::debug!(%error, "a connection has no limit for clients that are gone");
+        tracing::debug!(%error, "a connection has no limit for vanished clients");
     }
 }
 

@@ -1,4 +1,4 @@
-//! Amendments: one touch of a run measured again or left out. The run itself stays as it is.
+//! Amendments: one touch of a run is measured again or left out. The run itself is unchanged.
 
 use rig_store::{
     Amended, Amendment, Ending, Journal, Record, RunFinished, RunId, RunKind, RunStatus, Store,

@@ -1,4 +1,5 @@
-//! The interlock between the shell and the drivers: it sees every operation before a driver does, and
+//! The interlock between the shell and the drivers: it sees every operation before a driver does,
+//! and
 //! its end.
 
 use std::{cell::RefCell, rc::Rc};
@@ -37,7 +38,7 @@ impl Gate {
         })
     }
 
-    /// An admitted operation has ended. `is_interrupted` says that nobody waits for it any more.
+    /// An admitted operation has ended. `is_interrupted` says that its result is not used.
     pub(super) fn ended(&self, operation: &Operation, ended: &Ended, is_interrupted: bool) {
         let outcome = match ended {
             Ok(Report::LinearAt(at) | Report::LinearHomed(at)) => Outcome::LinearAt(*at),

@@ -45,7 +45,7 @@ impl Recorder {
         Self { plan: Some(plan), index: None, sweeps: 0, no_load_sweep: 0, linear: None }
     }
 
-    /// For the journal of a run that goes on, or of an amendment: `sweeps` is the number of its last
+    /// For the journal of a resumed run, or of an amendment: `sweeps` is the number of its last
     /// sweep.
     pub(super) const fn continued(plan: Arc<Plan>, sweeps: u64) -> Self {
         Self { plan: Some(plan), index: None, sweeps, no_load_sweep: 0, linear: None }

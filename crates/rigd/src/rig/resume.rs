@@ -1,7 +1,8 @@
 //! Resuming a run after an interruption, a fault or an abort.
 //!
 //! ```text
-//!  run_started … touch_result … ✂ │ resumed  step_started  prompt_asked … touch_result … run_finished
+//!  run_started … touch_result … ✂ │ resumed  step_started  prompt_asked … touch_result …
+//! run_finished
 //!  └──────────── as it is ────────┘ └─ seam: new clock, what changed, who went on
 //! ```
 
@@ -17,7 +18,7 @@ use rig_store::{
 use super::Setting;
 use crate::{loaded_rig::RigFacts, protocol_file::LoadedProtocol};
 
-/// Why a run cannot go on. Nothing has changed.
+/// Why a run cannot be resumed. Nothing has changed.
 #[derive(Debug, thiserror::Error)]
 pub enum ResumeRefusal {
     /// The journal cannot be read.
@@ -58,7 +59,7 @@ pub enum ResumeRefusal {
     Protocol(Faults),
     /// Something has changed since, which a person has to confirm.
     #[error(
-        "since {run}, these have changed: {}; go on with what was used then, or confirm the change",
+        "since {run}, these have changed: {}; restore them, or confirm the change",
         listed(.changes)
     )]
     Changed {
@@ -99,7 +100,7 @@ pub(super) fn resumable(run: &Run) -> Result<(), ResumeRefusal> {
     Ok(())
 }
 
-/// A run as the journal has it, for one that goes on or is amended.
+/// A run from the journal, to be resumed or amended.
 pub(super) struct Known {
     pub(super) run: Run,
     pub(super) records: Vec<StoredRecord>,
@@ -171,7 +172,7 @@ impl Known {
         self.protocol.plan.only(step).ok_or_else(none)
     }
 
-    /// Refuses changes that nobody has confirmed.
+    /// Refuses changes without a confirmation.
     pub(super) fn confirm(&self, is_confirmed: bool) -> Result<(), ResumeRefusal> {
         if self.changes.is_empty() || is_confirmed {
             return Ok(());

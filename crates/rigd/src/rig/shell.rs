@@ -375,7 +375,7 @@ impl Shell {
         }
     }
 
-    /// Ends what is under way. A moving axis stops at once, whatever its bus is busy with.
+    /// Ends the operation in progress. A moving axis stops at once, even while its bus is busy.
     fn interrupt(&mut self) {
         self.analyzer.interrupt();
         if self.axes.is_busy() {
@@ -392,7 +392,7 @@ impl Shell {
             return;
         };
         let is_other = run.is_some_and(|run| self.run.as_ref().is_none_or(|(j, _)| j.id() != run));
-        // A retract that is under way is what a stop leads to.
+        // A stop would lead to the retract that is in progress.
         let is_retracting = self.engine.snapshot().state == RigState::Retracting;
         if is_other || is_retracting || self.engine.admit(command.clone()).is_err() {
             return;

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use super::RequestRefusal;
 
-/// Space that must be left besides a run, bytes: for the session, the records of faults, and the
-/// database at work.
+/// Space that must remain in addition to a run, bytes: for the session, the records of faults, and
+/// the working files of the database.
 const RESERVE_BYTES: u64 = 100 << 20;
 
 /// Refuses a run for which the file system of the data directory has no room. Twice the expected

@@ -175,7 +175,7 @@ async fn a_drive_that_restarts_has_to_be_identified_again() {
     }
 }
 
-/// Number of writes to a unit among what was said to the bus from the n-th message on.
+/// Number of writes to a unit on the bus from the n-th message on.
 fn writes(rig: &SimRig, unit: u8, from: usize) -> usize {
     let is_write = |heard: &&rig_sim::Overheard| {
         heard.bytes[0] == unit && matches!(heard.bytes[1], 5 | 6 | 16)
@@ -219,8 +219,8 @@ async fn a_stop_reaches_both_drives_whatever_the_line_is_busy_with_and_no_write_
                 }
                 let after = rig.handle().with(|_, rig| rig.overheard().len());
                 sleep(Duration::from_secs(10)).await;
-                // The move itself did not hear of the stop. A silent drive has its write repeated
-                // otherwise.
+                // The move itself did not see the stop. Otherwise the write to a silent drive is
+                // repeated.
                 assert_eq!(writes(&rig, 2, after), 0, "{context}");
                 let halted = StageError::Bus(BusError::Failed(LineFault::Closed));
                 let end = moving.await.unwrap().err().unwrap_or(halted);

@@ -10,7 +10,8 @@ use crate::{Axis, Clearance, Record, Run, RunId, RunKind, StoreError};
 pub enum ProbeWord {
     /// It was shown clear by a read-back, and was not lowered since.
     Clear,
-    /// It was about to be lowered, was lowered, or was lost sight of, and was not shown clear since.
+    /// It was about to be lowered, was lowered, or was lost sight of, and was not shown clear
+    /// since.
     MayTouch {
         /// Position of the linear axis at its last read-back since then, mm.
         at_mm: Option<f64>,
@@ -117,7 +118,7 @@ impl Reader {
                 Record::StateChanged(change) if change.state == "latched" && !is_latched => {
                     is_latched = true;
                 }
-                // The state before, behind which the first cause stands.
+                // The state before, after the first cause.
                 Record::StateChanged(change) if !is_latched || change.state != "retracting" => {
                     break;
                 }

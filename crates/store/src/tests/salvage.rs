@@ -1,4 +1,4 @@
-//! What is left of a damaged journal, and journals that can only be read.
+//! Salvage of damaged journals, and read-only journals.
 
 use std::{fs, path::Path};
 
@@ -51,7 +51,7 @@ fn a_sound_journal_is_copied_as_it_is() {
     let refusal = salvage(directory.path(), target.path()).unwrap_err();
     assert!(matches!(refusal, StoreError::NotEmpty), "{refusal}");
     drop(new);
-    // The copy can be written, and the run without an end goes on.
+    // The copy can be written, and the run without an end can be resumed.
     let store = Store::open(target.path()).unwrap();
     assert_eq!(store.interrupted(), [runs[2].0]);
     store.reopen(runs[2].0).unwrap();
@@ -100,7 +100,7 @@ fn a_ruined_page_costs_the_runs_that_stand_on_it_and_no_other() {
         }
         assert!(damaged_here <= 4, "page {page}");
         drop(reader);
-        // Whatever is left can be written to.
+        // The salvaged journal can be written.
         drop(Store::open(target.path()).unwrap());
     }
     let counts = [whole, cut, resumable];
@@ -120,7 +120,7 @@ fn a_damaged_run_does_not_hide_the_list_of_runs_nor_the_others() {
     let salvaged = salvage(directory.path(), target.path()).unwrap();
     let found: Vec<_> = salvaged.iter().map(|run| (run.records, run.flaw.clone())).collect();
     assert_eq!(found, [(21, None), (2, Some(Flaw::Altered)), (20, None), (21, None)]);
-    // From the copy, the damaged run goes on behind its last good record.
+    // From the copy, the damaged run can be resumed after its last good record.
     let store = Store::open(target.path()).unwrap();
     assert_eq!(store.reader().unwrap().run(runs[1].0).unwrap().records, 2);
     store.reopen(runs[1].0).unwrap();

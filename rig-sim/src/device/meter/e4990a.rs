@@ -288,7 +288,8 @@ impl Model for E4990a {
         Drive { frequency_hz: self.start_hz, level_v: self.level_v }
     }
 
-    /// Two numbers for each point: of the selected trace, where the second is zero, or resistance and
+    /// Two numbers for each point: of the selected trace, where the second is zero, or resistance
+    /// and
     /// reactance as they were measured.
     fn answer(&self, command: E4990aCommand, readings: &[FinishedPoint]) -> Vec<Value> {
         let quantity = self.parameters[self.selected];
@@ -406,7 +407,7 @@ impl E4990a {
             E4990aCommand::AverageCount => Value::Integer(self.averages.into()),
             E4990aCommand::Source => {
                 let known = SOURCES.iter().find(|entry| entry.1 == self.source);
-                Value::Characters(known.expect("every source has a word").0)
+                Value::Characters(known.expect("every source has a name").0)
             }
             E4990aCommand::Continuous => Value::Boolean(self.is_continuous),
             E4990aCommand::ParameterCount => Value::Integer(self.traces.into()),

@@ -56,7 +56,7 @@ impl Shell {
         }
     }
 
-    /// Goes on with a run at its next touch without an outcome.
+    /// Resumes a run at its next touch without an outcome.
     pub(super) fn resume_run(
         &mut self,
         id: RunId,

@@ -162,7 +162,7 @@ impl<M: Make> Lcr<M> {
             LcrCommand::Function => word(FUNCTIONS[self.function].0),
             LcrCommand::Source => {
                 let known = SOURCES.iter().find(|entry| entry.1 == self.source);
-                word(known.expect("every source has a word").0)
+                word(known.expect("every source has a name").0)
             }
             LcrCommand::List => {
                 self.list_hz.iter().map(|hz| Value::Formatted(*hz, scientific(9))).collect()
