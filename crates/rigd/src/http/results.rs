@@ -17,15 +17,20 @@ const KEPT: usize = 8;
 pub(super) struct CheckedResults {
     pub(super) results: RunResults,
     pub(super) check: ChainCheck,
+    tips: Vec<Tip>,
 }
+
+/// A run or an amendment, with the digest of its last record.
+type Tip = (RunId, Option<Digest>);
 
 /// The results of the last requested runs.
 ///
 /// Only those of an ended run with an intact chain are kept. They hold as long as the journal has
-/// the same entry and the same last digest for the run, which covers all of its records.
+/// the same entry for the run, and the same last digests, which cover all records of the run and of
+/// its amendments.
 #[derive(Debug, Default)]
 pub(super) struct ResultsCache {
-    /// The latest last.
+    /// The latest first.
     kept: Mutex<VecDeque<Arc<CheckedResults>>>,
 }
 
@@ -35,15 +40,19 @@ impl ResultsCache {
     /// # Errors
     /// [`StoreError::NoSuchRun`], or the error of reading the records before the first flaw.
     pub(super) fn of(&self, reader: &Reader, id: RunId) -> Result<Arc<CheckedResults>, StoreError> {
-        let (run, digest) = (reader.run(id)?, reader.last_digest(id)?);
-        if let Some(found) = self.find(&run, digest) {
+        let (run, amendments) = (reader.run(id)?, reader.amendments(id)?);
+        let tip = |id| -> Result<Tip, StoreError> { Ok((id, reader.last_digest(id)?)) };
+        let tips: Vec<Tip> =
+            [id].into_iter().chain(amendments).map(tip).collect::<Result<_, _>>()?;
+        if let Some(found) = self.find(&run, &tips) {
             return Ok(found);
         }
         let chain = reader.chain(id)?;
+        let is_final = matches!(run.status, RunStatus::Ended(_))
+            && matches!(chain.check, ChainCheck::Intact { .. });
         let results = RunResults::new(&run, &reader.amend(id, chain.records)?)?;
-        let checked = Arc::new(CheckedResults { results, check: chain.check });
-        if matches!((run.status, &checked.check), (RunStatus::Ended(_), ChainCheck::Intact { .. }))
-        {
+        let checked = Arc::new(CheckedResults { results, check: chain.check, tips });
+        if is_final {
             let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
             kept.retain(|other| other.results.run().id != id);
             kept.truncate(KEPT - 1);
@@ -52,15 +61,9 @@ impl ResultsCache {
         Ok(checked)
     }
 
-    /// The results that are kept for a run with this last digest, which become the latest.
-    fn find(&self, run: &Run, last: Option<Digest>) -> Option<Arc<CheckedResults>> {
-        let is_same = |kept: &Arc<CheckedResults>| {
-            let digest = match kept.check {
-                ChainCheck::Intact { digest, .. } => Some(digest),
-                ChainCheck::Broken { .. } => None,
-            };
-            kept.results.run() == run && digest == last
-        };
+    /// The results that are kept for a run with these last digests, which become the latest.
+    fn find(&self, run: &Run, tips: &[Tip]) -> Option<Arc<CheckedResults>> {
+        let is_same = |kept: &Arc<CheckedResults>| kept.results.run() == run && kept.tips == tips;
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         let found = kept.iter().position(is_same)?;
         let found = kept.remove(found)?;
@@ -72,7 +75,8 @@ impl ResultsCache {
 #[cfg(test)]
 mod tests {
     use rig_store::{
-        Ending, PlanSize, PromptAnswered, Record, RunFinished, RunKind, RunStarted, Source, Store,
+        Amended, Amendment, Ending, PlanSize, PromptAnswered, Record, RunFinished, RunKind,
+        RunStarted, Source, Store,
     };
     use tempfile::TempDir;
 
@@ -140,6 +144,35 @@ mod tests {
     }
 
     #[test]
+    fn an_amendment_of_an_ended_run_is_computed_in() {
+        let directory = TempDir::new().unwrap();
+        let store = Store::open(directory.path()).unwrap();
+        let id = run(&store, &[started(), END]);
+        let (cache, reader) = (ResultsCache::default(), store.reader().unwrap());
+        for count in 0..3 {
+            let found = cache.of(&reader, id).unwrap();
+            assert_eq!(found.tips.len(), 1 + count);
+            assert!(Arc::ptr_eq(&found, &cache.of(&reader, id).unwrap()));
+            let mut journal = store.begin(RunKind::Amendment, &id.to_string()).unwrap();
+            let amended = Record::Amended(Amended {
+                run: id.to_string(),
+                head: String::new(),
+                step: "main/1/front/0/1".to_owned(),
+                what: Amendment::Skip,
+                who: "the lab".to_owned(),
+                why: "a bubble".to_owned(),
+                software: "rigd".to_owned(),
+                devices: Vec::new(),
+                changes: Vec::new(),
+            });
+            journal.append(0, &amended).unwrap();
+            journal.append(0, &END).unwrap();
+            journal.commit().unwrap();
+            assert!(!Arc::ptr_eq(&found, &cache.of(&reader, id).unwrap()));
+        }
+    }
+
+    #[test]
     fn the_cache_drops_the_run_that_was_asked_for_least_recently() {
         let directory = TempDir::new().unwrap();
         let store = Store::open(directory.path()).unwrap();
@@ -155,17 +188,16 @@ mod tests {
     }
 
     #[test]
-    fn records_that_differ_from_the_kept_ones_are_read_again() {
+    fn another_entry_or_another_digest_is_computed_again() {
         let directory = TempDir::new().unwrap();
         let store = Store::open(directory.path()).unwrap();
         let id = run(&store, &[started(), END]);
         let (cache, reader) = (ResultsCache::default(), store.reader().unwrap());
-        let kept = cache.of(&reader, id).unwrap();
+        let tips = cache.of(&reader, id).unwrap().tips.clone();
         let entry = reader.run(id).unwrap();
-        assert!(cache.find(&entry, reader.last_digest(id).unwrap()).is_some());
-        assert!(cache.find(&entry, Some(Digest::START)).is_none(), "another last record");
+        assert!(cache.find(&entry, &tips).is_some());
+        assert!(cache.find(&entry, &[(id, Some(Digest::START))]).is_none(), "another last record");
         let longer = Run { records: entry.records + 1, ..entry };
-        let ChainCheck::Intact { digest, .. } = kept.check else { panic!("{:?}", kept.check) };
-        assert!(cache.find(&longer, Some(digest)).is_none(), "another length");
+        assert!(cache.find(&longer, &tips).is_none(), "another length");
     }
 }
