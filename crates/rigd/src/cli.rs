@@ -6,7 +6,7 @@
 //! |---|---|
 //! | 0 | done |
 //! | 1 | a file, a directory or a device failed |
-//! | 2 | a bad command line, protocol, rig or sweep file, or a target beyond the limits |
+//! | 2 | a bad command line or file, a target beyond the limits, or a change that nobody confirmed |
 //! | 3 | no such run, or no resonance |
 //! | 4 | the rig is latched after a fault |
 //! | 5 | a run, a move or a sweep was aborted |
@@ -57,7 +57,8 @@ const EXIT_CODES: &str = "\
 Exit codes:
   0  done
   1  something failed: a file, a directory, a device
-  2  a bad command line, protocol, rig or sweep file, or a target beyond the limits
+  2  a bad command line, protocol, rig or sweep file, a target beyond the limits, or a change
+     since a run that nobody confirmed
   3  no such run, or no resonance
   4  the rig is latched after a fault
   5  a run, a move or a sweep was aborted

@@ -528,17 +528,21 @@ fn a_refused_touch_is_finished_and_is_not_repeated_unasked() {
     assert!(outcomes.len() == 6 && outcomes.values().all(|count| *count == 1), "{outcomes:?}");
 }
 
-/// Kills the program itself, at moments spread over a run, and resumes it until it is done.
+/// Kills the program itself, at numbers of records spread over a run, and resumes it until it is done.
 #[test]
 fn a_program_that_is_killed_again_and_again_finishes_its_run() {
-    const KILLS: u32 = 24;
+    const KILLS: usize = 24;
     let folder = TempDir::new().unwrap();
     let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));
     let (rig, protocol) = (rig.to_str().unwrap(), protocol.to_str().unwrap());
-    let began = std::time::Instant::now();
     assert!(rigd(folder.path(), &["run", protocol, "--rig", rig]).status.success());
-    let took = began.elapsed();
     let data = folder.path().join("data");
+    let count = || {
+        Reader::open(&data)
+            .and_then(|reader| reader.events_after(0, 100_000))
+            .map_or(0, |all| all.len())
+    };
+    let events = count();
     let whole = {
         let reader = Reader::open(&data).unwrap();
         touches(&reader, reader.find("latest").unwrap().id)
@@ -560,8 +564,12 @@ fn a_program_that_is_killed_again_and_again_finishes_its_run() {
             .spawn()
             .unwrap();
         kills += 1;
-        // Not a condition but a moment: the kills are to hit anywhere.
-        std::thread::sleep(took * (kills * 7 % KILLS) / KILLS);
+        // Between the opening of the rig and three quarters of a run, in steps that visit all of it.
+        let wanted = count() + events * (kills * 7 % KILLS) * 3 / (KILLS * 4);
+        while child.try_wait().unwrap().is_none() && count() < wanted {
+            // Records come from another program.
+            std::thread::sleep(Duration::from_millis(2));
+        }
         child.kill().unwrap();
         child.wait().unwrap();
         let reader = Reader::open(&data);
