@@ -155,6 +155,8 @@ pub enum Fault {
         left: String,
         /// Whether the probe may be in the sample.
         may_touch: bool,
+        /// Whether it was lowered or lost; otherwise the program ended on the way into service.
+        was_lowered: bool,
     },
     /// A person pressed Stop.
     #[error("stopped by {by}")]

@@ -61,6 +61,18 @@ impl From<Interruption> for InterruptionView {
     }
 }
 
+/// What is known of the probe of a rig that nobody has open.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum LeftProbe {
+    /// Shown clear.
+    Clear,
+    /// Not shown clear: the program was killed before it had brought the rig into service, and the
+    /// session before left the probe clear.
+    Unproven,
+    /// Lowered or lost, and not shown clear since.
+    Lowered,
+}
+
 /// The state in which the last program left a rig.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct InterruptedRig {
@@ -69,8 +81,8 @@ pub(crate) struct InterruptedRig {
     /// The rig must not move until a person acknowledges its state: the program was killed, or it
     /// was closed while latched with the probe not clear.
     pub(crate) is_latched: bool,
-    /// The probe may be in the sample.
-    pub(crate) is_open: bool,
+    /// The probe.
+    pub(crate) probe: LeftProbe,
     /// Both in a sentence.
     pub(crate) message: String,
 }
@@ -97,7 +109,12 @@ impl InterruptedRig {
                 "the journal of the last session is damaged ({error}); the probe may be in the \
                  sample"
             );
-            Some(Self { is_interrupted: false, is_latched: true, is_open: true, message })
+            Some(Self {
+                is_interrupted: false,
+                is_latched: true,
+                probe: LeftProbe::Lowered,
+                message,
+            })
         })
     }
 
@@ -121,12 +138,17 @@ impl InterruptedRig {
                 (_, Some(cause)) => format!("the rig was left latched, not acknowledged: {cause}"),
             };
             let is_latched = latched.is_some();
-            return Ok(Some(Self { is_interrupted: false, is_latched, is_open, message }));
+            let probe = if is_open { LeftProbe::Lowered } else { LeftProbe::Clear };
+            return Ok(Some(Self { is_interrupted: false, is_latched, probe, message }));
         };
         let is_its_run = |run: &Run| {
             run.kind == RunKind::Run && run.status.is_interrupted() && run.epoch == session.epoch
         };
-        let is_open = left.is_open();
+        let probe = match left.is_open() {
+            false => LeftProbe::Clear,
+            true if Self::was_lowered(reader, &session)? => LeftProbe::Lowered,
+            true => LeftProbe::Unproven,
+        };
         let run = reader.runs()?.into_iter().find(is_its_run);
         let (what, left) = match run {
             // It ended with its program, so that nothing was said of the probe after it.
@@ -134,7 +156,22 @@ impl InterruptedRig {
             None => ("the last session".to_owned(), left),
         };
         let message = format!("{what} was {}", left.message);
-        Ok(Some(Self { is_interrupted: true, is_latched: true, is_open, message }))
+        Ok(Some(Self { is_interrupted: true, is_latched: true, probe, message }))
+    }
+
+    /// Whether the last word about the probe, in this session or before it, is that it was lowered or
+    /// lost.
+    fn was_lowered(reader: &Reader, session: &Run) -> Result<bool, StoreError> {
+        let is_earlier = |run: &Run| {
+            run.kind == RunKind::Session && run.name == session.name && run.epoch <= session.epoch
+        };
+        for session in reader.runs()?.into_iter().filter(is_earlier) {
+            match reader.probe_word(&session)? {
+                ProbeWord::Silent => {}
+                word => return Ok(word != ProbeWord::Clear),
+            }
+        }
+        Ok(false)
     }
 }
 

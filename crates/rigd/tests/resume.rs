@@ -234,7 +234,7 @@ async fn resume(rig: &Path, data: &Path, run: RunId) -> ResumedRun {
     let bench = Bench::open(rig, data);
     let snapshot = bench.handle.status().borrow().snapshot.clone();
     assert_eq!(snapshot.state, RigState::Latched);
-    let Some(Fault::Interrupted { left, may_touch }) = snapshot.fault else {
+    let Some(Fault::Interrupted { left, may_touch, .. }) = snapshot.fault else {
         panic!("{:?}", snapshot.fault)
     };
     assert!(left.contains("-1 was interrupted at ") && left.contains(" UTC"), "{left}");
@@ -381,6 +381,35 @@ fn a_rig_left_in_contact_moves_only_for_home_and_resume() {
 
     let done = rigd(folder.path(), &["run", "--resume", "latest", "--rig", rig]);
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+}
+
+#[test]
+fn a_kill_on_the_way_into_service_stops_nobody_unless_the_probe_was_low_before() {
+    for is_low in [false, true] {
+        let folder = TempDir::new().unwrap();
+        let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));
+        let (rig, protocol) = (rig.to_str().unwrap(), protocol.to_str().unwrap());
+        if is_low {
+            assert!(rigd(folder.path(), &["move", "linear", "12", "--rig", rig]).status.success());
+        }
+        assert!(rigd(folder.path(), &["home", "--rig", rig]).status.success());
+        let data = folder.path().join("data");
+        let events = Reader::open(&data).unwrap().events_after(0, 10_000).unwrap();
+        let is_preparing = |stored: &&StoredRecord| match stored.record().unwrap() {
+            Record::Operator(operator) => operator.action == "prepare",
+            _ => false,
+        };
+        let killed = events.iter().rfind(is_preparing).unwrap();
+        let crash = crashed(&data, killed.event);
+        for name in ["rigd.db-wal", "rigd.db-shm"] {
+            _ = fs::remove_file(data.join(name));
+        }
+        fs::copy(crash.path().join("rigd.db"), data.join("rigd.db")).unwrap();
+        let begun = rigd(folder.path(), &["run", protocol, "--rig", rig]);
+        let said = String::from_utf8(begun.stderr).unwrap();
+        assert_eq!(begun.status.code(), Some(if is_low { 4 } else { 0 }), "{is_low}: {said}");
+        assert!(said.contains("was interrupted at"), "{said}");
+    }
 }
 
 #[test]

@@ -136,7 +136,12 @@ impl Engine {
 
     /// Latches before the rig is first prepared, because the last program did not end in order.
     /// [`Command::Acknowledge`] prepares it. Does nothing later.
-    pub fn latch_interrupted(&mut self, left: String, may_touch: bool, effects: &mut Vec<Effect>) {
+    pub fn latch_interrupted(
+        &mut self,
+        left: String,
+        (may_touch, was_lowered): (bool, bool),
+        effects: &mut Vec<Effect>,
+    ) {
         if !matches!(self.activity, Activity::Unprepared) {
             return;
         }
@@ -144,7 +149,7 @@ impl Engine {
             self.interlock.assume_contact();
         }
         let (fault, clearance) =
-            (Fault::Interrupted { left, may_touch }, self.interlock.clearance());
+            (Fault::Interrupted { left, may_touch, was_lowered }, self.interlock.clearance());
         self.notes.push(Event::Faulted { fault: fault.clone(), clearance });
         self.activity = Activity::Latched(fault);
         self.settle(effects);

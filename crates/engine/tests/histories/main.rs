@@ -237,7 +237,7 @@ fn a_rig_that_was_left_by_a_crash_waits_for_a_person_and_then_retracts_first() {
         let mut effects = Vec::new();
         world.engine.latch_interrupted(
             "smoke-1 was interrupted".to_owned(),
-            may_touch,
+            (may_touch, may_touch),
             &mut effects,
         );
         let snapshot = world.engine.snapshot();
@@ -254,7 +254,7 @@ fn a_rig_that_was_left_by_a_crash_waits_for_a_person_and_then_retracts_first() {
         let mut world = World::new(None);
         world.play();
         effects.clear();
-        world.engine.latch_interrupted("late".to_owned(), true, &mut effects);
+        world.engine.latch_interrupted("late".to_owned(), (true, true), &mut effects);
         assert_eq!((world.engine.snapshot().state, effects.len()), (RigState::Idle, 0));
     }
 }

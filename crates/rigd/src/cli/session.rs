@@ -106,8 +106,8 @@ impl Session {
                 _ if self.signals.count > 0 => {}
                 (RigState::Idle, _) => return Ok(()),
                 // A person at the bench has read the report above.
-                (RigState::Latched, Some(Fault::Interrupted { may_touch, .. }))
-                    if !may_touch || left == LeftInContact::Retract =>
+                (RigState::Latched, Some(Fault::Interrupted { was_lowered, .. }))
+                    if !was_lowered || left == LeftInContact::Retract =>
                 {
                     self.handle.command(Command::Acknowledge, None, self.operator()).await?;
                     continue;

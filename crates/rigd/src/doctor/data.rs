@@ -10,7 +10,7 @@ use rig_model::with_causes;
 use rig_store::{Reader, StoreError};
 
 use super::{Finding, Findings};
-use crate::interruption::{ADVICE, InterruptedRig};
+use crate::interruption::{ADVICE, InterruptedRig, LeftProbe};
 
 /// A run leaves some megabytes; below this, the next one may not fit.
 const SPACE_MIN_BYTES: u64 = 100 << 20;
@@ -95,11 +95,11 @@ fn journal(findings: &mut Findings, data: &Path, rig: &str) {
                 ),
             }
             match left {
-                Some(InterruptedRig { is_open: true, message, is_latched: true, .. }) => {
-                    findings.problem("probe", message, ADVICE);
+                Some(left) if left.probe != LeftProbe::Clear && left.is_latched => {
+                    findings.problem("probe", left.message, ADVICE);
                 }
-                Some(InterruptedRig { is_open: true, message, .. }) => {
-                    findings.warning("probe", message, ADVICE);
+                Some(left) if left.probe != LeftProbe::Clear => {
+                    findings.warning("probe", left.message, ADVICE);
                 }
                 Some(InterruptedRig { is_interrupted: true, message, .. }) => findings.warning(
                     "last session",

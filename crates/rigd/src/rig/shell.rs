@@ -31,7 +31,10 @@ use super::{
     resume::ResumeRefusal,
     slot::Slot,
 };
-use crate::{interruption::InterruptedRig, loaded_rig::LoadedRig};
+use crate::{
+    interruption::{InterruptedRig, LeftProbe},
+    loaded_rig::LoadedRig,
+};
 
 /// In virtual time, where an operation takes microseconds, events reach watchers and the disk this
 /// often by the wall clock. Intents do not wait for it.
@@ -172,7 +175,8 @@ impl Shell {
         };
         if let Some(left) = left.filter(|left| left.is_latched) {
             let mut effects = Vec::new();
-            shell.engine.latch_interrupted(left.message, left.is_open, &mut effects);
+            let probe = (left.probe != LeftProbe::Clear, left.probe == LeftProbe::Lowered);
+            shell.engine.latch_interrupted(left.message, probe, &mut effects);
             shell.carry_out(effects);
         }
         Ok((shell, watcher))

@@ -18,7 +18,7 @@ pub enum ProbeWord {
         /// The lowest position that it was allowed to go to, mm.
         down_to_mm: Option<f64>,
     },
-    /// No record about the probe.
+    /// No record about the probe, or the rig was on its way into service.
     Silent,
 }
 
@@ -78,11 +78,13 @@ impl Reader {
              ORDER BY records.id DESC",
         ))?;
         let mut rows = statement.query([run.id.to_string()])?;
-        let (mut is_lost, mut at_mm) = (false, None);
+        let (mut is_lost, mut is_unknown, mut at_mm) = (false, false, None);
         let mut down_to_mm = None;
         while let Some(row) = rows.next()? {
             match record_from(row)?.record()? {
-                Record::Moved(moved) if moved.is_clear && !is_lost => return Ok(ProbeWord::Clear),
+                Record::Moved(moved) if moved.is_clear && !is_lost && !is_unknown => {
+                    return Ok(ProbeWord::Clear);
+                }
                 Record::Moved(moved) if moved.is_clear => break,
                 Record::Moved(moved) if moved.axis == Axis::LinearMm => {
                     is_lost = true;
@@ -94,8 +96,8 @@ impl Reader {
                     break;
                 }
                 Record::Fault(fault) => is_lost |= fault.probe != Clearance::Clear,
-                // During preparation the position of the probe is unknown.
-                Record::StateChanged(change) => is_lost |= change.state == "preparing",
+                // On the way into service nothing is known, and nothing is lowered.
+                Record::StateChanged(change) => is_unknown |= change.state == "preparing",
                 _ => {}
             }
         }

@@ -108,7 +108,8 @@ fn the_probe_counts_as_in_contact_unless_the_last_word_is_a_proven_clear() {
     run(&[&lost(), &rest], ProbeWord::Clear);
     check(RunKind::Session, &[], ProbeWord::Silent);
     check(RunKind::Session, std::slice::from_ref(&rest), ProbeWord::Clear);
-    check(RunKind::Session, &[rest, preparing()], may_touch(None, None));
+    check(RunKind::Session, &[rest.clone(), preparing()], ProbeWord::Silent);
+    check(RunKind::Session, &[rest, lost(), preparing()], may_touch(None, None));
 }
 
 #[test]
