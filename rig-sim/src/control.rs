@@ -36,7 +36,7 @@ clear                  clear all faults";
 /// Why a line was refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ControlError {
-    /// The first word is no command.
+    /// The first word is not a command.
     #[error("\"{word}\" is no command; say help")]
     Command {
         /// The unknown word.

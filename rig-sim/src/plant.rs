@@ -42,7 +42,7 @@ impl Elements {
     fn of(circuit: &Circuit) -> Result<Self, NotRinging> {
         let Circuit { series_resonance_hz, q, capacitance_f, capacitance_ratio, dielectric_loss } =
             *circuit;
-        // Written so that a quality that is no number is refused too.
+        // Written so that a quality that is not a number is refused too.
         if !(q > 0.5 && q.is_finite()) {
             return Err(NotRinging { q });
         }

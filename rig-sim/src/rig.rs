@@ -160,7 +160,7 @@ impl Rig {
         Connection { end: End::Bus(BusLine::new(transport, patience)), outlet: None }
     }
 
-    /// Takes bytes that came over a connection at `now`.
+    /// Accepts bytes that arrived over a connection at `now`.
     ///
     /// # Errors
     /// [`HangUp`] when the port closes the connection.

@@ -37,7 +37,7 @@ pub enum Resolution {
 }
 
 impl Resolution {
-    /// The frequency that the instrument will make of the one asked for, as far as can be known.
+    /// The frequency that the instrument is expected to set for a requested one.
     pub(crate) fn round(self, frequency_hz: f64) -> f64 {
         let Some(step) = self.step_hz(frequency_hz) else { return frequency_hz };
         // Rounded to the nearest float.

@@ -74,7 +74,7 @@ pub enum AnalyzerError {
         #[source]
         source: Arc<OpenError>,
     },
-    /// The bytes that arrived are no answer.
+    /// The bytes that arrived are not an answer.
     #[error("{port}: asked `{asked}`, found `{found}`")]
     Frame {
         /// Name of the port.
@@ -177,12 +177,12 @@ pub enum AnalyzerError {
         /// Name of the port.
         port: Arc<str>,
     },
-    /// The stop that was asked for. Nothing is being measured.
+    /// A requested stop. No measurement is in progress.
     #[error("measurement stopped after {done} of {points} points")]
     Stopped {
         /// Number of points measured before the stop.
         done: usize,
-        /// Points asked for.
+        /// Number of requested points.
         points: usize,
     },
 }

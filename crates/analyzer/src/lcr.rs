@@ -130,7 +130,7 @@ pub(crate) fn reading(data: &[Datum]) -> Result<Option<PointResult>, DataError> 
         -1 => return Ok(None),
         0 => None,
         1 => Some(ReadingFlag::Overload),
-        // The source is overloaded, or the level could not be held: not at the level asked for.
+        // The source is overloaded, or the level could not be held: not at the requested level.
         _ => Some(ReadingFlag::LowSignal),
     };
     measured(resistance, reactance, flag).map(Some)

@@ -36,7 +36,7 @@ impl Integration {
     }
 }
 
-/// The result of two data of an answer and their flag. If one of them is no number, there is no
+/// The result of two data of an answer and their flag. If one of them is not a number, there is no
 /// value.
 pub(crate) fn measured(
     resistance: &Datum,

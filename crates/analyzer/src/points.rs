@@ -16,7 +16,7 @@ use crate::{
     questions::shown,
 };
 
-/// Integration may take this many times the cycles asked for while the range is sought.
+/// During the search for the range, integration may take this multiple of the requested cycles.
 const MEASURE_TIMES: f64 = 3.0;
 
 /// Interval between queries for a measurement that is not ready.
@@ -63,8 +63,8 @@ impl Analyzer {
         }])
     }
 
-    /// Sets a shot and waits, for longer than the instrument itself can. False when a stop was
-    /// asked for.
+    /// Sets a shot and waits, for longer than the instrument itself can. `false` after a requested
+    /// stop.
     async fn settle(
         &mut self,
         commands: PointCommands,

@@ -13,13 +13,13 @@ pub enum PoseError {
     /// The contact angle is outside [0, π/2).
     #[error("contact angle {}° is outside [0°, 90°)", angle_rad.to_degrees())]
     Angle {
-        /// The angle asked for, rad.
+        /// The requested angle, rad.
         angle_rad: f64,
     },
     /// The azimuth is not a number.
     #[error("azimuth {azimuth_rad} rad is not a number")]
     Azimuth {
-        /// The azimuth asked for, rad.
+        /// The requested azimuth, rad.
         azimuth_rad: f64,
     },
 }

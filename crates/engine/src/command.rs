@@ -89,7 +89,7 @@ pub enum CommandRefusal {
     /// The target is deeper than any touch may go.
     #[error("linear stage: target {wanted} is below {floor}, the deepest that a touch may go here")]
     TooDeep {
-        /// The position asked for.
+        /// The requested position.
         wanted: Position<Mm>,
         /// The lowest position allowed at this tilt.
         floor: Position<Mm>,

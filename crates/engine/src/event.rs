@@ -38,7 +38,7 @@ pub enum SweepPurpose {
     NoLoad,
     /// The sensor on the sample.
     Touch,
-    /// A person or a program asked for the sweep.
+    /// A person or a program requested the sweep.
     Manual,
 }
 

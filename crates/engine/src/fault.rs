@@ -78,12 +78,12 @@ pub enum Fault {
         /// Address of the touch.
         step: StepId,
     },
-    /// A report came that nothing had asked for.
+    /// An unexpected report arrived.
     #[error("{what} was reported in {during}, where none was expected")]
     OutOfOrder {
         /// Kind of the unexpected report.
         what: &'static str,
-        /// The activity during which it came.
+        /// The activity during which it arrived.
         during: &'static str,
     },
     /// The interlock refused an operation of the engine.
@@ -118,7 +118,7 @@ pub enum Fault {
         /// The last refusal.
         reason: String,
     },
-    /// The analyzer gave fewer readings than asked for.
+    /// The analyzer returned fewer readings than requested.
     #[error("the analyzer returned {given} of {asked} readings")]
     MissingReadings {
         /// Number of readings.

@@ -24,14 +24,14 @@ pub enum Operation {
         /// Whether an alarm of the drive is reset. Without this, an alarm is a failure.
         may_reset_alarm: bool,
     },
-    /// Move the probe up or down and read back where it is.
+    /// Move the probe up or down and read its position back.
     MoveLinear {
         /// Target of the linear stage, within its soft limits, mm.
         target: Target<Mm>,
         /// Speed, mm/s.
         speed_mm_per_s: f64,
     },
-    /// Tilt the sample and read back where it is.
+    /// Tilt the sample and read its position back.
     MoveRotary {
         /// Target of the rotary stage, within its soft limits, degrees.
         target: Target<Deg>,

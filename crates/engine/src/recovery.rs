@@ -234,7 +234,7 @@ impl Preparing {
     }
 }
 
-/// Whether an operation ended early because it was asked to, and so is no fault of its own.
+/// Whether an operation ended early on request, which is not a fault.
 pub(crate) fn is_interruption(failure: &Failure) -> bool {
     failure.kind == FailureKind::Interrupted
 }

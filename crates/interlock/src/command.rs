@@ -67,7 +67,7 @@ pub enum Outcome {
     RotaryAt(Position<Deg>),
     /// In order, without a position.
     Done,
-    /// Early, because a stop was asked for.
+    /// Early, after a requested stop.
     Interrupted,
     /// It failed.
     Failed,

@@ -117,7 +117,7 @@ impl Interlock {
         Ok(())
     }
 
-    /// A stop was asked for. Until the probe is clear, only the way out is open.
+    /// A stop was requested. Until the probe is clear, only the way out is open.
     pub fn stop_asked(&mut self, now: RigTime) {
         self.stop.asked(now);
         self.latch.stop_begun();

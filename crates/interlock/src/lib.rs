@@ -1,5 +1,5 @@
-//! The interlock in front of the ports: it refuses a command to the devices that could hurt a sample,
-//! however the decision for it came about.
+//! The interlock in front of the ports: it refuses a command to the devices that could damage a
+//! sample, independent of the reason for the command.
 //!
 //! ```text
 //!   engine ──▶ shell ──▶ Interlock::admit ──▶ driver ──▶ port

@@ -51,7 +51,7 @@ pub enum Refusal {
     TooFast {
         /// The command.
         what: &'static str,
-        /// Speed asked for.
+        /// Requested speed.
         asked: f64,
         /// Highest speed here.
         limit: f64,

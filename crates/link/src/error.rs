@@ -100,7 +100,7 @@ pub enum OpenError {
         /// Name of the port.
         port: Arc<str>,
     },
-    /// The file with this name is no serial port.
+    /// The file with this name is not a serial port.
     #[error("{port}: {what}, not a serial port")]
     NotAPort {
         /// The name given.

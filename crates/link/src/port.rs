@@ -25,7 +25,7 @@ const TRANSCRIPT_FRAMES: usize = 256;
 /// Time limit for the operating system to accept a request.
 const SEND_WITHIN: Duration = Duration::from_secs(1);
 
-/// A quarantine ends at the latest after this many times the time asked for.
+/// A quarantine lasts at most this multiple of its requested time.
 const QUARANTINE_PATIENCE: u32 = 10;
 
 /// A serial line, a TCP connection or a pipe in memory, and what went over it last.

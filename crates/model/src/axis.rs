@@ -86,7 +86,7 @@ pub enum AxisError<U: Unit> {
     SoftBeyondTravel {
         /// Name of the axis.
         axis: &'static str,
-        /// The soft limits asked for.
+        /// The requested soft limits.
         soft: Span<U>,
         /// The mechanical travel.
         travel: Span<U>,
@@ -96,7 +96,7 @@ pub enum AxisError<U: Unit> {
     RestOutOfReach {
         /// Name of the axis.
         axis: &'static str,
-        /// The rest position asked for.
+        /// The requested rest position.
         rest: Position<U>,
         /// The soft limits.
         soft: Span<U>,
@@ -116,7 +116,7 @@ pub enum AxisError<U: Unit> {
     OutsideSoftLimits {
         /// Name of the axis.
         axis: &'static str,
-        /// The position asked for.
+        /// The requested position.
         wanted: Position<U>,
         /// The soft limits.
         soft: Span<U>,

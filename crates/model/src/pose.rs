@@ -102,7 +102,7 @@ pub struct ContactAngle(f64);
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error("contact angle {degrees}° is outside [0°, 90°)")]
 pub struct ContactAngleError {
-    /// The angle asked for.
+    /// The requested angle.
     pub degrees: f64,
 }
 

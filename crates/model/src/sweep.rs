@@ -69,7 +69,7 @@ pub struct SweepRequest {
     pub window: Window,
     /// The choice of the points.
     pub method: SweepMethod,
-    /// The standard deviation asked for, Hz.
+    /// The requested standard deviation, Hz.
     pub target_sigma_hz: f64,
     /// The time allowed on the rig's clock, s.
     pub time_limit_s: f64,
@@ -81,15 +81,15 @@ pub struct SweepRequest {
     pub level: DriveLevel,
 }
 
-/// Why a sweep cannot be asked for.
+/// Why a requested sweep is impossible.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum SweepRequestError {
     /// The window is empty or not a range of positive numbers.
     #[error("sweep window [{min_hz} Hz, {max_hz} Hz] is not a rising range of positive numbers")]
     Window {
-        /// Lower end asked for, Hz.
+        /// Requested lower end, Hz.
         min_hz: f64,
-        /// Upper end asked for, Hz.
+        /// Requested upper end, Hz.
         max_hz: f64,
     },
     /// A quantity is outside its range.
@@ -97,7 +97,7 @@ pub enum SweepRequestError {
     OutOfRange {
         /// Key of the protocol file.
         what: &'static str,
-        /// The value asked for.
+        /// The requested value.
         found: f64,
         /// Smallest value allowed.
         min: f64,
@@ -116,8 +116,8 @@ pub enum SweepRequestError {
     },
 }
 
-/// A resonance can be asked for to one part of its frequency in this many: analyzers keep their own
-/// frequency no better.
+/// Finest target, relative to the frequency, as 1 in this number: no analyzer keeps its own
+/// frequency more accurately.
 const FINEST_PARTS: f64 = 1e6;
 
 impl SweepRequest {
@@ -177,8 +177,8 @@ impl Impedance {
 pub enum PointResult {
     /// An impedance.
     Value(Impedance),
-    /// A value with a warning: the signal was too small for the range, or not at the level asked
-    /// for.
+    /// A value with a warning: the signal was too small for the range, or not at the requested
+    /// level.
     LowSignal(Impedance),
     /// No value: the input was overloaded.
     Overload,
@@ -189,7 +189,7 @@ pub enum PointResult {
 pub enum ReadingFlag {
     /// The input was overloaded; there is no value.
     Overload,
-    /// The signal was too small for the range, or not at the level asked for.
+    /// The signal was too small for the range, or not at the requested level.
     LowSignal,
 }
 

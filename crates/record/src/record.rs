@@ -34,7 +34,7 @@ pub enum Record {
     RunStarted(RunStarted),
     /// The rig went to the next step of the plan.
     StepStarted(StepStarted),
-    /// A person was asked for something.
+    /// A prompt was shown.
     PromptAsked(PromptAsked),
     /// A person answered.
     PromptAnswered(PromptAnswered),

@@ -27,7 +27,7 @@ impl fmt::Display for RunId {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("`{text}` is not the id of a run")]
 pub struct NotARunId {
-    /// The text that is no id.
+    /// The text that is not an id.
     pub text: String,
 }
 

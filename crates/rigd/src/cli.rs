@@ -487,7 +487,7 @@ pub fn main() -> ExitCode {
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
-        // The reader of a pipe that has seen enough is no failure.
+        // A reader that closes its pipe is not a failure.
         Err(Failure::System { source, .. } | Failure::Export(ExportError::Io(source)))
             if source.kind() == io::ErrorKind::BrokenPipe =>
         {

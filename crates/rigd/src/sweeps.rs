@@ -1,4 +1,4 @@
-//! Sweeps that a person or a program asked for, as the journal of a session has them.
+//! Sweeps on request, from the journal of a session.
 
 use rig_store::{Reader, Record, RunId, StoreError, Sweep};
 

@@ -116,7 +116,7 @@ enum BlockedBy {
 }
 
 impl<C: Copy> Instrument<C> {
-    /// An instrument whose power just came on.
+    /// An instrument after power-on.
     ///
     /// Common commands and subsystems that the standards demand are built in; a node of `commands`
     /// with the same header takes precedence.

@@ -34,7 +34,7 @@ enum LineRequest {
         unit: u8,
         request: Request,
         is_urgent: bool,
-        /// Number of stops when it was asked for.
+        /// Number of stops at the time of the request.
         halts: u64,
         answer: oneshot::Sender<Result<Reply, BusError>>,
     },

@@ -8,7 +8,7 @@
 #[derive(Debug, Default)]
 pub(crate) struct EchoFilter {
     is_echoing: bool,
-    /// The request of the present exchange, until it is known whether its echo came.
+    /// The request of the present exchange, until its echo has arrived or not.
     request: Vec<u8>,
     held: Vec<u8>,
 }

@@ -14,7 +14,7 @@ pub enum Exception {
     IllegalFunction,
     /// 2: it has no such address.
     IllegalAddress,
-    /// 3: it does not take the value.
+    /// 3: it does not accept the value.
     IllegalValue,
     /// 4: it failed while it tried.
     DeviceFailure,
@@ -117,7 +117,7 @@ pub enum LineFault {
         /// The request without a usable answer.
         request: Request,
     },
-    /// A stop came before the write was answered. It was not sent, or not repeated.
+    /// A stop was sent before the write was answered. It was not sent, or not repeated.
     #[error("{port}: unit {unit}: {request}: ended by a stop")]
     Halted {
         /// Name of the port.

@@ -46,7 +46,7 @@ impl Halts {
         Self { inbox, come: Vec::new(), taken: 0 }
     }
 
-    /// Number of stops so far, so that a request sees whether one came while it was under way.
+    /// Number of stops so far, so that a request detects a stop during its execution.
     pub(crate) const fn taken(&self) -> u64 {
         self.taken
     }

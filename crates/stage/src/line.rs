@@ -46,11 +46,11 @@ pub struct CheckRegisters {
 enum ExchangeFault {
     /// The device refused; the line is fine.
     Refused(Exception),
-    /// The answer cannot be used, of which these bytes came.
+    /// The answer cannot be used; these bytes arrived.
     Unusable(Symptom, Vec<u8>),
     /// It makes no sense to try again.
     Fatal(LineFault),
-    /// A stop came before the write was sent.
+    /// A stop was requested before the write was sent.
     Halted,
 }
 
@@ -108,8 +108,8 @@ impl Line {
         self.halts.come().await;
     }
 
-    /// Sends the stops that have come: as exchanges on a line that is in order, and else without
-    /// waiting for an answer. A lost port gets none.
+    /// Sends the requested stops: as exchanges on a line in order, otherwise without waiting for an
+    /// answer. A lost port gets none.
     pub(crate) async fn send_halts(&mut self) {
         for HaltOrder { frames, sent } in self.halts.take() {
             for (unit, request) in &frames.0 {
@@ -146,8 +146,8 @@ impl Line {
     }
 
     /// Carries out one request, with as many attempts as the settings allow. Every request here may
-    /// be repeated: reads, and writes of absolute values. A write that was asked for when `halts`
-    /// stops had come does not follow another one.
+    /// be repeated: reads, and writes of absolute values. A write that was requested after `halts`
+    /// stops is not sent after a further one.
     pub(crate) async fn request(
         &mut self,
         unit: u8,
@@ -378,12 +378,12 @@ impl Line {
         outcome
     }
 
-    /// Whether an error is one of the port, and not of the answer that came over it.
+    /// Whether an error concerns the port, and not the answer.
     fn has_failed(&self, error: &std::io::Error) -> bool {
         self.port_loan.lock().port.is_lost() || error.raw_os_error().is_some()
     }
 
-    /// Classifies the bytes that came in place of an answer.
+    /// Classifies the bytes that arrived instead of an answer.
     fn diagnose(&self, unit: u8, request: &Request) -> ExchangeFault {
         let (sent, received) = self.last_frame();
         let symptom = Symptom::of(self.settings.framing, &sent, &received, unit, request);

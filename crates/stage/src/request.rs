@@ -61,9 +61,9 @@ pub enum Request {
 /// An answer that answers its request.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Reply {
-    /// Coils or discrete inputs, as many as were asked for.
+    /// Coils or discrete inputs, as many as requested.
     Bits(Vec<bool>),
-    /// Registers, as many as were asked for.
+    /// Registers, as many as requested.
     Words(Vec<u16>),
     /// Written as asked, by the device's own account.
     Written,

@@ -448,7 +448,7 @@ enum Priority {
     Urgent,
 }
 
-/// Waits until an instant and returns whether it came before the stop.
+/// Waits until an instant and returns whether it was before the stop.
 async fn wait(until: Instant, stop: &StopSignal) -> bool {
     tokio::select! {
         biased;

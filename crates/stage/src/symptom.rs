@@ -1,10 +1,10 @@
-//! Classifies the bytes that came in place of an answer.
+//! Classifies the bytes that arrived instead of an answer.
 
 use std::fmt;
 
 use crate::{Framing, Request};
 
-/// A classification of the bytes that came in place of an answer.
+/// A classification of the bytes that arrived instead of an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Symptom {
     /// No byte arrived before the deadline.
@@ -23,7 +23,7 @@ pub enum Symptom {
     WrongCount {
         /// Bytes of data that it announces.
         found: u8,
-        /// Bytes of data that were asked for.
+        /// Number of requested bytes of data.
         expected: usize,
     },
     /// More than an answer.
@@ -95,7 +95,7 @@ impl Symptom {
         }
     }
 
-    /// Whether an answer from its function on announces another number of data than was asked for.
+    /// Whether an answer from its function on announces a different number of data than requested.
     fn wrong_count(answer: &[u8], request: &Request) -> Option<Self> {
         let (expected, found) = (request.data_len()?, *answer.get(1)?);
         let is_refusal = answer[0] & 0x80 != 0;

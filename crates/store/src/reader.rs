@@ -104,7 +104,7 @@ impl Reader {
         Ok(settled.collect())
     }
 
-    /// The first record of the run that was asked for with this idempotency key.
+    /// The first record of the run that was requested with this idempotency key.
     ///
     /// # Errors
     /// [`StoreError`] of the system or of SQLite.

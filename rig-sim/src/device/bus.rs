@@ -83,7 +83,7 @@ impl Bus {
         self.is_instant = true;
     }
 
-    /// Takes bytes that came at `now`.
+    /// Accepts bytes that arrived at `now`.
     pub(crate) fn push(
         &mut self,
         now: RigTime,

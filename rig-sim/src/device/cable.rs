@@ -131,7 +131,7 @@ impl Socket {
         }
     }
 
-    /// Takes bytes that came at `now`.
+    /// Accepts bytes that arrived at `now`.
     pub(crate) fn push(
         &mut self,
         now: RigTime,

@@ -115,7 +115,7 @@ impl<M: Model> Meter<M> {
         }
     }
 
-    /// Takes bytes of a client that came at `now`.
+    /// Accepts bytes of a client that arrived at `now`.
     pub(crate) fn push(&mut self, now: RigTime, id: ClientId, bytes: &[u8], world: &mut World) {
         let session = Session::new(self.instrument.dialect());
         let new = Client { session, held: None, heard_at: now, said: Vec::new() };

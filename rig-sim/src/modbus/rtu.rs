@@ -30,7 +30,7 @@ impl RtuDecoder {
         Self { buffer: Vec::new(), silence, last_byte: RigTime::ZERO }
     }
 
-    /// Takes bytes that came at `now`.
+    /// Accepts bytes that arrived at `now`.
     pub fn push(&mut self, now: RigTime, bytes: &[u8]) {
         if self.deadline().is_some_and(|deadline| deadline <= now) {
             // The silence has ended the frame before the poll.

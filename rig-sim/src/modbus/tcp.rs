@@ -17,7 +17,7 @@ pub struct TcpDecoder {
     buffer: Vec<u8>,
 }
 
-/// The stream is no Modbus; the connection has to be closed, since no later frame can be found.
+/// The stream is not Modbus; the connection has to be closed, since no later frame can be found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("a header with protocol {protocol} and length {length} is no Modbus")]
 pub struct NotModbus {

@@ -1,8 +1,8 @@
 //! A pseudo-terminal as a serial port that clients open and close.
 //!
 //! The other side is kept open here, so that the terminal stays raw and a client that closes it is
-//! no error. A client that opened it exclusively and closed would lock it for ever, and the next
-//! client would read the rest of its data. Both are repaired after the last client has closed,
+//! not an error. A client that opened it exclusively and closed would lock it for ever, and the
+//! next client would read the rest of its data. Both are repaired after the last client has closed,
 //! which the file system reports.
 
 use std::{

@@ -104,6 +104,6 @@ pub enum SceneError {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("there is no sample named \"{name}\"")]
 pub struct NoSuchSample {
-    /// The name asked for.
+    /// The requested name.
     pub name: String,
 }

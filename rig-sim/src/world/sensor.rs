@@ -25,7 +25,7 @@ pub struct SensorScene {
     pub tolerance_hz: f64,
 }
 
-/// A contact as the world has it.
+/// A contact of the simulated world.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct WorldContact {
     pub(super) stiffness_mpa: f64,

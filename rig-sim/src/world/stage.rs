@@ -87,7 +87,7 @@ impl Stage {
         now < self.motion.ends()
     }
 
-    /// When the motor came or will come to rest.
+    /// Time at which the motor comes to rest, past or future.
     pub fn rests_from(&self) -> RigTime {
         self.motion.ends()
     }

@@ -23,7 +23,7 @@ impl Engine {
             self.last_fault = Some(fault.clone());
         }
         match &mut self.activity {
-            // The first cause stays; a graver one takes the place of an abort.
+            // The first cause stays; a fault replaces an abort.
             Activity::Stopping(first, _) | Activity::Retracting(_, first, _) => {
                 if matches!(first, StopReason::Abort { .. }) {
                     *first = reason;
@@ -74,7 +74,7 @@ impl Engine {
         }
     }
 
-    /// A fault on the way out: it is noted once, and takes the place of an abort as the cause.
+    /// A fault on the way out: it is recorded once, and replaces an abort as the cause.
     pub(super) fn escalate(&mut self, fault: Fault) {
         let clearance = self.interlock.clearance();
         if self.last_fault.as_ref() != Some(&fault) {

@@ -73,7 +73,7 @@ fn one(header: &Header<'_>, rows: &[Row], faults: &mut FaultCollector) -> FileSw
     }
 }
 
-/// Separates the rows of a sweep from those that are no readings of their own.
+/// Separates the readings of a sweep from missing and repeated ones.
 fn leave_out(rows: &[Row]) -> (Vec<Row>, Vec<LeftOut>) {
     let (mut kept, mut left_out) = (Vec::new(), Vec::new());
     let mut first_lines = HashMap::new();

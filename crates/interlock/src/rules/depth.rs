@@ -119,7 +119,7 @@ fn refuse_speed(
     limit: f64,
     unit: &'static str,
 ) -> Result<(), Refusal> {
-    // A speed that is no number is refused too.
+    // A speed that is not a number is refused too.
     if 0.0 < asked && asked <= limit * (1.0 + 1e-9) {
         return Ok(());
     }

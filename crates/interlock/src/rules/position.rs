@@ -62,7 +62,7 @@ impl Intent {
     pub(crate) fn admit(&self, command: &PortCommand, is_retract: bool) -> Result<(), Refusal> {
         match *command {
             PortCommand::MoveLinear { to, .. }
-                // A target that is no number is above nothing.
+                // A target that is not a number is not above the floor.
                 if !is_retract && !self.down_to.is_some_and(|down_to| down_to <= to) =>
             {
                 Err(Refusal::NoIntent { to })

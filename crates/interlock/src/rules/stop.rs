@@ -14,7 +14,7 @@ pub struct StopClock {
 }
 
 impl StopClock {
-    /// A stop was asked for.
+    /// A stop was requested.
     pub(crate) fn asked(&mut self, now: RigTime) {
         self.asked.get_or_insert(now);
     }

@@ -36,7 +36,7 @@ pub enum ReadingFlag {
     Normal,
     /// The input was overloaded: there is no value.
     Overload,
-    /// The signal was too small for the range, or not at the level asked for.
+    /// The signal was too small for the range, or not at the requested level.
     LowSignal,
 }
 

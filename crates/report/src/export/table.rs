@@ -108,7 +108,7 @@ impl<W: Write> Table<W> {
     }
 }
 
-/// Keeps the kind of the system's error: a closed pipe is no failure.
+/// Keeps the kind of the system's error: a closed pipe is not a failure.
 fn failed(error: csv::Error) -> ExportError {
     match error.into_kind() {
         csv::ErrorKind::Io(error) => error.into(),

@@ -37,9 +37,9 @@ pub(super) struct FitArgs {
     /// columns
     #[arg(long, value_enum)]
     timing: Option<FileTiming>,
-    /// Standard deviation of the relative error of a reading of ten cycles, where it is known:
-    /// readings that have not settled then count for less, and are no fault. As the file says when
-    /// left out
+    /// Standard deviation of the relative error of a reading of ten cycles, if it is known:
+    /// unsettled readings then get smaller weights and are not a fault. If left out, as the file
+    /// says
     #[arg(long, value_name = "PART", value_parser = noise)]
     noise: Option<f64>,
     /// Show the result of another estimator as well; `all` for every one

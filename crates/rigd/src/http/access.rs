@@ -135,7 +135,7 @@ pub enum TokenError {
         /// Permission bits of the file.
         mode: u32,
     },
-    /// Its content is no token.
+    /// Its content is not a token.
     #[error(
         "token file {} must hold one line of {TOKEN_MIN} to {TOKEN_MAX} visible ASCII characters, \
          such as `openssl rand -hex 32` writes",

@@ -24,7 +24,7 @@ use crate::rig::Status;
 /// Records read at a time, which is the most that a slow client can hold.
 const PAGE: u32 = 16;
 
-/// A page has one stream, a program one; some technicians and programs look on.
+/// Each page and each program has one stream; this leaves room for some of both.
 pub(super) const STREAMS_MAX: usize = 32;
 
 /// The position of a stream.

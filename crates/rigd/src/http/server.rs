@@ -1,4 +1,4 @@
-//! The listener: how many may come, how long they may take, and how they are sent away.
+//! The listener: limits on the number and the duration of connections, and their end.
 
 use std::{future::poll_fn, net::IpAddr, pin::Pin, sync::Arc, time::Duration};
 
@@ -28,7 +28,7 @@ const CONNECTIONS_MAX: usize = 128;
 const SPARES_MAX: usize = 64;
 /// A reserved connection is closed after this time.
 const SPARE_TIME: Duration = Duration::from_secs(10);
-/// A head fits one packet. A client that needs longer for it than this is no client.
+/// A head fits in one packet, so that a slower client is not a browser or a program in order.
 const HEAD_TIME: Duration = Duration::from_secs(5);
 /// On a spare, where others wait.
 const SPARE_HEAD_TIME: Duration = Duration::from_secs(1);
@@ -43,7 +43,7 @@ const LEAVE_TIME: Duration = Duration::from_secs(1);
 const LEAVE_MAX: u64 = 4 << 20;
 /// Time limit for current requests at the end of the daemon.
 const GRACE: Duration = Duration::from_secs(2);
-/// After a connection could not be accepted, such as for want of file descriptors.
+/// Pause after a connection could not be accepted, for example without free file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
 /// Serves until `closing`; after that, requests under way have `GRACE` to end.

@@ -113,7 +113,7 @@ impl Perform for GatedAnalyzer {
     }
 }
 
-/// An operation does not begin when a stop has come since it was asked for.
+/// An operation does not begin if a stop was requested after it.
 fn not_after_a_stop(device: Device, stop: &StopSignal) -> Result<(), Failure> {
     if stop.is_raised() {
         let detail = "a stop came before the operation began".to_owned();

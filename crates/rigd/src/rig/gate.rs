@@ -73,7 +73,7 @@ impl Gate {
         self.interlock.borrow_mut().operator(by, is_acknowledgement)
     }
 
-    /// A stop was asked for.
+    /// A stop was requested.
     pub(super) fn stop_asked(&self) {
         self.interlock.borrow_mut().stop_asked(self.clock.now());
     }

@@ -83,7 +83,8 @@ pub struct DeviceFacts {
     pub identity: String,
     /// The version of its firmware, if it says so.
     pub firmware: Option<String>,
-    /// Whether it took its settings and gave them back. A drive that did not is not seen at all.
+    /// Whether it took its settings and gave them back. A drive without a read-back does not
+    /// appear.
     pub settings: Result<(), AnalyzerError>,
     /// Its state, for an axis.
     pub axis: Option<AxisFacts>,
@@ -238,7 +239,7 @@ fn port_facts(name: &str, intruders: Vec<Holder>, transcript: &Transcript) -> Po
     PortFacts { intruders, adapter_delay_ms, round_trips: round_trips(transcript) }
 }
 
-/// None for a path that is no serial port of this computer.
+/// `None` for a path that is not a serial port of this computer.
 fn adapter_delay_ms(path: &Path) -> Option<u32> {
     let device = fs::canonicalize(path).ok()?;
     attached_ports().into_iter().find(|port| Path::new(&port.device) == device)?.latency_ms

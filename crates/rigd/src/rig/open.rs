@@ -200,7 +200,7 @@ pub(super) struct Ports {
 }
 
 impl Ports {
-    /// Opens them; with a scene, simulated devices take the place of those on the ports.
+    /// Opens them; with a scene, simulated devices replace those on the ports.
     pub(super) async fn open(
         file: &RigFile,
         scene: Option<LoadedScene>,

@@ -226,7 +226,7 @@ impl Shell {
     }
 
     fn begin_to_close(&mut self, reply: Option<oneshot::Sender<()>>) -> Closing {
-        // Denied when nothing is under way, which is just as well.
+        // It is refused if nothing is in progress, which has no consequence.
         _ = self.command(Command::Abort, "rigd");
         Closing { reply }
     }

@@ -9,7 +9,8 @@ use super::RequestRefusal;
 const RESERVE_BYTES: u64 = 100 << 20;
 
 /// Refuses a run for which the file system of the data directory has no room. Twice the expected
-/// size must be free: the expectation is no limit. A file system that does not tell is not refused.
+/// size must be free: the expectation is not a limit. A file system that does not report its free
+/// space is accepted.
 pub(super) fn check(data: &Path, run_bytes: u64) -> Result<(), RequestRefusal> {
     let Ok(system) = rustix::fs::statvfs(data) else { return Ok(()) };
     admit(system.f_bavail.saturating_mul(system.f_frsize), run_bytes)

@@ -34,7 +34,7 @@ pub enum ExpectedResponse {
 /// Why a stream cannot be followed any further.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum FrameError {
-    /// No ending came.
+    /// No ending arrived.
     #[error("an answer is longer than {limit_bytes} bytes")]
     TooLong {
         /// The limit of the framing.
@@ -156,10 +156,10 @@ impl ResponseDecoder {
     }
 
     /// The transport says that the answer ends here, with or without an ending. Returns it, or
-    /// `None` when nothing came.
+    /// `None` without any byte.
     ///
     /// # Errors
-    /// As [`Self::poll`]; a block that is not whole is [`FrameError::BlockLength`].
+    /// As [`Self::poll`]; an incomplete block is [`FrameError::BlockLength`].
     pub fn end_of_message(&mut self) -> Result<Option<Response>, FrameError> {
         if let Some(response) = self.poll()? {
             return Ok(Some(response));
@@ -175,7 +175,7 @@ impl ResponseDecoder {
         Ok(Some(self.cut(false)))
     }
 
-    /// Bytes that came and belong to no whole answer yet.
+    /// Received bytes of an incomplete answer.
     pub fn n_buffered(&self) -> usize {
         self.buffer.len() - self.start
     }

@@ -30,7 +30,7 @@ pub enum ProgramError {
     /// The header is not one of IEEE 488.2.
     #[error("`{header}` is not a program header")]
     Header {
-        /// The header asked for.
+        /// The requested header.
         header: String,
     },
     /// A number that has no decimal form.
@@ -38,25 +38,25 @@ pub enum ProgramError {
     NotFinite {
         /// The message so far.
         header: String,
-        /// The value asked for.
+        /// The requested value.
         value: f64,
     },
     /// Strings are ASCII.
     #[error("`{text}` holds characters beyond ASCII")]
     NotAscii {
-        /// The text asked for.
+        /// The requested text.
         text: String,
     },
     /// Character data is one word.
     #[error("`{text}` is not character data")]
     NotCharacters {
-        /// The text asked for.
+        /// The requested text.
         text: String,
     },
     /// A suffix consists of letters, digits, `.`, `/` and `-`, and follows a number.
     #[error("`{unit}` is not the unit of a number")]
     Unit {
-        /// The unit asked for.
+        /// The requested unit.
         unit: String,
     },
     /// A block of this length does not fit its header.

@@ -75,7 +75,7 @@ pub enum DataError {
         /// The number received.
         found: usize,
     },
-    /// Another number of data than asked for.
+    /// A different number of data than requested.
     #[error("{found} fields came where {expected} were expected")]
     FieldCount {
         /// The number expected.
@@ -88,7 +88,7 @@ pub enum DataError {
     Type {
         /// The type expected.
         expected: &'static str,
-        /// The type that came.
+        /// The received type.
         found: &'static str,
     },
     /// The reading is too large to be one.
@@ -104,7 +104,7 @@ impl Response {
         Self { bytes }
     }
 
-    /// The bytes as they came.
+    /// The received bytes.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
@@ -140,7 +140,7 @@ impl Response {
     /// The data of the answer to one query.
     ///
     /// # Errors
-    /// As [`Self::units`], and [`DataError::UnitCount`] when several answers came.
+    /// As [`Self::units`], and [`DataError::UnitCount`] for several answers.
     pub fn data(&self) -> Result<Vec<Datum>, DataError> {
         let mut units = self.units()?;
         match (units.pop(), units.len()) {
@@ -152,7 +152,7 @@ impl Response {
     /// The only datum of the answer to one query.
     ///
     /// # Errors
-    /// As [`Self::data`], and [`DataError::FieldCount`] when several data came.
+    /// As [`Self::data`], and [`DataError::FieldCount`] for several data.
     pub fn datum(&self) -> Result<Datum, DataError> {
         let mut data = self.data()?;
         match (data.pop(), data.len()) {

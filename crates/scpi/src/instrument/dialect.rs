@@ -12,7 +12,7 @@ pub struct Dialect {
     pub identity: String,
     /// Terminators of incoming messages.
     pub terminators: Terminators,
-    /// Whether a terminator inside a string is part of the string, as IEEE 488.2, 7.7.5.2 has it.
+    /// Whether a terminator inside a string is part of the string, as IEEE 488.2, 7.7.5.2 requires.
     /// Otherwise it ends the message, and a forgotten quote is −151 instead of a long silence.
     pub strings_span_lines: bool,
     /// The terminator of an answer.

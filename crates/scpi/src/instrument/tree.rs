@@ -122,7 +122,7 @@ pub enum TreeError {
 pub(crate) struct HeaderMatch {
     at: usize,
     pub(crate) arity: Arity,
-    /// The command can be set and asked for.
+    /// The command can be set and queried.
     pub(crate) is_setting: bool,
     pub(crate) suffixes: Vec<Option<u32>>,
     pub(crate) is_out_of_range: bool,

@@ -393,7 +393,7 @@ impl Iai {
             return Err(Exception::Value);
         }
         let is_written = |wanted: u16| addresses.contains(&wanted);
-        // A new speed or acceleration alone acts on the target that is there.
+        // A new speed or acceleration alone acts on the present target.
         let starts = [order::POSITION + 1, order::SPEED + 1, order::ACCELERATION];
         if starts.into_iter().any(is_written) {
             self.start(now, world);

@@ -178,7 +178,7 @@ pub(super) fn tree(own: &[StoredSetting]) -> Tree<LcrCommand> {
     Tree::new(&nodes).expect("the commands are constants, and a test builds them")
 }
 
-/// The pairs of values that can be asked for.
+/// The pairs of values that can be requested.
 pub(super) const FUNCTIONS: &[(&str, (Quantity, Quantity))] = &[
     ("CPD", (Quantity::Cp, Quantity::D)),
     ("CPQ", (Quantity::Cp, Quantity::Q)),
