@@ -291,6 +291,36 @@ async fn a_run_goes_on_after_an_abort_and_after_a_stop_in_the_same_daemon() {
     check_same(&data, run, &whole, "resumed twice");
 }
 
+#[tokio::test]
+async fn a_session_is_sealed_after_a_day() {
+    let folder = TempDir::new().unwrap();
+    let rig = write_rig(folder.path());
+    let text = fs::read_to_string(config().join("protocols/smoke.toml")).unwrap();
+    // Thirty touches of an hour.
+    let slow = text
+        .replace("angles_deg = [0, 45]", "angles_deg = [0, 15, 30, 45]")
+        .replace("\n[approach]", "\ndwell_s = 3600\n\n[approach]");
+    let protocol = folder.path().join("slow.toml");
+    fs::write(&protocol, slow).unwrap();
+    let data = folder.path().join("data");
+    let bench = Bench::open(&rig, &data);
+    bench.wait_for(RigState::Idle).await;
+    let first = bench.handle.status().borrow().session;
+    let facts = LoadedRig::load(&rig).unwrap().facts();
+    let protocol = LoadedProtocol::load(&protocol, &facts).unwrap();
+    let run = bench.handle.run(protocol, "Ada").await.unwrap();
+    assert_eq!(bench.ended(run).await, RunStatus::Completed);
+    let mut status = bench.handle.status();
+    let renewed = status.wait_for(|status| status.session != first);
+    tokio::time::timeout(Duration::from_secs(60), renewed).await.unwrap().unwrap();
+    let reader = Reader::open(&data).unwrap();
+    assert!(reader.run(first).unwrap().is_sealed);
+    bench.close().await;
+    let sessions = reader.runs().unwrap().into_iter().filter(|run| run.id != first);
+    assert!(sessions.into_iter().all(|run| run.is_sealed));
+    assert_eq!(reader.broken_link().unwrap(), None);
+}
+
 /// Runs the program to its end.
 fn rigd(folder: &Path, args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_rigd"))

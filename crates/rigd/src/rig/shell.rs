@@ -15,6 +15,7 @@ use rig_engine::{
     OperationId, RigState,
 };
 use rig_link::{Clock, Transcript};
+use rig_model::RigTime;
 use rig_model::{Mm, Position};
 use rig_sim::SimHandle;
 use rig_store::{Ending, Journal, Record, RunId, RunKind, Store};
@@ -42,6 +43,9 @@ const COMMIT_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Operator of the answers on a simulated rig.
 const SIMULATED_PERSON: &str = "simulated person";
+
+/// A session is sealed when it ends, and a daemon runs for months.
+const SESSION: Duration = Duration::from_secs(24 * 3600);
 
 type Opening = Result<(watch::Receiver<Status>, Option<SimHandle>), OpenError>;
 
@@ -100,6 +104,7 @@ struct Shell {
     clock: Clock,
     store: Store,
     session: (Journal, Recorder),
+    session_began: RigTime,
     run: Option<(Journal, Recorder)>,
     /// The published state at the end of each step.
     view: Status,
@@ -162,6 +167,7 @@ impl Shell {
             clock,
             store,
             session: (session, Recorder::for_session()),
+            session_began: clock.now(),
             run: None,
             view,
             status,
@@ -194,6 +200,7 @@ impl Shell {
                 }
                 return;
             }
+            self.renew_session();
             if self.is_answer_due {
                 self.is_answer_due = false;
                 // A prompt that has been ended meanwhile needs no answer.
@@ -237,6 +244,32 @@ impl Shell {
             self.journal_failed(&error);
         }
         self.commit();
+    }
+
+    /// Begins another session after a day, between runs, so that the one before is sealed.
+    fn renew_session(&mut self) {
+        let now = self.clock.now();
+        let is_between = self.run.is_none()
+            && self.engine.snapshot().state == RigState::Idle
+            && self.is_at_rest();
+        if !is_between
+            || now.since(self.session_began) < SESSION
+            || self.view.journal_error.is_some()
+        {
+            return;
+        }
+        self.end_session();
+        self.session_began = now;
+        match self.store.begin(RunKind::Session, &self.setting.rig.name) {
+            Ok(journal) => {
+                self.view.session = journal.id();
+                self.view.first_event = 0;
+                // Sweeps are counted on, so that no number means two of them.
+                self.session.0 = journal;
+            }
+            Err(error) => self.journal_failed(&error),
+        }
+        self.publish();
     }
 
     /// No further event is expected. A latched rig may have an operation in progress that never
@@ -327,7 +360,7 @@ impl Shell {
         self.carry_out(effects);
     }
 
-    fn think<T>(&mut self, decide: impl FnOnce(&mut Engine, rig_model::RigTime) -> T) -> T {
+    fn think<T>(&mut self, decide: impl FnOnce(&mut Engine, RigTime) -> T) -> T {
         let begun = processor_time();
         let decision = decide(&mut self.engine, self.clock.now());
         self.thought = processor_time().saturating_sub(begun);
@@ -511,7 +544,7 @@ fn processor_time() -> Duration {
 }
 
 /// Waits until a time on the rig's clock; for ever, when there is none.
-async fn until(clock: Clock, deadline: Option<rig_model::RigTime>) {
+async fn until(clock: Clock, deadline: Option<RigTime>) {
     match deadline {
         Some(deadline) => tokio::time::sleep(deadline.since(clock.now())).await,
         None => std::future::pending().await,
