@@ -2,9 +2,9 @@
 
 use rig_model::{Clearance, Deg, Mm, Position, Reading, SweepRequest};
 use rig_protocol::{Prompt, StepId, Touch};
-use rig_resonance::{Estimate, FitOptions, FitOutcome, Refusal, Resonance};
+use rig_resonance::{Estimate, FitOptions, FitOutcome, Resonance};
 
-use crate::{Fault, Surface};
+use crate::{Fault, Surface, TouchRefusal};
 
 /// The end of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -89,6 +89,7 @@ pub struct TouchResult {
 }
 
 /// The outcome of a touch.
+#[expect(clippy::large_enum_variant, reason = "a touch has one outcome, which is kept once")]
 #[derive(Debug, Clone, PartialEq)]
 pub enum TouchOutcome {
     /// A resonance in contact.
@@ -103,7 +104,7 @@ pub enum TouchOutcome {
         /// Position of the probe in the sample, if it was reached.
         contact: Option<Contact>,
         /// Why the touch has no resonance.
-        refusal: Refusal,
+        refusal: TouchRefusal,
     },
 }
 
@@ -222,6 +223,8 @@ pub enum Event {
     SweepFinished(Box<FinishedSweep>),
     /// A touch is done and the probe is clear.
     TouchFinished(Box<TouchResult>),
+    /// A finished touch is contradicted by what was measured next, and refused.
+    TouchDoubted(Box<TouchResult>),
     /// A command of a person or a program.
     Operator {
         /// Name of the command.

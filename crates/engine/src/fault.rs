@@ -3,7 +3,7 @@
 use rig_model::{AxisError, Deg, Mm, Position};
 use rig_protocol::StepId;
 
-use crate::{InterlockError, recovery::RecoveryReport};
+use crate::{ContactSenseFault, InterlockError, recovery::RecoveryReport};
 
 /// The parts of the rig that can fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -135,6 +135,9 @@ pub enum Fault {
     /// The probe was to be retracted and could not be shown to be clear.
     #[error("the probe was retracted but could not be shown to be clear")]
     NotProvenClear,
+    /// The contact sense contradicts itself.
+    #[error(transparent)]
+    ContactSense(ContactSenseFault),
     /// The linear stage is not where its last moves can have led.
     #[error(
         "linear stage: found at {found} after the fault, and its last moves were between {low} and \

@@ -14,6 +14,7 @@
 #![deny(clippy::disallowed_methods)]
 
 mod command;
+mod contact_sense;
 mod effect;
 mod engine;
 mod event;
@@ -28,6 +29,7 @@ mod sweep;
 mod touch;
 
 pub use command::{Command, CommandRefusal};
+pub use contact_sense::{ContactSenseFault, TouchRefusal};
 pub use effect::{Effect, Input};
 pub use engine::{Admitted, Engine, Progress, Snapshot};
 pub use event::{

@@ -1,14 +1,15 @@
 //! Replays a plan, one step at a time.
 
-use rig_model::{Clearance, RigLimits, RigTime, Window};
+use rig_model::{Clearance, PointResult, RigLimits, RigTime, Window};
 use rig_protocol::{Action, Plan, Pose, Prompt};
 use rig_resonance::{FitOutcome, Prior, Resonance};
 
 use crate::{
     Event, Fault, Operation, RunStatus, SweepPurpose,
+    contact_sense::{Neighbours, check_free, check_reference},
     machine::{MachineContext, MachineEvent, MachineStep},
     sweep::{DRIFT, Sweep, SweepStep},
-    touch::TouchMachine,
+    touch::{TouchMachine, listen_clear},
 };
 
 /// Attempts at the no-load resonance before the run gives up.
@@ -21,6 +22,7 @@ pub(crate) struct Run {
     machine: Machine,
     no_load: Option<Resonance>,
     has_refusals: bool,
+    neighbours: Neighbours,
     pub(crate) is_pause_asked: bool,
 }
 
@@ -31,17 +33,20 @@ enum Machine {
     Prompting(Prompt),
     NoLoad(Box<NoLoad>),
     Touch(Box<TouchMachine>),
+    /// After the last step, the impedance of the clear probe confirms the last touch.
+    Confirming,
 }
 
 impl Run {
     /// A run of the steps from this index on.
-    pub(crate) const fn new(plan: Plan, index: usize, has_refusals: bool) -> Self {
+    pub(crate) fn new(plan: Plan, index: usize, has_refusals: bool) -> Self {
         Self {
             plan,
             index,
             machine: Machine::Between,
             no_load: None,
             has_refusals,
+            neighbours: Neighbours::default(),
             is_pause_asked: false,
         }
     }
@@ -66,20 +71,49 @@ impl Run {
         let mut context = MachineContext { now, plan: &self.plan, limits, clearance, notes };
         let step = match &mut self.machine {
             Machine::Between => return self.next_step(now, limits, clearance, notes),
-            Machine::Prompting(prompt) => prompting(*prompt, event, &mut context),
+            Machine::Prompting(prompt) => {
+                let step = prompting(*prompt, event, &mut context);
+                if matches!(step, MachineStep::Done(())) {
+                    self.neighbours.changed();
+                }
+                step
+            }
+            Machine::Confirming => {
+                let confirmed = confirming(&event, self.no_load.as_ref());
+                if matches!(confirmed, MachineStep::Done(())) {
+                    self.neighbours.confirmed();
+                    self.machine = Machine::Between;
+                    return self.next_step(now, limits, clearance, notes);
+                }
+                confirmed
+            }
             Machine::NoLoad(machine) => {
-                let last = self.no_load.as_ref();
-                machine.advance(event, last, &mut context).and_then(|resonance| {
-                    self.no_load = Some(resonance);
-                    MachineStep::Done(())
+                let last = self.no_load;
+                machine.advance(event, last.as_ref(), &mut context).and_then(|resonance| {
+                    match check_reference(last.as_ref(), &resonance) {
+                        Ok(()) => {
+                            self.no_load = Some(resonance);
+                            MachineStep::Done(())
+                        }
+                        Err(fault) => MachineStep::Fault(Fault::ContactSense(fault)),
+                    }
                 })
             }
             Machine::Touch(machine) => machine.advance(event, &mut context).and_then(|result| {
                 self.has_refusals |= result.is_refused();
+                let pose = result.touch.pose;
+                let expected = limits.geometry.surface_at(pose.direction, pose.angle);
+                self.neighbours.finished(&result, expected);
                 context.notes.push(Event::TouchFinished(Box::new(result)));
                 MachineStep::Done(())
             }),
         };
+        if let MachineStep::Fault(fault) = &step
+            && let Some(doubted) = self.neighbours.contradicted_by(fault)
+        {
+            self.has_refusals = true;
+            notes.push(Event::TouchDoubted(Box::new(doubted)));
+        }
         step.and_then(|()| {
             self.machine = Machine::Between;
             self.index += 1;
@@ -96,6 +130,10 @@ impl Run {
         notes: &mut Vec<Event>,
     ) -> MachineStep<RunStatus> {
         let Some(step) = self.plan.steps.get(self.index) else {
+            if let Some(no_load) = self.no_load.filter(|_| self.neighbours.is_open()) {
+                self.machine = Machine::Confirming;
+                return MachineStep::Do(listen_clear(&no_load, &self.plan));
+            }
             return MachineStep::Done(if self.has_refusals {
                 RunStatus::CompletedWithRefusals
             } else {
@@ -112,7 +150,9 @@ impl Run {
             }
             Action::Touch(touch) => match &self.no_load {
                 Some(no_load) => {
-                    Machine::Touch(Box::new(TouchMachine::new(step.id.clone(), touch, no_load)))
+                    let offset_mm = self.neighbours.offset_mm();
+                    let machine = TouchMachine::new(step.id.clone(), touch, no_load, offset_mm);
+                    Machine::Touch(Box::new(machine))
                 }
                 None => {
                     return MachineStep::Fault(Fault::NoReferenceBefore { step: step.id.clone() });
@@ -121,6 +161,21 @@ impl Run {
         };
         notes.push(Event::StepStarted { index: self.index });
         self.advance(now, MachineEvent::Begin, limits, clearance, notes)
+    }
+}
+
+/// The impedance of the clear probe after the last touch.
+fn confirming(event: &MachineEvent, no_load: Option<&Resonance>) -> MachineStep<()> {
+    let (MachineEvent::Readings(readings), Some(no_load)) = (event, no_load) else {
+        return MachineStep::Fault(event.out_of_order("the end of a run"));
+    };
+    // A reading that the analyzer flags says nothing against the touch.
+    let Some(PointResult::Value(measured)) = readings.last().map(|last| last.measured) else {
+        return MachineStep::Done(());
+    };
+    match check_free(no_load, no_load.resonance_hz, measured) {
+        Ok(()) => MachineStep::Done(()),
+        Err(fault) => MachineStep::Fault(Fault::ContactSense(fault)),
     }
 }
 

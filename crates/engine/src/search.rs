@@ -87,6 +87,11 @@ impl Search {
         expected.offset(-approach.give_up_below_mm)
     }
 
+    /// The impedance of the clear probe.
+    pub(crate) const fn baseline(&self) -> Impedance {
+        self.baseline
+    }
+
     /// Every position tried, with its reading.
     pub fn trail(&self) -> &[(Position<Mm>, Reading)] {
         &self.trail

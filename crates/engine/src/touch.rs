@@ -13,11 +13,13 @@ use std::time::Duration;
 use rig_model::{
     Clearance, Deg, Impedance, Mm, PointResult, Position, Reading, SweepPoint, Window,
 };
-use rig_protocol::{StepId, Touch};
+use rig_protocol::{Approach, Plan, StepId, Touch};
 use rig_resonance::{FitOutcome, Prior, Resonance, flagged};
 
 use crate::{
-    Contact, Fault, LoweringPurpose, Operation, SweepPurpose, TouchOutcome, TouchResult,
+    Contact, ContactSenseFault, Fault, LoweringPurpose, Operation, SweepPurpose, TouchOutcome,
+    TouchRefusal, TouchResult,
+    contact_sense::{check_alive, check_free, check_shift, check_surface},
     machine::{MachineContext, MachineEvent, MachineStep},
     search::{Search, SearchStep, Surface},
     sweep::{DRIFT, Sweep, SweepStep},
@@ -41,6 +43,8 @@ pub(crate) struct TouchMachine {
     no_load: Resonance,
     /// The rotary stage as last read back.
     rotary: Position<Deg>,
+    /// How much higher than expected the touches before found the surface of this sample, mm.
+    offset_mm: Option<f64>,
     phase: Phase,
 }
 
@@ -58,9 +62,14 @@ enum Phase {
 }
 
 impl TouchMachine {
-    pub(crate) fn new(step: StepId, touch: Touch, no_load: &Resonance) -> Self {
+    pub(crate) fn new(
+        step: StepId,
+        touch: Touch,
+        no_load: &Resonance,
+        offset_mm: Option<f64>,
+    ) -> Self {
         let rotary = touch.pose.direction.rotary_position(touch.pose.angle);
-        Self { step, touch, no_load: *no_load, rotary, phase: Phase::Rotating }
+        Self { step, touch, no_load: *no_load, rotary, offset_mm, phase: Phase::Rotating }
     }
 
     pub(crate) fn advance(
@@ -82,12 +91,10 @@ impl TouchMachine {
                     let trail = readings.iter().map(|reading| (here, *reading)).collect();
                     return self.unreadable(trail, context);
                 };
-                self.phase = Phase::Declaring { baseline };
-                let down_to = Search::floor(&context.plan.touch.approach, self.expected(context));
-                MachineStep::Declare { down_to, purpose: LoweringPurpose::FindSurface }
+                self.declare_search(baseline, context)
             }
             (&mut Phase::Declaring { baseline }, MachineEvent::Declared) => {
-                let approach = context.plan.touch.approach;
+                let approach = self.approach(context);
                 let (search, step) = Search::begin(approach, self.expected(context), baseline);
                 self.phase = Phase::Searching(search);
                 let speed = context.limits.motion.travel_speed_mm_per_s;
@@ -99,6 +106,9 @@ impl TouchMachine {
                 self.follow(step, speed, context)
             }
             (Phase::Searching(search), MachineEvent::Readings(readings)) => {
+                if let Err(fault) = is_alive(search, &self.no_load, &readings) {
+                    return MachineStep::Fault(Fault::ContactSense(fault));
+                }
                 let step = readings.iter().fold(SearchStep::Flagged, |_, one| search.read(*one));
                 let speed = context.limits.motion.contact_speed_mm_per_s;
                 self.follow(step, speed, context)
@@ -145,19 +155,42 @@ impl TouchMachine {
             return MachineStep::Fault(Fault::MissingReadings { given: 0, asked: 1 });
         };
         context.surface_not_found(trail);
+        let refusal = TouchRefusal::Sweep(Box::new(refusal));
         self.phase = Phase::Retracting(Box::new(TouchOutcome::Refused { contact: None, refusal }));
         context.retract()
     }
 
     /// Time constant of the ring-down of the free sensor, s.
     fn time_constant_s(&self) -> f64 {
-        self.no_load.q / (std::f64::consts::PI * self.no_load.resonance_hz)
+        time_constant_s(&self.no_load)
     }
 
     /// Expected position of the surface at this pose.
     fn expected(&self, context: &MachineContext<'_>) -> Position<Mm> {
         let pose = self.touch.pose;
         context.limits.geometry.surface_at(pose.direction, pose.angle)
+    }
+
+    /// Declares the search, if the baseline is that of a free sensor.
+    fn declare_search(
+        &mut self,
+        baseline: Impedance,
+        context: &MachineContext<'_>,
+    ) -> MachineStep<TouchResult> {
+        if let Err(fault) = check_free(&self.no_load, self.no_load.resonance_hz, baseline) {
+            return MachineStep::Fault(Fault::ContactSense(fault));
+        }
+        self.phase = Phase::Declaring { baseline };
+        let down_to = Search::floor(&self.approach(context), self.expected(context));
+        MachineStep::Declare { down_to, purpose: LoweringPurpose::FindSurface }
+    }
+
+    /// The approach, whose search goes no deeper than the sample may be pressed, as far as the height of
+    /// its surface is known.
+    fn approach(&self, context: &MachineContext<'_>) -> Approach {
+        let approach = context.plan.touch.approach;
+        let deepest_mm = context.limits.motion.max_indentation_mm - self.offset_mm.unwrap_or(0.0);
+        Approach { give_up_below_mm: approach.give_up_below_mm.min(deepest_mm), ..approach }
     }
 
     /// Reads the impedance at the no-load resonance, where a contact changes it most.
@@ -186,6 +219,12 @@ impl TouchMachine {
                 self.listen(settle_s, context)
             }
             SearchStep::Found(surface) => {
+                let tolerance_mm = context.limits.geometry.surface_tolerance_mm;
+                let (found, expected) = (surface.position, self.expected(context));
+                if let Err(fault) = check_surface(found, expected, self.offset_mm, tolerance_mm) {
+                    let fault = SearchStep::Fault(Fault::ContactSense(fault));
+                    return self.follow(fault, speed_mm_per_s, context);
+                }
                 let phase = Phase::DeclaringIndentation { surface };
                 if let Phase::Searching(search) = std::mem::replace(&mut self.phase, phase) {
                     context.surface_found(surface, search.trail().to_vec());
@@ -244,11 +283,15 @@ impl TouchMachine {
             SweepStep::Fault(fault) => MachineStep::Fault(fault),
             SweepStep::Finished(sweep) => {
                 let outcome = match sweep.outcome {
-                    FitOutcome::Accepted(loaded) => TouchOutcome::Measured { contact, loaded },
+                    FitOutcome::Accepted(loaded) => match check_shift(&self.no_load, &loaded) {
+                        Ok(()) => TouchOutcome::Measured { contact, loaded },
+                        Err(refusal) => TouchOutcome::Refused { contact: Some(contact), refusal },
+                    },
                     FitOutcome::Refused(_) if retries_left > 0 => {
                         return self.sweep(contact, retries_left - 1, context);
                     }
                     FitOutcome::Refused(refusal) => {
+                        let refusal = TouchRefusal::Sweep(Box::new(refusal));
                         TouchOutcome::Refused { contact: Some(contact), refusal }
                     }
                 };
@@ -256,6 +299,35 @@ impl TouchMachine {
                 context.retract()
             }
         }
+    }
+}
+
+fn time_constant_s(no_load: &Resonance) -> f64 {
+    no_load.q / (std::f64::consts::PI * no_load.resonance_hz)
+}
+
+/// Reads the impedance of the clear probe at the no-load resonance, after its vibration has decayed.
+pub(crate) fn listen_clear(no_load: &Resonance, plan: &Plan) -> Operation {
+    let (frequency_hz, cycles) = (no_load.resonance_hz, plan.touch.approach.cycles);
+    let settle_s = BASELINE_TIME_CONSTANTS * time_constant_s(no_load);
+    let point = SweepPoint { frequency_hz, settle_s, cycles };
+    Operation::Measure { points: vec![point], level: plan.contact_sweep.level }
+}
+
+/// Holds a reading of a search against the one before it.
+fn is_alive(
+    search: &Search,
+    no_load: &Resonance,
+    readings: &[Reading],
+) -> Result<(), ContactSenseFault> {
+    let before = match search.trail().last().map(|(_, last)| last.measured) {
+        None => search.baseline(),
+        Some(PointResult::Value(before)) => before,
+        Some(_) => return Ok(()),
+    };
+    match readings.last().map(|last| last.measured) {
+        Some(PointResult::Value(next)) => check_alive(no_load, no_load.resonance_hz, before, next),
+        _ => Ok(()),
     }
 }
 

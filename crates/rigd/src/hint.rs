@@ -1,6 +1,6 @@
 //! Advice after a fault.
 
-use rig_engine::{Device, FailureKind, Fault, RigState};
+use rig_engine::{ContactSenseFault, Device, FailureKind, Fault, RigState};
 use rig_model::Clearance;
 
 /// Advice for a command refused in this state.
@@ -120,6 +120,13 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
         Fault::ContactTooEarly { .. } => {
             "check that the surface of the sample is at the height in the rig file, and that \
              nothing touches the probe"
+        }
+        Fault::ContactSense(ContactSenseFault::SurfaceMoved { .. }) => {
+            "look whether the sample has moved, and whether the linear stage has lost steps: its scale \
+             and its read-back must agree"
+        }
+        Fault::ContactSense(_) => {
+            "check that nothing touches the probe, and check the cable of the sensor and the analyzer"
         }
         Fault::NoContact { .. } => "check that the sample is in place and the probe is intact",
         Fault::NoReference { .. } => {

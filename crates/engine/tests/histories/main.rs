@@ -258,3 +258,29 @@ fn a_rig_that_was_left_by_a_crash_waits_for_a_person_and_then_retracts_first() {
         assert_eq!((world.engine.snapshot().state, effects.len()), (RigState::Idle, 0));
     }
 }
+
+#[test]
+fn an_analyzer_that_repeats_its_last_reading_leaves_no_wrong_shift() {
+    let mut undisturbed = World::new(None);
+    undisturbed.play();
+    let mut noticed = 0;
+    for at in 4..undisturbed.operations {
+        let mut world = World::new(Some((at, Trouble::Freezes)));
+        world.play();
+        let mut shifts: Vec<(String, f64)> = Vec::new();
+        for event in &world.events {
+            let (Event::TouchFinished(result) | Event::TouchDoubted(result)) = event else {
+                continue;
+            };
+            shifts.retain(|(step, _)| *step != result.step.0);
+            if let TouchOutcome::Measured { loaded, .. } = &result.outcome {
+                let shift_hz = loaded.resonance_hz - result.no_load.resonance_hz;
+                shifts.push((result.step.0.clone(), shift_hz));
+            }
+        }
+        let are_true = shifts.iter().all(|(_, hz)| (hz - (LOADED_HZ - FREE_HZ)).abs() < 0.5);
+        assert!(are_true, "frozen at operation {at}: {shifts:?}");
+        noticed += u32::from(world.endings() != [RunStatus::Completed]);
+    }
+    assert!(noticed > 50, "noticed {noticed} times");
+}

@@ -140,6 +140,8 @@ pub(crate) enum Trouble {
     Pause,
     /// The linear drive is in trouble from here on.
     Drive(DriveTrouble),
+    /// The analyzer repeats its last reading from here on, whatever it is asked.
+    Freezes,
 }
 
 /// An ideal bench, with its own idea of where things are.
@@ -164,6 +166,10 @@ pub(crate) struct World {
     pub(crate) then: Option<(usize, Trouble)>,
     /// A measurement that is not waited for, and whose report comes too late.
     pub(crate) abandoned: Option<OperationId>,
+    /// The last impedance that was read.
+    pub(crate) last_read: Option<PointResult>,
+    /// The impedance that a frozen analyzer repeats.
+    pub(crate) frozen: Option<PointResult>,
     /// When the first fault was noted.
     pub(crate) faulted_at: Option<RigTime>,
 }
@@ -186,6 +192,8 @@ impl World {
             drive: None,
             then: None,
             abandoned: None,
+            last_read: None,
+            frozen: None,
             faulted_at: None,
         }
     }
@@ -270,6 +278,9 @@ impl World {
         let trouble = trouble.or(then);
         self.operations += 1;
         self.now = self.now + std::time::Duration::from_millis(100);
+        if trouble == Some(Trouble::Freezes) {
+            self.frozen = self.last_read;
+        }
         if let Some(Trouble::Drive(trouble)) = trouble {
             self.drive = Some(Drive::new(trouble, self.now));
         }
@@ -277,7 +288,7 @@ impl World {
             return self.handle(Input::Done(id, answer));
         }
         match trouble {
-            None | Some(Trouble::Drive(_)) => {}
+            None | Some(Trouble::Drive(_) | Trouble::Freezes) => {}
             Some(Trouble::Fails) => return self.fail(id, FailureKind::Line),
             Some(Trouble::Loses) => {
                 self.is_lost = true;
@@ -394,12 +405,15 @@ impl World {
         let (g, s) = (-omega_c0 * b, omega_c0 * a);
         let size = g * g + s * s;
         let (noise_re, noise_im) = (self.noise(), self.noise());
+        let fresh = PointResult::Value(Impedance {
+            resistance_ohm: (g + s * noise_im) / size * (1.0 + noise_re),
+            reactance_ohm: (-s + g * noise_im) / size * (1.0 + noise_re),
+        });
+        let measured = self.frozen.unwrap_or(fresh);
+        self.last_read = Some(measured);
         Reading {
             frequency_hz: point.frequency_hz,
-            measured: PointResult::Value(Impedance {
-                resistance_ohm: (g + s * noise_im) / size * (1.0 + noise_re),
-                reactance_ohm: (-s + g * noise_im) / size * (1.0 + noise_re),
-            }),
+            measured,
             started: self.now,
             settle_s: point.settle_s,
             integration_s: f64::from(point.cycles) / point.frequency_hz,

@@ -155,7 +155,7 @@ impl Recorder {
                 trail: trail.iter().map(tried).collect(),
             }),
             Event::SweepFinished(outcome) => self.sweep(outcome),
-            Event::TouchFinished(result) => self.touch(result),
+            Event::TouchFinished(result) | Event::TouchDoubted(result) => self.touch(result),
             Event::Operator { action, by } => {
                 Record::Operator(store::Operator { action: (*action).to_owned(), who: by.clone() })
             }

@@ -484,6 +484,7 @@ impl Shell {
                 view.touches_done += 1;
                 view.touches_refused += usize::from(result.is_refused());
             }),
+            Event::TouchDoubted(_) => self.view_run(|view| view.touches_refused += 1),
             Event::RunFinished(ending) => self.view_run(|view| view.ending = Some(*ending)),
             Event::SweepFinished(outcome)
                 if outcome.purpose == rig_engine::SweepPurpose::Manual =>

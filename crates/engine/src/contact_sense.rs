@@ -1,0 +1,254 @@
+//! Whether the contact sense can be believed: the impedance of the clear probe against the last no-load
+//! resonance, the surface against its neighbours, and the shift against nothing.
+//!
+//! A stuck sense feels a contact that is not there, a blind one feels none, and a stage that has lost
+//! steps is not where its drive says. What these cannot be told apart from is refused.
+
+use rig_model::{Impedance, Mm, Position};
+use rig_resonance::{Circuit, Refusal, Resonance};
+
+use crate::{Fault, TouchOutcome, TouchResult, sweep::DRIFT};
+
+/// The free resonance may have moved by this part since its last measurement: twice the drift that a
+/// sweep expects, and less than the softest sample moves it.
+const FREE_MOVE: f64 = 2.0 * DRIFT;
+
+/// Resonances within that range with which the impedance is compared.
+const FREE_STEPS: i32 = 40;
+
+/// Largest deviation of the impedance of a free sensor from the nearest of them, relative. Noise is some
+/// percent; a contact changes it by more than half.
+const FREE_TOLERANCE: f64 = 0.35;
+
+/// The quality of the free sensor is at least this part of the fitted one.
+const LEAST_QUALITY_PART: f64 = 0.3;
+
+/// A shift within this many standard deviations is none: the probe was pressed into the sample.
+const NO_SHIFT_SIGMAS: f64 = 6.0;
+
+/// How far a surface may be from where the touches before it on the same sample found it, as a part of
+/// the surface tolerance of the rig.
+const NEIGHBOUR_PART: f64 = 0.4;
+
+/// Two readings of a live analyzer are never equal in every digit, if their noise is above this.
+const ALIVE_NOISE: f64 = 1e-4;
+
+/// The contact sense contradicts itself. The rig latches.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum ContactSenseFault {
+    /// The impedance of the clear probe is not that of the free sensor.
+    #[error(
+        "contact sense: at {frequency_hz:.3} Hz the impedance of the clear probe is {percent:.0} % from \
+         that of the last no-load resonance, where at most {limit_percent:.0} % are allowed"
+    )]
+    NotFree {
+        /// The frequency, Hz.
+        frequency_hz: f64,
+        /// Deviation from the nearest resonance within the drift, percent.
+        percent: f64,
+        /// Largest deviation, percent.
+        limit_percent: f64,
+    },
+    /// Two readings are equal in every digit.
+    #[error("contact sense: two readings at {frequency_hz:.3} Hz are equal in every digit")]
+    Frozen {
+        /// The frequency, Hz.
+        frequency_hz: f64,
+    },
+    /// The surface is not where the touches before found it.
+    #[error(
+        "the surface was found at {found}, {by_mm:.3} mm from where the touches before on this sample \
+         expect it; at most {limit_mm:.3} mm are allowed"
+    )]
+    SurfaceMoved {
+        /// The surface.
+        found: Position<Mm>,
+        /// Its distance from the expected place, mm.
+        by_mm: f64,
+        /// Largest distance, mm.
+        limit_mm: f64,
+    },
+    /// The free resonance has moved too far.
+    #[error(
+        "contact sense: the no-load resonance moved from {from_hz:.2} Hz to {to_hz:.2} Hz, more than \
+         {limit_percent:.0} %"
+    )]
+    ReferenceMoved {
+        /// The last no-load resonance, Hz.
+        from_hz: f64,
+        /// The new one, Hz.
+        to_hz: f64,
+        /// Largest change, percent.
+        limit_percent: f64,
+    },
+}
+
+/// Why a touch has no trusted resonance.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum TouchRefusal {
+    /// The sweep was refused.
+    #[error("{0}")]
+    Sweep(Box<Refusal>),
+    /// The probe was pressed into the sample, and the resonance is that of the free sensor.
+    #[error(
+        "no contact was felt at the depth of the touch: the shift is {shift_hz:.2} Hz ± {sigma_hz:.2} Hz"
+    )]
+    NoShift {
+        /// The shift, Hz.
+        shift_hz: f64,
+        /// Its standard deviation, Hz.
+        sigma_hz: f64,
+    },
+    /// What was measured next does not agree with it.
+    #[error("it is contradicted by what was measured next: {0}")]
+    Contradicted(Box<Fault>),
+}
+
+/// Holds the impedance of the clear probe against the last no-load resonance.
+pub(crate) fn check_free(
+    no_load: &Resonance,
+    frequency_hz: f64,
+    measured: Impedance,
+) -> Result<(), ContactSenseFault> {
+    let circuit = no_load.circuit();
+    let sigma_q = no_load.covariance[1][1].max(0.0).sqrt();
+    let deviation = |(step, q): (i32, f64)| {
+        let moved = 1.0 + FREE_MOVE * f64::from(step) / f64::from(FREE_STEPS);
+        let resonance_hz = circuit.resonance_hz * moved;
+        let expected = Circuit { resonance_hz, q, ..circuit }.impedance_ohm(frequency_hz);
+        let difference =
+            (measured.resistance_ohm - expected.re).hypot(measured.reactance_ohm - expected.im);
+        difference / expected.re.hypot(expected.im)
+    };
+    // The quality of a short sweep is known to some ten percent only.
+    let qualities = [-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0]
+        .map(|sigmas: f64| sigmas.mul_add(sigma_q, circuit.q).max(LEAST_QUALITY_PART * circuit.q));
+    let least = (-FREE_STEPS..=FREE_STEPS)
+        .flat_map(|step| qualities.map(|q| (step, q)))
+        .map(deviation)
+        .fold(f64::INFINITY, f64::min);
+    if least <= FREE_TOLERANCE {
+        return Ok(());
+    }
+    let (percent, limit_percent) = (100.0 * least, 100.0 * FREE_TOLERANCE);
+    Err(ContactSenseFault::NotFree { frequency_hz, percent, limit_percent })
+}
+
+/// Refuses two readings of a noisy analyzer that are equal in every digit.
+pub(crate) fn check_alive(
+    no_load: &Resonance,
+    frequency_hz: f64,
+    one: Impedance,
+    next: Impedance,
+) -> Result<(), ContactSenseFault> {
+    if one == next && ALIVE_NOISE < no_load.noise_at_ten_cycles {
+        return Err(ContactSenseFault::Frozen { frequency_hz });
+    }
+    Ok(())
+}
+
+/// Refuses a free resonance that has moved further than any drift.
+pub(crate) fn check_reference(
+    last: Option<&Resonance>,
+    now: &Resonance,
+) -> Result<(), ContactSenseFault> {
+    let Some(last) = last else { return Ok(()) };
+    let (from_hz, to_hz) = (last.resonance_hz, now.resonance_hz);
+    if (to_hz - from_hz).abs() <= FREE_MOVE * from_hz {
+        return Ok(());
+    }
+    Err(ContactSenseFault::ReferenceMoved { from_hz, to_hz, limit_percent: 100.0 * FREE_MOVE })
+}
+
+/// Refuses a resonance in contact that is that of the free sensor.
+pub(crate) fn check_shift(no_load: &Resonance, loaded: &Resonance) -> Result<(), TouchRefusal> {
+    let shift_hz = loaded.resonance_hz - no_load.resonance_hz;
+    let sigma_hz = loaded.sigma_hz.hypot(no_load.sigma_hz);
+    if NO_SHIFT_SIGMAS * sigma_hz < shift_hz {
+        return Ok(());
+    }
+    Err(TouchRefusal::NoShift { shift_hz, sigma_hz })
+}
+
+/// What the touches of a run say about each other.
+#[derive(Debug, Default)]
+pub(crate) struct Neighbours {
+    /// How much higher than expected the surface of the present sample was found, mm.
+    offsets_mm: Vec<f64>,
+    /// The last measured touch, which nothing has confirmed yet.
+    last: Option<TouchResult>,
+    /// The last touch was on the present sample.
+    is_same_sample: bool,
+}
+
+impl Neighbours {
+    /// How much higher than expected the surface of the present sample lies, mm, as far as is known.
+    pub(crate) fn offset_mm(&self) -> Option<f64> {
+        let n = self.offsets_mm.len();
+        (n > 0).then(|| self.offsets_mm.iter().sum::<f64>() / n as f64)
+    }
+
+    /// A person has changed the sample or the sensor.
+    pub(crate) fn changed(&mut self) {
+        self.offsets_mm.clear();
+        self.is_same_sample = false;
+    }
+
+    /// A touch is finished, and confirms the one before it. `expected` is where the surface should have
+    /// been.
+    pub(crate) fn finished(&mut self, result: &TouchResult, expected: Position<Mm>) {
+        let (TouchOutcome::Measured { contact, .. }
+        | TouchOutcome::Refused { contact: Some(contact), .. }) = &result.outcome
+        else {
+            return;
+        };
+        self.offsets_mm.push(contact.surface.position.value() - expected.value());
+        self.last = (!result.is_refused()).then(|| result.clone());
+        self.is_same_sample = true;
+    }
+
+    /// Whether the last measured touch is still to be confirmed.
+    pub(crate) const fn is_open(&self) -> bool {
+        self.last.is_some()
+    }
+
+    /// The last touch has been confirmed.
+    pub(crate) fn confirmed(&mut self) {
+        self.last = None;
+    }
+
+    /// The last touch, refused, if a fault contradicts it: it cannot be told since when the contact
+    /// sense or the position has been wrong.
+    pub(crate) fn contradicted_by(&mut self, fault: &Fault) -> Option<TouchResult> {
+        use ContactSenseFault::{Frozen, NotFree, ReferenceMoved, SurfaceMoved};
+        let is_contradiction = match fault {
+            Fault::ContactSense(NotFree { .. } | Frozen { .. } | ReferenceMoved { .. }) => true,
+            Fault::ContactSense(SurfaceMoved { .. })
+            | Fault::NoContact { .. }
+            | Fault::ContactTooEarly { .. }
+            | Fault::NoReference { .. } => self.is_same_sample,
+            _ => false,
+        };
+        let mut result = self.last.take_if(|_| is_contradiction)?;
+        let TouchOutcome::Measured { contact, .. } = result.outcome else { return None };
+        let refusal = TouchRefusal::Contradicted(Box::new(fault.clone()));
+        result.outcome = TouchOutcome::Refused { contact: Some(contact), refusal };
+        Some(result)
+    }
+}
+
+/// Refuses a surface that lies elsewhere than the touches before expect it.
+pub(crate) fn check_surface(
+    found: Position<Mm>,
+    expected: Position<Mm>,
+    offset_mm: Option<f64>,
+    tolerance_mm: f64,
+) -> Result<(), ContactSenseFault> {
+    let Some(offset_mm) = offset_mm else { return Ok(()) };
+    let by_mm = (found.value() - expected.value() - offset_mm).abs();
+    let limit_mm = NEIGHBOUR_PART * tolerance_mm;
+    if by_mm <= limit_mm {
+        return Ok(());
+    }
+    Err(ContactSenseFault::SurfaceMoved { found, by_mm, limit_mm })
+}
