@@ -83,6 +83,8 @@ pub(crate) enum End {
     Stalled,
     /// The allowed number of steps was taken.
     OutOfSteps,
+    /// The caller had no more use for it.
+    Abandoned,
 }
 
 /// A step is not worth taking when the cost it saves is below this part of the cost per degree of
@@ -112,7 +114,19 @@ impl Descent {
     pub(crate) fn run<T: Step<N>, const N: usize>(
         &self,
         start: T,
+        normal_at: impl FnMut(&T) -> Normal<N>,
+    ) -> (T, Normal<N>, End) {
+        self.run_while(start, normal_at, |_, _, _| true)
+    }
+
+    /// The same, but abandoned after a step when `is_wanted` says no to the place, the cost there and
+    /// what the step saved.
+    #[inline]
+    pub(crate) fn run_while<T: Step<N>, const N: usize>(
+        &self,
+        start: T,
         mut normal_at: impl FnMut(&T) -> Normal<N>,
+        is_wanted: impl Fn(&T, f64, f64) -> bool,
     ) -> (T, Normal<N>, End) {
         let degrees = (2 * self.count).saturating_sub(self.free).max(1) as f64;
         let floor = ROUNDING * ROUNDING * self.weight;
@@ -137,7 +151,11 @@ impl Descent {
             }
             let there = normal_at(&next);
             if there.cost < normal.cost {
+                let saved = normal.cost - there.cost;
                 (place, normal) = (next, there);
+                if !is_wanted(&place, normal.cost, saved) {
+                    return (place, normal, End::Abandoned);
+                }
                 damping = if damping > DAMPING_MIN { 0.1 * damping } else { 0.0 };
             } else if damping > DAMPING_MAX {
                 return (place, normal, End::Stalled);

@@ -163,7 +163,7 @@ fn a_circuit_that_is_nearly_known_is_not_looked_for_and_not_believed() {
         assert!(sigmas.abs() < 4.5, "seed {seed}: {sigmas}");
         squares += sigmas * sigmas;
     }
-    assert!(warm_s < 1.1 * cold_s, "{warm_s} s, {cold_s} s from nothing");
+    assert!(warm_s < 1.2 * cold_s, "{warm_s} s, {cold_s} s from nothing");
     // χ² of twenty: one in a thousand is beyond either.
     assert!((5.9..45.3).contains(&squares), "{squares}");
 }

@@ -32,7 +32,7 @@ pub(super) fn resonance_hz(points: &[Point]) -> Result<f64, NoEstimate> {
     let (phase, _, end) = descent(3).run(start, |phase| phase.normal(points, &circle));
     match end {
         End::Converged | End::Stalled => Ok(phase.ln_hz.exp()),
-        End::OutOfSteps => Err(NoEstimate::NotConverged),
+        End::OutOfSteps | End::Abandoned => Err(NoEstimate::NotConverged),
     }
 }
 

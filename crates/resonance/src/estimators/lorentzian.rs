@@ -59,7 +59,7 @@ pub(super) fn resonance_hz(points: &[Point]) -> Result<f64, NoEstimate> {
     let (curve, _, end) = descent.run(start(points), |curve| curve.normal(points));
     match end {
         End::Converged | End::Stalled => Ok(curve.ln_hz.exp()),
-        End::OutOfSteps => Err(NoEstimate::NotConverged),
+        End::OutOfSteps | End::Abandoned => Err(NoEstimate::NotConverged),
     }
 }
 

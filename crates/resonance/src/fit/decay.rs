@@ -102,6 +102,12 @@ impl Hypothesis {
         variance(&self.normal, CIRCUIT)
     }
 
+    /// Twice the negative logarithm of the likelihood averaged over the amplitudes of the free decays.
+    /// Circuits are compared by it, not by the cost, which is that of the best amplitudes.
+    pub(crate) fn evidence(&self) -> f64 {
+        self.normal.cost + self.states.iter().map(State::freedom).sum::<f64>()
+    }
+
     /// Standard deviation of the resonance, Hz.
     pub(crate) fn sigma_hz(&self) -> f64 {
         self.variance().sqrt() * self.at.resonance_hz
@@ -210,7 +216,8 @@ impl Stays {
 
     /// Degrees of freedom that a circuit leaves.
     pub(crate) fn degrees(&self) -> f64 {
-        (2 * self.count()) as f64 - (CIRCUIT + 2 * self.all.len()) as f64
+        let later = self.all.len().saturating_sub(1) as f64;
+        (2 * self.count()) as f64 - (CIRCUIT + 2) as f64 - 2.0 * stay::AMPLITUDE_FREE * later
     }
 
     /// The model of each stay, and the mean square of its free motion.
@@ -272,29 +279,39 @@ impl Stays {
 
     /// The most likely circuit near `start`.
     pub(crate) fn minimum(&self, start: ModelEstimate, expected: &CircuitPrior) -> Hypothesis {
-        self.descend(start, expected, Vec::new(), |_, _| ())
+        self.descend(start, Vec::new(), expected, |_, _| (), |_, _, _| true)
     }
 
-    /// The most likely circuit near one that was the most likely of some of the readings.
-    pub(crate) fn follow(&self, earlier: Hypothesis, expected: &CircuitPrior) -> Hypothesis {
-        self.descend(earlier.at, expected, earlier.states, |_, _| ())
+    /// The most likely circuit near `start`, where the stays had these states; `None` once `is_wanted`
+    /// says no to a circuit, its cost and what the last step saved.
+    pub(crate) fn minimum_while(
+        &self,
+        start: ModelEstimate,
+        states: Vec<State>,
+        expected: &CircuitPrior,
+        is_wanted: impl Fn(&ModelEstimate, f64, f64) -> bool,
+    ) -> Option<Hypothesis> {
+        let found = self.descend(start, states, expected, |_, _| (), is_wanted);
+        (found.end != End::Abandoned).then_some(found)
     }
 
     fn descend(
         &self,
         start: ModelEstimate,
-        expected: &CircuitPrior,
         mut states: Vec<State>,
+        expected: &CircuitPrior,
         more: impl Fn(&ModelEstimate, &mut Normal<UNKNOWNS>),
+        is_wanted: impl Fn(&ModelEstimate, f64, f64) -> bool,
     ) -> Hypothesis {
         let count = self.count();
         let descent = Descent { count, weight: 0.0, free: CIRCUIT };
-        let (at, normal, end) = descent.run(start, |at| {
+        let normal_at = |at: &ModelEstimate| {
             let mut normal = self.normal(at, &mut states);
             expected.add_to(&mut normal, at, 1.0);
             more(at, &mut normal);
             normal
-        });
+        };
+        let (at, normal, end) = descent.run_while(start, normal_at, is_wanted);
         Hypothesis { at, normal, end, states }
     }
 
@@ -307,12 +324,13 @@ impl Stays {
             let wanted = best.at.resonance_hz.ln() + sign * SIGMAS * sigma;
             let hard = 1e8 / (sigma * sigma);
             let start = ModelEstimate { resonance_hz: wanted.exp(), ..best.at };
-            let found = self.descend(start, expected, best.states.clone(), |at, normal| {
+            let held = |at: &ModelEstimate, normal: &mut Normal<UNKNOWNS>| {
                 let away = at.resonance_hz.ln() - wanted;
                 normal.matrix[0][0] += hard;
                 normal.gradient[0] += hard * away;
                 normal.cost += hard * away * away;
-            });
+            };
+            let found = self.descend(start, best.states.clone(), expected, held, |_, _, _| true);
             let rise = (found.normal.cost - best.normal.cost).max(1e-3);
             SIGMAS * sigma / rise.sqrt()
         };

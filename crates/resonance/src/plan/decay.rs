@@ -16,7 +16,7 @@ use crate::{
         Hypothesis, Known, Stays,
         judge::{MODE_GAIN, MODE_WIDENS},
         mode::{Modes, SecondMode},
-        search::{DESCENTS_MAX, Effort, Search},
+        search::{self, Effort, Search},
         start::Trials,
     },
     fit::{GAIN_MIN, POINTS_MIN},
@@ -46,7 +46,7 @@ const FORCED_MAX: usize = 6;
 const FORCED: (u32, usize) = (4, 8);
 const FORCED_AT: [f64; 6] = [0.5, -0.5, 0.9, -0.9, 0.0, 0.3];
 /// Stays that look for a second mode.
-const LOOKS_MAX: usize = 6;
+const LOOKS_MAX: usize = 10;
 /// A second mode that is there gains so much after them.
 const MODE_SURE: f64 = 16.0;
 /// The part of the asked standard deviation that is planned for: the profile is a little wider than
@@ -56,10 +56,13 @@ const AIM: f64 = 0.97;
 const NARROWER: f64 = 0.85;
 /// No sweep takes more steps than these: far above what one takes that reaches its target.
 const STEPS_MAX: usize = 150;
-/// The most rows between two readings: all descents of a search, to the end and in a verdict as well.
+/// Searches between two readings: among trials and beside the best, after readings and before a verdict.
+const SEARCHES_PER_STEP: u64 = 4;
+/// The most rows between two readings: all searches, and a verdict.
 pub(crate) const STEP_WORK_MAX: u64 = {
     let rounds = 6;
-    ((2 * DESCENTS_MAX + 8) * (crate::solve::STEPS_MAX + 2) * rounds * READINGS_MAX) as u64
+    let descent = (crate::solve::STEPS_MAX + 2) * rounds * READINGS_MAX;
+    SEARCHES_PER_STEP * (search::ROWS_MAX + (search::DESCENTS_MAX * descent) as u64)
 };
 
 /// The plan of one sweep.

@@ -25,7 +25,7 @@ use crate::{
 pub(crate) const MODE_GAIN: f64 = 7.0;
 /// By how much wider the resonance may be if a second mode may have any size: one that pulls it by
 /// four standard deviations then gains sixteen.
-pub(crate) const MODE_WIDENS: f64 = 1.4;
+pub(crate) const MODE_WIDENS: f64 = 1.2;
 
 /// Finds the resonance in readings of stays without settling.
 pub(crate) fn fit(readings: &[Reading], options: &FitOptions) -> FitOutcome {

@@ -76,14 +76,48 @@ impl Model {
         }
     }
 
-    /// E, dE/ds, and |E(s*)|².
-    pub(super) fn decay(&self, start_s: f64, integration_s: f64) -> (Complex64, Complex64, f64) {
+    /// What readings of this integration have in common, s.
+    fn over(&self, integration_s: f64) -> Integration {
         let x = self.rate * integration_s;
-        let (begin, over) = ((self.rate * start_s).exp(), x.exp());
+        let over = x.exp();
         let mean = (over - 1.0) / x;
-        let turns = self.mirrored * integration_s * integration_s;
-        let mirrored = begin.norm_sqr() * (over - 1.0).norm_sqr() / turns;
-        (begin * mean, begin * (mean * start_s + (over - mean) / self.rate), mirrored)
+        Integration {
+            seconds: integration_s,
+            mean,
+            slope: (over - mean) / self.rate,
+            mirrored: (over - 1.0).norm_sqr() / (self.mirrored * integration_s * integration_s),
+        }
+    }
+
+    /// The free decay in a reading that begins so late; `last` is the integration of the one before.
+    pub(super) fn decayed(
+        &self,
+        start_s: f64,
+        integration_s: f64,
+        last: &mut Option<Integration>,
+    ) -> Decayed {
+        let over = match last {
+            Some(over) if over.seconds.to_bits() == integration_s.to_bits() => over,
+            _ => last.insert(self.over(integration_s)),
+        };
+        over.after(start_s, (self.rate * start_s).exp())
+    }
+
+    /// The same in `count` readings, each so long after the one before, s.
+    pub(super) fn decays(
+        &self,
+        start_s: f64,
+        (step_s, integration_s): (f64, f64),
+        count: usize,
+    ) -> Vec<Decayed> {
+        let (over, step) = (self.over(integration_s), (self.rate * step_s).exp());
+        let mut begin = (self.rate * start_s).exp();
+        let of = |n: usize| {
+            let decayed = over.after(start_s + n as f64 * step_s, begin);
+            begin *= step;
+            decayed
+        };
+        (0..count).map(of).collect()
     }
 
     /// The motional admittance, settled.
@@ -113,6 +147,36 @@ impl Model {
     }
 }
 
+/// The decay during an integration.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Integration {
+    seconds: f64,
+    mean: Complex64,
+    slope: Complex64,
+    mirrored: f64,
+}
+
+/// The free decay in a reading.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Decayed {
+    /// E and dE/ds.
+    pub(super) value: Complex64,
+    pub(super) by_rate: Complex64,
+    /// |E(s*)|².
+    pub(super) mirrored: f64,
+}
+
+impl Integration {
+    /// In a reading that begins so late, s, with the decay until then.
+    fn after(&self, start_s: f64, begin: Complex64) -> Decayed {
+        Decayed {
+            value: begin * self.mean,
+            by_rate: begin * (self.mean * start_s + self.slope),
+            mirrored: begin.norm_sqr() * self.mirrored,
+        }
+    }
+}
+
 /// A second mode in a stay, for a capacitance of 1.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Branch {
@@ -136,13 +200,35 @@ impl Branch {
 
     /// The motion so long after the stay began.
     pub(crate) fn motion(&self, after_s: f64) -> Complex64 {
-        self.forced + self.free * (self.rate * after_s).exp()
+        self.forced + self.free * self.decay(after_s)
     }
 
     /// The mean admittance over a reading.
     pub(super) fn mean(&self, start_s: f64, integration_s: f64) -> Complex64 {
+        self.forced + self.free * self.decay(start_s) * self.share(integration_s)
+    }
+
+    /// The same over several readings of this integration, each so long after the one before, s.
+    pub(super) fn means(
+        self,
+        start_s: f64,
+        step_s: f64,
+        integration_s: f64,
+    ) -> impl Iterator<Item = Complex64> {
+        let (first, step) = (self.free * self.decay(start_s), self.decay(step_s));
+        let share = self.share(integration_s);
+        std::iter::successors(Some(first * share), move |free| Some(free * step))
+            .map(move |free| self.forced + free)
+    }
+
+    fn decay(&self, after_s: f64) -> Complex64 {
+        (self.rate * after_s).exp()
+    }
+
+    /// The mean of the decay over an integration, in units of its begin.
+    fn share(&self, integration_s: f64) -> Complex64 {
         let x = self.rate * integration_s;
-        self.forced + self.free * (self.rate * start_s).exp() * ((x.exp() - 1.0) / x)
+        (x.exp() - 1.0) / x
     }
 }
 

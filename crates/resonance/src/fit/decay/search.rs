@@ -8,8 +8,8 @@ use crate::{
 };
 
 /// Trials that are followed to their minimum, and circuits that are kept.
-pub(crate) const STARTS: usize = 6;
-pub(crate) const KEPT: usize = 4;
+const STARTS: usize = 6;
+const KEPT: usize = 4;
 /// Twice the log-likelihood by which the best circuit must beat every other.
 const LEAD: f64 = 16.0;
 /// Circuits whose resonances differ by less than this many standard deviations are the same.
@@ -18,10 +18,20 @@ const SAME_SIGMAS: f64 = 3.0;
 /// factor another quality is.
 const BESIDE: [f64; 6] = [-0.8, -0.4, -0.15, 0.15, 0.4, 0.8];
 const OTHER_Q: [f64; 2] = [0.75, 1.33];
-/// Descents of a search among trials and of one beside the best.
-pub(crate) const DESCENTS_MAX: usize = 2 * KEPT + STARTS + BESIDE.len() * OTHER_Q.len() + 1;
+/// A descent is abandoned when this many more steps, each saving as much as the last, would not bring it
+/// near the best circuit.
+const PACE: f64 = 2.0;
+/// A descent is abandoned where a better circuit was found: with a resonance within its standard
+/// deviations, and the logarithm of its quality within this.
+const SAME_LN_Q: f64 = 0.3;
+/// Most rows of a search, about a millisecond: one search in two hundred would take more. The best circuit
+/// so far is followed to its minimum all the same, and what begins afterwards is left out.
+pub(crate) const ROWS_MAX: u64 = 9000;
+/// Descents that a search does not abandon for its rows: the first that finds a circuit, those before it
+/// that found none, and the last one's step.
+pub(crate) const DESCENTS_MAX: usize = KEPT + STARTS + 2;
 /// χ² may exceed its mean by this many of its standard deviations.
-const CHI_SQUARED_SIGMAS: f64 = 3.1;
+const CHI_SQUARED_SIGMAS: f64 = 2.7;
 /// Noise that comes from no more errors than these is a guess: analyzers differ by a factor of five
 /// from it, which half an error stands for.
 const GUESSED_DEGREES: f64 = 4.0;
@@ -58,6 +68,14 @@ pub(crate) fn allowed(degrees: f64, noise: PooledVariance) -> f64 {
     scatter::allowed(degrees, Some(&prior), CHI_SQUARED_SIGMAS)
 }
 
+impl Hypothesis {
+    /// Whether another circuit has nearly this resonance and quality.
+    fn is_beside(&self, other: &ModelEstimate) -> bool {
+        let off_hz = (self.at.resonance_hz - other.resonance_hz).abs();
+        off_hz <= SAME_SIGMAS * self.sigma_hz() && (self.at.q / other.q).ln().abs() < SAME_LN_Q
+    }
+}
+
 impl Search<'_> {
     /// Whether readings scatter more about this circuit than their noise allows.
     pub(crate) fn is_misfit(&self, one: &Hypothesis) -> bool {
@@ -76,21 +94,34 @@ impl Search<'_> {
         let is_circuit = |one: &Hypothesis| {
             one.at.c1 > 0.0
                 && one.at.c0 > 0.0
-                && one.normal.cost.is_finite()
+                && one.evidence().is_finite()
                 && one.variance().is_finite()
         };
-        let from = |start| Some(self.stays.minimum(start, self.expected)).filter(is_circuit);
-        let mut found: Vec<Hypothesis> = earlier
-            .into_iter()
-            .map(|one| self.stays.follow(one, self.expected))
-            .filter(is_circuit)
-            .collect();
+        let rows_max = self.stays.work.get() + ROWS_MAX;
+        let mut found: Vec<Hypothesis> = Vec::new();
+        let descend = |found: &mut Vec<Hypothesis>, start, states| {
+            let least = found.iter().map(Hypothesis::evidence).fold(f64::INFINITY, f64::min);
+            let is_first = found.is_empty();
+            let is_wanted = |at: &ModelEstimate, cost: f64, saved: f64| {
+                let is_within_reach = cost - PACE * saved < least + LEAD;
+                let is_there = found.iter().any(|one| one.is_beside(at) && cost >= one.normal.cost);
+                is_within_reach && !is_there && (is_first || self.stays.work.get() < rows_max)
+            };
+            if is_first || self.stays.work.get() < rows_max {
+                let one = self.stays.minimum_while(start, states, self.expected, is_wanted);
+                found.extend(one.filter(is_circuit));
+            }
+        };
+        for one in earlier {
+            descend(&mut found, one.at, one.states);
+        }
         if effort == Effort::Beside
             && let Some(at) = found.first().map(|one| one.at)
         {
             for (step, by) in BESIDE.iter().flat_map(|step| OTHER_Q.map(|by| (step, by))) {
                 let resonance_hz = at.resonance_hz * (1.0 + step / at.q);
-                found.extend(from(ModelEstimate { resonance_hz, q: by * at.q, ..at }));
+                let start = ModelEstimate { resonance_hz, q: by * at.q, ..at };
+                descend(&mut found, start, Vec::new());
             }
         }
         if effort == Effort::Trials {
@@ -98,14 +129,14 @@ impl Search<'_> {
             starts.extend(last.filter(|_| found.is_empty()));
             for start in starts {
                 if found.iter().all(|one| are_apart(&one.at, &start, 1.0)) {
-                    found.extend(from(start));
+                    descend(&mut found, start, Vec::new());
                 }
             }
         }
-        found.sort_by(|a, b| a.normal.cost.total_cmp(&b.normal.cost));
+        found.sort_by(|a, b| a.evidence().total_cmp(&b.evidence()));
         let mut kept: Vec<Hypothesis> = Vec::new();
         for one in found {
-            let is_near = kept.first().is_none_or(|best| one.normal.cost < best.normal.cost + LEAD);
+            let is_near = kept.first().is_none_or(|best| one.evidence() < best.evidence() + LEAD);
             let is_new = kept.iter().all(|other| {
                 let off_hz = (one.at.resonance_hz - other.at.resonance_hz).abs();
                 off_hz > SAME_SIGMAS * one.sigma_hz().min(other.sigma_hz())

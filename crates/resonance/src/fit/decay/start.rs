@@ -8,7 +8,7 @@ use rig_model::Window;
 
 use super::{
     Known, Sample, Stays,
-    model::{Amplitude, Model},
+    model::{Amplitude, Integration, Model},
 };
 use crate::{
     dense::Cholesky,
@@ -31,6 +31,7 @@ struct Trial {
     at: ModelEstimate,
     amplitude: Amplitude,
     model: Model,
+    integration: Option<Integration>,
     /// Stays that are over.
     done: Normal<LINEAR>,
     /// This stay: its sums, and those with the amplitude of its decay.
@@ -38,6 +39,10 @@ struct Trial {
     with: [Complex64; LINEAR],
     top: Complex64,
     bottom: f64,
+    /// `bottom` before the first reading of this stay.
+    empty: f64,
+    /// What the amplitudes of the stays that are over cost, as [`super::stay::State::freedom`] says.
+    freedom: f64,
 }
 
 impl Trials {
@@ -119,30 +124,35 @@ impl Trial {
             at,
             amplitude: Amplitude::new(&at, known.past),
             model: Model::new(&at, resonance_hz),
+            integration: None,
             done: Normal::default(),
             now: Normal::default(),
             with: [Complex64::ZERO; LINEAR],
             top: Complex64::ZERO,
             bottom: 0.0,
+            empty: 0.0,
+            freedom: 0.0,
         }
     }
 
     fn change(&mut self, frequency_hz: f64, since_s: f64, known: &Known) {
+        self.freedom = self.freedom();
         self.done = self.sum();
         let square = self.amplitude.change(frequency_hz, since_s);
         self.model = Model::new(&self.at, frequency_hz);
+        self.integration = None;
         self.now = Normal::default();
         self.with = [Complex64::ZERO; LINEAR];
         self.top = Complex64::ZERO;
-        self.bottom = known.variance / self.model.prior(square);
+        self.empty = known.variance / self.model.prior(square);
+        self.bottom = self.empty;
     }
 
     fn add(&mut self, sample: &Sample) {
         let Some(z) = sample.impedance else { return };
         let weight = sample.length;
-        let rate = self.model.rate;
-        let x = rate * sample.integration_s;
-        let e = z * (rate * sample.start_s).exp() * (x.exp() - 1.0) / x;
+        let Sample { start_s, integration_s, .. } = *sample;
+        let e = z * self.model.decayed(start_s, integration_s, &mut self.integration).value;
         let [_, _, c0, c1, g] = self.model.by;
         let columns = [z * c0, z * c1, z * g];
         self.now.add(Complex64::from(-1.0), &columns, weight);
@@ -169,6 +179,11 @@ impl Trial {
         sum
     }
 
+    fn freedom(&self) -> f64 {
+        let here = if self.empty > 0.0 { 2.0 * (self.bottom / self.empty).ln() } else { 0.0 };
+        self.freedom + here
+    }
+
     /// The linear unknowns that are most likely with this resonance and quality, and the cost.
     fn best(&self, expected: &CircuitPrior, known: &Known) -> Option<(f64, ModelEstimate)> {
         let mut normal = self.sum();
@@ -183,7 +198,7 @@ impl Trial {
         let saved: f64 = step.iter().zip(&normal.gradient).map(|(a, b)| a * b).sum();
         let away = |value: f64, i: usize| ((value - expected.mean[i]) / expected.spread[i]).powi(2);
         let beforehand = away(self.at.resonance_hz.ln(), 0) + away(self.at.q.ln(), 1);
-        let cost = normal.cost - saved + known.variance * beforehand;
+        let cost = normal.cost - saved + known.variance * (beforehand + self.freedom());
         let [c0, c1, g] = step.map(|x| -x);
         (c0 > 0.0 && c1 > 0.0).then_some((cost, ModelEstimate { c0, c1, g, ..self.at }))
     }

@@ -6,7 +6,7 @@ use num_complex::Complex64;
 use super::{
     Known, Sample, Stay,
     mode::{PLACES, WITH_MODES},
-    model::{Branch, Model, Ring},
+    model::{Branch, Decayed, Model, Ring},
 };
 use crate::{
     solve::Normal,
@@ -23,6 +23,9 @@ const WITH_ALL: usize = ALONE + PLACES;
 /// A random phase leaves each part of the amplitude with half of its square; half as much again for
 /// what is not known of the circuit.
 pub(super) const AMPLITUDE_SHARE: f64 = 0.75;
+/// The part of an amplitude that its readings determine on their own: its prior, which is wider than the
+/// amplitudes are, counts for the rest. Nothing is known beforehand of that of the first stay.
+pub(super) const AMPLITUDE_FREE: f64 = 1.0 - 0.5 / AMPLITUDE_SHARE;
 /// Rounds in which the amplitude of a stay is found.
 const ROUNDS: usize = 6;
 /// … unless they lower the cost by less than this.
@@ -57,6 +60,9 @@ struct Computed {
     readings: usize,
     /// The variance of the noise that they were weighed with.
     variance: f64,
+    /// Twice the logarithm of the volume of amplitudes expected beforehand over that of those that
+    /// explain the readings.
+    freedom: f64,
 }
 
 /// A reading as it depends on the amplitude and on its time.
@@ -77,7 +83,7 @@ impl State {
         prior: f64,
         known: &Known,
     ) -> Option<Normal<UNKNOWNS>> {
-        let Computed { at: last, normal, readings, variance } = self.last.as_ref()?;
+        let Computed { at: last, normal, readings, variance, .. } = self.last.as_ref()?;
         let has_changed = |ratio: f64, part: f64| (ratio - 1.0).abs() > part;
         if *readings != stay.samples.len()
             || has_changed(prior / self.prior, PRIOR_CHANGED)
@@ -106,6 +112,12 @@ impl State {
     /// The amplitude of the free decay that was found.
     pub(super) const fn amplitude(&self) -> Complex64 {
         self.amplitude
+    }
+
+    /// What a free amplitude costs beside the readings that it explains: a circuit that rings long, or
+    /// that may have rung with any amplitude, explains more by chance.
+    pub(super) fn freedom(&self) -> f64 {
+        self.last.as_ref().map_or(0.0, |last| last.freedom)
     }
 
     /// Forgets the equations, so that they are computed anew.
@@ -139,8 +151,14 @@ impl Model {
         loop {
             let mut sums = Sums::<ALONE>::new(state.amplitude, state.prior, state.square);
             state.rows.clear();
-            for (sample, late_s) in stay.samples.iter().zip(&state.late_s) {
-                state.rows.push(sums.add(self, sample, state.amplitude, *late_s, known, &[]));
+            let mut last = None;
+            for (sample, &late_s) in stay.samples.iter().zip(&state.late_s) {
+                let Sample { start_s, integration_s, .. } = *sample;
+                let decayed = self.decayed(start_s + late_s, integration_s, &mut last);
+                sums.wait_until(late_s, known);
+                let alone = std::iter::empty();
+                let row = sums.add(self, sample, state.amplitude, &decayed, known, alone);
+                state.rows.push(row);
             }
             let normal = sums.without_time();
             let (step, saved) = amplitude_step(&normal);
@@ -151,9 +169,10 @@ impl Model {
             let moved_s = shift(&mut state.late_s, &state.rows, known.gap_sigma_s);
             let is_still = saved < SAVED && moved_s * self.rate.norm() < TURNED;
             if round == ROUNDS || is_still {
+                let freedom = (determinant(&normal) * state.prior * state.prior).ln();
                 let normal = eliminated(&normal);
                 let (readings, variance) = (stay.samples.len(), known.variance);
-                state.last = Some(Computed { at: *at, normal, readings, variance });
+                state.last = Some(Computed { at: *at, normal, readings, variance, freedom });
                 return (normal, round);
             }
             round += 1;
@@ -169,8 +188,13 @@ impl Model {
         modes: &[Branch; PLACES],
     ) -> Normal<WITH_MODES> {
         let mut sums = Sums::<WITH_ALL>::new(state.amplitude, state.prior, state.square);
-        for (sample, late_s) in stay.samples.iter().zip(&state.late_s) {
-            sums.add(self, sample, state.amplitude, *late_s, known, modes);
+        let mut last = None;
+        for (sample, &late_s) in stay.samples.iter().zip(&state.late_s) {
+            let start_s = sample.start_s + late_s;
+            let decayed = self.decayed(start_s, sample.integration_s, &mut last);
+            let means = modes.iter().map(|mode| mode.mean(start_s, sample.integration_s));
+            sums.wait_until(late_s, known);
+            sums.add(self, sample, state.amplitude, &decayed, known, means);
         }
         eliminated(&sums.without_time())
     }
@@ -178,9 +202,10 @@ impl Model {
     /// The plain relative error is linear in a: a first value from nothing.
     fn first(&self, samples: &[Sample], prior: f64, known: &Known) -> State {
         let (mut top, mut bottom) = (Complex64::ZERO, known.variance / prior);
+        let mut last = None;
         for sample in samples {
             let Some(impedance) = sample.impedance else { continue };
-            let (e, _, _) = self.decay(sample.start_s, sample.integration_s);
+            let e = self.decayed(sample.start_s, sample.integration_s, &mut last).value;
             let column = impedance * e;
             let rest = 1.0 - impedance * self.steady;
             top += sample.length * column.conj() * rest;
@@ -201,40 +226,68 @@ pub(crate) struct Forecast<'a> {
     amplitude: Complex64,
     mode: Branch,
     sums: Sums<WITH_ONE>,
-    /// The reading that comes next, and the time from one to the next, s.
-    next: Sample,
-    step_s: f64,
+    next: &'a Course,
     taken: usize,
 }
 
+/// Readings at even distances that may come next in a stay.
+#[derive(Debug)]
+pub(crate) struct Course {
+    decays: Vec<Decayed>,
+    reading: Sample,
+    step_s: f64,
+}
+
+impl Course {
+    /// So many readings of this integration, s, each `step_s` after the one before; the first follows
+    /// `there`.
+    pub(crate) fn new(
+        model: &Model,
+        there: &[Sample],
+        (step_s, integration_s): (f64, f64),
+        count: usize,
+    ) -> Self {
+        let start_s = there.last().map_or(0.0, |last| last.start_s + step_s);
+        let length = model.tens_of_cycles(integration_s);
+        let reading = Sample { start_s, integration_s, impedance: None, length };
+        let decays = model.decays(start_s, (step_s, integration_s), count);
+        Self { decays, reading, step_s }
+    }
+}
+
 impl<'a> Forecast<'a> {
-    /// With these readings, each `step_s` after the one before and of this integration, s.
+    /// After these readings, with this free motion.
     pub(crate) fn new(
         (model, known): (&'a Model, &'a Known),
         ring: &Ring,
         mode: Branch,
         there: &[Sample],
-        (step_s, integration_s): (f64, f64),
+        next: &'a Course,
     ) -> Self {
         let square = ring.amplitude.norm_sqr();
         let mut sums = Sums::new(Complex64::ZERO, model.prior(ring.square), square);
+        let mut last = None;
         for sample in there {
             let ideal = Sample { impedance: None, ..*sample };
-            sums.add(model, &ideal, ring.amplitude, 0.0, known, &[mode]);
+            let decayed = model.decayed(sample.start_s, sample.integration_s, &mut last);
+            let mean = mode.mean(sample.start_s, sample.integration_s);
+            sums.wait_until(0.0, known);
+            sums.add(model, &ideal, ring.amplitude, &decayed, known, [mean].into_iter());
         }
-        let start_s = there.last().map_or(0.0, |last| last.start_s + step_s);
-        let length = model.tens_of_cycles(integration_s);
-        let next = Sample { start_s, integration_s, impedance: None, length };
-        Self { model, known, amplitude: ring.amplitude, mode, sums, next, step_s, taken: 0 }
+        Self { model, known, amplitude: ring.amplitude, mode, sums, next, taken: 0 }
     }
 
     /// The equations with this many more readings, no fewer than before.
     pub(crate) fn with(&mut self, count: usize) -> Normal<UNKNOWNS> {
-        while self.taken < count {
-            self.sums.add(self.model, &self.next, self.amplitude, 0.0, self.known, &[self.mode]);
-            self.next.start_s += self.step_s;
-            self.taken += 1;
+        let Course { decays, reading, step_s } = self.next;
+        let from_s = reading.start_s + self.taken as f64 * step_s;
+        let means = self.mode.means(from_s, *step_s, reading.integration_s);
+        for (decayed, mean) in decays[..count].iter().skip(self.taken).zip(means) {
+            self.sums.wait_until(0.0, self.known);
+            let one = [mean].into_iter();
+            self.sums.add(self.model, reading, self.amplitude, decayed, self.known, one);
         }
+        self.taken = count;
         eliminated(&self.sums.without_time())
     }
 }
@@ -262,18 +315,26 @@ impl<const N: usize> Sums<N> {
         Self { normal, square, late_s: None }
     }
 
-    /// Adds a reading that began this much later than its time says; one without an impedance is what
-    /// the model says.
+    /// Goes on to a reading that began this much later than its time says.
+    fn wait_until(&mut self, late_s: f64, known: &Known) {
+        // Time begins with the first reading.
+        if let Some(before_s) = self.late_s.replace(late_s) {
+            self.wait(late_s - before_s, known.gap_sigma_s);
+        }
+    }
+
+    /// Adds a reading with this free decay and these means of second modes; one without an impedance is
+    /// what the model says.
     fn add(
         &mut self,
         model: &Model,
         sample: &Sample,
         amplitude: Complex64,
-        late_s: f64,
+        decayed: &Decayed,
         known: &Known,
-        modes: &[Branch],
+        modes: impl Iterator<Item = Complex64>,
     ) -> Row {
-        let (e, e_by, mirrored) = model.decay(sample.start_s + late_s, sample.integration_s);
+        let Decayed { value: e, by_rate: e_by, mirrored } = *decayed;
         let admittance = model.steady + amplitude * e;
         let x = sample.impedance.map_or(Complex64::ONE, |impedance| impedance * admittance);
         let more = 1.0 / (x + 1.0);
@@ -285,16 +346,13 @@ impl<const N: usize> Sums<N> {
         }
         columns[A] = e;
         columns[A + 1] = Complex64::I * e;
-        columns[TIME] = amplitude * model.rate * e;
+        let has_waited = self.normal.matrix[TIME][TIME] > 0.0;
+        if has_waited {
+            columns[TIME] = amplitude * model.rate * e;
+        }
         for (column, mode) in columns.iter_mut().skip(ALONE).zip(modes) {
-            *column = mode.mean(sample.start_s + late_s, sample.integration_s);
+            *column = mode;
         }
-        match self.late_s {
-            // Time begins with the first reading.
-            None => columns[TIME] = Complex64::ZERO,
-            Some(before_s) => self.wait(late_s - before_s, known.gap_sigma_s),
-        }
-        self.late_s = Some(late_s);
         let counter = 0.5 * self.square * mirrored / admittance.norm_sqr();
         let weight = 1.0 / (known.variance / sample.length + counter);
         let residual = 2.0 * (x - 1.0) * more;
@@ -389,11 +447,20 @@ fn amplitude_step<const N: usize>(normal: &Normal<N>) -> (Complex64, f64) {
     (Complex64::new(step[0], step[1]), step[0] * right[0] + step[1] * right[1])
 }
 
+/// The block of the amplitude.
+fn amplitude<const N: usize>(normal: &Normal<N>) -> [[f64; 2]; 2] {
+    std::array::from_fn(|i| std::array::from_fn(|k| normal.matrix[A + i][A + k]))
+}
+
+fn determinant<const N: usize>(normal: &Normal<N>) -> f64 {
+    let [[a, b], [c, d]] = amplitude(normal);
+    a * d - b * c
+}
+
 /// The inverse of the block of the amplitude.
 fn inverse<const N: usize>(normal: &Normal<N>) -> Option<[[f64; 2]; 2]> {
-    let [[a, b], [c, d]]: [[f64; 2]; 2] =
-        std::array::from_fn(|i| std::array::from_fn(|k| normal.matrix[A + i][A + k]));
-    let determinant = a * d - b * c;
+    let [[a, b], [c, d]] = amplitude(normal);
+    let determinant = determinant(normal);
     (determinant > 0.0).then(|| [[d, -b], [-c, a]].map(|row| row.map(|x| x / determinant)))
 }
 

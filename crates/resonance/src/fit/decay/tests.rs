@@ -19,7 +19,7 @@ fn stays(at: &ModelEstimate) -> Stays {
                 let wave = |x: f64| (x + f64::from(k) + 1.7 * n as f64).sin();
                 let (start_s, integration_s) = (0.016 * f64::from(k), 2.0 / frequency_hz);
                 let late_s = if k == 0 { 0.0 } else { 0.7e-3 * wave(0.3) };
-                let (e, _, _) = model.decay(start_s + late_s, integration_s);
+                let e = model.decayed(start_s + late_s, integration_s, &mut None).value;
                 let error = 1.0 + 0.01 * Complex64::new(wave(1.0), wave(2.0));
                 let impedance = error / (model.steady + a * e);
                 Sample { start_s, integration_s, impedance: Some(impedance), length: 0.2 }

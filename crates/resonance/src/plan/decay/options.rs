@@ -11,7 +11,7 @@ use crate::{
         judge::MODE_WIDENS,
         mode::{Modes, SIZE_SEEN},
         model::{Amplitude, Model, Ring},
-        stay::Forecast,
+        stay::{Course, Forecast},
     },
     grid::CircuitPrior,
     solve::Normal,
@@ -23,7 +23,8 @@ const PLACES: [f64; 7] = [-1.5, -0.7, -0.3, 0.0, 0.3, 0.7, 1.5];
 const CYCLES: [u32; 3] = [2, 6, 20];
 /// Above this quality the longest readings gain nothing.
 const LONG_Q: f64 = 60.0;
-const COUNTS: [usize; 7] = [2, 3, 5, 8, 12, 18, 27];
+const COUNTS: [usize; 7] = [2, 3, 5, 8, 12, 18, COUNT_MAX];
+const COUNT_MAX: usize = 27;
 /// Counts of which pairs of stays are made.
 const PAIRED: [usize; 4] = [2, 5, 12, 27];
 /// Phases that the free motion of a new stay may have.
@@ -198,17 +199,18 @@ impl<'a> Shortlist<'a> {
     /// Looks for two stays that reach the aim sooner; the longer of them is the best one then.
     fn pair(&mut self) {
         let is_paired = |i: &usize| PAIRED.contains(&self.all[*i].count);
-        let paired: Vec<usize> = (0..self.all.len()).filter(is_paired).collect();
-        for (n, &i) in paired.iter().enumerate() {
-            for &k in &paired[n + 1..] {
-                let (one, other) = (&self.all[i], &self.all[k]);
+        let mut paired: Vec<usize> = (0..self.all.len()).filter(is_paired).collect();
+        paired.sort_unstable_by(|&i, &k| self.all[i].seconds.total_cmp(&self.all[k].seconds));
+        for (n, &longer) in paired.iter().enumerate() {
+            for &shorter in &paired[..n] {
+                let (one, other) = (&self.all[longer], &self.all[shorter]);
                 let seconds = one.seconds + other.seconds;
-                if seconds < self.least_s
-                    && one.frequency_hz.to_bits() != other.frequency_hz.to_bits()
-                    && self.is_reached(one, other)
-                {
-                    self.best = Some(if one.seconds > other.seconds { i } else { k });
-                    self.least_s = seconds;
+                if seconds >= self.least_s {
+                    break;
+                }
+                let is_elsewhere = one.frequency_hz.to_bits() != other.frequency_hz.to_bits();
+                if is_elsewhere && self.is_reached(one, other) {
+                    (self.best, self.least_s) = (Some(longer), seconds);
                 }
             }
         }
@@ -266,7 +268,10 @@ impl PlanStart<'_> {
         let is_far = |end_hz: &f64| (end_hz - resonance_hz).abs() > FAR * linewidth_hz;
         let ends = [min_hz, max_hz].into_iter().filter(|end_hz| !is_first && !is_far(end_hz));
         let places = near.map(|place| resonance_hz + place * linewidth_hz).chain(ends);
-        for frequency_hz in places.filter(|&hz| min_hz <= hz && hz <= max_hz) {
+        // A resonance beyond the window is judged from the end that is next to it.
+        let mut inside: Vec<f64> = places.map(|hz| hz.clamp(min_hz, max_hz)).collect();
+        inside.dedup();
+        for frequency_hz in inside {
             self.stays_at(frequency_hz, present, list);
         }
     }
@@ -284,8 +289,9 @@ impl PlanStart<'_> {
             let frequency_hz = stay.frequency_hz;
             let reading_s = self.pace.reading_s(cycles, frequency_hz);
             let reading = (reading_s, f64::from(cycles) / frequency_hz);
+            let next = Course::new(model, &stay.samples, reading, COUNT_MAX);
             let model = (model, &self.stays.known);
-            let mut told = Forecast::new(model, ring, modes.last(*place), &stay.samples, reading);
+            let mut told = Forecast::new(model, ring, modes.last(*place), &stay.samples, &next);
             for count in COUNTS {
                 let seconds = count as f64 * reading_s;
                 if seconds >= list.least_s {
@@ -311,11 +317,12 @@ impl PlanStart<'_> {
         for cycles in self.cycles() {
             let reading_s = self.pace.reading_s(cycles, frequency_hz);
             let reading = (reading_s, f64::from(cycles) / frequency_hz);
+            let next = Course::new(&model, &[], reading, COUNT_MAX);
             let mut told: [Forecast<'_>; PHASES] = std::array::from_fn(|phase| {
                 let turn = Complex64::cis(TAU * phase as f64 / PHASES as f64);
                 let ring = Ring { square, amplitude: model.amplitude(at, end * turn) };
                 let mode = present.modes.branch(present.place, frequency_hz, end_of_mode * turn);
-                Forecast::new((&model, &self.stays.known), &ring, mode, &[], reading)
+                Forecast::new((&model, &self.stays.known), &ring, mode, &[], &next)
             });
             for count in COUNTS {
                 let seconds = count as f64 * reading_s;
