@@ -6,6 +6,13 @@
 //!        └──── R1 ─── L1 ─── C1 ────┘
 //! ```
 
+pub(crate) mod dual;
+pub(crate) mod kernel;
+pub(crate) mod points;
+pub(crate) mod residual_transient;
+pub(crate) mod ringup;
+pub(crate) mod trace;
+
 use std::f64::consts::TAU;
 
 use num_complex::Complex64;

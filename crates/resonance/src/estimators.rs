@@ -17,8 +17,8 @@ use num_complex::Complex64;
 use rig_model::{Reading, Window};
 
 use crate::{
-    FitOptions, FitOutcome, Reason, Side, Timing, fit, points::Points, solve::rational_start,
-    trace::complex_ohm,
+    FitOptions, FitOutcome, Reason, Side, Timing, circuit::points::Points,
+    circuit::trace::complex_ohm, fit, fit::solve::rational_start,
 };
 
 pub use definition::Definition;
@@ -238,7 +238,7 @@ fn at_least(needed: usize, points: &[Point]) -> Result<(), NoEstimate> {
 
 fn rational(readings: &[Reading], is_used: impl Fn(&Reading) -> bool) -> Result<f64, NoEstimate> {
     let used: Vec<_> = readings.iter().copied().filter(is_used).collect();
-    let (found, needed) = (used.len(), crate::kernel::PARAMETERS);
+    let (found, needed) = (used.len(), crate::circuit::kernel::PARAMETERS);
     if found < needed {
         return Err(NoEstimate::TooFewPoints { found, needed });
     }

@@ -4,12 +4,28 @@
 //! whether anything is unusual. Only then everything else that could explain the readings is tried.
 
 pub(crate) mod decay;
+pub(crate) mod effective_time;
+mod full;
+pub(crate) mod grid;
+mod robust;
+pub(crate) mod solve;
+mod steady;
 
 use rig_model::{Reading, Window};
 
 use crate::{
-    Circuit, FitOutcome, Reason, Refusal, Resonance, Side, Timing, full_fit::Model, points::Points,
-    rounding, scatter, solve::End, steady_fit::SteadyFit, trace::ModelEstimate, unknown_dwell,
+    Circuit, FitOutcome, NoisePrior, Reason, Refusal, Resonance, Timing,
+    circuit::points::Points,
+    circuit::trace::ModelEstimate,
+    diagnose::doubts::{
+        GAIN_MIN, POINTS_MIN, doubt_circuit, doubt_existence, doubt_place, doubt_precision,
+    },
+    diagnose::rounding,
+    diagnose::unknown_dwell,
+    fit::full::Model,
+    fit::steady::SteadyFit,
+    noise,
+    numeric::descent::End,
 };
 
 /// The inputs of a fit other than the readings.
@@ -29,35 +45,6 @@ pub struct FitOptions {
     /// readings that have not settled are weighed for it.
     pub near: Option<Circuit>,
 }
-
-/// Noise known from earlier readings of the same analyzer.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct NoisePrior {
-    /// Standard deviation of the real and of the imaginary part of the relative error of a reading
-    /// of ten cycles.
-    pub at_ten_cycles: f64,
-    /// Degrees of freedom; infinite if it is certain.
-    pub degrees_of_freedom: f64,
-}
-
-impl NoisePrior {
-    /// Degrees of freedom of a noise given by a person.
-    pub const STATED_DEGREES: f64 = 100.0;
-}
-
-/// Five parameters and two readings more, so that something is left to judge by.
-pub(crate) const POINTS_MIN: usize = 7;
-/// Twice the log-likelihood that a resonance must gain over a capacitor. Chance gains 40 once in a
-/// million sweeps: three parameters, one of them tried at up to a few hundred places.
-pub(crate) const GAIN_MIN: f64 = 40.0;
-/// A tenth of the linewidth: beyond it the model is no longer linear over what noise does.
-const NOISE_MAX_LINEWIDTHS: f64 = 0.1;
-/// Half the linewidth: beyond it a result says no more than a glance at the peak. What is between is
-/// not noise but what other causes might do, none of which the readings ask for.
-pub(crate) const SIGMA_MAX_LINEWIDTHS: f64 = 0.5;
-
-/// More than the square of the coupling factor k33 of the softest ceramics, 0.56.
-const K_SQUARED_MAX: f64 = 0.6;
 
 /// Finds the resonance in readings, in the order in which they were taken.
 pub fn fit(readings: &[Reading], options: &FitOptions) -> FitOutcome {
@@ -164,8 +151,8 @@ fn judge(model: &Model, window: Window, span: Window, options: &FitOptions) -> F
         })
         .or(model.reason)
         .or_else(|| {
-            let sigmas = scatter::CHI_SQUARED_SIGMAS;
-            let allowed = scatter::allowed(model.degrees(), options.noise.as_ref(), sigmas);
+            let sigmas = noise::CHI_SQUARED_SIGMAS;
+            let allowed = noise::allowed(model.degrees(), options.noise.as_ref(), sigmas);
             let found = found.chi_squared_per_dof;
             let is_described = found < allowed;
             (!is_described).then_some(Reason::Misfit { found, allowed })
@@ -174,55 +161,4 @@ fn judge(model: &Model, window: Window, span: Window, options: &FitOptions) -> F
         None => FitOutcome::Accepted(found),
         Some(reason) => FitOutcome::Refused(Refusal { reason, estimate: Some(found) }),
     }
-}
-
-/// Whether there is a resonance at all.
-pub(crate) fn doubt_existence(found: &Resonance, gain: f64) -> Option<Reason> {
-    // What is not a number must be refused as well, here and below.
-    let exists = gain > GAIN_MIN && found.figure_of_merit > 0.0;
-    (!exists).then_some(Reason::NoResonance { found: gain, needed: GAIN_MIN })
-}
-
-/// Whether it lies inside the window.
-pub(crate) fn doubt_place(found: &Resonance, window: Window) -> Option<Reason> {
-    let estimate_hz = found.resonance_hz;
-    let side = if estimate_hz < window.min_hz {
-        Side::Below
-    } else if estimate_hz > window.max_hz {
-        Side::Above
-    } else {
-        return None;
-    };
-    Some(Reason::OutsideWindow { side, estimate_hz, window })
-}
-
-/// Whether it can be a sensor at all: something else may look a little like a resonance.
-pub(crate) fn doubt_circuit(found: &Resonance, window: Window) -> Option<Reason> {
-    let circuit = found.circuit();
-    let span_hz = window.max_hz - window.min_hz;
-    [
-        ("linewidth in Hz", circuit.linewidth_hz(), span_hz),
-        ("coupling factor squared", circuit.k_eff_squared(), K_SQUARED_MAX),
-    ]
-    .into_iter()
-    .find(|(_, found, limit)| {
-        // What is not a number is no sensor either.
-        let is_possible = found < limit;
-        !is_possible
-    })
-    .map(|(quantity, found, limit)| Reason::NotASensor { quantity, found, limit })
-}
-
-/// Whether it is known well enough to be told, with so much of its uncertainty by noise alone.
-pub(crate) fn doubt_precision(found: &Resonance, sigma_by_noise_hz: f64) -> Option<Reason> {
-    let linewidth_hz = found.circuit().linewidth_hz();
-    let [by_noise, by_all] = [
-        (sigma_by_noise_hz, NOISE_MAX_LINEWIDTHS * linewidth_hz),
-        (found.sigma_hz, SIGMA_MAX_LINEWIDTHS * linewidth_hz),
-    ]
-    .map(|(sigma_hz, limit_hz)| {
-        let is_precise = sigma_hz < limit_hz;
-        (!is_precise).then_some(Reason::TooNoisy { sigma_hz, limit_hz })
-    });
-    by_noise.or(by_all)
 }

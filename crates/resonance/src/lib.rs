@@ -9,39 +9,28 @@
 
 #![deny(clippy::disallowed_methods)]
 
-mod alternatives;
 mod circuit;
-mod dense;
-mod dual;
-mod effective_time;
+mod diagnose;
 mod estimators;
 mod fit;
-mod flagged;
-mod full_fit;
-mod grid;
-mod kernel;
-mod mains;
+mod noise;
+mod numeric;
 mod outcome;
-mod outliers;
 mod plan;
-mod planner;
-mod points;
-mod residual_transient;
-mod ringup;
-mod robust;
-mod rounding;
-mod scatter;
-mod simd;
-mod solve;
-mod steady_fit;
-mod trace;
-mod two_level;
-mod unknown_dwell;
 
-pub use circuit::Circuit;
+pub use circuit::{
+    Circuit,
+    trace::{Past, Timing},
+};
+pub use diagnose::flagged::flagged;
 pub use estimators::{Definition, Estimator, NoEstimate};
-pub use fit::{FitOptions, Fitter, NoisePrior, fit};
-pub use flagged::flagged;
-pub use outcome::{FitOutcome, ModelOrder, Reason, Refusal, Resonance, Side};
-pub use planner::{Estimate, Limit, Next, Planner, Prior};
-pub use trace::{Past, Timing};
+pub use fit::{FitOptions, Fitter, fit};
+pub use noise::NoisePrior;
+pub use outcome::{
+    FitOutcome, ModelOrder, Resonance,
+    refusal::{Limit, Reason, Refusal, Side},
+};
+pub use plan::{
+    Next, Planner,
+    prior::{Estimate, Prior},
+};

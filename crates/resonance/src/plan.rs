@@ -1,3 +1,411 @@
-//! Which frequency to measure next, by the model of the free decay.
+//! Which frequency to measure next.
+//!
+//! The planner does not measure and has no clock: it is asked for points, is given the readings,
+//! and is asked again, until it has an outcome. It takes the time of the readings from them, other time
+//! from the caller, and counts its own work.
 
 pub(crate) mod decay;
+pub(crate) mod limit;
+pub(crate) mod prior;
+mod tracker;
+mod transient;
+
+use rig_model::{Reading, SweepMethod, SweepPoint, SweepRequest, Window};
+
+use crate::{
+    FitOptions, FitOutcome, Fitter, Limit, Past, Reason, Refusal, Resonance, Timing,
+    circuit::trace::CIRCUIT, diagnose::doubts::POINTS_MIN, noise::NOISE,
+};
+use decay::Decay;
+use limit::{
+    READINGS_MAX, READINGS_SHORT, ROWS_PER_PLAN, ROWS_PER_READING_JUDGED, SECONDS_PER_ROW,
+    SHORTEST_SHARE, VERDICTS_MAX,
+};
+use prior::{Estimate, Prior, elapsed_s};
+use tracker::Tracker;
+use transient::Transient;
+
+/// The next action.
+#[derive(Debug, Clone, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "one is alive at a time")]
+pub enum Next {
+    /// Measure these points in this order, and add the readings.
+    Measure(Vec<SweepPoint>),
+    /// Nothing more to measure.
+    Finished(FitOutcome),
+}
+
+/// Chooses the points of one sweep.
+#[derive(Debug, Clone)]
+pub struct Planner {
+    request: SweepRequest,
+    options: FitOptions,
+    readings: Vec<Reading>,
+    fitter: Fitter,
+    method: Method,
+    /// The standard deviation that a plan aims at, Hz.
+    aim_hz: f64,
+    /// Refusals in a row.
+    refusals: usize,
+    /// Number of judgements of the readings.
+    verdicts: usize,
+    /// The time since the sweep began, s.
+    passed_s: f64,
+    /// Rows computed so far, without those of the tracker.
+    work: u64,
+}
+
+/// The aim of the next point.
+#[derive(Debug)]
+struct Goal {
+    window: Window,
+    /// The standard deviation aimed at, Hz.
+    aim_hz: f64,
+    /// The shortest integration, s.
+    shortest_s: f64,
+}
+
+#[derive(Debug, Clone)]
+enum Method {
+    Uniform { points: u32, is_asked: bool },
+    Adaptive(Box<Decay>),
+    Transient(Box<Transient>),
+}
+
+/// The part of the asked standard deviation that is aimed at: what is planned with estimates falls
+/// short half of the time.
+const AIM: f64 = 0.99;
+/// By how much less is aimed at, at a time, when the fit is not content.
+const MORE: f64 = 0.95;
+/// By how much less where it refuses: many refusals of nearly the same readings would be one.
+const MUCH_MORE: f64 = 0.9;
+/// Standard deviations that a normal number exceeds once in a hundred times.
+const ONE_IN_A_HUNDRED: f64 = 2.33;
+/// A refusal may be chance while the readings are few; so many in a row are none.
+const REFUSALS_MAX: usize = 10;
+
+impl Planner {
+    /// A planner for this request, with what is believed so far.
+    pub fn new(request: &SweepRequest, prior: Option<&Prior>) -> Self {
+        let past = prior.map_or(Past::Unknown, |prior| prior.past);
+        let known = prior.and_then(|prior| prior.noise);
+        let noise = known.unwrap_or(NOISE);
+        let (method, timing) = match request.method {
+            SweepMethod::Uniform { points } => {
+                (Method::Uniform { points, is_asked: false }, Timing::Waited)
+            }
+            SweepMethod::Adaptive => {
+                (Method::Adaptive(Box::new(Decay::new(request, prior))), Timing::AnyPhase)
+            }
+            SweepMethod::Transient => {
+                let transient = Transient::new(request, prior, past, &noise);
+                (Method::Transient(Box::new(transient)), Timing::Exact(past))
+            }
+        };
+        let options = FitOptions {
+            window: Some(request.window),
+            noise: known,
+            timing,
+            always_loss: true,
+            near: None,
+        };
+        let (readings, fitter) = (Vec::new(), Fitter::default());
+        let aim_hz = AIM * request.target_sigma_hz;
+        let (refusals, verdicts, passed_s, work) = (0, 0, 0.0, 0);
+        let request = *request;
+        Self {
+            request,
+            options,
+            readings,
+            fitter,
+            method,
+            aim_hz,
+            refusals,
+            verdicts,
+            passed_s,
+            work,
+        }
+    }
+
+    /// What to do next. Asked again without new readings, it ends with what it has.
+    #[expect(
+        clippy::should_implement_trait,
+        reason = "what comes next depends on the readings added in between"
+    )]
+    pub fn next(&mut self) -> Next {
+        let SweepRequest { window, settle_s, cycles, .. } = self.request;
+        match &mut self.method {
+            Method::Uniform { points, is_asked } if !*is_asked => {
+                *is_asked = true;
+                Next::Measure(evenly(window, *points, settle_s, cycles))
+            }
+            Method::Uniform { .. } => Next::Finished(self.verdict()),
+            Method::Adaptive(_) => self.next_stay(),
+            Method::Transient(_) => self.next_point(),
+        }
+    }
+
+    /// Tells how long ago the sweep began, s. Readings tell only of their own time.
+    pub fn pass(&mut self, since_begin_s: f64) {
+        self.passed_s = since_begin_s;
+    }
+
+    /// Largest number of judgements of one sweep.
+    pub const VERDICTS_MAX: usize = limit::VERDICTS_MAX;
+
+    /// Number of judgements of the readings.
+    pub const fn verdicts(&self) -> usize {
+        self.verdicts
+    }
+
+    /// The most that is computed between two readings, as [`Self::work`] counts it.
+    pub const WORK_MAX: u64 = if limit::STEP_WORK_MAX > decay::STEP_WORK_MAX {
+        limit::STEP_WORK_MAX
+    } else {
+        decay::STEP_WORK_MAX
+    };
+
+    /// Work so far, in readings with their slopes.
+    pub fn work(&self) -> u64 {
+        let of_method = match &self.method {
+            Method::Uniform { .. } => 0,
+            Method::Adaptive(decay) => decay.work(),
+            Method::Transient(transient) => transient.tracker().work(),
+        };
+        self.work + of_method
+    }
+
+    /// The time that counts against the limit, s: what has passed, and the thinking.
+    fn elapsed_s(&self) -> f64 {
+        self.passed_s.max(elapsed_s(&self.readings)) + SECONDS_PER_ROW * self.work() as f64
+    }
+
+    fn verdict(&mut self) -> FitOutcome {
+        self.verdicts += 1;
+        self.work += ROWS_PER_READING_JUDGED * self.readings.len() as u64;
+        self.options.near = match &mut self.method {
+            Method::Uniform { .. } => None,
+            Method::Adaptive(decay) => decay.circuit(),
+            Method::Transient(transient) => transient.tracker_mut().circuit(),
+        };
+        self.fitter.fit(&self.readings, &self.options)
+    }
+
+    /// The verdict of a planned sweep that ends here; one that is not as good as it was asked for is
+    /// a refusal, with what there is as evidence.
+    fn finish(&mut self, limit: Limit) -> Next {
+        let verdict = self.verdict();
+        let target_hz = self.request.target_sigma_hz;
+        Next::Finished(verdict.held_to(target_hz, self.readings.len(), limit))
+    }
+
+    /// What ends the sweep now, whatever is known.
+    fn limit(&self) -> Option<Limit> {
+        let limit_s = self.request.time_limit_s;
+        if self.elapsed_s() >= limit_s {
+            Some(Limit::Time { limit_s })
+        } else if self.readings.len() >= READINGS_MAX {
+            Some(Limit::Readings { max: READINGS_MAX })
+        } else if self.verdicts >= VERDICTS_MAX {
+            Some(Limit::Verdicts { max: VERDICTS_MAX })
+        } else {
+            None
+        }
+    }
+
+    /// The inputs of the last outcome, other than the readings.
+    pub const fn fit_options(&self) -> FitOptions {
+        self.options
+    }
+
+    /// The standard deviation that a resonance must have to be accepted, Hz; `None` where the points
+    /// are given and the result is what they make it.
+    pub const fn target_hz(&self) -> Option<f64> {
+        match self.method {
+            Method::Uniform { .. } => None,
+            Method::Adaptive(_) | Method::Transient(_) => Some(self.request.target_sigma_hz),
+        }
+    }
+
+    /// The moment for which this verdict's resonance holds, s on the clock of the readings.
+    pub fn moment_s(&self, verdict: &FitOutcome) -> Option<f64> {
+        verdict.accepted()?.moment_s(&self.readings, &self.options)
+    }
+
+    fn tracker(&self) -> Option<&Tracker> {
+        match &self.method {
+            Method::Uniform { .. } | Method::Adaptive(_) => None,
+            Method::Transient(transient) => Some(transient.tracker()),
+        }
+    }
+
+    /// The next stay of a sweep that fits the free decay, as far as the time allowed goes.
+    fn next_stay(&mut self) -> Next {
+        if let Some(limit) = self.limit() {
+            return self.finish(limit);
+        }
+        let window = self.request.window;
+        let is_enough = match &mut self.method {
+            Method::Adaptive(decay) => decay.is_enough(window),
+            _ => false,
+        };
+        if is_enough {
+            let verdict = self.verdict();
+            let target_hz = self.request.target_sigma_hz;
+            if let Method::Adaptive(decay) = &mut self.method
+                && decay.is_final(&verdict, target_hz)
+            {
+                return Next::Finished(verdict);
+            }
+        }
+        let (elapsed_s, limit_s) = (self.elapsed_s(), self.request.time_limit_s);
+        let points = match &mut self.method {
+            Method::Adaptive(decay) => decay.next(&self.request, &self.readings, elapsed_s),
+            _ => Ok(Vec::new()),
+        };
+        self.work += ROWS_PER_PLAN;
+        let mut points = match points {
+            Ok(points) => points,
+            Err(reason) => {
+                return Next::Finished(FitOutcome::Refused(Refusal { reason, estimate: None }));
+            }
+        };
+        if points.is_empty() {
+            return self.finish(Limit::Plan);
+        }
+        let mut end_s = elapsed_s;
+        let is_in_time = |point: &&SweepPoint| {
+            end_s += point.duration_s();
+            end_s <= limit_s
+        };
+        let count = points.iter().take_while(is_in_time).count();
+        points.truncate(count.min(READINGS_MAX - self.readings.len()));
+        if points.is_empty() {
+            return self.finish(Limit::Time { limit_s });
+        }
+        Next::Measure(points)
+    }
+
+    fn next_point(&mut self) -> Next {
+        if let Some(limit) = self.limit() {
+            return self.finish(limit);
+        }
+        let expected_hz = self.tracker().map_or(f64::INFINITY, Tracker::sigma_hz);
+        let is_enough = expected_hz < self.aim_hz && self.readings.len() >= POINTS_MIN;
+        if is_enough && self.tracker().is_some_and(Tracker::has_rival) {
+            self.aim_hz = expected_hz * MORE;
+        } else if is_enough {
+            let verdict = self.verdict();
+            let target_hz = self.request.target_sigma_hz;
+            match verdict.accepted() {
+                Some(found) if found.sigma_hz > target_hz => {
+                    // The fit knows of more uncertainty than the plan. What it could not exclude
+                    // with these readings it may exclude with a few more.
+                    self.aim_hz = expected_hz * (target_hz / found.sigma_hz).max(MORE);
+                    self.refusals = 0;
+                }
+                Some(found) if scatters(found, &self.options) => self.aim_hz = expected_hz * MORE,
+                Some(_) => return Next::Finished(verdict),
+                None => {
+                    self.aim_hz = expected_hz * MUCH_MORE;
+                    self.refusals += usize::from(!needs_more(&verdict));
+                    if self.refusals > REFUSALS_MAX {
+                        return Next::Finished(verdict);
+                    }
+                }
+            }
+        }
+        let readings = &self.readings;
+        let shortest_s = if readings.len() < READINGS_SHORT {
+            0.0
+        } else {
+            SHORTEST_SHARE * elapsed_s(readings)
+        };
+        let goal = Goal { window: self.request.window, aim_hz: self.aim_hz, shortest_s };
+        let point = match &mut self.method {
+            Method::Uniform { .. } | Method::Adaptive(_) => None,
+            Method::Transient(transient) => transient.next(readings, &goal),
+        };
+        self.work += ROWS_PER_PLAN;
+        let limit_s = self.request.time_limit_s;
+        match point {
+            Some(point) if self.elapsed_s() + point.duration_s() > limit_s => {
+                self.finish(Limit::Time { limit_s })
+            }
+            Some(point) => Next::Measure(vec![point]),
+            None => self.finish(Limit::Plan),
+        }
+    }
+
+    /// Takes the readings of the points asked for last.
+    pub fn add(&mut self, readings: &[Reading]) {
+        self.readings.extend_from_slice(readings);
+        match &mut self.method {
+            Method::Adaptive(decay) => decay.add(readings, self.request.window),
+            Method::Transient(transient) => transient.add(readings),
+            Method::Uniform { .. } => {}
+        }
+    }
+
+    /// What the readings so far say, once one circuit explains them. A result it is not: the fit may
+    /// still refuse it.
+    pub fn estimate(&self) -> Option<Estimate> {
+        if let Method::Adaptive(decay) = &self.method {
+            return decay.estimate();
+        }
+        let tracker = self.tracker()?;
+        let (trace, at) = tracker.best()?;
+        let sigma_hz = tracker.sigma_hz();
+        sigma_hz.is_finite().then(|| Estimate { circuit: at.circuit(trace.unit_farad), sigma_hz })
+    }
+
+    /// All readings so far.
+    pub fn readings(&self) -> &[Reading] {
+        &self.readings
+    }
+}
+
+/// Whether readings lie further from their circuit than one sweep in a hundred does by chance.
+fn scatters(found: &Resonance, options: &FitOptions) -> bool {
+    let Some(noise) = options.noise else { return false };
+    let own = (2 * found.points).saturating_sub(CIRCUIT).max(1) as f64;
+    let spread = (2.0 / own + 2.0 / noise.degrees_of_freedom).sqrt();
+    found.chi_squared_per_dof.ln() > ONE_IN_A_HUNDRED * spread
+}
+
+/// Whether a refusal only means that more readings are needed.
+fn needs_more(verdict: &FitOutcome) -> bool {
+    let FitOutcome::Refused(refusal) = verdict else { return false };
+    matches!(refusal.reason, Reason::TooNoisy { .. } | Reason::TooFewPoints { .. })
+}
+
+impl FitOutcome {
+    /// The verdict where this standard deviation was asked for, Hz, and there is no more to read:
+    /// what is not as good is a refusal, with what there is as evidence.
+    #[must_use]
+    pub fn held_to(self, target_hz: f64, readings: usize, limit: Limit) -> Self {
+        let estimate = match &self {
+            Self::Accepted(found) => Some(*found),
+            Self::Refused(refusal) if needs_more(&self) => refusal.estimate,
+            Self::Refused(_) => return self,
+        };
+        let sigma_hz = estimate.map(|found| found.sigma_hz);
+        if sigma_hz.is_some_and(|sigma_hz| sigma_hz <= target_hz) {
+            return self;
+        }
+        let reason = Reason::TargetNotReached { sigma_hz, target_hz, readings, limit };
+        Self::Refused(Refusal { reason, estimate })
+    }
+}
+
+/// Points at equal distances over a window, from end to end.
+fn evenly(window: Window, points: u32, settle_s: f64, cycles: u32) -> Vec<SweepPoint> {
+    let step = (window.max_hz - window.min_hz) / f64::from(points.max(2) - 1);
+    (0..points)
+        .map(|i| SweepPoint {
+            frequency_hz: (window.min_hz + step * f64::from(i)).min(window.max_hz),
+            settle_s,
+            cycles,
+        })
+        .collect()
+}

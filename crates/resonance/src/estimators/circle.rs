@@ -12,8 +12,8 @@ use num_complex::Complex64;
 
 use super::{NoEstimate, Point, at_least};
 use crate::{
-    dense::Cholesky,
-    solve::{Descent, End, Normal, Step},
+    numeric::dense::Cholesky,
+    numeric::descent::{Descent, End, Normal, Step},
 };
 
 /// Two unknowns of the circle, three of the phase, and one reading more.

@@ -9,7 +9,7 @@
 //! resonator by fewer points than half-power interpolation needs.
 
 use super::{NoEstimate, Point, at_least, peaks::peak};
-use crate::{dense::Cholesky, solve::Normal};
+use crate::{numeric::dense::Cholesky, numeric::descent::Normal};
 
 /// A parabola and one reading more.
 const POINTS_MIN: usize = 4;

@@ -5,7 +5,7 @@
 //! half of what was measured, is not used.
 
 use super::{NoEstimate, Point, at_least, peaks::peak};
-use crate::solve::{Descent, End, Normal, Step};
+use crate::numeric::descent::{Descent, End, Normal, Step};
 
 /// Four parameters and one reading more.
 const POINTS_MIN: usize = 5;

@@ -25,10 +25,11 @@ use num_complex::Complex64;
 use rig_model::Reading;
 
 use crate::{
-    dense::Cholesky,
-    grid::CircuitPrior,
-    solve::{Descent, End, Normal},
-    trace::{CIRCUIT, ModelEstimate, Past, UNKNOWNS, complex_ohm, weight},
+    circuit::points::weight,
+    circuit::trace::{CIRCUIT, ModelEstimate, Past, UNKNOWNS, complex_ohm},
+    fit::grid::CircuitPrior,
+    numeric::dense::Cholesky,
+    numeric::descent::{Descent, End, Normal},
 };
 use model::{Amplitude, Model, Ring};
 use stay::State;

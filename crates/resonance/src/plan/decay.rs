@@ -12,6 +12,8 @@ use rig_model::{Reading, SweepPoint, SweepRequest, Window};
 
 use crate::{
     Circuit, FitOutcome, Reason,
+    circuit::trace::ModelEstimate,
+    diagnose::doubts::{GAIN_MIN, POINTS_MIN},
     fit::decay::{
         Hypothesis, Known, Stays,
         judge::{MODE_GAIN, MODE_WIDENS},
@@ -19,11 +21,13 @@ use crate::{
         search::{self, Effort, Search},
         start::Trials,
     },
-    fit::{GAIN_MIN, POINTS_MIN},
-    grid::{CircuitPrior, Q_TYPICAL},
-    planner::{Estimate, NOISE, Prior, limit::READINGS_MAX},
-    scatter::PooledVariance,
-    trace::ModelEstimate,
+    fit::grid::{CircuitPrior, Q_TYPICAL},
+    noise::NOISE,
+    noise::PooledVariance,
+    plan::{
+        limit::READINGS_MAX,
+        prior::{Estimate, Prior},
+    },
 };
 use options::{Aim, Pace, PlanStart};
 
@@ -61,7 +65,7 @@ const SEARCHES_PER_STEP: u64 = 4;
 /// The most rows between two readings: all searches, and a verdict.
 pub(crate) const STEP_WORK_MAX: u64 = {
     let rounds = 6;
-    let descent = (crate::solve::STEPS_MAX + 2) * rounds * READINGS_MAX;
+    let descent = (crate::numeric::descent::STEPS_MAX + 2) * rounds * READINGS_MAX;
     SEARCHES_PER_STEP * (search::ROWS_MAX + (search::DESCENTS_MAX * descent) as u64)
 };
 

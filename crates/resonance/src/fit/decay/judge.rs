@@ -10,14 +10,14 @@ use super::{
 };
 use crate::{
     FitOptions, FitOutcome, ModelOrder, Reason, Refusal, Resonance,
-    dense::{Cholesky, condition, sandwich},
-    fit::{POINTS_MIN, doubt_circuit, doubt_existence, doubt_place, doubt_precision},
-    grid::{CircuitPrior, Q_TYPICAL},
+    circuit::trace::{CIRCUIT, ModelEstimate},
+    diagnose::doubts::{POINTS_MIN, doubt_circuit, doubt_existence, doubt_place, doubt_precision},
+    fit::grid::{CircuitPrior, Q_TYPICAL},
+    noise::NOISE,
+    noise::PooledVariance,
+    numeric::dense::{Cholesky, condition, sandwich},
+    numeric::descent::End,
     outcome::Spread,
-    planner::NOISE,
-    scatter::PooledVariance,
-    solve::End,
-    trace::{CIRCUIT, ModelEstimate},
 };
 
 /// Twice the log-likelihood that a second mode must gain to be taken for real: chance gains as much at

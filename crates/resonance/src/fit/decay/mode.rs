@@ -9,10 +9,10 @@ use rig_model::Window;
 
 use super::{Hypothesis, Stays, model::Branch, variance};
 use crate::{
-    dense::Cholesky,
-    grid::CircuitPrior,
-    solve::Normal,
-    trace::{CIRCUIT, ModelEstimate, UNKNOWNS},
+    circuit::trace::{CIRCUIT, ModelEstimate, UNKNOWNS},
+    fit::grid::CircuitPrior,
+    numeric::dense::Cholesky,
+    numeric::descent::Normal,
 };
 
 /// Where a second mode is looked for, in linewidths from the resonance: nearer ones are hard to tell

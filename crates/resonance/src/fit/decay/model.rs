@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use num_complex::Complex64;
 
-use crate::trace::{CIRCUIT, ModelEstimate, Past};
+use crate::circuit::trace::{CIRCUIT, ModelEstimate, Past};
 
 /// The mean square of the free motion after each change of frequency, in units of the static
 /// deflection: what the forced motions before and after differ by, and what was left.

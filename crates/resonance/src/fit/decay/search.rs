@@ -2,9 +2,9 @@
 
 use super::{Hypothesis, Stays, start::Trials};
 use crate::{
-    grid::{CircuitPrior, are_apart},
-    scatter::{self, PooledVariance},
-    trace::ModelEstimate,
+    circuit::trace::ModelEstimate,
+    fit::grid::{CircuitPrior, are_apart},
+    noise::{self, PooledVariance},
 };
 
 /// Trials that are followed to their minimum, and circuits that are kept.
@@ -65,7 +65,7 @@ pub(crate) fn allowed(degrees: f64, noise: PooledVariance) -> f64 {
     if prior.degrees_of_freedom <= GUESSED_DEGREES && degrees > ENOUGH_DEGREES {
         prior.degrees_of_freedom = DEGREES_OF_A_GUESS;
     }
-    scatter::allowed(degrees, Some(&prior), CHI_SQUARED_SIGMAS)
+    noise::allowed(degrees, Some(&prior), CHI_SQUARED_SIGMAS)
 }
 
 impl Hypothesis {

@@ -11,10 +11,10 @@ use super::{
     model::{Amplitude, Integration, Model},
 };
 use crate::{
-    dense::Cholesky,
-    grid::{C1_TYPICAL, CircuitPrior, QUALITIES, STEP, are_apart},
-    solve::Normal,
-    trace::{ExtraTerm, ModelEstimate},
+    circuit::trace::{ExtraTerm, ModelEstimate},
+    fit::grid::{C1_TYPICAL, CircuitPrior, QUALITIES, STEP, are_apart},
+    numeric::dense::Cholesky,
+    numeric::descent::Normal,
 };
 
 /// C0, C1 and C0·tan δ.

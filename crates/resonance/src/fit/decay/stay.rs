@@ -9,8 +9,8 @@ use super::{
     model::{Branch, Decayed, Model, Ring},
 };
 use crate::{
-    solve::Normal,
-    trace::{CIRCUIT, ModelEstimate, UNKNOWNS},
+    circuit::trace::{CIRCUIT, ModelEstimate, UNKNOWNS},
+    numeric::descent::Normal,
 };
 
 /// Where the unknowns of a stay are: the circuit, the amplitude, the error in time, second modes.

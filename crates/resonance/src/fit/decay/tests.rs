@@ -1,7 +1,7 @@
 //! The gradient is that of the cost, and the circuit comes out.
 
 use super::*;
-use crate::trace::ExtraTerm;
+use crate::circuit::trace::ExtraTerm;
 
 /// Stays of a circuit whose readings came a little late, and are a little wrong.
 fn stays(at: &ModelEstimate) -> Stays {

@@ -6,6 +6,7 @@ use num_complex::Complex64;
 use rig_model::Window;
 
 use crate::{
+    circuit::trace::{CIRCUIT, UNKNOWNS},
     fit::decay::{
         Hypothesis, Stay, Stays,
         judge::MODE_WIDENS,
@@ -13,9 +14,8 @@ use crate::{
         model::{Amplitude, Model, Ring},
         stay::{Course, Forecast},
     },
-    grid::CircuitPrior,
-    solve::Normal,
-    trace::{CIRCUIT, UNKNOWNS},
+    fit::grid::CircuitPrior,
+    numeric::descent::Normal,
 };
 
 /// Places of a new stay, in linewidths from the resonance; in addition to the ends of the window.

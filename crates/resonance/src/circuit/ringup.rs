@@ -18,7 +18,7 @@ use std::f64::consts::TAU;
 
 use num_complex::Complex64;
 
-use crate::dual::{Dual, Value};
+use crate::circuit::dual::{Dual, Value};
 
 const J: Complex64 = Complex64::I;
 

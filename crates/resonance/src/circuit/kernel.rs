@@ -18,9 +18,9 @@
 )]
 
 use crate::{
-    points::Block,
-    simd::{F64x4, Isa, Lanes, on_this_machine},
-    solve::Normal,
+    circuit::points::Block,
+    numeric::descent::Normal,
+    numeric::simd::{F64x4, Isa, Lanes, on_this_machine},
 };
 
 /// Number of parameters of the circuit.
@@ -290,7 +290,7 @@ fn differences<M: Isa>(on: M, blocks: &[Block], residuals: &[Residual]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::Any;
+    use crate::numeric::simd::Any;
 
     #[test]
     fn every_machine_gets_the_same_bits() {

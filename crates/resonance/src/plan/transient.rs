@@ -12,16 +12,17 @@ use num_complex::Complex64;
 use rig_model::{Reading, SweepPoint, SweepRequest, Window};
 
 use super::{
-    Goal, Prior, elapsed_s,
+    Goal,
+    prior::{Prior, elapsed_s},
     tracker::{Tracker, variance},
 };
 use crate::{
     NoisePrior, Past, Timing,
-    dual::Dual,
-    ringup::{Motion, Visit},
-    scatter::PooledVariance,
-    solve::Normal,
-    trace::{CIRCUIT, ModelEstimate, Sample, UNKNOWNS, ideal_row},
+    circuit::dual::Dual,
+    circuit::ringup::{Motion, Visit},
+    circuit::trace::{CIRCUIT, ModelEstimate, Sample, UNKNOWNS, ideal_row},
+    noise::PooledVariance,
+    numeric::descent::Normal,
 };
 
 /// The plan of one sweep.

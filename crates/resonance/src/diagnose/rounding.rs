@@ -6,7 +6,7 @@
 
 use rig_model::{Impedance, Reading};
 
-use crate::{Resonance, trace::weight};
+use crate::{Resonance, circuit::points::weight};
 
 /// More digits than an analyzer has: such a number was computed.
 const DIGITS_MAX: i32 = 9;

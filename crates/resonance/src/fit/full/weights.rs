@@ -1,7 +1,7 @@
 //! Weights of readings from rounding and pick-up, in addition to their integration.
 
 use super::{CLEARLY, Model};
-use crate::{FitOptions, alternatives::Fitted, mains, outliers};
+use crate::{FitOptions, diagnose::alternatives::Fitted, diagnose::mains, diagnose::outliers};
 
 /// Rounds in which noise is told from rounding, and the least part of the rounding that is noise.
 const ROUNDS: usize = 4;

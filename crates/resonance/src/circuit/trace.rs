@@ -1,7 +1,7 @@
 //! Readings one by one, in the order in which they were taken, and the most likely circuit behind
 //! them.
 //!
-//! Where [`crate::kernel`] is fast and knows one model, this knows them all: readings that have
+//! Where [`crate::circuit::kernel`] is fast and knows one model, this knows them all: readings that have
 //! settled or are still ringing up, and extra terms beyond the five parameters of a circuit. Every
 //! model gives the same thing, a [`Row`] for each reading, and everything else works on rows.
 
@@ -10,12 +10,13 @@ use std::f64::consts::TAU;
 use num_complex::Complex64;
 use rig_model::Reading;
 
+use super::points::weight;
 use crate::{
     Circuit,
-    dual::{Dual, Value},
-    residual_transient::ResidualTransient,
-    ringup::{Motion, Response, Visit, with_slopes},
-    solve::{Descent, End, Normal, Step},
+    circuit::dual::{Dual, Value},
+    circuit::residual_transient::ResidualTransient,
+    circuit::ringup::{Motion, Response, Visit, with_slopes},
+    numeric::descent::{Descent, End, Normal, Step},
 };
 
 /// Unknowns: ln resonance, ln Q, C0, C1, C0·tan δ, and up to three of an extra term.
@@ -348,17 +349,6 @@ pub(crate) struct State {
 /// The impedance of a reading, where there is one.
 pub(crate) fn complex_ohm(reading: &Reading) -> Option<Complex64> {
     reading.impedance().map(|one| Complex64::new(one.resistance_ohm, one.reactance_ohm))
-}
-
-/// Cycles integrated, in units of ten; 1 if the time is unknown.
-#[inline]
-pub(crate) fn weight(reading: &Reading) -> f64 {
-    tens_of_cycles(reading.integration_s * reading.frequency_hz)
-}
-
-#[inline]
-fn tens_of_cycles(cycles: f64) -> f64 {
-    if cycles > 0.0 { 0.1 * cycles } else { 1.0 }
 }
 
 /// The middle of the integration of a reading, s after the first one's frequency was set.

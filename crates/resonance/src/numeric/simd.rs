@@ -23,7 +23,7 @@ macro_rules! on_this_machine {
         $(#[$about])*
         $public fn $name<'a>($($input: $kind),*) -> $output {
             struct Kernel<'a, M> { machine: M, $($input: $kind),* }
-            impl<'a, M: $crate::simd::Isa> pulp::NullaryFnOnce for Kernel<'a, M> {
+            impl<'a, M: $crate::numeric::simd::Isa> pulp::NullaryFnOnce for Kernel<'a, M> {
                 type Output = $output;
                 #[inline(always)]
                 fn call(self) -> $output {
@@ -34,7 +34,7 @@ macro_rules! on_this_machine {
             if let Some(machine) = pulp::x86::V3::try_new() {
                 return machine.vectorize(Kernel { machine, $($input),* });
             }
-            pulp::NullaryFnOnce::call(Kernel { machine: $crate::simd::Any, $($input),* })
+            pulp::NullaryFnOnce::call(Kernel { machine: $crate::numeric::simd::Any, $($input),* })
         }
     };
 }

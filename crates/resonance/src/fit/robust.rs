@@ -16,12 +16,13 @@ use rig_model::Reading;
 
 use crate::{
     Circuit,
-    kernel::PARAMETERS,
-    outliers::TRIMMED,
-    points::Points,
-    solve::{rational_start, solve},
-    steady_fit::circuit_of,
-    trace::{complex_ohm, weight},
+    circuit::kernel::PARAMETERS,
+    circuit::points::Points,
+    circuit::points::weight,
+    circuit::trace::complex_ohm,
+    diagnose::outliers::TRIMMED,
+    fit::solve::{rational_start, solve},
+    fit::steady::circuit_of,
 };
 
 /// Rounds in which the readings that fit best are chosen anew.
@@ -79,7 +80,7 @@ fn concentrate(readings: &[Reading], mut set: Vec<usize>) -> Option<(Circuit, f6
 }
 
 /// How far a reading is from a circuit: its weight times the square of the relative error, taken as
-/// in [`crate::trace`], where a value too large and one too small count alike.
+/// in [`crate::circuit::trace`], where a value too large and one too small count alike.
 fn size(reading: &Reading, circuit: &Circuit) -> f64 {
     let Some(impedance) = complex_ohm(reading) else { return f64::INFINITY };
     let x = impedance * circuit.admittance_siemens(reading.frequency_hz);

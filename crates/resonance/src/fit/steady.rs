@@ -5,13 +5,14 @@ use rig_model::Reading;
 
 use crate::{
     Circuit, FitOptions, ModelOrder, Resonance, Timing,
-    dense::{Cholesky, condition, sandwich},
-    kernel::{self, Look, PARAMETERS, PATTERNS, Residual, Theta, WIDE},
+    circuit::kernel::{self, Look, PARAMETERS, PATTERNS, Residual, Theta, WIDE},
+    circuit::points::{NotFinite, Points},
+    circuit::trace::{ExtraTerm, ModelEstimate},
+    fit::solve::{Solution, rational_start, solve},
+    noise,
+    numeric::dense::{Cholesky, condition, sandwich},
+    numeric::descent::{End, Normal, Step},
     outcome::{LOSS_GAIN_MIN, Spread},
-    points::{NotFinite, Points},
-    scatter,
-    solve::{End, Normal, Solution, Step, rational_start, solve},
-    trace::{ExtraTerm, ModelEstimate},
 };
 
 /// Largest residual transient, relative to the noise, that needs no full fit.
@@ -97,7 +98,7 @@ impl SteadyFit {
         let size = theta.g / column[PARAMETERS - 1];
         let cost = normal.cost + size * theta.g;
         // Rounding is not noise, and asks for nothing.
-        let variance = cost / self.degrees(PARAMETERS - 1) + scatter::VARIANCE_MIN;
+        let variance = cost / self.degrees(PARAMETERS - 1) + noise::VARIANCE_MIN;
         let without = Theta { g: 0.0, ..theta.minus(&column.map(|by| by * size)) };
         let normal = Normal { cost, ..normal };
         Some((size * theta.g / variance, Solution { theta: without, normal, end }))
@@ -117,12 +118,9 @@ impl SteadyFit {
         options: &FitOptions,
     ) -> bool {
         let count = self.points.count as f64;
-        let mean = (solution.normal.cost / count).max(scatter::VARIANCE_MIN);
-        let allowed = scatter::allowed(
-            self.degrees(free),
-            options.noise.as_ref(),
-            unusual::CHI_SQUARED_SIGMAS,
-        );
+        let mean = (solution.normal.cost / count).max(noise::VARIANCE_MIN);
+        let allowed =
+            noise::allowed(self.degrees(free), options.noise.as_ref(), unusual::CHI_SQUARED_SIGMAS);
         look.largest < unusual::LARGEST * mean
             && look.fourth < unusual::FOURTH * count * mean * mean
             && found.chi_squared_per_dof < allowed
@@ -184,8 +182,8 @@ impl SteadyFit {
         let spread = Spread {
             covariance: sandwich(&slope, &inverse),
             condition: condition(&solution.normal.matrix, &inverse, free),
-            cost: solution.normal.cost.max(self.degrees(free) * scatter::VARIANCE_MIN),
-            neighbours: (look.differences / (2 * pairs.max(1)) as f64).max(scatter::VARIANCE_MIN),
+            cost: solution.normal.cost.max(self.degrees(free) * noise::VARIANCE_MIN),
+            neighbours: (look.differences / (2 * pairs.max(1)) as f64).max(noise::VARIANCE_MIN),
             correlation: 1.0,
             count: self.points.count,
             degrees: self.degrees(free),

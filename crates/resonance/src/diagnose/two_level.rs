@@ -4,7 +4,7 @@
 //! would: a second sweep at another level shows it. So do sweeps up and down where the resonance
 //! depends on the direction.
 
-use crate::{FitOutcome, Reason, Refusal, Resonance, fit::SIGMA_MAX_LINEWIDTHS};
+use crate::{FitOutcome, Reason, Refusal, Resonance, diagnose::doubts::SIGMA_MAX_LINEWIDTHS};
 
 /// Chance makes two results differ by more standard deviations once in ten thousand times.
 const APART_SIGMAS: f64 = 4.0;

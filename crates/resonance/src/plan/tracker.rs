@@ -4,14 +4,14 @@ use std::{cell::Cell, f64::consts::TAU};
 
 use rig_model::{Reading, SweepRequest, Window};
 
-use super::Prior;
+use super::prior::Prior;
 use crate::{
     Circuit,
-    dense::Cholesky,
-    grid::{self, CircuitPrior, Grid, Q_TYPICAL},
-    scatter::PooledVariance,
-    solve::{End, Normal},
-    trace::{CIRCUIT, ModelEstimate, Timing, Trace, UNKNOWNS},
+    circuit::trace::{CIRCUIT, ModelEstimate, Timing, Trace, UNKNOWNS},
+    fit::grid::{self, CircuitPrior, Grid, Q_TYPICAL},
+    noise::PooledVariance,
+    numeric::dense::Cholesky,
+    numeric::descent::{End, Normal},
 };
 
 /// Follows the readings with a grid of trials until one circuit stands out, and with that circuit

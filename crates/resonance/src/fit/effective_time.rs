@@ -21,10 +21,10 @@ use rig_model::Reading;
 
 use crate::{
     Circuit, FitOptions, ModelOrder, Resonance, Timing,
-    dense::Cholesky,
+    circuit::trace::{CIRCUIT, ExtraTerm, ModelEstimate, Trace, UNKNOWNS, middle_s},
     fit,
-    solve::Normal,
-    trace::{CIRCUIT, ExtraTerm, ModelEstimate, Trace, UNKNOWNS, middle_s},
+    numeric::dense::Cholesky,
+    numeric::descent::Normal,
 };
 
 impl Resonance {

@@ -9,10 +9,7 @@ use std::f64::consts::TAU;
 
 use rig_model::Reading;
 
-use crate::{
-    simd::{Isa, LANES, Lanes},
-    trace::weight,
-};
+use crate::numeric::simd::{Isa, LANES, Lanes};
 
 /// Four readings in units of a reference frequency and a reference capacitance, which bring every
 /// quantity near 1.
@@ -152,4 +149,14 @@ impl Block {
         p_im: Lanes::ZERO,
         weight: Lanes::ZERO,
     };
+}
+/// Cycles integrated, in units of ten; 1 if the time is unknown.
+#[inline]
+pub(crate) fn weight(reading: &Reading) -> f64 {
+    tens_of_cycles(reading.integration_s * reading.frequency_hz)
+}
+
+#[inline]
+fn tens_of_cycles(cycles: f64) -> f64 {
+    if cycles > 0.0 { 0.1 * cycles } else { 1.0 }
 }

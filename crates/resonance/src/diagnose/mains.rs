@@ -6,7 +6,7 @@
 
 use std::f64::consts::PI;
 
-use crate::trace::{Sample, Trace};
+use crate::circuit::trace::{Sample, Trace};
 
 /// Pick-up that shows in the scatter of readings.
 #[derive(Debug, Clone)]

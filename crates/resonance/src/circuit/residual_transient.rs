@@ -15,7 +15,7 @@ use std::f64::consts::TAU;
 
 use num_complex::Complex64;
 
-use crate::ringup::Visit;
+use crate::circuit::ringup::Visit;
 
 /// The time constant is an estimate too, and a little too short more often than not when it is used.
 /// So much makes claims of sweeps planned by it come true.
@@ -82,7 +82,7 @@ impl ResidualTransient {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ringup::{Motion, plain};
+    use crate::circuit::ringup::{Motion, plain};
 
     /// Random phases of the drive at each change, in closed form by the ring-up.
     #[test]

@@ -2,7 +2,7 @@
 //!
 //! With both given, everything else is linear, so that a trial costs one small system. The grid
 //! finds the right valley where nothing better is known; what is at its bottom is left to
-//! [`Trace::solve_with`](crate::trace::Trace::solve_with).
+//! [`Trace::solve_with`](crate::circuit::trace::Trace::solve_with).
 
 use std::f64::consts::TAU;
 
@@ -11,11 +11,11 @@ use rig_model::Window;
 
 use crate::{
     Circuit,
-    dense::Cholesky,
-    residual_transient::ResidualTransient,
-    ringup::{Motion, Response, plain},
-    solve::Normal,
-    trace::{CIRCUIT, ExtraTerm, ModelEstimate, Past, Sample, Timing, UNKNOWNS},
+    circuit::residual_transient::ResidualTransient,
+    circuit::ringup::{Motion, Response, plain},
+    circuit::trace::{CIRCUIT, ExtraTerm, ModelEstimate, Past, Sample, Timing, UNKNOWNS},
+    numeric::dense::Cholesky,
+    numeric::descent::Normal,
 };
 
 /// Linear unknowns of a reading: C0, C1, C0·tan δ, and the past motion.

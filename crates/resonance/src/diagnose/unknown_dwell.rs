@@ -13,8 +13,8 @@ use rig_model::Reading;
 
 use crate::{
     Resonance,
-    alternatives::Fitted,
-    trace::{CIRCUIT, ModelEstimate, Timing, Trace},
+    circuit::trace::{CIRCUIT, ModelEstimate, Timing, Trace},
+    diagnose::alternatives::Fitted,
 };
 
 /// Beyond this twice the log-likelihood nothing else is possible, and numbers overflow.

@@ -3,10 +3,8 @@
 //! Every sweep ends: at its time limit, or where one of these counts is used up. They are far above
 //! what a sweep needs that reaches its target, so that a sweep which meets one asks for too much.
 
-use std::fmt;
-
 use super::tracker;
-use crate::{grid::Grid, solve::STEPS_MAX};
+use crate::{fit::grid::Grid, numeric::descent::STEPS_MAX};
 
 /// Most readings of one sweep. Sweeps that reach their target take up to 120 of them; beyond
 /// [`READINGS_SHORT`] each lasts so long that a day of measuring does not take twice as many.
@@ -39,46 +37,3 @@ pub(super) const STEP_WORK_MAX: u64 = {
         + ROWS_PER_PLAN
         + ROWS_PER_READING_JUDGED * readings
 };
-
-/// The bound that ended a planned sweep before its target.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum Limit {
-    /// No further reading can be made in the time allowed.
-    #[error(
-        "the time limit of {limit_s} s leaves no time for another: allow more time or ask for less"
-    )]
-    Time {
-        /// The time allowed, s.
-        limit_s: f64,
-    },
-    /// The largest number of readings of one sweep.
-    #[error("no more than {max} are taken in one sweep: ask for less")]
-    Readings {
-        /// The most that are taken.
-        max: usize,
-    },
-    /// The readings were judged as often as is done in one sweep, and never sufficed.
-    #[error("they were judged {max} times without being enough: ask for less")]
-    Verdicts {
-        /// Largest number of judgements.
-        max: usize,
-    },
-    /// No further reading is known that would help.
-    #[error("no further reading would help: ask for less")]
-    Plan,
-    /// The readings were made before.
-    #[error("no more were made: measure again and ask for less, or allow more time")]
-    Past,
-}
-
-/// A standard deviation in words.
-pub(crate) struct Deviation(pub(crate) Option<f64>);
-
-impl fmt::Display for Deviation {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0 {
-            Some(hz) => write!(f, "the standard deviation is {hz:.3} Hz"),
-            None => f.write_str("there is no resonance yet"),
-        }
-    }
-}

@@ -1,6 +1,22 @@
 //! The allowed scatter of readings about a model.
 
-use crate::NoisePrior;
+/// Noise known from earlier readings of the same analyzer.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NoisePrior {
+    /// Standard deviation of the real and of the imaginary part of the relative error of a reading
+    /// of ten cycles.
+    pub at_ten_cycles: f64,
+    /// Degrees of freedom; infinite if it is certain.
+    pub degrees_of_freedom: f64,
+}
+
+impl NoisePrior {
+    /// Degrees of freedom of a noise given by a person.
+    pub const STATED_DEGREES: f64 = 100.0;
+}
+
+/// The assumed noise of an analyzer before its readings show it.
+pub(crate) const NOISE: NoisePrior = NoisePrior { at_ten_cycles: 0.005, degrees_of_freedom: 4.0 };
 
 /// The variance of each part of a reading below which no analyzer gets, and no file: the ninth digit.
 /// Smaller residuals are rounding, which is neither random nor evenly spread, and say nothing.

@@ -6,10 +6,10 @@
 //! them, and where nothing else explains them.
 
 use crate::{
-    dense::Cholesky,
-    scatter::VARIANCE_MIN,
-    solve::Normal,
-    trace::{Minimum, ModelEstimate, Trace, UNKNOWNS},
+    circuit::trace::{Minimum, ModelEstimate, Trace, UNKNOWNS},
+    noise::VARIANCE_MIN,
+    numeric::dense::Cholesky,
+    numeric::descent::Normal,
 };
 
 /// One reading in ten may be an outlier. With more, the rest is not to be trusted either.
@@ -32,7 +32,7 @@ const TRIMMED_MEAN: f64 = 0.5977;
 pub(crate) fn count(trace: &Trace, found: &Minimum) -> usize {
     let far = far(trace, found);
     let (sizes, usual) = sizes(trace, found);
-    let is_far = |(sample, size): &(&crate::trace::Sample, &f64)| {
+    let is_far = |(sample, size): &(&crate::circuit::trace::Sample, &f64)| {
         sample.weight > 0.0 && **size > far * usual
     };
     trace.samples.iter().zip(&sizes).filter(is_far).count()

@@ -10,10 +10,10 @@ use num_complex::Complex64;
 
 use crate::{
     Reason,
-    dense::Cholesky,
-    ringup::{Motion, Visit, plain},
-    solve::Normal,
-    trace::{ExtraTerm, Minimum, ModelEstimate, Row, Sample, Timing, Trace, UNKNOWNS},
+    circuit::ringup::{Motion, Visit, plain},
+    circuit::trace::{ExtraTerm, Minimum, ModelEstimate, Row, Sample, Timing, Trace, UNKNOWNS},
+    numeric::dense::Cholesky,
+    numeric::descent::Normal,
 };
 
 /// A way in which a sweep goes wrong.

@@ -9,17 +9,17 @@ use rig_model::{Reading, Window};
 
 use crate::{
     FitOptions, Reason, Resonance,
-    alternatives::{Alternative, Cause, Fitted},
-    dense::{Cholesky, condition, sandwich},
-    fit::GAIN_MIN,
-    grid::{CircuitPrior, Grid, Q_TYPICAL, are_apart},
+    circuit::trace::{CIRCUIT, ExtraTerm, Minimum, ModelEstimate, Timing, Trace},
+    diagnose::alternatives::{Alternative, Cause, Fitted},
+    diagnose::doubts::GAIN_MIN,
+    diagnose::outliers::{self, GAIN_PER_OUTLIER, READINGS_PER_OUTLIER},
+    diagnose::unknown_dwell,
+    fit::grid::{CircuitPrior, Grid, Q_TYPICAL, are_apart},
+    fit::robust,
+    noise::{self, PooledVariance},
+    numeric::dense::{Cholesky, condition, sandwich},
+    numeric::descent::End,
     outcome::{LOSS_GAIN_MIN, ModelOrder, Spread},
-    outliers::{self, GAIN_PER_OUTLIER, READINGS_PER_OUTLIER},
-    robust,
-    scatter::{self, PooledVariance},
-    solve::End,
-    trace::{CIRCUIT, ExtraTerm, Minimum, ModelEstimate, Timing, Trace},
-    unknown_dwell,
 };
 
 /// The most likely model, and what speaks against it.
@@ -332,7 +332,7 @@ impl Model {
 
     /// The weighted sum of |r|², which can be no less than rounding makes it.
     fn cost(&self) -> f64 {
-        self.found.normal.cost.max(self.degrees() * self.known.max(scatter::VARIANCE_MIN))
+        self.found.normal.cost.max(self.degrees() * self.known.max(noise::VARIANCE_MIN))
     }
 
     /// The prior of the noise, updated by the residuals.
@@ -385,7 +385,7 @@ impl Model {
             covariance: sandwich(&slope, &leading),
             condition: condition(&normal.matrix, &inverse, *free),
             cost: self.cost(),
-            neighbours: self.neighbours().max(self.known.max(scatter::VARIANCE_MIN)),
+            neighbours: self.neighbours().max(self.known.max(noise::VARIANCE_MIN)),
             correlation: self.correlation(),
             count: self.trace.used().0,
             degrees: self.degrees(),

@@ -1,0 +1,10 @@
+//! What may be wrong with readings, and what speaks against a result.
+
+pub(crate) mod alternatives;
+pub(crate) mod doubts;
+pub(crate) mod flagged;
+pub(crate) mod mains;
+pub(crate) mod outliers;
+pub(crate) mod rounding;
+pub(crate) mod two_level;
+pub(crate) mod unknown_dwell;

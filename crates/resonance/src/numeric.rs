@@ -1,0 +1,5 @@
+//! Numbers side by side, small dense matrices, and damped least squares.
+
+pub(crate) mod dense;
+pub(crate) mod descent;
+pub(crate) mod simd;

@@ -1,0 +1,262 @@
+//! The reasons of refusals.
+
+use std::fmt;
+
+use rig_model::{ReadingFlag, Window};
+
+use super::Resonance;
+
+/// A refused fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Refusal {
+    /// Why.
+    pub reason: Reason,
+    /// The best that could be made of the readings, as evidence; not to be used as a result.
+    pub estimate: Option<Resonance>,
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.reason)
+    }
+}
+
+/// The end of the window beyond which a resonance lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// Below its lower end.
+    Below,
+    /// Above its upper end.
+    Above,
+}
+
+impl fmt::Display for Side {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Below => "below",
+            Self::Above => "above",
+        })
+    }
+}
+
+/// The reason of a refusal.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum Reason {
+    /// A reading is not a finite impedance at a positive frequency.
+    #[error("reading {index} is not a finite impedance at a positive frequency")]
+    NotFinite {
+        /// Its place, from 0.
+        index: usize,
+    },
+    /// Too many readings were overloaded.
+    #[error("{overloaded} of {readings} readings were overloaded")]
+    Saturated {
+        /// Readings with overload.
+        overloaded: usize,
+        /// All readings.
+        readings: usize,
+    },
+    /// The analyzer does not stand by what it reads, so that nothing can be fitted.
+    #[error("the analyzer flagged {} at {frequency_hz} Hz in {tries} of {tries} tries", flag.name())]
+    Flagged {
+        /// The flag of its last reading.
+        flag: ReadingFlag,
+        /// Where, Hz.
+        frequency_hz: f64,
+        /// Number of tries.
+        tries: usize,
+    },
+    /// Too few readings for the number of unknowns.
+    #[error("{found} readings at different frequencies, at least {needed} are needed")]
+    TooFewPoints {
+        /// Readings that can be used.
+        found: usize,
+        /// Readings needed.
+        needed: usize,
+    },
+    /// A capacitor with loss explains the readings as well.
+    #[error(
+        "no resonance: a capacitor with loss explains the readings as well (a resonance adds \
+         {found:.1} to twice the log-likelihood, a real one at least {needed:.0})"
+    )]
+    NoResonance {
+        /// Twice the difference of the log-likelihoods.
+        found: f64,
+        /// The threshold that chance does not reach.
+        needed: f64,
+    },
+    /// The resonance lies where nothing was measured.
+    #[error(
+        "resonance near {estimate_hz:.3} Hz lies {side} the window [{:.3} Hz, {:.3} Hz]",
+        window.min_hz, window.max_hz
+    )]
+    OutsideWindow {
+        /// On which side.
+        side: Side,
+        /// Its approximate frequency, Hz.
+        estimate_hz: f64,
+        /// The window.
+        window: Window,
+    },
+    /// The circuit that explains the readings best cannot be a piezoelectric sensor.
+    #[error(
+        "no resonance of a sensor: the best circuit has a {quantity} of {found:.3}, at most \
+         {limit:.3} is possible here"
+    )]
+    NotASensor {
+        /// The impossible value, with its unit.
+        quantity: &'static str,
+        /// Its value.
+        found: f64,
+        /// The largest possible.
+        limit: f64,
+    },
+    /// The uncertainty is not small against the linewidth, so that it is not to be trusted either.
+    #[error(
+        "too noisy: the standard deviation {sigma_hz:.3} Hz exceeds {limit_hz:.3} Hz, which is all \
+         that the linewidth allows"
+    )]
+    TooNoisy {
+        /// The standard deviation, Hz.
+        sigma_hz: f64,
+        /// The largest that would do, Hz.
+        limit_hz: f64,
+    },
+    /// Too many readings are far from the rest.
+    #[error(
+        "{found} of {readings} readings are far from the rest; at most {allowed} can be left out, \
+         and only where the rest still determines the resonance"
+    )]
+    Outliers {
+        /// Outliers.
+        found: usize,
+        /// All readings.
+        readings: usize,
+        /// Largest number that may be left out.
+        allowed: usize,
+    },
+    /// Another resonance is near, and the two could not be told apart.
+    #[error("a second mode near {near_hz:.2} Hz")]
+    SecondMode {
+        /// Its frequency, Hz.
+        near_hz: f64,
+    },
+    /// The resonance moved while it was measured.
+    #[error("the resonance drifted during the readings")]
+    Drift,
+    /// The motion at one point is still heard at the next.
+    #[error("the readings had not settled")]
+    NotSettled,
+    /// The resonance depends on the amplitude.
+    #[error("the resonance changes with the amplitude: the level of the drive is too high")]
+    Nonlinear,
+    /// The resonance depends on the direction of the sweep.
+    #[error("the resonance is not the same for rising and for falling frequencies")]
+    Hysteretic,
+    /// Something in series with the sensor.
+    #[error("a stray resistance or inductance in series: repeat the open and short correction")]
+    Stray,
+    /// The peak is not that of one resonance, and no single cause was recognised.
+    #[error("the peak does not look like a single resonance")]
+    Distorted,
+    /// No best circuit was found.
+    #[error("the fit did not converge")]
+    NotConverged,
+    /// The readings do not follow the model, and no single cause was recognised.
+    #[error(
+        "the circuit does not describe the readings: chi² per degree of freedom is {found:.2}, at \
+         most {allowed:.2} is chance"
+    )]
+    Misfit {
+        /// chi² per degree of freedom.
+        found: f64,
+        /// The threshold that chance does not exceed.
+        allowed: f64,
+    },
+    /// A planned sweep ended before the standard deviation asked for was reached.
+    #[error(
+        "the target was not reached: {} after {readings} readings, {target_hz} Hz was asked for, \
+         and {limit}",
+        Deviation(*sigma_hz)
+    )]
+    TargetNotReached {
+        /// The standard deviation reached, Hz; `None` where the readings say nothing yet.
+        sigma_hz: Option<f64>,
+        /// The one asked for, Hz.
+        target_hz: f64,
+        /// All readings.
+        readings: usize,
+        /// The bound that ended the sweep.
+        limit: Limit,
+    },
+}
+
+impl Reason {
+    /// A word for programs: it stays as it is whatever becomes of the message.
+    pub const fn code(&self) -> &'static str {
+        match self {
+            Self::NotFinite { .. } => "not_finite",
+            Self::Saturated { .. } => "saturated",
+            Self::Flagged { .. } => "flagged",
+            Self::TooFewPoints { .. } => "too_few_points",
+            Self::NoResonance { .. } => "no_resonance",
+            Self::OutsideWindow { .. } => "outside_window",
+            Self::NotASensor { .. } => "not_a_sensor",
+            Self::TooNoisy { .. } => "too_noisy",
+            Self::Outliers { .. } => "outliers",
+            Self::SecondMode { .. } => "second_mode",
+            Self::Drift => "drift",
+            Self::NotSettled => "not_settled",
+            Self::Nonlinear => "nonlinear",
+            Self::Hysteretic => "hysteretic",
+            Self::Stray => "stray",
+            Self::Distorted => "distorted",
+            Self::NotConverged => "not_converged",
+            Self::Misfit { .. } => "misfit",
+            Self::TargetNotReached { .. } => "target_not_reached",
+        }
+    }
+}
+
+/// The bound that ended a planned sweep before its target.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum Limit {
+    /// No further reading can be made in the time allowed.
+    #[error(
+        "the time limit of {limit_s} s leaves no time for another: allow more time or ask for less"
+    )]
+    Time {
+        /// The time allowed, s.
+        limit_s: f64,
+    },
+    /// The largest number of readings of one sweep.
+    #[error("no more than {max} are taken in one sweep: ask for less")]
+    Readings {
+        /// The most that are taken.
+        max: usize,
+    },
+    /// The readings were judged as often as is done in one sweep, and never sufficed.
+    #[error("they were judged {max} times without being enough: ask for less")]
+    Verdicts {
+        /// Largest number of judgements.
+        max: usize,
+    },
+    /// No further reading is known that would help.
+    #[error("no further reading would help: ask for less")]
+    Plan,
+    /// The readings were made before.
+    #[error("no more were made: measure again and ask for less, or allow more time")]
+    Past,
+}
+
+/// A standard deviation in words.
+pub(crate) struct Deviation(pub(crate) Option<f64>);
+
+impl fmt::Display for Deviation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Some(hz) => write!(f, "the standard deviation is {hz:.3} Hz"),
+            None => f.write_str("there is no resonance yet"),
+        }
+    }
+}

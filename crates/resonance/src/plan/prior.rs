@@ -1,0 +1,47 @@
+//! What is known of a resonance before a sweep and during it.
+
+use rig_model::{Reading, Window};
+
+use crate::{Circuit, NoisePrior, Past, Resonance};
+
+/// Noise may change: what earlier sweeps say of it counts for no more than this.
+const NOISE_DEGREES_MAX: f64 = 1000.0;
+
+/// The knowledge before the first reading.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Prior {
+    /// The circuit as it was last found.
+    pub circuit: Option<Circuit>,
+    /// The possible range of its resonance.
+    pub within: Window,
+    /// The noise of the analyzer, where it is known.
+    pub noise: Option<NoisePrior>,
+    /// The motion of the sensor at the start of the sweep.
+    pub past: Past,
+}
+
+impl Prior {
+    /// The last resonance, which may have moved anywhere in `within`.
+    pub fn moved(last: &Resonance, within: Window) -> Self {
+        let noise = NoisePrior {
+            at_ten_cycles: last.noise_at_ten_cycles,
+            degrees_of_freedom: last.noise_degrees_of_freedom.min(NOISE_DEGREES_MAX),
+        };
+        Self { circuit: Some(last.circuit()), within, noise: Some(noise), past: Past::Unknown }
+    }
+}
+
+/// The estimate of a resonance during its measurement.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// The circuit that explains the readings so far.
+    pub circuit: Circuit,
+    /// The standard deviation of its resonance, Hz.
+    pub sigma_hz: f64,
+}
+
+/// The time from the first setting of a frequency to the end of the last integration, s.
+pub(crate) fn elapsed_s(readings: &[Reading]) -> f64 {
+    let (Some(first), Some(last)) = (readings.first(), readings.last()) else { return 0.0 };
+    last.started.since(first.started).as_secs_f64() + last.settle_s + last.integration_s
+}
