@@ -51,10 +51,6 @@ pub enum SweepMethod {
     /// of the drive. For any analyzer whose readings follow each other at times known to a
     /// millisecond.
     Adaptive,
-    /// The same with a drive that is known at all times: the ring-up is part of the model. Only for
-    /// analyzers with an exact time and duration of each point, and with a drive that continues
-    /// between the points without a jump of phase.
-    Transient,
     /// Evenly spaced points over the whole window.
     Uniform {
         /// Number of points.

@@ -63,7 +63,7 @@ const ADAPTIVE_READINGS: usize = 64;
 fn readings(request: &SweepRequest) -> usize {
     match request.method {
         SweepMethod::Uniform { points } => points as usize,
-        SweepMethod::Adaptive | SweepMethod::Transient => ADAPTIVE_READINGS,
+        SweepMethod::Adaptive => ADAPTIVE_READINGS,
     }
 }
 
@@ -188,9 +188,7 @@ fn include<U: Unit>(span: &mut Span<U>, position: Position<U>) {
 
 fn sweep_s(sweep: &SweepRequest) -> f64 {
     let planned_s = match sweep.method {
-        SweepMethod::Adaptive | SweepMethod::Transient => {
-            ADAPTIVE_TIME_CONSTANTS * time_constant_s(sweep)
-        }
+        SweepMethod::Adaptive => ADAPTIVE_TIME_CONSTANTS * time_constant_s(sweep),
         SweepMethod::Uniform { points } => {
             let integration_s = f64::from(sweep.cycles) / middle_hz(sweep);
             f64::from(points) * (sweep.settle_s + integration_s)

@@ -20,7 +20,7 @@ use std::{collections::BTreeMap, f64::consts::TAU, time::Duration};
 use num_complex::Complex64;
 use rig_contact::Circuit;
 use rig_model::{DriveLevel, Reading, RigTime, SweepMethod, SweepPoint, SweepRequest, Window};
-use rig_resonance::{FitOutcome, Next, NoisePrior, Past, Planner, Prior};
+use rig_resonance::{FitOutcome, Next, NoisePrior, Planner, Prior};
 use rig_sim::plant::Plant;
 use rustix::time::{ClockId, clock_gettime};
 use support::Random;
@@ -153,8 +153,7 @@ impl Tally {
             settle_s: 0.5,
             level: DriveLevel { volt: 1.0 },
         };
-        let past = Past::Unknown;
-        let prior = Prior { circuit: None, within: WINDOW, noise: Some(NOISE), past };
+        let prior = Prior { circuit: None, within: WINDOW, noise: Some(NOISE) };
         let mut planner = Planner::new(&request, Some(&prior));
         let mut last_hz = 0.0;
         let verdict = loop {

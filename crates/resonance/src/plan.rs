@@ -7,23 +7,13 @@
 pub(crate) mod decay;
 pub(crate) mod limit;
 pub(crate) mod prior;
-mod tracker;
-mod transient;
 
 use rig_model::{Reading, SweepMethod, SweepPoint, SweepRequest, Window};
 
-use crate::{
-    FitOptions, FitOutcome, Fitter, Limit, Past, Reason, Refusal, Resonance, Timing,
-    circuit::trace::CIRCUIT, diagnose::doubts::POINTS_MIN, noise::NOISE,
-};
+use crate::{FitOptions, FitOutcome, Fitter, Limit, Reason, Refusal, Timing};
 use decay::Decay;
-use limit::{
-    READINGS_MAX, READINGS_SHORT, ROWS_PER_PLAN, ROWS_PER_READING_JUDGED, SECONDS_PER_ROW,
-    SHORTEST_SHARE, VERDICTS_MAX,
-};
+use limit::{READINGS_MAX, ROWS_PER_PLAN, ROWS_PER_READING_JUDGED, SECONDS_PER_ROW, VERDICTS_MAX};
 use prior::{Estimate, Prior, elapsed_s};
-use tracker::Tracker;
-use transient::Transient;
 
 /// The next action.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,53 +33,23 @@ pub struct Planner {
     readings: Vec<Reading>,
     fitter: Fitter,
     method: Method,
-    /// The standard deviation that a plan aims at, Hz.
-    aim_hz: f64,
-    /// Refusals in a row.
-    refusals: usize,
     /// Number of judgements of the readings.
     verdicts: usize,
     /// The time since the sweep began, s.
     passed_s: f64,
-    /// Rows computed so far, without those of the tracker.
+    /// Rows computed so far, without those of the plan.
     work: u64,
-}
-
-/// The aim of the next point.
-#[derive(Debug)]
-struct Goal {
-    window: Window,
-    /// The standard deviation aimed at, Hz.
-    aim_hz: f64,
-    /// The shortest integration, s.
-    shortest_s: f64,
 }
 
 #[derive(Debug, Clone)]
 enum Method {
     Uniform { points: u32, is_asked: bool },
     Adaptive(Box<Decay>),
-    Transient(Box<Transient>),
 }
-
-/// The part of the asked standard deviation that is aimed at: what is planned with estimates falls
-/// short half of the time.
-const AIM: f64 = 0.99;
-/// By how much less is aimed at, at a time, when the fit is not content.
-const MORE: f64 = 0.95;
-/// By how much less where it refuses: many refusals of nearly the same readings would be one.
-const MUCH_MORE: f64 = 0.9;
-/// Standard deviations that a normal number exceeds once in a hundred times.
-const ONE_IN_A_HUNDRED: f64 = 2.33;
-/// A refusal may be chance while the readings are few; so many in a row are none.
-const REFUSALS_MAX: usize = 10;
 
 impl Planner {
     /// A planner for this request, with what is believed so far.
     pub fn new(request: &SweepRequest, prior: Option<&Prior>) -> Self {
-        let past = prior.map_or(Past::Unknown, |prior| prior.past);
-        let known = prior.and_then(|prior| prior.noise);
-        let noise = known.unwrap_or(NOISE);
         let (method, timing) = match request.method {
             SweepMethod::Uniform { points } => {
                 (Method::Uniform { points, is_asked: false }, Timing::Waited)
@@ -97,33 +57,23 @@ impl Planner {
             SweepMethod::Adaptive => {
                 (Method::Adaptive(Box::new(Decay::new(request, prior))), Timing::AnyPhase)
             }
-            SweepMethod::Transient => {
-                let transient = Transient::new(request, prior, past, &noise);
-                (Method::Transient(Box::new(transient)), Timing::Exact(past))
-            }
         };
         let options = FitOptions {
             window: Some(request.window),
-            noise: known,
+            noise: prior.and_then(|prior| prior.noise),
             timing,
             always_loss: true,
             near: None,
         };
-        let (readings, fitter) = (Vec::new(), Fitter::default());
-        let aim_hz = AIM * request.target_sigma_hz;
-        let (refusals, verdicts, passed_s, work) = (0, 0, 0.0, 0);
-        let request = *request;
         Self {
-            request,
+            request: *request,
             options,
-            readings,
-            fitter,
+            readings: Vec::new(),
+            fitter: Fitter::default(),
             method,
-            aim_hz,
-            refusals,
-            verdicts,
-            passed_s,
-            work,
+            verdicts: 0,
+            passed_s: 0.0,
+            work: 0,
         }
     }
 
@@ -141,7 +91,6 @@ impl Planner {
             }
             Method::Uniform { .. } => Next::Finished(self.verdict()),
             Method::Adaptive(_) => self.next_stay(),
-            Method::Transient(_) => self.next_point(),
         }
     }
 
@@ -159,18 +108,14 @@ impl Planner {
     }
 
     /// The most that is computed between two readings, as [`Self::work`] counts it.
-    pub const WORK_MAX: u64 = if limit::STEP_WORK_MAX > decay::STEP_WORK_MAX {
-        limit::STEP_WORK_MAX
-    } else {
-        decay::STEP_WORK_MAX
-    };
+    pub const WORK_MAX: u64 =
+        decay::STEP_WORK_MAX + ROWS_PER_PLAN + ROWS_PER_READING_JUDGED * READINGS_MAX as u64;
 
     /// Work so far, in readings with their slopes.
     pub fn work(&self) -> u64 {
         let of_method = match &self.method {
             Method::Uniform { .. } => 0,
             Method::Adaptive(decay) => decay.work(),
-            Method::Transient(transient) => transient.tracker().work(),
         };
         self.work + of_method
     }
@@ -183,10 +128,9 @@ impl Planner {
     fn verdict(&mut self) -> FitOutcome {
         self.verdicts += 1;
         self.work += ROWS_PER_READING_JUDGED * self.readings.len() as u64;
-        self.options.near = match &mut self.method {
+        self.options.near = match &self.method {
             Method::Uniform { .. } => None,
             Method::Adaptive(decay) => decay.circuit(),
-            Method::Transient(transient) => transient.tracker_mut().circuit(),
         };
         self.fitter.fit(&self.readings, &self.options)
     }
@@ -223,20 +167,13 @@ impl Planner {
     pub const fn target_hz(&self) -> Option<f64> {
         match self.method {
             Method::Uniform { .. } => None,
-            Method::Adaptive(_) | Method::Transient(_) => Some(self.request.target_sigma_hz),
+            Method::Adaptive(_) => Some(self.request.target_sigma_hz),
         }
     }
 
     /// The moment for which this verdict's resonance holds, s on the clock of the readings.
     pub fn moment_s(&self, verdict: &FitOutcome) -> Option<f64> {
         verdict.accepted()?.moment_s(&self.readings, &self.options)
-    }
-
-    fn tracker(&self) -> Option<&Tracker> {
-        match &self.method {
-            Method::Uniform { .. } | Method::Adaptive(_) => None,
-            Method::Transient(transient) => Some(transient.tracker()),
-        }
     }
 
     /// The next stay of a sweep that fits the free decay, as far as the time allowed goes.
@@ -247,7 +184,7 @@ impl Planner {
         let window = self.request.window;
         let is_enough = match &mut self.method {
             Method::Adaptive(decay) => decay.is_enough(window),
-            _ => false,
+            Method::Uniform { .. } => false,
         };
         if is_enough {
             let verdict = self.verdict();
@@ -261,7 +198,7 @@ impl Planner {
         let (elapsed_s, limit_s) = (self.elapsed_s(), self.request.time_limit_s);
         let points = match &mut self.method {
             Method::Adaptive(decay) => decay.next(&self.request, &self.readings, elapsed_s),
-            _ => Ok(Vec::new()),
+            Method::Uniform { .. } => Ok(Vec::new()),
         };
         self.work += ROWS_PER_PLAN;
         let mut points = match points {
@@ -286,63 +223,11 @@ impl Planner {
         Next::Measure(points)
     }
 
-    fn next_point(&mut self) -> Next {
-        if let Some(limit) = self.limit() {
-            return self.finish(limit);
-        }
-        let expected_hz = self.tracker().map_or(f64::INFINITY, Tracker::sigma_hz);
-        let is_enough = expected_hz < self.aim_hz && self.readings.len() >= POINTS_MIN;
-        if is_enough && self.tracker().is_some_and(Tracker::has_rival) {
-            self.aim_hz = expected_hz * MORE;
-        } else if is_enough {
-            let verdict = self.verdict();
-            let target_hz = self.request.target_sigma_hz;
-            match verdict.accepted() {
-                Some(found) if found.sigma_hz > target_hz => {
-                    // The fit knows of more uncertainty than the plan. What it could not exclude
-                    // with these readings it may exclude with a few more.
-                    self.aim_hz = expected_hz * (target_hz / found.sigma_hz).max(MORE);
-                    self.refusals = 0;
-                }
-                Some(found) if scatters(found, &self.options) => self.aim_hz = expected_hz * MORE,
-                Some(_) => return Next::Finished(verdict),
-                None => {
-                    self.aim_hz = expected_hz * MUCH_MORE;
-                    self.refusals += usize::from(!needs_more(&verdict));
-                    if self.refusals > REFUSALS_MAX {
-                        return Next::Finished(verdict);
-                    }
-                }
-            }
-        }
-        let readings = &self.readings;
-        let shortest_s = if readings.len() < READINGS_SHORT {
-            0.0
-        } else {
-            SHORTEST_SHARE * elapsed_s(readings)
-        };
-        let goal = Goal { window: self.request.window, aim_hz: self.aim_hz, shortest_s };
-        let point = match &mut self.method {
-            Method::Uniform { .. } | Method::Adaptive(_) => None,
-            Method::Transient(transient) => transient.next(readings, &goal),
-        };
-        self.work += ROWS_PER_PLAN;
-        let limit_s = self.request.time_limit_s;
-        match point {
-            Some(point) if self.elapsed_s() + point.duration_s() > limit_s => {
-                self.finish(Limit::Time { limit_s })
-            }
-            Some(point) => Next::Measure(vec![point]),
-            None => self.finish(Limit::Plan),
-        }
-    }
-
     /// Takes the readings of the points asked for last.
     pub fn add(&mut self, readings: &[Reading]) {
         self.readings.extend_from_slice(readings);
         match &mut self.method {
             Method::Adaptive(decay) => decay.add(readings, self.request.window),
-            Method::Transient(transient) => transient.add(readings),
             Method::Uniform { .. } => {}
         }
     }
@@ -350,27 +235,16 @@ impl Planner {
     /// What the readings so far say, once one circuit explains them. A result it is not: the fit may
     /// still refuse it.
     pub fn estimate(&self) -> Option<Estimate> {
-        if let Method::Adaptive(decay) = &self.method {
-            return decay.estimate();
+        match &self.method {
+            Method::Uniform { .. } => None,
+            Method::Adaptive(decay) => decay.estimate(),
         }
-        let tracker = self.tracker()?;
-        let (trace, at) = tracker.best()?;
-        let sigma_hz = tracker.sigma_hz();
-        sigma_hz.is_finite().then(|| Estimate { circuit: at.circuit(trace.unit_farad), sigma_hz })
     }
 
     /// All readings so far.
     pub fn readings(&self) -> &[Reading] {
         &self.readings
     }
-}
-
-/// Whether readings lie further from their circuit than one sweep in a hundred does by chance.
-fn scatters(found: &Resonance, options: &FitOptions) -> bool {
-    let Some(noise) = options.noise else { return false };
-    let own = (2 * found.points).saturating_sub(CIRCUIT).max(1) as f64;
-    let spread = (2.0 / own + 2.0 / noise.degrees_of_freedom).sqrt();
-    found.chi_squared_per_dof.ln() > ONE_IN_A_HUNDRED * spread
 }
 
 /// Whether a refusal only means that more readings are needed.

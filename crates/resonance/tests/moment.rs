@@ -6,7 +6,7 @@ mod support;
 use std::time::Duration;
 
 use rig_model::{Reading, RigTime, SweepMethod, SweepRequest};
-use rig_resonance::{Circuit, FitOptions, Next, NoisePrior, Past, Planner, Prior, Resonance, fit};
+use rig_resonance::{Circuit, FitOptions, Next, NoisePrior, Planner, Prior, Resonance, fit};
 use support::{Plant, Random, circuit, reading, request};
 
 const NOISE: f64 = 0.005;
@@ -94,7 +94,7 @@ fn readings_without_times_name_no_moment() {
 fn a_planned_sweep_of_a_moving_resonance_holds_for_its_moment() {
     let request = SweepRequest { target_sigma_hz: 0.02, ..request(SweepMethod::Adaptive) };
     let noise = Some(NoisePrior { at_ten_cycles: NOISE, degrees_of_freedom: 1000.0 });
-    let prior = Prior { circuit: None, within: request.window, noise, past: Past::Unknown };
+    let prior = Prior { circuit: None, within: request.window, noise };
     let (mut answers, mut most_off) = (0, 0.0_f64);
     for seed in 0..10 {
         let mut random = Random::new(seed);

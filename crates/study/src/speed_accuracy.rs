@@ -1,7 +1,6 @@
 //! `rig-study speed-accuracy`: measuring time against the error of a resonance.
 
 mod accuracy;
-mod best_plan;
 mod case;
 mod charts;
 mod document;
@@ -69,14 +68,12 @@ const TRIALS_OF_GOALS: u32 = 10;
 fn measure(args: &Args) -> Evidence {
     let Args { trials, seed, .. } = *args;
     let groups = try_all(args);
-    let (warm_transient, warm_decay) = goals::track(trials.div_ceil(2), seed);
     Evidence {
         groups,
         cold: goals::start(TRIALS_OF_GOALS * trials, seed),
         chart_cases: accuracy::of_charts(TRIALS_OF_ACCURACY * trials, seed),
         map_cases: accuracy::of_map(TRIALS_OF_ACCURACY * trials, seed),
-        warm_transient,
-        warm_decay,
+        warm: goals::track(trials.div_ceil(2), seed),
     }
 }
 
@@ -90,8 +87,7 @@ fn methods(case: &Case) -> Vec<Method> {
     let fast = fast.map(|(points, cycles)| Method::Fast { points, cycles });
     let targets_hz = targets_hz(case);
     let decay = targets_hz.iter().map(|&target_hz| Method::Decay { target_hz });
-    let transient = targets_hz.iter().map(|&target_hz| Method::Transient { target_hz });
-    even.into_iter().chain(fast).chain(decay).chain(transient).collect()
+    even.into_iter().chain(fast).chain(decay).collect()
 }
 
 /// The targets that integration alone can reach within the time limit, at least the first one. The
@@ -170,7 +166,7 @@ mod tests {
             Method::Steady { points: 101 },
             Method::Even { points: 51 },
             Method::Fast { points: 51, cycles: 2 },
-            Method::Transient { target_hz: 0.01 },
+            Method::Decay { target_hz: 0.01 },
         ];
         for method in methods {
             let groups = trial::run(CASE, method, 200, 7);
@@ -197,7 +193,7 @@ mod tests {
     #[test]
     fn the_same_seed_gives_the_same_bytes_and_another_one_others() {
         let bytes = |seed| {
-            let methods = [Method::Even { points: 21 }, Method::Transient { target_hz: 0.1 }];
+            let methods = [Method::Even { points: 21 }, Method::Decay { target_hz: 0.1 }];
             let groups: Vec<Group> =
                 methods.into_iter().flat_map(|method| trial::run(CASE, method, 8, seed)).collect();
             let chart = charts::time_against_error(&CASE, &groups).file().unwrap();

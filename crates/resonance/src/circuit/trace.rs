@@ -101,14 +101,6 @@ pub(crate) struct Sample {
     pub(crate) when: f64,
 }
 
-impl Sample {
-    /// A visit that is only thought of.
-    pub(crate) fn ideal(visit: Visit, weight: f64) -> Self {
-        let impedance = Complex64::ONE;
-        Self { visit, impedance, length: weight, unsettled: 0.0, weight, when: 0.0 }
-    }
-}
-
 /// A model and its parameters. Capacitances are in units of the [`Trace`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ModelEstimate {
@@ -265,13 +257,12 @@ impl Trace {
             .fold((0, 0.0), |(count, weight), sample| (count + 1, weight + sample.weight))
     }
 
-    /// Every reading as the model sees it, left-out ones too, and the state of the motion after
-    /// the last.
-    pub(crate) fn rows(&self, at: &ModelEstimate, mut each: impl FnMut(&Sample, Row)) -> State {
-        self.walk(at, |sample, response| each(sample, row(at, sample, response)))
+    /// Every reading as the model sees it, left-out ones too.
+    pub(crate) fn rows(&self, at: &ModelEstimate, mut each: impl FnMut(&Sample, Row)) {
+        self.walk(at, |sample, response| each(sample, row(at, sample, response)));
     }
 
-    fn walk(&self, at: &ModelEstimate, mut each: impl FnMut(&Sample, &Response<Dual>)) -> State {
+    fn walk(&self, at: &ModelEstimate, mut each: impl FnMut(&Sample, &Response<Dual>)) {
         let mut motion = Motion::at_rest(with_slopes(at.resonance_hz, at.q));
         let mut past = Dual::constant(Complex64::ONE);
         for sample in &self.samples {
@@ -281,7 +272,6 @@ impl Trace {
             };
             each(sample, &response);
         }
-        State { motion, past }
     }
 
     /// Every reading as if it were what the model says.
@@ -337,13 +327,6 @@ pub(crate) struct Minimum {
     pub(crate) end: End,
     /// Number of free unknowns.
     pub(crate) free: usize,
-}
-
-/// The state of the motion after the last reading.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct State {
-    pub(crate) motion: Motion<Dual>,
-    pub(crate) past: Dual,
 }
 
 /// The impedance of a reading, where there is one.
@@ -458,20 +441,6 @@ impl ModelEstimate {
             g: circuit.loss_tangent * c0,
             extra_term: ExtraTerm::Nothing,
             extra: [0.0; 3],
-        }
-    }
-
-    /// A part of the way to another circuit.
-    pub(crate) fn towards(&self, other: &Self, part: f64) -> Self {
-        let mix = |a: f64, b: f64| a + part * (b - a);
-        let mix_ln = |a: f64, b: f64| a * (b / a).powf(part);
-        Self {
-            resonance_hz: mix_ln(self.resonance_hz, other.resonance_hz),
-            q: mix_ln(self.q, other.q),
-            c0: mix(self.c0, other.c0),
-            c1: mix(self.c1, other.c1),
-            g: mix(self.g, other.g),
-            ..*self
         }
     }
 

@@ -26,7 +26,7 @@ use rig_model::Reading;
 
 use crate::{
     circuit::points::weight,
-    circuit::trace::{CIRCUIT, ModelEstimate, Past, UNKNOWNS, complex_ohm},
+    circuit::trace::{CIRCUIT, ModelEstimate, UNKNOWNS, complex_ohm},
     fit::grid::CircuitPrior,
     numeric::dense::Cholesky,
     numeric::descent::{Descent, End, Normal},
@@ -46,13 +46,12 @@ pub(crate) struct Known {
     pub(crate) variance: f64,
     /// Standard deviation of the time between two readings of a stay, s.
     pub(crate) gap_sigma_s: f64,
-    pub(crate) past: Past,
 }
 
 impl Known {
     /// Of an analyzer with this noise, whose times are known to a millisecond.
     pub(crate) const fn with(variance: f64) -> Self {
-        Self { variance, gap_sigma_s: GAP_SIGMA_S, past: Past::Unknown }
+        Self { variance, gap_sigma_s: GAP_SIGMA_S }
     }
 }
 
@@ -223,7 +222,7 @@ impl Stays {
 
     /// The model of each stay, and the mean square of its free motion.
     fn models(&self, at: &ModelEstimate) -> impl Iterator<Item = (&Stay, Model, f64)> {
-        let mut amplitude = Amplitude::new(at, self.known.past);
+        let mut amplitude = Amplitude::new(at);
         let at = *at;
         self.all.iter().map(move |stay| {
             let square = amplitude.change(stay.frequency_hz, stay.since_s);
@@ -268,7 +267,7 @@ impl Stays {
 
     /// The model and the free motion of the last stay, and the amplitude with which the next begins.
     pub(crate) fn last(&self, best: &Hypothesis) -> Option<(Model, Ring, Amplitude)> {
-        let mut amplitude = Amplitude::new(&best.at, self.known.past);
+        let mut amplitude = Amplitude::new(&best.at);
         let mut square = 0.0;
         for stay in &self.all {
             square = amplitude.change(stay.frequency_hz, stay.since_s);

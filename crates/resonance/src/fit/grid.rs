@@ -10,7 +10,6 @@ use num_complex::Complex64;
 use rig_model::Window;
 
 use crate::{
-    Circuit,
     circuit::residual_transient::ResidualTransient,
     circuit::ringup::{Motion, Response, plain},
     circuit::trace::{CIRCUIT, ExtraTerm, ModelEstimate, Past, Sample, Timing, UNKNOWNS},
@@ -32,11 +31,6 @@ pub(crate) struct CircuitPrior {
 
 pub(crate) const Q_TYPICAL: f64 = 30.0;
 const LN_Q_SPREAD: f64 = 1.0;
-/// What changes a little while the resonance moves by little: the linewidth by no less than this
-/// part, C0 by this part of itself, the loss tangent by this.
-const CHANGED_MIN: f64 = 0.1;
-const C0_CHANGES: f64 = 0.1;
-const LOSS_CHANGES: f64 = 0.01;
 /// Spread of an unknown past motion in units of C0.
 const PAST_SPREAD: f64 = 3.0;
 /// C1 in units of C0 where only the size of an error depends on it.
@@ -70,9 +64,6 @@ struct GridTrial {
 }
 
 impl Grid {
-    /// The most trials that there are.
-    pub(crate) const TRIALS_MAX: u64 = (STEPS_MAX as u64 + 1) * QUALITIES.len() as u64;
-
     /// Readings that have not settled count for less where the variance of the noise at ten cycles
     /// is given.
     pub(crate) fn new(window: Window, timing: Timing, variance: Option<f64>) -> Self {
@@ -86,11 +77,6 @@ impl Grid {
             step += 1.0;
         }
         Self { timing, variance, cells }
-    }
-
-    /// Number of trials.
-    pub(crate) fn trials(&self) -> usize {
-        self.cells.len()
     }
 
     /// Takes in one more reading.
@@ -223,19 +209,6 @@ impl CircuitPrior {
     pub(crate) fn within(mut self, window: Window) -> Self {
         (self.mean[0], self.spread[0]) = logarithms(window);
         self
-    }
-
-    /// Of a circuit that can have moved only so little that it is nearly the same. In units of its
-    /// static capacitance.
-    pub(crate) fn nearly(circuit: &Circuit, window: Window) -> Self {
-        let (middle, half) = logarithms(window);
-        let ratio = circuit.c1_farad / circuit.c0_farad;
-        // What moves a resonance by a part of its width may widen it by as much.
-        let changed = (half * circuit.q).clamp(CHANGED_MIN, LN_Q_SPREAD);
-        Self {
-            mean: [middle, circuit.q.ln(), 1.0, ratio, circuit.loss_tangent],
-            spread: [half, changed, C0_CHANGES, changed * ratio, LOSS_CHANGES],
-        }
     }
 
     /// Adds it to the normal equations, for noise of this variance.

@@ -109,7 +109,7 @@ impl Decay {
             noise,
             known,
             stays: None,
-            trials: Trials::new(within, &known),
+            trials: Trials::new(within),
             hypotheses: Vec::new(),
             modes: None,
             seen: Vec::new(),

@@ -2,7 +2,7 @@
 
 use rig_model::{Reading, Window};
 
-use crate::{Circuit, NoisePrior, Past, Resonance};
+use crate::{Circuit, NoisePrior, Resonance};
 
 /// Noise may change: what earlier sweeps say of it counts for no more than this.
 const NOISE_DEGREES_MAX: f64 = 1000.0;
@@ -16,8 +16,6 @@ pub struct Prior {
     pub within: Window,
     /// The noise of the analyzer, where it is known.
     pub noise: Option<NoisePrior>,
-    /// The motion of the sensor at the start of the sweep.
-    pub past: Past,
 }
 
 impl Prior {
@@ -27,7 +25,7 @@ impl Prior {
             at_ten_cycles: last.noise_at_ten_cycles,
             degrees_of_freedom: last.noise_degrees_of_freedom.min(NOISE_DEGREES_MAX),
         };
-        Self { circuit: Some(last.circuit()), within, noise: Some(noise), past: Past::Unknown }
+        Self { circuit: Some(last.circuit()), within, noise: Some(noise) }
     }
 }
 

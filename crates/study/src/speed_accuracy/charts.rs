@@ -48,11 +48,10 @@ pub(super) fn time_against_error(case: &Case, groups: &[Group]) -> Chart {
 }
 
 /// The kinds of methods, in the order of their colours.
-const METHODS: [&str; 4] = [
+const METHODS: [&str; 3] = [
     Method::Even { points: 0 }.name(),
     Method::Fast { points: 0, cycles: 0 }.name(),
     Method::Decay { target_hz: 0.0 }.name(),
-    Method::Transient { target_hz: 0.0 }.name(),
 ];
 
 /// Adds a series unless it is empty.

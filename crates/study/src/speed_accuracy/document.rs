@@ -20,10 +20,7 @@ pub(super) fn page(args: &Args, evidence: &Evidence, searches: &[Searches]) -> P
     page.text(
         "Unless a row says otherwise, the noise is 0.5 % at ten cycles, and times start with the \
          sensor at rest. Warm readings follow one another: the resonance moves by up to 1 Hz in \
-         between and the drive never stops. The best plan for a known sensor needs no reading to \
-         find it: it visits three frequencies in turn, optimised by the Cramér–Rao bound. The \
-         difference to a planner is the cost of the search and of the judgement: a fit needs at \
-         least seven readings, which last 0.10 s at two cycles each.",
+         between and the drive never stops.",
     );
     page.table(goals::table(&goals::judge(evidence)));
     page.heading("The cost of a resonance");
@@ -82,8 +79,8 @@ fn introduction(page: &mut Page, args: &Args) {
          101, 51 and 21 points; the first is careful laboratory practice). `fast uniform`: even \
          points without waiting; the model includes the ring-up. `free-decay planner`: that of the \
          daemon, on an analyzer whose drive starts at any phase at each change of frequency, with \
-         gaps of up to 3 ms before each reading, known to 1 ms. `transient-aware planner`: with \
-         a known drive and exact times. Both have targets of 100, 30, 10 and 3 mHz. \
+         gaps of up to 3 ms before each reading, known to 1 ms, for targets of 100, 30, 10 and \
+         3 mHz. \
          Errors are root mean squares, including bias. The dashed line of integration alone is the \
          bound of settled readings at the best frequencies, without lost time. The ring-up carries \
          information on the resonance too, so that methods without waiting may lie below it. \
@@ -106,7 +103,6 @@ fn costs(groups: &[Group]) -> Table {
     let mut table = Table::new(&[
         "case",
         "laboratory sweep",
-        "transient-aware, 10 mHz",
         "free decay, 10 mHz",
         "fast uniform, 101 points, 2 cycles",
         "fastest method as accurate as the laboratory sweep",
@@ -116,12 +112,8 @@ fn costs(groups: &[Group]) -> Table {
         let milli = 1000.0 * group.rmse_hz()?;
         Some(format!("{:.2} s, {milli:.1} mHz", group.time_s(0.5)))
     };
-    let methods = [
-        LABORATORY,
-        Method::Transient { target_hz: 0.01 },
-        Method::Decay { target_hz: 0.01 },
-        Method::Fast { points: 101, cycles: 2 },
-    ];
+    let methods =
+        [LABORATORY, Method::Decay { target_hz: 0.01 }, Method::Fast { points: 101, cycles: 2 }];
     for q in QUALITIES {
         for coupling in COUPLINGS {
             let case = Case { q, coupling, noise: NOISE };

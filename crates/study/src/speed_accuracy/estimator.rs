@@ -31,10 +31,7 @@ impl SweepEstimator {
     pub(super) fn of(method: Method) -> Vec<Self> {
         let baselines: &[Estimator] = match method {
             Method::Even { .. } => &Estimator::ALL,
-            Method::Steady { .. }
-            | Method::Fast { .. }
-            | Method::Decay { .. }
-            | Method::Transient { .. } => &[],
+            Method::Steady { .. } | Method::Fast { .. } | Method::Decay { .. } => &[],
         };
         let baselines = baselines.iter().filter(|&&one| one != Estimator::MaximumLikelihood);
         let baselines = baselines.map(|&estimator| Self::Baseline(estimator));

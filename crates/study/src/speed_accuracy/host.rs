@@ -4,7 +4,7 @@
 use std::{hint::black_box, io::Write, time::Instant};
 
 use rig_chart::{Axis, Chart, Marker, Rule, Series};
-use rig_model::{Reading, SweepMethod, random::Stream};
+use rig_model::{Reading, random::Stream};
 use rig_resonance::{Estimator, FitOptions, Fitter, Next, Planner};
 
 use super::{
@@ -60,10 +60,8 @@ pub(super) fn run(folder: &Folder, seed: u64, out: &mut impl Write) -> Result<()
             costs.push((SweepEstimator::Baseline(estimator), micros));
         }
     }
-    for method in [SweepMethod::Adaptive, SweepMethod::Transient] {
-        let what = format!("a step of planning, {method:?}");
-        tell(&what, None, 1000.0 * planning_ms(method, seed), Some(1000.0 * PLANNING_GOAL_MS))?;
-    }
+    let step_us = 1000.0 * planning_ms(seed);
+    tell("a step of planning", None, step_us, Some(1000.0 * PLANNING_GOAL_MS))?;
     folder.write("host.csv", table.text())?;
     folder.write("host.svg", &chart(&costs, seed).file()?)?;
     Ok(())
@@ -112,14 +110,14 @@ fn median_us(sweeps: &[Measured], mut fit: impl FnMut(&[Reading])) -> f64 {
 
 /// The median time between a reading and the next point, ms, over cold sweeps to 10 mHz in every
 /// case.
-fn planning_ms(method: SweepMethod, seed: u64) -> f64 {
+fn planning_ms(seed: u64) -> f64 {
     let mut times = Vec::new();
     for q in QUALITIES {
         for coupling in COUPLINGS {
             let case = Case { q, coupling, noise: NOISE };
             let random = Stream::new(seed, case.number());
             let mut analyzer = Analyzer::at_rest(case.middle(), case.noise, random);
-            let mut planner = Planner::new(&request(method, 0.01), Some(&cold(case.noise)));
+            let mut planner = Planner::new(&request(0.01), Some(&cold(case.noise)));
             loop {
                 let begun = Instant::now();
                 let next = planner.next();

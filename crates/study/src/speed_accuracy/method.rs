@@ -21,8 +21,6 @@ pub(super) enum Method {
     Fast { points: u32, cycles: u32 },
     /// The planner that fits the free decay, up to a target standard deviation.
     Decay { target_hz: f64 },
-    /// The transient-aware planner, up to a target standard deviation.
-    Transient { target_hz: f64 },
 }
 
 /// The sweep of a careful laboratory.
@@ -48,7 +46,6 @@ impl Method {
             Self::Even { .. } => "uniform",
             Self::Fast { .. } => "fast uniform",
             Self::Decay { .. } => "free-decay planner",
-            Self::Transient { .. } => "transient-aware planner",
         }
     }
 
@@ -58,7 +55,7 @@ impl Method {
             Self::Steady { points } => format!("{points} points; 10 cycles"),
             Self::Even { points } => format!("{points} points; 10 cycles; 5 time constants"),
             Self::Fast { points, cycles } => format!("{points} points; {cycles} cycles"),
-            Self::Decay { target_hz } | Self::Transient { target_hz } => {
+            Self::Decay { target_hz } => {
                 format!("{:.0} mHz", 1000.0 * target_hz)
             }
         }
@@ -67,9 +64,6 @@ impl Method {
     /// Measures a sensor at rest. Only the window and the noise of the analyzer are known.
     pub(super) fn measure(self, circuit: &Circuit, case: &Case, random: Stream) -> Measured {
         let at_rest = |random| Analyzer::at_rest(*circuit, case.noise, random);
-        let planned = |method, target_hz, random| {
-            plan(&mut at_rest(random), &request(method, target_hz), &cold(case.noise))
-        };
         match self {
             Self::Steady { points } => steady(circuit, case.noise, points, random),
             Self::Even { points } => {
@@ -83,9 +77,8 @@ impl Method {
             // No more is known of the drive and of the times than of those of a real analyzer.
             Self::Decay { target_hz } => {
                 let mut analyzer = at_rest(random).with_any_phase();
-                plan(&mut analyzer, &request(SweepMethod::Adaptive, target_hz), &cold(case.noise))
+                plan(&mut analyzer, &request(target_hz), &cold(case.noise))
             }
-            Self::Transient { target_hz } => planned(SweepMethod::Transient, target_hz, random),
         }
     }
 }
@@ -93,14 +86,14 @@ impl Method {
 /// The prior before the first sweep: only the noise of the analyzer.
 pub(super) fn cold(noise: f64) -> Prior {
     let noise = NoisePrior { at_ten_cycles: noise, degrees_of_freedom: 1000.0 };
-    Prior { circuit: None, within: WINDOW, noise: Some(noise), past: Past::Rest }
+    Prior { circuit: None, within: WINDOW, noise: Some(noise) }
 }
 
 /// The request for a sweep with a target standard deviation.
-pub(super) fn request(method: SweepMethod, target_sigma_hz: f64) -> SweepRequest {
+pub(super) fn request(target_sigma_hz: f64) -> SweepRequest {
     SweepRequest {
         window: WINDOW,
-        method,
+        method: SweepMethod::Adaptive,
         target_sigma_hz,
         time_limit_s: LIMIT_S,
         cycles: 10,

@@ -1,8 +1,8 @@
 //! Repeated readings of a resonance that moves in between, as in a run.
 
 use rayon::prelude::*;
-use rig_model::{SweepMethod, Window, random::Stream};
-use rig_resonance::{Past, Prior, Resonance};
+use rig_model::{Window, random::Stream};
+use rig_resonance::{Prior, Resonance};
 
 use super::{
     case::{Case, RESONANCES_HZ},
@@ -47,10 +47,10 @@ struct WarmReading {
 }
 
 /// Tracks a resonance in `runs` runs.
-pub(super) fn track(method: SweepMethod, case: Case, target_hz: f64, runs: u32, seed: u64) -> Warm {
+pub(super) fn track(case: Case, target_hz: f64, runs: u32, seed: u64) -> Warm {
     let one = |run: u32| {
         let random = Stream::new(seed, case.number() << 20 | u64::from(run));
-        follow(method, &case, target_hz, random)
+        follow(&case, target_hz, random)
     };
     let runs: Vec<Vec<WarmReading>> = (0..runs).into_par_iter().map(one).collect();
     let mut warm = Warm { case, target_hz, times_s: Vec::new(), total_s: 0.0, worst_sigmas: 0.0 };
@@ -66,19 +66,14 @@ pub(super) fn track(method: SweepMethod, case: Case, target_hz: f64, runs: u32, 
 }
 
 /// One run: the readings after the first one.
-fn follow(
-    method: SweepMethod,
-    case: &Case,
-    target_hz: f64,
-    mut random: Stream,
-) -> Vec<WarmReading> {
+fn follow(case: &Case, target_hz: f64, mut random: Stream) -> Vec<WarmReading> {
     let (low_hz, high_hz) = RESONANCES_HZ;
     let between = |part: f64| low_hz + (high_hz - low_hz) * part;
     let mut resonance_hz = between(random.uniform());
     let circuit = |resonance_hz: f64| sensor(resonance_hz, case.q, case.coupling);
     let steps: [f64; READINGS] = std::array::from_fn(|_| 2.0 * random.uniform() - 1.0);
     let mut analyzer = Analyzer::at_rest(circuit(resonance_hz), case.noise, random);
-    let request = request(method, target_hz);
+    let request = request(target_hz);
     let first = plan(&mut analyzer, &request, &cold(case.noise));
     let Some(mut last) = first.verdict.accepted().copied() else { return Vec::new() };
     let mut readings = Vec::new();
@@ -88,11 +83,7 @@ fn follow(
         let within =
             Window { min_hz: last.resonance_hz - MOVES_HZ, max_hz: last.resonance_hz + MOVES_HZ };
         // The noise of the analyzer is known from all of its readings.
-        let prior = Prior {
-            noise: cold(case.noise).noise,
-            past: Past::Unknown,
-            ..Prior::moved(&last, within)
-        };
+        let prior = Prior { noise: cold(case.noise).noise, ..Prior::moved(&last, within) };
         let measured = plan(&mut analyzer, &request, &prior);
         let found = measured.verdict.accepted().copied();
         let error_hz = found.map_or(0.0, |found| found.resonance_hz - resonance_hz);

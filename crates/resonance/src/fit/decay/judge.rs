@@ -75,7 +75,7 @@ fn best(
     let mut found = if let Some(near) = options.near {
         vec![stays.minimum(ModelEstimate::of(&near, stays.unit_farad), &expected)]
     } else {
-        trials = Trials::new(window, &stays.known);
+        trials = Trials::new(window);
         trials.add_all(stays);
         let search = Search { stays, trials: &trials, expected: &expected, noise };
         search.run(Vec::new(), None, Effort::Trials)

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use num_complex::Complex64;
 
-use crate::circuit::trace::{CIRCUIT, ModelEstimate, Past};
+use crate::circuit::trace::{CIRCUIT, ModelEstimate};
 
 /// The mean square of the free motion after each change of frequency, in units of the static
 /// deflection: what the forced motions before and after differ by, and what was left.
@@ -16,9 +16,9 @@ pub(crate) struct Amplitude {
 }
 
 impl Amplitude {
-    pub(crate) fn new(at: &ModelEstimate, past: Past) -> Self {
-        let forced = if past == Past::Rest { 0.0 } else { at.q * at.q };
-        Self { at: *at, square: 0.0, forced }
+    /// Before the first stay, the motion may be as large as one at the resonance.
+    pub(crate) fn new(at: &ModelEstimate) -> Self {
+        Self { at: *at, square: 0.0, forced: at.q * at.q }
     }
 
     /// A change to this frequency so long after the change before.

@@ -61,14 +61,14 @@ impl Trials {
         }
     }
 
-    pub(crate) fn new(window: Window, known: &Known) -> Self {
+    pub(crate) fn new(window: Window) -> Self {
         let Window { min_hz, max_hz } = window;
         let steps = ((max_hz / min_hz).ln() / STEP).ceil().max(1.0);
         let mut trials = Vec::new();
         let mut step = 0.0;
         while step <= steps {
             let resonance_hz = min_hz * (max_hz / min_hz).powf(step / steps);
-            trials.extend(QUALITIES.iter().map(|&q| Trial::new(resonance_hz, q, known)));
+            trials.extend(QUALITIES.iter().map(|&q| Trial::new(resonance_hz, q)));
             step += 1.0;
         }
         Self { trials }
@@ -109,7 +109,7 @@ impl Trials {
 }
 
 impl Trial {
-    fn new(resonance_hz: f64, q: f64, known: &Known) -> Self {
+    fn new(resonance_hz: f64, q: f64) -> Self {
         let extra_term = ExtraTerm::Nothing;
         let at = ModelEstimate {
             resonance_hz,
@@ -122,7 +122,7 @@ impl Trial {
         };
         Self {
             at,
-            amplitude: Amplitude::new(&at, known.past),
+            amplitude: Amplitude::new(&at),
             model: Model::new(&at, resonance_hz),
             integration: None,
             done: Normal::default(),
