@@ -128,31 +128,6 @@ impl PerturbedPlants {
     }
 }
 
-/// The measuring time of these points from rest until the bound falls to `wanted`, s; infinite if
-/// it exceeds `limit_s`. `wanted` is relative, for noise 1 at ten cycles.
-pub(crate) fn time_to_reach_s(
-    circuit: &Circuit,
-    points: impl IntoIterator<Item = SweepPoint>,
-    wanted: f64,
-    limit_s: f64,
-) -> f64 {
-    let mut points = points.into_iter().peekable();
-    let Some(first) = points.peek() else { return f64::INFINITY };
-    let mut plants = PerturbedPlants::at_rest(circuit, first.frequency_hz);
-    let (mut information, mut time_s) = (Information::default(), 0.0);
-    for point in points {
-        time_s += point.duration_s();
-        if time_s > limit_s {
-            break;
-        }
-        information = information.plus(1.0, &plants.visit(&point));
-        if information.relative_bound() <= wanted {
-            return time_s;
-        }
-    }
-    f64::INFINITY
-}
-
 /// The bound times the square root of the integration time, for noise 1 at ten cycles, without
 /// waiting and with the best frequencies: Hz·√s.
 ///

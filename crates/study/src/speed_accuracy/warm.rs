@@ -25,18 +25,8 @@ pub(super) struct Warm {
     /// The time of each reading, s, sorted; infinite for a reading that is refused or misses the
     /// target.
     pub(super) times_s: Vec<f64>,
-    /// Total time, s.
-    pub(super) total_s: f64,
     /// Largest error in units of the stated standard deviation.
     pub(super) worst_sigmas: f64,
-}
-
-impl Warm {
-    /// Readings per second that reach the target.
-    pub(super) fn per_second(&self) -> f64 {
-        let good = self.times_s.iter().filter(|time| time.is_finite()).count();
-        good as f64 / self.total_s
-    }
 }
 
 /// One reading of a run.
@@ -53,11 +43,10 @@ pub(super) fn track(case: Case, target_hz: f64, runs: u32, seed: u64) -> Warm {
         follow(&case, target_hz, random)
     };
     let runs: Vec<Vec<WarmReading>> = (0..runs).into_par_iter().map(one).collect();
-    let mut warm = Warm { case, target_hz, times_s: Vec::new(), total_s: 0.0, worst_sigmas: 0.0 };
+    let mut warm = Warm { case, target_hz, times_s: Vec::new(), worst_sigmas: 0.0 };
     for WarmReading { time_s, found, error_hz } in runs.into_iter().flatten() {
         let is_good = found.is_some_and(|found| found.sigma_hz <= target_hz);
         warm.times_s.push(if is_good { time_s } else { f64::INFINITY });
-        warm.total_s += time_s;
         let sigmas = found.map_or(0.0, |found| (error_hz / found.sigma_hz).abs());
         warm.worst_sigmas = warm.worst_sigmas.max(sigmas);
     }

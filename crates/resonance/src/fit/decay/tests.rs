@@ -5,10 +5,10 @@ use crate::circuit::trace::ExtraTerm;
 
 /// Stays of a circuit whose readings came a little late, and are a little wrong.
 fn stays(at: &ModelEstimate) -> Stays {
-    let known = Known { variance: 2.5e-5, gap_sigma_s: 0.58e-3, past: Past::Rest };
+    let known = Known { variance: 2.5e-5, gap_sigma_s: 0.58e-3 };
     let (all, last, work) = (Vec::new(), None, Cell::new(0));
     let mut stays = Stays { all, unit_farad: 1.0, known, last, work };
-    let mut amplitude = Amplitude::new(at, Past::Rest);
+    let mut amplitude = Amplitude::new(at);
     for (n, frequency_hz) in [137.2, 140.9, 138.5, 143.0].into_iter().enumerate() {
         let since_s = 0.09;
         let square = amplitude.change(frequency_hz, since_s);
