@@ -42,6 +42,16 @@ struct Arguments {
     /// and the windows of the protocol. Such a run may end with a fault.
     #[arg(long)]
     vary: bool,
+    /// Draw also a fault of the simulator's menu, an abort or a stop, at one of the steps.
+    #[arg(long)]
+    trouble: bool,
+}
+
+impl Arguments {
+    /// Whether a run may end with a fault or be aborted.
+    const fn may_fault(&self) -> bool {
+        self.vary || self.trouble
+    }
 }
 
 fn main() -> ExitCode {
@@ -58,12 +68,17 @@ fn main() -> ExitCode {
                     if seed >= end {
                         break;
                     }
-                    let outcome = run::play(Case::draw(seed, &arguments.protocol, arguments.vary));
-                    if let Some(why) = outcome.failure(arguments.vary) {
+                    let outcome = run::play(Case::draw(
+                        seed,
+                        &arguments.protocol,
+                        arguments.vary,
+                        arguments.trouble,
+                    ));
+                    if let Some(why) = outcome.failure(arguments.may_fault()) {
                         println!("seed {seed}: {why}\n  {}", replay(seed, &arguments));
                     }
                     if let Ok(mut tally) = tally.lock() {
-                        tally.count(&outcome, arguments.vary);
+                        tally.count(&outcome, arguments.may_fault());
                     }
                 }
             });
@@ -79,9 +94,10 @@ fn main() -> ExitCode {
 /// The command that runs one seed again.
 fn replay(seed: u64, arguments: &Arguments) -> String {
     let vary = if arguments.vary { " --vary" } else { "" };
+    let trouble = if arguments.trouble { " --trouble" } else { "" };
     let protocol = &arguments.protocol;
     format!(
         "cargo run -p rig-tests --release --bin campaign -- --first-seed {seed} --seeds 1 \
-         --protocol {protocol}{vary}"
+         --protocol {protocol}{vary}{trouble}"
     )
 }

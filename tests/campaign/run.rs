@@ -6,11 +6,13 @@ use std::{
     time::Duration,
 };
 
-use rig_engine::RunStatus;
+use rig_engine::{Command, RunStatus};
 use rig_store::{Record, SweepOutcome};
 use rig_tests::TestRig;
+use rig_verify::Finding;
+use rigd::rig::Status;
 
-use crate::case::Case;
+use crate::case::{Case, What};
 
 /// A run that takes longer by the clock on the wall has no end: the longest take half a minute.
 const PATIENCE: Duration = Duration::from_secs(300);
@@ -25,6 +27,8 @@ pub(crate) enum Outcome {
         sweeps: usize,
         /// Why sweeps were refused.
         refusals: Vec<String>,
+        /// What the checker found in the journals of the run and of the session.
+        findings: Vec<Finding>,
     },
     /// With a panic of the daemon or of this program.
     Panicked,
@@ -36,9 +40,12 @@ impl Outcome {
     /// Why the run did not end as it must.
     pub(crate) fn failure(&self, may_fault: bool) -> Option<String> {
         match self {
+            Self::Ended { findings, .. } if !findings.is_empty() => {
+                Some(format!("not sound: {}", findings[0]))
+            }
             Self::Ended { status, cause, .. } => match status {
                 RunStatus::Completed | RunStatus::CompletedWithRefusals => None,
-                RunStatus::Faulted if may_fault => None,
+                RunStatus::Faulted | RunStatus::Aborted if may_fault => None,
                 RunStatus::Faulted | RunStatus::Aborted => {
                     Some(format!("{}: {}", status.name(), cause.as_deref().unwrap_or("no cause")))
                 }
@@ -69,7 +76,24 @@ async fn played(case: &Case) -> Outcome {
     let scene: Vec<(&str, &str)> =
         case.scene.iter().map(|(from, to)| (*from, to.as_str())).collect();
     let rig = TestRig::open_bench(&[], &scene).await;
-    let (run, status) = rig.run(rig.protocol(&case.protocol)).await;
+    let protocol = rig.protocol(&case.protocol);
+    let steps = protocol.plan.steps.len() as u64;
+    let run = rig.handle.run(protocol, "campaign").await.expect("the rig is idle");
+    if let Some(trouble) = &case.trouble {
+        let step = usize::try_from(trouble.place % steps).unwrap_or_default();
+        let is_there = |status: &Status| {
+            let at = status.snapshot.progress.as_ref().map(|progress| progress.step);
+            at.is_none_or(|at| at >= step)
+        };
+        rig.wait_for("a step", is_there).await;
+        match &trouble.what {
+            What::Fault(words) => rig.fault(words),
+            // Refused where the run has ended.
+            What::Abort => _ = rig.command(Command::Abort).await,
+            What::Stop => _ = rig.command(Command::Stop).await,
+        }
+    }
+    let status = rig.ended(run).await;
     let (mut sweeps, mut refusals, mut cause) = (0, Vec::new(), None);
     for stored in rig.records(run) {
         match stored.record() {
@@ -83,6 +107,10 @@ async fn played(case: &Case) -> Outcome {
             _ => {}
         }
     }
+    let session = rig.handle.status().borrow().session;
+    let verdicts = [run, session].map(|id| rig_verify::verify(rig.data(), &id.to_string()));
+    let findings = verdicts.into_iter().flat_map(|verdict| verdict.expect("a journal").findings);
+    let findings = findings.collect();
     rig.close().await;
-    Outcome::Ended { status, cause, sweeps, refusals }
+    Outcome::Ended { status, cause, sweeps, refusals, findings }
 }

@@ -27,6 +27,8 @@ pub(crate) struct Tally {
     without_end: usize,
     failed: usize,
     sweeps: usize,
+    /// Runs with a journal that is not sound.
+    unsound: usize,
     /// Why sweeps were refused and runs faulted, without the numbers, and how often.
     reasons: BTreeMap<String, usize>,
 }
@@ -35,7 +37,11 @@ impl Tally {
     pub(crate) fn count(&mut self, outcome: &Outcome, may_fault: bool) {
         self.failed += usize::from(outcome.failure(may_fault).is_some());
         match outcome {
-            Outcome::Ended { status, cause, sweeps, refusals } => {
+            Outcome::Ended { status, cause, sweeps, refusals, findings } => {
+                self.unsound += usize::from(!findings.is_empty());
+                for finding in findings {
+                    self.note("not sound", &format!("{}: {}", finding.check.name(), finding.what));
+                }
                 let ended = match status {
                     RunStatus::Completed => &mut self.completed,
                     RunStatus::CompletedWithRefusals => &mut self.with_refusals,
@@ -83,13 +89,14 @@ impl fmt::Display for Tally {
         write!(
             f,
             "{} completed, {} completed with refusals, {} faulted, {} aborted, {} panicked, {} without \
-             an end; {} failed; {} sweeps",
+             an end, {} not sound; {} failed; {} sweeps",
             self.completed,
             self.with_refusals,
             self.faulted,
             self.aborted,
             self.panicked,
             self.without_end,
+            self.unsound,
             self.failed,
             self.sweeps,
         )

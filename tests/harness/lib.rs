@@ -1,5 +1,6 @@
 //! Shared harness of the whole-system tests: the shipped simulated rig in a directory of its own.
 
+pub mod forge;
 pub mod stops;
 
 use std::{
@@ -114,12 +115,25 @@ impl TestRig {
     /// When the rig does not take it.
     pub async fn run(&self, protocol: LoadedProtocol) -> (RunId, RunStatus) {
         let run = self.handle.run(protocol, "test").await.expect("the rig is idle");
+        (run, self.ended(run).await)
+    }
+
+    /// Waits for the end of a run.
+    ///
+    /// # Panics
+    /// When the rig closes first.
+    pub async fn ended(&self, run: RunId) -> RunStatus {
         let ended = |status: &Status| {
             let view = status.run.as_ref().filter(|view| view.id == run);
             view.and_then(|view| view.ending)
         };
         let status = self.wait_for("the end of the run", |status| ended(status).is_some()).await;
-        (run, ended(&status).expect("it was waited for"))
+        ended(&status).expect("it was waited for")
+    }
+
+    /// The data directory.
+    pub fn data(&self) -> &Path {
+        self.data.path()
     }
 
     /// A reader of the journal.

@@ -7,6 +7,7 @@ mod documents;
 mod edges;
 mod errors;
 mod flags;
+mod forged;
 mod makes;
 mod operator;
 mod out_of_contact;

@@ -25,13 +25,29 @@ use provenance::provenance;
 
 impl RunResults {
     /// The report as one HTML file. Of a damaged journal it shows the records before the damage, and
-    /// says so: `check` is the result of the check of its chain.
-    pub fn html(&self, check: &ChainCheck) -> String {
-        page(self, check).into_string()
+    /// says so: `check` is the result of the check of its chain, and `verdict` that of its contents.
+    pub fn html(&self, check: &ChainCheck, verdict: &RunVerdict) -> String {
+        page(self, check, verdict).into_string()
     }
 }
 
-fn page(results: &RunResults, check: &ChainCheck) -> Markup {
+/// The result of the check of a journal by a program that shares no code with the one that wrote it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RunVerdict {
+    /// The result in a sentence.
+    pub sentence: String,
+    /// What was found, each in a sentence; empty for a sound journal.
+    pub findings: Vec<String>,
+}
+
+impl RunVerdict {
+    /// Whether nothing was found.
+    pub fn is_sound(&self) -> bool {
+        self.findings.is_empty()
+    }
+}
+
+fn page(results: &RunResults, check: &ChainCheck, verdict: &RunVerdict) -> Markup {
     let RunResults { run, data, .. } = results;
     let simulated = if data.is_simulated() { " (simulated)" } else { "" };
     html! {
@@ -48,7 +64,7 @@ fn page(results: &RunResults, check: &ChainCheck) -> Markup {
             }
             body {
                 main {
-                    (head(results, check))
+                    (head(results, check, verdict))
                     (section("Frequency shift", &shifts(results)))
                     (section("Stiffness", &stiffness(results)))
                     (section("Recognition", &recognition(results)))
@@ -56,7 +72,7 @@ fn page(results: &RunResults, check: &ChainCheck) -> Markup {
                     (section("One touch in detail", &detail(results)))
                     (section("Touches", &touches(results)))
                     (section("Log", &log(data)))
-                    (section("Provenance", &provenance(run, check, data)))
+                    (section("Provenance", &provenance(run, check, verdict, data)))
                 }
             }
         }
@@ -68,7 +84,7 @@ fn section(title: &str, content: &Markup) -> Markup {
 }
 
 /// The name of the run, its status, and its key numbers.
-fn head(results: &RunResults, check: &ChainCheck) -> Markup {
+fn head(results: &RunResults, check: &ChainCheck, verdict: &RunVerdict) -> Markup {
     let RunResults { run, data, touches, .. } = results;
     let class = match run.status {
         RunStatus::Running => "running",
@@ -90,6 +106,13 @@ fn head(results: &RunResults, check: &ChainCheck) -> Markup {
                 b { "The journal of this run is damaged." }
                 " Record " (seq) ": " (flaw.to_string())
                 ". This report is made from the records before it."
+            }
+        }
+        @if !verdict.is_sound() {
+            div.alarm {
+                b { "The journal of this run is not sound." }
+                " The checker found what is listed here; do not use the results before it is explained."
+                ul { @for finding in &verdict.findings { li { (finding) } } }
             }
         }
         @for fault in data.faults() {

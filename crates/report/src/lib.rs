@@ -16,6 +16,7 @@ mod tests;
 mod text;
 mod units;
 
+pub use html::RunVerdict;
 pub use results::{RunResults, status::TouchStatus, touches::TouchRow};
 pub use summary::{
     ClassificationSummary, RecognitionSummary, RunSummary, ShiftSummary, StiffnessSummary,

@@ -114,6 +114,24 @@ fn a_faulted_run_says_what_happened_first_and_what_is_missing() {
 }
 
 #[test]
+fn a_journal_that_is_not_sound_says_so_above_its_numbers() {
+    let sample = SampleRun::new(Story::Complete);
+    assert!(sample.html().contains("<dt>checked</dt><dd>sound: as many records as there are</dd>"));
+    let finding = "shift: record 40: the shift, Hz: expected 1, found <2>".to_owned();
+    let sentence = "not sound: 1 finding in 40 records".to_owned();
+    let html =
+        sample.html_with(&RunVerdict { sentence: sentence.clone(), findings: vec![finding] });
+    check_markup(&html);
+    let alarm = inside(&html, "<div class=\"alarm\">", "</div>");
+    assert!(alarm.starts_with("<b>The journal of this run is not sound.</b>"), "{alarm}");
+    assert!(
+        alarm.contains("<li>shift: record 40: the shift, Hz: expected 1, found &lt;2&gt;</li>")
+    );
+    assert!(html.find("not sound").unwrap() < html.find("class=\"tiles\"").unwrap());
+    assert!(html.contains(&sentence));
+}
+
+#[test]
 fn a_damaged_journal_is_reported_as_far_as_it_can_be_read() {
     let sample = SampleRun::new(Story::Complete);
     let keep = 200;

@@ -11,6 +11,7 @@
 //! | 4 | the rig is latched after a fault |
 //! | 5 | a run, a move or a sweep was aborted |
 //! | 6 | a run ended, and some of its touches were refused |
+//! | 7 | the journal of a run is not sound |
 //! | 130 | interrupted before any action |
 
 mod check;
@@ -29,6 +30,7 @@ mod serve;
 mod session;
 mod signals;
 mod table;
+mod verify;
 
 use std::{
     io::{self, IsTerminal},
@@ -42,6 +44,7 @@ use rig_engine::{CommandRefusal, RigState};
 use rig_model::{Clearance, Mm, Position, with_causes};
 use rig_report::export::ExportError;
 use rig_store::{Reader, StoreError};
+use rig_verify::JournalError;
 
 use crate::{
     doctor::advice,
@@ -62,7 +65,8 @@ Exit codes:
   3  no such run, or no resonance
   4  the rig is latched after a fault
   5  a run, a move or a sweep was aborted
-  6  a run came to its end, and some of its touches were refused";
+  6  a run came to its end, and some of its touches were refused
+  7  the journal of a run is not sound";
 
 /// Drives the bench rig of the tilted-contact tactile sensor.
 #[derive(Debug, Parser)]
@@ -96,6 +100,8 @@ enum CliCommand {
     Salvage(SalvageArgs),
     /// Write the report of a run again
     Report(ReportArgs),
+    /// Check the journal of a run: chain, moves, labels, results
+    Verify(VerifyArgs),
     /// List the serial ports of this computer and who has them open
     Ports(ports::PortsArgs),
     /// Ask every device of a rig who it is
@@ -310,6 +316,16 @@ struct ReportArgs {
     out: Option<PathBuf>,
 }
 
+#[derive(Debug, Args)]
+struct VerifyArgs {
+    /// Run: its name such as `smoke-7`, its id or enough of it, or `latest`
+    run: String,
+    #[command(flatten)]
+    data: DataArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
 /// Why a command failed, with its exit code.
 #[derive(Debug, thiserror::Error)]
 enum Failure {
@@ -361,6 +377,11 @@ enum Failure {
     TouchesRefused,
     #[error("interrupted")]
     Interrupted,
+    #[error("data directory {}", data.display())]
+    Unchecked { data: PathBuf, source: JournalError },
+    /// The findings have been listed.
+    #[error("the journal is not sound")]
+    NotSound,
     #[error(
         "ended at once while the rig was {}; it is left as it is, and the probe is {}{}. The \
          drives may still carry out their last command. First check by eye where the probe is; \
@@ -399,6 +420,7 @@ impl Failure {
             Self::Latched { .. } => 4,
             Self::Aborted => 5,
             Self::TouchesRefused => 6,
+            Self::NotSound => 7,
             Self::Interrupted => 130,
             Self::RunFiles(_)
             | Self::Open(_)
@@ -408,6 +430,7 @@ impl Failure {
             | Self::Refused(_)
             | Self::Unidentified { .. }
             | Self::Unfit { .. }
+            | Self::Unchecked { .. }
             | Self::Left { .. }
             | Self::Listen { .. }
             | Self::System { .. } => 1,
@@ -477,6 +500,7 @@ pub fn main() -> ExitCode {
         CliCommand::Export(args) => runs::export(&args),
         CliCommand::Salvage(args) => runs::salvage(&args),
         CliCommand::Report(args) => runs::report(&args),
+        CliCommand::Verify(args) => verify::verify(&args),
         CliCommand::Ports(args) => ports::ports(&args),
         CliCommand::Identify(args) => identify::identify(&args),
         CliCommand::Doctor(args) => doctor::doctor(&args),
@@ -497,7 +521,8 @@ pub fn main() -> ExitCode {
             match &failure {
                 // Each fault begins with its place, so that an editor can jump there.
                 Failure::BadFile(FileError::Faults(faults)) => table::note(&faults.to_string()),
-                Failure::TouchesRefused => {}
+                // What was found has been listed.
+                Failure::TouchesRefused | Failure::NotSound => {}
                 failure => table::note(&format!("rigd: {}", with_causes(failure))),
             }
             if let Some(advice) = failure.advice() {

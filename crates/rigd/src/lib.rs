@@ -16,3 +16,4 @@ pub mod rig;
 pub mod run_files;
 mod sweep_form;
 mod sweeps;
+mod verdict;

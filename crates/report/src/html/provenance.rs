@@ -3,10 +3,16 @@
 use maud::{Markup, Render, html};
 use rig_record::{ChainCheck, Run, RunStarted, Source};
 
+use super::RunVerdict;
 use crate::data::RunData;
 
 /// Everything needed to judge the run and to repeat it.
-pub(super) fn provenance(run: &Run, check: &ChainCheck, data: &RunData) -> Markup {
+pub(super) fn provenance(
+    run: &Run,
+    check: &ChainCheck,
+    verdict: &RunVerdict,
+    data: &RunData,
+) -> Markup {
     html! {
         dl.facts {
             (fact("run", run.id.to_string()))
@@ -27,6 +33,7 @@ pub(super) fn provenance(run: &Run, check: &ChainCheck, data: &RunData) -> Marku
                     (fact("journal", format!("damaged at record {seq}: {flaw}")))
                 }
             }
+            (fact("checked", &verdict.sentence))
         }
         @if let Some(started) = &data.started { (sources(started)) }
     }

@@ -100,7 +100,10 @@ fn finish(data: &Path, output: &OutputArgs, run: RunId, has_refusals: bool) -> R
     if !output.json {
         note(&format!("report: {}\ndata:   {}\n", files.report.display(), files.data.display()));
     }
-    runs::print_results(data, &files.results, output.json)?;
+    runs::print_results(data, &files.results, &files.verdict, output.json)?;
+    if !files.verdict.is_sound() {
+        return Err(Failure::NotSound);
+    }
     if has_refusals { Err(Failure::TouchesRefused) } else { Ok(()) }
 }
 

@@ -6,7 +6,7 @@ use std::{
 };
 
 use rig_record::StoredRecord;
-use rig_report::{RunResults, export};
+use rig_report::{RunResults, RunVerdict, export};
 use rig_store::{Reader, Run, RunKind, Store, StoreError};
 use serde::Serialize;
 
@@ -19,6 +19,7 @@ use crate::{
     interruption::{ADVICE, InterruptionView},
     rig::{self, RequestRefusal},
     run_files::{self, ResultsView},
+    verdict,
 };
 
 /// A run in a list, for a program.
@@ -97,7 +98,9 @@ pub(super) fn show(args: &ShowArgs) -> Result<(), Failure> {
     let reader = args.data.journal()?;
     let run = reader.find(&args.run)?;
     let results = results_of(&run, &reader.amended(run.id)?)?;
-    print_results(&args.data.data, &results, args.output.json)
+    let data = &args.data.data;
+    let verdict = verdict::for_report(data, &reader, run.id);
+    print_results(data, &results, &verdict, args.output.json)
 }
 
 pub(super) fn export(args: &ExportArgs) -> Result<(), Failure> {
@@ -131,7 +134,7 @@ pub(super) fn report(args: &ReportArgs) -> Result<(), Failure> {
     let run = reader.find(&args.run)?;
     let path = match &args.out {
         Some(path) => {
-            run_files::write_report(&reader, run.id, path)?;
+            run_files::write_report(data, &reader, run.id, path)?;
             path.clone()
         }
         None => run_files::write(data, run.id)?.report,
@@ -213,6 +216,7 @@ pub(super) fn skip(args: &TouchArgs) -> Result<(), Failure> {
 pub(super) fn print_results(
     data: &Path,
     results: &RunResults,
+    verdict: &RunVerdict,
     is_json: bool,
 ) -> Result<(), Failure> {
     let reader = Reader::open(data)?;
@@ -222,13 +226,21 @@ pub(super) fn print_results(
         if let Some(sentence) = results.shortfall() {
             note(&sentence);
         }
-        let results = ResultsView::new(results, run_files::folder(data, &reader, run.id));
+        let folder = run_files::folder(data, &reader, run.id);
+        let results = ResultsView::new(results, verdict, folder);
         return print_json(&ShowView { results, interruption });
     }
     print(results.text().trim_end())?;
     if run.is_resumable() {
         let name = run.short_name();
         print(&format!("not completed: `rigd run --resume {name}` resumes it"))?;
+    }
+    if !verdict.is_sound() {
+        let name = run.short_name();
+        print(&format!(
+            "the journal of {name} is {}; `rigd verify {name}` lists them",
+            verdict.sentence
+        ))?;
     }
     match interruption {
         Some(left) if left.is_open() => print(&format!("{}; {ADVICE}", left.message)),

@@ -8,7 +8,11 @@ use std::{
 };
 
 use clap::Args;
-use tokio::net::{TcpListener, TcpSocket};
+use rig_store::Reader;
+use tokio::{
+    net::{TcpListener, TcpSocket},
+    sync::watch,
+};
 use tokio_util::sync::CancellationToken;
 
 use super::{
@@ -23,6 +27,8 @@ use crate::{
         access::{Access, HostName, Token},
     },
     protocol_file::LoadedProtocol,
+    rig::Status,
+    verdict,
 };
 
 #[derive(Debug, Args)]
@@ -75,6 +81,7 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
         let address = listener.local_addr().map_err(failed)?;
         let (handle, thread) = open(rig, data.clone(), &mut signals).await?;
         let closing = CancellationToken::new();
+        tokio::spawn(check_ended_runs(handle.status(), data.clone()));
         let shared =
             http::Shared::new(handle.clone(), facts, loaded, data, access, closing.clone());
         let serving = tokio::spawn(http::serve(listener, http::router(shared), closing.clone()));
@@ -99,6 +106,25 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     });
     runtime.shutdown_timeout(READING_TIME);
     served
+}
+
+/// Checks each run when it has ended, and records the verdict beside it, until the rig is closed.
+async fn check_ended_runs(mut status: watch::Receiver<Status>, data: PathBuf) {
+    let mut last = None;
+    while status.changed().await.is_ok() {
+        let ended = status.borrow_and_update().run.as_ref().map(|run| (run.id, run.ending));
+        if std::mem::replace(&mut last, ended) == ended {
+            continue;
+        }
+        let Some((run, Some(_))) = ended else { continue };
+        let data = data.clone();
+        let check = move || Some(verdict::for_report(&data, &Reader::open(&data).ok()?, run));
+        if let Ok(Some(verdict)) = tokio::task::spawn_blocking(check).await
+            && !verdict.is_sound()
+        {
+            say(&format!("run {run} is {}; `rigd verify {run}` lists them", verdict.sentence));
+        }
+    }
 }
 
 /// An address that cannot be listened on.

@@ -2,11 +2,14 @@
 
 use std::{
     collections::VecDeque,
-    sync::{Arc, Mutex, PoisonError},
+    path::Path,
+    sync::{Arc, Mutex, OnceLock, PoisonError},
 };
 
-use rig_report::RunResults;
+use rig_report::{RunResults, RunVerdict};
 use rig_store::{ChainCheck, Digest, Reader, Run, RunId, RunStatus, StoreError};
+
+use crate::verdict;
 
 /// Number of runs whose results are kept. A browser shows one run at a time, and the results of a
 /// long run take a few megabytes.
@@ -18,6 +21,14 @@ pub(super) struct CheckedResults {
     pub(super) results: RunResults,
     pub(super) check: ChainCheck,
     tips: Vec<Tip>,
+    verdict: OnceLock<RunVerdict>,
+}
+
+impl CheckedResults {
+    /// The verdict of the checker, which is asked once.
+    pub(super) fn verdict(&self, data: &Path, reader: &Reader) -> &RunVerdict {
+        self.verdict.get_or_init(|| verdict::for_report(data, reader, self.results.run().id))
+    }
 }
 
 /// A run or an amendment, with the digest of its last record.
@@ -51,7 +62,8 @@ impl ResultsCache {
         let is_final = matches!(run.status, RunStatus::Ended(_))
             && matches!(chain.check, ChainCheck::Intact { .. });
         let results = RunResults::new(&run, &reader.amend(id, chain.records)?)?;
-        let checked = Arc::new(CheckedResults { results, check: chain.check, tips });
+        let verdict = OnceLock::new();
+        let checked = Arc::new(CheckedResults { results, check: chain.check, tips, verdict });
         if is_final {
             let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
             kept.retain(|other| other.results.run().id != id);

@@ -106,7 +106,8 @@ pub(super) async fn show(
         let found = inner.results.of(reader, id)?;
         intact(id, &found.check)?;
         let folder = run_files::folder(&inner.data, reader, id);
-        let results = ResultsView::new(&found.results, folder);
+        let verdict = found.verdict(&inner.data, reader);
+        let results = ResultsView::new(&found.results, verdict, folder);
         let run = found.results.run();
         let interruption = InterruptionView::read(reader, run)?;
         Ok(RunDetail { run: RunView::new(reader, run.clone()), interruption, results })
@@ -122,7 +123,7 @@ pub(super) async fn report(
     let inner = Arc::clone(&shared.inner);
     let html = shared.read(move |reader| {
         let found = inner.results.of(reader, id)?;
-        Ok(found.results.html(&found.check))
+        Ok(found.results.html(&found.check, found.verdict(&inner.data, reader)))
     });
     html.await.map(Html)
 }

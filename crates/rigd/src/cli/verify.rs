@@ -1,0 +1,22 @@
+//! `rigd verify`: checks the journal of a run with the checker that shares no code with rigd.
+
+use super::{
+    Failure, VerifyArgs,
+    table::{print, print_json},
+};
+
+pub(super) fn verify(args: &VerifyArgs) -> Result<(), Failure> {
+    let run = args.data.journal()?.find(&args.run)?;
+    let data = &args.data.data;
+    let verdict = rig_verify::verify(data, &run.id.to_string())
+        .map_err(|source| Failure::Unchecked { data: data.clone(), source })?;
+    if args.output.json {
+        print_json(&verdict)?;
+    } else {
+        for finding in &verdict.findings {
+            print(&finding.to_string())?;
+        }
+        print(&format!("{}: {}", run.short_name(), verdict.sentence()))?;
+    }
+    if verdict.is_sound { Ok(()) } else { Err(Failure::NotSound) }
+}

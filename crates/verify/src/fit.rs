@@ -1,0 +1,436 @@
+//! The resonance of a sweep, fitted anew: the Butterworth–Van Dyke circuit with dielectric loss, and
+//! the free decay after each change of frequency.
+//!
+//! ```text
+//!   Y(t) = jωC0(1 − j tan δ) + jωC1/D(ω) + a·E(t),   D = 1 − u² + ju/Q,  u = f/f_s
+//!   E(t) = mean of e^{(s − jω)t} over the reading,   s = 2πf_s(−1/2Q + j√(1 − 1/4Q²))
+//! ```
+//!
+//! The amplitude a of each stay at one frequency has a random phase and a size that the circuit
+//! predicts. The time from one reading of a stay to the next has an error of half a millisecond. The
+//! free decay that turns against the drive, E at the conjugate of s, adds to the variance. Unknowns are
+//! found by the method of Levenberg and Marquardt.
+
+use std::f64::consts::{PI, TAU};
+
+use num_complex::Complex64;
+
+use crate::{
+    journal::{Circuit, FitNoise, Flag, Reading},
+    normal::{GLOBAL, Normal, Part, Step},
+};
+
+/// Relative noise of a reading of ten cycles where nothing is known of it, and the number of readings
+/// that this is worth.
+const NOISE: FitNoise = FitNoise { at_ten_cycles: 0.005, degrees_of_freedom: 4.0 };
+/// Standard deviation of the time between two readings of a stay, s.
+const GAP_SIGMA_S: f64 = 0.58e-3;
+/// The gap between two readings where none has been seen, s.
+const GAP_S: f64 = 1e-3;
+/// The part of the square of a free decay that each part of its amplitude may have.
+const AMPLITUDE_SHARE: f64 = 0.75;
+/// Expected values and their standard deviations: ln Q, then C0, C1 and C0 tan δ in units of the
+/// capacitance of the first reading.
+const EXPECTED: [(f64, f64); 4] = [(3.401, 1.0), (1.0, 1.0), (0.0, 0.15), (0.0, 0.03)];
+/// Number of times that the sizes of the free decays and the weights are computed anew.
+const ROUNDS: usize = 4;
+/// Steps of one descent; a sound sweep needs three to ten.
+const STEPS_MAX: usize = 60;
+/// A descent ends when a step lowers the sum of squares, which is in units of the variance, by less than
+/// this.
+const ENOUGH: f64 = 1e-6;
+/// A step that saves less than this part of what the linear problem promised was too long.
+const KEPT_PROMISE: f64 = 0.5;
+
+/// The result of a fit.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Fitted {
+    pub(crate) resonance_hz: f64,
+    pub(crate) quality_factor: f64,
+    /// Standard deviation of the resonance by the noise alone, Hz.
+    pub(crate) sigma_hz: f64,
+    /// Sum of squares over its degrees of freedom, against the noise that was known before.
+    pub(crate) scatter: f64,
+    /// The degrees of freedom.
+    pub(crate) degrees: f64,
+}
+
+/// Whether a reading has a value that can be used.
+pub(crate) fn is_usable(reading: &Reading) -> bool {
+    let numbers = [reading.resistance_ohm, reading.reactance_ohm];
+    let is_finite = numbers.iter().all(|x| x.is_some_and(f64::is_finite));
+    reading.flag == Flag::Normal && is_finite && reading.frequency_hz * reading.integration_s > 0.0
+}
+
+/// Fits usable readings from the neighbourhood of a stated circuit; `None` if that does not converge.
+pub(crate) fn fit(
+    readings: &[Reading],
+    is_ringing: bool,
+    noise: Option<FitNoise>,
+    (resonance_hz, stated): (f64, &Circuit),
+) -> Option<Fitted> {
+    let first = readings.first()?;
+    let noise = noise.unwrap_or(NOISE);
+    let unit = 1.0 / (TAU * first.frequency_hz * impedance(first).norm());
+    let trace = Trace { stays: stays(readings, unit), is_ringing };
+    let c0 = stated.static_capacitance_f / unit;
+    // A little beside the stated circuit: a stated value that is no minimum moves away from it.
+    let q = stated.quality_factor * 1.1;
+    let mut at = Unknowns {
+        circuit: [
+            (resonance_hz + 0.03 * resonance_hz / stated.quality_factor).ln(),
+            q.ln(),
+            c0,
+            c0 * stated.capacitance_ratio,
+            c0 * stated.loss_tangent,
+        ],
+        amplitudes: Vec::new(),
+        steps: trace.stays.iter().map(|stay| vec![0.0; stay.samples.len() - 1]).collect(),
+    };
+    let mut variance = noise.at_ten_cycles.powi(2);
+    at.amplitudes = trace.first_amplitudes(&at.circuit, variance);
+    let rows = 2 * readings.len() + GLOBAL - 1;
+    let degrees = rows.saturating_sub(GLOBAL).max(1) as f64;
+    let mut found = None;
+    let mut scatter = f64::NAN;
+    for round in 0..ROUNDS {
+        let weights = trace.weights(&at, variance);
+        let normal = trace.descend(&mut at, &weights);
+        if round + 2 == ROUNDS {
+            // What the readings say of the noise, together with what was known of it.
+            scatter = normal.cost / degrees;
+            let all = noise.degrees_of_freedom + degrees;
+            variance *= (noise.degrees_of_freedom + normal.cost) / all;
+        }
+        found = Some(normal);
+    }
+    let [ln_resonance, ln_q, ..] = at.circuit;
+    let resonance_hz = ln_resonance.exp();
+    let sigma_hz = resonance_hz * found?.variance(0)?.sqrt();
+    let fitted = Fitted { resonance_hz, quality_factor: ln_q.exp(), sigma_hz, scatter, degrees };
+    (resonance_hz.is_finite() && sigma_hz.is_finite()).then_some(fitted)
+}
+
+fn impedance(reading: &Reading) -> Complex64 {
+    Complex64::new(reading.resistance_ohm.unwrap_or(0.0), reading.reactance_ohm.unwrap_or(0.0))
+}
+
+/// A reading of a stay.
+#[derive(Debug, Clone, Copy)]
+struct Sample {
+    /// From the begin of the first integration of the stay to that of this one, s.
+    start_s: f64,
+    integration_s: f64,
+    /// From the change of frequency to the begin of the integration, s.
+    settle_s: f64,
+    /// Impedance times the unit of capacitance, s.
+    z: Complex64,
+}
+
+/// Readings at one frequency.
+#[derive(Debug)]
+struct Stay {
+    omega: f64,
+    /// From the begin of the first integration of the stay before, s.
+    since_s: f64,
+    samples: Vec<Sample>,
+}
+
+/// The readings of each stay. A reading that would end after the next has begun was reported late.
+fn stays(readings: &[Reading], unit: f64) -> Vec<Stay> {
+    let mut stays: Vec<Stay> = Vec::new();
+    let mut before: Option<&Reading> = None;
+    for reading in readings {
+        let after_s = before.map_or(0.0, |before| reading.begin_s() - before.begin_s());
+        let mut sample = Sample {
+            start_s: 0.0,
+            integration_s: reading.integration_s,
+            settle_s: reading.settle_s,
+            z: impedance(reading) * unit,
+        };
+        let is_same = before.is_some_and(|before| before.frequency_hz == reading.frequency_hz);
+        before = Some(reading);
+        let Some(stay) = stays.last_mut().filter(|_| is_same) else {
+            let last = stays.last().and_then(|stay| stay.samples.last());
+            let since_s = last.map_or(0.0, |last| last.start_s) + after_s;
+            let omega = TAU * reading.frequency_hz;
+            stays.push(Stay { omega, since_s, samples: vec![sample] });
+            continue;
+        };
+        let count = stay.samples.len();
+        let last = stay.samples[count - 1];
+        sample.start_s = last.start_s + after_s;
+        let end_s = last.start_s + last.integration_s;
+        if sample.start_s < end_s {
+            let gap = |pair: &[Sample]| pair[1].start_s - pair[0].start_s - pair[0].integration_s;
+            let gaps = stay.samples.windows(2).map(gap).filter(|gap| *gap > 0.0);
+            let gaps: Vec<f64> = gaps.chain([GAP_S]).collect();
+            let late_s = end_s + gaps.iter().sum::<f64>() / gaps.len() as f64 - sample.start_s;
+            if count == 1 {
+                sample.start_s += late_s;
+            } else {
+                stay.samples[count - 1].start_s -= late_s;
+            }
+        }
+        stay.samples.push(sample);
+    }
+    stays
+}
+
+/// The unknowns.
+#[derive(Debug, Clone)]
+struct Unknowns {
+    /// ln f, ln Q, C0, C1, C0 tan δ.
+    circuit: [f64; GLOBAL],
+    /// The free decay of each stay at its first reading.
+    amplitudes: Vec<Complex64>,
+    /// Errors of the times between the readings of each stay, in standard deviations.
+    steps: Vec<Vec<f64>>,
+}
+
+impl Unknowns {
+    fn moved(&self, step: &Step, weights: &Weights) -> Self {
+        let mut moved = self.clone();
+        for (value, by) in moved.circuit.iter_mut().zip(step.global) {
+            *value += by;
+        }
+        for (k, local) in step.local.iter().enumerate().filter(|(_, local)| !local.is_empty()) {
+            moved.amplitudes[k] += Complex64::new(local[0], local[1]) * weights.sizes[k];
+            for (value, by) in moved.steps[k].iter_mut().zip(&local[2..]) {
+                *value += by;
+            }
+        }
+        moved
+    }
+}
+
+/// The sizes that the circuit predicts for the free decays, and the variance of each reading.
+#[derive(Debug)]
+struct Weights {
+    sizes: Vec<f64>,
+    variances: Vec<Vec<f64>>,
+}
+
+#[derive(Debug)]
+struct Trace {
+    stays: Vec<Stay>,
+    is_ringing: bool,
+}
+
+/// The circuit with what follows from it.
+struct Branch {
+    q: f64,
+    omega: f64,
+    /// Complex frequency of the free decay, rad/s, and its slopes by ln f and ln Q.
+    s: Complex64,
+    by_q: Complex64,
+}
+
+impl Branch {
+    fn new(circuit: &[f64; GLOBAL]) -> Self {
+        let (omega, q) = (TAU * circuit[0].exp(), circuit[1].exp().max(0.51));
+        let ringing = (1.0 - 0.25 / (q * q)).sqrt();
+        let s = omega * Complex64::new(-0.5 / q, ringing);
+        let by_q = omega * Complex64::new(0.5 / q, 0.25 / (q * q) / ringing);
+        Self { q, omega, s, by_q }
+    }
+
+    /// 1/D and the slopes of D by ln f and ln Q.
+    fn response(&self, omega: f64) -> (Complex64, Complex64, Complex64) {
+        let u = omega / self.omega;
+        let d = Complex64::new(1.0 - u * u, u / self.q);
+        (d.inv(), Complex64::new(2.0 * u * u, -u / self.q), Complex64::new(0.0, -u / self.q))
+    }
+}
+
+/// The mean of e^{λt} over a reading that begins at `t` and takes `span`, and its slope by λ.
+fn decay(lambda: Complex64, t: f64, span: f64) -> (Complex64, Complex64) {
+    let x = lambda * span;
+    let (before, growth) = ((lambda * t).exp(), x.exp());
+    let mean = (growth - 1.0) / x;
+    (before * mean, before * (mean * t + (growth - mean) / x * span))
+}
+
+impl Trace {
+    fn steady(circuit: &[f64; GLOBAL], branch: &Branch, omega: f64) -> Complex64 {
+        let [_, _, c0, c1, g] = *circuit;
+        let (response, ..) = branch.response(omega);
+        Complex64::new(omega * g, omega * c0) + Complex64::new(0.0, omega * c1) * response
+    }
+
+    /// The root mean square of the free decay of each stay: each change of frequency sets off one as
+    /// large as the motion before and after it, in a random phase.
+    fn sizes(&self, circuit: &[f64; GLOBAL]) -> Vec<f64> {
+        let branch = Branch::new(circuit);
+        let (mut square, mut forced) = (0.0, branch.q * branch.q);
+        let size = |stay: &Stay| {
+            let now = branch.response(stay.omega).0.norm_sqr();
+            square = now + forced + square * (2.0 * branch.s.re * stay.since_s).exp();
+            forced = now;
+            f64::sqrt(square) * circuit[3].abs() * branch.omega
+        };
+        self.stays.iter().map(size).collect()
+    }
+
+    /// The most likely free decays beside a circuit, by linear least squares.
+    fn first_amplitudes(&self, circuit: &[f64; GLOBAL], variance: f64) -> Vec<Complex64> {
+        let branch = Branch::new(circuit);
+        let first = |(stay, size): (&Stay, f64)| {
+            let steady = Self::steady(circuit, &branch, stay.omega);
+            let (mut top, mut bottom) = (Complex64::ZERO, size.powi(-2));
+            for sample in &stay.samples {
+                let weight = noise(stay, sample, variance).recip();
+                let lambda = branch.s - Complex64::new(0.0, stay.omega);
+                let column = sample.z * decay(lambda, sample.start_s, sample.integration_s).0;
+                top += column.conj() * (1.0 - sample.z * steady) * weight;
+                bottom += column.norm_sqr() * weight;
+            }
+            top / bottom
+        };
+        if !self.is_ringing {
+            return vec![Complex64::ZERO; self.stays.len()];
+        }
+        self.stays.iter().zip(self.sizes(circuit)).map(first).collect()
+    }
+
+    fn weights(&self, at: &Unknowns, variance: f64) -> Weights {
+        let branch = Branch::new(&at.circuit);
+        let sizes = self.sizes(&at.circuit);
+        let of_stay = |(k, stay): (usize, &Stay)| {
+            let steady = Self::steady(&at.circuit, &branch, stay.omega);
+            let (amplitude, times) = (at.amplitudes[k], self.times(at, k));
+            let of_sample = |(sample, t): (&Sample, f64)| {
+                let of_noise = noise(stay, sample, variance);
+                let drive = Complex64::new(0.0, stay.omega);
+                if !self.is_ringing {
+                    // The rest of the free decay after settling has an unknown phase.
+                    let lambda = branch.s - drive;
+                    let rest = decay(lambda, sample.settle_s, sample.integration_s).0;
+                    return of_noise + 0.5 * (sizes[k] * rest / steady).norm_sqr();
+                }
+                let model = steady + amplitude * decay(branch.s - drive, t, sample.integration_s).0;
+                let counter = decay(branch.s.conj() - drive, t, sample.integration_s).0;
+                of_noise + 0.5 * (amplitude * counter / model).norm_sqr()
+            };
+            stay.samples.iter().zip(times).map(of_sample).collect()
+        };
+        let variances = self.stays.iter().enumerate().map(of_stay).collect();
+        Weights { sizes, variances }
+    }
+
+    /// When each reading of a stay began, s after the first.
+    fn times(&self, at: &Unknowns, stay: usize) -> Vec<f64> {
+        let mut late = 0.0;
+        let steps = [0.0].into_iter().chain(at.steps[stay].iter().copied());
+        let time = |(sample, step): (&Sample, f64)| {
+            late += step * GAP_SIGMA_S;
+            sample.start_s + late
+        };
+        self.stays[stay].samples.iter().zip(steps).map(time).collect()
+    }
+
+    fn normal(&self, at: &Unknowns, weights: &Weights) -> Normal {
+        let branch = Branch::new(&at.circuit);
+        let mut normal = Normal::default();
+        for k in 0..self.stays.len() {
+            self.add_stay(k, at, weights, &branch, &mut normal);
+        }
+        for (i, (expected, sigma)) in EXPECTED.into_iter().enumerate() {
+            normal.expect(i + 1, at.circuit[i + 1] - expected, sigma);
+        }
+        normal
+    }
+
+    fn add_stay(
+        &self,
+        k: usize,
+        at: &Unknowns,
+        weights: &Weights,
+        branch: &Branch,
+        normal: &mut Normal,
+    ) {
+        let (stay, size, amplitude) = (&self.stays[k], weights.sizes[k], at.amplitudes[k]);
+        let unknowns = if self.is_ringing { 1 + stay.samples.len() } else { 0 };
+        let mut part = Part::new(unknowns);
+        let [.., c1, _] = at.circuit;
+        let drive = Complex64::new(0.0, stay.omega);
+        let (response, by_f, by_q) = branch.response(stay.omega);
+        let steady = Self::steady(&at.circuit, branch, stay.omega);
+        for (i, (sample, t)) in stay.samples.iter().zip(self.times(at, k)).enumerate() {
+            let lambda = branch.s - drive;
+            let (mean, by_lambda) = decay(lambda, t, sample.integration_s);
+            let model = steady + amplitude * mean;
+            let scale = weights.variances[k][i].sqrt().recip();
+            let sum = sample.z * model + 1.0;
+            let r = 2.0 * (sample.z * model - 1.0) / sum * scale;
+            let slope = 4.0 * sample.z / (sum * sum) * scale;
+            let moving = drive * c1 * response * response;
+            let global = [
+                slope * (amplitude * by_lambda * branch.s - moving * by_f),
+                slope * (amplitude * by_lambda * branch.by_q - moving * by_q),
+                slope * drive,
+                slope * drive * response,
+                slope * stay.omega,
+            ];
+            let mut local = vec![Complex64::ZERO; unknowns];
+            if self.is_ringing {
+                local[0] = slope * mean * size;
+                local[1] = local[0] * Complex64::I;
+                let late = slope * amplitude * lambda * mean * GAP_SIGMA_S;
+                local[2..2 + i].fill(late);
+            }
+            let re: Vec<f64> = local.iter().map(|x| x.re).collect();
+            let im: Vec<f64> = local.iter().map(|x| x.im).collect();
+            normal.add(&mut part, r.re, &global.map(|x| x.re), &re);
+            normal.add(&mut part, r.im, &global.map(|x| x.im), &im);
+        }
+        let mut cost = 0.0;
+        if self.is_ringing {
+            let sigma = AMPLITUDE_SHARE.sqrt();
+            cost += part.expect(0, amplitude.re / size, sigma);
+            cost += part.expect(1, amplitude.im / size, sigma);
+            for (i, step) in at.steps[k].iter().enumerate() {
+                cost += part.expect(2 + i, *step, 1.0);
+            }
+        }
+        normal.finish(part, cost);
+    }
+
+    /// Levenberg and Marquardt. Where the steps end before the minimum, the comparison with the stated
+    /// circuit tells.
+    fn descend(&self, at: &mut Unknowns, weights: &Weights) -> Normal {
+        let mut normal = self.normal(at, weights);
+        let mut damping = 1e-3;
+        for _ in 0..STEPS_MAX {
+            let Some(step) = normal.step(damping) else {
+                damping = f64::max(damping, 1e-6) * 10.0;
+                continue;
+            };
+            let next = at.moved(&step, weights);
+            let lower = self.normal(&next, weights);
+            if lower.cost <= normal.cost {
+                let saved = normal.cost - lower.cost;
+                let is_too_long = saved < KEPT_PROMISE * normal.promise(&step);
+                damping = if is_too_long { damping.max(1e-6) * 10.0 } else { damping * 0.1 };
+                (*at, normal) = (next, lower);
+                if saved < ENOUGH {
+                    return normal;
+                }
+            } else if damping > 1e8 {
+                // Rounding is all that is left.
+                return normal;
+            } else {
+                damping = f64::max(damping, 1e-9) * 10.0;
+            }
+        }
+        normal
+    }
+}
+
+/// The variance of each part of a reading by the noise.
+fn noise(stay: &Stay, sample: &Sample, variance: f64) -> f64 {
+    variance * 10.0 * 2.0 * PI / (sample.integration_s * stay.omega)
+}
+
+#[cfg(test)]
+mod tests;

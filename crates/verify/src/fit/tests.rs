@@ -1,0 +1,90 @@
+use super::*;
+
+/// Readings of a sensor at rest before each, one frequency after the other.
+fn steady(resonance_hz: f64, q: f64, c0: f64, ratio: f64, loss: f64) -> Vec<Reading> {
+    let reading = |k: u32| {
+        let frequency_hz = 130.0 + f64::from(k);
+        let (omega, u) = (TAU * frequency_hz, frequency_hz / resonance_hz);
+        let branch = Complex64::new(1.0 - u * u, u / q).inv() * ratio;
+        let y = Complex64::new(0.0, omega * c0) * (Complex64::new(1.0, -loss) + branch);
+        let z = y.inv();
+        Reading {
+            frequency_hz,
+            resistance_ohm: Some(z.re),
+            reactance_ohm: Some(z.im),
+            started_s: f64::from(k),
+            settle_s: 0.5,
+            integration_s: 20.0 / frequency_hz,
+            flag: Flag::Normal,
+        }
+    };
+    (0..25).map(reading).collect()
+}
+
+const STATED: Circuit = Circuit {
+    quality_factor: 30.0,
+    static_capacitance_f: 20e-9,
+    capacitance_ratio: 0.1,
+    loss_tangent: 0.02,
+};
+
+#[test]
+fn the_circuit_behind_steady_readings_is_found_from_a_wrong_start() {
+    let readings = steady(141.3, 34.0, 21e-9, 0.09, 0.01);
+    let found = fit(&readings, false, None, (140.9, &STATED)).unwrap();
+    assert!((found.resonance_hz - 141.3).abs() < 2e-3, "{found:?}");
+    assert!((found.quality_factor - 34.0).abs() < 0.05, "{found:?}");
+    assert!(found.scatter < 0.2 && found.sigma_hz > 0.0, "{found:?}");
+}
+
+#[test]
+fn slopes_agree_with_differences() {
+    let readings = steady(141.3, 34.0, 21e-9, 0.09, 0.01);
+    let mut two: Vec<Reading> = readings.iter().step_by(9).copied().collect();
+    // Two more at the same frequency, so that there are steps of time.
+    for (k, after_s) in [(1, 0.15), (2, 0.31)] {
+        let first = two[0];
+        two.insert(k, Reading { settle_s: first.settle_s + after_s, ..first });
+    }
+    let trace = Trace { stays: stays(&two, 20e-9), is_ringing: true };
+    let at = Unknowns {
+        circuit: [141.0_f64.ln(), 30.0_f64.ln(), 1.0, 0.1, 0.02],
+        amplitudes: trace.stays.iter().map(|_| Complex64::new(300.0, -200.0)).collect(),
+        steps: trace.stays.iter().map(|stay| vec![0.3; stay.samples.len() - 1]).collect(),
+    };
+    let weights = trace.weights(&at, 0.005 * 0.005);
+    let cost = |step: Step| trace.normal(&at.moved(&step, &weights), &weights).cost;
+    let still = || Step {
+        global: [0.0; GLOBAL],
+        local: trace.stays.iter().map(|stay| vec![0.0; stay.samples.len() + 1]).collect(),
+    };
+    let normal = trace.normal(&at, &weights);
+    let check = |what: String, slope: f64, change: &dyn Fn(&mut Step, f64)| {
+        let h = 1e-6;
+        let [mut up, mut down] = [still(), still()];
+        change(&mut up, h);
+        change(&mut down, -h);
+        let found = (cost(up) - cost(down)) / (2.0 * h);
+        assert!(
+            (found + 2.0 * slope).abs() < 1e-3 * slope.abs().max(1.0),
+            "{what}: {found} {slope}"
+        );
+    };
+    for unknown in 0..GLOBAL {
+        check(format!("{unknown}"), normal.right(unknown), &|step, h| step.global[unknown] = h);
+    }
+    for unknown in 0..4 {
+        let slope = normal.right_of_part(0, unknown);
+        check(format!("local {unknown}"), slope, &|step, h| step.local[0][unknown] = h);
+    }
+}
+
+#[test]
+fn no_fit_is_made_of_nothing() {
+    assert!(fit(&[], true, None, (140.0, &STATED)).is_none());
+    let one = steady(141.3, 34.0, 21e-9, 0.09, 0.01)[0];
+    // What is known beforehand decides then; it must not be called precise.
+    if let Some(found) = fit(&[one], true, None, (140.0, &STATED)) {
+        assert!(found.sigma_hz > 1.0, "{found:?}");
+    }
+}

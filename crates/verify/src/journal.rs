@@ -1,0 +1,644 @@
+//! The journal as a file: its tables and its records. Everything that is known of the format is here.
+
+use std::path::Path;
+
+use rusqlite::{Connection, ErrorCode, OpenFlags, OptionalExtension, params};
+use serde::Deserialize;
+use sha2::{Digest, Sha256};
+
+/// The format of the tables and records that this checker reads.
+const FORMAT: u32 = 4;
+
+/// Why a journal cannot be checked at all.
+#[derive(Debug, thiserror::Error)]
+pub enum JournalError {
+    /// SQLite cannot read the database.
+    #[error("the journal cannot be read")]
+    Sqlite(#[from] rusqlite::Error),
+    /// The journal has another format.
+    #[error("journal format {found} is not {FORMAT}, which this checker reads")]
+    OtherFormat {
+        /// The format found.
+        found: u32,
+    },
+    /// There is no such run.
+    #[error("no run {run}")]
+    NoSuchRun {
+        /// The id asked for.
+        run: String,
+    },
+}
+
+/// A run with its records, and what moved the axes before it.
+#[derive(Debug)]
+pub(crate) struct Journal {
+    pub(crate) run: Listed,
+    /// The link of the entry before that of the run, if the links up to there hold.
+    pub(crate) links: Result<(), Broken>,
+    pub(crate) stretches: Vec<Stretch>,
+    pub(crate) seal: Option<Seal>,
+    /// All records that may concern the run, in the order in which they were written.
+    pub(crate) entries: Vec<Entry>,
+    /// Addresses of touches that have an amendment, and so an outcome elsewhere.
+    pub(crate) elsewhere: Vec<String>,
+    /// The settings of the run that an amendment amends.
+    pub(crate) amended: Option<Box<RunStarted>>,
+    /// Why reading stopped early.
+    pub(crate) damage: Option<String>,
+}
+
+/// An entry of the list of runs.
+#[derive(Debug, Clone)]
+pub(crate) struct Listed {
+    pub(crate) key: i64,
+    pub(crate) id: String,
+    pub(crate) kind: String,
+    pub(crate) name: String,
+    pub(crate) journal: String,
+    pub(crate) bench: String,
+    pub(crate) format: u64,
+    pub(crate) epoch: u64,
+    pub(crate) started_at: String,
+    pub(crate) digest: Vec<u8>,
+    link: Vec<u8>,
+    pub(crate) finished_at: Option<String>,
+    pub(crate) status: String,
+}
+
+impl Listed {
+    /// The fields under the digest of the entry, in their order.
+    pub(crate) fn parts(&self) -> [Part<'_>; 8] {
+        [
+            Part::Text(&self.bench),
+            Part::Text(&self.journal),
+            Part::Text(&self.id),
+            Part::Text(&self.kind),
+            Part::Text(&self.name),
+            Part::Number(self.format),
+            Part::Number(self.epoch),
+            Part::Text(&self.started_at),
+        ]
+    }
+}
+
+/// An entry whose link does not follow from the one before it.
+#[derive(Debug, Clone)]
+pub(crate) struct Broken {
+    pub(crate) run: String,
+}
+
+/// A part of a run on one clock.
+#[derive(Debug, Clone)]
+pub(crate) struct Stretch {
+    pub(crate) epoch: u64,
+    pub(crate) started_at: String,
+    pub(crate) rig_us: u64,
+    pub(crate) digest: Vec<u8>,
+}
+
+/// The seal of a run that has ended for good.
+#[derive(Debug, Clone)]
+pub(crate) struct Seal {
+    pub(crate) records: u64,
+    pub(crate) head: Vec<u8>,
+    pub(crate) digest: Vec<u8>,
+}
+
+/// A stored record.
+#[derive(Debug)]
+pub(crate) struct Entry {
+    /// Key of the run or session that it belongs to.
+    pub(crate) key: i64,
+    /// Whether it belongs to the run that is checked.
+    pub(crate) is_own: bool,
+    /// Whether it belongs to a session.
+    pub(crate) is_of_session: bool,
+    pub(crate) seq: u64,
+    pub(crate) epoch: u64,
+    pub(crate) rig_us: u64,
+    pub(crate) kind: String,
+    pub(crate) payload: String,
+    pub(crate) digest: Vec<u8>,
+}
+
+/// A part of the input of a digest.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Part<'a> {
+    /// 32 bytes.
+    Digest(&'a [u8]),
+    /// Eight bytes, the highest first.
+    Number(u64),
+    /// UTF-8 behind its length.
+    Text(&'a str),
+}
+
+/// SHA-256 of the parts.
+pub(crate) fn digest<'a>(parts: impl IntoIterator<Item = Part<'a>>) -> [u8; 32] {
+    let mut hash = Sha256::new();
+    for part in parts {
+        match part {
+            Part::Digest(bytes) => hash.update(bytes),
+            Part::Number(number) => hash.update(number.to_be_bytes()),
+            Part::Text(text) => {
+                hash.update((text.len() as u64).to_be_bytes());
+                hash.update(text);
+            }
+        }
+    }
+    hash.finalize().into()
+}
+
+/// Reads a run. Of other runs and sessions since the start of the session only what moves the axes
+/// is read.
+pub(crate) fn read(data: &Path, run: &str) -> Result<Journal, JournalError> {
+    let connection = open(&data.join("rigd.db"))?;
+    let found: u32 = connection.pragma_query_value(None, "user_version", |row| row.get(0))?;
+    if found != FORMAT {
+        return Err(JournalError::OtherFormat { found });
+    }
+    let (run, links) = listed(&connection, run)?;
+    let mut journal = Journal {
+        stretches: stretches(&connection, run.key)?,
+        seal: seal(&connection, run.key)?,
+        elsewhere: amended_steps(&connection, &run.id)?,
+        run,
+        links,
+        entries: Vec::new(),
+        amended: None,
+        damage: None,
+    };
+    if let Err(error) = entries(&connection, journal.run.key, &mut journal.entries) {
+        journal.damage = Some(error.to_string());
+    }
+    let first = journal.entries.iter().find(|entry| entry.is_own);
+    if let Some(Ok(Record::Amended(amended))) = first.map(|e| serde_json::from_str(&e.payload)) {
+        journal.amended = settings_of(&connection, &amended.run)?;
+    }
+    Ok(journal)
+}
+
+/// Opens a database to read. One on a medium that cannot be written to has no writer.
+fn open(path: &Path) -> Result<Connection, rusqlite::Error> {
+    let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+    let connection = Connection::open_with_flags(path, flags)?;
+    connection.busy_timeout(std::time::Duration::from_secs(10))?;
+    let probe = connection.query_row("SELECT count(*) FROM runs", [], |row| row.get::<_, i64>(0));
+    let Err(error) = probe else { return Ok(connection) };
+    if error.sqlite_error_code() != Some(ErrorCode::CannotOpen) {
+        return Err(error);
+    }
+    let name = path.to_string_lossy().replace('%', "%25").replace('?', "%3f").replace('#', "%23");
+    let uri = format!("file:{name}?immutable=1");
+    Connection::open_with_flags(uri, flags | OpenFlags::SQLITE_OPEN_URI)
+}
+
+/// The entry of a run, and whether the links of the list hold up to it.
+fn listed(
+    connection: &Connection,
+    run: &str,
+) -> Result<(Listed, Result<(), Broken>), JournalError> {
+    let mut statement = connection.prepare(
+        "SELECT key, id, kind, name, journal, bench, format, epoch, started_at, digest, link,
+                finished_at, status FROM runs ORDER BY key",
+    )?;
+    let mut rows = statement.query([])?;
+    let (mut before, mut links) = (vec![0; 32], Ok(()));
+    while let Some(row) = rows.next()? {
+        let listed = Listed {
+            key: row.get(0)?,
+            id: row.get(1)?,
+            kind: row.get(2)?,
+            name: row.get(3)?,
+            journal: row.get(4)?,
+            bench: row.get(5)?,
+            format: row.get::<_, i64>(6)?.cast_unsigned(),
+            epoch: row.get::<_, i64>(7)?.cast_unsigned(),
+            started_at: row.get(8)?,
+            digest: row.get(9)?,
+            link: row.get(10)?,
+            finished_at: row.get(11)?,
+            status: row.get(12)?,
+        };
+        if links.is_ok()
+            && digest([Part::Digest(&before), Part::Digest(&listed.digest)])[..] != listed.link[..]
+        {
+            links = Err(Broken { run: listed.id.clone() });
+        }
+        if listed.id == run {
+            return Ok((listed, links));
+        }
+        before = listed.link;
+    }
+    Err(JournalError::NoSuchRun { run: run.to_owned() })
+}
+
+fn stretches(connection: &Connection, key: i64) -> Result<Vec<Stretch>, rusqlite::Error> {
+    connection
+        .prepare(
+            "SELECT epoch, started_at, rig_us, digest FROM stretches WHERE run = ?1 ORDER BY epoch",
+        )?
+        .query_map([key], |row| {
+            Ok(Stretch {
+                epoch: row.get::<_, i64>(0)?.cast_unsigned(),
+                started_at: row.get(1)?,
+                rig_us: row.get::<_, i64>(2)?.cast_unsigned(),
+                digest: row.get(3)?,
+            })
+        })?
+        .collect()
+}
+
+fn seal(connection: &Connection, key: i64) -> Result<Option<Seal>, rusqlite::Error> {
+    let of_row = |row: &rusqlite::Row<'_>| {
+        let records = row.get::<_, i64>(0)?.cast_unsigned();
+        Ok(Seal { records, head: row.get(1)?, digest: row.get(2)? })
+    };
+    connection
+        .query_row("SELECT records, head, seal FROM seals WHERE run = ?1", [key], of_row)
+        .optional()
+}
+
+/// The touches of a run that were measured again or left out.
+fn amended_steps(connection: &Connection, run: &str) -> Result<Vec<String>, rusqlite::Error> {
+    let mut statement = connection.prepare(
+        "SELECT payload FROM records JOIN runs ON runs.key = records.run
+         WHERE runs.kind = 'amendment' AND records.kind = 'amended' AND seq = 1",
+    )?;
+    let payloads = statement.query_map([], |row| row.get::<_, String>(0))?;
+    let mut steps = Vec::new();
+    for payload in payloads {
+        match serde_json::from_str(&payload?) {
+            Ok(Record::Amended(amended)) if amended.run == run => steps.push(amended.step),
+            _ => {}
+        }
+    }
+    Ok(steps)
+}
+
+/// The settings of another run.
+fn settings_of(
+    connection: &Connection,
+    run: &str,
+) -> Result<Option<Box<RunStarted>>, rusqlite::Error> {
+    let payload: Option<String> = connection
+        .query_row(
+            "SELECT payload FROM records WHERE run = (SELECT key FROM runs WHERE id = ?1) AND seq = 1",
+            [run],
+            |row| row.get(0),
+        )
+        .optional()?;
+    Ok(match payload.map(|payload| serde_json::from_str(&payload)) {
+        Some(Ok(Record::RunStarted(started))) => Some(started),
+        _ => None,
+    })
+}
+
+fn entries(
+    connection: &Connection,
+    key: i64,
+    entries: &mut Vec<Entry>,
+) -> Result<(), rusqlite::Error> {
+    let mut statement = connection.prepare(
+        "WITH own AS (SELECT min(id) AS first, max(id) AS last FROM records WHERE run = ?1)
+         SELECT run, seq, records.epoch, rig_us, records.kind, payload, records.digest, runs.kind
+         FROM own, records JOIN runs ON runs.key = records.run
+         WHERE run = ?1 OR records.id <= own.last AND records.id >= coalesce(
+             (SELECT min(id) FROM records WHERE run =
+                 (SELECT max(key) FROM runs WHERE kind = 'session' AND key <= ?1)), own.first)
+             AND records.kind IN ('operator', 'intent', 'moved', 'fault')
+         ORDER BY records.id",
+    )?;
+    let mut rows = statement.query(params![key])?;
+    while let Some(row) = rows.next()? {
+        let run: i64 = row.get(0)?;
+        entries.push(Entry {
+            key: run,
+            is_own: run == key,
+            is_of_session: row.get::<_, String>(7)? == "session",
+            seq: row.get::<_, i64>(1)?.cast_unsigned(),
+            epoch: row.get::<_, i64>(2)?.cast_unsigned(),
+            rig_us: row.get::<_, i64>(3)?.cast_unsigned(),
+            kind: row.get(4)?,
+            payload: row.get(5)?,
+            digest: row.get(6)?,
+        });
+    }
+    Ok(())
+}
+
+/// A record. A kind that is not here is a finding.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub(crate) enum Record {
+    RunStarted(Box<RunStarted>),
+    StepStarted(StepStarted),
+    PromptAsked(PromptAsked),
+    PromptAnswered(PromptAnswered),
+    Intent(Intent),
+    Moved(Moved),
+    SurfaceFound(SurfaceFound),
+    SurfaceNotFound(SurfaceNotFound),
+    Sweep(Box<Sweep>),
+    TouchResult(Box<TouchResult>),
+    TouchRefused(TouchRefused),
+    Operator(Operator),
+    Fault(Fault),
+    BlackBox(BlackBox),
+    StateChanged(StateChanged),
+    Resumed(Box<Resumed>),
+    GivenUp(GivenUp),
+    Amended(Amended),
+    RunFinished(RunFinished),
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct RunStarted {
+    pub(crate) protocol: Source,
+    pub(crate) rig: Source,
+    pub(crate) samples: Vec<Sample>,
+    pub(crate) plan: PlanSize,
+    pub(crate) touches: Vec<Touch>,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Source {
+    pub(crate) toml: String,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Sample {
+    pub(crate) name: String,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(crate) struct PlanSize {
+    pub(crate) steps: u32,
+    pub(crate) touches: u32,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub(crate) struct Touch {
+    pub(crate) step: String,
+    pub(crate) phase: String,
+    pub(crate) sample: String,
+    pub(crate) pose: Pose,
+    pub(crate) repeat: u32,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub(crate) struct Pose {
+    pub(crate) direction: String,
+    pub(crate) angle_deg: f64,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct StepStarted {
+    pub(crate) step: String,
+    pub(crate) index: u32,
+    pub(crate) count: u32,
+    pub(crate) action: Action,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(tag = "action", rename_all = "snake_case")]
+pub(crate) enum Action {
+    Prompt { prompt: Prompt },
+    NoLoad { pose: Pose },
+    Touch { phase: String, sample: String, pose: Pose, repeat: u32 },
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(tag = "what", rename_all = "snake_case")]
+pub(crate) enum Prompt {
+    PlaceSample { sample: String },
+    TurnSensor { orientation: String },
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct PromptAsked {
+    pub(crate) step: String,
+    pub(crate) prompt: Prompt,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct PromptAnswered {
+    pub(crate) step: String,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Axis {
+    LinearMm,
+    RotaryDeg,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Intent {
+    pub(crate) what: String,
+    pub(crate) axis: Axis,
+    pub(crate) from: Option<f64>,
+    pub(crate) to: f64,
+    pub(crate) limit: Option<f64>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(crate) struct Moved {
+    pub(crate) axis: Axis,
+    pub(crate) target: f64,
+    pub(crate) read_back: f64,
+    #[serde(default)]
+    pub(crate) is_clear: bool,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct SurfaceFound {
+    pub(crate) step: String,
+    pub(crate) pose: Pose,
+    pub(crate) position_mm: f64,
+    pub(crate) sigma_mm: f64,
+    pub(crate) trail: Vec<Tried>,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct SurfaceNotFound {
+    pub(crate) step: String,
+    pub(crate) pose: Pose,
+    pub(crate) trail: Vec<Tried>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(crate) struct Tried {
+    pub(crate) position_mm: f64,
+    pub(crate) reading: Reading,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Flag {
+    #[default]
+    Normal,
+    Overload,
+    LowSignal,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(crate) struct Reading {
+    pub(crate) frequency_hz: f64,
+    pub(crate) resistance_ohm: Option<f64>,
+    pub(crate) reactance_ohm: Option<f64>,
+    pub(crate) started_s: f64,
+    pub(crate) settle_s: f64,
+    pub(crate) integration_s: f64,
+    #[serde(default)]
+    pub(crate) flag: Flag,
+}
+
+impl Reading {
+    /// Begin of the integration, s on the rig's clock.
+    pub(crate) fn begin_s(&self) -> f64 {
+        self.started_s + self.settle_s
+    }
+
+    /// End of the integration.
+    pub(crate) fn end_s(&self) -> f64 {
+        self.begin_s() + self.integration_s
+    }
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Sweep {
+    pub(crate) number: u64,
+    pub(crate) purpose: String,
+    pub(crate) step: Option<String>,
+    pub(crate) pose: Option<Pose>,
+    pub(crate) readings: Vec<Reading>,
+    pub(crate) probe_readings: usize,
+    pub(crate) fit: Option<FitSettings>,
+    pub(crate) outcome: Outcome,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+#[serde(tag = "status", rename_all = "snake_case")]
+pub(crate) enum Outcome {
+    Accepted {
+        resonance_hz: f64,
+        sigma_hz: f64,
+        effective_time_s: Option<f64>,
+        circuit: Option<Circuit>,
+    },
+    Refused {
+        reason: String,
+    },
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(crate) struct Circuit {
+    pub(crate) quality_factor: f64,
+    pub(crate) static_capacitance_f: f64,
+    pub(crate) capacitance_ratio: f64,
+    pub(crate) loss_tangent: f64,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct FitSettings {
+    pub(crate) window_hz: [f64; 2],
+    pub(crate) noise: Option<FitNoise>,
+    pub(crate) timing: String,
+    pub(crate) target_sigma_hz: Option<f64>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(crate) struct FitNoise {
+    pub(crate) at_ten_cycles: f64,
+    pub(crate) degrees_of_freedom: f64,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct TouchResult {
+    pub(crate) touch: Touch,
+    pub(crate) no_load_sweep: u64,
+    pub(crate) no_load_hz: f64,
+    pub(crate) no_load_sigma_hz: f64,
+    pub(crate) sweep: u64,
+    pub(crate) resonance_hz: f64,
+    pub(crate) sigma_hz: f64,
+    pub(crate) shift_hz: f64,
+    pub(crate) shift_sigma_hz: f64,
+    pub(crate) surface_mm: f64,
+    pub(crate) surface_sigma_mm: f64,
+    pub(crate) indentation_mm: f64,
+    pub(crate) linear_mm: f64,
+    pub(crate) rotary_deg: f64,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct TouchRefused {
+    pub(crate) touch: Touch,
+    pub(crate) reason: String,
+    pub(crate) no_load_sweep: u64,
+    pub(crate) no_load_hz: f64,
+    pub(crate) no_load_sigma_hz: f64,
+    pub(crate) rotary_deg: f64,
+    pub(crate) indented: Option<Indented>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(crate) struct Indented {
+    pub(crate) sweep: u64,
+    pub(crate) surface_mm: f64,
+    pub(crate) surface_sigma_mm: f64,
+    pub(crate) indentation_mm: f64,
+    pub(crate) linear_mm: f64,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Operator {
+    pub(crate) action: String,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Fault {
+    pub(crate) probe: String,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct BlackBox {
+    pub(crate) frames: Vec<Frame>,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Frame {
+    pub(crate) rig_us: u64,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct StateChanged {
+    pub(crate) state: String,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct RunFinished {
+    pub(crate) status: String,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Resumed {
+    pub(crate) epoch: u64,
+    pub(crate) next: Option<String>,
+    pub(crate) touches_done: u32,
+    pub(crate) touches_left: u32,
+    pub(crate) rig: Option<Source>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(crate) struct GivenUp {
+    pub(crate) epoch: u64,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Amended {
+    pub(crate) run: String,
+    pub(crate) step: String,
+    pub(crate) what: String,
+    pub(crate) why: String,
+}

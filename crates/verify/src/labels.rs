@@ -1,0 +1,483 @@
+//! What was measured where: steps, prompts, sweeps, surfaces and touches against the plan and the
+//! axes.
+
+mod touch;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::{
+    finding::{Check, Findings},
+    journal::{
+        Action, Outcome, Pose, Prompt, PromptAnswered, PromptAsked, StepStarted, Sweep, Touch,
+    },
+    motion::{Motion, Probe, Turn},
+    settings::{Settings, orientation, tilt_deg},
+};
+
+/// Clocks of drivers and journal may differ by this much, s: an analyzer is asked for settings and
+/// measurement in one message, and the time within it is an estimate.
+pub(crate) const CLOCK_SLACK_S: f64 = 0.05;
+
+/// A finished sweep.
+#[derive(Debug, Clone)]
+struct SweepFacts {
+    number: u64,
+    purpose: String,
+    step: Option<String>,
+    /// Resonance and its standard deviation, Hz, or the reason of the refusal.
+    outcome: Result<(f64, f64), String>,
+}
+
+/// A surface that was found.
+#[derive(Debug, Clone)]
+struct SurfaceFacts {
+    step: String,
+    position_mm: f64,
+    sigma_mm: f64,
+}
+
+/// The step under way.
+#[derive(Debug, Clone)]
+struct Step {
+    seq: u64,
+    started: StepStarted,
+    /// Whether it has what it was made for.
+    is_done: bool,
+}
+
+/// The labels so far.
+#[derive(Debug, Default)]
+pub(crate) struct Labels {
+    planned: Vec<Touch>,
+    steps: u32,
+    step: Option<Step>,
+    index: u32,
+    touches: usize,
+    sample: Option<String>,
+    orientation: Option<String>,
+    sweeps: u64,
+    sweep: Option<SweepFacts>,
+    /// The last sweep with the probe clear that was accepted.
+    reference: Option<SweepFacts>,
+    surface: Option<SurfaceFacts>,
+    /// The read-back after the indentation, mm, until the next surface.
+    indented_mm: Option<f64>,
+    /// The last reading may not begin before this, s.
+    free_s: f64,
+    /// The record of the result of each touch.
+    results: BTreeMap<String, u64>,
+    refused: u32,
+    elsewhere: BTreeSet<String>,
+    /// Whether the next step may have any number.
+    is_anew: bool,
+    is_amendment: bool,
+}
+
+impl Labels {
+    /// The touches `elsewhere` have an outcome in an amendment.
+    pub(crate) fn new(elsewhere: &[String]) -> Self {
+        Self { elsewhere: elsewhere.iter().cloned().collect(), ..Self::default() }
+    }
+
+    pub(crate) fn begin(&mut self, steps: u32, planned: Vec<Touch>) {
+        (self.steps, self.planned) = (steps, planned);
+    }
+
+    /// A touch of another run is measured again: it has no plan of its own.
+    pub(crate) const fn amend(&mut self) {
+        self.is_amendment = true;
+    }
+
+    /// A run goes on: the sample and the sensor are mounted anew, and a reference is measured anew.
+    pub(crate) fn resume(
+        &mut self,
+        seq: u64,
+        next: Option<&str>,
+        touches: u32,
+        findings: &mut Findings,
+    ) {
+        if touches as usize != self.planned.len() {
+            let what = "the number of touches of a run that goes on";
+            findings.add(Check::Plan, seq, what, self.planned.len(), touches);
+        }
+        let place = |step: &str| self.planned.iter().position(|touch| touch.step == step);
+        let is_open = |step: &str| !self.results.contains_key(step);
+        match next.map(|step| (step, place(step).filter(|_| is_open(step)))) {
+            None => self.touches = self.planned.len(),
+            Some((_, Some(place))) => self.touches = place,
+            Some((step, None)) => {
+                let what = "the touch at which a run goes on";
+                findings.add(Check::Plan, seq, what, "a planned touch without an outcome", step);
+            }
+        }
+        (self.step, self.sample, self.orientation, self.reference) = (None, None, None, None);
+        (self.surface, self.indented_mm, self.free_s) = (None, None, 0.0);
+        self.is_anew = true;
+    }
+
+    pub(crate) fn step_started(
+        &mut self,
+        seq: u64,
+        started: StepStarted,
+        motion: &mut Motion,
+        findings: &mut Findings,
+    ) {
+        self.step_ended(motion.fault.is_some(), findings);
+        let is_anew = std::mem::take(&mut self.is_anew) || self.is_amendment;
+        let (next, count) = (self.index + 1, self.steps);
+        if !is_anew && (started.index, started.count) != (next, count) {
+            let found = format!("step {} of {}", started.index, started.count);
+            let expected = format!("step {next} of {count}");
+            findings.add(Check::StepOrder, seq, "a step out of order", expected, found);
+        }
+        if let Some(fault) = motion.fault {
+            let found = format!("a step after the fault of record {fault}");
+            findings.add(Check::Stopped, seq, "a run ends with its fault", "no step", found);
+        }
+        if is_anew {
+            self.steps = started.count;
+        }
+        self.index = started.index;
+        self.pass_amended(&started.step);
+        motion.turn = match &started.action {
+            Action::Prompt { prompt: Prompt::PlaceSample { .. } } => Turn::To(0.0),
+            Action::Prompt { .. } => Turn::Forbidden,
+            Action::NoLoad { pose } | Action::Touch { pose, .. } => {
+                tilt_deg(&pose.direction, pose.angle_deg).map_or(Turn::Forbidden, Turn::To)
+            }
+        };
+        if !self.is_amendment {
+            self.check_address(seq, &started, findings);
+        }
+        if let Action::NoLoad { pose } | Action::Touch { pose, .. } = &started.action {
+            self.check_mounting(seq, pose, findings);
+        }
+        if let Action::Touch { sample, .. } = &started.action {
+            self.touches += 1;
+            if self.sample.as_ref() != Some(sample) {
+                let placed = self.sample.as_deref().unwrap_or("none");
+                let what = "the sample of a touch is not the one under the probe";
+                findings.add(Check::Sample, seq, what, placed, sample);
+            }
+        }
+        (self.surface, self.indented_mm) = (None, None);
+        self.step = Some(Step { seq, started, is_done: false });
+    }
+
+    /// A touch that was amended need not be made.
+    fn pass_amended(&mut self, step: &str) {
+        let is_passed = |touch: &Touch| {
+            let Touch { step: amended, .. } = touch;
+            self.elsewhere.contains(amended) && !step.starts_with(amended.as_str())
+        };
+        self.touches += self.planned.iter().skip(self.touches).take_while(|t| is_passed(t)).count();
+    }
+
+    /// A step belongs to the next touch of the plan.
+    fn check_address(&self, seq: u64, started: &StepStarted, findings: &mut Findings) {
+        let Some(next) = self.planned.get(self.touches) else {
+            let what = "a step behind the last touch of the plan";
+            findings.add(Check::StepOrder, seq, what, "no step", &started.step);
+            return;
+        };
+        let (expected, pose_matches) = match &started.action {
+            Action::Touch { phase, sample, pose, repeat } => {
+                let is_same = (phase, sample, pose, repeat)
+                    == (&next.phase, &next.sample, &next.pose, &next.repeat);
+                (next.step.clone(), is_same)
+            }
+            Action::NoLoad { pose } => (format!("{}/no-load", next.step), *pose == next.pose),
+            Action::Prompt { prompt: Prompt::PlaceSample { sample } } => {
+                (format!("{}/place-sample", next.step), *sample == next.sample)
+            }
+            Action::Prompt { prompt: Prompt::TurnSensor { orientation: turned } } => {
+                let needed = orientation(&next.pose.direction);
+                (format!("{}/turn-sensor", next.step), needed == Some(turned))
+            }
+        };
+        if started.step != expected {
+            let what = "the address of a step is not that of the next touch of the plan";
+            findings.add(Check::StepOrder, seq, what, expected, &started.step);
+        } else if !pose_matches {
+            let what = "the action of a step is not that of the plan";
+            findings.add(
+                Check::Pose,
+                seq,
+                what,
+                format!("{next:?}"),
+                format!("{:?}", started.action),
+            );
+        }
+    }
+
+    fn check_mounting(&self, seq: u64, pose: &Pose, findings: &mut Findings) {
+        let needed = orientation(&pose.direction);
+        if needed.is_none() || self.orientation.as_deref() != needed {
+            let found = self.orientation.as_deref().unwrap_or("none");
+            let what = format!("the mounting of the sensor for {}", pose.direction);
+            findings.add(Check::Orientation, seq, what, needed.unwrap_or("known"), found);
+        }
+    }
+
+    /// The step under way has what it was made for, unless a fault or a person ended it.
+    pub(crate) fn step_ended(&mut self, is_cut_short: bool, findings: &mut Findings) {
+        let Some(step) = self.step.take().filter(|step| !step.is_done && !is_cut_short) else {
+            return;
+        };
+        let (check, missing) = match step.started.action {
+            Action::Prompt { .. } => (Check::StepOrder, "an answer"),
+            Action::NoLoad { .. } => (Check::Reference, "an accepted sweep"),
+            Action::Touch { .. } => (Check::Row, "a result or a refusal"),
+        };
+        let what = format!("step {} ended without {missing}", step.started.step);
+        findings.add(check, step.seq, what, missing, "none");
+    }
+
+    pub(crate) fn asked(
+        &mut self,
+        seq: u64,
+        asked: &PromptAsked,
+        motion: &mut Motion,
+        settings: Option<&Settings>,
+        findings: &mut Findings,
+    ) {
+        let started = self.step.as_ref().map(|step| &step.started);
+        let is_of_step = started.is_some_and(|started| {
+            started.step == asked.step
+                && started.action == Action::Prompt { prompt: asked.prompt.clone() }
+        });
+        if !is_of_step {
+            let expected = format!("{:?}", started.map(|started| &started.action));
+            let what = "a prompt that is not that of its step";
+            findings.add(Check::StepOrder, seq, what, expected, format!("{:?}", asked.prompt));
+        }
+        if motion.probe != Probe::Clear {
+            let what = "a person is sent to the bench while the probe is not shown clear";
+            findings.add(Check::Stopped, seq, what, "clear", motion.probe.name());
+        }
+        if let (Prompt::PlaceSample { .. }, Some(settings)) = (&asked.prompt, settings) {
+            let tilt = motion.rotary_deg.unwrap_or(f64::NAN);
+            let tolerance = settings.rig.rotary.tolerance_deg;
+            let what = "the tilt at which a sample is placed, °";
+            findings.agree(Check::Pose, seq, what, (0.0, tilt), tolerance);
+        }
+        motion.is_waiting = true;
+    }
+
+    pub(crate) fn answered(
+        &mut self,
+        seq: u64,
+        answered: &PromptAnswered,
+        motion: &mut Motion,
+        findings: &mut Findings,
+    ) {
+        let step = self.step.as_mut().filter(|step| step.started.step == answered.step);
+        let Some(step) = step.filter(|_| motion.is_waiting) else {
+            let what = "an answer without its prompt";
+            findings.add(Check::StepOrder, seq, what, "a prompt at this step", &answered.step);
+            return;
+        };
+        motion.is_waiting = false;
+        step.is_done = true;
+        match &step.started.action {
+            Action::Prompt { prompt: Prompt::PlaceSample { sample } } => {
+                self.sample = Some(sample.clone());
+            }
+            Action::Prompt { prompt: Prompt::TurnSensor { orientation } } => {
+                self.orientation = Some(orientation.clone());
+            }
+            _ => {}
+        }
+    }
+
+    /// The read-back of an indentation.
+    pub(crate) fn moved(&mut self, motion: &Motion, rig_us: u64, settings: Option<&Settings>) {
+        self.free_s = rig_us as f64 / 1e6;
+        if motion.descent.as_ref().is_some_and(|descent| descent.what == "indent") {
+            self.indented_mm = motion.linear_mm;
+            self.free_s += settings.map_or(0.0, |settings| settings.protocol.touch.dwell_s);
+        }
+    }
+
+    pub(crate) fn sweep(
+        &mut self,
+        seq: u64,
+        rig_us: u64,
+        sweep: &Sweep,
+        motion: &Motion,
+        settings: Option<&Settings>,
+        findings: &mut Findings,
+    ) {
+        let next = self.sweeps + 1;
+        let is_manual = sweep.purpose == "manual";
+        // A manual sweep has its number from its begin, also when it never ends.
+        if if is_manual { sweep.number < next } else { sweep.number != next } {
+            findings.add(Check::Sweep, seq, "the number of a sweep", next, sweep.number);
+        }
+        self.sweeps = sweep.number;
+        self.check_step(seq, sweep, motion, findings);
+        if let (Some(pose), Some(settings)) = (&sweep.pose, settings) {
+            pose_is_taken(seq, pose, motion, settings, findings);
+        }
+        self.check_times(seq, rig_us, sweep, findings);
+        if let Some(settings) = settings.filter(|_| !is_manual) {
+            request(seq, sweep, settings, findings);
+        }
+        let outcome = match &sweep.outcome {
+            &Outcome::Accepted { resonance_hz, sigma_hz, .. } => Ok((resonance_hz, sigma_hz)),
+            Outcome::Refused { reason } => Err(reason.clone()),
+        };
+        let facts = SweepFacts {
+            number: sweep.number,
+            purpose: sweep.purpose.clone(),
+            step: sweep.step.clone(),
+            outcome,
+        };
+        if facts.purpose == "no_load" {
+            if let (Some(step), Ok(_)) = (&mut self.step, &facts.outcome) {
+                step.is_done |= matches!(step.started.action, Action::NoLoad { .. });
+            }
+            self.reference = Some(facts.clone()).filter(|facts| facts.outcome.is_ok());
+        }
+        self.sweep = Some(facts);
+        self.free_s = rig_us as f64 / 1e6;
+    }
+
+    /// The purpose, the address and the pose of a sweep are those of the step under way, and the probe
+    /// is where the purpose needs it.
+    fn check_step(&self, seq: u64, sweep: &Sweep, motion: &Motion, findings: &mut Findings) {
+        let (probe, indented) = (motion.probe, self.indented_mm.is_some());
+        let started = self.step.as_ref().map(|step| &step.started);
+        let (purpose, pose) = match started.map(|started| &started.action) {
+            None => ("manual", None),
+            Some(Action::Prompt { .. }) => ("none", None),
+            Some(Action::NoLoad { pose }) => ("no_load", Some(pose)),
+            Some(Action::Touch { pose, .. }) => ("touch", Some(pose)),
+        };
+        if sweep.purpose != purpose {
+            findings.add(Check::Sweep, seq, "the purpose of a sweep", purpose, &sweep.purpose);
+        }
+        if sweep.step.as_ref() != started.map(|started| &started.step) {
+            let expected = started.map_or("none", |started| &started.step);
+            let found = sweep.step.as_deref().unwrap_or("none");
+            findings.add(Check::Sweep, seq, "the step of a sweep", expected, found);
+        }
+        if sweep.pose.as_ref() != pose {
+            let found = format!("{:?}", sweep.pose);
+            findings.add(Check::Pose, seq, "the pose of a sweep", format!("{pose:?}"), found);
+        }
+        let is_placed = match &*sweep.purpose {
+            "no_load" => probe == Probe::Clear,
+            "touch" => probe == Probe::Lowered && indented,
+            _ => true,
+        };
+        if !is_placed {
+            let what = format!("the probe during a sweep of the purpose {}", sweep.purpose);
+            let expected = if sweep.purpose == "touch" { "indented" } else { "clear" };
+            findings.add(Check::Pose, seq, what, expected, probe.name());
+        }
+    }
+
+    /// Readings follow each other, after the last move and before the record of the sweep.
+    fn check_times(&self, seq: u64, rig_us: u64, sweep: &Sweep, findings: &mut Findings) {
+        let end_s = rig_us as f64 / 1e6;
+        let mut last_s = self.free_s - CLOCK_SLACK_S;
+        for (index, reading) in sweep.readings.iter().enumerate() {
+            let (begin_s, done_s) = (reading.begin_s(), reading.end_s());
+            if !(begin_s >= last_s && done_s <= end_s + CLOCK_SLACK_S) {
+                let what =
+                    format!("the time of reading {} of sweep {}, s", index + 1, sweep.number);
+                let (expected, found) = (
+                    format!("from {last_s:.3} to {end_s:.3}"),
+                    format!("{begin_s:.3} to {done_s:.3}"),
+                );
+                let slack = Some(format!("{CLOCK_SLACK_S} s"));
+                findings.within(Check::ReadingTime, seq, what, expected, found, slack);
+            }
+            last_s = begin_s;
+        }
+        if let Outcome::Accepted { effective_time_s: Some(time_s), .. } = sweep.outcome {
+            let first_s = sweep.readings.first().map_or(f64::NAN, |reading| reading.started_s);
+            // Weights can be negative, so that their mean can lie a little outside the sweep.
+            let slack_s = end_s - first_s;
+            if !(first_s - slack_s..=end_s + slack_s).contains(&time_s) {
+                let what = "the time for which a resonance holds, s";
+                let expected = format!("from {first_s:.3} to {end_s:.3}");
+                let limit = Some(format!("{slack_s:.3} s beyond"));
+                findings.within(Check::ReadingTime, seq, what, expected, time_s, limit);
+            }
+        }
+        if sweep.probe_readings > sweep.readings.len() || sweep.readings.is_empty() {
+            let what = "the number of readings of a sweep";
+            let expected = format!("more than {}", sweep.probe_readings);
+            findings.add(Check::Sweep, seq, what, expected, sweep.readings.len());
+        }
+    }
+
+    /// The rows of a run that has ended.
+    pub(crate) fn finish(&self, seq: u64, status: &str, findings: &mut Findings) {
+        let is_complete = status.starts_with("completed");
+        let has_outcome =
+            |step: &String| self.results.contains_key(step) || self.elsewhere.contains(step);
+        let missing = self.planned.iter().filter(|touch| !has_outcome(&touch.step));
+        for touch in missing.filter(|_| is_complete) {
+            let what = format!("touch {} of a completed run", touch.step);
+            findings.add(Check::Row, seq, what, "a result or a refusal", "none");
+        }
+        if is_complete && (status == "completed") != (self.refused == 0) {
+            let what = "the ending of the run";
+            let found = format!("{status} with {} refused", self.refused);
+            findings.add(Check::Ends, seq, what, "completed without refusals", found);
+        }
+        if is_complete && self.index != self.steps {
+            findings.add(Check::StepOrder, seq, "the last step of the run", self.steps, self.index);
+        }
+    }
+}
+
+/// Checks that the rotary stage stands as the pose says.
+fn pose_is_taken(
+    seq: u64,
+    pose: &Pose,
+    motion: &Motion,
+    settings: &Settings,
+    findings: &mut Findings,
+) {
+    let tilt = tilt_deg(&pose.direction, pose.angle_deg).unwrap_or(f64::NAN);
+    let stands = motion.rotary_deg.unwrap_or(f64::NAN);
+    let tolerance = settings.rig.rotary.tolerance_deg;
+    findings.agree(Check::Pose, seq, "the tilt of the sample, °", (stands, tilt), tolerance);
+}
+
+/// The window and the precision of an accepted sweep are those that the protocol asks for.
+fn request(seq: u64, sweep: &Sweep, settings: &Settings, findings: &mut Findings) {
+    let protocol = &settings.protocol;
+    let asked = match &*sweep.purpose {
+        "no_load" => &protocol.no_load_sweep,
+        _ => &protocol.contact_sweep,
+    };
+    let Outcome::Accepted { resonance_hz, sigma_hz, .. } = sweep.outcome else { return };
+    let window = Some(format!("[{}, {}] Hz", asked.min_hz, asked.max_hz));
+    if !(asked.min_hz..=asked.max_hz).contains(&resonance_hz) {
+        let what = "a resonance outside the window of the protocol";
+        findings.within(Check::Request, seq, what, "within", resonance_hz, window.clone());
+    }
+    if let Some(fit) = &sweep.fit {
+        let [min, max] = fit.window_hz;
+        if min < asked.min_hz || max > asked.max_hz {
+            let what = "the window of a fit is wider than that of the protocol";
+            findings.within(Check::Request, seq, what, "within", format!("[{min}, {max}]"), window);
+        }
+        if fit.target_sigma_hz != asked.target_sigma_hz() {
+            let (expected, found) =
+                (format!("{:?}", asked.target_sigma_hz()), format!("{:?}", fit.target_sigma_hz));
+            findings.add(Check::Request, seq, "the precision asked for, Hz", expected, found);
+        }
+    }
+    if let Some(target) =
+        asked.target_sigma_hz().filter(|target| sigma_hz.is_nan() || sigma_hz > *target)
+    {
+        let what = "an accepted resonance is less precise than the protocol asks for, Hz";
+        findings.within(Check::Request, seq, what, "no more", sigma_hz, Some(target.to_string()));
+    }
+}

@@ -1,0 +1,260 @@
+//! Surfaces and touches.
+
+use super::{Labels, SurfaceFacts, pose_is_taken};
+use crate::{
+    finding::{Check, Findings},
+    journal::{Action, Indented, Pose, SurfaceFound, Touch, TouchRefused, TouchResult, Tried},
+    motion::{Motion, Probe, ROUNDING},
+    settings::Settings,
+    surface,
+};
+
+/// Numbers that a record repeats from another are the same but for their last digits.
+const COPY: f64 = 1e-9;
+
+impl Labels {
+    pub(crate) fn surface_found(
+        &mut self,
+        seq: u64,
+        rig_us: u64,
+        found: &SurfaceFound,
+        motion: &Motion,
+        settings: Option<&Settings>,
+        findings: &mut Findings,
+    ) {
+        let SurfaceFound { step, pose, position_mm, sigma_mm, trail } = found;
+        self.searched(seq, rig_us, (step, pose, trail), motion, settings, findings);
+        if let Some(settings) = settings {
+            surface::check(seq, found, &settings.protocol, findings);
+        }
+        let (position_mm, sigma_mm) = (*position_mm, *sigma_mm);
+        self.surface = Some(SurfaceFacts { step: step.clone(), position_mm, sigma_mm });
+        self.indented_mm = None;
+    }
+
+    /// A search belongs to the touch under way, and its readings to the places of the probe.
+    pub(crate) fn searched(
+        &self,
+        seq: u64,
+        rig_us: u64,
+        (step, pose, trail): (&str, &Pose, &[Tried]),
+        motion: &Motion,
+        settings: Option<&Settings>,
+        findings: &mut Findings,
+    ) {
+        let started = self.step.as_ref().map(|under_way| &under_way.started);
+        let is_of_step = started.is_some_and(|started| {
+            let is_same = matches!(&started.action, Action::Touch { pose: of, .. } if of == pose);
+            started.step == step && is_same
+        });
+        if !is_of_step {
+            let what = "a search that is not that of the touch under way";
+            let expected = format!("{started:?}");
+            findings.add(Check::Pose, seq, what, expected, format!("{step}, {pose:?}"));
+        }
+        if let Some(settings) = settings {
+            pose_is_taken(seq, pose, motion, settings, findings);
+        }
+        let descent = motion.descent.as_ref().filter(|descent| descent.what == "approach");
+        surface::check_trail(seq, rig_us, trail, descent, findings);
+    }
+
+    /// Depth and places of an indentation that is about to be declared.
+    pub(crate) fn indents(
+        &self,
+        seq: u64,
+        to_mm: f64,
+        settings: &Settings,
+        findings: &mut Findings,
+    ) {
+        let Some(SurfaceFacts { position_mm, .. }) = &self.surface else {
+            let what = "an indentation without a surface";
+            findings.add(Check::Indentation, seq, what, "a surface before it", to_mm);
+            return;
+        };
+        let (depth, most) = (position_mm - to_mm, settings.max_indentation_mm());
+        if depth > most + ROUNDING {
+            let what = "an indentation deeper than permitted, mm";
+            findings.within(Check::Depth, seq, what, "less", depth, Some(most.to_string()));
+        }
+        let asked = settings.protocol.touch.indentation_mm;
+        let what = "the indentation that the protocol asks for, mm";
+        findings.agree(Check::Indentation, seq, what, (asked, depth), ROUNDING);
+    }
+
+    pub(crate) fn measured(
+        &mut self,
+        seq: u64,
+        result: &TouchResult,
+        motion: &Motion,
+        settings: Option<&Settings>,
+        findings: &mut Findings,
+    ) {
+        let TouchResult { touch, surface_mm, surface_sigma_mm, indentation_mm, linear_mm, .. } =
+            result;
+        self.row(seq, touch, motion, findings);
+        let (surface_mm, surface_sigma_mm) = (*surface_mm, *surface_sigma_mm);
+        let indented = Indented {
+            sweep: result.sweep,
+            surface_mm,
+            surface_sigma_mm,
+            indentation_mm: *indentation_mm,
+            linear_mm: *linear_mm,
+        };
+        self.place(seq, &indented, settings, findings);
+        let mut copy = |what, expected, found| {
+            findings.agree(Check::Copy, seq, what, (expected, found), COPY);
+        };
+        let stands = motion.rotary_deg.unwrap_or(f64::NAN);
+        copy("the tilt of the sample, °", stands, result.rotary_deg);
+        let sweep = self.sweep.as_ref().filter(|sweep| sweep.purpose == "touch");
+        match sweep.map(|sweep| &sweep.outcome) {
+            Some(&Ok((hz, sigma_hz))) => {
+                copy("the resonance in contact, Hz", hz, result.resonance_hz);
+                copy("its standard deviation, Hz", sigma_hz, result.sigma_hz);
+            }
+            other => {
+                let found = format!("{other:?}");
+                let what = "a result whose sweep was not accepted";
+                findings.add(Check::Copy, seq, what, "an accepted sweep in contact", found);
+            }
+        }
+        let of = (result.no_load_sweep, result.no_load_hz, result.no_load_sigma_hz);
+        self.reference(seq, of, findings);
+        let shift = result.resonance_hz - result.no_load_hz;
+        let what = "the shift, Hz: loaded less reference";
+        findings.agree(Check::Shift, seq, what, (shift, result.shift_hz), COPY);
+        let sigma = result.sigma_hz.hypot(result.no_load_sigma_hz);
+        let what = "the standard deviation of the shift, Hz";
+        findings.agree(Check::Shift, seq, what, (sigma, result.shift_sigma_hz), COPY);
+    }
+
+    pub(crate) fn refused(
+        &mut self,
+        seq: u64,
+        refused: &TouchRefused,
+        motion: &Motion,
+        settings: Option<&Settings>,
+        findings: &mut Findings,
+    ) {
+        self.row(seq, &refused.touch, motion, findings);
+        self.refused += 1;
+        let stands = motion.rotary_deg.unwrap_or(f64::NAN);
+        let what = "the tilt of the sample, °";
+        findings.agree(Check::Copy, seq, what, (stands, refused.rotary_deg), COPY);
+        let of = (refused.no_load_sweep, refused.no_load_hz, refused.no_load_sigma_hz);
+        self.reference(seq, of, findings);
+        let Some(indented) = &refused.indented else { return };
+        self.place(seq, indented, settings, findings);
+        let sweep = self.sweep.as_ref().filter(|sweep| sweep.purpose == "touch");
+        let reason = sweep.and_then(|sweep| sweep.outcome.as_ref().err());
+        if reason != Some(&refused.reason) {
+            let expected = reason.map_or("a refused sweep in contact", |reason| reason);
+            let what = "the reason of a refused touch";
+            findings.add(Check::Copy, seq, what, expected, &refused.reason);
+        }
+    }
+
+    /// The row of a touch: that of the step under way, once, with the probe clear again.
+    fn row(&mut self, seq: u64, touch: &Touch, motion: &Motion, findings: &mut Findings) {
+        if let Some(first) = self.results.insert(touch.step.clone(), seq) {
+            let found = format!("a second one after record {first}");
+            let what = format!("results of touch {}", touch.step);
+            findings.add(Check::Row, seq, what, "one", found);
+        }
+        let planned = self.touches.checked_sub(1).and_then(|index| self.planned.get(index));
+        let is_under_way = self.step.as_mut().is_some_and(|step| {
+            let is_touch = matches!(step.started.action, Action::Touch { .. });
+            let is_this = is_touch && step.started.step == touch.step;
+            step.is_done |= is_this;
+            is_this
+        });
+        if planned != Some(touch) && !self.is_amendment || !is_under_way {
+            let what = "the label of a result is not that of the touch under way";
+            let check = match planned {
+                Some(planned) if planned.sample != touch.sample => Check::Sample,
+                Some(planned) if planned.pose != touch.pose => Check::Pose,
+                _ => Check::Row,
+            };
+            findings.add(check, seq, what, format!("{planned:?}"), format!("{touch:?}"));
+        }
+        if motion.probe != Probe::Clear {
+            let what = "a touch ends with the probe clear";
+            findings.add(Check::EndsClear, seq, what, "clear", motion.probe.name());
+        }
+    }
+
+    /// Where the probe was in the sample.
+    fn place(
+        &self,
+        seq: u64,
+        indented: &Indented,
+        settings: Option<&Settings>,
+        findings: &mut Findings,
+    ) {
+        let &Indented { sweep, surface_mm, surface_sigma_mm, indentation_mm, linear_mm } = indented;
+        let last = self.sweep.as_ref().filter(|last| {
+            let step = self.step.as_ref().map(|step| &step.started.step);
+            last.purpose == "touch" && last.step.as_ref() == step
+        });
+        let number = last.map(|last| last.number);
+        if number != Some(sweep) {
+            let expected = number.map_or_else(|| "none".to_owned(), |number| number.to_string());
+            let what = "the sweep of a touch is not the last one in contact";
+            findings.add(Check::Copy, seq, what, expected, sweep);
+        }
+        let found = self.surface.as_ref().map_or([f64::NAN; 2], |s| [s.position_mm, s.sigma_mm]);
+        let mut copy = |what, expected, found| {
+            findings.agree(Check::Copy, seq, what, (expected, found), COPY);
+        };
+        copy("the surface, mm", found[0], surface_mm);
+        copy("its standard deviation, mm", found[1], surface_sigma_mm);
+        let stands = self.indented_mm.unwrap_or(f64::NAN);
+        copy("the linear stage during the sweep, mm", stands, linear_mm);
+        if let (Some(surface), Some(step)) = (&self.surface, &self.step)
+            && surface.step != step.started.step
+        {
+            let what = "the surface of a touch is that of another one";
+            findings.add(Check::Copy, seq, what, &step.started.step, &surface.step);
+        }
+        let what = "the depth, mm: surface less linear stage";
+        let depth = surface_mm - linear_mm;
+        findings.agree(Check::Indentation, seq, what, (depth, indentation_mm), COPY);
+        if let Some(settings) = settings {
+            let (asked, rig) = (settings.protocol.touch.indentation_mm, &settings.rig);
+            let tolerance = rig.linear.tolerance_mm + ROUNDING;
+            let what = "the depth that the protocol asks for, mm";
+            findings.agree(Check::Indentation, seq, what, (asked, indentation_mm), tolerance);
+            let most = settings.max_indentation_mm() + tolerance;
+            if indentation_mm > most {
+                let what = "the depth of a touch, mm";
+                findings.within(
+                    Check::Depth,
+                    seq,
+                    what,
+                    "less",
+                    indentation_mm,
+                    Some(most.to_string()),
+                );
+            }
+        }
+    }
+
+    /// The reference of a touch is the last no-load sweep, which was accepted.
+    fn reference(&self, seq: u64, (sweep, hz, sigma_hz): (u64, f64, f64), findings: &mut Findings) {
+        let Some((number, Ok((expected_hz, expected_sigma_hz)))) =
+            self.reference.as_ref().map(|facts| (facts.number, facts.outcome.clone()))
+        else {
+            let what = "a touch without an accepted reference before it";
+            findings.add(Check::Reference, seq, what, "a no-load sweep", format!("sweep {sweep}"));
+            return;
+        };
+        if sweep != number {
+            let what = "the reference of a touch is not the last no-load sweep before it";
+            findings.add(Check::Reference, seq, what, number, sweep);
+        }
+        let mut agree = |what, pair| findings.agree(Check::Reference, seq, what, pair, COPY);
+        agree("the reference, Hz", (expected_hz, hz));
+        agree("the standard deviation of the reference, Hz", (expected_sigma_hz, sigma_hz));
+    }
+}

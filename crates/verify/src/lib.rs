@@ -1,0 +1,41 @@
+//! Checks the journal of a run: its chain of digests, every move, every label and every result.
+//!
+//! This crate shares no code with the program that writes journals. It has types of its own for the
+//! records ([`journal`]), reads the rig and the protocol from the text in the journal with types of
+//! its own ([`settings`]), follows the axes from record to record ([`motion`]), holds each label
+//! against the pose in which the axes were ([`labels`]), and fits every accepted sweep anew
+//! ([`fit`]). What it cannot confirm is a [`Finding`].
+//!
+//! ```text
+//!  rigd.db ─▶ journal ─▶ chain ─▶ walk ─▶ motion: where the axes were
+//!                                   ├───▶ labels: what was measured there
+//!                                   └───▶ results: what follows from the readings ─▶ fit
+//! ```
+
+mod chain;
+mod finding;
+mod fit;
+mod journal;
+mod labels;
+mod motion;
+mod normal;
+mod plan;
+mod results;
+mod settings;
+mod surface;
+mod walk;
+
+use std::path::Path;
+
+pub use finding::{Check, Finding, Verdict};
+pub use journal::JournalError;
+
+/// Checks the run or session with this id in the journal of a data directory. Nothing is written.
+///
+/// # Errors
+/// [`JournalError`] if the journal cannot be opened, has another format, or has no such run. Damage
+/// inside the run is a finding.
+pub fn verify(data: &Path, run: &str) -> Result<Verdict, JournalError> {
+    let journal = journal::read(data, run)?;
+    Ok(walk::check(&journal))
+}

@@ -1,0 +1,409 @@
+//! Where the axes were: every move from record to record, and the rules of safe motion.
+//!
+//! ```text
+//!             intent                     moved to the clear position, read back there
+//!   ┌───────┐ ─────▶ ┌─────────┐ ─────────────────────────────┐
+//!   │ Clear │        │ Lowered │                              ▼
+//!   └───────┘        └─────────┘ ── fault, homing ──▶ Unknown ─▶ Clear
+//! ```
+
+use crate::{
+    finding::{Check, Findings},
+    journal::{Axis, Intent, Moved},
+    settings::{Rig, Settings},
+};
+
+/// Rounding of positions in records, mm or degrees.
+pub(crate) const ROUNDING: f64 = 1e-6;
+/// Part by which the mean speed of a move may exceed its limit: clocks differ a little.
+const SPEED_SLACK: f64 = 0.05;
+
+/// Knowledge of the probe.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Probe {
+    /// Shown clear by a read-back.
+    Clear,
+    /// Lowered, or about to be.
+    Lowered,
+    /// Not known.
+    Unknown,
+}
+
+impl Probe {
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Clear => "clear",
+            Self::Lowered => "lowered",
+            Self::Unknown => "unknown",
+        }
+    }
+}
+
+/// What allows the rotary stage to move.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Turn {
+    /// By hand, between runs.
+    Free,
+    /// To this angle, degrees.
+    To(f64),
+    /// Not at all.
+    Forbidden,
+}
+
+/// A descent that was declared.
+#[derive(Debug, Clone)]
+pub(crate) struct Descent {
+    /// The purpose: `approach`, `indent` or `by_hand`.
+    pub(crate) what: String,
+    /// The lowest position, mm.
+    pub(crate) floor_mm: f64,
+    /// The lowest read-back so far, mm.
+    lowest_mm: Option<f64>,
+    /// Every move, with the time of its record, µs.
+    pub(crate) moves: Vec<(u64, f64)>,
+}
+
+/// The axes.
+#[derive(Debug)]
+pub(crate) struct Motion {
+    pub(crate) probe: Probe,
+    pub(crate) linear_mm: Option<f64>,
+    pub(crate) rotary_deg: Option<f64>,
+    pub(crate) descent: Option<Descent>,
+    pub(crate) turn: Turn,
+    /// The record of a fault that has not been acknowledged.
+    pub(crate) fault: Option<u64>,
+    /// Whether a person works at the bench.
+    pub(crate) is_waiting: bool,
+    /// Time of the last move, µs.
+    pub(crate) moved_us: u64,
+    /// Time of the last record, µs.
+    last_us: u64,
+}
+
+impl Motion {
+    /// Before anything is known.
+    pub(crate) const fn new() -> Self {
+        Self {
+            probe: Probe::Unknown,
+            linear_mm: None,
+            rotary_deg: None,
+            descent: None,
+            turn: Turn::Free,
+            fault: None,
+            is_waiting: false,
+            moved_us: 0,
+            last_us: 0,
+        }
+    }
+
+    /// A record has been walked.
+    pub(crate) const fn pass(&mut self, rig_us: u64) {
+        self.last_us = rig_us;
+    }
+
+    /// The axes may have moved without a record.
+    pub(crate) fn lose_positions(&mut self) {
+        (self.linear_mm, self.rotary_deg) = (None, None);
+    }
+
+    /// The rig is prepared anew: nothing is known until a read-back.
+    pub(crate) fn prepare(&mut self) {
+        self.lose_positions();
+        (self.probe, self.fault, self.descent) = (Probe::Unknown, None, None);
+        self.is_waiting = false;
+    }
+
+    pub(crate) fn fault(&mut self, seq: u64, probe: &str, findings: &mut Findings) {
+        if probe == "clear" && self.probe != Probe::Clear {
+            let what = "a fault says that the probe was clear, and no read-back shows it";
+            findings.add(Check::FalseClear, seq, what, self.probe.name(), probe);
+        }
+        if probe != "clear" && self.probe == Probe::Clear {
+            self.probe = Probe::Unknown;
+        }
+        self.fault = self.fault.or(Some(seq));
+        self.lose_positions();
+    }
+
+    pub(crate) fn intent(
+        &mut self,
+        seq: u64,
+        intent: &Intent,
+        settings: Option<&Settings>,
+        findings: &mut Findings,
+    ) {
+        let Intent { what, axis, from, to, limit } = intent;
+        let floor_mm = limit.unwrap_or(*to);
+        if *axis != Axis::LinearMm {
+            let what = "an intent of an axis that does not lower the probe";
+            findings.add(Check::Intent, seq, what, "the linear axis", "the rotary axis");
+            return;
+        }
+        if let (Some(from), Some(at)) = (from, self.linear_mm) {
+            findings.agree(
+                Check::Intent,
+                seq,
+                "the position before the descent, mm",
+                (at, *from),
+                ROUNDING,
+            );
+        }
+        if *to < floor_mm {
+            findings.add(
+                Check::Intent,
+                seq,
+                "the target lies below its own limit, mm",
+                floor_mm,
+                to,
+            );
+        }
+        let is_allowed = match what.as_str() {
+            "approach" => self.probe == Probe::Clear,
+            "indent" => {
+                self.probe == Probe::Lowered
+                    && self.descent.as_ref().is_some_and(|descent| descent.what == "approach")
+            }
+            "by_hand" => self.probe != Probe::Unknown,
+            _ => false,
+        };
+        if !is_allowed {
+            let found = format!("{what} with the probe {}", self.probe.name());
+            let expected =
+                "approach when clear, indent after approach, by_hand from a known position";
+            findings.add(Check::Intent, seq, "a descent is declared out of order", expected, found);
+        }
+        self.stays_put(seq, "a descent is declared", findings);
+        if let (Some(settings), Some(tilt)) = (settings, self.rotary_deg) {
+            let tilt = if let Turn::To(tilt) = self.turn { tilt } else { tilt };
+            declared_depth(seq, what, floor_mm, tilt, settings, findings);
+        }
+        self.probe = Probe::Lowered;
+        self.descent =
+            Some(Descent { what: what.clone(), floor_mm, lowest_mm: None, moves: Vec::new() });
+    }
+
+    /// Nothing but a retract follows a fault, and nothing moves while a person works at the bench.
+    fn stays_put(&self, seq: u64, what: &str, findings: &mut Findings) {
+        if let Some(fault) = self.fault {
+            let found = format!("{what} after the fault of record {fault}");
+            findings.add(Check::Stopped, seq, "only a retract follows a fault", "no motion", found);
+        }
+        if self.is_waiting {
+            let why = "a person works at the bench";
+            findings.add(Check::Stopped, seq, why, "no motion before the answer", what);
+        }
+    }
+
+    pub(crate) fn moved(
+        &mut self,
+        seq: u64,
+        rig_us: u64,
+        moved: &Moved,
+        rig: Option<&Settings>,
+        findings: &mut Findings,
+    ) {
+        match moved.axis {
+            Axis::LinearMm => self.moved_linear(seq, rig_us, moved, rig, findings),
+            Axis::RotaryDeg => {
+                self.moved_rotary(seq, rig_us, moved, rig.map(|all| &all.rig), findings);
+            }
+        }
+        self.moved_us = rig_us;
+    }
+
+    fn moved_linear(
+        &mut self,
+        seq: u64,
+        rig_us: u64,
+        moved: &Moved,
+        settings: Option<&Settings>,
+        findings: &mut Findings,
+    ) {
+        let &Moved { target, read_back, is_clear, .. } = moved;
+        let before = self.linear_mm.replace(read_back);
+        let Some(settings) = settings else {
+            // Without the rig file only the word of the record is known.
+            self.probe = if is_clear { Probe::Clear } else { Probe::Lowered };
+            return;
+        };
+        let Rig { linear, limits, .. } = &settings.rig;
+        within(
+            seq,
+            "the linear stage, mm",
+            moved,
+            linear.soft_limits_mm,
+            linear.tolerance_mm,
+            findings,
+        );
+        let is_there = (read_back - target).abs() <= linear.tolerance_mm + ROUNDING;
+        let is_retract = (target - linear.clear_mm).abs() <= ROUNDING;
+        let is_first = self.descent.as_ref().is_some_and(|descent| descent.moves.is_empty());
+        let is_approach = self.descent.as_ref().is_some_and(|descent| descent.what == "approach");
+        let limit = if is_retract || is_first && is_approach || target > linear.clear_mm {
+            limits.travel_speed_mm_per_s
+        } else {
+            limits.contact_speed_mm_per_s
+        };
+        let distance = before.map(|before| (read_back - before).abs() - 2.0 * linear.tolerance_mm);
+        self.speed(seq, rig_us, distance, limit, findings);
+        if is_clear && !(is_retract && is_there) {
+            let what = "a read-back elsewhere is said to show the probe clear, mm";
+            let expected = linear.clear_mm;
+            let tolerance = Some(linear.tolerance_mm.to_string());
+            findings.within(Check::FalseClear, seq, what, expected, read_back, tolerance);
+        }
+        if is_retract {
+            self.probe = if is_clear && is_there { Probe::Clear } else { Probe::Unknown };
+            self.descent = None;
+            return;
+        }
+        if !is_there {
+            let tolerance = Some(linear.tolerance_mm.to_string());
+            let what = "the linear stage is not at its target, mm";
+            findings.within(Check::AtTarget, seq, what, target, read_back, tolerance);
+        }
+        self.stays_put(seq, "the linear stage moved", findings);
+        if target < linear.clear_mm {
+            self.descended(seq, rig_us, moved, settings, findings);
+        }
+        self.probe = Probe::Lowered;
+    }
+
+    /// A move below the clear position.
+    fn descended(
+        &mut self,
+        seq: u64,
+        rig_us: u64,
+        &Moved { target, read_back, .. }: &Moved,
+        settings: &Settings,
+        findings: &mut Findings,
+    ) {
+        let tolerance = settings.rig.linear.tolerance_mm;
+        let Some(descent) = self.descent.as_mut().filter(|_| self.probe != Probe::Unknown) else {
+            let what = "the probe was lowered without an intent, mm";
+            findings.add(Check::Intent, seq, what, "an intent before it", target);
+            return;
+        };
+        let floor = descent.floor_mm;
+        if target < floor - ROUNDING || read_back < floor - tolerance - ROUNDING {
+            let what = format!("the probe went deeper than declared for {}, mm", descent.what);
+            let found = target.min(read_back);
+            findings.within(Check::Depth, seq, what, floor, found, Some(tolerance.to_string()));
+        }
+        if descent.what == "approach" {
+            let step = settings.protocol.approach.coarse_step_mm;
+            if let Some(lowest) = descent.lowest_mm.filter(|low| target < low - step - ROUNDING) {
+                let what = "a step of the search, mm";
+                let found = lowest - target;
+                findings.within(Check::SearchStep, seq, what, step, found, Some(step.to_string()));
+            }
+        }
+        descent.lowest_mm = Some(descent.lowest_mm.unwrap_or(f64::INFINITY).min(read_back));
+        descent.moves.push((rig_us, read_back));
+    }
+
+    fn moved_rotary(
+        &mut self,
+        seq: u64,
+        rig_us: u64,
+        moved: &Moved,
+        rig: Option<&Rig>,
+        findings: &mut Findings,
+    ) {
+        let &Moved { target, read_back, is_clear, .. } = moved;
+        let before = self.rotary_deg.replace(read_back);
+        if self.probe != Probe::Clear {
+            let what = "the rotary stage moved while the probe was not shown clear";
+            findings.add(Check::TurnedClear, seq, what, "clear", self.probe.name());
+        }
+        if is_clear {
+            let what = "a move of the rotary stage shows nothing of the probe";
+            findings.add(Check::FalseClear, seq, what, "no word", "clear");
+        }
+        self.stays_put(seq, "the rotary stage moved", findings);
+        match self.turn {
+            Turn::To(angle) => {
+                findings.agree(
+                    Check::Pose,
+                    seq,
+                    "the tilt of the step, °",
+                    (angle, target),
+                    ROUNDING,
+                );
+            }
+            Turn::Forbidden => {
+                findings.add(Check::Pose, seq, "this step turns nothing", "no move", target);
+            }
+            Turn::Free => {}
+        }
+        let Some(Rig { rotary, limits, .. }) = rig else { return };
+        let tolerance = rotary.tolerance_deg;
+        within(seq, "the rotary stage, °", moved, rotary.soft_limits_deg, tolerance, findings);
+        let what = "the rotary stage is not at its target, °";
+        findings.agree(Check::AtTarget, seq, what, (target, read_back), tolerance + ROUNDING);
+        let distance = before.map(|before| (read_back - before).abs() - 2.0 * tolerance);
+        self.speed(seq, rig_us, distance, limits.rotary_speed_deg_per_s, findings);
+    }
+
+    /// The mean speed of a move, which began after the last record.
+    fn speed(
+        &self,
+        seq: u64,
+        rig_us: u64,
+        distance: Option<f64>,
+        limit: f64,
+        findings: &mut Findings,
+    ) {
+        let seconds = rig_us.saturating_sub(self.last_us) as f64 / 1e6;
+        let Some(distance) = distance.filter(|way| *way > limit * (1.0 + SPEED_SLACK) * seconds)
+        else {
+            return;
+        };
+        let expected = format!("{distance:.6} in at least {:.3} s", distance / limit);
+        let found = format!("{seconds:.3} s");
+        let limit = Some(format!("{limit} per second"));
+        findings.within(Check::Speed, seq, "a move was too fast", expected, found, limit);
+    }
+}
+
+/// The declared depth against geometry and limits.
+fn declared_depth(
+    seq: u64,
+    what: &str,
+    floor_mm: f64,
+    tilt_deg: f64,
+    settings: &Settings,
+    findings: &mut Findings,
+) {
+    let Settings { rig, protocol } = settings;
+    let lowest = match what {
+        "approach" => {
+            let asked = rig.surface_mm(tilt_deg) - protocol.approach.give_up_below_mm;
+            asked.max(rig.floor_mm(tilt_deg))
+        }
+        _ => rig.floor_mm(tilt_deg),
+    };
+    if floor_mm < lowest - ROUNDING {
+        let what = format!("deeper than any {what} may go at {tilt_deg}°, mm");
+        findings.within(Check::Depth, seq, what, lowest, floor_mm, Some(lowest.to_string()));
+    }
+}
+
+fn within(
+    seq: u64,
+    name: &str,
+    &Moved { target, read_back, .. }: &Moved,
+    [min, max]: [f64; 2],
+    tolerance: f64,
+    findings: &mut Findings,
+) {
+    let limits = Some(format!("[{min}, {max}]"));
+    if !(min..=max).contains(&target) {
+        let what = format!("a target beyond the soft limits of {name}");
+        findings.within(Check::Limits, seq, what, "within", target, limits);
+    } else if !(min - tolerance..=max + tolerance).contains(&read_back) {
+        let what = format!("a read-back beyond the soft limits of {name}");
+        findings.within(Check::Limits, seq, what, "within", read_back, limits);
+    }
+}

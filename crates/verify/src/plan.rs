@@ -1,0 +1,87 @@
+//! The planned touches against the protocol.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::{
+    finding::{Check, Findings},
+    journal::{RunStarted, Touch},
+    settings::Protocol,
+};
+
+/// Steps of the angles of blind touches, degrees.
+const BLIND_STEP_DEG: f64 = 0.01;
+
+/// Checks that the plan has each pose of each sample once for each repeat, and as many blind touches
+/// as asked for.
+pub(crate) fn check(
+    started: &RunStarted,
+    protocol: &Protocol,
+    record: u64,
+    findings: &mut Findings,
+) {
+    let mut add = |what: &str, expected: String, found: String| {
+        findings.add(Check::Plan, record, what, expected, found);
+    };
+    let names: Vec<&str> = started.samples.iter().map(|sample| sample.name.as_str()).collect();
+    if names != protocol.samples {
+        add("the samples differ", protocol.samples.join(", "), names.join(", "));
+    }
+    let (count, stated) = (started.touches.len(), started.plan.touches);
+    if count != stated as usize {
+        add("the number of planned touches differs", stated.to_string(), count.to_string());
+    }
+    let steps: BTreeSet<&str> = started.touches.iter().map(|touch| touch.step.as_str()).collect();
+    if steps.len() != count {
+        add(
+            "two planned touches have the same address",
+            count.to_string(),
+            steps.len().to_string(),
+        );
+    }
+    let mut expected: BTreeMap<String, i64> = BTreeMap::new();
+    for sample in &protocol.samples {
+        for direction in &protocol.directions {
+            for angle in &protocol.angles_deg {
+                for repeat in 1..=protocol.repeats {
+                    *expected.entry(main_step(sample, direction, *angle, repeat)).or_default() += 1;
+                }
+            }
+        }
+    }
+    let mut blind = 0;
+    for touch in &started.touches {
+        let Touch { step, phase, sample, pose, repeat } = touch;
+        if phase == "main" {
+            let address = main_step(sample, &pose.direction, pose.angle_deg, *repeat);
+            *expected.entry(address.clone()).or_default() -= 1;
+            if *step != address {
+                add("the address of a touch is not that of its pose", address, step.clone());
+            }
+            continue;
+        }
+        blind += 1;
+        let is_drawn = protocol.blind.as_ref().is_some_and(|blind| {
+            let range = blind.min_angle_deg - 0.5 * BLIND_STEP_DEG
+                ..=blind.max_angle_deg + 0.5 * BLIND_STEP_DEG;
+            range.contains(&pose.angle_deg)
+        });
+        let is_known =
+            protocol.samples.contains(sample) && protocol.directions.contains(&pose.direction);
+        if !(is_drawn && is_known && *step == format!("blind/{repeat}") && *repeat == blind) {
+            let what = "a blind touch is not one that the protocol can draw";
+            add(what, format!("blind/{blind} within the section [blind]"), format!("{touch:?}"));
+        }
+    }
+    for (step, missing) in expected.into_iter().filter(|(_, count)| *count != 0) {
+        let found = if missing > 0 { "none" } else { "one too many" };
+        add("a touch of the protocol", format!("{step} once"), found.to_owned());
+    }
+    let trials = protocol.blind.as_ref().map_or(0, |blind| blind.trials);
+    if blind != trials {
+        add("the number of blind touches differs", trials.to_string(), blind.to_string());
+    }
+}
+
+fn main_step(sample: &str, direction: &str, angle_deg: f64, repeat: u32) -> String {
+    format!("main/{sample}/{direction}/{angle_deg}/{repeat}")
+}

@@ -1,0 +1,115 @@
+//! What follows from the readings: every accepted resonance is fitted anew.
+
+use std::{num::NonZero, thread};
+
+use crate::{
+    finding::{Check, Findings},
+    fit::{self, Fitted},
+    journal::{FitSettings, Outcome, Reading, Sweep},
+};
+
+/// A stated resonance may differ from the fit of this checker by this many of its standard deviations.
+/// The two weigh readings a little differently.
+const RESONANCE_SIGMAS: f64 = 1.0;
+/// A stated standard deviation over that of this checker. A possible second mode widens a stated one.
+const SIGMA_RATIO: [f64; 2] = [0.6, 10.0];
+/// The scatter about the fit may exceed the noise by this many standard deviations of χ².
+const SCATTER_SIGMAS: f64 = 6.0;
+/// Where nothing is known of the noise, it may be guessed this many times too small.
+const GUESS: f64 = 5.0;
+/// The stated quality factor over that of this checker.
+const Q_RATIO: [f64; 2] = [0.5, 2.0];
+/// A circuit has five unknowns; fewer readings than this leave nothing to check it by.
+const READINGS_MIN: usize = 7;
+/// Fewer fits than this are not worth a thread.
+const FITS_PER_THREAD: usize = 16;
+
+/// An accepted sweep with its record.
+#[derive(Debug, Clone)]
+pub(crate) struct Accepted {
+    pub(crate) seq: u64,
+    pub(crate) sweep: Box<Sweep>,
+}
+
+/// Fits every accepted sweep, on all processors, and adds findings in the order of the sweeps.
+pub(crate) fn check(sweeps: &[Accepted], findings: &mut Findings) {
+    let threads = thread::available_parallelism().map_or(1, NonZero::get);
+    let share = sweeps.len().div_ceil(threads).max(FITS_PER_THREAD);
+    let of_share = |share: &[Accepted]| {
+        let mut findings = Findings::default();
+        for accepted in share {
+            check_one(accepted, &mut findings);
+        }
+        findings.0
+    };
+    thread::scope(|scope| {
+        let spawn = |share| scope.spawn(move || of_share(share));
+        let running: Vec<_> = sweeps.chunks(share).map(spawn).collect();
+        for (running, share) in running.into_iter().zip(sweeps.chunks(share)) {
+            if let Ok(found) = running.join() {
+                findings.0.extend(found);
+            } else {
+                let seq = share.first().map_or(0, |first| first.seq);
+                findings.add(Check::Resonance, seq, "the fit of a sweep", "a result", "none");
+            }
+        }
+    });
+}
+
+fn check_one(Accepted { seq, sweep }: &Accepted, findings: &mut Findings) {
+    let Outcome::Accepted { resonance_hz, sigma_hz, circuit, .. } = &sweep.outcome else { return };
+    let number = sweep.number;
+    let mut add = |check, what: &str, expected: String, found: f64, limit: Option<String>| {
+        findings.within(check, *seq, format!("sweep {number}: {what}"), expected, found, limit);
+    };
+    let readings: Vec<Reading> =
+        sweep.readings.iter().skip(sweep.probe_readings).copied().collect();
+    let readings: Vec<Reading> = readings.into_iter().filter(fit::is_usable).collect();
+    let settings = sweep.fit.as_ref();
+    if readings.len() < READINGS_MIN {
+        let what = "the number of readings behind a resonance";
+        let (found, expected) = (readings.len() as f64, format!("at least {READINGS_MIN}"));
+        add(Check::Resonance, what, expected, found, None);
+        return;
+    }
+    let is_ringing = settings.is_some_and(|settings| settings.timing == "any-phase");
+    let noise = settings.and_then(|FitSettings { noise, .. }| *noise);
+    let stated = circuit.as_ref().filter(|_| *sigma_hz > 0.0 && sigma_hz.is_finite());
+    let fitted = stated.and_then(|circuit| {
+        fit::fit(&readings, is_ringing, noise, (*resonance_hz, circuit)).map(|fit| (fit, circuit))
+    });
+    let Some((
+        Fitted { resonance_hz: fit_hz, quality_factor, sigma_hz: fit_sigma, scatter, degrees },
+        circuit,
+    )) = fitted
+    else {
+        let what = "no resonance follows from the readings";
+        add(Check::Resonance, what, "none".to_owned(), *resonance_hz, None);
+        return;
+    };
+    let limit = RESONANCE_SIGMAS * sigma_hz;
+    if (fit_hz - resonance_hz).abs() > limit || !fit_hz.is_finite() {
+        let what = "the resonance, Hz";
+        add(Check::Resonance, what, fit_hz.to_string(), *resonance_hz, Some(limit.to_string()));
+    }
+    let ratio = sigma_hz / fit_sigma;
+    if !(SIGMA_RATIO[0]..=SIGMA_RATIO[1]).contains(&ratio) {
+        let limit = Some(format!("a ratio from {} to {}", SIGMA_RATIO[0], SIGMA_RATIO[1]));
+        add(Check::Sigma, "the standard deviation, Hz", fit_sigma.to_string(), *sigma_hz, limit);
+    }
+    let ratio = circuit.quality_factor / quality_factor;
+    if !(Q_RATIO[0]..=Q_RATIO[1]).contains(&ratio) {
+        let limit = Some(format!("a ratio from {} to {}", Q_RATIO[0], Q_RATIO[1]));
+        let expected = quality_factor.to_string();
+        add(Check::Resonance, "the quality factor", expected, circuit.quality_factor, limit);
+    }
+    let (known, guess) =
+        noise.map_or((4.0, GUESS * GUESS), |noise| (noise.degrees_of_freedom, 1.0));
+    // The cube root of χ²/n is nearly normal with variance 2/9n (Wilson and Hilferty).
+    let part = (2.0 / 9.0 * (1.0 / degrees + 1.0 / known)).sqrt();
+    let most = guess * (1.0 + SCATTER_SIGMAS * part).powi(3);
+    if scatter > most {
+        let what = "the scatter of the readings about the circuit, over the known noise";
+        add(Check::Resonance, what, "near 1".to_owned(), scatter, Some(most.to_string()));
+    }
+}

@@ -1,0 +1,166 @@
+//! What the journal says of the rig and the protocol: the text of both files, read with types of its
+//! own. Keys that do not matter here are ignored.
+
+#![expect(clippy::struct_field_names, reason = "the keys of the files, which end in their units")]
+
+use serde::Deserialize;
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Rig {
+    pub(crate) linear: Linear,
+    pub(crate) rotary: Rotary,
+    pub(crate) geometry: Geometry,
+    pub(crate) limits: Limits,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Linear {
+    pub(crate) soft_limits_mm: [f64; 2],
+    pub(crate) clear_mm: f64,
+    pub(crate) tolerance_mm: f64,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Rotary {
+    pub(crate) soft_limits_deg: [f64; 2],
+    pub(crate) tolerance_deg: f64,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Geometry {
+    surface_mm: f64,
+    surface_above_pivot_mm: f64,
+    #[serde(default)]
+    probe_beside_pivot_mm: f64,
+    probe_radius_mm: f64,
+    surface_tolerance_mm: f64,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Limits {
+    pub(crate) max_indentation_mm: f64,
+    pub(crate) travel_speed_mm_per_s: f64,
+    pub(crate) contact_speed_mm_per_s: f64,
+    pub(crate) rotary_speed_deg_per_s: f64,
+}
+
+impl Rig {
+    /// Height of the linear stage at which the ball touches the tilted plane of the sample, mm.
+    ///
+    /// With the normal n = (sin α, cos α) of the plane at the distance d from the pivot, the centre of
+    /// a touching ball of radius R has the distance d + R; its tip is R below the centre.
+    pub(crate) fn surface_mm(&self, tilt_deg: f64) -> f64 {
+        let Geometry { surface_mm, surface_above_pivot_mm: d, probe_radius_mm: r, .. } =
+            self.geometry;
+        let (sin, cos) = tilt_deg.to_radians().sin_cos();
+        let centre = (d + r - self.geometry.probe_beside_pivot_mm * sin) / cos;
+        surface_mm - d + centre - r
+    }
+
+    /// The lowest height that any touch may need at this tilt, mm.
+    pub(crate) fn floor_mm(&self, tilt_deg: f64) -> f64 {
+        let below = self.geometry.surface_tolerance_mm + self.limits.max_indentation_mm;
+        self.surface_mm(tilt_deg) - below
+    }
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Protocol {
+    pub(crate) samples: Vec<String>,
+    pub(crate) directions: Vec<String>,
+    pub(crate) angles_deg: Vec<f64>,
+    #[serde(default = "one")]
+    pub(crate) repeats: u32,
+    pub(crate) touch: TouchKeys,
+    pub(crate) approach: Approach,
+    pub(crate) no_load_sweep: SweepKeys,
+    pub(crate) contact_sweep: SweepKeys,
+    pub(crate) blind: Option<Blind>,
+    #[serde(default)]
+    pub(crate) limits: ProtocolLimits,
+}
+
+const fn one() -> u32 {
+    1
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct TouchKeys {
+    pub(crate) indentation_mm: f64,
+    #[serde(default)]
+    pub(crate) dwell_s: f64,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Approach {
+    pub(crate) give_up_below_mm: f64,
+    pub(crate) coarse_step_mm: f64,
+    pub(crate) fine_step_mm: f64,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct SweepKeys {
+    pub(crate) min_hz: f64,
+    pub(crate) max_hz: f64,
+    target_sigma_hz: Option<f64>,
+    #[serde(default)]
+    method: String,
+}
+
+impl SweepKeys {
+    /// The standard deviation that is asked for, Hz; a uniform sweep has none.
+    pub(crate) fn target_sigma_hz(&self) -> Option<f64> {
+        self.target_sigma_hz.filter(|_| self.method != "uniform")
+    }
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Blind {
+    pub(crate) trials: u32,
+    #[serde(default)]
+    pub(crate) min_angle_deg: f64,
+    pub(crate) max_angle_deg: f64,
+}
+
+#[derive(Debug, Clone, Default, Deserialize)]
+pub(crate) struct ProtocolLimits {
+    pub(crate) max_indentation_mm: Option<f64>,
+}
+
+/// The settings of a run.
+#[derive(Debug, Clone)]
+pub(crate) struct Settings {
+    pub(crate) rig: Rig,
+    pub(crate) protocol: Protocol,
+}
+
+impl Settings {
+    /// Reads the text of both files.
+    pub(crate) fn read(rig: &str, protocol: &str) -> Result<Self, toml::de::Error> {
+        Ok(Self { rig: toml::from_str(rig)?, protocol: toml::from_str(protocol)? })
+    }
+
+    /// The deepest indentation that rig and protocol allow, mm.
+    pub(crate) fn max_indentation_mm(&self) -> f64 {
+        let of_rig = self.rig.limits.max_indentation_mm;
+        self.protocol.limits.max_indentation_mm.map_or(of_rig, |limit| limit.min(of_rig))
+    }
+}
+
+/// Where the rotary stage stands for a pose, degrees; `None` for an unknown direction.
+pub(crate) fn tilt_deg(direction: &str, angle_deg: f64) -> Option<f64> {
+    match direction {
+        "front" | "left" => Some(angle_deg),
+        "back" => Some(-angle_deg),
+        _ => None,
+    }
+}
+
+/// The mounting of the sensor for a direction.
+pub(crate) fn orientation(direction: &str) -> Option<&'static str> {
+    match direction {
+        "front" | "back" => Some("front/back"),
+        "left" => Some("left"),
+        _ => None,
+    }
+}

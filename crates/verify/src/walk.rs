@@ -1,0 +1,360 @@
+//! Walks through the records in the order in which they were written.
+
+use serde::Deserialize;
+
+use crate::{
+    chain::Chain,
+    finding::{Check, Findings, Verdict},
+    journal::{Entry, Fault, Journal, Operator, Outcome, Record, Resumed, RunFinished, RunStarted},
+    labels::Labels,
+    motion::{Motion, Probe, Turn},
+    plan,
+    results::{self, Accepted},
+    settings::Settings,
+};
+
+/// Checks a run.
+pub(crate) fn check(journal: &Journal) -> Verdict {
+    let mut walk = Walk {
+        kind: match (&*journal.run.kind, &journal.amended) {
+            ("run", _) => Kind::Run,
+            (_, Some(_)) => Kind::Amendment,
+            _ => Kind::Session,
+        },
+        is_given_up: false,
+        findings: Findings::default(),
+        chain: Chain::new(),
+        settings: None,
+        motion: Motion::new(),
+        labels: Labels::new(&journal.elsewhere),
+        accepted: Vec::new(),
+        session: None,
+        foreign: false,
+        fault: None,
+        is_stopped: false,
+        ending: None,
+    };
+    if let Some(started) = &journal.amended {
+        walk.settings = Settings::read(&started.rig.toml, &started.protocol.toml).ok();
+    }
+    for entry in &journal.entries {
+        walk.pass(entry);
+    }
+    walk.end(journal);
+    let (records, digest) = (walk.chain.records(), walk.chain.digest());
+    results::check(&walk.accepted, &mut walk.findings);
+    let mut findings = walk.findings.0;
+    findings.sort_by_key(|finding| finding.record);
+    Verdict {
+        run: journal.run.id.clone(),
+        is_sound: findings.is_empty(),
+        records,
+        sweeps: walk.accepted.len() as u64,
+        digest,
+        checker: env!("CARGO_PKG_VERSION").to_owned(),
+        findings,
+    }
+}
+
+/// What a journal is of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    /// A protocol that is replayed.
+    Run,
+    /// A touch of a run that is measured again or left out.
+    Amendment,
+    /// The time between runs.
+    Session,
+}
+
+struct Walk {
+    kind: Kind,
+    is_given_up: bool,
+    findings: Findings,
+    chain: Chain,
+    settings: Option<Settings>,
+    motion: Motion,
+    labels: Labels,
+    accepted: Vec<Accepted>,
+    /// The session whose rig moves.
+    session: Option<i64>,
+    /// Whether a record of another run or session came after the last one of this run.
+    foreign: bool,
+    /// The first fault of this run.
+    fault: Option<u64>,
+    /// Whether a person has ended the run.
+    is_stopped: bool,
+    /// The last record, if it is the end.
+    ending: Option<(u64, RunFinished)>,
+}
+
+impl Walk {
+    fn pass(&mut self, entry: &Entry) {
+        if entry.is_of_session && self.session != Some(entry.key) {
+            // Another start of the program, with a clock of its own.
+            self.session = Some(entry.key);
+            self.motion = Motion::new();
+        }
+        if entry.is_own {
+            self.own(entry);
+        } else {
+            self.foreign |= self.chain.records() > 0;
+            self.other(entry);
+        }
+        self.motion.pass(entry.rig_us);
+    }
+
+    /// A record of another run or session, which only moves the axes.
+    fn other(&mut self, entry: &Entry) {
+        let Ok(record) = serde_json::from_str(&entry.payload) else { return };
+        let mut unsaid = Findings::default();
+        // Its own protocol is not known here.
+        self.motion.turn = Turn::Free;
+        match record {
+            Record::Intent(intent) => self.motion.intent(entry.seq, &intent, None, &mut unsaid),
+            Record::Moved(moved) => {
+                let settings = self.settings.as_ref();
+                self.motion.moved(entry.seq, entry.rig_us, &moved, settings, &mut unsaid);
+            }
+            Record::Fault(fault) => self.motion.fault(entry.seq, &fault.probe, &mut unsaid),
+            Record::Operator(operator) => self.operator(&operator),
+            _ => {}
+        }
+    }
+
+    fn own(&mut self, entry: &Entry) {
+        let seq = entry.seq;
+        let record = serde_json::from_str::<Record>(&entry.payload);
+        let opens = match &record {
+            Ok(Record::Resumed(resumed)) => Some(resumed.epoch),
+            Ok(Record::GivenUp(given_up)) => Some(given_up.epoch),
+            _ => None,
+        };
+        self.chain.follow(entry, opens, &mut self.findings);
+        let record = match record {
+            Ok(record) => record,
+            Err(error) => {
+                let what = format!("a record of the kind {}", entry.kind);
+                self.findings.add(Check::Readable, seq, what, "a known kind of record", error);
+                return;
+            }
+        };
+        let word = serde_json::from_str::<KindOf>(&entry.payload).map(|of| of.kind);
+        if word.as_ref().ok() != Some(&entry.kind) {
+            let what = "the kind of a record is not that of its content";
+            self.findings.add(Check::Readable, seq, what, word.unwrap_or_default(), &entry.kind);
+        }
+        if let Some((end, _)) = self.ending.take_if(|_| opens.is_none() && !self.is_given_up) {
+            let what = "a record after the end of the run";
+            let expected = format!("record {end} as the last");
+            self.findings.add(Check::Ends, seq, what, expected, &entry.kind);
+        }
+        // A session goes on while its runs are under way.
+        if std::mem::take(&mut self.foreign) && self.kind == Kind::Run && opens.is_none() {
+            let what = "records of another run or session lie before this one";
+            self.findings.add(Check::OneWriter, seq, what, "the records of one run", "another");
+        }
+        let is_first = matches!(record, Record::RunStarted(_) | Record::Amended(_));
+        if self.kind != Kind::Session && (seq == 1) != is_first {
+            let what = "the first record, and no other, has the settings of the run";
+            self.findings.add(Check::Ends, seq, what, "run_started", &entry.kind);
+        }
+        self.record(entry, record);
+    }
+
+    fn record(&mut self, entry: &Entry, record: Record) {
+        let Entry { seq, rig_us, .. } = *entry;
+        let Self { motion, labels, findings, .. } = self;
+        let settings = self.settings.as_ref();
+        match record {
+            Record::RunStarted(started) => self.started(seq, *started),
+            Record::StepStarted(started) => labels.step_started(seq, started, motion, findings),
+            Record::PromptAsked(asked) => labels.asked(seq, &asked, motion, settings, findings),
+            Record::PromptAnswered(answered) => labels.answered(seq, &answered, motion, findings),
+            Record::Intent(intent) => {
+                if let Some(settings) = settings.filter(|_| intent.what == "indent") {
+                    labels.indents(seq, intent.to, settings, findings);
+                }
+                motion.intent(seq, &intent, settings, findings);
+            }
+            Record::Moved(moved) => {
+                motion.moved(seq, rig_us, &moved, settings, findings);
+                labels.moved(motion, rig_us, settings);
+            }
+            Record::SurfaceFound(found) => {
+                labels.surface_found(seq, rig_us, &found, motion, settings, findings);
+            }
+            Record::SurfaceNotFound(lost) => {
+                let search = (&*lost.step, &lost.pose, &*lost.trail);
+                labels.searched(seq, rig_us, search, motion, settings, findings);
+            }
+            Record::Sweep(sweep) => {
+                labels.sweep(seq, rig_us, &sweep, motion, settings, findings);
+                if matches!(sweep.outcome, Outcome::Accepted { .. }) {
+                    self.accepted.push(Accepted { seq, sweep });
+                }
+            }
+            Record::TouchResult(result) => {
+                labels.measured(seq, &result, motion, settings, findings);
+            }
+            Record::TouchRefused(refused) => {
+                labels.refused(seq, &refused, motion, settings, findings);
+            }
+            Record::Operator(operator) => self.operator(&operator),
+            Record::Fault(Fault { probe, .. }) => {
+                motion.fault(seq, &probe, findings);
+                self.fault = self.fault.or(Some(seq));
+            }
+            Record::BlackBox(black_box) => {
+                if let Some(frame) = black_box.frames.iter().find(|frame| frame.rig_us > rig_us) {
+                    let what = "a frame later than the record that keeps it, µs";
+                    findings.add(Check::Time, seq, what, format!("at most {rig_us}"), frame.rig_us);
+                }
+            }
+            Record::StateChanged(changed) => {
+                if changed.state == "retracting" {
+                    motion.lose_positions();
+                    motion.is_waiting = false;
+                }
+            }
+            Record::Resumed(resumed) => self.resumed(seq, &resumed),
+            Record::GivenUp(_) => self.is_given_up = true,
+            Record::Amended(amended) => {
+                if !["redo", "skip"].contains(&&*amended.what) || amended.why.is_empty() {
+                    let what = format!("the amendment of {}", amended.step);
+                    let found = format!("{} because of {:?}", amended.what, amended.why);
+                    findings.add(Check::Ends, seq, what, "redo or skip with a reason", found);
+                }
+                labels.amend();
+            }
+            Record::RunFinished(finished) => self.finished(seq, finished),
+        }
+    }
+
+    fn started(&mut self, seq: u64, started: RunStarted) {
+        let findings = &mut self.findings;
+        match Settings::read(&started.rig.toml, &started.protocol.toml) {
+            Ok(settings) => {
+                plan::check(&started, &settings.protocol, seq, findings);
+                self.settings = Some(settings);
+            }
+            Err(error) => {
+                let what = "the rig file or the protocol in the journal cannot be read";
+                findings.add(Check::Readable, seq, what, "TOML with the known keys", error);
+            }
+        }
+        if let Some(fault) = self.motion.fault {
+            let found = format!("the fault of record {fault} of the session");
+            findings.add(
+                Check::Stopped,
+                seq,
+                "a run began on a latched rig",
+                "acknowledged",
+                found,
+            );
+        }
+        if self.motion.probe != Probe::Clear {
+            let what = "a run began while the probe was not shown clear";
+            findings.add(Check::FalseClear, seq, what, "clear", self.motion.probe.name());
+        }
+        self.motion.turn = Turn::Forbidden;
+        self.labels.begin(started.plan.steps, started.touches);
+    }
+
+    /// The run goes on, with a clock of its own, at the next touch that has no outcome.
+    fn resumed(&mut self, seq: u64, resumed: &Resumed) {
+        let findings = &mut self.findings;
+        if let (Some(rig), Some(settings)) = (&resumed.rig, &mut self.settings) {
+            match toml::from_str(&rig.toml) {
+                Ok(rig) => settings.rig = rig,
+                Err(error) => {
+                    let what = "the rig file in the journal cannot be read";
+                    findings.add(Check::Readable, seq, what, "TOML with the known keys", error);
+                }
+            }
+        }
+        if let Some(fault) = self.motion.fault {
+            let found = format!("the fault of record {fault}");
+            findings.add(
+                Check::Stopped,
+                seq,
+                "a run goes on on a latched rig",
+                "acknowledged",
+                found,
+            );
+        }
+        if self.motion.probe != Probe::Clear {
+            let what = "a run goes on while the probe was not shown clear";
+            findings.add(Check::FalseClear, seq, what, "clear", self.motion.probe.name());
+        }
+        self.motion.turn = Turn::Forbidden;
+        (self.fault, self.is_stopped, self.ending) = (None, false, None);
+        let next = resumed.next.as_deref();
+        self.labels.resume(seq, next, resumed.touches_done + resumed.touches_left, findings);
+    }
+
+    fn operator(&mut self, operator: &Operator) {
+        match operator.action.as_str() {
+            "prepare" | "acknowledge" => self.motion.prepare(),
+            "abort" | "stop" => {
+                self.motion.lose_positions();
+                self.motion.is_waiting = false;
+                self.is_stopped = true;
+            }
+            _ => {}
+        }
+    }
+
+    fn finished(&mut self, seq: u64, finished: RunFinished) {
+        let findings = &mut self.findings;
+        let status = finished.status.as_str();
+        let probe = self.motion.probe;
+        if self.kind == Kind::Run && !self.is_given_up {
+            let is_whole = status.starts_with("completed");
+            self.labels.step_ended(!is_whole, findings);
+            self.labels.finish(seq, status, findings);
+            let is_clear = probe == Probe::Clear;
+            if !is_clear && (is_whole || status == "aborted") {
+                let what = "a run ended while the probe was not shown clear";
+                findings.add(Check::EndsClear, seq, what, "clear", probe.name());
+            }
+            let is_explained = match status {
+                "completed" | "completed_with_refusals" => self.fault.is_none() && !self.is_stopped,
+                "aborted" => self.fault.is_none() && self.is_stopped,
+                "faulted" => self.fault.is_some(),
+                _ => false,
+            };
+            if !is_explained {
+                let what = "the ending does not follow from the records";
+                let fault = self.fault.map_or("no fault", |_| "a fault");
+                let stop = if self.is_stopped { "a command to end" } else { "no command to end" };
+                findings.add(Check::Ends, seq, what, format!("after {fault} and {stop}"), status);
+            }
+        }
+        self.ending = Some((seq, finished));
+    }
+
+    fn end(&mut self, journal: &Journal) {
+        let last = self.chain.records();
+        if let Some(damage) = &journal.damage {
+            let what = "the database is damaged behind this record";
+            self.findings.add(Check::Readable, last, what, "records", damage);
+        }
+        let ending = self.ending.as_ref().map(|(_, finished)| finished.status.as_str());
+        let status = journal.run.status.as_str();
+        let is_right = ending.map_or(status == "running", |ending| ending == status);
+        if !is_right {
+            let what = "the last record and the list of runs have different endings";
+            self.findings.add(Check::Ends, last, what, status, ending.unwrap_or("none"));
+        }
+        let is_whole = ending.is_some_and(|ending| ending.starts_with("completed"));
+        let ends = ending.is_some() && (self.kind != Kind::Run || is_whole || self.is_given_up);
+        self.chain.check_list(journal, ends, &mut self.findings);
+    }
+}
+
+/// The kind that the content of a record states.
+#[derive(Debug, Deserialize)]
+struct KindOf {
+    kind: String,
+}

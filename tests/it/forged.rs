@@ -1,0 +1,112 @@
+//! Forged journals: the checker finds each forgery by its name, and nothing in sound runs.
+
+mod labels;
+mod list;
+mod motion;
+mod numbers;
+
+use std::collections::BTreeSet;
+
+use rig_tests::{TestRig, forge::Forgery, text};
+use rig_verify::{Check, Verdict};
+use serde_json::Value;
+
+/// A forgery: its name, what must find it, and what it changes.
+type Case = (&'static str, Check, fn(&mut Forgery));
+
+/// A short sound run, forged by every case.
+async fn sound() -> (TestRig, String) {
+    let rig = TestRig::open().await;
+    let protocol = rig.protocol(&text("config/protocols/smoke.toml"));
+    let (run, _) = rig.run(protocol).await;
+    (rig, run.to_string())
+}
+
+fn names(verdict: &Verdict) -> Vec<Check> {
+    verdict.findings.iter().map(|finding| finding.check).collect()
+}
+
+/// Every forgery by records, with the digests made anew.
+const BY_RECORDS: [&[Case]; 3] = [motion::CASES, labels::CASES, numbers::CASES];
+
+#[tokio::test]
+async fn every_forgery_is_found_by_its_name() {
+    let (rig, run) = sound().await;
+    let forgery = || Forgery::of(rig.data(), &run);
+    let verdict = forgery().verdict();
+    assert!(verdict.is_sound, "{:#?}", verdict.findings);
+    assert_eq!(verdict.sweeps, 36);
+
+    let mut again = forgery();
+    again.write(true);
+    assert!(again.verdict().is_sound, "a run with new digests: {:#?}", again.verdict().findings);
+
+    let mut found = BTreeSet::new();
+    let mut missed = Vec::new();
+    for (name, expected, change) in BY_RECORDS.into_iter().flatten() {
+        let mut forged = forgery();
+        change(&mut forged);
+        forged.write(true);
+        let names = names(&forged.verdict());
+        if !names.contains(expected) {
+            missed.push(format!("{name}: expected {}, found {names:?}", expected.name()));
+        }
+        for unwanted in [Check::Digest, Check::Seal, Check::List, Check::Complete] {
+            assert!(!names.contains(&unwanted), "{name}: {names:?}");
+        }
+        found.insert(*expected);
+    }
+    for (name, expected, change) in list::CASES {
+        let mut forged = forgery();
+        change(&mut forged);
+        let names = names(&forged.verdict());
+        if !names.contains(expected) {
+            missed.push(format!("{name}: expected {}, found {names:?}", expected.name()));
+        }
+        found.insert(*expected);
+    }
+    assert!(missed.is_empty(), "{missed:#?}");
+    let forgotten: Vec<_> = Check::ALL.into_iter().filter(|check| !found.contains(check)).collect();
+    assert!(forgotten.is_empty(), "no forgery for {forgotten:?}");
+    rig.close().await;
+}
+
+#[tokio::test]
+async fn a_forgery_without_new_digests_is_found_by_them() {
+    let (rig, run) = sound().await;
+    let mut tried = 0;
+    for (name, _, change) in BY_RECORDS.into_iter().flatten() {
+        let mut forged = Forgery::of(rig.data(), &run);
+        let before = forged.records.len();
+        change(&mut forged);
+        if forged.records.len() != before {
+            continue;
+        }
+        forged.write(false);
+        let names = names(&forged.verdict());
+        assert!(names.contains(&Check::Digest), "{name}: {names:?}");
+        tried += 1;
+    }
+    assert!(tried > 30, "{tried}");
+    rig.close().await;
+}
+
+/// The number under a path of keys and places, such as `/outcome/sigma_hz`.
+fn number<'a>(payload: &'a mut Value, path: &str) -> &'a mut Value {
+    payload.pointer_mut(path).unwrap_or_else(|| panic!("there is no {path}"))
+}
+
+fn get(payload: &Value, path: &str) -> f64 {
+    payload.pointer(path).and_then(Value::as_f64).unwrap_or_else(|| panic!("there is no {path}"))
+}
+
+/// Replaces a number by a function of it.
+fn change(payload: &mut Value, path: &str, to: impl Fn(f64) -> f64) {
+    let found = get(payload, path);
+    *number(payload, path) = to(found).into();
+}
+
+/// Any record of its kind.
+fn any(_: &Value) -> bool {
+    true
+}
