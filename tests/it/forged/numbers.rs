@@ -74,10 +74,6 @@ pub(super) const CASES: &[Case] = &[
     ("a standard deviation that is too large", Check::Sigma, |forged| {
         loaded(forged, 2, |hz| hz, |sigma| 20.0 * sigma);
     }),
-    ("a stated noise that is too small", Check::Resonance, |forged| {
-        change(sweep(forged, 5), "/fit/noise/at_ten_cycles", |noise| noise / 20.0);
-        change(sweep(forged, 5), "/fit/noise/degrees_of_freedom", |_| 1000.0);
-    }),
     ("less precise than asked for", Check::Request, |forged| {
         loaded(forged, 2, |hz| hz, |_| 0.101);
     }),
