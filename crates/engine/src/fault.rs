@@ -3,7 +3,7 @@
 use rig_model::{AxisError, Deg, Mm, Position};
 use rig_protocol::StepId;
 
-use crate::{ContactSenseFault, InterlockError, recovery::RecoveryReport};
+use crate::{ContactSenseFault, InterlockError};
 
 /// The parts of the rig that can fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -167,17 +167,6 @@ pub enum Fault {
         /// Name of the operator.
         by: String,
     },
-}
-
-impl Fault {
-    /// Its part about the linear stage.
-    pub(crate) fn of_linear(&self) -> RecoveryReport {
-        match self {
-            Self::Device(failure) if failure.device != Device::LinearStage => RecoveryReport::Done,
-            Self::Device(_) | Self::PositionJumped { .. } => RecoveryReport::of(self),
-            _ => RecoveryReport::Done,
-        }
-    }
 }
 
 /// The reason why a run or a sweep ends early.

@@ -25,7 +25,7 @@ use std::time::Duration;
 
 use rig_model::{Clearance, RigLimits, RigTime};
 
-use crate::{Failure, FailureKind, Operation, fault::Fault, operation::retract};
+use crate::{Device, Failure, FailureKind, Operation, fault::Fault, operation::retract};
 
 /// Number of retracts that may end without an answer of "clear" from a drive that answers. A stage that
 /// is blocked is not pushed without end.
@@ -63,17 +63,17 @@ pub(crate) enum RecoveryReport {
 }
 
 impl RecoveryReport {
-    /// Reads it from the fault with which an operation of the recovery ended.
+    /// The part of a fault about the linear stage.
     pub(crate) fn of(fault: &Fault) -> Self {
         match fault {
-            Fault::Device(failure) => match failure.kind {
+            Fault::Device(failure) if failure.device == Device::LinearStage => match failure.kind {
                 FailureKind::Line => Self::Silent,
                 FailureKind::Alarmed => Self::Alarmed,
                 FailureKind::Lost => Self::Lost,
                 FailureKind::Refused | FailureKind::Interrupted => Self::Refused,
             },
             Fault::PositionJumped { .. } => Self::Lost,
-            _ => Self::Refused,
+            _ => Self::Done,
         }
     }
 }

@@ -96,7 +96,7 @@ impl Engine {
             return;
         };
         let cause = match &reason {
-            StopReason::Fault(fault) => fault.of_linear(),
+            StopReason::Fault(fault) => RecoveryReport::of(fault),
             StopReason::Abort { .. } => RecoveryReport::Done,
         };
         let (recovery, step) = Recovery::begin(now, self.patience, cause);
@@ -119,7 +119,7 @@ impl Engine {
         };
         let report = match &result {
             Ok(()) => RecoveryReport::Done,
-            Err(fault) => fault.of_linear(),
+            Err(fault) => RecoveryReport::of(fault),
         };
         if let Err(fault) = result {
             self.escalate(fault);
