@@ -9,6 +9,7 @@ use crate::{
     finding::{Check, Findings},
     journal::{
         Action, Outcome, Pose, Prompt, PromptAnswered, PromptAsked, StepStarted, Sweep, Touch,
+        TouchResult,
     },
     motion::{Motion, Probe, Turn},
     settings::{Settings, orientation, tilt_deg},
@@ -67,6 +68,8 @@ pub(crate) struct Labels {
     /// The record of the result of each touch.
     results: BTreeMap<String, u64>,
     refused: u32,
+    /// The last touch with a result, until it is contradicted.
+    last: Option<TouchResult>,
     elsewhere: BTreeSet<String>,
     /// Whether the next step may have any number.
     is_anew: bool,

@@ -31,24 +31,47 @@ pub(super) struct Recorder {
     sweeps: u64,
     /// The last sweep with the probe clear.
     no_load_sweep: u64,
+    /// The sweeps of the last touch: with the probe clear, and the last one in contact.
+    touch_sweeps: [u64; 2],
     linear: Option<Position<Mm>>,
 }
 
 impl Recorder {
     /// For the journal between runs.
     pub(super) const fn for_session() -> Self {
-        Self { plan: None, index: None, sweeps: 0, no_load_sweep: 0, linear: None }
+        Self {
+            plan: None,
+            index: None,
+            sweeps: 0,
+            no_load_sweep: 0,
+            touch_sweeps: [0; 2],
+            linear: None,
+        }
     }
 
     /// For the journal of a run.
     pub(super) const fn for_run(plan: Arc<Plan>) -> Self {
-        Self { plan: Some(plan), index: None, sweeps: 0, no_load_sweep: 0, linear: None }
+        Self {
+            plan: Some(plan),
+            index: None,
+            sweeps: 0,
+            no_load_sweep: 0,
+            touch_sweeps: [0; 2],
+            linear: None,
+        }
     }
 
     /// For the journal of a resumed run, or of an amendment: `sweeps` is the number of its last
     /// sweep.
     pub(super) const fn continued(plan: Arc<Plan>, sweeps: u64) -> Self {
-        Self { plan: Some(plan), index: None, sweeps, no_load_sweep: 0, linear: None }
+        Self {
+            plan: Some(plan),
+            index: None,
+            sweeps,
+            no_load_sweep: 0,
+            touch_sweeps: [0; 2],
+            linear: None,
+        }
     }
 
     /// The names of the samples.
@@ -155,7 +178,12 @@ impl Recorder {
                 trail: trail.iter().map(tried).collect(),
             }),
             Event::SweepFinished(outcome) => self.sweep(outcome),
-            Event::TouchFinished(result) | Event::TouchDoubted(result) => self.touch(result),
+            Event::TouchFinished(result) => {
+                self.touch_sweeps = [self.no_load_sweep, self.sweeps];
+                self.touch(result)
+            }
+            // After further sweeps.
+            Event::TouchDoubted(result) => self.touch(result),
             Event::Operator { action, by } => {
                 Record::Operator(store::Operator { action: (*action).to_owned(), who: by.clone() })
             }
@@ -262,11 +290,12 @@ impl Recorder {
 
     fn touch(&self, result: &TouchResult) -> Record {
         let touch = touch_settings(&result.step, &result.touch, self.samples());
-        let (no_load_sweep, no_load) = (self.no_load_sweep, &result.no_load);
+        let [no_load_sweep, sweep] = self.touch_sweeps;
+        let no_load = &result.no_load;
         let (no_load_hz, no_load_sigma_hz) = (no_load.resonance_hz, no_load.sigma_hz);
         let rotary_deg = result.rotary.value();
         let indented = |contact: &Contact| store::TouchPosition {
-            sweep: self.sweeps,
+            sweep,
             surface_mm: contact.surface.position.value(),
             surface_sigma_mm: contact.surface.sigma_mm,
             indentation_mm: contact.indentation_mm(),

@@ -127,6 +127,7 @@ impl Labels {
         let sigma = result.sigma_hz.hypot(result.no_load_sigma_hz);
         let what = "the standard deviation of the shift, Hz";
         findings.agree(Check::Shift, seq, what, (sigma, result.shift_sigma_hz), COPY);
+        self.last = Some(result.clone());
     }
 
     pub(crate) fn refused(
@@ -137,8 +138,14 @@ impl Labels {
         settings: Option<&Settings>,
         findings: &mut Findings,
     ) {
-        self.row(seq, &refused.touch, motion, findings);
         self.refused += 1;
+        let under_way = self.step.as_ref().map(|step| &step.started.step);
+        let is_over = under_way != Some(&refused.touch.step);
+        if let Some(result) = self.last.take_if(|last| is_over && last.touch == refused.touch) {
+            contradicted(seq, &result, refused, findings);
+            return;
+        }
+        self.row(seq, &refused.touch, motion, findings);
         let stands = motion.rotary_deg.unwrap_or(f64::NAN);
         let what = "the tilt of the sample, °";
         findings.agree(Check::Copy, seq, what, (stands, refused.rotary_deg), COPY);
@@ -256,5 +263,31 @@ impl Labels {
         let mut agree = |what, pair| findings.agree(Check::Reference, seq, what, pair, COPY);
         agree("the reference, Hz", (expected_hz, hz));
         agree("the standard deviation of the reference, Hz", (expected_sigma_hz, sigma_hz));
+    }
+}
+
+/// A refusal that takes the place of the result of the touch before, which a later measurement
+/// contradicts: it repeats the numbers of the result.
+fn contradicted(seq: u64, result: &TouchResult, refused: &TouchRefused, findings: &mut Findings) {
+    let mut copy = |what, expected, found| {
+        findings.agree(Check::Copy, seq, what, (expected, found), COPY);
+    };
+    copy("the tilt of a contradicted touch, °", result.rotary_deg, refused.rotary_deg);
+    copy("the reference of a contradicted touch, Hz", result.no_load_hz, refused.no_load_hz);
+    let sigmas_hz = (result.no_load_sigma_hz, refused.no_load_sigma_hz);
+    copy("the standard deviation of that reference, Hz", sigmas_hz.0, sigmas_hz.1);
+    let indented = refused.indented.as_ref();
+    let place = indented.map_or([f64::NAN; 4], |one| {
+        [one.surface_mm, one.surface_sigma_mm, one.indentation_mm, one.linear_mm]
+    });
+    copy("the surface of a contradicted touch, mm", result.surface_mm, place[0]);
+    copy("its standard deviation, mm", result.surface_sigma_mm, place[1]);
+    copy("the depth of a contradicted touch, mm", result.indentation_mm, place[2]);
+    copy("the linear stage during its sweep, mm", result.linear_mm, place[3]);
+    let sweeps = (result.no_load_sweep, Some(result.sweep));
+    let found = (refused.no_load_sweep, indented.map(|one| one.sweep));
+    if sweeps != found {
+        let what = "the sweeps of a contradicted touch";
+        findings.add(Check::Copy, seq, what, format!("{sweeps:?}"), format!("{found:?}"));
     }
 }
