@@ -178,11 +178,7 @@ impl Recorder {
                 trail: trail.iter().map(tried).collect(),
             }),
             Event::SweepFinished(outcome) => self.sweep(outcome),
-            Event::TouchFinished(result) => {
-                self.touch_sweeps = [self.no_load_sweep, self.sweeps];
-                self.touch(result)
-            }
-            // After further sweeps.
+            Event::TouchFinished(result) => self.touch_of_last_sweeps(result),
             Event::TouchDoubted(result) => self.touch(result),
             Event::Operator { action, by } => {
                 Record::Operator(store::Operator { action: (*action).to_owned(), who: by.clone() })
@@ -288,6 +284,12 @@ impl Recorder {
         })
     }
 
+    fn touch_of_last_sweeps(&mut self, result: &TouchResult) -> Record {
+        self.touch_sweeps = [self.no_load_sweep, self.sweeps];
+        self.touch(result)
+    }
+
+    /// A touch, also one that is doubted after further sweeps.
     fn touch(&self, result: &TouchResult) -> Record {
         let touch = touch_settings(&result.step, &result.touch, self.samples());
         let [no_load_sweep, sweep] = self.touch_sweeps;
