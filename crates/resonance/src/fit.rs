@@ -37,9 +37,9 @@ pub struct FitOptions {
     pub noise: Option<NoisePrior>,
     /// Knowledge of the times of the readings.
     pub timing: Timing,
-    /// Whether dielectric loss is a free parameter even where the readings do not ask for it. Few
-    /// readings at the frequencies that tell most of the resonance tell hardly anything of loss,
-    /// and what they cannot exclude belongs into the uncertainty.
+    /// Whether dielectric loss is a free parameter even where the readings do not ask for it. A few
+    /// readings at the best frequencies for the resonance hardly determine the loss, and what they
+    /// cannot exclude belongs to the uncertainty.
     pub always_loss: bool,
     /// Where the most likely circuit is, when that is known: it is not searched for then, and
     /// readings that have not settled are weighed for it.

@@ -5,7 +5,7 @@
 //! exists where the phase never crosses zero, which is the usual case in contact, and a change of
 //! damping does not move it.
 //!
-//! What a reading is, and how the analyzer is told, is left to others.
+//! Readings and the control of the analyzer belong to other crates.
 
 #![deny(clippy::disallowed_methods)]
 

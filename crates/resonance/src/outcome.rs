@@ -115,7 +115,7 @@ pub(crate) struct Spread {
     pub(crate) count: usize,
     /// Degrees of freedom left.
     pub(crate) degrees: f64,
-    /// Cost and degrees of freedom of the readings that tell of the noise.
+    /// Cost and degrees of freedom of the readings that determine the noise.
     pub(crate) settled: (f64, f64),
     /// Variance of the resonance to be added, Hz².
     pub(crate) widened: f64,

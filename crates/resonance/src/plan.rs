@@ -94,7 +94,7 @@ impl Planner {
         }
     }
 
-    /// Tells how long ago the sweep began, s. Readings tell only of their own time.
+    /// Sets the time since the sweep began, s. The readings give only their own times.
     pub fn pass(&mut self, since_begin_s: f64) {
         self.passed_s = since_begin_s;
     }

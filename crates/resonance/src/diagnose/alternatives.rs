@@ -102,7 +102,7 @@ const DISTINCT: f64 = 1e-4;
 /// neither is known.
 const DWELLS: [(f64, f64); 7] =
     [(0.0, 4.0), (0.0, 10.0), (0.5, 4.0), (0.5, 10.0), (1.0, 4.0), (2.0, 4.0), (3.0, 4.0)];
-/// After so many time constants less than a part in 20 000 is left of any motion.
+/// Time constants after which less than 1/20 000 of any motion is left.
 const SETTLED_TIME_CONSTANTS: f64 = 10.0;
 /// Places at which a second mode is tried, per width of the first.
 const MODES_PER_WIDTH: f64 = 2.0;
@@ -142,7 +142,7 @@ impl<'a> Fitted<'a> {
         Self { trace, at, free, rows, motional, admittance, normal }
     }
 
-    /// Every cause that can be told from the circuit.
+    /// Every cause that can be distinguished from the circuit.
     pub(crate) fn alternatives(&self) -> Vec<Alternative> {
         let mut found = Vec::new();
         let mut consider = |alternative: Option<Alternative>| found.extend(alternative);

@@ -55,7 +55,7 @@ pub(crate) fn doubt_circuit(found: &Resonance, window: Window) -> Option<Reason>
     .map(|(quantity, found, limit)| Reason::NotASensor { quantity, found, limit })
 }
 
-/// Whether it is known well enough to be told, with so much of its uncertainty by noise alone.
+/// Whether it is known well enough, with this uncertainty by noise alone.
 pub(crate) fn doubt_precision(found: &Resonance, sigma_by_noise_hz: f64) -> Option<Reason> {
     let linewidth_hz = found.circuit().linewidth_hz();
     let [by_noise, by_all] = [

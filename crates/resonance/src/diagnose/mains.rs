@@ -29,7 +29,7 @@ const CYCLES: f64 = 10.0;
 const SECONDS: [f64; 2] = [0.3, 1.0];
 /// Chance gains this once in ten thousand sweeps: a dozen multiples and three widths are tried.
 const GAIN_MIN: f64 = 27.0;
-/// Pick-up is tried from this many times the variance of the noise, by factors, so many times.
+/// Smallest tried variance of pick-up in units of the noise, the factor between tries, and their number.
 const TIMES_MIN: f64 = 3.0;
 const FACTOR: f64 = 2.0;
 const TRIALS: usize = 20;

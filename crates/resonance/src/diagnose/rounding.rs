@@ -1,7 +1,7 @@
 //! The resolution of readings, found from their digits.
 //!
-//! An analyzer shows so many digits, of resistance and reactance or of magnitude and phase, and what
-//! is beyond them is lost. Where that is more than the noise, the residuals no longer tell what it
+//! An analyzer has a limited number of digits of resistance and reactance, or of magnitude and phase.
+//! If the rounding is larger than the noise, the residuals no longer show what it
 //! costs: over a stretch in which the last digit does not change they are all wrong together.
 
 use rig_model::{Impedance, Reading};

@@ -1,7 +1,7 @@
-//! Readings taken while the resonance still rings, with a drive whose phase nobody knows.
+//! Readings during the free decay, with an unknown phase of the drive.
 //!
-//! A change of frequency sets the motional branch ringing. It rings at its own frequency and with its
-//! own quality, whatever the drive did, so that every reading of a stay at one frequency is
+//! After a change of frequency, the motional branch rings at its own frequency and with its own quality
+//! factor, independent of the drive. Every reading of a stay at one frequency is therefore
 //!
 //! ```text
 //!   Y = jωC0(1 − j tan δ) + jωC1/D(ω) + a·E(s) + b·E(s*),   E(s) = ⟨e^{(s − jω)t}⟩ over the reading
@@ -34,7 +34,7 @@ use crate::{
 use model::{Amplitude, Model, Ring};
 use stay::State;
 
-/// A gap between two readings where none has been seen, s.
+/// The gap between two readings before any was measured, s.
 const GAP_S: f64 = 1e-3;
 /// Standard deviation of the error in the time between two readings: within a millisecond.
 const GAP_SIGMA_S: f64 = 0.58e-3;
@@ -128,8 +128,8 @@ pub(crate) fn variance(normal: &Normal<UNKNOWNS>, free: usize) -> f64 {
 }
 
 impl Stay {
-    /// A reading whose settings were sent with it is told of late: then it would end after the next
-    /// has begun. It began so much earlier that the usual gap is left.
+    /// The start of a reading whose settings are sent with it is recorded late: it would end after the
+    /// next one begins. It is moved back until the usual gap follows it.
     fn mend_last(&mut self, next: &mut Sample) {
         let gaps = self.samples.windows(2).map(|two| two[1].start_s - two[0].end_s());
         let (sum, count) = gaps
@@ -248,7 +248,7 @@ impl Stays {
     }
 
     /// When the resonance was what a fit gives that takes it for constant, s after the first reading
-    /// began: each stay counts for what it tells of the resonance.
+    /// began: each stay has the weight of its information on the resonance.
     pub(crate) fn moment_s(&self, best: &Hypothesis) -> Option<f64> {
         let (mut sum, mut begin_s) = ([0.0; UNKNOWNS], 0.0);
         let mut states = best.states.clone();

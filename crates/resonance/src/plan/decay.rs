@@ -1,10 +1,10 @@
 //! A sweep that never waits: the free decay after each change of frequency is fitted.
 //!
-//! The first stay rings, and where its ring beats against the drive tells the resonance to a fraction
-//! of a hertz. From then on each stay is the one that promises the uncertainty asked for soonest; at
+//! During the first stay the free decay beats against the drive; the beat gives the resonance to a
+//! fraction of a hertz. From then on each stay is the one that promises the uncertainty asked for soonest; at
 //! most half of it is done before the circuit is fitted and the rest is planned again. The uncertainty
-//! is also the one that a second mode of any size would leave, so that both flanks are looked at as far
-//! as that needs. A result is asked for when no other circuit explains the readings nearly as well.
+//! includes a possible second mode of any size, so that both flanks are measured as far as that
+//! requires. A result is asked for when no other circuit explains the readings nearly as well.
 
 mod options;
 
@@ -38,8 +38,8 @@ const OPENING_RATIO: f64 = 1.52;
 const OPENINGS_MAX: usize = 24;
 /// Start of a warm sweep, in linewidths above the last resonance.
 const OPENING_OFF: f64 = 0.3;
-/// Until the standard deviation is this part of the linewidth, other circuits are looked for, and a
-/// second mode is not.
+/// Until the standard deviation is this part of the linewidth, other circuits are searched for, but no
+/// second mode.
 const CERTAIN: f64 = 0.1;
 /// Searches beside a circuit that does not describe the readings.
 const SEARCHES_MAX: usize = 2;
@@ -149,7 +149,7 @@ impl Decay {
         }
     }
 
-    /// Whether a verdict should be asked for: nothing is left to be known better, or to be told apart.
+    /// Whether to ask for a verdict: the target is reached, and only one circuit explains the readings.
     pub(crate) fn is_enough(&mut self, window: Window) -> bool {
         let is_enough = |decay: &Self| {
             decay.hypotheses.len() == 1 && decay.told_hz().is_some_and(|hz| hz <= decay.aim_hz)

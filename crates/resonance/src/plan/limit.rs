@@ -9,9 +9,9 @@ pub(crate) const READINGS_MAX: usize = 180;
 /// as much as a few readings.
 pub(crate) const VERDICTS_MAX: usize = 36;
 
-/// What a row of work stands for, s: about what a desktop computer takes. Work counts against the time
-/// limit as the clock does, so that thinking is bounded where the clock stands still meanwhile, and
-/// the same seed gives the same points.
+/// Time of a row of work, s, about that of a desktop computer. Work counts against the time limit like
+/// the clock does: computing is then bounded even if the clock stands still, and the same seed gives
+/// the same points.
 pub(super) const SECONDS_PER_ROW: f64 = 1e-7;
 /// Rows that choosing a point is counted for: a few hundred plans of two or three stays each.
 pub(super) const ROWS_PER_PLAN: u64 = 3000;

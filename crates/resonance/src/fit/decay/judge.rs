@@ -20,8 +20,8 @@ use crate::{
     outcome::Spread,
 };
 
-/// Twice the log-likelihood that a second mode must gain to be taken for real: chance gains as much at
-/// any place once in thirty sweeps, which are then looked at for longer.
+/// Twice the log-likelihood that a second mode must gain to be taken for real. Chance reaches it at
+/// some place in one sweep of thirty; such a sweep is continued.
 pub(crate) const MODE_GAIN: f64 = 7.0;
 /// By how much wider the resonance may be if a second mode may have any size: one that pulls it by
 /// four standard deviations then gains sixteen.

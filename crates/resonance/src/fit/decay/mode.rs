@@ -15,8 +15,8 @@ use crate::{
     numeric::descent::Normal,
 };
 
-/// Where a second mode is looked for, in linewidths from the resonance: nearer ones are hard to tell
-/// from the resonance itself and hardly pull it, and those between two places are seen from both.
+/// Places of possible second modes, in linewidths from the resonance. A nearer mode can hardly be
+/// distinguished from the resonance and hardly shifts it; a mode between two places shows at both.
 pub(crate) const PLACES: usize = 10;
 const AT: [f64; PLACES] = [-4.0, -3.0, -2.0, -1.5, -1.0, 1.0, 1.5, 2.0, 3.0, 4.0];
 /// The circuit and the second modes after it.

@@ -32,11 +32,11 @@ pub(crate) const ROWS_MAX: u64 = 9000;
 pub(crate) const DESCENTS_MAX: usize = KEPT + STARTS + 2;
 /// χ² may exceed its mean by this many of its standard deviations.
 const CHI_SQUARED_SIGMAS: f64 = 2.7;
-/// Noise that comes from no more errors than these is a guess: analyzers differ by a factor of five
-/// from it, which half an error stands for.
+/// A noise prior with no more degrees of freedom than this is a guess. Analyzers differ from it by up
+/// to a factor of five, which corresponds to half a degree of freedom.
 const GUESSED_DEGREES: f64 = 4.0;
 const DEGREES_OF_A_GUESS: f64 = 0.5;
-/// … once the readings leave so many degrees of freedom that a wrong circuit shows otherwise.
+/// … from this many degrees of freedom on, where a wrong circuit shows in other ways.
 const ENOUGH_DEGREES: f64 = 30.0;
 
 /// Further starts of a search, beyond the circuits found before.

@@ -41,7 +41,7 @@ struct Trial {
     bottom: f64,
     /// `bottom` before the first reading of this stay.
     empty: f64,
-    /// What the amplitudes of the stays that are over cost, as [`super::stay::State::freedom`] says.
+    /// The penalty of the finished stays for their amplitudes, as [`super::stay::State::freedom`] says.
     freedom: f64,
 }
 

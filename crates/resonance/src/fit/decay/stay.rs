@@ -114,8 +114,8 @@ impl State {
         self.amplitude
     }
 
-    /// What a free amplitude costs beside the readings that it explains: a circuit that rings long, or
-    /// that may have rung with any amplitude, explains more by chance.
+    /// The penalty for the freedom of the amplitude: a circuit that rings long, or that may have rung
+    /// with any amplitude, explains more readings by chance.
     pub(super) fn freedom(&self) -> f64 {
         self.last.as_ref().map_or(0.0, |last| last.freedom)
     }
@@ -217,8 +217,8 @@ impl Model {
     }
 }
 
-/// What readings of a stay would tell if they came as the model says: those that are already there, and
-/// more at even distances after them. A second mode follows the circuit.
+/// The information of a stay if its readings agree with the model: the readings it already has, and
+/// further ones at equal distances. The unknowns are the circuit and a second mode.
 #[derive(Debug)]
 pub(crate) struct Forecast<'a> {
     model: &'a Model,

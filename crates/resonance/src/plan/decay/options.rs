@@ -21,25 +21,25 @@ use crate::{
 /// Places of a new stay, in linewidths from the resonance; in addition to the ends of the window.
 const PLACES: [f64; 7] = [-1.5, -0.7, -0.3, 0.0, 0.3, 0.7, 1.5];
 const CYCLES: [u32; 3] = [2, 6, 20];
-/// Above this quality the longest readings gain nothing.
+/// Above this quality factor the longest readings gain nothing.
 const LONG_Q: f64 = 60.0;
 const COUNTS: [usize; 7] = [2, 3, 5, 8, 12, 18, COUNT_MAX];
 const COUNT_MAX: usize = 27;
-/// Counts of which pairs of stays are made.
+/// Numbers of readings for which pairs of stays are tried.
 const PAIRED: [usize; 4] = [2, 5, 12, 27];
 /// Phases that the free motion of a new stay may have.
 const PHASES: usize = 3;
-/// A second stay is within this many linewidths: one that only beats is no evidence.
+/// The second stay lies within this many linewidths: a beat alone is no evidence.
 const NEAR: f64 = 1.0;
-/// Further off than this many linewidths a decay beats so fast that it only tells the errors in time.
+/// Beyond this many linewidths the beat is so fast that it only shows the errors in time.
 const FAR: f64 = 4.0;
 /// The part of a plan, and of the time spent, after which it is made anew.
 const PART: f64 = 0.5;
-/// Stays shorter than this are done in one go, s.
+/// Stays shorter than this are not divided, s.
 const SHORT_S: f64 = 0.03;
-/// A gap where none has been seen yet, s.
+/// The gap between two readings before any was measured, s.
 const GAP_S: f64 = 1.5e-3;
-/// The gap before any knowledge, as a ratio of variances.
+/// The largest ratio of variances, before anything is known.
 const MISSING_MAX: f64 = 1e12;
 
 /// Durations.
@@ -109,7 +109,7 @@ struct Candidate {
 }
 
 impl Aim {
-    /// The gap to the present knowledge, as a ratio of variances.
+    /// The variance now over the variance wanted.
     fn missing(&self, matrix: &Matrix, c1: f64) -> f64 {
         // All unknowns after the resonance and the second mode are eliminated, the last first.
         let mut rest = *matrix;
@@ -262,7 +262,7 @@ impl PlanStart<'_> {
         let linewidth_hz = self.best.linewidth_hz();
         self.going_on(present, list);
         let is_first = self.stays.all.len() == 1;
-        // The second stay must tell more than a beat.
+        // The second stay must show more than a beat.
         let near = PLACES.into_iter().filter(|place| !is_first || place.abs() <= NEAR);
         let resonance_hz = self.best.at.resonance_hz;
         let is_far = |end_hz: &f64| (end_hz - resonance_hz).abs() > FAR * linewidth_hz;
