@@ -14,6 +14,7 @@ mod predict;
 pub mod protocol_file;
 pub mod rig;
 pub mod run_files;
+mod run_folder;
 mod sweep_form;
 mod sweeps;
 mod verdict;

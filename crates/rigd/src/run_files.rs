@@ -13,7 +13,7 @@ use rig_store::{Chain, Reader, RunId, StoreError};
 use serde::Serialize;
 use sha2::{Digest as _, Sha256};
 
-use crate::verdict;
+use crate::{run_folder, verdict};
 
 /// The files of a run.
 #[derive(Debug)]
@@ -45,12 +45,6 @@ pub enum RunFilesError {
     /// A table cannot be made.
     #[error(transparent)]
     Export(#[from] ExportError),
-}
-
-/// Folder of the files of a run. Its name says whether the run was simulated.
-pub fn folder(data: &Path, reader: &Reader, run: RunId) -> PathBuf {
-    let suffix = if reader.is_simulated(run) { "-simulated" } else { "" };
-    data.join("runs").join(format!("{run}{suffix}"))
 }
 
 /// The results of a run for programs, and its files.
@@ -89,7 +83,7 @@ const REPORT: &str = "report.html";
 /// [`RunFilesError`] names the file.
 pub fn write(data: &Path, run: RunId) -> Result<RunFiles, RunFilesError> {
     let reader = Reader::open(data)?;
-    let folder = folder(data, &reader, run);
+    let folder = run_folder::of(data, &reader, run);
     fs::create_dir_all(&folder)
         .map_err(|source| RunFilesError::File { path: folder.clone(), source })?;
     let report = folder.join(REPORT);

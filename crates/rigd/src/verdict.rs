@@ -7,7 +7,7 @@ use rig_report::RunVerdict;
 use rig_store::{Reader, RunId};
 use rig_verify::{Finding, JournalError, Verdict};
 
-use crate::run_files;
+use crate::run_folder;
 
 /// The file in the folder of a run.
 pub(crate) const FILE: &str = "verify.json";
@@ -19,7 +19,7 @@ pub(crate) const FILE: &str = "verify.json";
 /// the directory may be read-only.
 pub(crate) fn of(data: &Path, reader: &Reader, run: RunId) -> Result<Verdict, JournalError> {
     let verdict = rig_verify::verify(data, &run.to_string())?;
-    let folder = run_files::folder(data, reader, run);
+    let folder = run_folder::of(data, reader, run);
     let record = || {
         let text = serde_json::to_vec_pretty(&verdict)?;
         fs::create_dir_all(&folder)?;

@@ -19,7 +19,7 @@ use crate::{
     interruption::{ADVICE, InterruptionView},
     rig::{self, RequestRefusal},
     run_files::{self, ResultsView},
-    verdict,
+    run_folder, verdict,
 };
 
 /// A run in a list, for a program.
@@ -226,7 +226,7 @@ pub(super) fn print_results(
         if let Some(sentence) = results.shortfall() {
             note(&sentence);
         }
-        let folder = run_files::folder(data, &reader, run.id);
+        let folder = run_folder::of(data, &reader, run.id);
         let results = ResultsView::new(results, verdict, folder);
         return print_json(&ShowView { results, interruption });
     }

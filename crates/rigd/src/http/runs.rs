@@ -17,10 +17,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{Problem, Shared};
 use crate::{
-    interruption::InterruptionView,
-    operator::Operator,
-    protocol_file::LoadedProtocol,
-    run_files::{self, ResultsView},
+    interruption::InterruptionView, operator::Operator, protocol_file::LoadedProtocol,
+    run_files::ResultsView, run_folder,
 };
 
 /// A run in the list of runs.
@@ -105,7 +103,7 @@ pub(super) async fn show(
     let detail = shared.read(move |reader| {
         let found = inner.results.of(reader, id)?;
         intact(id, &found.check)?;
-        let folder = run_files::folder(&inner.data, reader, id);
+        let folder = run_folder::of(&inner.data, reader, id);
         let verdict = found.verdict(&inner.data, reader);
         let results = ResultsView::new(&found.results, verdict, folder);
         let run = found.results.run();
