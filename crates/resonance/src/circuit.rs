@@ -1,4 +1,4 @@
-//! The Butterworth–Van Dyke circuit near one resonance, and what people call its resonance.
+//! The Butterworth–Van Dyke circuit near one resonance.
 //!
 //! ```text
 //!        ┌──── C0 (1 − j tan δ) ────┐
@@ -22,7 +22,7 @@ use num_complex::Complex64;
 pub struct Circuit {
     /// Series resonance 1/(2π√(L1 C1)), Hz.
     pub resonance_hz: f64,
-    /// Quality of the series branch, (1/R1)·√(L1/C1).
+    /// Quality factor of the series branch, (1/R1)·√(L1/C1).
     pub q: f64,
     /// Static capacitance, F.
     pub c0_farad: f64,
@@ -33,7 +33,7 @@ pub struct Circuit {
 }
 
 impl Circuit {
-    /// The admittance after all transients, S.
+    /// The steady-state admittance, S.
     pub fn admittance_siemens(&self, frequency_hz: f64) -> Complex64 {
         let u = frequency_hz / self.resonance_hz;
         let motional = self.c1_farad / Complex64::new(1.0 - u * u, u / self.q);
@@ -41,7 +41,7 @@ impl Circuit {
         Complex64::new(0.0, TAU * frequency_hz) * (fixed + motional)
     }
 
-    /// The impedance after all transients, ohm.
+    /// The steady-state impedance, ohm.
     pub fn impedance_ohm(&self, frequency_hz: f64) -> Complex64 {
         1.0 / self.admittance_siemens(frequency_hz)
     }
@@ -53,7 +53,7 @@ impl Circuit {
 
     /// The figure of merit M = Q·C1/C0 = 1/(ωs C0 R1).
     ///
-    /// Without dielectric loss the phase crosses zero only where this is above 2.
+    /// Without dielectric loss the phase crosses zero only if M > 2.
     pub fn figure_of_merit(&self) -> f64 {
         self.q * self.c1_farad / self.c0_farad
     }
@@ -63,7 +63,7 @@ impl Circuit {
         self.resonance_hz / self.q
     }
 
-    /// The time constant with which the motional amplitude dies away, s.
+    /// Decay time constant of the motional amplitude, s.
     pub fn time_constant_s(&self) -> f64 {
         self.q / (std::f64::consts::PI * self.resonance_hz)
     }

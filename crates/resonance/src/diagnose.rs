@@ -1,4 +1,4 @@
-//! What may be wrong with readings, and what speaks against a result.
+//! Faults of readings and checks of results.
 
 pub(crate) mod alternatives;
 pub(crate) mod doubts;

@@ -1,8 +1,7 @@
-//! Other ways to a resonance frequency, as they are in use: to compare with, and to say what a
-//! number from elsewhere means.
+//! Common estimators of a resonance frequency, for comparison and for interpreting published values.
 //!
-//! They give a frequency without an uncertainty and do not look at what is unusual about readings.
-//! Use [`fit`](crate::fit()) for results.
+//! They return a frequency without an uncertainty and do not check for unusual readings. Use
+//! [`fit`](crate::fit()) for results.
 
 mod circle;
 mod definition;
@@ -23,7 +22,7 @@ use crate::{
 
 pub use definition::Definition;
 
-/// A way to a resonance frequency.
+/// A method to estimate a resonance frequency.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Estimator {
     /// The reading with the smallest magnitude of the impedance.
@@ -32,7 +31,7 @@ pub enum Estimator {
     MagnitudeParabola,
     /// The reading with the largest magnitude of the impedance.
     MagnitudeMaximum,
-    /// Where the phase first rises through zero, straight between the readings.
+    /// The first rising zero of the phase, interpolated linearly between the readings.
     PhaseZero,
     /// The vertex of a parabola through the reading with the highest phase and its neighbours.
     PhaseMaximum,
@@ -40,21 +39,21 @@ pub enum Estimator {
     ConductancePeak,
     /// The vertex of a parabola through that reading and its neighbours.
     ConductanceParabola,
-    /// The resonance curve of a series circuit, and a loss that grows with the frequency, fitted to
+    /// The resonance curve of a series circuit, with a loss proportional to the frequency, fitted to
     /// the conductance.
     ConductanceLorentzian,
-    /// A circle fitted to the admittance without that of the static capacitance, then the phase
+    /// A circle fitted to the admittance minus that of the static capacitance, then a fit of the phase
     /// around its centre.
     CircleFit,
     /// A parabola fitted to 1/G within the half-power points.
     RobinsonClegg,
-    /// The ratio of two polynomials: the start of the maximum-likelihood fit.
+    /// A ratio of two polynomials; the start value of the maximum-likelihood fit.
     Rational,
-    /// The maximum-likelihood fit with its verdict.
+    /// The maximum-likelihood fit with its checks.
     MaximumLikelihood,
 }
 
-/// The reason why an estimator gives no frequency.
+/// The reason why an estimator returns no frequency.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum NoEstimate {
     /// Too few readings at different frequencies within the window.
@@ -62,18 +61,18 @@ pub enum NoEstimate {
         "{found} readings at different frequencies in the window, at least {needed} are needed"
     )]
     TooFewPoints {
-        /// The number given.
+        /// Number of readings found.
         found: usize,
-        /// The number needed.
+        /// Number of readings needed.
         needed: usize,
     },
     /// A reading is not a finite impedance at a positive frequency.
     #[error("reading {index} is not a finite impedance at a positive frequency")]
     NotFinite {
-        /// Its place, from 0.
+        /// Index of the reading, from 0.
         index: usize,
     },
-    /// The extreme is the last reading on one side: it may lie beyond.
+    /// The extreme is the first or last reading, so that the true one may lie outside the window.
     #[error("the extreme is the last reading of the window, at {frequency_hz:.3} Hz")]
     AtEdge {
         /// The frequency of that reading, Hz.
@@ -85,19 +84,19 @@ pub enum NoEstimate {
     /// Too few readings are above half of the peak, or they have no peak.
     #[error("{found} readings above half of the peak make no peak")]
     NoPeak {
-        /// The number given.
+        /// Number of readings found.
         found: usize,
     },
-    /// No best parameters were found.
+    /// The fit did not converge.
     #[error("the fit did not converge")]
     NotConverged,
-    /// The estimate is not where it was sought.
+    /// The estimate lies outside the window.
     #[error(
         "estimate {estimate_hz:.3} Hz lies {side} the window [{:.3} Hz, {:.3} Hz]",
         window.min_hz, window.max_hz
     )]
     OutsideWindow {
-        /// On which side.
+        /// The side of the window.
         side: Side,
         /// The estimate, Hz.
         estimate_hz: f64,
@@ -109,7 +108,7 @@ pub enum NoEstimate {
     Refused(Reason),
 }
 
-/// One reading as the estimators see it, or the mean of several at one frequency.
+/// A reading, or the mean of several at one frequency.
 #[derive(Debug, Clone, Copy)]
 struct Point {
     frequency_hz: f64,
@@ -118,7 +117,7 @@ struct Point {
 }
 
 impl Estimator {
-    /// All of them, the simplest first.
+    /// All estimators, the simplest first.
     pub const ALL: [Self; 12] = [
         Self::MagnitudeMinimum,
         Self::MagnitudeParabola,
@@ -134,7 +133,7 @@ impl Estimator {
         Self::MaximumLikelihood,
     ];
 
-    /// The word on the command line and in results.
+    /// The name on the command line and in results.
     pub const fn name(self) -> &'static str {
         match self {
             Self::MagnitudeMinimum => "magnitude-minimum",
@@ -152,7 +151,7 @@ impl Estimator {
         }
     }
 
-    /// The definition of its frequency.
+    /// The definition of resonance that it estimates.
     pub const fn definition(self) -> Definition {
         match self {
             Self::MagnitudeMinimum | Self::MagnitudeParabola => Definition::MagnitudeMinimum,
@@ -168,7 +167,7 @@ impl Estimator {
         }
     }
 
-    /// The frequency in Hz. Readings outside the window are not used, nor are overloaded ones.
+    /// The estimate, Hz. Readings that are overloaded or outside the window are not used.
     ///
     /// # Errors
     /// [`NoEstimate`].
@@ -206,7 +205,7 @@ impl Estimator {
     }
 }
 
-/// The readings in the order of their frequencies, each frequency once.
+/// The readings sorted by frequency, averaged at equal frequencies.
 fn points(
     readings: &[Reading],
     is_used: impl Fn(&Reading) -> bool,
@@ -230,7 +229,7 @@ fn points(
 }
 
 /// # Errors
-/// That there are fewer points than this.
+/// [`NoEstimate::TooFewPoints`] if there are fewer than `needed` points.
 fn at_least(needed: usize, points: &[Point]) -> Result<(), NoEstimate> {
     let found = points.len();
     if found < needed { Err(NoEstimate::TooFewPoints { found, needed }) } else { Ok(()) }

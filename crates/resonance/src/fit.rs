@@ -1,7 +1,7 @@
-//! Readings in, verdict out.
+//! Fits readings and returns a verdict.
 //!
-//! Most sweeps are good, and nothing is gained by doubting them at length: the fit itself shows
-//! whether anything is unusual. Only then everything else that could explain the readings is tried.
+//! A quick fit accepts a usual sweep. Only if that fit shows anything unusual, all alternative models
+//! of the readings are fitted too.
 
 pub(crate) mod decay;
 pub(crate) mod effective_time;
@@ -33,16 +33,15 @@ use crate::{
 pub struct FitOptions {
     /// The window; the span of the readings if absent.
     pub window: Option<Window>,
-    /// The prior of the noise; estimated from the residuals if absent.
+    /// The prior of the noise; without it, the noise is estimated from the residuals.
     pub noise: Option<NoisePrior>,
     /// Knowledge of the times of the readings.
     pub timing: Timing,
-    /// Whether dielectric loss is a free parameter even where the readings do not ask for it. A few
-    /// readings at the best frequencies for the resonance hardly determine the loss, and what they
-    /// cannot exclude belongs to the uncertainty.
+    /// Whether dielectric loss is always a free parameter. A few readings at the best frequencies for
+    /// the resonance hardly determine the loss, and the undetermined loss adds to the uncertainty.
     pub always_loss: bool,
-    /// Where the most likely circuit is, when that is known: it is not searched for then, and
-    /// readings that have not settled are weighed for it.
+    /// The most likely circuit, if known. It replaces the search, and unsettled readings are weighted
+    /// for it.
     pub near: Option<Circuit>,
 }
 
@@ -51,8 +50,7 @@ pub fn fit(readings: &[Reading], options: &FitOptions) -> FitOutcome {
     Fitter::default().fit(readings, options)
 }
 
-/// A fit that keeps its memory: nothing is allocated for a good sweep once it has seen as many
-/// readings before.
+/// A fit with reusable buffers. A good sweep allocates nothing if an earlier one was at least as long.
 #[derive(Debug, Clone, Default)]
 pub struct Fitter {
     quick: SteadyFit,
@@ -76,7 +74,7 @@ impl Fitter {
         if options.timing.is_steady()
             && let Some(found) = self.quick.fit(options)
         {
-            // A place without a resonance is none to start from.
+            // Without a resonance there is no start value.
             start = found.start.filter(|_| found.gain > GAIN_MIN);
             if let (Some(resonance), Some(at), true) = (found.resonance, start, found.is_usual)
                 && !rounding::matters(&rounding, readings, &resonance)
@@ -98,7 +96,7 @@ impl Fitter {
         }
     }
 
-    /// A quick result, with the uncertainty that comes of not knowing the times.
+    /// A quick result, widened by the uncertainty of unknown times.
     fn told(
         &self,
         found: &Resonance,
@@ -127,7 +125,7 @@ impl Fitter {
     }
 }
 
-/// The verdict on a model that was found with all doubts.
+/// The verdict on a model that was compared with all alternatives.
 fn judge(model: &Model, window: Window, span: Window, options: &FitOptions) -> FitOutcome {
     let gain = model.gain_over_capacitor();
     let Some(found) = model.resonance(options) else {
@@ -141,9 +139,9 @@ fn judge(model: &Model, window: Window, span: Window, options: &FitOptions) -> F
         .or_else(|| (model.found.end == End::OutOfSteps).then_some(Reason::NotConverged))
         .or_else(|| doubt_place(&found, window))
         .or_else(|| doubt_circuit(&found, span))
-        // A fit to many outliers says nothing of the resonance.
+        // A fit to many outliers does not determine the resonance.
         .map(|reason| model.outliers_in_the_way().unwrap_or(reason))
-        // Something in series explains a little of nearly everything, and much of mere noise.
+        // A stray series impedance partly fits almost any misfit, and much of pure noise.
         .or(model.reason.filter(|reason| *reason != Reason::Stray))
         .or_else(|| {
             let reason = doubt_precision(&found, model.sigma_by_noise_hz(&found))?;

@@ -1,9 +1,8 @@
-//! Impedance points in; resonance frequency with uncertainty, or a refusal with its reason, out; and
-//! which frequency to measure next.
+//! Fits impedance readings to a resonance frequency with its uncertainty, or refuses with a reason, and
+//! plans which frequency to measure next.
 //!
-//! Resonance means the series resonance 1/(2π√(L1 C1)) of the Butterworth–Van Dyke circuit: it
-//! exists where the phase never crosses zero, which is the usual case in contact, and a change of
-//! damping does not move it.
+//! Resonance means the series resonance 1/(2π√(L1 C1)) of the Butterworth–Van Dyke circuit. It exists
+//! even if the phase never crosses zero, which is usual in contact, and damping does not shift it.
 //!
 //! Readings and the control of the analyzer belong to other crates.
 

@@ -1,4 +1,4 @@
-//! Numbers side by side, small dense matrices, and damped least squares.
+//! SIMD vectors, small dense matrices, and damped least squares.
 
 pub(crate) mod dense;
 pub(crate) mod descent;

@@ -12,14 +12,14 @@ use crate::{
 /// The outcome of a fit.
 #[derive(Debug, Clone, PartialEq)]
 pub enum FitOutcome {
-    /// A resonance that can be relied on within its stated uncertainty.
+    /// A resonance, valid within its stated uncertainty.
     Accepted(Resonance),
-    /// No number to rely on.
+    /// No valid resonance.
     Refused(Refusal),
 }
 
 impl FitOutcome {
-    /// The resonance, when there is one to rely on.
+    /// The resonance, if the fit was accepted.
     pub fn accepted(&self) -> Option<&Resonance> {
         match self {
             Self::Accepted(resonance) => Some(resonance),
@@ -28,57 +28,57 @@ impl FitOutcome {
     }
 }
 
-/// A resonance as it was measured.
+/// A measured resonance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Resonance {
     /// Series resonance 1/(2π√(L1 C1)), Hz.
     pub resonance_hz: f64,
-    /// Standard deviation of `resonance_hz`, Hz. With few readings it is widened so that ±1.96 of
-    /// it is a 95 % interval although the noise, too, was only estimated.
+    /// Standard deviation of `resonance_hz`, Hz. With few readings it is widened so that ±1.96
+    /// `sigma_hz` is a 95 % interval even though the noise is estimated too.
     pub sigma_hz: f64,
-    /// Quality of the series branch.
+    /// Quality factor of the series branch.
     pub q: f64,
     /// Static capacitance, F.
     pub c0_farad: f64,
     /// Effective coupling factor squared, C1/(C0 + C1).
     pub k_eff_squared: f64,
-    /// Dielectric loss tangent; 0 where it was not fitted, its estimate being within its standard
-    /// deviation, and where the readings are best explained by one below 0, which no dielectric has.
-    /// The other quantities are those of the fit without that bound: an analyzer whose phase is off
-    /// makes the loss come out wrong, and nothing else.
+    /// Dielectric loss tangent. It is 0 if it was not fitted because its estimate lies within its
+    /// standard deviation, and if its best estimate is negative, which is unphysical. The other
+    /// quantities come from the fit without that bound, because a phase error of the analyzer biases
+    /// only the loss.
     pub loss_tangent: f64,
     /// Q·C1/C0.
     pub figure_of_merit: f64,
-    /// Residuals against the noise known beforehand, per degree of freedom; against the scatter
-    /// between neighbouring readings where no noise was known.
+    /// χ² per degree of freedom, relative to the prior noise or, without a prior, to the scatter
+    /// between neighbouring readings.
     pub chi_squared_per_dof: f64,
     /// Standard deviation of the real and of the imaginary part of the relative error of a reading
     /// of ten cycles.
     pub noise_at_ten_cycles: f64,
-    /// Its degrees of freedom, from this and earlier sweeps.
+    /// Degrees of freedom of `noise_at_ten_cycles`, from this and earlier sweeps.
     pub noise_degrees_of_freedom: f64,
-    /// The model order that the readings needed.
+    /// The model order that the readings require.
     pub model_order: ModelOrder,
-    /// The multiple of the mains frequency near which readings were disturbed and count for less,
+    /// The multiple of the mains frequency near which readings were disturbed and are down-weighted,
     /// Hz.
     pub mains_hz: Option<f64>,
     /// Readings used.
     pub points: usize,
     /// Covariance of (resonance in Hz, Q, C0 in F, C1 in F, loss tangent).
     pub covariance: [[f64; 5]; 5],
-    /// Condition number of the correlation matrix of the free parameters: how near the readings
-    /// come to not telling the parameters apart.
+    /// Condition number of the correlation matrix of the free parameters; large if the readings barely
+    /// separate them.
     pub condition: f64,
 }
 
 impl Resonance {
-    /// Standard deviation of `loss_tangent`; `None` where it was not fitted.
+    /// Standard deviation of `loss_tangent`; `None` if it was not fitted.
     pub fn loss_tangent_sigma(&self) -> Option<f64> {
         let variance = self.covariance[4][4];
         (variance > 0.0).then(|| variance.sqrt())
     }
 
-    /// The circuit behind it.
+    /// The circuit with these values.
     pub fn circuit(&self) -> Circuit {
         let c1_farad = self.c0_farad * self.k_eff_squared / (1.0 - self.k_eff_squared);
         Circuit {
@@ -90,7 +90,7 @@ impl Resonance {
         }
     }
 
-    /// The same with this added to its variance, Hz².
+    /// A copy with `more`, Hz², added to the variance of the resonance.
     pub(crate) fn widened(&self, more: f64) -> Self {
         let mut covariance = self.covariance;
         covariance[0][0] += more;
@@ -107,22 +107,23 @@ pub(crate) struct Spread {
     pub(crate) condition: f64,
     /// The weighted sum of |r|².
     pub(crate) cost: f64,
-    /// The variance of one part of a reading of ten cycles by the differences of neighbours.
+    /// Variance of the real or imaginary part of a ten-cycle reading, from the differences of
+    /// neighbours.
     pub(crate) neighbours: f64,
     /// Ratio of the variance to that of independent errors.
     pub(crate) correlation: f64,
     /// Readings used.
     pub(crate) count: usize,
-    /// Degrees of freedom left.
+    /// Residual degrees of freedom.
     pub(crate) degrees: f64,
     /// Cost and degrees of freedom of the readings that determine the noise.
     pub(crate) settled: (f64, f64),
-    /// Variance of the resonance to be added, Hz².
+    /// Additional variance of the resonance, Hz².
     pub(crate) widened: f64,
 }
 
 impl Resonance {
-    /// A circuit with its uncertainty.
+    /// Combines a circuit with its uncertainty.
     #[inline]
     pub(crate) fn new(
         circuit: &Circuit,
@@ -137,7 +138,7 @@ impl Resonance {
                 let (known, weight) = (prior.at_ten_cycles.powi(2), prior.degrees_of_freedom);
                 let (cost, degrees) = spread.settled;
                 let all = weight + degrees;
-                // Infinitely many degrees of freedom leave nothing to be pooled.
+                // A prior with infinitely many degrees of freedom is not pooled.
                 let pooled = if all.is_finite() { (weight * known + cost) / all } else { known };
                 (pooled, known, all)
             }
@@ -165,36 +166,36 @@ impl Resonance {
     }
 }
 
-/// The model order that the readings need.
+/// The model order that the readings require. Each order includes the ones before it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum ModelOrder {
-    /// A capacitor with loss, and no resonance.
+    /// A capacitor with loss, without a resonance.
     Capacitor,
     /// The circuit of four elements.
     Circuit,
-    /// … with dielectric loss.
+    /// Adds dielectric loss.
     Loss,
-    /// … and a resonance that moves evenly with time; it is given for the middle of the time.
+    /// Adds a resonance that drifts linearly with time; its value is that at mid-time.
     Drift,
-    /// … and the motion that has not settled yet.
+    /// Adds motion that has not settled yet.
     RingUp,
-    /// … and something in series.
+    /// Adds a stray impedance in series.
     Stray,
-    /// … and a second resonance.
+    /// Adds a second resonance.
     SecondMode,
 }
 
-/// Twice the log-likelihood that dielectric loss must gain to be fitted: its estimate exceeds its
-/// standard deviation. To leave out what is larger errs by more than fitting it does.
+/// Twice the log-likelihood that dielectric loss must gain to be fitted. At 1 its estimate equals its
+/// standard deviation; omitting a larger loss causes more error than fitting it.
 pub(crate) const LOSS_GAIN_MIN: f64 = 1.0;
 
 impl ModelOrder {
-    /// Whether this number of readings needs dielectric loss, by the Bayesian information criterion.
+    /// The order with or without dielectric loss, by the Bayesian information criterion.
     pub(crate) fn by_loss(gain: f64, readings: usize) -> Self {
         if gain > (2.0 * readings as f64).ln() { Self::Loss } else { Self::Circuit }
     }
 
-    /// The word in results and messages.
+    /// The name in results and messages.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Capacitor => "capacitor",

@@ -1,8 +1,8 @@
-//! Which frequency to measure next.
+//! Plans the points of a sweep.
 //!
-//! The planner does not measure and has no clock: it is asked for points, is given the readings,
-//! and is asked again, until it has an outcome. It takes the time of the readings from them, other time
-//! from the caller, and counts its own work.
+//! The planner neither measures nor has a clock. The caller requests points, adds the readings, and
+//! repeats this until there is an outcome. The readings carry their own times, the caller supplies the
+//! total elapsed time, and the planner counts its own work.
 
 pub(crate) mod decay;
 pub(crate) mod limit;
@@ -21,7 +21,7 @@ use prior::{Estimate, Prior, elapsed_s};
 pub enum Next {
     /// Measure these points in this order, and add the readings.
     Measure(Vec<SweepPoint>),
-    /// Nothing more to measure.
+    /// The sweep has ended with this outcome.
     Finished(FitOutcome),
 }
 
@@ -35,9 +35,9 @@ pub struct Planner {
     method: Method,
     /// Number of judgements of the readings.
     verdicts: usize,
-    /// The time since the sweep began, s.
+    /// Time since the start of the sweep, s.
     passed_s: f64,
-    /// Rows computed so far, without those of the plan.
+    /// Rows computed so far, without those of the method.
     work: u64,
 }
 
@@ -48,7 +48,7 @@ enum Method {
 }
 
 impl Planner {
-    /// A planner for this request, with what is believed so far.
+    /// Creates a planner for a request, with the prior if there is one.
     pub fn new(request: &SweepRequest, prior: Option<&Prior>) -> Self {
         let (method, timing) = match request.method {
             SweepMethod::Uniform { points } => {
@@ -77,7 +77,8 @@ impl Planner {
         }
     }
 
-    /// What to do next. Asked again without new readings, it ends with what it has.
+    /// Returns the next action. A call without new readings in between can end the sweep with the
+    /// present readings.
     #[expect(
         clippy::should_implement_trait,
         reason = "what comes next depends on the readings added in between"
@@ -94,7 +95,7 @@ impl Planner {
         }
     }
 
-    /// Sets the time since the sweep began, s. The readings give only their own times.
+    /// Sets the time since the start of the sweep, s; the readings carry only their own times.
     pub fn pass(&mut self, since_begin_s: f64) {
         self.passed_s = since_begin_s;
     }
@@ -107,11 +108,11 @@ impl Planner {
         self.verdicts
     }
 
-    /// The most that is computed between two readings, as [`Self::work`] counts it.
+    /// Largest amount of work between two readings, in the unit of [`Self::work`].
     pub const WORK_MAX: u64 =
         decay::STEP_WORK_MAX + ROWS_PER_PLAN + ROWS_PER_READING_JUDGED * READINGS_MAX as u64;
 
-    /// Work so far, in readings with their slopes.
+    /// Work so far, in rows: evaluations of one reading with its derivatives.
     pub fn work(&self) -> u64 {
         let of_method = match &self.method {
             Method::Uniform { .. } => 0,
@@ -120,7 +121,7 @@ impl Planner {
         self.work + of_method
     }
 
-    /// The time that counts against the limit, s: what has passed, and the thinking.
+    /// Time that counts against the limit, s: the elapsed time plus the computing time.
     fn elapsed_s(&self) -> f64 {
         self.passed_s.max(elapsed_s(&self.readings)) + SECONDS_PER_ROW * self.work() as f64
     }
@@ -135,15 +136,15 @@ impl Planner {
         self.fitter.fit(&self.readings, &self.options)
     }
 
-    /// The verdict of a planned sweep that ends here; one that is not as good as it was asked for is
-    /// a refusal, with what there is as evidence.
+    /// Ends a planned sweep with its verdict. A verdict that misses the target becomes a refusal with
+    /// the estimate as evidence.
     fn finish(&mut self, limit: Limit) -> Next {
         let verdict = self.verdict();
         let target_hz = self.request.target_sigma_hz;
         Next::Finished(verdict.held_to(target_hz, self.readings.len(), limit))
     }
 
-    /// What ends the sweep now, whatever is known.
+    /// The limit that ends the sweep now, regardless of the result.
     fn limit(&self) -> Option<Limit> {
         let limit_s = self.request.time_limit_s;
         if self.elapsed_s() >= limit_s {
@@ -162,8 +163,8 @@ impl Planner {
         self.options
     }
 
-    /// The standard deviation that a resonance must have to be accepted, Hz; `None` where the points
-    /// are given and the result is what they make it.
+    /// The standard deviation that a resonance must have to be accepted, Hz; `None` for a uniform
+    /// sweep, which has no target.
     pub const fn target_hz(&self) -> Option<f64> {
         match self.method {
             Method::Uniform { .. } => None,
@@ -171,12 +172,12 @@ impl Planner {
         }
     }
 
-    /// The moment for which this verdict's resonance holds, s on the clock of the readings.
+    /// Time to which the resonance of this verdict refers, s on the clock of the readings.
     pub fn moment_s(&self, verdict: &FitOutcome) -> Option<f64> {
         verdict.accepted()?.moment_s(&self.readings, &self.options)
     }
 
-    /// The next stay of a sweep that fits the free decay, as far as the time allowed goes.
+    /// The next stay of a sweep that fits the free decay, within the time limit.
     fn next_stay(&mut self) -> Next {
         if let Some(limit) = self.limit() {
             return self.finish(limit);
@@ -223,7 +224,7 @@ impl Planner {
         Next::Measure(points)
     }
 
-    /// Takes the readings of the points asked for last.
+    /// Adds the readings of the last points.
     pub fn add(&mut self, readings: &[Reading]) {
         self.readings.extend_from_slice(readings);
         match &mut self.method {
@@ -232,7 +233,7 @@ impl Planner {
         }
     }
 
-    /// What the readings so far say, once one circuit explains them. A result it is not: the fit may
+    /// The present estimate, once one circuit explains the readings. It is not a result: the fit may
     /// still refuse it.
     pub fn estimate(&self) -> Option<Estimate> {
         match &self.method {
@@ -254,8 +255,8 @@ fn needs_more(verdict: &FitOutcome) -> bool {
 }
 
 impl FitOutcome {
-    /// The verdict where this standard deviation was asked for, Hz, and there is no more to read:
-    /// what is not as good is a refusal, with what there is as evidence.
+    /// The final verdict for a target standard deviation `target_hz`, Hz. A result that misses the
+    /// target becomes a refusal with the estimate as evidence.
     #[must_use]
     pub fn held_to(self, target_hz: f64, readings: usize, limit: Limit) -> Self {
         let estimate = match &self {
@@ -272,7 +273,7 @@ impl FitOutcome {
     }
 }
 
-/// Points at equal distances over a window, from end to end.
+/// Equally spaced points over a window, including both ends.
 fn evenly(window: Window, points: u32, settle_s: f64, cycles: u32) -> Vec<SweepPoint> {
     let step = (window.max_hz - window.min_hz) / f64::from(points.max(2) - 1);
     (0..points)

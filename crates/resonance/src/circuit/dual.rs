@@ -1,16 +1,16 @@
-//! Complex numbers that carry their derivatives along.
+//! Complex dual numbers: values with their derivatives.
 
 use std::ops::{Add, Mul, Neg, Sub};
 
 use num_complex::Complex64;
 
-/// Numbers for the ring-up: complex, or complex with derivatives.
+/// Numbers for the ring-up model: complex, or complex with derivatives.
 pub(crate) trait Value:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self>
 {
-    /// A number that depends on no parameter.
+    /// A number that does not depend on a parameter.
     fn constant(value: Complex64) -> Self;
-    /// Times a number that depends on no parameter.
+    /// The product with a number that does not depend on a parameter.
     fn times(self, factor: Complex64) -> Self;
     /// The complex conjugate.
     fn conj(self) -> Self;
@@ -18,9 +18,9 @@ pub(crate) trait Value:
     fn re(self) -> Self;
     /// The exponential.
     fn exp(self) -> Self;
-    /// 1 over it.
+    /// The reciprocal.
     fn recip(self) -> Self;
-    /// Without its derivatives.
+    /// The value without derivatives.
     fn value(self) -> Complex64;
 }
 
@@ -41,7 +41,7 @@ impl Value for Complex64 {
         Complex64::exp(self)
     }
     fn recip(self) -> Self {
-        // The quotient of the library guards against overflow that cannot happen here.
+        // The division of the library guards against overflow, which cannot occur here.
         let norm = 1.0 / (self.re * self.re + self.im * self.im);
         Complex64::new(self.re * norm, -self.im * norm)
     }
@@ -131,7 +131,7 @@ impl Mul for Dual {
 mod tests {
     use super::*;
 
-    /// Everything at once, of x = 0.3a + jb and y = ab.
+    /// A function of x = 0.3a + jb and y = ab that uses all operations.
     fn function<V: Value>(x: V, y: V) -> V {
         (x * y.exp() - y.recip().conj() + -(x.re() + x).exp()).times(Complex64::new(0.2, -0.7))
     }

@@ -1,15 +1,15 @@
 //! The loops over the readings: sums for the normal equations, and residuals.
 //!
-//! The model is written in a form in which nothing is nearly cancelled on a narrow window. With
-//! w = f/f₀, v = w² − 1 and p from [`Block`], the admittance over jωC₀(reference) is
+//! The model is written in a form without cancellation on a narrow window. With w = f/f₀, v = w² − 1
+//! and p from [`Block`], the admittance over jωC₀(reference) is
 //!
 //! ```text
 //!   y = c − jg + κh,   h = 1/(ν − v + jαw)
 //!   ν = (fs/f₀)² − 1,  α = fs/(f₀Q),  κ = (C1/C₀)(fs/f₀)²,  c = C0/C₀,  g = c·tan δ
 //! ```
 //!
-//! The residual of a reading is p·y − 1 = Z(measured)/Z(model) − 1, the relative error of the
-//! reading, whose real and imaginary part are equally noisy. Every element of `JᵀJ` is a product of
+//! The residual of a reading is p·y − 1 = Z(measured)/Z(model) − 1, the relative error of the reading,
+//! whose real and imaginary parts have equal noise. Every element of `JᵀJ` is a product of
 //! |p|² and powers of h, so that a reading costs one division and some sixty other operations.
 
 #![expect(
@@ -26,8 +26,8 @@ use crate::{
 /// Number of parameters of the circuit.
 pub(crate) const PARAMETERS: usize = 5;
 
-/// The circuit in the units of [`Points`], in the order (ν, α, c, κ, g). Without dielectric loss
-/// only the first four take part.
+/// The circuit in the units of [`Points`], in the order (ν, α, c, κ, g). Without dielectric loss only
+/// the first four are used.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Theta {
     pub(crate) nu: f64,
@@ -50,13 +50,14 @@ on_this_machine! {
 }
 
 on_this_machine! {
-    /// The sums of the rational fit, weighted with |h|² of an earlier estimate of (ν, α) where there
-    /// is one: without that weight the readings near the resonance, which tell most, count least.
+    /// The sums of the rational fit, weighted with |h|² of an earlier estimate of (ν, α), if any.
+    /// Without that weight the readings near the resonance, which are the most informative, have the
+    /// least weight.
     pub(crate) fn rational(blocks: &'a [Block], earlier: Option<(f64, f64)>) -> Rational = rational_of;
 }
 
 on_this_machine! {
-    /// Looks at the residuals of a fit, and keeps them.
+    /// Computes and stores the residuals of a fit, and their statistics.
     pub(crate) fn look(
         blocks: &'a [Block],
         theta: &'a Theta,
@@ -176,7 +177,7 @@ fn rational_of<M: Isa>(on: M, blocks: &[Block], earlier: Option<(f64, f64)>) -> 
 /// Number of patterns that [`look`] fits to the residuals.
 pub(crate) const PATTERNS: usize = 3;
 
-/// The circuit and the patterns together.
+/// Number of unknowns of the circuit and the patterns together.
 pub(crate) const WIDE: usize = PARAMETERS + PATTERNS;
 
 /// Statistics of the residuals.
@@ -190,8 +191,8 @@ pub(crate) struct Look {
     pub(crate) capacitor: f64,
     /// The sum over neighbours of |r − r′|² over the sum of their variances.
     pub(crate) differences: f64,
-    /// `XᵀWr`, `XᵀWJ` and `XᵀWX` of the patterns jph, ph³ and jph³: what the next orders of a
-    /// misfit at the resonance look like, those of the first two orders being the circuit itself.
+    /// `XᵀWr`, `XᵀWJ` and `XᵀWX` of the patterns jph, ph³ and jph³: the next orders of a misfit at the
+    /// resonance after the first two, which are changes of the circuit itself.
     pub(crate) gradient: [f64; PATTERNS],
     pub(crate) with_circuit: [[f64; PARAMETERS]; PATTERNS],
     pub(crate) among: [[f64; PATTERNS]; PATTERNS],
@@ -271,8 +272,7 @@ fn look_of<M: Isa>(on: M, blocks: &[Block], theta: &Theta, residuals: &mut Vec<R
     }
 }
 
-/// The sum over neighbours of |r − r′|² over their variances: a lane holds readings that follow
-/// one another.
+/// The sum over neighbours of |r − r′|² over their variances; a lane holds consecutive readings.
 #[inline(always)]
 fn differences<M: Isa>(on: M, blocks: &[Block], residuals: &[Residual]) -> f64 {
     let mut sum = on.splat(0.0);
@@ -281,7 +281,7 @@ fn differences<M: Isa>(on: M, blocks: &[Block], residuals: &[Residual]) -> f64 {
         let im = on.of(&r[1].im) - on.of(&r[0].im);
         let (one, other) = (on.of(&pair[0].weight), on.of(&pair[1].weight));
         let (both, total) = (one * other, one + other);
-        // 1/(1/W + 1/W′), which is 0 where one of them does not count.
+        // 1/(1/W + 1/W′), which is 0 if either weight is 0.
         sum += (re * re + im * im) * both / total.max(on.splat(f64::MIN_POSITIVE));
     }
     sum.lanes().sum()

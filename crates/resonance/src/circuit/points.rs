@@ -1,4 +1,4 @@
-//! Readings brought into the units and the layout that the fit works in.
+//! Readings in the units and the memory layout of the fit.
 
 #![expect(
     clippy::inline_always,
@@ -11,15 +11,15 @@ use rig_model::Reading;
 
 use crate::numeric::simd::{Isa, LANES, Lanes};
 
-/// Four readings in units of a reference frequency and a reference capacitance, which bring every
-/// quantity near 1.
+/// Four readings in units of a reference frequency and a reference capacitance, so that every quantity
+/// is near 1.
 ///
-/// With w = f/f₀ and the impedance ζ in units of 1/(2πf₀C₀), p = jwζ is the factor by which a
-/// capacitance has to be multiplied to become the ratio of the admittance to the one measured.
+/// With w = f/f₀ and the impedance ζ in units of 1/(2πf₀C₀), p = jwζ is the factor that converts a
+/// capacitance to the ratio of its admittance to the measured one.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Block<F = Lanes> {
     pub(crate) w: F,
-    /// w² − 1: small numbers keep their digits.
+    /// w² − 1, computed without loss of digits near 0.
     pub(crate) v: F,
     pub(crate) p_re: F,
     pub(crate) p_im: F,
@@ -27,20 +27,20 @@ pub(crate) struct Block<F = Lanes> {
     pub(crate) weight: F,
 }
 
-/// The reason why a reading can be left out.
+/// A reading that is not a finite impedance at a positive frequency.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct NotFinite {
-    /// Its place among the readings.
+    /// Index of the reading, from 0.
     pub(crate) index: usize,
 }
 
-/// The readings of a fit. Each lane holds readings that follow one another.
+/// The readings of a fit. Each lane holds consecutive readings.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Points {
     pub(crate) blocks: Vec<Block>,
     /// Number of readings.
     pub(crate) count: usize,
-    /// Number of overloaded readings, which are left out.
+    /// Number of overloaded readings, which are excluded.
     pub(crate) overloaded: usize,
     pub(crate) reference_hz: f64,
     pub(crate) reference_farad: f64,
@@ -48,14 +48,14 @@ pub(crate) struct Points {
     pub(crate) highest_hz: f64,
     /// Whether the frequency only rises or only falls.
     pub(crate) is_monotonic: bool,
-    /// The shortest settling that was waited for, s.
+    /// The shortest settling time, s.
     pub(crate) settle_s: f64,
     /// The sum of the weights.
     pub(crate) total_weight: f64,
 }
 
 impl Points {
-    /// Takes the readings in. Keeps the memory of earlier ones.
+    /// Loads readings and reuses the memory of earlier ones.
     ///
     /// # Errors
     /// A reading without overload whose frequency is not a positive number or whose impedance is
@@ -94,7 +94,7 @@ impl Points {
         self.count - lanes
     }
 
-    /// Finds the units, and what must not go into a fit.
+    /// Finds the units and checks the readings.
     fn scan(&mut self, readings: &[Reading]) -> Result<(), NotFinite> {
         let (mut lowest, mut highest) = (f64::INFINITY, 0.0_f64);
         let (mut count, mut sum, mut settle_s) = (0_usize, 0.0, f64::INFINITY);
@@ -112,7 +112,8 @@ impl Points {
             before = reading.frequency_hz;
             lowest = lowest.min(reading.frequency_hz);
             highest = highest.max(reading.frequency_hz);
-            // The mean of 1/|Zf|² is led by the large admittances and hardly by an open contact.
+            // The mean of 1/|Zf|² is dominated by large admittances and hardly affected by an open
+            // contact.
             sum += 1.0 / size;
             count += 1;
         }
@@ -128,7 +129,7 @@ impl Points {
 }
 
 impl Block {
-    /// The same in what this machine computes with.
+    /// Converts to the vectors of an instruction set.
     #[inline(always)]
     pub(crate) fn on<M: Isa>(&self, machine: M) -> Block<M::F64x4> {
         let Self { w, v, p_re, p_im, weight } = self;
@@ -141,7 +142,7 @@ impl Block {
         }
     }
 
-    /// Lanes without a reading: harmless numbers of weight 0.
+    /// Lanes without a reading: finite numbers of weight 0.
     const EMPTY: Self = Self {
         w: Lanes::splat(1.0),
         v: Lanes::ZERO,

@@ -1,14 +1,12 @@
-//! How far readings may be off because they have not settled, where nothing is known of what the
-//! drive does between two points.
+//! The error of unsettled readings if the drive between two points is unknown.
 //!
-//! A change of the drive sets the motional branch ringing. How strongly depends on the phase of the
-//! drive at that moment, which nobody knows here; but the free motion cannot be larger than what the
-//! forced motions before and after it have in common, and from there on its decay is known. So it is
-//! taken for an error of known variance and unknown phase, and a reading counts for as much as it
-//! has settled.
+//! A change of the drive excites a free decay of the motional branch. Its amplitude depends on the
+//! unknown phase of the drive at that moment, but it is bounded by the forced motions before and after,
+//! and its decay is known. So it is treated as an error of known variance and random phase, and each
+//! reading is weighted by how far it has settled.
 //!
 //! ```text
-//!   E|A|² = |1/D(ω)|² + |1/D(ω before)|² + what is left of earlier free motions
+//!   E|A|² = |1/D(ω)|² + |1/D(ω before)|² + remainder of earlier free motions
 //! ```
 
 use std::f64::consts::TAU;
@@ -17,24 +15,24 @@ use num_complex::Complex64;
 
 use crate::circuit::ringup::Visit;
 
-/// The time constant is an estimate too, and a little too short more often than not when it is used.
-/// So much makes claims of sweeps planned by it come true.
+/// Safety factor of the time constant, which is an estimate and usually slightly too short. With it the
+/// stated uncertainties of sweeps planned by this model hold.
 const MARGIN: f64 = 1.5;
 
 /// The free motion of a branch of unit motional capacitance under a drive of 1 V.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ResidualTransient {
-    /// ωs and Q.
+    /// ωs, rad/s, and Q.
     omega_s: f64,
     q: f64,
     /// Complex frequency of the free motion, rad/s.
     s: Complex64,
-    /// Mean square of its amplitude now.
+    /// Present mean square of its amplitude.
     square: f64,
-    /// The same when it was last read; infinite after a change of the frequency.
+    /// Mean square at the last reading; infinite after a change of the frequency.
     read: f64,
-    /// The frequency of the drive, Hz, and |1/D|² there. Nothing is known before the first visit:
-    /// it may have been the resonance.
+    /// The frequency of the drive, Hz, and |1/D|² there. Before the first visit it is unknown and
+    /// assumed to be the resonance.
     frequency_hz: f64,
     forced: f64,
 }
@@ -47,8 +45,8 @@ impl ResidualTransient {
         Self { omega_s, q, s, square: 0.0, read: f64::INFINITY, frequency_hz: 0.0, forced: q * q }
     }
 
-    /// One visit: the variance of each part of the motional admittance per farad of C1 that is read
-    /// in it, in (rad/s)².
+    /// Simulates a visit and returns the variance of each part of the measured motional admittance per
+    /// farad of C1, in (rad/s)².
     pub(crate) fn visit(&mut self, visit: &Visit) -> f64 {
         let Visit { frequency_hz, settle_s, integration_s, rest_s } = *visit;
         #[expect(clippy::float_cmp, reason = "the same number was sent to the analyzer")]
@@ -65,7 +63,8 @@ impl ResidualTransient {
         };
         let response = part(self.s) + part(self.s.conj());
         let square = self.square * (2.0 * self.s.re * settle_s).exp();
-        // Readings of one stay hear the same motion. Only what has died away in between is new.
+        // Readings of one stay share the same motion. Only the part that decayed in between is new
+        // information.
         let new = (1.0 - square / self.read).max(f64::MIN_POSITIVE);
         let variance = 0.5 * MARGIN * square * response / new;
         self.read = square;
@@ -73,7 +72,7 @@ impl ResidualTransient {
         variance
     }
 
-    /// The drive goes on for some time.
+    /// Continues the drive for this time, s.
     pub(crate) fn rest(&mut self, seconds: f64) {
         self.square *= (2.0 * self.s.re * seconds).exp();
     }
@@ -84,7 +83,7 @@ mod tests {
     use super::*;
     use crate::circuit::ringup::{Motion, plain};
 
-    /// Random phases of the drive at each change, in closed form by the ring-up.
+    /// Compares with random phases of the drive at each change, from the closed-form ring-up.
     #[test]
     fn its_variance_is_that_of_a_drive_whose_phase_jumps() {
         let visit = |frequency_hz, settle_s, cycles: f64| Visit {
@@ -103,8 +102,8 @@ mod tests {
         let mut sum = 0.0;
         for i in 0..turns {
             for j in 0..turns {
-                // Waiting turns the phase at which the first drive ends; a short stay far away, whose
-                // own ringing hardly matters, turns that at which the second begins.
+                // The wait varies the phase at which the first drive ends. A short stay far away, whose
+                // own ringing is negligible, varies the phase at which the second begins.
                 let mut motion = Motion::at_rest(plain(140.0, 30.0));
                 let mut past = Complex64::ONE;
                 let turn = f64::from(i) / f64::from(turns) / 139.0;

@@ -1,12 +1,12 @@
 //! The model of a reading during the ring-up.
 //!
-//! A motional branch answers a change of the drive with its free motion, which dies away over
-//! Q/(πf): a tenth of a second and more. Where the drive is known at every moment, that motion is
-//! known too, and nothing has to wait for its end.
+//! A change of the drive excites the free motion of a motional branch, which decays with the time
+//! constant Q/(πf), a tenth of a second and more. If the drive is known at every moment, that motion is
+//! known too, and readings need not wait for its decay.
 //!
-//! The branch obeys q″ + 2γq′ + ωs²q = ωs²C1·v with v = Re e^{jφ(t)}, φ never jumping. Its charge is
-//! C1·Re(e^{jφ}/D(ω) + A e^{st}) with s = −γ + j√(ωs² − γ²). A change of frequency leaves charge and
-//! current as they are, which gives the new A. A lock-in over whole cycles of the time T finds
+//! The branch obeys q″ + 2γq′ + ωs²q = ωs²C1·v with v = Re e^{jφ(t)} and continuous φ. Its charge is
+//! C1·Re(e^{jφ}/D(ω) + A e^{st}) with s = −γ + j√(ωs² − γ²). Charge and current are continuous at a
+//! change of frequency, which gives the new A. A lock-in over a time T of whole cycles measures
 //!
 //! ```text
 //!   h = jω/D + e^{−jφ}/T · [ sA·E(s) + (sA)*·E(s*) ],   E(σ) = (e^{σT} − 1)/(σ − jω)
@@ -26,11 +26,11 @@ const J: Complex64 = Complex64::I;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Visit {
     pub(crate) frequency_hz: f64,
-    /// From the change of frequency to the begin of the integration, s.
+    /// Time from the change of frequency to the start of the integration, s.
     pub(crate) settle_s: f64,
-    /// The time integrated: whole cycles, s.
+    /// Integration time, a whole number of cycles, s.
     pub(crate) integration_s: f64,
-    /// From the end of the integration to the next change of frequency, s.
+    /// Time from the end of the integration to the next change of frequency, s.
     pub(crate) rest_s: f64,
 }
 
@@ -41,32 +41,32 @@ pub(crate) struct Motion<V> {
     s: V,
     /// 1/ωs².
     inverse_stiffness: V,
-    /// ω of the loss term: 1/(Q ωs).
+    /// Factor of ω in the loss term: 1/(Q ωs).
     damping: V,
-    /// Re(s) and 1/Im(s), to turn a jump of charge and current into one of the free motion.
+    /// Re(s) and 1/Im(s), which convert a jump of charge and current into one of the free motion.
     gamma: V,
     inverse_ringing: V,
-    /// The free charge is Re(free) now.
+    /// The present free charge is Re(free).
     free: V,
-    /// The forced charge is Re(forced · e^{jφ}) now.
+    /// The present forced charge is Re(forced · e^{jφ}).
     forced: V,
-    /// ω of the drive now; 0 before it begins.
+    /// Present ω of the drive, rad/s; 0 before it starts.
     omega: f64,
-    /// Phase of the drive now, in turns.
+    /// Present phase of the drive, in turns.
     turns: f64,
 }
 
-/// A reading as the branch makes it.
+/// The response of the branch in a reading.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Response<V> {
     /// The motional admittance per farad of C1, rad/s.
     pub(crate) motional: V,
-    /// The same for a free motion of unit amplitude at the start of the first visit, whose phase is
-    /// 0 or a quarter turn: what an unknown past adds.
+    /// The contribution of an unknown past: the admittance for a free motion of unit amplitude at the
+    /// start of the first visit, with phase 0 or a quarter turn.
     pub(crate) past: [V; 2],
 }
 
-/// Resonance frequency and quality as plain numbers, or with derivatives by their logarithms.
+/// ωs and Q as plain numbers; [`with_slopes`] adds derivatives with respect to their logarithms.
 pub(crate) fn plain(resonance_hz: f64, q: f64) -> (Complex64, Complex64) {
     (Complex64::from(TAU * resonance_hz), Complex64::from(q))
 }
@@ -81,13 +81,13 @@ pub(crate) fn with_slopes(resonance_hz: f64, q: f64) -> (Dual, Dual) {
 }
 
 impl<V: Value> Motion<V> {
-    /// A branch at rest, before the drive begins at its crest.
+    /// A branch at rest, before a drive that starts at its crest.
     pub(crate) fn at_rest((omega_s, q): (V, V)) -> Self {
         let half = Complex64::from(0.5);
         let inverse_omega = omega_s.recip();
         let inverse_q = q.recip();
         let gamma = (omega_s * inverse_q).times(half);
-        // √(1 − 1/4Q²) by its logarithm's derivative would lose nothing; by Newton's root less code.
+        // Newton's root gives √(1 − 1/4Q²) with less code than the derivative of its logarithm.
         let ratio = V::constant(Complex64::ONE) - (inverse_q * inverse_q).times(half * half);
         let ringing = omega_s * root(ratio);
         let zero = V::constant(Complex64::ZERO);
@@ -104,8 +104,8 @@ impl<V: Value> Motion<V> {
         }
     }
 
-    /// One visit: what is read, and the state after it. `past` is how much of a free motion at the
-    /// start of the first visit is left; it is carried on.
+    /// Simulates a visit and returns its response. `past` is the remaining fraction of a free motion at
+    /// the start of the first visit; it is updated.
     pub(crate) fn visit(&mut self, visit: &Visit, past: &mut V) -> Response<V> {
         self.drive_at(visit.frequency_hz);
         self.rest(visit.settle_s, past);
@@ -114,7 +114,7 @@ impl<V: Value> Motion<V> {
         let one = V::constant(Complex64::ONE);
         let shift = V::constant(J * omega);
         let turned = Complex64::cis(-TAU * self.turns) / t;
-        // s·E(s), and the same at s*.
+        // s·E(s), and the same expression at s*.
         let direct = (self.s * (decay - one) * (self.s - shift).recip()).times(turned);
         let mirrored = self.s.conj();
         let mirrored = (mirrored * (decay.conj() - one) * (mirrored - shift).recip()).times(turned);
@@ -138,7 +138,7 @@ impl<V: Value> Motion<V> {
         }
     }
 
-    /// Changes the frequency; charge and current stay.
+    /// Changes the frequency; charge and current are continuous.
     fn drive_at(&mut self, frequency_hz: f64) {
         let omega = TAU * frequency_hz;
         let one = V::constant(Complex64::ONE);
@@ -163,7 +163,8 @@ impl<V: Value> Motion<V> {
 
 /// The square root of a number near 1.
 fn root<V: Value>(x: V) -> V {
-    // Newton on 1/√x, whose start is right for the value and whose last step brings the derivative.
+    // Newton's iteration for 1/√x: the start has the right value, and the last step gives the
+    // derivative.
     let half = Complex64::from(0.5);
     let start = V::constant(1.0 / x.value().sqrt());
     let three = V::constant(Complex64::from(3.0));
@@ -174,7 +175,7 @@ fn root<V: Value>(x: V) -> V {
 mod tests {
     use super::*;
 
-    /// Charge and current of a branch of 1 F under 1 V, integrated blindly, and the lock-in.
+    /// Numerical integration of charge and current of a branch of 1 F under 1 V, with the lock-in.
     struct DriveIntegral {
         omega_s: f64,
         q: f64,
@@ -224,7 +225,7 @@ mod tests {
         Visit { frequency_hz, settle_s, integration_s: cycles / frequency_hz, rest_s }
     }
 
-    /// The response with the sensor at rest before, and to a free motion of charge and current.
+    /// Checks the response from rest, and that to a free motion of charge and current.
     #[test]
     fn the_closed_form_agrees_with_blind_integration() {
         for q in [0.8, 8.0, 100.0] {

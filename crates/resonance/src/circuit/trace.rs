@@ -1,9 +1,8 @@
-//! Readings one by one, in the order in which they were taken, and the most likely circuit behind
-//! them.
+//! Readings in the order of measurement, and the maximum-likelihood fit of any model to them.
 //!
-//! Where [`crate::circuit::kernel`] is fast and knows one model, this knows them all: readings that have
-//! settled or are still ringing up, and extra terms beyond the five parameters of a circuit. Every
-//! model gives the same thing, a [`Row`] for each reading, and everything else works on rows.
+//! [`crate::circuit::kernel`] is fast and supports one model; this module supports all: settled
+//! readings, readings during the ring-up, and extra terms beyond the five parameters of a circuit.
+//! Every model returns a [`Row`] for each reading, and all other code works on rows.
 
 use std::f64::consts::TAU;
 
@@ -19,25 +18,25 @@ use crate::{
     numeric::descent::{Descent, End, Normal, Step},
 };
 
-/// Unknowns: ln resonance, ln Q, C0, C1, C0·tan δ, and up to three of an extra term.
+/// Number of unknowns: ln resonance, ln Q, C0, C1, C0·tan δ, and up to three of an extra term.
 pub(crate) const UNKNOWNS: usize = 8;
-/// The unknowns of the circuit.
+/// Number of unknowns of the circuit.
 pub(crate) const CIRCUIT: usize = 5;
 
 /// Knowledge of the times of the readings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Timing {
-    /// Nothing: each reading may or may not have settled.
+    /// The times are unknown: each reading may or may not have settled.
     Unknown,
-    /// How long each point was waited for and integrated. What the drive does between the points is
-    /// not known, so that readings must have settled.
+    /// The settling and integration times are known. The drive between the points is unknown, so that
+    /// readings must have settled.
     #[default]
     Waited,
-    /// Everything: the times are exact, the drive goes on from one point to the next, and its phase
-    /// never jumps. Nothing has to have settled.
+    /// The times are exact, and the drive continues from one point to the next without phase jumps.
+    /// Readings need not have settled.
     Exact(Past),
-    /// When each reading began, to a millisecond, and nothing of the phase of the drive after a change
-    /// of frequency: the free decay is fitted, and nothing has to have settled.
+    /// The start of each reading is known to 1 ms, and the phase of the drive after a change of
+    /// frequency is unknown. The free decay is fitted, and readings need not have settled.
     AnyPhase,
 }
 
@@ -51,9 +50,9 @@ impl Timing {
 /// Knowledge of the sensor's motion before the first reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Past {
-    /// The drive begins with the first point, at its crest, on a sensor at rest.
+    /// The sensor is at rest, and the drive starts at its crest with the first point.
     Rest,
-    /// Nothing.
+    /// The motion is unknown.
     #[default]
     Unknown,
 }
@@ -64,16 +63,16 @@ pub(crate) enum ExtraTerm {
     Nothing,
     /// Free motion from before the first reading: two amplitudes.
     Past,
-    /// The resonance moves evenly with time: by this part of itself from the middle to the end.
+    /// Linear drift of the resonance: its relative change from the middle to the end.
     Drift,
-    /// Another branch in parallel: ln frequency, ln Q, C.
+    /// A second branch in parallel: ln frequency, ln Q, C.
     SecondMode,
     /// Resistance and inductance in series.
     Stray,
 }
 
 impl ExtraTerm {
-    /// Number of unknowns it adds.
+    /// Number of unknowns that it adds.
     pub(crate) const fn count(self) -> usize {
         match self {
             Self::Nothing => 0,
@@ -84,7 +83,7 @@ impl ExtraTerm {
     }
 }
 
-/// A reading and the visit that made it.
+/// A reading and its visit.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Sample {
     pub(crate) visit: Visit,
@@ -92,12 +91,11 @@ pub(crate) struct Sample {
     pub(crate) impedance: Complex64,
     /// Cycles, in units of ten.
     pub(crate) length: f64,
-    /// The variance that what is left of the motion adds to each part of the relative error.
+    /// The variance that the residual motion adds to each part of the relative error.
     pub(crate) unsettled: f64,
-    /// The same for a reading that has settled, less for one that has not; 0 for one that is left
-    /// out.
+    /// Weight of the reading: `length` if it has settled, less if it has not, 0 if it is excluded.
     pub(crate) weight: f64,
-    /// The middle of the integration, from −1 for the first reading to 1 for the last.
+    /// Time of the middle of the integration, from −1 for the first reading to 1 for the last.
     pub(crate) when: f64,
 }
 
@@ -113,34 +111,34 @@ pub(crate) struct ModelEstimate {
     pub(crate) extra: [f64; 3],
 }
 
-/// One reading as the model sees it.
+/// The residual of one reading and its derivatives.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Row {
-    /// ln Z(measured)/Z(model), nearly.
+    /// Approximately ln Z(measured)/Z(model).
     pub(crate) residual: Complex64,
-    /// Its slope by each unknown.
+    /// Its derivative with respect to each unknown.
     pub(crate) slopes: [Complex64; UNKNOWNS],
 }
 
-/// Readings in the order in which they were taken.
+/// Readings in the order of measurement.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Trace {
     pub(crate) timing: Timing,
     pub(crate) samples: Vec<Sample>,
-    /// The variance that rounding and pick-up add to each part of the relative error of each
-    /// sample; empty where there is neither.
+    /// The variance that rounding and pick-up add to each part of the relative error of each sample;
+    /// empty if there is neither.
     pub(crate) added: Vec<f64>,
-    /// Farads that bring capacitances near 1.
+    /// Unit of capacitance, F, in which capacitances are near 1.
     pub(crate) unit_farad: f64,
-    /// The variance of the noise at ten cycles beside which readings that have not settled count
-    /// for less, where they do.
+    /// The noise variance at ten cycles for which unsettled readings are down-weighted; `None` if they
+    /// are not.
     pub(crate) weighed_for: Option<f64>,
     last: Option<Reading>,
 }
 
-/// What is left of the motion does not matter below this part of the variance of the noise.
+/// Residual motion is negligible below this fraction of the noise variance.
 const SETTLED_EXCESS: f64 = 0.25;
-/// Times of the clock are whole microseconds; a gap up to this is rounding.
+/// Largest gap due to rounding, s; the clock has a resolution of 1 µs.
 const CLOCK_S: f64 = 2.5e-6;
 
 impl Trace {
@@ -149,7 +147,7 @@ impl Trace {
         Self { timing, samples, added, unit_farad, weighed_for: None, last: None }
     }
 
-    /// All readings at once.
+    /// Creates a trace of these readings.
     pub(crate) fn of(readings: &[Reading], timing: Timing, unit_farad: f64) -> Self {
         let mut trace = Self::new(timing, unit_farad);
         for reading in readings {
@@ -159,7 +157,7 @@ impl Trace {
         trace
     }
 
-    /// Takes in one more reading. Its visit lasts until the next one begins.
+    /// Adds a reading. Its visit lasts until the next one starts.
     pub(crate) fn push(&mut self, reading: &Reading) {
         if let (Some(previous), Some(last)) = (&self.last, self.samples.last_mut()) {
             let stay = reading.started.since(previous.started).as_secs_f64();
@@ -168,7 +166,7 @@ impl Trace {
         }
         let mut settle_s = reading.settle_s;
         if let Some(previous) = self.last.filter(|previous| is_same_stay(previous, reading)) {
-            // What is told is how long ago the frequency was set.
+            // The recorded settling time starts when the frequency was set.
             settle_s -= previous.settle_s + previous.integration_s;
         }
         let impedance = complex_ohm(reading);
@@ -189,7 +187,7 @@ impl Trace {
         self.last = Some(*reading);
     }
 
-    /// Places the readings in time, by their order where the clock says nothing.
+    /// Sets the times of the readings; by their order if the clock stood still.
     fn set_times(&mut self, readings: &[Reading]) {
         let (Some(first), Some(last)) = (readings.first(), readings.last()) else { return };
         let earliest_s = middle_s(first, first);
@@ -206,9 +204,9 @@ impl Trace {
         }
     }
 
-    /// Weighs each reading by its noise, of this variance at ten cycles, by what comes on top, and by
-    /// how far it has settled. Gives the logarithm of the determinant of the covariance of the
-    /// readings for noise of variance 1.
+    /// Weights each reading by its noise, with this variance at ten cycles, its added variance, and its
+    /// residual motion. Returns the logarithm of the determinant of the covariance of the readings for
+    /// noise of variance 1.
     pub(crate) fn weigh(&mut self, variance: f64) -> f64 {
         let mut ln_determinant = 0.0;
         let added = self.added.iter().copied().chain(std::iter::repeat(0.0));
@@ -222,7 +220,7 @@ impl Trace {
         ln_determinant
     }
 
-    /// Lets every reading count for as much as it has settled if this is the circuit; otherwise like
+    /// Weights every reading by how far it has settled for this circuit; otherwise like
     /// [`Self::weigh`].
     pub(crate) fn weigh_settling(&mut self, at: &ModelEstimate, variance: f64) -> f64 {
         let mut residual = ResidualTransient::new(at.resonance_hz, at.q);
@@ -257,7 +255,7 @@ impl Trace {
             .fold((0, 0.0), |(count, weight), sample| (count + 1, weight + sample.weight))
     }
 
-    /// Every reading as the model sees it, left-out ones too.
+    /// Passes the row of every reading to `each`, including excluded ones.
     pub(crate) fn rows(&self, at: &ModelEstimate, mut each: impl FnMut(&Sample, Row)) {
         self.walk(at, |sample, response| each(sample, row(at, sample, response)));
     }
@@ -274,7 +272,7 @@ impl Trace {
         }
     }
 
-    /// Every reading as if it were what the model says.
+    /// Passes the row of every reading to `each`, as if it agreed with the model.
     pub(crate) fn ideal_rows(&self, at: &ModelEstimate, mut each: impl FnMut(Row)) {
         self.walk(at, |sample, response| each(ideal_row(at, sample, response)));
     }
@@ -285,7 +283,7 @@ impl Trace {
         self.rows(at, |sample, row| {
             match at.extra_term {
                 _ if sample.weight <= 0.0 => {}
-                // Half of the time of planning would go into zeros.
+                // Zeros would take half of the planning time.
                 ExtraTerm::Nothing => {
                     normal.add_leading::<CIRCUIT>(row.residual, &row.slopes, sample.weight);
                 }
@@ -301,8 +299,7 @@ impl Trace {
         Minimum { at, normal, end, free }
     }
 
-    /// The most likely model of this kind near `start`, with something added to the normal
-    /// equations.
+    /// The most likely model of this kind near `start`, with a term added to the normal equations.
     pub(crate) fn solve_with(
         &self,
         start: ModelEstimate,
@@ -318,23 +315,23 @@ impl Trace {
     }
 }
 
-/// A model at which the cost is least.
+/// A model at a minimum of the cost.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Minimum {
     pub(crate) at: ModelEstimate,
-    /// The normal equations there.
+    /// The normal equations at the minimum.
     pub(crate) normal: Normal<UNKNOWNS>,
     pub(crate) end: End,
     /// Number of free unknowns.
     pub(crate) free: usize,
 }
 
-/// The impedance of a reading, where there is one.
+/// The impedance of a reading, ohm, if there is one.
 pub(crate) fn complex_ohm(reading: &Reading) -> Option<Complex64> {
     reading.impedance().map(|one| Complex64::new(one.resistance_ohm, one.reactance_ohm))
 }
 
-/// The middle of the integration of a reading, s after the first one's frequency was set.
+/// Middle of the integration of a reading, s after the frequency of the first one was set.
 pub(crate) fn middle_s(reading: &Reading, first: &Reading) -> f64 {
     let started_s = reading.started.since(first.started).as_secs_f64();
     started_s + reading.settle_s + 0.5 * reading.integration_s
@@ -346,7 +343,7 @@ fn is_same_stay(previous: &Reading, reading: &Reading) -> bool {
     previous.frequency_hz == reading.frequency_hz && previous.started == reading.started
 }
 
-/// The response after all transients.
+/// The steady-state response.
 fn steady(at: &ModelEstimate, sample: &Sample) -> Response<Dual> {
     let drift = if at.extra_term == ExtraTerm::Drift { at.extra[0] * sample.when } else { 0.0 };
     let resonance_hz = at.resonance_hz * (1.0 + drift);
@@ -355,7 +352,8 @@ fn steady(at: &ModelEstimate, sample: &Sample) -> Response<Dual> {
     Response { motional, past: [zero; 2] }
 }
 
-/// jω/D of a branch, with its slopes by the logarithms of frequency and quality.
+/// jω/D of a branch, with its derivatives with respect to the logarithms of frequency and quality
+/// factor.
 fn branch(resonance_hz: f64, q: f64, frequency_hz: f64) -> Dual {
     let u = frequency_hz / resonance_hz;
     let response = 1.0 / Complex64::new(1.0 - u * u, u / q);
@@ -364,11 +362,11 @@ fn branch(resonance_hz: f64, q: f64, frequency_hz: f64) -> Dual {
     Dual { value, by: [by * Complex64::new(2.0 * u * u, -u / q), by * Complex64::new(0.0, -u / q)] }
 }
 
-/// A reading as the model sees it.
+/// The row of a reading.
 ///
-/// The residual is 2(x − 1)/(x + 1) with x = Z(measured)/Z(model), which is ln x but for a third
-/// order. The plain x − 1 would carry the noise into its slopes: fitted together with a pattern
-/// free of it, they would make a model out of noise.
+/// The residual is 2(x − 1)/(x + 1) with x = Z(measured)/Z(model), which equals ln x up to third order.
+/// The plain x − 1 would carry the noise into its derivatives, so that a fit together with a noise-free
+/// pattern would fit the noise.
 fn row(at: &ModelEstimate, sample: &Sample, response: &Response<Dual>) -> Row {
     let Model { admittance, slopes, series } = model(at, sample, response);
     let x = (sample.impedance - series) * admittance;
@@ -377,7 +375,7 @@ fn row(at: &ModelEstimate, sample: &Sample, response: &Response<Dual>) -> Row {
     Row { residual: 2.0 * (x - 1.0) * more, slopes: slopes.map(|by| by * slope) }
 }
 
-/// A reading as it would be if the model were exact.
+/// The row of a reading that agrees with the model.
 pub(crate) fn ideal_row(at: &ModelEstimate, sample: &Sample, response: &Response<Dual>) -> Row {
     Row { residual: Complex64::ZERO, slopes: model(at, sample, response).slopes }
 }
@@ -385,9 +383,9 @@ pub(crate) fn ideal_row(at: &ModelEstimate, sample: &Sample, response: &Response
 /// The prediction of a model for a reading.
 struct Model {
     admittance: Complex64,
-    /// Slopes of the logarithm of Z(measured)/Z(model).
+    /// Derivatives of the logarithm of Z(measured)/Z(model).
     slopes: [Complex64; UNKNOWNS],
-    /// The impedance in series with it.
+    /// The stray impedance in series.
     series: Complex64,
 }
 
@@ -416,7 +414,7 @@ fn model(at: &ModelEstimate, sample: &Sample, response: &Response<Dual>) -> Mode
         }
         ExtraTerm::Stray => {
             series = Complex64::new(at.extra[0], omega * at.extra[1]);
-            // Of ln (Z − Zs)Y, where Z − Zs is 1/Y.
+            // Derivatives of ln (Z − Zs)Y, where Z − Zs is 1/Y.
             let squared = admittance * admittance;
             more[0] = -squared;
             more[1] = -squared * Complex64::new(0.0, omega);
@@ -446,7 +444,7 @@ impl ModelEstimate {
 
     /// The circuit in farads.
     pub(crate) fn circuit(&self, unit_farad: f64) -> Circuit {
-        // The impedance was multiplied by the unit, so capacitances come out divided by it.
+        // The impedance was multiplied by the unit, so capacitances are divided by it.
         Circuit {
             resonance_hz: self.resonance_hz,
             q: self.q,
@@ -459,7 +457,7 @@ impl ModelEstimate {
 
 impl Step<UNKNOWNS> for ModelEstimate {
     fn minus(&self, step: &[f64; UNKNOWNS]) -> Self {
-        // A long step in a logarithm leaves the region in which the slopes mean anything.
+        // A long step in a logarithm leaves the region in which the derivatives are valid.
         let by = |step: f64, limit: f64| (-step).clamp(-limit, limit);
         let mut extra = self.extra;
         for (extra, step) in extra.iter_mut().zip(&step[CIRCUIT..]) {

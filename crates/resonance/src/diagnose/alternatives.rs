@@ -1,8 +1,8 @@
 //! Alternative explanations of the readings.
 //!
-//! Each way in which a sweep goes wrong leaves a pattern of its own in the residuals. A pattern is
-//! fitted to them together with the circuit, to first order: how much better the readings are then
-//! described says whether it is there, and how far the resonance moves says whether that matters.
+//! Each fault of a sweep leaves a characteristic pattern in the residuals. A pattern is fitted to them
+//! together with the circuit, to first order. The gain in likelihood shows whether the fault is
+//! present, and the shift of the resonance whether it is relevant.
 
 use std::f64::consts::{PI, TAU};
 
@@ -16,27 +16,28 @@ use crate::{
     numeric::descent::Normal,
 };
 
-/// A way in which a sweep goes wrong.
+/// A possible fault of a sweep.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Cause {
     /// The resonance moves with time.
     Drift,
-    /// The resonance is not the same when the frequency rises and when it falls.
+    /// The resonance depends on the direction of the sweep.
     Hysteresis,
     /// Resonance and damping change with the amplitude.
     Nonlinear,
     /// The residual transient of the previous point is still present.
     NotSettled,
-    /// Another resonance at this frequency, with this quality, overlapping the first or not.
+    /// Another resonance at this frequency, with this quality factor; `is_near` if it overlaps the
+    /// first.
     SecondMode { frequency_hz: f64, q: f64, is_near: bool },
     /// The peak does not look like a single resonance; the cause is unknown.
     Shape,
-    /// Something in series.
+    /// A stray impedance in series.
     Stray,
 }
 
 impl Cause {
-    /// Whether both are of one kind.
+    /// Whether both causes are of the same kind.
     pub(crate) fn is_like(&self, other: &Self) -> bool {
         std::mem::discriminant(self) == std::mem::discriminant(other)
     }
@@ -64,7 +65,8 @@ pub(crate) struct Alternative {
     pub(crate) saved: f64,
     /// Change of the logarithm of the resonance.
     pub(crate) shift: f64,
-    /// Variance of the logarithm of the resonance for noise of variance 1, the cause being unknown.
+    /// Variance of the logarithm of the resonance for noise of variance 1, with the cause as an
+    /// unknown.
     pub(crate) variance: f64,
     /// The same without the cause.
     pub(crate) variance_without: f64,
@@ -72,12 +74,11 @@ pub(crate) struct Alternative {
     pub(crate) size: f64,
     /// Its variance for noise of variance 1.
     pub(crate) size_variance: f64,
-    /// By how much the logarithm of the resonance is wrong when a first pattern of size 1 is
-    /// overlooked.
+    /// Error of the logarithm of the resonance if a first pattern of size 1 is omitted.
     pub(crate) error: f64,
 }
 
-/// A fit that is to be doubted.
+/// A fit to be compared with alternatives.
 #[derive(Debug)]
 pub(crate) struct Fitted<'a> {
     pub(crate) trace: &'a Trace,
@@ -85,31 +86,30 @@ pub(crate) struct Fitted<'a> {
     /// Number of free unknowns.
     pub(crate) free: usize,
     rows: Vec<(usize, Row)>,
-    /// The motional part of the admittance of each sample, and all of it, both settled.
+    /// The steady-state motional admittance of each sample; `admittance` is the total.
     motional: Vec<Complex64>,
     admittance: Vec<Complex64>,
     normal: Normal<UNKNOWNS>,
 }
 
-/// Patterns that a cause has at most.
+/// Largest number of patterns of a cause.
 const MOST: usize = 3;
-/// The unknowns and the patterns.
+/// Number of unknowns and patterns together.
 const WIDE: usize = UNKNOWNS + MOST;
-/// A pattern of which less than this part is left when the circuit has been fitted to it cannot be
-/// told from a change of the circuit.
+/// Smallest fraction of a pattern that must remain after the circuit is fitted to it; below this it
+/// cannot be distinguished from a change of the circuit.
 const DISTINCT: f64 = 1e-4;
-/// Time constants for which a point may have been waited for, and cycles then integrated, where
-/// neither is known.
+/// Assumed settling times, in time constants, and integrations, in cycles, if neither is known.
 const DWELLS: [(f64, f64); 7] =
     [(0.0, 4.0), (0.0, 10.0), (0.5, 4.0), (0.5, 10.0), (1.0, 4.0), (2.0, 4.0), (3.0, 4.0)];
 /// Time constants after which less than 1/20 000 of any motion is left.
 const SETTLED_TIME_CONSTANTS: f64 = 10.0;
-/// Places at which a second mode is tried, per width of the first.
+/// Number of trial frequencies of a second mode per linewidth of the first.
 const MODES_PER_WIDTH: f64 = 2.0;
 /// Linewidths from the first within which a second mode overlaps it.
 const NEAR: f64 = 1.5;
 const MODES_MAX: usize = 240;
-/// … and how far beyond the readings, in spans: what lies there still leans on them.
+/// Range of a second mode beyond the readings, in spans; its tail still affects them.
 const BEYOND: f64 = 0.4;
 
 impl<'a> Fitted<'a> {
@@ -117,14 +117,14 @@ impl<'a> Fitted<'a> {
         Self::at(trace, found.at, found.free)
     }
 
-    /// The fit that ended here, with `free` unknowns.
+    /// The fit with this result and `free` unknowns.
     pub(crate) fn at(trace: &'a Trace, at: ModelEstimate, free: usize) -> Self {
         let mut rows = Vec::with_capacity(trace.samples.len());
         let mut motional = Vec::with_capacity(trace.samples.len());
         let mut admittance = Vec::with_capacity(trace.samples.len());
         let mut index = 0;
         trace.rows(&at, |sample, row| {
-            // What is left of the motion looks like anything at all.
+            // Residual motion can resemble any pattern.
             if sample.weight > 0.0 && trace.has_settled(sample) {
                 rows.push((index, row));
             }
@@ -183,8 +183,8 @@ impl<'a> Fitted<'a> {
         found
     }
 
-    /// What is left of the motion when each point follows the one before, after the settling that
-    /// was waited for. `None` where that is not known.
+    /// The residual motion at each point after the settling time, with the drive continuing from point
+    /// to point. `None` if the settling is unknown.
     pub(crate) fn left_over(&self) -> Option<Alternative> {
         let may_matter = self.trace.timing == Timing::Waited && self.trace.weighed_for.is_none();
         may_matter.then(|| self.after(|sample| sample.visit)).flatten()
@@ -201,7 +201,7 @@ impl<'a> Fitted<'a> {
         self.at.q / (PI * self.at.resonance_hz)
     }
 
-    /// The most likely kind of unfinished settling, the dwell at each point not being known.
+    /// The most likely unsettled motion if the dwell at each point is unknown.
     fn not_settled(&self) -> Option<Alternative> {
         let pattern = |i: usize, _: &Row| {
             let before = if i == 0 { NOTHING } else { self.motional[i - 1] };
@@ -231,7 +231,7 @@ impl<'a> Fitted<'a> {
         })
     }
 
-    /// The pattern of a drive that goes on from visit to visit.
+    /// The pattern of a drive that continues from visit to visit.
     fn after(&self, visit: impl Fn(&Sample) -> Visit) -> Option<Alternative> {
         let mut motion = Motion::at_rest(plain(self.at.resonance_hz, self.at.q));
         let mut past = NOTHING;
@@ -251,8 +251,8 @@ impl<'a> Fitted<'a> {
         &self.trace.samples[index]
     }
 
-    /// Whether the frequency rose (1) or fell (−1) before each sample, where whole runs of samples
-    /// were taken both ways.
+    /// Whether the frequency rose (1) or fell (−1) before each sample; `None` unless there are long
+    /// runs in both directions.
     fn directions(&self) -> Option<Vec<f64>> {
         let mut directions = vec![0.0; self.trace.samples.len()];
         let (mut up, mut down, mut turns) = (0_usize, 0_usize, 0_usize);
@@ -267,8 +267,8 @@ impl<'a> Fitted<'a> {
         is_sweep.then_some(directions)
     }
 
-    /// The first orders, other than the circuit itself, in which a peak can differ from one
-    /// resonance: it is turned, or narrower and wider at once.
+    /// The first-order deviations of a peak from a single resonance, apart from changes of the circuit:
+    /// it is rotated, or narrower and wider at once.
     fn shape(&self, index: usize, row: &Row) -> [Complex64; MOST] {
         let omega = TAU * self.sample(index).visit.frequency_hz;
         let height = Complex64::new(0.0, omega * self.at.c1 * self.at.q);
@@ -277,8 +277,8 @@ impl<'a> Fitted<'a> {
         [row.slopes[3] * Complex64::I, narrow, narrow * Complex64::I]
     }
 
-    /// The second modes that explain most, one near the first and one elsewhere, among places and
-    /// qualities spread over the readings.
+    /// The second modes with the largest gain, one near the first and one elsewhere, from a grid of
+    /// frequencies and quality factors.
     fn second_modes(&self) -> [Option<Alternative>; 2] {
         let frequencies = self.rows.iter().map(|&(i, _)| self.sample(i).visit.frequency_hz);
         let (low, high) =
@@ -323,7 +323,7 @@ impl<'a> Fitted<'a> {
         count: usize,
         pattern: impl Fn(usize, &Row) -> [Complex64; MOST],
     ) -> Option<Alternative> {
-        // The unknowns that are not free are left out: what is free stands first, patterns follow.
+        // The fixed unknowns are omitted: the free ones come first, then the patterns.
         let free = self.free;
         let mut normal = Normal::<WIDE>::default();
         for i in 0..free {

@@ -1,11 +1,11 @@
-//! Measurements that the analyzer gave up.
+//! Measurements that the analyzer aborted.
 
 use rig_model::Reading;
 
 use crate::{Reason, Refusal};
 
-/// The reason of a measurement whose last reading is flagged: the analyzer gave up on this point after
-/// its last try.
+/// The refusal of a measurement whose last reading is flagged, because the analyzer failed at this
+/// point in every try.
 pub fn flagged(readings: &[Reading]) -> Option<Refusal> {
     let last = readings.last()?;
     let flag = last.flag()?;

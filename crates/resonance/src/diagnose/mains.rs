@@ -1,40 +1,43 @@
 //! Pick-up from the mains.
 //!
-//! A lock-in hears what beats slowly against its reference. Near a multiple of 50 or 60 Hz readings
-//! scatter by what the cables catch, by another amount each time, for the phase of the mains is any.
-//! That is noise like any other, only not everywhere the same: such readings count for less.
+//! A lock-in responds to signals near its reference frequency. Near a multiple of 50 or 60 Hz the
+//! pick-up of the cables scatters the readings by a random amount, because the phase of the mains is
+//! random. This is additional noise near these frequencies, so that such readings are down-weighted.
 
 use std::f64::consts::PI;
 
 use crate::circuit::trace::{Sample, Trace};
 
-/// Pick-up that shows in the scatter of readings.
+/// Mains pick-up that is visible in the scatter of readings.
 #[derive(Debug, Clone)]
 pub(crate) struct PickUp {
     /// The multiple of the mains frequency, Hz.
     pub(crate) near_hz: f64,
     /// The variance that it adds to each part of the relative error of each sample.
     pub(crate) added: Vec<f64>,
-    /// The variance of each part of a reading of ten cycles without it.
+    /// The variance of each part of a reading of ten cycles without pick-up.
     pub(crate) variance: f64,
     /// Twice the log-likelihood gained.
     pub(crate) gain: f64,
 }
 
 const MAINS_HZ: [f64; 2] = [50.0, 60.0];
-/// Higher multiples are weak, and a voltage symmetric in time has few even ones.
+/// Highest multiple tried. Higher multiples are weak, and a voltage symmetric in time has few even
+/// ones.
 const MULTIPLES: i32 = 6;
-/// Cycles, or seconds, over which readings may have been integrated where that is not known.
+/// Assumed integration times, in cycles or in seconds, if they are unknown.
 const CYCLES: f64 = 10.0;
 const SECONDS: [f64; 2] = [0.3, 1.0];
-/// Chance gains this once in ten thousand sweeps: a dozen multiples and three widths are tried.
+/// Twice the log-likelihood that pick-up must gain. Chance reaches it once in ten thousand sweeps: a
+/// dozen multiples and three widths are tried.
 const GAIN_MIN: f64 = 27.0;
-/// Smallest tried variance of pick-up in units of the noise, the factor between tries, and their number.
+/// Smallest trial variance of pick-up in units of the noise, the factor between trials, and their
+/// number.
 const TIMES_MIN: f64 = 3.0;
 const FACTOR: f64 = 2.0;
 const TRIALS: usize = 20;
 
-/// The pick-up that explains most of how the weighted |r|² of the samples differ.
+/// The pick-up that best explains the differences of the weighted |r|² of the samples.
 pub(crate) fn strongest(trace: &Trace, sizes: &[f64]) -> Option<PickUp> {
     let used = || trace.samples.iter().filter(|sample| sample.weight > 0.0);
     let frequencies = used().map(|sample| sample.visit.frequency_hz);

@@ -1,9 +1,8 @@
-//! Readings that are far from all others, and whether they can be left out.
+//! Finds outliers and decides whether they can be excluded.
 //!
-//! A reading here and there goes wrong by itself, and the rest is worth no less for it. But whatever
-//! makes a model wrong makes readings look like outliers too, and first of all those near the
-//! resonance. So outliers are left out only where they are few, where the rest tells as much without
-//! them, and where nothing else explains them.
+//! Isolated wrong readings do not affect the others. But a wrong model makes readings look like
+//! outliers too, above all those near the resonance. So outliers are excluded only if they are few, if
+//! the rest is nearly as informative, and if no other cause explains them.
 
 use crate::{
     circuit::trace::{Minimum, ModelEstimate, Trace, UNKNOWNS},
@@ -12,18 +11,18 @@ use crate::{
     numeric::descent::Normal,
 };
 
-/// One reading in ten may be an outlier. With more, the rest is not to be trusted either.
+/// One reading in ten may be an outlier. With more, the rest is unreliable too.
 pub(crate) const READINGS_PER_OUTLIER: usize = 10;
-/// Twice the log-likelihood that each reading left out has to gain over every other cause.
+/// Twice the log-likelihood that each excluded reading must gain over every other cause.
 pub(crate) const GAIN_PER_OUTLIER: f64 = 28.0;
 /// Rounds of reweighting; each brings the scale nearer to that of the good readings.
 const ROUNDS: usize = 12;
 /// The point of half Cauchy weight, in means of |r|².
 const CAUCHY_MEANS: f64 = 3.0;
-/// The variance may rise by this factor when outliers are left out.
+/// Largest factor by which excluding outliers may raise the variance.
 const LOST: f64 = 2.0;
-/// The usual |r|² is taken from this part of the readings, the ones that fit best: twice as many may
-/// be outliers as are accepted.
+/// Fraction of best-fitting readings that define the usual |r|². It tolerates twice as many outliers as
+/// are accepted.
 pub(crate) const TRIMMED: f64 = 0.8;
 /// The mean of an exponential distribution of mean 1 up to its 80 % point.
 const TRIMMED_MEAN: f64 = 0.5977;
@@ -38,9 +37,9 @@ pub(crate) fn count(trace: &Trace, found: &Minimum) -> usize {
     trace.samples.iter().zip(&sizes).filter(is_far).count()
 }
 
-/// The readings without outliers and the model that they then follow, where leaving some out is
-/// worth a thought. `near` is a place that outliers have not led astray, where one is known.
-/// Then also whether they may be left out: they are few, and the rest tells as much.
+/// The readings without outliers, their model, and whether the outliers may be excluded: they are few,
+/// and the rest is nearly as informative. `None` if there is nothing to exclude. `near` is a robust
+/// start value, if known.
 pub(crate) fn without(
     trace: &Trace,
     plain: &Minimum,
@@ -76,7 +75,7 @@ pub(crate) fn without(
     (left_out > 0).then_some((rest, best, is_enough))
 }
 
-/// The model with Cauchy's weights, under which the scale comes down although outliers are inside.
+/// The model with Cauchy weights, which reduce the scale despite outliers.
 fn reweighted(trace: &Trace, plain: &Minimum) -> Minimum {
     let mut best = *plain;
     let mut weighted = trace.clone();
@@ -91,8 +90,8 @@ fn reweighted(trace: &Trace, plain: &Minimum) -> Minimum {
     best
 }
 
-/// How many times the mean of the others |r|² of a good reading exceeds once in a million readings:
-/// it is exponentially distributed, and the mean itself is known from few parts.
+/// Ratio of |r|² to the mean of the others that one good reading in a million exceeds: |r|² is
+/// exponentially distributed, and the mean is estimated from few parts.
 fn far(trace: &Trace, found: &Minimum) -> f64 {
     let half = 0.5 * (2 * trace.used().0).saturating_sub(found.free).max(1) as f64;
     half * ((1e6_f64.ln() / half).exp() - 1.0)
@@ -103,7 +102,7 @@ fn tells_as_much(all: &Trace, rest: &Trace, found: &Minimum) -> bool {
     let variance = |trace: &Trace| {
         let mut normal = Normal::default();
         let mut samples = trace.samples.iter();
-        // What a reading would tell if it were what the model says: an outlier itself tells nothing.
+        // Information of ideal readings of the model, because an outlier itself has none.
         all.ideal_rows(&found.at, |row| {
             let weight = samples.next().map_or(0.0, |sample| sample.weight);
             normal.add(row.residual, &row.slopes, weight);
@@ -116,8 +115,8 @@ fn tells_as_much(all: &Trace, rest: &Trace, found: &Minimum) -> bool {
     variance(rest) < LOST * variance(all)
 }
 
-/// |r|² of every sample times its weight, raised by what the fit took away from it, and what is
-/// usual among those in use.
+/// The weighted |r|² of every sample, corrected for the reduction by the fit, and the usual value among
+/// those in use.
 pub(crate) fn sizes(trace: &Trace, found: &Minimum) -> (Vec<f64>, f64) {
     let inverse = Cholesky::new(&found.normal.matrix, found.free, 0.0)
         .map_or([[0.0; UNKNOWNS]; UNKNOWNS], |factor| factor.inverse());
@@ -130,7 +129,7 @@ pub(crate) fn sizes(trace: &Trace, found: &Minimum) -> (Vec<f64>, f64) {
                 taken += element * (left.conj() * right).re;
             }
         }
-        // Half of it for each of the two parts of a reading.
+        // Each of the two parts of a reading has half of it.
         let left = (1.0 - 0.5 * sample.weight * taken).clamp(0.05, 1.0);
         let size = sample.weight * row.residual.norm_sqr() / left;
         sizes.push(size);
@@ -146,7 +145,7 @@ pub(crate) fn sizes(trace: &Trace, found: &Minimum) -> (Vec<f64>, f64) {
     )]
     used.truncate((used.len() as f64 * TRIMMED).ceil() as usize);
     let mean = used.iter().sum::<f64>() / used.len() as f64;
-    // Readings that have not settled may be better than they are taken for; the others are not.
+    // Unsettled readings may have less error than assumed; settled ones do not.
     let known = trace.weighed_for.map_or(VARIANCE_MIN, |variance| 2.0 * variance);
     (sizes, (mean / TRIMMED_MEAN).max(known))
 }

@@ -1,20 +1,20 @@
 //! The resolution of readings, found from their digits.
 //!
 //! An analyzer has a limited number of digits of resistance and reactance, or of magnitude and phase.
-//! If the rounding is larger than the noise, the residuals no longer show what it
-//! costs: over a stretch in which the last digit does not change they are all wrong together.
+//! If the rounding is larger than the noise, the residuals underestimate the error: readings with the
+//! same last digit are wrong together.
 
 use rig_model::{Impedance, Reading};
 
 use crate::{Resonance, circuit::points::weight};
 
-/// More digits than an analyzer has: such a number was computed.
+/// Largest number of digits of an analyzer; a number with more was computed.
 const DIGITS_MAX: i32 = 9;
-/// A number of so many digits differs from a whole multiple of its step by less than this part of it.
+/// Tolerance of a multiple of a step, relative to the step.
 const TOLERANCE: f64 = 1e-6;
 
-/// The variance that rounding adds to each part of the relative error of each reading; empty where
-/// the readings were not rounded.
+/// The variance that rounding adds to each part of the relative error of each reading; empty if the
+/// readings were not rounded.
 pub(crate) fn variances(readings: &[Reading]) -> Vec<f64> {
     let resistance = Written::of(readings, |impedance| impedance.resistance_ohm);
     let reactance = Written::of(readings, |impedance| impedance.reactance_ohm);
@@ -36,13 +36,13 @@ pub(crate) fn variances(readings: &[Reading]) -> Vec<f64> {
             .map(|(one, x, other, y)| (step(one, x), step(other, y)));
             let across = across.0.hypot(across.1) / size_ohm;
             let along = (along.0 / size_ohm).hypot(along.1.to_radians());
-            // A step² / 12 for each of two numbers makes the error of two parts.
+            // Two numbers with a variance of step²/12 each give the error of two parts.
             across.max(along).powi(2) / 24.0
         })
         .collect()
 }
 
-/// Below this part of the noise rounding is one more source of it.
+/// Rounding below this fraction of the noise is treated as noise.
 const NEGLIGIBLE: f64 = 0.05;
 
 /// Whether rounding is more than a small part of the noise.
@@ -60,14 +60,14 @@ fn phase_deg(impedance: Impedance) -> f64 {
 /// The format of a column of numbers.
 #[derive(Debug, Clone, Copy)]
 struct Written {
-    /// The most significant digits of any number.
+    /// Largest number of significant digits.
     digits: i32,
-    /// The most digits after the point.
+    /// Largest number of decimal places.
     decimals: i32,
 }
 
 impl Written {
-    /// `None` where some number has too many digits to have been read off.
+    /// `None` if a number has too many digits for an analyzer.
     fn of(readings: &[Reading], column: fn(Impedance) -> f64) -> Option<Self> {
         let mut written = Self { digits: 0, decimals: -DIGITS_MAX };
         let measured = readings.iter().filter_map(Reading::impedance);
@@ -87,15 +87,15 @@ impl Written {
         (written.digits > 0).then_some(written)
     }
 
-    /// The step at some number: a fixed one, or one that grows with the number. Whichever it was,
-    /// the other rule gives less.
+    /// The step at a number: fixed, or proportional to its power of ten. The rule that does not apply
+    /// gives a smaller step.
     fn step(self, x: f64) -> f64 {
         let fixed = 10_f64.powi(-self.decimals);
         if x == 0.0 { fixed } else { fixed.max(10_f64.powi(exponent(x) + 1 - self.digits)) }
     }
 }
 
-/// The power of ten of the first digit.
+/// The decimal exponent of the first digit.
 #[expect(clippy::cast_possible_truncation, reason = "of a finite number it is small")]
 fn exponent(x: f64) -> i32 {
     x.abs().log10().floor() as i32

@@ -1,17 +1,16 @@
 //! Nonlinearity from two sweeps at different levels.
 //!
-//! A spring that is a little softer at the peak changes the readings of one sweep as another resonance
-//! would: a second sweep at another level shows it. So do sweeps up and down where the resonance
-//! depends on the direction.
+//! A slightly softening spring changes the readings of one sweep like a shift of the resonance; a
+//! second sweep at another level reveals it. Sweeps up and down reveal a dependence on the direction.
 
 use crate::{FitOutcome, Reason, Refusal, Resonance, diagnose::doubts::SIGMA_MAX_LINEWIDTHS};
 
-/// Chance makes two results differ by more standard deviations once in ten thousand times.
+/// Difference of two results, in standard deviations, that chance exceeds once in ten thousand times.
 const APART_SIGMAS: f64 = 4.0;
 
 impl Resonance {
-    /// Whether another result for the same resonance differs by more than chance: of a sweep the other
-    /// way, or at another level.
+    /// Whether another result for the same resonance, from a sweep in the other direction or at another
+    /// level, differs by more than chance.
     pub fn is_apart_from(&self, other: &Self) -> bool {
         let difference_hz = (self.resonance_hz - other.resonance_hz).abs();
         difference_hz > APART_SIGMAS * self.sigma_hz.hypot(other.sigma_hz)
@@ -19,10 +18,10 @@ impl Resonance {
 }
 
 impl FitOutcome {
-    /// The resonance of a vanishing drive, from this sweep and one at a level `ratio` times as high.
-    /// What softens a spring goes with the square of the amplitude, so that a straight line through the
-    /// two leads there. Refused where one of the two is, and as [`Reason::Nonlinear`] where they are
-    /// apart: what is not small is not a straight line either.
+    /// The resonance extrapolated to zero drive, from this sweep and one at a level `ratio` times as
+    /// high. Softening is proportional to the square of the amplitude, so that the extrapolation in the
+    /// square is linear. Refused if either result is, and as [`Reason::Nonlinear`] if they differ by
+    /// more than chance, because a large effect is not linear.
     #[must_use]
     pub fn without_drive(&self, higher: &Self, ratio: f64) -> Self {
         let (low, high) = match (self, higher) {
@@ -82,7 +81,7 @@ mod tests {
     #[test]
     fn results_are_apart_from_four_standard_deviations_on() {
         let one = found(140.0);
-        // Of the difference of two.
+        // The limit applies to the difference of two results.
         for (by_hz, is_apart) in [(0.056, false), (-0.056, false), (0.057, true), (-0.057, true)] {
             assert_eq!(one.is_apart_from(&found(140.0 + by_hz)), is_apart, "{by_hz}");
         }
@@ -90,7 +89,7 @@ mod tests {
 
     #[test]
     fn a_straight_line_in_the_square_of_the_level_leads_to_no_drive() {
-        // Softer by 10 mHz at level 1, so by 40 mHz at level 2 and by 90 mHz at level 3.
+        // The shift is −10 mHz at level 1, −40 mHz at level 2 and −90 mHz at level 3.
         let at = |level: f64| FitOutcome::Accepted(found(140.0 - 0.01 * level * level));
         for (low, high) in [(1.0, 2.0), (2.0, 1.0), (0.5, 2.0)] {
             let verdict = at(low).without_drive(&at(high), high / low);

@@ -1,13 +1,13 @@
 //! Extra uncertainty when the dwell time is unknown.
 //!
-//! A sweep that goes on before the motion has settled reads every point a little as it read the one
-//! before. To first order that is what a resonance a little further along looks like, and no fit can
-//! tell; to second order it is not, and a strong resonance shows it. Between the two lie sweeps of
-//! weak sensors that look settled and are off by several standard deviations.
+//! In a sweep that does not wait for settling, each reading contains part of the previous one. To first
+//! order this is equivalent to a shift of the resonance along the sweep, which no fit can detect; to
+//! second order it differs, which is visible for a strong resonance. In between, sweeps of weak sensors
+//! look settled and are wrong by several standard deviations.
 //!
-//! So what the readings do not exclude goes into the uncertainty: each dwell that there may have
-//! been, and one that was long enough, is as likely as any other before the readings are seen. What
-//! is then still likely counts with the error that overlooking it would be.
+//! So dwells that the readings do not exclude add to the uncertainty. All trial dwells and a sufficient
+//! one have equal prior probability. Each adds the square of the error of ignoring it, weighted by its
+//! posterior probability.
 
 use rig_model::Reading;
 
@@ -17,15 +17,15 @@ use crate::{
     diagnose::alternatives::Fitted,
 };
 
-/// Beyond this twice the log-likelihood nothing else is possible, and numbers overflow.
+/// Largest twice the log-likelihood; above it other dwells are impossible and numbers overflow.
 const CERTAIN: f64 = 500.0;
 
-/// What must be added to the relative variance of the resonance, where readings of ten cycles have
-/// noise of this variance.
+/// Addition to the relative variance of the resonance, for this noise variance of readings of ten
+/// cycles.
 pub(crate) fn variance(fitted: &Fitted<'_>, noise: f64) -> f64 {
     let (mut all, mut sum) = (1.0, 0.0);
     for found in fitted.dwells() {
-        // Twice the log-likelihood of size 1 less that of size 0, the estimate being normal.
+        // Twice the log-likelihood of size 1 minus that of size 0, for a normal estimate.
         let gain = (2.0 * found.size - 1.0) / (found.size_variance * noise);
         let odds = (0.5 * gain.min(CERTAIN)).exp();
         all += odds;
@@ -34,7 +34,7 @@ pub(crate) fn variance(fitted: &Fitted<'_>, noise: f64) -> f64 {
     sum / all
 }
 
-/// A resonance found in readings about which nothing else is unusual.
+/// Widens a resonance from otherwise usual readings.
 pub(crate) fn widened(
     found: &Resonance,
     at: ModelEstimate,

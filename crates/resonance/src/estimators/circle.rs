@@ -1,12 +1,11 @@
 //! The circle of the motional admittance, and the phase around its centre.
 //!
-//! Y − jωC0 = (1/R1)/(1 + jQ(u − 1/u)) lies on a circle through the origin. The static capacitance
-//! is found with the circle; it has no loss here. Around the centre the phase is
-//! −2·arctan(Q(u − 1/u)).
+//! Y − jωC0 = (1/R1)/(1 + jQ(u − 1/u)) lies on a circle through the origin. The static capacitance is
+//! fitted with the circle, without loss. Around the centre the phase is −2·arctan(Q(u − 1/u)).
 //!
 //! # Source
 //! Probst, Song, Bushev, Ustinov and Weides, Rev. Sci. Instrum. 86 (2015) 024706, for the two steps.
-//! There the feed-through is constant, which a static capacitance is only within a narrow band.
+//! They assume a constant feed-through, which holds for a static capacitance only in a narrow band.
 
 use num_complex::Complex64;
 
@@ -16,7 +15,7 @@ use crate::{
     numeric::descent::{Descent, End, Normal, Step},
 };
 
-/// Two unknowns of the circle, three of the phase, and one reading more.
+/// Smallest number of readings: two unknowns of the circle, three of the phase, and one more.
 const POINTS_MIN: usize = 6;
 
 pub(super) fn resonance_hz(points: &[Point]) -> Result<f64, NoEstimate> {
@@ -36,12 +35,12 @@ pub(super) fn resonance_hz(points: &[Point]) -> Result<f64, NoEstimate> {
     }
 }
 
-/// The circle and what has to be taken away to see it.
+/// The circle and the static susceptance that is subtracted from the admittance.
 #[derive(Debug, Clone, Copy)]
 struct Circle {
-    /// Susceptance of the static capacitance at 1 Hz.
+    /// Susceptance of the static capacitance at 1 Hz, S.
     fixed: f64,
-    /// 1/R1.
+    /// Diameter 1/R1, S.
     diameter: f64,
 }
 
@@ -52,7 +51,7 @@ impl Step<2> for Circle {
 }
 
 impl Circle {
-    /// |Y − jfb|² = G·d, in which d, 2b and −b² are taken for independent.
+    /// Solves |Y − jfb|² = G·d with d, 2b and −b² as independent unknowns.
     fn algebraic(points: &[Point]) -> Option<Self> {
         let mut normal = Normal::<3>::default();
         for point in points {
@@ -65,12 +64,13 @@ impl Circle {
         Some(Self { fixed: 0.5 * twice, diameter })
     }
 
-    /// From the centre to a reading.
+    /// Vector from the centre to a reading, S.
     fn spoke(&self, point: &Point) -> Complex64 {
         point.admittance - Complex64::new(0.5 * self.diameter, self.fixed * point.frequency_hz)
     }
 
-    /// Distances from the circle in units of the error, which is proportional to |Y|.
+    /// Normal equations of the distances from the circle, relative to the error, which is proportional
+    /// to |Y|.
     fn normal(&self, points: &[Point]) -> Normal<2> {
         let mut normal = Normal::default();
         for point in points {
@@ -90,7 +90,7 @@ impl Circle {
 struct Phase {
     ln_hz: f64,
     ln_q: f64,
-    /// At the resonance; zero for a circle that was found rightly.
+    /// Phase at the resonance, rad; zero for an exact circle.
     offset: f64,
 }
 
@@ -105,8 +105,8 @@ impl Step<3> for Phase {
 }
 
 impl Phase {
-    /// A straight line through the tangents of half the angles, which are −Q(u − 1/u), of the
-    /// readings on the half of the circle about the resonance.
+    /// Fits a straight line to the tangents of half the angles, which are −Q(u − 1/u), for the readings
+    /// on the half of the circle around the resonance.
     fn start(points: &[Point], circle: &Circle) -> Self {
         let nearest = points
             .iter()
@@ -122,7 +122,7 @@ impl Phase {
             }
         }
         let slope = sums.0 / sums.1;
-        // Too few readings there tell no slope.
+        // Too few readings there determine no slope.
         let q: f64 = if slope.is_finite() && slope > 0.0 { slope } else { 30.0 };
         Self { ln_hz: nearest.1.ln(), ln_q: q.ln(), offset: 0.0 }
     }

@@ -4,13 +4,13 @@ use num_complex::Complex64;
 
 use crate::Circuit;
 
-/// A meaning of the word resonance.
+/// A definition of the resonance.
 ///
-/// Only the series resonance stays where it is when nothing but the damping changes. Every other
-/// meaning reads a change of damping as a change of stiffness.
+/// Only the series resonance is independent of the damping. With every other definition a change of
+/// damping appears as a change of stiffness.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Definition {
-    /// 1/(2π√(L1 C1)).
+    /// The series resonance 1/(2π√(L1 C1)).
     SeriesResonance,
     /// The local minimum of the magnitude of the impedance.
     MagnitudeMinimum,
@@ -24,16 +24,16 @@ pub enum Definition {
     ConductanceMaximum,
 }
 
-/// Steps of the search for a sign change, in half linewidths near the resonance. An extreme and its
-/// counterpart that lie closer together than this are taken for none.
+/// Steps of the search for a sign change, in half linewidths near the resonance. A maximum and a
+/// minimum closer together than this are not found.
 const STEP: f64 = 0.02;
-/// The search begins at this part of the series resonance …
+/// Start of the search relative to the series resonance.
 const LOWEST: f64 = 0.05;
-/// … and ends at this multiple of the parallel one.
+/// End of the search relative to the parallel resonance.
 const HIGHEST: f64 = 4.0;
 
 impl Definition {
-    /// All of them.
+    /// All definitions.
     pub const ALL: [Self; 6] = [
         Self::SeriesResonance,
         Self::MagnitudeMinimum,
@@ -43,7 +43,7 @@ impl Definition {
         Self::ConductanceMaximum,
     ];
 
-    /// The words in results and messages.
+    /// The name in results and messages.
     pub const fn name(self) -> &'static str {
         match self {
             Self::SeriesResonance => "series resonance",
@@ -55,8 +55,8 @@ impl Definition {
         }
     }
 
-    /// The frequency that it means in this circuit, Hz; `None` where the circuit has none. That is
-    /// the case for zero phase unless the figure of merit is at least 2 + 1/Q.
+    /// The frequency of this definition in a circuit, Hz; `None` if the circuit has none. A zero phase
+    /// requires a figure of merit of at least 2 + 1/Q.
     pub fn frequency_hz(self, circuit: &Circuit) -> Option<f64> {
         let slope = Slope::of(circuit);
         let u = match self {
@@ -64,14 +64,14 @@ impl Definition {
             Self::MagnitudeMinimum => slope.first(false, |by| by.logarithm.re),
             Self::MagnitudeMaximum => slope.first(true, |by| by.logarithm.re),
             Self::PhaseZero => slope.zero_phase(),
-            // The phase of the impedance is that of the admittance with the other sign.
+            // The phase of the impedance is minus that of the admittance.
             Self::PhaseMaximum => slope.first(true, |by| by.logarithm.im),
             Self::ConductanceMaximum => slope.first(false, |by| by.admittance.re),
         }?;
         Some(u * circuit.resonance_hz)
     }
 
-    /// That frequency less the series resonance, Hz.
+    /// The frequency of this definition minus the series resonance, Hz.
     pub fn bias_hz(self, circuit: &Circuit) -> Option<f64> {
         self.frequency_hz(circuit).map(|frequency_hz| frequency_hz - circuit.resonance_hz)
     }
@@ -81,16 +81,16 @@ impl Definition {
 #[derive(Debug, Clone, Copy)]
 struct Slope {
     q: f64,
-    /// C1/C0.
+    /// Capacitance ratio C1/C0.
     ratio: f64,
     loss_tangent: f64,
 }
 
-/// Derivatives by the frequency.
+/// Derivatives with respect to the frequency.
 #[derive(Debug, Clone, Copy)]
 struct FrequencyDerivatives {
     admittance: Complex64,
-    /// Of the logarithm of the admittance.
+    /// Derivative of the logarithm of the admittance.
     logarithm: Complex64,
 }
 
@@ -100,7 +100,7 @@ impl Slope {
         Self { q, ratio: c1_farad / c0_farad, loss_tangent }
     }
 
-    /// At u = f/fs, where Y = ju·((1 − j tan δ) + m/(1 − u² + ju/Q)).
+    /// The derivatives at u = f/fs, where Y = ju·((1 − j tan δ) + m/(1 − u² + ju/Q)).
     fn at(&self, u: f64) -> FrequencyDerivatives {
         let i = Complex64::I;
         let response = 1.0 / Complex64::new(1.0 - u * u, u / self.q);
@@ -110,7 +110,7 @@ impl Slope {
         FrequencyDerivatives { admittance, logarithm: admittance / (i * u * capacitance) }
     }
 
-    /// The first u at which this derivative passes through zero, rising or falling.
+    /// The first u at which this derivative crosses zero, rising or falling.
     fn first(
         &self,
         is_rising: bool,
@@ -120,7 +120,7 @@ impl Slope {
             let value = derivative(&self.at(u));
             if is_rising { value } else { -value }
         };
-        // Dense within the linewidth, and ever coarser outside.
+        // The steps are fine within the linewidth and increasingly coarse outside.
         let linewidths = |u: f64| (2.0 * self.q * (u - 1.0)).asinh();
         let frequency = |t: f64| 1.0 + t.sinh() / (2.0 * self.q);
         let (from, to) = (linewidths(LOWEST), linewidths(HIGHEST * (1.0 + self.ratio).sqrt()));
@@ -141,12 +141,12 @@ impl Slope {
         let damping = 1.0 / (self.q * self.q);
         let half = 0.5 * (self.ratio - damping);
         let squared = half * half - damping;
-        // The product of the roots keeps its digits where their difference would not.
+        // The product of the roots avoids the cancellation in their difference.
         (half > 0.0 && squared >= 0.0).then(|| (1.0 + damping / (half + squared.sqrt())).sqrt())
     }
 }
 
-/// The zero of a function that is negative at `low` and not at `high`.
+/// The zero of a function that is negative at `low` and not negative at `high`.
 fn root(mut low: f64, mut high: f64, value: impl Fn(f64) -> f64) -> f64 {
     loop {
         let middle = 0.5 * (low + high);
@@ -170,7 +170,7 @@ mod tests {
         Circuit { resonance_hz: 140.0, q, c0_farad: 27e-9, c1_farad, loss_tangent: 0.0 }
     }
 
-    /// Biases of a resonance at 140 Hz in mHz, found by dense sampling in another program.
+    /// Biases of a resonance at 140 Hz, mHz, computed by dense sampling in another program.
     const BIASES: [(f64, f64, [Option<f64>; 4]); 24] = [
         (0.02, 100.0, [Some(-284.0), Some(1702.0), Some(586.0), Some(709.0)]),
         (0.02, 50.0, [Some(-836.0), Some(2244.0), None, Some(704.0)]),
@@ -254,7 +254,7 @@ mod tests {
         check(Definition::MagnitudeMinimum, &|z| -z.norm());
         check(Definition::MagnitudeMaximum, &|z| z.norm());
         check(Definition::PhaseMaximum, &|z| z.arg());
-        // Loss adds a conductance that grows with the frequency.
+        // Loss adds a conductance that increases with frequency.
         let conductance = check(Definition::ConductanceMaximum, &|z| (1.0 / z).re);
         assert!((0.0171..0.0172).contains(&conductance), "{conductance}");
     }

@@ -1,8 +1,8 @@
-//! The reciprocal of the conductance within the half-power points.
+//! A fit of the reciprocal conductance within the half-power points.
 //!
-//! 1/G = R1·(1 + Q²(u − 1/u)²) is nearly a parabola in u near 1, so that a linear fit does. The
-//! term of third order, which it has not, shifts the vertex by a few hundredths of the linewidth at
-//! a quality of 10.
+//! 1/G = R1·(1 + Q²(u − 1/u)²) is nearly a parabola in u near 1, so that a linear fit suffices. The
+//! omitted third-order term shifts the vertex by a few hundredths of the linewidth at a quality factor
+//! of 10.
 //!
 //! # Source
 //! Robinson and Clegg, IEEE Trans. Electromagnetic Compatibility 2005, on the conductance of a
@@ -11,7 +11,7 @@
 use super::{NoEstimate, Point, at_least, peaks::peak};
 use crate::{numeric::dense::Cholesky, numeric::descent::Normal};
 
-/// A parabola and one reading more.
+/// Smallest number of readings: three unknowns of the parabola and one more.
 const POINTS_MIN: usize = 4;
 
 pub(super) fn resonance_hz(points: &[Point]) -> Result<f64, NoEstimate> {
@@ -33,7 +33,7 @@ pub(super) fn resonance_hz(points: &[Point]) -> Result<f64, NoEstimate> {
     for point in points {
         let x = (point.frequency_hz - centre_hz) / scale_hz;
         let g = point.admittance.re;
-        // The error of 1/G is that of G, which is proportional to |Y|, over G².
+        // The error of 1/G is that of G, which is proportional to |Y|, divided by G².
         let weight = g.powi(4) / point.admittance.norm_sqr() / half.powi(2);
         let slopes = [1.0, x, x * x].map(Into::into);
         normal.add((half / g).into(), &slopes, weight);

@@ -1,13 +1,13 @@
-//! The resonance curve of the conductance.
+//! A fit of the resonance curve of the conductance.
 //!
-//! A quartz microbalance is read so, with the curve written in f; here it is exact,
-//! G = a·f + g/(1 + Q²(u − 1/u)²), of a lossy capacitor beside a series circuit. The susceptance,
-//! half of what was measured, is not used.
+//! This is common for quartz microbalances, with an approximate curve in f. Here the curve is exact for
+//! a lossy capacitor in parallel with a series circuit, G = a·f + g/(1 + Q²(u − 1/u)²). The
+//! susceptance, half of the measured data, is not used.
 
 use super::{NoEstimate, Point, at_least, peaks::peak};
 use crate::numeric::descent::{Descent, End, Normal, Step};
 
-/// Four parameters and one reading more.
+/// Smallest number of readings: four parameters and one more.
 const POINTS_MIN: usize = 5;
 
 #[derive(Debug, Clone, Copy)]
@@ -15,7 +15,7 @@ struct Curve {
     ln_hz: f64,
     ln_q: f64,
     peak: f64,
-    /// Conductance of the loss at 1 Hz.
+    /// Conductance of the loss at 1 Hz, S.
     loss: f64,
 }
 
@@ -31,7 +31,7 @@ impl Step<4> for Curve {
 }
 
 impl Curve {
-    /// Residuals in units of the error, which is proportional to |Y|.
+    /// Normal equations of the residuals relative to the error, which is proportional to |Y|.
     fn normal(&self, points: &[Point]) -> Normal<4> {
         let (resonance_hz, q) = (self.ln_hz.exp(), self.ln_q.exp());
         let mut normal = Normal::default();
@@ -63,7 +63,7 @@ pub(super) fn resonance_hz(points: &[Point]) -> Result<f64, NoEstimate> {
     }
 }
 
-/// The highest reading, and how wide it is half-way down.
+/// Start values from the highest reading and the width of the peak at half its height.
 fn start(points: &[Point]) -> Curve {
     let conductance = |point: &Point| point.admittance.re;
     let top = peak(points, conductance);

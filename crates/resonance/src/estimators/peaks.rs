@@ -1,8 +1,8 @@
-//! Readings that stand out, and a little interpolation.
+//! Extremes and zeros of readings, with interpolation.
 
 use super::{NoEstimate, Point, at_least};
 
-/// An extreme needs a neighbour on each side.
+/// Smallest number of readings: an extreme with a neighbour on each side.
 const POINTS_MIN: usize = 3;
 
 /// The frequency of the reading with the highest value.
@@ -17,8 +17,8 @@ pub(super) fn parabola(points: &[Point], value: impl Fn(&Point) -> f64) -> Resul
     let (below, above) =
         (middle.frequency_hz - left.frequency_hz, right.frequency_hz - middle.frequency_hz);
     let (rise, fall) = (value(middle) - value(left), value(middle) - value(right));
-    // Slopes half-way to the neighbours; the vertex is where the line through them is zero. Equal
-    // heights make no parabola, and then the middle is as good as any.
+    // Slopes half-way to the neighbours; the line through them is zero at the vertex. Equal heights
+    // define no parabola, and the middle reading is used.
     let (up, down) = (rise / below, fall / above);
     let shift = 0.5 * (up * above - down * below) / (up + down);
     Ok(middle.frequency_hz + if shift.is_finite() { shift } else { 0.0 })
@@ -28,7 +28,7 @@ pub(super) fn parabola(points: &[Point], value: impl Fn(&Point) -> f64) -> Resul
 pub(super) fn zero_phase(points: &[Point]) -> Result<f64, NoEstimate> {
     at_least(2, points)?;
     let rises = |pair: &&[Point]| {
-        // Through zero, and not from 180° to −180°, which takes a negative resistance.
+        // A positive resistance excludes a jump from 180° to −180°.
         let is_resistive = pair.iter().all(|point| point.impedance.re > 0.0);
         is_resistive && pair[0].impedance.im < 0.0 && pair[1].impedance.im >= 0.0
     };
@@ -38,10 +38,10 @@ pub(super) fn zero_phase(points: &[Point]) -> Result<f64, NoEstimate> {
     Ok(pair[0].frequency_hz + part * (pair[1].frequency_hz - pair[0].frequency_hz))
 }
 
-/// The place of the highest value.
+/// The index of the highest value.
 ///
 /// # Errors
-/// That it is the first or the last.
+/// If it is the first or the last.
 fn inner_peak(points: &[Point], value: impl Fn(&Point) -> f64) -> Result<usize, NoEstimate> {
     at_least(POINTS_MIN, points)?;
     let index = peak(points, value);
@@ -51,7 +51,7 @@ fn inner_peak(points: &[Point], value: impl Fn(&Point) -> f64) -> Result<usize, 
     Ok(index)
 }
 
-/// The place of the highest value, which may be at the edge; the first of several.
+/// The index of the highest value, possibly at the edge; the first of equal values.
 pub(super) fn peak(points: &[Point], value: impl Fn(&Point) -> f64) -> usize {
     let mut best = (0, f64::NEG_INFINITY);
     for (index, point) in points.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! The estimators against circuits that are known.
+//! Tests of the estimators with known circuits.
 
 use num_complex::Complex64;
 use rand_core::Rng;
@@ -13,14 +13,15 @@ const STEP_HZ: f64 = 0.28;
 
 fn circuit(q: f64, k_eff_squared: f64) -> Circuit {
     let c1_farad = 27e-9 * k_eff_squared / (1.0 - k_eff_squared);
-    // Beside the grid.
+    // This frequency is not on the grid.
     Circuit { resonance_hz: 140.1, q, c0_farad: 27e-9, c1_farad, loss_tangent: 0.0 }
 }
 
-/// Even readings with next to no noise: without any, the maximum-likelihood fit judges rounding.
+/// Equally spaced readings with very little noise; without noise, the maximum-likelihood fit would
+/// judge rounding.
 fn sweep(circuit: &Circuit, window: Window) -> Vec<Reading> {
     let mut random = Pcg64::new(11, 13);
-    // The sum of twelve even numbers is normal enough here.
+    // The sum of twelve uniform numbers is normal enough here.
     let mut error = || {
         let sum: f64 = (0..12).map(|_| random.next_u64() as f64 / 2_f64.powi(64)).sum();
         1e-7 * (sum - 6.0)
@@ -64,7 +65,7 @@ fn each_finds_what_it_means_in_clean_readings() {
                 | Estimator::PhaseMaximum
                 | Estimator::ConductanceParabola => 0.12 * STEP_HZ,
                 Estimator::PhaseZero => 0.05 * STEP_HZ,
-                // A parabola is not quite the curve.
+                // A parabola only approximates the curve.
                 Estimator::RobinsonClegg => 0.3 * circuit.linewidth_hz() / circuit.q,
                 Estimator::ConductanceLorentzian
                 | Estimator::CircleFit
@@ -123,7 +124,7 @@ fn an_extreme_at_the_edge_is_none() {
         check(112.0, 138.0, 138.0, estimator);
     }
     for estimator in [Estimator::MagnitudeMinimum, Estimator::MagnitudeParabola] {
-        // Beyond the antiresonance the impedance of the capacitor falls for ever.
+        // Above the antiresonance the impedance of the capacitor decreases steadily.
         check(150.0, 220.0, 220.0, estimator);
         check(112.0, 138.0, 138.0, estimator);
     }
@@ -187,7 +188,7 @@ fn too_few_or_unusable_readings_are_refused() {
         let (with, without) = (with.unwrap_or(0.0), without.unwrap_or(0.0));
         assert!((with - without).abs() < 1e-6, "{estimator:?} {with} {without}");
     }
-    // The half-power points of a narrow peak between two readings.
+    // The half-power points of a narrow peak lie between two readings.
     let narrow = Circuit { q: 800.0, ..circuit };
     let coarse: Vec<_> = sweep(&narrow, WINDOW).into_iter().step_by(4).collect();
     let found = Estimator::RobinsonClegg.estimate(&coarse, WINDOW);
@@ -200,7 +201,7 @@ fn order_and_repetition_of_the_readings_have_no_influence() {
     let readings = sweep(&circuit, WINDOW);
     let mut twice: Vec<_> = readings.iter().rev().chain(&readings).copied().collect();
     twice.rotate_left(37);
-    // The maximum-likelihood fit sees that the noise of two halves is the same.
+    // The maximum-likelihood fit is excluded: it detects that both halves have identical noise.
     let is_fit = |estimator: &Estimator| *estimator == Estimator::MaximumLikelihood;
     for estimator in Estimator::ALL.into_iter().filter(|estimator| !is_fit(estimator)) {
         let (once, again) =

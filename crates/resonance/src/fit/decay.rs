@@ -7,10 +7,11 @@
 //!   Y = jωC0(1 − j tan δ) + jωC1/D(ω) + a·E(s) + b·E(s*),   E(s) = ⟨e^{(s − jω)t}⟩ over the reading
 //! ```
 //!
-//! with s the complex frequency of the free decay. The amplitude a has a random phase and is
-//! eliminated from the normal equations of the circuit under its Gaussian prior; so is an error in time
-//! after every reading, which adds up along the stay. What turns against the drive, b, is as large as a
-//! but turns by radians within a millisecond: it is an error of known size and unknown phase.
+//! with s the complex frequency of the free decay. The amplitude a has a random phase and is eliminated
+//! from the normal equations of the circuit under its Gaussian prior. The timing error after every
+//! reading, which accumulates along the stay, is eliminated in the same way. The counter-rotating
+//! amplitude b is as large as a but turns by radians within a millisecond, so that it is an error of
+//! known size and unknown phase.
 
 pub(crate) mod judge;
 pub(crate) mod mode;
@@ -34,9 +35,9 @@ use crate::{
 use model::{Amplitude, Model, Ring};
 use stay::State;
 
-/// The gap between two readings before any was measured, s.
+/// Assumed gap between two readings before any is measured, s.
 const GAP_S: f64 = 1e-3;
-/// Standard deviation of the error in the time between two readings: within a millisecond.
+/// Standard deviation of the error of the time between two readings, s: uniform within ±1 ms.
 const GAP_SIGMA_S: f64 = 0.58e-3;
 
 /// Prior knowledge of the analyzer.
@@ -49,7 +50,7 @@ pub(crate) struct Known {
 }
 
 impl Known {
-    /// Of an analyzer with this noise, whose times are known to a millisecond.
+    /// Knowledge of an analyzer with this noise, whose times are known to 1 ms.
     pub(crate) const fn with(variance: f64) -> Self {
         Self { variance, gap_sigma_s: GAP_SIGMA_S }
     }
@@ -58,12 +59,12 @@ impl Known {
 /// One reading of a stay.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Sample {
-    /// From the begin of the first integration of the stay to that of this one, s.
+    /// Time from the start of the first integration of the stay to that of this one, s.
     pub(crate) start_s: f64,
     pub(crate) integration_s: f64,
     /// Measured impedance times the unit of capacitance, s.
     pub(crate) impedance: Option<Complex64>,
-    /// Cycles, in units of ten; 0 for a reading that is left out.
+    /// Cycles, in units of ten; 0 for an excluded reading.
     pub(crate) length: f64,
 }
 
@@ -71,7 +72,7 @@ pub(crate) struct Sample {
 #[derive(Debug, Clone)]
 pub(crate) struct Stay {
     pub(crate) frequency_hz: f64,
-    /// From the begin of the first integration of the stay before, s.
+    /// Time since the start of the first integration of the previous stay, s.
     pub(crate) since_s: f64,
     pub(crate) samples: Vec<Sample>,
 }
@@ -83,7 +84,7 @@ pub(crate) struct Stays {
     pub(crate) unit_farad: f64,
     pub(crate) known: Known,
     last: Option<Reading>,
-    /// Readings with their slopes that were computed so far.
+    /// Work so far, in rows: evaluations of one reading with its derivatives.
     pub(crate) work: Cell<u64>,
 }
 
@@ -103,7 +104,7 @@ impl Hypothesis {
     }
 
     /// Twice the negative logarithm of the likelihood averaged over the amplitudes of the free decays.
-    /// Circuits are compared by it, not by the cost, which is that of the best amplitudes.
+    /// Circuits are compared by this, not by the cost, which holds only for the best amplitudes.
     pub(crate) fn evidence(&self) -> f64 {
         self.normal.cost + self.states.iter().map(State::freedom).sum::<f64>()
     }
@@ -128,8 +129,8 @@ pub(crate) fn variance(normal: &Normal<UNKNOWNS>, free: usize) -> f64 {
 }
 
 impl Stay {
-    /// The start of a reading whose settings are sent with it is recorded late: it would end after the
-    /// next one begins. It is moved back until the usual gap follows it.
+    /// Corrects the start of a reading that was recorded late because its settings were sent with it,
+    /// so that it would end after the next one starts. It is moved back until the usual gap follows it.
     fn mend_last(&mut self, next: &mut Sample) {
         let gaps = self.samples.windows(2).map(|two| two[1].start_s - two[0].end_s());
         let (sum, count) = gaps
@@ -142,7 +143,7 @@ impl Stay {
             return;
         }
         if is_first {
-            // Time begins with the first reading.
+            // The time axis starts with the first reading.
             next.start_s += late_s;
         } else {
             last.start_s -= late_s;
@@ -157,8 +158,8 @@ impl Sample {
 }
 
 impl Stays {
-    /// With a first reading that has an impedance, which gives the unit of capacitance; `None` for one
-    /// without.
+    /// Starts with the first reading, whose impedance sets the unit of capacitance; `None` if it has
+    /// none.
     pub(crate) fn new(known: Known, first: &Reading) -> Option<Self> {
         let ohm = complex_ohm(first)?.norm();
         let unit_farad = 1.0 / (TAU * first.frequency_hz * ohm);
@@ -166,7 +167,7 @@ impl Stays {
         Some(Self { all, unit_farad, known, last, work })
     }
 
-    /// These readings, or `None` where none has an impedance.
+    /// Builds the stays of these readings; `None` if none has an impedance.
     pub(crate) fn of(known: Known, readings: &[Reading]) -> Option<Self> {
         let first = readings.iter().find(|reading| complex_ohm(reading).is_some())?;
         let mut stays = Self::new(known, first)?;
@@ -176,7 +177,7 @@ impl Stays {
         Some(stays)
     }
 
-    /// Takes in one more reading. Gives whether it begins a stay.
+    /// Adds a reading and returns whether it starts a new stay.
     pub(crate) fn push(&mut self, reading: &Reading) -> bool {
         let impedance = complex_ohm(reading).map(|ohm| ohm * self.unit_farad);
         let mut sample = Sample {
@@ -208,19 +209,19 @@ impl Stays {
         !goes_on
     }
 
-    /// Readings that take part.
+    /// Number of readings in use.
     pub(crate) fn count(&self) -> usize {
         let samples = self.all.iter().flat_map(|stay| &stay.samples);
         samples.filter(|sample| sample.length > 0.0).count()
     }
 
-    /// Degrees of freedom that a circuit leaves.
+    /// Residual degrees of freedom after fitting a circuit.
     pub(crate) fn degrees(&self) -> f64 {
         let later = self.all.len().saturating_sub(1) as f64;
         (2 * self.count()) as f64 - (CIRCUIT + 2) as f64 - 2.0 * stay::AMPLITUDE_FREE * later
     }
 
-    /// The model of each stay, and the mean square of its free motion.
+    /// Each stay with its model and the mean square of its free motion.
     fn models(&self, at: &ModelEstimate) -> impl Iterator<Item = (&Stay, Model, f64)> {
         let mut amplitude = Amplitude::new(at);
         let at = *at;
@@ -230,8 +231,8 @@ impl Stays {
         })
     }
 
-    /// The normal equations of the circuit there, everything else eliminated; only the readings.
-    /// `states` are those of the stays at a circuit near this one, and empty at first.
+    /// The normal equations of the readings for the circuit at `at`, without the prior and with all
+    /// other unknowns eliminated. `states` are those of the stays at a nearby circuit, initially empty.
     fn normal(&self, at: &ModelEstimate, states: &mut Vec<State>) -> Normal<UNKNOWNS> {
         let mut normal = Normal::default();
         states.resize_with(self.all.len(), State::default);
@@ -247,8 +248,8 @@ impl Stays {
         normal
     }
 
-    /// When the resonance was what a fit gives that takes it for constant, s after the first reading
-    /// began: each stay has the weight of its information on the resonance.
+    /// Time to which the fitted constant resonance refers, s after the start of the first reading. Each
+    /// stay is weighted by its information on the resonance.
     pub(crate) fn moment_s(&self, best: &Hypothesis) -> Option<f64> {
         let (mut sum, mut begin_s) = ([0.0; UNKNOWNS], 0.0);
         let mut states = best.states.clone();
@@ -265,7 +266,7 @@ impl Stays {
         Some(Cholesky::new(&best.normal.matrix, CIRCUIT, 0.0)?.solve(&sum)[0])
     }
 
-    /// The model and the free motion of the last stay, and the amplitude with which the next begins.
+    /// The model and the free motion of the last stay, and the initial amplitude of the next.
     pub(crate) fn last(&self, best: &Hypothesis) -> Option<(Model, Ring, Amplitude)> {
         let mut amplitude = Amplitude::new(&best.at);
         let mut square = 0.0;
@@ -282,8 +283,8 @@ impl Stays {
         self.descend(start, Vec::new(), expected, |_, _| (), |_, _, _| true)
     }
 
-    /// The most likely circuit near `start`, where the stays had these states; `None` once `is_wanted`
-    /// says no to a circuit, its cost and what the last step saved.
+    /// The most likely circuit near `start`, from these states of the stays; `None` once `is_wanted`
+    /// rejects a circuit, given its cost and the cost saved by the last step.
     pub(crate) fn minimum_while(
         &self,
         start: ModelEstimate,
@@ -315,8 +316,8 @@ impl Stays {
         Hypothesis { at, normal, end, states }
     }
 
-    /// The standard deviation of the resonance by where the profile likelihood has fallen as it does
-    /// two standard deviations away, Hz; the wider of both sides and of the curvature.
+    /// Standard deviation of the resonance, Hz, from the points where the profile likelihood has fallen
+    /// by the amount for two standard deviations. It is the largest of both sides and of the curvature.
     pub(crate) fn profile_sigma_hz(&self, best: &Hypothesis, expected: &CircuitPrior) -> f64 {
         const SIGMAS: f64 = 2.0;
         let sigma = best.variance().sqrt();

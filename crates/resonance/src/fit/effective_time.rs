@@ -1,18 +1,18 @@
-//! The moment for which a resonance holds.
+//! The effective time of a resonance.
 //!
-//! A sweep takes time, and what it finds is a mean over that time in which each reading counts for
-//! what it tells of the resonance. If the resonance moves evenly meanwhile, that mean is the resonance
-//! of a certain moment, however fast it moves: in a rising sweep the moment of passing it, in a sweep
-//! up and down the middle. No sweep in one direction can tell whether the resonance moved, but each
-//! can say when it looked.
+//! The result of a sweep is a mean over its duration, in which each reading is weighted by its
+//! information on the resonance. If the resonance drifts linearly, that mean equals the resonance at
+//! one effective time, independent of the drift rate: in a rising sweep the time of passing the
+//! resonance, in a sweep up and down the middle. A sweep in one direction cannot detect a drift, but
+//! its effective time is known.
 //!
-//! A resonance off by δ·(t − m) at each reading moves the result by δ times
+//! A resonance that deviates by δ·(t − m) at each reading shifts the result by δ times
 //!
 //! ```text
 //!   (JᵀWJ)⁻¹ Jᵀ W J_f (t − m),   in the row of the resonance f,
 //! ```
 //!
-//! which is nothing where m is the moment.
+//! which is zero if m is the effective time.
 
 use std::f64::consts::TAU;
 
@@ -28,10 +28,10 @@ use crate::{
 };
 
 impl Resonance {
-    /// The moment for which `resonance_hz` holds, s on the clock of the readings, to first order in how
-    /// far the resonance moved meanwhile. `readings` and `options` are those of the fit.
+    /// Effective time of `resonance_hz`, s on the clock of the readings, to first order in the drift of
+    /// the resonance during the sweep. `readings` and `options` are those of the fit.
     ///
-    /// `None` where the clock stood still between the readings, or they determine no resonance.
+    /// `None` if the clock stood still between the readings or if they do not determine a resonance.
     pub fn moment_s(&self, readings: &[Reading], options: &FitOptions) -> Option<f64> {
         let (first, last) = (readings.first()?, readings.last()?);
         if first.started >= last.started {
@@ -67,9 +67,9 @@ impl Resonance {
     }
 }
 
-/// How long ago the resonance was as a steady reading shows it, s. The motion takes its time to follow
-/// a resonance that moves: with γ the rate of decay and Δ the detuning, rad/s, its phasor x obeys
-/// x' = −(γ + jΔ)x + drive, so that Δ of a time 1/(γ + jΔ) ago is what shows, to first order in Δ'.
+/// Delay with which a steady reading follows a moving resonance, s. With the decay rate γ and the
+/// detuning Δ, rad/s, the phasor x of the motion obeys x' = −(γ + jΔ)x + drive, so that a reading shows
+/// Δ at a time 1/(γ + jΔ) ago, to first order in Δ'.
 fn lag_s(circuit: &Circuit, frequency_hz: f64) -> Complex64 {
     let decay = 1.0 / circuit.time_constant_s();
     let detuning = TAU * (frequency_hz - circuit.resonance_hz);

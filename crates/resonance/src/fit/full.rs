@@ -1,4 +1,4 @@
-//! The fit for readings that are not beyond doubt: other starts, other models, outliers.
+//! The full fit of unusual readings: other start values, other models, outliers.
 
 mod weights;
 
@@ -22,43 +22,44 @@ use crate::{
     outcome::{LOSS_GAIN_MIN, ModelOrder, Spread},
 };
 
-/// The most likely model, and what speaks against it.
+/// The most likely model and the evidence against it.
 #[derive(Debug)]
 pub(crate) struct Model {
     trace: Trace,
     pub(crate) found: Minimum,
     order: ModelOrder,
-    /// The least variance at ten cycles that the noise can have: that of the noise that weighs
-    /// rounding, and 0 where nothing was rounded.
+    /// Smallest possible noise variance at ten cycles: that of the noise that weights rounding, and 0
+    /// without rounding.
     known: f64,
     /// The multiple of the mains frequency near which readings were disturbed.
     mains_hz: Option<f64>,
-    /// Readings far from the rest, where there are too many of them to be left out.
+    /// Number of outliers if there are too many to be excluded.
     too_many: Option<usize>,
-    /// What must be added to the relative variance of the resonance, because a cause that would
-    /// shift it is not excluded.
+    /// Addition to the relative variance of the resonance for causes that would shift it and are not
+    /// excluded.
     widened: f64,
-    /// The evidence against it.
+    /// The reason to refuse this model, if there is one.
     pub(crate) reason: Option<Reason>,
 }
 
-/// Valleys of the grid that are followed to their bottom.
+/// Number of grid minima that are refined.
 const STARTS: usize = 4;
-/// Variance to rank the trials of a grid with: only what is believed beforehand depends on it.
+/// Noise variance for ranking the trials of a grid; it only affects the weight of the prior.
 const GRID_VARIANCE: f64 = 0.005 * 0.005;
-/// So far below the gain that takes a cause for real, it is as likely to be there as not.
+/// Distance below the accepted gain at which a cause is as likely present as absent.
 const EVEN_BELOW: f64 = 4.0;
-/// A second mode with more than this part of the capacitance of the first leaves open which is which.
+/// Largest capacitance of a second mode relative to the first; above it the two modes are ambiguous.
 const EQUALS: f64 = 0.7;
-/// What an open and short correction leaves is a small part of the impedance; more is no stray.
+/// Largest stray relative to the impedance. The residue of an open and short correction is small; a
+/// larger term has another cause.
 const STRAY_MAX: f64 = 0.05;
-/// Number of times that readings get new weights from the latest circuit.
+/// Number of times that the readings are reweighted with the latest circuit.
 const WEIGHINGS: usize = 3;
-/// An error of the resonance below this many of its standard deviations does not matter.
+/// An error of the resonance below this many of its standard deviations is negligible.
 const SETTLED_SIGMAS: f64 = 0.5;
 
-/// Twice the log-likelihood that a cause must gain to be taken for real: chance reaches it once in
-/// ten thousand sweeps. A second mode away from the first is tried at many places.
+/// Twice the log-likelihood that a cause must gain to be accepted; chance reaches it once in ten
+/// thousand sweeps. A second mode away from the first is tried at many places.
 fn gain_needed(cause: &Cause) -> f64 {
     match cause {
         Cause::Drift | Cause::Hysteresis => 16.0,
@@ -71,15 +72,15 @@ fn gain_needed(cause: &Cause) -> f64 {
     }
 }
 
-/// Largest factor by which an unknown cause may raise the variance and still count against the readings.
-/// Beyond it these readings hardly distinguish the cause from the circuit.
+/// Largest factor by which a possible cause may raise the variance and still be considered. Above it
+/// these readings hardly distinguish the cause from the circuit.
 fn inflation_max(cause: &Cause, is_planned: bool) -> f64 {
     match cause {
-        // A plan reads few frequencies again and again, and would never end if what these cannot tell
-        // were held against it.
+        // A plan repeats few frequencies and would never end if causes that these cannot distinguish
+        // widened its uncertainty.
         _ if is_planned => 4.0,
-        // In a sweep one way nearly everything looks a little like drift, and any place that the
-        // resonance had is right.
+        // In a sweep in one direction nearly every cause resembles drift, and any value that the
+        // resonance had is valid.
         Cause::Drift | Cause::Hysteresis => 4.0,
         _ => 100.0,
     }
@@ -88,18 +89,17 @@ fn inflation_max(cause: &Cause, is_planned: bool) -> f64 {
 /// Gain by which an explanation must beat the others.
 const CLEARLY: f64 = 10.0;
 
-/// By how much a cause that can be modelled must beat one that cannot, which was tried to first
-/// order only; something in series, which would explain a little of nearly everything, must beat
-/// all others.
+/// Margin by which a cause that can be modelled must beat one that cannot, which was tried to first
+/// order only. A stray series impedance partly fits almost anything and must beat all others.
 fn clearly(cause: &Cause) -> f64 {
     if *cause == Cause::Stray { 30.0 } else { CLEARLY }
 }
 
 impl Model {
-    /// The most likely model of the readings, from `start` or from nothing.
+    /// Finds the most likely model of the readings, from `start` or from a grid search.
     ///
     /// # Errors
-    /// [`Reason::NoResonance`] when nothing like a resonance is found.
+    /// [`Reason::NoResonance`] if no resonance is found.
     pub(crate) fn find(
         readings: &[Reading],
         rounding: &[f64],
@@ -111,7 +111,8 @@ impl Model {
         let mut trace = Trace::of(readings, options.timing, unit_farad);
         trace.added.extend(rounding);
         let free = CIRCUIT + trace.extra_term().count();
-        // What few wrong readings cannot lead astray; readings that ring have no settled circuit.
+        // A few wrong readings cannot mislead the robust fit; unsettled readings have no steady
+        // circuit.
         let is_settled = options.timing.is_steady() && options.near.is_none();
         let robust = is_settled.then(|| robust::circuit(readings)).flatten();
         let robust = robust
@@ -154,12 +155,12 @@ impl Model {
         Ok(model)
     }
 
-    /// Degrees of freedom left.
+    /// Residual degrees of freedom.
     pub(crate) fn degrees(&self) -> f64 {
         (2 * self.trace.used().0 - self.found.free) as f64
     }
 
-    /// The model of the readings without outliers, where they are all that is wrong.
+    /// The model without outliers, if they are the only fault.
     fn without_outliers(mut self, robust: Option<ModelEstimate>, options: &FitOptions) -> Self {
         if robust.is_none() && outliers::count(&self.trace, &self.found) == 0 {
             return self;
@@ -169,18 +170,18 @@ impl Model {
         let left_out = self.trace.used().0 - trace.used().0;
         let rest = Self { trace, found, ..self };
         if !is_enough {
-            // Anything can be made of noise by leaving readings out.
+            // Excluding readings can make pure noise fit any model.
             let is_resonance = rest.gain_over_capacitor() > GAIN_MIN;
             self.too_many = is_resonance.then_some(left_out);
             return self;
         }
         let gain = rest.degrees() * (self.found.normal.cost / rest.found.normal.cost).ln();
-        // The readings may follow another model as a whole.
+        // All readings together may follow another model.
         let is_best = self.rival(options) < gain - GAIN_PER_OUTLIER * left_out as f64;
         if is_best { rest } else { self }
     }
 
-    /// That readings far from the rest keep the model from being found.
+    /// The refusal if outliers prevent a valid model.
     pub(crate) fn outliers_in_the_way(&self) -> Option<Reason> {
         let readings = self.trace.samples.len();
         let allowed = readings / READINGS_PER_OUTLIER;
@@ -194,7 +195,7 @@ impl Model {
         (found > 0).then_some(Reason::Outliers { found, readings, allowed })
     }
 
-    /// Does without dielectric loss where that errs by less than its estimate would.
+    /// Omits dielectric loss if that causes less error than fitting it.
     fn try_without_loss(&mut self) {
         let lossless = ModelEstimate { g: 0.0, ..self.found.at };
         let plain = self.trace.minimum(lossless, CIRCUIT - 1);
@@ -205,7 +206,7 @@ impl Model {
         }
     }
 
-    /// Goes one rung up where the readings ask for it, and says what remains.
+    /// Raises the model order if the readings require it, and records the remaining reason to refuse.
     fn climb(&mut self, options: &FitOptions) {
         let alternatives = self.doubts(options);
         let Some(strongest) = strongest(&alternatives) else { return };
@@ -247,8 +248,8 @@ impl Model {
         *self = higher;
     }
 
-    /// Every alternative with its gain. Each widens the uncertainty as far as it is likely: its gain
-    /// says how much likelier it has become than it was before, which is where chance rarely gets.
+    /// Every alternative with its gain. Each widens the uncertainty in proportion to its probability,
+    /// which follows from its gain and its prior probability.
     fn doubts(&mut self, options: &FitOptions) -> Vec<(Alternative, f64)> {
         let fitted = Fitted::new(&self.trace, &self.found);
         let alternatives: Vec<_> = fitted
@@ -282,7 +283,7 @@ impl Model {
         }
     }
 
-    /// What the best cause other than a second mode gains, which would follow any single reading.
+    /// Gain of the best cause other than a second mode, which would fit any single reading.
     fn rival(&self, options: &FitOptions) -> f64 {
         Fitted::new(&self.trace, &self.found)
             .alternatives()
@@ -297,7 +298,7 @@ impl Model {
             .fold(0.0, f64::max)
     }
 
-    /// The model with this cause in it, where there is one.
+    /// The model extended by this cause, if there is one.
     fn higher(&self, cause: &Cause) -> Option<Self> {
         if !self.trace.timing.is_steady() {
             return None;
@@ -318,8 +319,7 @@ impl Model {
         Some(Self { trace, found, order, known, mains_hz, too_many, widened: 0.0, reason: None })
     }
 
-    /// Whether what is left of the motion does not matter, given how long each point was waited
-    /// for, or is not there.
+    /// Whether the residual motion is negligible for the settling times, or is absent.
     fn has_settled(&self, options: &FitOptions) -> bool {
         let Some(left) = Fitted::new(&self.trace, &self.found).left_over() else { return true };
         let noise = self.noise(options).deviation();
@@ -330,7 +330,7 @@ impl Model {
         left.size.abs() < 3.0 * sigma && 1.0 - left.size > 4.0 * sigma
     }
 
-    /// The weighted sum of |r|², which can be no less than rounding makes it.
+    /// The weighted sum of |r|², bounded below by rounding.
     fn cost(&self) -> f64 {
         self.found.normal.cost.max(self.degrees() * self.known.max(noise::VARIANCE_MIN))
     }
@@ -345,8 +345,8 @@ impl Model {
             .with(cost, degrees)
     }
 
-    /// The cost and the degrees of freedom of the readings that have settled: the noise of the
-    /// others is not all that they are wrong by.
+    /// Cost and degrees of freedom of the settled readings; the others have errors in addition to
+    /// noise.
     fn settled(&self) -> (f64, f64) {
         if self.trace.weighed_for.is_none() {
             return (self.cost(), self.degrees());
@@ -367,7 +367,7 @@ impl Model {
         self.noise(options).gain(saved) / self.correlation()
     }
 
-    /// The result as it stands, or `None` where the readings do not determine it.
+    /// The present result, or `None` if the readings do not determine it.
     pub(crate) fn resonance(&self, options: &FitOptions) -> Option<Resonance> {
         let Minimum { at, normal, free, .. } = &self.found;
         let inverse = Cholesky::new(&normal.matrix, *free, 0.0)?.inverse();
@@ -396,13 +396,13 @@ impl Model {
         Some(Resonance { mains_hz: self.mains_hz, ..found })
     }
 
-    /// The standard deviation of the result by noise alone, were nothing else possible, Hz.
+    /// Standard deviation of the result from noise alone, Hz.
     pub(crate) fn sigma_by_noise_hz(&self, found: &Resonance) -> f64 {
         found.widened(-self.widened * found.resonance_hz.powi(2)).sigma_hz
     }
 
-    /// The variance of one part of a reading of ten cycles by the differences of neighbours: in
-    /// frequency where everything has settled, in time where it has not.
+    /// Variance of the real or imaginary part of a ten-cycle reading, from the differences of
+    /// neighbours: in frequency if all readings have settled, otherwise in time.
     fn neighbours(&self) -> f64 {
         let mut residuals = Vec::new();
         self.trace.rows(&self.found.at, |sample, row| {
@@ -433,7 +433,7 @@ impl Model {
     }
 }
 
-/// The cause that is taken for real, if there is one: a wrong shape only where nothing explains it.
+/// The accepted cause, if there is one; a wrong shape only if no other cause explains it.
 fn strongest(alternatives: &[(Alternative, f64)]) -> Option<Cause> {
     alternatives
         .iter()
@@ -446,8 +446,8 @@ fn strongest(alternatives: &[(Alternative, f64)]) -> Option<Cause> {
         .map(|(cause, _)| cause)
 }
 
-/// The most likely circuit, with readings that have not settled counting for less where the noise
-/// is known: what is left of the motion is only an error beside another one.
+/// The most likely circuit. If the noise is known, unsettled readings are down-weighted, with their
+/// residual motion as an additional error.
 fn weighed(
     mut trace: Trace,
     start: ModelEstimate,
@@ -472,7 +472,7 @@ fn weighed(
     (trace, found)
 }
 
-/// A start from a grid over the window and its surroundings.
+/// A start value from a grid over the window and its surroundings.
 fn from_nothing(trace: &Trace, window: Window, free: usize) -> Result<ModelEstimate, Reason> {
     let wider = Window { min_hz: window.min_hz * 0.8, max_hz: window.max_hz * 1.25 };
     let mut grid = Grid::new(wider, trace.timing, None);

@@ -1,8 +1,8 @@
-//! Trials of resonance and quality over a whole window.
+//! A grid search of resonance and quality factor over a window.
 //!
-//! With both given, everything else is linear, so that a trial costs one small system. The grid
-//! finds the right valley where nothing better is known; what is at its bottom is left to
-//! [`Trace::solve_with`](crate::circuit::trace::Trace::solve_with).
+//! With both given, all other unknowns are linear, so that a trial costs one small linear system. The
+//! grid finds the right minimum if there is no better start value;
+//! [`Trace::solve_with`](crate::circuit::trace::Trace::solve_with) then refines it.
 
 use std::f64::consts::TAU;
 
@@ -20,8 +20,8 @@ use crate::{
 /// Linear unknowns of a reading: C0, C1, C0·tan δ, and the past motion.
 const LINEAR: usize = 5;
 
-/// What is believed of a circuit beforehand. It keeps the first readings from being explained by
-/// absurd circuits, and is nothing against a dozen of them.
+/// The prior of a circuit. It excludes absurd circuits while there are few readings, and is negligible
+/// against a dozen of them.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct CircuitPrior {
     /// (ln resonance, ln Q, C0, C1, C0·tan δ), capacitances in the unit of the readings.
@@ -33,17 +33,17 @@ pub(crate) const Q_TYPICAL: f64 = 30.0;
 const LN_Q_SPREAD: f64 = 1.0;
 /// Spread of an unknown past motion in units of C0.
 const PAST_SPREAD: f64 = 3.0;
-/// C1 in units of C0 where only the size of an error depends on it.
+/// Typical C1 in units of C0, used if only the size of an error depends on it.
 pub(crate) const C1_TYPICAL: f64 = 0.07;
 
-/// Distance of the trial frequencies, relative: at a quality of 150 one linewidth.
+/// Relative spacing of the trial frequencies: one linewidth at a quality factor of 150.
 pub(crate) const STEP: f64 = 0.007;
-/// Most steps over a window: from 4 Hz to 8 MHz, further than any impedance analyzer goes. Beyond it the
-/// steps get longer.
+/// Largest number of steps over a window: from 4 Hz to 8 MHz, more than the range of any impedance
+/// analyzer. For wider windows the steps get longer.
 const STEPS_MAX: u32 = 2100;
 pub(crate) const QUALITIES: [f64; 7] = [6.0, 10.0, 17.0, 30.0, 52.0, 90.0, 150.0];
 
-/// All trials.
+/// All trials of a grid.
 #[derive(Debug, Clone)]
 pub(crate) struct Grid {
     timing: Timing,
@@ -51,7 +51,7 @@ pub(crate) struct Grid {
     cells: Vec<GridTrial>,
 }
 
-/// One trial.
+/// One trial resonance and quality factor.
 #[derive(Debug, Clone)]
 struct GridTrial {
     resonance_hz: f64,
@@ -64,8 +64,8 @@ struct GridTrial {
 }
 
 impl Grid {
-    /// Readings that have not settled count for less where the variance of the noise at ten cycles
-    /// is given.
+    /// Creates a grid. Unsettled readings are down-weighted if the noise variance at ten cycles is
+    /// given.
     pub(crate) fn new(window: Window, timing: Timing, variance: Option<f64>) -> Self {
         let Window { min_hz, max_hz } = window;
         let steps = ((max_hz / min_hz).ln() / STEP).ceil().clamp(1.0, f64::from(STEPS_MAX));
@@ -79,14 +79,14 @@ impl Grid {
         Self { timing, variance, cells }
     }
 
-    /// Takes in one more reading.
+    /// Adds a reading.
     pub(crate) fn add(&mut self, sample: &Sample) {
         for cell in &mut self.cells {
             cell.add(sample, self.timing, self.variance);
         }
     }
 
-    /// The drive goes on for some time after the last reading.
+    /// Continues the drive for some time after the last reading, s.
     pub(crate) fn rest(&mut self, seconds: f64) {
         if seconds > 0.0 {
             for cell in &mut self.cells {
@@ -96,7 +96,7 @@ impl Grid {
         }
     }
 
-    /// The best circuit of every trial with its cost, the best first, for noise of this variance at
+    /// The best circuit of every trial with its cost, sorted from the best, for this noise variance at
     /// ten cycles.
     pub(crate) fn ranked(
         &self,
@@ -159,7 +159,7 @@ impl GridTrial {
         }
     }
 
-    /// The best circuit with this resonance and quality, and its cost.
+    /// The best circuit with this resonance and quality factor, and its cost.
     fn best(
         &self,
         expected: CircuitPrior,
@@ -196,8 +196,8 @@ impl GridTrial {
 }
 
 impl CircuitPrior {
-    /// Of any sensor: a resonance anywhere, Q within a factor of e, C0 as the first reading gives it,
-    /// and spreads of C1 and of the loss in units of C0.
+    /// The prior of any sensor: any resonance, Q within a factor of e, C0 from the first reading, and
+    /// spreads of C1 and of the loss in units of C0.
     pub(crate) fn any(q: f64) -> Self {
         Self {
             mean: [0.0, q.ln(), 1.0, 0.0, 0.0],
@@ -205,13 +205,13 @@ impl CircuitPrior {
         }
     }
 
-    /// With its resonance in this window.
+    /// Restricts the resonance to this window.
     pub(crate) fn within(mut self, window: Window) -> Self {
         (self.mean[0], self.spread[0]) = logarithms(window);
         self
     }
 
-    /// Adds it to the normal equations, for noise of this variance.
+    /// Adds the prior to the normal equations, for this noise variance.
     pub(crate) fn add_to(self, normal: &mut Normal<UNKNOWNS>, at: &ModelEstimate, variance: f64) {
         let mut add = |i: usize, away: f64, spread: f64| {
             let precision = variance / (spread * spread);
@@ -230,8 +230,7 @@ impl CircuitPrior {
     }
 }
 
-/// The middle of a window and half its width, in logarithms; no window is believed more closely than
-/// the grid is.
+/// The middle and half the width of a window, in logarithms; the half-width is at least one grid step.
 fn logarithms(Window { min_hz, max_hz }: Window) -> (f64, f64) {
     (0.5 * (min_hz * max_hz).ln(), 0.5 * (max_hz / min_hz).ln().max(STEP))
 }

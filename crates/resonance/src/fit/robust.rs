@@ -1,9 +1,8 @@
-//! A start that a few wrong readings cannot lead astray.
+//! A start value that is robust against a few wrong readings.
 //!
 //! One reading ten times too large outweighs all others in a least-squares fit. So the circuit is
-//! fitted to the readings that it describes best, again and again until these stay the same, from
-//! several sets to begin with: all readings, those that agree with their neighbours, and every
-//! third one.
+//! fitted repeatedly to the readings that it describes best, until these no longer change. The initial
+//! sets are all readings, those that agree with their neighbours, and every third one.
 //!
 //! # Source
 //! Rousseeuw and Van Driessen, Data Mining and Knowledge Discovery 12 (2006) 29 (concentration
@@ -25,19 +24,19 @@ use crate::{
     fit::steady::circuit_of,
 };
 
-/// Rounds in which the readings that fit best are chosen anew.
+/// Largest number of rounds that select the best-fitting readings again.
 const ROUNDS: usize = 10;
-/// Sets of readings spread over the sweep.
+/// Number of initial sets that are spread over the sweep.
 const SPREAD_SETS: usize = 3;
-/// Neighbours on each side with which a reading is compared.
+/// Number of neighbours on each side with which a reading is compared.
 const NEIGHBOURS: usize = 3;
-/// A reading is left out of a start when it is off by more than this, in logarithms, and by more
-/// than this many times what its neighbours differ by.
+/// A reading is excluded from a start if its deviation in logarithms exceeds `OFF` and `OFF_TIMES`
+/// times the scatter of its neighbours.
 const OFF: f64 = 0.05;
 const OFF_TIMES: f64 = 4.0;
 
-/// The circuit that describes most of the readings, with dielectric loss. `None` where no part of
-/// them looks like a resonance.
+/// The circuit that describes most of the readings, with dielectric loss. `None` if no subset of them
+/// shows a resonance.
 pub(crate) fn circuit(readings: &[Reading]) -> Option<Circuit> {
     let mut readings: Vec<Reading> =
         readings.iter().filter(|reading| reading.impedance().is_some()).copied().collect();
@@ -52,7 +51,8 @@ pub(crate) fn circuit(readings: &[Reading]) -> Option<Circuit> {
         .map(|(circuit, _)| circuit)
 }
 
-/// The circuit at which a set of readings is the one that fits it best, and their cost.
+/// Iterates until a set of readings is the best-fitting one for its own circuit; returns the circuit
+/// and the cost.
 fn concentrate(readings: &[Reading], mut set: Vec<usize>) -> Option<(Circuit, f64)> {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below a count")]
     let kept = (TRIMMED * readings.len() as f64).ceil() as usize;
@@ -79,15 +79,15 @@ fn concentrate(readings: &[Reading], mut set: Vec<usize>) -> Option<(Circuit, f6
     best
 }
 
-/// How far a reading is from a circuit: its weight times the square of the relative error, taken as
-/// in [`crate::circuit::trace`], where a value too large and one too small count alike.
+/// Deviation of a reading from a circuit: its weight times the squared relative error, defined as in
+/// [`crate::circuit::trace`], which is symmetric for values too large and too small.
 fn size(reading: &Reading, circuit: &Circuit) -> f64 {
     let Some(impedance) = complex_ohm(reading) else { return f64::INFINITY };
     let x = impedance * circuit.admittance_siemens(reading.frequency_hz);
     weight(reading) * (2.0 * (x - 1.0) / (x + 1.0)).norm_sqr()
 }
 
-/// The readings, sorted by frequency, that are near the median of their neighbours.
+/// The readings, sorted by frequency, whose values are near the median of their neighbours.
 fn agreeing(readings: &[Reading]) -> Vec<usize> {
     // Capacitance hardly changes far from the resonance.
     let capacitances: Vec<Complex64> = readings

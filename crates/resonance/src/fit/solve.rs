@@ -1,5 +1,4 @@
-//! From nothing to the most likely circuit: a rational fit for the start, Gauss–Newton with damping
-//! for the rest.
+//! The maximum-likelihood circuit: a rational fit for the start value, then damped Gauss–Newton.
 //!
 //! # Source
 //! Sanathanan and Koerner, IEEE Trans. Automatic Control 8 (1963) 56 (the rational fit).
@@ -11,7 +10,7 @@ use crate::{
     numeric::descent::{Descent, End, Normal, Step},
 };
 
-/// Passes of the rational fit. The first has no weights to speak of.
+/// Passes of the rational fit. The first is practically unweighted.
 const RATIONAL_PASSES: usize = 2;
 
 /// The most likely circuit near `start`, with `free` parameters (4, or 5 with dielectric loss).
@@ -30,7 +29,7 @@ pub(crate) struct Solution {
     pub(crate) end: End,
 }
 
-/// A start from the data alone, or `None` where no ringing circuit comes out.
+/// A start value from the data alone; `None` if the result is not a resonant circuit.
 pub(crate) fn rational_start(points: &Points) -> Option<Theta> {
     let mut earlier = None;
     let mut theta = None;
@@ -41,7 +40,7 @@ pub(crate) fn rational_start(points: &Points) -> Option<Theta> {
         if !(nu > -1.0 && nu.is_finite() && alpha.is_finite()) {
             return None;
         }
-        // Noise can turn the sign of a small damping; its size is still the best guess there is.
+        // Noise can reverse the sign of a small damping; its magnitude is still the best start value.
         let alpha = alpha.abs().max(ALPHA_MIN);
         earlier = Some((nu, alpha));
         theta = Some(Theta { nu, alpha, c, kappa: second - c * nu, g: 0.0 });
@@ -49,12 +48,12 @@ pub(crate) fn rational_start(points: &Points) -> Option<Theta> {
     theta.filter(|theta| theta.kappa > 0.0 && theta.c > 0.0)
 }
 
-/// Quality factors above a million do not occur in a lump of ceramic on tissue.
+/// Smallest damping 1/Q: a ceramic on tissue has no quality factor above a million.
 const ALPHA_MIN: f64 = 1e-6;
 
 impl Step<PARAMETERS> for Theta {
-    /// Never takes the damping through zero: a raw step would walk through an infinite quality to a
-    /// negative one and find a mirrored circuit there.
+    /// Limits the step so that the damping stays positive; a full step could pass an infinite quality
+    /// factor and converge to a mirrored circuit.
     fn minus(&self, step: &[f64; PARAMETERS]) -> Self {
         let relative = (-step[1] / self.alpha).clamp(-0.75, 3.0);
         Self {

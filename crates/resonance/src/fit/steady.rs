@@ -1,5 +1,5 @@
-//! The fit for sweeps about which nothing is unusual, which are most: no memory is allocated and
-//! every reading is touched some seven times.
+//! The quick fit for usual sweeps. It allocates no memory and makes about seven passes over the
+//! readings.
 
 use rig_model::Reading;
 
@@ -15,51 +15,51 @@ use crate::{
     outcome::{LOSS_GAIN_MIN, Spread},
 };
 
-/// Largest residual transient, relative to the noise, that needs no full fit.
+/// Largest residual transient, relative to the noise, that requires no full fit.
 const SURELY_SETTLED: f64 = 0.3;
 
-/// Thresholds of the signs that call for a full fit; few good sweeps exceed them.
+/// Thresholds above which a full fit is required; few good sweeps exceed them.
 mod unusual {
-    /// The largest |r|² over its mean; exponentially distributed, so that one good sweep of a hundred
-    /// readings in two hundred shows it. An outlier has 14 times the mean of the others.
+    /// The largest |r|² over its mean. |r|² is exponentially distributed, so that one in two hundred
+    /// good sweeps of a hundred readings exceeds this. An outlier has 14 times the mean of the others.
     pub(super) const LARGEST: f64 = 10.0;
-    /// ⟨|r|⁴⟩/⟨|r|²⟩², which is 2 for an exponential distribution. Several outliers raise the mean
-    /// and hide behind it, but not here.
+    /// ⟨|r|⁴⟩/⟨|r|²⟩², which is 2 for an exponential distribution. This detects several outliers, which
+    /// raise the mean and so mask each other.
     pub(super) const FOURTH: f64 = 4.0;
-    /// χ² of three patterns; one good sweep in four. A second mode a linewidth away shows little of
-    /// itself in them.
+    /// χ² of three patterns; one good sweep in four exceeds this. The threshold is low because a second
+    /// mode one linewidth away hardly affects the patterns.
     pub(super) const PATTERNS: f64 = 4.0;
-    /// Standard deviations of χ² per degree of freedom; one good sweep in forty.
+    /// Standard deviations of χ² per degree of freedom; one good sweep in forty exceeds this.
     pub(super) const CHI_SQUARED_SIGMAS: f64 = 2.0;
 }
 
-/// The readings of a steady fit and what is left of them.
+/// The readings of a steady fit and their residuals.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct SteadyFit {
     pub(crate) points: Points,
     residuals: Vec<Residual>,
 }
 
-/// The end of a steady fit.
+/// The outcome of a steady fit.
 #[derive(Debug)]
 pub(crate) struct Found {
-    /// The result, where the readings determine one.
+    /// The result, if the readings determine one.
     pub(crate) resonance: Option<Resonance>,
     /// Twice the log-likelihood gained over a capacitor.
     pub(crate) gain: f64,
-    /// Whether the readings need no full fit.
+    /// Whether the readings require no full fit.
     pub(crate) is_usual: bool,
     /// The start of the full fit.
     pub(crate) start: Option<ModelEstimate>,
 }
 
 impl SteadyFit {
-    /// Takes in the readings.
+    /// Loads the readings.
     pub(crate) fn load(&mut self, readings: &[Reading]) -> Result<(), NotFinite> {
         self.points.load(readings)
     }
 
-    /// The fit, or `None` where no start was found.
+    /// Fits the readings; `None` if no start value was found.
     pub(crate) fn fit(&mut self, options: &FitOptions) -> Option<Found> {
         let start = rational_start(&self.points)?;
         let mut solution = solve(&self.points, start, PARAMETERS);
@@ -88,8 +88,8 @@ impl SteadyFit {
         })
     }
 
-    /// Twice the log-likelihood that dielectric loss gains, and what is best without it where that
-    /// is little: within a standard deviation every slope is as good as constant.
+    /// Twice the log-likelihood that dielectric loss gains, with the best solution without loss if that
+    /// gain is small: within a standard deviation all derivatives are practically constant.
     fn gain_by_loss(&self, solution: &Solution) -> Option<(f64, Solution)> {
         let Solution { theta, normal, end } = *solution;
         let mut loss = [0.0; PARAMETERS];
@@ -97,7 +97,7 @@ impl SteadyFit {
         let column = Cholesky::new(&normal.matrix, PARAMETERS, 0.0)?.solve(&loss);
         let size = theta.g / column[PARAMETERS - 1];
         let cost = normal.cost + size * theta.g;
-        // Rounding is not noise, and asks for nothing.
+        // Rounding is not noise and requires no loss.
         let variance = cost / self.degrees(PARAMETERS - 1) + noise::VARIANCE_MIN;
         let without = Theta { g: 0.0, ..theta.minus(&column.map(|by| by * size)) };
         let normal = Normal { cost, ..normal };
@@ -108,7 +108,7 @@ impl SteadyFit {
         (2 * self.points.count - free) as f64
     }
 
-    /// Whether the residuals need no full fit.
+    /// Whether the residuals require no full fit.
     fn is_usual(
         &self,
         solution: &Solution,
@@ -135,8 +135,8 @@ impl SteadyFit {
         let circuit = found.circuit();
         let step = (highest_hz - lowest_hz) / (count - 1) as f64 / circuit.linewidth_hz();
         let left = (-settle_s / circuit.time_constant_s()).exp();
-        // From point to point the admittance changes by up to M per half linewidth; as many points
-        // share the error as lie within the linewidth.
+        // Between points the admittance changes by up to M per half linewidth; the points within the
+        // linewidth share the error.
         let error =
             found.figure_of_merit * (2.0 * step).min(1.0) * left * (1.0 / step).max(1.0).sqrt();
         error < SURELY_SETTLED * found.noise_at_ten_cycles
@@ -199,7 +199,7 @@ pub(crate) fn circuit_of(points: &Points, solution: &Solution) -> Option<Circuit
     let theta = &solution.theta;
     let ratio = 1.0 + theta.nu;
     let Points { reference_hz, reference_farad, total_weight, .. } = *points;
-    // A reading (1 + ε)Z is best met by an admittance that is too small by ⟨|ε|²⟩.
+    // For readings (1 + ε)Z the fitted admittance is too small by ⟨|ε|²⟩.
     let unbiased = 1.0 + solution.normal.cost / total_weight;
     (ratio > 0.0).then(|| Circuit {
         resonance_hz: reference_hz * ratio.sqrt(),
@@ -210,8 +210,8 @@ pub(crate) fn circuit_of(points: &Points, solution: &Solution) -> Option<Circuit
     })
 }
 
-/// By how much the cost falls when the patterns of [`kernel::look`] are fitted to the residuals
-/// together with the circuit.
+/// Decrease of the cost when the patterns of [`kernel::look`] are fitted to the residuals together with
+/// the circuit.
 fn patterns(solution: &Solution, look: &Look, free: usize) -> Option<f64> {
     let mut matrix = [[0.0; WIDE]; WIDE];
     let mut gradient = [0.0; WIDE];

@@ -1,28 +1,28 @@
-//! Solving small symmetric systems.
+//! Solves small symmetric systems.
 
 #![expect(clippy::needless_range_loop, reason = "rows and columns are named by their index")]
 
 /// The factors L D Lᵀ of a positive definite matrix.
 ///
-/// Only the leading `n` rows and columns take part: a model with fewer parameters is the leading
-/// block of one with more.
+/// Only the leading `n` rows and columns are used: a model with fewer parameters is the leading block
+/// of one with more.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Cholesky<const N: usize> {
     /// L, with ones on its diagonal.
     lower: [[f64; N]; N],
     /// 1/D.
     inverse_pivots: [f64; N],
-    /// D over the diagonal of the matrix.
+    /// D divided by the diagonal of the matrix.
     distinct: [f64; N],
     n: usize,
 }
 
-/// A pivot below this part of its diagonal element is rounding.
+/// A pivot below this fraction of its diagonal element is rounding.
 const SINGULAR: f64 = 1e-15;
 
 impl<const N: usize> Cholesky<N> {
-    /// The factors of the leading block, with every diagonal element raised by the factor
-    /// 1 + `damping`. `None` where the block is not positive definite.
+    /// The factors of the leading block, with every diagonal element raised by the factor 1 +
+    /// `damping`. `None` if the block is not positive definite.
     #[inline]
     pub(crate) fn new(matrix: &[[f64; N]; N], n: usize, damping: f64) -> Option<Self> {
         let mut lower = [[0.0; N]; N];
@@ -44,7 +44,7 @@ impl<const N: usize> Cholesky<N> {
             for k in 0..i {
                 pivot -= scaled[k] * lower[i][k];
             }
-            // Not-a-number must not pass.
+            // NaN must not pass.
             let is_positive = pivot > SINGULAR * diagonal && pivot.is_finite();
             if !is_positive {
                 return None;
@@ -61,7 +61,7 @@ impl<const N: usize> Cholesky<N> {
         self.solve_leading(right, self.n)
     }
 
-    /// The same with only the leading `n` rows and columns.
+    /// The solution with only the leading `n` rows and columns.
     #[inline]
     pub(crate) fn solve_leading(&self, right: &[f64; N], n: usize) -> [f64; N] {
         let mut x = [0.0; N];
@@ -85,7 +85,7 @@ impl<const N: usize> Cholesky<N> {
         x
     }
 
-    /// Which part of a column is left when the columns before it have been fitted to it.
+    /// Fraction of a column that remains after the columns before it are fitted to it.
     pub(crate) fn distinct(&self, column: usize) -> f64 {
         self.distinct[column]
     }
@@ -130,7 +130,7 @@ pub(crate) fn condition<const N: usize>(
     direct * inverted
 }
 
-/// S M Sᵀ.
+/// The product S M Sᵀ.
 pub(crate) fn sandwich(s: &[[f64; 5]; 5], m: &[[f64; 5]; 5]) -> [[f64; 5]; 5] {
     let mut left = [[0.0; 5]; 5];
     let mut all = [[0.0; 5]; 5];

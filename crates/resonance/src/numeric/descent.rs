@@ -1,4 +1,4 @@
-//! Gauss–Newton with damping, for any model.
+//! Damped Gauss–Newton iteration for any model.
 //!
 //! # Source
 //! Marquardt, J. SIAM 11 (1963) 431 (the damping).
@@ -36,12 +36,12 @@ impl<const N: usize> Normal<N> {
         self.cost += other.cost;
     }
 
-    /// Adds one residual with its slopes.
+    /// Adds one residual with its derivatives.
     pub(crate) fn add(&mut self, residual: Complex64, row: &[Complex64; N], weight: f64) {
         self.add_leading::<N>(residual, row, weight);
     }
 
-    /// Adds one residual of which only the first `LEADING` slopes are not zero.
+    /// Adds one residual of which only the first `LEADING` derivatives are nonzero.
     pub(crate) fn add_leading<const LEADING: usize>(
         &mut self,
         residual: Complex64,
@@ -64,7 +64,7 @@ impl<const N: usize> Normal<N> {
 
 /// The unknowns of an iteration.
 pub(crate) trait Step<const N: usize>: Copy {
-    /// The place after this step backwards, as far as it makes sense to go at once.
+    /// The unknowns minus this step, limited to a reasonable length.
     fn minus(&self, step: &[f64; N]) -> Self;
 }
 
@@ -73,23 +73,23 @@ pub(crate) trait Step<const N: usize>: Copy {
 pub(crate) enum End {
     /// The next step would be far below the uncertainty.
     Converged,
-    /// No step made the cost smaller.
+    /// No step lowered the cost.
     Stalled,
     /// The allowed number of steps was taken.
     OutOfSteps,
-    /// The caller had no more use for it.
+    /// The caller abandoned the iteration.
     Abandoned,
 }
 
-/// A step is not worth taking when the cost it saves is below this part of the cost per degree of
-/// freedom: it moves every parameter by less than a hundredth of its standard deviation.
+/// Smallest relevant decrease of the cost, relative to the cost per degree of freedom. A smaller step
+/// moves every parameter by less than a hundredth of its standard deviation.
 const DECREMENT: f64 = 1e-4;
 /// Relative errors below this are rounding, not noise.
 pub(crate) const ROUNDING: f64 = 1e-11;
-/// A start within reach needs three steps; a bad one is better left to another start.
+/// Largest number of steps. A good start value needs three; a bad one is better replaced.
 pub(crate) const STEPS_MAX: usize = 40;
 
-/// Gauss–Newton, damped where it does not lower the cost.
+/// Gauss–Newton iteration, damped if a step does not lower the cost.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Descent {
     /// Number of complex residuals.
@@ -101,7 +101,8 @@ pub(crate) struct Descent {
 }
 
 impl Descent {
-    /// The place of least cost near `start`, the normal equations there, and why it ended.
+    /// The unknowns at the minimum of the cost near `start`, the normal equations there, and why the
+    /// iteration ended.
     #[inline]
     pub(crate) fn run<T: Step<N>, const N: usize>(
         &self,
@@ -111,8 +112,8 @@ impl Descent {
         self.run_while(start, normal_at, |_, _, _| true)
     }
 
-    /// The same, but abandoned after a step when `is_wanted` says no to the place, the cost there and
-    /// what the step saved.
+    /// The same minimum, but abandoned after a step if `is_wanted` rejects the unknowns, the cost there
+    /// and the cost saved by the step.
     #[inline]
     pub(crate) fn run_while<T: Step<N>, const N: usize>(
         &self,

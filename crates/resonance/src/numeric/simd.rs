@@ -1,9 +1,9 @@
-//! Four numbers side by side.
+//! Vectors of four numbers.
 //!
-//! Arithmetic on arrays, or on registers where the machine has wide ones: the compiler does not find
-//! these by itself in loops with so many sums. Sums are kept per lane and added up in one fixed order
-//! at the end; multiplications and additions are never contracted. Every machine therefore gets the
-//! same bits, whatever instructions it has.
+//! Arithmetic on arrays, or on wide registers if the machine has them; the compiler does not vectorise
+//! loops with this many sums by itself. Sums are kept per lane and added in a fixed order at the end;
+//! multiplications and additions are never contracted. The results are therefore bit-identical on every
+//! machine.
 
 #![expect(
     clippy::inline_always,
@@ -12,10 +12,11 @@
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
-/// Compiles a function for the instructions of this machine as well, and runs what fits.
+/// Compiles a function also for wider instruction sets, and runs the version that this machine
+/// supports.
 ///
-/// Only what is inlined into it is compiled so, which a closure is not: the function that does the
-/// work must be `inline(always)`. Its first argument says what the machine has.
+/// This applies only to inlined code, which excludes closures: the working function must be
+/// `inline(always)`. Its first argument is the instruction set.
 macro_rules! on_this_machine {
     ($(#[$about:meta])* $public:vis fn $name:ident($($input:ident: $kind:ty),* $(,)?) -> $output:ty
         = $work:path;
@@ -40,7 +41,7 @@ macro_rules! on_this_machine {
 }
 pub(crate) use on_this_machine;
 
-/// Numbers per vector.
+/// Number of elements of a vector.
 pub(crate) const LANES: usize = 4;
 
 /// Four numbers.
@@ -64,7 +65,7 @@ impl Lanes {
     }
 }
 
-/// Four numbers in whatever holds them on some machine.
+/// A vector of four numbers in the representation of an instruction set.
 pub(crate) trait F64x4:
     Copy
     + Add<Output = Self>
@@ -74,9 +75,9 @@ pub(crate) trait F64x4:
     + Neg<Output = Self>
     + AddAssign
 {
-    /// The numbers one by one.
+    /// The elements as an array.
     fn lanes(self) -> Lanes;
-    /// The larger of each pair; a number wins over what is not one.
+    /// The larger of each pair; a number takes precedence over NaN.
     fn max(self, other: Self) -> Self;
 }
 
@@ -84,16 +85,16 @@ pub(crate) trait F64x4:
 pub(crate) trait Isa: Copy {
     /// A vector of four numbers.
     type F64x4: F64x4;
-    /// These four numbers.
+    /// A vector of these four numbers.
     fn of(self, lanes: &Lanes) -> Self::F64x4;
-    /// Four times the same number.
+    /// A vector of four equal numbers.
     #[inline(always)]
     fn splat(self, value: f64) -> Self::F64x4 {
         self.of(&Lanes::splat(value))
     }
 }
 
-/// A machine of which nothing is known.
+/// The portable instruction set.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Any;
 

@@ -1,4 +1,4 @@
-//! The reasons of refusals.
+//! The reasons for refusing a fit.
 
 use std::fmt;
 
@@ -9,9 +9,9 @@ use super::Resonance;
 /// A refused fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refusal {
-    /// Why.
+    /// The reason of the refusal.
     pub reason: Reason,
-    /// The best that could be made of the readings, as evidence; not to be used as a result.
+    /// The best estimate from the readings, as evidence only; not a valid result.
     pub estimate: Option<Resonance>,
 }
 
@@ -21,12 +21,12 @@ impl fmt::Display for Refusal {
     }
 }
 
-/// The end of the window beyond which a resonance lies.
+/// The side of the window on which a resonance lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
-    /// Below its lower end.
+    /// Below the lower end of the window.
     Below,
-    /// Above its upper end.
+    /// Above the upper end of the window.
     Above,
 }
 
@@ -45,23 +45,23 @@ pub enum Reason {
     /// A reading is not a finite impedance at a positive frequency.
     #[error("reading {index} is not a finite impedance at a positive frequency")]
     NotFinite {
-        /// Its place, from 0.
+        /// Index of the reading, from 0.
         index: usize,
     },
     /// Too many readings were overloaded.
     #[error("{overloaded} of {readings} readings were overloaded")]
     Saturated {
-        /// Readings with overload.
+        /// Number of overloaded readings.
         overloaded: usize,
-        /// All readings.
+        /// Number of all readings.
         readings: usize,
     },
-    /// The analyzer does not stand by what it reads, so that nothing can be fitted.
+    /// The analyzer flagged its readings as unreliable, so that nothing can be fitted.
     #[error("the analyzer flagged {} at {frequency_hz} Hz in {tries} of {tries} tries", flag.name())]
     Flagged {
         /// The flag of its last reading.
         flag: ReadingFlag,
-        /// Where, Hz.
+        /// Frequency of the reading, Hz.
         frequency_hz: f64,
         /// Number of tries.
         tries: usize,
@@ -69,9 +69,9 @@ pub enum Reason {
     /// Too few readings for the number of unknowns.
     #[error("{found} readings at different frequencies, at least {needed} are needed")]
     TooFewPoints {
-        /// Readings that can be used.
+        /// Number of usable readings.
         found: usize,
-        /// Readings needed.
+        /// Number of readings needed.
         needed: usize,
     },
     /// A capacitor with loss explains the readings as well.
@@ -82,16 +82,16 @@ pub enum Reason {
     NoResonance {
         /// Twice the difference of the log-likelihoods.
         found: f64,
-        /// The threshold that chance does not reach.
+        /// The threshold that noise alone does not reach.
         needed: f64,
     },
-    /// The resonance lies where nothing was measured.
+    /// The resonance lies outside the measured window.
     #[error(
         "resonance near {estimate_hz:.3} Hz lies {side} the window [{:.3} Hz, {:.3} Hz]",
         window.min_hz, window.max_hz
     )]
     OutsideWindow {
-        /// On which side.
+        /// The side of the window.
         side: Side,
         /// Its approximate frequency, Hz.
         estimate_hz: f64,
@@ -104,14 +104,14 @@ pub enum Reason {
          {limit:.3} is possible here"
     )]
     NotASensor {
-        /// The impossible value, with its unit.
+        /// The name of the impossible quantity, with its unit.
         quantity: &'static str,
-        /// Its value.
+        /// Its fitted value.
         found: f64,
-        /// The largest possible.
+        /// Its largest possible value.
         limit: f64,
     },
-    /// The uncertainty is not small against the linewidth, so that it is not to be trusted either.
+    /// The uncertainty is not small compared with the linewidth, so that it is itself unreliable.
     #[error(
         "too noisy: the standard deviation {sigma_hz:.3} Hz exceeds {limit_hz:.3} Hz, which is all \
          that the linewidth allows"
@@ -119,7 +119,7 @@ pub enum Reason {
     TooNoisy {
         /// The standard deviation, Hz.
         sigma_hz: f64,
-        /// The largest that would do, Hz.
+        /// The largest acceptable standard deviation, Hz.
         limit_hz: f64,
     },
     /// Too many readings are far from the rest.
@@ -128,14 +128,14 @@ pub enum Reason {
          and only where the rest still determines the resonance"
     )]
     Outliers {
-        /// Outliers.
+        /// Number of outliers.
         found: usize,
-        /// All readings.
+        /// Number of all readings.
         readings: usize,
-        /// Largest number that may be left out.
+        /// Largest number that may be excluded.
         allowed: usize,
     },
-    /// Another resonance is near, and the two could not be told apart.
+    /// Another resonance is too near to be separated.
     #[error("a second mode near {near_hz:.2} Hz")]
     SecondMode {
         /// Its frequency, Hz.
@@ -144,7 +144,7 @@ pub enum Reason {
     /// The resonance moved while it was measured.
     #[error("the resonance drifted during the readings")]
     Drift,
-    /// The motion at one point is still heard at the next.
+    /// The transient of one point still disturbs the next.
     #[error("the readings had not settled")]
     NotSettled,
     /// The resonance depends on the amplitude.
@@ -153,13 +153,13 @@ pub enum Reason {
     /// The resonance depends on the direction of the sweep.
     #[error("the resonance is not the same for rising and for falling frequencies")]
     Hysteretic,
-    /// Something in series with the sensor.
+    /// There is a stray impedance in series with the sensor.
     #[error("a stray resistance or inductance in series: repeat the open and short correction")]
     Stray,
     /// The peak is not that of one resonance, and no single cause was recognised.
     #[error("the peak does not look like a single resonance")]
     Distorted,
-    /// No best circuit was found.
+    /// The fit did not converge.
     #[error("the fit did not converge")]
     NotConverged,
     /// The readings do not follow the model, and no single cause was recognised.
@@ -170,21 +170,21 @@ pub enum Reason {
     Misfit {
         /// chi² per degree of freedom.
         found: f64,
-        /// The threshold that chance does not exceed.
+        /// The threshold that noise alone does not exceed.
         allowed: f64,
     },
-    /// A planned sweep ended before the standard deviation asked for was reached.
+    /// A planned sweep ended before it reached the requested standard deviation.
     #[error(
         "the target was not reached: {} after {readings} readings, {target_hz} Hz was asked for, \
          and {limit}",
         Deviation(*sigma_hz)
     )]
     TargetNotReached {
-        /// The standard deviation reached, Hz; `None` where the readings say nothing yet.
+        /// The standard deviation reached, Hz; `None` if there is no estimate yet.
         sigma_hz: Option<f64>,
-        /// The one asked for, Hz.
+        /// The requested standard deviation, Hz.
         target_hz: f64,
-        /// All readings.
+        /// Number of all readings.
         readings: usize,
         /// The bound that ended the sweep.
         limit: Limit,
@@ -192,7 +192,7 @@ pub enum Reason {
 }
 
 impl Reason {
-    /// A word for programs: it stays as it is whatever becomes of the message.
+    /// A stable code for programs, independent of the message.
     pub const fn code(&self) -> &'static str {
         match self {
             Self::NotFinite { .. } => "not_finite",
@@ -221,35 +221,35 @@ impl Reason {
 /// The bound that ended a planned sweep before its target.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Limit {
-    /// No further reading can be made in the time allowed.
+    /// The time limit leaves no time for a further reading.
     #[error(
         "the time limit of {limit_s} s leaves no time for another: allow more time or ask for less"
     )]
     Time {
-        /// The time allowed, s.
+        /// The time limit, s.
         limit_s: f64,
     },
-    /// The largest number of readings of one sweep.
+    /// The sweep reached its largest number of readings.
     #[error("no more than {max} are taken in one sweep: ask for less")]
     Readings {
-        /// The most that are taken.
+        /// Largest number of readings of one sweep.
         max: usize,
     },
-    /// The readings were judged as often as is done in one sweep, and never sufficed.
+    /// The sweep reached its largest number of judgements without an accepted result.
     #[error("they were judged {max} times without being enough: ask for less")]
     Verdicts {
         /// Largest number of judgements.
         max: usize,
     },
-    /// No further reading is known that would help.
+    /// The planner found no further reading that would help.
     #[error("no further reading would help: ask for less")]
     Plan,
-    /// The readings were made before.
+    /// The readings were recorded earlier, so that no more can be taken.
     #[error("no more were made: measure again and ask for less, or allow more time")]
     Past,
 }
 
-/// A standard deviation in words.
+/// Formats a standard deviation for messages.
 pub(crate) struct Deviation(pub(crate) Option<f64>);
 
 impl fmt::Display for Deviation {

@@ -1,10 +1,10 @@
 //! A sweep that never waits: the free decay after each change of frequency is fitted.
 //!
 //! During the first stay the free decay beats against the drive; the beat gives the resonance to a
-//! fraction of a hertz. From then on each stay is the one that promises the uncertainty asked for soonest; at
-//! most half of it is done before the circuit is fitted and the rest is planned again. The uncertainty
-//! includes a possible second mode of any size, so that both flanks are measured as far as that
-//! requires. A result is asked for when no other circuit explains the readings nearly as well.
+//! fraction of a hertz. After that, each stay is chosen to reach the target uncertainty soonest. At
+//! most half of it is measured before the circuit is fitted and the rest is planned again. The
+//! uncertainty includes a possible second mode of any size, so that both flanks are measured as far as
+//! necessary. A verdict is requested once no other circuit explains the readings nearly as well.
 
 mod options;
 
@@ -31,38 +31,38 @@ use crate::{
 };
 use options::{Aim, Pace, PlanStart};
 
-/// The first stay: its readings, and the cycles of each.
+/// The first stay: cycles per reading and number of readings.
 const OPENING: (u32, usize) = (2, 5);
-/// Ratio of the frequencies of two first stays, at most, and how many there are at most.
+/// Largest frequency ratio of two adjacent first stays, and largest number of first stays.
 const OPENING_RATIO: f64 = 1.52;
 const OPENINGS_MAX: usize = 24;
-/// Start of a warm sweep, in linewidths above the last resonance.
+/// First frequency of a sweep with a prior circuit, in linewidths above the last resonance.
 const OPENING_OFF: f64 = 0.3;
-/// Until the standard deviation is this part of the linewidth, other circuits are searched for, but no
-/// second mode.
+/// Standard deviation in linewidths. Above it other circuits are searched for, but no second mode.
 const CERTAIN: f64 = 0.1;
-/// Searches beside a circuit that does not describe the readings.
+/// Largest number of searches for alternatives to a circuit that does not describe the readings.
 const SEARCHES_MAX: usize = 2;
-/// Stays after which a misfit or a rival is no longer chance.
+/// Number of extra stays after which a misfit or a rival circuit is no longer attributed to chance.
 const FORCED_MAX: usize = 6;
-/// Stays that are to remove a doubt: cycles and readings, and where they are, in linewidths from the
-/// resonance.
+/// Extra stays that resolve a doubt: cycles per reading and number of readings, and offsets from the
+/// resonance in linewidths.
 const FORCED: (u32, usize) = (4, 8);
 const FORCED_AT: [f64; 6] = [0.5, -0.5, 0.9, -0.9, 0.0, 0.3];
-/// Stays that look for a second mode.
+/// Largest number of stays that search for a second mode.
 const LOOKS_MAX: usize = 10;
-/// A second mode that is there gains so much after them.
+/// Gain in twice the log-likelihood that a real second mode reaches after these stays.
 const MODE_SURE: f64 = 16.0;
-/// The part of the asked standard deviation that is planned for: the profile is a little wider than
-/// the curvature says.
+/// Planned standard deviation relative to the target. The profile likelihood is slightly wider than its
+/// curvature indicates.
 const AIM: f64 = 0.97;
-/// … and no less than this part of what was planned for before.
+/// Smallest ratio of a new planned standard deviation to the previous one.
 const NARROWER: f64 = 0.85;
-/// No sweep takes more steps than these: far above what one takes that reaches its target.
+/// Largest number of steps of a sweep, far more than a sweep that reaches its target takes.
 const STEPS_MAX: usize = 150;
-/// Searches between two readings: among trials and beside the best, after readings and before a verdict.
+/// Searches between two readings: among the trials and beside the best circuit, each after readings and
+/// before a verdict.
 const SEARCHES_PER_STEP: u64 = 4;
-/// The most rows between two readings: all searches, and a verdict.
+/// Largest number of rows between two readings: all searches and a verdict.
 pub(crate) const STEP_WORK_MAX: u64 = {
     let rounds = 6;
     let descent = (crate::numeric::descent::STEPS_MAX + 2) * rounds * READINGS_MAX;
@@ -89,7 +89,7 @@ pub(crate) struct Decay {
     looks: usize,
     /// Whether the whole window has been searched since the last reading.
     is_searched: bool,
-    /// The standard deviation that stays are planned for, Hz.
+    /// The planned standard deviation, Hz.
     aim_hz: f64,
     /// The reason of the last refusal.
     doubt: Option<Reason>,
@@ -126,7 +126,7 @@ impl Decay {
     pub(crate) fn add(&mut self, readings: &[Reading], window: Window) {
         for reading in readings {
             let Some(stays) = self.stays.as_mut() else {
-                // Nothing tells how large impedances are until one has come.
+                // The scale of the impedances is unknown before the first reading.
                 self.stays = Stays::new(self.known, reading);
                 if let Some(stays) = &mut self.stays {
                     stays.push(reading);
@@ -149,7 +149,7 @@ impl Decay {
         }
     }
 
-    /// Whether to ask for a verdict: the target is reached, and only one circuit explains the readings.
+    /// Whether to request a verdict: the target is reached, and only one circuit explains the readings.
     pub(crate) fn is_enough(&mut self, window: Window) -> bool {
         let is_enough = |decay: &Self| {
             decay.hypotheses.len() == 1 && decay.told_hz().is_some_and(|hz| hz <= decay.aim_hz)
@@ -164,13 +164,13 @@ impl Decay {
         is_enough(self)
     }
 
-    /// The circuit to begin a fit with.
+    /// The start circuit of a fit.
     pub(crate) fn circuit(&self) -> Option<Circuit> {
         let (stays, best) = (self.stays.as_ref()?, self.hypotheses.first()?);
         Some(best.at.circuit(stays.unit_farad))
     }
 
-    /// Takes note of a verdict on the readings so far; gives whether it is the last.
+    /// Records a verdict on the readings so far and returns whether it ends the sweep.
     pub(crate) fn is_final(&mut self, verdict: &FitOutcome, target_hz: f64) -> bool {
         self.doubt = None;
         let refusal = match verdict {
@@ -200,7 +200,7 @@ impl Decay {
         self.aim_hz = AIM * ratio.clamp(NARROWER, 1.0) * now_hz.min(self.aim_hz);
     }
 
-    /// The next stay, empty if none would help, or the reason for its absence.
+    /// The next stay; empty if none would help, or a reason to refuse.
     pub(crate) fn next(
         &mut self,
         request: &SweepRequest,
@@ -279,7 +279,7 @@ impl Decay {
         self.seen.iter().max_by(|a, b| a.gain.total_cmp(&b.gain))
     }
 
-    /// The standard deviation that a result would have, Hz.
+    /// The standard deviation of a result from the present readings, Hz.
     fn told_hz(&self) -> Option<f64> {
         let best = self.hypotheses.first()?;
         let widest = self.seen.iter().map(|mode| mode.variance).fold(0.0, f64::max);
@@ -298,20 +298,20 @@ impl Decay {
         }
     }
 
-    /// Readings with their slopes that were computed so far.
+    /// Work so far, in rows: evaluations of one reading with its derivatives.
     pub(crate) fn work(&self) -> u64 {
         self.stays.as_ref().map_or(0, |stays| stays.work.get())
     }
 
-    /// The outcome of the readings so far.
+    /// The estimate from the readings so far.
     pub(crate) fn estimate(&self) -> Option<Estimate> {
         let (circuit, best) = (self.circuit()?, self.hypotheses.first()?);
         let sigma_hz = best.sigma_hz();
         sigma_hz.is_finite().then_some(Estimate { circuit, sigma_hz })
     }
 
-    /// The next of the first stays, by how many there have been: close enough together that a resonance
-    /// between two of them is seen from one.
+    /// The next of the first stays, after `done` of them. They are close enough together that a
+    /// resonance between two of them is visible from one.
     fn opening(&self, request: &SweepRequest, done: usize) -> Vec<SweepPoint> {
         let Window { min_hz, max_hz } = self.within;
         let places = self.openings();
@@ -328,7 +328,7 @@ impl Decay {
         places.clamp(1, OPENINGS_MAX)
     }
 
-    /// Follows the circuits so far, and looks for others unless it is certain.
+    /// Refits the present circuits, and searches for others unless the result is certain.
     fn refit(&mut self, look_around: bool) {
         let Some(stays) = &self.stays else { return };
         let search =
@@ -346,7 +346,7 @@ impl Decay {
             found = search.run(found, last, Effort::Beside);
         }
         self.is_searched = look_around;
-        // Where little is known of the noise, the readings tell.
+        // If the noise is poorly known, it is estimated from the readings.
         let degrees = stays.degrees();
         let variance = match &found[..] {
             [alone] if degrees > 3.0 && !search.is_misfit(alone) => {
@@ -362,7 +362,7 @@ impl Decay {
     }
 }
 
-/// Readings at one frequency, one after the other.
+/// Consecutive readings at one frequency.
 fn points(window: Window, frequency_hz: f64, (cycles, count): (u32, usize)) -> Vec<SweepPoint> {
     let frequency_hz = frequency_hz.clamp(window.min_hz, window.max_hz);
     vec![SweepPoint { frequency_hz, settle_s: 0.0, cycles }; count]

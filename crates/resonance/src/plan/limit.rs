@@ -1,19 +1,19 @@
 //! The bounds of a planned sweep.
 //!
-//! Every sweep ends: at its time limit, or where one of these counts is used up. They are far above
-//! what a sweep needs that reaches its target, so that a sweep which meets one asks for too much.
+//! Every sweep ends at its time limit or at one of these counts. A sweep that reaches its target needs
+//! far less than these counts, so that a sweep that exhausts one has too strict a target.
 
-/// Most readings of one sweep. Sweeps that reach their target take up to 120 of them.
+/// Largest number of readings of one sweep. Sweeps that reach their target take up to 120.
 pub(crate) const READINGS_MAX: usize = 180;
-/// How often one sweep is judged: hardly ever 30 times where it reaches its target, and each time costs
-/// as much as a few readings.
+/// Largest number of judgements of one sweep. Sweeps that reach their target hardly ever need 30, and
+/// each judgement costs as much as a few readings.
 pub(crate) const VERDICTS_MAX: usize = 36;
 
-/// Time of a row of work, s, about that of a desktop computer. Work counts against the time limit like
-/// the clock does: computing is then bounded even if the clock stands still, and the same seed gives
-/// the same points.
+/// Time per row of work, s, about that of a desktop computer. Work counts against the time limit like
+/// clock time. This bounds computing even if the clock stands still, and makes the points of a given
+/// seed reproducible.
 pub(super) const SECONDS_PER_ROW: f64 = 1e-7;
-/// Rows that choosing a point is counted for: a few hundred plans of two or three stays each.
+/// Rows counted for choosing a point: a few hundred plans of two or three stays each.
 pub(super) const ROWS_PER_PLAN: u64 = 3000;
-/// Rows that a verdict is counted for, for each reading: the fit, and all that may speak against it.
+/// Rows counted for a verdict, per reading: the fit and all its alternatives.
 pub(super) const ROWS_PER_READING_JUDGED: u64 = 200;

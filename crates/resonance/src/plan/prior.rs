@@ -1,25 +1,25 @@
-//! What is known of a resonance before a sweep and during it.
+//! Knowledge of a resonance before and during a sweep.
 
 use rig_model::{Reading, Window};
 
 use crate::{Circuit, NoisePrior, Resonance};
 
-/// Noise may change: what earlier sweeps say of it counts for no more than this.
+/// Largest degrees of freedom of the noise from earlier sweeps, because noise may change.
 const NOISE_DEGREES_MAX: f64 = 1000.0;
 
-/// The knowledge before the first reading.
+/// The knowledge before the first reading of a sweep.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prior {
-    /// The circuit as it was last found.
+    /// The last fitted circuit.
     pub circuit: Option<Circuit>,
     /// The possible range of its resonance.
     pub within: Window,
-    /// The noise of the analyzer, where it is known.
+    /// The noise of the analyzer, if known.
     pub noise: Option<NoisePrior>,
 }
 
 impl Prior {
-    /// The last resonance, which may have moved anywhere in `within`.
+    /// Creates a prior from the last resonance, which may have moved anywhere in `within`.
     pub fn moved(last: &Resonance, within: Window) -> Self {
         let noise = NoisePrior {
             at_ten_cycles: last.noise_at_ten_cycles,
@@ -38,7 +38,7 @@ pub struct Estimate {
     pub sigma_hz: f64,
 }
 
-/// The time from the first setting of a frequency to the end of the last integration, s.
+/// Time from the first setting of a frequency to the end of the last integration, s.
 pub(crate) fn elapsed_s(readings: &[Reading]) -> f64 {
     let (Some(first), Some(last)) = (readings.first(), readings.last()) else { return 0.0 };
     last.started.since(first.started).as_secs_f64() + last.settle_s + last.integration_s

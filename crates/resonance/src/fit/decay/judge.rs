@@ -20,11 +20,11 @@ use crate::{
     outcome::Spread,
 };
 
-/// Twice the log-likelihood that a second mode must gain to be taken for real. Chance reaches it at
-/// some place in one sweep of thirty; such a sweep is continued.
+/// Twice the log-likelihood that a second mode must gain to be accepted. Chance reaches it at some
+/// place in one sweep of thirty; such a sweep is continued.
 pub(crate) const MODE_GAIN: f64 = 7.0;
-/// By how much wider the resonance may be if a second mode may have any size: one that pulls it by
-/// four standard deviations then gains sixteen.
+/// Largest factor by which a second mode of any size may widen the standard deviation of the resonance.
+/// With it a mode that shifts the resonance by four standard deviations gains sixteen.
 pub(crate) const MODE_WIDENS: f64 = 1.2;
 
 /// Finds the resonance in readings of stays without settling.
@@ -54,7 +54,7 @@ pub(crate) fn fit(readings: &[Reading], options: &FitOptions) -> FitOutcome {
     judge(&stays, &best, &expected, noise, window)
 }
 
-/// The moment for which the resonance with this circuit holds, s after the first reading began.
+/// Effective time of the resonance, s after the start of the first reading.
 pub(crate) fn moment_s(readings: &[Reading], options: &FitOptions) -> Option<f64> {
     let noise = PooledVariance::known(&options.noise.unwrap_or(NOISE));
     let mut stays = Stays::of(Known::with(noise.variance()), readings)?;
@@ -62,8 +62,8 @@ pub(crate) fn moment_s(readings: &[Reading], options: &FitOptions) -> Option<f64
     stays.moment_s(&best)
 }
 
-/// The most likely circuit, with the noise that the readings have; `None` where another explains them
-/// nearly as well.
+/// The most likely circuit, for the noise of the readings; `None` if another explains them nearly as
+/// well.
 fn best(
     stays: &mut Stays,
     window: Window,
@@ -85,7 +85,7 @@ fn best(
     if search.is_misfit(&best) {
         return Some((best, expected));
     }
-    // Where little is known of the noise, the readings tell.
+    // If the noise is poorly known, it is estimated from the readings.
     let degrees = stays.degrees();
     let cost = best.normal.cost * stays.known.variance;
     stays.known.variance = noise.with(cost, degrees).variance();
@@ -93,7 +93,7 @@ fn best(
     Some((best, expected))
 }
 
-/// The result, if nothing speaks against it.
+/// The result, or a refusal if a check fails.
 fn judge(
     stays: &Stays,
     best: &Hypothesis,
@@ -104,7 +104,7 @@ fn judge(
     let refused = |reason, estimate| FitOutcome::Refused(Refusal { reason, estimate });
 
     let degrees = stays.degrees();
-    // Against the noise as it was known, not as these readings say.
+    // Relative to the prior noise, not to that of these readings.
     let scatter = best.normal.cost / degrees * stays.known.variance / noise.variance();
     let allowed = allowed(degrees, noise);
     let modes = Modes::new(stays, best);
@@ -122,7 +122,7 @@ fn judge(
     } else if let Some((near_hz, _)) = likeliest.filter(|(_, gain)| *gain > MODE_GAIN) {
         Some(Reason::SecondMode { near_hz })
     } else {
-        // What is not a number is no good description either.
+        // NaN must be refused too.
         let is_described = scatter < allowed;
         (!is_described).then_some(Reason::Misfit { found: scatter, allowed })
     };
@@ -142,7 +142,8 @@ fn judge(
         .map_or(FitOutcome::Accepted(found), |reason| refused(reason, Some(found)))
 }
 
-/// The circuit with its uncertainty, the resonance having this standard deviation by its profile.
+/// The circuit with its uncertainty; the standard deviation of the resonance is that of its profile
+/// likelihood.
 fn resonance(
     stays: &Stays,
     best: &Hypothesis,

@@ -1,8 +1,8 @@
-//! A second mode that the readings may or may not exclude.
+//! Tests for a second mode.
 //!
-//! A small branch beside the resonance pulls the result before it shows in the scatter. What it would
-//! do follows from the normal equations with its size as one more unknown: by how much the readings
-//! ask for it, and how much less the resonance is known if it may have any size.
+//! A small branch near the resonance shifts the result before it is visible in the scatter. The normal
+//! equations with its size as an additional unknown give its gain in likelihood and the wider
+//! uncertainty of the resonance if it may have any size.
 
 use num_complex::Complex64;
 use rig_model::Window;
@@ -19,24 +19,24 @@ use crate::{
 /// distinguished from the resonance and hardly shifts it; a mode between two places shows at both.
 pub(crate) const PLACES: usize = 10;
 const AT: [f64; PLACES] = [-4.0, -3.0, -2.0, -1.5, -1.0, 1.0, 1.5, 2.0, 3.0, 4.0];
-/// The circuit and the second modes after it.
+/// Number of unknowns of the circuit and a second mode at each place.
 pub(crate) const WITH_MODES: usize = CIRCUIT + PLACES;
 
-/// The standard deviation of its capacitance, in units of that of the first, from which on it is seen
-/// where it matters: one of a twentieth gains twenty-five.
+/// Standard deviation of the capacitance of a second mode, relative to that of the first, at which a
+/// relevant mode is detected: a mode of a twentieth then gains twenty-five.
 pub(crate) const SIZE_SEEN: f64 = 0.01;
 
-/// A second mode with the quality of the first.
+/// A second mode with the quality factor of the first.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SecondMode {
     pub(crate) place: usize,
     pub(crate) resonance_hz: f64,
-    /// Twice the log-likelihood that it gains; 0 where it would be negative.
+    /// Twice the log-likelihood that it gains; 0 if its capacitance would be negative.
     pub(crate) gain: f64,
     /// Its capacitance.
     pub(crate) size: f64,
-    /// Variance of the logarithm of the first resonance if the second has any size; 0 where a size that
-    /// matters would have been seen.
+    /// Variance of the logarithm of the first resonance if the second has any size; 0 if a relevant
+    /// size would have been detected.
     pub(crate) variance: f64,
 }
 
@@ -53,7 +53,7 @@ impl Modes {
     pub(crate) fn new(stays: &Stays, best: &Hypothesis) -> Self {
         let at = best.at;
         let hz = AT.map(|place| at.resonance_hz * (1.0 + place / at.q));
-        // Nothing is known of the motion before the first stay, and it has decayed when it matters.
+        // The motion before the first stay is unknown, but has decayed before it matters.
         let mut before: Option<(Complex64, [Complex64; PLACES])> = None;
         let mut last =
             [Branch::new(at.resonance_hz, at.q, at.resonance_hz, Complex64::ZERO); PLACES];
@@ -61,7 +61,7 @@ impl Modes {
         let ends_s = stays.all.iter().skip(1).map(|next| next.since_s).chain([0.0]);
         for (((stay, model, _), state), end_s) in stays.models(&at).zip(&best.states).zip(ends_s) {
             let begin = model.motion(&at, state.amplitude(), 0.0);
-            // The drive jumps in phase at a change of frequency, for all modes alike.
+            // At a change of frequency the drive jumps in phase by the same angle for all modes.
             let turn = before.map_or(Complex64::ZERO, |(end, _)| begin / end);
             let turn = if turn.is_normal() { turn / turn.norm() } else { Complex64::ZERO };
             let ends = before.map_or([Complex64::ZERO; PLACES], |(_, ends)| ends);
@@ -76,7 +76,8 @@ impl Modes {
         Self { of_stays, last, at }
     }
 
-    /// The first stays with the second mode at this place as the unknown after the circuit.
+    /// Normal equations of the first `stays` stays, with the second mode at this place as the unknown
+    /// after the circuit.
     pub(crate) fn normal(&self, place: usize, stays: usize) -> Normal<UNKNOWNS> {
         let mut sum = Normal::<UNKNOWNS>::default();
         let mode = CIRCUIT + place;
@@ -102,7 +103,7 @@ impl Modes {
         self.last[place]
     }
 
-    /// The mode at this place in a stay at this frequency which begins with this motion.
+    /// The mode at this place in a stay at this frequency, with this initial motion.
     pub(crate) fn branch(&self, place: usize, frequency_hz: f64, motion: Complex64) -> Branch {
         Branch::new(self.hz(place), self.at.q, frequency_hz, motion)
     }

@@ -7,7 +7,7 @@ use num_complex::Complex64;
 use crate::circuit::trace::{CIRCUIT, ModelEstimate};
 
 /// The mean square of the free motion after each change of frequency, in units of the static
-/// deflection: what the forced motions before and after differ by, and what was left.
+/// deflection: the difference of the forced motions before and after, and the remaining free motion.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Amplitude {
     at: ModelEstimate,
@@ -21,7 +21,7 @@ impl Amplitude {
         Self { at: *at, square: 0.0, forced: at.q * at.q }
     }
 
-    /// A change to this frequency so long after the change before.
+    /// Changes to this frequency, `since_s` after the previous change.
     pub(crate) fn change(&mut self, frequency_hz: f64, since_s: f64) -> f64 {
         let ModelEstimate { resonance_hz, q, .. } = self.at;
         let u = frequency_hz / resonance_hz;
@@ -36,16 +36,16 @@ impl Amplitude {
 /// The model of readings at one frequency.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Model {
-    /// s − jω.
+    /// s − jω, rad/s.
     pub(super) rate: Complex64,
     /// |s* − jω|².
     pub(super) mirrored: f64,
     /// ds/d ln fs and ds/d ln Q.
     pub(super) rate_by: [Complex64; 2],
-    /// The settled admittance and its slopes.
+    /// The steady-state admittance and its derivatives.
     pub(super) steady: Complex64,
     pub(super) by: [Complex64; CIRCUIT],
-    /// C1·ωs: the admittance that a free motion of the size of the static deflection has.
+    /// C1·ωs: the admittance of a free motion as large as the static deflection.
     pub(super) unit: f64,
 }
 
@@ -76,7 +76,7 @@ impl Model {
         }
     }
 
-    /// What readings of this integration have in common, s.
+    /// The factors common to readings of this integration time, s.
     fn over(&self, integration_s: f64) -> Integration {
         let x = self.rate * integration_s;
         let over = x.exp();
@@ -89,7 +89,8 @@ impl Model {
         }
     }
 
-    /// The free decay in a reading that begins so late; `last` is the integration of the one before.
+    /// The free decay in a reading that starts at this time; `last` is the integration of the previous
+    /// one.
     pub(super) fn decayed(
         &self,
         start_s: f64,
@@ -103,7 +104,7 @@ impl Model {
         over.after(start_s, (self.rate * start_s).exp())
     }
 
-    /// The same in `count` readings, each so long after the one before, s.
+    /// The free decay in `count` readings at this spacing, s.
     pub(super) fn decays(
         &self,
         start_s: f64,
@@ -120,12 +121,13 @@ impl Model {
         (0..count).map(of).collect()
     }
 
-    /// The motional admittance, settled.
+    /// The steady-state motional admittance.
     fn forced(&self, at: &ModelEstimate) -> Complex64 {
         at.c1 * self.by[3]
     }
 
-    /// The motional admittance so long after the stay began, with this amplitude of the free decay.
+    /// The motional admittance at this time after the start of the stay, with this amplitude of the
+    /// free decay.
     pub(crate) fn motion(
         &self,
         at: &ModelEstimate,
@@ -135,14 +137,14 @@ impl Model {
         self.forced(at) + amplitude * (self.rate * after_s).exp()
     }
 
-    /// The amplitude of the free decay when the motion begins with this admittance.
+    /// The amplitude of the free decay if the motion starts with this admittance.
     pub(crate) fn amplitude(&self, at: &ModelEstimate, motion: Complex64) -> Complex64 {
         motion - self.forced(at)
     }
 
     /// Cycles of an integration, in units of ten.
     pub(super) fn tens_of_cycles(&self, integration_s: f64) -> f64 {
-        // The slope by the loss is the angular frequency.
+        // The derivative with respect to the loss is the angular frequency.
         0.1 * integration_s * self.by[4].re / TAU
     }
 }
@@ -167,7 +169,7 @@ pub(crate) struct Decayed {
 }
 
 impl Integration {
-    /// In a reading that begins so late, s, with the decay until then.
+    /// The decay in a reading that starts at this time, s, with the decay until then.
     fn after(&self, start_s: f64, begin: Complex64) -> Decayed {
         Decayed {
             value: begin * self.mean,
@@ -180,15 +182,15 @@ impl Integration {
 /// A second mode in a stay, for a capacitance of 1.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Branch {
-    /// Its own decay and turning against the drive, rad/s.
+    /// Its decay and its rotation relative to the drive, rad/s.
     rate: Complex64,
-    /// Its admittance when it has settled, and the amplitude of its free decay.
+    /// Its steady-state admittance; `free` is the amplitude of its free decay.
     forced: Complex64,
     free: Complex64,
 }
 
 impl Branch {
-    /// A mode with this resonance and quality at this frequency, which begins with this motion.
+    /// A mode with this resonance and quality factor at this frequency, with this initial motion.
     pub(crate) fn new(mode_hz: f64, q: f64, frequency_hz: f64, motion: Complex64) -> Self {
         let u = frequency_hz / mode_hz;
         let omega = TAU * frequency_hz;
@@ -198,7 +200,7 @@ impl Branch {
         Self { rate, forced, free: motion - forced }
     }
 
-    /// The motion so long after the stay began.
+    /// The motion at this time after the start of the stay.
     pub(crate) fn motion(&self, after_s: f64) -> Complex64 {
         self.forced + self.free * self.decay(after_s)
     }
@@ -208,7 +210,7 @@ impl Branch {
         self.forced + self.free * self.decay(start_s) * self.share(integration_s)
     }
 
-    /// The same over several readings of this integration, each so long after the one before, s.
+    /// The mean admittances over several readings of this integration time at this spacing, s.
     pub(super) fn means(
         self,
         start_s: f64,
@@ -225,7 +227,7 @@ impl Branch {
         (self.rate * after_s).exp()
     }
 
-    /// The mean of the decay over an integration, in units of its begin.
+    /// The mean of the decay over an integration, relative to its initial value.
     fn share(&self, integration_s: f64) -> Complex64 {
         let x = self.rate * integration_s;
         (x.exp() - 1.0) / x
@@ -235,8 +237,8 @@ impl Branch {
 /// The free motion of a stay.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Ring {
-    /// Its mean square before anything was read, in units of the static deflection.
+    /// Its prior mean square, in units of the static deflection.
     pub(crate) square: f64,
-    /// a, in units of the admittance.
+    /// The amplitude a, in units of the admittance.
     pub(crate) amplitude: Complex64,
 }

@@ -1,4 +1,4 @@
-//! The circuits that explain readings of a free decay nearly equally well.
+//! Searches for the circuits that explain readings of a free decay nearly equally well.
 
 use super::{Hypothesis, Stays, start::Trials};
 use crate::{
@@ -7,28 +7,28 @@ use crate::{
     noise::{self, PooledVariance},
 };
 
-/// Trials that are followed to their minimum, and circuits that are kept.
+/// Number of trials that are refined to their minimum, and number of circuits that are kept.
 const STARTS: usize = 6;
 const KEPT: usize = 4;
 /// Twice the log-likelihood by which the best circuit must beat every other.
 const LEAD: f64 = 16.0;
 /// Circuits whose resonances differ by less than this many standard deviations are the same.
 const SAME_SIGMAS: f64 = 3.0;
-/// Linewidths beside a circuit that does not describe the readings, where others are tried, and by what
-/// factor another quality is.
+/// Offsets of alternatives to a circuit that does not describe the readings, in linewidths, and factors
+/// of their quality factor.
 const BESIDE: [f64; 6] = [-0.8, -0.4, -0.15, 0.15, 0.4, 0.8];
 const OTHER_Q: [f64; 2] = [0.75, 1.33];
-/// A descent is abandoned when this many more steps, each saving as much as the last, would not bring it
-/// near the best circuit.
+/// A descent is abandoned if this many more steps with the savings of the last would not reach the best
+/// circuit.
 const PACE: f64 = 2.0;
-/// A descent is abandoned where a better circuit was found: with a resonance within its standard
-/// deviations, and the logarithm of its quality within this.
+/// A descent is abandoned near a better circuit: with a resonance within its standard deviations and a
+/// logarithm of the quality factor within this.
 const SAME_LN_Q: f64 = 0.3;
-/// Most rows of a search, about a millisecond: one search in two hundred would take more. The best circuit
-/// so far is followed to its minimum all the same, and what begins afterwards is left out.
+/// Largest number of rows of a search, about a millisecond; one search in two hundred would take more.
+/// The best circuit so far is still refined to its minimum, and later descents are omitted.
 pub(crate) const ROWS_MAX: u64 = 9000;
-/// Descents that a search does not abandon for its rows: the first that finds a circuit, those before it
-/// that found none, and the last one's step.
+/// Descents that a search completes regardless of its rows: the first that finds a circuit, those
+/// before it without one, and the step of the last.
 pub(crate) const DESCENTS_MAX: usize = KEPT + STARTS + 2;
 /// χ² may exceed its mean by this many of its standard deviations.
 const CHI_SQUARED_SIGMAS: f64 = 2.7;
@@ -36,17 +36,18 @@ const CHI_SQUARED_SIGMAS: f64 = 2.7;
 /// to a factor of five, which corresponds to half a degree of freedom.
 const GUESSED_DEGREES: f64 = 4.0;
 const DEGREES_OF_A_GUESS: f64 = 0.5;
-/// … from this many degrees of freedom on, where a wrong circuit shows in other ways.
+/// Residual degrees of freedom above which a guess has `DEGREES_OF_A_GUESS`; a wrong circuit is then
+/// detected in other ways.
 const ENOUGH_DEGREES: f64 = 30.0;
 
 /// Further starts of a search, beyond the circuits found before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Effort {
-    /// Nowhere.
+    /// No further starts.
     Follow,
     /// The starts given by the trials.
     Trials,
-    /// Beside the best circuit: beats that were counted wrong lead into a valley beside the right one.
+    /// Starts near the best circuit, because miscounted beats lead to a minimum near the right one.
     Beside,
 }
 
@@ -69,7 +70,7 @@ pub(crate) fn allowed(degrees: f64, noise: PooledVariance) -> f64 {
 }
 
 impl Hypothesis {
-    /// Whether another circuit has nearly this resonance and quality.
+    /// Whether another circuit has nearly this resonance and quality factor.
     fn is_beside(&self, other: &ModelEstimate) -> bool {
         let off_hz = (self.at.resonance_hz - other.resonance_hz).abs();
         off_hz <= SAME_SIGMAS * self.sigma_hz() && (self.at.q / other.q).ln().abs() < SAME_LN_Q
@@ -77,14 +78,14 @@ impl Hypothesis {
 }
 
 impl Search<'_> {
-    /// Whether readings scatter more about this circuit than their noise allows.
+    /// Whether the residuals of this circuit exceed the allowed noise.
     pub(crate) fn is_misfit(&self, one: &Hypothesis) -> bool {
         let degrees = self.stays.degrees();
         let found = one.normal.cost / degrees * self.stays.known.variance;
         degrees > 0.0 && found > allowed(degrees, self.noise) * self.noise.variance()
     }
 
-    /// The best circuits, the best first, none near a better one.
+    /// The best circuits, sorted from the best, without duplicates.
     pub(crate) fn run(
         &self,
         earlier: Vec<Hypothesis>,

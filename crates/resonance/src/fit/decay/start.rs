@@ -1,7 +1,7 @@
-//! Trials of resonance and quality over a window, for readings that still ring.
+//! A grid search of resonance and quality factor over a window, for unsettled readings.
 //!
-//! With both given, everything else is linear: capacitances, loss, and the amplitude of the decay of
-//! each stay. A trial takes in one reading after the other and costs one small system.
+//! With both given, all other unknowns are linear: capacitances, loss, and the amplitude of the decay
+//! of each stay. A trial accumulates one reading after another and costs one small linear system.
 
 use num_complex::Complex64;
 use rig_model::Window;
@@ -17,10 +17,10 @@ use crate::{
     numeric::descent::Normal,
 };
 
-/// C0, C1 and C0·tan δ.
+/// Number of linear unknowns of the circuit: C0, C1 and C0·tan δ.
 const LINEAR: usize = 3;
 
-/// All trials.
+/// All trials of a grid.
 #[derive(Debug, Clone)]
 pub(crate) struct Trials {
     trials: Vec<Trial>,
@@ -32,26 +32,26 @@ struct Trial {
     amplitude: Amplitude,
     model: Model,
     integration: Option<Integration>,
-    /// Stays that are over.
+    /// Sums of the finished stays.
     done: Normal<LINEAR>,
-    /// This stay: its sums, and those with the amplitude of its decay.
+    /// Sums of the present stay; `with` holds those with the amplitude of its decay.
     now: Normal<LINEAR>,
     with: [Complex64; LINEAR],
     top: Complex64,
     bottom: f64,
     /// `bottom` before the first reading of this stay.
     empty: f64,
-    /// The penalty of the finished stays for their amplitudes, as [`super::stay::State::freedom`] says.
+    /// The penalty of the finished stays for their amplitudes, as in [`super::stay::State::freedom`].
     freedom: f64,
 }
 
 impl Trials {
-    /// No trials at all.
+    /// An empty set of trials.
     pub(crate) const fn none() -> Self {
         Self { trials: Vec::new() }
     }
 
-    /// Takes in all readings.
+    /// Adds all readings.
     pub(crate) fn add_all(&mut self, stays: &Stays) {
         for stay in &stays.all {
             for (n, sample) in stay.samples.iter().enumerate() {
@@ -74,8 +74,8 @@ impl Trials {
         Self { trials }
     }
 
-    /// Takes in one more reading, and where it begins a stay, that one's frequency and the time since
-    /// the one before.
+    /// Adds a reading and, if it starts a stay, the frequency of that stay and the time since the
+    /// previous one.
     pub(crate) fn add(&mut self, sample: &Sample, stay: Option<(f64, f64)>, known: &Known) {
         for trial in &mut self.trials {
             if let Some((frequency_hz, since_s)) = stay {
@@ -85,7 +85,7 @@ impl Trials {
         }
     }
 
-    /// The best trials, none of them near a better one.
+    /// The best trials, without neighbours of a better one.
     pub(crate) fn best(
         &self,
         expected: &CircuitPrior,
@@ -163,7 +163,7 @@ impl Trial {
         self.bottom += weight * e.norm_sqr();
     }
 
-    /// All readings, with the amplitudes eliminated.
+    /// Sums of all readings, with the amplitudes eliminated.
     fn sum(&self) -> Normal<LINEAR> {
         let mut sum = self.done;
         let inverse = if self.bottom > 0.0 { 1.0 / self.bottom } else { 0.0 };
@@ -184,7 +184,7 @@ impl Trial {
         self.freedom + here
     }
 
-    /// The linear unknowns that are most likely with this resonance and quality, and the cost.
+    /// The cost, and the most likely linear unknowns for this resonance and quality factor.
     fn best(&self, expected: &CircuitPrior, known: &Known) -> Option<(f64, ModelEstimate)> {
         let mut normal = self.sum();
         for i in 0..LINEAR {

@@ -1,5 +1,5 @@
-//! The readings of one stay as normal equations of the circuit, with what is only of this stay
-//! eliminated: the amplitude of the free decay and the errors in time.
+//! The normal equations of the circuit for one stay, with the unknowns of that stay eliminated: the
+//! amplitude of the free decay and the timing errors.
 
 use num_complex::Complex64;
 
@@ -13,29 +13,29 @@ use crate::{
     numeric::descent::Normal,
 };
 
-/// Where the unknowns of a stay are: the circuit, the amplitude, the error in time, second modes.
+/// Indices of the unknowns of a stay: the circuit, the amplitude, the timing error, second modes.
 const A: usize = CIRCUIT;
 const TIME: usize = CIRCUIT + 2;
 /// Numbers of unknowns without a second mode, with one, and with one at each place.
 const ALONE: usize = CIRCUIT + 3;
 const WITH_ONE: usize = ALONE + 1;
 const WITH_ALL: usize = ALONE + PLACES;
-/// A random phase leaves each part of the amplitude with half of its square; half as much again for
-/// what is not known of the circuit.
+/// Variance of each part of the amplitude relative to its mean square: half for a random phase,
+/// increased by half for the uncertainty of the circuit.
 pub(super) const AMPLITUDE_SHARE: f64 = 0.75;
-/// The part of an amplitude that its readings determine on their own: its prior, which is wider than the
-/// amplitudes are, counts for the rest. Nothing is known beforehand of that of the first stay.
+/// Fraction of an amplitude that its readings determine; its prior, which is wider than the actual
+/// amplitudes, determines the rest. The amplitude of the first stay has no prior.
 pub(super) const AMPLITUDE_FREE: f64 = 1.0 - 0.5 / AMPLITUDE_SHARE;
-/// Rounds in which the amplitude of a stay is found.
+/// Largest number of rounds to find the amplitude of a stay.
 const ROUNDS: usize = 6;
-/// … unless they lower the cost by less than this.
+/// Rounds end if they lower the cost by less than this and turn the decay by less than `TURNED`.
 const SAVED: f64 = 0.01;
-/// … and turn the decay against the drive by less than this, rad.
+/// Smallest relevant rotation of the decay relative to the drive in a round, rad.
 const TURNED: f64 = 0.01;
-/// A stay is not computed anew for a circuit that is this near to the last, in squares of the standard
-/// deviations that the stay alone gives: its equations are linear over so little.
+/// A stay is not recomputed for a circuit within this squared distance from the last, in units of the
+/// variances from that stay alone: its equations are linear over this distance.
 const LINEAR: f64 = 0.02;
-/// … nor while the amplitude expected beforehand and the noise have hardly changed.
+/// Relative changes of the prior amplitude and of the noise above which a stay is recomputed.
 const PRIOR_CHANGED: f64 = 0.1;
 const VARIANCE_CHANGED: f64 = 0.02;
 
@@ -43,7 +43,7 @@ const VARIANCE_CHANGED: f64 = 0.02;
 #[derive(Debug, Clone, Default)]
 pub(crate) struct State {
     amplitude: Complex64,
-    /// Its variance beforehand, and its mean square.
+    /// Prior variance of the amplitude, and its mean square.
     prior: f64,
     square: f64,
     /// Delay of each reading after its recorded time, s.
@@ -58,14 +58,13 @@ struct Computed {
     at: ModelEstimate,
     normal: Normal<UNKNOWNS>,
     readings: usize,
-    /// The variance of the noise that they were weighed with.
+    /// The noise variance of their weights.
     variance: f64,
-    /// Twice the logarithm of the volume of amplitudes expected beforehand over that of those that
-    /// explain the readings.
+    /// Twice the logarithm of the ratio of the prior volume of amplitudes to the posterior volume.
     freedom: f64,
 }
 
-/// A reading as it depends on the amplitude and on its time.
+/// The dependence of a reading on the amplitude and on its time.
 #[derive(Debug, Clone, Copy)]
 struct Row {
     residual: Complex64,
@@ -75,7 +74,7 @@ struct Row {
 }
 
 impl State {
-    /// The equations there, if they follow from those computed last.
+    /// The equations at this circuit, if they follow from the last computed ones.
     pub(super) fn moved(
         &self,
         at: &ModelEstimate,
@@ -109,18 +108,18 @@ impl State {
         (distance < LINEAR).then_some(moved)
     }
 
-    /// The amplitude of the free decay that was found.
+    /// The fitted amplitude of the free decay.
     pub(super) const fn amplitude(&self) -> Complex64 {
         self.amplitude
     }
 
-    /// The penalty for the freedom of the amplitude: a circuit that rings long, or that may have rung
-    /// with any amplitude, explains more readings by chance.
+    /// The penalty for the freedom of the amplitude: a circuit with a long decay or an arbitrary
+    /// amplitude fits more readings by chance.
     pub(super) fn freedom(&self) -> f64 {
         self.last.as_ref().map_or(0.0, |last| last.freedom)
     }
 
-    /// Forgets the equations, so that they are computed anew.
+    /// Discards the equations, so that they are recomputed.
     #[cfg(test)]
     pub(super) fn thaw(&mut self) {
         self.last = None;
@@ -133,7 +132,7 @@ impl Model {
         AMPLITUDE_SHARE * square * self.unit * self.unit
     }
 
-    /// The normal equations of the circuit by these readings, and how often each was computed.
+    /// The normal equations of the circuit from these readings, and how often each was computed.
     pub(super) fn normal(
         &self,
         at: &ModelEstimate,
@@ -179,7 +178,7 @@ impl Model {
         }
     }
 
-    /// The same with a second mode at each place as more unknowns after the circuit.
+    /// The normal equations with a second mode at each place as additional unknowns after the circuit.
     pub(super) fn normal_with_modes(
         &self,
         stay: &Stay,
@@ -199,7 +198,7 @@ impl Model {
         eliminated(&sums.without_time())
     }
 
-    /// The plain relative error is linear in a: a first value from nothing.
+    /// A start value of the amplitude a: the plain relative error is linear in it.
     fn first(&self, samples: &[Sample], prior: f64, known: &Known) -> State {
         let (mut top, mut bottom) = (Complex64::ZERO, known.variance / prior);
         let mut last = None;
@@ -230,7 +229,7 @@ pub(crate) struct Forecast<'a> {
     taken: usize,
 }
 
-/// Readings at even distances that may come next in a stay.
+/// Possible further readings of a stay, equally spaced.
 #[derive(Debug)]
 pub(crate) struct Course {
     decays: Vec<Decayed>,
@@ -239,8 +238,8 @@ pub(crate) struct Course {
 }
 
 impl Course {
-    /// So many readings of this integration, s, each `step_s` after the one before; the first follows
-    /// `there`.
+    /// `count` readings of this integration time, s, each `step_s` after the previous one; the first
+    /// follows `there`.
     pub(crate) fn new(
         model: &Model,
         there: &[Sample],
@@ -256,7 +255,7 @@ impl Course {
 }
 
 impl<'a> Forecast<'a> {
-    /// After these readings, with this free motion.
+    /// A forecast after these readings, with this free motion.
     pub(crate) fn new(
         (model, known): (&'a Model, &'a Known),
         ring: &Ring,
@@ -277,7 +276,7 @@ impl<'a> Forecast<'a> {
         Self { model, known, amplitude: ring.amplitude, mode, sums, next, taken: 0 }
     }
 
-    /// The equations with this many more readings, no fewer than before.
+    /// The equations with this many further readings, no fewer than in the previous call.
     pub(crate) fn with(&mut self, count: usize) -> Normal<UNKNOWNS> {
         let Course { decays, reading, step_s } = self.next;
         let from_s = reading.start_s + self.taken as f64 * step_s;
@@ -292,14 +291,13 @@ impl<'a> Forecast<'a> {
     }
 }
 
-/// Readings of a stay as sums.
+/// Accumulated sums of the readings of a stay.
 #[derive(Debug, Clone, Copy)]
 struct Sums<const N: usize> {
     normal: Normal<N>,
     /// |a|².
     square: f64,
-    /// By how much the last reading began later than its time says, as far as it is known; none before
-    /// it.
+    /// Known delay of the last reading after its recorded time, s; `None` before the first reading.
     late_s: Option<f64>,
 }
 
@@ -315,16 +313,16 @@ impl<const N: usize> Sums<N> {
         Self { normal, square, late_s: None }
     }
 
-    /// Goes on to a reading that began this much later than its time says.
+    /// Advances to a reading that started this much after its recorded time.
     fn wait_until(&mut self, late_s: f64, known: &Known) {
-        // Time begins with the first reading.
+        // The time axis starts with the first reading.
         if let Some(before_s) = self.late_s.replace(late_s) {
             self.wait(late_s - before_s, known.gap_sigma_s);
         }
     }
 
-    /// Adds a reading with this free decay and these means of second modes; one without an impedance is
-    /// what the model says.
+    /// Adds a reading with this free decay and these means of second modes; without an impedance it is
+    /// assumed to agree with the model.
     fn add(
         &mut self,
         model: &Model,
@@ -361,8 +359,8 @@ impl<const N: usize> Sums<N> {
         Row { residual, by_amplitude: columns[A], in_time: columns[TIME], weight }
     }
 
-    /// A gap whose length is not quite known: the error in time takes one more step, of which this
-    /// much has been taken into account.
+    /// Adds a gap of uncertain length: the timing error takes another random step, of which `taken_s`
+    /// is already included.
     fn wait(&mut self, taken_s: f64, sigma_s: f64) {
         let Normal { matrix, gradient, cost } = &mut self.normal;
         let square = sigma_s * sigma_s;
@@ -393,7 +391,7 @@ impl<const N: usize> Sums<N> {
         gradient[TIME] = right * kept;
     }
 
-    /// The same without the error in time.
+    /// The equations with the timing error eliminated.
     fn without_time(&self) -> Normal<N> {
         let mut normal = self.normal;
         let known = normal.matrix[TIME][TIME];
@@ -412,14 +410,13 @@ impl<const N: usize> Sums<N> {
     }
 }
 
-/// Moves the times of the readings to where they are most likely with these amplitudes: the steps
-/// between them are independent, which makes one tridiagonal system of them. Gives by how much they
-/// moved at most, s.
+/// Moves the times of the readings to their most likely values for these amplitudes. The steps between
+/// them are independent, which gives a tridiagonal system. Returns the largest shift, s.
 fn shift(late_s: &mut [f64], rows: &[Row], sigma_s: f64) -> f64 {
     let precision = 1.0 / (sigma_s * sigma_s);
     let count = rows.len();
     let (mut upper, mut right) = (vec![0.0; count], vec![0.0; count]);
-    // Forwards; the first reading stays.
+    // Forward elimination; the first reading stays fixed.
     for i in 1..count {
         let row = &rows[i];
         let known = row.weight * row.in_time.norm_sqr();
@@ -439,7 +436,7 @@ fn shift(late_s: &mut [f64], rows: &[Row], sigma_s: f64) -> f64 {
     moved_s
 }
 
-/// The amplitude alone: how far it is from the best one of this circuit, and the cost of that.
+/// Step of the amplitude to its best value for this circuit, and the cost that it saves.
 fn amplitude_step<const N: usize>(normal: &Normal<N>) -> (Complex64, f64) {
     let Some(inverse) = inverse(normal) else { return (Complex64::ZERO, 0.0) };
     let right = [normal.gradient[A], normal.gradient[A + 1]];
@@ -468,7 +465,7 @@ fn times(matrix: &[[f64; 2]; 2], [x, y]: &[f64; 2]) -> [f64; 2] {
     matrix.map(|[a, b]| a * x + b * y)
 }
 
-/// The circuit and the second modes after it, with the amplitude eliminated.
+/// The equations of the circuit and the second modes after it, with the amplitude eliminated.
 fn eliminated<const N: usize, const K: usize>(normal: &Normal<N>) -> Normal<K> {
     let mut rest = Normal::<K>::default();
     let Some(inverse) = inverse(normal) else { return rest };

@@ -1,9 +1,9 @@
-//! The gradient is that of the cost, and the circuit comes out.
+//! Tests that the gradient is that of the cost and that the fit recovers the circuit.
 
 use super::*;
 use crate::circuit::trace::ExtraTerm;
 
-/// Stays of a circuit whose readings came a little late, and are a little wrong.
+/// Stays of a circuit whose readings are slightly late and slightly wrong.
 fn stays(at: &ModelEstimate) -> Stays {
     let known = Known { variance: 2.5e-5, gap_sigma_s: 0.58e-3 };
     let (all, last, work) = (Vec::new(), None, Cell::new(0));

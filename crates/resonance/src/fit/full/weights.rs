@@ -3,16 +3,16 @@
 use super::{CLEARLY, Model};
 use crate::{FitOptions, diagnose::alternatives::Fitted, diagnose::mains, diagnose::outliers};
 
-/// Rounds in which noise is told from rounding, and the least part of the rounding that is noise.
+/// Number of rounds that separate noise from rounding, and smallest noise relative to the rounding.
 const ROUNDS: usize = 4;
 const NOISE_MIN: f64 = 1e-3;
-/// More than all readings wrong together would be.
+/// Largest correlation factor; above that of fully correlated readings.
 const CORRELATION_MAX: f64 = 30.0;
-/// Multiples of the mains frequency that may disturb one sweep.
+/// Largest number of mains harmonics that may disturb one sweep.
 const PICK_UPS_MAX: usize = 3;
 
 impl Model {
-    /// Weighs the readings by their rounding as well, which is known better than the noise.
+    /// Weights the readings by their rounding too, which is better known than the noise.
     pub(super) fn weigh_rounding(&mut self, options: &FitOptions) {
         let (count, weight) = self.trace.used();
         let rounding: f64 =
@@ -29,8 +29,8 @@ impl Model {
         }
     }
 
-    /// Weighs the readings by pick-up where nothing else explains better that they scatter there, and
-    /// says whether there is any.
+    /// Down-weights readings with mains pick-up if no other cause explains their scatter better, and
+    /// returns whether there is any.
     pub(super) fn weigh_pick_up(&mut self, options: &FitOptions) -> bool {
         for _ in 0..PICK_UPS_MAX {
             let (sizes, _) = outliers::sizes(&self.trace, &self.found);
@@ -51,11 +51,11 @@ impl Model {
         self.mains_hz.is_some()
     }
 
-    /// How many times the variance of what is fitted exceeds that for independent errors: those of
-    /// rounding come in runs. With a correlation of ρ between neighbours their differences show 1 − ρ
-    /// of the variance, and what is fitted has (1 + ρ)/(1 − ρ) times its variance.
+    /// Ratio of the variance of the fitted quantities to that for independent errors; rounding errors
+    /// occur in runs. With a correlation ρ between neighbours their differences show 1 − ρ of the
+    /// variance, and the fitted quantities have (1 + ρ)/(1 − ρ) times their variance.
     pub(super) fn correlation(&self) -> f64 {
-        // Readings that were not taken in a row of even steps have no runs.
+        // Readings that are not in sequence at even steps have no runs.
         if self.known == 0.0 || self.trace.weighed_for.is_some() || !self.trace.timing.is_steady() {
             return 1.0;
         }

@@ -1,4 +1,4 @@
-//! Which stay is worth its time most.
+//! Chooses the stay that gains most information per time.
 
 use std::{borrow::Cow, f64::consts::TAU};
 
@@ -21,31 +21,31 @@ use crate::{
 /// Places of a new stay, in linewidths from the resonance; in addition to the ends of the window.
 const PLACES: [f64; 7] = [-1.5, -0.7, -0.3, 0.0, 0.3, 0.7, 1.5];
 const CYCLES: [u32; 3] = [2, 6, 20];
-/// Above this quality factor the longest readings gain nothing.
+/// Above this quality factor the longest readings have no advantage.
 const LONG_Q: f64 = 60.0;
 const COUNTS: [usize; 7] = [2, 3, 5, 8, 12, 18, COUNT_MAX];
 const COUNT_MAX: usize = 27;
 /// Numbers of readings for which pairs of stays are tried.
 const PAIRED: [usize; 4] = [2, 5, 12, 27];
-/// Phases that the free motion of a new stay may have.
+/// Number of trial phases of the free motion of a new stay.
 const PHASES: usize = 3;
-/// The second stay lies within this many linewidths: a beat alone is no evidence.
+/// Largest offset of the second stay, in linewidths, because a beat alone is no evidence.
 const NEAR: f64 = 1.0;
-/// Beyond this many linewidths the beat is so fast that it only shows the errors in time.
+/// Offset in linewidths beyond which the beat is so fast that only the timing errors are visible.
 const FAR: f64 = 4.0;
-/// The part of a plan, and of the time spent, after which it is made anew.
+/// Fraction of a plan, and of the time spent, after which the plan is made again.
 const PART: f64 = 0.5;
 /// Stays shorter than this are not divided, s.
 const SHORT_S: f64 = 0.03;
-/// The gap between two readings before any was measured, s.
+/// Assumed gap between two readings before any is measured, s.
 const GAP_S: f64 = 1.5e-3;
-/// The largest ratio of variances, before anything is known.
+/// Largest ratio of variances, used before the readings determine one.
 const MISSING_MAX: f64 = 1e12;
 
-/// Durations.
+/// Durations of readings and of the sweep, s.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pace {
-    /// The mean time between two readings of a stay, s.
+    /// Mean gap between two readings of a stay, s.
     gap_s: f64,
     /// Duration of the sweep so far, s.
     pub(super) spent_s: f64,
@@ -61,7 +61,7 @@ impl Pace {
         Self { gap_s: sum / count, spent_s }
     }
 
-    /// One reading with the gap before it, s.
+    /// Duration of one reading with the gap before it, s.
     pub(super) fn reading_s(&self, cycles: u32, frequency_hz: f64) -> f64 {
         self.gap_s + f64::from(cycles) / frequency_hz
     }
@@ -86,32 +86,32 @@ pub(super) struct PlanStart<'a> {
 pub(super) struct Aim {
     /// The variance of the logarithm of the resonance.
     pub(super) variance: f64,
-    /// The place of a second mode that may be there.
+    /// Index of the place of a possible second mode.
     pub(super) place: Option<usize>,
-    /// The variance of its size; that of the resonance does not count then.
+    /// Target variance of the size of the second mode; it replaces that of the resonance.
     pub(super) size_variance: Option<f64>,
 }
 
-/// The circuit and a second mode.
+/// Number of unknowns: the circuit and the size of a second mode.
 const FREE: usize = CIRCUIT + 1;
 
 type Matrix = [[f64; FREE]; FREE];
 
-/// A stay that may be next.
+/// A candidate for the next stay.
 #[derive(Debug, Clone, Copy)]
 struct Candidate {
     frequency_hz: f64,
     cycles: u32,
     count: usize,
     seconds: f64,
-    /// Its information at each phase of its free motion.
+    /// Information that it adds, for each phase of its free motion.
     adds: [Matrix; PHASES],
 }
 
 impl Aim {
-    /// The variance now over the variance wanted.
+    /// Ratio of the present variance to the target variance.
     fn missing(&self, matrix: &Matrix, c1: f64) -> f64 {
-        // All unknowns after the resonance and the second mode are eliminated, the last first.
+        // All unknowns after the resonance and the second mode are eliminated, starting with the last.
         let mut rest = *matrix;
         for last in (2..FREE).rev() {
             let row = rest[last];
@@ -144,7 +144,7 @@ impl Aim {
     }
 }
 
-/// The candidates so far, and the best of them.
+/// The candidates so far and the best of them.
 #[derive(Debug)]
 struct Shortlist<'a> {
     aim: Aim,
@@ -152,10 +152,11 @@ struct Shortlist<'a> {
     now: &'a Matrix,
     before: f64,
     all: Vec<Candidate>,
-    /// The one that reaches the aim soonest, and when, s.
+    /// Index of the candidate that reaches the aim soonest, and its duration, s.
     best: Option<usize>,
     least_s: f64,
-    /// The one that gains most in its time, and how much, for where none reaches the aim.
+    /// Index of the candidate with the largest gain per time, and that gain; used if none reaches the
+    /// aim.
     steepest: Option<usize>,
     slope: f64,
 }
@@ -168,7 +169,7 @@ impl<'a> Shortlist<'a> {
         Self { aim, c1, now, before, all: Vec::new(), best, least_s, steepest, slope }
     }
 
-    /// The gap to the aim after one candidate, averaged over the phases.
+    /// Ratio of the variance after one candidate to the target, averaged over the phases.
     fn missing(&self, one: &Candidate) -> f64 {
         let of = |adds| self.aim.missing(&sum(self.now, adds), self.c1);
         one.adds.iter().map(of).sum::<f64>() / PHASES as f64
@@ -196,7 +197,7 @@ impl<'a> Shortlist<'a> {
         self.all.push(*one);
     }
 
-    /// Looks for two stays that reach the aim sooner; the longer of them is the best one then.
+    /// Searches for two stays that together reach the aim sooner; the longer one becomes the best.
     fn pair(&mut self) {
         let is_paired = |i: &usize| PAIRED.contains(&self.all[*i].count);
         let mut paired: Vec<usize> = (0..self.all.len()).filter(is_paired).collect();
@@ -218,7 +219,7 @@ impl<'a> Shortlist<'a> {
 }
 
 impl PlanStart<'_> {
-    /// The frequency, the cycles of each reading, and how many readings.
+    /// The frequency, the cycles per reading and the number of readings.
     pub(super) fn choose(&self) -> (f64, u32, usize) {
         let at = &self.best.at;
         let otherwise = (at.resonance_hz, CYCLES[0], COUNTS[2]);
@@ -238,7 +239,7 @@ impl PlanStart<'_> {
         (chosen.frequency_hz, chosen.cycles, if whole { chosen.count } else { part })
     }
 
-    /// The present stay, and what is known with and without it.
+    /// The present stay, and the information with and without it.
     fn present(&self) -> Option<Present<'_>> {
         let at = &self.best.at;
         let stays = &self.stays.all;
@@ -262,13 +263,13 @@ impl PlanStart<'_> {
         let linewidth_hz = self.best.linewidth_hz();
         self.going_on(present, list);
         let is_first = self.stays.all.len() == 1;
-        // The second stay must show more than a beat.
+        // The second stay must provide more than a beat.
         let near = PLACES.into_iter().filter(|place| !is_first || place.abs() <= NEAR);
         let resonance_hz = self.best.at.resonance_hz;
         let is_far = |end_hz: &f64| (end_hz - resonance_hz).abs() > FAR * linewidth_hz;
         let ends = [min_hz, max_hz].into_iter().filter(|end_hz| !is_first && !is_far(end_hz));
         let places = near.map(|place| resonance_hz + place * linewidth_hz).chain(ends);
-        // A resonance beyond the window is judged from the end that is next to it.
+        // A resonance outside the window is measured from the nearer end.
         let mut inside: Vec<f64> = places.map(|hz| hz.clamp(min_hz, max_hz)).collect();
         inside.dedup();
         for frequency_hz in inside {
@@ -276,13 +277,13 @@ impl PlanStart<'_> {
         }
     }
 
-    /// The lengths of a reading that are worth trying.
+    /// The lengths of a reading that are tried, in cycles.
     fn cycles(&self) -> impl Iterator<Item = u32> {
         let q = self.best.at.q;
         CYCLES.into_iter().filter(move |&n| n < 20 || q < LONG_Q)
     }
 
-    /// More readings of the present stay.
+    /// Adds candidates that continue the present stay.
     fn going_on(&self, present: &Present<'_>, list: &mut Shortlist<'_>) {
         let Present { stay, model, ring, now, without, modes, place, .. } = present;
         for cycles in self.cycles() {
@@ -304,8 +305,9 @@ impl PlanStart<'_> {
         }
     }
 
-    /// A new stay at this frequency, the drive having any phase in it. Longer ones than the best are
-    /// left out: neither they nor a pair with them can be better.
+    /// Adds candidates for a new stay at this frequency, with an arbitrary phase of the drive.
+    /// Candidates longer than the best are omitted, because neither they nor a pair with them can be
+    /// better.
     fn stays_at(&self, frequency_hz: f64, present: &Present<'_>, list: &mut Shortlist<'_>) {
         let at = &self.best.at;
         let since_s =
@@ -336,21 +338,21 @@ impl PlanStart<'_> {
     }
 }
 
-/// The stay that goes on, and what is known.
+/// The present stay and its information.
 #[derive(Debug)]
 struct Present<'a> {
     stay: &'a Stay,
     model: Model,
     ring: Ring,
     amplitude: Amplitude,
-    /// With all readings, and with those of the stays before.
+    /// Information from all readings; `without` is that from the earlier stays only.
     now: Matrix,
     without: Matrix,
     modes: Cow<'a, Modes>,
     place: usize,
 }
 
-/// The resonance and the second mode first.
+/// Reorders the unknowns so that the resonance and the second mode come first.
 fn leading(normal: &Normal<UNKNOWNS>) -> Matrix {
     const ORDER: [usize; FREE] = [0, CIRCUIT, 1, 2, 3, 4];
     ORDER.map(|i| ORDER.map(|k| normal.matrix[i][k]))
