@@ -26,8 +26,8 @@ use crate::{
 /// Number of parameters of the circuit.
 pub(crate) const PARAMETERS: usize = 5;
 
-/// The circuit in the units of [`Points`], in the order (ν, α, c, κ, g). Without dielectric loss only
-/// the first four are used.
+/// The circuit in the units of [`Points`](super::points::Points), in the order (ν, α, c, κ, g).
+/// Without dielectric loss only the first four are used.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Theta {
     pub(crate) nu: f64,
