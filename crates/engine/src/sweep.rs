@@ -94,7 +94,7 @@ impl Sweep {
         let readings = std::mem::take(&mut self.readings);
         // Every reading is fitted.
         let probe_readings = 0;
-        let effective_time_s = self.planner.moment_s(&outcome);
+        let effective_time_s = self.planner.effective_time_s(&outcome);
         let finished = Box::new(FinishedSweep {
             purpose: self.purpose,
             readings,

@@ -81,10 +81,10 @@ impl Fitter {
                 && doubt_existence(&resonance, found.gain).is_none()
                 && doubt_place(&resonance, window).is_none()
                 && doubt_circuit(&resonance, span).is_none()
-                && let told = self.told(&resonance, at, readings, options.timing)
-                && doubt_precision(&told, resonance.sigma_hz).is_none()
+                && let widened = self.with_dwell(&resonance, at, readings, options.timing)
+                && doubt_precision(&widened, resonance.sigma_hz).is_none()
             {
-                return FitOutcome::Accepted(told);
+                return FitOutcome::Accepted(widened);
             }
         }
         let unit_farad = self.quick.points.reference_farad;
@@ -97,7 +97,7 @@ impl Fitter {
     }
 
     /// A quick result, widened by the uncertainty of unknown times.
-    fn told(
+    fn with_dwell(
         &self,
         found: &Resonance,
         at: ModelEstimate,

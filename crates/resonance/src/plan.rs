@@ -173,8 +173,8 @@ impl Planner {
     }
 
     /// Time to which the resonance of this verdict refers, s on the clock of the readings.
-    pub fn moment_s(&self, verdict: &FitOutcome) -> Option<f64> {
-        verdict.accepted()?.moment_s(&self.readings, &self.options)
+    pub fn effective_time_s(&self, verdict: &FitOutcome) -> Option<f64> {
+        verdict.accepted()?.effective_time_s(&self.readings, &self.options)
     }
 
     /// The next stay of a sweep that fits the free decay, within the time limit.

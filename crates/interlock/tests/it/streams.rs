@@ -12,7 +12,7 @@ use crate::bench::{DEEPEST_MM, REST_MM, SURFACE_MM, TOLERANCE_MM, limits, prepar
 /// One event of a stream.
 #[derive(Debug, Clone)]
 enum Step {
-    Command(PortCommand, Fate),
+    Command(PortCommand, Response),
     /// A measurement, which continues during the next steps.
     BeginMeasure,
     EndMeasure,
@@ -28,7 +28,7 @@ enum Step {
 
 /// The effect of a command on the device.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Fate {
+enum Response {
     Works,
     /// It stops halfway without an alarm.
     Stalls,
@@ -37,12 +37,12 @@ enum Fate {
     FailsUndone,
 }
 
-fn fate() -> impl Strategy<Value = Fate> {
+fn response() -> impl Strategy<Value = Response> {
     prop_oneof![
-        12 => Just(Fate::Works),
-        1 => Just(Fate::Stalls),
-        1 => Just(Fate::FailsDone),
-        1 => Just(Fate::FailsUndone),
+        12 => Just(Response::Works),
+        1 => Just(Response::Stalls),
+        1 => Just(Response::FailsDone),
+        1 => Just(Response::FailsUndone),
     ]
 }
 
@@ -73,7 +73,7 @@ fn command() -> impl Strategy<Value = PortCommand> {
 
 fn step() -> impl Strategy<Value = Step> {
     prop_oneof![
-        16 => (command(), fate()).prop_map(|(command, fate)| Step::Command(command, fate)),
+        16 => (command(), response()).prop_map(|(command, response)| Step::Command(command, response)),
         1 => Just(Step::BeginMeasure),
         1 => Just(Step::EndMeasure),
         4 => prop_oneof![3 => 8.0..10.0, 1 => 8.0..20.0].prop_map(Step::Intent),
@@ -137,13 +137,13 @@ impl Truth {
     }
 
     /// Carries a command out.
-    fn perform(&mut self, command: &PortCommand, fate: Fate) -> Outcome {
-        let part = match fate {
-            Fate::Works | Fate::FailsDone => 1.0,
-            Fate::Stalls => 0.5,
-            Fate::FailsUndone => 0.0,
+    fn perform(&mut self, command: &PortCommand, response: Response) -> Outcome {
+        let part = match response {
+            Response::Works | Response::FailsDone => 1.0,
+            Response::Stalls => 0.5,
+            Response::FailsUndone => 0.0,
         };
-        let is_failed = matches!(fate, Fate::FailsDone | Fate::FailsUndone);
+        let is_failed = matches!(response, Response::FailsDone | Response::FailsUndone);
         let outcome = match *command {
             PortCommand::MoveLinear { to, .. } => {
                 self.linear_mm += part * (to.value() - self.linear_mm);
@@ -196,10 +196,10 @@ fn play(is_prepared: bool, steps: &[Step]) -> (u32, u32) {
                 interlock.ended(now, &PortCommand::Measure, &Outcome::Done);
             }
             Step::EndMeasure => {}
-            Step::Command(command, fate) => {
+            Step::Command(command, response) => {
                 if interlock.admit(now, command).is_ok() {
                     truth.check(command);
-                    let outcome = truth.perform(command, *fate);
+                    let outcome = truth.perform(command, *response);
                     interlock.ended(now, command, &outcome);
                 }
             }

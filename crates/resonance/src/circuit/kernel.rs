@@ -58,11 +58,11 @@ on_this_machine! {
 
 on_this_machine! {
     /// Computes and stores the residuals of a fit, and their statistics.
-    pub(crate) fn look(
+    pub(crate) fn statistics(
         blocks: &'a [Block],
         theta: &'a Theta,
         residuals: &'a mut Vec<Residual>,
-    ) -> Look = look_of;
+    ) -> ResidualStatistics = statistics_of;
 }
 
 #[inline(always)]
@@ -174,7 +174,7 @@ fn rational_of<M: Isa>(on: M, blocks: &[Block], earlier: Option<(f64, f64)>) -> 
     }
 }
 
-/// Number of patterns that [`look`] fits to the residuals.
+/// Number of patterns that [`statistics`] fits to the residuals.
 pub(crate) const PATTERNS: usize = 3;
 
 /// Number of unknowns of the circuit and the patterns together.
@@ -182,7 +182,7 @@ pub(crate) const WIDE: usize = PARAMETERS + PATTERNS;
 
 /// Statistics of the residuals.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Look {
+pub(crate) struct ResidualStatistics {
     /// The sum of the squares of |r|² times weight.
     pub(crate) fourth: f64,
     /// The largest |r|² times weight.
@@ -206,7 +206,12 @@ pub(crate) struct Residual {
 }
 
 #[inline(always)]
-fn look_of<M: Isa>(on: M, blocks: &[Block], theta: &Theta, residuals: &mut Vec<Residual>) -> Look {
+fn statistics_of<M: Isa>(
+    on: M,
+    blocks: &[Block],
+    theta: &Theta,
+    residuals: &mut Vec<Residual>,
+) -> ResidualStatistics {
     let nu = on.splat(theta.nu);
     let alpha = on.splat(theta.alpha);
     let (c, kappa, g) = (on.splat(theta.c), on.splat(theta.kappa), on.splat(theta.g));
@@ -257,7 +262,7 @@ fn look_of<M: Isa>(on: M, blocks: &[Block], theta: &Theta, residuals: &mut Vec<R
     }
     let s = s.map(|sum| sum.lanes().sum());
     let k = theta.kappa;
-    Look {
+    ResidualStatistics {
         fourth: s[0],
         largest: largest.lanes().0.into_iter().fold(0.0, f64::max),
         capacitor: (s[1] * s[1] + s[2] * s[2]) / s[3],
@@ -308,8 +313,11 @@ mod tests {
         let (here, there) = (normal(&blocks, &theta), normal_of(Any, &blocks, &theta));
         assert_eq!(format!("{here:?}"), format!("{there:?}"));
         let (mut here, mut there) = (Vec::new(), Vec::new());
-        let looks = (look(&blocks, &theta, &mut here), look_of(Any, &blocks, &theta, &mut there));
-        assert_eq!(format!("{:?} {here:?}", looks.0), format!("{:?} {there:?}", looks.1));
+        let both = (
+            statistics(&blocks, &theta, &mut here),
+            statistics_of(Any, &blocks, &theta, &mut there),
+        );
+        assert_eq!(format!("{:?} {here:?}", both.0), format!("{:?} {there:?}", both.1));
         for earlier in [None, Some((0.1, 0.03))] {
             let (here, there) = (rational(&blocks, earlier), rational_of(Any, &blocks, earlier));
             assert_eq!(format!("{here:?}"), format!("{there:?}"));

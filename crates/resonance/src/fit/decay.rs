@@ -250,7 +250,7 @@ impl Stays {
 
     /// Time to which the fitted constant resonance refers, s after the start of the first reading. Each
     /// stay is weighted by its information on the resonance.
-    pub(crate) fn moment_s(&self, best: &Hypothesis) -> Option<f64> {
+    pub(crate) fn effective_time_s(&self, best: &Hypothesis) -> Option<f64> {
         let (mut sum, mut begin_s) = ([0.0; UNKNOWNS], 0.0);
         let mut states = best.states.clone();
         for (n, ((stay, model, square), state)) in

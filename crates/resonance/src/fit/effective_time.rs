@@ -32,14 +32,14 @@ impl Resonance {
     /// the resonance during the sweep. `readings` and `options` are those of the fit.
     ///
     /// `None` if the clock stood still between the readings or if they do not determine a resonance.
-    pub fn moment_s(&self, readings: &[Reading], options: &FitOptions) -> Option<f64> {
+    pub fn effective_time_s(&self, readings: &[Reading], options: &FitOptions) -> Option<f64> {
         let (first, last) = (readings.first()?, readings.last()?);
         if first.started >= last.started {
             return None;
         }
         if options.timing == Timing::AnyPhase {
             let begin_s = first.started.as_seconds() + first.settle_s;
-            return Some(begin_s + fit::decay::judge::moment_s(readings, options)?);
+            return Some(begin_s + fit::decay::judge::effective_time_s(readings, options)?);
         }
         let mut trace = Trace::of(readings, options.timing, self.c0_farad);
         let circuit = self.circuit();

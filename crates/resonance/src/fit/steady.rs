@@ -5,7 +5,7 @@ use rig_model::Reading;
 
 use crate::{
     Circuit, FitOptions, ModelOrder, Resonance, Timing,
-    circuit::kernel::{self, Look, PARAMETERS, PATTERNS, Residual, Theta, WIDE},
+    circuit::kernel::{self, PARAMETERS, PATTERNS, Residual, ResidualStatistics, Theta, WIDE},
     circuit::points::{NotFinite, Points},
     circuit::trace::{ExtraTerm, ModelEstimate},
     fit::solve::{Solution, rational_start, solve},
@@ -73,16 +73,16 @@ impl SteadyFit {
             }
         }
         let Self { points, residuals } = self;
-        let look = kernel::look(&points.blocks, &solution.theta, residuals);
-        let resonance = self.resonance(&solution, &look, free, model_order, options);
-        let capacitor = self.points.total_weight - look.capacitor;
+        let statistics = kernel::statistics(&points.blocks, &solution.theta, residuals);
+        let resonance = self.resonance(&solution, &statistics, free, model_order, options);
+        let capacitor = self.points.total_weight - statistics.capacitor;
         Some(Found {
             gain: self.degrees(free) * (capacitor / solution.normal.cost).ln(),
             is_usual: self.points.is_monotonic
                 && solution.end == End::Converged
-                && resonance
-                    .as_ref()
-                    .is_some_and(|found| self.is_usual(&solution, &look, free, found, options)),
+                && resonance.as_ref().is_some_and(|found| {
+                    self.is_usual(&solution, &statistics, free, found, options)
+                }),
             start: self.estimate(&solution),
             resonance,
         })
@@ -112,7 +112,7 @@ impl SteadyFit {
     fn is_usual(
         &self,
         solution: &Solution,
-        look: &Look,
+        statistics: &ResidualStatistics,
         free: usize,
         found: &Resonance,
         options: &FitOptions,
@@ -121,11 +121,11 @@ impl SteadyFit {
         let mean = (solution.normal.cost / count).max(noise::VARIANCE_MIN);
         let allowed =
             noise::allowed(self.degrees(free), options.noise.as_ref(), unusual::CHI_SQUARED_SIGMAS);
-        look.largest < unusual::LARGEST * mean
-            && look.fourth < unusual::FOURTH * count * mean * mean
+        statistics.largest < unusual::LARGEST * mean
+            && statistics.fourth < unusual::FOURTH * count * mean * mean
             && found.chi_squared_per_dof < allowed
             && (options.timing == Timing::Unknown || self.has_surely_settled(found))
-            && patterns(solution, look, free)
+            && patterns(solution, statistics, free)
                 .is_some_and(|saved| saved * self.degrees(free) < unusual::PATTERNS * mean * count)
     }
 
@@ -160,7 +160,7 @@ impl SteadyFit {
     fn resonance(
         &self,
         solution: &Solution,
-        look: &Look,
+        statistics: &ResidualStatistics,
         free: usize,
         model_order: ModelOrder,
         options: &FitOptions,
@@ -183,7 +183,8 @@ impl SteadyFit {
             covariance: sandwich(&slope, &inverse),
             condition: condition(&solution.normal.matrix, &inverse, free),
             cost: solution.normal.cost.max(self.degrees(free) * noise::VARIANCE_MIN),
-            neighbours: (look.differences / (2 * pairs.max(1)) as f64).max(noise::VARIANCE_MIN),
+            neighbours: (statistics.differences / (2 * pairs.max(1)) as f64)
+                .max(noise::VARIANCE_MIN),
             correlation: 1.0,
             count: self.points.count,
             degrees: self.degrees(free),
@@ -210,18 +211,18 @@ pub(crate) fn circuit_of(points: &Points, solution: &Solution) -> Option<Circuit
     })
 }
 
-/// Decrease of the cost when the patterns of [`kernel::look`] are fitted to the residuals together with
+/// Decrease of the cost when the patterns of [`kernel::statistics`] are fitted to the residuals together with
 /// the circuit.
-fn patterns(solution: &Solution, look: &Look, free: usize) -> Option<f64> {
+fn patterns(solution: &Solution, statistics: &ResidualStatistics, free: usize) -> Option<f64> {
     let mut matrix = [[0.0; WIDE]; WIDE];
     let mut gradient = [0.0; WIDE];
     for (i, row) in solution.normal.matrix.iter().enumerate().take(free) {
         matrix[i][..free].copy_from_slice(&row[..free]);
     }
     for k in 0..PATTERNS {
-        matrix[free + k][..free].copy_from_slice(&look.with_circuit[k][..free]);
-        matrix[free + k][free..free + PATTERNS].copy_from_slice(&look.among[k]);
-        gradient[free + k] = look.gradient[k];
+        matrix[free + k][..free].copy_from_slice(&statistics.with_circuit[k][..free]);
+        matrix[free + k][free..free + PATTERNS].copy_from_slice(&statistics.among[k]);
+        gradient[free + k] = statistics.gradient[k];
     }
     let step = Cholesky::new(&matrix, free + PATTERNS, 0.0)?.solve(&gradient);
     Some(step.iter().zip(&gradient).map(|(a, b)| a * b).sum())

@@ -49,7 +49,7 @@ const FORCED_MAX: usize = 6;
 const FORCED: (u32, usize) = (4, 8);
 const FORCED_AT: [f64; 6] = [0.5, -0.5, 0.9, -0.9, 0.0, 0.3];
 /// Largest number of stays that search for a second mode.
-const LOOKS_MAX: usize = 10;
+const MODE_STAYS_MAX: usize = 10;
 /// Gain in twice the log-likelihood that a real second mode reaches after these stays.
 const MODE_SURE: f64 = 16.0;
 /// Planned standard deviation relative to the target. The profile likelihood is slightly wider than its
@@ -86,7 +86,7 @@ pub(crate) struct Decay {
     steps: usize,
     searches: usize,
     forced: usize,
-    looks: usize,
+    mode_stays: usize,
     /// Whether the whole window has been searched since the last reading.
     is_searched: bool,
     /// The planned standard deviation, Hz.
@@ -116,7 +116,7 @@ impl Decay {
             steps: 0,
             searches: 0,
             forced: 0,
-            looks: 0,
+            mode_stays: 0,
             is_searched: false,
             aim_hz: AIM * request.target_sigma_hz,
             doubt: None,
@@ -152,7 +152,7 @@ impl Decay {
     /// Whether to request a verdict: the target is reached, and only one circuit explains the readings.
     pub(crate) fn is_enough(&mut self, window: Window) -> bool {
         let is_enough = |decay: &Self| {
-            decay.hypotheses.len() == 1 && decay.told_hz().is_some_and(|hz| hz <= decay.aim_hz)
+            decay.hypotheses.len() == 1 && decay.predicted_hz().is_some_and(|hz| hz <= decay.aim_hz)
         };
         if !is_enough(self) {
             return false;
@@ -184,7 +184,7 @@ impl Decay {
         match refusal.reason {
             Reason::TooNoisy { .. } => self.tighten(NARROWER),
             Reason::SecondMode { .. } => {
-                self.looks += 1;
+                self.mode_stays += 1;
                 self.doubt = Some(refusal.reason);
             }
             _ => {
@@ -192,11 +192,11 @@ impl Decay {
                 self.doubt = Some(refusal.reason);
             }
         }
-        self.looks > LOOKS_MAX || self.forced > FORCED_MAX
+        self.mode_stays > MODE_STAYS_MAX || self.forced > FORCED_MAX
     }
 
     fn tighten(&mut self, ratio: f64) {
-        let now_hz = self.told_hz().unwrap_or(self.aim_hz);
+        let now_hz = self.predicted_hz().unwrap_or(self.aim_hz);
         self.aim_hz = AIM * ratio.clamp(NARROWER, 1.0) * now_hz.min(self.aim_hz);
     }
 
@@ -280,7 +280,7 @@ impl Decay {
     }
 
     /// The standard deviation of a result from the present readings, Hz.
-    fn told_hz(&self) -> Option<f64> {
+    fn predicted_hz(&self) -> Option<f64> {
         let best = self.hypotheses.first()?;
         let widest = self.seen.iter().map(|mode| mode.variance).fold(0.0, f64::max);
         Some(best.sigma_hz().max(best.at.resonance_hz * widest.sqrt() / MODE_WIDENS))

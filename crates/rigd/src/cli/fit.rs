@@ -196,7 +196,7 @@ impl FileFitView {
         let view = |estimator| EstimatorView::of(estimator, readings, window, &outcome);
         let estimators = Estimator::ALL.into_iter().filter(is_asked).map(view).collect();
         let effective_time_s =
-            outcome.accepted().and_then(|found| found.moment_s(readings, &options));
+            outcome.accepted().and_then(|found| found.effective_time_s(readings, &options));
         let outcome = OutcomeView::from(&outcome)
             .at(effective_time_s.map(|effective_time_s| sweep.begins_s + effective_time_s));
         let left_out = sweep.left_out.iter().map(ToString::to_string).collect();

@@ -153,9 +153,11 @@ fn production(axis: Axis, simulated: &SimulatedSweep, readings: &[Reading]) -> F
     });
     let verdict = verdict(axis, simulated, readings);
     // The truth is the resonance at the effective time of the result.
-    let moment_s =
-        verdict.accepted().and_then(|found| found.moment_s(readings, &options(axis, simulated)));
-    let simulated = moment_s.map_or(*simulated, |moment_s| simulated.at(moment_s, readings));
+    let effective_time_s = verdict
+        .accepted()
+        .and_then(|found| found.effective_time_s(readings, &options(axis, simulated)));
+    let simulated = effective_time_s
+        .map_or(*simulated, |effective_time_s| simulated.at(effective_time_s, readings));
     FitResult { differ, ..result(&simulated, &verdict) }
 }
 

@@ -89,10 +89,11 @@ impl SimulatedSweep {
     }
 
     /// The sweep with the resonance at a time on the clock of the readings.
-    pub(super) fn at(&self, moment_s: f64, readings: &[Reading]) -> Self {
+    pub(super) fn at(&self, effective_time_s: f64, readings: &[Reading]) -> Self {
         let (Some(first), Some(last)) = (readings.first(), readings.last()) else { return *self };
         let span_s = last.started.since(first.started).as_secs_f64();
-        let from_middle = (moment_s - first.settle_s - first.started.as_seconds()) / span_s - 0.5;
+        let from_middle =
+            (effective_time_s - first.settle_s - first.started.as_seconds()) / span_s - 0.5;
         Self { resonance_hz: self.resonance_hz + self.drift_hz * from_middle, ..*self }
     }
 

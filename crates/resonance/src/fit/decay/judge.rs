@@ -55,11 +55,11 @@ pub(crate) fn fit(readings: &[Reading], options: &FitOptions) -> FitOutcome {
 }
 
 /// Effective time of the resonance, s after the start of the first reading.
-pub(crate) fn moment_s(readings: &[Reading], options: &FitOptions) -> Option<f64> {
+pub(crate) fn effective_time_s(readings: &[Reading], options: &FitOptions) -> Option<f64> {
     let noise = PooledVariance::known(&options.noise.unwrap_or(NOISE));
     let mut stays = Stays::of(Known::with(noise.variance()), readings)?;
     let (best, _) = best(&mut stays, options.window?, noise, options)?;
-    stays.moment_s(&best)
+    stays.effective_time_s(&best)
 }
 
 /// The most likely circuit, for the noise of the readings; `None` if another explains them nearly as

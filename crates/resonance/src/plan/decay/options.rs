@@ -292,13 +292,13 @@ impl PlanStart<'_> {
             let reading = (reading_s, f64::from(cycles) / frequency_hz);
             let next = Course::new(model, &stay.samples, reading, COUNT_MAX);
             let model = (model, &self.stays.known);
-            let mut told = Forecast::new(model, ring, modes.last(*place), &stay.samples, &next);
+            let mut forecast = Forecast::new(model, ring, modes.last(*place), &stay.samples, &next);
             for count in COUNTS {
                 let seconds = count as f64 * reading_s;
                 if seconds >= list.least_s {
                     break;
                 }
-                let after = sum(without, &leading(&told.with(count)));
+                let after = sum(without, &leading(&forecast.with(count)));
                 let adds = [difference(&after, now); PHASES];
                 list.add(&Candidate { frequency_hz, cycles, count, seconds, adds });
             }
@@ -320,7 +320,7 @@ impl PlanStart<'_> {
             let reading_s = self.pace.reading_s(cycles, frequency_hz);
             let reading = (reading_s, f64::from(cycles) / frequency_hz);
             let next = Course::new(&model, &[], reading, COUNT_MAX);
-            let mut told: [Forecast<'_>; PHASES] = std::array::from_fn(|phase| {
+            let mut forecasts: [Forecast<'_>; PHASES] = std::array::from_fn(|phase| {
                 let turn = Complex64::cis(TAU * phase as f64 / PHASES as f64);
                 let ring = Ring { square, amplitude: model.amplitude(at, end * turn) };
                 let mode = present.modes.branch(present.place, frequency_hz, end_of_mode * turn);
@@ -331,7 +331,7 @@ impl PlanStart<'_> {
                 if seconds >= list.least_s {
                     break;
                 }
-                let adds = told.each_mut().map(|told| leading(&told.with(count)));
+                let adds = forecasts.each_mut().map(|forecast| leading(&forecast.with(count)));
                 list.add(&Candidate { frequency_hz, cycles, count, seconds, adds });
             }
         }

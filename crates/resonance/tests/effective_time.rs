@@ -20,7 +20,7 @@ fn moving(
 ) -> (Vec<Reading>, impl Fn(f64) -> f64 + use<>) {
     let mut random = Random::new(seed);
     let points = frequencies_hz.len() as f64;
-    let at = move |moment_s: f64| 154.0 + drift_hz * (moment_s / points - 0.5);
+    let at = move |effective_time_s: f64| 154.0 + drift_hz * (effective_time_s / points - 0.5);
     let readings = (0_u32..).zip(frequencies_hz).map(|(index, &frequency_hz)| {
         let started = RigTime::ZERO + Duration::from_secs(index.into());
         let (integration_s, now_s) = (10.0 / frequency_hz, f64::from(index) + 1.0);
@@ -42,7 +42,7 @@ fn found(readings: &[Reading]) -> (Resonance, f64) {
     let options = FitOptions::default();
     let verdict = fit(readings, &options);
     let found = *verdict.accepted().unwrap_or_else(|| panic!("{verdict:?}"));
-    (found, found.moment_s(readings, &options).expect("the readings have times"))
+    (found, found.effective_time_s(readings, &options).expect("the readings have times"))
 }
 
 /// What a steady sweep knows of the resonance it knows from passing it.
@@ -54,10 +54,14 @@ fn a_sweep_one_way_holds_for_the_moment_of_passing_the_resonance() {
         for drift_hz in [-2.0, -0.5, 0.5, 2.0] {
             for seed in 0..6 {
                 let (readings, at) = moving(frequencies_hz, drift_hz, seed);
-                let (found, moment_s) = found(&readings);
-                let off = |moment_s| (found.resonance_hz - at(moment_s)) / found.sigma_hz;
-                assert!((moment_s - passing_s).abs() < 4.0, "{drift_hz}: {moment_s}");
-                assert!(off(moment_s).abs() < 4.5, "{drift_hz}: {found:?}");
+                let (found, effective_time_s) = found(&readings);
+                let off =
+                    |effective_time_s| (found.resonance_hz - at(effective_time_s)) / found.sigma_hz;
+                assert!(
+                    (effective_time_s - passing_s).abs() < 4.0,
+                    "{drift_hz}: {effective_time_s}"
+                );
+                assert!(off(effective_time_s).abs() < 4.5, "{drift_hz}: {found:?}");
                 assert!(off(50.0).abs() > 5.0, "{drift_hz}: {found:?}");
             }
         }
@@ -71,9 +75,9 @@ fn a_sweep_up_and_down_holds_for_its_middle() {
     frequencies_hz.extend(evenly().iter().rev());
     for drift_hz in [-1.0, 0.0, 0.002, 1.0] {
         let (readings, at) = moving(&frequencies_hz, drift_hz, 7);
-        let (found, moment_s) = found(&readings);
-        assert!((moment_s - 101.0).abs() < 2.0, "{drift_hz}: {moment_s}");
-        let off_hz = found.resonance_hz - at(moment_s);
+        let (found, effective_time_s) = found(&readings);
+        assert!((effective_time_s - 101.0).abs() < 2.0, "{drift_hz}: {effective_time_s}");
+        let off_hz = found.resonance_hz - at(effective_time_s);
         assert!(off_hz.abs() < 4.5 * found.sigma_hz, "{drift_hz}: {off_hz} {found:?}");
     }
 }
@@ -86,7 +90,7 @@ fn readings_without_times_name_no_moment() {
     for reading in &mut readings {
         reading.started = RigTime::ZERO;
     }
-    assert_eq!(found.moment_s(&readings, &options), None);
+    assert_eq!(found.effective_time_s(&readings, &options), None);
 }
 
 /// 0.1 Hz/s is a thousand times what the simulated laboratory does. The motion follows it with a delay of its own.
@@ -116,9 +120,11 @@ fn a_planned_sweep_of_a_moving_resonance_holds_for_its_moment() {
         };
         let Some(found) = verdict.accepted() else { continue };
         answers += 1;
-        let moment_s = planner.moment_s(&verdict).unwrap();
-        let off = |moment_s: f64| (found.resonance_hz - 140.0 - 0.1 * moment_s) / found.sigma_hz;
-        assert!(off(moment_s).abs() < 4.5, "seed {seed}: {moment_s} s: {found:?}");
+        let effective_time_s = planner.effective_time_s(&verdict).unwrap();
+        let off = |effective_time_s: f64| {
+            (found.resonance_hz - 140.0 - 0.1 * effective_time_s) / found.sigma_hz
+        };
+        assert!(off(effective_time_s).abs() < 4.5, "seed {seed}: {effective_time_s} s: {found:?}");
         most_off = most_off.max(off(0.0).abs());
     }
     assert!(answers >= 8 && most_off > 1.5, "{answers} {most_off}");
