@@ -1,5 +1,5 @@
-//! A contact sense that lies, and a stage that loses steps: how many touches have a wrong shift that
-//! nobody is warned of, and how often the probe presses too deep.
+//! A contact sense that lies, and a stage that loses steps: how many touches have a wrong shift
+//! without a warning, and how often the probe presses too deep.
 //!
 //! `cargo run -p rig-tests --release --bin contact-sense -- --seeds 50` breaks one device once in each
 //! run, at a random moment, and compares every accepted shift with that of the undisturbed run of the

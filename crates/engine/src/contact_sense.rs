@@ -2,7 +2,7 @@
 //! resonance, the surface against its neighbours, and the shift against nothing.
 //!
 //! A stuck sense feels a contact that is not there, a blind one feels none, and a stage that has lost
-//! steps is not where its drive says. What these cannot be told apart from is refused.
+//! steps is not where its drive says. A touch that cannot be distinguished from these is refused.
 
 use rig_model::{Impedance, Mm, Position};
 use rig_resonance::{Circuit, Refusal, Resonance};
@@ -217,7 +217,7 @@ impl Neighbours {
         self.last = None;
     }
 
-    /// The last touch, refused, if a fault contradicts it: it cannot be told since when the contact
+    /// The last touch, refused, if a fault contradicts it: it is unknown since when the contact
     /// sense or the position has been wrong.
     pub(crate) fn contradicted_by(&mut self, fault: &Fault) -> Option<TouchResult> {
         use ContactSenseFault::{Frozen, NotFree, ReferenceMoved, SurfaceMoved};

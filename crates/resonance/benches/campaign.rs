@@ -1,6 +1,6 @@
 //! Is any resonance silently wrong, and is the uncertainty what it says?
 //!
-//! `cargo bench -p rig-resonance --bench campaign -- [SCENES [SEED [KIND]]]` fits so many
+//! `cargo bench -p rig-resonance --bench campaign -- [SCENES [SEED [KIND]]]` fits this number of
 //! random scenes of each kind, nominal and violated, and prints how many were accepted, how far from
 //! the truth in standard deviations, and why the others were refused. With a kind, only that one,
 //! and every scene in which it was wrong.

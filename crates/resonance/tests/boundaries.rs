@@ -206,7 +206,7 @@ fn the_wait_at_each_point() {
     ]);
 }
 
-/// A weak sensor that nobody waited for looks settled, and is several standard deviations off by the
+/// A weak sensor without a wait looks settled, and is several standard deviations off by the
 /// noise alone. What the readings do not exclude must be in the uncertainty, and not much more.
 #[test]
 fn an_unknown_dwell_is_in_the_uncertainty() {

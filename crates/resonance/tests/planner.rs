@@ -25,7 +25,7 @@ fn run(
     run_disturbed(circuit, request, prior, seed, |_, _, _| ())
 }
 
-/// The same with something that happens at every change of frequency, which nobody is told.
+/// The same with an unrecorded disturbance at every change of frequency.
 #[track_caller]
 fn run_disturbed(
     circuit: &Circuit,
@@ -267,7 +267,7 @@ fn a_planner_without_readings_ends_with_a_refusal() {
 }
 
 /// A place that had been read was taken for new whenever the resonance was thought to be elsewhere: it
-/// promised everything, told nothing, and was read again and again.
+/// seemed informative, was not, and was read again and again.
 #[test]
 fn a_place_that_was_read_promises_nothing_new() {
     let window = Window { min_hz: 130.0, max_hz: 260.0 };

@@ -61,7 +61,7 @@ impl From<Interruption> for InterruptionView {
     }
 }
 
-/// What is known of the probe of a rig that nobody has open.
+/// The state of the probe of a rig that no program has open.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum LeftProbe {
     /// Shown clear.

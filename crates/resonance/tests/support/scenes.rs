@@ -65,7 +65,7 @@ pub(crate) struct Scene {
     pub(crate) points: usize,
     pub(crate) window: (f64, f64),
     pub(crate) falls: bool,
-    /// Whether the times of the readings are told.
+    /// Whether the times of the readings are known.
     pub(crate) is_timed: bool,
 }
 
