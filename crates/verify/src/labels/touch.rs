@@ -11,6 +11,8 @@ use crate::{
 
 /// Numbers that a record repeats from another are the same but for their last digits.
 const COPY: f64 = 1e-9;
+/// A touch without a shift of this many standard deviations is refused: no contact was felt.
+const NO_SHIFT_SIGMAS: f64 = 6.0;
 
 impl Labels {
     pub(crate) fn surface_found(
@@ -154,11 +156,31 @@ impl Labels {
         let Some(indented) = &refused.indented else { return };
         self.place(seq, indented, settings, findings);
         let sweep = self.sweep.as_ref().filter(|sweep| sweep.purpose == "touch");
-        let reason = sweep.and_then(|sweep| sweep.outcome.as_ref().err());
-        if reason != Some(&refused.reason) {
-            let expected = reason.map_or("a refused sweep in contact", |reason| reason);
-            let what = "the reason of a refused touch";
-            findings.add(Check::Copy, seq, what, expected, &refused.reason);
+        match sweep.map(|sweep| &sweep.outcome) {
+            Some(Err(reason)) if *reason == refused.reason => {}
+            Some(&Ok((hz, sigma_hz))) => {
+                let limit_hz = NO_SHIFT_SIGMAS * sigma_hz.hypot(refused.no_load_sigma_hz);
+                let shift_hz = hz - refused.no_load_hz;
+                if shift_hz > limit_hz {
+                    let what = "the shift of a touch that is refused although its sweep is not, Hz";
+                    findings.within(
+                        Check::Shift,
+                        seq,
+                        what,
+                        "less",
+                        shift_hz,
+                        Some(limit_hz.to_string()),
+                    );
+                }
+            }
+            other => {
+                let expected = other.map_or_else(
+                    || "a sweep in contact".to_owned(),
+                    |reason| format!("{reason:?}"),
+                );
+                let what = "the reason of a refused touch";
+                findings.add(Check::Copy, seq, what, expected, &refused.reason);
+            }
         }
     }
 
