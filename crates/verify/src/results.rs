@@ -98,7 +98,8 @@ fn check_one(Accepted { seq, sweep }: &Accepted, findings: &mut Findings) {
     // Points on a given grid may leave other causes open, whose uncertainty is added.
     let is_widened = !is_ringing && *sigma_hz < SIGMA_LINEWIDTHS * fit_hz / quality_factor;
     let is_usual = (SIGMA_RATIO[0]..=SIGMA_RATIO[1]).contains(&ratio);
-    if !is_usual && !(is_widened && ratio > 1.0) {
+    let is_allowed = is_usual || (is_widened && ratio > 1.0);
+    if !is_allowed {
         let limit = Some(format!("a ratio from {} to {}", SIGMA_RATIO[0], SIGMA_RATIO[1]));
         add(Check::Sigma, "the standard deviation, Hz", fit_sigma.to_string(), *sigma_hz, limit);
     }
