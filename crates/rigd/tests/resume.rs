@@ -627,7 +627,7 @@ fn a_program_that_is_killed_again_and_again_finishes_its_run() {
         let wanted = count() + events * (kills * 7 % KILLS) * 3 / (KILLS * 4);
         while child.try_wait().unwrap().is_none() && count() < wanted {
             // Records come from another program.
-            std::thread::sleep(Duration::from_millis(2));
+            std::thread::yield_now();
         }
         child.kill().unwrap();
         child.wait().unwrap();

@@ -16,8 +16,8 @@ use std::f64::consts::{PI, TAU};
 use num_complex::Complex64;
 
 use crate::{
-    journal::{Circuit, FitNoise, Flag, Reading},
     normal::{GLOBAL, Normal, Part, Step},
+    record::{Circuit, FitNoise, Flag, Reading},
 };
 
 /// Relative noise of a reading of ten cycles where nothing is known of it, and the number of readings

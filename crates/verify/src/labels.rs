@@ -7,11 +7,11 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
     finding::{Check, Findings},
-    journal::{
+    motion::{Motion, Probe, Turn},
+    record::{
         Action, Outcome, Pose, Prompt, PromptAnswered, PromptAsked, StepStarted, Sweep, Touch,
         TouchResult,
     },
-    motion::{Motion, Probe, Turn},
     settings::{Settings, orientation, tilt_deg},
 };
 

@@ -1,7 +1,7 @@
 //! Checks the journal of a run: its chain of digests, every move, every label and every result.
 //!
 //! This crate shares no code with the program that writes journals. It has types of its own for the
-//! records (`journal`), reads the rig and the protocol from the text in the journal with types of
+//! records (`record`), reads the rig and the protocol from the text in the journal with types of
 //! its own (`settings`), follows the axes from record to record (`motion`), holds each label
 //! against the pose in which the axes were (`labels`), and fits every accepted sweep anew
 //! (`fit`). What it cannot confirm is a [`Finding`].
@@ -20,6 +20,7 @@ mod labels;
 mod motion;
 mod normal;
 mod plan;
+mod record;
 mod results;
 mod settings;
 mod surface;

@@ -9,7 +9,7 @@
 
 use crate::{
     finding::{Check, Findings},
-    journal::{Axis, Intent, Moved},
+    record::{Axis, Intent, Moved},
     settings::{Rig, Settings},
 };
 

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
     finding::{Check, Findings},
-    journal::{RunStarted, Touch},
+    record::{RunStarted, Touch},
     settings::Protocol,
 };
 

@@ -5,7 +5,7 @@ use std::{num::NonZero, thread};
 use crate::{
     finding::{Check, Findings},
     fit::{self, Fitted},
-    journal::{FitSettings, Outcome, Reading, Sweep},
+    record::{FitSettings, Outcome, Reading, Sweep},
 };
 
 /// A stated resonance may differ from the fit of this checker by this many of its standard deviations.

@@ -2,9 +2,9 @@
 
 use crate::{
     finding::{Check, Findings},
-    journal::{SurfaceFound, Tried},
     labels::CLOCK_SLACK_S,
     motion::{Descent, ROUNDING},
+    record::{SurfaceFound, Tried},
     settings::Protocol,
 };
 

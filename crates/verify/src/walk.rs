@@ -5,10 +5,11 @@ use serde::Deserialize;
 use crate::{
     chain::Chain,
     finding::{Check, Findings, Verdict},
-    journal::{Entry, Fault, Journal, Operator, Outcome, Record, Resumed, RunFinished, RunStarted},
+    journal::{Entry, Journal},
     labels::Labels,
     motion::{Motion, Probe, Turn},
     plan,
+    record::{Fault, Operator, Outcome, Record, Resumed, RunFinished, RunStarted},
     results::{self, Accepted},
     settings::Settings,
 };

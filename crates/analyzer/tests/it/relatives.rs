@@ -52,12 +52,12 @@ struct Meter {
     frequency_hz: f64,
     level_v: f64,
     not_ready: usize,
-    heard: Arc<Mutex<Vec<String>>>,
+    messages: Arc<Mutex<Vec<String>>>,
 }
 
 impl Meter {
     fn message(&mut self, message: &str) -> Option<String> {
-        self.heard.lock().unwrap().push(message.to_owned());
+        self.messages.lock().unwrap().push(message.to_owned());
         let answers: Vec<String> = message.split(';').filter_map(|unit| self.unit(unit)).collect();
         (!answers.is_empty()).then(|| answers.join(";"))
     }
@@ -118,18 +118,18 @@ impl Meter {
     }
 }
 
-type Heard = Arc<Mutex<Vec<String>>>;
+type Messages = Arc<Mutex<Vec<String>>>;
 
 /// An analyzer whose cable can be pulled and plugged into the next of these meters.
-async fn analyzer_on(makes: Vec<Make>, dialect: &'static Dialect) -> (Analyzer, Heard, Pull) {
-    let heard = Heard::default();
+async fn analyzer_on(makes: Vec<Make>, dialect: &'static Dialect) -> (Analyzer, Messages, Pull) {
+    let messages = Messages::default();
     let (sockets, mut plugged) = unbounded_channel();
     let (pull, mut pulled) = unbounded_channel::<()>();
-    let meters_heard = heard.clone();
+    let meters_heard = messages.clone();
     tokio::spawn(async move {
         for make in makes {
-            let heard = meters_heard.clone();
-            let meter = Meter { make, frequency_hz: 1e3, level_v: 1.0, not_ready: 0, heard };
+            let messages = meters_heard.clone();
+            let meter = Meter { make, frequency_hz: 1e3, level_v: 1.0, not_ready: 0, messages };
             let Some(io) = plugged.recv().await else { return };
             tokio::select! {
                 () = meter.serve(io) => return,
@@ -145,7 +145,7 @@ async fn analyzer_on(makes: Vec<Make>, dialect: &'static Dialect) -> (Analyzer, 
     let line = Some(LineSettings { baud: 9600, parity: Parity::None, stop_bits: StopBits::One });
     let endpoint = Endpoint::Memory { name: "line 2".into(), line, plug };
     let port = Port::open(endpoint, Clock::start()).await.unwrap();
-    (Analyzer::open(port, dialect), heard, pull)
+    (Analyzer::open(port, dialect), messages, pull)
 }
 
 type Pull = tokio::sync::mpsc::UnboundedSender<()>;
@@ -166,7 +166,7 @@ fn point(frequency_hz: f64) -> SweepPoint {
 
 #[tokio::test(start_paused = true)]
 async fn a_tonghui_is_spoken_to_one_character_at_a_time_and_asked_until_it_is_ready() {
-    let (mut analyzer, heard, _pull) = analyzer_on(vec![TH2832], &TONGHUI_TH283X).await;
+    let (mut analyzer, messages, _pull) = analyzer_on(vec![TH2832], &TONGHUI_TH283X).await;
     analyzer.identify().await.unwrap();
     analyzer.configure(DriveLevel { volt: 1.5 }).await.unwrap();
     let stop = StopSignal::new();
@@ -175,18 +175,18 @@ async fn a_tonghui_is_spoken_to_one_character_at_a_time_and_asked_until_it_is_re
         readings.iter().map(|one| (resistance_ohm(one), reactance_ohm(one))).collect();
     assert_eq!(found, [(140.0, -140.0), (141.5, -141.5)]);
     assert_eq!(readings[1].flag(), None);
-    let heard = heard.lock().unwrap();
-    let tail: Vec<&str> = heard[heard.len() - 3..].iter().map(String::as_str).collect();
+    let messages = messages.lock().unwrap();
+    let tail: Vec<&str> = messages[messages.len() - 3..].iter().map(String::as_str).collect();
     let trigger = ":FREQuency 141.5;:TRIGger;:FETCh?;:FREQuency?;*ESR?";
     assert_eq!(tail, [trigger, ":FETCh?", ":FETCh?"]);
 }
 
 #[tokio::test(start_paused = true)]
 async fn an_old_hp_measures_at_its_own_frequencies_and_drives_more_with_its_option() {
-    let (mut analyzer, heard, _pull) = analyzer_on(vec![HP4284A], &HP_4284A).await;
+    let (mut analyzer, messages, _pull) = analyzer_on(vec![HP4284A], &HP_4284A).await;
     analyzer.identify().await.unwrap();
     analyzer.configure(DriveLevel { volt: 5.0 }).await.unwrap();
-    assert!(heard.lock().unwrap().iter().any(|said| said.contains(":OUTPut:HPOWer ON")));
+    assert!(messages.lock().unwrap().iter().any(|said| said.contains(":OUTPut:HPOWer ON")));
     let stop = StopSignal::new();
     let readings = analyzer.measure(&[point(140.0)], &stop).await.unwrap();
     assert_eq!((readings[0].frequency_hz, resistance_ohm(&readings[0])), (140.2, 140.2));
@@ -217,7 +217,7 @@ async fn what_the_status_says_is_carried_on() {
 async fn an_analyzer_that_was_unplugged_is_identified_before_it_is_used_again() {
     let other = Make { identity: "HEWLETT-PACKARD,4284A,2940J99999,REV01.20", ..HP4284A };
     let makes = vec![HP4284A, HP4284A, other];
-    let (mut analyzer, heard, pull) = analyzer_on(makes, &HP_4284A).await;
+    let (mut analyzer, messages, pull) = analyzer_on(makes, &HP_4284A).await;
     analyzer.identify().await.unwrap();
     analyzer.configure(DriveLevel { volt: 1.0 }).await.unwrap();
     let stop = StopSignal::new();
@@ -227,11 +227,11 @@ async fn an_analyzer_that_was_unplugged_is_identified_before_it_is_used_again() 
     tokio::task::yield_now().await;
     let error = analyzer.measure(&[point(141.0)], &stop).await.unwrap_err();
     assert!(matches!(error, AnalyzerError::Line { .. }), "{error:?}");
-    let before = heard.lock().unwrap().len();
+    let before = messages.lock().unwrap().len();
     let readings = analyzer.measure(&[point(141.0)], &stop).await.unwrap();
     assert_eq!(resistance_ohm(&readings[0]), 141.0);
     // Who it is, then its settings, then the measurement.
-    let said: Vec<String> = heard.lock().unwrap()[before..].to_vec();
+    let said: Vec<String> = messages.lock().unwrap()[before..].to_vec();
     assert_eq!(said[0], "*CLS;*IDN?");
     assert!(said.iter().any(|said| said.contains(":VOLTage 1")), "{said:?}");
 

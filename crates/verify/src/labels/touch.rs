@@ -3,8 +3,8 @@
 use super::{Labels, SurfaceFacts, pose_is_taken};
 use crate::{
     finding::{Check, Findings},
-    journal::{Action, Indented, Pose, SurfaceFound, Touch, TouchRefused, TouchResult, Tried},
     motion::{Motion, Probe, ROUNDING},
+    record::{Action, Indented, Pose, SurfaceFound, Touch, TouchRefused, TouchResult, Tried},
     settings::Settings,
     surface,
 };

@@ -1,0 +1,320 @@
+//! The records of a journal, as far as the checker reads them.
+
+use serde::Deserialize;
+
+/// A record. A kind that is not here is a finding.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub(crate) enum Record {
+    RunStarted(Box<RunStarted>),
+    StepStarted(StepStarted),
+    PromptAsked(PromptAsked),
+    PromptAnswered(PromptAnswered),
+    Intent(Intent),
+    Moved(Moved),
+    SurfaceFound(SurfaceFound),
+    SurfaceNotFound(SurfaceNotFound),
+    Sweep(Box<Sweep>),
+    TouchResult(Box<TouchResult>),
+    TouchRefused(TouchRefused),
+    Operator(Operator),
+    Fault(Fault),
+    BlackBox(BlackBox),
+    StateChanged(StateChanged),
+    Resumed(Box<Resumed>),
+    GivenUp(GivenUp),
+    Amended(Amended),
+    RunFinished(RunFinished),
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct RunStarted {
+    pub(crate) protocol: Source,
+    pub(crate) rig: Source,
+    pub(crate) samples: Vec<Sample>,
+    pub(crate) plan: PlanSize,
+    pub(crate) touches: Vec<Touch>,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Source {
+    pub(crate) toml: String,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Sample {
+    pub(crate) name: String,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(crate) struct PlanSize {
+    pub(crate) steps: u32,
+    pub(crate) touches: u32,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub(crate) struct Touch {
+    pub(crate) step: String,
+    pub(crate) phase: String,
+    pub(crate) sample: String,
+    pub(crate) pose: Pose,
+    pub(crate) repeat: u32,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub(crate) struct Pose {
+    pub(crate) direction: String,
+    pub(crate) angle_deg: f64,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct StepStarted {
+    pub(crate) step: String,
+    pub(crate) index: u32,
+    pub(crate) count: u32,
+    pub(crate) action: Action,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(tag = "action", rename_all = "snake_case")]
+pub(crate) enum Action {
+    Prompt { prompt: Prompt },
+    NoLoad { pose: Pose },
+    Touch { phase: String, sample: String, pose: Pose, repeat: u32 },
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(tag = "what", rename_all = "snake_case")]
+pub(crate) enum Prompt {
+    PlaceSample { sample: String },
+    TurnSensor { orientation: String },
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct PromptAsked {
+    pub(crate) step: String,
+    pub(crate) prompt: Prompt,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct PromptAnswered {
+    pub(crate) step: String,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Axis {
+    LinearMm,
+    RotaryDeg,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Intent {
+    pub(crate) what: String,
+    pub(crate) axis: Axis,
+    pub(crate) from: Option<f64>,
+    pub(crate) to: f64,
+    pub(crate) limit: Option<f64>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(crate) struct Moved {
+    pub(crate) axis: Axis,
+    pub(crate) target: f64,
+    pub(crate) read_back: f64,
+    #[serde(default)]
+    pub(crate) is_clear: bool,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct SurfaceFound {
+    pub(crate) step: String,
+    pub(crate) pose: Pose,
+    pub(crate) position_mm: f64,
+    pub(crate) sigma_mm: f64,
+    pub(crate) trail: Vec<Tried>,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct SurfaceNotFound {
+    pub(crate) step: String,
+    pub(crate) pose: Pose,
+    pub(crate) trail: Vec<Tried>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(crate) struct Tried {
+    pub(crate) position_mm: f64,
+    pub(crate) reading: Reading,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Flag {
+    #[default]
+    Normal,
+    Overload,
+    LowSignal,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(crate) struct Reading {
+    pub(crate) frequency_hz: f64,
+    pub(crate) resistance_ohm: Option<f64>,
+    pub(crate) reactance_ohm: Option<f64>,
+    pub(crate) started_s: f64,
+    pub(crate) settle_s: f64,
+    pub(crate) integration_s: f64,
+    #[serde(default)]
+    pub(crate) flag: Flag,
+}
+
+impl Reading {
+    /// Begin of the integration, s on the rig's clock.
+    pub(crate) fn begin_s(&self) -> f64 {
+        self.started_s + self.settle_s
+    }
+
+    /// End of the integration.
+    pub(crate) fn end_s(&self) -> f64 {
+        self.begin_s() + self.integration_s
+    }
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Sweep {
+    pub(crate) number: u64,
+    pub(crate) purpose: String,
+    pub(crate) step: Option<String>,
+    pub(crate) pose: Option<Pose>,
+    pub(crate) readings: Vec<Reading>,
+    pub(crate) probe_readings: usize,
+    pub(crate) fit: Option<FitSettings>,
+    pub(crate) outcome: Outcome,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+#[serde(tag = "status", rename_all = "snake_case")]
+pub(crate) enum Outcome {
+    Accepted {
+        resonance_hz: f64,
+        sigma_hz: f64,
+        effective_time_s: Option<f64>,
+        circuit: Option<Circuit>,
+    },
+    Refused {
+        reason: String,
+    },
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(crate) struct Circuit {
+    pub(crate) quality_factor: f64,
+    pub(crate) static_capacitance_f: f64,
+    pub(crate) capacitance_ratio: f64,
+    pub(crate) loss_tangent: f64,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct FitSettings {
+    pub(crate) window_hz: [f64; 2],
+    pub(crate) noise: Option<FitNoise>,
+    pub(crate) timing: String,
+    pub(crate) target_sigma_hz: Option<f64>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(crate) struct FitNoise {
+    pub(crate) at_ten_cycles: f64,
+    pub(crate) degrees_of_freedom: f64,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct TouchResult {
+    pub(crate) touch: Touch,
+    pub(crate) no_load_sweep: u64,
+    pub(crate) no_load_hz: f64,
+    pub(crate) no_load_sigma_hz: f64,
+    pub(crate) sweep: u64,
+    pub(crate) resonance_hz: f64,
+    pub(crate) sigma_hz: f64,
+    pub(crate) shift_hz: f64,
+    pub(crate) shift_sigma_hz: f64,
+    pub(crate) surface_mm: f64,
+    pub(crate) surface_sigma_mm: f64,
+    pub(crate) indentation_mm: f64,
+    pub(crate) linear_mm: f64,
+    pub(crate) rotary_deg: f64,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct TouchRefused {
+    pub(crate) touch: Touch,
+    pub(crate) reason: String,
+    pub(crate) no_load_sweep: u64,
+    pub(crate) no_load_hz: f64,
+    pub(crate) no_load_sigma_hz: f64,
+    pub(crate) rotary_deg: f64,
+    pub(crate) indented: Option<Indented>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(crate) struct Indented {
+    pub(crate) sweep: u64,
+    pub(crate) surface_mm: f64,
+    pub(crate) surface_sigma_mm: f64,
+    pub(crate) indentation_mm: f64,
+    pub(crate) linear_mm: f64,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Operator {
+    pub(crate) action: String,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Fault {
+    pub(crate) probe: String,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct BlackBox {
+    pub(crate) frames: Vec<Frame>,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Frame {
+    pub(crate) rig_us: u64,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct StateChanged {
+    pub(crate) state: String,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct RunFinished {
+    pub(crate) status: String,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Resumed {
+    pub(crate) epoch: u64,
+    pub(crate) next: Option<String>,
+    pub(crate) touches_done: u32,
+    pub(crate) touches_left: u32,
+    pub(crate) rig: Option<Source>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(crate) struct GivenUp {
+    pub(crate) epoch: u64,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Amended {
+    pub(crate) run: String,
+    pub(crate) step: String,
+    pub(crate) what: String,
+    pub(crate) why: String,
+}
