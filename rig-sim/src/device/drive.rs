@@ -5,14 +5,14 @@ mod iai;
 mod leadshine;
 mod motor;
 
-use std::{fmt, iter::Sum, ops::Range, time::Duration};
+use std::{fmt, iter::Sum, ops::Range, slice, time::Duration};
 
 use rig_model::{DriveMake, RigTime};
 
 use self::{az::Az, iai::Iai, leadshine::Leadshine, motor::Motor};
 use crate::{
     faults::DeviceFault,
-    modbus::{Answer, Exception, Reply, Request},
+    modbus::{Answer, Block, Exception, Reply, Request},
     wiring::AxisWiring,
     world::{AxisId, World},
 };
@@ -92,13 +92,32 @@ fn addresses(first: u16, values: &[u16]) -> Result<Range<u16>, Exception> {
     Ok(first..first.checked_add(count).ok_or(Exception::Address)?)
 }
 
+/// The first address and the registers of a request that writes registers.
+fn written(request: &Request) -> Option<(u16, &[u16])> {
+    match request {
+        Request::WriteRegister { address, value } => Some((*address, slice::from_ref(value))),
+        Request::WriteRegisters { address, values } => Some((*address, values)),
+        _ => None,
+    }
+}
+
+/// The value at each address of a block; all of them must exist.
+fn read_each<T>(block: Block, value: impl Fn(u16) -> Option<T>) -> Result<Vec<T>, Exception> {
+    let values = (0..block.count).map(|offset| block.address.checked_add(offset).and_then(&value));
+    values.collect::<Option<_>>().ok_or(Exception::Address)
+}
+
+/// The value of two registers, the upper word first.
+fn long([upper, lower]: [u16; 2]) -> i32 {
+    (i32::from(upper.cast_signed()) << 16) | i32::from(lower)
+}
+
 #[cfg(test)]
 mod test_drive {
     //! A drive at the linear axis of a bench without nuisances, 0.01 mm a count.
 
     use super::*;
     use crate::{
-        modbus::Block,
         scene::paper,
         world::{Nuisances, Scene},
     };
@@ -137,7 +156,7 @@ mod test_drive {
 
         pub(super) fn read_long(&mut self, address: u16) -> i32 {
             let words = self.read(address, 2);
-            (i32::from(words[0].cast_signed()) << 16) | i32::from(words[1])
+            long([words[0], words[1]])
         }
 
         pub(super) fn write(&mut self, address: u16, values: &[u16]) {

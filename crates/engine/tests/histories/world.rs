@@ -7,9 +7,8 @@ use rig_engine::{
     OperationId, Report, RigState, RunStatus, TouchOutcome,
 };
 use rig_model::{
-    AnalyzerRange, Axis, AxisLimits, ContactAngle, Direction, DriveLevel, Geometry, Impedance,
-    MotionLimits, Orientation, PointResult, Position, Reading, RigLimits, RigTime, Span,
-    SweepMethod, SweepPoint, SweepRequest, Window,
+    ContactAngle, Direction, DriveLevel, Impedance, Orientation, PointResult, Position, Reading,
+    RigTime, SweepMethod, SweepPoint, SweepRequest, Window,
 };
 use rig_protocol::{
     Action, Approach, Phase, Plan, Pose, Prompt, Step, StepId, Touch, TouchSettings,
@@ -17,52 +16,13 @@ use rig_protocol::{
 
 use crate::drive::{Drive, DriveTrouble};
 
-pub(crate) const REST_MM: f64 = 40.0;
+#[path = "../../../model/tests/support/limits.rs"]
+mod bench;
+pub(crate) use bench::{REST_MM, limits};
+
 pub(crate) const SURFACE_MM: f64 = 10.07;
 pub(crate) const FREE_HZ: f64 = 140.0;
 pub(crate) const LOADED_HZ: f64 = 158.0;
-
-pub(crate) fn limits() -> RigLimits {
-    RigLimits {
-        linear: Axis::new(
-            "linear stage",
-            AxisLimits {
-                travel: Span::new(0.0, 50.0),
-                soft: Span::new(1.0, 49.0),
-                rest: Position::new(REST_MM),
-                tolerance: 0.01,
-                max_speed_per_s: 20.0,
-            },
-        )
-        .unwrap(),
-        rotary: Axis::new(
-            "rotary stage",
-            AxisLimits {
-                travel: Span::new(-90.0, 90.0),
-                soft: Span::new(-50.0, 50.0),
-                rest: Position::new(0.0),
-                tolerance: 0.05,
-                max_speed_per_s: 30.0,
-            },
-        )
-        .unwrap(),
-        geometry: Geometry {
-            surface: Position::new(10.0),
-            surface_above_pivot_mm: 0.0,
-            probe_beside_pivot_mm: 0.0,
-            probe_radius_mm: 0.5,
-            sample_half_width_mm: 20.0,
-            surface_tolerance_mm: 0.5,
-        },
-        motion: MotionLimits {
-            max_indentation_mm: 0.6,
-            travel_speed_mm_per_s: 10.0,
-            contact_speed_mm_per_s: 1.0,
-            rotary_speed_deg_per_s: 20.0,
-        },
-        analyzer: AnalyzerRange { frequency_hz: (4.0, 1e6), max_level_v: 5.0 },
-    }
-}
 
 pub(crate) fn plan() -> Plan {
     let sweep = |min_hz, max_hz| SweepRequest {

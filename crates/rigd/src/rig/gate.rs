@@ -104,46 +104,12 @@ fn command(operation: &Operation) -> PortCommand {
 }
 
 #[cfg(test)]
+#[path = "../../../model/tests/support/limits.rs"]
+mod bench;
+
+#[cfg(test)]
 mod tests {
-    use rig_model::{AnalyzerRange, Axis, AxisLimits, Geometry, MotionLimits, Span};
-
-    use super::*;
-
-    fn limits() -> RigLimits {
-        let axis = |rest| AxisLimits {
-            travel: Span::new(-60.0, 60.0),
-            soft: Span::new(-50.0, 50.0),
-            rest: Position::new(rest),
-            tolerance: 0.01,
-            max_speed_per_s: 10.0,
-        };
-        let rotary = AxisLimits {
-            travel: Span::new(-60.0, 60.0),
-            soft: Span::new(-50.0, 50.0),
-            rest: Position::new(0.0),
-            tolerance: 0.01,
-            max_speed_per_s: 10.0,
-        };
-        RigLimits {
-            linear: Axis::new("linear stage", axis(30.0)).unwrap(),
-            rotary: Axis::new("rotary stage", rotary).unwrap(),
-            geometry: Geometry {
-                surface: Position::new(10.0),
-                surface_above_pivot_mm: 0.0,
-                probe_beside_pivot_mm: 0.0,
-                probe_radius_mm: 0.5,
-                sample_half_width_mm: 20.0,
-                surface_tolerance_mm: 0.5,
-            },
-            motion: MotionLimits {
-                max_indentation_mm: 0.6,
-                travel_speed_mm_per_s: 10.0,
-                contact_speed_mm_per_s: 1.0,
-                rotary_speed_deg_per_s: 10.0,
-            },
-            analyzer: AnalyzerRange { frequency_hz: (4.0, 1e6), max_level_v: 5.0 },
-        }
-    }
+    use super::{bench::limits, *};
 
     #[tokio::test]
     async fn a_refused_operation_is_a_failure_of_the_interlock_with_its_reason() {
@@ -156,7 +122,7 @@ mod tests {
         assert_eq!((failure.device, failure.kind), (Device::Interlock, FailureKind::Refused));
         assert!(failure.detail.contains("rotary stage"), "{}", failure.detail);
         for (operation, report) in [
-            (Operation::PrepareLinear, Report::LinearAt(Position::new(30.0))),
+            (Operation::PrepareLinear, Report::LinearAt(Position::new(bench::REST_MM))),
             (Operation::PrepareRotary, Report::RotaryAt(Position::new(0.0))),
         ] {
             gate.admit(&operation).unwrap();

@@ -14,6 +14,7 @@ use rig_model::RigTime;
 use super::{
     Unit, addresses, bits,
     motor::{Motor, Pace, counts, word},
+    written,
 };
 use crate::{
     faults::DeviceFault,
@@ -165,16 +166,15 @@ impl Unit for Az {
     ) -> Result<Reply, Exception> {
         match request {
             Request::ReadHoldingRegisters(block) => self.read(now, *block, world),
-            Request::WriteRegister { address, value } => {
-                self.write(now, *address, &[*value], world)
-            }
-            Request::WriteRegisters { address, values } => self.write(now, *address, values, world),
             Request::ReadWrite { read, address, values } => {
                 self.write(now, *address, values, world).and_then(|_| self.read(now, *read, world))
             }
             Request::Diagnose { function: 0, .. } => Ok(Reply::Done),
             Request::Diagnose { .. } => Err(Exception::Value),
-            _ => Err(Exception::Function),
+            request => {
+                let (address, values) = written(request).ok_or(Exception::Function)?;
+                self.write(now, address, values, world)
+            }
         }
     }
 

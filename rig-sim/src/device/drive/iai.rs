@@ -14,8 +14,9 @@ mod tests;
 use rig_model::RigTime;
 
 use super::{
-    Unit, addresses, bits,
+    Unit, addresses, bits, long,
     motor::{Motor, Pace, counts, word},
+    read_each, written,
 };
 use crate::{
     faults::DeviceFault,
@@ -143,20 +144,20 @@ impl Unit for Iai {
     ) -> Result<Reply, Exception> {
         match request {
             Request::ReadCoils(block) => {
-                read_bits(*block, |address| self.coil(now, address, world))
+                read_each(*block, |address| self.coil(now, address, world)).map(Reply::Bits)
             }
             Request::ReadDiscreteInputs(block) => {
-                read_bits(*block, |address| self.status_bit(now, address, world))
+                let bit = |address| self.status_bit(now, address, world);
+                read_each(*block, bit).map(Reply::Bits)
             }
             Request::ReadHoldingRegisters(block) | Request::ReadInputRegisters(block) => {
                 self.read(now, *block, world)
             }
             Request::WriteCoil { address, value } => self.switch(now, *address, *value, world),
-            Request::WriteRegister { address, value } => {
-                self.write(now, *address, &[*value], world)
+            request => {
+                let (address, values) = written(request).ok_or(Exception::Function)?;
+                self.write(now, address, values, world)
             }
-            Request::WriteRegisters { address, values } => self.write(now, *address, values, world),
-            _ => Err(Exception::Function),
         }
     }
 
@@ -263,8 +264,7 @@ impl Iai {
     fn read(&self, now: RigTime, block: Block, world: &World) -> Result<Reply, Exception> {
         let long = |value: f64, at: u16, address: u16| word(counts(value), address == at);
         let position = self.motor.encoder(now, world);
-        let registers = (0..block.count).map(|offset| {
-            let address = block.address.checked_add(offset)?;
+        let register = |address| {
             Some(match address {
                 monitor::POSITION | 0x9001 => long(position, monitor::POSITION, address),
                 monitor::ALARM => self.alarm,
@@ -289,14 +289,14 @@ impl Iai {
                 }
                 _ => return None,
             })
-        });
-        registers.collect::<Option<Vec<u16>>>().map(Reply::Registers).ok_or(Exception::Address)
+        };
+        read_each(block, register).map(Reply::Registers)
     }
 
     /// An order of two words.
     fn long(&self, address: u16) -> i32 {
         let at = usize::from(address - order::POSITION);
-        (i32::from(self.orders[at].cast_signed()) << 16) | i32::from(self.orders[at + 1])
+        long([self.orders[at], self.orders[at + 1]])
     }
 
     fn switch(
@@ -432,9 +432,4 @@ impl Iai {
         let acceleration = f64::from(self.orders[at]) * HUNDREDTH_G;
         Pace { speed, acceleration, deceleration: acceleration }
     }
-}
-
-fn read_bits(block: Block, bit: impl Fn(u16) -> Option<bool>) -> Result<Reply, Exception> {
-    let bits = (0..block.count).map(|offset| block.address.checked_add(offset).and_then(&bit));
-    bits.collect::<Option<Vec<bool>>>().map(Reply::Bits).ok_or(Exception::Address)
 }

@@ -12,8 +12,9 @@ use std::collections::BTreeMap;
 use rig_model::RigTime;
 
 use super::{
-    Unit, addresses, bits,
+    Unit, addresses, bits, long,
     motor::{Motor, Pace, counts, word},
+    read_each, written,
 };
 use crate::{
     faults::DeviceFault,
@@ -123,11 +124,10 @@ impl Unit for Leadshine {
     ) -> Result<Reply, Exception> {
         match request {
             Request::ReadHoldingRegisters(block) => self.read(now, *block, world),
-            Request::WriteRegister { address, value } => {
-                self.write(now, *address, &[*value], world)
+            request => {
+                let (address, values) = written(request).ok_or(Exception::Function)?;
+                self.write(now, address, values, world)
             }
-            Request::WriteRegisters { address, values } => self.write(now, *address, values, world),
-            _ => Err(Exception::Function),
         }
     }
 
@@ -173,8 +173,7 @@ impl Leadshine {
     fn read(&self, now: RigTime, block: Block, world: &World) -> Result<Reply, Exception> {
         let position = counts(self.motor.encoder(now, world) + self.preset);
         let rpm = self.motor.speed(now, world) * 60.0 / self.pulses_per_revolution();
-        let registers = (0..block.count).map(|offset| {
-            let address = block.address.checked_add(offset)?;
+        let register = |address| {
             Some(match address {
                 register::STATUS => self.status(now, world),
                 register::ALARM => self.alarm,
@@ -183,8 +182,8 @@ impl Leadshine {
                 0x602D => word(position, false),
                 _ => *self.settings.get(&address)?,
             })
-        });
-        registers.collect::<Option<Vec<u16>>>().map(Reply::Registers).ok_or(Exception::Address)
+        };
+        read_each(block, register).map(Reply::Registers)
     }
 
     fn status(&self, now: RigTime, world: &World) -> u16 {
@@ -208,8 +207,7 @@ impl Leadshine {
     }
 
     fn long(&self, address: u16) -> i32 {
-        let (high, low) = (self.settings[&address], self.settings[&(address + 1)]);
-        (i32::from(high.cast_signed()) << 16) | i32::from(low)
+        long([self.settings[&address], self.settings[&(address + 1)]])
     }
 
     fn write(
