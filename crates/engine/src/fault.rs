@@ -161,6 +161,12 @@ pub enum Fault {
         /// Whether it was lowered or lost; otherwise the program ended on the way into service.
         was_lowered: bool,
     },
+    /// A part of this program failed.
+    #[error("rigd itself failed: {what}")]
+    Panicked {
+        /// Message of the failure.
+        what: String,
+    },
     /// A person pressed Stop.
     #[error("stopped by {by}")]
     Stopped {

@@ -1,6 +1,6 @@
 //! An error as a person reads it.
 
-use std::{error::Error, fmt::Write};
+use std::{any::Any, error::Error, fmt::Write};
 
 /// An error and all that caused it, in one line: `a: b: c`.
 ///
@@ -14,4 +14,11 @@ pub fn with_causes(error: &(dyn Error + 'static)) -> String {
         cause = source.source();
     }
     text
+}
+
+/// The message of a panic that was caught.
+pub fn panic_message(panic: &(dyn Any + Send)) -> &str {
+    let text = panic.downcast_ref::<&str>().copied();
+    let text = text.or_else(|| panic.downcast_ref::<String>().map(String::as_str));
+    text.unwrap_or("without a message")
 }

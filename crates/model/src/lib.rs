@@ -18,7 +18,7 @@ mod sweep;
 mod time;
 
 pub use axis::{Axis, AxisError, AxisLimits, Deg, Mm, Position, Span, Target, Unit};
-pub use causes::with_causes;
+pub use causes::{panic_message, with_causes};
 pub use make::{AnalyzerMake, DriveMake};
 pub use pose::{ContactAngle, ContactAngleError, Direction, Orientation};
 pub use rig_limits::{AnalyzerRange, Clearance, Geometry, MotionLimits, RigLimits};

@@ -25,6 +25,7 @@ mod ports;
 mod prompt;
 mod run;
 mod runs;
+mod safe;
 mod screen;
 mod serve;
 mod session;
@@ -110,6 +111,8 @@ enum CliCommand {
     Doctor(doctor::DoctorArgs),
     /// Home each lost axis, retract the probe, level the sample
     Home(moves::HomeArgs),
+    /// Retract the probe without the rest of the rig, as a stop hook; nothing is lowered or turned
+    Safe(safe::SafeArgs),
     /// Move one axis, as far as any touch may go
     Move(moves::MoveArgs),
     /// Measure one resonance, with the probe clear or lowered
@@ -370,6 +373,9 @@ enum Failure {
     /// It has been explained already.
     #[error("the rig is latched: {cause}")]
     Latched { cause: String },
+    /// The faults have been listed.
+    #[error("the probe is {}{hint}", probe.name())]
+    NotClear { probe: Clearance, hint: String },
     #[error("aborted; the probe was retracted")]
     Aborted,
     /// The runs have been listed already.
@@ -417,7 +423,7 @@ impl Failure {
             Self::NoResonance { .. }
             | Self::NoResonances { .. }
             | Self::Store(StoreError::NoSuchRun { .. } | StoreError::Ambiguous { .. }) => 3,
-            Self::Latched { .. } => 4,
+            Self::Latched { .. } | Self::NotClear { .. } => 4,
             Self::Aborted => 5,
             Self::TouchesRefused => 6,
             Self::NotSound => 7,
@@ -505,6 +511,7 @@ pub fn main() -> ExitCode {
         CliCommand::Identify(args) => identify::identify(&args),
         CliCommand::Doctor(args) => doctor::doctor(&args),
         CliCommand::Home(args) => moves::home(&args),
+        CliCommand::Safe(args) => safe::safe(&args),
         CliCommand::Move(args) => moves::to(&args),
         CliCommand::Measure(args) => measure::measure(&args),
         CliCommand::Fit(args) => fit::fit_file(&args),

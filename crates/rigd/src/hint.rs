@@ -69,6 +69,9 @@ pub(crate) const LOST: &str = "move nothing, not even with the tool of the drive
                                size of its step, its \
     zero or its travel in the rig file";
 
+/// Advice after a mistake of the program itself.
+const MAINTAINER: &str = "keep the journal of this run for the maintainer of rigd";
+
 /// Advice during the way out of contact, which is automatic.
 pub(crate) fn during_retract(fault: &Fault) -> String {
     let is_silent = matches!(fault, Fault::Device(failure) if failure.kind == FailureKind::Line);
@@ -110,9 +113,7 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
     }
     let text = match fault {
         Fault::Device(failure) => match (failure.device, failure.kind) {
-            (Device::Journal | Device::Interlock, _) => {
-                "keep the journal of this run for the maintainer of rigd"
-            }
+            (Device::Journal | Device::Interlock, _) => MAINTAINER,
             (_, FailureKind::Line) => "check the power and the cable of the device",
             (Device::Analyzer, _) => "read the display of the analyzer",
             (_, _) => "look for an alarm on the drive and for an obstacle in the way of the axis",
@@ -133,6 +134,7 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
             "check the cable of the sensor and the no-load window of the protocol"
         }
         Fault::Stopped { .. } => "make sure that the bench is safe",
+        Fault::Panicked { .. } => return Hint { text: MAINTAINER, then: NextAction::Restart },
         Fault::PositionJumped { .. }
         | Fault::LinearTarget(_)
         | Fault::RotaryTarget(_)
@@ -142,7 +144,7 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
         | Fault::MissingReadings { .. }
         | Fault::Overdue { .. }
         | Fault::Interrupted { .. }
-        | Fault::NotProvenClear => "keep the journal of this run for the maintainer of rigd",
+        | Fault::NotProvenClear => MAINTAINER,
     };
     Hint { text, then: NextAction::Prepare }
 }

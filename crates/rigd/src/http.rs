@@ -45,14 +45,18 @@ mod runs;
 mod server;
 mod sweeps;
 
-use std::{path::PathBuf, sync::Arc};
+use std::{panic::AssertUnwindSafe, path::PathBuf, sync::Arc};
 
 use axum::{
     Router,
+    extract::Request,
     http::{Method, Uri},
-    middleware::from_fn_with_state,
+    middleware::{Next, from_fn, from_fn_with_state},
+    response::{IntoResponse, Response},
     routing::{get, post},
 };
+use futures_util::FutureExt;
+use rig_model::panic_message;
 use rig_store::Reader;
 use tokio::sync::{Mutex, Semaphore};
 use tokio_util::sync::CancellationToken;
@@ -152,7 +156,19 @@ pub fn router(shared: Shared) -> Router {
         .fallback(not_found)
         .method_not_allowed_fallback(method_not_allowed)
         .layer(from_fn_with_state(shared.clone(), guard::check))
+        .layer(from_fn(caught))
         .with_state(shared)
+}
+
+/// Answers a request whose handler panics. All other requests and the rig go on.
+async fn caught(request: Request, next: Next) -> Response {
+    let path = request.uri().path().to_owned();
+    let answered = AssertUnwindSafe(next.run(request)).catch_unwind().await;
+    answered.unwrap_or_else(|panic| {
+        let what = panic_message(&*panic);
+        tracing::error!(path, what, "the handler of a request has panicked");
+        Problem::internal("the handler of this request has panicked").into_response()
+    })
 }
 
 async fn not_found(uri: Uri) -> Problem {
@@ -161,4 +177,30 @@ async fn not_found(uri: Uri) -> Problem {
 
 async fn method_not_allowed(method: Method, uri: Uri) -> Problem {
     Problem::method_not_allowed(format!("{uri} does not take {method}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use axum::{body::Body, http::StatusCode};
+    use tower::ServiceExt;
+
+    use super::*;
+
+    async fn panics() -> StatusCode {
+        panic!("injected")
+    }
+
+    #[tokio::test]
+    async fn a_handler_that_panics_answers_with_a_problem_and_the_next_request_is_served() {
+        let router = Router::new()
+            .route("/panics", get(panics))
+            .route("/works", get(|| async { "ok" }))
+            .layer(from_fn(caught));
+        for (path, status) in
+            [("/panics", StatusCode::INTERNAL_SERVER_ERROR), ("/works", StatusCode::OK)]
+        {
+            let request = Request::get(path).body(Body::empty()).unwrap();
+            assert_eq!(router.clone().oneshot(request).await.unwrap().status(), status);
+        }
+    }
 }

@@ -22,6 +22,7 @@ mod resume;
 mod shell;
 mod slot;
 mod space;
+mod way_out;
 
 use std::{path::PathBuf, sync::Arc, thread, time::Instant};
 
@@ -42,6 +43,7 @@ pub use open::{DeviceError, OpenError};
 pub use pace::{Pace, Remaining};
 pub(crate) use resume::Outcomes;
 pub use resume::ResumeRefusal;
+pub use way_out::{WayOut, make_safe};
 
 use crate::{describe, loaded_rig::LoadedRig, protocol_file::LoadedProtocol};
 
@@ -228,6 +230,9 @@ enum Request {
     Close {
         reply: oneshot::Sender<()>,
     },
+    /// Has the rig thread panic at this event of the engine, counted from now.
+    #[cfg(test)]
+    PanicAt(u64),
 }
 
 /// Opens a rig on a thread of its own, and brings it into service.

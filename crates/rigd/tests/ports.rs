@@ -2,133 +2,24 @@
 
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-    process::{Command, Output},
-    time::Duration,
-};
+#[path = "support/bench.rs"]
+mod bench;
 
-use rig_model::{AnalyzerMake, DriveMake};
+use std::{process::Output, time::Duration};
+
 use rig_sim::{
-    AxisWiring, LineTransport, PortId, SimHandle, SimRig, Wiring,
-    faults::{DeviceFault, Fault, FaultKind, FaultTrigger, RequestFault},
+    PortId,
+    faults::{DeviceFault, FaultKind, RequestFault},
 };
 use rig_store::{Reader, Record};
 use serde_json::Value;
-use tempfile::TempDir;
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt},
     net::TcpListener,
     task::JoinSet,
 };
 
-fn shipped(path: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config").join(path)
-}
-
-/// Simulated devices on ports of this computer, with a rig file that names them.
-struct Bench {
-    sim: SimHandle,
-    analyzer: String,
-    bus: String,
-    folder: TempDir,
-    listening: JoinSet<()>,
-}
-
-impl Bench {
-    async fn start() -> Self {
-        let scene = shipped("scenes/paper.toml");
-        let scene = rig_sim::scene::read("scene", &fs::read_to_string(scene).unwrap()).unwrap();
-        let axis = |unit_id, units_per_step| AxisWiring {
-            make: DriveMake::OrientalAz,
-            unit_id,
-            units_per_step,
-            zero: 0.0,
-        };
-        let wiring = Wiring {
-            analyzer: AnalyzerMake::HiokiIm3536,
-            linear: axis(1, 0.001),
-            rotary: axis(2, 0.01),
-            transport: LineTransport::Tcp,
-        };
-        let seed = scene.seed;
-        let sim = SimRig::start(scene, &wiring, seed).unwrap().handle();
-        let mut listening = JoinSet::new();
-        let analyzer = listen(&mut listening, &sim, PortId::Analyzer).await;
-        let bus = listen(&mut listening, &sim, PortId::Bus).await;
-        Self { sim, analyzer, bus, folder: TempDir::new().unwrap(), listening }
-    }
-
-    fn disturb(&self, port: PortId, unit: Option<u8>, kind: FaultKind) {
-        let fault = Fault { port, unit, kind, trigger: FaultTrigger::Rate(1.0) };
-        self.sim.with(|_, rig| rig.add_fault(fault));
-    }
-
-    /// Starts the program with a rig file that has the devices at these addresses, and these lines
-    /// changed.
-    fn rigd_with(
-        &self,
-        analyzer: &str,
-        bus: &str,
-        changes: &[(&str, &str)],
-        args: &[&str],
-    ) -> Output {
-        let (rig, data) = (self.folder.path().join("rig.toml"), self.folder.path().join("data"));
-        let mut text = fs::read_to_string(shipped("rigs/bench.toml")).unwrap();
-        for (name, address) in [("usb-HIOKI", analyzer), ("usb-FTDI", bus)] {
-            let is_port = |line: &&str| line.starts_with("port =") && line.contains(name);
-            let line = text.lines().find(is_port).unwrap().to_owned();
-            text = text.replace(&line, &format!("port = {{ tcp = \"{address}\" }}"));
-        }
-        for (old, new) in changes {
-            assert!(text.contains(old), "{old:?} is not in the file");
-            text = text.replacen(old, new, 1);
-        }
-        fs::write(&rig, text).unwrap();
-        let mut command = Command::new(env!("CARGO_BIN_EXE_rigd"));
-        command.args(args).arg("--rig").arg(rig);
-        if args[0] != "identify" {
-            command.arg("--data").arg(data);
-        }
-        command.output().unwrap()
-    }
-
-    fn rigd_at(&self, analyzer: &str, bus: &str, args: &[&str]) -> Output {
-        self.rigd_with(analyzer, bus, &[], args)
-    }
-
-    fn rigd(&self, args: &[&str]) -> Output {
-        self.rigd_at(&self.analyzer, &self.bus, args)
-    }
-
-    /// Where both axes are in truth.
-    fn places(&self) -> (f64, f64) {
-        let truth = self.sim.with(|now, rig| rig.world().truth(now));
-        (truth.tip_mm, truth.tilt_deg)
-    }
-}
-
-/// Serves a port of the simulated rig on one of this computer, and returns its address.
-async fn listen(listening: &mut JoinSet<()>, sim: &SimHandle, port: PortId) -> String {
-    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-    let (address, sim) = (listener.local_addr().unwrap().to_string(), sim.clone());
-    listening.spawn(async move {
-        while let Ok((client, _)) = listener.accept().await {
-            let (sim, connection) = (sim.clone(), sim.with(|_, rig| rig.connect(port)));
-            tokio::spawn(async move { sim.serve(connection, client).await });
-        }
-    });
-    address
-}
-
-fn json(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", stderr(output)))
-}
-
-fn stderr(output: &Output) -> &str {
-    std::str::from_utf8(&output.stderr).unwrap()
-}
+use bench::{Bench, json, shipped, stderr};
 
 /// The level of each finding, and its advice.
 fn levels(doctor: &Output) -> Vec<(String, String)> {

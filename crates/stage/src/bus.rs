@@ -1,12 +1,16 @@
 //! The one owner of a line, and the handles through which it is used.
 
-use std::sync::{
-    Arc,
-    atomic::{AtomicU64, Ordering},
+use std::{
+    panic::AssertUnwindSafe,
+    sync::{
+        Arc,
+        atomic::{AtomicU64, Ordering},
+    },
 };
 
+use futures_util::FutureExt;
 use rig_link::Port;
-use rig_model::RigTime;
+use rig_model::{RigTime, panic_message};
 use tokio::sync::{mpsc, oneshot};
 
 use crate::{
@@ -163,7 +167,8 @@ async fn own(mut line: Line, mut inbox: mpsc::Receiver<LineRequest>) {
         let order = tokio::select! {
             biased;
             () = line.halt_come() => {
-                line.send_halts().await;
+                // A stop that could not be sent is repeated by the engine.
+                _ = unbroken(&mut line, async |line| line.send_halts().await).await;
                 continue;
             }
             order = inbox.recv() => order,
@@ -172,10 +177,14 @@ async fn own(mut line: Line, mut inbox: mpsc::Receiver<LineRequest>) {
         // The caller may have gone away; the exchange is finished in any case.
         match order {
             LineRequest::Request { unit, request, is_urgent, halts, answer } => {
-                if is_urgent {
-                    line.send_urgently(unit, &request).await;
-                }
-                _ = answer.send(line.request(unit, &request, halts).await);
+                let exchange = async |line: &mut Line| {
+                    if is_urgent {
+                        line.send_urgently(unit, &request).await;
+                    }
+                    line.request(unit, &request, halts).await
+                };
+                let reply = unbroken(&mut line, exchange).await;
+                _ = answer.send(reply.unwrap_or_else(|fault| Err(fault.into())));
             }
             LineRequest::CheckRegisters { unit, registers, answer } => {
                 line.set_check_registers(unit, registers);
@@ -184,4 +193,18 @@ async fn own(mut line: Line, mut inbox: mpsc::Receiver<LineRequest>) {
             LineRequest::Health { answer } => _ = answer.send(line.health()),
         }
     }
+}
+
+/// Does something with the line. A panic is a fault of this exchange, so that the owner lives and
+/// the probe can be retracted over the same line.
+async fn unbroken<T>(
+    line: &mut Line,
+    exchange: impl AsyncFnOnce(&mut Line) -> T,
+) -> Result<T, LineFault> {
+    let done = AssertUnwindSafe(exchange(line)).catch_unwind().await;
+    done.map_err(|panic| {
+        line.distrust();
+        let what = panic_message(&*panic).to_owned();
+        LineFault::Panicked { port: line.name().clone(), what }
+    })
 }

@@ -127,6 +127,14 @@ pub enum LineFault {
         /// The request without a usable answer.
         request: Request,
     },
+    /// The program failed during the exchange; the line is put in order before the next one.
+    #[error("{port}: rigd itself failed during an exchange: {what}")]
+    Panicked {
+        /// Name of the port.
+        port: Arc<str>,
+        /// Message of the failure.
+        what: String,
+    },
     /// The task that owns the line has ended.
     #[error("the owner of the line has ended")]
     Closed,

@@ -141,6 +141,16 @@ impl Line {
         }
     }
 
+    /// Name of the port.
+    pub(crate) const fn name(&self) -> &Arc<str> {
+        &self.name
+    }
+
+    /// The last exchange was left in the middle: its answer may still come.
+    pub(crate) fn distrust(&mut self) {
+        self.context = None;
+    }
+
     pub(crate) const fn health(&self) -> Health {
         self.health
     }

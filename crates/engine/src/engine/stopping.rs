@@ -15,6 +15,23 @@ use crate::{
 const JUMP_TOLERANCES: f64 = 10.0;
 
 impl Engine {
+    /// Stops both axes, finds the linear stage and retracts, because of this fault; then the rig is
+    /// latched. Nothing is lowered or turned. For a rig that this engine has not prepared: does
+    /// nothing later.
+    pub fn leave_contact(&mut self, now: RigTime, fault: Fault, effects: &mut Vec<Effect>) {
+        if !matches!(self.activity, Activity::Unprepared) {
+            return;
+        }
+        let clearance = self.interlock.clearance();
+        self.notes.push(Event::Faulted { fault: fault.clone(), clearance });
+        self.last_fault = Some(fault.clone());
+        // Nobody has asked the drive yet who it is and where.
+        let (recovery, step) = Recovery::begin(now, self.patience, RecoveryReport::Lost);
+        self.activity = Activity::Retracting(recovery, StopReason::Fault(fault), false);
+        self.follow_recovery(now, step, effects);
+        self.settle(effects);
+    }
+
     /// Ends the present activity, now or when the operation in progress has ended.
     pub(super) fn stop(&mut self, now: RigTime, reason: StopReason, effects: &mut Vec<Effect>) {
         if let StopReason::Fault(fault) = &reason {

@@ -76,7 +76,10 @@ pub enum DeviceError {
 }
 
 /// A device of this role did this.
-fn device<E: Into<DeviceError>>(role: &'static str, port: &PortFile) -> impl Fn(E) -> OpenError {
+pub(super) fn device<E: Into<DeviceError>>(
+    role: &'static str,
+    port: &PortFile,
+) -> impl Fn(E) -> OpenError {
     let is_serial = port.is_serial();
     move |error| OpenError::Device { role, is_serial, source: Box::new(error.into()) }
 }
@@ -96,6 +99,9 @@ pub(super) struct Opened {
     /// Patience with a linear stage that does not answer on the way out of contact.
     pub(super) patience: Duration,
 }
+
+/// Longest wait for the frames of a stop to leave.
+pub(super) const HALT_WITHIN: Duration = Duration::from_millis(200);
 
 /// Stops both axes without waiting for anything.
 pub(super) struct Halt {
@@ -223,16 +229,8 @@ impl Ports {
     ) -> Result<Self, OpenError> {
         let seed = scene.scene.seed;
         let rig = SimRig::start(scene.scene, &wiring(file), seed)?;
-        let open = async |name: &str, port: PortId, line| {
-            let handle = rig.handle();
-            let plug = Box::new(move || {
-                handle.plug(port).map(|pipe| Box::new(pipe) as Box<dyn Transport>)
-            });
-            Port::open(Endpoint::Memory { name: name.into(), line, plug }, clock).await
-        };
-        let analyzer =
-            open("simulated analyzer", PortId::Analyzer, line(&file.analyzer.port)).await;
-        let bus = open("simulated bus", PortId::Bus, line(&file.bus)).await;
+        let analyzer = plug_in(&rig.handle(), file, PortId::Analyzer, clock).await;
+        let bus = plug_in(&rig.handle(), file, PortId::Bus, clock).await;
         let is_answering = !matches!(
             &file.connection,
             Connection::Simulated(simulation) if simulation.person == SimulatedPerson::Waits
@@ -240,6 +238,23 @@ impl Ports {
         let simulation = Some(Simulation { person: rig.technician(), is_answering, rig });
         Ok(Self { analyzer, bus, simulation })
     }
+}
+
+/// A port of a simulated rig.
+pub(super) async fn plug_in(
+    handle: &SimHandle,
+    file: &RigFile,
+    port: PortId,
+    clock: Clock,
+) -> Result<Port, rig_link::OpenError> {
+    let (name, described) = match port {
+        PortId::Analyzer => ("simulated analyzer", &file.analyzer.port),
+        PortId::Bus => ("simulated bus", &file.bus),
+    };
+    let handle = handle.clone();
+    let plug = Box::new(move || handle.plug(port).map(|pipe| Box::new(pipe) as Box<dyn Transport>));
+    let endpoint = Endpoint::Memory { name: name.into(), line: line(described), plug };
+    Port::open(endpoint, clock).await
 }
 
 /// An analyzer as the rig file describes it. A simulated one ends its messages as is usual.
@@ -303,7 +318,7 @@ const fn line(port: &PortFile) -> Option<LineSettings> {
     }
 }
 
-async fn open_port(port: &PortFile, clock: Clock) -> Result<Port, rig_link::OpenError> {
+pub(super) async fn open_port(port: &PortFile, clock: Clock) -> Result<Port, rig_link::OpenError> {
     let endpoint = match port {
         PortFile::Serial { path, line } => Endpoint::Serial { path: path.clone(), line: *line },
         PortFile::Tcp { address } => Endpoint::Tcp { address: address.clone() },

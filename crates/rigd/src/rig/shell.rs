@@ -5,18 +5,19 @@ mod journal;
 mod runs;
 
 use std::{
+    panic::AssertUnwindSafe,
     path::PathBuf,
     sync::{Arc, mpsc::SyncSender},
     time::{Duration, Instant},
 };
 
+use futures_util::FutureExt;
 use rig_engine::{
-    Admitted, Command, Device, Effect, Engine, Event, Failure, FailureKind, Input, Operation,
-    OperationId, RigState,
+    Admitted, Command, Device, Effect, Engine, Event, Failure, FailureKind, Fault, Input,
+    Operation, OperationId, RigState, RunStatus,
 };
 use rig_link::{Clock, Transcript};
-use rig_model::RigTime;
-use rig_model::{Mm, Position};
+use rig_model::{Clearance, Mm, Position, RigTime, panic_message, with_causes};
 use rig_sim::SimHandle;
 use rig_store::{Ending, Journal, Record, RunId, RunKind, Store};
 use rustix::time::{ClockId, clock_gettime};
@@ -27,10 +28,11 @@ use super::{
     devices::{Axes, GatedAnalyzer},
     gate::Gate,
     live::LiveSweep,
-    open::{Halt, Opened, Simulation, open_rig},
+    open::{HALT_WITHIN, Halt, Opened, Simulation, open_rig},
     record::{self, Recorder},
     resume::ResumeRefusal,
     slot::Slot,
+    way_out::{Kept, WayOut},
 };
 use crate::{
     interruption::{InterruptedRig, LeftProbe},
@@ -53,7 +55,7 @@ type Opening = Result<(watch::Receiver<Status>, Option<SimHandle>), OpenError>;
 pub(super) fn run(
     rig: LoadedRig,
     data: PathBuf,
-    inbox: mpsc::Receiver<Request>,
+    mut inbox: mpsc::Receiver<Request>,
     opened: &SyncSender<Opening>,
 ) {
     let runtime = tokio::runtime::Builder::new_current_thread()
@@ -68,20 +70,65 @@ pub(super) fn run(
         }
     };
     runtime.block_on(async {
-        match Shell::open(rig, data).await {
+        let file = rig.file.clone();
+        match Shell::open(rig, data.clone()).await {
             Ok((mut shell, status)) => {
                 // The caller may have closed its end. The closed inbox then closes the rig.
                 let simulation = shell.simulation.as_ref().map(Simulation::handle);
-                _ = opened.send(Ok((status, simulation)));
-                shell.serve(inbox).await;
+                _ = opened.send(Ok((status, simulation.clone())));
+                let served = AssertUnwindSafe(shell.serve(&mut inbox)).catch_unwind().await;
+                if let Err(panic) = served {
+                    let fault = Fault::Panicked { what: panic_message(&*panic).to_owned() };
+                    let status = shell.status.clone();
+                    // The ports and the journal are free for the way out.
+                    drop(shell);
+                    let kept = Kept { file, data, simulation };
+                    leave_contact(kept, fault, &status).await;
+                    refuse_all(inbox).await;
+                }
             }
             Err(error) => _ = opened.send(Err(error)),
         }
     });
 }
 
-/// Longest wait of the rig thread for the frames of a stop to leave.
-const HALT_WITHIN: Duration = Duration::from_millis(200);
+/// Retracts after a panic, and publishes that the rig is latched for good.
+async fn leave_contact(kept: Kept, fault: Fault, status: &watch::Sender<Status>) {
+    let publish = |state, clearance, linear| {
+        status.send_modify(|view| {
+            let snapshot = &mut view.snapshot;
+            snapshot.state = state;
+            snapshot.clearance = clearance;
+            snapshot.linear = linear;
+            snapshot.fault = Some(fault.clone());
+            (snapshot.progress, snapshot.prompt) = (None, None);
+            view.sweep = None;
+            if let Some(run) = view.run.as_mut().filter(|_| state == RigState::Latched) {
+                run.ending.get_or_insert(RunStatus::Faulted);
+            }
+        });
+    };
+    publish(RigState::Retracting, Clearance::Unknown, None);
+    match kept.retract(fault.clone()).await {
+        Ok(WayOut { clearance, linear, .. }) => publish(RigState::Latched, clearance, linear),
+        Err(error) => {
+            let reason = with_causes(&error);
+            tracing::error!(%reason, "the probe could not be retracted");
+            publish(RigState::Latched, Clearance::Unknown, None);
+        }
+    }
+}
+
+/// Answers that the rig is closed, until it is.
+async fn refuse_all(mut inbox: mpsc::Receiver<Request>) {
+    while let Some(request) = inbox.recv().await {
+        // A request that is dropped is answered so.
+        if let Request::Close { reply } = request {
+            _ = reply.send(());
+            return;
+        }
+    }
+}
 
 /// The rig is being closed.
 struct Closing {
@@ -120,6 +167,9 @@ struct Shell {
     last_commit: Instant,
     /// Processor time of the engine's last decision.
     thought: Duration,
+    /// Number of events until a panic; 0 for none.
+    #[cfg(test)]
+    panic_at: u64,
 }
 
 impl Shell {
@@ -178,6 +228,8 @@ impl Shell {
             is_answer_due: false,
             last_commit: Instant::now(),
             thought: Duration::ZERO,
+            #[cfg(test)]
+            panic_at: 0,
         };
         if let Some(left) = left.filter(|left| left.is_latched) {
             let mut effects = Vec::new();
@@ -188,7 +240,7 @@ impl Shell {
         Ok((shell, watcher))
     }
 
-    async fn serve(&mut self, mut inbox: mpsc::Receiver<Request>) {
+    async fn serve(&mut self, inbox: &mut mpsc::Receiver<Request>) {
         // Latched, the rig waits for a person instead.
         _ = self.command(Command::Prepare, "rigd");
         let mut closing: Option<Closing> = None;
@@ -319,6 +371,8 @@ impl Shell {
                 _ = reply.send(self.answer(run, step, &by));
             }
             Request::Close { reply } => _ = reply.send(()),
+            #[cfg(test)]
+            Request::PanicAt(event) => self.panic_at = event,
         }
     }
 
@@ -450,6 +504,11 @@ impl Shell {
     }
 
     fn note(&mut self, event: &Event) {
+        #[cfg(test)]
+        {
+            assert!(self.panic_at != 1, "injected");
+            self.panic_at = self.panic_at.saturating_sub(1);
+        }
         match event {
             Event::Intent { down_to, .. } => self.intent = Some(*down_to),
             Event::PromptAsked(prompt) => {
@@ -545,7 +604,7 @@ fn processor_time() -> Duration {
 }
 
 /// Waits until a time on the rig's clock; for ever, when there is none.
-async fn until(clock: Clock, deadline: Option<RigTime>) {
+pub(super) async fn until(clock: Clock, deadline: Option<RigTime>) {
     match deadline {
         Some(deadline) => tokio::time::sleep(deadline.since(clock.now())).await,
         None => std::future::pending().await,

@@ -9,5 +9,6 @@
 mod drive;
 mod lines;
 mod moves;
+mod panics;
 mod peer;
 mod simulated;
