@@ -16,6 +16,19 @@ impl Window {
     pub fn contains(&self, frequency_hz: f64) -> bool {
         self.min_hz <= frequency_hz && frequency_hz <= self.max_hz
     }
+
+    /// Equally spaced points, including both ends; one point lies at the lower end.
+    pub fn evenly(&self, points: u32, settle_s: f64, cycles: u32) -> Vec<SweepPoint> {
+        let step_hz = (self.max_hz - self.min_hz) / f64::from(points.max(2) - 1);
+        (0..points)
+            .map(|index| SweepPoint {
+                // Rounding must not lead beyond the end.
+                frequency_hz: (self.min_hz + step_hz * f64::from(index)).min(self.max_hz),
+                settle_s,
+                cycles,
+            })
+            .collect()
+    }
 }
 
 /// The level of the drive signal.
@@ -230,5 +243,27 @@ impl Reading {
             PointResult::LowSignal(_) => Some(ReadingFlag::LowSignal),
             PointResult::Overload => Some(ReadingFlag::Overload),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn even_points_include_both_ends_and_never_leave_the_window() {
+        for (window, points) in [((112.0, 168.0), 101), ((0.1, 0.7), 7), ((5.0, 5.0), 3)] {
+            let window = Window { min_hz: window.0, max_hz: window.1 };
+            let even = window.evenly(points, 0.1, 10);
+            assert_eq!(even.len(), points as usize);
+            assert_eq!(even[0].frequency_hz, window.min_hz);
+            let last_hz = even[even.len() - 1].frequency_hz;
+            assert!((last_hz - window.max_hz).abs() < 1e-12 * window.max_hz, "{last_hz}");
+            assert!(even.iter().all(|point| window.contains(point.frequency_hz)), "{even:?}");
+            let steps: Vec<f64> =
+                even.windows(2).map(|two| two[1].frequency_hz - two[0].frequency_hz).collect();
+            assert!(steps.iter().all(|step| (step - steps[0]).abs() < 1e-9), "{steps:?}");
+        }
+        assert_eq!(Window { min_hz: 1.0, max_hz: 2.0 }.evenly(1, 0.0, 1)[0].frequency_hz, 1.0);
     }
 }

@@ -31,10 +31,40 @@ pub(crate) fn time_constant_s(circuit: &Circuit) -> f64 {
     circuit.q / (std::f64::consts::PI * circuit.series_resonance_hz)
 }
 
-/// An analyzer that drives a sensor without interruption.
+/// An electrical load in time, under a sinusoidal drive.
+pub(crate) trait Load {
+    /// Changes the frequency of the drive now, without a jump of its phase.
+    fn set_frequency(&mut self, frequency_hz: f64);
+    /// Turns the phase of the drive now, rad.
+    fn turn_drive(&mut self, radians: f64);
+    /// Lets time pass, s.
+    fn advance(&mut self, seconds: f64);
+    /// The impedance that a lock-in finds over the next whole cycles, ohm. Time passes.
+    fn measure(&mut self, cycles: u32) -> Complex64;
+}
+
+impl Load for Plant {
+    fn set_frequency(&mut self, frequency_hz: f64) {
+        self.set_frequency(frequency_hz);
+    }
+
+    fn turn_drive(&mut self, radians: f64) {
+        self.turn_drive(radians);
+    }
+
+    fn advance(&mut self, seconds: f64) {
+        self.advance(seconds);
+    }
+
+    fn measure(&mut self, cycles: u32) -> Complex64 {
+        self.measure(cycles)
+    }
+}
+
+/// An analyzer that drives a load without interruption.
 #[derive(Debug, Clone)]
-pub(crate) struct Analyzer {
-    plant: Plant,
+pub(crate) struct Analyzer<L = Plant> {
+    load: L,
     noise: f64,
     random: Stream,
     now: RigTime,
@@ -55,13 +85,29 @@ struct AnyPhase {
 const GAP_MAX_S: f64 = 3e-3;
 /// The largest error of the length of a gap, s.
 const GAP_ERROR_S: f64 = 1e-3;
+/// Time of the first reading on an analyzer of any phase, s: late enough that no error of its clock leads
+/// to a time before the start.
+pub(crate) const ANY_PHASE_STARTS_S: f64 = 1.0;
 
 impl Analyzer {
     /// Starts with a sensor at rest. `noise` is the standard deviation of each part of the relative
     /// error of a reading of ten cycles.
     pub(crate) fn at_rest(circuit: Circuit, noise: f64, random: Stream) -> Self {
         let plant = Plant::at_rest(circuit, WINDOW.min_hz).expect("the studies' sensors ring");
-        Self { plant, noise, random, now: RigTime::ZERO, any_phase: None }
+        Self::of(plant, noise, random)
+    }
+
+    /// Changes the sensor now. Its motion continues.
+    pub(crate) fn set_circuit(&mut self, circuit: Circuit) {
+        self.load.set_circuit(circuit).expect("the studies' sensors ring");
+    }
+}
+
+impl<L: Load> Analyzer<L> {
+    /// Starts with a load. `noise` is the standard deviation of each part of the relative error of a
+    /// reading of ten cycles.
+    pub(crate) fn of(load: L, noise: f64, random: Stream) -> Self {
+        Self { load, noise, random, now: RigTime::ZERO, any_phase: None }
     }
 
     /// The same with a drive of any phase and with gaps of which the length is not quite known.
@@ -76,29 +122,24 @@ impl Analyzer {
         self.now.as_seconds()
     }
 
-    /// Changes the sensor now. Its motion continues.
-    pub(crate) fn set_circuit(&mut self, circuit: Circuit) {
-        self.plant.set_circuit(circuit).expect("the studies' sensors ring");
-    }
-
     /// Measures one point.
     pub(crate) fn visit(&mut self, point: &SweepPoint) -> Reading {
         let mut started = self.now;
-        self.plant.set_frequency(point.frequency_hz);
+        self.load.set_frequency(point.frequency_hz);
         if let Some(any) = &mut self.any_phase {
             if any.frequency_hz.to_bits() != point.frequency_hz.to_bits() {
                 any.frequency_hz = point.frequency_hz;
-                self.plant.turn_drive(TAU * any.random.uniform());
+                self.load.turn_drive(TAU * any.random.uniform());
             }
             let gap_s = GAP_MAX_S * any.random.uniform();
-            self.plant.advance(gap_s);
+            self.load.advance(gap_s);
             self.now = self.now + Duration::from_secs_f64(gap_s);
             any.clock_error_s += GAP_ERROR_S * (2.0 * any.random.uniform() - 1.0);
-            // One second later, so that no error of the clock leads to a time before the start.
-            started = self.now + Duration::from_secs_f64((1.0 + any.clock_error_s).max(0.0));
+            let off_s = (ANY_PHASE_STARTS_S + any.clock_error_s).max(0.0);
+            started = self.now + Duration::from_secs_f64(off_s);
         }
-        self.plant.advance(point.settle_s);
-        let exact = self.plant.measure(point.cycles);
+        self.load.advance(point.settle_s);
+        let exact = self.load.measure(point.cycles);
         let error = self.noise * (10.0 / f64::from(point.cycles)).sqrt();
         let [re, im] = [self.random.normal(), self.random.normal()];
         let impedance = exact * (1.0 + error * Complex64::new(re, im));
@@ -119,16 +160,4 @@ pub(crate) fn reading(point: &SweepPoint, impedance: Complex64, started: RigTime
         settle_s: point.settle_s,
         integration_s: f64::from(point.cycles) / point.frequency_hz,
     }
-}
-
-/// Evenly spaced points from one end of a window to the other.
-pub(crate) fn evenly(window: Window, points: u32, settle_s: f64, cycles: u32) -> Vec<SweepPoint> {
-    let step_hz = (window.max_hz - window.min_hz) / f64::from(points.max(2) - 1);
-    (0..points)
-        .map(|index| SweepPoint {
-            frequency_hz: (window.min_hz + step_hz * f64::from(index)).min(window.max_hz),
-            settle_s,
-            cycles,
-        })
-        .collect()
 }

@@ -178,7 +178,7 @@ fn moved(circuit: &Circuit, element: usize, by: f64) -> Circuit {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::analyzer::{WINDOW, evenly, sensor};
+    use crate::analyzer::{WINDOW, sensor};
 
     /// σ√N/noise of a uniform sweep with all four elements unknown, and of the best design, for the
     /// resonance at 140 Hz, computed independently. Dielectric loss costs a uniform sweep at most a
@@ -194,7 +194,7 @@ mod tests {
             (100.0, 0.1, 3.61, 0.71),
         ] {
             let circuit = sensor(140.0, q, coupling);
-            let points = evenly(WINDOW, 401, 0.0, 10);
+            let points = WINDOW.evenly(401, 0.0, 10);
             let found = Information::settled(&circuit, &points).relative_bound();
             let found = 140.0 * found * 401.0_f64.sqrt();
             assert!((found / uniform - 1.0).abs() < 0.01, "{q} {coupling}: {found} {uniform}");
@@ -209,7 +209,7 @@ mod tests {
     fn the_information_of_settled_readings_is_that_of_the_settled_circuit() {
         let circuit = sensor(140.0, 30.0, 0.1);
         let bounds = |settle_s: f64| {
-            let points = evenly(WINDOW, 21, settle_s, 10);
+            let points = WINDOW.evenly(21, settle_s, 10);
             let in_time = Information::in_time(&circuit, &points).relative_bound();
             in_time / Information::settled(&circuit, &points).relative_bound()
         };
@@ -220,9 +220,9 @@ mod tests {
     #[test]
     fn five_unknowns_are_not_determined_by_two_frequencies() {
         let circuit = sensor(140.0, 30.0, 0.1);
-        let two = evenly(WINDOW, 2, 0.0, 10);
+        let two = WINDOW.evenly(2, 0.0, 10);
         let two = Information::settled(&circuit, &two).relative_bound();
-        let three = evenly(WINDOW, 3, 0.0, 10);
+        let three = WINDOW.evenly(3, 0.0, 10);
         let three = Information::settled(&circuit, &three).relative_bound();
         // The former is finite only by the rounding of the slopes.
         assert!(three < 10.0 && two > 1e4, "{two} {three}");

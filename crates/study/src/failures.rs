@@ -1,50 +1,64 @@
-//! `rig-study failures`: where estimators of the resonance are right, refuse, or are silently
-//! wrong.
+//! `rig-study failures`: where the resonance is right, refused, or silently wrong.
 //!
-//! Every estimator gets sweeps that deteriorate along one axis at a time, for sensors from poor to
-//! good. The production fit must never be silently wrong; the other estimators are shown for
-//! comparison.
+//! Sweeps deteriorate along one axis at a time, for sensors from poor to good. The production fit gets
+//! sweeps of points chosen in advance; the planner of the daemon chooses its own points. Neither may be
+//! silently wrong. Other estimators are shown for comparison.
 
 mod axis;
+mod coverage;
+mod document;
+mod gate;
 mod judge;
+mod load;
 mod maps;
+mod outliers;
 mod power;
-mod simulated_sweep;
+mod reasons;
+mod scene;
 mod spring;
 
-use std::{io::Write, path::PathBuf};
+use std::{io::Write, ops::Range, path::PathBuf};
 
-use rig_resonance::Estimator;
+use crate::{files::Folder, outcome::StudyError, progress};
+use axis::{Axis, Path};
+use judge::{Cell, Counts};
 
-use crate::{
-    files::Folder,
-    outcome::StudyError,
-    page::{Page, Table},
-    progress,
-};
-use axis::Axis;
-use judge::AxisPoint;
-
-/// Maps of the failures of estimators, and the power of their detection.
+/// Maps of the failures of fit and planner, and the power of their detection.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Folder for `failures.md` and, in `failures/`, the tables and charts.
     #[arg(long, default_value = "target/study")]
     out: PathBuf,
-    /// Random seed.
+    /// First random seed.
     #[arg(long, default_value_t = 2020)]
     seed: u64,
-    /// Sweeps of each of the six sensors at each point of each axis.
-    #[arg(long, default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    /// Number of random seeds, one after the other.
+    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    seeds: u64,
+    /// Fitted sweeps of each of the six sensors at each point of each axis, for each seed.
+    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
     trials: u32,
+    /// The same for planned sweeps.
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
+    planned: u32,
+    /// Only this axis, such as `second-mode`.
+    #[arg(long)]
+    axis: Option<String>,
+    /// Compare a part of the sweeps of the first two seeds with those of the page in the folder, and write
+    /// nothing.
+    #[arg(long, conflicts_with = "axis")]
+    check: bool,
 }
 
-/// A silently wrong production fit.
+/// No axis has this name.
 #[derive(Debug, thiserror::Error)]
-#[error("maximum-likelihood: silently wrong in {wrong} of {sweeps} sweeps")]
-struct SilentlyWrong {
-    wrong: u32,
-    sweeps: u32,
+#[error("axis {name}: there is none of this name; there are {}", names())]
+struct NoSuchAxis {
+    name: String,
+}
+
+fn names() -> String {
+    Axis::ALL.map(Axis::file).join(", ")
 }
 
 /// The name of the page and of its folder.
@@ -52,211 +66,60 @@ const NAME: &str = "failures";
 
 pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
     let folder = Folder::at(&args.out)?;
-    let points = judge_all(args.trials, args.seed);
-    page(args, &points).write(&folder, NAME)?;
-    for estimator in Estimator::ALL {
-        let (wrong, sweeps) = silently_wrong(estimator, on_grid(&points));
-        writeln!(out, "{}: silently wrong in {wrong} of {sweeps} sweeps", estimator.name())?;
+    if args.check {
+        return gate::check(&folder.path(NAME), args.seed, out);
+    }
+    let axes: Vec<Axis> = Axis::ALL
+        .into_iter()
+        .filter(|axis| args.axis.as_ref().is_none_or(|name| axis.file() == name))
+        .collect();
+    if let (Some(name), true) = (&args.axis, axes.is_empty()) {
+        return Err(StudyError::arguments(NoSuchAxis { name: name.clone() }));
+    }
+    let cells = judge_all(&axes, args.trials, args.planned, args.seed..args.seed + args.seeds);
+    document::page(args, &cells).write(&folder, NAME)?;
+    for path in Path::ALL {
+        let Counts { wrong, .. } = counts(path, &cells);
+        let sweeps = counts(path, &cells).sweeps();
+        writeln!(out, "{}: silently wrong in {wrong} of {sweeps} sweeps", path.name())?;
+    }
+    for (value, count) in document::where_wrong(cells.iter()) {
+        writeln!(out, "  {value}: {count}")?;
     }
     writeln!(out, "{}", folder.path("failures.md").display())?;
-    match silently_wrong(Estimator::MaximumLikelihood, on_grid(&points)) {
-        (0, _) => Ok(()),
-        (wrong, sweeps) => Err(StudyError::refused(SilentlyWrong { wrong, sweeps })),
-    }
+    Ok(())
 }
 
-fn judge_all(trials: u32, seed: u64) -> Vec<AxisPoint> {
-    let jobs: Vec<(Axis, usize)> = Axis::ALL
-        .into_iter()
-        .flat_map(|axis| (0..axis.values().len()).map(move |point| (axis, point)))
+/// Judges both paths on these axes.
+fn judge_all(axes: &[Axis], trials: u32, planned: u32, seeds: Range<u64>) -> Vec<Cell> {
+    let jobs: Vec<(Axis, Path, usize)> = axes
+        .iter()
+        .flat_map(|&axis| Path::ALL.map(|path| (axis, path)))
+        .flat_map(|(axis, path)| (0..axis.values().len()).map(move |point| (axis, path, point)))
         .collect();
     let bar = progress::bar(jobs.len(), "points");
-    let judge = |(axis, point)| {
-        let found = judge::judge(axis, point, trials, seed);
+    let judge = |(axis, path, point)| {
+        let trials = match path {
+            Path::Fit => trials,
+            Path::Planner => planned,
+        };
+        let found = judge::judge((axis, path), point, trials, seeds.clone());
         bar.inc(1);
         found
     };
-    let points = jobs.into_iter().filter_map(judge).collect();
+    let cells = jobs.into_iter().filter_map(judge).collect();
     bar.finish_and_clear();
-    points
+    cells
 }
 
-/// The points at which the production fit may never be silently wrong.
-fn on_grid(points: &[AxisPoint]) -> impl Iterator<Item = &AxisPoint> {
-    points.iter().filter(|point| !point.axis.is_beyond_one_sweep())
-}
-
-/// The number of silently wrong sweeps of an estimator, and of all its sweeps.
-fn silently_wrong<'a>(
-    estimator: Estimator,
-    points: impl Iterator<Item = &'a AxisPoint>,
-) -> (u32, u32) {
-    let row = Estimator::ALL.iter().position(|one| *one == estimator);
-    let counts = points.filter_map(|point| Some(&point.counts[row?]));
-    counts.fold((0, 0), |(wrong, all), one| (wrong + one.wrong, all + one.sweeps()))
-}
-
-fn page(args: &Args, points: &[AxisPoint]) -> Page {
-    let mut page =
-        Page { title: "Where estimators of the resonance fail".to_owned(), parts: Vec::new() };
-    introduction(&mut page, args);
-    page.heading("Silently wrong results");
-    page.table(totals(points));
-    page.text(format!(
-        "The production fit on this grid: {}.",
-        where_wrong(on_grid(points)).unwrap_or_else(|| "silently wrong nowhere".to_owned())
-    ));
-    for axis in Axis::ALL.into_iter().filter(|axis| !axis.is_beyond_one_sweep()) {
-        section(&mut page, axis, points);
-    }
-    page.heading("Limits of a single sweep");
-    page.text(
-        "A spring that softens slightly at the peak changes the readings of one sweep in the same \
-         way as another resonance does. No estimator can detect it in the readings, and all of \
-         them, the production fit included, are silently wrong here. A second sweep at another \
-         level detects it (above, `with a step of the level`: the results at the full and at half \
-         the level give the result without drive, or a refusal if they differ). This map is not \
-         part of the count.",
-    );
-    let beyond = points.iter().filter(|point| point.axis.is_beyond_one_sweep());
-    page.text(format!(
-        "The production fit here: {}.",
-        where_wrong(beyond).unwrap_or_else(|| "silently wrong nowhere".to_owned())
-    ));
-    for axis in Axis::ALL.into_iter().filter(|axis| axis.is_beyond_one_sweep()) {
-        section(&mut page, axis, points);
-    }
-    page.heading("Data");
-    page.data("failures.csv", maps::table(points));
-    page.data("power.csv", power::table(points));
-    page
-}
-
-fn introduction(page: &mut Page, args: &Args) {
-    page.text(format!(
-        "This page, its charts and its tables are written by `cargo run --release -p rig-study -- \
-         failures --out docs/studies`, in minutes on two cores. The same seed (here {}) gives the \
-         same bytes on any number of cores. Each cell of a map stands for {} sweeps of each of six \
-         sensors: quality 10, 30 and 100, effective coupling 0.02 and 0.1. Unless the axis says \
-         otherwise, a sweep has 101 settled points from 112 to 168 Hz and 0.5 % noise.",
-        args.seed, args.trials
-    ));
-    page.text(
-        "The production fit, `maximum-likelihood`, is silently wrong if it accepts a resonance \
-         with an error of more than five of its own standard deviations. The other estimators \
-         state no uncertainty; they are silently wrong if their error exceeds ten Cramér–Rao \
-         bounds of the undisturbed sweep. For a sensor without a resonance every number is wrong. \
-         The truth is the series resonance at a small drive, at the middle of the sweep; for the \
-         production fit, which states the effective time of its result, it is the resonance at \
-         that time. A sweep in one direction cannot distinguish a drift from another resonance, \
-         but it knows when it passed the resonance.",
-    );
-}
-
-fn totals(points: &[AxisPoint]) -> Table {
-    let mut table = Table::new(&["estimator", "silently wrong", "sweeps", "share"]);
-    for estimator in Estimator::ALL {
-        let (wrong, sweeps) = silently_wrong(estimator, on_grid(points));
-        let share = 100.0 * f64::from(wrong) / f64::from(sweeps.max(1));
-        table.row([
-            format!("`{}`", estimator.name()),
-            wrong.to_string(),
-            sweeps.to_string(),
-            format!("{share:.2} %"),
-        ]);
-    }
-    table
-}
-
-/// The axis points with silently wrong production fits, in words; `None` if there are none.
-fn where_wrong<'a>(points: impl Iterator<Item = &'a AxisPoint>) -> Option<String> {
-    let one = |point: &AxisPoint| {
-        let counts = point.counts[Estimator::ALL.len() - 1];
-        let (axis, value) = (point.axis.file(), point.value);
-        let said = format!("`{axis}` at {value}: {} of {}", counts.wrong, counts.sweeps());
-        (counts.wrong > 0).then_some(said)
-    };
-    let all: Vec<String> = points.filter_map(one).collect();
-    (!all.is_empty()).then(|| format!("silently wrong in {}", all.join(", ")))
-}
-
-/// The map of an axis, and the detection power of the production fit.
-fn section(page: &mut Page, axis: Axis, points: &[AxisPoint]) {
-    page.heading(axis.label());
-    page.chart(&format!("{}.svg", axis.file()), maps::map(axis, points));
-    if let Some(chart) = power::chart(axis, points) {
-        page.chart(&format!("power-{}.svg", axis.file()), chart);
-    }
+/// The outcomes of a path at all points at which it may never be silently wrong.
+fn counts(path: Path, cells: &[Cell]) -> Counts {
+    cells
+        .iter()
+        .filter(|cell| cell.path == path && !cell.axis.is_beyond_one_sweep())
+        .map(Cell::counts)
+        .fold(Counts::default(), Counts::plus)
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_production_fit_is_never_silently_wrong_and_a_peak_pick_often() {
-        let points = judge_all(2, 11);
-        let (wrong, sweeps) = silently_wrong(Estimator::MaximumLikelihood, on_grid(&points));
-        let where_wrong: Vec<_> = on_grid(&points)
-            .filter(|point| point.counts[Estimator::ALL.len() - 1].wrong > 0)
-            .map(|point| (point.axis, point.value))
-            .collect();
-        assert_eq!(wrong, 0, "of {sweeps}: {where_wrong:?}");
-        assert!(sweeps > 1000, "{sweeps}");
-        let (wrong, sweeps) = silently_wrong(Estimator::MagnitudeMinimum, on_grid(&points));
-        assert!(2 * wrong > sweeps, "{wrong} of {sweeps}");
-    }
-
-    #[test]
-    fn the_same_seed_gives_the_same_bytes() {
-        let bytes = |seed| {
-            let points: Vec<AxisPoint> =
-                (0..3).filter_map(|point| judge::judge(Axis::SecondMode, point, 2, seed)).collect();
-            (maps::table(&points), maps::map(Axis::SecondMode, &points).file().unwrap())
-        };
-        assert_eq!(bytes(3), bytes(3));
-    }
-
-    /// Each boundary from both sides: a value at which the production fit answers nearly every
-    /// sweep, and one at which it names the cause, models it, or refuses.
-    #[test]
-    fn harmless_sweeps_are_answered_and_hopeless_ones_are_detected() {
-        for (axis, harmless, hopeless) in [
-            (Axis::FigureOfMerit, 1.0, 0.0),
-            (Axis::WindowOffset, 0.95, 1.05),
-            (Axis::DriftBothWays, 0.01, 2.0),
-            (Axis::SecondMode, 0.2, 10.0),
-            (Axis::Outliers, 0.0, 30.0),
-            (Axis::DriveLevelStep, 0.0, 0.5),
-            (Axis::Settling, 10.0, 0.5),
-        ] {
-            let judge = |value: f64| {
-                let point = axis.values().iter().position(|one| *one == value).unwrap();
-                judge::judge(axis, point, 4, 13).unwrap()
-            };
-            let answered = judge(harmless).counts[Estimator::ALL.len() - 1];
-            assert!(answered.right >= 23, "{axis:?} at {harmless}: {answered:?}");
-            let power::Power { named, modelled, refused, .. } = power::Power::of(&judge(hopeless));
-            let seen = named + modelled + refused;
-            assert!(seen > 90.0, "{axis:?} at {hopeless}: {seen} %");
-        }
-    }
-
-    /// In one direction a drift changes only the effective time of the result.
-    #[test]
-    fn drift_is_invisible_in_one_direction_and_seen_in_two() {
-        let judge = |axis: Axis| {
-            let point = axis.values().iter().position(|one| *one == 1.0).unwrap();
-            judge::judge(axis, point, 4, 13).unwrap()
-        };
-        let production = Estimator::ALL.len() - 1;
-        let rising = judge(Axis::Drift);
-        assert_eq!(rising.counts[production].right, 24);
-        assert_eq!(power::Power::of(&rising).modelled, 0.0);
-        let baseline =
-            Estimator::ALL.iter().position(|one| *one == Estimator::ConductanceLorentzian);
-        assert!(rising.counts[baseline.unwrap()].wrong > 12);
-        let both_ways = power::Power::of(&judge(Axis::DriftBothWays));
-        assert!(both_ways.modelled > 50.0 && both_ways.wrong == 0.0);
-    }
-}
+mod tests;

@@ -1,128 +1,239 @@
 //! The axes of the maps, from harmless to hopeless.
 
-use rig_resonance::{ModelOrder, Reason, Timing};
+use rig_resonance::{ModelOrder, NoisePrior, Reason, Timing};
 
-use super::simulated_sweep::SimulatedSweep;
+use super::scene::{Dielectric, Scene, SecondMode};
 use crate::analyzer::WINDOW;
 
 /// A cause of failure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Axis {
     Noise,
+    NoiseStated,
     FigureOfMerit,
+    Quality,
     WindowOffset,
     PointsPerLinewidth,
+    Target,
     Drift,
     DriftBothWays,
+    CapacitanceDrift,
     SecondMode,
+    SecondModeSmall,
+    SecondModeLarge,
     Outliers,
     DriveLevel,
     DriveLevelStep,
     Settling,
     SettlingUnknown,
+    SettlingAnyPhase,
     DielectricLoss,
+    ConstantPhase,
+    AnalyzerPhase,
     Digits,
+    NothingConstantPhase,
+    NothingCapacitanceDrift,
+    NothingOutliers,
 }
 
 /// Quality factor and coupling of the sensors on every axis.
 pub(super) const SENSORS: [(f64, f64); 6] =
     [(10.0, 0.02), (10.0, 0.1), (30.0, 0.02), (30.0, 0.1), (100.0, 0.02), (100.0, 0.1)];
 
+/// Time constants of settling.
+const SETTLINGS: &[f64] = &[10.0, 5.0, 3.0, 2.0, 1.5, 1.0, 0.5, 0.0];
+/// Softening at the peak over the linewidth.
+const SOFTENINGS: &[f64] = &[0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 1.6, 3.0];
+/// Places of a second mode, linewidths from the first.
+const PLACES: &[f64] = &[-2.0, -1.0, -0.5, 0.5, 1.0, 2.0];
+
 impl Axis {
-    pub(super) const ALL: [Self; 14] = [
+    pub(super) const ALL: [Self; 26] = [
         Self::Noise,
+        Self::NoiseStated,
         Self::FigureOfMerit,
+        Self::Quality,
         Self::WindowOffset,
         Self::PointsPerLinewidth,
+        Self::Target,
         Self::Drift,
         Self::DriftBothWays,
+        Self::CapacitanceDrift,
         Self::SecondMode,
+        Self::SecondModeSmall,
+        Self::SecondModeLarge,
         Self::Outliers,
         Self::DriveLevel,
         Self::DriveLevelStep,
         Self::Settling,
         Self::SettlingUnknown,
+        Self::SettlingAnyPhase,
         Self::DielectricLoss,
+        Self::ConstantPhase,
+        Self::AnalyzerPhase,
         Self::Digits,
+        Self::NothingConstantPhase,
+        Self::NothingCapacitanceDrift,
+        Self::NothingOutliers,
     ];
+
+    /// The name in files, the label of the values, and the values from harmless to hopeless. A drift of a
+    /// planned sweep is per second, because its duration is not known in advance.
+    #[expect(clippy::too_many_lines, reason = "a table")]
+    const fn about(self) -> (&'static str, &'static str, &'static [f64]) {
+        match self {
+            Self::Noise => (
+                "noise",
+                "noise of a reading (%)",
+                &[0.01, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0],
+            ),
+            Self::NoiseStated => (
+                "noise-stated",
+                "noise of a reading over the stated noise",
+                &[0.5, 0.7, 1.0, 1.2, 1.5, 2.0, 3.0, 5.0],
+            ),
+            Self::FigureOfMerit => (
+                "figure-of-merit",
+                "figure of merit Q·C1/C0",
+                &[25.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.0],
+            ),
+            Self::Quality => {
+                ("quality", "quality factor", &[100.0, 30.0, 10.0, 5.0, 3.0, 2.0, 1.5, 1.0, 0.7])
+            }
+            Self::WindowOffset => (
+                "window-offset",
+                "resonance from the middle of the window (half spans)",
+                &[0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.01, 1.05, 1.1, 1.2, 1.5],
+            ),
+            Self::PointsPerLinewidth => (
+                "points-per-linewidth",
+                "points per linewidth",
+                &[10.0, 5.0, 3.0, 2.0, 1.5, 1.0, 0.75, 0.5, 0.25],
+            ),
+            Self::Target => (
+                "target",
+                "target standard deviation (mHz)",
+                &[1000.0, 300.0, 100.0, 50.0, 20.0, 10.0, 5.0, 3.0],
+            ),
+            Self::Drift => (
+                "drift",
+                "drift in a rising sweep (Hz; planned: Hz/s)",
+                &[0.0, 0.01, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0],
+            ),
+            Self::DriftBothWays => (
+                "drift-up-and-down",
+                "drift in a sweep up and down (Hz)",
+                &[0.0, 0.01, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0],
+            ),
+            Self::CapacitanceDrift => (
+                "capacitance-drift",
+                "drift of the static capacitance in a rising sweep (%; planned: %/s)",
+                &[0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0],
+            ),
+            Self::SecondMode => (
+                "second-mode",
+                "second mode a linewidth above, of the first (%)",
+                &[0.0, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 50.0],
+            ),
+            Self::SecondModeSmall => {
+                ("second-mode-5", "place of a second mode of 5 % (linewidths above)", PLACES)
+            }
+            Self::SecondModeLarge => {
+                ("second-mode-20", "place of a second mode of 20 % (linewidths above)", PLACES)
+            }
+            Self::Outliers => (
+                "outliers",
+                "outliers among the readings (%)",
+                &[0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 50.0],
+            ),
+            Self::DriveLevel => {
+                ("drive-level", "softening at the peak over the linewidth, one level", SOFTENINGS)
+            }
+            Self::DriveLevelStep => (
+                "drive-level-step",
+                "softening at the peak over the linewidth, with a step of the level",
+                SOFTENINGS,
+            ),
+            Self::Settling => ("settling", "time constants of settling", SETTLINGS),
+            Self::SettlingUnknown => {
+                ("settling-unknown", "time constants of settling, unknown to the fit", SETTLINGS)
+            }
+            Self::SettlingAnyPhase => (
+                "settling-any-phase",
+                "time constants of settling, with a drive of any phase",
+                SETTLINGS,
+            ),
+            Self::DielectricLoss => {
+                ("dielectric-loss", "dielectric loss tangent", &[0.0, 0.01, 0.02, 0.05, 0.1, 0.2])
+            }
+            Self::ConstantPhase => (
+                "constant-phase",
+                "exponent by which the permittivity falls with the frequency",
+                &[0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2],
+            ),
+            Self::AnalyzerPhase => (
+                "analyzer-phase",
+                "phase error of the analyzer (degrees)",
+                &[0.0, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0],
+            ),
+            Self::Digits => ("digits", "digits of the readings", &[6.0, 5.0, 4.0, 3.0, 2.0]),
+            Self::NothingConstantPhase => (
+                "nothing-constant-phase",
+                "no resonance: exponent by which the permittivity falls with the frequency",
+                &[0.0, 0.01, 0.02, 0.05, 0.1, 0.2],
+            ),
+            Self::NothingCapacitanceDrift => (
+                "nothing-capacitance-drift",
+                "no resonance: drift of the capacitance in a rising sweep (%; planned: %/s)",
+                &[0.02, 0.1, 0.5, 1.0, 2.0, 5.0],
+            ),
+            Self::NothingOutliers => (
+                "nothing-outliers",
+                "no resonance: outliers among the readings (%)",
+                &[1.0, 2.0, 5.0, 10.0, 20.0],
+            ),
+        }
+    }
 
     /// The name in files.
     pub(super) const fn file(self) -> &'static str {
-        match self {
-            Self::Noise => "noise",
-            Self::FigureOfMerit => "figure-of-merit",
-            Self::WindowOffset => "window-offset",
-            Self::PointsPerLinewidth => "points-per-linewidth",
-            Self::Drift => "drift",
-            Self::DriftBothWays => "drift-up-and-down",
-            Self::SecondMode => "second-mode",
-            Self::Outliers => "outliers",
-            Self::DriveLevel => "drive-level",
-            Self::DriveLevelStep => "drive-level-step",
-            Self::Settling => "settling",
-            Self::SettlingUnknown => "settling-unknown",
-            Self::DielectricLoss => "dielectric-loss",
-            Self::Digits => "digits",
-        }
+        self.about().0
     }
 
     /// The label of the values.
     pub(super) const fn label(self) -> &'static str {
-        match self {
-            Self::Noise => "noise of a reading (%)",
-            Self::FigureOfMerit => "figure of merit Q·C1/C0",
-            Self::WindowOffset => "resonance from the middle of the window (half spans)",
-            Self::PointsPerLinewidth => "points per linewidth",
-            Self::Drift => "drift during a rising sweep (Hz)",
-            Self::DriftBothWays => "drift during a sweep up and down (Hz)",
-            Self::SecondMode => "second mode a linewidth above, of the first (%)",
-            Self::Outliers => "outliers among the readings (%)",
-            Self::DriveLevel => "softening at the peak over the linewidth, one level",
-            Self::DriveLevelStep => {
-                "softening at the peak over the linewidth, with a step of the level"
-            }
-            Self::Settling => "time constants of settling",
-            Self::SettlingUnknown => "time constants of settling, unknown to the fit",
-            Self::DielectricLoss => "dielectric loss tangent",
-            Self::Digits => "digits of the readings",
-        }
+        self.about().1
     }
 
     /// The values, from harmless to hopeless.
     pub(super) const fn values(self) -> &'static [f64] {
-        match self {
-            Self::Noise => &[0.01, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0],
-            Self::FigureOfMerit => &[25.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.0],
-            Self::WindowOffset => &[0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.01, 1.05, 1.1, 1.2, 1.5],
-            Self::PointsPerLinewidth => &[10.0, 5.0, 3.0, 2.0, 1.5, 1.0, 0.75, 0.5, 0.25],
-            Self::Drift | Self::DriftBothWays => &[0.0, 0.01, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0],
-            Self::SecondMode => &[0.0, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 50.0],
-            Self::Outliers => &[0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 50.0],
-            Self::DriveLevel | Self::DriveLevelStep => {
-                &[0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 1.6, 3.0]
-            }
-            Self::Settling | Self::SettlingUnknown => &[10.0, 5.0, 3.0, 2.0, 1.5, 1.0, 0.5, 0.0],
-            Self::DielectricLoss => &[0.0, 0.01, 0.02, 0.05, 0.1, 0.2],
-            Self::Digits => &[6.0, 5.0, 4.0, 3.0, 2.0],
-        }
+        self.about().2
     }
 
-    /// The sweep of a sensor with this value; `None` for too few readings, or for an axis without
-    /// effect on this sensor.
-    pub(super) fn simulated(self, (q, coupling): (f64, f64), value: f64) -> Option<SimulatedSweep> {
-        let good = SimulatedSweep::good(q, coupling);
+    /// The scene of a sensor with this value; `None` for too few readings.
+    pub(super) fn scene(self, (q, coupling): (f64, f64), value: f64) -> Option<Scene> {
+        let good = Scene::good(q, coupling);
+        let nothing = Scene { coupling: 0.0, ..good };
+        let part = 0.01 * value;
         let half_span_hz = 0.5 * (WINDOW.max_hz - WINDOW.min_hz);
         // A quarter span from the middle: a drift has no effect on a resonance at the middle of a
         // sweep.
-        let aside = SimulatedSweep { resonance_hz: good.resonance_hz + 0.5 * half_span_hz, ..good };
-        let simulated = match self {
-            Self::Noise => SimulatedSweep { noise: 0.01 * value, ..good },
+        let aside = Scene { resonance_hz: good.resonance_hz + 0.5 * half_span_hz, ..good };
+        let second = |part, place| Some(SecondMode { part, place });
+        let scene = match self {
+            Self::Noise => Scene { noise: part, ..good },
+            Self::NoiseStated => {
+                let stated =
+                    NoisePrior { at_ten_cycles: good.noise / value, degrees_of_freedom: 1000.0 };
+                Scene { stated_noise: Some(stated), ..good }
+            }
             Self::FigureOfMerit => {
                 let ratio = value / q;
-                SimulatedSweep { coupling: ratio / (1.0 + ratio), ..good }
+                Scene { coupling: ratio / (1.0 + ratio), ..good }
             }
+            Self::Quality => Scene { q: value, ..good },
             Self::WindowOffset => {
-                SimulatedSweep { resonance_hz: good.resonance_hz + value * half_span_hz, ..good }
+                Scene { resonance_hz: good.resonance_hz + value * half_span_hz, ..good }
             }
             Self::PointsPerLinewidth => {
                 let linewidth_hz = good.resonance_hz / q;
@@ -132,31 +243,49 @@ impl Axis {
                     reason = "at most a few thousand points"
                 )]
                 let points = (value * 2.0 * half_span_hz / linewidth_hz).round() as u32 + 1;
-                SimulatedSweep { points, ..good }
+                Scene { points, ..good }
             }
-            Self::Drift => SimulatedSweep { drift_hz: value, ..aside },
-            Self::DriftBothWays => SimulatedSweep { drift_hz: value, is_both_ways: true, ..aside },
-            Self::SecondMode => SimulatedSweep { second: 0.01 * value, ..good },
-            Self::Outliers => SimulatedSweep { outliers: 0.01 * value, ..good },
-            Self::DriveLevel | Self::DriveLevelStep => SimulatedSweep { softening: value, ..good },
-            Self::Settling | Self::SettlingUnknown => {
-                SimulatedSweep { waited: Some(value), ..good }
-            }
-            Self::DielectricLoss => SimulatedSweep { dielectric_loss: value, ..good },
+            Self::Target => Scene { target_hz: 1e-3 * value, ..good },
+            Self::Drift => Scene { drift_hz: value, ..aside },
+            Self::DriftBothWays => Scene { drift_hz: value, is_both_ways: true, ..aside },
+            Self::CapacitanceDrift => Scene { capacitance_drift: part, ..aside },
+            Self::SecondMode => Scene { second: second(part, 1.0), ..good },
+            Self::SecondModeSmall => Scene { second: second(0.05, value), ..good },
+            Self::SecondModeLarge => Scene { second: second(0.2, value), ..good },
+            Self::Outliers => Scene { outliers: part, ..good },
+            Self::DriveLevel | Self::DriveLevelStep => Scene { softening: value, ..good },
+            Self::Settling | Self::SettlingUnknown => Scene { waited: Some(value), ..good },
+            Self::SettlingAnyPhase => Scene { waited: Some(value), is_any_phase: true, ..good },
+            Self::DielectricLoss => Scene { dielectric: Dielectric::Loss(value), ..good },
+            Self::ConstantPhase => Scene { dielectric: Dielectric::ConstantPhase(value), ..good },
+            Self::AnalyzerPhase => Scene { phase_rad: value.to_radians(), ..good },
             #[expect(clippy::cast_possible_truncation, reason = "a digit or a few")]
-            Self::Digits => SimulatedSweep { digits: Some(value as i32), ..good },
+            Self::Digits => Scene { digits: Some(value as i32), ..good },
+            Self::NothingConstantPhase => {
+                Scene { dielectric: Dielectric::ConstantPhase(value), ..nothing }
+            }
+            Self::NothingCapacitanceDrift => Scene { capacitance_drift: part, ..nothing },
+            Self::NothingOutliers => Scene { outliers: part, ..nothing },
         };
-        (simulated.points >= 5).then_some(simulated)
+        (scene.points >= 5).then_some(scene)
     }
 
     /// Whether the axis of a chart is linear.
     pub(super) const fn is_linear(self) -> bool {
-        matches!(self, Self::WindowOffset | Self::Settling | Self::SettlingUnknown | Self::Digits)
+        matches!(
+            self,
+            Self::WindowOffset
+                | Self::SecondModeSmall
+                | Self::SecondModeLarge
+                | Self::Settling
+                | Self::SettlingUnknown
+                | Self::SettlingAnyPhase
+                | Self::Digits
+        )
     }
 
     /// Whether one sweep cannot detect the cause, because it changes the readings as another
-    /// resonance does. Such an axis is outside the grid on which the production fit may never be
-    /// silently wrong.
+    /// resonance does. Such an axis is not part of the count of silently wrong results.
     pub(super) const fn is_beyond_one_sweep(self) -> bool {
         matches!(self, Self::DriveLevel)
     }
@@ -172,20 +301,39 @@ impl Axis {
     /// Whether a refusal for this reason names the cause.
     pub(super) const fn is_named_by(self, reason: &Reason) -> bool {
         match self {
-            Self::Noise => matches!(reason, Reason::TooNoisy { .. }),
+            Self::Noise | Self::NoiseStated => matches!(reason, Reason::TooNoisy { .. }),
             Self::FigureOfMerit => {
                 matches!(reason, Reason::NoResonance { .. } | Reason::TooNoisy { .. })
             }
+            Self::Quality => {
+                matches!(reason, Reason::NotASensor { .. } | Reason::TooNoisy { .. })
+            }
             Self::WindowOffset => matches!(reason, Reason::OutsideWindow { .. }),
             Self::PointsPerLinewidth => matches!(reason, Reason::TooFewPoints { .. }),
+            Self::Target => matches!(reason, Reason::TargetNotReached { .. }),
             Self::Drift | Self::DriftBothWays => matches!(reason, Reason::Drift),
-            Self::SecondMode => matches!(reason, Reason::SecondMode { .. }),
+            Self::SecondMode | Self::SecondModeSmall | Self::SecondModeLarge => {
+                matches!(reason, Reason::SecondMode { .. })
+            }
             Self::Outliers => matches!(reason, Reason::Outliers { .. }),
             Self::DriveLevel | Self::DriveLevelStep => {
                 matches!(reason, Reason::Nonlinear | Reason::Hysteretic)
             }
-            Self::Settling | Self::SettlingUnknown => matches!(reason, Reason::NotSettled),
-            Self::DielectricLoss | Self::Digits => false,
+            Self::Settling | Self::SettlingUnknown | Self::SettlingAnyPhase => {
+                matches!(reason, Reason::NotSettled)
+            }
+            Self::NothingConstantPhase | Self::NothingCapacitanceDrift => {
+                matches!(reason, Reason::NoResonance { .. } | Reason::NotASensor { .. })
+            }
+            Self::NothingOutliers => matches!(
+                reason,
+                Reason::NoResonance { .. } | Reason::NotASensor { .. } | Reason::Outliers { .. }
+            ),
+            Self::CapacitanceDrift
+            | Self::DielectricLoss
+            | Self::ConstantPhase
+            | Self::AnalyzerPhase
+            | Self::Digits => false,
         }
     }
 
@@ -193,9 +341,62 @@ impl Axis {
     pub(super) const fn is_modelled_by(self, model_order: ModelOrder) -> bool {
         match self {
             Self::Drift | Self::DriftBothWays => matches!(model_order, ModelOrder::Drift),
-            Self::SecondMode => matches!(model_order, ModelOrder::SecondMode),
+            Self::SecondMode | Self::SecondModeSmall | Self::SecondModeLarge => {
+                matches!(model_order, ModelOrder::SecondMode)
+            }
             Self::DielectricLoss => matches!(model_order, ModelOrder::Loss),
             _ => false,
+        }
+    }
+}
+
+/// Whether a refusal for this reason claims a particular cause, rather than a limit of the sweep or a
+/// misfit of unknown cause.
+pub(super) const fn claims_a_cause(reason: &Reason) -> bool {
+    !matches!(
+        reason,
+        Reason::TooFewPoints { .. }
+            | Reason::TooNoisy { .. }
+            | Reason::Distorted
+            | Reason::NotConverged
+            | Reason::Misfit { .. }
+            | Reason::TargetNotReached { .. }
+    )
+}
+
+/// A way to a resonance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Path {
+    /// The fit of a sweep of points chosen in advance.
+    Fit,
+    /// The planner of the daemon, cold: it chooses the points.
+    Planner,
+}
+
+impl Path {
+    pub(super) const ALL: [Self; 2] = [Self::Fit, Self::Planner];
+
+    /// The name in tables.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::Fit => "maximum-likelihood",
+            Self::Planner => "planner",
+        }
+    }
+
+    /// Whether the axis has an effect on this path.
+    pub(super) const fn has(self, axis: Axis) -> bool {
+        match self {
+            Self::Fit => !matches!(axis, Axis::Target),
+            Self::Planner => !matches!(
+                axis,
+                Axis::PointsPerLinewidth
+                    | Axis::DriftBothWays
+                    | Axis::DriveLevelStep
+                    | Axis::Settling
+                    | Axis::SettlingUnknown
+                    | Axis::SettlingAnyPhase
+            ),
         }
     }
 }

@@ -1,14 +1,18 @@
-//! Judgement of an estimate: right, refused, or silently wrong.
+//! Judgement of a result: right, refused, or silently wrong.
+
+use std::ops::Range;
 
 use rayon::prelude::*;
-use rig_model::{Reading, random::Stream};
-use rig_resonance::{Estimator, FitOptions, FitOutcome, ModelOrder, Reason, fit};
+use rig_model::{DriveLevel, Reading, SweepMethod, SweepRequest, random::Stream};
+use rig_resonance::{
+    Estimator, FitOptions, FitOutcome, ModelOrder, Next, NoisePrior, Planner, Prior, Reason, fit,
+};
 
 use super::{
-    axis::{Axis, SENSORS},
-    simulated_sweep::SimulatedSweep,
+    axis::{Axis, Path, SENSORS},
+    scene::Scene,
 };
-use crate::bound::Information;
+use crate::{analyzer::ANY_PHASE_STARTS_S, bound::Information};
 
 /// The outcome of a sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,8 +30,12 @@ pub(super) enum Outcome {
 const OWN_SIGMAS: f64 = 5.0;
 /// Largest error of the other estimators, in Cramér–Rao bounds of an undisturbed sweep.
 const BOUNDS: f64 = 10.0;
+/// Time limit of a planned sweep, s: that of the shipped protocols.
+const LIMIT_S: f64 = 30.0;
+/// The resonance of a planned sweep is shifted at random by at most this much, Hz.
+const MOVED_HZ: f64 = 5.0;
 
-/// The outcomes of one estimator at one point of an axis.
+/// The outcomes at one point of an axis.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Counts {
     pub(super) right: u32,
@@ -36,12 +44,24 @@ pub(super) struct Counts {
 }
 
 impl Counts {
+    /// The counts of these outcomes.
+    pub(super) fn of(outcomes: impl IntoIterator<Item = Outcome>) -> Self {
+        let mut counts = Self::default();
+        outcomes.into_iter().for_each(|outcome| counts.add(outcome));
+        counts
+    }
+
     pub(super) const fn sweeps(&self) -> u32 {
         self.right + self.refused + self.wrong
     }
 
     pub(super) fn share(&self, of: u32) -> f64 {
         f64::from(of) / f64::from(self.sweeps().max(1))
+    }
+
+    pub(super) const fn plus(self, other: Self) -> Self {
+        let (right, refused) = (self.right + other.right, self.refused + other.refused);
+        Self { right, refused, wrong: self.wrong + other.wrong }
     }
 
     fn add(&mut self, outcome: Outcome) {
@@ -53,135 +73,241 @@ impl Counts {
     }
 }
 
-/// The result of the production fit for one sweep.
+/// The number of a sweep.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct SweepId {
+    pub(super) seed: u64,
+    /// Index of the sensor in [`SENSORS`].
+    pub(super) sensor: usize,
+    pub(super) trial: u32,
+}
+
+/// The result of one sweep.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct FitResult {
+pub(super) struct SweepResult {
+    pub(super) id: SweepId,
     pub(super) outcome: Outcome,
     pub(super) reason: Option<Reason>,
-    pub(super) model_order: Option<ModelOrder>,
-    /// Error of a result over its stated standard deviation.
-    pub(super) sigmas: Option<f64>,
-    /// Whether two results that should agree differ; `None` for a single result.
+    /// The accepted resonance with its standard deviation, Hz.
+    pub(super) found: Option<Found>,
+    /// The true resonance, Hz.
+    pub(super) truth_hz: Option<f64>,
+    /// Whether two results differ significantly: up and down, or at two levels.
     pub(super) differ: Option<bool>,
+    /// Time of a planned sweep on the rig, s.
+    pub(super) time_s: f64,
 }
 
-/// All sweeps at one point of an axis.
-#[derive(Debug, Clone)]
-pub(super) struct AxisPoint {
+/// An accepted resonance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Found {
+    pub(super) resonance_hz: f64,
+    pub(super) sigma_hz: f64,
+    pub(super) model_order: ModelOrder,
+}
+
+impl SweepResult {
+    /// The error of an accepted result in its own standard deviations; infinite without a resonance.
+    pub(super) fn sigmas(&self) -> Option<f64> {
+        let found = self.found?;
+        let error_hz = self.truth_hz.map_or(f64::INFINITY, |hz| (found.resonance_hz - hz).abs());
+        Some(error_hz / found.sigma_hz)
+    }
+}
+
+/// All sweeps on one path at one point of an axis.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Cell {
     pub(super) axis: Axis,
+    pub(super) path: Path,
     pub(super) value: f64,
-    /// In the order of [`Estimator::ALL`]; the last one is the production fit.
-    pub(super) counts: [Counts; Estimator::ALL.len()],
-    pub(super) result: Vec<FitResult>,
+    pub(super) results: Vec<SweepResult>,
+    /// The outcomes of the other estimators for the same sweeps; none for planned ones.
+    pub(super) others: Vec<Counts>,
 }
 
-/// Judges every estimator on `trials` sweeps of each sensor; `None` if no sensor has a sweep here.
-pub(super) fn judge(axis: Axis, point: usize, trials: u32, seed: u64) -> Option<AxisPoint> {
+impl Cell {
+    /// The outcomes of the production path.
+    pub(super) fn counts(&self) -> Counts {
+        Counts::of(self.results.iter().map(|result| result.outcome))
+    }
+}
+
+/// The estimators in use elsewhere.
+pub(super) fn others() -> impl Iterator<Item = Estimator> {
+    Estimator::ALL.into_iter().filter(|one| *one != Estimator::MaximumLikelihood)
+}
+
+/// Judges `trials` sweeps of each sensor and seed at one point of an axis; `None` if the axis has no
+/// effect on the path, or without a sweep.
+pub(super) fn judge(
+    (axis, path): (Axis, Path),
+    point: usize,
+    trials: u32,
+    seeds: Range<u64>,
+) -> Option<Cell> {
+    if !path.has(axis) {
+        return None;
+    }
     let value = axis.values()[point];
-    let simulated: Vec<(u64, SimulatedSweep)> = SENSORS
-        .into_iter()
-        .zip(0_u64..)
-        .filter_map(|(sensor, number)| Some((number, axis.simulated(sensor, value)?)))
-        .collect();
-    let sweeps: Vec<(u64, SimulatedSweep, u32)> = simulated
-        .into_iter()
-        .flat_map(|(number, simulated)| (0..trials).map(move |trial| (number, simulated, trial)))
+    let scenes = SENSORS.into_iter().map(|sensor| axis.scene(sensor, value)).enumerate();
+    let sweeps: Vec<(Scene, SweepId)> = scenes
+        .filter_map(|(sensor, scene)| Some((sensor, scene?)))
+        .flat_map(|(sensor, scene)| {
+            let of_seed =
+                move |seed| (0..trials).map(move |trial| (scene, SweepId { seed, sensor, trial }));
+            seeds.clone().flat_map(of_seed)
+        })
         .collect();
     if sweeps.is_empty() {
         return None;
     }
-    // Each point of each axis has its own random sweeps.
-    let axis_number = Axis::ALL.iter().position(|one| *one == axis).map_or(0, |one| one as u64);
-    let name = |sensor: u64, trial: u32| {
-        u64::from(trial) << 32 | axis_number << 16 | (point as u64) << 8 | sensor
-    };
-    let one = |&(sensor, simulated, trial): &(u64, SimulatedSweep, u32)| {
-        sweep(axis, simulated, Stream::new(seed, name(sensor, trial)))
+    let one = |&(scene, id): &(Scene, SweepId)| {
+        let random = stream(axis, path, point, id);
+        match path {
+            Path::Fit => fitted(axis, scene, id, random),
+            Path::Planner => (planned(axis, scene, id, random), Vec::new()),
+        }
     };
     let outcomes: Vec<_> = sweeps.par_iter().map(one).collect();
-    let mut counts = [Counts::default(); Estimator::ALL.len()];
-    for (by_estimator, _) in &outcomes {
-        for (counts, outcome) in counts.iter_mut().zip(by_estimator) {
-            counts.add(*outcome);
-        }
+    let mut counts = vec![Counts::default(); outcomes.first().map_or(0, |one| one.1.len())];
+    for (_, others) in &outcomes {
+        counts.iter_mut().zip(others).for_each(|(counts, outcome)| counts.add(*outcome));
     }
-    Some(AxisPoint {
-        axis,
-        value,
-        counts,
-        result: outcomes.into_iter().map(|(_, result)| result).collect(),
-    })
+    let results = outcomes.into_iter().map(|(result, _)| result).collect();
+    Some(Cell { axis, path, value, results, others: counts })
 }
 
-/// Judges every estimator on one sweep.
-fn sweep(
+/// The random numbers of a sweep: each one has its own.
+fn stream(axis: Axis, path: Path, point: usize, id: SweepId) -> Stream {
+    let index = |is: bool| u64::from(is);
+    let axis = axis.file().bytes().fold(0, |name: u64, byte| name.rotate_left(5) ^ u64::from(byte));
+    let name = axis << 20 | index(path == Path::Planner) << 16 | (point as u64) << 8;
+    Stream::of_trial(id.seed, name | id.sensor as u64, id.trial.into())
+}
+
+/// Judges every estimator on one sweep of points chosen in advance.
+fn fitted(
     axis: Axis,
-    simulated: SimulatedSweep,
+    scene: Scene,
+    id: SweepId,
     mut random: Stream,
-) -> ([Outcome; Estimator::ALL.len()], FitResult) {
+) -> (SweepResult, Vec<Outcome>) {
     // The resonance is shifted at random within one step of the grid.
-    let step_hz = (simulated.window.max_hz - simulated.window.min_hz) / f64::from(simulated.points);
-    let moved_hz = match axis {
-        // This axis compares both sides of the window's edge.
-        Axis::WindowOffset => 0.0,
-        _ => step_hz * (random.uniform() - 0.5),
-    };
-    let simulated = SimulatedSweep { resonance_hz: simulated.resonance_hz + moved_hz, ..simulated };
+    let step_hz = (scene.window.max_hz - scene.window.min_hz) / f64::from(scene.points);
+    let scene = moved(axis, scene, 0.5 * step_hz, &mut random);
     let (readings, result) = if axis == Axis::DriveLevelStep {
-        with_step(axis, &simulated, random)
+        with_step(axis, &scene, id, random)
     } else {
-        let readings = simulated.measure(random);
-        let result = production(axis, &simulated, &readings);
+        let readings = scene.measure(random);
+        let result = production(axis, &scene, id, &readings);
         (readings, result)
     };
-    let allowed_hz = BOUNDS * bound_hz(&simulated);
-    let outcomes = Estimator::ALL.map(|estimator| match estimator {
-        Estimator::MaximumLikelihood => result.outcome,
-        baseline => {
-            let found_hz = baseline.estimate(&readings, simulated.window).ok();
-            of_answer(found_hz, &simulated, allowed_hz)
+    let allowed_hz = BOUNDS * bound_hz(&scene);
+    let judge = |estimator: Estimator| {
+        let found_hz = estimator.estimate(&readings, scene.window).ok();
+        of_answer(found_hz, &scene, allowed_hz)
+    };
+    (result, others().map(judge).collect())
+}
+
+/// The scene with its resonance moved at random by up to this much, Hz.
+fn moved(axis: Axis, scene: Scene, most_hz: f64, random: &mut Stream) -> Scene {
+    let by_hz = match axis {
+        // This axis compares both sides of the window's edge.
+        Axis::WindowOffset => 0.0,
+        _ => most_hz * (2.0 * random.uniform() - 1.0),
+    };
+    Scene { resonance_hz: scene.resonance_hz + by_hz, ..scene }
+}
+
+/// Judges the planner of the daemon, cold. It measures as the daemon does: with a drive of any phase, gaps
+/// of unknown length, and all readings of a stay at once.
+fn planned(axis: Axis, scene: Scene, id: SweepId, mut random: Stream) -> SweepResult {
+    let scene = moved(axis, Scene { is_any_phase: true, ..scene }, MOVED_HZ, &mut random);
+    // The first sweep of a rig knows nothing, and a later one knows the noise.
+    let known = NoisePrior { at_ten_cycles: scene.noise, degrees_of_freedom: 1000.0 };
+    let noise = scene.stated_noise.or(id.trial.is_multiple_of(2).then_some(known));
+    let prior =
+        noise.map(|noise| Prior { circuit: None, within: scene.window, noise: Some(noise) });
+    let request = SweepRequest {
+        window: scene.window,
+        method: SweepMethod::Adaptive,
+        target_sigma_hz: scene.target_hz,
+        time_limit_s: LIMIT_S,
+        cycles: 10,
+        settle_s: 0.5,
+        level: DriveLevel { volt: 1.0 },
+    };
+    let mut planner = Planner::new(&request, prior.as_ref());
+    let mut defects = scene.defects(random.fork());
+    let mut analyzer = scene.analyzer(random);
+    let verdict = loop {
+        match planner.next() {
+            Next::Finished(verdict) => break verdict,
+            Next::Measure(points) => {
+                let mut read = |point| {
+                    let mut reading = analyzer.visit(point);
+                    defects.apply(&mut reading);
+                    reading
+                };
+                let readings: Vec<Reading> = points.iter().map(&mut read).collect();
+                planner.pass(analyzer.elapsed_s());
+                planner.add(&readings);
+            }
         }
-    });
-    (outcomes, result)
+    };
+    // The truth is the resonance at the effective time of the result.
+    let effective_time_s =
+        (scene.drift_hz != 0.0).then(|| planner.effective_time_s(&verdict)).flatten();
+    let at_s = effective_time_s.map_or(0.0, |clock_s| clock_s - ANY_PHASE_STARTS_S);
+    let scene = Scene { resonance_hz: scene.resonance_at(at_s), ..scene };
+    SweepResult { time_s: analyzer.elapsed_s(), ..result(&scene, id, &verdict) }
 }
 
 /// Judges the fit of the daemon.
-fn production(axis: Axis, simulated: &SimulatedSweep, readings: &[Reading]) -> FitResult {
-    let differ = simulated.is_both_ways.then(|| {
+fn production(axis: Axis, scene: &Scene, id: SweepId, readings: &[Reading]) -> SweepResult {
+    let differ = scene.is_both_ways.then(|| {
         let (up, down) = readings.split_at(readings.len() / 2);
-        differ(&verdict(axis, simulated, up), &verdict(axis, simulated, down))
+        differ(&verdict(axis, scene, up), &verdict(axis, scene, down))
     });
-    let verdict = verdict(axis, simulated, readings);
+    let verdict = verdict(axis, scene, readings);
     // The truth is the resonance at the effective time of the result.
     let effective_time_s = verdict
         .accepted()
-        .and_then(|found| found.effective_time_s(readings, &options(axis, simulated)));
-    let simulated = effective_time_s
-        .map_or(*simulated, |effective_time_s| simulated.at(effective_time_s, readings));
-    FitResult { differ, ..result(&simulated, &verdict) }
+        .and_then(|found| found.effective_time_s(readings, &options(axis, scene)));
+    let scene =
+        effective_time_s.map_or(*scene, |effective_time_s| scene.at(effective_time_s, readings));
+    SweepResult { differ, ..result(&scene, id, &verdict) }
 }
 
 /// Sweeps at the full level and at half of it.
 fn with_step(
     axis: Axis,
-    simulated: &SimulatedSweep,
+    scene: &Scene,
+    id: SweepId,
     mut random: Stream,
-) -> (Vec<Reading>, FitResult) {
-    let half = SimulatedSweep { softening: 0.25 * simulated.softening, ..*simulated };
+) -> (Vec<Reading>, SweepResult) {
+    let half = Scene { softening: 0.25 * scene.softening, ..*scene };
     let low = half.measure(random.fork());
     let of_low = verdict(axis, &half, &low);
-    let of_high = verdict(axis, simulated, &simulated.measure(random));
+    let of_high = verdict(axis, scene, &scene.measure(random));
     let differ = differ(&of_low, &of_high);
     let verdict = of_low.without_drive(&of_high, 2.0);
-    (low, FitResult { differ: Some(differ), ..result(simulated, &verdict) })
+    (low, SweepResult { differ: Some(differ), ..result(scene, id, &verdict) })
 }
 
-fn verdict(axis: Axis, simulated: &SimulatedSweep, readings: &[Reading]) -> FitOutcome {
-    fit(readings, &options(axis, simulated))
+fn verdict(axis: Axis, scene: &Scene, readings: &[Reading]) -> FitOutcome {
+    fit(readings, &options(axis, scene))
 }
 
-fn options(axis: Axis, simulated: &SimulatedSweep) -> FitOptions {
-    FitOptions { window: Some(simulated.window), timing: axis.timing(), ..FitOptions::default() }
+fn options(axis: Axis, scene: &Scene) -> FitOptions {
+    FitOptions {
+        window: Some(scene.window),
+        timing: axis.timing(),
+        noise: scene.stated_noise,
+        ..FitOptions::default()
+    }
 }
 
 /// Whether two results differ significantly; false if one is refused.
@@ -190,32 +316,34 @@ fn differ(one: &FitOutcome, other: &FitOutcome) -> bool {
     both.is_some_and(|(one, other)| one.is_apart_from(other))
 }
 
-fn result(simulated: &SimulatedSweep, verdict: &FitOutcome) -> FitResult {
+fn result(scene: &Scene, id: SweepId, verdict: &FitOutcome) -> SweepResult {
+    let truth_hz = scene.truth_hz();
+    let refused = SweepResult {
+        id,
+        outcome: Outcome::Refused,
+        reason: None,
+        found: None,
+        truth_hz,
+        differ: None,
+        time_s: 0.0,
+    };
     match verdict {
         FitOutcome::Accepted(found) => {
             let allowed_hz = OWN_SIGMAS * found.sigma_hz;
-            let error_hz =
-                simulated.truth_hz().map(|truth_hz| (found.resonance_hz - truth_hz).abs());
-            FitResult {
-                outcome: of_answer(Some(found.resonance_hz), simulated, allowed_hz),
-                reason: None,
-                model_order: Some(found.model_order),
-                sigmas: error_hz.map(|error_hz| error_hz / found.sigma_hz),
-                differ: None,
-            }
+            let outcome = of_answer(Some(found.resonance_hz), scene, allowed_hz);
+            let found = Found {
+                resonance_hz: found.resonance_hz,
+                sigma_hz: found.sigma_hz,
+                model_order: found.model_order,
+            };
+            SweepResult { outcome, found: Some(found), ..refused }
         }
-        FitOutcome::Refused(refusal) => FitResult {
-            outcome: Outcome::Refused,
-            reason: Some(refusal.reason),
-            model_order: None,
-            sigmas: None,
-            differ: None,
-        },
+        FitOutcome::Refused(refusal) => SweepResult { reason: Some(refusal.reason), ..refused },
     }
 }
 
-fn of_answer(found_hz: Option<f64>, simulated: &SimulatedSweep, allowed_hz: f64) -> Outcome {
-    match (found_hz, simulated.truth_hz()) {
+fn of_answer(found_hz: Option<f64>, scene: &Scene, allowed_hz: f64) -> Outcome {
+    match (found_hz, scene.truth_hz()) {
         (None, _) => Outcome::Refused,
         (Some(found), Some(truth)) if (found - truth).abs() <= allowed_hz => Outcome::Right,
         (Some(_), _) => Outcome::SilentlyWrong,
@@ -223,7 +351,7 @@ fn of_answer(found_hz: Option<f64>, simulated: &SimulatedSweep, allowed_hz: f64)
 }
 
 /// The Cramér–Rao bound of the undisturbed sweep, Hz.
-fn bound_hz(simulated: &SimulatedSweep) -> f64 {
-    let information = Information::settled(&simulated.circuit(), &simulated.points());
-    simulated.noise * simulated.resonance_hz * information.relative_bound()
+fn bound_hz(scene: &Scene) -> f64 {
+    let information = Information::settled(&scene.circuit(), &scene.points());
+    scene.noise * scene.resonance_hz * information.relative_bound()
 }

@@ -1,12 +1,11 @@
-//! The detection power of the production fit: the share of detected sweeps over the size of the
+//! The detection power of the production paths: the share of detected sweeps over the size of the
 //! cause.
 
 use rig_chart::{Chart, Series};
-use rig_resonance::Estimator;
 
 use super::{
-    axis::Axis,
-    judge::{AxisPoint, FitResult},
+    axis::{Axis, Path},
+    judge::{Cell, SweepResult},
 };
 use crate::files::Csv;
 
@@ -28,38 +27,39 @@ pub(super) struct Power {
 }
 
 impl Power {
-    pub(super) fn of(point: &AxisPoint) -> Self {
-        let axis = point.axis;
-        let share = |is: &dyn Fn(&FitResult) -> bool| {
-            let count = point.result.iter().filter(|result| is(result)).count();
-            100.0 * count as f64 / point.result.len().max(1) as f64
+    pub(super) fn of(cell: &Cell) -> Self {
+        let axis = cell.axis;
+        let share = |is: &dyn Fn(&SweepResult) -> bool| {
+            let count = cell.results.iter().filter(|result| is(result)).count();
+            100.0 * count as f64 / cell.results.len().max(1) as f64
         };
         let is_named =
-            |result: &FitResult| result.reason.is_some_and(|reason| axis.is_named_by(&reason));
-        let wrong = point.counts[Estimator::ALL.len() - 1];
+            |result: &SweepResult| result.reason.is_some_and(|reason| axis.is_named_by(&reason));
+        let wrong = cell.counts();
         Self {
-            value: point.value,
+            value: cell.value,
             named: share(&is_named),
             modelled: share(&|result| {
-                result.model_order.is_some_and(|model_order| axis.is_modelled_by(model_order))
+                result.found.is_some_and(|found| axis.is_modelled_by(found.model_order))
             }),
             refused: share(&|result| result.reason.is_some() && !is_named(result)),
             differing: share(&|result| result.differ == Some(true)),
             wrong: 100.0 * wrong.share(wrong.wrong),
-            worst_sigmas: point
-                .result
+            worst_sigmas: cell
+                .results
                 .iter()
-                .filter_map(|result| result.sigmas)
+                .filter_map(SweepResult::sigmas)
                 .max_by(f64::total_cmp),
         }
     }
 }
 
 /// The table of the detection power.
-pub(super) fn table(points: &[AxisPoint]) -> String {
+pub(super) fn table(cells: &[Cell]) -> String {
     let mut table = Csv::new(&[
         "axis",
         "value",
+        "path",
         "sweeps",
         "named_percent",
         "modelled_percent",
@@ -68,16 +68,21 @@ pub(super) fn table(points: &[AxisPoint]) -> String {
         "silently_wrong_percent",
         "worst_sigmas",
     ]);
-    for point in points {
-        let power = Power::of(point);
+    for cell in cells {
+        let power = Power::of(cell);
         let Power { named, modelled, refused, differing, wrong, .. } = power;
         let shares = [named, modelled, refused, differing, wrong];
         let worst = power.worst_sigmas.map_or_else(String::new, |sigmas| format!("{sigmas:.2}"));
         table.row(
-            [point.axis.file().to_owned(), power.value.to_string(), point.result.len().to_string()]
-                .into_iter()
-                .chain(shares.map(|share| format!("{share:.2}")))
-                .chain([worst]),
+            [
+                cell.axis.file().to_owned(),
+                power.value.to_string(),
+                cell.path.name().to_owned(),
+                cell.results.len().to_string(),
+            ]
+            .into_iter()
+            .chain(shares.map(|share| format!("{share:.2}")))
+            .chain([worst]),
         );
     }
     table.text().to_owned()
@@ -86,18 +91,18 @@ pub(super) fn table(points: &[AxisPoint]) -> String {
 /// A share of a [`Power`].
 type Share = fn(&Power) -> f64;
 
-/// The detection power along an axis; `None` for an axis without detection.
-pub(super) fn chart(axis: Axis, points: &[AxisPoint]) -> Option<Chart> {
+/// The detection power of a path along an axis; `None` for an axis without detection.
+pub(super) fn chart(axis: Axis, path: Path, cells: &[Cell]) -> Option<Chart> {
     // A logarithmic axis cannot show zero.
     let is_shown = |power: &Power| axis.is_linear() || power.value > 0.0;
-    let powers: Vec<Power> =
-        points.iter().filter(|point| point.axis == axis).map(Power::of).filter(is_shown).collect();
+    let is_of = |cell: &&Cell| (cell.axis, cell.path) == (axis, path);
+    let powers: Vec<Power> = cells.iter().filter(is_of).map(Power::of).filter(is_shown).collect();
     if powers.iter().all(|power| power.named + power.modelled + power.wrong == 0.0) {
         return None;
     }
     let scale = if axis.is_linear() { rig_chart::Axis::linear } else { rig_chart::Axis::log };
     let mut chart = Chart::new(
-        &format!("Detection by the production fit: {}", axis.label()),
+        &format!("Detection by {}: {}", path.name(), axis.label()),
         "Shares of the sweeps whose refusal names the cause, whose model includes it, that are \
          refused for another reason, and that are silently wrong.",
         scale(axis.label()),

@@ -27,6 +27,13 @@ impl Spring {
         Complex64::new(1.0 - u * u, u / q)
     }
 
+    /// The stiffness at a frequency relative to the resonance, over that of a small amplitude, starting
+    /// from the last response.
+    pub(super) fn stiffness(&mut self, u: f64) -> f64 {
+        self.response(u);
+        1.0 + self.kappa * self.squared
+    }
+
     /// The response at a frequency relative to the resonance, starting from the last response.
     pub(super) fn response(&mut self, u: f64) -> Complex64 {
         let linear = Self::linear(self.q, u);

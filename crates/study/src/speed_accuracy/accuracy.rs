@@ -7,12 +7,7 @@ use super::{
     method::Method,
     trial::{self, Group},
 };
-use crate::{
-    analyzer::{WINDOW, evenly},
-    bound::Information,
-    files::Csv,
-    progress,
-};
+use crate::{analyzer::WINDOW, bound::Information, files::Csv, progress};
 
 /// The sweep for the accuracy.
 const SWEEP: Method = Method::Steady { points: 101 };
@@ -68,7 +63,7 @@ pub(super) fn ratio(group: &Group) -> Option<f64> {
 /// Whether the case has enough resonance, and little enough noise for a meaningful bound.
 fn counts(case: &Case) -> bool {
     let middle = case.middle();
-    let points = evenly(WINDOW, 101, 0.0, 10);
+    let points = WINDOW.evenly(101, 0.0, 10);
     let bound = case.noise * Information::settled(&middle, &points).relative_bound();
     middle.figure_of_merit() >= MERIT_MIN && bound * case.q < SIGMA_MAX_LINEWIDTHS
 }

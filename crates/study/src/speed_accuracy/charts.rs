@@ -19,7 +19,8 @@ pub(super) fn time_against_error(case: &Case, groups: &[Group]) -> Chart {
         &format!("Measuring time against error: {case}"),
         "Root mean square error of the resonance, including bias, against the duration of the \
          sweep; dashed in the same colour the Cramér–Rao bound of the same sweeps, and the bound \
-         of integration at the best frequencies without waiting.",
+         of integration at the best frequencies without waiting. Targets that the planner refuses \
+         are marked at their value.",
         Axis::log("measuring time (s)"),
         Axis::log("error (Hz rms)"),
     );
@@ -33,9 +34,11 @@ pub(super) fn time_against_error(case: &Case, groups: &[Group]) -> Chart {
         let results = of_method().filter_map(|group| point(group, Group::rmse_hz));
         push(&mut chart, Series::joined(name, colour, results));
         let bounds = of_method().filter_map(|group| point(group, Group::bound_hz));
-        let bounds = Series { name: None, ..Series::line(name, colour, bounds) };
+        let bounds = Series::line(&format!("{name}: bound"), colour, bounds);
         push(&mut chart, Series { stroke: Some(Stroke::Dashed), ..bounds });
     }
+    let refused = of_case().filter_map(refused_target);
+    push(&mut chart, Series::scatter("refused target", 7, refused));
     for (index, estimator) in SweepEstimator::SHOWN.into_iter().enumerate() {
         let even = of_case().filter(|group| is_of(group, METHODS[0], estimator));
         let results = even.filter_map(|group| point(group, Group::rmse_hz));
@@ -61,9 +64,20 @@ fn push(chart: &mut Chart, series: Series) {
     }
 }
 
+/// The time and the target of a planner that refuses most sweeps.
+fn refused_target(group: &Group) -> Option<(f64, f64)> {
+    match group.method {
+        Method::Decay { target_hz } if !is_answered(group) => Some((group.time_s(0.5), target_hz)),
+        _ => None,
+    }
+}
+
+fn is_answered(group: &Group) -> bool {
+    group.answers() as f64 >= ANSWERS_MIN * group.trials.len() as f64
+}
+
 fn point(group: &Group, error_hz: impl Fn(&Group) -> Option<f64>) -> Option<(f64, f64)> {
-    let answered = group.answers() as f64 / group.trials.len() as f64;
-    (answered >= ANSWERS_MIN).then_some(())?;
+    is_answered(group).then_some(())?;
     Some((group.time_s(0.5), error_hz(group)?))
 }
 
@@ -73,7 +87,7 @@ fn floor(case: &Case) -> Vec<(f64, f64)> {
 }
 
 /// The bound for integration at the best frequencies without waiting, Hz.
-pub(super) fn floor_hz(case: &Case, time_s: f64) -> f64 {
+fn floor_hz(case: &Case, time_s: f64) -> f64 {
     let frequencies: Vec<f64> = (0..=280).map(|i| WINDOW.min_hz + 0.2 * f64::from(i)).collect();
     case.noise * integration_floor(&case.middle(), &frequencies) / time_s.sqrt()
 }

@@ -5,7 +5,7 @@ use std::{hint::black_box, io::Write, time::Instant};
 
 use rig_chart::{Axis, Chart, Marker, Rule, Series};
 use rig_model::{Reading, random::Stream};
-use rig_resonance::{Estimator, FitOptions, Fitter, Next, Planner};
+use rig_resonance::{Estimator, FitOptions, Fitter, Next, Planner, Timing};
 
 use super::{
     case::{COUPLINGS, Case, NOISE, QUALITIES},
@@ -22,49 +22,72 @@ use crate::{
 /// The case of the timed fits.
 const CASE: Case = Case { q: 30.0, coupling: 0.1, noise: NOISE };
 /// Number of sweeps fitted in turn, so that no fit gets the same readings twice in a row.
-const SWEEPS: u64 = 64;
+const SWEEPS: u64 = 500;
 /// Number of fits of each sweep.
-const ROUNDS: usize = 31;
-/// Points and time goal, µs, of the production fit.
-const GOALS: [(u32, f64); 3] = [(21, 2.0), (101, 5.0), (401, 16.0)];
-const LOSS_GOAL_US: f64 = 7.0;
-const PLANNING_GOAL_MS: f64 = 1.0;
+const ROUNDS: usize = 9;
+/// Points of the timed production fits, with the goals of the mean and of 99 % of the fits, µs.
+const FITS: [(u32, Timing, [Option<f64>; 2]); 4] = [
+    (21, Timing::Waited, [None, None]),
+    (101, Timing::Waited, [Some(10.0), Some(100.0)]),
+    (401, Timing::Waited, [Some(40.0), None]),
+    (101, Timing::Unknown, [Some(20.0), None]),
+];
+/// Goals of a planning step, ms: the mean, 99.9 % of the steps, and the longest.
+const STEP_GOALS_MS: [f64; 3] = [0.3, 2.0, 20.0];
+/// Sweeps of each case whose planning steps are timed.
+const PLANNED: u64 = 8;
 
 /// Measures, writes `host.csv` and `host.svg`, and prints the goals.
 pub(super) fn run(folder: &Folder, seed: u64, out: &mut impl Write) -> Result<(), StudyError> {
-    let mut table = Csv::new(&["what", "points", "median_us", "goal_us"]);
-    let mut tell = |what: &str, points: Option<u32>, micros: f64, goal_us: Option<f64>| {
-        let points = points.map_or_else(String::new, |points| points.to_string());
-        let goal = goal_us.map_or_else(String::new, |goal| goal.to_string());
-        let of_points =
-            if points.is_empty() { String::new() } else { format!(", {points} points") };
-        table.row([what.to_owned(), points, format!("{micros:.2}"), goal]);
-        let judgement = match goal_us {
-            None => String::new(),
-            Some(goal) if micros <= goal => format!(" (goal {goal} µs: met)"),
-            Some(goal) => format!(" (goal {goal} µs: NOT MET)"),
+    let mut table = Csv::new(&["what", "points", "statistic", "us", "goal_us"]);
+    let mut tell =
+        |what: &str, points: Option<u32>, statistic: &str, micros: f64, goal_us: Option<f64>| {
+            let points = points.map_or_else(String::new, |points| points.to_string());
+            let goal = goal_us.map_or_else(String::new, |goal| goal.to_string());
+            let of_points =
+                if points.is_empty() { String::new() } else { format!(", {points} points") };
+            table.row([what, &points, statistic, &format!("{micros:.2}"), &goal]);
+            let judgement = match goal_us {
+                None => String::new(),
+                Some(goal) if micros <= goal => format!(" (goal {goal} µs: met)"),
+                Some(goal) => format!(" (goal {goal} µs: NOT MET)"),
+            };
+            writeln!(out, "{what}{of_points}, {statistic}: {micros:.2} µs{judgement}")
         };
-        writeln!(out, "{what}{of_points}: {micros:.2} µs{judgement}")
-    };
-    for (points, goal_us) in GOALS {
-        let micros = production_us(points, false, seed);
-        tell("maximum-likelihood", Some(points), micros, Some(goal_us))?;
+    for (points, timing, [mean_us, most_us]) in FITS {
+        let what = match timing {
+            Timing::Unknown => "maximum-likelihood, times unknown",
+            _ => "maximum-likelihood",
+        };
+        let times = production_us(points, timing, seed);
+        tell(what, Some(points), "median", quantile(&times, 0.5), None)?;
+        tell(what, Some(points), "mean", mean(&times), mean_us)?;
+        tell(what, Some(points), "99 %", quantile(&times, 0.99), most_us)?;
     }
-    let with_loss = production_us(101, true, seed);
-    tell("maximum-likelihood with loss", Some(101), with_loss, Some(LOSS_GOAL_US))?;
-    let mut costs = vec![(SweepEstimator::Production, production_us(101, false, seed))];
+    let production = production_us(101, Timing::Waited, seed);
+    let mut costs = vec![(SweepEstimator::Production, quantile(&production, 0.5))];
     for estimator in Estimator::ALL {
         if estimator != Estimator::MaximumLikelihood {
-            let micros = baseline_us(estimator, seed);
-            tell(estimator.name(), Some(101), micros, None)?;
-            costs.push((SweepEstimator::Baseline(estimator), micros));
+            let times = baseline_us(estimator, seed);
+            tell(estimator.name(), Some(101), "median", quantile(&times, 0.5), None)?;
+            tell(estimator.name(), Some(101), "mean", mean(&times), None)?;
+            costs.push((SweepEstimator::Baseline(estimator), quantile(&times, 0.5)));
         }
     }
-    let step_us = 1000.0 * planning_ms(seed);
-    tell("a step of planning", None, step_us, Some(1000.0 * PLANNING_GOAL_MS))?;
+    let steps = planning_us(seed);
+    let [mean_ms, most_ms, longest_ms] = STEP_GOALS_MS.map(|ms| Some(1000.0 * ms));
+    let what = "a step of planning";
+    tell(what, None, "median", quantile(&steps, 0.5), None)?;
+    tell(what, None, "mean", mean(&steps), mean_ms)?;
+    tell(what, None, "99.9 %", quantile(&steps, 0.999), most_ms)?;
+    tell(what, None, "longest", quantile(&steps, 1.0), longest_ms)?;
     folder.write("host.csv", table.text())?;
     folder.write("host.svg", &chart(&costs, seed).file()?)?;
     Ok(())
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
 }
 
 /// Sweeps with a number of points.
@@ -77,22 +100,23 @@ fn sweeps(points: u32, seed: u64) -> Vec<Measured> {
     (0..SWEEPS).map(sweep).collect()
 }
 
-fn production_us(points: u32, always_loss: bool, seed: u64) -> f64 {
-    let options = FitOptions { window: Some(WINDOW), always_loss, ..FitOptions::default() };
+fn production_us(points: u32, timing: Timing, seed: u64) -> Vec<f64> {
+    let options = FitOptions { window: Some(WINDOW), timing, ..FitOptions::default() };
     let mut fitter = Fitter::default();
-    median_us(&sweeps(points, seed), |readings| {
+    times_us(&sweeps(points, seed), |readings| {
         black_box(fitter.fit(readings, &options));
     })
 }
 
-fn baseline_us(estimator: Estimator, seed: u64) -> f64 {
-    median_us(&sweeps(101, seed), |readings| {
+fn baseline_us(estimator: Estimator, seed: u64) -> Vec<f64> {
+    times_us(&sweeps(101, seed), |readings| {
         // A refusal takes time as well.
         let _ = black_box(estimator.estimate(readings, WINDOW));
     })
 }
 
-fn median_us(sweeps: &[Measured], mut fit: impl FnMut(&[Reading])) -> f64 {
+/// The time of each fit, µs, sorted.
+fn times_us(sweeps: &[Measured], mut fit: impl FnMut(&[Reading])) -> Vec<f64> {
     let mut times = Vec::new();
     for round in 0..=ROUNDS {
         for sweep in sweeps {
@@ -105,35 +129,37 @@ fn median_us(sweeps: &[Measured], mut fit: impl FnMut(&[Reading])) -> f64 {
         }
     }
     times.sort_by(f64::total_cmp);
-    quantile(&times, 0.5)
+    times
 }
 
-/// The median time between a reading and the next point, ms, over cold sweeps to 10 mHz in every
-/// case.
-fn planning_ms(seed: u64) -> f64 {
+/// The time between a reading and the next point, µs, sorted, over cold sweeps to 10 mHz in every case.
+fn planning_us(seed: u64) -> Vec<f64> {
     let mut times = Vec::new();
     for q in QUALITIES {
-        for coupling in COUPLINGS {
+        for (coupling, sweep) in
+            COUPLINGS.into_iter().flat_map(|k| (0..PLANNED).map(move |n| (k, n)))
+        {
             let case = Case { q, coupling, noise: NOISE };
-            let random = Stream::new(seed, case.number());
-            let mut analyzer = Analyzer::at_rest(case.middle(), case.noise, random);
+            let random = Stream::of_trial(seed, case.number(), sweep);
+            let mut analyzer =
+                Analyzer::at_rest(case.middle(), case.noise, random).with_any_phase();
             let mut planner = Planner::new(&request(0.01), Some(&cold(case.noise)));
             loop {
                 let begun = Instant::now();
                 let next = planner.next();
-                times.push(1e3 * begun.elapsed().as_secs_f64());
+                times.push(1e6 * begun.elapsed().as_secs_f64());
                 let Next::Measure(points) = next else { break };
                 let readings: Vec<_> = points.iter().map(|point| analyzer.visit(point)).collect();
                 let begun = Instant::now();
                 planner.add(&readings);
                 if let Some(last) = times.last_mut() {
-                    *last += 1e3 * begun.elapsed().as_secs_f64();
+                    *last += 1e6 * begun.elapsed().as_secs_f64();
                 }
             }
         }
     }
     times.sort_by(f64::total_cmp);
-    quantile(&times, 0.5)
+    times
 }
 
 /// Time of a fit against its error over the bound, on sweeps of 101 settled points.

@@ -8,7 +8,7 @@ use rig_model::{
 use rig_resonance::{FitOptions, FitOutcome, Next, NoisePrior, Past, Planner, Prior, Timing, fit};
 
 use super::case::Case;
-use crate::analyzer::{Analyzer, WINDOW, evenly, reading, time_constant_s};
+use crate::analyzer::{Analyzer, WINDOW, reading, time_constant_s};
 
 /// A method of measuring a resonance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,11 +68,11 @@ impl Method {
             Self::Steady { points } => steady(circuit, case.noise, points, random),
             Self::Even { points } => {
                 let settle_s = 5.0 * time_constant_s(circuit);
-                sweep(at_rest(random), evenly(WINDOW, points, settle_s, 10), Timing::Waited)
+                sweep(at_rest(random), WINDOW.evenly(points, settle_s, 10), Timing::Waited)
             }
             Self::Fast { points, cycles } => {
                 let timing = Timing::Exact(Past::Rest);
-                sweep(at_rest(random), evenly(WINDOW, points, 0.0, cycles), timing)
+                sweep(at_rest(random), WINDOW.evenly(points, 0.0, cycles), timing)
             }
             // No more is known of the drive and of the times than of those of a real analyzer.
             Self::Decay { target_hz } => {
@@ -106,7 +106,7 @@ pub(super) fn request(target_sigma_hz: f64) -> SweepRequest {
 fn steady(circuit: &Circuit, noise: f64, points: u32, mut random: Stream) -> Measured {
     // Longer than the decay of any sensor.
     const SETTLE_S: f64 = 60.0;
-    let points = evenly(WINDOW, points, SETTLE_S, 10);
+    let points = WINDOW.evenly(points, SETTLE_S, 10);
     let read = |point: &SweepPoint| {
         let error = Complex64::new(random.normal(), random.normal());
         let impedance = circuit.impedance_ohm(point.frequency_hz) * (1.0 + noise * error);
@@ -133,10 +133,11 @@ pub(super) fn plan(analyzer: &mut Analyzer, request: &SweepRequest, prior: &Prio
     loop {
         match planner.next() {
             Next::Measure(points) => {
-                for point in points {
-                    planner.add(&[analyzer.visit(&point)]);
-                    visited.push(point);
-                }
+                let readings: Vec<Reading> =
+                    points.iter().map(|point| analyzer.visit(point)).collect();
+                planner.pass(analyzer.elapsed_s() - begun_s);
+                planner.add(&readings);
+                visited.extend(points);
             }
             Next::Finished(verdict) => {
                 let time_s = analyzer.elapsed_s() - begun_s;

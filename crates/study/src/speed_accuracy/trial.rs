@@ -95,6 +95,11 @@ impl Group {
         mean(self.found().map(|found| found.error_hz))
     }
 
+    /// The mean error in stated standard deviations.
+    pub(super) fn bias_sigmas(&self) -> Option<f64> {
+        mean(self.found().filter_map(|found| Some(found.error_hz / found.sigma_hz?)))
+    }
+
     /// The root mean square error of the estimates, including bias, Hz.
     pub(super) fn rmse_hz(&self) -> Option<f64> {
         mean(self.found().map(|found| found.error_hz.powi(2))).map(f64::sqrt)
@@ -118,6 +123,11 @@ impl Group {
         let mut times: Vec<f64> = self.trials.iter().map(|trial| trial.time_s).collect();
         times.sort_by(f64::total_cmp);
         quantile(&times, share)
+    }
+
+    /// The mean time of a sweep, s.
+    pub(super) fn mean_time_s(&self) -> f64 {
+        mean(self.trials.iter().map(|trial| trial.time_s)).unwrap_or(f64::NAN)
     }
 
     /// The share of all sweeps that reach this stated standard deviation within this time.

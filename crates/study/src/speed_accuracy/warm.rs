@@ -10,8 +10,8 @@ use super::{
 };
 use crate::analyzer::{Analyzer, sensor};
 
-/// Largest assumed move of the resonance between two readings, Hz.
-const MOVES_HZ: f64 = 1.0;
+/// Largest assumed move of the resonance between two readings, linewidths.
+const MOVES: f64 = 1.0;
 /// Largest actual move, relative to the assumed one: the last estimate also has an error.
 const MOVES_PART: f64 = 0.9;
 /// Number of readings in a row.
@@ -22,11 +22,19 @@ const READINGS: usize = 20;
 pub(super) struct Warm {
     pub(super) case: Case,
     pub(super) target_hz: f64,
-    /// The time of each reading, s, sorted; infinite for a reading that is refused or misses the
-    /// target.
+    /// The time of each reading, s, sorted.
     pub(super) times_s: Vec<f64>,
+    /// Number of readings that are refused or miss the target.
+    pub(super) missed: usize,
     /// Largest error in units of the stated standard deviation.
     pub(super) worst_sigmas: f64,
+}
+
+impl Warm {
+    /// Readings that reach the target, a second of all readings.
+    pub(super) fn per_second(&self) -> f64 {
+        (self.times_s.len() - self.missed) as f64 / self.times_s.iter().sum::<f64>()
+    }
 }
 
 /// One reading of a run.
@@ -43,10 +51,11 @@ pub(super) fn track(case: Case, target_hz: f64, runs: u32, seed: u64) -> Warm {
         follow(&case, target_hz, random)
     };
     let runs: Vec<Vec<WarmReading>> = (0..runs).into_par_iter().map(one).collect();
-    let mut warm = Warm { case, target_hz, times_s: Vec::new(), worst_sigmas: 0.0 };
+    let mut warm = Warm { case, target_hz, times_s: Vec::new(), missed: 0, worst_sigmas: 0.0 };
     for WarmReading { time_s, found, error_hz } in runs.into_iter().flatten() {
         let is_good = found.is_some_and(|found| found.sigma_hz <= target_hz);
-        warm.times_s.push(if is_good { time_s } else { f64::INFINITY });
+        warm.times_s.push(time_s);
+        warm.missed += usize::from(!is_good);
         let sigmas = found.map_or(0.0, |found| (error_hz / found.sigma_hz).abs());
         warm.worst_sigmas = warm.worst_sigmas.max(sigmas);
     }
@@ -61,24 +70,32 @@ fn follow(case: &Case, target_hz: f64, mut random: Stream) -> Vec<WarmReading> {
     let mut resonance_hz = between(random.uniform());
     let circuit = |resonance_hz: f64| sensor(resonance_hz, case.q, case.coupling);
     let steps: [f64; READINGS] = std::array::from_fn(|_| 2.0 * random.uniform() - 1.0);
-    let mut analyzer = Analyzer::at_rest(circuit(resonance_hz), case.noise, random);
+    let moves_hz = MOVES * resonance_hz / case.q;
+    let mut analyzer =
+        Analyzer::at_rest(circuit(resonance_hz), case.noise, random).with_any_phase();
     let request = request(target_hz);
     let first = plan(&mut analyzer, &request, &cold(case.noise));
     let Some(mut last) = first.verdict.accepted().copied() else { return Vec::new() };
     let mut readings = Vec::new();
     for step in steps {
-        resonance_hz = (resonance_hz + MOVES_PART * MOVES_HZ * step).clamp(low_hz, high_hz);
+        resonance_hz = (resonance_hz + MOVES_PART * moves_hz * step).clamp(low_hz, high_hz);
         analyzer.set_circuit(circuit(resonance_hz));
         let within =
-            Window { min_hz: last.resonance_hz - MOVES_HZ, max_hz: last.resonance_hz + MOVES_HZ };
-        // The noise of the analyzer is known from all of its readings.
-        let prior = Prior { noise: cold(case.noise).noise, ..Prior::moved(&last, within) };
+            Window { min_hz: last.resonance_hz - moves_hz, max_hz: last.resonance_hz + moves_hz };
+        let prior = Prior::moved(&last, within);
         let measured = plan(&mut analyzer, &request, &prior);
         let found = measured.verdict.accepted().copied();
         let error_hz = found.map_or(0.0, |found| found.resonance_hz - resonance_hz);
-        readings.push(WarmReading { time_s: measured.time_s, found, error_hz });
-        let Some(found) = found else { break };
-        last = found;
+        let mut reading = WarmReading { time_s: measured.time_s, found, error_hz };
+        let next = found.or_else(|| {
+            // After a refusal the sensor is looked for again, which takes time too.
+            let again = plan(&mut analyzer, &request, &cold(case.noise));
+            reading.time_s += again.time_s;
+            again.verdict.accepted().copied()
+        });
+        readings.push(reading);
+        let Some(next) = next else { break };
+        last = next;
     }
     readings
 }

@@ -1,0 +1,203 @@
+//! Whether accepted results have the errors that they state, and the time that planned ones take.
+
+use super::{
+    axis::{Axis, Path},
+    judge::{Cell, SweepResult},
+};
+use crate::{files::Csv, page::Table};
+
+/// Half of a 95 % interval in standard deviations.
+const INTERVAL_SIGMAS: f64 = 1.96;
+
+/// Statistics of sweeps.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Statistics {
+    pub(super) sweeps: usize,
+    pub(super) accepted: usize,
+    /// Accepted results with a true resonance: their error in own standard deviations.
+    sigmas: Spread,
+    /// Share of the 95 % intervals that contain the truth, %.
+    pub(super) coverage: f64,
+    /// Time of the accepted sweeps, s.
+    accepted_s: Spread,
+    /// Time of the refused sweeps, s.
+    refused_s: Spread,
+}
+
+/// Mean, median, and the values that 95 and 99 % do not exceed; NaN without values.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Spread {
+    mean: f64,
+    median: f64,
+    at_95: f64,
+    at_99: f64,
+}
+
+impl Spread {
+    fn of(mut values: Vec<f64>) -> Self {
+        values.sort_by(f64::total_cmp);
+        let at = |share: f64| {
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "a share of a count of values"
+            )]
+            let place = (share * values.len() as f64).ceil() as usize;
+            values.get(place.max(1) - 1).copied().unwrap_or(f64::NAN)
+        };
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        Self { mean, median: at(0.5), at_95: at(0.95), at_99: at(0.99) }
+    }
+}
+
+impl Statistics {
+    pub(super) fn of<'a>(results: impl Iterator<Item = &'a SweepResult>) -> Self {
+        let results: Vec<&SweepResult> = results.collect();
+        let sigmas: Vec<f64> = results
+            .iter()
+            .filter_map(|result| result.sigmas().filter(|sigmas| sigmas.is_finite()))
+            .collect();
+        let inside = sigmas.iter().filter(|sigmas| **sigmas < INTERVAL_SIGMAS).count();
+        let times_s = |is_accepted: bool| {
+            let of = results.iter().filter(|result| result.found.is_some() == is_accepted);
+            Spread::of(of.map(|result| result.time_s).collect())
+        };
+        Self {
+            sweeps: results.len(),
+            accepted: results.iter().filter(|result| result.found.is_some()).count(),
+            coverage: 100.0 * inside as f64 / sigmas.len() as f64,
+            sigmas: Spread::of(sigmas),
+            accepted_s: times_s(true),
+            refused_s: times_s(false),
+        }
+    }
+}
+
+/// A number with this many decimals; nothing for NaN.
+fn number(value: f64, decimals: usize) -> String {
+    if value.is_nan() { String::new() } else { format!("{value:.decimals$}") }
+}
+
+/// The statistics of a path on each axis.
+pub(super) fn on_page(path: Path, cells: &[Cell]) -> Table {
+    let mut columns = vec![
+        "axis",
+        "sweeps",
+        "accepted",
+        "silently wrong",
+        "error/σ: mean",
+        "median",
+        "99 %",
+        "in the 95 % interval",
+    ];
+    if path == Path::Planner {
+        columns.extend(["accepted, s: mean", "median", "95 %", "refused, s: mean"]);
+    }
+    let mut table = Table::new(&columns);
+    for axis in Axis::ALL.into_iter().filter(|axis| path.has(*axis)) {
+        let of = || cells.iter().filter(|cell| (cell.axis, cell.path) == (axis, path));
+        let statistics = Statistics::of(of().flat_map(|cell| &cell.results));
+        if statistics.sweeps == 0 {
+            continue;
+        }
+        let wrong: u32 = of().map(|cell| cell.counts().wrong).sum();
+        let Statistics { sweeps, accepted, sigmas, coverage, accepted_s, refused_s } = statistics;
+        let share = 100.0 * accepted as f64 / sweeps as f64;
+        let mut row = vec![
+            format!("`{}`", axis.file()),
+            sweeps.to_string(),
+            format!("{share:.1} %"),
+            wrong.to_string(),
+            number(sigmas.mean, 2),
+            number(sigmas.median, 2),
+            number(sigmas.at_99, 2),
+            number(coverage, 1),
+        ];
+        if path == Path::Planner {
+            let times = [accepted_s.mean, accepted_s.median, accepted_s.at_95, refused_s.mean];
+            row.extend(times.map(|seconds| number(seconds, 2)));
+        }
+        table.row(row);
+    }
+    table
+}
+
+/// The statistics at each point of each axis.
+pub(super) fn table(cells: &[Cell]) -> String {
+    let mut table = Csv::new(&[
+        "axis",
+        "value",
+        "path",
+        "sweeps",
+        "accepted",
+        "silently_wrong",
+        "mean_sigmas",
+        "median_sigmas",
+        "99_percent_sigmas",
+        "coverage_percent",
+        "accepted_mean_s",
+        "accepted_median_s",
+        "accepted_95_percent_s",
+        "refused_mean_s",
+    ]);
+    for cell in cells {
+        let statistics = Statistics::of(cell.results.iter());
+        let Statistics { sweeps, accepted, sigmas, coverage, accepted_s, refused_s } = statistics;
+        let times = [accepted_s.mean, accepted_s.median, accepted_s.at_95, refused_s.mean];
+        let times = times.map(|seconds| match cell.path {
+            Path::Fit => String::new(),
+            Path::Planner => number(seconds, 3),
+        });
+        let counts = [sweeps, accepted, cell.counts().wrong as usize];
+        let row =
+            [cell.axis.file().to_owned(), cell.value.to_string(), cell.path.name().to_owned()];
+        let sigmas = [sigmas.mean, sigmas.median, sigmas.at_99].map(|value| number(value, 3));
+        let coverage = [number(coverage, 2)];
+        let row = row.into_iter().chain(counts.map(|count| count.to_string()));
+        table.row(row.chain(sigmas).chain(coverage).chain(times));
+    }
+    table.text().to_owned()
+}
+
+/// Every silently wrong sweep.
+pub(super) fn wrong(cells: &[Cell]) -> String {
+    let mut table = Csv::new(&[
+        "axis",
+        "value",
+        "path",
+        "q",
+        "k_eff_squared",
+        "seed",
+        "trial",
+        "resonance_hz",
+        "sigma_hz",
+        "true_hz",
+        "sigmas",
+        "model_order",
+    ]);
+    for cell in cells {
+        for result in &cell.results {
+            let (super::judge::Outcome::SilentlyWrong, Some(found)) =
+                (result.outcome, result.found)
+            else {
+                continue;
+            };
+            let (q, coupling) = super::axis::SENSORS[result.id.sensor];
+            table.row([
+                cell.axis.file().to_owned(),
+                cell.value.to_string(),
+                cell.path.name().to_owned(),
+                q.to_string(),
+                coupling.to_string(),
+                result.id.seed.to_string(),
+                result.id.trial.to_string(),
+                format!("{:.5}", found.resonance_hz),
+                format!("{:.5}", found.sigma_hz),
+                result.truth_hz.map_or_else(String::new, |hz| format!("{hz:.5}")),
+                result.sigmas().map_or_else(String::new, |sigmas| format!("{sigmas:.1}")),
+                found.model_order.name().to_owned(),
+            ]);
+        }
+    }
+    table.text().to_owned()
+}

@@ -1,0 +1,194 @@
+//! The page.
+
+use super::{
+    Args,
+    axis::{Axis, Path},
+    counts, coverage, gate,
+    judge::{Cell, Counts, others},
+    maps, power, reasons,
+};
+use crate::page::{Page, Table};
+
+/// Largest share of silently wrong results over all maps and both paths.
+const WRONG_MAX: f64 = 1e-5;
+
+pub(super) fn page(args: &Args, cells: &[Cell]) -> Page {
+    let title = "Where estimators of the resonance fail".to_owned();
+    let mut page = Page { title, parts: Vec::new() };
+    introduction(&mut page, args);
+    page.heading("Silently wrong results");
+    page.table(totals(cells));
+    page.text(goal(cells));
+    let on_grid = cells.iter().filter(|cell| !cell.axis.is_beyond_one_sweep());
+    let wrong = where_wrong(on_grid);
+    if !wrong.is_empty() {
+        page.table(wrong_table(&wrong));
+    }
+    accepted(&mut page, cells);
+    refused(&mut page, cells);
+    for axis in Axis::ALL.into_iter().filter(|axis| !axis.is_beyond_one_sweep()) {
+        section(&mut page, axis, cells);
+    }
+    beyond(&mut page, cells);
+    page.heading("Data");
+    page.data("failures.csv", maps::table(cells));
+    page.data("power.csv", power::table(cells));
+    page.data("coverage.csv", coverage::table(cells));
+    page.data("reasons.csv", reasons::table(cells));
+    page.data("wrong.csv", coverage::wrong(cells));
+    page.data(gate::FILE, gate::table(cells, args.seed));
+    page
+}
+
+fn introduction(page: &mut Page, args: &Args) {
+    let Args { seed, seeds, trials, planned, .. } = args;
+    page.text(format!(
+        "This page, its charts and its tables are written by `cargo run --release -p rig-study -- \
+         failures --out docs/studies`, in about ten minutes on two cores. The same seeds (here {seed} \
+         to {}) give the same bytes on any number of cores; `--seed K --seeds N` takes others, and \
+         `--axis NAME` one axis. `--check` computes a part of the first two seeds again and compares. \
+         Each cell of a map stands for {trials} fitted and {planned} planned sweeps of each of six \
+         sensors and each seed: quality 10, 30 and 100, effective coupling 0.02 and 0.1.",
+        seed + seeds - 1
+    ));
+    page.text(
+        "Unless the axis says otherwise, a fitted sweep has 101 settled points from 112 to 168 Hz, \
+         and noise of 0.5 %. The `planner` is that of the daemon, on an analyzer whose drive starts \
+         at any phase at each change of frequency, with gaps of up to 3 ms before each reading, known \
+         to 1 ms. It starts cold, with a limit of 30 s and a target of 10 mHz (quality 10, coupling 0.02: 30 mHz); in half of the sweeps \
+         it knows the noise, as after an earlier sweep, and in the others nothing, as in the first \
+         sweep of a rig.",
+    );
+    page.text(
+        "The production fit, `maximum-likelihood`, and the planner are silently wrong if they accept a \
+         resonance with an error of more than five of its own standard deviations. The other \
+         estimators state no uncertainty; they are silently wrong if their error exceeds ten \
+         Cramér–Rao bounds of the undisturbed sweep. For a sensor without a resonance every number is \
+         wrong. The truth is the series resonance at a small drive, at the effective time of the \
+         result if it has one, otherwise at the middle of the sweep. A sweep in one direction cannot \
+         distinguish a drift from another resonance, but it knows when it passed the resonance. \
+         Outliers are readings wrong by a factor of 0.01 to 100, in both parts or in one, with the \
+         wrong sign, or stuck, alone and in bursts of up to four.",
+    );
+}
+
+fn totals(cells: &[Cell]) -> Table {
+    let mut table = Table::new(&["estimator", "silently wrong", "sweeps", "share"]);
+    let mut row = |name: &str, counts: Counts| {
+        table.row([
+            format!("`{name}`"),
+            counts.wrong.to_string(),
+            counts.sweeps().to_string(),
+            percent(counts),
+        ]);
+    };
+    for (index, estimator) in others().enumerate() {
+        let of = cells.iter().filter(|cell| !cell.axis.is_beyond_one_sweep());
+        let of = of.filter_map(|cell| cell.others.get(index));
+        row(estimator.name(), of.fold(Counts::default(), |sum, one| sum.plus(*one)));
+    }
+    for path in Path::ALL {
+        row(path.name(), counts(path, cells));
+    }
+    table
+}
+
+fn percent(counts: Counts) -> String {
+    format!("{:.3} %", 100.0 * counts.share(counts.wrong))
+}
+
+fn goal(cells: &[Cell]) -> String {
+    let [fit, planner] = Path::ALL.map(|path| counts(path, cells));
+    let both = fit.plus(planner);
+    let share = both.share(both.wrong);
+    let met = if share <= WRONG_MAX { "met" } else { "not met" };
+    format!(
+        "Both paths together: {} of {} sweeps, {:.1} in 100,000 (goal: at most {:.0} in 100,000, {met}).",
+        both.wrong,
+        both.sweeps(),
+        1e5 * share,
+        1e5 * WRONG_MAX
+    )
+}
+
+/// The points with silently wrong results of fit and planner, the worst first.
+pub(super) fn where_wrong<'a>(cells: impl Iterator<Item = &'a Cell>) -> Vec<(String, String)> {
+    let mut all: Vec<(f64, String, String)> = cells
+        .map(|cell| (cell, cell.counts()))
+        .filter(|(_, counts)| counts.wrong > 0)
+        .map(|(cell, counts)| {
+            let place = format!("`{}`, `{}` at {}", cell.path.name(), cell.axis.file(), cell.value);
+            let count = format!("{} of {} ({})", counts.wrong, counts.sweeps(), percent(counts));
+            (counts.share(counts.wrong), place, count)
+        })
+        .collect();
+    all.sort_by(|one, other| other.0.total_cmp(&one.0));
+    all.into_iter().map(|(_, place, count)| (place, count)).collect()
+}
+
+fn wrong_table(wrong: &[(String, String)]) -> Table {
+    let mut table = Table::new(&["silently wrong", "sweeps"]);
+    for (place, count) in wrong {
+        table.row([place.clone(), count.clone()]);
+    }
+    table
+}
+
+fn accepted(page: &mut Page, cells: &[Cell]) {
+    page.heading("Accepted results");
+    page.text(
+        "Errors of accepted results in their own standard deviations, over all values of an axis. A \
+         normal error has a mean of 0.80, a median of 0.67, 99 % within 2.58, and 95 % in the 95 % \
+         interval. Results for sensors without a resonance have no error and are silently wrong. \
+         `coverage.csv` has the same for each value.",
+    );
+    page.table(coverage::on_page(Path::Fit, cells));
+    page.text("The planner, with its time on the rig:");
+    page.table(coverage::on_page(Path::Planner, cells));
+}
+
+fn refused(page: &mut Page, cells: &[Cell]) {
+    page.heading("Reasons of refusals");
+    page.text(
+        "What refused sweeps state, in percent of the refused sweeps of each axis. Reasons that name the \
+         cause of the axis are bold. `another cause` is the share that claims a cause that is not \
+         there; noise, too few points, a misfit without a cause and a missed target claim none. \
+         `reasons.csv` has the same for each value.",
+    );
+    page.table(reasons::on_page(Path::Fit, cells));
+    page.text("The planner:");
+    page.table(reasons::on_page(Path::Planner, cells));
+}
+
+/// The map of an axis, and the detection power of fit and planner.
+fn section(page: &mut Page, axis: Axis, cells: &[Cell]) {
+    if cells.iter().all(|cell| cell.axis != axis) {
+        return;
+    }
+    page.heading(axis.label());
+    page.chart(&format!("{}.svg", axis.file()), maps::map(axis, cells));
+    for (path, prefix) in [(Path::Fit, "power"), (Path::Planner, "planner")] {
+        if let Some(chart) = power::chart(axis, path, cells) {
+            page.chart(&format!("{prefix}-{}.svg", axis.file()), chart);
+        }
+    }
+}
+
+fn beyond(page: &mut Page, cells: &[Cell]) {
+    page.heading("Limits of a single sweep");
+    page.text(
+        "A spring that softens slightly at the peak changes the readings of one sweep in the same \
+         way as another resonance does. No estimator can detect it in the readings, and all of \
+         them, the production fit included, are silently wrong here. A second sweep at another \
+         level detects it (above, `with a step of the level`: the results at the full and at half \
+         the level give the result without drive, or a refusal if they differ). This map is not \
+         part of the count.",
+    );
+    let wrong = where_wrong(cells.iter().filter(|cell| cell.axis.is_beyond_one_sweep()));
+    if !wrong.is_empty() {
+        page.table(wrong_table(&wrong));
+    }
+    for axis in Axis::ALL.into_iter().filter(|axis| axis.is_beyond_one_sweep()) {
+        section(page, axis, cells);
+    }
+}
