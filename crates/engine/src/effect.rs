@@ -1,5 +1,7 @@
 //! Inputs and effects of the engine.
 
+use std::time::Duration;
+
 use crate::{Event, Failure, Operation, OperationId, Report};
 
 /// An effect, which the shell carries out in order.
@@ -21,6 +23,8 @@ pub enum Effect {
 pub enum Input {
     /// An operation has ended.
     Done(OperationId, Result<Report, Failure>),
+    /// The host did nothing for this long: the program or the computer was held up.
+    Stalled(Duration),
     /// The deadline that [`Engine::deadline`](crate::Engine::deadline) named has come.
     Tick,
 }

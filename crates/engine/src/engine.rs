@@ -12,6 +12,7 @@
 //! ```
 
 mod commands;
+mod hold_up;
 mod stopping;
 
 pub use commands::Admitted;
@@ -171,7 +172,11 @@ impl Engine {
     /// Takes a report or a deadline and appends the effects that follow.
     pub fn handle(&mut self, now: RigTime, input: Input, effects: &mut Vec<Effect>) {
         match input {
+            Input::Stalled(lasted) => self.stalled(now, lasted, effects),
             Input::Done(id, result) => {
+                if result.is_ok() && self.measure_again(now, id, effects) {
+                    return self.settle(effects);
+                }
                 // A report of another operation than the one in flight is too late.
                 if let Some(pending) = self.pending.take_if(|pending| pending.id == id) {
                     self.interlock.ended(&pending.operation, result.as_ref().ok());
@@ -299,8 +304,14 @@ impl Engine {
         self.next_id += 1;
         self.extend_reach(&operation);
         let deadline = now + limit(&operation, self.linear_mm(), self.rotary_deg());
-        let pending = Pending { id, operation: operation.clone(), deadline, is_interrupted: false };
-        self.pending = Some(pending);
+        self.pending = Some(Pending {
+            id,
+            operation: operation.clone(),
+            deadline,
+            is_interrupted: false,
+            repeats: 0,
+            is_held_up: false,
+        });
         self.flush(effects);
         effects.push(Effect::Do(id, operation));
     }

@@ -1,5 +1,7 @@
 //! Events, for the journal and for clients.
 
+use std::time::Duration;
+
 use rig_model::{Clearance, Deg, Mm, Position, Reading, SweepRequest};
 use rig_protocol::{Prompt, StepId, Touch};
 use rig_resonance::{Estimate, FitOptions, FitOutcome, Resonance};
@@ -238,6 +240,13 @@ pub enum Event {
         fault: Fault,
         /// Clearance of the probe at that time.
         clearance: Clearance,
+    },
+    /// The host was held up.
+    Stalled {
+        /// For how long.
+        lasted: Duration,
+        /// Whether a measurement was under way, whose readings are discarded and measured again.
+        is_measured_again: bool,
     },
     /// A run has ended.
     RunFinished(RunStatus),

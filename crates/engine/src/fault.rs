@@ -1,5 +1,7 @@
 //! Failures of devices, and faults of the rig.
 
+use std::time::Duration;
+
 use rig_model::{AxisError, Deg, Mm, Position};
 use rig_protocol::StepId;
 
@@ -160,6 +162,14 @@ pub enum Fault {
         may_touch: bool,
         /// Whether it was lowered or lost; otherwise the program ended on the way into service.
         was_lowered: bool,
+    },
+    /// The host was held up again and again during one measurement.
+    #[error("the computer was held up during {attempts} attempts of one measurement, the last time for {:.1} s", .lasted.as_secs_f64())]
+    HeldUp {
+        /// Number of attempts.
+        attempts: u32,
+        /// The last hold-up.
+        lasted: Duration,
     },
     /// A part of this program failed.
     #[error("rigd itself failed: {what}")]

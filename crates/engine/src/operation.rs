@@ -112,4 +112,8 @@ pub(crate) struct Pending {
     pub(crate) deadline: RigTime,
     /// Whether it was asked to end early.
     pub(crate) is_interrupted: bool,
+    /// Number of times that this measurement was held up and repeated.
+    pub(crate) repeats: u32,
+    /// Whether the host was held up during it, so that the times of its readings are wrong.
+    pub(crate) is_held_up: bool,
 }

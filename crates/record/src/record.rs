@@ -60,6 +60,10 @@ pub enum Record {
     BlackBox(BlackBox),
     /// The rig changed its state.
     StateChanged(StateChanged),
+    /// The computer or the program was held up.
+    Stalled(Stalled),
+    /// The wall clock of the computer was set.
+    ClockJumped(ClockJumped),
     /// A run that had not been completed was resumed: the new clock, and the changes since.
     Resumed(Resumed),
     /// A person gave up a run that had not been completed.
@@ -90,6 +94,8 @@ impl Record {
             Self::Fault(_) => "fault",
             Self::BlackBox(_) => "black_box",
             Self::StateChanged(_) => "state_changed",
+            Self::Stalled(_) => "stalled",
+            Self::ClockJumped(_) => "clock_jumped",
             Self::Resumed(_) => "resumed",
             Self::GivenUp(_) => "given_up",
             Self::Amended(_) => "amended",
@@ -152,6 +158,22 @@ pub struct StateChanged {
     /// The reason, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
+}
+
+/// The computer or the program did nothing for a while: it was stopped, or slept.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Stalled {
+    /// For how long, s.
+    pub stalled_s: f64,
+    /// Whether a measurement was under way, whose readings were discarded and measured again.
+    pub is_measured_again: bool,
+}
+
+/// The wall clock was set. Nothing but the times in people's words depends on it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ClockJumped {
+    /// By how much, s; negative if it was set back.
+    pub jump_s: f64,
 }
 
 /// The end of a run.

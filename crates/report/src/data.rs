@@ -3,8 +3,9 @@
 use std::fmt::Write as _;
 
 use rig_record::{
-    Amended, Amendment, Change, Clearance, Direction, Prompt, Record, RefusedTouch, Resumed,
-    RunStarted, Sample, StoredRecord, Sweep, SweepOutcome, Touch, TouchSettings, UnreadableRecord,
+    Amended, Amendment, Change, Clearance, ClockJumped, Direction, Prompt, Record, RefusedTouch,
+    Resumed, RunStarted, Sample, Stalled, StoredRecord, Sweep, SweepOutcome, Touch, TouchSettings,
+    UnreadableRecord,
 };
 
 use crate::units::{duration, with_sigma};
@@ -97,6 +98,8 @@ pub(crate) enum LogKind {
     Command,
     /// A fault of a device, the journal or the line.
     Fault,
+    /// The computer was held up, or its clock was set.
+    Computer,
     /// A sweep gave no resonance.
     Refusal,
     /// The last frames of a port were kept.
@@ -114,6 +117,7 @@ impl LogKind {
             Self::Prompt => "prompt",
             Self::Command => "command",
             Self::Fault => "fault",
+            Self::Computer => "computer",
             Self::Refusal => "refused sweep",
             Self::BlackBox => "black box",
             Self::Seam => "resumed",
@@ -286,11 +290,7 @@ impl RunData {
                 note(None, LogKind::Command, format!("{} by {}", operator.action, operator.who));
             }
             Record::Fault(fault) => {
-                let probe = match fault.probe {
-                    Clearance::Clear => "clear",
-                    Clearance::InContact => "in contact",
-                    Clearance::Unknown => "at an unknown position",
-                };
+                let probe = whereabouts(fault.probe);
                 let text = format!("{}. The probe was {probe}. {}", fault.cause, fault.hint);
                 self.fault.get_or_insert(fault.cause);
                 note(fault.step, LogKind::Fault, text);
@@ -316,6 +316,11 @@ impl RunData {
                 let (count, port) = (kept.frames.len(), kept.port);
                 let text = format!("the last frames on {port} are in the journal ({count})");
                 note(None, LogKind::BlackBox, text);
+            }
+            Record::Stalled(stalled) => note(None, LogKind::Computer, held_up(&stalled)),
+            Record::ClockJumped(ClockJumped { jump_s }) => {
+                let text = format!("the wall clock was set by {jump_s:+.1} s");
+                note(None, LogKind::Computer, text);
             }
             seam @ (Record::Resumed(_) | Record::GivenUp(_) | Record::Amended(_)) => {
                 self.seam(run_us, seam);
@@ -359,6 +364,21 @@ pub(crate) fn clock(epochs: &[u64], epoch: u64) -> u64 {
 /// An amendment in words.
 fn described(amended: &Amended) -> String {
     format!("{} by {}: {}", amended.what.name(), amended.who, amended.why)
+}
+
+/// The clearance of the probe in words.
+const fn whereabouts(probe: Clearance) -> &'static str {
+    match probe {
+        Clearance::Clear => "clear",
+        Clearance::InContact => "in contact",
+        Clearance::Unknown => "at an unknown position",
+    }
+}
+
+/// A hold-up in words.
+fn held_up(stalled: &Stalled) -> String {
+    let again = if stalled.is_measured_again { "; its readings were measured again" } else { "" };
+    format!("the computer was held up for {:.1} s{again}", stalled.stalled_s)
 }
 
 /// A prompt in words.

@@ -13,6 +13,7 @@
 mod amend;
 mod devices;
 mod gate;
+mod heartbeat;
 mod inspect;
 mod live;
 mod open;

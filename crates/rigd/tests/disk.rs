@@ -4,6 +4,9 @@
 #![cfg(target_os = "linux")]
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
+#[path = "support/preload.rs"]
+mod preload;
+
 use std::{
     collections::BTreeSet,
     fs,
@@ -40,15 +43,7 @@ fn rigd(data: &Path, args: &[&str], environment: &[(&str, String)]) -> Output {
 impl Bench {
     fn new() -> Self {
         let folder = TempDir::new().unwrap();
-        let shim = folder.path().join("fail.so");
-        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/disk/fail.c");
-        let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
-        let built = Command::new(compiler)
-            .args(["-shared", "-fPIC", "-O1", "-o"])
-            .args([&shim, &source])
-            .arg("-ldl")
-            .status();
-        assert!(built.unwrap().success());
+        let shim = preload::library("disk/fail.c", folder.path());
         let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config");
         let smoke = fs::read_to_string(config.join("protocols/smoke.toml")).unwrap();
         let short = smoke

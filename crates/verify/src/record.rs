@@ -21,6 +21,8 @@ pub(crate) enum Record {
     Fault(Fault),
     BlackBox(BlackBox),
     StateChanged(StateChanged),
+    Stalled {},
+    ClockJumped {},
     Resumed(Box<Resumed>),
     GivenUp(GivenUp),
     Amended(Amended),

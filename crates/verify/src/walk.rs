@@ -68,6 +68,9 @@ enum Kind {
     Session,
 }
 
+/// Kinds of records that may come while an axis moves, and say nothing of the time at which it began.
+const DURING_A_MOVE: [&str; 3] = ["stalled", "clock_jumped", "operator"];
+
 struct Walk {
     kind: Kind,
     is_given_up: bool,
@@ -102,7 +105,9 @@ impl Walk {
             self.foreign |= self.chain.records() > 0;
             self.other(entry);
         }
-        self.motion.pass(entry.rig_us);
+        if !DURING_A_MOVE.contains(&&*entry.kind) {
+            self.motion.pass(entry.rig_us);
+        }
     }
 
     /// A record of another run or session, which only moves the axes.
@@ -218,6 +223,8 @@ impl Walk {
                     motion.is_waiting = false;
                 }
             }
+            // A sweep that was held up is measured again, and is held against its readings as any.
+            Record::Stalled {} | Record::ClockJumped {} => {}
             Record::Resumed(resumed) => self.resumed(seq, &resumed),
             Record::GivenUp(_) => self.is_given_up = true,
             Record::Amended(amended) => {

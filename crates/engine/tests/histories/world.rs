@@ -1,6 +1,6 @@
 //! An ideal bench that plays a run with one trouble at one moment, and checks each operation.
 
-use std::f64::consts::TAU;
+use std::{f64::consts::TAU, time::Duration};
 
 use rig_engine::{
     Admitted, Command, Device, Effect, Engine, Event, Failure, FailureKind, Input, Operation,
@@ -21,6 +21,9 @@ mod bench;
 pub(crate) use bench::{REST_MM, limits};
 
 pub(crate) const SURFACE_MM: f64 = 10.07;
+/// What an analyzer reads whose times are wrong.
+pub(crate) const NONSENSE: PointResult =
+    PointResult::Value(Impedance { resistance_ohm: 1.0, reactance_ohm: -1.0 });
 pub(crate) const FREE_HZ: f64 = 140.0;
 pub(crate) const LOADED_HZ: f64 = 158.0;
 
@@ -98,6 +101,9 @@ pub(crate) enum Trouble {
     FlagsOnce,
     /// A person pauses the run during it, and resumes when the run is paused.
     Pause,
+    /// The host is held up during it, and its readings are nonsense; so are those of this number of
+    /// repetitions.
+    HoldUp(u32),
     /// The linear drive is in trouble from here on.
     Drive(DriveTrouble),
     /// The analyzer repeats its last reading from here on, whatever it is asked.
@@ -286,6 +292,7 @@ impl World {
                     return self.handle(Input::Done(id, Ok(Report::Measured(readings))));
                 }
             }
+            Some(Trouble::HoldUp(repeats)) => return self.hold_up(id, &operation, repeats),
             Some(Trouble::Abort) => self.try_command(Command::Abort),
             Some(Trouble::Stop) => self.try_command(Command::Stop),
             Some(Trouble::Pause) => self.try_command(Command::Pause),
@@ -294,6 +301,21 @@ impl World {
             return self.fail(id, FailureKind::Lost);
         }
         let report = self.perform(&operation);
+        self.handle(Input::Done(id, Ok(report)));
+    }
+
+    /// The host is held up, and a measurement that is under way is nonsense.
+    fn hold_up(&mut self, id: OperationId, operation: &Operation, repeats: u32) {
+        self.handle(Input::Stalled(Duration::from_secs(10)));
+        let mut report = self.perform(operation);
+        if let Report::Measured(readings) = &mut report {
+            for reading in readings {
+                reading.measured = NONSENSE;
+            }
+            if repeats > 0 {
+                self.trouble = Some((self.operations, Trouble::HoldUp(repeats - 1)));
+            }
+        }
         self.handle(Input::Done(id, Ok(report)));
     }
 

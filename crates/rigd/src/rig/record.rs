@@ -7,9 +7,9 @@ mod values;
 
 use std::{fmt::Write as _, sync::Arc};
 
-use rig_engine::{Contact, Event, FinishedSweep, SweepPurpose, TouchOutcome, TouchResult};
+use rig_engine::{Contact, Event, Fault, FinishedSweep, SweepPurpose, TouchOutcome, TouchResult};
 use rig_link::{Flow, Frame, Transcript};
-use rig_model::{Mm, Position};
+use rig_model::{Clearance, Mm, Position};
 use rig_protocol::{Action, Plan, Prompt, Step, StepId, Touch};
 use rig_resonance::FitOutcome;
 use rig_store as store;
@@ -183,15 +183,23 @@ impl Recorder {
             Event::Operator { action, by } => {
                 Record::Operator(store::Operator { action: (*action).to_owned(), who: by.clone() })
             }
-            Event::Faulted { fault, clearance } => Record::Fault(store::Fault {
-                step: self.step_id(),
-                cause: fault.to_string(),
-                probe: clearance_of(*clearance),
-                hint: hint::after(fault, *clearance).text.to_owned(),
+            Event::Faulted { fault, clearance } => self.fault(fault, *clearance),
+            &Event::Stalled { lasted, is_measured_again } => Record::Stalled(store::Stalled {
+                stalled_s: lasted.as_secs_f64(),
+                is_measured_again,
             }),
             Event::RunFinished(status) => {
                 Record::RunFinished(store::RunFinished { status: ending_of(*status) })
             }
+        })
+    }
+
+    fn fault(&self, fault: &Fault, clearance: Clearance) -> Record {
+        Record::Fault(store::Fault {
+            step: self.step_id(),
+            cause: fault.to_string(),
+            probe: clearance_of(clearance),
+            hint: hint::after(fault, clearance).text.to_owned(),
         })
     }
 

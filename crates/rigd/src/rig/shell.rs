@@ -19,7 +19,7 @@ use rig_engine::{
 use rig_link::{Clock, Transcript};
 use rig_model::{Clearance, Mm, Position, RigTime, panic_message, with_causes};
 use rig_sim::SimHandle;
-use rig_store::{Ending, Journal, Record, RunId, RunKind, Store};
+use rig_store::{ClockJumped, Ending, Journal, Record, RunId, RunKind, Store};
 use rustix::time::{ClockId, clock_gettime};
 use tokio::sync::{mpsc, oneshot, watch};
 
@@ -27,6 +27,7 @@ use super::{
     OpenError, Request, RequestRefusal, RunView, Setting, Status, amend,
     devices::{Axes, GatedAnalyzer},
     gate::Gate,
+    heartbeat::{BEAT, Heartbeat, Noticed},
     live::LiveSweep,
     open::{HALT_WITHIN, Halt, Opened, Simulation, open_rig},
     record::{self, Recorder},
@@ -130,6 +131,14 @@ async fn refuse_all(mut inbox: mpsc::Receiver<Request>) {
     }
 }
 
+/// What wakes the rig thread.
+enum Wake {
+    Request(Option<Request>),
+    Input(Input),
+    /// Only time has passed.
+    Beat,
+}
+
 /// The rig is being closed.
 struct Closing {
     /// Receiver of the result.
@@ -167,6 +176,7 @@ struct Shell {
     last_commit: Instant,
     /// Processor time of the engine's last decision.
     thought: Duration,
+    heartbeat: Heartbeat,
     /// Number of events until a panic; 0 for none.
     #[cfg(test)]
     panic_at: u64,
@@ -228,6 +238,7 @@ impl Shell {
             is_answer_due: false,
             last_commit: Instant::now(),
             thought: Duration::ZERO,
+            heartbeat: Heartbeat::now(),
             #[cfg(test)]
             panic_at: 0,
         };
@@ -264,23 +275,45 @@ impl Shell {
                 continue;
             }
             // The order is fixed, so that a run replays: people first, then devices, then time.
-            tokio::select! {
+            let wake = tokio::select! {
                 biased;
-                request = inbox.recv(), if closing.is_none() => match request {
-                    Some(Request::Close { reply }) => {
-                        closing = Some(self.begin_to_close(Some(reply)));
-                    }
-                    Some(request) => {
-                        self.halt_if_asked(&request).await;
-                        self.take(request);
-                    }
-                    // All handles are closed, and the probe must not stay in the sample.
-                    None => closing = Some(self.begin_to_close(None)),
-                },
-                (id, ended) = self.axes.ended() => self.handle(Input::Done(id, ended)),
-                (id, ended) = self.analyzer.ended() => self.handle(Input::Done(id, ended)),
-                () = until(self.clock, self.engine.deadline()) => self.handle(Input::Tick),
+                request = inbox.recv(), if closing.is_none() => Wake::Request(request),
+                (id, ended) = self.axes.ended() => Wake::Input(Input::Done(id, ended)),
+                (id, ended) = self.analyzer.ended() => Wake::Input(Input::Done(id, ended)),
+                () = until(self.clock, self.engine.deadline()) => Wake::Input(Input::Tick),
+                () = beat(self.is_virtual_time) => Wake::Beat,
+            };
+            // Before the report of a measurement that it may have spoilt.
+            self.notice_hold_ups();
+            match wake {
+                Wake::Request(Some(Request::Close { reply })) => {
+                    closing = Some(self.begin_to_close(Some(reply)));
+                }
+                Wake::Request(Some(request)) => {
+                    self.halt_if_asked(&request).await;
+                    self.take(request);
+                }
+                // All handles are closed, and the probe must not stay in the sample.
+                Wake::Request(None) => closing = Some(self.begin_to_close(None)),
+                Wake::Input(input) => self.handle(input),
+                Wake::Beat => {}
             }
+        }
+    }
+
+    /// In virtual time no time passes while the computer is held up.
+    fn notice_hold_ups(&mut self) {
+        let Noticed { stalled, jump_s } = self.heartbeat.beat();
+        if let Some(lasted) = stalled.filter(|_| !self.is_virtual_time) {
+            tracing::warn!(
+                seconds = lasted.as_secs_f64(),
+                "the computer was held up; readings of that time are measured again"
+            );
+            self.handle(Input::Stalled(lasted));
+        }
+        if let Some(jump_s) = jump_s {
+            tracing::warn!(jump_s, "the wall clock was set; nothing depends on it");
+            self.append(&Record::ClockJumped(ClockJumped { jump_s }));
         }
     }
 
@@ -601,6 +634,14 @@ impl Shell {
 /// Processor time of this thread, which does not depend on other load.
 fn processor_time() -> Duration {
     clock_gettime(ClockId::ThreadCPUTime).try_into().unwrap_or_default()
+}
+
+/// Waits for the next beat; for ever in virtual time, which waiting would only move on.
+async fn beat(is_virtual_time: bool) {
+    if is_virtual_time {
+        return std::future::pending().await;
+    }
+    tokio::time::sleep(BEAT).await;
 }
 
 /// Waits until a time on the rig's clock; for ever, when there is none.

@@ -1,0 +1,159 @@
+//! The program is stopped for ten seconds, asked to end, and given another wall clock, in each phase
+//! of a touch.
+
+#![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
+
+#[path = "support/preload.rs"]
+mod preload;
+#[expect(dead_code, reason = "other tests use more of it")]
+#[path = "support/program.rs"]
+mod program;
+
+use std::{
+    fs,
+    path::Path,
+    process::Command,
+    thread,
+    time::{Duration, Instant},
+};
+
+use rig_store::{MoveReason, Reader, Record, SweepPurpose};
+use rustix::process::Signal;
+use tempfile::TempDir;
+
+use program::{Program, at_once, check_clear};
+
+/// The phases of a touch, each by the record with which it begins.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Phase {
+    /// The no-load sweep.
+    NoLoad,
+    /// The probe goes down.
+    Search,
+    /// The surface is found, and the probe is pressed into the sample.
+    Indent,
+    /// The sweep in contact.
+    Sweep,
+    /// The probe goes up.
+    Retract,
+}
+
+const PHASES: [Phase; 5] =
+    [Phase::NoLoad, Phase::Search, Phase::Indent, Phase::Sweep, Phase::Retract];
+
+impl Phase {
+    fn begins_with(self, record: &Record) -> bool {
+        match (self, record) {
+            (Self::NoLoad, Record::StepStarted(step)) => step.step.contains("no-load"),
+            (Self::Search, Record::Intent(intent)) => intent.what == MoveReason::Approach,
+            (Self::Indent, Record::SurfaceFound(_)) => true,
+            (Self::Sweep, Record::Moved(moved)) => {
+                moved.axis == rig_store::Axis::LinearMm && moved.read_back < 9.7
+            }
+            (Self::Retract, Record::Sweep(sweep)) => sweep.purpose == SweepPurpose::Touch,
+            _ => false,
+        }
+    }
+
+    /// The program at the beginning of this phase of its first touch.
+    fn reach(self, folder: &Path) -> Program {
+        let program = Program::start(folder, &["run", "config/protocols/smoke.toml"]);
+        program.wait_for_record(&format!("{self:?}"), |record| self.begins_with(record));
+        program
+    }
+}
+
+/// Readings that a stop has spoilt would shift the resonance of the touch by many of its sigma, or
+/// be refused by the checker.
+#[test]
+fn ten_seconds_of_standstill_in_each_phase_of_a_touch_are_noticed_and_spoil_no_reading() {
+    const STANDSTILL: Duration = Duration::from_secs(10);
+    at_once(PHASES, |phase| {
+        let folder = TempDir::new().unwrap();
+        let program = phase.reach(folder.path());
+        program.signal(Signal::STOP);
+        let stopped = Instant::now();
+        while stopped.elapsed() < STANDSTILL {
+            // Only time can make it a standstill.
+            thread::park_timeout(STANDSTILL);
+        }
+        program.signal(Signal::CONT);
+        program.wait_for_record("the standstill", |record| match record {
+            Record::Stalled(stalled) => (9.9..13.0).contains(&stalled.stalled_s),
+            _ => false,
+        });
+        program.wait_for_record("the touch", |record| matches!(record, Record::TouchResult(_)));
+        program.signal(Signal::TERM);
+        let (status, text, data) = program.end();
+        let reader = Reader::open(&data).unwrap();
+        let run = reader.find("latest").unwrap();
+        let verdict = rig_verify::verify(&data, &run.id.to_string()).unwrap();
+        assert!(verdict.is_sound, "{phase:?}: {:?}", verdict.findings);
+        assert_eq!(status.code(), Some(5), "{phase:?}: {text}");
+        assert!(text.contains("the computer was held up"), "{phase:?}: {text}");
+        check_clear(&data);
+        let again = reader.records(run.id).unwrap().into_iter().any(|stored| {
+            matches!(stored.record().unwrap(), Record::Stalled(stalled) if stalled.is_measured_again)
+        });
+        assert!(again || phase != Phase::Sweep, "nothing was measured again");
+    });
+}
+
+#[test]
+fn a_service_manager_that_ends_the_program_in_any_phase_of_a_touch_leaves_the_probe_clear() {
+    at_once(PHASES, |phase| {
+        let folder = TempDir::new().unwrap();
+        let program = phase.reach(folder.path());
+        program.signal(Signal::TERM);
+        let (status, text, data) = program.end();
+        assert_eq!(status.code(), Some(5), "{phase:?}: {text}");
+        check_clear(&data);
+    });
+}
+
+/// A run, with its touches in JSON.
+fn run(data: &Path, environment: &[(&str, &str)]) -> serde_json::Value {
+    let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let output = Command::new(env!("CARGO_BIN_EXE_rigd"))
+        .args(["run", "config/protocols/smoke.toml", "--json"])
+        .args(["--data", data.to_str().unwrap()])
+        .envs(environment.iter().copied())
+        .current_dir(repository)
+        .output()
+        .unwrap();
+    // 7 would mean that the checker has findings.
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+fn a_wall_clock_that_jumps_to_and_fro_changes_no_result_and_is_recorded() {
+    let folder = TempDir::new().unwrap();
+    let library = preload::library("hold_ups/clock.c", folder.path());
+    let jumping = folder.path().join("jumping");
+    let preload = [("LD_PRELOAD", library.to_str().unwrap()), ("RIGD_CLOCK_JUMP_S", "86400")];
+    let with_jumps = run(&jumping, &preload);
+    let without = run(&folder.path().join("steady"), &[]);
+    let touches = |results: &serde_json::Value| -> Vec<serde_json::Value> {
+        let rows = results["touch_results"].as_array().unwrap();
+        rows.iter().map(|row| serde_json::json!([row["step"], row["shift_hz"]])).collect()
+    };
+    assert_eq!(touches(&with_jumps), touches(&without));
+    let reader = Reader::open(&jumping).unwrap();
+    let run = reader.find("latest").unwrap();
+    let jumps: Vec<f64> = reader
+        .records(run.id)
+        .unwrap()
+        .into_iter()
+        .filter_map(|stored| match stored.record().unwrap() {
+            Record::ClockJumped(jumped) => Some(jumped.jump_s),
+            _ => None,
+        })
+        .collect();
+    let near = |jump_s: &&f64, wanted_s: f64| (**jump_s - wanted_s).abs() < 5.0;
+    let forward = jumps.iter().filter(|jump_s| near(jump_s, 86400.0)).count();
+    let back = jumps.iter().filter(|jump_s| near(jump_s, -86400.0)).count();
+    assert!(forward > 0 && back > 0, "{jumps:?}");
+    let report = fs::read_to_string(with_jumps["report"].as_str().unwrap()).unwrap();
+    assert!(report.contains("the wall clock was set by +86400.0 s"));
+}
