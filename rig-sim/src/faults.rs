@@ -101,6 +101,8 @@ pub enum DeviceFault {
     BlindContact,
     /// The impedance is that of a sensor in contact, also when it is clear.
     StuckContact,
+    /// The drive of the analyzer stays at its frequency, and the analyzer says another one.
+    StuckFrequency,
 }
 
 /// The surroundings of a device: the world and the scheduled faults.

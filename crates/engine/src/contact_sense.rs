@@ -4,10 +4,10 @@
 //! A stuck sense feels a contact that is not there, a blind one feels none, and a stage that has lost
 //! steps is not where its drive says. A touch that cannot be distinguished from these is refused.
 
-use rig_model::{Impedance, Mm, Position};
+use rig_model::{Impedance, Mm, PointResult, Position, Reading};
 use rig_resonance::{Circuit, Refusal, Resonance};
 
-use crate::{Fault, TouchOutcome, TouchResult, sweep::DRIFT};
+use crate::{Fault, TouchOutcome, TouchResult, slip::Slip, sweep::DRIFT};
 
 /// The free resonance may have moved by this part since its last measurement: twice the drift that a
 /// sweep expects, and less than the softest sample moves it.
@@ -19,6 +19,17 @@ const FREE_STEPS: i32 = 40;
 /// Largest deviation of the impedance of a free sensor from the nearest of them, relative. Noise is some
 /// percent; a contact changes it by more than half.
 const FREE_TOLERANCE: f64 = 0.35;
+
+/// The second frequency of the self-test lies this many linewidths below the no-load resonance, where the
+/// impedance of the free sensor differs from that at the resonance by a multiple.
+pub(crate) const TEST_LINEWIDTHS: f64 = 3.0;
+
+/// The change of the impedance from one frequency of the self-test to the other may deviate from the
+/// expected change by this part of it. A reading that does not follow the frequency deviates by all of it.
+const RESPONSE_TOLERANCE: f64 = 0.5;
+
+/// A change is expected if it exceeds the noise of ten cycles by this factor.
+const RESPONSE_NOISES: f64 = 10.0;
 
 /// The quality of the free sensor is at least this part of the fitted one.
 const LEAST_QUALITY_PART: f64 = 0.3;
@@ -45,6 +56,22 @@ pub enum ContactSenseFault {
         /// The frequency, Hz.
         frequency_hz: f64,
         /// Deviation from the nearest resonance within the drift, percent.
+        percent: f64,
+        /// Largest deviation, percent.
+        limit_percent: f64,
+    },
+    /// The readings of the clear probe do not follow the frequency.
+    #[error(
+        "contact sense: from {from_hz:.3} Hz to {to_hz:.3} Hz the impedance of the clear probe changes \
+         otherwise than the last no-load resonance says, by {percent:.0} % of that change, where at most \
+         {limit_percent:.0} % are allowed"
+    )]
+    NoResponse {
+        /// The first frequency, Hz.
+        from_hz: f64,
+        /// The second one, Hz.
+        to_hz: f64,
+        /// Deviation of the change from the expected one, percent.
         percent: f64,
         /// Largest deviation, percent.
         limit_percent: f64,
@@ -99,39 +126,89 @@ pub enum TouchRefusal {
         /// Its standard deviation, Hz.
         sigma_hz: f64,
     },
+    /// The surface was not where the search had found it, so that the depth is not known.
+    #[error("{0}")]
+    Slipped(Slip),
     /// What was measured next does not agree with it.
     #[error("it is contradicted by what was measured next: {0}")]
     Contradicted(Box<Fault>),
 }
 
-/// Holds the impedance of the clear probe against the last no-load resonance.
+/// An impedance, ohm, at a frequency, Hz.
+type Point = (f64, Impedance);
+
+/// Holds the readings of the clear probe against the last no-load resonance: their impedance, and how it
+/// follows the frequency. The last reading is the baseline; its impedance is returned, or `None` if the
+/// analyzer flagged it.
 pub(crate) fn check_free(
     no_load: &Resonance,
-    frequency_hz: f64,
-    measured: Impedance,
-) -> Result<(), ContactSenseFault> {
+    readings: &[Reading],
+) -> Result<Option<Impedance>, ContactSenseFault> {
+    let valid = |reading: &Reading| match reading.measured {
+        PointResult::Value(impedance) => Some((reading.frequency_hz, impedance)),
+        _ => None,
+    };
+    let Some(baseline) = readings.last().and_then(valid) else { return Ok(None) };
+    let other = readings.iter().filter_map(valid).rfind(|(hz, _)| *hz != baseline.0);
+    if let Some(other) = other {
+        check_alive(no_load, baseline.0, other.1, baseline.1)?;
+    }
+    let points: Vec<Point> = other.into_iter().chain([baseline]).collect();
+    // The worst deviation of the readings from a possible free sensor, and that of their difference.
+    let compare = |circuit: Circuit| {
+        let expected = |hz: f64| {
+            let expected = circuit.impedance_ohm(hz);
+            Impedance { resistance_ohm: expected.re, reactance_ohm: expected.im }
+        };
+        let deviation = |(hz, measured): &Point| {
+            less(*measured, expected(*hz)).magnitude_ohm() / expected(*hz).magnitude_ohm()
+        };
+        let worst = points.iter().map(deviation).fold(0.0, f64::max);
+        let response = other.map_or(0.0, |(hz, one)| {
+            let change = less(expected(baseline.0), expected(hz));
+            let measured = less(baseline.1, one);
+            let noise = RESPONSE_NOISES * no_load.noise_at_ten_cycles;
+            let noise_ohm = noise * expected(baseline.0).magnitude_ohm();
+            less(measured, change).magnitude_ohm() / change.magnitude_ohm().max(noise_ohm)
+        });
+        (worst, response)
+    };
+    let compared: Vec<(f64, f64)> = free_sensors(no_load).map(compare).collect();
+    let least = compared.iter().map(|(worst, _)| *worst).fold(f64::INFINITY, f64::min);
+    if FREE_TOLERANCE < least {
+        let (percent, limit_percent) = (100.0 * least, 100.0 * FREE_TOLERANCE);
+        let frequency_hz = baseline.0;
+        return Err(ContactSenseFault::NotFree { frequency_hz, percent, limit_percent });
+    }
+    let fitting = compared.iter().filter(|(worst, _)| *worst <= FREE_TOLERANCE);
+    let least = fitting.map(|(_, response)| *response).fold(f64::INFINITY, f64::min);
+    if let Some((from_hz, _)) = other.filter(|_| RESPONSE_TOLERANCE < least) {
+        let (percent, limit_percent) = (100.0 * least, 100.0 * RESPONSE_TOLERANCE);
+        let to_hz = baseline.0;
+        return Err(ContactSenseFault::NoResponse { from_hz, to_hz, percent, limit_percent });
+    }
+    Ok(Some(baseline.1))
+}
+
+fn less(one: Impedance, other: Impedance) -> Impedance {
+    Impedance {
+        resistance_ohm: one.resistance_ohm - other.resistance_ohm,
+        reactance_ohm: one.reactance_ohm - other.reactance_ohm,
+    }
+}
+
+/// The free sensor as it may be now: its resonance within the drift, its quality within its uncertainty.
+fn free_sensors(no_load: &Resonance) -> impl Iterator<Item = Circuit> {
     let circuit = no_load.circuit();
     let sigma_q = no_load.covariance[1][1].max(0.0).sqrt();
-    let deviation = |(step, q): (i32, f64)| {
-        let moved = 1.0 + FREE_MOVE * f64::from(step) / f64::from(FREE_STEPS);
-        let resonance_hz = circuit.resonance_hz * moved;
-        let expected = Circuit { resonance_hz, q, ..circuit }.impedance_ohm(frequency_hz);
-        let difference =
-            (measured.resistance_ohm - expected.re).hypot(measured.reactance_ohm - expected.im);
-        difference / expected.re.hypot(expected.im)
-    };
     // The quality of a short sweep is known to some ten percent only.
     let qualities = [-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0]
         .map(|sigmas: f64| sigmas.mul_add(sigma_q, circuit.q).max(LEAST_QUALITY_PART * circuit.q));
-    let least = (-FREE_STEPS..=FREE_STEPS)
-        .flat_map(|step| qualities.map(|q| (step, q)))
-        .map(deviation)
-        .fold(f64::INFINITY, f64::min);
-    if least <= FREE_TOLERANCE {
-        return Ok(());
-    }
-    let (percent, limit_percent) = (100.0 * least, 100.0 * FREE_TOLERANCE);
-    Err(ContactSenseFault::NotFree { frequency_hz, percent, limit_percent })
+    (-FREE_STEPS..=FREE_STEPS).flat_map(move |step| {
+        let moved = 1.0 + FREE_MOVE * f64::from(step) / f64::from(FREE_STEPS);
+        let resonance_hz = circuit.resonance_hz * moved;
+        qualities.map(|q| Circuit { resonance_hz, q, ..circuit })
+    })
 }
 
 /// Refuses two readings of a noisy analyzer that are equal in every digit.
@@ -220,9 +297,11 @@ impl Neighbours {
     /// The last touch, refused, if a fault contradicts it: it is unknown since when the contact
     /// sense or the position has been wrong.
     pub(crate) fn contradicted_by(&mut self, fault: &Fault) -> Option<TouchResult> {
-        use ContactSenseFault::{Frozen, NotFree, ReferenceMoved, SurfaceMoved};
+        use ContactSenseFault::{Frozen, NoResponse, NotFree, ReferenceMoved, SurfaceMoved};
         let is_contradiction = match fault {
-            Fault::ContactSense(NotFree { .. } | Frozen { .. } | ReferenceMoved { .. }) => true,
+            Fault::ContactSense(
+                NotFree { .. } | NoResponse { .. } | Frozen { .. } | ReferenceMoved { .. },
+            ) => true,
             Fault::ContactSense(SurfaceMoved { .. })
             | Fault::NoContact { .. }
             | Fault::ContactTooEarly { .. }

@@ -221,6 +221,12 @@ pub enum Event {
         /// Every position tried, with its reading.
         trail: Vec<(Position<Mm>, Reading)>,
     },
+    /// After a sweep in contact the surface was looked for again.
+    SurfaceChecked {
+        /// Every position, with its reading: above the surface, then below it. If the probe seemed to
+        /// touch above it, the clear probe and the place above it once more come in between.
+        trail: Vec<(Position<Mm>, Reading)>,
+    },
     /// A sweep is done.
     SweepFinished(Box<FinishedSweep>),
     /// A touch is done and the probe is clear.

@@ -25,6 +25,7 @@ mod operation;
 mod recovery;
 mod run;
 mod search;
+mod slip;
 mod sweep;
 mod touch;
 
@@ -40,3 +41,4 @@ pub use fault::{Device, Failure, FailureKind, Fault};
 pub use interlock::{Interlock, InterlockError};
 pub use operation::{Operation, OperationId, Report};
 pub use search::{Search, SearchStep, Surface};
+pub use slip::Slip;

@@ -1,6 +1,6 @@
 //! Replays a plan, one step at a time.
 
-use rig_model::{Clearance, PointResult, RigLimits, RigTime, Window};
+use rig_model::{Clearance, RigLimits, RigTime, Window};
 use rig_protocol::{Action, Plan, Pose, Prompt};
 use rig_resonance::{FitOutcome, Prior, Resonance};
 
@@ -170,11 +170,8 @@ fn confirming(event: &MachineEvent, no_load: Option<&Resonance>) -> MachineStep<
         return MachineStep::Fault(event.out_of_order("the end of a run"));
     };
     // A reading that the analyzer flags says nothing against the touch.
-    let Some(PointResult::Value(measured)) = readings.last().map(|last| last.measured) else {
-        return MachineStep::Done(());
-    };
-    match check_free(no_load, no_load.resonance_hz, measured) {
-        Ok(()) => MachineStep::Done(()),
+    match check_free(no_load, readings) {
+        Ok(_) => MachineStep::Done(()),
         Err(fault) => MachineStep::Fault(Fault::ContactSense(fault)),
     }
 }

@@ -161,7 +161,7 @@ impl Search {
 }
 
 /// Change of the impedance relative to the baseline.
-fn relative_change(baseline: Impedance, now: Impedance) -> f64 {
+pub(crate) fn relative_change(baseline: Impedance, now: Impedance) -> f64 {
     let change = Impedance {
         resistance_ohm: now.resistance_ohm - baseline.resistance_ohm,
         reactance_ohm: now.reactance_ohm - baseline.reactance_ohm,
@@ -183,6 +183,7 @@ mod tests {
         contact_threshold: 0.1,
         settle_s: 0.1,
         cycles: 10,
+        slip_mm: 0.05,
     };
 
     fn impedance(resistance_ohm: f64) -> Impedance {

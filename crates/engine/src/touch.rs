@@ -1,9 +1,10 @@
 //! One touch, from clear to clear.
 //!
 //! ```text
-//! rotate ─▶ baseline ─▶ declare ─▶ search ─▶ declare ─▶ indent ─▶ dwell ─▶ sweep ─▶ retract ─▶ done
-//!           (clear)     (intent    (down in  (intent                         │ ▲
-//!                       on disk)   steps)    on disk)                        └─┘ once more if refused
+//! rotate ─▶ baseline ─▶ declare ─▶ search ─▶ declare ─▶ indent ─▶ dwell ─▶ sweep ─▶ check ─▶ retract ─▶ done
+//!           (clear)     (intent    (down in  (intent                       │ ▲     (surface
+//!                       on disk)   steps)    on disk)                      └─┘      still there)
+//!                                                              once more if refused
 //! ```
 //!
 //! Every failure ends in a [`Fault`]; the engine then stops, retracts and latches.
@@ -11,23 +12,28 @@
 use std::time::Duration;
 
 use rig_model::{
-    Clearance, Deg, Impedance, Mm, PointResult, Position, Reading, SweepPoint, Window,
+    Clearance, Deg, Impedance, Mm, PointResult, Position, Reading, RigLimits, SweepPoint, Window,
 };
 use rig_protocol::{Approach, Plan, StepId, Touch};
 use rig_resonance::{FitOutcome, Prior, Resonance, flagged};
 
 use crate::{
-    Contact, ContactSenseFault, Fault, LoweringPurpose, Operation, SweepPurpose, TouchOutcome,
-    TouchRefusal, TouchResult,
-    contact_sense::{check_alive, check_free, check_shift, check_surface},
+    Contact, ContactSenseFault, Event, Fault, LoweringPurpose, Operation, SweepPurpose,
+    TouchOutcome, TouchRefusal, TouchResult,
+    contact_sense::{TEST_LINEWIDTHS, check_alive, check_free, check_shift, check_surface},
     machine::{MachineContext, MachineEvent, MachineStep},
     search::{Search, SearchStep, Surface},
+    slip::{SlipCheck, SlipStep},
     sweep::{DRIFT, Sweep, SweepStep},
 };
 
 /// The baseline is read after this many time constants of the ring-down, so that the residual
 /// transient (e⁻⁸ = 0.03 %) is far below any contact threshold.
 const BASELINE_TIME_CONSTANTS: f64 = 8.0;
+
+/// The reading of the self-test before it waits for this many, to e⁻³ = 5 % of the vibration at the
+/// resonance, which is within what the self-test allows.
+const TEST_TIME_CONSTANTS: f64 = 3.0;
 
 /// After the probe has left the sample, the vibration decays for this many time constants, to e⁻⁵ =
 /// 0.7 % of the change by the contact.
@@ -45,6 +51,8 @@ pub(crate) struct TouchMachine {
     rotary: Position<Deg>,
     /// How much higher than expected the touches before found the surface of this sample, mm.
     offset_mm: Option<f64>,
+    /// The impedance of the clear probe before the search.
+    baseline: Option<Impedance>,
     phase: Phase,
 }
 
@@ -52,12 +60,13 @@ pub(crate) struct TouchMachine {
 enum Phase {
     Rotating,
     Baseline,
-    Declaring { baseline: Impedance },
+    Declaring,
     Searching(Search),
     DeclaringIndentation { surface: Surface },
     Indenting { surface: Surface },
     Dwelling(Contact),
     Sweeping { contact: Contact, sweep: Box<Sweep>, retries_left: u32 },
+    Checking { check: SlipCheck, contact: Contact, loaded: Box<Resonance> },
     Retracting(Box<TouchOutcome>),
 }
 
@@ -69,7 +78,8 @@ impl TouchMachine {
         offset_mm: Option<f64>,
     ) -> Self {
         let rotary = touch.pose.direction.rotary_position(touch.pose.angle);
-        Self { step, touch, no_load: *no_load, rotary, offset_mm, phase: Phase::Rotating }
+        let (no_load, baseline) = (*no_load, None);
+        Self { step, touch, no_load, rotary, offset_mm, baseline, phase: Phase::Rotating }
     }
 
     pub(crate) fn advance(
@@ -82,18 +92,15 @@ impl TouchMachine {
             (Phase::Rotating, MachineEvent::RotaryAt(read_back)) => {
                 self.rotary = read_back;
                 self.phase = Phase::Baseline;
-                self.listen(BASELINE_TIME_CONSTANTS * self.time_constant_s(), context)
+                MachineStep::Do(listen_clear(&self.no_load, context.plan))
             }
             (Phase::Baseline, MachineEvent::Readings(readings)) => {
-                let last = readings.last().map(|last| last.measured);
-                let Some(PointResult::Value(baseline)) = last else {
-                    let here = context.limits.linear.rest_target().position();
-                    let trail = readings.iter().map(|reading| (here, *reading)).collect();
-                    return self.unreadable(trail, context);
-                };
-                self.declare_search(baseline, context)
+                self.declare_search(&readings, context)
             }
-            (&mut Phase::Declaring { baseline }, MachineEvent::Declared) => {
+            (Phase::Declaring, MachineEvent::Declared) => {
+                let Some(baseline) = self.baseline else {
+                    return MachineStep::Fault(MachineEvent::Declared.out_of_order("a search"));
+                };
                 let approach = self.approach(context);
                 let (search, step) = Search::begin(approach, self.expected(context), baseline);
                 self.phase = Phase::Searching(search);
@@ -129,6 +136,7 @@ impl TouchMachine {
                 let step = sweep.measured(context.now, &readings, context.notes);
                 self.swept(step, context)
             }
+            (Phase::Checking { .. }, event) => self.check(&event, context),
             (Phase::Retracting(outcome), MachineEvent::LinearAt(_))
                 if context.clearance == Clearance::Clear =>
             {
@@ -160,27 +168,28 @@ impl TouchMachine {
         context.retract()
     }
 
-    /// Time constant of the ring-down of the free sensor, s.
-    fn time_constant_s(&self) -> f64 {
-        time_constant_s(&self.no_load)
-    }
-
     /// Expected position of the surface at this pose.
     fn expected(&self, context: &MachineContext<'_>) -> Position<Mm> {
         let pose = self.touch.pose;
         context.limits.geometry.surface_at(pose.direction, pose.angle)
     }
 
-    /// Declares the search, if the baseline is that of a free sensor.
+    /// Declares the search, if the readings of the clear probe are those of a free sensor.
     fn declare_search(
         &mut self,
-        baseline: Impedance,
-        context: &MachineContext<'_>,
+        readings: &[Reading],
+        context: &mut MachineContext<'_>,
     ) -> MachineStep<TouchResult> {
-        if let Err(fault) = check_free(&self.no_load, self.no_load.resonance_hz, baseline) {
-            return MachineStep::Fault(Fault::ContactSense(fault));
+        match check_free(&self.no_load, readings) {
+            Ok(Some(baseline)) => self.baseline = Some(baseline),
+            Ok(None) => {
+                let here = context.limits.linear.rest_target().position();
+                let trail = readings.iter().map(|reading| (here, *reading)).collect();
+                return self.unreadable(trail, context);
+            }
+            Err(fault) => return MachineStep::Fault(Fault::ContactSense(fault)),
         }
-        self.phase = Phase::Declaring { baseline };
+        self.phase = Phase::Declaring;
         let down_to = Search::floor(&self.approach(context), self.expected(context));
         MachineStep::Declare { down_to, purpose: LoweringPurpose::FindSurface }
     }
@@ -195,11 +204,15 @@ impl TouchMachine {
 
     /// Reads the impedance at the no-load resonance, where a contact changes it most.
     fn listen(&self, settle_s: f64, context: &MachineContext<'_>) -> MachineStep<TouchResult> {
-        let frequency_hz = self.no_load.resonance_hz;
-        let cycles = context.plan.touch.approach.cycles;
-        let point = SweepPoint { frequency_hz, settle_s, cycles };
-        let level = context.plan.contact_sweep.level;
-        MachineStep::Do(Operation::Measure { points: vec![point], level })
+        let points = vec![point(&self.no_load, 0.0, settle_s, context.plan)];
+        MachineStep::Do(Operation::Measure { points, level: context.plan.contact_sweep.level })
+    }
+
+    /// Settling of a reading of a search, s.
+    fn settle_s(&self, is_after_contact: bool, context: &MachineContext<'_>) -> f64 {
+        let settle_s = context.plan.touch.approach.settle_s;
+        let decay_s = AFTER_CONTACT_TIME_CONSTANTS * time_constant_s(&self.no_load);
+        if is_after_contact { settle_s.max(decay_s) } else { settle_s }
     }
 
     /// Carries out the next step of the search.
@@ -212,11 +225,7 @@ impl TouchMachine {
         match step {
             SearchStep::MoveTo(position) => context.move_linear(position, speed_mm_per_s),
             SearchStep::Read { is_after_contact } => {
-                let mut settle_s = context.plan.touch.approach.settle_s;
-                if is_after_contact {
-                    settle_s = settle_s.max(AFTER_CONTACT_TIME_CONSTANTS * self.time_constant_s());
-                }
-                self.listen(settle_s, context)
+                self.listen(self.settle_s(is_after_contact, context), context)
             }
             SearchStep::Found(surface) => {
                 let tolerance_mm = context.limits.geometry.surface_tolerance_mm;
@@ -284,7 +293,7 @@ impl TouchMachine {
             SweepStep::Finished(sweep) => {
                 let outcome = match sweep.outcome {
                     FitOutcome::Accepted(loaded) => match check_shift(&self.no_load, &loaded) {
-                        Ok(()) => TouchOutcome::Measured { contact, loaded },
+                        Ok(()) => return self.check_slip(contact, &loaded, context),
                         Err(refusal) => TouchOutcome::Refused { contact: Some(contact), refusal },
                     },
                     FitOutcome::Refused(_) if retries_left > 0 => {
@@ -295,10 +304,89 @@ impl TouchMachine {
                         TouchOutcome::Refused { contact: Some(contact), refusal }
                     }
                 };
-                self.phase = Phase::Retracting(Box::new(outcome));
-                context.retract()
+                self.retract(outcome, context)
             }
         }
+    }
+
+    /// Looks for the surface again after an accepted sweep, if the protocol asks for it.
+    fn check_slip(
+        &mut self,
+        contact: Contact,
+        loaded: &Resonance,
+        context: &mut MachineContext<'_>,
+    ) -> MachineStep<TouchResult> {
+        let approach = context.plan.touch.approach;
+        let Some(baseline) = self.baseline.filter(|_| 0.0 < approach.slip_mm) else {
+            return self.retract(TouchOutcome::Measured { contact, loaded: *loaded }, context);
+        };
+        let (check, step) = SlipCheck::begin(contact.surface, approach, baseline);
+        self.phase = Phase::Checking { check, contact, loaded: Box::new(*loaded) };
+        self.follow_check(step, context)
+    }
+
+    /// Takes an event of the check of the surface.
+    fn check(
+        &mut self,
+        event: &MachineEvent,
+        context: &mut MachineContext<'_>,
+    ) -> MachineStep<TouchResult> {
+        let step = match (&mut self.phase, event) {
+            (Phase::Checking { check, .. }, MachineEvent::LinearAt(read_back)) => {
+                check.arrived(*read_back)
+            }
+            (Phase::Checking { check, .. }, MachineEvent::Readings(readings)) => {
+                let read = |_, one: &Reading| check.read(*one, &self.no_load);
+                readings.iter().fold(SlipStep::Flagged, read)
+            }
+            (_, event) => {
+                return MachineStep::Fault(event.out_of_order("a check of the surface"));
+            }
+        };
+        self.follow_check(step, context)
+    }
+
+    fn follow_check(
+        &mut self,
+        step: SlipStep,
+        context: &mut MachineContext<'_>,
+    ) -> MachineStep<TouchResult> {
+        let Phase::Checking { check, contact, loaded } = &self.phase else {
+            return MachineStep::Fault(MachineEvent::Begin.out_of_order("a check of the surface"));
+        };
+        let RigLimits { motion, .. } = context.limits;
+        let refusal = match step {
+            SlipStep::Up(to) => return context.move_linear(to, motion.travel_speed_mm_per_s),
+            SlipStep::Down(to) => return context.move_linear(to, motion.contact_speed_mm_per_s),
+            SlipStep::Read { is_after_contact } => {
+                return self.listen(self.settle_s(is_after_contact, context), context);
+            }
+            SlipStep::Finished(Ok(())) => None,
+            SlipStep::Finished(Err(slip)) => Some(TouchRefusal::Slipped(slip)),
+            SlipStep::Flagged => {
+                let readings: Vec<Reading> = check.trail().iter().map(|(_, one)| *one).collect();
+                let Some(refusal) = flagged(&readings) else {
+                    return MachineStep::Fault(Fault::MissingReadings { given: 0, asked: 1 });
+                };
+                Some(TouchRefusal::Sweep(Box::new(refusal)))
+            }
+        };
+        let (contact, loaded) = (*contact, **loaded);
+        context.notes.push(Event::SurfaceChecked { trail: check.trail().to_vec() });
+        let outcome = match refusal {
+            None => TouchOutcome::Measured { contact, loaded },
+            Some(refusal) => TouchOutcome::Refused { contact: Some(contact), refusal },
+        };
+        self.retract(outcome, context)
+    }
+
+    fn retract(
+        &mut self,
+        outcome: TouchOutcome,
+        context: &MachineContext<'_>,
+    ) -> MachineStep<TouchResult> {
+        self.phase = Phase::Retracting(Box::new(outcome));
+        context.retract()
     }
 }
 
@@ -306,12 +394,22 @@ fn time_constant_s(no_load: &Resonance) -> f64 {
     no_load.q / (std::f64::consts::PI * no_load.resonance_hz)
 }
 
-/// Reads the impedance of the clear probe at the no-load resonance, after its vibration has decayed.
+/// Reads the impedance of the clear probe below the no-load resonance, as the self-test, and then at the
+/// resonance, after its vibration has decayed.
 pub(crate) fn listen_clear(no_load: &Resonance, plan: &Plan) -> Operation {
-    let (frequency_hz, cycles) = (no_load.resonance_hz, plan.touch.approach.cycles);
-    let settle_s = BASELINE_TIME_CONSTANTS * time_constant_s(no_load);
-    let point = SweepPoint { frequency_hz, settle_s, cycles };
-    Operation::Measure { points: vec![point], level: plan.contact_sweep.level }
+    let time_constant_s = time_constant_s(no_load);
+    let test_s = TEST_TIME_CONSTANTS * time_constant_s;
+    let baseline_s = BASELINE_TIME_CONSTANTS * time_constant_s;
+    let points =
+        vec![point(no_load, TEST_LINEWIDTHS, test_s, plan), point(no_load, 0.0, baseline_s, plan)];
+    Operation::Measure { points, level: plan.contact_sweep.level }
+}
+
+/// A reading this many linewidths below the no-load resonance, or at the end of the no-load window.
+fn point(no_load: &Resonance, linewidths: f64, settle_s: f64, plan: &Plan) -> SweepPoint {
+    let frequency_hz = no_load.resonance_hz * (1.0 - linewidths / no_load.q);
+    let frequency_hz = frequency_hz.max(plan.no_load_sweep.window.min_hz);
+    SweepPoint { frequency_hz, settle_s, cycles: plan.touch.approach.cycles }
 }
 
 /// Holds a reading of a search against the one before it.

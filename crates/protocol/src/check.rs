@@ -70,7 +70,18 @@ fn approach(protocol: &Protocol, faults: &mut Faults) {
     {
         faults.refuse(&keys.fine_step_mm, &ProtocolFault::FineAboveCoarse { fine, coarse });
     }
+    if let (Some(slip_mm), Some(&fine)) = (&keys.slip_mm, keys.fine_step_mm.sound()) {
+        slip_mm.check(faults, |&slip| {
+            (0.0 < slip && slip < fine).then_some(ProtocolFault::SlipBelowFine { slip, fine })
+        });
+    }
     let Some(&indentation) = protocol.touch.indentation_mm.sound() else { return };
+    if let Some(slip_mm) = &keys.slip_mm {
+        slip_mm.check(faults, |&slip| {
+            (slip > indentation)
+                .then_some(ProtocolFault::SlipAboveIndentation { slip, indentation })
+        });
+    }
     keys.coarse_step_mm.check(faults, |&coarse| {
         (coarse > indentation)
             .then_some(ProtocolFault::CoarseAboveIndentation { coarse, indentation })

@@ -51,6 +51,15 @@ pub(crate) enum ProtocolFault {
     )]
     CoarseAboveIndentation { coarse: f64, indentation: f64 },
     #[error(
+        "slip_mm = {slip} is below fine_step_mm = {fine}, to which the surface is known, and not 0"
+    )]
+    SlipBelowFine { slip: f64, fine: f64 },
+    #[error(
+        "slip_mm = {slip} is above indentation_mm = {indentation}: the check could press deeper than \
+         the touch itself"
+    )]
+    SlipAboveIndentation { slip: f64, indentation: f64 },
+    #[error(
         "fine_step_mm = {found} is below {limit} mm, the accuracy of the linear stage \
          (linear.tolerance_mm of the rig)"
     )]
@@ -130,7 +139,11 @@ impl Complaint for ProtocolFault {
             Self::UnknownSample { known, .. } => format!("it has {}", known.join(", ")),
             Self::TooDeep { limit, .. } => format!("use at most {limit}"),
             Self::FineAboveCoarse { coarse, .. } => format!("use at most {coarse}"),
-            Self::CoarseAboveIndentation { indentation, .. } => {
+            Self::SlipBelowFine { fine, .. } => {
+                format!("use at least {fine}, or 0 for no check of slip")
+            }
+            Self::SlipAboveIndentation { indentation, .. }
+            | Self::CoarseAboveIndentation { indentation, .. } => {
                 format!("use at most {indentation}")
             }
             Self::FinerThanStage { limit, .. } => format!("use at least {limit}"),

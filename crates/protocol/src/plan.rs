@@ -146,4 +146,7 @@ pub struct Approach {
     pub settle_s: f64,
     /// Whole cycles integrated at each step.
     pub cycles: u32,
+    /// After the sweep the surface must still lie within this distance of where it was found, mm;
+    /// 0 for no such check.
+    pub slip_mm: f64,
 }

@@ -87,6 +87,7 @@ pub(crate) struct ApproachKeys {
     pub(crate) contact_threshold: f64,
     pub(crate) settle_s: f64,
     pub(crate) cycles: u32,
+    pub(crate) slip_mm: Option<Setting<f64>>,
 }
 
 /// The random touches that are classified without their labels.
@@ -134,6 +135,13 @@ impl Protocol {
         self.limits.as_ref()?.max_duration_h.as_ref()
     }
 
+    /// The slip that may go unnoticed, mm.
+    fn slip_mm(&self) -> f64 {
+        let usual_mm = SLIP_PART * self.touch.indentation_mm.value;
+        let usual_mm = usual_mm.max(self.approach.fine_step_mm.value);
+        self.approach.slip_mm.as_ref().map_or(usual_mm, |slip_mm| slip_mm.value)
+    }
+
     /// The settings of the descent, for the engine.
     pub(crate) fn touch_settings(&self) -> TouchSettings {
         let ApproachKeys { contact_threshold, settle_s, cycles, .. } = self.approach;
@@ -148,6 +156,7 @@ impl Protocol {
                 contact_threshold,
                 settle_s,
                 cycles,
+                slip_mm: self.slip_mm(),
             },
         }
     }
@@ -204,7 +213,10 @@ pub(crate) fn contact_angle(degrees: f64) -> ContactAngle {
 /// Plausible depths and heights of a protocol, mm: from below the accuracy of any stage to above
 /// the thickness of any sample. A number outside is likely to be in another unit.
 const DEPTH_MM: RangeInclusive<f64> = 0.005..=50.0;
-/// The same for the steps of a search, mm.
+/// The slip that may go unnoticed if the protocol does not say, as a part of the indentation. The shift
+/// grows with the root of the depth or less, so that it is wrong by half of this at most.
+const SLIP_PART: f64 = 0.05;
+/// The same as [`DEPTH_MM`] for the steps of a search, mm.
 const STEP_MM: RangeInclusive<f64> = 0.0005..=10.0;
 
 fn touch(table: &mut Table<'_>) -> TouchKeys {
@@ -224,6 +236,7 @@ fn approach(table: &mut Table<'_>) -> ApproachKeys {
         contact_threshold: table.number("contact_threshold").range(0.001..=1.0).required().value,
         settle_s: table.number("settle_s").range(0.0..=60.0).required().value,
         cycles: table.count("cycles").range(1..=100_000).required().value,
+        slip_mm: table.number("slip_mm").range(0.0..=*STEP_MM.end()).optional(),
     }
 }
 

@@ -31,8 +31,9 @@ const ASSUMED_Q: f64 = 60.0;
 /// The first reading of each finer pass waits for this many: the contact has set it ringing.
 const AFTER_CONTACT_TIME_CONSTANTS: f64 = 5.0;
 
-/// The first reading of a touch waits for this many time constants of the ring.
-const BASELINE_TIME_CONSTANTS: f64 = 8.0;
+/// The two readings of the clear probe before a search wait together for this many time constants of the
+/// ring.
+const CLEAR_TIME_CONSTANTS: f64 = 11.0;
 
 /// Duration of an adaptive sweep in time constants: it waits for about six at each of its few
 /// decisive points, and the integrated cycles hardly count.
@@ -74,7 +75,8 @@ impl Plan {
     ///
     /// ```text
     /// no-load   rotation + no-load sweep
-    /// touch     rotation + 8 τ + way down and up at travel speed + search + dwell + contact sweep
+    /// touch     rotation + 11 τ + way down and up at travel speed + search + dwell + contact sweep
+    ///           + check of slip: 5 τ + 2 readings + its way
     /// search    readings · (settle + cycles/f + 0.04 s) + way at contact speed
     /// readings  start above/coarse step + 1, and 3 more for each finer pass, a fifth of the last
     /// sweep     uniform: points · (settle + cycles/f); adaptive: 30 τ
@@ -141,24 +143,43 @@ impl Plan {
         let clear = limits.linear.rest_target().position();
         let way_mm = clear.value() - self.touch.start(limits, pose).value();
         let travel_s = 2.0 * (way_mm / limits.motion.travel_speed_mm_per_s + MOVE_S);
-        let baseline_s = BASELINE_TIME_CONSTANTS * time_constant_s(&self.no_load_sweep);
+        let baseline_s = CLEAR_TIME_CONSTANTS * time_constant_s(&self.no_load_sweep);
         let contact_s = self.search_s(limits) + self.touch.dwell_s + sweep_s(&self.contact_sweep);
-        travel_s + baseline_s + contact_s
+        travel_s + baseline_s + contact_s + self.slip_check_s(limits)
+    }
+
+    /// Looking for the surface again after the sweep.
+    fn slip_check_s(&self, limits: &RigLimits) -> f64 {
+        let Approach { coarse_step_mm, settle_s, slip_mm, .. } = self.touch.approach;
+        if slip_mm == 0.0 {
+            return 0.0;
+        }
+        let ringing_s = AFTER_CONTACT_TIME_CONSTANTS * time_constant_s(&self.no_load_sweep);
+        let readings_s = 2.0 * self.reading_s() + (ringing_s - settle_s).max(0.0);
+        let up_mm = self.touch.indentation_mm + slip_mm + coarse_step_mm;
+        let up_s = up_mm / limits.motion.travel_speed_mm_per_s + MOVE_S;
+        let down_mm = coarse_step_mm + 2.0 * slip_mm;
+        readings_s + up_s + down_mm / limits.motion.contact_speed_mm_per_s
+    }
+
+    /// One reading of the search, with the move to its position, s.
+    fn reading_s(&self) -> f64 {
+        let Approach { settle_s, cycles, .. } = self.touch.approach;
+        settle_s + f64::from(cycles) / middle_hz(&self.no_load_sweep) + MOVE_S
     }
 
     /// Finding the surface, and the indentation.
     fn search_s(&self, limits: &RigLimits) -> f64 {
-        let Approach { start_above_mm, coarse_step_mm, fine_step_mm, settle_s, cycles, .. } =
+        let Approach { start_above_mm, coarse_step_mm, fine_step_mm, settle_s, .. } =
             self.touch.approach;
         let passes = ((coarse_step_mm / fine_step_mm).ln() / REFINEMENT.ln()).ceil();
         // A finer pass ends anywhere among its steps, each as likely.
         let readings = start_above_mm / coarse_step_mm + 1.0 + passes * 0.5 * (REFINEMENT + 1.0);
-        let reading_s = settle_s + f64::from(cycles) / middle_hz(&self.no_load_sweep) + MOVE_S;
         // Each finer pass begins a coarse step higher, to take up the backlash.
         let way_mm = start_above_mm + passes * 2.0 * coarse_step_mm + self.touch.indentation_mm;
         let ringing_s = AFTER_CONTACT_TIME_CONSTANTS * time_constant_s(&self.no_load_sweep);
         let waits_s = passes * (ringing_s - settle_s).max(0.0);
-        readings * reading_s + waits_s + way_mm / limits.motion.contact_speed_mm_per_s
+        readings * self.reading_s() + waits_s + way_mm / limits.motion.contact_speed_mm_per_s
     }
 }
 

@@ -266,7 +266,13 @@ fn the_expected_duration_is_the_sum_that_the_documentation_gives() {
         + 2.0 * (5.0 * time_constant_s - 0.1)
         + (0.8 + 2.0 * 0.2 + 0.5) / 1.0;
     let contact_s = 11.0 * (0.3 + 20.0 / 195.0);
-    let touch_s = 8.0 * time_constant_s + travel_s + search_s + 0.5 + contact_s;
+    // Up by 0.5 + 0.025 + 0.1 mm at 20 mm/s, then down by 0.1 + 2 · 0.025 mm.
+    let slip_s = 0.625 / 20.0
+        + 0.04
+        + 2.0 * (0.1 + 10.0 / 142.5 + 0.04)
+        + (5.0 * time_constant_s - 0.1)
+        + 0.15 / 1.0;
+    let touch_s = 11.0 * time_constant_s + travel_s + search_s + 0.5 + contact_s + slip_s;
 
     let found = plan_of(&text).summary(&limits()).duration_s;
     let expected = no_load_s + 2.0 * touch_s;
@@ -327,7 +333,7 @@ fn a_protocol_that_contradicts_itself_is_refused() {
         ("samples = [\"1\", \"2\"", "samples = [\"a/b\", \"2\", \"2\""),
         ("[\"front\", \"back\", \"left\"]", "[\"front\", \"left\", \"left\"]"),
         ("coarse_step_mm = 0.1", "coarse_step_mm = 0.7"),
-        ("fine_step_mm = 0.005", "fine_step_mm = 0.75"),
+        ("fine_step_mm = 0.005", "fine_step_mm = 0.75\nslip_mm = 0.6"),
         ("method = \"adaptive\"\nmin_hz = 130", "method = \"uniform\"\nmin_hz = 130"),
         ("level_v = 5\n\n# In", "level_v = 5\npoints = 11\n# In"),
         ("trials = 50", "trials = 4"),

@@ -13,10 +13,10 @@ mod seal;
 pub use chain::{Chain, ChainCheck, Flaw, StoredRecord, UnreadableRecord};
 pub use digest::{Digest, DigestPart};
 pub use record::{
-    Action, Amended, Amendment, Axis, BlackBox, Change, Circuit, Clearance, ClockJumped, Device,
-    Direction, Ending, Fault, FitNoise, FitSettings, FitTiming, Frame, GivenUp, Intent,
-    LostSurface, Move, MoveReason, NearCircuit, Operator, Phase, PlanSize, Pose, Prompt,
-    PromptAnswered, PromptAsked, ReadingFlag, ReadingRecord, Record, RefusedTouch, Resumed,
+    Action, Amended, Amendment, Axis, BlackBox, Change, CheckedSurface, Circuit, Clearance,
+    ClockJumped, Device, Direction, Ending, Fault, FitNoise, FitSettings, FitTiming, Frame,
+    GivenUp, Intent, LostSurface, Move, MoveReason, NearCircuit, Operator, Phase, PlanSize, Pose,
+    Prompt, PromptAnswered, PromptAsked, ReadingFlag, ReadingRecord, Record, RefusedTouch, Resumed,
     RunFinished, RunStarted, Sample, Source, Stalled, StateChanged, StepStarted, Surface,
     SurfaceReading, Sweep, SweepOutcome, SweepPurpose, Touch, TouchPosition, TouchSettings,
 };

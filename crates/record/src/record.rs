@@ -13,7 +13,9 @@ mod touch;
 
 use serde::{Deserialize, Serialize};
 
-pub use motion::{Axis, Intent, LostSurface, Move, MoveReason, Surface, SurfaceReading};
+pub use motion::{
+    Axis, CheckedSurface, Intent, LostSurface, Move, MoveReason, Surface, SurfaceReading,
+};
 pub use person::{Operator, Prompt, PromptAnswered, PromptAsked};
 pub use resume::{Amended, Amendment, Change, GivenUp, Resumed};
 pub use start::{Action, Device, PlanSize, RunStarted, Sample, Source, StepStarted};
@@ -46,6 +48,8 @@ pub enum Record {
     SurfaceFound(Surface),
     /// The surface of the sample was not found.
     SurfaceNotFound(LostSurface),
+    /// The surface was looked for again after the sweep of a touch.
+    SurfaceChecked(CheckedSurface),
     /// The impedance was measured over a range of frequencies.
     Sweep(Sweep),
     /// A touch gave its frequency shift.
@@ -87,6 +91,7 @@ impl Record {
             Self::Moved(_) => "moved",
             Self::SurfaceFound(_) => "surface_found",
             Self::SurfaceNotFound(_) => "surface_not_found",
+            Self::SurfaceChecked(_) => "surface_checked",
             Self::Sweep(_) => "sweep",
             Self::TouchResult(_) => "touch_result",
             Self::TouchRefused(_) => "touch_refused",

@@ -329,6 +329,7 @@ impl RunData {
             | Record::Moved(_)
             | Record::SurfaceFound(_)
             | Record::SurfaceNotFound(_)
+            | Record::SurfaceChecked(_)
             | Record::StateChanged(_)
             | Record::RunFinished(_) => {}
         }

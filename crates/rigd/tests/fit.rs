@@ -257,8 +257,9 @@ fn what_rigd_exports_it_fits_again_and_finds_the_same() {
     assert_eq!(table.len(), 1 + sweeps);
     let header = "sweep resonance, Hz ± Hz Q readings refused for";
     assert_eq!(table[0].split_whitespace().collect::<Vec<_>>().join(" "), header);
-    let outside = table.iter().filter(|line| line.ends_with("outside_window"));
-    assert_eq!(outside.count(), refused);
+    // A resonance far outside leaves nothing that could be told from a capacitor.
+    let outside = table.iter().filter(|line| line.ends_with("outside_window")).count();
+    assert!(0 < outside && outside <= refused, "{outside} of {refused}");
     let end = format!("rigd: {refused} of {sweeps} sweeps have no resonance\n");
     assert!(text(&person.stderr).starts_with(&end), "{person:?}");
 

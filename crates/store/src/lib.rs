@@ -27,12 +27,12 @@ pub use error::{SqliteError, StoreError};
 pub use journal::{Journal, Store};
 pub use reader::{Interruption, ProbeWord, Reader, intact};
 pub use rig_record::{
-    Action, Amended, Amendment, Axis, BlackBox, Chain, ChainCheck, Change, Circuit, Clearance,
-    ClockJumped, Device, Digest, Direction, Ending, Fault, FitNoise, FitSettings, FitTiming, Flaw,
-    Frame, GivenUp, Intent, LostSurface, Move, MoveReason, NearCircuit, Operator, Phase, PlanSize,
-    Pose, Prompt, PromptAnswered, PromptAsked, ReadingFlag, ReadingRecord, Record, RefusedTouch,
-    Resumed, Run, RunFinished, RunId, RunKind, RunStarted, RunStatus, Sample, Source, Stalled,
-    StateChanged, StepStarted, StoredRecord, Surface, SurfaceReading, Sweep, SweepOutcome,
+    Action, Amended, Amendment, Axis, BlackBox, Chain, ChainCheck, Change, CheckedSurface, Circuit,
+    Clearance, ClockJumped, Device, Digest, Direction, Ending, Fault, FitNoise, FitSettings,
+    FitTiming, Flaw, Frame, GivenUp, Intent, LostSurface, Move, MoveReason, NearCircuit, Operator,
+    Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, ReadingFlag, ReadingRecord, Record,
+    RefusedTouch, Resumed, Run, RunFinished, RunId, RunKind, RunStarted, RunStatus, Sample, Source,
+    Stalled, StateChanged, StepStarted, StoredRecord, Surface, SurfaceReading, Sweep, SweepOutcome,
     SweepPurpose, Touch, TouchPosition, TouchSettings,
 };
 pub use salvage::{SalvagedRun, salvage};

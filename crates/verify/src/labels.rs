@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
     finding::{Check, Findings},
-    motion::{Motion, Probe, Turn},
+    motion::{Descent, Motion, Probe, Turn},
     record::{
         Action, Outcome, Pose, Prompt, PromptAnswered, PromptAsked, StepStarted, Sweep, Touch,
         TouchResult,
@@ -35,6 +35,8 @@ struct SurfaceFacts {
     step: String,
     position_mm: f64,
     sigma_mm: f64,
+    /// The impedance at the last clear position, ohm.
+    clear: Option<[f64; 2]>,
 }
 
 /// The step under way.
@@ -63,6 +65,8 @@ pub(crate) struct Labels {
     surface: Option<SurfaceFacts>,
     /// The read-back after the indentation, mm, until the next surface.
     indented_mm: Option<f64>,
+    /// Whether the surface was still there after the sweep; `None` before it was looked for.
+    is_still_there: Option<bool>,
     /// The last reading may not begin before this, s.
     free_s: f64,
     /// The record of the result of each touch.
@@ -115,6 +119,7 @@ impl Labels {
         }
         (self.step, self.sample, self.orientation, self.reference) = (None, None, None, None);
         (self.surface, self.indented_mm, self.free_s) = (None, None, 0.0);
+        self.is_still_there = None;
         self.is_anew = true;
     }
 
@@ -163,7 +168,7 @@ impl Labels {
                 findings.add(Check::Sample, seq, what, placed, sample);
             }
         }
-        (self.surface, self.indented_mm) = (None, None);
+        (self.surface, self.indented_mm, self.is_still_there) = (None, None, None);
         self.step = Some(Step { seq, started, is_done: false });
     }
 
@@ -296,7 +301,10 @@ impl Labels {
     /// The read-back of an indentation.
     pub(crate) fn moved(&mut self, motion: &Motion, rig_us: u64, settings: Option<&Settings>) {
         self.free_s = rig_us as f64 / 1e6;
-        if motion.descent.as_ref().is_some_and(|descent| descent.what == "indent") {
+        // Later moves of the same descent look for the surface again.
+        let is_indentation =
+            |descent: &Descent| descent.what == "indent" && descent.moves.len() == 1;
+        if motion.descent.as_ref().is_some_and(is_indentation) {
             self.indented_mm = motion.linear_mm;
             self.free_s += settings.map_or(0.0, |settings| settings.protocol.touch.dwell_s);
         }

@@ -240,7 +240,8 @@ impl Motion {
         let is_retract = (target - linear.clear_mm).abs() <= ROUNDING;
         let is_first = self.descent.as_ref().is_some_and(|descent| descent.moves.is_empty());
         let is_approach = self.descent.as_ref().is_some_and(|descent| descent.what == "approach");
-        let limit = if is_retract || is_first && is_approach || target > linear.clear_mm {
+        let is_up = before.is_some_and(|before| target > before);
+        let limit = if is_retract || is_first && is_approach || is_up {
             limits.travel_speed_mm_per_s
         } else {
             limits.contact_speed_mm_per_s

@@ -13,7 +13,8 @@ pub(crate) enum Record {
     Intent(Intent),
     Moved(Moved),
     SurfaceFound(SurfaceFound),
-    SurfaceNotFound(SurfaceNotFound),
+    SurfaceNotFound(SurfaceTrail),
+    SurfaceChecked(SurfaceTrail),
     Sweep(Box<Sweep>),
     TouchResult(Box<TouchResult>),
     TouchRefused(TouchRefused),
@@ -138,7 +139,7 @@ pub(crate) struct SurfaceFound {
 }
 
 #[derive(Debug, Clone, Deserialize)]
-pub(crate) struct SurfaceNotFound {
+pub(crate) struct SurfaceTrail {
     pub(crate) step: String,
     pub(crate) pose: Pose,
     pub(crate) trail: Vec<Tried>,

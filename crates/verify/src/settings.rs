@@ -96,6 +96,17 @@ pub(crate) struct Approach {
     pub(crate) give_up_below_mm: f64,
     pub(crate) coarse_step_mm: f64,
     pub(crate) fine_step_mm: f64,
+    pub(crate) contact_threshold: f64,
+    slip_mm: Option<f64>,
+}
+
+impl Protocol {
+    /// The distance from the surface at which it is looked for again after a sweep, mm; `None` if it is
+    /// not.
+    pub(crate) fn slip_mm(&self) -> Option<f64> {
+        let usual = (self.touch.indentation_mm / 20.0).max(self.approach.fine_step_mm);
+        Some(self.approach.slip_mm.unwrap_or(usual)).filter(|slip| *slip > 0.0)
+    }
 }
 
 #[derive(Debug, Clone, Deserialize)]

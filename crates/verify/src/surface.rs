@@ -38,6 +38,56 @@ pub(crate) fn check(seq: u64, found: &SurfaceFound, protocol: &Protocol, finding
     }
 }
 
+/// The relative change of an impedance that counts as contact is compared with the clear probe here, and
+/// with the probe at the last clear position of the search by this checker: both may differ by this much,
+/// and by half of the limit.
+const THRESHOLD_SLACK: f64 = 0.03;
+
+/// Checks that the surface was looked for at the right distances after a sweep. Returns whether the
+/// readings show it still where the search `found` it.
+pub(crate) fn check_again(
+    seq: u64,
+    (surface_mm, clear): (f64, Option<[f64; 2]>),
+    trail: &[Tried],
+    protocol: &Protocol,
+    tolerance_mm: f64,
+    findings: &mut Findings,
+) -> bool {
+    let slip_mm = protocol.slip_mm().unwrap_or(f64::NAN);
+    // Where the probe seemed to touch above the surface, its impedance when clear was read anew.
+    let anew_mm = slip_mm + protocol.approach.coarse_step_mm;
+    let (asked, clear): (&[f64], _) = match trail {
+        [_, anew, ..] if trail.len() > 2 => (&[slip_mm, anew_mm, slip_mm, -slip_mm], parts(anew)),
+        [_, anew] if anew.position_mm > surface_mm => (&[slip_mm, anew_mm], None),
+        _ => (&[slip_mm, -slip_mm], clear),
+    };
+    for (tried, asked_mm) in trail.iter().zip(asked) {
+        let what = "the height at which the surface was looked for again, mm";
+        let found_mm = tried.position_mm - surface_mm;
+        findings.agree(Check::Surface, seq, what, (*asked_mm, found_mm), tolerance_mm + ROUNDING);
+    }
+    let change = |tried: &Tried| {
+        let ([re, im], [clear_re, clear_im]) = (parts(tried)?, clear?);
+        Some((re - clear_re).hypot(im - clear_im) / clear_re.hypot(clear_im))
+    };
+    let (limit, slack) = (protocol.approach.contact_threshold, THRESHOLD_SLACK);
+    let ([above, below] | [_, _, above, below]) = trail else { return false };
+    change(above).is_some_and(|change| change <= 1.5 * limit + slack)
+        && change(below).is_some_and(|change| 0.5 * limit - slack <= change)
+}
+
+/// Resistance and reactance of a reading without a flag, ohm.
+fn parts(tried: &Tried) -> Option<[f64; 2]> {
+    let reading = &tried.reading;
+    crate::fit::is_usable(reading).then_some([reading.resistance_ohm?, reading.reactance_ohm?])
+}
+
+/// The impedance at the last clear position of a search, ohm.
+pub(crate) fn clear_impedance(trail: &[Tried]) -> Option<[f64; 2]> {
+    let (clear, _) = bracket(trail)?;
+    parts(trail.iter().rfind(|tried| tried.position_mm == clear)?)
+}
+
 /// The last clear position and the contact. A search goes down from a clear position and up from a
 /// contact, so that the order of the positions says which is which; the last one is a contact.
 fn bracket(trail: &[Tried]) -> Option<(f64, f64)> {

@@ -191,8 +191,11 @@ impl Walk {
                 labels.surface_found(seq, rig_us, &found, motion, settings, findings);
             }
             Record::SurfaceNotFound(lost) => {
-                let search = (&*lost.step, &lost.pose, &*lost.trail);
+                let search = ("approach", &*lost.step, &lost.pose, &*lost.trail);
                 labels.searched(seq, rig_us, search, motion, settings, findings);
+            }
+            Record::SurfaceChecked(checked) => {
+                labels.surface_checked(seq, rig_us, &checked, motion, settings, findings);
             }
             Record::Sweep(sweep) => {
                 labels.sweep(seq, rig_us, &sweep, motion, settings, findings);

@@ -175,6 +175,9 @@ impl Socket {
             DeviceFault::Overload => self.analyzer.overload(),
             DeviceFault::BlindContact => world.set_contact_fault(now, Some(ContactFault::Blind)),
             DeviceFault::StuckContact => world.set_contact_fault(now, Some(ContactFault::Stuck)),
+            DeviceFault::StuckFrequency => {
+                world.set_contact_fault(now, Some(ContactFault::StuckFrequency));
+            }
             // These are faults of drives.
             DeviceFault::Alarm(_)
             | DeviceFault::Stall

@@ -97,6 +97,8 @@ pub enum ContactFault {
     Blind,
     /// It feels one that is not there.
     Stuck,
+    /// The drive stays at its frequency.
+    StuckFrequency,
 }
 
 /// Names of the streams of chance.
@@ -242,7 +244,8 @@ impl World {
     /// no make of analyzer promises another.
     pub fn set_frequency(&mut self, now: RigTime, frequency_hz: f64) {
         self.follow_plant(now);
-        if frequency_hz != self.plant.frequency_hz() {
+        let is_stuck = self.contact_fault == Some(ContactFault::StuckFrequency);
+        if frequency_hz != self.plant.frequency_hz() && !is_stuck {
             self.plant.set_frequency(frequency_hz);
             self.plant.turn_drive(TAU * self.drive_phase.uniform());
         }
@@ -392,7 +395,7 @@ impl World {
 
     fn circuit(&mut self, now: RigTime) -> Circuit {
         let touched = match self.contact_fault {
-            None => self.touched(now),
+            None | Some(ContactFault::StuckFrequency) => self.touched(now),
             Some(ContactFault::Blind) => None,
             Some(ContactFault::Stuck) => Some(STUCK),
         };

@@ -115,6 +115,22 @@ pub(super) const CASES: &[Case] = &[
         let place = forged.nth("surface_found", 1, any);
         change(&mut forged.records[place].payload, "/trail/2/position_mm", |mm| mm + 0.02);
     }),
+    ("a result without the surface that was looked for again", Check::Surface, |forged| {
+        let place = forged.nth("surface_checked", 1, any);
+        forged.records.remove(place);
+    }),
+    ("a result with a surface that was not there after the sweep", Check::Surface, |forged| {
+        let place = forged.nth("surface_checked", 1, any);
+        let trail = &mut forged.records[place].payload["trail"];
+        let above = trail[0]["reading"].clone();
+        for key in ["resistance_ohm", "reactance_ohm"] {
+            trail[1]["reading"][key] = above[key].clone();
+        }
+    }),
+    ("another place where the surface was looked for", Check::Surface, |forged| {
+        let place = forged.nth("surface_checked", 1, any);
+        change(&mut forged.records[place].payload, "/trail/0/position_mm", |mm| mm + 0.02);
+    }),
     ("a surface in a result that was not found", Check::Copy, |forged| {
         change(result(forged, 4), "/surface_mm", |mm| mm + 0.01);
         change(result(forged, 4), "/indentation_mm", |mm| mm + 0.01);

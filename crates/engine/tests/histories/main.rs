@@ -260,28 +260,101 @@ fn a_rig_that_was_left_by_a_crash_waits_for_a_person_and_then_retracts_first() {
     }
 }
 
-#[test]
-fn an_analyzer_that_repeats_its_last_reading_leaves_no_wrong_shift() {
+/// The touches whose shift stands at the end, with the shift.
+fn shifts(world: &World) -> Vec<(String, f64)> {
+    let mut shifts: Vec<(String, f64)> = Vec::new();
+    for event in &world.events {
+        let (Event::TouchFinished(result) | Event::TouchDoubted(result)) = event else {
+            continue;
+        };
+        shifts.retain(|(step, _)| *step != result.step.0);
+        if let TouchOutcome::Measured { loaded, .. } = &result.outcome {
+            let shift_hz = loaded.resonance_hz - result.no_load.resonance_hz;
+            shifts.push((result.step.0.clone(), shift_hz));
+        }
+    }
+    shifts
+}
+
+/// Plays the run with a trouble at each operation; no shift may be wrong. Returns how often the run
+/// noticed it.
+fn notices(trouble: Trouble) -> u32 {
     let mut undisturbed = World::new(None);
     undisturbed.play();
     let mut noticed = 0;
     for at in 4..undisturbed.operations {
-        let mut world = World::new(Some((at, Trouble::Freezes)));
+        let mut world = World::new(Some((at, trouble)));
         world.play();
-        let mut shifts: Vec<(String, f64)> = Vec::new();
-        for event in &world.events {
-            let (Event::TouchFinished(result) | Event::TouchDoubted(result)) = event else {
-                continue;
-            };
-            shifts.retain(|(step, _)| *step != result.step.0);
-            if let TouchOutcome::Measured { loaded, .. } = &result.outcome {
-                let shift_hz = loaded.resonance_hz - result.no_load.resonance_hz;
-                shifts.push((result.step.0.clone(), shift_hz));
-            }
-        }
+        let shifts = shifts(&world);
         let are_true = shifts.iter().all(|(_, hz)| (hz - (LOADED_HZ - FREE_HZ)).abs() < 0.5);
-        assert!(are_true, "frozen at operation {at}: {shifts:?}");
+        assert!(are_true, "{trouble:?} at operation {at}: {shifts:?}");
         noticed += u32::from(world.endings() != [RunStatus::Completed]);
     }
+    noticed
+}
+
+#[test]
+fn an_analyzer_that_repeats_its_last_reading_leaves_no_wrong_shift() {
+    let noticed = notices(Trouble::Freezes);
     assert!(noticed > 50, "noticed {noticed} times");
+}
+
+#[test]
+fn an_analyzer_that_keeps_its_frequency_is_noticed_before_the_approach() {
+    let noticed = notices(Trouble::StaysAtFrequency);
+    assert!(noticed > 50, "noticed {noticed} times");
+    // From the self-test on. A sensor of weak coupling changes little from one frequency to the other.
+    for (ratio, said) in
+        [(0.05, "the impedance of the clear probe is"), (0.004, "changes otherwise")]
+    {
+        let mut world = World::new(None);
+        world.ratio = ratio;
+        world.play_until(|world| {
+            matches!(&world.in_flight, Some((_, Operation::Measure { points, .. })) if points.len() == 2)
+        });
+        world.measured_hz = (FREE_HZ, true);
+        while world.engine.snapshot().state != RigState::Latched {
+            world.step();
+        }
+        let cause = world.engine.snapshot().fault.unwrap().to_string();
+        assert!(cause.starts_with("contact sense: ") && cause.contains(said), "{ratio}: {cause}");
+        let is_lowered = |event: &Event| matches!(event, Event::Intent { .. });
+        assert!(!world.events.iter().any(is_lowered), "{ratio}: {:?}", world.events);
+    }
+}
+
+#[test]
+fn steps_lost_anywhere_leave_no_touch_at_a_wrong_depth() {
+    let mut undisturbed = World::new(None);
+    undisturbed.play();
+    let mut told = 0;
+    for slip_mm in [0.04, -0.04, 0.1, -0.1, 0.4, -0.4] {
+        for at in 4..undisturbed.operations {
+            let mut world = World::new(Some((at, Trouble::Slips(slip_mm))));
+            world.play();
+            for (step, _) in shifts(&world) {
+                let depth_mm = world.depths_mm[&step];
+                // What may go unnoticed, and half of a fine step.
+                let is_right = (depth_mm - 0.5).abs() <= 0.025 + 0.0025 + 1e-9;
+                assert!(is_right, "{slip_mm} mm at operation {at}: {step} at {depth_mm} mm");
+            }
+            let is_slip = |why: &String| why.starts_with("after the sweep the probe");
+            told += world.refused().iter().filter(|why| is_slip(why)).count();
+        }
+    }
+    assert!(told > 50, "told {told} times");
+}
+
+#[test]
+fn a_free_resonance_that_drifts_during_a_touch_is_no_slip() {
+    let mut world = World::new(None);
+    // 0.3 Hz, a tenth of the linewidth, in a touch of some 6 s with its dwell.
+    world.drift_hz_per_s = 0.05;
+    world.play();
+    assert_eq!(world.endings(), [RunStatus::Completed], "{:?}", world.refused());
+    let read_anew = |event: &&Event| match event {
+        Event::SurfaceChecked { trail } => trail.len() == 4,
+        _ => false,
+    };
+    assert!(world.events.iter().any(|event| read_anew(&event)), "the drift was not seen");
 }

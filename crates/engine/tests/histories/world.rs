@@ -1,6 +1,6 @@
 //! An ideal bench that plays a run with one trouble at one moment, and checks each operation.
 
-use std::{f64::consts::TAU, time::Duration};
+use std::{collections::BTreeMap, f64::consts::TAU, time::Duration};
 
 use rig_engine::{
     Admitted, Command, Device, Effect, Engine, Event, Failure, FailureKind, Input, Operation,
@@ -71,6 +71,7 @@ pub(crate) fn plan() -> Plan {
                 contact_threshold: 0.1,
                 settle_s: 0.1,
                 cycles: 10,
+                slip_mm: 0.025,
             },
         },
         no_load_sweep: sweep(125.0, 160.0),
@@ -108,6 +109,10 @@ pub(crate) enum Trouble {
     Drive(DriveTrouble),
     /// The analyzer repeats its last reading from here on, whatever it is asked.
     Freezes,
+    /// The linear stage loses steps: from here on the probe is higher than it says by this, mm.
+    Slips(f64),
+    /// The analyzer keeps its last frequency from here on.
+    StaysAtFrequency,
 }
 
 /// An ideal bench, with its own idea of where things are.
@@ -136,6 +141,17 @@ pub(crate) struct World {
     pub(crate) last_read: Option<PointResult>,
     /// The impedance that a frozen analyzer repeats.
     pub(crate) frozen: Option<PointResult>,
+    /// Drift of the resonance, Hz/s.
+    pub(crate) drift_hz_per_s: f64,
+    /// C₁/C₀ of the sensor.
+    pub(crate) ratio: f64,
+    /// Height of the probe above what the linear stage says, mm.
+    pub(crate) slip_mm: f64,
+    /// The true depth of the last sweep, mm, and that of each finished touch.
+    pub(crate) pressed_mm: f64,
+    pub(crate) depths_mm: BTreeMap<String, f64>,
+    /// The frequency that the analyzer measured at last, and whether it keeps it, Hz.
+    pub(crate) measured_hz: (f64, bool),
     /// When the first fault was noted.
     pub(crate) faulted_at: Option<RigTime>,
 }
@@ -160,6 +176,12 @@ impl World {
             abandoned: None,
             last_read: None,
             frozen: None,
+            drift_hz_per_s: 0.0,
+            ratio: 0.05,
+            slip_mm: 0.0,
+            pressed_mm: f64::NAN,
+            depths_mm: BTreeMap::new(),
+            measured_hz: (FREE_HZ, false),
             faulted_at: None,
         }
     }
@@ -185,6 +207,9 @@ impl World {
                     }
                     if matches!(event, Event::Faulted { .. }) {
                         self.faulted_at.get_or_insert(self.now);
+                    }
+                    if let Event::TouchFinished(touch) = &event {
+                        self.depths_mm.insert(touch.step.0.clone(), self.pressed_mm);
                     }
                     self.events.push(event);
                 }
@@ -221,7 +246,10 @@ impl World {
             Operation::MoveLinear { target, .. } => {
                 assert!(!self.is_lost, "moved from where it cannot be");
                 let target_mm = target.position().value();
-                assert!(target_mm >= SURFACE_MM - 0.61, "too deep: {target_mm}");
+                assert!(
+                    target_mm + self.slip_mm.max(0.0) >= SURFACE_MM - 0.61,
+                    "too deep: {target_mm}"
+                );
                 assert!(target_mm >= REST_MM || self.is_intent_durable, "no durable intent");
             }
             _ => {}
@@ -244,17 +272,18 @@ impl World {
         let trouble = trouble.or(then);
         self.operations += 1;
         self.now = self.now + std::time::Duration::from_millis(100);
-        if trouble == Some(Trouble::Freezes) {
-            self.frozen = self.last_read;
-        }
-        if let Some(Trouble::Drive(trouble)) = trouble {
-            self.drive = Some(Drive::new(trouble, self.now));
-        }
+        self.let_last(trouble);
         if let Some(answer) = Drive::answer(self, &operation) {
             return self.handle(Input::Done(id, answer));
         }
         match trouble {
-            None | Some(Trouble::Drive(_) | Trouble::Freezes) => {}
+            None
+            | Some(
+                Trouble::Drive(_)
+                | Trouble::Freezes
+                | Trouble::Slips(_)
+                | Trouble::StaysAtFrequency,
+            ) => {}
             Some(Trouble::Fails) => return self.fail(id, FailureKind::Line),
             Some(Trouble::Loses) => {
                 self.is_lost = true;
@@ -302,6 +331,17 @@ impl World {
         }
         let report = self.perform(&operation);
         self.handle(Input::Done(id, Ok(report)));
+    }
+
+    /// A trouble that lasts from here on.
+    fn let_last(&mut self, trouble: Option<Trouble>) {
+        match trouble {
+            Some(Trouble::Freezes) => self.frozen = self.last_read,
+            Some(Trouble::Slips(slip_mm)) => self.slip_mm = slip_mm,
+            Some(Trouble::StaysAtFrequency) => self.measured_hz.1 = true,
+            Some(Trouble::Drive(trouble)) => self.drive = Some(Drive::new(trouble, self.now)),
+            _ => {}
+        }
     }
 
     /// The host is held up, and a measurement that is under way is nonsense.
@@ -358,6 +398,9 @@ impl World {
             Operation::MoveLinear { target, .. } => self.linear_mm = target.position().value(),
             Operation::MoveRotary { target, .. } => self.rotary_deg = target.position().value(),
             Operation::Measure { points, .. } => {
+                if points.len() > 2 {
+                    self.pressed_mm = self.surface_mm() - self.linear_mm - self.slip_mm;
+                }
                 return Report::Measured(points.iter().map(|point| self.reading(point)).collect());
             }
             Operation::StopMotion | Operation::FindLinear { .. } => {}
@@ -372,17 +415,26 @@ impl World {
         1e-3 * ((self.random >> 11) as f64 / (1_u64 << 52) as f64 - 1.0)
     }
 
+    /// Position of the linear stage at which the probe touches.
+    fn surface_mm(&self) -> f64 {
+        SURFACE_MM + 0.5 / self.rotary_deg.to_radians().cos() - 0.5
+    }
+
     /// The impedance of a Butterworth–Van Dyke circuit, whose resonance jumps on contact.
     pub(crate) fn reading(&mut self, point: &SweepPoint) -> Reading {
-        let tilt = self.rotary_deg.to_radians();
-        let surface_mm = SURFACE_MM + 0.5 / tilt.cos() - 0.5;
-        let resonance_hz = if self.linear_mm <= surface_mm { LOADED_HZ } else { FREE_HZ };
-        let (q, c0, ratio) = (50.0, 27e-9, 0.05);
-        let u = point.frequency_hz / resonance_hz;
+        let is_touching = self.linear_mm + self.slip_mm <= self.surface_mm();
+        let drifted_hz = self.drift_hz_per_s * self.now.as_micros() as f64 * 1e-6;
+        let resonance_hz = drifted_hz + if is_touching { LOADED_HZ } else { FREE_HZ };
+        if !self.measured_hz.1 {
+            self.measured_hz.0 = point.frequency_hz;
+        }
+        let frequency_hz = self.measured_hz.0;
+        let (q, c0, ratio) = (50.0, 27e-9, self.ratio);
+        let u = frequency_hz / resonance_hz;
         let (real, imaginary) = (1.0 - u * u, u / q);
         let norm = real * real + imaginary * imaginary;
         // Y = jωC₀ (1 + m/(1 − u² + ju/Q)), Z = 1/Y.
-        let omega_c0 = TAU * point.frequency_hz * c0;
+        let omega_c0 = TAU * frequency_hz * c0;
         let (a, b) = (1.0 + ratio * real / norm, -ratio * imaginary / norm);
         let (g, s) = (-omega_c0 * b, omega_c0 * a);
         let size = g * g + s * s;

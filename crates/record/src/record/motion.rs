@@ -91,6 +91,18 @@ pub struct LostSurface {
     pub trail: Vec<SurfaceReading>,
 }
 
+/// After the sweep of a touch the surface was looked for again, so that lost steps are found.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CheckedSurface {
+    /// Address of the step.
+    pub step: String,
+    /// Pose of the sample.
+    pub pose: Pose,
+    /// The positions above and below the surface found, with their readings, in order. If the probe
+    /// seemed to touch above it, the clear probe and the place above it once more come in between.
+    pub trail: Vec<SurfaceReading>,
+}
+
 /// A position of the search for the surface.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SurfaceReading {

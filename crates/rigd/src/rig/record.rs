@@ -159,24 +159,13 @@ impl Recorder {
             &Event::RotaryMoved { target, read_back } => {
                 moved(store::Axis::RotaryDeg, target.value(), read_back.value(), false)
             }
-            Event::SurfaceFound { position, sigma_mm, trail } => {
-                Record::SurfaceFound(store::Surface {
-                    step: self.step_id()?,
-                    pose: self.pose()?,
-                    position_mm: position.value(),
-                    sigma_mm: *sigma_mm,
-                    trail: trail.iter().map(tried).collect(),
-                })
-            }
+            Event::SurfaceFound { .. }
+            | Event::SurfaceNotFound { .. }
+            | Event::SurfaceChecked { .. } => self.search(event)?,
             // Watched while it happens; the journal has the sweep when it is finished.
             Event::Planned { .. } | Event::SweepBegun { .. } | Event::Measured { .. } => {
                 return None;
             }
-            Event::SurfaceNotFound { trail } => Record::SurfaceNotFound(store::LostSurface {
-                step: self.step_id()?,
-                pose: self.pose()?,
-                trail: trail.iter().map(tried).collect(),
-            }),
             Event::SweepFinished(outcome) => self.sweep(outcome),
             Event::TouchFinished(result) => self.touch_of_last_sweeps(result),
             Event::TouchDoubted(result) => self.touch(result),
@@ -191,6 +180,30 @@ impl Recorder {
             Event::RunFinished(status) => {
                 Record::RunFinished(store::RunFinished { status: ending_of(*status) })
             }
+        })
+    }
+
+    /// The record of a search for the surface.
+    fn search(&self, event: &Event) -> Option<Record> {
+        let (step, pose) = (self.step_id()?, self.pose()?);
+        let tried = |trail: &[_]| trail.iter().map(tried).collect();
+        Some(match event {
+            Event::SurfaceFound { position, sigma_mm, trail } => {
+                Record::SurfaceFound(store::Surface {
+                    step,
+                    pose,
+                    position_mm: position.value(),
+                    sigma_mm: *sigma_mm,
+                    trail: tried(trail),
+                })
+            }
+            Event::SurfaceNotFound { trail } => {
+                Record::SurfaceNotFound(store::LostSurface { step, pose, trail: tried(trail) })
+            }
+            Event::SurfaceChecked { trail } => {
+                Record::SurfaceChecked(store::CheckedSurface { step, pose, trail: tried(trail) })
+            }
+            _ => return None,
         })
     }
 

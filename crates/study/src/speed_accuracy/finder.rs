@@ -28,6 +28,7 @@ const SHIPPED: Approach = Approach {
     contact_threshold: 0.1,
     settle_s: 0.1,
     cycles: 10,
+    slip_mm: 0.0,
 };
 /// The expected surface of the shipped rig, mm, and its speeds, mm/s.
 const EXPECTED_MM: f64 = 10.0;

@@ -4,7 +4,9 @@ use super::{Labels, SurfaceFacts, pose_is_taken};
 use crate::{
     finding::{Check, Findings},
     motion::{Motion, Probe, ROUNDING},
-    record::{Action, Indented, Pose, SurfaceFound, Touch, TouchRefused, TouchResult, Tried},
+    record::{
+        Action, Indented, Pose, SurfaceFound, SurfaceTrail, Touch, TouchRefused, TouchResult, Tried,
+    },
     settings::Settings,
     surface,
 };
@@ -25,13 +27,34 @@ impl Labels {
         findings: &mut Findings,
     ) {
         let SurfaceFound { step, pose, position_mm, sigma_mm, trail } = found;
-        self.searched(seq, rig_us, (step, pose, trail), motion, settings, findings);
+        let search = ("approach", &**step, pose, &**trail);
+        self.searched(seq, rig_us, search, motion, settings, findings);
         if let Some(settings) = settings {
             surface::check(seq, found, &settings.protocol, findings);
         }
         let (position_mm, sigma_mm) = (*position_mm, *sigma_mm);
-        self.surface = Some(SurfaceFacts { step: step.clone(), position_mm, sigma_mm });
-        self.indented_mm = None;
+        let clear = surface::clear_impedance(trail);
+        self.surface = Some(SurfaceFacts { step: step.clone(), position_mm, sigma_mm, clear });
+        (self.indented_mm, self.is_still_there) = (None, None);
+    }
+
+    /// The surface was looked for again after the sweep.
+    pub(crate) fn surface_checked(
+        &mut self,
+        seq: u64,
+        rig_us: u64,
+        SurfaceTrail { step, pose, trail }: &SurfaceTrail,
+        motion: &Motion,
+        settings: Option<&Settings>,
+        findings: &mut Findings,
+    ) {
+        self.searched(seq, rig_us, ("indent", step, pose, trail), motion, settings, findings);
+        let (Some(surface), Some(settings)) = (&self.surface, settings) else { return };
+        let (protocol, tolerance_mm) = (&settings.protocol, settings.rig.linear.tolerance_mm);
+        let found = (surface.position_mm, surface.clear);
+        let is_still_there =
+            surface::check_again(seq, found, trail, protocol, tolerance_mm, findings);
+        self.is_still_there = Some(is_still_there);
     }
 
     /// A search belongs to the touch under way, and its readings to the places of the probe.
@@ -39,7 +62,7 @@ impl Labels {
         &self,
         seq: u64,
         rig_us: u64,
-        (step, pose, trail): (&str, &Pose, &[Tried]),
+        (what, step, pose, trail): (&str, &str, &Pose, &[Tried]),
         motion: &Motion,
         settings: Option<&Settings>,
         findings: &mut Findings,
@@ -57,7 +80,7 @@ impl Labels {
         if let Some(settings) = settings {
             pose_is_taken(seq, pose, motion, settings, findings);
         }
-        let descent = motion.descent.as_ref().filter(|descent| descent.what == "approach");
+        let descent = motion.descent.as_ref().filter(|descent| descent.what == what);
         surface::check_trail(seq, rig_us, trail, descent, findings);
     }
 
@@ -104,6 +127,12 @@ impl Labels {
             linear_mm: *linear_mm,
         };
         self.place(seq, &indented, settings, findings);
+        let asks = settings.is_some_and(|all| all.protocol.slip_mm().is_some());
+        if asks && self.is_still_there != Some(true) {
+            let what = "a result without a surface that was still there after the sweep";
+            let found = format!("{:?}", self.is_still_there);
+            findings.add(Check::Surface, seq, what, "clear above it, contact below it", found);
+        }
         let mut copy = |what, expected, found| {
             findings.agree(Check::Copy, seq, what, (expected, found), COPY);
         };
@@ -158,6 +187,8 @@ impl Labels {
         let sweep = self.sweep.as_ref().filter(|sweep| sweep.purpose == "touch");
         match sweep.map(|sweep| &sweep.outcome) {
             Some(Err(reason)) if *reason == refused.reason => {}
+            // The surface was no longer where it had been found, or could not be looked for.
+            Some(Ok(_)) if self.is_still_there == Some(false) => {}
             Some(&Ok((hz, sigma_hz))) => {
                 let limit_hz = NO_SHIFT_SIGMAS * sigma_hz.hypot(refused.no_load_sigma_hz);
                 let shift_hz = hz - refused.no_load_hz;

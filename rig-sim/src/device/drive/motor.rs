@@ -103,7 +103,8 @@ impl Motor {
             | DeviceFault::LimitSwitch
             | DeviceFault::Overload
             | DeviceFault::BlindContact
-            | DeviceFault::StuckContact => {}
+            | DeviceFault::StuckContact
+            | DeviceFault::StuckFrequency => {}
         }
     }
 

@@ -1,0 +1,152 @@
+//! Whether the probe kept its place during a touch: after the sweep the surface is looked for again.
+//!
+//! ```text
+//! begin ─▶ up, out of the sample ─▶ down to above ─▶ read ─▶ down to below ─▶ read ─▶ finished
+//!          (takes up the backlash)        ▲           │ clear               contact
+//!                                         │           ▼ seems to touch, once
+//!                                         └── read ◀─ up: the baseline anew, as it drifts
+//! ```
+//!
+//! A drive that has lost steps says that it is where it is not. The sample is the only reference that
+//! does not depend on the drive.
+
+use rig_model::{Impedance, Mm, PointResult, Position, Reading};
+use rig_protocol::Approach;
+use rig_resonance::Resonance;
+
+use crate::{
+    contact_sense::check_free,
+    search::{Surface, relative_change},
+};
+
+/// The next step of a check.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum SlipStep {
+    /// Go up, out of the sample, then call [`SlipCheck::arrived`].
+    Up(Position<Mm>),
+    /// Go down, then call [`SlipCheck::arrived`].
+    Down(Position<Mm>),
+    /// Read the impedance, then call [`SlipCheck::read`].
+    Read {
+        /// Whether the probe has just left the sample.
+        is_after_contact: bool,
+    },
+    /// The analyzer flagged its reading.
+    Flagged,
+    /// The check is finished.
+    Finished(Result<(), Slip>),
+}
+
+/// The surface is not where the search found it.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum Slip {
+    /// The probe touches above it.
+    #[error(
+        "after the sweep the probe touches at {at}, {by_mm:.3} mm above the surface that the search found"
+    )]
+    Higher {
+        /// The linear stage as read back.
+        at: Position<Mm>,
+        /// Its height above the surface found, mm.
+        by_mm: f64,
+    },
+    /// The probe is free below it.
+    #[error(
+        "after the sweep the probe is free at {at}, {by_mm:.3} mm below the surface that the search found"
+    )]
+    Lower {
+        /// The linear stage as read back.
+        at: Position<Mm>,
+        /// Its depth below the surface found, mm.
+        by_mm: f64,
+    },
+}
+
+/// A check of the surface after a sweep.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct SlipCheck {
+    surface: Surface,
+    approach: Approach,
+    /// The impedance of the clear probe, before the search or in the check.
+    baseline: Impedance,
+    /// Whether the baseline was read anew.
+    is_fresh: bool,
+    place: Place,
+    here: Position<Mm>,
+    trail: Vec<(Position<Mm>, Reading)>,
+}
+
+/// The position that the check goes to, or is at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Place {
+    /// Out of the sample, to take up the backlash.
+    Out,
+    /// The same place, to read the baseline anew.
+    Anew,
+    Above,
+    Below,
+}
+
+impl SlipCheck {
+    pub(crate) fn begin(
+        surface: Surface,
+        approach: Approach,
+        baseline: Impedance,
+    ) -> (Self, SlipStep) {
+        let here = surface.position;
+        let (place, trail, is_fresh) = (Place::Out, Vec::new(), false);
+        let mut check = Self { surface, approach, baseline, is_fresh, place, here, trail };
+        let step = check.up_to(Place::Out);
+        (check, step)
+    }
+
+    /// The positions with their readings.
+    pub(crate) fn trail(&self) -> &[(Position<Mm>, Reading)] {
+        &self.trail
+    }
+
+    /// The probe has moved; `read_back` is where it is.
+    pub(crate) fn arrived(&mut self, read_back: Position<Mm>) -> SlipStep {
+        self.here = read_back;
+        match self.place {
+            Place::Out => self.down_to(Place::Above, self.approach.slip_mm),
+            Place::Anew => SlipStep::Read { is_after_contact: true },
+            Place::Above => SlipStep::Read { is_after_contact: !self.is_fresh },
+            Place::Below => SlipStep::Read { is_after_contact: false },
+        }
+    }
+
+    /// The impedance here has been read. `no_load` is the last reference.
+    pub(crate) fn read(&mut self, reading: Reading, no_load: &Resonance) -> SlipStep {
+        self.trail.push((self.here, reading));
+        let PointResult::Value(impedance) = reading.measured else { return SlipStep::Flagged };
+        let change = relative_change(self.baseline, impedance);
+        // An impedance that cannot be compared counts as contact, as in the search.
+        let is_clear = change <= self.approach.contact_threshold;
+        let (at, by_mm) = (self.here, self.here.value() - self.surface.position.value());
+        match self.place {
+            Place::Anew if check_free(no_load, &[reading]).is_ok() => {
+                (self.baseline, self.is_fresh) = (impedance, true);
+                self.down_to(Place::Above, self.approach.slip_mm)
+            }
+            Place::Above if is_clear => self.down_to(Place::Below, -self.approach.slip_mm),
+            Place::Above if !self.is_fresh => self.up_to(Place::Anew),
+            Place::Out | Place::Anew | Place::Above => {
+                SlipStep::Finished(Err(Slip::Higher { at, by_mm }))
+            }
+            Place::Below if is_clear => SlipStep::Finished(Err(Slip::Lower { at, by_mm: -by_mm })),
+            Place::Below => SlipStep::Finished(Ok(())),
+        }
+    }
+
+    fn up_to(&mut self, place: Place) -> SlipStep {
+        self.place = place;
+        let above_mm = self.approach.slip_mm + self.approach.coarse_step_mm;
+        SlipStep::Up(self.surface.position.offset(above_mm))
+    }
+
+    fn down_to(&mut self, place: Place, above_mm: f64) -> SlipStep {
+        self.place = place;
+        SlipStep::Down(self.surface.position.offset(above_mm))
+    }
+}
