@@ -6,6 +6,7 @@ mod contact_sense;
 mod documents;
 mod edges;
 mod errors;
+mod faults;
 mod flags;
 mod forged;
 mod makes;

@@ -95,6 +95,11 @@ async fn an_alarm_of_the_linear_drive_is_reset_once_and_the_probe_gets_out() {
 }
 
 #[tokio::test]
+async fn a_limit_switch_stops_the_linear_drive_and_the_probe_gets_out() {
+    check_each("limit-switch", &[]).await;
+}
+
+#[tokio::test]
 async fn a_linear_drive_that_restarts_is_identified_again_and_the_probe_gets_out() {
     check_each("reboot", &[]).await;
 }

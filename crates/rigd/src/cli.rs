@@ -49,6 +49,7 @@ use rig_verify::JournalError;
 
 use crate::{
     doctor::advice,
+    faults,
     http::access::TokenError,
     loaded_rig::{FileError, LoadedRig},
     operator::Operator,
@@ -117,6 +118,8 @@ enum CliCommand {
     Move(moves::MoveArgs),
     /// Measure one resonance, with the probe clear or lowered
     Measure(measure::MeasureArgs),
+    /// Print the faults of a bench: what rigd does, what a person sees and does
+    Faults,
     /// Find the resonance in a sweep from a file
     Fit(fit::FitArgs),
 }
@@ -444,6 +447,10 @@ impl Failure {
     }
 }
 
+/// Advice for a damaged journal.
+pub(crate) const SALVAGE: &str =
+    "keep the directory; `rigd salvage NEW --data DIR` copies what verifies to a new one";
+
 impl Failure {
     /// Advice, if the message has none.
     fn advice(&self) -> Option<&'static str> {
@@ -456,10 +463,7 @@ impl Failure {
                 Some("`rigd salvage NEW --data DIR` copies the readable part to a new directory")
             }
             Self::Store(StoreError::Broken { .. })
-            | Self::RunFiles(RunFilesError::Store(StoreError::Broken { .. })) => Some(
-                "keep the directory; `rigd salvage NEW --data DIR` copies what verifies to a new \
-                 one",
-            ),
+            | Self::RunFiles(RunFilesError::Store(StoreError::Broken { .. })) => Some(SALVAGE),
             Self::Data { source: StoreError::NoJournal, .. } => {
                 Some("name the directory of an earlier run with --data")
             }
@@ -514,6 +518,7 @@ pub fn main() -> ExitCode {
         CliCommand::Safe(args) => safe::safe(&args),
         CliCommand::Move(args) => moves::to(&args),
         CliCommand::Measure(args) => measure::measure(&args),
+        CliCommand::Faults => table::print(faults::page().trim_end()),
         CliCommand::Fit(args) => fit::fit_file(&args),
     };
     match result {

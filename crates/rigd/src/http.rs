@@ -63,6 +63,7 @@ use tokio_util::sync::CancellationToken;
 
 use crate::{loaded_rig::RigFacts, protocol_file::LoadedProtocol, rig::RigHandle};
 use access::Access;
+pub(crate) use guard::FOREIGN_PAGE;
 use problem::Problem;
 use results::ResultsCache;
 pub use server::serve;

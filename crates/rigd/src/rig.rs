@@ -35,6 +35,7 @@ use rig_store::{RunId, StoreError};
 use tokio::sync::{mpsc, oneshot, watch};
 
 pub use amend::{TouchOrder, skip};
+pub(crate) use devices::{analyzer_failure, stage_failure};
 pub use inspect::{
     AxisFacts, AxisPosition, AxisState, DeviceFacts, DeviceSeen, Inspection, PortFacts, PortSeen,
     RoundTrips, inspect,
@@ -44,6 +45,7 @@ pub use open::{DeviceError, OpenError};
 pub use pace::{Pace, Remaining};
 pub(crate) use resume::Outcomes;
 pub use resume::ResumeRefusal;
+pub(crate) use shell::{CLOCK_WAS_SET, HELD_UP, unwritable};
 pub use way_out::{WayOut, make_safe};
 
 use crate::{describe, loaded_rig::LoadedRig, protocol_file::LoadedProtocol};

@@ -48,6 +48,9 @@ pub(super) struct Connection {
 }
 
 /// Lets a request pass to its handler, or answers it.
+/// What a page of another site is told.
+pub(crate) const FOREIGN_PAGE: &str = "the request comes from a page of another site";
+
 pub(super) async fn check(State(shared): State<Shared>, request: Request, next: Next) -> Response {
     let answer = match admit(&shared.inner.access, request).await {
         Ok(request) => next.run(request).await,
@@ -83,9 +86,7 @@ async fn admit(access: &Access, mut request: Request) -> Result<Request, Problem
         return Err(Problem::misdirected(format!("{host} is not a name of this daemon")));
     }
     if let Some(from) = elsewhere(headers, &host) {
-        return Err(Problem::forbidden(format!(
-            "the request comes from a page of another site: {from}"
-        )));
+        return Err(Problem::forbidden(format!("{FOREIGN_PAGE}: {from}")));
     }
     if !page::is_public(request.method(), request.uri().path(), headers) {
         check_token(access, headers)?;

@@ -126,17 +126,19 @@ async fn measure(analyzer: &mut Analyzer, operation: &Operation, stop: &StopSign
     let Operation::Measure { points, level } = operation else {
         unreachable!("the axes have an owner of their own")
     };
-    let failure = |error: AnalyzerError| Failure {
-        device: Device::Analyzer,
-        kind: match &error {
-            AnalyzerError::Stopped { .. } => FailureKind::Interrupted,
-            error if error.is_line_failure() => FailureKind::Line,
-            _ => FailureKind::Refused,
-        },
-        detail: with_causes(&error),
+    analyzer.configure(*level).await.map_err(analyzer_failure)?;
+    analyzer.measure(points, stop).await.map(Report::Measured).map_err(analyzer_failure)
+}
+
+/// The failure of a measurement.
+#[expect(clippy::needless_pass_by_value, reason = "errors are mapped by this")]
+pub(crate) fn analyzer_failure(error: AnalyzerError) -> Failure {
+    let kind = match &error {
+        AnalyzerError::Stopped { .. } => FailureKind::Interrupted,
+        error if error.is_line_failure() => FailureKind::Line,
+        _ => FailureKind::Refused,
     };
-    analyzer.configure(*level).await.map_err(failure)?;
-    analyzer.measure(points, stop).await.map(Report::Measured).map_err(failure)
+    Failure { device: Device::Analyzer, kind, detail: with_causes(&error) }
 }
 
 /// Finds the drive again, clears an old alarm, homes the axis if it is not homed, and reads back
@@ -186,7 +188,8 @@ async fn find(
     stage.believe_position().map(Report::LinearAt)
 }
 
-fn stage_failure<U: Unit>(device: Device, error: &StageError<U>) -> Failure {
+/// The failure of an operation of an axis.
+pub(crate) fn stage_failure<U: Unit>(device: Device, error: &StageError<U>) -> Failure {
     let kind = match error {
         StageError::Stopped { .. }
         | StageError::Bus(BusError::Failed(LineFault::Halted { .. })) => FailureKind::Interrupted,

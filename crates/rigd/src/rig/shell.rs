@@ -131,6 +131,19 @@ async fn refuse_all(mut inbox: mpsc::Receiver<Request>) {
     }
 }
 
+/// What a person reads after a hold-up.
+pub(crate) const HELD_UP: &str =
+    "the computer was held up; readings of that time are measured again";
+
+/// What a person reads after a jump of the wall clock.
+pub(crate) const CLOCK_WAS_SET: &str = "the wall clock was set; nothing depends on it";
+
+/// Why nothing may begin: the journal cannot be written.
+pub(crate) fn unwritable(reason: &str) -> Failure {
+    let detail = format!("cannot be written: {reason}");
+    Failure { device: Device::Journal, kind: FailureKind::Line, detail }
+}
+
 /// What wakes the rig thread.
 enum Wake {
     Request(Option<Request>),
@@ -305,14 +318,11 @@ impl Shell {
     fn notice_hold_ups(&mut self) {
         let Noticed { stalled, jump_s } = self.heartbeat.beat();
         if let Some(lasted) = stalled.filter(|_| !self.is_virtual_time) {
-            tracing::warn!(
-                seconds = lasted.as_secs_f64(),
-                "the computer was held up; readings of that time are measured again"
-            );
+            tracing::warn!(seconds = lasted.as_secs_f64(), "{HELD_UP}");
             self.handle(Input::Stalled(lasted));
         }
         if let Some(jump_s) = jump_s {
-            tracing::warn!(jump_s, "the wall clock was set; nothing depends on it");
+            tracing::warn!(jump_s, "{CLOCK_WAS_SET}");
             self.append(&Record::ClockJumped(ClockJumped { jump_s }));
         }
     }
@@ -489,8 +499,8 @@ impl Shell {
             }
             _ => false,
         };
-        if !is_way_out && let Some((kind, detail)) = self.journal_failure() {
-            self.refused = Some((id, Failure { device: Device::Journal, kind, detail }));
+        if !is_way_out && let Some(failure) = self.journal_failure() {
+            self.refused = Some((id, failure));
             return;
         }
         match &operation {
@@ -529,11 +539,12 @@ impl Shell {
     }
 
     /// Why nothing may begin without a journal; a refused record is reported once.
-    fn journal_failure(&mut self) -> Option<(FailureKind, String)> {
-        let closed = self.view.journal_error.as_ref();
-        let closed =
-            closed.map(|reason| (FailureKind::Line, format!("cannot be written: {reason}")));
-        closed.or_else(|| Some((FailureKind::Refused, self.unwritten.take()?)))
+    fn journal_failure(&mut self) -> Option<Failure> {
+        let closed = self.view.journal_error.as_ref().map(|reason| unwritable(reason));
+        closed.or_else(|| {
+            let detail = self.unwritten.take()?;
+            Some(Failure { device: Device::Journal, kind: FailureKind::Refused, detail })
+        })
     }
 
     fn note(&mut self, event: &Event) {

@@ -1,0 +1,224 @@
+//! Faults of devices, of the sensor and of the sample.
+
+use rig_analyzer::AnalyzerError;
+use rig_engine::{ContactSenseFault, Fault, TouchRefusal};
+use rig_model::{Position, ReadingFlag};
+use rig_resonance::{Reason, Refusal};
+use rig_stage::StageError;
+
+use super::{
+    FaultClass::Device,
+    ListedFault, Seen,
+    examples::{alarmed, analyzer, analyzer_port, at, linear, wrong_instrument},
+};
+
+const OUT_OF_CONTACT: &str = "tests/it/out_of_contact.rs";
+const HISTORIES: &str = "crates/engine/tests/histories/main.rs";
+const SENSE: &str = "tests/it/contact_sense.rs";
+const RUNS: &str = "tests/it/faults.rs";
+
+/// Advice for a touch that gave no shift.
+const REDO: &str = "nothing at once; `rigd redo RUN STEP` measures the touch again";
+
+/// A touch that was refused, while the run goes on.
+fn refused(refusal: &TouchRefusal) -> Seen {
+    Seen { message: refusal.to_string(), advice: Some(REDO.to_owned()) }
+}
+
+fn sense(fault: ContactSenseFault) -> Seen {
+    Seen::latched(&Fault::ContactSense(fault))
+}
+
+fn surface_moved() -> Seen {
+    sense(ContactSenseFault::SurfaceMoved { found: at(9.412), by_mm: 0.588, limit_mm: 0.25 })
+}
+
+pub(super) const FAULTS: [ListedFault; 14] = [
+    ListedFault {
+        number: 17,
+        class: Device,
+        what: "the analyzer gives too few or too many values, or values that are no numbers",
+        reaction: "asks up to three times, then safe; nothing of it is stored",
+        seen: Some(|| Seen::latched(&Fault::MissingReadings { given: 2, asked: 3 })),
+        tests: &[
+            ("crates/analyzer/tests/it/measurements.rs", "no_single_fault_makes_a_reading_lie"),
+            (HISTORIES, "whatever_goes_wrong_wherever_it_ends_clear_or_latched"),
+        ],
+    },
+    ListedFault {
+        number: 18,
+        class: Device,
+        what: "the analyzer is overloaded, or its signal is low",
+        reaction: "measures the point up to three times and stores it with its flag; then refuses the \
+                   touch, and the run goes on",
+        seen: Some(|| {
+            let reason =
+                Reason::Flagged { flag: ReadingFlag::Overload, frequency_hz: 141.2, tries: 3 };
+            refused(&TouchRefusal::Sweep(Box::new(Refusal { reason, estimate: None })))
+        }),
+        tests: &[
+            (
+                "tests/it/flags.rs",
+                "a_touch_whose_readings_stay_flagged_is_refused_and_the_run_goes_on",
+            ),
+            (
+                "tests/it/flags.rs",
+                "a_flagged_reading_is_measured_again_and_one_that_stays_is_refused_by_name",
+            ),
+        ],
+    },
+    ListedFault {
+        number: 19,
+        class: Device,
+        what: "the analyzer is switched off and on again",
+        reaction: "notices its power-on flag, sets it up again and measures the point again",
+        seen: Some(|| analyzer(AnalyzerError::Restarted { port: analyzer_port() })),
+        tests: &[(RUNS, "an_analyzer_that_restarts_spoils_no_reading")],
+    },
+    ListedFault {
+        number: 20,
+        class: Device,
+        what: "another analyzer or drive than in the rig file",
+        reaction: "refuses to start; nothing is set or moved",
+        seen: Some(wrong_instrument),
+        tests: &[
+            (
+                "crates/analyzer/tests/it/simulated.rs",
+                "the_wrong_dialect_is_found_out_by_the_identity",
+            ),
+            ("crates/stage/tests/it/moves.rs", "a_device_that_is_no_drive_is_not_taken_for_one"),
+        ],
+    },
+    ListedFault {
+        number: 21,
+        class: Device,
+        what: "a drive has an alarm",
+        reaction: "safe; one alarm of the linear drive is reset once",
+        seen: Some(|| linear(&alarmed(0x10, "excessive position deviation"))),
+        tests: &[
+            (OUT_OF_CONTACT, "an_alarm_of_the_linear_drive_is_reset_once_and_the_probe_gets_out"),
+            (
+                "crates/engine/tests/histories/out_of_contact.rs",
+                "an_alarm_that_stays_is_reset_no_second_time",
+            ),
+        ],
+    },
+    ListedFault {
+        number: 22,
+        class: Device,
+        what: "an axis halts on its way without an alarm",
+        reaction: "the read-back is not the target: safe",
+        seen: Some(|| {
+            linear(&StageError::NotThere { wanted: at(30.0), at: at(17.43), off: 12.57 })
+        }),
+        tests: &[
+            ("crates/stage/tests/it/moves.rs", "a_drive_that_does_not_move_as_told_is_found_out"),
+            ("crates/stage/tests/it/simulated.rs", "what_befalls_a_drive_is_told"),
+        ],
+    },
+    ListedFault {
+        number: 23,
+        class: Device,
+        what: "an axis loses steps, and its read-back does not show it",
+        reaction: "the next surface is not where it was: safe; the touch before is refused",
+        seen: Some(surface_moved),
+        tests: &[(
+            SENSE,
+            "lost_steps_are_noticed_at_the_next_surface_and_the_touch_before_is_refused",
+        )],
+    },
+    ListedFault {
+        number: 24,
+        class: Device,
+        what: "a drive loses its power, and perhaps its position",
+        reaction: "identifies it again and retracts; a lost position is found only if the rig file says \
+                   `homes = \"up\"`, otherwise nothing moves",
+        seen: Some(|| linear(&StageError::Unhomed { at: Position::new(0.0) })),
+        tests: &[
+            (
+                OUT_OF_CONTACT,
+                "a_linear_drive_that_restarts_is_identified_again_and_the_probe_gets_out",
+            ),
+            (
+                OUT_OF_CONTACT,
+                "a_drive_that_lost_its_position_is_homed_upwards_and_the_probe_gets_out",
+            ),
+            (
+                OUT_OF_CONTACT,
+                "a_drive_that_lost_its_position_is_not_moved_when_homing_may_lead_into_the_sample",
+            ),
+        ],
+    },
+    ListedFault {
+        number: 25,
+        class: Device,
+        what: "a limit switch is reached",
+        reaction: "as 21 where the drive has an alarm for it, as 22 otherwise",
+        seen: Some(|| linear(&alarmed(0x66, "hardware overtravel"))),
+        tests: &[(OUT_OF_CONTACT, "a_limit_switch_stops_the_linear_drive_and_the_probe_gets_out")],
+    },
+    ListedFault {
+        number: 26,
+        class: Device,
+        what: "an emergency stop is pressed",
+        reaction: "**none of its own**: rigd reads no emergency stop. A button that takes the power off \
+                   the drives shows as 24, one that opens their enable input as 21 or 22",
+        seen: None,
+        tests: &[],
+    },
+    ListedFault {
+        number: 27,
+        class: Device,
+        what: "the input of an emergency stop is not connected",
+        reaction: "**none**: rigd reads no emergency stop",
+        seen: None,
+        tests: &[],
+    },
+    ListedFault {
+        number: 28,
+        class: Device,
+        what: "the contact sense is blind: no contact is felt",
+        reaction: "the search ends at its floor, never deeper than a sample may be pressed: safe; a \
+                   touch without a shift is refused",
+        seen: Some(|| Seen::latched(&Fault::NoContact { at: at(9.5), expected: at(10.0) })),
+        tests: &[
+            (SENSE, "a_blind_contact_sense_leaves_no_wrong_shift"),
+            (
+                "crates/engine/src/search.rs",
+                "a_surface_beyond_the_range_is_a_fault_and_the_depth_stays_limited",
+            ),
+        ],
+    },
+    ListedFault {
+        number: 29,
+        class: Device,
+        what: "the contact sense is stuck: contact is felt above the sample, or the readings are frozen",
+        reaction: "tests the sense before each search: safe; the touch before is refused",
+        seen: Some(|| {
+            sense(ContactSenseFault::NotFree {
+                frequency_hz: 141.2,
+                percent: 64.0,
+                limit_percent: 20.0,
+            })
+        }),
+        tests: &[
+            (SENSE, "a_stuck_contact_sense_leaves_no_wrong_shift"),
+            (HISTORIES, "an_analyzer_that_repeats_its_last_reading_leaves_no_wrong_shift"),
+        ],
+    },
+    ListedFault {
+        number: 30,
+        class: Device,
+        what: "the sample swells, shifts or falls off",
+        reaction: "finds the surface anew at each touch; one that is too far from where the touches \
+                   before expect it: safe; the touch before is refused",
+        seen: Some(surface_moved),
+        tests: &[
+            (SENSE, "lost_steps_are_noticed_at_the_next_surface_and_the_touch_before_is_refused"),
+            (
+                "crates/engine/src/search.rs",
+                "a_surface_beyond_the_range_is_a_fault_and_the_depth_stays_limited",
+            ),
+        ],
+    },
+];
