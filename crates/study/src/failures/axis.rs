@@ -231,7 +231,7 @@ impl Axis {
                 let ratio = value / q;
                 Scene { coupling: ratio / (1.0 + ratio), ..good }
             }
-            Self::Quality => Scene { q: value, ..good },
+            Self::Quality => Scene::good(value, coupling),
             Self::WindowOffset => {
                 Scene { resonance_hz: good.resonance_hz + value * half_span_hz, ..good }
             }
