@@ -76,15 +76,25 @@ pub(crate) struct Analyzer<L = Plant> {
 #[derive(Debug, Clone)]
 struct AnyPhase {
     random: Stream,
+    gaps: Gaps,
     frequency_hz: f64,
     /// The error of the clock of the readings, s.
     clock_error_s: f64,
 }
 
-/// The longest gap before a reading, with the dead time of a change of frequency, s.
-const GAP_MAX_S: f64 = 3e-3;
-/// The largest error of the length of a gap, s.
-const GAP_ERROR_S: f64 = 1e-3;
+/// The gaps before the readings.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Gaps {
+    /// The longest gap, with the dead time of a change of frequency, s.
+    pub(crate) longest_s: f64,
+    /// The largest error of its length, s. The errors add up.
+    pub(crate) error_s: f64,
+}
+
+impl Gaps {
+    /// The gaps of a usual analyzer.
+    pub(crate) const USUAL: Self = Self { longest_s: 3e-3, error_s: 1e-3 };
+}
 /// Time of the first reading on an analyzer of any phase, s: late enough that no error of its clock leads
 /// to a time before the start.
 pub(crate) const ANY_PHASE_STARTS_S: f64 = 1.0;
@@ -111,9 +121,9 @@ impl<L: Load> Analyzer<L> {
     }
 
     /// The same with a drive of any phase and with gaps of which the length is not quite known.
-    pub(crate) fn with_any_phase(mut self) -> Self {
+    pub(crate) fn with_any_phase(mut self, gaps: Gaps) -> Self {
         let random = self.random.fork();
-        self.any_phase = Some(AnyPhase { random, frequency_hz: 0.0, clock_error_s: 0.0 });
+        self.any_phase = Some(AnyPhase { random, gaps, frequency_hz: 0.0, clock_error_s: 0.0 });
         self
     }
 
@@ -131,10 +141,10 @@ impl<L: Load> Analyzer<L> {
                 any.frequency_hz = point.frequency_hz;
                 self.load.turn_drive(TAU * any.random.uniform());
             }
-            let gap_s = GAP_MAX_S * any.random.uniform();
+            let gap_s = any.gaps.longest_s * any.random.uniform();
             self.load.advance(gap_s);
             self.now = self.now + Duration::from_secs_f64(gap_s);
-            any.clock_error_s += GAP_ERROR_S * (2.0 * any.random.uniform() - 1.0);
+            any.clock_error_s += any.gaps.error_s * (2.0 * any.random.uniform() - 1.0);
             let off_s = (ANY_PHASE_STARTS_S + any.clock_error_s).max(0.0);
             started = self.now + Duration::from_secs_f64(off_s);
         }

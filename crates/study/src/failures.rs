@@ -5,6 +5,7 @@
 //! silently wrong. Other estimators are shown for comparison.
 
 mod axis;
+mod cause;
 mod coverage;
 mod document;
 mod gate;
@@ -12,6 +13,7 @@ mod judge;
 mod load;
 mod maps;
 mod outliers;
+mod path;
 mod power;
 mod reasons;
 mod scene;
@@ -20,8 +22,9 @@ mod spring;
 use std::{io::Write, ops::Range, path::PathBuf};
 
 use crate::{files::Folder, outcome::StudyError, progress};
-use axis::{Axis, Path};
+use axis::Axis;
 use judge::{Cell, Counts};
+use path::Path;
 
 /// Maps of the failures of fit and planner, and the power of their detection.
 #[derive(Debug, clap::Args)]

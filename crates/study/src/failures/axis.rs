@@ -1,6 +1,6 @@
 //! The axes of the maps, from harmless to hopeless.
 
-use rig_resonance::{ModelOrder, NoisePrior, Reason, Timing};
+use rig_resonance::{NoisePrior, Timing};
 
 use super::scene::{Dielectric, Scene, SecondMode};
 use crate::analyzer::WINDOW;
@@ -31,6 +31,9 @@ pub(super) enum Axis {
     ConstantPhase,
     AnalyzerPhase,
     Digits,
+    Gap,
+    ClockError,
+    Contact,
     NothingConstantPhase,
     NothingCapacitanceDrift,
     NothingOutliers,
@@ -48,7 +51,7 @@ const SOFTENINGS: &[f64] = &[0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 1.6, 3.0
 const PLACES: &[f64] = &[-2.0, -1.0, -0.5, 0.5, 1.0, 2.0];
 
 impl Axis {
-    pub(super) const ALL: [Self; 26] = [
+    pub(super) const ALL: [Self; 29] = [
         Self::Noise,
         Self::NoiseStated,
         Self::FigureOfMerit,
@@ -72,6 +75,9 @@ impl Axis {
         Self::ConstantPhase,
         Self::AnalyzerPhase,
         Self::Digits,
+        Self::Gap,
+        Self::ClockError,
+        Self::Contact,
         Self::NothingConstantPhase,
         Self::NothingCapacitanceDrift,
         Self::NothingOutliers,
@@ -177,6 +183,21 @@ impl Axis {
                 &[0.0, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0],
             ),
             Self::Digits => ("digits", "digits of the readings", &[6.0, 5.0, 4.0, 3.0, 2.0]),
+            Self::Gap => (
+                "gap",
+                "longest gap before a reading (ms), with a longest error of 1 ms",
+                &[0.0, 3.0, 10.0, 30.0, 100.0],
+            ),
+            Self::ClockError => (
+                "clock-error",
+                "longest error of the length of a gap (ms), of which 1 is expected",
+                &[0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0],
+            ),
+            Self::Contact => (
+                "contact",
+                "rise of the resonance since the reference at 120 Hz (Hz), with 0.7 of the quality",
+                &[-5.0, -2.0, -1.0, 0.0, 1.0, 5.0, 20.0, 40.0],
+            ),
             Self::NothingConstantPhase => (
                 "nothing-constant-phase",
                 "no resonance: exponent by which the permittivity falls with the frequency",
@@ -261,6 +282,14 @@ impl Axis {
             Self::AnalyzerPhase => Scene { phase_rad: value.to_radians(), ..good },
             #[expect(clippy::cast_possible_truncation, reason = "a digit or a few")]
             Self::Digits => Scene { digits: Some(value as i32), ..good },
+            Self::Gap => Scene { gap_s: 1e-3 * value, ..good },
+            Self::ClockError => Scene { clock_error_s: 1e-3 * value, ..good },
+            Self::Contact => {
+                let reference_hz = 120.0;
+                let loaded = Scene::good(0.7 * q, coupling);
+                let resonance_hz = reference_hz + value;
+                Scene { resonance_hz, reference: Some((reference_hz, q)), ..loaded }
+            }
             Self::NothingConstantPhase => {
                 Scene { dielectric: Dielectric::ConstantPhase(value), ..nothing }
             }
@@ -281,6 +310,7 @@ impl Axis {
                 | Self::SettlingUnknown
                 | Self::SettlingAnyPhase
                 | Self::Digits
+                | Self::Contact
         )
     }
 
@@ -295,108 +325,6 @@ impl Axis {
         match self {
             Self::SettlingUnknown => Timing::Unknown,
             _ => Timing::Waited,
-        }
-    }
-
-    /// Whether a refusal for this reason names the cause.
-    pub(super) const fn is_named_by(self, reason: &Reason) -> bool {
-        match self {
-            Self::Noise | Self::NoiseStated => matches!(reason, Reason::TooNoisy { .. }),
-            Self::FigureOfMerit => {
-                matches!(reason, Reason::NoResonance { .. } | Reason::TooNoisy { .. })
-            }
-            Self::Quality => {
-                matches!(reason, Reason::NotASensor { .. } | Reason::TooNoisy { .. })
-            }
-            Self::WindowOffset => matches!(reason, Reason::OutsideWindow { .. }),
-            Self::PointsPerLinewidth => matches!(reason, Reason::TooFewPoints { .. }),
-            Self::Target => matches!(reason, Reason::TargetNotReached { .. }),
-            Self::Drift | Self::DriftBothWays => matches!(reason, Reason::Drift),
-            Self::SecondMode | Self::SecondModeSmall | Self::SecondModeLarge => {
-                matches!(reason, Reason::SecondMode { .. })
-            }
-            Self::Outliers => matches!(reason, Reason::Outliers { .. }),
-            Self::DriveLevel | Self::DriveLevelStep => {
-                matches!(reason, Reason::Nonlinear | Reason::Hysteretic)
-            }
-            Self::Settling | Self::SettlingUnknown | Self::SettlingAnyPhase => {
-                matches!(reason, Reason::NotSettled)
-            }
-            Self::NothingConstantPhase | Self::NothingCapacitanceDrift => {
-                matches!(reason, Reason::NoResonance { .. } | Reason::NotASensor { .. })
-            }
-            Self::NothingOutliers => matches!(
-                reason,
-                Reason::NoResonance { .. } | Reason::NotASensor { .. } | Reason::Outliers { .. }
-            ),
-            Self::CapacitanceDrift
-            | Self::DielectricLoss
-            | Self::ConstantPhase
-            | Self::AnalyzerPhase
-            | Self::Digits => false,
-        }
-    }
-
-    /// Whether an accepted model of this order includes the cause.
-    pub(super) const fn is_modelled_by(self, model_order: ModelOrder) -> bool {
-        match self {
-            Self::Drift | Self::DriftBothWays => matches!(model_order, ModelOrder::Drift),
-            Self::SecondMode | Self::SecondModeSmall | Self::SecondModeLarge => {
-                matches!(model_order, ModelOrder::SecondMode)
-            }
-            Self::DielectricLoss => matches!(model_order, ModelOrder::Loss),
-            _ => false,
-        }
-    }
-}
-
-/// Whether a refusal for this reason claims a particular cause, rather than a limit of the sweep or a
-/// misfit of unknown cause.
-pub(super) const fn claims_a_cause(reason: &Reason) -> bool {
-    !matches!(
-        reason,
-        Reason::TooFewPoints { .. }
-            | Reason::TooNoisy { .. }
-            | Reason::Distorted
-            | Reason::NotConverged
-            | Reason::Misfit { .. }
-            | Reason::TargetNotReached { .. }
-    )
-}
-
-/// A way to a resonance.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Path {
-    /// The fit of a sweep of points chosen in advance.
-    Fit,
-    /// The planner of the daemon, cold: it chooses the points.
-    Planner,
-}
-
-impl Path {
-    pub(super) const ALL: [Self; 2] = [Self::Fit, Self::Planner];
-
-    /// The name in tables.
-    pub(super) const fn name(self) -> &'static str {
-        match self {
-            Self::Fit => "maximum-likelihood",
-            Self::Planner => "planner",
-        }
-    }
-
-    /// Whether the axis has an effect on this path.
-    pub(super) const fn has(self, axis: Axis) -> bool {
-        match self {
-            Self::Fit => !matches!(axis, Axis::Target),
-            Self::Planner => !matches!(
-                axis,
-                Axis::PointsPerLinewidth
-                    | Axis::DriftBothWays
-                    | Axis::DriveLevelStep
-                    | Axis::Settling
-                    | Axis::SettlingUnknown
-                    | Axis::SettlingAnyPhase
-            ),
         }
     }
 }

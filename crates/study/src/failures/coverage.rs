@@ -1,8 +1,9 @@
 //! Whether accepted results have the errors that they state, and the time that planned ones take.
 
 use super::{
-    axis::{Axis, Path},
+    axis::Axis,
     judge::{Cell, SweepResult},
+    path::Path,
 };
 use crate::{files::Csv, page::Table};
 

@@ -2,10 +2,12 @@
 
 use super::{
     Args,
-    axis::{Axis, Path},
+    axis::Axis,
     counts, coverage, gate,
     judge::{Cell, Counts, others},
-    maps, power, reasons,
+    maps,
+    path::Path,
+    power, reasons,
 };
 use crate::page::{Page, Table};
 
@@ -57,7 +59,8 @@ fn introduction(page: &mut Page, args: &Args) {
          at any phase at each change of frequency, with gaps of up to 3 ms before each reading, known \
          to 1 ms. It starts cold, with a limit of 30 s and a target of 10 mHz (quality 10, coupling 0.02: 30 mHz); in half of the sweeps \
          it knows the noise, as after an earlier sweep, and in the others nothing, as in the first \
-         sweep of a rig.",
+         sweep of a rig. On the axis `contact` it starts from a sweep without a sample, as every \
+         touch does; the resonance then lies where a contact may put it, or below.",
     );
     page.text(
         "The production fit, `maximum-likelihood`, and the planner are silently wrong if they accept a \

@@ -3,13 +3,14 @@
 use std::ops::Range;
 
 use rayon::prelude::*;
-use rig_model::{DriveLevel, Reading, SweepMethod, SweepRequest, random::Stream};
+use rig_model::{DriveLevel, Reading, SweepMethod, SweepRequest, Window, random::Stream};
 use rig_resonance::{
     Estimator, FitOptions, FitOutcome, ModelOrder, Next, NoisePrior, Planner, Prior, Reason, fit,
 };
 
 use super::{
-    axis::{Axis, Path, SENSORS},
+    axis::{Axis, SENSORS},
+    path::Path,
     scene::Scene,
 };
 use crate::{analyzer::ANY_PHASE_STARTS_S, bound::Information};
@@ -214,22 +215,35 @@ fn fitted(
 /// The scene with its resonance moved at random by up to this much, Hz.
 fn moved(axis: Axis, scene: Scene, most_hz: f64, random: &mut Stream) -> Scene {
     let by_hz = match axis {
-        // This axis compares both sides of the window's edge.
-        Axis::WindowOffset => 0.0,
+        // These axes compare both sides of an edge.
+        Axis::WindowOffset | Axis::Contact => 0.0,
         _ => most_hz * (2.0 * random.uniform() - 1.0),
     };
     Scene { resonance_hz: scene.resonance_hz + by_hz, ..scene }
 }
 
-/// Judges the planner of the daemon, cold. It measures as the daemon does: with a drive of any phase, gaps
+/// The prior of a planned sweep. The first sweep of a rig has none, and a later one knows the noise. A
+/// sweep in contact knows the reference, and that a contact hardly lowers the resonance.
+fn prior(scene: &Scene, trial: u32, random: &mut Stream) -> Option<Prior> {
+    /// Possible drift since the reference, relative, as in the engine.
+    const DRIFT: f64 = 0.01;
+    let Some((reference_hz, q)) = scene.reference else {
+        let known = NoisePrior { at_ten_cycles: scene.noise, degrees_of_freedom: 1000.0 };
+        let noise = scene.stated_noise.or(trial.is_multiple_of(2).then_some(known))?;
+        return Some(Prior { circuit: None, within: scene.window, noise: Some(noise) });
+    };
+    let free = Scene { resonance_hz: reference_hz, ..Scene::good(q, scene.coupling) };
+    let options = FitOptions { window: Some(free.window), ..FitOptions::default() };
+    let found = fit(&free.measure(random.fork()), &options);
+    let within = Window { min_hz: reference_hz * (1.0 - DRIFT), ..scene.window };
+    Some(Prior::moved(found.accepted()?, within))
+}
+
+/// Judges the planner of the daemon. It measures as the daemon does: with a drive of any phase, gaps
 /// of unknown length, and all readings of a stay at once.
 fn planned(axis: Axis, scene: Scene, id: SweepId, mut random: Stream) -> SweepResult {
     let scene = moved(axis, Scene { is_any_phase: true, ..scene }, MOVED_HZ, &mut random);
-    // The first sweep of a rig knows nothing, and a later one knows the noise.
-    let known = NoisePrior { at_ten_cycles: scene.noise, degrees_of_freedom: 1000.0 };
-    let noise = scene.stated_noise.or(id.trial.is_multiple_of(2).then_some(known));
-    let prior =
-        noise.map(|noise| Prior { circuit: None, within: scene.window, noise: Some(noise) });
+    let prior = prior(&scene, id.trial, &mut random);
     let request = SweepRequest {
         window: scene.window,
         method: SweepMethod::Adaptive,

@@ -3,8 +3,9 @@
 use rig_chart::{Category, HeatMap, Tone};
 
 use super::{
-    axis::{Axis, Path},
+    axis::Axis,
     judge::{Cell, Counts, others},
+    path::Path,
 };
 use crate::files::Csv;
 

@@ -4,8 +4,9 @@
 use rig_chart::{Chart, Series};
 
 use super::{
-    axis::{Axis, Path},
+    axis::Axis,
     judge::{Cell, SweepResult},
+    path::Path,
 };
 use crate::files::Csv;
 

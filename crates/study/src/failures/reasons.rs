@@ -1,8 +1,10 @@
 //! The reasons that refused sweeps state, so that a wrong cause shows.
 
 use super::{
-    axis::{Axis, Path, claims_a_cause},
+    axis::Axis,
+    cause::claims_a_cause,
     judge::{Cell, SweepResult},
+    path::Path,
 };
 use crate::{files::Csv, page::Table};
 

@@ -12,7 +12,7 @@ use rig_model::{PointResult, Reading, RigTime, SweepPoint, Window, random::Strea
 use rig_resonance::NoisePrior;
 
 use super::{load::DisturbedSensor, outliers::Outliers, spring::Spring};
-use crate::analyzer::{Analyzer, WINDOW, reading, sensor, time_constant_s};
+use crate::analyzer::{Analyzer, Gaps, WINDOW, reading, sensor, time_constant_s};
 
 /// A sensor and a sweep with their disturbances.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,6 +36,12 @@ pub(super) struct Scene {
     pub(super) waited: Option<f64>,
     /// Whether the drive has any phase after a change of frequency.
     pub(super) is_any_phase: bool,
+    /// Longest gap before a reading of a drive of any phase, s, and largest error of its length, s.
+    pub(super) gap_s: f64,
+    pub(super) clock_error_s: f64,
+    /// Resonance, Hz, and quality factor of an earlier sweep of the sensor without a sample; `None` for a
+    /// cold start.
+    pub(super) reference: Option<(f64, f64)>,
     /// Drift of the resonance from the first reading to the last, Hz, or in Hz/s.
     pub(super) drift_hz: f64,
     /// Relative drift of the static capacitance from the first reading to the last, or in 1/s.
@@ -92,6 +98,9 @@ impl Scene {
             is_both_ways: false,
             waited: None,
             is_any_phase: false,
+            gap_s: Gaps::USUAL.longest_s,
+            clock_error_s: Gaps::USUAL.error_s,
+            reference: None,
             drift_hz: 0.0,
             capacitance_drift: 0.0,
             second: None,
@@ -179,7 +188,8 @@ impl Scene {
     /// An analyzer with this sensor at rest.
     pub(super) fn analyzer(&self, random: Stream) -> Analyzer<DisturbedSensor> {
         let analyzer = Analyzer::of(DisturbedSensor::at_rest(self), self.noise, random);
-        if self.is_any_phase { analyzer.with_any_phase() } else { analyzer }
+        let gaps = Gaps { longest_s: self.gap_s, error_s: self.clock_error_s };
+        if self.is_any_phase { analyzer.with_any_phase(gaps) } else { analyzer }
     }
 
     /// What the analyzer does to its readings.

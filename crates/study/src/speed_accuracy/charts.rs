@@ -1,6 +1,6 @@
 //! Charts of measuring time against error.
 
-use rig_chart::{Axis, Chart, Series, Stroke};
+use rig_chart::{Axis, Chart, Marker, Series, Stroke};
 
 use super::{
     case::Case,
@@ -38,7 +38,8 @@ pub(super) fn time_against_error(case: &Case, groups: &[Group]) -> Chart {
         push(&mut chart, Series { stroke: Some(Stroke::Dashed), ..bounds });
     }
     let refused = of_case().filter_map(refused_target);
-    push(&mut chart, Series::scatter("refused target", 7, refused));
+    let refused = Series::scatter("refused target", PLANNER, refused);
+    push(&mut chart, Series { marker: Some(Marker::Cross), ..refused });
     for (index, estimator) in SweepEstimator::SHOWN.into_iter().enumerate() {
         let even = of_case().filter(|group| is_of(group, METHODS[0], estimator));
         let results = even.filter_map(|group| point(group, Group::rmse_hz));
@@ -56,6 +57,9 @@ const METHODS: [&str; 3] = [
     Method::Fast { points: 0, cycles: 0 }.name(),
     Method::Decay { target_hz: 0.0 }.name(),
 ];
+
+/// Index of the planner among them.
+const PLANNER: usize = 2;
 
 /// Adds a series unless it is empty.
 fn push(chart: &mut Chart, series: Series) {

@@ -14,7 +14,7 @@ use super::{
     trial::{self, quantile},
 };
 use crate::{
-    analyzer::{Analyzer, WINDOW, sensor},
+    analyzer::{Analyzer, Gaps, WINDOW, sensor},
     files::{Csv, Folder},
     outcome::StudyError,
 };
@@ -142,7 +142,7 @@ fn planning_us(seed: u64) -> Vec<f64> {
             let case = Case { q, coupling, noise: NOISE };
             let random = Stream::of_trial(seed, case.number(), sweep);
             let mut analyzer =
-                Analyzer::at_rest(case.middle(), case.noise, random).with_any_phase();
+                Analyzer::at_rest(case.middle(), case.noise, random).with_any_phase(Gaps::USUAL);
             let mut planner = Planner::new(&request(0.01), Some(&cold(case.noise)));
             loop {
                 let begun = Instant::now();

@@ -8,7 +8,7 @@ use rig_model::{
 use rig_resonance::{FitOptions, FitOutcome, Next, NoisePrior, Past, Planner, Prior, Timing, fit};
 
 use super::case::Case;
-use crate::analyzer::{Analyzer, WINDOW, reading, time_constant_s};
+use crate::analyzer::{Analyzer, Gaps, WINDOW, reading, time_constant_s};
 
 /// A method of measuring a resonance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,7 +76,7 @@ impl Method {
             }
             // No more is known of the drive and of the times than of those of a real analyzer.
             Self::Decay { target_hz } => {
-                let mut analyzer = at_rest(random).with_any_phase();
+                let mut analyzer = at_rest(random).with_any_phase(Gaps::USUAL);
                 plan(&mut analyzer, &request(target_hz), &cold(case.noise))
             }
         }

@@ -8,7 +8,7 @@ use super::{
     case::{Case, RESONANCES_HZ},
     method::{cold, plan, request},
 };
-use crate::analyzer::{Analyzer, sensor};
+use crate::analyzer::{Analyzer, Gaps, sensor};
 
 /// Largest assumed move of the resonance between two readings, linewidths.
 const MOVES: f64 = 1.0;
@@ -72,7 +72,7 @@ fn follow(case: &Case, target_hz: f64, mut random: Stream) -> Vec<WarmReading> {
     let steps: [f64; READINGS] = std::array::from_fn(|_| 2.0 * random.uniform() - 1.0);
     let moves_hz = MOVES * resonance_hz / case.q;
     let mut analyzer =
-        Analyzer::at_rest(circuit(resonance_hz), case.noise, random).with_any_phase();
+        Analyzer::at_rest(circuit(resonance_hz), case.noise, random).with_any_phase(Gaps::USUAL);
     let request = request(target_hz);
     let first = plan(&mut analyzer, &request, &cold(case.noise));
     let Some(mut last) = first.verdict.accepted().copied() else { return Vec::new() };
