@@ -1,7 +1,7 @@
 //! The linear drive in trouble while the probe is in contact, through the real drivers and the wire: the
 //! probe gets out, or the rig says that it could not.
 
-use rig_engine::RunStatus;
+use rig_engine::{RigState, RunStatus};
 use rig_store::{Clearance, Record};
 use rig_tests::{TestRig, text};
 
@@ -136,4 +136,44 @@ async fn a_drive_that_lost_its_position_is_not_moved_when_homing_may_lead_into_t
         down += u32::from(end.was_down && !end.is_out);
     }
     assert!(down >= 3, "the probe was down {down} times");
+}
+
+#[tokio::test]
+async fn after_the_patience_the_latched_rig_goes_on_trying_and_the_probe_gets_out() {
+    let rig = TestRig::open_changed(&[]).await;
+    // In the sample, for longer than the patience of two minutes.
+    rig.fault("fault bus unplug ms=400000 unit=1 nth=55");
+    let (run, status) = rig.run(rig.protocol(&one_touch())).await;
+    assert_eq!(status, RunStatus::Faulted);
+    let was_down = |stored: &rig_store::StoredRecord| match stored.record() {
+        Ok(Record::Fault(fault)) => fault.probe != Clearance::Clear,
+        _ => false,
+    };
+    assert!(rig.records(run).iter().any(was_down));
+    let mut status = rig.handle.status();
+    let is_clear = |status: &rigd::rig::Status| status.snapshot.clearance.name() == "clear";
+    let cleared =
+        tokio::time::timeout(std::time::Duration::from_secs(60), status.wait_for(is_clear));
+    let end = cleared.await.expect("the probe gets out").expect("the rig lives").clone();
+    assert_eq!((end.snapshot.state, end.snapshot.attempts), (RigState::Latched, None));
+    let session = rig.records(end.session);
+    let tried: Vec<_> = session
+        .iter()
+        .filter_map(|stored| match stored.record() {
+            Ok(Record::RetractTried(tried)) => Some((tried.attempt, tried.cause.is_some())),
+            _ => None,
+        })
+        .collect();
+    assert!(
+        tried.len() >= 5 && (1..).zip(&tried).all(|(number, one)| one.0 == number),
+        "{tried:?}"
+    );
+    let failed = tried.iter().filter(|(_, has_failed)| *has_failed).count();
+    assert_eq!(failed, tried.len() - 1, "{tried:?}");
+    let simulation = rig.handle.simulation().expect("the rig is simulated");
+    let now = end.now;
+    let (tip_mm, violations) = simulation
+        .with(|_, rig| (rig.world().truth(now).tip_mm, rig.world().violations(now).len()));
+    assert!((tip_mm - 30.0).abs() < 0.1 && violations == 0, "{tip_mm} mm, {violations}");
+    rig.close().await;
 }

@@ -11,6 +11,7 @@
 //!               └─────────┘               └────────────────────────────┘
 //! ```
 
+mod attempts;
 mod commands;
 mod hold_up;
 mod stopping;
@@ -22,6 +23,7 @@ use std::time::Duration;
 use rig_model::{Clearance, Deg, Mm, Position, RigLimits, RigTime, Span};
 use rig_protocol::Prompt;
 
+use self::attempts::Attempts;
 use crate::{
     Effect, Event, Fault, Input, Interlock, LoweringPurpose, Operation, OperationId, Report,
     RigState, RunStatus,
@@ -57,6 +59,8 @@ pub struct Engine {
     /// Possible positions of the linear stage since its last confirmed read-back; `None` while it
     /// is homed.
     reach: Option<Span<Mm>>,
+    /// Attempts of the latched rig to retract.
+    attempts: Option<Attempts>,
 }
 
 #[derive(Debug)]
@@ -110,6 +114,8 @@ pub struct Snapshot {
     pub prompt: Option<Prompt>,
     /// First cause of the latch, or of the stop and the retract that are under way.
     pub fault: Option<Fault>,
+    /// Number of attempts of the latched rig to retract so far, while it goes on trying.
+    pub attempts: Option<u32>,
 }
 
 impl Engine {
@@ -136,6 +142,7 @@ impl Engine {
             patience,
             last_fault: None,
             reach: None,
+            attempts: None,
         }
     }
 
@@ -166,6 +173,7 @@ impl Engine {
             progress,
             prompt,
             fault,
+            attempts: self.attempts(),
         }
     }
 
@@ -212,7 +220,9 @@ impl Engine {
             (Activity::Retracting(..), result) => {
                 self.retracting(now, result.map_err(|(_, fault)| fault), effects);
             }
-            (Activity::Latched(_), _) => {}
+            (Activity::Latched(_), result) => {
+                self.attempt_ended(now, result.map_err(|(_, fault)| fault), effects);
+            }
             (_, Err((_, fault))) => self.stop(now, StopReason::Fault(fault), effects),
             (Activity::Preparing(_), Ok(_)) => self.preparing(now, effects),
             (Activity::Moving, Ok(_)) => self.activity = Activity::Idle,
@@ -227,10 +237,10 @@ impl Engine {
     fn tick(&mut self, now: RigTime, effects: &mut Vec<Effect>) {
         if self.wait_until.is_some_and(|until| until <= now) {
             self.wait_until = None;
-            if matches!(self.activity, Activity::Retracting(..)) {
-                self.wait_is_over(now, effects);
-            } else {
-                self.advance_run(now, MachineEvent::Waited, effects);
+            match self.activity {
+                Activity::Retracting(..) => self.wait_is_over(now, effects),
+                Activity::Latched(_) => self.try_again(now, effects),
+                _ => self.advance_run(now, MachineEvent::Waited, effects),
             }
         }
         let Some(pending) = self.pending.as_mut().filter(|pending| pending.deadline <= now) else {
@@ -242,7 +252,7 @@ impl Engine {
             // may move.
             pending.deadline = RigTime::from_micros(u64::MAX);
             self.freeze(fault);
-        } else if matches!(self.activity, Activity::Retracting(..)) {
+        } else if matches!(self.activity, Activity::Retracting(..) | Activity::Latched(_)) {
             self.interrupt(now, effects);
             self.escalate(fault);
         } else {

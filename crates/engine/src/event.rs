@@ -254,6 +254,15 @@ pub enum Event {
         /// Whether a measurement was under way, whose readings are discarded and measured again.
         is_measured_again: bool,
     },
+    /// A latched rig has tried again to find the linear drive and to retract.
+    RetractTried {
+        /// Counts from 1.
+        attempt: u32,
+        /// Why it failed.
+        fault: Option<Fault>,
+        /// Clearance of the probe after it.
+        clearance: Clearance,
+    },
     /// A run has ended.
     RunFinished(RunStatus),
 }

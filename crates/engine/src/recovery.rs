@@ -11,7 +11,7 @@
 //!                 ▼ │           │      ▼                      finished
 //!               finished       ┌──────────┐ patience is over
 //!                              │ Wait     │─────────────────▶ finished, not clear
-//!                              └──────────┘
+//!                              └──────────┘                   (tried again: engine/attempts.rs)
 //! ```
 //!
 //! A drive that does not answer is asked again until the patience of the rig file is over. When it
@@ -63,6 +63,11 @@ pub(crate) enum RecoveryReport {
 }
 
 impl RecoveryReport {
+    /// The end of an operation of the recovery.
+    pub(crate) fn of_result(result: &Result<(), Fault>) -> Self {
+        result.as_ref().map_or_else(Self::of, |()| Self::Done)
+    }
+
     /// The part of a fault about the linear stage.
     pub(crate) fn of(fault: &Fault) -> Self {
         match fault {
@@ -87,6 +92,8 @@ pub(crate) struct Recovery {
     pause: Duration,
     retracts_left: u32,
     is_reset_used: bool,
+    /// The patience ended while the drive was waited for.
+    is_out_of_patience: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -114,6 +121,7 @@ impl Recovery {
             pause: FIRST_PAUSE,
             retracts_left: RETRACT_ATTEMPTS,
             is_reset_used: false,
+            is_out_of_patience: false,
         };
         (recovery, RecoveryStep::Do(Operation::StopMotion))
     }
@@ -156,6 +164,18 @@ impl Recovery {
         }
     }
 
+    /// Begins one attempt more, without patience: the drive is found, and then one retract.
+    pub(crate) fn again(&mut self, now: RigTime) -> RecoveryStep {
+        (self.give_up_at, self.retracts_left, self.is_out_of_patience) = (now, 1, false);
+        self.find()
+    }
+
+    /// Whether only the patience has ended, so that a later attempt may succeed. A stage that is blocked or
+    /// lost is not moved again.
+    pub(crate) const fn is_worth_trying(&self) -> bool {
+        self.is_out_of_patience
+    }
+
     /// A pause is over.
     pub(crate) fn waited(&mut self) -> RecoveryStep {
         self.find()
@@ -183,6 +203,7 @@ impl Recovery {
 
     fn wait(&mut self, now: RigTime) -> RecoveryStep {
         if self.give_up_at < now + self.pause {
+            self.is_out_of_patience = true;
             return self.finish(Clearance::Unknown);
         }
         self.phase = Phase::Waiting;

@@ -17,8 +17,9 @@ pub use record::{
     ClockJumped, Device, Direction, Ending, Fault, FitNoise, FitSettings, FitTiming, Frame,
     GivenUp, Intent, LostSurface, Move, MoveReason, NearCircuit, Operator, Phase, PlanSize, Pose,
     Prompt, PromptAnswered, PromptAsked, ReadingFlag, ReadingRecord, Record, RefusedTouch, Resumed,
-    RunFinished, RunStarted, Sample, Source, Stalled, StateChanged, StepStarted, Surface,
-    SurfaceReading, Sweep, SweepOutcome, SweepPurpose, Touch, TouchPosition, TouchSettings,
+    RetractTried, RunFinished, RunStarted, Sample, Source, Stalled, StateChanged, StepStarted,
+    Surface, SurfaceReading, Sweep, SweepOutcome, SweepPurpose, Touch, TouchPosition,
+    TouchSettings,
 };
 pub use run::{NotARunId, Run, RunId, RunKind, RunStatus};
 pub use seal::{ListEntry, Stretch, seal};

@@ -60,6 +60,8 @@ pub enum Record {
     Operator(Operator),
     /// Something failed; the rig is latched.
     Fault(Fault),
+    /// A latched rig has tried again to retract.
+    RetractTried(RetractTried),
     /// The last frames on a port, as they were when a fault was seen.
     BlackBox(BlackBox),
     /// The rig changed its state.
@@ -97,6 +99,7 @@ impl Record {
             Self::TouchRefused(_) => "touch_refused",
             Self::Operator(_) => "operator",
             Self::Fault(_) => "fault",
+            Self::RetractTried(_) => "retract_tried",
             Self::BlackBox(_) => "black_box",
             Self::StateChanged(_) => "state_changed",
             Self::Stalled(_) => "stalled",
@@ -163,6 +166,19 @@ pub struct StateChanged {
     /// The reason, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
+}
+
+/// After the patience of the recovery, a latched rig has tried again to find the linear drive and to
+/// retract.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RetractTried {
+    /// Counts from 1.
+    pub attempt: u32,
+    /// Why it failed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cause: Option<String>,
+    /// Clearance of the probe after it.
+    pub probe: Clearance,
 }
 
 /// The computer or the program did nothing for a while: it was stopped, or slept.

@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 
 use rig_record::{
-    Amended, Amendment, Change, Clearance, ClockJumped, Direction, Prompt, Record, RefusedTouch,
-    Resumed, RunStarted, Sample, Stalled, StoredRecord, Sweep, SweepOutcome, Touch, TouchSettings,
-    UnreadableRecord,
+    Amended, Amendment, BlackBox, Change, Clearance, ClockJumped, Direction, Prompt, Record,
+    RefusedTouch, Resumed, RetractTried, RunStarted, Sample, Stalled, StoredRecord, Sweep,
+    SweepOutcome, Touch, TouchSettings, UnreadableRecord,
 };
 
 use crate::units::{duration, with_sigma};
@@ -313,15 +313,14 @@ impl RunData {
                 self.end_touch(&step, Outcome::Refused(Box::new(refused)));
             }
             Record::BlackBox(kept) => {
-                let (count, port) = (kept.frames.len(), kept.port);
-                let text = format!("the last frames on {port} are in the journal ({count})");
-                note(None, LogKind::BlackBox, text);
+                note(None, LogKind::BlackBox, kept_frames(&kept));
+            }
+            Record::RetractTried(RetractTried { attempt, cause, .. }) => {
+                let end = cause.unwrap_or_else(|| "the probe is clear".to_owned());
+                note(None, LogKind::Fault, format!("attempt {attempt} to retract: {end}"));
             }
             Record::Stalled(stalled) => note(None, LogKind::Computer, held_up(&stalled)),
-            Record::ClockJumped(ClockJumped { jump_s }) => {
-                let text = format!("the wall clock was set by {jump_s:+.1} s");
-                note(None, LogKind::Computer, text);
-            }
+            Record::ClockJumped(jumped) => note(None, LogKind::Computer, clock_set(jumped)),
             seam @ (Record::Resumed(_) | Record::GivenUp(_) | Record::Amended(_)) => {
                 self.seam(run_us, seam);
             }
@@ -377,6 +376,14 @@ const fn whereabouts(probe: Clearance) -> &'static str {
 }
 
 /// A hold-up in words.
+fn kept_frames(BlackBox { frames, port }: &BlackBox) -> String {
+    format!("the last frames on {port} are in the journal ({})", frames.len())
+}
+
+fn clock_set(ClockJumped { jump_s }: ClockJumped) -> String {
+    format!("the wall clock was set by {jump_s:+.1} s")
+}
+
 fn held_up(stalled: &Stalled) -> String {
     let again = if stalled.is_measured_again { "; its readings were measured again" } else { "" };
     format!("the computer was held up for {:.1} s{again}", stalled.stalled_s)

@@ -82,6 +82,15 @@ pub(crate) fn during_retract(fault: &Fault) -> String {
     )
 }
 
+/// Advice while the latched rig goes on trying to retract.
+pub(crate) fn during_attempts(attempts: u32, then: Hint) -> String {
+    format!(
+        "rigd tries every 30 s to find the linear drive and to retract (attempts so far: {attempts}), and \
+         lowers and turns nothing; POST /api/v1/stop ends the attempts; {}",
+        then.over_http()
+    )
+}
+
 /// Advice after a fault.
 pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
     let device = match fault {

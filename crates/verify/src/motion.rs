@@ -126,6 +126,23 @@ impl Motion {
         self.lose_positions();
     }
 
+    /// The rig has changed its state.
+    pub(crate) fn changed(&mut self, state: &str) {
+        if state == "retracting" {
+            self.lose_positions();
+            self.is_waiting = false;
+        }
+    }
+
+    /// A latched rig has tried to retract. A move that failed has left no position.
+    pub(crate) fn tried(&mut self, seq: u64, probe: &str, findings: &mut Findings) {
+        if (probe == "clear") != (self.probe == Probe::Clear) {
+            let what = "the state of the probe after an attempt to retract";
+            findings.add(Check::FalseClear, seq, what, self.probe.name(), probe);
+        }
+        self.lose_positions();
+    }
+
     pub(crate) fn intent(
         &mut self,
         seq: u64,

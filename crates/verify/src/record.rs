@@ -23,6 +23,7 @@ pub(crate) enum Record {
     BlackBox(BlackBox),
     StateChanged(StateChanged),
     Stalled {},
+    RetractTried(RetractTried),
     ClockJumped {},
     Resumed(Box<Resumed>),
     GivenUp(GivenUp),
@@ -127,6 +128,11 @@ pub(crate) struct Moved {
     pub(crate) read_back: f64,
     #[serde(default)]
     pub(crate) is_clear: bool,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct RetractTried {
+    pub(crate) probe: String,
 }
 
 #[derive(Debug, Clone, Deserialize)]

@@ -221,12 +221,10 @@ impl Walk {
                 }
             }
             Record::StateChanged(changed) => {
-                if changed.state == "retracting" {
-                    motion.lose_positions();
-                    motion.is_waiting = false;
-                }
+                motion.changed(&changed.state);
             }
             // A sweep that was held up is measured again, and is held against its readings as any.
+            Record::RetractTried(tried) => motion.tried(seq, &tried.probe, findings),
             Record::Stalled {} | Record::ClockJumped {} => {}
             Record::Resumed(resumed) => self.resumed(seq, &resumed),
             Record::GivenUp(_) => self.is_given_up = true,

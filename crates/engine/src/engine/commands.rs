@@ -52,7 +52,8 @@ impl Engine {
             // Stopping is never refused.
             Command::Stop => true,
             Command::Acknowledge => {
-                matches!(self.activity, Activity::Latched(_)) && self.pending.is_none()
+                matches!(self.activity, Activity::Latched(_))
+                    && (self.pending.is_none() || self.attempts.is_some())
             }
         };
         let (name, clearance) = (command.name(), self.interlock.clearance());
@@ -193,7 +194,10 @@ impl Engine {
         }
     }
 
-    fn prepare(&mut self, now: RigTime, effects: &mut Vec<Effect>) {
+    pub(super) fn prepare(&mut self, now: RigTime, effects: &mut Vec<Effect>) {
+        if self.end_attempts(now, effects) {
+            return;
+        }
         // A stage that has been in service may be in contact now: it is found again without homing it
         // towards the sample.
         let is_new = self.linear.is_none() || self.interlock.clearance() == Clearance::Clear;

@@ -47,7 +47,7 @@ impl Engine {
                 }
                 return;
             }
-            Activity::Latched(_) => return,
+            Activity::Latched(_) => return self.stop_trying(now, effects),
             _ => {}
         }
         self.wait_until = None;
@@ -81,12 +81,14 @@ impl Engine {
     /// Latches at once, with the operation in flight still unanswered.
     pub(super) fn freeze(&mut self, fault: Fault) {
         self.escalate(fault.clone());
+        self.attempts = None;
         let activity = std::mem::replace(&mut self.activity, Activity::Idle);
         match activity {
             Activity::Stopping(StopReason::Fault(first), had_run)
             | Activity::Retracting(_, StopReason::Fault(first), had_run) => {
                 self.finish_faulted(first, had_run);
             }
+            Activity::Latched(first) => self.activity = Activity::Latched(first),
             _ => self.finish_faulted(fault, false),
         }
     }
@@ -134,10 +136,7 @@ impl Engine {
             Ok(_) => Ok(()),
             Err(fault) => Err(fault),
         };
-        let report = match &result {
-            Ok(()) => RecoveryReport::Done,
-            Err(fault) => RecoveryReport::of(fault),
-        };
+        let report = RecoveryReport::of_result(&result);
         if let Err(fault) = result {
             self.escalate(fault);
         }
@@ -150,7 +149,7 @@ impl Engine {
 
     /// A drive that was switched off may have a wrong position. A retract from it could go into the
     /// sample.
-    fn refuse_jump(&self, found: Position<Mm>) -> Result<(), Fault> {
+    pub(super) fn refuse_jump(&self, found: Position<Mm>) -> Result<(), Fault> {
         let Some(span) = self.reach else { return Ok(()) };
         let margin_mm = JUMP_TOLERANCES * self.limits.linear.tolerance();
         let (low, high) = (span.min.offset(-margin_mm), span.max.offset(margin_mm));
@@ -183,7 +182,7 @@ impl Engine {
             RecoveryStep::Finished(clearance) => clearance,
         };
         let activity = std::mem::replace(&mut self.activity, Activity::Idle);
-        let Activity::Retracting(_, reason, had_run) = activity else { return };
+        let Activity::Retracting(recovery, reason, had_run) = activity else { return };
         match reason {
             StopReason::Abort { .. } if clearance == Clearance::Clear => {
                 if had_run {
@@ -197,6 +196,9 @@ impl Engine {
                 self.finish_faulted(fault, had_run);
             }
             StopReason::Fault(fault) => self.finish_faulted(fault, had_run),
+        }
+        if recovery.is_worth_trying() {
+            self.go_on_trying(now, recovery);
         }
     }
 

@@ -4,6 +4,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
+mod attempts;
 mod drive;
 mod hold_up;
 mod out_of_contact;

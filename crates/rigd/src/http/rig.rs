@@ -81,6 +81,8 @@ struct FaultView {
     kind: &'static str,
     cause: String,
     hint: String,
+    /// Attempts to retract so far, while the latched rig goes on trying.
+    attempts: Option<u32>,
 }
 
 pub(super) async fn show(State(shared): State<Shared>) -> Json<RigView> {
@@ -135,10 +137,14 @@ pub(super) fn view(facts: &RigFacts, status: &Status) -> RigView {
     let fault = snapshot.fault.as_ref().map(|fault| FaultView {
         kind: if matches!(fault, Fault::Interrupted { .. }) { "interrupted" } else { "fault" },
         cause: fault.to_string(),
-        hint: match snapshot.state {
-            RigState::Retracting => hint::during_retract(fault),
-            _ => hint::after(fault, snapshot.clearance).over_http(),
+        hint: if snapshot.state == RigState::Retracting {
+            hint::during_retract(fault)
+        } else {
+            let hint = hint::after(fault, snapshot.clearance);
+            let trying = |attempts| hint::during_attempts(attempts, hint);
+            snapshot.attempts.map_or_else(|| hint.over_http(), trying)
         },
+        attempts: snapshot.attempts,
     });
     let device = |device: &crate::rig::DeviceIdentity| DeviceView {
         role: device.role,

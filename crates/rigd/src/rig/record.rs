@@ -173,6 +173,13 @@ impl Recorder {
                 Record::Operator(store::Operator { action: (*action).to_owned(), who: by.clone() })
             }
             Event::Faulted { fault, clearance } => self.fault(fault, *clearance),
+            Event::RetractTried { attempt, fault, clearance } => {
+                Record::RetractTried(store::RetractTried {
+                    attempt: *attempt,
+                    cause: fault.as_ref().map(ToString::to_string),
+                    probe: clearance_of(*clearance),
+                })
+            }
             &Event::Stalled { lasted, is_measured_again } => Record::Stalled(store::Stalled {
                 stalled_s: lasted.as_secs_f64(),
                 is_measured_again,
