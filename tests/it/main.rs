@@ -12,6 +12,7 @@ mod forged;
 mod makes;
 mod operator;
 mod out_of_contact;
+mod remaining;
 mod runs;
 mod stops;
 mod sweeps;

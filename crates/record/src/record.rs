@@ -18,7 +18,7 @@ pub use motion::{
 };
 pub use person::{Operator, Prompt, PromptAnswered, PromptAsked};
 pub use resume::{Amended, Amendment, Change, GivenUp, Resumed};
-pub use start::{Action, Device, PlanSize, RunStarted, Sample, Source, StepStarted};
+pub use start::{Action, Device, Expected, PlanSize, RunStarted, Sample, Source, StepStarted};
 pub use sweep::{
     Circuit, FitNoise, FitSettings, FitTiming, NearCircuit, ReadingFlag, ReadingRecord, Sweep,
     SweepOutcome, SweepPurpose,

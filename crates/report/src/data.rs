@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 
 use rig_record::{
-    Amended, Amendment, BlackBox, Change, Clearance, ClockJumped, Direction, Prompt, Record,
-    RefusedTouch, Resumed, RetractTried, RunStarted, Sample, Stalled, StoredRecord, Sweep,
+    Amended, Amendment, BlackBox, Change, Clearance, ClockJumped, Direction, Expected, Prompt,
+    Record, RefusedTouch, Resumed, RetractTried, RunStarted, Sample, Stalled, StoredRecord, Sweep,
     SweepOutcome, Touch, TouchSettings, UnreadableRecord,
 };
 
@@ -143,6 +143,11 @@ impl RunData {
     /// clock while it was interrupted.
     pub(crate) fn rig_s(&self) -> f64 {
         self.end_us as f64 / 1e6
+    }
+
+    /// The duration that was expected at the beginning.
+    pub(crate) fn expected(&self) -> Option<Expected> {
+        self.started.as_ref()?.expected
     }
 
     /// The samples, in the protocol's order.

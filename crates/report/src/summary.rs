@@ -37,6 +37,9 @@ pub struct RunSummary {
     pub prompts: u32,
     /// From beginning to end on the rig's clock, s.
     pub rig_seconds: f64,
+    /// The duration that was expected at the beginning, least and most, s on the rig's clock; `None`
+    /// for a run that was made without an estimate.
+    pub expected_seconds: Option<[f64; 2]>,
     /// From beginning to end by the wall clock, s; `None` during the run.
     pub wall_seconds: Option<f64>,
     /// Mean resonance with the probe clear, Hz.
@@ -164,6 +167,7 @@ impl RunResults {
             touches_not_reached: not_reached,
             prompts: data.prompts,
             rig_seconds: data.rig_s(),
+            expected_seconds: data.expected().map(|expected| [expected.least_s, expected.most_s]),
             wall_seconds: run.wall_s,
             no_load_hz: self.no_load.map(|no_load| no_load.mean_hz),
             shifts: self.direction_means.iter().map(shift).collect(),

@@ -1,6 +1,6 @@
 //! The results for a person at a terminal.
 
-use rig_record::Phase;
+use rig_record::{Expected, Phase};
 
 use crate::{
     data::{DIRECTIONS, RunData},
@@ -33,7 +33,11 @@ impl RunResults {
         let wall = self.run.wall_s;
         let wall = wall.map_or_else(String::new, |wall_s| format!(" in {}", duration(wall_s)));
         let (status, rig_time) = (self.run.status.describe(), duration(self.data.rig_s()));
-        lines.push(format!("{status}: {rig_time} of rig time{wall}"));
+        let expected = self.data.expected().map_or_else(String::new, |expected| {
+            let Expected { least_s, most_s, .. } = expected;
+            format!(", expected {} to {}", duration(least_s), duration(most_s))
+        });
+        lines.push(format!("{status}: {rig_time} of rig time{expected}{wall}"));
         lines.push(sentence(&self.touches));
         lines.join("\n") + "\n"
     }

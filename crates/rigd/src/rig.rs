@@ -14,6 +14,7 @@ mod amend;
 mod devices;
 mod gate;
 mod heartbeat;
+mod history;
 mod inspect;
 mod live;
 mod open;
@@ -36,6 +37,7 @@ use tokio::sync::{mpsc, oneshot, watch};
 
 pub use amend::{TouchOrder, skip};
 pub(crate) use devices::{analyzer_failure, stage_failure};
+pub use history::History;
 pub use inspect::{
     AxisFacts, AxisPosition, AxisState, DeviceFacts, DeviceSeen, Inspection, PortFacts, PortSeen,
     RoundTrips, inspect,
@@ -122,6 +124,8 @@ pub struct RunView {
     pub touches_refused: usize,
     /// Time spent waiting for people, s.
     pub pace: Pace,
+    /// The touches of earlier runs of this rig.
+    pub history: Arc<History>,
     /// How the run ended; `None` during the run.
     pub ending: Option<rig_engine::RunStatus>,
 }
@@ -438,22 +442,20 @@ impl RunView {
         self.plan.steps.iter().filter(is_touch).count()
     }
 
-    /// Remaining time of the run on the rig's clock, s. The plan gives the relative durations of
-    /// the steps, and the elapsed time gives the speed of the rig relative to the plan.
-    pub fn remaining_s(&self, elapsed_s: f64) -> f64 {
-        let touches = self.touches_planned();
-        let left = touches.saturating_sub(self.touches_done) as f64;
-        let planned_s = self.expected_s * left / touches.max(1) as f64;
-        let done = self.touches_done.saturating_sub(self.touches_before);
-        if done < PACE_FROM_TOUCHES {
-            return planned_s;
-        }
-        elapsed_s / done as f64 * left
+    /// Remaining time of the run, from the step under way on.
+    pub fn remaining(&self, step: usize, now: RigTime) -> Remaining {
+        let (steps, durations_s) = (&self.plan.steps, &self.durations_s);
+        let here = step.min(steps.len()).min(durations_s.len());
+        let part = |from: usize, to: usize| pace::Part {
+            steps: &steps[from.min(to)..to],
+            durations_s: &durations_s[from.min(to)..to],
+        };
+        let parts = (part(self.first_step, here), part(here, steps.len().min(durations_s.len())));
+        let touches = self.touches_done.saturating_sub(self.touches_before);
+        let elapsed_s = now.since(self.started).as_secs_f64();
+        self.pace.remaining(now, parts, elapsed_s, touches, &self.history)
     }
 }
-
-/// From this number of touches on, their durations predict the rest better than the plan.
-const PACE_FROM_TOUCHES: usize = 5;
 
 /// Facts about the rig that the rig thread keeps beside its devices.
 #[derive(Debug)]

@@ -154,6 +154,20 @@ impl Reader {
         Ok(chain.records)
     }
 
+    /// The records of these kinds of a run, not checked against their digests: for estimates, which may
+    /// be made of many runs at once.
+    ///
+    /// # Errors
+    /// [`StoreError`] of the system or of SQLite.
+    pub fn unchecked(&self, id: RunId, kinds: &[&str]) -> Result<Vec<StoredRecord>, StoreError> {
+        let wanted = kinds.iter().map(|kind| format!("'{kind}'")).collect::<Vec<_>>().join(", ");
+        let mut statement = self.connection.prepare(&select_records(&format!(
+            "WHERE run = (SELECT key FROM runs WHERE id = ?1) AND kind IN ({wanted}) ORDER BY seq"
+        )))?;
+        let rows = statement.query_map([id.to_string()], record_from)?;
+        Ok(rows.collect::<Result<_, _>>()?)
+    }
+
     /// The digest of the last record of a run; `None` for a run without records.
     ///
     /// # Errors

@@ -31,9 +31,23 @@ pub struct RunStarted {
     /// Number of classes of the blind touches, if there are any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub classes: Option<u32>,
+    /// The expected duration of the run, so that it can be compared with the real one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub expected: Option<Expected>,
     /// Idempotency key of the request: a repeated request begins no second run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub idempotency_key: Option<String>,
+}
+
+/// The expected duration of a run, on the rig's clock.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Expected {
+    /// When every answer comes at once and the rig is fast, s.
+    pub least_s: f64,
+    /// If answers take their usual time and the rig is slow, s.
+    pub most_s: f64,
+    /// Number of touches of earlier runs from which it was learned; 0 for the plan alone.
+    pub from_touches: u32,
 }
 
 /// A file that was read.

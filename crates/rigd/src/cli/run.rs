@@ -203,6 +203,7 @@ const BAR_COLUMNS: usize = 16;
 fn draw(status: &Status) {
     let (Some(run), Some(progress)) = (&status.run, &status.snapshot.progress) else { return };
     let elapsed_s = status.now.since(run.started).as_secs_f64();
+    let remaining = run.remaining(progress.step, status.now);
     let bar = match screen::columns() {
         Some(COLUMNS_WITH_BAR..) => {
             let done = BAR_COLUMNS * progress.step / progress.steps.max(1);
@@ -211,11 +212,12 @@ fn draw(status: &Status) {
         _ => String::new(),
     };
     screen::show_progress(&format!(
-        "{bar}{}/{} {}; rig time {}, about {} to go",
+        "{bar}{}/{} {}; rig time {}, {} to {} to go",
         progress.step,
         progress.steps,
         run.describe_step(progress.step),
         duration(elapsed_s),
-        duration(run.remaining_s(elapsed_s)),
+        duration(remaining.least_s),
+        duration(remaining.most_s),
     ));
 }

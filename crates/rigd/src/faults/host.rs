@@ -147,7 +147,7 @@ pub(super) const FAULTS: [ListedFault; 10] = [
         what: "a protocol or rig file is wrong",
         reaction: "refuses it before anything moves, with every fault and its place",
         seen: Some(|| {
-            let faults = RigFile::read("bench.toml", "nmae = \"bench\"\n");
+            let faults = RigFile::read("bench.toml", "label = \"bench\"\n");
             let text = faults.err().map(|faults| faults.to_string()).unwrap_or_default();
             let first = text.lines().next().unwrap_or_default();
             Seen { message: first.to_owned(), advice: Some("correct the file".to_owned()) }

@@ -18,6 +18,8 @@ pub(super) struct Forecast {
     elapsed_s: f64,
     /// Least and largest remaining time, s on the rig's clock.
     remaining_s: [f64; 2],
+    /// Number of touches of earlier runs from which it is learned; 0 for the plan alone.
+    learned_from_touches: usize,
     #[serde(skip_serializing_if = "Option::is_none")]
     next_prompt: Option<NextPrompt>,
 }
@@ -115,12 +117,8 @@ pub(super) fn ahead(run: &RunView, progress: &Progress, now: RigTime) -> Forecas
     let elapsed_s = now.since(run.started).as_secs_f64();
     let sum_s = |durations_s: &[f64]| durations_s.iter().sum::<f64>();
     let is_prompt = |action: &Action| matches!(action, Action::Prompt(_));
-    let prompts = steps[here..].iter().filter(|step| is_prompt(&step.action)).count();
-    let (done, left) = durations_s.split_at(here.min(durations_s.len()));
-    let done = done.get(run.first_step..).unwrap_or_default();
-    let touches = run.touches_done.saturating_sub(run.touches_before);
-    let remaining =
-        run.pace.remaining(now, (sum_s(done), sum_s(left)), elapsed_s, touches, prompts);
+    let left = durations_s.get(here..).unwrap_or_default();
+    let remaining = run.remaining(here, now);
     // The open prompt is not the next one.
     let next = steps.iter().enumerate().skip(here + 1).find(|(_, step)| is_prompt(&step.action));
     let left_s = sum_s(left).max(f64::MIN_POSITIVE);
@@ -133,8 +131,13 @@ pub(super) fn ahead(run: &RunView, progress: &Progress, now: RigTime) -> Forecas
             touches: touches.filter(|step| matches!(step.action, Action::Touch(_))).count(),
         })
     });
-    let remaining_s = [remaining.least_s, remaining.most_s];
-    Forecast { is_pausing: progress.is_pausing, elapsed_s, remaining_s, next_prompt }
+    Forecast {
+        is_pausing: progress.is_pausing,
+        elapsed_s,
+        remaining_s: [remaining.least_s, remaining.most_s],
+        learned_from_touches: run.history.touches(),
+        next_prompt,
+    }
 }
 
 pub(super) fn last_run(run: &RunView) -> Option<LastRun> {

@@ -108,6 +108,7 @@ mod tests {
             plan: PlanSize { steps: 0, touches: 0, prompts: 0 },
             touches: Vec::new(),
             classes: None,
+            expected: None,
             idempotency_key: None,
         })
     }

@@ -1,6 +1,9 @@
 //! The pace of a run: the time of the rig, and the time spent waiting for people.
 
 use rig_model::RigTime;
+use rig_protocol::{Action, Step};
+
+use super::history::{History, StepKind};
 
 /// Time that a run has spent waiting for people.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -22,10 +25,52 @@ pub struct Remaining {
     pub most_s: f64,
 }
 
+/// A part of a plan: its steps with their expected durations, s.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Part<'a> {
+    pub(super) steps: &'a [Step],
+    pub(super) durations_s: &'a [f64],
+}
+
+impl Part<'_> {
+    /// The time that the plan expects, s.
+    fn planned_s(self) -> f64 {
+        self.durations_s.iter().sum()
+    }
+
+    /// Number of prompts.
+    fn prompts(self) -> usize {
+        let is_prompt = |step: &&Step| matches!(step.action, Action::Prompt(_));
+        self.steps.iter().filter(is_prompt).count()
+    }
+
+    /// The least and the most time by what such steps took before, s; `None` without a history of each
+    /// of their kinds.
+    fn by_history(self, history: &History) -> Option<[f64; 2]> {
+        let mut range_s = [0.0; 2];
+        for kind in [StepKind::NoLoad, StepKind::Touch] {
+            let of_kind = self.steps.iter().zip(self.durations_s);
+            let of_kind = of_kind.filter(|(step, _)| StepKind::of(&step.action) == Some(kind));
+            let (count, planned_s) =
+                of_kind.fold((0, 0.0), |(count, sum_s), (_, s)| (count + 1, sum_s + s));
+            if count == 0 {
+                continue;
+            }
+            let ratios = history.ratios(kind, count)?;
+            for (end_s, ratio) in range_s.iter_mut().zip(ratios) {
+                *end_s += planned_s * ratio;
+            }
+        }
+        Some(range_s)
+    }
+}
+
 /// A person takes about as long to change a sample, s, until it is known better.
 const ANSWER_S: f64 = 30.0;
 /// Relative accuracy of the expected durations of a plan, before there are touches to compare.
 const PLAN_UNCERTAINTY: f64 = 0.3;
+/// After this number of touches, the run itself says as much as the runs before it.
+const HISTORY_TOUCHES: f64 = 10.0;
 
 impl Pace {
     pub(super) const fn asked(&mut self, now: RigTime) {
@@ -44,28 +89,53 @@ impl Pace {
         self.waited_s + self.asked.map_or(0.0, |asked| now.since(asked).as_secs_f64())
     }
 
-    /// The remaining time of a run. The plan expects `done_s` for its finished part and `left_s` for
-    /// the rest; the finished part took `elapsed_s` with all waits.
-    pub fn remaining(
+    /// The remaining time of a run, from what such touches took before on this rig, or else from the
+    /// plan, and more and more from the touches that are done. The finished part took `elapsed_s`
+    /// with all waits.
+    pub(super) fn remaining(
+        &self,
+        now: RigTime,
+        (done, left): (Part<'_>, Part<'_>),
+        elapsed_s: f64,
+        touches_done: usize,
+        history: &History,
+    ) -> Remaining {
+        let (done_s, left_s) = (done.planned_s(), left.planned_s());
+        let waits_s = self.answer_s(history) * left.prompts() as f64;
+        let by_plan = self.by_plan(now, (done_s, left_s), elapsed_s, touches_done, waits_s);
+        let Some([least_s, most_s]) = left.by_history(history) else { return by_plan };
+        let weight = touches_done as f64 / (touches_done as f64 + HISTORY_TOUCHES);
+        let mixed = |before_s: f64, now_s: f64| (1.0 - weight) * before_s + weight * now_s;
+        Remaining {
+            least_s: mixed(least_s, by_plan.least_s),
+            most_s: mixed(most_s, by_plan.most_s - waits_s) + waits_s,
+        }
+    }
+
+    /// Usual time of an answer, s.
+    fn answer_s(&self, history: &History) -> f64 {
+        if self.answers == 0 {
+            return history.answer_s().unwrap_or(ANSWER_S);
+        }
+        self.waited_s / f64::from(self.answers)
+    }
+
+    /// The remaining time by the plan, corrected by the touches that are done.
+    fn by_plan(
         &self,
         now: RigTime,
         (done_s, left_s): (f64, f64),
         elapsed_s: f64,
         touches_done: usize,
-        prompts_left: usize,
+        waits_s: f64,
     ) -> Remaining {
         let worked_s = (elapsed_s - self.waited_s(now)).max(0.0);
         // The plan is a guess that the touches done replace little by little.
         let weight = touches_done as f64 / (touches_done as f64 + 2.0);
         let factor = if done_s > 0.0 { 1.0 + weight * (worked_s / done_s - 1.0) } else { 1.0 };
         let spread = PLAN_UNCERTAINTY / (touches_done as f64 + 1.0).sqrt();
-        let answer_s =
-            if self.answers == 0 { ANSWER_S } else { self.waited_s / f64::from(self.answers) };
         let work_s = left_s * factor;
-        Remaining {
-            least_s: work_s * (1.0 - spread),
-            most_s: work_s * (1.0 + spread) + answer_s * prompts_left as f64,
-        }
+        Remaining { least_s: work_s * (1.0 - spread), most_s: work_s * (1.0 + spread) + waits_s }
     }
 }
 
@@ -80,9 +150,9 @@ mod tests {
     #[test]
     fn the_range_holds_the_plan_at_first_and_narrows_with_the_touches() {
         let pace = Pace::default();
-        let first = pace.remaining(at(0), (0.0, 100.0), 0.0, 0, 0);
+        let first = pace.by_plan(at(0), (0.0, 100.0), 0.0, 0, 0.0);
         assert!((first.least_s - 70.0).abs() < 1e-9 && (first.most_s - 130.0).abs() < 1e-9);
-        let later = pace.remaining(at(80), (80.0, 20.0), 80.0, 8, 0);
+        let later = pace.by_plan(at(80), (80.0, 20.0), 80.0, 8, 0.0);
         assert!((later.least_s - 18.0).abs() < 1e-9 && (later.most_s - 22.0).abs() < 1e-9);
     }
 
@@ -92,7 +162,8 @@ mod tests {
         pace.asked(at(10));
         pace.answered(at(50));
         // 60 s of work, 40 s of waiting; 99 touches leave next to no doubt of the pace.
-        let remaining = pace.remaining(at(100), (60.0, 60.0), 100.0, 99, 2);
+        let waits_s = 2.0 * pace.answer_s(&History::default());
+        let remaining = pace.by_plan(at(100), (60.0, 60.0), 100.0, 99, waits_s);
         assert!((remaining.least_s - 58.2).abs() < 1e-9, "{remaining:?}");
         assert!((remaining.most_s - (61.8 + 80.0)).abs() < 1e-9, "{remaining:?}");
         pace.asked(at(100));

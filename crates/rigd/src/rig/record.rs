@@ -84,8 +84,7 @@ impl Recorder {
         protocol: &LoadedProtocol,
         setting: &Setting,
         known_samples: &[(String, f64)],
-        idempotency_key: Option<String>,
-    ) -> Record {
+    ) -> store::RunStarted {
         let plan = &protocol.plan;
         let is_prompt = |step: &&Step| matches!(step.action, Action::Prompt(_));
         let sample = |name: &String| store::Sample {
@@ -100,7 +99,7 @@ impl Recorder {
             _ => None,
         };
         let touches: Vec<_> = plan.steps.iter().filter_map(touch).collect();
-        Record::RunStarted(store::RunStarted {
+        store::RunStarted {
             software: resume::SOFTWARE.to_owned(),
             seed: plan.seed,
             protocol: protocol.source.clone(),
@@ -116,8 +115,9 @@ impl Recorder {
             },
             touches,
             classes: plan.classes.map(size),
-            idempotency_key,
-        })
+            expected: None,
+            idempotency_key: None,
+        }
     }
 
     /// The record of an event; a few events have none.

@@ -380,7 +380,7 @@ impl Shell {
         // The caller may have closed its end. Its command is carried out.
         match request {
             Request::Run { protocol, by, key, reply } => {
-                _ = reply.send(self.start_run(*protocol, &by, key));
+                _ = reply.send(self.start_run(&protocol, &by, key));
             }
             Request::Resume { run, is_confirmed, by, reply } => {
                 _ = reply.send(self.resume_run(run, is_confirmed, &by));

@@ -170,6 +170,7 @@ pub(super) fn run_started() -> Record {
         plan: PlanSize { steps: 2, touches: 1, prompts: 1 },
         touches: vec![touch_settings()],
         classes: None,
+        expected: None,
         idempotency_key: None,
     })
 }

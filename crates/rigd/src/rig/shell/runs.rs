@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use rig_engine::Command;
 use rig_protocol::Plan;
-use rig_store::{RunId, RunKind};
+use rig_store::{Expected, Record, RunId, RunKind, RunStarted};
 
 use super::{Recorder, Shell};
 use crate::{
     protocol_file::LoadedProtocol,
     rig::{
-        Pace, RequestRefusal, ResumeRefusal, RunView, TouchOrder, amend,
+        History, Pace, RequestRefusal, ResumeRefusal, RunView, TouchOrder, amend,
         resume::{Known, resumable},
         space,
     },
@@ -19,7 +19,7 @@ use crate::{
 impl Shell {
     pub(super) fn start_run(
         &mut self,
-        protocol: LoadedProtocol,
+        protocol: &LoadedProtocol,
         by: &str,
         key: Option<String>,
     ) -> Result<RunId, RequestRefusal> {
@@ -28,12 +28,22 @@ impl Shell {
         self.journal_is_fine()?;
         self.has_space(&protocol.plan)?;
         let mut journal = self.store.begin(RunKind::Run, &protocol.plan.name)?;
-        let started = Recorder::run_started(&protocol, &self.setting, &self.known_samples, key);
-        journal.append(self.clock.now().as_micros(), &started)?;
         let id = journal.id();
-        let plan = Arc::new(protocol.plan);
-        self.run = Some((journal, Recorder::for_run(Arc::clone(&plan))));
-        self.view.run = Some(self.run_view(id, plan));
+        let view = self.run_view(id, Arc::new(protocol.plan.clone()));
+        let expected = view.remaining(0, view.started);
+        let started = Recorder::run_started(protocol, &self.setting, &self.known_samples);
+        let started = Record::RunStarted(RunStarted {
+            expected: Some(Expected {
+                least_s: expected.least_s,
+                most_s: expected.most_s,
+                from_touches: u32::try_from(view.history.touches()).unwrap_or(u32::MAX),
+            }),
+            idempotency_key: key,
+            ..started
+        });
+        journal.append(self.clock.now().as_micros(), &started)?;
+        self.run = Some((journal, Recorder::for_run(Arc::clone(&view.plan))));
+        self.view.run = Some(view);
         self.begin(admitted, by);
         // A client that has the id may ask for the run at once.
         self.commit();
@@ -52,8 +62,18 @@ impl Shell {
             touches_done: 0,
             touches_refused: 0,
             pace: Pace::default(),
+            history: Arc::new(self.history()),
             ending: None,
         }
+    }
+
+    /// What earlier runs took; a journal that cannot be read gives no estimate.
+    fn history(&self) -> History {
+        let history = self.store.reader().and_then(|reader| History::read(&reader, &self.setting));
+        history.unwrap_or_else(|error| {
+            tracing::warn!(%error, "earlier runs cannot be read; the plan alone gives the durations");
+            History::default()
+        })
     }
 
     /// Resumes a run at its next touch without an outcome.

@@ -1,0 +1,211 @@
+//! How long the touches of this rig took in earlier runs, beside what their plans expected.
+
+use std::collections::BTreeMap;
+
+use rig_protocol::{Action, Plan};
+use rig_store::{Reader, Record, RunKind, StoreError, StoredRecord};
+
+use super::Setting;
+use crate::{loaded_rig::RigFacts, protocol_file::LoadedProtocol};
+
+/// Number of earlier runs that count: a bench changes slowly.
+const RUNS_MAX: usize = 20;
+
+/// With fewer steps of a kind, the plan is the better estimate.
+const LEAST_STEPS: usize = 5;
+
+/// The range holds the middle four fifths of what happened before: its ends, in tenths.
+const ENDS: [usize; 2] = [1, 9];
+
+/// Two runs of one protocol on one bench differ by about this, relative, beyond what the differences of
+/// their touches explain: another sample, another temperature.
+const BETWEEN_RUNS: f64 = 0.1;
+
+/// The kinds of steps that take time of the rig.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum StepKind {
+    NoLoad,
+    Touch,
+}
+
+impl StepKind {
+    /// The kind of a step; a prompt has none.
+    pub(super) const fn of(action: &Action) -> Option<Self> {
+        match action {
+            Action::Prompt(_) => None,
+            Action::NoLoad(_) => Some(Self::NoLoad),
+            Action::Touch(_) => Some(Self::Touch),
+        }
+    }
+}
+
+/// A step: its expected and its real duration, s.
+type Taken = (f64, f64);
+
+/// The ended steps of earlier runs.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct History {
+    /// For each kind, the steps of each run in order.
+    runs: BTreeMap<StepKind, Vec<Vec<Taken>>>,
+    /// The times of the answers to prompts, s, in ascending order.
+    answers_s: Vec<f64>,
+}
+
+impl History {
+    /// Reads the last runs of this rig. A run whose protocol does not fit the rig any more is left
+    /// out.
+    pub(super) fn read(reader: &Reader, setting: &Setting) -> Result<Self, StoreError> {
+        let mut history = Self::default();
+        let is_run = |run: &rig_store::Run| run.kind == RunKind::Run;
+        for run in reader.runs()?.into_iter().filter(is_run).take(RUNS_MAX) {
+            let records = reader.unchecked(run.id, &KINDS)?;
+            if let Some(plan) = plan_of(&records, setting) {
+                history.add(&plan, &records, setting);
+            }
+        }
+        history.answers_s.sort_by(f64::total_cmp);
+        Ok(history)
+    }
+
+    fn add(&mut self, plan: &Plan, records: &[StoredRecord], setting: &Setting) {
+        let durations_s = plan.durations_s(&setting.limits);
+        let planned: BTreeMap<String, (StepKind, f64)> = plan
+            .steps
+            .iter()
+            .zip(durations_s)
+            .filter_map(|(step, s)| Some((step.id.to_string(), (StepKind::of(&step.action)?, s))))
+            .collect();
+        let mut run = BTreeMap::<StepKind, Vec<Taken>>::new();
+        for pair in records.windows(2) {
+            // What lies between two epochs is no time of the rig.
+            if pair[0].epoch != pair[1].epoch {
+                continue;
+            }
+            let took_s = pair[1].rig_us.saturating_sub(pair[0].rig_us) as f64 / 1e6;
+            let (begun, next) = match (pair[0].record(), pair[1].record()) {
+                (Ok(Record::StepStarted(begun)), Ok(next)) => (begun, next),
+                (Ok(Record::PromptAsked(_)), Ok(Record::PromptAnswered(_))) => {
+                    self.answers_s.push(took_s);
+                    continue;
+                }
+                _ => continue,
+            };
+            let Some(&(kind, planned_s)) = planned.get(&begun.step) else { continue };
+            let is_ended = match (kind, &next) {
+                (StepKind::Touch, Record::TouchResult(touch)) => touch.touch.step == begun.step,
+                (StepKind::Touch, Record::TouchRefused(touch)) => touch.touch.step == begun.step,
+                (StepKind::NoLoad, Record::StepStarted(_)) => true,
+                _ => false,
+            };
+            if is_ended && planned_s > 0.0 {
+                run.entry(kind).or_default().push((planned_s, took_s));
+            }
+        }
+        for (kind, steps) in run {
+            self.runs.entry(kind).or_default().push(steps);
+        }
+    }
+
+    /// Number of touches from which it is learned.
+    pub fn touches(&self) -> usize {
+        self.runs.get(&StepKind::Touch).map_or(0, |runs| runs.iter().map(Vec::len).sum())
+    }
+
+    /// Time within which nine of ten prompts were answered, s; `None` without enough of them.
+    pub(super) fn answer_s(&self) -> Option<f64> {
+        let last = self.answers_s.len().checked_sub(1).filter(|last| LEAST_STEPS <= last + 1)?;
+        Some(self.answers_s[(last * ENDS[1] + 5) / 10])
+    }
+
+    /// The least and the most of the real duration over the expected one, for this number of steps in
+    /// a row; `None` without enough of them.
+    ///
+    /// The quantiles are those of as many steps in a row of the earlier runs, so that the range of a sum
+    /// is narrower than that of one step, unless slow steps come together.
+    pub(super) fn ratios(&self, kind: StepKind, steps: usize) -> Option<[f64; 2]> {
+        let runs = self.runs.get(&kind)?;
+        if runs.iter().map(Vec::len).sum::<usize>() < LEAST_STEPS {
+            return None;
+        }
+        let in_a_row = |run: &Vec<Taken>| -> Vec<f64> {
+            let count = steps.clamp(1, run.len());
+            let sum = |steps: &[Taken]| {
+                let sums =
+                    steps.iter().fold((0.0, 0.0), |sum, step| (sum.0 + step.0, sum.1 + step.1));
+                sums.1 / sums.0
+            };
+            run.windows(count).map(sum).collect()
+        };
+        let mut all: Vec<f64> = runs.iter().flat_map(in_a_row).collect();
+        all.sort_by(f64::total_cmp);
+        let margin = BETWEEN_RUNS / (runs.len() as f64).sqrt();
+        let last = all.len().checked_sub(1)?;
+        let [low, high] = ENDS.map(|tenths| all[(last * tenths + 5) / 10]);
+        Some([low * (1.0 - margin), high * (1.0 + margin)])
+    }
+}
+
+/// The kinds of records that say when steps begin and end.
+const KINDS: [&str; 6] = [
+    "run_started",
+    "step_started",
+    "prompt_asked",
+    "prompt_answered",
+    "touch_result",
+    "touch_refused",
+];
+
+/// The plan of a run on the present rig, if it was a run of this rig.
+fn plan_of(records: &[StoredRecord], setting: &Setting) -> Option<Plan> {
+    let Ok(Record::RunStarted(started)) = records.first()?.record() else { return None };
+    let is_simulated = setting.scene.is_some();
+    if started.rig.name != setting.rig.name || started.is_simulated != is_simulated {
+        return None;
+    }
+    let facts = RigFacts {
+        name: setting.rig.name.clone(),
+        limits: setting.limits,
+        known_samples: None,
+        is_simulated,
+        is_virtual_time: false,
+    };
+    let protocol = LoadedProtocol::check(&started.protocol.name, &started.protocol.toml, &facts);
+    Some(protocol.ok()?.plan)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn history(runs: Vec<Vec<Taken>>) -> History {
+        History { runs: BTreeMap::from([(StepKind::Touch, runs)]), answers_s: Vec::new() }
+    }
+
+    #[test]
+    fn fewer_than_five_touches_are_no_history() {
+        let four = history(vec![vec![(10.0, 12.0); 4]]);
+        assert_eq!(four.ratios(StepKind::Touch, 3), None);
+        assert_eq!(four.ratios(StepKind::NoLoad, 3), None);
+        assert_eq!((four.touches(), four.answer_s()), (4, None));
+    }
+
+    #[test]
+    fn the_range_holds_what_happened_and_is_narrower_for_many_touches() {
+        // Every fifth touch takes twice as long as planned, the others as long as planned.
+        let run: Vec<Taken> =
+            (0..40).map(|index| (10.0, if index % 5 == 0 { 20.0 } else { 10.0 })).collect();
+        let history = history(vec![run; 4]);
+        let [low, high] = history.ratios(StepKind::Touch, 1).unwrap();
+        assert!((0.9..=1.0).contains(&low) && (2.0..=2.2).contains(&high), "{low} {high}");
+        let [low, high] = history.ratios(StepKind::Touch, 40).unwrap();
+        assert!((1.1..1.2).contains(&low) && (1.2..1.3).contains(&high), "{low} {high}");
+        // One earlier run says less than many.
+        let one = self::history(vec![vec![(10.0, 12.0); 40]]);
+        let many = self::history(vec![vec![(10.0, 12.0); 40]; 16]);
+        let width = |history: &History| {
+            let [low, high] = history.ratios(StepKind::Touch, 40).unwrap();
+            high - low
+        };
+        assert!(width(&one) > 3.9 * width(&many), "{} {}", width(&one), width(&many));
+    }
+}

@@ -1,0 +1,40 @@
+//! The expected duration of a run, learned from the earlier runs of the rig.
+
+use rig_engine::RunStatus;
+use rig_store::{Expected, Record};
+use rig_tests::{TestRig, changed, text};
+
+/// The expected duration of a run and the real one, s.
+fn durations(rig: &TestRig, run: rig_store::RunId) -> (Expected, f64) {
+    let records = rig.records(run);
+    let Ok(Record::RunStarted(started)) = records[0].record() else { panic!() };
+    let end_us = records.last().unwrap().rig_us;
+    (started.expected.unwrap(), (end_us - records[0].rig_us) as f64 / 1e6)
+}
+
+#[tokio::test]
+async fn the_expected_duration_of_a_run_is_learned_from_the_runs_before() {
+    const RUNS: usize = 8;
+    let rig = TestRig::open().await;
+    let smoke = text("config/protocols/smoke.toml");
+    let (mut widths, mut within) = (Vec::new(), 0);
+    for index in 0..RUNS {
+        // Other numbers of touches in turn, so that the durations differ.
+        let angles = if index % 2 == 0 { "[0, 45]" } else { "[0, 15, 30, 45]" };
+        let protocol = changed(&smoke, &[("[0, 45]", angles)]);
+        let (run, status) = rig.run(rig.protocol(&protocol)).await;
+        assert_eq!(status, RunStatus::Completed);
+        let (expected, took_s) = durations(&rig, run);
+        assert_eq!(expected.from_touches == 0, index == 0, "{expected:?}");
+        assert!(expected.least_s < expected.most_s, "{expected:?}");
+        if index > 0 {
+            within += u32::from(expected.least_s <= took_s && took_s <= expected.most_s);
+        }
+        widths.push((expected.most_s - expected.least_s) / took_s);
+    }
+    // Of a range of four fifths, one in seven may be missed.
+    assert!(within >= 6, "{within} of 7: {widths:?}");
+    // The plan alone knows neither this bench nor its people.
+    assert!(widths[0] > 1.0 && widths[1..].iter().all(|width| *width < 0.4), "{widths:?}");
+    rig.close().await;
+}
