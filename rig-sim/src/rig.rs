@@ -237,10 +237,11 @@ impl Rig {
         }
     }
 
-    /// Clears all faults: none is scheduled, and nothing is jammed or stuck. Alarms and lost steps
-    /// stay.
+    /// Clears all faults: none is scheduled, nothing is jammed or stuck, and every cable is plugged in.
+    /// Alarms and lost steps stay.
     pub(crate) fn clear_faults(&mut self, now: RigTime) {
         self.faults.clear();
+        self.outlets.iter_mut().for_each(|outlet| outlet.empty_until = RigTime::ZERO);
         self.analyzer.clear_faults();
         self.world.clear_faults(now);
     }

@@ -45,6 +45,11 @@ impl SimHandle {
         act(now, &mut self.lock())
     }
 
+    /// The technician at the bench.
+    pub fn technician(&self) -> Technician {
+        Technician(self.clone())
+    }
+
     fn now(&self) -> RigTime {
         RigTime::ZERO + self.opened.elapsed()
     }
@@ -92,7 +97,7 @@ impl SimRig {
 
     /// The technician at the bench.
     pub fn technician(&self) -> Technician {
-        Technician(self.handle.clone())
+        self.handle.technician()
     }
 
     /// The true state of the bench now.
@@ -126,6 +131,12 @@ impl Technician {
     pub fn take_sample_away(&self) {
         let now = self.0.now();
         self.0.lock().world().take_sample_away(now);
+    }
+
+    /// Lifts the probe out of reach of any sample by hand, with the drive off.
+    pub fn lift_probe(&self) {
+        let now = self.0.now();
+        self.0.lock().world().lift_probe(now);
     }
 
     /// Turns the sensor about its own axis.

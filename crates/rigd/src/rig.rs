@@ -21,6 +21,7 @@ mod open;
 mod pace;
 mod record;
 mod resume;
+mod rig_loop;
 mod shell;
 mod slot;
 mod space;
@@ -32,7 +33,7 @@ use rig_engine::{Command, CommandRefusal, Snapshot};
 use rig_model::{RigLimits, RigTime, SweepRequest, with_causes};
 use rig_protocol::{Action, Plan, Prompt};
 use rig_sim::SimHandle;
-use rig_store::{RunId, StoreError};
+use rig_store::{MemoryDisk, RunId, StoreError};
 use tokio::sync::{mpsc, oneshot, watch};
 
 pub use amend::{TouchOrder, skip};
@@ -47,6 +48,7 @@ pub use open::{DeviceError, OpenError};
 pub use pace::{Pace, Remaining};
 pub(crate) use resume::Outcomes;
 pub use resume::ResumeRefusal;
+pub use rig_loop::RigLoop;
 pub(crate) use shell::{CLOCK_WAS_SET, HELD_UP, unwritable};
 pub use way_out::{WayOut, make_safe};
 
@@ -263,6 +265,24 @@ pub fn open(rig: LoadedRig, data: PathBuf) -> Result<(RigHandle, RigThread), Ope
         Ok(Err(error)) => Err(error),
         Err(_) => Err(OpenError::Gone),
     }
+}
+
+/// Opens a simulated rig on the runtime of the caller, with its journal in memory: for campaigns of
+/// many rigs. `bench` is the bench of a rig that was open before on the same runtime.
+///
+/// Returns when every device has answered. [`RigLoop::serve`] must be polled for anything else to
+/// happen.
+///
+/// # Errors
+/// As for [`open`].
+pub async fn open_in_memory(
+    rig: LoadedRig,
+    disk: &MemoryDisk,
+    bench: Option<SimHandle>,
+) -> Result<(RigHandle, RigLoop), OpenError> {
+    let (requests, inbox) = mpsc::channel(REQUESTS_MAX);
+    let (rig, status, simulation) = RigLoop::open(rig, disk, bench, inbox).await?;
+    Ok((RigHandle { requests, status, simulation }, rig))
 }
 
 impl RigThread {

@@ -5,7 +5,7 @@ mod list;
 
 use std::{
     collections::BTreeSet,
-    path::{Path, PathBuf},
+    path::Path,
     sync::{Arc, Mutex},
 };
 
@@ -13,8 +13,9 @@ use rusqlite::{Connection, params};
 use uuid::Uuid;
 
 use crate::{
-    Digest, Ending, GivenUp, Reader, Record, RunFinished, RunId, RunKind, RunStatus, StoreError,
-    lock::DirectoryLock, schema,
+    Digest, Ending, GivenUp, MemoryDisk, Reader, Record, RunFinished, RunId, RunKind, RunStatus,
+    StoreError,
+    memory::{Held, Medium},
 };
 pub(crate) use list::{ENTRY, entry_from, insert_entry, insert_stretch, link, stretches};
 
@@ -23,7 +24,7 @@ pub(crate) use list::{ENTRY, entry_from, insert_entry, insert_stretch, link, str
 pub struct Store {
     writer: Arc<Mutex<Writer>>,
     interrupted: Vec<RunId>,
-    directory: PathBuf,
+    medium: Medium,
 }
 
 /// The journal of one run. Several may be open at a time; they share one transaction.
@@ -67,8 +68,9 @@ struct Writer {
     /// The runs with records in it.
     touched: BTreeSet<i64>,
     has_failed: bool,
+    medium: Medium,
     // Behind the connection, so that it is released after that is closed.
-    _lock: DirectoryLock,
+    _lock: Held,
 }
 
 impl Store {
@@ -81,8 +83,21 @@ impl Store {
     /// [`StoreError::InUse`] while another store is open on the directory, in this program or
     /// another; [`StoreError::OtherFormat`]; or what the system or SQLite reports.
     pub fn open(directory: &Path) -> Result<Self, StoreError> {
-        let lock = DirectoryLock::take(directory)?;
-        let connection = schema::open_to_write(&schema::database(directory))?;
+        Self::open_on(Medium::Directory(directory.to_path_buf()))
+    }
+
+    /// Opens the journal on a simulated disk, as [`Store::open`] does in a directory.
+    ///
+    /// # Errors
+    /// As for [`Store::open`].
+    pub fn open_in_memory(disk: &MemoryDisk) -> Result<Self, StoreError> {
+        Self::open_on(Medium::Memory(disk.clone()))
+    }
+
+    fn open_on(medium: Medium) -> Result<Self, StoreError> {
+        let lock = medium.take()?;
+        medium.call()?;
+        let connection = medium.open_to_write()?;
         let (journal, bench) =
             connection.query_row("SELECT journal, bench FROM meta", [], |row| {
                 Ok((row.get(0)?, row.get(1)?))
@@ -95,12 +110,13 @@ impl Store {
             has_uncommitted: false,
             touched: BTreeSet::new(),
             has_failed: false,
+            medium: medium.clone(),
             _lock: lock,
         };
         let interrupted = writer.mark_interrupted()?;
         writer.begin_epoch()?;
         let writer = Arc::new(Mutex::new(writer));
-        Ok(Self { writer, interrupted, directory: directory.to_path_buf() })
+        Ok(Self { writer, interrupted, medium })
     }
 
     /// The runs that were found unended when the store was opened, oldest first.
@@ -113,7 +129,12 @@ impl Store {
     /// # Errors
     /// [`StoreError`] of the system or of SQLite.
     pub fn reader(&self) -> Result<Reader, StoreError> {
-        Reader::open(&self.directory)
+        Reader::on(self.medium.clone())
+    }
+
+    /// The directory of the journal; `None` on a simulated disk.
+    pub fn directory(&self) -> Option<&Path> {
+        self.medium.directory()
     }
 
     /// Begins a run. It is on disk with the first commit.
@@ -245,7 +266,7 @@ fn locked<T>(
     if writer.has_failed {
         return Err(StoreError::Closed);
     }
-    let done = work(&mut writer);
+    let done = writer.medium.call().and_then(|()| work(&mut writer));
     if done.is_err() {
         writer.has_failed = true;
         // Best effort: the transaction ends with the connection in any case.

@@ -17,6 +17,7 @@
 mod error;
 mod journal;
 mod lock;
+mod memory;
 mod reader;
 mod salvage;
 mod schema;
@@ -25,6 +26,7 @@ mod tests;
 
 pub use error::{SqliteError, StoreError};
 pub use journal::{Journal, Store};
+pub use memory::{DiskFailure, MemoryDisk};
 pub use reader::{Interruption, ProbeWord, Reader, intact};
 pub use rig_record::{
     Action, Amended, Amendment, Axis, BlackBox, Chain, ChainCheck, Change, CheckedSurface, Circuit,

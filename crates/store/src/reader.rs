@@ -3,18 +3,15 @@
 mod interruption;
 mod list;
 
-use std::{
-    path::{Path, PathBuf},
-    str,
-};
+use std::{path::Path, str};
 
 use rusqlite::{Connection, OptionalExtension, Params, Row, params};
 
 pub use interruption::{Interruption, ProbeWord};
 
 use crate::{
-    Chain, ChainCheck, Digest, Flaw, Record, Run, RunId, RunKind, RunStatus, StoreError,
-    StoredRecord, lock, schema,
+    Chain, ChainCheck, Digest, Flaw, MemoryDisk, Record, Run, RunId, RunKind, RunStatus,
+    StoreError, StoredRecord, memory::Medium, schema,
 };
 
 /// A connection that reads the committed records. Each thread needs its own.
@@ -22,7 +19,7 @@ use crate::{
 pub struct Reader {
     // Closed before the copy that it may read is removed.
     connection: Connection,
-    directory: PathBuf,
+    medium: Medium,
     _copy: Option<schema::Copied>,
 }
 
@@ -33,17 +30,25 @@ impl Reader {
     /// [`StoreError::NoJournal`] if the directory has none, [`StoreError::OtherFormat`], or an error of
     /// the system or of SQLite.
     pub fn open(directory: &Path) -> Result<Self, StoreError> {
-        let path = schema::database(directory);
-        if !path.exists() {
-            return Err(StoreError::NoJournal);
-        }
-        let (connection, copy) = schema::open_to_read(&path)?;
-        Ok(Self { connection, directory: directory.to_path_buf(), _copy: copy })
+        Self::on(Medium::Directory(directory.to_path_buf()))
+    }
+
+    /// Opens the journal on a simulated disk.
+    ///
+    /// # Errors
+    /// As for [`Reader::open`].
+    pub fn open_in_memory(disk: &MemoryDisk) -> Result<Self, StoreError> {
+        Self::on(Medium::Memory(disk.clone()))
+    }
+
+    pub(crate) fn on(medium: Medium) -> Result<Self, StoreError> {
+        let (connection, copy) = medium.open_to_read()?;
+        Ok(Self { connection, medium, _copy: copy })
     }
 
     /// Whether a program has the journal open to write.
     pub fn has_writer(&self) -> bool {
-        lock::is_held(&self.directory)
+        self.medium.has_writer()
     }
 
     /// Whether no real device took part in a run. No, where its first record cannot be read.

@@ -87,7 +87,11 @@ pub(crate) fn database(directory: &Path) -> PathBuf {
 
 /// Opens the database to write, and makes its tables where they are missing.
 pub(crate) fn open_to_write(path: &Path) -> Result<Connection, StoreError> {
-    let mut connection = Connection::open(path)?;
+    set_up(Connection::open(path)?)
+}
+
+/// Prepares a database for writing, and makes its tables where they are missing.
+pub(crate) fn set_up(mut connection: Connection) -> Result<Connection, StoreError> {
     connection.busy_timeout(BUSY)?;
     // Readers work while the writer appends, and a commit is one fsync of the log.
     connection.pragma_update(None, "journal_mode", "WAL")?;
@@ -115,14 +119,14 @@ pub(crate) fn open_to_write(path: &Path) -> Result<Connection, StoreError> {
 /// with a log is copied to the directory for temporary files first; the copy is returned too.
 pub(crate) fn open_to_read(path: &Path) -> Result<(Connection, Option<Copied>), StoreError> {
     let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-    match connect(Connection::open_with_flags(path, flags)) {
+    match reading(Connection::open_with_flags(path, flags)) {
         Err(StoreError::Io(_)) => {}
         opened => return Ok((opened?, None)),
     }
     let log = log_of(path);
     if fs::metadata(&log).is_ok_and(|log| log.len() > 0) {
         let copy = Copied::of(path, &log).map_err(StoreError::Directory)?;
-        let connection = connect(Connection::open_with_flags(database(&copy.0), flags))?;
+        let connection = reading(Connection::open_with_flags(database(&copy.0), flags))?;
         return Ok((connection, Some(copy)));
     }
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY
@@ -132,10 +136,11 @@ pub(crate) fn open_to_read(path: &Path) -> Result<(Connection, Option<Copied>), 
     let escaped =
         path.to_string_lossy().replace('%', "%25").replace('?', "%3f").replace('#', "%23");
     let uri = format!("file:{escaped}?immutable=1");
-    Ok((connect(Connection::open_with_flags(uri, flags))?, None))
+    Ok((reading(Connection::open_with_flags(uri, flags))?, None))
 }
 
-fn connect(opened: rusqlite::Result<Connection>) -> Result<Connection, StoreError> {
+/// Prepares a database for reading.
+pub(crate) fn reading(opened: rusqlite::Result<Connection>) -> Result<Connection, StoreError> {
     let connection = opened?;
     connection.busy_timeout(BUSY)?;
     connection.pragma_update(None, "query_only", true)?;

@@ -3,6 +3,7 @@
 mod damage;
 mod interruption;
 mod journal;
+mod memory;
 mod resume;
 mod salvage;
 mod sample;

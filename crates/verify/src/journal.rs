@@ -151,35 +151,34 @@ pub(crate) fn digest<'a>(parts: impl IntoIterator<Item = Part<'a>>) -> [u8; 32] 
 
 /// Reads a run. Of other runs and sessions since the start of the session only what moves the axes
 /// is read.
-pub(crate) fn read(data: &Path, run: &str) -> Result<Journal, JournalError> {
-    let connection = open(&data.join("rigd.db"))?;
+pub(crate) fn read(connection: &Connection, run: &str) -> Result<Journal, JournalError> {
     let found: u32 = connection.pragma_query_value(None, "user_version", |row| row.get(0))?;
     if found != FORMAT {
         return Err(JournalError::OtherFormat { found });
     }
-    let (run, links) = listed(&connection, run)?;
+    let (run, links) = listed(connection, run)?;
     let mut journal = Journal {
-        stretches: stretches(&connection, run.key)?,
-        seal: seal(&connection, run.key)?,
-        elsewhere: amended_steps(&connection, &run.id)?,
+        stretches: stretches(connection, run.key)?,
+        seal: seal(connection, run.key)?,
+        elsewhere: amended_steps(connection, &run.id)?,
         run,
         links,
         entries: Vec::new(),
         amended: None,
         damage: None,
     };
-    if let Err(error) = entries(&connection, journal.run.key, &mut journal.entries) {
+    if let Err(error) = entries(connection, journal.run.key, &mut journal.entries) {
         journal.damage = Some(error.to_string());
     }
     let first = journal.entries.iter().find(|entry| entry.is_own);
     if let Some(Ok(Record::Amended(amended))) = first.map(|e| serde_json::from_str(&e.payload)) {
-        journal.amended = settings_of(&connection, &amended.run)?;
+        journal.amended = settings_of(connection, &amended.run)?;
     }
     Ok(journal)
 }
 
 /// Opens a database to read. One on a medium that cannot be written to has no writer.
-fn open(path: &Path) -> Result<Connection, rusqlite::Error> {
+pub(crate) fn open(path: &Path) -> Result<Connection, rusqlite::Error> {
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
     let connection = Connection::open_with_flags(path, flags)?;
     connection.busy_timeout(std::time::Duration::from_secs(10))?;
@@ -191,6 +190,12 @@ fn open(path: &Path) -> Result<Connection, rusqlite::Error> {
     let name = path.to_string_lossy().replace('%', "%25").replace('?', "%3f").replace('#', "%23");
     let uri = format!("file:{name}?immutable=1");
     Connection::open_with_flags(uri, flags | OpenFlags::SQLITE_OPEN_URI)
+}
+
+/// Opens a database of this program in memory.
+pub(crate) fn open_in_memory(address: &str) -> Result<Connection, rusqlite::Error> {
+    let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+    Connection::open_with_flags(address, flags | OpenFlags::SQLITE_OPEN_URI)
 }
 
 /// The entry of a run, and whether the links of the list hold up to it.

@@ -37,6 +37,15 @@ pub use journal::JournalError;
 /// [`JournalError`] if the journal cannot be opened, has another format, or has no such run. Damage
 /// inside the run is a finding.
 pub fn verify(data: &Path, run: &str) -> Result<Verdict, JournalError> {
-    let journal = journal::read(data, run)?;
+    let journal = journal::read(&journal::open(&data.join("rigd.db"))?, run)?;
+    Ok(walk::check(&journal))
+}
+
+/// The same for a journal of this program in memory, by the address of its database for SQLite.
+///
+/// # Errors
+/// As for [`verify`].
+pub fn verify_in_memory(address: &str, run: &str) -> Result<Verdict, JournalError> {
+    let journal = journal::read(&journal::open_in_memory(address)?, run)?;
     Ok(walk::check(&journal))
 }

@@ -231,6 +231,13 @@ impl World {
         self.follow_plant(now);
     }
 
+    /// A person lifts the linear stage to the upper end of its travel by hand, slowly.
+    pub(crate) fn lift_probe(&mut self, now: RigTime) {
+        const BY_HAND: Profile = Profile { speed: 20.0, acceleration: 50.0, deceleration: 50.0 };
+        let (_, top) = self.travel(AxisId::Linear);
+        self.drive(now, AxisId::Linear).start(now, top, &BY_HAND);
+    }
+
     /// A person turns the sensor about its own axis.
     pub fn turn_sensor(&mut self, now: RigTime, orientation: Orientation) {
         self.refuse_contact(now, |indentation_mm| ViolationKind::SensorTurnedInContact {
@@ -298,6 +305,11 @@ impl World {
     pub fn violations(&mut self, now: RigTime) -> &[Violation] {
         self.watch(now);
         &self.violations
+    }
+
+    /// Whether the probe is in the sample.
+    pub fn is_in_contact(&self, now: RigTime) -> bool {
+        self.indentation_mm(now) > 0.0
     }
 
     /// The true state.

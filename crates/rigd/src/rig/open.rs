@@ -121,13 +121,12 @@ pub(super) struct Simulation {
     person: Technician,
     /// Whether that person also says that it is done.
     pub(super) is_answering: bool,
-    /// Keeps the rig alive.
-    rig: SimRig,
+    rig: SimHandle,
 }
 
 impl Simulation {
     pub(super) fn handle(&self) -> SimHandle {
-        self.rig.handle()
+        self.rig.clone()
     }
 
     /// Carries out the prompts of a run.
@@ -147,11 +146,16 @@ impl Simulation {
 }
 
 /// Opens the ports of a rig, simulated or real, and has every device identify itself.
-pub(super) async fn open_rig(rig: LoadedRig, clock: Clock) -> Result<Opened, OpenError> {
+/// A simulated one is at `bench`, or at a new one.
+pub(super) async fn open_rig(
+    rig: LoadedRig,
+    bench: Option<SimHandle>,
+    clock: Clock,
+) -> Result<Opened, OpenError> {
     let known_samples = rig.known_samples();
     let LoadedRig { file, source, scene } = rig;
     let scene_source = scene.as_ref().map(|scene| scene.source.clone());
-    let Ports { analyzer, bus, simulation } = Ports::open(&file, scene, clock).await?;
+    let Ports { analyzer, bus, simulation } = Ports::open(&file, scene, bench, clock).await?;
     let analyzer_port = analyzer.map_err(|source| OpenError::Port { role: "analyzer", source })?;
     let bus_port = bus.map_err(|source| OpenError::Port { role: "bus", source })?;
     let black_boxes =
@@ -210,10 +214,16 @@ impl Ports {
     pub(super) async fn open(
         file: &RigFile,
         scene: Option<LoadedScene>,
+        bench: Option<SimHandle>,
         clock: Clock,
     ) -> Result<Self, OpenError> {
         if let Some(scene) = scene {
-            return Self::simulated(file, scene, clock).await;
+            let seed = scene.scene.seed;
+            let rig = match bench {
+                Some(bench) => bench,
+                None => SimRig::start(scene.scene, &wiring(file), seed)?.handle(),
+            };
+            return Ok(Self::simulated(file, rig, clock).await);
         }
         Ok(Self {
             analyzer: open_port(&file.analyzer.port, clock).await,
@@ -222,21 +232,15 @@ impl Ports {
         })
     }
 
-    async fn simulated(
-        file: &RigFile,
-        scene: LoadedScene,
-        clock: Clock,
-    ) -> Result<Self, OpenError> {
-        let seed = scene.scene.seed;
-        let rig = SimRig::start(scene.scene, &wiring(file), seed)?;
-        let analyzer = plug_in(&rig.handle(), file, PortId::Analyzer, clock).await;
-        let bus = plug_in(&rig.handle(), file, PortId::Bus, clock).await;
+    async fn simulated(file: &RigFile, rig: SimHandle, clock: Clock) -> Self {
+        let analyzer = plug_in(&rig, file, PortId::Analyzer, clock).await;
+        let bus = plug_in(&rig, file, PortId::Bus, clock).await;
         let is_answering = !matches!(
             &file.connection,
             Connection::Simulated(simulation) if simulation.person == SimulatedPerson::Waits
         );
         let simulation = Some(Simulation { person: rig.technician(), is_answering, rig });
-        Ok(Self { analyzer, bus, simulation })
+        Self { analyzer, bus, simulation }
     }
 }
 

@@ -72,10 +72,14 @@ pub(super) fn run(
     };
     runtime.block_on(async {
         let file = rig.file.clone();
-        match Shell::open(rig, data.clone()).await {
+        let shell = match Store::open(&data) {
+            Ok(store) => Shell::open(rig, store, None).await,
+            Err(source) => Err(OpenError::Data { data: data.clone(), source }),
+        };
+        match shell {
             Ok((mut shell, status)) => {
                 // The caller may have closed its end. The closed inbox then closes the rig.
-                let simulation = shell.simulation.as_ref().map(Simulation::handle);
+                let simulation = shell.simulation().map(Simulation::handle);
                 _ = opened.send(Ok((status, simulation.clone())));
                 let served = AssertUnwindSafe(shell.serve(&mut inbox)).catch_unwind().await;
                 if let Err(panic) = served {
@@ -158,7 +162,7 @@ struct Closing {
     reply: Option<oneshot::Sender<()>>,
 }
 
-struct Shell {
+pub(super) struct Shell {
     engine: Engine,
     setting: Setting,
     axes: Slot<Axes>,
@@ -178,8 +182,6 @@ struct Shell {
     /// The published state at the end of each step.
     view: Status,
     status: watch::Sender<Status>,
-    /// The data directory.
-    data: PathBuf,
     is_virtual_time: bool,
     /// Refused before it was sent, because the journal could not be written.
     refused: Option<(OperationId, Failure)>,
@@ -196,16 +198,18 @@ struct Shell {
 }
 
 impl Shell {
-    async fn open(
+    /// Opens the rig of a journal. A simulated one is at `bench`, or at a new one.
+    pub(super) async fn open(
         rig: LoadedRig,
-        data: PathBuf,
+        store: Store,
+        bench: Option<SimHandle>,
     ) -> Result<(Self, watch::Receiver<Status>), OpenError> {
         let is_virtual_time = rig.is_virtual_time();
+        let data = store.directory().map_or_else(|| PathBuf::from("memory"), PathBuf::from);
         let data_error = |source| OpenError::Data { data: data.clone(), source };
-        let store = Store::open(&data).map_err(data_error)?;
         let left = InterruptedRig::left(&store.reader().map_err(data_error)?, &rig.file.name);
         let clock = Clock::start();
-        let opened = open_rig(rig, clock).await?;
+        let opened = open_rig(rig, bench, clock).await?;
         let Opened { setting, analyzer, axes, gate, halt, .. } = opened;
         let Opened { simulation, black_boxes, known_samples, patience, .. } = opened;
         let session = store.begin(RunKind::Session, &setting.rig.name).map_err(data_error)?;
@@ -244,7 +248,6 @@ impl Shell {
             run: None,
             view,
             status,
-            data,
             is_virtual_time,
             refused: None,
             unwritten: None,
@@ -264,7 +267,7 @@ impl Shell {
         Ok((shell, watcher))
     }
 
-    async fn serve(&mut self, inbox: &mut mpsc::Receiver<Request>) {
+    pub(super) async fn serve(&mut self, inbox: &mut mpsc::Receiver<Request>) {
         // Latched, the rig waits for a person instead.
         _ = self.command(Command::Prepare, "rigd");
         let mut closing: Option<Closing> = None;
@@ -325,6 +328,10 @@ impl Shell {
             tracing::warn!(jump_s, "{CLOCK_WAS_SET}");
             self.append(&Record::ClockJumped(ClockJumped { jump_s }));
         }
+    }
+
+    pub(super) const fn simulation(&self) -> Option<&Simulation> {
+        self.simulation.as_ref()
     }
 
     fn begin_to_close(&mut self, reply: Option<oneshot::Sender<()>>) -> Closing {
@@ -417,6 +424,11 @@ impl Shell {
             #[cfg(test)]
             Request::PanicAt(event) => self.panic_at = event,
         }
+        // A request that met a failure of the disk has closed the journal.
+        if let Err(error) = self.store.epoch() {
+            self.journal_failed(&error);
+            self.publish();
+        }
     }
 
     fn answer(&mut self, run: RunId, step: String, by: &str) -> Result<(), RequestRefusal> {
@@ -475,7 +487,10 @@ impl Shell {
         }
         let state = self.engine.snapshot().state;
         let is_busy = matches!(state, RigState::Running | RigState::Preparing);
-        let is_due = !self.is_virtual_time || self.last_commit.elapsed() >= COMMIT_INTERVAL;
+        // In memory a commit costs nothing, and the wall clock must have no influence on a run.
+        let is_due = !self.is_virtual_time
+            || self.store.directory().is_none()
+            || self.last_commit.elapsed() >= COMMIT_INTERVAL;
         if !is_busy || is_due {
             self.commit();
         }

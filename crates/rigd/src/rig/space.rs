@@ -10,9 +10,9 @@ const RESERVE_BYTES: u64 = 100 << 20;
 
 /// Refuses a run for which the file system of the data directory has no room. Twice the expected
 /// size must be free: the expectation is not a limit. A file system that does not report its free
-/// space is accepted.
-pub(super) fn check(data: &Path, run_bytes: u64) -> Result<(), RequestRefusal> {
-    let Ok(system) = rustix::fs::statvfs(data) else { return Ok(()) };
+/// space is accepted, and so is a journal in memory, which has no directory.
+pub(super) fn check(data: Option<&Path>, run_bytes: u64) -> Result<(), RequestRefusal> {
+    let Some(Ok(system)) = data.map(rustix::fs::statvfs) else { return Ok(()) };
     admit(system.f_bavail.saturating_mul(system.f_frsize), run_bytes)
 }
 

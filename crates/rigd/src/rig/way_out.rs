@@ -81,7 +81,7 @@ pub fn make_safe(rig: LoadedRig, data: Option<&Path>, by: &str) -> Result<WayOut
         let (port, _simulation) = match &file.connection {
             Connection::Ports => (wait_for_port(&file, clock).await, None),
             Connection::Simulated(_) => {
-                let Ports { bus, simulation, .. } = Ports::open(&file, scene, clock).await?;
+                let Ports { bus, simulation, .. } = Ports::open(&file, scene, None, clock).await?;
                 (bus, simulation)
             }
         };

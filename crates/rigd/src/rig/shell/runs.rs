@@ -146,6 +146,6 @@ impl Shell {
 
     /// Refuses a plan for which the disk has no room.
     fn has_space(&self, plan: &Plan) -> Result<(), RequestRefusal> {
-        space::check(&self.data, plan.summary(&self.setting.limits).disk_bytes)
+        space::check(self.store.directory(), plan.summary(&self.setting.limits).disk_bytes)
     }
 }
