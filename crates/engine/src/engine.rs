@@ -26,7 +26,7 @@ use rig_protocol::Prompt;
 use self::attempts::Attempts;
 use crate::{
     Effect, Event, Fault, Input, Interlock, LoweringPurpose, Operation, OperationId, Report,
-    RigState, RunStatus,
+    RigState, RunPhase, RunStatus,
     fault::StopReason,
     machine::{MachineEvent, MachineStep},
     operation::{Pending, limit, name},
@@ -95,6 +95,8 @@ pub struct Progress {
     pub steps: usize,
     /// Whether the run pauses before the next step.
     pub is_pausing: bool,
+    /// What the run is doing within the step.
+    pub phase: RunPhase,
 }
 
 /// The engine's state, for a display or a client.
@@ -458,5 +460,6 @@ fn progress(run: &Run) -> Progress {
         step: run.index(),
         steps: plan.steps.len(),
         is_pausing: run.is_pause_asked,
+        phase: run.phase(),
     }
 }

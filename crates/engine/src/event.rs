@@ -55,6 +55,35 @@ impl SweepPurpose {
     }
 }
 
+/// What a run is doing within a step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum RunPhase {
+    /// Between two steps.
+    Between,
+    /// The rig goes to where a person can work, and waits for the person.
+    Prompt,
+    /// The rotary stage turns to the pose.
+    Rotation,
+    /// The reference is being measured.
+    NoLoadSweep,
+    /// The baseline of the approach is being read.
+    Baseline,
+    /// The surface is being searched for.
+    Search,
+    /// The probe goes to its depth.
+    Indentation,
+    /// The tissue relaxes.
+    Dwell,
+    /// The resonance in contact is being measured.
+    Sweep,
+    /// The surface is looked for again, to see whether steps were lost.
+    SlipCheck,
+    /// The probe goes to its clear position.
+    Retract,
+    /// After the last touch, the clear probe is read once more.
+    Confirmation,
+}
+
 /// A finished sweep with its outcome.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FinishedSweep {

@@ -34,7 +34,7 @@ pub use contact_sense::{ContactSenseFault, TouchRefusal};
 pub use effect::{Effect, Input};
 pub use engine::{Admitted, Engine, Progress, Snapshot};
 pub use event::{
-    Contact, Event, FinishedSweep, LoweringPurpose, RigState, RunStatus, SweepPurpose,
+    Contact, Event, FinishedSweep, LoweringPurpose, RigState, RunPhase, RunStatus, SweepPurpose,
     TouchOutcome, TouchResult,
 };
 pub use fault::{Device, Failure, FailureKind, Fault};

@@ -5,7 +5,7 @@ use rig_protocol::{Action, Plan, Pose, Prompt};
 use rig_resonance::{FitOutcome, Prior, Resonance};
 
 use crate::{
-    Event, Fault, Operation, RunStatus, SweepPurpose,
+    Event, Fault, Operation, RunPhase, RunStatus, SweepPurpose,
     contact_sense::{Neighbours, check_free, check_reference},
     machine::{MachineContext, MachineEvent, MachineStep},
     sweep::{DRIFT, Sweep, SweepStep},
@@ -58,6 +58,18 @@ impl Run {
     /// The step under way, or the next one.
     pub(crate) const fn index(&self) -> usize {
         self.index
+    }
+
+    /// What the run is doing within its step.
+    pub(crate) fn phase(&self) -> RunPhase {
+        match &self.machine {
+            Machine::Between => RunPhase::Between,
+            Machine::Prompting(_) => RunPhase::Prompt,
+            Machine::NoLoad(machine) if machine.sweep.is_none() => RunPhase::Rotation,
+            Machine::NoLoad(_) => RunPhase::NoLoadSweep,
+            Machine::Touch(machine) => machine.run_phase(),
+            Machine::Confirming => RunPhase::Confirmation,
+        }
     }
 
     pub(crate) fn advance(

@@ -59,9 +59,11 @@ impl Sweep {
         readings: &[Reading],
         notes: &mut Vec<Event>,
     ) -> SweepStep {
-        self.readings.extend_from_slice(readings);
-        let values: Vec<Reading> = values(readings).copied().collect();
-        if let Some(refusal) = flagged(readings) {
+        let readings: Vec<Reading> =
+            readings.iter().map(|reading| since(self.begun, *reading)).collect();
+        self.readings.extend_from_slice(&readings);
+        let values: Vec<Reading> = values(&readings).copied().collect();
+        if let Some(refusal) = flagged(&readings) {
             return self.finish(FitOutcome::Refused(refusal), notes);
         }
         if values.len() != self.asked {
@@ -107,6 +109,14 @@ impl Sweep {
         notes.push(Event::SweepFinished(finished.clone()));
         SweepStep::Finished(finished)
     }
+}
+
+/// A reading whose settling begins with its sweep at the earliest. An analyzer that was left at the
+/// frequency of the first point has settled for long, which is no time of the sweep.
+fn since(begun: RigTime, reading: Reading) -> Reading {
+    let before_s = begun.since(reading.started).as_secs_f64();
+    let settle_s = (reading.settle_s - before_s).max(0.0);
+    Reading { started: reading.started.max(begun), settle_s, ..reading }
 }
 
 /// The readings without a flag.

@@ -18,7 +18,7 @@ use rig_protocol::{Approach, Plan, StepId, Touch};
 use rig_resonance::{FitOutcome, Prior, Resonance, flagged};
 
 use crate::{
-    Contact, ContactSenseFault, Event, Fault, LoweringPurpose, Operation, SweepPurpose,
+    Contact, ContactSenseFault, Event, Fault, LoweringPurpose, Operation, RunPhase, SweepPurpose,
     TouchOutcome, TouchRefusal, TouchResult,
     contact_sense::{TEST_LINEWIDTHS, check_alive, check_free, check_shift, check_surface},
     machine::{MachineContext, MachineEvent, MachineStep},
@@ -80,6 +80,19 @@ impl TouchMachine {
         let rotary = touch.pose.direction.rotary_position(touch.pose.angle);
         let (no_load, baseline) = (*no_load, None);
         Self { step, touch, no_load, rotary, offset_mm, baseline, phase: Phase::Rotating }
+    }
+
+    pub(crate) const fn run_phase(&self) -> RunPhase {
+        match self.phase {
+            Phase::Rotating => RunPhase::Rotation,
+            Phase::Baseline | Phase::Declaring => RunPhase::Baseline,
+            Phase::Searching(_) => RunPhase::Search,
+            Phase::DeclaringIndentation { .. } | Phase::Indenting { .. } => RunPhase::Indentation,
+            Phase::Dwelling(_) => RunPhase::Dwell,
+            Phase::Sweeping { .. } => RunPhase::Sweep,
+            Phase::Checking { .. } => RunPhase::SlipCheck,
+            Phase::Retracting(_) => RunPhase::Retract,
+        }
     }
 
     pub(crate) fn advance(

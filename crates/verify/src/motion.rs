@@ -73,11 +73,13 @@ pub(crate) struct Motion {
     pub(crate) turn: Turn,
     /// The record of a fault that has not been acknowledged.
     pub(crate) fault: Option<u64>,
+    /// Whether a move that was under way at the fault may still end.
+    may_end: bool,
     /// Whether a person works at the bench.
     pub(crate) is_waiting: bool,
     /// Time of the last move, µs.
     pub(crate) moved_us: u64,
-    /// Time of the last record, µs.
+    /// Time of the last record that is written between two moves, µs.
     last_us: u64,
 }
 
@@ -91,13 +93,14 @@ impl Motion {
             descent: None,
             turn: Turn::Free,
             fault: None,
+            may_end: false,
             is_waiting: false,
             moved_us: 0,
             last_us: 0,
         }
     }
 
-    /// A record has been walked.
+    /// A record that is written between two moves has been walked.
     pub(crate) const fn pass(&mut self, rig_us: u64) {
         self.last_us = rig_us;
     }
@@ -111,7 +114,7 @@ impl Motion {
     pub(crate) fn prepare(&mut self) {
         self.lose_positions();
         (self.probe, self.fault, self.descent) = (Probe::Unknown, None, None);
-        self.is_waiting = false;
+        (self.is_waiting, self.may_end) = (false, false);
     }
 
     pub(crate) fn fault(&mut self, seq: u64, probe: &str, findings: &mut Findings) {
@@ -122,6 +125,7 @@ impl Motion {
         if probe != "clear" && self.probe == Probe::Clear {
             self.probe = Probe::Unknown;
         }
+        self.may_end |= self.fault.is_none();
         self.fault = self.fault.or(Some(seq));
         self.lose_positions();
     }
@@ -190,6 +194,7 @@ impl Motion {
                 "approach when clear, indent after approach, by_hand from a known position";
             findings.add(Check::Intent, seq, "a descent is declared out of order", expected, found);
         }
+        self.may_end = false;
         self.stays_put(seq, "a descent is declared", findings);
         if let (Some(settings), Some(tilt)) = (settings, self.rotary_deg) {
             let tilt = if let Turn::To(tilt) = self.turn { tilt } else { tilt };
@@ -200,9 +205,10 @@ impl Motion {
             Some(Descent { what: what.clone(), floor_mm, lowest_mm: None, moves: Vec::new() });
     }
 
-    /// Nothing but a retract follows a fault, and nothing moves while a person works at the bench.
+    /// Nothing but a retract follows a fault, except for the end of the move that was under way, and
+    /// nothing moves while a person works at the bench.
     fn stays_put(&self, seq: u64, what: &str, findings: &mut Findings) {
-        if let Some(fault) = self.fault {
+        if let Some(fault) = self.fault.filter(|_| !self.may_end) {
             let found = format!("{what} after the fault of record {fault}");
             findings.add(Check::Stopped, seq, "only a retract follows a fault", "no motion", found);
         }
@@ -226,7 +232,7 @@ impl Motion {
                 self.moved_rotary(seq, rig_us, moved, rig.map(|all| &all.rig), findings);
             }
         }
-        self.moved_us = rig_us;
+        (self.moved_us, self.may_end) = (rig_us, false);
     }
 
     fn moved_linear(
@@ -364,7 +370,7 @@ impl Motion {
         self.speed(seq, rig_us, distance, limits.rotary_speed_deg_per_s, findings);
     }
 
-    /// The mean speed of a move, which began after the last record.
+    /// The mean speed of a move, which began after the last record that is written between moves.
     fn speed(
         &self,
         seq: u64,

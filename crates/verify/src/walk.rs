@@ -69,7 +69,8 @@ enum Kind {
 }
 
 /// Kinds of records that may come while an axis moves, and say nothing of the time at which it began.
-const DURING_A_MOVE: [&str; 3] = ["stalled", "clock_jumped", "operator"];
+const DURING_A_MOVE: [&str; 6] =
+    ["stalled", "clock_jumped", "operator", "fault", "black_box", "state_changed"];
 
 struct Walk {
     kind: Kind,
@@ -266,7 +267,8 @@ impl Walk {
             let what = "a run began while the probe was not shown clear";
             findings.add(Check::FalseClear, seq, what, "clear", self.motion.probe.name());
         }
-        self.motion.turn = Turn::Forbidden;
+        // A command to end that came before is not about this run.
+        (self.motion.turn, self.is_stopped) = (Turn::Forbidden, false);
         self.labels.begin(started.plan.steps, started.touches);
     }
 

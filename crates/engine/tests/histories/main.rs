@@ -232,6 +232,27 @@ fn the_time_between_the_readings_of_a_sweep_counts_against_its_limit() {
     assert!(refusal.as_ref().is_some_and(|refusal| refusal.contains("Time {")), "{refusal:?}");
 }
 
+/// As after a stop in the middle of a sweep that began at the same frequency.
+#[test]
+fn the_time_for_which_the_analyzer_was_at_a_frequency_before_its_sweep_does_not_count() {
+    let mut world = World::new(None);
+    world.command(Command::Prepare);
+    while world.engine.snapshot().state != RigState::Idle {
+        world.step();
+    }
+    world.now = world.now + std::time::Duration::from_secs(50);
+    let mut request = plan().no_load_sweep;
+    (request.method, request.time_limit_s) = (SweepMethod::Adaptive, 30.0);
+    world.command(Command::Sweep(request));
+    let (id, operation) = world.in_flight.take().unwrap();
+    let Report::Measured(mut readings) = world.perform(&operation) else { panic!() };
+    for reading in &mut readings {
+        (reading.started, reading.settle_s) = (RigTime::ZERO, world.now.as_seconds());
+    }
+    world.handle(Input::Done(id, Ok(Report::Measured(readings))));
+    assert_eq!(world.engine.snapshot().state, RigState::Running, "{:?}", world.events.last());
+}
+
 #[test]
 fn a_rig_that_was_left_by_a_crash_waits_for_a_person_and_then_retracts_first() {
     for may_touch in [true, false] {

@@ -170,8 +170,11 @@ impl Labels {
         findings: &mut Findings,
     ) {
         self.refused += 1;
-        let under_way = self.step.as_ref().map(|step| &step.started.step);
-        let is_over = under_way != Some(&refused.touch.step);
+        // The last touch of a run is confirmed while its step is still the last one.
+        let is_over = self
+            .step
+            .as_ref()
+            .is_none_or(|step| step.is_done || step.started.step != refused.touch.step);
         if let Some(result) = self.last.take_if(|last| is_over && last.touch == refused.touch) {
             contradicted(seq, &result, refused, findings);
             return;
