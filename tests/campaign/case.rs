@@ -1,92 +1,34 @@
 //! The scene and the protocol of one seed.
 
-use rand_core::Rng;
-use rand_pcg::Pcg64;
 use rig_tests::{changed, text};
+
+use crate::bench::Draw;
 
 /// A scene and a protocol, as changes of the shipped ones.
 #[derive(Debug)]
 pub(crate) struct Case {
     pub(crate) scene: Vec<(&'static str, String)>,
     pub(crate) protocol: String,
-    pub(crate) trouble: Option<Trouble>,
-}
-
-/// What happens in the middle of a run.
-#[derive(Debug)]
-pub(crate) struct Trouble {
-    /// At which step: the remainder by the number of steps.
-    pub(crate) place: u64,
-    pub(crate) what: What,
-}
-
-/// A fault, or a person who ends the run.
-#[derive(Debug)]
-pub(crate) enum What {
-    /// In the words of the simulator's control interface.
-    Fault(String),
-    Abort,
-    Stop,
 }
 
 impl Case {
     /// The case of this seed.
-    pub(crate) fn draw(seed: u64, protocol: &str, is_varied: bool, has_trouble: bool) -> Self {
+    pub(crate) fn draw(seed: u64, protocol: &str, is_varied: bool) -> Self {
         let mut scene = vec![("seed = 2020", format!("seed = {seed}"))];
         let mut protocol = text(protocol);
         if is_varied {
-            let mut draw = Draw(Pcg64::new(u128::from(seed), 0xca3e));
+            let mut draw = Draw::new(seed, 0xca3e);
             scene.extend(draw.bench());
             protocol = draw.windows(&protocol);
         }
-        let trouble = has_trouble.then(|| Draw(Pcg64::new(u128::from(seed), 0x7b0)).trouble());
-        Self { scene, protocol, trouble }
+        Self { scene, protocol }
     }
 }
 
-/// Random numbers of one seed.
-struct Draw(Pcg64);
-
 impl Draw {
-    /// Evenly between the ends.
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * (self.0.next_u64() >> 11) as f64 / 2_f64.powi(53)
-    }
-
     /// Evenly on a logarithmic scale.
     fn log_between(&mut self, low: f64, high: f64) -> f64 {
         self.between(low.ln(), high.ln()).exp()
-    }
-
-    /// A fault of the menu at one of the next frames, an abort or a stop.
-    fn trouble(&mut self) -> Trouble {
-        const FAULTS: [(&str, &str); 14] = [
-            ("bus", "drop-request"),
-            ("bus", "drop-reply"),
-            ("bus", "delay ms=300"),
-            ("bus", "corrupt"),
-            ("bus", "exception code=4"),
-            ("bus", "alarm code=16 unit=1"),
-            ("bus", "stall unit=1"),
-            ("bus", "reboot unit=2"),
-            ("bus", "limit-switch unit=1"),
-            ("analyzer", "drop-reply"),
-            ("analyzer", "delay ms=3000"),
-            ("analyzer", "truncate"),
-            ("analyzer", "overload"),
-            ("analyzer", "disconnect"),
-        ];
-        let place = self.0.next_u64();
-        let frame = 1 + self.0.next_u64() % 60;
-        let kind = usize::try_from(self.0.next_u64() % (FAULTS.len() as u64 + 2)).unwrap_or(0);
-        let fault =
-            |(port, kind): &(&str, &str)| What::Fault(format!("fault {port} {kind} nth={frame}"));
-        let what = match FAULTS.get(kind) {
-            Some(found) => fault(found),
-            None if kind == FAULTS.len() => What::Abort,
-            None => What::Stop,
-        };
-        Trouble { place, what }
     }
 
     /// The bench: from half to five times the shipped noise; a quality in air from 15 to 150; a third

@@ -1,29 +1,43 @@
-//! Many runs of the whole daemon in virtual time, each on a simulated bench with a seed of its own.
+//! Campaigns of many runs of the whole daemon in virtual time.
 //!
-//! `cargo run -p rig-tests --release --bin campaign -- --first-seed K --seeds N --jobs 2` says for each
-//! seed whose run does not end as it must how it did end, and the command that replays it; the last
-//! line has the counts. The exit code is 0 only if every run ended as it must.
+//! `cargo run -p rig-tests --release --bin campaign -- --first-seed K --seeds N --jobs 2` draws for each
+//! seed a bench with a protocol of a touch or two, and one to four faults of the menu: devices and
+//! wires, the disk, a kill of the daemon, persons and clients. It judges safety by the truth of the
+//! simulated bench, journals by the checker, and results by the undisturbed run of the same bench; at
+//! last the faults end and the run must be completed. With `--protocol` or `--vary` it plays whole
+//! protocols without faults. With `--engine` it plays the engine alone in an ideal world.
+//!
+//! It prints each seed that fails with the command that plays it again. The last line has the counts.
+//! The exit code is 0 only if nothing failed.
 
 #![expect(clippy::print_stdout, reason = "what it prints is what it is for")]
 
+mod bench;
+mod campaign;
 mod case;
+mod counts;
+mod faults;
+mod judge;
+mod life;
 mod run;
 mod tally;
 
 use std::{
     process::ExitCode,
     sync::{
-        Mutex,
+        Mutex, PoisonError,
         atomic::{AtomicU64, Ordering},
     },
     thread,
+    time::Instant,
 };
 
+use campaign::{Campaign, Counts};
 use case::Case;
 use clap::Parser;
 use tally::{Steps, Tally};
 
-/// Runs the whole daemon on simulated benches with one seed after another.
+/// Plays runs on simulated benches with one seed after another.
 #[derive(Debug, Clone, Parser)]
 struct Arguments {
     /// The first seed.
@@ -35,29 +49,30 @@ struct Arguments {
     /// Runs at a time.
     #[arg(long, value_name = "J", default_value_t = 1)]
     jobs: usize,
-    /// The protocol, relative to the root of the repository.
-    #[arg(long, value_name = "FILE", default_value = "config/protocols/smoke.toml")]
-    protocol: String,
+    /// Play this whole protocol without faults. The path is relative to the root of the repository.
+    #[arg(long, value_name = "FILE")]
+    protocol: Option<String>,
     /// Draw also what else is on the bench (noise, quality, coupling, capacitance, probe radius, drift)
-    /// and the windows of the protocol. Such a run may end with a fault.
+    /// and the windows of the protocol, which is smoke.toml if none is named. Such a run may end with
+    /// a fault.
     #[arg(long)]
     vary: bool,
-    /// Draw also a fault of the simulator's menu, an abort or a stop, at one of the steps.
+    /// Print the records of each faulted run, shortened.
     #[arg(long)]
-    trouble: bool,
-}
-
-impl Arguments {
-    /// Whether a run may end with a fault or be aborted.
-    const fn may_fault(&self) -> bool {
-        self.vary || self.trouble
-    }
+    records: bool,
 }
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    let steps = Steps::collect();
-    let tally = Mutex::new(Tally::default());
+    if arguments.protocol.is_some() || arguments.vary {
+        whole(&arguments)
+    } else {
+        faulted(&arguments)
+    }
+}
+
+/// Plays each seed on one of the jobs.
+fn each_seed(arguments: &Arguments, play: impl Fn(u64) + Sync) {
     let next = AtomicU64::new(arguments.first_seed);
     let end = arguments.first_seed.saturating_add(arguments.seeds);
     thread::scope(|scope| {
@@ -68,36 +83,70 @@ fn main() -> ExitCode {
                     if seed >= end {
                         break;
                     }
-                    let outcome = run::play(Case::draw(
-                        seed,
-                        &arguments.protocol,
-                        arguments.vary,
-                        arguments.trouble,
-                    ));
-                    if let Some(why) = outcome.failure(arguments.may_fault()) {
-                        println!("seed {seed}: {why}\n  {}", replay(seed, &arguments));
-                    }
-                    if let Ok(mut tally) = tally.lock() {
-                        tally.count(&outcome, arguments.may_fault());
-                    }
+                    play(seed);
                 }
             });
         }
     });
-    let Ok(tally) = tally.into_inner() else { return ExitCode::FAILURE };
+}
+
+/// Touches under faults.
+fn faulted(arguments: &Arguments) -> ExitCode {
+    let begun = Instant::now();
+    let campaign = Campaign::default();
+    let counts = Mutex::new(Counts::default());
+    each_seed(arguments, |seed| {
+        let ended = campaign.play(seed, arguments.records);
+        for record in ended.played.iter().flat_map(|played| &played.records) {
+            println!("{record}");
+        }
+        if !ended.failures.is_empty() || arguments.seeds == 1 {
+            println!("seed {seed}: {}", ended.story);
+            for failure in &ended.failures {
+                println!("  {failure}");
+            }
+            println!("  {}", replay(seed, ""));
+        }
+        counts.lock().unwrap_or_else(PoisonError::into_inner).add(&ended);
+    });
+    let counts = counts.into_inner().unwrap_or_else(PoisonError::into_inner);
+    for (reason, count) in &counts.reasons {
+        println!("{count:8} {reason}");
+    }
+    let empty = counts.table.empty();
+    println!("{} of the table's cells are empty: {}", empty.len(), empty.join(", "));
+    let seconds = begun.elapsed().as_secs_f64();
+    println!("{counts}; {:.1} runs a second", counts.runs as f64 / seconds);
+    if counts.failed == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// Whole protocols without faults.
+fn whole(arguments: &Arguments) -> ExitCode {
+    let protocol = arguments.protocol.as_deref().unwrap_or("config/protocols/smoke.toml");
+    let steps = Steps::collect();
+    let tally = Mutex::new(Tally::default());
+    each_seed(arguments, |seed| {
+        let outcome = run::play(Case::draw(seed, protocol, arguments.vary));
+        if let Some(why) = outcome.failure(arguments.vary) {
+            let vary = if arguments.vary { " --vary" } else { "" };
+            println!(
+                "seed {seed}: {why}\n  {}",
+                replay(seed, &format!(" --protocol {protocol}{vary}"))
+            );
+        }
+        let mut tally = tally.lock().unwrap_or_else(PoisonError::into_inner);
+        tally.count(&outcome, arguments.vary);
+    });
+    let tally = tally.into_inner().unwrap_or_else(PoisonError::into_inner);
     tally.print_reasons();
     println!("{tally}; {steps}");
     // A run without an end is still at it on a thread of its own.
     if tally.is_clean() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-/// The command that runs one seed again.
-fn replay(seed: u64, arguments: &Arguments) -> String {
-    let vary = if arguments.vary { " --vary" } else { "" };
-    let trouble = if arguments.trouble { " --trouble" } else { "" };
-    let protocol = &arguments.protocol;
+/// The command that plays one seed again.
+fn replay(seed: u64, options: &str) -> String {
     format!(
-        "cargo run -p rig-tests --release --bin campaign -- --first-seed {seed} --seeds 1 \
-         --protocol {protocol}{vary}{trouble}"
+        "cargo run -p rig-tests --release --bin campaign -- --first-seed {seed} --seeds 1{options}"
     )
 }

@@ -6,13 +6,12 @@ use std::{
     time::Duration,
 };
 
-use rig_engine::{Command, RunStatus};
+use rig_engine::RunStatus;
 use rig_store::{Record, SweepOutcome};
 use rig_tests::TestRig;
 use rig_verify::Finding;
-use rigd::rig::Status;
 
-use crate::case::{Case, What};
+use crate::case::Case;
 
 /// A run that takes longer by the clock on the wall has no end: the longest take half a minute.
 const PATIENCE: Duration = Duration::from_secs(300);
@@ -77,22 +76,7 @@ async fn played(case: &Case) -> Outcome {
         case.scene.iter().map(|(from, to)| (*from, to.as_str())).collect();
     let rig = TestRig::open_bench(&[], &scene).await;
     let protocol = rig.protocol(&case.protocol);
-    let steps = protocol.plan.steps.len() as u64;
     let run = rig.handle.run(protocol, "campaign").await.expect("the rig is idle");
-    if let Some(trouble) = &case.trouble {
-        let step = usize::try_from(trouble.place % steps).unwrap_or_default();
-        let is_there = |status: &Status| {
-            let at = status.snapshot.progress.as_ref().map(|progress| progress.step);
-            at.is_none_or(|at| at >= step)
-        };
-        rig.wait_for("a step", is_there).await;
-        match &trouble.what {
-            What::Fault(words) => rig.fault(words),
-            // Refused where the run has ended.
-            What::Abort => _ = rig.command(Command::Abort).await,
-            What::Stop => _ = rig.command(Command::Stop).await,
-        }
-    }
     let status = rig.ended(run).await;
     let (mut sweeps, mut refusals, mut cause) = (0, Vec::new(), None);
     for stored in rig.records(run) {

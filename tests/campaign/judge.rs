@@ -1,0 +1,134 @@
+//! What a seed of the fault campaign must have kept.
+
+use std::collections::BTreeMap;
+
+use rig_store::{MemoryDisk, Reader, Record, RunId, StoreError};
+
+use crate::{
+    bench::Bench,
+    counts::Phase,
+    faults::{Fault, MENU, Trouble},
+    life::Played,
+};
+
+/// The outcomes of the touches of a run, by step.
+pub(crate) type Touches = BTreeMap<String, Outcome>;
+
+/// The outcome of a touch.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Outcome {
+    Measured {
+        shift_hz: f64,
+        /// Standard deviation of the sweeps, and of the depth, as a shift.
+        sigma_hz: f64,
+    },
+    Refused(String),
+}
+
+/// Measured shifts may differ by this many standard deviations.
+const SIGMAS: f64 = 6.0;
+
+/// Standard deviation of a depth: the positions of the stage, mm.
+const STAGE_MM: f64 = 0.005;
+
+/// A sample that is placed again on an uneven bench has another stiffness and slope: 3 % and 1°.
+const PLACED_AGAIN_REL: f64 = 0.06;
+
+/// The outcomes of a run.
+pub(crate) fn touches(reader: &Reader, run: RunId) -> Result<Touches, StoreError> {
+    let mut touches = Touches::new();
+    for stored in reader.records(run)? {
+        match stored.record()? {
+            Record::TouchResult(touch) => {
+                let depth_mm = touch.surface_sigma_mm.hypot(STAGE_MM);
+                let by_depth_hz = touch.shift_hz * depth_mm / touch.indentation_mm;
+                let sigma_hz = touch.shift_sigma_hz.hypot(by_depth_hz);
+                let measured = Outcome::Measured { shift_hz: touch.shift_hz, sigma_hz };
+                touches.insert(touch.touch.step, measured);
+            }
+            // What was measured next may contradict a touch.
+            Record::TouchRefused(refused) => {
+                touches.insert(refused.touch.step, Outcome::Refused(refused.reason));
+            }
+            _ => {}
+        }
+    }
+    Ok(touches)
+}
+
+/// All records of a journal, in the order in which they were written.
+pub(crate) fn records(disk: &MemoryDisk) -> Vec<String> {
+    let reader = Reader::open_in_memory(disk).expect("the journal can be read");
+    let records = reader.events_after(0, u32::MAX).expect("the journal can be read");
+    let line = |record: &rig_store::StoredRecord| {
+        let seconds = record.rig_us as f64 / 1e6;
+        let payload: String = record.payload.chars().take(400).collect();
+        format!("{:4} {} {seconds:10.3} {payload}", record.seq, record.epoch)
+    };
+    records.iter().map(line).collect()
+}
+
+/// What the checker finds in a journal.
+pub(crate) fn findings(disk: &MemoryDisk, journal: RunId) -> Vec<String> {
+    match rig_verify::verify_in_memory(disk.uri(), &journal.to_string()) {
+        Ok(verdict) => verdict.findings.iter().map(ToString::to_string).collect(),
+        Err(error) => vec![error.to_string()],
+    }
+}
+
+/// Differences from the undisturbed run of the same bench.
+pub(crate) fn differences(bench: &Bench, played: &Played, undisturbed: &Touches) -> Vec<String> {
+    let mut differences = Vec::new();
+    for (step, expected) in undisturbed {
+        let Outcome::Measured { shift_hz: true_hz, sigma_hz: true_sigma_hz } = expected else {
+            continue;
+        };
+        match played.touches.get(step) {
+            None => differences.push(format!("touch {step} is missing")),
+            Some(Outcome::Refused(_)) => {}
+            Some(Outcome::Measured { shift_hz, sigma_hz }) => {
+                let is_other = bench.is_uneven && played.is_placed_again;
+                let scatter_hz = if is_other { PLACED_AGAIN_REL * true_hz } else { 0.0 };
+                let allowed_hz = SIGMAS * sigma_hz.hypot(*true_sigma_hz).hypot(scatter_hz);
+                if (shift_hz - true_hz).abs() > allowed_hz {
+                    differences.push(format!(
+                        "touch {step}: shift {shift_hz:.2} Hz, undisturbed {true_hz:.2} Hz, and \
+                         {allowed_hz:.2} Hz are allowed"
+                    ));
+                }
+            }
+        }
+    }
+    differences
+}
+
+/// Why a wrong shift is known not to be noticed: what would show it is measured after the touch.
+pub(crate) fn is_beyond_notice(played: &Played) -> Option<&'static str> {
+    let begun = |is_of: fn(&str) -> bool| {
+        played.begun.iter().any(|(row, phase)| {
+            let in_touch = matches!(phase, Phase::Search | Phase::Indentation | Phase::Sweep);
+            in_touch && matches!(MENU[*row].1, Fault::Device(words) if is_of(words))
+        })
+    };
+    if begun(|words| words.contains("lose-steps")) {
+        return Some("steps lost in the last touch");
+    }
+    let is_interrupted = played.latches + played.kills > 0;
+    let has_contact_fault = begun(|words| words.ends_with("-contact"));
+    (is_interrupted && has_contact_fault).then_some(
+        "a contact sense that is repaired before the \
+                                                     last touch is confirmed",
+    )
+}
+
+/// Whether the faults leave no way out of contact while they last: the drive is blocked or cannot be
+/// reached, or it has forgotten its position and may home downwards only.
+pub(crate) fn has_no_way_out(troubles: &[Trouble], bench: &Bench) -> bool {
+    troubles.iter().any(|trouble| match trouble.fault() {
+        Fault::Frame("bus unplug ms=600000") => true,
+        Fault::Frame(words) => words.starts_with("bus") && trouble.is_lasting(),
+        Fault::Device("bus jam unit=1") => true,
+        Fault::Device("bus reboot unit=1") => bench.forgets_position,
+        _ => false,
+    })
+}

@@ -1,0 +1,317 @@
+//! One seed of the fault campaign: the whole daemon below HTTP on a simulated bench, the persons and
+//! clients around it, and what they see of it. All of it is on one paused clock.
+
+mod person;
+
+use std::{collections::BTreeSet, pin::pin, time::Duration};
+
+use rig_engine::RigState;
+use rig_model::Clearance;
+use rig_sim::{SimHandle, control};
+use rig_store::{MemoryDisk, Reader, RunId};
+use rigd::rig::{self, RigHandle, Status};
+use tokio::time::{Instant, sleep, sleep_until};
+
+use crate::{
+    bench::Bench,
+    counts::Phase,
+    faults::{Fault, Order, Trouble},
+    judge::{self, Touches},
+};
+
+/// What became of a seed.
+#[derive(Debug, Default)]
+pub(crate) struct Played {
+    /// The faults that began, by row of the menu, with the phase in which each began.
+    pub(crate) begun: Vec<(usize, Phase)>,
+    /// What must never be.
+    pub(crate) violations: Vec<String>,
+    pub(crate) touches: Touches,
+    /// Whether a sample was placed again, so that it may lie otherwise.
+    pub(crate) is_placed_again: bool,
+    pub(crate) kills: u64,
+    pub(crate) resumptions: u64,
+    pub(crate) latches: u64,
+    /// How often a person lifted the probe by hand.
+    pub(crate) lifts: u64,
+    /// Digests of the run and of its end on the rig's clock: the same for the same seed.
+    pub(crate) digest: u64,
+    /// The records of the run, one to a line, if they are asked for.
+    pub(crate) records: Vec<String>,
+}
+
+/// Acknowledgements and resumptions while faults go on, and afterwards.
+const TRIES_IN_TROUBLE: u32 = 4;
+const TRIES: u32 = 8;
+/// Longest time of each part on the rig's clock: longer than the patience of the way out.
+const PART: Duration = Duration::from_secs(4 * 3600);
+/// Starts of the daemon.
+const STARTS: u32 = 12;
+
+/// The end of one life of the daemon.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum End {
+    /// Killed at this moment, and started again after this time, s.
+    Killed { for_s: u64 },
+    /// To be closed and started again, as for a journal that cannot be written.
+    Restart,
+    /// The run is complete, or something is wrong for good.
+    Finished,
+}
+
+/// A bench, its computer, and the people around.
+pub(crate) struct Life<'a> {
+    bench: &'a Bench,
+    disk: MemoryDisk,
+    simulation: Option<SimHandle>,
+    troubles: Vec<Waiting>,
+    /// Every fault that began.
+    all: Vec<Trouble>,
+    is_mended: bool,
+    tries_left: u32,
+    part_ends: Instant,
+    run: Option<RunId>,
+    sessions: BTreeSet<RunId>,
+    kill_at: Option<(u64, u64)>,
+    is_late: bool,
+    is_wrong: bool,
+    /// The answer or the command that the person gives next.
+    person_at: Option<(Instant, u64)>,
+    prompts: u64,
+    last_state: Option<RigState>,
+    played: Played,
+}
+
+/// A fault that waits for its moment.
+#[derive(Debug)]
+struct Waiting {
+    trouble: Trouble,
+    changes: u64,
+    due: Option<Instant>,
+}
+
+/// Plays a bench with these faults.
+pub(crate) fn play(bench: &Bench, troubles: &[Trouble], has_records: bool) -> Played {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_time()
+        .start_paused(true)
+        .build()
+        .expect("a runtime without I/O");
+    runtime.block_on(async {
+        let waiting =
+            |trouble: &Trouble| Waiting { trouble: trouble.clone(), changes: 0, due: None };
+        let mut life = Life {
+            bench,
+            disk: MemoryDisk::new().expect("a journal in memory"),
+            simulation: None,
+            troubles: troubles.iter().map(waiting).collect(),
+            all: Vec::new(),
+            is_mended: troubles.is_empty(),
+            tries_left: TRIES_IN_TROUBLE,
+            part_ends: Instant::now() + PART,
+            run: None,
+            sessions: BTreeSet::new(),
+            kill_at: None,
+            is_late: false,
+            is_wrong: false,
+            person_at: None,
+            prompts: 0,
+            last_state: None,
+            played: Played::default(),
+        };
+        Box::pin(life.play()).await;
+        life.judge();
+        if has_records {
+            life.played.records = judge::records(&life.disk);
+        }
+        life.played
+    })
+}
+
+impl Life<'_> {
+    async fn play(&mut self) {
+        for _ in 0..STARTS {
+            match Box::pin(self.live()).await {
+                End::Killed { for_s } => {
+                    self.played.kills += 1;
+                    sleep(Duration::from_secs(for_s)).await;
+                }
+                End::Restart => {}
+                End::Finished => return,
+            }
+        }
+        self.fail("not finished after 12 starts of the daemon");
+    }
+
+    /// One life of the daemon.
+    async fn live(&mut self) -> End {
+        let opened =
+            rig::open_in_memory(self.bench.load(), &self.disk, self.simulation.clone()).await;
+        let (handle, rig) = match opened {
+            Ok(opened) => opened,
+            Err(error) if self.is_mended => {
+                self.fail(&format!("cannot be opened: {}", rig_model::with_causes(&error)));
+                return End::Finished;
+            }
+            Err(_) => {
+                // A person looks after the bench.
+                self.mend();
+                return End::Restart;
+            }
+        };
+        self.simulation = handle.simulation().cloned();
+        self.sessions.insert(handle.status().borrow().session);
+        (self.person_at, self.last_state, self.kill_at) = (None, None, None);
+        let mut serving = pin!(rig.serve());
+        let end = tokio::select! {
+            biased;
+            () = &mut serving => {
+                self.fail("the daemon ended by itself");
+                End::Finished
+            }
+            end = self.act(&handle) => end,
+        };
+        if !matches!(end, End::Killed { .. }) {
+            tokio::join!(handle.close(), serving);
+        }
+        end
+    }
+
+    /// Acts on the daemon until it ends.
+    async fn act(&mut self, handle: &RigHandle) -> End {
+        let mut watch = handle.status();
+        loop {
+            let status = watch.borrow_and_update().clone();
+            self.look(&status);
+            self.begin_troubles(handle, &status).await;
+            if let Some((at, nth)) = self.kill_at
+                && at <= status.last_event
+            {
+                return End::Killed { for_s: 7 * nth };
+            }
+            if let Some(end) = self.serve_person(handle, &status).await {
+                return end;
+            }
+            let dues = self.troubles.iter().filter_map(|waiting| waiting.due);
+            let next = dues.chain(self.person_at.map(|(at, _)| at)).min();
+            let next = next.unwrap_or(self.part_ends).min(self.part_ends);
+            tokio::select! {
+                biased;
+                changed = watch.changed() => {
+                    if changed.is_err() {
+                        return End::Finished;
+                    }
+                }
+                () = sleep_until(next) => {}
+            }
+        }
+    }
+
+    /// What is wrong at this moment.
+    fn look(&mut self, status: &Status) {
+        let Some(simulation) = &self.simulation else { return };
+        let is_in_contact = simulation.with(|now, rig| rig.world().is_in_contact(now));
+        if is_in_contact && status.snapshot.clearance == Clearance::Clear {
+            self.fail("said clear while in contact");
+        }
+        let state = status.snapshot.state;
+        if self.last_state.replace(state) != Some(state) && state == RigState::Latched {
+            self.played.latches += 1;
+        }
+    }
+
+    /// Begins the faults whose moment has come.
+    async fn begin_troubles(&mut self, handle: &RigHandle, status: &Status) {
+        if self.is_mended {
+            return;
+        }
+        let now = Instant::now();
+        let phase = Phase::of(status);
+        let mut begun = Vec::new();
+        self.troubles.retain_mut(|waiting| {
+            if waiting.due.is_none() && phase == Some(waiting.trouble.phase) {
+                waiting.changes += 1;
+                if waiting.trouble.nth_change <= waiting.changes {
+                    waiting.due = Some(now + Duration::from_secs_f64(waiting.trouble.after_s));
+                }
+            }
+            let is_due = waiting.due.is_some_and(|due| due <= now);
+            if is_due {
+                begun.push(waiting.trouble.clone());
+            }
+            !is_due
+        });
+        for trouble in begun {
+            if let Some(phase) = phase {
+                self.played.begun.push((trouble.row, phase));
+            }
+            self.begin(handle, status, &trouble).await;
+            self.all.push(trouble);
+        }
+    }
+
+    async fn begin(&mut self, handle: &RigHandle, status: &Status, trouble: &Trouble) {
+        let order = |order: Order, by: &'static str| handle.command(order.command(), None, by);
+        match trouble.fault() {
+            Fault::Frame(words) => self.say(&format!("fault {words} {}", trouble.trigger)),
+            Fault::Device(words) => self.say(&format!("fault {words}")),
+            Fault::Disk(failure) => self.disk.fail_from(trouble.nth, failure),
+            Fault::Kill => {
+                self.kill_at = Some((status.last_event + trouble.nth - 1, trouble.nth));
+            }
+            // What the state does not allow is refused.
+            Fault::Person(one) => _ = order(one, "client 1").await,
+            Fault::Clients(one, two) => {
+                _ = tokio::join!(order(one, "client 1"), order(two, "client 2"));
+            }
+            Fault::Late => self.is_late = true,
+            Fault::WrongAnswer => self.is_wrong = true,
+        }
+    }
+
+    fn say(&self, words: &str) {
+        let Some(simulation) = &self.simulation else { return };
+        simulation.with(|now, rig| {
+            control::execute(now, rig, words).unwrap_or_else(|error| panic!("{words}: {error}"));
+        });
+    }
+
+    fn fail(&mut self, what: &str) {
+        if !self.played.violations.iter().any(|known| known == what) {
+            self.played.violations.push(what.to_owned());
+        }
+    }
+
+    /// Judges what was left behind: the truth of the bench, the journal and the results.
+    fn judge(&mut self) {
+        if let Some(simulation) = &self.simulation {
+            let (is_in_contact, violations) = simulation.with(|now, rig| {
+                let world = rig.world();
+                (world.is_in_contact(now), world.violations(now).to_vec())
+            });
+            for violation in violations {
+                self.fail(&violation.kind.to_string());
+            }
+            if is_in_contact {
+                self.fail("in contact at the end");
+            }
+        }
+        let Some(run) = self.run else { return self.fail("no run began") };
+        let prompts = self.bench.protocol.summary.prompts as u64;
+        self.played.is_placed_again = prompts < self.prompts;
+        let journals: Vec<RunId> = self.sessions.iter().copied().chain([run]).collect();
+        for journal in journals {
+            for finding in judge::findings(&self.disk, journal) {
+                self.fail(&format!("not sound: {finding}"));
+            }
+        }
+        let reader = Reader::open_in_memory(&self.disk).expect("the journal can be read");
+        let digest = reader.last_digest(run).ok().flatten().map(|digest| digest.to_string());
+        let digest = digest.and_then(|digest| u64::from_str_radix(&digest[..16], 16).ok());
+        self.played.digest = digest.unwrap_or_default();
+        match judge::touches(&reader, run) {
+            Ok(touches) => self.played.touches = touches,
+            Err(error) => self.fail(&error.to_string()),
+        }
+    }
+}
