@@ -17,6 +17,7 @@ pub(crate) enum Phase {
     Search,
     Indentation,
     Sweep,
+    SlipCheck,
     Retract,
     Confirmation,
     /// On the way out of contact, after a fault or an abort.
@@ -26,7 +27,7 @@ pub(crate) enum Phase {
 }
 
 /// All phases, in the order of a touch.
-pub(crate) const PHASES: [Phase; 12] = [
+pub(crate) const PHASES: [Phase; 13] = [
     Phase::Preparing,
     Phase::Prompt,
     Phase::Rotation,
@@ -35,6 +36,7 @@ pub(crate) const PHASES: [Phase; 12] = [
     Phase::Search,
     Phase::Indentation,
     Phase::Sweep,
+    Phase::SlipCheck,
     Phase::Retract,
     Phase::Confirmation,
     Phase::Recovery,
@@ -43,7 +45,7 @@ pub(crate) const PHASES: [Phase; 12] = [
 
 impl Phase {
     /// The number of phases that every run has.
-    pub(crate) const RUN: usize = 10;
+    pub(crate) const RUN: usize = 11;
 
     pub(crate) const fn name(self) -> &'static str {
         match self {
@@ -55,6 +57,7 @@ impl Phase {
             Self::Search => "search",
             Self::Indentation => "indentation",
             Self::Sweep => "sweep",
+            Self::SlipCheck => "slip check",
             Self::Retract => "retract",
             Self::Confirmation => "confirmation",
             Self::Recovery => "recovery",
@@ -80,6 +83,7 @@ impl Phase {
                 RunPhase::Search => Self::Search,
                 RunPhase::Indentation | RunPhase::Dwell => Self::Indentation,
                 RunPhase::Sweep => Self::Sweep,
+                RunPhase::SlipCheck => Self::SlipCheck,
                 RunPhase::Retract => Self::Retract,
                 RunPhase::Confirmation => Self::Confirmation,
             },

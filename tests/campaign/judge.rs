@@ -106,7 +106,10 @@ pub(crate) fn differences(bench: &Bench, played: &Played, undisturbed: &Touches)
 pub(crate) fn is_beyond_notice(played: &Played) -> Option<&'static str> {
     let begun = |is_of: fn(&str) -> bool| {
         played.begun.iter().any(|(row, phase)| {
-            let in_touch = matches!(phase, Phase::Search | Phase::Indentation | Phase::Sweep);
+            let in_touch = matches!(
+                phase,
+                Phase::Search | Phase::Indentation | Phase::Sweep | Phase::SlipCheck
+            );
             in_touch && matches!(MENU[*row].1, Fault::Device(words) if is_of(words))
         })
     };
