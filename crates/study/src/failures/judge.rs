@@ -165,6 +165,8 @@ pub(super) fn judge(
     }
     let one = |&(scene, id): &(Scene, SweepId)| {
         let random = stream(axis, path, point, id);
+        // Trials go in pairs of one sign.
+        let scene = if id.trial / 2 % 2 == 0 { scene } else { scene.reversed() };
         match path {
             Path::Fit => fitted(axis, scene, id, random),
             Path::Planner => (planned(axis, scene, id, random), Vec::new()),

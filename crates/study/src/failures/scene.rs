@@ -112,6 +112,16 @@ impl Scene {
         }
     }
 
+    /// The scene with drifts and phase error of the opposite sign.
+    pub(super) fn reversed(&self) -> Self {
+        Self {
+            drift_hz: -self.drift_hz,
+            capacitance_drift: -self.capacitance_drift,
+            phase_rad: -self.phase_rad,
+            ..*self
+        }
+    }
+
     /// The undisturbed sensor.
     pub(super) fn circuit(&self) -> Circuit {
         sensor(self.resonance_hz, self.q, self.coupling)
