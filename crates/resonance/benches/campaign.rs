@@ -56,7 +56,9 @@ const KINDS: [(&str, Draw); 19] = [
 ];
 
 fn main() {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    // Cargo adds its own `--bench`.
+    let arguments: Vec<String> =
+        std::env::args().skip(1).filter(|argument| !argument.starts_with("--")).collect();
     let number = |place: usize| arguments.get(place).and_then(|text| text.parse::<usize>().ok());
     let scenes = number(0).unwrap_or(6000);
     let seed = number(1).unwrap_or(1);

@@ -6,5 +6,6 @@ pub(crate) mod flagged;
 pub(crate) mod mains;
 pub(crate) mod outliers;
 pub(crate) mod rounding;
+pub(crate) mod tangents;
 pub(crate) mod two_level;
 pub(crate) mod unknown_dwell;

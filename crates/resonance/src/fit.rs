@@ -16,7 +16,7 @@ use rig_model::{Reading, Window};
 use crate::{
     Circuit, FitOutcome, NoisePrior, Reason, Refusal, Resonance, Timing,
     circuit::points::Points,
-    circuit::trace::ModelEstimate,
+    circuit::trace::{CIRCUIT, ModelEstimate},
     diagnose::doubts::{
         GAIN_MIN, POINTS_MIN, doubt_circuit, doubt_existence, doubt_place, doubt_precision,
     },
@@ -76,12 +76,13 @@ impl Fitter {
         {
             // Without a resonance there is no start value.
             start = found.start.filter(|_| found.gain > GAIN_MIN);
-            if let (Some(resonance), Some(at), true) = (found.resonance, start, found.is_usual)
+            if let (Some(resonance), Some(at), true) = (found.resonance, start, found.is_clean)
                 && !rounding::matters(&rounding, readings, &resonance)
                 && doubt_existence(&resonance, found.gain).is_none()
                 && doubt_place(&resonance, window).is_none()
                 && doubt_circuit(&resonance, span).is_none()
-                && let widened = self.with_dwell(&resonance, at, readings, options.timing)
+                && let Some(widened) =
+                    self.widened(&resonance, at, found.is_usual, readings, options)
                 && doubt_precision(&widened, resonance.sigma_hz).is_none()
             {
                 return FitOutcome::Accepted(widened);
@@ -96,18 +97,22 @@ impl Fitter {
         }
     }
 
-    /// A quick result, widened by the uncertainty of unknown times.
-    fn with_dwell(
+    /// A quick result, widened by what the readings do not exclude. `None` if they show a cause that
+    /// only the full fit handles.
+    fn widened(
         &self,
         found: &Resonance,
         at: ModelEstimate,
+        is_usual: bool,
         readings: &[Reading],
-        timing: Timing,
-    ) -> Resonance {
+        options: &FitOptions,
+    ) -> Option<Resonance> {
         let unit_farad = self.quick.points.reference_farad;
-        match timing {
-            Timing::Unknown => unknown_dwell::widened(found, at, readings, unit_farad),
-            Timing::Waited | Timing::Exact(_) | Timing::AnyPhase => *found,
+        let free = if found.loss_tangent_sigma().is_some() { CIRCUIT } else { CIRCUIT - 1 };
+        match options.timing {
+            _ if !is_usual => Model::examined(found, at, free, readings, unit_farad, options),
+            Timing::Unknown => Some(unknown_dwell::widened(found, at, free, readings, unit_farad)),
+            Timing::Waited | Timing::Exact(_) | Timing::AnyPhase => Some(*found),
         }
     }
 

@@ -11,9 +11,8 @@ use num_complex::Complex64;
 use crate::{
     Reason,
     circuit::ringup::{Motion, Visit, plain},
-    circuit::trace::{ExtraTerm, Minimum, ModelEstimate, Row, Sample, Timing, Trace, UNKNOWNS},
-    numeric::dense::Cholesky,
-    numeric::descent::Normal,
+    circuit::trace::{ExtraTerm, Minimum, ModelEstimate, Row, Sample, Timing, Trace},
+    diagnose::tangents::{MOST, Products, Tangents, mode_unit},
 };
 
 /// A possible fault of a sweep.
@@ -83,27 +82,21 @@ pub(crate) struct Alternative {
 pub(crate) struct Fitted<'a> {
     pub(crate) trace: &'a Trace,
     pub(crate) at: ModelEstimate,
-    /// Number of free unknowns.
-    pub(crate) free: usize,
     rows: Vec<(usize, Row)>,
     /// The steady-state motional admittance of each sample; `admittance` is the total.
     motional: Vec<Complex64>,
     admittance: Vec<Complex64>,
-    normal: Normal<UNKNOWNS>,
+    /// `None` if the unknowns cannot be distinguished.
+    tangents: Option<Tangents>,
 }
 
-/// Largest number of patterns of a cause.
-const MOST: usize = 3;
-/// Number of unknowns and patterns together.
-const WIDE: usize = UNKNOWNS + MOST;
-/// Smallest fraction of a pattern that must remain after the circuit is fitted to it; below this it
-/// cannot be distinguished from a change of the circuit.
-const DISTINCT: f64 = 1e-4;
 /// Assumed settling times, in time constants, and integrations, in cycles, if neither is known.
 const DWELLS: [(f64, f64); 7] =
     [(0.0, 4.0), (0.0, 10.0), (0.5, 4.0), (0.5, 10.0), (1.0, 4.0), (2.0, 4.0), (3.0, 4.0)];
 /// Time constants after which less than 1/20 000 of any motion is left.
 const SETTLED_TIME_CONSTANTS: f64 = 10.0;
+/// χ² of a lag of one point, which one good sweep in eight exceeds.
+const LAG_CHI_SQUARED_MIN: f64 = 4.0;
 /// Number of trial frequencies of a second mode per linewidth of the first.
 const MODES_PER_WIDTH: f64 = 2.0;
 /// Linewidths from the first within which a second mode overlaps it.
@@ -135,11 +128,9 @@ impl<'a> Fitted<'a> {
             admittance.push(all);
             index += 1;
         });
-        let mut normal = Normal::default();
-        for (index, row) in &rows {
-            normal.add(row.residual, &row.slopes, trace.samples[*index].weight);
-        }
-        Self { trace, at, free, rows, motional, admittance, normal }
+        let weighted = rows.iter().map(|(index, row)| (trace.samples[*index].weight, *row));
+        let tangents = Tangents::new(weighted, free);
+        Self { trace, at, rows, motional, admittance, tangents }
     }
 
     /// Every cause that can be distinguished from the circuit.
@@ -201,7 +192,8 @@ impl<'a> Fitted<'a> {
         self.at.q / (PI * self.at.resonance_hz)
     }
 
-    /// The most likely unsettled motion if the dwell at each point is unknown.
+    /// The most likely unsettled motion if the dwell at each point is unknown. The dwells are tried only
+    /// if a lag of one point, of any amplitude and phase, gains something.
     fn not_settled(&self) -> Option<Alternative> {
         let pattern = |i: usize, _: &Row| {
             let before = if i == 0 { NOTHING } else { self.motional[i - 1] };
@@ -209,6 +201,10 @@ impl<'a> Fitted<'a> {
             [left, left * Complex64::I, NOTHING]
         };
         let mut best = self.alternative(Cause::NotSettled, 2, pattern);
+        let variance = self.tangents.as_ref()?.variance();
+        if best.is_some_and(|lag| lag.saved < LAG_CHI_SQUARED_MIN * variance) {
+            return best;
+        }
         for trial in self.dwells() {
             let is_better = best.is_none_or(|best| best.saved < trial.saved);
             if trial.size > 0.0 && is_better {
@@ -283,9 +279,14 @@ impl<'a> Fitted<'a> {
         let frequencies = self.rows.iter().map(|&(i, _)| self.sample(i).visit.frequency_hz);
         let (low, high) =
             frequencies.fold((f64::INFINITY, 0.0_f64), |(a, b), f| (a.min(f), b.max(f)));
-        if low >= high {
+        let Some(tangents) = self.tangents.as_ref().filter(|_| low < high) else {
             return [None; 2];
-        }
+        };
+        let blocks = tangents.mode_blocks(|n| {
+            let index = self.rows[n].0;
+            let frequency_hz = self.sample(index).visit.frequency_hz;
+            (frequency_hz, mode_unit(frequency_hz, self.admittance[index]))
+        });
         let beyond = BEYOND * (high - low);
         let (low, high) = (low - beyond, high + beyond);
         let width = self.at.resonance_hz / self.at.q;
@@ -294,17 +295,10 @@ impl<'a> Fitted<'a> {
         for q in [0.5 * self.at.q, self.at.q, 3.0 * self.at.q] {
             let mut frequency_hz = low;
             while frequency_hz <= high {
-                let pattern = |i: usize, _: &Row| {
-                    let f = self.sample(i).visit.frequency_hz;
-                    let u = f / frequency_hz;
-                    let response = 1.0 / Complex64::new(1.0 - u * u, u / q);
-                    let current = Complex64::new(0.0, TAU * f) * response;
-                    [current / self.admittance[i], NOTHING, NOTHING]
-                };
                 let is_near = (frequency_hz - self.at.resonance_hz).abs() < NEAR * width;
                 let best = &mut best[usize::from(is_near)];
                 let cause = Cause::SecondMode { frequency_hz, q, is_near };
-                if let Some(found) = self.alternative(cause, 1, pattern)
+                if let Some(found) = tangents.second_mode(&blocks, cause)
                     && found.size > 0.0
                     && best.is_none_or(|best| best.saved < found.saved)
                 {
@@ -323,59 +317,12 @@ impl<'a> Fitted<'a> {
         count: usize,
         pattern: impl Fn(usize, &Row) -> [Complex64; MOST],
     ) -> Option<Alternative> {
-        // The fixed unknowns are omitted: the free ones come first, then the patterns.
-        let free = self.free;
-        let mut normal = Normal::<WIDE>::default();
-        for i in 0..free {
-            normal.gradient[i] = self.normal.gradient[i];
-            normal.matrix[i][..free].copy_from_slice(&self.normal.matrix[i][..free]);
+        let tangents = self.tangents.as_ref()?;
+        let mut products = Products::default();
+        for (n, (index, row)) in self.rows.iter().enumerate() {
+            tangents.add(n, &pattern(*index, row)[..count], &mut products);
         }
-        for (index, row) in &self.rows {
-            let weight = self.sample(*index).weight;
-            let patterns = pattern(*index, row);
-            for (k, pattern) in patterns.iter().enumerate().take(count) {
-                let left = weight * pattern.conj();
-                let at = free + k;
-                normal.gradient[at] += (left * row.residual).re;
-                for i in 0..free {
-                    normal.matrix[at][i] += (left * row.slopes[i]).re;
-                }
-                for (j, other) in patterns.iter().enumerate().take(k + 1) {
-                    normal.matrix[at][free + j] += (left * other).re;
-                }
-            }
-        }
-        for i in free..free + count {
-            for j in 0..i {
-                normal.matrix[j][i] = normal.matrix[i][j];
-            }
-        }
-        let without = Cholesky::new(&normal.matrix, free, 0.0)?;
-        let with = Cholesky::new(&normal.matrix, free + count, 0.0)?;
-        if (free..free + count).any(|i| with.distinct(i) < DISTINCT) {
-            return None;
-        }
-        let saved = |step: &[f64; WIDE]| -> f64 {
-            step.iter().zip(&normal.gradient).map(|(a, b)| a * b).sum()
-        };
-        let (step_without, step_with) =
-            (without.solve(&normal.gradient), with.solve(&normal.gradient));
-        let mut unit = [0.0; WIDE];
-        unit[0] = 1.0;
-        Some(Alternative {
-            cause,
-            saved: saved(&step_with) - saved(&step_without),
-            shift: step_without[0] - step_with[0],
-            variance: with.solve(&unit)[0],
-            variance_without: without.solve(&unit)[0],
-            size_variance: {
-                let mut unit = [0.0; WIDE];
-                unit[free] = 1.0;
-                with.solve(&unit)[free]
-            },
-            error: without.solve(&normal.matrix[free])[0],
-            size: -step_with[free],
-        })
+        tangents.alternative(cause, count, &products)
     }
 }
 

@@ -13,7 +13,7 @@ use rig_model::Reading;
 
 use crate::{
     Resonance,
-    circuit::trace::{CIRCUIT, ModelEstimate, Timing, Trace},
+    circuit::trace::{ModelEstimate, Timing, Trace},
     diagnose::alternatives::Fitted,
 };
 
@@ -38,12 +38,11 @@ pub(crate) fn variance(fitted: &Fitted<'_>, noise: f64) -> f64 {
 pub(crate) fn widened(
     found: &Resonance,
     at: ModelEstimate,
+    free: usize,
     readings: &[Reading],
     unit_farad: f64,
 ) -> Resonance {
     let trace = Trace::of(readings, Timing::Unknown, unit_farad);
-    let has_loss = found.loss_tangent_sigma().is_some();
-    let free = if has_loss { CIRCUIT } else { CIRCUIT - 1 };
     let fitted = Fitted::at(&trace, at, free);
     let relative = variance(&fitted, found.noise_at_ten_cycles.powi(2));
     found.widened(relative * found.resonance_hz.powi(2))

@@ -125,16 +125,7 @@ impl Model {
         let start = ModelEstimate { extra_term: trace.extra_term(), ..start };
         let (trace, found) = weighed(trace, start, free, options);
         let order = if options.timing.is_steady() { ModelOrder::Loss } else { ModelOrder::RingUp };
-        let mut model = Self {
-            trace,
-            found,
-            order,
-            known: 0.0,
-            mains_hz: None,
-            too_many: None,
-            widened: 0.0,
-            reason: None,
-        };
+        let mut model = Self::with(trace, &found, order);
         if !rounding.is_empty() {
             model.weigh_rounding(options);
         }
@@ -153,6 +144,39 @@ impl Model {
             model.reason = model.too_many_outliers();
         }
         Ok(model)
+    }
+
+    /// The quick fit of clean readings at `at` with `free` unknowns, widened by all possible causes.
+    /// `None` if a cause is visible, so that other models must be fitted too.
+    pub(crate) fn examined(
+        found: &Resonance,
+        at: ModelEstimate,
+        free: usize,
+        readings: &[Reading],
+        unit_farad: f64,
+        options: &FitOptions,
+    ) -> Option<Resonance> {
+        let trace = Trace::of(readings, options.timing, unit_farad);
+        let found_at = Minimum { at, normal: trace.normal(&at), end: End::Converged, free };
+        let mut model = Self::with(trace, &found_at, found.model_order);
+        if !model.has_settled(options) || strongest(&model.doubts(options)).is_some() {
+            return None;
+        }
+        Some(found.widened(model.widened * found.resonance_hz.powi(2)))
+    }
+
+    /// A model without evidence against it.
+    fn with(trace: Trace, found: &Minimum, order: ModelOrder) -> Self {
+        Self {
+            trace,
+            found: *found,
+            order,
+            known: 0.0,
+            mains_hz: None,
+            too_many: None,
+            widened: 0.0,
+            reason: None,
+        }
     }
 
     /// Residual degrees of freedom.

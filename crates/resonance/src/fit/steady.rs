@@ -18,19 +18,23 @@ use crate::{
 /// Largest residual transient, relative to the noise, that requires no full fit.
 const SURELY_SETTLED: f64 = 0.3;
 
-/// Thresholds above which a full fit is required; few good sweeps exceed them.
-mod unusual {
+/// Thresholds below which readings show nothing unusual, and below which they are clean.
+mod threshold {
     /// The largest |r|² over its mean. |r|² is exponentially distributed, so that one in two hundred
-    /// good sweeps of a hundred readings exceeds this. An outlier has 14 times the mean of the others.
-    pub(super) const LARGEST: f64 = 10.0;
+    /// good sweeps of a hundred readings exceeds `USUAL_LARGEST`, and one in two thousand
+    /// `CLEAN_LARGEST`. An outlier has 14 times the mean of the others.
+    pub(super) const USUAL_LARGEST: f64 = 10.0;
+    pub(super) const CLEAN_LARGEST: f64 = 12.0;
     /// ⟨|r|⁴⟩/⟨|r|²⟩², which is 2 for an exponential distribution. This detects several outliers, which
     /// raise the mean and so mask each other.
-    pub(super) const FOURTH: f64 = 4.0;
+    pub(super) const CLEAN_FOURTH: f64 = 4.0;
     /// χ² of three patterns; one good sweep in four exceeds this. The threshold is low because a second
     /// mode one linewidth away hardly affects the patterns.
-    pub(super) const PATTERNS: f64 = 4.0;
+    pub(super) const USUAL_PATTERNS: f64 = 4.0;
     /// Standard deviations of χ² per degree of freedom; one good sweep in forty exceeds this.
-    pub(super) const CHI_SQUARED_SIGMAS: f64 = 2.0;
+    pub(super) const USUAL_CHI_SQUARED_SIGMAS: f64 = 2.0;
+    /// The same of clean readings; one good sweep in a thousand exceeds this.
+    pub(super) const CLEAN_CHI_SQUARED_SIGMAS: f64 = 3.0;
 }
 
 /// The readings of a steady fit and their residuals.
@@ -47,7 +51,9 @@ pub(crate) struct Found {
     pub(crate) resonance: Option<Resonance>,
     /// Twice the log-likelihood gained over a capacitor.
     pub(crate) gain: f64,
-    /// Whether the readings require no full fit.
+    /// Whether the readings show nothing that only the full fit handles.
+    pub(crate) is_clean: bool,
+    /// Whether they are clean and need no look at other causes.
     pub(crate) is_usual: bool,
     /// The start of the full fit.
     pub(crate) start: Option<ModelEstimate>,
@@ -76,13 +82,17 @@ impl SteadyFit {
         let statistics = kernel::statistics(&points.blocks, &solution.theta, residuals);
         let resonance = self.resonance(&solution, &statistics, free, model_order, options);
         let capacitor = self.points.total_weight - statistics.capacitor;
+        let judged = resonance.as_ref().map(|found| {
+            let is_clean = self.is_clean(&solution, &statistics, free, found, options);
+            let is_usual =
+                is_clean && self.is_usual(&solution, &statistics, free, found, options);
+            (is_clean, is_usual)
+        });
+        let (is_clean, is_usual) = judged.unwrap_or_default();
         Some(Found {
             gain: self.degrees(free) * (capacitor / solution.normal.cost).ln(),
-            is_usual: self.points.is_monotonic
-                && solution.end == End::Converged
-                && resonance.as_ref().is_some_and(|found| {
-                    self.is_usual(&solution, &statistics, free, found, options)
-                }),
+            is_clean,
+            is_usual,
             start: self.estimate(&solution),
             resonance,
         })
@@ -108,8 +118,9 @@ impl SteadyFit {
         (2 * self.points.count - free) as f64
     }
 
-    /// Whether the residuals require no full fit.
-    fn is_usual(
+    /// Whether there is nothing that only the full fit handles: outliers, or residuals that no cause
+    /// known to first order can explain.
+    fn is_clean(
         &self,
         solution: &Solution,
         statistics: &ResidualStatistics,
@@ -119,14 +130,33 @@ impl SteadyFit {
     ) -> bool {
         let count = self.points.count as f64;
         let mean = (solution.normal.cost / count).max(noise::VARIANCE_MIN);
-        let allowed =
-            noise::allowed(self.degrees(free), options.noise.as_ref(), unusual::CHI_SQUARED_SIGMAS);
-        statistics.largest < unusual::LARGEST * mean
-            && statistics.fourth < unusual::FOURTH * count * mean * mean
+        let sigmas = threshold::CLEAN_CHI_SQUARED_SIGMAS;
+        let allowed = noise::allowed(self.degrees(free), options.noise.as_ref(), sigmas);
+        self.points.is_monotonic
+            && solution.end == End::Converged
+            && statistics.largest < threshold::CLEAN_LARGEST * mean
+            && statistics.fourth < threshold::CLEAN_FOURTH * count * mean * mean
+            && found.chi_squared_per_dof < allowed
+    }
+
+    /// Whether clean readings need no look at other causes.
+    fn is_usual(
+        &self,
+        solution: &Solution,
+        statistics: &ResidualStatistics,
+        free: usize,
+        found: &Resonance,
+        options: &FitOptions,
+    ) -> bool {
+        let mean = (solution.normal.cost / self.points.count as f64).max(noise::VARIANCE_MIN);
+        let variance = (solution.normal.cost / self.degrees(free)).max(noise::VARIANCE_MIN);
+        let sigmas = threshold::USUAL_CHI_SQUARED_SIGMAS;
+        let allowed = noise::allowed(self.degrees(free), options.noise.as_ref(), sigmas);
+        statistics.largest < threshold::USUAL_LARGEST * mean
             && found.chi_squared_per_dof < allowed
             && (options.timing == Timing::Unknown || self.has_surely_settled(found))
             && patterns(solution, statistics, free)
-                .is_some_and(|saved| saved * self.degrees(free) < unusual::PATTERNS * mean * count)
+                .is_some_and(|saved| saved < threshold::USUAL_PATTERNS * variance)
     }
 
     /// Whether the residual transient after the shortest settling is negligible.
