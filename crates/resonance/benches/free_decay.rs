@@ -1,10 +1,10 @@
 //! How long do planned sweeps take on an analyzer of which little is known, and are they right?
 //!
-//! `cargo bench -p rig-resonance --bench free_decay -- [RUNS [SEED [SECOND_MODE [TARGET_HZ]]]]` plans
+//! `cargo bench -p rig-resonance --bench free_decay -- [RUNS [SEED [SECOND_MODE [TARGET_HZ [WRONG]]]]]` plans
 //! this number of sweeps from nothing for each sensor: the drive has any phase after each change of
 //! frequency, dead times and gaps are up to 3 ms long, and their lengths are known to a millisecond. A
-//! second mode of this part of the first capacitance lies one linewidth above. For each sensor it
-//! prints how many sweeps were accepted, their median, 95 % and longest time on the rig, bias, error and
+//! second mode of this part of the first capacitance lies one linewidth above, and this share of the
+//! readings is wrong. For each sensor it prints how many sweeps were accepted, their median, 95 % and longest time on the rig, bias, error and
 //! coverage, how many were off by more than five standard deviations, readings and stays of a sweep,
 //! the mean, 99.9 % and longest time of a planning step, and why the others were refused.
 
@@ -46,6 +46,7 @@ fn main() {
     let number = |place: usize, otherwise: f64| numbers.get(place).copied().unwrap_or(otherwise);
     let (runs, seed) = (number(0, 100.0), number(1, 1.0));
     let (second, target_hz) = (number(2, 0.0), number(3, 0.01));
+    let wrong = number(4, 0.0);
     println!(
         "Q   k²   accepted  median  95 %   max s  bias   rms mHz  |z|<1.96  worst  >5  readings stays  \
          ms a step  99.9 %  max  refused"
@@ -54,7 +55,7 @@ fn main() {
         let mut tally = Tally::default();
         let mut random = Random::new((1e6 * seed + 1e4 * q + 1e3 * coupling) as u64);
         for _ in 0..runs as u64 {
-            tally.run(q, coupling, second, target_hz, &mut random);
+            tally.run(q, coupling, (second, wrong), target_hz, &mut random);
         }
         tally.print(q, coupling);
     }
@@ -67,10 +68,14 @@ struct Bench {
     now_s: f64,
     /// By how much the clock of the readings is off, s.
     clock_error_s: f64,
+    /// Share of wrong readings.
+    wrong: f64,
+    /// The impedance of the last reading, ohm.
+    before: Complex64,
 }
 
 impl Bench {
-    fn new(resonance_hz: f64, q: f64, coupling: f64, second: f64) -> Self {
+    fn new(resonance_hz: f64, q: f64, coupling: f64, second: f64, wrong: f64) -> Self {
         let circuit = |resonance_hz: f64, part: f64, dielectric_loss: f64| Circuit {
             series_resonance_hz: resonance_hz,
             q,
@@ -84,7 +89,8 @@ impl Bench {
         }
         let plant = |circuit| Plant::at_rest(circuit, WINDOW.min_hz).expect("these sensors ring");
         let modes = circuits.into_iter().map(plant).collect();
-        Self { modes, frequency_hz: 0.0, now_s: 0.0, clock_error_s: 0.0 }
+        let before = Complex64::new(0.0, -7e3);
+        Self { modes, frequency_hz: 0.0, now_s: 0.0, clock_error_s: 0.0, wrong, before }
     }
 
     fn measure(&mut self, point: &SweepPoint, random: &mut Random) -> Reading {
@@ -112,9 +118,15 @@ impl Bench {
         let sigma = NOISE.at_ten_cycles * (10.0 / f64::from(point.cycles)).sqrt();
         let integration_s = f64::from(point.cycles) / hz;
         self.now_s += gap_s + integration_s;
+        let mut ohm = (1.0 + sigma * random.normal()) / admittance;
+        if self.wrong > 0.0 && random.between(0.0, 1.0) < self.wrong {
+            let way = random.below(support::WAYS);
+            ohm = support::wrong(way, ohm, self.before, NOISE.at_ten_cycles, random);
+        }
+        self.before = ohm;
         Reading {
             frequency_hz: hz,
-            measured: support::measured((1.0 + sigma * random.normal()) / admittance),
+            measured: support::measured(ohm),
             started: RigTime::ZERO + Duration::from_secs_f64(started_s),
             settle_s: 0.0,
             integration_s,
@@ -141,9 +153,16 @@ struct Tally {
 }
 
 impl Tally {
-    fn run(&mut self, q: f64, coupling: f64, second: f64, target_hz: f64, random: &mut Random) {
+    fn run(
+        &mut self,
+        q: f64,
+        coupling: f64,
+        (second, wrong): (f64, f64),
+        target_hz: f64,
+        random: &mut Random,
+    ) {
         let resonance_hz = random.between(130.0, 150.0);
-        let mut bench = Bench::new(resonance_hz, q, coupling, second);
+        let mut bench = Bench::new(resonance_hz, q, coupling, second, wrong);
         let request = SweepRequest {
             window: WINDOW,
             method: SweepMethod::Adaptive,

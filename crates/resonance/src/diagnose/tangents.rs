@@ -213,11 +213,8 @@ struct ModeProducts {
 }
 
 impl ModeBlock {
-    const EMPTY: Self = Self {
-        frequency_hz: Lanes::ZERO,
-        size: Lanes::ZERO,
-        columns: [[Lanes::ZERO; 2]; COLUMNS],
-    };
+    const EMPTY: Self =
+        Self { frequency_hz: Lanes::ZERO, size: Lanes::ZERO, columns: [[Lanes::ZERO; 2]; COLUMNS] };
 }
 
 on_this_machine! {

@@ -16,6 +16,7 @@
 pub(crate) mod judge;
 pub(crate) mod mode;
 pub(crate) mod model;
+pub(crate) mod outliers;
 pub(crate) mod search;
 pub(crate) mod start;
 pub(crate) mod stay;
@@ -83,6 +84,8 @@ pub(crate) struct Stays {
     pub(crate) all: Vec<Stay>,
     pub(crate) unit_farad: f64,
     pub(crate) known: Known,
+    /// Number of readings excluded as outliers.
+    pub(crate) excluded: usize,
     last: Option<Reading>,
     /// Work so far, in rows: evaluations of one reading with its derivatives.
     pub(crate) work: Cell<u64>,
@@ -164,7 +167,7 @@ impl Stays {
         let ohm = complex_ohm(first)?.norm();
         let unit_farad = 1.0 / (TAU * first.frequency_hz * ohm);
         let (all, last, work) = (Vec::new(), None, Cell::new(0));
-        Some(Self { all, unit_farad, known, last, work })
+        Some(Self { all, unit_farad, known, excluded: 0, last, work })
     }
 
     /// Builds the stays of these readings; `None` if none has an impedance.
@@ -207,6 +210,13 @@ impl Stays {
             }
         }
         !goes_on
+    }
+
+    /// Excludes a reading.
+    fn exclude(&mut self, stay: usize, sample: usize) {
+        let sample = &mut self.all[stay].samples[sample];
+        (sample.impedance, sample.length) = (None, 0.0);
+        self.excluded += 1;
     }
 
     /// Number of readings in use.

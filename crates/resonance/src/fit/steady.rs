@@ -84,8 +84,7 @@ impl SteadyFit {
         let capacitor = self.points.total_weight - statistics.capacitor;
         let judged = resonance.as_ref().map(|found| {
             let is_clean = self.is_clean(&solution, &statistics, free, found, options);
-            let is_usual =
-                is_clean && self.is_usual(&solution, &statistics, free, found, options);
+            let is_usual = is_clean && self.is_usual(&solution, &statistics, free, found, options);
             (is_clean, is_usual)
         });
         let (is_clean, is_usual) = judged.unwrap_or_default();

@@ -18,6 +18,7 @@ use crate::{
         Hypothesis, Known, Stays,
         judge::{MODE_GAIN, MODE_WIDENS},
         mode::{Modes, SecondMode},
+        outliers::{self, CERTAIN, Criteria},
         search::{self, Effort, Search},
         start::Trials,
     },
@@ -38,10 +39,10 @@ const OPENING_RATIO: f64 = 1.52;
 const OPENINGS_MAX: usize = 24;
 /// First frequency of a sweep with a prior circuit, in linewidths above the last resonance.
 const OPENING_OFF: f64 = 0.3;
-/// Standard deviation in linewidths. Above it other circuits are searched for, but no second mode.
-const CERTAIN: f64 = 0.1;
 /// Largest number of searches for alternatives to a circuit that does not describe the readings.
 const SEARCHES_MAX: usize = 2;
+/// Largest number of searches for wrong readings.
+const SEARCHES_WITHOUT_MAX: usize = 12;
 /// Number of extra stays after which a misfit or a rival circuit is no longer attributed to chance.
 const FORCED_MAX: usize = 6;
 /// Extra stays that resolve a doubt: cycles per reading and number of readings, and offsets from the
@@ -59,14 +60,15 @@ const AIM: f64 = 0.97;
 const NARROWER: f64 = 0.85;
 /// Largest number of steps of a sweep, far more than a sweep that reaches its target takes.
 const STEPS_MAX: usize = 150;
-/// Searches between two readings: among the trials and beside the best circuit, each after readings and
-/// before a verdict.
-const SEARCHES_PER_STEP: u64 = 4;
+/// Searches between two readings: among the trials, beside the best circuit and without a wrong reading,
+/// each after readings and before a verdict.
+const SEARCHES_PER_STEP: u64 = 6;
 /// Largest number of rows between two readings: all searches and a verdict.
 pub(crate) const STEP_WORK_MAX: u64 = {
     let rounds = 6;
     let descent = (crate::numeric::descent::STEPS_MAX + 2) * rounds * READINGS_MAX;
-    SEARCHES_PER_STEP * (search::ROWS_MAX + (search::DESCENTS_MAX * descent) as u64)
+    let rows = outliers::ROWS_MAX + search::ROWS_MAX;
+    SEARCHES_PER_STEP * (rows + (search::DESCENTS_MAX * descent) as u64)
 };
 
 /// The plan of one sweep.
@@ -85,6 +87,7 @@ pub(crate) struct Decay {
     seen: Vec<SecondMode>,
     steps: usize,
     searches: usize,
+    searches_without: usize,
     forced: usize,
     mode_stays: usize,
     /// Whether the whole window has been searched since the last reading.
@@ -115,6 +118,7 @@ impl Decay {
             seen: Vec::new(),
             steps: 0,
             searches: 0,
+            searches_without: 0,
             forced: 0,
             mode_stays: 0,
             is_searched: false,
@@ -261,7 +265,8 @@ impl Decay {
 
     /// The aim of the next stays.
     fn aim(&self, best: &Hypothesis) -> Aim {
-        let relative = self.aim_hz / best.at.resonance_hz;
+        let widening = self.stays.as_ref().map_or(1.0, outliers::widening);
+        let relative = self.aim_hz / widening / best.at.resonance_hz;
         let variance = relative * relative;
         let likeliest = self.likeliest().filter(|mode| {
             matches!(self.doubt, Some(Reason::SecondMode { .. })) && mode.gain > MODE_GAIN
@@ -283,8 +288,9 @@ impl Decay {
     fn predicted_hz(&self) -> Option<f64> {
         let best = self.hypotheses.first()?;
         let widest = self.seen.iter().map(|mode| mode.variance).fold(0.0, f64::max);
-        Some(best.sigma_hz().max(best.at.resonance_hz * widest.sqrt() / MODE_WIDENS))
-            .filter(|_| self.modes.is_some())
+        let sigma_hz = best.sigma_hz().max(best.at.resonance_hz * widest.sqrt() / MODE_WIDENS);
+        let stays = self.stays.as_ref().filter(|_| self.modes.is_some())?;
+        Some(outliers::widening(stays) * sigma_hz)
     }
 
     fn look_for_modes(&mut self, window: Window) {
@@ -345,6 +351,21 @@ impl Decay {
             self.searches += 1;
             found = search.run(found, last, Effort::Beside);
         }
+        let is_suspect = found.iter().all(|one| search.is_misfit(one) || one.has_far());
+        if is_suspect && self.searches_without < SEARCHES_WITHOUT_MAX {
+            self.searches_without += 1;
+            let Self { expected, noise, within, .. } = self;
+            let criteria = Criteria { expected, noise: *noise, within: *within };
+            if let Some(rest) = outliers::without(stays, &found, &criteria, 1) {
+                found = rest.found;
+                self.trials = Trials::new(*within);
+                self.trials.add_all(&rest.stays);
+                self.stays = Some(rest.stays);
+            }
+        }
+        let Some(stays) = &self.stays else { return };
+        let search =
+            Search { stays, trials: &self.trials, expected: &self.expected, noise: self.noise };
         self.is_searched = look_around;
         // If the noise is poorly known, it is estimated from the readings.
         let degrees = stays.degrees();

@@ -188,3 +188,23 @@ impl Plant {
         (reading, now + Duration::from_secs_f64(point.settle_s + integration_s))
     }
 }
+
+/// Number of ways in which a reading can be wrong.
+pub(crate) const WAYS: usize = 6;
+
+/// A wrong reading: scaled, mirrored, or stuck at the reading before.
+pub(crate) fn wrong(
+    way: usize,
+    right: Complex64,
+    before: Complex64,
+    noise: f64,
+    random: &mut Random,
+) -> Complex64 {
+    match way {
+        0 | 1 => right * random.log_between(0.01, 100.0),
+        2 => right * (1.0 + 20.0 * noise * random.normal()),
+        3 => [-right, right.conj(), -right.conj()][random.below(3)],
+        4 => before,
+        _ => Complex64::new(right.re * random.log_between(0.01, 100.0), right.im * random.sign()),
+    }
+}

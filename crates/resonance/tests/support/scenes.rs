@@ -11,7 +11,7 @@ use rig_model::{Reading, RigTime};
 use rig_resonance::{FitOptions, Timing};
 use rig_sim::plant::Plant;
 
-use crate::support::{Random, impedance, measured, reading};
+use crate::support::{Random, WAYS, impedance, measured, reading, wrong};
 
 /// What is special about a sweep. Strengths are relative.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -293,21 +293,14 @@ fn spoil(readings: &mut [Reading], share: f64, noise: f64, random: &mut Random) 
         let first = random.below(count);
         // Most come alone, some in pairs and in bursts.
         let length = [1, 1, 1, 1, 2, 4][random.below(6)].min(left);
-        let way = random.below(6);
+        let way = random.below(WAYS);
         for i in first..(first + length).min(count) {
             if is_spoilt[i] {
                 continue;
             }
             let before = impedance(&readings[first.saturating_sub(1)]);
             let z = impedance(&readings[i]);
-            let wrong = match way {
-                0 | 1 => z * random.log_between(0.01, 100.0),
-                2 => z * (1.0 + 20.0 * noise * random.normal()),
-                3 => [-z, z.conj(), -z.conj()][random.below(3)],
-                4 => before,
-                _ => Complex64::new(z.re * random.log_between(0.01, 100.0), z.im * random.sign()),
-            };
-            readings[i].measured = measured(wrong);
+            readings[i].measured = measured(wrong(way, z, before, noise, random));
             is_spoilt[i] = true;
             left -= 1;
         }

@@ -5,6 +5,7 @@ use rig_model::{Reading, Window};
 use super::{
     Hypothesis, Known, Stays,
     mode::Modes,
+    outliers::{self, Criteria},
     search::{Effort, Search, allowed},
     start::Trials,
 };
@@ -26,6 +27,9 @@ pub(crate) const MODE_GAIN: f64 = 7.0;
 /// Largest factor by which a second mode of any size may widen the standard deviation of the resonance.
 /// With it a mode that shifts the resonance by four standard deviations gains sixteen.
 pub(crate) const MODE_WIDENS: f64 = 1.2;
+
+/// Largest number of wrong readings for which the circuit is searched anew.
+const SEARCHES: usize = 8;
 
 /// Finds the resonance in readings of stays without settling.
 pub(crate) fn fit(readings: &[Reading], options: &FitOptions) -> FitOutcome {
@@ -82,8 +86,19 @@ fn best(
     };
     let best = found.pop().filter(|_| found.is_empty())?;
     let search = Search { stays, trials: &trials, expected: &expected, noise };
-    if search.is_misfit(&best) {
-        return Some((best, expected));
+    let mut best = best;
+    if search.is_suspect(&best) {
+        let criteria = Criteria { expected: &expected, noise, within: window };
+        let is_misfit = search.is_misfit(&best);
+        match outliers::without(stays, std::slice::from_ref(&best), &criteria, SEARCHES) {
+            Some(rest) => {
+                *stays = rest.stays;
+                let mut found = rest.found;
+                best = found.pop().filter(|_| found.is_empty())?;
+            }
+            None if is_misfit => return Some((best, expected)),
+            None => {}
+        }
     }
     // If the noise is poorly known, it is estimated from the readings.
     let degrees = stays.degrees();
@@ -130,6 +145,7 @@ fn judge(
         return refused(reason, resonance(stays, best, noise, curvature_hz));
     }
     let sigma_hz = stays.profile_sigma_hz(best, expected).max(by_modes_hz);
+    let sigma_hz = outliers::widening(stays) * sigma_hz;
     let Some(found) = resonance(stays, best, noise, sigma_hz) else {
         return refused(Reason::NotConverged, None);
     };

@@ -32,6 +32,8 @@ pub(crate) const ROWS_MAX: u64 = 9000;
 pub(crate) const DESCENTS_MAX: usize = KEPT + STARTS + 2;
 /// χ² may exceed its mean by this many of its standard deviations.
 const CHI_SQUARED_SIGMAS: f64 = 2.7;
+/// The same from which on a wrong reading is looked for.
+const SUSPECT_SIGMAS: f64 = 1.5;
 /// A noise prior with no more degrees of freedom than this is a guess. Analyzers differ from it by up
 /// to a factor of five, which corresponds to half a degree of freedom.
 const GUESSED_DEGREES: f64 = 4.0;
@@ -62,11 +64,15 @@ pub(crate) struct Search<'a> {
 
 /// Largest χ² per degree of freedom for this noise.
 pub(crate) fn allowed(degrees: f64, noise: PooledVariance) -> f64 {
+    allowed_within(CHI_SQUARED_SIGMAS, degrees, noise)
+}
+
+fn allowed_within(sigmas: f64, degrees: f64, noise: PooledVariance) -> f64 {
     let mut prior = noise.prior();
     if prior.degrees_of_freedom <= GUESSED_DEGREES && degrees > ENOUGH_DEGREES {
         prior.degrees_of_freedom = DEGREES_OF_A_GUESS;
     }
-    noise::allowed(degrees, Some(&prior), CHI_SQUARED_SIGMAS)
+    noise::allowed(degrees, Some(&prior), sigmas)
 }
 
 impl Hypothesis {
@@ -80,9 +86,18 @@ impl Hypothesis {
 impl Search<'_> {
     /// Whether the residuals of this circuit exceed the allowed noise.
     pub(crate) fn is_misfit(&self, one: &Hypothesis) -> bool {
+        self.exceeds(CHI_SQUARED_SIGMAS, one)
+    }
+
+    /// Whether a wrong reading may be among them: one sweep in fifteen without any looks like this.
+    pub(crate) fn is_suspect(&self, one: &Hypothesis) -> bool {
+        self.exceeds(SUSPECT_SIGMAS, one) || one.has_far()
+    }
+
+    fn exceeds(&self, sigmas: f64, one: &Hypothesis) -> bool {
         let degrees = self.stays.degrees();
         let found = one.normal.cost / degrees * self.stays.known.variance;
-        degrees > 0.0 && found > allowed(degrees, self.noise) * self.noise.variance()
+        degrees > 0.0 && found > allowed_within(sigmas, degrees, self.noise) * self.noise.variance()
     }
 
     /// The best circuits, sorted from the best, without duplicates.

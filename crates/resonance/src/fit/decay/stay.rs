@@ -108,6 +108,11 @@ impl State {
         (distance < LINEAR).then_some(moved)
     }
 
+    /// The weighted |r|² of each reading.
+    pub(super) fn sizes(&self) -> impl Iterator<Item = f64> + '_ {
+        self.rows.iter().map(|row| row.weight * row.residual.norm_sqr())
+    }
+
     /// The fitted amplitude of the free decay.
     pub(super) const fn amplitude(&self) -> Complex64 {
         self.amplitude

@@ -1,0 +1,216 @@
+//! Excludes wrong readings among those of a free decay.
+//!
+//! A wrong reading misleads the circuit and the free decay of its stay, so that good readings deviate
+//! too. So each of the readings that deviate most is left out by itself, the circuit is fitted or
+//! searched again, and the reading whose omission explains the rest best is excluded. This is repeated
+//! while the rest is not described, up to one reading in ten.
+
+use std::f64::consts::PI;
+
+use num_complex::Complex64;
+use rig_model::Window;
+
+use super::{
+    Hypothesis, Stay, Stays,
+    search::{Effort, Search},
+    start::Trials,
+    stay::State,
+};
+use crate::{
+    diagnose::outliers::READINGS_PER_OUTLIER, fit::grid::CircuitPrior, noise::PooledVariance,
+};
+
+/// Number of readings that are left out by themselves in a round.
+const CANDIDATES: usize = 10;
+/// Number of them without which the circuit is searched anew.
+const SEARCHED: usize = 2;
+/// Twice the log-likelihood that an excluded reading must gain, which is also the largest weighted |r|²
+/// of a usual one. One good reading in ten thousand exceeds it, and its loss is harmless.
+const GAIN_MIN: f64 = 18.0;
+/// Number of rows after which no further reading is left out at once, a few milliseconds.
+pub(crate) const ROWS_MAX: u64 = 30_000;
+/// Largest number of readings that are excluded at once.
+const ROUNDS: usize = 8;
+/// Standard deviation in linewidths. Above it other circuits are searched for, but no second mode.
+pub(crate) const CERTAIN: f64 = 0.1;
+
+/// The criteria of the search.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Criteria<'a> {
+    pub(crate) expected: &'a CircuitPrior,
+    pub(crate) noise: PooledVariance,
+    /// The window of the trials.
+    pub(crate) within: Window,
+}
+
+/// The readings without outliers, and what describes them.
+#[derive(Debug)]
+pub(crate) struct Rest {
+    pub(crate) stays: Stays,
+    pub(crate) found: Vec<Hypothesis>,
+}
+
+/// Factor of the standard deviation after readings were excluded: where some are wrong, others are too,
+/// by less than can be seen.
+const WIDENING: f64 = 1.25;
+
+/// The factor of the standard deviation for readings that were excluded.
+pub(crate) const fn widening(stays: &Stays) -> f64 {
+    if stays.excluded > 0 { WIDENING } else { 1.0 }
+}
+
+impl Hypothesis {
+    /// Whether a reading deviates more than usual ones.
+    pub(crate) fn has_far(&self) -> bool {
+        self.states.iter().any(|state| state.sizes().any(|size| size > GAIN_MIN))
+    }
+}
+
+/// The readings that are left when those are excluded that `found` does not describe, one after
+/// another; `None` if no few readings are to blame. `searches` is the largest number of them for which
+/// the circuit is searched anew.
+pub(crate) fn without(
+    stays: &Stays,
+    found: &[Hypothesis],
+    criteria: &Criteria<'_>,
+    mut searches: usize,
+) -> Option<Rest> {
+    let mut rest = Rest { stays: stays.clone(), found: found.to_vec() };
+    let rows_max = stays.work.get() + ROWS_MAX;
+    for _ in 0..ROUNDS {
+        let one = rest.without_one(criteria, searches > 0, rows_max);
+        stays.work.set(rest.stays.work.get());
+        let Some((next, is_new)) = one else { break };
+        searches -= usize::from(is_new);
+        rest = next;
+        if rest.is_described(criteria) {
+            break;
+        }
+    }
+    (rest.stays.excluded > stays.excluded).then_some(rest)
+}
+
+impl Rest {
+    /// The rest without one more reading, and whether its circuit was searched anew.
+    fn without_one(
+        &self,
+        criteria: &Criteria<'_>,
+        may_search: bool,
+        rows_max: u64,
+    ) -> Option<(Self, bool)> {
+        let Self { stays, found } = self;
+        let readings = stays.count() + stays.excluded;
+        let is_most = stays.excluded >= readings.div_ceil(READINGS_PER_OUTLIER);
+        if is_most || stays.work.get() > rows_max {
+            return None;
+        }
+        let evidence = found.first().map_or(f64::INFINITY, Hypothesis::evidence);
+        // The best, or the first that describes the rest.
+        let best = |all: &mut dyn Iterator<Item = Self>| {
+            let mut best: Option<Self> = None;
+            for rest in all {
+                stays.work.set(rest.stays.work.get());
+                let Some(gained) = rest.found.first().map(|one| evidence - one.evidence()) else {
+                    continue;
+                };
+                if gained > GAIN_MIN && rest.is_described(criteria) {
+                    return Some(rest);
+                }
+                let least =
+                    best.as_ref().map_or(GAIN_MIN, |best| evidence - best.found[0].evidence());
+                if gained > least {
+                    best = Some(rest);
+                }
+                if stays.work.get() > rows_max {
+                    break;
+                }
+            }
+            best
+        };
+        let suspects = suspects(stays, found);
+        let near = best(&mut suspects.iter().filter_map(|&(stay, sample)| {
+            near_without(stays, stay, sample, found.first()?, criteria)
+        }));
+        // One wrong reading among many hardly moves a circuit.
+        let is_certain =
+            matches!(&found[..], [one] if one.sigma_hz() < CERTAIN * one.linewidth_hz());
+        if let Some(near) = near.filter(|rest| is_certain || rest.is_described(criteria)) {
+            return Some((near, false));
+        }
+        if is_certain || !may_search {
+            return None;
+        }
+        let anywhere = best(
+            &mut suspects
+                .iter()
+                .take(SEARCHED)
+                .map(|&(stay, sample)| search_without(stays, stay, sample, criteria)),
+        );
+        Some((anywhere?, true))
+    }
+
+    fn is_described(&self, criteria: &Criteria<'_>) -> bool {
+        let Criteria { expected, noise, .. } = *criteria;
+        let trials = &Trials::none();
+        let search = Search { stays: &self.stays, trials, expected, noise };
+        let best = self.found.first();
+        best.is_some_and(|best| !search.is_misfit(best) && !best.has_far())
+    }
+}
+
+/// The readings that deviate most from the best circuit or, without one, from the usual capacitance:
+/// stay and place in it.
+fn suspects(stays: &Stays, found: &[Hypothesis]) -> Vec<(usize, usize)> {
+    let used = || {
+        let all = stays.all.iter().enumerate();
+        all.flat_map(|(stay, one)| (0..one.samples.len()).map(move |sample| (stay, sample)))
+            .filter(|&(stay, sample)| stays.all[stay].samples[sample].length > 0.0)
+    };
+    let mut sizes: Vec<(f64, (usize, usize))> = if let Some(best) = found.first() {
+        let sizes: Vec<Vec<f64>> =
+            best.states.iter().map(|state| state.sizes().collect()).collect();
+        used().map(|(stay, sample)| (sizes[stay][sample], (stay, sample))).collect()
+    } else {
+        let logarithm = |&(stay, sample): &(usize, usize)| {
+            let Stay { frequency_hz, samples, .. } = &stays.all[stay];
+            (samples[sample].impedance.unwrap_or_default() * *frequency_hz).ln()
+        };
+        let mut all: Vec<f64> = used().map(|place| logarithm(&place).re).collect();
+        all.sort_unstable_by(f64::total_cmp);
+        let middle = all.get(all.len() / 2).copied().unwrap_or_default();
+        let turned = -0.5 * PI;
+        let away = |place| (logarithm(&place) - Complex64::new(middle, turned)).norm();
+        used().map(|place| (away(place), place)).collect()
+    };
+    sizes.sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
+    sizes.truncate(CANDIDATES);
+    sizes.into_iter().map(|(_, place)| place).collect()
+}
+
+/// The circuit near this one that describes the readings without this reading.
+fn near_without(
+    stays: &Stays,
+    stay: usize,
+    sample: usize,
+    best: &Hypothesis,
+    criteria: &Criteria<'_>,
+) -> Option<Rest> {
+    let mut stays = stays.clone();
+    stays.exclude(stay, sample);
+    let mut states = best.states.clone();
+    states[stay] = State::default();
+    let found = stays.minimum_while(best.at, states, criteria.expected, |_, _, _| true)?;
+    Some(Rest { stays, found: vec![found] })
+}
+
+/// The circuits that describe the readings without this one.
+fn search_without(stays: &Stays, stay: usize, sample: usize, criteria: &Criteria<'_>) -> Rest {
+    let mut stays = stays.clone();
+    stays.exclude(stay, sample);
+    let Criteria { expected, noise, within } = *criteria;
+    let mut trials = Trials::new(within);
+    trials.add_all(&stays);
+    let search = Search { stays: &stays, trials: &trials, expected, noise };
+    let found = search.run(Vec::new(), None, Effort::Trials);
+    Rest { stays, found }
+}
