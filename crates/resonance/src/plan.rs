@@ -8,7 +8,7 @@ pub(crate) mod decay;
 pub(crate) mod limit;
 pub(crate) mod prior;
 
-use rig_model::{Reading, SweepMethod, SweepPoint, SweepRequest, Window};
+use rig_model::{Reading, SweepMethod, SweepPoint, SweepRequest};
 
 use crate::{FitOptions, FitOutcome, Fitter, Limit, Reason, Refusal, Timing};
 use decay::Decay;
@@ -88,7 +88,7 @@ impl Planner {
         match &mut self.method {
             Method::Uniform { points, is_asked } if !*is_asked => {
                 *is_asked = true;
-                Next::Measure(evenly(window, *points, settle_s, cycles))
+                Next::Measure(window.evenly(*points, settle_s, cycles))
             }
             Method::Uniform { .. } => Next::Finished(self.verdict()),
             Method::Adaptive(_) => self.next_stay(),
@@ -271,16 +271,4 @@ impl FitOutcome {
         let reason = Reason::TargetNotReached { sigma_hz, target_hz, readings, limit };
         Self::Refused(Refusal { reason, estimate })
     }
-}
-
-/// Equally spaced points over a window, including both ends.
-fn evenly(window: Window, points: u32, settle_s: f64, cycles: u32) -> Vec<SweepPoint> {
-    let step = (window.max_hz - window.min_hz) / f64::from(points.max(2) - 1);
-    (0..points)
-        .map(|i| SweepPoint {
-            frequency_hz: (window.min_hz + step * f64::from(i)).min(window.max_hz),
-            settle_s,
-            cycles,
-        })
-        .collect()
 }
