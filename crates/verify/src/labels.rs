@@ -1,6 +1,7 @@
 //! What was measured where: steps, prompts, sweeps, surfaces and touches against the plan and the
 //! axes.
 
+mod noise;
 mod touch;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -60,6 +61,7 @@ pub(crate) struct Labels {
     orientation: Option<String>,
     sweeps: u64,
     sweep: Option<SweepFacts>,
+    noise: noise::NoiseChain,
     /// The last sweep with the probe clear that was accepted.
     reference: Option<SweepFacts>,
     surface: Option<SurfaceFacts>,
@@ -338,6 +340,7 @@ impl Labels {
             &Outcome::Accepted { resonance_hz, sigma_hz, .. } => Ok((resonance_hz, sigma_hz)),
             Outcome::Refused { reason } => Err(reason.clone()),
         };
+        self.noise.sweep(seq, sweep, outcome.is_ok(), findings);
         let facts = SweepFacts {
             number: sweep.number,
             purpose: sweep.purpose.clone(),

@@ -37,6 +37,12 @@ fn readings(sweep: &mut Value) -> &mut Vec<Value> {
     sweep["readings"].as_array_mut().expect("readings")
 }
 
+/// States a noise that is smaller by a factor, as known with these degrees of freedom.
+fn noise(forged: &mut Forgery, n: usize, factor: f64, degrees: f64) {
+    change(sweep(forged, n), "/fit/noise/at_ten_cycles", |noise| noise / factor);
+    change(sweep(forged, n), "/fit/noise/degrees_of_freedom", |_| degrees);
+}
+
 pub(super) const CASES: &[Case] = &[
     ("a changed reading", Check::Resonance, |forged| {
         change(&mut readings(sweep(forged, 3))[15], "/resistance_ohm", |r| 1.5 * r);
@@ -74,6 +80,12 @@ pub(super) const CASES: &[Case] = &[
     ("a standard deviation that is too large", Check::Sigma, |forged| {
         loaded(forged, 2, |hz| hz, |sigma| 20.0 * sigma);
     }),
+    ("a stated noise that is too small", Check::Sigma, |forged| noise(forged, 5, 20.0, 1000.0)),
+    ("a small noise with plausible degrees of freedom", Check::Sigma, |forged| {
+        noise(forged, 5, 20.0, 60.0);
+    }),
+    ("a small noise of the first touch", Check::Sigma, |forged| noise(forged, 0, 3.0, 20.0)),
+    ("a small noise of the last touch", Check::Sigma, |forged| noise(forged, 17, 20.0, 60.0)),
     ("less precise than asked for", Check::Request, |forged| {
         loaded(forged, 2, |hz| hz, |_| 0.101);
     }),
