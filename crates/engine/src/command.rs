@@ -1,7 +1,7 @@
 //! A command of a person or a program.
 
 use rig_model::{AxisError, Clearance, Deg, Mm, Position, SweepRequest};
-use rig_protocol::Plan;
+use rig_protocol::{Plan, StepId};
 
 use crate::RigState;
 
@@ -27,6 +27,8 @@ pub enum Command {
     MoveLinear(Position<Mm>),
     /// Tilt the sample.
     MoveRotary(Position<Deg>),
+    /// Leave out a touch of the run under way that has not begun.
+    Skip(StepId),
     /// Pause before the next step, with the probe clear.
     Pause,
     /// Continue a paused run.
@@ -51,6 +53,7 @@ impl Command {
             Self::Sweep(_) => "sweep",
             Self::MoveLinear(_) => "move the linear stage",
             Self::MoveRotary(_) => "move the rotary stage",
+            Self::Skip(_) => "skip",
             Self::Pause => "pause",
             Self::Resume => "resume",
             Self::Abort => "abort",
@@ -79,6 +82,12 @@ pub enum CommandRefusal {
         command: &'static str,
         /// Clearance of the probe.
         clearance: Clearance,
+    },
+    /// The touch is not ahead in the run under way.
+    #[error("touch {step} is not ahead: it has begun, is left out, or is not in the plan")]
+    NotAhead {
+        /// The touch.
+        step: StepId,
     },
     /// The target is outside the limits of the linear stage.
     #[error(transparent)]

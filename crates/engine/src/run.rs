@@ -1,7 +1,9 @@
 //! Replays a plan, one step at a time.
 
+use std::collections::BTreeSet;
+
 use rig_model::{Clearance, RigLimits, RigTime, Window};
-use rig_protocol::{Action, Plan, Pose, Prompt};
+use rig_protocol::{Action, NoLoadPolicy, Plan, Pose, Prompt, Step, StepId};
 use rig_resonance::{FitOutcome, Prior, Resonance};
 
 use crate::{
@@ -23,6 +25,8 @@ pub(crate) struct Run {
     no_load: Option<Resonance>,
     has_refusals: bool,
     neighbours: Neighbours,
+    /// Touches that a person leaves out.
+    skipped: BTreeSet<StepId>,
     pub(crate) is_pause_asked: bool,
 }
 
@@ -47,6 +51,7 @@ impl Run {
             no_load: None,
             has_refusals,
             neighbours: Neighbours::default(),
+            skipped: BTreeSet::new(),
             is_pause_asked: false,
         }
     }
@@ -70,6 +75,30 @@ impl Run {
             Machine::Touch(machine) => machine.run_phase(),
             Machine::Confirming => RunPhase::Confirmation,
         }
+    }
+
+    /// Whether a touch has not begun and is not left out.
+    pub(crate) fn is_ahead(&self, step: &StepId) -> bool {
+        let next = self.index + usize::from(!matches!(self.machine, Machine::Between));
+        let ahead = self.plan.steps.get(next..).unwrap_or_default();
+        let is_it = |one: &Step| one.id == *step && matches!(one.action, Action::Touch(_));
+        !self.skipped.contains(step) && ahead.iter().any(is_it)
+    }
+
+    /// A person leaves a touch out that has not begun.
+    pub(crate) fn skip(&mut self, step: StepId) {
+        self.skipped.insert(step);
+    }
+
+    /// Whether a step is not made: a touch that is left out, or the reference of it alone.
+    fn is_left_out(&self, index: usize) -> bool {
+        let is_skipped = |step: &Step| {
+            matches!(step.action, Action::Touch(_)) && self.skipped.contains(&step.id)
+        };
+        let Some(step) = self.plan.steps.get(index) else { return false };
+        let is_alone = matches!(step.action, Action::NoLoad(_))
+            && self.plan.no_load == NoLoadPolicy::EveryTouch;
+        is_skipped(step) || is_alone && self.plan.steps.get(index + 1).is_some_and(is_skipped)
     }
 
     pub(crate) fn advance(
@@ -141,6 +170,9 @@ impl Run {
         clearance: Clearance,
         notes: &mut Vec<Event>,
     ) -> MachineStep<RunStatus> {
+        while self.is_left_out(self.index) {
+            self.index += 1;
+        }
         let Some(step) = self.plan.steps.get(self.index) else {
             if let Some(no_load) = self.no_load.filter(|_| self.neighbours.is_open()) {
                 self.machine = Machine::Confirming;

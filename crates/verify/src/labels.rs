@@ -134,8 +134,12 @@ impl Labels {
     ) {
         self.step_ended(motion.fault.is_some(), findings);
         let is_anew = std::mem::take(&mut self.is_anew) || self.is_amendment;
+        let is_ahead = self.pass_amended(&started.step) && started.index > self.index;
         let (next, count) = (self.index + 1, self.steps);
-        if !is_anew && (started.index, started.count) != (next, count) {
+        if !is_anew
+            && (started.index, started.count) != (next, count)
+            && !(is_ahead && started.count == count)
+        {
             let found = format!("step {} of {}", started.index, started.count);
             let expected = format!("step {next} of {count}");
             findings.add(Check::StepOrder, seq, "a step out of order", expected, found);
@@ -148,7 +152,6 @@ impl Labels {
             self.steps = started.count;
         }
         self.index = started.index;
-        self.pass_amended(&started.step);
         motion.turn = match &started.action {
             Action::Prompt { prompt: Prompt::PlaceSample { .. } } => Turn::To(0.0),
             Action::Prompt { .. } => Turn::Forbidden,
@@ -174,13 +177,15 @@ impl Labels {
         self.step = Some(Step { seq, started, is_done: false });
     }
 
-    /// A touch that was amended need not be made.
-    fn pass_amended(&mut self, step: &str) {
+    /// A touch that was amended need not be made. Returns whether one was passed.
+    fn pass_amended(&mut self, step: &str) -> bool {
         let is_passed = |touch: &Touch| {
             let Touch { step: amended, .. } = touch;
             self.elsewhere.contains(amended) && !step.starts_with(amended.as_str())
         };
-        self.touches += self.planned.iter().skip(self.touches).take_while(|t| is_passed(t)).count();
+        let passed = self.planned.iter().skip(self.touches).take_while(|t| is_passed(t)).count();
+        self.touches += passed;
+        passed > 0
     }
 
     /// A step belongs to the next touch of the plan.
@@ -443,7 +448,10 @@ impl Labels {
             let found = format!("{status} with {} refused", self.refused);
             findings.add(Check::Ends, seq, what, "completed without refusals", found);
         }
-        if is_complete && self.index != self.steps {
+        let mut rest = self.planned.iter().skip(self.touches);
+        let is_left_out = rest.next().is_some_and(|touch| self.elsewhere.contains(&touch.step))
+            && rest.all(|touch| self.elsewhere.contains(&touch.step));
+        if is_complete && self.index != self.steps && !is_left_out {
             findings.add(Check::StepOrder, seq, "the last step of the run", self.steps, self.index);
         }
     }

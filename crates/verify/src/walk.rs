@@ -31,6 +31,7 @@ pub(crate) fn check(journal: &Journal) -> Verdict {
         accepted: Vec::new(),
         session: None,
         foreign: false,
+        skip: None,
         fault: None,
         is_stopped: false,
         ending: None,
@@ -85,6 +86,8 @@ struct Walk {
     session: Option<i64>,
     /// Whether a record of another run or session came after the last one of this run.
     foreign: bool,
+    /// The amendment that leaves a touch out.
+    skip: Option<i64>,
     /// The first fault of this run.
     fault: Option<u64>,
     /// Whether a person has ended the run.
@@ -103,12 +106,21 @@ impl Walk {
         if entry.is_own {
             self.own(entry);
         } else {
-            self.foreign |= self.chain.records() > 0;
+            self.foreign |= self.chain.records() > 0 && !self.is_of_skip(entry);
             self.other(entry);
         }
         if !DURING_A_MOVE.contains(&&*entry.kind) {
             self.motion.pass(entry.rig_us);
         }
+    }
+
+    /// Whether a record leaves a touch out, which a person may do during the run.
+    fn is_of_skip(&mut self, entry: &Entry) -> bool {
+        let record = serde_json::from_str(&entry.payload);
+        if matches!(record, Ok(Record::Amended(amended)) if amended.what == "skip") {
+            self.skip = Some(entry.key);
+        }
+        self.skip == Some(entry.key)
     }
 
     /// A record of another run or session, which only moves the axes.

@@ -32,8 +32,9 @@ impl Engine {
             | Command::Sweep(_)
             | Command::MoveLinear(_)
             | Command::MoveRotary(_) => matches!(self.activity, Activity::Idle),
-            Command::Pause => {
+            Command::Pause | Command::Skip(_) => {
                 matches!(self.activity, Activity::Running(_) | Activity::Waiting(..))
+                    || matches!((&self.activity, &command), (Activity::Paused(_), Command::Skip(_)))
             }
             Command::Resume => match &self.activity {
                 Activity::Paused(_) => true,
@@ -65,8 +66,20 @@ impl Engine {
         {
             return Err(CommandRefusal::NotClear { command: name, clearance });
         }
+        if let Command::Skip(step) = &command
+            && !self.run().is_some_and(|run| run.is_ahead(step))
+        {
+            return Err(CommandRefusal::NotAhead { step: step.clone() });
+        }
         let operation = self.manual_move(&command)?;
         Ok(Admitted { command, operation })
+    }
+
+    fn run(&self) -> Option<&Run> {
+        match &self.activity {
+            Activity::Running(run) | Activity::Waiting(run, _) | Activity::Paused(run) => Some(run),
+            _ => None,
+        }
     }
 
     /// The move that a person asks for, within the limits. The probe goes down slowly.
@@ -118,6 +131,13 @@ impl Engine {
             }
             Command::MoveLinear(_) | Command::MoveRotary(_) => {
                 self.move_manually(now, operation, effects);
+            }
+            Command::Skip(step) => {
+                if let Activity::Running(run) | Activity::Waiting(run, _) | Activity::Paused(run) =
+                    &mut self.activity
+                {
+                    run.skip(step);
+                }
             }
             Command::Pause | Command::Resume => self.pause(now, &command, effects),
             Command::Abort => {

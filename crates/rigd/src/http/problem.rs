@@ -184,6 +184,10 @@ impl From<RequestRefusal> for Problem {
                 let hint = hint::while_in(state);
                 Self { hint, ..Self::new(StatusCode::CONFLICT, "not in this state", detail) }
             }
+            RequestRefusal::Command(CommandRefusal::NotAhead { .. }) => Self {
+                hint: Some("leave out a touch that has begun when the run is over"),
+                ..Self::new(StatusCode::CONFLICT, "not ahead", detail)
+            },
             RequestRefusal::Command(CommandRefusal::NotClear { .. }) => Self {
                 hint: Some("retract first: move the linear stage to its clear position"),
                 ..Self::new(StatusCode::CONFLICT, "not in this state", detail)

@@ -51,11 +51,22 @@ pub fn skip(
     who: &str,
     rig_us: u64,
 ) -> Result<(), ResumeRefusal> {
-    let reader = store.reader()?;
-    let (run, records) = (reader.run(order.run)?, reader.records(order.run)?);
+    let run = store.reader()?.run(order.run)?;
     if run.status == RunStatus::Running {
         return Err(ResumeRefusal::UnderWay { run: run.to_string() });
     }
+    write_skip(store, order, who, rig_us)
+}
+
+/// The same for a touch that is ahead in the run under way, which the engine leaves out.
+pub(super) fn write_skip(
+    store: &Store,
+    order: &TouchOrder,
+    who: &str,
+    rig_us: u64,
+) -> Result<(), ResumeRefusal> {
+    let reader = store.reader()?;
+    let (run, records) = (reader.run(order.run)?, reader.records(order.run)?);
     let is_planned = started(&records)?
         .is_some_and(|started| started.touches.iter().any(|touch| touch.step == order.step));
     if !is_planned {

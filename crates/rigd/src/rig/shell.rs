@@ -18,13 +18,15 @@ use rig_engine::{
 };
 use rig_link::{Clock, Transcript};
 use rig_model::{Clearance, Mm, Position, RigTime, panic_message, with_causes};
+use rig_protocol::StepId;
 use rig_sim::SimHandle;
 use rig_store::{ClockJumped, Ending, Journal, Record, RunId, RunKind, Store};
 use rustix::time::{ClockId, clock_gettime};
 use tokio::sync::{mpsc, oneshot, watch};
 
 use super::{
-    OpenError, Request, RequestRefusal, RunView, Setting, Status, amend,
+    OpenError, Request, RequestRefusal, RunView, Setting, Status,
+    amend::{self, TouchOrder},
     devices::{Axes, GatedAnalyzer},
     gate::Gate,
     heartbeat::{BEAT, Heartbeat, Noticed},
@@ -396,8 +398,7 @@ impl Shell {
                 _ = reply.send(self.redo(&order, is_confirmed, &by));
             }
             Request::Skip { order, by, reply } => {
-                let skipped = amend::skip(&self.store, &order, &by, self.clock.now().as_micros());
-                _ = reply.send(skipped.map_err(RequestRefusal::from));
+                _ = reply.send(self.skip(&order, &by));
             }
             Request::GiveUp { run, by, reply } => {
                 let rig_us = self.clock.now().as_micros();
@@ -442,6 +443,22 @@ impl Shell {
             return Err(RequestRefusal::NotAsked { step });
         }
         self.command(Command::Answer, by)
+    }
+
+    /// Leaves a touch out. In the run under way it must not have begun.
+    fn skip(&mut self, order: &TouchOrder, by: &str) -> Result<(), RequestRefusal> {
+        let rig_us = self.clock.now().as_micros();
+        let under_way = self.run.as_ref().map(|(journal, _)| journal.id());
+        if under_way != Some(order.run) {
+            return Ok(amend::skip(&self.store, order, by, rig_us)?);
+        }
+        let admitted = self.engine.admit(Command::Skip(StepId(order.step.clone())))?;
+        self.gate.operator(by, false)?;
+        // What is recorded, the run can read.
+        self.commit();
+        amend::write_skip(&self.store, order, by, rig_us)?;
+        self.begin(admitted, by);
+        Ok(())
     }
 
     fn command(&mut self, command: Command, by: &str) -> Result<(), RequestRefusal> {

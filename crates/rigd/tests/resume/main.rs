@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
 mod kills;
+mod skips;
 mod support;
 
 use std::{collections::BTreeMap, fs, time::Duration};

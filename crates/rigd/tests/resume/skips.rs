@@ -1,0 +1,85 @@
+//! Touches that a person leaves out while their run is under way.
+
+use std::collections::BTreeMap;
+
+use rig_engine::{Command, CommandRefusal, RigState, RunStatus};
+use rig_store::{Reader, Record, RunId};
+use rigd::{
+    loaded_rig::LoadedRig,
+    protocol_file::LoadedProtocol,
+    rig::{RequestRefusal, TouchOrder},
+};
+use tempfile::TempDir;
+
+use crate::support::{Bench, rigd, write_protocol, write_rig};
+
+#[tokio::test]
+async fn touches_ahead_are_left_out_of_a_paused_run_and_the_rest_is_measured() {
+    let folder = TempDir::new().unwrap();
+    let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));
+    let data = folder.path().join("data");
+    let bench = Bench::open(&rig, &data);
+    bench.wait_for(RigState::Idle).await;
+    let facts = LoadedRig::load(&rig).unwrap().facts();
+    let protocol = LoadedProtocol::load(&protocol, &facts).unwrap();
+    let run = bench.handle.run(protocol, "Ada").await.unwrap();
+    let mut status = bench.handle.status();
+    status
+        .wait_for(|status| status.run.as_ref().is_some_and(|run| run.touches_done > 0))
+        .await
+        .unwrap();
+    bench.handle.command(Command::Pause, None, "Ada").await.unwrap();
+    bench.wait_for(RigState::Paused).await;
+
+    let planned = planned(&data, run);
+    let done = outcomes(&data, run).len();
+    assert!((1..=3).contains(&done), "paused after {done} touches");
+    let skip = |step: &str| {
+        let order = TouchOrder { run, step: step.to_owned(), why: "cracked".to_owned() };
+        bench.handle.skip(order, "Ada")
+    };
+    // The next one, and the last one.
+    let left_out = [planned[done].clone(), planned[5].clone()];
+    for step in &left_out {
+        skip(step).await.unwrap();
+    }
+    for step in [&planned[0], &left_out[0], "main/9/left/0/1"] {
+        let refusal = skip(step).await.unwrap_err();
+        let is_not_ahead =
+            matches!(refusal, RequestRefusal::Command(CommandRefusal::NotAhead { .. }));
+        assert!(is_not_ahead, "{step}: {refusal}");
+    }
+    bench.handle.command(Command::Resume, None, "Ada").await.unwrap();
+    assert_eq!(bench.ended(run).await, RunStatus::Completed);
+    bench.close().await;
+
+    let outcomes = outcomes(&data, run);
+    let expected: Vec<_> = planned.iter().filter(|step| !left_out.contains(step)).collect();
+    let mut made: Vec<_> = outcomes.keys().collect();
+    made.sort_by_key(|step| planned.iter().position(|one| one == *step));
+    assert_eq!(made, expected);
+    let verdict = rig_verify::verify(&data, &run.to_string()).unwrap();
+    assert!(verdict.is_sound, "{:#?}", verdict.findings);
+    let shown = rigd(folder.path(), &["show", "latest", "--json"]);
+    let shown: serde_json::Value = serde_json::from_slice(&shown.stdout).unwrap();
+    assert_eq!((&shown["touches_measured"], &shown["touches_skipped"]), (&4.into(), &2.into()));
+    assert_eq!(shown["touch_results"][done]["amended"], "skip by Ada: cracked");
+}
+
+fn planned(data: &std::path::Path, run: RunId) -> Vec<String> {
+    let records = Reader::open(data).unwrap().records(run).unwrap();
+    let Ok(Record::RunStarted(started)) = records[0].record() else { panic!("no plan") };
+    started.touches.into_iter().map(|touch| touch.step).collect()
+}
+
+/// The number of outcomes of each touch.
+fn outcomes(data: &std::path::Path, run: RunId) -> BTreeMap<String, u32> {
+    let mut outcomes = BTreeMap::new();
+    for stored in Reader::open(data).unwrap().records(run).unwrap() {
+        if let Ok(Record::TouchResult(touch)) = stored.record() {
+            *outcomes.entry(touch.touch.step).or_default() += 1;
+        }
+    }
+    assert!(outcomes.values().all(|count| *count == 1), "{outcomes:?}");
+    outcomes
+}
