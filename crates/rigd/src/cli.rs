@@ -23,6 +23,7 @@ mod moves;
 mod outcome;
 mod ports;
 mod prompt;
+mod rehearse;
 mod run;
 mod runs;
 mod safe;
@@ -46,6 +47,7 @@ use rig_model::{Clearance, Mm, Position, with_causes};
 use rig_report::export::ExportError;
 use rig_store::{Reader, StoreError};
 use rig_verify::JournalError;
+use tracing::level_filters::LevelFilter;
 
 use crate::{
     doctor::advice,
@@ -53,6 +55,7 @@ use crate::{
     http::access::TokenError,
     loaded_rig::{FileError, LoadedRig},
     operator::Operator,
+    rehearse::RehearseError,
     rig::{OpenError, RequestRefusal, ResumeRefusal, TouchOrder},
     run_files::RunFilesError,
     sweep_form::SweepFaults,
@@ -90,6 +93,8 @@ enum CliCommand {
     GiveUp(GiveUpArgs),
     /// Say whether a protocol can run on a rig, without moving anything
     Check(CheckArgs),
+    /// Say what the faults of a bench would do to a protocol, on a simulated copy of the rig
+    Rehearse(rehearse::RehearseArgs),
     /// Serve the rig over HTTP, with a protocol loaded
     Serve(serve::ServeArgs),
     /// List the runs
@@ -341,6 +346,8 @@ enum Failure {
     RunFiles(#[from] RunFilesError),
     #[error(transparent)]
     Open(#[from] OpenError),
+    #[error(transparent)]
+    Rehearse(#[from] RehearseError),
     #[error("data directory {}", data.display())]
     Data { data: PathBuf, source: StoreError },
     #[error(transparent)]
@@ -433,6 +440,7 @@ impl Failure {
             Self::Interrupted => 130,
             Self::RunFiles(_)
             | Self::Open(_)
+            | Self::Rehearse(_)
             | Self::Data { .. }
             | Self::Store(_)
             | Self::Export(_)
@@ -497,13 +505,16 @@ impl Failure {
 /// Runs the program.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    start_log();
+    // The warnings of a rehearsal are about faults that it has made.
+    let is_rehearsal = matches!(cli.command, CliCommand::Rehearse(_));
+    start_log(if is_rehearsal { LevelFilter::OFF } else { LevelFilter::WARN });
     let result = match cli.command {
         CliCommand::Run(args) => run::run(&args),
         CliCommand::Redo(args) => run::redo(&args),
         CliCommand::Skip(args) => runs::skip(&args),
         CliCommand::GiveUp(args) => runs::give_up(&args),
         CliCommand::Check(args) => check::check(&args),
+        CliCommand::Rehearse(args) => rehearse::rehearse_protocol(&args),
         CliCommand::Serve(args) => serve::serve(&args),
         CliCommand::Runs(args) => runs::list(&args),
         CliCommand::Show(args) => runs::show(&args),
@@ -546,10 +557,9 @@ pub fn main() -> ExitCode {
 }
 
 /// The log goes to stderr; `RUST_LOG` selects its contents.
-fn start_log() {
+fn start_log(level: LevelFilter) {
     use tracing_subscriber::{EnvFilter, fmt};
-    let filter =
-        EnvFilter::builder().with_default_directive(tracing::Level::WARN.into()).from_env_lossy();
+    let filter = EnvFilter::builder().with_default_directive(level.into()).from_env_lossy();
     let is_terminal = io::stderr().is_terminal();
     fmt().with_env_filter(filter).with_writer(|| screen::Log).with_ansi(is_terminal).init();
 }

@@ -13,6 +13,7 @@ pub mod loaded_rig;
 pub mod operator;
 mod predict;
 pub mod protocol_file;
+pub mod rehearse;
 pub mod rig;
 pub mod run_files;
 mod run_folder;

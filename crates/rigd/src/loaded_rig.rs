@@ -109,7 +109,11 @@ impl LoadedRig {
 }
 
 impl LoadedScene {
-    fn load(path: &Path) -> Result<Self, FileError> {
+    /// Reads a scene file.
+    ///
+    /// # Errors
+    /// [`FileError`], with every fault of the file.
+    pub fn load(path: &Path) -> Result<Self, FileError> {
         let (name, toml) = read(path, FileKind::Scene)?;
         let scene = rig_sim::scene::read(&name, &toml).map_err(FileError::Faults)?;
         // The journal has no path, so that a run gives the same bytes wherever its files are.

@@ -114,7 +114,8 @@ fn broken(text: &str, columns: usize) -> String {
     clauses.collect::<Vec<_>>().join("\n")
 }
 
-fn words_in_lines(text: &str, columns: usize) -> Vec<String> {
+/// A text in lines of at most this number of columns, broken between words.
+pub(super) fn words_in_lines(text: &str, columns: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
         match lines.last_mut() {
