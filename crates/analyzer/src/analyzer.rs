@@ -8,6 +8,11 @@ use crate::{
     instrument_port::InstrumentPort, point::TriggerSettings, trace,
 };
 
+/// Settling of a point that is begun again, s. What drove the sensor since the last reading is not known:
+/// the instrument may have restarted with its own frequency. The sharpest sensor rings for some tenths of
+/// a second.
+const SETTLE_AGAIN_S: f64 = 2.0;
+
 /// Longest accepted settling of a point, s.
 const SETTLE_MAX_S: f64 = 60.0;
 
@@ -106,7 +111,8 @@ impl Analyzer {
         done
     }
 
-    /// Measures at these points, in this order. A requested stop ends it between two points.
+    /// Measures at these points, in this order. A requested stop ends it between two points. A point
+    /// that is begun again after a lost answer or a restart settles for at least two seconds.
     ///
     /// A flagged point is measured again, and its flagged readings come before the readings that
     /// follow. If the last try is flagged too, it is the last reading.
@@ -140,8 +146,14 @@ impl Analyzer {
                 _ if stop.is_raised() => Vec::new(),
                 CommandSet::Trace => self.retry(async |this| this.try_trace(rest).await).await?,
                 CommandSet::Points(commands) => {
-                    let first = &rest[0];
-                    self.retry(async |this| this.try_point(commands, first, stop).await).await?
+                    let (mut point, mut is_again) = (rest[0], false);
+                    self.retry(async |this| {
+                        if std::mem::replace(&mut is_again, true) {
+                            point.settle_s = point.settle_s.max(SETTLE_AGAIN_S);
+                        }
+                        this.try_point(commands, &point, stop).await
+                    })
+                    .await?
                 }
             };
             if more.is_empty() {

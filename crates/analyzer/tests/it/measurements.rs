@@ -284,7 +284,8 @@ async fn a_refusal_is_told_from_a_lost_answer_although_both_are_silent() {
     let error = analyzer.measure(&points_of(30, &[201.0]), &StopSignal::new()).await.unwrap_err();
     assert_eq!(
         error.to_string(),
-        "line 2: refused `:FREQuency 201;:AVERaging 30;:TRIGger:DELay 0.05;*TRG;\
+        // A point that is begun again settles for two seconds.
+        "line 2: refused `:FREQuency 201;:AVERaging 30;:TRIGger:DELay 2;*TRG;\
          :MEASure?;:FREQuency?;*ESR?`: execution error (event status 16)"
     );
 }

@@ -71,9 +71,9 @@ pub(super) const FAULTS: [ListedFault; 14] = [
         number: 19,
         class: Device,
         what: "the analyzer is switched off and on again",
-        reaction: "notices its power-on flag, sets it up again and measures the point again",
+        reaction: "notices its power-on flag, sets it up again and measures the point again, settled",
         seen: Some(|| analyzer(AnalyzerError::Restarted { port: analyzer_port() })),
-        tests: &[(RUNS, "an_analyzer_that_restarts_spoils_no_reading")],
+        tests: &[(RUNS, "an_analyzer_that_restarts_or_falls_silent_spoils_no_reading")],
     },
     ListedFault {
         number: 20,
@@ -120,12 +120,10 @@ pub(super) const FAULTS: [ListedFault; 14] = [
         number: 23,
         class: Device,
         what: "an axis loses steps, and its read-back does not show it",
-        reaction: "the next surface is not where it was: safe; the touch before is refused",
+        reaction: "looks for the surface again after each sweep and refuses the touch if it has moved; a \
+                   next surface too far from where it was: safe, and the touch before is refused",
         seen: Some(surface_moved),
-        tests: &[(
-            SENSE,
-            "lost_steps_are_noticed_at_the_next_surface_and_the_touch_before_is_refused",
-        )],
+        tests: &[(SENSE, "lost_steps_refuse_the_touch_or_are_noticed_at_the_next_surface")],
     },
     ListedFault {
         number: 24,
@@ -214,7 +212,7 @@ pub(super) const FAULTS: [ListedFault; 14] = [
                    before expect it: safe; the touch before is refused",
         seen: Some(surface_moved),
         tests: &[
-            (SENSE, "lost_steps_are_noticed_at_the_next_surface_and_the_touch_before_is_refused"),
+            (SENSE, "lost_steps_refuse_the_touch_or_are_noticed_at_the_next_surface"),
             (
                 "crates/engine/src/search.rs",
                 "a_surface_beyond_the_range_is_a_fault_and_the_depth_stays_limited",
