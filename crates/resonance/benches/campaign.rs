@@ -24,7 +24,7 @@ const WRONG_SIGMAS: f64 = 5.0;
 
 type Draw = fn(&mut Random) -> Kind;
 
-const KINDS: [(&str, Draw); 19] = [
+const KINDS: [(&str, Draw); 22] = [
     ("nominal", |_| Kind::Nominal),
     ("sparse", |_| Kind::Sparse),
     ("edge-inside", |r| Kind::Place(r.sign() * r.between(0.8, 1.0))),
@@ -42,6 +42,9 @@ const KINDS: [(&str, Draw); 19] = [
     ("softening", |r| Kind::Softening(-r.log_between(0.03, 1.5))),
     ("bistable", |r| Kind::Softening(-r.log_between(1.55, 5.0))),
     ("stray", |r| Kind::Stray(r.log_between(10.0, 3000.0))),
+    ("constant-phase", |r| Kind::ConstantPhase(r.log_between(0.001, 0.1))),
+    ("capacitance-drift", |r| Kind::CapacitanceDrift(r.sign() * r.log_between(0.001, 0.1))),
+    ("analyzer-phase", |r| Kind::Phase(r.sign() * r.log_between(0.001, 0.05))),
     ("mains", |r| Kind::Mains(r.log_between(0.001, 0.3), 55.0 + 5.0 * r.sign())),
     ("rounded", |r| {
         let (way, digits) = (r.count(1.0, 5.0), r.count(3.0, 7.0));
@@ -63,12 +66,12 @@ fn main() {
     let scenes = number(0).unwrap_or(6000);
     let seed = number(1).unwrap_or(1);
     let only = arguments.get(2);
-    println!("kind               scenes accepted |z|>2 in95% wrong worst refused");
+    println!("kind                scenes accepted |z|>2 in95% wrong worst refused");
     let (mut all, mut wrong) = (0, 0);
     for (index, (name, draw)) in KINDS.iter().enumerate() {
         if only.is_none_or(|only| only == name) {
             let tally = run(*draw, scenes, seed * 1000 + index, only.is_some());
-            println!("{name:16} {tally}");
+            println!("{name:17} {tally}");
             all += tally.scenes;
             wrong += tally.wrong;
         }

@@ -23,7 +23,7 @@ use crate::{
     diagnose::rounding,
     diagnose::unknown_dwell,
     fit::full::Model,
-    fit::steady::SteadyFit,
+    fit::steady::{Found, SteadyFit},
     noise,
     numeric::descent::End,
 };
@@ -81,8 +81,7 @@ impl Fitter {
                 && doubt_existence(&resonance, found.gain).is_none()
                 && doubt_place(&resonance, window).is_none()
                 && doubt_circuit(&resonance, span).is_none()
-                && let Some(widened) =
-                    self.widened(&resonance, at, found.is_usual, readings, options)
+                && let Some(widened) = self.widened(&resonance, at, &found, readings, options)
                 && doubt_precision(&widened, resonance.sigma_hz).is_none()
             {
                 return FitOutcome::Accepted(widened);
@@ -103,16 +102,20 @@ impl Fitter {
         &self,
         found: &Resonance,
         at: ModelEstimate,
-        is_usual: bool,
+        quick: &Found,
         readings: &[Reading],
         options: &FitOptions,
     ) -> Option<Resonance> {
         let unit_farad = self.quick.points.reference_farad;
+        let wider = |relative: f64| found.widened(relative * found.resonance_hz.powi(2));
         let free = if found.loss_tangent_sigma().is_some() { CIRCUIT } else { CIRCUIT - 1 };
         match options.timing {
-            _ if !is_usual => Model::examined(found, at, free, readings, unit_farad, options),
-            Timing::Unknown => Some(unknown_dwell::widened(found, at, free, readings, unit_farad)),
-            Timing::Waited | Timing::Exact(_) | Timing::AnyPhase => Some(*found),
+            _ if !quick.is_usual => Model::examined(found, at, free, readings, unit_farad, options),
+            Timing::Unknown => {
+                let by_dwell = unknown_dwell::relative(found, at, free, readings, unit_farad);
+                Some(wider(by_dwell.max(quick.by_phase)))
+            }
+            Timing::Waited | Timing::Exact(_) | Timing::AnyPhase => Some(wider(quick.by_phase)),
         }
     }
 

@@ -183,6 +183,10 @@ pub enum ModelOrder {
     Stray,
     /// Adds a second resonance.
     SecondMode,
+    /// Adds a static capacitance that changes with the frequency.
+    Dispersion,
+    /// Adds a phase error of the analyzer.
+    AnalyzerPhase,
 }
 
 /// Twice the log-likelihood that dielectric loss must gain to be fitted. At 1 its estimate equals its
@@ -205,6 +209,8 @@ impl ModelOrder {
             Self::RingUp => "ring-up",
             Self::Stray => "stray",
             Self::SecondMode => "second mode",
+            Self::Dispersion => "dispersion",
+            Self::AnalyzerPhase => "analyzer phase",
         }
     }
 }

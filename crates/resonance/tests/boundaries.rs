@@ -197,6 +197,39 @@ fn the_rate_of_drift() {
     ]);
 }
 
+/// A dielectric of constant phase, a capacitance that drifts, and a phase error of the analyzer are
+/// modelled or refused; never accepted with a wrong resonance.
+#[test]
+fn what_changes_all_readings_a_little() {
+    let (mut wrong, mut named) = (Vec::new(), 0);
+    for seed in 0..300 {
+        let mut random = Random::new(seed);
+        let strength = random.sign() * random.log_between(0.003, 0.05);
+        let kind = match seed % 3 {
+            0 => Kind::ConstantPhase(strength.abs()),
+            1 => Kind::CapacitanceDrift(strength),
+            _ => Kind::Phase(0.5 * strength),
+        };
+        let scene = Scene::random(&mut random);
+        let (readings, truth) = scene.sweep(kind, &mut random);
+        let (low, _) = truth.expect("there is a resonance");
+        named += match fit(&readings, &scene.options()) {
+            FitOutcome::Accepted(found) => {
+                let sigmas = (found.resonance_hz - low) / found.sigma_hz;
+                wrong.extend((sigmas.abs() > 5.0).then_some((seed, kind, sigmas)));
+                let orders = [ModelOrder::Dispersion, ModelOrder::AnalyzerPhase];
+                usize::from(orders.contains(&found.model_order))
+            }
+            FitOutcome::Refused(refusal) => {
+                let reasons = [Reason::Dispersion, Reason::AnalyzerPhase];
+                usize::from(reasons.contains(&refusal.reason))
+            }
+        };
+    }
+    assert!(wrong.is_empty(), "{wrong:?}");
+    assert!(named > 60, "{named}");
+}
+
 #[test]
 fn the_wait_at_each_point() {
     let timed = Scene { is_timed: true, ..SENSOR };

@@ -175,7 +175,7 @@ fn rational_of<M: Isa>(on: M, blocks: &[Block], earlier: Option<(f64, f64)>) -> 
 }
 
 /// Number of patterns that [`statistics`] fits to the residuals.
-pub(crate) const PATTERNS: usize = 3;
+pub(crate) const PATTERNS: usize = 4;
 
 /// Number of unknowns of the circuit and the patterns together.
 pub(crate) const WIDE: usize = PARAMETERS + PATTERNS;
@@ -191,8 +191,9 @@ pub(crate) struct ResidualStatistics {
     pub(crate) capacitor: f64,
     /// The sum over neighbours of |r − r′|² over the sum of their variances.
     pub(crate) differences: f64,
-    /// `XᵀWr`, `XᵀWJ` and `XᵀWX` of the patterns jph, ph³ and jph³: the next orders of a misfit at the
-    /// resonance after the first two, which are changes of the circuit itself.
+    /// `XᵀWr`, `XᵀWJ` and `XᵀWX` of the patterns jph, ph³, jph³ and j: the next orders of a misfit at the
+    /// resonance after the first two, which are changes of the circuit itself, and a phase error of the
+    /// analyzer, which resembles an impedance in series.
     pub(crate) gradient: [f64; PATTERNS],
     pub(crate) with_circuit: [[f64; PARAMETERS]; PATTERNS],
     pub(crate) among: [[f64; PATTERNS]; PATTERNS],
@@ -218,7 +219,7 @@ fn statistics_of<M: Isa>(
     let one = on.splat(1.0);
     residuals.clear();
     let mut largest = on.splat(0.0);
-    let mut s = [on.splat(0.0); 21];
+    let mut s = [on.splat(0.0); 29];
     for block in blocks {
         let block = block.on(on);
         let (d_re, d_im) = (nu - block.v, alpha * block.w);
@@ -259,21 +260,40 @@ fn statistics_of<M: Isa>(
         s[18] += h_re * e_im - h_im * e_re;
         s[19] += h3_re * e_re + h3_im * e_im;
         s[20] += h3_re * e_im - h3_im * e_re;
+        s[21] += wp_re * h_re - wp_im * h_im;
+        s[22] += wp_re * h_im + wp_im * h_re;
+        s[23] += wp_re * h2_im + wp_im * h2_re;
+        s[24] += block.w * (wp_re * h2_re - wp_im * h2_im);
+        s[25] += wp_re * h3_re - wp_im * h3_im;
+        s[26] += wp_re * h3_im + wp_im * h3_re;
+        s[27] += block.weight * im;
+        s[28] += block.weight;
     }
-    let s = s.map(|sum| sum.lanes().sum());
-    let k = theta.kappa;
+    let differences = differences(on, blocks, residuals);
+    let largest = largest.lanes().0.into_iter().fold(0.0, f64::max);
+    collect(&s.map(|sum| sum.lanes().sum()), theta.kappa, largest, differences)
+}
+
+#[inline(always)]
+fn collect(s: &[f64; 29], k: f64, largest: f64, differences: f64) -> ResidualStatistics {
     ResidualStatistics {
         fourth: s[0],
-        largest: largest.lanes().0.into_iter().fold(0.0, f64::max),
+        largest,
         capacitor: (s[1] * s[1] + s[2] * s[2]) / s[3],
-        differences: differences(on, blocks, residuals),
-        gradient: [s[18], s[19], s[20]],
+        differences,
+        gradient: [s[18], s[19], s[20], s[27]],
         with_circuit: [
             [-k * s[7], -k * s[8], -s[5], 0.0, -s[4]],
             [-k * s[9], -k * s[12], s[13], s[15], -s[14]],
             [k * s[10], -k * s[11], -s[14], -s[16], -s[13]],
+            [-k * s[23], -k * s[24], s[2], s[22], -s[1]],
         ],
-        among: [[s[6], s[16], s[15]], [s[16], s[17], 0.0], [s[15], 0.0, s[17]]],
+        among: [
+            [s[6], s[16], s[15], s[21]],
+            [s[16], s[17], 0.0, s[26]],
+            [s[15], 0.0, s[17], s[25]],
+            [s[21], s[26], s[25], s[28]],
+        ],
     }
 }
 

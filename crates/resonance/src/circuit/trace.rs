@@ -69,6 +69,10 @@ pub(crate) enum ExtraTerm {
     SecondMode,
     /// Resistance and inductance in series.
     Stray,
+    /// Slope of C0 by the logarithm of the frequency; C0 is that at the resonance.
+    Dispersion,
+    /// Phase error of the analyzer, rad.
+    Phase,
 }
 
 impl ExtraTerm {
@@ -76,7 +80,7 @@ impl ExtraTerm {
     pub(crate) const fn count(self) -> usize {
         match self {
             Self::Nothing => 0,
-            Self::Drift => 1,
+            Self::Drift | Self::Dispersion | Self::Phase => 1,
             Self::Past | Self::Stray => 2,
             Self::SecondMode => 3,
         }
@@ -368,8 +372,8 @@ fn branch(resonance_hz: f64, q: f64, frequency_hz: f64) -> Dual {
 /// The plain x − 1 would carry the noise into its derivatives, so that a fit together with a noise-free
 /// pattern would fit the noise.
 fn row(at: &ModelEstimate, sample: &Sample, response: &Response<Dual>) -> Row {
-    let Model { admittance, slopes, series } = model(at, sample, response);
-    let x = (sample.impedance - series) * admittance;
+    let Model { admittance, slopes, series, turn } = model(at, sample, response);
+    let x = (sample.impedance - series) * admittance * turn;
     let more = 1.0 / (x + 1.0);
     let slope = 4.0 * x * more * more;
     Row { residual: 2.0 * (x - 1.0) * more, slopes: slopes.map(|by| by * slope) }
@@ -387,6 +391,8 @@ struct Model {
     slopes: [Complex64; UNKNOWNS],
     /// The stray impedance in series.
     series: Complex64,
+    /// The rotation that corrects the phase of the measured impedance.
+    turn: Complex64,
 }
 
 fn model(at: &ModelEstimate, sample: &Sample, response: &Response<Dual>) -> Model {
@@ -395,6 +401,7 @@ fn model(at: &ModelEstimate, sample: &Sample, response: &Response<Dual>) -> Mode
     let mut by = [at.c1 * response.motional.by[0], at.c1 * response.motional.by[1]];
     let mut more = [Complex64::ZERO; UNKNOWNS - CIRCUIT];
     let mut series = Complex64::ZERO;
+    let mut turn = Complex64::ONE;
     match at.extra_term {
         ExtraTerm::Nothing => {}
         ExtraTerm::Past => {
@@ -419,12 +426,23 @@ fn model(at: &ModelEstimate, sample: &Sample, response: &Response<Dual>) -> Mode
             more[0] = -squared;
             more[1] = -squared * Complex64::new(0.0, omega);
         }
+        ExtraTerm::Dispersion => {
+            let j_omega = Complex64::new(0.0, omega);
+            let logarithm = (sample.visit.frequency_hz / at.resonance_hz).ln();
+            admittance += at.extra[0] * logarithm * j_omega;
+            by[0] -= at.extra[0] * j_omega;
+            more[0] = logarithm * j_omega;
+        }
+        ExtraTerm::Phase => {
+            turn = Complex64::cis(-at.extra[0]);
+            more[0] = -Complex64::I * admittance;
+        }
     }
     let static_by = [Complex64::new(0.0, omega), response.motional.value, Complex64::from(omega)];
     let [by_c0, by_c1, by_g] = static_by;
     let inverse = 1.0 / admittance;
     let slopes = [by[0], by[1], by_c0, by_c1, by_g, more[0], more[1], more[2]];
-    Model { admittance, slopes: slopes.map(|by| by * inverse), series }
+    Model { admittance, slopes: slopes.map(|by| by * inverse), series, turn }
 }
 
 impl ModelEstimate {

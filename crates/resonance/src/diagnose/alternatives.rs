@@ -33,12 +33,41 @@ pub(crate) enum Cause {
     Shape,
     /// A stray impedance in series.
     Stray,
+    /// The static capacitance changes with the frequency or with time.
+    Dispersion,
+    /// The analyzer has a phase error.
+    AnalyzerPhase,
 }
 
 impl Cause {
     /// Whether both causes are of the same kind.
     pub(crate) fn is_like(&self, other: &Self) -> bool {
         std::mem::discriminant(self) == std::mem::discriminant(other)
+    }
+
+    /// Twice the log-likelihood that a cause must gain to be accepted; chance reaches it once in ten
+    /// thousand sweeps. A second mode away from the first is tried at many places.
+    pub(crate) const fn gain_needed(&self) -> f64 {
+        match self {
+            Self::Drift | Self::Hysteresis => 16.0,
+            Self::Nonlinear
+            | Self::NotSettled
+            | Self::Stray
+            | Self::Dispersion
+            | Self::AnalyzerPhase
+            | Self::SecondMode { is_near: true, .. } => 19.0,
+            Self::Shape => 22.0,
+            Self::SecondMode { is_near: false, .. } => 24.0,
+        }
+    }
+
+    /// Distance below the accepted gain at which a cause is as likely present as absent. Every analyzer and
+    /// cable has some phase error and some impedance in series.
+    const fn even_below(&self) -> f64 {
+        match self {
+            Self::AnalyzerPhase | Self::Stray => 13.0,
+            _ => 4.0,
+        }
     }
 }
 
@@ -51,6 +80,8 @@ impl From<Cause> for Reason {
             Cause::NotSettled => Self::NotSettled,
             Cause::SecondMode { frequency_hz, .. } => Self::SecondMode { near_hz: frequency_hz },
             Cause::Stray => Self::Stray,
+            Cause::Dispersion => Self::Dispersion,
+            Cause::AnalyzerPhase => Self::AnalyzerPhase,
             Cause::Shape => Self::Distorted,
         }
     }
@@ -75,6 +106,17 @@ pub(crate) struct Alternative {
     pub(crate) size_variance: f64,
     /// Error of the logarithm of the resonance if a first pattern of size 1 is omitted.
     pub(crate) error: f64,
+}
+
+impl Alternative {
+    /// Addition to the relative variance of the resonance: the effect of the cause times its
+    /// probability, for this gain and this variance of the noise.
+    pub(crate) fn widening(&self, gain: f64, variance: f64) -> f64 {
+        let even = self.cause.gain_needed() - self.cause.even_below();
+        let probability = 1.0 / (1.0 + (0.5 * (even - gain)).exp());
+        let more = variance * (self.variance - self.variance_without);
+        probability * (self.shift * self.shift + more)
+    }
 }
 
 /// A fit to be compared with alternatives.
@@ -170,6 +212,18 @@ impl<'a> Fitted<'a> {
                 [self.admittance[i], self.admittance[i] * Complex64::new(0.0, omega), NOTHING]
             };
             consider(self.alternative(Cause::Stray, 2, pattern));
+        }
+        if self.at.extra_term != ExtraTerm::Dispersion {
+            let pattern = |i: usize, _: &Row| {
+                let frequency_hz = self.sample(i).visit.frequency_hz;
+                let logarithm = (frequency_hz / self.at.resonance_hz).ln();
+                [logarithm * mode_unit(frequency_hz, self.admittance[i]), NOTHING, NOTHING]
+            };
+            consider(self.alternative(Cause::Dispersion, 1, pattern));
+        }
+        if self.at.extra_term != ExtraTerm::Phase {
+            let turned = |_, _: &Row| [Complex64::I, NOTHING, NOTHING];
+            consider(self.alternative(Cause::AnalyzerPhase, 1, turned));
         }
         found
     }

@@ -34,16 +34,15 @@ pub(crate) fn variance(fitted: &Fitted<'_>, noise: f64) -> f64 {
     sum / all
 }
 
-/// Widens a resonance from otherwise usual readings.
-pub(crate) fn widened(
+/// The same addition to a resonance from otherwise usual readings.
+pub(crate) fn relative(
     found: &Resonance,
     at: ModelEstimate,
     free: usize,
     readings: &[Reading],
     unit_farad: f64,
-) -> Resonance {
+) -> f64 {
     let trace = Trace::of(readings, Timing::Unknown, unit_farad);
     let fitted = Fitted::at(&trace, at, free);
-    let relative = variance(&fitted, found.noise_at_ten_cycles.powi(2));
-    found.widened(relative * found.resonance_hz.powi(2))
+    variance(&fitted, found.noise_at_ten_cycles.powi(2))
 }

@@ -46,31 +46,20 @@ pub(crate) struct Model {
 const STARTS: usize = 4;
 /// Noise variance for ranking the trials of a grid; it only affects the weight of the prior.
 const GRID_VARIANCE: f64 = 0.005 * 0.005;
-/// Distance below the accepted gain at which a cause is as likely present as absent.
-const EVEN_BELOW: f64 = 4.0;
 /// Largest capacitance of a second mode relative to the first; above it the two modes are ambiguous.
 const EQUALS: f64 = 0.7;
 /// Largest stray relative to the impedance. The residue of an open and short correction is small; a
 /// larger term has another cause.
 const STRAY_MAX: f64 = 0.05;
+/// Largest relative slope of the static capacitance by the logarithm of the frequency: that of a
+/// constant phase of 17°.
+const DISPERSION_MAX: f64 = 0.2;
+/// Largest phase error of an analyzer, rad.
+const PHASE_MAX: f64 = 0.1;
 /// Number of times that the readings are reweighted with the latest circuit.
 const WEIGHINGS: usize = 3;
 /// An error of the resonance below this many of its standard deviations is negligible.
 const SETTLED_SIGMAS: f64 = 0.5;
-
-/// Twice the log-likelihood that a cause must gain to be accepted; chance reaches it once in ten
-/// thousand sweeps. A second mode away from the first is tried at many places.
-fn gain_needed(cause: &Cause) -> f64 {
-    match cause {
-        Cause::Drift | Cause::Hysteresis => 16.0,
-        Cause::Nonlinear
-        | Cause::NotSettled
-        | Cause::Stray
-        | Cause::SecondMode { is_near: true, .. } => 19.0,
-        Cause::Shape => 22.0,
-        Cause::SecondMode { is_near: false, .. } => 24.0,
-    }
-}
 
 /// Largest factor by which a possible cause may raise the variance and still be considered. Above it
 /// these readings hardly distinguish the cause from the circuit.
@@ -89,10 +78,14 @@ fn inflation_max(cause: &Cause, is_planned: bool) -> f64 {
 /// Gain by which an explanation must beat the others.
 const CLEARLY: f64 = 10.0;
 
+/// Part of its own gain by which a stray impedance must beat all others: the larger a disturbance, the
+/// better a wrong model of two parameters seems to explain it.
+const STRAY_LEAD: f64 = 0.15;
+
 /// Margin by which a cause that can be modelled must beat one that cannot, which was tried to first
 /// order only. A stray series impedance partly fits almost anything and must beat all others.
-fn clearly(cause: &Cause) -> f64 {
-    if *cause == Cause::Stray { 30.0 } else { CLEARLY }
+fn clearly(cause: &Cause, gain: f64) -> f64 {
+    if *cause == Cause::Stray { (STRAY_LEAD * gain).max(30.0) } else { CLEARLY }
 }
 
 impl Model {
@@ -237,7 +230,7 @@ impl Model {
         self.reason = Some(strongest.into());
         let mut higher: Vec<_> = alternatives
             .iter()
-            .filter(|(found, gain)| *gain > gain_needed(&found.cause))
+            .filter(|(found, gain)| *gain > found.cause.gain_needed())
             .filter_map(|(found, _)| Some((self.higher(&found.cause)?, found.cause)))
             .filter(|(model, _)| model.found.end != End::OutOfSteps)
             .map(|(model, cause)| {
@@ -255,7 +248,7 @@ impl Model {
             .filter(|(other, _)| !other.is_like(&cause))
             .map(|(_, gain)| *gain)
             .fold(0.0, f64::max);
-        if gain < rival + clearly(&cause) {
+        if gain < rival + clearly(&cause, gain) {
             return;
         }
         higher.reason = self::strongest(&higher.doubts(options)).map(Reason::from);
@@ -264,6 +257,8 @@ impl Model {
         let is_absurd = match extra_term {
             ExtraTerm::SecondMode => extra[2] > EQUALS * c1,
             ExtraTerm::Stray => omega * c0 * extra[0].hypot(omega * extra[1]) > STRAY_MAX,
+            ExtraTerm::Dispersion => extra[0].abs() > DISPERSION_MAX * c0,
+            ExtraTerm::Phase => extra[0].abs() > PHASE_MAX,
             ExtraTerm::Nothing | ExtraTerm::Past | ExtraTerm::Drift => false,
         };
         if is_absurd {
@@ -288,12 +283,7 @@ impl Model {
                 found.variance
                     < inflation_max(&found.cause, options.near.is_some()) * found.variance_without
             })
-            .map(|(found, gain)| {
-                let even = gain_needed(&found.cause) - EVEN_BELOW;
-                let probability = 1.0 / (1.0 + (0.5 * (even - gain)).exp());
-                let more = variance * (found.variance - found.variance_without);
-                probability * (found.shift * found.shift + more)
-            })
+            .map(|(found, gain)| found.widening(*gain, variance))
             .fold(self.unsettled(&fitted, variance), f64::max);
         alternatives
     }
@@ -330,6 +320,8 @@ impl Model {
         let (extra_term, extra, order) = match *cause {
             Cause::Drift => (ExtraTerm::Drift, [0.0; 3], ModelOrder::Drift),
             Cause::Stray => (ExtraTerm::Stray, [0.0; 3], ModelOrder::Stray),
+            Cause::Dispersion => (ExtraTerm::Dispersion, [0.0; 3], ModelOrder::Dispersion),
+            Cause::AnalyzerPhase => (ExtraTerm::Phase, [0.0; 3], ModelOrder::AnalyzerPhase),
             Cause::SecondMode { frequency_hz, q, .. } => {
                 let start = [frequency_hz.ln(), q.ln(), 0.01 * self.found.at.c1];
                 (ExtraTerm::SecondMode, start, ModelOrder::SecondMode)
@@ -461,7 +453,7 @@ impl Model {
 fn strongest(alternatives: &[(Alternative, f64)]) -> Option<Cause> {
     alternatives
         .iter()
-        .map(|(found, gain)| (found.cause, gain - gain_needed(&found.cause)))
+        .map(|(found, gain)| (found.cause, gain - found.cause.gain_needed()))
         .filter(|(_, more)| *more > 0.0)
         .max_by(|a, b| {
             let is_known = |cause| cause != Cause::Shape;

@@ -8,13 +8,16 @@ use crate::{
     circuit::kernel::{self, PARAMETERS, PATTERNS, Residual, ResidualStatistics, Theta, WIDE},
     circuit::points::{NotFinite, Points},
     circuit::trace::{ExtraTerm, ModelEstimate},
+    diagnose::alternatives::{Alternative, Cause},
     fit::solve::{Solution, rational_start, solve},
-    noise,
+    noise::{self, PooledVariance},
     numeric::dense::{Cholesky, condition, sandwich},
     numeric::descent::{End, Normal, Step},
     outcome::{LOSS_GAIN_MIN, Spread},
 };
 
+/// Number of the patterns at the resonance; the next one is that of a phase error.
+const AT_RESONANCE: usize = PATTERNS - 1;
 /// Largest residual transient, relative to the noise, that requires no full fit.
 const SURELY_SETTLED: f64 = 0.3;
 
@@ -53,6 +56,8 @@ pub(crate) struct Found {
     pub(crate) gain: f64,
     /// Whether the readings show nothing that only the full fit handles.
     pub(crate) is_clean: bool,
+    /// Addition to the relative variance of the resonance for a phase error of the analyzer.
+    pub(crate) by_phase: f64,
     /// Whether they are clean and need no look at other causes.
     pub(crate) is_usual: bool,
     /// The start of the full fit.
@@ -92,6 +97,7 @@ impl SteadyFit {
             gain: self.degrees(free) * (capacitor / solution.normal.cost).ln(),
             is_clean,
             is_usual,
+            by_phase: self.by_phase(&solution, &statistics, free, options),
             start: self.estimate(&solution),
             resonance,
         })
@@ -111,6 +117,23 @@ impl SteadyFit {
         let without = Theta { g: 0.0, ..theta.minus(&column.map(|by| by * size)) };
         let normal = Normal { cost, ..normal };
         Some((size * theta.g / variance, Solution { theta: without, normal, end }))
+    }
+
+    /// Addition to the relative variance of the resonance for a phase error of the analyzer.
+    fn by_phase(
+        &self,
+        solution: &Solution,
+        statistics: &ResidualStatistics,
+        free: usize,
+        options: &FitOptions,
+    ) -> f64 {
+        let noise =
+            options.noise.as_ref().map_or_else(PooledVariance::default, PooledVariance::known);
+        let degrees = self.degrees(free);
+        let cost = solution.normal.cost.max(degrees * noise::VARIANCE_MIN);
+        let noise = noise.with(cost, degrees);
+        phase_error(solution, statistics, free)
+            .map_or(0.0, |found| found.widening(noise.gain(found.saved), noise.variance()))
     }
 
     fn degrees(&self, free: usize) -> f64 {
@@ -240,19 +263,52 @@ pub(crate) fn circuit_of(points: &Points, solution: &Solution) -> Option<Circuit
     })
 }
 
-/// Decrease of the cost when the patterns of [`kernel::statistics`] are fitted to the residuals together with
-/// the circuit.
+/// Decrease of the cost when the patterns at the resonance are fitted to the residuals together with the
+/// circuit.
 fn patterns(solution: &Solution, statistics: &ResidualStatistics, free: usize) -> Option<f64> {
     let mut matrix = [[0.0; WIDE]; WIDE];
     let mut gradient = [0.0; WIDE];
     for (i, row) in solution.normal.matrix.iter().enumerate().take(free) {
         matrix[i][..free].copy_from_slice(&row[..free]);
     }
-    for k in 0..PATTERNS {
+    for k in 0..AT_RESONANCE {
         matrix[free + k][..free].copy_from_slice(&statistics.with_circuit[k][..free]);
         matrix[free + k][free..free + PATTERNS].copy_from_slice(&statistics.among[k]);
         gradient[free + k] = statistics.gradient[k];
     }
-    let step = Cholesky::new(&matrix, free + PATTERNS, 0.0)?.solve(&gradient);
+    let step = Cholesky::new(&matrix, free + AT_RESONANCE, 0.0)?.solve(&gradient);
     Some(step.iter().zip(&gradient).map(|(a, b)| a * b).sum())
+}
+
+/// The effect of a phase error of the analyzer.
+fn phase_error(
+    solution: &Solution,
+    statistics: &ResidualStatistics,
+    free: usize,
+) -> Option<Alternative> {
+    let mut matrix = [[0.0; WIDE]; WIDE];
+    for (i, row) in solution.normal.matrix.iter().enumerate().take(free) {
+        matrix[i][..free].copy_from_slice(&row[..free]);
+    }
+    let with = &statistics.with_circuit[AT_RESONANCE];
+    matrix[free][..free].copy_from_slice(&with[..free]);
+    matrix[free][free] = statistics.among[AT_RESONANCE][AT_RESONANCE];
+    let factor = Cholesky::new(&matrix, free + 1, 0.0)?;
+    let unit = |k: usize| std::array::from_fn(|i| if i == k { 1.0 } else { 0.0 });
+    let size_variance = factor.solve(&unit(free))[free];
+    let size = size_variance * statistics.gradient[AT_RESONANCE];
+    // From ν to the logarithm of the resonance.
+    let slope = 0.5 / (1.0 + solution.theta.nu);
+    let error = slope * factor.solve_leading(&matrix[free], free)[0];
+    let variance_without = slope * slope * factor.solve_leading(&unit(0), free)[0];
+    Some(Alternative {
+        cause: Cause::AnalyzerPhase,
+        saved: size * size / size_variance,
+        shift: size * error,
+        variance: slope * slope * factor.solve(&unit(0))[0],
+        variance_without,
+        size: -size,
+        size_variance,
+        error,
+    })
 }

@@ -156,6 +156,12 @@ pub enum Reason {
     /// There is a stray impedance in series with the sensor.
     #[error("a stray resistance or inductance in series: repeat the open and short correction")]
     Stray,
+    /// The static capacitance changes over the sweep.
+    #[error("the static capacitance changes over the sweep, with the frequency or with time")]
+    Dispersion,
+    /// All readings have the same error of the phase.
+    #[error("all readings are rotated by about the same phase: repeat the load correction")]
+    AnalyzerPhase,
     /// The peak is not that of one resonance, and no single cause was recognised.
     #[error("the peak does not look like a single resonance")]
     Distorted,
@@ -210,6 +216,8 @@ impl Reason {
             Self::Nonlinear => "nonlinear",
             Self::Hysteretic => "hysteretic",
             Self::Stray => "stray",
+            Self::Dispersion => "dispersion",
+            Self::AnalyzerPhase => "analyzer_phase",
             Self::Distorted => "distorted",
             Self::NotConverged => "not_converged",
             Self::Misfit { .. } => "misfit",

@@ -36,6 +36,12 @@ pub(crate) enum Kind {
     Softening(f64),
     /// Ohms in series.
     Stray(f64),
+    /// Exponent by which the capacitance falls with the frequency, with the loss that belongs to it.
+    ConstantPhase(f64),
+    /// Relative change of the static capacitance during the sweep.
+    CapacitanceDrift(f64),
+    /// Phase error of the analyzer, rad.
+    Phase(f64),
     /// Part of the current, and the frequency of the mains.
     Mains(f64, f64),
     Rounded(Rounding),
@@ -193,6 +199,25 @@ impl Scene {
             Kind::Stray(ohm) => {
                 frequencies.iter().map(|&f| ohm + steady(f, self.resonance_hz)).collect()
             }
+            Kind::ConstantPhase(exponent) => frequencies
+                .iter()
+                .map(|&f| {
+                    let turned = Complex64::new(0.0, f / self.resonance_hz).powf(-exponent);
+                    1.0 / (self.fixed(f) * turned + self.branch(f, self.resonance_hz, 1.0))
+                })
+                .collect(),
+            Kind::CapacitanceDrift(change) => frequencies
+                .iter()
+                .enumerate()
+                .map(|(i, &f)| {
+                    let part = 1.0 + change * (i as f64 / (count - 1.0) - 0.5);
+                    1.0 / (part * self.fixed(f) + self.branch(f, self.resonance_hz, 1.0))
+                })
+                .collect(),
+            Kind::Phase(rad) => frequencies
+                .iter()
+                .map(|&f| steady(f, self.resonance_hz) * Complex64::cis(rad))
+                .collect(),
             Kind::Mains(part, mains_hz) => frequencies
                 .iter()
                 .map(|&f| {

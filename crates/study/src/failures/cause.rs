@@ -36,14 +36,11 @@ impl Axis {
                 reason,
                 Reason::NoResonance { .. } | Reason::NotASensor { .. } | Reason::Outliers { .. }
             ),
-            Self::CapacitanceDrift
-            | Self::DielectricLoss
-            | Self::ConstantPhase
-            | Self::AnalyzerPhase
-            | Self::Digits
-            | Self::Gap
-            | Self::ClockError
-            | Self::Contact => false,
+            Self::CapacitanceDrift | Self::ConstantPhase => matches!(reason, Reason::Dispersion),
+            Self::AnalyzerPhase => matches!(reason, Reason::AnalyzerPhase),
+            Self::DielectricLoss | Self::Digits | Self::Gap | Self::ClockError | Self::Contact => {
+                false
+            }
         }
     }
 
@@ -55,6 +52,10 @@ impl Axis {
                 matches!(model_order, ModelOrder::SecondMode)
             }
             Self::DielectricLoss => matches!(model_order, ModelOrder::Loss),
+            Self::CapacitanceDrift | Self::ConstantPhase => {
+                matches!(model_order, ModelOrder::Dispersion)
+            }
+            Self::AnalyzerPhase => matches!(model_order, ModelOrder::AnalyzerPhase),
             _ => false,
         }
     }
