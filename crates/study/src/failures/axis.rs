@@ -231,7 +231,8 @@ impl Axis {
         self.about().2
     }
 
-    /// The scene of a sensor with this value; `None` for too few readings.
+    /// The scene of a sensor with this value; `None` for too few readings, and for more than two sensors
+    /// without a resonance, which do not differ.
     pub(super) fn scene(self, (q, coupling): (f64, f64), value: f64) -> Option<Scene> {
         let good = Scene::good(q, coupling);
         let nothing = Scene { coupling: 0.0, ..good };
@@ -296,7 +297,8 @@ impl Axis {
             Self::NothingCapacitanceDrift => Scene { capacitance_drift: part, ..nothing },
             Self::NothingOutliers => Scene { outliers: part, ..nothing },
         };
-        (scene.points >= 5).then_some(scene)
+        let is_other = scene.coupling > 0.0 || q <= 10.0 || matches!(self, Self::FigureOfMerit);
+        (scene.points >= 5 && is_other).then_some(scene)
     }
 
     /// Whether the axis of a chart is linear.

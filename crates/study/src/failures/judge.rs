@@ -165,8 +165,9 @@ pub(super) fn judge(
     }
     let one = |&(scene, id): &(Scene, SweepId)| {
         let random = stream(axis, path, point, id);
-        // Trials go in pairs of one sign.
-        let scene = if id.trial / 2 % 2 == 0 { scene } else { scene.reversed() };
+        // Trials go in pairs of one sign, which differs between neighbouring seeds.
+        let is_positive = (u64::from(id.trial / 2) + id.seed).is_multiple_of(2);
+        let scene = if is_positive { scene } else { scene.reversed() };
         match path {
             Path::Fit => fitted(axis, scene, id, random),
             Path::Planner => (planned(axis, scene, id, random), Vec::new()),
