@@ -17,7 +17,8 @@ use std::{
     time::{Duration, Instant},
 };
 
-use rig_store::{MoveReason, Reader, Record, SweepPurpose};
+use rig_store::{MoveReason, Reader, Record, StoredRecord, SweepPurpose};
+use rig_verify::{Check, Finding};
 use rustix::process::Signal;
 use tempfile::TempDir;
 
@@ -63,11 +64,17 @@ impl Phase {
     }
 }
 
-/// Readings that a stop has spoilt would shift the resonance of the touch by many of its sigma, or
-/// be refused by the checker.
+/// The shift of the first touch is that of a run in virtual time, which no load of this computer
+/// disturbs. Load below the limit of a hold-up moves the times of readings, which the checker may find:
+/// only its other checks count here.
 #[test]
 fn ten_seconds_of_standstill_in_each_phase_of_a_touch_are_noticed_and_spoil_no_reading() {
     const STANDSTILL: Duration = Duration::from_secs(10);
+    /// Several times the standard deviation of a shift, and a fiftieth of the shift.
+    const LIMIT_HZ: f64 = 1.0;
+    let folder = TempDir::new().unwrap();
+    let undisturbed = run(&folder.path().join("virtual"), &[]);
+    let expected_hz = undisturbed["touch_results"][0]["shift_hz"].as_f64().unwrap();
     at_once(PHASES, |phase| {
         let folder = TempDir::new().unwrap();
         let program = phase.reach(folder.path());
@@ -88,8 +95,15 @@ fn ten_seconds_of_standstill_in_each_phase_of_a_touch_are_noticed_and_spoil_no_r
         let reader = Reader::open(&data).unwrap();
         let run = reader.find("latest").unwrap();
         let verdict = rig_verify::verify(&data, &run.id.to_string()).unwrap();
-        assert!(verdict.is_sound, "{phase:?}: {:?}", verdict.findings);
-        assert_eq!(status.code(), Some(5), "{phase:?}: {text}");
+        let is_of_load = |finding: &Finding| finding.check == Check::Resonance;
+        assert!(verdict.findings.iter().all(is_of_load), "{phase:?}: {:?}", verdict.findings);
+        assert!(matches!(status.code(), Some(5 | 7)), "{phase:?}: {text}");
+        let shift = |stored: StoredRecord| match stored.record().unwrap() {
+            Record::TouchResult(touch) => Some(touch.shift_hz),
+            _ => None,
+        };
+        let shift_hz = reader.records(run.id).unwrap().into_iter().find_map(shift).unwrap();
+        assert!((shift_hz - expected_hz).abs() < LIMIT_HZ, "{phase:?}: {shift_hz} {expected_hz}");
         assert!(text.contains("the computer was held up"), "{phase:?}: {text}");
         check_clear(&data);
         let again = reader.records(run.id).unwrap().into_iter().any(|stored| {
@@ -106,7 +120,8 @@ fn a_service_manager_that_ends_the_program_in_any_phase_of_a_touch_leaves_the_pr
         let program = phase.reach(folder.path());
         program.signal(Signal::TERM);
         let (status, text, data) = program.end();
-        assert_eq!(status.code(), Some(5), "{phase:?}: {text}");
+        // 7 if the checker finds what the load of this computer has done to a sweep.
+        assert!(matches!(status.code(), Some(5 | 7)), "{phase:?}: {text}");
         check_clear(&data);
     });
 }
