@@ -12,6 +12,7 @@ mod forged;
 mod makes;
 mod operator;
 mod out_of_contact;
+mod refusals;
 mod remaining;
 mod runs;
 mod stops;

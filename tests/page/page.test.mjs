@@ -206,7 +206,17 @@ async function inVirtualTime() {
   await button(page, /^sample 5, left 45°: \d/).click();
   await page.getByRole("dialog").getByRole("img", { name: /^Impedance/ }).waitFor();
   await look(page, "sweep");
-  await button(page, "Close").click();
+  // Leaving it out needs a reason, and the old outcome is kept.
+  assert.ok(await button(page, "Leave it out").isDisabled());
+  await page.getByLabel(/^Why is it measured again/).fill("cracked");
+  await button(page, "Leave it out").click();
+  await page.getByRole("heading", { name: /^Planned 18 · measured 17 .* skipped 1/ }).waitFor();
+  await button(page, /^sample 5, front 45°: \d/).click();
+  await page.getByLabel(/^Why is it measured again/).fill("slipped");
+  await button(page, "Measure again").click();
+  await page.getByText(/[0-9a-f]{12}-\d ended: completed/).waitFor({ timeout: 30_000 });
+  await page.keyboard.press("3");
+  await page.getByRole("link", { name: "smoke-1" }).click();
   const [download] = await Promise.all([page.waitForEvent("download"), button(page, "Touches, CSV").click()]);
   assert.equal(readFileSync(await download.path(), "utf8").trim().split("\n").length, 19);
   const [report] = await Promise.all([page.waitForEvent("popup"), page.getByRole("link", { name: "Open report" }).click()]);
@@ -229,9 +239,35 @@ async function inVirtualTime() {
   await page.context().close();
 }
 
+/** A touch that is refused is shown with its sweep, and a person widens its window. */
+async function afterARefusal() {
+  const { base } = await serve("refusal", (text) => text.replace('person = "answers"', 'person = "waits"'));
+  const page = await visit(base);
+  await state(page, "Ready");
+  const smoke = readFileSync(join(config, "protocols/smoke.toml"), "utf8").split("[blind]")[0]
+    .replace('samples = ["1", "5"]', 'samples = ["5"]').replace('["front", "back", "left"]', '["front"]')
+    .replace("max_hz = 260", "max_hz = 205").replace("indentation_mm = 0.5", 'indentation_mm = 0.5\non_refusal = "ask"');
+  const answer = await fetch(`${base}/api/v1/runs`, { method: "POST", headers: { "Content-Type": "application/toml" }, body: smoke });
+  assert.equal(answer.status, 202, await answer.text());
+  for (const prompt of [/^Put sample 5/, /^Turn the sensor/]) {
+    await page.getByRole("heading", { name: prompt }).waitFor();
+    await page.getByRole("button", { name: "Done", exact: true }).click();
+  }
+  await page.getByRole("heading", { name: /^Touch main\/5\/front\/0\/1 was refused/ }).waitFor();
+  await page.getByRole("img", { name: /^Impedance/ }).waitFor();
+  await look(page, "refused");
+  assert.deepEqual((await rigOf(base)).refused.answers, ["widen", "repeat", "skip", "abort"]);
+  await button(page, "Widen the window and repeat").click();
+  await page.getByRole("heading", { name: /^Touch main\/5\/front\/45\/1 was refused/ }).waitFor();
+  await button(page, "Widen the window and repeat").click();
+  await page.getByText("ended: completed", { exact: false }).waitFor({ timeout: 60_000 });
+  await page.context().close();
+}
+
 try {
   const latencies = await atThePaceOfTheWall();
   await inVirtualTime();
+  await afterARefusal();
   const worst = Math.max(...latencies);
   console.log(`state change to pixel: ${latencies.map((ms) => ms.toFixed(0)).join(", ")} ms; pictures: ${shots}`);
   assert.ok(worst < 1000, `a change of state took ${worst} ms to be seen`);

@@ -3,7 +3,7 @@
 use rig_model::{AxisError, Clearance, Deg, Mm, Position, SweepRequest};
 use rig_protocol::{Plan, StepId};
 
-use crate::RigState;
+use crate::{RefusalAnswer, RigState};
 
 /// A command of a person or a program.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,6 +37,13 @@ pub enum Command {
     Abort,
     /// Answer the open prompt: the person has done the work.
     Answer,
+    /// Say what to do after a refused touch.
+    Decide {
+        /// The touch.
+        step: StepId,
+        /// What to do.
+        answer: RefusalAnswer,
+    },
     /// Stop everything, retract and latch.
     Stop,
     /// The cause of the fault is understood; prepare the rig again.
@@ -57,7 +64,7 @@ impl Command {
             Self::Pause => "pause",
             Self::Resume => "resume",
             Self::Abort => "abort",
-            Self::Answer => "answer",
+            Self::Answer | Self::Decide { .. } => "answer",
             Self::Stop => "stop",
             Self::Acknowledge => "acknowledge",
         }

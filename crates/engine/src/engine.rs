@@ -25,8 +25,8 @@ use rig_protocol::Prompt;
 
 use self::attempts::Attempts;
 use crate::{
-    Effect, Event, Fault, Input, Interlock, LoweringPurpose, Operation, OperationId, Report,
-    RigState, RunPhase, RunStatus,
+    Effect, Event, Fault, Input, Interlock, LoweringPurpose, Operation, OperationId, RefusedTouch,
+    Report, RigState, RunPhase, RunStatus,
     fault::StopReason,
     machine::{MachineEvent, MachineStep},
     operation::{Pending, limit, name},
@@ -71,6 +71,8 @@ enum Activity {
     Idle,
     Running(Box<Run>),
     Waiting(Box<Run>, Prompt),
+    /// A person decides about a refused touch.
+    Deciding(Box<Run>),
     Paused(Box<Run>),
     Sweeping(Box<Sweep>),
     /// A person moves one axis.
@@ -118,6 +120,8 @@ pub struct Snapshot {
     pub fault: Option<Fault>,
     /// Number of attempts of the latched rig to retract so far, while it goes on trying.
     pub attempts: Option<u32>,
+    /// The refused touch about which a person is asked.
+    pub refused: Option<RefusedTouch>,
 }
 
 impl Engine {
@@ -158,6 +162,7 @@ impl Engine {
     pub fn snapshot(&self) -> Snapshot {
         let (progress, prompt) = match &self.activity {
             Activity::Running(run) | Activity::Paused(run) => (Some(progress(run)), None),
+            Activity::Deciding(run) => (Some(progress(run)), None),
             Activity::Waiting(run, prompt) => (Some(progress(run)), Some(*prompt)),
             _ => (None, None),
         };
@@ -176,6 +181,10 @@ impl Engine {
             prompt,
             fault,
             attempts: self.attempts(),
+            refused: match &self.activity {
+                Activity::Deciding(run) => run.question(),
+                _ => None,
+            },
         }
     }
 
@@ -277,6 +286,8 @@ impl Engine {
             }
             MachineStep::Wait(duration) => self.wait_until = Some(now + duration),
             MachineStep::Ask(prompt) => self.replace_run(|run| Activity::Waiting(run, prompt)),
+            MachineStep::Decide => self.replace_run(Activity::Deciding),
+            MachineStep::Abort { by } => self.stop(now, StopReason::Abort { by }, effects),
             MachineStep::Pause => self.replace_run(Activity::Paused),
             MachineStep::Done(status) => {
                 self.notes.push(Event::RunFinished(status));
@@ -331,7 +342,9 @@ impl Engine {
     fn advance_run(&mut self, now: RigTime, event: MachineEvent, effects: &mut Vec<Effect>) {
         let activity = std::mem::replace(&mut self.activity, Activity::Idle);
         match activity {
-            Activity::Running(mut run) | Activity::Waiting(mut run, _) => {
+            Activity::Running(mut run)
+            | Activity::Waiting(mut run, _)
+            | Activity::Deciding(mut run) => {
                 let step = self.advance(now, &mut run, event);
                 self.activity = Activity::Running(run);
                 self.follow_run(now, step, effects);
@@ -445,7 +458,7 @@ impl Activity {
             Self::Unprepared | Self::Preparing(_) => RigState::Preparing,
             Self::Idle => RigState::Idle,
             Self::Running(_) | Self::Sweeping(_) | Self::Moving => RigState::Running,
-            Self::Waiting(..) => RigState::WaitingForPerson,
+            Self::Waiting(..) | Self::Deciding(_) => RigState::WaitingForPerson,
             Self::Paused(_) => RigState::Paused,
             Self::Stopping(..) | Self::Retracting(..) => RigState::Retracting,
             Self::Latched(_) => RigState::Latched,

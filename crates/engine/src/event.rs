@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
-use rig_model::{Clearance, Deg, Mm, Position, Reading, SweepRequest};
+use rig_model::{Clearance, Deg, Mm, Position, Reading, SweepRequest, Window};
 use rig_protocol::{Prompt, StepId, Touch};
 use rig_resonance::{Estimate, FitOptions, FitOutcome, Resonance};
 
-use crate::{Fault, Surface, TouchRefusal};
+use crate::{Fault, RefusalAnswer, Surface, TouchRefusal};
 
 /// The end of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -191,6 +191,22 @@ pub enum Event {
         prompt: Prompt,
         /// Name of the operator.
         by: String,
+    },
+    /// A touch was refused, and a person is asked what to do.
+    RefusalAsked {
+        /// Why it has no result.
+        refusal: TouchRefusal,
+    },
+    /// What a person or the protocol does after a refused touch.
+    RefusalAnswered {
+        /// The answer.
+        answer: RefusalAnswer,
+        /// Name of the operator, or `protocol`.
+        by: String,
+        /// Why the touch was refused.
+        refusal: TouchRefusal,
+        /// The window of the repeated sweep, if it is a wider one.
+        window: Option<Window>,
     },
     /// The probe is about to go down, at most as far as this.
     Intent {

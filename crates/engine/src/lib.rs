@@ -23,6 +23,7 @@ mod interlock;
 mod machine;
 mod operation;
 mod recovery;
+mod refusal;
 mod run;
 mod search;
 mod slip;
@@ -40,5 +41,6 @@ pub use event::{
 pub use fault::{Device, Failure, FailureKind, Fault};
 pub use interlock::{Interlock, InterlockError};
 pub use operation::{Operation, OperationId, Report};
+pub use refusal::{RefusalAnswer, RefusedTouch};
 pub use search::{Search, SearchStep, Surface};
 pub use slip::Slip;

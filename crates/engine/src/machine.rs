@@ -6,7 +6,8 @@ use rig_model::{Clearance, Deg, Mm, Position, Reading, RigLimits, RigTime};
 use rig_protocol::{Plan, Pose, Prompt};
 
 use crate::{
-    Event, Fault, LoweringPurpose, Operation, Report, operation::retract, search::Surface,
+    Event, Fault, LoweringPurpose, Operation, RefusalAnswer, Report, operation::retract,
+    search::Surface,
 };
 
 /// The next step of a machine.
@@ -20,6 +21,10 @@ pub(crate) enum MachineStep<T> {
     Wait(Duration),
     /// Ask a person and wait for the answer.
     Ask(Prompt),
+    /// Ask a person what to do after a refused touch.
+    Decide,
+    /// Retract and end the run.
+    Abort { by: String },
     /// Wait for a person to continue.
     Pause,
     /// The machine is finished.
@@ -36,6 +41,8 @@ impl<T> MachineStep<T> {
             Self::Declare { down_to, purpose } => MachineStep::Declare { down_to, purpose },
             Self::Wait(duration) => MachineStep::Wait(duration),
             Self::Ask(prompt) => MachineStep::Ask(prompt),
+            Self::Decide => MachineStep::Decide,
+            Self::Abort { by } => MachineStep::Abort { by },
             Self::Pause => MachineStep::Pause,
             Self::Fault(fault) => MachineStep::Fault(fault),
             Self::Done(value) => done(value),
@@ -54,6 +61,7 @@ pub(crate) enum MachineEvent {
     Declared,
     Waited,
     Answered { by: String },
+    Decided { answer: RefusalAnswer, by: String },
     Resumed,
 }
 
@@ -69,7 +77,7 @@ impl MachineEvent {
             Self::Stopped => "a standstill",
             Self::Declared => "a declaration",
             Self::Waited => "the end of a wait",
-            Self::Answered { .. } => "an answer",
+            Self::Answered { .. } | Self::Decided { .. } => "an answer",
             Self::Resumed => "a resumption",
         };
         Fault::OutOfOrder { what, during }

@@ -3,19 +3,32 @@
 use std::collections::BTreeSet;
 
 use rig_model::{Clearance, RigLimits, RigTime, Window};
-use rig_protocol::{Action, NoLoadPolicy, Plan, Pose, Prompt, Step, StepId};
+use rig_protocol::{Action, NoLoadPolicy, Plan, Pose, Prompt, RefusalPolicy, Step, StepId};
 use rig_resonance::{FitOutcome, Prior, Resonance};
 
 use crate::{
-    Event, Fault, Operation, RunPhase, RunStatus, SweepPurpose,
+    Event, Fault, Operation, RefusalAnswer, RefusedTouch, RunPhase, RunStatus, SweepPurpose,
+    TouchOutcome, TouchResult,
     contact_sense::{Neighbours, check_free, check_reference},
     machine::{MachineContext, MachineEvent, MachineStep},
+    refusal::widened,
     sweep::{DRIFT, Sweep, SweepStep},
     touch::{TouchMachine, listen_clear},
 };
 
 /// Attempts at the no-load resonance before the run gives up.
 const NO_LOAD_ATTEMPTS: u32 = 2;
+
+/// The operator of what the policy of the protocol decides.
+const PROTOCOL: &str = "protocol";
+
+/// The surroundings of a run while a touch ends.
+struct Surroundings<'a> {
+    now: RigTime,
+    limits: &'a RigLimits,
+    clearance: Clearance,
+    notes: &'a mut Vec<Event>,
+}
 
 #[derive(Debug)]
 pub(crate) struct Run {
@@ -27,6 +40,9 @@ pub(crate) struct Run {
     neighbours: Neighbours,
     /// Touches that a person leaves out.
     skipped: BTreeSet<StepId>,
+    /// Repeats of the touch under way, and the window of its sweep if it was widened.
+    repeats: u32,
+    window: Option<Window>,
     pub(crate) is_pause_asked: bool,
 }
 
@@ -37,6 +53,8 @@ enum Machine {
     Prompting(Prompt),
     NoLoad(Box<NoLoad>),
     Touch(Box<TouchMachine>),
+    /// A person is asked about this refused touch.
+    Deciding(Box<TouchResult>),
     /// After the last step, the impedance of the clear probe confirms the last touch.
     Confirming,
 }
@@ -52,6 +70,8 @@ impl Run {
             has_refusals,
             neighbours: Neighbours::default(),
             skipped: BTreeSet::new(),
+            repeats: 0,
+            window: None,
             is_pause_asked: false,
         }
     }
@@ -73,6 +93,7 @@ impl Run {
             Machine::NoLoad(machine) if machine.sweep.is_none() => RunPhase::Rotation,
             Machine::NoLoad(_) => RunPhase::NoLoadSweep,
             Machine::Touch(machine) => machine.run_phase(),
+            Machine::Deciding(_) => RunPhase::Prompt,
             Machine::Confirming => RunPhase::Confirmation,
         }
     }
@@ -140,14 +161,26 @@ impl Run {
                     }
                 })
             }
-            Machine::Touch(machine) => machine.advance(event, &mut context).and_then(|result| {
-                self.has_refusals |= result.is_refused();
-                let pose = result.touch.pose;
-                let expected = limits.geometry.surface_at(pose.direction, pose.angle);
-                self.neighbours.finished(&result, expected);
-                context.notes.push(Event::TouchFinished(Box::new(result)));
-                MachineStep::Done(())
-            }),
+            Machine::Touch(machine) => {
+                let mut touched = None;
+                let step = machine.advance(event, &mut context).and_then(|result| {
+                    touched = Some(result);
+                    MachineStep::Done(())
+                });
+                if let Some(result) = touched {
+                    return self
+                        .touched(result, &mut Surroundings { now, limits, clearance, notes });
+                }
+                step
+            }
+            Machine::Deciding(result) => match event {
+                MachineEvent::Decided { answer, by } => {
+                    let result = (**result).clone();
+                    let mut around = Surroundings { now, limits, clearance, notes };
+                    return self.decided(result, answer, by, &mut around);
+                }
+                event => MachineStep::Fault(event.out_of_order("a refused touch")),
+            },
         };
         if let MachineStep::Fault(fault) = &step
             && let Some(doubted) = self.neighbours.contradicted_by(fault)
@@ -160,6 +193,93 @@ impl Run {
             self.index += 1;
             self.next_step(now, limits, clearance, notes)
         })
+    }
+
+    /// The refused touch about which a person is asked.
+    pub(crate) fn question(&self) -> Option<RefusedTouch> {
+        let Machine::Deciding(result) = &self.machine else { return None };
+        let TouchOutcome::Refused { refusal, .. } = &result.outcome else { return None };
+        Some(RefusedTouch { step: result.step.clone(), reason: refusal.to_string() })
+    }
+
+    /// A touch is done and the probe is clear. The policy of the protocol decides about a refused one.
+    fn touched(
+        &mut self,
+        result: TouchResult,
+        around: &mut Surroundings<'_>,
+    ) -> MachineStep<RunStatus> {
+        let TouchOutcome::Refused { refusal, .. } = &result.outcome else {
+            return self.finish_touch(result, around);
+        };
+        let answer = match self.plan.touch.on_refusal {
+            RefusalPolicy::Ask => {
+                around.notes.push(Event::RefusalAsked { refusal: refusal.clone() });
+                self.machine = Machine::Deciding(Box::new(result));
+                return MachineStep::Decide;
+            }
+            RefusalPolicy::Repeat if self.repeats == 0 => RefusalAnswer::Repeat,
+            RefusalPolicy::Widen if self.repeats == 0 => RefusalAnswer::Widen,
+            RefusalPolicy::Abort => RefusalAnswer::Abort,
+            _ => return self.finish_touch(result, around),
+        };
+        self.decided(result, answer, PROTOCOL.to_owned(), around)
+    }
+
+    /// Does what a person or the protocol has decided about a refused touch.
+    fn decided(
+        &mut self,
+        result: TouchResult,
+        answer: RefusalAnswer,
+        by: String,
+        around: &mut Surroundings<'_>,
+    ) -> MachineStep<RunStatus> {
+        if answer == RefusalAnswer::Widen {
+            let window = self.window.unwrap_or(self.plan.contact_sweep.window);
+            self.window = Some(widened(window, around.limits));
+        }
+        let window = self.window.filter(|_| answer == RefusalAnswer::Widen);
+        if let TouchOutcome::Refused { refusal, .. } = &result.outcome {
+            let (by, refusal) = (by.clone(), refusal.clone());
+            around.notes.push(Event::RefusalAnswered { answer, by, refusal, window });
+        }
+        match answer {
+            RefusalAnswer::Widen | RefusalAnswer::Repeat => {
+                self.repeats += 1;
+                let (step, touch, no_load) = (result.step, result.touch, &result.no_load);
+                let offset_mm = self.neighbours.offset_mm();
+                let machine = TouchMachine::new(step, touch, no_load, offset_mm, self.window);
+                self.machine = Machine::Touch(Box::new(machine));
+                let Surroundings { now, limits, clearance, notes } = around;
+                self.advance(*now, MachineEvent::Begin, limits, *clearance, notes)
+            }
+            RefusalAnswer::Skip => self.finish_touch(result, around),
+            RefusalAnswer::Abort => {
+                self.note_touch(result, around);
+                around.notes.push(Event::Operator { action: "abort", by: by.clone() });
+                MachineStep::Abort { by }
+            }
+        }
+    }
+
+    fn finish_touch(
+        &mut self,
+        result: TouchResult,
+        around: &mut Surroundings<'_>,
+    ) -> MachineStep<RunStatus> {
+        self.note_touch(result, around);
+        (self.repeats, self.window) = (0, None);
+        self.machine = Machine::Between;
+        self.index += 1;
+        let Surroundings { now, limits, clearance, notes } = around;
+        self.next_step(*now, limits, *clearance, notes)
+    }
+
+    fn note_touch(&mut self, result: TouchResult, around: &mut Surroundings<'_>) {
+        self.has_refusals |= result.is_refused();
+        let pose = result.touch.pose;
+        let expected = around.limits.geometry.surface_at(pose.direction, pose.angle);
+        self.neighbours.finished(&result, expected);
+        around.notes.push(Event::TouchFinished(Box::new(result)));
     }
 
     /// Begins the next step, or pauses before it, or ends the run.
@@ -195,7 +315,8 @@ impl Run {
             Action::Touch(touch) => match &self.no_load {
                 Some(no_load) => {
                     let offset_mm = self.neighbours.offset_mm();
-                    let machine = TouchMachine::new(step.id.clone(), touch, no_load, offset_mm);
+                    let machine =
+                        TouchMachine::new(step.id.clone(), touch, no_load, offset_mm, None);
                     Machine::Touch(Box::new(machine))
                 }
                 None => {

@@ -12,7 +12,8 @@
 use std::time::Duration;
 
 use rig_model::{
-    Clearance, Deg, Impedance, Mm, PointResult, Position, Reading, RigLimits, SweepPoint, Window,
+    Clearance, Deg, Impedance, Mm, PointResult, Position, Reading, RigLimits, SweepPoint,
+    SweepRequest, Window,
 };
 use rig_protocol::{Approach, Plan, StepId, Touch};
 use rig_resonance::{FitOutcome, Prior, Resonance, flagged};
@@ -51,6 +52,8 @@ pub(crate) struct TouchMachine {
     rotary: Position<Deg>,
     /// How much higher than expected the touches before found the surface of this sample, mm.
     offset_mm: Option<f64>,
+    /// The window of the sweep in contact, if it is another than that of the plan.
+    window: Option<Window>,
     /// The impedance of the clear probe before the search.
     baseline: Option<Impedance>,
     phase: Phase,
@@ -76,10 +79,12 @@ impl TouchMachine {
         touch: Touch,
         no_load: &Resonance,
         offset_mm: Option<f64>,
+        window: Option<Window>,
     ) -> Self {
         let rotary = touch.pose.direction.rotary_position(touch.pose.angle);
         let (no_load, baseline) = (*no_load, None);
-        Self { step, touch, no_load, rotary, offset_mm, baseline, phase: Phase::Rotating }
+        let phase = Phase::Rotating;
+        Self { step, touch, no_load, rotary, offset_mm, window, baseline, phase }
     }
 
     pub(crate) const fn run_phase(&self) -> RunPhase {
@@ -275,7 +280,8 @@ impl TouchMachine {
         retries_left: u32,
         context: &mut MachineContext<'_>,
     ) -> MachineStep<TouchResult> {
-        let request = &context.plan.contact_sweep;
+        let planned = context.plan.contact_sweep;
+        let request = &SweepRequest { window: self.window.unwrap_or(planned.window), ..planned };
         // A refused sweep is repeated without the prior, which may be wrong.
         let prior = (retries_left == RETRIES).then(|| self.stiffened(request.window));
         let (sweep, step) =

@@ -20,6 +20,8 @@ mod sweep;
 #[cfg(test)]
 mod tests;
 
-pub use plan::{Action, Approach, Phase, Plan, Pose, Prompt, Step, StepId, Touch, TouchSettings};
+pub use plan::{
+    Action, Approach, Phase, Plan, Pose, Prompt, RefusalPolicy, Step, StepId, Touch, TouchSettings,
+};
 pub use protocol::{AngleKnowledge, NoLoadPolicy, Protocol};
 pub use summary::Summary;

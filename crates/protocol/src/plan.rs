@@ -123,6 +123,23 @@ pub struct TouchSettings {
     pub dwell_s: f64,
     /// The settings of the search for the surface.
     pub approach: Approach,
+    /// What happens after a touch was refused.
+    pub on_refusal: RefusalPolicy,
+}
+
+/// What happens after a touch was refused.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RefusalPolicy {
+    /// The refusal is recorded, and the run goes on.
+    Record,
+    /// The touch is repeated once.
+    Repeat,
+    /// The window of the sweep in contact is widened, and the touch is repeated once.
+    Widen,
+    /// The run is aborted.
+    Abort,
+    /// A person is asked.
+    Ask,
 }
 
 /// The settings of the search for the surface.

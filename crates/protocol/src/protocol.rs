@@ -9,7 +9,7 @@ use rig_files::{
 use rig_model::{ContactAngle, Direction};
 
 use crate::{
-    Approach, TouchSettings,
+    Approach, RefusalPolicy, TouchSettings,
     sweep::{self, SweepKeys},
 };
 
@@ -76,6 +76,7 @@ pub enum AngleKnowledge {
 pub(crate) struct TouchKeys {
     pub(crate) indentation_mm: Setting<f64>,
     pub(crate) dwell_s: f64,
+    pub(crate) on_refusal: RefusalPolicy,
 }
 
 #[derive(Debug, Clone)]
@@ -158,6 +159,7 @@ impl Protocol {
                 cycles,
                 slip_mm: self.slip_mm(),
             },
+            on_refusal: self.touch.on_refusal,
         }
     }
 }
@@ -223,6 +225,10 @@ fn touch(table: &mut Table<'_>) -> TouchKeys {
     TouchKeys {
         indentation_mm: table.number("indentation_mm").range(DEPTH_MM).required(),
         dwell_s: table.number("dwell_s").range(0.0..=3600.0).or(0.0).value,
+        on_refusal: table
+            .choice("on_refusal", RefusalPolicy::WORDS)
+            .or(RefusalPolicy::Record)
+            .value,
     }
 }
 
@@ -254,6 +260,16 @@ fn limits(table: &mut Table<'_>) -> Limits {
         max_indentation_mm: table.number("max_indentation_mm").range(DEPTH_MM).optional(),
         max_duration_h: table.number("max_duration_h").above(0.0).optional(),
     }
+}
+
+impl RefusalPolicy {
+    const WORDS: [(&'static str, Self); 5] = [
+        ("record", Self::Record),
+        ("repeat", Self::Repeat),
+        ("widen", Self::Widen),
+        ("abort", Self::Abort),
+        ("ask", Self::Ask),
+    ];
 }
 
 impl NoLoadPolicy {

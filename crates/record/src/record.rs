@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 pub use motion::{
     Axis, CheckedSurface, Intent, LostSurface, Move, MoveReason, Surface, SurfaceReading,
 };
-pub use person::{Operator, Prompt, PromptAnswered, PromptAsked};
+pub use person::{Operator, Prompt, PromptAnswered, PromptAsked, RefusalAnswered, RefusalAsked};
 pub use resume::{Amended, Amendment, Change, GivenUp, Resumed};
 pub use start::{Action, Device, Expected, PlanSize, RunStarted, Sample, Source, StepStarted};
 pub use sweep::{
@@ -40,6 +40,10 @@ pub enum Record {
     PromptAsked(PromptAsked),
     /// A person answered.
     PromptAnswered(PromptAnswered),
+    /// A person was asked about a refused touch.
+    RefusalAsked(RefusalAsked),
+    /// What was done after a refused touch.
+    RefusalAnswered(RefusalAnswered),
     /// An axis is about to be moved. On disk before the frame leaves when the probe may go down.
     Intent(Intent),
     /// An axis was moved and read back.
@@ -89,6 +93,8 @@ impl Record {
             Self::StepStarted(_) => "step_started",
             Self::PromptAsked(_) => "prompt_asked",
             Self::PromptAnswered(_) => "prompt_answered",
+            Self::RefusalAsked(_) => "refusal_asked",
+            Self::RefusalAnswered(_) => "refusal_answered",
             Self::Intent(_) => "intent",
             Self::Moved(_) => "moved",
             Self::SurfaceFound(_) => "surface_found",

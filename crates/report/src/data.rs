@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 
 use rig_record::{
     Amended, Amendment, BlackBox, Change, Clearance, ClockJumped, Direction, Expected, Prompt,
-    Record, RefusedTouch, Resumed, RetractTried, RunStarted, Sample, Stalled, StoredRecord, Sweep,
-    SweepOutcome, Touch, TouchSettings, UnreadableRecord,
+    Record, RefusalAnswered, RefusedTouch, Resumed, RetractTried, RunStarted, Sample, Stalled,
+    StoredRecord, Sweep, SweepOutcome, Touch, TouchSettings, UnreadableRecord,
 };
 
 use crate::units::{duration, with_sigma};
@@ -317,13 +317,11 @@ impl RunData {
                 let step = refused.touch.step.clone();
                 self.end_touch(&step, Outcome::Refused(Box::new(refused)));
             }
-            Record::BlackBox(kept) => {
-                note(None, LogKind::BlackBox, kept_frames(&kept));
+            Record::RefusalAnswered(answered) => {
+                note(Some(answered.step.clone()), LogKind::Refusal, decided(&answered));
             }
-            Record::RetractTried(RetractTried { attempt, cause, .. }) => {
-                let end = cause.unwrap_or_else(|| "the probe is clear".to_owned());
-                note(None, LogKind::Fault, format!("attempt {attempt} to retract: {end}"));
-            }
+            Record::BlackBox(kept) => note(None, LogKind::BlackBox, kept_frames(&kept)),
+            Record::RetractTried(tried) => note(None, LogKind::Fault, retract_tried(&tried)),
             Record::Stalled(stalled) => note(None, LogKind::Computer, held_up(&stalled)),
             Record::ClockJumped(jumped) => note(None, LogKind::Computer, clock_set(jumped)),
             seam @ (Record::Resumed(_) | Record::GivenUp(_) | Record::Amended(_)) => {
@@ -334,6 +332,7 @@ impl RunData {
             | Record::SurfaceFound(_)
             | Record::SurfaceNotFound(_)
             | Record::SurfaceChecked(_)
+            | Record::RefusalAsked(_)
             | Record::StateChanged(_)
             | Record::RunFinished(_) => {}
         }
@@ -381,6 +380,15 @@ const fn whereabouts(probe: Clearance) -> &'static str {
 }
 
 /// A hold-up in words.
+fn decided(RefusalAnswered { reason, answer, by, .. }: &RefusalAnswered) -> String {
+    format!("the touch was refused ({reason}); {by}: {answer}")
+}
+
+fn retract_tried(RetractTried { attempt, cause, .. }: &RetractTried) -> String {
+    let end = cause.as_deref().unwrap_or("the probe is clear");
+    format!("attempt {attempt} to retract: {end}")
+}
+
 fn kept_frames(BlackBox { frames, port }: &BlackBox) -> String {
     format!("the last frames on {port} are in the journal ({})", frames.len())
 }

@@ -33,10 +33,10 @@ pub use rig_record::{
     Clearance, ClockJumped, Device, Digest, Direction, Ending, Expected, Fault, FitNoise,
     FitSettings, FitTiming, Flaw, Frame, GivenUp, Intent, LostSurface, Move, MoveReason,
     NearCircuit, Operator, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, ReadingFlag,
-    ReadingRecord, Record, RefusedTouch, Resumed, RetractTried, Run, RunFinished, RunId, RunKind,
-    RunStarted, RunStatus, Sample, Source, Stalled, StateChanged, StepStarted, StoredRecord,
-    Surface, SurfaceReading, Sweep, SweepOutcome, SweepPurpose, Touch, TouchPosition,
-    TouchSettings,
+    ReadingRecord, Record, RefusalAnswered, RefusalAsked, RefusedTouch, Resumed, RetractTried, Run,
+    RunFinished, RunId, RunKind, RunStarted, RunStatus, Sample, Source, Stalled, StateChanged,
+    StepStarted, StoredRecord, Surface, SurfaceReading, Sweep, SweepOutcome, SweepPurpose, Touch,
+    TouchPosition, TouchSettings,
 };
 pub use salvage::{SalvagedRun, salvage};
 pub use schema::FORMAT;

@@ -69,6 +69,8 @@ pub(crate) struct Labels {
     indented_mm: Option<f64>,
     /// Whether the surface was still there after the sweep; `None` before it was looked for.
     is_still_there: Option<bool>,
+    /// The window of the sweep in contact after it was widened, Hz.
+    window: Option<[f64; 2]>,
     /// The last reading may not begin before this, s.
     free_s: f64,
     /// The record of the result of each touch.
@@ -174,6 +176,7 @@ impl Labels {
             }
         }
         (self.surface, self.indented_mm, self.is_still_there) = (None, None, None);
+        self.window = None;
         self.step = Some(Step { seq, started, is_done: false });
     }
 
@@ -339,7 +342,8 @@ impl Labels {
         }
         self.check_times(seq, rig_us, sweep, findings);
         if let Some(settings) = settings.filter(|_| !is_manual) {
-            request(seq, sweep, settings, findings);
+            let window = self.window.filter(|_| sweep.purpose == "touch");
+            request(seq, sweep, window, settings, findings);
         }
         let outcome = match &sweep.outcome {
             &Outcome::Accepted { resonance_hz, sigma_hz, .. } => Ok((resonance_hz, sigma_hz)),
@@ -472,21 +476,28 @@ fn pose_is_taken(
 }
 
 /// The window and the precision of an accepted sweep are those that the protocol asks for.
-fn request(seq: u64, sweep: &Sweep, settings: &Settings, findings: &mut Findings) {
+fn request(
+    seq: u64,
+    sweep: &Sweep,
+    window: Option<[f64; 2]>,
+    settings: &Settings,
+    findings: &mut Findings,
+) {
     let protocol = &settings.protocol;
     let asked = match &*sweep.purpose {
         "no_load" => &protocol.no_load_sweep,
         _ => &protocol.contact_sweep,
     };
     let Outcome::Accepted { resonance_hz, sigma_hz, .. } = sweep.outcome else { return };
-    let window = Some(format!("[{}, {}] Hz", asked.min_hz, asked.max_hz));
-    if !(asked.min_hz..=asked.max_hz).contains(&resonance_hz) {
+    let [min_hz, max_hz] = window.unwrap_or([asked.min_hz, asked.max_hz]);
+    let window = Some(format!("[{min_hz}, {max_hz}] Hz"));
+    if !(min_hz..=max_hz).contains(&resonance_hz) {
         let what = "a resonance outside the window of the protocol";
         findings.within(Check::Request, seq, what, "within", resonance_hz, window.clone());
     }
     if let Some(fit) = &sweep.fit {
         let [min, max] = fit.window_hz;
-        if min < asked.min_hz || max > asked.max_hz {
+        if min < min_hz || max > max_hz {
             let what = "the window of a fit is wider than that of the protocol";
             findings.within(Check::Request, seq, what, "within", format!("[{min}, {max}]"), window);
         }

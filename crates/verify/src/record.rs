@@ -10,6 +10,8 @@ pub(crate) enum Record {
     StepStarted(StepStarted),
     PromptAsked(PromptAsked),
     PromptAnswered(PromptAnswered),
+    RefusalAsked {},
+    RefusalAnswered(RefusalAnswered),
     Intent(Intent),
     Moved(Moved),
     SurfaceFound(SurfaceFound),
@@ -133,6 +135,13 @@ pub(crate) struct Moved {
 #[derive(Debug, Clone, Deserialize)]
 pub(crate) struct RetractTried {
     pub(crate) probe: String,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct RefusalAnswered {
+    pub(crate) step: String,
+    pub(crate) answer: String,
+    pub(crate) window_hz: Option<[f64; 2]>,
 }
 
 #[derive(Debug, Clone, Deserialize)]

@@ -9,7 +9,7 @@ use crate::{
     labels::Labels,
     motion::{Motion, Probe, Turn},
     plan,
-    record::{Fault, Operator, Outcome, Record, Resumed, RunFinished, RunStarted},
+    record::{BlackBox, Fault, Operator, Outcome, Record, Resumed, RunFinished, RunStarted},
     results::{self, Accepted},
     settings::Settings,
 };
@@ -55,6 +55,14 @@ pub(crate) fn check(journal: &Journal) -> Verdict {
         digest,
         checker: env!("CARGO_PKG_VERSION").to_owned(),
         findings,
+    }
+}
+
+/// The frames that a record keeps come before it.
+fn kept_before(seq: u64, rig_us: u64, black_box: &BlackBox, findings: &mut Findings) {
+    if let Some(frame) = black_box.frames.iter().find(|frame| frame.rig_us > rig_us) {
+        let what = "a frame later than the record that keeps it, µs";
+        findings.add(Check::Time, seq, what, format!("at most {rig_us}"), frame.rig_us);
     }
 }
 
@@ -190,6 +198,10 @@ impl Walk {
             Record::StepStarted(started) => labels.step_started(seq, started, motion, findings),
             Record::PromptAsked(asked) => labels.asked(seq, &asked, motion, settings, findings),
             Record::PromptAnswered(answered) => labels.answered(seq, &answered, motion, findings),
+            Record::RefusalAsked {} => motion.is_waiting = true,
+            Record::RefusalAnswered(answered) => {
+                labels.decided(seq, &answered, motion, settings, findings);
+            }
             Record::Intent(intent) => {
                 if let Some(settings) = settings.filter(|_| intent.what == "indent") {
                     labels.indents(seq, intent.to, settings, findings);
@@ -227,12 +239,7 @@ impl Walk {
                 motion.fault(seq, &probe, findings);
                 self.fault = self.fault.or(Some(seq));
             }
-            Record::BlackBox(black_box) => {
-                if let Some(frame) = black_box.frames.iter().find(|frame| frame.rig_us > rig_us) {
-                    let what = "a frame later than the record that keeps it, µs";
-                    findings.add(Check::Time, seq, what, format!("at most {rig_us}"), frame.rig_us);
-                }
-            }
+            Record::BlackBox(black_box) => kept_before(seq, rig_us, &black_box, findings),
             Record::StateChanged(changed) => {
                 motion.changed(&changed.state);
             }

@@ -33,23 +33,34 @@ impl Engine {
             | Command::MoveLinear(_)
             | Command::MoveRotary(_) => matches!(self.activity, Activity::Idle),
             Command::Pause | Command::Skip(_) => {
-                matches!(self.activity, Activity::Running(_) | Activity::Waiting(..))
-                    || matches!((&self.activity, &command), (Activity::Paused(_), Command::Skip(_)))
+                matches!(
+                    self.activity,
+                    Activity::Running(_) | Activity::Waiting(..) | Activity::Deciding(_)
+                ) || matches!((&self.activity, &command), (Activity::Paused(_), Command::Skip(_)))
             }
             Command::Resume => match &self.activity {
                 Activity::Paused(_) => true,
-                Activity::Running(run) | Activity::Waiting(run, _) => run.is_pause_asked,
+                Activity::Running(run) | Activity::Waiting(run, _) | Activity::Deciding(run) => {
+                    run.is_pause_asked
+                }
                 _ => false,
             },
             Command::Abort => matches!(
                 self.activity,
                 Activity::Running(_)
                     | Activity::Waiting(..)
+                    | Activity::Deciding(_)
                     | Activity::Paused(_)
                     | Activity::Sweeping(_)
                     | Activity::Moving
             ),
             Command::Answer => matches!(self.activity, Activity::Waiting(..)),
+            Command::Decide { step, .. } => match &self.activity {
+                Activity::Deciding(run) => {
+                    run.question().is_some_and(|question| question.step == *step)
+                }
+                _ => false,
+            },
             // Stopping is never refused.
             Command::Stop => true,
             Command::Acknowledge => {
@@ -77,7 +88,10 @@ impl Engine {
 
     fn run(&self) -> Option<&Run> {
         match &self.activity {
-            Activity::Running(run) | Activity::Waiting(run, _) | Activity::Paused(run) => Some(run),
+            Activity::Running(run)
+            | Activity::Waiting(run, _)
+            | Activity::Deciding(run)
+            | Activity::Paused(run) => Some(run),
             _ => None,
         }
     }
@@ -114,7 +128,7 @@ impl Engine {
     pub fn begin(&mut self, now: RigTime, admitted: Admitted, by: &str, effects: &mut Vec<Effect>) {
         let Admitted { command, operation } = admitted;
         // An answer has an event of its own.
-        if !matches!(command, Command::Answer) {
+        if !matches!(command, Command::Answer | Command::Decide { .. }) {
             self.notes.push(Event::Operator { action: command.name(), by: by.to_owned() });
         }
         match command {
@@ -133,8 +147,10 @@ impl Engine {
                 self.move_manually(now, operation, effects);
             }
             Command::Skip(step) => {
-                if let Activity::Running(run) | Activity::Waiting(run, _) | Activity::Paused(run) =
-                    &mut self.activity
+                if let Activity::Running(run)
+                | Activity::Waiting(run, _)
+                | Activity::Deciding(run)
+                | Activity::Paused(run) = &mut self.activity
                 {
                     run.skip(step);
                 }
@@ -142,6 +158,10 @@ impl Engine {
             Command::Pause | Command::Resume => self.pause(now, &command, effects),
             Command::Abort => {
                 self.stop(now, StopReason::Abort { by: by.to_owned() }, effects);
+            }
+            Command::Decide { answer, .. } => {
+                let event = MachineEvent::Decided { answer, by: by.to_owned() };
+                self.advance_run(now, event, effects);
             }
             Command::Answer => {
                 let event = MachineEvent::Answered { by: by.to_owned() };
@@ -204,7 +224,9 @@ impl Engine {
     fn pause(&mut self, now: RigTime, command: &Command, effects: &mut Vec<Effect>) {
         let is_pause = matches!(command, Command::Pause);
         match &mut self.activity {
-            Activity::Running(run) | Activity::Waiting(run, _) => run.is_pause_asked = is_pause,
+            Activity::Running(run) | Activity::Waiting(run, _) | Activity::Deciding(run) => {
+                run.is_pause_asked = is_pause;
+            }
             Activity::Paused(run) => {
                 run.is_pause_asked = is_pause;
                 self.replace_run(Activity::Running);

@@ -53,7 +53,10 @@ impl Engine {
         self.wait_until = None;
         let had_run = matches!(
             self.activity,
-            Activity::Running(_) | Activity::Waiting(..) | Activity::Paused(_)
+            Activity::Running(_)
+                | Activity::Waiting(..)
+                | Activity::Deciding(_)
+                | Activity::Paused(_)
         );
         self.activity = Activity::Stopping(reason, had_run);
         if self.pending.is_none() {

@@ -8,6 +8,7 @@ mod attempts;
 mod drive;
 mod hold_up;
 mod out_of_contact;
+mod refusals;
 mod world;
 
 use rig_engine::{Command, Event, Input, Operation, Report, RigState, RunStatus, TouchOutcome};
@@ -128,7 +129,7 @@ fn a_linear_stage_that_is_lost_on_the_way_out_is_not_moved_again() {
         while world.engine.snapshot().state != RigState::Retracting {
             match world.engine.snapshot().state {
                 RigState::Idle => world.command(Command::Run(Box::new(plan()))),
-                RigState::WaitingForPerson => world.command(Command::Answer),
+                RigState::WaitingForPerson => world.answer(),
                 _ => world.step(),
             }
         }

@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, f64::consts::TAU, time::Duration};
 
 use rig_engine::{
     Admitted, Command, Device, Effect, Engine, Event, Failure, FailureKind, Input, Operation,
-    OperationId, Report, RigState, RunStatus, TouchOutcome,
+    OperationId, RefusalAnswer, Report, RigState, RunStatus, TouchOutcome,
 };
 use rig_model::{
     ContactAngle, Direction, DriveLevel, Impedance, Orientation, PointResult, Position, Reading,
@@ -73,6 +73,7 @@ pub(crate) fn plan() -> Plan {
                 cycles: 10,
                 slip_mm: 0.025,
             },
+            on_refusal: rig_protocol::RefusalPolicy::Record,
         },
         no_load_sweep: sweep(125.0, 160.0),
         contact_sweep: sweep(130.0, 190.0),
@@ -143,6 +144,8 @@ pub(crate) struct World {
     pub(crate) frozen: Option<PointResult>,
     /// Drift of the resonance, Hz/s.
     pub(crate) drift_hz_per_s: f64,
+    /// What a person says about refused touches.
+    pub(crate) decision: RefusalAnswer,
     /// C₁/C₀ of the sensor.
     pub(crate) ratio: f64,
     /// Height of the probe above what the linear stage says, mm.
@@ -177,6 +180,7 @@ impl World {
             last_read: None,
             frozen: None,
             drift_hz_per_s: 0.0,
+            decision: RefusalAnswer::Skip,
             ratio: 0.05,
             slip_mm: 0.0,
             pressed_mm: f64::NAN,
@@ -483,12 +487,22 @@ impl World {
                     is_started = true;
                 }
                 RigState::Latched => return,
-                RigState::WaitingForPerson => self.command(Command::Answer),
+                RigState::WaitingForPerson => self.answer(),
                 RigState::Paused => self.command(Command::Resume),
                 RigState::Preparing | RigState::Running | RigState::Retracting => self.step(),
             }
         }
         panic!("the run did not end");
+    }
+
+    /// A person answers what is asked.
+    pub(crate) fn answer(&mut self) {
+        let decision = self
+            .engine
+            .snapshot()
+            .refused
+            .map(|touch| Command::Decide { step: touch.step, answer: self.decision });
+        self.command(decision.unwrap_or(Command::Answer));
     }
 
     /// Why touches were refused.

@@ -44,3 +44,28 @@ pub struct Operator {
     /// Name of the operator.
     pub who: String,
 }
+
+/// A touch was refused, and a person is asked what to do.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RefusalAsked {
+    /// Address of the touch.
+    pub step: String,
+    /// Why it has no result.
+    pub reason: String,
+}
+
+/// What a person or the policy of the protocol did after a refused touch.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RefusalAnswered {
+    /// Address of the touch.
+    pub step: String,
+    /// Why it had no result.
+    pub reason: String,
+    /// `widen`, `repeat`, `skip` or `abort`.
+    pub answer: String,
+    /// Name of the operator, or `protocol`.
+    pub by: String,
+    /// The window of the repeated sweep, if it is wider than that of the protocol, Hz.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub window_hz: Option<[f64; 2]>,
+}

@@ -1,5 +1,6 @@
 import "uplot/dist/uPlot.min.css";
 import "./style.css";
+import { RefusedCard } from "./refused.tsx";
 import { render } from "preact";
 import { useEffect, useState } from "preact/hooks";
 import { FaultCard, Progress, PromptCard, Running, SweepCard } from "./now.tsx";
@@ -61,6 +62,7 @@ function Screen({ view, place }: { view: View; place: Place }) {
   const { rig } = view.model;
   if (!rig) return <main id="main" class="waiting"><p class="soft">This page shows the rig as soon as rigd answers.</p></main>;
   // A prompt is answered on any page.
+  if (rig.refused) return <main class="prompting" id="main"><RefusedCard view={view} refused={rig.refused} key={rig.state_since_s} /><Progress view={view} isSmall /></main>;
   if (rig.asked) return <main class="prompting" id="main"><PromptCard view={view} asked={rig.asked} key={rig.asked.step} /><Progress view={view} isSmall /></main>;
   if (rig.state === "latched" && place.tab === "now") return <FaultCard view={view} />;
   if (rig.run && place.tab === "now") return <Running view={view} />;

@@ -245,6 +245,9 @@ function describe(record: JournalRecord): Pick<Happening, "text" | "tone"> | und
     case "run_started": return plain(`a run of ${record.protocol.name} began`);
     case "prompt_asked": return { text: `asked: ${record.prompt.what === "place_sample" ? `sample ${record.prompt.sample} under the probe` : `sensor to ${record.prompt.orientation}`}`, tone: "ask" };
     case "prompt_answered": return plain(`answered by ${record.by}`);
+    case "refusal_asked": return { text: `asked about refused touch ${record.step}`, tone: "ask" };
+    case "refusal_answered": return plain(`refused touch ${record.step}, ${record.by}: ${record.answer}`);
+    case "retract_tried": return record.cause === undefined ? plain(`attempt ${record.attempt} to retract: the probe is ${record.probe}`) : { text: `attempt ${record.attempt} to retract: ${record.cause}`, tone: "bad" };
     case "touch_result": return plain(`${nameOf(record.touch)}: shift ${fixed(record.shift_hz, 2)} Hz`);
     case "touch_refused": return { text: `${nameOf(record.touch)}: refused, ${record.reason}`, tone: "bad" };
     case "sweep":
@@ -288,7 +291,7 @@ export function stateOf(model: Model): { word: string; reason: string; tone: "bu
       return progress.is_pausing
         ? { word: "Pausing", reason: `After this step, with the probe clear. ${doing}`, tone: "busy" }
         : { word: "Running", reason: doing, tone: "busy" };
-    case "waiting for a person": return { word: "Waiting for you", reason: rig.prompt ?? "Something is asked of a person.", tone: "ask" };
+    case "waiting for a person": return { word: "Waiting for you", reason: rig.prompt ?? (rig.refused ? `Touch ${rig.refused.step} was refused: what now?` : "Something is asked of a person."), tone: "ask" };
     case "paused": return { word: "Paused", reason: `Nothing moves until you go on. Next: ${progress?.doing ?? "unknown"}`, tone: "ask" };
     case "retracting": return { word: "Retracting", reason: "Stopping, and taking the probe to where it is clear.", tone: "busy" };
     case "latched": return { word: "Latched, nothing moves", reason: rig.fault?.cause ?? "Unknown fault.", tone: "bad" };

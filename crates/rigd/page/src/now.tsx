@@ -294,7 +294,7 @@ export function PromptCard({ view, asked }: { view: View; asked: Asked }) {
 }
 
 /** One short tone, where the browser allows it. */
-function beep(): void {
+export function beep(): void {
   if (!navigator.userActivation?.hasBeenActive) return;
   try {
     const audio = new AudioContext();

@@ -5,6 +5,7 @@ import { ShiftCharts } from "./drawings.tsx";
 import { Icon, SampleMark } from "./icons.tsx";
 import { touchOfRow, type LiveSweep } from "./model.ts";
 import { Legend } from "./now.tsx";
+import { Amend } from "./refused.tsx";
 import { NarrowingPlot, SweepPlots } from "./plots.tsx";
 import { AskButton, Confirm } from "./shell.tsx";
 import { get, hasToken, open, post, reasonOf, Refused, type Body, type View } from "./store.ts";
@@ -113,8 +114,9 @@ export function RunPage({ id, view }: { id: string; view: View }) {
   const [error, setError] = useState<string>();
   const [opened, openTouch] = useState<TouchRow>();
   const [isGivenUp, setGivenUp] = useState(false);
+  const [amended, setAmended] = useState(0);
   const made = model.run?.id === id ? [...model.run.touches.values()].filter((t) => t.status !== "not_reached").length : 0;
-  useEffect(() => { get<RunDetail>(`runs/${id}`).then(set, (e: unknown) => setError(reasonOf(e))); }, [id, made, model.run?.status, isGivenUp]);
+  useEffect(() => { get<RunDetail>(`runs/${id}`).then(set, (e: unknown) => setError(reasonOf(e))); }, [id, made, model.run?.status, isGivenUp, amended]);
   if (error !== undefined) return <main id="main"><section class="card"><p role="alert">{error}</p><p><a href="#/runs">All runs</a></p></section></main>;
   if (!detail) return <main id="main"><section class="card"><p class="soft">The journal is being read…</p></section></main>;
   const { results } = detail;
@@ -159,7 +161,7 @@ export function RunPage({ id, view }: { id: string; view: View }) {
         <div class="row"><h2>Shift (Hz) by angle</h2><Legend samples={samples} hasBefore={false} beforeName={undefined} /></div>
         <ShiftCharts samples={samples} touches={results.touch_results.map(touchOfRow)} height={170} />
       </section>
-      {opened && <SweepDialog id={id} row={opened} onClose={() => openTouch(undefined)} />}
+      {opened && <SweepDialog run={detail} row={opened} view={view} onClose={() => openTouch(undefined)} onAmended={() => { openTouch(undefined); setAmended(amended + 1); }} />}
     </main>
   );
 }
@@ -234,16 +236,16 @@ function TouchCell({ row, label, onOpen }: { row: TouchRow; label: string | unde
   const text = label ?? (row.status === "measured" ? fixed(row.shift_hz ?? 0, 2) : row.status === "refused" ? "✕ refused" : row.status === "skipped" ? "skipped" : "not reached");
   const where = row.phase === "blind" ? `blind touch ${row.repeat}` : `sample ${row.sample}, ${row.direction} ${degrees(row.angle_deg)}`;
   const words = { "✓": "recognised", "✗": "taken for another sample", "·": "measured" }[text] ?? text;
-  if (row.sweep == null) return <span class={`touch-cell ${row.status}`} title={row.reason ?? where}>{text}</span>;
   return <button type="button" class={`touch-cell ${row.status}${text === "✗" ? " wrong" : ""}`} title={row.reason ?? where} aria-label={`${where}: ${words}`} onClick={() => onOpen(row)}>{text}</button>;
 }
 
 /** The sweep behind a touch: its readings, and the circuit where one was found. */
-function SweepDialog({ id, row, onClose }: { id: string; row: TouchRow; onClose: () => void }) {
+function SweepDialog({ run, row, view, onClose, onAmended }: { run: RunDetail; row: TouchRow; view: View; onClose: () => void; onAmended: () => void }) {
   const [sweep, set] = useState<LiveSweep>();
   const [error, setError] = useState<string>();
   useEffect(() => {
-    get<Sweep>(`runs/${id}/sweeps/${row.sweep}`).then((found) => set(asLive(found)), (e: unknown) => setError(reasonOf(e)));
+    if (row.sweep == null) return;
+    get<Sweep>(`runs/${run.id}/sweeps/${row.sweep}`).then((found) => set(asLive(found)), (e: unknown) => setError(reasonOf(e)));
   }, [row.step]);
   const outcome = sweep?.outcome;
   return (
@@ -251,9 +253,12 @@ function SweepDialog({ id, row, onClose }: { id: string; row: TouchRow; onClose:
       <h2 id="sweep-title">{row.phase === "blind" ? `Blind touch ${row.repeat}` : `Sample ${row.sample}`}, {row.direction} {degrees(row.angle_deg)}</h2>
       {outcome && ("reason" in outcome ? <p class="refusal">Refused: {outcome.reason}. No value is stored.</p>
         : <p>Resonance in contact {fixed(outcome.resonance_hz, 3)} ± {fixed(outcome.sigma_hz, 3)} Hz{row.shift_hz != null ? `, shift ${fixed(row.shift_hz, 3)} ± ${fixed(row.shift_sigma_hz ?? 0, 3)} Hz` : ""}.</p>)}
+      {row.sweep == null && <p class="soft">{row.reason ?? "Not measured, so that there is no sweep."}</p>}
+      {row.amended && <p class="soft">{row.amended}{row.earlier ? `; before: ${row.earlier}` : ""}</p>}
       {error !== undefined && <p class="refusal">{error}</p>}
       {sweep && <SweepPlots sweep={sweep} height={340} />}
       {sweep && sweep.estimates.length > 1 && <NarrowingPlot sweep={sweep} height={200} />}
+      <Amend run={run} row={row} rig={view.model.rig} onDone={onAmended} />
       <div class="buttons"><button type="button" onClick={onClose}>Close</button></div>
     </dialog>
   );

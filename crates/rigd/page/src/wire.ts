@@ -26,7 +26,8 @@ export interface Rig {
   last_run?: { id: string; status: string };
   prompt?: string;
   asked?: Asked;
-  fault?: { kind: "fault" | "interrupted"; cause: string; hint: string };
+  refused?: RefusedTouch;
+  fault?: { kind: "fault" | "interrupted"; cause: string; hint: string; attempts?: number };
   journal_error?: string;
 }
 
@@ -44,6 +45,9 @@ export interface RunProgress {
   remaining_s: [number, number];
   next_prompt?: { prompt: string; in_s: number; touches: number };
 }
+
+/** A refused touch about which a person is asked. */
+export interface RefusedTouch { step: string; reason: string; answers: ("widen" | "repeat" | "skip" | "abort")[] }
 
 export type AskedFor =
   | { what: "place_sample"; sample: string }
@@ -113,6 +117,9 @@ export type JournalRecord =
   | { kind: "step_started"; step: string; index: number; count: number; action: { action: string; sample?: string; pose?: Pose } }
   | { kind: "prompt_asked"; step: string; prompt: AskedFor }
   | { kind: "prompt_answered"; step: string; by: string }
+  | { kind: "refusal_asked"; step: string; reason: string }
+  | { kind: "refusal_answered"; step: string; reason: string; answer: string; by: string }
+  | { kind: "retract_tried"; attempt: number; cause?: string; probe: string }
   | { kind: "intent"; what: string; axis: Axis; to: number }
   | { kind: "moved"; axis: Axis; target: number; read_back: number; is_clear?: boolean }
   | { kind: "surface_found"; step: string; position_mm: number; sigma_mm: number }
@@ -184,6 +191,8 @@ export interface TouchRow {
   shift_sigma_hz?: number | null;
   stiffness_mpa?: number | null;
   class?: string | null;
+  amended?: string | null;
+  earlier?: string | null;
 }
 
 export interface RunDetail extends RunEntry {

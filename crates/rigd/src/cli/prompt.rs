@@ -13,7 +13,7 @@ use super::screen::say_clearly;
 /// interrupted.
 pub(super) struct Terminal {
     questions: std_mpsc::Sender<()>,
-    answers: mpsc::Receiver<()>,
+    answers: mpsc::Receiver<String>,
     /// Whether the thread is reading. It keeps reading after its prompt has been answered
     /// elsewhere.
     is_reading: bool,
@@ -25,8 +25,9 @@ impl Terminal {
         let (questions, asked) = std_mpsc::channel();
         let (sender, answers) = mpsc::channel(1);
         std::thread::Builder::new().name("terminal".to_owned()).spawn(move || {
-            while asked.recv().is_ok() && is_answered() {
-                if sender.blocking_send(()).is_err() {
+            while asked.recv().is_ok() {
+                let Some(line) = line() else { return };
+                if sender.blocking_send(line).is_err() {
                     return;
                 }
             }
@@ -53,6 +54,12 @@ impl Terminal {
         }
     }
 
+    /// Shows the prompt once more after an answer that is none.
+    pub(super) fn ask_again(&mut self) {
+        self.repeat();
+        self.is_reading = self.questions.send(()).is_ok();
+    }
+
     /// Whether a prompt is open.
     pub(super) const fn is_asking(&self) -> bool {
         self.asked.is_some()
@@ -65,7 +72,7 @@ impl Terminal {
 
     /// Waits for the answer to the shown prompt, without end if there is none. `None` after the end
     /// of the input.
-    pub(super) async fn answer(&mut self) -> Option<()> {
+    pub(super) async fn answer(&mut self) -> Option<String> {
         if self.asked.is_none() {
             std::future::pending::<()>().await;
         }
@@ -76,7 +83,7 @@ impl Terminal {
 }
 
 fn ask(text: &str) {
-    say_clearly(&format!("{text} Press Enter when that is done."));
+    say_clearly(text);
 }
 
 /// Discards keys typed before a question. Input from a pipe counts as an answer.
@@ -88,7 +95,8 @@ fn forget_input() {
     }
 }
 
-/// Waits for a line.
-fn is_answered() -> bool {
-    matches!(io::stdin().read_line(&mut String::new()), Ok(1..))
+/// Waits for a line; `None` after the end of the input.
+fn line() -> Option<String> {
+    let mut line = String::new();
+    matches!(io::stdin().read_line(&mut line), Ok(1..)).then_some(line)
 }

@@ -5,7 +5,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use rig_engine::{Command, RunStatus};
+use rig_engine::{Command, RefusalAnswer, RefusedTouch, RunStatus};
 use rig_store::{Ending, RunId};
 use tokio::{
     signal::unix::{Signal, SignalKind, signal},
@@ -130,8 +130,11 @@ async fn replay(
     loop {
         let now = session.status.borrow_and_update().clone();
         if let Some(terminal) = &mut terminal {
-            let asked = now.snapshot.prompt.zip(now.run.as_ref());
-            let asked = asked.map(|(prompt, run)| run.ask(&prompt));
+            let prompt = now.snapshot.prompt.zip(now.run.as_ref());
+            let prompt = prompt.map(|(prompt, run)| {
+                format!("{} Press Enter when that is done.", run.ask(&prompt))
+            });
+            let asked = prompt.or_else(|| now.snapshot.refused.as_ref().map(ask_about));
             if asked.is_some() {
                 screen::show_progress("");
             }
@@ -160,8 +163,14 @@ async fn replay(
                 screen::show_progress("");
                 session.end_early().await?;
             }
-            answer = answer(&mut terminal) => if answer.is_some() {
-                session.handle.command(Command::Answer, Some(run), session.operator()).await?;
+            answer = answer(&mut terminal) => if let Some(line) = answer {
+                let refused = session.status.borrow().snapshot.refused.clone();
+                match command_of(refused, &line) {
+                    Some(command) => {
+                        session.handle.command(command, Some(run), session.operator()).await?;
+                    }
+                    None => terminal.iter_mut().for_each(Terminal::ask_again),
+                }
             } else {
                 screen::say_clearly("the input of this terminal has ended, so that prompts cannot \
                                      be answered; aborting the run");
@@ -188,7 +197,24 @@ fn resizes() -> Result<Signal, Failure> {
         .map_err(|source| Failure::System { what: "signals", source })
 }
 
-async fn answer(terminal: &mut Option<Terminal>) -> Option<()> {
+/// Asks what to do after a refused touch.
+fn ask_about(RefusedTouch { step, reason }: &RefusedTouch) -> String {
+    format!(
+        "Touch {step} was refused: {reason}. Type w to widen the window and repeat, r to repeat, s to skip \
+         (keep the refusal), or a to abort the run, and press Enter."
+    )
+}
+
+/// The command that a line stands for: any line answers a prompt, a letter decides about a refused touch.
+fn command_of(refused: Option<RefusedTouch>, line: &str) -> Option<Command> {
+    let Some(touch) = refused else { return Some(Command::Answer) };
+    let letter = line.trim().to_lowercase();
+    let is_it = |answer: &RefusalAnswer| !letter.is_empty() && answer.name().starts_with(&letter);
+    let answer = RefusalAnswer::ALL.into_iter().find(is_it)?;
+    Some(Command::Decide { step: touch.step, answer })
+}
+
+async fn answer(terminal: &mut Option<Terminal>) -> Option<String> {
     match terminal {
         Some(terminal) => terminal.answer().await,
         None => std::future::pending().await,

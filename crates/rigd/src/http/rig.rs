@@ -1,7 +1,7 @@
 //! The rig as a whole.
 
 use axum::{Extension, Json, extract::State};
-use rig_engine::{Command, Fault, RigState};
+use rig_engine::{Command, Fault, RefusalAnswer, RigState};
 use serde::Serialize;
 
 use super::{
@@ -38,6 +38,8 @@ pub(super) struct RigView {
     last_run: Option<LastRun>,
     #[serde(skip_serializing_if = "Option::is_none")]
     prompt: Option<String>,
+    /// The refused touch about which a person is asked.
+    refused: Option<RefusedView>,
     #[serde(skip_serializing_if = "Option::is_none")]
     asked: Option<OpenPrompt>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -83,6 +85,13 @@ struct FaultView {
     hint: String,
     /// Attempts to retract so far, while the latched rig goes on trying.
     attempts: Option<u32>,
+}
+
+#[derive(Debug, Serialize)]
+struct RefusedView {
+    step: String,
+    reason: String,
+    answers: [&'static str; 4],
 }
 
 pub(super) async fn show(State(shared): State<Shared>) -> Json<RigView> {
@@ -167,6 +176,11 @@ pub(super) fn view(facts: &RigFacts, status: &Status) -> RigView {
         run,
         last_run: status.run.as_ref().and_then(progress::last_run),
         prompt,
+        refused: snapshot.refused.as_ref().map(|touch| RefusedView {
+            step: touch.step.to_string(),
+            reason: touch.reason.clone(),
+            answers: RefusalAnswer::ALL.map(RefusalAnswer::name),
+        }),
         asked: progress::asked(status),
         fault,
         journal_error: status.journal_error.as_ref().map(ToString::to_string),

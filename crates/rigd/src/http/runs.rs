@@ -9,8 +9,9 @@ use axum::{
     http::{HeaderMap, StatusCode, header},
     response::{Html, IntoResponse, Response},
 };
-use rig_engine::Command;
+use rig_engine::{Command, RefusalAnswer};
 use rig_model::with_causes;
+use rig_protocol::StepId;
 use rig_report::export;
 use rig_store::{Reader, Record, Run, RunId, RunKind, intact};
 use serde::{Deserialize, Serialize};
@@ -59,6 +60,8 @@ struct RunForm {
 pub(super) struct AnswerOptions {
     /// The step of the prompt. The rig refuses an answer to an earlier prompt.
     step: Option<String>,
+    /// After a refused touch: `widen`, `repeat`, `skip` or `abort`.
+    refused: Option<String>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -240,7 +243,17 @@ pub(super) async fn answer(
     Path(id): Path<String>,
     options: Result<Query<AnswerOptions>, QueryRejection>,
 ) -> Result<StatusCode, Problem> {
-    match options?.0.step {
+    let AnswerOptions { step, refused } = options?.0;
+    if let Some(word) = refused {
+        let Some((answer, step)) = RefusalAnswer::of(&word).zip(step) else {
+            let detail = format!(
+                "`refused={word}` needs the step of the touch, and is widen, repeat, skip or abort"
+            );
+            return Err(Problem::bad_request(detail));
+        };
+        return give(&shared, &id, Command::Decide { step: StepId(step), answer }, &operator).await;
+    }
+    match step {
         None => give(&shared, &id, Command::Answer, &operator).await,
         Some(step) => {
             shared.inner.rig.answer(id.parse()?, step, operator.as_str()).await?;

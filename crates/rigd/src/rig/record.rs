@@ -145,6 +145,7 @@ impl Recorder {
                 step: self.step_id()?,
                 by: by.clone(),
             }),
+            Event::RefusalAsked { .. } | Event::RefusalAnswered { .. } => self.refusal(event)?,
             Event::Intent { down_to, purpose } => Record::Intent(store::Intent {
                 what: purpose_of(*purpose),
                 axis: store::Axis::LinearMm,
@@ -187,6 +188,27 @@ impl Recorder {
             Event::RunFinished(status) => {
                 Record::RunFinished(store::RunFinished { status: ending_of(*status) })
             }
+        })
+    }
+
+    /// The record of a question about a refused touch, or of its answer.
+    fn refusal(&self, event: &Event) -> Option<Record> {
+        let step = self.step_id()?;
+        Some(match event {
+            Event::RefusalAsked { refusal } => {
+                let reason = refusal.to_string();
+                Record::RefusalAsked(store::RefusalAsked { step, reason })
+            }
+            Event::RefusalAnswered { answer, by, refusal, window } => {
+                Record::RefusalAnswered(store::RefusalAnswered {
+                    step,
+                    reason: refusal.to_string(),
+                    answer: answer.name().to_owned(),
+                    by: by.clone(),
+                    window_hz: window.map(|window| [window.min_hz, window.max_hz]),
+                })
+            }
+            _ => return None,
         })
     }
 

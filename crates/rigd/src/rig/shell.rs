@@ -14,7 +14,7 @@ use std::{
 use futures_util::FutureExt;
 use rig_engine::{
     Admitted, Command, Device, Effect, Engine, Event, Failure, FailureKind, Fault, Input,
-    Operation, OperationId, RigState, RunStatus,
+    Operation, OperationId, RefusalAnswer, RigState, RunStatus,
 };
 use rig_link::{Clock, Transcript};
 use rig_model::{Clearance, Mm, Position, RigTime, panic_message, with_causes};
@@ -285,7 +285,12 @@ impl Shell {
             if self.is_answer_due {
                 self.is_answer_due = false;
                 // A prompt that has been ended meanwhile needs no answer.
-                _ = self.command(Command::Answer, SIMULATED_PERSON);
+                let refused = self.engine.snapshot().refused;
+                let answer = refused.map_or(Command::Answer, |touch| Command::Decide {
+                    step: touch.step,
+                    answer: RefusalAnswer::Skip,
+                });
+                _ = self.command(answer, SIMULATED_PERSON);
                 continue;
             }
             if let Some((id, failure)) = self.refused.take() {
@@ -579,6 +584,19 @@ impl Shell {
         })
     }
 
+    /// A person is asked something. A simulated one answers at once.
+    fn person_asked(&mut self) {
+        let now = self.clock.now();
+        self.view_run(|view| view.pace.asked(now));
+        self.is_answer_due =
+            self.simulation.as_ref().is_some_and(|simulation| simulation.is_answering);
+    }
+
+    fn person_answered(&mut self) {
+        let now = self.clock.now();
+        self.view_run(|view| view.pace.answered(now));
+    }
+
     fn note(&mut self, event: &Event) {
         #[cfg(test)]
         {
@@ -588,20 +606,19 @@ impl Shell {
         match event {
             Event::Intent { down_to, .. } => self.intent = Some(*down_to),
             Event::PromptAsked(prompt) => {
-                let now = self.clock.now();
-                self.view_run(|view| view.pace.asked(now));
-                if self.simulation.as_ref().is_some_and(|simulation| simulation.is_answering) {
+                self.person_asked();
+                if self.is_answer_due {
                     self.perform(prompt);
-                    self.is_answer_due = true;
                 }
             }
+            Event::RefusalAsked { .. } => self.person_asked(),
+            Event::RefusalAnswered { .. } => self.person_answered(),
             Event::Planned { readings, work } => {
                 let seconds = self.thought.as_secs_f64();
                 tracing::trace!(target: "rigd::planned", readings, work, seconds);
             }
             Event::PromptAnswered { prompt, .. } => {
-                let now = self.clock.now();
-                self.view_run(|view| view.pace.answered(now));
+                self.person_answered();
                 if self.simulation.as_ref().is_some_and(|simulation| !simulation.is_answering) {
                     self.perform(prompt);
                 }

@@ -5,7 +5,8 @@ use crate::{
     finding::{Check, Findings},
     motion::{Motion, Probe, ROUNDING},
     record::{
-        Action, Indented, Pose, SurfaceFound, SurfaceTrail, Touch, TouchRefused, TouchResult, Tried,
+        Action, Indented, Pose, RefusalAnswered, SurfaceFound, SurfaceTrail, Touch, TouchRefused,
+        TouchResult, Tried,
     },
     settings::Settings,
     surface,
@@ -82,6 +83,37 @@ impl Labels {
         }
         let descent = motion.descent.as_ref().filter(|descent| descent.what == what);
         surface::check_trail(seq, rig_us, trail, descent, findings);
+    }
+
+    /// A refused touch is repeated, kept or the last one.
+    pub(crate) fn decided(
+        &mut self,
+        seq: u64,
+        answered: &RefusalAnswered,
+        motion: &mut Motion,
+        settings: Option<&Settings>,
+        findings: &mut Findings,
+    ) {
+        motion.is_waiting = false;
+        let RefusalAnswered { step, answer, window_hz } = answered;
+        let under_way = self.step.as_ref().map(|under_way| under_way.started.step.as_str());
+        let is_known = ["widen", "repeat", "skip", "abort"].contains(&answer.as_str());
+        if under_way != Some(step) || !is_known {
+            let what = "an answer about a refused touch that is not the one under way";
+            findings.add(Check::StepOrder, seq, what, format!("{under_way:?}"), step);
+        }
+        let Some([min, max]) = *window_hz else { return };
+        // Each answer widens by half of the width on each side, at most.
+        let protocol = settings.map(|all| &all.protocol.contact_sweep);
+        let before = self.window.or(protocol.map(|asked| [asked.min_hz, asked.max_hz]));
+        let [low, high] = before.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+        let more = 0.5 * (high - low) + ROUNDING;
+        if answer != "widen" || min < low - more || max > high + more {
+            let what = "the window of a repeated sweep, Hz";
+            let limit = Some(format!("[{}, {}]", low - more, high + more));
+            findings.within(Check::Request, seq, what, "within", format!("[{min}, {max}]"), limit);
+        }
+        self.window = Some([min, max]);
     }
 
     /// Depth and places of an indentation that is about to be declared.

@@ -1,0 +1,111 @@
+//! What happens after a touch was refused, by the policy of the protocol and by a person.
+
+use rig_engine::{Command, Event, RefusalAnswer, RigState, RunStatus, TouchOutcome};
+use rig_model::{Clearance, SweepMethod, SweepRequest, Window};
+use rig_protocol::{Plan, RefusalPolicy, StepId};
+
+use crate::world::{World, plan};
+
+/// A plan with three touches, whose resonances in contact lie below the window.
+fn narrow(on_refusal: RefusalPolicy) -> Plan {
+    let mut narrow = plan();
+    narrow.contact_sweep = SweepRequest {
+        window: Window { min_hz: 165.0, max_hz: 190.0 },
+        method: SweepMethod::Uniform { points: 41 },
+        ..narrow.contact_sweep
+    };
+    narrow.touch.on_refusal = on_refusal;
+    narrow
+}
+
+/// The touches finished, those measured, and the answers with their operators.
+fn told(world: &World) -> (usize, usize, Vec<(RefusalAnswer, String)>) {
+    let (mut finished, mut measured, mut answers) = (0, 0, Vec::new());
+    for event in &world.events {
+        match event {
+            Event::TouchFinished(result) => {
+                finished += 1;
+                measured += usize::from(matches!(result.outcome, TouchOutcome::Measured { .. }));
+            }
+            Event::RefusalAnswered { answer, by, window, .. } => {
+                assert_eq!(window.is_some(), *answer == RefusalAnswer::Widen);
+                answers.push((*answer, by.clone()));
+            }
+            _ => {}
+        }
+    }
+    (finished, measured, answers)
+}
+
+#[test]
+fn the_policy_of_the_protocol_decides_when_nobody_is_asked() {
+    use RefusalAnswer::{Abort, Repeat, Widen};
+    use RunStatus::{Aborted, Completed, CompletedWithRefusals};
+    for (policy, answer, times, finished, measured, ending) in [
+        (RefusalPolicy::Record, None, 0, 3, 0, CompletedWithRefusals),
+        (RefusalPolicy::Repeat, Some(Repeat), 3, 3, 0, CompletedWithRefusals),
+        (RefusalPolicy::Widen, Some(Widen), 3, 3, 3, Completed),
+        (RefusalPolicy::Abort, Some(Abort), 1, 1, 0, Aborted),
+    ] {
+        let mut world = World::new(None);
+        world.play_plan(&narrow(policy));
+        assert_eq!(world.endings(), [ending], "{policy:?}");
+        let said = answer.map_or(Vec::new(), |one| vec![(one, "protocol".to_owned()); times]);
+        assert_eq!(told(&world), (finished, measured, said), "{policy:?}");
+        assert_eq!(world.engine.snapshot().clearance, Clearance::Clear);
+    }
+}
+
+#[test]
+fn a_person_who_is_asked_decides_with_the_probe_clear() {
+    use RefusalAnswer::{Abort, Skip, Widen};
+    for (decision, finished, measured, ending) in [
+        (Skip, 3, 0, RunStatus::CompletedWithRefusals),
+        (Widen, 3, 3, RunStatus::Completed),
+        (Abort, 1, 0, RunStatus::Aborted),
+    ] {
+        let mut world = World::new(None);
+        world.decision = decision;
+        world.play_plan(&narrow(RefusalPolicy::Ask));
+        assert_eq!(world.endings(), [ending], "{decision:?}");
+        let answers = vec![(decision, "test".to_owned()); finished];
+        assert_eq!(told(&world), (finished, measured, answers), "{decision:?}");
+    }
+}
+
+#[test]
+fn a_touch_is_repeated_as_often_as_a_person_says() {
+    let mut world = World::new(None);
+    world.decision = RefusalAnswer::Repeat;
+    world.command(Command::Prepare);
+    let mut asked = 0;
+    for _ in 0..2000 {
+        let snapshot = world.engine.snapshot();
+        match snapshot.state {
+            RigState::Idle if asked == 0 => {
+                world.command(Command::Run(Box::new(narrow(RefusalPolicy::Ask))));
+            }
+            RigState::Idle => break,
+            RigState::WaitingForPerson => {
+                if let Some(touch) = snapshot.refused {
+                    asked += 1;
+                    assert_eq!(snapshot.clearance, Clearance::Clear);
+                    // An answer about another touch is none, and so is an answer to a prompt.
+                    let other = Command::Decide {
+                        step: StepId("other".to_owned()),
+                        answer: RefusalAnswer::Skip,
+                    };
+                    assert!(world.engine.admit(other).is_err(), "{touch:?}");
+                    assert!(world.engine.admit(Command::Answer).is_err());
+                    if asked == 5 {
+                        world.decision = RefusalAnswer::Skip;
+                    }
+                }
+                world.answer();
+            }
+            _ => world.step(),
+        }
+    }
+    // Four repeats of the first touch, then three touches are skipped.
+    assert_eq!((asked, told(&world).0), (7, 3));
+}

@@ -1,0 +1,61 @@
+// A refused touch: its sweep, why, and what to do about it.
+import { useEffect, useRef, useState } from "preact/hooks";
+import { clock } from "./format.ts";
+import { Icon } from "./icons.tsx";
+import { SweepPlots } from "./plots.tsx";
+import { AskButton } from "./shell.tsx";
+import { beep, wallMs } from "./now.tsx";
+import { operator, post, type View } from "./store.ts";
+import type { RefusedTouch, Rig, TouchRow } from "./wire.ts";
+
+const ANSWERS: [RefusedTouch["answers"][number], string, "play" | "tick" | "abort"][] = [
+  ["widen", "Widen the window and repeat", "play"], ["repeat", "Repeat", "play"],
+  ["skip", "Skip: keep it refused, go on", "tick"], ["abort", "Abort the run, keep its touches", "abort"],
+];
+
+/** Asks what to do after a touch was refused. The probe is clear, and nothing moves until the answer. */
+export function RefusedCard({ view, refused }: { view: View; refused: RefusedTouch }) {
+  const { model } = view;
+  const rig = model.rig as Rig;
+  const title = useRef<HTMLHeadingElement>(null);
+  useEffect(() => { title.current?.focus({ preventScroll: true }); beep(); }, [refused.step, rig.state_since_s]);
+  const say = (answer: string) => () => post(`runs/${rig.run?.id ?? ""}/answer?step=${encodeURIComponent(refused.step)}&refused=${answer}`);
+  const sweep = model.sweep;
+  return (
+    <section class="card refused-card" role="alertdialog" aria-labelledby="refused-title" aria-describedby="refused-why">
+      <p class="ask-word"><Icon name="hand" size={18} /> For you, asked {clock(wallMs(rig, rig.state_since_s))}</p>
+      <h2 id="refused-title" class="title" ref={title} tabIndex={-1}>Touch {refused.step} was refused</h2>
+      <p id="refused-why" class="refusal">{refused.reason}</p>
+      {sweep ? <SweepPlots sweep={sweep} height={240} /> : <p class="soft">It ended before its sweep.</p>}
+      <div class="buttons">
+        {ANSWERS.map(([answer, text, icon]) => (
+          <AskButton key={answer} class={answer === "widen" ? "primary" : ""} icon={icon} send={say(answer)} disabled={view.link === "lost"} why="The link is lost.">{text}</AskButton>
+        ))}
+      </div>
+      <p class="soft"><strong>Nothing moves until you answer.</strong> The probe is {rig.probe}. Here, in the terminal or over HTTP{operator() ? `. Signed: ${operator()}` : ""}</p>
+    </section>
+  );
+}
+
+/** Measures a touch of a run again, or leaves it out; the old outcome is kept. */
+export function Amend({ run, row, rig, onDone }: { run: { id: string; status: string }; row: TouchRow; rig: Rig | undefined; onDone: () => void }) {
+  const [why, setWhy] = useState("");
+  const isUnderWay = rig?.run?.id === run.id;
+  const isAhead = isUnderWay && row.status === "not_reached";
+  const send = (what: "redo" | "skip") => () =>
+    post(`runs/${run.id}/${what}`, { type: "application/json", text: JSON.stringify({ step: row.step, why }) })
+      .then(() => { if (what === "redo") location.hash = "#/"; else onDone(); });
+  const missing = why.trim() === "" ? "Write why first." : "";
+  const busy = isUnderWay ? "The run is under way." : rig?.state === "idle" ? "" : "The rig must be ready.";
+  return (
+    <form class="amend" onSubmit={(event) => event.preventDefault()}>
+      <label for="amend-why">Why is it measured again, or left out? (kept in the journal{operator() ? `, signed ${operator()}` : ""})</label>
+      <input id="amend-why" maxLength={300} value={why} onInput={(event) => setWhy(event.currentTarget.value)} />
+      <div class="buttons">
+        <AskButton icon="play" send={send("redo")} disabled={missing !== "" || busy !== ""} why={missing || busy}>Measure again</AskButton>
+        <AskButton icon="cross" send={send("skip")} disabled={missing !== "" || (isUnderWay && !isAhead)} why={missing || "It has begun."}>{isAhead ? "Leave it out of this run" : "Leave it out"}</AskButton>
+        {(missing || (busy && !isAhead)) && <span class="soft">{missing || busy}</span>}
+      </div>
+    </form>
+  );
+}
