@@ -21,7 +21,7 @@ pub(super) const FILE: &str = "gate.csv";
 /// The fits do not give what the page says.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "{}: {differing} of {rows} rows differ from what the fits give now, the first one {first:?}: write the \
+    "{}: {differing} of {rows} rows differ from what the fits give now, the first one \"{first}\": write the \
      page again", path.display()
 )]
 struct Differs {
