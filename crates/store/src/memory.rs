@@ -7,6 +7,7 @@ use std::{
         Arc, Mutex, PoisonError,
         atomic::{AtomicBool, Ordering},
     },
+    time::Duration,
 };
 
 use rusqlite::{Connection, OpenFlags, ffi};
@@ -166,7 +167,10 @@ impl Medium {
                 }
                 schema::open_to_read(&path)
             }
-            Self::Memory(disk) => Ok((schema::reading(connect(disk.uri()))?, None)),
+            Self::Memory(disk) => {
+                // Its writer is on the same thread: to wait for it would be to wait for ever.
+                Ok((schema::reading(connect(disk.uri()), Duration::ZERO)?, None))
+            }
         }
     }
 

@@ -3,6 +3,7 @@
 use std::{
     fs, io,
     path::{Path, PathBuf},
+    time::Duration,
 };
 
 use rusqlite::{Connection, OpenFlags};
@@ -119,14 +120,14 @@ pub(crate) fn set_up(mut connection: Connection) -> Result<Connection, StoreErro
 /// with a log is copied to the directory for temporary files first; the copy is returned too.
 pub(crate) fn open_to_read(path: &Path) -> Result<(Connection, Option<Copied>), StoreError> {
     let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-    match reading(Connection::open_with_flags(path, flags)) {
+    match reading(Connection::open_with_flags(path, flags), BUSY) {
         Err(StoreError::Io(_)) => {}
         opened => return Ok((opened?, None)),
     }
     let log = log_of(path);
     if fs::metadata(&log).is_ok_and(|log| log.len() > 0) {
         let copy = Copied::of(path, &log).map_err(StoreError::Directory)?;
-        let connection = reading(Connection::open_with_flags(database(&copy.0), flags))?;
+        let connection = reading(Connection::open_with_flags(database(&copy.0), flags), BUSY)?;
         return Ok((connection, Some(copy)));
     }
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY
@@ -136,13 +137,16 @@ pub(crate) fn open_to_read(path: &Path) -> Result<(Connection, Option<Copied>), 
     let escaped =
         path.to_string_lossy().replace('%', "%25").replace('?', "%3f").replace('#', "%23");
     let uri = format!("file:{escaped}?immutable=1");
-    Ok((reading(Connection::open_with_flags(uri, flags))?, None))
+    Ok((reading(Connection::open_with_flags(uri, flags), BUSY)?, None))
 }
 
-/// Prepares a database for reading.
-pub(crate) fn reading(opened: rusqlite::Result<Connection>) -> Result<Connection, StoreError> {
+/// Prepares a database for reading, with this patience for a writer.
+pub(crate) fn reading(
+    opened: rusqlite::Result<Connection>,
+    patience: Duration,
+) -> Result<Connection, StoreError> {
     let connection = opened?;
-    connection.busy_timeout(BUSY)?;
+    connection.busy_timeout(patience)?;
     connection.pragma_update(None, "query_only", true)?;
     // Its program ended before it had made the tables.
     if check_format(&connection)? == 0 {
@@ -182,7 +186,7 @@ impl Drop for Copied {
 }
 
 /// Longer than any checkpoint takes.
-const BUSY: std::time::Duration = std::time::Duration::from_secs(10);
+const BUSY: Duration = Duration::from_secs(10);
 
 /// The format of a database, 0 if it has no tables yet.
 fn check_format(connection: &Connection) -> Result<u32, StoreError> {

@@ -4,7 +4,7 @@ use crate::{
     finding::{Check, Findings},
     labels::CLOCK_SLACK_S,
     motion::{Descent, ROUNDING},
-    record::{SurfaceFound, Tried},
+    record::{Flag, SurfaceFound, Tried},
     settings::Protocol,
 };
 
@@ -53,6 +53,9 @@ pub(crate) fn check_again(
     tolerance_mm: f64,
     findings: &mut Findings,
 ) -> bool {
+    // A reading that the analyzer flagged was repeated.
+    let valid = trail.iter().copied().filter(|tried| tried.reading.flag == Flag::Normal);
+    let trail = &valid.collect::<Vec<Tried>>()[..];
     let slip_mm = protocol.slip_mm().unwrap_or(f64::NAN);
     // Where the probe seemed to touch above the surface, its impedance when clear was read anew.
     let anew_mm = slip_mm + protocol.approach.coarse_step_mm;

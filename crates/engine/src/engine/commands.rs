@@ -240,9 +240,9 @@ impl Engine {
         if self.end_attempts(now, effects) {
             return;
         }
-        // A stage that has been in service may be in contact now: it is found again without homing it
-        // towards the sample.
-        let is_new = self.linear.is_none() || self.interlock.clearance() == Clearance::Clear;
+        // A stage that has been in service may be in contact now, and a sample may lie below it: it is
+        // found again without homing it towards the sample.
+        let is_new = self.linear.is_none();
         let first = if is_new { Preparing::HomingLinear } else { Preparing::FindingLinear };
         self.last_fault = None;
         self.activity = Activity::Preparing(first);

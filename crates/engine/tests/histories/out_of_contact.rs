@@ -1,7 +1,7 @@
 //! The linear drive in trouble at every operation of a run: the probe ends clear, or the rig ends
 //! latched with its first cause, and nothing moves from a position that is not known.
 
-use rig_engine::{Event, Fault, RigState, Snapshot};
+use rig_engine::{Command, Event, Fault, Operation, RigState, Snapshot};
 use rig_model::Clearance;
 
 use crate::{
@@ -89,6 +89,17 @@ fn a_drive_that_lost_its_position_is_homed_only_away_from_the_sample() {
         assert!(world.is_lost, "{context}");
         assert_eq!(end.clearance, Clearance::Unknown, "{context}");
     });
+}
+
+/// Its drive may have been switched off meanwhile, and the sample is still in place.
+#[test]
+fn a_stage_that_was_in_service_is_found_again_and_not_homed_towards_the_sample() {
+    let mut world = World::new(Some((30, Trouble::Stop)));
+    world.play();
+    assert_eq!(world.engine.snapshot().clearance, Clearance::Clear);
+    world.command(Command::Acknowledge);
+    let first = world.in_flight.as_ref().map(|(_, operation)| operation);
+    assert!(matches!(first, Some(Operation::FindLinear { .. })), "{first:?}");
 }
 
 #[test]

@@ -27,9 +27,10 @@ impl Shell {
         let admitted = self.engine.admit(command)?;
         self.journal_is_fine()?;
         self.has_space(&protocol.plan)?;
+        let history = self.history();
         let mut journal = self.store.begin(RunKind::Run, &protocol.plan.name)?;
         let id = journal.id();
-        let view = self.run_view(id, Arc::new(protocol.plan.clone()));
+        let view = self.run_view(id, Arc::new(protocol.plan.clone()), history);
         let expected = view.remaining(0, view.started);
         let started = Recorder::run_started(protocol, &self.setting, &self.known_samples);
         let started = Record::RunStarted(RunStarted {
@@ -50,7 +51,7 @@ impl Shell {
         Ok(id)
     }
 
-    fn run_view(&self, id: RunId, plan: Arc<Plan>) -> RunView {
+    fn run_view(&self, id: RunId, plan: Arc<Plan>, history: History) -> RunView {
         RunView {
             id,
             started: self.clock.now(),
@@ -62,12 +63,13 @@ impl Shell {
             touches_done: 0,
             touches_refused: 0,
             pace: Pace::default(),
-            history: Arc::new(self.history()),
+            history: Arc::new(history),
             ending: None,
         }
     }
 
-    /// What earlier runs took; a journal that cannot be read gives no estimate.
+    /// What earlier runs took, read before a journal is begun: a journal in memory cannot be read while
+    /// it has uncommitted records. A journal that cannot be read gives no estimate.
     fn history(&self) -> History {
         let history = self.store.reader().and_then(|reader| History::read(&reader, &self.setting));
         history.unwrap_or_else(|error| {
@@ -97,6 +99,7 @@ impl Shell {
         self.journal_is_fine()?;
         known.confirm(is_confirmed)?;
         self.has_space(&rest.plan)?;
+        let history = self.history();
         let mut journal = self.store.reopen(id).map_err(ResumeRefusal::from)?;
         let resumed = known.resumed(&rest, self.store.epoch()?, by, &self.setting);
         journal.append(self.clock.now().as_micros(), &resumed)?;
@@ -106,7 +109,7 @@ impl Shell {
             touches_before: rest.touches_done,
             touches_done: rest.touches_done,
             touches_refused: rest.touches_refused,
-            ..self.run_view(id, plan)
+            ..self.run_view(id, plan, history)
         });
         self.begin(admitted, by);
         self.commit();
@@ -127,11 +130,11 @@ impl Shell {
         self.journal_is_fine()?;
         known.confirm(is_confirmed)?;
         self.has_space(&plan)?;
-        let rig_us = self.clock.now().as_micros();
+        let (rig_us, history) = (self.clock.now().as_micros(), self.history());
         let journal = amend::redo(&self.store, &known, order, by, rig_us, &self.setting)?;
         let (id, plan) = (journal.id(), Arc::new(plan));
         self.run = Some((journal, Recorder::continued(Arc::clone(&plan), sweeps)));
-        self.view.run = Some(self.run_view(id, plan));
+        self.view.run = Some(self.run_view(id, plan, history));
         self.begin(admitted, by);
         self.commit();
         Ok(id)
