@@ -104,11 +104,12 @@ pub(crate) struct Counts {
     pub(crate) resumptions: u64,
     pub(crate) latches: u64,
     pub(crate) lifts: u64,
+    pub(crate) refuted: u64,
     pub(crate) unnoticed: u64,
     pub(crate) table: Table,
     /// Why touches were refused, and what failed, without the numbers.
     pub(crate) reasons: BTreeMap<String, u64>,
-    digest: u64,
+    pub(crate) digest: u64,
 }
 
 impl Counts {
@@ -137,6 +138,7 @@ impl Counts {
         self.resumptions += played.resumptions;
         self.latches += played.latches;
         self.lifts += played.lifts;
+        self.refuted += u64::from(played.refuted > 0);
         for (row, phase) in &played.begun {
             self.table.add(*row, *phase);
         }

@@ -113,15 +113,24 @@ pub(crate) fn is_beyond_notice(played: &Played) -> Option<&'static str> {
             in_touch && matches!(MENU[*row].1, Fault::Device(words) if is_of(words))
         })
     };
-    if begun(|words| words.contains("lose-steps")) {
-        return Some("steps lost in the last touch");
-    }
     let is_interrupted = played.latches + played.kills > 0;
     let has_contact_fault = begun(|words| words.ends_with("-contact"));
     (is_interrupted && has_contact_fault).then_some(
         "a contact sense that is repaired before the \
                                                      last touch is confirmed",
     )
+}
+
+/// Whether the checker refutes a sweep during which steps were lost. Its touch is refused, because the
+/// surface is no longer where it was.
+pub(crate) fn is_of_lost_steps(finding: &str, played: &Played) -> bool {
+    let is_of_sweep = finding.starts_with("resonance: ") || finding.starts_with("sigma: ");
+    is_of_sweep
+        && played.begun.iter().any(|(row, phase)| {
+            let is_in_contact = matches!(phase, Phase::Indentation | Phase::Sweep);
+            let is_slip = matches!(MENU[*row].1, Fault::Device(words) if words.contains("by="));
+            is_in_contact && is_slip
+        })
 }
 
 /// Whether the faults leave no way out of contact while they last: the drive is blocked or cannot be

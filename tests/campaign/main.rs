@@ -16,17 +16,25 @@ mod bench;
 mod campaign;
 mod case;
 mod counts;
+#[path = "../../crates/engine/tests/histories/drive.rs"]
+mod drive;
+mod engine;
 mod faults;
 mod judge;
 mod life;
+mod page;
 mod run;
 mod tally;
+#[expect(clippy::unwrap_used, dead_code, reason = "it is a part of the tests of the engine")]
+#[path = "../../crates/engine/tests/histories/world.rs"]
+mod world;
 
 use std::{
+    path::PathBuf,
     process::ExitCode,
     sync::{
         Mutex, PoisonError,
-        atomic::{AtomicU64, Ordering},
+        atomic::{AtomicBool, AtomicU64, Ordering},
     },
     thread,
     time::Instant,
@@ -35,10 +43,12 @@ use std::{
 use campaign::{Campaign, Counts};
 use case::Case;
 use clap::Parser;
+use page::Page;
 use tally::{Steps, Tally};
 
 /// Plays runs on simulated benches with one seed after another.
 #[derive(Debug, Clone, Parser)]
+#[expect(clippy::struct_excessive_bools, reason = "each is an option of the command line")]
 struct Arguments {
     /// The first seed.
     #[arg(long, value_name = "K", default_value_t = 1)]
@@ -60,10 +70,22 @@ struct Arguments {
     /// Print the records of each faulted run, shortened.
     #[arg(long)]
     records: bool,
+    /// Write a page about the faulted runs to this file.
+    #[arg(long, value_name = "FILE")]
+    page: Option<PathBuf>,
+    /// End at the first seed that fails.
+    #[arg(long)]
+    until_failed: bool,
+    /// Play the engine alone, with two troubles in each run.
+    #[arg(long)]
+    engine: bool,
 }
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
+    if arguments.engine {
+        return alone(&arguments);
+    }
     if arguments.protocol.is_some() || arguments.vary {
         whole(&arguments)
     } else {
@@ -71,19 +93,22 @@ fn main() -> ExitCode {
     }
 }
 
-/// Plays each seed on one of the jobs.
-fn each_seed(arguments: &Arguments, play: impl Fn(u64) + Sync) {
+/// Plays each seed on one of the jobs. `play` says whether all was well.
+fn each_seed(arguments: &Arguments, play: impl Fn(u64) -> bool + Sync) {
     let next = AtomicU64::new(arguments.first_seed);
+    let is_over = AtomicBool::new(false);
     let end = arguments.first_seed.saturating_add(arguments.seeds);
     thread::scope(|scope| {
         for _ in 0..arguments.jobs.max(1) {
             scope.spawn(|| {
                 loop {
                     let seed = next.fetch_add(1, Ordering::Relaxed);
-                    if seed >= end {
+                    if seed >= end || is_over.load(Ordering::Relaxed) {
                         break;
                     }
-                    play(seed);
+                    if !play(seed) && arguments.until_failed {
+                        is_over.store(true, Ordering::Relaxed);
+                    }
                 }
             });
         }
@@ -108,6 +133,7 @@ fn faulted(arguments: &Arguments) -> ExitCode {
             println!("  {}", replay(seed, ""));
         }
         counts.lock().unwrap_or_else(PoisonError::into_inner).add(&ended);
+        ended.failures.is_empty()
     });
     let counts = counts.into_inner().unwrap_or_else(PoisonError::into_inner);
     for (reason, count) in &counts.reasons {
@@ -117,7 +143,40 @@ fn faulted(arguments: &Arguments) -> ExitCode {
     println!("{} of the table's cells are empty: {}", empty.len(), empty.join(", "));
     let seconds = begun.elapsed().as_secs_f64();
     println!("{counts}; {:.1} runs a second", counts.runs as f64 / seconds);
+    if let Some(path) = &arguments.page {
+        let Arguments { first_seed, seeds, jobs, .. } = *arguments;
+        let page = Page { counts: &counts, first_seed, seeds, jobs, seconds };
+        if let Err(error) = std::fs::write(path, page.to_string()) {
+            println!("{}: {error}", path.display());
+            return ExitCode::FAILURE;
+        }
+    }
     if counts.failed == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// The engine alone.
+fn alone(arguments: &Arguments) -> ExitCode {
+    let begun = Instant::now();
+    let (failed, operations) = (AtomicU64::new(0), AtomicU64::new(0));
+    // A broken rule of the ideal world is a panic, which is printed with its seed.
+    std::panic::set_hook(Box::new(|_| {}));
+    each_seed(arguments, |seed| {
+        let history = engine::play(seed);
+        operations.fetch_add(history.operations as u64, Ordering::Relaxed);
+        if let Some(failure) = &history.failure {
+            failed.fetch_add(1, Ordering::Relaxed);
+            println!("seed {seed}: {failure}\n  {}", replay(seed, " --engine"));
+        }
+        history.failure.is_none()
+    });
+    let (failed, operations) = (failed.into_inner(), operations.into_inner());
+    let seconds = begun.elapsed().as_secs_f64();
+    println!(
+        "{} runs of the engine alone with {operations} operations, {failed} failed; {:.0} runs a second",
+        arguments.seeds,
+        arguments.seeds as f64 / seconds
+    );
+    if failed == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
 /// Whole protocols without faults.
@@ -136,6 +195,7 @@ fn whole(arguments: &Arguments) -> ExitCode {
         }
         let mut tally = tally.lock().unwrap_or_else(PoisonError::into_inner);
         tally.count(&outcome, arguments.vary);
+        outcome.failure(arguments.vary).is_none()
     });
     let tally = tally.into_inner().unwrap_or_else(PoisonError::into_inner);
     tally.print_reasons();

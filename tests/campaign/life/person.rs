@@ -156,11 +156,9 @@ impl Life<'_> {
 
     /// Judges where a rig at rest has left the probe.
     pub(super) fn is_left(&mut self, status: &Status) {
-        let Some(simulation) = &self.simulation else { return };
-        let is_in_contact = simulation.with(|now, rig| rig.world().is_in_contact(now));
         // A daemon that was started anew waits for a person before it moves anything.
         let waits = matches!(status.snapshot.fault, Some(EngineFault::Interrupted { .. }));
-        if is_in_contact && !waits && !judge::has_no_way_out(&self.all, self.bench) {
+        if self.is_in_contact() && !waits && !judge::has_no_way_out(&self.all, self.bench) {
             self.fail("ended in contact though a retract was possible");
         }
     }

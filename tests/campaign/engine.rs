@@ -1,0 +1,120 @@
+//! The engine alone, with two troubles at any moments of a run in the ideal world of its own tests,
+//! which checks every operation that leaves the engine.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use rig_engine::{Command, RigState, RunStatus};
+use rig_model::{Clearance, panic_message};
+
+use crate::{
+    bench::Draw,
+    drive::DriveTrouble,
+    world::{REST_MM, Trouble, World, plan},
+};
+
+/// The end of a history.
+#[derive(Debug)]
+pub(crate) struct History {
+    pub(crate) operations: usize,
+    /// What must not be.
+    pub(crate) failure: Option<String>,
+}
+
+/// More steps than any history has.
+const STEPS: usize = 4000;
+
+/// Operations of an undisturbed run, and some more: a trouble may come on the way out.
+const MOMENTS: u64 = 120;
+
+const TROUBLES: [Trouble; 18] = [
+    Trouble::Fails,
+    Trouble::Loses,
+    Trouble::Stalls,
+    Trouble::Hangs,
+    Trouble::Abort,
+    Trouble::Stop,
+    Trouble::Flags,
+    Trouble::FlagsOnce,
+    Trouble::Pause,
+    Trouble::Freezes,
+    Trouble::Drive(DriveTrouble::Silent { seconds: 1 }),
+    Trouble::Drive(DriveTrouble::Silent { seconds: 30 }),
+    Trouble::Drive(DriveTrouble::Silent { seconds: 100_000 }),
+    Trouble::Drive(DriveTrouble::Alarm { resets: 1 }),
+    Trouble::Drive(DriveTrouble::Alarm { resets: 2 }),
+    Trouble::Drive(DriveTrouble::Unhomed { is_homing_safe: true }),
+    Trouble::Drive(DriveTrouble::Unhomed { is_homing_safe: false }),
+    Trouble::Drive(DriveTrouble::Jumped { by_mm: 45.0 }),
+];
+
+/// Plays the history of a seed.
+pub(crate) fn play(seed: u64) -> History {
+    let draw = &mut Draw::new(seed, 0xe17e);
+    let trouble = |draw: &mut Draw| {
+        // Preparing takes four operations; the first reads where the stage is.
+        let at = 1 + usize::try_from(draw.below(MOMENTS)).unwrap_or_default();
+        (at, *draw.one_of(&TROUBLES))
+    };
+    let mut world = World::new(Some(trouble(draw)));
+    world.then = Some(trouble(draw));
+    world.random = seed;
+    let story = format!("{:?}, {:?}", world.trouble, world.then);
+    let played = catch_unwind(AssertUnwindSafe(|| judge(&mut world)));
+    let failure = match played {
+        Ok(Ok(())) => None,
+        Ok(Err(what)) => Some(what),
+        Err(panic) => Some(panic_message(&*panic).to_owned()),
+    };
+    let failure = failure.map(|failure| format!("{story}: {failure}"));
+    History { operations: world.operations, failure }
+}
+
+fn judge(world: &mut World) -> Result<(), String> {
+    world.play();
+    let end = world.engine.snapshot();
+    let is_out = (world.linear_mm - REST_MM).abs() < 0.011;
+    if end.clearance == Clearance::Clear && !is_out {
+        return Err(format!("said clear at {} mm", world.linear_mm));
+    }
+    if end.state == RigState::Latched && end.fault.is_none() {
+        return Err("latched without a cause".to_owned());
+    }
+    if end.state == RigState::Idle && end.clearance != Clearance::Clear {
+        return Err(format!("idle, and {}", end.clearance.name()));
+    }
+    (world.trouble, world.then, world.drive, world.frozen) = (None, None, None, None);
+    world.is_lost = false;
+    go_on(world)
+}
+
+/// The troubles are over: a person acknowledges, and a run must be completed.
+fn go_on(world: &mut World) -> Result<(), String> {
+    let mut is_started = false;
+    for _ in 0..STEPS {
+        match world.engine.snapshot().state {
+            RigState::Latched => {
+                // An operation that never ends needs another start of the program.
+                if world.engine.admit(Command::Acknowledge).is_err() {
+                    return Ok(());
+                }
+                if is_started {
+                    return Err("latched again without trouble".to_owned());
+                }
+                world.command(Command::Acknowledge);
+            }
+            RigState::Idle if is_started => {
+                let last = world.endings().last().copied();
+                let is_whole = last == Some(RunStatus::Completed);
+                return if is_whole { Ok(()) } else { Err(format!("ended {last:?}")) };
+            }
+            RigState::Idle => {
+                world.command(Command::Run(Box::new(plan())));
+                is_started = true;
+            }
+            RigState::WaitingForPerson => world.command(Command::Answer),
+            RigState::Paused => world.command(Command::Resume),
+            RigState::Preparing | RigState::Running | RigState::Retracting => world.step(),
+        }
+    }
+    Err("not finished after the trouble".to_owned())
+}
