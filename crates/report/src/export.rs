@@ -63,9 +63,9 @@ pub fn sweeps_csv(records: &[StoredRecord], out: &mut impl Write) -> Result<(), 
         let Record::Sweep(sweep) = stored.record()? else { continue };
         let (direction, angle) = pose(sweep.pose);
         let (outcome, found, reason) = match &sweep.outcome {
-            SweepOutcome::Accepted { resonance_hz, sigma_hz, effective_time_s, circuit } => {
-                ("accepted", Some((*resonance_hz, *sigma_hz, *effective_time_s, *circuit)), None)
-            }
+            SweepOutcome::Accepted {
+                resonance_hz, sigma_hz, effective_time_s, circuit, ..
+            } => ("accepted", Some((*resonance_hz, *sigma_hz, *effective_time_s, *circuit)), None),
             SweepOutcome::Refused { reason } => ("refused", None, Some(reason.as_str())),
         };
         let [resonance, sigma] = found

@@ -219,6 +219,8 @@ pub(crate) enum Outcome {
         sigma_hz: f64,
         effective_time_s: Option<f64>,
         circuit: Option<Circuit>,
+        #[serde(default)]
+        left_out: usize,
     },
     Refused {
         reason: String,
@@ -239,6 +241,13 @@ pub(crate) struct FitSettings {
     pub(crate) noise: Option<FitNoise>,
     pub(crate) timing: String,
     pub(crate) target_sigma_hz: Option<f64>,
+}
+
+impl FitSettings {
+    /// Whether the free decay was fitted.
+    pub(crate) fn is_ringing(&self) -> bool {
+        self.timing == "any-phase"
+    }
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]

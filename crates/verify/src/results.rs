@@ -21,6 +21,8 @@ const SCATTER_SIGMAS: f64 = 6.0;
 const GUESS: f64 = 5.0;
 /// The stated quality factor over that of this checker.
 const Q_RATIO: [f64; 2] = [0.5, 2.0];
+/// At most one reading in ten may be left out.
+const READINGS_PER_OUTLIER: usize = 10;
 /// A circuit has five unknowns; fewer readings than this leave nothing to check it by.
 const READINGS_MIN: usize = 7;
 /// Fewer fits than this are not worth a thread.
@@ -62,27 +64,56 @@ pub(crate) fn check(sweeps: &[Accepted], findings: &mut Findings) {
     });
 }
 
-fn check_one(Accepted { seq, sweep }: &Accepted, findings: &mut Findings) {
-    let Outcome::Accepted { resonance_hz, sigma_hz, circuit, .. } = &sweep.outcome else { return };
+fn check_one(accepted: &Accepted, findings: &mut Findings) {
+    let usable = |reading: &&Reading| fit::is_usable(reading);
+    let Accepted { seq, sweep } = accepted;
+    let readings = sweep.readings.iter().skip(sweep.probe_readings).filter(usable);
+    let mut readings: Vec<Reading> = readings.copied().collect();
+    if readings.len() < READINGS_MIN {
+        let what = format!("sweep {}: the number of readings behind a resonance", sweep.number);
+        let (found, expected) = (readings.len() as f64, format!("at least {READINGS_MIN}"));
+        findings.within(Check::Resonance, *seq, what, expected, found, None);
+        return;
+    }
+    let (found, _) = check_readings(accepted, &readings);
+    let Outcome::Accepted { left_out, .. } = sweep.outcome else { return };
+    let most = left_out.min(readings.len().div_ceil(READINGS_PER_OUTLIER));
+    let mut left = found.0.len();
+    for _ in 0..most {
+        if left == 0 {
+            break;
+        }
+        let without = |k: usize| {
+            let mut rest = readings.clone();
+            rest.remove(k);
+            let (found, scatter) = check_readings(accepted, &rest);
+            (scatter, found.0.len(), rest)
+        };
+        let all = (0..readings.len()).map(without).filter(|(scatter, ..)| scatter.is_finite());
+        let Some(best) = all.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+        (_, left, readings) = best;
+    }
+    if left > 0 {
+        findings.0.extend(found.0);
+    }
+}
+
+/// The findings about a result that follows from these readings, and the scatter about their circuit.
+fn check_readings(Accepted { seq, sweep }: &Accepted, readings: &[Reading]) -> (Findings, f64) {
+    let mut findings = Findings::default();
+    let Outcome::Accepted { resonance_hz, sigma_hz, circuit, .. } = &sweep.outcome else {
+        return (findings, f64::NAN);
+    };
     let number = sweep.number;
     let mut add = |check, what: &str, expected: String, found: f64, limit: Option<String>| {
         findings.within(check, *seq, format!("sweep {number}: {what}"), expected, found, limit);
     };
-    let readings: Vec<Reading> =
-        sweep.readings.iter().skip(sweep.probe_readings).copied().collect();
-    let readings: Vec<Reading> = readings.into_iter().filter(fit::is_usable).collect();
     let settings = sweep.fit.as_ref();
-    if readings.len() < READINGS_MIN {
-        let what = "the number of readings behind a resonance";
-        let (found, expected) = (readings.len() as f64, format!("at least {READINGS_MIN}"));
-        add(Check::Resonance, what, expected, found, None);
-        return;
-    }
-    let is_ringing = settings.is_some_and(|settings| settings.timing == "any-phase");
+    let is_ringing = settings.is_some_and(FitSettings::is_ringing);
     let noise = settings.and_then(|FitSettings { noise, .. }| *noise);
     let stated = circuit.as_ref().filter(|_| *sigma_hz > 0.0 && sigma_hz.is_finite());
     let fitted = stated.and_then(|circuit| {
-        fit::fit(&readings, is_ringing, noise, (*resonance_hz, circuit)).map(|fit| (fit, circuit))
+        fit::fit(readings, is_ringing, noise, (*resonance_hz, circuit)).map(|fit| (fit, circuit))
     });
     let Some((
         Fitted { resonance_hz: fit_hz, quality_factor, sigma_hz: fit_sigma, scatter, degrees },
@@ -91,7 +122,7 @@ fn check_one(Accepted { seq, sweep }: &Accepted, findings: &mut Findings) {
     else {
         let what = "no resonance follows from the readings";
         add(Check::Resonance, what, "none".to_owned(), *resonance_hz, None);
-        return;
+        return (findings, f64::NAN);
     };
     let limit = RESONANCE_SIGMAS * sigma_hz;
     if (fit_hz - resonance_hz).abs() > limit || !fit_hz.is_finite() {
@@ -122,4 +153,5 @@ fn check_one(Accepted { seq, sweep }: &Accepted, findings: &mut Findings) {
         let what = "the scatter of the readings about the circuit, over the known noise";
         add(Check::Resonance, what, "near 1".to_owned(), scatter, Some(most.to_string()));
     }
+    (findings, scatter)
 }

@@ -108,6 +108,11 @@ pub struct Circuit {
     pub loss_tangent_sigma: Option<f64>,
 }
 
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+const fn is_zero(count: &usize) -> bool {
+    *count == 0
+}
+
 /// The outcome of a sweep.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "status", rename_all = "snake_case")]
@@ -124,6 +129,9 @@ pub enum SweepOutcome {
         /// The circuit, when one was fitted.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         circuit: Option<Circuit>,
+        /// Number of readings that were left out because they are far from the rest.
+        #[serde(default, skip_serializing_if = "is_zero")]
+        left_out: usize,
     },
     /// No trusted resonance.
     Refused {

@@ -57,6 +57,7 @@ pub(crate) fn sweep(number: u64, purpose: SweepPurpose, resonance_hz: f64) -> Sw
                 loss_tangent: 0.018,
                 loss_tangent_sigma: Some(0.000_41),
             }),
+            left_out: 1,
         },
     }
 }

@@ -342,6 +342,7 @@ impl Recorder {
                 sigma_hz: 0.012,
                 effective_time_s: None,
                 circuit: Some(circuit),
+                left_out: 0,
             },
         }));
         self.now_us += 2_000_000;

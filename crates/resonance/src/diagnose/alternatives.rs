@@ -65,7 +65,7 @@ impl Cause {
     /// cable has some phase error and some impedance in series.
     const fn even_below(&self) -> f64 {
         match self {
-            Self::AnalyzerPhase | Self::Stray => 13.0,
+            Self::AnalyzerPhase | Self::Stray => 12.0,
             _ => 4.0,
         }
     }
@@ -130,6 +130,8 @@ pub(crate) struct Fitted<'a> {
     admittance: Vec<Complex64>,
     /// `None` if the unknowns cannot be distinguished.
     tangents: Option<Tangents>,
+    /// Whether the residuals are known to be noise but for small disturbances.
+    is_clean: bool,
 }
 
 /// Assumed settling times, in time constants, and integrations, in cycles, if neither is known.
@@ -172,7 +174,12 @@ impl<'a> Fitted<'a> {
         });
         let weighted = rows.iter().map(|(index, row)| (trace.samples[*index].weight, *row));
         let tangents = Tangents::new(weighted, free);
-        Self { trace, at, rows, motional, admittance, tangents }
+        Self { trace, at, rows, motional, admittance, tangents, is_clean: false }
+    }
+
+    /// The same for residuals that are noise but for small disturbances.
+    pub(crate) fn clean(trace: &'a Trace, found: &Minimum) -> Self {
+        Self { is_clean: true, ..Self::new(trace, found) }
     }
 
     /// Every cause that can be distinguished from the circuit.
@@ -246,8 +253,8 @@ impl<'a> Fitted<'a> {
         self.at.q / (PI * self.at.resonance_hz)
     }
 
-    /// The most likely unsettled motion if the dwell at each point is unknown. The dwells are tried only
-    /// if a lag of one point, of any amplitude and phase, gains something.
+    /// The most likely unsettled motion if the dwell at each point is unknown. For clean residuals, the
+    /// dwells are tried only if a lag of one point, of any amplitude and phase, gains something.
     fn not_settled(&self) -> Option<Alternative> {
         let pattern = |i: usize, _: &Row| {
             let before = if i == 0 { NOTHING } else { self.motional[i - 1] };
@@ -255,8 +262,8 @@ impl<'a> Fitted<'a> {
             [left, left * Complex64::I, NOTHING]
         };
         let mut best = self.alternative(Cause::NotSettled, 2, pattern);
-        let variance = self.tangents.as_ref()?.variance();
-        if best.is_some_and(|lag| lag.saved < LAG_CHI_SQUARED_MIN * variance) {
+        let least = LAG_CHI_SQUARED_MIN * self.tangents.as_ref()?.variance();
+        if self.is_clean && best.is_some_and(|lag| lag.saved < least) {
             return best;
         }
         for trial in self.dwells() {

@@ -151,11 +151,13 @@ impl Model {
     ) -> Option<Resonance> {
         let trace = Trace::of(readings, options.timing, unit_farad);
         let found_at = Minimum { at, normal: trace.normal(&at), end: End::Converged, free };
-        let mut model = Self::with(trace, &found_at, found.model_order);
-        if !model.has_settled(options) || strongest(&model.doubts(options)).is_some() {
+        let model = Self::with(trace, &found_at, found.model_order);
+        let (alternatives, widened) =
+            model.alternatives(&Fitted::clean(&model.trace, &model.found), options);
+        if !model.has_settled(options) || strongest(&alternatives).is_some() {
             return None;
         }
-        Some(found.widened(model.widened * found.resonance_hz.powi(2)))
+        Some(found.widened(widened * found.resonance_hz.powi(2)))
     }
 
     /// A model without evidence against it.
@@ -267,25 +269,37 @@ impl Model {
         *self = higher;
     }
 
-    /// Every alternative with its gain. Each widens the uncertainty in proportion to its probability,
-    /// which follows from its gain and its prior probability.
+    /// Every alternative with its gain; the model is widened by them.
     fn doubts(&mut self, options: &FitOptions) -> Vec<(Alternative, f64)> {
         let fitted = Fitted::new(&self.trace, &self.found);
+        let (alternatives, widened) = self.alternatives(&fitted, options);
+        self.widened = widened;
+        alternatives
+    }
+
+    /// Every alternative with its gain, and the addition to the relative variance. Each alternative
+    /// widens the uncertainty in proportion to its probability, which follows from its gain and its prior
+    /// probability.
+    fn alternatives(
+        &self,
+        fitted: &Fitted<'_>,
+        options: &FitOptions,
+    ) -> (Vec<(Alternative, f64)>, f64) {
         let alternatives: Vec<_> = fitted
             .alternatives()
             .into_iter()
             .map(|found| (found, self.gain(found.saved, options)))
             .collect();
         let variance = self.noise(options).variance();
-        self.widened = alternatives
+        let widened = alternatives
             .iter()
             .filter(|(found, _)| {
                 found.variance
                     < inflation_max(&found.cause, options.near.is_some()) * found.variance_without
             })
             .map(|(found, gain)| found.widening(*gain, variance))
-            .fold(self.unsettled(&fitted, variance), f64::max);
-        alternatives
+            .fold(self.unsettled(fitted, variance), f64::max);
+        (alternatives, widened)
     }
 
     /// Relative variance of the resonance added by unknown times.

@@ -194,7 +194,9 @@ impl From<&FitOutcome> for OutcomeView {
 impl From<&SweepOutcome> for OutcomeView {
     fn from(outcome: &SweepOutcome) -> Self {
         match outcome {
-            SweepOutcome::Accepted { resonance_hz, sigma_hz, effective_time_s, circuit } => {
+            SweepOutcome::Accepted {
+                resonance_hz, sigma_hz, effective_time_s, circuit, ..
+            } => {
                 let of = |value: fn(&Circuit) -> f64| circuit.as_ref().map(value);
                 let found = FoundView {
                     resonance_hz: *resonance_hz,

@@ -313,6 +313,7 @@ impl Recorder {
                     loss_tangent_sigma: resonance.loss_tangent_sigma(),
                     ..circuit_of(&resonance.circuit())
                 }),
+                left_out: usable(finished).saturating_sub(resonance.points),
             },
             FitOutcome::Refused(refusal) => {
                 store::SweepOutcome::Refused { reason: refusal.to_string() }
@@ -423,4 +424,10 @@ const fn purpose_of(purpose: rig_engine::LoweringPurpose) -> store::MoveReason {
         rig_engine::LoweringPurpose::Indent => store::MoveReason::Indent,
         rig_engine::LoweringPurpose::ByHand => store::MoveReason::ByHand,
     }
+}
+
+/// Number of readings of a sweep that have a value, without those of the contact sense.
+fn usable(finished: &FinishedSweep) -> usize {
+    let readings = finished.readings.iter().skip(finished.probe_readings);
+    readings.filter(|reading| reading.impedance().is_some()).count()
 }

@@ -25,8 +25,8 @@ const CANDIDATES: usize = 10;
 /// Number of them without which the circuit is searched anew.
 const SEARCHED: usize = 2;
 /// Twice the log-likelihood that an excluded reading must gain, which is also the largest weighted |r|²
-/// of a usual one. One good reading in ten thousand exceeds it, and its loss is harmless.
-const GAIN_MIN: f64 = 18.0;
+/// of a usual one. One good reading in fifty thousand exceeds it, and its loss is harmless.
+const GAIN_MIN: f64 = 22.0;
 /// Number of rows after which no further reading is left out at once, a few milliseconds.
 pub(crate) const ROWS_MAX: u64 = 30_000;
 /// Largest number of readings that are excluded at once.
