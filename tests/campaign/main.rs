@@ -46,6 +46,9 @@ use clap::Parser;
 use page::Page;
 use tally::{Steps, Tally};
 
+/// Largest number of empty cells that are named.
+const CELLS_NAMED: usize = 40;
+
 /// Plays runs on simulated benches with one seed after another.
 #[derive(Debug, Clone, Parser)]
 #[expect(clippy::struct_excessive_bools, reason = "each is an option of the command line")]
@@ -140,7 +143,9 @@ fn faulted(arguments: &Arguments) -> ExitCode {
         println!("{count:8} {reason}");
     }
     let empty = counts.table.empty();
-    println!("{} of the table's cells are empty: {}", empty.len(), empty.join(", "));
+    let named = if empty.len() <= CELLS_NAMED { &empty[..] } else { &[] };
+    let colon = if named.is_empty() { "" } else { ": " };
+    println!("{} of the table's cells are empty{colon}{}", empty.len(), named.join(", "));
     let seconds = begun.elapsed().as_secs_f64();
     println!("{counts}; {:.1} runs a second", counts.runs as f64 / seconds);
     if let Some(path) = &arguments.page {

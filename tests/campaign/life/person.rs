@@ -64,7 +64,7 @@ impl Life<'_> {
         let starts = state == RigState::Idle && self.run.is_none();
         match self.person_at {
             Some((at, for_key)) if for_key == key && at <= now => {}
-            _ if starts => {}
+            None if starts => {}
             Some((_, for_key)) if for_key == key => return None,
             _ => {
                 self.person_at = Some((now + wait, key));
@@ -106,6 +106,11 @@ impl Life<'_> {
                     return Some(End::Finished);
                 }
                 if done.is_err() {
+                    if self.run.is_none() && self.tries_left == 0 {
+                        self.mend();
+                        return status.journal_error.is_some().then_some(End::Restart);
+                    }
+                    self.tries_left -= u32::from(self.run.is_none());
                     // A refusal changes nothing; the person tries again later.
                     self.person_at = Some((Instant::now() + RESUME, key_of(status)));
                 }
