@@ -499,6 +499,7 @@ impl Shell {
     }
 
     fn carry_out(&mut self, effects: Vec<Effect>) {
+        let had_ended = self.has_ended();
         for effect in effects {
             match effect {
                 Effect::Note(event) => self.note(&event),
@@ -516,7 +517,15 @@ impl Shell {
         if !is_busy || is_due {
             self.commit();
         }
+        if !had_ended && self.has_ended() && self.view.journal_error.is_some() {
+            // Its last records are not on disk.
+            self.view_run(|view| view.ending = Some(RunStatus::Faulted));
+        }
         self.publish();
+    }
+
+    fn has_ended(&self) -> bool {
+        self.view.run.as_ref().is_some_and(|view| view.ending.is_some())
     }
 
     /// Makes an intent durable, and tells the interlock when it is.

@@ -26,7 +26,6 @@ fn fit_and_planner_are_not_silently_wrong_and_a_peak_pick_often() {
         Axis::Drift,
         Axis::DriveLevelStep,
         Axis::SettlingUnknown,
-        Axis::Digits,
     ];
     let cells = judge_all(&axes, 1, 1, 11..12);
     let wrong = document::where_wrong(cells.iter());
