@@ -12,7 +12,7 @@ use crate::{
 /// The two weigh readings a little differently.
 const RESONANCE_SIGMAS: f64 = 1.0;
 /// A stated standard deviation over that of this checker. A possible second mode widens a stated one.
-const SIGMA_RATIO: [f64; 2] = [0.6, 40.0];
+const SIGMA_RATIO: [f64; 2] = [0.6, 10.0];
 /// The largest standard deviation of a sweep on a given grid, in linewidths.
 const SIGMA_LINEWIDTHS: f64 = 0.5;
 /// The scatter about the fit may exceed the noise by this many standard deviations of χ².
