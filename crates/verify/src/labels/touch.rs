@@ -16,6 +16,9 @@ use crate::{
 const COPY: f64 = 1e-9;
 /// A touch without a shift of this many standard deviations is refused: no contact was felt.
 const NO_SHIFT_SIGMAS: f64 = 6.0;
+/// Begins of the reason if a measurement after the sweep speaks against the touch.
+const LATER: [&str; 3] =
+    ["it is contradicted by what was measured next", "contact sense:", "after the sweep the probe"];
 
 impl Labels {
     pub(crate) fn surface_found(
@@ -224,6 +227,8 @@ impl Labels {
             Some(Err(reason)) if *reason == refused.reason => {}
             // The surface was no longer where it had been found, or could not be looked for.
             Some(Ok(_)) if self.is_still_there == Some(false) => {}
+            // A measurement after the sweep speaks against the touch, whatever the shift.
+            Some(Ok(_)) if LATER.iter().any(|begin| refused.reason.starts_with(begin)) => {}
             Some(&Ok((hz, sigma_hz))) => {
                 let limit_hz = NO_SHIFT_SIGMAS * sigma_hz.hypot(refused.no_load_sigma_hz);
                 let shift_hz = hz - refused.no_load_hz;
