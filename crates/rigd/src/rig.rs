@@ -17,7 +17,9 @@ mod heartbeat;
 mod history;
 mod inspect;
 mod live;
+mod log;
 mod open;
+mod owners;
 mod pace;
 mod record;
 mod resume;
@@ -25,11 +27,14 @@ mod rig_loop;
 mod shell;
 mod slot;
 mod space;
+mod thread;
+mod view;
 mod way_out;
 
-use std::{path::PathBuf, sync::Arc, thread, time::Instant};
+use std::{path::PathBuf, sync::Arc, time::Instant};
 
 use rig_engine::{Command, CommandRefusal, Snapshot};
+use rig_link::Clock;
 use rig_model::{RigLimits, RigTime, SweepRequest, with_causes};
 use rig_protocol::{Action, Plan, Prompt};
 use rig_sim::SimHandle;
@@ -44,12 +49,13 @@ pub use inspect::{
     RoundTrips, inspect,
 };
 pub use live::{LiveEstimate, LiveSweep};
+pub(crate) use log::unwritable;
 pub use open::{DeviceError, OpenError};
 pub use pace::{Pace, Remaining};
 pub(crate) use resume::Outcomes;
 pub use resume::ResumeRefusal;
 pub use rig_loop::RigLoop;
-pub(crate) use shell::{CLOCK_WAS_SET, HELD_UP, unwritable};
+pub(crate) use shell::{CLOCK_WAS_SET, HELD_UP};
 pub use way_out::{WayOut, make_safe};
 
 use crate::{describe, loaded_rig::LoadedRig, protocol_file::LoadedProtocol};
@@ -69,7 +75,7 @@ pub struct RigHandle {
 /// The rig thread; dropping this does not stop it, [`RigHandle::close`] does.
 #[derive(Debug)]
 pub struct RigThread {
-    thread: thread::JoinHandle<()>,
+    thread: std::thread::JoinHandle<()>,
 }
 
 /// The published state of the rig.
@@ -254,9 +260,9 @@ enum Request {
 pub fn open(rig: LoadedRig, data: PathBuf) -> Result<(RigHandle, RigThread), OpenError> {
     let (requests, inbox) = mpsc::channel(REQUESTS_MAX);
     let (opened, is_open) = std::sync::mpsc::sync_channel(1);
-    let thread = thread::Builder::new()
+    let thread = std::thread::Builder::new()
         .name("rig".to_owned())
-        .spawn(move || shell::run(rig, data, inbox, &opened))
+        .spawn(move || thread::run(rig, data, inbox, &opened))
         .map_err(|source| OpenError::Thread { source })?;
     match is_open.recv() {
         Ok(Ok((status, simulation))) => {
@@ -484,4 +490,12 @@ struct Setting {
     rig: rig_store::Source,
     scene: Option<rig_store::Source>,
     devices: Arc<[DeviceIdentity]>,
+}
+
+/// Waits until a time on the rig's clock; for ever, when there is none.
+async fn until(clock: Clock, deadline: Option<RigTime>) {
+    match deadline {
+        Some(deadline) => tokio::time::sleep(deadline.since(clock.now())).await,
+        None => std::future::pending().await,
+    }
 }

@@ -2,15 +2,17 @@
 //! sweeps
 //! look where the resonances will be.
 
-use std::fmt::Write as _;
+use std::{fmt::Write as _, path::PathBuf};
 
+use clap::Args;
 use rig_files::FileKind;
 use rig_model::RigLimits;
 use rig_protocol::{Plan, Protocol};
 use serde::Serialize;
 
 use super::{
-    CheckArgs, Failure,
+    Failure,
+    args::{OutputArgs, RigArgs},
     table::{columns, duration, print, print_json},
 };
 use crate::{
@@ -20,6 +22,16 @@ use crate::{
     predict::{EDGE_LINEWIDTHS, NotPredicted, Predicted, Predictions, Warning, WindowEdge},
     protocol_file::LoadedProtocol,
 };
+
+#[derive(Debug, Args)]
+pub(super) struct CheckArgs {
+    /// Protocol file
+    protocol: PathBuf,
+    #[command(flatten)]
+    rig: RigArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+}
 
 /// Steps that a warning names one by one.
 const STEPS_NAMED: usize = 5;

@@ -4,7 +4,8 @@ use clap::Args;
 use serde::Serialize;
 
 use super::{
-    DataArgs, Failure, OutputArgs, RigArgs,
+    Failure,
+    args::{DataArgs, OutputArgs, RigArgs},
     table::{print, print_json},
 };
 use crate::{

@@ -16,7 +16,8 @@ use rig_resonance::{Estimator, FitOutcome, Limit, NoisePrior, Past, Timing, fit}
 use serde::Serialize;
 
 use super::{
-    Failure, OutputArgs,
+    Failure,
+    args::OutputArgs,
     check::FaultView,
     outcome::OutcomeView,
     table::{columns, facts, note, print, print_json},

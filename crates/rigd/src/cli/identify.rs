@@ -5,7 +5,8 @@ use rig_model::with_causes;
 use serde::Serialize;
 
 use super::{
-    Failure, OutputArgs, RigArgs,
+    Failure,
+    args::{OutputArgs, RigArgs},
     table::{facts, print, print_json},
 };
 use crate::rig::{self, DeviceSeen};

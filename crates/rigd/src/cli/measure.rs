@@ -13,7 +13,8 @@ use rig_store::{Reader, ReadingRecord, Sweep};
 use serde::Serialize;
 
 use super::{
-    DataArgs, Failure, OperatorArgs, RigArgs,
+    Failure,
+    args::{DataArgs, OperatorArgs, RigArgs},
     moves::{linear_target, positions, rotary_target},
     outcome::OutcomeView,
     session::{LeftInContact, Session, with_rig},

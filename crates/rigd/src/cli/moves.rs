@@ -6,7 +6,8 @@ use rig_model::{Clearance, Deg, Mm, Position, RigLimits};
 use serde::Serialize;
 
 use super::{
-    DataArgs, Failure, OperatorArgs, OutputArgs, RigArgs,
+    Failure,
+    args::{DataArgs, OperatorArgs, OutputArgs, RigArgs},
     session::{LeftInContact, Session, with_rig},
     table::{facts, note, print, print_json},
 };

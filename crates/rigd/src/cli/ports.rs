@@ -5,7 +5,8 @@ use rig_link::{AttachedPort, UsbIdentity, attached_ports};
 use serde::Serialize;
 
 use super::{
-    Failure, OutputArgs,
+    Failure,
+    args::OutputArgs,
     table::{facts, note, print, print_json},
 };
 

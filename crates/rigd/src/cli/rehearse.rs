@@ -6,7 +6,8 @@ use clap::Args;
 use serde::Serialize;
 
 use super::{
-    Failure, OutputArgs, RigArgs,
+    Failure,
+    args::{OutputArgs, RigArgs},
     screen::{self, words_in_lines},
     table::{duration, print, print_json},
 };

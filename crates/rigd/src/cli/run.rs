@@ -1,10 +1,11 @@
 //! `rigd run`: replays a protocol or resumes a run, and writes the report.
 
 use std::{
-    path::Path,
+    path::{Path, PathBuf},
     time::{Duration, Instant},
 };
 
+use clap::Args;
 use rig_engine::{Command, RefusalAnswer, RefusedTouch, RunStatus};
 use rig_store::{Ending, RunId};
 use tokio::{
@@ -13,7 +14,8 @@ use tokio::{
 };
 
 use super::{
-    Failure, OutputArgs, RedoArgs, RunArgs,
+    Failure,
+    args::{DataArgs, OperatorArgs, OutputArgs, RigArgs, TouchArgs},
     prompt::Terminal,
     runs, screen,
     session::{LeftInContact, Session, latched, with_rig},
@@ -24,6 +26,41 @@ use crate::{
     rig::{self, Status, TouchOrder},
     run_files,
 };
+
+#[derive(Debug, Args)]
+pub(super) struct RunArgs {
+    /// Protocol file
+    #[arg(required_unless_present = "resume", conflicts_with = "resume")]
+    protocol: Option<PathBuf>,
+    /// Resume a run that was not completed, at its next touch without an outcome: its name such as
+    /// `smoke-7`, its id or enough of it, or `latest`
+    #[arg(long, value_name = "RUN")]
+    resume: Option<String>,
+    /// With --resume: confirm that the rig file, the scene, the software or a device has changed
+    #[arg(long, requires = "resume")]
+    accept_changes: bool,
+    #[command(flatten)]
+    rig: RigArgs,
+    #[command(flatten)]
+    data: DataArgs,
+    #[command(flatten)]
+    operator: OperatorArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct RedoArgs {
+    #[command(flatten)]
+    touch: TouchArgs,
+    #[command(flatten)]
+    rig: RigArgs,
+    /// Confirm that the rig file, the scene, the software or a device has changed since the run
+    #[arg(long)]
+    accept_changes: bool,
+    #[command(flatten)]
+    output: OutputArgs,
+}
 
 /// The run to begin.
 enum Order {
@@ -67,7 +104,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
 
 /// Measures one touch of a run again.
 pub(super) fn redo(args: &RedoArgs) -> Result<(), Failure> {
-    let (data, rig) = (&args.touch.data.data, args.rig.load()?);
+    let (data, rig) = (&args.touch.run.data.data, args.rig.load()?);
     let touch = args.touch.order()?;
     let (run, is_simulated, operator) = (touch.run, rig.is_simulated(), args.touch.operator.name());
     let order = Order::Redo { touch, is_confirmed: args.accept_changes };

@@ -1,18 +1,16 @@
-//! `rigd runs`, `show`, `export` and `report`: the contents of the journal.
+//! `rigd runs`, `show`, `report`, `give-up`, `skip` and `salvage`: the runs of a data directory.
 
-use std::{
-    io::{self, BufWriter, Write},
-    path::Path,
-};
+use std::path::{Path, PathBuf};
 
+use clap::Args;
 use rig_record::StoredRecord;
-use rig_report::{RunResults, RunVerdict, export};
-use rig_store::{Reader, Run, RunKind, Store, StoreError};
+use rig_report::{RunResults, RunVerdict};
+use rig_store::{Reader, Run, RunKind, StoreError};
 use serde::Serialize;
 
 use super::{
-    ExportArgs, ExportFormat, ExportTable, Failure, GiveUpArgs, ReportArgs, RunsArgs, SalvageArgs,
-    ShowArgs, TouchArgs,
+    Failure,
+    args::{DataArgs, OperatorArgs, OutputArgs, RunArg, TouchArgs},
     table::{columns, duration, note, print, print_json},
 };
 use crate::{
@@ -21,6 +19,49 @@ use crate::{
     run_files::{self, ResultsView},
     run_folder, verdict,
 };
+
+#[derive(Debug, Args)]
+pub(super) struct RunsArgs {
+    #[command(flatten)]
+    data: DataArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct ShowArgs {
+    #[command(flatten)]
+    run: RunArg,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct ReportArgs {
+    #[command(flatten)]
+    run: RunArg,
+    /// File to write instead of the one in the data directory
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct GiveUpArgs {
+    #[command(flatten)]
+    run: RunArg,
+    #[command(flatten)]
+    operator: OperatorArgs,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct SalvageArgs {
+    /// Directory of the new journal
+    to: PathBuf,
+    #[command(flatten)]
+    data: DataArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+}
 
 /// A run in a list, for a program.
 #[derive(Debug, Serialize)]
@@ -95,43 +136,16 @@ pub(super) fn list(args: &RunsArgs) -> Result<(), Failure> {
 }
 
 pub(super) fn show(args: &ShowArgs) -> Result<(), Failure> {
-    let reader = args.data.journal()?;
-    let run = reader.find(&args.run)?;
+    let (reader, run) = args.run.find()?;
     let results = results_of(&run, &reader.amended(run.id)?)?;
-    let data = &args.data.data;
+    let data = &args.run.data.data;
     let verdict = verdict::for_report(data, &reader, run.id);
     print_results(data, &results, &verdict, args.output.json)
 }
 
-pub(super) fn export(args: &ExportArgs) -> Result<(), Failure> {
-    let reader = args.data.journal()?;
-    let run = reader.find(&args.run)?;
-    let records = match args.format {
-        ExportFormat::Jsonl => reader.records(run.id)?,
-        _ => reader.amended(run.id)?,
-    };
-    let mut out = BufWriter::new(io::stdout().lock());
-    let table = match args.format {
-        ExportFormat::Jsonl => None,
-        ExportFormat::Csv => Some(args.table),
-        ExportFormat::Sweeps => Some(ExportTable::Sweeps),
-        ExportFormat::Readings => Some(ExportTable::Readings),
-        ExportFormat::Searches => Some(ExportTable::Searches),
-    };
-    match table {
-        None => export::jsonl(&records, &mut out)?,
-        Some(ExportTable::Touches) => results_of(&run, &records)?.touches_csv(&mut out)?,
-        Some(ExportTable::Sweeps) => export::sweeps_csv(&records, &mut out)?,
-        Some(ExportTable::Readings) => export::readings_csv(&records, &mut out)?,
-        Some(ExportTable::Searches) => export::searches_csv(&records, &mut out)?,
-    }
-    out.flush().map_err(|source| Failure::System { what: "stdout", source })
-}
-
 pub(super) fn report(args: &ReportArgs) -> Result<(), Failure> {
-    let data = &args.data.data;
-    let reader = args.data.journal()?;
-    let run = reader.find(&args.run)?;
+    let data = &args.run.data.data;
+    let (reader, run) = args.run.find()?;
     let path = match &args.out {
         Some(path) => {
             run_files::write_report(data, &reader, run.id, path)?;
@@ -145,10 +159,8 @@ pub(super) fn report(args: &ReportArgs) -> Result<(), Failure> {
 
 /// Seals a run that was not completed.
 pub(super) fn give_up(args: &GiveUpArgs) -> Result<(), Failure> {
-    let run = args.data.journal()?.find(&args.run)?;
-    let data = &args.data.data;
-    let store = Store::open(data).map_err(|source| Failure::Data { data: data.clone(), source })?;
-    store.give_up(run.id, 0, args.operator.name().as_str())?;
+    let (_, run) = args.run.find()?;
+    args.run.data.store()?.give_up(run.id, 0, args.operator.name().as_str())?;
     note(&format!("{} is given up and sealed", run.short_name()));
     Ok(())
 }
@@ -204,10 +216,10 @@ pub(super) fn salvage(args: &SalvageArgs) -> Result<(), Failure> {
 
 /// Leaves a touch of a run out.
 pub(super) fn skip(args: &TouchArgs) -> Result<(), Failure> {
-    let (data, touch) = (&args.data.data, args.order()?);
-    let store = Store::open(data).map_err(|source| Failure::Data { data: data.clone(), source })?;
-    rig::skip(&store, &touch, args.operator.name().as_str(), 0).map_err(RequestRefusal::from)?;
-    run_files::write(data, touch.run)?;
+    let (data, touch) = (&args.run.data, args.order()?);
+    rig::skip(&data.store()?, &touch, args.operator.name().as_str(), 0)
+        .map_err(RequestRefusal::from)?;
+    run_files::write(&data.data, touch.run)?;
     note(&format!("{} is left out; its readings stay in the journal", touch.step));
     Ok(())
 }
@@ -249,6 +261,6 @@ pub(super) fn print_results(
     }
 }
 
-fn results_of(run: &Run, records: &[StoredRecord]) -> Result<RunResults, Failure> {
+pub(super) fn results_of(run: &Run, records: &[StoredRecord]) -> Result<RunResults, Failure> {
     Ok(RunResults::new(run, records).map_err(StoreError::from)?)
 }

@@ -7,7 +7,8 @@ use rig_model::{Clearance, Position};
 use serde::Serialize;
 
 use super::{
-    Failure, OperatorArgs, OutputArgs, RigArgs,
+    Failure,
+    args::{OperatorArgs, OutputArgs, RigArgs},
     table::{note, print, print_json},
 };
 use crate::{

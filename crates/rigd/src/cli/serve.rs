@@ -16,7 +16,8 @@ use tokio::{
 use tokio_util::sync::CancellationToken;
 
 use super::{
-    DataArgs, Failure, OperatorArgs, RigArgs,
+    Failure,
+    args::{DataArgs, OperatorArgs, RigArgs},
     screen::{say, say_clearly},
     session::{left, open},
     signals::Signals,

@@ -1,13 +1,24 @@
 //! `rigd verify`: checks the journal of a run with the checker that shares no code with rigd.
 
+use clap::Args;
+
 use super::{
-    Failure, VerifyArgs,
+    Failure,
+    args::{OutputArgs, RunArg},
     table::{print, print_json},
 };
 
+#[derive(Debug, Args)]
+pub(super) struct VerifyArgs {
+    #[command(flatten)]
+    run: RunArg,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
 pub(super) fn verify(args: &VerifyArgs) -> Result<(), Failure> {
-    let run = args.data.journal()?.find(&args.run)?;
-    let data = &args.data.data;
+    let (_, run) = args.run.find()?;
+    let data = &args.run.data.data;
     let verdict = rig_verify::verify(data, &run.id.to_string())
         .map_err(|source| Failure::Unchecked { data: data.clone(), source })?;
     if args.output.json {

@@ -3,6 +3,7 @@
 use std::{path::PathBuf, sync::Arc, time::Duration};
 
 use rig_analyzer::{Analyzer, AnalyzerError, Dialect, TransportSettings};
+use rig_engine::Event;
 use rig_files::rig_file::{AnalyzerFile, AxisFile, Connection, PortFile, RigFile, SimulatedPerson};
 use rig_link::{Clock, Endpoint, Port, Transcript, Transport};
 use rig_model::{Deg, LineSettings, Mm, Unit};
@@ -120,7 +121,7 @@ impl Halt {
 pub(super) struct Simulation {
     person: Technician,
     /// Whether that person also says that it is done.
-    pub(super) is_answering: bool,
+    is_answering: bool,
     rig: SimHandle,
 }
 
@@ -129,8 +130,18 @@ impl Simulation {
         self.rig.clone()
     }
 
-    /// Carries out the prompts of a run.
-    pub(super) fn perform(&self, prompt: &Prompt, samples: &[String]) {
+    /// Whether the simulated person answers what an event asks.
+    pub(super) const fn answers(&self, event: &Event) -> bool {
+        self.is_answering && matches!(event, Event::PromptAsked(_) | Event::RefusalAsked { .. })
+    }
+
+    /// Carries out the prompts of a run: when they are asked, or else when somebody has answered.
+    pub(super) fn follow(&self, event: &Event, samples: &[String]) {
+        let ((Event::PromptAsked(prompt), true) | (Event::PromptAnswered { prompt, .. }, false)) =
+            (event, self.is_answering)
+        else {
+            return;
+        };
         match *prompt {
             Prompt::PlaceSample { sample } => {
                 // The plan was checked against the samples of the scene.

@@ -49,29 +49,10 @@ impl Recorder {
         }
     }
 
-    /// For the journal of a run.
-    pub(super) const fn for_run(plan: Arc<Plan>) -> Self {
-        Self {
-            plan: Some(plan),
-            index: None,
-            sweeps: 0,
-            no_load_sweep: 0,
-            touch_sweeps: [0; 2],
-            linear: None,
-        }
-    }
-
-    /// For the journal of a resumed run, or of an amendment: `sweeps` is the number of its last
-    /// sweep.
-    pub(super) const fn continued(plan: Arc<Plan>, sweeps: u64) -> Self {
-        Self {
-            plan: Some(plan),
-            index: None,
-            sweeps,
-            no_load_sweep: 0,
-            touch_sweeps: [0; 2],
-            linear: None,
-        }
+    /// For the journal of a run or of an amendment; `sweeps` is the number of its last sweep, 0 at
+    /// its beginning.
+    pub(super) fn for_plan(plan: Arc<Plan>, sweeps: u64) -> Self {
+        Self { plan: Some(plan), sweeps, ..Self::for_session() }
     }
 
     /// The names of the samples.

@@ -28,8 +28,8 @@ use super::{
     gate::Gate,
     open::{HALT_WITHIN, Ports, bus_settings, device, open_port, plug_in, stage},
     record::Recorder,
-    shell::until,
     slot::Slot,
+    until,
 };
 use crate::loaded_rig::LoadedRig;
 

@@ -2,15 +2,16 @@
 
 use std::sync::Arc;
 
-use rig_engine::Command;
+use rig_engine::{Admitted, Command};
 use rig_protocol::Plan;
-use rig_store::{Expected, Record, RunId, RunKind, RunStarted};
+use rig_store::{Expected, Journal, Record, RunId, RunKind, RunStarted};
 
-use super::{Recorder, Shell};
+use super::Shell;
 use crate::{
     protocol_file::LoadedProtocol,
     rig::{
         History, Pace, RequestRefusal, ResumeRefusal, RunView, TouchOrder, amend,
+        record::Recorder,
         resume::{Known, resumable},
         space,
     },
@@ -28,7 +29,7 @@ impl Shell {
         self.journal_is_fine()?;
         self.has_space(&protocol.plan)?;
         let history = self.history();
-        let mut journal = self.store.begin(RunKind::Run, &protocol.plan.name)?;
+        let mut journal = self.log.store().begin(RunKind::Run, &protocol.plan.name)?;
         let id = journal.id();
         let view = self.run_view(id, Arc::new(protocol.plan.clone()), history);
         let expected = view.remaining(0, view.started);
@@ -43,11 +44,7 @@ impl Shell {
             ..started
         });
         journal.append(self.clock.now().as_micros(), &started)?;
-        self.run = Some((journal, Recorder::for_run(Arc::clone(&view.plan))));
-        self.view.run = Some(view);
-        self.begin(admitted, by);
-        // A client that has the id may ask for the run at once.
-        self.commit();
+        self.set_out(admitted, by, journal, 0, view);
         Ok(id)
     }
 
@@ -71,7 +68,8 @@ impl Shell {
     /// What earlier runs took, read before a journal is begun: a journal in memory cannot be read while
     /// it has uncommitted records. A journal that cannot be read gives no estimate.
     fn history(&self) -> History {
-        let history = self.store.reader().and_then(|reader| History::read(&reader, &self.setting));
+        let history =
+            self.log.store().reader().and_then(|reader| History::read(&reader, &self.setting));
         history.unwrap_or_else(|error| {
             tracing::warn!(%error, "earlier runs cannot be read; the plan alone gives the durations");
             History::default()
@@ -85,11 +83,10 @@ impl Shell {
         is_confirmed: bool,
         by: &str,
     ) -> Result<(), RequestRefusal> {
-        let reader = self.store.reader()?;
+        let reader = self.log.store().reader()?;
         resumable(&reader.run(id).map_err(ResumeRefusal::from)?)?;
         let known = Known::read(&reader, id, &self.setting, &self.known_samples)?;
         let rest = known.rest()?;
-        let plan = Arc::new(rest.plan.clone());
         let command = Command::Continue {
             plan: Box::new(rest.plan.clone()),
             from: rest.from,
@@ -100,19 +97,17 @@ impl Shell {
         known.confirm(is_confirmed)?;
         self.has_space(&rest.plan)?;
         let history = self.history();
-        let mut journal = self.store.reopen(id).map_err(ResumeRefusal::from)?;
-        let resumed = known.resumed(&rest, self.store.epoch()?, by, &self.setting);
+        let mut journal = self.log.store().reopen(id).map_err(ResumeRefusal::from)?;
+        let resumed = known.resumed(&rest, self.log.store().epoch()?, by, &self.setting);
         journal.append(self.clock.now().as_micros(), &resumed)?;
-        self.run = Some((journal, Recorder::continued(Arc::clone(&plan), rest.sweeps)));
-        self.view.run = Some(RunView {
+        let view = RunView {
             first_step: rest.from,
             touches_before: rest.touches_done,
             touches_done: rest.touches_done,
             touches_refused: rest.touches_refused,
-            ..self.run_view(id, plan, history)
-        });
-        self.begin(admitted, by);
-        self.commit();
+            ..self.run_view(id, Arc::new(rest.plan), history)
+        };
+        self.set_out(admitted, by, journal, rest.sweeps, view);
         Ok(())
     }
 
@@ -123,25 +118,43 @@ impl Shell {
         is_confirmed: bool,
         by: &str,
     ) -> Result<RunId, RequestRefusal> {
-        let known =
-            Known::read(&self.store.reader()?, order.run, &self.setting, &self.known_samples)?;
+        let known = Known::read(
+            &self.log.store().reader()?,
+            order.run,
+            &self.setting,
+            &self.known_samples,
+        )?;
         let (plan, sweeps) = (known.only(&order.step)?, known.rest()?.sweeps);
         let admitted = self.engine.admit(Command::Run(Box::new(plan.clone())))?;
         self.journal_is_fine()?;
         known.confirm(is_confirmed)?;
         self.has_space(&plan)?;
         let (rig_us, history) = (self.clock.now().as_micros(), self.history());
-        let journal = amend::redo(&self.store, &known, order, by, rig_us, &self.setting)?;
-        let (id, plan) = (journal.id(), Arc::new(plan));
-        self.run = Some((journal, Recorder::continued(Arc::clone(&plan), sweeps)));
-        self.view.run = Some(self.run_view(id, plan, history));
-        self.begin(admitted, by);
-        self.commit();
+        let journal = amend::redo(self.log.store(), &known, order, by, rig_us, &self.setting)?;
+        let id = journal.id();
+        let view = self.run_view(id, Arc::new(plan), history);
+        self.set_out(admitted, by, journal, sweeps, view);
         Ok(id)
     }
 
+    /// Begins what was admitted with a journal of its own, whose last sweep has this number.
+    fn set_out(
+        &mut self,
+        admitted: Admitted,
+        by: &str,
+        journal: Journal,
+        sweeps: u64,
+        view: RunView,
+    ) {
+        self.log.follow_run(journal, Recorder::for_plan(Arc::clone(&view.plan), sweeps));
+        self.view.begin_run(view);
+        self.begin(admitted, by);
+        // A client that has the id may ask for the run at once.
+        self.log.commit();
+    }
+
     fn journal_is_fine(&self) -> Result<(), RequestRefusal> {
-        match &self.view.journal_error {
+        match self.log.error() {
             Some(reason) => Err(RequestRefusal::Journal { reason: Arc::clone(reason) }),
             None => Ok(()),
         }
@@ -149,6 +162,6 @@ impl Shell {
 
     /// Refuses a plan for which the disk has no room.
     fn has_space(&self, plan: &Plan) -> Result<(), RequestRefusal> {
-        space::check(self.store.directory(), plan.summary(&self.setting.limits).disk_bytes)
+        space::check(self.log.store().directory(), plan.summary(&self.setting.limits).disk_bytes)
     }
 }

@@ -1,0 +1,111 @@
+//! Arguments that several commands have.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use rig_store::{Reader, Run, Store, StoreError};
+
+use super::Failure;
+use crate::{loaded_rig::LoadedRig, operator::Operator, rig::TouchOrder};
+
+/// The rig file that is meant where none is given: the shipped one, below the current directory.
+pub(super) const DEFAULT_RIG: &str = "config/rigs/simulated.toml";
+
+/// The rig to use.
+#[derive(Debug, Args)]
+pub(super) struct RigArgs {
+    /// Rig file of the bench
+    #[arg(long, value_name = "RIG", default_value = DEFAULT_RIG)]
+    pub(super) rig: PathBuf,
+}
+
+/// Data directory with the journal.
+#[derive(Debug, Args)]
+pub(super) struct DataArgs {
+    /// Directory of the journal and the reports
+    #[arg(long, value_name = "DIR", default_value = "data")]
+    pub(super) data: PathBuf,
+}
+
+/// The operator of a command.
+#[derive(Debug, Args)]
+pub(super) struct OperatorArgs {
+    /// Name that the journal keeps with the command [default: the login user]
+    #[arg(long, value_name = "NAME")]
+    pub(super) operator: Option<Operator>,
+}
+
+impl OperatorArgs {
+    pub(super) fn name(&self) -> Operator {
+        self.operator.clone().unwrap_or_else(Operator::login)
+    }
+}
+
+/// The output format.
+#[derive(Debug, Args)]
+pub(super) struct OutputArgs {
+    /// Print JSON for a program instead of text for a person
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+/// A run in a data directory.
+#[derive(Debug, Args)]
+pub(super) struct RunArg {
+    /// Run: its name such as `smoke-7`, its id or enough of it, or `latest`
+    run: String,
+    #[command(flatten)]
+    pub(super) data: DataArgs,
+}
+
+impl RunArg {
+    /// Finds the run, with what reads its journal.
+    pub(super) fn find(&self) -> Result<(Reader, Run), Failure> {
+        let reader = self.data.journal()?;
+        let run = reader.find(&self.run)?;
+        Ok((reader, run))
+    }
+}
+
+/// One touch of a run, and why it is amended.
+#[derive(Debug, Args)]
+pub(super) struct TouchArgs {
+    #[command(flatten)]
+    pub(super) run: RunArg,
+    /// Address of the touch, such as `main/3/left/30/1`
+    step: String,
+    /// The reason, for the journal and the report
+    #[arg(long, value_name = "TEXT")]
+    why: String,
+    #[command(flatten)]
+    pub(super) operator: OperatorArgs,
+}
+
+impl TouchArgs {
+    pub(super) fn order(&self) -> Result<TouchOrder, Failure> {
+        let run = self.run.find()?.1.id;
+        Ok(TouchOrder { run, step: self.step.clone(), why: self.why.clone() })
+    }
+}
+
+impl DataArgs {
+    /// Opens the journal to read.
+    pub(super) fn journal(&self) -> Result<Reader, Failure> {
+        Reader::open(&self.data).map_err(|source| self.failure(source))
+    }
+
+    /// Opens the journal to write.
+    pub(super) fn store(&self) -> Result<Store, Failure> {
+        Store::open(&self.data).map_err(|source| self.failure(source))
+    }
+
+    fn failure(&self, source: StoreError) -> Failure {
+        Failure::Data { data: self.data.clone(), source }
+    }
+}
+
+impl RigArgs {
+    pub(super) fn load(&self) -> Result<LoadedRig, Failure> {
+        Ok(LoadedRig::load(&self.rig)?)
+    }
+}

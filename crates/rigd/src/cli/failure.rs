@@ -1,0 +1,201 @@
+//! Why a command fails: its message, its exit code, and its advice.
+
+use std::{
+    io,
+    net::SocketAddr,
+    path::{Path, PathBuf},
+};
+
+use rig_engine::{CommandRefusal, RigState};
+use rig_model::{Clearance, Mm, Position};
+use rig_report::export::ExportError;
+use rig_store::StoreError;
+use rig_verify::JournalError;
+
+use super::args::DEFAULT_RIG;
+use crate::{
+    doctor::advice,
+    http::access::TokenError,
+    loaded_rig::FileError,
+    rehearse::RehearseError,
+    rig::{OpenError, RequestRefusal, ResumeRefusal},
+    run_files::RunFilesError,
+    sweep_form::SweepFaults,
+};
+
+pub(super) const EXIT_CODES: &str = "\
+Exit codes:
+  0  done
+  1  something failed: a file, a directory, a device
+  2  a bad command line, protocol, rig or sweep file, a target beyond the limits, or a change
+     since a run that nobody confirmed
+  3  no such run, or no resonance
+  4  the rig is latched after a fault
+  5  a run, a move or a sweep was aborted
+  6  a run came to its end, and some of its touches were refused
+  7  the journal of a run is not sound";
+
+/// Why a command failed, with its exit code.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum Failure {
+    #[error(transparent)]
+    BadFile(#[from] FileError),
+    #[error(transparent)]
+    RunFiles(#[from] RunFilesError),
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    #[error(transparent)]
+    Rehearse(#[from] RehearseError),
+    #[error("data directory {}", data.display())]
+    Data { data: PathBuf, source: StoreError },
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error(transparent)]
+    Export(#[from] ExportError),
+    #[error(transparent)]
+    Refused(#[from] RequestRefusal),
+    #[error(transparent)]
+    Sweep(#[from] SweepFaults),
+    #[error("{reason}")]
+    NoResonance { reason: String },
+    #[error("{refused} of {sweeps} sweeps have no resonance")]
+    NoResonances { refused: usize, sweeps: usize },
+    #[error("this timing needs the columns {missing} in the file")]
+    NoTimes { missing: &'static str },
+    #[error("{silent} of 3 devices did not answer correctly")]
+    Unidentified { silent: usize },
+    #[error("{problems} {}", if *problems == 1 { "problem" } else { "problems" })]
+    Unfit { problems: usize },
+    #[error(
+        "--listen {listen} lets every computer on that network move the rig; give --token-file \
+         with a file that contains a secret (`openssl rand -hex 32`, mode 600), which clients then \
+         send as `Authorization: Bearer`, or listen on 127.0.0.1"
+    )]
+    NoToken { listen: SocketAddr },
+    #[error("{address} is not an address on which rigd can listen; {advice}")]
+    Listen { address: SocketAddr, advice: &'static str, source: io::Error },
+    #[error(transparent)]
+    Token(#[from] TokenError),
+    #[error("{what}")]
+    System { what: &'static str, source: io::Error },
+    /// It has been explained already.
+    #[error("the rig is latched: {cause}")]
+    Latched { cause: String },
+    /// The faults have been listed.
+    #[error("the probe is {}{hint}", probe.name())]
+    NotClear { probe: Clearance, hint: String },
+    #[error("aborted; the probe was retracted")]
+    Aborted,
+    /// The runs have been listed already.
+    #[error("touches were refused")]
+    TouchesRefused,
+    #[error("interrupted")]
+    Interrupted,
+    #[error("data directory {}", data.display())]
+    Unchecked { data: PathBuf, source: JournalError },
+    /// The findings have been listed.
+    #[error("the journal is not sound")]
+    NotSound,
+    #[error(
+        "ended at once while the rig was {}; it is left as it is, and the probe is {}{}. The \
+         drives may still carry out their last command. First check by eye where the probe is; \
+         then `rigd home` retracts it",
+        state.name(),
+        probe.name(),
+        linear.map_or_else(String::new, |at| format!(" (last read back at {at})"))
+    )]
+    Left { state: RigState, probe: Clearance, linear: Option<Position<Mm>> },
+}
+
+impl Failure {
+    pub(super) fn exit_code(&self) -> u8 {
+        match self {
+            Self::BadFile(_)
+            | Self::Sweep(_)
+            | Self::NoTimes { .. }
+            | Self::NoToken { .. }
+            | Self::Token(_) => 2,
+            Self::Refused(RequestRefusal::Resume(refusal)) => match &**refusal {
+                ResumeRefusal::Changed { .. }
+                | ResumeRefusal::OtherKind { .. }
+                | ResumeRefusal::Protocol(_) => 2,
+                ResumeRefusal::Store(StoreError::NoSuchRun { .. })
+                | ResumeRefusal::NoSuchTouch { .. } => 3,
+                _ => 1,
+            },
+            Self::Refused(RequestRefusal::Command(
+                CommandRefusal::LinearTarget(_)
+                | CommandRefusal::RotaryTarget(_)
+                | CommandRefusal::TooDeep { .. },
+            )) => 2,
+            Self::NoResonance { .. }
+            | Self::NoResonances { .. }
+            | Self::Store(StoreError::NoSuchRun { .. } | StoreError::Ambiguous { .. }) => 3,
+            Self::Latched { .. } | Self::NotClear { .. } => 4,
+            Self::Aborted => 5,
+            Self::TouchesRefused => 6,
+            Self::NotSound => 7,
+            Self::Interrupted => 130,
+            Self::RunFiles(_)
+            | Self::Open(_)
+            | Self::Rehearse(_)
+            | Self::Data { .. }
+            | Self::Store(_)
+            | Self::Export(_)
+            | Self::Refused(_)
+            | Self::Unidentified { .. }
+            | Self::Unfit { .. }
+            | Self::Unchecked { .. }
+            | Self::Left { .. }
+            | Self::Listen { .. }
+            | Self::System { .. } => 1,
+        }
+    }
+}
+
+/// Advice for a damaged journal.
+pub(crate) const SALVAGE: &str =
+    "keep the directory; `rigd salvage NEW --data DIR` copies what verifies to a new one";
+
+impl Failure {
+    /// Advice, if the message has none.
+    pub(super) fn advice(&self) -> Option<&'static str> {
+        match self {
+            Self::Store(StoreError::NoSuchRun { .. }) => {
+                Some("`rigd runs --data DIR` lists the runs of a data directory")
+            }
+            Self::Data { source: StoreError::Damaged(_), .. }
+            | Self::Open(OpenError::Data { source: StoreError::Damaged(_), .. }) => {
+                Some("`rigd salvage NEW --data DIR` copies the readable part to a new directory")
+            }
+            Self::Store(StoreError::Broken { .. })
+            | Self::RunFiles(RunFilesError::Store(StoreError::Broken { .. })) => Some(SALVAGE),
+            Self::Data { source: StoreError::NoJournal, .. } => {
+                Some("name the directory of an earlier run with --data")
+            }
+            Self::Open(OpenError::Data { source: StoreError::InUse, .. }) => Some(
+                "end the other rigd, use its HTTP interface, or name another directory with \
+                      --data",
+            ),
+            Self::Refused(RequestRefusal::NoSpace { .. }) => {
+                Some("move old runs elsewhere, or choose another directory with --data")
+            }
+            Self::Refused(RequestRefusal::Resume(refusal))
+                if matches!(**refusal, ResumeRefusal::Changed { .. }) =>
+            {
+                Some(
+                    "confirm the change with --accept-changes, or name the other rig file with \
+                     --rig",
+                )
+            }
+            Self::Open(error) => advice::on_rig(error),
+            Self::BadFile(FileError::Missing { path, .. }) if path == Path::new(DEFAULT_RIG) => {
+                Some(
+                    "give a rig file with --rig; without --rig, rigd looks for the shipped one \
+                      here",
+                )
+            }
+            _ => None,
+        }
+    }
+}

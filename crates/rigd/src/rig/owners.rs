@@ -1,0 +1,67 @@
+//! The two owners of devices, each with its operation under way, and the stop that waits for neither.
+
+use rig_engine::{Failure, Operation, OperationId};
+
+use super::{
+    devices::{Axes, GatedAnalyzer},
+    open::Halt,
+    slot::{Ended, Slot},
+};
+
+/// The owners of the drives and of the analyzer.
+pub(super) struct Owners {
+    axes: Slot<Axes>,
+    analyzer: Slot<GatedAnalyzer>,
+    halt: Halt,
+    /// An operation that ended before it was sent.
+    refused: Option<(OperationId, Failure)>,
+}
+
+impl Owners {
+    pub(super) fn new(axes: Axes, analyzer: GatedAnalyzer, halt: Halt) -> Self {
+        Self { axes: Slot::new(axes), analyzer: Slot::new(analyzer), halt, refused: None }
+    }
+
+    pub(super) fn start(&mut self, id: OperationId, operation: Operation) {
+        match &operation {
+            Operation::Measure { .. } => self.analyzer.start(id, operation),
+            _ => self.axes.start(id, operation),
+        }
+    }
+
+    /// Ends an operation that is not sent.
+    pub(super) fn refuse(&mut self, id: OperationId, failure: Failure) {
+        self.refused = Some((id, failure));
+    }
+
+    /// Ends the operation in progress. A moving axis stops at once, even while its bus is busy.
+    pub(super) fn interrupt(&mut self) {
+        self.analyzer.interrupt();
+        if self.axes.is_busy() {
+            self.axes.interrupt();
+            drop(self.halt.now());
+        }
+    }
+
+    /// Stops both axes without waiting for anything; see [`Halt::now`].
+    pub(super) fn halt(&self) -> impl Future<Output = ()> + use<> {
+        self.halt.now()
+    }
+
+    pub(super) const fn are_busy(&self) -> bool {
+        self.axes.is_busy() || self.analyzer.is_busy()
+    }
+
+    /// Waits for the end of an operation. May be dropped at any time.
+    pub(super) async fn ended(&mut self) -> (OperationId, Ended) {
+        if let Some((id, failure)) = self.refused.take() {
+            return (id, Err(failure));
+        }
+        // The order is fixed, so that a run replays.
+        tokio::select! {
+            biased;
+            ended = self.axes.ended() => ended,
+            ended = self.analyzer.ended() => ended,
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! The requests of persons and programs: each is refused, or begins something in the engine.
+
+use rig_engine::Command;
+use rig_protocol::StepId;
+use rig_store::RunId;
+
+use super::Shell;
+use crate::rig::{
+    Request, RequestRefusal, ResumeRefusal, TouchOrder, amend, open::HALT_WITHIN, record::Recorder,
+};
+
+impl Shell {
+    pub(super) fn take(&mut self, request: Request) {
+        // The caller may have closed its end. Its command is carried out.
+        match request {
+            Request::Run { protocol, by, key, reply } => {
+                _ = reply.send(self.start_run(&protocol, &by, key));
+            }
+            Request::Resume { run, is_confirmed, by, reply } => {
+                _ = reply.send(self.resume_run(run, is_confirmed, &by));
+            }
+            Request::Redo { order, is_confirmed, by, reply } => {
+                _ = reply.send(self.redo(&order, is_confirmed, &by));
+            }
+            Request::Skip { order, by, reply } => {
+                _ = reply.send(self.skip(&order, &by));
+            }
+            Request::GiveUp { run, by, reply } => {
+                let given_up = self.log.store().give_up(run, self.clock.now().as_micros(), &by);
+                _ = reply.send(given_up.map_err(|error| ResumeRefusal::from(error).into()));
+            }
+            Request::Sweep { request, by, reply } => {
+                let result = self.command(Command::Sweep(request), &by);
+                _ = reply.send(result.map(|()| self.view.sweeps()));
+            }
+            Request::Command { command, run, by, reply } => {
+                let result = run.map_or(Ok(()), |run| self.under_way(run).map(|_| ()));
+                _ = reply.send(result.and_then(|()| self.command(command, &by)));
+            }
+            Request::Answer { run, step, by, reply } => {
+                _ = reply.send(self.answer(run, step, &by));
+            }
+            Request::Close { reply } => _ = reply.send(()),
+            #[cfg(test)]
+            Request::PanicAt(event) => self.panic_at = event,
+        }
+        // A request that met a failure of the disk has closed the journal.
+        self.log.check();
+        self.publish();
+    }
+
+    /// Stops the axes before anything is decided or written, if a request asks for that.
+    pub(super) async fn halt_if_asked(&self, request: &Request) {
+        let Request::Command { command: command @ (Command::Stop | Command::Abort), run, .. } =
+            request
+        else {
+            return;
+        };
+        // A stop would lead to the retract that is in progress.
+        if run.is_some_and(|run| self.under_way(run).is_err())
+            || self.is_retracting()
+            || self.engine.admit(command.clone()).is_err()
+        {
+            return;
+        }
+        self.gate.stop_asked();
+        // A line that takes longer gets them when it can; the decision must not wait for it.
+        if tokio::time::timeout(HALT_WITHIN, self.owners.halt()).await.is_ok() {
+            self.gate.stop_sent();
+        }
+    }
+
+    pub(super) fn command(&mut self, command: Command, by: &str) -> Result<(), RequestRefusal> {
+        let is_sweep = matches!(command, Command::Sweep(_));
+        let is_acknowledgement = matches!(command, Command::Acknowledge);
+        let admitted = self.engine.admit(command)?;
+        self.gate.operator(by, is_acknowledgement)?;
+        if is_sweep {
+            self.view.begin_sweep(self.log.begin_sweep());
+        }
+        self.begin(admitted, by);
+        Ok(())
+    }
+
+    fn under_way(&self, run: RunId) -> Result<&Recorder, RequestRefusal> {
+        let under_way = self.log.run().filter(|&(id, _)| id == run);
+        under_way.map(|(_, recorder)| recorder).ok_or(RequestRefusal::NotUnderWay { run })
+    }
+
+    fn answer(&mut self, run: RunId, step: String, by: &str) -> Result<(), RequestRefusal> {
+        if self.under_way(run)?.step_id().as_deref() != Some(&*step) {
+            return Err(RequestRefusal::NotAsked { step });
+        }
+        self.command(Command::Answer, by)
+    }
+
+    /// Leaves a touch out. In the run under way it must not have begun.
+    fn skip(&mut self, order: &TouchOrder, by: &str) -> Result<(), RequestRefusal> {
+        let rig_us = self.clock.now().as_micros();
+        if self.under_way(order.run).is_err() {
+            return Ok(amend::skip(self.log.store(), order, by, rig_us)?);
+        }
+        let admitted = self.engine.admit(Command::Skip(StepId(order.step.clone())))?;
+        self.gate.operator(by, false)?;
+        // What is recorded, the run can read.
+        self.log.commit();
+        amend::write_skip(self.log.store(), order, by, rig_us)?;
+        self.begin(admitted, by);
+        Ok(())
+    }
+}
