@@ -235,22 +235,10 @@ fn list(violations: &[Violation]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{AxisWiring, LineTransport, Wiring, scene::paper};
-    use rig_model::{AnalyzerMake, DriveMake};
+    use crate::{LineTransport, Wiring, scene::paper};
 
     fn rig() -> Rig {
-        let axis = |unit_id| AxisWiring {
-            make: DriveMake::OrientalAz,
-            unit_id,
-            units_per_step: 0.001,
-            zero: 0.0,
-        };
-        let wiring = Wiring {
-            analyzer: AnalyzerMake::HiokiIm3536,
-            linear: axis(1),
-            rotary: axis(2),
-            transport: LineTransport::Serial { baud: 115_200 },
-        };
+        let wiring = Wiring::paper(LineTransport::Serial { baud: 115_200 });
         Rig::new(paper(), &wiring, 1).unwrap()
     }
 

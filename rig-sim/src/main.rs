@@ -184,16 +184,10 @@ async fn serve(args: &Serve, scene: Scene) -> Result<(), Failure> {
 }
 
 fn wiring(args: &Serve) -> Wiring {
-    let axis = |make: DriveMake, unit_id, units_per_step| AxisWiring {
-        make,
-        unit_id,
-        units_per_step,
-        zero: 0.0,
-    };
     Wiring {
         analyzer: args.analyzer,
-        linear: axis(args.linear, args.linear_unit, args.mm_per_step),
-        rotary: axis(args.rotary, args.rotary_unit, args.deg_per_step),
+        linear: AxisWiring::new(args.linear, args.linear_unit, args.mm_per_step),
+        rotary: AxisWiring::new(args.rotary, args.rotary_unit, args.deg_per_step),
         transport: LineTransport::Serial { baud: args.baud },
     }
 }

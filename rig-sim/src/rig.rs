@@ -249,7 +249,6 @@ impl Rig {
 
 #[cfg(test)]
 mod tests {
-    use rig_model::DriveMake;
 
     use super::*;
     use crate::{
@@ -268,15 +267,7 @@ mod tests {
 
     impl TestRig {
         fn new(transport: LineTransport) -> Self {
-            let axis = |unit_id, units_per_step| AxisWiring {
-                make: DriveMake::OrientalAz,
-                unit_id,
-                units_per_step,
-                zero: 0.0,
-            };
-            let (linear, rotary) = (axis(1, 0.001), axis(2, 0.01));
-            let analyzer = AnalyzerMake::HiokiIm3536;
-            let wiring = Wiring { analyzer, linear, rotary, transport };
+            let wiring = Wiring::paper(transport);
             let mut rig = Rig::new(paper(), &wiring, 1).unwrap();
             let (analyzer, bus) = (rig.connect(PortId::Analyzer), rig.connect(PortId::Bus));
             Self { rig, analyzer, bus, now: RigTime::ZERO }

@@ -213,26 +213,16 @@ impl SimHandle {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{AxisWiring, LineTransport, modbus::with_checksum, scene::paper};
-    use rig_model::{AnalyzerMake, DriveMake};
+    use crate::{LineTransport, modbus::with_checksum, scene::paper};
+    use rig_model::AnalyzerMake;
 
     fn start(seed: u64) -> SimRig {
         start_with(AnalyzerMake::HiokiIm3536, seed)
     }
 
     fn start_with(analyzer: AnalyzerMake, seed: u64) -> SimRig {
-        let axis = |unit_id, units_per_step| AxisWiring {
-            make: DriveMake::OrientalAz,
-            unit_id,
-            units_per_step,
-            zero: 0.0,
-        };
-        let wiring = Wiring {
-            analyzer,
-            linear: axis(1, 0.001),
-            rotary: axis(2, 0.01),
-            transport: LineTransport::Serial { baud: 115_200 },
-        };
+        let transport = LineTransport::Serial { baud: 115_200 };
+        let wiring = Wiring { analyzer, ..Wiring::paper(transport) };
         SimRig::start(paper(), &wiring, seed).unwrap()
     }
 

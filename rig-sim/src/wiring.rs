@@ -32,6 +32,26 @@ pub struct AxisWiring {
     pub zero: f64,
 }
 
+impl Wiring {
+    /// The devices of the paper's bench: a Hioki IM3536, and two Oriental Motor AZ drives with 1 µm and
+    /// 0.01° a step.
+    pub const fn paper(transport: LineTransport) -> Self {
+        Self {
+            analyzer: AnalyzerMake::HiokiIm3536,
+            linear: AxisWiring::new(DriveMake::OrientalAz, 1, 0.001),
+            rotary: AxisWiring::new(DriveMake::OrientalAz, 2, 0.01),
+            transport,
+        }
+    }
+}
+
+impl AxisWiring {
+    /// A drive whose count zero is at position zero.
+    pub const fn new(make: DriveMake, unit_id: u8, units_per_step: f64) -> Self {
+        Self { make, unit_id, units_per_step, zero: 0.0 }
+    }
+}
+
 /// One of the rig's ports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PortId {

@@ -31,7 +31,7 @@ impl Chance {
 }
 
 fn rig(analyzer: AnalyzerMake, drive: DriveMake) -> Rig {
-    let axis = |unit_id| AxisWiring { make: drive, unit_id, units_per_step: 0.01, zero: 0.0 };
+    let axis = |unit_id| AxisWiring::new(drive, unit_id, 0.01);
     let transport = LineTransport::Serial { baud: 115_200 };
     let wiring = Wiring { analyzer, linear: axis(1), rotary: axis(2), transport };
     let mut rig = Rig::new(scene::paper(), &wiring, SEED).unwrap();

@@ -31,19 +31,7 @@ const SERIAL: LineTransport = LineTransport::Serial { baud: 115_200 };
 const PATIENCE: Duration = Duration::from_secs(20);
 
 fn start() -> (SimRig, Server) {
-    let axis = |unit_id, units_per_step| AxisWiring {
-        make: DriveMake::OrientalAz,
-        unit_id,
-        units_per_step,
-        zero: 0.0,
-    };
-    let wiring = Wiring {
-        analyzer: AnalyzerMake::HiokiIm3536,
-        linear: axis(1, 0.001),
-        rotary: axis(2, 0.01),
-        transport: SERIAL,
-    };
-    let rig = SimRig::start(scene::paper(), &wiring, 1).unwrap();
+    let rig = SimRig::start(scene::paper(), &Wiring::paper(SERIAL), 1).unwrap();
     let server = Server::new(rig.handle());
     (rig, server)
 }

@@ -29,7 +29,8 @@ pub(crate) async fn time(
     let bus = BusHandle::open(Port::open(endpoint, Clock::start()).await?, settings);
     let mut took = Vec::with_capacity(count);
     for _ in 0..count {
-        // The same sleep for every library. It blocks the runtime too.
+        // The pace at which the transactions are asked, an argument of the measurement and the same for
+        // every library; nothing is waited for. It blocks the runtime too.
         std::thread::sleep(Duration::from_micros(pause_us));
         let asked = Instant::now();
         bus.read(1, 0, 4).await?;

@@ -13,9 +13,9 @@ use std::{
     time::{Duration, Instant},
 };
 
-use rig_model::{AnalyzerMake, DriveMake, Orientation};
+use rig_model::Orientation;
 use rig_sim::{
-    AxisWiring, LineTransport, SimRig, Technician, Wiring,
+    LineTransport, SimRig, Technician, Wiring,
     serve::{Role, Server},
 };
 use rustix::{
@@ -81,19 +81,7 @@ struct Bench {
 impl Bench {
     async fn start(folder: &Path) -> Self {
         let scene = rig_sim::scene::read("scene", &shipped("scenes/paper.toml")).unwrap();
-        let axis = |unit_id, units_per_step| AxisWiring {
-            make: DriveMake::OrientalAz,
-            unit_id,
-            units_per_step,
-            zero: 0.0,
-        };
-        let wiring = Wiring {
-            analyzer: AnalyzerMake::HiokiIm3536,
-            linear: axis(1, 0.001),
-            rotary: axis(2, 0.01),
-            transport: LineTransport::Tcp,
-        };
-        let sim = SimRig::start(scene, &wiring, 1).unwrap();
+        let sim = SimRig::start(scene, &Wiring::paper(LineTransport::Tcp), 1).unwrap();
         let mut server = Server::new(sim.handle());
         let any = SocketAddr::from(([127, 0, 0, 1], 0));
         let analyzer = server.listen(Role::Analyzer, any).await.unwrap();

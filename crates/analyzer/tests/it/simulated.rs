@@ -7,21 +7,15 @@ use rig_analyzer::{
 use rig_link::{Clock, Port, StopSignal};
 use rig_model::{AnalyzerMake, DriveLevel, DriveMake, Reading, ReadingFlag, SweepPoint};
 use rig_sim::{
-    AxisWiring, LineTransport, SimRig, Wiring, control,
+    LineTransport, SimRig, Wiring, control,
     scene::paper,
     world::{Nuisances, Scene},
 };
 
 /// A bench without nuisances, with this analyzer.
 fn bench(model: AnalyzerMake) -> SimRig {
-    let axis = |unit_id| AxisWiring {
-        make: DriveMake::OrientalAz,
-        unit_id,
-        units_per_step: 0.001,
-        zero: 0.0,
-    };
     let transport = LineTransport::Serial { baud: 115_200 };
-    let wiring = Wiring { analyzer: model, linear: axis(1), rotary: axis(2), transport };
+    let wiring = Wiring { analyzer: model, ..Wiring::paper(transport) };
     let scene = Scene { nuisances: Nuisances::NONE, ..paper() };
     SimRig::start(scene, &wiring, 1).unwrap()
 }

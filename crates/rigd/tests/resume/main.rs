@@ -30,10 +30,7 @@ async fn a_run_goes_on_after_an_abort_and_after_a_stop_in_the_same_daemon() {
     let whole = touches(&Reader::open(&whole_data).unwrap(), whole);
     let data = folder.path().join("data");
     let bench = Bench::open(&rig, &data);
-    bench.wait_for(RigState::Idle).await;
-    let facts = LoadedRig::load(&rig).unwrap().facts();
-    let protocol = LoadedProtocol::load(&protocol, &facts).unwrap();
-    let run = bench.handle.run(protocol, "Ada").await.unwrap();
+    let run = bench.start(&rig, &protocol).await;
     let mut status = bench.handle.status();
     for (touches, command, ending) in
         [(1, RigCommand::Abort, RunStatus::Aborted), (3, RigCommand::Stop, RunStatus::Faulted)]
@@ -74,11 +71,8 @@ async fn a_session_is_sealed_after_a_day() {
     fs::write(&protocol, slow).unwrap();
     let data = folder.path().join("data");
     let bench = Bench::open(&rig, &data);
-    bench.wait_for(RigState::Idle).await;
     let first = bench.handle.status().borrow().session;
-    let facts = LoadedRig::load(&rig).unwrap().facts();
-    let protocol = LoadedProtocol::load(&protocol, &facts).unwrap();
-    let run = bench.handle.run(protocol, "Ada").await.unwrap();
+    let run = bench.start(&rig, &protocol).await;
     assert_eq!(bench.ended(run).await, RunStatus::Completed);
     let mut status = bench.handle.status();
     let renewed = status.wait_for(|status| status.session != first);

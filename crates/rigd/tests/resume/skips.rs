@@ -19,10 +19,7 @@ async fn touches_ahead_are_left_out_of_a_paused_run_and_the_rest_is_measured() {
     let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));
     let data = folder.path().join("data");
     let bench = Bench::open(&rig, &data);
-    bench.wait_for(RigState::Idle).await;
-    let facts = LoadedRig::load(&rig).unwrap().facts();
-    let protocol = LoadedProtocol::load(&protocol, &facts).unwrap();
-    let run = bench.handle.run(protocol, "Ada").await.unwrap();
+    let run = bench.start(&rig, &protocol).await;
     let mut status = bench.handle.status();
     status
         .wait_for(|status| status.run.as_ref().is_some_and(|run| run.touches_done > 0))

@@ -72,6 +72,14 @@ impl Bench {
         Self { handle, thread }
     }
 
+    /// Starts a protocol as soon as the rig is idle.
+    pub(crate) async fn start(&self, rig: &Path, protocol: &Path) -> RunId {
+        self.wait_for(RigState::Idle).await;
+        let facts = LoadedRig::load(rig).unwrap().facts();
+        let protocol = LoadedProtocol::load(protocol, &facts).unwrap();
+        self.handle.run(protocol, "Ada").await.unwrap()
+    }
+
     pub(crate) async fn wait_for(&self, state: RigState) {
         let mut status = self.handle.status();
         let reached = status.wait_for(|status| status.snapshot.state == state);
@@ -97,10 +105,7 @@ impl Bench {
 /// Replays a protocol to its end.
 pub(crate) async fn replay(rig: &Path, protocol: &Path, data: &Path) -> RunId {
     let bench = Bench::open(rig, data);
-    bench.wait_for(RigState::Idle).await;
-    let facts = LoadedRig::load(rig).unwrap().facts();
-    let protocol = LoadedProtocol::load(protocol, &facts).unwrap();
-    let run = bench.handle.run(protocol, "Ada").await.unwrap();
+    let run = bench.start(rig, protocol).await;
     assert_eq!(bench.ended(run).await, RunStatus::Completed);
     bench.close().await;
     run

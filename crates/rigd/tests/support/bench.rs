@@ -6,9 +6,8 @@ use std::{
     process::{Command, Output},
 };
 
-use rig_model::{AnalyzerMake, DriveMake};
 use rig_sim::{
-    AxisWiring, LineTransport, PortId, SimHandle, SimRig, Wiring,
+    LineTransport, PortId, SimHandle, SimRig, Wiring,
     faults::{Fault, FaultKind, FaultTrigger},
 };
 use serde_json::Value;
@@ -33,20 +32,8 @@ impl Bench {
     pub(crate) async fn start() -> Self {
         let scene = shipped("scenes/paper.toml");
         let scene = rig_sim::scene::read("scene", &fs::read_to_string(scene).unwrap()).unwrap();
-        let axis = |unit_id, units_per_step| AxisWiring {
-            make: DriveMake::OrientalAz,
-            unit_id,
-            units_per_step,
-            zero: 0.0,
-        };
-        let wiring = Wiring {
-            analyzer: AnalyzerMake::HiokiIm3536,
-            linear: axis(1, 0.001),
-            rotary: axis(2, 0.01),
-            transport: LineTransport::Tcp,
-        };
         let seed = scene.seed;
-        let sim = SimRig::start(scene, &wiring, seed).unwrap().handle();
+        let sim = SimRig::start(scene, &Wiring::paper(LineTransport::Tcp), seed).unwrap().handle();
         let mut listening = JoinSet::new();
         let analyzer = listen(&mut listening, &sim, PortId::Analyzer).await;
         let bus = listen(&mut listening, &sim, PortId::Bus).await;

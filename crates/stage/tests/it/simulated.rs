@@ -45,12 +45,10 @@ struct Bench {
 
 /// Both axes on one line, identified and homed.
 async fn bench(make: DriveMake, per_count: f64) -> Bench {
-    let wiring = |unit_id| AxisWiring { make, unit_id, units_per_step: per_count, zero: 0.0 };
     let wiring = Wiring {
-        analyzer: AnalyzerMake::HiokiIm3536,
-        linear: wiring(1),
-        rotary: wiring(2),
-        transport: LineTransport::Serial { baud: 115_200 },
+        linear: AxisWiring::new(make, 1, per_count),
+        rotary: AxisWiring::new(make, 2, per_count),
+        ..Wiring::paper(LineTransport::Serial { baud: 115_200 })
     };
     let mut rig = SimRig::start(paper(), &wiring, 1).unwrap();
     let line = LineSettings { baud: 115_200, parity: Parity::Even, stop_bits: StopBits::One };
