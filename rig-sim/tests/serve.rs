@@ -10,9 +10,8 @@ use std::{
     time::Duration,
 };
 
-use rig_model::{AnalyzerMake, DriveMake};
 use rig_sim::{
-    AxisWiring, LineTransport, PortId, SimRig, Wiring,
+    LineTransport, PortId, SimRig, Wiring,
     faults::{Fault, FaultKind, FaultTrigger, ReplyFault},
     scene,
     serve::{Role, Server},

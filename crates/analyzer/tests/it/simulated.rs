@@ -5,7 +5,7 @@ use rig_analyzer::{
     TONGHUI_TH283X,
 };
 use rig_link::{Clock, Port, StopSignal};
-use rig_model::{AnalyzerMake, DriveLevel, DriveMake, Reading, ReadingFlag, SweepPoint};
+use rig_model::{AnalyzerMake, DriveLevel, Reading, ReadingFlag, SweepPoint};
 use rig_sim::{
     LineTransport, SimRig, Wiring, control,
     scene::paper,

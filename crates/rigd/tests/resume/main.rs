@@ -10,11 +10,7 @@ use std::{collections::BTreeMap, fs, time::Duration};
 
 use rig_engine::{Command as RigCommand, RigState, RunStatus};
 use rig_store::{Clearance, Reader, Record, StoredRecord};
-use rigd::{
-    loaded_rig::LoadedRig,
-    protocol_file::LoadedProtocol,
-    rig::{self, RequestRefusal, ResumeRefusal},
-};
+use rigd::rig::{self, RequestRefusal, ResumeRefusal};
 use tempfile::TempDir;
 
 use support::{

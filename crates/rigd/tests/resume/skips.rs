@@ -4,11 +4,7 @@ use std::collections::BTreeMap;
 
 use rig_engine::{Command, CommandRefusal, RigState, RunStatus};
 use rig_store::{Reader, Record, RunId};
-use rigd::{
-    loaded_rig::LoadedRig,
-    protocol_file::LoadedProtocol,
-    rig::{RequestRefusal, TouchOrder},
-};
+use rigd::rig::{RequestRefusal, TouchOrder};
 use tempfile::TempDir;
 
 use crate::support::{Bench, rigd, write_protocol, write_rig};

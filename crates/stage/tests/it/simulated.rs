@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use rig_link::{Clock, Port, StopSignal};
 use rig_model::{
-    AnalyzerMake, Axis, AxisLimits, Deg, DriveMake, LineSettings, Mm, Parity, Position, Scale,
-    Span, StopBits, Unit,
+    Axis, AxisLimits, Deg, DriveMake, LineSettings, Mm, Parity, Position, Scale, Span, StopBits,
+    Unit,
 };
 use rig_sim::{
     AxisWiring, LineTransport, PortId, SimRig, Wiring,
