@@ -9,6 +9,7 @@ mod errors;
 mod faults;
 mod flags;
 mod forged;
+mod homing;
 mod makes;
 mod operator;
 mod out_of_contact;

@@ -110,7 +110,7 @@ async fn a_bus_that_is_unplugged_for_a_while_is_opened_again_and_the_probe_gets_
 }
 
 /// A drive without an absolute encoder that homes to the upper end of its travel.
-const INCREMENTAL: [(&str, &str); 4] = [
+pub(crate) const INCREMENTAL: [(&str, &str); 4] = [
     (r#"register_map = "oriental-az""#, r#"register_map = "iai-rc""#),
     ("mm_per_step = 0.001", "mm_per_step = -0.01"),
     ("zero_mm = 0\n", "zero_mm = 45\n"),

@@ -8,8 +8,11 @@ use crate::{RefusalAnswer, RigState};
 /// A command of a person or a program.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Command {
-    /// Home the axes that are not homed, and prove the probe clear.
+    /// Find the linear stage, prove the probe clear, and home the rotary stage if it is not homed.
     Prepare,
+    /// A person states that nothing is below the probe, down to the end of its travel: a linear stage
+    /// that is not homed is homed in any direction, and the rig is prepared. It acknowledges a fault.
+    HomeLinear,
     /// Replay a plan.
     Run(Box<Plan>),
     /// Replay the rest of a plan whose run had not been completed.
@@ -55,6 +58,7 @@ impl Command {
     pub const fn name(&self) -> &'static str {
         match self {
             Self::Prepare => "prepare",
+            Self::HomeLinear => "home with nothing below the probe",
             Self::Run(_) => "run",
             Self::Continue { .. } => "continue",
             Self::Sweep(_) => "sweep",

@@ -235,7 +235,13 @@ impl Engine {
                 self.attempt_ended(now, result.map_err(|(_, fault)| fault), effects);
             }
             (_, Err((_, fault))) => self.stop(now, StopReason::Fault(fault), effects),
-            (Activity::Preparing(_), Ok(_)) => self.preparing(now, effects),
+            (Activity::Preparing(_), Ok(report)) => {
+                if let Report::LinearAt(found) = report {
+                    self.linear = Some(found);
+                    self.reach = Some(Span { min: found, max: found });
+                }
+                self.preparing(now, effects);
+            }
             (Activity::Moving, Ok(_)) => self.activity = Activity::Idle,
             (Activity::Sweeping(sweep), Ok(Report::Measured(readings))) => {
                 let step = sweep.measured(now, &readings, &mut self.notes);
@@ -400,7 +406,7 @@ impl Engine {
                 let target = target.position();
                 self.notes.push(Event::RotaryMoved { target, read_back });
             }
-            (Operation::PrepareLinear, Some(&Report::LinearAt(read_back)))
+            (Operation::HomeLinear, Some(&Report::LinearAt(read_back)))
             | (_, Some(&Report::LinearHomed(read_back))) => {
                 self.linear = Some(read_back);
                 self.reach = Some(Span { min: read_back, max: read_back });
@@ -422,7 +428,7 @@ impl Engine {
                     reach.max = if target > reach.max { target } else { reach.max };
                 }
             }
-            Operation::PrepareLinear => self.reach = None,
+            Operation::HomeLinear => self.reach = None,
             _ => {}
         }
     }

@@ -46,9 +46,10 @@ pub enum FailureKind {
     Alarmed,
     /// The device did not answer, or its answer cannot be read.
     Line,
-    /// An axis does not know its position, or reports one outside its travel. No move from there is
-    /// safe, not even a retract.
+    /// An axis reports a position where it cannot be. No move from there is safe, not even a retract.
     Lost,
+    /// An axis does not know its position, and homing it may lead into the sample. No move is safe.
+    Unhomed,
 }
 
 /// A failed operation.

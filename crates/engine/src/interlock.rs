@@ -31,6 +31,11 @@ pub enum InterlockError {
         /// Refused target of the linear stage, mm.
         target: Position<Mm>,
     },
+    /// Homing in an unknown direction may lead into a sample, wherever the probe was last.
+    #[error(
+        "the linear stage must not be homed: nobody has stated that nothing is below the probe"
+    )]
+    HomingUnproven,
     /// The probe may be lowered only as far as was declared before.
     #[error("the probe must not be lowered to {target}: the lowest declared is {floor}")]
     BelowDeclared {
@@ -47,13 +52,15 @@ pub struct Interlock {
     linear: Axis<Mm>,
     clearance: Clearance,
     floor: Position<Mm>,
+    /// A person has stated that nothing is below the probe. It holds for one homing.
+    is_nothing_below: bool,
 }
 
 impl Interlock {
     /// Starts with an unknown clearance: the probe may be anywhere.
     pub const fn new(linear: Axis<Mm>) -> Self {
         let floor = linear.rest_target().position();
-        Self { linear, clearance: Clearance::Unknown, floor }
+        Self { linear, clearance: Clearance::Unknown, floor, is_nothing_below: false }
     }
 
     /// Clearance of the probe.
@@ -64,6 +71,11 @@ impl Interlock {
     /// Takes the probe for lowered until a read-back shows it clear.
     pub const fn assume_contact(&mut self) {
         self.clearance = Clearance::InContact;
+    }
+
+    /// Allows one homing in an unknown direction: a person has stated that nothing is below the probe.
+    pub(crate) const fn state_nothing_below(&mut self) {
+        self.is_nothing_below = true;
     }
 
     /// Allows lowering as far as `down_to`. The caller has made the intent durable.
@@ -79,9 +91,13 @@ impl Interlock {
     pub fn admit(&mut self, operation: &Operation) -> Result<(), InterlockError> {
         let rest = self.linear.rest_target();
         match operation {
-            Operation::PrepareLinear | Operation::FindLinear { .. } => {
+            Operation::HomeLinear => {
+                if !std::mem::take(&mut self.is_nothing_below) {
+                    return Err(InterlockError::HomingUnproven);
+                }
                 self.clearance = Clearance::Unknown;
             }
+            Operation::FindLinear { .. } => self.clearance = Clearance::Unknown,
             Operation::PrepareRotary | Operation::MoveRotary { .. } => {
                 if self.clearance != Clearance::Clear {
                     return Err(InterlockError::RotaryNotClear { clearance: self.clearance });
@@ -115,9 +131,7 @@ impl Interlock {
                 }
             }
             (
-                Operation::MoveLinear { .. }
-                | Operation::PrepareLinear
-                | Operation::FindLinear { .. },
+                Operation::MoveLinear { .. } | Operation::HomeLinear | Operation::FindLinear { .. },
                 _,
             ) => {
                 self.clearance = Clearance::Unknown;
@@ -173,8 +187,8 @@ mod tests {
         let rotate = Operation::MoveRotary { target, speed_deg_per_s: 1.0 };
         let measure = Operation::Measure { points: Vec::new(), level: DriveLevel { volt: 1.0 } };
         vec![
-            (Operation::PrepareLinear, at(49.0)),
-            (Operation::PrepareLinear, None),
+            (Operation::HomeLinear, at(49.0)),
+            (Operation::HomeLinear, None),
             (move_linear(40.0), at(40.005)),
             // A stall on the way up: the move has ended, but not where it should.
             (move_linear(40.0), at(20.0)),
@@ -193,7 +207,7 @@ mod tests {
     /// either ended at rest as read back, or the probe counts as down.
     fn is_up(history: &[(Operation, Option<Report>)]) -> bool {
         let is_linear = |operation: &Operation| {
-            matches!(operation, Operation::MoveLinear { .. } | Operation::PrepareLinear)
+            matches!(operation, Operation::MoveLinear { .. } | Operation::HomeLinear)
         };
         history.iter().rev().find(|(operation, _)| is_linear(operation)).is_some_and(|last| {
             last.0 == move_linear(40.0) && last.1 == Some(Report::LinearAt(Position::new(40.005)))
@@ -212,6 +226,9 @@ mod tests {
             for _ in 0..5 {
                 let (operation, report) = &moves[rest_of_code % moves.len()];
                 rest_of_code /= moves.len();
+                if *operation == Operation::HomeLinear {
+                    interlock.state_nothing_below();
+                }
                 let is_admitted = interlock.admit(operation).is_ok();
                 match operation {
                     Operation::MoveRotary { .. } | Operation::PrepareRotary => {
@@ -231,6 +248,24 @@ mod tests {
             }
         }
         assert!(rotations > 1000, "the histories hardly ever reached a rotation: {rotations}");
+    }
+
+    #[test]
+    fn one_homing_in_an_unknown_direction_follows_each_statement_that_nothing_is_below() {
+        let mut interlock = Interlock::new(linear());
+        for _ in 0..2 {
+            let refused = interlock.admit(&Operation::HomeLinear);
+            assert_eq!(refused, Err(InterlockError::HomingUnproven));
+            interlock.state_nothing_below();
+            interlock.admit(&Operation::HomeLinear).unwrap();
+            interlock.ended(&Operation::HomeLinear, Some(&Report::LinearAt(Position::new(49.0))));
+        }
+        // A clear probe proves nothing about what is below it.
+        interlock.admit(&move_linear(40.0)).unwrap();
+        let clear = Report::LinearAt(Position::new(40.0));
+        interlock.ended(&move_linear(40.0), Some(&clear));
+        assert_eq!(interlock.clearance(), Clearance::Clear);
+        interlock.admit(&Operation::HomeLinear).unwrap_err();
     }
 
     #[test]

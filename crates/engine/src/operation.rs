@@ -13,8 +13,9 @@ pub struct OperationId(pub u64);
 /// analyzer, and its late report is ignored.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Operation {
-    /// Home the linear stage if it is not homed. It homes upwards.
-    PrepareLinear,
+    /// Home the linear stage if it is not homed, in the direction that is set in its drive: only after
+    /// a person has stated that nothing is below the probe.
+    HomeLinear,
     /// Home the rotary stage if it is not homed.
     PrepareRotary,
     /// Find the linear stage again after a fault: open its port again, identify its drive, and read
@@ -79,7 +80,7 @@ pub(crate) fn retract(limits: &RigLimits) -> Operation {
 pub(crate) fn limit(operation: &Operation, travel_mm: f64, travel_deg: f64) -> Duration {
     const SLACK_S: f64 = 60.0;
     let seconds = match operation {
-        Operation::PrepareLinear | Operation::PrepareRotary | Operation::FindLinear { .. } => 300.0,
+        Operation::HomeLinear | Operation::PrepareRotary | Operation::FindLinear { .. } => 300.0,
         Operation::MoveLinear { speed_mm_per_s, .. } => travel_mm / speed_mm_per_s,
         Operation::MoveRotary { speed_deg_per_s, .. } => travel_deg / speed_deg_per_s,
         // An analyzer may be much slower than the requested integration.
@@ -94,7 +95,7 @@ pub(crate) fn limit(operation: &Operation, travel_mm: f64, travel_deg: f64) -> D
 /// Name of an operation in messages.
 pub(crate) const fn name(operation: &Operation) -> &'static str {
     match operation {
-        Operation::PrepareLinear => "homing the linear stage",
+        Operation::HomeLinear => "homing the linear stage",
         Operation::PrepareRotary => "homing the rotary stage",
         Operation::FindLinear { .. } => "finding the linear stage again",
         Operation::MoveLinear { .. } => "a move of the linear stage",

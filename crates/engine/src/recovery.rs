@@ -19,7 +19,9 @@
 //! and is not clear after a few retracts, or that does not know its position and has no safe way to
 //! find it, is not moved again.
 //!
-//! It also prepares the rig: it homes the axes that are not homed, after moving the probe up.
+//! It also prepares the rig: it finds the linear stage, moves the probe clear, and homes the rotary stage
+//! if it is not homed. A linear stage that has lost its position is homed in an unknown direction only
+//! after a person has stated that nothing is below the probe.
 
 use std::time::Duration;
 
@@ -74,7 +76,7 @@ impl RecoveryReport {
             Fault::Device(failure) if failure.device == Device::LinearStage => match failure.kind {
                 FailureKind::Line => Self::Silent,
                 FailureKind::Alarmed => Self::Alarmed,
-                FailureKind::Lost => Self::Lost,
+                FailureKind::Lost | FailureKind::Unhomed => Self::Lost,
                 FailureKind::Refused | FailureKind::Interrupted => Self::Refused,
             },
             Fault::PositionJumped { .. } => Self::Lost,
@@ -221,8 +223,9 @@ impl Recovery {
 /// Brings the rig into service.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Preparing {
+    /// A person has stated that nothing is below the probe.
     HomingLinear,
-    /// After a fault that may have left the probe in contact.
+    /// A sample may be below the probe, and the probe may be in it.
     FindingLinear,
     Clearing,
     HomingRotary,
@@ -233,7 +236,7 @@ impl Preparing {
     /// The operation of this stage.
     pub(crate) fn operation(self, limits: &RigLimits) -> Operation {
         match self {
-            Self::HomingLinear => Operation::PrepareLinear,
+            Self::HomingLinear => Operation::HomeLinear,
             Self::FindingLinear => Operation::FindLinear { may_reset_alarm: true },
             Self::Clearing => retract(limits),
             Self::HomingRotary => Operation::PrepareRotary,

@@ -10,8 +10,7 @@ pub enum PortCommand {
     /// Identify the linear drive and read where the stage is; home it only away from the sample.
     FindLinear,
     /// Bring the linear drive into service. An axis that is not homed is homed, in the direction
-    /// that is
-    /// set in the drive.
+    /// that is set in the drive.
     HomeLinear,
     /// Bring the rotary drive into service, homing it if it is not homed.
     HomeRotary,
@@ -56,6 +55,17 @@ impl PortCommand {
     pub(crate) const fn is_turn(&self) -> bool {
         matches!(self, Self::HomeRotary | Self::MoveRotary { .. })
     }
+}
+
+/// What a person says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Word {
+    /// A command that opens nothing.
+    Command,
+    /// The cause of the fault is understood.
+    Acknowledgement,
+    /// The same, and nothing is below the probe, down to the end of its travel.
+    NothingBelow,
 }
 
 /// How a command ended.

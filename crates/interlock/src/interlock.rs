@@ -5,8 +5,8 @@ use std::time::Duration;
 use rig_model::{Mm, Position, RigLimits, RigTime};
 
 use crate::{
-    Outcome, PortCommand, Refusal,
-    rules::{Depth, Identity, Intent, Latch, Ports, StopClock, Turn},
+    Outcome, PortCommand, Refusal, Word,
+    rules::{Depth, Homing, Identity, Intent, Latch, Ports, StopClock, Turn},
 };
 
 /// The interlock in front of the ports of one rig.
@@ -20,8 +20,7 @@ pub struct Interlock {
     latch: Latch,
     ports: Ports,
     stop: StopClock,
-    /// The probe was lowered, and not read back clear since.
-    may_touch: bool,
+    homing: Homing,
 }
 
 impl Interlock {
@@ -36,7 +35,7 @@ impl Interlock {
             latch: Latch::default(),
             ports: Ports::default(),
             stop: StopClock::default(),
-            may_touch: false,
+            homing: Homing::default(),
         }
     }
 
@@ -52,13 +51,11 @@ impl Interlock {
         self.turn.admit(now, command)?;
         self.intent.admit(command, is_retract)?;
         self.depth.admit(command)?;
-        if matches!(command, PortCommand::HomeLinear) && self.may_touch {
-            return Err(Refusal::HomingInContact);
-        }
+        self.homing.admit(now, command)?;
         self.ports.begun(*command);
         self.turn.begun(command);
         self.depth.begun(command);
-        self.may_touch |= matches!(command, PortCommand::MoveLinear { to, .. } if *to < self.rest);
+        self.homing.begun(command);
         Ok(())
     }
 
@@ -77,7 +74,6 @@ impl Interlock {
         self.turn.read(now, outcome);
         self.depth.read(outcome);
         if matches!(outcome, Outcome::LinearAt(_)) && self.turn.is_clear() {
-            self.may_touch = false;
             self.intent.cleared();
             self.latch.cleared();
         }
@@ -103,16 +99,21 @@ impl Interlock {
         self.latch.is_latched()
     }
 
-    /// A person gives a command; acknowledging a fault is one.
+    /// A person gives a command.
     ///
     /// # Errors
     /// [`Refusal::Anonymous`].
-    pub fn operator(&mut self, by: &str, is_acknowledgement: bool) -> Result<(), Refusal> {
+    pub fn operator(&mut self, now: RigTime, by: &str, word: Word) -> Result<(), Refusal> {
         if by.trim().is_empty() {
             return Err(Refusal::Anonymous);
         }
-        if is_acknowledgement {
-            self.latch.acknowledged();
+        match word {
+            Word::Command => {}
+            Word::Acknowledgement => self.latch.acknowledged(),
+            Word::NothingBelow => {
+                self.latch.acknowledged();
+                self.homing.stated(now);
+            }
         }
         Ok(())
     }
@@ -120,6 +121,7 @@ impl Interlock {
     /// A stop was requested. Until the probe is clear, only the way out is open.
     pub fn stop_asked(&mut self, now: RigTime) {
         self.stop.asked(now);
+        self.homing.withdrawn();
         self.latch.stop_begun();
     }
 

@@ -21,6 +21,6 @@ mod interlock;
 mod refusal;
 pub mod rules;
 
-pub use command::{Outcome, PortCommand};
+pub use command::{Outcome, PortCommand, Word};
 pub use interlock::Interlock;
 pub use refusal::Refusal;

@@ -94,9 +94,12 @@ pub enum Refusal {
         /// The command under way.
         other: &'static str,
     },
-    /// Homing in an unknown direction while the probe may be in a sample.
-    #[error("homing the linear stage: the probe may be in contact")]
-    HomingInContact,
+    /// Homing in an unknown direction, where a sample may be below the probe.
+    #[error(
+        "homing the linear stage: nobody has just stated that nothing is below the probe, and it may \
+         home downwards"
+    )]
+    HomingUnproven,
     /// After a stop, only the way out of contact is open until the probe is clear.
     #[error("{what}: a stop was asked for, and the probe has not been retracted since")]
     Stopping {

@@ -4,6 +4,7 @@
 
 mod depth;
 mod fault;
+mod homing;
 mod port;
 mod position;
 mod stop;
@@ -11,6 +12,7 @@ mod turn;
 
 pub use depth::Depth;
 pub use fault::Latch;
+pub use homing::Homing;
 pub use port::Ports;
 pub use position::{Identity, Intent};
 pub use stop::StopClock;

@@ -33,6 +33,8 @@ enum NextAction {
     Retract,
     /// The rig is prepared again.
     Prepare,
+    /// A person states that nothing is below the probe, and the linear stage is homed.
+    Home,
     /// This program is started again.
     Restart,
 }
@@ -43,6 +45,10 @@ impl Hint {
         let then = match self.then {
             NextAction::Retract => "POST /api/v1/acknowledge, which retracts the probe first",
             NextAction::Prepare => "POST /api/v1/acknowledge",
+            NextAction::Home => {
+                "POST /api/v1/home with {\"nothing_below_probe\": true}, which homes the linear stage in \
+                 the direction that is set in its drive"
+            }
             NextAction::Restart => "start rigd again",
         };
         format!("{}; then {then}", self.text)
@@ -57,6 +63,13 @@ impl Hint {
                     self.text
                 )
             }
+            NextAction::Home => {
+                format!(
+                    "{}; then `rigd home --nothing-below-probe`, which homes the linear stage in the \
+                     direction that is set in its drive",
+                    self.text
+                )
+            }
             NextAction::Prepare | NextAction::Restart => self.text.to_owned(),
         }
     }
@@ -68,6 +81,11 @@ pub(crate) const LOST: &str = "move nothing, not even with the tool of the drive
                                off, check by eye where the axis is, and correct the sign and the \
                                size of its step, its \
     zero or its travel in the rig file";
+
+/// Advice for a linear stage that does not know its position and may home downwards.
+const UNHOMED: &str = "homing this stage may lead downwards: lift the probe by hand if it touches, take \
+                       the sample away, and see with your own eyes that nothing is below the probe, down \
+                       to the end of its travel";
 
 /// Advice after a mistake of the program itself.
 const MAINTAINER: &str = "keep the journal of this run for the maintainer of rigd";
@@ -97,6 +115,9 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
         Fault::Device(failure) => Some((failure.device, failure.kind)),
         _ => None,
     };
+    if matches!(device, Some((Device::LinearStage, FailureKind::Unhomed))) {
+        return Hint { text: UNHOMED, then: NextAction::Home };
+    }
     let is_lost = matches!(device, Some((_, FailureKind::Lost)));
     if is_lost || matches!(fault, Fault::PositionJumped { .. }) {
         return Hint { text: LOST, then: NextAction::Restart };

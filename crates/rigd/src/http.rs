@@ -19,6 +19,7 @@
 //! | `POST /api/v1/runs/{id}/redo`, `skip` | measures one touch again; leaves it out |
 //! | `POST /api/v1/stop` | stops everything, retracts, latches |
 //! | `POST /api/v1/acknowledge` | leaves the latch |
+//! | `POST /api/v1/home` | the same, and homes a linear stage that has lost its position |
 //! | `GET /api/v1/events` | every record of the journal, as server-sent events |
 //!
 //! `GET /` links to the rest. Every request passes the guard first, which checks host, site, token
@@ -127,6 +128,7 @@ pub fn router(shared: Shared) -> Router {
         .route("/rig", get(rig::show))
         .route("/stop", post(rig::stop))
         .route("/acknowledge", post(rig::acknowledge))
+        .route("/home", post(rig::home))
         .route("/moves", post(moves::begin))
         .route("/sweeps", post(sweeps::begin))
         .route("/sweeps/{id}", get(sweeps::show))

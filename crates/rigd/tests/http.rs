@@ -14,7 +14,7 @@ use rig_store::{Reader, Record};
 use rigd::{
     http::{Shared, access::Access, router},
     loaded_rig::LoadedRig,
-    rig::{self, RigHandle, RigThread},
+    rig::{self, RigHandle, RigThread, Status},
 };
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -150,6 +150,17 @@ async fn the_journal_says_who_asked() {
     // A stop is accepted under any name.
     let stopped = daemon.send("POST", "stop", &Value::Null, &[("x-operator", "<b>")]).await;
     assert_eq!(stopped.0, StatusCode::OK, "{}", stopped.1);
+    let is_latched = |status: &Status| status.snapshot.state == RigState::Latched;
+    daemon.handle.status().wait_for(is_latched).await.unwrap();
+    for (form, expected) in [
+        (json!({ "nothing_below_probe": false }), StatusCode::UNPROCESSABLE_ENTITY),
+        (Value::Null, StatusCode::UNPROCESSABLE_ENTITY),
+        (json!({ "nothing_below_probe": true }), StatusCode::OK),
+    ] {
+        let home = daemon.send("POST", "home", &form, &[("x-operator", "Ada Lovelace")]).await;
+        assert_eq!(home.0, expected, "{form}: {}", home.1);
+    }
+    daemon.wait_until_idle().await;
 
     let session = daemon.handle.status().borrow().session;
     let records = Reader::open(daemon.data.path()).unwrap().records(session).unwrap();
@@ -158,11 +169,12 @@ async fn the_journal_says_who_asked() {
         _ => None,
     });
     let expected = [
-        ("prepare", "rigd"),
+        ("home with nothing below the probe", "simulated person"),
         ("move the linear stage", "the lab"),
         ("move the linear stage", "Ada Lovelace"),
         ("move the linear stage", "J\u{fc}rgen"),
         ("stop", "the lab"),
+        ("home with nothing below the probe", "Ada Lovelace"),
     ];
     let asked: Vec<_> = asked.collect();
     let asked: Vec<_> = asked.iter().map(|(what, who)| (what.as_str(), who.as_str())).collect();

@@ -7,6 +7,7 @@ mod bench;
 
 use std::process::Output;
 
+use rig_model::DriveMake;
 use rig_sim::{
     PortId,
     faults::{DeviceFault, FaultKind, RequestFault},
@@ -284,4 +285,29 @@ async fn nothing_moves_while_an_axis_says_that_it_is_where_it_cannot_be() {
         }
         assert_eq!(bench.places(), before, "{change:?}");
     }
+}
+
+/// A linear drive that forgets its position when it is switched off, and homes downwards.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_stage_that_may_home_downwards_is_homed_only_by_a_person_who_has_looked() {
+    let bench = Bench::with_linear_drive(DriveMake::IaiRc, 0.01).await;
+    let before = bench.places();
+    let changes = [
+        ("oriental-az", "iai-rc"),
+        ("mm_per_step = 0.001", "mm_per_step = 0.01"),
+        ("tolerance_mm = 0.002", "tolerance_mm = 0.01"),
+    ];
+    let rigd = |args: &[&str]| bench.rigd_with(&bench.analyzer, &bench.bus, &changes, args);
+    for args in [&["move", "linear", "35"] as &[&str], &["home"], &["home"]] {
+        let refused = rigd(args);
+        let said = stderr(&refused);
+        assert_eq!(refused.status.code(), Some(4), "{args:?}: {said}");
+        assert!(said.contains("nothing is below the probe"), "{args:?}: {said}");
+        assert!(said.contains("rigd home"), "{args:?}: {said}");
+        assert_eq!(bench.places(), before, "{args:?}");
+    }
+    let homed = rigd(&["home", "--nothing-below-probe"]);
+    assert!(homed.status.success(), "{}", stderr(&homed));
+    let moved = rigd(&["move", "linear", "35"]);
+    assert!(moved.status.success(), "{}", stderr(&moved));
 }

@@ -325,7 +325,9 @@ impl Walk {
 
     fn operator(&mut self, operator: &Operator) {
         match operator.action.as_str() {
-            "prepare" | "acknowledge" => self.motion.prepare(),
+            "prepare" | "acknowledge" | "home with nothing below the probe" => {
+                self.motion.prepare();
+            }
             "abort" | "stop" => {
                 self.motion.lose_positions();
                 self.motion.is_waiting = false;

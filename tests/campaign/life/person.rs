@@ -24,7 +24,15 @@ fn key_of(status: &Status) -> u64 {
     ((status.snapshot.state as u64) << 32) + step as u64
 }
 
-/// Whether the linear stage does not know where it is, so that rigd moves nothing.
+/// Whether the linear stage does not know where it is and may home downwards.
+fn is_unhomed(status: &Status) -> bool {
+    let fault = status.snapshot.fault.as_ref();
+    fault.is_some_and(|fault| {
+        matches!(fault, EngineFault::Device(failure) if failure.kind == FailureKind::Unhomed)
+    })
+}
+
+/// Whether the linear stage says that it is where it cannot be, so that rigd moves nothing.
 fn is_lost(status: &Status) -> bool {
     let fault = status.snapshot.fault.as_ref();
     fault.is_some_and(|fault| {
@@ -87,6 +95,10 @@ impl Life<'_> {
                     return Some(self.find_by_hand().await);
                 }
                 let done = match (status.snapshot.state, self.run) {
+                    (RigState::Latched, _) if is_unhomed(status) => {
+                        self.clear_bench().await;
+                        handle.command(Command::HomeLinear, None, TECHNICIAN).await
+                    }
                     (RigState::Latched, _) => {
                         handle.command(Command::Acknowledge, None, TECHNICIAN).await
                     }
@@ -186,16 +198,21 @@ impl Life<'_> {
         }
     }
 
-    /// A person lifts the probe, takes the sample away, and starts the daemon again, which then homes
-    /// the stage.
+    /// A person clears the bench and starts the daemon again.
     async fn find_by_hand(&mut self) -> End {
-        self.played.lifts += 1;
-        if let Some(technician) = self.simulation.as_ref().map(SimHandle::technician) {
+        self.clear_bench().await;
+        End::Restart
+    }
+
+    /// A person lifts a probe that touches, and takes the sample away.
+    async fn clear_bench(&mut self) {
+        let Some(technician) = self.simulation.as_ref().map(SimHandle::technician) else { return };
+        if self.is_in_contact() {
+            self.played.lifts += 1;
             technician.lift_probe();
             sleep(Duration::from_secs(10)).await;
-            technician.take_sample_away();
         }
-        End::Restart
+        technician.take_sample_away();
     }
 
     async fn answer(&mut self, handle: &RigHandle, status: &Status) {

@@ -17,7 +17,7 @@ use rig_model::{Clearance, RigTime};
 use super::{Activity, Engine};
 use crate::{
     Effect, Event, Fault, Report,
-    recovery::{Recovery, RecoveryReport, RecoveryStep},
+    recovery::{Preparing, Recovery, RecoveryReport, RecoveryStep},
 };
 
 /// Pause between two attempts: a person who mends the bus sees the probe go up soon, and a line that is
@@ -33,9 +33,9 @@ pub(super) struct Attempts {
     recovery: Recovery,
     /// The number of the attempt under way, or of the last one.
     number: u32,
-    /// A person has acknowledged the fault while an operation was in flight: the rig is prepared when it
-    /// ends.
-    is_acknowledged: bool,
+    /// A person has acknowledged the fault while an operation was in flight: the rig is prepared so
+    /// when it ends.
+    then: Option<Preparing>,
 }
 
 impl Engine {
@@ -46,7 +46,7 @@ impl Engine {
 
     /// The recovery has given up because the linear drive did not answer in time.
     pub(super) fn go_on_trying(&mut self, now: RigTime, recovery: Recovery) {
-        self.attempts = Some(Attempts { recovery, number: 0, is_acknowledged: false });
+        self.attempts = Some(Attempts { recovery, number: 0, then: None });
         self.wait_until = Some(now + PAUSE);
     }
 
@@ -66,8 +66,8 @@ impl Engine {
         effects: &mut Vec<Effect>,
     ) {
         let Some(attempts) = &mut self.attempts else { return };
-        if attempts.is_acknowledged {
-            return self.prepare(now, effects);
+        if let Some(first) = attempts.then {
+            return self.prepare(now, first, effects);
         }
         let is_finding = attempts.recovery.is_finding();
         let result = result.and_then(|report| match report {
@@ -114,11 +114,16 @@ impl Engine {
     }
 
     /// A person acknowledges the fault. Returns whether an operation in flight must end first.
-    pub(super) fn end_attempts(&mut self, now: RigTime, effects: &mut Vec<Effect>) -> bool {
+    pub(super) fn end_attempts(
+        &mut self,
+        now: RigTime,
+        first: Preparing,
+        effects: &mut Vec<Effect>,
+    ) -> bool {
         self.wait_until = None;
         let is_busy = self.pending.is_some() && matches!(self.activity, Activity::Latched(_));
         if let Some(attempts) = self.attempts.as_mut().filter(|_| is_busy) {
-            attempts.is_acknowledged = true;
+            attempts.then = Some(first);
             self.interrupt(now, effects);
             return true;
         }

@@ -27,6 +27,7 @@ impl Engine {
     pub fn admit(&self, command: Command) -> Result<Admitted, CommandRefusal> {
         let is_admitted = match &command {
             Command::Prepare => matches!(self.activity, Activity::Unprepared),
+            Command::HomeLinear if matches!(self.activity, Activity::Unprepared) => true,
             Command::Run(_)
             | Command::Continue { .. }
             | Command::Sweep(_)
@@ -63,7 +64,7 @@ impl Engine {
             },
             // Stopping is never refused.
             Command::Stop => true,
-            Command::Acknowledge => {
+            Command::Acknowledge | Command::HomeLinear => {
                 matches!(self.activity, Activity::Latched(_))
                     && (self.pending.is_none() || self.attempts.is_some())
             }
@@ -132,7 +133,10 @@ impl Engine {
             self.notes.push(Event::Operator { action: command.name(), by: by.to_owned() });
         }
         match command {
-            Command::Prepare | Command::Acknowledge => self.prepare(now, effects),
+            Command::Prepare | Command::Acknowledge => {
+                self.prepare(now, Preparing::FindingLinear, effects);
+            }
+            Command::HomeLinear => self.prepare(now, Preparing::HomingLinear, effects),
             Command::Run(plan) => self.begin_run(now, Run::new(*plan, 0, false), effects),
             Command::Continue { plan, from, has_refusals } => {
                 self.begin_run(now, Run::new(*plan, from, has_refusals), effects);
@@ -236,14 +240,15 @@ impl Engine {
         }
     }
 
-    pub(super) fn prepare(&mut self, now: RigTime, effects: &mut Vec<Effect>) {
-        if self.end_attempts(now, effects) {
+    /// Brings the rig into service. A sample may be below the probe, however the rig was left: only a
+    /// person can see that none is.
+    pub(super) fn prepare(&mut self, now: RigTime, first: Preparing, effects: &mut Vec<Effect>) {
+        if self.end_attempts(now, first, effects) {
             return;
         }
-        // A stage that has been in service may be in contact now, and a sample may lie below it: it is
-        // found again without homing it towards the sample.
-        let is_new = self.linear.is_none();
-        let first = if is_new { Preparing::HomingLinear } else { Preparing::FindingLinear };
+        if first == Preparing::HomingLinear {
+            self.interlock.state_nothing_below();
+        }
         self.last_fault = None;
         self.activity = Activity::Preparing(first);
         self.issue(now, first.operation(&self.limits), effects);

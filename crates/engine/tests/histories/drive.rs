@@ -72,9 +72,14 @@ impl Drive {
                     world.linear_mm = 49.0;
                     Some(Ok(Report::LinearHomed(Position::new(49.0))))
                 }
+                // A person has taken the sample away.
+                Operation::HomeLinear => {
+                    world.drive = None;
+                    None
+                }
                 _ => {
                     world.is_lost |= is_find;
-                    Some(failed(Device::LinearStage, FailureKind::Lost))
+                    Some(failed(Device::LinearStage, FailureKind::Unhomed))
                 }
             },
             DriveTrouble::Jumped { by_mm } => match operation {

@@ -102,6 +102,45 @@ fn a_stage_that_was_in_service_is_found_again_and_not_homed_towards_the_sample()
     assert!(matches!(first, Some(Operation::FindLinear { .. })), "{first:?}");
 }
 
+/// Steps until the rig is at rest.
+fn settle(world: &mut World, at: usize) {
+    let is_at_rest =
+        |world: &World| matches!(world.engine.snapshot().state, RigState::Idle | RigState::Latched);
+    let settled = (0..100).any(|_| {
+        let is_over = is_at_rest(world);
+        if !is_over {
+            world.step();
+        }
+        is_over
+    });
+    assert!(settled, "trouble at operation {at}");
+}
+
+/// Nothing proves that there is no sample below: not a new program, not a probe that was clear.
+#[test]
+fn a_stage_is_homed_in_any_direction_only_by_a_person_who_has_seen_that_nothing_is_below_it() {
+    let lost = Trouble::Drive(DriveTrouble::Unhomed { is_homing_safe: false });
+    let is_homed = |world: &World| world.homings > 0;
+    for at in 0..30 {
+        let mut world = World::new(Some((at, lost)));
+        world.play();
+        let end = world.engine.snapshot();
+        assert_eq!((end.state, is_homed(&world)), (RigState::Latched, false), "{at}");
+        // Whatever else a person does.
+        world.command(Command::Acknowledge);
+        settle(&mut world, at);
+        assert_eq!((world.engine.snapshot().state, is_homed(&world)), (RigState::Latched, false));
+        (world.trouble, world.is_lost) = (None, false);
+        world.command(Command::HomeLinear);
+        settle(&mut world, at);
+        assert_eq!(world.engine.snapshot().state, RigState::Idle, "{at}");
+        assert_eq!(world.homings, 1, "{at}");
+        let stated = |event: &Event| matches!(event, Event::Operator { action, .. } if action.contains("nothing below"));
+        assert!(world.events.iter().any(stated), "{at}");
+        assert_eq!(world.engine.snapshot().clearance, Clearance::Clear, "{at}");
+    }
+}
+
 #[test]
 fn a_drive_that_says_that_it_is_elsewhere_is_not_moved() {
     // Beyond the way of any move, also of one that was under way.

@@ -124,6 +124,8 @@ pub(crate) struct World {
     pub(crate) linear_mm: f64,
     pub(crate) rotary_deg: f64,
     pub(crate) operations: usize,
+    /// Number of homings of the linear stage in any direction.
+    pub(crate) homings: usize,
     pub(crate) events: Vec<Event>,
     pub(crate) trouble: Option<(usize, Trouble)>,
     /// The last thing made durable was the intent of the moves that follow.
@@ -167,6 +169,7 @@ impl World {
             linear_mm: 7.0,
             rotary_deg: 12.0,
             operations: 0,
+            homings: 0,
             events: Vec::new(),
             trouble,
             is_intent_durable: false,
@@ -384,9 +387,9 @@ impl World {
 
     pub(crate) fn stalled(&mut self, operation: &Operation) -> Report {
         match operation {
-            Operation::MoveLinear { .. }
-            | Operation::PrepareLinear
-            | Operation::FindLinear { .. } => Report::LinearAt(Position::new(self.linear_mm)),
+            Operation::MoveLinear { .. } | Operation::HomeLinear | Operation::FindLinear { .. } => {
+                Report::LinearAt(Position::new(self.linear_mm))
+            }
             Operation::MoveRotary { .. } | Operation::PrepareRotary => {
                 Report::RotaryAt(Position::new(self.rotary_deg))
             }
@@ -397,7 +400,10 @@ impl World {
 
     pub(crate) fn perform(&mut self, operation: &Operation) -> Report {
         match operation {
-            Operation::PrepareLinear => self.linear_mm = 49.0,
+            Operation::HomeLinear => {
+                self.homings += 1;
+                self.linear_mm = 49.0;
+            }
             Operation::PrepareRotary => self.rotary_deg = 0.0,
             Operation::MoveLinear { target, .. } => self.linear_mm = target.position().value(),
             Operation::MoveRotary { target, .. } => self.rotary_deg = target.position().value(),

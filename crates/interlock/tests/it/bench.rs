@@ -35,7 +35,7 @@ pub(crate) fn rotary_at(degrees: f64) -> Outcome {
 pub(crate) fn prepared(now: RigTime) -> Interlock {
     let mut interlock = Interlock::new(limits());
     for (command, outcome) in [
-        (PortCommand::HomeLinear, linear_at(49.0)),
+        (PortCommand::FindLinear, linear_at(49.0)),
         (lift(), linear_at(REST_MM)),
         (PortCommand::HomeRotary, rotary_at(0.0)),
     ] {

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use rig_interlock::{Interlock, Outcome, PortCommand, Refusal};
+use rig_interlock::{Interlock, Outcome, PortCommand, Refusal, Word};
 use rig_model::{Position, RigTime};
 
 use crate::bench::{FLOOR_MM, REST_MM, lift, limits, linear_at, lower, prepared, rotary_at, turn};
@@ -114,7 +114,7 @@ fn an_axis_moves_only_after_it_was_identified() {
     for command in [lift(), lower(20.0), turn(30.0)] {
         assert!(matches!(refused(&mut interlock, command), Refusal::NotIdentified { .. }));
     }
-    admitted(&mut interlock, PortCommand::HomeLinear, linear_at(49.0));
+    admitted(&mut interlock, PortCommand::FindLinear, linear_at(49.0));
     assert!(matches!(refused(&mut interlock, turn(30.0)), Refusal::NotIdentified { .. }));
     admitted(&mut interlock, lift(), linear_at(REST_MM));
     admitted(&mut interlock, PortCommand::HomeRotary, rotary_at(0.0));
@@ -123,7 +123,7 @@ fn an_axis_moves_only_after_it_was_identified() {
         let mut interlock = prepared(NOW);
         interlock.intent_is_durable(Position::new(9.5));
         admitted(&mut interlock, failing, Outcome::Failed);
-        interlock.operator("somebody", true).unwrap();
+        interlock.operator(NOW, "somebody", Word::Acknowledgement).unwrap();
         admitted(&mut interlock, lift(), linear_at(REST_MM));
         interlock.intent_is_durable(Position::new(9.5));
         assert!(matches!(refused(&mut interlock, next), Refusal::NotIdentified { .. }));
@@ -151,9 +151,9 @@ fn after_a_fault_only_the_way_out_is_open_until_a_person_acknowledges() {
         assert!(matches!(refused(&mut interlock, turn(0.0)), Refusal::Latched { .. }));
         assert!(interlock.is_latched());
         // Any other command of a person does not open it.
-        interlock.operator("somebody", false).unwrap();
+        interlock.operator(NOW, "somebody", Word::Command).unwrap();
         assert!(matches!(refused(&mut interlock, turn(0.0)), Refusal::Latched { .. }));
-        interlock.operator("somebody", true).unwrap();
+        interlock.operator(NOW, "somebody", Word::Acknowledgement).unwrap();
         admitted(&mut interlock, turn(0.0), rotary_at(0.0));
     }
 }
@@ -196,21 +196,41 @@ fn a_port_has_one_command_at_a_time_and_a_measurement_has_axes_that_stand_still(
 }
 
 #[test]
-fn an_axis_is_not_homed_in_an_unknown_direction_while_the_probe_may_be_in_contact() {
-    let mut interlock = prepared(NOW);
-    admitted(&mut interlock, PortCommand::HomeLinear, linear_at(REST_MM));
-    interlock.intent_is_durable(Position::new(9.5));
-    admitted(&mut interlock, lower(20.0), linear_at(20.0));
-    assert_eq!(refused(&mut interlock, PortCommand::HomeLinear), Refusal::HomingInContact);
-    admitted(&mut interlock, PortCommand::FindLinear, linear_at(20.0));
-    admitted(&mut interlock, lift(), linear_at(REST_MM));
-    admitted(&mut interlock, PortCommand::HomeLinear, linear_at(REST_MM));
+fn the_linear_stage_is_homed_only_after_a_person_has_stated_that_nothing_is_below_the_probe() {
+    let home = PortCommand::HomeLinear;
+    for mut interlock in [Interlock::new(limits()), prepared(NOW)] {
+        // Neither a new program nor a clear probe proves it.
+        assert_eq!(refused(&mut interlock, home), Refusal::HomingUnproven);
+        interlock.operator(NOW, "somebody", Word::Acknowledgement).unwrap();
+        assert_eq!(refused(&mut interlock, home), Refusal::HomingUnproven);
+        // The statement holds for one homing, also after a fault in contact.
+        interlock.latched();
+        interlock.operator(NOW, "somebody", Word::NothingBelow).unwrap();
+        admitted(&mut interlock, home, linear_at(49.0));
+        assert_eq!(refused(&mut interlock, home), Refusal::HomingUnproven);
+        // It ends with any other command to the stage, with a stop, and after a minute.
+        let state = |interlock: &mut Interlock| {
+            interlock.operator(NOW, "somebody", Word::NothingBelow).unwrap();
+        };
+        state(&mut interlock);
+        admitted(&mut interlock, lift(), linear_at(REST_MM));
+        assert_eq!(refused(&mut interlock, home), Refusal::HomingUnproven);
+        state(&mut interlock);
+        interlock.stop_asked(NOW);
+        admitted(&mut interlock, PortCommand::Stop, Outcome::Done);
+        interlock.read(NOW, &linear_at(REST_MM));
+        assert_eq!(refused(&mut interlock, home), Refusal::HomingUnproven);
+        state(&mut interlock);
+        let late = interlock.admit(NOW + Duration::from_secs(61), &home);
+        assert_eq!(late, Err(Refusal::HomingUnproven));
+        interlock.admit(NOW + Duration::from_secs(60), &home).unwrap();
+    }
 }
 
 #[test]
 fn every_command_has_a_name_behind_it() {
     let mut interlock = prepared(NOW);
     interlock.latched();
-    assert_eq!(interlock.operator(" ", true), Err(Refusal::Anonymous));
+    assert_eq!(interlock.operator(NOW, " ", Word::Acknowledgement), Err(Refusal::Anonymous));
     assert!(interlock.is_latched());
 }

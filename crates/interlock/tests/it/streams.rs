@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use proptest::{prelude::*, strategy::ValueTree};
-use rig_interlock::{Interlock, Outcome, PortCommand};
+use rig_interlock::{Interlock, Outcome, PortCommand, Word};
 use rig_model::{Position, RigTime};
 
 use crate::bench::{DEEPEST_MM, REST_MM, SURFACE_MM, TOLERANCE_MM, limits, prepared};
@@ -18,6 +18,8 @@ enum Step {
     EndMeasure,
     Intent(f64),
     Acknowledge,
+    /// A person states that nothing is below the probe.
+    StateNothingBelow,
     Latch,
     Stop,
     Pause(u64),
@@ -78,6 +80,7 @@ fn step() -> impl Strategy<Value = Step> {
         1 => Just(Step::EndMeasure),
         4 => prop_oneof![3 => 8.0..10.0, 1 => 8.0..20.0].prop_map(Step::Intent),
         3 => Just(Step::Acknowledge),
+        1 => Just(Step::StateNothingBelow),
         1 => Just(Step::Latch),
         1 => Just(Step::Stop),
         1 => (0_u64..200).prop_map(Step::Pause),
@@ -96,8 +99,11 @@ struct Truth {
     is_latched: bool,
     intent_mm: f64,
     is_measuring: bool,
+    /// When a person stated that nothing is below the probe, with no linear command since.
+    stated: Option<RigTime>,
     turns: u32,
     lowerings: u32,
+    homings: u32,
 }
 
 impl Truth {
@@ -106,7 +112,7 @@ impl Truth {
     }
 
     /// The invariants, of a command that was let through.
-    fn check(&self, command: &PortCommand) {
+    fn check(&self, now: RigTime, command: &PortCommand) {
         let is_way_out = match command {
             PortCommand::MoveLinear { to, .. } => to.value() >= REST_MM,
             PortCommand::Stop | PortCommand::FindLinear => true,
@@ -132,6 +138,10 @@ impl Truth {
                 }
             }
             PortCommand::Measure => assert!(!self.is_measuring),
+            PortCommand::HomeLinear => {
+                let age = self.stated.map(|at| now.since(at));
+                assert!(age.is_some_and(|age| age.as_secs() <= 60), "homed, stated {age:?} ago");
+            }
             _ => {}
         }
     }
@@ -144,6 +154,12 @@ impl Truth {
             Response::FailsUndone => 0.0,
         };
         let is_failed = matches!(response, Response::FailsDone | Response::FailsUndone);
+        if matches!(
+            command,
+            PortCommand::MoveLinear { .. } | PortCommand::HomeLinear | PortCommand::FindLinear
+        ) {
+            self.stated = None;
+        }
         let outcome = match *command {
             PortCommand::MoveLinear { to, .. } => {
                 self.linear_mm += part * (to.value() - self.linear_mm);
@@ -152,6 +168,7 @@ impl Truth {
                 Outcome::LinearAt(Position::new(self.linear_mm))
             }
             PortCommand::HomeLinear | PortCommand::FindLinear => {
+                self.homings += u32::from(matches!(command, PortCommand::HomeLinear));
                 self.is_nudged &= is_failed;
                 Outcome::LinearAt(Position::new(self.linear_mm))
             }
@@ -168,7 +185,7 @@ impl Truth {
     }
 }
 
-fn play(is_prepared: bool, steps: &[Step]) -> (u32, u32) {
+fn play(is_prepared: bool, steps: &[Step]) -> [u32; 3] {
     let mut now = RigTime::ZERO;
     let mut interlock = if is_prepared { prepared(now) } else { Interlock::new(limits()) };
     let (linear_mm, rotary_deg) = if is_prepared { (REST_MM, 0.0) } else { (7.0, 12.0) };
@@ -179,15 +196,17 @@ fn play(is_prepared: bool, steps: &[Step]) -> (u32, u32) {
         is_latched: false,
         intent_mm: f64::INFINITY,
         is_measuring: false,
+        stated: None,
         turns: 0,
         lowerings: 0,
+        homings: 0,
     };
     for step in steps {
         now = now + Duration::from_millis(10);
         match step {
             Step::Command(PortCommand::Measure, _) | Step::BeginMeasure => {
                 if interlock.admit(now, &PortCommand::Measure).is_ok() {
-                    truth.check(&PortCommand::Measure);
+                    truth.check(now, &PortCommand::Measure);
                     truth.is_measuring = true;
                 }
             }
@@ -198,7 +217,7 @@ fn play(is_prepared: bool, steps: &[Step]) -> (u32, u32) {
             Step::EndMeasure => {}
             Step::Command(command, response) => {
                 if interlock.admit(now, command).is_ok() {
-                    truth.check(command);
+                    truth.check(now, command);
                     let outcome = truth.perform(command, *response);
                     interlock.ended(now, command, &outcome);
                 }
@@ -209,13 +228,21 @@ fn play(is_prepared: bool, steps: &[Step]) -> (u32, u32) {
             }
             Step::Acknowledge => {
                 truth.is_latched = false;
-                interlock.operator("somebody", true).unwrap();
+                interlock.operator(now, "somebody", Word::Acknowledgement).unwrap();
+            }
+            Step::StateNothingBelow => {
+                truth.is_latched = false;
+                truth.stated = Some(now);
+                interlock.operator(now, "somebody", Word::NothingBelow).unwrap();
             }
             Step::Latch => {
                 truth.is_latched = true;
                 interlock.latched();
             }
-            Step::Stop => interlock.stop_asked(now),
+            Step::Stop => {
+                truth.stated = None;
+                interlock.stop_asked(now);
+            }
             Step::Pause(seconds) => now = now + Duration::from_secs(*seconds),
             Step::Nudge(mm) => {
                 truth.linear_mm = (truth.linear_mm + mm).clamp(8.5, 49.0);
@@ -227,7 +254,7 @@ fn play(is_prepared: bool, steps: &[Step]) -> (u32, u32) {
             }
         }
     }
-    (truth.turns, truth.lowerings)
+    [truth.turns, truth.lowerings, truth.homings]
 }
 
 proptest! {
@@ -244,15 +271,16 @@ proptest! {
 
 /// Streams that never got anywhere would prove nothing.
 #[test]
-fn the_streams_turn_the_sample_and_lower_the_probe() {
+fn the_streams_turn_the_sample_lower_the_probe_and_home_it() {
     let mut runner = proptest::test_runner::TestRunner::deterministic();
     let streams = prop::collection::vec(step(), 40);
-    let (mut turns, mut lowerings) = (0, 0);
+    let mut counts = [0; 3];
     for _ in 0..500 {
         let steps = streams.new_tree(&mut runner).unwrap().current();
-        let (more_turns, more_lowerings) = play(true, &steps);
-        turns += more_turns;
-        lowerings += more_lowerings;
+        let more = play(true, &steps);
+        counts = std::array::from_fn(|of| counts[of] + more[of]);
     }
-    assert!(turns > 200 && lowerings > 100, "{turns} turns, {lowerings} lowerings");
+    let [turns, lowerings, homings] = counts;
+    let is_enough = turns > 200 && lowerings > 100 && homings > 20;
+    assert!(is_enough, "{turns} turns, {lowerings} lowerings, {homings} homings");
 }

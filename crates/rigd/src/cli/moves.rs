@@ -41,6 +41,11 @@ enum MoveAxis {
 
 #[derive(Debug, Args)]
 pub(super) struct HomeArgs {
+    /// States that you have seen with your own eyes that nothing is below the probe, down to the end of
+    /// its travel: a linear stage that has lost its position is homed, even downwards. The journal
+    /// keeps it with your name
+    #[arg(long)]
+    nothing_below_probe: bool,
     #[command(flatten)]
     rig: RigArgs,
     #[command(flatten)]
@@ -78,7 +83,12 @@ pub(super) fn to(args: &MoveArgs) -> Result<(), Failure> {
 pub(super) fn home(args: &HomeArgs) -> Result<(), Failure> {
     let homed = async |session: &mut Session| session.finished().await;
     let (rig, operator) = (args.rig.load()?, args.operator.name());
-    show(&with_rig(rig, &args.data.data, &operator, LeftInContact::Retract, homed)?, &args.output)
+    let left = if args.nothing_below_probe {
+        LeftInContact::HomeWithNothingBelow
+    } else {
+        LeftInContact::Retract
+    };
+    show(&with_rig(rig, &args.data.data, &operator, left, homed)?, &args.output)
 }
 
 /// A height within the soft limits. It is checked before the rig is opened, so that a mistyped

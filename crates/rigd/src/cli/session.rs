@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use rig_engine::{Command, Fault, RigState};
+use rig_engine::{Command, FailureKind, Fault, RigState};
 use rig_store::Reader;
 use tokio::sync::watch;
 
@@ -32,6 +32,8 @@ pub(super) struct Session {
 pub(super) enum LeftInContact {
     /// Retract: the command is there for it.
     Retract,
+    /// The same, and a person has stated that nothing is below the probe.
+    HomeWithNothingBelow,
     /// Leave it to `rigd home`.
     Refuse,
 }
@@ -100,6 +102,7 @@ fn say_what_was_left(data: &Path, rig: &str) {
 impl Session {
     /// Waits until the rig is in service.
     async fn be_ready(&mut self, left: LeftInContact) -> Result<(), Failure> {
+        let mut may_home = left == LeftInContact::HomeWithNothingBelow;
         loop {
             let status = self.status.borrow_and_update().clone();
             match (status.snapshot.state, &status.snapshot.fault) {
@@ -107,9 +110,16 @@ impl Session {
                 (RigState::Idle, _) => return Ok(()),
                 // A person at the bench has read the report above.
                 (RigState::Latched, Some(Fault::Interrupted { was_lowered, .. }))
-                    if !was_lowered || left == LeftInContact::Retract =>
+                    if !was_lowered || left != LeftInContact::Refuse =>
                 {
                     self.handle.command(Command::Acknowledge, None, self.operator()).await?;
+                    continue;
+                }
+                (RigState::Latched, Some(Fault::Device(failure)))
+                    if failure.kind == FailureKind::Unhomed && may_home =>
+                {
+                    may_home = false;
+                    self.handle.command(Command::HomeLinear, None, self.operator()).await?;
                     continue;
                 }
                 (RigState::Latched, _) => return Err(latched(&status)),

@@ -13,8 +13,9 @@ use crate::{
 };
 
 /// Advice for an axis that is not homed. The drive's settings fix the direction of homing.
-pub(super) const NOT_HOMED: &str = "clear the whole travel of the axis before the rig is opened \
-    for work: it is homed then, by the procedure that is set in the drive";
+pub(super) const NOT_HOMED: &str = "clear the whole travel of the axis before the rig is opened for work: \
+    the rotary stage is homed then; the linear stage only with `homes = \"up\"` in the rig file, or after \
+    `rigd home --nothing-below-probe`";
 
 /// Advice for a rig that cannot be opened, if there is any.
 pub(crate) fn on_rig(error: &OpenError) -> Option<&'static str> {

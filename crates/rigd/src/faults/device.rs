@@ -130,7 +130,8 @@ pub(super) const FAULTS: [ListedFault; 14] = [
         class: Device,
         what: "a drive loses its power, and perhaps its position",
         reaction: "identifies it again and retracts; a lost position is found only if the rig file says \
-                   `homes = \"up\"`, otherwise nothing moves",
+                   `homes = \"up\"`, or after a person has stated that nothing is below the probe; \
+                   otherwise nothing moves",
         seen: Some(|| linear(&StageError::Unhomed { at: Position::new(0.0) })),
         tests: &[
             (
@@ -144,6 +145,10 @@ pub(super) const FAULTS: [ListedFault; 14] = [
             (
                 OUT_OF_CONTACT,
                 "a_drive_that_lost_its_position_is_not_moved_when_homing_may_lead_into_the_sample",
+            ),
+            (
+                "tests/it/homing.rs",
+                "a_drive_without_a_position_moves_only_after_a_person_has_looked_below_the_probe",
             ),
         ],
     },

@@ -1,8 +1,11 @@
 //! The rig as a whole.
 
-use axum::{Extension, Json, extract::State};
+use axum::{
+    Extension, Json,
+    extract::{State, rejection::JsonRejection},
+};
 use rig_engine::{Command, Fault, RefusalAnswer, RigState};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{
     Problem, Shared,
@@ -108,6 +111,28 @@ pub(super) async fn stop(
     Extension(operator): Extension<Operator>,
 ) -> Result<Json<RigView>, Problem> {
     give(shared, Command::Stop, &operator).await
+}
+
+/// The statement of a person who has looked.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct HomeForm {
+    /// Nothing is below the probe, down to the end of its travel.
+    nothing_below_probe: bool,
+}
+
+/// Homes a linear stage that has lost its position, in the direction that is set in its drive.
+pub(super) async fn home(
+    State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
+    form: Result<Json<HomeForm>, JsonRejection>,
+) -> Result<Json<RigView>, Problem> {
+    let Json(HomeForm { nothing_below_probe }) = form?;
+    if !nothing_below_probe {
+        let what = "somebody must have seen that nothing is below the probe";
+        return Err(Problem::unprocessable(what.to_owned()));
+    }
+    give(shared, Command::HomeLinear, &operator).await
 }
 
 pub(super) async fn acknowledge(

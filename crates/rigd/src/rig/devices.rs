@@ -69,7 +69,7 @@ impl Axes {
         let linear = |error| stage_failure(Device::LinearStage, &error);
         let rotary = |error| stage_failure(Device::RotaryStage, &error);
         match operation {
-            Operation::PrepareLinear => {
+            Operation::HomeLinear => {
                 prepare(&mut self.linear, stop).await.map(Report::LinearAt).map_err(linear)
             }
             &Operation::FindLinear { may_reset_alarm } => {
@@ -194,9 +194,8 @@ pub(crate) fn stage_failure<U: Unit>(device: Device, error: &StageError<U>) -> F
         StageError::Stopped { .. }
         | StageError::Bus(BusError::Failed(LineFault::Halted { .. })) => FailureKind::Interrupted,
         StageError::Bus(BusError::Failed(_)) => FailureKind::Line,
-        StageError::BeyondTravel { .. }
-        | StageError::Unhomed { .. }
-        | StageError::HomesDownwards { .. } => FailureKind::Lost,
+        StageError::BeyondTravel { .. } | StageError::HomesDownwards { .. } => FailureKind::Lost,
+        StageError::Unhomed { .. } => FailureKind::Unhomed,
         StageError::Alarmed { .. } | StageError::AlarmPersists { .. } => FailureKind::Alarmed,
         _ => FailureKind::Refused,
     };

@@ -1,11 +1,10 @@
-//! The interlock between the shell and the drivers: it sees every operation before a driver does,
-//! and
+//! The interlock between the shell and the drivers: it sees every operation before a driver does, and
 //! its end.
 
 use std::{cell::RefCell, rc::Rc};
 
 use rig_engine::{Device, Failure, FailureKind, Operation, Report};
-use rig_interlock::{Interlock, Outcome, PortCommand, Refusal};
+use rig_interlock::{Interlock, Outcome, PortCommand, Refusal, Word};
 use rig_link::Clock;
 use rig_model::{Mm, Position, RigLimits};
 
@@ -69,8 +68,8 @@ impl Gate {
     }
 
     /// A person gives a command.
-    pub(super) fn operator(&self, by: &str, is_acknowledgement: bool) -> Result<(), Refusal> {
-        self.interlock.borrow_mut().operator(by, is_acknowledgement)
+    pub(super) fn operator(&self, by: &str, word: Word) -> Result<(), Refusal> {
+        self.interlock.borrow_mut().operator(self.clock.now(), by, word)
     }
 
     /// A stop was requested.
@@ -89,7 +88,7 @@ impl Gate {
 /// An operation as the interlock sees it.
 fn command(operation: &Operation) -> PortCommand {
     match *operation {
-        Operation::PrepareLinear => PortCommand::HomeLinear,
+        Operation::HomeLinear => PortCommand::HomeLinear,
         Operation::PrepareRotary => PortCommand::HomeRotary,
         Operation::FindLinear { .. } => PortCommand::FindLinear,
         Operation::MoveLinear { target, speed_mm_per_s } => {
@@ -122,7 +121,10 @@ mod tests {
         assert_eq!((failure.device, failure.kind), (Device::Interlock, FailureKind::Refused));
         assert!(failure.detail.contains("rotary stage"), "{}", failure.detail);
         for (operation, report) in [
-            (Operation::PrepareLinear, Report::LinearAt(Position::new(bench::REST_MM))),
+            (
+                Operation::FindLinear { may_reset_alarm: true },
+                Report::LinearAt(Position::new(bench::REST_MM)),
+            ),
             (Operation::PrepareRotary, Report::RotaryAt(Position::new(0.0))),
         ] {
             gate.admit(&operation).unwrap();

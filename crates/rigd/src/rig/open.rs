@@ -130,6 +130,11 @@ impl Simulation {
         self.rig.clone()
     }
 
+    /// Whether the simulated person is asked what is below the probe, and sees nothing there.
+    pub(super) fn sees_nothing_below(&self) -> bool {
+        self.is_answering && self.rig.with(|now, rig| rig.world().truth(now).sample.is_none())
+    }
+
     /// Whether the simulated person answers what an event asks.
     pub(super) const fn answers(&self, event: &Event) -> bool {
         self.is_answering && matches!(event, Event::PromptAsked(_) | Event::RefusalAsked { .. })
@@ -204,8 +209,8 @@ pub(super) async fn open_rig(
     })
 }
 
-/// Finds a drive. An axis that does not know where it is will be homed; one that says that it is
-/// where it cannot be must be understood by a person before anything moves, this axis or the other.
+/// Finds a drive. One that says that it is where it cannot be must be understood by a person before
+/// anything moves, this axis or the other.
 async fn look_at<U: Unit>(stage: &mut Stage<U>) -> Result<(), StageError<U>> {
     if stage.identify().await?.is_homed {
         stage.believe_position()?;

@@ -131,8 +131,7 @@ impl Shell {
     }
 
     pub(super) async fn serve(&mut self, inbox: &mut mpsc::Receiver<Request>) {
-        // Latched, the rig waits for a person instead.
-        _ = self.command(Command::Prepare, "rigd");
+        self.begin_service();
         let mut closing: Option<Closing> = None;
         loop {
             if let Some(closing) = closing.take_if(|_| self.is_at_rest()) {
@@ -174,6 +173,21 @@ impl Shell {
                 Wake::Beat => {}
             }
         }
+    }
+
+    /// Brings the rig into service; latched, it waits for a person instead.
+    fn begin_service(&mut self) {
+        if self.engine.snapshot().state == RigState::Latched {
+            return;
+        }
+        let sees_nothing_below =
+            self.simulation.as_ref().is_some_and(Simulation::sees_nothing_below);
+        let (first, by) = if sees_nothing_below {
+            (Command::HomeLinear, SIMULATED_PERSON)
+        } else {
+            (Command::Prepare, "rigd")
+        };
+        _ = self.command(first, by);
     }
 
     pub(super) const fn simulation(&self) -> Option<&Simulation> {

@@ -175,7 +175,7 @@ fn a_kill_on_the_way_into_service_stops_nobody_unless_the_probe_was_low_before()
         let data = folder.path().join("data");
         let events = Reader::open(&data).unwrap().events_after(0, 10_000).unwrap();
         let is_preparing = |stored: &&StoredRecord| match stored.record().unwrap() {
-            Record::Operator(operator) => operator.action == "prepare",
+            Record::Operator(operator) => operator.action.starts_with("home"),
             _ => false,
         };
         let killed = events.iter().rfind(is_preparing).unwrap();

@@ -6,8 +6,9 @@ use std::{
     process::{Command, Output},
 };
 
+use rig_model::DriveMake;
 use rig_sim::{
-    LineTransport, PortId, SimHandle, SimRig, Wiring,
+    AxisWiring, LineTransport, PortId, SimHandle, SimRig, Wiring,
     faults::{Fault, FaultKind, FaultTrigger},
 };
 use serde_json::Value;
@@ -30,10 +31,17 @@ pub(crate) struct Bench {
 
 impl Bench {
     pub(crate) async fn start() -> Self {
+        Self::with_linear_drive(DriveMake::OrientalAz, 0.001).await
+    }
+
+    /// With a linear drive of this make, of so many mm a step.
+    pub(crate) async fn with_linear_drive(make: DriveMake, mm_per_step: f64) -> Self {
         let scene = shipped("scenes/paper.toml");
         let scene = rig_sim::scene::read("scene", &fs::read_to_string(scene).unwrap()).unwrap();
+        let linear = AxisWiring::new(make, 1, mm_per_step);
+        let wiring = Wiring { linear, ..Wiring::paper(LineTransport::Tcp) };
         let seed = scene.seed;
-        let sim = SimRig::start(scene, &Wiring::paper(LineTransport::Tcp), seed).unwrap().handle();
+        let sim = SimRig::start(scene, &wiring, seed).unwrap().handle();
         let mut listening = JoinSet::new();
         let analyzer = listen(&mut listening, &sim, PortId::Analyzer).await;
         let bus = listen(&mut listening, &sim, PortId::Bus).await;

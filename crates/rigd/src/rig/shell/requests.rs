@@ -1,6 +1,7 @@
 //! The requests of persons and programs: each is refused, or begins something in the engine.
 
 use rig_engine::Command;
+use rig_interlock::Word;
 use rig_protocol::StepId;
 use rig_store::RunId;
 
@@ -72,9 +73,13 @@ impl Shell {
 
     pub(super) fn command(&mut self, command: Command, by: &str) -> Result<(), RequestRefusal> {
         let is_sweep = matches!(command, Command::Sweep(_));
-        let is_acknowledgement = matches!(command, Command::Acknowledge);
+        let word = match command {
+            Command::Acknowledge => Word::Acknowledgement,
+            Command::HomeLinear => Word::NothingBelow,
+            _ => Word::Command,
+        };
         let admitted = self.engine.admit(command)?;
-        self.gate.operator(by, is_acknowledgement)?;
+        self.gate.operator(by, word)?;
         if is_sweep {
             self.view.begin_sweep(self.log.begin_sweep());
         }
@@ -101,7 +106,7 @@ impl Shell {
             return Ok(amend::skip(self.log.store(), order, by, rig_us)?);
         }
         let admitted = self.engine.admit(Command::Skip(StepId(order.step.clone())))?;
-        self.gate.operator(by, false)?;
+        self.gate.operator(by, Word::Command)?;
         // What is recorded, the run can read.
         self.log.commit();
         amend::write_skip(self.log.store(), order, by, rig_us)?;
