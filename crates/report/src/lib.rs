@@ -21,3 +21,4 @@ pub use results::{RunResults, status::TouchStatus, touches::TouchRow};
 pub use summary::{
     ClassificationSummary, RecognitionSummary, RunSummary, ShiftSummary, StiffnessSummary,
 };
+pub use units::with_sigma;

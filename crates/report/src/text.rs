@@ -3,7 +3,7 @@
 use rig_record::{Expected, Phase};
 
 use crate::{
-    data::{DIRECTIONS, RunData},
+    data::DIRECTIONS,
     results::{
         RunResults,
         grid::GridRow,
@@ -16,12 +16,22 @@ use crate::{
 };
 
 impl RunResults {
-    /// The results for a person at a terminal: the table of shifts, the sensitivity, the stiffness
-    /// of the samples and the rate of recognition.
+    /// The results for a person at a terminal: the stiffness of the samples, the table of shifts, the
+    /// sensitivity and the rate of recognition.
     pub fn text(&self) -> String {
         let mut lines = Vec::new();
         if self.data.is_simulated() {
             lines.extend(["SIMULATED: no real device took part", ""].map(str::to_owned));
+        }
+        match &self.stiffness {
+            Ok(stiffness) => {
+                lines.extend(stiffness_table(self, stiffness));
+                lines.push(String::new());
+            }
+            Err(reason) if !self.grid.is_empty() => {
+                lines.extend([format!("no stiffness: {reason}"), String::new()]);
+            }
+            Err(_) => {}
         }
         if !self.grid.is_empty() {
             lines.push("frequency shift in Hz".to_owned());
@@ -69,15 +79,6 @@ fn facts(results: &RunResults) -> Vec<(String, String)> {
         let rate = recognised(score.correct, score.trials, rate, score.interval());
         fact("blind classification", format!("{rate}{missing}"));
     }
-    match &results.stiffness {
-        Ok(stiffness) => {
-            let of_sample = |sample| of_sample(&results.data, stiffness, sample);
-            let samples: Vec<_> = results.samples().into_iter().map(of_sample).collect();
-            fact("stiffness in MPa", samples.join(", "));
-        }
-        Err(reason) if !results.grid.is_empty() => fact("stiffness", format!("none: {reason}")),
-        Err(_) => {}
-    }
     let by_stiffness = |found: &&Recognition| found.method == Method::CalibratedStiffness;
     if let Some(found) = results.recognitions.iter().find(by_stiffness) {
         let rate = recognised(found.correct, found.trials, found.rate(), found.interval());
@@ -105,16 +106,22 @@ fn refused(rows: &[TouchRow]) -> Vec<String> {
     title.into_iter().chain(refused().map(row)).chain([String::new()]).collect()
 }
 
-/// The stiffness of a sample, with the count of its touches when some are missing.
-fn of_sample(data: &RunData, stiffness: &Stiffness, sample: usize) -> String {
-    let name = &data.samples()[sample].name;
-    let found = stiffness
-        .of_sample(sample)
-        .map_or_else(|| "none".to_owned(), |found| with_sigma(found.young_mpa, found.sigma_mpa));
-    match stiffness.basis(data, sample).shortfall() {
-        Some(shortfall) => format!("{name}: {found} ({shortfall})"),
-        None => format!("{name}: {found}"),
+/// The stiffness of each sample, with the number of its touches.
+fn stiffness_table(results: &RunResults, stiffness: &Stiffness) -> Vec<String> {
+    let header = ["sample", "stiffness in MPa", "known", "from"].map(str::to_owned);
+    let mut rows = vec![header.to_vec()];
+    for sample in results.samples() {
+        let of_run = &results.data.samples()[sample];
+        let found = stiffness.of_sample(sample);
+        let basis = stiffness.basis(&results.data, sample);
+        rows.push(vec![
+            of_run.name.clone(),
+            found.map_or_else(|| "none".into(), |it| with_sigma(it.young_mpa, it.sigma_mpa)),
+            of_run.stiffness_mpa.map_or_else(String::new, |known| known.to_string()),
+            format!("{} of {} {}", basis.used, basis.planned, basis.of),
+        ]);
     }
+    aligned(&rows)
 }
 
 /// The rows of the table of shifts, each cell as wide as the widest of its column.
@@ -138,6 +145,11 @@ fn table(results: &RunResults) -> Vec<String> {
         row.push(of_some(planned.over_directions(), mean));
         rows.push(row);
     }
+    aligned(&rows)
+}
+
+/// Rows with every column as wide as its widest cell, aligned to the right.
+fn aligned(rows: &[Vec<String>]) -> Vec<String> {
     let columns = rows[0].len();
     let width = |column: usize| {
         rows.iter().map(|row| row[column].chars().count()).max().unwrap_or_default()

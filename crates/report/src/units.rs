@@ -1,7 +1,7 @@
 //! Numbers as people read them.
 
 /// A value with its standard deviation, to two digits of the latter: `140.403 ± 0.012`.
-pub(crate) fn with_sigma(value: f64, sigma: f64) -> String {
+pub fn with_sigma(value: f64, sigma: f64) -> String {
     let (value, sigma) = value_and_sigma(value, sigma);
     format!("{value} ± {sigma}")
 }

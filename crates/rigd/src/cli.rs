@@ -4,11 +4,15 @@
 
 mod args;
 mod check;
+mod client;
+mod daemon;
 mod doctor;
 mod export;
 mod failure;
 mod fit;
 mod identify;
+mod live;
+mod manual;
 mod measure;
 mod moves;
 mod outcome;
@@ -24,11 +28,9 @@ mod session;
 mod signals;
 mod table;
 mod verify;
+mod watch;
 
-use std::{
-    io::{self, IsTerminal},
-    process::ExitCode,
-};
+use std::{io, process::ExitCode};
 
 use clap::{Parser, Subcommand};
 use rig_model::with_causes;
@@ -36,12 +38,15 @@ use rig_report::export::ExportError;
 use tracing::level_filters::LevelFilter;
 
 pub(crate) use self::failure::SALVAGE;
-use self::failure::{EXIT_CODES, Failure};
+use self::{
+    daemon::Order,
+    failure::{EXIT_CODES, Failure},
+};
 use crate::{faults, loaded_rig::FileError};
 
 /// Drives the bench rig of the tilted-contact tactile sensor.
 #[derive(Debug, Parser)]
-#[command(name = "rigd", version, about, max_term_width = 100, after_help = EXIT_CODES)]
+#[command(name = "rigd", version, max_term_width = 80, after_help = EXIT_CODES)]
 struct Cli {
     #[command(subcommand)]
     command: CliCommand,
@@ -51,7 +56,7 @@ struct Cli {
 enum CliCommand {
     /// Replay a protocol or resume a run, and write the report
     Run(run::RunArgs),
-    /// Measure one touch of a run again; the old outcome is kept beside the new one
+    /// Measure one touch of a run again; the old outcome is kept
     Redo(run::RedoArgs),
     /// Leave one touch of a run out; its readings are kept
     Skip(args::TouchArgs),
@@ -59,10 +64,26 @@ enum CliCommand {
     GiveUp(runs::GiveUpArgs),
     /// Say whether a protocol can run on a rig, without moving anything
     Check(check::CheckArgs),
-    /// Say what the faults of a bench would do to a protocol, on a simulated copy of the rig
+    /// Try the faults of a bench on a protocol, in simulation
     Rehearse(rehearse::RehearseArgs),
     /// Serve the rig over HTTP, with a protocol loaded
     Serve(serve::ServeArgs),
+    /// Show the rig of a running daemon, and what it asks for
+    Status(daemon::StatusArgs),
+    /// Follow a run of a daemon to its end
+    Watch(daemon::DaemonArgs),
+    /// Pause the run of a daemon before its next step
+    Pause(daemon::DaemonArgs),
+    /// Go on with a paused run of a daemon
+    Resume(daemon::DaemonArgs),
+    /// Retract and end the run of a daemon
+    Abort(daemon::DaemonArgs),
+    /// Stop both axes of a daemon's rig, retract, and latch
+    Stop(daemon::DaemonArgs),
+    /// Answer what a daemon asks for
+    Answer(daemon::AnswerArgs),
+    /// Leave the latch of a daemon: the rig is prepared again
+    Acknowledge(daemon::DaemonArgs),
     /// List the runs
     Runs(runs::RunsArgs),
     /// Show the results of a run
@@ -83,16 +104,20 @@ enum CliCommand {
     Doctor(doctor::DoctorArgs),
     /// Home each lost axis, retract the probe, level the sample
     Home(moves::HomeArgs),
-    /// Retract the probe without the rest of the rig, as a stop hook; nothing is lowered or turned
+    /// Retract the probe without the rest of the rig, as a stop hook
     Safe(safe::SafeArgs),
     /// Move one axis, as far as any touch may go
     Move(moves::MoveArgs),
     /// Measure one resonance, with the probe clear or lowered
     Measure(measure::MeasureArgs),
-    /// Print the faults of a bench: what rigd does, what a person sees and does
+    /// Print what rigd does in each fault, and what a person does
     Faults,
     /// Find the resonance in a sweep from a file
     Fit(fit::FitArgs),
+    /// Print the completions of a shell
+    Completions(manual::CompletionsArgs),
+    /// Print the manual page, or write that of every command
+    Man(manual::ManArgs),
 }
 
 /// Runs the program.
@@ -109,6 +134,14 @@ pub fn main() -> ExitCode {
         CliCommand::Check(args) => check::check(&args),
         CliCommand::Rehearse(args) => rehearse::rehearse_protocol(&args),
         CliCommand::Serve(args) => serve::serve(&args),
+        CliCommand::Status(args) => daemon::status(&args),
+        CliCommand::Watch(args) => watch::watch(&args),
+        CliCommand::Pause(args) => daemon::order(&args, Order::Pause),
+        CliCommand::Resume(args) => daemon::order(&args, Order::Resume),
+        CliCommand::Abort(args) => daemon::order(&args, Order::Abort),
+        CliCommand::Stop(args) => daemon::order(&args, Order::Stop),
+        CliCommand::Answer(args) => daemon::answer(&args),
+        CliCommand::Acknowledge(args) => daemon::order(&args, Order::Acknowledge),
         CliCommand::Runs(args) => runs::list(&args),
         CliCommand::Show(args) => runs::show(&args),
         CliCommand::Export(args) => export::export(&args),
@@ -124,6 +157,8 @@ pub fn main() -> ExitCode {
         CliCommand::Measure(args) => measure::measure(&args),
         CliCommand::Faults => table::print(faults::page().trim_end()),
         CliCommand::Fit(args) => fit::fit_file(&args),
+        CliCommand::Completions(args) => manual::completions(&args),
+        CliCommand::Man(args) => manual::man(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -153,6 +188,6 @@ pub fn main() -> ExitCode {
 fn start_log(level: LevelFilter) {
     use tracing_subscriber::{EnvFilter, fmt};
     let filter = EnvFilter::builder().with_default_directive(level.into()).from_env_lossy();
-    let is_terminal = io::stderr().is_terminal();
-    fmt().with_env_filter(filter).with_writer(|| screen::Log).with_ansi(is_terminal).init();
+    let is_coloured = screen::is_coloured();
+    fmt().with_env_filter(filter).with_writer(|| screen::Log).with_ansi(is_coloured).init();
 }

@@ -4,6 +4,7 @@
 pub mod cli;
 mod describe;
 mod doctor;
+mod endpoint;
 pub mod faults;
 pub mod files;
 mod hint;

@@ -1,19 +1,19 @@
-//! `rigd check`: whether a protocol can run on a rig, without moving anything, and whether its
-//! sweeps
+//! `rigd check`: whether a protocol can run on a rig, without moving anything, and whether its sweeps
 //! look where the resonances will be.
 
-use std::{fmt::Write as _, path::PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use rig_files::FileKind;
 use rig_model::RigLimits;
-use rig_protocol::{Plan, Protocol};
+use rig_protocol::{Plan, Protocol, Step, Summary};
 use serde::Serialize;
 
 use super::{
     Failure,
     args::{OutputArgs, RigArgs},
-    table::{columns, duration, print, print_json},
+    screen::words_in_lines,
+    table::{COLUMNS, duration, print, print_json},
 };
 use crate::{
     describe,
@@ -27,6 +27,9 @@ use crate::{
 pub(super) struct CheckArgs {
     /// Protocol file
     protocol: PathBuf,
+    /// List every step with its predicted resonance
+    #[arg(long)]
+    steps: bool,
     #[command(flatten)]
     rig: RigArgs,
     #[command(flatten)]
@@ -109,6 +112,9 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
             let checked =
                 CheckedProtocol { rig: &rig, protocol: &protocol, predictions: &predictions };
             if !args.output.json {
+                if args.steps {
+                    print(&(checked.steps() + "\n"))?;
+                }
                 return print(&checked.text());
             }
             print_json(&CheckView {
@@ -233,72 +239,88 @@ impl CheckedProtocol<'_> {
     }
 
     /// The worst steps of a warning, a line each.
-    fn worst(&self, warning: &Warning) -> String {
-        let mut text = String::new();
+    fn worst(&self, warning: &Warning) -> Vec<String> {
+        let mut lines = Vec::new();
         for &step in warning.steps.iter().take(STEPS_NAMED) {
             if let Some(Ok(predicted)) = &self.predictions.steps[step] {
                 let Predicted { resonance_hz, linewidth_hz, .. } = predicted;
                 let (id, placing) = (self.id(step), predicted.placing());
-                // Writing to a string cannot fail.
-                _ = write!(
-                    text,
-                    "\n  {id}: {resonance_hz:.1} Hz, {linewidth_hz:.1} Hz wide, {placing}"
-                );
+                lines.push(format!(
+                    "  {id}: {resonance_hz:.1} Hz, {linewidth_hz:.1} Hz wide, {placing}"
+                ));
             }
         }
         if warning.steps.len() > STEPS_NAMED {
             let more = warning.steps.len() - STEPS_NAMED;
-            _ = write!(text, "\n  and {more} more; --json lists them");
+            lines.push(format!("  and {more} more; --json lists them"));
         }
-        text
+        lines
     }
 
+    /// Three lines, and what is wrong.
     fn text(&self) -> String {
-        let (plan, summary) = (&self.protocol.plan, &self.protocol.summary);
-        let mut rows = Vec::new();
-        for (index, (step, predicted)) in plan.steps.iter().zip(&self.predictions.steps).enumerate()
-        {
-            let hz = match predicted {
-                Some(Ok(Predicted { resonance_hz, .. })) => format!("{resonance_hz:.1} Hz"),
-                Some(Err(_)) => "not predicted".into(),
-                None => String::new(),
-            };
-            rows.push(vec![step.id.to_string(), describe::step(plan, index), hz]);
-        }
-        let steps = columns(&["step", "", "predicted"], &rows);
-        let mut text = format!(
-            "{steps}\n\n{name} can run on {rig}: {touches} touches, {no_loads} no-load references, \
-             {prompts} prompts.\nlinear stage {linear}, rotary stage {rotary}.\nexpected duration \
-             {duration}, without the time for prompts; up to {disk_mb} MB on the disk.",
-            name = plan.name,
-            rig = self.rig.file.name,
-            touches = summary.touches,
-            no_loads = summary.no_loads,
-            prompts = summary.prompts,
-            linear = summary.linear,
-            rotary = summary.rotary,
-            duration = duration(summary.duration_s),
-            disk_mb = summary.disk_bytes.div_ceil(1_000_000),
-        );
-        text.push_str(&self.not_predicted(plan));
+        let (name, rig) = (&self.protocol.plan.name, &self.rig.file.name);
+        let Summary { touches, no_loads, prompts, linear, rotary, .. } = &self.protocol.summary;
+        let duration = duration(self.protocol.summary.duration_s);
+        let disk_mb = self.protocol.summary.disk_bytes.div_ceil(1_000_000);
+        let mut lines = vec![
+            format!("{name} can run on {rig}: {duration} without its prompts."),
+            format!(
+                "{touches} touches, {no_loads} no-load references, {prompts} prompts; up to {disk_mb} MB on \
+                 the disk."
+            ),
+            format!("linear stage {linear}, rotary stage {rotary}."),
+        ];
+        lines.extend(self.not_predicted(&self.protocol.plan));
         for warning in self.predictions.warnings() {
-            _ = write!(text, "\nwarning: {}{}", self.message(&warning), self.worst(&warning));
+            lines.push(format!("warning: {}", self.message(&warning)));
+            lines.extend(self.worst(&warning));
         }
-        text
+        let wrapped = lines.iter().map(|line| {
+            let indent = line.len() - line.trim_start().len();
+            let lines = words_in_lines(line, COLUMNS - indent);
+            lines.iter().map(|line| format!("{:indent$}{line}", "")).collect::<Vec<_>>().join("\n")
+        });
+        wrapped.collect::<Vec<_>>().join("\n")
+    }
+
+    /// Every step with its predicted resonance.
+    fn steps(&self) -> String {
+        let plan = &self.protocol.plan;
+        let rows = || plan.steps.iter().zip(&self.predictions.steps).enumerate();
+        let width = |of: &dyn Fn(usize) -> usize| {
+            let predicted = rows().filter(|(_, (_, predicted))| predicted.is_some());
+            predicted.map(|(index, _)| of(index)).max().unwrap_or(0)
+        };
+        let addresses = width(&|index| plan.steps[index].id.to_string().chars().count());
+        let whats = width(&|index| describe::step(plan, index).chars().count());
+        let line = |(index, (step, predicted)): (usize, (&Step, &Option<_>))| {
+            let hz = match predicted {
+                Some(Ok(Predicted { resonance_hz, .. })) => format!("{resonance_hz:8.1} Hz"),
+                Some(Err(_)) => "not predicted".into(),
+                // A prompt, which has no column of its own.
+                None => {
+                    let text = format!("{}  {}", step.id, describe::step(plan, index));
+                    return words_in_lines(&text, COLUMNS - 2).join("\n  ");
+                }
+            };
+            let (id, what) = (step.id.to_string(), describe::step(plan, index));
+            format!("{id:<addresses$}  {what:<whats$}  {hz}").trim_end().to_owned()
+        };
+        rows().map(line).collect::<Vec<_>>().join("\n")
     }
 
     /// The touches without a prediction, and the reason.
-    fn not_predicted(&self, plan: &Plan) -> String {
-        let mut text = String::new();
+    fn not_predicted(&self, plan: &Plan) -> Vec<String> {
+        let mut lines = Vec::new();
         let unknown = self.predictions.unknown_samples();
         if !unknown.is_empty() {
             let names = unknown.join(", ");
-            _ = write!(
-                text,
-                "\nThere is no prediction for touches of {names}: their stiffness is not in \
+            lines.push(format!(
+                "There is no prediction for touches of {names}: their stiffness is not in \
                  [[samples]] of {}.",
                 self.rig.source.name,
-            );
+            ));
         }
         let refused =
             plan.steps.iter().zip(&self.predictions.steps).find_map(|(step, predicted)| {
@@ -308,9 +330,9 @@ impl CheckedProtocol<'_> {
                 }
             });
         if let Some((step, error)) = refused {
-            _ = write!(text, "\nThere is no prediction for {step} and touches like it: {error}.");
+            lines.push(format!("There is no prediction for {step} and touches like it: {error}."));
         }
-        text
+        lines
     }
 }
 

@@ -12,9 +12,10 @@ use rig_report::export::ExportError;
 use rig_store::StoreError;
 use rig_verify::JournalError;
 
-use super::args::DEFAULT_RIG;
+use super::{args::DEFAULT_RIG, client::DaemonError};
 use crate::{
     doctor::advice,
+    endpoint::EndpointError,
     http::access::TokenError,
     loaded_rig::FileError,
     rehearse::RehearseError,
@@ -27,8 +28,8 @@ pub(super) const EXIT_CODES: &str = "\
 Exit codes:
   0  done
   1  something failed: a file, a directory, a device
-  2  a bad command line, protocol, rig or sweep file, a target beyond the limits, or a change
-     since a run that nobody confirmed
+  2  a bad command line, protocol, rig or sweep file, a target beyond the
+     limits, or a change since a run that nobody confirmed
   3  no such run, or no resonance
   4  the rig is latched after a fault
   5  a run, a move or a sweep was aborted
@@ -91,6 +92,13 @@ pub(super) enum Failure {
     TouchesRefused,
     #[error("interrupted")]
     Interrupted,
+    #[error(transparent)]
+    Daemon(#[from] DaemonError),
+    /// The fault has been printed.
+    #[error("the rig is latched, and the probe is {probe}")]
+    DaemonLatched { probe: String },
+    #[error("the run was {status}")]
+    RunEnded { status: String },
     #[error("data directory {}", data.display())]
     Unchecked { data: PathBuf, source: JournalError },
     /// The findings have been listed.
@@ -114,7 +122,8 @@ impl Failure {
             | Self::Sweep(_)
             | Self::NoTimes { .. }
             | Self::NoToken { .. }
-            | Self::Token(_) => 2,
+            | Self::Token(_)
+            | Self::Daemon(DaemonError::Token(_) | DaemonError::WrongAnswer(_)) => 2,
             Self::Refused(RequestRefusal::Resume(refusal)) => match &**refusal {
                 ResumeRefusal::Changed { .. }
                 | ResumeRefusal::OtherKind { .. }
@@ -130,13 +139,18 @@ impl Failure {
             )) => 2,
             Self::NoResonance { .. }
             | Self::NoResonances { .. }
+            | Self::Daemon(DaemonError::NoRun)
             | Self::Store(StoreError::NoSuchRun { .. } | StoreError::Ambiguous { .. }) => 3,
-            Self::Latched { .. } | Self::NotClear { .. } => 4,
+            Self::Latched { .. }
+            | Self::NotClear { .. }
+            | Self::DaemonLatched { .. }
+            | Self::RunEnded { .. } => 4,
             Self::Aborted => 5,
             Self::TouchesRefused => 6,
             Self::NotSound => 7,
             Self::Interrupted => 130,
             Self::RunFiles(_)
+            | Self::Daemon(_)
             | Self::Open(_)
             | Self::Rehearse(_)
             | Self::Data { .. }
@@ -188,6 +202,9 @@ impl Failure {
                      --rig",
                 )
             }
+            Self::Daemon(DaemonError::Endpoint(EndpointError::None { .. })) => Some(
+                "`rigd serve --data DIR` starts one; `rigd runs --data DIR` lists the runs without one",
+            ),
             Self::Open(error) => advice::on_rig(error),
             Self::BadFile(FileError::Missing { path, .. }) if path == Path::new(DEFAULT_RIG) => {
                 Some(

@@ -7,7 +7,7 @@ use std::{
 
 use clap::Args;
 use rig_engine::{Command, RefusalAnswer, RefusedTouch, RunStatus};
-use rig_store::{Ending, RunId};
+use rig_store::{Ending, Reader, RunId};
 use tokio::{
     signal::unix::{Signal, SignalKind, signal},
     time::MissedTickBehavior,
@@ -16,10 +16,11 @@ use tokio::{
 use super::{
     Failure,
     args::{DataArgs, OperatorArgs, OutputArgs, RigArgs, TouchArgs},
+    live::{Progress, say_touch},
     prompt::Terminal,
     runs, screen,
     session::{LeftInContact, Session, latched, with_rig},
-    table::{duration, note},
+    table::note,
 };
 use crate::{
     protocol_file::LoadedProtocol,
@@ -96,8 +97,9 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     };
     let is_simulated = rig.is_simulated();
     let operator = args.operator.name();
+    let touches = args.output.touches(data);
     let (run, ending, status) = with_rig(rig, data, &operator, left, async |session| {
-        replay(session, order, is_simulated).await
+        replay(session, order, is_simulated, touches).await
     })?;
     end(data, &args.output, run, ending, &status)
 }
@@ -108,8 +110,9 @@ pub(super) fn redo(args: &RedoArgs) -> Result<(), Failure> {
     let touch = args.touch.order()?;
     let (run, is_simulated, operator) = (touch.run, rig.is_simulated(), args.touch.operator.name());
     let order = Order::Redo { touch, is_confirmed: args.accept_changes };
+    let touches = args.output.touches(data);
     let redone = with_rig(rig, data, &operator, LeftInContact::Refuse, async |session| {
-        replay(session, order, is_simulated).await
+        replay(session, order, is_simulated, touches).await
     });
     let (_, ending, status) = redone?;
     end(data, &args.output, run, ending, &status)
@@ -149,6 +152,7 @@ async fn replay(
     session: &mut Session,
     order: Order,
     is_simulated: bool,
+    journal: Option<&Path>,
 ) -> Result<(RunId, RunStatus, Status), Failure> {
     let mut terminal = if is_simulated { None } else { Some(open_terminal()?) };
     let (mut resizes, mut resized) = (resizes()?, None);
@@ -162,10 +166,14 @@ async fn replay(
             session.handle.redo(touch, is_confirmed, session.operator()).await?
         }
     };
+    let mut touches = journal.map(|data| Touches::new(data, run, &session.status.borrow()));
     let mut redraw = tokio::time::interval(REDRAW_INTERVAL);
     redraw.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
         let now = session.status.borrow_and_update().clone();
+        if let Some(touches) = &mut touches {
+            touches.say(&now);
+        }
         if let Some(terminal) = &mut terminal {
             let prompt = now.snapshot.prompt.zip(now.run.as_ref());
             let prompt = prompt.map(|(prompt, run)| {
@@ -187,7 +195,7 @@ async fn replay(
             _ = redraw.tick() => {
                 let is_asking = terminal.as_ref().is_some_and(Terminal::is_asking);
                 if !is_asking && session.signals.count == 0 {
-                    draw(&now);
+                    progress(&now).iter().for_each(Progress::draw);
                 }
                 if resized.is_some_and(|at: Instant| at.elapsed() >= RESIZE_PAUSE) {
                     resized = None;
@@ -215,6 +223,13 @@ async fn replay(
                 _ = session.handle.command(Command::Abort, Some(run), session.operator()).await;
             },
         }
+    }
+}
+
+impl OutputArgs {
+    /// The data directory, if the outcome of each touch is said.
+    fn touches<'a>(&self, data: &'a Path) -> Option<&'a Path> {
+        (!self.json).then_some(data)
     }
 }
 
@@ -258,29 +273,62 @@ async fn answer(terminal: &mut Option<Terminal>) -> Option<String> {
     }
 }
 
-/// The smallest width with room for a bar of [`BAR_COLUMNS`].
-const COLUMNS_WITH_BAR: usize = 80;
-const BAR_COLUMNS: usize = 16;
-
 /// The progress of the run.
-fn draw(status: &Status) {
-    let (Some(run), Some(progress)) = (&status.run, &status.snapshot.progress) else { return };
-    let elapsed_s = status.now.since(run.started).as_secs_f64();
+fn progress(status: &Status) -> Option<Progress> {
+    let (run, progress) = (status.run.as_ref()?, status.snapshot.progress.as_ref()?);
     let remaining = run.remaining(progress.step, status.now);
-    let bar = match screen::columns() {
-        Some(COLUMNS_WITH_BAR..) => {
-            let done = BAR_COLUMNS * progress.step / progress.steps.max(1);
-            format!("{:░<BAR_COLUMNS$} ", "█".repeat(done))
+    let estimate = status.live.as_ref().and_then(|live| live.estimates.last());
+    Some(Progress {
+        step: progress.step,
+        steps: progress.steps,
+        doing: run.describe_step(progress.step),
+        remaining_s: [remaining.least_s, remaining.most_s],
+        estimate_hz: estimate.map(|estimate| [estimate.resonance_hz, estimate.sigma_hz]),
+        is_pausing: progress.is_pausing,
+    })
+}
+
+/// Says the outcome of each touch of a run when it is in the journal.
+struct Touches {
+    reader: Option<Reader>,
+    run: RunId,
+    /// The last event seen in the journal.
+    last: u64,
+    /// Touches done before, and said.
+    done: usize,
+}
+
+/// Records read at a time.
+const PAGE: u32 = 256;
+
+impl Touches {
+    /// Nothing is said if the journal cannot be read: the results come from it too, with the error.
+    fn new(data: &Path, run: RunId, status: &Status) -> Self {
+        let done = status.run.as_ref().map_or(0, |run| run.touches_before);
+        Self { reader: Reader::open(data).ok(), run, last: status.first_event, done }
+    }
+
+    fn say(&mut self, status: &Status) {
+        let (done, is_ended) = match &status.run {
+            Some(run) => (run.touches_done, run.ending.is_some()),
+            None => return,
+        };
+        let Some(reader) = self.reader.as_ref().filter(|_| done > self.done || is_ended) else {
+            return;
+        };
+        // Each round reads at least one of the records that exist.
+        while self.last < status.last_event {
+            let page = reader.events_after(self.last, PAGE).unwrap_or_default();
+            let Some(newest) = page.last() else { return };
+            self.last = newest.event;
+            for stored in page.iter().filter(|stored| stored.run == self.run) {
+                if matches!(stored.kind.as_str(), "touch_result" | "touch_refused")
+                    && let Ok(record) = stored.record()
+                {
+                    self.done += 1;
+                    say_touch(&record);
+                }
+            }
         }
-        _ => String::new(),
-    };
-    screen::show_progress(&format!(
-        "{bar}{}/{} {}; rig time {}, {} to {} to go",
-        progress.step,
-        progress.steps,
-        run.describe_step(progress.step),
-        duration(elapsed_s),
-        duration(remaining.least_s),
-        duration(remaining.most_s),
-    ));
+    }
 }

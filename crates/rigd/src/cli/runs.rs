@@ -118,15 +118,13 @@ pub(super) fn list(args: &RunsArgs) -> Result<(), Failure> {
         vec![
             run.short_name(),
             run.status.describe(),
-            run.started_at.clone(),
+            minute(&run.started_at),
             run.wall_s.map(duration).unwrap_or_default(),
-            run.records.to_string(),
             if *is_simulated { "simulated" } else { "real" }.to_owned(),
-            run.id.to_string(),
         ]
     };
     let rows: Vec<_> = runs.iter().map(row).collect();
-    print(&columns(&["run", "status", "started (UTC)", "took", "records", "rig", "id"], &rows))?;
+    print(&columns(&["run", "status", "started (UTC)", "took", "rig"], &rows))?;
     for (run, _, interruption) in &runs {
         if let Some(left) = interruption.as_ref().filter(|left| left.is_open()) {
             note(&format!("{} was {}; {ADVICE}", run.short_name(), left.message));
@@ -135,12 +133,27 @@ pub(super) fn list(args: &RunsArgs) -> Result<(), Failure> {
     Ok(())
 }
 
+/// A time without its seconds: `2026-11-22 18:09`.
+fn minute(rfc_3339: &str) -> String {
+    rfc_3339.replace('T', " ").chars().take(16).collect()
+}
+
 pub(super) fn show(args: &ShowArgs) -> Result<(), Failure> {
     let (reader, run) = args.run.find()?;
-    let results = results_of(&run, &reader.amended(run.id)?)?;
-    let data = &args.run.data.data;
-    let verdict = verdict::for_report(data, &reader, run.id);
-    print_results(data, &results, &verdict, args.output.json)
+    print_run(&args.run.data.data, &reader, &run, args.output.json)
+}
+
+/// Prints the results of a run for a person.
+pub(super) fn show_run(data: &DataArgs, run: &str) -> Result<(), Failure> {
+    let reader = data.journal()?;
+    let run = reader.find(run)?;
+    print_run(&data.data, &reader, &run, false)
+}
+
+fn print_run(data: &Path, reader: &Reader, run: &Run, is_json: bool) -> Result<(), Failure> {
+    let results = results_of(run, &reader.amended(run.id)?)?;
+    let verdict = verdict::for_report(data, reader, run.id);
+    print_results(data, &results, &verdict, is_json)
 }
 
 pub(super) fn report(args: &ReportArgs) -> Result<(), Failure> {

@@ -4,6 +4,7 @@
 //! line.
 
 use std::{
+    env,
     io::{self, IsTerminal, Write},
     sync::{Mutex, MutexGuard, PoisonError},
 };
@@ -22,16 +23,41 @@ struct Screen {
     progress: String,
 }
 
-/// Columns of the terminal, if stderr is one.
+/// Columns of the terminal, if stderr is one on which a line can be drawn again.
 pub(super) fn columns() -> Option<usize> {
     let stderr = io::stderr();
-    if !stderr.is_terminal() {
+    if !stderr.is_terminal() || env::var_os("TERM").is_some_and(|term| term == "dumb") {
         return None;
     }
     let size = rustix::termios::tcgetwinsize(&stderr).ok();
     Some(
         size.map(|size| usize::from(size.ws_col)).filter(|&columns| columns > 0).unwrap_or(COLUMNS),
     )
+}
+
+/// A colour of the terminal. It repeats what a word or a mark says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Colour {
+    Red,
+    Green,
+}
+
+/// Whether stderr is a terminal with colours, and `NO_COLOR` is not set.
+pub(super) fn is_coloured() -> bool {
+    let is_plain = env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+    !is_plain && columns().is_some()
+}
+
+/// A text for stderr, in a colour where there are colours.
+pub(super) fn painted(text: &str, colour: Colour) -> String {
+    if !is_coloured() {
+        return text.to_owned();
+    }
+    let code = match colour {
+        Colour::Red => 31,
+        Colour::Green => 32,
+    };
+    format!("\x1b[{code}m{text}\x1b[0m")
 }
 
 /// Says something that stays. A terminal that has gone needs no word.

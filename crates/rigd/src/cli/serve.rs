@@ -23,6 +23,7 @@ use super::{
     signals::Signals,
 };
 use crate::{
+    endpoint::Endpoint,
     http::{
         self,
         access::{Access, HostName, Token},
@@ -86,6 +87,11 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
         let shared =
             http::Shared::new(handle.clone(), facts, loaded, data, access, closing.clone());
         let serving = tokio::spawn(http::serve(listener, http::router(shared), closing.clone()));
+        let endpoint = Endpoint::of(address, args.token_file.as_deref());
+        let announced = endpoint.and_then(|endpoint| endpoint.announce(&args.data.data));
+        if let Err(error) = &announced {
+            say(&format!("rigd: `rigd status` and the like will not find this daemon: {error}"));
+        }
         if signals.count == 0 {
             say(&format!("rigd: listening on {}", called(address)));
             signals.next().await;
@@ -98,6 +104,7 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
             () = signals.next() => return Err(left(&handle.status().borrow())),
         }
         thread.join();
+        drop(announced);
         closing.cancel();
         tokio::select! {
             _ = serving => {}

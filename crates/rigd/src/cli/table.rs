@@ -34,6 +34,21 @@ pub(super) fn facts(rows: &[(&str, String)]) -> String {
     lines.join("\n")
 }
 
+/// The same in lines of at most 80 columns.
+pub(super) fn wrapped(rows: &[(&str, String)]) -> String {
+    let width = rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
+    let mut text = Vec::new();
+    for (name, fact) in rows {
+        let lines = screen::words_in_lines(fact, COLUMNS - width - 2);
+        let name = std::iter::once(*name).chain(std::iter::repeat(""));
+        text.extend(name.zip(lines).map(|(name, line)| format!("{name:<width$}  {line}")));
+    }
+    text.join("\n")
+}
+
+/// Width of a terminal as it is opened.
+pub(super) const COLUMNS: usize = 80;
+
 /// Rows under a header, each column as wide as its widest cell; the first column is text, the
 /// others are right-aligned numbers.
 pub(super) fn columns(header: &[&str], rows: &[Vec<String>]) -> String {

@@ -173,6 +173,11 @@ impl Token {
         Ok(Self(token.to_owned()))
     }
 
+    /// The value of `Authorization` that a client sends.
+    pub(crate) fn bearer(&self) -> String {
+        format!("Bearer {}", self.0)
+    }
+
     /// Whether a client knows the token. The time of the comparison depends only on its length.
     pub(super) fn is(&self, given: &str) -> bool {
         self.0.as_bytes().ct_eq(given.as_bytes()).into()

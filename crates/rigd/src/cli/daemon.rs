@@ -1,0 +1,345 @@
+//! `rigd status`, `pause`, `resume`, `abort`, `stop`, `answer` and `acknowledge`: to the daemon that serves
+//! a data directory.
+
+use std::time::Duration;
+
+use clap::{Args, ValueEnum};
+use serde::Deserialize;
+use serde_json::Value;
+use tokio::time::timeout;
+
+use super::{
+    Failure,
+    args::{DataArgs, OperatorArgs, OutputArgs},
+    client::{Client, DaemonError, in_commands},
+    live::{Progress, range},
+    table::{print, print_json, wrapped},
+};
+
+#[derive(Debug, Args)]
+pub(super) struct StatusArgs {
+    #[command(flatten)]
+    data: DataArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+/// A command to a daemon.
+#[derive(Debug, Args)]
+pub(super) struct DaemonArgs {
+    #[command(flatten)]
+    pub(super) data: DataArgs,
+    #[command(flatten)]
+    pub(super) operator: OperatorArgs,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct AnswerArgs {
+    /// What to answer
+    #[arg(value_enum, default_value_t = Answer::Done)]
+    answer: Answer,
+    #[command(flatten)]
+    daemon: DaemonArgs,
+}
+
+/// An answer to the daemon.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Answer {
+    /// To a prompt: what it asks for has been done
+    Done,
+    /// After a refused touch: widen the window of the sweep and repeat
+    Widen,
+    /// After a refused touch: repeat
+    Repeat,
+    /// After a refused touch: keep the refusal
+    Skip,
+    /// After a refused touch: end the run
+    Abort,
+}
+
+/// A command that needs no words.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Order {
+    Pause,
+    Resume,
+    Abort,
+    Stop,
+    Acknowledge,
+}
+
+/// The rig, as the daemon describes it.
+#[derive(Debug, Clone, Deserialize)]
+pub(super) struct RigView {
+    name: String,
+    pub(super) state: String,
+    probe: String,
+    linear_mm: Option<f64>,
+    rotary_deg: Option<f64>,
+    is_simulated: bool,
+    pub(super) run: Option<RunView>,
+    pub(super) last_run: Option<LastRun>,
+    prompt: Option<String>,
+    asked: Option<Asked>,
+    refused: Option<Refused>,
+    fault: Option<FaultView>,
+    journal_error: Option<String>,
+}
+
+/// The run under way.
+#[derive(Debug, Clone, Deserialize)]
+pub(super) struct RunView {
+    pub(super) id: String,
+    protocol: String,
+    step: usize,
+    steps: usize,
+    touches_planned: usize,
+    touches_measured: usize,
+    touches_refused: usize,
+    doing: String,
+    is_pausing: bool,
+    remaining_s: [f64; 2],
+    next_prompt: Option<NextPrompt>,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+struct NextPrompt {
+    prompt: String,
+    in_s: f64,
+}
+
+/// A run that has ended.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+pub(super) struct LastRun {
+    pub(super) id: String,
+    pub(super) status: String,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+struct Asked {
+    step: String,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+struct Refused {
+    step: String,
+    reason: String,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+struct FaultView {
+    cause: String,
+    hint: String,
+}
+
+/// The rig may move for this long after a stop: a slow stage needs 20 s for its whole travel.
+const SETTLE_TIME: Duration = Duration::from_secs(60);
+
+pub(super) fn status(args: &StatusArgs) -> Result<(), Failure> {
+    let operator = crate::operator::Operator::login();
+    let view: Value =
+        over_http(async { Client::find(&args.data.data, &operator)?.get("/api/v1/rig").await })?;
+    if args.output.json {
+        return print_json(&view);
+    }
+    let view: RigView = serde_json::from_value(view).map_err(|error| Failure::System {
+        what: "the answer of the daemon",
+        source: error.into(),
+    })?;
+    print(&view.text())
+}
+
+pub(super) fn order(args: &DaemonArgs, order: Order) -> Result<(), Failure> {
+    let view = over_http(async {
+        let client = args.client()?;
+        let of_run = async |verb: &str| {
+            let rig: RigView = client.get("/api/v1/rig").await?;
+            let run = rig.run.ok_or(DaemonError::NoRun)?.id;
+            client.post(&format!("/api/v1/runs/{run}/{verb}")).await
+        };
+        match order {
+            Order::Pause => of_run("pause").await?,
+            Order::Resume => of_run("resume").await?,
+            Order::Abort => of_run("abort").await?,
+            Order::Stop => client.post("/api/v1/stop").await?,
+            Order::Acknowledge => client.post("/api/v1/acknowledge").await?,
+        }
+        match order {
+            Order::Pause | Order::Resume => client.get("/api/v1/rig").await,
+            Order::Abort | Order::Stop | Order::Acknowledge => settled(&client).await,
+        }
+    })?;
+    print(&view.text())?;
+    let is_safe = view.probe == "clear" && (order == Order::Stop || view.fault.is_none());
+    if is_safe || matches!(order, Order::Pause | Order::Resume) {
+        return Ok(());
+    }
+    // Its cause has been printed.
+    Err(Failure::DaemonLatched { probe: view.probe })
+}
+
+pub(super) fn answer(args: &AnswerArgs) -> Result<(), Failure> {
+    let view = over_http(async {
+        let client = args.daemon.client()?;
+        let rig: RigView = client.get("/api/v1/rig").await?;
+        let run = rig.run.as_ref().ok_or(DaemonError::NoRun)?;
+        let query = rig.query(args.answer)?;
+        client.post(&format!("/api/v1/runs/{}/answer?{query}", run.id)).await?;
+        client.get::<RigView>("/api/v1/rig").await
+    })?;
+    print(&view.text())
+}
+
+impl DaemonArgs {
+    pub(super) fn client(&self) -> Result<Client, DaemonError> {
+        Client::find(&self.data.data, &self.operator.name())
+    }
+}
+
+/// Waits until the rig rests, and gives its last state.
+async fn settled(client: &Client) -> Result<RigView, DaemonError> {
+    let mut events = client.events().await?;
+    let rest = async {
+        while let Some(event) = events.next().await? {
+            let Ok(view) = serde_json::from_str::<RigView>(&event.data) else { continue };
+            if matches!(view.state.as_str(), "idle" | "latched") {
+                return Ok(view);
+            }
+        }
+        client.get("/api/v1/rig").await
+    };
+    match timeout(SETTLE_TIME, rest).await {
+        Ok(view) => view,
+        Err(_) => client.get("/api/v1/rig").await,
+    }
+}
+
+/// Runs requests to a daemon.
+pub(super) fn over_http<T>(
+    work: impl Future<Output = Result<T, DaemonError>>,
+) -> Result<T, Failure> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(|source| Failure::System { what: "runtime", source })?;
+    Ok(runtime.block_on(work)?)
+}
+
+impl RigView {
+    /// The parameters of an answer to what the daemon asks.
+    fn query(&self, answer: Answer) -> Result<String, DaemonError> {
+        let word = match answer {
+            Answer::Done => None,
+            Answer::Widen => Some("widen"),
+            Answer::Repeat => Some("repeat"),
+            Answer::Skip => Some("skip"),
+            Answer::Abort => Some("abort"),
+        };
+        match (&self.asked, &self.refused, word) {
+            (Some(asked), _, None) => Ok(format!("step={}", encoded(&asked.step))),
+            (_, Some(refused), Some(word)) => {
+                Ok(format!("step={}&refused={word}", encoded(&refused.step)))
+            }
+            (_, Some(_), None) => Err(DaemonError::WrongAnswer(
+                "a touch was refused: answer with `widen`, `repeat`, `skip` or `abort`",
+            )),
+            (Some(_), _, Some(_)) => Err(DaemonError::WrongAnswer(
+                "no touch was refused: `rigd answer` without a word answers the open prompt",
+            )),
+            (None, None, _) => Err(DaemonError::NothingAsked),
+        }
+    }
+
+    /// `clear`, `in contact` or `unknown`.
+    pub(super) fn probe(&self) -> &str {
+        &self.probe
+    }
+
+    /// What the daemon asks for, and the command that answers.
+    pub(super) fn question(&self) -> Option<String> {
+        let refused = self.refused.as_ref().map(|Refused { step, reason }| {
+            format!("touch {step} was refused: {reason}; `rigd answer widen`, `repeat`, `skip` or `abort`")
+        });
+        let prompt = self.prompt.as_ref();
+        refused.or_else(|| prompt.map(|prompt| format!("{prompt} Then `rigd answer`.")))
+    }
+
+    /// The fault, and what to do.
+    pub(super) fn fault(&self) -> Option<[String; 2]> {
+        self.fault.as_ref().map(|fault| [fault.cause.clone(), in_commands(&fault.hint)])
+    }
+
+    /// For a person.
+    fn text(&self) -> String {
+        let kind = if self.is_simulated { "SIMULATED" } else { "REAL" };
+        let mut rows =
+            vec![("rig", format!("{}, {kind}", self.name)), ("state", self.state.clone())];
+        let mut row = |name: &'static str, text: Option<String>| {
+            rows.extend(text.map(|text| (name, text)));
+        };
+        row("asks", self.question());
+        if let Some([cause, advice]) = self.fault() {
+            row("fault", Some(cause));
+            row("to do", Some(advice));
+        }
+        row("journal", self.journal_error.clone());
+        row("probe", Some(self.probe.clone()));
+        row("linear stage", self.linear_mm.map(|mm| format!("{mm:.3} mm")));
+        row("rotary stage", self.rotary_deg.map(|deg| format!("{deg:.3} °")));
+        if let Some(run) = &self.run {
+            let refused = match run.touches_refused {
+                0 => String::new(),
+                refused => format!(", {refused} refused"),
+            };
+            let pausing = if run.is_pausing { "; pausing after this step" } else { "" };
+            let RunView { protocol, step, steps, doing, .. } = run;
+            let (measured, planned) = (run.touches_measured, run.touches_planned);
+            let [least_s, most_s] = run.remaining_s;
+            row("run", Some(format!("{protocol}, step {step} of {steps}: {doing}{pausing}")));
+            row("touches", Some(format!("{measured} of {planned} measured{refused}")));
+            row("to go", Some(range(least_s, most_s)));
+            let next = run.next_prompt.as_ref();
+            row(
+                "next prompt",
+                next.map(|next| {
+                    format!("in about {}: {}", range(next.in_s, next.in_s), next.prompt)
+                }),
+            );
+        }
+        wrapped(&rows)
+    }
+
+    /// The progress of the run under way.
+    pub(super) fn progress(&self) -> Option<Progress> {
+        let run = self.run.as_ref()?;
+        Some(Progress {
+            step: run.step,
+            steps: run.steps,
+            doing: run.doing.clone(),
+            remaining_s: run.remaining_s,
+            estimate_hz: None,
+            is_pausing: run.is_pausing,
+        })
+    }
+}
+
+/// A value of a query: all bytes but letters, digits and `-._~/` as their numbers.
+fn encoded(text: &str) -> String {
+    let byte = |byte: u8| match byte {
+        b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'.' | b'_' | b'~' | b'/' => {
+            char::from(byte).to_string()
+        }
+        _ => format!("%{byte:02X}"),
+    };
+    text.bytes().map(byte).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_is_safe_in_a_query() {
+        assert_eq!(encoded("main/3/left/30/1"), "main/3/left/30/1");
+        assert_eq!(encoded("a b&c=\u{e9}+#"), "a%20b%26c%3D%C3%A9%2B%23");
+    }
+}
