@@ -127,11 +127,11 @@ fn a_person_reads_the_worst_steps_and_what_to_change() {
     let dir = TempDir::new().unwrap();
     let path =
         changed(dir.path(), SMOKE, &[("max_hz = 260", "max_hz = 155"), ("\"5\"]", "\"2\"]")]);
-    let output = rigd(&["check", &path]);
+    let output = rigd(&["check", &path, "--steps"]);
     let (_, warning) = text(&output).split_once("\nwarning: ").unwrap();
     let expected = "\
-[contact_sweep] max_hz = 155 Hz: predicted resonances lie above it, or less than 1 linewidth below \
-it; set it to at least 164 Hz
+[contact_sweep] max_hz = 155 Hz: predicted resonances lie above it, or
+less than 1 linewidth below it; set it to at least 164 Hz
   blind/3: 158.5 Hz, 5.3 Hz wide, outside
   main/2/left/0/1: 158.3 Hz, 5.2 Hz wide, outside
   main/2/front/0/1: 158.3 Hz, 5.2 Hz wide, outside
@@ -140,7 +140,24 @@ it; set it to at least 164 Hz
   and 3 more; --json lists them
 ";
     assert_eq!(warning, expected);
-    assert!(text(&output).contains("sample 2 of 2, left, 0°   158.3 Hz\n"), "{}", text(&output));
+    assert!(
+        in_a_line(text(&output)).contains("sample 2 of 2, left, 0° 158.3 Hz "),
+        "{}",
+        text(&output)
+    );
+    assert!(text(&output).lines().all(|line| line.chars().count() <= 80), "{}", text(&output));
+    // Without its steps: three lines, and what is wrong.
+    let short = rigd(&["check", &path]);
+    let lines: Vec<_> = text(&short).lines().collect();
+    assert!(
+        text(&output).ends_with(text(&short)) && lines[3].starts_with("warning: "),
+        "{lines:?}"
+    );
+}
+
+/// A text without its line ends.
+fn in_a_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 #[test]
@@ -152,7 +169,7 @@ fn of_samples_that_nobody_knows_nothing_is_predicted_and_that_is_said() {
     let output = rigd(&["check", SMOKE, "--rig", &rig]);
     let said = "There is no prediction for touches of 5: their stiffness is not in [[samples]] of \
                 bench.";
-    assert!(text(&output).contains(said), "{}", text(&output));
+    assert!(in_a_line(text(&output)).contains(said), "{}", text(&output));
     assert!(!text(&output).contains("warning"), "{}", text(&output));
     let output = rigd(&["check", SMOKE, "--rig", &rig, "--json"]);
     let checked: Value = serde_json::from_str(text(&output)).unwrap();
@@ -176,7 +193,7 @@ fn a_resonance_beyond_the_analyzer_is_not_answered_with_a_window_it_cannot_have(
     let path = changed(dir.path(), SMOKE, &[("max_hz = 260", "max_hz = 200")]);
     let output = rigd(&["check", &path, "--rig", &rig]);
     let said = "and this rig's analyzer ends at 200 Hz: touch softer samples, or less deep";
-    assert!(text(&output).contains(said), "{}", text(&output));
+    assert!(in_a_line(text(&output)).contains(said), "{}", text(&output));
 }
 
 #[test]

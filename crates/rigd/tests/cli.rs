@@ -135,11 +135,12 @@ fn a_run_with_refused_touches_says_which_and_why_and_has_an_exit_code_of_its_own
 
 #[test]
 fn check_lists_the_steps_and_moves_nothing() {
-    let output = rigd(&["check", "config/protocols/three-direction.toml"]);
+    let output = rigd(&["check", "config/protocols/three-direction.toml", "--steps"]);
     assert!(output.status.success(), "{}", stderr(&output));
     let text = stdout(&output);
     assert!(text.contains("main/3/left/30/1"), "{text}");
-    assert!(text.contains("can run on simulated bench: 110 touches"), "{text}");
+    assert!(text.contains("can run on simulated bench"), "{text}");
+    assert!(text.contains("110 touches, 110 no-load references"), "{text}");
     let view = json(&rigd(&["check", "config/protocols/three-direction.toml", "--json"]));
     assert_eq!(view["is_runnable"], true);
     assert_eq!(view["touches"], 110);

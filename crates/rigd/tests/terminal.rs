@@ -66,7 +66,7 @@ async fn a_prompt_is_not_lost_whatever_the_width_of_the_terminal() {
 
 /// The window of the sweep in contact ends below the resonance of each sample.
 fn narrow() -> String {
-    let narrow = PROTOCOL.replace("max_hz = 260", "max_hz = 142");
+    let narrow = PROTOCOL.replace("max_hz = 260", "max_hz = 145");
     let ask = narrow.replace("[touch]\n", "[touch]\non_refusal = \"ask\"\n");
     assert!(narrow != PROTOCOL && ask != narrow);
     ask

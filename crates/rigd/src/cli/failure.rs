@@ -188,8 +188,8 @@ impl Failure {
                 Some("name the directory of an earlier run with --data")
             }
             Self::Open(OpenError::Data { source: StoreError::InUse, .. }) => Some(
-                "end the other rigd, use its HTTP interface, or name another directory with \
-                      --data",
+                "end the other rigd, speak to it (`rigd status`, `rigd stop`), or name another \
+                 directory with --data",
             ),
             Self::Refused(RequestRefusal::NoSpace { .. }) => {
                 Some("move old runs elsewhere, or choose another directory with --data")

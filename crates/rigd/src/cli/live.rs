@@ -4,7 +4,7 @@ use rig_report::with_sigma;
 use rig_store::Record;
 use unicode_width::UnicodeWidthStr;
 
-use super::screen::{self, Colour, painted, words_in_lines};
+use super::screen::{self, Colour, painted};
 
 /// Columns for the address of a touch, such as `main/5/left/45/1`.
 const ADDRESS: usize = 18;
@@ -84,20 +84,10 @@ pub(super) fn say_touch(record: &Record) {
         }
         Record::TouchRefused(refused) => {
             let text = format!("{:<ADDRESS$}  refused: {}", refused.touch.step, refused.reason);
-            screen::say(&format!("{} {}", painted("✕", Colour::Red), indented(&text, 2)));
+            screen::say(&format!("{} {}", painted("✕", Colour::Red), screen::indented(&text, 2)));
         }
         _ => {}
     }
-}
-
-/// A text in lines that fit the terminal, all but the first one indented.
-pub(super) fn indented(text: &str, indent: usize) -> String {
-    let columns = screen::columns().unwrap_or(usize::MAX);
-    if text.width() + indent <= columns {
-        return text.to_owned();
-    }
-    let lines = words_in_lines(text, columns.saturating_sub(indent));
-    lines.join(&format!("\n{}", " ".repeat(indent)))
 }
 
 #[cfg(test)]

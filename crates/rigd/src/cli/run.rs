@@ -147,6 +147,20 @@ fn finish(data: &Path, output: &OutputArgs, run: RunId, has_refusals: bool) -> R
     if has_refusals { Err(Failure::TouchesRefused) } else { Ok(()) }
 }
 
+/// Begins the requested run.
+async fn begin(session: &Session, order: Order) -> Result<RunId, Failure> {
+    Ok(match order {
+        Order::Protocol(protocol) => session.handle.run(*protocol, session.operator()).await?,
+        Order::Rest { run, is_confirmed } => {
+            session.handle.resume(run, is_confirmed, session.operator()).await?;
+            run
+        }
+        Order::Redo { touch, is_confirmed } => {
+            session.handle.redo(touch, is_confirmed, session.operator()).await?
+        }
+    })
+}
+
 /// Begins the requested run and waits for its end.
 async fn replay(
     session: &mut Session,
@@ -156,16 +170,7 @@ async fn replay(
 ) -> Result<(RunId, RunStatus, Status), Failure> {
     let mut terminal = if is_simulated { None } else { Some(open_terminal()?) };
     let (mut resizes, mut resized) = (resizes()?, None);
-    let run = match order {
-        Order::Protocol(protocol) => session.handle.run(*protocol, session.operator()).await?,
-        Order::Rest { run, is_confirmed } => {
-            session.handle.resume(run, is_confirmed, session.operator()).await?;
-            run
-        }
-        Order::Redo { touch, is_confirmed } => {
-            session.handle.redo(touch, is_confirmed, session.operator()).await?
-        }
-    };
+    let run = begin(session, order).await?;
     let mut touches = journal.map(|data| Touches::new(data, run, &session.status.borrow()));
     let mut redraw = tokio::time::interval(REDRAW_INTERVAL);
     redraw.set_missed_tick_behavior(MissedTickBehavior::Delay);

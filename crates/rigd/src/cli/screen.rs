@@ -135,9 +135,28 @@ fn broken(text: &str, columns: usize) -> String {
     if text.width() <= columns {
         return text.to_owned();
     }
-    let clauses =
-        text.split_inclusive([';', '.']).flat_map(|clause| words_in_lines(clause, columns));
-    clauses.collect::<Vec<_>>().join("\n")
+    let mut clauses = vec![String::new()];
+    for word in text.split_inclusive(' ') {
+        if let Some(clause) = clauses.last_mut() {
+            clause.push_str(word);
+        }
+        // A point within a number ends no clause.
+        if word.trim_end().ends_with([';', '.']) {
+            clauses.push(String::new());
+        }
+    }
+    let lines = clauses.iter().flat_map(|clause| words_in_lines(clause, columns));
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+/// A text in lines that fit the terminal, all but the first one indented.
+pub(super) fn indented(text: &str, indent: usize) -> String {
+    let columns = columns().unwrap_or(usize::MAX);
+    if text.width() + indent <= columns {
+        return text.to_owned();
+    }
+    let lines = words_in_lines(text, columns.saturating_sub(indent));
+    lines.join(&format!("\n{}", " ".repeat(indent)))
 }
 
 /// A text in lines of at most this number of columns, broken between words.
@@ -179,6 +198,8 @@ mod tests {
         let clauses = "Put sample 3 under the probe.\nPress Enter when that is done.";
         assert_eq!(broken(text, 59), clauses);
         assert_eq!(broken(text, 30), clauses);
+        let number = "It was refused: 148.709 Hz lies above the window; skip it or abort.";
+        assert_eq!(broken(number, 60), number.replace("; ", ";\n"));
         let words = "Put sample 3\nunder the\nprobe.\nPress Enter\nwhen that is\ndone.";
         assert_eq!(broken(text, 12), words);
         assert_eq!(broken("unbreakable", 3), "unbreakable");

@@ -7,9 +7,10 @@ use std::{
 
 use super::{Failure, screen};
 
-/// A line for the person at the terminal.
+/// Lines for the person at the terminal, broken between words where they are too long for it.
 pub(super) fn note(text: &str) {
-    screen::say(text);
+    let lines: Vec<_> = text.split('\n').map(|line| screen::indented(line, 2)).collect();
+    screen::say(&lines.join("\n"));
 }
 
 /// Writes a result to stdout.

@@ -7,7 +7,7 @@ use super::{
     Failure,
     client::Event,
     daemon::{DaemonArgs, LastRun, RigView, over_http},
-    live::{indented, say_touch},
+    live::say_touch,
     runs, screen,
     table::note,
 };
@@ -112,9 +112,7 @@ impl Watch {
         let question = rig.question();
         let news = fault.or(question).unwrap_or_else(|| rig.state.clone());
         if self.said.as_ref() != Some(&news) {
-            for line in news.lines() {
-                screen::say(&indented(line, 2));
-            }
+            note(&news);
             self.said = Some(news);
         }
         if let Some(mut progress) = rig.progress() {
