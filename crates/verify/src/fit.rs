@@ -16,7 +16,7 @@ use std::f64::consts::{PI, TAU};
 use num_complex::Complex64;
 
 use crate::{
-    normal::{GLOBAL, Normal, Part, Step},
+    normal::{Normal, Part, Step},
     record::{Circuit, FitNoise, Flag, Reading},
 };
 
@@ -32,6 +32,12 @@ const AMPLITUDE_SHARE: f64 = 0.75;
 /// Expected values and their standard deviations: ln Q, then C0, C1 and C0 tan δ in units of the
 /// capacitance of the first reading.
 const EXPECTED: [(f64, f64); 4] = [(3.401, 1.0), (1.0, 1.0), (0.0, 0.15), (0.0, 0.03)];
+/// Unknowns of the circuit.
+const CIRCUIT: usize = 5;
+/// The unknown after them: the capacitance of a second mode.
+const MODE: usize = CIRCUIT;
+/// Places of possible second modes, in linewidths from the resonance on both sides.
+const MODES_AT: [f64; 8] = [0.75, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0];
 /// Number of times that the sizes of the free decays and the weights are computed anew.
 const ROUNDS: usize = 4;
 /// Steps of one descent; a sound sweep needs three to ten.
@@ -49,6 +55,8 @@ pub(crate) struct Fitted {
     pub(crate) quality_factor: f64,
     /// Standard deviation of the resonance by the noise alone, Hz.
     pub(crate) sigma_hz: f64,
+    /// The same, if there may be a second mode of any size.
+    pub(crate) with_mode_hz: f64,
     /// Sum of squares over its degrees of freedom, against the noise that was known before.
     pub(crate) scatter: f64,
     /// The degrees of freedom.
@@ -89,13 +97,16 @@ pub(crate) fn fit(
     };
     let mut variance = noise.at_ten_cycles.powi(2);
     at.amplitudes = trace.first_amplitudes(&at.circuit, variance);
-    let rows = 2 * readings.len() + GLOBAL - 1;
-    let degrees = rows.saturating_sub(GLOBAL).max(1) as f64;
-    let mut found = None;
+    let rows = 2 * readings.len() + CIRCUIT - 1;
+    let degrees = rows.saturating_sub(CIRCUIT).max(1) as f64;
+    let (mut found, mut widest) = (None, 0.0);
     let mut scatter = f64::NAN;
     for round in 0..ROUNDS {
         let weights = trace.weights(&at, variance);
         let normal = trace.descend(&mut at, &weights);
+        if round + 1 == ROUNDS {
+            widest = trace.widest(&at, &weights);
+        }
         if round + 2 == ROUNDS {
             // What the readings say of the noise, together with what was known of it.
             scatter = normal.cost / degrees;
@@ -107,7 +118,9 @@ pub(crate) fn fit(
     let [ln_resonance, ln_q, ..] = at.circuit;
     let resonance_hz = ln_resonance.exp();
     let sigma_hz = resonance_hz * found?.variance(0)?.sqrt();
-    let fitted = Fitted { resonance_hz, quality_factor: ln_q.exp(), sigma_hz, scatter, degrees };
+    let with_mode_hz = sigma_hz.max(resonance_hz * f64::sqrt(widest));
+    let quality_factor = ln_q.exp();
+    let fitted = Fitted { resonance_hz, quality_factor, sigma_hz, with_mode_hz, scatter, degrees };
     (resonance_hz.is_finite() && sigma_hz.is_finite()).then_some(fitted)
 }
 
@@ -181,7 +194,7 @@ fn stays(readings: &[Reading], unit: f64) -> Vec<Stay> {
 #[derive(Debug, Clone)]
 struct Unknowns {
     /// ln f, ln Q, C0, C1, C0 tan δ.
-    circuit: [f64; GLOBAL],
+    circuit: [f64; CIRCUIT],
     /// The free decay of each stay at its first reading.
     amplitudes: Vec<Complex64>,
     /// Errors of the times between the readings of each stay, in standard deviations.
@@ -227,7 +240,7 @@ struct Branch {
 }
 
 impl Branch {
-    fn new(circuit: &[f64; GLOBAL]) -> Self {
+    fn new(circuit: &[f64; CIRCUIT]) -> Self {
         let (omega, q) = (TAU * circuit[0].exp(), circuit[1].exp().max(0.51));
         let ringing = (1.0 - 0.25 / (q * q)).sqrt();
         let s = omega * Complex64::new(-0.5 / q, ringing);
@@ -243,6 +256,15 @@ impl Branch {
     }
 }
 
+/// A second mode with the capacitance 1 in a stay: its steady part as an admittance, and the rest at the first
+/// reading.
+#[derive(Clone, Copy)]
+struct Mode<'a> {
+    branch: &'a Branch,
+    steady: Complex64,
+    rest: Complex64,
+}
+
 /// The mean of e^{λt} over a reading that begins at `t` and takes `span`, and its slope by λ.
 fn decay(lambda: Complex64, t: f64, span: f64) -> (Complex64, Complex64) {
     let x = lambda * span;
@@ -252,7 +274,7 @@ fn decay(lambda: Complex64, t: f64, span: f64) -> (Complex64, Complex64) {
 }
 
 impl Trace {
-    fn steady(circuit: &[f64; GLOBAL], branch: &Branch, omega: f64) -> Complex64 {
+    fn steady(circuit: &[f64; CIRCUIT], branch: &Branch, omega: f64) -> Complex64 {
         let [_, _, c0, c1, g] = *circuit;
         let (response, ..) = branch.response(omega);
         Complex64::new(omega * g, omega * c0) + Complex64::new(0.0, omega * c1) * response
@@ -260,7 +282,7 @@ impl Trace {
 
     /// The root mean square of the free decay of each stay: each change of frequency sets off one as
     /// large as the motion before and after it, in a random phase.
-    fn sizes(&self, circuit: &[f64; GLOBAL]) -> Vec<f64> {
+    fn sizes(&self, circuit: &[f64; CIRCUIT]) -> Vec<f64> {
         let branch = Branch::new(circuit);
         let (mut square, mut forced) = (0.0, branch.q * branch.q);
         let size = |stay: &Stay| {
@@ -273,7 +295,7 @@ impl Trace {
     }
 
     /// The most likely free decays beside a circuit, by linear least squares.
-    fn first_amplitudes(&self, circuit: &[f64; GLOBAL], variance: f64) -> Vec<Complex64> {
+    fn first_amplitudes(&self, circuit: &[f64; CIRCUIT], variance: f64) -> Vec<Complex64> {
         let branch = Branch::new(circuit);
         let first = |(stay, size): (&Stay, f64)| {
             let steady = Self::steady(circuit, &branch, stay.omega);
@@ -329,11 +351,62 @@ impl Trace {
         self.stays[stay].samples.iter().zip(steps).map(time).collect()
     }
 
-    fn normal(&self, at: &Unknowns, weights: &Weights) -> Normal {
+    /// The largest variance of the logarithm of the resonance if a second mode of any size is at one of
+    /// the places.
+    fn widest(&self, at: &Unknowns, weights: &Weights) -> f64 {
+        let places = MODES_AT.into_iter().flat_map(|place| [-place, place]);
+        let at_place = |place: f64| {
+            let [ln_f, ln_q, ..] = at.circuit;
+            let ln_f = ln_f + (1.0 + place * (-ln_q).exp()).max(0.1).ln();
+            let mode = Branch::new(&[ln_f, ln_q, 0.0, 0.0, 0.0]);
+            self.normal(at, weights, Some(&mode)).variance(0)
+        };
+        places.filter_map(at_place).fold(0.0, f64::max)
+    }
+
+    /// The motion of a mode with the capacitance 1 in each stay, as an admittance: its steady part, and
+    /// the rest at the first reading. At a change of frequency the drive jumps in phase by the same angle
+    /// for all modes.
+    fn motions(
+        &self,
+        at: &Unknowns,
+        branch: &Branch,
+        mode: &Branch,
+    ) -> Vec<(Complex64, Complex64)> {
+        let [.., c1, _] = at.circuit;
+        let mut before: Option<(Complex64, Complex64)> = None;
+        let of_stay = |(k, stay): (usize, &Stay)| {
+            let drive = Complex64::new(0.0, stay.omega);
+            let steady = |of: &Branch| drive * of.response(stay.omega).0;
+            let (own, other) = (c1 * steady(branch), steady(mode));
+            let begins = own + at.amplitudes[k];
+            let kept = before.map_or(Complex64::ZERO, |(end, other)| {
+                let turn = begins / end;
+                if turn.is_normal() { other * turn / turn.norm() } else { Complex64::ZERO }
+            });
+            let rest = kept - other;
+            let next_s = self.stays.get(k + 1).map_or(0.0, |next| next.since_s);
+            let left = |of: &Branch| ((of.s - drive) * next_s).exp();
+            let ends = own + at.amplitudes[k] * left(branch);
+            before = Some((ends, other + rest * left(mode)));
+            (other, rest)
+        };
+        self.stays.iter().enumerate().map(of_stay).collect()
+    }
+
+    fn normal(&self, at: &Unknowns, weights: &Weights, mode: Option<&Branch>) -> Normal {
         let branch = Branch::new(&at.circuit);
         let mut normal = Normal::default();
+        let motions = mode.map(|mode| (mode, self.motions(at, &branch, mode)));
         for k in 0..self.stays.len() {
-            self.add_stay(k, at, weights, &branch, &mut normal);
+            let mode = motions.as_ref().map(|(branch, motions)| {
+                let (steady, rest) = motions[k];
+                Mode { branch, steady, rest }
+            });
+            self.add_stay(k, at, weights, (&branch, mode), &mut normal);
+        }
+        if mode.is_none() {
+            normal.expect(MODE, 0.0, 1.0);
         }
         for (i, (expected, sigma)) in EXPECTED.into_iter().enumerate() {
             normal.expect(i + 1, at.circuit[i + 1] - expected, sigma);
@@ -346,7 +419,7 @@ impl Trace {
         k: usize,
         at: &Unknowns,
         weights: &Weights,
-        branch: &Branch,
+        (branch, mode): (&Branch, Option<Mode<'_>>),
         normal: &mut Normal,
     ) {
         let (stay, size, amplitude) = (&self.stays[k], weights.sizes[k], at.amplitudes[k]);
@@ -371,6 +444,10 @@ impl Trace {
                 slope * drive,
                 slope * drive * response,
                 slope * stay.omega,
+                mode.map_or(Complex64::ZERO, |Mode { branch: mode, steady, rest }| {
+                    let rest = if self.is_ringing { rest } else { Complex64::ZERO };
+                    slope * (steady + rest * decay(mode.s - drive, t, sample.integration_s).0)
+                }),
             ];
             let mut local = vec![Complex64::ZERO; unknowns];
             if self.is_ringing {
@@ -399,7 +476,7 @@ impl Trace {
     /// Levenberg and Marquardt. Where the steps end before the minimum, the comparison with the stated
     /// circuit tells.
     fn descend(&self, at: &mut Unknowns, weights: &Weights) -> Normal {
-        let mut normal = self.normal(at, weights);
+        let mut normal = self.normal(at, weights, None);
         let mut damping = 1e-3;
         for _ in 0..STEPS_MAX {
             let Some(step) = normal.step(damping) else {
@@ -407,7 +484,7 @@ impl Trace {
                 continue;
             };
             let next = at.moved(&step, weights);
-            let lower = self.normal(&next, weights);
+            let lower = self.normal(&next, weights, None);
             if lower.cost <= normal.cost {
                 let saved = normal.cost - lower.cost;
                 let is_too_long = saved < KEPT_PROMISE * normal.promise(&step);

@@ -1,8 +1,8 @@
 //! Normal equations of least squares with unknowns that concern everything and unknowns that concern
 //! one part of the data: the latter are eliminated part by part.
 
-/// Unknowns that concern everything.
-pub(crate) const GLOBAL: usize = 5;
+/// Unknowns that concern everything: those of the circuit, and the size of a possible second mode.
+pub(crate) const GLOBAL: usize = 6;
 
 /// Symmetric positive definite equations, as their lower triangular factor.
 struct Factor(Vec<Vec<f64>>);

@@ -11,9 +11,14 @@ use crate::{
 /// A stated resonance may differ from the fit of this checker by this many of its standard deviations.
 /// The two weigh readings a little differently.
 const RESONANCE_SIGMAS: f64 = 1.0;
-/// A stated standard deviation over that of this checker. A possible second mode widens a stated one.
-const SIGMA_RATIO: [f64; 2] = [0.6, 10.0];
-/// The largest standard deviation of a sweep on a given grid, in linewidths.
+/// A stated standard deviation over that of this checker, at least.
+const SIGMA_LEAST: f64 = 0.6;
+/// A stated standard deviation over that of this checker with a possible second mode, at most: the rest is
+/// for readings that were left out.
+const SIGMA_MOST: f64 = 2.0;
+/// The same on a given grid, where other causes stay open too: over that of this checker without a second
+/// mode, or in linewidths, whichever is more.
+const SIGMA_MOST_ON_GRID: f64 = 10.0;
 const SIGMA_LINEWIDTHS: f64 = 0.5;
 /// The scatter about the fit may exceed the noise by this many standard deviations of χ².
 const SCATTER_SIGMAS: f64 = 6.0;
@@ -116,7 +121,14 @@ fn check_readings(Accepted { seq, sweep }: &Accepted, readings: &[Reading]) -> (
         fit::fit(readings, is_ringing, noise, (*resonance_hz, circuit)).map(|fit| (fit, circuit))
     });
     let Some((
-        Fitted { resonance_hz: fit_hz, quality_factor, sigma_hz: fit_sigma, scatter, degrees },
+        Fitted {
+            resonance_hz: fit_hz,
+            quality_factor,
+            sigma_hz: fit_sigma,
+            scatter,
+            degrees,
+            with_mode_hz,
+        },
         circuit,
     )) = fitted
     else {
@@ -129,13 +141,14 @@ fn check_readings(Accepted { seq, sweep }: &Accepted, readings: &[Reading]) -> (
         let what = "the resonance, Hz";
         add(Check::Resonance, what, fit_hz.to_string(), *resonance_hz, Some(limit.to_string()));
     }
-    let ratio = sigma_hz / fit_sigma;
-    // Points on a given grid may leave other causes open, whose uncertainty is added.
-    let is_widened = !is_ringing && *sigma_hz < SIGMA_LINEWIDTHS * fit_hz / quality_factor;
-    let is_usual = (SIGMA_RATIO[0]..=SIGMA_RATIO[1]).contains(&ratio);
-    let is_allowed = is_usual || (is_widened && ratio > 1.0);
-    if !is_allowed {
-        let limit = Some(format!("a ratio from {} to {}", SIGMA_RATIO[0], SIGMA_RATIO[1]));
+    let least_hz = SIGMA_LEAST * fit_sigma;
+    let most_hz = if is_ringing {
+        SIGMA_MOST * with_mode_hz
+    } else {
+        f64::max(SIGMA_MOST_ON_GRID * fit_sigma, SIGMA_LINEWIDTHS * fit_hz / quality_factor)
+    };
+    if !(least_hz..=most_hz).contains(sigma_hz) {
+        let limit = Some(format!("from {least_hz} to {most_hz}"));
         add(Check::Sigma, "the standard deviation, Hz", fit_sigma.to_string(), *sigma_hz, limit);
     }
     let ratio = circuit.quality_factor / quality_factor;

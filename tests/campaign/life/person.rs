@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use rig_engine::{Command, FailureKind, Fault as EngineFault, RigState, RunStatus};
 use rig_sim::SimHandle;
+use rig_store::{Ending, Reader, RunStatus as StoredStatus};
 use rigd::rig::{RigHandle, Status};
 use tokio::time::{Instant, sleep};
 
@@ -93,6 +94,10 @@ impl Life<'_> {
                 }
                 if self.is_mended && is_lost(status) {
                     return Some(self.find_by_hand().await);
+                }
+                if status.snapshot.state == RigState::Idle && self.is_sealed() {
+                    // It was completed just before the daemon ended.
+                    return Some(self.is_finished(status));
                 }
                 let done = match (status.snapshot.state, self.run) {
                     (RigState::Latched, _) if is_unhomed(status) => {
@@ -196,6 +201,16 @@ impl Life<'_> {
         for words in self.all.iter().filter_map(Trouble::lost_steps) {
             self.say(&format!("fault {words}"));
         }
+    }
+
+    /// Whether the list of runs says that the run is complete.
+    fn is_sealed(&self) -> bool {
+        let Ok(reader) = Reader::open_in_memory(&self.disk) else { return false };
+        let run = self.run.and_then(|run| reader.run(run).ok());
+        run.is_some_and(|run| {
+            let is_of = |ending| run.status == StoredStatus::Ended(ending);
+            is_of(Ending::Completed) || is_of(Ending::CompletedWithRefusals)
+        })
     }
 
     /// A person clears the bench and starts the daemon again.

@@ -78,7 +78,7 @@ pub(super) const CASES: &[Case] = &[
         loaded(forged, 2, |hz| hz, |sigma| sigma / 3.0);
     }),
     ("a standard deviation that is too large", Check::Sigma, |forged| {
-        loaded(forged, 2, |hz| hz, |sigma| 20.0 * sigma);
+        loaded(forged, 2, |hz| hz, |sigma| 12.0 * sigma);
     }),
     ("a stated noise that is too small", Check::Sigma, |forged| noise(forged, 5, 20.0, 1000.0)),
     ("a small noise with plausible degrees of freedom", Check::Sigma, |forged| {

@@ -118,6 +118,8 @@ impl Engine {
             return;
         };
         let cause = match &reason {
+            // Nobody has asked the drive yet who it is and where.
+            _ if self.linear.is_none() => RecoveryReport::Lost,
             StopReason::Fault(fault) => RecoveryReport::of(fault),
             StopReason::Abort { .. } => RecoveryReport::Done,
         };

@@ -53,12 +53,12 @@ fn slopes_agree_with_differences() {
         steps: trace.stays.iter().map(|stay| vec![0.3; stay.samples.len() - 1]).collect(),
     };
     let weights = trace.weights(&at, 0.005 * 0.005);
-    let cost = |step: Step| trace.normal(&at.moved(&step, &weights), &weights).cost;
+    let cost = |step: Step| trace.normal(&at.moved(&step, &weights), &weights, None).cost;
     let still = || Step {
-        global: [0.0; GLOBAL],
+        global: [0.0; CIRCUIT + 1],
         local: trace.stays.iter().map(|stay| vec![0.0; stay.samples.len() + 1]).collect(),
     };
-    let normal = trace.normal(&at, &weights);
+    let normal = trace.normal(&at, &weights, None);
     let check = |what: String, slope: f64, change: &dyn Fn(&mut Step, f64)| {
         let h = 1e-6;
         let [mut up, mut down] = [still(), still()];
@@ -70,7 +70,7 @@ fn slopes_agree_with_differences() {
             "{what}: {found} {slope}"
         );
     };
-    for unknown in 0..GLOBAL {
+    for unknown in 0..CIRCUIT {
         check(format!("{unknown}"), normal.right(unknown), &|step, h| step.global[unknown] = h);
     }
     for unknown in 0..4 {
@@ -87,4 +87,18 @@ fn no_fit_is_made_of_nothing() {
     if let Some(found) = fit(&[one], true, None, (140.0, &STATED)) {
         assert!(found.sigma_hz > 1.0, "{found:?}");
     }
+}
+
+#[test]
+fn a_second_mode_of_any_size_widens_a_resonance_without_readings_below_it() {
+    let all = steady(141.3, 34.0, 21e-9, 0.09, 0.01);
+    let check = |readings: &[Reading], from: f64, to: f64| {
+        let found = fit(readings, false, None, (141.3, &STATED)).unwrap();
+        let ratio = found.with_mode_hz / found.sigma_hz;
+        assert!((from..=to).contains(&ratio), "{} readings: {ratio}", readings.len());
+    };
+    let above = |reading: &&Reading| reading.frequency_hz > 143.5;
+    let above: Vec<Reading> = all.iter().filter(above).copied().collect();
+    check(&all, 1.0, 1.6);
+    check(&above, 2.5, 100.0);
 }
