@@ -1,7 +1,10 @@
 //! Whole runs.
 
 use rig_engine::RunStatus;
-use rig_report::export;
+use rig_report::{
+    RunResults,
+    export::{self, TableFormat, TableName},
+};
 use rig_store::{ChainCheck, Record, SweepOutcome};
 use rig_tests::{TestRig, changed, text};
 
@@ -47,7 +50,12 @@ async fn the_same_seed_gives_the_same_bytes() {
         let (run, _) = rig.run(rig.protocol(&text("config/protocols/smoke.toml"))).await;
         let (records, mut bytes) = (rig.records(run), Vec::new());
         export::jsonl(&records, &mut bytes).unwrap();
-        export::readings_csv(&records, &mut bytes).unwrap();
+        let results = RunResults::new(&rig.reader().run(run).unwrap(), &records).unwrap();
+        for name in TableName::ALL.into_iter().filter(|name| *name != TableName::Touches) {
+            for format in TableFormat::ALL {
+                export::table(name, format, &results, &records, &mut bytes).unwrap();
+            }
+        }
         exports.push(bytes);
         rig.close().await;
     }

@@ -52,6 +52,27 @@ def by_duckdb(path):
     return {name: kinds.get(dtype, "text") for name, dtype, *_ in rows}, None
 
 
+def parquet(table, data, from_csv):
+    """The Parquet file has the types, units and meanings of all columns, and the values of the CSV file."""
+    path = data / f"{table}.parquet"
+    rows = duckdb.sql(f"describe select * from '{path}'").fetchall()
+    kinds = {"BIGINT": "whole", "DOUBLE": "number", "BOOLEAN": "flag", "VARCHAR": "text",
+             "TIMESTAMP WITH TIME ZONE": "text"}
+    equal({name: kinds[dtype] for name, dtype, *_ in rows}, {name: kind(name) for name, *_ in rows}, table)
+    frame, with_polars = pandas.read_parquet(path), polars.read_parquet(path)
+    equal((list(frame), len(frame)), (with_polars.columns, len(with_polars)), f"{table}.parquet")
+    described = json.loads(polars.read_parquet_metadata(path)["rigd:columns"])
+    equal([column["name"] for column in described], list(frame), f"{table}: described columns")
+    check(all(column["description"] for column in described), f"{table}: a column without a meaning")
+    equal((list(from_csv), len(from_csv)), (list(frame), len(frame)), f"{table}.csv and {table}.parquet")
+    for column in frame:
+        if kind(column) == "number":
+            # CSV has three digits of a standard deviation, which may be more than the loss itself.
+            atol = 1e-3 if "loss_tangent" in column else 0
+            pandas.testing.assert_series_equal(
+                from_csv[column], frame[column], check_dtype=False, rtol=5e-3, atol=atol)
+
+
 def run(rigd, folder):
     """A run with refused touches and one that is measured again, so that no column is empty throughout: two
     resonances of the stiffer sample, at 232 Hz, lie above the window."""
@@ -81,7 +102,8 @@ def main():
         data = Path(result["data"])
         for table in ("touches", "sweeps", "readings", "searches"):
             path = data / f"{table}.csv"
-            for reader in (by_pandas, by_polars, by_duckdb):
+            # pandas comes last: its frame is compared with the Parquet file.
+            for reader in (by_polars, by_duckdb, by_pandas):
                 kinds, frame = reader(path)
                 for column, found in kinds.items():
                     # pandas has no whole numbers with gaps, and no column of a type but no value.
@@ -91,7 +113,8 @@ def main():
                 if table == "touches" and frame is not None:
                     equal(sorted(set(frame["sample"])), ["01", "05"], f"{reader.__name__}: labels")
                     equal(len(frame), result["touches_planned"], f"{reader.__name__}: rows")
-            print(f"{table}.csv: {len(kinds)} columns have their types in pandas, Polars and DuckDB")
+            parquet(table, data, frame)
+            print(f"{table}: {len(kinds)} columns have their types in pandas, Polars and DuckDB, as CSV and Parquet")
         check(result["touches_refused"] > 0, "no touch was refused")
 
 

@@ -14,7 +14,8 @@ use rig_analysis::{
     shift::{self, AngleMean, DirectionMean, TouchShift},
 };
 use rig_record::{
-    Direction, Phase, Run, StoredRecord, Sweep, SweepOutcome, SweepPurpose, Touch, UnreadableRecord,
+    Direction, Phase, Run, RunStarted, StoredRecord, Sweep, SweepOutcome, SweepPurpose, Touch,
+    UnreadableRecord,
 };
 
 use crate::data::{DIRECTIONS, RunData};
@@ -97,6 +98,11 @@ impl RunResults {
     /// The run in the list of runs.
     pub fn run(&self) -> &Run {
         &self.run
+    }
+
+    /// The first record of the run; `None` if the journal is damaged there.
+    pub fn started(&self) -> Option<&RunStarted> {
+        self.data.started.as_ref()
     }
 
     /// The number of measured touches and the refused ones, as a sentence; `None` when every

@@ -314,7 +314,8 @@ fn a_person_at_a_terminal_reads_a_table() {
 /// The rows of the table of touches by the address of their step.
 fn table(sample: &SampleRun) -> Vec<BTreeMap<String, String>> {
     let mut bytes = Vec::new();
-    sample.results().touches_csv(&mut bytes).unwrap();
+    let (name, format) = (export::TableName::Touches, export::TableFormat::Csv);
+    export::table(name, format, &sample.results(), &sample.chain.records, &mut bytes).unwrap();
     csv::Reader::from_reader(bytes.as_slice()).deserialize().map(Result::unwrap).collect()
 }
 

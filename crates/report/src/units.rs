@@ -60,6 +60,29 @@ pub(crate) fn clock(seconds: f64) -> String {
     format!("{hours:.0}:{minutes:02.0}:{:04.1}", rest / 10.0)
 }
 
+/// Milliseconds since 1970 of a time of the journal: UTC, RFC 3339 with milliseconds, such as
+/// `2026-11-22T18:04:00.250Z`. `None` for another form.
+pub(crate) fn unix_ms(text: &str) -> Option<i64> {
+    let (date, time) = text.strip_suffix('Z')?.split_once('T')?;
+    let parts = |text: &str, mark| -> Option<[i64; 3]> {
+        let parts = text.split(mark).map(|part| part.parse().ok()).collect::<Option<Vec<i64>>>()?;
+        parts.try_into().ok()
+    };
+    let [year, month, day] = parts(date, '-')?;
+    let (time, ms) = time.split_once('.')?;
+    let [hour, minute, second] = parts(time, ':')?;
+    if ms.len() != 3 || !(1..=12).contains(&month) {
+        return None;
+    }
+    // Years begin in March here, so that a leap day is the last day of its year.
+    let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
+    let leap_days = year.div_euclid(4) - year.div_euclid(100) + year.div_euclid(400);
+    // 719 469 days before 1970 it was 1 March of the year 0; months have 30.6 days on average.
+    let days = 365 * year + leap_days + (153 * month + 2) / 5 + day - 719_469;
+    let seconds = ((days * 24 + hour) * 60 + minute) * 60 + second;
+    Some(seconds * 1000 + ms.parse::<i64>().ok()?)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -97,5 +120,18 @@ mod tests {
         assert_eq!([0.0, 247.34, 3600.0].map(clock), ["0:00:00.0", "0:04:07.3", "1:00:00.0"]);
         assert_eq!([0.92, 0.941, 1.0].map(percent), ["92 %", "94.1 %", "100 %"]);
         assert_eq!(percent_range((0.8116, 0.9684)), "81 % to 97 %");
+    }
+
+    #[test]
+    fn a_time_of_the_journal_counts_from_1970() {
+        let read = |text| unix_ms(text);
+        assert_eq!(read("1970-01-01T00:00:00.000Z"), Some(0));
+        assert_eq!(read("1969-12-31T23:59:59.999Z"), Some(-1));
+        assert_eq!(read("2024-02-29T12:00:00.000Z"), Some(1_709_208_000_000));
+        assert_eq!(read("2026-11-21T08:15:42.120Z"), Some(1_795_248_942_120));
+        assert_eq!(read("2000-03-01T00:00:00.007Z"), Some(951_868_800_007));
+        for other in ["", "2026-11-21", "2026-11-21T08:15:42Z", "2026-13-21T08:15:42.120Z"] {
+            assert_eq!(read(other), None, "{other}");
+        }
     }
 }

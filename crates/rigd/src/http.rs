@@ -57,12 +57,12 @@ use axum::{
     routing::{get, post},
 };
 use futures_util::FutureExt;
-use rig_model::panic_message;
-use rig_store::Reader;
+use rig_model::{panic_message, with_causes};
+use rig_store::{Reader, RunId, RunStatus};
 use tokio::sync::{Mutex, Semaphore};
 use tokio_util::sync::CancellationToken;
 
-use crate::{loaded_rig::RigFacts, protocol_file::LoadedProtocol, rig::RigHandle};
+use crate::{loaded_rig::RigFacts, protocol_file::LoadedProtocol, rig::RigHandle, run_files};
 use access::Access;
 pub(crate) use guard::FOREIGN_PAGE;
 use problem::Problem;
@@ -119,6 +119,23 @@ impl Shared {
         tokio::task::spawn_blocking(move || work(&Reader::open(&data)?))
             .await
             .map_err(|_| Problem::internal("the reader of the journal has panicked"))?
+    }
+}
+
+impl Shared {
+    /// Writes the folder of a run anew, unless the run is under way: then it is written at its end. The
+    /// journal has the change already, so that a failure is no answer to the request.
+    async fn write_files(&self, run: RunId) {
+        let write = self.read(move |reader| Ok(reader.run(run)?.status));
+        if !matches!(write.await, Ok(status) if status != RunStatus::Running) {
+            return;
+        }
+        let data = self.inner.data.clone();
+        let written = tokio::task::spawn_blocking(move || run_files::write(&data, run)).await;
+        if let Ok(Err(error)) = written {
+            let error = with_causes(&error);
+            tracing::warn!(%run, error, "the folder of the run cannot be written");
+        }
     }
 }
 

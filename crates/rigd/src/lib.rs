@@ -17,7 +17,6 @@ pub mod protocol_file;
 pub mod rehearse;
 pub mod rig;
 pub mod run_files;
-mod run_folder;
 mod sweep_form;
 mod sweeps;
 mod verdict;

@@ -1,5 +1,8 @@
 //! The files of a run: the report and the data, in a folder of its own.
 
+mod manifest;
+mod staged;
+
 use std::{
     fs, io,
     path::{Path, PathBuf},
@@ -7,13 +10,15 @@ use std::{
 
 use rig_report::{
     RunResults, RunSummary, RunVerdict,
-    export::{self, ExportError},
+    export::{self, ExportError, TableFormat, TableName},
 };
-use rig_store::{Chain, Reader, RunId, StoreError};
+use rig_store::{Chain, Reader, Run, RunId, RunKind, StoreError};
+use rig_verify::JournalError;
 use serde::Serialize;
-use sha2::{Digest as _, Sha256};
 
-use crate::{run_folder, verdict};
+use crate::verdict;
+use manifest::{FolderFile, MANIFEST, Origin, README, RO_CRATE};
+use staged::StagedFolder;
 
 /// The files of a run.
 #[derive(Debug)]
@@ -45,6 +50,9 @@ pub enum RunFilesError {
     /// A table cannot be made.
     #[error(transparent)]
     Export(#[from] ExportError),
+    /// The journal cannot be checked.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
 }
 
 /// The results of a run for programs, and its files.
@@ -77,34 +85,94 @@ impl ResultsView {
 
 const REPORT: &str = "report.html";
 
-/// Writes the report and the data of a run.
+/// The folder of the files of a run: the day of its beginning and its short name. Other characters than
+/// letters, digits, `-`, `_` and `.` are `_`.
+pub(crate) fn folder(data: &Path, run: &Run) -> PathBuf {
+    let day = run.started_at.get(..10).unwrap_or("unknown");
+    let is_kept = |c: char| c.is_alphanumeric() || matches!(c, '-' | '_' | '.');
+    let name = run.short_name().replace(|c| !is_kept(c), "_");
+    data.join("runs").join(format!("{day}_{name}"))
+}
+
+/// Writes the report and the data of a run; of an amendment, those of the amended run. The folder has all
+/// of its files or is left as it was.
 ///
 /// # Errors
 /// [`RunFilesError`] names the file.
 pub fn write(data: &Path, run: RunId) -> Result<RunFiles, RunFilesError> {
     let reader = Reader::open(data)?;
-    let folder = run_folder::of(data, &reader, run);
-    fs::create_dir_all(&folder)
-        .map_err(|source| RunFilesError::File { path: folder.clone(), source })?;
-    let report = folder.join(REPORT);
-    let (results, chain, verdict) = write_report(data, &reader, run, &report)?;
-    rig_store::intact(run, &chain.check)?;
-    let records = reader.amend(run, chain.records.clone())?;
-    let file = |name: &str, table: &dyn Fn(&mut Vec<u8>) -> Result<(), ExportError>| {
-        let mut bytes = Vec::new();
-        table(&mut bytes)?;
-        write_file(&folder.join(name), &bytes)
+    let mut run = reader.run(run)?;
+    if run.kind == RunKind::Amendment {
+        run = reader.run(run.name.parse().map_err(StoreError::from)?)?;
+    }
+    let chain = reader.chain(run.id)?;
+    let records = reader.amend(run.id, chain.records.clone())?;
+    let results = RunResults::new(&run, &records).map_err(StoreError::from)?;
+    let found = rig_verify::verify(data, &run.id.to_string())?;
+    let verdict = verdict::in_words(&found);
+
+    let mut files: Vec<(String, Vec<u8>)> = Vec::new();
+    let mut add = |name: &str, bytes: Vec<u8>| files.push((name.to_owned(), bytes));
+    add(REPORT, results.html(&chain.check, &verdict).into_bytes());
+    rig_store::intact(run.id, &chain.check)?;
+    for name in TableName::ALL {
+        for format in TableFormat::ALL {
+            let mut bytes = Vec::new();
+            export::table(name, format, &results, &records, &mut bytes)?;
+            add(&format!("{}.{}", name.name(), format.extension()), bytes);
+        }
+    }
+    let (mut lines, mut documents) = (Vec::new(), Vec::new());
+    export::jsonl(&chain.records, &mut lines)?;
+    export::documents(&results, &records, &mut documents)?;
+    add("records.jsonl", lines);
+    add("documents.jsonl", documents);
+    if let Some(started) = results.started() {
+        let sources = [
+            ("run.toml", Some(&started.protocol)),
+            ("rig.toml", Some(&started.rig)),
+            ("scene.toml", started.scene.as_ref()),
+        ];
+        for (name, source) in sources {
+            if let Some(source) = source {
+                add(name, source.toml.clone().into_bytes());
+            }
+        }
+    }
+    let folder = folder(data, &run);
+    let json = |name: &str, value: &dyn Fn() -> serde_json::Result<Vec<u8>>| {
+        let failed = |error| RunFilesError::File {
+            path: folder.join(name),
+            source: io::Error::other(error),
+        };
+        value().map_err(failed)
     };
-    file("touches.csv", &|out| results.touches_csv(out))?;
-    file("sweeps.csv", &|out| export::sweeps_csv(&records, out))?;
-    file("readings.csv", &|out| export::readings_csv(&records, out))?;
-    file("searches.csv", &|out| export::searches_csv(&records, out))?;
-    file("records.jsonl", &|out| export::jsonl(&chain.records, out))?;
-    write_manifest(&folder, &results, &chain, &verdict)?;
-    Ok(RunFiles { results, verdict, report, data: folder })
+    add("verify.json", json("verify.json", &|| serde_json::to_vec_pretty(&found))?);
+
+    let origin = Origin::new(&results, &chain, &records, &found);
+    let names: Vec<String> = files.iter().map(|(name, _)| name.clone()).collect();
+    files.insert(0, (README.to_owned(), origin.readme(&names).into_bytes()));
+    let mut listed: Vec<FolderFile> =
+        files.iter().map(|(name, bytes)| FolderFile::new(name, bytes)).collect();
+    let crate_metadata = json(RO_CRATE, &|| serde_json::to_vec_pretty(&origin.ro_crate(&listed)))?;
+    listed.push(FolderFile::new(RO_CRATE, &crate_metadata));
+    let manifest = json(MANIFEST, &|| serde_json::to_vec_pretty(&origin.manifest(&listed)))?;
+    files.extend([(RO_CRATE.to_owned(), crate_metadata), (MANIFEST.to_owned(), manifest)]);
+    put(&folder, &files)?;
+    Ok(RunFiles { results, verdict, report: folder.join(REPORT), data: folder })
 }
 
-/// Writes the report of a run to a file, and returns its results and records.
+/// Puts files in the place of a folder.
+fn put(folder: &Path, files: &[(String, Vec<u8>)]) -> Result<(), RunFilesError> {
+    let failed = |path: PathBuf| move |source| RunFilesError::File { path, source };
+    let mut staged = StagedFolder::new(folder).map_err(failed(folder.to_path_buf()))?;
+    for (name, bytes) in files {
+        staged.write(name, bytes).map_err(failed(folder.join(name)))?;
+    }
+    staged.put_in_place(manifest::is_own).map_err(failed(folder.to_path_buf()))
+}
+
+/// Writes the report of a run to a file. Of a damaged journal it shows the records before the damage.
 ///
 /// # Errors
 /// [`RunFilesError`] names the file.
@@ -113,81 +181,10 @@ pub fn write_report(
     reader: &Reader,
     run: RunId,
     path: &Path,
-) -> Result<(RunResults, Chain, RunVerdict), RunFilesError> {
-    let (run, chain) = (reader.run(run)?, reader.chain(run)?);
-    let records = reader.amend(run.id, chain.records.clone())?;
-    let results = RunResults::new(&run, &records).map_err(StoreError::from)?;
-    let verdict = verdict::for_report(data, reader, run.id);
-    write_file(path, results.html(&chain.check, &verdict).as_bytes())?;
-    Ok((results, chain, verdict))
-}
-
-/// What is in the folder of a run, for somebody who has only the folder.
-#[derive(Debug, Serialize)]
-struct Manifest<'a> {
-    run_id: String,
-    name: String,
-    status: &'static str,
-    started_at: &'a str,
-    finished_at: Option<&'a str>,
-    /// Digest of the last record of the journal.
-    digest: Option<String>,
-    /// Whether the checker found nothing in the journal.
-    is_sound: bool,
-    /// What it found, each in a sentence.
-    findings: &'a [String],
-    files: Vec<ManifestFile>,
-}
-
-/// A file in the folder of a run.
-#[derive(Debug, Serialize)]
-struct ManifestFile {
-    name: String,
-    bytes: u64,
-    sha256: String,
-}
-
-const MANIFEST: &str = "manifest.json";
-
-fn write_manifest(
-    folder: &Path,
-    results: &RunResults,
-    chain: &Chain,
-    verdict: &RunVerdict,
 ) -> Result<(), RunFilesError> {
-    let failed = |path: &Path, source| RunFilesError::File { path: path.to_path_buf(), source };
-    let listed = fs::read_dir(folder).map_err(|source| failed(folder, source))?;
-    let mut paths: Vec<PathBuf> = listed.filter_map(|entry| Some(entry.ok()?.path())).collect();
-    paths.retain(|path| path.is_file() && !path.ends_with(MANIFEST));
-    paths.sort();
-    let of_file = |path: &PathBuf| {
-        let bytes = fs::read(path).map_err(|source| failed(path, source))?;
-        let hash = Sha256::digest(&bytes);
-        Ok(ManifestFile {
-            name: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
-            bytes: bytes.len() as u64,
-            sha256: rig_store::Digest::from_bytes(hash.into()).to_string(),
-        })
-    };
-    let run = results.run();
-    let manifest = Manifest {
-        run_id: run.id.to_string(),
-        name: run.short_name(),
-        status: run.status.name(),
-        started_at: &run.started_at,
-        finished_at: run.finished_at.as_deref(),
-        digest: chain.records.last().map(|last| last.digest.to_string()),
-        is_sound: verdict.is_sound(),
-        findings: &verdict.findings,
-        files: paths.iter().map(of_file).collect::<Result<_, RunFilesError>>()?,
-    };
-    let path = folder.join(MANIFEST);
-    let text = serde_json::to_vec_pretty(&manifest)
-        .map_err(|error| failed(&path, io::Error::other(error)))?;
-    write_file(&path, &text)
-}
-
-fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RunFilesError> {
-    fs::write(path, bytes)
-        .map_err(|source| RunFilesError::File { path: path.to_path_buf(), source })
+    let (run, chain): (_, Chain) = (reader.run(run)?, reader.chain(run)?);
+    let records = reader.amend(run.id, chain.records)?;
+    let results = RunResults::new(&run, &records).map_err(StoreError::from)?;
+    let html = results.html(&chain.check, &verdict::for_report(data, run.id));
+    fs::write(path, html).map_err(|source| RunFilesError::File { path: path.to_path_buf(), source })
 }

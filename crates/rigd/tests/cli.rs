@@ -61,8 +61,13 @@ fn a_run_ends_with_its_results_its_report_and_its_data() {
     assert_eq!(result["shifts"].as_array().unwrap().len(), 2 * 3 * 2);
     let report = fs::read_to_string(result["report"].as_str().unwrap()).unwrap();
     assert!(report.contains("<svg") && !report.contains("src=\"http"));
-    for file in ["touches.csv", "sweeps.csv", "readings.csv", "searches.csv", "records.jsonl"] {
-        assert!(Path::new(result["data"].as_str().unwrap()).join(file).exists(), "{file}");
+    let folder = Path::new(result["data"].as_str().unwrap());
+    let name = folder.file_name().unwrap().to_str().unwrap();
+    let day = json(&rigd(&["runs", "--data", dir, "--json"]))[0]["started_at"].clone();
+    assert_eq!(name, format!("{}_smoke-1", &day.as_str().unwrap()[..10]));
+    for file in ["touches.csv", "readings.parquet", "records.jsonl", "documents.jsonl", "README.md"]
+    {
+        assert!(folder.join(file).exists(), "{file}");
     }
 
     let shown = json(&rigd(&["show", "latest", "--data", dir, "--json"]));
@@ -76,7 +81,7 @@ fn a_run_ends_with_its_results_its_report_and_its_data() {
     assert_eq!(stdout(&touches).lines().count(), 1 + 18);
     let searches = ["export", "latest", "--data", dir, "--format", "csv", "--table", "searches"];
     let searches = rigd(&searches);
-    assert!(stdout(&searches).starts_with("step,direction,angle_deg,surface_mm,"));
+    assert!(stdout(&searches).starts_with("step,purpose,direction,angle_deg,surface_mm,"));
     assert!(stdout(&searches).lines().count() > 1 + 18);
     let records = rigd(&["export", "latest", "--data", dir, "--format", "jsonl"]);
     for line in stdout(&records).lines() {

@@ -130,7 +130,7 @@ fn parts(stretch: &Stretch) -> [Part<'_>; 3] {
     [Part::Number(stretch.epoch), Part::Text(&stretch.started_at), Part::Number(stretch.rig_us)]
 }
 
-fn hex(bytes: &[u8]) -> String {
+pub(crate) fn hex(bytes: &[u8]) -> String {
     bytes.iter().fold(String::new(), |mut text, byte| {
         // Writing to a string cannot fail.
         _ = write!(text, "{byte:02x}");

@@ -15,6 +15,7 @@
 mod chain;
 mod finding;
 mod fit;
+mod folder;
 mod journal;
 mod labels;
 mod motion;
@@ -29,6 +30,7 @@ mod walk;
 use std::path::Path;
 
 pub use finding::{Check, Finding, Verdict};
+pub use folder::{FileFinding, verify_folder};
 pub use journal::JournalError;
 
 /// Checks the run or session with this id in the journal of a data directory. Nothing is written.

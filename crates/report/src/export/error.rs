@@ -2,6 +2,7 @@
 
 use std::io;
 
+use parquet::errors::ParquetError;
 use rig_record::UnreadableRecord;
 
 /// A failed export.
@@ -13,4 +14,7 @@ pub enum ExportError {
     /// A record cannot be understood.
     #[error("export")]
     Record(#[from] UnreadableRecord),
+    /// The table cannot be written as Parquet.
+    #[error("export")]
+    Parquet(#[from] ParquetError),
 }

@@ -1,17 +1,44 @@
-//! A table as CSV. Programs read every value with the type of its column.
+//! A table as CSV or Parquet. Programs read every value with the type of its column.
 //!
-//! Text is in quotes, so that a label such as `"01"` stays text. A fraction has a decimal point in
-//! every row, so that a column that begins with `0.0` is not read as whole numbers. A missing value
-//! is empty.
+//! In CSV, text is in quotes, so that a label such as `"01"` stays text. A fraction has a decimal
+//! point in every row, so that a column that begins with `0.0` is not read as whole numbers. A
+//! missing value is empty. Parquet has the types, and the numbers with all digits.
 
 use std::io::{self, Write};
 
 use csv::{QuoteStyle, Writer, WriterBuilder};
 
-use super::error::ExportError;
+use super::{
+    column::{Column, ColumnKind},
+    error::ExportError,
+    parquet::ParquetTable,
+};
+use crate::units::unix_ms;
 
 /// A drive reads back a tenth of a micrometre or of a millidegree at best.
 pub(super) const POSITION_DECIMALS: usize = 4;
+
+/// The format of a table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TableFormat {
+    /// Text, one line for each row below a line of names.
+    Csv,
+    /// Apache Parquet, with units and descriptions.
+    Parquet,
+}
+
+impl TableFormat {
+    /// Both formats.
+    pub const ALL: [Self; 2] = [Self::Csv, Self::Parquet];
+
+    /// The extension of its files.
+    pub const fn extension(self) -> &'static str {
+        match self {
+            Self::Csv => "csv",
+            Self::Parquet => "parquet",
+        }
+    }
+}
 
 /// A value of a table.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,6 +47,8 @@ pub(super) enum TableValue<'a> {
     Empty,
     /// A label or a sentence.
     Text(&'a str),
+    /// A time, RFC 3339, UTC.
+    Time(&'a str),
     /// A whole number.
     Whole(u64),
     /// Yes or no.
@@ -46,10 +75,38 @@ impl TableValue<'_> {
         [Self::Decimals(value, decimals), Self::Decimals(sigma, decimals)]
     }
 
+    /// Whether a column of this kind can have the value.
+    pub(super) const fn is_of(&self, kind: ColumnKind) -> bool {
+        match self {
+            Self::Empty => true,
+            Self::Text(_) => matches!(kind, ColumnKind::Text),
+            Self::Time(_) => matches!(kind, ColumnKind::Time),
+            Self::Whole(_) => matches!(kind, ColumnKind::Whole),
+            Self::Flag(_) => matches!(kind, ColumnKind::Flag),
+            Self::Exact(_) | Self::Decimals(..) | Self::Digits(..) => {
+                matches!(kind, ColumnKind::Number)
+            }
+        }
+    }
+
+    /// The value as JSON, with all digits; a time in seconds since 1970.
+    pub(super) fn json(self) -> serde_json::Value {
+        match self {
+            Self::Empty => serde_json::Value::Null,
+            Self::Text(text) => text.into(),
+            Self::Time(text) => unix_ms(text).map(|ms| ms as f64 / 1e3).into(),
+            Self::Whole(number) => number.into(),
+            Self::Flag(is_set) => is_set.into(),
+            Self::Exact(number) | Self::Decimals(number, _) | Self::Digits(number, _) => {
+                number.into()
+            }
+        }
+    }
+
     fn text(self) -> String {
         match self {
             Self::Empty => String::new(),
-            Self::Text(text) => format!("\"{}\"", text.replace('"', "\"\"")),
+            Self::Text(text) | Self::Time(text) => format!("\"{}\"", text.replace('"', "\"\"")),
             Self::Whole(number) => number.to_string(),
             Self::Flag(is_set) => is_set.to_string(),
             Self::Exact(number) => pointed(format!("{number:?}")),
@@ -74,7 +131,14 @@ fn pointed(number: String) -> String {
 /// Writes a table row by row.
 #[derive(Debug)]
 pub(super) struct Table<W: Write> {
-    writer: Writer<W>,
+    columns: Vec<Column>,
+    sink: Sink<W>,
+}
+
+#[derive(Debug)]
+enum Sink<W: Write> {
+    Csv(Box<Writer<W>>),
+    Parquet(Box<ParquetTable>, W),
 }
 
 impl<W: Write> Table<W> {
@@ -82,29 +146,54 @@ impl<W: Write> Table<W> {
     ///
     /// # Errors
     /// Errors of the writer.
-    pub(super) fn new(columns: &[&str], out: W) -> Result<Self, ExportError> {
-        let mut writer = WriterBuilder::new().quote_style(QuoteStyle::Never).from_writer(out);
-        writer.write_record(columns).map_err(failed)?;
-        Ok(Self { writer })
+    pub(super) fn new(
+        columns: Vec<Column>,
+        format: TableFormat,
+        out: W,
+    ) -> Result<Self, ExportError> {
+        let sink = match format {
+            TableFormat::Csv => {
+                let mut writer =
+                    WriterBuilder::new().quote_style(QuoteStyle::Never).from_writer(out);
+                writer.write_record(columns.iter().map(|column| column.name)).map_err(failed)?;
+                Sink::Csv(Box::new(writer))
+            }
+            TableFormat::Parquet => Sink::Parquet(Box::new(ParquetTable::new(&columns)?), out),
+        };
+        Ok(Self { columns, sink })
     }
 
-    /// Adds a row, which has a value for each column.
+    /// Adds a row, which has a value of the right kind for each column.
     ///
     /// # Errors
     /// Errors of the writer.
-    pub(super) fn row<'a>(
-        &mut self,
-        values: impl IntoIterator<Item = TableValue<'a>>,
-    ) -> Result<(), ExportError> {
-        self.writer.write_record(values.into_iter().map(TableValue::text)).map_err(failed)
+    pub(super) fn row(&mut self, values: &[TableValue<'_>]) -> Result<(), ExportError> {
+        let is_right = |(column, value): (&Column, &TableValue<'_>)| value.is_of(column.kind);
+        if values.len() != self.columns.len() || !self.columns.iter().zip(values).all(is_right) {
+            let message = format!("a row does not fit the columns: {values:?}");
+            return Err(io::Error::new(io::ErrorKind::InvalidData, message).into());
+        }
+        match &mut self.sink {
+            Sink::Csv(writer) => {
+                writer.write_record(values.iter().map(|value| value.text())).map_err(failed)
+            }
+            Sink::Parquet(table, _) => table.row(values),
+        }
     }
 
-    /// Flushes the writer.
+    /// Writes what is left.
     ///
     /// # Errors
     /// Errors of the writer.
-    pub(super) fn finish(mut self) -> Result<(), ExportError> {
-        Ok(self.writer.flush()?)
+    pub(super) fn finish(self) -> Result<(), ExportError> {
+        match self.sink {
+            Sink::Csv(mut writer) => writer.flush()?,
+            Sink::Parquet(table, mut out) => {
+                out.write_all(&table.finish()?)?;
+                out.flush()?;
+            }
+        }
+        Ok(())
     }
 }
 
@@ -153,15 +242,21 @@ mod tests {
     }
 
     #[test]
-    fn labels_are_quoted_and_a_row_that_is_too_short_is_refused() {
+    fn labels_are_quoted_and_a_row_that_does_not_fit_is_refused() {
+        let column = |name, kind| Column { name, kind, unit: "", description: "" };
+        let columns =
+            || vec![column("sample", ColumnKind::Text), column("count", ColumnKind::Whole)];
         let mut bytes = Vec::new();
-        let mut table = Table::new(&["sample", "count"], &mut bytes).unwrap();
-        table.row([TableValue::Text("01"), TableValue::Whole(1)]).unwrap();
-        table.row([TableValue::Text("agar, \"soft\""), TableValue::Empty]).unwrap();
+        let mut table = Table::new(columns(), TableFormat::Csv, &mut bytes).unwrap();
+        table.row(&[TableValue::Text("01"), TableValue::Whole(1)]).unwrap();
+        table.row(&[TableValue::Text("agar, \"soft\""), TableValue::Empty]).unwrap();
         table.finish().unwrap();
         let text = String::from_utf8(bytes).unwrap();
         assert_eq!(text, "sample,count\n\"01\",1\n\"agar, \"\"soft\"\"\",\n");
-        let mut table = Table::new(&["sample", "count"], Vec::new()).unwrap();
-        assert!(table.row([TableValue::Flag(true)]).is_err());
+        for format in TableFormat::ALL {
+            let mut table = Table::new(columns(), format, Vec::new()).unwrap();
+            assert!(table.row(&[TableValue::Text("01")]).is_err(), "too short");
+            assert!(table.row(&[TableValue::Whole(1), TableValue::Whole(1)]).is_err(), "a number");
+        }
     }
 }

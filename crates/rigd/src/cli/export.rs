@@ -1,30 +1,56 @@
-//! `rigd export`: the data of a run.
+//! `rigd export`: runs in the forms that other programs read.
 
-use std::io::{self, BufWriter, Write};
+use std::{
+    fs::{self, File},
+    io::{self, BufWriter, IsTerminal, Write},
+    path::{Path, PathBuf},
+};
 
 use clap::{Args, ValueEnum};
-use rig_report::export;
+use rig_record::{Record, StoredRecord};
+use rig_report::{
+    RunResults,
+    export::{self, TableExport, TableFormat, TableName},
+};
+use rig_store::{Reader, Run, StoreError, Sweep};
 
-use super::{Failure, args::RunArg, runs::results_of};
+use super::{Failure, args::DataArgs, runs::results_of};
 
 #[derive(Debug, Args)]
 pub(super) struct ExportArgs {
+    /// Runs: each its name such as `smoke-7`, its id or enough of it, or `latest`. A table of several
+    /// runs has a first column `run`
+    #[arg(required = true, value_name = "RUN")]
+    runs: Vec<String>,
     #[command(flatten)]
-    run: RunArg,
+    data: DataArgs,
     /// What to write
     #[arg(long, value_enum)]
     format: ExportFormat,
-    /// With `--format csv`: which table
+    /// With `--format csv` or `parquet`: which table
     #[arg(long, value_enum, default_value_t = ExportTable::Touches)]
     table: ExportTable,
+    /// With `--format touchstone`: the number of the sweep, of one run
+    #[arg(long, value_name = "N")]
+    sweep: Option<u64>,
+    /// File to write instead of stdout; a directory for `jsonl` of several runs and for `touchstone`
+    /// without --sweep
+    #[arg(long, value_name = "PATH")]
+    out: Option<PathBuf>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum ExportFormat {
     /// One table with units in its header
     Csv,
+    /// One table as Apache Parquet, with types, units and descriptions
+    Parquet,
     /// Every record, one JSON object a line
     Jsonl,
+    /// The event model of bluesky, one JSON object a line
+    Documents,
+    /// One sweep as a reflection coefficient (.s1p), or a file for each sweep
+    Touchstone,
     /// As `--format csv --table sweeps`
     Sweeps,
     /// As `--format csv --table readings`: every raw reading, which `rigd fit` takes
@@ -45,26 +71,145 @@ enum ExportTable {
     Searches,
 }
 
-pub(super) fn export(args: &ExportArgs) -> Result<(), Failure> {
-    let (reader, run) = args.run.find()?;
-    let records = match args.format {
-        ExportFormat::Jsonl => reader.records(run.id)?,
-        _ => reader.amended(run.id)?,
-    };
-    let mut out = BufWriter::new(io::stdout().lock());
-    let table = match args.format {
-        ExportFormat::Jsonl => None,
-        ExportFormat::Csv => Some(args.table),
-        ExportFormat::Sweeps => Some(ExportTable::Sweeps),
-        ExportFormat::Readings => Some(ExportTable::Readings),
-        ExportFormat::Searches => Some(ExportTable::Searches),
-    };
-    match table {
-        None => export::jsonl(&records, &mut out)?,
-        Some(ExportTable::Touches) => results_of(&run, &records)?.touches_csv(&mut out)?,
-        Some(ExportTable::Sweeps) => export::sweeps_csv(&records, &mut out)?,
-        Some(ExportTable::Readings) => export::readings_csv(&records, &mut out)?,
-        Some(ExportTable::Searches) => export::searches_csv(&records, &mut out)?,
+impl ExportTable {
+    const fn name(self) -> TableName {
+        match self {
+            Self::Touches => TableName::Touches,
+            Self::Sweeps => TableName::Sweeps,
+            Self::Readings => TableName::Readings,
+            Self::Searches => TableName::Searches,
+        }
     }
-    out.flush().map_err(|source| Failure::System { what: "stdout", source })
+}
+
+pub(super) fn export(args: &ExportArgs) -> Result<(), Failure> {
+    let reader = args.data.journal()?;
+    let runs: Vec<Run> =
+        args.runs.iter().map(|wanted| reader.find(wanted)).collect::<Result<_, StoreError>>()?;
+    match args.format {
+        ExportFormat::Csv => table(args, &reader, &runs, args.table.name(), TableFormat::Csv),
+        ExportFormat::Parquet => {
+            table(args, &reader, &runs, args.table.name(), TableFormat::Parquet)
+        }
+        ExportFormat::Sweeps => table(args, &reader, &runs, TableName::Sweeps, TableFormat::Csv),
+        ExportFormat::Readings => {
+            table(args, &reader, &runs, TableName::Readings, TableFormat::Csv)
+        }
+        ExportFormat::Searches => {
+            table(args, &reader, &runs, TableName::Searches, TableFormat::Csv)
+        }
+        ExportFormat::Documents => {
+            let mut out = writer(args)?;
+            for run in &runs {
+                let (results, records) = read(&reader, run)?;
+                export::documents(&results, &records, &mut out)?;
+            }
+            end(out)
+        }
+        ExportFormat::Jsonl => jsonl(args, &reader, &runs),
+        ExportFormat::Touchstone => touchstone(args, &reader, &runs),
+    }
+}
+
+/// One table of all runs.
+fn table(
+    args: &ExportArgs,
+    reader: &Reader,
+    runs: &[Run],
+    name: TableName,
+    format: TableFormat,
+) -> Result<(), Failure> {
+    if format == TableFormat::Parquet && args.out.is_none() && io::stdout().is_terminal() {
+        return Err(Failure::NoFile { what: "Parquet" });
+    }
+    let mut out = writer(args)?;
+    let mut table = TableExport::new(name, format, runs.len() > 1, &mut out)?;
+    for run in runs {
+        let (results, records) = read(reader, run)?;
+        table.add(&results, &records)?;
+    }
+    table.finish()?;
+    end(out)
+}
+
+/// The records of one run, or a file for each run.
+fn jsonl(args: &ExportArgs, reader: &Reader, runs: &[Run]) -> Result<(), Failure> {
+    if let [run] = runs {
+        let mut out = writer(args)?;
+        export::jsonl(&reader.records(run.id)?, &mut out)?;
+        return end(out);
+    }
+    let folder = folder(args, "the records of several runs")?;
+    for run in runs {
+        let records = reader.records(run.id)?;
+        let name = format!("{}_records.jsonl", run.short_name());
+        file_in(folder, &name, |out| Ok(export::jsonl(&records, out)?))?;
+    }
+    Ok(())
+}
+
+/// One sweep, or a file for each sweep.
+fn touchstone(args: &ExportArgs, reader: &Reader, runs: &[Run]) -> Result<(), Failure> {
+    let sweeps = |run: &Run| -> Result<Vec<Sweep>, Failure> {
+        let of = |stored: &StoredRecord| match stored.record() {
+            Ok(Record::Sweep(sweep)) => Some(sweep),
+            _ => None,
+        };
+        Ok(reader.amended(run.id)?.iter().filter_map(of).collect())
+    };
+    if let ([run], Some(number)) = (runs, args.sweep) {
+        let sweep = sweeps(run)?.into_iter().find(|sweep| sweep.number == number);
+        let sweep = sweep.ok_or_else(|| Failure::NoSweep { run: run.short_name(), number })?;
+        let mut out = writer(args)?;
+        export::touchstone(&sweep, &mut out)?;
+        return end(out);
+    }
+    let folder = folder(args, "Touchstone, a file for each sweep,")?;
+    for run in runs {
+        for sweep in sweeps(run)? {
+            let name = format!("{}_sweep-{}.s1p", run.short_name(), sweep.number);
+            file_in(folder, &name, |out| Ok(export::touchstone(&sweep, out)?))?;
+        }
+    }
+    Ok(())
+}
+
+/// The results of a run, and its records with those of its amendments behind them.
+fn read(reader: &Reader, run: &Run) -> Result<(RunResults, Vec<StoredRecord>), Failure> {
+    let records = reader.amended(run.id)?;
+    Ok((results_of(run, &records)?, records))
+}
+
+fn failed(path: &Path) -> impl FnOnce(io::Error) -> Failure {
+    let path = path.to_path_buf();
+    |source| Failure::File { path, source }
+}
+
+/// The file of `--out`, or stdout.
+fn writer(args: &ExportArgs) -> Result<Box<dyn Write>, Failure> {
+    Ok(match &args.out {
+        Some(path) => Box::new(BufWriter::new(File::create(path).map_err(failed(path))?)),
+        None => Box::new(BufWriter::new(io::stdout().lock())),
+    })
+}
+
+fn end(mut out: Box<dyn Write>) -> Result<(), Failure> {
+    out.flush().map_err(|source| Failure::System { what: "output", source })
+}
+
+/// The folder of `--out`, which is made.
+fn folder<'a>(args: &'a ExportArgs, what: &'static str) -> Result<&'a PathBuf, Failure> {
+    let folder = args.out.as_ref().ok_or(Failure::NoFolder { what })?;
+    fs::create_dir_all(folder).map_err(failed(folder))?;
+    Ok(folder)
+}
+
+fn file_in(
+    folder: &Path,
+    name: &str,
+    write: impl FnOnce(&mut Vec<u8>) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    let (path, mut bytes) = (folder.join(name), Vec::new());
+    write(&mut bytes)?;
+    fs::write(&path, bytes).map_err(failed(&path))
 }

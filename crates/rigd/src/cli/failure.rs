@@ -34,7 +34,7 @@ Exit codes:
   4  the rig is latched after a fault
   5  a run, a move or a sweep was aborted
   6  a run came to its end, and some of its touches were refused
-  7  the journal of a run is not sound";
+  7  the journal or the folder of a run is not sound";
 
 /// Why a command failed, with its exit code.
 #[derive(Debug, thiserror::Error)]
@@ -92,6 +92,16 @@ pub(super) enum Failure {
     TouchesRefused,
     #[error("interrupted")]
     Interrupted,
+    #[error(
+        "{what} is not for a terminal; name a file with --out, or send the output to a program"
+    )]
+    NoFile { what: &'static str },
+    #[error("{what} needs a directory; name it with --out")]
+    NoFolder { what: &'static str },
+    #[error("run {run} has no sweep {number}; `rigd export {run} --format sweeps` lists them")]
+    NoSweep { run: String, number: u64 },
+    #[error("{}", path.display())]
+    File { path: PathBuf, source: io::Error },
     #[error(transparent)]
     Daemon(#[from] DaemonError),
     /// The fault has been printed.
@@ -102,7 +112,7 @@ pub(super) enum Failure {
     #[error("data directory {}", data.display())]
     Unchecked { data: PathBuf, source: JournalError },
     /// The findings have been listed.
-    #[error("the journal is not sound")]
+    #[error("the journal or the folder of the run is not sound")]
     NotSound,
     #[error(
         "ended at once while the rig was {}; it is left as it is, and the probe is {}{}. The \
@@ -123,6 +133,8 @@ impl Failure {
             | Self::NoTimes { .. }
             | Self::NoToken { .. }
             | Self::Token(_)
+            | Self::NoFile { .. }
+            | Self::NoFolder { .. }
             | Self::Daemon(DaemonError::Token(_) | DaemonError::WrongAnswer(_)) => 2,
             Self::Refused(RequestRefusal::Resume(refusal)) => match &**refusal {
                 ResumeRefusal::Changed { .. }
@@ -139,6 +151,7 @@ impl Failure {
             )) => 2,
             Self::NoResonance { .. }
             | Self::NoResonances { .. }
+            | Self::NoSweep { .. }
             | Self::Daemon(DaemonError::NoRun)
             | Self::Store(StoreError::NoSuchRun { .. } | StoreError::Ambiguous { .. }) => 3,
             Self::Latched { .. }
@@ -162,6 +175,7 @@ impl Failure {
             | Self::Unchecked { .. }
             | Self::Left { .. }
             | Self::Listen { .. }
+            | Self::File { .. }
             | Self::System { .. } => 1,
         }
     }

@@ -17,7 +17,7 @@ use crate::{
     interruption::{ADVICE, InterruptionView},
     rig::{self, RequestRefusal},
     run_files::{self, ResultsView},
-    run_folder, verdict,
+    verdict,
 };
 
 #[derive(Debug, Args)]
@@ -152,7 +152,7 @@ pub(super) fn show_run(data: &DataArgs, run: &str) -> Result<(), Failure> {
 
 fn print_run(data: &Path, reader: &Reader, run: &Run, is_json: bool) -> Result<(), Failure> {
     let results = results_of(run, &reader.amended(run.id)?)?;
-    let verdict = verdict::for_report(data, reader, run.id);
+    let verdict = verdict::for_report(data, run.id);
     print_results(data, &results, &verdict, is_json)
 }
 
@@ -174,6 +174,7 @@ pub(super) fn report(args: &ReportArgs) -> Result<(), Failure> {
 pub(super) fn give_up(args: &GiveUpArgs) -> Result<(), Failure> {
     let (_, run) = args.run.find()?;
     args.run.data.store()?.give_up(run.id, 0, args.operator.name().as_str())?;
+    run_files::write(&args.run.data.data, run.id)?;
     note(&format!("{} is given up and sealed", run.short_name()));
     Ok(())
 }
@@ -251,7 +252,7 @@ pub(super) fn print_results(
         if let Some(sentence) = results.shortfall() {
             note(&sentence);
         }
-        let folder = run_folder::of(data, &reader, run.id);
+        let folder = run_files::folder(data, run);
         let results = ResultsView::new(results, verdict, folder);
         return print_json(&ShowView { results, interruption });
     }

@@ -8,7 +8,7 @@ use std::{
 };
 
 use clap::Args;
-use rig_store::Reader;
+use rig_model::with_causes;
 use tokio::{
     net::{TcpListener, TcpSocket},
     sync::watch,
@@ -30,7 +30,7 @@ use crate::{
     },
     protocol_file::LoadedProtocol,
     rig::Status,
-    verdict,
+    run_files,
 };
 
 #[derive(Debug, Args)]
@@ -83,7 +83,7 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
         let address = listener.local_addr().map_err(failed)?;
         let (handle, thread) = open(rig, data.clone(), &mut signals).await?;
         let closing = CancellationToken::new();
-        tokio::spawn(check_ended_runs(handle.status(), data.clone()));
+        tokio::spawn(write_ended_runs(handle.status(), data.clone()));
         let shared =
             http::Shared::new(handle.clone(), facts, loaded, data, access, closing.clone());
         let serving = tokio::spawn(http::serve(listener, http::router(shared), closing.clone()));
@@ -116,8 +116,8 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     served
 }
 
-/// Checks each run when it has ended, and records the verdict beside it, until the rig is closed.
-async fn check_ended_runs(mut status: watch::Receiver<Status>, data: PathBuf) {
+/// Writes the folder of each run when it has ended, until the rig is closed.
+async fn write_ended_runs(mut status: watch::Receiver<Status>, data: PathBuf) {
     let mut last = None;
     while status.changed().await.is_ok() {
         let ended = status.borrow_and_update().run.as_ref().map(|run| (run.id, run.ending));
@@ -126,11 +126,15 @@ async fn check_ended_runs(mut status: watch::Receiver<Status>, data: PathBuf) {
         }
         let Some((run, Some(_))) = ended else { continue };
         let data = data.clone();
-        let check = move || Some(verdict::for_report(&data, &Reader::open(&data).ok()?, run));
-        if let Ok(Some(verdict)) = tokio::task::spawn_blocking(check).await
-            && !verdict.is_sound()
-        {
-            say(&format!("run {run} is {}; `rigd verify {run}` lists them", verdict.sentence));
+        match tokio::task::spawn_blocking(move || run_files::write(&data, run)).await {
+            Ok(Ok(files)) if !files.verdict.is_sound() => {
+                let sentence = files.verdict.sentence;
+                say(&format!("run {run} is {sentence}; `rigd verify {run}` lists them"));
+            }
+            Ok(Err(error)) => {
+                say(&format!("the folder of run {run} cannot be written: {}", with_causes(&error)));
+            }
+            _ => {}
         }
     }
 }

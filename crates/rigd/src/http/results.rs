@@ -26,8 +26,8 @@ pub(super) struct CheckedResults {
 
 impl CheckedResults {
     /// The verdict of the checker, which is asked once.
-    pub(super) fn verdict(&self, data: &Path, reader: &Reader) -> &RunVerdict {
-        self.verdict.get_or_init(|| verdict::for_report(data, reader, self.results.run().id))
+    pub(super) fn verdict(&self, data: &Path) -> &RunVerdict {
+        self.verdict.get_or_init(|| verdict::for_report(data, self.results.run().id))
     }
 }
 

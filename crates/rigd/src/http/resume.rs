@@ -68,8 +68,10 @@ pub(super) async fn skip(
     form: Result<Json<TouchForm>, JsonRejection>,
 ) -> Result<StatusCode, Problem> {
     let Json(TouchForm { step, why, .. }) = form?;
-    let order = TouchOrder { run: id.parse()?, step, why };
+    let run = id.parse()?;
+    let order = TouchOrder { run, step, why };
     shared.inner.rig.skip(order, operator.as_str()).await?;
+    shared.write_files(run).await;
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -79,7 +81,9 @@ pub(super) async fn give_up(
     Extension(operator): Extension<Operator>,
     Path(id): Path<String>,
 ) -> Result<StatusCode, Problem> {
-    shared.inner.rig.give_up(id.parse()?, operator.as_str()).await?;
+    let run = id.parse()?;
+    shared.inner.rig.give_up(run, operator.as_str()).await?;
+    shared.write_files(run).await;
     Ok(StatusCode::NO_CONTENT)
 }
 

@@ -12,14 +12,16 @@ use axum::{
 use rig_engine::{Command, RefusalAnswer};
 use rig_model::with_causes;
 use rig_protocol::StepId;
-use rig_report::export;
+use rig_report::export::{self, TableFormat, TableName};
 use rig_store::{Reader, Record, Run, RunId, RunKind, intact};
 use serde::{Deserialize, Serialize};
 
 use super::{Problem, Shared};
 use crate::{
-    interruption::InterruptionView, operator::Operator, protocol_file::LoadedProtocol,
-    run_files::ResultsView, run_folder,
+    interruption::InterruptionView,
+    operator::Operator,
+    protocol_file::LoadedProtocol,
+    run_files::{self, ResultsView},
 };
 
 /// A run in the list of runs.
@@ -69,22 +71,75 @@ pub(super) struct AnswerOptions {
 pub(super) struct ExportOptions {
     #[serde(default)]
     format: ExportFormat,
+    /// With `csv` or `parquet`: which table.
+    #[serde(default)]
+    table: ExportTable,
 }
 
 #[derive(Debug, Clone, Copy, Default, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum ExportFormat {
-    /// The touches.
+    /// A table as CSV.
     #[default]
     Csv,
-    /// One line for each sweep.
+    /// A table as Parquet.
+    Parquet,
+    /// `csv` of the sweeps.
     Sweeps,
-    /// Every reading of every sweep.
+    /// `csv` of the readings.
     Readings,
-    /// Every place tried on the way to a surface.
+    /// `csv` of the searches.
     Searches,
     /// Every record.
     Jsonl,
+    /// The event model of bluesky.
+    Documents,
+}
+
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum ExportTable {
+    #[default]
+    Touches,
+    Sweeps,
+    Readings,
+    Searches,
+}
+
+impl ExportOptions {
+    /// The table to write; `None` for the formats that are no tables.
+    const fn table(&self) -> Option<(TableName, TableFormat)> {
+        let name = match self.table {
+            ExportTable::Touches => TableName::Touches,
+            ExportTable::Sweeps => TableName::Sweeps,
+            ExportTable::Readings => TableName::Readings,
+            ExportTable::Searches => TableName::Searches,
+        };
+        match self.format {
+            ExportFormat::Csv => Some((name, TableFormat::Csv)),
+            ExportFormat::Parquet => Some((name, TableFormat::Parquet)),
+            ExportFormat::Sweeps => Some((TableName::Sweeps, TableFormat::Csv)),
+            ExportFormat::Readings => Some((TableName::Readings, TableFormat::Csv)),
+            ExportFormat::Searches => Some((TableName::Searches, TableFormat::Csv)),
+            ExportFormat::Jsonl | ExportFormat::Documents => None,
+        }
+    }
+
+    fn media_type(&self) -> &'static str {
+        match self.table() {
+            Some((_, TableFormat::Csv)) => CSV,
+            Some((_, TableFormat::Parquet)) => "application/vnd.apache.parquet",
+            None => "application/jsonl",
+        }
+    }
+
+    fn file(&self) -> String {
+        match (self.table(), self.format) {
+            (Some((name, format)), _) => format!("{}.{}", name.name(), format.extension()),
+            (None, ExportFormat::Documents) => "documents.jsonl".to_owned(),
+            (None, _) => "records.jsonl".to_owned(),
+        }
+    }
 }
 
 const CSV: &str = "text/csv; charset=utf-8";
@@ -106,8 +161,8 @@ pub(super) async fn show(
     let detail = shared.read(move |reader| {
         let found = inner.results.of(reader, id)?;
         intact(id, &found.check)?;
-        let folder = run_folder::of(&inner.data, reader, id);
-        let verdict = found.verdict(&inner.data, reader);
+        let folder = run_files::folder(&inner.data, found.results.run());
+        let verdict = found.verdict(&inner.data);
         let results = ResultsView::new(&found.results, verdict, folder);
         let run = found.results.run();
         let interruption = InterruptionView::read(reader, run)?;
@@ -124,7 +179,7 @@ pub(super) async fn report(
     let inner = Arc::clone(&shared.inner);
     let html = shared.read(move |reader| {
         let found = inner.results.of(reader, id)?;
-        Ok(found.results.html(&found.check, found.verdict(&inner.data, reader)))
+        Ok(found.results.html(&found.check, found.verdict(&inner.data)))
     });
     html.await.map(Html)
 }
@@ -135,38 +190,32 @@ pub(super) async fn export(
     options: Result<Query<ExportOptions>, QueryRejection>,
 ) -> Result<Response, Problem> {
     let id: RunId = id.parse()?;
-    let Query(ExportOptions { format }) = options?;
-    let (content_type, file) = match format {
-        ExportFormat::Jsonl => ("application/jsonl", "records.jsonl"),
-        ExportFormat::Csv => (CSV, "touches.csv"),
-        ExportFormat::Sweeps => (CSV, "sweeps.csv"),
-        ExportFormat::Readings => (CSV, "readings.csv"),
-        ExportFormat::Searches => (CSV, "searches.csv"),
-    };
+    let Query(options) = options?;
+    let (media_type, file) = (options.media_type(), options.file());
     let inner = Arc::clone(&shared.inner);
     let export = shared.read(move |reader| {
         let simulated = if reader.is_simulated(id) { "-simulated" } else { "" };
         let disposition = format!("attachment; filename=\"{id}{simulated}-{file}\"");
         let mut bytes = Vec::new();
-        match format {
-            ExportFormat::Csv => {
-                let found = inner.results.of(reader, id)?;
-                intact(id, &found.check)?;
-                found.results.touches_csv(&mut bytes)
+        if let ExportFormat::Jsonl = options.format {
+            export::jsonl(&reader.records(id)?, &mut bytes)
+        } else {
+            let found = inner.results.of(reader, id)?;
+            intact(id, &found.check)?;
+            let records = reader.amended(id)?;
+            match options.table() {
+                None => export::documents(&found.results, &records, &mut bytes),
+                Some((name, format)) => {
+                    export::table(name, format, &found.results, &records, &mut bytes)
+                }
             }
-            ExportFormat::Sweeps => export::sweeps_csv(&reader.amended(id)?, &mut bytes),
-            ExportFormat::Readings => export::readings_csv(&reader.amended(id)?, &mut bytes),
-            ExportFormat::Searches => export::searches_csv(&reader.amended(id)?, &mut bytes),
-            ExportFormat::Jsonl => export::jsonl(&reader.records(id)?, &mut bytes),
         }
         .map_err(|error| Problem::internal(&with_causes(&error)))?;
         Ok((disposition, bytes))
     });
     let (disposition, bytes) = export.await?;
-    let headers = [
-        (header::CONTENT_TYPE, content_type.to_owned()),
-        (header::CONTENT_DISPOSITION, disposition),
-    ];
+    let headers =
+        [(header::CONTENT_TYPE, media_type.to_owned()), (header::CONTENT_DISPOSITION, disposition)];
     Ok((headers, bytes).into_response())
 }
 

@@ -1,0 +1,295 @@
+//! The columns of the tables: one list for CSV, Parquet, documents and the dictionary of columns.
+
+use std::fmt::Write as _;
+
+/// A column of a table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Column {
+    /// Name of the column; ends with the unit, if it has one.
+    pub name: &'static str,
+    /// Type of its values.
+    pub kind: ColumnKind,
+    /// Unit of its values in UCUM; empty without one.
+    pub unit: &'static str,
+    /// Meaning of its values, in a sentence without a full stop.
+    pub description: &'static str,
+}
+
+/// The type of the values of a column.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ColumnKind {
+    /// A label or a sentence.
+    Text,
+    /// A whole number, not negative.
+    Whole,
+    /// A number.
+    Number,
+    /// True or false.
+    Flag,
+    /// A time of the wall clock, UTC, in milliseconds.
+    Time,
+}
+
+impl ColumnKind {
+    /// The word in the dictionary of columns.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Text => "text",
+            Self::Whole => "whole",
+            Self::Number => "number",
+            Self::Flag => "true, false",
+            Self::Time => "time",
+        }
+    }
+}
+
+const fn column(
+    kind: ColumnKind,
+    name: &'static str,
+    unit: &'static str,
+    description: &'static str,
+) -> Column {
+    Column { name, kind, unit, description }
+}
+
+const fn text(name: &'static str, description: &'static str) -> Column {
+    column(ColumnKind::Text, name, "", description)
+}
+
+const fn whole(name: &'static str, description: &'static str) -> Column {
+    column(ColumnKind::Whole, name, "", description)
+}
+
+const fn flag(name: &'static str, description: &'static str) -> Column {
+    column(ColumnKind::Flag, name, "", description)
+}
+
+const fn number(name: &'static str, unit: &'static str, description: &'static str) -> Column {
+    column(ColumnKind::Number, name, unit, description)
+}
+
+/// A table of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TableName {
+    /// One row for each planned touch.
+    Touches,
+    /// One row for each sweep.
+    Sweeps,
+    /// One row for each reading of each sweep.
+    Readings,
+    /// One row for each reading of each search for the surface, and of each check of it.
+    Searches,
+}
+
+impl TableName {
+    /// All tables.
+    pub const ALL: [Self; 4] = [Self::Touches, Self::Sweeps, Self::Readings, Self::Searches];
+
+    /// The name of its file, without an extension.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Touches => "touches",
+            Self::Sweeps => "sweeps",
+            Self::Readings => "readings",
+            Self::Searches => "searches",
+        }
+    }
+
+    /// Its rows, in a sentence.
+    pub const fn description(self) -> &'static str {
+        match self {
+            Self::Touches => {
+                "One row for every planned touch, in the order of the plan, whatever its status."
+            }
+            Self::Sweeps => {
+                "One row for each sweep: its purpose, and the fitted circuit or the reason of its \
+                 refusal."
+            }
+            Self::Readings => {
+                "One row for each reading of each sweep, with all digits and the settings of the \
+                 fit."
+            }
+            Self::Searches => {
+                "One row for each reading of a search for the surface, successful or not, and of \
+                 each check of the surface after a touch."
+            }
+        }
+    }
+
+    /// Its columns, in order.
+    pub fn columns(self) -> Vec<Column> {
+        match self {
+            Self::Touches => TOUCH.to_vec(),
+            Self::Sweeps => [&SWEEP[..], &END].concat(),
+            Self::Readings => [&OF_READING[..], &READING, &FIT, &END].concat(),
+            Self::Searches => [&SEARCH[..], &READING, &END].concat(),
+        }
+    }
+
+    /// The table of its columns as Markdown.
+    pub fn dictionary(self) -> String {
+        let mut text = "| column | type | unit | meaning |\n|---|---|---|---|\n".to_owned();
+        for Column { name, kind, unit, description } in self.columns() {
+            let unit = if unit.is_empty() { String::new() } else { format!("`{unit}`") };
+            writeln!(text, "| `{name}` | {} | {unit} | {description} |", kind.name())
+                .expect("a string takes all text");
+        }
+        text
+    }
+}
+
+/// The first column of a table of several runs.
+pub(super) const RUN: Column = text("run", "short name of the run");
+
+const TOUCH: [Column; 32] = [
+    text(
+        "step",
+        "address of the step: `main/<sample>/<direction>/<angle>/<repeat>` or `blind/<number>`",
+    ),
+    text("phase", "`main` or `blind`"),
+    text("sample", "name of the sample; the analysis of the blind phase does not use it"),
+    text("direction", "`front`, `back` or `left`"),
+    number("angle_deg", "deg", "planned contact angle"),
+    whole("repeat", "repeat of this pose, or number of the blind touch, from 1"),
+    text("status", "`measured`, `refused`, `skipped` or `not_reached`"),
+    text(
+        "reason",
+        "the reason why a touch was refused, skipped or not reached, or why a measured touch has \
+         no stiffness",
+    ),
+    whole("no_load_sweep", "the sweep that gave the reference, a row of the table of sweeps"),
+    number("no_load_hz", "Hz", "resonance with the probe clear"),
+    number("no_load_sigma_hz", "Hz", "its standard deviation"),
+    whole("sweep", "the last sweep in contact, a row of the table of sweeps"),
+    number("resonance_hz", "Hz", "resonance in contact"),
+    number("sigma_hz", "Hz", "its standard deviation"),
+    number("shift_hz", "Hz", "resonance in contact less the reference"),
+    number("shift_sigma_hz", "Hz", "its standard deviation"),
+    number("surface_mm", "mm", "height of the surface found"),
+    number("surface_sigma_mm", "mm", "its standard deviation"),
+    number(
+        "indentation_mm",
+        "mm",
+        "depth below the surface along the probe during the sweep, as read back",
+    ),
+    number("linear_mm", "mm", "read-back of the linear stage before the sweep"),
+    number("rotary_deg", "deg", "read-back of the rotary stage before the sweep"),
+    number(
+        "stiffness_mpa",
+        "MPa",
+        "Young's modulus from this touch, calibrated by the known samples of the run; with \
+         `angle = \"unknown\"` the value of the site",
+    ),
+    number("stiffness_sigma_mpa", "MPa", "its standard deviation, with that of the calibration"),
+    text(
+        "class",
+        "for a blind touch: the sample that its cluster represents, by k-means on the shifts",
+    ),
+    number("known_mpa", "MPa", "Young's modulus of the sample from another method"),
+    whole(
+        "attempts",
+        "how often the touch was begun: more than once if it was interrupted or measured again",
+    ),
+    whole("clock", "the clock on which the times of the touch count, from 1"),
+    text("amended", "the last amendment of the touch: `redo` or `skip`, by whom, and why"),
+    text("earlier", "the outcomes that amendments replaced, oldest first"),
+    flag("is_simulated", "whether the instruments were simulated"),
+    column(
+        ColumnKind::Time,
+        "started_at",
+        "",
+        "start of the touch, UTC: the wall-clock start of the run plus the time on the rig's \
+         clock, so that a run in virtual time has the duration of a run on a bench",
+    ),
+    text("run_id", "id of the run"),
+];
+
+const SWEEP: [Column; 16] = [
+    whole("sweep", "number of the sweep in the run, from 1"),
+    text("purpose", "`no_load`, `touch` or `manual`"),
+    text("step", "address of the step"),
+    text("direction", "`front`, `back` or `left`"),
+    number("angle_deg", "deg", "contact angle"),
+    whole("readings", "number of readings"),
+    text("outcome", "`accepted` or `refused`"),
+    number("resonance_hz", "Hz", "series resonance"),
+    number("sigma_hz", "Hz", "its standard deviation"),
+    number("effective_time_s", "s", "the time for which the resonance holds, on the rig's clock"),
+    number("quality_factor", "1", "quality factor of the motional branch"),
+    number("static_capacitance_f", "F", "static capacitance C₀"),
+    number("capacitance_ratio", "1", "motional capacitance in units of C₀"),
+    number("loss_tangent", "1", "dielectric loss tan δ of C₀"),
+    number("loss_tangent_sigma", "1", "its standard deviation, if it was fitted"),
+    text("reason", "the reason of a refusal"),
+];
+
+const OF_READING: [Column; 4] = [
+    whole("sweep", "number of the sweep in the run, from 1"),
+    text("purpose", "`no_load`, `touch` or `manual`"),
+    text("step", "address of the step"),
+    whole("reading", "number of the reading in the sweep, from 1"),
+];
+
+const SEARCH: [Column; 8] = [
+    text("step", "address of the step"),
+    text("purpose", "`search`, or `check` for a check of the surface after the sweep"),
+    text("direction", "`front`, `back` or `left`"),
+    number("angle_deg", "deg", "contact angle"),
+    number("surface_mm", "mm", "height of the surface; empty if this search found none"),
+    number("surface_sigma_mm", "mm", "its standard deviation"),
+    whole("try", "number of the reading in the search or the check, from 1"),
+    number("position_mm", "mm", "read-back of the linear stage"),
+];
+
+/// The columns of a reading.
+pub(super) const READING: [Column; 7] = [
+    number("frequency_hz", "Hz", "frequency of the drive"),
+    number("resistance_ohm", "Ohm", "real part of the impedance; empty after an overload"),
+    number("reactance_ohm", "Ohm", "imaginary part of the impedance; empty after an overload"),
+    number("started_s", "s", "when the frequency was set, on the rig's clock"),
+    number("settle_s", "s", "settling before the integration"),
+    number("integration_s", "s", "duration of the integration"),
+    text("flag", "flag of the analyzer: `normal`, `overload` (no value) or `low_signal`"),
+];
+
+/// Whether the fit used a reading, and the settings of the fit.
+pub(super) const FIT: [Column; 13] = [
+    flag(
+        "is_used",
+        "whether the outcome uses the reading; false if it is flagged or only helped to find the \
+         resonance",
+    ),
+    number("fit_min_hz", "Hz", "lower end of the window of the resonance"),
+    number("fit_max_hz", "Hz", "upper end of the window of the resonance"),
+    number(
+        "fit_noise_at_ten_cycles",
+        "1",
+        "standard deviation of the relative error of a reading of ten cycles, from earlier readings",
+    ),
+    number(
+        "fit_noise_degrees_of_freedom",
+        "1",
+        "number of independent errors behind that estimate",
+    ),
+    text(
+        "fit_timing",
+        "known timing of the readings: `unknown`, `waited`, `exact`, `exact-from-rest` or \
+         `any-phase`",
+    ),
+    flag("fit_always_loss", "whether dielectric loss was always a free parameter"),
+    number("fit_target_sigma_hz", "Hz", "largest standard deviation of an accepted resonance"),
+    number(
+        "fit_near_resonance_hz",
+        "Hz",
+        "series resonance of the circuit by which unsettled readings were weighted",
+    ),
+    number("fit_near_quality_factor", "1", "its quality factor"),
+    number("fit_near_static_capacitance_f", "F", "its static capacitance"),
+    number("fit_near_capacitance_ratio", "1", "its motional capacitance in units of C₀"),
+    number("fit_near_loss_tangent", "1", "its dielectric loss tan δ"),
+];
+
+const END: [Column; 2] = [
+    whole("clock", "the clock on which the times of the row count, from 1"),
+    flag("is_simulated", "whether the instruments were simulated"),
+];

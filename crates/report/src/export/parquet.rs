@@ -1,0 +1,191 @@
+//! A table as Apache Parquet: types, and with each column its unit and its meaning.
+
+use std::sync::Arc;
+
+use parquet::{
+    basic::{Compression, LogicalType, Repetition, TimeUnit, Type as Physical},
+    data_type::{BoolType, ByteArray, ByteArrayType, DataType, DoubleType, Int64Type},
+    errors::ParquetError,
+    file::{
+        metadata::KeyValue,
+        properties::{WriterProperties, WriterPropertiesPtr},
+        writer::{SerializedFileWriter, SerializedRowGroupWriter},
+    },
+    schema::types::{Type, TypePtr},
+};
+use serde_json::json;
+
+use super::{
+    column::{Column, ColumnKind},
+    error::ExportError,
+    table::TableValue,
+};
+use crate::units::unix_ms;
+
+/// Rows that are written together. A reader can skip what it does not need, and writing takes some
+/// megabytes of memory.
+const GROUP_ROWS: usize = 65_536;
+
+/// The key under which the file has the dictionary of its columns, as JSON.
+const COLUMNS_KEY: &str = "rigd:columns";
+
+/// Collects rows, and writes them in groups.
+#[derive(Debug)]
+pub(super) struct ParquetTable {
+    columns: Vec<(Column, Values)>,
+    rows: usize,
+    writer: SerializedFileWriter<Vec<u8>>,
+}
+
+/// The values of a column, and for each row whether there is one.
+#[derive(Debug)]
+struct Values {
+    is_there: Vec<i16>,
+    values: Typed,
+}
+
+#[derive(Debug)]
+enum Typed {
+    Text(Vec<ByteArray>),
+    Whole(Vec<i64>),
+    Number(Vec<f64>),
+    Flag(Vec<bool>),
+}
+
+impl ParquetTable {
+    pub(super) fn new(columns: &[Column]) -> Result<Self, ExportError> {
+        let fields = columns.iter().map(field).collect::<Result<_, _>>()?;
+        let schema = Type::group_type_builder("schema").with_fields(fields).build()?;
+        let writer = SerializedFileWriter::new(Vec::new(), Arc::new(schema), properties(columns))?;
+        let columns = columns.iter().map(|column| (*column, Values::new(column.kind))).collect();
+        Ok(Self { columns, rows: 0, writer })
+    }
+
+    /// Adds a row, whose values fit the columns.
+    pub(super) fn row(&mut self, values: &[TableValue<'_>]) -> Result<(), ExportError> {
+        for ((_, column), value) in self.columns.iter_mut().zip(values) {
+            column.push(*value);
+        }
+        self.rows += 1;
+        if self.rows == GROUP_ROWS { self.write_group() } else { Ok(()) }
+    }
+
+    fn write_group(&mut self) -> Result<(), ExportError> {
+        let mut group = self.writer.next_row_group()?;
+        for (column, values) in &mut self.columns {
+            let written = std::mem::replace(values, Values::new(column.kind));
+            written.write(&mut group)?;
+        }
+        group.close()?;
+        self.rows = 0;
+        Ok(())
+    }
+
+    /// The bytes of the file.
+    pub(super) fn finish(mut self) -> Result<Vec<u8>, ExportError> {
+        if self.rows > 0 {
+            self.write_group()?;
+        }
+        Ok(self.writer.into_inner()?)
+    }
+}
+
+/// A column in the schema. Each can have missing values.
+fn field(column: &Column) -> Result<TypePtr, ParquetError> {
+    let (physical, logical) = match column.kind {
+        ColumnKind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
+        ColumnKind::Whole => (Physical::INT64, None),
+        ColumnKind::Number => (Physical::DOUBLE, None),
+        ColumnKind::Flag => (Physical::BOOLEAN, None),
+        ColumnKind::Time => {
+            let unit = TimeUnit::MILLIS;
+            (Physical::INT64, Some(LogicalType::timestamp(true, unit)))
+        }
+    };
+    let builder = Type::primitive_type_builder(column.name, physical)
+        .with_repetition(Repetition::OPTIONAL)
+        .with_logical_type(logical);
+    builder.build().map(Arc::new)
+}
+
+fn properties(columns: &[Column]) -> WriterPropertiesPtr {
+    let dictionary: Vec<_> = columns
+        .iter()
+        .map(|Column { name, kind, unit, description }| {
+            json!({ "name": name, "type": kind.name(), "unit": unit, "description": description })
+        })
+        .collect();
+    let entry = |key: &str, value: String| KeyValue::new(key.to_owned(), value);
+    let metadata = vec![entry(COLUMNS_KEY, json!(dictionary).to_string())];
+    let properties = WriterProperties::builder()
+        .set_created_by("rigd".to_owned())
+        .set_compression(Compression::SNAPPY)
+        .set_key_value_metadata(Some(metadata));
+    Arc::new(properties.build())
+}
+
+impl Values {
+    const fn new(kind: ColumnKind) -> Self {
+        let values = match kind {
+            ColumnKind::Text => Typed::Text(Vec::new()),
+            ColumnKind::Whole | ColumnKind::Time => Typed::Whole(Vec::new()),
+            ColumnKind::Number => Typed::Number(Vec::new()),
+            ColumnKind::Flag => Typed::Flag(Vec::new()),
+        };
+        Self { is_there: Vec::new(), values }
+    }
+
+    fn push(&mut self, value: TableValue<'_>) {
+        let is_there = match (&mut self.values, value) {
+            (Typed::Text(texts), TableValue::Text(text)) => {
+                texts.push(text.into());
+                true
+            }
+            (Typed::Whole(times), TableValue::Time(text)) => {
+                unix_ms(text).map(|ms| times.push(ms)).is_some()
+            }
+            (Typed::Whole(numbers), TableValue::Whole(number)) => {
+                numbers.push(number.cast_signed());
+                true
+            }
+            (
+                Typed::Number(numbers),
+                TableValue::Exact(number)
+                | TableValue::Decimals(number, _)
+                | TableValue::Digits(number, _),
+            ) => {
+                numbers.push(number);
+                true
+            }
+            (Typed::Flag(flags), TableValue::Flag(is_set)) => {
+                flags.push(is_set);
+                true
+            }
+            // The table has refused every other value but a missing one.
+            _ => false,
+        };
+        self.is_there.push(is_there.into());
+    }
+
+    fn write(self, group: &mut SerializedRowGroupWriter<'_, Vec<u8>>) -> Result<(), ParquetError> {
+        let is_there = &self.is_there;
+        match self.values {
+            Typed::Text(values) => write::<ByteArrayType>(group, &values, is_there),
+            Typed::Whole(values) => write::<Int64Type>(group, &values, is_there),
+            Typed::Number(values) => write::<DoubleType>(group, &values, is_there),
+            Typed::Flag(values) => write::<BoolType>(group, &values, is_there),
+        }
+    }
+}
+
+/// Writes the next column of a group.
+fn write<T: DataType>(
+    group: &mut SerializedRowGroupWriter<'_, Vec<u8>>,
+    values: &[T::T],
+    is_there: &[i16],
+) -> Result<(), ParquetError> {
+    let none = || ParquetError::General("the group has fewer columns than the schema".to_owned());
+    let mut column = group.next_column()?.ok_or_else(none)?;
+    column.typed::<T>().write_batch(values, Some(is_there), None)?;
+    column.close()
+}

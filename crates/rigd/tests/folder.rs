@@ -1,0 +1,139 @@
+//! The folder of a run: whole, verified, and exported in every form.
+
+#![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn rigd(data: &Path, args: &[&str]) -> Output {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    Command::new(env!("CARGO_BIN_EXE_rigd"))
+        .args(args)
+        .args(["--data", data.to_str().unwrap()])
+        .current_dir(root)
+        .output()
+        .unwrap()
+}
+
+/// A data directory with this number of runs.
+fn with_runs(count: usize) -> TempDir {
+    let data = TempDir::new().unwrap();
+    // Touches are swept on a grid of settled points, as Touchstone wants them.
+    let smoke = include_str!("../../../config/protocols/smoke.toml");
+    let (head, contact) = smoke.split_once("[contact_sweep]").unwrap();
+    let grid = "max_hz = 260\nmethod = \"uniform\"\nsettle_s = 0.2\npoints = 61";
+    let contact = contact.replace("max_hz = 260", grid);
+    assert!(contact.contains(grid), "{contact}");
+    let protocol = data.path().join("protocol.toml");
+    fs::write(&protocol, format!("{head}[contact_sweep]{contact}")).unwrap();
+    for _ in 0..count {
+        let run = rigd(data.path(), &["run", protocol.to_str().unwrap()]);
+        // Some of the touches are refused.
+        assert_eq!(run.status.code(), Some(6), "{}", String::from_utf8_lossy(&run.stderr));
+    }
+    data
+}
+
+/// The folder of the first run.
+fn folder(data: &Path) -> PathBuf {
+    let folders = fs::read_dir(data.join("runs")).unwrap().map(|entry| entry.unwrap().path());
+    folders.into_iter().find(|path| path.to_str().unwrap().ends_with("_smoke-1")).unwrap()
+}
+
+fn stdout(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// One file is found, and why.
+#[track_caller]
+fn check_found(output: &Output, file: &str, what: &str) {
+    assert_eq!(output.status.code(), Some(7));
+    let view: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(view["is_sound"], true, "the journal is sound");
+    let found = view["files"].as_array().unwrap();
+    assert_eq!((found.len(), &found[0]["file"]), (1, &file.into()), "{view}");
+    assert!(found[0]["what"].as_str().unwrap().contains(what), "{view}");
+}
+
+#[test]
+fn a_file_that_differs_from_the_manifest_is_found_and_the_folder_can_be_written_again() {
+    let data = with_runs(1);
+    let folder = folder(data.path());
+    let verify = || rigd(data.path(), &["verify", "latest", "--json"]);
+    assert!(verify().status.success(), "{}", stdout(&verify()));
+    fs::write(folder.join("notes.txt"), "the sample was dry").unwrap();
+    assert!(verify().status.success(), "a note of a person is no finding");
+
+    let touches = fs::read_to_string(folder.join("touches.csv")).unwrap();
+    fs::write(folder.join("touches.csv"), touches.replace("\"main\"", "\"mein\"")).unwrap();
+    check_found(&verify(), "touches.csv", "SHA-256");
+    fs::write(folder.join("touches.csv"), format!("{touches}\n")).unwrap();
+    check_found(&verify(), "touches.csv", "bytes");
+    fs::remove_file(folder.join("touches.csv")).unwrap();
+    check_found(&verify(), "touches.csv", "missing");
+    assert!(rigd(data.path(), &["report", "latest"]).status.success());
+    let manifest = folder.join("manifest.json");
+    let text = fs::read_to_string(&manifest).unwrap();
+    let digest = text.split("\"digest\": \"").nth(1).unwrap()[..64].to_owned();
+    fs::write(&manifest, text.replace(&digest, &"0".repeat(64))).unwrap();
+    check_found(&verify(), "manifest.json", "rigd report");
+    fs::remove_file(&manifest).unwrap();
+    check_found(&verify(), "manifest.json", "missing");
+
+    assert!(rigd(data.path(), &["report", "latest"]).status.success());
+    assert!(verify().status.success(), "{}", stdout(&verify()));
+    assert_eq!(fs::read_to_string(folder.join("touches.csv")).unwrap(), touches);
+    let notes = fs::read_to_string(folder.join("notes.txt")).unwrap();
+    assert_eq!(notes, "the sample was dry");
+}
+
+#[test]
+fn one_or_several_runs_are_exported_in_every_form() {
+    let data = with_runs(2);
+    let export = |args: &[&str]| rigd(data.path(), &[&["export"], args].concat());
+    let both = stdout(&export(&["smoke-1", "smoke-2", "--format", "csv", "--table", "sweeps"]));
+    let one = stdout(&export(&["smoke-2", "--format", "sweeps"]));
+    assert!(both.starts_with("run,sweep,purpose,"), "{both}");
+    let second: Vec<&str> =
+        both.lines().filter_map(|line| line.strip_prefix("\"smoke-2\",")).collect();
+    assert_eq!(second, one.lines().skip(1).collect::<Vec<_>>());
+    assert_eq!(both.matches("\n\"smoke-1\",").count(), second.len());
+
+    let parquet = export(&["smoke-1", "--format", "parquet", "--table", "readings"]);
+    assert!(parquet.stdout.starts_with(b"PAR1") && parquet.stdout.ends_with(b"PAR1"));
+    assert_eq!(parquet.stdout, fs::read(folder(data.path()).join("readings.parquet")).unwrap());
+    let documents = stdout(&export(&["smoke-1", "smoke-2", "--format", "documents"]));
+    assert_eq!(documents.lines().filter(|line| line.contains("\"name\":\"stop\"")).count(), 2);
+
+    // A file that `rigd fit` reads, with the resonance of the run.
+    let touchstone = data.path().join("sweep.s1p");
+    let path = touchstone.to_str().unwrap();
+    assert!(
+        export(&["smoke-1", "--format", "touchstone", "--sweep", "2", "--out", path])
+            .status
+            .success()
+    );
+    let fit =
+        Command::new(env!("CARGO_BIN_EXE_rigd")).args(["fit", path, "--json"]).output().unwrap();
+    assert!(fit.status.success(), "{}", String::from_utf8_lossy(&fit.stderr));
+
+    let many = data.path().join("many");
+    let path = many.to_str().unwrap();
+    let sweeps = one.lines().count() - 1;
+    for (format, files) in [("touchstone", 2 * sweeps), ("jsonl", 2)] {
+        let without = export(&["smoke-1", "smoke-2", "--format", format]);
+        assert_eq!(without.status.code(), Some(2), "{format} needs a directory");
+        let out = export(&["smoke-1", "smoke-2", "--format", format, "--out", path]);
+        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+        assert_eq!(fs::read_dir(&many).unwrap().count(), files, "{format}");
+        fs::remove_dir_all(&many).unwrap();
+    }
+    let none = export(&["smoke-1", "--format", "touchstone", "--sweep", "999"]);
+    assert_eq!(none.status.code(), Some(3));
+}
