@@ -36,6 +36,8 @@ pub(crate) struct RunData {
     pub(crate) prompts: u32,
     /// Prompts, commands, faults and refused sweeps, in order.
     pub(crate) log: Vec<LogEntry>,
+    /// The operator who began the run, as of its first command.
+    operator: Option<String>,
     /// Cause of the first fault.
     pub(crate) fault: Option<String>,
 }
@@ -163,6 +165,11 @@ impl RunData {
     /// The sweep with this number.
     pub(crate) fn sweep(&self, number: u64) -> Option<&Sweep> {
         self.sweeps.iter().find(|sweep| sweep.number == number)
+    }
+
+    /// The person or program that began the run.
+    pub(crate) fn operator(&self) -> Option<&str> {
+        self.operator.as_deref()
     }
 
     /// Whether no real device took part.
@@ -293,6 +300,7 @@ impl RunData {
             Record::PromptAnswered(answered) => self.answer(run_us, &answered.by),
             Record::Operator(operator) => {
                 note(None, LogKind::Command, format!("{} by {}", operator.action, operator.who));
+                self.operator.get_or_insert(operator.who);
             }
             Record::Fault(fault) => {
                 let probe = whereabouts(fault.probe);

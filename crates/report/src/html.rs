@@ -2,13 +2,16 @@
 
 mod element;
 mod figures;
+mod overview;
+mod paper;
 mod provenance;
 mod stiffness;
+mod sweeps;
 mod tables;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use rig_analysis::sensitivity::Sensitivity;
-use rig_record::{ChainCheck, Ending, Phase, RunStatus};
+use rig_record::{ChainCheck, Ending, Phase, Run, RunStatus};
 
 use crate::{
     data::RunData,
@@ -25,9 +28,10 @@ use provenance::provenance;
 
 impl RunResults {
     /// The report as one HTML file. Of a damaged journal it shows the records before the damage, and
-    /// says so: `check` is the result of the check of its chain, and `verdict` that of its contents.
-    pub fn html(&self, check: &ChainCheck, verdict: &RunVerdict) -> String {
-        page(self, check, verdict).into_string()
+    /// says so: `check` is the result of the check of its chain, and `verdict` that of its contents. `began` is
+    /// the beginning in local time.
+    pub fn html(&self, check: &ChainCheck, verdict: &RunVerdict, began: &str) -> String {
+        page(self, check, verdict, began).into_string()
     }
 }
 
@@ -47,9 +51,14 @@ impl RunVerdict {
     }
 }
 
-fn page(results: &RunResults, check: &ChainCheck, verdict: &RunVerdict) -> Markup {
+fn page(results: &RunResults, check: &ChainCheck, verdict: &RunVerdict, began: &str) -> Markup {
     let RunResults { run, data, .. } = results;
     let simulated = if data.is_simulated() { " (simulated)" } else { "" };
+    let has_shifts = !results.direction_means.is_empty();
+    let has_stiffness = results.stiffness.as_ref().is_ok_and(|found| !found.samples.is_empty());
+    // A run that ended early tells its story; parts without content would only be in its way.
+    let is_early = overview::ended_early(results);
+    let has_blind = results.classification.is_some();
     html! {
         (DOCTYPE)
         html lang="en" {
@@ -59,17 +68,30 @@ fn page(results: &RunResults, check: &ChainCheck, verdict: &RunVerdict) -> Marku
                 meta name="color-scheme" content="light dark";
                 meta http-equiv="Content-Security-Policy"
                     content="default-src 'none'; style-src 'unsafe-inline'";
-                title { (run.name) (simulated) " – report" }
-                style { (PreEscaped(include_str!("html/style.css"))) (PreEscaped(rig_chart::STYLE)) }
+                title { (run.short_name()) (simulated) " – report" }
+                style {
+                    (PreEscaped(include_str!("html/style.css"))) (PreEscaped(rig_chart::STYLE))
+                    (PreEscaped(page_foot(run, simulated)))
+                }
             }
             body {
                 main {
-                    (head(results, check, verdict))
-                    (section("Frequency shift", &shifts(results)))
-                    (section("Stiffness", &stiffness(results)))
-                    (section("Recognition", &recognition(results)))
-                    (section("The free sensor", &free_sensor(results)))
-                    (section("One touch in detail", &detail(results)))
+                    (head(results, check, verdict, began))
+                    @if is_early { (section("What happened", &overview::story(results))) }
+                    @if has_stiffness || !is_early { (section("Stiffness", &stiffness(results))) }
+                    @if !results.touches.is_empty() {
+                        (section("Planned, measured and refused", &overview::matrix(results)))
+                    }
+                    @if has_shifts || !is_early { (section("Frequency shift", &shifts(results))) }
+                    @if has_blind || !is_early { (section("Recognition", &recognition(results))) }
+                    @if has_shifts || has_blind { (section("Beside the paper", &paper::beside(results))) }
+                    @if !results.references.is_empty() || !is_early {
+                        (section("The free sensor", &free_sensor(results)))
+                    }
+                    @if has_shifts || !is_early { (section("One touch in detail", &detail(results))) }
+                    @if !data.sweeps.is_empty() {
+                        (section("Every sweep", &every_sweep(data)))
+                    }
                     (section("Touches", &touches(results)))
                     (section("Log", &log(data)))
                     (section("Provenance", &provenance(run, check, verdict, data)))
@@ -79,12 +101,28 @@ fn page(results: &RunResults, check: &ChainCheck, verdict: &RunVerdict) -> Marku
     }
 }
 
+/// The foot of each printed page: the run and the number of the page.
+fn page_foot(run: &Run, simulated: &str) -> String {
+    // A string of CSS, in which the name of a protocol must not end it.
+    let is_plain = |letter: &char| letter.is_alphanumeric() || " -_.()".contains(*letter);
+    let name: String = run.short_name().chars().filter(is_plain).collect();
+    format!(
+        "@page {{ @bottom-left {{ content: \"{name}{simulated} · {id}\"; }} \
+         @bottom-right {{ content: counter(page) \" / \" counter(pages); }} }}",
+        id = run.id,
+    )
+}
+
+fn every_sweep(data: &RunData) -> Markup {
+    html! { (sweeps::small_multiples(data)) (figures::refused(data)) }
+}
+
 fn section(title: &str, content: &Markup) -> Markup {
     html! { section { h2 { (title) } (content) } }
 }
 
 /// The name of the run, its status, and its key numbers.
-fn head(results: &RunResults, check: &ChainCheck, verdict: &RunVerdict) -> Markup {
+fn head(results: &RunResults, check: &ChainCheck, verdict: &RunVerdict, began: &str) -> Markup {
     let RunResults { run, data, touches, .. } = results;
     let class = match run.status {
         RunStatus::Running => "running",
@@ -92,14 +130,16 @@ fn head(results: &RunResults, check: &ChainCheck, verdict: &RunVerdict) -> Marku
         RunStatus::Ended(Ending::CompletedWithRefusals) => "partial",
         RunStatus::Interrupted | RunStatus::Ended(_) => "failed",
     };
-    let began = run.started_at.replace('T', " ").chars().take(16).collect::<String>();
     let is_short = run.status != RunStatus::Running
         && touches.iter().any(|row| row.status != TouchStatus::Measured);
     html! {
         header {
             p.eyebrow { "Run report" @if data.is_simulated() { " " b.simulated { "simulated" } } }
-            h1 { (run.name) }
-            p.meta { span.status.(class) { (run.status.describe()) } " " (began) " UTC" }
+            h1 { (run.short_name()) }
+            p.meta {
+                span.status.(class) { (run.status.describe()) } " " (began)
+                @if let Some(operator) = data.operator() { " · " (operator) }
+            }
         }
         @if let ChainCheck::Broken { seq, flaw } = check {
             p.alarm {
@@ -274,17 +314,17 @@ fn cost(cost: &SweepCost) -> Markup {
     }
 }
 
-/// Every planned touch, and the sweeps that were refused.
+/// Every planned touch.
 fn touches(results: &RunResults) -> Markup {
     if results.touches.is_empty() {
         return note("No touch was planned.");
     }
-    html! { (tables::touches(&results.touches)) (figures::refused(&results.data)) }
+    tables::touches(&results.touches)
 }
 
 fn log(data: &RunData) -> Markup {
     if data.log.is_empty() {
         return note("No prompts, commands, faults or refused sweeps.");
     }
-    tables::log(data)
+    tables::log_lines(&data.log, "Prompts, commands, faults and refused sweeps, in order.")
 }

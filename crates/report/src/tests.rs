@@ -63,22 +63,33 @@ fn a_complete_run_has_every_figure() {
     let html = rendered(Story::Complete);
     let figures = [
         "samples",
+        "samples-narrow",
         "front",
         "back",
         "left",
         "mean",
+        "mean-narrow",
         "stiffness",
         "blind-stiffness",
         "blind",
+        "blind-narrow",
         "no-load",
+        "no-load-narrow",
         "size",
         "phase",
     ];
     for figure in figures {
         assert!(html.contains(&format!("<title id=\"fig-{figure}-t\">")), "{figure}");
     }
-    assert_eq!(html.matches("<svg ").count(), figures.len());
-    assert_eq!(html.matches("class=\"note\"").count(), 0);
+    // The others are the small pictures, one for each touch.
+    let small = inside(&html, "<div class=\"multiples\">", "</div>").matches("<svg ").count();
+    assert_eq!((html.matches("<svg ").count() - small, small), (figures.len(), 110));
+    for number in ["Figure 11. ", "Figure 12. ", "Figure 13. ", "46 of 50: 92 %", "134.11 Hz/MPa"] {
+        assert!(html.contains(number), "{number}");
+    }
+    assert!(!html.contains("What happened"));
+    let stiffness = html.find("Young's modulus of the samples").unwrap();
+    assert!(stiffness < html.find("<figure>").unwrap(), "the stiffness is not at the top");
     assert!(html.contains("<summary>Protocol “three-direction”</summary>"));
 }
 
@@ -107,7 +118,12 @@ fn a_faulted_run_says_what_happened_first_and_what_is_missing() {
     );
     assert!(html.find("class=\"alarm\"").unwrap() < html.find("class=\"tiles\"").unwrap());
     assert!(html.contains("<span class=\"status failed\">faulted</span>"));
-    assert!(html.contains("No blind touches were classified."));
+    assert!(
+        html.find("What happened").unwrap() < html.find("Planned, measured and refused").unwrap()
+    );
+    for empty in ["No blind touches", "<h2>Recognition</h2>"] {
+        assert!(!html.contains(empty), "{empty}");
+    }
     assert!(html.contains("7 <small>"));
     assert!(html.contains("the last frames on /dev/ttyUSB0 are in the journal (1)"));
     assert!(!html.contains("fig-left"), "nothing was touched from the left");

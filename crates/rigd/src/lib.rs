@@ -11,6 +11,7 @@ mod hint;
 pub mod http;
 mod interruption;
 pub mod loaded_rig;
+mod local_time;
 pub mod operator;
 mod predict;
 pub mod protocol_file;

@@ -16,7 +16,7 @@ use rig_store::{Chain, Reader, Run, RunId, RunKind, StoreError};
 use rig_verify::JournalError;
 use serde::Serialize;
 
-use crate::verdict;
+use crate::{local_time, verdict};
 use manifest::{FolderFile, MANIFEST, Origin, README, RO_CRATE};
 use staged::StagedFolder;
 
@@ -113,7 +113,8 @@ pub fn write(data: &Path, run: RunId) -> Result<RunFiles, RunFilesError> {
 
     let mut files: Vec<(String, Vec<u8>)> = Vec::new();
     let mut add = |name: &str, bytes: Vec<u8>| files.push((name.to_owned(), bytes));
-    add(REPORT, results.html(&chain.check, &verdict).into_bytes());
+    let began = local_time::local(&results.run().started_at);
+    add(REPORT, results.html(&chain.check, &verdict, &began).into_bytes());
     rig_store::intact(run.id, &chain.check)?;
     for name in TableName::ALL {
         for format in TableFormat::ALL {
@@ -185,6 +186,7 @@ pub fn write_report(
     let (run, chain): (_, Chain) = (reader.run(run)?, reader.chain(run)?);
     let records = reader.amend(run.id, chain.records)?;
     let results = RunResults::new(&run, &records).map_err(StoreError::from)?;
-    let html = results.html(&chain.check, &verdict::for_report(data, run.id));
+    let began = local_time::local(&run.started_at);
+    let html = results.html(&chain.check, &verdict::for_report(data, run.id), &began);
     fs::write(path, html).map_err(|source| RunFilesError::File { path: path.to_path_buf(), source })
 }

@@ -19,6 +19,17 @@ pub(super) const HALF_PX: (u32, u32) = (446, 310);
 /// Width and height of a chart with a row of its own, pixels.
 const WIDE_PX: (u32, u32) = (912, 360);
 
+/// Width and height of a chart on a phone, pixels.
+const NARROW_PX: (u32, u32) = (350, 300);
+
+/// A wide chart, and the same for a phone: scaled down, its texts could not be read.
+fn drawn_twice(mut chart: Chart, id: &str) -> Markup {
+    let wide = drawn(&chart, id);
+    chart.size_px = NARROW_PX;
+    let narrow = drawn(&chart, &format!("{id}-narrow"));
+    html! { div.wide { (wide) } div.narrow aria-hidden="true" { (narrow) } }
+}
+
 /// Shift against angle, one chart for each direction: the paper's Figure 11.
 pub(super) fn by_direction(results: &RunResults) -> Markup {
     let highest = results
@@ -55,12 +66,14 @@ pub(super) fn by_direction(results: &RunResults) -> Markup {
     let touched = touched_samples(results);
     let keys: Vec<Series> =
         touched.map(|(index, sample)| Series::joined::<Point>(&label(sample), index, [])).collect();
-    let legend = legend(&keys, "fig-samples", WIDE_PX.0);
-    let caption = "Shift against contact angle in each direction. Bars show the standard \
+    let wide = legend(&keys, "fig-samples", WIDE_PX.0);
+    let narrow = legend(&keys, "fig-samples-narrow", NARROW_PX.0);
+    let caption = "Figure 11. Shift against contact angle in each direction. Bars show the standard \
                    deviation of the fits; a bar smaller than the mark is not visible.";
     let charts = html! {
         // The legend escapes its texts.
-        (PreEscaped(legend))
+        div.wide { (PreEscaped(wide)) }
+        div.narrow aria-hidden="true" { (PreEscaped(narrow)) }
         div.row { @for chart in &charts { (chart) } }
     };
     figure(&charts, caption)
@@ -98,9 +111,9 @@ pub(super) fn averaged(results: &RunResults) -> Markup {
         });
         chart.series.push(Series::joined(&label(sample), index, points));
     }
-    let caption = "Shift against contact angle, averaged over the directions. Bars show the \
+    let caption = "Figure 12. Shift against contact angle, averaged over the directions. Bars show the \
                    standard deviation between the directions.";
-    figure(&drawn(&chart, "fig-mean"), caption)
+    figure(&drawn_twice(chart, "fig-mean"), caption)
 }
 
 /// The blind touches by cluster: the paper's Figure 13.
@@ -141,9 +154,9 @@ pub(super) fn classification(data: &RunData, classification: &Classification) ->
         let rings = Series::scatter("in the wrong cluster", rig_chart::COLOURS - 1, wrong);
         chart.series.push(Series { marker: Some(Marker::Ring), ..rings });
     }
-    let caption = "The blind touches, sorted by k-means on their shifts alone: the partition with \
+    let caption = "Figure 13. The blind touches, sorted by k-means on their shifts alone: the partition with \
                    the smallest sum of squares. The labels are used for the score only; each cluster represents one sample, matched so that most touches agree.";
-    figure(&drawn(&chart, "fig-blind"), caption)
+    figure(&drawn_twice(chart, "fig-blind"), caption)
 }
 
 /// The no-load resonance over the run.
@@ -181,7 +194,7 @@ pub(super) fn no_load(results: &RunResults) -> Markup {
     }
     let caption = "Every reference of the run, with the standard deviation of its fit. Each shift \
                    refers to the last one before the touch.";
-    figure(&drawn(&chart, "fig-no-load"), caption)
+    figure(&drawn_twice(chart, "fig-no-load"), caption)
 }
 
 /// The readings of one touch and of its no-load sweep, with the fitted circuits. It is the main
@@ -209,11 +222,14 @@ pub(super) fn example(data: &RunData) -> Option<Markup> {
     Some(figure_row(&charts, &caption))
 }
 
-/// The readings of every refused sweep, with its reason.
+/// The readings of every refused sweep, with its reason; not on paper, where the small pictures and the
+/// log tell of them.
 pub(super) fn refused(data: &RunData) -> Markup {
     html! {
-        @for sweep in &data.sweeps {
-            @if let SweepOutcome::Refused { reason } = &sweep.outcome { (refused_sweep(sweep, reason)) }
+        div.screen {
+            @for sweep in &data.sweeps {
+                @if let SweepOutcome::Refused { reason } = &sweep.outcome { (refused_sweep(sweep, reason)) }
+            }
         }
     }
 }

@@ -16,6 +16,8 @@ pub(super) fn provenance(
     html! {
         dl.facts {
             (fact("run", run.id.to_string()))
+            (fact("name", run.short_name()))
+            @if let Some(operator) = data.operator() { (fact("operator", operator)) }
             (fact("began", &run.started_at))
             (fact("ended", run.finished_at.as_deref().unwrap_or("not yet")))
             @if let Some(started) = &data.started {
@@ -35,8 +37,40 @@ pub(super) fn provenance(
             }
             (fact("checked", &verdict.sentence))
         }
-        @if let Some(started) = &data.started { (sources(started)) }
+        @if let Some(started) = &data.started {
+            (settings(&started.protocol.toml))
+            (sources(started))
+        }
     }
+}
+
+/// The sections of a protocol that say how a touch is made and measured.
+const SECTIONS: [(&str, &str); 4] = [
+    ("touch", "touch"),
+    ("approach", "search for the surface"),
+    ("no_load_sweep", "no-load sweep"),
+    ("contact_sweep", "sweep in contact"),
+];
+
+/// The settings of the instruments, from the protocol.
+fn settings(protocol_toml: &str) -> Markup {
+    html! {
+        dl.facts.settings {
+            @for (section, name) in SECTIONS {
+                @let keys = keys_of(protocol_toml, section).collect::<Vec<_>>();
+                @if !keys.is_empty() { (fact(name, keys.join(", "))) }
+            }
+        }
+    }
+}
+
+/// The lines `key = value` of a table of a protocol, which was read before: without comments.
+fn keys_of<'a>(toml: &'a str, table: &str) -> impl Iterator<Item = &'a str> {
+    let head = format!("[{table}]");
+    let lines = toml.lines().map(str::trim).skip_while(move |line| *line != head).skip(1);
+    let lines = lines.take_while(|line| !line.starts_with('['));
+    let lines = lines.map(|line| line.split(" #").next().unwrap_or_default().trim());
+    lines.filter(|line| line.contains('=') && !line.starts_with('#'))
 }
 
 fn fact(name: &str, value: impl Render) -> Markup {

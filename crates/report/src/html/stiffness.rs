@@ -36,9 +36,9 @@ pub(super) fn section(results: &RunResults, stiffness: &Stiffness) -> Markup {
         Some(_) => "and without the contact angles",
     };
     html! {
+        (samples(results, stiffness))
         (calibration(&stiffness.calibration, angle))
         @if is_known || recognition.is_some() { (figure_row(&charts, caption)) }
-        (samples(results, stiffness))
         @if let Some(found) = &stiffness.sites { (sites(data, stiffness, found)) }
     }
 }

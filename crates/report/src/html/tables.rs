@@ -5,7 +5,7 @@ use rig_analysis::shift::{DirectionMean, Mean};
 
 use super::element::{dash, fault, table, text};
 use crate::{
-    data::{DIRECTIONS, LogKind, RunData},
+    data::{DIRECTIONS, LogEntry, LogKind, RunData},
     results::{
         RunResults,
         classification::Classification,
@@ -125,18 +125,19 @@ pub(super) fn touches(rows: &[TouchRow]) -> Markup {
     html! { div.log.touches { (table(caption, &heads, &rows)) } }
 }
 
-/// Prompts, commands, faults and refused sweeps, in order.
-pub(super) fn log(data: &RunData) -> Markup {
+/// Lines of the log. Prompts are not printed on paper: they are many, and all alike.
+pub(super) fn log_lines(log: &[LogEntry], caption: &str) -> Markup {
     let heads = ["rig time", "kind", "event", "step"];
     let mut rows = Vec::new();
-    for entry in &data.log {
+    for entry in log {
         let time = clock(entry.run_us as f64 * 1e-6);
         let kind = match entry.kind {
             LogKind::Fault => fault(entry.kind.name()),
+            LogKind::Prompt => html! { span.prompt { (entry.kind.name()) } },
             kind => html! { span { (kind.name()) } },
         };
         let step = entry.step.as_deref().unwrap_or_default();
         rows.push(vec![text(time), kind, text(&entry.text), text(step)]);
     }
-    html! { div.log { (table("Prompts, commands, faults and refused sweeps, in order.", &heads, &rows)) } }
+    html! { div.log { (table(caption, &heads, &rows)) } }
 }

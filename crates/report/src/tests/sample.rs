@@ -76,7 +76,7 @@ impl SampleRun {
     }
 
     pub(crate) fn html_with(&self, verdict: &RunVerdict) -> String {
-        self.results().html(&self.chain.check, verdict)
+        self.results().html(&self.chain.check, verdict, "2026-11-22 19:49 +01:00")
     }
 
     /// The same run with another beginning.

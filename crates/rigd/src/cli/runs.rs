@@ -15,6 +15,7 @@ use super::{
 };
 use crate::{
     interruption::{ADVICE, InterruptionView},
+    local_time,
     rig::{self, RequestRefusal},
     run_files::{self, ResultsView},
     verdict,
@@ -118,24 +119,19 @@ pub(super) fn list(args: &RunsArgs) -> Result<(), Failure> {
         vec![
             run.short_name(),
             run.status.describe(),
-            minute(&run.started_at),
+            local_time::local(&run.started_at),
             run.wall_s.map(duration).unwrap_or_default(),
             if *is_simulated { "simulated" } else { "real" }.to_owned(),
         ]
     };
     let rows: Vec<_> = runs.iter().map(row).collect();
-    print(&columns(&["run", "status", "started (UTC)", "took", "rig"], &rows))?;
+    print(&columns(&["run", "status", "started", "took", "rig"], &rows))?;
     for (run, _, interruption) in &runs {
         if let Some(left) = interruption.as_ref().filter(|left| left.is_open()) {
             note(&format!("{} was {}; {ADVICE}", run.short_name(), left.message));
         }
     }
     Ok(())
-}
-
-/// A time without its seconds: `2026-11-22 18:09`.
-fn minute(rfc_3339: &str) -> String {
-    rfc_3339.replace('T', " ").chars().take(16).collect()
 }
 
 pub(super) fn show(args: &ShowArgs) -> Result<(), Failure> {

@@ -19,6 +19,7 @@ use serde::{Deserialize, Serialize};
 use super::{Problem, Shared};
 use crate::{
     interruption::InterruptionView,
+    local_time,
     operator::Operator,
     protocol_file::LoadedProtocol,
     run_files::{self, ResultsView},
@@ -179,7 +180,8 @@ pub(super) async fn report(
     let inner = Arc::clone(&shared.inner);
     let html = shared.read(move |reader| {
         let found = inner.results.of(reader, id)?;
-        Ok(found.results.html(&found.check, found.verdict(&inner.data)))
+        let began = local_time::local(&found.results.run().started_at);
+        Ok(found.results.html(&found.check, found.verdict(&inner.data), &began))
     });
     html.await.map(Html)
 }

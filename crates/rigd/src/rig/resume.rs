@@ -210,7 +210,7 @@ impl Known {
     }
 }
 
-pub(super) const SOFTWARE: &str = concat!("rigd ", env!("CARGO_PKG_VERSION"));
+pub(super) const SOFTWARE: &str = concat!("rigd ", env!("CARGO_PKG_VERSION"), env!("RIGD_COMMIT"));
 const RIG_FILE: &str = "rig file";
 const SCENE_FILE: &str = "scene file";
 
