@@ -1,5 +1,7 @@
 //! The benches of the fault campaign: makes of devices, scene and protocol of a few touches.
 
+use std::path::PathBuf;
+
 use rand_core::Rng;
 use rand_pcg::Pcg64;
 use rig_files::rig_file::RigFile;
@@ -127,6 +129,7 @@ impl Bench {
         let (rig, rig_text) = rig(dialect, level_v, is_tcp, drive);
         let (scene, scene_text) = scene(number, is_uneven, draw);
         let loaded = LoadedRig {
+            path: PathBuf::new(),
             file: rig.clone(),
             source: rig_text.clone(),
             scene: Some(LoadedScene { scene: scene.clone(), source: scene_text.clone() }),
@@ -140,7 +143,12 @@ impl Bench {
     /// The rig, to be opened.
     pub(crate) fn load(&self) -> LoadedRig {
         let scene = LoadedScene { scene: self.scene.clone(), source: self.scene_text.clone() };
-        LoadedRig { file: self.rig.clone(), source: self.rig_text.clone(), scene: Some(scene) }
+        LoadedRig {
+            path: PathBuf::new(),
+            file: self.rig.clone(),
+            source: self.rig_text.clone(),
+            scene: Some(scene),
+        }
     }
 }
 

@@ -20,6 +20,7 @@ fn load() -> LoadedRig {
     let scene = rig_sim::scene::read("scene", &scene_toml).unwrap();
     let source = |name: &str, toml: String| rig_store::Source { name: name.to_owned(), toml };
     LoadedRig {
+        path: std::path::PathBuf::new(),
         file: rig_files::rig_file::RigFile::read("rig", &toml).unwrap(),
         source: source("rig", toml),
         scene: Some(LoadedScene { scene, source: source("scene", scene_toml) }),

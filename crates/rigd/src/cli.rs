@@ -10,6 +10,7 @@ mod doctor;
 mod export;
 mod failure;
 mod fit;
+mod guard;
 mod identify;
 mod live;
 mod manual;

@@ -17,6 +17,10 @@ pub(crate) const fn while_in(state: RigState) -> Option<&'static str> {
     }
 }
 
+/// Advice while the rig loop gives no sign of life.
+pub(crate) const WHILE_SILENT: &str = "keep away from the stages, which may end their last move; a \
+     stop, or 30 s without an answer, ends rigd, and `rigd safe` then stops both axes and retracts";
+
 /// Advice for a person at the bench.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Hint {

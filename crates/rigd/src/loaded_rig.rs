@@ -16,6 +16,8 @@ use crate::files::read;
 /// A rig file with its scene.
 #[derive(Debug)]
 pub struct LoadedRig {
+    /// Where the rig file is; empty for one that no file has.
+    pub path: PathBuf,
     /// The rig file.
     pub file: RigFile,
     /// Its text, for the journal.
@@ -69,7 +71,7 @@ impl LoadedRig {
         let scene = file.scene(path).map(|scene| LoadedScene::load(&scene)).transpose();
         let scene = scene.map_err(|error| at_its_name(error, &name, &file.connection))?;
         let source = Source { name: file.name.clone(), toml: text };
-        Ok(Self { file, source, scene })
+        Ok(Self { path: path.to_owned(), file, source, scene })
     }
 
     /// The facts that a protocol is checked against.

@@ -21,6 +21,7 @@ mod log;
 mod open;
 mod owners;
 mod pace;
+mod pulse;
 mod record;
 mod resume;
 mod rig_loop;
@@ -31,7 +32,11 @@ mod thread;
 mod view;
 mod way_out;
 
-use std::{path::PathBuf, sync::Arc, time::Instant};
+use std::{
+    path::PathBuf,
+    sync::{Arc, Weak},
+    time::Instant,
+};
 
 use rig_engine::{Command, CommandRefusal, Snapshot};
 use rig_link::Clock;
@@ -52,6 +57,7 @@ pub use live::{LiveEstimate, LiveSweep};
 pub(crate) use log::unwritable;
 pub use open::{DeviceError, OpenError};
 pub use pace::{Pace, Remaining};
+pub use pulse::{Doing, Silence};
 pub(crate) use resume::Outcomes;
 pub use resume::ResumeRefusal;
 pub use rig_loop::RigLoop;
@@ -70,6 +76,7 @@ pub struct RigHandle {
     requests: mpsc::Sender<Request>,
     status: watch::Receiver<Status>,
     simulation: Option<SimHandle>,
+    pulse: Weak<pulse::Pulse>,
 }
 
 /// The rig thread; dropping this does not stop it, [`RigHandle::close`] does.
@@ -107,6 +114,8 @@ pub struct Status {
     pub last_event: u64,
     /// Why the journal cannot be written any more.
     pub journal_error: Option<Arc<str>>,
+    /// Since when the rig loop gives no sign of life. All else is then as it was at that time.
+    pub silence: Option<Silence>,
 }
 
 /// The published state of a run.
@@ -189,6 +198,9 @@ pub enum RequestRefusal {
         /// The step named.
         step: String,
     },
+    /// The rig loop gives no sign of life.
+    #[error("{0}; the request waits, and may still be carried out")]
+    Silent(Silence),
     /// The rig thread has ended.
     #[error("the rig has been closed")]
     Closed,
@@ -245,6 +257,9 @@ enum Request {
     Close {
         reply: oneshot::Sender<()>,
     },
+    /// Blocks the rig thread until the other end is dropped.
+    #[cfg(test)]
+    Block(std::sync::mpsc::Receiver<()>),
     /// Has the rig thread panic at this event of the engine, counted from now.
     #[cfg(test)]
     PanicAt(u64),
@@ -265,8 +280,8 @@ pub fn open(rig: LoadedRig, data: PathBuf) -> Result<(RigHandle, RigThread), Ope
         .spawn(move || thread::run(rig, data, inbox, &opened))
         .map_err(|source| OpenError::Thread { source })?;
     match is_open.recv() {
-        Ok(Ok((status, simulation))) => {
-            Ok((RigHandle { requests, status, simulation }, RigThread { thread }))
+        Ok(Ok((status, simulation, pulse))) => {
+            Ok((RigHandle { requests, status, simulation, pulse }, RigThread { thread }))
         }
         Ok(Err(error)) => Err(error),
         Err(_) => Err(OpenError::Gone),
@@ -288,7 +303,8 @@ pub async fn open_in_memory(
 ) -> Result<(RigHandle, RigLoop), OpenError> {
     let (requests, inbox) = mpsc::channel(REQUESTS_MAX);
     let (rig, status, simulation) = RigLoop::open(rig, disk, bench, inbox).await?;
-    Ok((RigHandle { requests, status, simulation }, rig))
+    // Nothing watches over a loop that its caller polls.
+    Ok((RigHandle { requests, status, simulation, pulse: Weak::new() }, rig))
 }
 
 impl RigThread {
@@ -427,8 +443,26 @@ impl RigHandle {
         request: Request,
         answer: oneshot::Receiver<T>,
     ) -> Result<T, RequestRefusal> {
-        self.requests.send(request).await.map_err(|_| RequestRefusal::Closed)?;
-        answer.await.map_err(|_| RequestRefusal::Closed)
+        let is_way_out = matches!(
+            request,
+            Request::Close { .. }
+                | Request::Command { command: Command::Stop | Command::Abort, .. }
+        );
+        let asked = async {
+            self.requests.send(request).await.map_err(|_| RequestRefusal::Closed)?;
+            answer.await.map_err(|_| RequestRefusal::Closed)
+        };
+        let mut status = self.status.clone();
+        tokio::select! {
+            biased;
+            answered = asked => answered,
+            silence = silent(&mut status) => {
+                if let Some(pulse) = self.pulse.upgrade().filter(|_| is_way_out) {
+                    pulse.give_up();
+                }
+                Err(RequestRefusal::Silent(silence))
+            }
+        }
     }
 }
 
@@ -490,6 +524,15 @@ struct Setting {
     rig: rig_store::Source,
     scene: Option<rig_store::Source>,
     devices: Arc<[DeviceIdentity]>,
+}
+
+/// Waits until the rig loop is silent; for ever, when it has ended.
+async fn silent(status: &mut watch::Receiver<Status>) -> Silence {
+    let silence = status.wait_for(|status| status.silence.is_some()).await;
+    match silence.ok().and_then(|status| status.silence) {
+        Some(silence) => silence,
+        None => std::future::pending().await,
+    }
 }
 
 /// Waits until a time on the rig's clock; for ever, when there is none.

@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
+#[expect(dead_code, reason = "other tests use more of it")]
 #[path = "support/bench.rs"]
 mod bench;
 

@@ -57,15 +57,30 @@ fn a_rehearsal_says_what_each_fault_does_and_touches_nothing_of_the_bench() {
     let rehearsal: Value = serde_json::from_slice(&said.stdout).unwrap();
     assert_eq!(rehearsal["touches"], 4);
     let rows = rehearsal["faults"].as_array().unwrap();
-    assert_eq!(rows.len(), 22);
+    assert_eq!(rows.len(), 29);
     let count = |key: &str| rows.iter().filter(|row| row[key] == true).count();
-    assert_eq!((count("is_complete"), count("is_clear")), (22, 22), "{rows:#?}");
+    assert_eq!((count("is_complete"), count("is_clear")), (29, 29), "{rows:#?}");
     // The unplugged bus latches the rig, and the person has to resume the run.
     let unplugged = rows.iter().find(|row| row["number"] == 13).unwrap();
     assert!(unplugged["resumed"].as_u64() > Some(0), "{unplugged}");
     let message = unplugged["seen"][0].as_str().unwrap();
     assert!(message.contains("simulated bus: ") && message.contains(" → "), "{message}");
     assert!(unplugged["additional_s"].as_f64() > Some(10.0), "{unplugged}");
+    // A killed program, and one without a disk, is started again, and its run resumed.
+    for number in [31, 34, 35] {
+        let rows: Vec<_> = rows.iter().filter(|row| row["number"] == number).collect();
+        assert!(rows.iter().all(|row| row["restarted"] == 1 && row["resumed"] == 1), "{rows:?}");
+    }
+    let full = rows.iter().find(|row| row["number"] == 34).unwrap();
+    assert!(full["seen"][0].as_str().unwrap().contains("the disk is full"), "{full}");
+    // Waiting costs nothing but time.
+    let of_person: Vec<_> = rows.iter().filter(|row| row["number"] == 39).collect();
+    let [late, absent, wrong] = of_person[..] else { panic!("{of_person:?}") };
+    assert!((3600.0..3700.0).contains(&late["additional_s"].as_f64().unwrap()), "{late}");
+    assert_eq!((&late["resumed"], &absent["restarted"]), (&0.into(), &1.into()));
+    // Of an act that was not done nobody hears either, and it costs the touches of that prompt.
+    let lost = ["touches_different", "touches_refused"].map(|key| wrong[key].as_u64().unwrap());
+    assert!(lost.iter().sum::<u64>() > 0, "{wrong}");
     // Of the analyzer's delay nobody hears.
     let late = rows.iter().find(|row| row["number"] == 16).unwrap();
     assert_eq!((&late["resumed"], late["seen"].as_array().unwrap().len()), (&0.into(), 0));

@@ -34,10 +34,6 @@ async fn in_contact() -> Bench {
 }
 
 impl Bench {
-    fn is_in_contact(&self) -> bool {
-        self.sim.with(|now, rig| rig.world().truth(now).is_in_contact())
-    }
-
     fn data(&self) -> std::path::PathBuf {
         self.folder.path().join("data")
     }

@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
+#[expect(dead_code, reason = "other tests use more of it")]
 #[path = "support/program.rs"]
 mod program;
 
@@ -19,7 +20,7 @@ use rig_store::{ProbeWord, Reader, Record};
 use rustix::process::Signal;
 use tempfile::TempDir;
 
-use program::{Program, at_once, check_clear, real_time_rig};
+use program::{Program, at_once, check_clear, real_time_rig, request};
 
 const SIGNALS: [Signal; 4] = [Signal::INT, Signal::TERM, Signal::HUP, Signal::QUIT];
 
@@ -225,16 +226,6 @@ fn a_stop_gets_through_when_every_connection_is_taken() {
     program.signal(Signal::TERM);
     let (_, text, _) = program.end();
     assert!(text.contains("closing"), "{text}");
-}
-
-/// One request on a connection of its own.
-fn request(address: &str, line: &str, headers: &str) -> String {
-    let mut client = TcpStream::connect(address).unwrap();
-    let text = format!("{line} HTTP/1.1\r\nhost: localhost\r\n{headers}connection: close\r\n\r\n");
-    client.write_all(text.as_bytes()).unwrap();
-    let mut answer = String::new();
-    client.read_to_string(&mut answer).unwrap();
-    answer
 }
 
 #[test]

@@ -133,6 +133,7 @@ test("every state has a word and a reason", () => {
   assert.equal(of({ state: "running", run: { ...run, is_pausing: true } }).word, "Pausing");
   assert.equal(of({ state: "waiting for a person", run, prompt: "Put sample 1 under the probe." }).reason, "Put sample 1 under the probe.");
   assert.equal(of({ state: "latched", fault: { kind: "fault", cause: "stopped by x", hint: "h" } }).reason, "stopped by x");
+  assert.equal(of({ state: "running", run, silence: { since_unix_ms: 1, message: "m", hint: "h" } }).word, "No answer");
   for (const state of ["preparing", "paused", "retracting"] as const) assert.ok(of({ state }).reason.length > 10);
 });
 

@@ -29,6 +29,8 @@ export interface Rig {
   refused?: RefusedTouch;
   fault?: { kind: "fault" | "interrupted"; cause: string; hint: string; attempts?: number };
   journal_error?: string;
+  /** The rig loop gives no sign of life; all else is old. */
+  silence?: { since_unix_ms: number; message: string; hint: string };
 }
 
 export interface RunProgress {

@@ -83,6 +83,14 @@ pub(super) struct RigView {
     refused: Option<Refused>,
     fault: Option<FaultView>,
     journal_error: Option<String>,
+    silence: Option<SilenceView>,
+}
+
+/// A rig loop that gives no sign of life.
+#[derive(Debug, Clone, Deserialize)]
+struct SilenceView {
+    message: String,
+    hint: String,
 }
 
 /// The run under way.
@@ -276,6 +284,10 @@ impl RigView {
         let mut row = |name: &'static str, text: Option<String>| {
             rows.extend(text.map(|text| (name, text)));
         };
+        if let Some(SilenceView { message, hint }) = &self.silence {
+            row("no answer", Some(format!("{message}; what follows is old")));
+            row("to do", Some(hint.clone()));
+        }
         row("asks", self.question());
         if let Some([cause, advice]) = self.fault() {
             row("fault", Some(cause));

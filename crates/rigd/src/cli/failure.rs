@@ -85,6 +85,11 @@ pub(super) enum Failure {
     /// The faults have been listed.
     #[error("the probe is {}{hint}", probe.name())]
     NotClear { probe: Clearance, hint: String },
+    /// The daemon was ended, and the probe retracted.
+    #[error("{because}; rigd was ended, and the probe was retracted")]
+    Replaced { because: String },
+    #[error("the HTTP server ended by itself; the probe was left clear, and the rig closed")]
+    HttpEnded,
     #[error("aborted; the probe was retracted")]
     Aborted,
     /// The runs have been listed already.
@@ -157,6 +162,7 @@ impl Failure {
             Self::Latched { .. }
             | Self::NotClear { .. }
             | Self::DaemonLatched { .. }
+            | Self::Replaced { .. }
             | Self::RunEnded { .. } => 4,
             Self::Aborted => 5,
             Self::TouchesRefused => 6,
@@ -174,6 +180,7 @@ impl Failure {
             | Self::Unfit { .. }
             | Self::Unchecked { .. }
             | Self::Left { .. }
+            | Self::HttpEnded
             | Self::Listen { .. }
             | Self::File { .. }
             | Self::System { .. } => 1,

@@ -53,6 +53,12 @@ struct FaultView {
     seen: Vec<String>,
     touches_refused: usize,
     touches_repeated: usize,
+    /// Accepted touches whose shift differs from that without the fault.
+    touches_different: usize,
+    /// Number of times that a person had to start rigd again.
+    restarted: u32,
+    /// Number of prompts that a person had to answer again.
+    answered_again: usize,
     /// Number of times that a person had to acknowledge and resume.
     resumed: u32,
     is_complete: bool,
@@ -69,14 +75,10 @@ pub(super) fn rehearse_protocol(args: &RehearseArgs) -> Result<(), Failure> {
         rig.scene = Some(LoadedScene::load(path)?);
     }
     let protocol = LoadedProtocol::load(&args.protocol, &rig.facts())?;
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()
-        .map_err(|source| Failure::System { what: "runtime", source })?;
     let progress = |run: usize, runs: usize| {
         screen::show_progress(&format!("rehearsing: run {} of {}", run + 1, runs + 1));
     };
-    let rehearsed = runtime.block_on(rehearse(&rig, &protocol, args.seed, progress));
+    let rehearsed = rehearse(&rig, &protocol, args.seed, progress);
     screen::show_progress("");
     let rehearsal = rehearsed?;
     if args.output.json { print_json(&view(&rehearsal)) } else { print(&table(&rehearsal)) }
@@ -113,7 +115,7 @@ const INDENT: usize = 4;
 
 fn row([number, fault, phase, refused, repeated, resumed, time]: [&str; 7]) -> String {
     let row = format!(
-        "{number:>2}  {fault:<26}{phase:<15}{refused:>7}{repeated:>9}{resumed:>8}{time:>11}"
+        "{number:>2}  {fault:<26}{phase:<14}{refused:>7}{repeated:>9}{resumed:>8}{time:>12}"
     );
     row.trim_end().to_owned()
 }
@@ -121,6 +123,18 @@ fn row([number, fault, phase, refused, repeated, resumed, time]: [&str; 7]) -> S
 /// What a person would have seen, and had to do beyond the advice.
 fn said(fault: &RehearsedFault) -> Vec<String> {
     let mut said = fault.seen.clone();
+    let of = |count: usize, one: &str, many: &str| match count {
+        0 => None,
+        1 => Some(one.to_owned()),
+        _ => Some(format!("{count} {many}")),
+    };
+    said.extend(of(fault.restarted as usize, "start rigd again", "starts of rigd again"));
+    said.extend(of(fault.answered_again, "1 prompt answered again", "prompts answered again"));
+    said.extend(of(
+        fault.different,
+        "1 accepted shift differs from that without the fault, without a message",
+        "accepted shifts differ from those without the fault, without a message",
+    ));
     match (fault.is_complete, fault.is_clear) {
         (true, _) if said.is_empty() => said.push("nothing".to_owned()),
         (true, _) => {}
@@ -140,6 +154,9 @@ fn view(rehearsal: &Rehearsal) -> RehearsalView {
         seen: fault.seen.clone(),
         touches_refused: fault.refused,
         touches_repeated: fault.repeated,
+        touches_different: fault.different,
+        restarted: fault.restarted,
+        answered_again: fault.answered_again,
         resumed: fault.resumed,
         is_complete: fault.is_complete,
         is_clear: fault.is_clear,

@@ -30,6 +30,9 @@ pub(super) struct SafeArgs {
     data: Option<PathBuf>,
     #[command(flatten)]
     operator: OperatorArgs,
+    /// Why rigd has replaced itself by this command; the exit code is then 4
+    #[arg(long, value_name = "TEXT", hide = true)]
+    because: Option<String>,
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -69,7 +72,10 @@ pub(super) fn safe(args: &SafeArgs) -> Result<(), Failure> {
         print(&sentence(&out))?;
     }
     if out.clearance == Clearance::Clear {
-        return Ok(());
+        return match &args.because {
+            None => Ok(()),
+            Some(because) => Err(Failure::Replaced { because: because.clone() }),
+        };
     }
     let cause = out.faults.last();
     let hint = cause.map_or_else(String::new, |fault| {

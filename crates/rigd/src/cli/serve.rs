@@ -11,6 +11,7 @@ use clap::Args;
 use rig_model::with_causes;
 use tokio::{
     net::{TcpListener, TcpSocket},
+    runtime::Handle,
     sync::watch,
 };
 use tokio_util::sync::CancellationToken;
@@ -18,6 +19,7 @@ use tokio_util::sync::CancellationToken;
 use super::{
     Failure,
     args::{DataArgs, OperatorArgs, RigArgs},
+    guard::watch_over_http,
     screen::{say, say_clearly},
     session::{left, open},
     signals::Signals,
@@ -82,19 +84,25 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
         let listener = listen(args.listen).map_err(failed)?;
         let address = listener.local_addr().map_err(failed)?;
         let (handle, thread) = open(rig, data.clone(), &mut signals).await?;
+        watch_over_http(Handle::current(), handle.clone())?;
         let closing = CancellationToken::new();
         tokio::spawn(write_ended_runs(handle.status(), data.clone()));
         let shared =
             http::Shared::new(handle.clone(), facts, loaded, data, access, closing.clone());
-        let serving = tokio::spawn(http::serve(listener, http::router(shared), closing.clone()));
+        let mut serving =
+            tokio::spawn(http::serve(listener, http::router(shared), closing.clone()));
         let endpoint = Endpoint::of(address, args.token_file.as_deref());
         let announced = endpoint.and_then(|endpoint| endpoint.announce(&args.data.data));
         if let Err(error) = &announced {
             say(&format!("rigd: `rigd status` and the like will not find this daemon: {error}"));
         }
+        let mut has_http_ended = false;
         if signals.count == 0 {
             say(&format!("rigd: listening on {}", called(address)));
-            signals.next().await;
+            tokio::select! {
+                () = signals.next() => {}
+                _ = &mut serving => has_http_ended = true,
+            }
         }
         say_clearly(
             "rigd: leaving the probe clear and closing; interrupt again to leave the rig as it is",
@@ -105,6 +113,9 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
         }
         thread.join();
         drop(announced);
+        if has_http_ended {
+            return Err(Failure::HttpEnded);
+        }
         closing.cancel();
         tokio::select! {
             _ = serving => {}

@@ -8,6 +8,7 @@ use tokio::sync::watch;
 
 use super::{
     Failure,
+    guard::{WayOut, watch_over},
     screen::{say, say_clearly},
     signals::Signals,
 };
@@ -78,10 +79,15 @@ pub(super) async fn open(
     signals: &mut Signals,
 ) -> Result<(RigHandle, RigThread), Failure> {
     say_what_was_left(&data, &rig.file.name);
+    let way_out = WayOut { rig: rig.path.clone(), data: data.clone() };
     let mut opening = tokio::task::spawn_blocking(move || rig::open(rig, data));
     loop {
         tokio::select! {
-            opened = &mut opening => return Ok(opened.map_err(|_| OpenError::Gone)??),
+            opened = &mut opening => {
+                let (handle, thread) = opened.map_err(|_| OpenError::Gone)??;
+                watch_over(&handle, way_out)?;
+                return Ok((handle, thread));
+            }
             () = signals.next() => match signals.count {
                 1 => say_clearly("ending as soon as the devices have answered; interrupt again to end now"),
                 _ => return Err(Failure::Interrupted),

@@ -63,7 +63,8 @@ pub(super) const FAULTS: [ListedFault; 10] = [
         class: Host,
         what: "the program or the computer is held up",
         reaction: "notices more than a second, discards the readings of that time and measures them \
-                   again; after four attempts safe",
+                   again; after four attempts safe. A rig loop that stands still alone is reported after \
+                   5 s; a stop, a signal or 30 s replace rigd by `rigd safe`, with exit code 4",
         seen: Some(|| Seen::noted(HELD_UP)),
         tests: &[
             (
@@ -73,6 +74,10 @@ pub(super) const FAULTS: [ListedFault; 10] = [
             (
                 "crates/engine/tests/histories/hold_up.rs",
                 "a_host_that_is_held_up_again_and_again_ends_the_run_with_a_clear_probe",
+            ),
+            (
+                "crates/rigd/tests/hangs.rs",
+                "a_loop_that_stands_still_is_said_and_left_by_another_program",
             ),
         ],
     },

@@ -232,6 +232,10 @@ impl From<RequestRefusal> for Problem {
                 hint: Some("free the disk and start the daemon again"),
                 ..Self::new(StatusCode::SERVICE_UNAVAILABLE, "no journal", detail)
             },
+            RequestRefusal::Silent(_) => Self {
+                hint: Some(hint::WHILE_SILENT),
+                ..Self::new(StatusCode::SERVICE_UNAVAILABLE, "no answer", detail)
+            },
             RequestRefusal::Closed => Self::new(StatusCode::SERVICE_UNAVAILABLE, "closed", detail),
         }
     }

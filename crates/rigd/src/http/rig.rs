@@ -1,5 +1,7 @@
 //! The rig as a whole.
 
+use std::time::SystemTime;
+
 use axum::{
     Extension, Json,
     extract::{State, rejection::JsonRejection},
@@ -49,6 +51,17 @@ pub(super) struct RigView {
     fault: Option<FaultView>,
     #[serde(skip_serializing_if = "Option::is_none")]
     journal_error: Option<String>,
+    /// The rig loop gives no sign of life; all else is as it was before.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    silence: Option<SilenceView>,
+}
+
+#[derive(Debug, Serialize)]
+struct SilenceView {
+    /// Time of the last sign of life, ms since 1970.
+    since_unix_ms: u64,
+    message: String,
+    hint: &'static str,
 }
 
 #[derive(Debug, Serialize)]
@@ -191,7 +204,7 @@ pub(super) fn view(facts: &RigFacts, status: &Status) -> RigView {
         linear_mm: snapshot.linear.map(rig_model::Position::value),
         rotary_deg: snapshot.rotary.map(rig_model::Position::value),
         rig_time_s: now.as_seconds(),
-        unix_ms: progress::unix_ms(),
+        unix_ms: progress::unix_ms(SystemTime::now()),
         state_since_s: status.state_since.as_seconds(),
         session: status.session.to_string(),
         is_simulated: facts.is_simulated,
@@ -209,5 +222,10 @@ pub(super) fn view(facts: &RigFacts, status: &Status) -> RigView {
         asked: progress::asked(status),
         fault,
         journal_error: status.journal_error.as_ref().map(ToString::to_string),
+        silence: status.silence.map(|silence| SilenceView {
+            since_unix_ms: progress::unix_ms(silence.since),
+            message: silence.to_string(),
+            hint: hint::WHILE_SILENT,
+        }),
     }
 }

@@ -1,6 +1,7 @@
-//! The faults of a rehearsal, in the words of the simulator's control interface.
+//! The faults of a rehearsal.
 
 use rig_sim::PortId;
+use rig_store::DiskFailure;
 
 /// A fault of the menu.
 #[derive(Debug, Clone, Copy)]
@@ -9,22 +10,41 @@ pub(super) struct Rehearsed {
     pub(super) number: u8,
     /// A few words.
     pub(super) what: &'static str,
-    pub(super) port: PortId,
-    /// The fault; the frame is drawn.
-    pub(super) words: &'static str,
+    pub(super) trouble: Trouble,
+}
+
+/// What happens, at a drawn moment.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Trouble {
+    /// At a frame of a port, a fault in the words of the simulator's control interface.
+    Frame { port: PortId, words: &'static str },
+    /// From a call of the journal on.
+    Disk(DiskFailure),
+    /// At a record.
+    Kill,
+    /// A prompt is answered after an hour.
+    Late,
+    /// A prompt is not answered; after 12 h somebody ends rigd, and starts it again.
+    Absent,
+    /// A prompt is answered, and nothing was done.
+    Wrong,
 }
 
 /// A fault of the bus.
 const fn bus(number: u8, what: &'static str, words: &'static str) -> Rehearsed {
-    Rehearsed { number, what, port: PortId::Bus, words }
+    other(number, what, Trouble::Frame { port: PortId::Bus, words })
 }
 
 /// A fault of the analyzer or its line.
 const fn analyzer(number: u8, what: &'static str, words: &'static str) -> Rehearsed {
-    Rehearsed { number, what, port: PortId::Analyzer, words }
+    other(number, what, Trouble::Frame { port: PortId::Analyzer, words })
 }
 
-pub(super) const MENU: [Rehearsed; 22] = [
+const fn other(number: u8, what: &'static str, trouble: Trouble) -> Rehearsed {
+    Rehearsed { number, what, trouble }
+}
+
+pub(super) const MENU: [Rehearsed; 29] = [
     bus(1, "request lost", "drop-request"),
     bus(2, "reply lost", "drop-reply"),
     bus(3, "reply late", "delay ms=300"),
@@ -47,4 +67,11 @@ pub(super) const MENU: [Rehearsed; 22] = [
     bus(24, "linear drive restarts", "reboot unit=1"),
     bus(25, "limit switch", "limit-switch unit=1"),
     analyzer(29, "contact sense stuck", "stuck-contact"),
+    other(31, "rigd killed", Trouble::Kill),
+    other(34, "disk full", Trouble::Disk(DiskFailure::Full)),
+    other(35, "disk fails", Trouble::Disk(DiskFailure::Io)),
+    other(35, "disk read-only", Trouble::Disk(DiskFailure::ReadOnly)),
+    other(39, "answer after an hour", Trouble::Late),
+    other(39, "no answer for 12 h", Trouble::Absent),
+    other(39, "answer without the act", Trouble::Wrong),
 ];

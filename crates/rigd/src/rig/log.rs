@@ -10,7 +10,10 @@ use rig_link::Clock;
 use rig_model::{RigTime, with_causes};
 use rig_store::{Ending, Journal, Record, RunFinished, RunId, RunKind, Store, StoreError};
 
-use super::record::Recorder;
+use super::{
+    pulse::{Doing, Pulse},
+    record::Recorder,
+};
 
 /// A session is sealed when it ends, and a daemon runs for months.
 const SESSION: Duration = Duration::from_secs(24 * 3600);
@@ -37,10 +40,16 @@ pub(super) struct Log {
     /// Why the journal cannot be written any more.
     error: Option<Arc<str>>,
     last_commit: Instant,
+    pulse: Arc<Pulse>,
 }
 
 impl Log {
-    pub(super) fn open(store: Store, rig: String, clock: Clock) -> Result<Self, StoreError> {
+    pub(super) fn open(
+        store: Store,
+        rig: String,
+        clock: Clock,
+        pulse: &Arc<Pulse>,
+    ) -> Result<Self, StoreError> {
         let session = (store.begin(RunKind::Session, &rig)?, Recorder::for_session());
         Ok(Self {
             store,
@@ -53,6 +62,7 @@ impl Log {
             unwritten: None,
             error: None,
             last_commit: Instant::now(),
+            pulse: Arc::clone(pulse),
         })
     }
 
@@ -105,8 +115,11 @@ impl Log {
     }
 
     pub(super) fn append(&mut self, record: &Record) {
+        self.pulse.beat(Doing::Recording);
         let (journal, _) = self.run.as_mut().unwrap_or(&mut self.session);
-        match journal.append(self.clock.now().as_micros(), record) {
+        let appended = journal.append(self.clock.now().as_micros(), record);
+        self.pulse.beat(Doing::Deciding);
+        match appended {
             Ok(id) => {
                 let [first, newest] = &mut self.events;
                 *newest = id;
@@ -126,7 +139,10 @@ impl Log {
 
     pub(super) fn commit(&mut self) {
         self.last_commit = Instant::now();
-        if let Err(error) = self.session.0.commit() {
+        self.pulse.beat(Doing::Recording);
+        let committed = self.session.0.commit();
+        self.pulse.beat(Doing::Deciding);
+        if let Err(error) = committed {
             self.failed(&error);
         }
     }

@@ -169,7 +169,7 @@ pub(super) async fn open_rig(
     clock: Clock,
 ) -> Result<Opened, OpenError> {
     let known_samples = rig.known_samples();
-    let LoadedRig { file, source, scene } = rig;
+    let LoadedRig { file, source, scene, .. } = rig;
     let scene_source = scene.as_ref().map(|scene| scene.source.clone());
     let Ports { analyzer, bus, simulation } = Ports::open(&file, scene, bench, clock).await?;
     let analyzer_port = analyzer.map_err(|source| OpenError::Port { role: "analyzer", source })?;

@@ -24,6 +24,7 @@ use super::{
     log::Log,
     open::{Opened, Simulation, open_rig},
     owners::Owners,
+    pulse::{Doing, Pulse},
     record, until,
     view::View,
 };
@@ -81,6 +82,8 @@ pub(super) struct Shell {
     /// Number of events until a panic; 0 for none.
     #[cfg(test)]
     panic_at: u64,
+    /// Last, so that a close that blocks is noticed.
+    pulse: Arc<Pulse>,
 }
 
 impl Shell {
@@ -98,7 +101,8 @@ impl Shell {
         let opened = open_rig(rig, bench, clock).await?;
         let Opened { setting, analyzer, axes, gate, halt, .. } = opened;
         let Opened { simulation, black_boxes, known_samples, patience, .. } = opened;
-        let log = Log::open(store, setting.rig.name.clone(), clock).map_err(data_error)?;
+        let pulse = Arc::new(Pulse::default());
+        let log = Log::open(store, setting.rig.name.clone(), clock, &pulse).map_err(data_error)?;
         let engine = Engine::with_patience(setting.limits, patience);
         let devices = Arc::clone(&setting.devices);
         let (view, watcher) = View::new(engine.snapshot(), clock.now(), &log, devices);
@@ -120,6 +124,7 @@ impl Shell {
             heartbeat: Heartbeat::now(),
             #[cfg(test)]
             panic_at: 0,
+            pulse,
         };
         if let Some(left) = left.filter(|left| left.is_latched) {
             let mut effects = Vec::new();
@@ -149,6 +154,7 @@ impl Shell {
                 self.answer_for_person();
                 continue;
             }
+            self.pulse.beat(Doing::Waiting);
             // The order is fixed, so that a run replays: people first, then devices, then time.
             let wake = tokio::select! {
                 biased;
@@ -157,6 +163,7 @@ impl Shell {
                 () = until(self.clock, self.engine.deadline()) => Wake::Input(Input::Tick),
                 () = beat(self.is_virtual_time) => Wake::Beat,
             };
+            self.pulse.beat(Doing::Deciding);
             // Before the report of a measurement that it may have spoilt.
             self.notice_hold_ups();
             match wake {
@@ -194,9 +201,13 @@ impl Shell {
         self.simulation.as_ref()
     }
 
-    /// Closes ports and journal where they are, and leaves what publishes the status.
-    pub(super) fn close(self) -> watch::Sender<Status> {
-        self.view.into_watched()
+    /// What publishes if the rig thread fails or is silent.
+    pub(super) fn watched(&self) -> watch::Sender<Status> {
+        self.view.watched()
+    }
+
+    pub(super) fn pulse(&self) -> Arc<Pulse> {
+        Arc::clone(&self.pulse)
     }
 
     /// In virtual time no time passes while the computer is held up.

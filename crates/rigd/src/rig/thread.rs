@@ -1,6 +1,10 @@
 //! The rig thread: it opens the rig, serves it, and leaves contact after a panic.
 
-use std::{panic::AssertUnwindSafe, path::PathBuf, sync::mpsc::SyncSender};
+use std::{
+    panic::AssertUnwindSafe,
+    path::PathBuf,
+    sync::{Arc, Weak, mpsc::SyncSender},
+};
 
 use futures_util::FutureExt;
 use rig_engine::{Fault, RigState};
@@ -12,13 +16,15 @@ use tokio::sync::{mpsc, watch};
 use super::{
     OpenError, Request, Status,
     open::Simulation,
+    pulse::{self, Pulse},
     shell::Shell,
     view::publish_way_out,
     way_out::{Kept, WayOut},
 };
 use crate::loaded_rig::LoadedRig;
 
-type Opening = Result<(watch::Receiver<Status>, Option<SimHandle>), OpenError>;
+type Opened = (watch::Receiver<Status>, Option<SimHandle>, Weak<Pulse>);
+type Opening = Result<Opened, OpenError>;
 
 /// Runs the rig until it is closed. The outcome of opening it goes to `opened`.
 pub(super) fn run(
@@ -27,9 +33,10 @@ pub(super) fn run(
     mut inbox: mpsc::Receiver<Request>,
     opened: &SyncSender<Opening>,
 ) {
+    let is_virtual_time = rig.is_virtual_time();
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
-        .start_paused(rig.is_virtual_time())
+        .start_paused(is_virtual_time)
         .build();
     let runtime = match runtime {
         Ok(runtime) => runtime,
@@ -48,12 +55,19 @@ pub(super) fn run(
             Ok((mut shell, status)) => {
                 // The caller may have closed its end. The closed inbox then closes the rig.
                 let simulation = shell.simulation().map(Simulation::handle);
-                _ = opened.send(Ok((status, simulation.clone())));
+                let (pulse, watched) = (shell.pulse(), shell.watched());
+                if let Err(source) = pulse::watch_over(&pulse, watched.clone(), is_virtual_time) {
+                    _ = opened.send(Err(OpenError::Thread { source }));
+                    return;
+                }
+                _ = opened.send(Ok((status, simulation.clone(), Arc::downgrade(&pulse))));
+                // It ends with the shell.
+                drop(pulse);
                 let served = AssertUnwindSafe(shell.serve(&mut inbox)).catch_unwind().await;
                 if let Err(panic) = served {
                     let fault = Fault::Panicked { what: panic_message(&*panic).to_owned() };
                     // The ports and the journal are free for the way out.
-                    let watched = shell.close();
+                    drop(shell);
                     let kept = Kept { file, data, simulation };
                     leave_contact(kept, fault, &watched).await;
                     refuse_all(inbox).await;

@@ -35,14 +35,15 @@ impl View {
             first_event: 0,
             last_event: 0,
             journal_error: None,
+            silence: None,
         };
         let (watched, watcher) = watch::channel(status.clone());
         (Self { status, watched }, watcher)
     }
 
-    /// What publishes after the rig thread has failed.
-    pub(super) fn into_watched(self) -> watch::Sender<Status> {
-        self.watched
+    /// What publishes if the rig thread fails or is silent.
+    pub(super) fn watched(&self) -> watch::Sender<Status> {
+        self.watched.clone()
     }
 
     pub(super) fn begin_run(&mut self, run: RunView) {

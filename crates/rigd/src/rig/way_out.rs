@@ -6,7 +6,7 @@
 //! nothing and turns nothing. A journal is kept where there is one, and is not needed.
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
 
 use std::{
     path::{Path, PathBuf},

@@ -1,6 +1,7 @@
 /* Makes one call of the program fail that changes a file of the journal: preloaded by disk.rs.
  * RIGD_FAIL_AT is the number of the call, from 1; RIGD_FAIL_FROM also fails every later one;
- * RIGD_FAIL_WITH is the number of the error. The number of calls goes to RIGD_FAIL_COUNT. */
+ * RIGD_FAIL_WITH is the number of the error. The number of calls goes to RIGD_FAIL_COUNT. While the file
+ * RIGD_BLOCK_WHILE exists, the calls block. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -23,7 +24,9 @@ static int is_journal(int fd) {
 static int fails(int fd) {
     static int calls = 0;
     const char *at = getenv("RIGD_FAIL_AT"), *count = getenv("RIGD_FAIL_COUNT");
+    const char *block = getenv("RIGD_BLOCK_WHILE");
     if (!is_journal(fd)) return 0;
+    while (block && access(block, F_OK) == 0) usleep(10000);
     int call = __atomic_add_fetch(&calls, 1, __ATOMIC_SEQ_CST);
     if (count) {
         FILE *file = fopen(count, "w");

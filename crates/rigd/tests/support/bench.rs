@@ -53,15 +53,14 @@ impl Bench {
         self.sim.with(|_, rig| rig.add_fault(fault));
     }
 
-    /// Starts the program with a rig file that has the devices at these addresses, and these lines
-    /// changed.
-    pub(crate) fn rigd_with(
+    /// The program, with a rig file that has the devices at these addresses, and these lines changed.
+    pub(crate) fn command(
         &self,
         analyzer: &str,
         bus: &str,
         changes: &[(&str, &str)],
         args: &[&str],
-    ) -> Output {
+    ) -> Command {
         let (rig, data) = (self.folder.path().join("rig.toml"), self.folder.path().join("data"));
         let mut text = fs::read_to_string(shipped("rigs/bench.toml")).unwrap();
         for (name, address) in [("usb-HIOKI", analyzer), ("usb-FTDI", bus)] {
@@ -79,7 +78,18 @@ impl Bench {
         if !matches!(args[0], "identify" | "safe") {
             command.arg("--data").arg(data);
         }
-        command.output().unwrap()
+        command
+    }
+
+    /// Runs the program to its end, as in [`Bench::command`].
+    pub(crate) fn rigd_with(
+        &self,
+        analyzer: &str,
+        bus: &str,
+        changes: &[(&str, &str)],
+        args: &[&str],
+    ) -> Output {
+        self.command(analyzer, bus, changes, args).output().unwrap()
     }
 
     pub(crate) fn rigd_at(&self, analyzer: &str, bus: &str, args: &[&str]) -> Output {
@@ -88,6 +98,10 @@ impl Bench {
 
     pub(crate) fn rigd(&self, args: &[&str]) -> Output {
         self.rigd_at(&self.analyzer, &self.bus, args)
+    }
+
+    pub(crate) fn is_in_contact(&self) -> bool {
+        self.sim.with(|now, rig| rig.world().truth(now).is_in_contact())
     }
 
     /// Where both axes are in truth.

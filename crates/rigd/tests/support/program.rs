@@ -2,7 +2,8 @@
 
 use std::{
     fs,
-    io::{BufRead, BufReader, Read},
+    io::{BufRead, BufReader, Read, Write},
+    net::TcpStream,
     path::{Path, PathBuf},
     process::{Child, ChildStderr, Command, ExitStatus, Stdio},
     thread::{self, sleep},
@@ -40,16 +41,18 @@ impl Program {
     pub(crate) fn start(folder: &Path, args: &[&str]) -> Self {
         let data = folder.join("data");
         let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-        let mut child = Command::new(env!("CARGO_BIN_EXE_rigd"))
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rigd"));
+        command
             .args(args)
             .args(["--data", data.to_str().unwrap()])
             .args(["--rig", real_time_rig(folder).to_str().unwrap(), "--operator", "Ada Lovelace"])
-            .current_dir(repository)
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
+            .current_dir(repository);
+        Self::spawn(&mut command, data)
+    }
+
+    pub(crate) fn spawn(command: &mut Command, data: PathBuf) -> Self {
+        let command = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().unwrap();
         let stderr = BufReader::new(child.stderr.take().unwrap());
         Self { child, stderr, data }
     }
@@ -58,16 +61,23 @@ impl Program {
     pub(crate) fn serve(folder: &Path) -> (Self, String) {
         let protocol = "config/protocols/smoke.toml";
         let mut this = Self::start(folder, &["serve", protocol, "--listen", "127.0.0.1:0"]);
-        let line = this.wait_for_line("listening on");
-        let address = line.split_once("http://").unwrap().1.trim().trim_end_matches('/').to_owned();
+        let address = this.wait_for_address();
         (this, address)
     }
 
+    /// The address that a daemon prints.
+    pub(crate) fn wait_for_address(&mut self) -> String {
+        let line = self.wait_for_line("listening on");
+        line.split_once("http://").unwrap().1.trim().trim_end_matches('/').to_owned()
+    }
+
     pub(crate) fn wait_for_line(&mut self, part: &str) -> String {
-        let mut line = String::new();
+        let (mut said, mut line) = (String::new(), String::new());
         while !line.contains(part) {
             line.clear();
-            assert_ne!(self.stderr.read_line(&mut line).unwrap(), 0, "the program ended first");
+            let length = self.stderr.read_line(&mut line).unwrap();
+            said.push_str(&line);
+            assert_ne!(length, 0, "the program ended first: {said}");
         }
         line
     }
@@ -102,6 +112,29 @@ impl Program {
         self.stderr.read_to_string(&mut text).unwrap();
         (self.child.wait().unwrap(), text, self.data)
     }
+}
+
+/// One request on a connection of its own.
+pub(crate) fn request(address: &str, line: &str, headers: &str) -> String {
+    ask(address, line, headers, "")
+}
+
+/// A request with a body in JSON.
+pub(crate) fn post(address: &str, path: &str, body: &str) -> String {
+    let length = body.len();
+    let headers = format!("content-type: application/json\r\ncontent-length: {length}\r\n");
+    ask(address, &format!("POST /api/v1/{path}"), &headers, body)
+}
+
+fn ask(address: &str, line: &str, headers: &str, body: &str) -> String {
+    let mut client = TcpStream::connect(address).unwrap();
+    let text =
+        format!("{line} HTTP/1.1\r\nhost: localhost\r\n{headers}connection: close\r\n\r\n{body}");
+    client.write_all(text.as_bytes()).unwrap();
+    let mut answer = String::new();
+    // A program that ends meanwhile closes the connection.
+    _ = client.read_to_string(&mut answer);
+    answer
 }
 
 /// The last session has ended in order, with the probe clear.

@@ -43,6 +43,8 @@ impl Shell {
             }
             Request::Close { reply } => _ = reply.send(()),
             #[cfg(test)]
+            Request::Block(until) => _ = until.recv(),
+            #[cfg(test)]
             Request::PanicAt(event) => self.panic_at = event,
         }
         // A request that met a failure of the disk has closed the journal.

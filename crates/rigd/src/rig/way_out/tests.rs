@@ -24,7 +24,7 @@ fn injected() -> Fault {
     Fault::Panicked { what: "injected".to_owned() }
 }
 
-fn load() -> LoadedRig {
+pub(in crate::rig) fn load() -> LoadedRig {
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config");
     LoadedRig::load(&config.join("rigs/simulated.toml")).unwrap()
 }

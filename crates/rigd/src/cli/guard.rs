@@ -1,0 +1,149 @@
+//! Ends a program whose rig loop or whose HTTP server is silent.
+//!
+//! A rig loop that is silent may go on at any time, and only one program may command the drives. So the
+//! program is replaced by `rigd safe`: the system ends all its threads before the new program begins.
+//! An HTTP server that is silent has no influence on the rig, but nobody could stop the rig through it:
+//! the rig is closed as after a signal.
+
+use std::{
+    os::unix::process::CommandExt,
+    path::PathBuf,
+    process::{self, Command},
+    thread,
+    time::Duration,
+};
+
+use tokio::{
+    runtime::{self, Handle},
+    sync::{oneshot, watch},
+    time::{sleep, timeout},
+};
+
+use super::{Failure, screen::say};
+use crate::{
+    hint::WHILE_SILENT,
+    rig::{Doing, RigHandle, Silence, Status},
+};
+
+/// Interval of the questions to the HTTP server, and longest time of an answer.
+const ASK: Duration = Duration::from_secs(1);
+/// Questions without an answer until the silence of the HTTP server is reported, and until the rig is
+/// closed.
+const HTTP_SILENT_AFTER: u32 = 5;
+const HTTP_GIVEN_UP_AFTER: u32 = 30;
+
+/// What `rigd safe` is called with.
+#[derive(Debug, Clone)]
+pub(super) struct WayOut {
+    pub(super) rig: PathBuf,
+    pub(super) data: PathBuf,
+}
+
+/// Watches over an open rig until it is closed, on a thread of its own that nothing else uses.
+pub(super) fn watch_over(rig: &RigHandle, way_out: WayOut) -> Result<(), Failure> {
+    let mut status = rig.status();
+    on_a_thread("rig guard", async move {
+        while let Some(silence) = next_silence(&mut status).await {
+            if silence.is_given_up {
+                replace(&way_out, silence);
+            }
+            say(&format!("rigd: {silence}; {WHILE_SILENT}"));
+            // Ended by a sign of life, or given up.
+            let is_over =
+                |status: &Status| status.silence.is_none_or(|silence| silence.is_given_up);
+            match status.wait_for(is_over).await {
+                Ok(status) if status.silence.is_none() => say("rigd: the rig loop answers again"),
+                _ => {}
+            }
+        }
+    })
+}
+
+async fn next_silence(status: &mut watch::Receiver<Status>) -> Option<Silence> {
+    status.wait_for(|status| status.silence.is_some()).await.ok()?.silence
+}
+
+/// Becomes `rigd safe`. The journal is left out if it was being written: it may block again.
+fn replace(way_out: &WayOut, silence: Silence) {
+    let program = std::env::current_exe().unwrap_or_else(|_| PathBuf::from("rigd"));
+    let mut safe = Command::new(program);
+    safe.arg("safe").arg("--rig").arg(&way_out.rig).args(["--operator", "rigd"]);
+    safe.args(["--because", &silence.to_string()]);
+    if silence.doing != Doing::Recording {
+        safe.arg("--data").arg(&way_out.data);
+    }
+    let error = safe.exec();
+    say(&format!(
+        "rigd: {silence}, and `rigd safe` cannot be started: {error}. The drives may still carry out \
+         their last command. First check by eye where the probe is; then `rigd home` retracts it"
+    ));
+    process::exit(4);
+}
+
+/// Watches over the server that runs on `http`.
+pub(super) fn watch_over_http(http: Handle, rig: RigHandle) -> Result<(), Failure> {
+    on_a_thread("http guard", async move {
+        silent(&http, HTTP_SILENT_AFTER, ASK).await;
+        say("rigd: the HTTP server has not answered for 5 s; the rig is not affected");
+        silent(&http, HTTP_GIVEN_UP_AFTER - HTTP_SILENT_AFTER, ASK).await;
+        say("rigd: the HTTP server has not answered for 30 s, so that nobody can stop the rig \
+             through it; leaving the probe clear and closing");
+        rig.close().await;
+        process::exit(1);
+    })
+}
+
+/// Waits until a runtime has not answered several questions in a row.
+async fn silent(runtime: &Handle, questions: u32, ask: Duration) {
+    let mut unanswered = 0;
+    while unanswered < questions {
+        let (reply, answer) = oneshot::channel();
+        drop(runtime.spawn(async move { reply.send(()) }));
+        if timeout(ask, answer).await.is_ok() {
+            unanswered = 0;
+            sleep(ask).await;
+        } else {
+            unanswered += 1;
+        }
+    }
+}
+
+fn on_a_thread(name: &str, work: impl Future<Output = ()> + Send + 'static) -> Result<(), Failure> {
+    let failed = |source| Failure::System { what: "guard", source };
+    let runtime = runtime::Builder::new_current_thread().enable_time().build().map_err(failed)?;
+    let work = move || runtime.block_on(work);
+    thread::Builder::new().name(name.to_owned()).spawn(work).map(drop).map_err(failed)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc;
+
+    use super::*;
+
+    #[test]
+    fn a_server_whose_threads_are_all_blocked_is_silent_and_others_are_not() {
+        let ask = Duration::from_millis(20);
+        let judge = runtime::Builder::new_current_thread().enable_time().build().unwrap();
+        let server = runtime::Builder::new_multi_thread().worker_threads(2).build().unwrap();
+        let handle = server.handle().clone();
+        let (blocked, is_blocked) = mpsc::channel();
+        let block = |runtime: &Handle| {
+            let (release, released) = mpsc::channel::<()>();
+            let blocked = blocked.clone();
+            drop(runtime.spawn(async move {
+                blocked.send(()).unwrap();
+                _ = released.recv();
+            }));
+            is_blocked.recv().unwrap();
+            release
+        };
+        let one = block(&handle);
+        let answers =
+            judge.block_on(async { timeout(ask * 10, silent(&handle, 3, ask * 5)).await });
+        assert!(answers.is_err(), "one thread is free");
+        let two = block(&handle);
+        judge.block_on(silent(&handle, 3, ask));
+        drop((one, two));
+    }
+}

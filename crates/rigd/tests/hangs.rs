@@ -1,0 +1,85 @@
+//! A rig loop that stands still, here in a write to the journal that does not return.
+
+#![cfg(target_os = "linux")]
+#![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
+
+#[expect(dead_code, reason = "other tests use more of it")]
+#[path = "support/bench.rs"]
+mod bench;
+#[path = "support/preload.rs"]
+mod preload;
+#[expect(dead_code, reason = "other tests use more of it")]
+#[path = "support/program.rs"]
+mod program;
+
+use std::fs;
+
+use rig_store::{Axis, Record};
+use rustix::process::Signal;
+
+use bench::Bench;
+use program::{PATIENCE, Program, post, request};
+
+/// What a person does about a daemon that does not answer.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Person {
+    PressesStopAll,
+    /// The service manager, or a person at the terminal.
+    EndsTheProgram,
+}
+
+fn check(person: Person, bench: &Bench) {
+    bench.sim.with(|now, rig| rig.world().place_sample(now, "3")).unwrap();
+    let blocked = bench.folder.path().join("blocked");
+    let library = preload::library("disk/fail.c", bench.folder.path());
+    let fast = ("contact_speed_mm_per_s = 0.5", "contact_speed_mm_per_s = 10");
+    let args = ["serve", "--listen", "127.0.0.1:0"];
+    let mut command = bench.command(&bench.analyzer, &bench.bus, &[fast], &args);
+    command.env("LD_PRELOAD", library).env("RIGD_BLOCK_WHILE", &blocked);
+    let mut program = Program::spawn(&mut command, bench.folder.path().join("data"));
+    let address = program.wait_for_address();
+    program.wait_for_record("service", is_idle);
+    let lowered = post(&address, "moves", r#"{"axis": "linear", "to": 9.7}"#);
+    assert!(lowered.starts_with("HTTP/1.1 202 "), "{lowered}");
+    program.wait_for_record("the probe to be lowered", |record| match record {
+        Record::Moved(moved) => moved.axis == Axis::LinearMm && moved.read_back < 9.8,
+        _ => false,
+    });
+    assert!(bench.is_in_contact(), "the probe does not touch");
+
+    fs::write(&blocked, "").unwrap();
+    let sweep = r#"{"min_hz": 120, "max_hz": 165}"#;
+    let unanswered = post(&address, "sweeps", sweep);
+    assert!(unanswered.starts_with("HTTP/1.1 503 "), "{unanswered}");
+    let rig = request(&address, "GET /api/v1/rig", "");
+    for said in [&unanswered, &rig] {
+        assert!(said.contains("the rig loop has not answered since "), "{said}");
+        assert!(said.contains("when it wrote the journal"), "{said}");
+    }
+    program.wait_for_line("the rig loop has not answered since ");
+    assert!(bench.is_in_contact());
+    match person {
+        Person::PressesStopAll => drop(post(&address, "stop", "")),
+        Person::EndsTheProgram => program.signal(Signal::TERM),
+    }
+    let (status, text, _) = program.end();
+    assert_eq!(status.code(), Some(4), "{text}");
+    assert!(text.contains("rigd was ended, and the probe was retracted"), "{text}");
+    assert!(!bench.is_in_contact());
+    // The block has no end of its own.
+    assert!(blocked.exists());
+}
+
+fn is_idle(record: &Record) -> bool {
+    matches!(record, Record::StateChanged(change) if change.state == "idle")
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_loop_that_stands_still_is_said_and_left_by_another_program() {
+    let mut checks = tokio::task::JoinSet::new();
+    for person in [Person::PressesStopAll, Person::EndsTheProgram] {
+        let bench = Bench::start().await;
+        checks.spawn_blocking(move || check(person, &bench));
+    }
+    tokio::time::timeout(PATIENCE, checks.join_all()).await.unwrap();
+}
