@@ -61,6 +61,9 @@ pub(crate) struct Bench {
     pub(crate) is_uneven: bool,
 }
 
+/// Patience with a linear stage that does not answer, s: longer than the shorter interruptions of the menu.
+pub(crate) const PATIENCE_S: f64 = 60.0;
+
 /// Number of different benches.
 pub(crate) const BENCHES: u64 = 1024;
 
@@ -155,11 +158,13 @@ impl Bench {
 fn rig(dialect: &str, level_v: u32, is_tcp: bool, drive: &[(&str, &str)]) -> (RigFile, Source) {
     let dialect = format!("dialect = \"{dialect}\"");
     let level = format!("max_level_v = {level_v}");
+    let patience = &*format!("patience_s = {PATIENCE_S}");
     let mut changes = vec![
         ("dialect = \"hioki-im3536\"", &*dialect),
         ("max_level_v = 5", &*level),
         ("person = \"answers\"", "person = \"waits\""),
         ("surface_tolerance_mm = 0.5", "surface_tolerance_mm = 0.2"),
+        ("patience_s = 120", patience),
     ];
     if is_tcp {
         changes.push((SERIAL_ANALYZER, r#"{ tcp = "127.0.0.1:5025" }"#));
@@ -217,7 +222,7 @@ fn protocol(level_v: u32, draw: &mut Draw) -> String {
     format!(
         "name = \"campaign\"\nsamples = [\"{sample}\"]\ndirections = [\"{direction}\"]\n\
          angles_deg = {angles}\nno_load = \"every-sample\"\n\
-         [touch]\nindentation_mm = 0.5\n\
+         [touch]\nindentation_mm = 0.5\ndwell_s = 0.5\n\
          [approach]\nstart_above_mm = 0.4\ngive_up_below_mm = 0.4\ncoarse_step_mm = 0.1\n\
          fine_step_mm = 0.02\ncontact_threshold = 0.1\nsettle_s = 0.1\ncycles = 10\n\
          [no_load_sweep]\nmin_hz = 132\nmax_hz = 150\n{no_load}\ntime_limit_s = 30\ncycles = 20\n\

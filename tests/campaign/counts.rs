@@ -10,16 +10,8 @@ use crate::faults::MENU;
 pub(crate) enum Phase {
     /// The rig is brought into service.
     Preparing,
-    Prompt,
-    Rotation,
-    NoLoadSweep,
-    Baseline,
-    Search,
-    Indentation,
-    Sweep,
-    SlipCheck,
-    Retract,
-    Confirmation,
+    /// A run is under way.
+    Run(RunPhase),
     /// On the way out of contact, after a fault or an abort.
     Recovery,
     /// Latched, until a person acknowledges.
@@ -27,67 +19,77 @@ pub(crate) enum Phase {
 }
 
 /// All phases, in the order of a touch.
-pub(crate) const PHASES: [Phase; 13] = [
+pub(crate) const PHASES: [Phase; 14] = [
     Phase::Preparing,
-    Phase::Prompt,
-    Phase::Rotation,
-    Phase::NoLoadSweep,
-    Phase::Baseline,
-    Phase::Search,
-    Phase::Indentation,
-    Phase::Sweep,
-    Phase::SlipCheck,
-    Phase::Retract,
-    Phase::Confirmation,
+    Phase::Run(RunPhase::Prompt),
+    Phase::Run(RunPhase::Rotation),
+    Phase::Run(RunPhase::NoLoadSweep),
+    Phase::Run(RunPhase::Baseline),
+    Phase::Run(RunPhase::Search),
+    Phase::Run(RunPhase::Indentation),
+    Phase::Run(RunPhase::Dwell),
+    Phase::Run(RunPhase::Sweep),
+    Phase::Run(RunPhase::SlipCheck),
+    Phase::Run(RunPhase::Retract),
+    Phase::Run(RunPhase::Confirmation),
     Phase::Recovery,
     Phase::Latched,
 ];
 
 impl Phase {
     /// The number of phases that every run has.
-    pub(crate) const RUN: usize = 11;
+    pub(crate) const RUN: usize = 12;
 
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Preparing => "preparing",
-            Self::Prompt => "prompt",
-            Self::Rotation => "rotation",
-            Self::NoLoadSweep => "no-load sweep",
-            Self::Baseline => "baseline",
-            Self::Search => "search",
-            Self::Indentation => "indentation",
-            Self::Sweep => "sweep",
-            Self::SlipCheck => "slip check",
-            Self::Retract => "retract",
-            Self::Confirmation => "confirmation",
             Self::Recovery => "recovery",
             Self::Latched => "latched",
+            Self::Run(phase) => match phase {
+                RunPhase::Between => "between",
+                RunPhase::Prompt => "prompt",
+                RunPhase::Rotation => "rotation",
+                RunPhase::NoLoadSweep => "no-load sweep",
+                RunPhase::Baseline => "baseline",
+                RunPhase::Search => "search",
+                RunPhase::Indentation => "indentation",
+                RunPhase::Dwell => "dwell",
+                RunPhase::Sweep => "sweep",
+                RunPhase::SlipCheck => "slip check",
+                RunPhase::Retract => "retract",
+                RunPhase::Confirmation => "confirmation",
+            },
         }
     }
 
-    /// The phase of a rig; `None` while it is idle or paused.
+    /// The phase of a rig; `None` while it is idle or paused, and between two steps.
     pub(crate) fn of(status: &Status) -> Option<Self> {
         let snapshot = &status.snapshot;
         Some(match snapshot.state {
             RigState::Preparing => Self::Preparing,
             RigState::Retracting => Self::Recovery,
             RigState::Latched => Self::Latched,
-            RigState::WaitingForPerson => Self::Prompt,
+            RigState::WaitingForPerson => Self::Run(RunPhase::Prompt),
             RigState::Idle | RigState::Paused => return None,
             RigState::Running => match snapshot.progress.as_ref()?.phase {
                 RunPhase::Between => return None,
-                RunPhase::Prompt => Self::Prompt,
-                RunPhase::Rotation => Self::Rotation,
-                RunPhase::NoLoadSweep => Self::NoLoadSweep,
-                RunPhase::Baseline => Self::Baseline,
-                RunPhase::Search => Self::Search,
-                RunPhase::Indentation | RunPhase::Dwell => Self::Indentation,
-                RunPhase::Sweep => Self::Sweep,
-                RunPhase::SlipCheck => Self::SlipCheck,
-                RunPhase::Retract => Self::Retract,
-                RunPhase::Confirmation => Self::Confirmation,
+                phase => Self::Run(phase),
             },
         })
+    }
+
+    /// Whether the probe is on its way into the sample or in it.
+    pub(crate) const fn is_in_touch(self) -> bool {
+        matches!(
+            self,
+            Self::Run(
+                RunPhase::Search
+                    | RunPhase::Indentation
+                    | RunPhase::Dwell
+                    | RunPhase::Sweep
+                    | RunPhase::SlipCheck
+            )
+        )
     }
 }
 
@@ -103,7 +105,9 @@ impl Default for Table {
 
 impl Table {
     pub(crate) fn add(&mut self, row: usize, phase: Phase) {
-        self.0[row][phase as usize] += 1;
+        if let Some(column) = PHASES.iter().position(|one| *one == phase) {
+            self.0[row][column] += 1;
+        }
     }
 
     /// All faults.
@@ -120,8 +124,9 @@ impl Table {
         let mut empty = Vec::new();
         for (name, counts) in self.rows() {
             let is_of_prompts = name.starts_with("person");
-            for phase in PHASES.iter().filter(|phase| !is_of_prompts || **phase == Phase::Prompt) {
-                if counts[*phase as usize] == 0 {
+            for (phase, count) in PHASES.iter().zip(counts) {
+                let may_begin = !is_of_prompts || *phase == Phase::Run(RunPhase::Prompt);
+                if *count == 0 && may_begin {
                     empty.push(format!("{name} in {}", phase.name()));
                 }
             }

@@ -9,7 +9,7 @@ use rig_model::{Clearance, panic_message};
 use crate::{
     bench::Draw,
     drive::DriveTrouble,
-    world::{REST_MM, Trouble, World, plan},
+    world::{OF_ONE_OPERATION, REST_MM, Trouble, World, plan},
 };
 
 /// The end of a history.
@@ -26,16 +26,8 @@ const STEPS: usize = 4000;
 /// Operations of an undisturbed run, and some more: a trouble may come on the way out.
 const MOMENTS: u64 = 120;
 
-const TROUBLES: [Trouble; 18] = [
-    Trouble::Fails,
-    Trouble::Loses,
-    Trouble::Stalls,
-    Trouble::Hangs,
-    Trouble::Abort,
-    Trouble::Stop,
-    Trouble::Flags,
-    Trouble::FlagsOnce,
-    Trouble::Pause,
+/// Troubles that last, in addition to those of one operation.
+const LASTING: [Trouble; 9] = [
     Trouble::Freezes,
     Trouble::Drive(DriveTrouble::Silent { seconds: 1 }),
     Trouble::Drive(DriveTrouble::Silent { seconds: 30 }),
@@ -53,7 +45,8 @@ pub(crate) fn play(seed: u64) -> History {
     let trouble = |draw: &mut Draw| {
         // Preparing takes four operations; the first reads where the stage is.
         let at = 1 + usize::try_from(draw.below(MOMENTS)).unwrap_or_default();
-        (at, *draw.one_of(&TROUBLES))
+        let troubles = [&OF_ONE_OPERATION[..], &LASTING].concat();
+        (at, *draw.one_of(&troubles))
     };
     let mut world = World::new(Some(trouble(draw)));
     world.then = Some(trouble(draw));

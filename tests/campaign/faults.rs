@@ -1,6 +1,6 @@
 //! The menu of the fault campaign, and what of it a seed draws.
 
-use rig_engine::Command;
+use rig_engine::{Command, RunPhase};
 use rig_store::DiskFailure;
 
 use crate::{
@@ -152,6 +152,14 @@ impl Trouble {
         self.trigger.starts_with("rate")
     }
 
+    /// For how long the bus is unplugged in all, s.
+    pub(crate) fn unplugs_bus_s(&self) -> f64 {
+        let Fault::Frame(words) = self.fault() else { return 0.0 };
+        let ms = words.strip_prefix("bus unplug ms=").and_then(|ms| ms.parse::<f64>().ok());
+        let times = if self.trigger.starts_with("next") { self.nth as f64 } else { 1.0 };
+        ms.unwrap_or_default() * 1e-3 * times
+    }
+
     /// The fault that undoes a loss of steps.
     pub(crate) fn lost_steps(&self) -> Option<String> {
         match self.fault() {
@@ -165,7 +173,7 @@ impl Trouble {
         let row = usize::try_from(draw.below(MENU.len() as u64)).unwrap_or_default();
         let phases = if is_first { &PHASES[..Phase::RUN] } else { &PHASES[..] };
         let phase = match MENU[row].1 {
-            Late | WrongAnswer => Phase::Prompt,
+            Late | WrongAnswer => Phase::Run(RunPhase::Prompt),
             _ => *draw.one_of(phases),
         };
         let nth = 1 + draw.below(6);
@@ -176,7 +184,7 @@ impl Trouble {
             _ => format!("nth={nth}"),
         };
         let after_s = if draw.happens(0.5) { 0.0 } else { draw.between(0.0, 1.0).powi(2) };
-        let changes = if phase == Phase::Search { 8 } else { 1 };
+        let changes = if phase == Phase::Run(RunPhase::Search) { 8 } else { 1 };
         Self { row, phase, nth_change: 1 + draw.below(changes), after_s, trigger, nth }
     }
 }

@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use rig_engine::RunPhase;
 use rig_store::{MemoryDisk, Reader, Record, RunId, StoreError};
 
 use crate::{
-    bench::Bench,
+    bench::{Bench, PATIENCE_S},
     counts::Phase,
     faults::{Fault, MENU, Trouble},
     life::Played,
@@ -106,11 +107,7 @@ pub(crate) fn differences(bench: &Bench, played: &Played, undisturbed: &Touches)
 pub(crate) fn is_beyond_notice(played: &Played) -> Option<&'static str> {
     let begun = |is_of: fn(&str) -> bool| {
         played.begun.iter().any(|(row, phase)| {
-            let in_touch = matches!(
-                phase,
-                Phase::Search | Phase::Indentation | Phase::Sweep | Phase::SlipCheck
-            );
-            in_touch && matches!(MENU[*row].1, Fault::Device(words) if is_of(words))
+            phase.is_in_touch() && matches!(MENU[*row].1, Fault::Device(words) if is_of(words))
         })
     };
     let is_interrupted = played.latches + played.kills > 0;
@@ -127,20 +124,27 @@ pub(crate) fn is_of_lost_steps(finding: &str, played: &Played) -> bool {
     let is_of_sweep = finding.starts_with("resonance: ") || finding.starts_with("sigma: ");
     is_of_sweep
         && played.begun.iter().any(|(row, phase)| {
-            let is_in_contact = matches!(phase, Phase::Indentation | Phase::Sweep);
+            let is_in_contact = matches!(
+                phase,
+                Phase::Run(RunPhase::Indentation | RunPhase::Dwell | RunPhase::Sweep)
+            );
             let is_slip = matches!(MENU[*row].1, Fault::Device(words) if words.contains("by="));
             is_in_contact && is_slip
         })
 }
 
+/// A drive on a line that is back is found, homed and retracted within this time, s.
+const REACHED_S: f64 = 15.0;
+
 /// Whether the faults leave no way out of contact while they last: the drive is blocked or cannot be
 /// reached, or it has forgotten its position and may home downwards only.
 pub(crate) fn has_no_way_out(troubles: &[Trouble], bench: &Bench) -> bool {
-    troubles.iter().any(|trouble| match trouble.fault() {
-        Fault::Frame("bus unplug ms=600000") => true,
-        Fault::Frame(words) => words.starts_with("bus") && trouble.is_lasting(),
-        Fault::Device("bus jam unit=1") => true,
-        Fault::Device("bus reboot unit=1") => bench.forgets_position,
-        _ => false,
-    })
+    let unplugged_s: f64 = troubles.iter().map(Trouble::unplugs_bus_s).sum();
+    unplugged_s + REACHED_S > PATIENCE_S
+        || troubles.iter().any(|trouble| match trouble.fault() {
+            Fault::Frame(words) => words.starts_with("bus") && trouble.is_lasting(),
+            Fault::Device("bus jam unit=1") => true,
+            Fault::Device("bus reboot unit=1") => bench.forgets_position,
+            _ => false,
+        })
 }

@@ -43,7 +43,7 @@ pub(crate) struct Played {
 }
 
 /// Acknowledgements and resumptions while faults go on, and afterwards.
-const TRIES_IN_TROUBLE: u32 = 5;
+const TRIES_IN_TROUBLE: u32 = 3;
 const TRIES: u32 = 8;
 /// Longest time of each part on the rig's clock: longer than the patience of the way out.
 const PART: Duration = Duration::from_secs(4 * 3600);

@@ -2,10 +2,7 @@
 
 use std::fmt::{self, Display};
 
-use crate::{
-    campaign::Counts,
-    counts::{PHASES, Phase},
-};
+use crate::{campaign::Counts, counts::PHASES};
 
 /// A campaign that has ended.
 #[derive(Debug)]
@@ -88,11 +85,11 @@ impl Page<'_> {
         writeln!(f, "| --- |{}", " ---: |".repeat(PHASES.len()))?;
         for (name, cells) in counts.table.rows() {
             let is_of_prompts = name.starts_with("person");
-            let cell = |phase: &Phase| match cells[*phase as usize] {
+            let cell = |count: &u64| match count {
                 0 if is_of_prompts => String::new(),
                 count => count.to_string(),
             };
-            let cells: Vec<String> = PHASES.iter().map(cell).collect();
+            let cells: Vec<String> = cells.iter().map(cell).collect();
             writeln!(f, "| {name} | {} |", cells.join(" | "))?;
         }
         let empty = counts.table.empty();

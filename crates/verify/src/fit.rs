@@ -55,7 +55,7 @@ pub(crate) struct Fitted {
     pub(crate) quality_factor: f64,
     /// Standard deviation of the resonance by the noise alone, Hz.
     pub(crate) sigma_hz: f64,
-    /// The same, if there may be a second mode of any size.
+    /// The same, if there may be a second mode of any size; only with a free decay.
     pub(crate) with_mode_hz: f64,
     /// Sum of squares over its degrees of freedom, against the noise that was known before.
     pub(crate) scatter: f64,
@@ -104,7 +104,7 @@ pub(crate) fn fit(
     for round in 0..ROUNDS {
         let weights = trace.weights(&at, variance);
         let normal = trace.descend(&mut at, &weights);
-        if round + 1 == ROUNDS {
+        if round + 1 == ROUNDS && is_ringing {
             widest = trace.widest(&at, &weights);
         }
         if round + 2 == ROUNDS {

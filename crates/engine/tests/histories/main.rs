@@ -14,7 +14,7 @@ mod world;
 use rig_engine::{Command, Event, Input, Operation, Report, RigState, RunStatus, TouchOutcome};
 use rig_model::{Clearance, Position, RigTime, SweepMethod, SweepRequest, Window};
 
-use world::{FREE_HZ, LOADED_HZ, REST_MM, Trouble, World, plan};
+use world::{FREE_HZ, LOADED_HZ, OF_ONE_OPERATION, REST_MM, Trouble, World, plan};
 
 #[test]
 fn an_undisturbed_run_finds_the_surface_and_the_shift_at_every_touch() {
@@ -71,17 +71,7 @@ fn whatever_goes_wrong_wherever_it_ends_clear_or_latched() {
     assert!(count > 60, "a run of {count} operations shows little");
     let mut endings = [0_u32; 4];
     for at in 0..count {
-        for trouble in [
-            Trouble::Fails,
-            Trouble::Loses,
-            Trouble::Stalls,
-            Trouble::Hangs,
-            Trouble::Abort,
-            Trouble::Stop,
-            Trouble::Flags,
-            Trouble::FlagsOnce,
-            Trouble::Pause,
-        ] {
+        for trouble in OF_ONE_OPERATION {
             let mut world = World::new(Some((at, trouble)));
             world.play();
             let end = world.engine.snapshot();

@@ -82,6 +82,19 @@ pub(crate) fn plan() -> Plan {
     }
 }
 
+/// The disturbances of one operation.
+pub(crate) const OF_ONE_OPERATION: [Trouble; 9] = [
+    Trouble::Fails,
+    Trouble::Loses,
+    Trouble::Stalls,
+    Trouble::Hangs,
+    Trouble::Abort,
+    Trouble::Stop,
+    Trouble::Flags,
+    Trouble::FlagsOnce,
+    Trouble::Pause,
+];
+
 /// The disturbance of an operation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Trouble {
