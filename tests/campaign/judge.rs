@@ -69,10 +69,14 @@ pub(crate) fn records(disk: &MemoryDisk) -> Vec<String> {
     records.iter().map(line).collect()
 }
 
-/// What the checker finds in a journal.
-pub(crate) fn findings(disk: &MemoryDisk, journal: RunId) -> Vec<String> {
-    match rig_verify::verify_in_memory(disk.uri(), &journal.to_string()) {
-        Ok(verdict) => verdict.findings.iter().map(ToString::to_string).collect(),
+/// What the checker finds in these journals.
+pub(crate) fn findings(disk: &MemoryDisk, journals: &[RunId]) -> Vec<String> {
+    let journals: Vec<String> = journals.iter().map(ToString::to_string).collect();
+    match rig_verify::verify_in_memory(disk.uri(), &journals) {
+        Ok(verdicts) => {
+            let findings = verdicts.iter().flat_map(|verdict| &verdict.findings);
+            findings.map(ToString::to_string).collect()
+        }
         Err(error) => vec![error.to_string()],
     }
 }

@@ -314,14 +314,12 @@ impl Life<'_> {
         let prompts = self.bench.protocol.summary.prompts as u64;
         self.played.is_placed_again = prompts < self.prompts;
         let journals: Vec<RunId> = self.sessions.iter().copied().chain([run]).collect();
-        for journal in journals {
-            for finding in judge::findings(&self.disk, journal) {
-                if judge::is_of_lost_steps(&finding, &self.played) {
-                    self.played.refuted += 1;
-                    continue;
-                }
-                self.fail(&format!("not sound: {finding}"));
+        for finding in judge::findings(&self.disk, &journals) {
+            if judge::is_of_lost_steps(&finding, &self.played) {
+                self.played.refuted += 1;
+                continue;
             }
+            self.fail(&format!("not sound: {finding}"));
         }
         let reader = Reader::open_in_memory(&self.disk).expect("the journal can be read");
         let digest = reader.last_digest(run).ok().flatten().map(|digest| digest.to_string());

@@ -64,7 +64,7 @@ impl<C> Call<C> {
 pub struct Instrument<C> {
     commands: Tree<C>,
     dialect: Dialect,
-    session: Session,
+    session: Box<Session>,
     status: Status,
     errors: Option<ErrorQueue>,
     has_headers: bool,
@@ -125,7 +125,7 @@ impl<C: Copy> Instrument<C> {
         status.raise(ErrorClass::PowerOn.event_bit());
         Self {
             commands,
-            session: Session::new(&dialect),
+            session: Box::new(Session::new(&dialect)),
             status,
             errors: dialect.error_queue.map(ErrorQueue::new),
             has_headers: dialect.headers.unwrap_or(false),
@@ -137,7 +137,7 @@ impl<C: Copy> Instrument<C> {
 
     /// Turns to another client, and leaves the present one's session in `session`. An instrument
     /// with one client needs none of this.
-    pub const fn turn_to(&mut self, session: &mut Session) {
+    pub const fn turn_to(&mut self, session: &mut Box<Session>) {
         std::mem::swap(&mut self.session, session);
     }
 

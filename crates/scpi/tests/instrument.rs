@@ -385,7 +385,7 @@ fn the_end_of_a_packet_ends_a_message() {
 #[test]
 fn each_client_has_its_own_messages_and_answers_and_all_share_the_errors() {
     let mut host = Host::new(standard());
-    let mut other = Session::new(host.instrument.dialect());
+    let mut other = Box::new(Session::new(host.instrument.dialect()));
     assert_eq!(host.say(b"FREQ 4"), b"");
     host.instrument.push(b"00;*IDN?\n");
     host.instrument.turn_to(&mut other);

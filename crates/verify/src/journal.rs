@@ -203,7 +203,7 @@ fn listed(
     connection: &Connection,
     run: &str,
 ) -> Result<(Listed, Result<(), Broken>), JournalError> {
-    let mut statement = connection.prepare(
+    let mut statement = connection.prepare_cached(
         "SELECT key, id, kind, name, journal, bench, format, epoch, started_at, digest, link,
                 finished_at, status FROM runs ORDER BY key",
     )?;
@@ -240,7 +240,7 @@ fn listed(
 
 fn stretches(connection: &Connection, key: i64) -> Result<Vec<Stretch>, rusqlite::Error> {
     connection
-        .prepare(
+        .prepare_cached(
             "SELECT epoch, started_at, rig_us, digest FROM stretches WHERE run = ?1 ORDER BY epoch",
         )?
         .query_map([key], |row| {
@@ -266,7 +266,7 @@ fn seal(connection: &Connection, key: i64) -> Result<Option<Seal>, rusqlite::Err
 
 /// The touches of a run that were measured again or left out.
 fn amended_steps(connection: &Connection, run: &str) -> Result<Vec<String>, rusqlite::Error> {
-    let mut statement = connection.prepare(
+    let mut statement = connection.prepare_cached(
         "SELECT payload FROM records JOIN runs ON runs.key = records.run
          WHERE runs.kind = 'amendment' AND records.kind = 'amended' AND seq = 1",
     )?;
@@ -304,7 +304,7 @@ fn entries(
     key: i64,
     entries: &mut Vec<Entry>,
 ) -> Result<(), rusqlite::Error> {
-    let mut statement = connection.prepare(
+    let mut statement = connection.prepare_cached(
         "WITH own AS (SELECT min(id) AS first, max(id) AS last FROM records WHERE run = ?1)
          SELECT run, seq, records.epoch, rig_us, records.kind, payload, records.digest, runs.kind
          FROM own, records JOIN runs ON runs.key = records.run

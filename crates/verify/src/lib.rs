@@ -43,11 +43,13 @@ pub fn verify(data: &Path, run: &str) -> Result<Verdict, JournalError> {
     Ok(walk::check(&journal))
 }
 
-/// The same for a journal of this program in memory, by the address of its database for SQLite.
+/// The same for several runs of a journal of this program in memory, by the address of its database for
+/// SQLite.
 ///
 /// # Errors
 /// As for [`verify`].
-pub fn verify_in_memory(address: &str, run: &str) -> Result<Verdict, JournalError> {
-    let journal = journal::read(&journal::open_in_memory(address)?, run)?;
-    Ok(walk::check(&journal))
+pub fn verify_in_memory(address: &str, runs: &[String]) -> Result<Vec<Verdict>, JournalError> {
+    let connection = journal::open_in_memory(address)?;
+    let verdict = |run: &String| Ok(walk::check(&journal::read(&connection, run)?));
+    runs.iter().map(verdict).collect()
 }

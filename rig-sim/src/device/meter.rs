@@ -76,7 +76,7 @@ struct RunningMeasurement<C> {
 /// A client of the instrument.
 #[derive(Debug)]
 struct Client<C> {
-    session: Session,
+    session: Box<Session>,
     /// A command that waits for the measurement.
     held: Option<Call<C>>,
     /// Time of its last message.
@@ -117,7 +117,7 @@ impl<M: Model> Meter<M> {
 
     /// Accepts bytes of a client that arrived at `now`.
     pub(crate) fn push(&mut self, now: RigTime, id: ClientId, bytes: &[u8], world: &mut World) {
-        let session = Session::new(self.instrument.dialect());
+        let session = Box::new(Session::new(self.instrument.dialect()));
         let new = Client { session, held: None, heard_at: now, said: Vec::new() };
         self.clients.entry(id).or_insert(new).heard_at = now;
         self.turned_to(id, |instrument| instrument.push(bytes));
