@@ -1,10 +1,11 @@
 //! How long do planned sweeps take on an analyzer of which little is known, and are they right?
 //!
-//! `cargo bench -p rig-resonance --bench free_decay -- [RUNS [SEED [SECOND_MODE [TARGET_HZ [WRONG]]]]]` plans
+//! `cargo bench -p rig-resonance --bench free_decay -- [RUNS [SEED [SECOND_MODE [TARGET_HZ [WRONG [PLACE]]]]]]`
+//! plans
 //! this number of sweeps from nothing for each sensor: the drive has any phase after each change of
 //! frequency, dead times and gaps are up to 3 ms long, and their lengths are known to a millisecond. A
-//! second mode of this part of the first capacitance lies one linewidth above, and this share of the
-//! readings is wrong. For each sensor it prints how many sweeps were accepted, their median, 95 % and longest time on the rig, bias, error and
+//! second mode of this part of the first capacitance lies `PLACE` linewidths above (1), and this share
+//! of the readings is wrong. For each sensor it prints how many sweeps were accepted, their median, 95 % and longest time on the rig, bias, error and
 //! coverage, how many were off by more than five standard deviations, readings and stays of a sweep,
 //! the mean, 99.9 % and longest time of a planning step, and why the others were refused.
 
@@ -46,7 +47,7 @@ fn main() {
     let number = |place: usize, otherwise: f64| numbers.get(place).copied().unwrap_or(otherwise);
     let (runs, seed) = (number(0, 100.0), number(1, 1.0));
     let (second, target_hz) = (number(2, 0.0), number(3, 0.01));
-    let wrong = number(4, 0.0);
+    let (wrong, place) = (number(4, 0.0), number(5, 1.0));
     println!(
         "Q   k²   accepted  median  95 %   max s  bias   rms mHz  |z|<1.96  worst  >5  readings stays  \
          ms a step  99.9 %  max  refused"
@@ -55,7 +56,7 @@ fn main() {
         let mut tally = Tally::default();
         let mut random = Random::new((1e6 * seed + 1e4 * q + 1e3 * coupling) as u64);
         for _ in 0..runs as u64 {
-            tally.run(q, coupling, (second, wrong), target_hz, &mut random);
+            tally.run(q, coupling, (second, place, wrong), target_hz, &mut random);
         }
         tally.print(q, coupling);
     }
@@ -75,7 +76,13 @@ struct Bench {
 }
 
 impl Bench {
-    fn new(resonance_hz: f64, q: f64, coupling: f64, second: f64, wrong: f64) -> Self {
+    fn new(
+        resonance_hz: f64,
+        q: f64,
+        coupling: f64,
+        (second, place): (f64, f64),
+        wrong: f64,
+    ) -> Self {
         let circuit = |resonance_hz: f64, part: f64, dielectric_loss: f64| Circuit {
             series_resonance_hz: resonance_hz,
             q,
@@ -85,7 +92,7 @@ impl Bench {
         };
         let mut circuits = vec![circuit(resonance_hz, 1.0, 0.018)];
         if second > 0.0 {
-            circuits.push(circuit(resonance_hz * (1.0 + 1.0 / q), second, 0.0));
+            circuits.push(circuit(resonance_hz * (1.0 + place / q), second, 0.0));
         }
         let plant = |circuit| Plant::at_rest(circuit, WINDOW.min_hz).expect("these sensors ring");
         let modes = circuits.into_iter().map(plant).collect();
@@ -157,12 +164,12 @@ impl Tally {
         &mut self,
         q: f64,
         coupling: f64,
-        (second, wrong): (f64, f64),
+        (second, place, wrong): (f64, f64, f64),
         target_hz: f64,
         random: &mut Random,
     ) {
         let resonance_hz = random.between(130.0, 150.0);
-        let mut bench = Bench::new(resonance_hz, q, coupling, second, wrong);
+        let mut bench = Bench::new(resonance_hz, q, coupling, (second, place), wrong);
         let request = SweepRequest {
             window: WINDOW,
             method: SweepMethod::Adaptive,

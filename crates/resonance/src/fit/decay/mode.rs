@@ -15,10 +15,14 @@ use crate::{
     numeric::descent::Normal,
 };
 
-/// Places of possible second modes, in linewidths from the resonance. A nearer mode can hardly be
-/// distinguished from the resonance and hardly shifts it; a mode between two places shows at both.
-pub(crate) const PLACES: usize = 10;
-const AT: [f64; PLACES] = [-4.0, -3.0, -2.0, -1.5, -1.0, 1.0, 1.5, 2.0, 3.0, 4.0];
+/// Places of possible second modes, in linewidths from the resonance. A mode between two places shows
+/// at both.
+pub(crate) const PLACES: usize = 12;
+const AT: [f64; PLACES] = [-4.0, -3.0, -2.0, -1.5, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0];
+/// Distance, in linewidths, from which a possible mode widens the uncertainty. Excluding a nearer one
+/// would double the time of a sweep; it is only detected, by a gain lower by this factor.
+const WIDENS_FROM: f64 = 1.0;
+const NEARER: f64 = 1.4;
 /// Number of unknowns of the circuit and a second mode at each place.
 pub(crate) const WITH_MODES: usize = CIRCUIT + PLACES;
 
@@ -31,12 +35,13 @@ pub(crate) const SIZE_SEEN: f64 = 0.01;
 pub(crate) struct SecondMode {
     pub(crate) place: usize,
     pub(crate) resonance_hz: f64,
-    /// Twice the log-likelihood that it gains; 0 if its capacitance would be negative.
+    /// Twice the log-likelihood that it gains, times `NEARER` if it is near; 0 if its capacitance would
+    /// be negative.
     pub(crate) gain: f64,
     /// Its capacitance.
     pub(crate) size: f64,
     /// Variance of the logarithm of the first resonance if the second has any size; 0 if a relevant
-    /// size would have been detected.
+    /// size would have been detected, or if it is near.
     pub(crate) variance: f64,
 }
 
@@ -130,10 +135,12 @@ impl Modes {
             };
             let size = -solved[CIRCUIT];
             let gain = if size > 0.0 { saved(&solved) - saved(&without) } else { 0.0 };
+            let is_nearer = AT[place].abs() < WIDENS_FROM;
+            let gain = if is_nearer { NEARER * gain } else { gain };
             let mut unit = [0.0; UNKNOWNS];
             unit[CIRCUIT] = 1.0;
             let is_seen = with.solve(&unit)[CIRCUIT] < (SIZE_SEEN * self.at.c1).powi(2);
-            let variance = if is_seen { 0.0 } else { variance(&normal, CIRCUIT + 1) };
+            let variance = if is_seen || is_nearer { 0.0 } else { variance(&normal, CIRCUIT + 1) };
             let resonance_hz = self.hz(place);
             Some(SecondMode { place, resonance_hz, gain, size, variance })
         })
