@@ -9,17 +9,20 @@ use std::{hint::black_box, time::Instant};
 use rand_core::Rng;
 use rand_pcg::Pcg64;
 use rig_model::{Impedance, PointResult, Reading, RigTime};
-use rig_resonance::{Circuit, FitOptions, FitOutcome, Fitter};
+use rig_resonance::{Circuit, FitOptions, FitOutcome, Fitter, Timing};
 
 const CALLS: usize = 20_000;
 const SWEEPS: usize = 2000;
 
 fn main() {
-    println!("points loss median_us mean_us p99_us accepted");
+    println!("points loss times   median_us mean_us p99_us accepted");
     for points in [21, 101, 401] {
-        for loss_tangent in [0.0, 0.02] {
+        for (loss_tangent, timing) in
+            [(0.0, Timing::Waited), (0.02, Timing::Waited), (0.0, Timing::Unknown)]
+        {
             let sweeps = sweeps(points, loss_tangent);
-            let options = FitOptions { always_loss: loss_tangent > 0.0, ..FitOptions::default() };
+            let always_loss = loss_tangent > 0.0;
+            let options = FitOptions { always_loss, timing, ..FitOptions::default() };
             let mut fitter = Fitter::default();
             let mut accepted = 0;
             let mut micros: Vec<f64> = (0..CALLS)
@@ -35,7 +38,10 @@ fn main() {
             micros.sort_unstable_by(f64::total_cmp);
             let (median, p99) = (micros[CALLS / 2], micros[CALLS * 99 / 100]);
             let mean = micros.iter().sum::<f64>() / CALLS as f64;
-            println!("{points:6} {loss_tangent:4} {median:9.2} {mean:7.2} {p99:6.2} {accepted:8}");
+            let times = if timing == Timing::Unknown { "unknown" } else { "known" };
+            println!(
+                "{points:6} {loss_tangent:4} {times:7} {median:9.2} {mean:7.2} {p99:6.2} {accepted:8}"
+            );
         }
     }
 }

@@ -6,6 +6,7 @@ pub(crate) mod flagged;
 pub(crate) mod mains;
 pub(crate) mod outliers;
 pub(crate) mod rounding;
+pub(crate) mod screen;
 pub(crate) mod tangents;
 pub(crate) mod two_level;
 pub(crate) mod unknown_dwell;

@@ -21,9 +21,8 @@ use crate::{
         GAIN_MIN, POINTS_MIN, doubt_circuit, doubt_existence, doubt_place, doubt_precision,
     },
     diagnose::rounding,
-    diagnose::unknown_dwell,
     fit::full::Model,
-    fit::steady::{Found, SteadyFit},
+    fit::steady::SteadyFit,
     noise,
     numeric::descent::End,
 };
@@ -76,12 +75,14 @@ impl Fitter {
         {
             // Without a resonance there is no start value.
             start = found.start.filter(|_| found.gain > GAIN_MIN);
-            if let (Some(resonance), Some(at), true) = (found.resonance, start, found.is_clean)
+            if let (Some(resonance), Some(at), Some(widening)) =
+                (found.resonance, start, found.widening)
                 && !rounding::matters(&rounding, readings, &resonance)
                 && doubt_existence(&resonance, found.gain).is_none()
                 && doubt_place(&resonance, window).is_none()
                 && doubt_circuit(&resonance, span).is_none()
-                && let Some(widened) = self.widened(&resonance, at, &found, readings, options)
+                && self.has_settled(&resonance, at, readings, options)
+                && let widened = resonance.widened(widening * resonance.resonance_hz.powi(2))
                 && doubt_precision(&widened, resonance.sigma_hz).is_none()
             {
                 return FitOutcome::Accepted(widened);
@@ -96,27 +97,19 @@ impl Fitter {
         }
     }
 
-    /// A quick result, widened by what the readings do not exclude. `None` if they show a cause that
-    /// only the full fit handles.
-    fn widened(
+    /// Whether the readings have settled, or nothing is known of their times.
+    fn has_settled(
         &self,
         found: &Resonance,
         at: ModelEstimate,
-        quick: &Found,
         readings: &[Reading],
         options: &FitOptions,
-    ) -> Option<Resonance> {
+    ) -> bool {
         let unit_farad = self.quick.points.reference_farad;
-        let wider = |relative: f64| found.widened(relative * found.resonance_hz.powi(2));
         let free = if found.loss_tangent_sigma().is_some() { CIRCUIT } else { CIRCUIT - 1 };
-        match options.timing {
-            _ if !quick.is_usual => Model::examined(found, at, free, readings, unit_farad, options),
-            Timing::Unknown => {
-                let by_dwell = unknown_dwell::relative(found, at, free, readings, unit_farad);
-                Some(wider(by_dwell.max(quick.by_phase)))
-            }
-            Timing::Waited | Timing::Exact(_) | Timing::AnyPhase => Some(wider(quick.by_phase)),
-        }
+        options.timing != Timing::Waited
+            || self.quick.has_surely_settled(found)
+            || Model::is_settled_at(at, free, readings, unit_farad, options)
     }
 
     fn load(&mut self, readings: &[Reading]) -> Result<(), Reason> {

@@ -13,6 +13,7 @@ use crate::{
     circuit::ringup::{Motion, Visit, plain},
     circuit::trace::{ExtraTerm, Minimum, ModelEstimate, Row, Sample, Timing, Trace},
     diagnose::tangents::{MOST, Products, Tangents, mode_unit},
+    diagnose::unknown_dwell::DWELLS,
 };
 
 /// A possible fault of a sweep.
@@ -119,6 +120,20 @@ impl Alternative {
     }
 }
 
+/// Largest factor by which a possible cause may raise the variance and still be considered. Above it
+/// these readings hardly distinguish the cause from the circuit.
+pub(crate) fn inflation_max(cause: &Cause, is_planned: bool) -> f64 {
+    match cause {
+        // A plan repeats few frequencies and would never end if causes that these cannot distinguish
+        // widened its uncertainty.
+        _ if is_planned => 4.0,
+        // In a sweep in one direction nearly every cause resembles drift, and any value that the
+        // resonance had is valid.
+        Cause::Drift | Cause::Hysteresis => 4.0,
+        _ => 100.0,
+    }
+}
+
 /// A fit to be compared with alternatives.
 #[derive(Debug)]
 pub(crate) struct Fitted<'a> {
@@ -130,24 +145,17 @@ pub(crate) struct Fitted<'a> {
     admittance: Vec<Complex64>,
     /// `None` if the unknowns cannot be distinguished.
     tangents: Option<Tangents>,
-    /// Whether the residuals are known to be noise but for small disturbances.
-    is_clean: bool,
 }
 
-/// Assumed settling times, in time constants, and integrations, in cycles, if neither is known.
-const DWELLS: [(f64, f64); 7] =
-    [(0.0, 4.0), (0.0, 10.0), (0.5, 4.0), (0.5, 10.0), (1.0, 4.0), (2.0, 4.0), (3.0, 4.0)];
 /// Time constants after which less than 1/20 000 of any motion is left.
 const SETTLED_TIME_CONSTANTS: f64 = 10.0;
-/// χ² of a lag of one point, which one good sweep in eight exceeds.
-const LAG_CHI_SQUARED_MIN: f64 = 4.0;
 /// Number of trial frequencies of a second mode per linewidth of the first.
 const MODES_PER_WIDTH: f64 = 2.0;
 /// Linewidths from the first within which a second mode overlaps it.
-const NEAR: f64 = 1.5;
-const MODES_MAX: usize = 240;
+pub(super) const NEAR: f64 = 1.5;
+pub(super) const MODES_MAX: usize = 240;
 /// Range of a second mode beyond the readings, in spans; its tail still affects them.
-const BEYOND: f64 = 0.4;
+pub(super) const BEYOND: f64 = 0.4;
 
 impl<'a> Fitted<'a> {
     pub(crate) fn new(trace: &'a Trace, found: &Minimum) -> Self {
@@ -174,12 +182,7 @@ impl<'a> Fitted<'a> {
         });
         let weighted = rows.iter().map(|(index, row)| (trace.samples[*index].weight, *row));
         let tangents = Tangents::new(weighted, free);
-        Self { trace, at, rows, motional, admittance, tangents, is_clean: false }
-    }
-
-    /// The same for residuals that are noise but for small disturbances.
-    pub(crate) fn clean(trace: &'a Trace, found: &Minimum) -> Self {
-        Self { is_clean: true, ..Self::new(trace, found) }
+        Self { trace, at, rows, motional, admittance, tangents }
     }
 
     /// Every cause that can be distinguished from the circuit.
@@ -253,8 +256,7 @@ impl<'a> Fitted<'a> {
         self.at.q / (PI * self.at.resonance_hz)
     }
 
-    /// The most likely unsettled motion if the dwell at each point is unknown. For clean residuals, the
-    /// dwells are tried only if a lag of one point, of any amplitude and phase, gains something.
+    /// The most likely unsettled motion if the dwell at each point is unknown.
     fn not_settled(&self) -> Option<Alternative> {
         let pattern = |i: usize, _: &Row| {
             let before = if i == 0 { NOTHING } else { self.motional[i - 1] };
@@ -262,10 +264,6 @@ impl<'a> Fitted<'a> {
             [left, left * Complex64::I, NOTHING]
         };
         let mut best = self.alternative(Cause::NotSettled, 2, pattern);
-        let least = LAG_CHI_SQUARED_MIN * self.tangents.as_ref()?.variance();
-        if self.is_clean && best.is_some_and(|lag| lag.saved < least) {
-            return best;
-        }
         for trial in self.dwells() {
             let is_better = best.is_none_or(|best| best.saved < trial.saved);
             if trial.size > 0.0 && is_better {

@@ -47,9 +47,9 @@ struct TangentRow {
 /// The scalar products of patterns.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Products {
-    basis: [[f64; UNKNOWNS]; MOST],
-    residual: [f64; MOST],
-    among: [[f64; MOST]; MOST],
+    pub(super) basis: [[f64; UNKNOWNS]; MOST],
+    pub(super) residual: [f64; MOST],
+    pub(super) among: [[f64; MOST]; MOST],
 }
 
 impl Tangents {
@@ -94,12 +94,6 @@ impl Tangents {
         Some(Self { rows, free, lever })
     }
 
-    /// The variance of each part of a reading of ten cycles, from the residuals.
-    pub(crate) fn variance(&self) -> f64 {
-        let cost: f64 = self.rows.iter().map(|row| row.residual.norm_sqr()).sum();
-        cost / (2 * self.rows.len()).saturating_sub(self.free).max(1) as f64
-    }
-
     /// Adds the patterns of a reading to their products.
     pub(crate) fn add(&self, index: usize, patterns: &[Complex64], products: &mut Products) {
         let TangentRow { root, basis, residual } = &self.rows[index];
@@ -122,34 +116,7 @@ impl Tangents {
         count: usize,
         products: &Products,
     ) -> Option<Alternative> {
-        let mut left = products.among;
-        for (one, row) in products.basis.iter().zip(&mut left).take(count) {
-            for (other, element) in products.basis.iter().zip(row) {
-                *element -= one.iter().zip(other).map(|(a, b)| a * b).sum::<f64>();
-            }
-        }
-        let factor = Cholesky::new(&left, count, 0.0)?;
-        let is_distinct =
-            |i: usize| factor.distinct(i) * left[i][i] >= DISTINCT * products.among[i][i];
-        if !(0..count).all(is_distinct) {
-            return None;
-        }
-        let sizes = factor.solve(&products.residual);
-        let errors = products.basis.map(|one| one.iter().zip(self.lever).map(|(a, b)| a * b).sum());
-        let sum = |a: &[f64; MOST], b: &[f64; MOST]| -> f64 {
-            a.iter().zip(b).take(count).map(|(a, b)| a * b).sum()
-        };
-        let variance_without = self.lever.iter().map(|one| one * one).sum();
-        Some(Alternative {
-            cause,
-            saved: sum(&sizes, &products.residual),
-            shift: sum(&sizes, &errors),
-            variance: variance_without + sum(&errors, &factor.solve(&errors)),
-            variance_without,
-            size_variance: factor.solve(&[1.0, 0.0, 0.0])[0],
-            error: errors[0],
-            size: -sizes[0],
-        })
+        effect(&self.lever, cause, count, products)
     }
 
     /// The rows for the search for second modes, in which a mode of response 1 changes the logarithm
@@ -193,32 +160,32 @@ impl Tangents {
 /// Four readings in the search for second modes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ModeBlock {
-    frequency_hz: Lanes,
+    pub(super) frequency_hz: Lanes,
     /// Squared change of the reading by a response of 1.
-    size: Lanes,
+    pub(super) size: Lanes,
     /// That change times the conjugates of residual and basis, as real and imaginary part.
-    columns: [[Lanes; 2]; COLUMNS],
+    pub(super) columns: [[Lanes; 2]; COLUMNS],
 }
 
 /// Number of columns: the residual and the basis.
 const COLUMNS: usize = 1 + UNKNOWNS;
 /// The same without an extra term.
-const FEW: usize = 6;
+pub(super) const FEW: usize = 6;
 
 /// The scalar products of one second mode.
 #[derive(Debug, Clone, Copy)]
-struct ModeProducts {
-    size: f64,
-    columns: [f64; COLUMNS],
+pub(in crate::diagnose) struct ModeProducts {
+    pub(super) size: f64,
+    pub(super) columns: [f64; COLUMNS],
 }
 
 impl ModeBlock {
-    const EMPTY: Self =
+    pub(super) const EMPTY: Self =
         Self { frequency_hz: Lanes::ZERO, size: Lanes::ZERO, columns: [[Lanes::ZERO; 2]; COLUMNS] };
 }
 
 on_this_machine! {
-    fn few_products(blocks: &'a [ModeBlock], frequency_hz: f64, q: f64) -> ModeProducts
+    pub(super) fn few_products(blocks: &'a [ModeBlock], frequency_hz: f64, q: f64) -> ModeProducts
         = products_of::<_, FEW>;
 }
 
@@ -259,6 +226,43 @@ fn products_of<M: Isa, const N: usize>(
 /// to `admittance`, without that response.
 pub(crate) fn mode_unit(frequency_hz: f64, admittance: Complex64) -> Complex64 {
     Complex64::new(0.0, TAU * frequency_hz) / admittance
+}
+
+/// The effect of the first `count` patterns together with the unknowns. `lever` is the change of the
+/// logarithm of the resonance along each vector of the basis.
+pub(crate) fn effect(
+    lever: &[f64; UNKNOWNS],
+    cause: Cause,
+    count: usize,
+    products: &Products,
+) -> Option<Alternative> {
+    let mut left = products.among;
+    for (one, row) in products.basis.iter().zip(&mut left).take(count) {
+        for (other, element) in products.basis.iter().zip(row) {
+            *element -= one.iter().zip(other).map(|(a, b)| a * b).sum::<f64>();
+        }
+    }
+    let factor = Cholesky::new(&left, count, 0.0)?;
+    let is_distinct = |i: usize| factor.distinct(i) * left[i][i] >= DISTINCT * products.among[i][i];
+    if !(0..count).all(is_distinct) {
+        return None;
+    }
+    let sizes = factor.solve(&products.residual);
+    let errors = products.basis.map(|one| one.iter().zip(lever).map(|(a, b)| a * b).sum());
+    let sum = |a: &[f64; MOST], b: &[f64; MOST]| -> f64 {
+        a.iter().zip(b).take(count).map(|(a, b)| a * b).sum()
+    };
+    let variance_without = lever.iter().map(|one| one * one).sum();
+    Some(Alternative {
+        cause,
+        saved: sum(&sizes, &products.residual),
+        shift: sum(&sizes, &errors),
+        variance: variance_without + sum(&errors, &factor.solve(&errors)),
+        variance_without,
+        size_variance: factor.solve(&[1.0, 0.0, 0.0])[0],
+        error: errors[0],
+        size: -sizes[0],
+    })
 }
 
 fn dot(a: Complex64, b: Complex64) -> f64 {

@@ -9,22 +9,19 @@
 //! one have equal prior probability. Each adds the square of the error of ignoring it, weighted by its
 //! posterior probability.
 
-use rig_model::Reading;
+use crate::diagnose::alternatives::Alternative;
 
-use crate::{
-    Resonance,
-    circuit::trace::{ModelEstimate, Timing, Trace},
-    diagnose::alternatives::Fitted,
-};
-
+/// Trial settling times, in time constants, and integrations, in cycles.
+pub(super) const DWELLS: [(f64, f64); 7] =
+    [(0.0, 4.0), (0.0, 10.0), (0.5, 4.0), (0.5, 10.0), (1.0, 4.0), (2.0, 4.0), (3.0, 4.0)];
 /// Largest twice the log-likelihood; above it other dwells are impossible and numbers overflow.
 const CERTAIN: f64 = 500.0;
 
-/// Addition to the relative variance of the resonance, for this noise variance of readings of ten
-/// cycles.
-pub(crate) fn variance(fitted: &Fitted<'_>, noise: f64) -> f64 {
+/// Addition to the relative variance of the resonance for these trial dwells, for this noise variance of
+/// readings of ten cycles.
+pub(crate) fn addition(dwells: impl IntoIterator<Item = Alternative>, noise: f64) -> f64 {
     let (mut all, mut sum) = (1.0, 0.0);
-    for found in fitted.dwells() {
+    for found in dwells {
         // Twice the log-likelihood of size 1 minus that of size 0, for a normal estimate.
         let gain = (2.0 * found.size - 1.0) / (found.size_variance * noise);
         let odds = (0.5 * gain.min(CERTAIN)).exp();
@@ -32,17 +29,4 @@ pub(crate) fn variance(fitted: &Fitted<'_>, noise: f64) -> f64 {
         sum += odds * found.error.powi(2);
     }
     sum / all
-}
-
-/// The same addition to a resonance from otherwise usual readings.
-pub(crate) fn relative(
-    found: &Resonance,
-    at: ModelEstimate,
-    free: usize,
-    readings: &[Reading],
-    unit_farad: f64,
-) -> f64 {
-    let trace = Trace::of(readings, Timing::Unknown, unit_farad);
-    let fitted = Fitted::at(&trace, at, free);
-    variance(&fitted, found.noise_at_ten_cycles.powi(2))
 }

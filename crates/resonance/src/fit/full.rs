@@ -10,7 +10,7 @@ use rig_model::{Reading, Window};
 use crate::{
     FitOptions, Reason, Resonance,
     circuit::trace::{CIRCUIT, ExtraTerm, Minimum, ModelEstimate, Timing, Trace},
-    diagnose::alternatives::{Alternative, Cause, Fitted},
+    diagnose::alternatives::{Alternative, Cause, Fitted, inflation_max},
     diagnose::doubts::GAIN_MIN,
     diagnose::outliers::{self, GAIN_PER_OUTLIER, READINGS_PER_OUTLIER},
     diagnose::unknown_dwell,
@@ -60,20 +60,6 @@ const PHASE_MAX: f64 = 0.1;
 const WEIGHINGS: usize = 3;
 /// An error of the resonance below this many of its standard deviations is negligible.
 const SETTLED_SIGMAS: f64 = 0.5;
-
-/// Largest factor by which a possible cause may raise the variance and still be considered. Above it
-/// these readings hardly distinguish the cause from the circuit.
-fn inflation_max(cause: &Cause, is_planned: bool) -> f64 {
-    match cause {
-        // A plan repeats few frequencies and would never end if causes that these cannot distinguish
-        // widened its uncertainty.
-        _ if is_planned => 4.0,
-        // In a sweep in one direction nearly every cause resembles drift, and any value that the
-        // resonance had is valid.
-        Cause::Drift | Cause::Hysteresis => 4.0,
-        _ => 100.0,
-    }
-}
 
 /// Gain by which an explanation must beat the others.
 const CLEARLY: f64 = 10.0;
@@ -139,25 +125,17 @@ impl Model {
         Ok(model)
     }
 
-    /// The quick fit of clean readings at `at` with `free` unknowns, widened by all possible causes.
-    /// `None` if a cause is visible, so that other models must be fitted too.
-    pub(crate) fn examined(
-        found: &Resonance,
+    /// Whether the readings have settled if the circuit at `at` with `free` unknowns describes them.
+    pub(crate) fn is_settled_at(
         at: ModelEstimate,
         free: usize,
         readings: &[Reading],
         unit_farad: f64,
         options: &FitOptions,
-    ) -> Option<Resonance> {
+    ) -> bool {
         let trace = Trace::of(readings, options.timing, unit_farad);
-        let found_at = Minimum { at, normal: trace.normal(&at), end: End::Converged, free };
-        let model = Self::with(trace, &found_at, found.model_order);
-        let (alternatives, widened) =
-            model.alternatives(&Fitted::clean(&model.trace, &model.found), options);
-        if !model.has_settled(options) || strongest(&alternatives).is_some() {
-            return None;
-        }
-        Some(found.widened(widened * found.resonance_hz.powi(2)))
+        let found = Minimum { at, normal: trace.normal(&at), end: End::Converged, free };
+        Self::with(trace, &found, ModelOrder::Loss).has_settled(options)
     }
 
     /// A model without evidence against it.
@@ -305,7 +283,7 @@ impl Model {
     /// Relative variance of the resonance added by unknown times.
     fn unsettled(&self, fitted: &Fitted<'_>, variance: f64) -> f64 {
         if self.trace.timing == Timing::Unknown {
-            unknown_dwell::variance(fitted, variance)
+            unknown_dwell::addition(fitted.dwells(), variance)
         } else {
             0.0
         }

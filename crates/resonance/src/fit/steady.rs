@@ -1,5 +1,5 @@
-//! The quick fit for usual sweeps. It allocates no memory and makes about seven passes over the
-//! readings.
+//! The quick fit for usual sweeps. It allocates no memory once its buffers are long enough, and makes
+//! about seven passes over the readings.
 
 use rig_model::Reading;
 
@@ -9,6 +9,8 @@ use crate::{
     circuit::points::{NotFinite, Points},
     circuit::trace::{ExtraTerm, ModelEstimate},
     diagnose::alternatives::{Alternative, Cause},
+    diagnose::screen::Screen,
+    diagnose::unknown_dwell,
     fit::solve::{Solution, rational_start, solve},
     noise::{self, PooledVariance},
     numeric::dense::{Cholesky, condition, sandwich},
@@ -27,7 +29,7 @@ mod threshold {
     /// good sweeps of a hundred readings exceeds `USUAL_LARGEST`, and one in two thousand
     /// `CLEAN_LARGEST`. An outlier has 14 times the mean of the others.
     pub(super) const USUAL_LARGEST: f64 = 10.0;
-    pub(super) const CLEAN_LARGEST: f64 = 12.0;
+    pub(super) const CLEAN_LARGEST: f64 = 14.0;
     /// ⟨|r|⁴⟩/⟨|r|²⟩², which is 2 for an exponential distribution. This detects several outliers, which
     /// raise the mean and so mask each other.
     pub(super) const CLEAN_FOURTH: f64 = 4.0;
@@ -36,8 +38,8 @@ mod threshold {
     pub(super) const USUAL_PATTERNS: f64 = 4.0;
     /// Standard deviations of χ² per degree of freedom; one good sweep in forty exceeds this.
     pub(super) const USUAL_CHI_SQUARED_SIGMAS: f64 = 2.0;
-    /// The same of clean readings; one good sweep in a thousand exceeds this.
-    pub(super) const CLEAN_CHI_SQUARED_SIGMAS: f64 = 3.0;
+    /// The same of clean readings; one good sweep in four thousand exceeds this.
+    pub(super) const CLEAN_CHI_SQUARED_SIGMAS: f64 = 3.5;
 }
 
 /// The readings of a steady fit and their residuals.
@@ -45,6 +47,15 @@ mod threshold {
 pub(crate) struct SteadyFit {
     pub(crate) points: Points,
     residuals: Vec<Residual>,
+    screen: Screen,
+}
+
+/// A solution with its number of unknowns and the statistics of its residuals.
+#[derive(Debug)]
+struct Fitted {
+    solution: Solution,
+    statistics: ResidualStatistics,
+    free: usize,
 }
 
 /// The outcome of a steady fit.
@@ -54,12 +65,9 @@ pub(crate) struct Found {
     pub(crate) resonance: Option<Resonance>,
     /// Twice the log-likelihood gained over a capacitor.
     pub(crate) gain: f64,
-    /// Whether the readings show nothing that only the full fit handles.
-    pub(crate) is_clean: bool,
-    /// Addition to the relative variance of the resonance for a phase error of the analyzer.
-    pub(crate) by_phase: f64,
-    /// Whether they are clean and need no look at other causes.
-    pub(crate) is_usual: bool,
+    /// Addition to the relative variance of the resonance for causes that are not excluded; `None` if
+    /// the readings show something that only the full fit handles.
+    pub(crate) widening: Option<f64>,
     /// The start of the full fit.
     pub(crate) start: Option<ModelEstimate>,
 }
@@ -83,24 +91,53 @@ impl SteadyFit {
                 (free, solution) = (PARAMETERS - 1, without);
             }
         }
-        let Self { points, residuals } = self;
-        let statistics = kernel::statistics(&points.blocks, &solution.theta, residuals);
+        let statistics =
+            kernel::statistics(&self.points.blocks, &solution.theta, &mut self.residuals);
         let resonance = self.resonance(&solution, &statistics, free, model_order, options);
         let capacitor = self.points.total_weight - statistics.capacitor;
-        let judged = resonance.as_ref().map(|found| {
-            let is_clean = self.is_clean(&solution, &statistics, free, found, options);
-            let is_usual = is_clean && self.is_usual(&solution, &statistics, free, found, options);
-            (is_clean, is_usual)
-        });
-        let (is_clean, is_usual) = judged.unwrap_or_default();
-        Some(Found {
-            gain: self.degrees(free) * (capacitor / solution.normal.cost).ln(),
-            is_clean,
-            is_usual,
-            by_phase: self.by_phase(&solution, &statistics, free, options),
-            start: self.estimate(&solution),
-            resonance,
-        })
+        let fitted = Fitted { solution, statistics, free };
+        let widening = resonance.and_then(|found| self.widening(&fitted, &found, options));
+        let start = self.estimate(&fitted.solution);
+        let gain = self.degrees(free) * (capacitor / fitted.solution.normal.cost).ln();
+        Some(Found { resonance, gain, widening, start })
+    }
+
+    /// Addition to the relative variance of the resonance for causes that are not excluded.
+    fn widening(
+        &mut self,
+        fitted: &Fitted,
+        found: &Resonance,
+        options: &FitOptions,
+    ) -> Option<f64> {
+        if !self.is_clean(fitted, found, options) {
+            return None;
+        }
+        let Fitted { solution, statistics, free } = fitted;
+        let noise =
+            options.noise.as_ref().map_or_else(PooledVariance::default, PooledVariance::known);
+        let degrees = self.degrees(*free);
+        let noise = noise.with(solution.normal.cost.max(degrees * noise::VARIANCE_MIN), degrees);
+        let by_phase = phase_error(solution, statistics, *free)
+            .map_or(0.0, |found| found.widening(noise.gain(found.saved), noise.variance()));
+        let saved = patterns(solution, statistics, *free)?;
+        let is_usual = self.is_usual(fitted, saved, found, options);
+        let Self { points, screen, .. } = self;
+        let mut widest = by_phase;
+        let is_unknown = options.timing == Timing::Unknown;
+        if !is_usual || is_unknown {
+            screen.fill(points, &solution.theta);
+        }
+        if !is_usual {
+            if noise.gain(saved) > Cause::Shape.gain_needed() {
+                return None;
+            }
+            widest = widest.max(screen.widening(points, solution, *free, noise)?);
+        }
+        if is_unknown {
+            let dwells = screen.dwells(points, solution, *free)?;
+            widest = widest.max(unknown_dwell::addition(dwells, noise.variance()));
+        }
+        Some(widest)
     }
 
     /// Twice the log-likelihood that dielectric loss gains, with the best solution without loss if that
@@ -119,41 +156,17 @@ impl SteadyFit {
         Some((size * theta.g / variance, Solution { theta: without, normal, end }))
     }
 
-    /// Addition to the relative variance of the resonance for a phase error of the analyzer.
-    fn by_phase(
-        &self,
-        solution: &Solution,
-        statistics: &ResidualStatistics,
-        free: usize,
-        options: &FitOptions,
-    ) -> f64 {
-        let noise =
-            options.noise.as_ref().map_or_else(PooledVariance::default, PooledVariance::known);
-        let degrees = self.degrees(free);
-        let cost = solution.normal.cost.max(degrees * noise::VARIANCE_MIN);
-        let noise = noise.with(cost, degrees);
-        phase_error(solution, statistics, free)
-            .map_or(0.0, |found| found.widening(noise.gain(found.saved), noise.variance()))
-    }
-
     fn degrees(&self, free: usize) -> f64 {
         (2 * self.points.count - free) as f64
     }
 
-    /// Whether there is nothing that only the full fit handles: outliers, or residuals that no cause
-    /// known to first order can explain.
-    fn is_clean(
-        &self,
-        solution: &Solution,
-        statistics: &ResidualStatistics,
-        free: usize,
-        found: &Resonance,
-        options: &FitOptions,
-    ) -> bool {
+    /// Whether there is nothing that only the full fit handles: outliers or a misfit.
+    fn is_clean(&self, fitted: &Fitted, found: &Resonance, options: &FitOptions) -> bool {
+        let Fitted { solution, statistics, free } = fitted;
         let count = self.points.count as f64;
         let mean = (solution.normal.cost / count).max(noise::VARIANCE_MIN);
         let sigmas = threshold::CLEAN_CHI_SQUARED_SIGMAS;
-        let allowed = noise::allowed(self.degrees(free), options.noise.as_ref(), sigmas);
+        let allowed = noise::allowed(self.degrees(*free), options.noise.as_ref(), sigmas);
         self.points.is_monotonic
             && solution.end == End::Converged
             && statistics.largest < threshold::CLEAN_LARGEST * mean
@@ -161,28 +174,26 @@ impl SteadyFit {
             && found.chi_squared_per_dof < allowed
     }
 
-    /// Whether clean readings need no look at other causes.
+    /// Whether clean readings need no look at other causes. `saved` is what the patterns at the resonance
+    /// save of the cost.
     fn is_usual(
         &self,
-        solution: &Solution,
-        statistics: &ResidualStatistics,
-        free: usize,
+        Fitted { solution, statistics, free }: &Fitted,
+        saved: f64,
         found: &Resonance,
         options: &FitOptions,
     ) -> bool {
         let mean = (solution.normal.cost / self.points.count as f64).max(noise::VARIANCE_MIN);
-        let variance = (solution.normal.cost / self.degrees(free)).max(noise::VARIANCE_MIN);
+        let variance = (solution.normal.cost / self.degrees(*free)).max(noise::VARIANCE_MIN);
         let sigmas = threshold::USUAL_CHI_SQUARED_SIGMAS;
-        let allowed = noise::allowed(self.degrees(free), options.noise.as_ref(), sigmas);
+        let allowed = noise::allowed(self.degrees(*free), options.noise.as_ref(), sigmas);
         statistics.largest < threshold::USUAL_LARGEST * mean
             && found.chi_squared_per_dof < allowed
-            && (options.timing == Timing::Unknown || self.has_surely_settled(found))
-            && patterns(solution, statistics, free)
-                .is_some_and(|saved| saved < threshold::USUAL_PATTERNS * variance)
+            && saved < threshold::USUAL_PATTERNS * variance
     }
 
     /// Whether the residual transient after the shortest settling is negligible.
-    fn has_surely_settled(&self, found: &Resonance) -> bool {
+    pub(crate) fn has_surely_settled(&self, found: &Resonance) -> bool {
         let Points { settle_s, lowest_hz, highest_hz, count, .. } = self.points;
         let circuit = found.circuit();
         let step = (highest_hz - lowest_hz) / (count - 1) as f64 / circuit.linewidth_hz();

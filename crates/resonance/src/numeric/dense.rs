@@ -61,6 +61,23 @@ impl<const N: usize> Cholesky<N> {
         self.solve_leading(right, self.n)
     }
 
+    /// The right-hand side in coordinates in which the matrix is the unit matrix.
+    #[inline]
+    pub(crate) fn whitened(&self, right: &[f64; N]) -> [f64; N] {
+        let mut x = [0.0; N];
+        for i in 0..self.n {
+            let mut sum = right[i];
+            for k in 0..i {
+                sum -= self.lower[i][k] * x[k];
+            }
+            x[i] = sum;
+        }
+        for i in 0..self.n {
+            x[i] *= self.inverse_pivots[i].sqrt();
+        }
+        x
+    }
+
     /// The solution with only the leading `n` rows and columns.
     #[inline]
     pub(crate) fn solve_leading(&self, right: &[f64; N], n: usize) -> [f64; N] {
