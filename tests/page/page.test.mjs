@@ -190,6 +190,29 @@ async function atThePaceOfTheWall() {
   return latencies;
 }
 
+/** Runs again and again: what the page keeps must not grow with them. */
+async function grows(page, base) {
+  const session = await page.context().newCDPSession(page);
+  await session.send("Performance.enable");
+  const kept = async () => {
+    await session.send("HeapProfiler.collectGarbage");
+    const { metrics } = await session.send("Performance.getMetrics");
+    const of = (name) => metrics.find((metric) => metric.name === name).value;
+    return { megabytes: of("JSHeapUsedSize") / 1e6, nodes: of("Nodes") };
+  };
+  const run = async (number) => {
+    await fetch(`${base}/api/v1/runs`, { method: "POST" });
+    await page.getByRole("row", { name: new RegExp(`^.*smoke-${number}\\b.*completed.*18 of 18`) }).waitFor({ timeout: 120_000 });
+  };
+  for (let number = 2; number <= 4; number += 1) await run(number);
+  const before = await kept();
+  for (let number = 5; number <= 8; number += 1) await run(number);
+  const after = await kept();
+  const grown = after.megabytes - before.megabytes;
+  console.log(`kept by the page: ${before.megabytes.toFixed(1)} MB after 4 runs, ${after.megabytes.toFixed(1)} MB after 8; ${before.nodes} and ${after.nodes} nodes`);
+  assert.ok(grown < 2, `the page keeps ${grown} MB more after four more runs`);
+}
+
 async function inVirtualTime() {
   const { base } = await serve("virtual", (text) => text);
   const page = await visit(base);
@@ -199,9 +222,19 @@ async function inVirtualTime() {
   await page.keyboard.press("3");
   await page.getByRole("link", { name: "smoke-1" }).waitFor();
   await page.getByText("18 of 18").waitFor({ timeout: 30_000 });
+  await grows(page, base);
+  // Two runs beside each other, a star and a note, which another page sees too.
+  await page.getByLabel("Compare smoke-1").check();
+  await page.getByLabel("Compare smoke-2").check();
+  await page.getByText(/^The stiffness of all 2 samples agrees/).waitFor();
+  await button(page, "Star smoke-2").click();
+  await page.locator('button[aria-label="Star smoke-2"][aria-pressed="true"]').waitFor();
   await look(page, "runs");
   await page.getByRole("link", { name: "smoke-1" }).click();
   await page.getByRole("heading", { name: /^Planned 18 · measured/ }).waitFor();
+  await page.getByLabel(/^Note/).fill("gel is 3 days old");
+  await page.getByLabel(/^Note/).blur();
+  await page.getByText("kept", { exact: true }).waitFor();
   await look(page, "run");
   await button(page, /^sample 5, left 45°: \d/).click();
   await page.getByRole("dialog").getByRole("img", { name: /^Impedance/ }).waitFor();
@@ -214,7 +247,7 @@ async function inVirtualTime() {
   await button(page, /^sample 5, front 45°: \d/).click();
   await page.getByLabel(/^Why is it measured again/).fill("slipped");
   await button(page, "Measure again").click();
-  await page.getByText(/[0-9a-f]{12}-\d ended: completed/).waitFor({ timeout: 30_000 });
+  await page.getByText("smoke-1, a touch again ended: completed", { exact: false }).waitFor({ timeout: 30_000 });
   await page.keyboard.press("3");
   await page.getByRole("link", { name: "smoke-1" }).click();
   const [download] = await Promise.all([page.waitForEvent("download"), button(page, "Touches, CSV").click()]);
@@ -229,7 +262,10 @@ async function inVirtualTime() {
   await page.getByRole("group", { name: "Probe" }).getByText("tip at 30.000 mm").waitFor();
   await button(page, "Measure").click();
   await page.getByText(/^single sweep: \d/).waitFor({ timeout: 30_000 });
+  await button(page, "Show").click();
+  await page.locator(".console code").first().waitFor();
   await look(page, "rig");
+  await button(page, "Close").click();
   await page.keyboard.press("2");
   const file = { name: "wrong.toml", mimeType: "application/toml", buffer: Buffer.from('name = "wrong"\nsamples = ["9"]\n') };
   await page.getByLabel("Open a file…").setInputFiles(file);
@@ -268,8 +304,10 @@ try {
   const latencies = await atThePaceOfTheWall();
   await inVirtualTime();
   await afterARefusal();
-  const worst = Math.max(...latencies);
+  const [worst, best] = [Math.max(...latencies), Math.min(...latencies)];
   console.log(`state change to pixel: ${latencies.map((ms) => ms.toFixed(0)).join(", ")} ms; pictures: ${shots}`);
+  // One change may come while this computer is busy with other work; the page itself takes less.
+  assert.ok(best < 100, `the fastest change of state took ${best} ms to be seen`);
   assert.ok(worst < 1000, `a change of state took ${worst} ms to be seen`);
   assert.deepEqual(complaints, []);
   console.log("the page: every screen, no error on the console, no foreign request, no violation of axe");
@@ -282,6 +320,9 @@ try {
 } finally {
   await browser.close();
   // A daemon that stands still would not hear that it is to end.
+  const ended = children.map((child) => child.exitCode === null && child.signalCode === null ? new Promise((resolve) => child.once("exit", resolve)) : undefined);
   for (const child of children) for (const signal of ["SIGCONT", "SIGTERM"]) child.kill(signal);
+  // A daemon writes to its directory until it has ended.
+  await Promise.all(ended);
   rmSync(work, { recursive: true, force: true });
 }

@@ -11,6 +11,9 @@
 //! | `POST /api/v1/runs` | replays the loaded protocol, or the one in the body |
 //! | `GET /api/v1/runs`, `GET /api/v1/runs/{id}` | the runs; one run with its results |
 //! | `GET /api/v1/runs/{id}/plan`, `protocol` | its plan, step by step; its protocol as TOML |
+//! | `GET /api/v1/runs/{id}/changes` | what has changed since: rig file, software, devices |
+//! | `GET /api/v1/frames` | the last frames of each port |
+//! | `GET /api/v1/notes`, `PUT /api/v1/runs/{id}/note` | notes of people about runs |
 //! | `GET /api/v1/runs/{id}/sweeps/{number}` | one of its sweeps |
 //! | `GET /api/v1/runs/{id}/report` | its report as HTML |
 //! | `GET /api/v1/runs/{id}/export?format=csv` | its touches; `sweeps` or `jsonl` for the rest |
@@ -29,12 +32,15 @@
 //! for a handler.
 
 pub mod access;
+mod changes;
 mod events;
+mod frames;
 mod guard;
 mod index;
 mod limits;
 mod live;
 mod moves;
+mod notes;
 mod page;
 mod plan;
 mod problem;
@@ -54,7 +60,7 @@ use axum::{
     http::{Method, Uri},
     middleware::{Next, from_fn, from_fn_with_state},
     response::{IntoResponse, Response},
-    routing::{get, post},
+    routing::{get, post, put},
 };
 use futures_util::FutureExt;
 use rig_model::{panic_message, with_causes};
@@ -88,6 +94,8 @@ struct Inner {
     /// Held from the search for a key in the journal until the run that it belongs to has begun, so
     /// that asking twice at once begins one.
     keyed: Mutex<()>,
+    /// Held while a note is written.
+    noted: Mutex<()>,
     /// Ends the event streams, which would otherwise keep the server from ending.
     closing: CancellationToken,
 }
@@ -104,9 +112,10 @@ impl Shared {
         closing: CancellationToken,
     ) -> Self {
         let streams = Arc::new(Semaphore::new(events::STREAMS_MAX));
-        let keyed = Mutex::new(());
+        let (keyed, noted) = (Mutex::new(()), Mutex::new(()));
         let results = ResultsCache::default();
-        let inner = Inner { rig, facts, loaded, data, access, results, streams, keyed, closing };
+        let inner =
+            Inner { rig, facts, loaded, data, access, results, streams, keyed, noted, closing };
         Self { inner: Arc::new(inner) }
     }
 
@@ -151,6 +160,10 @@ pub fn router(shared: Shared) -> Router {
         .route("/sweeps/{id}", get(sweeps::show))
         .route("/runs", get(runs::list).post(runs::begin))
         .route("/runs/{id}", get(runs::show))
+        .route("/runs/{id}/changes", get(changes::show))
+        .route("/runs/{id}/note", put(notes::write))
+        .route("/notes", get(notes::list))
+        .route("/frames", get(frames::show))
         .route("/runs/{id}/plan", get(plan::of_run))
         .route("/runs/{id}/protocol", get(plan::protocol))
         .route("/runs/{id}/sweeps/{number}", get(plan::sweep))

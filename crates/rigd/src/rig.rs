@@ -40,6 +40,7 @@ use std::{
 
 use rig_engine::{Command, CommandRefusal, Snapshot};
 use rig_link::Clock;
+use rig_link::Transcript;
 use rig_model::{RigLimits, RigTime, SweepRequest, with_causes};
 use rig_protocol::{Action, Plan, Prompt};
 use rig_sim::SimHandle;
@@ -58,10 +59,11 @@ pub(crate) use log::unwritable;
 pub use open::{DeviceError, OpenError};
 pub use pace::{Pace, Remaining};
 pub use pulse::{Doing, Silence};
-pub(crate) use resume::Outcomes;
 pub use resume::ResumeRefusal;
+pub(crate) use resume::{Outcomes, changes_since};
 pub use rig_loop::RigLoop;
 pub(crate) use shell::{CLOCK_WAS_SET, HELD_UP};
+pub(crate) use space::free_bytes;
 pub use way_out::{WayOut, make_safe};
 
 use crate::{describe, loaded_rig::LoadedRig, protocol_file::LoadedProtocol};
@@ -104,6 +106,10 @@ pub struct Status {
     pub sweeps: u64,
     /// Identities of the devices.
     pub devices: Arc<[DeviceIdentity]>,
+    /// The files and the limits of the rig.
+    pub(crate) setting: Arc<Setting>,
+    /// The last frames of each port.
+    pub(crate) ports: Arc<[PortFrames]>,
     /// The sweep under way or the last one.
     pub live: Option<Arc<LiveSweep>>,
     /// Time of the last change of state, on the rig's clock.
@@ -517,9 +523,23 @@ impl RunView {
     }
 }
 
+/// The last frames of a port, which its owner goes on writing.
+#[derive(Debug, Clone)]
+pub(crate) struct PortFrames {
+    port: Arc<str>,
+    transcript: Transcript,
+}
+
+impl PortFrames {
+    /// A copy of what is there now. The owner of the port waits for the copy, which has a bounded size.
+    pub(crate) fn read(&self) -> rig_store::BlackBox {
+        record::frames(&self.port, &self.transcript)
+    }
+}
+
 /// Facts about the rig that the rig thread keeps beside its devices.
-#[derive(Debug)]
-struct Setting {
+#[derive(Debug, Clone)]
+pub(crate) struct Setting {
     limits: RigLimits,
     rig: rig_store::Source,
     scene: Option<rig_store::Source>,

@@ -321,3 +321,45 @@ async fn a_run_is_continued_amended_and_given_up_over_http() {
     assert_eq!(runs.as_array().unwrap().len(), 1);
     daemon.close().await;
 }
+
+#[tokio::test]
+async fn a_person_may_note_something_about_a_run_and_change_it() {
+    let daemon = Daemon::start().await;
+    let smoke = std::fs::read_to_string(
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/protocols/smoke.toml"),
+    );
+    let (status, begun) =
+        daemon.ask("POST", "runs", &json!({ "protocol_toml": smoke.unwrap() })).await;
+    assert_eq!(status, StatusCode::ACCEPTED);
+    let id = begun["id"].as_str().unwrap();
+    let path = format!("runs/{id}/note");
+    for note in [json!({ "note": "gel is 3 days old" }), json!({ "note": "", "is_starred": true })]
+    {
+        assert_eq!(daemon.ask("PUT", &path, &note).await.0, StatusCode::NO_CONTENT);
+        let (_, notes) = daemon.ask("GET", "notes", &Value::Null).await;
+        assert_eq!(notes[id]["note"], note["note"]);
+        assert_eq!(notes[id]["is_starred"], note.get("is_starred").is_some());
+    }
+    let long = json!({ "note": "a".repeat(2001) });
+    for bad in [&long, &json!({ "text": "" }), &json!([1])] {
+        assert_eq!(daemon.ask("PUT", &path, bad).await.0, StatusCode::BAD_REQUEST);
+    }
+    let other = path.replace(id, "01900000-0000-7000-8000-000000000000");
+    assert_eq!(daemon.ask("PUT", &other, &json!({})).await.0, StatusCode::NOT_FOUND);
+    assert_eq!(daemon.ask("PUT", &path, &json!({})).await.0, StatusCode::NO_CONTENT);
+    assert_eq!(daemon.ask("GET", "notes", &Value::Null).await.1, json!({}));
+    // The present rig is the rig of the run.
+    let (_, since) = daemon.ask("GET", &format!("runs/{id}/changes"), &Value::Null).await;
+    assert_eq!(since["changes"], json!([]));
+    assert!(since["free_bytes"].as_u64().unwrap() > 0);
+    // What went over the ports can be read.
+    let (_, frames) = daemon.ask("GET", "frames", &Value::Null).await;
+    let ports = frames["ports"].as_array().unwrap();
+    assert_eq!(ports.len(), 2);
+    for port in ports {
+        let frames = port["frames"].as_array().unwrap();
+        let is_sent = |wanted: bool| frames.iter().any(|frame| frame["is_sent"] == wanted);
+        assert!(is_sent(true) && is_sent(false), "{port}");
+    }
+    daemon.close().await;
+}

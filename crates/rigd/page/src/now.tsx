@@ -324,7 +324,11 @@ export function FaultCard({ view }: { view: View }) {
   const where = isClear ? "Clear of the sample." : rig.probe === "in contact"
     ? `In contact or close to it${model.sample ? `, sample ${model.sample}` : ""}: it was lowered, and nothing has shown it clear since.`
     : `Not known${model.sample ? `, perhaps still in sample ${model.sample}` : ""}.`;
-  const steps = fault.hint.split(/; (?=and |then |check )|(?<=\.) /);
+  // The words of the interface for programs, as the buttons of this page.
+  const hint = fault.hint
+    .replace(/POST \/api\/v1\/acknowledge(, which retracts the probe first)?/, isClear ? "acknowledge below" : "acknowledge below, which retracts the probe first")
+    .replace("POST /api/v1/stop", "Stop all");
+  const steps = hint.split(/; (?=and |then |check )|(?<=\.) /);
   const cause = fault.cause.charAt(0).toUpperCase() + fault.cause.slice(1);
   const [head, ...rest] = cause.split(": ");
   return (
@@ -336,7 +340,7 @@ export function FaultCard({ view }: { view: View }) {
           <dl>
             {rest.length > 0 && (head?.length ?? 0) < 60 && <><dt>What happened</dt><dd>{rest.join(": ")}</dd></>}
             <dt>Where the probe is</dt><dd><strong class={isClear ? "good-word" : "bad-word"}>{where}</strong> {at}</dd>
-            <dt>What to do</dt><dd>{steps.length > 1 ? <ol class="steps">{steps.map((step) => <li key={step}>{step}</li>)}</ol> : fault.hint}</dd>
+            <dt>What to do</dt><dd>{steps.length > 1 ? <ol class="steps">{steps.map((step) => <li key={step}>{step}</li>)}</ol> : hint}</dd>
           </dl>
           <div class="answer-bar fault-bar">
             <AskButton class="primary done" icon="up" send={() => post("acknowledge")} isDone={rig.state !== "latched"} disabled={view.link === "lost"}>{isClear ? "Acknowledge and prepare" : "Acknowledge and retract"}</AskButton>
@@ -361,14 +365,21 @@ export function FaultCard({ view }: { view: View }) {
   );
 }
 
-function FrameList({ frames, rig }: { frames: { port: string; frames: { rig_us: number; is_sent: boolean; hex: string }[] }[]; rig: Rig }) {
+/** The bytes as text where all of them are letters and signs, such as SCPI; else in hexadecimal. */
+export function legible(hex: string): string {
+  const bytes = (hex.match(/../g) ?? []).map((byte) => parseInt(byte, 16));
+  const isText = bytes.length > 0 && bytes.every((byte) => (byte >= 32 && byte < 127) || byte === 10 || byte === 13);
+  return isText ? bytes.map((byte) => (byte === 10 ? "␊" : byte === 13 ? "␍" : String.fromCharCode(byte))).join("") : hex.replace(/(..)/g, "$1 ").trim();
+}
+
+export function FrameList({ frames, rig, title = "The last frames on the ports", isOpen = false }: { frames: { port: string; frames: { rig_us: number; is_sent: boolean; hex: string }[] }[]; rig: Rig; title?: string; isOpen?: boolean }) {
   const count = frames.reduce((sum, port) => sum + port.frames.length, 0);
   return (
-    <details class="frames">
-      <summary>The last frames on the ports <span class="soft">({count})</span></summary>
+    <details class="frames" open={isOpen}>
+      <summary>{title} <span class="soft">({count})</span></summary>
       {frames.map(({ port, frames: list }) => (
         <div key={port}><h3>{port}</h3>
-          <ol>{list.slice(-40).map((frame) => <li key={`${frame.rig_us}${frame.hex}`}><time>{clock(wallMs(rig, frame.rig_us / 1e6))}.{String(Math.floor((frame.rig_us / 1000) % 1000)).padStart(3, "0")}</time> <span aria-label={frame.is_sent ? "sent" : "received"}>{frame.is_sent ? "→" : "←"}</span> <code>{frame.hex.replace(/(..)/g, "$1 ").trim()}</code></li>)}</ol></div>
+          <ol tabIndex={0} aria-label={`Frames on ${port}`}>{list.slice(-40).map((frame) => <li key={`${frame.rig_us}${frame.hex}`}><time>{clock(wallMs(rig, frame.rig_us / 1e6))}.{String(Math.floor((frame.rig_us / 1000) % 1000)).padStart(3, "0")}</time> <span aria-label={frame.is_sent ? "sent" : "received"}>{frame.is_sent ? "→" : "←"}</span> <code>{legible(frame.hex)}</code></li>)}</ol></div>
       ))}
     </details>
   );

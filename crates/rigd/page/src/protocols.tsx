@@ -5,11 +5,11 @@ import { differences, type Change } from "./changes.ts";
 import { BenchDrawing, Timeline } from "./drawings.tsx";
 import { Icon } from "./icons.tsx";
 import { AskButton } from "./shell.tsx";
-import { get, operator, post, Refused, setOperator, text, type Body, type View } from "./store.ts";
-import type { Plan, Problem, Rig, RunEntry } from "./wire.ts";
+import { get, noted, operator, post, Refused, setOperator, text, type Body, type View } from "./store.ts";
+import type { Plan, Problem, Rig, RunEntry, Since } from "./wire.ts";
 
 /** A protocol that can be chosen: the one rigd was started with, one of an earlier run, or a file. */
-interface Choice { key: string; title: string; from: string; toml: string | undefined; last: RunEntry | undefined }
+interface Choice { key: string; title: string; from: string; toml: string | undefined; last: RunEntry | undefined; good?: RunEntry | undefined }
 
 type Checked = { plan: Plan } | { problem: Problem };
 
@@ -62,17 +62,21 @@ async function load(): Promise<Choice[]> {
     post<Plan>("protocols/check").catch(() => undefined),
   ]);
   const last = new Map<string, RunEntry>();
-  for (const run of [...runs].sort((a, b) => a.started_at.localeCompare(b.started_at))) last.set(run.protocol, run);
+  const good = new Map<string, RunEntry>();
+  for (const run of [...runs].sort((a, b) => a.started_at.localeCompare(b.started_at))) {
+    last.set(run.protocol, run);
+    if (run.status === "completed") good.set(run.protocol, run);
+  }
   const choices: Choice[] = [];
   if (loaded) {
-    choices.push({ key: "loaded", title: loaded.protocol, from: "rigd was started with it", toml: undefined, last: last.get(loaded.protocol) });
+    choices.push({ key: "loaded", title: loaded.protocol, from: "rigd was started with it", toml: undefined, last: last.get(loaded.protocol), good: good.get(loaded.protocol) });
     last.delete(loaded.protocol);
   }
   const others = [...last.values()].reverse().slice(0, 12);
   const tomls = await Promise.all(others.map((run) => text(`runs/${run.id}/protocol`).catch(() => undefined)));
   others.forEach((run, i) => {
     const toml = tomls[i];
-    if (toml !== undefined) choices.push({ key: `run ${run.id}`, title: run.protocol, from: "as it was run last", toml, last: run });
+    if (toml !== undefined) choices.push({ key: `run ${run.id}`, title: run.protocol, from: "as it was run last", toml, last: run, good: good.get(run.protocol) });
   });
   return choices;
 }
@@ -80,6 +84,7 @@ async function load(): Promise<Choice[]> {
 function Check({ choice, view }: { choice: Choice; view: View }) {
   const [checked, set] = useState<Checked>();
   const [changes, setChanges] = useState<Change[]>([]);
+  const [since, setSince] = useState<Since>();
   useEffect(() => {
     post<Plan>("protocols/check", bodyOf(choice)).then(
       (plan) => { if (plan) set({ plan }); },
@@ -88,16 +93,17 @@ function Check({ choice, view }: { choice: Choice; view: View }) {
   }, []);
   const plan = checked && "plan" in checked ? checked.plan : undefined;
   useEffect(() => {
-    if (!plan || !choice.last) return;
-    text(`runs/${choice.last.id}/protocol`).then((before) => setChanges(differences(before, plan.protocol_toml)), () => undefined);
+    if (!plan || !choice.good) return;
+    get<Since>(`runs/${choice.good.id}/changes`).then(setSince, () => undefined);
+    text(`runs/${choice.good.id}/protocol`).then((before) => setChanges(differences(before, plan.protocol_toml)), () => undefined);
   }, [plan]);
   const rig = view.model.rig as Rig;
   if (!checked) return <section class="card" aria-label="Check"><p class="soft">rigd is checking {choice.title}…</p></section>;
   if ("problem" in checked) return <Faults title={choice.title} problem={checked.problem} />;
   return (
     <>
-      <CheckedPlan plan={checked.plan} rig={rig} last={choice.last} changes={changes} />
-      <Start choice={choice} plan={checked.plan} view={view} />
+      <CheckedPlan plan={checked.plan} rig={rig} good={choice.good} changes={changes} since={since} />
+      <Start choice={choice} plan={checked.plan} view={view} freeBytes={since?.free_bytes} />
     </>
   );
 }
@@ -115,7 +121,7 @@ function Faults({ title, problem }: { title: string; problem: Problem }) {
   );
 }
 
-function CheckedPlan({ plan, rig, last, changes }: { plan: Plan; rig: Rig; last: RunEntry | undefined; changes: Change[] }) {
+function CheckedPlan({ plan, rig, good, changes, since }: { plan: Plan; rig: Rig; good: RunEntry | undefined; changes: Change[]; since: Since | undefined }) {
   const persons_s = rig.is_simulated ? 0 : plan.prompts * ANSWER_S;
   const [least, most] = [plan.duration_s * 0.7, plan.duration_s * 1.3 + persons_s];
   const sensor = { depth: undefined, isUnknown: false, isClear: true, sample: plan.samples[0] };
@@ -142,9 +148,12 @@ function CheckedPlan({ plan, rig, last, changes }: { plan: Plan; rig: Rig; last:
         <Extreme title="Depth" span={[0, plan.indentation_mm]} limits={[0, plan.max_indentation_mm]} unit="mm" />
       </div>
       <div class="extremes drawn">{poses.map((pose) => <figure key={pose.title}><figcaption class="soft">{pose.title}: {fixed(pose.linear_mm, 3)} mm, {degrees(pose.rotary_deg)}</figcaption><BenchDrawing limits={rig.limits} pose={{ ...sensor, linear_mm: pose.linear_mm, rotary_deg: pose.rotary_deg }} isPlain /></figure>)}</div>
-      <h3>{last ? `Changed in the protocol since ${last.name}` : "First run of this protocol here"}</h3>
-      {last && (changes.length === 0 ? <p class="soft">Nothing.</p> : (
-        <table class="changes"><tbody>{changes.map((c) => <tr key={c.key}><th scope="row"><code>{c.key}</code></th><td>{c.before ?? "not there"} → <strong>{c.now ?? "gone"}</strong></td></tr>)}</tbody></table>
+      <h3>{good ? `Changed since ${good.name}, the last complete run` : "No complete run of this protocol here yet"}</h3>
+      {good && (changes.length === 0 && !since?.changes.length ? <p class="soft">{since ? "Nothing: protocol, rig file, software and devices are the same." : "Nothing in the protocol."}</p> : (
+        <table class="changes"><tbody>
+          {changes.map((c) => <tr key={c.key}><th scope="row"><code>{c.key}</code></th><td>{c.before ?? "not there"} → <strong>{c.now ?? "gone"}</strong></td></tr>)}
+          {since?.changes.map((c) => <tr key={c.what}><th scope="row">{c.what}</th><td>{c.was === c.is ? <strong>another text, also named {c.is}</strong> : <>{c.was} → <strong>{c.is}</strong></>}</td></tr>)}
+        </tbody></table>
       ))}
     </section>
   );
@@ -163,9 +172,13 @@ function Extreme({ title, span: [from, to], limits: [min, max], unit }: { title:
   );
 }
 
-interface Check1 { text: string; isFine: boolean }
+interface Check1 { text: string; isFine: boolean; isAdvice?: boolean }
 
-function Start({ choice, plan, view }: { choice: Choice; plan: Plan; view: View }) {
+/** Below this a person should look for room, bytes; rigd itself refuses a run that does not fit. */
+const LOW_BYTES = 1e9;
+
+function Start({ choice, plan, view, freeBytes }: { choice: Choice; plan: Plan; view: View; freeBytes: number | undefined }) {
+  const [note, setNote] = useState("");
   const rig = view.model.rig as Rig;
   const [name, setName] = useState(operator());
   // One key for each intention to start: pressing twice begins one run.
@@ -175,14 +188,17 @@ function Start({ choice, plan, view }: { choice: Choice; plan: Plan; view: View 
     { text: `The probe is ${rig.probe}${rig.linear_mm === undefined ? "" : `, ${fixed(rig.linear_mm, 3)} mm`}`, isFine: rig.probe === "clear" },
     { text: `${rig.devices.length} devices answer: ${rig.devices.map((d) => d.role).join(", ")}`, isFine: rig.devices.length >= 3 },
     { text: rig.journal_error === undefined ? "The journal can be written" : `The journal: ${rig.journal_error}`, isFine: rig.journal_error === undefined },
+    ...(freeBytes === undefined ? [] : [{ text: `${fixed(freeBytes / 1e9, 1)} GB are free on the disk`, isFine: freeBytes > LOW_BYTES, isAdvice: true }]),
   ];
-  const bad = checks.find((check) => !check.isFine);
+  const bad = checks.find((check) => !check.isFine && !check.isAdvice);
   const first = plan.steps[0];
-  const start = () => post("runs", bodyOf(choice), key).then(() => { setKey(crypto.randomUUID?.() ?? `${Date.now()}-${Math.random()}`); location.hash = "#/now"; });
+  const start = () => post<{ id: string }>("runs", bodyOf(choice), key).then((begun) => {
+    if (begun && note.trim()) void noted(begun.id, { note: note.trim(), is_starred: false }).catch(() => undefined); setKey(crypto.randomUUID?.() ?? `${Date.now()}-${Math.random()}`); location.hash = "#/now"; });
   return (
     <section class="card start-card" aria-label="Start">
       <h2>At the bench</h2>
       <label>Operator, for the record<input value={name} maxLength={64} placeholder="your name" onInput={(event) => { setName(event.currentTarget.value); setOperator(event.currentTarget.value); }} /></label>
+      <label>Note about this run<input value={note} maxLength={2000} placeholder="may stay empty" onInput={(event) => setNote(event.currentTarget.value)} /></label>
       <h3>Before you press start</h3>
       <ul class="checks">{checks.map((check) => <li key={check.text} class={check.isFine ? "good-word" : "bad-word"}><Icon name={check.isFine ? "check" : "alert"} size={18} /><span>{check.text}</span></li>)}</ul>
       <AskButton class="primary done" icon="play" send={start} isDone={rig.run !== undefined} disabled={bad !== undefined || view.link === "lost"} why={bad?.text}>Start {plan.protocol}</AskButton>

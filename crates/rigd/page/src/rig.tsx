@@ -1,11 +1,11 @@
 // The rig: who its devices are, moves by hand, a single sweep, and what happened.
-import { useState } from "preact/hooks";
+import { useEffect, useState } from "preact/hooks";
 import { clock, fixed } from "./format.ts";
 import { Bench } from "./drawings.tsx";
-import { wallMs, SweepCard } from "./now.tsx";
+import { FrameList, SweepCard, wallMs } from "./now.tsx";
 import { AskButton, Said } from "./shell.tsx";
-import { post, useAsking, type View } from "./store.ts";
-import type { AxisLimits, Rig } from "./wire.ts";
+import { get, post, useAsking, type View } from "./store.ts";
+import type { AxisLimits, Frames, Rig } from "./wire.ts";
 
 export function RigPage({ view }: { view: View }) {
   const { model } = view;
@@ -42,7 +42,30 @@ export function RigPage({ view }: { view: View }) {
       </section>
       <SweepForm off={off} />
       <SweepCard model={model} />
+      <Console rig={rig} />
     </main>
+  );
+}
+
+/** How often the frames are read while the console is open, ms. */
+const CONSOLE_MS = 1000;
+
+/** What goes over the ports, to be read only. */
+function Console({ rig }: { rig: Rig }) {
+  const [isOpen, setOpen] = useState(false);
+  const [found, set] = useState<Frames>();
+  useEffect(() => {
+    if (!isOpen) return;
+    const read = () => { if (!document.hidden) get<Frames>("frames").then(set, () => undefined); };
+    read();
+    const timer = setInterval(read, CONSOLE_MS);
+    return () => clearInterval(timer);
+  }, [isOpen]);
+  return (
+    <section class="card console" aria-label="Console">
+      <div class="row"><h2>Console: what goes over the ports, read only</h2><button type="button" aria-expanded={isOpen} onClick={() => setOpen(!isOpen)}>{isOpen ? "Close" : "Show"}</button></div>
+      {isOpen && (found ? found.ports.map((port) => <FrameList key={port.port} frames={[port]} rig={rig} title={port.port} isOpen />) : <p class="soft">Reading…</p>)}
+    </section>
   );
 }
 

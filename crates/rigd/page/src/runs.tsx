@@ -7,9 +7,10 @@ import { touchOfRow, type LiveSweep } from "./model.ts";
 import { Legend } from "./now.tsx";
 import { Amend } from "./refused.tsx";
 import { NarrowingPlot, SweepPlots } from "./plots.tsx";
+import { Compare } from "./compare.tsx";
 import { AskButton, Confirm } from "./shell.tsx";
-import { get, hasToken, open, post, reasonOf, Refused, type Body, type View } from "./store.ts";
-import type { Direction, RunDetail, RunEntry, Sweep, TouchRow } from "./wire.ts";
+import { get, hasToken, noted, open, post, reasonOf, Refused, type Body, type View } from "./store.ts";
+import type { Direction, Note, Notes, RunDetail, RunEntry, Sweep, TouchRow } from "./wire.ts";
 
 /** What a run found that cannot be continued is asked for once. */
 const known = new Map<string, RunDetail>();
@@ -31,10 +32,14 @@ export function Runs({ view }: { view: View }) {
   const [details, setDetails] = useState<Map<string, RunDetail>>(new Map());
   const [wanted, setWanted] = useState("");
   const [count, setCount] = useState(PAGE);
+  const [notes, setNotes] = useNotes();
+  const [picked, setPicked] = useState<string[]>([]);
+  const pick = (id: string) => setPicked((old) => (old.includes(id) ? old.filter((one) => one !== id) : [...old, id].slice(-2)));
+  const pair = picked.map((id) => details.get(id)).filter((detail) => detail !== undefined).sort((a, b) => a.started_at.localeCompare(b.started_at));
   const status = view.model.run?.status;
   const id = view.model.run?.id;
   useEffect(() => { get<RunEntry[]>("runs").then((all) => setRuns([...all].sort((a, b) => b.started_at.localeCompare(a.started_at))), () => undefined); }, [status, id]);
-  const shown = (runs ?? []).filter((run) => `${run.name} ${run.protocol} ${ending(run.status)} ${day(run.started_at)}`.toLowerCase().includes(wanted.toLowerCase()));
+  const shown = (runs ?? []).filter((run) => `${run.name} ${run.protocol} ${ending(run.status)} ${day(run.started_at)} ${notes[run.id]?.note ?? ""} ${notes[run.id]?.is_starred ? "starred" : ""}`.toLowerCase().includes(wanted.toLowerCase()));
   const page = shown.slice(0, count);
   useEffect(() => {
     let isOver = false;
@@ -50,13 +55,14 @@ export function Runs({ view }: { view: View }) {
   }, [runs, wanted, count]);
   return (
     <main class="runs" id="main">
+      {pair[0] && pair[1] && <Compare a={pair[0]} b={pair[1]} onClose={() => setPicked([])} />}
       <section class="card" aria-label="Runs">
-        <div class="row find"><label class="hidden" for="find">Find a run</label><input id="find" type="search" placeholder="Find: name, protocol, end, day" value={wanted} onInput={(event) => setWanted(event.currentTarget.value)} /><span class="soft">{runs ? runs.length === 1 ? "1 run" : `${runs.length} runs` : "reading…"}</span></div>
+        <div class="row find"><label class="hidden" for="find">Find a run</label><input id="find" type="search" placeholder="Find: name, day, end, note, starred" value={wanted} onInput={(event) => setWanted(event.currentTarget.value)} /><span class="soft">{runs ? runs.length === 1 ? "1 run" : `${runs.length} runs` : "reading…"}</span></div>
         {runs?.length === 0 && <p>No runs yet. <a href="#/protocols">Start with smoke, about 5 minutes.</a></p>}
         {page.length > 0 && (
           <div class="scroll"><table class="run-list">
-            <thead><tr><th scope="col">run</th><th scope="col">shift by angle</th><th scope="col">end</th><th scope="col">measured</th><th scope="col">took</th></tr></thead>
-            <tbody>{page.map((run) => <RunRow key={run.id} run={run} detail={details.get(run.id)} />)}</tbody>
+            <thead><tr><th scope="col">run</th><th scope="col">shift by angle</th><th scope="col">end</th><th scope="col">measured</th><th scope="col">took</th><th scope="col">compare</th></tr></thead>
+            <tbody>{page.map((run) => <RunRow key={run.id} run={run} detail={details.get(run.id)} note={notes[run.id]} onNote={(note) => setNotes(run.id, note)} isPicked={picked.includes(run.id)} onPick={() => pick(run.id)} />)}</tbody>
           </table></div>
         )}
         {shown.length > count && <button type="button" onClick={() => setCount(count + PAGE)}>Show {Math.min(PAGE, shown.length - count)} more</button>}
@@ -65,16 +71,50 @@ export function Runs({ view }: { view: View }) {
   );
 }
 
-function RunRow({ run, detail }: { run: RunEntry; detail: RunDetail | undefined }) {
+const NO_NOTE: Note = { note: "", is_starred: false };
+
+/** The notes about runs, and how one is written. The page shows what rigd has. */
+function useNotes(): [Notes, (id: string, note: Note) => Promise<void>] {
+  const [notes, set] = useState<Notes>({});
+  const load = () => get<Notes>("notes").then(set, () => undefined);
+  useEffect(() => void load(), []);
+  return [notes, (id, note) => noted(id, note).then(load)];
+}
+
+function Star({ name, note, onNote }: { name: string; note: Note; onNote: (note: Note) => Promise<void> }) {
+  const { is_starred } = note;
+  return <button type="button" class={`star${is_starred ? " on" : ""}`} aria-pressed={is_starred} aria-label={`Star ${name}`} onClick={() => void onNote({ ...note, is_starred: !is_starred })}>{is_starred ? "★" : "☆"}</button>;
+}
+
+/** A note of a person, kept when the field is left. */
+function NoteField({ note, onNote }: { note: Note; onNote: (note: Note) => Promise<void> }) {
+  const [text, setText] = useState<string>();
+  const [said, setSaid] = useState("");
+  const keep = () => {
+    if (text === undefined || text === note.note) return;
+    setSaid("asked…");
+    onNote({ ...note, note: text }).then(() => setSaid("kept"), (error: unknown) => setSaid(reasonOf(error)));
+  };
+  return (
+    <p class="note-field"><label for="note">Note, kept beside the journal</label>
+      <textarea id="note" rows={1} maxLength={2000} value={text ?? note.note} onInput={(event) => setText(event.currentTarget.value)} onBlur={keep} />
+      <span class="said" role="status">{said}</span></p>
+  );
+}
+
+interface RowProps { run: RunEntry; detail: RunDetail | undefined; note: Note | undefined; onNote: (note: Note) => Promise<void>; isPicked: boolean; onPick: () => void }
+
+function RunRow({ run, detail, note = NO_NOTE, onNote, isPicked, onPick }: RowProps) {
   const results = detail?.results;
   return (
     <tr>
-      <th scope="row"><a href={`#/runs/${run.id}`}>{run.name}</a><br /><span class="soft">{day(run.started_at)}</span></th>
+      <th scope="row"><a href={`#/runs/${run.id}`}>{run.name}</a><Star name={run.name} note={note} onNote={onNote} /><br /><span class="soft">{day(run.started_at)}</span>{note.note && <><br /><span class="note-text">{note.note}</span></>}</th>
       <td>{results && <Thumbnail rows={results.touch_results} />}</td>
       <td><EndChip status={run.status} /></td>
       <td>{results && <><Share measured={results.touches_measured} refused={results.touches_refused} planned={results.touches_planned} />
         {results.touches_measured} of {results.touches_planned}{results.touches_refused > 0 && <span class="refused-word">, ✕ {results.touches_refused}</span>}</>}</td>
       <td>{results && duration(results.rig_seconds)}</td>
+      <td><input type="checkbox" checked={isPicked} disabled={!detail} aria-label={`Compare ${run.name}`} onChange={onPick} /></td>
     </tr>
   );
 }
@@ -115,6 +155,8 @@ export function RunPage({ id, view }: { id: string; view: View }) {
   const [opened, openTouch] = useState<TouchRow>();
   const [isGivenUp, setGivenUp] = useState(false);
   const [amended, setAmended] = useState(0);
+  const [notes, setNotes] = useNotes();
+  const note = notes[id] ?? NO_NOTE;
   const made = model.run?.id === id ? [...model.run.touches.values()].filter((t) => t.status !== "not_reached").length : 0;
   useEffect(() => { get<RunDetail>(`runs/${id}`).then(set, (e: unknown) => setError(reasonOf(e))); }, [id, made, model.run?.status, isGivenUp, amended]);
   if (error !== undefined) return <main id="main"><section class="card"><p role="alert">{error}</p><p><a href="#/runs">All runs</a></p></section></main>;
@@ -128,10 +170,11 @@ export function RunPage({ id, view }: { id: string; view: View }) {
   return (
     <main class="run-page" id="main">
       <div class="row head">
-        <div><h2 class="title">{detail.name} <EndChip status={detail.status} /></h2>
+        <div><h2 class="title">{detail.name}<Star name={detail.name} note={note} onNote={(next) => setNotes(id, next)} /> <EndChip status={detail.status} /></h2>
           <p class="soft">{day(detail.started_at)}{detail.finished_at ? ` to ${day(detail.finished_at)}` : ""} · {detail.protocol} · {duration(results.rig_seconds)} of rig · {results.prompts} prompts answered{results.no_load_hz != null ? ` · free resonance ${fixed(results.no_load_hz, 3)} Hz` : ""}</p></div>
         <Downloads id={id} name={detail.name} />
       </div>
+      <NoteField key={id} note={note} onNote={(next) => setNotes(id, next)} />
       {detail.is_resumable && <Continue detail={detail} view={view} onGivenUp={() => setGivenUp(true)} />}
       <section class="card wide" aria-label="Stiffness">
         <h2>Stiffness (Young's modulus) from shift by the model, ± σ with that of the calibration</h2>

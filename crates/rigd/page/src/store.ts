@@ -3,7 +3,7 @@
 import { useEffect, useState } from "preact/hooks";
 import { Parser, type Message } from "./sse.ts";
 import { empty, withEvent, withLive, withPlan, withRig, type Model } from "./model.ts";
-import type { Event, LiveNews, Plan, Problem, Rig, RunDetail } from "./wire.ts";
+import type { Event, LiveNews, Note, Plan, Problem, Rig, RunDetail } from "./wire.ts";
 
 /** Without a word for so long, the link is late, and then lost, ms. rigd speaks once a second. */
 const LATE_MS = 2000;
@@ -198,6 +198,9 @@ export async function open(path: string, name: string): Promise<void> {
 }
 
 export interface Body { type: "application/json" | "application/toml"; text: string }
+
+export const noted = (id: string, note: Note) =>
+  ask(`runs/${id}/note`, { method: "PUT", headers: headers({ "Content-Type": "application/json" }), body: JSON.stringify(note) });
 
 export async function post<T = unknown>(path: string, body?: Body, key?: string): Promise<T | undefined> {
   const more: Record<string, string> = {

@@ -214,6 +214,16 @@ export interface RunDetail extends RunEntry {
   };
 }
 
+/** The last frames of each port. */
+export interface Frames { ports: { port: string; frames: Frame[] }[] }
+
+/** A note of a person about a run; by the id of the run. */
+export interface Note { note: string; is_starred: boolean }
+export type Notes = Record<string, Note>;
+
+/** What has changed since a run. */
+export interface Since { changes: { what: string; was: string; is: string }[]; free_bytes?: number }
+
 export interface Problem {
   title: string;
   status: number;

@@ -368,12 +368,22 @@ pub(super) fn begun(run: RunId) -> Response {
         .into_response()
 }
 
+/// The name of a run; of an amendment, that of the run whose touch is measured again.
+fn name(reader: &Reader, run: &Run) -> String {
+    let amended = || reader.run(run.name.parse().ok()?).ok();
+    match run.kind {
+        RunKind::Amendment => amended()
+            .map_or_else(|| run.short_name(), |of| format!("{}, a touch again", of.short_name())),
+        _ => run.short_name(),
+    }
+}
+
 impl RunView {
     fn new(reader: &Reader, run: Run) -> Self {
         Self {
             is_simulated: reader.is_simulated(run.id),
             is_resumable: run.is_resumable(),
-            name: run.short_name(),
+            name: name(reader, &run),
             id: run.id.to_string(),
             protocol: run.name,
             status: run.status.name(),

@@ -382,6 +382,11 @@ fn touch_settings(step: &StepId, touch: &Touch, samples: &[String]) -> store::To
 
 /// The last frames of a port, as they are now.
 pub(super) fn black_box(port: &str, transcript: &Transcript) -> Record {
+    Record::BlackBox(frames(port, transcript))
+}
+
+/// The last frames of a port.
+pub(super) fn frames(port: &str, transcript: &Transcript) -> store::BlackBox {
     let frame = |frame: Frame| store::Frame {
         rig_us: frame.at.as_micros(),
         is_sent: frame.flow == Flow::Sent,
@@ -392,7 +397,7 @@ pub(super) fn black_box(port: &str, transcript: &Transcript) -> Record {
         }),
     };
     let frames = transcript.frames().into_iter().map(frame).collect();
-    Record::BlackBox(store::BlackBox { port: port.to_owned(), frames })
+    store::BlackBox { port: port.to_owned(), frames }
 }
 
 const fn moved(axis: store::Axis, target: f64, read_back: f64, is_clear: bool) -> Record {

@@ -229,6 +229,20 @@ pub(super) fn started(records: &[StoredRecord]) -> Result<Option<RunStarted>, St
     }
 }
 
+/// Differences between a run and the present rig; none if the beginning of the run is missing.
+///
+/// # Errors
+/// [`StoreError`] if a record cannot be understood.
+pub(crate) fn changes_since(
+    records: &[StoredRecord],
+    setting: &Setting,
+) -> Result<Vec<Change>, StoreError> {
+    match started(records)? {
+        Some(started) => changes(records, &started, setting),
+        None => Ok(Vec::new()),
+    }
+}
+
 /// Differences between the last part of a run and now.
 fn changes(
     records: &[StoredRecord],

@@ -18,7 +18,7 @@ use rustix::time::{ClockId, clock_gettime};
 use tokio::sync::{mpsc, oneshot, watch};
 
 use super::{
-    OpenError, Request, Setting, Status,
+    OpenError, PortFrames, Request, Setting, Status,
     gate::Gate,
     heartbeat::{BEAT, Heartbeat, Noticed},
     log::Log,
@@ -104,8 +104,9 @@ impl Shell {
         let pulse = Arc::new(Pulse::default());
         let log = Log::open(store, setting.rig.name.clone(), clock, &pulse).map_err(data_error)?;
         let engine = Engine::with_patience(setting.limits, patience);
-        let devices = Arc::clone(&setting.devices);
-        let (view, watcher) = View::new(engine.snapshot(), clock.now(), &log, devices);
+        let ports = black_boxes.clone().map(|(port, transcript)| PortFrames { port, transcript });
+        let ports = Arc::new(ports) as Arc<[PortFrames]>;
+        let (view, watcher) = View::new(engine.snapshot(), clock.now(), &log, &setting, ports);
         let mut shell = Self {
             engine,
             setting,

@@ -12,8 +12,13 @@ const RESERVE_BYTES: u64 = 100 << 20;
 /// size must be free: the expectation is not a limit. A file system that does not report its free
 /// space is accepted, and so is a journal in memory, which has no directory.
 pub(super) fn check(data: Option<&Path>, run_bytes: u64) -> Result<(), RequestRefusal> {
-    let Some(Ok(system)) = data.map(rustix::fs::statvfs) else { return Ok(()) };
-    admit(system.f_bavail.saturating_mul(system.f_frsize), run_bytes)
+    data.and_then(free_bytes).map_or(Ok(()), |free_bytes| admit(free_bytes, run_bytes))
+}
+
+/// Free space of the file system of a directory, bytes; none if the system does not say.
+pub(crate) fn free_bytes(data: &Path) -> Option<u64> {
+    let system = rustix::fs::statvfs(data).ok()?;
+    Some(system.f_bavail.saturating_mul(system.f_frsize))
 }
 
 fn admit(free_bytes: u64, run_bytes: u64) -> Result<(), RequestRefusal> {

@@ -6,7 +6,7 @@ use rig_engine::{Event, Fault, RigState, RunStatus, Snapshot, SweepPurpose};
 use rig_model::{Clearance, Mm, Position, RigTime};
 use tokio::sync::watch;
 
-use super::{DeviceIdentity, RunView, Status, live::LiveSweep, log::Log};
+use super::{PortFrames, RunView, Setting, Status, live::LiveSweep, log::Log};
 
 /// The status at the end of each step, and those who watch it.
 pub(super) struct View {
@@ -19,7 +19,8 @@ impl View {
         snapshot: Snapshot,
         now: RigTime,
         log: &Log,
-        devices: Arc<[DeviceIdentity]>,
+        setting: &Setting,
+        ports: Arc<[PortFrames]>,
     ) -> (Self, watch::Receiver<Status>) {
         let status = Status {
             snapshot,
@@ -29,7 +30,9 @@ impl View {
             session: log.session(),
             sweep: None,
             sweeps: 0,
-            devices,
+            devices: Arc::clone(&setting.devices),
+            setting: Arc::new(setting.clone()),
+            ports,
             live: None,
             state_since: now,
             first_event: 0,

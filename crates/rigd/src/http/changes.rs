@@ -1,0 +1,35 @@
+//! What has changed since a run, for a person who is about to start its protocol again.
+
+use axum::{
+    Json,
+    extract::{Path, State},
+};
+use rig_store::{Change, RunId};
+use serde::Serialize;
+
+use super::{Problem, Shared};
+use crate::rig;
+
+/// The present setting beside that of a run.
+#[derive(Debug, Serialize)]
+pub(super) struct ChangesView {
+    /// Rig file, scene file, software and devices, where they are others than in the run.
+    changes: Vec<Change>,
+    /// Free space of the data directory, bytes; none if the system does not say.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    free_bytes: Option<u64>,
+}
+
+pub(super) async fn show(
+    State(shared): State<Shared>,
+    Path(id): Path<String>,
+) -> Result<Json<ChangesView>, Problem> {
+    let id: RunId = id.parse()?;
+    let setting = shared.inner.rig.status().borrow().setting.clone();
+    let free_bytes = rig::free_bytes(&shared.inner.data);
+    let changes = shared.read(move |reader| {
+        reader.run(id)?;
+        Ok(rig::changes_since(&reader.records(id)?, &setting)?)
+    });
+    Ok(Json(ChangesView { changes: changes.await?, free_bytes }))
+}

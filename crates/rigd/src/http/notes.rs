@@ -1,0 +1,91 @@
+//! Notes of people about runs. They are not in the journal: a person may change them at any time.
+
+use std::{
+    collections::BTreeMap,
+    fs, io,
+    path::{Path, PathBuf},
+};
+
+use axum::{
+    Json,
+    body::Bytes,
+    extract::{Path as UrlPath, State},
+    http::StatusCode,
+};
+use rig_store::RunId;
+use serde::{Deserialize, Serialize};
+
+use super::{Problem, Shared};
+
+const FILE: &str = "notes.json";
+/// Longer texts belong into a document of their own, characters.
+const LENGTH_MAX: usize = 2000;
+
+/// A note about a run.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Note {
+    /// The text; empty for none.
+    note: String,
+    /// A person marked the run.
+    is_starred: bool,
+}
+
+/// The notes by the id of their run.
+type Notes = BTreeMap<String, Note>;
+
+pub(super) async fn list(State(shared): State<Shared>) -> Result<Json<Notes>, Problem> {
+    let path = shared.inner.data.join(FILE);
+    shared.read(move |_| read(&path)).await.map(Json)
+}
+
+pub(super) async fn write(
+    State(shared): State<Shared>,
+    UrlPath(id): UrlPath<String>,
+    body: Bytes,
+) -> Result<StatusCode, Problem> {
+    let id: RunId = id.parse()?;
+    let note: Note =
+        serde_json::from_slice(&body).map_err(|error| Problem::bad_request(error.to_string()))?;
+    if note.note.chars().count() > LENGTH_MAX {
+        return Err(Problem::bad_request(format!("a note has at most {LENGTH_MAX} characters")));
+    }
+    let data = shared.inner.data.clone();
+    // One writer at a time: each writes the whole file.
+    let _turn = shared.inner.noted.lock().await;
+    shared
+        .read(move |reader| {
+            reader.run(id)?;
+            let path = data.join(FILE);
+            let mut notes = read(&path)?;
+            if note == Note::default() {
+                notes.remove(&id.to_string());
+            } else {
+                notes.insert(id.to_string(), note);
+            }
+            replace(&path, &notes).map_err(|error| failed(&path, &error))
+        })
+        .await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+fn read(path: &Path) -> Result<Notes, Problem> {
+    match fs::read(path) {
+        Ok(text) => serde_json::from_slice(&text).map_err(|error| failed(path, &error.into())),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Notes::new()),
+        Err(error) => Err(failed(path, &error)),
+    }
+}
+
+/// Writes the file beside its place first, so that it is never half written.
+fn replace(path: &Path, notes: &Notes) -> io::Result<()> {
+    let beside = PathBuf::from(format!("{}.new", path.display()));
+    fs::write(&beside, serde_json::to_vec_pretty(notes)?)?;
+    fs::File::open(&beside)?.sync_all()?;
+    fs::rename(beside, path)
+}
+
+fn failed(path: &Path, error: &io::Error) -> Problem {
+    tracing::warn!(%error, path = %path.display(), "the notes cannot be read or written");
+    Problem::of(StatusCode::INTERNAL_SERVER_ERROR, format!("{FILE}: {error}"))
+}
