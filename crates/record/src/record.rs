@@ -11,6 +11,7 @@ mod start;
 mod sweep;
 mod touch;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use motion::{
@@ -145,7 +146,7 @@ pub struct Fault {
 }
 
 /// The last frames on a port.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct BlackBox {
     /// Name of the port in the rig file.
     pub port: String,
@@ -154,7 +155,7 @@ pub struct BlackBox {
 }
 
 /// Bytes that passed a port together.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Frame {
     /// When, on the rig's clock, in µs.
     pub rig_us: u64,

@@ -1,5 +1,6 @@
 //! The results for programs.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
@@ -11,7 +12,7 @@ use crate::{
 };
 
 /// The results of a run. The fields are an interface: scripts read them.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct RunSummary {
     /// Id of the run.
     pub run_id: String,
@@ -60,7 +61,7 @@ pub struct RunSummary {
 }
 
 /// The shift of one sample at one pose.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct ShiftSummary {
     /// Name of the sample.
     pub sample: String,
@@ -75,7 +76,7 @@ pub struct ShiftSummary {
 }
 
 /// The recognition of the blind touches by k-means on their shifts.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct ClassificationSummary {
     /// Number of classified blind touches.
     pub trials: u32,
@@ -86,7 +87,7 @@ pub struct ClassificationSummary {
 }
 
 /// The stiffness of a sample.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct StiffnessSummary {
     /// Name of the sample.
     pub sample: String,
@@ -103,7 +104,7 @@ pub struct StiffnessSummary {
 }
 
 /// The recognition of the blind touches by one method.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct RecognitionSummary {
     /// The method: `k-means`, `k-means-log` or `calibrated-stiffness`.
     pub method: &'static str,

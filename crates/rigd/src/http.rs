@@ -1,30 +1,6 @@
 //! The HTTP interface: JSON in and out, errors as `application/problem+json`.
 //!
-//! | method and path | does |
-//! |---|---|
-//! | `GET /api/v1/rig` | state, devices, whether the probe is clear |
-//! | `POST /api/v1/sweeps` | one sweep now, at the present pose |
-//! | `GET /api/v1/sweeps/{id}` | that sweep |
-//! | `POST /api/v1/moves` | moves one axis by hand |
-//! | `GET /` | the page |
-//! | `POST /api/v1/protocols/check` | the plan of a protocol, or its faults |
-//! | `POST /api/v1/runs` | replays the loaded protocol, or the one in the body |
-//! | `GET /api/v1/runs`, `GET /api/v1/runs/{id}` | the runs; one run with its results |
-//! | `GET /api/v1/runs/{id}/plan`, `protocol` | its plan, step by step; its protocol as TOML |
-//! | `GET /api/v1/runs/{id}/changes` | what has changed since: rig file, software, devices |
-//! | `GET /api/v1/frames` | the last frames of each port |
-//! | `GET /api/v1/notes`, `PUT /api/v1/runs/{id}/note` | notes of people about runs |
-//! | `GET /api/v1/runs/{id}/sweeps/{number}` | one of its sweeps |
-//! | `GET /api/v1/runs/{id}/report` | its report as HTML |
-//! | `GET /api/v1/runs/{id}/export?format=csv` | its touches; `sweeps` or `jsonl` for the rest |
-//! | `POST /api/v1/runs/{id}/pause`, `resume`, `abort`, `answer` | a command to that run |
-//! | `POST /api/v1/runs/{id}/continue`, `give-up` | goes on with a run that was not completed; seals it |
-//! | `POST /api/v1/runs/{id}/redo`, `skip` | measures one touch again; leaves it out |
-//! | `POST /api/v1/stop` | stops everything, retracts, latches |
-//! | `POST /api/v1/acknowledge` | leaves the latch |
-//! | `POST /api/v1/home` | the same, and homes a linear stage that has lost its position |
-//! | `GET /api/v1/events` | every record of the journal, as server-sent events |
-//!
+//! `route.rs` has the table of the routes, from which the router and the `OpenAPI` document are made.
 //! `GET /` links to the rest. Every request passes the guard first, which checks host, site, token
 //! and size.
 //!
@@ -41,6 +17,7 @@ mod limits;
 mod live;
 mod moves;
 mod notes;
+pub mod openapi;
 mod page;
 mod plan;
 mod problem;
@@ -48,9 +25,11 @@ mod progress;
 mod results;
 mod resume;
 mod rig;
+mod route;
 mod runs;
 mod server;
 mod sweeps;
+mod tag;
 
 use std::{panic::AssertUnwindSafe, path::PathBuf, sync::Arc};
 
@@ -60,11 +39,11 @@ use axum::{
     http::{Method, Uri},
     middleware::{Next, from_fn, from_fn_with_state},
     response::{IntoResponse, Response},
-    routing::{get, post, put},
+    routing::get,
 };
 use futures_util::FutureExt;
 use rig_model::{panic_message, with_causes};
-use rig_store::{Reader, RunId, RunStatus};
+use rig_store::{Reader, RunId, RunKind, RunStatus};
 use tokio::sync::{Mutex, Semaphore};
 use tokio_util::sync::CancellationToken;
 
@@ -119,6 +98,21 @@ impl Shared {
         Self { inner: Arc::new(inner) }
     }
 
+    /// The run or amendment that a path names: by its whole id, the short name of a run, or `latest`.
+    async fn run(&self, wanted: &str) -> Result<RunId, Problem> {
+        let wanted = wanted.to_owned();
+        self.read(move |reader| {
+            let found = if let Ok(id) = wanted.parse() {
+                Some(reader.run(id)?).filter(|run| run.kind != RunKind::Session)
+            } else {
+                let mut runs = reader.runs()?.into_iter().filter(|run| run.kind == RunKind::Run);
+                runs.find(|run| wanted == "latest" || run.short_name() == wanted)
+            };
+            found.map(|run| run.id).ok_or_else(|| Problem::not_found(format!("no run {wanted}")))
+        })
+        .await
+    }
+
     /// Reads from the journal, away from the threads that serve requests.
     async fn read<T: Send + 'static>(
         &self,
@@ -150,42 +144,15 @@ impl Shared {
 
 /// The routes of the daemon.
 pub fn router(shared: Shared) -> Router {
-    let api = Router::new()
-        .route("/rig", get(rig::show))
-        .route("/stop", post(rig::stop))
-        .route("/acknowledge", post(rig::acknowledge))
-        .route("/home", post(rig::home))
-        .route("/moves", post(moves::begin))
-        .route("/sweeps", post(sweeps::begin))
-        .route("/sweeps/{id}", get(sweeps::show))
-        .route("/runs", get(runs::list).post(runs::begin))
-        .route("/runs/{id}", get(runs::show))
-        .route("/runs/{id}/changes", get(changes::show))
-        .route("/runs/{id}/note", put(notes::write))
-        .route("/notes", get(notes::list))
-        .route("/frames", get(frames::show))
-        .route("/runs/{id}/plan", get(plan::of_run))
-        .route("/runs/{id}/protocol", get(plan::protocol))
-        .route("/runs/{id}/sweeps/{number}", get(plan::sweep))
-        .route("/runs/{id}/report", get(runs::report))
-        .route("/runs/{id}/export", get(runs::export))
-        .route("/runs/{id}/pause", post(runs::pause))
-        .route("/runs/{id}/resume", post(runs::resume))
-        .route("/runs/{id}/abort", post(runs::abort))
-        .route("/runs/{id}/answer", post(runs::answer))
-        .route("/runs/{id}/continue", post(resume::resume))
-        .route("/runs/{id}/redo", post(resume::redo))
-        .route("/runs/{id}/skip", post(resume::skip))
-        .route("/runs/{id}/give-up", post(resume::give_up))
-        .route("/protocols/check", post(plan::check))
-        .route("/events", get(events::stream));
     Router::new()
         .route("/", get(index::show))
         .route("/docs/http", get(index::documentation))
+        .route("/openapi.json", get(openapi::show))
+        .route("/reference", get(openapi::reference))
         .route("/api/v1", get(index::show))
         .route("/api/v1/", get(index::show))
         .merge(page::routes())
-        .nest("/api/v1", api)
+        .nest("/api/v1", route::router())
         .fallback(not_found)
         .method_not_allowed_fallback(method_not_allowed)
         .layer(from_fn_with_state(shared.clone(), guard::check))

@@ -2,6 +2,7 @@
 
 use rig_model::with_causes;
 use rig_store::{Interruption, ProbeWord, Reader, Run, RunKind, RunStatus, StoreError};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Advice for a probe that may be in the sample. It names no move: a person must see first where
@@ -11,7 +12,7 @@ pub(crate) const ADVICE: &str = "check by eye where the probe is, and touch neit
                                  `rigd run --resume` also resumes the run";
 
 /// An interruption for a program.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub(crate) struct InterruptionView {
     /// When something was last written: UTC, RFC 3339.
     at: String,

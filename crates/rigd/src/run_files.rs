@@ -14,6 +14,7 @@ use rig_report::{
 };
 use rig_store::{Chain, Reader, Run, RunId, RunKind, StoreError};
 use rig_verify::JournalError;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{local_time, verdict};
@@ -56,7 +57,7 @@ pub enum RunFilesError {
 }
 
 /// The results of a run for programs, and its files.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct ResultsView {
     #[serde(flatten)]
     summary: RunSummary,

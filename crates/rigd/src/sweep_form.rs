@@ -1,10 +1,11 @@
 //! The form of a single sweep, with the same keys and defaults on the command line and over HTTP.
 
 use rig_model::{AnalyzerRange, DriveLevel, SweepMethod, SweepRequest, SweepRequestError, Window};
+use schemars::JsonSchema;
 use serde::Deserialize;
 
 /// Only the window has to be given.
-#[derive(Debug, Clone, clap::Args, Deserialize)]
+#[derive(Debug, Clone, clap::Args, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct SweepForm {
     /// Lower end of the window in which the resonance is looked for

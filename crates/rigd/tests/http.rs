@@ -2,6 +2,9 @@
 
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
+#[path = "http/interface.rs"]
+mod interface;
+
 use std::{net::Ipv4Addr, path::Path};
 
 use axum::{
@@ -10,6 +13,7 @@ use axum::{
     http::{Request, StatusCode, header},
 };
 use rig_engine::{Command, RigState};
+use rig_files::rig_file::{Connection, SimulatedPerson};
 use rig_store::{Reader, Record};
 use rigd::{
     http::{Shared, access::Access, router},
@@ -31,14 +35,18 @@ struct Daemon {
 
 impl Daemon {
     async fn start() -> Self {
-        Self::start_in(TempDir::new().unwrap()).await
+        Self::start_with(SimulatedPerson::Answers).await
+    }
+
+    async fn start_with(person: SimulatedPerson) -> Self {
+        Self::start_in(TempDir::new().unwrap(), person).await
     }
 
     /// Closes the daemon, and starts it again on the same data.
     async fn restart(self) -> Self {
         self.handle.close().await;
         self.thread.join();
-        Self::start_in(self.data).await
+        Self::start_in(self.data, SimulatedPerson::Answers).await
     }
 
     async fn close(self) {
@@ -46,9 +54,12 @@ impl Daemon {
         self.thread.join();
     }
 
-    async fn start_in(data: TempDir) -> Self {
+    async fn start_in(data: TempDir, person: SimulatedPerson) -> Self {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/rigs/simulated.toml");
-        let rig = LoadedRig::load(&file).unwrap();
+        let mut rig = LoadedRig::load(&file).unwrap();
+        if let Connection::Simulated(simulation) = &mut rig.file.connection {
+            simulation.person = person;
+        }
         let facts = rig.facts();
         let (handle, thread) = rig::open(rig, data.path().to_owned()).unwrap();
         let (directory, closing) = (data.path().to_owned(), CancellationToken::new());

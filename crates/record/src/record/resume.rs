@@ -1,5 +1,6 @@
 //! Records after an early end of a run: it is resumed, given up, or amended.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Device, Source};
@@ -35,7 +36,7 @@ pub struct Resumed {
 }
 
 /// A difference between two parts of a run.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Change {
     /// The changes: `rig file`, `scene file`, `software`, or the role of a device.
     pub what: String,

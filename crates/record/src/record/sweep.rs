@@ -1,11 +1,12 @@
 //! Impedance sweeps and their outcomes.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Pose;
 
 /// The purpose of a sweep.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SweepPurpose {
     /// The reference with the probe clear.
@@ -28,7 +29,7 @@ impl SweepPurpose {
 }
 
 /// The flag of a reading.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ReadingFlag {
     /// No flag.
@@ -57,7 +58,7 @@ impl ReadingFlag {
 }
 
 /// One impedance reading.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ReadingRecord {
     /// Frequency, Hz.
     pub frequency_hz: f64,
@@ -93,7 +94,7 @@ impl ReadingRecord {
 /// The equivalent circuit that was fitted.
 ///
 /// Its admittance at ω = 2πf is `jωC₀ [(1 − j tan δ) + m / (1 − u² + j u/Q)]` with u = f/fᵣ.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Circuit {
     /// Q of the motional branch.
     pub quality_factor: f64,
@@ -114,7 +115,7 @@ const fn is_zero(count: &usize) -> bool {
 }
 
 /// The outcome of a sweep.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "status", rename_all = "snake_case")]
 pub enum SweepOutcome {
     /// A resonance was found.
@@ -141,7 +142,7 @@ pub enum SweepOutcome {
 }
 
 /// The known timing of readings.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum FitTiming {
     /// Nothing is known about settling.
@@ -171,7 +172,7 @@ impl FitTiming {
 
 /// The settings of the fit of a sweep. With the same settings and readings, the fit has the same
 /// result.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FitSettings {
     /// Window of the resonance, Hz.
     pub window_hz: [f64; 2],
@@ -191,7 +192,7 @@ pub struct FitSettings {
 }
 
 /// The estimated circuit before the last fit.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct NearCircuit {
     /// Its series resonance, Hz.
     pub resonance_hz: f64,
@@ -200,7 +201,7 @@ pub struct NearCircuit {
 }
 
 /// Noise known from earlier readings.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FitNoise {
     /// Standard deviation of the relative error of a reading of ten cycles.
     pub at_ten_cycles: f64,
@@ -209,7 +210,7 @@ pub struct FitNoise {
 }
 
 /// A sweep with its readings and its outcome.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Sweep {
     /// Its number in the run, from 1.
     pub number: u64,

@@ -1,9 +1,12 @@
 //! Touches: settings, pose and results.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Direction in which the surface leans.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum Direction {
     /// In the plane of bending, at a positive angle.
@@ -26,7 +29,7 @@ impl Direction {
 }
 
 /// The pose of the surface against the probe.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Pose {
     /// Direction of the tilt.
     pub direction: Direction,
@@ -35,7 +38,9 @@ pub struct Pose {
 }
 
 /// The part of the protocol.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum Phase {
     /// The grid of samples, directions and angles.
@@ -55,7 +60,7 @@ impl Phase {
 }
 
 /// The identity of a touch.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TouchSettings {
     /// Address of the step.
     pub step: String,
@@ -70,7 +75,7 @@ pub struct TouchSettings {
 }
 
 /// The result of a touch.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Touch {
     /// Settings of the touch.
     pub touch: TouchSettings,
@@ -103,7 +108,7 @@ pub struct Touch {
 }
 
 /// A touch that gave no frequency shift.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RefusedTouch {
     /// Settings of the touch.
     pub touch: TouchSettings,
@@ -123,7 +128,7 @@ pub struct RefusedTouch {
 }
 
 /// The position of the probe in a sample whose touch was refused.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TouchPosition {
     /// Number of the last sweep in contact.
     pub sweep: u64,

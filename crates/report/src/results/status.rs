@@ -1,11 +1,12 @@
 //! The status of planned touches, and counts of it.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::data::{Outcome, PlannedTouch};
 
 /// The result of a planned touch.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TouchStatus {
     /// It gave a shift.

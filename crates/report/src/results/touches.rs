@@ -1,6 +1,7 @@
 //! A row for every planned touch with its result.
 
 use rig_record::{Ending, Phase, Run, RunStatus, Touch, TouchPosition};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::{
@@ -11,7 +12,7 @@ use super::{
 use crate::data::{Outcome, PlannedTouch, RunData};
 
 /// A planned touch with its result. The fields are an interface: scripts read them.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, JsonSchema)]
 pub struct TouchRow {
     /// Address of the step.
     pub step: String,

@@ -4,14 +4,15 @@ use axum::{
     Json,
     extract::{Path, State},
 };
-use rig_store::{Change, RunId};
+use rig_store::Change;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::{Problem, Shared};
 use crate::rig;
 
 /// The present setting beside that of a run.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct ChangesView {
     /// Rig file, scene file, software and devices, where they are others than in the run.
     changes: Vec<Change>,
@@ -24,7 +25,7 @@ pub(super) async fn show(
     State(shared): State<Shared>,
     Path(id): Path<String>,
 ) -> Result<Json<ChangesView>, Problem> {
-    let id: RunId = id.parse()?;
+    let id = shared.run(&id).await?;
     let setting = shared.inner.rig.status().borrow().setting.clone();
     let free_bytes = rig::free_bytes(&shared.inner.data);
     let changes = shared.read(move |reader| {

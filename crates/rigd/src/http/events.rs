@@ -15,6 +15,7 @@ use axum::{
 };
 use futures_util::{Stream, StreamExt, stream};
 use rig_store::StoredRecord;
+use schemars::JsonSchema;
 use serde::Deserialize;
 use tokio::sync::{OwnedSemaphorePermit, watch};
 
@@ -33,12 +34,17 @@ struct Cursor {
     status: watch::Receiver<Status>,
     last: u64,
     page: VecDeque<StoredRecord>,
+    /// The last event before the stream was opened, until the client has been told that it has all of
+    /// them.
+    live_from: Option<u64>,
+    /// Only events of these topics; all if it is empty.
+    topics: Vec<Topic>,
     /// One of the streams that may be open at a time.
     _place: OwnedSemaphorePermit,
 }
 
 /// Options of the event stream.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct StreamOptions {
     /// The rig whenever it changes, and the readings of the sweep under way.
@@ -47,6 +53,71 @@ pub(super) struct StreamOptions {
     /// Without an id: how many of the last records of this session come first.
     #[serde(default)]
     back: u16,
+    /// Only events of these topics, separated by commas: `run`, `step`, `person`, `motion`, `measurement`,
+    /// `fault`, `state`. Without it, all.
+    #[serde(default)]
+    topics: String,
+}
+
+/// A topic of events.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Topic {
+    Run,
+    Step,
+    Person,
+    Motion,
+    Measurement,
+    Fault,
+    State,
+}
+
+impl Topic {
+    const ALL: [(&str, Self); 7] = [
+        ("run", Self::Run),
+        ("step", Self::Step),
+        ("person", Self::Person),
+        ("motion", Self::Motion),
+        ("measurement", Self::Measurement),
+        ("fault", Self::Fault),
+        ("state", Self::State),
+    ];
+
+    /// The topics in a list.
+    fn read(list: &str) -> Result<Vec<Self>, Problem> {
+        let names = list.split(',').map(str::trim).filter(|name| !name.is_empty());
+        let topic = |name: &str| {
+            let known = Self::ALL.into_iter().find(|(known, _)| *known == name);
+            known.map(|(_, topic)| topic).ok_or_else(|| {
+                let all = Self::ALL.map(|(known, _)| known).join(", ");
+                Problem::bad_request(format!("`{name}` is not a topic; the topics are {all}"))
+            })
+        };
+        names.map(topic).collect()
+    }
+
+    /// The topic of a kind of record.
+    fn of(kind: &str) -> Self {
+        match kind {
+            "step_started" => Self::Step,
+            "prompt_asked" | "prompt_answered" | "refusal_asked" | "refusal_answered"
+            | "operator" => Self::Person,
+            "intent" | "moved" => Self::Motion,
+            "surface_found" | "surface_not_found" | "surface_checked" | "sweep"
+            | "touch_result" | "touch_refused" => Self::Measurement,
+            "fault" | "retract_tried" | "black_box" | "stalled" | "clock_jumped" => Self::Fault,
+            "state_changed" => Self::State,
+            _ => Self::Run,
+        }
+    }
+}
+
+/// What a stream sends next.
+enum Next {
+    Record(Box<StoredRecord>),
+    /// Everything from before the stream was opened has been sent.
+    Live {
+        last_event: u64,
+    },
 }
 
 pub(super) async fn stream(
@@ -54,7 +125,8 @@ pub(super) async fn stream(
     options: Result<Query<StreamOptions>, QueryRejection>,
     headers: HeaderMap,
 ) -> Result<impl IntoResponse, Problem> {
-    let Query(StreamOptions { live, back }) = options?;
+    let Query(StreamOptions { live, back, topics }) = options?;
+    let topics = Topic::read(&topics)?;
     let place = Arc::clone(&shared.inner.streams).try_acquire_owned().map_err(|_| {
         Problem::busy(format!("{STREAMS_MAX} event streams are open, which is the limit"))
     })?;
@@ -72,8 +144,10 @@ pub(super) async fn stream(
             })?,
         };
     let closing = shared.inner.closing.clone();
+    let live_from = Some(status.borrow().last_event);
     let live = live.then(|| live::stream(shared.clone()));
-    let cursor = Cursor { shared, status, last, page: VecDeque::new(), _place: place };
+    let cursor =
+        Cursor { shared, status, last, page: VecDeque::new(), live_from, topics, _place: place };
     let live = stream::iter(live).flatten();
     let events = stream::select(live, events(cursor)).take_until(closing.cancelled_owned());
     Ok(Sse::new(events).keep_alive(KeepAlive::default()))
@@ -81,23 +155,34 @@ pub(super) async fn stream(
 
 fn events(cursor: Cursor) -> impl Stream<Item = Result<Event, Infallible>> {
     stream::unfold(cursor, |mut cursor| async move {
-        let record = cursor.next().await?;
-        let text = format!(
-            r#"{{"run":"{}","seq":{},"rig_us":{},"record":{}}}"#,
-            record.run, record.seq, record.rig_us, record.payload
-        );
-        let event = Event::default().id(record.event.to_string()).event(record.kind).data(text);
+        let event = match cursor.next().await? {
+            Next::Record(record) => {
+                let text = format!(
+                    r#"{{"run":"{}","seq":{},"rig_us":{},"record":{}}}"#,
+                    record.run, record.seq, record.rig_us, record.payload
+                );
+                Event::default().id(record.event.to_string()).event(record.kind).data(text)
+            }
+            Next::Live { last_event } => {
+                Event::default().event("now_live").data(format!(r#"{{"last_event":{last_event}}}"#))
+            }
+        };
         Some((Ok(event), cursor))
     })
 }
 
 impl Cursor {
     /// The next record, as soon as there is one; none when the rig or its journal has gone.
-    async fn next(&mut self) -> Option<StoredRecord> {
+    async fn next(&mut self) -> Option<Next> {
         loop {
-            if let Some(record) = self.page.pop_front() {
+            while let Some(record) = self.page.pop_front() {
                 self.last = record.event;
-                return Some(record);
+                if self.topics.is_empty() || self.topics.contains(&Topic::of(&record.kind)) {
+                    return Some(Next::Record(Box::new(record)));
+                }
+            }
+            if let Some(last_event) = self.live_from.take_if(|before| self.last >= *before) {
+                return Some(Next::Live { last_event });
             }
             // The wait below notices later commits.
             self.status.mark_unchanged();
@@ -105,6 +190,10 @@ impl Cursor {
             let page = self.shared.read(move |reader| Ok(reader.events_after(last, PAGE)?)).await;
             self.page = page.ok()?.into();
             if self.page.is_empty() {
+                // Nothing is missing: an id beyond the journal, or a journal without records.
+                if let Some(last_event) = self.live_from.take() {
+                    return Some(Next::Live { last_event });
+                }
                 self.status.changed().await.ok()?;
             }
         }

@@ -2,12 +2,13 @@
 
 use axum::{Json, extract::State};
 use rig_store::BlackBox;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::Shared;
 
 /// The last frames of each port, oldest first.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct FramesView {
     ports: Vec<BlackBox>,
 }

@@ -8,6 +8,7 @@
 //! | a connection of its own, or a stop | 503 |
 //! | a name that the journal takes, or none | 400 |
 //! | a body of JSON or TOML, small, and in time | 415, 413, 408 |
+//! | with `If-Match`, the rig as the client saw it | 412 |
 //!
 //! A page of another site can make a browser send requests here. It cannot give them our name as
 //! host, and it cannot hide where they come from.
@@ -32,6 +33,7 @@ use super::{
     limits::{BODY_MAX, BODY_TIME},
     page,
     problem::PROBLEM_JSON,
+    tag,
 };
 use crate::operator::Operator;
 
@@ -52,7 +54,12 @@ pub(super) struct Connection {
 pub(crate) const FOREIGN_PAGE: &str = "the request comes from a page of another site";
 
 pub(super) async fn check(State(shared): State<Shared>, request: Request, next: Next) -> Response {
-    let answer = match admit(&shared.inner.access, request).await {
+    let admitted = admit(&shared.inner.access, request).await.and_then(|request| {
+        let status = shared.inner.rig.status();
+        tag::check(request.method(), request.uri().path(), request.headers(), &status.borrow())?;
+        Ok(request)
+    });
+    let answer = match admitted {
         Ok(request) => next.run(request).await,
         Err(problem) => problem.into_response(),
     };

@@ -13,11 +13,13 @@ use super::{Shared, page, rig::RigView};
 const DOCUMENTATION: &str = include_str!("../../../../docs/http.md");
 
 /// Links that are valid in every state of the rig.
-const LINKS: [(&str, &str); 4] = [
+const LINKS: [(&str, &str); 6] = [
     ("/api/v1/rig", "the rig as it is now"),
     ("/api/v1/runs", "every run"),
     ("/api/v1/events", "every record of the journal, as server-sent events"),
     ("/docs/http", "how to use this interface"),
+    ("/openapi.json", "this interface for programs"),
+    ("/reference", "the same for a person"),
 ];
 
 /// The rig, and where to read on.

@@ -7,13 +7,14 @@ use axum::{
 };
 use rig_engine::Command;
 use rig_model::Position;
+use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::{Problem, Shared, rig, rig::RigView};
 use crate::operator::Operator;
 
 /// The request of a client. The axis has no default.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(tag = "axis", rename_all = "lowercase", deny_unknown_fields)]
 pub(super) enum MoveForm {
     Linear {
@@ -38,5 +39,5 @@ pub(super) async fn begin(
         MoveForm::Rotary { to } => Command::MoveRotary(Position::new(to)),
     };
     shared.inner.rig.command(command, None, operator.as_str()).await?;
-    Ok((StatusCode::ACCEPTED, rig::show(State(shared)).await))
+    Ok((StatusCode::ACCEPTED, Json(rig::view_now(&shared))))
 }

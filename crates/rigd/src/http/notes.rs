@@ -12,7 +12,7 @@ use axum::{
     extract::{Path as UrlPath, State},
     http::StatusCode,
 };
-use rig_store::RunId;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Problem, Shared};
@@ -22,7 +22,7 @@ const FILE: &str = "notes.json";
 const LENGTH_MAX: usize = 2000;
 
 /// A note about a run.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Note {
     /// The text; empty for none.
@@ -32,7 +32,7 @@ pub(super) struct Note {
 }
 
 /// The notes by the id of their run.
-type Notes = BTreeMap<String, Note>;
+pub(super) type Notes = BTreeMap<String, Note>;
 
 pub(super) async fn list(State(shared): State<Shared>) -> Result<Json<Notes>, Problem> {
     let path = shared.inner.data.join(FILE);
@@ -44,7 +44,7 @@ pub(super) async fn write(
     UrlPath(id): UrlPath<String>,
     body: Bytes,
 ) -> Result<StatusCode, Problem> {
-    let id: RunId = id.parse()?;
+    let id = shared.run(&id).await?;
     let note: Note =
         serde_json::from_slice(&body).map_err(|error| Problem::bad_request(error.to_string()))?;
     if note.note.chars().count() > LENGTH_MAX {

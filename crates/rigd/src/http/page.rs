@@ -11,7 +11,7 @@ use axum::{
     routing::get,
 };
 
-use super::Shared;
+use super::{Shared, tag};
 
 /// A file of the page.
 struct File {
@@ -49,14 +49,8 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
     frame-ancestors 'none'";
 
 /// Tells one build of the page from another, by all of its files.
-static TAG: LazyLock<String> = LazyLock::new(|| {
-    // FNV-1a: the value must only differ between versions; no attacker gains from a collision.
-    let bytes = FILES.iter().flat_map(|file| file.bytes);
-    let hash = bytes.fold(0xcbf2_9ce4_8422_2325_u64, |hash, &byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-    });
-    format!("\"{hash:016x}\"")
-});
+static TAG: LazyLock<String> =
+    LazyLock::new(|| tag::of(FILES.iter().flat_map(|file| file.bytes.iter().copied())));
 
 /// Whether a client is a browser that is to show a page.
 pub(super) fn is_wanted(headers: &HeaderMap) -> bool {
@@ -83,20 +77,15 @@ pub(super) fn routes() -> Router<Shared> {
 }
 
 fn serve(file: &File, headers: &HeaderMap) -> Response {
-    let tag = TAG.as_str();
-    let known = headers.get_all(header::IF_NONE_MATCH).iter();
-    let is_known = known
-        .filter_map(|value| value.to_str().ok())
-        .flat_map(|value| value.split(','))
-        .any(|value| value.trim().trim_start_matches("W/") == tag);
+    let tag: &str = &TAG;
     let fixed = [
         (header::CONTENT_TYPE, file.content_type),
         (header::CACHE_CONTROL, "no-cache"),
         (header::CONTENT_SECURITY_POLICY, POLICY),
         (HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
     ];
-    let (status, body) =
-        if is_known { (StatusCode::NOT_MODIFIED, &[][..]) } else { (StatusCode::OK, file.bytes) };
+    let status = tag::status(headers, tag);
+    let body = if status == StatusCode::OK { file.bytes } else { &[] };
     let mut response = (status, fixed, body).into_response();
     if let Ok(tag) = HeaderValue::from_str(tag) {
         response.headers_mut().insert(header::ETAG, tag);

@@ -11,13 +11,14 @@ use rig_files::rig_file::RigFile;
 use rig_model::RigLimits;
 use rig_protocol::{Action, Plan, Pose, Step};
 use rig_store::{Amended, Reader, Record, RunId, RunKind, RunStarted, Sweep};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::{Problem, Shared, progress::PromptAction, runs};
 use crate::{describe, loaded_rig::RigFacts, protocol_file::LoadedProtocol, rig::Outcomes};
 
 /// A protocol laid out for a bench.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct PlanView {
     /// Name of the protocol.
     protocol: String,
@@ -38,7 +39,7 @@ pub(super) struct PlanView {
     protocol_toml: String,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct StepView {
     step: String,
     /// The step as text.
@@ -49,7 +50,7 @@ struct StepView {
     action: ActionView,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 #[serde(tag = "action", rename_all = "snake_case")]
 enum ActionView {
     Prompt {
@@ -69,7 +70,7 @@ enum ActionView {
     },
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct PoseView {
     direction: &'static str,
     angle_deg: f64,
@@ -90,7 +91,7 @@ pub(super) async fn of_run(
     State(shared): State<Shared>,
     Path(id): Path<String>,
 ) -> Result<Json<PlanView>, Problem> {
-    let id: RunId = id.parse()?;
+    let id = shared.run(&id).await?;
     let view = shared.read(move |reader| {
         let amended = amended(reader, id)?;
         let run = amended.as_ref().map_or(Ok(id), |amended| amended.run.parse())?;
@@ -131,7 +132,7 @@ pub(super) async fn protocol(
     State(shared): State<Shared>,
     Path(id): Path<String>,
 ) -> Result<impl IntoResponse, Problem> {
-    let id: RunId = id.parse()?;
+    let id = shared.run(&id).await?;
     let toml = shared.read(move |reader| Ok(started(reader, id)?.protocol.toml)).await?;
     Ok(([(header::CONTENT_TYPE, "application/toml")], toml))
 }
@@ -141,7 +142,7 @@ pub(super) async fn sweep(
     State(shared): State<Shared>,
     Path((id, number)): Path<(String, String)>,
 ) -> Result<Json<Sweep>, Problem> {
-    let id: RunId = id.parse()?;
+    let id = shared.run(&id).await?;
     let found = shared.read(move |reader| {
         reader.run(id)?;
         let is_wanted = |sweep: &Sweep| sweep.number.to_string() == number;

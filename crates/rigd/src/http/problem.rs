@@ -11,6 +11,7 @@ use rig_files::Faults;
 use rig_model::with_causes;
 use rig_record::{NotARunId, UnreadableRecord};
 use rig_store::StoreError;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::limits::{BODY_MAX, BODY_TIME};
@@ -20,7 +21,7 @@ use crate::{
 };
 
 /// A problem document (RFC 9457).
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Problem {
     title: &'static str,
     status: u16,
@@ -37,7 +38,8 @@ pub(super) struct Problem {
 }
 
 /// A fault of a protocol that was posted.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
+#[schemars(rename = "ProtocolFault")]
 struct FaultView {
     line: usize,
     column: usize,
@@ -68,6 +70,7 @@ impl Problem {
             StatusCode::UNAUTHORIZED => "unauthorized",
             StatusCode::FORBIDDEN => "forbidden",
             StatusCode::NOT_FOUND => "not found",
+            StatusCode::PRECONDITION_FAILED => "changed",
             StatusCode::METHOD_NOT_ALLOWED => "method not allowed",
             StatusCode::REQUEST_TIMEOUT => "request timeout",
             StatusCode::PAYLOAD_TOO_LARGE => "content too large",
@@ -120,6 +123,12 @@ impl Problem {
             header: Some(("www-authenticate", "Bearer realm=\"rigd\"")),
             ..Self::of(StatusCode::UNAUTHORIZED, detail)
         }
+    }
+
+    /// The rig is no longer in the state that the client means.
+    pub(super) fn changed(detail: String) -> Self {
+        let hint = "read GET /api/v1/rig again, and send the command with its new ETag if it is still wanted";
+        Self { hint: Some(hint), ..Self::of(StatusCode::PRECONDITION_FAILED, detail) }
     }
 
     /// All of something are in use.

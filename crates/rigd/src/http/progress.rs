@@ -5,12 +5,13 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use rig_engine::Progress;
 use rig_model::{Axis, RigLimits, RigTime, Unit};
 use rig_protocol::{Action, Plan, Prompt};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::rig::{RunView, Status};
 
 /// The rest of a run.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(super) struct Forecast {
     /// It pauses before the next step.
     is_pausing: bool,
@@ -25,7 +26,7 @@ pub(super) struct Forecast {
 }
 
 /// The time of the next prompt.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 struct NextPrompt {
     prompt: String,
     /// From now, s on the rig's clock.
@@ -35,7 +36,7 @@ struct NextPrompt {
 }
 
 /// The prompt that waits for an answer.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(super) struct OpenPrompt {
     /// Address of the step, for the answer.
     step: String,
@@ -47,7 +48,7 @@ pub(super) struct OpenPrompt {
 }
 
 /// The action that a prompt asks for.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 #[serde(tag = "what", rename_all = "snake_case")]
 pub(super) enum PromptAction {
     /// Put this sample under the probe.
@@ -57,7 +58,7 @@ pub(super) enum PromptAction {
 }
 
 /// A run that has ended.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(super) struct LastRun {
     id: String,
     /// How the run ended.
@@ -65,7 +66,7 @@ pub(super) struct LastRun {
 }
 
 /// Ranges of the targets of the axes.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub(super) struct Limits {
     linear_mm: AxisLimits,
     rotary_deg: AxisLimits,
@@ -75,7 +76,7 @@ pub(super) struct Limits {
     surface_above_pivot_mm: f64,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 struct AxisLimits {
     min: f64,
     max: f64,

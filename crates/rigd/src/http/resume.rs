@@ -9,16 +9,16 @@ use axum::{
     http::StatusCode,
     response::Response,
 };
-use rig_store::RunId;
+use schemars::JsonSchema;
 use serde::{Deserialize, de::DeserializeOwned};
 
 use super::{Problem, Shared, runs::begun};
 use crate::{operator::Operator, rig::TouchOrder};
 
 /// The confirmations of a client.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-struct ContinueForm {
+pub(super) struct ContinueForm {
     /// The changes since the last part of the run are wanted.
     accept_changes: bool,
 }
@@ -30,14 +30,14 @@ pub(super) async fn resume(
     Path(id): Path<String>,
     body: Bytes,
 ) -> Result<Response, Problem> {
-    let id: RunId = id.parse()?;
+    let id = shared.run(&id).await?;
     let ContinueForm { accept_changes } = form(&body)?;
     shared.inner.rig.resume(id, accept_changes, operator.as_str()).await?;
     Ok(begun(id))
 }
 
 /// One touch, and why it is amended.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct TouchForm {
     /// Address of the touch.
@@ -56,7 +56,7 @@ pub(super) async fn redo(
     form: Result<Json<TouchForm>, JsonRejection>,
 ) -> Result<Response, Problem> {
     let Json(TouchForm { step, why, accept_changes }) = form?;
-    let order = TouchOrder { run: id.parse()?, step, why };
+    let order = TouchOrder { run: shared.run(&id).await?, step, why };
     Ok(begun(shared.inner.rig.redo(order, accept_changes, operator.as_str()).await?))
 }
 
@@ -68,7 +68,7 @@ pub(super) async fn skip(
     form: Result<Json<TouchForm>, JsonRejection>,
 ) -> Result<StatusCode, Problem> {
     let Json(TouchForm { step, why, .. }) = form?;
-    let run = id.parse()?;
+    let run = shared.run(&id).await?;
     let order = TouchOrder { run, step, why };
     shared.inner.rig.skip(order, operator.as_str()).await?;
     shared.write_files(run).await;
@@ -81,7 +81,7 @@ pub(super) async fn give_up(
     Extension(operator): Extension<Operator>,
     Path(id): Path<String>,
 ) -> Result<StatusCode, Problem> {
-    let run = id.parse()?;
+    let run = shared.run(&id).await?;
     shared.inner.rig.give_up(run, operator.as_str()).await?;
     shared.write_files(run).await;
     Ok(StatusCode::NO_CONTENT)

@@ -5,18 +5,22 @@ use std::time::SystemTime;
 use axum::{
     Extension, Json,
     extract::{State, rejection::JsonRejection},
+    http::header,
+    response::IntoResponse,
 };
 use rig_engine::{Command, Fault, RefusalAnswer, RigState};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
     Problem, Shared,
     progress::{self, Forecast, LastRun, Limits, OpenPrompt},
+    tag,
 };
 use crate::{hint, loaded_rig::RigFacts, operator::Operator, rig::Status};
 
 /// The present state of the rig.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct RigView {
     name: String,
     state: &'static str,
@@ -56,7 +60,7 @@ pub(super) struct RigView {
     silence: Option<SilenceView>,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct SilenceView {
     /// Time of the last sign of life, ms since 1970.
     since_unix_ms: u64,
@@ -64,7 +68,7 @@ struct SilenceView {
     hint: &'static str,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct DeviceView {
     role: &'static str,
     identity: String,
@@ -78,7 +82,7 @@ impl RigView {
 }
 
 /// The progress of the current run.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct RunProgress {
     id: String,
     protocol: String,
@@ -93,7 +97,7 @@ struct RunProgress {
     ahead: Forecast,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct FaultView {
     /// `interrupted` if the last program was killed; `fault` otherwise.
     kind: &'static str,
@@ -103,15 +107,17 @@ struct FaultView {
     attempts: Option<u32>,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct RefusedView {
     step: String,
     reason: String,
     answers: [&'static str; 4],
 }
 
-pub(super) async fn show(State(shared): State<Shared>) -> Json<RigView> {
-    Json(view_now(&shared))
+/// The rig, with the tag for `If-Match` of a command.
+pub(super) async fn show(State(shared): State<Shared>) -> impl IntoResponse {
+    let status = shared.inner.rig.status().borrow().clone();
+    ([(header::ETAG, tag::of_rig(&status))], Json(view(&shared.inner.facts, &status)))
 }
 
 pub(super) fn view_now(shared: &Shared) -> RigView {
@@ -127,7 +133,7 @@ pub(super) async fn stop(
 }
 
 /// The statement of a person who has looked.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct HomeForm {
     /// Nothing is below the probe, down to the end of its travel.
@@ -161,7 +167,7 @@ async fn give(
     operator: &Operator,
 ) -> Result<Json<RigView>, Problem> {
     shared.inner.rig.command(command, None, operator.as_str()).await?;
-    Ok(show(State(shared)).await)
+    Ok(Json(view_now(&shared)))
 }
 
 pub(super) fn view(facts: &RigFacts, status: &Status) -> RigView {

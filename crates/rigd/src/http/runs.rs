@@ -1,12 +1,12 @@
 //! Runs.
 
-use std::sync::Arc;
+use std::{num::NonZeroUsize, sync::Arc};
 
 use axum::{
     Extension, Json,
     body::Bytes,
     extract::{Path, Query, State, rejection::QueryRejection},
-    http::{HeaderMap, StatusCode, header},
+    http::{HeaderMap, HeaderValue, StatusCode, header},
     response::{Html, IntoResponse, Response},
 };
 use rig_engine::{Command, RefusalAnswer};
@@ -14,6 +14,7 @@ use rig_model::with_causes;
 use rig_protocol::StepId;
 use rig_report::export::{self, TableFormat, TableName};
 use rig_store::{Reader, Record, Run, RunId, RunKind, intact};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Problem, Shared};
@@ -26,7 +27,7 @@ use crate::{
 };
 
 /// A run in the list of runs.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct RunView {
     id: String,
     name: String,
@@ -39,10 +40,55 @@ pub(super) struct RunView {
     records: u64,
     /// It can be continued.
     is_resumable: bool,
+    links: RunLinks,
+}
+
+/// Paths of what belongs to a run.
+#[derive(Debug, Serialize, JsonSchema)]
+struct RunLinks {
+    #[serde(rename = "self")]
+    own: String,
+    plan: String,
+    protocol: String,
+    sweeps: String,
+    report: String,
+    export: String,
+}
+
+impl RunLinks {
+    fn of(run: RunId) -> Self {
+        let own = format!("/api/v1/runs/{run}");
+        let of = |part: &str| format!("{own}/{part}");
+        Self {
+            plan: of("plan"),
+            protocol: of("protocol"),
+            sweeps: of("sweeps"),
+            report: of("report"),
+            export: of("export"),
+            own,
+        }
+    }
+}
+
+/// A run that was begun.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct BegunView {
+    id: String,
+}
+
+/// Which runs to list.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ListOptions {
+    /// Number of runs at most; without it, all.
+    #[schemars(range(min = 1))]
+    limit: Option<NonZeroUsize>,
+    /// Only runs that were begun before this one: its id.
+    before: Option<String>,
 }
 
 /// One run with its results so far.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct RunDetail {
     #[serde(flatten)]
     run: RunView,
@@ -52,13 +98,13 @@ pub(super) struct RunDetail {
 }
 
 /// A protocol in a JSON body.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-struct RunForm {
+pub(super) struct RunForm {
     protocol_toml: String,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct AnswerOptions {
     /// The step of the prompt. The rig refuses an answer to an earlier prompt.
@@ -67,7 +113,7 @@ pub(super) struct AnswerOptions {
     refused: Option<String>,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ExportOptions {
     #[serde(default)]
@@ -77,7 +123,7 @@ pub(super) struct ExportOptions {
     table: ExportTable,
 }
 
-#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 enum ExportFormat {
     /// A table as CSV.
@@ -97,7 +143,7 @@ enum ExportFormat {
     Documents,
 }
 
-#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 enum ExportTable {
     #[default]
@@ -145,19 +191,46 @@ impl ExportOptions {
 
 const CSV: &str = "text/csv; charset=utf-8";
 
-pub(super) async fn list(State(shared): State<Shared>) -> Result<Json<Vec<RunView>>, Problem> {
-    let runs = shared.read(|reader| {
-        let runs = reader.runs()?.into_iter().filter(|run| run.kind == RunKind::Run);
-        Ok(runs.map(|run| RunView::new(reader, run)).collect())
+/// The runs, the latest first. The header `Link` leads to the next page.
+pub(super) async fn list(
+    State(shared): State<Shared>,
+    options: Result<Query<ListOptions>, QueryRejection>,
+) -> Result<Response, Problem> {
+    let Query(ListOptions { limit, before }) = options?;
+    let before = match before {
+        Some(before) => Some(shared.run(&before).await?),
+        None => None,
+    };
+    let page = shared.read(move |reader| {
+        let mut runs: Vec<Run> =
+            reader.runs()?.into_iter().filter(|run| run.kind == RunKind::Run).collect();
+        if let Some(before) = before {
+            let none = || Problem::not_found(format!("there is no run {before}"));
+            let at = runs.iter().position(|run| run.id == before).ok_or_else(none)?;
+            runs.drain(..=at);
+        }
+        let has_more = limit.is_some_and(|limit| runs.len() > limit.get());
+        runs.truncate(limit.map_or(usize::MAX, NonZeroUsize::get));
+        let next = runs.last().filter(|_| has_more).map(|last| last.id);
+        let views: Vec<_> = runs.into_iter().map(|run| RunView::new(reader, run)).collect();
+        Ok((views, next))
     });
-    runs.await.map(Json)
+    let (views, next) = page.await?;
+    let mut answer = Json(views).into_response();
+    if let (Some(limit), Some(next)) = (limit, next) {
+        let link = format!("</api/v1/runs?limit={limit}&before={next}>; rel=\"next\"");
+        let link =
+            HeaderValue::try_from(link).map_err(|error| Problem::internal(&error.to_string()))?;
+        answer.headers_mut().insert(header::LINK, link);
+    }
+    Ok(answer)
 }
 
 pub(super) async fn show(
     State(shared): State<Shared>,
     Path(id): Path<String>,
 ) -> Result<Json<RunDetail>, Problem> {
-    let id: RunId = id.parse()?;
+    let id = shared.run(&id).await?;
     let inner = Arc::clone(&shared.inner);
     let detail = shared.read(move |reader| {
         let found = inner.results.of(reader, id)?;
@@ -176,7 +249,7 @@ pub(super) async fn report(
     State(shared): State<Shared>,
     Path(id): Path<String>,
 ) -> Result<Html<String>, Problem> {
-    let id: RunId = id.parse()?;
+    let id = shared.run(&id).await?;
     let inner = Arc::clone(&shared.inner);
     let html = shared.read(move |reader| {
         let found = inner.results.of(reader, id)?;
@@ -191,7 +264,7 @@ pub(super) async fn export(
     Path(id): Path<String>,
     options: Result<Query<ExportOptions>, QueryRejection>,
 ) -> Result<Response, Problem> {
-    let id: RunId = id.parse()?;
+    let id = shared.run(&id).await?;
     let Query(options) = options?;
     let (media_type, file) = (options.media_type(), options.file());
     let inner = Arc::clone(&shared.inner);
@@ -307,7 +380,7 @@ pub(super) async fn answer(
     match step {
         None => give(&shared, &id, Command::Answer, &operator).await,
         Some(step) => {
-            shared.inner.rig.answer(id.parse()?, step, operator.as_str()).await?;
+            shared.inner.rig.answer(shared.run(&id).await?, step, operator.as_str()).await?;
             Ok(StatusCode::ACCEPTED)
         }
     }
@@ -320,7 +393,7 @@ async fn give(
     command: Command,
     operator: &Operator,
 ) -> Result<StatusCode, Problem> {
-    let id: RunId = id.parse()?;
+    let id = shared.run(id).await?;
     shared.read(move |reader| Ok(reader.run(id)?)).await?;
     shared.inner.rig.command(command, Some(id), operator.as_str()).await?;
     Ok(StatusCode::ACCEPTED)
@@ -364,8 +437,7 @@ pub(super) fn posted(
 
 pub(super) fn begun(run: RunId) -> Response {
     let location = [(header::LOCATION, format!("/api/v1/runs/{run}"))];
-    (StatusCode::ACCEPTED, location, Json(serde_json::json!({ "id": run.to_string() })))
-        .into_response()
+    (StatusCode::ACCEPTED, location, Json(BegunView { id: run.to_string() })).into_response()
 }
 
 /// The name of a run; of an amendment, that of the run whose touch is measured again.
@@ -383,6 +455,7 @@ impl RunView {
         Self {
             is_simulated: reader.is_simulated(run.id),
             is_resumable: run.is_resumable(),
+            links: RunLinks::of(run.id),
             name: name(reader, &run),
             id: run.id.to_string(),
             protocol: run.name,

@@ -6,20 +6,60 @@ use axum::{
     http::{StatusCode, header},
     response::IntoResponse,
 };
-use rig_store::{RunId, Sweep};
+use rig_store::{Record, RunId, StoredRecord, Sweep, SweepOutcome};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::{Problem, Shared};
 use crate::{operator::Operator, sweep_form::SweepForm, sweeps};
 
 /// A sweep as a resource.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct SweepView {
     id: String,
     /// `running`, `accepted`, `refused` or `failed`.
     status: &'static str,
     #[serde(skip_serializing_if = "Option::is_none", flatten)]
     sweep: Option<Sweep>,
+}
+
+/// A sweep of a run, without its readings.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct SweepLine {
+    number: u64,
+    /// `no_load`, `touch` or `manual`.
+    purpose: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    step: Option<String>,
+    /// Number of readings.
+    readings: usize,
+    outcome: SweepOutcome,
+    /// Path of the sweep with its readings.
+    href: String,
+}
+
+/// The sweeps of a run, without their readings.
+pub(super) async fn of_run(
+    State(shared): State<Shared>,
+    Path(id): Path<String>,
+) -> Result<Json<Vec<SweepLine>>, Problem> {
+    let id = shared.run(&id).await?;
+    let found = shared.read(move |reader| {
+        reader.run(id)?;
+        let line = |record: StoredRecord| match record.record() {
+            Ok(Record::Sweep(sweep)) => Some(SweepLine {
+                href: format!("/api/v1/runs/{id}/sweeps/{}", sweep.number),
+                number: sweep.number,
+                purpose: sweep.purpose.name(),
+                step: sweep.step,
+                readings: sweep.readings.len(),
+                outcome: sweep.outcome,
+            }),
+            _ => None,
+        };
+        Ok(reader.records(id)?.into_iter().filter_map(line).collect())
+    });
+    found.await.map(Json)
 }
 
 pub(super) async fn begin(
@@ -59,8 +99,8 @@ pub(super) async fn show(
     match found.await? {
         Some(sweep) => {
             let status = match sweep.outcome {
-                rig_store::SweepOutcome::Accepted { .. } => "accepted",
-                rig_store::SweepOutcome::Refused { .. } => "refused",
+                SweepOutcome::Accepted { .. } => "accepted",
+                SweepOutcome::Refused { .. } => "refused",
             };
             Ok(Json(SweepView { id, status, sweep: Some(sweep) }))
         }

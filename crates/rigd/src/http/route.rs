@@ -1,0 +1,419 @@
+//! The routes below `/api/v1`: one table for the router and for the `OpenAPI` document.
+
+use axum::{
+    Router,
+    http::Method,
+    routing::{MethodRouter, get, post, put},
+};
+use rig_store::Sweep;
+use schemars::{JsonSchema, Schema, SchemaGenerator};
+
+use super::{
+    Shared, changes,
+    changes::ChangesView,
+    events, frames,
+    frames::FramesView,
+    moves,
+    moves::MoveForm,
+    notes,
+    notes::{Note, Notes},
+    plan,
+    plan::PlanView,
+    resume,
+    resume::{ContinueForm, TouchForm},
+    rig,
+    rig::{HomeForm, RigView},
+    runs,
+    runs::{AnswerOptions, BegunView, ExportOptions, ListOptions, RunDetail, RunView},
+    sweeps,
+    sweeps::{SweepLine, SweepView},
+};
+use crate::sweep_form::SweepForm;
+
+/// An operation of the interface.
+pub(super) struct Route {
+    pub(super) method: Method,
+    /// Below `/api/v1`.
+    pub(super) path: &'static str,
+    /// Name of the operation for clients that are generated.
+    pub(super) id: &'static str,
+    pub(super) summary: &'static str,
+    /// The options after `?`.
+    pub(super) query: Option<SchemaOf>,
+    /// Headers of the request that only this operation has.
+    pub(super) headers: &'static [Header],
+    pub(super) body: Content,
+    pub(super) status: u16,
+    pub(super) answer: Content,
+    handler: fn() -> MethodRouter<Shared>,
+}
+
+/// A header of a request.
+#[derive(Clone, Copy)]
+pub(super) struct Header {
+    pub(super) name: &'static str,
+    /// Form of its values, as a regular expression.
+    pub(super) pattern: &'static str,
+    pub(super) description: &'static str,
+}
+
+/// Makes the schema of a type.
+pub(super) type SchemaOf = fn(&mut SchemaGenerator) -> Schema;
+
+/// A body.
+pub(super) enum Content {
+    None,
+    Json(SchemaOf),
+    /// It may be left out.
+    OptionalJson(SchemaOf),
+    /// A protocol as TOML, or as JSON with `protocol_toml`; without it, the loaded one.
+    Protocol,
+    /// Of one of these media types.
+    Text(&'static [&'static str]),
+}
+
+const fn json<T: JsonSchema>() -> Content {
+    Content::Json(schema_of::<T>)
+}
+
+fn schema_of<T: JsonSchema>(generator: &mut SchemaGenerator) -> Schema {
+    generator.subschema_for::<T>()
+}
+
+impl Route {
+    const fn get(
+        path: &'static str,
+        id: &'static str,
+        summary: &'static str,
+        answer: Content,
+        handler: fn() -> MethodRouter<Shared>,
+    ) -> Self {
+        let (method, body) = (Method::GET, Content::None);
+        Self {
+            method,
+            path,
+            id,
+            summary,
+            query: None,
+            headers: &[],
+            body,
+            status: 200,
+            answer,
+            handler,
+        }
+    }
+
+    const fn post(
+        path: &'static str,
+        id: &'static str,
+        summary: &'static str,
+        body: Content,
+        status: u16,
+        answer: Content,
+        handler: fn() -> MethodRouter<Shared>,
+    ) -> Self {
+        let method = Method::POST;
+        Self { method, path, id, summary, query: None, headers: &[], body, status, answer, handler }
+    }
+
+    fn with_query<T: JsonSchema>(self) -> Self {
+        Self { query: Some(schema_of::<T>), ..self }
+    }
+
+    fn with_headers(self, headers: &'static [Header]) -> Self {
+        Self { headers, ..self }
+    }
+}
+
+const KEY: Header = Header {
+    name: "Idempotency-Key",
+    pattern: "^[!-~]{1,255}$",
+    description: "a repeated request with it begins no second run",
+};
+const LAST: Header = Header {
+    name: "Last-Event-ID",
+    pattern: "^[0-9]{1,18}$",
+    description: "number of the last event that the client has seen",
+};
+const EVENTS: &[&str] = &["text/event-stream"];
+const TOML: &[&str] = &["application/toml"];
+const HTML: &[&str] = &["text/html"];
+const TABLES: &[&str] = &["text/csv", "application/vnd.apache.parquet", "application/jsonl"];
+
+/// The requests about the rig as a whole.
+fn of_rig() -> Vec<Route> {
+    vec![
+        Route::get("/rig", "getRig", "The rig as it is now", json::<RigView>(), || get(rig::show)),
+        Route::post(
+            "/stop",
+            "stop",
+            "Stops both axes, retracts, and latches",
+            Content::None,
+            200,
+            json::<RigView>(),
+            || post(rig::stop),
+        ),
+        Route::post(
+            "/acknowledge",
+            "acknowledge",
+            "Leaves the latch: the rig is prepared again, retracting first",
+            Content::None,
+            200,
+            json::<RigView>(),
+            || post(rig::acknowledge),
+        ),
+        Route::post(
+            "/home",
+            "home",
+            "Homes a linear stage that has lost its position",
+            json::<HomeForm>(),
+            200,
+            json::<RigView>(),
+            || post(rig::home),
+        ),
+        Route::post(
+            "/moves",
+            "move",
+            "Moves one axis by hand",
+            json::<MoveForm>(),
+            202,
+            json::<RigView>(),
+            || post(moves::begin),
+        ),
+        Route::post(
+            "/sweeps",
+            "sweep",
+            "Begins one sweep at the present pose",
+            json::<SweepForm>(),
+            202,
+            json::<SweepView>(),
+            || post(sweeps::begin),
+        ),
+        Route::get("/sweeps/{id}", "getSweep", "One single sweep", json::<SweepView>(), || {
+            get(sweeps::show)
+        }),
+        Route::post(
+            "/protocols/check",
+            "checkProtocol",
+            "The plan of a protocol, or its faults. Nothing moves",
+            Content::Protocol,
+            200,
+            json::<PlanView>(),
+            || post(plan::check),
+        ),
+        Route::get(
+            "/events",
+            "events",
+            "Every record of the journal, as server-sent events",
+            Content::Text(EVENTS),
+            || get(events::stream),
+        )
+        .with_query::<events::StreamOptions>()
+        .with_headers(&[LAST]),
+    ]
+}
+
+/// The requests that read runs.
+fn of_runs() -> Vec<Route> {
+    vec![
+        Route::get(
+            "/runs",
+            "listRuns",
+            "The runs, the latest first",
+            json::<Vec<RunView>>(),
+            || get(runs::list),
+        )
+        .with_query::<ListOptions>(),
+        Route::get(
+            "/runs/{id}",
+            "getRun",
+            "One run with its results so far",
+            json::<RunDetail>(),
+            || get(runs::show),
+        ),
+        Route::get("/runs/{id}/plan", "getPlan", "Its plan", json::<PlanView>(), || {
+            get(plan::of_run)
+        }),
+        Route::get(
+            "/runs/{id}/protocol",
+            "getProtocol",
+            "Its protocol",
+            Content::Text(TOML),
+            || get(plan::protocol),
+        ),
+        Route::get(
+            "/runs/{id}/sweeps",
+            "listRunSweeps",
+            "Its sweeps, without their readings",
+            json::<Vec<SweepLine>>(),
+            || get(sweeps::of_run),
+        ),
+        Route::get(
+            "/runs/{id}/sweeps/{number}",
+            "getRunSweep",
+            "One of its sweeps, with readings",
+            json::<Sweep>(),
+            || get(plan::sweep),
+        ),
+        Route::get("/runs/{id}/report", "getReport", "Its report", Content::Text(HTML), || {
+            get(runs::report)
+        }),
+        Route::get(
+            "/runs/{id}/export",
+            "exportRun",
+            "Its tables, documents or records",
+            Content::Text(TABLES),
+            || get(runs::export),
+        )
+        .with_query::<ExportOptions>(),
+    ]
+}
+
+/// The requests that begin a run or lead it.
+fn to_runs() -> Vec<Route> {
+    vec![
+        Route::post(
+            "/runs",
+            "beginRun",
+            "Begins a run",
+            Content::Protocol,
+            202,
+            json::<BegunView>(),
+            || post(runs::begin),
+        )
+        .with_headers(&[KEY]),
+        Route::post(
+            "/runs/{id}/pause",
+            "pauseRun",
+            "Pauses before the next step, with the probe clear",
+            Content::None,
+            202,
+            Content::None,
+            || post(runs::pause),
+        ),
+        Route::post(
+            "/runs/{id}/resume",
+            "resumeRun",
+            "Goes on after a pause",
+            Content::None,
+            202,
+            Content::None,
+            || post(runs::resume),
+        ),
+        Route::post(
+            "/runs/{id}/abort",
+            "abortRun",
+            "Retracts and ends the run",
+            Content::None,
+            202,
+            Content::None,
+            || post(runs::abort),
+        ),
+        Route::post(
+            "/runs/{id}/answer",
+            "answer",
+            "Answers a prompt, or decides about a refused touch",
+            Content::None,
+            202,
+            Content::None,
+            || post(runs::answer),
+        )
+        .with_query::<AnswerOptions>(),
+    ]
+}
+
+/// The requests around runs that the page makes.
+fn around_runs() -> Vec<Route> {
+    vec![
+        Route::get(
+            "/runs/{id}/changes",
+            "getChanges",
+            "What has changed since the run",
+            json::<ChangesView>(),
+            || get(changes::show),
+        ),
+        Route {
+            method: Method::PUT,
+            ..Route::post(
+                "/runs/{id}/note",
+                "writeNote",
+                "Keeps a note about the run",
+                json::<Note>(),
+                204,
+                Content::None,
+                || put(notes::write),
+            )
+        },
+        Route::get(
+            "/notes",
+            "listNotes",
+            "The notes by the id of their run",
+            json::<Notes>(),
+            || get(notes::list),
+        ),
+        Route::get(
+            "/frames",
+            "getFrames",
+            "The last frames of each port",
+            json::<FramesView>(),
+            || get(frames::show),
+        ),
+    ]
+}
+
+/// The requests about runs that have ended.
+fn to_ended_runs() -> Vec<Route> {
+    vec![
+        Route::post(
+            "/runs/{id}/continue",
+            "continueRun",
+            "Resumes a run that was not completed",
+            Content::OptionalJson(schema_of::<ContinueForm>),
+            202,
+            json::<BegunView>(),
+            || post(resume::resume),
+        ),
+        Route::post(
+            "/runs/{id}/redo",
+            "redoTouch",
+            "Measures one touch again",
+            json::<TouchForm>(),
+            202,
+            json::<BegunView>(),
+            || post(resume::redo),
+        ),
+        Route::post(
+            "/runs/{id}/skip",
+            "skipTouch",
+            "Leaves one touch out",
+            json::<TouchForm>(),
+            204,
+            Content::None,
+            || post(resume::skip),
+        ),
+        Route::post(
+            "/runs/{id}/give-up",
+            "giveUpRun",
+            "Seals a run that was not completed",
+            Content::None,
+            204,
+            Content::None,
+            || post(resume::give_up),
+        ),
+    ]
+}
+
+/// Every route, in the order of the document.
+pub(super) fn all() -> impl Iterator<Item = Route> {
+    of_rig()
+        .into_iter()
+        .chain(of_runs())
+        .chain(to_runs())
+        .chain(to_ended_runs())
+        .chain(around_runs())
+}
+
+/// The router of all routes.
+pub(super) fn router() -> Router<Shared> {
+    all().fold(Router::new(), |router, route| router.route(route.path, (route.handler)()))
+}
