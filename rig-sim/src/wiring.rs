@@ -30,6 +30,8 @@ pub struct AxisWiring {
     pub units_per_step: f64,
     /// Position of the axis at count zero, mm or degrees.
     pub zero: f64,
+    /// Steps for a revolution of the motor, as it is set in the drive.
+    pub steps_per_revolution: f64,
 }
 
 impl Wiring {
@@ -46,9 +48,9 @@ impl Wiring {
 }
 
 impl AxisWiring {
-    /// A drive whose count zero is at position zero.
+    /// A drive whose count zero is at position zero, with 1000 steps for a revolution.
     pub const fn new(make: DriveMake, unit_id: u8, units_per_step: f64) -> Self {
-        Self { make, unit_id, units_per_step, zero: 0.0 }
+        Self { make, unit_id, units_per_step, zero: 0.0, steps_per_revolution: 1000.0 }
     }
 }
 

@@ -10,7 +10,7 @@ pub struct Scale<U> {
     pub per_count: f64,
     /// Position of the axis at count zero.
     pub zero: Position<U>,
-    /// Counts per revolution of the motor, for drives that take speed in revolutions per minute.
+    /// Counts per revolution of the motor, as it is set in the drive.
     pub counts_per_revolution: f64,
     /// Acceleration and deceleration, in units per second squared.
     pub acceleration_per_s2: f64,

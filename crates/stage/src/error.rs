@@ -192,6 +192,18 @@ pub enum StageError<U: Unit> {
         /// The drives of the map.
         drives: &'static str,
     },
+    /// The drive counts otherwise than the rig file says, so that every position would be wrong. Nothing
+    /// was written to it.
+    #[error(
+        "the drive is set to {found} steps for a revolution of its motor; the rig file says {expected} \
+         (steps_per_revolution)"
+    )]
+    OtherResolution {
+        /// Steps that the drive has.
+        found: f64,
+        /// Steps of the rig file.
+        expected: f64,
+    },
     /// The drive says that the axis is where it cannot be, so that no move from there is safe. It
     /// was not sent.
     #[error("is at {at}, outside its travel {travel}")]

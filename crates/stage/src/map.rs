@@ -195,6 +195,18 @@ pub struct MakeSignature {
     pub ranges: &'static [(u16, Width, i32, i32)],
 }
 
+/// The counts for one revolution of the motor, from registers of the signature:
+/// factor · dividend / divisor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Resolution {
+    /// Counts if dividend and divisor are equal, or the factor of a register of counts.
+    pub factor: f64,
+    /// Address and width of the dividend.
+    pub dividend: (u16, Width),
+    /// Address and width of the divisor; `None` for 1.
+    pub divisor: Option<(u16, Width)>,
+}
+
 /// Everything that differs between two makes of drive.
 #[derive(Debug, Clone, Copy)]
 pub struct RegisterMap {
@@ -206,6 +218,9 @@ pub struct RegisterMap {
     pub is_to_be_verified: bool,
     /// Registers that distinguish the drive from another device.
     pub signature: MakeSignature,
+    /// The resolution that is set in the drive, which decides what a count means; `None` where it cannot
+    /// be set.
+    pub resolution: Option<Resolution>,
     /// The blocks of one status reading, in order. The answers to these blocks and to the settings
     /// all have different lengths, so that none is ever taken for another.
     pub status: &'static [Block],

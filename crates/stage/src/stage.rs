@@ -38,6 +38,10 @@ const HOME_WITHIN: Duration = Duration::from_secs(120);
 /// Time limit for clearing an alarm.
 const RESET_WITHIN: Duration = Duration::from_secs(2);
 
+/// Relative difference of two resolutions that are the same: a gear ratio is of two whole numbers, and a
+/// rig file has some digits.
+const RESOLUTION_REL: f64 = 1e-6;
+
 /// One axis on a bus.
 #[derive(Debug)]
 pub struct Stage<U: Unit> {
@@ -95,7 +99,8 @@ impl<U: Unit> Stage<U> {
         self.status().await
     }
 
-    /// Checks, before anything is written, that the device is a drive of this make.
+    /// Checks, before anything is written, that the device is a drive of this make, and that it counts
+    /// as the rig file says.
     async fn check_signature(&self) -> Result<(), StageError<U>> {
         let (signature, drives) = (self.map.signature, self.map.drives);
         let reply = self.ask(read_request(signature.read)).await?;
@@ -104,6 +109,15 @@ impl<U: Unit> Stage<U> {
             if found < min || max < found {
                 return Err(StageError::Unrecognised { what, found, min, max, drives });
             }
+        }
+        let Some(resolution) = self.map.resolution else { return Ok(()) };
+        let read = |(address, width)| f64::from(number(signature.read, &reply, address, width));
+        let found =
+            resolution.factor * read(resolution.dividend) / resolution.divisor.map_or(1.0, read);
+        let expected = self.scale.counts_per_revolution;
+        // Ratios of settings of a drive need not be whole.
+        if (found - expected).abs() > RESOLUTION_REL * expected {
+            return Err(StageError::OtherResolution { found, expected });
         }
         Ok(())
     }

@@ -219,7 +219,7 @@ mod tests {
     const MM: f64 = 0.001;
 
     fn wiring(unit_id: u8, units_per_step: f64) -> AxisWiring {
-        AxisWiring { make: DriveMake::OrientalAz, unit_id, units_per_step, zero: 0.0 }
+        AxisWiring::new(DriveMake::OrientalAz, unit_id, units_per_step)
     }
 
     impl TestLine {

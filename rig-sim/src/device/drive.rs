@@ -51,7 +51,7 @@ trait Unit: fmt::Debug + Send {
 impl Drive {
     /// A drive that was just switched on, at this axis.
     pub(crate) fn new(axis: AxisId, wiring: AxisWiring, world: &World) -> Self {
-        let motor = Motor::new(axis, wiring.units_per_step, wiring.zero, world);
+        let motor = Motor::new(axis, &wiring, world);
         let unit: Box<dyn Unit> = match wiring.make {
             DriveMake::OrientalAz => Box::new(Az::new(motor)),
             DriveMake::IaiRc => Box::new(Iai::new(motor)),
@@ -133,7 +133,7 @@ mod test_drive {
         pub(super) fn new(make: DriveMake) -> Self {
             let scene = Scene { nuisances: Nuisances::NONE, ..paper() };
             let world = World::new(scene, 1).unwrap();
-            let wiring = AxisWiring { make, unit_id: 1, units_per_step: 0.01, zero: 0.0 };
+            let wiring = AxisWiring::new(make, 1, 0.01);
             let drive = Drive::new(AxisId::Linear, wiring, &world);
             Self { drive, world, now: RigTime::ZERO }
         }

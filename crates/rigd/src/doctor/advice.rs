@@ -128,6 +128,10 @@ fn on_stage<U: rig_model::Unit>(error: &StageError<U>, is_serial: bool) -> &'sta
         StageError::Unrecognised { .. } => {
             "check that address, unit id and register map in the rig file are those of the drive"
         }
+        StageError::OtherResolution { .. } => {
+            "set the resolution in the drive to that of the rig file; or correct the rig file: \
+             steps_per_revolution, and with it mm_per_step or deg_per_step"
+        }
         StageError::BeyondTravel { .. } => LOST,
         StageError::Unhomed { .. } => NOT_HOMED,
         _ => "read the display of the drive, and find its state in its manual",

@@ -319,6 +319,7 @@ fn axis_wiring<U: Unit>(file: &AxisFile<U>) -> AxisWiring {
         unit_id: file.unit_id,
         units_per_step: file.scale.per_count,
         zero: file.scale.zero.value(),
+        steps_per_revolution: file.scale.counts_per_revolution,
     }
 }
 

@@ -96,13 +96,14 @@ impl Shell {
         let is_virtual_time = rig.is_virtual_time();
         let data = store.directory().map_or_else(|| PathBuf::from("memory"), PathBuf::from);
         let data_error = |source| OpenError::Data { data: data.clone(), source };
-        let left = InterruptedRig::left(&store.reader().map_err(data_error)?, &rig.file.name);
+        let name = rig.file.name.clone();
+        let left = InterruptedRig::left(&store.reader().map_err(data_error)?, &name);
         let clock = Clock::start();
         let opened = open_rig(rig, bench, clock).await?;
         let Opened { setting, analyzer, axes, gate, halt, .. } = opened;
         let Opened { simulation, black_boxes, known_samples, patience, .. } = opened;
         let pulse = Arc::new(Pulse::default());
-        let log = Log::open(store, setting.rig.name.clone(), clock, &pulse).map_err(data_error)?;
+        let log = Log::open(store, name, clock, &pulse).map_err(data_error)?;
         let engine = Engine::with_patience(setting.limits, patience);
         let ports = black_boxes.clone().map(|(port, transcript)| PortFrames { port, transcript });
         let ports = Arc::new(ports) as Arc<[PortFrames]>;

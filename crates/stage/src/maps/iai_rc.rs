@@ -51,6 +51,8 @@ pub static IAI_RC: RegisterMap = RegisterMap {
         read: Block { table: Table::Holding, address: DSS1, count: 1 },
         ranges: &[(DSS1, Width::U16, 1, 0xFFFF)],
     },
+    // A count is 0.01 mm.
+    resolution: None,
     status: &[
         Block { table: Table::Holding, address: 0x9000, count: 10 },
         Block { table: Table::Holding, address: PCMD, count: 4 },

@@ -11,7 +11,7 @@ use rig_model::DriveMake;
 
 use crate::map::{
     AccelerationUnit, AlarmSource, Block, DriveSettings, Field, Flag, MakeSignature, Quantity,
-    RegisterContent, RegisterMap, SpeedUnit, Step, Table, TargetReadBack, Width,
+    RegisterContent, RegisterMap, Resolution, SpeedUnit, Step, Table, TargetReadBack, Width,
 };
 
 const STATUS: usize = 0;
@@ -41,6 +41,7 @@ pub static LEADSHINE_PR: RegisterMap = RegisterMap {
         read: Block { table: Table::Holding, address: 0x0001, count: 1 },
         ranges: &[(0x0001, Width::U16, 200, 0xFFFF)],
     },
+    resolution: Some(Resolution { factor: 1.0, dividend: (0x0001, Width::U16), divisor: None }),
     status: &[
         Block { table: Table::Holding, address: MOTION_STATUS, count: 1 },
         Block { table: Table::Holding, address: 0x602C, count: 2 },

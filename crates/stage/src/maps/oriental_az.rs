@@ -7,7 +7,7 @@ use rig_model::DriveMake;
 
 use crate::map::{
     AccelerationUnit, AlarmSource, Block, DriveSettings, Field, Flag, MakeSignature, Quantity,
-    RegisterContent, RegisterMap, SpeedUnit, Step, Table, TargetReadBack, Width,
+    RegisterContent, RegisterMap, Resolution, SpeedUnit, Step, Table, TargetReadBack, Width,
 };
 
 /// Lower word of the driver output status, and the present alarm.
@@ -20,6 +20,10 @@ const DRIVER_INPUT: u16 = 0x007D;
 const INPUT_HOME: u16 = 1 << 4;
 const INPUT_STOP: u16 = 1 << 5;
 const INPUT_NONE: u16 = 0;
+
+/// The electronic gear: a revolution of the motor is 1000 · B / A steps.
+const GEAR_A: u16 = 0x0380;
+const GEAR_B: u16 = 0x0382;
 
 /// The soft limits, with the reaction of the drive.
 const LIMITS: u16 = 0x0386;
@@ -34,12 +38,17 @@ pub static ORIENTAL_AZ: RegisterMap = RegisterMap {
     make: DriveMake::OrientalAz,
     drives: "Oriental Motor AZ series",
     is_to_be_verified: false,
-    // Neither is ever at the freezing point of water.
+    // Both are settings of the drive, and 1 as it leaves the factory.
     signature: MakeSignature {
-        what: "temperature of driver or motor in 0.1 °C",
-        read: Block { table: Table::Holding, address: 0x00F8, count: 4 },
-        ranges: &[(0x00F8, Width::I32, 1, 1200), (0x00FA, Width::I32, 1, 1200)],
+        what: "electronic gear A or B",
+        read: Block { table: Table::Holding, address: GEAR_A, count: 4 },
+        ranges: &[(GEAR_A, Width::I32, 1, 0xFFFF), (GEAR_B, Width::I32, 1, 0xFFFF)],
     },
+    resolution: Some(Resolution {
+        factor: 1000.0,
+        dividend: (GEAR_B, Width::I32),
+        divisor: Some((GEAR_A, Width::I32)),
+    }),
     status: &[
         Block { table: Table::Holding, address: 0x007F, count: 3 },
         Block { table: Table::Holding, address: 0x0120, count: 4 },

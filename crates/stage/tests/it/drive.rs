@@ -56,6 +56,8 @@ pub(crate) struct State {
     lost: i32,
     ignores_moves: bool,
     is_mute: bool,
+    /// As it is set in the drive.
+    steps_per_revolution: u16,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -98,6 +100,7 @@ impl Drive {
             lost: 0,
             ignores_moves: false,
             is_mute: false,
+            steps_per_revolution: 10_000,
         };
         Self { state: Arc::new(Mutex::new(state)) }
     }
@@ -122,6 +125,10 @@ impl Drive {
         let mut state = self.state.lock().unwrap();
         state.alarm = code;
         state.halt();
+    }
+
+    pub(crate) fn set_steps_per_revolution(&self, steps: u16) {
+        self.state.lock().unwrap().steps_per_revolution = steps;
     }
 
     pub(crate) fn lose_counts(&self, counts: i32) {
@@ -259,8 +266,8 @@ mod az {
             | u16::from(state.is_homed) << 4;
         state.registers.insert(0x7F, outputs);
         state.registers.insert(0x81, state.alarm);
-        state.set_long(0xF8, 412);
-        state.set_long(0xFA, 365);
+        state.set_long(0x380, 1000);
+        state.set_long(0x382, state.steps_per_revolution.into());
         state.set_long(0x120, state.measured());
         state.set_long(0x122, state.motion.position());
     }
@@ -338,7 +345,7 @@ mod leadshine {
             | u16::from(is_moving) << 2
             | if is_moving { 0 } else { 0x30 }
             | u16::from(state.is_homed) << 6;
-        state.registers.insert(0x0001, 10_000);
+        state.registers.insert(0x0001, state.steps_per_revolution);
         state.registers.insert(0x1003, status);
         state.registers.insert(0x2203, state.alarm);
         state.set_long(0x602C, state.measured());

@@ -326,6 +326,26 @@ async fn identify_storage(make: &'static Make, value: u16) -> (String, usize) {
     (said, writes.load(Ordering::Relaxed))
 }
 
+/// Another resolution than that of the rig file makes every position wrong, and is refused before anything
+/// is written.
+#[tokio::test(start_paused = true)]
+async fn a_drive_that_counts_otherwise_is_refused() {
+    for make in [&AZ, &LEADSHINE] {
+        for steps in [1000, 9999, 20_000] {
+            let drive = Drive::new(make, 1);
+            drive.set_steps_per_revolution(steps);
+            let error = stage_on(make, &drive, []).identify().await.unwrap_err();
+            let said = format!(
+                "the drive is set to {steps} steps for a revolution of its motor; the rig file says \
+                 10000 (steps_per_revolution)"
+            );
+            assert_eq!(error.to_string(), said);
+            let is_write = |frame: &Vec<u8>| frame[1] > 4;
+            assert!(!drive.seen().iter().any(is_write), "something was written");
+        }
+    }
+}
+
 #[tokio::test(start_paused = true)]
 async fn a_device_that_is_no_drive_is_not_taken_for_one() {
     for make in MAKES {
@@ -337,8 +357,7 @@ async fn a_device_that_is_no_drive_is_not_taken_for_one() {
     let (said, _) = identify_storage(&AZ, 0).await;
     assert_eq!(
         said,
-        "not recognised: temperature of driver or motor in 0.1 °C reads 0, \
-         outside [1, 1200] of Oriental Motor AZ series"
+        "not recognised: electronic gear A or B reads 0, outside [1, 65535] of Oriental Motor AZ series"
     );
     // A value in every register.
     for value in [1, 7, 100] {

@@ -31,7 +31,7 @@ fn scale<U: Unit>(per_count: f64) -> Scale<U> {
     Scale {
         per_count,
         zero: Position::new(0.0),
-        counts_per_revolution: 10_000.0,
+        counts_per_revolution: 1000.0,
         acceleration_per_s2: 200.0,
     }
 }

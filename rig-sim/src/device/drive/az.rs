@@ -64,13 +64,15 @@ mod item {
 
     // Parameters.
     pub(super) const HOME_SPEED: u16 = 0x02B4;
+    pub(super) const GEAR_A: u16 = 0x0380;
+    pub(super) const GEAR_B: u16 = 0x0382;
     pub(super) const LIMIT_ACTION: u16 = 0x0386;
     pub(super) const LIMIT_POSITIVE: u16 = 0x0388;
     pub(super) const LIMIT_NEGATIVE: u16 = 0x038A;
 }
 
 /// Writable values with their power-on values and accepted ranges.
-const SETTINGS: [(u16, i32, i32, i32); 20] = [
+const SETTINGS: [(u16, i32, i32, i32); 22] = [
     (item::DATA_NUMBER, 0, 0, 255),
     (item::TYPE, 2, 0, 22),
     (item::POSITION, 0, i32::MIN, i32::MAX),
@@ -88,6 +90,8 @@ const SETTINGS: [(u16, i32, i32, i32); 20] = [
     (item::PRESET_POSITION, 0, 0, 1),
     (item::CONFIGURATION, 0, 0, 1),
     (item::HOME_SPEED, 5000, 1, 4_000_000),
+    (item::GEAR_A, 1, 1, 0xFFFF),
+    (item::GEAR_B, 1, 1, 0xFFFF),
     (item::LIMIT_ACTION, 3, -1, 3),
     (item::LIMIT_POSITIVE, i32::MAX, i32::MIN, i32::MAX),
     (item::LIMIT_NEGATIVE, i32::MIN, i32::MIN, i32::MAX),
@@ -122,9 +126,6 @@ pub(in crate::device) mod alarm {
 
 /// Largest distance of the motor from its command for "in position", in steps.
 const IN_POSITION_STEPS: f64 = 18.0;
-
-/// The resolution of the factory.
-const STEPS_PER_REVOLUTION: f64 = 1000.0;
 
 /// Number of alarms in the drive's history.
 const HISTORY: usize = 10;
@@ -197,7 +198,13 @@ impl Unit for Az {
 impl Az {
     /// A drive that has just been switched on.
     pub(super) fn new(motor: Motor) -> Self {
-        let settings = SETTINGS.iter().map(|&(address, initial, ..)| (address, initial)).collect();
+        let mut settings: BTreeMap<_, _> =
+            SETTINGS.iter().map(|&(address, initial, ..)| (address, initial)).collect();
+        // A step is a thousandth of a revolution, times A / B.
+        #[expect(clippy::cast_possible_truncation, reason = "a drive has fewer steps")]
+        let steps = motor.steps_per_revolution() as i32;
+        let [a, b] = if steps % 1000 == 0 { [1, steps / 1000] } else { [1000, steps] };
+        settings.extend([(item::GEAR_A, a), (item::GEAR_B, b)]);
         Self {
             motor,
             settings,
@@ -259,7 +266,7 @@ impl Az {
             }
             item::COMMAND_SPEED_HZ | item::FEEDBACK_SPEED_HZ => counts(speed_hz),
             item::COMMAND_SPEED_RPM | item::FEEDBACK_SPEED_RPM => {
-                counts(speed_hz * 60.0 / STEPS_PER_REVOLUTION)
+                counts(speed_hz * 60.0 / self.motor.steps_per_revolution())
             }
             // The outputs of the connector are in the upper word; HOME-END is the first of them.
             item::DIRECT_IO => i32::from(self.is_homed) << 16,

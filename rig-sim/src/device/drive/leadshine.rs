@@ -155,14 +155,15 @@ impl Leadshine {
         let expand = |&(first, last, initial): &(u16, u16, u16)| {
             (first..=last).map(move |address| (address, initial))
         };
-        Self {
-            motor,
-            settings: SETTINGS.iter().flat_map(expand).collect(),
-            preset: 0.0,
-            alarm: 0,
-            is_homed: false,
-            is_homing: false,
-        }
+        let mut settings: BTreeMap<_, _> = SETTINGS.iter().flat_map(expand).collect();
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "it is saturated"
+        )]
+        let pulses = motor.steps_per_revolution() as u16;
+        settings.insert(register::PULSES_PER_REVOLUTION, pulses);
+        Self { motor, settings, preset: 0.0, alarm: 0, is_homed: false, is_homing: false }
     }
 
     fn raise(&mut self, now: RigTime, code: u16, world: &mut World) {

@@ -4,6 +4,7 @@ use rig_model::RigTime;
 
 use crate::{
     faults::DeviceFault,
+    wiring::AxisWiring,
     world::{AxisId, Profile, World},
 };
 
@@ -15,6 +16,7 @@ pub(super) struct Motor {
     units_per_count: f64,
     /// Position of the axis at count zero.
     zero: f64,
+    steps_per_revolution: f64,
     commanded: f64,
 }
 
@@ -27,10 +29,17 @@ pub(super) struct Pace {
 }
 
 impl Motor {
-    pub(super) fn new(axis: AxisId, units_per_count: f64, zero: f64, world: &World) -> Self {
-        let mut motor = Self { axis, units_per_count, zero, commanded: 0.0 };
+    pub(super) fn new(axis: AxisId, wiring: &AxisWiring, world: &World) -> Self {
+        let &AxisWiring { units_per_step, zero, steps_per_revolution, .. } = wiring;
+        let units_per_count = units_per_step;
+        let mut motor = Self { axis, units_per_count, zero, steps_per_revolution, commanded: 0.0 };
         motor.commanded = motor.counts_at(world.stage(axis).target());
         motor
+    }
+
+    /// Counts for a revolution, as it is set in the drive.
+    pub(super) const fn steps_per_revolution(&self) -> f64 {
+        self.steps_per_revolution
     }
 
     /// The motor after its drive was switched off, when the brake held it, and on again.
