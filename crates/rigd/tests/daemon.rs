@@ -5,6 +5,9 @@
 #[expect(dead_code, reason = "other tests use more of it")]
 #[path = "support/program.rs"]
 mod program;
+#[expect(dead_code, reason = "another test uses more of it")]
+#[path = "support/terminal.rs"]
+mod terminal;
 
 use std::{
     fs,
@@ -16,9 +19,11 @@ use std::{
 };
 
 use program::{Program, check_clear};
+use rig_model::Orientation;
 use rig_store::{Reader, Record};
-use rustix::process::Signal;
+use rustix::process::{Pid, Signal, kill_process};
 use tempfile::TempDir;
+use terminal::{Bench, Terminal, narrow};
 
 const TOKEN: &str = "0123456789abcdef0123456789abcdef";
 
@@ -117,6 +122,52 @@ fn a_run_of_a_daemon_is_watched_paused_resumed_aborted_and_stopped_from_a_termin
     let by_grace =
         |record: &Record| matches!(record, Record::Operator(it) if it.who == "Grace Hopper");
     assert!(records.iter().any(|stored| by_grace(&stored.record().unwrap())));
+}
+
+/// A person who watches at a terminal, and answers prompts and refused touches from another one.
+fn answer(bench: &Bench, folder: &Path) {
+    let data = folder.join("data");
+    let mut daemon = command(&data, &["serve", "--listen", "127.0.0.1:0"])
+        .args([&bench.protocol, Path::new("--rig"), &bench.rig])
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = BufReader::new(daemon.stderr.take().unwrap());
+    let mut line = String::new();
+    said.read_line(&mut line).unwrap();
+    let address = line.split_once("http://").unwrap().1.trim().trim_end_matches('/').to_owned();
+    let mut watching = Terminal::open(&["watch".as_ref(), "--data".as_ref(), &data], 80);
+    watching.wait_for_text("idle");
+    begin(&address);
+    watching.wait_for_text("Put sample 1 under the probe. Then `rigd answer`.");
+    assert!(check(&data, &["answer", "skip"], 2).contains("no touch was refused"));
+    bench.person.place_sample("1").unwrap();
+    check(&data, &["answer"], 0);
+    watching.wait_for_text("about its own axis. Then `rigd answer`.");
+    bench.person.turn_sensor(Orientation::Left);
+    check(&data, &["answer"], 0);
+    watching.wait_for_text("touch main/1/left/0/1 was refused");
+    assert!(check(&data, &["answer"], 2).contains("`widen`, `repeat`, `skip` or `abort`"));
+    assert!(check(&data, &["status"], 0).contains("was refused"));
+    check(&data, &["answer", "widen"], 0);
+    watching.wait_for_text("\u{2713} main/1/left/0/1");
+    watching.wait_for_text("Put sample 2 under the probe. Then `rigd answer`.");
+    bench.person.place_sample("2").unwrap();
+    check(&data, &["answer"], 0);
+    watching.wait_for_text("touch main/2/left/0/1 was refused");
+    check(&data, &["answer", "skip"], 0);
+    assert_eq!(watching.end(), Some(6), "{}", watching.text());
+    assert!(watching.text().contains("1 of 2 touches measured"), "{}", watching.text());
+    kill_process(Pid::from_child(&daemon), Signal::TERM).unwrap();
+    assert!(daemon.wait().unwrap().success());
+    check_clear(&data);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_a_daemon_asks_is_answered_from_a_terminal() {
+    let folder = TempDir::new().unwrap();
+    let bench = Bench::start(folder.path(), &narrow()).await;
+    tokio::task::spawn_blocking(move || answer(&bench, folder.path())).await.unwrap();
 }
 
 #[test]

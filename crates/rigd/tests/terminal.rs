@@ -9,7 +9,7 @@ use std::path::Path;
 
 use rig_model::Orientation;
 use rustix::process::Signal;
-use support::{Bench, PROTOCOL, Terminal};
+use support::{Bench, PROTOCOL, Terminal, narrow};
 use tempfile::TempDir;
 
 const TURN: &str =
@@ -62,14 +62,6 @@ async fn a_prompt_is_not_lost_whatever_the_width_of_the_terminal() {
     for person in people {
         person.await.unwrap();
     }
-}
-
-/// The window of the sweep in contact ends below the resonance of each sample.
-fn narrow() -> String {
-    let narrow = PROTOCOL.replace("max_hz = 260", "max_hz = 145");
-    let ask = narrow.replace("[touch]\n", "[touch]\non_refusal = \"ask\"\n");
-    assert!(narrow != PROTOCOL && ask != narrow);
-    ask
 }
 
 /// A person decides at the terminal about a refused touch: a wrong letter changes nothing, `w` measures

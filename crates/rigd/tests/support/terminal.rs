@@ -60,6 +60,14 @@ cycles = 20
 level_v = 5
 "#;
 
+/// The window of the sweep in contact ends below the resonance of each sample.
+pub(crate) fn narrow() -> String {
+    let narrow = PROTOCOL.replace("max_hz = 260", "max_hz = 145");
+    let ask = narrow.replace("[touch]\n", "[touch]\non_refusal = \"ask\"\n");
+    assert!(narrow != PROTOCOL && ask != narrow);
+    ask
+}
+
 fn shipped(path: &str) -> String {
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config");
     fs::read_to_string(config.join(path)).unwrap()
@@ -115,7 +123,15 @@ pub(crate) struct Terminal {
 }
 
 impl Terminal {
+    /// A run of the protocol of the bench.
     pub(crate) fn start(bench: &Bench, folder: &Path, columns: u16) -> Self {
+        let data = folder.join("data");
+        let args = ["run".as_ref(), &*bench.protocol, "--rig".as_ref(), &bench.rig];
+        Self::open(&[&args[..], &["--data".as_ref(), &data]].concat(), columns)
+    }
+
+    /// The program with these arguments.
+    pub(crate) fn open(args: &[&Path], columns: u16) -> Self {
         let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
         grantpt(&master).unwrap();
         unlockpt(&master).unwrap();
@@ -126,12 +142,7 @@ impl Terminal {
             options.read(true).write(true).open(name.to_str().unwrap()).unwrap()
         };
         let child = Command::new(env!("CARGO_BIN_EXE_rigd"))
-            .arg("run")
-            .arg(&bench.protocol)
-            .arg("--rig")
-            .arg(&bench.rig)
-            .arg("--data")
-            .arg(folder.join("data"))
+            .args(args)
             .stdin(open())
             .stdout(open())
             .stderr(open())
