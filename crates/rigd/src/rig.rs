@@ -137,6 +137,8 @@ pub struct RunView {
     pub expected_s: f64,
     /// Duration of each of its steps, s.
     pub durations_s: Arc<[f64]>,
+    /// When the step under way began, on the rig's clock.
+    pub step_began: RigTime,
     /// Number of steps that were done before this part of the run began.
     pub first_step: usize,
     /// The touches that were done before this part of the run began.
@@ -510,16 +512,29 @@ impl RunView {
 
     /// Remaining time of the run, from the step under way on.
     pub fn remaining(&self, step: usize, now: RigTime) -> Remaining {
+        let lasted_s = now.since(self.step_began.min(now)).as_secs_f64();
+        self.left(step, step, now).after(lasted_s, self.left(step, step + 1, now))
+    }
+
+    /// The least time until a later step begins, s.
+    pub fn until_s(&self, step: usize, later: usize, now: RigTime) -> f64 {
+        let least_s = self.remaining(step, now).least_s - self.left(step, later, now).least_s;
+        least_s.max(0.0)
+    }
+
+    /// The time of the steps from `from` on, as expected at the beginning of the step under way.
+    fn left(&self, step: usize, from: usize, now: RigTime) -> Remaining {
         let (steps, durations_s) = (&self.plan.steps, &self.durations_s);
-        let here = step.min(steps.len()).min(durations_s.len());
+        let end = steps.len().min(durations_s.len());
         let part = |from: usize, to: usize| pace::Part {
             steps: &steps[from.min(to)..to],
             durations_s: &durations_s[from.min(to)..to],
         };
-        let parts = (part(self.first_step, here), part(here, steps.len().min(durations_s.len())));
+        let parts = (part(self.first_step, step.min(end)), part(from, end));
         let touches = self.touches_done.saturating_sub(self.touches_before);
-        let elapsed_s = now.since(self.started).as_secs_f64();
-        self.pace.remaining(now, parts, elapsed_s, touches, &self.history)
+        let began = self.step_began.min(now);
+        let elapsed_s = began.since(self.started).as_secs_f64();
+        self.pace.remaining(began, parts, elapsed_s, touches, &self.history)
     }
 }
 

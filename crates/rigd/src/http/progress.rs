@@ -113,22 +113,19 @@ impl PromptAction {
 }
 
 pub(super) fn ahead(run: &RunView, progress: &Progress, now: RigTime) -> Forecast {
-    let (steps, durations_s) = (&run.plan.steps, &run.durations_s);
+    let steps = &run.plan.steps;
     let here = progress.step.min(steps.len());
     let elapsed_s = now.since(run.started).as_secs_f64();
-    let sum_s = |durations_s: &[f64]| durations_s.iter().sum::<f64>();
     let is_prompt = |action: &Action| matches!(action, Action::Prompt(_));
-    let left = durations_s.get(here..).unwrap_or_default();
     let remaining = run.remaining(here, now);
     // The open prompt is not the next one.
     let next = steps.iter().enumerate().skip(here + 1).find(|(_, step)| is_prompt(&step.action));
-    let left_s = sum_s(left).max(f64::MIN_POSITIVE);
     let next_prompt = next.and_then(|(index, step)| {
         let Action::Prompt(prompt) = step.action else { return None };
         let touches = steps[here..index].iter();
         Some(NextPrompt {
             prompt: run.ask(&prompt),
-            in_s: sum_s(&durations_s[here..index]) / left_s * remaining.least_s,
+            in_s: run.until_s(here, index, now),
             touches: touches.filter(|step| matches!(step.action, Action::Touch(_))).count(),
         })
     });

@@ -25,6 +25,17 @@ pub struct Remaining {
     pub most_s: f64,
 }
 
+impl Remaining {
+    /// The remaining time when the step under way, with which this time begins, has lasted `lasted_s`.
+    /// `next` is the remaining time from the next step on, which the step under way does not change.
+    pub(super) const fn after(self, lasted_s: f64, next: Self) -> Self {
+        Self {
+            least_s: (self.least_s - lasted_s).max(next.least_s),
+            most_s: (self.most_s - lasted_s).max(next.most_s),
+        }
+    }
+}
+
 /// A part of a plan: its steps with their expected durations, s.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Part<'a> {
@@ -154,6 +165,16 @@ mod tests {
         assert!((first.least_s - 70.0).abs() < 1e-9 && (first.most_s - 130.0).abs() < 1e-9);
         let later = pace.by_plan(at(80), (80.0, 20.0), 80.0, 8, 0.0);
         assert!((later.least_s - 18.0).abs() < 1e-9 && (later.most_s - 22.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_time_of_the_step_under_way_passes_and_no_more_than_that() {
+        let (here, next) =
+            (Remaining { least_s: 50.0, most_s: 80.0 }, Remaining { least_s: 40.0, most_s: 60.0 });
+        assert_eq!(here.after(0.0, next), here);
+        assert_eq!(here.after(5.0, next), Remaining { least_s: 45.0, most_s: 75.0 });
+        assert_eq!(here.after(15.0, next), Remaining { least_s: 40.0, most_s: 65.0 });
+        assert_eq!(here.after(500.0, next), next);
     }
 
     #[test]

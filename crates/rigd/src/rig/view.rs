@@ -76,6 +76,7 @@ impl View {
 
     pub(super) fn note(&mut self, event: &Event, now: RigTime) {
         match event {
+            Event::StepStarted { .. } => self.run(|run| run.step_began = now),
             Event::PromptAsked(_) | Event::RefusalAsked { .. } => {
                 self.run(|run| run.pace.asked(now));
             }

@@ -52,6 +52,7 @@ impl Shell {
         RunView {
             id,
             started: self.clock.now(),
+            step_began: self.clock.now(),
             expected_s: plan.summary(&self.setting.limits).duration_s,
             durations_s: plan.durations_s(&self.setting.limits).into(),
             plan,
