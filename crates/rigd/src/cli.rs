@@ -84,7 +84,7 @@ enum CliCommand {
     /// Answer what a daemon asks for
     Answer(daemon::AnswerArgs),
     /// Leave the latch of a daemon: the rig is prepared again
-    Acknowledge(daemon::DaemonArgs),
+    Acknowledge(daemon::AcknowledgeArgs),
     /// List the runs
     Runs(runs::RunsArgs),
     /// Show the results of a run
@@ -142,7 +142,7 @@ pub fn main() -> ExitCode {
         CliCommand::Abort(args) => daemon::order(&args, Order::Abort),
         CliCommand::Stop(args) => daemon::order(&args, Order::Stop),
         CliCommand::Answer(args) => daemon::answer(&args),
-        CliCommand::Acknowledge(args) => daemon::order(&args, Order::Acknowledge),
+        CliCommand::Acknowledge(args) => daemon::acknowledge(&args),
         CliCommand::Runs(args) => runs::list(&args),
         CliCommand::Show(args) => runs::show(&args),
         CliCommand::Export(args) => export::export(&args),

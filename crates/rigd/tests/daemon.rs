@@ -113,6 +113,8 @@ fn a_run_of_a_daemon_is_watched_paused_resumed_aborted_and_stopped_from_a_termin
     assert!(status.contains("latched") && status.contains("`rigd acknowledge`"), "{status}");
     assert_eq!(rigd(&data, &["watch"]).status.code(), Some(4));
     assert!(check(&data, &["acknowledge"], 0).contains("idle"));
+    check(&data, &["stop"], 0);
+    assert!(check(&data, &["acknowledge", "--nothing-below-probe"], 0).contains("idle"));
     daemon.signal(Signal::TERM);
     let (status, _, data) = daemon.end();
     assert!(status.success());

@@ -327,7 +327,9 @@ export function FaultCard({ view }: { view: View }) {
   // The words of the interface for programs, as the buttons of this page.
   const hint = fault.hint
     .replace(/POST \/api\/v1\/acknowledge(, which retracts the probe first)?/, isClear ? "acknowledge below" : "acknowledge below, which retracts the probe first")
+    .replace('POST /api/v1/home with {"nothing_below_probe": true}', "Home below")
     .replace("POST /api/v1/stop", "Stop all");
+  const needsLook = fault.hint.includes("/api/v1/home");
   const steps = hint.split(/; (?=and |then |check )|(?<=\.) /);
   const cause = fault.cause.charAt(0).toUpperCase() + fault.cause.slice(1);
   const [head, ...rest] = cause.split(": ");
@@ -342,8 +344,9 @@ export function FaultCard({ view }: { view: View }) {
             <dt>Where the probe is</dt><dd><strong class={isClear ? "good-word" : "bad-word"}>{where}</strong> {at}</dd>
             <dt>What to do</dt><dd>{steps.length > 1 ? <ol class="steps">{steps.map((step) => <li key={step}>{step}</li>)}</ol> : hint}</dd>
           </dl>
+          {needsLook && <HomeAfterLook isLost={view.link === "lost"} isDone={rig.state !== "latched"} />}
           <div class="answer-bar fault-bar">
-            <AskButton class="primary done" icon="up" send={() => post("acknowledge")} isDone={rig.state !== "latched"} disabled={view.link === "lost"}>{isClear ? "Acknowledge and prepare" : "Acknowledge and retract"}</AskButton>
+            <AskButton class={needsLook ? "" : "primary done"} icon="up" send={() => post("acknowledge")} isDone={rig.state !== "latched"} disabled={view.link === "lost"}>{isClear ? "Acknowledge and prepare" : "Acknowledge and retract"}</AskButton>
             <p class="soft">Acknowledges the fault{operator() ? `, signed ${operator()}` : ""}. {isClear ? "Both axes are checked, and homed if they must be." : "The probe goes up first, then both axes are checked."} A run does not go on by itself: continue it on its page in <a href="#/runs">Runs</a>.</p>
           </div>
         </div>
@@ -362,6 +365,18 @@ export function FaultCard({ view }: { view: View }) {
         {story && story.frames.length > 0 && <FrameList frames={story.frames} rig={rig} />}
       </section>
     </main>
+  );
+}
+
+/** Homes a linear stage that has lost its position, once a person has stated what no device can see. */
+function HomeAfterLook({ isLost, isDone }: { isLost: boolean; isDone: boolean }) {
+  const [isSeen, setSeen] = useState(false);
+  const send = () => post("home", { type: "application/json", text: JSON.stringify({ nothing_below_probe: true }) });
+  return (
+    <div class="home-look">
+      <label class="check"><input type="checkbox" checked={isSeen} onChange={(event) => setSeen(event.currentTarget.checked)} /> I have seen that nothing is below the probe, down to the end of its travel.</label>
+      <AskButton class="primary done" icon="rig" send={send} isDone={isDone} disabled={!isSeen || isLost} why="Look first, then say so above.">Home the linear stage</AskButton>
+    </div>
   );
 }
 

@@ -62,6 +62,10 @@ pub(super) struct Problem {
 /// Advice of the HTTP interface, in commands.
 pub(super) fn in_commands(advice: &str) -> String {
     let words = [
+        (
+            "POST /api/v1/home with {\"nothing_below_probe\": true}",
+            "`rigd acknowledge --nothing-below-probe`",
+        ),
         ("POST /api/v1/acknowledge", "`rigd acknowledge`"),
         ("POST /api/v1/stop", "`rigd stop`"),
         ("GET /api/v1/rig", "`rigd status`"),
@@ -88,26 +92,40 @@ impl Client {
 
     /// Asks for a resource.
     pub(super) async fn get<T: DeserializeOwned>(&self, path: &str) -> Result<T, DaemonError> {
-        let bytes = self.ask(Method::GET, path).await?;
+        let bytes = self.ask(Method::GET, path, None).await?;
         serde_json::from_slice(&bytes).map_err(|error| self.failed(error.into()))
     }
 
     /// Gives a command.
     pub(super) async fn post(&self, path: &str) -> Result<(), DaemonError> {
-        self.ask(Method::POST, path).await.map(|_| ())
+        self.ask(Method::POST, path, None).await.map(|_| ())
+    }
+
+    /// Gives a command with a statement, as JSON.
+    pub(super) async fn post_json(
+        &self,
+        path: &str,
+        body: &'static str,
+    ) -> Result<(), DaemonError> {
+        self.ask(Method::POST, path, Some(body)).await.map(|_| ())
     }
 
     /// Follows the events from now on.
     pub(super) async fn events(&self) -> Result<Events, DaemonError> {
-        let answer = self.send(Method::GET, "/api/v1/events?live=true").await?;
+        let answer = self.send(Method::GET, "/api/v1/events?live=true", None).await?;
         if !answer.status().is_success() {
             return Err(self.refusal(answer).await);
         }
         Ok(Events { body: answer.into_body(), text: Vec::new(), address: self.address })
     }
 
-    async fn ask(&self, method: Method, path: &str) -> Result<Vec<u8>, DaemonError> {
-        let answer = self.send(method, path).await?;
+    async fn ask(
+        &self,
+        method: Method,
+        path: &str,
+        body: Option<&'static str>,
+    ) -> Result<Vec<u8>, DaemonError> {
+        let answer = self.send(method, path, body).await?;
         if !answer.status().is_success() {
             return Err(self.refusal(answer).await);
         }
@@ -134,7 +152,12 @@ impl Client {
         Ok(collected.map_err(|error| self.failed(io::Error::other(error)))?.to_bytes().to_vec())
     }
 
-    async fn send(&self, method: Method, path: &str) -> Result<Response<Incoming>, DaemonError> {
+    async fn send(
+        &self,
+        method: Method,
+        path: &str,
+        body: Option<&'static str>,
+    ) -> Result<Response<Incoming>, DaemonError> {
         let mut request = Request::builder()
             .method(method)
             .uri(path)
@@ -143,8 +166,13 @@ impl Client {
         if let Some(authorization) = &self.authorization {
             request = request.header(header::AUTHORIZATION, authorization);
         }
+        if body.is_some() {
+            request = request.header(header::CONTENT_TYPE, "application/json");
+        }
         let exchange = async {
-            let request = request.body(Body::empty()).map_err(io::Error::other)?;
+            let request = request
+                .body(body.map_or_else(Body::empty, Body::from))
+                .map_err(io::Error::other)?;
             let stream = TcpStream::connect(self.address).await?;
             let handshake = http1::handshake(TokioIo::new(stream)).await;
             let (mut sender, connection) = handshake.map_err(io::Error::other)?;
@@ -242,5 +270,9 @@ mod tests {
         let advice = "read the fault in GET /api/v1/rig, then POST /api/v1/acknowledge";
         let commands = "read the fault in `rigd status`, then `rigd acknowledge`";
         assert_eq!(in_commands(advice), commands);
+        let look =
+            "see that it is clear; then POST /api/v1/home with {\"nothing_below_probe\": true}";
+        let command = "see that it is clear; then `rigd acknowledge --nothing-below-probe`";
+        assert_eq!(in_commands(look), command);
     }
 }

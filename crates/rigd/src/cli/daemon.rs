@@ -42,6 +42,16 @@ pub(super) struct AnswerArgs {
     daemon: DaemonArgs,
 }
 
+#[derive(Debug, Args)]
+pub(super) struct AcknowledgeArgs {
+    /// Say that a person has seen that nothing is below the probe, down to the end of its travel; a
+    /// linear stage that has lost its position is then homed, even downwards
+    #[arg(long)]
+    nothing_below_probe: bool,
+    #[command(flatten)]
+    daemon: DaemonArgs,
+}
+
 /// An answer to the daemon.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Answer {
@@ -65,6 +75,8 @@ pub(super) enum Order {
     Abort,
     Stop,
     Acknowledge,
+    /// Acknowledges and homes, after a person has seen that nothing is below the probe.
+    Home,
 }
 
 /// The rig, as the daemon describes it.
@@ -139,6 +151,9 @@ struct FaultView {
     hint: String,
 }
 
+/// The statement of a person, without which the daemon does not home.
+const NOTHING_BELOW: &str = "{\"nothing_below_probe\": true}";
+
 /// The rig may move for this long after a stop: a slow stage needs 20 s for its whole travel.
 const SETTLE_TIME: Duration = Duration::from_secs(60);
 
@@ -170,10 +185,11 @@ pub(super) fn order(args: &DaemonArgs, order: Order) -> Result<(), Failure> {
             Order::Abort => of_run("abort").await?,
             Order::Stop => client.post("/api/v1/stop").await?,
             Order::Acknowledge => client.post("/api/v1/acknowledge").await?,
+            Order::Home => client.post_json("/api/v1/home", NOTHING_BELOW).await?,
         }
         match order {
             Order::Pause | Order::Resume => client.get("/api/v1/rig").await,
-            Order::Abort | Order::Stop | Order::Acknowledge => settled(&client).await,
+            Order::Abort | Order::Stop | Order::Acknowledge | Order::Home => settled(&client).await,
         }
     })?;
     print(&view.text())?;
@@ -183,6 +199,11 @@ pub(super) fn order(args: &DaemonArgs, order: Order) -> Result<(), Failure> {
     }
     // Its cause has been printed.
     Err(Failure::DaemonLatched { probe: view.probe })
+}
+
+pub(super) fn acknowledge(args: &AcknowledgeArgs) -> Result<(), Failure> {
+    let is_seen = args.nothing_below_probe;
+    order(&args.daemon, if is_seen { Order::Home } else { Order::Acknowledge })
 }
 
 pub(super) fn answer(args: &AnswerArgs) -> Result<(), Failure> {
