@@ -27,6 +27,11 @@ pub fn read(file: &str, text: &str) -> Result<Scene, Faults> {
     faults.finish(scene)
 }
 
+/// The JSON Schema of scene files.
+pub fn schema() -> serde_json::Value {
+    rig_files::settings::schema("scene file of rigd", scene)
+}
+
 /// The scene that is shipped: the paper's sensor and samples.
 ///
 /// # Panics

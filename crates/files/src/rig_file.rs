@@ -143,6 +143,11 @@ impl RigFile {
         faults.finish(rig)
     }
 
+    /// The JSON Schema of rig files.
+    pub fn schema() -> serde_json::Value {
+        settings::schema("rig file of rigd", sections::rig)
+    }
+
     /// The scene file of a simulated rig whose rig file is at `path`.
     pub fn scene(&self, path: &Path) -> Option<PathBuf> {
         let Connection::Simulated(simulation) = &self.connection else { return None };

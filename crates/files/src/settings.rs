@@ -31,6 +31,7 @@
 
 mod keys;
 mod kind;
+mod schema;
 mod setting;
 mod source;
 mod table;
@@ -42,6 +43,7 @@ mod value_fault;
 mod tests;
 
 pub use kind::{Choice, Flag, Integer, Interval, Kind, List, Number, Section, Text};
+pub use schema::schema;
 pub use setting::Setting;
 pub use table::{Entry, Presence, Table};
 pub use text::text;

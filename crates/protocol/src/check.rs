@@ -22,6 +22,11 @@ impl Protocol {
         by_itself(&protocol, &mut faults);
         Self { faults, ..protocol }
     }
+
+    /// The JSON Schema of protocol files.
+    pub fn schema() -> serde_json::Value {
+        rig_files::settings::schema("protocol of rigd", protocol::protocol)
+    }
 }
 
 /// Checks that need no rig.

@@ -23,6 +23,7 @@ mod rehearse;
 mod run;
 mod runs;
 mod safe;
+mod schema;
 mod screen;
 mod serve;
 mod session;
@@ -115,6 +116,10 @@ enum CliCommand {
     Faults,
     /// Find the resonance in a sweep from a file
     Fit(fit::FitArgs),
+    /// Print the JSON Schema of a kind of file, for an editor
+    Schema(schema::SchemaArgs),
+    /// Write a file to start from
+    New(schema::NewArgs),
     /// Print the completions of a shell
     Completions(manual::CompletionsArgs),
     /// Print the manual page, or write that of every command
@@ -156,6 +161,8 @@ pub fn main() -> ExitCode {
         CliCommand::Safe(args) => safe::safe(&args),
         CliCommand::Move(args) => moves::to(&args),
         CliCommand::Measure(args) => measure::measure(&args),
+        CliCommand::Schema(args) => schema::schema(&args),
+        CliCommand::New(args) => schema::new(&args),
         CliCommand::Faults => table::print(faults::page().trim_end()),
         CliCommand::Fit(args) => fit::fit_file(&args),
         CliCommand::Completions(args) => manual::completions(&args),

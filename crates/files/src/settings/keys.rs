@@ -16,12 +16,23 @@ pub(crate) struct TableKeys {
     pub(crate) missing: Vec<&'static str>,
     /// Keys of the table that the reader did not ask for.
     pub(crate) unknown: Vec<(String, Location)>,
+    /// Keys that the reader asked for, each with its schema, while a schema is made.
+    pub(crate) described: Vec<Described>,
+}
+
+/// A key and what its value may be.
+#[derive(Debug)]
+pub(crate) struct Described {
+    pub(crate) key: &'static str,
+    pub(crate) schema: serde_json::Value,
+    pub(crate) is_required: bool,
 }
 
 impl TableKeys {
     pub(crate) fn new(path: String, location: Location) -> Self {
-        let (asked, present, missing, unknown) = (vec![], vec![], vec![], vec![]);
-        Self { path, location, asked, present, missing, unknown }
+        let (asked, present, missing) = (vec![], vec![], vec![]);
+        let (unknown, described) = (vec![], vec![]);
+        Self { path, location, asked, present, missing, unknown, described }
     }
 
     /// Keys that the reader asked for and the table does not have.

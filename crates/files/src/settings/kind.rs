@@ -2,11 +2,13 @@
 
 use std::fmt;
 
+use serde_json::{Map, Value, json};
 use toml::{Spanned, de::DeValue};
 
 use super::{
     Setting, Table,
     keys::{nearest, shortened},
+    schema::TABLE,
     source::Source,
     unit_hint::unit_hint,
     value_fault::{Bound, FaultyValue, Limit, ValueFault},
@@ -25,6 +27,10 @@ pub trait Kind: sealed::Sealed {
     /// The value that replaces a missing or faulty one.
     #[doc(hidden)]
     fn placeholder(&self, slot: &Slot<'_>) -> Self::Value;
+
+    /// What the value at this path may be, as JSON Schema.
+    #[doc(hidden)]
+    fn schema(&self, path: &str) -> Value;
 }
 
 mod sealed {
@@ -103,6 +109,22 @@ impl Kind for Number {
     fn placeholder(&self, _: &Slot<'_>) -> f64 {
         self.limits[0].map_or(0.0, |limit| limit.value)
     }
+
+    fn schema(&self, _: &str) -> Value {
+        let limits = self.limits.into_iter().flatten().map(|limit| {
+            let key = match limit.bound {
+                Bound::AtLeast => "minimum",
+                Bound::Above => "exclusiveMinimum",
+                Bound::AtMost => "maximum",
+            };
+            (key.to_owned(), json!(limit.value))
+        });
+        [("type".to_owned(), json!("number"))]
+            .into_iter()
+            .chain(limits)
+            .collect::<Map<_, _>>()
+            .into()
+    }
 }
 
 /// A whole number.
@@ -137,6 +159,11 @@ impl<T: Copy + fmt::Display + TryFrom<i128> + Into<i128>> Kind for Integer<T> {
     fn placeholder(&self, _: &Slot<'_>) -> T {
         self.min
     }
+
+    fn schema(&self, _: &str) -> Value {
+        let limit = |value: T| u64::try_from(value.into()).unwrap_or_default();
+        json!({ "type": "integer", "minimum": limit(self.min), "maximum": limit(self.max) })
+    }
 }
 
 /// `true` or `false`.
@@ -152,6 +179,10 @@ impl Kind for Flag {
 
     fn placeholder(&self, _: &Slot<'_>) -> bool {
         false
+    }
+
+    fn schema(&self, _: &str) -> Value {
+        json!({ "type": "boolean" })
     }
 }
 
@@ -186,6 +217,15 @@ impl Kind for Text {
     fn placeholder(&self, _: &Slot<'_>) -> String {
         String::new()
     }
+
+    fn schema(&self, _: &str) -> Value {
+        // One line, and not of spaces alone.
+        json!({
+            "type": "string",
+            "maxLength": self.max_chars,
+            "pattern": r"^[^\p{Cc}]*[^\p{Cc}\s][^\p{Cc}]*$",
+        })
+    }
 }
 
 /// One of a few words.
@@ -212,6 +252,11 @@ impl<T: Clone> Kind for Choice<T> {
 
     fn placeholder(&self, _: &Slot<'_>) -> T {
         self.words[0].1.clone()
+    }
+
+    fn schema(&self, _: &str) -> Value {
+        let words: Vec<_> = self.words.iter().map(|(word, _)| *word).collect();
+        json!({ "enum": words })
     }
 }
 
@@ -250,6 +295,11 @@ impl<K: Kind> Kind for List<K> {
         self.items.placeholder(&Slot { path: format!("[{}]", slot.path), ..slot.clone() });
         Vec::new()
     }
+
+    fn schema(&self, path: &str) -> Value {
+        let items = self.items.schema(&format!("[{path}]"));
+        json!({ "type": "array", "minItems": 1, "maxItems": self.max_items, "items": items })
+    }
 }
 
 /// Two numbers, the smaller one first.
@@ -276,6 +326,10 @@ impl Kind for Interval {
         let end = self.ends.placeholder(slot);
         (end, end)
     }
+
+    fn schema(&self, path: &str) -> Value {
+        json!({ "type": "array", "minItems": 2, "maxItems": 2, "items": self.ends.schema(path) })
+    }
 }
 
 /// A table with its own keys.
@@ -299,6 +353,10 @@ impl<T, F: Fn(&mut Table<'_>) -> T> Kind for Section<F> {
 
     fn placeholder(&self, slot: &Slot<'_>) -> T {
         Table::new(slot.source, slot.path.clone(), slot.location, None).read(&self.reader)
+    }
+
+    fn schema(&self, path: &str) -> Value {
+        json!({ TABLE: path })
     }
 }
 

@@ -23,6 +23,8 @@ pub(crate) struct Source<'a> {
     /// Whether the syntax of a header is faulty, so that keys may be in the wrong table.
     may_misplace_keys: bool,
     findings: RefCell<Findings>,
+    /// Whether a schema is made of the keys that the reader asks for.
+    pub(crate) is_described: bool,
 }
 
 /// Faults and keys found during the reading.
@@ -66,6 +68,7 @@ impl<'a> Source<'a> {
             may_hide_keys: false,
             may_misplace_keys: false,
             findings: RefCell::new(findings),
+            is_described: false,
         };
         for error in &errors {
             source.note_syntax(error);
@@ -132,6 +135,11 @@ impl<'a> Source<'a> {
 
     pub(crate) fn close(&self, table: TableKeys) {
         self.findings.borrow_mut().tables.push(table);
+    }
+
+    /// The tables that were read, after the last one is closed.
+    pub(crate) fn into_tables(self) -> Vec<TableKeys> {
+        self.findings.into_inner().tables
     }
 
     /// All faults, after the last table is closed.

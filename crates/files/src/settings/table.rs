@@ -8,8 +8,11 @@ use toml::{
 };
 
 use super::{
-    Choice, Flag, Integer, Interval, Kind, List, Number, Section, Setting, Text, keys::TableKeys,
-    kind::Slot, source::Source, value_fault::Limit,
+    Choice, Flag, Integer, Interval, Kind, List, Number, Section, Setting, Text,
+    keys::{Described, TableKeys},
+    kind::Slot,
+    source::Source,
+    value_fault::Limit,
 };
 use crate::{Complaint, Location};
 
@@ -150,6 +153,7 @@ impl<'d> Table<'d> {
 impl<'t, 'd, K: Kind> Entry<'t, 'd, K> {
     /// The value. A missing key is a fault.
     pub fn required(mut self) -> Setting<K::Value> {
+        self.describe(true);
         let value = self.find();
         if value.is_none() && self.table.is_there() {
             self.table.keys.missing.push(self.key);
@@ -159,6 +163,7 @@ impl<'t, 'd, K: Kind> Entry<'t, 'd, K> {
 
     /// The value, if the table has the key.
     pub fn optional(mut self) -> Option<Setting<K::Value>> {
+        self.describe(false);
         let value = self.find();
         let slot = self.slot(value);
         if value.is_none() {
@@ -193,11 +198,26 @@ impl<'t, 'd, K: Kind> Entry<'t, 'd, K> {
         Some(value)
     }
 
+    /// Notes the schema of the value, while one is made.
+    fn describe(&mut self, is_required: bool) {
+        if self.table.source.is_described {
+            let schema = self.kind.schema(&self.path());
+            let described = Described { key: self.key, schema, is_required };
+            self.table.keys.described.push(described);
+        }
+    }
+
+    /// Dotted name of the value.
+    fn path(&self) -> String {
+        let path = &self.table.keys.path;
+        if path.is_empty() { self.key.into() } else { format!("{path}.{}", self.key) }
+    }
+
     fn slot(&self, value: Option<&Spanned<DeValue<'_>>>) -> Slot<'d> {
-        let TableKeys { path, location, .. } = &self.table.keys;
+        let TableKeys { location, .. } = &self.table.keys;
         let source = self.table.source;
         let location = value.map_or(*location, |value| source.location(value.span().start));
-        let path = if path.is_empty() { self.key.into() } else { format!("{path}.{}", self.key) };
+        let path = self.path();
         Slot { source, path, key: self.key, is_item: false, location }
     }
 }

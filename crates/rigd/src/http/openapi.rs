@@ -54,8 +54,9 @@ fn document() -> Value {
         let item = paths.entry(format!("/api/v1{}", route.path)).or_insert_with(|| json!({}));
         item[route.method.as_str().to_lowercase()] = operation(&route, &problem, &mut schemas);
     }
-    let mut definitions = schemas.requests.take_definitions(true);
-    definitions.extend(schemas.answers.take_definitions(true));
+    // A type of both has the form of a request, in which keys with a default may be missing.
+    let mut definitions = schemas.answers.take_definitions(true);
+    definitions.extend(schemas.requests.take_definitions(true));
     json!({
         "openapi": "3.1.0",
         "info": {
