@@ -27,11 +27,12 @@ const STEPS: usize = 4000;
 const MOMENTS: u64 = 120;
 
 /// Troubles that last, in addition to those of one operation.
-const LASTING: [Trouble; 9] = [
+const LASTING: [Trouble; 10] = [
     Trouble::Freezes,
     Trouble::Drive(DriveTrouble::Silent { seconds: 1 }),
     Trouble::Drive(DriveTrouble::Silent { seconds: 30 }),
     Trouble::Drive(DriveTrouble::Silent { seconds: 100_000 }),
+    Trouble::Drive(DriveTrouble::Refuses { requests: 6 }),
     Trouble::Drive(DriveTrouble::Alarm { resets: 1 }),
     Trouble::Drive(DriveTrouble::Alarm { resets: 2 }),
     Trouble::Drive(DriveTrouble::Unhomed { is_homing_safe: true }),

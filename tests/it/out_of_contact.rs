@@ -1,6 +1,8 @@
 //! The linear drive in trouble while the probe is in contact, through the real drivers and the wire: the
 //! probe gets out, or the rig says that it could not.
 
+use std::ops::Range;
+
 use rig_engine::{RigState, RunStatus};
 use rig_store::{Clearance, Record};
 use rig_tests::{TestRig, text};
@@ -34,8 +36,16 @@ fn one_touch() -> String {
 /// A fault at the n-th request to the linear drive from the beginning of a run of one touch; `None` if
 /// the run was over before.
 async fn run_with(fault: &str, nth: u32, rig_file: &[(&str, &str)]) -> Option<End> {
+    run_with_each(fault, nth..nth + 1, rig_file).await
+}
+
+/// The same, at each of these requests.
+async fn run_with_each(fault: &str, at: Range<u32>, rig_file: &[(&str, &str)]) -> Option<End> {
     let rig = TestRig::open_changed(rig_file).await;
-    rig.fault(&format!("fault bus {fault} unit=1 nth={nth}"));
+    let nth = at.start;
+    for nth in at {
+        rig.fault(&format!("fault bus {fault} unit=1 nth={nth}"));
+    }
     let (run, status) = rig.run(rig.protocol(&one_touch())).await;
     let records = rig.records(run);
     let mut causes = Vec::new();
@@ -92,6 +102,19 @@ async fn check_each(fault: &str, rig_file: &[(&str, &str)]) {
 #[tokio::test]
 async fn an_alarm_of_the_linear_drive_is_reset_once_and_the_probe_gets_out() {
     check_each("alarm code=48", &[]).await;
+}
+
+#[tokio::test]
+async fn a_linear_drive_that_refuses_a_few_requests_is_asked_again_and_the_probe_gets_out() {
+    let mut down = 0;
+    for nth in (40..130).step_by(6) {
+        let six = nth..nth + 6;
+        let Some(end) = run_with_each("exception code=4", six, &[]).await else { continue };
+        let context = format!("at request {nth}: {:#?} {} mm", end.causes, end.tip_mm);
+        assert!(end.is_out && end.violations == 0, "{context}");
+        down += u32::from(end.was_down);
+    }
+    assert!(down >= 5, "the drive refused with the probe down {down} times");
 }
 
 #[tokio::test]

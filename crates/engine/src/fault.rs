@@ -40,8 +40,10 @@ impl Device {
 pub enum FailureKind {
     /// It was interrupted.
     Interrupted,
-    /// The device refused, or is not at its target.
+    /// The device refused a request.
     Refused,
+    /// The axis was to move or to stop, and did not do so.
+    Blocked,
     /// The drive has an alarm and does not move.
     Alarmed,
     /// The device did not answer, or its answer cannot be read.

@@ -7,16 +7,16 @@
 //!  ┌──────┐  ┌────────────┐  ┌──────────────┐  ┌─────────────┐   │
 //!  │ Stop │─▶│ Retract    │  │ Find again   │─▶│ Retract     │─▶─┤
 //!  └──────┘  └────────────┘  └──────────────┘  └─────────────┘   │ clear
-//!                 │ ▲           ▲      │ no answer, alarm         ▼
+//!                 │ ▲           ▲      │ not ready, alarm         ▼
 //!                 ▼ │           │      ▼                      finished
 //!               finished       ┌──────────┐ patience is over
 //!                              │ Wait     │─────────────────▶ finished, not clear
 //!                              └──────────┘                   (tried again: engine/attempts.rs)
 //! ```
 //!
-//! A drive that does not answer is asked again until the patience of the rig file is over. When it
-//! answers, it is identified again and then moved. One alarm is reset once. A drive that answers
-//! and is not clear after a few retracts, or that does not know its position and has no safe way to
+//! A drive that does not answer, or refuses a request, is asked again until the patience of the rig file is
+//! over. When it answers, it is identified again and then moved. One alarm is reset once. A stage that
+//! moved and is not clear after a few retracts, or that does not know its position and has no safe way to
 //! find it, is not moved again.
 //!
 //! It also prepares the rig: it finds the linear stage, moves the probe clear, and homes the rotary stage
@@ -54,12 +54,12 @@ pub(crate) enum RecoveryStep {
 pub(crate) enum RecoveryReport {
     /// It ended in order. Whether the probe is clear is for the interlock to say.
     Done,
-    /// The linear drive does not answer.
-    Silent,
+    /// The linear drive does not answer, or refuses a request, as one that boots or is busy does.
+    Unready,
     /// The drive has an alarm.
     Alarmed,
-    /// The drive answered and refused, or is not where it should be.
-    Refused,
+    /// It was moved, and is not where it should be.
+    Blocked,
     /// The position is not known, and there is no safe way to find it.
     Lost,
 }
@@ -74,10 +74,10 @@ impl RecoveryReport {
     pub(crate) fn of(fault: &Fault) -> Self {
         match fault {
             Fault::Device(failure) if failure.device == Device::LinearStage => match failure.kind {
-                FailureKind::Line => Self::Silent,
+                FailureKind::Line | FailureKind::Refused => Self::Unready,
                 FailureKind::Alarmed => Self::Alarmed,
                 FailureKind::Lost | FailureKind::Unhomed => Self::Lost,
-                FailureKind::Refused | FailureKind::Interrupted => Self::Refused,
+                FailureKind::Blocked | FailureKind::Interrupted => Self::Blocked,
             },
             Fault::PositionJumped { .. } => Self::Lost,
             _ => Self::Done,
@@ -139,16 +139,16 @@ impl Recovery {
         clearance: Clearance,
         limits: &RigLimits,
     ) -> RecoveryStep {
-        use RecoveryReport::{Alarmed, Done, Lost, Refused, Silent};
+        use RecoveryReport::{Alarmed, Blocked, Done, Lost, Unready};
         match (self.phase, report) {
             (Phase::Stopping { cause: Alarmed | Lost }, _)
             | (Phase::Stopping { .. }, Alarmed | Lost) => self.find(),
             (Phase::Stopping { .. } | Phase::Finding, Done)
-            | (Phase::Stopping { .. }, Silent | Refused) => self.retract(limits),
+            | (Phase::Stopping { .. }, Unready | Blocked) => self.retract(limits),
             (Phase::Retracting, Done) if clearance == Clearance::Clear => self.finish(clearance),
             (Phase::Retracting, Alarmed) if !self.is_reset_used => self.find(),
             (Phase::Retracting, Lost) => self.find(),
-            (Phase::Retracting, Done | Refused | Alarmed) | (Phase::Finding, Refused) => {
+            (Phase::Retracting, Done | Blocked | Alarmed) | (Phase::Finding, Blocked) => {
                 self.retracts_left = self.retracts_left.saturating_sub(1);
                 if self.retracts_left == 0 {
                     self.finish(Clearance::Unknown)
@@ -157,7 +157,7 @@ impl Recovery {
                 }
             }
             (Phase::Finding, Alarmed) if !self.is_reset_used => self.find_with_reset(),
-            (Phase::Retracting | Phase::Finding, Silent) | (Phase::Finding, Alarmed) => {
+            (Phase::Retracting | Phase::Finding, Unready) | (Phase::Finding, Alarmed) => {
                 self.wait(now)
             }
             (Phase::Finding, Lost) | (Phase::Waiting | Phase::Finished, _) => {

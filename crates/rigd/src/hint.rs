@@ -113,13 +113,19 @@ pub(crate) fn during_attempts(attempts: u32, then: Hint) -> String {
     )
 }
 
+/// Whether the linear stage has lost its position, and may home downwards.
+pub(crate) fn is_unhomed(fault: &Fault) -> bool {
+    matches!(fault, Fault::Device(failure)
+        if (failure.device, failure.kind) == (Device::LinearStage, FailureKind::Unhomed))
+}
+
 /// Advice after a fault.
 pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
     let device = match fault {
         Fault::Device(failure) => Some((failure.device, failure.kind)),
         _ => None,
     };
-    if matches!(device, Some((Device::LinearStage, FailureKind::Unhomed))) {
+    if is_unhomed(fault) {
         return Hint { text: UNHOMED, then: NextAction::Home };
     }
     let is_lost = matches!(device, Some((_, FailureKind::Lost)));

@@ -12,6 +12,8 @@ use crate::world::World;
 pub(crate) enum DriveTrouble {
     /// Nothing on the bus answers for this time, s.
     Silent { seconds: u64 },
+    /// It refuses this number of requests.
+    Refuses { requests: u32 },
     /// It has an alarm, which this number of resets clears.
     Alarm { resets: u32 },
     /// It has lost its position; homing is known to lead away from the sample, or is not.
@@ -26,6 +28,7 @@ pub(crate) struct Drive {
     trouble: DriveTrouble,
     since: RigTime,
     pub(crate) resets: u32,
+    refused: u32,
 }
 
 /// Duration of an attempt on a line without an answer.
@@ -33,7 +36,7 @@ const ATTEMPT: Duration = Duration::from_secs(2);
 
 impl Drive {
     pub(crate) const fn new(trouble: DriveTrouble, since: RigTime) -> Self {
-        Self { trouble, since, resets: 0 }
+        Self { trouble, since, resets: 0, refused: 0 }
     }
 
     /// How an operation ends on a drive in trouble; `None` if it is as usual.
@@ -55,6 +58,11 @@ impl Drive {
                 let is_rotary = !is_linear;
                 let device = if is_rotary { Device::RotaryStage } else { Device::LinearStage };
                 Some(failed(device, FailureKind::Line))
+            }
+            DriveTrouble::Refuses { requests } if is_linear => {
+                drive.refused += 1;
+                (drive.refused <= requests)
+                    .then(|| failed(Device::LinearStage, FailureKind::Refused))
             }
             DriveTrouble::Alarm { resets } if is_linear => {
                 let is_reset = matches!(operation, Operation::FindLinear { may_reset_alarm: true });

@@ -43,6 +43,14 @@ fn a_bus_that_is_silent_for_a_while_is_waited_for_and_the_probe_retracts() {
     }
 }
 
+/// A drive that boots, or is busy with itself, refuses what it is asked for a while.
+#[test]
+fn a_drive_that_refuses_a_few_requests_is_asked_again_and_the_probe_retracts() {
+    for requests in [1, 3, 6, 12] {
+        each_operation(DriveTrouble::Refuses { requests }, is_clear);
+    }
+}
+
 #[test]
 fn a_bus_that_stays_silent_is_given_up_when_the_patience_is_over_and_not_before() {
     each_operation(DriveTrouble::Silent { seconds: 100_000 }, |world, end, context| {

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use rig_engine::{Command, FailureKind, Fault, RigState};
+use rig_engine::{Command, Fault, RigState};
 use rig_store::Reader;
 use tokio::sync::watch;
 
@@ -121,9 +121,7 @@ impl Session {
                     self.handle.command(Command::Acknowledge, None, self.operator()).await?;
                     continue;
                 }
-                (RigState::Latched, Some(Fault::Device(failure)))
-                    if failure.kind == FailureKind::Unhomed && may_home =>
-                {
+                (RigState::Latched, Some(fault)) if hint::is_unhomed(fault) && may_home => {
                     may_home = false;
                     self.handle.command(Command::HomeLinear, None, self.operator()).await?;
                     continue;

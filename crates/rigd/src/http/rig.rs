@@ -99,7 +99,8 @@ struct RunProgress {
 
 #[derive(Debug, Serialize, JsonSchema)]
 struct FaultView {
-    /// `interrupted` if the last program was killed; `fault` otherwise.
+    /// `interrupted` if the last program was killed; `not_homed` if the linear stage waits for a statement
+    /// that nothing is below the probe; `fault` otherwise.
     kind: &'static str,
     cause: String,
     hint: String,
@@ -188,7 +189,11 @@ pub(super) fn view(facts: &RigFacts, status: &Status) -> RigView {
     };
     let prompt = snapshot.prompt.zip(status.run.as_ref()).map(|(prompt, run)| run.ask(&prompt));
     let fault = snapshot.fault.as_ref().map(|fault| FaultView {
-        kind: if matches!(fault, Fault::Interrupted { .. }) { "interrupted" } else { "fault" },
+        kind: match fault {
+            Fault::Interrupted { .. } => "interrupted",
+            fault if hint::is_unhomed(fault) => "not_homed",
+            _ => "fault",
+        },
         cause: fault.to_string(),
         hint: if snapshot.state == RigState::Retracting {
             hint::during_retract(fault)

@@ -197,6 +197,11 @@ pub(crate) fn stage_failure<U: Unit>(device: Device, error: &StageError<U>) -> F
         StageError::BeyondTravel { .. } | StageError::HomesDownwards { .. } => FailureKind::Lost,
         StageError::Unhomed { .. } => FailureKind::Unhomed,
         StageError::Alarmed { .. } | StageError::AlarmPersists { .. } => FailureKind::Alarmed,
+        StageError::Ignored { .. }
+        | StageError::NotThere { .. }
+        | StageError::Overdue { .. }
+        | StageError::WillNotStop { .. }
+        | StageError::NotHomed { .. } => FailureKind::Blocked,
         _ => FailureKind::Refused,
     };
     Failure { device, kind, detail: with_causes(error) }
