@@ -46,7 +46,8 @@ fn every_signal_retracts_a_probe_that_was_lowered() {
 
 #[test]
 fn every_signal_closes_the_daemon() {
-    at_once(SIGNALS, |signal| {
+    let others = [Signal::USR1, Signal::USR2, Signal::ALARM, Signal::XCPU, Signal::POWER];
+    at_once(SIGNALS.into_iter().chain(others), |signal| {
         let folder = TempDir::new().unwrap();
         let (program, _) = Program::serve(folder.path());
         program.signal(signal);
@@ -56,6 +57,28 @@ fn every_signal_closes_the_daemon() {
     });
 }
 
+/// The system sends a signal when a file would grow beyond its limit, which ends most programs.
+#[test]
+fn a_limit_of_the_size_of_files_is_a_fault_of_the_journal() {
+    let folder = TempDir::new().unwrap();
+    let rig = real_time_rig(folder.path());
+    let simulated = fs::read_to_string(&rig).unwrap().replace("\"real\"", "\"virtual\"");
+    fs::write(&rig, simulated).unwrap();
+    let output = Command::new("sh")
+        .args(["-c", "ulimit -f 700; exec \"$@\"", "sh", env!("CARGO_BIN_EXE_rigd")])
+        .args(["run", "config/protocols/smoke.toml"])
+        .args(["--rig", rig.to_str().unwrap()])
+        .args(["--data", folder.path().join("data").to_str().unwrap()])
+        .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../.."))
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(4), "{text}");
+    assert!(text.contains("journal: cannot be written: "), "{text}");
+    assert!(text.contains("probe: clear"), "{text}");
+}
+
 #[test]
 fn homing_is_ended_by_a_signal() {
     for signal in SIGNALS {
@@ -63,7 +86,7 @@ fn homing_is_ended_by_a_signal() {
         let program = Program::start(folder.path(), &["home"]);
         program.wait_for_record(
             "homing to begin",
-            |record| matches!(record, Record::Operator(operator) if operator.action == "prepare"),
+            |record| matches!(record, Record::Operator(operator) if operator.action.starts_with("home ")),
         );
         program.signal(signal);
         let (status, text, _) = program.end();

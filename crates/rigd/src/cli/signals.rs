@@ -1,19 +1,25 @@
 //! Signals that ask the program to end. While a rig is open, none of them ends it directly: the
 //! probe is retracted first.
 
-use std::fs;
+use std::{fs, future::poll_fn, task::Poll};
 
 use tokio::signal::unix::{Signal, SignalKind, signal};
 
 use super::Failure;
 
-/// The signals of a person at a terminal, of a terminal that is closed, and of a service manager.
+/// Signals of timers, of a failing power supply, and of a limit of processor time. Without a handler each of
+/// them would end the program where it is.
+const OTHERS: [i32; 5] = [
+    rustix::process::Signal::VTALARM.as_raw(),
+    rustix::process::Signal::PROF.as_raw(),
+    rustix::process::Signal::XCPU.as_raw(),
+    rustix::process::Signal::ALARM.as_raw(),
+    rustix::process::Signal::POWER.as_raw(),
+];
+
+/// The signals of a person at a terminal, of a terminal that is closed, of a service manager, and of others.
 pub(super) struct Signals {
-    interrupt: Signal,
-    quit: Signal,
-    terminate: Signal,
-    /// Nothing where hanging up is to be ignored, as `nohup` asks for.
-    hangup: Option<Signal>,
+    ending: Vec<Signal>,
     /// Number of signals so far.
     pub(super) count: u32,
 }
@@ -23,32 +29,33 @@ impl Signals {
     pub(super) fn new() -> Result<Self, Failure> {
         let listen =
             |kind| signal(kind).map_err(|source| Failure::System { what: "signals", source });
-        let is_nohup = is_ignored(SignalKind::hangup().as_raw_value());
-        Ok(Self {
-            interrupt: listen(SignalKind::interrupt())?,
-            quit: listen(SignalKind::quit())?,
-            terminate: listen(SignalKind::terminate())?,
-            hangup: if is_nohup { None } else { Some(listen(SignalKind::hangup())?) },
-            count: 0,
-        })
+        let mut kinds = vec![
+            SignalKind::interrupt(),
+            SignalKind::quit(),
+            SignalKind::terminate(),
+            SignalKind::user_defined1(),
+            SignalKind::user_defined2(),
+        ];
+        kinds.extend(OTHERS.map(SignalKind::from_raw));
+        // To be ignored, as `nohup` asks for.
+        if !is_ignored(SignalKind::hangup().as_raw_value()) {
+            kinds.push(SignalKind::hangup());
+        }
+        // With a handler, a file that would grow beyond its limit is an error of the journal.
+        drop(listen(SignalKind::from_raw(rustix::process::Signal::XFSZ.as_raw()))?);
+        Ok(Self { ending: kinds.into_iter().map(listen).collect::<Result<_, _>>()?, count: 0 })
     }
 
     /// Waits for the next one. Cancel-safe.
     pub(super) async fn next(&mut self) {
-        tokio::select! {
-            _ = self.interrupt.recv() => {}
-            _ = self.quit.recv() => {}
-            _ = self.terminate.recv() => {}
-            () = received(&mut self.hangup) => {}
-        }
+        poll_fn(|cx| {
+            let has_come = |signal: &mut Signal| signal.poll_recv(cx).is_ready();
+            // Each one must be asked, so that each one wakes this.
+            let come = self.ending.iter_mut().map(has_come).filter(|has_come| *has_come).count();
+            if come > 0 { Poll::Ready(()) } else { Poll::Pending }
+        })
+        .await;
         self.count += 1;
-    }
-}
-
-async fn received(signal: &mut Option<Signal>) {
-    match signal {
-        Some(signal) => _ = signal.recv().await,
-        None => std::future::pending().await,
     }
 }
 
