@@ -76,13 +76,14 @@ impl Drive {
             DriveTrouble::Unhomed { is_homing_safe } if is_linear => match operation {
                 Operation::StopMotion => None,
                 Operation::FindLinear { .. } if is_homing_safe => {
-                    world.drive = None;
+                    // Its position is known again, also after one where it could not be.
+                    (world.drive, world.is_lost) = (None, false);
                     world.linear_mm = 49.0;
                     Some(Ok(Report::LinearHomed(Position::new(49.0))))
                 }
                 // A person has taken the sample away.
                 Operation::HomeLinear => {
-                    world.drive = None;
+                    (world.drive, world.is_lost) = (None, false);
                     None
                 }
                 _ => {

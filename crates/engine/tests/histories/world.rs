@@ -296,6 +296,9 @@ impl World {
         if let Some(answer) = Drive::answer(self, &operation) {
             return self.handle(Input::Done(id, answer));
         }
+        if self.is_lost && matches!(operation, Operation::FindLinear { .. }) {
+            return self.fail(id, FailureKind::Lost);
+        }
         match trouble {
             None
             | Some(
@@ -345,9 +348,6 @@ impl World {
             Some(Trouble::Abort) => self.try_command(Command::Abort),
             Some(Trouble::Stop) => self.try_command(Command::Stop),
             Some(Trouble::Pause) => self.try_command(Command::Pause),
-        }
-        if self.is_lost && matches!(operation, Operation::FindLinear { .. }) {
-            return self.fail(id, FailureKind::Lost);
         }
         let report = self.perform(&operation);
         self.handle(Input::Done(id, Ok(report)));
