@@ -24,6 +24,7 @@ INPUT, OUTPUT, ALARM = 0x007C, 0x007E, 0x0080
 TEMPERATURES = 0x00F8
 FEEDBACK, COMMAND = 0x0120, 0x0122
 ALARM_RESET = 0x0180
+GEAR_A, GEAR_B = 0x0380, 0x0382
 LIMIT_ACTION, LIMIT_POSITIVE, LIMIT_NEGATIVE = 0x0386, 0x0388, 0x038A
 
 HOME_END, READY, ALARMED, MOVE, IN_POSITION = 1 << 4, 1 << 5, 1 << 7, 1 << 13, 1 << 14
@@ -33,7 +34,7 @@ OVERLOAD, SOFTWARE_OVERTRAVEL = 0x30, 0x67
 
 # Address of the first value and how many values there are.
 MAP = [(DIRECT_DATA, 8), (INPUT, 3), (TEMPERATURES, 2), (FEEDBACK, 2), (ALARM_RESET, 1),
-       (LIMIT_ACTION, 3)]
+       (GEAR_A, 2), (LIMIT_ACTION, 3)]
 
 
 class Drive:
@@ -84,6 +85,9 @@ class Drive:
         # Of driver and motor, in tenths of a degree.
         put(TEMPERATURES, 412)
         put(TEMPERATURES + 2, 365)
+        # A revolution is 1000 · B / A steps.
+        put(GEAR_A, 1)
+        put(GEAR_B, 1)
         put(FEEDBACK, self.position())
         put(COMMAND, self.position() if moving else self.command)
 
