@@ -78,7 +78,7 @@ async fn a_drive_without_a_position_moves_only_after_a_person_has_looked_below_t
     // The drive loses its power, and another daemon starts beside the bench, in order or after a kill.
     let restart = "fault bus reboot unit=1";
     bench.with(|now, rig| rig_sim::control::execute(now, rig, restart).map(drop)).unwrap();
-    tokio::time::sleep(std::time::Duration::from_secs(5)).await;
+    tokio::time::advance(std::time::Duration::from_secs(5)).await;
     for is_killed in [false, true, false] {
         let opened = rig::open_in_memory(load(), &disk, Some(bench.clone())).await;
         let (handle, rig) = opened.unwrap();
