@@ -279,7 +279,7 @@ impl World {
     /// Ends the operation in flight, after the trouble that is due, if any.
     pub(crate) fn step(&mut self) {
         if let Some(id) = self.abandoned.take() {
-            // Its report comes too late to be heeded.
+            // Its report comes too late to be used.
             self.fail(id, FailureKind::Line);
         }
         let Some((id, operation)) = self.in_flight.take() else {

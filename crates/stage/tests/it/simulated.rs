@@ -70,7 +70,7 @@ async fn bench(make: DriveMake, per_count: f64) -> Bench {
     Bench { rig, bus, linear, rotary }
 }
 
-/// Something befalls the drive of the linear stage.
+/// Changes the drive of the linear stage.
 fn apply_fault(rig: &SimRig, fault: DeviceFault) {
     rig.handle().with(|now, rig| rig.apply_fault(now, PortId::Bus, Some(1), fault));
 }
