@@ -256,6 +256,11 @@ async function inVirtualTime() {
   await report.getByRole("heading").first().waitFor();
   await report.close();
   await page.keyboard.press("4");
+  const devices = page.getByRole("region", { name: "Devices" });
+  assert.equal(await devices.getByText(/^[\d,]+ requests · all answered · last answer after [\d.]+ ms$/).count(), 3);
+  await button(page, "Identify").click();
+  await devices.getByText("the known device answered, at 30.000 mm").waitFor();
+  assert.equal(await devices.getByText(/: the known device answered/).count(), 3);
   await button(page, "up 1 mm").click();
   await page.getByRole("group", { name: "Probe" }).getByText("31.000 mm").waitFor();
   await button(page, "Retract to 30 mm").click();

@@ -1,6 +1,6 @@
 //! An analyzer: identified, configured, and then asked for readings.
 
-use rig_link::{Port, StopSignal, Transcript};
+use rig_link::{HealthMeter, Port, StopSignal, Transcript};
 use rig_model::{DriveLevel, Reading, RigTime, SweepPoint};
 
 use crate::{
@@ -75,6 +75,11 @@ impl Analyzer {
     /// The last frames of the port.
     pub fn transcript(&self) -> Transcript {
         self.port.link().transcript()
+    }
+
+    /// The counts of the instrument.
+    pub fn health(&self) -> HealthMeter {
+        self.port.health().clone()
     }
 
     /// Identifies the instrument.

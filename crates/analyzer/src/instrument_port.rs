@@ -2,7 +2,7 @@
 
 use std::{sync::Arc, time::Duration};
 
-use rig_link::{LineError, Port, escaped};
+use rig_link::{HealthMeter, LineError, Port, escaped};
 use rig_model::{RigTime, Terminator};
 use rig_scpi::{Ending, ExpectedResponse, Framing, Response, ResponseDecoder};
 use tokio::time::Instant;
@@ -45,6 +45,7 @@ pub(crate) struct InstrumentPort {
     decoder: ResponseDecoder,
     /// A question was sent, and its answer has not come. The caller may have stopped waiting.
     is_answer_pending: bool,
+    health: HealthMeter,
 }
 
 /// An answer, and when the question had left the host.
@@ -65,7 +66,8 @@ impl InstrumentPort {
         let ending = if sent == Ending::Cr { Ending::Cr } else { Ending::Lf };
         let decoder = ResponseDecoder::new(Framing { ending, ..Framing::default() });
         let transport = TransportRules { ending: sent, ..transport };
-        Self { port, transport, settings, decoder, is_answer_pending: false }
+        let health = HealthMeter::default();
+        Self { port, transport, settings, decoder, is_answer_pending: false, health }
     }
 
     /// Time limit for the answer to a query about settings.
@@ -81,8 +83,40 @@ impl InstrumentPort {
         self.port.name().clone()
     }
 
+    /// The counts of the instrument.
+    pub(crate) const fn health(&self) -> &HealthMeter {
+        &self.health
+    }
+
     /// Sends a message and waits for the line that answers it.
     pub(crate) async fn ask(
+        &mut self,
+        message: &Message,
+        expect: ExpectedResponse,
+        within: Duration,
+    ) -> Result<TimedAnswer, AnalyzerError> {
+        let asked = Instant::now();
+        let answer = self.exchange(message, expect, within).await;
+        self.health.note(|health| {
+            health.requests += 1;
+            match &answer {
+                Ok(_) => health.last_round_trip = Some(asked.elapsed()),
+                Err(AnalyzerError::Line {
+                    source: LineError::TimedOut { arrived, .. }, ..
+                }) if arrived.bytes.is_empty() => {
+                    health.late += 1;
+                }
+                Err(AnalyzerError::Line { source: LineError::TimedOut { .. }, .. }) => {
+                    health.corrupt += 1;
+                }
+                Err(_) => {}
+            }
+        });
+        answer
+    }
+
+    /// The same, without counting.
+    pub(crate) async fn exchange(
         &mut self,
         message: &Message,
         expect: ExpectedResponse,

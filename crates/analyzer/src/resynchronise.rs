@@ -39,11 +39,23 @@ impl Analyzer {
                 Ok(done) => return Ok(done),
                 Err(error) if !is_transient(&error) => {
                     self.is_synchronised &= !is_of_the_line(&error);
+                    let is_refusal = matches!(error, AnalyzerError::Refused { .. });
+                    self.port.health().note(|health| {
+                        health.refusals += u64::from(is_refusal);
+                        health.faults += u64::from(!is_refusal);
+                    });
                     return Err(error);
                 }
                 Err(error) => {
                     self.is_synchronised = false;
-                    if attempts == ATTEMPTS {
+                    let is_unreadable = is_unreadable(&error);
+                    let is_last = attempts == ATTEMPTS;
+                    self.port.health().note(|health| {
+                        health.corrupt += u64::from(is_unreadable);
+                        health.retries += u64::from(!is_last);
+                        health.faults += u64::from(is_last);
+                    });
+                    if is_last {
                         return Err(self.explain(error).await);
                     }
                     let cause = with_causes(&error);
@@ -107,7 +119,9 @@ impl Analyzer {
     /// Whether two questions in one message get two answers in one line.
     async fn try_chain(&mut self) -> Result<bool, AnalyzerError> {
         let two_queries = Message::new().query("*ESR").query("*ESR");
-        match self.port.ask(&two_queries, ExpectedResponse::Data, self.port.reply_within()).await {
+        let within = self.port.reply_within();
+        // No answer is an answer here, and is not counted.
+        match self.port.exchange(&two_queries, ExpectedResponse::Data, within).await {
             Ok(answer) if answer.response.bytes() == b"0;0" => return Ok(true),
             // An instrument that does not allow it gives one answer or none.
             Ok(_) | Err(AnalyzerError::Line { source: LineError::TimedOut { .. }, .. }) => {}
@@ -175,6 +189,14 @@ const fn is_transient(error: &AnalyzerError) -> bool {
         | AnalyzerError::Restarted { .. } => true,
         _ => false,
     }
+}
+
+/// Whether an answer came that could not be read, or answered something else.
+const fn is_unreadable(error: &AnalyzerError) -> bool {
+    matches!(
+        error,
+        AnalyzerError::Answer { .. } | AnalyzerError::Strays { .. } | AnalyzerError::Frame { .. }
+    )
 }
 
 /// Whether the next answer can no longer be assigned to a question.

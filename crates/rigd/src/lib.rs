@@ -17,6 +17,7 @@ mod predict;
 pub mod protocol_file;
 pub mod rehearse;
 pub mod rig;
+mod rig_view;
 pub mod run_files;
 mod sweep_form;
 mod sweeps;

@@ -15,6 +15,7 @@ mod devices;
 mod gate;
 mod heartbeat;
 mod history;
+mod identify;
 mod inspect;
 mod live;
 mod log;
@@ -39,8 +40,7 @@ use std::{
 };
 
 use rig_engine::{Command, CommandRefusal, Snapshot};
-use rig_link::Clock;
-use rig_link::Transcript;
+use rig_link::{Clock, HealthMeter, Transcript};
 use rig_model::{RigLimits, RigTime, SweepRequest, with_causes};
 use rig_protocol::{Action, Plan, Prompt};
 use rig_sim::SimHandle;
@@ -50,6 +50,7 @@ use tokio::sync::{mpsc, oneshot, watch};
 pub use amend::{TouchOrder, skip};
 pub(crate) use devices::{analyzer_failure, stage_failure};
 pub use history::History;
+pub use identify::Identified;
 pub use inspect::{
     AxisFacts, AxisPosition, AxisState, DeviceFacts, DeviceSeen, Inspection, PortFacts, PortSeen,
     RoundTrips, inspect,
@@ -105,7 +106,7 @@ pub struct Status {
     /// Number of manual sweeps begun in this session.
     pub sweeps: u64,
     /// Identities of the devices.
-    pub devices: Arc<[DeviceIdentity]>,
+    pub devices: Arc<[DeviceIdentity; 3]>,
     /// The files and the limits of the rig.
     pub(crate) setting: Arc<Setting>,
     /// The last frames of each port.
@@ -156,12 +157,14 @@ pub struct RunView {
 }
 
 /// A device that answered.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone)]
 pub struct DeviceIdentity {
     /// Its role on the rig, such as `analyzer`.
     pub role: &'static str,
     /// Its reported identity.
     pub identity: String,
+    /// Its counts since the rig was opened.
+    pub health: HealthMeter,
 }
 
 /// Why a request was not taken.
@@ -206,6 +209,9 @@ pub enum RequestRefusal {
         /// The step named.
         step: String,
     },
+    /// The devices are being identified already.
+    #[error("the devices are being identified")]
+    Identifying,
     /// The rig loop gives no sign of life.
     #[error("{0}; the request waits, and may still be carried out")]
     Silent(Silence),
@@ -261,6 +267,10 @@ enum Request {
         step: String,
         by: String,
         reply: oneshot::Sender<Result<(), RequestRefusal>>,
+    },
+    Identify {
+        by: String,
+        reply: oneshot::Sender<Result<identify::Answers, RequestRefusal>>,
     },
     Close {
         reply: oneshot::Sender<()>,
@@ -439,6 +449,20 @@ impl RigHandle {
         self.ask(Request::Answer { run, step, by: by.to_owned(), reply }, answer).await?
     }
 
+    /// Asks each device of an idle rig again who it is. Nothing moves.
+    ///
+    /// # Errors
+    /// [`RequestRefusal`]; nothing was asked then. What a device answers is in the result.
+    pub async fn identify(&self, by: &str) -> Result<Vec<Identified>, RequestRefusal> {
+        let (reply, answer) = oneshot::channel();
+        let answers = self.ask(Request::Identify { by: by.to_owned(), reply }, answer).await??;
+        let mut all = Vec::new();
+        for answer in answers {
+            all.extend(answer.await.map_err(|_| RequestRefusal::Closed)?);
+        }
+        Ok(all)
+    }
+
     /// Ends the current operation, leaves the probe clear, and ends the rig thread.
     pub async fn close(&self) {
         let (reply, answer) = oneshot::channel();
@@ -558,7 +582,7 @@ pub(crate) struct Setting {
     limits: RigLimits,
     rig: rig_store::Source,
     scene: Option<rig_store::Source>,
-    devices: Arc<[DeviceIdentity]>,
+    devices: Arc<[DeviceIdentity; 3]>,
 }
 
 /// Waits until the rig loop is silent; for ever, when it has ended.

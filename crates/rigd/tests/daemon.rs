@@ -92,7 +92,9 @@ fn a_run_of_a_daemon_is_watched_paused_resumed_aborted_and_stopped_from_a_termin
     let line = daemon.wait_for_line("listening on");
     let address = line.split_once("http://").unwrap().1.trim().trim_end_matches('/').to_owned();
     let (mut watching, mut lines) = watch(&data);
-    assert!(check(&data, &["status"], 0).contains("SIMULATED"));
+    let status = check(&data, &["status"], 0);
+    assert!(status.contains("SIMULATED"), "{status}");
+    assert_eq!(status.matches("requests, all answered; last answer").count(), 3, "{status}");
     for wanted in ["pause", "resume", "abort", "answer"] {
         assert!(check(&data, &[wanted], 3).contains("no run is under way"));
     }

@@ -2,6 +2,8 @@
 
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
+#[path = "http/devices.rs"]
+mod devices;
 #[path = "http/interface.rs"]
 mod interface;
 

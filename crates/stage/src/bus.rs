@@ -9,14 +9,14 @@ use std::{
 };
 
 use futures_util::FutureExt;
-use rig_link::Port;
+use rig_link::{HealthMeter, Port};
 use rig_model::{RigTime, panic_message};
 use tokio::sync::{mpsc, oneshot};
 
 use crate::{
-    BusError, BusSettings, HaltFrames, Health, LineFault, Reply, Request,
+    BusError, BusSettings, HaltFrames, LineFault, Reply, Request,
     halt::{HaltOrder, Halts},
-    line::{CheckRegisters, Line},
+    line::{CheckRegisters, Line, Meters},
 };
 
 /// A handle of a line. All handles share one owner, which carries out one request at a time, and
@@ -27,6 +27,7 @@ pub struct BusHandle {
     halts: mpsc::UnboundedSender<HaltOrder>,
     /// Number of stops ordered so far.
     halts_ordered: Arc<AtomicU64>,
+    meters: Meters,
     name: Arc<str>,
     clock: rig_link::Clock,
 }
@@ -47,9 +48,6 @@ enum LineRequest {
         registers: Option<CheckRegisters>,
         answer: oneshot::Sender<()>,
     },
-    Health {
-        answer: oneshot::Sender<Health>,
-    },
 }
 
 impl BusHandle {
@@ -62,10 +60,12 @@ impl BusHandle {
             orders,
             halts,
             halts_ordered: Arc::default(),
+            meters: Meters::default(),
             name: port.name().clone(),
             clock: port.clock(),
         };
-        tokio::spawn(own(Line::new(port, settings, Halts::new(halts_inbox)), inbox));
+        let line = Line::new(port, settings, Halts::new(halts_inbox), handle.meters.clone());
+        tokio::spawn(own(line, inbox));
         handle
     }
 
@@ -131,14 +131,9 @@ impl BusHandle {
         }
     }
 
-    /// Counters of the line.
-    ///
-    /// # Errors
-    /// [`LineFault::Closed`] when its owner has ended.
-    pub async fn health(&self) -> Result<Health, BusError> {
-        let (answer, answered) = oneshot::channel();
-        self.send(LineRequest::Health { answer }).await?;
-        Ok(answered.await.map_err(|_| LineFault::Closed)?)
+    /// The counts of a device on the line.
+    pub fn health(&self, unit: u8) -> HealthMeter {
+        self.meters.of(unit)
     }
 
     /// Sets registers of a device with known values. They are read after each fault, before other
@@ -190,7 +185,6 @@ async fn own(mut line: Line, mut inbox: mpsc::Receiver<LineRequest>) {
                 line.set_check_registers(unit, registers);
                 _ = answer.send(());
             }
-            LineRequest::Health { answer } => _ = answer.send(line.health()),
         }
     }
 }

@@ -51,16 +51,3 @@ impl BusSettings {
         Self { framing: Framing::Tcp, reply_within: Duration::from_millis(500), ..Self::rtu() }
     }
 }
-
-/// Counters of a line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Health {
-    /// Requests carried out or tried.
-    pub requests: u64,
-    /// Attempts that were repeated.
-    pub retries: u64,
-    /// Requests that a device refused.
-    pub refusals: u64,
-    /// Requests that failed in spite of all attempts.
-    pub faults: u64,
-}

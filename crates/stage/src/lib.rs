@@ -21,7 +21,7 @@ mod stage;
 mod symptom;
 
 pub use bus::BusHandle;
-pub use bus_settings::{BusSettings, Framing, Health};
+pub use bus_settings::{BusSettings, Framing};
 pub use drive_reading::{Alarm, AxisStatus};
 pub use error::{BusError, DeviceRefusal, Exception, LineFault, StageError};
 pub use halt::HaltFrames;

@@ -2,11 +2,11 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    sync::Arc,
+    sync::{Arc, Mutex, PoisonError},
     time::Duration,
 };
 
-use rig_link::{Flow, LineError, Port};
+use rig_link::{Flow, Health, HealthMeter, LineError, Port};
 use tokio::time::{Instant, sleep, sleep_until, timeout};
 use tokio_modbus::{
     client::{Client, Context, rtu, tcp},
@@ -14,8 +14,7 @@ use tokio_modbus::{
 };
 
 use crate::{
-    BusError, BusSettings, DeviceRefusal, Exception, Framing, Health, LineFault, Reply, Request,
-    Symptom,
+    BusError, BusSettings, DeviceRefusal, Exception, Framing, LineFault, Reply, Request, Symptom,
     halt::{HaltOrder, Halts},
     port_loan::PortLoan,
 };
@@ -80,12 +79,25 @@ pub(crate) struct Line {
     check_registers: BTreeMap<u8, CheckRegisters>,
     /// The devices that have not been recognised since the last fault.
     doubtful: BTreeSet<u8>,
-    health: Health,
+    meters: Meters,
     halts: Halts,
 }
 
+/// The counts of the devices on a line, by their addresses.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Meters {
+    by_unit: Arc<Mutex<BTreeMap<u8, HealthMeter>>>,
+}
+
+impl Meters {
+    pub(crate) fn of(&self, unit: u8) -> HealthMeter {
+        let mut by_unit = self.by_unit.lock().unwrap_or_else(PoisonError::into_inner);
+        by_unit.entry(unit).or_default().clone()
+    }
+}
+
 impl Line {
-    pub(crate) fn new(port: Port, settings: BusSettings, halts: Halts) -> Self {
+    pub(crate) fn new(port: Port, settings: BusSettings, halts: Halts, meters: Meters) -> Self {
         let name = port.name().clone();
         let silence = settings.silence.unwrap_or_else(|| port.frame_silence());
         let port_loan = PortLoan::new(port, settings.framing == Framing::Rtu);
@@ -98,7 +110,7 @@ impl Line {
             context,
             check_registers: BTreeMap::new(),
             doubtful: BTreeSet::new(),
-            health: Health::default(),
+            meters,
             halts,
         }
     }
@@ -151,10 +163,6 @@ impl Line {
         self.context = None;
     }
 
-    pub(crate) const fn health(&self) -> Health {
-        self.health
-    }
-
     /// Carries out one request, with as many attempts as the settings allow. Every request here may
     /// be repeated: reads, and writes of absolute values. A write that was requested after `halts`
     /// stops is not sent after a further one.
@@ -164,7 +172,7 @@ impl Line {
         request: &Request,
         halts: u64,
     ) -> Result<Reply, BusError> {
-        self.health.requests += 1;
+        self.count(unit, |health| health.requests += 1);
         let busy_until = Instant::now() + self.settings.busy_within;
         let mut attempts = 0;
         loop {
@@ -186,16 +194,16 @@ impl Line {
                     }
                 }
                 ExchangeFault::Refused(exception) => {
-                    self.health.refusals += 1;
+                    self.count(unit, |health| health.refusals += 1);
                     let (port, request) = (self.name.clone(), request.clone());
                     return Err(DeviceRefusal { port, unit, request, exception }.into());
                 }
                 ExchangeFault::Unusable(symptom, _) if attempts < self.settings.attempts => {
-                    self.health.retries += 1;
+                    self.count(unit, |health| health.retries += 1);
                     tracing::warn!(port = %self.name, unit, %request, %symptom, attempts, "again");
                 }
                 ExchangeFault::Unusable(symptom, received) => {
-                    self.health.faults += 1;
+                    self.count(unit, |health| health.faults += 1);
                     let fault = LineFault::NoAnswer {
                         port: self.name.clone(),
                         unit,
@@ -208,7 +216,7 @@ impl Line {
                     return Err(fault.into());
                 }
                 ExchangeFault::Fatal(fault) => {
-                    self.health.faults += 1;
+                    self.count(unit, |health| health.faults += 1);
                     return Err(fault.into());
                 }
                 ExchangeFault::Halted => {
@@ -217,6 +225,10 @@ impl Line {
                 }
             }
         }
+    }
+
+    fn count(&self, unit: u8, change: impl FnOnce(&mut Health)) {
+        self.meters.of(unit).note(change);
     }
 
     /// Sends a request on a suspect line without waiting for an answer: an answer is discarded
@@ -345,6 +357,27 @@ impl Line {
     /// One request and one answer on a line that is in order and silent. Without a deadline the
     /// settings limit the wait for the answer; after a stop the wait is short.
     async fn exchange(
+        &mut self,
+        unit: u8,
+        request: &Request,
+        answer_by: Option<Instant>,
+    ) -> Result<Reply, ExchangeFault> {
+        let asked = Instant::now();
+        let outcome = self.ask(unit, request, answer_by).await;
+        self.count(unit, |health| match &outcome {
+            Ok(_) | Err(ExchangeFault::Refused(_)) => {
+                health.last_round_trip = Some(asked.elapsed());
+            }
+            Err(ExchangeFault::Unusable(Symptom::Silence | Symptom::OnlyEcho, _)) => {
+                health.late += 1;
+            }
+            Err(ExchangeFault::Unusable(..)) => health.corrupt += 1,
+            Err(ExchangeFault::Fatal(_) | ExchangeFault::Halted) => {}
+        });
+        outcome
+    }
+
+    async fn ask(
         &mut self,
         unit: u8,
         request: &Request,

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use rig_link::StopSignal;
+use rig_link::{HealthMeter, StopSignal};
 use rig_model::{Axis, Position, Scale, Target, Unit};
 use tokio::time::{Instant, sleep, sleep_until};
 
@@ -64,6 +64,11 @@ impl<U: Unit> Stage<U> {
         axis: Axis<U>,
     ) -> Self {
         Self { bus, map, unit, scale, axis, seen: None }
+    }
+
+    /// The counts of the drive.
+    pub fn health(&self) -> HealthMeter {
+        self.bus.health(self.unit)
     }
 
     /// The axis with its limits.

@@ -121,7 +121,7 @@ impl TableName {
         match self {
             Self::Touches => TOUCH.to_vec(),
             Self::Sweeps => [&SWEEP[..], &END].concat(),
-            Self::Readings => [&OF_READING[..], &READING, &FIT, &END].concat(),
+            Self::Readings => [&SWEEP[..3], &[NUMBER], &READING, &FIT, &END].concat(),
             Self::Searches => [&SEARCH[..], &READING, &END].concat(),
         }
     }
@@ -223,12 +223,8 @@ const SWEEP: [Column; 16] = [
     text("reason", "the reason of a refusal"),
 ];
 
-const OF_READING: [Column; 4] = [
-    whole("sweep", "number of the sweep in the run, from 1"),
-    text("purpose", "`no_load`, `touch` or `manual`"),
-    text("step", "address of the step"),
-    whole("reading", "number of the reading in the sweep, from 1"),
-];
+/// Behind the sweep of a reading, its purpose and its step.
+const NUMBER: Column = whole("reading", "number of the reading in the sweep, from 1");
 
 const SEARCH: [Column; 8] = [
     text("step", "address of the step"),

@@ -5,7 +5,7 @@ import { Bench } from "./drawings.tsx";
 import { FrameList, SweepCard, wallMs } from "./now.tsx";
 import { AskButton, Said } from "./shell.tsx";
 import { get, post, useAsking, type View } from "./store.ts";
-import type { AxisLimits, Frames, Rig } from "./wire.ts";
+import type { AxisLimits, Frames, Health, Identified, Rig } from "./wire.ts";
 
 export function RigPage({ view }: { view: View }) {
   const { model } = view;
@@ -13,12 +13,7 @@ export function RigPage({ view }: { view: View }) {
   const off = view.link === "lost" ? "the link is lost" : rig.state !== "idle" ? `the rig is ${rig.state}` : undefined;
   return (
     <main class="rig" id="main">
-      <section class="card devices" aria-label="Devices">
-        {rig.devices.map((device) => (
-          <div key={device.role}><h2 class="device">{device.role.charAt(0).toUpperCase() + device.role.slice(1)}</h2><p>{device.identity}</p>
-            <p class="soft">{device.role === "linear stage" ? limitsOf(rig.limits.linear_mm, "mm") : device.role === "rotary stage" ? limitsOf(rig.limits.rotary_deg, "°") : rig.is_simulated ? "simulated, in the bytes of the real one" : "identified when rigd was started"}</p></div>
-        ))}
-      </section>
+      <Devices rig={rig} off={off} />
       <section class="card by-hand" aria-label="Move by hand">
         <h2>Move by hand</h2>
         <div class="two-columns">
@@ -45,6 +40,46 @@ export function RigPage({ view }: { view: View }) {
       <Console rig={rig} />
     </main>
   );
+}
+
+/** Who the devices are, how they have answered, and a button that asks them again. */
+function Devices({ rig, off }: { rig: Rig; off: string | undefined }) {
+  const [asked, set] = useState<{ at: number; found: Identified[] }>();
+  const identify = () => post<Identified[]>("identify").then((found) => set({ at: Date.now(), found: found ?? [] }));
+  return (
+    <section class="card devices" aria-label="Devices">
+      {rig.devices.map(({ role, identity, health }) => {
+        const again = asked?.found.find((one) => one.role === role);
+        return (
+          <div key={role}><h2 class="device">{role.charAt(0).toUpperCase() + role.slice(1)}</h2><p>{identity}</p>
+            <p class="soft">{role === "linear stage" ? limitsOf(rig.limits.linear_mm, "mm") : role === "rotary stage" ? limitsOf(rig.limits.rotary_deg, "°") : rig.is_simulated ? "simulated, in the bytes of the real one" : "identified when rigd was started"}</p>
+            <p class="soft counts">{healthOf(health).map(({ text, isBad }, i) => <span key={i} class={isBad ? "ask-word" : ""}>{i > 0 && " · "}{text}</span>)}</p>
+            {asked && again && <p role="status" class={again.trouble || !again.is_as_known ? "bad-word" : "good-word"}>{clock(asked.at)}: {identifiedAs(again)}</p>}
+          </div>
+        );
+      })}
+      <div class="row">
+        <p class="soft">Counts since rigd was started. Identify asks each device again who it is; nothing moves.{off && <strong> Off: {off}.</strong>}</p>
+        <AskButton icon="rig" disabled={off !== undefined} why={off} send={identify}>Identify</AskButton>
+      </div>
+    </section>
+  );
+}
+
+/** What has gone wrong is named only where it has. */
+function healthOf({ requests, retries, late, corrupt, refusals, last_round_trip_ms: ms }: Health): { text: string; isBad: boolean }[] {
+  const bad = ([[retries, "sent again"], [late, "late"], [corrupt, "corrupt"], [refusals, "refused"]] as const).filter(([count]) => count > 0);
+  return [
+    { text: `${requests.toLocaleString("en")} requests`, isBad: false },
+    ...bad.map(([count, what]) => ({ text: `${count.toLocaleString("en")} ${what}`, isBad: true })),
+    ...(bad.length === 0 ? [{ text: "all answered", isBad: false }] : []),
+    ...(ms === undefined ? [] : [{ text: `last answer after ${ms < 100 ? fixed(ms, 1) : fixed(ms, 0)} ms`, isBad: false }]),
+  ];
+}
+
+function identifiedAs({ found, is_as_known, position, trouble }: Identified): string {
+  const who = found === undefined ? "not identified" : is_as_known ? "the known device answered" : `another device answered: ${found}`;
+  return [who + (position ? `, at ${position}` : ""), trouble].filter(Boolean).join("; ");
 }
 
 /** How often the frames are read while the console is open, ms. */

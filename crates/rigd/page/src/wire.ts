@@ -21,17 +21,24 @@ export interface Rig {
   is_simulated: boolean;
   is_virtual_time: boolean;
   limits: Limits;
-  devices: { role: string; identity: string }[];
+  devices: Device[];
   run?: RunProgress;
   last_run?: { id: string; status: string };
   prompt?: string;
   asked?: Asked;
   refused?: RefusedTouch;
-  fault?: { kind: "fault" | "interrupted"; cause: string; hint: string; attempts?: number };
+  fault?: { kind: "fault" | "interrupted" | "not_homed"; cause: string; hint: string; attempts?: number };
   journal_error?: string;
   /** The rig loop gives no sign of life; all else is old. */
   silence?: { since_unix_ms: number; message: string; hint: string };
 }
+
+/** A device, and what it has answered since rigd was started. */
+export interface Device { role: string; identity: string; health: Health }
+export interface Health { requests: number; retries: number; late: number; corrupt: number; refusals: number; last_round_trip_ms?: number }
+
+/** What a device answered when it was asked again who it is. */
+export interface Identified { role: string; known: string; found?: string; is_as_known: boolean; position?: string; trouble?: string }
 
 export interface RunProgress {
   id: string;

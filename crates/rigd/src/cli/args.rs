@@ -41,6 +41,17 @@ impl OperatorArgs {
     }
 }
 
+/// The bench to open, where it is recorded, and by whom.
+#[derive(Debug, Args)]
+pub(super) struct BenchArgs {
+    #[command(flatten)]
+    pub(super) rig: RigArgs,
+    #[command(flatten)]
+    pub(super) data: DataArgs,
+    #[command(flatten)]
+    pub(super) operator: OperatorArgs,
+}
+
 /// The output format.
 #[derive(Debug, Args)]
 pub(super) struct OutputArgs {

@@ -4,7 +4,6 @@
 use std::time::Duration;
 
 use clap::{Args, ValueEnum};
-use serde::Deserialize;
 use serde_json::Value;
 use tokio::time::timeout;
 
@@ -15,6 +14,7 @@ use super::{
     live::{Progress, range},
     table::{print, print_json, wrapped},
 };
+use crate::rig_view::{DeviceView, RefusedView, RigView, RunProgress, SilenceView};
 
 #[derive(Debug, Args)]
 pub(super) struct StatusArgs {
@@ -77,78 +77,6 @@ pub(super) enum Order {
     Acknowledge,
     /// Acknowledges and homes, after a person has seen that nothing is below the probe.
     Home,
-}
-
-/// The rig, as the daemon describes it.
-#[derive(Debug, Clone, Deserialize)]
-pub(super) struct RigView {
-    name: String,
-    pub(super) state: String,
-    probe: String,
-    linear_mm: Option<f64>,
-    rotary_deg: Option<f64>,
-    is_simulated: bool,
-    pub(super) run: Option<RunView>,
-    pub(super) last_run: Option<LastRun>,
-    prompt: Option<String>,
-    asked: Option<Asked>,
-    refused: Option<Refused>,
-    fault: Option<FaultView>,
-    journal_error: Option<String>,
-    silence: Option<SilenceView>,
-}
-
-/// A rig loop that gives no sign of life.
-#[derive(Debug, Clone, Deserialize)]
-struct SilenceView {
-    message: String,
-    hint: String,
-}
-
-/// The run under way.
-#[derive(Debug, Clone, Deserialize)]
-pub(super) struct RunView {
-    pub(super) id: String,
-    protocol: String,
-    step: usize,
-    steps: usize,
-    touches_planned: usize,
-    touches_measured: usize,
-    touches_refused: usize,
-    doing: String,
-    is_pausing: bool,
-    remaining_s: [f64; 2],
-    next_prompt: Option<NextPrompt>,
-}
-
-#[derive(Debug, Clone, Deserialize)]
-struct NextPrompt {
-    prompt: String,
-    in_s: f64,
-}
-
-/// A run that has ended.
-#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
-pub(super) struct LastRun {
-    pub(super) id: String,
-    pub(super) status: String,
-}
-
-#[derive(Debug, Clone, Deserialize)]
-struct Asked {
-    step: String,
-}
-
-#[derive(Debug, Clone, Deserialize)]
-struct Refused {
-    step: String,
-    reason: String,
-}
-
-#[derive(Debug, Clone, Deserialize)]
-struct FaultView {
-    cause: String,
-    hint: String,
 }
 
 /// The statement of a person, without which the daemon does not home.
@@ -278,14 +206,9 @@ impl RigView {
         }
     }
 
-    /// `clear`, `in contact` or `unknown`.
-    pub(super) fn probe(&self) -> &str {
-        &self.probe
-    }
-
     /// What the daemon asks for, and the command that answers.
     pub(super) fn question(&self) -> Option<String> {
-        let refused = self.refused.as_ref().map(|Refused { step, reason }| {
+        let refused = self.refused.as_ref().map(|RefusedView { step, reason, .. }| {
             format!("touch {step} was refused: {reason}; `rigd answer widen`, `repeat`, `skip` or `abort`")
         });
         let prompt = self.prompt.as_ref();
@@ -305,7 +228,7 @@ impl RigView {
         let mut row = |name: &'static str, text: Option<String>| {
             rows.extend(text.map(|text| (name, text)));
         };
-        if let Some(SilenceView { message, hint }) = &self.silence {
+        if let Some(SilenceView { message, hint, .. }) = &self.silence {
             row("no answer", Some(format!("{message}; what follows is old")));
             row("to do", Some(hint.clone()));
         }
@@ -323,14 +246,14 @@ impl RigView {
                 0 => String::new(),
                 refused => format!(", {refused} refused"),
             };
-            let pausing = if run.is_pausing { "; pausing after this step" } else { "" };
-            let RunView { protocol, step, steps, doing, .. } = run;
+            let pausing = if run.ahead.is_pausing { "; pausing after this step" } else { "" };
+            let RunProgress { protocol, step, steps, doing, .. } = run;
             let (measured, planned) = (run.touches_measured, run.touches_planned);
-            let [least_s, most_s] = run.remaining_s;
+            let [least_s, most_s] = run.ahead.remaining_s;
             row("run", Some(format!("{protocol}, step {step} of {steps}: {doing}{pausing}")));
             row("touches", Some(format!("{measured} of {planned} measured{refused}")));
             row("to go", Some(range(least_s, most_s)));
-            let next = run.next_prompt.as_ref();
+            let next = run.ahead.next_prompt.as_ref();
             row(
                 "next prompt",
                 next.map(|next| {
@@ -338,6 +261,7 @@ impl RigView {
                 }),
             );
         }
+        rows.extend(self.devices.iter().map(|device| (HEALTH_OF, health(device))));
         wrapped(&rows)
     }
 
@@ -348,11 +272,32 @@ impl RigView {
             step: run.step,
             steps: run.steps,
             doing: run.doing.clone(),
-            remaining_s: run.remaining_s,
+            remaining_s: run.ahead.remaining_s,
             estimate_hz: None,
-            is_pausing: run.is_pausing,
+            is_pausing: run.ahead.is_pausing,
         })
     }
+}
+
+/// Head of the rows with the counts of the devices.
+const HEALTH_OF: &str = "device";
+
+/// A device and its counts, those of faults only if there are any.
+fn health(DeviceView { role, health, .. }: &DeviceView) -> String {
+    let counts = [
+        (health.retries, "repeated"),
+        (health.late, "late"),
+        (health.corrupt, "corrupt"),
+        (health.refusals, "refused"),
+    ];
+    let seen = counts.iter().filter(|(count, _)| *count > 0);
+    let mut parts: Vec<_> = seen.map(|(count, what)| format!("{count} {what}")).collect();
+    if parts.is_empty() {
+        parts.push("all answered".to_owned());
+    }
+    let last = health.last_round_trip_ms.map(|ms| format!("; last answer after {ms:.1} ms"));
+    let last = last.unwrap_or_default();
+    format!("{role}: {} requests, {}{last}", health.requests, parts.join(", "))
 }
 
 /// A value of a query: all bytes but letters, digits and `-._~/` as their numbers.

@@ -14,7 +14,7 @@ use serde::Serialize;
 
 use super::{
     Failure,
-    args::{DataArgs, OperatorArgs, RigArgs},
+    args::BenchArgs,
     moves::{linear_target, positions, rotary_target},
     outcome::OutcomeView,
     session::{LeftInContact, Session, with_rig},
@@ -43,11 +43,7 @@ pub(super) struct MeasureArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    rig: RigArgs,
-    #[command(flatten)]
-    data: DataArgs,
-    #[command(flatten)]
-    operator: OperatorArgs,
+    bench: BenchArgs,
 }
 
 /// The sweep, and the moves before it.
@@ -78,15 +74,15 @@ struct MeasureView {
 }
 
 pub(super) fn measure(args: &MeasureArgs) -> Result<(), Failure> {
-    let rig = args.rig.load()?;
+    let rig = args.bench.rig.load()?;
     let limits = rig.file.limits;
     let order = Order {
         sweep: args.sweep.request(&limits.analyzer)?,
         linear: args.at_mm.map(|mm| linear_target(&limits, mm)).transpose()?,
         rotary: args.angle_deg.map(|deg| rotary_target(&limits, deg)).transpose()?,
     };
-    let (data, rest) = (&args.data.data, limits.linear.rest_target().position());
-    let operator = args.operator.name();
+    let (data, rest) = (&args.bench.data.data, limits.linear.rest_target().position());
+    let operator = args.bench.operator.name();
     let measured = with_rig(rig, data, &operator, LeftInContact::Refuse, async |session| {
         if let Some(target) = order.rotary {
             session.carry_out(Command::MoveRotary(target)).await?;

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::{
     Failure,
-    args::{DataArgs, OperatorArgs, OutputArgs, RigArgs},
+    args::{BenchArgs, OutputArgs},
     session::{LeftInContact, Session, with_rig},
     table::{facts, note, print, print_json},
 };
@@ -22,11 +22,7 @@ pub(super) struct MoveArgs {
     #[arg(value_name = "MM|DEG", allow_negative_numbers = true)]
     to: f64,
     #[command(flatten)]
-    rig: RigArgs,
-    #[command(flatten)]
-    data: DataArgs,
-    #[command(flatten)]
-    operator: OperatorArgs,
+    bench: BenchArgs,
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -47,11 +43,7 @@ pub(super) struct HomeArgs {
     #[arg(long)]
     nothing_below_probe: bool,
     #[command(flatten)]
-    rig: RigArgs,
-    #[command(flatten)]
-    data: DataArgs,
-    #[command(flatten)]
-    operator: OperatorArgs,
+    bench: BenchArgs,
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -67,14 +59,20 @@ struct PositionsView {
 }
 
 pub(super) fn to(args: &MoveArgs) -> Result<(), Failure> {
-    let rig = args.rig.load()?;
+    let rig = args.bench.rig.load()?;
     let command = match args.axis {
         MoveAxis::Linear => Command::MoveLinear(linear_target(&rig.file.limits, args.to)?),
         MoveAxis::Rotary => Command::MoveRotary(rotary_target(&rig.file.limits, args.to)?),
     };
     let moved = async |session: &mut Session| session.carry_out(command).await;
     show(
-        &with_rig(rig, &args.data.data, &args.operator.name(), LeftInContact::Refuse, moved)?,
+        &with_rig(
+            rig,
+            &args.bench.data.data,
+            &args.bench.operator.name(),
+            LeftInContact::Refuse,
+            moved,
+        )?,
         &args.output,
     )
 }
@@ -82,13 +80,13 @@ pub(super) fn to(args: &MoveArgs) -> Result<(), Failure> {
 /// Opening a rig is what homes it.
 pub(super) fn home(args: &HomeArgs) -> Result<(), Failure> {
     let homed = async |session: &mut Session| session.finished().await;
-    let (rig, operator) = (args.rig.load()?, args.operator.name());
+    let (rig, operator) = (args.bench.rig.load()?, args.bench.operator.name());
     let left = if args.nothing_below_probe {
         LeftInContact::HomeWithNothingBelow
     } else {
         LeftInContact::Retract
     };
-    show(&with_rig(rig, &args.data.data, &operator, left, homed)?, &args.output)
+    show(&with_rig(rig, &args.bench.data.data, &operator, left, homed)?, &args.output)
 }
 
 /// A height within the soft limits. It is checked before the rig is opened, so that a mistyped

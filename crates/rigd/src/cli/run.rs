@@ -15,7 +15,7 @@ use tokio::{
 
 use super::{
     Failure,
-    args::{DataArgs, OperatorArgs, OutputArgs, RigArgs, TouchArgs},
+    args::{BenchArgs, OutputArgs, RigArgs, TouchArgs},
     live::{Progress, say_touch},
     prompt::Terminal,
     runs, screen,
@@ -41,11 +41,7 @@ pub(super) struct RunArgs {
     #[arg(long, requires = "resume")]
     accept_changes: bool,
     #[command(flatten)]
-    rig: RigArgs,
-    #[command(flatten)]
-    data: DataArgs,
-    #[command(flatten)]
-    operator: OperatorArgs,
+    bench: BenchArgs,
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -74,10 +70,10 @@ enum Order {
 }
 
 pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
-    let data = &args.data.data;
+    let data = &args.bench.data.data;
     let (order, rig, left) = match (&args.resume, &args.protocol) {
         (Some(wanted), _) => {
-            let run = args.data.journal()?.find(wanted)?;
+            let run = args.bench.data.journal()?.find(wanted)?;
             if let rig_store::RunStatus::Ended(ending) = run.status
                 && ending.is_complete()
             {
@@ -85,10 +81,10 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
                 return finish(data, &args.output, run.id, ending == Ending::CompletedWithRefusals);
             }
             let order = Order::Rest { run: run.id, is_confirmed: args.accept_changes };
-            (order, args.rig.load()?, LeftInContact::Retract)
+            (order, args.bench.rig.load()?, LeftInContact::Retract)
         }
         (None, Some(path)) => {
-            let rig = args.rig.load()?;
+            let rig = args.bench.rig.load()?;
             let protocol = Box::new(LoadedProtocol::load(path, &rig.facts())?);
             (Order::Protocol(protocol), rig, LeftInContact::Refuse)
         }
@@ -96,7 +92,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
         (None, None) => return Ok(()),
     };
     let is_simulated = rig.is_simulated();
-    let operator = args.operator.name();
+    let operator = args.bench.operator.name();
     let touches = args.output.touches(data);
     let (run, ending, status) = with_rig(rig, data, &operator, left, async |session| {
         replay(session, order, is_simulated, touches).await

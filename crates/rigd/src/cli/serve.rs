@@ -18,7 +18,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::{
     Failure,
-    args::{DataArgs, OperatorArgs, RigArgs},
+    args::BenchArgs,
     guard::watch_over_http,
     screen::{say, say_clearly},
     session::{left, open},
@@ -40,9 +40,7 @@ pub(super) struct ServeArgs {
     /// Protocol file to have loaded; one can also be posted
     protocol: Option<PathBuf>,
     #[command(flatten)]
-    rig: RigArgs,
-    #[command(flatten)]
-    data: DataArgs,
+    bench: BenchArgs,
     /// Address and port to listen on. Any but a loopback address needs --token-file
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:8137", value_parser = address)]
     listen: SocketAddr,
@@ -52,8 +50,6 @@ pub(super) struct ServeArgs {
     /// File with the token that clients must send as `Authorization: Bearer`
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
-    #[command(flatten)]
-    operator: OperatorArgs,
 }
 
 /// Journals are read on threads of their own. With more of them the disk would be no faster.
@@ -63,7 +59,7 @@ const READING_TIME: Duration = Duration::from_secs(1);
 
 pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     let access = access(args)?;
-    let rig = args.rig.load()?;
+    let rig = args.bench.rig.load()?;
     let facts = rig.facts();
     let loaded =
         args.protocol.as_ref().map(|path| LoadedProtocol::load(path, &facts)).transpose()?;
@@ -73,7 +69,7 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
         .enable_all()
         .build()
         .map_err(|source| Failure::System { what: "runtime", source })?;
-    let data = args.data.data.clone();
+    let data = args.bench.data.data.clone();
     let served = runtime.block_on(async {
         let mut signals = Signals::new()?;
         // The address is bound first: a daemon that cannot be reached must not move anything.
@@ -92,7 +88,7 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
         let mut serving =
             tokio::spawn(http::serve(listener, http::router(shared), closing.clone()));
         let endpoint = Endpoint::of(address, args.token_file.as_deref());
-        let announced = endpoint.and_then(|endpoint| endpoint.announce(&args.data.data));
+        let announced = endpoint.and_then(|endpoint| endpoint.announce(&args.bench.data.data));
         if let Err(error) = &announced {
             say(&format!("rigd: `rigd status` and the like will not find this daemon: {error}"));
         }
@@ -215,7 +211,7 @@ fn access(args: &ServeArgs) -> Result<Access, Failure> {
     if !address.is_loopback() && token.is_none() {
         return Err(Failure::NoToken { listen: args.listen });
     }
-    Ok(Access::new(address, args.allow_host.iter().cloned(), token, args.operator.name()))
+    Ok(Access::new(address, args.allow_host.iter().cloned(), token, args.bench.operator.name()))
 }
 
 #[cfg(test)]

@@ -6,11 +6,12 @@ use serde::Deserialize;
 use super::{
     Failure,
     client::Event,
-    daemon::{DaemonArgs, LastRun, RigView, over_http},
+    daemon::{DaemonArgs, over_http},
     live::say_touch,
     runs, screen,
     table::note,
 };
+use crate::rig_view::{EstimateView, LastRun, RigView};
 
 /// A record of the journal, as an event.
 #[derive(Debug, Deserialize)]
@@ -21,13 +22,7 @@ struct RecordEvent {
 /// The new part of a sweep.
 #[derive(Debug, Deserialize)]
 struct SweepEvent {
-    estimates: Vec<Estimate>,
-}
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-struct Estimate {
-    resonance_hz: f64,
-    sigma_hz: f64,
+    estimates: Vec<EstimateView>,
 }
 
 /// What has been said so far.
@@ -126,6 +121,6 @@ impl Watch {
         let is_latched = rig.state == "latched";
         ended
             .map(End::Run)
-            .or_else(|| is_latched.then(|| End::Latched { probe: rig.probe().to_owned() }))
+            .or_else(|| is_latched.then(|| End::Latched { probe: rig.probe.clone() }))
     }
 }

@@ -8,7 +8,8 @@ use axum::{
 };
 use serde::Serialize;
 
-use super::{Shared, page, rig::RigView};
+use super::{Shared, page};
+use crate::rig_view::{RigView, RunProgress};
 
 const DOCUMENTATION: &str = include_str!("../../../../docs/http.md");
 
@@ -44,7 +45,7 @@ pub(super) async fn show(State(shared): State<Shared>, headers: HeaderMap) -> Re
     let link =
         |(href, title): (&str, &str)| Link { href: href.to_owned(), title: title.to_owned() };
     let mut links: Vec<Link> = LINKS.map(link).into();
-    if let Some((id, protocol)) = rig.run() {
+    if let Some(RunProgress { id, protocol, .. }) = &rig.run {
         let run = format!("/api/v1/runs/{id}");
         links.push(Link { title: format!("the run of {protocol} under way"), href: run.clone() });
         links.push(Link { title: "its report".to_owned(), href: format!("{run}/report") });

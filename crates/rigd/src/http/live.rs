@@ -15,7 +15,10 @@ use serde::Serialize;
 use tokio::{sync::watch, time::Instant};
 
 use super::{Shared, rig};
-use crate::rig::{LiveEstimate, LiveSweep, Status};
+use crate::{
+    rig::{LiveEstimate, LiveSweep, Status},
+    rig_view::EstimateView,
+};
 
 /// A client sees a change after this time at most, and no more events than one in this time.
 const INTERVAL: Duration = Duration::from_millis(40);
@@ -49,13 +52,6 @@ struct ReadingView {
     started_s: f64,
     settle_s: f64,
     integration_s: f64,
-}
-
-#[derive(Debug, Serialize)]
-struct EstimateView {
-    readings: usize,
-    resonance_hz: f64,
-    sigma_hz: f64,
 }
 
 /// The circuit in the terms of the journal.

@@ -10,8 +10,8 @@ use rig_model::Position;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::{Problem, Shared, rig, rig::RigView};
-use crate::operator::Operator;
+use super::{Problem, Shared, rig};
+use crate::{operator::Operator, rig_view::RigView};
 
 /// The request of a client. The axis has no default.
 #[derive(Debug, Deserialize, JsonSchema)]

@@ -14,8 +14,11 @@ use rig_store::{Amended, Reader, Record, RunId, RunKind, RunStarted, Sweep};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::{Problem, Shared, progress::PromptAction, runs};
-use crate::{describe, loaded_rig::RigFacts, protocol_file::LoadedProtocol, rig::Outcomes};
+use super::{Problem, Shared, runs};
+use crate::{
+    describe, loaded_rig::RigFacts, protocol_file::LoadedProtocol, rig::Outcomes,
+    rig_view::PromptAction,
+};
 
 /// A protocol laid out for a bench.
 #[derive(Debug, Serialize, JsonSchema)]

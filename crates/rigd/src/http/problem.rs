@@ -233,6 +233,9 @@ impl From<RequestRefusal> for Problem {
             RequestRefusal::Interlock(_) => {
                 Self::new(StatusCode::CONFLICT, "refused by the interlock", detail)
             }
+            RequestRefusal::Identifying => {
+                Self::new(StatusCode::CONFLICT, "not in this state", detail)
+            }
             RequestRefusal::NotAsked { .. } => Self {
                 hint: Some("read the open prompt in GET /api/v1/rig"),
                 ..Self::new(StatusCode::CONFLICT, "not asked", detail)

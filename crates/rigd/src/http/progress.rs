@@ -3,114 +3,13 @@
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use rig_engine::Progress;
-use rig_model::{Axis, RigLimits, RigTime, Unit};
-use rig_protocol::{Action, Plan, Prompt};
-use schemars::JsonSchema;
-use serde::Serialize;
+use rig_model::RigTime;
+use rig_protocol::Action;
 
-use crate::rig::{RunView, Status};
-
-/// The rest of a run.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub(super) struct Forecast {
-    /// It pauses before the next step.
-    is_pausing: bool,
-    /// Since it began, s on the rig's clock.
-    elapsed_s: f64,
-    /// Least and largest remaining time, s on the rig's clock.
-    remaining_s: [f64; 2],
-    /// Number of touches of earlier runs from which it is learned; 0 for the plan alone.
-    learned_from_touches: usize,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    next_prompt: Option<NextPrompt>,
-}
-
-/// The time of the next prompt.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-struct NextPrompt {
-    prompt: String,
-    /// From now, s on the rig's clock.
-    in_s: f64,
-    /// Touches before it, that under way included.
-    touches: usize,
-}
-
-/// The prompt that waits for an answer.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub(super) struct OpenPrompt {
-    /// Address of the step, for the answer.
-    step: String,
-    #[serde(flatten)]
-    what: PromptAction,
-    /// Number of the prompt in the run, from 1.
-    number: usize,
-    prompts: usize,
-}
-
-/// The action that a prompt asks for.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-#[serde(tag = "what", rename_all = "snake_case")]
-pub(super) enum PromptAction {
-    /// Put this sample under the probe.
-    PlaceSample { sample: String },
-    /// Turn the sensor to this orientation.
-    TurnSensor { orientation: &'static str },
-}
-
-/// A run that has ended.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub(super) struct LastRun {
-    id: String,
-    /// How the run ended.
-    status: &'static str,
-}
-
-/// Ranges of the targets of the axes.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
-pub(super) struct Limits {
-    linear_mm: AxisLimits,
-    rotary_deg: AxisLimits,
-    /// Position of the linear stage at which the tip touches the level sample, mm.
-    surface_mm: f64,
-    /// Height of that surface above the axis of the rotary stage, mm.
-    surface_above_pivot_mm: f64,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
-struct AxisLimits {
-    min: f64,
-    max: f64,
-    /// Rest position: clear, or level.
-    rest: f64,
-}
-
-impl Limits {
-    pub(super) fn of(limits: &RigLimits) -> Self {
-        fn of<U: Unit>(axis: &Axis<U>) -> AxisLimits {
-            let (soft, rest) = (axis.soft(), axis.rest_target().position());
-            AxisLimits { min: soft.min.value(), max: soft.max.value(), rest: rest.value() }
-        }
-        Self {
-            linear_mm: of(&limits.linear),
-            rotary_deg: of(&limits.rotary),
-            surface_mm: limits.geometry.surface.value(),
-            surface_above_pivot_mm: limits.geometry.surface_above_pivot_mm,
-        }
-    }
-}
-
-impl PromptAction {
-    pub(super) fn of(plan: &Plan, prompt: Prompt) -> Self {
-        match prompt {
-            Prompt::PlaceSample { sample } => {
-                Self::PlaceSample { sample: plan.samples.get(sample).cloned().unwrap_or_default() }
-            }
-            Prompt::TurnSensor { orientation } => {
-                Self::TurnSensor { orientation: orientation.name() }
-            }
-        }
-    }
-}
+use crate::{
+    rig::{RunView, Status},
+    rig_view::{Forecast, LastRun, NextPrompt, OpenPrompt, PromptAction},
+};
 
 pub(super) fn ahead(run: &RunView, progress: &Progress, now: RigTime) -> Forecast {
     let steps = &run.plan.steps;
@@ -139,7 +38,7 @@ pub(super) fn ahead(run: &RunView, progress: &Progress, now: RigTime) -> Forecas
 }
 
 pub(super) fn last_run(run: &RunView) -> Option<LastRun> {
-    let status = run.ending?.name();
+    let status = run.ending?.name().to_owned();
     Some(LastRun { id: run.id.to_string(), status })
 }
 

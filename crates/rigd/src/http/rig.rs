@@ -12,108 +12,14 @@ use rig_engine::{Command, Fault, RefusalAnswer, RigState};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{
-    Problem, Shared,
-    progress::{self, Forecast, LastRun, Limits, OpenPrompt},
-    tag,
+use super::{Problem, Shared, progress, tag};
+use crate::{
+    hint,
+    loaded_rig::RigFacts,
+    operator::Operator,
+    rig::{DeviceIdentity, Identified, Status},
+    rig_view::{DeviceView, FaultView, Limits, RefusedView, RigView, RunProgress, SilenceView},
 };
-use crate::{hint, loaded_rig::RigFacts, operator::Operator, rig::Status};
-
-/// The present state of the rig.
-#[derive(Debug, Serialize, JsonSchema)]
-pub(super) struct RigView {
-    name: String,
-    state: &'static str,
-    probe: &'static str,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    linear_mm: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    rotary_deg: Option<f64>,
-    rig_time_s: f64,
-    /// The wall clock of the daemon, ms since 1970.
-    unix_ms: u64,
-    /// Time of the last change of state on the rig's clock, s.
-    state_since_s: f64,
-    /// The journal of what happens between runs.
-    session: String,
-    is_simulated: bool,
-    is_virtual_time: bool,
-    limits: Limits,
-    devices: Vec<DeviceView>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    run: Option<RunProgress>,
-    /// The run that ended last since the daemon was started.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    last_run: Option<LastRun>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    prompt: Option<String>,
-    /// The refused touch about which a person is asked.
-    refused: Option<RefusedView>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    asked: Option<OpenPrompt>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    fault: Option<FaultView>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    journal_error: Option<String>,
-    /// The rig loop gives no sign of life; all else is as it was before.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    silence: Option<SilenceView>,
-}
-
-#[derive(Debug, Serialize, JsonSchema)]
-struct SilenceView {
-    /// Time of the last sign of life, ms since 1970.
-    since_unix_ms: u64,
-    message: String,
-    hint: &'static str,
-}
-
-#[derive(Debug, Serialize, JsonSchema)]
-struct DeviceView {
-    role: &'static str,
-    identity: String,
-}
-
-impl RigView {
-    /// The id and the protocol of the run under way.
-    pub(super) fn run(&self) -> Option<(&str, &str)> {
-        self.run.as_ref().map(|run| (run.id.as_str(), run.protocol.as_str()))
-    }
-}
-
-/// The progress of the current run.
-#[derive(Debug, Serialize, JsonSchema)]
-struct RunProgress {
-    id: String,
-    protocol: String,
-    /// Number of steps done.
-    step: usize,
-    steps: usize,
-    touches_planned: usize,
-    touches_measured: usize,
-    touches_refused: usize,
-    doing: String,
-    #[serde(flatten)]
-    ahead: Forecast,
-}
-
-#[derive(Debug, Serialize, JsonSchema)]
-struct FaultView {
-    /// `interrupted` if the last program was killed; `not_homed` if the linear stage waits for a statement
-    /// that nothing is below the probe; `fault` otherwise.
-    kind: &'static str,
-    cause: String,
-    hint: String,
-    /// Attempts to retract so far, while the latched rig goes on trying.
-    attempts: Option<u32>,
-}
-
-#[derive(Debug, Serialize, JsonSchema)]
-struct RefusedView {
-    step: String,
-    reason: String,
-    answers: [&'static str; 4],
-}
 
 /// The rig, with the tag for `If-Match` of a command.
 pub(super) async fn show(State(shared): State<Shared>) -> impl IntoResponse {
@@ -131,6 +37,31 @@ pub(super) async fn stop(
     Extension(operator): Extension<Operator>,
 ) -> Result<Json<RigView>, Problem> {
     give(shared, Command::Stop, &operator).await
+}
+
+/// What a device answered when it was asked again who it is.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct IdentifiedView {
+    role: String,
+    /// The identity since rigd was started.
+    known: String,
+    /// The identity of the device that answered; absent if it could not be read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    found: Option<String>,
+    is_as_known: bool,
+    /// Where an axis is by its own account.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    position: Option<String>,
+    /// Why it cannot be used as before.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    trouble: Option<String>,
+}
+
+impl From<Identified> for IdentifiedView {
+    fn from(Identified { role, known, found, position, trouble }: Identified) -> Self {
+        let is_as_known = found.as_ref() == Some(&known);
+        Self { role: role.to_owned(), known, found, is_as_known, position, trouble }
+    }
 }
 
 /// The statement of a person who has looked.
@@ -160,6 +91,15 @@ pub(super) async fn acknowledge(
     Extension(operator): Extension<Operator>,
 ) -> Result<Json<RigView>, Problem> {
     give(shared, Command::Acknowledge, &operator).await
+}
+
+/// Asks each device of an idle rig again who it is.
+pub(super) async fn identify(
+    State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
+) -> Result<Json<Vec<IdentifiedView>>, Problem> {
+    let found = shared.inner.rig.identify(operator.as_str()).await?;
+    Ok(Json(found.into_iter().map(IdentifiedView::from).collect()))
 }
 
 async fn give(
@@ -193,7 +133,8 @@ pub(super) fn view(facts: &RigFacts, status: &Status) -> RigView {
             Fault::Interrupted { .. } => "interrupted",
             fault if hint::is_unhomed(fault) => "not_homed",
             _ => "fault",
-        },
+        }
+        .to_owned(),
         cause: fault.to_string(),
         hint: if snapshot.state == RigState::Retracting {
             hint::during_retract(fault)
@@ -204,14 +145,15 @@ pub(super) fn view(facts: &RigFacts, status: &Status) -> RigView {
         },
         attempts: snapshot.attempts,
     });
-    let device = |device: &crate::rig::DeviceIdentity| DeviceView {
-        role: device.role,
+    let device = |device: &DeviceIdentity| DeviceView {
+        role: device.role.to_owned(),
         identity: device.identity.clone(),
+        health: device.health.read().into(),
     };
     RigView {
         name: facts.name.clone(),
-        state: snapshot.state.name(),
-        probe: snapshot.clearance.name(),
+        state: snapshot.state.name().to_owned(),
+        probe: snapshot.clearance.name().to_owned(),
         linear_mm: snapshot.linear.map(rig_model::Position::value),
         rotary_deg: snapshot.rotary.map(rig_model::Position::value),
         rig_time_s: now.as_seconds(),
@@ -228,7 +170,7 @@ pub(super) fn view(facts: &RigFacts, status: &Status) -> RigView {
         refused: snapshot.refused.as_ref().map(|touch| RefusedView {
             step: touch.step.to_string(),
             reason: touch.reason.clone(),
-            answers: RefusalAnswer::ALL.map(RefusalAnswer::name),
+            answers: RefusalAnswer::ALL.map(|answer| answer.name().to_owned()),
         }),
         asked: progress::asked(status),
         fault,
@@ -236,7 +178,7 @@ pub(super) fn view(facts: &RigFacts, status: &Status) -> RigView {
         silence: status.silence.map(|silence| SilenceView {
             since_unix_ms: progress::unix_ms(silence.since),
             message: silence.to_string(),
-            hint: hint::WHILE_SILENT,
+            hint: hint::WHILE_SILENT.to_owned(),
         }),
     }
 }

@@ -22,13 +22,13 @@ use super::{
     resume,
     resume::{ContinueForm, TouchForm},
     rig,
-    rig::{HomeForm, RigView},
+    rig::{HomeForm, IdentifiedView},
     runs,
     runs::{AnswerOptions, BegunView, ExportOptions, ListOptions, RunDetail, RunView},
     sweeps,
     sweeps::{SweepLine, SweepView},
 };
-use crate::sweep_form::SweepForm;
+use crate::{rig_view::RigView, sweep_form::SweepForm};
 
 /// An operation of the interface.
 pub(super) struct Route {
@@ -172,6 +172,15 @@ fn of_rig() -> Vec<Route> {
             || post(rig::home),
         ),
         Route::post(
+            "/identify",
+            "identify",
+            "Asks each device of an idle rig again who it is. Nothing moves",
+            Content::None,
+            200,
+            json::<Vec<IdentifiedView>>(),
+            || post(rig::identify),
+        ),
+        Route::post(
             "/moves",
             "move",
             "Moves one axis by hand",
@@ -180,6 +189,12 @@ fn of_rig() -> Vec<Route> {
             json::<RigView>(),
             || post(moves::begin),
         ),
+    ]
+}
+
+/// Single sweeps, the check of a protocol, and events.
+fn of_measurements() -> Vec<Route> {
+    vec![
         Route::post(
             "/sweeps",
             "sweep",
@@ -407,6 +422,7 @@ fn to_ended_runs() -> Vec<Route> {
 pub(super) fn all() -> impl Iterator<Item = Route> {
     of_rig()
         .into_iter()
+        .chain(of_measurements())
         .chain(of_runs())
         .chain(to_runs())
         .chain(to_ended_runs())

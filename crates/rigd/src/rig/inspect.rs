@@ -211,7 +211,7 @@ async fn look_at_axis<U: Unit>(mut stage: Stage<U>) -> Result<AxisFacts, StageEr
     Ok(standing(stage.axis(), &status))
 }
 
-fn standing<U: Unit>(axis: &Axis<U>, status: &AxisStatus<U>) -> AxisFacts {
+pub(super) fn standing<U: Unit>(axis: &Axis<U>, status: &AxisStatus<U>) -> AxisFacts {
     let state = match status.alarm {
         Some(alarm) => AxisState::Alarmed(alarm),
         None if status.is_moving => AxisState::Moving,

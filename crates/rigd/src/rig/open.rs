@@ -183,10 +183,11 @@ pub(super) async fn open_rig(
     let identity = analyzer.identify().await.map_err(device("analyzer", &file.analyzer.port))?;
     look_at(&mut linear).await.map_err(device("linear stage", &file.bus))?;
     look_at(&mut rotary).await.map_err(device("rotary stage", &file.bus))?;
-    let devices: Arc<[DeviceIdentity]> = Arc::new([
-        DeviceIdentity { role: "analyzer", identity: identity.to_string() },
-        DeviceIdentity { role: "linear stage", identity: describe(&file.linear) },
-        DeviceIdentity { role: "rotary stage", identity: describe(&file.rotary) },
+    let device_of = |role, identity, health| DeviceIdentity { role, identity, health };
+    let devices = Arc::new([
+        device_of("analyzer", identity.to_string(), analyzer.health()),
+        device_of("linear stage", describe(&file.linear), linear.health()),
+        device_of("rotary stage", describe(&file.rotary), rotary.health()),
     ]);
     let setting = Setting { limits: file.limits, rig: source, scene: scene_source, devices };
     let is_homing_up = file.linear.is_homing_up;

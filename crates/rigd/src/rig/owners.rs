@@ -3,7 +3,9 @@
 use rig_engine::{Failure, Operation, OperationId};
 
 use super::{
+    DeviceIdentity,
     devices::{Axes, GatedAnalyzer},
+    identify::{self, Answers},
     open::Halt,
     slot::{Ended, Slot},
 };
@@ -52,10 +54,20 @@ impl Owners {
         self.axes.is_busy() || self.analyzer.is_busy()
     }
 
-    /// Waits for the end of an operation. May be dropped at any time.
-    pub(super) async fn ended(&mut self) -> (OperationId, Ended) {
+    /// Asks the devices, which are idle, again who they are.
+    pub(super) fn identify(&mut self, known: &[DeviceIdentity; 3]) -> Answers {
+        let [analyzer, linear, rotary] = known.clone();
+        [
+            self.analyzer.attend(async move |gated| identify::analyzer(analyzer, gated).await),
+            self.axes.attend(async move |axes| identify::axes([linear, rotary], axes).await),
+        ]
+    }
+
+    /// Waits until devices are free, and returns the end of the operation if it was one. May be dropped at
+    /// any time.
+    pub(super) async fn ended(&mut self) -> Option<(OperationId, Ended)> {
         if let Some((id, failure)) = self.refused.take() {
-            return (id, Err(failure));
+            return Some((id, Err(failure)));
         }
         // The order is fixed, so that a run replays.
         tokio::select! {

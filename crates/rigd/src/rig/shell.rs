@@ -51,7 +51,7 @@ pub(crate) const CLOCK_WAS_SET: &str = "the wall clock was set; nothing depends 
 enum Wake {
     Request(Option<Request>),
     Input(Input),
-    /// Only time has passed.
+    /// Time has passed, or devices are free again.
     Beat,
 }
 
@@ -161,7 +161,9 @@ impl Shell {
             let wake = tokio::select! {
                 biased;
                 request = inbox.recv(), if closing.is_none() => Wake::Request(request),
-                (id, ended) = self.owners.ended() => Wake::Input(Input::Done(id, ended)),
+                ended = self.owners.ended() => ended.map_or(Wake::Beat, |(id, ended)| {
+                    Wake::Input(Input::Done(id, ended))
+                }),
                 () = until(self.clock, self.engine.deadline()) => Wake::Input(Input::Tick),
                 () = beat(self.is_virtual_time) => Wake::Beat,
             };

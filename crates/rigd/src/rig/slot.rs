@@ -4,6 +4,7 @@ use std::pin::Pin;
 
 use rig_engine::{Failure, Operation, OperationId, Report};
 use rig_link::StopSignal;
+use tokio::sync::oneshot;
 
 /// The end of an operation.
 pub(super) type Ended = Result<Report, Failure>;
@@ -15,7 +16,8 @@ pub(super) trait Perform: Sized + 'static {
     async fn perform(&mut self, operation: &Operation, stop: &StopSignal) -> Ended;
 }
 
-type InFlight<D> = Pin<Box<dyn Future<Output = (D, OperationId, Ended)>>>;
+/// What gives the devices back, with the end of an operation if it was one.
+type InFlight<D> = Pin<Box<dyn Future<Output = (D, Option<(OperationId, Ended)>)>>>;
 
 /// Devices and the operation that they carry out. An operation that comes while another is under way
 /// waits for its end.
@@ -23,50 +25,122 @@ pub(super) struct Slot<D> {
     devices: Option<D>,
     in_flight: Option<InFlight<D>>,
     waiting: Option<(OperationId, Operation)>,
+    /// They do something that is no operation.
+    is_attending: bool,
     stop: StopSignal,
 }
 
 impl<D: Perform> Slot<D> {
     pub(super) fn new(devices: D) -> Self {
         let stop = StopSignal::new();
-        Self { devices: Some(devices), in_flight: None, waiting: None, stop }
+        Self { devices: Some(devices), in_flight: None, waiting: None, is_attending: false, stop }
     }
 
     /// Begins an operation, or lets it wait for the end of the one under way.
     pub(super) fn start(&mut self, id: OperationId, operation: Operation) {
+        if self.devices.is_some() {
+            self.stop.lower();
+        }
+        self.begin(id, operation);
+    }
+
+    fn begin(&mut self, id: OperationId, operation: Operation) {
         let Some(mut devices) = self.devices.take() else {
             // One that the engine has given up never began.
             self.waiting = Some((id, operation));
             return;
         };
-        self.stop.lower();
         let stop = self.stop.clone();
         self.in_flight = Some(Box::pin(async move {
             let ended = devices.perform(&operation, &stop).await;
-            (devices, id, ended)
+            (devices, Some((id, ended)))
         }));
+    }
+
+    /// Has idle devices do something that is no operation of the engine.
+    pub(super) fn attend<T: 'static>(
+        &mut self,
+        work: impl AsyncFnOnce(&mut D) -> T + 'static,
+    ) -> oneshot::Receiver<T> {
+        let (tell, told) = oneshot::channel();
+        if let Some(mut devices) = self.devices.take() {
+            self.stop.lower();
+            self.is_attending = true;
+            self.in_flight = Some(Box::pin(async move {
+                // The caller may have gone away.
+                _ = tell.send(work(&mut devices).await);
+                (devices, None)
+            }));
+        }
+        told
     }
 
     /// Has the operation under way end early.
     pub(super) fn interrupt(&mut self) {
         self.stop.raise();
-        self.waiting = None;
+        // The engine waits for the end of the only operation that it has begun.
+        if !self.is_attending {
+            self.waiting = None;
+        }
     }
 
     pub(super) const fn is_busy(&self) -> bool {
         self.in_flight.is_some()
     }
 
-    /// Waits for the end of the operation under way; for ever, when there is none. May be dropped at
-    /// any time.
-    pub(super) async fn ended(&mut self) -> (OperationId, Ended) {
+    /// Waits until the devices are free, and returns the end of the operation if it was one; for ever,
+    /// when they are free. May be dropped at any time.
+    pub(super) async fn ended(&mut self) -> Option<(OperationId, Ended)> {
         let Some(in_flight) = &mut self.in_flight else { return std::future::pending().await };
-        let (devices, id, ended) = in_flight.await;
+        let (devices, ended) = in_flight.await;
         self.in_flight = None;
         self.devices = Some(devices);
-        if let Some((id, operation)) = self.waiting.take() {
-            self.start(id, operation);
+        let was_attending = std::mem::take(&mut self.is_attending);
+        match self.waiting.take() {
+            // A stop that came meanwhile ends it.
+            Some((id, operation)) if was_attending => self.begin(id, operation),
+            Some((id, operation)) => self.start(id, operation),
+            None => {}
         }
-        (id, ended)
+        ended
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rig_engine::{Device, FailureKind};
+
+    use super::*;
+
+    struct Devices;
+
+    impl Perform for Devices {
+        async fn perform(&mut self, _: &Operation, stop: &StopSignal) -> Ended {
+            if stop.is_raised() {
+                let (device, kind) = (Device::LinearStage, FailureKind::Interrupted);
+                return Err(Failure { device, kind, detail: String::new() });
+            }
+            Ok(Report::Stopped)
+        }
+    }
+
+    /// The engine waits for the end of what it has begun, whatever the devices do meanwhile.
+    #[tokio::test]
+    async fn an_operation_begun_while_the_devices_are_asked_something_else_always_ends() {
+        for is_interrupted in [false, true] {
+            let mut slot = Slot::new(Devices);
+            let told = slot.attend(async |_| 7);
+            assert!(slot.is_busy());
+            slot.start(OperationId(1), Operation::StopMotion);
+            if is_interrupted {
+                slot.interrupt();
+            }
+            assert_eq!(slot.ended().await, None);
+            assert_eq!(told.await, Ok(7));
+            let (id, ended) = slot.ended().await.unwrap();
+            assert_eq!((id, ended.is_err()), (OperationId(1), is_interrupted));
+            slot.start(OperationId(2), Operation::StopMotion);
+            assert!(slot.ended().await.unwrap().1.is_ok());
+        }
     }
 }

@@ -232,7 +232,7 @@ async fn retract(
         }
         let input = tokio::select! {
             biased;
-            (id, ended) = axes.ended() => {
+            Some((id, ended)) = axes.ended() => {
                 if let Ok(Report::LinearAt(at) | Report::LinearHomed(at)) = &ended {
                     from = from.or(Some(*at));
                     linear = Some(*at);

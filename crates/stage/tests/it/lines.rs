@@ -6,11 +6,11 @@ use std::{
     time::Duration,
 };
 
-use rig_link::{Clock, Endpoint, LineError, Port, Transport};
+use rig_link::{Clock, Endpoint, Health, LineError, Port, Transport};
 use rig_model::{LineSettings, Parity, StopBits};
 use rig_stage::{
-    BusError, BusHandle, BusSettings, CheckRegisters, DeviceRefusal, Exception, Framing, Health,
-    LineFault, Reply, Request, Symptom,
+    BusError, BusHandle, BusSettings, CheckRegisters, DeviceRefusal, Exception, Framing, LineFault,
+    Reply, Request, Symptom,
 };
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt, DuplexStream, duplex},
@@ -240,11 +240,16 @@ async fn what_is_wrong_with_a_line_is_said_in_words() {
         assert!(text.starts_with(message), "{text}");
         assert_eq!(text.len() > message.len(), text.contains("arrived"), "{text}");
         // The device that refuses and the line that fails are counted apart.
-        let Health { requests, retries, refusals, faults } = bus.health().await.unwrap();
+        let health = bus.health(1).read();
+        let Health { requests, retries, refusals, faults, .. } = health;
         let is_refusal = matches!(fault, Fault::Exception(_));
         assert_eq!((requests, refusals), (1, u64::from(is_refusal)), "{fault:?}");
         let expected = if is_refusal { (0, 0) } else { (2, 1) };
         assert_eq!((retries, faults), expected, "{fault:?}");
+        let unanswered = if is_refusal { 0 } else { 3 };
+        assert_eq!(health.late + health.corrupt, unanswered, "{fault:?}");
+        assert_eq!(health.late > 0, matches!(fault, Fault::ReplyLost), "{fault:?}");
+        assert_eq!(health.last_round_trip.is_some(), is_refusal, "{fault:?}");
     }
     let bus = bus_with(always(Fault::Exception(3)));
     let error = bus.read(1, 0x80, 2).await.unwrap_err();
@@ -268,7 +273,7 @@ async fn an_adapter_that_echoes_is_lived_with_and_a_dead_device_behind_it_is_see
         let write = Request::WriteRegisters { address: 0x58, values: vec![1, 2, 3] };
         assert_eq!(bus.request(1, write).await.unwrap(), Reply::Written);
     }
-    assert_eq!(bus.health().await.unwrap().retries, 0);
+    assert_eq!(bus.health(1).read().retries, 0);
     // Unit 2 is not there: the echo alone is no answer, not even to a write.
     let write = Request::WriteRegister { address: 0x7D, value: 0x20 };
     assert_eq!(symptom(bus.request(2, write).await.unwrap_err()), Symptom::OnlyEcho);
@@ -319,7 +324,9 @@ async fn an_exchange_is_finished_when_nobody_waits_for_it() {
     let abandoned = timeout(ms(10), bus.read(1, 0x80, 2)).await;
     assert!(abandoned.is_err());
     assert_eq!(bus.read(1, 0x90, 2).await.unwrap(), truth(0x90, 2));
-    assert_eq!(bus.health().await.unwrap(), Health { requests: 2, ..Health::default() });
+    let health = Health { last_round_trip: None, ..bus.health(1).read() };
+    assert_eq!(health, Health { requests: 2, ..Health::default() });
+    assert_eq!(bus.health(2).read(), Health::default());
 }
 
 /// A line that can be plugged in again, and the sockets that the devices get.

@@ -1,13 +1,14 @@
 //! The requests of persons and programs: each is refused, or begins something in the engine.
 
-use rig_engine::Command;
+use rig_engine::{Command, CommandRefusal, RigState};
 use rig_interlock::Word;
 use rig_protocol::StepId;
-use rig_store::RunId;
+use rig_store::{Operator, Record, RunId};
 
 use super::Shell;
 use crate::rig::{
-    Request, RequestRefusal, ResumeRefusal, TouchOrder, amend, open::HALT_WITHIN, record::Recorder,
+    Request, RequestRefusal, ResumeRefusal, TouchOrder, amend, identify::Answers,
+    open::HALT_WITHIN, record::Recorder,
 };
 
 impl Shell {
@@ -41,6 +42,7 @@ impl Shell {
             Request::Answer { run, step, by, reply } => {
                 _ = reply.send(self.answer(run, step, &by));
             }
+            Request::Identify { by, reply } => _ = reply.send(self.identify(by)),
             Request::Close { reply } => _ = reply.send(()),
             #[cfg(test)]
             Request::Block(until) => _ = until.recv(),
@@ -87,6 +89,20 @@ impl Shell {
         }
         self.begin(admitted, by);
         Ok(())
+    }
+
+    /// Asks the devices again who they are. Nothing moves.
+    fn identify(&mut self, by: String) -> Result<Answers, RequestRefusal> {
+        let state = self.engine.snapshot().state;
+        if state != RigState::Idle {
+            return Err(CommandRefusal::State { command: "identify the devices", state }.into());
+        }
+        if self.owners.are_busy() {
+            return Err(RequestRefusal::Identifying);
+        }
+        self.log.append(&Record::Operator(Operator { action: "identify".to_owned(), who: by }));
+        self.log.commit();
+        Ok(self.owners.identify(&self.setting.devices))
     }
 
     fn under_way(&self, run: RunId) -> Result<&Recorder, RequestRefusal> {
