@@ -19,5 +19,5 @@ mod wiring;
 pub mod world;
 
 pub use rig::{Connection, Overheard, Rig};
-pub use shell::{SimHandle, SimRig, Technician};
+pub use shell::{SimHandle, SimPort, SimRig, Technician};
 pub use wiring::{AxisWiring, HangUp, LineTransport, PortId, Wiring};

@@ -1,13 +1,16 @@
 //! The simulated rig on tokio's clock, its ports served on any stream of bytes.
 
 use std::{
+    io,
+    pin::Pin,
     sync::{Arc, Mutex, MutexGuard},
+    task::{Context, Poll},
     time::Duration,
 };
 
 use rig_model::{Orientation, RigTime};
 use tokio::{
-    io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt, DuplexStream, duplex},
+    io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt, DuplexStream, ReadBuf, duplex},
     sync::Notify,
     task::JoinSet,
     time::{Instant, sleep_until},
@@ -51,7 +54,11 @@ impl SimHandle {
     }
 
     fn now(&self) -> RigTime {
-        RigTime::ZERO + self.opened.elapsed()
+        self.at(Instant::now())
+    }
+
+    fn at(&self, instant: Instant) -> RigTime {
+        RigTime::ZERO + instant.saturating_duration_since(self.opened)
     }
 
     fn instant(&self, at: RigTime) -> Instant {
@@ -59,7 +66,49 @@ impl SimHandle {
     }
 
     fn lock(&self) -> MutexGuard<'_, Rig> {
-        self.rig.lock().expect("nothing panics while it holds the rig")
+        lock(&self.rig)
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().expect("nothing panics while it holds the lock")
+}
+
+/// A client's end of a connection in memory. Its bytes arrive when they are written, however late a
+/// loaded computer serves the port: an instrument has a processor of its own.
+#[derive(Debug)]
+pub struct SimPort {
+    pipe: DuplexStream,
+    /// Time of the last write.
+    written: Arc<Mutex<Instant>>,
+}
+
+impl AsyncRead for SimPort {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.pipe).poll_read(cx, buffer)
+    }
+}
+
+impl AsyncWrite for SimPort {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        *lock(&self.written) = Instant::now();
+        Pin::new(&mut self.pipe).poll_write(cx, bytes)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.pipe).poll_flush(cx)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.pipe).poll_shutdown(cx)
     }
 }
 
@@ -75,16 +124,16 @@ impl SimRig {
     }
 
     /// A new connection to the analyzer.
-    pub fn analyzer_port(&mut self) -> DuplexStream {
+    pub fn analyzer_port(&mut self) -> SimPort {
         self.port(PortId::Analyzer)
     }
 
     /// A new connection to the line of the drives.
-    pub fn bus_port(&mut self) -> DuplexStream {
+    pub fn bus_port(&mut self) -> SimPort {
         self.port(PortId::Bus)
     }
 
-    fn port(&mut self, port: PortId) -> DuplexStream {
+    fn port(&mut self, port: PortId) -> SimPort {
         let (serving, theirs) = self.handle.pipe(port);
         self.ports.spawn(serving);
         theirs
@@ -149,7 +198,7 @@ impl Technician {
 impl SimHandle {
     /// A new connection to a port; `None` while its cable is pulled. It is served until either side
     /// closes it.
-    pub fn plug(&self, port: PortId) -> Option<DuplexStream> {
+    pub fn plug(&self, port: PortId) -> Option<SimPort> {
         if !self.with(|now, rig| rig.is_plugged(now, port)) {
             return None;
         }
@@ -159,25 +208,35 @@ impl SimHandle {
     }
 
     /// A pipe to a port, and the task that serves it.
-    fn pipe(&self, port: PortId) -> (impl Future<Output = ()> + use<>, DuplexStream) {
-        let (ours, theirs) = duplex(PIPE_BYTES);
+    fn pipe(&self, port: PortId) -> (impl Future<Output = ()> + use<>, SimPort) {
+        let (ours, pipe) = duplex(PIPE_BYTES);
         let connection = self.lock().connect(port);
         let handle = self.clone();
-        (async move { handle.serve(connection, ours).await }, theirs)
+        let written = Arc::new(Mutex::new(self.opened));
+        let theirs = SimPort { pipe, written: Arc::clone(&written) };
+        let arrived = move || *lock(&written);
+        (async move { handle.serve_from(connection, ours, arrived).await }, theirs)
     }
 
     /// Carries bytes between a stream and a connection until either side closes.
-    pub async fn serve(
+    pub async fn serve(&self, connection: Connection, io: impl AsyncRead + AsyncWrite + Unpin) {
+        self.serve_from(connection, io, Instant::now).await;
+    }
+
+    /// The same; `arrived` says when the bytes that were just read have arrived.
+    async fn serve_from(
         &self,
         mut connection: Connection,
         mut io: impl AsyncRead + AsyncWrite + Unpin,
+        arrived: impl Fn() -> Instant,
     ) {
         let mut buffer = [0; 1024];
         loop {
             let spoken = self.spoken.notified();
+            let looked = Instant::now();
             let (said, deadline) = {
                 let mut rig = self.lock();
-                let Ok(said) = rig.poll(self.now(), &mut connection) else { return };
+                let Ok(said) = rig.poll(self.at(looked), &mut connection) else { return };
                 (said, connection.deadline())
             };
             if !said.is_empty() && io.write_all(&said).await.is_err() {
@@ -195,7 +254,8 @@ impl SimHandle {
                 read = io.read(&mut buffer) => match read {
                     Ok(0) | Err(_) => return,
                     Ok(n) => {
-                        if self.lock().push(self.now(), &mut connection, &buffer[..n]).is_err() {
+                        let at = self.at(arrived().max(looked));
+                        if self.lock().push(at, &mut connection, &buffer[..n]).is_err() {
                             return;
                         }
                         if connection.waits_for_others() {
@@ -226,7 +286,7 @@ mod tests {
         SimRig::start(paper(), &wiring, seed).unwrap()
     }
 
-    async fn line(io: &mut DuplexStream, request: &str) -> String {
+    async fn line(io: &mut SimPort, request: &str) -> String {
         io.write_all(request.as_bytes()).await.unwrap();
         let mut said = Vec::new();
         while !said.ends_with(b"\n") {
@@ -235,7 +295,7 @@ mod tests {
         String::from_utf8(said).unwrap()
     }
 
-    async fn ask(io: &mut DuplexStream, frame: &[u8]) -> Vec<u8> {
+    async fn ask(io: &mut SimPort, frame: &[u8]) -> Vec<u8> {
         io.write_all(&with_checksum(frame)).await.unwrap();
         let mut said = vec![0; 8 + 251];
         let n = io.read(&mut said).await.unwrap();
@@ -244,7 +304,7 @@ mod tests {
     }
 
     /// Lowers the probe to `position` steps of 1 µm and waits until it is there.
-    async fn lower(bus: &mut DuplexStream, position: i32) {
+    async fn lower(bus: &mut SimPort, position: i32) {
         let data = [0, 1, position, 50_000, 1_000_000, 1_000_000, 1000, 1];
         let mut frame = vec![1, 16, 0, 0x58, 0, 16, 32];
         frame.extend(data.iter().flat_map(|value: &i32| value.to_be_bytes()));

@@ -105,6 +105,7 @@ pub(crate) struct Counts {
     pub(crate) latches: u64,
     pub(crate) lifts: u64,
     pub(crate) refuted: u64,
+    pub(crate) sunk: u64,
     pub(crate) unnoticed: u64,
     pub(crate) table: Table,
     /// Why touches were refused, and what failed, without the numbers.
@@ -139,6 +140,7 @@ impl Counts {
         self.latches += played.latches;
         self.lifts += played.lifts;
         self.refuted += u64::from(played.refuted > 0);
+        self.sunk += u64::from(played.sunk > 0);
         for (row, phase) in &played.begun {
             self.table.add(*row, *phase);
         }

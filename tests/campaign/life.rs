@@ -7,7 +7,7 @@ use std::{collections::BTreeSet, pin::pin, time::Duration};
 
 use rig_engine::RigState;
 use rig_model::Clearance;
-use rig_sim::{SimHandle, control};
+use rig_sim::{SimHandle, control, world::ViolationKind};
 use rig_store::{MemoryDisk, Reader, RunId};
 use rigd::rig::{self, RigHandle, Status};
 use tokio::time::{Instant, sleep, sleep_until};
@@ -34,6 +34,8 @@ pub(crate) struct Played {
     pub(crate) latches: u64,
     /// Sweeps during which steps were lost, and whose resonance the checker refutes.
     pub(crate) refuted: u64,
+    /// How often lost steps alone took the probe deeper than the sample bears.
+    pub(crate) sunk: u64,
     /// How often a person lifted the probe by hand.
     pub(crate) lifts: u64,
     /// Digests of the run and of its end on the rig's clock: the same for the same seed.
@@ -304,7 +306,11 @@ impl Life<'_> {
                 (world.is_in_contact(now), world.violations(now).to_vec())
             });
             for violation in violations {
-                self.fail(&violation.kind.to_string());
+                if matches!(violation.kind, ViolationKind::SankTooDeep { .. }) {
+                    self.played.sunk += 1;
+                } else {
+                    self.fail(&violation.kind.to_string());
+                }
             }
             if is_in_contact {
                 self.fail("in contact at the end");

@@ -18,7 +18,7 @@ impl Display for Page<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { counts, first_seed, seeds, jobs, seconds } = self;
         let Counts { runs, failed, touches, measured, refused, unnoticed, .. } = counts;
-        let Counts { kills, resumptions, latches, lifts, refuted, .. } = counts;
+        let Counts { kills, resumptions, latches, lifts, refuted, sunk, .. } = counts;
         writeln!(
             f,
             "# Touches under faults\n\n\
@@ -42,6 +42,7 @@ impl Display for Page<'_> {
              | resumptions | {resumptions} |\n\
              | lifted by hand, because the drive had forgotten its position | {lifts} |\n\
              | sweeps during which steps were lost, refuted by the checker | {refuted} |\n\
+             | runs in which lost steps alone, without a command, took the probe deeper than the sample bears | {sunk} |\n\
              | runs that failed | {failed} |\n\
              | runs with a shift that is wrong in a known way | {unnoticed} |\n\
              | runs a second | {:.0} |\n\
@@ -55,7 +56,7 @@ impl Display for Page<'_> {
         writeln!(
             f,
             "A run fails if, by the truth of the simulated bench, the sample turned with the probe in \
-             it, the probe went deeper than the sample bears, the rig said clear while in contact, or \
+             it, the probe was sent deeper than the sample bears, the rig said clear while in contact, or \
              the probe was left in contact though a retract was possible; if the checker finds \
              something in a journal; if the run cannot be completed after the faults; or if a shift \
              differs from that of the undisturbed run by more than six standard deviations and the \

@@ -4,6 +4,7 @@
 use std::{
     fmt::{self, Write},
     sync::Arc,
+    time::Duration,
 };
 
 use rig_link::{Holder, LineError, OpenError};
@@ -104,6 +105,23 @@ pub enum AnalyzerError {
     Restarted {
         /// Name of the port.
         port: Arc<str>,
+    },
+    /// The computer was held up while a message left, so that the time of its measurement is not known.
+    #[error(
+        "{port}: the computer was held up for {:.4} s while it sent `{asked}`, so that the time of the \
+         measurement is unknown; at most {:.4} s are allowed",
+        took.as_secs_f64(),
+        noted_within.as_secs_f64()
+    )]
+    HeldUp {
+        /// Name of the port.
+        port: Arc<str>,
+        /// The message that was sent.
+        asked: Box<str>,
+        /// Time between the last character of the message and the note of it.
+        took: Duration,
+        /// Longest such time.
+        noted_within: Duration,
     },
     /// Bytes arrived without a query.
     #[error("{port}: {bytes} unexpected bytes arrived before a query")]

@@ -33,6 +33,13 @@ impl Default for TransportSettings {
 /// Time limit for the echo of a character.
 const ECHO_WITHIN: Duration = Duration::from_millis(200);
 
+/// Longest time between the last character of a message and the note of its time. A free computer takes
+/// some microseconds; the fit of a free decay assumes half a millisecond.
+const NOTED_WITHIN: Duration = Duration::from_millis(2);
+
+/// The same with an echo, which the instrument and its adapter send when they like.
+const ECHO_NOTED_WITHIN: Duration = Duration::from_millis(25);
+
 /// Answers are some hundred characters long, or twenty for each number of a trace.
 const ANSWER_BYTES: usize = 256;
 
@@ -131,7 +138,7 @@ impl InstrumentPort {
         }
         self.decoder.expect(expect);
         self.is_answer_pending = true;
-        self.send(message).await?;
+        let (last_at, noted_within) = self.send(message).await?;
         let asked = Instant::now();
         let bytes = message.bytes(self.transport.ending).len();
         let asked_at = self.port.clock().at(asked) + self.port.duration_of(bytes);
@@ -142,6 +149,11 @@ impl InstrumentPort {
             match self.decoder.poll() {
                 Ok(Some(response)) => {
                     self.is_answer_pending = false;
+                    let took = asked - last_at;
+                    if noted_within < took {
+                        let (port, asked) = (self.name(), message.to_string().into());
+                        return Err(AnalyzerError::HeldUp { port, asked, took, noted_within });
+                    }
                     return Ok(TimedAnswer { response, asked_at });
                 }
                 Ok(None) => {}
@@ -161,23 +173,35 @@ impl InstrumentPort {
         }
     }
 
-    async fn send(&mut self, message: &Message) -> Result<(), AnalyzerError> {
+    /// Sends a message. Returns when its last character was handed over at the earliest, and the longest
+    /// time until that is noted.
+    async fn send(&mut self, message: &Message) -> Result<(Instant, Duration), AnalyzerError> {
         let bytes = message.bytes(self.transport.ending);
         match self.transport.handshake {
             Handshake::None => {
+                let begun = Instant::now();
                 let sent = self.port.send(&bytes).await;
-                sent.map_err(|error| self.failed(message, error))
+                sent.map_err(|error| self.failed(message, error))?;
+                Ok((begun, NOTED_WITHIN))
             }
-            Handshake::EchoEachCharacter => self.send_slowly(message, &bytes).await,
+            Handshake::EchoEachCharacter => {
+                Ok((self.send_slowly(message, &bytes).await?, ECHO_NOTED_WITHIN))
+            }
         }
     }
 
     /// Sends each character only after the echo of the one before: a busy instrument drops
-    /// characters and reports no error.
-    async fn send_slowly(&mut self, message: &Message, bytes: &[u8]) -> Result<(), AnalyzerError> {
+    /// characters and reports no error. Returns the time of the last character.
+    async fn send_slowly(
+        &mut self,
+        message: &Message,
+        bytes: &[u8],
+    ) -> Result<Instant, AnalyzerError> {
         let mut echo = Vec::new();
+        let mut last_at = Instant::now();
         for (n, &byte) in bytes.iter().enumerate() {
             echo.clear();
+            last_at = Instant::now();
             let sent = self.port.send(&[byte]).await;
             sent.map_err(|error| self.failed(message, error))?;
             let asked = Instant::now();
@@ -193,7 +217,7 @@ impl InstrumentPort {
                 _ => return Err(self.unexpected(message, "an echo of each character", &echo)),
             }
         }
-        Ok(())
+        Ok(last_at)
     }
 
     /// Opens a lost port again, and waits until nothing is on its way any more.

@@ -4,14 +4,12 @@ use std::time::Duration;
 
 use rig_link::LineError;
 use rig_model::with_causes;
-use rig_scpi::ExpectedResponse;
+use rig_scpi::{ExpectedResponse, Response};
 
 use crate::{
     Analyzer, AnalyzerError, Identity,
     dialect::{CommandSet, PointCommands},
-    hioki,
-    instrument_port::TimedAnswer,
-    lcr,
+    hioki, lcr,
     message::Message,
     questions::Question,
     trace,
@@ -93,11 +91,13 @@ impl Analyzer {
             greeting = greeting.choose(":HEADer", "OFF");
         }
         let greeting = greeting.command("*CLS").query("*IDN");
-        let TimedAnswer { response, .. } =
-            self.port.ask(&greeting, ExpectedResponse::Line, self.port.reply_within()).await?;
+        let response = self.ask_line(&greeting).await?;
         let Ok(found) = Identity::parse(&response) else {
             return Err(self.port.unexpected(&greeting, "an identity", response.bytes()));
         };
+        if self.identity.as_ref() != Some(&found) {
+            self.confirm_line(&Message::new().query("*IDN"), &response).await?;
+        }
         let (port, expected) = (self.port.name(), self.dialect.models);
         if !self.dialect.model_prefixes.iter().any(|prefix| found.model.starts_with(prefix)) {
             let found = Box::new(found);
@@ -114,6 +114,25 @@ impl Analyzer {
         self.identity = Some(found.clone());
         self.is_synchronised = true;
         Ok(found)
+    }
+
+    async fn ask_line(&mut self, question: &Message) -> Result<Response, AnalyzerError> {
+        let within = self.port.reply_within();
+        Ok(self.port.ask(question, ExpectedResponse::Line, within).await?.response)
+    }
+
+    /// Asks again for what decides the whole session: a line has no checksum, and only a second answer
+    /// shows a wrong bit.
+    async fn confirm_line(
+        &mut self,
+        question: &Message,
+        first: &Response,
+    ) -> Result<(), AnalyzerError> {
+        let second = self.ask_line(question).await?;
+        if second.bytes() == first.bytes() {
+            return Ok(());
+        }
+        Err(self.port.unexpected(question, "the same answer twice", second.bytes()))
     }
 
     /// Whether two questions in one message get two answers in one line.
@@ -136,9 +155,9 @@ impl Analyzer {
     async fn find_high_power(&mut self) -> Result<bool, AnalyzerError> {
         let Some(high_power) = self.dialect.high_power else { return Ok(false) };
         let options = Message::new().query("*OPT");
-        let answer =
-            self.port.ask(&options, ExpectedResponse::Line, self.port.reply_within()).await?;
-        let text = String::from_utf8_lossy(answer.response.bytes()).into_owned();
+        let answer = self.ask_line(&options).await?;
+        self.confirm_line(&options, &answer).await?;
+        let text = String::from_utf8_lossy(answer.bytes()).into_owned();
         Ok(text.split(',').any(|option| option.trim() == high_power.option))
     }
 
@@ -186,6 +205,7 @@ const fn is_transient(error: &AnalyzerError) -> bool {
         AnalyzerError::Answer { .. }
         | AnalyzerError::Strays { .. }
         | AnalyzerError::Frame { .. }
+        | AnalyzerError::HeldUp { .. }
         | AnalyzerError::Restarted { .. } => true,
         _ => false,
     }

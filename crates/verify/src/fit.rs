@@ -61,6 +61,8 @@ pub(crate) struct Fitted {
     pub(crate) scatter: f64,
     /// The degrees of freedom.
     pub(crate) degrees: f64,
+    /// The time for which the resonance holds, s on the clock of the readings; only with a free decay.
+    pub(crate) effective_time_s: Option<f64>,
 }
 
 /// Whether a reading has a value that can be used.
@@ -100,12 +102,13 @@ pub(crate) fn fit(
     let rows = 2 * readings.len() + CIRCUIT - 1;
     let degrees = rows.saturating_sub(CIRCUIT).max(1) as f64;
     let (mut found, mut widest) = (None, 0.0);
-    let mut scatter = f64::NAN;
+    let (mut scatter, mut effective_time_s) = (f64::NAN, None);
     for round in 0..ROUNDS {
         let weights = trace.weights(&at, variance);
         let normal = trace.descend(&mut at, &weights);
         if round + 1 == ROUNDS && is_ringing {
             widest = trace.widest(&at, &weights);
+            effective_time_s = trace.effective_s(&at, &weights).map(|s| first.begin_s() + s);
         }
         if round + 2 == ROUNDS {
             // What the readings say of the noise, together with what was known of it.
@@ -120,7 +123,15 @@ pub(crate) fn fit(
     let sigma_hz = resonance_hz * found?.variance(0)?.sqrt();
     let with_mode_hz = sigma_hz.max(resonance_hz * f64::sqrt(widest));
     let quality_factor = ln_q.exp();
-    let fitted = Fitted { resonance_hz, quality_factor, sigma_hz, with_mode_hz, scatter, degrees };
+    let fitted = Fitted {
+        resonance_hz,
+        quality_factor,
+        sigma_hz,
+        with_mode_hz,
+        scatter,
+        degrees,
+        effective_time_s,
+    };
     (resonance_hz.is_finite() && sigma_hz.is_finite()).then_some(fitted)
 }
 
@@ -265,6 +276,15 @@ struct Mode<'a> {
     rest: Complex64,
 }
 
+/// The residuals of the rows of a stay.
+#[derive(Debug, Clone, Copy)]
+enum Row {
+    /// Those of the readings.
+    Measured,
+    /// Those of a resonance that rises evenly, at the middle of the stay.
+    Moving { middle_s: f64 },
+}
+
 /// The mean of e^{λt} over a reading that begins at `t` and takes `span`, and its slope by λ.
 fn decay(lambda: Complex64, t: f64, span: f64) -> (Complex64, Complex64) {
     let x = lambda * span;
@@ -364,6 +384,25 @@ impl Trace {
         places.filter_map(at_place).fold(0.0, f64::max)
     }
 
+    /// The time for which the resonance holds, s after the begin of the first reading: where a resonance
+    /// that changes evenly has the value of the fit. It is what the normal equations say of residuals
+    /// that grow with the time, so that it can be outside the sweep.
+    fn effective_s(&self, at: &Unknowns, weights: &Weights) -> Option<f64> {
+        let branch = Branch::new(&at.circuit);
+        let (mut normal, mut begin_s) = (Normal::default(), 0.0);
+        for (k, stay) in self.stays.iter().enumerate() {
+            begin_s += if k == 0 { 0.0 } else { stay.since_s };
+            let end_s = stay.samples.last().map_or(0.0, |last| last.start_s + last.integration_s);
+            let kind = Row::Moving { middle_s: begin_s + 0.5 * end_s };
+            self.add_stay(k, at, weights, (&branch, None, kind), &mut normal);
+        }
+        normal.expect(MODE, 0.0, 1.0);
+        for (i, (_, sigma)) in EXPECTED.into_iter().enumerate() {
+            normal.expect(i + 1, 0.0, sigma);
+        }
+        Some(normal.step(0.0)?.global[0])
+    }
+
     /// The motion of a mode with the capacitance 1 in each stay, as an admittance: its steady part, and
     /// the rest at the first reading. At a change of frequency the drive jumps in phase by the same angle
     /// for all modes.
@@ -403,7 +442,7 @@ impl Trace {
                 let (steady, rest) = motions[k];
                 Mode { branch, steady, rest }
             });
-            self.add_stay(k, at, weights, (&branch, mode), &mut normal);
+            self.add_stay(k, at, weights, (&branch, mode, Row::Measured), &mut normal);
         }
         if mode.is_none() {
             normal.expect(MODE, 0.0, 1.0);
@@ -419,7 +458,7 @@ impl Trace {
         k: usize,
         at: &Unknowns,
         weights: &Weights,
-        (branch, mode): (&Branch, Option<Mode<'_>>),
+        (branch, mode, kind): (&Branch, Option<Mode<'_>>, Row),
         normal: &mut Normal,
     ) {
         let (stay, size, amplitude) = (&self.stays[k], weights.sizes[k], at.amplitudes[k]);
@@ -458,16 +497,22 @@ impl Trace {
             }
             let re: Vec<f64> = local.iter().map(|x| x.re).collect();
             let im: Vec<f64> = local.iter().map(|x| x.im).collect();
+            let r = match kind {
+                Row::Measured => r,
+                Row::Moving { middle_s } => -global[0] * middle_s,
+            };
             normal.add(&mut part, r.re, &global.map(|x| x.re), &re);
             normal.add(&mut part, r.im, &global.map(|x| x.im), &im);
         }
         let mut cost = 0.0;
         if self.is_ringing {
             let sigma = AMPLITUDE_SHARE.sqrt();
-            cost += part.expect(0, amplitude.re / size, sigma);
-            cost += part.expect(1, amplitude.im / size, sigma);
+            let is_measured = matches!(kind, Row::Measured);
+            let found = |value: f64| if is_measured { value } else { 0.0 };
+            cost += part.expect(0, found(amplitude.re / size), sigma);
+            cost += part.expect(1, found(amplitude.im / size), sigma);
             for (i, step) in at.steps[k].iter().enumerate() {
-                cost += part.expect(2 + i, *step, 1.0);
+                cost += part.expect(2 + i, found(*step), 1.0);
             }
         }
         normal.finish(part, cost);

@@ -10,8 +10,8 @@ use crate::{
     finding::{Check, Findings},
     motion::{Descent, Motion, Probe, Turn},
     record::{
-        Action, Outcome, Pose, Prompt, PromptAnswered, PromptAsked, StepStarted, Sweep, Touch,
-        TouchResult,
+        Action, FitSettings, Outcome, Pose, Prompt, PromptAnswered, PromptAsked, StepStarted,
+        Sweep, Touch, TouchResult,
     },
     settings::{Settings, orientation, tilt_deg},
 };
@@ -419,7 +419,11 @@ impl Labels {
             }
             last_s = begin_s;
         }
-        if let Outcome::Accepted { effective_time_s: Some(time_s), .. } = sweep.outcome {
+        // With a free decay the time is computed with the fit.
+        let is_ringing = sweep.fit.as_ref().is_some_and(FitSettings::is_ringing);
+        if let Outcome::Accepted { effective_time_s: Some(time_s), .. } = sweep.outcome
+            && !is_ringing
+        {
             let first_s = sweep.readings.first().map_or(f64::NAN, |reading| reading.started_s);
             // Weights can be negative, so that their mean can lie a little outside the sweep.
             let slack_s = end_s - first_s;

@@ -24,6 +24,13 @@ const SIGMA_LINEWIDTHS: f64 = 0.5;
 const SCATTER_SIGMAS: f64 = 6.0;
 /// Where nothing is known of the noise, it may be guessed this many times too small.
 const GUESS: f64 = 5.0;
+/// The stated time for which a resonance holds may differ from that of this checker by this part of the
+/// duration of the sweep, and by more with few degrees of freedom, where the two weigh readings
+/// differently. In 2,088 sweeps the largest difference is a third of the limit, with seven readings a half.
+const TIME_SPANS: f64 = 0.15;
+const TIME_SPANS_BY_DEGREES: f64 = 150.0;
+/// The same as a part of the distance from the middle of the sweep.
+const TIME_REL: f64 = 0.3;
 /// The stated quality factor over that of this checker.
 const Q_RATIO: [f64; 2] = [0.5, 2.0];
 /// At most one reading in ten may be left out.
@@ -106,7 +113,9 @@ fn check_one(accepted: &Accepted, findings: &mut Findings) {
 /// The findings about a result that follows from these readings, and the scatter about their circuit.
 fn check_readings(Accepted { seq, sweep }: &Accepted, readings: &[Reading]) -> (Findings, f64) {
     let mut findings = Findings::default();
-    let Outcome::Accepted { resonance_hz, sigma_hz, circuit, .. } = &sweep.outcome else {
+    let Outcome::Accepted { resonance_hz, sigma_hz, circuit, effective_time_s, .. } =
+        &sweep.outcome
+    else {
         return (findings, f64::NAN);
     };
     let number = sweep.number;
@@ -128,6 +137,7 @@ fn check_readings(Accepted { seq, sweep }: &Accepted, readings: &[Reading]) -> (
             scatter,
             degrees,
             with_mode_hz,
+            effective_time_s: fit_time_s,
         },
         circuit,
     )) = fitted
@@ -150,6 +160,18 @@ fn check_readings(Accepted { seq, sweep }: &Accepted, readings: &[Reading]) -> (
     if !(least_hz..=most_hz).contains(sigma_hz) {
         let limit = Some(format!("from {least_hz} to {most_hz}"));
         add(Check::Sigma, "the standard deviation, Hz", fit_sigma.to_string(), *sigma_hz, limit);
+    }
+    if let (Some(fit_s), Some(time_s)) = (fit_time_s, *effective_time_s) {
+        let (first, last) = (&readings[0], &readings[readings.len() - 1]);
+        let span_s = last.end_s() - first.begin_s();
+        let middle_s = first.begin_s() + 0.5 * span_s;
+        let spans = TIME_SPANS + TIME_SPANS_BY_DEGREES * degrees.powi(-2);
+        let limit_s = spans * span_s + TIME_REL * (fit_s - middle_s).abs();
+        if !((time_s - fit_s).abs() <= limit_s) {
+            let what = "the time for which the resonance holds, s";
+            let limit = Some(format!("{limit_s} s"));
+            add(Check::ReadingTime, what, fit_s.to_string(), time_s, limit);
+        }
     }
     let ratio = circuit.quality_factor / quality_factor;
     if !(Q_RATIO[0]..=Q_RATIO[1]).contains(&ratio) {

@@ -355,8 +355,10 @@ impl World {
             if self.rotary.is_moving(at) {
                 self.record(at, ViolationKind::RotatedInContact { indentation_mm });
             }
-            if indentation_mm > limit_mm {
+            if indentation_mm - self.linear.sunk() > limit_mm {
                 self.record(at, ViolationKind::PressedTooDeep { indentation_mm, limit_mm });
+            } else if indentation_mm > limit_mm {
+                self.record(at, ViolationKind::SankTooDeep { indentation_mm, limit_mm });
             }
         }
     }

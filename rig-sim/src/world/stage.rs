@@ -27,19 +27,32 @@ pub struct Stage {
     load: f64,
     /// Steps lost: distance of the load behind the counted position of the motor.
     slip: f64,
+    /// The part of it since the motor was last sent to lower positions.
+    slip_since_lowered: f64,
     is_jammed: bool,
 }
 
 impl Stage {
     pub(super) fn new(drivetrain: Drivetrain, screw: (u64, u64), position: f64) -> Self {
         let motion = Motion::resting_at(position);
-        Self { drivetrain, screw, motion, load: position, slip: 0.0, is_jammed: false }
+        Self {
+            drivetrain,
+            screw,
+            motion,
+            load: position,
+            slip: 0.0,
+            slip_since_lowered: 0.0,
+            is_jammed: false,
+        }
     }
 
     /// Sends the motor to `target`. A jammed motor does not move.
     pub fn start(&mut self, now: RigTime, target: f64, profile: &Profile) {
         self.rebase(now);
         if !self.is_jammed {
+            if target < self.motor(now) {
+                self.slip_since_lowered = 0.0;
+            }
             self.motion = self.motion.start(now, target, profile);
         }
     }
@@ -65,6 +78,12 @@ impl Stage {
     /// Shifts the load by `distance` without the motor's knowledge.
     pub(crate) fn lose_steps(&mut self, distance: f64) {
         self.slip += distance;
+        self.slip_since_lowered += distance;
+    }
+
+    /// How far the load has sunk by lost steps alone since the motor was last sent to lower positions.
+    pub(super) fn sunk(&self) -> f64 {
+        (-self.slip_since_lowered).max(0.0)
     }
 
     /// Position of the encoder of the motor.

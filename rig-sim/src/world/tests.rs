@@ -27,9 +27,10 @@ type Row = (f64, fn(&mut World), fn(&ViolationKind) -> bool);
 #[test]
 fn what_must_never_happen_is_kept_once_for_each_contact() {
     use ViolationKind::{
-        PressedTooDeep, RotatedInContact, SampleChangedInContact, SensorTurnedInContact,
+        PressedTooDeep, RotatedInContact, SampleChangedInContact, SankTooDeep,
+        SensorTurnedInContact,
     };
-    let rows: [Row; 6] = [
+    let rows: [Row; 8] = [
         (
             0.5,
             |w| w.drive(at(5.0), AxisId::Rotary).start(at(5.0), 5.0, &FAST),
@@ -53,6 +54,25 @@ fn what_must_never_happen_is_kept_once_for_each_contact() {
             |k| matches!(k, SensorTurnedInContact { .. }),
         ),
         (1.1, |_| {}, |k| matches!(k, PressedTooDeep { .. })),
+        (
+            0.5,
+            |w| {
+                w.drive(at(5.0), AxisId::Linear).lose_steps(-0.6);
+                let clear = below(w, -1.0);
+                w.drive(at(6.0), AxisId::Linear).start(at(6.0), clear, &FAST);
+            },
+            |k| matches!(k, SankTooDeep { .. }),
+        ),
+        // A probe that has sunk is sent lower.
+        (
+            0.5,
+            |w| {
+                w.drive(at(5.0), AxisId::Linear).lose_steps(-0.6);
+                let lower = below(w, 0.55);
+                w.drive(at(6.0), AxisId::Linear).start(at(6.0), lower, &FAST);
+            },
+            |k| matches!(k, PressedTooDeep { .. }),
+        ),
     ];
     for (depth_mm, act, is_expected) in rows {
         let mut world = quiet();

@@ -32,9 +32,20 @@ pub enum ViolationKind {
         /// Indentation at that moment, mm.
         indentation_mm: f64,
     },
-    /// The probe went deeper than the sample bears.
+    /// The probe was sent deeper than the sample bears.
     #[error("the probe was {indentation_mm:.3} mm deep, beyond the {limit_mm} mm of the sample")]
     PressedTooDeep {
+        /// Indentation, mm.
+        indentation_mm: f64,
+        /// Deepest indentation of the sample, mm.
+        limit_mm: f64,
+    },
+    /// The probe sank deeper than the sample bears by lost steps alone: no command lowered it since.
+    #[error(
+        "lost steps alone took the probe {indentation_mm:.3} mm deep, beyond the {limit_mm} mm of the \
+         sample"
+    )]
+    SankTooDeep {
         /// Indentation, mm.
         indentation_mm: f64,
         /// Deepest indentation of the sample, mm.
@@ -49,7 +60,8 @@ impl ViolationKind {
             Self::RotatedInContact { indentation_mm }
             | Self::SampleChangedInContact { indentation_mm }
             | Self::SensorTurnedInContact { indentation_mm }
-            | Self::PressedTooDeep { indentation_mm, .. } => indentation_mm,
+            | Self::PressedTooDeep { indentation_mm, .. }
+            | Self::SankTooDeep { indentation_mm, .. } => indentation_mm,
         }
     }
 }

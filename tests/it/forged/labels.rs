@@ -173,6 +173,13 @@ pub(super) const CASES: &[Case] = &[
         let place = forged.nth("sweep", 3, is_touch_sweep);
         change(&mut forged.records[place].payload, "/outcome/effective_time_s", |at| at - 5.0);
     }),
+    ("a resonance of the end of its sweep", Check::ReadingTime, |forged| {
+        let place = forged.nth("sweep", 3, is_touch_sweep);
+        let readings = forged.records[place].payload["readings"].as_array().expect("readings");
+        let last = readings.last().expect("a reading");
+        let end_s = get(last, "/started_s") + get(last, "/settle_s");
+        forged.records[place].payload["outcome"]["effective_time_s"] = (end_s + 1.0).into();
+    }),
     ("readings of the search from another time", Check::Surface, |forged| {
         let place = forged.nth("surface_found", 0, any);
         let trail = forged.records[place].payload["trail"].as_array_mut().expect("a trail");

@@ -15,7 +15,10 @@ use crate::{
     peer::{FAULTS, Fault, serve, serve_ending_in},
 };
 
-fn analyzer_on(instrument: &Im3536, faults: impl IntoIterator<Item = (usize, Fault)>) -> Analyzer {
+pub(crate) fn analyzer_on(
+    instrument: &Im3536,
+    faults: impl IntoIterator<Item = (usize, Fault)>,
+) -> Analyzer {
     let (host, device) = tokio::io::duplex(4096);
     tokio::spawn(serve(device, instrument.clone(), faults.into_iter().collect::<BTreeMap<_, _>>()));
     let line = LineSettings { baud: 57_600, parity: Parity::None, stop_bits: StopBits::One };
@@ -33,7 +36,7 @@ fn points_of(cycles: u32, frequencies_hz: &[f64]) -> Vec<SweepPoint> {
 
 const LEVEL: DriveLevel = DriveLevel { volt: 5.0 };
 
-async fn sweep(
+pub(crate) async fn sweep(
     analyzer: &mut Analyzer,
     frequencies_hz: &[f64],
 ) -> Result<Vec<Reading>, AnalyzerError> {
@@ -43,7 +46,7 @@ async fn sweep(
 }
 
 #[track_caller]
-fn assert_true_at(reading: &Reading, frequency_hz: f64) {
+pub(crate) fn assert_true_at(reading: &Reading, frequency_hz: f64) {
     let (resistance, reactance) = impedance(frequency_hz);
     assert_eq!(reading.frequency_hz, frequency_hz);
     let PointResult::Value(found) = reading.measured else { panic!("{reading:?}") };
@@ -180,6 +183,18 @@ async fn another_instrument_is_recognised() {
         "line 2: expected HIOKI IM3536, IM3533 or IM3570, found RIGOL TECHNOLOGIES DS1054Z, \
          serial number 1, firmware 2"
     );
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_wrong_bit_in_an_identity_is_no_other_instrument() {
+    for n in 0..8 {
+        let instrument = Im3536::new();
+        let mut analyzer = analyzer_on(&instrument, [(n, Fault::AnswerWrong)]);
+        for _ in 0..3 {
+            let identity = analyzer.identify().await.unwrap();
+            assert_eq!(identity.firmware.as_deref(), Some("V1.10"), "message {n}");
+        }
+    }
 }
 
 #[tokio::test(start_paused = true)]

@@ -24,6 +24,8 @@ pub(crate) enum Fault {
     },
     AnswerTwice,
     AnswerGarbled,
+    /// A bit of the last character is wrong; it is an answer all the same.
+    AnswerWrong,
     AnswerCut,
     /// The line feed is missing.
     AnswerEndsInCr,
@@ -90,6 +92,10 @@ pub(crate) async fn serve_ending_in(
                 Some(Fault::AnswerLate { ms }) => sleep(Duration::from_millis(ms)).await,
                 Some(Fault::AnswerTwice) => answer = answer.repeat(2),
                 Some(Fault::AnswerGarbled) => answer[0] = 0xC3,
+                Some(Fault::AnswerWrong) => {
+                    let last = answer.len() - ending.len() - 1;
+                    answer[last] ^= 1;
+                }
                 Some(Fault::AnswerEndsInCr) => answer.truncate(answer.len() - 1),
                 Some(Fault::AnswerCut) => answer.truncate(answer.len() - 3),
                 _ => {}

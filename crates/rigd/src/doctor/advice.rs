@@ -107,6 +107,7 @@ fn on_analyzer(error: &AnalyzerError, is_serial: bool) -> &'static str {
              in \
              the rig file"
         }
+        AnalyzerError::HeldUp { .. } => "end other programs that keep this computer busy",
         _ => "read the display of the instrument, and find the command in its manual",
     }
 }

@@ -108,3 +108,20 @@ fn a_second_mode_shifts_a_resonance_by_no_more_than_its_widened_deviation() {
         assert!(error_hz < 3.0 * found.with_mode_hz, "{context}");
     }
 }
+
+#[test]
+fn a_resonance_that_moves_evenly_has_the_value_of_the_fit_at_the_effective_time() {
+    let middle_s = 12.5;
+    for drift_hz_per_s in [-0.02, 0.002, 0.02] {
+        let at = |time_s: f64| 141.3 + drift_hz_per_s * (time_s - middle_s);
+        let moving = |k: usize| steady(at(k as f64 + 0.57), 34.0, 21e-9, 0.09, 0.01)[k];
+        // A part of the sweep, so that the resonance is not passed in its middle.
+        let readings: Vec<Reading> = (0..15).map(moving).collect();
+        let found = fit(&readings, true, None, (at(11.0), &STATED)).unwrap();
+        let time_s = found.effective_time_s.unwrap();
+        let error_hz = (found.resonance_hz - at(time_s)).abs();
+        let by_drift_hz = (drift_hz_per_s * 14.0).abs();
+        assert!(error_hz < 0.1 * by_drift_hz, "{drift_hz_per_s}: {time_s} {found:?}");
+        assert!((time_s - 7.0).abs() > 2.0, "the middle would be as good: {time_s}");
+    }
+}
