@@ -5,7 +5,7 @@ use std::{num::NonZero, thread};
 use crate::{
     finding::{Check, Findings},
     fit::{self, Fitted},
-    record::{FitSettings, Outcome, Reading, Sweep},
+    record::{FitNoise, FitSettings, Outcome, Reading, Sweep},
 };
 
 /// A stated resonance may differ from the fit of this checker by this many of its standard deviations.
@@ -162,12 +162,8 @@ fn check_readings(Accepted { seq, sweep }: &Accepted, readings: &[Reading]) -> (
         add(Check::Sigma, "the standard deviation, Hz", fit_sigma.to_string(), *sigma_hz, limit);
     }
     if let (Some(fit_s), Some(time_s)) = (fit_time_s, *effective_time_s) {
-        let (first, last) = (&readings[0], &readings[readings.len() - 1]);
-        let span_s = last.end_s() - first.begin_s();
-        let middle_s = first.begin_s() + 0.5 * span_s;
-        let spans = TIME_SPANS + TIME_SPANS_BY_DEGREES * degrees.powi(-2);
-        let limit_s = spans * span_s + TIME_REL * (fit_s - middle_s).abs();
-        if !((time_s - fit_s).abs() <= limit_s) {
+        let limit_s = time_limit_s(readings, degrees, fit_s);
+        if (time_s - fit_s).abs() > limit_s || !time_s.is_finite() {
             let what = "the time for which the resonance holds, s";
             let limit = Some(format!("{limit_s} s"));
             add(Check::ReadingTime, what, fit_s.to_string(), time_s, limit);
@@ -179,14 +175,28 @@ fn check_readings(Accepted { seq, sweep }: &Accepted, readings: &[Reading]) -> (
         let expected = quality_factor.to_string();
         add(Check::Resonance, "the quality factor", expected, circuit.quality_factor, limit);
     }
-    let (known, guess) =
-        noise.map_or((4.0, GUESS * GUESS), |noise| (noise.degrees_of_freedom, 1.0));
-    // The cube root of χ²/n is nearly normal with variance 2/9n (Wilson and Hilferty).
-    let part = (2.0 / 9.0 * (1.0 / degrees + 1.0 / known)).sqrt();
-    let most = guess * (1.0 + SCATTER_SIGMAS * part).powi(3);
+    let most = most_scatter(noise, degrees);
     if scatter > most {
         let what = "the scatter of the readings about the circuit, over the known noise";
         add(Check::Resonance, what, "near 1".to_owned(), scatter, Some(most.to_string()));
     }
     (findings, scatter)
+}
+
+/// Largest difference between two statements of the time for which a resonance holds, s.
+fn time_limit_s(readings: &[Reading], degrees: f64, fit_s: f64) -> f64 {
+    let (Some(first), Some(last)) = (readings.first(), readings.last()) else { return 0.0 };
+    let span_s = last.end_s() - first.begin_s();
+    let middle_s = first.begin_s() + 0.5 * span_s;
+    let spans = TIME_SPANS + TIME_SPANS_BY_DEGREES * degrees.powi(-2);
+    spans * span_s + TIME_REL * (fit_s - middle_s).abs()
+}
+
+/// Largest scatter about a fit, over the noise that was known before.
+fn most_scatter(noise: Option<FitNoise>, degrees: f64) -> f64 {
+    let (known, guess) =
+        noise.map_or((4.0, GUESS * GUESS), |noise| (noise.degrees_of_freedom, 1.0));
+    // The cube root of χ²/n is nearly normal with variance 2/9n (Wilson and Hilferty).
+    let part = (2.0 / 9.0 * (1.0 / degrees + 1.0 / known)).sqrt();
+    guess * (1.0 + SCATTER_SIGMAS * part).powi(3)
 }
