@@ -47,6 +47,14 @@ pub struct PosedTouch {
     pub sigma_hz: f64,
 }
 
+impl PosedTouch {
+    /// The depth along the surface's normal, mm.
+    pub(crate) fn normal_depth_mm(&self) -> f64 {
+        let (Depth::Indentation { along_probe_mm } | Depth::Stage { along_probe_mm }) = self.depth;
+        along_probe_mm * self.pose.cos()
+    }
+}
+
 /// A stiffness with its standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Young {
@@ -136,6 +144,25 @@ impl Compensation {
             angle_rad: self.angle_sigma_rad,
         };
         self.models.stiffness_of_touch(tier, shift_hz, spread, kind, &contact)
+    }
+
+    /// The logarithm of the stiffness of one touch in MPa, without its uncertainty.
+    ///
+    /// # Errors
+    /// [`InverseError`].
+    pub(crate) fn log_young(&self, touch: &PosedTouch) -> Result<f64, InverseError> {
+        let Self { tier, law, friction, kind, .. } = *self;
+        let contact = Contact { pose: touch.pose, depth: touch.depth, law, friction };
+        Ok(self.models.young_of_shift_mpa(tier, touch.shift_hz, kind, &contact)?.ln())
+    }
+
+    /// The tangential over the normal contact stiffness.
+    pub(crate) fn tangential_ratio(&self) -> f64 {
+        match self.friction {
+            Friction::Sticking | Friction::Coulomb { .. } => self.kind.tangential_ratio(),
+            Friction::Elastic { tangential_ratio } => tangential_ratio,
+            Friction::Frictionless => 0.0,
+        }
     }
 
     /// The stiffness of each sample, ordered by sample. Samples without a usable touch are left out.

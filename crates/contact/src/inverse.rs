@@ -27,6 +27,14 @@ impl TissueKind {
     /// Soft silicone or tissue: incompressible, loss factor 0.1.
     pub const SOFT: Self = Self { poisson: 0.5, loss: 0.1 };
 
+    /// Tangential over normal stiffness of a sticking contact, 2(1 − ν)/(2 − ν).
+    ///
+    /// # Source
+    /// Mindlin, J. Appl. Mech. 16 (1949) 259.
+    pub fn tangential_ratio(self) -> f64 {
+        2.0 * (1.0 - self.poisson) / (2.0 - self.poisson)
+    }
+
     fn with(self, young_mpa: f64) -> Result<Tissue, TissueError> {
         Tissue::new(young_mpa, self.poisson, self.loss)
     }

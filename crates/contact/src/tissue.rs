@@ -1,6 +1,6 @@
 //! The sample that the probe touches, as a soft half space.
 
-use crate::sensor::LOSS_MAX;
+use crate::{inverse::TissueKind, sensor::LOSS_MAX};
 
 /// A checked tissue: linear, isotropic, at rest thick and wide against the contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -80,12 +80,9 @@ impl Tissue {
         self.young_mpa * 1e6 / (1.0 - self.poisson * self.poisson)
     }
 
-    /// Tangential over normal stiffness of a sticking contact, 2(1 − ν)/(2 − ν).
-    ///
-    /// # Source
-    /// Mindlin, J. Appl. Mech. 16 (1949) 259.
+    /// Tangential over normal stiffness of a sticking contact.
     pub(crate) fn tangential_ratio(&self) -> f64 {
-        2.0 * (1.0 - self.poisson) / (2.0 - self.poisson)
+        TissueKind { poisson: self.poisson, loss: self.loss }.tangential_ratio()
     }
 }
 

@@ -23,5 +23,5 @@ mod tests;
 pub use plan::{
     Action, Approach, Phase, Plan, Pose, Prompt, RefusalPolicy, Step, StepId, Touch, TouchSettings,
 };
-pub use protocol::{AngleKnowledge, NoLoadPolicy, Protocol};
+pub use protocol::{AngleKnowledge, ModelOrigin, NoLoadPolicy, Protocol};
 pub use summary::Summary;

@@ -31,6 +31,7 @@ pub struct Protocol {
     pub(crate) seed: u64,
     pub(crate) no_load: NoLoadPolicy,
     pub(crate) angle: AngleKnowledge,
+    pub(crate) model: ModelOrigin,
     pub(crate) touch: TouchKeys,
     pub(crate) approach: ApproachKeys,
     pub(crate) no_load_sweep: SweepKeys,
@@ -70,6 +71,15 @@ pub enum AngleKnowledge {
     /// Only that the touches of one sample at one angle share it, and the turn of the probe between
     /// them.
     Unknown,
+}
+
+/// Where the analysis has its model of sensor and contact from. The touches are the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ModelOrigin {
+    /// The rig file, corrected by the main touches as far as they identify it.
+    Learnt,
+    /// The rig file alone.
+    Described,
 }
 
 #[derive(Debug, Clone)]
@@ -126,6 +136,11 @@ impl Protocol {
     /// The knowledge of the contact angles in the analysis.
     pub fn angle(&self) -> AngleKnowledge {
         self.angle
+    }
+
+    /// Where the analysis has its model from.
+    pub const fn model(&self) -> ModelOrigin {
+        self.model
     }
 
     pub(crate) fn max_indentation_mm(&self) -> Option<&Setting<f64>> {
@@ -196,6 +211,13 @@ pub(crate) fn protocol(table: &mut Table<'_>) -> Protocol {
                 [("known", AngleKnowledge::Known), ("unknown", AngleKnowledge::Unknown)],
             )
             .or(AngleKnowledge::Known)
+            .value,
+        model: table
+            .choice(
+                "model",
+                [("learnt", ModelOrigin::Learnt), ("described", ModelOrigin::Described)],
+            )
+            .or(ModelOrigin::Learnt)
             .value,
         touch: table.section("touch", touch).required().value,
         approach: table.section("approach", approach).required().value,

@@ -6,7 +6,9 @@ use rig_model::{
     AnalyzerRange, Axis, AxisLimits, Geometry, MotionLimits, Orientation, Position, RigLimits, Span,
 };
 
-use crate::{Action, AngleKnowledge, Phase, Plan, Prompt, Protocol, Touch, layout::Draws};
+use crate::{
+    Action, AngleKnowledge, ModelOrigin, Phase, Plan, Prompt, Protocol, Touch, layout::Draws,
+};
 
 const THREE_DIRECTION: &str = include_str!("../../../config/protocols/three-direction.toml");
 const SMOKE: &str = include_str!("../../../config/protocols/smoke.toml");
@@ -445,6 +447,16 @@ fn every_single_line_may_be_lost_without_a_panic() {
             assert!(!faults.is_empty());
         }
     }
+}
+
+#[test]
+fn the_model_is_learnt_unless_the_protocol_says_otherwise() {
+    let of = |text: &str| Protocol::read("protocol.toml", text).model();
+    assert_eq!(of(THREE_DIRECTION), ModelOrigin::Learnt);
+    assert_eq!(of(SMOKE), ModelOrigin::Learnt);
+    let described = changed(&[("model = \"learnt\"", "model = \"described\"")]);
+    assert_eq!(of(&described), ModelOrigin::Described);
+    assert_eq!(plan_of(&described), plan_of(THREE_DIRECTION));
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 mod element;
 mod figures;
+mod model;
 mod overview;
 mod paper;
 mod provenance;

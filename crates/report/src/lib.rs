@@ -19,6 +19,7 @@ mod units;
 pub use html::RunVerdict;
 pub use results::{RunResults, status::TouchStatus, touches::TouchRow};
 pub use summary::{
-    ClassificationSummary, RecognitionSummary, RunSummary, ShiftSummary, StiffnessSummary,
+    ClassificationSummary, EvidenceSummary, ModelSummary, RecognitionSummary, RunSummary,
+    ShiftSummary, StiffnessSummary, TermSummary,
 };
 pub use units::with_sigma;

@@ -1,10 +1,11 @@
 //! The results for programs.
 
+use rig_analysis::model::{Evidence, Pattern, RunModel, Term};
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
-    data::DIRECTIONS,
+    data::{DIRECTIONS, RunData},
     results::{
         RunResults, recognition::Recognition, status::Tally, stiffness::Stiffness,
         touches::TouchRow,
@@ -54,6 +55,9 @@ pub struct RunSummary {
     pub classification: Option<ClassificationSummary>,
     /// The stiffness of the samples from the main touches, with the angle compensated.
     pub stiffness: Vec<StiffnessSummary>,
+    /// The model behind the stiffness and its judgement; `None` when the touches cannot judge it, as
+    /// with an unknown angle.
+    pub model: Option<ModelSummary>,
     /// The blind touches by every method, that of `classification` first.
     pub recognition: Vec<RecognitionSummary>,
     /// Every planned touch with its result.
@@ -93,7 +97,7 @@ pub struct StiffnessSummary {
     pub sample: String,
     /// Young's modulus, MPa; none when no touch gave one.
     pub stiffness_mpa: Option<f64>,
-    /// Its standard deviation, that of the calibration included, MPa.
+    /// Its standard deviation, those of calibration and model included, MPa.
     pub sigma_mpa: Option<f64>,
     /// Known Young's modulus, MPa.
     pub known_mpa: Option<f64>,
@@ -101,6 +105,93 @@ pub struct StiffnessSummary {
     pub used: usize,
     /// Number of planned touches or sites.
     pub planned: usize,
+}
+
+/// The model behind the stiffness, judged by the main touches.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct ModelSummary {
+    /// `holds`, `strained` or `rejected`.
+    pub verdict: &'static str,
+    /// χ² of the residuals of the main touches for each degree of freedom.
+    pub chi2_per_dof: f64,
+    /// Number of degrees of freedom.
+    pub degrees_of_freedom: usize,
+    /// The cause that explains most of a misfit: `friction`, `arm`, `depth` or `sample`; `None` while
+    /// the model holds, or when none explains it.
+    pub pattern: Option<&'static str>,
+    /// For the pattern `sample`: the name of the sample.
+    pub pattern_sample: Option<String>,
+    /// What one further term for each cause would change, largest first.
+    pub evidence: Vec<EvidenceSummary>,
+    /// Relative standard deviation that a misfit adds to every stiffness.
+    pub added_rel: f64,
+    /// Tangential over normal contact stiffness.
+    pub tangential_ratio: TermSummary,
+    /// Length of the probe's arm, mm.
+    pub arm_mm: TermSummary,
+    /// `indentation` or `stage`: whichever holds the depth.
+    pub depth: &'static str,
+    /// The same by the rig file.
+    pub depth_described: &'static str,
+}
+
+/// The evidence for a cause of misfit.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct EvidenceSummary {
+    /// `friction`, `arm`, `depth` or `sample`.
+    pub pattern: &'static str,
+    /// χ² that one further term removes; for a sample, the excess of its own χ².
+    pub chi2_removed: f64,
+    /// Probability of as much under a model that holds.
+    pub probability: f64,
+}
+
+/// A quantity of the model.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+pub struct TermSummary {
+    /// The value used.
+    pub value: f64,
+    /// Its standard deviation, if it was learnt from the main touches.
+    pub sigma: Option<f64>,
+    /// The value by the rig file.
+    pub described: f64,
+}
+
+impl ModelSummary {
+    /// The summary of a judged model.
+    fn of(model: &RunModel, data: &RunData) -> Option<Self> {
+        let check = model.check()?;
+        let (terms, described) = (model.terms(), model.described());
+        let term = |term: Term, value: f64, described: f64| TermSummary {
+            value,
+            sigma: model.learnt().iter().find(|one| one.term == term).map(|one| one.sigma),
+            described,
+        };
+        let depth = |deflects: bool| if deflects { "stage" } else { "indentation" };
+        let evidence = |one: &Evidence| EvidenceSummary {
+            pattern: one.pattern.name(),
+            chi2_removed: one.chi2_removed,
+            probability: one.probability,
+        };
+        let sample = |pattern: Pattern| match pattern {
+            Pattern::Sample(sample) => Some(data.samples()[sample].name.clone()),
+            Pattern::Friction | Pattern::Arm | Pattern::Depth => None,
+        };
+        let (ratio, arm) = (Term::TangentialRatio, Term::Arm);
+        Some(Self {
+            verdict: check.verdict.name(),
+            chi2_per_dof: check.chi2_per_dof(),
+            degrees_of_freedom: check.freedom,
+            pattern: check.pattern.map(Pattern::name),
+            pattern_sample: check.pattern.and_then(sample),
+            evidence: check.evidence.iter().map(evidence).collect(),
+            added_rel: check.added_rel,
+            tangential_ratio: term(ratio, terms.tangential_ratio, described.tangential_ratio),
+            arm_mm: term(arm, terms.arm_mm, described.arm_mm),
+            depth: depth(terms.deflects),
+            depth_described: depth(described.deflects),
+        })
+    }
 }
 
 /// The recognition of the blind touches by one method.
@@ -182,6 +273,8 @@ impl RunResults {
                 .iter()
                 .flat_map(|found| self.samples().into_iter().map(|sample| stiffness(found, sample)))
                 .collect(),
+            model: (self.stiffness.as_ref().ok())
+                .and_then(|found| ModelSummary::of(found.model.as_ref()?, data)),
             recognition: self.recognitions.iter().map(recognition).collect(),
             touch_results: self.touches.clone(),
         }

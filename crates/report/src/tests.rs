@@ -69,6 +69,9 @@ fn a_complete_run_has_every_figure() {
         "left",
         "mean",
         "mean-narrow",
+        "residual-front",
+        "residual-back",
+        "residual-left",
         "stiffness",
         "blind-stiffness",
         "blind",
@@ -172,7 +175,7 @@ fn the_summary_has_the_documented_fields() {
     };
     assert_eq!(
         fields(&json),
-        "classification expected_seconds is_sealed is_simulated no_load_hz prompts recognition rig_seconds run_id \
+        "classification expected_seconds is_sealed is_simulated model no_load_hz prompts recognition rig_seconds run_id \
          sensitivity_hz_per_mpa shifts status stiffness touch_results touches touches_measured \
          touches_not_reached touches_planned touches_refused touches_skipped wall_seconds"
     );
@@ -183,12 +186,64 @@ fn the_summary_has_the_documented_fields() {
         "known_mpa planned sample sigma_mpa stiffness_mpa used"
     );
     assert_eq!(fields(&json["recognition"][0]), "correct high low method rate trials");
+    assert_eq!(
+        fields(&json["model"]),
+        "added_rel arm_mm chi2_per_dof degrees_of_freedom depth depth_described evidence pattern \
+         pattern_sample tangential_ratio verdict"
+    );
+    assert_eq!(json["model"]["verdict"], "holds");
     assert_eq!(json["status"], "completed");
     assert_eq!(json["touches"], 110);
     assert_eq!(json["prompts"], 65);
     assert_eq!(json["rig_seconds"], 1297.0);
     assert_eq!(json["wall_seconds"], 4.18);
     assert_eq!(found.shifts.len(), 60);
+}
+
+/// Beyond 10° the contact slips: the shifts fall there.
+#[test]
+fn a_rejected_model_is_marked_in_every_output_and_widens_the_intervals() {
+    let mut sample = SampleRun::new(Story::Complete);
+    let sigmas = |sample: &SampleRun| {
+        let found = sample.results().summary().stiffness;
+        found.iter().map(|one| one.sigma_mpa.unwrap()).collect::<Vec<_>>()
+    };
+    let before = sigmas(&sample);
+    sample.change_touches(|touch| {
+        touch.shift_hz *= if touch.touch.pose.angle_deg > 10.0 { 0.7 } else { 1.0 };
+    });
+    let found = sample.results().summary();
+    let model = found.model.as_ref().unwrap();
+    assert_eq!((model.verdict, model.pattern), ("rejected", Some("friction")), "{model:?}");
+    assert!(model.chi2_per_dof > 2.0 && model.added_rel > 0.05, "{model:?}");
+    for (before, after) in before.iter().zip(sigmas(&sample)) {
+        assert!(after > 2.0 * before, "{after} after {before}");
+    }
+    for row in found.touch_results.iter().filter(|row| row.stiffness_mpa.is_some()) {
+        assert_eq!(row.model_verdict, Some("rejected"), "{row:?}");
+        assert_eq!(row.model_residual.is_some(), row.phase == "main", "{row:?}");
+    }
+    let text = sample.results().text();
+    assert!(text.contains("model                  rejected: friction; χ²/"), "{text}");
+    let html = sample.html();
+    assert!(html.contains("The model is rejected</span>: χ² of the main touches is"));
+    assert!(html.contains("removes of χ²"));
+}
+
+#[test]
+fn the_model_of_the_rig_file_is_kept_when_the_protocol_asks_for_it() {
+    let mut sample = SampleRun::new(Story::Complete);
+    let model = |sample: &SampleRun| sample.results().summary().model.unwrap();
+    let learnt = model(&sample);
+    assert!(learnt.tangential_ratio.sigma.is_some_and(|sigma| sigma < 0.1), "{learnt:?}");
+    sample.change_start(|started| {
+        let text = &started.protocol.toml;
+        started.protocol.toml = format!("model = \"described\"\n{text}");
+    });
+    let described = model(&sample);
+    let ratio = described.tangential_ratio;
+    assert_eq!((ratio.value, ratio.sigma), (ratio.described, None));
+    assert!(described.chi2_per_dof >= learnt.chi2_per_dof, "{described:?}");
 }
 
 #[test]

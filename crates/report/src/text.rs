@@ -1,5 +1,6 @@
 //! The results for a person at a terminal.
 
+use rig_analysis::model::{ModelCheck, Pattern, Verdict};
 use rig_record::{Expected, Phase};
 
 use crate::{
@@ -62,6 +63,9 @@ fn facts(results: &RunResults) -> Vec<(String, String)> {
         let count = no_load.count;
         fact("no-load resonance", format!("{mean} Hz, {count} references within {span} Hz"));
     }
+    if let Some(found) = results.stiffness.as_ref().ok().and_then(Stiffness::check) {
+        fact("model", model(results, found));
+    }
     if let Some(found) = &results.sensitivity {
         let chord = found.sensitivity.chord;
         let slope = with_sigma(chord.hz_per_mpa, chord.sigma_hz_per_mpa);
@@ -85,6 +89,25 @@ fn facts(results: &RunResults) -> Vec<(String, String)> {
         fact("blind, by stiffness", rate);
     }
     facts
+}
+
+/// The judgement on the model: `holds: χ²/54 = 0.97`.
+fn model(results: &RunResults, check: &ModelCheck) -> String {
+    let pattern = match check.pattern {
+        Some(Pattern::Sample(sample)) => {
+            format!(": sample {}", results.data.samples()[sample].name)
+        }
+        Some(pattern) => format!(": {}", pattern.name()),
+        None => String::new(),
+    };
+    let added = match check.verdict {
+        Verdict::Holds => String::new(),
+        Verdict::Strained | Verdict::Rejected => {
+            format!("; {} are added to every stiffness", percent(check.added_rel))
+        }
+    };
+    let chi2 = fixed(check.chi2_per_dof(), 2);
+    format!("{}{pattern}; χ²/{} = {chi2}{added}", check.verdict.name(), check.freedom)
 }
 
 fn recognised(correct: u32, trials: u32, rate: f64, interval: (f64, f64)) -> String {

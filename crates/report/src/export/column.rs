@@ -141,7 +141,7 @@ impl TableName {
 /// The first column of a table of several runs.
 pub(super) const RUN: Column = text("run", "short name of the run");
 
-const TOUCH: [Column; 32] = [
+const TOUCH: [Column; 34] = [
     text(
         "step",
         "address of the step: `main/<sample>/<direction>/<angle>/<repeat>` or `blind/<number>`",
@@ -180,7 +180,17 @@ const TOUCH: [Column; 32] = [
         "Young's modulus from this touch, calibrated by the known samples of the run; with \
          `angle = \"unknown\"` the value of the site",
     ),
-    number("stiffness_sigma_mpa", "MPa", "its standard deviation, with that of the calibration"),
+    number(
+        "stiffness_sigma_mpa",
+        "MPa",
+        "its standard deviation, with those of calibration and model",
+    ),
+    text("model_verdict", "whether the model behind it holds: `holds`, `strained` or `rejected`"),
+    number(
+        "model_residual",
+        "1",
+        "for a main touch: logarithm of its stiffness less that of its sample, in standard deviations",
+    ),
     text(
         "class",
         "for a blind touch: the sample that its cluster represents, by k-means on the shifts",

@@ -3,13 +3,16 @@
 use super::table::{POSITION_DECIMALS, TableValue};
 use crate::results::touches::TouchRow;
 
+/// A residual is one draw of a normal variable.
+const RESIDUAL_DECIMALS: usize = 2;
+
 /// The values of a touch, in the order of the columns. Those that differ between two runs of one
 /// seed are the last two.
 pub(super) fn touch<'a>(
     row: &'a TouchRow,
     run_id: &'a str,
     is_simulated: bool,
-) -> [TableValue<'a>; 32] {
+) -> [TableValue<'a>; 34] {
     let [no_load, no_load_sigma] = pair(row.no_load_hz, row.no_load_sigma_hz);
     let [resonance, sigma] = pair(row.resonance_hz, row.sigma_hz);
     let [shift, shift_sigma] = pair(row.shift_hz, row.shift_sigma_hz);
@@ -41,6 +44,8 @@ pub(super) fn touch<'a>(
         position(row.rotary_deg),
         stiffness,
         stiffness_sigma,
+        TableValue::of(row.model_verdict, TableValue::Text),
+        TableValue::of(row.model_residual, |value| TableValue::Decimals(value, RESIDUAL_DECIMALS)),
         TableValue::of(row.class.as_deref(), TableValue::Text),
         TableValue::of(row.known_mpa, TableValue::Exact),
         TableValue::Whole(row.attempts.into()),

@@ -13,7 +13,7 @@ use crate::{
 };
 
 /// Width and height of one of three charts in a row, pixels.
-const PANEL_PX: (u32, u32) = (290, 310);
+pub(super) const PANEL_PX: (u32, u32) = (290, 310);
 /// Width and height of one of two charts in a row, pixels.
 pub(super) const HALF_PX: (u32, u32) = (446, 310);
 /// Width and height of a chart with a row of its own, pixels.

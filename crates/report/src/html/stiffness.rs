@@ -1,19 +1,21 @@
 //! The section about stiffness: its calibration, the samples against known values, the blind touches.
 
 use maud::{Markup, html};
+use rig_analysis::run::{RunCalibration, RunSample, ScaleSource};
 use rig_chart::{Axis, Chart, Marker, Point, Rule, Series};
 use rig_contact::inverse::Interval;
 
 use super::{
     element::{dash, drawn, fault, figure_row, table, text},
     figures::HALF_PX,
+    model::model,
 };
 use crate::{
     data::RunData,
     results::{
         RunResults,
         recognition::{Method, Recognition},
-        stiffness::{Calibration, SampleStiffness, ScaleSource, Site, Stiffness, TouchStiffness},
+        stiffness::{Site, Stiffness, TouchStiffness},
     },
     units::{fixed, percent, percent_range, with_sigma},
 };
@@ -37,6 +39,7 @@ pub(super) fn section(results: &RunResults, stiffness: &Stiffness) -> Markup {
     };
     html! {
         (samples(results, stiffness))
+        (model(results, stiffness))
         (calibration(&stiffness.calibration, angle))
         @if is_known || recognition.is_some() { (figure_row(&charts, caption)) }
         @if let Some(found) = &stiffness.sites { (sites(data, stiffness, found)) }
@@ -44,8 +47,8 @@ pub(super) fn section(results: &RunResults, stiffness: &Stiffness) -> Markup {
 }
 
 /// The calibration and its uncertainty.
-fn calibration(calibration: &Calibration, angle: &str) -> Markup {
-    let Calibration { resonance_ratio, factor, sigma_rel, source } = *calibration;
+fn calibration(calibration: &RunCalibration, angle: &str) -> Markup {
+    let RunCalibration { resonance_ratio, factor, sigma_rel, source, .. } = *calibration;
     let ratio = fixed(resonance_ratio, 4);
     let adds = percent(sigma_rel);
     let scale = match source {
@@ -157,11 +160,11 @@ fn samples(results: &RunResults, stiffness: &Stiffness) -> Markup {
     let row = |sample: usize| {
         let (found, basis) = (stiffness.of_sample(sample), stiffness.basis(data, sample));
         let known_mpa = data.samples()[sample].stiffness_mpa;
-        let deviation = |found: &SampleStiffness| {
+        let deviation = |found: &RunSample| {
             let deviation = found.young_mpa / found.known_mpa? - 1.0;
             Some(text(format!("{} %", fixed(100.0 * deviation, 1))))
         };
-        let value = |found: &SampleStiffness| {
+        let value = |found: &RunSample| {
             html! { b { (with_sigma(found.young_mpa, found.sigma_mpa)) } }
         };
         let spread = found.and_then(|found| found.spread_mpa);

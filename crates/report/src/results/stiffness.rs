@@ -2,37 +2,45 @@
 //!
 //! The sensor is the one of the rig file. The run corrects its description in two ways: each shift
 //! is scaled by the free resonance measured before it, and all stiffness by the samples of known
-//! stiffness at the smallest angle. The labels of the blind touches take no part in it.
+//! stiffness at the smallest angle. The main touches judge the model and may change it. The labels of the
+//! blind touches take no part in any of this.
 
-mod calibration;
 mod site;
 mod values;
 
 use std::collections::BTreeMap;
 
-use rig_analysis::stiffness::{self, Compensation, PosedTouch, Young};
+use rig_analysis::{
+    model::{ModelCheck, ModelReading, ModelSource, RunModel, Verdict},
+    run::{
+        self, ComparedAt, Reading, RunCalibration, RunSample, RunStiffness, RunTouches, RunYoung,
+    },
+    stiffness::{Compensation, PosedTouch, Young},
+};
 use rig_contact::{
     Pose, SensorDescription,
-    inverse::{InverseError, OneTouch, TiltInference},
+    inverse::{InverseError, TiltInference},
 };
 use rig_files::{Faults, rig_file::RigFile};
-use rig_protocol::{AngleKnowledge, Protocol};
-use rig_record::{Direction, Phase, Sample, Touch};
+use rig_protocol::{AngleKnowledge, ModelOrigin, Protocol};
+use rig_record::{Direction, Phase, Touch};
 
-pub(crate) use calibration::{Calibration, ScaleSource};
 pub(crate) use site::Site;
-pub(crate) use values::{SampleStiffness, TouchStiffness};
+pub(crate) use values::TouchStiffness;
 
 use crate::data::{PlannedTouch, RunData};
-use calibration::ComparedAt;
 use site::{RepeatedTouch, UnknownAngle};
 
 /// The stiffness of the samples and of the blind touches.
 #[derive(Debug)]
 pub(crate) struct Stiffness {
-    pub(crate) calibration: Calibration,
+    pub(crate) calibration: RunCalibration,
+    /// The model, learnt and judged; `None` when the angle is unknown.
+    pub(crate) model: Option<RunModel>,
+    /// The address of each main touch with a known pose, in the order of the residuals of the model.
+    pub(crate) main_steps: Vec<String>,
     /// Each sample from its main touches, calibrated, ordered by sample.
-    pub(crate) samples: Vec<SampleStiffness>,
+    pub(crate) samples: Vec<RunSample>,
     /// Every main touch, in order; or every site, when the angle is unknown.
     pub(crate) main: Vec<TouchStiffness>,
     /// Every blind touch, in order.
@@ -40,7 +48,7 @@ pub(crate) struct Stiffness {
     /// The sites of the main phase, when the angle is unknown.
     pub(crate) sites: Option<Vec<Site>>,
     /// By the address of its step, the stiffness of each touch or of its site, with the uncertainty
-    /// of the calibration.
+    /// of calibration and model.
     by_step: BTreeMap<String, Result<Young, InverseError>>,
 }
 
@@ -81,52 +89,73 @@ impl Stiffness {
         let sensor = rig.map_err(NoStiffness::RigFile)?.sensor;
         let compensation = Compensation::new(&sensor, surface_sigma_mm(data));
         let free_hz = compensation.no_load_hz();
-        let (mut main, mut blind) = (Vec::new(), Vec::new());
-        for touch in &data.touches {
-            let Some(posed) = posed(touch, &sensor, data, free_hz) else { continue };
-            match touch.touch.phase {
-                Phase::Main => main.push((touch, posed)),
-                Phase::Blind => blind.push((touch, posed)),
-            }
-        }
-        let reader = Reader { compensation, sensor, data };
-        let angle = Protocol::read(&started.protocol.name, &started.protocol.toml).angle();
-        let Readings { main: read, blind: blind_read, sites, at } = match angle {
-            AngleKnowledge::Known => reader.known(&main, &blind),
-            AngleKnowledge::Unknown => reader.unknown(&main, &blind),
-        };
+        let (main, blind) = touched(data, &sensor, free_hz);
+        let known_mpa: Vec<Option<f64>> =
+            data.samples().iter().map(|sample| sample.stiffness_mpa).collect();
         let mean_hz = main.iter().map(|(touch, _)| touch.no_load_hz).sum::<f64>();
-        let resonance_ratio = mean_hz / main.len() as f64 / free_hz;
-        let scale_rel = reader.sensor.uncertainty.scale_rel;
-        let calibration = Calibration::of(&read, at, data.samples(), resonance_ratio, scale_rel);
-        let samples = samples(&read, data.samples(), &calibration);
+        let (main_touches, blind_touches) = (posed_of(&main), posed_of(&blind));
+        let touches = RunTouches {
+            main: &main_touches,
+            blind: &blind_touches,
+            known_mpa: &known_mpa,
+            sample_rel: sensor.uncertainty.sample_rel,
+            resonance_ratio: mean_hz / main.len() as f64 / free_hz,
+            scale_rel: sensor.uncertainty.scale_rel,
+        };
+        let protocol = Protocol::read(&started.protocol.name, &started.protocol.toml);
+        let (found, model, sites) = match protocol.angle() {
+            AngleKnowledge::Known => {
+                let (found, model) =
+                    run::at_known_angles(&compensation, &touches, source(&protocol));
+                (found, Some(model), None)
+            }
+            AngleKnowledge::Unknown => {
+                let reader = Reader { compensation, sensor, data };
+                let (found, sites) = reader.unknown(&main, &blind, &touches);
+                (found, None, Some(sites))
+            }
+        };
+        let RunStiffness { calibration, samples, main: main_found, blind: blind_found } = found;
         if samples.is_empty() {
             return Err(NoStiffness::NoTouches);
         }
-        let calibrated = |touches: Vec<TouchStiffness>| -> Vec<TouchStiffness> {
-            touches.into_iter().map(|touch| calibration.touch(touch)).collect()
-        };
-        let (main_read, blind_read) = (calibrated(read), calibrated(blind_read));
         let mut by_step = BTreeMap::new();
-        let mut note = |touch: &Touch, found: &TouchStiffness| {
-            let young = found.young.map(|young| calibration.with_its_sigma(young));
-            by_step.insert(touch.touch.step.clone(), young);
+        let mut note = |touch: &Touch, found: Option<&Result<RunYoung, InverseError>>| {
+            let Some(found) = found else { return };
+            by_step.insert(touch.touch.step.clone(), found.map(|found| found.whole()));
         };
         for (index, (touch, posed)) in main.iter().enumerate() {
             let index = match &sites {
                 Some(sites) => sites.iter().position(|site| site.holds(touch, posed.sample)),
                 None => Some(index),
             };
-            if let Some(index) = index {
-                note(touch, &main_read[index]);
-            }
+            note(touch, index.and_then(|index| main_found.get(index)));
         }
-        blind.iter().zip(&blind_read).for_each(|((touch, _), found)| note(touch, found));
-        Ok(Self { calibration, samples, main: main_read, blind: blind_read, sites, by_step })
+        blind.iter().zip(&blind_found).for_each(|((touch, _), found)| note(touch, Some(found)));
+        let stiffness = |sample: usize, number: u32, found: &Result<RunYoung, InverseError>| {
+            TouchStiffness { sample, number, young: found.map(|found| found.own) }
+        };
+        let of_touch = |((touch, posed), found): (&Touched<'_>, &_)| {
+            stiffness(posed.sample, touch.touch.repeat, found)
+        };
+        let of_site = |(site, found): (&Site, &_)| stiffness(site.sample, site.repeat, found);
+        Ok(Self {
+            calibration,
+            samples,
+            main_steps: main.iter().map(|(touch, _)| touch.touch.step.clone()).collect(),
+            main: match &sites {
+                None => main.iter().zip(&main_found).map(of_touch).collect(),
+                Some(sites) => sites.iter().zip(&main_found).map(of_site).collect(),
+            },
+            blind: blind.iter().zip(&blind_found).map(of_touch).collect(),
+            model,
+            sites,
+            by_step,
+        })
     }
 
     /// The stiffness of a sample, if it has one.
-    pub(crate) fn of_sample(&self, sample: usize) -> Option<&SampleStiffness> {
+    pub(crate) fn of_sample(&self, sample: usize) -> Option<&RunSample> {
         self.samples.iter().find(|found| found.sample == sample)
     }
 
@@ -148,61 +177,81 @@ impl Stiffness {
         StiffnessBasis { used, planned: planned.len(), of }
     }
 
-    /// The stiffness of the touch at this address, with the uncertainty of the calibration.
+    /// The judgement on the model by the main touches.
+    pub(crate) fn check(&self) -> Option<&ModelCheck> {
+        self.model.as_ref()?.check()
+    }
+
+    /// Whether the model holds; `None` when the touches cannot say.
+    pub(crate) fn verdict(&self) -> Option<Verdict> {
+        Some(self.check()?.verdict)
+    }
+
+    /// The residual of the main touch at this address, in standard deviations.
+    pub(crate) fn residual(&self, step: &str) -> Option<f64> {
+        let check = self.check()?;
+        let index = self.main_steps.iter().position(|of_touch| of_touch == step)?;
+        let residual = check.residuals.iter().find(|residual| residual.touch == index)?;
+        Some(residual.sigmas)
+    }
+
+    /// The stiffness of the touch at this address, with the uncertainty of calibration and model.
     pub(crate) fn of_touch(&self, step: &str) -> Option<Result<Young, InverseError>> {
         self.by_step.get(step).copied()
     }
 }
 
-/// Turns the touches of a run into stiffness.
+/// Turns touches at an unknown angle into stiffness.
 struct Reader<'a> {
     compensation: Compensation,
     sensor: SensorDescription,
     data: &'a RunData,
 }
 
-/// The stiffness of the touches of a run, not yet calibrated.
-struct Readings {
-    main: Vec<TouchStiffness>,
-    blind: Vec<TouchStiffness>,
-    sites: Option<Vec<Site>>,
-    at: ComparedAt,
-}
-
 type Touched<'a> = (&'a Touch, PosedTouch);
 
-impl Reader<'_> {
-    /// Each touch alone, at its planned angle.
-    fn known(&self, main: &[Touched<'_>], blind: &[Touched<'_>]) -> Readings {
-        let young = |one: OneTouch| Young { mpa: one.young_mpa, sigma_mpa: one.sigma_mpa };
-        let found = |(touch, posed): &Touched<'_>| TouchStiffness {
-            sample: posed.sample,
-            number: touch.touch.repeat,
-            young: self.compensation.of_touch(posed).map(young),
-        };
-        // At the smallest angle, an error of the angle changes the stiffness least.
-        let angle = |touched: &Touched<'_>| touched.0.touch.pose.angle_deg;
-        let angle_deg = main.iter().map(angle).min_by(f64::total_cmp);
-        let is_there = main.iter().map(|touched| Some(angle(touched)) == angle_deg).collect();
-        Readings {
-            main: main.iter().map(found).collect(),
-            blind: blind.iter().map(found).collect(),
-            sites: None,
-            at: ComparedAt { angle_deg, is_there },
-        }
-    }
+/// The touches with a known sample, of the main and of the blind phase.
+fn touched<'a>(
+    data: &'a RunData,
+    sensor: &SensorDescription,
+    free_hz: f64,
+) -> (Vec<Touched<'a>>, Vec<Touched<'a>>) {
+    let touched = |touch: &'a Touch| Some((touch, posed(touch, sensor, data, free_hz)?));
+    let is_main = |(touch, _): &Touched<'_>| touch.touch.phase == Phase::Main;
+    data.touches.iter().filter_map(touched).partition(is_main)
+}
 
+const fn source(protocol: &Protocol) -> ModelSource {
+    match protocol.model() {
+        ModelOrigin::Learnt => ModelSource::Learnt,
+        ModelOrigin::Described => ModelSource::Described,
+    }
+}
+
+fn posed_of(touched: &[Touched<'_>]) -> Vec<PosedTouch> {
+    touched.iter().map(|(_, posed)| *posed).collect()
+}
+
+impl Reader<'_> {
     /// Main touches by site, each blind touch alone, at any angle up to the largest of the run.
-    fn unknown(&self, main: &[Touched<'_>], blind: &[Touched<'_>]) -> Readings {
+    fn unknown(
+        &self,
+        main: &[Touched<'_>],
+        blind: &[Touched<'_>],
+        touches: &RunTouches<'_>,
+    ) -> (RunStiffness, Vec<Site>) {
         let angles = self.data.touches.iter().map(|touch| touch.touch.pose.angle_deg);
         let unknown = UnknownAngle {
             compensation: &self.compensation,
             sample_rel: self.sensor.uncertainty.sample_rel,
             max_angle_rad: angles.fold(0.0, f64::max).to_radians(),
         };
-        let young = |found: TiltInference| Young {
-            mpa: found.young_mpa.value,
-            sigma_mpa: found.young_mpa.sigma,
+        let reading = |sample: usize, found: Result<TiltInference, InverseError>| Reading {
+            sample,
+            found: found.map(|found| ModelReading {
+                young: Young { mpa: found.young_mpa.value, sigma_mpa: found.young_mpa.sigma },
+                gradient: Vec::new(),
+            }),
         };
         let repeated = |&(touch, posed): &Touched<'_>| RepeatedTouch {
             touch: posed,
@@ -210,38 +259,13 @@ impl Reader<'_> {
             repeat: touch.touch.repeat,
         };
         let sites = unknown.sites(main.iter().map(repeated).collect());
-        let of_site = |site: &Site| TouchStiffness {
-            sample: site.sample,
-            number: site.repeat,
-            young: site.found.map(young),
-        };
-        let of_touch = |(touch, posed): &Touched<'_>| TouchStiffness {
-            sample: posed.sample,
-            number: touch.touch.repeat,
-            young: unknown.infer([posed]).map(young),
-        };
-        Readings {
-            main: sites.iter().map(of_site).collect(),
-            blind: blind.iter().map(of_touch).collect(),
-            at: ComparedAt { angle_deg: None, is_there: vec![true; sites.len()] },
-            sites: Some(sites),
-        }
+        let of_sites: Vec<Reading> =
+            sites.iter().map(|site| reading(site.sample, site.found)).collect();
+        let of_blind: Vec<Reading> =
+            blind.iter().map(|(_, posed)| reading(posed.sample, unknown.infer([posed]))).collect();
+        let at = ComparedAt { angle_deg: None, is_there: vec![true; sites.len()] };
+        (run::calibrated(touches, &of_sites, &of_blind, &at, None), sites)
     }
-}
-
-fn samples(
-    main: &[TouchStiffness],
-    samples: &[Sample],
-    calibration: &Calibration,
-) -> Vec<SampleStiffness> {
-    let sample = |(index, sample): (usize, &Sample)| {
-        let of_sample = || main.iter().filter(|touch| touch.sample == index);
-        let found: Vec<Young> = of_sample().filter_map(|touch| touch.young.ok()).collect();
-        let refused = of_sample().count() - found.len();
-        let mean = stiffness::SampleStiffness::mean(index, &found, refused)?;
-        Some(calibration.sample(&mean, sample.stiffness_mpa))
-    };
-    samples.iter().enumerate().filter_map(sample).collect()
 }
 
 /// The root mean square of the standard deviations of the surfaces found, mm.

@@ -1,5 +1,6 @@
 //! A row for every planned touch with its result.
 
+use rig_analysis::model::Verdict;
 use rig_record::{Ending, Phase, Run, RunStatus, Touch, TouchPosition};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -59,8 +60,12 @@ pub struct TouchRow {
     /// Young's modulus, calibrated by the known samples, MPa. If the contact angle is
     /// unknown, that of the site of the touch.
     pub stiffness_mpa: Option<f64>,
-    /// Its standard deviation, that of the calibration included, MPa.
+    /// Its standard deviation, those of calibration and model included, MPa.
     pub stiffness_sigma_mpa: Option<f64>,
+    /// Whether the model behind the stiffness holds: `holds`, `strained` or `rejected`.
+    pub model_verdict: Option<&'static str>,
+    /// For a main touch: the logarithm of its stiffness less that of its sample, in standard deviations.
+    pub model_residual: Option<f64>,
     /// For a blind touch: the sample that its cluster represents.
     pub class: Option<String>,
     /// Known Young's modulus of the sample, MPa.
@@ -177,6 +182,9 @@ impl TouchRow {
             Some(Ok(young)) => {
                 self.stiffness_mpa = Some(young.mpa);
                 self.stiffness_sigma_mpa = Some(young.sigma_mpa);
+                let verdict = stiffness.and_then(Stiffness::verdict);
+                self.model_verdict = verdict.map(Verdict::name);
+                self.model_residual = stiffness.and_then(|found| found.residual(&self.step));
             }
             Some(Err(error)) => self.reason = Some(format!("no stiffness: {error}")),
             None => {}

@@ -1,0 +1,216 @@
+//! The model of a run, learnt from its main touches and judged by them.
+//!
+//! Every main touch gives a stiffness. Under a model that holds, the touches of one sample agree at
+//! all angles and in all directions within their uncertainties. χ² of their differences judges the
+//! model; the quantities that the touches identify are fitted until χ² is least.
+
+mod fit;
+mod judge;
+mod linear;
+
+use rig_contact::{Depth, Friction, Sensor, SensorDesign, inverse::InverseError};
+
+pub use judge::{Evidence, ModelCheck, Pattern, Residual, Verdict};
+
+use crate::stiffness::{Compensation, PosedTouch, Young};
+
+/// Where the model of a run comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ModelSource {
+    /// From the main touches of the run, as far as they identify it.
+    Learnt,
+    /// From the rig file alone.
+    Described,
+}
+
+/// The quantities of a model that a run may learn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Terms {
+    /// Tangential over normal contact stiffness, 0 without friction.
+    pub tangential_ratio: f64,
+    /// From the middle plane of the bimorph to the centre of the ball, mm.
+    pub arm_mm: f64,
+    /// Whether the stage holds the depth, while the sensor deflects.
+    pub deflects: bool,
+}
+
+/// A quantity that has a slope.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Term {
+    /// [`Terms::tangential_ratio`].
+    TangentialRatio,
+    /// [`Terms::arm_mm`].
+    Arm,
+}
+
+impl Term {
+    /// The word in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::TangentialRatio => "tangential_ratio",
+            Self::Arm => "arm_mm",
+        }
+    }
+
+    const fn of(self, terms: &Terms) -> f64 {
+        match self {
+            Self::TangentialRatio => terms.tangential_ratio,
+            Self::Arm => terms.arm_mm,
+        }
+    }
+
+    /// The terms with this one at a value, or at the end of its range.
+    fn set(self, terms: &Terms, value: f64) -> Terms {
+        match self {
+            Self::TangentialRatio => {
+                Terms { tangential_ratio: value.clamp(0.0, RATIO_MAX), ..*terms }
+            }
+            Self::Arm => Terms { arm_mm: value.clamp(ARM_LEAST_MM, ARM_MOST_MM), ..*terms },
+        }
+    }
+
+    /// A step that is small against every scale of the models.
+    const fn step(self) -> f64 {
+        match self {
+            Self::TangentialRatio => 0.01,
+            Self::Arm => 0.08,
+        }
+    }
+}
+
+/// Mindlin's ratio is between 2/3 and 1; a contact that is bonded to a thin layer may have more.
+const RATIO_MAX: f64 = 1.5;
+/// The range of arms that a fit may try, mm.
+const ARM_LEAST_MM: f64 = 0.1;
+const ARM_MOST_MM: f64 = 30.0;
+
+/// A learnt quantity.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LearntTerm {
+    /// The quantity.
+    pub term: Term,
+    /// Its value by the rig file.
+    pub described: f64,
+    /// Its value by the main touches.
+    pub value: f64,
+    /// The standard deviation of `value`.
+    pub sigma: f64,
+}
+
+/// The main touches of a run, and what is known of its samples.
+#[derive(Debug, Clone, Copy)]
+pub struct MainTouches<'a> {
+    /// The touches.
+    pub touches: &'a [PosedTouch],
+    /// Known Young's modulus of each sample, MPa.
+    pub known_mpa: &'a [Option<f64>],
+    /// Standard deviation of the stiffness from one point of a sample to the next, relative.
+    pub sample_rel: f64,
+}
+
+/// The model of a run.
+#[derive(Debug, Clone)]
+pub struct RunModel {
+    compensation: Compensation,
+    terms: Terms,
+    described: Terms,
+    learnt: Vec<LearntTerm>,
+    /// Covariance of the learnt terms, in their order.
+    covariance: Vec<Vec<f64>>,
+    /// For each learnt term, the model on both sides of its value.
+    sides: Vec<[(Terms, Compensation); 2]>,
+    check: Option<ModelCheck>,
+}
+
+/// The stiffness of a touch before the calibration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ModelReading {
+    /// Young's modulus with the uncertainty of the touch alone.
+    pub young: Young,
+    /// The change of its logarithm for a unit of each learnt term.
+    pub gradient: Vec<f64>,
+}
+
+impl RunModel {
+    /// The model by the rig file, or by the main touches; in both cases judged by the main touches.
+    pub fn of(described: &Compensation, main: &MainTouches<'_>, source: ModelSource) -> Self {
+        fit::model(described, main, source)
+    }
+
+    /// The quantities of the model.
+    pub const fn terms(&self) -> &Terms {
+        &self.terms
+    }
+
+    /// The same quantities by the rig file.
+    pub const fn described(&self) -> &Terms {
+        &self.described
+    }
+
+    /// The learnt quantities; whether the stage holds the depth is not among them.
+    pub fn learnt(&self) -> &[LearntTerm] {
+        &self.learnt
+    }
+
+    /// Covariance of the learnt quantities, in their order.
+    pub fn covariance(&self) -> &[Vec<f64>] {
+        &self.covariance
+    }
+
+    /// The judgement by the main touches; `None` when they leave no degree of freedom.
+    pub const fn check(&self) -> Option<&ModelCheck> {
+        self.check.as_ref()
+    }
+
+    /// The stiffness of a touch at a known pose.
+    ///
+    /// # Errors
+    /// [`InverseError`].
+    pub fn of_touch(&self, touch: &PosedTouch) -> Result<ModelReading, InverseError> {
+        let one = self.compensation.of_touch(&self.terms.touch(touch))?;
+        let gradient = |[low, high]: &[(Terms, Compensation); 2], learnt: &LearntTerm| {
+            let log = |(terms, model): &(Terms, Compensation)| model.log_young(&terms.touch(touch));
+            let width = learnt.term.of(&high.0) - learnt.term.of(&low.0);
+            Ok((log(high)? - log(low)?) / width)
+        };
+        let gradient: Result<Vec<f64>, InverseError> =
+            self.sides.iter().zip(&self.learnt).map(|(side, term)| gradient(side, term)).collect();
+        let young = Young { mpa: one.young_mpa, sigma_mpa: one.sigma_mpa };
+        Ok(ModelReading { young, gradient: gradient? })
+    }
+}
+
+impl Terms {
+    fn of(compensation: &Compensation, touches: &[PosedTouch]) -> Self {
+        let is_held = |touch: &PosedTouch| matches!(touch.depth, Depth::Stage { .. });
+        Self {
+            tangential_ratio: compensation.tangential_ratio(),
+            arm_mm: compensation.models.sensor().design().arm_mm,
+            deflects: touches.iter().any(is_held),
+        }
+    }
+
+    /// A touch whose depth is held as in these terms.
+    fn touch(&self, touch: &PosedTouch) -> PosedTouch {
+        let (Depth::Indentation { along_probe_mm } | Depth::Stage { along_probe_mm }) = touch.depth;
+        let depth = if self.deflects {
+            Depth::Stage { along_probe_mm }
+        } else {
+            Depth::Indentation { along_probe_mm }
+        };
+        PosedTouch { depth, ..*touch }
+    }
+}
+
+impl Compensation {
+    /// The same with other terms; `None` for an arm that no sensor of this length has.
+    fn with(&self, terms: &Terms) -> Option<Self> {
+        let design = SensorDesign { arm_mm: terms.arm_mm, ..*self.models.sensor().design() };
+        let sensor = Sensor::new(design).ok()?;
+        let friction = Friction::Elastic { tangential_ratio: terms.tangential_ratio };
+        Some(Self { models: rig_contact::Models::new(&sensor, self.law), friction, ..self.clone() })
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,336 @@
+//! The least χ² of the main touches over the terms that they identify.
+//!
+//! The unknowns are the terms and one stiffness for each sample. A touch gives a stiffness for every
+//! choice of the terms, so that the stiffness of a sample is the weighted mean of its touches and
+//! only the terms are searched for, by Gauss and Newton.
+
+use std::f64::consts::PI;
+
+use super::{
+    LearntTerm, MainTouches, ModelSource, RunModel, Term, Terms, judge,
+    linear::{self, Matrix},
+};
+use crate::stiffness::{Compensation, PosedTouch};
+
+/// Steps of a fit at most; it needs three to six.
+const STEPS_MAX: usize = 12;
+/// Times that a step is halved until χ² falls.
+const HALVINGS_MAX: usize = 6;
+/// The largest last step, in units of [`Term::step`].
+const STEP_TOLERANCE: f64 = 0.02;
+/// A term with a larger standard deviation is not identified: the information matrix has no rank for
+/// it. The tangential ratio is between 0 and 1 for most contacts.
+const RATIO_SIGMA_MAX: f64 = 0.2;
+/// The same of the arm, relative to the one described.
+const ARM_SIGMA_MAX_REL: f64 = 0.35;
+/// The share of the variance of the depth that touches at one place of the stages may have in common:
+/// a screw repeats its error.
+pub(super) const SHARED_DEPTH: f64 = 0.5;
+/// Relative standard deviation of a known stiffness, where it decides between two ways of holding the
+/// depth. Indentation and stage differ by a third over the samples of the paper.
+const KNOWN_REL: f64 = 0.03;
+
+/// The touches that give a stiffness by the described model.
+pub(super) struct Usable<'a> {
+    pub(super) described: &'a Compensation,
+    pub(super) touches: Vec<PosedTouch>,
+    /// Where each of them is in the list of the caller.
+    pub(super) indices: Vec<usize>,
+    pub(super) main: &'a MainTouches<'a>,
+}
+
+/// A fit at its least χ².
+#[derive(Debug, Clone)]
+pub(super) struct Fit {
+    pub(super) terms: Terms,
+    pub(super) learnt: Vec<Term>,
+    pub(super) covariance: Matrix,
+    pub(super) state: State,
+    /// The slope of each residual over each learnt term.
+    pub(super) slopes: Matrix,
+}
+
+/// The touches under given terms.
+#[derive(Debug, Clone)]
+pub(super) struct State {
+    /// Logarithm of each stiffness.
+    pub(super) logs: Vec<f64>,
+    /// Reciprocal variance of each logarithm, with that from point to point.
+    pub(super) weights: Vec<f64>,
+    /// The part of that variance from the depth.
+    pub(super) depth_variances: Vec<f64>,
+    /// Each logarithm less the mean of its sample.
+    pub(super) residuals: Vec<f64>,
+    pub(super) chi2: f64,
+}
+
+/// The model of a run.
+pub(super) fn model(
+    described: &Compensation,
+    main: &MainTouches<'_>,
+    source: ModelSource,
+) -> RunModel {
+    let start = Terms::of(described, main.touches);
+    let touches = Usable::new(described, main);
+    let fit = match source {
+        ModelSource::Learnt => touches.learn(&start),
+        ModelSource::Described => touches.fit(&start, &[]),
+    };
+    let Some(fit) = fit else {
+        return RunModel {
+            compensation: described.clone(),
+            terms: start,
+            described: start,
+            learnt: Vec::new(),
+            covariance: Vec::new(),
+            sides: Vec::new(),
+            check: None,
+        };
+    };
+    let check = judge::judge(&touches, &fit);
+    let is_described = fit.terms == start;
+    let with = |terms: &Terms| described.with(terms).map(|model| (*terms, model));
+    let side = |term: &Term| {
+        let at = |by: f64| with(&term.set(&fit.terms, term.of(&fit.terms) + by));
+        Some([at(-term.step())?, at(term.step())?])
+    };
+    let sides: Vec<_> = fit.learnt.iter().filter_map(side).collect();
+    let learnt = |(index, &term): (usize, &Term)| LearntTerm {
+        term,
+        described: term.of(&start),
+        value: term.of(&fit.terms),
+        sigma: fit.covariance[index][index].sqrt(),
+    };
+    let compensation = if is_described { None } else { described.with(&fit.terms) };
+    RunModel {
+        compensation: compensation.unwrap_or_else(|| described.clone()),
+        terms: fit.terms,
+        described: start,
+        learnt: fit.learnt.iter().enumerate().map(learnt).collect(),
+        covariance: fit.covariance,
+        sides,
+        check,
+    }
+}
+
+impl<'a> Usable<'a> {
+    fn new(described: &'a Compensation, main: &'a MainTouches<'a>) -> Self {
+        let usable = |(_, touch): &(usize, &PosedTouch)| described.of_touch(touch).is_ok();
+        let usable = main.touches.iter().enumerate().filter(usable);
+        let (indices, touches) = usable.map(|(index, touch)| (index, *touch)).unzip();
+        Self { described, touches, indices, main }
+    }
+
+    /// Number of samples with a touch.
+    fn samples(&self) -> usize {
+        let mut samples: Vec<usize> = self.touches.iter().map(|touch| touch.sample).collect();
+        samples.sort_unstable();
+        samples.dedup();
+        samples.len()
+    }
+
+    /// Touches less unknowns; `None` when nothing is left.
+    pub(super) fn freedom(&self, learnt: usize) -> Option<usize> {
+        self.touches.len().checked_sub(self.samples() + learnt).filter(|freedom| *freedom > 0)
+    }
+
+    /// The model with the terms that the touches identify.
+    ///
+    /// The tangential ratio depends on friction, of which no description knows, and is always learnt.
+    /// Schwarz's criterion decides whether the arm is learnt, and between the two ways of holding the
+    /// depth. Samples of known stiffness take part in the second decision.
+    fn learn(&self, start: &Terms) -> Option<Fit> {
+        let described = self.best(start)?;
+        let other = Terms { deflects: !start.deflects, ..*start };
+        let Some(other) = self.best(&other) else { return Some(described) };
+        let cost = |fit: &Fit| {
+            let penalty = (self.touches.len() as f64).ln() * fit.learnt.len() as f64;
+            fit.state.chi2 + penalty + self.against_known(&fit.state)
+        };
+        Some(if cost(&other) < cost(&described) { other } else { described })
+    }
+
+    /// The fit with this way of holding the depth.
+    fn best(&self, start: &Terms) -> Option<Fit> {
+        let held = self.fit(start, &[])?;
+        let Some(ratio) = self.identified(start, &[Term::TangentialRatio]) else {
+            return Some(held);
+        };
+        let penalty = (self.touches.len() as f64).ln();
+        let both = self.identified(start, &[Term::TangentialRatio, Term::Arm]);
+        let both = both.filter(|both| both.state.chi2 + penalty < ratio.state.chi2);
+        Some(both.unwrap_or(ratio))
+    }
+
+    /// A fit of these terms, if the touches identify all of them.
+    fn identified(&self, start: &Terms, terms: &[Term]) -> Option<Fit> {
+        let fit = self.fit(start, terms)?;
+        let is_identified = |(index, term): (usize, &Term)| {
+            let limit = match term {
+                Term::TangentialRatio => RATIO_SIGMA_MAX,
+                Term::Arm => ARM_SIGMA_MAX_REL * start.arm_mm,
+            };
+            fit.covariance[index][index].sqrt() < limit
+        };
+        terms.iter().enumerate().all(is_identified).then_some(fit)
+    }
+
+    /// χ² of the samples of known stiffness about one common factor.
+    fn against_known(&self, state: &State) -> f64 {
+        let sample = |(sample, known): (usize, &Option<f64>)| {
+            let known = (*known)?;
+            let of_sample =
+                || (0..self.touches.len()).filter(|&i| self.touches[i].sample == sample);
+            let weight: f64 = of_sample().map(|i| state.weights[i]).sum();
+            let mean: f64 = of_sample().map(|i| state.weights[i] * state.logs[i]).sum();
+            (weight > 0.0).then(|| (mean / weight - known.ln(), (1.0 / weight + KNOWN_REL.powi(2))))
+        };
+        let found: Vec<(f64, f64)> =
+            self.main.known_mpa.iter().enumerate().filter_map(sample).collect();
+        let weight: f64 = found.iter().map(|(_, variance)| 1.0 / variance).sum();
+        let mean = found.iter().map(|(log, variance)| log / variance).sum::<f64>() / weight;
+        found.iter().map(|(log, variance)| (log - mean).powi(2) / variance).sum()
+    }
+
+    /// The least χ² over these terms; `None` when a touch has no stiffness or nothing is free.
+    fn fit(&self, start: &Terms, learnt: &[Term]) -> Option<Fit> {
+        self.freedom(learnt.len())?;
+        let mut terms = *start;
+        let mut state = self.state(&terms)?;
+        let mut slopes = self.slopes(&terms, learnt, &state.weights)?;
+        for _ in 0..STEPS_MAX {
+            let inverse = linear::inverse(&information(&slopes, &state.weights))?;
+            let pull: Vec<f64> = slopes
+                .iter()
+                .map(|slope| -weighted(slope, &state.residuals, &state.weights))
+                .collect();
+            let step: Vec<f64> =
+                inverse.iter().map(|row| row.iter().zip(&pull).map(|(a, b)| a * b).sum()).collect();
+            let mut factor = 1.0;
+            let mut next = None;
+            for _ in 0..HALVINGS_MAX {
+                let moved = learnt.iter().zip(&step).fold(terms, |moved, (term, step)| {
+                    term.set(&moved, term.of(&terms) + factor * step)
+                });
+                if let Some(logs) = self.logs(&moved)
+                    && chi2(&self.centred(&logs, &state.weights), &state.weights) <= state.chi2
+                {
+                    next = Some(moved);
+                    break;
+                }
+                factor *= 0.5;
+            }
+            let Some(next) = next else { break };
+            let far = |term: &Term| (term.of(&next) - term.of(&terms)).abs() / term.step();
+            let is_there = learnt.iter().all(|term| far(term) <= STEP_TOLERANCE);
+            terms = next;
+            state = self.state(&terms)?;
+            slopes = self.slopes(&terms, learnt, &state.weights)?;
+            if is_there {
+                break;
+            }
+        }
+        let inverse = linear::inverse(&information(&slopes, &state.weights))?;
+        let covariance = self.spread(&inverse, &slopes, &state);
+        Some(Fit { terms, learnt: learnt.to_vec(), covariance, state, slopes })
+    }
+
+    /// Covariance of the terms when touches at one place of the stages share a part of their depth
+    /// error.
+    fn spread(&self, inverse: &Matrix, slopes: &Matrix, state: &State) -> Matrix {
+        let n = slopes.len();
+        let middle =
+            |a: usize, b: usize| self.covaried(&slopes[a], &slopes[b], state, SHARED_DEPTH);
+        let middle: Matrix = (0..n).map(|a| (0..n).map(|b| middle(a, b)).collect()).collect();
+        let entry = |a: usize, b: usize| linear::form(&inverse[a], &middle, &inverse[b]);
+        (0..n).map(|a| (0..n).map(|b| entry(a, b)).collect()).collect()
+    }
+
+    /// aᵀ W V W b with the variance V of the touches, of whose depth error `share` is common to one
+    /// place of the stages.
+    pub(super) fn covaried(&self, a: &[f64], b: &[f64], state: &State, share: f64) -> f64 {
+        let mut sum = 0.0;
+        for i in 0..a.len() {
+            let weight = state.weights[i];
+            sum += a[i] * weight * b[i];
+            for j in (0..a.len()).filter(|&j| j != i && self.is_one_place(i, j)) {
+                let depths = state.depth_variances[i] * state.depth_variances[j];
+                sum += a[i] * weight * share * depths.sqrt() * state.weights[j] * b[j];
+            }
+        }
+        sum
+    }
+
+    /// Whether the stages are at one place for both touches.
+    pub(super) fn is_one_place(&self, i: usize, j: usize) -> bool {
+        let tilt = |touch: &PosedTouch| {
+            let is_back = (touch.pose.azimuth_rad().abs() - PI).abs() < 1e-6;
+            let angle_rad = touch.pose.angle_rad();
+            if is_back { -angle_rad } else { angle_rad }
+        };
+        (tilt(&self.touches[i]) - tilt(&self.touches[j])).abs() < 1e-6
+    }
+
+    /// The slope of the residuals over each term.
+    pub(super) fn slopes(&self, terms: &Terms, of: &[Term], weights: &[f64]) -> Option<Matrix> {
+        let slope = |term: &Term| {
+            let at = |by: f64| term.set(terms, term.of(terms) + by);
+            let (low, high) = (at(-term.step()), at(term.step()));
+            let width = term.of(&high) - term.of(&low);
+            let (below, above) = (self.logs(&low)?, self.logs(&high)?);
+            let slope: Vec<f64> =
+                above.iter().zip(&below).map(|(above, below)| (above - below) / width).collect();
+            Some(self.centred(&slope, weights))
+        };
+        of.iter().map(slope).collect()
+    }
+
+    /// The logarithm of the stiffness of each touch.
+    pub(super) fn logs(&self, terms: &Terms) -> Option<Vec<f64>> {
+        let model = self.described.with(terms)?;
+        self.touches.iter().map(|touch| model.log_young(&terms.touch(touch)).ok()).collect()
+    }
+
+    fn state(&self, terms: &Terms) -> Option<State> {
+        let model = self.described.with(terms)?;
+        let (mut logs, mut weights, mut depth_variances) = (Vec::new(), Vec::new(), Vec::new());
+        for touch in &self.touches {
+            let one = model.of_touch(&terms.touch(touch)).ok()?;
+            let relative = |sigma_mpa: f64| (sigma_mpa / one.young_mpa).powi(2);
+            logs.push(one.young_mpa.ln());
+            weights.push(1.0 / (relative(one.sigma_mpa) + self.main.sample_rel.powi(2)));
+            depth_variances.push(relative(one.sigma_of_depth_mpa));
+        }
+        let residuals = self.centred(&logs, &weights);
+        let chi2 = chi2(&residuals, &weights);
+        chi2.is_finite().then_some(State { logs, weights, depth_variances, residuals, chi2 })
+    }
+
+    /// Values less the weighted mean of their sample.
+    pub(super) fn centred(&self, values: &[f64], weights: &[f64]) -> Vec<f64> {
+        let samples = self.main.known_mpa.len();
+        let (mut sums, mut all) = (vec![0.0; samples], vec![0.0; samples]);
+        for ((value, weight), touch) in values.iter().zip(weights).zip(&self.touches) {
+            sums[touch.sample] += weight * value;
+            all[touch.sample] += weight;
+        }
+        let centred =
+            |(value, touch): (&f64, &PosedTouch)| value - sums[touch.sample] / all[touch.sample];
+        values.iter().zip(&self.touches).map(centred).collect()
+    }
+}
+
+/// aᵀ W b.
+pub(super) fn weighted(a: &[f64], b: &[f64], weights: &[f64]) -> f64 {
+    a.iter().zip(b).zip(weights).map(|((a, b), weight)| a * b * weight).sum()
+}
+
+fn chi2(residuals: &[f64], weights: &[f64]) -> f64 {
+    weighted(residuals, residuals, weights)
+}
+
+/// The information matrix of the terms.
+pub(super) fn information(slopes: &Matrix, weights: &[f64]) -> Matrix {
+    let entry = |a: &Vec<f64>, b: &Vec<f64>| weighted(a, b, weights);
+    slopes.iter().map(|a| slopes.iter().map(|b| entry(a, b)).collect()).collect()
+}

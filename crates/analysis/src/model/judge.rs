@@ -1,0 +1,338 @@
+//! Whether a model holds, by the residuals of the main touches.
+//!
+//! χ² notices any misfit. For each pattern the touches are also compared with one further term; that
+//! finds a misfit that χ² alone would not, and names it.
+
+use super::{
+    Term, Terms,
+    fit::{Fit, SHARED_DEPTH, State, Usable, information, weighted},
+    linear,
+};
+
+/// The judgement on a model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// The touches agree with the model.
+    Holds,
+    /// They would disagree as much by chance in one run of a hundred.
+    Strained,
+    /// They disagree beyond chance.
+    Rejected,
+}
+
+impl Verdict {
+    /// The word in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Holds => "holds",
+            Self::Strained => "strained",
+            Self::Rejected => "rejected",
+        }
+    }
+}
+
+/// A cause of misfit with a term of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pattern {
+    /// The contact along the surface: it is softer or stiffer than assumed, or from some angle on.
+    Friction,
+    /// The length of the probe's arm.
+    Arm,
+    /// The way in which the depth is held, or the growth of the contact with it.
+    Depth,
+    /// One sample does not agree with itself; the index of the sample.
+    Sample(usize),
+}
+
+impl Pattern {
+    /// The word in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Friction => "friction",
+            Self::Arm => "arm",
+            Self::Depth => "depth",
+            Self::Sample(_) => "sample",
+        }
+    }
+}
+
+/// What one further term would change.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Evidence {
+    /// The cause that the term is of.
+    pub pattern: Pattern,
+    /// χ² that the term removes; for a sample, the excess of its own χ².
+    pub chi2_removed: f64,
+    /// Probability of as much under a model that holds.
+    pub probability: f64,
+}
+
+/// The residual of a main touch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Residual {
+    /// Index of the touch in the list of the caller.
+    pub touch: usize,
+    /// Logarithm of its stiffness less the mean of its sample.
+    pub log: f64,
+    /// The same in standard deviations.
+    pub sigmas: f64,
+}
+
+/// The judgement with its evidence.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ModelCheck {
+    /// The judgement.
+    pub verdict: Verdict,
+    /// χ² of the residuals.
+    pub chi2: f64,
+    /// Touches less unknowns.
+    pub freedom: usize,
+    /// The cause that explains most of the misfit, when there is one.
+    pub pattern: Option<Pattern>,
+    /// The evidence for each cause, largest first.
+    pub evidence: Vec<Evidence>,
+    /// The residuals, in the order of the touches.
+    pub residuals: Vec<Residual>,
+    /// Relative standard deviation that the residuals ask for in addition; 0 while the model holds.
+    pub added_rel: f64,
+}
+
+impl ModelCheck {
+    /// χ² for each degree of freedom.
+    pub fn chi2_per_dof(&self) -> f64 {
+        self.chi2 / self.freedom as f64
+    }
+}
+
+/// The probability of chance below which a model is strained; in all tests of a run together.
+const STRAINED_BELOW: f64 = 0.01;
+/// The same for a rejected model.
+const REJECTED_BELOW: f64 = 1e-4;
+/// A column that is left with less than this part of its length does not differ from the fitted ones.
+const LEFT_OVER: f64 = 1e-4;
+
+/// The judgement on a fit; `None` when nothing is free.
+pub(super) fn judge(touches: &Usable<'_>, fit: &Fit) -> Option<ModelCheck> {
+    let freedom = touches.freedom(fit.learnt.len())?;
+    let state = &fit.state;
+    let mut evidence = terms(touches, fit);
+    evidence.extend(samples(touches, state));
+    let tests = 1.0 + evidence.len() as f64;
+    let by_chi2 = chi2_probability(state.chi2, freedom as f64 / touches.overlap(state));
+    let least = evidence.iter().map(|one| one.probability).fold(by_chi2, f64::min);
+    let probability = (tests * least).min(1.0);
+    let verdict = if probability < REJECTED_BELOW {
+        Verdict::Rejected
+    } else if probability < STRAINED_BELOW {
+        Verdict::Strained
+    } else {
+        Verdict::Holds
+    };
+    evidence.sort_by(|a, b| b.chi2_removed.total_cmp(&a.chi2_removed));
+    let is_evident = |one: &&Evidence| tests * one.probability < STRAINED_BELOW;
+    let pattern = evidence.iter().find(is_evident).map(|one| one.pattern);
+    let residual = |i: usize| Residual {
+        touch: touches.indices[i],
+        log: state.residuals[i],
+        sigmas: state.residuals[i] * state.weights[i].sqrt(),
+    };
+    let added_rel = match verdict {
+        Verdict::Holds => 0.0,
+        Verdict::Strained | Verdict::Rejected => touches.added_rel(state),
+    };
+    Some(ModelCheck {
+        verdict,
+        chi2: state.chi2,
+        freedom,
+        pattern: pattern.filter(|_| verdict != Verdict::Holds),
+        evidence,
+        residuals: (0..touches.touches.len()).map(residual).collect(),
+        added_rel,
+    })
+}
+
+/// The evidence for each cause but the samples: the best of its terms.
+fn terms(touches: &Usable<'_>, fit: &Fit) -> Vec<Evidence> {
+    let (terms, state) = (&fit.terms, &fit.state);
+    let slope = |term: Term| {
+        let mut slopes = touches.slopes(terms, &[term], &state.weights)?;
+        slopes.pop()
+    };
+    let angles: Vec<f64> = touches.touches.iter().map(|touch| touch.pose.angle_rad()).collect();
+    let mut splits = angles.clone();
+    splits.sort_by(f64::total_cmp);
+    splits.dedup();
+    let mut columns: Vec<(Pattern, Vec<f64>)> = Vec::new();
+    if let Some(ratio) = slope(Term::TangentialRatio) {
+        // A contact that slips from some angle on sticks at the angles below.
+        for split in splits.iter().skip(1) {
+            let above = ratio.iter().zip(&angles);
+            let above = above.map(|(slope, angle)| if angle >= split { *slope } else { 0.0 });
+            columns.push((Pattern::Friction, above.collect()));
+        }
+        columns.push((Pattern::Friction, ratio));
+    }
+    columns.extend(slope(Term::Arm).map(|column| (Pattern::Arm, column)));
+    let other = Terms { deflects: !terms.deflects, ..*terms };
+    if let Some(logs) = touches.logs(&other) {
+        let change = logs.iter().zip(&state.logs).map(|(other, log)| other - log).collect();
+        columns.push((Pattern::Depth, change));
+    }
+    let depths = touches.touches.iter().map(|touch| touch.normal_depth_mm().ln());
+    columns.push((Pattern::Depth, depths.collect()));
+    let all = columns.iter().filter_map(|(pattern, column)| {
+        let column = free(touches, fit, column)?;
+        Some(score(touches, state, *pattern, &column))
+    });
+    let all: Vec<Evidence> = all.collect();
+    let of = |pattern: Pattern| {
+        let tried: Vec<&Evidence> = all.iter().filter(|one| one.pattern == pattern).collect();
+        let best = tried.iter().max_by(|a, b| a.chi2_removed.total_cmp(&b.chi2_removed))?;
+        let least = tried.iter().map(|one| one.probability).fold(1.0, f64::min);
+        Some(Evidence { probability: (least * tried.len() as f64).min(1.0), ..**best })
+    };
+    [Pattern::Friction, Pattern::Arm, Pattern::Depth].into_iter().filter_map(of).collect()
+}
+
+/// A column less its part along the samples and the learnt terms; `None` when nothing is left.
+fn free(touches: &Usable<'_>, fit: &Fit, column: &[f64]) -> Option<Vec<f64>> {
+    let weights = &fit.state.weights;
+    let mut free = touches.centred(column, weights);
+    let before = weighted(&free, &free, weights);
+    let inverse = linear::inverse(&information(&fit.slopes, weights))?;
+    let along: Vec<f64> = fit.slopes.iter().map(|slope| weighted(slope, &free, weights)).collect();
+    for (row, slope) in inverse.iter().zip(&fit.slopes) {
+        let factor: f64 = row.iter().zip(&along).map(|(a, b)| a * b).sum();
+        free.iter_mut().zip(slope).for_each(|(value, slope)| *value -= factor * slope);
+    }
+    let after = weighted(&free, &free, weights);
+    (after > LEFT_OVER * before).then_some(free)
+}
+
+/// Rao's score of a term.
+fn score(touches: &Usable<'_>, state: &State, pattern: Pattern, column: &[f64]) -> Evidence {
+    let pull = weighted(column, &state.residuals, &state.weights);
+    let chi2_removed = pull.powi(2) / weighted(column, column, &state.weights);
+    let alone = touches.covaried(column, column, state, 0.0);
+    let variance = touches.covaried(column, column, state, SHARED_DEPTH).max(alone);
+    let probability = chi2_probability(pull.powi(2) / variance, 1.0);
+    Evidence { pattern, chi2_removed, probability }
+}
+
+/// The evidence that one sample does not agree with itself, for the worst one.
+fn samples(touches: &Usable<'_>, state: &State) -> Option<Evidence> {
+    let samples = touches.main.known_mpa.len();
+    let of_sample = |sample: usize| {
+        let of_sample =
+            || (0..touches.touches.len()).filter(|&i| touches.touches[i].sample == sample);
+        let freedom = of_sample().count().checked_sub(1).filter(|freedom| *freedom > 0)? as f64;
+        let chi2: f64 = of_sample().map(|i| state.weights[i] * state.residuals[i].powi(2)).sum();
+        Some((sample, chi2 - freedom, chi2_probability(chi2, freedom)))
+    };
+    let all: Vec<_> = (0..samples).filter_map(of_sample).collect();
+    let (sample, excess, probability) = *all.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let probability = (probability * all.len() as f64).min(1.0);
+    Some(Evidence { pattern: Pattern::Sample(sample), chi2_removed: excess, probability })
+}
+
+impl Usable<'_> {
+    /// The variance of χ² over that of independent touches, when the depth errors are shared.
+    fn overlap(&self, state: &State) -> f64 {
+        let n = self.touches.len();
+        let shared = |i: usize, j: usize| {
+            let variances = state.depth_variances[i] * state.depth_variances[j];
+            SHARED_DEPTH.powi(2) * state.weights[i] * state.weights[j] * variances
+        };
+        let pairs = |i: usize| {
+            let others = (0..n).filter(move |&j| j != i && self.is_one_place(i, j));
+            others.map(|j| shared(i, j)).sum::<f64>()
+        };
+        1.0 + (0..n).map(pairs).sum::<f64>() / n as f64
+    }
+
+    /// The root mean square over the poses of the misfit that all samples share, against the pose of
+    /// the smallest angle, where the stiffness is calibrated.
+    fn added_rel(&self, state: &State) -> f64 {
+        let mut poses: Vec<(f64, f64)> = Vec::new();
+        let key = |i: usize| {
+            let pose = &self.touches[i].pose;
+            (pose.angle_rad(), if pose.angle_rad() > 0.0 { pose.azimuth_rad() } else { 0.0 })
+        };
+        for i in 0..self.touches.len() {
+            if !poses.contains(&key(i)) {
+                poses.push(key(i));
+            }
+        }
+        let mean = |pose: &(f64, f64)| {
+            let here = || (0..self.touches.len()).filter(|&i| key(i) == *pose);
+            let weight: f64 = here().map(|i| state.weights[i]).sum();
+            let sum: f64 = here().map(|i| state.weights[i] * state.residuals[i]).sum();
+            (sum / weight, 1.0 / weight)
+        };
+        let Some(first) = poses.iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { return 0.0 };
+        let (at_first, variance) = mean(first);
+        let excess = |pose: &(f64, f64)| {
+            let (here, own) = mean(pose);
+            (here - at_first).powi(2) - variance - own
+        };
+        let others = poses.iter().filter(|pose| *pose != first);
+        let excess: Vec<f64> = others.map(excess).collect();
+        let common = excess.iter().sum::<f64>() / excess.len().max(1) as f64;
+        // What is not common to all samples shows in χ² alone.
+        let n = self.touches.len() as f64;
+        let own = (state.chi2 / n - 1.0) * n / state.weights.iter().sum::<f64>();
+        common.max(own).max(0.0).sqrt()
+    }
+}
+
+/// Probability of a χ² at least as large, by the cube root of Wilson and Hilferty; exact for one degree
+/// of freedom.
+fn chi2_probability(chi2: f64, freedom: f64) -> f64 {
+    if freedom <= 1.0 {
+        return 2.0 * above(chi2.max(0.0).sqrt());
+    }
+    let part = 2.0 / (9.0 * freedom);
+    above(((chi2 / freedom).cbrt() - (1.0 - part)) / part.sqrt())
+}
+
+/// The probability that a normal variable exceeds `x`.
+///
+/// # Source
+/// Abramowitz and Stegun, Handbook of Mathematical Functions (1964), 26.2.17 up to 3, where it is within
+/// 7.5e-8, and the continued fraction 26.2.14 beyond.
+fn above(x: f64) -> f64 {
+    if x < 0.0 {
+        return 1.0 - above(-x);
+    }
+    let density = (-0.5 * x * x).exp() / std::f64::consts::TAU.sqrt();
+    if x > 3.0 {
+        let fraction = (1..=60).rev().fold(x, |tail, k| x + f64::from(k) / tail);
+        return density / fraction;
+    }
+    let t = 1.0 / (1.0 + 0.231_641_9 * x);
+    let coefficients =
+        [0.319_381_530, -0.356_563_782, 1.781_477_937, -1.821_255_978, 1.330_274_429];
+    density * coefficients.iter().rev().fold(0.0, |sum, coefficient| (sum + coefficient) * t)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Tables of the normal and the χ² distribution.
+    #[test]
+    fn the_probabilities_are_those_of_the_tables() {
+        #[track_caller]
+        fn check(found: f64, expected: f64, relative: f64) {
+            assert!((found / expected - 1.0).abs() < relative, "{found} is not {expected}");
+        }
+        check(above(0.0), 0.5, 1e-6);
+        check(above(1.959_964), 0.025, 1e-5);
+        check(above(-1.0), 0.841_344_7, 1e-6);
+        check(above(4.0), 3.167_124e-5, 1e-6);
+        check(above(3.0 + 1e-9), above(3.0), 1e-4);
+        check(chi2_probability(3.841_459, 1.0), 0.05, 1e-5);
+        check(chi2_probability(73.311, 54.0), 0.041, 0.03);
+        check(chi2_probability(18.307, 10.0), 0.05, 0.01);
+    }
+}

@@ -1,0 +1,125 @@
+//! The stiffness of the touches and samples of a run at known angles, from its shifts: the model is
+//! learnt and judged, the stiffness is calibrated by the known samples.
+
+mod calibration;
+
+use rig_contact::inverse::InverseError;
+
+pub use calibration::{ComparedAt, Reading, RunCalibration, ScaleSource};
+
+use crate::{
+    model::{MainTouches, ModelSource, RunModel},
+    stiffness::{Compensation, PosedTouch, SampleStiffness, Young},
+};
+
+/// The touches of a run, with what is known beforehand.
+#[derive(Debug, Clone, Copy)]
+pub struct RunTouches<'a> {
+    /// Touches of the main phase.
+    pub main: &'a [PosedTouch],
+    /// Touches of the blind phase. Their samples take no part in any result.
+    pub blind: &'a [PosedTouch],
+    /// Known Young's modulus of each sample, MPa.
+    pub known_mpa: &'a [Option<f64>],
+    /// Standard deviation of the stiffness from one point of a sample to the next, relative.
+    pub sample_rel: f64,
+    /// Mean free resonance measured, over that of the sensor described.
+    pub resonance_ratio: f64,
+    /// Relative standard deviation of the common factor, without a known sample.
+    pub scale_rel: f64,
+}
+
+/// The stiffness of a touch or a site, calibrated.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RunYoung {
+    /// The stiffness with the uncertainty of the touch alone.
+    pub own: Young,
+    /// Relative standard deviation that other touches share: of calibration and model.
+    pub common_rel: f64,
+}
+
+impl RunYoung {
+    /// The stiffness with its whole uncertainty.
+    pub fn whole(&self) -> Young {
+        let Young { mpa, sigma_mpa } = self.own;
+        Young { mpa, sigma_mpa: sigma_mpa.hypot(self.common_rel * mpa) }
+    }
+}
+
+/// The calibrated stiffness of a sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RunSample {
+    /// Index of the sample.
+    pub sample: usize,
+    /// Young's modulus, MPa.
+    pub young_mpa: f64,
+    /// Its standard deviation, those of calibration and model included, MPa.
+    pub sigma_mpa: f64,
+    /// Standard deviation of the touches about it, MPa, when there are several.
+    pub spread_mpa: Option<f64>,
+    /// Known Young's modulus, MPa.
+    pub known_mpa: Option<f64>,
+    /// Number of touches or sites with a stiffness.
+    pub touches: usize,
+}
+
+/// The stiffness of a run.
+#[derive(Debug, Clone)]
+pub struct RunStiffness {
+    /// The correction of the description by known samples.
+    pub calibration: RunCalibration,
+    /// Each sample with a stiffness, in order.
+    pub samples: Vec<RunSample>,
+    /// Each main touch.
+    pub main: Vec<Result<RunYoung, InverseError>>,
+    /// Each blind touch.
+    pub blind: Vec<Result<RunYoung, InverseError>>,
+}
+
+/// The stiffness of a run at known angles, with its model.
+pub fn at_known_angles(
+    described: &Compensation,
+    touches: &RunTouches<'_>,
+    source: ModelSource,
+) -> (RunStiffness, RunModel) {
+    let RunTouches { main, blind, known_mpa, sample_rel, .. } = *touches;
+    let main_touches = MainTouches { touches: main, known_mpa, sample_rel };
+    let model = RunModel::of(described, &main_touches, source);
+    let reading = |touch: &PosedTouch| {
+        let found = model.of_touch(touch);
+        Reading { sample: touch.sample, found }
+    };
+    let main_readings: Vec<Reading> = main.iter().map(reading).collect();
+    let blind_readings: Vec<Reading> = blind.iter().map(reading).collect();
+    // At the smallest angle, an error of the angle changes the stiffness least.
+    let angle = |touch: &PosedTouch| touch.pose.angle_rad();
+    let least = main.iter().map(angle).min_by(f64::total_cmp);
+    let at = ComparedAt {
+        angle_deg: least.map(f64::to_degrees),
+        is_there: main.iter().map(|touch| Some(angle(touch)) == least).collect(),
+    };
+    (calibrated(touches, &main_readings, &blind_readings, &at, Some(&model)), model)
+}
+
+/// Calibrates the stiffness of main and blind touches, or of sites.
+pub fn calibrated(
+    touches: &RunTouches<'_>,
+    main: &[Reading],
+    blind: &[Reading],
+    at: &ComparedAt,
+    model: Option<&RunModel>,
+) -> RunStiffness {
+    let calibration = RunCalibration::of(main, at, touches, model);
+    let all = |readings: &[Reading]| {
+        readings.iter().map(|reading| calibration.touch(reading)).collect::<Vec<_>>()
+    };
+    let sample = |(sample, known_mpa): (usize, &Option<f64>)| {
+        let of_sample = || main.iter().filter(|reading| reading.sample == sample);
+        let found: Vec<Young> =
+            of_sample().filter_map(|reading| Some(reading.found.as_ref().ok()?.young)).collect();
+        let mean = SampleStiffness::mean(sample, &found, of_sample().count() - found.len())?;
+        Some(calibration.sample(&mean, of_sample(), *known_mpa))
+    };
+    let samples = touches.known_mpa.iter().enumerate().filter_map(sample).collect();
+    RunStiffness { samples, main: all(main), blind: all(blind), calibration }
+}
