@@ -14,6 +14,7 @@ from pathlib import Path
 import duckdb
 import pandas
 import polars
+import pyarrow.parquet
 
 from bench import SCENE, check, equal
 
@@ -64,6 +65,12 @@ def parquet(table, data, from_csv):
     described = json.loads(polars.read_parquet_metadata(path)["rigd:columns"])
     equal([column["name"] for column in described], list(frame), f"{table}: described columns")
     check(all(column["description"] for column in described), f"{table}: a column without a meaning")
+    fields = pyarrow.parquet.read_schema(path)
+    for column in described:
+        found = {key: text.decode() for key, text in (fields.field(column["name"]).metadata or {}).items()}
+        wanted = {b"unit": column["unit"], b"description": column["description"]}
+        equal({key: found.get(key, "") for key in wanted}, wanted, f"{table}.{column['name']}: of its field")
+    check(any(field.metadata.get(b"unit") for field in fields), f"{table}: no column has a unit")
     equal((list(from_csv), len(from_csv)), (list(frame), len(frame)), f"{table}.csv and {table}.parquet")
     for column in frame:
         if kind(column) == "number":

@@ -4,6 +4,7 @@
 //! they contain no wall time and no id of the run, so that two runs of one protocol with the same
 //! seed give the same files.
 
+mod arrow;
 mod column;
 mod documents;
 mod error;
@@ -14,6 +15,7 @@ mod table;
 mod tests;
 mod touches;
 mod touchstone;
+mod values;
 
 use std::io::Write;
 

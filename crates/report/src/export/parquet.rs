@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use parquet::{
     basic::{Compression, LogicalType, Repetition, TimeUnit, Type as Physical},
-    data_type::{BoolType, ByteArray, ByteArrayType, DataType, DoubleType, Int64Type},
+    data_type::{BoolType, ByteArrayType, DataType, DoubleType, Int64Type},
     errors::ParquetError,
     file::{
         metadata::KeyValue,
@@ -16,11 +16,12 @@ use parquet::{
 use serde_json::json;
 
 use super::{
+    arrow,
     column::{Column, ColumnKind},
     error::ExportError,
     table::TableValue,
+    values::{Typed, Values},
 };
-use crate::units::unix_ms;
 
 /// Rows that are written together. A reader can skip what it does not need, and writing takes some
 /// megabytes of memory.
@@ -35,21 +36,6 @@ pub(super) struct ParquetTable {
     columns: Vec<(Column, Values)>,
     rows: usize,
     writer: SerializedFileWriter<Vec<u8>>,
-}
-
-/// The values of a column, and for each row whether there is one.
-#[derive(Debug)]
-struct Values {
-    is_there: Vec<i16>,
-    values: Typed,
-}
-
-#[derive(Debug)]
-enum Typed {
-    Text(Vec<ByteArray>),
-    Whole(Vec<i64>),
-    Number(Vec<f64>),
-    Flag(Vec<bool>),
 }
 
 impl ParquetTable {
@@ -116,7 +102,10 @@ fn properties(columns: &[Column]) -> WriterPropertiesPtr {
         })
         .collect();
     let entry = |key: &str, value: String| KeyValue::new(key.to_owned(), value);
-    let metadata = vec![entry(COLUMNS_KEY, json!(dictionary).to_string())];
+    let metadata = vec![
+        entry(COLUMNS_KEY, json!(dictionary).to_string()),
+        entry(arrow::SCHEMA_KEY, arrow::schema(columns)),
+    ];
     let properties = WriterProperties::builder()
         .set_created_by("rigd".to_owned())
         .set_compression(Compression::SNAPPY)
@@ -125,48 +114,6 @@ fn properties(columns: &[Column]) -> WriterPropertiesPtr {
 }
 
 impl Values {
-    const fn new(kind: ColumnKind) -> Self {
-        let values = match kind {
-            ColumnKind::Text => Typed::Text(Vec::new()),
-            ColumnKind::Whole | ColumnKind::Time => Typed::Whole(Vec::new()),
-            ColumnKind::Number => Typed::Number(Vec::new()),
-            ColumnKind::Flag => Typed::Flag(Vec::new()),
-        };
-        Self { is_there: Vec::new(), values }
-    }
-
-    fn push(&mut self, value: TableValue<'_>) {
-        let is_there = match (&mut self.values, value) {
-            (Typed::Text(texts), TableValue::Text(text)) => {
-                texts.push(text.into());
-                true
-            }
-            (Typed::Whole(times), TableValue::Time(text)) => {
-                unix_ms(text).map(|ms| times.push(ms)).is_some()
-            }
-            (Typed::Whole(numbers), TableValue::Whole(number)) => {
-                numbers.push(number.cast_signed());
-                true
-            }
-            (
-                Typed::Number(numbers),
-                TableValue::Exact(number)
-                | TableValue::Decimals(number, _)
-                | TableValue::Digits(number, _),
-            ) => {
-                numbers.push(number);
-                true
-            }
-            (Typed::Flag(flags), TableValue::Flag(is_set)) => {
-                flags.push(is_set);
-                true
-            }
-            // The table has refused every other value but a missing one.
-            _ => false,
-        };
-        self.is_there.push(is_there.into());
-    }
-
     fn write(self, group: &mut SerializedRowGroupWriter<'_, Vec<u8>>) -> Result<(), ParquetError> {
         let is_there = &self.is_there;
         match self.values {
