@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Reads the tables of a run with pandas, Polars and DuckDB and holds the type of every column against
+"""Reads the tables of a run with pandas, Polars, DuckDB and h5py and holds the type of every column against
 docs/data.md.
 
 Usage: tables.py RIGD   (the program; the run is of samples whose names look like numbers)
@@ -12,6 +12,7 @@ import tempfile
 from pathlib import Path
 
 import duckdb
+import h5py
 import pandas
 import polars
 import pyarrow.parquet
@@ -80,6 +81,35 @@ def parquet(table, data, from_csv):
                 from_csv[column], frame[column], check_dtype=False, rtol=5e-3, atol=atol)
 
 
+def hdf5(rigd, data, folder):
+    """The HDF5 file has every column of every table with its values, its unit and its meaning."""
+    path = folder / "tables.h5"
+    export = [rigd, "export", "latest", "latest", "--data", folder, "--format", "hdf5", "--out", path]
+    subprocess.run(export, check=True)
+    with h5py.File(path) as file:
+        equal(sorted(file), ["readings", "searches", "sweeps", "touches"], "groups")
+        for table, group in file.items():
+            check(group.attrs["description"], f"{table}: no description")
+            # Of two runs, which are the same one here.
+            once = pandas.read_parquet(data / f"{table}.parquet")
+            frame = pandas.concat([once, once], ignore_index=True)
+            equal(sorted(group), sorted([*frame, "run"]), f"{table}: columns")
+            for field in pyarrow.parquet.read_schema(data / f"{table}.parquet"):
+                found, wanted = group[field.name], frame[field.name]
+                unit = (field.metadata.get(b"unit") or b"").decode()
+                if field.name != "started_at":
+                    equal(found.attrs.get("units", ""), unit, f"{table}.{field.name}: units")
+                equal(found.attrs["description"], field.metadata[b"description"].decode(), field.name)
+                if kind(field.name) == "text" and field.name != "started_at":
+                    equal(list(found.asstr()), list(wanted.fillna("")), f"{table}.{field.name}")
+                else:
+                    missing = found.attrs.get("missing_value", float("nan"))
+                    numbers = wanted.astype("int64" if field.name == "started_at" else "float64")
+                    equal(list(numbers.fillna(missing).fillna(0)),
+                          [0 if one != one else one for one in found[:].astype("float64")], field.name)
+    print("HDF5: every column has its values, its unit and its meaning in h5py")
+
+
 def run(rigd, folder):
     """A run with refused touches and one that is measured again, so that no column is empty throughout: two
     resonances of the stiffer sample, at 232 Hz, lie above the window."""
@@ -122,6 +152,7 @@ def main():
                     equal(len(frame), result["touches_planned"], f"{reader.__name__}: rows")
             parquet(table, data, frame)
             print(f"{table}: {len(kinds)} columns have their types in pandas, Polars and DuckDB, as CSV and Parquet")
+        hdf5(sys.argv[1], data, Path(folder))
         check(result["touches_refused"] > 0, "no touch was refused")
 
 

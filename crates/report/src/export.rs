@@ -8,6 +8,7 @@ mod arrow;
 mod column;
 mod documents;
 mod error;
+mod hdf5;
 mod parquet;
 mod records;
 mod table;
@@ -22,6 +23,8 @@ use std::io::Write;
 pub use column::{Column, ColumnKind, TableName};
 pub use documents::documents;
 pub use error::ExportError;
+pub use hdf5::Hdf5Export;
+use records::Take;
 use rig_record::{StoredRecord, Sweep};
 pub use table::TableFormat;
 use table::{Table, TableValue};
@@ -79,28 +82,8 @@ impl<W: Write> TableExport<W> {
         results: &RunResults,
         records: &[StoredRecord],
     ) -> Result<(), ExportError> {
-        let Self { name, table, is_of_several } = self;
-        let run = results.run.short_name();
-        let mut take = |row: &[TableValue<'_>]| {
-            if *is_of_several {
-                table.row(&[&[TableValue::Text(&run)], row].concat())
-            } else {
-                table.row(row)
-            }
-        };
-        match name {
-            TableName::Touches => {
-                let (run_id, is_simulated) =
-                    (results.run.id.to_string(), results.data.is_simulated());
-                results
-                    .touches
-                    .iter()
-                    .try_for_each(|row| take(&touches::touch(row, &run_id, is_simulated)))
-            }
-            TableName::Sweeps => records::sweeps(records, &mut take),
-            TableName::Readings => records::readings(records, &mut take),
-            TableName::Searches => records::searches(records, &mut take),
-        }
+        let table = &mut self.table;
+        rows(self.name, results, records, self.is_of_several, &mut |row| table.row(row))
     }
 
     /// Writes what is left.
@@ -109,6 +92,30 @@ impl<W: Write> TableExport<W> {
     /// Errors of the writer.
     pub fn finish(self) -> Result<(), ExportError> {
         self.table.finish()
+    }
+}
+
+/// Gives each row of a table of a run. With `is_of_several`, its first value names the run.
+fn rows(
+    name: TableName,
+    results: &RunResults,
+    records: &[StoredRecord],
+    is_of_several: bool,
+    take: Take<'_>,
+) -> Result<(), ExportError> {
+    let run = results.run.short_name();
+    let mut take = |row: &[TableValue<'_>]| {
+        if is_of_several { take(&[&[TableValue::Text(&run)], row].concat()) } else { take(row) }
+    };
+    match name {
+        TableName::Touches => {
+            let (run_id, is_simulated) = (results.run.id.to_string(), results.data.is_simulated());
+            let mut touches = results.touches.iter();
+            touches.try_for_each(|row| take(&touches::touch(row, &run_id, is_simulated)))
+        }
+        TableName::Sweeps => records::sweeps(records, &mut take),
+        TableName::Readings => records::readings(records, &mut take),
+        TableName::Searches => records::searches(records, &mut take),
     }
 }
 

@@ -168,11 +168,7 @@ impl<W: Write> Table<W> {
     /// # Errors
     /// Errors of the writer.
     pub(super) fn row(&mut self, values: &[TableValue<'_>]) -> Result<(), ExportError> {
-        let is_right = |(column, value): (&Column, &TableValue<'_>)| value.is_of(column.kind);
-        if values.len() != self.columns.len() || !self.columns.iter().zip(values).all(is_right) {
-            let message = format!("a row does not fit the columns: {values:?}");
-            return Err(io::Error::new(io::ErrorKind::InvalidData, message).into());
-        }
+        checked(self.columns.iter().map(|column| column.kind), values)?;
         match &mut self.sink {
             Sink::Csv(writer) => {
                 writer.write_record(values.iter().map(|value| value.text())).map_err(failed)
@@ -195,6 +191,18 @@ impl<W: Write> Table<W> {
         }
         Ok(())
     }
+}
+
+/// Refuses a row that has not a value of the right kind for each column.
+pub(super) fn checked(
+    kinds: impl ExactSizeIterator<Item = ColumnKind>,
+    values: &[TableValue<'_>],
+) -> Result<(), ExportError> {
+    if kinds.len() == values.len() && kinds.zip(values).all(|(kind, value)| value.is_of(kind)) {
+        return Ok(());
+    }
+    let message = format!("a row does not fit the columns: {values:?}");
+    Err(io::Error::new(io::ErrorKind::InvalidData, message).into())
 }
 
 /// Keeps the kind of the system's error: a closed pipe is not a failure.

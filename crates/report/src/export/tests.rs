@@ -189,6 +189,31 @@ fn check_parquet(name: TableName, results: &RunResults, records: &[StoredRecord]
     assert!(rows > 0 && String::from_utf8(csv).unwrap().lines().count() == rows + 1, "{name:?}");
 }
 
+/// `tests/peers/tables.py` reads such a file with the library of its makers.
+#[test]
+fn hdf5_has_its_whole_length_and_the_same_bytes_for_the_same_records() {
+    let (records, run) = (records(), SampleRun::new(Story::Refused).run);
+    let results = RunResults::new(&run, &records).unwrap();
+    let file = |runs: usize| {
+        let mut export = Hdf5Export::new(1 < runs);
+        for _ in 0..runs {
+            export.add(&results, &records).unwrap();
+        }
+        export.finish()
+    };
+    let (one, two) = (file(1), file(2));
+    assert!(one == file(1) && one.len() < two.len() && file(0).len() < one.len());
+    for bytes in [one, two] {
+        assert!(bytes.starts_with(b"\x89HDF\r\n\x1a\n"));
+        assert_eq!(bytes[40..48], (bytes.len() as u64).to_le_bytes());
+        let names = TableName::ALL.iter().flat_map(|name| name.columns());
+        for column in names {
+            let name = column.name.as_bytes();
+            assert!(bytes.windows(name.len()).any(|window| window == name), "{}", column.name);
+        }
+    }
+}
+
 #[test]
 fn parquet_has_the_rows_and_the_columns_of_csv() {
     let refused = SampleRun::new(Story::Refused);

@@ -10,7 +10,7 @@ use clap::{Args, ValueEnum};
 use rig_record::{Record, StoredRecord};
 use rig_report::{
     RunResults,
-    export::{self, TableExport, TableFormat, TableName},
+    export::{self, Hdf5Export, TableExport, TableFormat, TableName},
 };
 use rig_store::{Reader, Run, StoreError, Sweep};
 
@@ -45,6 +45,8 @@ enum ExportFormat {
     Csv,
     /// One table as Apache Parquet, with types, units and descriptions
     Parquet,
+    /// All tables of the runs as HDF5, with units and descriptions
+    Hdf5,
     /// Every record, one JSON object a line
     Jsonl,
     /// The event model of bluesky, one JSON object a line
@@ -106,6 +108,7 @@ pub(super) fn export(args: &ExportArgs) -> Result<(), Failure> {
             }
             end(out)
         }
+        ExportFormat::Hdf5 => hdf5(args, &reader, &runs),
         ExportFormat::Jsonl => jsonl(args, &reader, &runs),
         ExportFormat::Touchstone => touchstone(args, &reader, &runs),
     }
@@ -119,8 +122,8 @@ fn table(
     name: TableName,
     format: TableFormat,
 ) -> Result<(), Failure> {
-    if format == TableFormat::Parquet && args.out.is_none() && io::stdout().is_terminal() {
-        return Err(Failure::NoFile { what: "Parquet" });
+    if format == TableFormat::Parquet {
+        not_to_a_terminal(args, "Parquet")?;
     }
     let mut out = writer(args)?;
     let mut table = TableExport::new(name, format, runs.len() > 1, &mut out)?;
@@ -130,6 +133,24 @@ fn table(
     }
     table.finish()?;
     end(out)
+}
+
+/// All tables of all runs in one file.
+fn hdf5(args: &ExportArgs, reader: &Reader, runs: &[Run]) -> Result<(), Failure> {
+    not_to_a_terminal(args, "HDF5")?;
+    let mut export = Hdf5Export::new(runs.len() > 1);
+    for run in runs {
+        let (results, records) = read(reader, run)?;
+        export.add(&results, &records)?;
+    }
+    let mut out = writer(args)?;
+    out.write_all(&export.finish()).map_err(|source| Failure::System { what: "output", source })?;
+    end(out)
+}
+
+fn not_to_a_terminal(args: &ExportArgs, what: &'static str) -> Result<(), Failure> {
+    let is_terminal = args.out.is_none() && io::stdout().is_terminal();
+    if is_terminal { Err(Failure::NoFile { what }) } else { Ok(()) }
 }
 
 /// The records of one run, or a file for each run.

@@ -138,7 +138,8 @@ const LAST: Header = Header {
 const EVENTS: &[&str] = &["text/event-stream"];
 const TOML: &[&str] = &["application/toml"];
 const HTML: &[&str] = &["text/html"];
-const TABLES: &[&str] = &["text/csv", "application/vnd.apache.parquet", "application/jsonl"];
+const TABLES: &[&str] =
+    &["text/csv", "application/vnd.apache.parquet", "application/x-hdf5", "application/jsonl"];
 
 /// The requests about the rig as a whole.
 fn of_rig() -> Vec<Route> {

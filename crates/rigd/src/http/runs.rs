@@ -12,7 +12,7 @@ use axum::{
 use rig_engine::{Command, RefusalAnswer};
 use rig_model::with_causes;
 use rig_protocol::StepId;
-use rig_report::export::{self, TableFormat, TableName};
+use rig_report::export::{self, Hdf5Export, TableFormat, TableName};
 use rig_store::{Reader, Record, Run, RunId, RunKind, intact};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -131,6 +131,8 @@ enum ExportFormat {
     Csv,
     /// A table as Parquet.
     Parquet,
+    /// All tables as HDF5.
+    Hdf5,
     /// `csv` of the sweeps.
     Sweeps,
     /// `csv` of the readings.
@@ -168,21 +170,23 @@ impl ExportOptions {
             ExportFormat::Sweeps => Some((TableName::Sweeps, TableFormat::Csv)),
             ExportFormat::Readings => Some((TableName::Readings, TableFormat::Csv)),
             ExportFormat::Searches => Some((TableName::Searches, TableFormat::Csv)),
-            ExportFormat::Jsonl | ExportFormat::Documents => None,
+            ExportFormat::Hdf5 | ExportFormat::Jsonl | ExportFormat::Documents => None,
         }
     }
 
     fn media_type(&self) -> &'static str {
-        match self.table() {
-            Some((_, TableFormat::Csv)) => CSV,
-            Some((_, TableFormat::Parquet)) => "application/vnd.apache.parquet",
-            None => "application/jsonl",
+        match (self.table(), self.format) {
+            (Some((_, TableFormat::Csv)), _) => CSV,
+            (Some((_, TableFormat::Parquet)), _) => "application/vnd.apache.parquet",
+            (None, ExportFormat::Hdf5) => "application/x-hdf5",
+            (None, _) => "application/jsonl",
         }
     }
 
     fn file(&self) -> String {
         match (self.table(), self.format) {
             (Some((name, format)), _) => format!("{}.{}", name.name(), format.extension()),
+            (None, ExportFormat::Hdf5) => "tables.h5".to_owned(),
             (None, ExportFormat::Documents) => "documents.jsonl".to_owned(),
             (None, _) => "records.jsonl".to_owned(),
         }
@@ -279,6 +283,10 @@ pub(super) async fn export(
             intact(id, &found.check)?;
             let records = reader.amended(id)?;
             match options.table() {
+                None if matches!(options.format, ExportFormat::Hdf5) => {
+                    let mut tables = Hdf5Export::new(false);
+                    tables.add(&found.results, &records).map(|()| bytes = tables.finish())
+                }
                 None => export::documents(&found.results, &records, &mut bytes),
                 Some((name, format)) => {
                     export::table(name, format, &found.results, &records, &mut bytes)
