@@ -49,6 +49,11 @@ fn the_committed_schemas_are_those_of_the_program_and_every_shipped_file_names_o
         let known = fs::read_to_string(&committed).unwrap_or_default();
         let (is_done, text) = rigd(&["schema", kind]);
         assert!(is_done && known == text, "`rigd schema {kind} > docs/schemas/{kind}.json`");
+        let page = format!("docs/reference/{kind}.md");
+        let known = fs::read_to_string(repository().join(&page)).unwrap_or_default();
+        let (is_done, text) = rigd(&["schema", kind, "--markdown"]);
+        assert!(is_done && known == text, "`rigd schema {kind} --markdown > {page}`");
+        check_reference(&text, &serde_json::from_str(&rigd(&["schema", kind]).1).unwrap());
     }
     for (kind, file) in FILES {
         let path = repository().join("config").join(file);
@@ -56,6 +61,27 @@ fn the_committed_schemas_are_those_of_the_program_and_every_shipped_file_names_o
         let named = text.lines().find_map(|line| line.strip_prefix("#:schema ")).unwrap();
         let found = path.parent().unwrap().join(named).canonicalize().unwrap();
         assert!(found.ends_with(format!("docs/schemas/{kind}.json")), "{file}: {named}");
+    }
+}
+
+/// The page has a row for each key of the schema, with a meaning and, if it is required, that word.
+#[track_caller]
+fn check_reference(page: &str, schema: &Value) {
+    let keys = |schema: &Value| schema["properties"].as_object().cloned().unwrap_or_default();
+    for (key, value) in keys(schema) {
+        let inner = if value["type"] == "array" { &value["items"] } else { &value };
+        if keys(inner).is_empty() || page.contains(&format!("\n| `{key}` ")) {
+            let row = page.lines().find(|line| line.starts_with(&format!("| `{key}` |")));
+            let row = row.unwrap_or_else(|| panic!("{key} is not on the page"));
+            let cells: Vec<&str> = row.split(" | ").collect();
+            assert!(cells.len() == 5 && cells[4].trim_end_matches(" |").len() > 3, "{row}");
+        } else {
+            assert!(
+                page.contains(&format!("[{key}]")) || page.contains(&format!(".{key}]")),
+                "{key}"
+            );
+            check_reference(page, inner);
+        }
     }
 }
 

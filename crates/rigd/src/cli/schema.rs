@@ -1,7 +1,8 @@
 //! `rigd schema` and `rigd new`: the form of the files that a person writes.
 
+mod reference;
+
 use std::{
-    collections::BTreeMap,
     fs::File,
     io::{self, Write},
     path::PathBuf,
@@ -22,6 +23,9 @@ pub(super) struct SchemaArgs {
     /// Kind of file
     #[arg(value_enum)]
     kind: FileKind,
+    /// Print tables of the keys for a person, as Markdown, instead of the JSON Schema
+    #[arg(long)]
+    markdown: bool,
 }
 
 /// A kind of file that a person writes.
@@ -64,7 +68,14 @@ pub(super) fn schema(args: &SchemaArgs) -> Result<(), Failure> {
         FileKind::Rig => (RigFile::schema(), RIG),
         FileKind::Scene => (rig_sim::scene::schema(), SCENE),
     };
-    print(&format!("{:#}", described(schema, "", &comments(manual))))
+    let comments = comments(manual);
+    let schema = described(schema, "", &comments);
+    if args.markdown {
+        let kind = args.kind.to_possible_value();
+        let kind = kind.as_ref().map_or("", |kind| kind.get_name());
+        return print(reference::page(kind, &schema, &comments).trim_end());
+    }
+    print(&format!("{schema:#}"))
 }
 
 /// Writes a file to start from.
@@ -95,35 +106,80 @@ fn protocol(name: &str) -> String {
     )
 }
 
-/// The comment above each key of a manual, by the dotted name of the key.
-fn comments(manual: &str) -> BTreeMap<String, String> {
-    let (mut found, mut table, mut block) = (BTreeMap::new(), String::new(), Vec::new());
+/// A key of a manual, or a table.
+#[derive(Debug)]
+struct KeyComment {
+    /// With the names of its tables and dots.
+    name: String,
+    text: String,
+    /// Its value in the manual as TOML; empty for a table.
+    value: String,
+}
+
+/// The comment of each key of a manual, by the dotted name of the key, in the order of the manual.
+///
+/// It stands behind the key or above it. A key without one has that of the key or of the header before it.
+fn comments(manual: &str) -> Vec<KeyComment> {
+    let (mut found, mut table, mut block): (Vec<KeyComment>, _, _) =
+        (Vec::new(), String::new(), Vec::new());
+    let (mut current, mut was_left_out) = (String::new(), false);
+    let mut note = |name: String, text: &str, value: &str| {
+        if !found.iter().any(|known| known.name == name) {
+            found.push(KeyComment { name, text: text.to_owned(), value: value.to_owned() });
+        }
+    };
     for line in manual.lines() {
-        if let Some(text) = line.strip_prefix('#') {
-            let is_key = text.trim_start().split_once(" = ").is_some_and(|(key, _)| is_key(key));
-            if is_key && !block.is_empty() {
-                // A key that is left out, with its comment above.
-                let key = text.trim_start().split(' ').next().unwrap_or_default();
-                found.entry(format!("{table}{key}")).or_insert_with(|| block.join(" "));
+        // A key or a table that is left out, with its comment above.
+        let has_comment = was_left_out || !block.is_empty();
+        let left_out = line.strip_prefix("# ").filter(|text| has_comment && is_toml(text));
+        was_left_out = left_out.is_some();
+        match left_out.or((!line.starts_with('#')).then_some(line)) {
+            // What stands above belongs to the file as a whole.
+            None if line.starts_with("#:") => block.clear(),
+            None if line.starts_with("# ----") => {}
+            None => block.push(line[1..].trim()),
+            Some(header) if header.starts_with('[') => {
+                header.trim_matches(['[', ']']).clone_into(&mut table);
+                current = joined(&block);
+                note(table.clone(), &current, "");
+                table.push('.');
                 block.clear();
-            } else if !text.starts_with(" ----") {
-                block.push(text.trim().to_owned());
             }
-            continue;
+            Some(line) if is_toml(line) => {
+                let (key, value) = line.split_once(" = ").unwrap_or_default();
+                let above = joined(&block);
+                let (value, behind) = value.rsplit_once(" # ").unwrap_or((value, ""));
+                if !behind.is_empty() {
+                    behind.clone_into(&mut current);
+                } else if !above.is_empty() {
+                    current = above;
+                }
+                note(format!("{table}{key}"), &current, value);
+                block.clear();
+            }
+            Some(_) => {
+                block.clear();
+                current.clear();
+            }
         }
-        if let Some(header) = line.strip_prefix('[') {
-            header.trim_matches(['[', ']']).clone_into(&mut table);
-            found.entry(table.clone()).or_insert_with(|| block.join(" "));
-            table.push('.');
-        } else if let Some((key, _)) = line.split_once(" = ")
-            && is_key(key)
-        {
-            found.entry(format!("{table}{key}")).or_insert_with(|| block.join(" "));
-        }
-        block.clear();
     }
-    found.retain(|_, text| !text.is_empty());
     found
+}
+
+/// The lines of a comment as one text. A word that is explained beside it gets a colon.
+fn joined(block: &[&str]) -> String {
+    let mut text = block.join(" ").replace("\"  ", "\": ");
+    while text.contains("  ") {
+        text = text.replace("  ", " ");
+    }
+    text.trim().to_owned()
+}
+
+/// Whether a line is a header or begins with a key.
+fn is_toml(line: &str) -> bool {
+    line.starts_with("[[")
+        || line.starts_with('[') && line.ends_with(']')
+        || line.split_once(" = ").is_some_and(|(key, _)| is_key(key))
 }
 
 fn is_key(text: &str) -> bool {
@@ -132,8 +188,9 @@ fn is_key(text: &str) -> bool {
 }
 
 /// A schema with the comments of its manual as descriptions.
-fn described(mut schema: Value, path: &str, comments: &BTreeMap<String, String>) -> Value {
-    if let Some(text) = comments.get(path) {
+fn described(mut schema: Value, path: &str, comments: &[KeyComment]) -> Value {
+    let of_path = |key: &&KeyComment| key.name == path && !key.text.is_empty();
+    if let Some(KeyComment { text, .. }) = comments.iter().find(of_path) {
         schema["description"] = text.as_str().into();
     }
     if let Some(items) = schema.get_mut("items") {
@@ -143,7 +200,7 @@ fn described(mut schema: Value, path: &str, comments: &BTreeMap<String, String>)
 }
 
 /// The same for the keys of a table.
-fn with_keys(mut schema: Value, path: &str, comments: &BTreeMap<String, String>) -> Value {
+fn with_keys(mut schema: Value, path: &str, comments: &[KeyComment]) -> Value {
     for (key, value) in
         schema.get_mut("properties").and_then(Value::as_object_mut).into_iter().flatten()
     {
