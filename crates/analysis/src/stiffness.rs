@@ -4,7 +4,7 @@
 //! unknown angle needs several touches, each with the probe turned.
 
 use rig_contact::{
-    Contact, ContactLaw, Depth, Friction, Models, Pose, SensorDescription, Tier,
+    Contact, ContactLaw, Depth, Friction, Models, Pose, SensorDescription, Tier, Tissue,
     inverse::{
         AnglePrior, AzimuthPrior, InverseError, OneTouch, SiteTouch, TiltInference, TissueKind,
         TouchModel, TouchSigmas, infer_tilt,
@@ -154,6 +154,14 @@ impl Compensation {
         let Self { tier, law, friction, kind, .. } = *self;
         let contact = Contact { pose: touch.pose, depth: touch.depth, law, friction };
         Ok(self.models.young_of_shift_mpa(tier, touch.shift_hz, kind, &contact)?.ln())
+    }
+
+    /// The shift of a touch of this stiffness by the model, Hz; `None` outside of the model.
+    pub(crate) fn shift_hz(&self, touch: &PosedTouch, young_mpa: f64) -> Option<f64> {
+        let Self { tier, law, friction, kind, .. } = *self;
+        let contact = Contact { pose: touch.pose, depth: touch.depth, law, friction };
+        let tissue = Tissue::new(young_mpa, kind.poisson, kind.loss).ok()?;
+        Some(self.models.predict(tier, &tissue, &contact).ok()?.shift_hz)
     }
 
     /// The tangential over the normal contact stiffness.

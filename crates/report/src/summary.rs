@@ -123,7 +123,7 @@ pub struct ModelSummary {
     pub pattern_sample: Option<String>,
     /// What one further term for each cause would change, largest first.
     pub evidence: Vec<EvidenceSummary>,
-    /// Relative standard deviation that a misfit adds to every stiffness.
+    /// Relative standard deviation that scatter and misfit of the residuals add to every stiffness.
     pub added_rel: f64,
     /// Tangential over normal contact stiffness.
     pub tangential_ratio: TermSummary,

@@ -21,6 +21,7 @@ mod paper_bench;
 mod progress;
 mod simulate;
 mod speed_accuracy;
+mod truths;
 
 use std::{io, process::ExitCode};
 
@@ -44,6 +45,7 @@ enum Command {
     Invert(invert::Args),
     Compensation(compensation::Args),
     SpeedAccuracy(speed_accuracy::Args),
+    Truths(truths::Args),
     Failures(failures::Args),
 }
 
@@ -58,6 +60,7 @@ fn main() -> ExitCode {
         Command::Invert(args) => invert::run(&args, &mut out),
         Command::Compensation(args) => compensation::run(&args, &mut out),
         Command::Failures(args) => failures::run(&args, &mut out),
+        Command::Truths(args) => truths::run(&args, &mut out),
         Command::SpeedAccuracy(args) => speed_accuracy::run(&args, &mut out),
     };
     outcome::exit(result)

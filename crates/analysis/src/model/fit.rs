@@ -285,6 +285,19 @@ impl<'a> Usable<'a> {
         of.iter().map(slope).collect()
     }
 
+    /// The touches with the shifts that the model gives for the mean stiffness of their samples.
+    pub(super) fn smoothed(&self, terms: &Terms, state: &State) -> Option<Self> {
+        let model = self.described.with(terms)?;
+        let smooth = |(index, touch): (usize, &PosedTouch)| {
+            let young_mpa = (state.logs[index] - state.residuals[index]).exp();
+            let shift_hz = model.shift_hz(&terms.touch(touch), young_mpa)?;
+            Some(PosedTouch { shift_hz, ..*touch })
+        };
+        let touches: Option<Vec<PosedTouch>> =
+            self.touches.iter().enumerate().map(smooth).collect();
+        Some(Self { touches: touches?, indices: self.indices.clone(), ..*self })
+    }
+
     /// The logarithm of the stiffness of each touch.
     pub(super) fn logs(&self, terms: &Terms) -> Option<Vec<f64>> {
         let model = self.described.with(terms)?;

@@ -14,7 +14,7 @@ use super::{
 pub enum Verdict {
     /// The touches agree with the model.
     Holds,
-    /// They would disagree as much by chance in one run of a hundred.
+    /// They would disagree as much by chance in a few runs of a hundred.
     Strained,
     /// They disagree beyond chance.
     Rejected,
@@ -93,7 +93,8 @@ pub struct ModelCheck {
     pub evidence: Vec<Evidence>,
     /// The residuals, in the order of the touches.
     pub residuals: Vec<Residual>,
-    /// Relative standard deviation that the residuals ask for in addition; 0 while the model holds.
+    /// Relative standard deviation that the residuals ask for in addition: that of their scatter beyond
+    /// what was stated, and of a misfit that all samples share under a model that does not hold.
     pub added_rel: f64,
 }
 
@@ -105,11 +106,11 @@ impl ModelCheck {
 }
 
 /// The probability of chance below which a model is strained; in all tests of a run together.
-const STRAINED_BELOW: f64 = 0.01;
+const STRAINED_BELOW: f64 = 0.02;
 /// The same for a rejected model.
 const REJECTED_BELOW: f64 = 1e-4;
 /// A column that is left with less than this part of its length does not differ from the fitted ones.
-const LEFT_OVER: f64 = 1e-4;
+const LEFT_OVER: f64 = 0.01;
 
 /// The judgement on a fit; `None` when nothing is free.
 pub(super) fn judge(touches: &Usable<'_>, fit: &Fit) -> Option<ModelCheck> {
@@ -136,9 +137,10 @@ pub(super) fn judge(touches: &Usable<'_>, fit: &Fit) -> Option<ModelCheck> {
         log: state.residuals[i],
         sigmas: state.residuals[i] * state.weights[i].sqrt(),
     };
+    let scatter = touches.excess_scatter(state, freedom);
     let added_rel = match verdict {
-        Verdict::Holds => 0.0,
-        Verdict::Strained | Verdict::Rejected => touches.added_rel(state),
+        Verdict::Holds => scatter,
+        Verdict::Strained | Verdict::Rejected => scatter.max(touches.common_misfit(state)),
     };
     Some(ModelCheck {
         verdict,
@@ -154,8 +156,10 @@ pub(super) fn judge(touches: &Usable<'_>, fit: &Fit) -> Option<ModelCheck> {
 /// The evidence for each cause but the samples: the best of its terms.
 fn terms(touches: &Usable<'_>, fit: &Fit) -> Vec<Evidence> {
     let (terms, state) = (&fit.terms, &fit.state);
+    // Terms of the readings themselves would be drawn by the same noise as the residuals.
+    let Some(smooth) = touches.smoothed(terms, state) else { return Vec::new() };
     let slope = |term: Term| {
-        let mut slopes = touches.slopes(terms, &[term], &state.weights)?;
+        let mut slopes = smooth.slopes(terms, &[term], &state.weights)?;
         slopes.pop()
     };
     let angles: Vec<f64> = touches.touches.iter().map(|touch| touch.pose.angle_rad()).collect();
@@ -174,8 +178,8 @@ fn terms(touches: &Usable<'_>, fit: &Fit) -> Vec<Evidence> {
     }
     columns.extend(slope(Term::Arm).map(|column| (Pattern::Arm, column)));
     let other = Terms { deflects: !terms.deflects, ..*terms };
-    if let Some(logs) = touches.logs(&other) {
-        let change = logs.iter().zip(&state.logs).map(|(other, log)| other - log).collect();
+    if let (Some(logs), Some(others)) = (smooth.logs(terms), smooth.logs(&other)) {
+        let change = others.iter().zip(&logs).map(|(other, log)| other - log).collect();
         columns.push((Pattern::Depth, change));
     }
     let depths = touches.touches.iter().map(|touch| touch.normal_depth_mm().ln());
@@ -252,7 +256,7 @@ impl Usable<'_> {
 
     /// The root mean square over the poses of the misfit that all samples share, against the pose of
     /// the smallest angle, where the stiffness is calibrated.
-    fn added_rel(&self, state: &State) -> f64 {
+    fn common_misfit(&self, state: &State) -> f64 {
         let mut poses: Vec<(f64, f64)> = Vec::new();
         let key = |i: usize| {
             let pose = &self.touches[i].pose;
@@ -278,10 +282,14 @@ impl Usable<'_> {
         let others = poses.iter().filter(|pose| *pose != first);
         let excess: Vec<f64> = others.map(excess).collect();
         let common = excess.iter().sum::<f64>() / excess.len().max(1) as f64;
-        // What is not common to all samples shows in χ² alone.
-        let n = self.touches.len() as f64;
-        let own = (state.chi2 / n - 1.0) * n / state.weights.iter().sum::<f64>();
-        common.max(own).max(0.0).sqrt()
+        common.max(0.0).sqrt()
+    }
+
+    /// The relative standard deviation that would bring χ² down to its degrees of freedom; 0 if it is not
+    /// above them.
+    fn excess_scatter(&self, state: &State, freedom: usize) -> f64 {
+        let mean_weight = state.weights.iter().sum::<f64>() / self.touches.len() as f64;
+        ((state.chi2 / freedom as f64 - 1.0) / mean_weight).max(0.0).sqrt()
     }
 }
 

@@ -73,7 +73,7 @@ fn a_model_that_is_the_truth_holds_and_stays_as_it_is() {
         let model = MATCHED.model(source);
         let check = model.check().unwrap();
         assert_eq!((check.verdict, check.pattern), (Verdict::Holds, None), "{check:?}");
-        assert!(check.added_rel == 0.0 && check.residuals.len() == 60);
+        assert!(check.added_rel < 0.02 && check.residuals.len() == 60, "{check:?}");
         let ratio = model.terms().tangential_ratio;
         assert!((ratio - 2.0 / 3.0).abs() < 0.06, "{ratio}");
         assert_eq!((model.terms().arm_mm, model.terms().deflects), (8.0, false));

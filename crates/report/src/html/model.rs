@@ -39,7 +39,7 @@ fn verdict(data: &RunData, check: &ModelCheck) -> Markup {
     let added = percent(check.added_rel);
     match check.verdict {
         Verdict::Holds => html! {
-            p { "The model holds: " (chi2) ". A model that holds is called strained in about 2 % of the runs." }
+            p { "The model holds: " (chi2) ". A true model is called strained in one or two of a hundred runs." }
         },
         Verdict::Strained => html! {
             p {

@@ -1,0 +1,111 @@
+//! `rig-study truths`: what the analysis of a run makes of truths that it was not made for.
+//!
+//! Each run touches the paper's samples by the paper's protocol. Its shifts are those of a truth by the
+//! reference model, with the nuisances of the bench; its analysis is that of a run of the daemon, once
+//! with the model of the rig file and once with the model learnt from the main touches.
+
+mod document;
+mod summary;
+mod trial;
+mod truth;
+
+use std::{io::Write, path::PathBuf};
+
+use rayon::prelude::*;
+use rig_analysis::model::ModelSource;
+
+use crate::{files::Folder, outcome::StudyError, progress};
+use summary::Summary;
+use trial::Analysis;
+use truth::Truth;
+
+/// Coverage, recognition and verdicts under truths that differ from the described model.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Runs of each truth.
+    #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    runs: u32,
+    /// Random seed.
+    #[arg(long, default_value_t = 2020)]
+    seed: u64,
+    /// Folder for `truths.md` and, in `truths/`, the table and the charts.
+    #[arg(long, default_value = "target/study")]
+    out: PathBuf,
+}
+
+pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
+    let folder = Folder::at(&args.out)?;
+    document::page(args, &try_all(args)).write(&folder, "truths")?;
+    writeln!(out, "{}", folder.path("truths.md").display())?;
+    Ok(())
+}
+
+/// The runs of one truth.
+struct TruthRuns {
+    truth: Truth,
+    /// With the model of the rig file.
+    described: Summary,
+    /// With the learnt model.
+    learnt: Summary,
+}
+
+/// The summaries of every truth, in order.
+fn try_all(args: &Args) -> Vec<TruthRuns> {
+    let truths = Truth::all();
+    let bar = progress::bar(truths.len() * args.runs as usize, "runs");
+    let of_truth = |(truth, number): (Truth, u64)| {
+        let bench = truth.bench();
+        let analysis = Analysis::new();
+        let one = |run: u32| {
+            let touches = bench.run(args.seed, number, u64::from(run));
+            let of = |source| analysis.of(&touches, source);
+            bar.inc(1);
+            (of(ModelSource::Described), of(ModelSource::Learnt))
+        };
+        let (described, learnt): (Vec<_>, Vec<_>) = (0..args.runs).into_par_iter().map(one).unzip();
+        TruthRuns { truth, described: Summary::of(&described), learnt: Summary::of(&learnt) }
+    };
+    let all = truths.into_iter().zip(0..).map(of_truth).collect();
+    bar.finish_and_clear();
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn runs(name: &str, runs: u64) -> (Summary, Summary) {
+        let truth = Truth::all().into_iter().find(|truth| truth.name == name).unwrap();
+        let (bench, analysis) = (truth.bench(), Analysis::new());
+        let all: Vec<_> = (0..runs).map(|run| bench.run(1, 0, run)).collect();
+        let of = |source| {
+            let found: Vec<_> = all.iter().map(|touches| analysis.of(touches, source)).collect();
+            Summary::of(&found)
+        };
+        (of(ModelSource::Described), of(ModelSource::Learnt))
+    }
+
+    /// Fewer runs than the page has; the bounds are four standard deviations wide.
+    #[test]
+    fn a_matched_truth_is_covered_and_left_alone() {
+        let (described, learnt) = runs("nothing", 40);
+        for summary in [described, learnt] {
+            assert!((0.92..0.985).contains(&summary.coverage()), "{summary:?}");
+            assert!(summary.recognition() > 0.995 && summary.noticed() < 0.12, "{summary:?}");
+        }
+    }
+
+    #[test]
+    fn a_frictionless_truth_is_rejected_as_described_and_covered_as_learnt() {
+        let (described, learnt) = runs("frictionless", 20);
+        assert!(described.noticed() == 1.0 && described.recognition() < 0.9, "{described:?}");
+        assert!(learnt.recognition() > 0.985 && learnt.noticed() < 0.2, "{learnt:?}");
+        assert!((0.91..0.99).contains(&learnt.coverage()), "{learnt:?}");
+    }
+
+    #[test]
+    fn a_slip_is_noticed_and_its_intervals_are_wide_enough() {
+        let (_, learnt) = runs("slip beyond 8.5°", 20);
+        assert!(learnt.noticed() >= 0.85 && learnt.coverage() > 0.9, "{learnt:?}");
+    }
+}
