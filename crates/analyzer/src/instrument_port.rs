@@ -140,7 +140,7 @@ impl InstrumentPort {
         self.is_answer_pending = true;
         let (last_at, noted_within) = self.send(message).await?;
         let asked = Instant::now();
-        let bytes = message.bytes(self.transport.ending).len();
+        let bytes = self.bytes(message).len();
         let asked_at = self.port.clock().at(asked) + self.port.duration_of(bytes);
         let deadline = asked + within + self.port.duration_of(bytes + ANSWER_BYTES);
         let mut received = Vec::new();
@@ -173,10 +173,18 @@ impl InstrumentPort {
         }
     }
 
+    /// The bytes of a message as they go out.
+    fn bytes(&self, message: &Message) -> Vec<u8> {
+        match self.transport.handshake {
+            Handshake::None => message.bytes(self.transport.ending),
+            Handshake::EchoEachCharacter => message.short_bytes(self.transport.ending),
+        }
+    }
+
     /// Sends a message. Returns when its last character was handed over at the earliest, and the longest
     /// time until that is noted.
     async fn send(&mut self, message: &Message) -> Result<(Instant, Duration), AnalyzerError> {
-        let bytes = message.bytes(self.transport.ending);
+        let bytes = self.bytes(message);
         match self.transport.handshake {
             Handshake::None => {
                 let begun = Instant::now();

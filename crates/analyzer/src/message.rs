@@ -59,6 +59,17 @@ impl Message {
         let program = self.program.clone().expect("a message has units when it is sent");
         program.finish(ending).expect("headers are constants, and numbers were checked")
     }
+
+    /// The same with the short form of each header, for a line on which every character waits.
+    pub(crate) fn short_bytes(&self, ending: Ending) -> Vec<u8> {
+        let mut bytes = self.bytes(ending);
+        let mut is_header = true;
+        bytes.retain(|byte| {
+            is_header = *byte == b';' || is_header && *byte != b' ';
+            !(is_header && byte.is_ascii_lowercase())
+        });
+        bytes
+    }
 }
 
 impl fmt::Display for Message {

@@ -5,7 +5,7 @@ use std::time::Duration;
 use rig_link::StopSignal;
 use rig_model::{PointResult, Reading, SweepPoint};
 use rig_scpi::{DataError, Datum};
-use tokio::time::{Instant, sleep};
+use tokio::time::{Instant, sleep, sleep_until};
 
 use crate::{
     Analyzer, AnalyzerError,
@@ -98,7 +98,7 @@ impl Analyzer {
         let frequency_header = commands.frequency_header();
         let within = self.port.reply_within()
             + Duration::from_secs_f64(wanted.delay_s + MEASURE_TIMES * trigger_s);
-        let deadline = Instant::now() + within;
+        let begun = Instant::now();
         let (answers, asked_at, message) = self
             .ask_all(
                 &[
@@ -123,7 +123,11 @@ impl Analyzer {
         }
         let measured = match commands.reading(reading) {
             Ok(Some(measured)) => measured,
-            Ok(None) => self.fetch_until(deadline).await?,
+            Ok(None) => {
+                // Earlier it cannot be ready, and a line with echoes has better things to carry.
+                sleep_until(begun + Duration::from_secs_f64(wanted.delay_s + trigger_s)).await;
+                self.fetch_until(begun + within).await?
+            }
             Err(_) => return Err(self.not_a_reading(&message, reading)),
         };
         if before.is_none_or(|before| before.frequency_hz != wanted.frequency_hz) {

@@ -65,7 +65,7 @@ impl Meter {
     fn unit(&mut self, unit: &str) -> Option<String> {
         let (header, data) = unit.split_once(' ').unwrap_or((unit, ""));
         match header {
-            ":FREQuency" => {
+            ":FREQuency" | ":FREQ" => {
                 let asked_hz: f64 = data.parse().unwrap();
                 let off = |hz: &f64| (hz - asked_hz).abs();
                 let nearest = |spots: [f64; 3]| {
@@ -73,18 +73,18 @@ impl Meter {
                 };
                 self.frequency_hz = self.make.spots_hz.map_or(asked_hz, nearest);
             }
-            ":VOLTage" => self.level_v = data.parse().unwrap(),
-            ":TRIGger" => self.not_ready = self.make.not_ready,
+            ":VOLTage" | ":VOLT" => self.level_v = data.parse().unwrap(),
+            ":TRIGger" | ":TRIG" => self.not_ready = self.make.not_ready,
             "*IDN?" => return Some(self.make.identity.to_owned()),
             "*OPT?" => return Some(self.make.options.to_owned()),
             "*ESR?" => return Some("0".to_owned()),
-            ":FREQuency?" => return Some(format!("{:+.5E}", self.frequency_hz)),
-            ":VOLTage?" => return Some(format!("{:+.5E}", self.level_v)),
-            ":FETCh?" if 0 < self.not_ready => {
+            ":FREQuency?" | ":FREQ?" => return Some(format!("{:+.5E}", self.frequency_hz)),
+            ":VOLTage?" | ":VOLT?" => return Some(format!("{:+.5E}", self.level_v)),
+            ":FETCh?" | ":FETC?" if 0 < self.not_ready => {
                 self.not_ready -= 1;
                 return Some("+9.90000E+37,+9.90000E+37,-1".to_owned());
             }
-            ":FETCh?" => {
+            ":FETCh?" | ":FETC?" => {
                 let (frequency_hz, status) = (self.frequency_hz, self.make.status);
                 return Some(format!("{frequency_hz:+.5E},{:+.5E},{status:+}", -frequency_hz));
             }
@@ -165,7 +165,7 @@ fn point(frequency_hz: f64) -> SweepPoint {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_tonghui_is_spoken_to_one_character_at_a_time_and_asked_until_it_is_ready() {
+async fn a_tonghui_gets_short_words_one_character_at_a_time_and_is_asked_until_it_is_ready() {
     let (mut analyzer, messages, _pull) = analyzer_on(vec![TH2832], &TONGHUI_TH283X).await;
     analyzer.identify().await.unwrap();
     analyzer.configure(DriveLevel { volt: 1.5 }).await.unwrap();
@@ -177,8 +177,8 @@ async fn a_tonghui_is_spoken_to_one_character_at_a_time_and_asked_until_it_is_re
     assert_eq!(readings[1].flag(), None);
     let messages = messages.lock().unwrap();
     let tail: Vec<&str> = messages[messages.len() - 3..].iter().map(String::as_str).collect();
-    let trigger = ":FREQuency 141.5;:TRIGger;:FETCh?;:FREQuency?;*ESR?";
-    assert_eq!(tail, [trigger, ":FETCh?", ":FETCh?"]);
+    let trigger = ":FREQ 141.5;:TRIG;:FETC?;:FREQ?;*ESR?";
+    assert_eq!(tail, [trigger, ":FETC?", ":FETC?"]);
 }
 
 #[tokio::test(start_paused = true)]

@@ -4,7 +4,7 @@ use rig_analyzer::{
     Analyzer, AnalyzerError, Dialect, HIOKI_IM3536, HP_4284A, KEYSIGHT_E4980A, KEYSIGHT_E4990A,
     TONGHUI_TH283X,
 };
-use rig_link::{Clock, Port, StopSignal};
+use rig_link::{Clock, Flow, Port, StopSignal};
 use rig_model::{AnalyzerMake, DriveLevel, Reading, ReadingFlag, SweepPoint};
 use rig_sim::{
     LineTransport, SimRig, Wiring, control,
@@ -99,6 +99,20 @@ async fn an_overload_is_measured_again_and_one_that_stays_is_given_up() {
         let flags: Vec<_> = readings.iter().map(Reading::flag).collect();
         assert_eq!(flags, [Some(ReadingFlag::Overload); 3], "{}", dialect.make);
     }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_tonghui_is_left_alone_while_it_measures() {
+    let mut rig = bench(AnalyzerMake::TonghuiTh283x);
+    let mut analyzer = analyzer_on(&mut rig, &TONGHUI_TH283X).await;
+    analyzer.configure(DriveLevel { volt: 1.0 }).await.unwrap();
+    analyzer.measure(&[point(140.0, 2)], &StopSignal::new()).await.unwrap();
+    let frames = analyzer.transcript().frames();
+    let sent = frames.iter().filter(|frame| frame.flow == Flow::Sent);
+    let sent: Vec<u8> = sent.flat_map(|frame| frame.bytes.clone()).collect();
+    let fetches = String::from_utf8(sent).unwrap().matches(":FETC?").count();
+    // With the trigger, when the time is over, and where its averages take longer than the manual says.
+    assert!((2..=4).contains(&fetches), "asked {fetches} times in 3 s");
 }
 
 #[tokio::test(start_paused = true)]
