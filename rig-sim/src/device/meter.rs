@@ -97,6 +97,8 @@ pub(crate) struct Meter<M: Model> {
     per_command: Duration,
     /// End of the last command.
     free_at: RigTime,
+    /// Whether nothing can happen before a client says something or the measurement continues.
+    is_settled: bool,
     overloads: u32,
 }
 
@@ -111,16 +113,20 @@ impl<M: Model> Meter<M> {
             readings: Vec::new(),
             per_command,
             free_at: RigTime::ZERO,
+            is_settled: false,
             overloads: 0,
         }
     }
 
     /// Accepts bytes of a client that arrived at `now`.
     pub(crate) fn push(&mut self, now: RigTime, id: ClientId, bytes: &[u8], world: &mut World) {
-        let session = Box::new(Session::new(self.instrument.dialect()));
-        let new = Client { session, held: None, heard_at: now, said: Vec::new() };
-        self.clients.entry(id).or_insert(new).heard_at = now;
+        let new = || {
+            let session = Box::new(Session::new(self.instrument.dialect()));
+            Client { session, held: None, heard_at: now, said: Vec::new() }
+        };
+        self.clients.entry(id).or_insert_with(new).heard_at = now;
         self.turned_to(id, |instrument| instrument.push(bytes));
+        self.is_settled = false;
         self.advance(now, world);
     }
 
@@ -138,6 +144,7 @@ impl<M: Model> Meter<M> {
     /// answer.
     pub(crate) fn hang_up(&mut self, id: ClientId) {
         self.clients.remove(&id);
+        self.is_settled = false;
     }
 
     /// The input is overloaded at the next measured point.
@@ -161,17 +168,24 @@ impl<M: Model> Meter<M> {
     pub(crate) fn advance(&mut self, now: RigTime, world: &mut World) {
         loop {
             if self.running.as_ref().is_some_and(|running| running.until <= now) {
+                self.is_settled = false;
                 self.go_on(world);
+            } else if self.is_settled {
+                return;
             } else if let Some((id, call)) = self.next_call() {
                 self.carry_out(id, call, world);
             } else {
-                return;
+                self.is_settled = true;
             }
         }
     }
 
     /// The next command that need not wait, of the client whose message came first.
     fn next_call(&mut self) -> Option<(ClientId, Call<M::Command>)> {
+        if self.clients.len() == 1 {
+            let id = *self.clients.keys().next()?;
+            return Some((id, self.next_call_of(id)?));
+        }
         let mut ids: Vec<ClientId> = self.clients.keys().copied().collect();
         ids.sort_by_key(|id| self.clients[id].heard_at);
         ids.into_iter().find_map(|id| Some((id, self.next_call_of(id)?)))

@@ -18,6 +18,8 @@
 //! assert!(Tree::new(COMMANDS).is_ok());
 //! ```
 
+use std::sync::Arc;
+
 use crate::{
     grammar::mnemonic::split_digits,
     grammar::parse::Header,
@@ -72,12 +74,12 @@ impl<C: Copy> Node<C> {
     }
 }
 
-/// Commands that were checked: every header means one of them or none.
+/// Commands that were checked: every header means one of them or none. A clone is the same tree.
 #[derive(Debug, Clone)]
 pub struct Tree<C> {
-    entries: Vec<Entry<C>>,
+    entries: Arc<[Entry<C>]>,
     // By the capitals a header may begin with; sorted, so that a look-up is a binary search.
-    index: Vec<(Box<[u8]>, usize)>,
+    index: Arc<[(Box<[u8]>, usize)]>,
 }
 
 #[derive(Debug, Clone)]
@@ -162,7 +164,7 @@ impl<C: Copy> Tree<C> {
             .collect();
         index.sort_unstable();
         index.dedup();
-        Ok(Self { entries, index })
+        Ok(Self { entries: entries.into(), index: index.into() })
     }
 
     /// Looks up the mnemonics of a whole header, from the root.

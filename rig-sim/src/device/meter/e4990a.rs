@@ -6,6 +6,8 @@
 #[cfg(test)]
 mod tests;
 
+use std::sync::LazyLock;
+
 use rig_scpi::{
     Call, Dialect, ErrorFormat, Limits, Node, RealFormat, ScpiError, Tree, Unit, Value, command,
     query, setting,
@@ -219,9 +221,12 @@ impl Model for E4990a {
     type Command = E4990aCommand;
 
     fn commands() -> Tree<E4990aCommand> {
-        let rows = setting_store::nodes(KEPT, E4990aCommand::StoredSetting);
-        let nodes: Vec<Node<E4990aCommand>> = COMMANDS.iter().copied().chain(rows).collect();
-        Tree::new(&nodes).expect("the commands are constants, and a test builds them")
+        static TREE: LazyLock<Tree<E4990aCommand>> = LazyLock::new(|| {
+            let rows = setting_store::nodes(KEPT, E4990aCommand::StoredSetting);
+            let nodes: Vec<Node<E4990aCommand>> = COMMANDS.iter().copied().chain(rows).collect();
+            Tree::new(&nodes).expect("the commands are constants, and a test builds them")
+        });
+        TREE.clone()
     }
 
     fn dialect() -> Dialect {

@@ -10,6 +10,8 @@
 #[cfg(test)]
 mod tests;
 
+use std::sync::LazyLock;
+
 use rig_scpi::{
     AfterErrorPolicy, Call, Dialect, Ending, Limits, Node, Param, RealFormat, ScpiError, Tree,
     Unit, Value, command, query, setting,
@@ -188,9 +190,12 @@ impl Model for Hioki {
     type Command = HiokiCommand;
 
     fn commands() -> Tree<HiokiCommand> {
-        let rows = setting_store::nodes(KEPT, HiokiCommand::StoredSetting);
-        let nodes: Vec<Node<HiokiCommand>> = COMMANDS.iter().copied().chain(rows).collect();
-        Tree::new(&nodes).expect("the commands are constants, and a test builds them")
+        static TREE: LazyLock<Tree<HiokiCommand>> = LazyLock::new(|| {
+            let rows = setting_store::nodes(KEPT, HiokiCommand::StoredSetting);
+            let nodes: Vec<Node<HiokiCommand>> = COMMANDS.iter().copied().chain(rows).collect();
+            Tree::new(&nodes).expect("the commands are constants, and a test builds them")
+        });
+        TREE.clone()
     }
 
     fn dialect() -> Dialect {

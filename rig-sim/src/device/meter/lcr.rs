@@ -118,7 +118,7 @@ impl<M: Make> Model for Lcr<M> {
     const ENDS_ARE_EVENTS: bool = true;
 
     fn commands() -> Tree<LcrCommand> {
-        commands::tree(M::KEPT)
+        M::tree().clone()
     }
 
     fn dialect() -> Dialect {

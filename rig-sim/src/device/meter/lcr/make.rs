@@ -4,9 +4,11 @@
 //! Measurement times: data sheet of the E4980A and Operation Manual of the 4284A; what Tonghui does
 //! not print is taken from the 4284A.
 
-use std::fmt;
+use std::{fmt, sync::LazyLock};
 
-use super::commands::{E4980A_KEPT, TH2832_KEPT};
+use rig_scpi::Tree;
+
+use super::commands::{E4980A_KEPT, LcrCommand, TH2832_KEPT, tree};
 use crate::device::meter::{round_step, setting_store::StoredSetting};
 
 /// The differences between the makes.
@@ -39,6 +41,9 @@ pub(crate) trait Make: fmt::Debug + Send + Sync + 'static {
 
     /// The set frequency for a requested one.
     fn nearest_hz(frequency_hz: f64) -> f64;
+
+    /// Its commands, checked once.
+    fn tree() -> &'static Tree<LcrCommand>;
 }
 
 /// Keysight E4980A with option 001, which drives 20 V.
@@ -62,6 +67,11 @@ impl Make for E4980a {
 
     fn nearest_hz(frequency_hz: f64) -> f64 {
         four_digits(frequency_hz)
+    }
+
+    fn tree() -> &'static Tree<LcrCommand> {
+        static TREE: LazyLock<Tree<LcrCommand>> = LazyLock::new(|| tree(E4980a::KEPT));
+        &TREE
     }
 }
 
@@ -94,6 +104,11 @@ impl Make for Hp4284a {
             four_digits(frequency_hz)
         }
     }
+
+    fn tree() -> &'static Tree<LcrCommand> {
+        static TREE: LazyLock<Tree<LcrCommand>> = LazyLock::new(|| tree(Hp4284a::KEPT));
+        &TREE
+    }
 }
 
 /// Tonghui TH2832. It hands characters over one by one, with an echo of each.
@@ -116,6 +131,11 @@ impl Make for Th2832 {
 
     fn nearest_hz(frequency_hz: f64) -> f64 {
         four_digits(frequency_hz)
+    }
+
+    fn tree() -> &'static Tree<LcrCommand> {
+        static TREE: LazyLock<Tree<LcrCommand>> = LazyLock::new(|| tree(Th2832::KEPT));
+        &TREE
     }
 }
 
