@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use rig_engine::RunPhase;
 use rig_store::{MemoryDisk, Reader, Record, RunId, StoreError};
+use rig_verify::MemoryJournal;
 
 use crate::{
     bench::{Bench, PATIENCE_S},
@@ -38,7 +39,8 @@ const PLACED_AGAIN_REL: f64 = 0.06;
 /// The outcomes of a run.
 pub(crate) fn touches(reader: &Reader, run: RunId) -> Result<Touches, StoreError> {
     let mut touches = Touches::new();
-    for stored in reader.records(run)? {
+    let is_outcome = |kind: &str| ["touch_result", "touch_refused"].contains(&kind);
+    for stored in reader.records(run)?.iter().filter(|stored| is_outcome(&stored.kind)) {
         match stored.record()? {
             Record::TouchResult(touch) => {
                 let depth_mm = touch.surface_sigma_mm.hypot(STAGE_MM);
@@ -70,9 +72,9 @@ pub(crate) fn records(disk: &MemoryDisk) -> Vec<String> {
 }
 
 /// What the checker finds in these journals.
-pub(crate) fn findings(disk: &MemoryDisk, journals: &[RunId]) -> Vec<String> {
+pub(crate) fn findings(checker: &MemoryJournal, journals: &[RunId]) -> Vec<String> {
     let journals: Vec<String> = journals.iter().map(ToString::to_string).collect();
-    match rig_verify::verify_in_memory(disk.uri(), &journals) {
+    match checker.verify(&journals) {
         Ok(verdicts) => {
             let findings = verdicts.iter().flat_map(|verdict| &verdict.findings);
             findings.map(ToString::to_string).collect()

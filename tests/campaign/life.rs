@@ -3,12 +3,13 @@
 
 mod person;
 
-use std::{collections::BTreeSet, pin::pin, time::Duration};
+use std::{cell::Cell, collections::BTreeSet, pin::pin, time::Duration};
 
 use rig_engine::RigState;
 use rig_model::Clearance;
 use rig_sim::{SimHandle, control, world::ViolationKind};
 use rig_store::{MemoryDisk, Reader, RunId};
+use rig_verify::MemoryJournal;
 use rigd::rig::{self, RigHandle, Status};
 use tokio::time::{Instant, sleep, sleep_until};
 
@@ -96,6 +97,28 @@ struct Waiting {
     due: Option<Instant>,
 }
 
+/// The disk of a bench's computer, and the checker's connection to it.
+#[derive(Debug)]
+struct Computer {
+    disk: MemoryDisk,
+    checker: MemoryJournal,
+}
+
+impl Computer {
+    /// One with an empty disk.
+    fn new() -> Self {
+        let disk = MemoryDisk::new().expect("a journal in memory");
+        let checker = MemoryJournal::open(disk.uri()).expect("a journal in memory");
+        Self { disk, checker }
+    }
+}
+
+thread_local! {
+    /// The computer of the last run on this thread, whose disk is wiped for the next one: its
+    /// connections have their statements.
+    static LAST: Cell<Option<Computer>> = const { Cell::new(None) };
+}
+
 /// Plays a bench with these faults.
 pub(crate) fn play(bench: &Bench, troubles: &[Trouble], has_records: bool) -> Played {
     let runtime = tokio::runtime::Builder::new_current_thread()
@@ -103,12 +126,14 @@ pub(crate) fn play(bench: &Bench, troubles: &[Trouble], has_records: bool) -> Pl
         .start_paused(true)
         .build()
         .expect("a runtime without I/O");
-    runtime.block_on(async {
+    let wiped = LAST.take().filter(|computer| computer.disk.wipe().is_ok());
+    let Computer { disk, checker } = wiped.unwrap_or_else(Computer::new);
+    let played = runtime.block_on(async {
         let waiting =
             |trouble: &Trouble| Waiting { trouble: trouble.clone(), changes: 0, due: None };
         let mut life = Life {
             bench,
-            disk: MemoryDisk::new().expect("a journal in memory"),
+            disk: disk.clone(),
             simulation: None,
             troubles: troubles.iter().map(waiting).collect(),
             all: Vec::new(),
@@ -127,12 +152,14 @@ pub(crate) fn play(bench: &Bench, troubles: &[Trouble], has_records: bool) -> Pl
             played: Played::default(),
         };
         Box::pin(life.play()).await;
-        life.judge();
+        life.judge(&checker);
         if has_records {
             life.played.records = judge::records(&life.disk);
         }
         life.played
-    })
+    });
+    LAST.set(Some(Computer { disk, checker }));
+    played
 }
 
 impl Life<'_> {
@@ -299,7 +326,7 @@ impl Life<'_> {
     }
 
     /// Judges what was left behind: the truth of the bench, the journal and the results.
-    fn judge(&mut self) {
+    fn judge(&mut self, checker: &MemoryJournal) {
         if let Some(simulation) = &self.simulation {
             let (is_in_contact, violations) = simulation.with(|now, rig| {
                 let world = rig.world();
@@ -320,7 +347,7 @@ impl Life<'_> {
         let prompts = self.bench.protocol.summary.prompts as u64;
         self.played.is_placed_again = prompts < self.prompts;
         let journals: Vec<RunId> = self.sessions.iter().copied().chain([run]).collect();
-        for finding in judge::findings(&self.disk, &journals) {
+        for finding in judge::findings(checker, &journals) {
             if judge::is_of_lost_steps(&finding, &self.played) {
                 self.played.refuted += 1;
                 continue;

@@ -299,7 +299,7 @@ impl Life<'_> {
     fn read(&self, run: RunId) -> Result<(Touches, u64), Box<dyn std::error::Error>> {
         let reader = Reader::open_in_memory(&self.disk)?;
         let runs: Vec<_> = reader.runs()?.iter().map(|run| run.id.to_string()).collect();
-        let verdicts = rig_verify::verify_in_memory(self.disk.uri(), &runs)?;
+        let verdicts = rig_verify::MemoryJournal::open(self.disk.uri())?.verify(&runs)?;
         if let Some(finding) = verdicts.iter().flat_map(|verdict| &verdict.findings).next() {
             return Err(format!("not sound: {finding}").into());
         }

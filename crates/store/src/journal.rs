@@ -9,13 +9,14 @@ use std::{
     sync::{Arc, Mutex},
 };
 
-use rusqlite::{Connection, params};
+use rusqlite::params;
 use uuid::Uuid;
 
 use crate::{
     Digest, Ending, GivenUp, MemoryDisk, Reader, Record, RunFinished, RunId, RunKind, RunStatus,
     StoreError,
-    memory::{Held, Medium},
+    memory::{Held, Lent, Medium},
+    sql,
 };
 pub(crate) use list::{ENTRY, entry_from, insert_entry, insert_stretch, link, stretches};
 
@@ -57,7 +58,7 @@ struct LastRecord {
 
 #[derive(Debug)]
 struct Writer {
-    connection: Connection,
+    connection: Lent,
     /// Ids of the journal and of its bench.
     journal: String,
     bench: String,
@@ -278,7 +279,7 @@ fn locked<T>(
 impl Writer {
     fn begin(&mut self) -> Result<(), StoreError> {
         if !self.has_uncommitted {
-            self.connection.execute_batch("BEGIN IMMEDIATE")?;
+            sql::execute(&self.connection, "BEGIN IMMEDIATE", [])?;
             self.has_uncommitted = true;
         }
         Ok(())
@@ -295,7 +296,7 @@ impl Writer {
                 alive.execute([run])?;
             }
             drop(alive);
-            self.connection.execute_batch("COMMIT")?;
+            sql::execute(&self.connection, "COMMIT", [])?;
             self.has_uncommitted = false;
         }
         Ok(())
@@ -315,12 +316,11 @@ impl Writer {
         }
         let seq = last.seq + 1;
         let digest = last.digest.next(seq, rig_us, kind, payload);
-        self.connection
-            .prepare_cached(
-                "INSERT INTO records (run, seq, epoch, rig_us, kind, payload, digest)
-                 VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
-            )?
-            .execute(params![
+        sql::execute(
+            &self.connection,
+            "INSERT INTO records (run, seq, epoch, rig_us, kind, payload, digest)
+             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
+            params![
                 last.run,
                 seq.cast_signed(),
                 last.epoch,
@@ -328,13 +328,15 @@ impl Writer {
                 kind,
                 payload,
                 digest.as_bytes(),
-            ])?;
+            ],
+        )?;
         let id = self.connection.last_insert_rowid().cast_unsigned();
         Ok((id, LastRecord { seq, digest, has_stretch: true, ..last }))
     }
 
     fn end_run(&mut self, run: i64, ending: Ending) -> Result<(), StoreError> {
-        self.connection.execute(
+        sql::execute(
+            &self.connection,
             "UPDATE runs SET status = ?2, finished_at = strftime('%Y-%m-%dT%H:%M:%fZ', 'now')
              WHERE key = ?1",
             params![run, ending.name()],

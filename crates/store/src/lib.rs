@@ -21,6 +21,7 @@ mod memory;
 mod reader;
 mod salvage;
 mod schema;
+mod sql;
 #[cfg(test)]
 mod tests;
 

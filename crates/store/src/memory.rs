@@ -2,9 +2,10 @@
 //! without files and fsync, and with a disk that fails when it is told to.
 
 use std::{
+    ops::Deref,
     path::{Path, PathBuf},
     sync::{
-        Arc, Mutex, PoisonError,
+        Arc, Mutex, MutexGuard, PoisonError,
         atomic::{AtomicBool, Ordering},
     },
     time::Duration,
@@ -29,7 +30,9 @@ struct Disk {
     /// The address of the database for SQLite.
     uri: String,
     /// Keeps the database while no program has it open.
-    _keeper: Mutex<Connection>,
+    keeper: Mutex<Connection>,
+    /// Connections that were closed, of readers and of writers, with their statements.
+    idle: [Mutex<Vec<Connection>>; 2],
     is_locked: AtomicBool,
     failure: Mutex<Option<Failing>>,
 }
@@ -73,7 +76,21 @@ impl MemoryDisk {
         let uri = format!("file:/rigd-{}?vfs=memdb", Uuid::now_v7());
         let keeper = Mutex::new(connect(&uri)?);
         let (is_locked, failure) = (AtomicBool::new(false), Mutex::new(None));
-        Ok(Self(Arc::new(Disk { uri, _keeper: keeper, is_locked, failure })))
+        Ok(Self(Arc::new(Disk { uri, keeper, idle: Default::default(), is_locked, failure })))
+    }
+
+    /// Makes it a new and empty disk.
+    ///
+    /// # Errors
+    /// [`StoreError::InUse`] while a store is open on it, or [`StoreError`] of SQLite.
+    pub fn wipe(&self) -> Result<(), StoreError> {
+        let _lock = Medium::Memory(self.clone()).take()?;
+        self.mend();
+        let mut keeper = self.0.keeper.lock().unwrap_or_else(PoisonError::into_inner);
+        if schema::check_format(&keeper)? != 0 {
+            schema::empty(&mut keeper)?;
+        }
+        Ok(())
     }
 
     /// The address of the database for SQLite, in this program.
@@ -91,7 +108,11 @@ impl MemoryDisk {
         *self.failure() = None;
     }
 
-    fn failure(&self) -> std::sync::MutexGuard<'_, Option<Failing>> {
+    fn idle(&self, user: User) -> MutexGuard<'_, Vec<Connection>> {
+        self.0.idle[user as usize].lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn failure(&self) -> MutexGuard<'_, Option<Failing>> {
         self.0.failure.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -109,6 +130,60 @@ fn connect(uri: &str) -> rusqlite::Result<Connection> {
         | OpenFlags::SQLITE_OPEN_URI
         | OpenFlags::SQLITE_OPEN_NO_MUTEX;
     Connection::open_with_flags(uri, flags)
+}
+
+/// Who uses a connection.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum User {
+    Reader,
+    Writer,
+}
+
+/// A connection. One to a simulated disk stays open for the next user of its kind.
+#[derive(Debug)]
+pub(crate) struct Lent {
+    /// `None` only while it is dropped.
+    connection: Option<Connection>,
+    disk: Option<(MemoryDisk, User)>,
+}
+
+impl Lent {
+    /// A connection to a simulated disk.
+    fn of(
+        disk: &MemoryDisk,
+        user: User,
+        open: impl FnOnce(rusqlite::Result<Connection>) -> Result<Connection, StoreError>,
+    ) -> Result<Self, StoreError> {
+        let idle = disk.idle(user).pop();
+        let connection = idle.map_or_else(|| open(connect(disk.uri())), Ok)?;
+        Ok(Self { connection: Some(connection), disk: Some((disk.clone(), user)) })
+    }
+}
+
+impl From<Connection> for Lent {
+    fn from(connection: Connection) -> Self {
+        Self { connection: Some(connection), disk: None }
+    }
+}
+
+impl Deref for Lent {
+    type Target = Connection;
+
+    fn deref(&self) -> &Connection {
+        self.connection.as_ref().expect("it is there until it is dropped")
+    }
+}
+
+impl Drop for Lent {
+    fn drop(&mut self) {
+        let (Some(connection), Some((disk, user))) = (self.connection.take(), &self.disk) else {
+            return;
+        };
+        // A program that ends leaves what it has committed.
+        if connection.is_autocommit() || connection.execute_batch("ROLLBACK").is_ok() {
+            disk.idle(*user).push(connection);
+        }
+    }
 }
 
 /// Where a journal is.
@@ -151,25 +226,29 @@ impl Medium {
         }
     }
 
-    pub(crate) fn open_to_write(&self) -> Result<Connection, StoreError> {
+    pub(crate) fn open_to_write(&self) -> Result<Lent, StoreError> {
         match self {
-            Self::Directory(directory) => schema::open_to_write(&schema::database(directory)),
-            Self::Memory(disk) => schema::set_up(connect(disk.uri())?),
+            Self::Directory(directory) => {
+                Ok(schema::open_to_write(&schema::database(directory))?.into())
+            }
+            Self::Memory(disk) => Lent::of(disk, User::Writer, |opened| schema::set_up(opened?)),
         }
     }
 
-    pub(crate) fn open_to_read(&self) -> Result<(Connection, Option<schema::Copied>), StoreError> {
+    pub(crate) fn open_to_read(&self) -> Result<(Lent, Option<schema::Copied>), StoreError> {
         match self {
             Self::Directory(directory) => {
                 let path = schema::database(directory);
                 if !path.exists() {
                     return Err(StoreError::NoJournal);
                 }
-                schema::open_to_read(&path)
+                let (connection, copy) = schema::open_to_read(&path)?;
+                Ok((connection.into(), copy))
             }
             Self::Memory(disk) => {
                 // Its writer is on the same thread: to wait for it would be to wait for ever.
-                Ok((schema::reading(connect(disk.uri()), Duration::ZERO)?, None))
+                let open = |opened| schema::reading(opened, Duration::ZERO);
+                Ok((Lent::of(disk, User::Reader, open)?, None))
             }
         }
     }

@@ -5,20 +5,22 @@ mod list;
 
 use std::{path::Path, str};
 
-use rusqlite::{Connection, OptionalExtension, Params, Row, params};
+use rusqlite::{OptionalExtension, Params, Row, params};
 
 pub use interruption::{Interruption, ProbeWord};
 
 use crate::{
     Chain, ChainCheck, Digest, Flaw, MemoryDisk, Record, Run, RunId, RunKind, RunStatus,
-    StoreError, StoredRecord, memory::Medium, schema,
+    StoreError, StoredRecord,
+    memory::{Lent, Medium},
+    schema,
 };
 
 /// A connection that reads the committed records. Each thread needs its own.
 #[derive(Debug)]
 pub struct Reader {
     // Closed before the copy that it may read is removed.
-    connection: Connection,
+    connection: Lent,
     medium: Medium,
     _copy: Option<schema::Copied>,
 }
@@ -166,7 +168,7 @@ impl Reader {
     /// [`StoreError`] of the system or of SQLite.
     pub fn unchecked(&self, id: RunId, kinds: &[&str]) -> Result<Vec<StoredRecord>, StoreError> {
         let wanted = kinds.iter().map(|kind| format!("'{kind}'")).collect::<Vec<_>>().join(", ");
-        let mut statement = self.connection.prepare(&select_records(&format!(
+        let mut statement = self.connection.prepare_cached(&select_records(&format!(
             "WHERE run = (SELECT key FROM runs WHERE id = ?1) AND kind IN ({wanted}) ORDER BY seq"
         )))?;
         let rows = statement.query_map([id.to_string()], record_from)?;

@@ -9,7 +9,7 @@ use std::{
 use rusqlite::{Connection, OpenFlags};
 use uuid::Uuid;
 
-use crate::StoreError;
+use crate::{StoreError, sql};
 
 /// The version of the records and tables. A journal of another version is refused.
 pub const FORMAT: u32 = 4;
@@ -94,6 +94,7 @@ pub(crate) fn open_to_write(path: &Path) -> Result<Connection, StoreError> {
 /// Prepares a database for writing, and makes its tables where they are missing.
 pub(crate) fn set_up(mut connection: Connection) -> Result<Connection, StoreError> {
     connection.busy_timeout(BUSY)?;
+    sql::keep_statements(&connection)?;
     // Readers work while the writer appends, and a commit is one fsync of the log.
     connection.pragma_update(None, "journal_mode", "WAL")?;
     // Without FULL the last commits may be lost with the power.
@@ -103,14 +104,33 @@ pub(crate) fn set_up(mut connection: Connection) -> Result<Connection, StoreErro
     if found == 0 {
         let transaction = connection.transaction()?;
         transaction.execute_batch(TABLES)?;
-        transaction.execute(
-            "INSERT INTO meta VALUES (?1, ?2, strftime('%Y-%m-%dT%H:%M:%fZ', 'now'))",
-            [Uuid::now_v7().to_string(), Uuid::now_v7().to_string()],
-        )?;
+        give_ids(&transaction)?;
         transaction.pragma_update(None, "user_version", FORMAT)?;
         transaction.commit()?;
     }
     Ok(connection)
+}
+
+/// Gives ids to a journal and its bench.
+fn give_ids(connection: &Connection) -> rusqlite::Result<()> {
+    connection.execute(
+        "INSERT INTO meta VALUES (?1, ?2, strftime('%Y-%m-%dT%H:%M:%fZ', 'now'))",
+        [Uuid::now_v7().to_string(), Uuid::now_v7().to_string()],
+    )?;
+    Ok(())
+}
+
+/// Removes everything from a database with tables, which is another journal then.
+pub(crate) fn empty(connection: &mut Connection) -> rusqlite::Result<()> {
+    // Rows are removed all at once where no other row may need them.
+    connection.pragma_update(None, "foreign_keys", false)?;
+    let transaction = connection.transaction()?;
+    transaction.execute_batch(
+        "DELETE FROM seals; DELETE FROM records; DELETE FROM stretches; DELETE FROM runs;
+         DELETE FROM epochs; DELETE FROM meta; DELETE FROM sqlite_sequence;",
+    )?;
+    give_ids(&transaction)?;
+    transaction.commit()
 }
 
 /// Opens the database to read.
@@ -147,6 +167,7 @@ pub(crate) fn reading(
 ) -> Result<Connection, StoreError> {
     let connection = opened?;
     connection.busy_timeout(patience)?;
+    sql::keep_statements(&connection)?;
     connection.pragma_update(None, "query_only", true)?;
     // Its program ended before it had made the tables.
     if check_format(&connection)? == 0 {
@@ -189,7 +210,7 @@ impl Drop for Copied {
 const BUSY: Duration = Duration::from_secs(10);
 
 /// The format of a database, 0 if it has no tables yet.
-fn check_format(connection: &Connection) -> Result<u32, StoreError> {
+pub(crate) fn check_format(connection: &Connection) -> Result<u32, StoreError> {
     let found = connection.pragma_query_value(None, "user_version", |row| row.get(0))?;
     if [0, FORMAT].contains(&found) {
         Ok(found)

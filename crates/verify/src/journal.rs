@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use rusqlite::{Connection, ErrorCode, OpenFlags, OptionalExtension, params};
+use rusqlite::{Connection, ErrorCode, OpenFlags, OptionalExtension, config::DbConfig, params};
 use sha2::{Digest, Sha256};
 
 use crate::record::{Record, RunStarted};
@@ -195,7 +195,10 @@ pub(crate) fn open(path: &Path) -> Result<Connection, rusqlite::Error> {
 /// Opens a database of this program in memory.
 pub(crate) fn open_in_memory(address: &str) -> Result<Connection, rusqlite::Error> {
     let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-    Connection::open_with_flags(address, flags | OpenFlags::SQLITE_OPEN_URI)
+    let connection = Connection::open_with_flags(address, flags | OpenFlags::SQLITE_OPEN_URI)?;
+    // A plan holds for all values, so that it is made once.
+    connection.set_db_config(DbConfig::SQLITE_DBCONFIG_ENABLE_QPSG, true)?;
+    Ok(connection)
 }
 
 /// The entry of a run, and whether the links of the list hold up to it.
@@ -260,7 +263,8 @@ fn seal(connection: &Connection, key: i64) -> Result<Option<Seal>, rusqlite::Err
         Ok(Seal { records, head: row.get(1)?, digest: row.get(2)? })
     };
     connection
-        .query_row("SELECT records, head, seal FROM seals WHERE run = ?1", [key], of_row)
+        .prepare_cached("SELECT records, head, seal FROM seals WHERE run = ?1")?
+        .query_row([key], of_row)
         .optional()
 }
 

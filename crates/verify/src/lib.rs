@@ -29,6 +29,8 @@ mod walk;
 
 use std::path::Path;
 
+use rusqlite::Connection;
+
 pub use finding::{Check, Finding, Verdict};
 pub use folder::{FileFinding, verify_folder};
 pub use journal::JournalError;
@@ -43,13 +45,25 @@ pub fn verify(data: &Path, run: &str) -> Result<Verdict, JournalError> {
     Ok(walk::check(&journal))
 }
 
-/// The same for several runs of a journal of this program in memory, by the address of its database for
-/// SQLite.
-///
-/// # Errors
-/// As for [`verify`].
-pub fn verify_in_memory(address: &str, runs: &[String]) -> Result<Vec<Verdict>, JournalError> {
-    let connection = journal::open_in_memory(address)?;
-    let verdict = |run: &String| Ok(walk::check(&journal::read(&connection, run)?));
-    runs.iter().map(verdict).collect()
+/// A journal of this program in memory, which is checked with one connection.
+#[derive(Debug)]
+pub struct MemoryJournal(Connection);
+
+impl MemoryJournal {
+    /// Opens a database by its address for SQLite.
+    ///
+    /// # Errors
+    /// [`JournalError`] of SQLite.
+    pub fn open(address: &str) -> Result<Self, JournalError> {
+        Ok(Self(journal::open_in_memory(address)?))
+    }
+
+    /// Checks these runs and sessions.
+    ///
+    /// # Errors
+    /// As for [`verify`].
+    pub fn verify(&self, runs: &[String]) -> Result<Vec<Verdict>, JournalError> {
+        let verdict = |run: &String| Ok(walk::check(&journal::read(&self.0, run)?));
+        runs.iter().map(verdict).collect()
+    }
 }

@@ -49,7 +49,12 @@ pub(crate) struct Accepted {
 
 /// Fits every accepted sweep, on all processors, and adds findings in the order of the sweeps.
 pub(crate) fn check(sweeps: &[Accepted], findings: &mut Findings) {
-    let threads = thread::available_parallelism().map_or(1, NonZero::get);
+    // To ask the system for its processors takes as long as a fit.
+    let threads = if sweeps.len() <= FITS_PER_THREAD {
+        1
+    } else {
+        thread::available_parallelism().map_or(1, NonZero::get)
+    };
     let share = sweeps.len().div_ceil(threads).max(FITS_PER_THREAD);
     let of_share = |share: &[Accepted]| {
         let mut findings = Findings::default();

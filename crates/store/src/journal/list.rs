@@ -1,12 +1,14 @@
 //! The list of runs, as the writer keeps it: epochs, entries, stretches, seals.
 
-use std::{fs, path::Path};
+use std::{fs, path::Path, sync::LazyLock};
 
 use rig_record::{DigestPart, ListEntry, Stretch, seal};
 use rusqlite::{Connection, OptionalExtension, Row, params};
 
 use super::{LastRecord, Writer, encode};
-use crate::{Digest, Ending, FORMAT, Record, Run, RunFinished, RunId, RunKind, StoreError, schema};
+use crate::{
+    Digest, Ending, FORMAT, Record, Run, RunFinished, RunId, RunKind, StoreError, schema, sql,
+};
 
 impl Writer {
     /// Notes that the journal was opened, when, and on which boot of which computer.
@@ -15,13 +17,15 @@ impl Writer {
         const BOOT_ID: &str = "/proc/sys/kernel/random/boot_id";
         /// Made by systemd-timesyncd once the clock is set.
         const SYNCHRONIZED: &str = "/run/systemd/timesync/synchronized";
-        let boot_id = fs::read_to_string(BOOT_ID).ok().map(|id| id.trim().to_owned());
+        static BOOT: LazyLock<Option<String>> =
+            LazyLock::new(|| Some(fs::read_to_string(BOOT_ID).ok()?.trim().to_owned()));
         let is_synced = Path::new(SYNCHRONIZED).exists().then_some(1);
         self.begin()?;
-        self.connection.execute(
+        sql::execute(
+            &self.connection,
             "INSERT INTO epochs (opened_at, boot_id, software, is_clock_synced)
              VALUES (strftime('%Y-%m-%dT%H:%M:%fZ', 'now'), ?1, ?2, ?3)",
-            params![boot_id, concat!("rigd ", env!("CARGO_PKG_VERSION")), is_synced],
+            params![*BOOT, concat!("rigd ", env!("CARGO_PKG_VERSION")), is_synced],
         )?;
         self.epoch = self.connection.last_insert_rowid();
         self.commit()
@@ -34,7 +38,8 @@ impl Writer {
         name: &str,
     ) -> Result<LastRecord, StoreError> {
         self.begin()?;
-        let started_at = self.connection.query_row(
+        let started_at = sql::row(
+            &self.connection,
             "SELECT strftime('%Y-%m-%dT%H:%M:%fZ', 'now')",
             [],
             |row| row.get(0),
@@ -56,7 +61,8 @@ impl Writer {
 
     pub(super) fn reopen_run(&mut self, run: &Run) -> Result<LastRecord, StoreError> {
         self.begin()?;
-        let key = self.connection.query_row(
+        let key = sql::row(
+            &self.connection,
             "UPDATE runs SET status = 'running' WHERE id = ?1 RETURNING key",
             [run.id.to_string()],
             |row| row.get(0),
@@ -69,7 +75,8 @@ impl Writer {
     /// Begins a stretch of a run: now by the wall clock, but not before its last record.
     pub(super) fn insert_stretch(&self, last: LastRecord, rig_us: u64) -> Result<(), StoreError> {
         let before = schema::TIME_OF_RECORD;
-        let (run, started_at) = self.connection.query_row(
+        let (run, started_at) = sql::row(
+            &self.connection,
             &format!(
                 "SELECT id, iif(?2 = 0, started_at, max(
                      strftime('%Y-%m-%dT%H:%M:%fZ', 'now'),
@@ -85,14 +92,16 @@ impl Writer {
 
     /// Seals a run whose end has been written down.
     pub(super) fn seal(&self, last: LastRecord) -> Result<(), StoreError> {
-        let (entry, finished_at, status) = self.connection.query_row(
+        let (entry, finished_at, status) = sql::row(
+            &self.connection,
             &format!("SELECT {ENTRY}, finished_at, status FROM runs WHERE key = ?1"),
             [last.run],
             |row| Ok((entry_from(row)?, row.get::<_, String>(8)?, row.get::<_, String>(9)?)),
         )?;
         let stretches = stretches(&self.connection, last.run)?;
         let seal = seal(&entry, &stretches, &finished_at, &status, last.seq, last.digest);
-        self.connection.execute(
+        sql::execute(
+            &self.connection,
             "INSERT INTO seals (run, records, head, seal) VALUES (?1, ?2, ?3, ?4)",
             params![last.run, last.seq.cast_signed(), last.digest.as_bytes(), seal.as_bytes()],
         )?;
@@ -104,7 +113,7 @@ impl Writer {
     pub(super) fn mark_interrupted(&mut self) -> Result<Vec<RunId>, StoreError> {
         let unended = self
             .connection
-            .prepare("SELECT key, id, kind FROM runs WHERE status = 'running' ORDER BY key")?
+            .prepare_cached("SELECT key, id, kind FROM runs WHERE status = 'running' ORDER BY key")?
             .query_map([], |row| {
                 Ok((row.get(0)?, row.get::<_, String>(1)?, row.get::<_, String>(2)?))
             })?
@@ -120,7 +129,8 @@ impl Writer {
             let record = Record::RunFinished(RunFinished { status: Ending::Interrupted });
             let payload = encode::payload(&record)?;
             let (_, last) = self.insert_record(last, rig_us, record.kind(), &payload)?;
-            self.connection.execute(
+            sql::execute(
+                &self.connection,
                 "UPDATE runs SET status = ?2, finished_at = coalesce(finished_at, started_at)
                  WHERE key = ?1",
                 params![run, Ending::Interrupted.name()],
@@ -133,21 +143,17 @@ impl Writer {
 
     /// The last record of a run, and its time on the rig's clock in µs.
     pub(super) fn last(&self, run: i64) -> Result<(LastRecord, u64), StoreError> {
-        let last = self
-            .connection
-            .query_row(
-                "SELECT seq, digest, rig_us, epoch FROM records WHERE run = ?1
-                 ORDER BY seq DESC LIMIT 1",
-                [run],
-                |row| Ok((row.get::<_, i64>(0)?, row.get(1)?, row.get::<_, i64>(2)?, row.get(3)?)),
-            )
-            .optional()?;
+        let last = sql::row(
+            &self.connection,
+            "SELECT seq, digest, rig_us, epoch FROM records WHERE run = ?1
+             ORDER BY seq DESC LIMIT 1",
+            [run],
+            |row| Ok((row.get::<_, i64>(0)?, row.get(1)?, row.get::<_, i64>(2)?, row.get(3)?)),
+        )
+        .optional()?;
         let Some((seq, digest, rig_us, epoch)) = last else {
-            let epoch = self.connection.query_row(
-                "SELECT epoch FROM runs WHERE key = ?1",
-                [run],
-                |row| row.get(0),
-            )?;
+            let of_run = "SELECT epoch FROM runs WHERE key = ?1";
+            let epoch = sql::row(&self.connection, of_run, [run], |row| row.get(0))?;
             let digest = Digest::START;
             return Ok((LastRecord { run, seq: 0, digest, epoch, has_stretch: false }, 0));
         };
@@ -176,13 +182,14 @@ pub(crate) fn entry_from(row: &Row<'_>) -> rusqlite::Result<ListEntry> {
 
 /// Adds an entry to the list of runs, linked to the one before it, and returns its key.
 pub(crate) fn insert_entry(connection: &Connection, entry: &ListEntry) -> Result<i64, StoreError> {
-    let before = connection
-        .query_row("SELECT link FROM runs ORDER BY key DESC LIMIT 1", [], |row| row.get(0))
+    let last = "SELECT link FROM runs ORDER BY key DESC LIMIT 1";
+    let before = sql::row(connection, last, [], |row| row.get(0))
         .optional()?
         .map_or(Digest::START, Digest::from_bytes);
     let digest = entry.digest();
     let link = link(before, digest);
-    connection.execute(
+    sql::execute(
+        connection,
         &format!(
             "INSERT INTO runs ({ENTRY}, digest, link, status)
              VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, 'running')"
@@ -215,7 +222,8 @@ pub(crate) fn insert_stretch(
     run: &str,
     stretch: &Stretch,
 ) -> Result<(), StoreError> {
-    connection.execute(
+    sql::execute(
+        connection,
         "INSERT INTO stretches (run, epoch, started_at, rig_us, digest) VALUES (?1, ?2, ?3, ?4, ?5)",
         params![
             key,
