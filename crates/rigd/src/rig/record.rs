@@ -5,7 +5,7 @@
 
 mod values;
 
-use std::{fmt::Write as _, sync::Arc};
+use std::sync::Arc;
 
 use rig_engine::{Contact, Event, Fault, FinishedSweep, SweepPurpose, TouchOutcome, TouchResult};
 use rig_link::{Flow, Frame, Transcript};
@@ -387,14 +387,11 @@ pub(super) fn black_box(port: &str, transcript: &Transcript) -> Record {
 
 /// The last frames of a port.
 pub(super) fn frames(port: &str, transcript: &Transcript) -> store::BlackBox {
+    let digit = |half: u8| char::from(b"0123456789abcdef"[usize::from(half)]);
     let frame = |frame: Frame| store::Frame {
         rig_us: frame.at.as_micros(),
         is_sent: frame.flow == Flow::Sent,
-        hex: frame.bytes.iter().fold(String::new(), |mut hex, byte| {
-            // Writing to a string cannot fail.
-            _ = write!(hex, "{byte:02x}");
-            hex
-        }),
+        hex: frame.bytes.iter().flat_map(|byte| [byte >> 4, byte & 15].map(digit)).collect(),
     };
     let frames = transcript.frames().into_iter().map(frame).collect();
     store::BlackBox { port: port.to_owned(), frames }

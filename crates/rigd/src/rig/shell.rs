@@ -76,7 +76,7 @@ pub(super) struct Shell {
     view: View,
     is_virtual_time: bool,
     is_answer_due: bool,
-    /// Processor time of the engine's last decision.
+    /// Processor time of the engine's last decision, if somebody reads it.
     thought: Duration,
     heartbeat: Heartbeat,
     /// Number of events until a panic; 0 for none.
@@ -271,9 +271,9 @@ impl Shell {
     }
 
     fn think<T>(&mut self, decide: impl FnOnce(&mut Engine, RigTime) -> T) -> T {
-        let begun = processor_time();
+        let begun = is_traced().then(processor_time);
         let decision = decide(&mut self.engine, self.clock.now());
-        self.thought = processor_time().saturating_sub(begun);
+        self.thought = begun.map_or(Duration::ZERO, |begun| processor_time().saturating_sub(begun));
         decision
     }
 
@@ -366,6 +366,11 @@ impl Shell {
     fn publish(&mut self) {
         self.view.publish(self.engine.snapshot(), self.clock.now(), &self.log);
     }
+}
+
+/// Whether somebody reads the processor time of decisions.
+fn is_traced() -> bool {
+    tracing::enabled!(target: "rigd::planned", tracing::Level::TRACE)
 }
 
 /// Processor time of this thread, which does not depend on other load.
