@@ -7,6 +7,8 @@ use std::{
     sync::{Arc, Mutex, OnceLock, PoisonError},
 };
 
+use serde::{Deserialize, Serialize};
+
 use crate::{
     bench::{BENCHES, Bench, Draw},
     counts::Table,
@@ -93,7 +95,8 @@ fn story(bench: u64, makes: &str, troubles: &[Trouble]) -> String {
 }
 
 /// The counts of all seeds.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(crate) struct Counts {
     pub(crate) runs: u64,
     pub(crate) failed: u64,
@@ -110,13 +113,19 @@ pub(crate) struct Counts {
     pub(crate) table: Table,
     /// Why touches were refused, and what failed, without the numbers.
     pub(crate) reasons: BTreeMap<String, u64>,
+    /// The seeds that failed, in ascending order.
+    pub(crate) failed_seeds: Vec<u64>,
     pub(crate) digest: u64,
 }
 
 impl Counts {
-    pub(crate) fn add(&mut self, ended: &Ended) {
+    pub(crate) fn add(&mut self, seed: u64, ended: &Ended) {
         self.runs += 1;
-        self.failed += u64::from(!ended.failures.is_empty());
+        if !ended.failures.is_empty() {
+            self.failed += 1;
+            self.failed_seeds.push(seed);
+            self.failed_seeds.sort_unstable();
+        }
         for failure in &ended.failures {
             *self.reasons.entry(format!("failed: {}", plain(failure))).or_default() += 1;
         }
@@ -146,6 +155,31 @@ impl Counts {
         }
         // The order of the seeds has no influence.
         self.digest = self.digest.wrapping_add(played.digest);
+    }
+
+    /// Adds the counts of other seeds.
+    pub(crate) fn merge(&mut self, other: &Self) {
+        let Self { runs, failed, touches, measured, refused, .. } = other;
+        let Self { kills, resumptions, latches, lifts, refuted, sunk, unnoticed, .. } = other;
+        self.runs += runs;
+        self.failed += failed;
+        self.touches += touches;
+        self.measured += measured;
+        self.refused += refused;
+        self.kills += kills;
+        self.resumptions += resumptions;
+        self.latches += latches;
+        self.lifts += lifts;
+        self.refuted += refuted;
+        self.sunk += sunk;
+        self.unnoticed += unnoticed;
+        self.table.merge(&other.table);
+        for (reason, count) in &other.reasons {
+            *self.reasons.entry(reason.clone()).or_default() += count;
+        }
+        self.failed_seeds.extend(&other.failed_seeds);
+        self.failed_seeds.sort_unstable();
+        self.digest = self.digest.wrapping_add(other.digest);
     }
 }
 

@@ -1,7 +1,13 @@
 //! Counts of a fault campaign: every fault in every phase of a touch.
 
+use std::{
+    collections::BTreeMap,
+    fmt::{self, Display},
+};
+
 use rig_engine::{RigState, RunPhase};
 use rigd::rig::Status;
+use serde::{Deserialize, Serialize};
 
 use crate::faults::MENU;
 
@@ -94,8 +100,38 @@ impl Phase {
 }
 
 /// How often each fault of the menu began in each phase.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(into = "Named", try_from = "Named")]
 pub(crate) struct Table(Vec<[u64; PHASES.len()]>);
+
+/// The rows of a table by the names of their faults.
+type Named = BTreeMap<String, [u64; PHASES.len()]>;
+
+/// A table of another menu.
+#[derive(Debug, thiserror::Error)]
+#[error("no fault of the menu is called \"{name}\"")]
+pub(crate) struct NotOnMenu {
+    name: String,
+}
+
+impl From<Table> for Named {
+    fn from(table: Table) -> Self {
+        table.rows().map(|(name, counts)| (name.to_owned(), *counts)).collect()
+    }
+}
+
+impl TryFrom<Named> for Table {
+    type Error = NotOnMenu;
+
+    fn try_from(named: Named) -> Result<Self, NotOnMenu> {
+        let mut table = Self::default();
+        for (name, counts) in named {
+            let row = MENU.iter().position(|(known, _)| *known == name);
+            table.0[row.ok_or(NotOnMenu { name })?] = counts;
+        }
+        Ok(table)
+    }
+}
 
 impl Default for Table {
     fn default() -> Self {
@@ -107,6 +143,13 @@ impl Table {
     pub(crate) fn add(&mut self, row: usize, phase: Phase) {
         if let Some(column) = PHASES.iter().position(|one| *one == phase) {
             self.0[row][column] += 1;
+        }
+    }
+
+    /// Adds the counts of another table.
+    pub(crate) fn merge(&mut self, other: &Self) {
+        for (count, more) in self.0.iter_mut().flatten().zip(other.0.iter().flatten()) {
+            *count += more;
         }
     }
 
@@ -132,5 +175,24 @@ impl Table {
             }
         }
         empty
+    }
+}
+
+/// As a table of a page.
+impl Display for Table {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let names: Vec<&str> = PHASES.iter().map(|phase| phase.name()).collect();
+        writeln!(f, "| fault | {} |", names.join(" | "))?;
+        writeln!(f, "| --- |{}", " ---: |".repeat(PHASES.len()))?;
+        for (name, cells) in self.rows() {
+            let is_of_prompts = name.starts_with("person");
+            let cell = |count: &u64| match count {
+                0 if is_of_prompts => String::new(),
+                count => count.to_string(),
+            };
+            let cells: Vec<String> = cells.iter().map(cell).collect();
+            writeln!(f, "| {name} | {} |", cells.join(" | "))?;
+        }
+        Ok(())
     }
 }

@@ -21,6 +21,7 @@ mod drive;
 mod engine;
 mod faults;
 mod judge;
+mod ledger;
 mod life;
 mod page;
 mod run;
@@ -30,7 +31,8 @@ mod tally;
 mod world;
 
 use std::{
-    path::PathBuf,
+    fs,
+    path::{Path, PathBuf},
     process::ExitCode,
     sync::{
         Mutex, PoisonError,
@@ -43,6 +45,7 @@ use std::{
 use campaign::{Campaign, Counts};
 use case::Case;
 use clap::Parser;
+use ledger::{Ledger, LedgerError, Piece};
 use page::Page;
 use tally::{Steps, Tally};
 
@@ -73,11 +76,14 @@ struct Arguments {
     /// Print the records of each faulted run, shortened.
     #[arg(long)]
     records: bool,
-    /// Write a page about the faulted runs to this file.
+    /// Add the faulted runs to the ledger beside this file, and write it as the page of the ledger.
     #[arg(long, value_name = "FILE")]
     page: Option<PathBuf>,
-    /// End at the first seed that fails.
+    /// Print how often each fault began in each phase.
     #[arg(long)]
+    table: bool,
+    /// End at the first seed that fails.
+    #[arg(long, conflicts_with = "page")]
     until_failed: bool,
     /// Play the engine alone, with two troubles in each run.
     #[arg(long)]
@@ -120,6 +126,17 @@ fn each_seed(arguments: &Arguments, play: impl Fn(u64) -> bool + Sync) {
 
 /// Touches under faults.
 fn faulted(arguments: &Arguments) -> ExitCode {
+    // A ledger that cannot take the seeds is noticed before they are played.
+    let end = arguments.first_seed.saturating_add(arguments.seeds);
+    let ledger = arguments.page.as_deref().map(|page| {
+        let ledger = Ledger::read(page)?;
+        ledger.admits(&(arguments.first_seed..end))?;
+        Ok::<_, LedgerError>((page, ledger))
+    });
+    let ledger = match ledger.transpose() {
+        Ok(ledger) => ledger,
+        Err(error) => return failed(&error),
+    };
     let begun = Instant::now();
     let campaign = Campaign::default();
     let counts = Mutex::new(Counts::default());
@@ -135,7 +152,7 @@ fn faulted(arguments: &Arguments) -> ExitCode {
             }
             println!("  {}", replay(seed, ""));
         }
-        counts.lock().unwrap_or_else(PoisonError::into_inner).add(&ended);
+        counts.lock().unwrap_or_else(PoisonError::into_inner).add(seed, &ended);
         ended.failures.is_empty()
     });
     let counts = counts.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -146,17 +163,41 @@ fn faulted(arguments: &Arguments) -> ExitCode {
     let named = if empty.len() <= CELLS_NAMED { &empty[..] } else { &[] };
     let colon = if named.is_empty() { "" } else { ": " };
     println!("{} of the table's cells are empty{colon}{}", empty.len(), named.join(", "));
+    if arguments.table {
+        print!("{}", counts.table);
+    }
     let seconds = begun.elapsed().as_secs_f64();
     println!("{counts}; {:.1} runs a second", counts.runs as f64 / seconds);
-    if let Some(path) = &arguments.page {
-        let Arguments { first_seed, seeds, jobs, .. } = *arguments;
-        let page = Page { counts: &counts, first_seed, seeds, jobs, seconds };
-        if let Err(error) = std::fs::write(path, page.to_string()) {
-            println!("{}: {error}", path.display());
-            return ExitCode::FAILURE;
-        }
+    let is_sound = counts.failed == 0;
+    if let Some((page, ledger)) = ledger
+        && let Err(error) = gather(arguments, page, ledger, counts, seconds)
+    {
+        return failed(&error);
     }
-    if counts.failed == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+    if is_sound { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+fn failed(error: &LedgerError) -> ExitCode {
+    println!("{}", rig_model::with_causes(error));
+    ExitCode::FAILURE
+}
+
+/// Adds the runs to the ledger, and writes it and its page.
+fn gather(
+    arguments: &Arguments,
+    page: &Path,
+    mut ledger: Ledger,
+    counts: Counts,
+    seconds: f64,
+) -> Result<(), LedgerError> {
+    let Arguments { first_seed, seeds, jobs, .. } = *arguments;
+    if seeds > 0 {
+        let (software, program) = (rigd::rig::SOFTWARE.to_owned(), ledger::program()?);
+        ledger.add(Piece { first_seed, seeds, jobs, seconds, software, program, counts });
+        ledger.write(page)?;
+    }
+    fs::write(page, Page(&ledger).to_string())
+        .map_err(|source| LedgerError::File { path: page.to_owned(), source })
 }
 
 /// The engine alone.

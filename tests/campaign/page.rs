@@ -2,30 +2,29 @@
 
 use std::fmt::{self, Display};
 
-use crate::{campaign::Counts, counts::PHASES};
+use crate::{
+    campaign::Counts,
+    ledger::{Ledger, Piece},
+};
 
-/// A campaign that has ended.
+/// A page about the pieces of a ledger.
 #[derive(Debug)]
-pub(crate) struct Page<'a> {
-    pub(crate) counts: &'a Counts,
-    pub(crate) first_seed: u64,
-    pub(crate) seeds: u64,
-    pub(crate) jobs: usize,
-    pub(crate) seconds: f64,
-}
+pub(crate) struct Page<'a>(pub(crate) &'a Ledger);
 
 impl Display for Page<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { counts, first_seed, seeds, jobs, seconds } = self;
-        let Counts { runs, failed, touches, measured, refused, unnoticed, .. } = counts;
-        let Counts { kills, resumptions, latches, lifts, refuted, sunk, .. } = counts;
+        let counts = self.0.counts();
+        let Counts { runs, failed, touches, measured, refused, unnoticed, .. } = &counts;
+        let Counts { kills, resumptions, latches, lifts, refuted, sunk, .. } = &counts;
         writeln!(
             f,
             "# Touches under faults\n\n\
-             This page is written by `cargo run -p rig-tests --release --bin campaign -- --first-seed \
-             {first_seed} --seeds {seeds} --jobs {jobs} --page docs/studies/campaign.md`, here in {:.0} \
-             minutes on a computer that did other work too. The same seeds give the same counts and the \
-             same digest. `--first-seed K --seeds 1 --records` plays one of them and prints its records.\n\n\
+             `cargo run -p rig-tests --release --bin campaign -- --first-seed K --seeds N --jobs 2 --page \
+             docs/studies/campaign.md` plays N seeds, adds them as a piece to the ledger beside this page, \
+             `campaign.json`, and writes the page of all pieces anew; with `--seeds 0` it only writes the \
+             page. No seed is in two pieces. The same seeds give the same counts and the same digest with \
+             the same program. `--first-seed K --seeds 1 --records` plays one of them and prints its \
+             records.\n\n\
              Each seed draws a bench (five analyzers, three makes of drives, serial lines and networks, \
              one of five samples), a protocol of one touch or two, and one to four faults, each in a \
              phase of a touch. The whole daemon below HTTP runs it through the drivers and the wire in \
@@ -45,14 +44,12 @@ impl Display for Page<'_> {
              | runs in which lost steps alone, without a command, took the probe deeper than the sample bears | {sunk} |\n\
              | runs that failed | {failed} |\n\
              | runs with a shift that is wrong in a known way | {unnoticed} |\n\
-             | runs a second | {:.0} |\n\
              | digest of all runs | {:016x} |\n",
-            seconds / 60.0,
             counts.table.total(),
             measured - unnoticed,
-            *runs as f64 / seconds,
             counts.digest,
         )?;
+        self.pieces(f)?;
         writeln!(
             f,
             "A run fails if, by the truth of the simulated bench, the sample turned with the probe in \
@@ -68,33 +65,44 @@ impl Display for Page<'_> {
         for (reason, count) in &counts.reasons {
             writeln!(f, "| {} | {count} |", reason.replace('|', "/"))?;
         }
-        self.table(f)
+        writeln!(
+            f,
+            "\n## Faults in each phase\n\nHow often each fault began in each phase. A fault of a frame acts \
+             at a frame from there on.\n\n{}",
+            counts.table
+        )?;
+        let empty = counts.table.empty();
+        let list = if empty.is_empty() { "none".to_owned() } else { empty.join(", ") };
+        writeln!(f, "Empty cells: {list}.")
     }
 }
 
 impl Page<'_> {
-    /// Every fault in every phase.
-    fn table(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let counts = self.counts;
+    /// Every piece with the program that played it.
+    fn pieces(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "\n## Faults in each phase\n\nHow often each fault began in each phase. A fault of a frame acts \
-             at a frame from there on.\n"
+            "## Pieces\n\nThe digest of a program is the beginning of the SHA-256 of its file. The computer \
+             did other work too.\n\n\
+             | seeds | runs | touches | faults | failed | jobs | runs a second | software | program | digest |\n\
+             | --- | ---: | ---: | ---: | --- | ---: | ---: | --- | --- | --- |"
         )?;
-        let names: Vec<&str> = PHASES.iter().map(|phase| phase.name()).collect();
-        writeln!(f, "| fault | {} |", names.join(" | "))?;
-        writeln!(f, "| --- |{}", " ---: |".repeat(PHASES.len()))?;
-        for (name, cells) in counts.table.rows() {
-            let is_of_prompts = name.starts_with("person");
-            let cell = |count: &u64| match count {
-                0 if is_of_prompts => String::new(),
-                count => count.to_string(),
-            };
-            let cells: Vec<String> = cells.iter().map(cell).collect();
-            writeln!(f, "| {name} | {} |", cells.join(" | "))?;
+        for piece in &self.0.pieces {
+            let Piece { first_seed, jobs, seconds, software, program, counts, .. } = piece;
+            let failed: Vec<String> = counts.failed_seeds.iter().map(u64::to_string).collect();
+            let failed = if failed.is_empty() { "none".to_owned() } else { failed.join(", ") };
+            writeln!(
+                f,
+                "| {first_seed} to {} | {} | {} | {} | {failed} | {jobs} | {:.0} | {software} | \
+                 `{program}` | {:016x} |",
+                piece.range().end.saturating_sub(1),
+                counts.runs,
+                counts.touches,
+                counts.table.total(),
+                counts.runs as f64 / seconds,
+                counts.digest,
+            )?;
         }
-        let empty = counts.table.empty();
-        let list = if empty.is_empty() { "none".to_owned() } else { empty.join(", ") };
-        writeln!(f, "\nEmpty cells: {list}.")
+        writeln!(f)
     }
 }

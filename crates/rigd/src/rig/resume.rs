@@ -210,7 +210,8 @@ impl Known {
     }
 }
 
-pub(super) const SOFTWARE: &str = concat!("rigd ", env!("CARGO_PKG_VERSION"), env!("RIGD_COMMIT"));
+/// This program, its version and the commit that it was built from.
+pub const SOFTWARE: &str = concat!("rigd ", env!("CARGO_PKG_VERSION"), env!("RIGD_COMMIT"));
 const RIG_FILE: &str = "rig file";
 const SCENE_FILE: &str = "scene file";
 

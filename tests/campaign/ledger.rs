@@ -1,0 +1,174 @@
+//! The pieces of a campaign that was played in several sessions, each with the program that played it.
+
+use std::{
+    fs, io,
+    ops::Range,
+    path::{Path, PathBuf},
+};
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use crate::campaign::Counts;
+
+/// The pieces, in the order of their seeds. No seed is in two of them.
+#[derive(Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Ledger {
+    pub(crate) pieces: Vec<Piece>,
+}
+
+/// Seeds that one program played in a row.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Piece {
+    pub(crate) first_seed: u64,
+    pub(crate) seeds: u64,
+    pub(crate) jobs: usize,
+    pub(crate) seconds: f64,
+    /// Version and commit.
+    pub(crate) software: String,
+    /// The first digits of the SHA-256 of the program's file.
+    pub(crate) program: String,
+    pub(crate) counts: Counts,
+}
+
+impl Piece {
+    /// The seeds that were played.
+    pub(crate) fn range(&self) -> Range<u64> {
+        self.first_seed..self.first_seed.saturating_add(self.seeds)
+    }
+}
+
+/// Why there is no ledger to add to.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum LedgerError {
+    #[error("{}", path.display())]
+    File { path: PathBuf, source: io::Error },
+    #[error("{} is not a ledger of this campaign", path.display())]
+    Format { path: PathBuf, source: serde_json::Error },
+    #[error(
+        "seeds {} to {} are in part those of the piece {} to {}; play all of them again, or others",
+        asked.start, asked.end - 1, known.start, known.end - 1
+    )]
+    Overlap { asked: Range<u64>, known: Range<u64> },
+}
+
+/// The file of the ledger beside its page.
+fn beside(page: &Path) -> PathBuf {
+    page.with_extension("json")
+}
+
+/// The first digits of the digest of this program's file.
+///
+/// # Errors
+/// Those of the system.
+pub(crate) fn program() -> Result<String, LedgerError> {
+    let error = |path: &Path| {
+        let path = path.to_owned();
+        |source| LedgerError::File { path, source }
+    };
+    let path = std::env::current_exe().map_err(error(Path::new("this program")))?;
+    let bytes = fs::read(&path).map_err(error(&path))?;
+    let digest = Sha256::digest(bytes);
+    let head = digest.iter().take(8).fold(0, |head, byte| head << 8 | u64::from(*byte));
+    Ok(format!("{head:016x}"))
+}
+
+impl Ledger {
+    /// The ledger beside a page; an empty one if there is none.
+    pub(crate) fn read(page: &Path) -> Result<Self, LedgerError> {
+        let path = beside(page);
+        match fs::read_to_string(&path) {
+            Ok(text) => {
+                serde_json::from_str(&text).map_err(|source| LedgerError::Format { path, source })
+            }
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Self::default()),
+            Err(source) => Err(LedgerError::File { path, source }),
+        }
+    }
+
+    /// Whether these seeds can be added: a known piece is replaced as a whole or not at all.
+    pub(crate) fn admits(&self, asked: &Range<u64>) -> Result<(), LedgerError> {
+        for piece in &self.pieces {
+            let known = piece.range();
+            let is_apart = known.end <= asked.start || asked.end <= known.start;
+            let is_replaced = asked.start <= known.start && known.end <= asked.end;
+            if !(is_apart || is_replaced) {
+                return Err(LedgerError::Overlap { asked: asked.clone(), known });
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds a piece that was admitted, in the place of those whose seeds it has.
+    pub(crate) fn add(&mut self, piece: Piece) {
+        let new = piece.range();
+        self.pieces.retain(|old| !(new.start <= old.range().start && old.range().end <= new.end));
+        self.pieces.push(piece);
+        self.pieces.sort_by_key(|piece| piece.first_seed);
+    }
+
+    /// The counts of all pieces.
+    pub(crate) fn counts(&self) -> Counts {
+        let mut all = Counts::default();
+        for piece in &self.pieces {
+            all.merge(&piece.counts);
+        }
+        all
+    }
+
+    /// Writes the ledger beside its page.
+    pub(crate) fn write(&self, page: &Path) -> Result<(), LedgerError> {
+        let path = beside(page);
+        let error = |source| LedgerError::Format { path: path.clone(), source };
+        let text = serde_json::to_string_pretty(self).map_err(error)?;
+        fs::write(&path, text + "\n").map_err(|source| LedgerError::File { path, source })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn piece(first_seed: u64, seeds: u64, touches: u64) -> Piece {
+        let counts =
+            Counts { runs: seeds, touches, failed_seeds: vec![first_seed], ..Counts::default() };
+        let (software, program) = ("rigd".to_owned(), "0".repeat(16));
+        Piece { first_seed, seeds, jobs: 1, seconds: 1.0, software, program, counts }
+    }
+
+    #[test]
+    fn a_seed_is_counted_once_and_a_piece_is_replaced_as_a_whole() {
+        let mut ledger = Ledger::default();
+        for piece in [piece(101, 100, 7), piece(1, 100, 5)] {
+            ledger.admits(&piece.range()).unwrap();
+            ledger.add(piece);
+        }
+        let counts = ledger.counts();
+        assert_eq!((counts.runs, counts.touches, counts.failed_seeds), (200, 12, vec![1, 101]));
+        for part in [50..150, 1..100, 200..300] {
+            assert!(ledger.admits(&part).is_err(), "{part:?}");
+        }
+        ledger.admits(&(1..201)).unwrap();
+        ledger.add(piece(1, 200, 11));
+        assert_eq!((ledger.pieces.len(), ledger.counts().touches), (1, 11));
+    }
+
+    #[test]
+    fn what_is_read_is_what_was_written_and_another_menu_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let page = folder.path().join("campaign.md");
+        assert!(Ledger::read(&page).unwrap().pieces.is_empty());
+        let mut ledger = Ledger::default();
+        let mut piece = piece(1, 100, 5);
+        piece.counts.table.add(3, crate::counts::PHASES[2]);
+        ledger.add(piece);
+        ledger.write(&page).unwrap();
+        let read = Ledger::read(&page).unwrap();
+        assert_eq!(format!("{read:?}"), format!("{ledger:?}"));
+        let text = fs::read_to_string(beside(&page)).unwrap();
+        fs::write(beside(&page), text.replace("bus: connection breaks", "bus: eaten")).unwrap();
+        assert!(matches!(Ledger::read(&page), Err(LedgerError::Format { .. })));
+    }
+}
