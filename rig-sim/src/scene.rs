@@ -117,6 +117,7 @@ fn nuisances(table: &mut Table<'_>) -> Nuisances {
     let drift = table.section("drift", drift).or(none.drift).value;
     let mut share = |key| table.number(key).range(0.0..=1.0).or(0.0).value;
     let (stiffness_rel, impedance_rel) = (share("stiffness_rel"), share("impedance_rel"));
+    let analyzer_phase_deg = table.number("analyzer_phase_deg").range(-10.0..=10.0).or(0.0).value;
     let mut size = |key| table.number(key).at_least(0.0).or(0.0).value;
     Nuisances {
         mounting_mm: size("mounting_mm"),
@@ -129,6 +130,7 @@ fn nuisances(table: &mut Table<'_>) -> Nuisances {
         encoder_steps: size("encoder_steps"),
         drift,
         impedance_rel,
+        analyzer_phase_deg,
         analyzer_command_s: size("analyzer_command_s"),
     }
 }

@@ -7,7 +7,8 @@ mod numbers;
 
 use std::collections::BTreeSet;
 
-use rig_tests::{TestRig, forge::Forgery, text};
+use rig_engine::RunStatus;
+use rig_tests::{TestRig, changed, forge::Forgery, text};
 use rig_verify::{Check, Verdict};
 use serde_json::Value;
 
@@ -109,4 +110,50 @@ fn change(payload: &mut Value, path: &str, to: impl Fn(f64) -> f64) {
 /// Any record of its kind.
 fn any(_: &Value) -> bool {
     true
+}
+
+/// A false statement about the bench: its name, what must find it, and from which sweep on it changes what.
+type Lie = (&'static str, Check, usize, fn(&mut Value));
+
+/// Changes what every sweep, or every later one, states of the bench.
+fn state_bench(forged: &mut Forgery, first: usize, change: impl Fn(&mut Value)) {
+    let sweeps = forged.records.iter_mut().filter(|record| record.kind == "sweep").skip(first);
+    for sweep in sweeps {
+        change(&mut sweep.payload["fit"]["bench"]);
+    }
+}
+
+#[tokio::test]
+async fn what_a_survey_says_of_the_bench_is_checked() {
+    let phase = [("analyzer_phase_deg = 0", "analyzer_phase_deg = 1")];
+    let rig = TestRig::open_bench(&[], &phase).await;
+    let survey = [("[no_load_sweep]", "[no_load_sweep]\nsurvey_s = 20")];
+    let protocol = rig.protocol(&changed(&text("config/protocols/smoke.toml"), &survey));
+    let (run, status) = rig.run(protocol).await;
+    assert_eq!(status, RunStatus::Completed);
+    let run = run.to_string();
+    let forgery = || Forgery::of(rig.data(), &run);
+    let verdict = forgery().verdict();
+    assert!(verdict.is_sound, "{:#?}", verdict.findings);
+    let stated = forgery().records.iter().find(|record| record.kind == "sweep").unwrap().payload
+        ["fit"]["bench"]["phase_rad"]
+        .as_f64()
+        .unwrap();
+    assert!((stated - 1_f64.to_radians()).abs() < 5e-3, "{stated}");
+
+    let cases: [Lie; 5] = [
+        ("another phase", Check::Resonance, 0, |bench| bench["phase_rad"] = 0.0.into()),
+        ("a surer phase", Check::Resonance, 0, |bench| bench["phase_sigma_rad"] = 1e-5.into()),
+        ("no second mode", Check::Sigma, 0, |bench| bench["mode_sigma"] = 1e-6.into()),
+        ("another phase later", Check::Request, 7, |bench| bench["phase_rad"] = 0.02.into()),
+        ("nothing known later", Check::Request, 7, |bench| *bench = Value::Null),
+    ];
+    for (name, expected, first, change) in cases {
+        let mut forged = forgery();
+        state_bench(&mut forged, first, change);
+        forged.write(true);
+        let names = names(&forged.verdict());
+        assert!(names.contains(&expected), "{name}: {names:?}");
+    }
+    rig.close().await;
 }

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use rig_model::{Clearance, Deg, Mm, Position, Reading, RigLimits, RigTime};
 use rig_protocol::{Plan, Pose, Prompt};
+use rig_resonance::Bench;
 
 use crate::{
     Event, Fault, LoweringPurpose, Operation, RefusalAnswer, Report, operation::retract,
@@ -101,6 +102,8 @@ pub(crate) struct MachineContext<'a> {
     pub(crate) plan: &'a Plan,
     pub(crate) limits: &'a RigLimits,
     pub(crate) clearance: Clearance,
+    /// The knowledge of the bench, once it is surveyed.
+    pub(crate) bench: Option<Bench>,
     pub(crate) notes: &'a mut Vec<Event>,
 }
 

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use rig_model::{Clearance, RigLimits, RigTime, Window};
+use rig_model::{Clearance, RigLimits, RigTime, SweepMethod, SweepRequest, Window};
 use rig_protocol::{Action, NoLoadPolicy, Plan, Pose, Prompt, RefusalPolicy, Step, StepId};
-use rig_resonance::{FitOutcome, Prior, Resonance};
+use rig_resonance::{Bench, FitOutcome, Prior, Resonance};
 
 use crate::{
     Event, Fault, Operation, RefusalAnswer, RefusedTouch, RunPhase, RunStatus, SweepPurpose,
@@ -36,6 +36,8 @@ pub(crate) struct Run {
     index: usize,
     machine: Machine,
     no_load: Option<Resonance>,
+    /// From the survey at the first no-load measurement, if the protocol asks for one.
+    bench: Option<Bench>,
     has_refusals: bool,
     neighbours: Neighbours,
     /// Touches that a person leaves out.
@@ -67,6 +69,7 @@ impl Run {
             index,
             machine: Machine::Between,
             no_load: None,
+            bench: None,
             has_refusals,
             neighbours: Neighbours::default(),
             skipped: BTreeSet::new(),
@@ -130,7 +133,8 @@ impl Run {
         clearance: Clearance,
         notes: &mut Vec<Event>,
     ) -> MachineStep<RunStatus> {
-        let mut context = MachineContext { now, plan: &self.plan, limits, clearance, notes };
+        let (plan, bench) = (&self.plan, self.bench);
+        let mut context = MachineContext { now, plan, limits, clearance, bench, notes };
         let step = match &mut self.machine {
             Machine::Between => return self.next_step(now, limits, clearance, notes),
             Machine::Prompting(prompt) => {
@@ -151,15 +155,15 @@ impl Run {
             }
             Machine::NoLoad(machine) => {
                 let last = self.no_load;
-                machine.advance(event, last.as_ref(), &mut context).and_then(|resonance| {
-                    match check_reference(last.as_ref(), &resonance) {
+                machine.advance(event, last.as_ref(), &mut context).and_then(
+                    |(resonance, bench)| match check_reference(last.as_ref(), &resonance) {
                         Ok(()) => {
-                            self.no_load = Some(resonance);
+                            (self.no_load, self.bench) = (Some(resonance), bench);
                             MachineStep::Done(())
                         }
                         Err(fault) => MachineStep::Fault(Fault::ContactSense(fault)),
-                    }
-                })
+                    },
+                )
             }
             Machine::Touch(machine) => {
                 let mut touched = None;
@@ -381,7 +385,7 @@ impl NoLoad {
         event: MachineEvent,
         last: Option<&Resonance>,
         context: &mut MachineContext<'_>,
-    ) -> MachineStep<Resonance> {
+    ) -> MachineStep<(Resonance, Option<Bench>)> {
         let step = match (event, &mut self.sweep) {
             (MachineEvent::Begin, _) => return context.rotate_to(self.pose),
             (MachineEvent::RotaryAt(_), _) => self.begin(last, context),
@@ -396,16 +400,22 @@ impl NoLoad {
     /// Begins a sweep; the first one starts near the last reference, if there is one.
     fn begin(&mut self, last: Option<&Resonance>, context: &mut MachineContext<'_>) -> SweepStep {
         self.attempt += 1;
-        let request = &context.plan.no_load_sweep;
-        let prior = last.map(|last| {
+        let planned = context.plan.no_load_sweep;
+        let method = match context.plan.survey_s {
+            Some(seconds) if context.bench.is_none() => SweepMethod::Survey { seconds },
+            _ => planned.method,
+        };
+        let request = &SweepRequest { method, ..planned };
+        let anywhere = Prior::anywhere(request.window, context.bench);
+        let prior = last.map_or(anywhere, |last| {
             let (low_hz, high_hz) =
                 (last.resonance_hz * (1.0 - DRIFT), last.resonance_hz * (1.0 + DRIFT));
             let min_hz = request.window.min_hz.max(low_hz);
             let max_hz = request.window.max_hz.min(high_hz);
-            Prior::moved(last, Window { min_hz, max_hz })
+            Prior::moved(last, Window { min_hz, max_hz }, context.bench)
         });
         let (sweep, step) =
-            Sweep::begin(context.now, SweepPurpose::NoLoad, request, prior.as_ref(), context.notes);
+            Sweep::begin(context.now, SweepPurpose::NoLoad, request, Some(&prior), context.notes);
         self.sweep = Some(sweep);
         step
     }
@@ -414,13 +424,15 @@ impl NoLoad {
         &mut self,
         mut step: SweepStep,
         context: &mut MachineContext<'_>,
-    ) -> MachineStep<Resonance> {
+    ) -> MachineStep<(Resonance, Option<Bench>)> {
         loop {
             let refusal = match step {
                 SweepStep::Measure(operation) => return MachineStep::Do(operation),
                 SweepStep::Fault(fault) => return MachineStep::Fault(fault),
                 SweepStep::Finished(sweep) => match sweep.outcome {
-                    FitOutcome::Accepted(resonance) => return MachineStep::Done(resonance),
+                    FitOutcome::Accepted(resonance) => {
+                        return MachineStep::Done((resonance, sweep.fit.bench));
+                    }
                     FitOutcome::Refused(refusal) => refusal,
                 },
             };

@@ -16,7 +16,7 @@ use rig_model::{
     SweepRequest, Window,
 };
 use rig_protocol::{Approach, Plan, StepId, Touch};
-use rig_resonance::{FitOutcome, Prior, Resonance, flagged};
+use rig_resonance::{Bench, FitOutcome, Prior, Resonance, flagged};
 
 use crate::{
     Contact, ContactSenseFault, Event, Fault, LoweringPurpose, Operation, RunPhase, SweepPurpose,
@@ -283,19 +283,23 @@ impl TouchMachine {
         let planned = context.plan.contact_sweep;
         let request = &SweepRequest { window: self.window.unwrap_or(planned.window), ..planned };
         // A refused sweep is repeated without the prior, which may be wrong.
-        let prior = (retries_left == RETRIES).then(|| self.stiffened(request.window));
+        let prior = if retries_left == RETRIES {
+            self.stiffened(request.window, context.bench)
+        } else {
+            Prior::anywhere(request.window, context.bench)
+        };
         let (sweep, step) =
-            Sweep::begin(context.now, SweepPurpose::Touch, request, prior.as_ref(), context.notes);
+            Sweep::begin(context.now, SweepPurpose::Touch, request, Some(&prior), context.notes);
         self.phase = Phase::Sweeping { contact, sweep: Box::new(sweep), retries_left };
         self.swept(step, context)
     }
 
     /// The prior of the sensor in contact: a contact adds stiffness, so the resonance can only
     /// rise, apart from the drift since the reference.
-    fn stiffened(&self, window: Window) -> Prior {
+    fn stiffened(&self, window: Window, bench: Option<Bench>) -> Prior {
         let free_hz = self.no_load.resonance_hz;
         let min_hz = window.min_hz.max(free_hz * (1.0 - DRIFT)).min(window.max_hz);
-        Prior::moved(&self.no_load, Window { min_hz, ..window })
+        Prior::moved(&self.no_load, Window { min_hz, ..window }, bench)
     }
 
     fn swept(

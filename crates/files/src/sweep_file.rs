@@ -22,7 +22,7 @@ use std::{fmt, ops::RangeInclusive};
 
 use num_complex::Complex64;
 use rig_model::{Reading, Window};
-use rig_resonance::{Circuit, FitOptions, NoisePrior, Timing};
+use rig_resonance::{Bench, Circuit, FitOptions, NoisePrior, Timing};
 
 use crate::{Complaint, Faults, Location};
 use fault::SweepFileFault;
@@ -98,6 +98,8 @@ pub struct FitSettings {
     pub target_hz: Option<f64>,
     /// Circuit that gives the weights of readings that have not settled.
     pub near: Option<Circuit>,
+    /// What a survey found on the bench.
+    pub bench: Option<Bench>,
 }
 
 /// A sweep file.
@@ -165,10 +167,10 @@ impl FileSweep {
     /// The options for the fit of this sweep. An unknown dwell makes the fit allow for readings that
     /// have not settled.
     pub fn fit_options(&self) -> FitOptions {
-        let FitSettings { window, noise, timing, always_loss, near, .. } = self.fit;
+        let FitSettings { window, noise, timing, always_loss, near, bench, .. } = self.fit;
         let guessed = if self.has_dwell { Timing::Waited } else { Timing::Unknown };
         let timing = timing.unwrap_or(guessed);
-        FitOptions { window, noise, timing, always_loss, near }
+        FitOptions { window, noise, timing, always_loss, near, bench }
     }
 }
 

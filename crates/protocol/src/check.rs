@@ -115,7 +115,7 @@ fn blind_phase(blind: &BlindPhase, samples: usize, faults: &mut Faults) {
 /// Checks against the limits of a rig.
 pub(crate) fn on_rig(protocol: &Protocol, limits: &RigLimits, faults: &mut Faults) {
     depths(protocol, limits, faults);
-    sweep(&protocol.no_load_sweep, limits, faults);
+    sweep(&protocol.no_load_sweep.sweep, limits, faults);
     sweep(&protocol.contact_sweep, limits, faults);
     let tilts = tilts(protocol);
     rotary(protocol, &tilts, limits, faults);

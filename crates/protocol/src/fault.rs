@@ -106,6 +106,10 @@ pub(crate) enum ProtocolFault {
     OnlyUniform { key: &'static str },
     #[error("the method \"uniform\" needs the key `{key}`")]
     UniformNeeds { key: &'static str },
+    #[error("{key} is for the method \"adaptive\" only")]
+    OnlyAdaptive { key: &'static str },
+    #[error("survey_s = {found} is outside [{min}, {max}]")]
+    SurveyTime { found: u32, min: u32, max: u32 },
     #[error(transparent)]
     Sweep(#[from] SweepRequestError),
     #[error(
@@ -161,6 +165,8 @@ impl Complaint for ProtocolFault {
                 "use smaller angles, or raise linear.clear_mm of the rig".into()
             }
             Self::OnlyUniform { .. } => "remove it, or write method = \"uniform\"".into(),
+            Self::OnlyAdaptive { .. } => "remove it, or write method = \"adaptive\"".into(),
+            Self::SurveyTime { .. } => "write for example survey_s = 60".into(),
             Self::UniformNeeds { key: "points" } => "write for example points = 101".into(),
             Self::UniformNeeds { .. } => "write for example settle_s = 0.5".into(),
             Self::Sweep(error) => return sweep_suggestion(error),

@@ -10,7 +10,7 @@ use rig_model::{ContactAngle, Direction};
 
 use crate::{
     Approach, RefusalPolicy, TouchSettings,
-    sweep::{self, SweepKeys},
+    sweep::{self, NoLoadKeys, SweepKeys},
 };
 
 /// Larger whole numbers lose their last digits in readers of JSON that know only 64-bit floats.
@@ -34,7 +34,7 @@ pub struct Protocol {
     pub(crate) model: ModelOrigin,
     pub(crate) touch: TouchKeys,
     pub(crate) approach: ApproachKeys,
-    pub(crate) no_load_sweep: SweepKeys,
+    pub(crate) no_load_sweep: NoLoadKeys,
     pub(crate) contact_sweep: SweepKeys,
     pub(crate) blind: Option<BlindPhase>,
     pub(crate) limits: Option<Limits>,
@@ -221,7 +221,7 @@ pub(crate) fn protocol(table: &mut Table<'_>) -> Protocol {
             .value,
         touch: table.section("touch", touch).required().value,
         approach: table.section("approach", approach).required().value,
-        no_load_sweep: table.section("no_load_sweep", sweep::read).required().value,
+        no_load_sweep: table.section("no_load_sweep", sweep::read_no_load).required().value,
         contact_sweep: table.section("contact_sweep", sweep::read).required().value,
         blind: table.section("blind", blind).optional().map(|blind| blind.value),
         limits: table.section("limits", limits).optional().map(|limits| limits.value),

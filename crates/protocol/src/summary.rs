@@ -61,10 +61,13 @@ const SEARCH_READINGS: usize = 40;
 /// More readings than an adaptive sweep takes.
 const ADAPTIVE_READINGS: usize = 64;
 
+/// About the number of readings of a survey.
+const SURVEY_READINGS: usize = 500;
+
 fn readings(request: &SweepRequest) -> usize {
     match request.method {
         SweepMethod::Uniform { points } => points as usize,
-        SweepMethod::Adaptive => ADAPTIVE_READINGS,
+        SweepMethod::Adaptive | SweepMethod::Survey { .. } => ADAPTIVE_READINGS,
     }
 }
 
@@ -74,7 +77,7 @@ impl Plan {
     /// The duration is a sum over the steps, in which the surface is found where it is expected:
     ///
     /// ```text
-    /// no-load   rotation + no-load sweep
+    /// no-load   rotation + no-load sweep, the first time + survey
     /// touch     rotation + 11 τ + way down and up at travel speed + search + dwell + contact sweep
     ///           + check of slip: 5 τ + 2 readings + its way
     /// search    readings · (settle + cycles/f + 0.04 s) + way at contact speed
@@ -113,7 +116,9 @@ impl Plan {
             };
             include(&mut summary.rotary, pose.direction.rotary_position(pose.angle));
         }
-        let readings = summary.no_loads * readings(&self.no_load_sweep)
+        let of_survey = self.survey_s.map_or(0, |_| SURVEY_READINGS);
+        let readings = of_survey
+            + summary.no_loads * readings(&self.no_load_sweep)
             + summary.touches * (SEARCH_READINGS + readings(&self.contact_sweep));
         summary.disk_bytes =
             RUN_BYTES + TOUCH_BYTES * summary.touches as u64 + READING_BYTES * readings as u64;
@@ -124,10 +129,13 @@ impl Plan {
     /// [`Plan::summary`]. A prompt counts as zero.
     pub fn durations_s(&self, limits: &RigLimits) -> Vec<f64> {
         let mut here = limits.rotary.rest_target().position();
+        let mut survey_s = self.survey_s.map_or(0.0, f64::from);
         let mut duration = |step: &Step| {
             let (pose, at_pose_s) = match step.action {
                 Action::Prompt(_) => return 0.0,
-                Action::NoLoad(pose) => (pose, sweep_s(&self.no_load_sweep)),
+                Action::NoLoad(pose) => {
+                    (pose, std::mem::take(&mut survey_s) + sweep_s(&self.no_load_sweep))
+                }
                 Action::Touch(Touch { pose, .. }) => (pose, self.touch_s(limits, pose)),
             };
             let there = pose.direction.rotary_position(pose.angle);
@@ -209,7 +217,9 @@ fn include<U: Unit>(span: &mut Span<U>, position: Position<U>) {
 
 fn sweep_s(sweep: &SweepRequest) -> f64 {
     let planned_s = match sweep.method {
-        SweepMethod::Adaptive => ADAPTIVE_TIME_CONSTANTS * time_constant_s(sweep),
+        SweepMethod::Adaptive | SweepMethod::Survey { .. } => {
+            ADAPTIVE_TIME_CONSTANTS * time_constant_s(sweep)
+        }
         SweepMethod::Uniform { points } => {
             let integration_s = f64::from(sweep.cycles) / middle_hz(sweep);
             f64::from(points) * (sweep.settle_s + integration_s)

@@ -1,5 +1,7 @@
 //! The sections that say how a resonance is measured.
 
+use std::ops::RangeInclusive;
+
 use rig_files::{
     Location,
     settings::{Setting, Table},
@@ -21,6 +23,33 @@ pub(crate) struct SweepKeys {
 enum Method {
     Adaptive,
     Uniform,
+}
+
+/// The keys of the sweep of the free sensor.
+#[derive(Debug, Clone)]
+pub(crate) struct NoLoadKeys {
+    pub(crate) sweep: SweepKeys,
+    /// Duration of the survey at the beginning of a run, s.
+    pub(crate) survey_s: Option<u32>,
+}
+
+/// Duration of a survey, s.
+const SURVEY_S: RangeInclusive<u32> = 10..=600;
+
+/// Reads the sweep of the free sensor.
+pub(crate) fn read_no_load(table: &mut Table<'_>) -> NoLoadKeys {
+    let survey_s = table.count("survey_s").optional();
+    let sweep = read(table);
+    if let Some(seconds) = &survey_s {
+        let (found, min, max) = (seconds.value, *SURVEY_S.start(), *SURVEY_S.end());
+        if seconds.sound().is_some() && !SURVEY_S.contains(&found) {
+            table.refuse(seconds, &ProtocolFault::SurveyTime { found, min, max });
+        }
+        if sweep.request.method != SweepMethod::Adaptive {
+            table.refuse(seconds, &ProtocolFault::OnlyAdaptive { key: "survey_s" });
+        }
+    }
+    NoLoadKeys { sweep, survey_s: survey_s.map(|seconds| seconds.value) }
 }
 
 /// Reads a sweep and checks it without a rig.

@@ -255,6 +255,7 @@ fn the_expected_duration_is_the_sum_that_the_documentation_gives() {
         ("[0, 15, 30, 45]", "[0]"),
         ("repeats = 1", "repeats = 2"),
         ("no_load = \"every-touch\"", "no_load = \"once\""),
+        ("survey_s = 20\n", ""),
         (adaptive, uniform),
         (adaptive, uniform),
     ]);
@@ -279,6 +280,8 @@ fn the_expected_duration_is_the_sum_that_the_documentation_gives() {
     let found = plan_of(&text).summary(&limits()).duration_s;
     let expected = no_load_s + 2.0 * touch_s;
     assert!((found - expected).abs() < 1e-9 * expected, "{found} {expected}");
+    let surveyed = Plan { survey_s: Some(20), ..plan_of(&text) }.summary(&limits());
+    assert!((surveyed.duration_s - found - 20.0).abs() < 1e-9 * expected, "{surveyed:?}");
 }
 
 #[test]
@@ -337,7 +340,8 @@ fn a_protocol_that_contradicts_itself_is_refused() {
         ("coarse_step_mm = 0.1", "coarse_step_mm = 0.7"),
         ("fine_step_mm = 0.005", "fine_step_mm = 0.75\nslip_mm = 0.6"),
         ("method = \"adaptive\"\nmin_hz = 130", "method = \"uniform\"\nmin_hz = 130"),
-        ("level_v = 5\n\n# In", "level_v = 5\npoints = 11\n# In"),
+        ("level_v = 5\n\n# Before", "level_v = 5\npoints = 11\n# Before"),
+        ("survey_s = 20", "survey_s = 5"),
         ("trials = 50", "trials = 4"),
         ("classes = 5", "classes = 7"),
         ("min_angle_deg = 0\nmax_angle_deg = 45", "min_angle_deg = 30\nmax_angle_deg = 20"),

@@ -21,8 +21,8 @@ pub use person::{Operator, Prompt, PromptAnswered, PromptAsked, RefusalAnswered,
 pub use resume::{Amended, Amendment, Change, GivenUp, Resumed};
 pub use start::{Action, Device, Expected, PlanSize, RunStarted, Sample, Source, StepStarted};
 pub use sweep::{
-    Circuit, FitNoise, FitSettings, FitTiming, NearCircuit, ReadingFlag, ReadingRecord, Sweep,
-    SweepOutcome, SweepPurpose,
+    BenchSettings, Circuit, FitNoise, FitSettings, FitTiming, NearCircuit, ReadingFlag,
+    ReadingRecord, Sweep, SweepOutcome, SweepPurpose,
 };
 pub use touch::{Direction, Phase, Pose, RefusedTouch, Touch, TouchPosition, TouchSettings};
 

@@ -1,13 +1,16 @@
 //! How long do planned sweeps take on an analyzer of which little is known, and are they right?
 //!
-//! `cargo bench -p rig-resonance --bench free_decay -- [RUNS [SEED [SECOND_MODE [TARGET_HZ [WRONG [PLACE]]]]]]`
-//! plans
-//! this number of sweeps from nothing for each sensor: the drive has any phase after each change of
-//! frequency, dead times and gaps are up to 3 ms long, and their lengths are known to a millisecond. A
-//! second mode of this part of the first capacitance lies `PLACE` linewidths above (1), and this share
-//! of the readings is wrong. For each sensor it prints how many sweeps were accepted, their median, 95 % and longest time on the rig, bias, error and
-//! coverage, how many were off by more than five standard deviations, readings and stays of a sweep,
-//! the mean, 99.9 % and longest time of a planning step, and why the others were refused.
+//! `cargo bench -p rig-resonance --bench free_decay -- [RUNS [SEED [SECOND_MODE [TARGET_HZ [WRONG [PLACE
+//! [SURVEY_S [PHASE_DEG]]]]]]]]` plans this number of sweeps from nothing for each sensor: the drive has
+//! any phase after each change of frequency, dead times and gaps are up to 3 ms long, and their lengths
+//! are known to a millisecond. A second mode of this part of the first capacitance lies `PLACE`
+//! linewidths above (1), this share of the readings is wrong, and the analyzer has this phase error. If
+//! `SURVEY_S` is not 0, a survey of so many seconds comes before each sweep. For each sensor it prints how
+//! many sweeps were accepted, their median, 95 % and longest time on the rig, bias, error and coverage,
+//! how many were off by more than five standard deviations, readings and stays of a sweep, the mean,
+//! 99.9 % and longest time of a planning step, and why the others were refused; of the surveys the error
+//! of the phase and its stated standard deviation, that of a second mode, the largest time of
+//! computing, and the mean time on the rig.
 
 #![expect(clippy::print_stdout, reason = "printing is what it is for")]
 #![expect(
@@ -21,7 +24,7 @@ use std::{collections::BTreeMap, f64::consts::TAU, time::Duration};
 use num_complex::Complex64;
 use rig_contact::Circuit;
 use rig_model::{DriveLevel, Reading, RigTime, SweepMethod, SweepPoint, SweepRequest, Window};
-use rig_resonance::{FitOutcome, Next, NoisePrior, Planner, Prior};
+use rig_resonance::{Bench as Known, FitOutcome, Next, NoisePrior, Planner, Prior, Refusal};
 use rig_sim::plant::Plant;
 use rustix::time::{ClockId, clock_gettime};
 use support::Random;
@@ -39,6 +42,8 @@ const NOISE: NoisePrior = NoisePrior { at_ten_cycles: 0.005, degrees_of_freedom:
 /// The longest gap before a reading, and the largest error of its length, s.
 const GAP_MAX_S: f64 = 3e-3;
 const GAP_ERROR_S: f64 = 1e-3;
+/// Rest after a survey, at the lowest frequency, s.
+const REST_S: f64 = 3.0;
 const WRONG_SIGMAS: f64 = 5.0;
 
 fn main() {
@@ -48,6 +53,7 @@ fn main() {
     let (runs, seed) = (number(0, 100.0), number(1, 1.0));
     let (second, target_hz) = (number(2, 0.0), number(3, 0.01));
     let (wrong, place) = (number(4, 0.0), number(5, 1.0));
+    let (survey_s, phase_deg) = (number(6, 0.0) as u32, number(7, 0.0));
     println!(
         "Q   k²   accepted  median  95 %   max s  bias   rms mHz  |z|<1.96  worst  >5  readings stays  \
          ms a step  99.9 %  max  refused"
@@ -55,11 +61,25 @@ fn main() {
     for (q, coupling) in SENSORS {
         let mut tally = Tally::default();
         let mut random = Random::new((1e6 * seed + 1e4 * q + 1e3 * coupling) as u64);
+        let mode = (second, place);
+        let scene = Scene { q, coupling, mode, wrong, target_hz, survey_s, phase_deg };
         for _ in 0..runs as u64 {
-            tally.run(q, coupling, (second, place, wrong), target_hz, &mut random);
+            tally.run(&scene, &mut random);
         }
         tally.print(q, coupling);
     }
+}
+
+/// What the sweeps of a line have in common.
+struct Scene {
+    q: f64,
+    coupling: f64,
+    /// Part of the capacitance and place of a second mode.
+    mode: (f64, f64),
+    wrong: f64,
+    target_hz: f64,
+    survey_s: u32,
+    phase_deg: f64,
 }
 
 /// A sensor, perhaps with a second mode, on an analyzer.
@@ -73,6 +93,7 @@ struct Bench {
     wrong: f64,
     /// The impedance of the last reading, ohm.
     before: Complex64,
+    phase: Complex64,
 }
 
 impl Bench {
@@ -97,7 +118,15 @@ impl Bench {
         let plant = |circuit| Plant::at_rest(circuit, WINDOW.min_hz).expect("these sensors ring");
         let modes = circuits.into_iter().map(plant).collect();
         let before = Complex64::new(0.0, -7e3);
-        Self { modes, frequency_hz: 0.0, now_s: 0.0, clock_error_s: 0.0, wrong, before }
+        Self {
+            modes,
+            frequency_hz: 0.0,
+            now_s: 0.0,
+            clock_error_s: 0.0,
+            wrong,
+            before,
+            phase: Complex64::ONE,
+        }
     }
 
     fn measure(&mut self, point: &SweepPoint, random: &mut Random) -> Reading {
@@ -117,15 +146,15 @@ impl Bench {
         let static_s = Complex64::new(0.0, TAU * hz * CAPACITANCE_F);
         let mut admittance = Complex64::new(0.0, 0.0);
         for (n, mode) in self.modes.iter_mut().enumerate() {
-            mode.advance(gap_s);
+            mode.advance(gap_s + point.settle_s);
             // The static capacitance is that of the first alone.
             let less = if n == 0 { Complex64::new(0.0, 0.0) } else { static_s };
             admittance += 1.0 / mode.measure(point.cycles) - less;
         }
         let sigma = NOISE.at_ten_cycles * (10.0 / f64::from(point.cycles)).sqrt();
         let integration_s = f64::from(point.cycles) / hz;
-        self.now_s += gap_s + integration_s;
-        let mut ohm = (1.0 + sigma * random.normal()) / admittance;
+        self.now_s += gap_s + point.settle_s + integration_s;
+        let mut ohm = (1.0 + sigma * random.normal()) / admittance * self.phase;
         if self.wrong > 0.0 && random.between(0.0, 1.0) < self.wrong {
             let way = random.below(support::WAYS);
             ohm = support::wrong(way, ohm, self.before, NOISE.at_ten_cycles, random);
@@ -135,7 +164,7 @@ impl Bench {
             frequency_hz: hz,
             measured: support::measured(ohm),
             started: RigTime::ZERO + Duration::from_secs_f64(started_s),
-            settle_s: 0.0,
+            settle_s: point.settle_s,
             integration_s,
         }
     }
@@ -157,19 +186,18 @@ struct Tally {
     readings: usize,
     stays: usize,
     steps_ms: Vec<f64>,
+    /// Longest time of computing after a survey.
+    survey_ms: f64,
+    /// Error of the phase, rad, what is known of the bench, and the time after the survey, s.
+    known: Vec<(f64, Known, f64)>,
 }
 
 impl Tally {
-    fn run(
-        &mut self,
-        q: f64,
-        coupling: f64,
-        (second, place, wrong): (f64, f64, f64),
-        target_hz: f64,
-        random: &mut Random,
-    ) {
+    fn run(&mut self, scene: &Scene, random: &mut Random) {
+        let &Scene { q, coupling, mode, wrong, target_hz, survey_s, phase_deg } = scene;
         let resonance_hz = random.between(130.0, 150.0);
-        let mut bench = Bench::new(resonance_hz, q, coupling, (second, place), wrong);
+        let mut bench = Bench::new(resonance_hz, q, coupling, mode, wrong);
+        bench.phase = Complex64::cis(phase_deg.to_radians());
         let request = SweepRequest {
             window: WINDOW,
             method: SweepMethod::Adaptive,
@@ -179,13 +207,25 @@ impl Tally {
             settle_s: 0.5,
             level: DriveLevel { volt: 1.0 },
         };
-        let prior = Prior { circuit: None, within: WINDOW, noise: Some(NOISE) };
+        let mut prior = Prior { circuit: None, within: WINDOW, noise: Some(NOISE), bench: None };
+        if survey_s > 0 {
+            prior.bench = self.survey(&mut bench, &request, &prior, scene, random);
+            if prior.bench.is_none() {
+                return;
+            }
+        }
+        for mode in &mut bench.modes {
+            mode.set_frequency(WINDOW.min_hz);
+            mode.advance(REST_S);
+        }
+        let begun_s = bench.now_s;
         let mut planner = Planner::new(&request, Some(&prior));
         let mut last_hz = 0.0;
+        let mut passed_s = 0.0;
         let verdict = loop {
             let began = processor_s();
             let next = planner.next();
-            let mut passed = processor_s() - began;
+            passed_s += processor_s() - began;
             let points = match next {
                 Next::Measure(points) => points,
                 Next::Finished(verdict) => break verdict,
@@ -197,20 +237,55 @@ impl Tally {
             self.readings += readings.len();
             let began = processor_s();
             planner.add(&readings);
-            passed += processor_s() - began;
-            self.steps_ms.push(1000.0 * passed);
+            passed_s += processor_s() - began;
+            self.steps_ms.push(1000.0 * std::mem::take(&mut passed_s));
         };
         match verdict {
             FitOutcome::Accepted(found) => {
                 let error_hz = found.resonance_hz - resonance_hz;
-                self.times_s.push(bench.now_s);
+                self.times_s.push(bench.now_s - begun_s);
                 self.errors_hz.push(error_hz);
                 self.sigmas.push((error_hz / found.sigma_hz).abs());
             }
-            FitOutcome::Refused(refusal) => {
-                *self.refused.entry(refusal.reason.code()).or_default() += 1;
-            }
+            FitOutcome::Refused(refusal) => self.refuse(&refusal),
         }
+    }
+
+    /// What a survey says of the bench; `None` if it is refused.
+    fn survey(
+        &mut self,
+        bench: &mut Bench,
+        request: &SweepRequest,
+        prior: &Prior,
+        scene: &Scene,
+        random: &mut Random,
+    ) -> Option<Known> {
+        let method = SweepMethod::Survey { seconds: scene.survey_s };
+        let mut planner = Planner::new(&SweepRequest { method, ..*request }, Some(prior));
+        let verdict = loop {
+            let began = processor_s();
+            let next = planner.next();
+            self.survey_ms = self.survey_ms.max(1e3 * (processor_s() - began));
+            match next {
+                Next::Measure(points) => {
+                    let readings: Vec<Reading> =
+                        points.iter().map(|point| bench.measure(point, random)).collect();
+                    planner.add(&readings);
+                }
+                Next::Finished(verdict) => break verdict,
+            }
+        };
+        if let FitOutcome::Refused(refusal) = verdict {
+            self.refuse(&refusal);
+            return None;
+        }
+        let known = planner.bench()?;
+        self.known.push((known.phase_rad - scene.phase_deg.to_radians(), known, bench.now_s));
+        Some(known)
+    }
+
+    fn refuse(&mut self, refusal: &Refusal) {
+        *self.refused.entry(refusal.reason.code()).or_default() += 1;
     }
 
     fn print(&mut self, q: f64, coupling: f64) {
@@ -248,5 +323,21 @@ impl Tally {
             self.stays as f64 / all,
             self.refused
         );
+        if !self.known.is_empty() {
+            let all = self.known.len();
+            let square = mean(&mut self.known.iter().map(|(off, ..)| off * off), all);
+            let worst =
+                self.known.iter().map(|(off, known, _)| (off / known.phase_sigma_rad).abs());
+            println!(
+                "         survey: phase off by {:.1e} rad ± {:.1e}, at most {:.1} sigma; second mode ± \
+                 {:.1e}; {:.1} ms, {:.1} s",
+                square.sqrt(),
+                mean(&mut self.known.iter().map(|(_, known, _)| known.phase_sigma_rad), all),
+                worst.fold(0.0, f64::max),
+                mean(&mut self.known.iter().map(|(_, known, _)| known.mode_sigma), all),
+                self.survey_ms,
+                mean(&mut self.known.iter().map(|(.., seconds)| *seconds), all),
+            );
+        }
     }
 }

@@ -14,7 +14,7 @@ mod steady;
 use rig_model::{Reading, Window};
 
 use crate::{
-    Circuit, FitOutcome, NoisePrior, Reason, Refusal, Resonance, Timing,
+    Bench, Circuit, FitOutcome, NoisePrior, Reason, Refusal, Resonance, Timing,
     circuit::points::Points,
     circuit::trace::{CIRCUIT, ModelEstimate},
     diagnose::doubts::{
@@ -42,6 +42,8 @@ pub struct FitOptions {
     /// The most likely circuit, if known. It replaces the search, and unsettled readings are weighted
     /// for it.
     pub near: Option<Circuit>,
+    /// The knowledge of the bench from a survey; used for readings without settling.
+    pub bench: Option<Bench>,
 }
 
 /// Finds the resonance in readings, in the order in which they were taken.

@@ -8,6 +8,7 @@
 
 #![deny(clippy::disallowed_methods)]
 
+mod bench;
 mod circuit;
 mod diagnose;
 mod estimators;
@@ -17,6 +18,7 @@ mod numeric;
 mod outcome;
 mod plan;
 
+pub use bench::Bench;
 pub use circuit::{
     Circuit,
     trace::{Past, Timing},

@@ -7,10 +7,13 @@
 pub(crate) mod decay;
 pub(crate) mod limit;
 pub(crate) mod prior;
+mod survey;
 
 use rig_model::{Reading, SweepMethod, SweepPoint, SweepRequest};
 
-use crate::{FitOptions, FitOutcome, Fitter, Limit, Reason, Refusal, Timing};
+use crate::{
+    Bench, FitOptions, FitOutcome, Fitter, Limit, Reason, Refusal, Timing, fit::decay::learn::learn,
+};
 use decay::Decay;
 use limit::{READINGS_MAX, ROWS_PER_PLAN, ROWS_PER_READING_JUDGED, SECONDS_PER_ROW, VERDICTS_MAX};
 use prior::{Estimate, Prior, elapsed_s};
@@ -44,19 +47,52 @@ pub struct Planner {
 #[derive(Debug, Clone)]
 enum Method {
     Uniform { points: u32, is_asked: bool },
-    Adaptive(Box<Decay>),
+    Adaptive { decay: Box<Decay>, survey: Survey },
+}
+
+/// The survey of the bench, after an adaptive sweep that finds the resonance roughly.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Survey {
+    None,
+    /// Still to be made, for this many seconds.
+    Ahead {
+        seconds: u32,
+    },
+    /// Measured this many times.
+    Measured {
+        seconds: u32,
+        rounds: u32,
+    },
+}
+
+/// A survey that misses its target is continued, up to this many times its duration.
+const ROUNDS_MAX: u32 = 4;
+
+/// Target of the sweep before a survey, relative to that of the survey.
+const ROUGHLY: f64 = 10.0;
+
+impl Survey {
+    /// Target of the adaptive part, Hz.
+    fn target_hz(self, request: &SweepRequest) -> f64 {
+        if self == Self::None { request.target_sigma_hz } else { ROUGHLY * request.target_sigma_hz }
+    }
 }
 
 impl Planner {
     /// Creates a planner for a request, with the prior if there is one.
     pub fn new(request: &SweepRequest, prior: Option<&Prior>) -> Self {
+        let adaptive = |survey| {
+            let target_sigma_hz = Survey::target_hz(survey, request);
+            let request = SweepRequest { target_sigma_hz, ..*request };
+            let decay = Box::new(Decay::new(&request, prior));
+            (Method::Adaptive { decay, survey }, Timing::AnyPhase)
+        };
         let (method, timing) = match request.method {
             SweepMethod::Uniform { points } => {
                 (Method::Uniform { points, is_asked: false }, Timing::Waited)
             }
-            SweepMethod::Adaptive => {
-                (Method::Adaptive(Box::new(Decay::new(request, prior))), Timing::AnyPhase)
-            }
+            SweepMethod::Adaptive => adaptive(Survey::None),
+            SweepMethod::Survey { seconds } => adaptive(Survey::Ahead { seconds }),
         };
         let options = FitOptions {
             window: Some(request.window),
@@ -64,6 +100,7 @@ impl Planner {
             timing,
             always_loss: true,
             near: None,
+            bench: prior.and_then(|prior| prior.bench),
         };
         Self {
             request: *request,
@@ -91,7 +128,11 @@ impl Planner {
                 Next::Measure(window.evenly(*points, settle_s, cycles))
             }
             Method::Uniform { .. } => Next::Finished(self.verdict()),
-            Method::Adaptive(_) => self.next_stay(),
+            Method::Adaptive { survey: Survey::Measured { seconds, rounds }, .. } => {
+                let (seconds, rounds) = (*seconds, *rounds);
+                self.surveyed(seconds, rounds)
+            }
+            Method::Adaptive { .. } => self.next_stay(),
         }
     }
 
@@ -116,7 +157,7 @@ impl Planner {
     pub fn work(&self) -> u64 {
         let of_method = match &self.method {
             Method::Uniform { .. } => 0,
-            Method::Adaptive(decay) => decay.work(),
+            Method::Adaptive { decay, .. } => decay.work(),
         };
         self.work + of_method
     }
@@ -131,9 +172,33 @@ impl Planner {
         self.work += ROWS_PER_READING_JUDGED * self.readings.len() as u64;
         self.options.near = match &self.method {
             Method::Uniform { .. } => None,
-            Method::Adaptive(decay) => decay.circuit(),
+            Method::Adaptive { decay, .. } => decay.circuit(),
         };
         self.fitter.fit(&self.readings, &self.options)
+    }
+
+    /// The verdict after a survey, with what it says of the bench.
+    fn surveyed(&mut self, seconds: u32, rounds: u32) -> Next {
+        self.options.bench = None;
+        let refused = |reason| FitOutcome::Refused(Refusal { reason, estimate: None });
+        let verdict = match learn(&self.readings, &self.options) {
+            Ok(bench) => {
+                self.options.bench = Some(bench);
+                let target_hz = self.request.target_sigma_hz;
+                self.verdict().held_to(target_hz, self.readings.len(), Limit::Plan)
+            }
+            Err(reason) => refused(reason),
+        };
+        let FitOutcome::Refused(refusal) = &verdict else { return Next::Finished(verdict) };
+        if let (Reason::TargetNotReached { .. }, Some(found)) = (refusal.reason, &refusal.estimate)
+            && rounds < ROUNDS_MAX
+            && let Method::Adaptive { survey, .. } = &mut self.method
+        {
+            *survey = Survey::Measured { seconds, rounds: rounds + 1 };
+            return Next::Measure(survey::points(&found.circuit(), self.request.window, seconds));
+        }
+        self.options.bench = None;
+        Next::Finished(verdict)
     }
 
     /// Ends a planned sweep with its verdict. A verdict that misses the target becomes a refusal with
@@ -168,8 +233,13 @@ impl Planner {
     pub const fn target_hz(&self) -> Option<f64> {
         match self.method {
             Method::Uniform { .. } => None,
-            Method::Adaptive(_) => Some(self.request.target_sigma_hz),
+            Method::Adaptive { .. } => Some(self.request.target_sigma_hz),
         }
+    }
+
+    /// The knowledge of the bench after the outcome.
+    pub const fn bench(&self) -> Option<Bench> {
+        self.options.bench
     }
 
     /// Time to which the resonance of this verdict refers, s on the clock of the readings.
@@ -184,21 +254,27 @@ impl Planner {
         }
         let window = self.request.window;
         let is_enough = match &mut self.method {
-            Method::Adaptive(decay) => decay.is_enough(window),
+            Method::Adaptive { decay, .. } => decay.is_enough(window),
             Method::Uniform { .. } => false,
         };
         if is_enough {
             let verdict = self.verdict();
-            let target_hz = self.request.target_sigma_hz;
-            if let Method::Adaptive(decay) = &mut self.method
-                && decay.is_final(&verdict, target_hz)
+            if let Method::Adaptive { decay, survey } = &mut self.method
+                && decay.is_final(&verdict, survey.target_hz(&self.request))
             {
-                return Next::Finished(verdict);
+                return match (*survey, decay.circuit()) {
+                    // What the survey finds may be the reason of a refusal.
+                    (Survey::Ahead { seconds }, Some(circuit)) => {
+                        *survey = Survey::Measured { seconds, rounds: 1 };
+                        Next::Measure(survey::points(&circuit, window, seconds))
+                    }
+                    _ => Next::Finished(verdict),
+                };
             }
         }
         let (elapsed_s, limit_s) = (self.elapsed_s(), self.request.time_limit_s);
         let points = match &mut self.method {
-            Method::Adaptive(decay) => decay.next(&self.request, &self.readings, elapsed_s),
+            Method::Adaptive { decay, .. } => decay.next(&self.request, &self.readings, elapsed_s),
             Method::Uniform { .. } => Ok(Vec::new()),
         };
         self.work += ROWS_PER_PLAN;
@@ -228,8 +304,8 @@ impl Planner {
     pub fn add(&mut self, readings: &[Reading]) {
         self.readings.extend_from_slice(readings);
         match &mut self.method {
-            Method::Adaptive(decay) => decay.add(readings, self.request.window),
-            Method::Uniform { .. } => {}
+            Method::Adaptive { survey: Survey::Measured { .. }, .. } | Method::Uniform { .. } => {}
+            Method::Adaptive { decay, .. } => decay.add(readings, self.request.window),
         }
     }
 
@@ -238,7 +314,7 @@ impl Planner {
     pub fn estimate(&self) -> Option<Estimate> {
         match &self.method {
             Method::Uniform { .. } => None,
-            Method::Adaptive(decay) => decay.estimate(),
+            Method::Adaptive { decay, .. } => decay.estimate(),
         }
     }
 

@@ -15,7 +15,7 @@ fn sweep(q: f64, k_eff_squared: f64, share: f64, seed: u64) -> (FitOutcome, f64)
     let resonance_hz = random.between(130.0, 150.0);
     let request = request(SweepMethod::Adaptive);
     let noise = Some(NoisePrior { at_ten_cycles: NOISE, degrees_of_freedom: 1000.0 });
-    let prior = Prior { circuit: None, within: request.window, noise };
+    let prior = Prior { circuit: None, within: request.window, noise, bench: None };
     let mut planner = Planner::new(&request, Some(&prior));
     let mut plant = Plant::at_rest(Circuit { resonance_hz, ..circuit(q, k_eff_squared) });
     let (mut now, mut last_hz) = (RigTime::from_micros(1_000_000), 0.0);

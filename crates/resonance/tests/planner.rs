@@ -71,6 +71,7 @@ fn known_noise() -> Prior {
         circuit: None,
         within: request(SweepMethod::Adaptive).window,
         noise: Some(NoisePrior { at_ten_cycles: NOISE, degrees_of_freedom: 1000.0 }),
+        bench: None,
     }
 }
 
@@ -131,7 +132,8 @@ fn a_circuit_that_is_nearly_known_is_not_looked_for_and_not_believed() {
         cold_s += seconds;
         let last = *accepted(&verdict);
         let (min_hz, max_hz) = (last.resonance_hz - 1.0, last.resonance_hz + 1.0);
-        let prior = Prior { noise: cold.noise, ..Prior::moved(&last, Window { min_hz, max_hz }) };
+        let prior =
+            Prior { noise: cold.noise, ..Prior::moved(&last, Window { min_hz, max_hz }, None) };
         let resonance_hz = 139.2 + 0.08 * seed as f64;
         let moved = Circuit { resonance_hz, q: 28.0, ..circuit(30.0, 0.1) };
         let (verdict, seconds, _) = run_disturbed(&moved, &request, Some(&prior), seed, jump);
@@ -231,7 +233,7 @@ fn a_resonance_that_moved_is_found_within_where_it_may_be() {
     let free = circuit(100.0, 0.08);
     let (verdict, _, _) = run(&free, &request, Some(&known_noise()), 1);
     let within = Window { min_hz: 139.0, ..request.window };
-    let prior = Prior::moved(accepted(&verdict), within);
+    let prior = Prior::moved(accepted(&verdict), within, None);
     let touched = Circuit { resonance_hz: 157.3, ..circuit(22.0, 0.05) };
     let (verdict, _, _) = run(&touched, &request, Some(&prior), 2);
     let found = accepted(&verdict);

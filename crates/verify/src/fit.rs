@@ -57,6 +57,9 @@ pub(crate) struct Fitted {
     pub(crate) sigma_hz: f64,
     /// The same, if there may be a second mode of any size; only with a free decay.
     pub(crate) with_mode_hz: f64,
+    /// Standard deviation of the capacitance of a second mode, relative to the first, the largest of all
+    /// places; only with a free decay.
+    pub(crate) mode_sigma: f64,
     /// Sum of squares over its degrees of freedom, against the noise that was known before.
     pub(crate) scatter: f64,
     /// The degrees of freedom.
@@ -101,13 +104,13 @@ pub(crate) fn fit(
     at.amplitudes = trace.first_amplitudes(&at.circuit, variance);
     let rows = 2 * readings.len() + CIRCUIT - 1;
     let degrees = rows.saturating_sub(CIRCUIT).max(1) as f64;
-    let (mut found, mut widest) = (None, 0.0);
+    let (mut found, mut widest, mut mode_variance) = (None, 0.0, 0.0);
     let (mut scatter, mut effective_time_s) = (f64::NAN, None);
     for round in 0..ROUNDS {
         let weights = trace.weights(&at, variance);
         let normal = trace.descend(&mut at, &weights);
         if round + 1 == ROUNDS && is_ringing {
-            widest = trace.widest(&at, &weights);
+            (widest, mode_variance) = trace.widest(&at, &weights);
             effective_time_s = trace.effective_s(&at, &weights).map(|s| first.begin_s() + s);
         }
         if round + 2 == ROUNDS {
@@ -118,7 +121,8 @@ pub(crate) fn fit(
         }
         found = Some(normal);
     }
-    let [ln_resonance, ln_q, ..] = at.circuit;
+    let [ln_resonance, ln_q, _, c1, _] = at.circuit;
+    let mode_sigma = f64::sqrt(mode_variance) / c1;
     let resonance_hz = ln_resonance.exp();
     let sigma_hz = resonance_hz * found?.variance(0)?.sqrt();
     let with_mode_hz = sigma_hz.max(resonance_hz * f64::sqrt(widest));
@@ -128,6 +132,7 @@ pub(crate) fn fit(
         quality_factor,
         sigma_hz,
         with_mode_hz,
+        mode_sigma,
         scatter,
         degrees,
         effective_time_s,
@@ -372,16 +377,18 @@ impl Trace {
     }
 
     /// The largest variance of the logarithm of the resonance if a second mode of any size is at one of
-    /// the places.
-    fn widest(&self, at: &Unknowns, weights: &Weights) -> f64 {
+    /// the places, and the largest variance of its size.
+    fn widest(&self, at: &Unknowns, weights: &Weights) -> (f64, f64) {
         let places = MODES_AT.into_iter().flat_map(|place| [-place, place]);
         let at_place = |place: f64| {
             let [ln_f, ln_q, ..] = at.circuit;
             let ln_f = ln_f + (1.0 + place * (-ln_q).exp()).max(0.1).ln();
             let mode = Branch::new(&[ln_f, ln_q, 0.0, 0.0, 0.0]);
-            self.normal(at, weights, Some(&mode)).variance(0)
+            let normal = self.normal(at, weights, Some(&mode));
+            Some((normal.variance(0)?, normal.variance(MODE)?))
         };
-        places.filter_map(at_place).fold(0.0, f64::max)
+        let larger = |a: (f64, f64), b: (f64, f64)| (a.0.max(b.0), a.1.max(b.1));
+        places.filter_map(at_place).fold((0.0, 0.0), larger)
     }
 
     /// The time for which the resonance holds, s after the begin of the first reading: where a resonance

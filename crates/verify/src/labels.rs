@@ -1,6 +1,7 @@
 //! What was measured where: steps, prompts, sweeps, surfaces and touches against the plan and the
 //! axes.
 
+mod bench;
 mod noise;
 mod touch;
 
@@ -62,6 +63,7 @@ pub(crate) struct Labels {
     sweeps: u64,
     sweep: Option<SweepFacts>,
     noise: noise::NoiseChain,
+    bench: bench::BenchChain,
     /// The last sweep with the probe clear that was accepted.
     reference: Option<SweepFacts>,
     surface: Option<SurfaceFacts>,
@@ -124,6 +126,7 @@ impl Labels {
         (self.step, self.sample, self.orientation, self.reference) = (None, None, None, None);
         (self.surface, self.indented_mm, self.free_s) = (None, None, 0.0);
         self.is_still_there = None;
+        self.bench = bench::BenchChain::default();
         self.is_anew = true;
     }
 
@@ -350,6 +353,10 @@ impl Labels {
             Outcome::Refused { reason } => Err(reason.clone()),
         };
         self.noise.sweep(seq, sweep, outcome.is_ok(), findings);
+        if let Some(settings) = settings.filter(|_| !is_manual) {
+            let is_asked = settings.protocol.no_load_sweep.survey_s.is_some();
+            self.bench.sweep(seq, sweep, (outcome.is_ok(), is_asked), findings);
+        }
         let facts = SweepFacts {
             number: sweep.number,
             purpose: sweep.purpose.clone(),

@@ -25,6 +25,7 @@ mod record;
 mod results;
 mod settings;
 mod surface;
+mod survey;
 mod walk;
 
 use std::path::Path;

@@ -241,6 +241,16 @@ pub(crate) struct FitSettings {
     pub(crate) noise: Option<FitNoise>,
     pub(crate) timing: String,
     pub(crate) target_sigma_hz: Option<f64>,
+    pub(crate) bench: Option<Bench>,
+}
+
+/// What a survey found on the bench.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+pub(crate) struct Bench {
+    pub(crate) phase_rad: f64,
+    pub(crate) phase_sigma_rad: f64,
+    pub(crate) mode_sigma: f64,
+    pub(crate) surveyed_hz: [f64; 2],
 }
 
 impl FitSettings {

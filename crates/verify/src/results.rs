@@ -6,6 +6,7 @@ use crate::{
     finding::{Check, Findings},
     fit::{self, Fitted},
     record::{FitNoise, FitSettings, Outcome, Reading, Sweep},
+    survey::{self, Doubt, turned},
 };
 
 /// A stated resonance may differ from the fit of this checker by this many of its standard deviations.
@@ -45,6 +46,8 @@ const FITS_PER_THREAD: usize = 16;
 pub(crate) struct Accepted {
     pub(crate) seq: u64,
     pub(crate) sweep: Box<Sweep>,
+    /// Whether it is the first sweep with what it states of the bench.
+    pub(crate) is_survey: bool,
 }
 
 /// Fits every accepted sweep, on all processors, and adds findings in the order of the sweeps.
@@ -83,7 +86,7 @@ pub(crate) fn check(sweeps: &[Accepted], findings: &mut Findings) {
 
 fn check_one(accepted: &Accepted, findings: &mut Findings) {
     let usable = |reading: &&Reading| fit::is_usable(reading);
-    let Accepted { seq, sweep } = accepted;
+    let Accepted { seq, sweep, .. } = accepted;
     let readings = sweep.readings.iter().skip(sweep.probe_readings).filter(usable);
     let mut readings: Vec<Reading> = readings.copied().collect();
     if readings.len() < READINGS_MIN {
@@ -116,11 +119,10 @@ fn check_one(accepted: &Accepted, findings: &mut Findings) {
 }
 
 /// The findings about a result that follows from these readings, and the scatter about their circuit.
-fn check_readings(Accepted { seq, sweep }: &Accepted, readings: &[Reading]) -> (Findings, f64) {
+fn check_readings(accepted: &Accepted, readings: &[Reading]) -> (Findings, f64) {
+    let Accepted { seq, sweep, is_survey } = accepted;
     let mut findings = Findings::default();
-    let Outcome::Accepted { resonance_hz, sigma_hz, circuit, effective_time_s, .. } =
-        &sweep.outcome
-    else {
+    let Outcome::Accepted { resonance_hz, sigma_hz, circuit, .. } = &sweep.outcome else {
         return (findings, f64::NAN);
     };
     let number = sweep.number;
@@ -131,34 +133,59 @@ fn check_readings(Accepted { seq, sweep }: &Accepted, readings: &[Reading]) -> (
     let is_ringing = settings.is_some_and(FitSettings::is_ringing);
     let noise = settings.and_then(|FitSettings { noise, .. }| *noise);
     let stated = circuit.as_ref().filter(|_| *sigma_hz > 0.0 && sigma_hz.is_finite());
-    let fitted = stated.and_then(|circuit| {
-        fit::fit(readings, is_ringing, noise, (*resonance_hz, circuit)).map(|fit| (fit, circuit))
-    });
-    let Some((
-        Fitted {
-            resonance_hz: fit_hz,
-            quality_factor,
-            sigma_hz: fit_sigma,
-            scatter,
-            degrees,
-            with_mode_hz,
-            effective_time_s: fit_time_s,
-        },
-        circuit,
-    )) = fitted
-    else {
+    let bench = settings.and_then(|settings| settings.bench).filter(|_| is_ringing);
+    let fit_at = |phase_rad: f64, circuit| {
+        fit::fit(&turned(readings, -phase_rad), is_ringing, noise, (*resonance_hz, circuit))
+    };
+    let phase_rad = bench.map_or(0.0, |bench| bench.phase_rad);
+    let fitted = stated.and_then(|circuit| Some((fit_at(phase_rad, circuit)?, circuit)));
+    let Some((fitted, circuit)) = fitted else {
         let what = "no resonance follows from the readings";
         add(Check::Resonance, what, "none".to_owned(), *resonance_hz, None);
         return (findings, f64::NAN);
     };
+    check_outcome(&sweep.outcome, &fitted, readings, settings, &mut add);
+    let Fitted { scatter, degrees, mode_sigma, .. } = fitted;
+    let most = most_scatter(noise, degrees);
+    if scatter > most {
+        let what = "the scatter of the readings about the circuit, over the known noise";
+        add(Check::Resonance, what, "near 1".to_owned(), scatter, Some(most.to_string()));
+    }
+    if let Some(bench) = bench.filter(|_| *is_survey) {
+        let cost = |phase_rad: f64| fit_at(phase_rad, circuit).map(|fit| fit.scatter * fit.degrees);
+        for Doubt { check, what, expected, found, limit } in
+            survey::doubts(&bench, cost, (scatter, degrees), mode_sigma)
+        {
+            add(check, what, expected.to_string(), found, Some(limit));
+        }
+    }
+    (findings, scatter)
+}
+
+/// Compares an outcome with the fit of this checker.
+fn check_outcome(
+    outcome: &Outcome,
+    fitted: &Fitted,
+    readings: &[Reading],
+    settings: Option<&FitSettings>,
+    add: &mut impl FnMut(Check, &str, String, f64, Option<String>),
+) {
+    let Outcome::Accepted { resonance_hz, sigma_hz, circuit, effective_time_s, .. } = outcome
+    else {
+        return;
+    };
+    let Fitted { resonance_hz: fit_hz, sigma_hz: fit_sigma, quality_factor, degrees, .. } = *fitted;
     let limit = RESONANCE_SIGMAS * sigma_hz;
     if (fit_hz - resonance_hz).abs() > limit || !fit_hz.is_finite() {
         let what = "the resonance, Hz";
         add(Check::Resonance, what, fit_hz.to_string(), *resonance_hz, Some(limit.to_string()));
     }
     let least_hz = SIGMA_LEAST * fit_sigma;
-    let most_hz = if is_ringing {
-        SIGMA_MOST * with_mode_hz
+    let most_hz = if settings.is_some_and(FitSettings::is_ringing) {
+        let bench = settings.and_then(|settings| settings.bench);
+        let phase_sigma = bench.map_or(0.0, |bench| bench.phase_sigma_rad);
+        // A phase error of a radian moves the resonance by no more than a linewidth.
+        SIGMA_MOST * fitted.with_mode_hz.hypot(phase_sigma * fit_hz / quality_factor)
     } else {
         f64::max(SIGMA_MOST_ON_GRID * fit_sigma, SIGMA_LINEWIDTHS * fit_hz / quality_factor)
     };
@@ -166,7 +193,7 @@ fn check_readings(Accepted { seq, sweep }: &Accepted, readings: &[Reading]) -> (
         let limit = Some(format!("from {least_hz} to {most_hz}"));
         add(Check::Sigma, "the standard deviation, Hz", fit_sigma.to_string(), *sigma_hz, limit);
     }
-    if let (Some(fit_s), Some(time_s)) = (fit_time_s, *effective_time_s) {
+    if let (Some(fit_s), Some(time_s)) = (fitted.effective_time_s, *effective_time_s) {
         let limit_s = time_limit_s(readings, degrees, fit_s);
         if (time_s - fit_s).abs() > limit_s || !time_s.is_finite() {
             let what = "the time for which the resonance holds, s";
@@ -174,18 +201,11 @@ fn check_readings(Accepted { seq, sweep }: &Accepted, readings: &[Reading]) -> (
             add(Check::ReadingTime, what, fit_s.to_string(), time_s, limit);
         }
     }
-    let ratio = circuit.quality_factor / quality_factor;
-    if !(Q_RATIO[0]..=Q_RATIO[1]).contains(&ratio) {
+    let stated = circuit.as_ref().map_or(f64::NAN, |circuit| circuit.quality_factor);
+    if !(Q_RATIO[0]..=Q_RATIO[1]).contains(&(stated / quality_factor)) {
         let limit = Some(format!("a ratio from {} to {}", Q_RATIO[0], Q_RATIO[1]));
-        let expected = quality_factor.to_string();
-        add(Check::Resonance, "the quality factor", expected, circuit.quality_factor, limit);
+        add(Check::Resonance, "the quality factor", quality_factor.to_string(), stated, limit);
     }
-    let most = most_scatter(noise, degrees);
-    if scatter > most {
-        let what = "the scatter of the readings about the circuit, over the known noise";
-        add(Check::Resonance, what, "near 1".to_owned(), scatter, Some(most.to_string()));
-    }
-    (findings, scatter)
 }
 
 /// Largest difference between two statements of the time for which a resonance holds, s.

@@ -116,6 +116,7 @@ pub(crate) struct SweepKeys {
     target_sigma_hz: Option<f64>,
     #[serde(default)]
     method: String,
+    pub(crate) survey_s: Option<u32>,
 }
 
 impl SweepKeys {

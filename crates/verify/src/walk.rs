@@ -9,7 +9,7 @@ use crate::{
     labels::Labels,
     motion::{Motion, Probe, Turn},
     plan,
-    record::{BlackBox, Fault, Operator, Outcome, Record, Resumed, RunFinished, RunStarted},
+    record::{BlackBox, Fault, Operator, Outcome, Record, Resumed, RunFinished, RunStarted, Sweep},
     results::{self, Accepted},
     settings::Settings,
 };
@@ -225,7 +225,10 @@ impl Walk {
             Record::Sweep(sweep) => {
                 labels.sweep(seq, rig_us, &sweep, motion, settings, findings);
                 if matches!(sweep.outcome, Outcome::Accepted { .. }) {
-                    self.accepted.push(Accepted { seq, sweep });
+                    let bench = |sweep: &Sweep| sweep.fit.as_ref().and_then(|fit| fit.bench);
+                    let before = self.accepted.last().and_then(|last| bench(&last.sweep));
+                    let is_survey = bench(&sweep).is_some_and(|bench| before != Some(bench));
+                    self.accepted.push(Accepted { seq, sweep, is_survey });
                 }
             }
             Record::TouchResult(result) => {

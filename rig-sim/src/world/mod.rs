@@ -293,7 +293,8 @@ impl World {
         self.plant_at = done;
         let sigma = self.scene.nuisances.impedance_rel * (10.0 / f64::from(cycles)).sqrt();
         let noise = Complex64::new(self.noise.normal(), self.noise.normal());
-        (impedance_ohm * (1.0 + sigma * noise), done)
+        let turn = Complex64::cis(self.scene.nuisances.analyzer_phase_deg.to_radians());
+        (impedance_ohm * turn * (1.0 + sigma * noise), done)
     }
 
     /// A normal draw for the jitter of an encoder, in steps of its drive.

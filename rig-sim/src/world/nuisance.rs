@@ -27,6 +27,8 @@ pub struct Nuisances {
     pub drift: Drift,
     /// Relative standard deviation of each part of an impedance integrated over ten cycles.
     pub impedance_rel: f64,
+    /// Phase error of the analyzer, degrees.
+    pub analyzer_phase_deg: f64,
     /// Time of the analyzer for each command, s: a client that times its drive does not know it.
     pub analyzer_command_s: f64,
 }
@@ -44,6 +46,7 @@ impl Nuisances {
         encoder_steps: 0.0,
         drift: Drift { warm_up_hz: 0.0, warm_up_s: 1.0, walk_hz_per_sqrt_hour: 0.0 },
         impedance_rel: 0.0,
+        analyzer_phase_deg: 0.0,
         analyzer_command_s: 0.0,
     };
 }

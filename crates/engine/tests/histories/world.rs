@@ -76,6 +76,7 @@ pub(crate) fn plan() -> Plan {
             on_refusal: rig_protocol::RefusalPolicy::Record,
         },
         no_load_sweep: sweep(125.0, 160.0),
+        survey_s: None,
         contact_sweep: sweep(130.0, 190.0),
         classes: None,
         seed: 0,

@@ -3,7 +3,7 @@
 use super::quantity::Quantity;
 
 /// Names of the quantities, in the form of [`plain`].
-const NAMES: [(Quantity, &[&str]); 39] = [
+const NAMES: [(Quantity, &[&str]); 44] = [
     (Quantity::Frequency, &["frequency", "freq", "f"]),
     (
         Quantity::Resistance,
@@ -86,6 +86,11 @@ const NAMES: [(Quantity, &[&str]); 39] = [
     (Quantity::NearCapacitance, &["fitnearstaticcapacitance"]),
     (Quantity::NearRatio, &["fitnearcapacitanceratio"]),
     (Quantity::NearLoss, &["fitnearlosstangent"]),
+    (Quantity::BenchPhase, &["fitbenchphase"]),
+    (Quantity::BenchPhaseSigma, &["fitbenchphasesigma"]),
+    (Quantity::BenchMode, &["fitbenchmodesigma"]),
+    (Quantity::BenchMin, &["fitbenchmin"]),
+    (Quantity::BenchMax, &["fitbenchmax"]),
 ];
 
 /// Units with their factors to the unit without a prefix.
@@ -118,9 +123,13 @@ impl Quantity {
             // Only this spelling surely means a thousandth.
             Self::Frequency if unit == "mHz" => Some(1e-3),
             Self::Frequency => among(&HERTZ),
-            Self::FitMin | Self::FitMax | Self::FitTarget | Self::NearResonance => {
-                (lower == "hz").then_some(1.0)
-            }
+            Self::FitMin
+            | Self::FitMax
+            | Self::FitTarget
+            | Self::NearResonance
+            | Self::BenchMin
+            | Self::BenchMax => (lower == "hz").then_some(1.0),
+            Self::BenchPhase | Self::BenchPhaseSigma => (lower == "rad").then_some(1.0),
             Self::NearCapacitance => (lower == "f").then_some(1.0),
             Self::Resistance | Self::Reactance | Self::Magnitude | Self::ParallelResistance => {
                 prefixed(unit, &["ohm", "ohms", "ω"])
@@ -147,7 +156,8 @@ impl Quantity {
             | Self::FitLoss
             | Self::NearQuality
             | Self::NearRatio
-            | Self::NearLoss => None,
+            | Self::NearLoss
+            | Self::BenchMode => None,
         }
     }
 }

@@ -4,7 +4,7 @@ use std::{collections::HashMap, f64::consts::PI, time::Duration};
 
 use num_complex::Complex64;
 use rig_model::{AnalyzerMake, Impedance, PointResult, Reading, ReadingFlag, RigTime, Window};
-use rig_resonance::{Circuit, NoisePrior, Past, Timing, flagged};
+use rig_resonance::{Bench, Circuit, NoisePrior, Past, Timing, flagged};
 
 use super::{
     FaultCollector, FileSweep, FitSettings, LeftOut, LeftOutReason,
@@ -107,6 +107,11 @@ fn fit_settings(rows: &[Row], faults: &mut FaultCollector) -> FitSettings {
         Quantity::NearCapacitance,
         Quantity::NearRatio,
         Quantity::NearLoss,
+        Quantity::BenchPhase,
+        Quantity::BenchPhaseSigma,
+        Quantity::BenchMode,
+        Quantity::BenchMin,
+        Quantity::BenchMax,
     ];
     for row in rows {
         let location = Location { line: row.line, column: 1 };
@@ -119,8 +124,9 @@ fn fit_settings(rows: &[Row], faults: &mut FaultCollector) -> FitSettings {
             break;
         }
     }
-    let [min_hz, max_hz, at_ten_cycles, degrees, target_hz, near @ ..] =
-        numbers.map(|quantity| first.value(quantity));
+    let values = numbers.map(|quantity| first.value(quantity));
+    let [min_hz, max_hz, at_ten_cycles, degrees, target_hz, near @ .., _, _, _, _, _] = values;
+    let [.., phase, phase_sigma, mode_sigma, low_hz, high_hz] = values;
     let window = min_hz.zip(max_hz).map(|(min_hz, max_hz)| Window { min_hz, max_hz });
     if let Some(Window { min_hz, max_hz }) = window.filter(|window| window.max_hz <= window.min_hz)
     {
@@ -139,7 +145,14 @@ fn fit_settings(rows: &[Row], faults: &mut FaultCollector) -> FitSettings {
         }
         _ => None,
     };
-    FitSettings { window, noise, timing: first.timing, always_loss, target_hz, near }
+    let bench = match [phase, phase_sigma, mode_sigma, low_hz, high_hz] {
+        [Some(phase_rad), Some(phase_sigma_rad), Some(mode_sigma), Some(min_hz), Some(max_hz)] => {
+            let surveyed = Window { min_hz, max_hz };
+            Some(Bench { phase_rad, phase_sigma_rad, mode_sigma, surveyed })
+        }
+        _ => None,
+    };
+    FitSettings { window, noise, timing: first.timing, always_loss, target_hz, near, bench }
 }
 
 /// The rows below the header.

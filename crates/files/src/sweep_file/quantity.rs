@@ -46,11 +46,16 @@ pub(super) enum Quantity {
     NearCapacitance,
     NearRatio,
     NearLoss,
+    BenchPhase,
+    BenchPhaseSigma,
+    BenchMode,
+    BenchMin,
+    BenchMax,
 }
 
 impl Quantity {
     /// Number of quantities.
-    pub(super) const COUNT: usize = Self::NearLoss as usize + 1;
+    pub(super) const COUNT: usize = Self::BenchMax as usize + 1;
 
     /// Whether it is an angle, which needs a unit.
     pub(super) const fn is_phase(self) -> bool {
@@ -125,6 +130,11 @@ impl Quantity {
             Self::NearCapacitance => "static capacitance for the weights of the fit",
             Self::NearRatio => "ratio of capacitances for the weights of the fit",
             Self::NearLoss => "loss tangent for the weights of the fit",
+            Self::BenchPhase => "phase error of the analyzer",
+            Self::BenchPhaseSigma => "standard deviation of the phase error of the analyzer",
+            Self::BenchMode => "standard deviation of a second mode",
+            Self::BenchMin => "lower end of the surveyed frequencies",
+            Self::BenchMax => "upper end of the surveyed frequencies",
         }
     }
 
@@ -170,6 +180,11 @@ impl Quantity {
             Self::NearCapacitance => "fit_near_static_capacitance_f",
             Self::NearRatio => "fit_near_capacitance_ratio",
             Self::NearLoss => "fit_near_loss_tangent",
+            Self::BenchPhase => "fit_bench_phase_rad",
+            Self::BenchPhaseSigma => "fit_bench_phase_sigma_rad",
+            Self::BenchMode => "fit_bench_mode_sigma",
+            Self::BenchMin => "fit_bench_min_hz",
+            Self::BenchMax => "fit_bench_max_hz",
         }
     }
 
@@ -189,6 +204,11 @@ impl Quantity {
                 | Self::NearCapacitance
                 | Self::NearRatio
                 | Self::NearLoss
+                | Self::BenchPhase
+                | Self::BenchPhaseSigma
+                | Self::BenchMode
+                | Self::BenchMin
+                | Self::BenchMax
         )
     }
 
@@ -199,7 +219,9 @@ impl Quantity {
             | Self::FitMin
             | Self::FitMax
             | Self::FitTarget
-            | Self::NearResonance => FREQUENCY_HZ,
+            | Self::NearResonance
+            | Self::BenchMin
+            | Self::BenchMax => FREQUENCY_HZ,
             // A reading whose noise exceeds its value is useless.
             Self::FitNoise => 1e-12..=1.0,
             Self::FitNoiseDegrees => 0.1..=1e9,
@@ -207,6 +229,9 @@ impl Quantity {
             Self::NearCapacitance => 1e-18..=1.0,
             Self::NearRatio => 1e-12..=1e6,
             Self::NearLoss => -1e3..=1e3,
+            Self::BenchPhase => -1.0..=1.0,
+            Self::BenchPhaseSigma => 1e-12..=1.0,
+            Self::BenchMode => 1e-12..=1e6,
             Self::Magnitude | Self::AdmittanceMagnitude => 0.0..=*IMPEDANCE_OHM.end(),
             Self::Phase | Self::AdmittancePhase | Self::ReflectionPhase => -3600.0..=3600.0,
             Self::ReflectionReal | Self::ReflectionImaginary => -1e3..=1e3,

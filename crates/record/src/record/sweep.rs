@@ -189,6 +189,22 @@ pub struct FitSettings {
     /// Circuit by which unsettled readings were weighted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub near: Option<NearCircuit>,
+    /// What a survey found on the bench.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bench: Option<BenchSettings>,
+}
+
+/// What stays the same on a bench from sweep to sweep.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct BenchSettings {
+    /// Phase error of the analyzer, rad; it is subtracted from each impedance.
+    pub phase_rad: f64,
+    /// Its standard deviation, rad.
+    pub phase_sigma_rad: f64,
+    /// Standard deviation of the capacitance of a possible second mode, relative to that of the first.
+    pub mode_sigma: f64,
+    /// The frequencies at which a second mode would have been noticed, Hz.
+    pub surveyed_hz: [f64; 2],
 }
 
 /// The estimated circuit before the last fit.

@@ -33,6 +33,7 @@ const FIT: FitSettings = FitSettings {
     always_loss: true,
     target_sigma_hz: None,
     near: None,
+    bench: None,
 };
 
 /// A sweep of twelve readings. It was fitted with [`FIT`] if it is that of a touch.

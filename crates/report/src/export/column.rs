@@ -259,7 +259,7 @@ pub(super) const READING: [Column; 7] = [
 ];
 
 /// Whether the fit used a reading, and the settings of the fit.
-pub(super) const FIT: [Column; 13] = [
+pub(super) const FIT: [Column; 18] = [
     flag(
         "is_used",
         "whether the outcome uses the reading; false if it is flagged or only helped to find the \
@@ -293,6 +293,20 @@ pub(super) const FIT: [Column; 13] = [
     number("fit_near_static_capacitance_f", "F", "its static capacitance"),
     number("fit_near_capacitance_ratio", "1", "its motional capacitance in units of C₀"),
     number("fit_near_loss_tangent", "1", "its dielectric loss tan δ"),
+    number(
+        "fit_bench_phase_rad",
+        "rad",
+        "phase error of the analyzer by the survey, which the fit subtracts from each impedance",
+    ),
+    number("fit_bench_phase_sigma_rad", "rad", "its standard deviation"),
+    number(
+        "fit_bench_mode_sigma",
+        "1",
+        "standard deviation of the capacitance of a possible second mode by the survey, in units of \
+         that of the first",
+    ),
+    number("fit_bench_min_hz", "Hz", "lower end of the surveyed frequencies"),
+    number("fit_bench_max_hz", "Hz", "upper end of the surveyed frequencies"),
 ];
 
 const END: [Column; 2] = [

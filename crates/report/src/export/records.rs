@@ -180,10 +180,11 @@ pub(super) fn reading(reading: &ReadingRecord) -> [TableValue<'static>; 7] {
     ]
 }
 
-fn fit(sweep: &Sweep, reading: usize) -> [TableValue<'static>; 13] {
+fn fit(sweep: &Sweep, reading: usize) -> [TableValue<'static>; 18] {
     let fit = sweep.fit;
     let noise = fit.and_then(|fit| fit.noise);
     let near = fit.and_then(|fit| fit.near);
+    let bench = fit.and_then(|fit| fit.bench);
     [
         TableValue::Flag(reading >= sweep.probe_readings && sweep.readings[reading].is_normal()),
         TableValue::of(fit, |fit| TableValue::Exact(fit.window_hz[0])),
@@ -198,6 +199,11 @@ fn fit(sweep: &Sweep, reading: usize) -> [TableValue<'static>; 13] {
         TableValue::of(near, |near| TableValue::Exact(near.circuit.static_capacitance_f)),
         TableValue::of(near, |near| TableValue::Exact(near.circuit.capacitance_ratio)),
         TableValue::of(near, |near| TableValue::Exact(near.circuit.loss_tangent)),
+        TableValue::of(bench, |bench| TableValue::Exact(bench.phase_rad)),
+        TableValue::of(bench, |bench| TableValue::Exact(bench.phase_sigma_rad)),
+        TableValue::of(bench, |bench| TableValue::Exact(bench.mode_sigma)),
+        TableValue::of(bench, |bench| TableValue::Exact(bench.surveyed_hz[0])),
+        TableValue::of(bench, |bench| TableValue::Exact(bench.surveyed_hz[1])),
     ]
 }
 

@@ -14,6 +14,7 @@
 //! known size and unknown phase.
 
 pub(crate) mod judge;
+pub(crate) mod learn;
 pub(crate) mod mode;
 pub(crate) mod model;
 pub(crate) mod outliers;
@@ -27,6 +28,7 @@ use num_complex::Complex64;
 use rig_model::Reading;
 
 use crate::{
+    Bench,
     circuit::points::weight,
     circuit::trace::{CIRCUIT, ModelEstimate, UNKNOWNS, complex_ohm},
     fit::grid::CircuitPrior,
@@ -84,6 +86,7 @@ pub(crate) struct Stays {
     pub(crate) all: Vec<Stay>,
     pub(crate) unit_farad: f64,
     pub(crate) known: Known,
+    pub(crate) bench: Option<Bench>,
     /// Number of readings excluded as outliers.
     pub(crate) excluded: usize,
     last: Option<Reading>,
@@ -163,17 +166,17 @@ impl Sample {
 impl Stays {
     /// Starts with the first reading, whose impedance sets the unit of capacitance; `None` if it has
     /// none.
-    pub(crate) fn new(known: Known, first: &Reading) -> Option<Self> {
+    pub(crate) fn new(known: Known, bench: Option<Bench>, first: &Reading) -> Option<Self> {
         let ohm = complex_ohm(first)?.norm();
         let unit_farad = 1.0 / (TAU * first.frequency_hz * ohm);
         let (all, last, work) = (Vec::new(), None, Cell::new(0));
-        Some(Self { all, unit_farad, known, excluded: 0, last, work })
+        Some(Self { all, unit_farad, known, bench, excluded: 0, last, work })
     }
 
     /// Builds the stays of these readings; `None` if none has an impedance.
-    pub(crate) fn of(known: Known, readings: &[Reading]) -> Option<Self> {
+    pub(crate) fn of(known: Known, bench: Option<Bench>, readings: &[Reading]) -> Option<Self> {
         let first = readings.iter().find(|reading| complex_ohm(reading).is_some())?;
-        let mut stays = Self::new(known, first)?;
+        let mut stays = Self::new(known, bench, first)?;
         for reading in readings {
             stays.push(reading);
         }
@@ -182,7 +185,8 @@ impl Stays {
 
     /// Adds a reading and returns whether it starts a new stay.
     pub(crate) fn push(&mut self, reading: &Reading) -> bool {
-        let impedance = complex_ohm(reading).map(|ohm| ohm * self.unit_farad);
+        let turn = self.bench.map_or(Complex64::ONE, |bench| Complex64::cis(-bench.phase_rad));
+        let impedance = complex_ohm(reading).map(|ohm| ohm * self.unit_farad * turn);
         let mut sample = Sample {
             start_s: 0.0,
             integration_s: reading.integration_s,
@@ -324,6 +328,24 @@ impl Stays {
         };
         let (at, normal, end) = descent.run_while(start, normal_at, is_wanted);
         Hypothesis { at, normal, end, states }
+    }
+
+    /// Turns the phase of all readings by this angle, rad.
+    fn turn(&mut self, angle_rad: f64) {
+        let turn = Complex64::cis(angle_rad);
+        for sample in self.all.iter_mut().flat_map(|stay| &mut stay.samples) {
+            sample.impedance = sample.impedance.map(|impedance| impedance * turn);
+        }
+    }
+
+    /// Change of the resonance, Hz, by one standard deviation of the phase error of the analyzer.
+    pub(crate) fn shift_by_phase_hz(&self, best: &Hypothesis, expected: &CircuitPrior) -> f64 {
+        let Some(bench) = self.bench else { return 0.0 };
+        let mut turned = self.clone();
+        turned.turn(bench.phase_sigma_rad);
+        let there = turned.minimum(best.at, expected);
+        self.work.set(turned.work.get());
+        (there.at.resonance_hz - best.at.resonance_hz).abs()
     }
 
     /// Standard deviation of the resonance, Hz, from the points where the profile likelihood has fallen

@@ -11,12 +11,12 @@ mod options;
 use rig_model::{Reading, SweepPoint, SweepRequest, Window};
 
 use crate::{
-    Circuit, FitOutcome, Reason,
+    Bench, Circuit, FitOutcome, Reason,
     circuit::trace::ModelEstimate,
     diagnose::doubts::{GAIN_MIN, POINTS_MIN},
     fit::decay::{
         Hypothesis, Known, Stays,
-        judge::{MODE_GAIN, MODE_WIDENS},
+        judge::MODE_WIDENS,
         mode::{Modes, SecondMode},
         outliers::{self, CERTAIN, Criteria},
         search::{self, Effort, Search},
@@ -79,6 +79,7 @@ pub(crate) struct Decay {
     expected: CircuitPrior,
     noise: PooledVariance,
     known: Known,
+    bench: Option<Bench>,
     stays: Option<Stays>,
     trials: Trials,
     hypotheses: Vec<Hypothesis>,
@@ -111,6 +112,7 @@ impl Decay {
             expected: CircuitPrior::any(q).within(within),
             noise,
             known,
+            bench: prior.and_then(|prior| prior.bench),
             stays: None,
             trials: Trials::new(within),
             hypotheses: Vec::new(),
@@ -131,7 +133,7 @@ impl Decay {
         for reading in readings {
             let Some(stays) = self.stays.as_mut() else {
                 // The scale of the impedances is unknown before the first reading.
-                self.stays = Stays::new(self.known, reading);
+                self.stays = Stays::new(self.known, self.bench, reading);
                 if let Some(stays) = &mut self.stays {
                     stays.push(reading);
                     self.trials.add_all(stays);
@@ -269,15 +271,17 @@ impl Decay {
         let relative = self.aim_hz / widening / best.at.resonance_hz;
         let variance = relative * relative;
         let likeliest = self.likeliest().filter(|mode| {
-            matches!(self.doubt, Some(Reason::SecondMode { .. })) && mode.gain > MODE_GAIN
+            matches!(self.doubt, Some(Reason::SecondMode { .. })) && mode.is_present()
         });
         if let Some(mode) = likeliest {
             let size_variance = Some(mode.size * mode.size / MODE_SURE);
-            return Aim { variance, place: Some(mode.place), size_variance };
+            let (place, is_limited) = (Some(mode.place), mode.is_limited);
+            return Aim { variance, place, is_limited, size_variance };
         }
         let unseen = self.seen.iter().filter(|mode| mode.variance > 0.0);
         let widest = unseen.max_by(|a, b| a.variance.total_cmp(&b.variance));
-        Aim { variance, place: widest.map(|mode| mode.place), size_variance: None }
+        let is_limited = widest.is_some_and(|mode| mode.is_limited);
+        Aim { variance, place: widest.map(|mode| mode.place), is_limited, size_variance: None }
     }
 
     fn likeliest(&self) -> Option<&SecondMode> {

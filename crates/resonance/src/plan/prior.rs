@@ -2,7 +2,7 @@
 
 use rig_model::{Reading, Window};
 
-use crate::{Circuit, NoisePrior, Resonance};
+use crate::{Bench, Circuit, NoisePrior, Resonance};
 
 /// Largest degrees of freedom of the noise from earlier sweeps, because noise may change.
 const NOISE_DEGREES_MAX: f64 = 1000.0;
@@ -16,16 +16,23 @@ pub struct Prior {
     pub within: Window,
     /// The noise of the analyzer, if known.
     pub noise: Option<NoisePrior>,
+    /// The knowledge of the bench, if it was surveyed.
+    pub bench: Option<Bench>,
 }
 
 impl Prior {
+    /// A prior of any resonance in this window on a known bench.
+    pub const fn anywhere(within: Window, bench: Option<Bench>) -> Self {
+        Self { circuit: None, within, noise: None, bench }
+    }
+
     /// Creates a prior from the last resonance, which may have moved anywhere in `within`.
-    pub fn moved(last: &Resonance, within: Window) -> Self {
+    pub fn moved(last: &Resonance, within: Window, bench: Option<Bench>) -> Self {
         let noise = NoisePrior {
             at_ten_cycles: last.noise_at_ten_cycles,
             degrees_of_freedom: last.noise_degrees_of_freedom.min(NOISE_DEGREES_MAX),
         };
-        Self { circuit: Some(last.circuit()), within, noise: Some(noise) }
+        Self { circuit: Some(last.circuit()), within, noise: Some(noise), bench }
     }
 }
 

@@ -233,13 +233,18 @@ fn prior(scene: &Scene, trial: u32, random: &mut Stream) -> Option<Prior> {
     let Some((reference_hz, q)) = scene.reference else {
         let known = NoisePrior { at_ten_cycles: scene.noise, degrees_of_freedom: 1000.0 };
         let noise = scene.stated_noise.or(trial.is_multiple_of(2).then_some(known))?;
-        return Some(Prior { circuit: None, within: scene.window, noise: Some(noise) });
+        return Some(Prior {
+            circuit: None,
+            within: scene.window,
+            noise: Some(noise),
+            bench: None,
+        });
     };
     let free = Scene { resonance_hz: reference_hz, ..Scene::good(q, scene.coupling) };
     let options = FitOptions { window: Some(free.window), ..FitOptions::default() };
     let found = fit(&free.measure(random.fork()), &options);
     let within = Window { min_hz: reference_hz * (1.0 - DRIFT), ..scene.window };
-    Some(Prior::moved(found.accepted()?, within))
+    Some(Prior::moved(found.accepted()?, within, None))
 }
 
 /// Judges the planner of the daemon. It measures as the daemon does: with a drive of any phase, gaps

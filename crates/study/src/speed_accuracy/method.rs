@@ -86,7 +86,7 @@ impl Method {
 /// The prior before the first sweep: only the noise of the analyzer.
 pub(super) fn cold(noise: f64) -> Prior {
     let noise = NoisePrior { at_ten_cycles: noise, degrees_of_freedom: 1000.0 };
-    Prior { circuit: None, within: WINDOW, noise: Some(noise) }
+    Prior { circuit: None, within: WINDOW, noise: Some(noise), bench: None }
 }
 
 /// The request for a sweep with a target standard deviation.

@@ -82,7 +82,7 @@ fn follow(case: &Case, target_hz: f64, mut random: Stream) -> Vec<WarmReading> {
         analyzer.set_circuit(circuit(resonance_hz));
         let within =
             Window { min_hz: last.resonance_hz - moves_hz, max_hz: last.resonance_hz + moves_hz };
-        let prior = Prior::moved(&last, within);
+        let prior = Prior::moved(&last, within, None);
         let measured = plan(&mut analyzer, &request, &prior);
         let found = measured.verdict.accepted().copied();
         let error_hz = found.map_or(0.0, |found| found.resonance_hz - resonance_hz);

@@ -4,7 +4,7 @@ use rig_model::{Reading, Window};
 
 use super::{
     Hypothesis, Known, Stays,
-    mode::Modes,
+    mode::{Modes, SecondMode},
     outliers::{self, Criteria},
     search::{Effort, Search, allowed},
     start::Trials,
@@ -21,9 +21,6 @@ use crate::{
     outcome::Spread,
 };
 
-/// Twice the log-likelihood that a second mode must gain to be accepted. Chance reaches it at some
-/// place in one sweep of thirty; such a sweep is continued.
-pub(crate) const MODE_GAIN: f64 = 7.0;
 /// Largest factor by which a second mode of any size may widen the standard deviation of the resonance.
 /// With it a mode that shifts the resonance by four standard deviations gains sixteen.
 pub(crate) const MODE_WIDENS: f64 = 1.2;
@@ -41,7 +38,8 @@ pub(crate) fn fit(readings: &[Reading], options: &FitOptions) -> FitOutcome {
         let overloaded = readings.len() - found;
         return refused(Reason::Saturated { overloaded, readings: readings.len() });
     }
-    let Some(mut stays) = Stays::of(known, readings).filter(|_| found >= POINTS_MIN) else {
+    let Some(mut stays) = Stays::of(known, options.bench, readings).filter(|_| found >= POINTS_MIN)
+    else {
         return refused(Reason::TooFewPoints { found, needed: POINTS_MIN });
     };
     if stays.degrees() < 1.0 {
@@ -61,14 +59,14 @@ pub(crate) fn fit(readings: &[Reading], options: &FitOptions) -> FitOutcome {
 /// Effective time of the resonance, s after the start of the first reading.
 pub(crate) fn effective_time_s(readings: &[Reading], options: &FitOptions) -> Option<f64> {
     let noise = PooledVariance::known(&options.noise.unwrap_or(NOISE));
-    let mut stays = Stays::of(Known::with(noise.variance()), readings)?;
+    let mut stays = Stays::of(Known::with(noise.variance()), options.bench, readings)?;
     let (best, _) = best(&mut stays, options.window?, noise, options)?;
     stays.effective_time_s(&best)
 }
 
 /// The most likely circuit, for the noise of the readings; `None` if another explains them nearly as
 /// well.
-fn best(
+pub(super) fn best(
     stays: &mut Stays,
     window: Window,
     noise: PooledVariance,
@@ -123,19 +121,19 @@ fn judge(
     let scatter = best.normal.cost / degrees * stays.known.variance / noise.variance();
     let allowed = allowed(degrees, noise);
     let modes = Modes::new(stays, best);
-    let (mut likeliest, mut widest) = (None::<(f64, f64)>, 0.0_f64);
+    let (mut likeliest, mut widest) = (None::<SecondMode>, 0.0_f64);
     for mode in modes.all(expected, window) {
         widest = widest.max(mode.variance);
-        if likeliest.is_none_or(|(_, gain)| mode.gain > gain) {
-            likeliest = Some((mode.resonance_hz, mode.gain));
+        if likeliest.is_none_or(|best| mode.gain > best.gain) {
+            likeliest = Some(mode);
         }
     }
     let by_modes_hz = best.at.resonance_hz * widest.sqrt() / MODE_WIDENS;
     let curvature_hz = best.sigma_hz();
     let doubt = if best.end == End::OutOfSteps {
         Some(Reason::NotConverged)
-    } else if let Some((near_hz, _)) = likeliest.filter(|(_, gain)| *gain > MODE_GAIN) {
-        Some(Reason::SecondMode { near_hz })
+    } else if let Some(mode) = likeliest.filter(SecondMode::is_present) {
+        Some(Reason::SecondMode { near_hz: mode.resonance_hz })
     } else {
         // NaN must be refused too.
         let is_described = scatter < allowed;
@@ -145,7 +143,8 @@ fn judge(
         return refused(reason, resonance(stays, best, noise, curvature_hz));
     }
     let sigma_hz = stays.profile_sigma_hz(best, expected).max(by_modes_hz);
-    let sigma_hz = outliers::widening(stays) * sigma_hz;
+    let by_phase_hz = stays.shift_by_phase_hz(best, expected);
+    let sigma_hz = (outliers::widening(stays) * sigma_hz).hypot(by_phase_hz);
     let Some(found) = resonance(stays, best, noise, sigma_hz) else {
         return refused(Reason::NotConverged, None);
     };

@@ -9,6 +9,7 @@ use rig_model::Window;
 
 use super::{Hypothesis, Stays, model::Branch, variance};
 use crate::{
+    Bench,
     circuit::trace::{CIRCUIT, ModelEstimate, UNKNOWNS},
     fit::grid::CircuitPrior,
     numeric::dense::Cholesky,
@@ -23,6 +24,11 @@ const AT: [f64; PLACES] = [-4.0, -3.0, -2.0, -1.5, -1.0, -0.5, 0.5, 1.0, 1.5, 2.
 /// would double the time of a sweep; it is only detected, by a gain lower by this factor.
 const WIDENS_FROM: f64 = 1.0;
 const NEARER: f64 = 1.4;
+/// Twice the log-likelihood that a second mode must gain to be accepted. Chance reaches it at some
+/// place in one sweep of thirty; such a sweep is continued.
+const GAIN: f64 = 7.0;
+/// The same where a survey has found none: chance reaches it in one sweep of two thousand.
+const GAIN_AFTER_SURVEY: f64 = 16.0;
 /// Number of unknowns of the circuit and a second mode at each place.
 pub(crate) const WITH_MODES: usize = CIRCUIT + PLACES;
 
@@ -43,6 +49,15 @@ pub(crate) struct SecondMode {
     /// Variance of the logarithm of the first resonance if the second has any size; 0 if a relevant
     /// size would have been detected, or if it is near.
     pub(crate) variance: f64,
+    /// Whether the survey of the bench limits its size.
+    pub(crate) is_limited: bool,
+}
+
+impl SecondMode {
+    /// Whether the readings require it.
+    pub(crate) fn is_present(&self) -> bool {
+        self.gain > if self.is_limited { GAIN_AFTER_SURVEY } else { GAIN }
+    }
 }
 
 /// The evidence of each stay for a second mode at each place.
@@ -52,6 +67,7 @@ pub(crate) struct Modes {
     /// The modes in the last stay.
     last: [Branch; PLACES],
     at: ModelEstimate,
+    bench: Option<Bench>,
 }
 
 impl Modes {
@@ -78,13 +94,16 @@ impl Modes {
             before = Some((end, last.map(|mode| mode.motion(end_s))));
         }
         stays.work.update(|work| work + 4 * stays.count() as u64);
-        Self { of_stays, last, at }
+        Self { of_stays, last, at, bench: stays.bench }
     }
 
     /// Normal equations of the first `stays` stays, with the second mode at this place as the unknown
     /// after the circuit.
     pub(crate) fn normal(&self, place: usize, stays: usize) -> Normal<UNKNOWNS> {
         let mut sum = Normal::<UNKNOWNS>::default();
+        if let Some(sigma) = self.known_sigma(place) {
+            sum.matrix[CIRCUIT][CIRCUIT] = 1.0 / (sigma * sigma);
+        }
         let mode = CIRCUIT + place;
         for normal in self.of_stays.iter().take(stays) {
             let Normal { matrix, gradient, cost } = normal;
@@ -113,6 +132,12 @@ impl Modes {
         Branch::new(self.hz(place), self.at.q, frequency_hz, motion)
     }
 
+    /// Standard deviation of the capacitance of a mode at this place, if the bench was surveyed there.
+    fn known_sigma(&self, place: usize) -> Option<f64> {
+        let bench = self.bench.filter(|bench| bench.surveyed.contains(self.hz(place)))?;
+        Some(bench.mode_sigma * self.at.c1)
+    }
+
     fn hz(&self, place: usize) -> f64 {
         self.at.resonance_hz * (1.0 + AT[place] / self.at.q)
     }
@@ -135,14 +160,16 @@ impl Modes {
             };
             let size = -solved[CIRCUIT];
             let gain = if size > 0.0 { saved(&solved) - saved(&without) } else { 0.0 };
-            let is_nearer = AT[place].abs() < WIDENS_FROM;
+            let is_limited = self.known_sigma(place).is_some();
+            let is_nearer = AT[place].abs() < WIDENS_FROM && !is_limited;
             let gain = if is_nearer { NEARER * gain } else { gain };
             let mut unit = [0.0; UNKNOWNS];
             unit[CIRCUIT] = 1.0;
-            let is_seen = with.solve(&unit)[CIRCUIT] < (SIZE_SEEN * self.at.c1).powi(2);
+            let size_variance = with.solve(&unit)[CIRCUIT];
+            let is_seen = !is_limited && size_variance < (SIZE_SEEN * self.at.c1).powi(2);
             let variance = if is_seen || is_nearer { 0.0 } else { variance(&normal, CIRCUIT + 1) };
             let resonance_hz = self.hz(place);
-            Some(SecondMode { place, resonance_hz, gain, size, variance })
+            Some(SecondMode { place, resonance_hz, gain, size, variance, is_limited })
         })
     }
 }

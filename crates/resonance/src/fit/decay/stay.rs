@@ -20,6 +20,8 @@ const TIME: usize = CIRCUIT + 2;
 const ALONE: usize = CIRCUIT + 3;
 const WITH_ONE: usize = ALONE + 1;
 const WITH_ALL: usize = ALONE + PLACES;
+/// The same with a second mode, a phase error and a drift.
+const WITH_BENCH: usize = ALONE + UNKNOWNS - CIRCUIT;
 /// Variance of each part of the amplitude relative to its mean square: half for a random phase,
 /// increased by half for the uncertainty of the circuit.
 pub(super) const AMPLITUDE_SHARE: f64 = 0.75;
@@ -196,9 +198,32 @@ impl Model {
         for (sample, &late_s) in stay.samples.iter().zip(&state.late_s) {
             let start_s = sample.start_s + late_s;
             let decayed = self.decayed(start_s, sample.integration_s, &mut last);
-            let means = modes.iter().map(|mode| mode.mean(start_s, sample.integration_s));
+            let mean = |mode: &Branch| Column::Admittance(mode.mean(start_s, sample.integration_s));
             sums.wait_until(late_s, known);
-            sums.add(self, sample, state.amplitude, &decayed, known, means);
+            let columns = modes.iter().map(mean);
+            sums.add(self, sample, state.amplitude, &decayed, known, columns);
+        }
+        eliminated(&sums.without_time())
+    }
+
+    /// The normal equations with further unknowns after the circuit: a second mode, the phase error of
+    /// the analyzer, and a drift of the logarithm of the resonance that has this size in this stay.
+    pub(super) fn normal_for_bench(
+        &self,
+        stay: &Stay,
+        known: &Known,
+        state: &State,
+        (mode, drift): (&Branch, f64),
+    ) -> Normal<UNKNOWNS> {
+        let mut sums = Sums::<WITH_BENCH>::new(state.amplitude, state.prior, state.square);
+        let mut last = None;
+        for (sample, &late_s) in stay.samples.iter().zip(&state.late_s) {
+            let start_s = sample.start_s + late_s;
+            let decayed = self.decayed(start_s, sample.integration_s, &mut last);
+            let mean = Column::Admittance(mode.mean(start_s, sample.integration_s));
+            sums.wait_until(late_s, known);
+            let columns = [mean, Column::Phase, Column::Drift(drift)].into_iter();
+            sums.add(self, sample, state.amplitude, &decayed, known, columns);
         }
         eliminated(&sums.without_time())
     }
@@ -276,7 +301,8 @@ impl<'a> Forecast<'a> {
             let decayed = model.decayed(sample.start_s, sample.integration_s, &mut last);
             let mean = mode.mean(sample.start_s, sample.integration_s);
             sums.wait_until(0.0, known);
-            sums.add(model, &ideal, ring.amplitude, &decayed, known, [mean].into_iter());
+            let columns = std::iter::once(Column::Admittance(mean));
+            sums.add(model, &ideal, ring.amplitude, &decayed, known, columns);
         }
         Self { model, known, amplitude: ring.amplitude, mode, sums, next, taken: 0 }
     }
@@ -288,12 +314,22 @@ impl<'a> Forecast<'a> {
         let means = self.mode.means(from_s, *step_s, reading.integration_s);
         for (decayed, mean) in decays[..count].iter().skip(self.taken).zip(means) {
             self.sums.wait_until(0.0, self.known);
-            let one = [mean].into_iter();
+            let one = std::iter::once(Column::Admittance(mean));
             self.sums.add(self.model, reading, self.amplitude, decayed, self.known, one);
         }
         self.taken = count;
         eliminated(&self.sums.without_time())
     }
+}
+
+/// The derivative of the admittance of a reading with respect to a disturbance.
+#[derive(Debug, Clone, Copy)]
+enum Column {
+    Admittance(Complex64),
+    /// A phase error of the analyzer turns the whole admittance.
+    Phase,
+    /// This multiple of a change of the logarithm of the resonance.
+    Drift(f64),
 }
 
 /// Accumulated sums of the readings of a stay.
@@ -326,8 +362,8 @@ impl<const N: usize> Sums<N> {
         }
     }
 
-    /// Adds a reading with this free decay and these means of second modes; without an impedance it is
-    /// assumed to agree with the model.
+    /// Adds a reading with this free decay and these disturbances; without an impedance it is assumed to
+    /// agree with the model.
     fn add(
         &mut self,
         model: &Model,
@@ -335,7 +371,7 @@ impl<const N: usize> Sums<N> {
         amplitude: Complex64,
         decayed: &Decayed,
         known: &Known,
-        modes: impl Iterator<Item = Complex64>,
+        disturbances: impl Iterator<Item = Column>,
     ) -> Row {
         let Decayed { value: e, by_rate: e_by, mirrored } = *decayed;
         let admittance = model.steady + amplitude * e;
@@ -353,8 +389,13 @@ impl<const N: usize> Sums<N> {
         if has_waited {
             columns[TIME] = amplitude * model.rate * e;
         }
-        for (column, mode) in columns.iter_mut().skip(ALONE).zip(modes) {
-            *column = mode;
+        let by_resonance = columns[0];
+        for (column, disturbance) in columns.iter_mut().skip(ALONE).zip(disturbances) {
+            *column = match disturbance {
+                Column::Admittance(of_mode) => of_mode,
+                Column::Phase => -Complex64::I * admittance,
+                Column::Drift(part) => part * by_resonance,
+            };
         }
         let counter = 0.5 * self.square * mirrored / admittance.norm_sqr();
         let weight = 1.0 / (known.variance / sample.length + counter);

@@ -7,7 +7,7 @@ use crate::circuit::trace::ExtraTerm;
 fn stays(at: &ModelEstimate) -> Stays {
     let known = Known { variance: 2.5e-5, gap_sigma_s: 0.58e-3 };
     let (all, last, work) = (Vec::new(), None, Cell::new(0));
-    let mut stays = Stays { all, unit_farad: 1.0, known, excluded: 0, last, work };
+    let mut stays = Stays { all, unit_farad: 1.0, known, bench: None, excluded: 0, last, work };
     let mut amplitude = Amplitude::new(at);
     for (n, frequency_hz) in [137.2, 140.9, 138.5, 143.0].into_iter().enumerate() {
         let since_s = 0.09;

@@ -88,6 +88,8 @@ pub(super) struct Aim {
     pub(super) variance: f64,
     /// Index of the place of a possible second mode.
     pub(super) place: Option<usize>,
+    /// Whether the survey of the bench limits the size of that mode.
+    pub(super) is_limited: bool,
     /// Target variance of the size of the second mode; it replaces that of the resonance.
     pub(super) size_variance: Option<f64>,
 }
@@ -138,8 +140,10 @@ impl Aim {
         }
         let widened = self.variance * MODE_WIDENS * MODE_WIDENS;
         let seen = (SIZE_SEEN * c1).powi(2);
-        let by_mode = over(alone - mixed * mixed / size, widened)
-            .min(over(size - mixed * mixed / alone, seen));
+        let mut by_mode = over(alone - mixed * mixed / size, widened);
+        if !self.is_limited {
+            by_mode = by_mode.min(over(size - mixed * mixed / alone, seen));
+        }
         over(alone, self.variance).max(by_mode)
     }
 }

@@ -76,6 +76,12 @@ pub(super) fn fit_settings(outcome: &FinishedSweep) -> Option<store::FitSettings
             resonance_hz: near.resonance_hz,
             circuit: circuit_of(&near),
         }),
+        bench: options.bench.map(|bench| store::BenchSettings {
+            phase_rad: bench.phase_rad,
+            phase_sigma_rad: bench.phase_sigma_rad,
+            mode_sigma: bench.mode_sigma,
+            surveyed_hz: [bench.surveyed.min_hz, bench.surveyed.max_hz],
+        }),
     })
 }
 

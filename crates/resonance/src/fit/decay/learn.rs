@@ -1,0 +1,147 @@
+//! What many readings of the free sensor say of the bench: the phase error of the analyzer, and second
+//! modes.
+
+use num_complex::Complex64;
+use rig_model::{Reading, Window};
+
+use super::{Hypothesis, Known, Stays, judge, model::Branch};
+use crate::{
+    Bench, FitOptions, Reason,
+    circuit::trace::{CIRCUIT, UNKNOWNS},
+    diagnose::doubts::POINTS_MIN,
+    fit::grid::CircuitPrior,
+    noise::{NOISE, PooledVariance},
+    numeric::dense::Cholesky,
+    numeric::descent::Normal,
+};
+
+/// Indices of the unknowns after the circuit.
+const MODE: usize = CIRCUIT;
+const PHASE: usize = CIRCUIT + 1;
+/// The circuit is fitted anew at most this many times for the phase error found.
+const ROUNDS: usize = 8;
+/// A phase error within this many of its standard deviations of the last one is that one.
+const SAME_SIGMAS: f64 = 0.1;
+/// Largest phase error of an analyzer, rad.
+const PHASE_MAX: f64 = 0.1;
+/// Smallest standard deviation of the phase error, rad: it changes with time and range.
+const PHASE_SIGMA_MIN: f64 = 1e-4;
+/// Number of trial frequencies of a second mode in a linewidth, and largest number of them.
+const PER_WIDTH: f64 = 2.0;
+const PLACES_MAX: f64 = 100.0;
+/// A second mode nearer than this, in linewidths, cannot be distinguished from the first.
+const NEAREST: f64 = 0.4;
+/// Distance from the resonance, in linewidths, within which a possible mode matters to a later sweep.
+const RELEVANT: f64 = 4.5;
+/// Twice the log-likelihood that a second mode must gain. Chance reaches it in one survey of a thousand.
+const MODE_GAIN: f64 = 18.0;
+
+/// The knowledge of the bench from readings around the resonance `options.near`.
+///
+/// # Errors
+/// A second mode or a phase error that no analyzer has, or a fit that does not converge.
+pub(crate) fn learn(readings: &[Reading], options: &FitOptions) -> Result<Bench, Reason> {
+    let noise = PooledVariance::known(&options.noise.unwrap_or(NOISE));
+    let found = readings.iter().filter(|reading| reading.impedance().is_some()).count();
+    let few = Reason::TooFewPoints { found, needed: POINTS_MIN };
+    let window = options.window.ok_or(few)?;
+    let mut phase_rad = 0.0;
+    for _ in 0..ROUNDS {
+        // Readings that seemed wrong with another phase may be right.
+        let known = Known::with(noise.variance());
+        let mut stays = Stays::of(known, None, readings).ok_or(few)?;
+        stays.turn(-phase_rad);
+        let found = judge::best(&mut stays, window, noise, options);
+        let (best, expected) = found.ok_or(Reason::NotConverged)?;
+        let normal = normal(&stays, &best, &expected, None);
+        let (step_rad, sigma_rad) = phase(&normal).ok_or(Reason::NotConverged)?;
+        if step_rad.abs() < SAME_SIGMAS * sigma_rad {
+            let (mode_sigma, surveyed) = modes(&stays, &best, &expected, window)?;
+            let phase_sigma_rad = sigma_rad.max(PHASE_SIGMA_MIN);
+            return Ok(Bench { phase_rad, phase_sigma_rad, mode_sigma, surveyed });
+        }
+        phase_rad += step_rad;
+        if phase_rad.abs() > PHASE_MAX {
+            return Err(Reason::AnalyzerPhase);
+        }
+    }
+    Err(Reason::NotConverged)
+}
+
+/// The phase error that remains, and its standard deviation, rad; without a second mode.
+fn phase(normal: &Normal<UNKNOWNS>) -> Option<(f64, f64)> {
+    let mut normal = *normal;
+    for i in 0..UNKNOWNS {
+        (normal.matrix[MODE][i], normal.matrix[i][MODE]) = (0.0, 0.0);
+    }
+    (normal.matrix[MODE][MODE], normal.gradient[MODE]) = (1.0, 0.0);
+    let factor = Cholesky::new(&normal.matrix, UNKNOWNS, 0.0)?;
+    let variance = factor.inverse()[PHASE][PHASE];
+    Some((-factor.solve(&normal.gradient)[PHASE], variance.sqrt()))
+}
+
+/// Standard deviation of a possible second mode relative to the first, the largest of all places, and
+/// the frequencies at which one would have been noticed.
+fn modes(
+    stays: &Stays,
+    best: &Hypothesis,
+    expected: &CircuitPrior,
+    window: Window,
+) -> Result<(f64, Window), Reason> {
+    let (at_hz, width_hz) = (best.at.resonance_hz, best.linewidth_hz());
+    let half_hz = 0.5 * (window.max_hz - window.min_hz);
+    let margin_hz = width_hz.min(0.5 * half_hz);
+    let surveyed = Window { min_hz: window.min_hz + margin_hz, max_hz: window.max_hz - margin_hz };
+    let length_hz = surveyed.max_hz - surveyed.min_hz;
+    let count = (PER_WIDTH * length_hz / width_hz).ceil().clamp(1.0, PLACES_MAX);
+    let mut mode_sigma = 0.0_f64;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small")]
+    for i in 0..=count as u32 {
+        let near_hz = surveyed.min_hz + length_hz * f64::from(i) / count;
+        let away = (near_hz - at_hz).abs() / width_hz;
+        if away < NEAREST {
+            continue;
+        }
+        let normal = normal(stays, best, expected, Some(near_hz));
+        let Some(factor) = Cholesky::new(&normal.matrix, UNKNOWNS, 0.0) else { continue };
+        let size = -factor.solve(&normal.gradient)[MODE];
+        let variance = factor.inverse()[MODE][MODE];
+        if size > 0.0 && size * size > MODE_GAIN * variance {
+            return Err(Reason::SecondMode { near_hz });
+        }
+        if away < RELEVANT {
+            mode_sigma = mode_sigma.max(variance.sqrt() / best.at.c1);
+        }
+    }
+    Ok((mode_sigma, surveyed))
+}
+
+/// The normal equations of the circuit, a second mode at this frequency, the phase error and a drift.
+fn normal(
+    stays: &Stays,
+    best: &Hypothesis,
+    expected: &CircuitPrior,
+    mode_hz: Option<f64>,
+) -> Normal<UNKNOWNS> {
+    let at = best.at;
+    let mode_hz = mode_hz.unwrap_or(at.resonance_hz);
+    let ends_s = stays.all.iter().skip(1).map(|next| next.since_s).chain([0.0]);
+    let span_s = stays.all.iter().map(|stay| stay.since_s).sum::<f64>().max(f64::MIN_POSITIVE);
+    let mut sum = Normal::default();
+    let (mut begin_s, mut before) = (0.0, None::<(Complex64, Complex64)>);
+    for (((stay, model, _), state), end_s) in stays.models(&at).zip(&best.states).zip(ends_s) {
+        begin_s += stay.since_s;
+        let begin = model.motion(&at, state.amplitude(), 0.0);
+        // At a change of frequency the drive jumps in phase by the same angle for both modes.
+        let turn = before.map_or(Complex64::ZERO, |(end, _)| begin / end);
+        let turn = if turn.is_normal() { turn / turn.norm() } else { Complex64::ZERO };
+        let motion = before.map_or(Complex64::ZERO, |(_, end)| end) * turn;
+        let mode = Branch::new(mode_hz, at.q, stay.frequency_hz, motion);
+        let drift = 2.0 * begin_s / span_s - 1.0;
+        let of_stay = model.normal_for_bench(stay, &stays.known, state, (&mode, drift));
+        sum.sum(&of_stay);
+        before = Some((model.motion(&at, state.amplitude(), end_s), mode.motion(end_s)));
+    }
+    expected.add_to(&mut sum, &at, 1.0);
+    sum
+}

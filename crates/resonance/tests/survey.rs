@@ -1,0 +1,142 @@
+//! What a survey finds on a bench, and what it is worth to the sweeps after it. The plant is the exact
+//! motion in time.
+
+#[expect(dead_code, reason = "each test file uses its part")]
+mod support;
+
+use num_complex::Complex64;
+use rig_model::{Reading, RigTime, SweepMethod, SweepPoint, SweepRequest};
+use rig_resonance::{Bench, Circuit, FitOutcome, Next, NoisePrior, Planner, Prior, Reason};
+use support::{Plant, Random, circuit, impedance, measured, request};
+
+const NOISE: f64 = 0.005;
+const SECONDS: u32 = 20;
+
+/// A sensor, perhaps with a second mode, on an analyzer with a phase error.
+struct Scene {
+    sensor: Plant,
+    second: Option<(Plant, Circuit)>,
+    phase: Complex64,
+    now: RigTime,
+    last_hz: f64,
+    random: Random,
+}
+
+impl Scene {
+    /// The second mode has this part of the capacitance of the first and lies this many linewidths above.
+    fn new(sensor: Circuit, (part, linewidths): (f64, f64), phase_deg: f64, seed: u64) -> Self {
+        let second = (part > 0.0).then(|| {
+            let resonance_hz = sensor.resonance_hz + linewidths * sensor.linewidth_hz();
+            let second = Circuit { resonance_hz, c1_farad: part * sensor.c1_farad, ..sensor };
+            (Plant::at_rest(second), Circuit { c1_farad: 0.0, ..second })
+        });
+        Self {
+            sensor: Plant::at_rest(sensor),
+            second,
+            phase: Complex64::cis(phase_deg.to_radians()),
+            now: RigTime::from_micros(1_000_000),
+            last_hz: 0.0,
+            random: Random::new(seed),
+        }
+    }
+
+    fn measure(&mut self, point: &SweepPoint) -> Reading {
+        if point.frequency_hz.total_cmp(&self.last_hz).is_ne() {
+            let turns = self.random.between(0.0, 1.0);
+            self.sensor.jump(turns);
+            if let Some((second, _)) = &mut self.second {
+                second.jump(turns);
+            }
+            self.last_hz = point.frequency_hz;
+        }
+        let (mut reading, after) = self.sensor.visit(point, self.now, NOISE, &mut self.random);
+        let mut ohm = impedance(&reading);
+        if let Some((second, fixed)) = &mut self.second {
+            let (other, _) = second.visit(point, self.now, 0.0, &mut self.random);
+            let motional = 1.0 / impedance(&other) - fixed.admittance_siemens(point.frequency_hz);
+            ohm = 1.0 / (1.0 / ohm + motional);
+        }
+        reading.measured = measured(ohm * self.phase);
+        self.now = after;
+        reading
+    }
+
+    /// Runs a sweep; the verdict, what is known of the bench after it, and the number of readings.
+    fn sweep(
+        &mut self,
+        request: &SweepRequest,
+        bench: Option<Bench>,
+    ) -> (FitOutcome, Option<Bench>, usize) {
+        let noise = Some(NoisePrior { at_ten_cycles: NOISE, degrees_of_freedom: 1000.0 });
+        let prior = Prior { circuit: None, within: request.window, noise, bench };
+        let mut planner = Planner::new(request, Some(&prior));
+        for _ in 0..1000 {
+            match planner.next() {
+                Next::Measure(points) => {
+                    let readings: Vec<Reading> =
+                        points.iter().map(|point| self.measure(point)).collect();
+                    planner.add(&readings);
+                }
+                Next::Finished(verdict) => {
+                    return (verdict, planner.bench(), planner.readings().len());
+                }
+            }
+        }
+        panic!("no end after 1000 rounds");
+    }
+
+    fn survey(&mut self) -> (FitOutcome, Option<Bench>, usize) {
+        self.sweep(&request(SweepMethod::Survey { seconds: SECONDS }), None)
+    }
+}
+
+const SENSORS: [(f64, f64); 4] = [(30.0, 0.1), (100.0, 0.02), (30.0, 0.02), (100.0, 0.1)];
+
+fn sensor((q, k_eff_squared): (f64, f64), seed: u64) -> Circuit {
+    let resonance_hz = Random::new(seed).between(130.0, 150.0);
+    Circuit { resonance_hz, ..circuit(q, k_eff_squared) }
+}
+
+#[test]
+fn a_survey_finds_the_phase_error_and_later_sweeps_are_right_with_it() {
+    let phases_deg = [0.5, -2.0, 0.0].into_iter().cycle();
+    for ((seed, of), phase_deg) in (1..=12).zip(SENSORS.into_iter().cycle()).zip(phases_deg) {
+        let truth = sensor(of, seed);
+        let mut scene = Scene::new(truth, (0.0, 0.0), phase_deg, seed);
+        let (verdict, bench, readings) = scene.survey();
+        let (Some(found), Some(bench)) = (verdict.accepted(), bench) else {
+            panic!("seed {seed}: {verdict:?}")
+        };
+        assert!(readings < 2000, "seed {seed}: {readings} readings");
+        let is_near = |off: f64, sigma: f64| off.abs() < 4.5 * sigma;
+        assert!(is_near(found.resonance_hz - truth.resonance_hz, found.sigma_hz), "seed {seed}");
+        let off_rad = bench.phase_rad - phase_deg.to_radians();
+        assert!(is_near(off_rad, bench.phase_sigma_rad), "seed {seed}: {off_rad} {bench:?}");
+        assert!(bench.phase_sigma_rad < 5e-3 && bench.mode_sigma < 0.03, "seed {seed}: {bench:?}");
+
+        let (verdict, ..) = scene.sweep(&request(SweepMethod::Adaptive), Some(bench));
+        let Some(found) = verdict.accepted() else { panic!("seed {seed}: {verdict:?}") };
+        let off_hz = found.resonance_hz - truth.resonance_hz;
+        assert!(is_near(off_hz, found.sigma_hz), "seed {seed}: {off_hz} {}", found.sigma_hz);
+    }
+}
+
+#[test]
+fn a_survey_refuses_a_second_mode_that_a_planned_sweep_can_miss() {
+    let places = [-0.5, 1.0, -1.0, 2.5, 0.5].into_iter().cycle();
+    for ((seed, of), place) in (1..=10).zip(SENSORS.into_iter().cycle()).zip(places) {
+        let mut scene = Scene::new(sensor(of, seed), (0.05, place), 0.3, seed);
+        let (verdict, bench, _) = scene.survey();
+        let FitOutcome::Refused(refusal) = &verdict else { panic!("seed {seed}: {verdict:?}") };
+        assert!(matches!(refusal.reason, Reason::SecondMode { .. }), "seed {seed}: {refusal}");
+        assert_eq!(bench, None);
+    }
+}
+
+#[test]
+fn a_phase_error_that_no_analyzer_has_is_refused() {
+    let mut scene = Scene::new(sensor((30.0, 0.1), 3), (0.0, 0.0), 20.0, 3);
+    let (verdict, bench, _) = scene.survey();
+    assert!(matches!(verdict, FitOutcome::Refused(_)), "{verdict:?}");
+    assert_eq!(bench, None);
+}

@@ -1,0 +1,79 @@
+//! What a survey states of the bench follows from its readings.
+
+use num_complex::Complex64;
+
+use crate::{
+    finding::Check,
+    record::{Bench, Reading},
+};
+
+/// The phase error of a survey is the one at which its readings fit best, within this many standard
+/// deviations.
+const PHASE_SIGMAS: f64 = 3.0;
+/// The sum of squares rises by four at two standard deviations. Stated ones include the drift that the
+/// survey allows for, which this checker does not: by how much less or more it may rise.
+const RISE: [f64; 2] = [0.4, 40.0];
+/// A stated standard deviation of a second mode over that of this checker, at least.
+const MODE_LEAST: f64 = 0.4;
+
+/// A statement that does not follow.
+#[derive(Debug)]
+pub(crate) struct Doubt {
+    pub(crate) check: Check,
+    pub(crate) what: &'static str,
+    pub(crate) expected: f64,
+    pub(crate) found: f64,
+    pub(crate) limit: String,
+}
+
+/// The doubts about a survey with this sum of squares for each phase error, this scatter and these
+/// degrees of freedom at the stated one, and this standard deviation of a second mode.
+pub(crate) fn doubts(
+    bench: &Bench,
+    cost: impl Fn(f64) -> Option<f64>,
+    (scatter, degrees): (f64, f64),
+    mode_sigma: f64,
+) -> Vec<Doubt> {
+    let mut doubts = Vec::new();
+    let Bench { phase_rad, phase_sigma_rad: sigma, mode_sigma: stated, .. } = *bench;
+    let sides = cost(phase_rad - 2.0 * sigma).zip(cost(phase_rad + 2.0 * sigma));
+    let (below, above) = sides.unwrap_or((f64::NAN, f64::NAN));
+    let rise = 0.5 * (below + above) / scatter - degrees;
+    // The lowest point of the parabola through the three, in standard deviations.
+    let off = 0.5 * (below - above) / scatter / rise;
+    if !((RISE[0]..=RISE[1]).contains(&rise) && off.abs() <= PHASE_SIGMAS) {
+        doubts.push(Doubt {
+            check: Check::Resonance,
+            what: "the phase error of the analyzer, rad",
+            expected: phase_rad + off * sigma,
+            found: phase_rad,
+            limit: format!("{PHASE_SIGMAS} standard deviations of {sigma}"),
+        });
+    }
+    let least = MODE_LEAST * mode_sigma;
+    if stated.is_nan() || stated < least {
+        doubts.push(Doubt {
+            check: Check::Sigma,
+            what: "the standard deviation of a second mode",
+            expected: mode_sigma,
+            found: stated,
+            limit: format!("at least {least}"),
+        });
+    }
+    doubts
+}
+
+/// The readings with their phases turned by this angle, rad.
+pub(crate) fn turned(readings: &[Reading], angle_rad: f64) -> Vec<Reading> {
+    let turn = Complex64::cis(angle_rad);
+    let turned = |reading: &Reading| {
+        let ohm = reading.resistance_ohm.zip(reading.reactance_ohm);
+        let ohm = ohm.map(|(re, im)| Complex64::new(re, im) * turn);
+        Reading {
+            resistance_ohm: ohm.map(|ohm| ohm.re),
+            reactance_ohm: ohm.map(|ohm| ohm.im),
+            ..*reading
+        }
+    };
+    readings.iter().map(turned).collect()
+}
