@@ -151,7 +151,7 @@ pub fn write(data: &Path, run: RunId) -> Result<RunFiles, RunFilesError> {
     };
     add("verify.json", json("verify.json", &|| serde_json::to_vec_pretty(&found))?);
 
-    let origin = Origin::new(&results, &chain, &records, &found);
+    let origin = Origin::new(&results, &chain, &records, &found, reader.origin(run.id)?);
     let names: Vec<String> = files.iter().map(|(name, _)| name.clone()).collect();
     files.insert(0, (README.to_owned(), origin.readme(&names).into_bytes()));
     let mut listed: Vec<FolderFile> =

@@ -80,6 +80,12 @@ fn a_file_that_differs_from_the_manifest_is_found_and_the_folder_can_be_written_
     assert!(rigd(data.path(), &["report", "latest"]).status.success());
     let manifest = folder.join("manifest.json");
     let text = fs::read_to_string(&manifest).unwrap();
+    let origin: Value = serde_json::from_str(&text).unwrap();
+    for id in ["run_id", "journal_id", "bench_id"] {
+        assert_eq!(origin[id].as_str().unwrap().len(), 36, "{id}");
+    }
+    let commit = origin["commit"].as_str().unwrap();
+    assert!(commit.len() == 10 && origin["software"].as_str().unwrap().contains(commit), "{text}");
     let digest = text.split("\"digest\": \"").nth(1).unwrap()[..64].to_owned();
     fs::write(&manifest, text.replace(&digest, &"0".repeat(64))).unwrap();
     check_found(&verify(), "manifest.json", "rigd report");

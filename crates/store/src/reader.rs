@@ -77,6 +77,18 @@ impl Reader {
         found.ok_or(StoreError::NoSuchRun { wanted: id })
     }
 
+    /// The ids of the journal in which a run was begun, and of its bench.
+    ///
+    /// # Errors
+    /// [`StoreError::NoSuchRun`], or an error of the system or of SQLite.
+    pub fn origin(&self, id: RunId) -> Result<(String, String), StoreError> {
+        let id = id.to_string();
+        let mut statement =
+            self.connection.prepare_cached("SELECT journal, bench FROM runs WHERE id = ?1")?;
+        let found = statement.query_row([&id], |row| Ok((row.get(0)?, row.get(1)?))).optional()?;
+        found.ok_or(StoreError::NoSuchRun { wanted: id })
+    }
+
     fn select_runs(&self, tail: &str, values: impl Params + Copy) -> Result<Vec<Run>, StoreError> {
         let mut statement = self.connection.prepare_cached(&select_runs(tail))?;
         let mut select = || {

@@ -101,12 +101,20 @@ fn described(name: &str) -> (&'static str, String) {
     (media_type, table.map(TableName::description).unwrap_or_default().to_owned())
 }
 
+/// The commit in the name of a software, such as `rigd 0.1.0 (65dbd97c95, changed)`.
+fn commit(software: &str) -> Option<&str> {
+    let (_, commit) = software.split_once('(')?;
+    Some(commit.split([',', ')']).next()?.trim())
+}
+
 /// The run as its files tell of it.
 pub(super) struct Origin<'a> {
     pub(super) results: &'a RunResults,
     pub(super) chain: &'a Chain,
     pub(super) verdict: &'a Verdict,
     operators: Vec<String>,
+    /// Ids of the journal and of the bench.
+    journal: (String, String),
 }
 
 impl<'a> Origin<'a> {
@@ -116,6 +124,7 @@ impl<'a> Origin<'a> {
         chain: &'a Chain,
         records: &[StoredRecord],
         verdict: &'a Verdict,
+        journal: (String, String),
     ) -> Self {
         let mut operators: Vec<String> = Vec::new();
         for stored in records {
@@ -131,7 +140,7 @@ impl<'a> Origin<'a> {
                 operators.push(who);
             }
         }
-        Self { results, chain, verdict, operators }
+        Self { results, chain, verdict, operators, journal }
     }
 
     /// `manifest.json`.
@@ -153,6 +162,9 @@ impl<'a> Origin<'a> {
             "samples": started.map(|started| &started.samples),
             "devices": started.map(|started| &started.devices),
             "software": started.map(|started| &started.software),
+            "commit": started.and_then(|started| commit(&started.software)),
+            "journal_id": self.journal.0,
+            "bench_id": self.journal.1,
             "seed": started.map(|started| started.seed),
             "records": self.chain.records.len(),
             "digest": self.chain.records.last().map(|last| last.digest.to_string()),
