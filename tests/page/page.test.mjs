@@ -1,101 +1,10 @@
 // The page in Chromium: every screen on the simulated rig, at the pace of the wall and in virtual
 // time. What is waited for is a condition on the page; the times in here are those of its rules.
 import assert from "node:assert/strict";
-import { spawn } from "node:child_process";
-import { mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
-import { createRequire } from "node:module";
-import { tmpdir } from "node:os";
+import { readFileSync } from "node:fs";
 import { join } from "node:path";
-import { chromium } from "playwright-core";
-
-const [rigd, shots] = process.argv.slice(2);
-const config = join(import.meta.dirname ?? new URL(".", import.meta.url).pathname, "../../config");
-const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
-const executablePath = process.env.CHROMIUM ?? "/usr/bin/chromium";
-const work = mkdtempSync(join(tmpdir(), "rigd-page-"));
-const children = [];
-
-/** A daemon on the simulated rig. */
-async function serve(name, change) {
-  const directory = join(work, name);
-  mkdirSync(directory);
-  const rig = join(directory, "rig.toml");
-  const text = readFileSync(join(config, "rigs/simulated.toml"), "utf8");
-  writeFileSync(rig, change(text.replace("../scenes/paper.toml", join(config, "scenes/paper.toml"))));
-  const args = ["serve", join(config, "protocols/smoke.toml"), "--rig", rig, "--data", join(directory, "data"), "--listen", "127.0.0.1:0"];
-  const child = spawn(rigd, args, { stdio: ["ignore", "ignore", "pipe"] });
-  children.push(child);
-  let said = "";
-  const base = await new Promise((resolve, reject) => {
-    child.stderr.on("data", (data) => {
-      said += data;
-      const found = /http:\/\/[\d.]+:\d+/.exec(said);
-      if (found) resolve(found[0]);
-    });
-    child.on("exit", (code) => reject(new Error(`rigd ended with ${code}: ${said}`)));
-  });
-  return { base, child };
-}
-
-const browser = await chromium.launch({ executablePath, args: ["--no-sandbox"] });
-const complaints = [];
-
-/** A page whose errors, and whose requests to anybody else, fail the test. */
-async function visit(base, { width = 1440, height = 900, colorScheme = "light" } = {}) {
-  const context = await browser.newContext({ viewport: { width, height }, colorScheme, reducedMotion: "reduce" });
-  const page = await context.newPage();
-  page.isExpecting = () => false;
-  // While the page is written: its files from a directory, in place of those inside rigd.
-  if (process.env.PAGE_DIST) {
-    const types = { "index.html": "text/html", "page.js": "text/javascript", "page.css": "text/css", "icon.svg": "image/svg+xml" };
-    for (const [file, contentType] of Object.entries(types)) {
-      const path = join(process.env.PAGE_DIST, file);
-      await page.route(`${base}/${file.replace("index.html", "")}`, (route) => route.fulfill({ path, contentType }));
-    }
-  }
-  page.on("console", (message) => {
-    if (["error", "warning"].includes(message.type()) && !page.isExpecting(message.text())) complaints.push(`console: ${message.text()}`);
-  });
-  page.on("pageerror", (error) => complaints.push(`page error: ${error.message}`));
-  page.on("request", (request) => {
-    const url = new URL(request.url());
-    if (url.origin !== base && url.protocol !== "blob:") complaints.push(`foreign request: ${request.url()}`);
-  });
-  await page.goto(base);
-  await page.evaluate(() => {
-    // When each word of the state stood on the screen.
-    window.seen = [];
-    const note = () => requestAnimationFrame(() => window.seen.push([document.querySelector("h1")?.textContent, Date.now()]));
-    new MutationObserver(note).observe(document.body, { subtree: true, childList: true, characterData: true });
-  });
-  return page;
-}
-
-const state = (page, word) => page.getByRole("heading", { level: 1, name: word, exact: true }).waitFor({ timeout: 60_000 });
-const button = (page, name) => page.getByRole("button", { name });
-
-/** No violation of accessibility, in both themes and three sizes, with a picture of each. */
-async function look(page, name) {
-  const sizes = { wide: [1440, 900], small: [1280, 720], phone: [390, 844] };
-  for (const colorScheme of ["light", "dark"]) {
-    await page.emulateMedia({ colorScheme, reducedMotion: "reduce" });
-    for (const [size, [width, height]] of Object.entries(sizes)) {
-      await page.setViewportSize({ width, height });
-      await page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
-      await page.screenshot({ path: join(shots, `${name}-${size}-${colorScheme}.png`) });
-      const overflow = await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
-      assert.ok(overflow <= 0, `${name} is ${overflow} px wider than the ${size} screen`);
-      if (size === "small") continue;
-      await page.evaluate(axe);
-      const { violations } = await page.evaluate(() => window.axe.run(document, { resultTypes: ["violations"] }));
-      for (const { id, nodes } of violations) {
-        complaints.push(`axe: ${name}, ${size}, ${colorScheme}: ${id}: ${nodes.map((node) => `${node.target} ${node.any[0]?.message ?? ""}`).slice(0, 3).join("; ")}`);
-      }
-    }
-  }
-  await page.setViewportSize({ width: sizes.wide[0], height: sizes.wide[1] });
-  await page.emulateMedia({ colorScheme: "light", reducedMotion: "reduce" });
-}
+import { homedAfterALook } from "./home.mjs";
+import { button, config, keeper, look, run, serve, shots, state, visit } from "./support.mjs";
 
 const rigOf = async (base) => (await fetch(`${base}/api/v1/rig`)).json();
 
@@ -192,14 +101,7 @@ async function atThePaceOfTheWall() {
 
 /** Runs again and again: what the page keeps must not grow with them. */
 async function grows(page, base) {
-  const session = await page.context().newCDPSession(page);
-  await session.send("Performance.enable");
-  const kept = async () => {
-    await session.send("HeapProfiler.collectGarbage");
-    const { metrics } = await session.send("Performance.getMetrics");
-    const of = (name) => metrics.find((metric) => metric.name === name).value;
-    return { megabytes: of("JSHeapUsedSize") / 1e6, nodes: of("Nodes") };
-  };
+  const kept = await keeper(page);
   const run = async (number) => {
     await fetch(`${base}/api/v1/runs`, { method: "POST" });
     await page.getByRole("row", { name: new RegExp(`^.*smoke-${number}\\b.*completed.*18 of 18`) }).waitFor({ timeout: 120_000 });
@@ -305,29 +207,15 @@ async function afterARefusal() {
   await page.context().close();
 }
 
-try {
+await run(async () => {
   const latencies = await atThePaceOfTheWall();
   await inVirtualTime();
   await afterARefusal();
+  await homedAfterALook();
   const [worst, best] = [Math.max(...latencies), Math.min(...latencies)];
   console.log(`state change to pixel: ${latencies.map((ms) => ms.toFixed(0)).join(", ")} ms; pictures: ${shots}`);
   // One change may come while this computer is busy with other work; the page itself takes less.
   assert.ok(best < 100, `the fastest change of state took ${best} ms to be seen`);
   assert.ok(worst < 1000, `a change of state took ${worst} ms to be seen`);
-  assert.deepEqual(complaints, []);
   console.log("the page: every screen, no error on the console, no foreign request, no violation of axe");
-} catch (error) {
-  for (const context of browser.contexts()) {
-    for (const page of context.pages()) await page.screenshot({ path: join(shots, "failed.png") }).catch(() => undefined);
-  }
-  console.error(complaints.join("\n"));
-  throw error;
-} finally {
-  await browser.close();
-  // A daemon that stands still would not hear that it is to end.
-  const ended = children.map((child) => child.exitCode === null && child.signalCode === null ? new Promise((resolve) => child.once("exit", resolve)) : undefined);
-  for (const child of children) for (const signal of ["SIGCONT", "SIGTERM"]) child.kill(signal);
-  // A daemon writes to its directory until it has ended.
-  await Promise.all(ended);
-  rmSync(work, { recursive: true, force: true });
-}
+});

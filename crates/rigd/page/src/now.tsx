@@ -329,7 +329,7 @@ export function FaultCard({ view }: { view: View }) {
     .replace(/POST \/api\/v1\/acknowledge(, which retracts the probe first)?/, isClear ? "acknowledge below" : "acknowledge below, which retracts the probe first")
     .replace('POST /api/v1/home with {"nothing_below_probe": true}', "Home below")
     .replace("POST /api/v1/stop", "Stop all");
-  const needsLook = fault.hint.includes("/api/v1/home");
+  const needsLook = fault.kind === "not_homed";
   const steps = hint.split(/; (?=and |then |check )|(?<=\.) /);
   const cause = fault.cause.charAt(0).toUpperCase() + fault.cause.slice(1);
   const [head, ...rest] = cause.split(": ");
@@ -338,16 +338,16 @@ export function FaultCard({ view }: { view: View }) {
       <section class="card bad-card" role="alert" aria-labelledby="fault-title">
         <div class="fault-text">
           <p class="bad-word"><Icon name="fault" size={18} /> {clock(wallMs(rig, story?.rig_s ?? rig.state_since_s))}{story?.step ? `, at ${story.step}` : ""}</p>
-          <h2 id="fault-title">{rest.length > 0 && (head?.length ?? 0) < 60 ? head : cause}</h2>
+          <h2 id="fault-title">{needsLook ? "The linear stage has lost its position" : rest.length > 0 && (head?.length ?? 0) < 60 ? head : cause}</h2>
           <dl>
-            {rest.length > 0 && (head?.length ?? 0) < 60 && <><dt>What happened</dt><dd>{rest.join(": ")}</dd></>}
+            {(needsLook || (rest.length > 0 && (head?.length ?? 0) < 60)) && <><dt>What happened</dt><dd>{rest.join(": ")}</dd></>}
             <dt>Where the probe is</dt><dd><strong class={isClear ? "good-word" : "bad-word"}>{where}</strong> {at}</dd>
             <dt>What to do</dt><dd>{steps.length > 1 ? <ol class="steps">{steps.map((step) => <li key={step}>{step}</li>)}</ol> : hint}</dd>
           </dl>
           {needsLook && <HomeAfterLook isLost={view.link === "lost"} isDone={rig.state !== "latched"} />}
           <div class="answer-bar fault-bar">
-            <AskButton class={needsLook ? "" : "primary done"} icon="up" send={() => post("acknowledge")} isDone={rig.state !== "latched"} disabled={view.link === "lost"}>{isClear ? "Acknowledge and prepare" : "Acknowledge and retract"}</AskButton>
-            <p class="soft">Acknowledges the fault{operator() ? `, signed ${operator()}` : ""}. {isClear ? "Both axes are checked, and homed if they must be." : "The probe goes up first, then both axes are checked."} A run does not go on by itself: continue it on its page in <a href="#/runs">Runs</a>.</p>
+            <AskButton class={needsLook ? "" : "primary done"} icon="up" send={() => post("acknowledge")} isDone={rig.state !== "latched"} disabled={view.link === "lost"}>{needsLook ? "Acknowledge and look again" : isClear ? "Acknowledge and prepare" : "Acknowledge and retract"}</AskButton>
+            <p class="soft">Acknowledges the fault{operator() ? `, signed ${operator()}` : ""}. {needsLook ? "Both axes are asked again where they are; without a position nothing moves." : isClear ? "Both axes are checked, and homed if they must be." : "The probe goes up first, then both axes are checked."} A run does not go on by itself: continue it on its page in <a href="#/runs">Runs</a>.</p>
           </div>
         </div>
         <div>
