@@ -8,6 +8,7 @@ use std::{
     process::{Command, Output},
 };
 
+use rig_verify::StatedModel;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -59,6 +60,42 @@ fn check_found(output: &Output, file: &str, what: &str) {
     let found = view["files"].as_array().unwrap();
     assert_eq!((found.len(), &found[0]["file"]), (1, &file.into()), "{view}");
     assert!(found[0]["what"].as_str().unwrap().contains(what), "{view}");
+}
+
+/// The model of the run is learnt and judged by rigd, and computed again by the checker.
+#[test]
+fn the_checker_confirms_chi_squared_of_the_model_and_refutes_another() {
+    let data = with_runs(1);
+    let view = |arguments: &[&str]| -> Value {
+        serde_json::from_slice(&rigd(data.path(), arguments).stdout).unwrap()
+    };
+    let verified = view(&["verify", "latest", "--json"]);
+    let model = &view(&["show", "latest", "--json"])["model"];
+    assert_eq!(verified["model"]["is_confirmed"], true, "{verified}");
+    let stated = StatedModel {
+        tangential_ratio: model["tangential_ratio"]["value"].as_f64().unwrap(),
+        arm_mm: model["arm_mm"]["value"].as_f64().unwrap(),
+        is_held_by_stage: model["depth"] == "stage",
+        learnt: ["tangential_ratio", "arm_mm"]
+            .into_iter()
+            .filter(|term| !model[term]["sigma"].is_null())
+            .count(),
+        chi2_per_dof: model["chi2_per_dof"].as_f64().unwrap(),
+        degrees_of_freedom: serde_json::from_value(model["degrees_of_freedom"].clone()).unwrap(),
+    };
+    let run = verified["run"].as_str().unwrap();
+    let confirmed = |stated: StatedModel| {
+        rig_verify::verify_model(data.path(), run, &stated).unwrap().is_confirmed
+    };
+    assert_eq!(confirmed(stated), Some(true));
+    for other in [
+        StatedModel { chi2_per_dof: stated.chi2_per_dof + 0.02, ..stated },
+        StatedModel { degrees_of_freedom: stated.degrees_of_freedom + 1, ..stated },
+        StatedModel { tangential_ratio: stated.tangential_ratio + 0.1, ..stated },
+        StatedModel { is_held_by_stage: !stated.is_held_by_stage, ..stated },
+    ] {
+        assert_eq!(confirmed(other), Some(false), "{other:?}");
+    }
 }
 
 #[test]

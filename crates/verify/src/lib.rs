@@ -18,6 +18,7 @@ mod fit;
 mod folder;
 mod journal;
 mod labels;
+mod model;
 mod motion;
 mod normal;
 mod plan;
@@ -35,6 +36,7 @@ use rusqlite::Connection;
 pub use finding::{Check, Finding, Verdict};
 pub use folder::{FileFinding, verify_folder};
 pub use journal::JournalError;
+pub use model::{ModelCheck, StatedModel, verify_model};
 
 /// Checks the run or session with this id in the journal of a data directory. Nothing is written.
 ///

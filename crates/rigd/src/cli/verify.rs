@@ -1,7 +1,9 @@
 //! `rigd verify`: checks the journal of a run with the checker that shares no code with rigd, and the
 //! folder of the run against its manifest.
 
-use rig_verify::{FileFinding, Verdict};
+use rig_record::{Run, RunKind};
+use rig_store::Reader;
+use rig_verify::{FileFinding, ModelCheck, StatedModel, Verdict};
 use serde::Serialize;
 
 use clap::Args;
@@ -9,6 +11,7 @@ use clap::Args;
 use super::{
     Failure,
     args::{OutputArgs, RunArg},
+    runs::results_of,
     table::{print, print_json},
 };
 use crate::run_files;
@@ -18,6 +21,8 @@ use crate::run_files;
 struct VerifyView {
     #[serde(flatten)]
     verdict: Verdict,
+    /// The comparison of χ² of the model behind the stiffness; none for a run whose results have none.
+    model: Option<ModelCheck>,
     /// Whether the run has a folder.
     has_folder: bool,
     /// The files of the folder that are not those of its manifest.
@@ -33,7 +38,7 @@ pub(super) struct VerifyArgs {
 }
 
 pub(super) fn verify(args: &VerifyArgs) -> Result<(), Failure> {
-    let (_, run) = args.run.find()?;
+    let (reader, run) = args.run.find()?;
     let data = &args.run.data.data;
     let verdict = rig_verify::verify(data, &run.id.to_string())
         .map_err(|source| Failure::Unchecked { data: data.clone(), source })?;
@@ -45,8 +50,13 @@ pub(super) fn verify(args: &VerifyArgs) -> Result<(), Failure> {
     } else {
         Vec::new()
     };
-    let is_sound = verdict.is_sound && files.is_empty();
-    let view = VerifyView { verdict, has_folder, files };
+    let model = stated_model(&reader, &run)?
+        .map(|stated| rig_verify::verify_model(data, &run.id.to_string(), &stated))
+        .transpose()
+        .map_err(|source| Failure::Unchecked { data: data.clone(), source })?;
+    let is_refuted = model.as_ref().is_some_and(|model| model.is_confirmed == Some(false));
+    let is_sound = verdict.is_sound && files.is_empty() && !is_refuted;
+    let view = VerifyView { verdict, model, has_folder, files };
     if args.output.json {
         print_json(&view)?;
     } else {
@@ -58,6 +68,9 @@ pub(super) fn verify(args: &VerifyArgs) -> Result<(), Failure> {
         }
         let name = run.short_name();
         print(&format!("{name}: {}", view.verdict.sentence()))?;
+        if let Some(model) = &view.model {
+            print(&format!("{name}: {}", in_words(model)))?;
+        }
         print(&match view.files.len() {
             _ if !has_folder => format!("{name}: no folder; `rigd report {name}` writes it"),
             0 => format!("{name}: its folder is the one in the manifest"),
@@ -66,4 +79,41 @@ pub(super) fn verify(args: &VerifyArgs) -> Result<(), Failure> {
         })?;
     }
     if is_sound { Ok(()) } else { Err(Failure::NotSound) }
+}
+
+/// The model that the results of a run state; `None` when they have none, or cannot be read.
+fn stated_model(reader: &Reader, run: &Run) -> Result<Option<StatedModel>, Failure> {
+    if run.kind != RunKind::Run {
+        return Ok(None);
+    }
+    // Records that cannot be read are findings of the checker.
+    let Ok(results) = results_of(run, &reader.amended(run.id)?) else { return Ok(None) };
+    let stated = results.summary().model.map(|model| StatedModel {
+        tangential_ratio: model.tangential_ratio.value,
+        arm_mm: model.arm_mm.value,
+        is_held_by_stage: model.depth == "stage",
+        learnt: [model.tangential_ratio, model.arm_mm]
+            .iter()
+            .filter(|term| term.sigma.is_some())
+            .count(),
+        chi2_per_dof: model.chi2_per_dof,
+        degrees_of_freedom: model.degrees_of_freedom,
+    });
+    Ok(stated)
+}
+
+fn in_words(model: &ModelCheck) -> String {
+    let ModelCheck { is_confirmed, chi2_per_dof, degrees_of_freedom, reason } = model;
+    match (is_confirmed, chi2_per_dof, degrees_of_freedom) {
+        (Some(true), Some(chi2), Some(degrees)) => {
+            format!("χ²/{degrees} = {chi2:.2} of its model is confirmed by another beam")
+        }
+        (_, Some(chi2), Some(degrees)) => {
+            format!("χ²/{degrees} of its model is {chi2:.3} by another beam, unlike its results")
+        }
+        _ => format!(
+            "χ² of its model is not checked: {}",
+            reason.as_deref().unwrap_or("it was not computed")
+        ),
+    }
 }
