@@ -36,6 +36,8 @@ const TIME_REL: f64 = 0.3;
 const Q_RATIO: [f64; 2] = [0.5, 2.0];
 /// At most one reading in ten may be left out.
 const READINGS_PER_OUTLIER: usize = 10;
+/// Largest number of readings of which each is tried as a wrong one.
+const SUSPECTS: usize = 60;
 /// A circuit has five unknowns; fewer readings than this leave nothing to check it by.
 const READINGS_MIN: usize = 7;
 /// Fewer fits than this are not worth a thread.
@@ -109,13 +111,38 @@ fn check_one(accepted: &Accepted, findings: &mut Findings) {
             let (found, scatter) = check_readings(accepted, &rest);
             (scatter, found.0.len(), rest)
         };
-        let all = (0..readings.len()).map(without).filter(|(scatter, ..)| scatter.is_finite());
+        let all = suspects(&readings)
+            .into_iter()
+            .map(without)
+            .filter(|(scatter, ..)| scatter.is_finite());
         let Some(best) = all.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
         (_, left, readings) = best;
     }
     if left > 0 {
         findings.0.extend(found.0);
     }
+}
+
+/// The readings that can be wrong, by their index: those that differ most from the others at their
+/// frequency, because to try each of many would take minutes.
+fn suspects(readings: &[Reading]) -> Vec<usize> {
+    let parts = [|one: &Reading| one.resistance_ohm, |one: &Reading| one.reactance_ohm];
+    let off = |reading: &Reading| {
+        let is_here = |other: &&Reading| other.frequency_hz == reading.frequency_hz;
+        let [re, im] = parts.map(|part| {
+            let mut here: Vec<f64> = readings.iter().filter(is_here).filter_map(part).collect();
+            here.sort_by(f64::total_cmp);
+            let median = here.get(here.len() / 2).copied().unwrap_or(f64::NAN);
+            (part(reading).unwrap_or(f64::NAN) - median, median)
+        });
+        re.0.hypot(im.0) / re.1.hypot(im.1)
+    };
+    let mut all: Vec<usize> = (0..readings.len()).collect();
+    if all.len() > SUSPECTS {
+        all.sort_by(|a, b| off(&readings[*b]).total_cmp(&off(&readings[*a])));
+        all.truncate(SUSPECTS);
+    }
+    all
 }
 
 /// The findings about a result that follows from these readings, and the scatter about their circuit.

@@ -4,7 +4,7 @@
 use num_complex::Complex64;
 use rig_model::{Reading, Window};
 
-use super::{Hypothesis, Known, Stays, judge, model::Branch};
+use super::{Hypothesis, Known, Stays, judge, model::Branch, search::allowed};
 use crate::{
     Bench, FitOptions, Reason,
     circuit::trace::{CIRCUIT, UNKNOWNS},
@@ -54,7 +54,7 @@ pub(crate) fn learn(readings: &[Reading], options: &FitOptions) -> Result<Bench,
         let found = judge::best(&mut stays, window, noise, options);
         let (best, expected) = found.ok_or(Reason::NotConverged)?;
         let normal = normal(&stays, &best, &expected, None);
-        let (step_rad, sigma_rad) = phase(&normal).ok_or(Reason::NotConverged)?;
+        let (step_rad, sigma_rad, saved) = phase(&normal).ok_or(Reason::NotConverged)?;
         if step_rad.abs() < SAME_SIGMAS * sigma_rad {
             let (mode_sigma, surveyed) = modes(&stays, &best, &expected, window)?;
             let phase_sigma_rad = sigma_rad.max(PHASE_SIGMA_MIN);
@@ -62,14 +62,24 @@ pub(crate) fn learn(readings: &[Reading], options: &FitOptions) -> Result<Bench,
         }
         phase_rad += step_rad;
         if phase_rad.abs() > PHASE_MAX {
-            return Err(Reason::AnalyzerPhase);
+            // Readings that no circuit describes say nothing of a phase.
+            let degrees = stays.degrees();
+            let cost = (best.normal.cost - saved) * stays.known.variance;
+            let (found, allowed) = (cost / degrees / noise.variance(), allowed(degrees, noise));
+            let is_described = found < allowed;
+            return Err(if is_described {
+                Reason::AnalyzerPhase
+            } else {
+                Reason::Misfit { found, allowed }
+            });
         }
     }
     Err(Reason::NotConverged)
 }
 
-/// The phase error that remains, and its standard deviation, rad; without a second mode.
-fn phase(normal: &Normal<UNKNOWNS>) -> Option<(f64, f64)> {
+/// The phase error that remains and its standard deviation, rad, and the cost that it saves; without a
+/// second mode.
+fn phase(normal: &Normal<UNKNOWNS>) -> Option<(f64, f64, f64)> {
     let mut normal = *normal;
     for i in 0..UNKNOWNS {
         (normal.matrix[MODE][i], normal.matrix[i][MODE]) = (0.0, 0.0);
@@ -77,7 +87,9 @@ fn phase(normal: &Normal<UNKNOWNS>) -> Option<(f64, f64)> {
     (normal.matrix[MODE][MODE], normal.gradient[MODE]) = (1.0, 0.0);
     let factor = Cholesky::new(&normal.matrix, UNKNOWNS, 0.0)?;
     let variance = factor.inverse()[PHASE][PHASE];
-    Some((-factor.solve(&normal.gradient)[PHASE], variance.sqrt()))
+    let step = factor.solve(&normal.gradient);
+    let saved = step.iter().zip(&normal.gradient).map(|(a, b)| a * b).sum();
+    Some((-step[PHASE], variance.sqrt(), saved))
 }
 
 /// Standard deviation of a possible second mode relative to the first, the largest of all places, and
