@@ -6,7 +6,7 @@ use rand_core::Rng;
 use rand_pcg::Pcg64;
 use rig_files::rig_file::RigFile;
 use rig_store::Source;
-use rig_tests::{changed, text};
+use rig_tests::changed;
 use rigd::{
     loaded_rig::{LoadedRig, LoadedScene},
     protocol_file::LoadedProtocol,
@@ -66,6 +66,11 @@ pub(crate) const PATIENCE_S: f64 = 60.0;
 
 /// Number of different benches.
 pub(crate) const BENCHES: u64 = 1024;
+
+/// A part of the program, so that its digest says what was played, and no edit of a file disturbs a long
+/// campaign.
+const RIG: &str = include_str!("../../config/rigs/simulated.toml");
+const SCENE: &str = include_str!("../../config/scenes/paper.toml");
 
 const SERIAL_ANALYZER: &str = r#"{ serial = "/dev/serial/by-id/analyzer", baud = 38400 }"#;
 const SERIAL_BUS: &str = r#"{ serial = "/dev/serial/by-id/drives", baud = 115200 }"#;
@@ -170,7 +175,7 @@ fn rig(dialect: &str, level_v: u32, is_tcp: bool, drive: &[(&str, &str)]) -> (Ri
         changes.push((SERIAL_ANALYZER, r#"{ tcp = "127.0.0.1:5025" }"#));
     }
     changes.extend(drive);
-    let toml = changed(&text("config/rigs/simulated.toml"), &changes);
+    let toml = changed(RIG, &changes);
     let rig = RigFile::read("rig", &toml).unwrap_or_else(|faults| panic!("{faults}"));
     let name = rig.name.clone();
     (rig, Source { name, toml })
@@ -197,7 +202,7 @@ fn scene(number: u64, is_uneven: bool, draw: &mut Draw) -> (rig_sim::world::Scen
             ("screw_mm = 0.014", "screw_mm = 0"),
         ]);
     }
-    let toml = changed(&text("config/scenes/paper.toml"), &changes);
+    let toml = changed(SCENE, &changes);
     let scene = rig_sim::scene::read("scene", &toml).unwrap_or_else(|faults| panic!("{faults}"));
     let name = scene.name.clone();
     (scene, Source { name, toml })
